@@ -1,0 +1,2 @@
+//! The `proact` command.
+fn main() {}

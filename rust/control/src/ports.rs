@@ -1,0 +1,65 @@
+//! What control methods and planners ask of a kinematics library. Implemented by the `kinematics` crate.
+
+use nalgebra::DMatrix;
+use proact_types::{JointVector, Pose};
+
+/// Why a kinematic question could not be answered.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum KinematicsError {
+    /// The number of angles is not the number of joints of the chain.
+    #[error("got {got} joint values, the chain has {expected} joints")]
+    WrongJointCount {
+        /// Values handed in.
+        got: usize,
+        /// Joints of the chain.
+        expected: usize,
+    },
+    /// A value is NaN or infinite.
+    #[error("{what} {index} is {value}, expected a finite number")]
+    NotFinite {
+        /// Such as `joint angle`.
+        what: &'static str,
+        /// Which one.
+        index: usize,
+        /// Its value.
+        value: f64,
+    },
+    /// The library refused.
+    #[error("KDL: {0}")]
+    Library(String),
+}
+
+/// Outcome of an inverse kinematics question. Not finding a solution is a normal answer.
+#[derive(Clone, Debug, PartialEq)]
+pub enum IkOutcome {
+    /// Angles within the limits whose pose is the target's within the solver's tolerance.
+    Solved(JointVector),
+    /// No solution was found from this seed.
+    NotFound,
+}
+
+/// Kinematics of the arm chain, from `base_link` to the tip. All methods take `&mut self`: KDL writes to caches
+/// even where it looks read-only.
+pub trait ArmKinematics {
+    /// Number of joints of the chain.
+    fn joint_count(&self) -> usize;
+
+    /// `base_from_tip` at the angles `q`.
+    ///
+    /// # Errors
+    /// Wrong length or a value that is not finite.
+    fn forward(&mut self, q: &[f64]) -> Result<Pose, KinematicsError>;
+
+    /// Geometric Jacobian at `q`, 6 rows by joints: twist of the tip in base axes, linear rows first.
+    ///
+    /// # Errors
+    /// Wrong length or a value that is not finite.
+    fn jacobian(&mut self, q: &[f64]) -> Result<DMatrix<f64>, KinematicsError>;
+
+    /// Angles within the joint limits at which the tip is at `base_from_tip`, searched from `seed`.
+    ///
+    /// # Errors
+    /// Wrong length or a value that is not finite.
+    fn inverse(&mut self, base_from_tip: &Pose, seed: &[f64]) -> Result<IkOutcome, KinematicsError>;
+}

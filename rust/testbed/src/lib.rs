@@ -1,0 +1,3 @@
+//! The one tick that wires the stages, and what it asks of the outside.
+
+pub mod ports;

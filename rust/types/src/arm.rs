@@ -1,0 +1,228 @@
+use crate::{MAX_JOINTS, Pose, Shape, Vector};
+use serde::{Deserialize, Serialize};
+
+/// The arm: immutable, shared by kinematics, planning, dynamics and display.
+///
+/// `joints` holds every joint of the tree; vectors of joint values run over [`ArmModel::moving`], arm joints
+/// first, base to tip, then hand joints in the order of the semantic group.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ArmModel {
+    /// Name of the robot.
+    pub name: String,
+    /// Links; a parent always stands before its children, the first is the base.
+    pub links: Vec<Link>,
+    /// Joints, fixed ones included, sorted by child link: joint `k` moves link `k + 1`.
+    pub joints: Vec<Joint>,
+    /// Indices into `joints` of the arm group, base to tip.
+    pub arm: Vec<usize>,
+    /// Indices into `joints` of the hand group (MPL: index, middle, pinky, ring, thumb, each 0 to 3).
+    pub hand: Vec<usize>,
+    /// Index of the link at which the arm group ends and that carries the hand.
+    pub tip: usize,
+    /// Named poses, such as `open` and `closed`.
+    pub poses: Vec<NamedPose>,
+    /// Pairs of link indices that may touch: neighbours, and pairs that overlap by construction.
+    pub allowed_collisions: Vec<(usize, usize)>,
+    /// Where the centre of a grasped object lies, in the tip's frame, metres.
+    pub grasp_centre: Vector,
+}
+
+/// A rigid link.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Link {
+    /// Unique name.
+    pub name: String,
+    /// None for frames without mass.
+    pub inertial: Option<Inertial>,
+    /// Shapes that collide.
+    pub collisions: Vec<CollisionShape>,
+    /// Shapes that are drawn.
+    pub visuals: Vec<Visual>,
+}
+
+/// Mass properties of a link.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Inertial {
+    /// kg, above zero.
+    pub mass: f64,
+    /// `link_from_inertial`: the origin is the centre of mass.
+    pub pose: Pose,
+    /// ixx, ixy, ixz, iyy, iyz, izz about the centre of mass, in the inertial frame's axes, kg m^2.
+    pub inertia: [f64; 6],
+}
+
+/// A collision shape of a link.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CollisionShape {
+    /// `link_from_shape`.
+    pub pose: Pose,
+    /// The shape.
+    pub shape: Shape,
+}
+
+/// A drawn shape of a link.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Visual {
+    /// `link_from_visual`.
+    pub pose: Pose,
+    /// What is drawn.
+    pub geometry: VisualGeometry,
+    /// Red, green, blue, alpha, 0 to 1.
+    pub colour: [f64; 4],
+}
+
+/// What is drawn.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum VisualGeometry {
+    /// A primitive.
+    Shape(Shape),
+    /// A mesh file, by the address that the description gives, with scale factors.
+    Mesh {
+        /// Such as `package://proact_description/meshes/palm.stl`.
+        file: String,
+        /// Along x, y, z.
+        scale: [f64; 3],
+    },
+}
+
+/// Kinds of joint that an arm may have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum JointKind {
+    /// Does not move.
+    Fixed,
+    /// Turns about its axis, with limits.
+    Revolute,
+}
+
+/// A joint.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Joint {
+    /// Unique name.
+    pub name: String,
+    /// Fixed or revolute.
+    pub kind: JointKind,
+    /// Index of the parent link.
+    pub parent: usize,
+    /// Index of the child link.
+    pub child: usize,
+    /// `parent_from_child` at angle zero.
+    pub origin: Pose,
+    /// Unit axis in the joint frame.
+    pub axis: Vector,
+    /// Limits; zero for a fixed joint.
+    pub limits: JointLimits,
+    /// Viscous damping, N m s/rad.
+    pub damping: f64,
+    /// Coulomb friction, N m.
+    pub friction: f64,
+}
+
+/// Limits of a joint.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct JointLimits {
+    /// Smallest angle, rad.
+    pub lower: f64,
+    /// Largest angle, rad.
+    pub upper: f64,
+    /// Highest speed, rad/s.
+    pub velocity: f64,
+    /// Highest effort, N m.
+    pub effort: f64,
+}
+
+/// Joint angles with a name.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct NamedPose {
+    /// Such as `open`.
+    pub name: String,
+    /// Group it belongs to: `arm` or `hand`.
+    pub group: String,
+    /// One angle per joint of the group, rad.
+    pub angles: Vec<f64>,
+}
+
+/// Why an arm model is not usable.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ArmModelError {
+    /// A name that is looked up does not exist.
+    #[error("{kind} \"{name}\" is not in the model {model:?}; it has: {known}")]
+    Unknown {
+        /// `link`, `joint` or `pose`.
+        kind: &'static str,
+        /// What was asked for.
+        name: String,
+        /// The model's name.
+        model: String,
+        /// What there is.
+        known: String,
+    },
+    /// More joints than fit.
+    #[error("{got} moving joints, at most {MAX_JOINTS} are supported")]
+    TooManyJoints {
+        /// Number of moving joints.
+        got: usize,
+    },
+}
+
+impl ArmModel {
+    /// Indices into `joints` of all moving joints: arm, then hand. The order of every full joint vector.
+    pub fn moving(&self) -> impl ExactSizeIterator<Item = usize> + Clone + '_ {
+        let arm = self.arm.len();
+        (0..arm + self.hand.len()).map(move |k| if k < arm { self.arm[k] } else { self.hand[k - arm] })
+    }
+
+    /// Number of arm joints.
+    pub fn arm_count(&self) -> usize {
+        self.arm.len()
+    }
+
+    /// Number of moving joints.
+    pub fn moving_count(&self) -> usize {
+        self.arm.len() + self.hand.len()
+    }
+
+    /// Index of the link called `name`.
+    ///
+    /// # Errors
+    /// [`ArmModelError::Unknown`] with the names there are.
+    pub fn link(&self, name: &str) -> Result<usize, ArmModelError> {
+        self.links.iter().position(|l| l.name == name).ok_or_else(|| self.unknown("link", name))
+    }
+
+    /// Index of the joint called `name`.
+    ///
+    /// # Errors
+    /// [`ArmModelError::Unknown`] with the names there are.
+    pub fn joint(&self, name: &str) -> Result<usize, ArmModelError> {
+        self.joints.iter().position(|j| j.name == name).ok_or_else(|| self.unknown("joint", name))
+    }
+
+    /// Angles of the pose called `name` of the group `arm` or `hand`.
+    ///
+    /// # Errors
+    /// [`ArmModelError::Unknown`] with the names there are.
+    pub fn pose(&self, group: &str, name: &str) -> Result<&[f64], ArmModelError> {
+        self.poses
+            .iter()
+            .find(|p| p.group == group && p.name == name)
+            .map(|p| p.angles.as_slice())
+            .ok_or_else(|| self.unknown("pose", name))
+    }
+
+    fn unknown(&self, kind: &'static str, name: &str) -> ArmModelError {
+        let known: Vec<&str> = match kind {
+            "link" => self.links.iter().map(|l| l.name.as_str()).collect(),
+            "joint" => self.joints.iter().map(|j| j.name.as_str()).collect(),
+            _ => self.poses.iter().map(|p| p.name.as_str()).collect(),
+        };
+        ArmModelError::Unknown {
+            kind,
+            name: name.to_owned(),
+            model: self.name.clone(),
+            known: known.join(", "),
+        }
+    }
+}

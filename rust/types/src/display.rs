@@ -1,0 +1,112 @@
+use crate::{BlockId, Event, GazeSample, Gesture, JointVector, PlanStatus, Point, Pose, SimTime};
+use serde::{Deserialize, Serialize};
+
+/// One consistent instant, as drawn: the page, the headset and the simulated participant all see this and
+/// nothing else.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct DisplayFrame {
+    /// The instant.
+    pub time: SimTime,
+    /// Name of the control method, such as `D`.
+    pub method: String,
+    /// Moving joints of the arm model, in its order, rad.
+    pub joints: JointVector,
+    /// `world_from_base`.
+    pub world_from_base: Pose,
+    /// `world_from_tip`.
+    pub world_from_tip: Pose,
+    /// `world_from_head`: x ahead, y left, z up; the eye is its origin.
+    pub world_from_head: Pose,
+    /// `world_from_block` in [`BlockId::ALL`] order.
+    pub blocks: Vec<Pose>,
+    /// The hand.
+    pub hand: HandView,
+    /// Gaze as measured.
+    pub gaze: Option<GazeSample>,
+    /// Selection marker.
+    pub target: TargetView,
+    /// The planner and the motion.
+    pub planner: PlannerView,
+    /// Gesture in force, as recognised.
+    pub gesture: Gesture,
+    /// Probability of the recognised class, 0 to 1; one for keys.
+    pub confidence: f64,
+    /// Where the EMG comes from: `recording`, `synthetic`, `keys`.
+    pub emg_source: String,
+    /// Seconds until the time limit.
+    pub time_left_secs: f64,
+    /// The block that the prescribed order asks for next.
+    pub next_block: Option<BlockId>,
+    /// Blocks on target so far.
+    pub on_target: u32,
+    /// True when the trial is over.
+    pub finished: bool,
+    /// Events since the frame before: sounds and log.
+    pub events: Vec<Event>,
+}
+
+/// The hand's state, from its joints.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum HandState {
+    /// Wide.
+    #[default]
+    Open,
+    /// On its way to closed.
+    Closing,
+    /// Closed, or stopped by a block.
+    Closed,
+    /// On its way to open.
+    Opening,
+}
+
+/// What is seen of the hand.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct HandView {
+    /// Open, closed, or between.
+    pub state: HandState,
+    /// The block in it.
+    pub holds: Option<BlockId>,
+}
+
+/// The selection marker.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct TargetView {
+    /// The highlighted block, while the hand is empty.
+    pub block: Option<BlockId>,
+    /// The place marker on the table top.
+    pub place: Option<Point>,
+    /// The selection of the current phase (block, or place while a block is held) is locked.
+    pub locked: bool,
+    /// Posterior over blocks in [`BlockId::ALL`] order; empty for methods without inference.
+    pub posterior: Vec<f64>,
+}
+
+/// Planner status as shown.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "state", rename_all = "snake_case")]
+pub enum PlannerView {
+    /// Nothing to do.
+    Idle,
+    /// Working on a request.
+    Planning,
+    /// The arm follows a plan.
+    Executing {
+        /// From 0 to 1.
+        progress: f64,
+        /// The plan ends at a point on the way.
+        intermediate: bool,
+    },
+    /// The end of the plan was reached.
+    Arrived {
+        /// The plan ended at a point on the way.
+        intermediate: bool,
+    },
+    /// No plan.
+    Failed {
+        /// Why.
+        status: PlanStatus,
+        /// One sentence.
+        reason: String,
+    },
+}

@@ -1,0 +1,70 @@
+use crate::{BlockId, Gesture, PlanStatus, SimTime};
+use serde::{Deserialize, Serialize};
+
+/// Something that happened at one tick.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Event {
+    /// When.
+    pub time: SimTime,
+    /// What.
+    #[serde(flatten)]
+    pub kind: EventKind,
+}
+
+/// What can happen.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "event", rename_all = "snake_case")]
+pub enum EventKind {
+    /// The decision rule changed the gesture in force.
+    GestureChanged {
+        /// The new one.
+        gesture: Gesture,
+    },
+    /// The hand took hold of a block ("contact made").
+    BlockAttached {
+        /// Which block.
+        block: BlockId,
+    },
+    /// The hand let go of a block ("contact lost").
+    BlockReleased {
+        /// Which block.
+        block: BlockId,
+    },
+    /// The selection of a block or a place was locked.
+    Locked {
+        /// The block, or none for a place.
+        block: Option<BlockId>,
+    },
+    /// The lock was taken off.
+    Unlocked,
+    /// A plan was asked for.
+    PlanRequested {
+        /// Number of the request in this trial.
+        request: u64,
+    },
+    /// A plan took effect or failed.
+    PlanFinished {
+        /// Number of the request in this trial.
+        request: u64,
+        /// How it ended.
+        status: PlanStatus,
+    },
+    /// The arm stopped before the end of its trajectory.
+    MotionStopped,
+    /// The trajectory was followed to its end.
+    MotionFinished,
+    /// A block came to rest and counts.
+    BlockOnTarget {
+        /// Which block.
+        block: BlockId,
+        /// Horizontal distance from its target's centre, metres.
+        distance: f64,
+    },
+    /// A block came to rest somewhere else.
+    BlockOffTarget {
+        /// Which block.
+        block: BlockId,
+    },
+    /// The trial is over.
+    TrialFinished,
+}

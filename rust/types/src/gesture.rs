@@ -1,0 +1,67 @@
+use serde::{Deserialize, Serialize};
+use std::{fmt, str::FromStr};
+
+/// The five hand gestures that the classifier tells apart.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Gesture {
+    /// HC: closes the prosthetic hand (toggles it in methods A and B).
+    HandClose,
+    /// HO: cycles through joints or axes (A, B), opens the hand (C, D).
+    HandOpen,
+    /// NM, a relaxed hand: stops the arm.
+    #[default]
+    NoMotion,
+    /// WE: moves in the positive direction (A, B), executes (C, D).
+    WristExtension,
+    /// WF: moves in the negative direction (A, B), locks (C, D).
+    WristFlexion,
+}
+
+impl Gesture {
+    /// All five in LibEMG's class order, which is alphabetical: class `k` is `ALL[k]`.
+    pub const ALL: [Gesture; 5] = [
+        Gesture::HandClose,
+        Gesture::HandOpen,
+        Gesture::NoMotion,
+        Gesture::WristExtension,
+        Gesture::WristFlexion,
+    ];
+
+    /// The text published on `/emg`.
+    pub fn ros_name(self) -> &'static str {
+        match self {
+            Gesture::HandClose => "hand_close",
+            Gesture::HandOpen => "hand_open",
+            Gesture::NoMotion => "no_motion",
+            Gesture::WristExtension => "wrist_extension",
+            Gesture::WristFlexion => "wrist_flexion",
+        }
+    }
+
+    /// Position in [`Gesture::ALL`].
+    pub fn index(self) -> usize {
+        self as usize
+    }
+}
+
+impl fmt::Display for Gesture {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.ros_name())
+    }
+}
+
+/// The text is none of the five gesture names.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "gesture {0:?} is unknown; expected hand_close, hand_open, no_motion, wrist_extension or wrist_flexion"
+)]
+pub struct UnknownGesture(pub String);
+
+impl FromStr for Gesture {
+    type Err = UnknownGesture;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        Gesture::ALL.into_iter().find(|g| g.ros_name() == text).ok_or_else(|| UnknownGesture(text.to_owned()))
+    }
+}

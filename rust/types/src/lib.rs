@@ -1,0 +1,72 @@
+//! Vocabulary of ProACT: the values that stages hand to each other.
+//!
+//! Everything is SI and radians. Quaternions are x, y, z, w. A transform is named
+//! `target_from_source`: it takes coordinates in `source` to coordinates in `target`. Twists and Jacobians
+//! are linear first, then angular.
+//!
+//! Pure: no clock, no files, no threads, no randomness. Every type that crosses a process or lands on disk
+//! derives serde's traits.
+//!
+//! ```
+//! use proact_types::{Gesture, SimTime};
+//! assert_eq!(Gesture::WristExtension.ros_name(), "wrist_extension");
+//! assert_eq!(SimTime::from_secs(0.25), SimTime(250));
+//! ```
+
+mod arm;
+mod display;
+mod event;
+mod gesture;
+mod input;
+mod intention;
+mod plan;
+mod scene;
+mod time;
+mod world;
+
+pub use arm::{
+    ArmModel, ArmModelError, CollisionShape, Inertial, Joint, JointKind, JointLimits, Link, NamedPose,
+    Visual, VisualGeometry,
+};
+pub use display::{DisplayFrame, HandState, HandView, PlannerView, TargetView};
+pub use event::{Event, EventKind};
+pub use gesture::{Gesture, UnknownGesture};
+pub use input::{EmgSample, GazeSample, MAX_EMG_CHANNELS, TickInput};
+pub use intention::{Intention, TrunkPosture};
+pub use plan::{
+    AttachedObject, Obstacle, PlanGoal, PlanReply, PlanRequest, PlanStatus, Trajectory, TrajectoryPoint,
+};
+pub use scene::{Block, BlockColour, BlockId, Region, Scene, SceneObject, Shape, Target};
+pub use time::{SimTime, TICK_SECS};
+pub use world::{BodyState, Contact, PlantCommand, PlantState};
+
+/// Most joints that any description may have; vectors of joint values live on the stack.
+pub const MAX_JOINTS: usize = 40;
+
+/// One number per joint, in the order that the doc of its user names. Radians, rad/s or N m.
+pub type JointVector = arrayvec::ArrayVec<f64, MAX_JOINTS>;
+
+/// A rigid transform, metres. Serialised as `{"rotation": [x, y, z, w], "translation": [x, y, z]}`.
+pub type Pose = nalgebra::Isometry3<f64>;
+/// A point, metres.
+pub type Point = nalgebra::Point3<f64>;
+/// A free vector.
+pub type Vector = nalgebra::Vector3<f64>;
+
+/// A joint vector of `len` zeros.
+///
+/// # Panics
+/// If `len` exceeds [`MAX_JOINTS`]; descriptions with more joints are refused when they are read.
+pub fn zeros(len: usize) -> JointVector {
+    assert!(len <= MAX_JOINTS, "{len} joints, at most {MAX_JOINTS} fit");
+    std::iter::repeat_n(0.0, len).collect()
+}
+
+/// A joint vector with the values of `slice`.
+///
+/// # Panics
+/// If the slice is longer than [`MAX_JOINTS`].
+pub fn joints(slice: &[f64]) -> JointVector {
+    assert!(slice.len() <= MAX_JOINTS, "{} joints, at most {MAX_JOINTS} fit", slice.len());
+    slice.iter().copied().collect()
+}

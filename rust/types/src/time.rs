@@ -1,0 +1,31 @@
+use serde::{Deserialize, Serialize};
+
+/// Length of one tick, seconds.
+pub const TICK_SECS: f64 = 1e-3;
+
+/// Simulated time since the start of the trial, in whole ticks of 1 ms.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct SimTime(pub u64);
+
+impl SimTime {
+    /// The tick nearest to `secs`; negative and non-finite seconds give zero.
+    pub fn from_secs(secs: f64) -> Self {
+        SimTime((secs / TICK_SECS).round() as u64)
+    }
+
+    /// Seconds since the start of the trial.
+    pub fn as_secs(self) -> f64 {
+        self.0 as f64 * TICK_SECS
+    }
+
+    /// Milliseconds since `earlier`; zero if `earlier` is not in the past.
+    pub fn millis_since(self, earlier: SimTime) -> u64 {
+        self.0.saturating_sub(earlier.0)
+    }
+
+    /// The time `millis` later.
+    pub fn plus_millis(self, millis: u64) -> Self {
+        SimTime(self.0 + millis)
+    }
+}

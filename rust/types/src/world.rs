@@ -1,0 +1,59 @@
+use crate::{JointVector, Point, Pose, Vector};
+use arrayvec::ArrayVec;
+use serde::{Deserialize, Serialize};
+
+/// Pose and twist of one free body.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct BodyState {
+    /// `world_from_body`.
+    pub pose: Pose,
+    /// Linear velocity of the centre of mass, m/s, world axes.
+    pub linear: Vector,
+    /// Angular velocity, rad/s, world axes.
+    pub angular: Vector,
+}
+
+/// A block touched by a link of the arm during the last tick.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Contact {
+    /// Index of the block in `Scene::blocks`.
+    pub block: usize,
+    /// Index of the link in `ArmModel::links`.
+    pub link: usize,
+    /// Where, in `world`.
+    pub point: Point,
+    /// Unit vector from the link into the block, `world`.
+    pub normal: Vector,
+    /// Normal force on the block, N, not negative.
+    pub force: f64,
+}
+
+/// What the controllers ask of the plant for one tick.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlantCommand {
+    /// Angle asked of each moving joint of the arm model, in its order, rad.
+    pub position: JointVector,
+    /// Speed that goes with it, rad/s.
+    pub velocity: JointVector,
+    /// `world_from_base` at the end of the tick: the base is kinematic.
+    pub world_from_base: Pose,
+}
+
+/// What the plant shows after a tick.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlantState {
+    /// Angle of each moving joint of the arm model, in its order, rad.
+    pub position: JointVector,
+    /// Speed, rad/s.
+    pub velocity: JointVector,
+    /// Effort that the position control exerted, N m.
+    pub effort: JointVector,
+    /// `world_from_base`.
+    pub world_from_base: Pose,
+    /// Blocks in `Scene::blocks` order.
+    pub blocks: ArrayVec<BodyState, 32>,
+    /// The attached block, as an index, and `link_from_block` in the link that holds it.
+    pub attached: Option<(usize, Pose)>,
+    /// Contacts between links and blocks in the last tick.
+    pub contacts: ArrayVec<Contact, 64>,
+}
