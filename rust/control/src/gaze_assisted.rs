@@ -1,0 +1,277 @@
+use crate::{
+    ControlInput, ControlMethod, ControlOutput, HandCommand, MotionCommand, MotionState, PlanCommand,
+};
+use proact_types::{
+    BlockId, EventKind, Gesture, HandState, PlanGoal, PlanReply, PlanStatus, PlannerView, Point, Pose,
+    SimTime, TargetView,
+};
+
+/// A base that moved further than this since a plan was asked for makes the plan void, metres.
+const BASE_MOVED: f64 = 5e-3;
+/// A base that turned further than this makes the plan void, rad.
+const BASE_TURNED: f64 = std::f64::consts::PI / 180.0;
+/// A base that moves less than this from one control step to the next stands still, metres and rad: 50 mm/s and
+/// 3 degrees/s at 100 Hz. Plans are made for a base at rest.
+const BASE_STILL: (f64, f64) = (5e-4, 5.2e-4);
+/// An intermediate plan shorter than this leads nowhere, s: the arm is as near as it gets.
+const WORTHWHILE_SECS: f64 = 0.3;
+
+/// Methods C and D: gaze selects a block or a place, WF locks it, WE plans and moves while it is held, HC and HO
+/// close and open the hand (ProACT, arXiv:2407.05025, "Gaze-assisted control" and "Context-assisted control").
+///
+/// C and D differ in the posterior that they are fed, not here. Beyond the paper:
+/// - anything but WE stops the arm (the original stops for NM only);
+/// - one WF locks, and the lock ends with its phase (the original's toggles outlive the block);
+/// - WE acts on what is highlighted or locked (the original on what was locked last);
+/// - WE that stays held goes on from an intermediate goal to the real one, and asks again when the base moved.
+///
+/// Known weakness: while WE is held and nothing is locked, the selection is that of the moment in which the plan
+/// was asked for; a look at another block changes it only after the next release of WE.
+#[derive(Clone, Debug)]
+pub struct GazeAssisted {
+    name: String,
+    gesture: Gesture,
+    holds: Option<BlockId>,
+    lock: Option<Selection>,
+    drive: Drive,
+    last_base: Option<Pose>,
+    target: TargetView,
+}
+
+/// What a plan leads to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Selection {
+    Block(BlockId),
+    Place(Point),
+}
+
+/// Where the motion stands.
+#[derive(Clone, Debug, PartialEq)]
+enum Drive {
+    /// Nothing asked for.
+    Idle,
+    /// A plan is in the making for this base.
+    Planning { base: Pose, selection: Selection },
+    /// The arm follows a plan made for this base.
+    Following { base: Pose, selection: Selection, intermediate: bool, progress: f64 },
+    /// The end was reached.
+    Arrived { base: Pose, intermediate: bool },
+    /// There was no plan for this base.
+    Failed { base: Pose, status: PlanStatus, reason: String },
+}
+
+impl GazeAssisted {
+    /// A method called `name`, with an empty hand and nothing selected.
+    pub fn new(name: &str) -> Self {
+        Self {
+            name: name.to_owned(),
+            gesture: Gesture::NoMotion,
+            holds: None,
+            lock: None,
+            drive: Drive::Idle,
+            last_base: None,
+            target: TargetView::default(),
+        }
+    }
+
+    /// The selection that WE would act on now.
+    fn selection(&self, input: &ControlInput<'_>) -> Option<Selection> {
+        self.lock.or(match self.holds {
+            Some(_) => Some(Selection::Place(input.place)),
+            None => input.highlight.map(Selection::Block),
+        })
+    }
+
+    fn toggle_lock(&mut self, input: &ControlInput<'_>, output: &mut ControlOutput) {
+        if self.lock.take().is_some() {
+            output.events.push(EventKind::Unlocked);
+        } else if let Some(selection) = self.selection(input) {
+            self.lock = Some(selection);
+            let block = match selection {
+                Selection::Block(block) => Some(block),
+                Selection::Place(_) => None,
+            };
+            output.events.push(EventKind::Locked { block });
+        }
+    }
+
+    /// Ends whatever motion or planning goes on.
+    fn stop(&mut self, output: &mut ControlOutput) {
+        match self.drive {
+            Drive::Planning { .. } => output.plan = Some(PlanCommand::Cancel),
+            Drive::Following { .. } => {
+                output.motion = Some(MotionCommand::Hold);
+                output.events.push(EventKind::MotionStopped);
+            }
+            // What was reached or refused stays on display until the next command.
+            Drive::Idle | Drive::Arrived { .. } | Drive::Failed { .. } => return,
+        }
+        self.drive = Drive::Idle;
+    }
+
+    fn request(&mut self, input: &ControlInput<'_>, output: &mut ControlOutput) {
+        let base = input.world_from_base;
+        let refuse =
+            |reason: &str| Drive::Failed { base, status: PlanStatus::Invalid, reason: reason.to_owned() };
+        if self.holds.is_none() && input.hand.state == HandState::Opening {
+            return;
+        }
+        if self.holds.is_none() && input.hand.state != HandState::Open {
+            self.drive = refuse("the hand is closed and empty: open it first (HO)");
+            return;
+        }
+        let Some(selection) = self.selection(input) else {
+            self.drive = refuse("nothing is selected: look at a block");
+            return;
+        };
+        let goal = match selection {
+            Selection::Block(block) => PlanGoal::Pick { block, centre: input.blocks[block.index()] },
+            Selection::Place(point) => PlanGoal::Place { point },
+        };
+        output.plan = Some(PlanCommand::Request(goal));
+        self.drive = Drive::Planning { base, selection };
+    }
+
+    fn take_plan(&mut self, reply: &PlanReply, output: &mut ControlOutput) {
+        let Drive::Planning { base, selection } = self.drive else { return };
+        self.drive = match reply.status {
+            PlanStatus::Ok => Drive::Following { base, selection, intermediate: false, progress: 0.0 },
+            PlanStatus::Intermediate if reply.trajectory.duration_secs() < WORTHWHILE_SECS => {
+                Drive::Arrived { base, intermediate: true }
+            }
+            PlanStatus::Intermediate => {
+                Drive::Following { base, selection, intermediate: true, progress: 0.0 }
+            }
+            status => Drive::Failed { base, status, reason: reply.reason.clone() },
+        };
+        if matches!(self.drive, Drive::Following { .. }) {
+            output.motion = Some(MotionCommand::Follow(reply.trajectory.clone()));
+        }
+    }
+
+    /// WE is held: plan, follow, and go on when the base or an intermediate goal asks for it.
+    fn advance(&mut self, input: &ControlInput<'_>, base_still: bool, output: &mut ControlOutput) {
+        if let Some(reply) = input.plan {
+            self.take_plan(reply, output);
+            return;
+        }
+        match &mut self.drive {
+            Drive::Idle if base_still => self.request(input, output),
+            Drive::Idle | Drive::Planning { .. } => {}
+            Drive::Following { base, .. } if moved(base, &input.world_from_base) => self.stop(output),
+            Drive::Following { base, intermediate, progress, .. } => match input.motion {
+                MotionState::Following(now) => *progress = now,
+                MotionState::Finished if *intermediate => {
+                    output.events.push(EventKind::MotionFinished);
+                    self.drive = Drive::Idle;
+                }
+                MotionState::Finished => {
+                    output.events.push(EventKind::MotionFinished);
+                    self.drive = Drive::Arrived { base: *base, intermediate: false };
+                }
+                MotionState::Holding => {}
+            },
+            Drive::Arrived { base, intermediate: true } | Drive::Failed { base, .. } => {
+                if moved(base, &input.world_from_base) && base_still {
+                    self.request(input, output);
+                }
+            }
+            Drive::Arrived { intermediate: false, .. } => {}
+        }
+    }
+}
+
+impl ControlMethod for GazeAssisted {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn step(&mut self, _now: SimTime, input: &ControlInput<'_>) -> ControlOutput {
+        let mut output = ControlOutput::default();
+        let base_still = self.last_base.replace(input.world_from_base).is_some_and(|last| {
+            let step = last.inv_mul(&input.world_from_base);
+            step.translation.vector.norm() < BASE_STILL.0 && step.rotation.angle() < BASE_STILL.1
+        });
+
+        // Taking or losing a block begins a new phase, with a selection of its own.
+        if input.hand.holds != self.holds {
+            self.holds = input.hand.holds;
+            if self.lock.take().is_some() {
+                output.events.push(EventKind::Unlocked);
+            }
+            self.stop(&mut output);
+            self.drive = Drive::Idle;
+        }
+
+        let changed = input.gesture != self.gesture;
+        self.gesture = input.gesture;
+        if input.gesture != Gesture::WristExtension {
+            self.stop(&mut output);
+        }
+        match input.gesture {
+            Gesture::WristExtension => {
+                if changed {
+                    self.drive = Drive::Idle;
+                }
+                self.advance(input, base_still, &mut output);
+            }
+            Gesture::WristFlexion if changed => self.toggle_lock(input, &mut output),
+            Gesture::HandClose if changed => output.hand = Some(HandCommand::Close),
+            Gesture::HandOpen if changed => output.hand = Some(HandCommand::Open),
+            _ => {}
+        }
+
+        self.target = self.view(input);
+        output
+    }
+
+    fn target(&self) -> TargetView {
+        self.target.clone()
+    }
+
+    fn planner(&self) -> PlannerView {
+        match &self.drive {
+            Drive::Idle => PlannerView::Idle,
+            Drive::Planning { .. } => PlannerView::Planning,
+            Drive::Following { intermediate, progress, .. } => {
+                PlannerView::Executing { progress: *progress, intermediate: *intermediate }
+            }
+            Drive::Arrived { intermediate, .. } => PlannerView::Arrived { intermediate: *intermediate },
+            Drive::Failed { status, reason, .. } => {
+                PlannerView::Failed { status: *status, reason: reason.clone() }
+            }
+        }
+    }
+}
+
+impl GazeAssisted {
+    /// The marker shows what is locked, else what the arm moves to, else what WE would act on. The place marker
+    /// is there from the start (its late appearance is the flaw that the authors fixed between their studies).
+    fn view(&self, input: &ControlInput<'_>) -> TargetView {
+        let driven = match self.drive {
+            Drive::Planning { selection, .. } | Drive::Following { selection, .. } => Some(selection),
+            _ => None,
+        };
+        let shown = self.lock.or(driven).or_else(|| self.selection(input));
+        TargetView {
+            block: match shown {
+                Some(Selection::Block(block)) => Some(block),
+                _ => None,
+            },
+            place: Some(match shown {
+                Some(Selection::Place(point)) => point,
+                _ => input.place,
+            }),
+            locked: self.lock.is_some(),
+            posterior: input.posterior.to_vec(),
+        }
+    }
+}
+
+fn moved(from: &Pose, to: &Pose) -> bool {
+    let step = from.inv_mul(to);
+    step.translation.vector.norm() > BASE_MOVED || step.rotation.angle() > BASE_TURNED
+}
+
+#[cfg(test)]
+mod tests;

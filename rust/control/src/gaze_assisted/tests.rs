@@ -1,0 +1,202 @@
+use super::*;
+use Gesture::{HandClose, HandOpen, NoMotion, WristExtension, WristFlexion};
+use proact_types::{HandView, Trajectory, TrajectoryPoint, joints};
+
+const PLACE: Point = Point::new(0.05, 0.2, 1.015);
+
+/// A world around the method that a test can push about.
+struct Bench {
+    method: GazeAssisted,
+    highlight: Option<BlockId>,
+    hand: HandView,
+    base: Pose,
+    motion: MotionState,
+    time: u64,
+}
+
+impl Bench {
+    fn new() -> Self {
+        let mut bench = Self {
+            method: GazeAssisted::new("D"),
+            highlight: Some(BlockId::Red1),
+            hand: HandView { state: HandState::Open, holds: None },
+            base: Pose::identity(),
+            motion: MotionState::Holding,
+            time: 0,
+        };
+        bench.step(NoMotion, None);
+        bench.step(NoMotion, None);
+        bench
+    }
+
+    fn step(&mut self, gesture: Gesture, plan: Option<&PlanReply>) -> ControlOutput {
+        self.time += 10;
+        let blocks = [0.0, 0.1, 0.2, 0.3].map(|x| Point::new(x, -0.1, 1.04));
+        let input = ControlInput {
+            gesture,
+            highlight: self.highlight,
+            blocks: &blocks,
+            posterior: &[],
+            place: PLACE,
+            hand: self.hand,
+            world_from_base: self.base,
+            plan,
+            motion: self.motion,
+        };
+        self.method.step(SimTime(self.time), &input)
+    }
+
+    /// Holds WE until the arm follows a plan.
+    fn start_motion(&mut self) {
+        assert!(matches!(self.step(WristExtension, None).plan, Some(PlanCommand::Request(_))));
+        let output = self.step(WristExtension, Some(&reply(PlanStatus::Ok, 2.0)));
+        assert!(matches!(output.motion, Some(MotionCommand::Follow(_))));
+        self.motion = MotionState::Following(0.1);
+    }
+}
+
+fn reply(status: PlanStatus, secs: f64) -> PlanReply {
+    let point = |t: f64| TrajectoryPoint { time_secs: t, q: joints(&[t; 7]), qd: joints(&[0.0; 7]) };
+    PlanReply {
+        id: 1,
+        status,
+        trajectory: Trajectory { points: vec![point(0.0), point(secs)] },
+        reason: String::new(),
+    }
+}
+
+#[test]
+fn every_gesture_but_wrist_extension_stops_a_motion_within_the_step() {
+    for gesture in [NoMotion, HandClose, HandOpen, WristFlexion] {
+        let mut bench = Bench::new();
+        bench.start_motion();
+        assert_eq!(bench.step(gesture, None).motion, Some(MotionCommand::Hold), "{gesture}");
+        assert_eq!(bench.method.planner(), PlannerView::Idle);
+    }
+}
+
+#[test]
+fn every_gesture_but_wrist_extension_cancels_a_plan_and_a_late_plan_moves_nothing() {
+    for gesture in [NoMotion, HandClose, HandOpen, WristFlexion] {
+        let mut bench = Bench::new();
+        bench.step(WristExtension, None);
+        assert_eq!(bench.step(gesture, None).plan, Some(PlanCommand::Cancel), "{gesture}");
+        assert_eq!(bench.step(gesture, Some(&reply(PlanStatus::Ok, 2.0))).motion, None);
+    }
+}
+
+#[test]
+fn one_wrist_flexion_locks_what_is_highlighted_however_long_it_is_held() {
+    let mut bench = Bench::new();
+    let output = bench.step(WristFlexion, None);
+    assert_eq!(output.events, [EventKind::Locked { block: Some(BlockId::Red1) }]);
+    bench.highlight = Some(BlockId::Blue2);
+    assert!(bench.step(WristFlexion, None).events.is_empty());
+    bench.step(NoMotion, None);
+    assert_eq!(bench.method.target().block, Some(BlockId::Red1));
+    let Some(PlanCommand::Request(PlanGoal::Pick { block, .. })) = bench.step(WristExtension, None).plan
+    else {
+        panic!("a pick was expected")
+    };
+    assert_eq!(block, BlockId::Red1, "the locked block, not the highlighted one");
+}
+
+#[test]
+fn a_second_wrist_flexion_takes_the_lock_off() {
+    let mut bench = Bench::new();
+    bench.step(WristFlexion, None);
+    bench.step(NoMotion, None);
+    assert_eq!(bench.step(WristFlexion, None).events, [EventKind::Unlocked]);
+    assert!(!bench.method.target().locked);
+}
+
+#[test]
+fn without_a_lock_wrist_extension_acts_on_the_highlight() {
+    let mut bench = Bench::new();
+    bench.highlight = Some(BlockId::Blue1);
+    let Some(PlanCommand::Request(PlanGoal::Pick { block, centre })) = bench.step(WristExtension, None).plan
+    else {
+        panic!("a pick was expected")
+    };
+    assert_eq!((block, centre.x), (BlockId::Blue1, 0.2));
+}
+
+#[test]
+fn a_lock_ends_with_its_phase_and_the_next_lock_is_the_place() {
+    let mut bench = Bench::new();
+    bench.step(WristFlexion, None);
+    bench.step(HandClose, None);
+    bench.hand = HandView { state: HandState::Closed, holds: Some(BlockId::Red1) };
+    assert_eq!(bench.step(HandClose, None).events, [EventKind::Unlocked]);
+    assert_eq!(bench.step(WristFlexion, None).events, [EventKind::Locked { block: None }]);
+    let plan = bench.step(WristExtension, None).plan;
+    assert_eq!(plan, Some(PlanCommand::Request(PlanGoal::Place { point: PLACE })));
+}
+
+#[test]
+fn wrist_extension_held_keeps_the_existing_plan_and_a_new_one_replans() {
+    let mut bench = Bench::new();
+    bench.start_motion();
+    for _ in 0..5 {
+        assert_eq!(bench.step(WristExtension, None).plan, None);
+    }
+    bench.step(NoMotion, None);
+    bench.motion = MotionState::Holding;
+    assert!(matches!(bench.step(WristExtension, None).plan, Some(PlanCommand::Request(_))));
+}
+
+#[test]
+fn wrist_extension_held_goes_on_from_an_intermediate_goal_until_no_progress_is_left() {
+    let mut bench = Bench::new();
+    bench.step(WristExtension, None);
+    bench.step(WristExtension, Some(&reply(PlanStatus::Intermediate, 2.0)));
+    bench.motion = MotionState::Finished;
+    bench.step(WristExtension, None);
+    assert!(matches!(bench.step(WristExtension, None).plan, Some(PlanCommand::Request(_))));
+    bench.step(WristExtension, Some(&reply(PlanStatus::Intermediate, 0.1)));
+    assert_eq!(bench.method.planner(), PlannerView::Arrived { intermediate: true });
+    assert_eq!(
+        bench.step(WristExtension, None).plan,
+        None,
+        "a plan that leads nowhere is not asked for again"
+    );
+}
+
+#[test]
+fn a_base_that_moved_stops_the_motion_and_is_replanned_once_it_stands_still() {
+    let mut bench = Bench::new();
+    bench.start_motion();
+    bench.base = Pose::translation(0.006, 0.0, 0.0);
+    assert_eq!(bench.step(WristExtension, None).motion, Some(MotionCommand::Hold));
+    bench.base = Pose::translation(0.012, 0.0, 0.0);
+    assert_eq!(bench.step(WristExtension, None).plan, None, "the base still moves");
+    assert!(matches!(bench.step(WristExtension, None).plan, Some(PlanCommand::Request(_))));
+}
+
+#[test]
+fn a_failed_plan_says_why_and_is_tried_again_only_after_the_base_moved() {
+    let mut bench = Bench::new();
+    bench.step(WristExtension, None);
+    let mut failed = reply(PlanStatus::Unreachable, 0.0);
+    failed.reason = "0.1 m too far".to_owned();
+    bench.step(WristExtension, Some(&failed));
+    assert!(matches!(bench.method.planner(), PlannerView::Failed { status: PlanStatus::Unreachable, .. }));
+    assert_eq!(bench.step(WristExtension, None).plan, None);
+    bench.base = Pose::translation(0.1, 0.0, 0.0);
+    bench.step(WristExtension, None);
+    assert!(matches!(bench.step(WristExtension, None).plan, Some(PlanCommand::Request(_))));
+}
+
+#[test]
+fn a_closed_empty_hand_is_refused_with_the_reason() {
+    let mut bench = Bench::new();
+    bench.hand.state = HandState::Closed;
+    assert_eq!(bench.step(WristExtension, None).plan, None);
+    let PlannerView::Failed { reason, .. } = bench.method.planner() else { panic!("refused") };
+    assert!(reason.contains("HO"), "{reason}");
+}
+
+#[test]
+fn the_place_marker_is_there_from_the_start() {
+    assert_eq!(Bench::new().method.target().place, Some(PLACE));
+}

@@ -1,0 +1,69 @@
+use crate::HandCommand;
+use proact_types::HandState;
+
+/// Closer than this to a pose, over all hand joints, the hand is there, rad.
+const REACHED: f64 = 0.06;
+/// Slower than this over all hand joints, the hand has stopped, rad/s.
+const STOPPED: f64 = 0.05;
+
+/// Tells the state of the hand from its joints: the command says where it goes, the joints say whether it is
+/// there. (The original keeps toggle flags in three nodes, which disagree with each other and with the hand.)
+#[derive(Clone, Debug)]
+pub struct HandTracker {
+    open: Vec<f64>,
+    command: HandCommand,
+    state: HandState,
+}
+
+impl HandTracker {
+    /// A hand commanded to `open`, the angles of the pose of that name, rad.
+    pub fn new(open: &[f64]) -> Self {
+        Self { open: open.to_vec(), command: HandCommand::Open, state: HandState::Open }
+    }
+
+    /// Where the hand was last told to go.
+    pub fn command(&self) -> HandCommand {
+        self.command
+    }
+
+    /// The state after the last [`HandTracker::step`].
+    pub fn state(&self) -> HandState {
+        self.state
+    }
+
+    /// Notes a command.
+    pub fn note(&mut self, command: HandCommand) {
+        self.command = command;
+    }
+
+    /// Updates from angles and speeds of the hand joints; `commanded` is true while their targets still move.
+    pub fn step(&mut self, position: &[f64], velocity: &[f64], commanded: bool) -> HandState {
+        let off = position.iter().zip(&self.open).fold(0.0_f64, |m, (q, open)| m.max((q - open).abs()));
+        let moving = commanded || velocity.iter().any(|v| v.abs() > STOPPED);
+        self.state = match self.command {
+            HandCommand::Open if off < REACHED => HandState::Open,
+            HandCommand::Open => HandState::Opening,
+            // Fingers that a block stops short of the pose have closed all the same.
+            HandCommand::Close if moving => HandState::Closing,
+            HandCommand::Close => HandState::Closed,
+        };
+        self.state
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_hand_that_a_block_stops_short_is_closed_and_one_that_still_moves_is_not() {
+        let mut hand = HandTracker::new(&[0.0, 0.0]);
+        assert_eq!(hand.step(&[0.01, 0.0], &[0.0, 0.0], false), HandState::Open);
+        hand.note(HandCommand::Close);
+        assert_eq!(hand.step(&[0.2, 0.0], &[1.0, 0.0], true), HandState::Closing);
+        assert_eq!(hand.step(&[0.4, 0.1], &[0.0, 0.0], false), HandState::Closed);
+        hand.note(HandCommand::Open);
+        assert_eq!(hand.step(&[0.4, 0.1], &[0.0, 0.0], false), HandState::Opening);
+        assert_eq!(hand.step(&[0.02, 0.0], &[0.0, 0.0], false), HandState::Open);
+    }
+}

@@ -1,0 +1,95 @@
+use proact_types::{
+    BlockId, EventKind, Gesture, HandView, PlanGoal, PlanReply, PlannerView, Point, Pose, SimTime,
+    TargetView, Trajectory,
+};
+
+/// What a method sees at one control step.
+#[derive(Clone, Debug)]
+pub struct ControlInput<'a> {
+    /// Gesture in force.
+    pub gesture: Gesture,
+    /// Block with the highest posterior; none when no block is in question.
+    pub highlight: Option<BlockId>,
+    /// Centres of the blocks in `world`, `BlockId::ALL` order.
+    pub blocks: &'a [Point; 4],
+    /// Posterior over blocks, for the display; empty without inference.
+    pub posterior: &'a [f64],
+    /// Where the gaze would put a block down, on the table top, in `world`.
+    pub place: Point,
+    /// The hand, from its joints and from contact.
+    pub hand: HandView,
+    /// `world_from_base`.
+    pub world_from_base: Pose,
+    /// A plan that takes effect now.
+    pub plan: Option<&'a PlanReply>,
+    /// What the trajectory controller does.
+    pub motion: MotionState,
+}
+
+/// What the trajectory controller does.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum MotionState {
+    /// It holds the arm where it is.
+    Holding,
+    /// It follows a trajectory; from 0 to 1.
+    Following(f64),
+    /// It has come to the end of a trajectory and holds.
+    Finished,
+}
+
+/// What a method asks for. `None` everywhere leaves all as it is.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ControlOutput {
+    /// For the arm.
+    pub motion: Option<MotionCommand>,
+    /// For the hand.
+    pub hand: Option<HandCommand>,
+    /// For the planner.
+    pub plan: Option<PlanCommand>,
+    /// What happened.
+    pub events: Vec<EventKind>,
+}
+
+/// A command for the arm.
+#[derive(Clone, Debug, PartialEq)]
+pub enum MotionCommand {
+    /// Stop and hold, from this tick on.
+    Hold,
+    /// Follow from the start.
+    Follow(Trajectory),
+}
+
+/// A command for the hand.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum HandCommand {
+    /// Go to the pose `open`.
+    Open,
+    /// Go to the pose `closed`; a block in between stops the fingers.
+    Close,
+}
+
+/// A command for the planner.
+#[derive(Clone, Debug, PartialEq)]
+pub enum PlanCommand {
+    /// Make a plan. The testbed adds the state of the world.
+    Request(PlanGoal),
+    /// Give up the plan in the making.
+    Cancel,
+}
+
+/// A control method: a pure state machine that runs at 100 Hz and at each tick with a new gesture or plan.
+///
+/// Deterministic: the same inputs at the same times give the same outputs.
+pub trait ControlMethod: Send {
+    /// Name shown to the participant and written to the record, such as `D`.
+    fn name(&self) -> &str;
+
+    /// Advances to `now`.
+    fn step(&mut self, now: SimTime, input: &ControlInput<'_>) -> ControlOutput;
+
+    /// The selection marker after the last step.
+    fn target(&self) -> TargetView;
+
+    /// The planner's state after the last step.
+    fn planner(&self) -> PlannerView;
+}
