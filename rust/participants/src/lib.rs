@@ -1,1 +1,14 @@
-//! To come.
+//! Simulated participants, and the body that carries a participant's shoulder and eyes.
+//!
+//! A participant sees what the page shows and acts through gestures, gaze and trunk posture: a [`DisplayFrame`]
+//! in, an [`Intention`] out. Pure, seeded, and dependent on the vocabulary alone, so that none can look behind
+//! the display.
+//!
+//! [`DisplayFrame`]: proact_types::DisplayFrame
+//! [`Intention`]: proact_types::Intention
+
+mod body;
+mod simulated;
+
+pub use body::{Body, Trunk};
+pub use simulated::{ParticipantOptions, SimulatedParticipant};

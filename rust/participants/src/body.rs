@@ -1,0 +1,188 @@
+use nalgebra::{Translation3, UnitQuaternion};
+use proact_types::{Point, Pose, SimTime, TICK_SECS, TrunkPosture, Vector};
+use serde::{Deserialize, Serialize};
+
+/// Peak speed of a minimum-jerk movement over its mean speed.
+const PEAK_OVER_MEAN: f64 = 1.875;
+/// No movement of the trunk is quicker than this, s.
+const SHORTEST_SECS: f64 = 0.4;
+
+/// A participant's upper body: a trunk that turns about the hip, with the prosthesis at the shoulder and the eyes
+/// on top. Points are those of the upright posture, in `world`, metres.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Body {
+    /// Pivot of the trunk.
+    pub hip: Point,
+    /// Origin of the arm's `base_link`; its axes are those of `world` when upright.
+    pub shoulder: Point,
+    /// Between the eyes; the head turns with the trunk.
+    pub eye: Point,
+    /// Furthest lean forward, degrees; backwards a third of it.
+    pub forward_max_deg: f64,
+    /// Furthest lean to either side, degrees.
+    pub lateral_max_deg: f64,
+    /// Furthest turn to either side, degrees.
+    pub axial_max_deg: f64,
+    /// Highest speed about any axis, degrees per second.
+    pub speed_max_deg_per_s: f64,
+}
+
+impl Body {
+    /// The nearest posture that this body can take; not-a-number becomes upright.
+    pub fn limit(&self, posture: TrunkPosture) -> TrunkPosture {
+        let within = |value: f64, low: f64, high: f64| {
+            if value.is_finite() { value.clamp(low.to_radians(), high.to_radians()) } else { 0.0 }
+        };
+        TrunkPosture {
+            forward: within(posture.forward, -self.forward_max_deg / 3.0, self.forward_max_deg),
+            lateral: within(posture.lateral, -self.lateral_max_deg, self.lateral_max_deg),
+            axial: within(posture.axial, -self.axial_max_deg, self.axial_max_deg),
+        }
+    }
+
+    /// `world_from_shoulder`: the pose of `base_link`.
+    pub fn shoulder_pose(&self, posture: &TrunkPosture) -> Pose {
+        self.carried(&self.shoulder, posture)
+    }
+
+    /// `world_from_head`: origin at the eyes, x ahead, y left, z up.
+    pub fn head_pose(&self, posture: &TrunkPosture) -> Pose {
+        self.carried(&self.eye, posture)
+    }
+
+    /// A frame that moves with the trunk: first the side lean, then the forward lean, then the turn.
+    fn carried(&self, point: &Point, posture: &TrunkPosture) -> Pose {
+        let about = |axis, angle| UnitQuaternion::from_axis_angle(&axis, angle);
+        let turn = about(Vector::z_axis(), posture.axial)
+            * about(Vector::y_axis(), posture.forward)
+            * about(Vector::x_axis(), posture.lateral);
+        let position = self.hip + turn * (point - self.hip);
+        Pose::from_parts(Translation3::from(position.coords), turn)
+    }
+}
+
+/// A trunk in motion. Movements have minimum jerk and keep position, speed and acceleration when the goal
+/// changes midway.
+#[derive(Clone, Debug)]
+pub struct Trunk {
+    body: Body,
+    goal: TrunkPosture,
+    /// Position, speed and acceleration of forward, lateral, axial.
+    state: [[f64; 3]; 3],
+    /// Seconds left of the present movement.
+    left_secs: f64,
+}
+
+impl Trunk {
+    /// An upright, resting trunk.
+    pub fn new(body: Body) -> Self {
+        Self { body, goal: TrunkPosture::default(), state: [[0.0; 3]; 3], left_secs: 0.0 }
+    }
+
+    /// The body that moves.
+    pub fn body(&self) -> &Body {
+        &self.body
+    }
+
+    /// Moves for one tick toward `asked`, within the body's limits; the new posture.
+    pub fn step(&mut self, _now: SimTime, asked: TrunkPosture) -> TrunkPosture {
+        let goal = self.body.limit(asked);
+        let targets = [goal.forward, goal.lateral, goal.axial];
+        if goal != self.goal {
+            self.goal = goal;
+            // Time enough for the furthest axis; speed that is there already costs some more.
+            let speed_max = self.body.speed_max_deg_per_s.to_radians().max(1e-3);
+            let needed = |(state, target): (&[f64; 3], &f64)| {
+                PEAK_OVER_MEAN * ((target - state[0]).abs() + state[1].abs() * SHORTEST_SECS) / speed_max
+            };
+            self.left_secs = self.state.iter().zip(&targets).map(needed).fold(SHORTEST_SECS, f64::max);
+        }
+        if self.left_secs <= TICK_SECS {
+            self.state = targets.map(|target| [target, 0.0, 0.0]);
+            self.left_secs = 0.0;
+        } else {
+            for (state, target) in self.state.iter_mut().zip(targets) {
+                *state = minimum_jerk_step(*state, target, self.left_secs);
+            }
+            self.left_secs -= TICK_SECS;
+        }
+        self.posture()
+    }
+
+    /// The posture now.
+    pub fn posture(&self) -> TrunkPosture {
+        TrunkPosture { forward: self.state[0][0], lateral: self.state[1][0], axial: self.state[2][0] }
+    }
+}
+
+/// One tick along the quintic from (position, speed, acceleration) to rest at `target` after `secs`.
+fn minimum_jerk_step([p, v, a]: [f64; 3], target: f64, secs: f64) -> [f64; 3] {
+    let d = target - p;
+    let (s2, s3) = (secs * secs, secs * secs * secs);
+    // Coefficients of t^3, t^4, t^5 that end with zero speed and acceleration.
+    let c3 = (20.0 * d - 12.0 * v * secs - 3.0 * a * s2) / (2.0 * s3);
+    let c4 = (-30.0 * d + 16.0 * v * secs + 3.0 * a * s2) / (2.0 * s3 * secs);
+    let c5 = (12.0 * d - 6.0 * v * secs - a * s2) / (2.0 * s3 * s2);
+    let t = TICK_SECS;
+    let (t2, t3) = (t * t, t * t * t);
+    [
+        p + v * t + 0.5 * a * t2 + c3 * t3 + c4 * t2 * t2 + c5 * t2 * t3,
+        v + a * t + 3.0 * c3 * t2 + 4.0 * c4 * t3 + 5.0 * c5 * t2 * t2,
+        a + 6.0 * c3 * t + 12.0 * c4 * t2 + 20.0 * c5 * t3,
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn body() -> Body {
+        Body {
+            hip: Point::new(-0.6, 0.0, 0.995),
+            shoulder: Point::new(-0.6, -0.18, 1.445),
+            eye: Point::new(-0.55, 0.0, 1.7),
+            forward_max_deg: 35.0,
+            lateral_max_deg: 25.0,
+            axial_max_deg: 40.0,
+            speed_max_deg_per_s: 60.0,
+        }
+    }
+
+    #[test]
+    fn leaning_moves_the_shoulder_ahead_sideways_and_around() {
+        let upright = body().shoulder_pose(&TrunkPosture::default()).translation.vector;
+        let moved = |posture| body().shoulder_pose(&posture).translation.vector - upright;
+        assert!(moved(TrunkPosture { forward: 0.3, ..Default::default() }).x > 0.1);
+        assert!(moved(TrunkPosture { lateral: 0.3, ..Default::default() }).y < -0.1, "right is -y");
+        assert!(
+            moved(TrunkPosture { axial: 0.5, ..Default::default() }).x > 0.08,
+            "the right shoulder comes ahead"
+        );
+    }
+
+    #[test]
+    fn a_movement_arrives_at_rest_keeps_to_the_speed_limit_and_never_jumps() {
+        let mut trunk = Trunk::new(body());
+        let asked = TrunkPosture { forward: 2.0, lateral: -0.2, axial: 0.4 };
+        let mut last = trunk.posture();
+        let mut fastest: f64 = 0.0;
+        for t in 0..3000 {
+            // The goal changes in the middle of the movement.
+            let asked = if t > 300 { TrunkPosture { axial: -0.3, ..asked } } else { asked };
+            let posture = trunk.step(SimTime(t), asked);
+            fastest = fastest.max((posture.forward - last.forward).abs() / TICK_SECS);
+            fastest = fastest.max((posture.axial - last.axial).abs() / TICK_SECS);
+            last = posture;
+        }
+        assert!((last.forward - 35.0_f64.to_radians()).abs() < 1e-12, "limited to what the body can do");
+        assert!((last.axial + 0.3).abs() < 1e-12);
+        assert!(fastest <= 60.0_f64.to_radians() * 1.001, "{} degrees/s", fastest.to_degrees());
+    }
+
+    #[test]
+    fn a_posture_that_is_not_a_number_is_upright() {
+        let bad = TrunkPosture { forward: f64::NAN, lateral: f64::INFINITY, axial: 0.1 };
+        assert_eq!(body().limit(bad), TrunkPosture { axial: 0.1, ..Default::default() });
+    }
+}
