@@ -1,1 +1,51 @@
-//! To come.
+//! EMG stage: from samples to the gesture in force.
+//!
+//! `samples -> sliding windows -> features -> class posterior -> decision rule -> gesture`, for live streams and
+//! for recordings through the same code. Pure: no clock, no files, no threads, no randomness; the same samples
+//! at the same times give the same outputs. [`EmgPipeline::step`] does not allocate.
+//!
+//! Features and classifier follow LibEMG 2.0.3 and scikit-learn's `svd` solver number by number; the tests
+//! compare with vectors that those two computed.
+//!
+//! ```
+//! use proact_emg::{Classifier, EmgConfig, EmgPipeline, extract};
+//! use proact_types::{EmgSample, Gesture, SimTime};
+//!
+//! // A toy armband with two channels: one muscle for closing, nothing at rest.
+//! let config = EmgConfig { channels: 2, rate_hz: 200.0, ..EmgConfig::default() };
+//! let sample = |k: u64, amplitude: f64| EmgSample {
+//!     counter: k,
+//!     channels: [amplitude * (k as f64 * 1.7).sin(), (k as f64 * 2.9).cos()].into_iter().collect(),
+//! };
+//! let rest: Vec<EmgSample> = (0..400).map(|k| sample(k, 1.0)).collect();
+//! let close: Vec<EmgSample> = (0..400).map(|k| sample(k, 20.0)).collect();
+//!
+//! let mut features = extract(&config, &rest)?;
+//! let mut labels = vec![Gesture::NoMotion; features.len()];
+//! features.extend(extract(&config, &close)?);
+//! labels.resize(features.len(), Gesture::HandClose);
+//! let classifier = Classifier::train(&config, &features, &labels)?;
+//!
+//! let mut pipeline = EmgPipeline::new(&config, classifier)?;
+//! let outputs: Vec<_> =
+//!     close.iter().filter_map(|s| pipeline.step(SimTime(s.counter * 5), std::slice::from_ref(s))).collect();
+//! assert_eq!(outputs[0].gesture, Gesture::NoMotion, "one window does not move the arm");
+//! assert_eq!(outputs[2].gesture, Gesture::HandClose);
+//! # Ok::<(), proact_emg::EmgError>(())
+//! ```
+
+mod classifier;
+mod config;
+mod decision;
+mod features;
+mod lda;
+mod pipeline;
+mod window;
+
+pub use classifier::{Classifier, EffortScale, Prediction};
+pub use config::{EmgConfig, EmgError, FeatureGroup, LdaNormalisation, RuleKind, WindowLength};
+pub use decision::{Decision, DecisionRule};
+pub use features::{FeatureVector, MAX_FEATURES, hudgins};
+pub use lda::Lda;
+pub use pipeline::{EmgOutput, EmgPipeline, extract};
+pub use window::{SlidingWindow, StreamCounts, WindowView};

@@ -1,0 +1,225 @@
+use crate::lda::softmax;
+use crate::{EmgConfig, EmgError, FeatureGroup, Lda, MAX_FEATURES};
+use nalgebra::DMatrix;
+use proact_types::Gesture;
+use serde::{Deserialize, Serialize};
+
+const GESTURES: usize = Gesture::ALL.len();
+
+/// Range of the summed MAV of one gesture over which the effort runs from 0 to 1.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct EffortScale {
+    /// Sum of MAV over channels at effort zero, in the stream's unit.
+    pub low: f64,
+    /// Sum at effort one.
+    pub high: f64,
+}
+
+/// What the classifier says about one window.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Prediction {
+    /// The most probable gesture, the first in [`Gesture::ALL`] of equals.
+    pub class: Gesture,
+    /// Probability per gesture in [`Gesture::ALL`] order; zero for gestures that were not trained.
+    pub posterior: [f64; GESTURES],
+}
+
+/// Linear discriminant analysis over gestures, with the effort scale of each gesture.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Classifier {
+    features: FeatureGroup,
+    channels: usize,
+    lda: Lda,
+    /// The gesture of each class of the LDA, in [`Gesture::ALL`] order.
+    gestures: Vec<Gesture>,
+    /// Per class of the LDA.
+    efforts: Vec<EffortScale>,
+}
+
+impl Classifier {
+    /// Trains on feature vectors, `[windows][features]`, with the gesture of each window.
+    ///
+    /// # Errors
+    /// Lengths that do not fit the settings, values that are not finite, or fewer than two gestures.
+    pub fn train<F: AsRef<[f64]>>(
+        config: &EmgConfig,
+        windows: &[F],
+        labels: &[Gesture],
+    ) -> Result<Classifier, EmgError> {
+        config.check()?;
+        if windows.len() != labels.len() {
+            return Err(EmgError::LabelCount { windows: windows.len(), labels: labels.len() });
+        }
+        let expected = config.features.count(config.channels);
+        if let Some(window) = windows.iter().find(|w| w.as_ref().len() != expected) {
+            return Err(EmgError::FeatureCount { got: window.as_ref().len(), expected });
+        }
+        let gestures: Vec<Gesture> = Gesture::ALL.into_iter().filter(|g| labels.contains(g)).collect();
+        let classes: Vec<usize> =
+            labels.iter().filter_map(|label| gestures.iter().position(|g| g == label)).collect();
+        let samples = DMatrix::from_row_iterator(
+            windows.len(),
+            expected,
+            windows.iter().flat_map(|w| w.as_ref().iter().copied()),
+        );
+        let lda = Lda::fit(&samples, &classes, gestures.len(), config.normalisation)?;
+
+        // LibEMG's velocity control: the middle of each gesture's range of summed MAV.
+        let scale = |class: usize| {
+            let sums = || {
+                let of_class = windows.iter().zip(&classes).filter(move |(_, c)| **c == class);
+                of_class.map(|(w, _)| config.features.amplitude(w.as_ref(), config.channels))
+            };
+            let (least, most) = (sums().fold(f64::INFINITY, f64::min), sums().fold(0.0, f64::max));
+            EffortScale { low: least + 0.1 * (most - least), high: least + 0.7 * (most - least) }
+        };
+        Ok(Classifier {
+            features: config.features,
+            channels: config.channels,
+            lda,
+            efforts: (0..gestures.len()).map(scale).collect(),
+            gestures,
+        })
+    }
+
+    /// Channels of the stream that it was trained on.
+    pub fn channels(&self) -> usize {
+        self.channels
+    }
+
+    /// The feature group that it was trained on.
+    pub fn feature_group(&self) -> FeatureGroup {
+        self.features
+    }
+
+    /// The gestures that it tells apart, in [`Gesture::ALL`] order.
+    pub fn gestures(&self) -> &[Gesture] {
+        &self.gestures
+    }
+
+    /// The discriminant itself; its class `k` is `gestures()[k]`.
+    pub fn lda(&self) -> &Lda {
+        &self.lda
+    }
+
+    /// Classifies one feature vector. Does not allocate.
+    ///
+    /// # Errors
+    /// Wrong length, or values so large (or not finite) that no probability comes out.
+    pub fn predict(&self, features: &[f64]) -> Result<Prediction, EmgError> {
+        let expected = self.lda.features();
+        if features.len() != expected {
+            return Err(EmgError::FeatureCount { got: features.len(), expected });
+        }
+        let mut values = [0.0; GESTURES];
+        let values = &mut values[..self.gestures.len()];
+        self.lda.decide(features, values);
+        if !values.iter().all(|v| v.is_finite()) {
+            let index = features.iter().position(|v| !v.is_finite()).unwrap_or(0);
+            return Err(EmgError::NotFinite { window: 0, index, value: features[index] });
+        }
+        let best = (1..values.len()).fold(0, |best, k| if values[k] > values[best] { k } else { best });
+        softmax(values);
+        let mut posterior = [0.0; GESTURES];
+        for (gesture, probability) in self.gestures.iter().zip(values) {
+            posterior[gesture.index()] = *probability;
+        }
+        Ok(Prediction { class: self.gestures[best], posterior })
+    }
+
+    /// How hard `gesture` is performed, 0 to 1: the summed MAV of the window between the gesture's limits, which
+    /// lie at 10 % and 70 % of the range seen in training (LibEMG's velocity control, not rounded).
+    ///
+    /// # Errors
+    /// If the gesture was not trained or the feature vector has another length.
+    pub fn effort(&self, gesture: Gesture, features: &[f64]) -> Result<f64, EmgError> {
+        let expected = self.lda.features();
+        if features.len() != expected {
+            return Err(EmgError::FeatureCount { got: features.len(), expected });
+        }
+        let class = self.gestures.iter().position(|g| *g == gesture).ok_or(EmgError::NotTrained(gesture))?;
+        let EffortScale { low, high } = self.efforts[class];
+        let amplitude = self.features.amplitude(features, self.channels);
+        // All training windows alike: any contraction that strong is full effort.
+        let effort =
+            if high > low { (amplitude - low) / (high - low) } else { f64::from(u8::from(amplitude >= low)) };
+        Ok(effort.clamp(0.0, 1.0))
+    }
+}
+
+impl FeatureGroup {
+    /// Number of features of a window of `channels` channels.
+    pub fn count(self, channels: usize) -> usize {
+        let count = match self {
+            FeatureGroup::Htd => 4 * channels,
+        };
+        debug_assert!(count <= MAX_FEATURES);
+        count
+    }
+
+    /// Sum of MAV over channels.
+    fn amplitude(self, features: &[f64], channels: usize) -> f64 {
+        match self {
+            FeatureGroup::Htd => features[..channels].iter().sum(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn config() -> EmgConfig {
+        EmgConfig { channels: 1, ..EmgConfig::default() }
+    }
+
+    /// Two gestures that differ in the first feature.
+    fn data() -> (Vec<[f64; 4]>, Vec<Gesture>) {
+        let window = |k: usize, base: f64| {
+            let wave = (k as f64 * 2.3).sin();
+            [base + wave, 5.0 + (k % 3) as f64, 7.0 + (k % 4) as f64, 4.0 * base + (k as f64 * 0.9).cos()]
+        };
+        let windows = (0..40).map(|k| window(k, if k < 20 { 30.0 } else { 3.0 })).collect();
+        let labels =
+            (0..40).map(|k| if k < 20 { Gesture::WristFlexion } else { Gesture::NoMotion }).collect();
+        (windows, labels)
+    }
+
+    #[test]
+    fn gestures_that_were_not_trained_have_no_probability() {
+        let (windows, labels) = data();
+        let classifier = Classifier::train(&config(), &windows, &labels).expect("good data");
+        assert_eq!(classifier.gestures(), [Gesture::NoMotion, Gesture::WristFlexion]);
+        let prediction = classifier.predict(&windows[0]).expect("good window");
+        assert_eq!(prediction.class, Gesture::WristFlexion);
+        assert_eq!(prediction.posterior[..2], [0.0, 0.0]);
+        assert_eq!(prediction.posterior[3], 0.0);
+        assert!((prediction.posterior.iter().sum::<f64>() - 1.0).abs() < 1e-15);
+        let effort = |k: usize| classifier.effort(Gesture::WristFlexion, &windows[k]).expect("trained");
+        assert!((0..20).any(|k| effort(k) == 0.0) && (0..20).any(|k| effort(k) == 1.0));
+    }
+
+    #[test]
+    fn bad_training_data_and_bad_windows_are_refused_with_both_numbers() {
+        let (mut windows, labels) = data();
+        let error = |w: &[[f64; 4]], l: &[Gesture]| {
+            Classifier::train(&config(), w, l).expect_err("must be refused").to_string()
+        };
+        assert_eq!(error(&windows, &labels[1..]), "got 39 labels for 40 windows, expected one each");
+        assert!(error(&windows[..5], &labels[..5]).contains("1 different gestures"));
+        assert!(error(&[], &[]).contains("0 different gestures"));
+        assert!(error(&windows[19..21], &labels[19..21]).contains("at least 3 are needed"));
+        assert!(error(&[[1.0; 4]; 40], &labels).contains("constant"));
+        assert_eq!(
+            Classifier::train(&config(), &[[1.0; 3]; 40], &labels).expect_err("three features"),
+            EmgError::FeatureCount { got: 3, expected: 4 }
+        );
+        let classifier = Classifier::train(&config(), &windows, &labels).expect("good data");
+        assert_eq!(classifier.predict(&[1.0]), Err(EmgError::FeatureCount { got: 1, expected: 4 }));
+        assert!(classifier.predict(&[f64::NAN, 0.0, 0.0, 0.0]).is_err());
+        assert!(classifier.predict(&[f64::MAX, -f64::MAX, f64::MAX, f64::MAX]).is_err());
+        assert!(classifier.effort(Gesture::HandOpen, &windows[0]).is_err());
+        windows[7][2] = f64::INFINITY;
+        assert_eq!(error(&windows, &labels), "feature 2 of window 7 is inf, expected a finite number");
+    }
+}

@@ -1,0 +1,178 @@
+use crate::{EmgConfig, RuleKind};
+use proact_types::{Gesture, SimTime};
+
+/// What the rule says about one classifier output, or about its absence.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Decision {
+    /// The gesture in force.
+    pub gesture: Gesture,
+    /// A message goes out: always under [`RuleKind::Hold`], on a full run of equal classes under
+    /// [`RuleKind::Strict`], always when the stream became stale.
+    pub published: bool,
+    /// No output came for longer than the allowed age, so the arm must stop.
+    pub stale: bool,
+}
+
+/// From a stream of classifier outputs to the gesture that drives the arm.
+///
+/// One misclassified window must not move the arm, so the gesture in force changes only after several equal
+/// outputs in a row (three in ProACT, arXiv:2407.05025, section "System architecture").
+///
+/// Known weakness: it filters isolated errors only; a burst of wrong windows as long as the run passes.
+#[derive(Clone, Debug)]
+pub struct DecisionRule {
+    kind: RuleKind,
+    required: u32,
+    first_output_acts: bool,
+    max_age_millis: u64,
+    held: Gesture,
+    candidate: Gesture,
+    streak: u32,
+    outputs: u32,
+    /// Time of the last output, or of the first step before there was one.
+    last_output_at: Option<SimTime>,
+    /// After a silence only a relaxed hand lets gestures through again; otherwise one that is held through a
+    /// radio drop-out would restart the arm by itself.
+    armed: bool,
+    stale: bool,
+}
+
+impl DecisionRule {
+    /// A rule that starts at [`Gesture::NoMotion`]; age counts from the first step.
+    pub fn new(config: &EmgConfig) -> Self {
+        DecisionRule {
+            kind: config.rule,
+            required: config.required.get(),
+            first_output_acts: config.first_output_acts,
+            max_age_millis: config.max_age_millis,
+            held: Gesture::NoMotion,
+            candidate: Gesture::NoMotion,
+            streak: 0,
+            outputs: 0,
+            last_output_at: None,
+            armed: true,
+            stale: false,
+        }
+    }
+
+    /// Advances to `now` with the classifier's output at that time, if there was one. None while nothing is due;
+    /// a silence is reported once, when it exceeds the allowed age.
+    pub fn step(&mut self, now: SimTime, output: Option<Gesture>) -> Option<Decision> {
+        let Some(output) = output else {
+            return self.check_age(now);
+        };
+        // The silence may have ended in the very tick in which it became too long.
+        self.check_age(now);
+        self.last_output_at = Some(now);
+        self.stale = false;
+        self.outputs = self.outputs.saturating_add(1);
+        self.streak = if output == self.candidate { self.streak.saturating_add(1) } else { 1 };
+        self.candidate = output;
+
+        let needed = if self.first_output_acts { self.required.min(self.outputs) } else { self.required };
+        let unanimous = self.streak >= needed;
+        if unanimous {
+            self.armed |= output == Gesture::NoMotion;
+            self.held = if self.armed { output } else { Gesture::NoMotion };
+        }
+        let published = self.kind == RuleKind::Hold || unanimous;
+        Some(Decision { gesture: self.held, published, stale: false })
+    }
+
+    fn check_age(&mut self, now: SimTime) -> Option<Decision> {
+        let since = *self.last_output_at.get_or_insert(now);
+        if self.stale || now.millis_since(since) <= self.max_age_millis {
+            return None;
+        }
+        self.held = Gesture::NoMotion;
+        self.streak = 0;
+        self.armed = false;
+        self.stale = true;
+        Some(Decision { gesture: Gesture::NoMotion, published: true, stale: true })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use Gesture::{NoMotion, WristExtension, WristFlexion};
+
+    const INCREMENT_MILLIS: u64 = 50;
+
+    fn rule() -> DecisionRule {
+        DecisionRule::new(&EmgConfig::default())
+    }
+
+    fn feed(rule: &mut DecisionRule, from: u64, outputs: &[Gesture]) -> Vec<Gesture> {
+        outputs
+            .iter()
+            .enumerate()
+            .map(|(k, &g)| {
+                let now = SimTime(from + k as u64 * INCREMENT_MILLIS);
+                rule.step(now, Some(g)).expect("every output gives a decision").gesture
+            })
+            .collect()
+    }
+
+    #[test]
+    fn two_equal_outputs_do_not_move_the_arm_and_the_third_does() {
+        assert_eq!(feed(&mut rule(), 0, &[WristExtension; 3]), [NoMotion, NoMotion, WristExtension]);
+    }
+
+    #[test]
+    fn one_wrong_window_in_a_held_gesture_changes_nothing() {
+        let mut rule = rule();
+        feed(&mut rule, 0, &[WristExtension; 3]);
+        assert_eq!(feed(&mut rule, 150, &[WristFlexion, WristExtension]), [WristExtension; 2]);
+    }
+
+    #[test]
+    fn the_original_start_lets_the_first_output_act_and_a_mixed_start_not() {
+        let original = || DecisionRule::new(&EmgConfig { first_output_acts: true, ..EmgConfig::default() });
+        assert_eq!(feed(&mut original(), 0, &[WristExtension]), [WristExtension]);
+        assert_eq!(
+            feed(&mut original(), 0, &[WristExtension, WristFlexion, WristFlexion, WristFlexion]),
+            [WristExtension, WristExtension, WristExtension, WristFlexion]
+        );
+    }
+
+    #[test]
+    fn the_strict_rule_sends_only_full_runs() {
+        let mut rule = DecisionRule::new(&EmgConfig { rule: RuleKind::Strict, ..EmgConfig::default() });
+        let outputs = [WristExtension, WristExtension, WristExtension, WristFlexion, WristExtension];
+        let sent: Vec<bool> = outputs
+            .iter()
+            .zip(0..)
+            .map(|(&g, k)| rule.step(SimTime(k * 50), Some(g)).expect("a decision").published)
+            .collect();
+        assert_eq!(sent, [false, false, true, false, false]);
+    }
+
+    #[test]
+    fn silence_stops_the_arm_and_a_gesture_held_through_it_cannot_restart_it() {
+        let mut rule = rule();
+        feed(&mut rule, 0, &[WristExtension; 3]);
+        assert_eq!(rule.step(SimTime(300), None), None, "exactly at the limit is not yet stale");
+        let stale = Decision { gesture: NoMotion, published: true, stale: true };
+        assert_eq!(rule.step(SimTime(301), None), Some(stale));
+        assert_eq!(rule.step(SimTime(302), None), None, "a silence is reported once");
+
+        assert_eq!(feed(&mut rule, 350, &[WristExtension; 4]), [NoMotion; 4]);
+        feed(&mut rule, 550, &[NoMotion; 3]);
+        assert_eq!(feed(&mut rule, 700, &[WristExtension; 3]).last(), Some(&WristExtension));
+    }
+
+    #[test]
+    fn a_silence_that_ends_between_two_steps_still_disarms() {
+        let mut rule = rule();
+        feed(&mut rule, 0, &[WristExtension; 3]);
+        assert_eq!(feed(&mut rule, 400, &[WristExtension; 3]), [NoMotion; 3]);
+    }
+
+    #[test]
+    fn a_stream_that_never_starts_becomes_stale() {
+        let mut rule = rule();
+        assert_eq!(rule.step(SimTime(1000), None), None, "age counts from the first step");
+        assert!(rule.step(SimTime(1201), None).is_some_and(|d| d.stale));
+    }
+}

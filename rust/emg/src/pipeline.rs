@@ -1,0 +1,225 @@
+use crate::{
+    Classifier, Decision, DecisionRule, EmgConfig, EmgError, FeatureGroup, FeatureVector, SlidingWindow,
+    StreamCounts, WindowView, hudgins,
+};
+use proact_types::{EmgSample, Gesture, SimTime};
+
+/// What the EMG stage says at the end of a window, or when the stream became stale.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EmgOutput {
+    /// The gesture in force.
+    pub gesture: Gesture,
+    /// A message goes out: see [`crate::RuleKind`].
+    pub published: bool,
+    /// The class of the newest window alone; no motion when stale.
+    pub window_class: Gesture,
+    /// Probability per gesture in [`Gesture::ALL`] order; all zero when stale.
+    pub posterior: [f64; 5],
+    /// Probability of `window_class`; zero when stale.
+    pub confidence: f64,
+    /// How hard `window_class` is performed, 0 to 1; zero for no motion and when stale.
+    pub effort: f64,
+    /// No window came for longer than the allowed age.
+    pub stale: bool,
+}
+
+/// The whole EMG stage for a live stream.
+#[derive(Clone, Debug)]
+pub struct EmgPipeline {
+    features: FeatureGroup,
+    window: SlidingWindow,
+    classifier: Classifier,
+    rule: DecisionRule,
+    overflows: u64,
+}
+
+impl EmgPipeline {
+    /// A pipeline at the start of a stream.
+    ///
+    /// # Errors
+    /// Settings that cannot work, or a classifier that was trained on another number of channels.
+    pub fn new(config: &EmgConfig, classifier: Classifier) -> Result<Self, EmgError> {
+        if classifier.channels() != config.channels {
+            return Err(EmgError::ClassifierChannels {
+                trained: classifier.channels(),
+                stream: config.channels,
+            });
+        }
+        Ok(EmgPipeline {
+            features: classifier.feature_group(),
+            window: SlidingWindow::new(config)?,
+            rule: DecisionRule::new(config),
+            classifier,
+            overflows: 0,
+        })
+    }
+
+    /// Takes the samples that arrived at `now`, oldest first. Some if a window ended with one of them, or if the
+    /// stream became stale now; if several windows ended, the decision rule saw them all and the newest is
+    /// returned. Call it every tick, with no samples too. Does not allocate.
+    pub fn step(&mut self, now: SimTime, samples: &[EmgSample]) -> Option<EmgOutput> {
+        let mut output = None;
+        for sample in samples {
+            let Some(window) = self.window.push(sample) else { continue };
+            let features = self.features.compute(&window);
+            // Finite samples whose sums overflow: as good as no window.
+            let Ok(prediction) = self.classifier.predict(&features) else {
+                self.overflows += 1;
+                continue;
+            };
+            let Some(decision) = self.rule.step(now, Some(prediction.class)) else { continue };
+            let effort = match prediction.class {
+                Gesture::NoMotion => 0.0,
+                class => self.classifier.effort(class, &features).unwrap_or(0.0),
+            };
+            output = Some(EmgOutput {
+                gesture: decision.gesture,
+                published: decision.published,
+                window_class: prediction.class,
+                posterior: prediction.posterior,
+                confidence: prediction.posterior[prediction.class.index()],
+                effort,
+                stale: false,
+            });
+        }
+        output.or_else(|| self.rule.step(now, None).map(stale_output))
+    }
+
+    /// Counters since the start.
+    pub fn counts(&self) -> StreamCounts {
+        let mut counts = self.window.counts();
+        counts.windows -= self.overflows;
+        counts.rejected_windows += self.overflows;
+        counts
+    }
+}
+
+fn stale_output(decision: Decision) -> EmgOutput {
+    EmgOutput {
+        gesture: decision.gesture,
+        published: decision.published,
+        window_class: Gesture::NoMotion,
+        posterior: [0.0; 5],
+        confidence: 0.0,
+        effort: 0.0,
+        stale: decision.stale,
+    }
+}
+
+impl FeatureGroup {
+    /// The features of one window.
+    pub fn compute(self, window: &WindowView<'_>) -> FeatureVector {
+        match self {
+            FeatureGroup::Htd => hudgins(window),
+        }
+    }
+}
+
+/// Features of every window of a recording, by the same code as live. Windows that a gap spoils are left out; a
+/// recording shorter than a window gives none.
+///
+/// # Errors
+/// Settings that cannot work, or a sample with another number of channels or a value that is not finite.
+pub fn extract<'a>(
+    config: &EmgConfig,
+    samples: impl IntoIterator<Item = &'a EmgSample>,
+) -> Result<Vec<FeatureVector>, EmgError> {
+    let mut window = SlidingWindow::new(config)?;
+    let mut features = Vec::new();
+    for sample in samples {
+        if sample.channels.len() != config.channels || sample.channels.iter().any(|v| !v.is_finite()) {
+            return Err(EmgError::BadSample {
+                counter: sample.counter,
+                channels: sample.channels.len(),
+                expected: config.channels,
+            });
+        }
+        features.extend(window.push(sample).map(|view| config.features.compute(&view)));
+    }
+    Ok(features)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn config() -> EmgConfig {
+        EmgConfig { channels: 2, rate_hz: 200.0, ..EmgConfig::default() }
+    }
+
+    fn sample(counter: u64, amplitude: f64) -> EmgSample {
+        let k = counter as f64;
+        EmgSample { counter, channels: [amplitude * (k * 1.7).sin(), (k * 2.9).cos()].into_iter().collect() }
+    }
+
+    fn pipeline() -> EmgPipeline {
+        let config = config();
+        let mut windows = Vec::new();
+        let mut labels = Vec::new();
+        for (gesture, amplitude) in [(Gesture::NoMotion, 1.0), (Gesture::HandClose, 20.0)] {
+            let samples: Vec<EmgSample> = (0..400).map(|k| sample(k, amplitude)).collect();
+            windows.extend(extract(&config, &samples).expect("good samples"));
+            labels.resize(windows.len(), gesture);
+        }
+        let classifier = Classifier::train(&config, &windows, &labels).expect("good data");
+        EmgPipeline::new(&config, classifier).expect("they fit")
+    }
+
+    /// Runs `ticks` ticks from `from`; samples every 5 ms unless `lost`.
+    fn run(
+        pipeline: &mut EmgPipeline,
+        from: u64,
+        ticks: u64,
+        amplitude: f64,
+        lost: bool,
+    ) -> Vec<(u64, EmgOutput)> {
+        (from..from + ticks)
+            .filter_map(|t| {
+                let sample = (t % 5 == 0 && !lost).then(|| sample(t / 5, amplitude));
+                pipeline.step(SimTime(t), sample.as_slice()).map(|out| (t, out))
+            })
+            .collect()
+    }
+
+    #[test]
+    fn a_decision_belongs_to_the_tick_of_the_last_sample_of_its_window() {
+        let times: Vec<u64> = run(&mut pipeline(), 0, 250, 1.0, false).iter().map(|(t, _)| *t).collect();
+        assert_eq!(times, [95, 145, 195, 245]);
+    }
+
+    #[test]
+    fn a_drop_out_stops_the_arm_and_only_a_relaxed_hand_rearms_it() {
+        let mut pipeline = pipeline();
+        let before = run(&mut pipeline, 0, 400, 20.0, false);
+        assert!(before.last().is_some_and(|(_, out)| out.gesture == Gesture::HandClose));
+
+        let silent = run(&mut pipeline, 400, 600, 20.0, true);
+        assert_eq!(silent.len(), 1, "{silent:?}");
+        let (at, out) = silent[0];
+        assert_eq!((at, out.stale, out.gesture), (395 + 201, true, Gesture::NoMotion));
+
+        let held_through = run(&mut pipeline, 1000, 500, 20.0, false);
+        assert!(held_through.iter().all(|(_, out)| out.gesture == Gesture::NoMotion), "{held_through:?}");
+        assert_eq!(held_through.last().map(|(_, out)| out.window_class), Some(Gesture::HandClose));
+        assert_eq!(pipeline.counts().gaps, 1);
+
+        run(&mut pipeline, 1500, 400, 1.0, false);
+        let rearmed = run(&mut pipeline, 1900, 400, 20.0, false);
+        assert_eq!(rearmed.last().map(|(_, out)| out.gesture), Some(Gesture::HandClose));
+    }
+
+    #[test]
+    fn samples_that_overflow_the_sums_reject_the_window() {
+        let mut pipeline = pipeline();
+        let outputs = run(&mut pipeline, 0, 400, f64::MAX, false);
+        assert!(outputs.iter().all(|(_, out)| out.stale), "{outputs:?}");
+        assert_eq!((pipeline.counts().windows, pipeline.counts().rejected_windows), (0, 7));
+    }
+
+    #[test]
+    fn a_classifier_of_another_band_is_refused() {
+        let classifier = pipeline().classifier;
+        let error = EmgPipeline::new(&EmgConfig::default(), classifier).expect_err("8 channels");
+        assert_eq!(error, EmgError::ClassifierChannels { trained: 2, stream: 8 });
+    }
+}

@@ -1,0 +1,268 @@
+use crate::{EmgConfig, EmgError};
+use proact_types::EmgSample;
+use serde::{Deserialize, Serialize};
+
+/// What a stream has brought so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct StreamCounts {
+    /// Whole windows.
+    pub windows: u64,
+    /// Windows that a gap or an unusable sample spoilt.
+    pub rejected_windows: u64,
+    /// Gaps in the sample counter.
+    pub gaps: u64,
+    /// Samples with a NaN, an infinity, or another number of channels.
+    pub unusable_samples: u64,
+    /// Samples whose counter had been seen before or was passed already; they are dropped.
+    pub repeated_samples: u64,
+    /// Times the counter went back by more than a window: the device started anew.
+    pub restarts: u64,
+}
+
+/// Cuts a stream into windows aligned to its sample counter: with W samples a window and an increment of I, window
+/// k ends at the sample whose counter is `first + W - 1 + k I`, whatever happened in between. A window with a gap
+/// or an unusable sample in it is never handed out.
+///
+/// Storage is allocated at construction only.
+#[derive(Clone, Debug)]
+pub struct SlidingWindow {
+    channels: usize,
+    length: usize,
+    increment: usize,
+    /// `[channel][capacity]`, row-major, so that a window is one slice per channel.
+    data: Vec<f64>,
+    capacity: usize,
+    /// Samples in each row.
+    filled: usize,
+    /// Usable samples without a gap up to the newest, at most `length`.
+    run: usize,
+    /// Counter expected next; none before the first sample.
+    expected: Option<u64>,
+    /// Counter of the last sample of the next window.
+    next_end: u64,
+    counts: StreamCounts,
+}
+
+/// The samples of one window.
+#[derive(Clone, Copy, Debug)]
+pub struct WindowView<'a> {
+    data: &'a [f64],
+    channels: usize,
+    capacity: usize,
+    start: usize,
+    length: usize,
+}
+
+impl WindowView<'_> {
+    /// Number of channels.
+    pub fn channels(&self) -> usize {
+        self.channels
+    }
+
+    /// Samples of one channel, oldest first.
+    ///
+    /// # Panics
+    /// If there is no such channel.
+    pub fn channel(&self, channel: usize) -> &[f64] {
+        let start = channel * self.capacity + self.start;
+        &self.data[start..start + self.length]
+    }
+}
+
+impl SlidingWindow {
+    /// An empty window for the stream of `config`.
+    ///
+    /// # Errors
+    /// If the settings cannot work.
+    pub fn new(config: &EmgConfig) -> Result<Self, EmgError> {
+        config.check()?;
+        let (length, increment) = (config.window_samples()?, config.increment_samples()?);
+        // Rows are three windows long, so that samples are moved to the front only now and then.
+        let capacity = 3 * length;
+        Ok(SlidingWindow {
+            channels: config.channels,
+            length,
+            increment,
+            data: vec![0.0; config.channels * capacity],
+            capacity,
+            filled: 0,
+            run: 0,
+            expected: None,
+            next_end: 0,
+            counts: StreamCounts::default(),
+        })
+    }
+
+    /// Counters since the start.
+    pub fn counts(&self) -> StreamCounts {
+        self.counts
+    }
+
+    /// Takes the next sample; returns the window that ends with it, if there is one.
+    pub fn push(&mut self, sample: &EmgSample) -> Option<WindowView<'_>> {
+        if !self.advance_to(sample.counter) {
+            return None;
+        }
+        if sample.channels.len() == self.channels && sample.channels.iter().all(|v| v.is_finite()) {
+            self.store(&sample.channels);
+        } else {
+            self.counts.unusable_samples += 1;
+            self.run = 0;
+        }
+        if sample.counter != self.next_end {
+            return None;
+        }
+        self.next_end = self.next_end.saturating_add(self.increment as u64);
+        if self.run < self.length {
+            self.counts.rejected_windows += 1;
+            return None;
+        }
+        self.counts.windows += 1;
+        Some(WindowView {
+            data: &self.data,
+            channels: self.channels,
+            capacity: self.capacity,
+            start: self.filled - self.length,
+            length: self.length,
+        })
+    }
+
+    /// Compares `counter` with the one expected. False if the sample is to be dropped.
+    fn advance_to(&mut self, counter: u64) -> bool {
+        let restart = match self.expected {
+            None => true,
+            Some(expected) if counter < expected => {
+                // A late or repeated packet lies within a window of the newest sample; further back means that
+                // the device's counter started anew.
+                if expected - counter <= self.length as u64 {
+                    self.counts.repeated_samples += 1;
+                    return false;
+                }
+                self.counts.restarts += 1;
+                true
+            }
+            Some(expected) => {
+                if counter > expected {
+                    self.counts.gaps += 1;
+                    self.run = 0;
+                }
+                false
+            }
+        };
+        if restart {
+            self.run = 0;
+            self.next_end = counter.saturating_add(self.length as u64 - 1);
+        } else if counter > self.next_end {
+            // Windows whose end was lost in the gap.
+            let increment = self.increment as u64;
+            let lost = (counter - self.next_end).div_ceil(increment);
+            self.counts.rejected_windows += lost;
+            self.next_end = self.next_end.saturating_add(lost.saturating_mul(increment));
+        }
+        self.expected = Some(counter.saturating_add(1));
+        true
+    }
+
+    fn store(&mut self, values: &[f64]) {
+        if self.filled == self.capacity {
+            // Keep what the next window may still need.
+            let keep = self.length - 1;
+            for row in self.data.chunks_exact_mut(self.capacity) {
+                row.copy_within(self.capacity - keep.., 0);
+            }
+            self.filled = keep;
+        }
+        for (row, value) in self.data.chunks_exact_mut(self.capacity).zip(values) {
+            row[self.filled] = *value;
+        }
+        self.filled += 1;
+        self.run = (self.run + 1).min(self.length);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::WindowLength;
+
+    fn window(length: u32, increment: u32) -> SlidingWindow {
+        SlidingWindow::new(&EmgConfig {
+            channels: 1,
+            window: WindowLength::Samples(length),
+            increment: WindowLength::Samples(increment),
+            ..EmgConfig::default()
+        })
+        .expect("valid settings")
+    }
+
+    fn sample(counter: u64, value: f64) -> EmgSample {
+        EmgSample { counter, channels: [value].into_iter().collect() }
+    }
+
+    /// First sample and length of each window, with the counter as the signal.
+    fn push_all(window: &mut SlidingWindow, counters: impl IntoIterator<Item = u64>) -> Vec<(f64, usize)> {
+        let mut out = Vec::new();
+        for k in counters {
+            if let Some(view) = window.push(&sample(k, k as f64)) {
+                let values = view.channel(0);
+                assert!(values.windows(2).all(|w| w[1] == w[0] + 1.0), "torn window {values:?}");
+                out.push((values[0], values.len()));
+            }
+        }
+        out
+    }
+
+    #[test]
+    fn windows_lie_at_multiples_of_the_increment_and_the_tail_is_dropped() {
+        let windows = push_all(&mut window(10, 5), 100..124);
+        assert_eq!(windows, [(100.0, 10), (105.0, 10), (110.0, 10)]);
+    }
+
+    #[test]
+    fn an_increment_longer_than_the_window_leaves_samples_out() {
+        assert_eq!(push_all(&mut window(3, 7), 0..24), [(0.0, 3), (7.0, 3), (14.0, 3), (21.0, 3)]);
+    }
+
+    #[test]
+    fn a_gap_rejects_the_windows_it_touches_and_keeps_the_grid() {
+        let mut window = window(10, 5);
+        let windows = push_all(&mut window, (0..22).chain(24..60));
+        assert_eq!(
+            windows.iter().map(|w| w.0).collect::<Vec<_>>(),
+            [0.0, 5.0, 10.0, 25.0, 30.0, 35.0, 40.0, 45.0, 50.0]
+        );
+        let counts = window.counts();
+        assert_eq!((counts.gaps, counts.rejected_windows, counts.windows), (1, 2, 9));
+    }
+
+    #[test]
+    fn a_long_gap_counts_every_window_lost_in_it() {
+        let mut window = window(10, 5);
+        push_all(&mut window, (0..10).chain(1000..1010));
+        // Ends 14, 19, .., 1004 are lost or spoilt, 1009 is whole again.
+        assert_eq!(window.counts().rejected_windows, 199);
+        assert_eq!(window.counts().windows, 2);
+    }
+
+    #[test]
+    fn a_nan_or_a_missing_channel_rejects_the_windows_that_hold_it() {
+        for bad in [sample(12, f64::NAN), EmgSample { counter: 12, channels: Default::default() }] {
+            let mut window = window(10, 5);
+            let mut starts = Vec::new();
+            for k in 0..40 {
+                let sample = if k == 12 { bad.clone() } else { sample(k, k as f64) };
+                starts.extend(window.push(&sample).map(|v| v.channel(0)[0]));
+            }
+            assert_eq!(starts, [0.0, 15.0, 20.0, 25.0, 30.0]);
+            assert_eq!((window.counts().unusable_samples, window.counts().rejected_windows), (1, 2));
+        }
+    }
+
+    #[test]
+    fn repeated_samples_are_dropped_and_a_new_start_of_the_counter_begins_a_new_grid() {
+        let mut window = window(10, 5);
+        let windows = push_all(&mut window, (0..12).chain(9..20).chain(0..10));
+        assert_eq!(windows, [(0.0, 10), (5.0, 10), (10.0, 10), (0.0, 10)]);
+        assert_eq!((window.counts().repeated_samples, window.counts().restarts), (3, 1));
+    }
+}
