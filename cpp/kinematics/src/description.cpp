@@ -1,0 +1,102 @@
+#include "proact/kinematics/description.hpp"
+
+#include <cmath>
+#include <set>
+#include <stdexcept>
+
+namespace proact::kinematics {
+
+namespace {
+
+// Below this length an axis is taken to be a mistake rather than a direction.
+constexpr double kShortestAxis = 1e-9;
+
+void require(bool holds, const std::string& otherwise) {
+  if (!holds) throw std::invalid_argument(otherwise);
+}
+
+std::string quoted(const std::string& name) { return '"' + name + '"'; }
+
+void check_joint(const LinkDescription& link) {
+  const double length = std::hypot(link.axis[0], link.axis[1], link.axis[2]);
+  require(length >= kShortestAxis, "joint " + quoted(link.joint) + ": the axis has no direction");
+  // Written so that NaN fails.
+  require(link.lower <= link.upper, "joint " + quoted(link.joint) + ": lower limit " + std::to_string(link.lower) +
+                                        " is above upper limit " + std::to_string(link.upper));
+}
+
+}  // namespace
+
+KDL::Frame to_kdl(const Pose& pose) {
+  const auto& [x, y, z, w] = pose.quaternion;
+  return KDL::Frame(KDL::Rotation::Quaternion(x, y, z, w),
+                    KDL::Vector(pose.position[0], pose.position[1], pose.position[2]));
+}
+
+Pose from_kdl(const KDL::Frame& frame) {
+  Pose pose{{frame.p.x(), frame.p.y(), frame.p.z()}, {}};
+  frame.M.GetQuaternion(pose.quaternion[0], pose.quaternion[1], pose.quaternion[2], pose.quaternion[3]);
+  return pose;
+}
+
+KDL::RigidBodyInertia to_kdl(const Inertial& inertial) {
+  const KDL::Frame link_from_inertial = to_kdl(inertial.pose);
+  const auto& [ixx, ixy, ixz, iyy, iyz, izz] = inertial.inertia;
+  // KDL turns whole bodies only; one without mass at the origin leaves the pure rotation of the tensor.
+  const KDL::RigidBodyInertia turned =
+      link_from_inertial.M *
+      KDL::RigidBodyInertia(0.0, KDL::Vector::Zero(), KDL::RotationalInertia(ixx, iyy, izz, ixy, ixz, iyz));
+  return KDL::RigidBodyInertia(inertial.mass, link_from_inertial.p, turned.getRotationalInertia());
+}
+
+KDL::Segment make_segment(const LinkDescription& link) {
+  const KDL::Frame parent_from_link = to_kdl(link.origin);
+  KDL::Joint joint(link.joint, KDL::Joint::None);
+  if (link.revolute) {
+    // KDL turns a joint in the parent frame, so origin and axis are expressed there.
+    const KDL::Vector axis(link.axis[0], link.axis[1], link.axis[2]);
+    joint = KDL::Joint(link.joint, parent_from_link.p, parent_from_link.M * axis, KDL::Joint::RotAxis);
+  }
+  const bool massive = link.inertial.mass > 0.0;
+  return KDL::Segment(link.name, joint, parent_from_link,
+                      massive ? to_kdl(link.inertial) : KDL::RigidBodyInertia::Zero());
+}
+
+void check(const ArmDescription& description) {
+  const auto& links = description.links;
+  require(!links.empty(), "the arm has no links");
+  std::set<std::string> names;
+  std::size_t revolute = 0;
+  for (std::size_t k = 0; k < links.size(); ++k) {
+    require(names.insert(links[k].name).second, "two links are called " + quoted(links[k].name));
+    require(links[k].inertial.mass >= 0.0, "link " + quoted(links[k].name) + ": mass " +
+                                               std::to_string(links[k].inertial.mass) + " kg is negative");
+    if (k == 0) continue;
+    require(links[k].parent < k, "link " + quoted(links[k].name) + " stands before its parent");
+    if (links[k].revolute) {
+      check_joint(links[k]);
+      ++revolute;
+    }
+  }
+
+  std::set<std::size_t> moving;
+  for (const std::size_t link : description.moving) {
+    require(link > 0 && link < links.size() && links[link].revolute,
+            "moving joint list: entry " + std::to_string(link) + " is no revolute joint");
+    require(moving.insert(link).second, "joint " + quoted(links[link].joint) + " is listed twice as moving");
+  }
+  for (std::size_t k = 1; k < links.size(); ++k) {
+    require(!links[k].revolute || moving.count(k) == 1,
+            "joint " + quoted(links[k].joint) + " is revolute but belongs to no group");
+  }
+  require(revolute > 0, "the arm has no revolute joint");
+
+  require(description.base < links.size() && description.tip < links.size(), "base or tip is no link");
+  std::size_t link = description.tip;
+  while (link != description.base && link != 0) link = links[link].parent;
+  require(link == description.base && description.tip != description.base,
+          "the tip " + quoted(links[description.tip].name) + " is not below the base " +
+              quoted(links[description.base].name));
+}
+
+}  // namespace proact::kinematics
