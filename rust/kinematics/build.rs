@@ -1,0 +1,44 @@
+//! Compiles the C++ core and its adapter, and links Debian's KDL.
+
+use std::path::{Path, PathBuf};
+
+fn main() {
+    let core = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../cpp/kinematics");
+    let mut build = cxx_build::bridge("src/bridge.rs");
+    build.file("src/adapter.cpp");
+    for source in ["arm", "benchmark", "description", "inverse_solver"] {
+        build.file(core.join(format!("src/{source}.cpp")));
+    }
+    // The flags are those of cmake/ProactWarnings.cmake, so that both builds compute the same bits.
+    build
+        .include(core.join("include"))
+        .std("c++17")
+        .opt_level(2)
+        .flag("-ffp-contract=off")
+        .flag("-Wall")
+        .flag("-Wextra");
+
+    for package in ["orocos-kdl", "eigen3"] {
+        for include in probe(package) {
+            build.flag(format!("-isystem{}", include.display()));
+        }
+    }
+    build.compile("proact_kinematics");
+
+    for watched in ["src/bridge.rs", "src/adapter.cpp", "src/adapter.hpp"] {
+        println!("cargo:rerun-if-changed={watched}");
+    }
+    println!("cargo:rerun-if-changed={}", core.display());
+}
+
+/// Include folders of a Debian library, linking it on the way.
+///
+/// The compiler's own folder is left out: as `-isystem` it hides the C headers from `<cstdlib>`.
+fn probe(package: &str) -> Vec<PathBuf> {
+    let library = pkg_config::probe_library(package).unwrap_or_else(|error| {
+        panic!(
+            "{package} was not found ({error}). On Debian: apt-get install liborocos-kdl-dev libeigen3-dev"
+        )
+    });
+    library.include_paths.into_iter().filter(|path| path != Path::new("/usr/include")).collect()
+}

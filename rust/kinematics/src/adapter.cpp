@@ -1,0 +1,100 @@
+#include "proact-kinematics/src/adapter.hpp"
+
+#include "proact-kinematics/src/bridge.rs.h"
+#include "proact/kinematics/benchmark.hpp"
+
+#include <algorithm>
+#include <string>
+
+// Lengths and finiteness are checked on the Rust side, where the error can name the numbers.
+namespace proact::kinematics {
+
+namespace {
+
+Pose from_raw(const Seven& raw) { return {{raw[0], raw[1], raw[2]}, {raw[3], raw[4], raw[5], raw[6]}}; }
+
+template <typename Out>
+void to_raw(const Pose& pose, Out out) {
+  std::copy(pose.quaternion.begin(), pose.quaternion.end(),
+            std::copy(pose.position.begin(), pose.position.end(), out));
+}
+
+ArmDescription from_raw(const RawArm& raw) {
+  ArmDescription arm;
+  for (const RawLink& link : raw.links) {
+    LinkDescription description;
+    description.name = std::string(link.name);
+    description.parent = link.parent;
+    description.joint = std::string(link.joint);
+    description.revolute = link.revolute;
+    description.origin = from_raw(link.origin);
+    description.axis = link.axis;
+    description.lower = link.lower;
+    description.upper = link.upper;
+    description.inertial = {link.mass, from_raw(link.inertial_pose), link.inertia};
+    arm.links.push_back(description);
+  }
+  arm.moving.assign(raw.moving.begin(), raw.moving.end());
+  arm.base = raw.base;
+  arm.tip = raw.tip;
+  return arm;
+}
+
+rust::Vec<double> to_raw(const std::vector<double>& values) {
+  rust::Vec<double> out;
+  out.reserve(values.size());
+  for (const double value : values) out.push_back(value);
+  return out;
+}
+
+}  // namespace
+
+std::unique_ptr<Arm> new_arm(const RawArm& description) { return std::make_unique<Arm>(from_raw(description)); }
+
+std::size_t chain_joint_count(const Arm& arm) { return arm.chain_joint_count(); }
+
+void forward(Arm& arm, rust::Slice<const double> q, Seven& pose) { to_raw(arm.forward(q.data()), pose.begin()); }
+
+void jacobian(Arm& arm, rust::Slice<const double> q, rust::Slice<double> out) {
+  arm.jacobian(q.data(), out.data());
+}
+
+void singular_values(Arm& arm, rust::Slice<const double> q, std::array<double, 6>& out) {
+  out = arm.singular_values(q.data());
+}
+
+void link_poses(Arm& arm, rust::Slice<const double> q, rust::Slice<double> out) {
+  std::vector<Pose> poses(arm.link_count());
+  arm.link_poses(q.data(), poses.data());
+  double* next = out.data();
+  for (const Pose& pose : poses) {
+    to_raw(pose, next);
+    next += 7;
+  }
+}
+
+void inverse_dynamics(Arm& arm, rust::Slice<const double> q, rust::Slice<const double> qd,
+                      rust::Slice<const double> qdd, const std::array<double, 3>& gravity,
+                      rust::Slice<double> torque) {
+  arm.inverse_dynamics(q.data(), qd.data(), qdd.data(), gravity, torque.data());
+}
+
+void carry(Arm& arm, double mass, const Seven& pose, const std::array<double, 6>& inertia) {
+  arm.carry(Inertial{mass, from_raw(pose), inertia});
+}
+
+void carry_nothing(Arm& arm) { arm.carry(std::nullopt); }
+
+bool inverse(Arm& arm, const Seven& target, rust::Slice<const double> seed, rust::Slice<double> out) {
+  return arm.inverse(from_raw(target), seed.data(), out.data());
+}
+
+rust::Vec<double> inverse_all(Arm& arm, const Seven& target, std::size_t starts, std::uint64_t random_seed) {
+  return to_raw(arm.inverse_all(from_raw(target), starts, random_seed));
+}
+
+rust::Vec<double> time_raw_kdl(const RawArm& description, rust::Slice<const double> q, std::size_t count) {
+  return to_raw(time_raw_kdl(from_raw(description), q.data(), count));
+}
+
+}  // namespace proact::kinematics

@@ -1,0 +1,191 @@
+use crate::Kinematics;
+use nalgebra::Rotation3;
+use proact_control::ports::KinematicsError;
+use proact_types::{ArmModel, Inertial, JointVector, Pose, Vector, zeros};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use std::f64::consts::TAU;
+
+/// How [`effort_limits`] searches.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EffortOptions {
+    /// Mass in the hand, kg: a block of the task.
+    pub carried_kg: f64,
+    /// Furthest lean of the trunk forwards, rad. The person looks along x of the base, y is left.
+    pub forward_rad: f64,
+    /// Furthest lean to either side, rad.
+    pub lateral_rad: f64,
+    /// Effort limit as a multiple of the largest static torque.
+    pub factor: f64,
+    /// Random configurations from which the search starts.
+    pub samples: usize,
+    /// Seeds them.
+    pub seed: u64,
+}
+
+impl Default for EffortOptions {
+    fn default() -> Self {
+        Self {
+            carried_kg: 0.1,
+            forward_rad: 35f64.to_radians(),
+            lateral_rad: 25f64.to_radians(),
+            factor: 3.0,
+            samples: 2000,
+            seed: 1,
+        }
+    }
+}
+
+/// What a joint has to bear.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EffortLimit {
+    /// The joint.
+    pub joint: String,
+    /// Largest torque at rest over all angles within the limits and all leans, N m.
+    pub static_torque: f64,
+    /// That times the factor, N m.
+    pub effort: f64,
+}
+
+/// Starts of the coordinate search for one joint, and sweeps from each.
+const STARTS: usize = 4;
+const SWEEPS: usize = 6;
+/// Gravity of design.md 4, m/s^2.
+const GRAVITY: f64 = 9.80665;
+
+/// The largest static torque of every moving joint with a body at the grasp centre, and the effort limit that
+/// follows, in the order of [`ArmModel::moving`].
+///
+/// Samples configurations, then climbs from the best ones one coordinate at a time. Gravity torque is
+/// `a + b cos(x) + c sin(x)` in any one joint angle x, and in either lean, because the potential energy is linear
+/// in cosine and sine of each: three evaluations give the maximum along a coordinate exactly. Deterministic for
+/// a seed. Known weakness: coordinate climbing can stay below the true maximum; the best of several starts is
+/// taken, and more samples show whether that matters.
+///
+/// # Errors
+/// As [`Kinematics::new`] and [`Kinematics::carry`].
+pub fn effort_limits(model: &ArmModel, options: &EffortOptions) -> Result<Vec<EffortLimit>, KinematicsError> {
+    let mut search = Search::new(model, options)?;
+    let mut random = ChaCha8Rng::seed_from_u64(options.seed);
+    let mut samples = Vec::with_capacity(options.samples.max(STARTS));
+    for _ in 0..options.samples.max(STARTS) {
+        let x: Vec<f64> = search
+            .ranges
+            .iter()
+            .map(|&(lower, upper)| lower + (upper - lower) * random.random::<f64>())
+            .collect();
+        let torque = search.torque(&x)?;
+        samples.push((x, torque));
+    }
+
+    let mut limits = Vec::with_capacity(model.moving_count());
+    for (k, joint) in model.moving().enumerate() {
+        samples.sort_by(|a, b| b.1[k].abs().total_cmp(&a.1[k].abs()));
+        let mut static_torque = 0.0f64;
+        for (start, _) in &samples[..STARTS] {
+            static_torque = static_torque.max(search.climb(start.clone(), k)?);
+        }
+        limits.push(EffortLimit {
+            joint: model.joints[joint].name.clone(),
+            static_torque,
+            effort: options.factor * static_torque,
+        });
+    }
+    Ok(limits)
+}
+
+/// Coordinates: the moving joints, then the lean forwards and to the side.
+struct Search {
+    kinematics: Kinematics,
+    ranges: Vec<(f64, f64)>,
+    rest: JointVector,
+}
+
+impl Search {
+    fn new(model: &ArmModel, options: &EffortOptions) -> Result<Self, KinematicsError> {
+        let mut kinematics = Kinematics::new(model)?;
+        let pose = Pose::from_parts(model.grasp_centre.into(), nalgebra::UnitQuaternion::identity());
+        // At rest the shape of the body does not matter, only its weight.
+        kinematics.carry(Some(&Inertial { mass: options.carried_kg, pose, inertia: [0.0; 6] }))?;
+        let mut ranges: Vec<(f64, f64)> = model
+            .moving()
+            .map(|joint| (model.joints[joint].limits.lower, model.joints[joint].limits.upper))
+            .collect();
+        ranges.extend([(0.0, options.forward_rad), (-options.lateral_rad, options.lateral_rad)]);
+        Ok(Self { kinematics, ranges, rest: zeros(model.moving_count()) })
+    }
+
+    fn torque(&mut self, x: &[f64]) -> Result<JointVector, KinematicsError> {
+        let (q, lean) = x.split_at(self.rest.len());
+        let world_from_base = Rotation3::from_axis_angle(&Vector::y_axis(), lean[0])
+            * Rotation3::from_axis_angle(&Vector::x_axis(), lean[1]);
+        let gravity = world_from_base.inverse() * Vector::new(0.0, 0.0, -GRAVITY);
+        self.kinematics.inverse_dynamics(q, &self.rest, &self.rest, &gravity)
+    }
+
+    /// The largest absolute torque of joint `k` that coordinate-wise maximisation reaches from `x`.
+    fn climb(&mut self, mut x: Vec<f64>, k: usize) -> Result<f64, KinematicsError> {
+        let mut best = self.torque(&x)?[k].abs();
+        for _ in 0..SWEEPS {
+            let before = best;
+            for coordinate in 0..x.len() {
+                let here = x[coordinate];
+                let mut third = [0.0; 3];
+                for (step, value) in third.iter_mut().enumerate() {
+                    x[coordinate] = here + TAU / 3.0 * step as f64;
+                    *value = self.torque(&x)?[k];
+                }
+                let (angle, value) = largest_sinusoid(third, here, self.ranges[coordinate]);
+                // Coordinates that do not matter stay where they are.
+                let better = value > best * (1.0 + 1e-9);
+                x[coordinate] = if better { angle } else { here };
+                best = if better { value } else { best };
+            }
+            if best <= before * (1.0 + 1e-6) {
+                break;
+            }
+        }
+        Ok(best)
+    }
+}
+
+/// The angle within `range`, and the value there, at which `|a + b cos(x) + c sin(x)|` is largest, when `third`
+/// holds the function at `here` and one and two thirds of a turn later.
+fn largest_sinusoid(third: [f64; 3], here: f64, range: (f64, f64)) -> (f64, f64) {
+    // Discrete Fourier transform of three points, phase counted from `here`.
+    let mean = third.iter().sum::<f64>() / 3.0;
+    let cosine = (2.0 * third[0] - third[1] - third[2]) / 3.0;
+    let sine = (third[1] - third[2]) / 3f64.sqrt();
+    let value = |angle: f64| (mean + cosine * (angle - here).cos() + sine * (angle - here).sin()).abs();
+    let crest = here + sine.atan2(cosine);
+    let mut best = (range.0, value(range.0));
+    let extremes = (-3..=3).map(|half_turns| crest + TAU / 2.0 * f64::from(half_turns));
+    for angle in extremes.filter(|angle| (range.0..=range.1).contains(angle)).chain([range.1]) {
+        if value(angle) > best.1 {
+            best = (angle, value(angle));
+        }
+    }
+    best
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_largest_value_of_a_sinusoid_is_found_inside_and_at_the_ends_of_a_range() {
+        let function = |x: f64| 0.5 + 2.0 * x.cos() - 1.5 * x.sin();
+        let here = 0.3;
+        let third = [0, 1, 2].map(|step| function(here + TAU / 3.0 * f64::from(step)));
+        for range in [(-3.0, 3.0), (0.5, 1.0), (-0.2, 2.9), (1.0, 1.0)] {
+            let (angle, value) = largest_sinusoid(third, here, range);
+            assert!((function(angle).abs() - value).abs() < 1e-12);
+            let steps = 100_000;
+            let scanned = (0..=steps)
+                .map(|i| function(range.0 + (range.1 - range.0) * f64::from(i) / f64::from(steps)).abs())
+                .fold(0.0, f64::max);
+            // The scan misses the crest by at most half a step, a share of order 1e-9.
+            assert!((value - scanned).abs() < 1e-7, "{range:?}: {value} against {scanned}");
+        }
+    }
+}
