@@ -1,1 +1,167 @@
-//! To come.
+//! The arm's description: URDF by urdfdom, SRDF beside it, into one immutable [`ArmModel`].
+//!
+//! What it does: reads, judges ([`check`]), mirrors ([`mirror`]), imports ([`import`]) and writes descriptions.
+//! What it never does: load meshes, compute kinematics, or keep state. Reading is deterministic: links are
+//! ordered depth first, siblings by the name of their joint, whatever the order in the file.
+//!
+//! ```
+//! let arm = proact_description::mpl_right_arm();
+//! assert_eq!((arm.arm_count(), arm.moving_count()), (7, 27));
+//! assert_eq!(arm.pose("hand", "closed").expect("the hand can close").len(), 20);
+//! ```
+// Files are this crate's input: the command line hands it paths of a lab's descriptions.
+#![allow(clippy::disallowed_methods)]
+#![cfg_attr(test, allow(clippy::unwrap_used))]
+
+mod assemble;
+// The generated half of the bridge is unsafe; what is written by hand here is signatures.
+#[allow(unsafe_code)]
+mod bridge;
+mod finding;
+mod lint;
+mod semantics;
+mod tree;
+
+pub use finding::{DescriptionError, Finding, Severity};
+
+use finding::Findings;
+use proact_types::{ArmModel, Link};
+use std::path::Path;
+
+/// The MPL right arm, as URDF.
+pub const MPL_RIGHT_ARM_URDF: &str =
+    include_str!("../../../ros1_ws/src/proact_description/urdf/mpl_right_arm.urdf");
+/// Groups, poses and allowed collisions of the MPL right arm, as SRDF.
+pub const MPL_RIGHT_ARM_SRDF: &str =
+    include_str!("../../../ros1_ws/src/proact_description/srdf/mpl_right_arm.srdf");
+
+/// The MPL right arm: 7 arm and 20 hand joints, base `base_link`, tip `mpl_right_arm__wristz_link`.
+pub fn mpl_right_arm() -> ArmModel {
+    parse(MPL_RIGHT_ARM_URDF, MPL_RIGHT_ARM_SRDF).expect("a test reads the embedded description")
+}
+
+/// Reads a description from the texts of its URDF and SRDF files.
+///
+/// # Errors
+/// [`DescriptionError::Invalid`] with every error found, not only the first.
+pub fn parse(urdf: &str, srdf: &str) -> Result<ArmModel, DescriptionError> {
+    parse_either(urdf, Some(srdf))
+}
+
+/// Reads a description from the text of a URDF file alone.
+///
+/// The arm runs from the base to the first link at which the tree branches, or to its end; all joints beyond are
+/// the hand. No pair of links may touch except neighbours, and the grasp centre is the tip's origin.
+///
+/// # Errors
+/// As [`parse`].
+pub fn parse_urdf(urdf: &str) -> Result<ArmModel, DescriptionError> {
+    parse_either(urdf, None)
+}
+
+/// Reads a description from its files; without SRDF as [`parse_urdf`].
+///
+/// # Errors
+/// [`DescriptionError::Read`], or as [`parse`].
+pub fn load(urdf: &Path, srdf: Option<&Path>) -> Result<ArmModel, DescriptionError> {
+    let urdf = read_text(urdf)?;
+    let srdf = srdf.map(read_text).transpose()?;
+    parse_either(&urdf, srdf.as_deref())
+}
+
+/// The part of `model` that hangs on link `base`, with the arm ending at link `tip`.
+///
+/// Joints of the chain are the arm; those that hang on the tip are the hand; the rest are left out with their
+/// links. Poses, and the grasp centre, stay only if arm, hand and tip are unchanged.
+///
+/// # Errors
+/// [`DescriptionError::Unknown`] for a link that does not exist, [`DescriptionError::NoChain`] if `tip` does not
+/// hang on `base`.
+pub fn select_chain(model: &ArmModel, base: &str, tip: &str) -> Result<ArmModel, DescriptionError> {
+    let (base_index, tip_index) = (model.link(base)?, model.link(tip)?);
+    let no_chain = || DescriptionError::NoChain { base: base.to_owned(), tip: tip.to_owned() };
+    let path = assemble::chain(model, base_index, tip_index).ok_or_else(no_chain)?;
+    let below_tip = |mut link: usize| {
+        while link > tip_index {
+            link = model.joints[link - 1].parent;
+        }
+        link == tip_index
+    };
+
+    // Parents come before children, so the old order is kept and stays valid.
+    let mut kept = vec![base_index];
+    kept.extend(
+        (0..model.links.len())
+            .filter(|&l| l > 0 && (path.contains(&(l - 1)) || (l > tip_index && below_tip(l)))),
+    );
+    let new_index = |old: usize| kept.iter().position(|&k| k == old).unwrap_or_default();
+    let links: Vec<Link> = kept.iter().map(|&l| model.links[l].clone()).collect();
+    let mut joints = Vec::new();
+    for &link in &kept[1..] {
+        let mut joint = model.joints[link - 1].clone();
+        (joint.parent, joint.child) = (new_index(joint.parent), joints.len() + 1);
+        joints.push(joint);
+    }
+    let moving = |old: &[usize]| -> Vec<usize> { old.iter().map(|&j| new_index(j + 1) - 1).collect() };
+    let revolute = |j: &usize| model.joints[*j].kind == proact_types::JointKind::Revolute;
+    let arm: Vec<usize> = path.iter().copied().filter(revolute).collect();
+    let hand: Vec<usize> = if tip_index == model.tip {
+        model.hand.clone()
+    } else {
+        kept.iter().filter(|&&l| l > tip_index && below_tip(l)).map(|&l| l - 1).filter(revolute).collect()
+    };
+    let same = arm == model.arm && tip_index == model.tip;
+    Ok(ArmModel {
+        name: model.name.clone(),
+        poses: if same { model.poses.clone() } else { Vec::new() },
+        grasp_centre: if same { model.grasp_centre } else { proact_types::Vector::zeros() },
+        allowed_collisions: model
+            .allowed_collisions
+            .iter()
+            .filter(|(a, b)| kept.contains(a) && kept.contains(b))
+            .map(|&(a, b)| (new_index(a), new_index(b)))
+            .collect(),
+        arm: moving(&arm),
+        hand: moving(&hand),
+        tip: new_index(tip_index),
+        links,
+        joints,
+    })
+}
+
+fn read_text(path: &Path) -> Result<String, DescriptionError> {
+    std::fs::read_to_string(path).map_err(|source| DescriptionError::Read { path: path.to_owned(), source })
+}
+
+fn parse_either(urdf: &str, srdf: Option<&str>) -> Result<ArmModel, DescriptionError> {
+    let (model, findings) = examine(urdf, srdf);
+    model.ok_or(DescriptionError::Invalid { findings })
+}
+
+/// Reads a description and everything that can be said against it. There is a model unless one of the findings
+/// is an error.
+fn examine(urdf: &str, srdf: Option<&str>) -> (Option<ArmModel>, Vec<Finding>) {
+    let mut findings = Findings::default();
+    let semantics = srdf.map(|text| semantics::read(text, &mut findings));
+    let mut model = None;
+    if lint::urdf(urdf, &mut findings) {
+        match bridge::ffi::read(urdf) {
+            Ok(raw) => {
+                let tree = tree::build(&raw, &mut findings);
+                model = assemble::assemble(&raw.name, tree, semantics, &mut findings);
+            }
+            Err(refusal) => {
+                let remedy = "Correct what urdfdom names.";
+                findings.error("URDF", "urdfdom refuses the text", refusal.what(), "a URDF robot", remedy);
+            }
+        }
+    }
+    let mut findings = findings.0;
+    lint::locate(urdf, &mut findings);
+    // Worst first; findings of one kind stay in the order of the file.
+    findings.sort_by_key(|f| f.severity);
+    (model, findings)
+}
+
+#[cfg(test)]
+mod tests;

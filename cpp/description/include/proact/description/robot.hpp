@@ -1,0 +1,81 @@
+// A robot description as plain values, read by urdfdom. Plain C++17: no cxx, no ROS.
+#pragma once
+
+#include <array>
+#include <string>
+#include <vector>
+
+namespace proact::description {
+
+/// Metres, and a unit quaternion (x, y, z, w).
+struct Pose {
+  std::array<double, 3> position{};
+  std::array<double, 4> quaternion{{0.0, 0.0, 0.0, 1.0}};
+};
+
+enum class ShapeKind { box, cylinder, sphere, mesh };
+
+struct Shape {
+  ShapeKind kind{};
+  /// box: side lengths; cylinder: radius, length, 0; sphere: radius, 0, 0; mesh: scale factors.
+  std::array<double, 3> size{};
+  /// Address of a mesh, otherwise empty.
+  std::string file;
+};
+
+struct Collision {
+  Pose pose;
+  Shape shape;
+};
+
+struct Visual {
+  Pose pose;
+  Shape shape;
+  /// Red, green, blue, alpha, 0 to 1; light grey when the description gives none.
+  std::array<double, 4> colour{};
+};
+
+struct Link {
+  std::string name;
+  bool has_inertial = false;
+  double mass = 0.0;
+  Pose inertial_pose;
+  /// ixx, ixy, ixz, iyy, iyz, izz.
+  std::array<double, 6> inertia{};
+  std::vector<Collision> collisions;
+  std::vector<Visual> visuals;
+};
+
+struct Joint {
+  std::string name;
+  /// As URDF spells it: fixed, revolute, continuous, prismatic, planar, floating.
+  std::string kind;
+  std::string parent;
+  std::string child;
+  Pose origin;
+  std::array<double, 3> axis{};
+  bool has_limits = false;
+  /// lower, upper, velocity, effort.
+  std::array<double, 4> limits{};
+  double damping = 0.0;
+  double friction = 0.0;
+  bool mimics = false;
+};
+
+/// Links and joints in alphabetical order: urdfdom does not keep the file's order.
+struct Robot {
+  std::string name;
+  std::string root;
+  std::vector<Link> links;
+  std::vector<Joint> joints;
+};
+
+/// Reads the text of a URDF file.
+///
+/// Throws std::runtime_error with everything that urdfdom logged when it refuses the text. Safe to call from
+/// several threads: urdfdom's log handler is process-wide, so calls wait for each other.
+///
+/// Masses, lengths and limits are passed on as they stand; judging them is the caller's work.
+Robot read_urdf(const std::string& text);
+
+}  // namespace proact::description

@@ -1,0 +1,157 @@
+#include "proact/description/robot.hpp"
+
+#include <console_bridge/console.h>
+#include <urdf_model/model.h>
+#include <urdf_parser/urdf_parser.h>
+
+#include <mutex>
+#include <stdexcept>
+
+namespace proact::description {
+
+namespace {
+
+/// Collects warnings and errors, which urdfdom would otherwise print to the terminal.
+class LogCollector : public console_bridge::OutputHandler {
+ public:
+  void log(const std::string& text, console_bridge::LogLevel level, const char*, int) override {
+    if (level < console_bridge::CONSOLE_BRIDGE_LOG_ERROR) return;
+    if (!text_.empty()) text_ += "; ";
+    text_ += text;
+  }
+
+  const std::string& text() const noexcept { return text_; }
+
+ private:
+  std::string text_;
+};
+
+/// Installs a collector for as long as it lives, also when urdfdom throws.
+class LogCapture {
+ public:
+  LogCapture() { console_bridge::useOutputHandler(&collector_); }
+  ~LogCapture() { console_bridge::restorePreviousOutputHandler(); }
+  LogCapture(const LogCapture&) = delete;
+  LogCapture& operator=(const LogCapture&) = delete;
+
+  const std::string& text() const noexcept { return collector_.text(); }
+
+ private:
+  LogCollector collector_;
+};
+
+std::array<double, 3> convert(const urdf::Vector3& v) { return {{v.x, v.y, v.z}}; }
+
+Pose convert(const urdf::Pose& pose) {
+  Pose out;
+  out.position = convert(pose.position);
+  pose.rotation.getQuaternion(out.quaternion[0], out.quaternion[1], out.quaternion[2], out.quaternion[3]);
+  return out;
+}
+
+Shape convert(const urdf::Geometry& geometry) {
+  Shape out;
+  switch (geometry.type) {
+    case urdf::Geometry::BOX:
+      out.kind = ShapeKind::box;
+      out.size = convert(static_cast<const urdf::Box&>(geometry).dim);
+      break;
+    case urdf::Geometry::CYLINDER: {
+      const auto& cylinder = static_cast<const urdf::Cylinder&>(geometry);
+      out.kind = ShapeKind::cylinder;
+      out.size = {{cylinder.radius, cylinder.length, 0.0}};
+      break;
+    }
+    case urdf::Geometry::SPHERE:
+      out.kind = ShapeKind::sphere;
+      out.size = {{static_cast<const urdf::Sphere&>(geometry).radius, 0.0, 0.0}};
+      break;
+    case urdf::Geometry::MESH: {
+      const auto& mesh = static_cast<const urdf::Mesh&>(geometry);
+      out.kind = ShapeKind::mesh;
+      out.size = convert(mesh.scale);
+      out.file = mesh.filename;
+      break;
+    }
+  }
+  return out;
+}
+
+const char* kind_name(int type) {
+  switch (type) {
+    case urdf::Joint::FIXED: return "fixed";
+    case urdf::Joint::REVOLUTE: return "revolute";
+    case urdf::Joint::CONTINUOUS: return "continuous";
+    case urdf::Joint::PRISMATIC: return "prismatic";
+    case urdf::Joint::PLANAR: return "planar";
+    case urdf::Joint::FLOATING: return "floating";
+    default: return "unknown";
+  }
+}
+
+Link convert(const urdf::Link& link) {
+  Link out;
+  out.name = link.name;
+  if (link.inertial) {
+    const urdf::Inertial& inertial = *link.inertial;
+    out.has_inertial = true;
+    out.mass = inertial.mass;
+    out.inertial_pose = convert(inertial.origin);
+    out.inertia = {{inertial.ixx, inertial.ixy, inertial.ixz, inertial.iyy, inertial.iyz, inertial.izz}};
+  }
+  for (const auto& collision : link.collision_array) {
+    out.collisions.push_back({convert(collision->origin), convert(*collision->geometry)});
+  }
+  for (const auto& visual : link.visual_array) {
+    Visual shown{convert(visual->origin), convert(*visual->geometry), {{0.8, 0.8, 0.8, 1.0}}};
+    if (visual->material) {
+      const urdf::Color& colour = visual->material->color;
+      shown.colour = {{double{colour.r}, double{colour.g}, double{colour.b}, double{colour.a}}};
+    }
+    out.visuals.push_back(shown);
+  }
+  return out;
+}
+
+Joint convert(const urdf::Joint& joint) {
+  Joint out;
+  out.name = joint.name;
+  out.kind = kind_name(joint.type);
+  out.parent = joint.parent_link_name;
+  out.child = joint.child_link_name;
+  out.origin = convert(joint.parent_to_joint_origin_transform);
+  out.axis = convert(joint.axis);
+  out.mimics = joint.mimic != nullptr;
+  if (joint.limits) {
+    out.has_limits = true;
+    out.limits = {{joint.limits->lower, joint.limits->upper, joint.limits->velocity, joint.limits->effort}};
+  }
+  if (joint.dynamics) {
+    out.damping = joint.dynamics->damping;
+    out.friction = joint.dynamics->friction;
+  }
+  return out;
+}
+
+}  // namespace
+
+Robot read_urdf(const std::string& text) {
+  // console_bridge keeps one handler for the process, and no lock of its own.
+  static std::mutex console_mutex;
+  const std::lock_guard<std::mutex> lock(console_mutex);
+  const LogCapture capture;
+
+  const urdf::ModelInterfaceSharedPtr model = urdf::parseURDF(text);
+  if (!model) {
+    throw std::runtime_error(capture.text().empty() ? "urdfdom refused the text without a reason" : capture.text());
+  }
+
+  Robot out;
+  out.name = model->getName();
+  out.root = model->getRoot() ? model->getRoot()->name : std::string();
+  for (const auto& [name, link] : model->links_) out.links.push_back(convert(*link));
+  for (const auto& [name, joint] : model->joints_) out.joints.push_back(convert(*joint));
+  return out;
+}
+
+}  // namespace proact::description

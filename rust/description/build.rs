@@ -1,0 +1,42 @@
+//! Compiles the C++ core and its adapter, and links Debian's urdfdom.
+
+use std::path::{Path, PathBuf};
+
+fn main() {
+    let core = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../cpp/description");
+    let mut build = cxx_build::bridge("src/bridge.rs");
+    build
+        .file("src/adapter.cpp")
+        .file(core.join("src/robot.cpp"))
+        .include(core.join("include"))
+        .std("c++17")
+        .opt_level(2)
+        .flag("-ffp-contract=off"); // results must not depend on the compiler's choice of fused operations
+
+    for include in probe("urdfdom", "3") {
+        build.flag(format!("-isystem{}", include.display()));
+    }
+    build.compile("proact_description");
+
+    for watched in ["src/bridge.rs", "src/adapter.cpp", "src/adapter.hpp"] {
+        println!("cargo:rerun-if-changed={watched}");
+    }
+    for folder in ["include", "src"] {
+        println!("cargo:rerun-if-changed={}", core.join(folder).display());
+    }
+}
+
+/// Include folders of a Debian library, linking it on the way.
+///
+/// The compiler's own folder is left out: as `-isystem` it hides the C headers from `<cstdlib>`.
+fn probe(package: &str, at_least: &str) -> Vec<PathBuf> {
+    let library =
+        pkg_config::Config::new().atleast_version(at_least).probe(package).unwrap_or_else(|error| {
+            panic!("{package} was not found ({error}). On Debian: apt-get install liburdfdom-dev pkg-config")
+        });
+    library
+        .include_paths
+        .into_iter()
+        .filter(|path| path.canonicalize().ok().as_deref() != Some(Path::new("/usr/include")))
+        .collect()
+}

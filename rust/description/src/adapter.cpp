@@ -1,0 +1,52 @@
+#include "adapter.hpp"
+
+#include "proact-description/src/bridge.rs.h"
+#include "proact/description/robot.hpp"
+
+#include <string>
+
+namespace proact::description {
+
+namespace {
+
+// urdfdom hands on the bytes of the file; what is not UTF-8 must not abort the conversion.
+rust::String string(const std::string& text) { return rust::String::lossy(text); }
+
+RawPose pose(const Pose& from) { return RawPose{from.position, from.quaternion}; }
+
+RawShape shape(const Shape& from) {
+  RawShape out;
+  switch (from.kind) {
+    case ShapeKind::box: out.kind = RawShapeKind::Box; break;
+    case ShapeKind::cylinder: out.kind = RawShapeKind::Cylinder; break;
+    case ShapeKind::sphere: out.kind = RawShapeKind::Sphere; break;
+    case ShapeKind::mesh: out.kind = RawShapeKind::Mesh; break;
+  }
+  out.size = from.size;
+  out.file = string(from.file);
+  return out;
+}
+
+}  // namespace
+
+RawRobot read(rust::Str text) {
+  const Robot robot = read_urdf(std::string(text));
+
+  RawRobot out;
+  out.name = string(robot.name);
+  out.root = string(robot.root);
+  for (const Link& link : robot.links) {
+    RawLink raw{string(link.name), link.has_inertial, link.mass, pose(link.inertial_pose), link.inertia, {}, {}};
+    for (const Collision& c : link.collisions) raw.collisions.push_back(RawCollision{pose(c.pose), shape(c.shape)});
+    for (const Visual& v : link.visuals) raw.visuals.push_back(RawVisual{pose(v.pose), shape(v.shape), v.colour});
+    out.links.push_back(std::move(raw));
+  }
+  for (const Joint& joint : robot.joints) {
+    out.joints.push_back(RawJoint{string(joint.name), string(joint.kind), string(joint.parent), string(joint.child),
+                                  pose(joint.origin), joint.axis, joint.has_limits, joint.limits, joint.damping,
+                                  joint.friction, joint.mimics});
+  }
+  return out;
+}
+
+}  // namespace proact::description

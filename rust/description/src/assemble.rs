@@ -1,0 +1,274 @@
+//! Joins the tree of links with its semantics into an [`ArmModel`].
+
+use crate::{
+    finding::{Findings, joint as joint_place, link as link_place, list},
+    semantics::{Group, Member, Semantics},
+    tree::Tree,
+};
+use proact_types::{ArmModel, JointKind, MAX_JOINTS, NamedPose, Vector};
+
+/// The model, if nothing fatal was found on the way.
+pub(crate) fn assemble(
+    name: &str,
+    tree: Tree,
+    semantics: Option<Semantics>,
+    findings: &mut Findings,
+) -> Option<ArmModel> {
+    let moving = tree.joints.iter().filter(|j| j.kind == JointKind::Revolute).count();
+    if moving == 0 || moving > MAX_JOINTS {
+        findings.error(
+            format!("robot \"{name}\""),
+            "the number of moving joints is not supported",
+            moving,
+            format!("1 to {MAX_JOINTS}"),
+            "Describe one arm with its hand.",
+        );
+    }
+    let mut model = ArmModel {
+        name: name.to_owned(),
+        links: tree.links,
+        joints: tree.joints,
+        arm: Vec::new(),
+        hand: Vec::new(),
+        tip: 0,
+        poses: Vec::new(),
+        allowed_collisions: Vec::new(),
+        grasp_centre: Vector::zeros(),
+    };
+    match semantics {
+        Some(semantics) => apply(&mut model, &semantics, findings),
+        None => guess(&mut model),
+    }
+    allow_neighbours(&mut model);
+    (!findings.fatal()).then_some(model)
+}
+
+/// Indices of the joints from link `base` to link `tip`; none if `tip` does not hang on `base`.
+pub(crate) fn chain(model: &ArmModel, base: usize, tip: usize) -> Option<Vec<usize>> {
+    let mut joints = Vec::new();
+    let mut link = tip;
+    while link != base {
+        // Joint k moves link k + 1; the root has none.
+        let joint = link.checked_sub(1)?;
+        joints.push(joint);
+        link = model.joints[joint].parent;
+    }
+    joints.reverse();
+    Some(joints)
+}
+
+fn revolute(model: &ArmModel, joints: impl IntoIterator<Item = usize>) -> Vec<usize> {
+    joints.into_iter().filter(|&j| model.joints[j].kind == JointKind::Revolute).collect()
+}
+
+/// Without an SRDF file: the arm runs from the base to the first link at which the tree branches, or to its end;
+/// all that follows is the hand.
+fn guess(model: &mut ArmModel) {
+    let mut link = 0;
+    loop {
+        let mut below = model.joints.iter().filter(|j| j.parent == link);
+        match (below.next(), below.next()) {
+            (Some(only), None) => link = only.child,
+            _ => break,
+        }
+    }
+    model.tip = link;
+    model.arm = revolute(model, chain(model, 0, link).unwrap_or_default());
+    model.hand = revolute(model, link..model.joints.len());
+}
+
+fn apply(model: &mut ArmModel, semantics: &Semantics, findings: &mut Findings) {
+    let Some((arm, hand, tip)) = roles(semantics, findings) else { return };
+    model.arm = members(model, arm, findings);
+    model.hand = hand.map(|group| members(model, group, findings)).unwrap_or_default();
+    let last = model.arm.last().map_or(0, |&j| model.joints[j].child);
+    model.tip = match tip.map(|name| (name, model.link(name))) {
+        Some((_, Ok(tip))) => tip,
+        Some((name, Err(error))) => {
+            let remedy = "Name an existing link as parent_link.";
+            findings.error("end effector", "its parent link does not exist", name, error.to_string(), remedy);
+            return;
+        }
+        None => last,
+    };
+    check_groups(model, &arm.name, findings);
+    for state in &semantics.states {
+        add_pose(model, state, arm, hand, findings);
+    }
+    for (a, b) in &semantics.allowed {
+        match (model.link(a), model.link(b)) {
+            (Ok(a), Ok(b)) => model.allowed_collisions.push((a.min(b), a.max(b))),
+            (a_index, _) => findings.warning(
+                "disable_collisions",
+                "a link does not exist",
+                if a_index.is_err() { a } else { b },
+                "a link of the URDF",
+                "Remove the pair, or correct the name.",
+            ),
+        }
+    }
+    if let Some((link, centre)) = &semantics.grasp_centre {
+        if model.links[model.tip].name != *link {
+            findings.error(
+                "grasp_centre",
+                "it is given in another link than the tip",
+                link,
+                model.links[model.tip].name.clone(),
+                "Express the point in the frame of the end effector's parent link.",
+            );
+        }
+        model.grasp_centre = Vector::from(*centre);
+    }
+}
+
+/// Arm group, hand group, and the name of the tip link.
+type Roles<'a> = (&'a Group, Option<&'a Group>, Option<&'a str>);
+
+fn roles<'a>(semantics: &'a Semantics, findings: &mut Findings) -> Option<Roles<'a>> {
+    let find = |name: &str| semantics.groups.iter().find(|g| g.name == name);
+    let known = || list(semantics.groups.iter().map(|g| g.name.as_str()));
+    if let Some(effector) = &semantics.end_effector {
+        let others: Vec<&Group> = semantics.groups.iter().filter(|g| g.name != effector.hand).collect();
+        let arm = match (&effector.arm, others.as_slice()) {
+            (Some(name), _) => find(name),
+            (None, [only]) => Some(*only),
+            _ => None,
+        };
+        let hand = find(&effector.hand);
+        if arm.is_none() || hand.is_none() {
+            findings.error(
+                "end effector",
+                "its groups do not exist",
+                format!("group \"{}\", parent_group {:?}", effector.hand, effector.arm),
+                format!("two of the groups: {}", known()),
+                "Name the hand as group and the arm as parent_group.",
+            );
+        }
+        return Some((arm?, Some(hand?), Some(effector.tip.as_str())));
+    }
+    match semantics.groups.as_slice() {
+        [only] => Some((only, None, None)),
+        _ => {
+            findings.error(
+                "SRDF",
+                "it is not clear which group is the arm",
+                known(),
+                "one group, or an <end_effector> that names arm and hand",
+                "Add <end_effector name group parent_link parent_group>.",
+            );
+            None
+        }
+    }
+}
+
+fn members(model: &ArmModel, group: &Group, findings: &mut Findings) -> Vec<usize> {
+    let place = format!("group \"{}\"", group.name);
+    let mut out = Vec::new();
+    for member in &group.members {
+        match member {
+            Member::Joint(name) => match model.joint(name) {
+                Ok(joint) => out.push(joint),
+                Err(error) => {
+                    let remedy = "Correct the name, or take the joint out of the group.";
+                    findings.error(&place, "a joint does not exist", name, error.to_string(), remedy);
+                }
+            },
+            Member::Chain { base, tip } => {
+                let ends = model.link(base).ok().zip(model.link(tip).ok());
+                match ends.and_then(|(base, tip)| chain(model, base, tip)) {
+                    Some(joints) => out.extend(joints),
+                    None => findings.error(
+                        &place,
+                        "the chain does not exist",
+                        format!("from \"{base}\" to \"{tip}\""),
+                        "two links, the second hanging on the first",
+                        "Correct base_link and tip_link.",
+                    ),
+                }
+            }
+        }
+    }
+    // Other readers allow fixed joints in groups; they have no place in a joint vector.
+    revolute(model, out)
+}
+
+/// Every moving joint belongs to one group, and the arm is a chain that ends at the tip.
+fn check_groups(model: &ArmModel, arm: &str, findings: &mut Findings) {
+    for (index, joint) in model.joints.iter().enumerate() {
+        let uses = model.arm.iter().chain(&model.hand).filter(|&&j| j == index).count();
+        if joint.kind == JointKind::Revolute && uses != 1 {
+            findings.error(
+                joint_place(&joint.name),
+                "the joint must belong to one group, once",
+                format!("{uses} places in arm and hand"),
+                "1",
+                "List each moving joint once, either in the arm's group or in the hand's, or make it fixed.",
+            );
+        }
+    }
+    let path = chain(model, 0, model.tip).map(|joints| revolute(model, joints)).unwrap_or_default();
+    if path != model.arm {
+        let names = |joints: &[usize]| list(joints.iter().map(|&j| model.joints[j].name.as_str()));
+        findings.error(
+            format!("group \"{arm}\""),
+            format!("the arm is not the chain from the base to {}", link_place(&model.links[model.tip].name)),
+            names(&model.arm),
+            names(&path),
+            "List the joints of that chain, base to tip.",
+        );
+    }
+}
+
+fn add_pose(
+    model: &mut ArmModel,
+    state: &crate::semantics::State,
+    arm: &Group,
+    hand: Option<&Group>,
+    findings: &mut Findings,
+) {
+    let place = format!("pose \"{}\" of group \"{}\"", state.name, state.group);
+    let (role, joints) = if state.group == arm.name {
+        ("arm", &model.arm)
+    } else if hand.is_some_and(|h| h.name == state.group) {
+        ("hand", &model.hand)
+    } else {
+        let expected = "the arm's or the hand's group";
+        findings.error(place, "its group has no role", &state.group, expected, "Correct or remove the pose.");
+        return;
+    };
+    for (name, _) in &state.values {
+        if !joints.iter().any(|&j| model.joints[j].name == *name) {
+            let expected = list(joints.iter().map(|&j| model.joints[j].name.as_str()));
+            let remedy = "Correct the name, or remove the angle.";
+            findings.error(&place, "a joint is not in the group", name, expected, remedy);
+        }
+    }
+    let mut angles = Vec::new();
+    for &j in joints {
+        let joint = &model.joints[j];
+        let Some((_, angle)) = state.values.iter().find(|(name, _)| *name == joint.name) else {
+            let remedy = "Give an angle for every joint of the group.";
+            findings.error(&place, "an angle is missing", "nothing", joint_place(&joint.name), remedy);
+            return;
+        };
+        if *angle < joint.limits.lower || *angle > joint.limits.upper {
+            findings.warning(
+                &place,
+                format!("the angle of {} is out of its limits", joint_place(&joint.name)),
+                format!("{angle} rad"),
+                format!("{} to {} rad", joint.limits.lower, joint.limits.upper),
+                "Correct the pose; a program that moves there will stop at the limit.",
+            );
+        }
+        angles.push(*angle);
+    }
+    model.poses.push(NamedPose { name: state.name.clone(), group: role.to_owned(), angles });
+}
+
+/// Neighbours touch at their joint. Every pair appears once, smaller index first, in order.
+fn allow_neighbours(model: &mut ArmModel) {
+    let neighbours = model.joints.iter().map(|j| (j.parent.min(j.child), j.parent.max(j.child)));
+    model.allowed_collisions.extend(neighbours);
+    model.allowed_collisions.sort_unstable();
+    model.allowed_collisions.dedup();
+}

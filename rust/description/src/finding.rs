@@ -1,0 +1,174 @@
+//! What is wrong, or doubtful, about a description.
+
+use serde::Serialize;
+use std::{fmt, path::PathBuf};
+
+/// How bad a finding is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Severity {
+    /// The description cannot be used.
+    Error,
+    /// It can be used, but probably not as meant.
+    Warning,
+    /// Worth knowing.
+    Note,
+}
+
+impl fmt::Display for Severity {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Severity::Error => "error",
+            Severity::Warning => "warning",
+            Severity::Note => "note",
+        })
+    }
+}
+
+/// One thing found in a description.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Finding {
+    /// How bad it is.
+    pub severity: Severity,
+    /// Where: such as `joint "elbow"`.
+    pub place: String,
+    /// Line of that element in the file, where it is known.
+    pub line: Option<u32>,
+    /// What is wrong, one clause.
+    pub problem: String,
+    /// What the file says.
+    pub got: String,
+    /// What would be right.
+    pub expected: String,
+    /// What to do, one sentence.
+    pub remedy: String,
+}
+
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", self.severity, self.place)?;
+        if let Some(line) = self.line {
+            write!(f, " (line {line})")?;
+        }
+        write!(f, ": {}: got {}, expected {}. {}", self.problem, self.got, self.expected, self.remedy)
+    }
+}
+
+/// Why a description was not read, changed or written.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum DescriptionError {
+    /// The file cannot be read.
+    #[error("cannot read the description {}: {source}. Give a readable file", path.display())]
+    Read {
+        /// Which file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The description is not usable; every error is listed.
+    #[error("{}", listed(findings))]
+    Invalid {
+        /// All findings, the errors among them.
+        findings: Vec<Finding>,
+    },
+    /// One link does not hang on another.
+    #[error(
+        "link \"{tip}\" does not hang on link \"{base}\". Name a base that the tip's chain of joints passes"
+    )]
+    NoChain {
+        /// The link asked for as base.
+        base: String,
+        /// The link asked for as tip.
+        tip: String,
+    },
+    /// A name that is looked up does not exist.
+    #[error(transparent)]
+    Unknown(#[from] proact_types::ArmModelError),
+    /// A model made by a program cannot be put into the words of a URDF file.
+    #[error("{what} cannot be written as URDF: {reason}")]
+    NotWritable {
+        /// Which part.
+        what: String,
+        /// Why.
+        reason: String,
+    },
+}
+
+fn listed(findings: &[Finding]) -> String {
+    let errors: Vec<String> =
+        findings.iter().filter(|f| f.severity == Severity::Error).map(Finding::to_string).collect();
+    errors.join("\n")
+}
+
+/// Collects findings while a description is read.
+#[derive(Default)]
+pub(crate) struct Findings(pub(crate) Vec<Finding>);
+
+impl Findings {
+    /// Notes an error; the description will be refused when all of it has been looked at.
+    pub(crate) fn error(
+        &mut self,
+        place: impl Into<String>,
+        problem: impl Into<String>,
+        got: impl fmt::Display,
+        expected: impl Into<String>,
+        remedy: impl Into<String>,
+    ) {
+        self.add(Severity::Error, place, problem, got, expected, remedy);
+    }
+
+    /// Notes something doubtful.
+    pub(crate) fn warning(
+        &mut self,
+        place: impl Into<String>,
+        problem: impl Into<String>,
+        got: impl fmt::Display,
+        expected: impl Into<String>,
+        remedy: impl Into<String>,
+    ) {
+        self.add(Severity::Warning, place, problem, got, expected, remedy);
+    }
+
+    /// Notes something of either kind.
+    pub(crate) fn add(
+        &mut self,
+        severity: Severity,
+        place: impl Into<String>,
+        problem: impl Into<String>,
+        got: impl fmt::Display,
+        expected: impl Into<String>,
+        remedy: impl Into<String>,
+    ) {
+        self.0.push(Finding {
+            severity,
+            place: place.into(),
+            line: None,
+            problem: problem.into(),
+            got: got.to_string(),
+            expected: expected.into(),
+            remedy: remedy.into(),
+        });
+    }
+
+    /// True if an error was noted.
+    pub(crate) fn fatal(&self) -> bool {
+        self.0.iter().any(|f| f.severity == Severity::Error)
+    }
+}
+
+/// `link "name"`, the place of a finding.
+pub(crate) fn link(name: &str) -> String {
+    format!("link \"{name}\"")
+}
+
+/// `joint "name"`, the place of a finding.
+pub(crate) fn joint(name: &str) -> String {
+    format!("joint \"{name}\"")
+}
+
+/// Text of a list for messages; says so when it is empty.
+pub(crate) fn list<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
+    let names: Vec<&str> = names.into_iter().collect();
+    if names.is_empty() { "none".to_owned() } else { names.join(", ") }
+}

@@ -1,0 +1,169 @@
+//! What can be told from the text alone: where it is malformed, what it refers to in vain, and what urdfdom
+//! would fill in or skip without a word.
+
+use crate::finding::{Finding, Findings, Severity, joint as joint_place, link as link_place, list};
+use roxmltree::{Document, Node};
+use std::{collections::BTreeSet, f64::consts::FRAC_PI_2};
+
+/// How near to pi/2, rad, an angle must be to look like a rounded pi/2; 1.57 is 8e-4 away.
+const ROUNDED: f64 = 1e-3;
+/// Nearer than this, rad, the rounding does not matter.
+const EXACT: f64 = 1e-5;
+
+const ROBOT_PARTS: &[&str] = &["link", "joint", "material", "transmission", "gazebo", "sensor"];
+const LINK_PARTS: &[&str] = &["inertial", "visual", "collision", "verbose", "self_collision_checking"];
+const JOINT_PARTS: &[&str] =
+    &["origin", "parent", "child", "axis", "limit", "dynamics", "mimic", "calibration", "safety_controller"];
+
+/// Looks at the text of a URDF file. False if it is no use to hand it on.
+pub(crate) fn urdf(text: &str, findings: &mut Findings) -> bool {
+    let document = match Document::parse(text) {
+        Ok(document) => document,
+        Err(error) => {
+            let remedy = "Correct the file at that place.";
+            findings.error("URDF", "the text is not well-formed XML", error, "one robot element", remedy);
+            return false;
+        }
+    };
+    let robot = document.root_element();
+    if robot.tag_name().name() != "robot" {
+        let got = format!("<{}>", robot.tag_name().name());
+        let remedy = match robot.tag_name().name() {
+            "sdf" | "gazebo" => "This is SDF: turn it into URDF with `proact model import`.",
+            _ => "Give a URDF file.",
+        };
+        findings.error("URDF", "the outermost element is wrong", got, "<robot>", remedy);
+        return false;
+    }
+    if let Some(tag) =
+        document.descendants().find(|n| n.tag_name().namespace().is_some_and(|s| s.contains("xacro")))
+    {
+        findings.error(
+            "URDF",
+            "the file still has xacro macros in it",
+            format!("<xacro:{}>", tag.tag_name().name()),
+            "plain URDF",
+            "Expand it first: xacro FILE > expanded.urdf",
+        );
+        return false;
+    }
+    references(robot, findings);
+    for node in robot.children().filter(Node::is_element) {
+        part(node, findings);
+    }
+    rounded_angles(robot, findings);
+    true
+}
+
+/// Names that are given twice, and joints between links that do not exist.
+fn references(robot: Node<'_, '_>, findings: &mut Findings) {
+    let named = |tag: &'static str| {
+        robot.children().filter(move |n| n.has_tag_name(tag)).filter_map(|n| n.attribute("name"))
+    };
+    for (tag, place) in [("link", link_place as fn(&str) -> String), ("joint", joint_place)] {
+        let mut seen = BTreeSet::new();
+        for name in named(tag) {
+            if !seen.insert(name) {
+                let remedy = "Rename one of them.";
+                findings.error(place(name), "the name is given twice", name, "unique names", remedy);
+            }
+        }
+    }
+    let links: BTreeSet<&str> = named("link").collect();
+    for joint in robot.children().filter(|n| n.has_tag_name("joint")) {
+        let place = joint_place(joint.attribute("name").unwrap_or_default());
+        for role in ["parent", "child"] {
+            let end = joint.children().find(|n| n.has_tag_name(role)).and_then(|n| n.attribute("link"));
+            match end {
+                Some(name) if links.contains(name) => {}
+                Some(name) => findings.error(
+                    &place,
+                    format!("its {role} link does not exist"),
+                    format!("\"{name}\""),
+                    format!("one of {}", list(links.iter().copied())),
+                    format!("Correct the name, or add <link name=\"{name}\"/>."),
+                ),
+                None => findings.error(
+                    &place,
+                    format!("its {role} link is not named"),
+                    "nothing",
+                    format!("<{role} link=\"..\"/>"),
+                    "Add the element.",
+                ),
+            }
+        }
+    }
+}
+
+fn part(node: Node<'_, '_>, findings: &mut Findings) {
+    let name = node.attribute("name").unwrap_or_default();
+    let (place, known) = match node.tag_name().name() {
+        "link" => (link_place(name), LINK_PARTS),
+        "joint" => (joint_place(name), JOINT_PARTS),
+        other => {
+            skipped("robot", other, ROBOT_PARTS, findings);
+            return;
+        }
+    };
+    for child in node.children().filter(Node::is_element) {
+        skipped(&place, child.tag_name().name(), known, findings);
+    }
+    let moving = matches!(node.attribute("type"), Some("revolute" | "continuous" | "prismatic"));
+    if moving && !node.children().any(|n| n.has_tag_name("axis")) {
+        findings.warning(
+            &place,
+            "no axis is given, so URDF's default applies",
+            "nothing, read as 1 0 0",
+            "<axis xyz=\"..\"/>",
+            "Write the axis down.",
+        );
+    }
+}
+
+fn skipped(place: &str, tag: &str, known: &[&str], findings: &mut Findings) {
+    if !known.contains(&tag) {
+        let expected = list(known.iter().copied());
+        let remedy = "Correct the spelling, or remove the element.";
+        findings.warning(place, "an element has no meaning in URDF and is skipped", tag, expected, remedy);
+    }
+}
+
+/// 1.57 written for pi/2 turns a whole arm by 0.8 mrad.
+fn rounded_angles(robot: Node<'_, '_>, findings: &mut Findings) {
+    for origin in robot.descendants().filter(|n| n.has_tag_name("origin")) {
+        let Some(rpy) = origin.attribute("rpy").and_then(crate::semantics::vector) else { continue };
+        for angle in rpy {
+            let off = (angle.abs() - FRAC_PI_2).abs();
+            if off > EXACT && off < ROUNDED {
+                let owner = origin.ancestors().find(|n| n.has_tag_name("link") || n.has_tag_name("joint"));
+                let name = owner.and_then(|n| n.attribute("name")).unwrap_or_default();
+                let is_joint = owner.is_some_and(|n| n.has_tag_name("joint"));
+                findings.add(
+                    Severity::Note,
+                    if is_joint { joint_place(name) } else { link_place(name) },
+                    "an angle looks like a rounded pi/2",
+                    format!("{angle} rad"),
+                    format!("{} rad", FRAC_PI_2.copysign(angle)),
+                    "Write all digits if a right angle is meant.",
+                );
+            }
+        }
+    }
+}
+
+/// Fills in the lines of links and joints that findings are about.
+pub(crate) fn locate(text: &str, findings: &mut [Finding]) {
+    let Ok(document) = Document::parse(text) else { return };
+    for node in document.root_element().children().filter(Node::is_element) {
+        let Some(name) = node.attribute("name") else { continue };
+        let place = match node.tag_name().name() {
+            "link" => link_place(name),
+            "joint" => joint_place(name),
+            _ => continue,
+        };
+        let line = document.text_pos_at(node.range().start).row;
+        for finding in findings.iter_mut().filter(|f| f.line.is_none() && f.place == place) {
+            finding.line = Some(line);
+        }
+    }
+}

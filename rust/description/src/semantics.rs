@@ -1,0 +1,193 @@
+//! Reading SRDF: groups, named poses, the pairs of links that may touch, and the grasp centre.
+//!
+//! Debian has no SRDF parser, so the few elements that matter here are read directly. `end_effector` says which
+//! group is the hand, which the arm, and at which link the arm ends. `grasp_centre` is ProACT's own element.
+
+use crate::finding::Findings;
+use roxmltree::{Document, Node};
+
+/// What an SRDF file says, not yet compared with the URDF.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Semantics {
+    pub(crate) groups: Vec<Group>,
+    pub(crate) end_effector: Option<EndEffector>,
+    pub(crate) states: Vec<State>,
+    pub(crate) allowed: Vec<(String, String)>,
+    pub(crate) grasp_centre: Option<(String, [f64; 3])>,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Group {
+    pub(crate) name: String,
+    pub(crate) members: Vec<Member>,
+}
+
+/// How a group names its joints.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Member {
+    Joint(String),
+    Chain { base: String, tip: String },
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct EndEffector {
+    pub(crate) hand: String,
+    pub(crate) arm: Option<String>,
+    pub(crate) tip: String,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct State {
+    pub(crate) name: String,
+    pub(crate) group: String,
+    pub(crate) values: Vec<(String, f64)>,
+}
+
+/// Reads SRDF text; what cannot be understood becomes an error finding.
+pub(crate) fn read(text: &str, findings: &mut Findings) -> Semantics {
+    let mut out = Semantics::default();
+    let document = match Document::parse(text) {
+        Ok(document) => document,
+        Err(error) => {
+            let remedy = "Correct the SRDF file at that place.";
+            findings.error("SRDF", "the text is not well-formed XML", error, "one robot element", remedy);
+            return out;
+        }
+    };
+    let robot = document.root_element();
+    if robot.tag_name().name() != "robot" {
+        let got = format!("<{}>", robot.tag_name().name());
+        findings.error(
+            "SRDF",
+            "the outermost element is wrong",
+            got,
+            "<robot>",
+            "Give the robot's SRDF file.",
+        );
+        return out;
+    }
+    for node in robot.children().filter(Node::is_element) {
+        match node.tag_name().name() {
+            "group" => read_group(node, findings, &mut out),
+            "end_effector" => read_end_effector(node, findings, &mut out),
+            "group_state" => read_state(node, findings, &mut out),
+            "disable_collisions" => {
+                if let (Some(a), Some(b)) = (need(node, "link1", findings), need(node, "link2", findings)) {
+                    out.allowed.push((a, b));
+                }
+            }
+            "grasp_centre" => {
+                if let (Some(link), Some(xyz)) = (need(node, "link", findings), need(node, "xyz", findings)) {
+                    match vector(&xyz) {
+                        Some(centre) => out.grasp_centre = Some((link, centre)),
+                        None => findings.error(
+                            place(node),
+                            "xyz is not a point",
+                            format!("\"{xyz}\""),
+                            "three finite numbers, metres",
+                            "Write the three coordinates with spaces between.",
+                        ),
+                    }
+                }
+            }
+            // virtual_joint, passive_joint, link_sphere_approximation: of no meaning here.
+            _ => {}
+        }
+    }
+    out
+}
+
+fn read_group(node: Node<'_, '_>, findings: &mut Findings, out: &mut Semantics) {
+    let Some(name) = need(node, "name", findings) else { return };
+    let mut members = Vec::new();
+    for member in node.children().filter(Node::is_element) {
+        match member.tag_name().name() {
+            "joint" => members.extend(need(member, "name", findings).map(Member::Joint)),
+            "chain" => {
+                let base = need(member, "base_link", findings);
+                let tip = need(member, "tip_link", findings);
+                members.extend(base.zip(tip).map(|(base, tip)| Member::Chain { base, tip }));
+            }
+            other => findings.error(
+                format!("group \"{name}\""),
+                "the kind of member is not supported",
+                format!("<{other}>"),
+                "<joint> or <chain>",
+                "List the group's joints one by one.",
+            ),
+        }
+    }
+    out.groups.push(Group { name, members });
+}
+
+fn read_end_effector(node: Node<'_, '_>, findings: &mut Findings, out: &mut Semantics) {
+    let (hand, tip) = (need(node, "group", findings), need(node, "parent_link", findings));
+    let arm = node.attribute("parent_group").map(str::to_owned);
+    if let (Some(hand), Some(tip)) = (hand, tip) {
+        if out.end_effector.is_some() {
+            findings.error(
+                place(node),
+                "there is more than one end effector",
+                "a second one",
+                "at most one: the hand",
+                "Describe one arm with one hand per file.",
+            );
+        }
+        out.end_effector = Some(EndEffector { hand, arm, tip });
+    }
+}
+
+fn read_state(node: Node<'_, '_>, findings: &mut Findings, out: &mut Semantics) {
+    let (Some(name), Some(group)) = (need(node, "name", findings), need(node, "group", findings)) else {
+        return;
+    };
+    let mut values = Vec::new();
+    for joint in node.children().filter(|n| n.has_tag_name("joint")) {
+        let (Some(joint_name), Some(text)) = (need(joint, "name", findings), need(joint, "value", findings))
+        else {
+            continue;
+        };
+        match number(&text) {
+            Some(angle) => values.push((joint_name, angle)),
+            None => findings.error(
+                format!("pose \"{name}\" of group \"{group}\""),
+                format!("the angle of joint \"{joint_name}\" is not usable"),
+                format!("\"{text}\""),
+                "one finite number, radians",
+                "Write the angle as a number.",
+            ),
+        }
+    }
+    out.states.push(State { name, group, values });
+}
+
+/// The attribute called `key`; its lack is an error finding.
+fn need(node: Node<'_, '_>, key: &str, findings: &mut Findings) -> Option<String> {
+    let value = node.attribute(key).filter(|v| !v.trim().is_empty()).map(str::to_owned);
+    if value.is_none() {
+        findings.error(
+            place(node),
+            format!("the attribute {key} is missing"),
+            "nothing",
+            format!("{key}=\"..\""),
+            "Add the attribute.",
+        );
+    }
+    value
+}
+
+fn place(node: Node<'_, '_>) -> String {
+    let line = node.document().text_pos_at(node.range().start).row;
+    format!("SRDF <{}> at line {line}", node.tag_name().name())
+}
+
+/// A finite number, or nothing.
+pub(crate) fn number(text: &str) -> Option<f64> {
+    text.trim().parse().ok().filter(|x: &f64| x.is_finite())
+}
+
+/// Three finite numbers with white space between, or nothing.
+pub(crate) fn vector(text: &str) -> Option<[f64; 3]> {
+    let numbers: Option<Vec<f64>> = text.split_whitespace().map(number).collect();
+    numbers?.try_into().ok()
+}

@@ -1,0 +1,320 @@
+//! From urdfdom's links and joints to an ordered tree, each part judged on the way.
+
+use crate::{
+    bridge::ffi::{RawJoint, RawLink, RawPose, RawRobot, RawShape, RawShapeKind},
+    finding::{Findings, joint as joint_place, link as link_place, list},
+};
+use nalgebra::{Matrix3, Quaternion, Translation3, UnitQuaternion};
+use proact_types::{
+    CollisionShape, Inertial, Joint, JointKind, JointLimits, Link, Pose, Shape, Vector, Visual,
+    VisualGeometry,
+};
+use std::collections::BTreeMap;
+
+/// Below this length, metres or none, an axis has no direction.
+const SHORTEST_AXIS: f64 = 1e-9;
+/// Share by which principal moments may break the triangle inequality: files round to about five digits.
+const TRIANGLE_SLACK: f64 = 1e-3;
+/// Efforts from here on, N m, are placeholders: no prosthesis or lab arm reaches them.
+const PLACEHOLDER_EFFORT: f64 = 5000.0;
+
+/// Links, parent before child, and joints by child: joint `k` moves link `k + 1`.
+pub(crate) struct Tree {
+    pub(crate) links: Vec<Link>,
+    pub(crate) joints: Vec<Joint>,
+}
+
+/// Orders the parts depth first, siblings by the joint's name, and judges each of them.
+pub(crate) fn build(raw: &RawRobot, findings: &mut Findings) -> Tree {
+    let mut children: BTreeMap<&str, Vec<&RawJoint>> = BTreeMap::new();
+    let mut parents: BTreeMap<&str, Vec<&RawJoint>> = BTreeMap::new();
+    for joint in &raw.joints {
+        children.entry(&joint.parent).or_default().push(joint);
+        parents.entry(&joint.child).or_default().push(joint);
+    }
+    for (child, joints) in parents.iter().filter(|(_, joints)| joints.len() > 1) {
+        findings.error(
+            link_place(child),
+            "the link hangs on several joints, so the links form a loop",
+            list(joints.iter().map(|j| j.name.as_str())),
+            "one joint per link",
+            "Cut the loop: remove all but one of these joints.",
+        );
+    }
+
+    let by_name: BTreeMap<&str, &RawLink> = raw.links.iter().map(|l| (l.name.as_str(), l)).collect();
+    let mut tree = Tree { links: Vec::new(), joints: Vec::new() };
+    let mut reached: BTreeMap<&str, usize> = BTreeMap::new();
+    let mut todo: Vec<(Option<&RawJoint>, &str)> = vec![(None, &raw.root)];
+    while let Some((joint, name)) = todo.pop() {
+        let Some(raw_link) = by_name.get(name) else { continue };
+        if reached.contains_key(name) {
+            continue;
+        }
+        let index = tree.links.len();
+        reached.insert(name, index);
+        tree.links.push(link(raw_link, findings));
+        if let Some(raw_joint) = joint {
+            let parent = reached.get(raw_joint.parent.as_str()).copied().unwrap_or_default();
+            tree.joints.push(self::joint(raw_joint, parent, index, findings));
+        }
+        // A stack: the first sibling goes in last.
+        todo.extend(children.get(name).into_iter().flatten().rev().map(|j| (Some(*j), j.child.as_str())));
+    }
+    for lost in raw.links.iter().filter(|l| !reached.contains_key(l.name.as_str())) {
+        findings.error(
+            link_place(&lost.name),
+            "the link does not hang on the base, so its joints form a loop",
+            format!("no way from \"{}\"", raw.root),
+            "a chain of joints from the base",
+            "Cut the loop at one joint and hang its child on the rest of the tree.",
+        );
+    }
+    warn_about_weightless_ends(&tree, findings);
+    tree
+}
+
+/// A moving part without mass cannot be simulated; kinematics does without.
+fn warn_about_weightless_ends(tree: &Tree, findings: &mut Findings) {
+    for joint in tree.joints.iter().filter(|j| j.kind == JointKind::Revolute) {
+        // The rigid body that the joint moves: its link and all that is fixed to it. Parents come first.
+        let mut body = vec![joint.child];
+        for fixed in tree.joints.iter().filter(|j| j.kind == JointKind::Fixed) {
+            if body.contains(&fixed.parent) {
+                body.push(fixed.child);
+            }
+        }
+        if body.iter().all(|&l| tree.links[l].inertial.is_none()) {
+            findings.warning(
+                link_place(&tree.links[joint.child].name),
+                "the link moves but has no mass, so it cannot be simulated",
+                "no <inertial>",
+                "<inertial> with mass and inertia",
+                "Add mass properties, or use the arm for kinematics only.",
+            );
+        }
+    }
+}
+
+fn pose(raw: &RawPose, place: &str, findings: &mut Findings) -> Pose {
+    let [x, y, z] = raw.position;
+    let [qx, qy, qz, qw] = raw.quaternion;
+    let quaternion = Quaternion::new(qw, qx, qy, qz);
+    let numbers = raw.position.iter().chain(&raw.quaternion);
+    if numbers.clone().any(|v| !v.is_finite()) || quaternion.norm() < SHORTEST_AXIS {
+        findings.error(
+            place,
+            "an origin is not usable",
+            format!("position {:?}, quaternion {:?}", raw.position, raw.quaternion),
+            "finite numbers",
+            "Correct the origin.",
+        );
+        return Pose::identity();
+    }
+    Pose::from_parts(Translation3::new(x, y, z), UnitQuaternion::from_quaternion(quaternion))
+}
+
+fn link(raw: &RawLink, findings: &mut Findings) -> Link {
+    let place = link_place(&raw.name);
+    let inertial = raw.has_inertial.then(|| inertial(raw, &place, findings));
+    let mut collisions = Vec::new();
+    for collision in &raw.collisions {
+        let pose = pose(&collision.pose, &place, findings);
+        match primitive(&collision.shape, &place, findings) {
+            Some(shape) => collisions.push(CollisionShape { pose, shape }),
+            None => findings.error(
+                &place,
+                "a mesh cannot be used for collision",
+                format!("\"{}\"", collision.shape.file),
+                "box, cylinder or sphere",
+                "Replace the mesh by a few primitives that enclose it.",
+            ),
+        }
+    }
+    let mut visuals = Vec::new();
+    for visual in &raw.visuals {
+        let pose = pose(&visual.pose, &place, findings);
+        let geometry = match primitive(&visual.shape, &place, findings) {
+            Some(shape) => VisualGeometry::Shape(shape),
+            None => VisualGeometry::Mesh { file: visual.shape.file.clone(), scale: visual.shape.size },
+        };
+        visuals.push(Visual { pose, geometry, colour: visual.colour });
+    }
+    if inertial.is_some() && collisions.is_empty() {
+        findings.warning(
+            &place,
+            "the link has mass but no collision shape, so nothing will notice when it hits something",
+            "no <collision>",
+            "at least one primitive",
+            "Add a box, cylinder or sphere that encloses the link.",
+        );
+    }
+    Link { name: raw.name.clone(), inertial, collisions, visuals }
+}
+
+fn inertial(raw: &RawLink, place: &str, findings: &mut Findings) -> Inertial {
+    let pose = pose(&raw.inertial_pose, place, findings);
+    if !(raw.mass.is_finite() && raw.mass > 0.0) {
+        findings.error(
+            place,
+            "the mass is not above zero",
+            format!("{} kg", raw.mass),
+            "a finite number above zero, kg",
+            "Weigh the part, or remove its <inertial> if the link is only a frame.",
+        );
+    }
+    let [ixx, ixy, ixz, iyy, iyz, izz] = raw.inertia;
+    let tensor = Matrix3::new(ixx, ixy, ixz, ixy, iyy, iyz, ixz, iyz, izz);
+    if raw.inertia.iter().all(|v| v.is_finite()) {
+        let mut moments: [f64; 3] = tensor.symmetric_eigenvalues().into();
+        moments.sort_by(f64::total_cmp);
+        let [least, middle, most] = moments;
+        if least <= 0.0 {
+            findings.error(
+                place,
+                "the inertia is not that of a body",
+                format!("principal moments {least:.3e}, {middle:.3e}, {most:.3e} kg m^2"),
+                "all three above zero",
+                "Compute the inertia about the centre of mass again; check signs and units.",
+            );
+        } else if least + middle < most * (1.0 - TRIANGLE_SLACK) {
+            // An engine can integrate this, and exporters write it often, so it is no error.
+            findings.warning(
+                place,
+                "no body has this inertia: one principal moment exceeds the sum of the others",
+                format!("{least:.3e} + {middle:.3e} < {most:.3e} kg m^2"),
+                "each at most the sum of the other two",
+                "Compute the inertia about the centre of mass again.",
+            );
+        }
+    } else {
+        let got = format!("{:?}", raw.inertia);
+        findings.error(place, "the inertia is not finite", got, "six finite numbers", "Correct the inertia.");
+    }
+    Inertial { mass: raw.mass, pose, inertia: raw.inertia }
+}
+
+/// The primitive that `raw` stands for; none for a mesh.
+fn primitive(raw: &RawShape, place: &str, findings: &mut Findings) -> Option<Shape> {
+    let [a, b, c] = raw.size;
+    let (shape, kind, lengths) = match raw.kind {
+        RawShapeKind::Box => (Shape::Box { size: raw.size }, "box", vec![a, b, c]),
+        RawShapeKind::Cylinder => (Shape::Cylinder { radius: a, length: b }, "cylinder", vec![a, b]),
+        RawShapeKind::Sphere => (Shape::Sphere { radius: a }, "sphere", vec![a]),
+        _ => return None,
+    };
+    if lengths.iter().any(|v| !(v.is_finite() && *v > 0.0)) {
+        findings.error(
+            place,
+            format!("a {kind} has no size"),
+            format!("{lengths:?} m"),
+            "finite lengths above zero",
+            "Correct the shape, or remove it.",
+        );
+    }
+    Some(shape)
+}
+
+fn joint(raw: &RawJoint, parent: usize, child: usize, findings: &mut Findings) -> Joint {
+    let place = joint_place(&raw.name);
+    let kind = match raw.kind.as_str() {
+        "fixed" => JointKind::Fixed,
+        "revolute" => JointKind::Revolute,
+        other => {
+            let remedy = match other {
+                "continuous" => "Make it revolute and give it limits, such as -pi to pi.",
+                _ => "Make it fixed, or model the part with revolute joints.",
+            };
+            findings.error(&place, "the type is not supported", other, "revolute or fixed", remedy);
+            JointKind::Fixed
+        }
+    };
+    if raw.mimics {
+        let remedy = "Remove <mimic> and list the joint in the hand's group.";
+        findings.error(&place, "coupled joints are not supported", "<mimic>", "a joint of its own", remedy);
+    }
+    let moves = kind == JointKind::Revolute;
+    Joint {
+        name: raw.name.clone(),
+        kind,
+        parent,
+        child,
+        origin: pose(&raw.origin, &place, findings),
+        axis: if moves { axis(raw, &place, findings) } else { Vector::x() },
+        limits: if moves { limits(raw, &place, findings) } else { JointLimits::default() },
+        damping: loss(raw.damping, "damping", &place, findings),
+        friction: loss(raw.friction, "friction", &place, findings),
+    }
+}
+
+fn axis(raw: &RawJoint, place: &str, findings: &mut Findings) -> Vector {
+    let axis = Vector::from(raw.axis);
+    // Written so that NaN, for which every comparison is false, is refused too.
+    if !(axis.norm() > SHORTEST_AXIS && axis.norm().is_finite()) {
+        findings.error(
+            place,
+            "the axis has no direction",
+            format!("{:?}", raw.axis),
+            "three finite numbers that are not all zero",
+            "Give the direction about which the joint turns.",
+        );
+        return Vector::x();
+    }
+    axis.normalize()
+}
+
+fn limits(raw: &RawJoint, place: &str, findings: &mut Findings) -> JointLimits {
+    let [lower, upper, velocity, effort] = raw.limits;
+    if !raw.has_limits || raw.limits.iter().any(|v| !v.is_finite()) {
+        findings.error(
+            place,
+            "the limits are not usable",
+            format!("lower {lower}, upper {upper}, velocity {velocity}, effort {effort}"),
+            "four finite numbers",
+            "Give <limit lower upper velocity effort>.",
+        );
+    } else if lower > upper {
+        findings.error(
+            place,
+            "the limits are reversed",
+            format!("lower {lower}, upper {upper} rad"),
+            "lower at most upper",
+            "Swap them.",
+        );
+    } else if lower == upper {
+        findings.warning(
+            place,
+            "the joint cannot move",
+            format!("lower = upper = {lower} rad"),
+            "lower below upper",
+            "Make the joint fixed unless its place in joint vectors is wanted.",
+        );
+    }
+    for (name, value, unit) in [("velocity", velocity, "rad/s"), ("effort", effort, "N m")] {
+        let (problem, got) = (format!("the {name} limit is not above zero"), format!("{value} {unit}"));
+        let remedy = format!("Give the highest {name} of the joint.");
+        if value < 0.0 {
+            findings.error(place, problem, got, "a number above zero", remedy);
+        } else if value == 0.0 {
+            findings.warning(place, problem, got, "a number above zero", remedy);
+        }
+    }
+    if effort >= PLACEHOLDER_EFFORT {
+        findings.warning(
+            place,
+            "the effort limit limits nothing",
+            format!("{effort} N m"),
+            format!("below {PLACEHOLDER_EFFORT} N m"),
+            "Give what the motor can do, or three times the largest static torque.",
+        );
+    }
+    JointLimits { lower, upper, velocity, effort }
+}
+
+fn loss(value: f64, name: &str, place: &str, findings: &mut Findings) -> f64 {
+    if !(value.is_finite() && value >= 0.0) {
+        let expected = "a finite number, zero or above";
+        findings.error(place, format!("the {name} is not usable"), value, expected, "Correct <dynamics>.");
+    }
+    value
+}
