@@ -1,1 +1,41 @@
-//! To come.
+//! Sources of what a person sends: EMG and gaze. Recordings, a generator of synthetic EMG, a gaze tracker's errors.
+//!
+//! Files are read here, when a source is made; what runs during a trial is deterministic: every random choice
+//! comes from [`stream`], so the same seed gives the same samples. Depends on `types` and `emg` alone.
+//!
+//! ```
+//! use proact_devices::{EmgSource, prepare};
+//! use proact_emg::EmgPipeline;
+//! use proact_types::{Gesture, SimTime};
+//!
+//! let mut setup = prepare(&EmgSource::Synthetic, 7)?;
+//! let mut pipeline = EmgPipeline::new(&setup.config, setup.classifier.clone())?;
+//! let mut gesture = Gesture::NoMotion;
+//! for tick in 0..1000 {
+//!     let samples = setup.feed.sample_at(SimTime(tick), Gesture::HandClose);
+//!     if let Some(output) = pipeline.step(SimTime(tick), &samples) {
+//!         gesture = output.gesture;
+//!     }
+//! }
+//! assert_eq!(gesture, Gesture::HandClose);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+#![cfg_attr(test, allow(clippy::unwrap_used))]
+// Reading recordings is what this crate is for.
+#![allow(clippy::disallowed_methods)]
+
+mod error;
+mod feed;
+mod gaze;
+mod random;
+mod recording;
+mod setup;
+mod synthetic;
+
+pub use error::DeviceError;
+pub use feed::EmgFeed;
+pub use gaze::GazeSource;
+pub use random::stream;
+pub use recording::{ChannelValues, Layout, MYO_RATE_HZ, Recording, Recordings};
+pub use setup::{EmgSetup, EmgSource, prepare, prepare_with, train};
+pub use synthetic::{FittedGesture, SyntheticEmg, SyntheticModel};

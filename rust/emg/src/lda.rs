@@ -72,8 +72,8 @@ impl Lda {
 
         // Directions in the whitened space along which the class means differ.
         let mut between = DMatrix::zeros(classes, features);
-        for k in 0..classes {
-            let weight = (windows as f64 * priors[k] / (classes - 1) as f64).sqrt();
+        for (k, prior) in priors.iter().enumerate() {
+            let weight = (windows as f64 * prior / (classes - 1) as f64).sqrt();
             between.row_mut(k).copy_from(&((means.row(k) - overall.transpose()) * weight));
         }
         let (singular, v_t) = decompose(between * &whitening)?;
@@ -87,10 +87,10 @@ impl Lda {
             coefficients: Vec::with_capacity(classes * features),
             intercepts: Vec::with_capacity(classes),
         };
-        for k in 0..classes {
+        for (k, prior) in priors.iter().enumerate() {
             let projected = (means.row(k) - overall.transpose()) * &scalings;
             let coefficients = &scalings * projected.transpose();
-            let offset = -0.5 * projected.norm_squared() + priors[k].ln();
+            let offset = -0.5 * projected.norm_squared() + prior.ln();
             lda.intercepts.push(offset - overall.dot(&coefficients));
             lda.coefficients.extend(coefficients.iter());
         }

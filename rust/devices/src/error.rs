@@ -1,0 +1,185 @@
+use proact_emg::EmgError;
+use proact_types::Gesture;
+use std::path::PathBuf;
+
+/// Why a source could not be made.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum DeviceError {
+    /// The folder or a file in it cannot be read.
+    #[error("cannot read {}: {source}", path.display())]
+    Read {
+        /// Which one.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// There is a file where a folder is expected.
+    #[error("{} is a file, expected a folder with EMG recordings", path.display())]
+    NotAFolder {
+        /// As given.
+        path: PathBuf,
+    },
+    /// No file of a known layout.
+    #[error(
+        "{} has no EMG recordings; expected R_<rep>_C_<class>.csv (LibEMG) or 0.txt, 1.txt, 2.txt, 7.txt \
+         (myo_readings)", path.display()
+    )]
+    NoRecordings {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// A folder of folders: which person and session is meant is for the user to say.
+    #[error(
+        "{} holds several sessions, expected one; name one of them: {}",
+        path.display(), sessions.join(", ")
+    )]
+    ManySessions {
+        /// The folder.
+        path: PathBuf,
+        /// Names of the folders in it that hold recordings.
+        sessions: Vec<String>,
+    },
+    /// A class number beyond the five gestures.
+    #[error(
+        "{}: class {class} is unknown; expected 0 hand_close, 1 hand_open, 2 no_motion, 3 wrist_extension or \
+         4 wrist_flexion", path.display()
+    )]
+    UnknownClass {
+        /// The file.
+        path: PathBuf,
+        /// The number in its name.
+        class: u32,
+    },
+    /// Two files for the same repetition of the same gesture.
+    #[error("{} repeats repetition {repetition} of {gesture}", path.display())]
+    Duplicate {
+        /// The second file.
+        path: PathBuf,
+        /// Which repetition.
+        repetition: u32,
+        /// Which gesture.
+        gesture: Gesture,
+    },
+    /// A row with another number of columns.
+    #[error("{}, row {row}: {got} columns, expected {expected}", path.display())]
+    Columns {
+        /// The file.
+        path: PathBuf,
+        /// Counted from 1.
+        row: usize,
+        /// Columns in this row.
+        got: usize,
+        /// Such as `8 as in the files before`.
+        expected: String,
+    },
+    /// Something that is no finite number.
+    #[error("{}, row {row}, column {column}: {text:?}, expected a finite number", path.display())]
+    NotANumber {
+        /// The file.
+        path: PathBuf,
+        /// Counted from 1.
+        row: usize,
+        /// Counted from 1.
+        column: usize,
+        /// What stands there.
+        text: String,
+    },
+    /// A label that does not belong into a file of this name.
+    #[error("{}, row {row}: label {label}, expected 0 or {expected}", path.display())]
+    Label {
+        /// The file.
+        path: PathBuf,
+        /// Counted from 1.
+        row: usize,
+        /// What stands there.
+        label: f64,
+        /// The file's own label.
+        expected: u32,
+    },
+    /// A file without samples.
+    #[error("{} has no samples", path.display())]
+    EmptyFile {
+        /// The file.
+        path: PathBuf,
+    },
+    /// Gestures without any recording.
+    #[error(
+        "{} has no recording of {}; record it, or complete the set with --emg-fill synthetic",
+        path.display(), names(missing)
+    )]
+    MissingGestures {
+        /// The folder.
+        path: PathBuf,
+        /// Which are lacking.
+        missing: Vec<Gesture>,
+    },
+    /// A repetition that was asked for is not there.
+    #[error("no repetition {repetition} of {gesture}; there are {}", numbers(available))]
+    MissingRepetition {
+        /// As asked for.
+        repetition: u32,
+        /// Of this gesture.
+        gesture: Gesture,
+        /// Those that exist.
+        available: Vec<u32>,
+    },
+    /// No repetitions were asked for.
+    #[error("no repetitions to {purpose} were named, expected at least one, such as 0")]
+    NoRepetitions {
+        /// `train on` or `feed`.
+        purpose: &'static str,
+    },
+    /// A recording that does not fill one window.
+    #[error("{} has {samples} samples, expected at least {window}, one window", path.display())]
+    TooShort {
+        /// The file.
+        path: PathBuf,
+        /// Samples in it.
+        samples: usize,
+        /// Samples of a window.
+        window: usize,
+    },
+    /// The synthetic generator has fewer channels than the stream.
+    #[error(
+        "synthetic EMG has at most {most} channels, the recordings have {channels}; they cannot be mixed"
+    )]
+    SyntheticChannels {
+        /// Channels of the stream.
+        channels: usize,
+        /// Channels of the fitted figures.
+        most: usize,
+    },
+    /// Fitted figures that are no covariance.
+    #[error("the figures of synthetic {gesture} are unusable: {reason}")]
+    SyntheticModel {
+        /// Which gesture.
+        gesture: Gesture,
+        /// One sentence.
+        reason: String,
+    },
+    /// A parameter that is no usable number.
+    #[error("{name} is {value}, expected {expected}")]
+    Parameter {
+        /// Such as `EMG rate`.
+        name: &'static str,
+        /// As given.
+        value: f64,
+        /// What is usable.
+        expected: &'static str,
+    },
+    /// The classifier cannot be trained on these recordings, or the settings cannot work.
+    #[error("EMG: {0}")]
+    Emg(#[from] EmgError),
+}
+
+fn names(gestures: &[Gesture]) -> String {
+    gestures.iter().map(|g| g.ros_name()).collect::<Vec<_>>().join(", ")
+}
+
+fn numbers(values: &[u32]) -> String {
+    match values {
+        [] => "none".to_owned(),
+        _ => values.iter().map(u32::to_string).collect::<Vec<_>>().join(", "),
+    }
+}

@@ -1,0 +1,280 @@
+use crate::DeviceError;
+use arrayvec::ArrayVec;
+use proact_types::{EmgSample, Gesture, MAX_EMG_CHANNELS};
+use std::path::{Path, PathBuf};
+
+/// One value per channel, in the device's counts.
+pub type ChannelValues = ArrayVec<f64, MAX_EMG_CHANNELS>;
+
+/// Rate of the Myo armband, with which the freely licensed recordings were made.
+pub const MYO_RATE_HZ: f64 = 200.0;
+
+/// How recordings lie in a folder.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Layout {
+    /// `R_<repetition>_C_<class>.csv` or `R_<repetition>_C_<class>_EMG.csv`, one column a channel; class numbers
+    /// in the order of [`Gesture::ALL`].
+    LibEmg,
+    /// `0.txt` (rest), `1.txt` (wrist flexion), `2.txt` (wrist extension), `7.txt` (hand close): 8 channels and
+    /// the label that was shown. There is no hand-open class.
+    MyoReadings,
+}
+
+/// One repetition of one gesture.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recording {
+    /// Number of the repetition, from 0.
+    pub repetition: u32,
+    /// What the person did.
+    pub gesture: Gesture,
+    /// `[samples][channels]`, without gaps.
+    pub samples: Vec<ChannelValues>,
+    /// Where it was read from.
+    pub path: PathBuf,
+}
+
+impl Recording {
+    /// The samples with counters from 0.
+    pub fn numbered(&self) -> impl Iterator<Item = EmgSample> + '_ {
+        self.samples
+            .iter()
+            .zip(0..)
+            .map(|(channels, counter)| EmgSample { counter, channels: channels.clone() })
+    }
+}
+
+/// All recordings of one person and session.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recordings {
+    /// The folder.
+    pub path: PathBuf,
+    /// Samples per second.
+    pub rate_hz: f64,
+    /// Channels of every sample.
+    pub channels: usize,
+    /// Sorted by repetition, then gesture.
+    pub items: Vec<Recording>,
+}
+
+impl Recordings {
+    /// Reads the folder `dir` in whichever [`Layout`] it has. Files of other names are left alone. The rate is
+    /// not in the files, so it comes with the call; [`MYO_RATE_HZ`] for the freely licensed sets.
+    ///
+    /// # Errors
+    /// A missing or empty folder, a folder of several sessions, or a file with anything but finite numbers in
+    /// rows of one length; each says where and what.
+    pub fn read(dir: &Path, rate_hz: f64) -> Result<Recordings, DeviceError> {
+        if !(rate_hz.is_finite() && rate_hz > 0.0) {
+            let expected = "a finite number of samples per second above zero";
+            return Err(DeviceError::Parameter { name: "EMG rate", value: rate_hz, expected });
+        }
+        let names = list(dir)?;
+        let mut items = Vec::new();
+        match layout(&names) {
+            Some(Layout::LibEmg) => {
+                for name in &names {
+                    if let Some((repetition, class)) = parse_name(name) {
+                        items.push(read_libemg(&dir.join(name), repetition, class)?);
+                    }
+                }
+            }
+            Some(Layout::MyoReadings) => {
+                for (label, gesture) in MYO_LABELS {
+                    let name = format!("{label}.txt");
+                    if names.contains(&name) {
+                        items.extend(read_myo_readings(&dir.join(name), label, gesture, rate_hz)?);
+                    }
+                }
+            }
+            None => return Err(no_layout(dir, &names)),
+        }
+        items.sort_by_key(|r| (r.repetition, r.gesture));
+        let mut recordings = Recordings { path: dir.to_owned(), rate_hz, channels: 0, items };
+        recordings.check_items()?;
+        Ok(recordings)
+    }
+
+    /// Checks that all files have the channels of the first, and no repetition comes twice.
+    fn check_items(&mut self) -> Result<(), DeviceError> {
+        self.channels = self.items.first().and_then(|r| r.samples.first()).map_or(0, |s| s.len());
+        for (k, item) in self.items.iter().enumerate() {
+            let got = item.samples.first().map_or(0, |s| s.len());
+            if got != self.channels {
+                let expected = format!("{} as in {}", self.channels, self.items[0].path.display());
+                return Err(DeviceError::Columns { path: item.path.clone(), row: 1, got, expected });
+            }
+            let twin = |r: &&Recording| (r.repetition, r.gesture) == (item.repetition, item.gesture);
+            if self.items[..k].iter().any(|r| twin(&r)) {
+                let (repetition, gesture) = (item.repetition, item.gesture);
+                return Err(DeviceError::Duplicate { path: item.path.clone(), repetition, gesture });
+            }
+        }
+        Ok(())
+    }
+
+    /// Repetition `repetition` of `gesture`.
+    ///
+    /// # Errors
+    /// [`DeviceError::MissingRepetition`] with those that exist.
+    pub fn find(&self, gesture: Gesture, repetition: u32) -> Result<&Recording, DeviceError> {
+        let of_gesture = || self.items.iter().filter(|r| r.gesture == gesture);
+        of_gesture().find(|r| r.repetition == repetition).ok_or_else(|| DeviceError::MissingRepetition {
+            repetition,
+            gesture,
+            available: of_gesture().map(|r| r.repetition).collect(),
+        })
+    }
+
+    /// The gestures of which there is at least one recording, in [`Gesture::ALL`] order.
+    pub fn gestures(&self) -> Vec<Gesture> {
+        Gesture::ALL.into_iter().filter(|g| self.items.iter().any(|r| r.gesture == *g)).collect()
+    }
+
+    /// The gestures of which there is none.
+    pub fn missing(&self) -> Vec<Gesture> {
+        let there = self.gestures();
+        Gesture::ALL.into_iter().filter(|g| !there.contains(g)).collect()
+    }
+}
+
+/// Labels of the myo_readings layout. Rest has a file of its own.
+const MYO_LABELS: [(u32, Gesture); 4] = [
+    (0, Gesture::NoMotion),
+    (1, Gesture::WristFlexion),
+    (2, Gesture::WristExtension),
+    (7, Gesture::HandClose),
+];
+
+/// Channels of the myo_readings layout; the label follows.
+const MYO_CHANNELS: usize = 8;
+
+/// The label is the cue on the screen; the person follows it late. Samples this close to an edge are left out.
+const MYO_EDGE_SECS: f64 = 0.5;
+
+/// The rest file is one long stretch; it is cut into as many repetitions as the other files have.
+const MYO_REPETITIONS: usize = 6;
+
+fn list(dir: &Path) -> Result<Vec<String>, DeviceError> {
+    let failed = |source| DeviceError::Read { path: dir.to_owned(), source };
+    if std::fs::metadata(dir).map_err(failed)?.is_file() {
+        return Err(DeviceError::NotAFolder { path: dir.to_owned() });
+    }
+    let mut names = Vec::new();
+    for entry in std::fs::read_dir(dir).map_err(failed)? {
+        // Names that are no text cannot be recordings.
+        names.extend(entry.map_err(failed)?.file_name().into_string().ok());
+    }
+    names.sort();
+    Ok(names)
+}
+
+fn layout(names: &[String]) -> Option<Layout> {
+    if names.iter().any(|n| parse_name(n).is_some()) {
+        Some(Layout::LibEmg)
+    } else if MYO_LABELS.iter().any(|(label, _)| names.contains(&format!("{label}.txt"))) {
+        Some(Layout::MyoReadings)
+    } else {
+        None
+    }
+}
+
+fn no_layout(dir: &Path, names: &[String]) -> DeviceError {
+    let holds_recordings = |name: &&String| list(&dir.join(name)).is_ok_and(|inner| layout(&inner).is_some());
+    let sessions: Vec<String> = names.iter().filter(holds_recordings).cloned().collect();
+    let path = dir.to_owned();
+    if sessions.is_empty() {
+        DeviceError::NoRecordings { path }
+    } else {
+        DeviceError::ManySessions { path, sessions }
+    }
+}
+
+/// Repetition and class of `R_<repetition>_C_<class>.csv`, with or without `_EMG`.
+fn parse_name(name: &str) -> Option<(u32, u32)> {
+    let stem = name.strip_suffix(".csv")?;
+    let (repetition, class) =
+        stem.strip_suffix("_EMG").unwrap_or(stem).strip_prefix("R_")?.split_once("_C_")?;
+    Some((repetition.parse().ok()?, class.parse().ok()?))
+}
+
+fn read_libemg(path: &Path, repetition: u32, class: u32) -> Result<Recording, DeviceError> {
+    let gesture = usize::try_from(class).ok().and_then(|k| Gesture::ALL.get(k).copied());
+    let gesture = gesture.ok_or_else(|| DeviceError::UnknownClass { path: path.to_owned(), class })?;
+    let samples = read_rows(path, None)?;
+    Ok(Recording { repetition, gesture, samples, path: path.to_owned() })
+}
+
+/// Reads one file; a recording per cue of its gesture, edges cut.
+fn read_myo_readings(
+    path: &Path,
+    label: u32,
+    gesture: Gesture,
+    rate_hz: f64,
+) -> Result<Vec<Recording>, DeviceError> {
+    let rows = read_rows(path, Some(MYO_CHANNELS + 1))?;
+    for (row, values) in rows.iter().enumerate() {
+        let shown = values[MYO_CHANNELS];
+        if shown != 0.0 && shown != f64::from(label) {
+            let path = path.to_owned();
+            return Err(DeviceError::Label { path, row: row + 1, label: shown, expected: label });
+        }
+    }
+    let without_label = |rows: &[ChannelValues]| -> Vec<ChannelValues> {
+        rows.iter().map(|values| values[..MYO_CHANNELS].iter().copied().collect()).collect()
+    };
+    let edge = (MYO_EDGE_SECS * rate_hz).round() as usize;
+    let cues: Vec<&[ChannelValues]> = if gesture == Gesture::NoMotion {
+        rows.chunks((rows.len() / MYO_REPETITIONS).max(1)).take(MYO_REPETITIONS).collect()
+    } else {
+        let runs = rows.chunk_by(|a, b| a[MYO_CHANNELS] == b[MYO_CHANNELS]);
+        runs.filter(|run| run[0][MYO_CHANNELS] != 0.0 && run.len() > 2 * edge)
+            .map(|run| &run[edge..run.len() - edge])
+            .collect()
+    };
+    let recording = |(cue, repetition)| Recording {
+        repetition,
+        gesture,
+        samples: without_label(cue),
+        path: path.to_owned(),
+    };
+    Ok(cues.into_iter().zip(0..).map(recording).collect())
+}
+
+/// Rows of numbers separated by commas, all of one length. `expected` columns, or those of the first row.
+fn read_rows(path: &Path, expected: Option<usize>) -> Result<Vec<ChannelValues>, DeviceError> {
+    let text = std::fs::read_to_string(path)
+        .map_err(|source| DeviceError::Read { path: path.to_owned(), source })?;
+    let mut columns = expected;
+    let mut rows = Vec::new();
+    for (line, row) in text.lines().zip(1..) {
+        if line.trim().is_empty() {
+            continue;
+        }
+        let got = line.split(',').count();
+        let wanted = *columns.get_or_insert(got);
+        if got != wanted || got > MAX_EMG_CHANNELS {
+            let expected = if got > MAX_EMG_CHANNELS {
+                format!("at most {MAX_EMG_CHANNELS}")
+            } else {
+                wanted.to_string()
+            };
+            return Err(DeviceError::Columns { path: path.to_owned(), row, got, expected });
+        }
+        let mut values = ChannelValues::new();
+        for (text, column) in line.split(',').zip(1..) {
+            let text = text.trim();
+            match text.parse::<f64>() {
+                Ok(value) if value.is_finite() => values.push(value),
+                _ => {
+                    let (path, text) = (path.to_owned(), text.to_owned());
+                    return Err(DeviceError::NotANumber { path, row, column, text });
+                }
+            }
+        }
+        rows.push(values);
+    }
+    if rows.is_empty() {
+        return Err(DeviceError::EmptyFile { path: path.to_owned() });
+    }
+    Ok(rows)
+}

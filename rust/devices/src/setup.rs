@@ -1,0 +1,208 @@
+use crate::{DeviceError, EmgFeed, MYO_RATE_HZ, Recording, Recordings, SyntheticEmg, SyntheticModel, stream};
+use proact_emg::{Classifier, EmgConfig, extract};
+use proact_types::Gesture;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// Where a trial's EMG comes from.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+pub enum EmgSource {
+    /// Real recordings.
+    Recording {
+        /// The folder.
+        dir: PathBuf,
+        /// Samples per second; the files do not say.
+        #[serde(default = "myo_rate")]
+        rate_hz: f64,
+        /// Repetitions to train on.
+        #[serde(default = "default_train_reps")]
+        train_reps: Vec<u32>,
+        /// Repetitions to feed during the trial.
+        #[serde(default = "default_feed_reps")]
+        feed_reps: Vec<u32>,
+        /// Complete lacking gestures with synthetic EMG.
+        #[serde(default)]
+        fill: bool,
+    },
+    /// The generator alone, 8 channels at 1000 Hz.
+    #[default]
+    Synthetic,
+}
+
+impl EmgSource {
+    /// The recordings in `dir` with default repetitions: train on 0 and 1, feed 2.
+    pub fn recording(dir: impl Into<PathBuf>) -> EmgSource {
+        EmgSource::Recording {
+            dir: dir.into(),
+            rate_hz: myo_rate(),
+            train_reps: default_train_reps(),
+            feed_reps: default_feed_reps(),
+            fill: false,
+        }
+    }
+}
+
+fn myo_rate() -> f64 {
+    MYO_RATE_HZ
+}
+
+fn default_train_reps() -> Vec<u32> {
+    vec![0, 1]
+}
+
+fn default_feed_reps() -> Vec<u32> {
+    vec![2]
+}
+
+/// A trained classifier, and the stream that it will see.
+#[derive(Clone, Debug)]
+pub struct EmgSetup {
+    /// Trained on all five gestures.
+    pub classifier: Classifier,
+    /// The armband during the trial.
+    pub feed: EmgFeed,
+    /// Settings that fit the stream's rate and channels.
+    pub config: EmgConfig,
+    /// For display and results: `recording`, `synthetic` or `recording+synthetic`.
+    pub label: String,
+}
+
+/// [`prepare_with`] default settings.
+///
+/// # Errors
+/// As [`prepare_with`].
+pub fn prepare(source: &EmgSource, seed: u64) -> Result<EmgSetup, DeviceError> {
+    prepare_with(source, &EmgConfig::default(), seed)
+}
+
+/// Reads or generates the recordings of `source`, trains the classifier, and opens the feed. Rate and channels of
+/// `config` are replaced by those of the source. Synthetic EMG for training and for feeding comes from different
+/// random streams of `seed`.
+///
+/// # Errors
+/// A folder that cannot be used, a lacking gesture or repetition, or settings that cannot work.
+pub fn prepare_with(source: &EmgSource, config: &EmgConfig, seed: u64) -> Result<EmgSetup, DeviceError> {
+    let mut config = config.clone();
+    match source {
+        EmgSource::Synthetic => {
+            let recordings = Recordings {
+                path: PathBuf::new(),
+                rate_hz: SYNTHETIC_RATE_HZ,
+                channels: SyntheticModel::shipped()?.channels(),
+                items: Vec::new(),
+            };
+            finish(recordings, &default_train_reps(), &[], true, "synthetic", &mut config, seed)
+        }
+        EmgSource::Recording { dir, rate_hz, train_reps, feed_reps, fill } => {
+            let recordings = Recordings::read(dir, *rate_hz)?;
+            let missing = recordings.missing();
+            if !missing.is_empty() && !fill {
+                return Err(DeviceError::MissingGestures { path: dir.clone(), missing });
+            }
+            let label = if missing.is_empty() { "recording" } else { "recording+synthetic" };
+            finish(recordings, train_reps, feed_reps, !missing.is_empty(), label, &mut config, seed)
+        }
+    }
+}
+
+/// As the gForce Pro+ in ProACT's setting (arXiv:2407.05025).
+const SYNTHETIC_RATE_HZ: f64 = 1000.0;
+/// Length of a synthetic training repetition, as ProACT's calibration (same source).
+const SYNTHETIC_SECS: f64 = 3.0;
+
+fn finish(
+    mut recordings: Recordings,
+    train_reps: &[u32],
+    feed_reps: &[u32],
+    synthetic: bool,
+    label: &str,
+    config: &mut EmgConfig,
+    seed: u64,
+) -> Result<EmgSetup, DeviceError> {
+    config.rate_hz = recordings.rate_hz;
+    config.channels = recordings.channels;
+    let filling = if synthetic { Some(generator(&recordings, seed, "emg/synthetic/feed")?) } else { None };
+    let feed = EmgFeed::new(&recordings, feed_reps, filling, seed)?;
+    if synthetic {
+        let mut generator = generator(&recordings, seed, "emg/synthetic/train")?;
+        fill(&mut recordings, train_reps, &mut generator);
+    }
+    let classifier = train(&recordings, train_reps, config)?;
+    Ok(EmgSetup { classifier, feed, config: config.clone(), label: label.to_owned() })
+}
+
+/// A generator for the stream of `recordings`, as strong as they are: the scale is the ratio of amplitudes over
+/// the gestures that were recorded.
+fn generator(recordings: &Recordings, seed: u64, name: &str) -> Result<SyntheticEmg, DeviceError> {
+    let model = SyntheticModel::shipped()?;
+    let gestures = recordings.gestures();
+    let mean =
+        |of: &dyn Fn(Gesture) -> f64| gestures.iter().map(|g| of(*g)).sum::<f64>() / gestures.len() as f64;
+    let scale = if gestures.is_empty() {
+        1.0
+    } else {
+        mean(&|g| recorded_rms(recordings, g)) / mean(&|g| model.rms(g))
+    };
+    SyntheticEmg::new(&model, recordings.rate_hz, recordings.channels, scale, stream(seed, name))
+}
+
+fn recorded_rms(recordings: &Recordings, gesture: Gesture) -> f64 {
+    let of_gesture = recordings.items.iter().filter(|r| r.gesture == gesture);
+    let (mut sum, mut count) = (0.0, 0_u64);
+    for value in of_gesture.flat_map(|r| r.samples.iter().flatten()) {
+        sum += value * value;
+        count += 1;
+    }
+    (sum / count.max(1) as f64).sqrt()
+}
+
+/// Adds synthetic repetitions `reps` of all gestures that were not recorded.
+fn fill(recordings: &mut Recordings, reps: &[u32], generator: &mut SyntheticEmg) {
+    let samples = (SYNTHETIC_SECS * recordings.rate_hz).round() as usize;
+    for gesture in recordings.missing() {
+        for &repetition in reps {
+            recordings.items.push(Recording {
+                repetition,
+                gesture,
+                samples: (0..samples).map(|_| generator.next(gesture)).collect(),
+                path: Path::new("synthetic").to_owned(),
+            });
+        }
+    }
+}
+
+/// Trains on repetitions `reps` of all gestures in `recordings`. Windows never span two recordings.
+///
+/// # Errors
+/// No repetitions, one that is missing or shorter than a window, or data that no classifier can be trained on.
+pub fn train(recordings: &Recordings, reps: &[u32], config: &EmgConfig) -> Result<Classifier, DeviceError> {
+    if reps.is_empty() {
+        return Err(DeviceError::NoRepetitions { purpose: "train on" });
+    }
+    let (mut windows, mut labels) = (Vec::new(), Vec::new());
+    for &rep in reps {
+        for gesture in recordings.gestures() {
+            let recording = recordings.find(gesture, rep)?;
+            windows.extend(recording.windows(config)?);
+            labels.resize(windows.len(), gesture);
+        }
+    }
+    Ok(Classifier::train(config, &windows, &labels)?)
+}
+
+impl Recording {
+    /// Features of every window.
+    ///
+    /// # Errors
+    /// Settings that do not fit, or fewer samples than a window.
+    pub fn windows(&self, config: &EmgConfig) -> Result<Vec<proact_emg::FeatureVector>, DeviceError> {
+        let window = config.window_samples()?;
+        if self.samples.len() < window {
+            let (path, samples) = (self.path.clone(), self.samples.len());
+            return Err(DeviceError::TooShort { path, samples, window });
+        }
+        let numbered: Vec<_> = self.numbered().collect();
+        Ok(extract(config, &numbered)?)
+    }
+}
