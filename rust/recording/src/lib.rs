@@ -1,1 +1,55 @@
-//! To come.
+//! Trials on disk, written and read back.
+//!
+//! A trial directory holds
+//!
+//! | file | content |
+//! |---|---|
+//! | `config.toml` | the whole configuration |
+//! | `inputs.log` | seed, versions, and all that entered from outside, tick by tick: with the configuration it *is* the trial |
+//! | `digests.log` | the digest chain, one entry per span of ticks |
+//! | `events.jsonl` | what happened, one JSON object a line |
+//! | `trial.bag` | the same trial as a ROS 1 bag |
+//! | `result.json` | the result, written last: without it the trial is unfinished |
+//!
+//! This crate writes and reads files. It has no clock, no threads and no randomness: equal trials give equal
+//! files, byte for byte. It depends on `types` alone.
+//!
+//! ```
+//! use proact_recording::{InputLog, TrialHeader, TrialWriter, read_result};
+//! use proact_types::{Gesture, SimTime, TickInput};
+//! # let place = tempfile::tempdir()?;
+//! # let dir = place.path().join("trial");
+//! let header = TrialHeader { config_toml: "method = \"D\"\n".into(), seed: 7, ..Default::default() };
+//! let mut trial = TrialWriter::create(&dir, &header)?;
+//! let keys = TickInput { gesture: Some(Gesture::WristFlexion), ..Default::default() };
+//! trial.write_input(SimTime(1), &keys)?;
+//! trial.finish(SimTime(2), &serde_json::json!({"on_target": 4}))?;
+//!
+//! let record = InputLog::open(&dir)?.next().expect("one tick had input")?;
+//! assert_eq!((record.tick, record.input), (SimTime(1), keys));
+//! assert_eq!(read_result::<serde_json::Value>(&dir)?["on_target"], 4);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+// Files are this crate's purpose.
+#![allow(clippy::disallowed_methods)]
+#![cfg_attr(test, allow(clippy::unwrap_used))]
+
+mod checked_lines;
+mod error;
+mod input_log;
+mod trial;
+
+pub use error::RecordingError;
+pub use input_log::{InputLog, InputRecord, LogEnd};
+pub use trial::{FLUSH_TICKS, Trial, TrialHeader, TrialWriter, read_result};
+
+/// Name of the configuration in a trial directory.
+pub const CONFIG_FILE: &str = "config.toml";
+/// Name of the input log.
+pub const INPUTS_FILE: &str = "inputs.log";
+/// Name of the digest chain.
+pub const DIGESTS_FILE: &str = "digests.log";
+/// Name of the events.
+pub const EVENTS_FILE: &str = "events.jsonl";
+/// Name of the result.
+pub const RESULT_FILE: &str = "result.json";

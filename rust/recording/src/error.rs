@@ -1,0 +1,136 @@
+use proact_types::SimTime;
+use std::{io, path::Path, path::PathBuf};
+
+/// Why a recording could not be written or read.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RecordingError {
+    /// The operating system refused.
+    #[error("cannot {action} {}: {source}", path.display())]
+    Io {
+        /// Such as `create the trial directory`.
+        action: &'static str,
+        /// The file or directory.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// Nothing is ever overwritten.
+    #[error(
+        "the output directory {} is not empty; expected a new or an empty one: choose another name or remove it",
+        dir.display()
+    )]
+    OutputExists {
+        /// The directory asked for.
+        dir: PathBuf,
+    },
+    /// The directory lacks what every trial has.
+    #[error("{} is not a trial directory: it has no {missing}", dir.display())]
+    NotATrial {
+        /// The directory.
+        dir: PathBuf,
+        /// The file that is not there.
+        missing: &'static str,
+    },
+    /// The trial was broken off: its process ended before the result was written.
+    #[error(
+        "the trial in {} is unfinished: it has inputs but no result.json, so its process ended before the trial did",
+        dir.display()
+    )]
+    Unfinished {
+        /// The directory.
+        dir: PathBuf,
+    },
+    /// Bytes are not those that were written.
+    #[error("{} is damaged at byte {offset}: {reason}", file.display())]
+    Damaged {
+        /// The file.
+        file: PathBuf,
+        /// Byte offset of the damaged record from the start of the file.
+        offset: u64,
+        /// What does not fit.
+        reason: String,
+    },
+    /// The file ends before its end mark. All records before that are good.
+    #[error(
+        "{} is truncated at byte {offset}: {records} records before it are good, the end of the trial is missing",
+        file.display()
+    )]
+    Truncated {
+        /// The file.
+        file: PathBuf,
+        /// Byte offset at which the first incomplete record starts.
+        offset: u64,
+        /// Number of good records.
+        records: u64,
+    },
+    /// A file of another version of this format.
+    #[error("{} has format version {got}, this program reads version {expected}", file.display())]
+    WrongVersion {
+        /// The file.
+        file: PathBuf,
+        /// Version found.
+        got: u32,
+        /// Version known.
+        expected: u32,
+    },
+    /// Ticks are written once each, in ascending order.
+    #[error("input of tick {} comes after tick {}; expected a later one", got.0, last.0)]
+    OutOfOrder {
+        /// Tick handed in.
+        got: SimTime,
+        /// Tick written last.
+        last: SimTime,
+    },
+    /// A vector has another length than its names.
+    #[error("{what}: got {got} values, expected {expected}")]
+    WrongLength {
+        /// What was handed in.
+        what: &'static str,
+        /// Values handed in.
+        got: usize,
+        /// Values expected.
+        expected: usize,
+    },
+    /// A value is NaN or infinite.
+    #[error("{what} has the value {value} at {} s, expected finite numbers", time.as_secs())]
+    NotFinite {
+        /// What was handed in.
+        what: &'static str,
+        /// The first such value.
+        value: f64,
+        /// When.
+        time: SimTime,
+    },
+    /// A topic carries one type of message.
+    #[error("topic {topic} carries {expected}, got a message of type {got}")]
+    WrongType {
+        /// The topic.
+        topic: String,
+        /// Type handed in.
+        got: &'static str,
+        /// Type of the messages before.
+        expected: String,
+    },
+    /// A value cannot be written in its format.
+    #[error("cannot encode {what}: {reason}")]
+    Encode {
+        /// Such as `the result`.
+        what: &'static str,
+        /// Why.
+        reason: String,
+    },
+}
+
+impl RecordingError {
+    /// For `map_err`: an I/O error with what was being done to which file.
+    pub(crate) fn io(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Self {
+        let path = path.to_owned();
+        move |source| RecordingError::Io { action, path, source }
+    }
+
+    /// For `map_err`: a serialisation error.
+    pub(crate) fn encode<E: std::fmt::Display>(what: &'static str) -> impl FnOnce(E) -> Self {
+        move |error| RecordingError::Encode { what, reason: error.to_string() }
+    }
+}

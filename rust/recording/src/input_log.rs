@@ -1,0 +1,293 @@
+//! `inputs.log`: everything that entered the testbed from outside, tick by tick.
+//!
+//! Layout, little endian: the eight bytes `PROACTIN`, the format version as `u32`, then records. A record is
+//! its payload's length as `u32`, the bitwise complement of that length, the payload, and the payload's CRC-32.
+//! The complement is there so that a damaged length is not taken for a truncated file. The first payload is the
+//! header as JSON, every other one a [`Record`] in postcard's encoding, which keeps every bit of a float. The
+//! last one is the end mark: a log without it was broken off.
+
+use crate::RecordingError;
+use proact_types::{SimTime, TickInput};
+use serde::{Deserialize, Serialize, de::DeserializeOwned};
+use std::{
+    collections::BTreeMap,
+    fs::File,
+    io::{BufReader, BufWriter, Read, Write},
+    path::{Path, PathBuf},
+};
+
+const MAGIC: &[u8; 8] = b"PROACTIN";
+const VERSION: u32 = 1;
+/// Bytes of a record around its payload: length, complement, CRC-32.
+const LENGTH_BYTES: u64 = 8;
+const CHECKSUM_BYTES: u64 = 4;
+
+/// First record of the log.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct LogHeader {
+    /// Seed of the trial.
+    pub seed: u64,
+    /// Versions of program and libraries.
+    pub versions: BTreeMap<String, String>,
+    /// CRC-32 of `config.toml`, so that an edited configuration is noticed.
+    pub config_crc32: u32,
+}
+
+/// What is written, borrowed; postcard's encoding is that of [`Record`].
+#[derive(Serialize)]
+enum RecordRef<'a> {
+    Tick(SimTime, &'a TickInput),
+    End(LogEnd),
+}
+
+/// Every record but the first.
+#[derive(Deserialize)]
+enum Record {
+    Tick(SimTime, TickInput),
+    End(LogEnd),
+}
+
+/// The end mark of a finished trial.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct LogEnd {
+    /// Last tick of the trial.
+    pub time: SimTime,
+    /// Number of ticks with input.
+    pub records: u64,
+}
+
+/// One tick's input, read back.
+#[derive(Clone, Debug, PartialEq)]
+pub struct InputRecord {
+    /// Byte offset of the record in the file.
+    pub offset: u64,
+    /// The tick.
+    pub tick: SimTime,
+    /// What entered.
+    pub input: TickInput,
+}
+
+/// Writes `inputs.log`.
+#[derive(Debug)]
+pub(crate) struct InputLogWriter {
+    file: BufWriter<File>,
+    path: PathBuf,
+    last: Option<SimTime>,
+    records: u64,
+}
+
+impl InputLogWriter {
+    pub(crate) fn new(file: File, path: &Path, header: &LogHeader) -> Result<Self, RecordingError> {
+        let mut log =
+            InputLogWriter { file: BufWriter::new(file), path: path.to_owned(), last: None, records: 0 };
+        let payload = serde_json::to_vec(header).map_err(RecordingError::encode("the log header"))?;
+        log.put(MAGIC)?;
+        log.put(&VERSION.to_le_bytes())?;
+        log.put_record(&payload)?;
+        log.flush()?;
+        Ok(log)
+    }
+
+    /// Appends the input of `tick`, unless it is empty.
+    pub(crate) fn write(&mut self, tick: SimTime, input: &TickInput) -> Result<(), RecordingError> {
+        if let Some(last) = self.last.filter(|last| *last >= tick) {
+            return Err(RecordingError::OutOfOrder { got: tick, last });
+        }
+        self.last = Some(tick);
+        if *input == TickInput::default() {
+            return Ok(());
+        }
+        self.records += 1;
+        self.put_value(&RecordRef::Tick(tick, input))
+    }
+
+    pub(crate) fn flush(&mut self) -> Result<(), RecordingError> {
+        self.file.flush().map_err(RecordingError::io("write to", &self.path))
+    }
+
+    /// Appends the end mark and hands the file to the disk.
+    pub(crate) fn finish(mut self, time: SimTime) -> Result<(), RecordingError> {
+        if let Some(last) = self.last.filter(|last| *last > time) {
+            return Err(RecordingError::OutOfOrder { got: time, last });
+        }
+        self.put_value(&RecordRef::End(LogEnd { time, records: self.records }))?;
+        self.flush()?;
+        self.file.get_ref().sync_all().map_err(RecordingError::io("write to", &self.path))
+    }
+
+    fn put_value(&mut self, record: &RecordRef<'_>) -> Result<(), RecordingError> {
+        let payload = postcard::to_stdvec(record).map_err(RecordingError::encode("an input record"))?;
+        self.put_record(&payload)
+    }
+
+    fn put_record(&mut self, payload: &[u8]) -> Result<(), RecordingError> {
+        let length = u32::try_from(payload.len()).map_err(RecordingError::encode("an input record"))?;
+        self.put(&length.to_le_bytes())?;
+        self.put(&(!length).to_le_bytes())?;
+        self.put(payload)?;
+        self.put(&crc32fast::hash(payload).to_le_bytes())
+    }
+
+    fn put(&mut self, bytes: &[u8]) -> Result<(), RecordingError> {
+        self.file.write_all(bytes).map_err(RecordingError::io("write to", &self.path))
+    }
+}
+
+/// Reads `inputs.log`: an iterator over the ticks that had input, in ascending order.
+///
+/// It stops after the end mark, or after the first error. [`RecordingError::Truncated`] as the last item means
+/// that all items before it are good and the trial was broken off there; any other error means that the file
+/// is not what was written.
+#[derive(Debug)]
+pub struct InputLog {
+    file: BufReader<File>,
+    path: PathBuf,
+    header: LogHeader,
+    length: u64,
+    offset: u64,
+    last: Option<SimTime>,
+    records: u64,
+    end: Option<LogEnd>,
+    stopped: bool,
+}
+
+impl InputLog {
+    /// Opens the log of the trial in `dir`.
+    ///
+    /// # Errors
+    /// [`RecordingError::NotATrial`] without a log; [`RecordingError::Damaged`], [`RecordingError::WrongVersion`]
+    /// or [`RecordingError::Truncated`] if its head is not that of one.
+    pub fn open(dir: &Path) -> Result<Self, RecordingError> {
+        let path = dir.join(crate::INPUTS_FILE);
+        let file = File::open(&path).map_err(|source| match source.kind() {
+            std::io::ErrorKind::NotFound => {
+                RecordingError::NotATrial { dir: dir.to_owned(), missing: crate::INPUTS_FILE }
+            }
+            _ => RecordingError::Io { action: "open", path: path.clone(), source },
+        })?;
+        let length = file.metadata().map_err(RecordingError::io("read", &path))?.len();
+        let mut log = InputLog {
+            file: BufReader::new(file),
+            path,
+            header: LogHeader { seed: 0, versions: BTreeMap::new(), config_crc32: 0 },
+            length,
+            offset: 0,
+            last: None,
+            records: 0,
+            end: None,
+            stopped: false,
+        };
+        let head: [u8; 12] = log.read_bytes(0)?;
+        if head[..8] != *MAGIC {
+            return Err(log.damaged(0, "it does not start as an input log does"));
+        }
+        let version = u32::from_le_bytes([head[8], head[9], head[10], head[11]]);
+        if version != VERSION {
+            return Err(RecordingError::WrongVersion { file: log.path, got: version, expected: VERSION });
+        }
+        let start = log.offset;
+        let payload = log.read_record()?;
+        log.header = serde_json::from_slice(&payload).map_err(|e| log.damaged(start, &e.to_string()))?;
+        Ok(log)
+    }
+
+    pub(crate) fn header(&self) -> &LogHeader {
+        &self.header
+    }
+
+    /// The end mark, once the iterator has passed it.
+    pub fn end(&self) -> Option<LogEnd> {
+        self.end
+    }
+
+    fn read_next(&mut self) -> Result<Option<InputRecord>, RecordingError> {
+        let offset = self.offset;
+        let payload = self.read_record()?;
+        match self.decode(offset, &payload)? {
+            Record::Tick(tick, input) => {
+                if let Some(last) = self.last.filter(|last| *last >= tick) {
+                    let reason = format!("tick {} stands after tick {}", tick.0, last.0);
+                    return Err(self.damaged(offset, &reason));
+                }
+                self.last = Some(tick);
+                self.records += 1;
+                Ok(Some(InputRecord { offset, tick, input }))
+            }
+            Record::End(end) => {
+                if end.records != self.records {
+                    let reason =
+                        format!("the end mark counts {} records, {} were read", end.records, self.records);
+                    return Err(self.damaged(offset, &reason));
+                }
+                if self.offset != self.length {
+                    return Err(self.damaged(self.offset, "there are bytes after the end mark"));
+                }
+                self.end = Some(end);
+                Ok(None)
+            }
+        }
+    }
+
+    fn decode<T: DeserializeOwned>(&self, offset: u64, payload: &[u8]) -> Result<T, RecordingError> {
+        match postcard::take_from_bytes(payload) {
+            Ok((value, [])) => Ok(value),
+            Ok((_, rest)) => Err(self.damaged(offset, &format!("{} bytes too many", rest.len()))),
+            Err(error) => Err(self.damaged(offset, &error.to_string())),
+        }
+    }
+
+    fn read_record(&mut self) -> Result<Vec<u8>, RecordingError> {
+        let start = self.offset;
+        let [a, b, c, d, e, f, g, h]: [u8; LENGTH_BYTES as usize] = self.read_bytes(start)?;
+        let length = u32::from_le_bytes([a, b, c, d]);
+        if u32::from_le_bytes([e, f, g, h]) != !length {
+            return Err(self.damaged(start, "the record's length does not match its complement"));
+        }
+        // Compare with what is left before any memory is asked for.
+        if self.length - self.offset < u64::from(length) + CHECKSUM_BYTES {
+            return Err(self.truncated(start));
+        }
+        let mut payload = vec![0; length as usize];
+        self.file.read_exact(&mut payload).map_err(RecordingError::io("read", &self.path))?;
+        self.offset += u64::from(length);
+        let expected = u32::from_le_bytes(self.read_bytes(start)?);
+        let got = crc32fast::hash(&payload);
+        if got != expected {
+            let reason = format!("its checksum is {got:08x}, the file says {expected:08x}");
+            return Err(self.damaged(start, &reason));
+        }
+        Ok(payload)
+    }
+
+    /// Reads `N` bytes of the record that starts at `start`.
+    fn read_bytes<const N: usize>(&mut self, start: u64) -> Result<[u8; N], RecordingError> {
+        if self.length - self.offset < N as u64 {
+            return Err(self.truncated(start));
+        }
+        let mut bytes = [0; N];
+        self.file.read_exact(&mut bytes).map_err(RecordingError::io("read", &self.path))?;
+        self.offset += N as u64;
+        Ok(bytes)
+    }
+
+    fn damaged(&self, offset: u64, reason: &str) -> RecordingError {
+        RecordingError::Damaged { file: self.path.clone(), offset, reason: reason.to_owned() }
+    }
+
+    fn truncated(&self, offset: u64) -> RecordingError {
+        RecordingError::Truncated { file: self.path.clone(), offset, records: self.records }
+    }
+}
+
+impl Iterator for InputLog {
+    type Item = Result<InputRecord, RecordingError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        if self.stopped {
+            return None;
+        }
+        let item = self.read_next().transpose();
+        self.stopped = !matches!(item, Some(Ok(_)));
+        item
+    }
+}

@@ -1,0 +1,332 @@
+//! Trial directories: round trips to the bit, damage, truncation, places that cannot be written.
+#![allow(clippy::unwrap_used, clippy::disallowed_methods)]
+
+use proact_recording::{
+    FLUSH_TICKS, INPUTS_FILE, InputLog, InputRecord, LogEnd, RESULT_FILE, RecordingError, Trial, TrialHeader,
+    TrialWriter, read_result,
+};
+use proact_types::{
+    BlockId, EmgSample, Event, EventKind, GazeSample, Gesture, PlanReply, PlanStatus, Point, Pose, SimTime,
+    TickInput, Trajectory, TrajectoryPoint, Vector, joints,
+};
+use serde::{Deserialize, Serialize};
+use std::{fs, path::Path};
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Digest {
+    tick: u64,
+    stages: Vec<String>,
+}
+
+fn header() -> TrialHeader {
+    TrialHeader {
+        config_toml: "# a trial\nmethod = \"D\"\n".to_owned(),
+        seed: u64::MAX,
+        versions: [("proact".to_owned(), "0.1.0".to_owned())].into(),
+    }
+}
+
+/// Something different for every tick; empty for every third.
+fn input(tick: u64) -> TickInput {
+    let x = (tick as f64).sqrt();
+    let mut input = TickInput::default();
+    match tick % 3 {
+        0 => {}
+        1 => {
+            for counter in 0..tick % 5 + 1 {
+                let channels = (0..8).map(|c| x * f64::from(c)).collect();
+                input.emg.push(EmgSample { counter, channels });
+            }
+            input.gaze =
+                Some(GazeSample { origin: Point::new(x, 0.1, 1.5), direction: Vector::x(), valid: true });
+        }
+        _ => {
+            input.gesture = Some(Gesture::ALL[tick as usize % 5]);
+            input.shoulder = Some(Pose::new(Vector::new(-x, 0.12, 1.5), Vector::new(0.1, x, 0.3)));
+            let q = joints(&[x; 7]);
+            input.plan = Some(PlanReply {
+                id: tick,
+                status: PlanStatus::Intermediate,
+                trajectory: Trajectory {
+                    points: vec![TrajectoryPoint { time_secs: 0.0, q: q.clone(), qd: q }],
+                },
+                reason: "the goal is out of reach".to_owned(),
+            });
+        }
+    }
+    input
+}
+
+fn event(time: u64) -> Event {
+    Event {
+        time: SimTime(time),
+        kind: EventKind::BlockOnTarget { block: BlockId::Blue2, distance: 0.1 + 0.2 },
+    }
+}
+
+fn digest(tick: u64) -> Digest {
+    Digest { tick, stages: vec![format!("{tick:x}")] }
+}
+
+/// A finished trial of `ticks` ticks.
+fn write_trial(dir: &Path, ticks: u64) {
+    let mut trial = TrialWriter::create(dir, &header()).unwrap();
+    for tick in 1..=ticks {
+        trial.write_input(SimTime(tick), &input(tick)).unwrap();
+        if tick % 100 == 0 {
+            trial.write_digest(&digest(tick)).unwrap();
+            trial.write_event(&event(tick)).unwrap();
+        }
+    }
+    trial.finish(SimTime(ticks), &serde_json::json!({"on_target": 3})).unwrap();
+}
+
+fn read_inputs(dir: &Path) -> (Vec<InputRecord>, Result<Option<LogEnd>, RecordingError>) {
+    let mut log = InputLog::open(dir).unwrap();
+    let mut records = Vec::new();
+    for item in &mut log {
+        match item {
+            Ok(record) => records.push(record),
+            Err(error) => return (records, Err(error)),
+        }
+    }
+    (records, Ok(log.end()))
+}
+
+#[test]
+fn a_trial_reads_back_as_it_was_written() {
+    let place = tempfile::tempdir().unwrap();
+    let dir = place.path().join("made/on/the/way");
+    write_trial(&dir, 600);
+
+    let trial = Trial::open(&dir).unwrap();
+    assert_eq!(*trial.header(), header());
+    let (records, end) = read_inputs(&dir);
+    let expected: Vec<_> = (1..=600).map(|t| (t, input(t))).filter(|(t, _)| t % 3 != 0).collect();
+    let got: Vec<_> = records.into_iter().map(|r| (r.tick.0, r.input)).collect();
+    assert_eq!(got, expected);
+    assert_eq!(end.unwrap(), Some(LogEnd { time: SimTime(600), records: 400 }));
+    let spans: Vec<u64> = (1..=6).map(|k| 100 * k).collect();
+    assert_eq!(trial.digests::<Digest>().unwrap(), spans.iter().map(|t| digest(*t)).collect::<Vec<_>>());
+    assert_eq!(trial.events().unwrap(), spans.iter().map(|t| event(*t)).collect::<Vec<_>>());
+    assert_eq!(read_result::<serde_json::Value>(&dir).unwrap()["on_target"], 3);
+    assert!(!dir.join("result.json.tmp").exists());
+}
+
+#[test]
+fn equal_trials_give_equal_files() {
+    let place = tempfile::tempdir().unwrap();
+    let (one, two) = (place.path().join("one"), place.path().join("two"));
+    write_trial(&one, 300);
+    write_trial(&two, 300);
+    for entry in fs::read_dir(&one).unwrap() {
+        let name = entry.unwrap().file_name();
+        assert_eq!(fs::read(one.join(&name)).unwrap(), fs::read(two.join(&name)).unwrap(), "{name:?}");
+    }
+}
+
+#[test]
+fn every_bit_of_an_input_is_kept_nan_and_minus_zero_included() {
+    let place = tempfile::tempdir().unwrap();
+    let dir = place.path().join("trial");
+    let odd = [f64::from_bits(0x7ff8_dead_beef_0001), -0.0, f64::MIN_POSITIVE / 3.0, f64::NEG_INFINITY];
+    let mut given = TickInput::default();
+    given.emg.push(EmgSample { counter: 9, channels: odd.into_iter().collect() });
+    // A pose whose quaternion is not exactly of unit length must not be normalised on the way.
+    let rotation = nalgebra::UnitQuaternion::new_unchecked(nalgebra::Quaternion::new(0.6, 0.1, 0.1, 0.8));
+    given.shoulder = Some(Pose::from_parts(Vector::zeros().into(), rotation));
+    let mut trial = TrialWriter::create(&dir, &header()).unwrap();
+    trial.write_input(SimTime(1), &given).unwrap();
+    trial.finish(SimTime(1), &()).unwrap();
+
+    let read = InputLog::open(&dir).unwrap().next().unwrap().unwrap().input;
+    let bits = |i: &TickInput| i.emg[0].channels.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+    assert_eq!(bits(&read), bits(&given));
+    assert_eq!(read.shoulder, given.shoulder);
+}
+
+#[test]
+fn a_flipped_byte_anywhere_is_reported_at_the_record_it_is_in() {
+    let place = tempfile::tempdir().unwrap();
+    let dir = place.path().join("trial");
+    write_trial(&dir, 30);
+    let file = dir.join(INPUTS_FILE);
+    let good = fs::read(&file).unwrap();
+    let (records, _) = read_inputs(&dir);
+    let mut starts: Vec<u64> = records.iter().map(|r| r.offset).collect();
+    // The end mark is a record too: it starts where the last input's record ends.
+    let last = *starts.last().unwrap() as usize;
+    let length = u32::from_le_bytes(good[last..last + 4].try_into().unwrap()) as u64;
+    starts.push(last as u64 + length + 12);
+
+    for at in starts[0] as usize..good.len() {
+        let mut bad = good.clone();
+        bad[at] ^= 0x10;
+        fs::write(&file, &bad).unwrap();
+        let index = starts.iter().rposition(|s| *s <= at as u64).unwrap();
+        let (read, end) = read_inputs(&dir);
+        assert_eq!(read, records[..index.min(records.len())], "byte {at}");
+        match end {
+            Err(RecordingError::Damaged { offset, .. }) => assert_eq!(offset, starts[index], "byte {at}"),
+            other => panic!("byte {at}: {other:?}"),
+        }
+    }
+}
+
+#[test]
+fn a_damaged_head_is_refused() {
+    let place = tempfile::tempdir().unwrap();
+    let dir = place.path().join("trial");
+    write_trial(&dir, 3);
+    let file = dir.join(INPUTS_FILE);
+    let good = fs::read(&file).unwrap();
+    let open_with = |at: usize| {
+        let mut bad = good.clone();
+        bad[at] ^= 1;
+        fs::write(&file, &bad).unwrap();
+        InputLog::open(&dir).unwrap_err()
+    };
+    assert!(matches!(open_with(0), RecordingError::Damaged { offset: 0, .. }));
+    assert!(matches!(open_with(8), RecordingError::WrongVersion { got: 0, expected: 1, .. }));
+    assert!(matches!(open_with(30), RecordingError::Damaged { offset: 12, .. }));
+    fs::write(&file, []).unwrap();
+    assert!(matches!(InputLog::open(&dir), Err(RecordingError::Truncated { offset: 0, records: 0, .. })));
+}
+
+#[test]
+fn a_log_cut_anywhere_is_read_up_to_the_cut() {
+    let place = tempfile::tempdir().unwrap();
+    let dir = place.path().join("trial");
+    write_trial(&dir, 30);
+    let file = dir.join(INPUTS_FILE);
+    let good = fs::read(&file).unwrap();
+    let (records, _) = read_inputs(&dir);
+    for cut in records[0].offset as usize..good.len() {
+        fs::write(&file, &good[..cut]).unwrap();
+        let (read, end) = read_inputs(&dir);
+        assert_eq!(read, records[..read.len()]);
+        match end {
+            Err(RecordingError::Truncated { offset, records: good_records, .. }) => {
+                assert_eq!(good_records, read.len() as u64);
+                assert!(offset <= cut as u64);
+                let whole = records.iter().filter(|r| r.offset < offset).count();
+                assert_eq!(whole, read.len(), "cut at {cut}");
+            }
+            other => panic!("cut at {cut}: {other:?}"),
+        }
+    }
+}
+
+#[test]
+fn a_crash_loses_at_most_the_last_span_and_leaves_an_unfinished_trial() {
+    let place = tempfile::tempdir().unwrap();
+    let dir = place.path().join("trial");
+    let mut trial = TrialWriter::create(&dir, &header()).unwrap();
+    for tick in 1..=1050 {
+        trial.write_input(SimTime(tick), &input(tick)).unwrap();
+    }
+    // A crash runs no destructor: what is in memory is gone.
+    std::mem::forget(trial);
+    let (read, end) = read_inputs(&dir);
+    assert!(matches!(end, Err(RecordingError::Truncated { .. })));
+    assert!(read.last().unwrap().tick.0 + FLUSH_TICKS >= 1050);
+    let error = read_result::<serde_json::Value>(&dir).unwrap_err();
+    assert!(matches!(error, RecordingError::Unfinished { .. }));
+    assert!(error.to_string().contains("unfinished"), "{error}");
+}
+
+#[test]
+fn a_damaged_digest_is_not_taken_for_another_digest() {
+    let place = tempfile::tempdir().unwrap();
+    let dir = place.path().join("trial");
+    write_trial(&dir, 300);
+    let file = dir.join("digests.log");
+    let text = fs::read_to_string(&file).unwrap();
+    let second = text.find('\n').unwrap() + 1;
+    // The hexadecimal digits of tick 200 are "c8"; "c9" would be a digest as good as any.
+    fs::write(&file, text.replace("\"c8\"", "\"c9\"")).unwrap();
+    match Trial::open(&dir).unwrap().digests::<Digest>() {
+        Err(RecordingError::Damaged { offset, .. }) => assert_eq!(offset, second as u64),
+        other => panic!("{other:?}"),
+    }
+    fs::write(&file, &text[..text.len() - 4]).unwrap();
+    assert!(matches!(
+        Trial::open(&dir).unwrap().digests::<Digest>(),
+        Err(RecordingError::Truncated { records: 2, .. })
+    ));
+}
+
+#[test]
+fn a_configuration_edited_afterwards_is_noticed() {
+    let place = tempfile::tempdir().unwrap();
+    let dir = place.path().join("trial");
+    write_trial(&dir, 3);
+    fs::write(dir.join("config.toml"), "method = \"C\"\n").unwrap();
+    assert!(matches!(Trial::open(&dir), Err(RecordingError::Damaged { .. })));
+    fs::remove_file(dir.join("config.toml")).unwrap();
+    assert!(matches!(Trial::open(&dir), Err(RecordingError::NotATrial { missing: "config.toml", .. })));
+}
+
+#[test]
+fn a_damaged_result_is_reported_with_its_offset() {
+    let place = tempfile::tempdir().unwrap();
+    let dir = place.path().join("trial");
+    write_trial(&dir, 3);
+    fs::write(dir.join(RESULT_FILE), "{\n  \"on_target\": 3x\n}\n").unwrap();
+    match read_result::<serde_json::Value>(&dir) {
+        Err(RecordingError::Damaged { offset, .. }) => assert_eq!(offset, 18),
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn a_directory_with_something_in_it_is_refused_and_left_alone() {
+    let place = tempfile::tempdir().unwrap();
+    fs::write(place.path().join("thesis.tex"), "years of work").unwrap();
+    let error = TrialWriter::create(place.path(), &header()).unwrap_err();
+    assert!(matches!(error, RecordingError::OutputExists { .. }));
+    let names: Vec<_> = fs::read_dir(place.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
+    assert_eq!(names, ["thesis.tex"]);
+}
+
+#[test]
+fn an_empty_directory_is_used() {
+    let place = tempfile::tempdir().unwrap();
+    TrialWriter::create(place.path(), &header()).unwrap();
+    assert!(place.path().join(INPUTS_FILE).exists());
+}
+
+#[test]
+fn a_place_that_cannot_be_written_is_an_error_before_anything_runs() {
+    let place = tempfile::tempdir().unwrap();
+    let file = place.path().join("file");
+    fs::write(&file, "").unwrap();
+    // Below a file, on a file, and in a file system that takes no directories, even from root.
+    for dir in [file.join("trial"), file.clone(), "/proc/trial".into()] {
+        let error = TrialWriter::create(&dir, &header()).unwrap_err();
+        assert!(matches!(error, RecordingError::Io { .. }), "{error:?}");
+        assert!(error.to_string().contains(&dir.display().to_string()), "{error}");
+    }
+    assert_eq!(fs::read_dir(place.path()).unwrap().count(), 1);
+}
+
+#[test]
+fn ticks_out_of_order_are_refused() {
+    let place = tempfile::tempdir().unwrap();
+    let mut trial = TrialWriter::create(&place.path().join("trial"), &header()).unwrap();
+    trial.write_input(SimTime(5), &input(5)).unwrap();
+    for tick in [5, 4] {
+        let error = trial.write_input(SimTime(tick), &input(4)).unwrap_err();
+        assert!(matches!(error, RecordingError::OutOfOrder { got, last: SimTime(5) } if got.0 == tick));
+    }
+}
+
+#[test]
+fn a_directory_that_is_no_trial_is_named() {
+    let place = tempfile::tempdir().unwrap();
+    assert!(matches!(Trial::open(place.path()), Err(RecordingError::NotATrial { .. })));
+    assert!(matches!(
+        read_result::<serde_json::Value>(place.path()),
+        Err(RecordingError::NotATrial { missing: "inputs.log", .. })
+    ));
+}
