@@ -1,1 +1,34 @@
-//! To come.
+//! Motion planning for an arm among obstacles: OMPL searches, FCL tells what touches.
+//!
+//! [`ArmPlanner`] answers a [`PlanRequest`](proact_types::PlanRequest): it leaves the start (straight up, while
+//! the hand is around or on something), finds ways of entering the goal (a grip from above, an upright place, a
+//! pose, arm angles), connects the two by RRTConnect in joint space, and times the whole under speed and
+//! acceleration limits. [`PlanWorker`] does so on a thread of its own. [`CollisionScene`] is the layer below.
+//!
+//! The reply depends on the request alone: every random choice is seeded by it and searches are bounded by
+//! iterations, never by the clock. No files, no ROS. All state validity checks stay in C++.
+//!
+//! Frames: requests are in `world`; joint vectors are arm joints, base to tip. Metres, radians, seconds.
+
+// The worker is this crate's purpose: planning beside the tick needs a thread.
+#![allow(clippy::disallowed_methods)]
+// One of the four crates that talk to C++; each block says why it is sound.
+#![allow(unsafe_code)]
+#![cfg_attr(test, allow(clippy::unwrap_used))]
+
+mod arm_planner;
+mod bridge;
+mod error;
+mod intermediate;
+mod options;
+mod reach;
+mod scene;
+mod timing;
+mod ways;
+mod worker;
+
+pub use arm_planner::ArmPlanner;
+pub use error::PlanningError;
+pub use options::PlannerOptions;
+pub use scene::{CancelFlag, CollisionScene, SearchLimits, SearchOutcome};
+pub use worker::PlanWorker;

@@ -1,0 +1,66 @@
+// Sampling-based planning between arm angles: OMPL's RRTConnect over a Scene, repeatable by its seed.
+#pragma once
+
+#include "proact/planning/scene.hpp"
+
+#include <atomic>
+#include <cstdint>
+#include <vector>
+
+namespace proact::planning {
+
+/// Raised from another thread to end a plan early.
+class CancelFlag {
+ public:
+  void raise() const noexcept { raised_.store(true, std::memory_order_relaxed); }
+  void lower() const noexcept { raised_.store(false, std::memory_order_relaxed); }
+  bool is_raised() const noexcept { return raised_.load(std::memory_order_relaxed); }
+
+ private:
+  mutable std::atomic<bool> raised_{false};
+};
+
+/// How fine a straight joint motion is looked at: no joint vector changes by more than `radians` (L2) and no
+/// point of the arm moves farther than `metres` between two checked states, except where the clearance of a
+/// state proves that nothing can be hit.
+struct Resolution {
+  double radians = 0.02;
+  double metres = 0.005;
+};
+
+struct JointQuery {
+  std::vector<double> start;
+  std::vector<std::vector<double>> goals;
+  std::uint64_t seed = 0;
+  /// Bound on RRTConnect's iterations.
+  unsigned int max_iterations = 20000;
+  /// Longest motion added to a tree, rad (L2).
+  double range = 0.8;
+  /// Attempts to shorten the path.
+  unsigned int shortcuts = 40;
+  Resolution resolution;
+};
+
+enum class JointPlanStatus { solved, no_plan, start_in_collision, goals_in_collision, cancelled };
+
+struct JointPlan {
+  JointPlanStatus status = JointPlanStatus::no_plan;
+  /// Joint vectors from start to goal; straight motions between them. Empty unless solved.
+  std::vector<std::vector<double>> path;
+  /// Which goal the path ends at.
+  std::size_t goal = 0;
+};
+
+/// True if the straight joint motion from a to b is free, both ends included.
+bool motion_is_free(Scene& scene, const double* a, const double* b, const Resolution& resolution);
+
+/// A free path from the start to one of the goals.
+///
+/// Straight motions to the goals are tried first, in order; then RRTConnect; then the path is shortened. Equal
+/// scenes and queries give equal plans, whatever runs in other threads: every generator has its own seed
+/// derived from the query's, and iterations are counted, not timed.
+///
+/// Throws std::invalid_argument for wrong lengths, values that are not finite, and joints outside the limits.
+JointPlan plan_joint(Scene& scene, const JointQuery& query, const CancelFlag& cancel);
+
+}  // namespace proact::planning

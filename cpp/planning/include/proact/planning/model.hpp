@@ -1,0 +1,69 @@
+// What a planning scene is built from: plain values, metres and radians. No cxx, no ROS.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace proact::planning {
+
+/// A rigid transform: metres, and a unit quaternion (x, y, z, w).
+struct Pose {
+  std::array<double, 3> position{0.0, 0.0, 0.0};
+  std::array<double, 4> quaternion{0.0, 0.0, 0.0, 1.0};
+};
+
+enum class ShapeKind { box, sphere, cylinder, capsule };
+
+/// A convex shape centred in its own frame, axis along z. `size` is: box x, y, z side lengths; sphere radius;
+/// cylinder radius, length; capsule radius, length of the tube without its round ends. The rest is ignored.
+struct Shape {
+  ShapeKind kind = ShapeKind::sphere;
+  std::array<double, 3> size{0.0, 0.0, 0.0};
+};
+
+/// A shape somewhere in the frame of its owner.
+struct PlacedShape {
+  Shape shape;
+  Pose pose;
+};
+
+struct Link {
+  std::string name;
+  std::vector<PlacedShape> shapes;
+};
+
+/// A joint; `pose` is parent_from_child at angle zero, `axis` a direction in the joint frame.
+struct Joint {
+  std::size_t parent = 0;
+  std::size_t child = 0;
+  bool revolute = false;
+  Pose pose;
+  std::array<double, 3> axis{0.0, 0.0, 1.0};
+  double lower = 0.0;
+  double upper = 0.0;
+};
+
+/// An arm: a serial chain of revolute joints (`arm`, base to tip) that carries a hand. All indices are into
+/// `links` and `joints`; a parent link stands before its children and link 0 is the base.
+struct Arm {
+  std::vector<Link> links;
+  std::vector<Joint> joints;
+  std::vector<std::size_t> arm;
+  std::vector<std::size_t> hand;
+  std::size_t tip = 0;
+  /// Pairs of links that may touch.
+  std::vector<std::pair<std::size_t, std::size_t>> allowed;
+};
+
+/// A named shape: an obstacle in `world`, or the carried object in the tip's frame.
+struct Object {
+  std::string name;
+  PlacedShape placed;
+};
+
+using NamePair = std::pair<std::string, std::string>;
+
+}  // namespace proact::planning

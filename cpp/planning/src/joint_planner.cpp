@@ -1,0 +1,245 @@
+#include "proact/planning/joint_planner.hpp"
+
+#include <ompl/base/MotionValidator.h>
+#include <ompl/base/PlannerTerminationCondition.h>
+#include <ompl/base/ProblemDefinition.h>
+#include <ompl/base/SpaceInformation.h>
+#include <ompl/base/StateValidityChecker.h>
+#include <ompl/base/goals/GoalStates.h>
+#include <ompl/base/spaces/RealVectorStateSpace.h>
+#include <ompl/base/terminationconditions/IterationTerminationCondition.h>
+#include <ompl/datastructures/NearestNeighborsLinear.h>
+#include <ompl/geometric/PathGeometric.h>
+#include <ompl/geometric/PathSimplifier.h>
+#include <ompl/geometric/planners/rrt/RRTConnect.h>
+#include <ompl/util/Console.h>
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <stdexcept>
+#include <string>
+
+namespace proact::planning {
+
+namespace ob = ompl::base;
+namespace og = ompl::geometric;
+
+namespace {
+
+/// Seed number `stream` of a query: SplitMix64 (Steele, Lea and Flood, OOPSLA 2014), cut to OMPL's 32 bits.
+std::uint32_t seed_of(std::uint64_t query_seed, std::uint64_t stream) {
+  std::uint64_t z = query_seed + (stream + 1) * 0x9e3779b97f4a7c15ULL;
+  z = (z ^ (z >> 30U)) * 0xbf58476d1ce4e5b9ULL;
+  z = (z ^ (z >> 27U)) * 0x94d049bb133111ebULL;
+  z ^= z >> 31U;
+  // OMPL treats seed 0 as "choose one yourself".
+  return std::max<std::uint32_t>(static_cast<std::uint32_t>(z), 1U);
+}
+
+/// OMPL gives every generator a seed from one process-wide source; these three put the query's in its place.
+class SeededSampler : public ob::RealVectorStateSampler {
+ public:
+  SeededSampler(const ob::StateSpace* space, std::uint32_t seed) : ob::RealVectorStateSampler(space) {
+    rng_.setLocalSeed(seed);
+  }
+};
+
+class SeededRrtConnect : public og::RRTConnect {
+ public:
+  SeededRrtConnect(const ob::SpaceInformationPtr& space, std::uint32_t seed) : og::RRTConnect(space) {
+    rng_.setLocalSeed(seed);
+  }
+};
+
+class SeededSimplifier : public og::PathSimplifier {
+ public:
+  SeededSimplifier(const ob::SpaceInformationPtr& space, std::uint32_t seed) : og::PathSimplifier(space) {
+    rng_.setLocalSeed(seed);
+  }
+};
+
+const double* values(const ob::State* state) { return state->as<ob::RealVectorStateSpace::StateType>()->values; }
+
+/// Checks interior points of a motion whose ends are known to be free.
+class MotionCheck {
+ public:
+  MotionCheck(Scene& scene, const double* a, const double* b, const Resolution& resolution)
+      : scene_(scene), start_(a, a + scene.joint_count()), difference_(scene.joint_count()), at_(scene.joint_count()) {
+    double squares = 0.0;
+    for (std::size_t k = 0; k < difference_.size(); ++k) {
+      difference_[k] = b[k] - a[k];
+      squares += difference_[k] * difference_[k];
+    }
+    const double steps =
+        std::max(std::sqrt(squares) / resolution.radians, scene.travel(difference_.data()) / resolution.metres);
+    shortest_ = steps > 0.0 ? 1.0 / steps : 1.0;
+  }
+
+  /// The middle first, because a motion that hits something mostly does so there; then what the middle's
+  /// clearance leaves open on both sides.
+  bool is_free(double from, double to) {
+    if (to - from <= shortest_) return true;
+    const double middle = 0.5 * (from + to);
+    for (std::size_t k = 0; k < at_.size(); ++k) at_[k] = start_[k] + middle * difference_[k];
+    const double clear = scene_.clearance(at_.data(), difference_.data(), 0.5 * (to - from));
+    if (clear < 0.0) return false;
+    return is_free(from, middle - clear) && is_free(middle + clear, to);
+  }
+
+ private:
+  Scene& scene_;
+  std::vector<double> start_;
+  std::vector<double> difference_;
+  std::vector<double> at_;
+  double shortest_ = 1.0;
+};
+
+class SceneValidity : public ob::StateValidityChecker {
+ public:
+  SceneValidity(const ob::SpaceInformationPtr& space, Scene& scene, const CancelFlag& cancel)
+      : ob::StateValidityChecker(space), scene_(scene), cancel_(cancel) {}
+
+  // A cancelled query calls everything invalid, so that even path shortening comes to its end at once.
+  bool isValid(const ob::State* state) const override {
+    return !cancel_.is_raised() && si_->satisfiesBounds(state) && scene_.is_free(values(state));
+  }
+
+ private:
+  Scene& scene_;
+  const CancelFlag& cancel_;
+};
+
+class SceneMotions : public ob::MotionValidator {
+ public:
+  SceneMotions(const ob::SpaceInformationPtr& space, Scene& scene, const Resolution& resolution)
+      : ob::MotionValidator(space), scene_(scene), resolution_(resolution) {}
+
+  bool checkMotion(const ob::State* a, const ob::State* b) const override {
+    return si_->isValid(b) && MotionCheck(scene_, values(a), values(b), resolution_).is_free(0.0, 1.0);
+  }
+
+  bool checkMotion(const ob::State*, const ob::State*, std::pair<ob::State*, double>&) const override {
+    throw std::logic_error("no planner used here asks how far a motion is free");
+  }
+
+ private:
+  Scene& scene_;
+  Resolution resolution_;
+};
+
+void require_vector(const Scene& scene, const std::vector<double>& q, const std::string& what) {
+  if (q.size() != scene.joint_count()) {
+    throw std::invalid_argument(what + " has " + std::to_string(q.size()) + " angles, the arm has " +
+                                std::to_string(scene.joint_count()) + " joints");
+  }
+  for (std::size_t k = 0; k < q.size(); ++k) {
+    if (!(q[k] >= scene.lower(k) && q[k] <= scene.upper(k))) {
+      throw std::invalid_argument(what + " joint " + std::to_string(k) + " = " + std::to_string(q[k]) +
+                                  " rad, limit [" + std::to_string(scene.lower(k)) + ", " +
+                                  std::to_string(scene.upper(k)) + "]");
+    }
+  }
+}
+
+void copy_into(const std::vector<double>& q, ob::State* state) {
+  std::copy(q.begin(), q.end(), state->as<ob::RealVectorStateSpace::StateType>()->values);
+}
+
+std::shared_ptr<ob::RealVectorStateSpace> joint_space(const Scene& scene, std::uint32_t seed) {
+  const auto joints = static_cast<unsigned int>(scene.joint_count());
+  auto space = std::make_shared<ob::RealVectorStateSpace>(joints);
+  ob::RealVectorBounds bounds(joints);
+  for (unsigned int k = 0; k < joints; ++k) {
+    bounds.setLow(k, scene.lower(k));
+    bounds.setHigh(k, scene.upper(k));
+  }
+  space->setBounds(bounds);
+  space->setStateSamplerAllocator(
+      [seed](const ob::StateSpace* s) { return std::make_shared<SeededSampler>(s, seed); });
+  return space;
+}
+
+}  // namespace
+
+bool motion_is_free(Scene& scene, const double* a, const double* b, const Resolution& resolution) {
+  return scene.is_free(a) && scene.is_free(b) && MotionCheck(scene, a, b, resolution).is_free(0.0, 1.0);
+}
+
+JointPlan plan_joint(Scene& scene, const JointQuery& query, const CancelFlag& cancel) {
+  require_vector(scene, query.start, "the start");
+  if (query.goals.empty()) throw std::invalid_argument("no goal was given");
+  for (const auto& goal : query.goals) require_vector(scene, goal, "a goal");
+  if (!(query.resolution.radians > 0.0) || !(query.resolution.metres > 0.0) || !(query.range > 0.0)) {
+    throw std::invalid_argument("resolution and range must be above zero");
+  }
+  JointPlan plan;
+  const auto ended = [&plan](JointPlanStatus status) {
+    plan.status = status;
+    return plan;
+  };
+  if (cancel.is_raised()) return ended(JointPlanStatus::cancelled);
+  if (!scene.is_free(query.start.data())) return ended(JointPlanStatus::start_in_collision);
+
+  // Straight motions first: in the open they are both the quickest to find and the shortest.
+  std::vector<std::size_t> free_goals;
+  for (std::size_t g = 0; g < query.goals.size(); ++g) {
+    if (cancel.is_raised()) return ended(JointPlanStatus::cancelled);
+    if (!scene.is_free(query.goals[g].data())) continue;
+    free_goals.push_back(g);
+    if (motion_is_free(scene, query.start.data(), query.goals[g].data(), query.resolution)) {
+      plan.path = {query.start, query.goals[g]};
+      plan.goal = g;
+      return ended(JointPlanStatus::solved);
+    }
+  }
+  if (free_goals.empty()) return ended(JointPlanStatus::goals_in_collision);
+
+  // OMPL reports progress on the console, which belongs to the program.
+  ompl::msg::setLogLevel(ompl::msg::LOG_NONE);
+  auto space = joint_space(scene, seed_of(query.seed, 0));
+  auto information = std::make_shared<ob::SpaceInformation>(space);
+  information->setStateValidityChecker(std::make_shared<SceneValidity>(information, scene, cancel));
+  information->setMotionValidator(std::make_shared<SceneMotions>(information, scene, query.resolution));
+  information->setup();
+
+  auto problem = std::make_shared<ob::ProblemDefinition>(information);
+  ob::ScopedState<> state(space);
+  copy_into(query.start, state.get());
+  problem->addStartState(state);
+  auto goals = std::make_shared<ob::GoalStates>(information);
+  for (const std::size_t g : free_goals) {
+    copy_into(query.goals[g], state.get());
+    goals->addState(state);
+  }
+  problem->setGoal(goals);
+
+  SeededRrtConnect planner(information, seed_of(query.seed, 1));
+  // An exact search without pivots: the default structure draws them from a generator out of reach.
+  planner.setNearestNeighbors<ompl::NearestNeighborsLinear>();
+  planner.setRange(query.range);
+  planner.setProblemDefinition(problem);
+  planner.setup();
+  ob::IterationTerminationCondition iterations(query.max_iterations);
+  const ob::PlannerTerminationCondition stop([&] { return cancel.is_raised() || iterations.eval(); });
+  const ob::PlannerStatus status = planner.solve(stop);
+  if (cancel.is_raised()) return ended(JointPlanStatus::cancelled);
+  if (status != ob::PlannerStatus::EXACT_SOLUTION) return ended(JointPlanStatus::no_plan);
+
+  og::PathGeometric path = *problem->getSolutionPath()->as<og::PathGeometric>();
+  SeededSimplifier simplifier(information, seed_of(query.seed, 2));
+  simplifier.reduceVertices(path, query.shortcuts, query.shortcuts);
+  simplifier.shortcutPath(path, query.shortcuts, query.shortcuts);
+  simplifier.reduceVertices(path, query.shortcuts, query.shortcuts);
+  if (cancel.is_raised()) return ended(JointPlanStatus::cancelled);
+
+  for (const ob::State* point : path.getStates()) {
+    plan.path.emplace_back(values(point), values(point) + scene.joint_count());
+  }
+  // The goal that was reached: its state was copied through the planner unchanged.
+  const auto reached = std::find(query.goals.begin(), query.goals.end(), plan.path.back());
+  plan.goal = static_cast<std::size_t>(reached - query.goals.begin());
+  return ended(JointPlanStatus::solved);
+}
+
+}  // namespace proact::planning

@@ -1,0 +1,47 @@
+//! Compiles the C++ core and its adapter, and links Debian's OMPL and FCL.
+
+use std::path::{Path, PathBuf};
+
+fn main() {
+    let core = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../cpp/planning");
+    let mut build = cxx_build::bridge("src/bridge.rs");
+    build
+        .file("src/adapter.cpp")
+        .file(core.join("src/scene.cpp"))
+        .file(core.join("src/joint_planner.cpp"))
+        .include(core.join("include"))
+        .std("c++17")
+        .opt_level(2)
+        .flag("-ffp-contract=off") // results must not depend on the compiler's choice of fused operations
+        .flag("-Wall")
+        .flag("-Wextra");
+
+    for (package, links) in [("fcl", true), ("eigen3", true), ("ompl", false)] {
+        for include in probe(package, links) {
+            build.flag(format!("-isystem{}", include.display()));
+        }
+    }
+    build.compile("proact_planning");
+    // OMPL's own list of libraries names Boost files that its package does not bring; the library alone links.
+    println!("cargo:rustc-link-lib=ompl");
+
+    for watched in ["src/bridge.rs", "src/adapter.cpp", "src/adapter.hpp"] {
+        println!("cargo:rerun-if-changed={watched}");
+    }
+    for folder in ["include", "src"] {
+        println!("cargo:rerun-if-changed={}", core.join(folder).display());
+    }
+}
+
+/// Include folders of a Debian library, linking it on the way if `links`.
+///
+/// The compiler's own folder is left out: as `-isystem` it hides the C headers from `<cstdlib>`.
+fn probe(package: &str, links: bool) -> Vec<PathBuf> {
+    let library = pkg_config::Config::new().cargo_metadata(links).probe(package).unwrap_or_else(|error| {
+        panic!(
+            "{package} was not found ({error}). On Debian: \
+             apt-get install libompl-dev libfcl-dev libccd-dev libeigen3-dev"
+        )
+    });
+    library.include_paths.into_iter().filter(|path| path != Path::new("/usr/include")).collect()
+}

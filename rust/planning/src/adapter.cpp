@@ -1,0 +1,117 @@
+#include "proact-planning/src/adapter.hpp"
+
+#include "proact-planning/src/bridge.rs.h"
+
+#include <algorithm>
+#include <stdexcept>
+#include <string>
+
+// Lengths of joint vectors are checked on the Rust side, where the error can name both numbers.
+namespace proact::planning {
+
+namespace {
+
+Pose pose_of(const std::array<double, 7>& row) {
+  return {{row[0], row[1], row[2]}, {row[3], row[4], row[5], row[6]}};
+}
+
+PlacedShape placed_of(const ShapeRow& row) {
+  constexpr std::array<ShapeKind, 4> kinds{ShapeKind::box, ShapeKind::sphere, ShapeKind::cylinder, ShapeKind::capsule};
+  return {{kinds.at(row.kind), row.size}, pose_of(row.pose)};
+}
+
+Resolution resolution_of(const SearchRow& search) { return {search.step_radians, search.step_metres}; }
+
+}  // namespace
+
+std::unique_ptr<Arm> new_arm() { return std::make_unique<Arm>(); }
+
+void add_link(Arm& arm, rust::Str name, rust::Slice<const ShapeRow> shapes) {
+  Link link;
+  link.name = std::string(name);
+  for (const ShapeRow& row : shapes) link.shapes.push_back(placed_of(row));
+  arm.links.push_back(std::move(link));
+}
+
+void add_joint(Arm& arm, const JointRow& row) {
+  arm.joints.push_back({row.parent, row.child, row.revolute, pose_of(row.pose), row.axis, row.lower, row.upper});
+}
+
+void set_groups(Arm& arm, rust::Slice<const std::size_t> chain, rust::Slice<const std::size_t> hand, std::size_t tip) {
+  arm.arm.assign(chain.begin(), chain.end());
+  arm.hand.assign(hand.begin(), hand.end());
+  arm.tip = tip;
+}
+
+void allow_pair(Arm& arm, std::size_t a, std::size_t b) { arm.allowed.emplace_back(a, b); }
+
+std::unique_ptr<Scene> new_scene(const Arm& arm) { return std::make_unique<Scene>(arm); }
+
+void set_base(Scene& scene, const std::array<double, 7>& pose) { scene.set_base(pose_of(pose)); }
+
+void set_hand(Scene& scene, rust::Slice<const double> angles) {
+  scene.set_hand(std::vector<double>(angles.begin(), angles.end()));
+}
+
+void set_obstacles(Scene& scene, rust::Slice<const rust::String> names, rust::Slice<const ShapeRow> shapes) {
+  std::vector<Object> obstacles;
+  for (std::size_t k = 0; k < names.size(); ++k) obstacles.push_back({std::string(names[k]), placed_of(shapes[k])});
+  scene.set_obstacles(obstacles);
+}
+
+void set_attached(Scene& scene, rust::Str name, const ShapeRow& shape) {
+  scene.set_attached(Object{std::string(name), placed_of(shape)});
+}
+
+void clear_attached(Scene& scene) { scene.set_attached(std::nullopt); }
+
+void set_padding(Scene& scene, double metres) { scene.set_padding(metres); }
+
+void allow_contact(Scene& scene, rust::Str member, rust::Str obstacle) {
+  scene.allow_contact(std::string(member), std::string(obstacle));
+}
+
+void forget_allowed_contacts(Scene& scene) { scene.forget_allowed_contacts(); }
+
+rust::Vec<ContactRow> collisions(Scene& scene, rust::Slice<const double> q, bool all_links) {
+  rust::Vec<ContactRow> rows;
+  for (const auto& [a, b] : all_links ? scene.collisions_of_all_links(q.data()) : scene.collisions(q.data())) {
+    rows.push_back({rust::String(a), rust::String(b)});
+  }
+  return rows;
+}
+
+bool is_free(Scene& scene, rust::Slice<const double> q) { return scene.is_free(q.data()); }
+
+bool motion_is_free(Scene& scene, rust::Slice<const double> a, rust::Slice<const double> b, const SearchRow& search) {
+  return motion_is_free(scene, a.data(), b.data(), resolution_of(search));
+}
+
+PlanRow plan_joint(Scene& scene, rust::Slice<const double> start, rust::Slice<const double> goals,
+                   const SearchRow& search, const CancelFlag& cancel) {
+  const auto joints = static_cast<std::ptrdiff_t>(scene.joint_count());
+  JointQuery query;
+  query.start.assign(start.begin(), start.end());
+  for (const double* goal = goals.data(); goal != goals.data() + goals.size(); goal += joints) {
+    query.goals.emplace_back(goal, goal + joints);
+  }
+  query.seed = search.seed;
+  query.max_iterations = search.max_iterations;
+  query.range = search.range;
+  query.shortcuts = search.shortcuts;
+  query.resolution = resolution_of(search);
+  const JointPlan plan = plan_joint(scene, query, cancel);
+  PlanRow row{static_cast<std::uint8_t>(plan.status), plan.goal, {}};
+  for (const auto& point : plan.path) {
+    for (const double angle : point) row.path.push_back(angle);
+  }
+  return row;
+}
+
+std::shared_ptr<CancelFlag> new_cancel_flag() { return std::make_shared<CancelFlag>(); }
+
+void raise_flag(const CancelFlag& flag) { flag.raise(); }
+
+void lower_flag(const CancelFlag& flag) { flag.lower(); }
+
+}  // namespace proact::planning

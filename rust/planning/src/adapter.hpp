@@ -1,0 +1,44 @@
+// What cxx sees: slices and rows in and out over the plain core.
+#pragma once
+
+#include "proact/planning/joint_planner.hpp"
+#include "rust/cxx.h"
+
+#include <array>
+#include <memory>
+
+namespace proact::planning {
+
+struct ShapeRow;
+struct JointRow;
+struct ContactRow;
+struct SearchRow;
+struct PlanRow;
+
+std::unique_ptr<Arm> new_arm();
+void add_link(Arm& arm, rust::Str name, rust::Slice<const ShapeRow> shapes);
+void add_joint(Arm& arm, const JointRow& joint);
+void set_groups(Arm& arm, rust::Slice<const std::size_t> chain, rust::Slice<const std::size_t> hand, std::size_t tip);
+void allow_pair(Arm& arm, std::size_t a, std::size_t b);
+
+std::unique_ptr<Scene> new_scene(const Arm& arm);
+void set_base(Scene& scene, const std::array<double, 7>& pose);
+void set_hand(Scene& scene, rust::Slice<const double> angles);
+void set_obstacles(Scene& scene, rust::Slice<const rust::String> names, rust::Slice<const ShapeRow> shapes);
+void set_attached(Scene& scene, rust::Str name, const ShapeRow& shape);
+void clear_attached(Scene& scene);
+void set_padding(Scene& scene, double metres);
+void allow_contact(Scene& scene, rust::Str member, rust::Str obstacle);
+void forget_allowed_contacts(Scene& scene);
+rust::Vec<ContactRow> collisions(Scene& scene, rust::Slice<const double> q, bool all_links);
+bool is_free(Scene& scene, rust::Slice<const double> q);
+bool motion_is_free(Scene& scene, rust::Slice<const double> a, rust::Slice<const double> b, const SearchRow& search);
+PlanRow plan_joint(Scene& scene, rust::Slice<const double> start, rust::Slice<const double> goals,
+                   const SearchRow& search, const CancelFlag& cancel);
+
+std::shared_ptr<CancelFlag> new_cancel_flag();
+// The flag is an atomic: raising it through a shared reference is what it is for.
+void raise_flag(const CancelFlag& flag);
+void lower_flag(const CancelFlag& flag);
+
+}  // namespace proact::planning

@@ -1,0 +1,84 @@
+//! Signatures only. Everything that can throw returns `Result`.
+
+#[cxx::bridge(namespace = "proact::planning")]
+pub(crate) mod ffi {
+    /// A shape and where it is: kind 0 box, 1 sphere, 2 cylinder, 3 capsule; pose is x, y, z, quaternion x, y, z, w.
+    struct ShapeRow {
+        kind: u8,
+        size: [f64; 3],
+        pose: [f64; 7],
+    }
+
+    /// A joint of the arm, by indices of its links.
+    struct JointRow {
+        parent: usize,
+        child: usize,
+        revolute: bool,
+        pose: [f64; 7],
+        axis: [f64; 3],
+        lower: f64,
+        upper: f64,
+    }
+
+    /// Two names that touch.
+    struct ContactRow {
+        a: String,
+        b: String,
+    }
+
+    /// What bounds one search.
+    struct SearchRow {
+        seed: u64,
+        max_iterations: u32,
+        range: f64,
+        shortcuts: u32,
+        step_radians: f64,
+        step_metres: f64,
+    }
+
+    /// A plan: status 0 solved, 1 no plan, 2 start in collision, 3 goals in collision, 4 cancelled; the path is
+    /// row-major, one row of arm angles a point.
+    struct PlanRow {
+        status: u8,
+        goal: usize,
+        path: Vec<f64>,
+    }
+
+    unsafe extern "C++" {
+        include!("proact-planning/src/adapter.hpp");
+
+        type Arm;
+        fn new_arm() -> UniquePtr<Arm>;
+        fn add_link(arm: Pin<&mut Arm>, name: &str, shapes: &[ShapeRow]) -> Result<()>;
+        fn add_joint(arm: Pin<&mut Arm>, joint: &JointRow) -> Result<()>;
+        fn set_groups(arm: Pin<&mut Arm>, chain: &[usize], hand: &[usize], tip: usize) -> Result<()>;
+        fn allow_pair(arm: Pin<&mut Arm>, a: usize, b: usize) -> Result<()>;
+
+        type Scene;
+        fn new_scene(arm: &Arm) -> Result<UniquePtr<Scene>>;
+        fn set_base(scene: Pin<&mut Scene>, pose: &[f64; 7]) -> Result<()>;
+        fn set_hand(scene: Pin<&mut Scene>, angles: &[f64]) -> Result<()>;
+        fn set_obstacles(scene: Pin<&mut Scene>, names: &[String], shapes: &[ShapeRow]) -> Result<()>;
+        fn set_attached(scene: Pin<&mut Scene>, name: &str, shape: &ShapeRow) -> Result<()>;
+        fn clear_attached(scene: Pin<&mut Scene>) -> Result<()>;
+        fn set_padding(scene: Pin<&mut Scene>, metres: f64) -> Result<()>;
+        fn allow_contact(scene: Pin<&mut Scene>, member: &str, obstacle: &str) -> Result<()>;
+        fn forget_allowed_contacts(scene: Pin<&mut Scene>) -> Result<()>;
+        fn collisions(scene: Pin<&mut Scene>, q: &[f64], all_links: bool) -> Result<Vec<ContactRow>>;
+        fn is_free(scene: Pin<&mut Scene>, q: &[f64]) -> Result<bool>;
+        fn motion_is_free(scene: Pin<&mut Scene>, a: &[f64], b: &[f64], search: &SearchRow) -> Result<bool>;
+        fn plan_joint(
+            scene: Pin<&mut Scene>,
+            start: &[f64],
+            goals: &[f64],
+            search: &SearchRow,
+            cancel: &CancelFlag,
+        ) -> Result<PlanRow>;
+
+        type CancelFlag;
+        fn new_cancel_flag() -> SharedPtr<CancelFlag>;
+        fn raise_flag(flag: &CancelFlag);
+        fn lower_flag(flag: &CancelFlag);
+        fn is_raised(self: &CancelFlag) -> bool;
+    }
+}

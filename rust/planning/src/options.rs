@@ -1,0 +1,113 @@
+use crate::{PlanningError, SearchLimits};
+
+/// Settings of the planner. Angles in radians, lengths in metres.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlannerOptions {
+    /// Highest speed of any arm joint, rad/s. The original's URDF limit.
+    pub max_velocity: f64,
+    /// Highest acceleration of any arm joint, rad/s^2. The default of the original's time parameteriser.
+    pub max_acceleration: f64,
+    /// Free space kept around obstacles in transit. The original padded blocks by 5 mm.
+    pub padding: f64,
+    /// Free space kept from fixed obstacles on the straight way to and from a grasp or a place. Assumed.
+    pub contact_padding: f64,
+    /// Height of the straight way down to a grasp or a place. Assumed: block height plus a margin.
+    pub approach_height: f64,
+    /// Height of the straight lift of a carried object. Assumed, as for the approach.
+    pub lift_height: f64,
+    /// Height of the straight way off a block that stands between the fingers. Assumed: more than its height.
+    pub retreat_height: f64,
+    /// Deepest contact at the start that is treated as a graze and left by a straight way up. Assumed.
+    pub graze_depth: f64,
+    /// Free space under an object when it is let go. Assumed.
+    pub place_gap: f64,
+    /// Preferred roll of the hand about its x axis when it grips from above. The original's fixed grasp
+    /// orientation has 25.6 degrees.
+    pub tilt: f64,
+    /// Smallest and largest roll that is tried. Assumed.
+    pub tilt_range: [f64; 2],
+    /// Largest sideways lean of the hand about its y axis that is tried, both ways. Assumed.
+    pub lateral: f64,
+    /// Largest angle between a placed object's axis and the vertical: it tips onto its base. Assumed.
+    pub place_tilt: f64,
+    /// Random arm postures from which each hand pose is sought, besides the present one.
+    pub postures: usize,
+    /// Ways of reaching the goal after which no more are looked for.
+    pub goals: usize,
+    /// Bounds of one search in joint space.
+    pub search: SearchLimits,
+}
+
+impl Default for PlannerOptions {
+    fn default() -> Self {
+        Self {
+            max_velocity: 0.5,
+            max_acceleration: 1.0,
+            padding: 0.005,
+            contact_padding: 0.001,
+            approach_height: 0.08,
+            lift_height: 0.08,
+            retreat_height: 0.07,
+            graze_depth: 0.012,
+            place_gap: 0.0015,
+            tilt: 25.6_f64.to_radians(),
+            tilt_range: [-10_f64.to_radians(), 60_f64.to_radians()],
+            lateral: 15_f64.to_radians(),
+            place_tilt: 12_f64.to_radians(),
+            postures: 4,
+            goals: 6,
+            search: SearchLimits::default(),
+        }
+    }
+}
+
+impl Default for SearchLimits {
+    /// 0.02 rad and 5 mm between checked states; the padding in transit covers what could hide between them.
+    fn default() -> Self {
+        Self { max_iterations: 2000, range_rad: 0.8, shortcuts: 40, step_rad: 0.02, step_metres: 0.005 }
+    }
+}
+
+impl PlannerOptions {
+    /// Refuses settings with which no plan makes sense.
+    ///
+    /// # Errors
+    /// [`PlanningError::Option`] naming the first bad one.
+    pub fn validate(&self) -> Result<(), PlanningError> {
+        let positive = [
+            ("max_velocity", self.max_velocity),
+            ("max_acceleration", self.max_acceleration),
+            ("approach_height", self.approach_height),
+            ("lift_height", self.lift_height),
+            ("retreat_height", self.retreat_height),
+            ("search.range_rad", self.search.range_rad),
+            ("search.step_rad", self.search.step_rad),
+            ("search.step_metres", self.search.step_metres),
+            ("goals", self.goals as f64),
+        ];
+        let not_negative = [
+            ("padding", self.padding),
+            ("contact_padding", self.contact_padding),
+            ("graze_depth", self.graze_depth),
+            ("place_gap", self.place_gap),
+            ("lateral", self.lateral),
+            ("place_tilt", self.place_tilt),
+        ];
+        let refused = |name, value, expected| Err(PlanningError::Option { name, value, expected });
+        for (name, value) in positive {
+            if !(value.is_finite() && value > 0.0) {
+                return refused(name, value, "a number above zero");
+            }
+        }
+        for (name, value) in not_negative {
+            if !(value.is_finite() && value >= 0.0) {
+                return refused(name, value, "a number not below zero");
+            }
+        }
+        let [low, high] = self.tilt_range;
+        if !(low <= self.tilt && self.tilt <= high && low.is_finite() && high.is_finite()) {
+            return refused("tilt", self.tilt, "an angle within tilt_range");
+        }
+        Ok(())
+    }
+}

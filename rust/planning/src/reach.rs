@@ -1,0 +1,186 @@
+//! Arm angles that bring a point of the hand somewhere and leave the turn about one axis free.
+//!
+//! Grips from above and upright objects do not care about the yaw about the vertical. Leaving it free makes one
+//! search do the work of a sweep over yaw angles, and uses the arm's redundancy on straight ways.
+//!
+//! Letters: p the point, a the axis, t their targets; all in the base frame.
+
+use crate::PlanningError;
+use nalgebra::{DMatrix, Matrix6, Vector6};
+use proact_control::ports::ArmKinematics;
+use proact_types::{Point, Vector};
+
+/// What the hand should do: a point of it is brought to `target` while an axis of it points along `direction`.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Reach {
+    /// In the tip's frame.
+    pub point: Point,
+    /// Unit vector in the tip's frame.
+    pub axis: Vector,
+    /// Where the point should be, base frame.
+    pub target: Point,
+    /// Where the axis should point, unit vector, base frame.
+    pub direction: Vector,
+}
+
+/// Joint limits of the arm, rad.
+#[derive(Clone, Debug)]
+pub(crate) struct Limits {
+    pub lower: Vec<f64>,
+    pub upper: Vec<f64>,
+}
+
+/// Distance from the target at which the point has arrived, metres.
+const POSITION_TOLERANCE: f64 = 2e-5;
+/// Angle to the direction at which the axis has arrived, rad.
+const AXIS_TOLERANCE: f64 = 2e-4;
+/// Metres that weigh as much as one radian of the axis: about the length of the hand.
+const AXIS_WEIGHT: f64 = 0.15;
+/// Newton's method converges in fewer than ten steps where it converges at all; limits cost a few more.
+const MAX_ITERATIONS: usize = 40;
+/// Longest step of any joint, rad: beyond it the linear model is worthless.
+const MAX_STEP: f64 = 0.35;
+
+impl Limits {
+    /// `q` with every angle inside its limits.
+    pub fn clamp(&self, q: &[f64]) -> Vec<f64> {
+        q.iter().enumerate().map(|(k, v)| v.clamp(self.lower[k], self.upper[k])).collect()
+    }
+
+    /// True if every angle is inside its limits, but for `slack`.
+    pub fn contain(&self, q: &[f64], slack: f64) -> bool {
+        q.iter().enumerate().all(|(k, v)| *v >= self.lower[k] - slack && *v <= self.upper[k] + slack)
+    }
+
+    /// Smallest distance from a limit, as a share of the joint's range: 0 at a limit, 0.5 in the middle.
+    pub fn margin(&self, q: &[f64]) -> f64 {
+        let share =
+            |k: usize| (q[k] - self.lower[k]).min(self.upper[k] - q[k]) / (self.upper[k] - self.lower[k]);
+        (0..q.len()).map(share).fold(0.5, f64::min)
+    }
+}
+
+/// Arm angles within the limits that do what `reach` asks, near `seed`; none if the search does not arrive.
+///
+/// Damped least squares (Nakamura and Hanafusa, 1986) with joints frozen at the limits that they push against.
+pub(crate) fn solve(
+    kinematics: &mut dyn ArmKinematics,
+    limits: &Limits,
+    reach: &Reach,
+    seed: &[f64],
+) -> Result<Option<Vec<f64>>, PlanningError> {
+    let mut q = limits.clamp(seed);
+    for _ in 0..MAX_ITERATIONS {
+        let base_from_tip = kinematics.forward(&q)?;
+        let arm_to_point = base_from_tip.rotation * reach.point.coords;
+        let p = base_from_tip.translation.vector + arm_to_point;
+        let a = base_from_tip.rotation * reach.axis;
+        let off = reach.target.coords - p;
+        let turn = turn_onto(&a, &reach.direction);
+        if off.norm() < POSITION_TOLERANCE && turn.norm() < AXIS_TOLERANCE {
+            return Ok(Some(q));
+        }
+        let jacobian = kinematics.jacobian(&q)?;
+        let task = task_jacobian(&jacobian, &arm_to_point, &reach.direction);
+        let mut error = Vector6::zeros();
+        error.fixed_rows_mut::<3>(0).copy_from(&off);
+        error.fixed_rows_mut::<3>(3).copy_from(&(AXIS_WEIGHT * turn));
+        step(&mut q, limits, &task, &error);
+    }
+    Ok(None)
+}
+
+/// Rotation vector that turns the unit vector `a` onto the unit vector `t` the short way.
+fn turn_onto(a: &Vector, t: &Vector) -> Vector {
+    let cross = a.cross(t);
+    let (sine, cosine) = (cross.norm(), a.dot(t));
+    if sine > 1e-9 {
+        cross * (sine.atan2(cosine) / sine)
+    } else if cosine > 0.0 {
+        Vector::zeros()
+    } else {
+        // Opposite: any axis across will do.
+        let across = if t.x.abs() < 0.9 { Vector::x() } else { Vector::y() };
+        t.cross(&across).normalize() * std::f64::consts::PI
+    }
+}
+
+/// Rows 0 to 2: motion of the point; rows 3 to 5: turning across `direction`, weighted. `[6][joints]`.
+fn task_jacobian(jacobian: &DMatrix<f64>, arm_to_point: &Vector, direction: &Vector) -> DMatrix<f64> {
+    let mut task = jacobian.clone();
+    for k in 0..jacobian.ncols() {
+        let v: Vector = jacobian.fixed_view::<3, 1>(0, k).into();
+        let w: Vector = jacobian.fixed_view::<3, 1>(3, k).into();
+        task.fixed_view_mut::<3, 1>(0, k).copy_from(&(v + w.cross(arm_to_point)));
+        task.fixed_view_mut::<3, 1>(3, k).copy_from(&(AXIS_WEIGHT * (w - direction * direction.dot(&w))));
+    }
+    task
+}
+
+/// One damped step; joints that would leave their limits are frozen and the rest solved again.
+fn step(q: &mut [f64], limits: &Limits, task: &DMatrix<f64>, error: &Vector6<f64>) {
+    // Far from the target the linear model is poor, near it damping only slows the end.
+    let damping = 1e-7 + 0.02 * error.norm_squared();
+    let mut frozen = vec![false; q.len()];
+    for _ in 0..q.len() {
+        let mut normal = Matrix6::identity() * damping;
+        for k in (0..q.len()).filter(|k| !frozen[*k]) {
+            let column: Vector6<f64> = task.column(k).into_owned().fixed_rows::<6>(0).into();
+            normal.ger(1.0, &column, &column, 1.0);
+        }
+        let Some(cholesky) = normal.cholesky() else { return };
+        let y = cholesky.solve(error);
+        let mut dq: Vec<f64> =
+            (0..q.len()).map(|k| if frozen[k] { 0.0 } else { task.column(k).dot(&y) }).collect();
+        let longest = dq.iter().fold(0.0_f64, |m, d| m.max(d.abs()));
+        if longest > MAX_STEP {
+            dq.iter_mut().for_each(|d| *d *= MAX_STEP / longest);
+        }
+        let blocked = (0..q.len())
+            .filter(|&k| !frozen[k])
+            .find(|&k| (q[k] >= limits.upper[k] && dq[k] > 0.0) || (q[k] <= limits.lower[k] && dq[k] < 0.0));
+        match blocked {
+            Some(k) => frozen[k] = true,
+            None => {
+                for k in 0..q.len() {
+                    q[k] = (q[k] + dq[k]).clamp(limits.lower[k], limits.upper[k]);
+                }
+                return;
+            }
+        }
+    }
+}
+
+/// Length of one step on a straight way, metres.
+const LINE_STEP: f64 = 0.005;
+/// Largest change of any joint in one such step, rad: more is a jump to another posture.
+const LINE_JUMP: f64 = 0.25;
+
+/// Arm angles along the straight way that moves the target of `reach` by `along`, starting at `start`, which
+/// must already do what `reach` asks. Ends where the arm cannot follow: the length that was covered is the
+/// share `points.len() - 1` of `steps`.
+pub(crate) fn line(
+    kinematics: &mut dyn ArmKinematics,
+    limits: &Limits,
+    reach: &Reach,
+    along: &Vector,
+    start: &[f64],
+) -> Result<Vec<Vec<f64>>, PlanningError> {
+    let steps = line_steps(along.norm());
+    let mut points = vec![start.to_vec()];
+    for k in 1..=steps {
+        let here = Reach { target: reach.target + along * (k as f64 / steps as f64), ..*reach };
+        let from = &points[points.len() - 1];
+        let Some(q) = solve(kinematics, limits, &here, from)? else { break };
+        if q.iter().zip(from).any(|(a, b)| (a - b).abs() > LINE_JUMP) {
+            break;
+        }
+        points.push(q);
+    }
+    Ok(points)
+}
+
+/// Number of steps on a straight way of `length` metres.
+pub(crate) fn line_steps(length: f64) -> usize {
+    (length / LINE_STEP).ceil().max(1.0) as usize
+}

@@ -1,0 +1,312 @@
+//! The safe side of the bridge: a collision scene and the search in it.
+
+use crate::bridge::ffi;
+use crate::error::{PlanningError, check};
+use proact_types::{ArmModel, AttachedObject, JointKind, Obstacle, Pose, Shape};
+
+/// Ends a running search from another thread.
+#[derive(Clone)]
+pub struct CancelFlag(cxx::SharedPtr<ffi::CancelFlag>);
+
+// SAFETY: the C++ object is nothing but one std::atomic<bool>, owned by a std::shared_ptr whose count is
+// atomic too; its functions are the only way to it.
+unsafe impl Send for CancelFlag {}
+// SAFETY: as above; every access is an atomic load or store.
+unsafe impl Sync for CancelFlag {}
+
+impl CancelFlag {
+    /// A flag that is not raised.
+    pub fn new() -> Self {
+        Self(ffi::new_cancel_flag())
+    }
+
+    /// Asks whoever watches the flag to stop.
+    pub fn raise(&self) {
+        ffi::raise_flag(&self.0);
+    }
+
+    /// Makes the flag ready for the next search.
+    pub fn lower(&self) {
+        ffi::lower_flag(&self.0);
+    }
+
+    /// True between [`CancelFlag::raise`] and [`CancelFlag::lower`].
+    pub fn is_raised(&self) -> bool {
+        self.0.is_raised()
+    }
+}
+
+impl Default for CancelFlag {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl std::fmt::Debug for CancelFlag {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_tuple("CancelFlag").field(&self.is_raised()).finish()
+    }
+}
+
+/// What bounds one search in joint space.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SearchLimits {
+    /// Iterations of RRTConnect.
+    pub max_iterations: u32,
+    /// Longest motion added to a tree, rad (L2).
+    pub range_rad: f64,
+    /// Attempts to shorten the path.
+    pub shortcuts: u32,
+    /// Largest change of the joint vector between two checked states, rad (L2).
+    pub step_rad: f64,
+    /// Farthest that any point of the arm moves between two checked states, metres.
+    pub step_metres: f64,
+}
+
+/// How a search in joint space ended.
+#[derive(Clone, Debug, PartialEq)]
+pub enum SearchOutcome {
+    /// A free path, straight in joint space between its points.
+    Solved {
+        /// Arm angles from start to goal, both included.
+        path: Vec<Vec<f64>>,
+        /// Index of the goal that it reaches.
+        goal: usize,
+    },
+    /// No path within the iterations.
+    NoPlan,
+    /// The start touches something.
+    StartInCollision,
+    /// Every goal touches something.
+    GoalsInCollision,
+    /// The flag was raised.
+    Cancelled,
+}
+
+/// An arm among obstacles: FCL tells what touches, OMPL finds ways.
+///
+/// Poses are in `world`, metres and radians. Links that keep still against each other during a plan (the links
+/// of the hand, and the base) are not compared with each other.
+pub struct CollisionScene {
+    inner: cxx::UniquePtr<ffi::Scene>,
+    joint_count: usize,
+    hand_count: usize,
+}
+
+// SAFETY: the C++ object owns everything it points to (FCL geometries sit in shared pointers that never leave
+// it), has no thread-local state, and is reached only through `&mut self`. `Sync` is not granted: questions
+// write to scratch memory.
+unsafe impl Send for CollisionScene {}
+
+impl CollisionScene {
+    /// A scene with nothing but the arm, its base at the origin of `world` and its hand at all zeros.
+    ///
+    /// # Errors
+    /// [`PlanningError::Scene`] if the model has a shape without extent, limits in the wrong order, a joint
+    /// without axis or an arm group that is no unbroken chain.
+    pub fn new(model: &ArmModel) -> Result<Self, PlanningError> {
+        let mut arm = ffi::new_arm();
+        for link in &model.links {
+            let shapes: Vec<_> = link.collisions.iter().map(|c| shape_row(&c.shape, &c.pose)).collect();
+            ffi::add_link(arm.pin_mut(), &link.name, &shapes)?;
+        }
+        for joint in &model.joints {
+            let row = ffi::JointRow {
+                parent: joint.parent,
+                child: joint.child,
+                revolute: joint.kind == JointKind::Revolute,
+                pose: pose_row(&joint.origin),
+                axis: joint.axis.into(),
+                lower: joint.limits.lower,
+                upper: joint.limits.upper,
+            };
+            ffi::add_joint(arm.pin_mut(), &row)?;
+        }
+        ffi::set_groups(arm.pin_mut(), &model.arm, &model.hand, model.tip)?;
+        for &(a, b) in &model.allowed_collisions {
+            ffi::allow_pair(arm.pin_mut(), a, b)?;
+        }
+        let inner = ffi::new_scene(&arm)?;
+        Ok(Self { inner, joint_count: model.arm.len(), hand_count: model.hand.len() })
+    }
+
+    /// Number of arm joints.
+    pub fn joint_count(&self) -> usize {
+        self.joint_count
+    }
+
+    /// Sets `world_from_base`.
+    ///
+    /// # Errors
+    /// A component that is not finite.
+    pub fn set_base(&mut self, world_from_base: &Pose) -> Result<(), PlanningError> {
+        let row = pose_row(world_from_base);
+        check("base pose", &row, row.len())?;
+        Ok(ffi::set_base(self.inner.pin_mut(), &row)?)
+    }
+
+    /// Sets the hand's joint angles, rad.
+    ///
+    /// # Errors
+    /// Wrong length or a value that is not finite.
+    pub fn set_hand(&mut self, angles: &[f64]) -> Result<(), PlanningError> {
+        check("hand", angles, self.hand_count)?;
+        Ok(ffi::set_hand(self.inner.pin_mut(), angles)?)
+    }
+
+    /// Replaces all obstacles and withdraws the allowed contacts.
+    ///
+    /// # Errors
+    /// [`PlanningError::Scene`] naming the obstacle that has no extent, no proper pose or another one's name;
+    /// the scene then keeps its old obstacles.
+    pub fn set_obstacles(&mut self, obstacles: &[Obstacle]) -> Result<(), PlanningError> {
+        let names: Vec<String> = obstacles.iter().map(|o| o.name.clone()).collect();
+        let shapes: Vec<_> = obstacles.iter().map(|o| shape_row(&o.shape, &o.pose)).collect();
+        Ok(ffi::set_obstacles(self.inner.pin_mut(), &names, &shapes)?)
+    }
+
+    /// Replaces what the hand carries.
+    ///
+    /// # Errors
+    /// [`PlanningError::Scene`] if it has no extent or no proper pose.
+    pub fn set_attached(&mut self, attached: Option<&AttachedObject>) -> Result<(), PlanningError> {
+        match attached {
+            Some(object) => Ok(ffi::set_attached(
+                self.inner.pin_mut(),
+                &object.name,
+                &shape_row(&object.shape, &object.tip_from_object),
+            )?),
+            None => Ok(ffi::clear_attached(self.inner.pin_mut())?),
+        }
+    }
+
+    /// Grows every obstacle by `metres` on all sides; a negative number shrinks it.
+    ///
+    /// # Errors
+    /// A number that is not finite.
+    pub fn set_padding(&mut self, metres: f64) -> Result<(), PlanningError> {
+        check("padding", &[metres], 1)?;
+        Ok(ffi::set_padding(self.inner.pin_mut(), metres)?)
+    }
+
+    /// From now on `member` (a link or the carried object) may touch `obstacle`.
+    ///
+    /// # Errors
+    /// [`PlanningError::Scene`] for a name that does not exist.
+    pub fn allow_contact(&mut self, member: &str, obstacle: &str) -> Result<(), PlanningError> {
+        Ok(ffi::allow_contact(self.inner.pin_mut(), member, obstacle)?)
+    }
+
+    /// Withdraws everything allowed with [`CollisionScene::allow_contact`].
+    ///
+    /// # Errors
+    /// None at present; the bridge could run out of memory.
+    pub fn forget_allowed_contacts(&mut self) -> Result<(), PlanningError> {
+        Ok(ffi::forget_allowed_contacts(self.inner.pin_mut())?)
+    }
+
+    /// Names of the pairs that touch at the arm angles `q`.
+    ///
+    /// # Errors
+    /// Wrong length or a value that is not finite.
+    pub fn collisions(&mut self, q: &[f64]) -> Result<Vec<(String, String)>, PlanningError> {
+        self.contacts(q, false)
+    }
+
+    /// As [`CollisionScene::collisions`], and also pairs of links that keep still against each other, such as
+    /// two fingers.
+    ///
+    /// # Errors
+    /// Wrong length or a value that is not finite.
+    pub fn collisions_of_all_links(&mut self, q: &[f64]) -> Result<Vec<(String, String)>, PlanningError> {
+        self.contacts(q, true)
+    }
+
+    fn contacts(&mut self, q: &[f64], all_links: bool) -> Result<Vec<(String, String)>, PlanningError> {
+        check("arm angles", q, self.joint_count)?;
+        let rows = ffi::collisions(self.inner.pin_mut(), q, all_links)?;
+        Ok(rows.into_iter().map(|row| (row.a, row.b)).collect())
+    }
+
+    /// True if nothing touches at the arm angles `q`.
+    ///
+    /// # Errors
+    /// Wrong length or a value that is not finite.
+    pub fn is_free(&mut self, q: &[f64]) -> Result<bool, PlanningError> {
+        check("arm angles", q, self.joint_count)?;
+        Ok(ffi::is_free(self.inner.pin_mut(), q)?)
+    }
+
+    /// True if nothing touches on the straight joint motion from `a` to `b`, ends included.
+    ///
+    /// # Errors
+    /// Wrong length or a value that is not finite.
+    pub fn motion_is_free(
+        &mut self,
+        a: &[f64],
+        b: &[f64],
+        limits: &SearchLimits,
+    ) -> Result<bool, PlanningError> {
+        check("arm angles", a, self.joint_count)?;
+        check("arm angles", b, self.joint_count)?;
+        Ok(ffi::motion_is_free(self.inner.pin_mut(), a, b, &search_row(0, limits))?)
+    }
+
+    /// A free path from `start` to one of `goals`. Equal scenes, vectors and seeds give equal outcomes, whatever
+    /// runs in other threads.
+    ///
+    /// # Errors
+    /// Wrong lengths, values that are not finite or outside the joint limits, no goal.
+    pub fn search(
+        &mut self,
+        start: &[f64],
+        goals: &[Vec<f64>],
+        seed: u64,
+        limits: &SearchLimits,
+        cancel: &CancelFlag,
+    ) -> Result<SearchOutcome, PlanningError> {
+        check("start", start, self.joint_count)?;
+        for goal in goals {
+            check("goal", goal, self.joint_count)?;
+        }
+        let flat: Vec<f64> = goals.iter().flatten().copied().collect();
+        let row = ffi::plan_joint(self.inner.pin_mut(), start, &flat, &search_row(seed, limits), &cancel.0)?;
+        match row.status {
+            0 => Ok(SearchOutcome::Solved {
+                path: row.path.chunks_exact(self.joint_count).map(<[f64]>::to_vec).collect(),
+                goal: row.goal,
+            }),
+            1 => Ok(SearchOutcome::NoPlan),
+            2 => Ok(SearchOutcome::StartInCollision),
+            3 => Ok(SearchOutcome::GoalsInCollision),
+            4 => Ok(SearchOutcome::Cancelled),
+            other => Err(PlanningError::Scene(format!("unknown plan status {other}"))),
+        }
+    }
+}
+
+fn pose_row(pose: &Pose) -> [f64; 7] {
+    let (p, r) = (&pose.translation, &pose.rotation);
+    [p.x, p.y, p.z, r.i, r.j, r.k, r.w]
+}
+
+fn shape_row(shape: &Shape, pose: &Pose) -> ffi::ShapeRow {
+    let (kind, size) = match *shape {
+        Shape::Box { size } => (0, size),
+        Shape::Sphere { radius } => (1, [radius, 0.0, 0.0]),
+        Shape::Cylinder { radius, length } => (2, [radius, length, 0.0]),
+        Shape::Capsule { radius, length } => (3, [radius, length, 0.0]),
+    };
+    ffi::ShapeRow { kind, size, pose: pose_row(pose) }
+}
+
+fn search_row(seed: u64, limits: &SearchLimits) -> ffi::SearchRow {
+    ffi::SearchRow {
+        seed,
+        max_iterations: limits.max_iterations,
+        range: limits.range_rad,
+        shortcuts: limits.shortcuts,
+        step_radians: limits.step_rad,
+        step_metres: limits.step_metres,
+    }
+}

@@ -1,0 +1,187 @@
+//! From a path to a trajectory: a smooth curve through joint space, run as fast as the limits allow.
+//!
+//! The path's points, closely resampled, are the control points of a uniform cubic B-spline: it has continuous
+//! second derivatives, is straight where the path is, and cuts a corner by at most a sixth of the second
+//! difference of its control points. Along the curve q(u) the speed profile x = (du/dt)^2 is the fastest one
+//! under |q'| sqrt(x) <= v and |q' w + q'' x| <= a with w = d2u/dt2, found by one backward and one forward pass
+//! (reachability analysis: Pham and Pham, IEEE T-RO 34(3), 2018). Jerk is not limited.
+
+use proact_types::{Trajectory, TrajectoryPoint, joints};
+
+/// Speed and acceleration limits, one per arm joint.
+#[derive(Clone, Debug)]
+pub(crate) struct MotionLimits {
+    /// rad/s.
+    pub velocity: Vec<f64>,
+    /// rad/s^2.
+    pub acceleration: Vec<f64>,
+}
+
+/// Grid points per control point: between them the curve is nearly a parabola.
+const GRID: usize = 2;
+/// Share of the limits that is used: between grid points, and in the cubic between trajectory points, the true
+/// values overshoot those at the points by a few per cent.
+const USED: f64 = 0.93;
+
+/// Joint-space curve with the path's ends as its ends.
+pub(crate) struct Curve {
+    /// Control points, one phantom at each end.
+    control: Vec<Vec<f64>>,
+    /// For each point of the path, the parameter at which the curve passes it closest.
+    pub path_parameter: Vec<f64>,
+}
+
+impl Curve {
+    /// A curve along `path` whose control points are at most `spacing` rad (L2) apart. None if the path has no
+    /// length.
+    pub fn along(path: &[Vec<f64>], spacing: f64) -> Option<Self> {
+        let mut control: Vec<Vec<f64>> = Vec::new();
+        let mut path_parameter = Vec::new();
+        for point in path {
+            let Some(last) = control.last().cloned() else {
+                control.push(point.clone());
+                path_parameter.push(0.0);
+                continue;
+            };
+            let length = distance(&last, point);
+            // A point that stands almost still would put a needless kink into the curve.
+            if length > 1e-6 {
+                let pieces = (length / spacing).ceil() as usize;
+                for k in 1..=pieces {
+                    let s = k as f64 / pieces as f64;
+                    control.push(last.iter().zip(point).map(|(a, b)| a + s * (b - a)).collect());
+                }
+            }
+            path_parameter.push((control.len() - 1) as f64);
+        }
+        if control.len() < 2 {
+            return None;
+        }
+        // A phantom point mirrored at each end makes the curve start and end exactly on the path.
+        let mirror = |end: &[f64], next: &[f64]| -> Vec<f64> {
+            end.iter().zip(next).map(|(e, n)| 2.0 * e - n).collect()
+        };
+        let first = mirror(&control[0], &control[1]);
+        let last = mirror(&control[control.len() - 1], &control[control.len() - 2]);
+        control.insert(0, first);
+        control.push(last);
+        Some(Self { control, path_parameter })
+    }
+
+    /// Number of spans; the parameter runs from 0 to this.
+    pub fn spans(&self) -> usize {
+        self.control.len() - 3
+    }
+
+    /// Value, first and second derivative at `u`.
+    pub fn at(&self, u: f64) -> [Vec<f64>; 3] {
+        let span = (u.floor() as usize).min(self.spans() - 1);
+        let s = u - span as f64;
+        let r = 1.0 - s;
+        // Uniform cubic B-spline basis over four control points, and its derivatives.
+        let value = [
+            r * r * r / 6.0,
+            (3.0 * s * s * s - 6.0 * s * s + 4.0) / 6.0,
+            (-3.0 * s * s * s + 3.0 * s * s + 3.0 * s + 1.0) / 6.0,
+            s * s * s / 6.0,
+        ];
+        let first = [-0.5 * r * r, 1.5 * s * s - 2.0 * s, -1.5 * s * s + s + 0.5, 0.5 * s * s];
+        let second = [r, 3.0 * s - 2.0, 1.0 - 3.0 * s, s];
+        [value, first, second].map(|weights| {
+            (0..self.control[span].len())
+                .map(|k| (0..4).map(|i| weights[i] * self.control[span + i][k]).sum())
+                .collect()
+        })
+    }
+
+    /// The fastest trajectory along the curve under `limits`, at rest at both ends.
+    pub fn timed(&self, limits: &MotionLimits) -> Trajectory {
+        let intervals = self.spans() * GRID;
+        let du = 1.0 / GRID as f64;
+        let grid: Vec<[Vec<f64>; 3]> = (0..=intervals).map(|i| self.at(i as f64 * du)).collect();
+
+        // Backward: the largest x at each grid point from which the rest can still be braked.
+        let mut highest = vec![0.0; intervals + 1];
+        for i in (0..intervals).rev() {
+            highest[i] = largest_controllable(&grid[i], limits, highest[i + 1], du);
+        }
+        // Forward: as fast as that and the acceleration allow.
+        let mut x = vec![0.0; intervals + 1];
+        for i in 0..intervals {
+            let (_, up) = acceleration_range(&grid[i], limits, x[i]);
+            x[i + 1] = (x[i] + 2.0 * du * up).clamp(0.0, highest[i + 1]);
+        }
+
+        let mut time_secs = 0.0;
+        let mut points = Vec::with_capacity(intervals + 1);
+        for i in 0..=intervals {
+            if i > 0 {
+                time_secs += 2.0 * du / (x[i].sqrt() + x[i - 1].sqrt());
+            }
+            let speed = x[i].sqrt();
+            points.push(TrajectoryPoint {
+                time_secs,
+                q: joints(&grid[i][0]),
+                qd: grid[i][1].iter().map(|d| d * speed).collect(),
+            });
+        }
+        Trajectory { points }
+    }
+}
+
+/// The range of w = d2u/dt2 that the acceleration limits leave at a grid point for x = (du/dt)^2. Empty (low
+/// above high) where x is too large.
+fn acceleration_range(point: &[Vec<f64>; 3], limits: &MotionLimits, x: f64) -> (f64, f64) {
+    let [_, first, second] = point;
+    let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
+    for k in 0..first.len() {
+        let limit = USED * limits.acceleration[k];
+        let bend = second[k] * x;
+        if first[k].abs() < 1e-9 {
+            // This joint turns round here; its acceleration is the bend alone.
+            if bend.abs() > limit {
+                return (1.0, -1.0);
+            }
+        } else {
+            let (a, b) = ((-limit - bend) / first[k], (limit - bend) / first[k]);
+            low = low.max(a.min(b));
+            high = high.min(a.max(b));
+        }
+    }
+    (low, high)
+}
+
+/// The largest x at a grid point from which some allowed w leads to an x of at most `next` after `du`.
+fn largest_controllable(point: &[Vec<f64>; 3], limits: &MotionLimits, next: f64, du: f64) -> f64 {
+    let mut top = f64::INFINITY;
+    for (k, d) in point[1].iter().enumerate() {
+        if d.abs() > 1e-9 {
+            top = top.min((USED * limits.velocity[k] / d).powi(2));
+        }
+    }
+    if !top.is_finite() {
+        return 0.0;
+    }
+    let possible = |x: f64| {
+        let (low, high) = acceleration_range(point, limits, x);
+        low <= high && x + 2.0 * du * low <= next
+    };
+    if possible(top) {
+        return top;
+    }
+    // The allowed (x, w) form a convex set that contains x = 0, so bisection finds its far end.
+    let mut bottom = 0.0;
+    for _ in 0..50 {
+        let middle = 0.5 * (bottom + top);
+        if possible(middle) {
+            bottom = middle;
+        } else {
+            top = middle;
+        }
+    }
+    bottom
+}
+
+fn distance(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(x, y)| (x - y) * (x - y)).sum::<f64>().sqrt()
+}

@@ -1,0 +1,366 @@
+//! Where a goal can be entered: arm angles above it and the straight way from there to it.
+
+use crate::arm_planner::{ArmPlanner, Failure, Problem, Room, cancelled};
+use crate::reach::{self, Reach};
+use proact_control::ports::IkOutcome;
+use proact_types::{AttachedObject, BlockId, PlanGoal, PlanStatus, Point, Pose, Shape, Vector};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+
+/// The last part of a plan: from where the search ends to the goal.
+#[derive(Clone, Debug)]
+pub(crate) struct Way {
+    /// Arm angles; the first is where the search ends, the last is the goal.
+    pub points: Vec<Vec<f64>>,
+    /// Lower is better.
+    pub cost: f64,
+}
+
+/// What was found on the way to a list of ways, for the reason given when there is none.
+#[derive(Default)]
+struct Tally {
+    reached: usize,
+    hit: Option<(String, String)>,
+}
+
+/// Step between the rolls and leans that are tried, rad.
+const TILT_STEP: f64 = 0.175;
+/// Two arm postures closer than this in every joint are the same, rad.
+const SAME: f64 = 0.08;
+
+impl ArmPlanner {
+    /// Ways to the goal, best first.
+    pub(crate) fn ways_to_goal(&mut self, problem: &Problem, from: &[f64]) -> Result<Vec<Way>, Failure> {
+        let postures = self.postures(problem, from);
+        match &problem.request.goal {
+            PlanGoal::Pick { block, centre } => self.ways_to_pick(problem, *block, centre, &postures),
+            PlanGoal::Place { point } => self.ways_to_place(problem, point, &postures),
+            PlanGoal::Joints { q } => self.ways_to_joints(q),
+            PlanGoal::TipPose { pose } => self.ways_to_pose(problem, pose, &postures),
+        }
+    }
+
+    /// Arm postures from which hand poses are sought: the present one, then draws from the joint ranges.
+    pub(crate) fn postures(&self, problem: &Problem, from: &[f64]) -> Vec<Vec<f64>> {
+        let mut random = ChaCha8Rng::seed_from_u64(problem.request.seed);
+        let mut unit = || (random.next_u64() >> 11) as f64 / (1_u64 << 53) as f64;
+        let mut postures = vec![from.to_vec()];
+        for _ in 0..self.options.postures {
+            let draw = |(low, high): (&f64, &f64)| low + (high - low) * unit();
+            postures.push(self.limits.lower.iter().zip(&self.limits.upper).map(draw).collect());
+        }
+        postures
+    }
+
+    fn ways_to_pick(
+        &mut self,
+        problem: &Problem,
+        block: BlockId,
+        centre: &Point,
+        postures: &[Vec<f64>],
+    ) -> Result<Vec<Way>, Failure> {
+        let target = problem.base_from_world * centre;
+        let point = Point::from(self.model.grasp_centre);
+        let mut tally = Tally::default();
+        // A hand that clears the block on its way down is best; one whose fingers push it a little will do.
+        for fingers_may_touch in [false, true] {
+            let mut ways = Vec::new();
+            for (axis, off) in self.grasp_axes() {
+                let reach = Reach { point, axis, target, direction: problem.up };
+                self.add_ways(
+                    problem,
+                    &reach,
+                    off,
+                    postures,
+                    Entry::Pick { block, fingers_may_touch },
+                    &mut ways,
+                    &mut tally,
+                )?;
+                if ways.len() >= self.options.goals {
+                    break;
+                }
+            }
+            if !ways.is_empty() {
+                return Ok(sorted(ways));
+            }
+        }
+        Err(tally.failure("block"))
+    }
+
+    fn ways_to_place(
+        &mut self,
+        problem: &Problem,
+        point: &Point,
+        postures: &[Vec<f64>],
+    ) -> Result<Vec<Way>, Failure> {
+        let Some(object) = &problem.request.attached else {
+            return Err(Failure::new(PlanStatus::Invalid, "There is nothing in the hand to place."));
+        };
+        let mut tally = Tally::default();
+        let mut ways = Vec::new();
+        let base_from_tip = self.kinematics.forward(&problem.start).map_err(crate::PlanningError::from)?;
+        for (axis, off) in place_axes(object, &base_from_tip, &problem.up, self.options.place_tilt) {
+            let height = half_height(&object.shape, off) + self.options.place_gap;
+            let reach = Reach {
+                point: Point::from(object.tip_from_object.translation.vector),
+                axis,
+                target: problem.base_from_world * (point + Vector::z() * height),
+                direction: problem.up,
+            };
+            self.add_ways(problem, &reach, off, postures, Entry::Place, &mut ways, &mut tally)?;
+            if ways.len() >= self.options.goals {
+                break;
+            }
+        }
+        if ways.is_empty() { Err(tally.failure("place")) } else { Ok(sorted(ways)) }
+    }
+
+    fn ways_to_joints(&mut self, q: &[f64]) -> Result<Vec<Way>, Failure> {
+        if !self.limits.contain(q, 1e-9) {
+            return Err(Failure::new(PlanStatus::Invalid, "The goal is outside the joint limits."));
+        }
+        let goal = self.limits.clamp(q);
+        self.set_room(Room::Transit)?;
+        match self.scene.collisions(&goal)?.first() {
+            Some((a, b)) => Err(Failure::new(
+                PlanStatus::GoalInCollision,
+                format!("The arm would touch something at the goal: {a} and {b}."),
+            )),
+            None => Ok(vec![Way { points: vec![goal], cost: 0.0 }]),
+        }
+    }
+
+    fn ways_to_pose(
+        &mut self,
+        problem: &Problem,
+        pose: &Pose,
+        postures: &[Vec<f64>],
+    ) -> Result<Vec<Way>, Failure> {
+        let base_from_tip = problem.base_from_world * pose;
+        let mut tally = Tally::default();
+        let mut ways: Vec<Way> = Vec::new();
+        self.set_room(Room::Transit)?;
+        for posture in postures {
+            if self.cancel.is_raised() {
+                return Err(cancelled());
+            }
+            let outcome =
+                self.kinematics.inverse(&base_from_tip, posture).map_err(crate::PlanningError::from)?;
+            let IkOutcome::Solved(q) = outcome else { continue };
+            tally.reached += 1;
+            let q = q.to_vec();
+            if !self.limits.contain(&q, 1e-9) || ways.iter().any(|w| same(&w.points[0], &q)) {
+                continue;
+            }
+            match self.scene.collisions(&q)?.into_iter().next() {
+                Some(pair) => tally.hit = Some(pair),
+                None => {
+                    let cost = self.cost(&postures[0], &q, 0.0);
+                    ways.push(Way { points: vec![q], cost });
+                }
+            }
+        }
+        if ways.is_empty() { Err(tally.failure("pose")) } else { Ok(sorted(ways)) }
+    }
+
+    /// Tries `reach` from every posture and adds what is free to `ways`. `off` is the angle to the preferred
+    /// hand orientation, rad.
+    #[allow(clippy::too_many_arguments)]
+    fn add_ways(
+        &mut self,
+        problem: &Problem,
+        reach: &Reach,
+        off: f64,
+        postures: &[Vec<f64>],
+        entry: Entry,
+        ways: &mut Vec<Way>,
+        tally: &mut Tally,
+    ) -> Result<(), Failure> {
+        for posture in postures {
+            if self.cancel.is_raised() {
+                return Err(cancelled());
+            }
+            let Some(end) = reach::solve(&mut *self.kinematics, &self.limits, reach, posture)? else {
+                continue;
+            };
+            tally.reached += 1;
+            if ways.iter().any(|w| same(&w.points[w.points.len() - 1], &end)) {
+                continue;
+            }
+            match self.way_down(problem, reach, &end, &entry)? {
+                Ok(points) => {
+                    let cost = self.cost(&postures[0], &points[0], off);
+                    ways.push(Way { points, cost });
+                }
+                Err(hit) => tally.hit = hit.or(tally.hit.take()),
+            }
+        }
+        Ok(())
+    }
+
+    /// The straight way down to `end`, from its top to `end`, if it is free; otherwise what it hits.
+    #[allow(clippy::type_complexity)]
+    fn way_down(
+        &mut self,
+        problem: &Problem,
+        reach: &Reach,
+        end: &[f64],
+        entry: &Entry,
+    ) -> Result<Result<Vec<Vec<f64>>, Option<(String, String)>>, Failure> {
+        self.set_room(Room::Contact)?;
+        self.allow_entry(problem, entry)?;
+        if let Some(pair) = self.scene.collisions(end)?.into_iter().next() {
+            return Ok(Err(Some(pair)));
+        }
+        let rise = problem.up * self.options.approach_height;
+        let line = reach::line(&mut *self.kinematics, &self.limits, reach, &rise, end)?;
+        if line.len() <= reach::line_steps(rise.norm()) {
+            return Ok(Err(None));
+        }
+        let search = self.options.search;
+        for pair in line.windows(2) {
+            if !self.scene.motion_is_free(&pair[0], &pair[1], &search)? {
+                return Ok(Err(self.scene.collisions(&pair[1])?.into_iter().next()));
+            }
+        }
+        if let Some(pair) = self.hand_hits_after(problem, entry, end)? {
+            return Ok(Err(Some(pair)));
+        }
+        self.set_room(Room::Transit)?;
+        let top = &line[line.len() - 1];
+        if let Some(pair) = self.scene.collisions(top)?.into_iter().next() {
+            return Ok(Err(Some(pair)));
+        }
+        Ok(Ok(line.into_iter().rev().collect()))
+    }
+
+    /// Contacts that are part of the purpose: at the end of a pick the fingers may touch the block.
+    fn allow_entry(&mut self, problem: &Problem, entry: &Entry) -> Result<(), Failure> {
+        if let Entry::Pick { block, fingers_may_touch: true } = entry {
+            let model = self.model.clone();
+            if problem.request.obstacles.iter().any(|o| o.name == block.name()) {
+                for (k, link) in model.links.iter().enumerate() {
+                    if k != model.tip {
+                        self.scene.allow_contact(&link.name, block.name())?;
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// What the hand would touch at `end` once it has closed around the block.
+    fn hand_hits_after(
+        &mut self,
+        problem: &Problem,
+        entry: &Entry,
+        end: &[f64],
+    ) -> Result<Option<(String, String)>, Failure> {
+        let Entry::Pick { block, .. } = entry else { return Ok(None) };
+        let model = self.model.clone();
+        let Ok(closed) = model.pose("hand", "closed") else { return Ok(None) };
+        self.set_room(Room::Contact)?;
+        if problem.request.obstacles.iter().any(|o| o.name == block.name()) {
+            self.allow_hand(block.name(), problem)?;
+        }
+        self.scene.set_hand(closed)?;
+        let hit = self.scene.collisions(end)?.into_iter().next();
+        self.scene.set_hand(&problem.request.hand)?;
+        Ok(hit)
+    }
+
+    /// Axes of the tip's frame that may point up in a grip from above, the preferred one first, each with its
+    /// angle to the preferred one: roll about the hand's x, lean about its y.
+    pub(crate) fn grasp_axes(&self) -> Vec<(Vector, f64)> {
+        let axis =
+            |tilt: f64, lean: f64| Vector::new(-lean.sin(), lean.cos() * tilt.sin(), lean.cos() * tilt.cos());
+        let preferred = axis(self.options.tilt, 0.0);
+        let [low, high] = self.options.tilt_range;
+        let mut axes = Vec::new();
+        for k in -20..=20 {
+            let tilt = self.options.tilt + f64::from(k) * TILT_STEP;
+            if tilt < low || tilt > high {
+                continue;
+            }
+            for share in [0.0, 0.5, -0.5, 1.0, -1.0] {
+                let a = axis(tilt, share * self.options.lateral);
+                axes.push((a, a.angle(&preferred)));
+            }
+        }
+        axes.sort_by(|a, b| a.1.total_cmp(&b.1));
+        axes.dedup_by(|a, b| (a.0 - b.0).norm() < 1e-9);
+        axes
+    }
+
+    /// Cost of a posture: the time that its slowest joint needs, the angle off the preferred hand orientation,
+    /// and closeness to a limit, in radians of joint travel.
+    pub(crate) fn cost(&self, from: &[f64], to: &[f64], off: f64) -> f64 {
+        let travel = from.iter().zip(to).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        let squeeze = (0.05 - self.limits.margin(to)).max(0.0) / 0.05;
+        travel + 1.5 * off + 0.5 * squeeze
+    }
+}
+
+/// What is done at the end of a way.
+#[derive(Clone, Copy, Debug)]
+enum Entry {
+    Pick { block: BlockId, fingers_may_touch: bool },
+    Place,
+}
+
+impl Tally {
+    fn failure(self, what: &str) -> Failure {
+        if self.reached == 0 {
+            return Failure::new(PlanStatus::Unreachable, format!("The {what} is out of the hand's reach."));
+        }
+        match self.hit {
+            Some((a, b)) => Failure::new(
+                PlanStatus::GoalInCollision,
+                format!("At the {what} the hand would touch something: {a} and {b}."),
+            ),
+            None => Failure::new(
+                PlanStatus::Unreachable,
+                format!("The {what} cannot be approached from above: the arm is at its limits."),
+            ),
+        }
+    }
+}
+
+/// Axes of the tip's frame that may point up when the object is let go: its own axis, whichever end is up now,
+/// then leans by up to `tilt` from it. Each with its angle off the axis.
+fn place_axes(object: &AttachedObject, base_from_tip: &Pose, up: &Vector, tilt: f64) -> Vec<(Vector, f64)> {
+    let own = object.tip_from_object.rotation * Vector::z();
+    let own = if (base_from_tip.rotation * own).dot(up) < 0.0 { -own } else { own };
+    let mut axes = vec![(own, 0.0)];
+    let x = own.cross(&if own.x.abs() < 0.9 { Vector::x() } else { Vector::y() }).normalize();
+    let y = own.cross(&x);
+    for share in [0.5, 1.0] {
+        let off = share * tilt;
+        for side in [x, -x, y, -y] {
+            axes.push((own * off.cos() + side * off.sin(), off));
+        }
+    }
+    if tilt == 0.0 {
+        axes.truncate(1);
+    }
+    axes
+}
+
+/// Half the vertical extent of a shape whose axis leans by `off` from the vertical, metres.
+fn half_height(shape: &Shape, off: f64) -> f64 {
+    match *shape {
+        Shape::Box { size } => 0.5 * (size[2] * off.cos() + size[0].hypot(size[1]) * off.sin()),
+        Shape::Sphere { radius } => radius,
+        Shape::Cylinder { radius, length } => 0.5 * length * off.cos() + radius * off.sin(),
+        Shape::Capsule { radius, length } => 0.5 * length * off.cos() + radius,
+    }
+}
+
+pub(crate) fn same(a: &[f64], b: &[f64]) -> bool {
+    a.iter().zip(b).all(|(x, y)| (x - y).abs() < SAME)
+}
+
+pub(crate) fn sorted(mut ways: Vec<Way>) -> Vec<Way> {
+    ways.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    ways
+}

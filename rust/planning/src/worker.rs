@@ -1,0 +1,139 @@
+//! The planner on a thread of its own, as the testbed's plan service.
+
+use crate::{ArmPlanner, CancelFlag};
+use proact_testbed::ports::PlanService;
+use proact_types::{PlanReply, PlanRequest, PlanStatus, Trajectory};
+use std::collections::BTreeMap;
+use std::sync::{Arc, Condvar, Mutex, MutexGuard};
+use std::thread::JoinHandle;
+
+/// Replies that are kept for a late question; a trial has one request under way at a time.
+const KEPT: usize = 64;
+
+/// A background thread that owns an [`ArmPlanner`]. The newest request wins; dropping the worker ends the
+/// thread.
+pub struct PlanWorker {
+    shared: Arc<Shared>,
+    cancel: CancelFlag,
+    thread: Option<JoinHandle<()>>,
+}
+
+struct Shared {
+    state: Mutex<State>,
+    changed: Condvar,
+}
+
+#[derive(Default)]
+struct State {
+    waiting: Option<PlanRequest>,
+    running: Option<u64>,
+    replies: BTreeMap<u64, PlanReply>,
+    ended: bool,
+}
+
+impl Shared {
+    /// The state; a panic of the other side leaves it whole, because nothing is changed in steps.
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+    }
+}
+
+impl State {
+    fn keep(&mut self, reply: PlanReply) {
+        self.replies.insert(reply.id, reply);
+        while self.replies.len() > KEPT {
+            self.replies.pop_first();
+        }
+    }
+}
+
+impl PlanWorker {
+    /// Starts the thread.
+    pub fn new(planner: ArmPlanner) -> Self {
+        let shared = Arc::new(Shared { state: Mutex::new(State::default()), changed: Condvar::new() });
+        let cancel = planner.cancel_flag();
+        let theirs = shared.clone();
+        let thread = std::thread::spawn(move || run(planner, &theirs));
+        Self { shared, cancel, thread: Some(thread) }
+    }
+}
+
+fn run(mut planner: ArmPlanner, shared: &Shared) {
+    let flag = planner.cancel_flag();
+    let mut state = shared.lock();
+    loop {
+        if state.ended {
+            return;
+        }
+        let Some(request) = state.waiting.take() else {
+            state = shared.changed.wait(state).unwrap_or_else(std::sync::PoisonError::into_inner);
+            continue;
+        };
+        state.running = Some(request.id);
+        // Under the lock, so that a cancel that arrives from now on is meant for this request.
+        flag.lower();
+        drop(state);
+        let reply = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| planner.solve(&request)));
+        state = shared.lock();
+        state.running = None;
+        state.keep(
+            reply.unwrap_or_else(|_| failed(request.id, PlanStatus::Invalid, "The planner failed inside.")),
+        );
+        shared.changed.notify_all();
+    }
+}
+
+fn failed(id: u64, status: PlanStatus, reason: &str) -> PlanReply {
+    PlanReply { id, status, trajectory: Trajectory::default(), reason: reason.to_owned() }
+}
+
+impl PlanService for PlanWorker {
+    fn submit(&mut self, request: PlanRequest) {
+        self.cancel();
+        let mut state = self.shared.lock();
+        state.replies.remove(&request.id);
+        state.waiting = Some(request);
+        self.shared.changed.notify_all();
+    }
+
+    fn poll(&mut self, id: u64) -> Option<PlanReply> {
+        self.shared.lock().replies.get(&id).cloned()
+    }
+
+    fn wait(&mut self, id: u64) -> PlanReply {
+        let mut state = self.shared.lock();
+        loop {
+            if let Some(reply) = state.replies.get(&id) {
+                return reply.clone();
+            }
+            let pending = state.running == Some(id) || state.waiting.as_ref().is_some_and(|r| r.id == id);
+            if !pending {
+                return failed(id, PlanStatus::Invalid, "No such request was handed in.");
+            }
+            state = self.shared.changed.wait(state).unwrap_or_else(std::sync::PoisonError::into_inner);
+        }
+    }
+
+    fn cancel(&mut self) {
+        let mut state = self.shared.lock();
+        if let Some(request) = state.waiting.take() {
+            state.keep(failed(request.id, PlanStatus::Cancelled, "The request was cancelled."));
+        }
+        if state.running.is_some() {
+            self.cancel.raise();
+        }
+        self.shared.changed.notify_all();
+    }
+}
+
+impl Drop for PlanWorker {
+    fn drop(&mut self) {
+        self.cancel();
+        self.shared.lock().ended = true;
+        self.shared.changed.notify_all();
+        if let Some(thread) = self.thread.take() {
+            // A panic inside was already turned into a reply; there is nobody left to tell.
+            let _ = thread.join();
+        }
+    }
+}
