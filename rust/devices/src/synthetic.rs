@@ -1,4 +1,4 @@
-use crate::{ChannelValues, DeviceError};
+use crate::{ChannelValues, DeviceError, Recordings};
 use nalgebra::DMatrix;
 use proact_types::Gesture;
 use rand_chacha::ChaCha8Rng;
@@ -40,7 +40,7 @@ const HIGH_CORNER_HZ: f64 = 120.0;
 const SHAPING_RATE_HZ: f64 = 1000.0;
 /// Time in which the amplitudes go from those of one gesture to those of the next. Assumed.
 const ONSET_SECS: f64 = 0.1;
-/// Time over which the amplitude fluctuates: that of the blocks in which the fluctuation was fitted. Assumed.
+/// Time over which the amplitude fluctuates, and length of the blocks over which that is fitted. Assumed.
 const FLUCTUATION_SECS: f64 = 0.5;
 
 impl SyntheticModel {
@@ -52,6 +52,29 @@ impl SyntheticModel {
         serde_json::from_str(include_str!("../data/synthetic_emg.json")).map_err(|error| {
             DeviceError::SyntheticModel { gesture: Gesture::NoMotion, reason: error.to_string() }
         })
+    }
+
+    /// Fits the figures to repetitions `reps` of every gesture in `recordings`. The covariance is that of all
+    /// samples about their mean, to two decimals; the fluctuation to three.
+    ///
+    /// # Errors
+    /// A repetition that does not exist, or less than two seconds of a gesture.
+    pub fn fit(recordings: &Recordings, reps: &[u32], origin: &str) -> Result<SyntheticModel, DeviceError> {
+        let mut gestures = Vec::new();
+        for gesture in recordings.gestures() {
+            let mut samples: Vec<ChannelValues> = Vec::new();
+            for &rep in reps {
+                samples.extend(recordings.find(gesture, rep)?.samples.iter().cloned());
+            }
+            let block = (FLUCTUATION_SECS * recordings.rate_hz).round() as usize;
+            if samples.len() < 4 * block {
+                let reason = format!("{} samples to fit, expected at least {}", samples.len(), 4 * block);
+                return Err(DeviceError::SyntheticModel { gesture, reason });
+            }
+            gestures.push(fit_gesture(gesture, &samples, block));
+        }
+        let unit = "counts of a Myo armband, signed 8 bit".to_owned();
+        Ok(SyntheticModel { origin: origin.to_owned(), unit, gestures })
     }
 
     /// Number of channels.
@@ -66,6 +89,37 @@ impl SyntheticModel {
             .iter()
             .find(|g| g.gesture == gesture)
             .map_or(0.0, |g| (trace(g) / g.covariance.len().max(1) as f64).sqrt())
+    }
+}
+
+/// Fits one gesture; the amplitude is that of blocks of `block` samples.
+fn fit_gesture(gesture: Gesture, samples: &[ChannelValues], block: usize) -> FittedGesture {
+    let (count, channels) = (samples.len() as f64, samples[0].len());
+    let mean = |c: usize| samples.iter().map(|s| s[c]).sum::<f64>() / count;
+    let means: Vec<f64> = (0..channels).map(mean).collect();
+    let covariance = DMatrix::from_fn(channels, channels, |i, j| {
+        samples.iter().map(|s| (s[i] - means[i]) * (s[j] - means[j])).sum::<f64>() / count
+    });
+
+    let log_rms = |samples: &[ChannelValues]| {
+        let square: f64 = samples.iter().flatten().map(|v| v * v).sum();
+        0.5 * (square / (samples.len() * channels) as f64).ln()
+    };
+    let logs: Vec<f64> = samples.chunks_exact(block).map(log_rms).collect();
+    let centre = logs.iter().sum::<f64>() / logs.len() as f64;
+    let variance = logs.iter().map(|v| (v - centre).powi(2)).sum::<f64>() / (logs.len() - 1) as f64;
+    // The mean square of n independent Gaussian vectors of covariance C has the relative variance
+    // 2 tr(C C) / tr(C)^2 / n, and half its logarithm a quarter of that: what constant amplitude would show.
+    let by_noise = 0.5 * covariance.norm_squared() / covariance.trace().powi(2) / block as f64;
+
+    let rounded = |value: f64, steps: f64| (value * steps).round() / steps;
+    FittedGesture {
+        gesture,
+        covariance: covariance
+            .row_iter()
+            .map(|row| row.iter().map(|v| rounded(*v, 100.0)).collect())
+            .collect(),
+        amplitude_log_sd: rounded((variance - by_noise).max(0.0).sqrt(), 1000.0),
     }
 }
 
@@ -233,5 +287,108 @@ impl Shaping {
         const RESPONSE: usize = 20_000;
         let energy: f64 = (0..RESPONSE).map(|k| fresh.step(if k == 0 { 1.0 } else { 0.0 }).powi(2)).sum();
         1.0 / energy.sqrt()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stream;
+
+    /// Seconds over which figures of noise are taken, and how far they may be off: several standard errors.
+    const SECS: usize = 120;
+    const TOLERANCE: f64 = 0.1;
+
+    fn samples(rate_hz: f64, gesture: Gesture) -> Vec<ChannelValues> {
+        let model = SyntheticModel::shipped().unwrap();
+        let mut emg = SyntheticEmg::new(&model, rate_hz, 8, 1.0, stream(5, "test")).unwrap();
+        (0..SECS * rate_hz as usize).map(|_| emg.next(gesture)).collect()
+    }
+
+    #[test]
+    fn the_channels_have_the_fitted_covariance_at_any_rate() {
+        let model = SyntheticModel::shipped().unwrap();
+        for rate_hz in [200.0, 1000.0] {
+            for fitted in &model.gestures {
+                let samples = samples(rate_hz, fitted.gesture);
+                for i in 0..8 {
+                    for j in 0..8 {
+                        let got = samples.iter().map(|s| s[i] * s[j]).sum::<f64>() / samples.len() as f64;
+                        let scale = (fitted.covariance[i][i] * fitted.covariance[j][j]).sqrt();
+                        let off = (got - fitted.covariance[i][j]) / scale;
+                        assert!(off.abs() < TOLERANCE, "{} {i} {j} at {rate_hz} Hz: {off}", fitted.gesture);
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_spectrum_is_that_of_the_shaping_filter() {
+        // Power at a frequency by its Fourier sums over blocks of one second, against the formula.
+        let signal: Vec<f64> = samples(1000.0, Gesture::WristFlexion).iter().map(|s| s[0]).collect();
+        let power = |f: f64| {
+            let blocks = signal.chunks_exact(1000).map(|block| {
+                let sum = |turn: fn(f64) -> f64| {
+                    block
+                        .iter()
+                        .zip(0..)
+                        .map(|(v, k)| v * turn(std::f64::consts::TAU * f * f64::from(k) / 1000.0))
+                        .sum::<f64>()
+                };
+                sum(f64::cos).powi(2) + sum(f64::sin).powi(2)
+            });
+            blocks.sum::<f64>()
+        };
+        let band = |centre: i32| (centre - 5..=centre + 5).map(|f| power(f64::from(f))).sum::<f64>();
+        let formula = |f: f64| {
+            let (l, h) = (LOW_CORNER_HZ * LOW_CORNER_HZ, HIGH_CORNER_HZ * HIGH_CORNER_HZ);
+            f * f / ((f * f + l) * (f * f + h).powi(2))
+        };
+        for (f, other) in [(20, 60), (60, 120), (120, 200)] {
+            let got = band(f) / band(other);
+            let expected = formula(f64::from(f)) / formula(f64::from(other));
+            // The bilinear transform bends the frequency axis, by some per cent up to 200 Hz.
+            assert!((got / expected - 1.0).abs() < 0.25, "{f} to {other} Hz: {got}, formula {expected}");
+        }
+    }
+
+    #[test]
+    fn a_new_gesture_builds_up_and_does_not_jump() {
+        let model = SyntheticModel::shipped().unwrap();
+        let mut emg = SyntheticEmg::new(&model, 1000.0, 8, 1.0, stream(1, "test")).unwrap();
+        let mut rms = |gesture, count| {
+            let sum: f64 = (0..count).map(|_| emg.next(gesture).iter().map(|v| v * v).sum::<f64>()).sum();
+            (sum / f64::from(count) / 8.0).sqrt()
+        };
+        let rest = rms(Gesture::NoMotion, 500);
+        let begins = rms(Gesture::WristExtension, 20);
+        rms(Gesture::WristExtension, 80);
+        let full = rms(Gesture::WristExtension, 500);
+        assert!(rest < 3.0 && begins < 0.4 * full && full > 10.0, "{rest} {begins} {full}");
+    }
+
+    #[test]
+    fn impossible_figures_channels_rates_and_scales_are_refused() {
+        let model = SyntheticModel::shipped().unwrap();
+        let error = |model: &SyntheticModel, rate, channels, scale| {
+            SyntheticEmg::new(model, rate, channels, scale, stream(1, "test")).unwrap_err().to_string()
+        };
+        assert!(error(&model, f64::NAN, 8, 1.0).contains("EMG rate is NaN"));
+        assert!(error(&model, 200.0, 9, 1.0).contains("at most 8 channels, the recordings have 9"));
+        assert!(error(&model, 200.0, 0, 1.0).contains("have 0"));
+        assert!(error(&model, 200.0, 8, 0.0).contains("amplitude scale is 0"));
+        let mut singular = model.clone();
+        singular.gestures[1].covariance = vec![vec![1.0; 8]; 8];
+        assert!(
+            error(&singular, 200.0, 8, 1.0)
+                .contains("hand_open are unusable: the covariance is not positive")
+        );
+        let mut ragged = model.clone();
+        ragged.gestures[1].covariance[3].pop();
+        assert!(error(&ragged, 200.0, 8, 1.0).contains("not square"));
+        let mut lacking = model;
+        lacking.gestures.truncate(3);
+        assert!(error(&lacking, 200.0, 8, 1.0).contains("wrist_extension are unusable: not fitted"));
     }
 }

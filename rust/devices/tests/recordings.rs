@@ -1,0 +1,170 @@
+//! The readers on files made here, good and bad. Every bad file gives an error that names the place.
+
+use proact_devices::{DeviceError, EmgSource, Recordings, prepare};
+use proact_types::Gesture;
+use std::{fs, path::Path};
+
+fn write(dir: &Path, name: &str, text: &str) {
+    fs::write(dir.join(name), text).expect("the temporary folder is writable");
+}
+
+fn folder() -> tempfile::TempDir {
+    tempfile::tempdir().expect("a temporary folder can be made")
+}
+
+/// Two channels of something that varies; the gesture shows in the amplitude.
+fn rows(count: usize, class: usize) -> String {
+    let value =
+        |k: usize, c: usize| ((k * (7 + 4 * c) + class) as f64).sin() * (1.0 + (class * (c + 2)) as f64);
+    (0..count).map(|k| format!("{:.3},{:.3}\n", value(k, 0), value(k, 1))).collect()
+}
+
+fn write_libemg(dir: &Path, classes: &[usize], suffix: &str) {
+    for rep in 0..3 {
+        for &class in classes {
+            write(dir, &format!("R_{rep}_C_{class}{suffix}.csv"), &rows(60, class));
+        }
+    }
+}
+
+fn error(dir: &Path) -> String {
+    Recordings::read(dir, 200.0).expect_err("must be refused").to_string()
+}
+
+#[test]
+fn both_spellings_of_libemg_names_are_read_and_other_files_left_alone() {
+    for suffix in ["", "_EMG"] {
+        let dir = folder();
+        write_libemg(dir.path(), &[0, 1, 2, 3, 4], suffix);
+        write(dir.path(), "README.md", "not a recording");
+        write(dir.path(), "R_0_C_x.csv", "not a recording");
+        let recordings = Recordings::read(dir.path(), 200.0).expect("a good folder");
+        assert_eq!((recordings.items.len(), recordings.channels), (15, 2));
+        assert_eq!(recordings.missing(), []);
+        let third = recordings.find(Gesture::WristFlexion, 2).expect("it is there");
+        assert_eq!(third.samples.len(), 60);
+    }
+}
+
+#[test]
+fn missing_empty_and_crowded_folders_are_told_apart() {
+    let dir = folder();
+    assert!(error(&dir.path().join("nowhere")).contains("cannot read"));
+    assert!(error(dir.path()).contains("has no EMG recordings; expected R_<rep>_C_<class>.csv"));
+    write(dir.path(), "file", "");
+    assert!(error(&dir.path().join("file")).contains("is a file, expected a folder"));
+    for session in ["12-1", "12-2"] {
+        fs::create_dir(dir.path().join(session)).expect("a folder can be made");
+        write(&dir.path().join(session), "0.txt", "1,2\n");
+    }
+    let message = error(dir.path());
+    assert!(message.contains("several sessions") && message.ends_with("12-1, 12-2"), "{message}");
+}
+
+#[test]
+fn a_bad_file_is_named_with_row_column_and_text() {
+    let bad = |text: &str| {
+        let dir = folder();
+        write(dir.path(), "R_0_C_0.csv", "1,2\n3,4\n");
+        write(dir.path(), "R_0_C_1.csv", text);
+        error(dir.path())
+    };
+    assert!(bad("1,2\n3,4,5\n").ends_with("R_0_C_1.csv, row 2: 3 columns, expected 2"));
+    let message = bad("1,2,3\n4,5,6\n");
+    assert!(
+        message.contains("row 1: 3 columns, expected 2 as in") && message.ends_with("R_0_C_0.csv"),
+        "{message}"
+    );
+    assert!(bad("1,2\n3,x4\n").ends_with("R_0_C_1.csv, row 2, column 2: \"x4\", expected a finite number"));
+    assert!(bad("1,NaN\n").contains("row 1, column 2: \"NaN\""));
+    assert!(bad("1,inf\n").contains("\"inf\""));
+    assert!(bad("1,\n").contains("column 2: \"\""));
+    assert!(bad("").ends_with("R_0_C_1.csv has no samples"));
+    assert!(bad(&"1,".repeat(20)).contains("21 columns, expected at most 16"));
+
+    let dir = folder();
+    write(dir.path(), "R_0_C_7.csv", "1,2\n");
+    assert!(error(dir.path()).contains("class 7 is unknown; expected 0 hand_close"));
+    let dir = folder();
+    write(dir.path(), "R_0_C_1.csv", "1,2\n");
+    write(dir.path(), "R_0_C_1_EMG.csv", "1,2\n");
+    assert!(error(dir.path()).contains("repeats repetition 0 of hand_open"));
+    let dir = folder();
+    fs::write(dir.path().join("R_0_C_1.csv"), [0xff, 0xfe, 0x00]).expect("writable");
+    assert!(error(dir.path()).contains("cannot read"), "binary data");
+}
+
+#[test]
+fn the_rate_must_be_a_number_above_zero() {
+    for rate in [f64::NAN, 0.0, -200.0, f64::INFINITY] {
+        assert!(matches!(Recordings::read(folder().path(), rate), Err(DeviceError::Parameter { .. })));
+    }
+}
+
+#[test]
+fn myo_readings_become_repetitions_with_the_edges_of_each_cue_cut() {
+    let dir = folder();
+    let row = |label: u32| format!("1,2,3,4,5,6,7,8,{label}\n");
+    // Six cues of 1.5 s, each after 1 s of rest; 12 s of rest in a file of its own.
+    let cued = |label: u32| (row(0).repeat(200) + &row(label).repeat(300)).repeat(6);
+    write(dir.path(), "0.txt", &row(0).repeat(2400));
+    for label in [1, 2, 7] {
+        write(dir.path(), &format!("{label}.txt"), &cued(label));
+    }
+    let recordings = Recordings::read(dir.path(), 200.0).expect("a good folder");
+    assert_eq!((recordings.channels, recordings.items.len()), (8, 24));
+    assert_eq!(recordings.missing(), [Gesture::HandOpen]);
+    assert_eq!(recordings.find(Gesture::HandClose, 5).expect("six cues").samples.len(), 300 - 200);
+    assert_eq!(recordings.find(Gesture::NoMotion, 5).expect("six parts").samples.len(), 400);
+
+    write(dir.path(), "1.txt", &row(2).repeat(10));
+    assert!(error(dir.path()).ends_with("1.txt, row 1: label 2, expected 0 or 1"));
+    write(dir.path(), "1.txt", "1,2,3,4,5,6,7,8\n");
+    assert!(error(dir.path()).ends_with("row 1: 8 columns, expected 9"));
+}
+
+#[test]
+fn a_folder_that_lacks_gestures_is_refused_with_the_list_or_filled() {
+    let dir = folder();
+    write_libemg(dir.path(), &[0, 2, 4], "_EMG");
+    let source = |fill| match EmgSource::recording(dir.path()) {
+        EmgSource::Recording { dir, rate_hz, train_reps, feed_reps, .. } => {
+            EmgSource::Recording { dir, rate_hz, train_reps, feed_reps, fill }
+        }
+        EmgSource::Synthetic => EmgSource::Synthetic,
+    };
+    let message = prepare(&source(false), 1).expect_err("two gestures are lacking").to_string();
+    assert!(
+        message.ends_with(
+            "no recording of hand_open, wrist_extension; record it, or complete the set with --emg-fill synthetic"
+        ),
+        "{message}"
+    );
+    let setup = prepare(&source(true), 1).expect("filled");
+    assert_eq!(setup.label, "recording+synthetic");
+    assert_eq!((setup.config.rate_hz, setup.config.channels), (200.0, 2));
+    assert_eq!(setup.classifier.gestures(), Gesture::ALL);
+}
+
+#[test]
+fn repetitions_that_do_not_exist_or_are_too_short_are_refused() {
+    let dir = folder();
+    write_libemg(dir.path(), &[0, 1, 2, 3, 4], "");
+    let with = |train: &[u32], feed: &[u32]| {
+        let source = EmgSource::Recording {
+            dir: dir.path().to_owned(),
+            rate_hz: 200.0,
+            train_reps: train.to_vec(),
+            feed_reps: feed.to_vec(),
+            fill: false,
+        };
+        prepare(&source, 1).map(|setup| setup.label).map_err(|e| e.to_string())
+    };
+    assert_eq!(with(&[0, 1], &[2]), Ok("recording".to_owned()));
+    assert_eq!(with(&[0, 9], &[2]), Err("no repetition 9 of hand_close; there are 0, 1, 2".to_owned()));
+    assert_eq!(with(&[0], &[7]), Err("no repetition 7 of hand_close; there are 0, 1, 2".to_owned()));
+    assert!(with(&[], &[2]).is_err_and(|e| e.contains("to train on")));
+    assert!(with(&[0], &[]).is_err_and(|e| e.contains("to feed")));
+    write(dir.path(), "R_0_C_3.csv", &rows(19, 3));
+    assert!(with(&[0], &[2]).is_err_and(|e| e.ends_with("has 19 samples, expected at least 20, one window")));
+}
