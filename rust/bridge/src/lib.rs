@@ -1,1 +1,43 @@
-//! To come.
+//! The page: a web server in a thread of its own that shows a trial in browsers and takes mouse and keys back.
+//!
+//! The testbed publishes [`DisplayFrame`](proact_types::DisplayFrame)s and drains [`ClientInput`]s; it is never
+//! blocked by a browser. A client that reads too slowly misses frames, never events, and costs no memory. When
+//! in doubt the arm stops: a client that holds a gesture and vanishes or falls silent releases it.
+//!
+//! Addresses: `/` the page, `/api/content` arm and scene, `/meshes/<file>` the arm's meshes, `/live` the
+//! WebSocket (protocol: [`live`]), `/healthz`.
+//!
+//! It uses the real clock and threads. It does not compute anything of the trial, knows no ROS and reads no
+//! files: page and meshes are embedded when the crate is built.
+//!
+//! ```no_run
+//! # fn example(arm: proact_types::ArmModel, scene: proact_types::Scene, frame: proact_types::DisplayFrame)
+//! #     -> Result<(), proact_bridge::BridgeError> {
+//! use proact_bridge::{PageContent, PageOptions, PageServer};
+//! let server = PageServer::start(
+//!     PageOptions::default(),
+//!     PageContent { title: "demo".into(), setup: "still".into(), arm, scene, interactive: true, lean: false },
+//! )?;
+//! println!("open {}", server.url());
+//! server.publish(&frame);
+//! for input in server.drain_inputs() {
+//!     println!("{input:?}");
+//! }
+//! # Ok(())
+//! # }
+//! ```
+// A web server lives by the real clock and in a thread of its own.
+#![allow(clippy::disallowed_methods)]
+#![cfg_attr(test, allow(clippy::unwrap_used))]
+
+mod assets;
+mod error;
+mod feed;
+mod input;
+pub mod live;
+mod pilot;
+mod server;
+
+pub use error::BridgeError;
+pub use input::ClientInput;
+pub use server::{PageContent, PageOptions, PageServer};

@@ -1,0 +1,18 @@
+//! Checks that the page is built before it is embedded: without this, the embedding macro's own message says
+//! nothing of how to build it.
+
+use std::path::Path;
+
+fn main() {
+    println!("cargo:rerun-if-changed=web/dist");
+    println!("cargo:rerun-if-changed=../../ros1_ws/src/proact_description/meshes");
+    println!("cargo:rerun-if-changed=build.rs");
+    for file in ["web/dist/index.html", "web/dist/app.js", "web/dist/app.css"] {
+        if !Path::new(file).is_file() {
+            // One line each: Cargo prints them as errors of this crate and stops here.
+            println!("cargo:error=the page is not built: rust/bridge/{file} is missing");
+            println!("cargo:error=run ./proact or: cd rust/bridge/web && npm ci && npm run build");
+            std::process::exit(1);
+        }
+    }
+}

@@ -1,0 +1,83 @@
+//! What is built into the binary: the page and the arm's meshes.
+
+use axum::{
+    body::Body,
+    http::{StatusCode, header},
+    response::{IntoResponse, Response},
+};
+use rust_embed::{EmbeddedFile, RustEmbed};
+
+/// The page as built by `npm run build`.
+#[derive(RustEmbed)]
+#[folder = "web/dist/"]
+struct Page;
+
+/// The arm's own meshes. A description without meshes is drawn from its primitive shapes.
+#[derive(RustEmbed)]
+#[folder = "../../ros1_ws/src/proact_description/meshes/"]
+#[allow_missing = true]
+struct Meshes;
+
+/// A file of the page; the empty path is its first page.
+pub(crate) fn page(path: &str) -> Response {
+    let path = if path.is_empty() { "index.html" } else { path };
+    respond(Page::get(path), path)
+}
+
+/// A mesh by its path below the description's `meshes` folder.
+pub(crate) fn mesh(path: &str) -> Response {
+    respond(Meshes::get(path), path)
+}
+
+/// Changes whenever the script of the page changes: a browser that still runs an older one reloads itself.
+pub(crate) fn page_version() -> String {
+    let hash = Page::get("app.js").map(|file| file.metadata.sha256_hash()).unwrap_or_default();
+    hash.iter().take(8).map(|byte| format!("{byte:02x}")).collect()
+}
+
+fn respond(file: Option<EmbeddedFile>, path: &str) -> Response {
+    let Some(file) = file else {
+        return (StatusCode::NOT_FOUND, format!("there is no {path} here\n")).into_response();
+    };
+    // The same address serves another file after an update, so the browser must ask again each time.
+    let headers = [
+        (header::CONTENT_TYPE, content_type(path)),
+        (header::CACHE_CONTROL, "no-cache"),
+        (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
+    ];
+    (headers, Body::from(file.data.into_owned())).into_response()
+}
+
+fn content_type(path: &str) -> &'static str {
+    match path.rsplit('.').next() {
+        Some("html") => "text/html; charset=utf-8",
+        Some("js") => "text/javascript; charset=utf-8",
+        Some("css") => "text/css; charset=utf-8",
+        Some("svg") => "image/svg+xml",
+        Some("json" | "map") => "application/json",
+        Some("stl") => "model/stl",
+        _ => "application/octet-stream",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_page_is_html_and_names_its_script() {
+        let response = page("");
+        assert_eq!(response.status(), StatusCode::OK);
+        assert_eq!(response.headers()[header::CONTENT_TYPE], "text/html; charset=utf-8");
+        let html = Page::get("index.html").unwrap().data;
+        assert!(String::from_utf8_lossy(&html).contains("app.js"));
+    }
+
+    #[test]
+    fn an_unknown_file_and_a_way_out_of_the_folder_are_not_found() {
+        for path in ["nothing.js", "../Cargo.toml", "/etc/passwd", "a/../../build.rs"] {
+            assert_eq!(page(path).status(), StatusCode::NOT_FOUND, "{path}");
+            assert_eq!(mesh(path).status(), StatusCode::NOT_FOUND, "{path}");
+        }
+    }
+}

@@ -1,0 +1,48 @@
+use std::net::SocketAddr;
+
+/// Why the page cannot be served.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum BridgeError {
+    /// Another program listens there.
+    #[error(
+        "port {port} on {address} is taken by another program; stop that program, choose another port with \
+         --port, or let the next free port be used"
+    )]
+    PortTaken {
+        /// The port asked for.
+        port: u16,
+        /// The address asked for.
+        address: std::net::IpAddr,
+    },
+    /// No port of the range that may be tried is free.
+    #[error("ports {first} to {last} on {address} are all taken; choose another port with --port")]
+    NoFreePort {
+        /// First port tried.
+        first: u16,
+        /// Last port tried.
+        last: u16,
+        /// The address asked for.
+        address: std::net::IpAddr,
+    },
+    /// The system refused to listen.
+    #[error("cannot listen on {address}: {source}; choose another address or port")]
+    Listen {
+        /// Where.
+        address: SocketAddr,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// The server's thread or its runtime could not be started.
+    #[error("cannot start the page's server thread: {source}")]
+    Thread {
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// Arm or scene cannot be shown.
+    #[error("the page cannot show this content: {what}")]
+    Content {
+        /// What is wrong, got and expected.
+        what: String,
+    },
+}

@@ -1,0 +1,75 @@
+//! The latest frame and the last events, as every connection sees them.
+
+use axum::extract::ws::Utf8Bytes;
+use proact_types::{DisplayFrame, Event};
+use serde::Serialize;
+use std::collections::VecDeque;
+
+/// Events kept for clients that missed frames: several trials' worth of seconds, a few kilobytes.
+const MAX_EVENTS: usize = 64;
+
+/// Messages from the server to the page.
+#[derive(Serialize)]
+#[serde(tag = "type", rename_all = "snake_case")]
+pub(crate) enum ServerMessage<'a> {
+    /// The first message of each connection.
+    Hello { page_version: &'a str, revision: u64 },
+    /// There is new content to fetch.
+    Content { revision: u64 },
+    /// One instant.
+    Frame(&'a DisplayFrame),
+    /// Events of frames that this client did not get.
+    Events { events: Vec<&'a Event> },
+    /// The client's last message was ignored.
+    Error { message: &'a str },
+}
+
+impl ServerMessage<'_> {
+    /// As JSON text.
+    pub(crate) fn to_text(&self) -> Utf8Bytes {
+        serde_json::to_string(self)
+            .expect("plain structs with string keys always serialise; non-finite numbers become null")
+            .into()
+    }
+}
+
+/// What all connections watch.
+#[derive(Debug, Default)]
+pub(crate) struct Feed {
+    /// Grows with every new content.
+    pub(crate) revision: u64,
+    /// Grows with every frame.
+    pub(crate) sequence: u64,
+    /// The latest frame as a message; none before the first one of this content.
+    pub(crate) frame: Option<Utf8Bytes>,
+    /// The last events, each with the number of its frame.
+    events: VecDeque<(u64, Event)>,
+}
+
+impl Feed {
+    /// Takes a new frame, already written out as `text`.
+    pub(crate) fn publish(&mut self, frame: &DisplayFrame, text: Utf8Bytes) {
+        self.sequence += 1;
+        self.frame = Some(text);
+        for event in &frame.events {
+            if self.events.len() == MAX_EVENTS {
+                self.events.pop_front();
+            }
+            self.events.push_back((self.sequence, event.clone()));
+        }
+    }
+
+    /// Starts over for new content.
+    pub(crate) fn reset(&mut self) {
+        self.revision += 1;
+        self.frame = None;
+        self.events.clear();
+    }
+
+    /// Events of the frames between `seen` and the latest one, without both; none if there are none.
+    pub(crate) fn missed_events(&self, seen: u64) -> Option<Utf8Bytes> {
+        let missed = |&&(frame, _): &&(u64, Event)| frame > seen && frame < self.sequence;
+        let events: Vec<&Event> = self.events.iter().filter(missed).map(|(_, event)| event).collect();
+        (!events.is_empty()).then(|| ServerMessage::Events { events }.to_text())
+    }
+}

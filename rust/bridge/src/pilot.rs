@@ -1,0 +1,220 @@
+//! Who is in control, and the inputs that wait for the testbed.
+//!
+//! One client at a time drives: the first to send anything, until another presses a gesture, or sends anything
+//! while the first has been silent. A stop is taken from everybody. Pure: the time is handed in.
+
+use crate::input::ClientInput;
+use proact_types::Gesture;
+use std::time::{Duration, Instant};
+
+/// A client that holds a gesture and is silent for longer is taken to be gone. The page sends a sign of life
+/// every 100 ms, so that four may be lost.
+pub(crate) const MAX_SILENCE: Duration = Duration::from_millis(500);
+
+/// Most inputs kept for a testbed that does not drain them: 8 s of gaze at 60 Hz with gestures between.
+const MAX_WAITING: usize = 512;
+
+/// Number of a connection, never used twice.
+pub(crate) type ClientId = u64;
+
+#[derive(Debug)]
+struct Driver {
+    client: ClientId,
+    heard: Instant,
+}
+
+/// The client in control and the queue of its inputs.
+#[derive(Debug, Default)]
+pub(crate) struct Pilot {
+    driver: Option<Driver>,
+    /// The gesture in force, if it is one that moves anything.
+    held: Option<Gesture>,
+    waiting: Vec<ClientInput>,
+}
+
+impl Pilot {
+    /// Takes a checked message of `client`; none is a sign of life.
+    pub(crate) fn accept(&mut self, client: ClientId, now: Instant, input: Option<ClientInput>) {
+        let stops = input == Some(ClientInput::Gesture(Gesture::NoMotion));
+        let takes_over = matches!(input, Some(ClientInput::Gesture(_) | ClientInput::Restart)) && !stops;
+        let drives = match &self.driver {
+            None => input.is_some() && !stops,
+            Some(driver) => {
+                driver.client == client
+                    || takes_over
+                    || (input.is_some() && now.duration_since(driver.heard) > MAX_SILENCE)
+            }
+        };
+        if drives {
+            self.driver = Some(Driver { client, heard: now });
+        }
+        match input {
+            Some(ClientInput::Gesture(Gesture::NoMotion)) => self.release(),
+            // The page repeats a held gesture as a sign of life: only a change is news.
+            Some(ClientInput::Gesture(gesture)) if self.held != Some(gesture) => {
+                self.held = Some(gesture);
+                self.push(ClientInput::Gesture(gesture));
+            }
+            Some(ClientInput::Restart) => {
+                self.release();
+                self.push(ClientInput::Restart);
+            }
+            Some(input @ (ClientInput::Gaze { .. } | ClientInput::Trunk(_))) if drives => self.push(input),
+            _ => {}
+        }
+    }
+
+    /// The connection of `client` has ended.
+    pub(crate) fn leave(&mut self, client: ClientId) {
+        if self.driver.as_ref().is_some_and(|driver| driver.client == client) {
+            self.driver = None;
+            self.release();
+            self.push(ClientInput::Disconnected);
+        }
+    }
+
+    /// Releases a gesture whose holder has fallen silent. To be called a few times within [`MAX_SILENCE`].
+    pub(crate) fn check_silence(&mut self, now: Instant) {
+        if self.driver.as_ref().is_some_and(|driver| now.duration_since(driver.heard) > MAX_SILENCE) {
+            self.release();
+        }
+    }
+
+    /// Everything since the last call, oldest first.
+    pub(crate) fn drain(&mut self) -> Vec<ClientInput> {
+        std::mem::take(&mut self.waiting)
+    }
+
+    fn release(&mut self) {
+        if self.held.take().is_some() {
+            self.push(ClientInput::Gesture(Gesture::NoMotion));
+        }
+    }
+
+    fn push(&mut self, input: ClientInput) {
+        // Of gaze and trunk samples in a row only the last one counts.
+        let replaces = matches!(
+            (self.waiting.last(), &input),
+            (Some(ClientInput::Gaze { .. }), ClientInput::Gaze { .. })
+                | (Some(ClientInput::Trunk(_)), ClientInput::Trunk(_))
+        );
+        if replaces {
+            self.waiting.pop();
+        } else if self.waiting.len() >= MAX_WAITING {
+            // Nobody drains. What has piled up is stale, so it goes, and a stop stands in for it.
+            self.waiting.clear();
+            self.held = None;
+            self.waiting.push(ClientInput::Gesture(Gesture::NoMotion));
+            return;
+        }
+        self.waiting.push(input);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proact_types::{Point, Vector};
+
+    const WE: ClientInput = ClientInput::Gesture(Gesture::WristExtension);
+    const HC: ClientInput = ClientInput::Gesture(Gesture::HandClose);
+    const NM: ClientInput = ClientInput::Gesture(Gesture::NoMotion);
+
+    fn gaze(x: f64) -> ClientInput {
+        ClientInput::Gaze { origin: Point::origin(), direction: Vector::new(x, 0.0, 1.0) }
+    }
+
+    #[test]
+    fn a_held_gesture_that_is_repeated_is_handed_on_once() {
+        let (mut pilot, now) = (Pilot::default(), Instant::now());
+        for _ in 0..5 {
+            pilot.accept(1, now, Some(WE));
+        }
+        pilot.accept(1, now, Some(NM));
+        assert_eq!(pilot.drain(), [WE, NM]);
+        assert_eq!(pilot.drain(), []);
+    }
+
+    #[test]
+    fn a_client_that_vanishes_with_a_held_gesture_stops_the_arm() {
+        let (mut pilot, now) = (Pilot::default(), Instant::now());
+        pilot.accept(1, now, Some(WE));
+        pilot.leave(1);
+        assert_eq!(pilot.drain(), [WE, NM, ClientInput::Disconnected]);
+    }
+
+    #[test]
+    fn a_spectator_that_leaves_changes_nothing() {
+        let (mut pilot, now) = (Pilot::default(), Instant::now());
+        pilot.accept(1, now, Some(WE));
+        pilot.leave(2);
+        assert_eq!(pilot.drain(), [WE]);
+    }
+
+    #[test]
+    fn silence_releases_a_held_gesture_and_a_sign_of_life_keeps_it() {
+        let (mut pilot, start) = (Pilot::default(), Instant::now());
+        pilot.accept(1, start, Some(WE));
+        pilot.check_silence(start + MAX_SILENCE);
+        pilot.accept(1, start + MAX_SILENCE, None);
+        pilot.check_silence(start + 2 * MAX_SILENCE);
+        assert_eq!(pilot.drain(), [WE]);
+        pilot.check_silence(start + 2 * MAX_SILENCE + Duration::from_millis(1));
+        assert_eq!(pilot.drain(), [NM]);
+        // Once is enough.
+        pilot.check_silence(start + 9 * MAX_SILENCE);
+        assert_eq!(pilot.drain(), []);
+    }
+
+    #[test]
+    fn the_gaze_of_a_second_client_is_ignored_until_it_takes_over() {
+        let (mut pilot, now) = (Pilot::default(), Instant::now());
+        pilot.accept(1, now, Some(gaze(1.0)));
+        pilot.accept(2, now, Some(gaze(2.0)));
+        assert_eq!(pilot.drain(), [gaze(1.0)]);
+        pilot.accept(2, now, Some(HC));
+        pilot.accept(2, now, Some(gaze(2.0)));
+        pilot.accept(1, now, Some(gaze(1.0)));
+        assert_eq!(pilot.drain(), [HC, gaze(2.0)]);
+        // The first one may come back once the second is silent.
+        pilot.accept(1, now + 2 * MAX_SILENCE, Some(gaze(3.0)));
+        assert_eq!(pilot.drain(), [gaze(3.0)]);
+    }
+
+    #[test]
+    fn a_stop_is_taken_from_everybody() {
+        let (mut pilot, now) = (Pilot::default(), Instant::now());
+        pilot.accept(1, now, Some(WE));
+        pilot.accept(2, now, Some(NM));
+        assert_eq!(pilot.drain(), [WE, NM]);
+    }
+
+    #[test]
+    fn a_restart_releases_what_is_held_first() {
+        let (mut pilot, now) = (Pilot::default(), Instant::now());
+        pilot.accept(1, now, Some(WE));
+        pilot.accept(1, now, Some(ClientInput::Restart));
+        assert_eq!(pilot.drain(), [WE, NM, ClientInput::Restart]);
+    }
+
+    #[test]
+    fn of_gaze_samples_in_a_row_the_last_one_is_kept() {
+        let (mut pilot, now) = (Pilot::default(), Instant::now());
+        for x in [1.0, 2.0, 3.0] {
+            pilot.accept(1, now, Some(gaze(x)));
+        }
+        pilot.accept(1, now, Some(HC));
+        pilot.accept(1, now, Some(gaze(4.0)));
+        assert_eq!(pilot.drain(), [gaze(3.0), HC, gaze(4.0)]);
+    }
+
+    #[test]
+    fn a_testbed_that_never_drains_costs_bounded_memory_and_ends_with_a_stop() {
+        let (mut pilot, now) = (Pilot::default(), Instant::now());
+        for k in 0..10 * MAX_WAITING {
+            pilot.accept(1, now, Some(if k % 2 == 0 { WE } else { HC }));
+            assert!(pilot.waiting.len() <= MAX_WAITING);
+        }
+        assert_eq!(pilot.drain()[0], NM);
+    }
+}

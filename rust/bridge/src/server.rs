@@ -1,0 +1,388 @@
+use crate::{
+    BridgeError, ClientInput, assets,
+    feed::{Feed, ServerMessage},
+    live,
+    pilot::{ClientId, Pilot},
+};
+use axum::{
+    Router,
+    extract::{Path, Request, State, ws::WebSocketUpgrade},
+    http::{HeaderMap, StatusCode, header},
+    middleware::{self, Next},
+    response::{IntoResponse, Response},
+    routing::get,
+    serve::ListenerExt,
+};
+use proact_types::{ArmModel, DisplayFrame, Scene};
+use serde::Serialize;
+use std::{
+    net::{IpAddr, Ipv4Addr, SocketAddr},
+    sync::{
+        Arc, Mutex, MutexGuard, PoisonError,
+        atomic::{AtomicU64, AtomicUsize, Ordering},
+    },
+    thread::JoinHandle,
+    time::{Duration, Instant},
+};
+use tokio::{
+    net::{TcpListener, TcpSocket},
+    runtime::Runtime,
+    sync::{oneshot, watch},
+};
+
+/// How many ports after the first one are tried.
+const PORTS_TRIED: u16 = 20;
+/// Most pages at once; further ones are refused with 503.
+const MAX_CLIENTS: usize = 64;
+/// What the system may hold back for one connection, bytes: about 20 frames, a third of a second. With the
+/// system's own choice of megabytes a slow client would see the world many seconds late.
+const SEND_BUFFER_BYTES: u32 = 64 * 1024;
+/// How often it is checked whether the driving client fell silent.
+const WATCHDOG_PERIOD: Duration = Duration::from_millis(50);
+
+/// Where to serve.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PageOptions {
+    /// TCP port; zero lets the system choose.
+    pub port: u16,
+    /// If the port is taken, try the next twenty.
+    pub allow_next: bool,
+    /// Address to listen on. On a loopback address only this machine can connect.
+    pub bind: IpAddr,
+}
+
+impl Default for PageOptions {
+    /// Port 8090 or the next free one, this machine only.
+    fn default() -> Self {
+        PageOptions { port: 8090, allow_next: true, bind: Ipv4Addr::LOCALHOST.into() }
+    }
+}
+
+/// What does not change during a trial.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PageContent {
+    /// Shown at the top, such as `demo` or a participant's number.
+    pub title: String,
+    /// Name of the set-up, such as `seated`.
+    pub setup: String,
+    /// The arm.
+    pub arm: ArmModel,
+    /// The room.
+    pub scene: Scene,
+    /// The page drives: mouse is gaze, keys are gestures. Otherwise it only shows, and inputs are refused.
+    pub interactive: bool,
+    /// The trunk moves: lean keys are offered.
+    pub lean: bool,
+}
+
+/// State shared by the owner's thread and the server's.
+pub(crate) struct Shared {
+    pub(crate) feed: watch::Sender<Feed>,
+    pub(crate) page_version: String,
+    pilot: Mutex<Pilot>,
+    content: Mutex<StoredContent>,
+    clients: AtomicUsize,
+    next_client: AtomicU64,
+    local_only: bool,
+}
+
+struct StoredContent {
+    json: String,
+    interactive: bool,
+}
+
+impl Shared {
+    /// Counts a connection in.
+    pub(crate) fn enter(&self) -> ClientId {
+        self.clients.fetch_add(1, Ordering::Relaxed);
+        self.next_client.fetch_add(1, Ordering::Relaxed)
+    }
+
+    /// Counts a connection out; if it drove, the arm stops.
+    pub(crate) fn leave(&self, client: ClientId) {
+        self.clients.fetch_sub(1, Ordering::Relaxed);
+        self.pilot().leave(client);
+    }
+
+    pub(crate) fn pilot(&self) -> MutexGuard<'_, Pilot> {
+        // No code that holds these locks can panic half way through a change.
+        self.pilot.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(crate) fn interactive(&self) -> bool {
+        self.content().interactive
+    }
+
+    fn content(&self) -> MutexGuard<'_, StoredContent> {
+        self.content.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// The page's web server. Runs in its own thread until it is dropped.
+pub struct PageServer {
+    shared: Arc<Shared>,
+    address: SocketAddr,
+    stop: Option<oneshot::Sender<()>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl PageServer {
+    /// Listens and begins to serve.
+    ///
+    /// # Errors
+    /// [`BridgeError::PortTaken`] or [`BridgeError::NoFreePort`] if somebody else listens there,
+    /// [`BridgeError::Listen`] if the address is not ours or not allowed, [`BridgeError::Content`] if arm and
+    /// scene do not fit together, [`BridgeError::Thread`] if the system has no thread left.
+    pub fn start(options: PageOptions, page: PageContent) -> Result<PageServer, BridgeError> {
+        let shared = Arc::new(Shared {
+            feed: watch::Sender::new(Feed::default()),
+            page_version: assets::page_version(),
+            pilot: Mutex::default(),
+            content: Mutex::new(store(&page)?),
+            clients: AtomicUsize::new(0),
+            next_client: AtomicU64::new(1),
+            local_only: options.bind.is_loopback(),
+        });
+        let runtime = tokio::runtime::Builder::new_current_thread()
+            .enable_all()
+            .build()
+            .map_err(|source| BridgeError::Thread { source })?;
+        let listener = {
+            let _inside = runtime.enter();
+            listen(options)?
+        };
+        let address = listener
+            .local_addr()
+            .map_err(|source| BridgeError::Listen { address: (options.bind, options.port).into(), source })?;
+        let (stop, stopped) = oneshot::channel();
+        let for_thread = Arc::clone(&shared);
+        let thread = std::thread::Builder::new()
+            .name("page-server".to_owned())
+            .spawn(move || run(runtime, listener, for_thread, stopped))
+            .map_err(|source| BridgeError::Thread { source })?;
+        Ok(PageServer { shared, address, stop: Some(stop), thread: Some(thread) })
+    }
+
+    /// The address to open in a browser.
+    pub fn url(&self) -> String {
+        let ip = match self.address.ip() {
+            // "All addresses" is none that a browser could open.
+            ip if ip.is_unspecified() => IpAddr::V4(Ipv4Addr::LOCALHOST),
+            ip => ip,
+        };
+        format!("http://{}/", SocketAddr::new(ip, self.address.port()))
+    }
+
+    /// Hands a frame to all pages. Never blocks on them; a page that is still busy with an older one gets the
+    /// latest next, and the events of those between.
+    pub fn publish(&self, frame: &DisplayFrame) {
+        let text = ServerMessage::Frame(frame).to_text();
+        self.shared.feed.send_modify(|feed| feed.publish(frame, text));
+    }
+
+    /// What the person at the page did since the last call, oldest first.
+    pub fn drain_inputs(&self) -> Vec<ClientInput> {
+        self.shared.pilot().drain()
+    }
+
+    /// Shows another arm, scene or trial from now on; open pages fetch it by themselves.
+    ///
+    /// # Errors
+    /// [`BridgeError::Content`]; the old content then stays.
+    pub fn set_content(&self, page: PageContent) -> Result<(), BridgeError> {
+        let stored = store(&page)?;
+        *self.shared.content() = stored;
+        self.shared.feed.send_modify(Feed::reset);
+        Ok(())
+    }
+
+    /// Number of pages that are connected.
+    pub fn client_count(&self) -> usize {
+        self.shared.clients.load(Ordering::Relaxed)
+    }
+}
+
+impl Drop for PageServer {
+    fn drop(&mut self) {
+        if let Some(stop) = self.stop.take() {
+            // An error means that the thread has ended already.
+            let _ = stop.send(());
+        }
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+/// Checks what the page relies on and writes it out once for all clients.
+fn store(page: &PageContent) -> Result<StoredContent, BridgeError> {
+    let refuse = |what: String| Err(BridgeError::Content { what });
+    let (links, joints) = (page.arm.links.len(), page.arm.joints.len());
+    if links != joints + 1 {
+        return refuse(format!(
+            "the arm has {links} links and {joints} joints, expected one link more than joints"
+        ));
+    }
+    if let Some(joint) = page.arm.joints.iter().find(|joint| joint.parent >= links || joint.child >= links) {
+        return refuse(format!(
+            "joint {:?} leads from link {} to link {}, the arm has {links} links",
+            joint.name, joint.parent, joint.child
+        ));
+    }
+    if let Some(joint) = page.arm.moving().find(|&joint| joint >= joints) {
+        return refuse(format!("moving joint {joint} does not exist, the arm has {joints} joints"));
+    }
+    let (blocks, targets) = (page.scene.blocks.len(), page.scene.targets.len());
+    if blocks != targets {
+        return refuse(format!("the scene has {blocks} blocks and {targets} targets, expected as many"));
+    }
+    let json =
+        serde_json::to_string(page).map_err(|error| BridgeError::Content { what: error.to_string() })?;
+    Ok(StoredContent { json, interactive: page.interactive })
+}
+
+fn listen(options: PageOptions) -> Result<TcpListener, BridgeError> {
+    let last = if options.allow_next { options.port.saturating_add(PORTS_TRIED) } else { options.port };
+    for port in options.port..=last {
+        let address = SocketAddr::new(options.bind, port);
+        match listen_at(address) {
+            Ok(listener) => return Ok(listener),
+            Err(error) if error.kind() == std::io::ErrorKind::AddrInUse => {}
+            Err(source) => return Err(BridgeError::Listen { address, source }),
+        }
+    }
+    let (first, address) = (options.port, options.bind);
+    Err(if options.allow_next {
+        BridgeError::NoFreePort { first, last, address }
+    } else {
+        BridgeError::PortTaken { port: first, address }
+    })
+}
+
+fn listen_at(address: SocketAddr) -> std::io::Result<TcpListener> {
+    let socket = if address.is_ipv4() { TcpSocket::new_v4()? } else { TcpSocket::new_v6()? };
+    // A restarted server gets its port back at once, although old connections still linger.
+    socket.set_reuseaddr(true)?;
+    // Connections inherit it.
+    socket.set_send_buffer_size(SEND_BUFFER_BYTES)?;
+    socket.bind(address)?;
+    socket.listen(128)
+}
+
+/// The server's thread.
+fn run(runtime: Runtime, listener: TcpListener, shared: Arc<Shared>, stopped: oneshot::Receiver<()>) {
+    let router = router(Arc::clone(&shared));
+    runtime.block_on(async move {
+        let listener = listener.tap_io(|stream| {
+            // Small messages must not wait for each other. Failing is no reason to refuse the client.
+            let _ = stream.set_nodelay(true);
+        });
+        tokio::select! {
+            // Both end only with the process; the owner ends them by the third.
+            _ = axum::serve(listener, router) => {}
+            () = watch_silence(&shared) => {}
+            _ = stopped => {}
+        }
+    });
+    // Dropping the runtime ends all connections.
+}
+
+async fn watch_silence(shared: &Shared) {
+    let mut ticks = tokio::time::interval(WATCHDOG_PERIOD);
+    loop {
+        ticks.tick().await;
+        shared.pilot().check_silence(Instant::now());
+    }
+}
+
+fn router(shared: Arc<Shared>) -> Router {
+    Router::new()
+        .route("/", get(|| async { assets::page("") }))
+        .route("/{*path}", get(|Path(path): Path<String>| async move { assets::page(&path) }))
+        .route("/meshes/{*path}", get(|Path(path): Path<String>| async move { assets::mesh(&path) }))
+        .route("/healthz", get(|| async { "ok\n" }))
+        .route("/api/content", get(content))
+        .route("/live", get(connect))
+        .layer(middleware::from_fn_with_state(Arc::clone(&shared), refuse_foreign_pages))
+        .with_state(shared)
+}
+
+async fn content(State(shared): State<Arc<Shared>>) -> Response {
+    let json = shared.content().json.clone();
+    ([(header::CONTENT_TYPE, "application/json"), (header::CACHE_CONTROL, "no-store")], json).into_response()
+}
+
+async fn connect(State(shared): State<Arc<Shared>>, upgrade: WebSocketUpgrade) -> Response {
+    if shared.clients.load(Ordering::Relaxed) >= MAX_CLIENTS {
+        return (StatusCode::SERVICE_UNAVAILABLE, format!("{MAX_CLIENTS} pages are connected already\n"))
+            .into_response();
+    }
+    upgrade
+        .max_message_size(live::MAX_MESSAGE_BYTES)
+        .max_frame_size(live::MAX_MESSAGE_BYTES)
+        // Written at once, or the "latest" frame would wait behind older ones.
+        .write_buffer_size(0)
+        .on_upgrade(move |socket| live::serve(socket, shared))
+}
+
+/// Refuses requests that another site's page makes in the person's browser: such a page could drive the arm.
+async fn refuse_foreign_pages(State(shared): State<Arc<Shared>>, request: Request, next: Next) -> Response {
+    match foreign(request.headers(), shared.local_only) {
+        Some(reason) => (StatusCode::FORBIDDEN, reason).into_response(),
+        None => next.run(request).await,
+    }
+}
+
+fn foreign(headers: &HeaderMap, local_only: bool) -> Option<String> {
+    let text = |name| headers.get(name).and_then(|value: &header::HeaderValue| value.to_str().ok());
+    let host = text(header::HOST).unwrap_or_default();
+    if local_only && !is_local_name(host) {
+        // Another site's name that was made to resolve to this machine.
+        return Some(format!("host {host:?} is not this machine\n"));
+    }
+    let origin = text(header::ORIGIN)?;
+    let same = origin.strip_prefix("http://").or_else(|| origin.strip_prefix("https://")) == Some(host);
+    (!same).then(|| format!("origin {origin:?} is not this server, which is {host:?}\n"))
+}
+
+fn is_local_name(host: &str) -> bool {
+    let name = match host.strip_prefix('[') {
+        Some(rest) => rest.split(']').next().unwrap_or_default(),
+        None => host.split(':').next().unwrap_or_default(),
+    };
+    name == "localhost"
+        || name.ends_with(".localhost")
+        || name.parse::<IpAddr>().is_ok_and(|address| address.is_loopback())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn headers(host: &'static str, origin: Option<&'static str>) -> HeaderMap {
+        let mut map = HeaderMap::new();
+        map.insert(header::HOST, host.parse().unwrap());
+        if let Some(origin) = origin {
+            map.insert(header::ORIGIN, origin.parse().unwrap());
+        }
+        map
+    }
+
+    #[test]
+    fn pages_of_other_sites_are_refused_and_our_own_are_not() {
+        for (host, origin, local_only, allowed) in [
+            ("127.0.0.1:8090", None, true, true),
+            ("127.0.0.1:8090", Some("http://127.0.0.1:8090"), true, true),
+            ("localhost:8090", Some("http://localhost:8090"), true, true),
+            ("[::1]:8090", Some("http://[::1]:8090"), true, true),
+            ("127.0.0.1:8090", Some("http://evil.example"), true, false),
+            ("127.0.0.1:8090", Some("null"), true, false),
+            ("evil.example:8090", Some("http://evil.example:8090"), true, false),
+            ("lab.example:8090", Some("http://lab.example:8090"), false, true),
+            ("lab.example:8090", Some("http://evil.example"), false, false),
+        ] {
+            let refused = foreign(&headers(host, origin), local_only);
+            assert_eq!(refused.is_none(), allowed, "{host} {origin:?}: {refused:?}");
+        }
+    }
+}
