@@ -1,0 +1,146 @@
+# shellcheck shell=sh
+# The lanes of `./proact test`; sourced by the launcher, whose functions and variables it uses.
+#
+# A lane is a function lane_NAME. It prints what its tools print, answers 0 for passed and 77 for skipped (with
+# the reason as its last line); anything else is a failure. One failing lane does not keep the others from running.
+
+short_lanes="format shell web lint cpp rust launcher page bag"
+long_lanes="sanitizers debootstrap"
+
+# Debian packages that a lane needs beside those of the build.
+packages_of() {
+    case $1 in
+    shell) echo shellcheck ;;
+    cpp | sanitizers) echo cmake ;;
+    rust) echo python3 ;;
+    page) echo chromium ;;
+    bag) echo python3 python3-rosbag ;;
+    debootstrap) echo debootstrap python3 git ;;
+    format | lint)
+        # A Rust of Debian's keeps these two in packages of their own.
+        case ${cargo:-} in '' | /usr/bin/cargo) echo rustfmt-web rust-web-clippy ;; esac
+        ;;
+    esac
+}
+
+lane_format() {
+    run_cargo fmt --all --check
+}
+
+lane_shell() {
+    # The files in the folder, not in the index: a new script is checked before it is committed.
+    (cd "$root" && find proact .ci/run tests ros1_ws -name node_modules -prune -o -type f \
+        \( -name '*.sh' -o -path proact -o -path .ci/run \) -print0 | xargs -0 shellcheck -x)
+}
+
+lane_web() {
+    build_web && run_npm run check
+}
+
+lane_lint() {
+    build_web && run_cargo clippy --release --locked --workspace --all-targets -- -D warnings
+}
+
+lane_cpp() {
+    ctest_in "$root/build/cpp" ""
+}
+
+lane_sanitizers() {
+    ctest_in "$root/build/sanitizers" "address,undefined"
+}
+
+# Builds the C++ cores in a folder with the given sanitizers and runs their tests.
+ctest_in() {
+    cmake -S "$root/cpp" -B "$1" -DPROACT_SANITIZE="$2" &&
+        cmake --build "$1" -j "$(nproc)" &&
+        ctest --test-dir "$1" --output-on-failure --no-tests=error
+}
+
+lane_rust() {
+    build_web && run_cargo test --release --locked --workspace
+}
+
+lane_launcher() {
+    sh "$root/tests/launcher/test.sh"
+}
+
+lane_page() {
+    [ -f "$root/tests/page/package.json" ] || [ -n "$(find "$root/tests/page" -name '*.mjs' 2>/dev/null)" ] || {
+        echo "skipped: tests/page has no test"
+        return 77
+    }
+    build
+    sh "$root/tests/page/run.sh" "$binary"
+}
+
+lane_bag() {
+    build && /usr/bin/python3 "$root/tests/bag/check_bag.py" "$binary"
+}
+
+lane_debootstrap() {
+    sh "$root/tests/launcher/debootstrap.sh"
+}
+
+test_main() {
+    lanes=
+    case ${1:-} in
+    --list)
+        echo "short: $short_lanes"
+        echo "long:  $long_lanes"
+        return
+        ;;
+    --all)
+        [ "$#" = 1 ] || fail "test --all takes no further words, got: $*"
+        lanes="$short_lanes $long_lanes"
+        ;;
+    '') lanes=$short_lanes ;;
+    *)
+        for word in "$@"; do
+            case " $short_lanes $long_lanes short " in
+            *" $word "*) [ "$word" != short ] || word=$short_lanes ;;
+            *) fail "there is no lane \"$word\"; expected short, or some of: $short_lanes $long_lanes" ;;
+            esac
+            lanes="$lanes $word"
+        done
+        ;;
+    esac
+
+    cargo=$(find_cargo)
+    packages=
+    for lane in $lanes; do
+        packages="$packages $(packages_of "$lane")"
+    done
+    # shellcheck disable=SC2086 # a list of words
+    set_up $packages
+
+    passed=0
+    failed=0
+    skipped=0
+    report=
+    for lane in $lanes; do
+        printf '\n=== %s\n' "$lane"
+        start=$(date +%s)
+        # A subshell, so that a lane that calls fail ends only itself. Not in a condition: that would switch off
+        # set -e inside the lane.
+        set +e
+        (set -e; "lane_$lane") </dev/null
+        status=$?
+        set -e
+        took=$(($(date +%s) - start))
+        case $status in
+        0) passed=$((passed + 1)) word=passed ;;
+        77) skipped=$((skipped + 1)) word=skipped ;;
+        *) failed=$((failed + 1)) word=FAILED ;;
+        esac
+        report="$report$(printf '%-12s %-8s %5d s' "$lane" "$word" "$took")
+"
+    done
+
+    printf '\n=== lanes\n%s' "$report"
+    if [ "$skipped" -gt 0 ]; then
+        printf '%d passed, %d failed, %d skipped\n' "$passed" "$failed" "$skipped"
+    else
+        printf '%d passed, %d failed\n' "$passed" "$failed"
+    fi
+    [ "$failed" = 0 ]
+}

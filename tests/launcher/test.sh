@@ -1,0 +1,243 @@
+#!/bin/sh
+# Tests of the launcher against stand-ins for apt, dpkg, sudo, cargo, node and npm: each writes down how it was
+# called. PATH holds nothing but these and the plain tools, so that what the machine has does not matter. The
+# real thing, on a bare Debian root, is debootstrap.sh beside this file.
+# shellcheck disable=SC2016 # the stand-ins expand their own variables
+set -eu
+
+repository=$(cd "$(dirname "$0")/../.." && pwd)
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+passed=0
+failed=0
+
+# --- Stand-ins ------------------------------------------------------------------------------------------
+
+# A fresh copy of the launcher with its stand-ins. Switches are files in $work/state.
+new_machine() {
+    rm -rf "${work:?}/repo" "$work/bin" "$work/state" "$work/elsewhere"
+    mkdir -p "$work/repo/rust/bridge/web/src" "$work/repo/cpp" "$work/repo/ros1_ws" "$work/repo/tests" \
+        "$work/bin" "$work/state" "$work/elsewhere"
+    cp "$repository/proact" "$work/repo/proact"
+    printf 'rust-version = "1.89"\n' >"$work/repo/Cargo.toml"
+    echo >"$work/repo/Cargo.lock"
+    echo '{}' >"$work/repo/rust/bridge/web/package.json"
+    echo '{}' >"$work/repo/rust/bridge/web/package-lock.json"
+    echo 'page' >"$work/repo/rust/bridge/web/src/app.ts"
+
+    for tool in awk basename cat chmod cksum dirname env find grep mkdir printf readlink sed sh sort touch tr wc xargs; do
+        ln -s "$(command -v "$tool")" "$work/bin/$tool"
+    done
+    echo 1000 >"$work/state/uid"
+    echo 'rustc 1.95.0 (0 0)' >"$work/state/rustc"
+    echo v20.1.0 >"$work/state/node"
+    echo 1.96.0 >"$work/state/cargo-web"
+    touch "$work/state/lists" "$work/state/missing" "$work/calls"
+    : >"$work/calls"
+
+    fake id 'cat "$state/uid"'
+    # Every package is installed but those in the file "missing".
+    fake dpkg-query 'shift 2; for name in "$@"; do grep -qx "$name" "$state/missing" || echo "$name installed"; done'
+    fake apt-cache '
+case $1 in
+show) [ -e "$state/lists" ] || exit 100
+    shift 2; for name in "$@"; do printf "Package: %s\nInstalled-Size: 2000\nSize: 1000000\n\n" "$name"; done ;;
+policy) printf "cargo-web:\n  Installed: (none)\n  Candidate: %s\n" "$(cat "$state/cargo-web")" ;;
+esac'
+    fake apt-get '
+case " $* " in
+*" --print-uris "*) echo "x g++_1_amd64.deb 1000000 y" ;;
+*" -s "*) ;;
+*" update "*) echo "apt-get update" >>"$calls"; touch "$state/lists" ;;
+*) echo "apt-get $*" >>"$calls"; [ ! -e "$state/apt-fails" ] || exit 100; : >"$state/missing"
+   echo "rustc 1.96.0 (0 0)" >"$state/rustc"; echo v18.20.0 >"$state/node" ;;
+esac'
+    fake sudo 'echo "sudo" >>"$calls"; "$@"'
+    fake rustc 'cat "$state/rustc"'
+    fake cargo '
+echo "cargo $* in $PWD" >>"$calls"
+[ ! -e "$state/build-fails" ] || exit 101
+mkdir -p "$CARGO_TARGET_DIR/release"
+cat >"$CARGO_TARGET_DIR/release/proact" <<"PROGRAM"
+#!/bin/sh
+echo "program in $PWD:$(for word in "$@"; do printf " [%s]" "$word"; done)"
+[ "${1:-}" != seven ] || exit 7
+PROGRAM
+chmod +x "$CARGO_TARGET_DIR/release/proact"'
+    fake node 'cat "$state/node"'
+    fake npm 'echo "npm $* in $PWD" >>"$calls"; case " $* " in *" ci "*) mkdir -p node_modules ;; *) mkdir -p dist ;; esac'
+}
+
+fake() {
+    printf '#!/bin/sh\nstate=%s calls=%s\n%s\n' "$work/state" "$work/calls" "$2" >"$work/bin/$1"
+    chmod +x "$work/bin/$1"
+}
+
+# Runs the launcher; leaves $status, and its output in the files out and err.
+launch() {
+    launch_as "$work/repo/proact" "$@"
+}
+
+launch_as() {
+    status=0
+    env -i HOME="$work/home" PATH="$work/bin" TERM=dumb "$@" >"$work/out" 2>"$work/err" </dev/null || status=$?
+}
+
+# --- Checks ---------------------------------------------------------------------------------------------
+
+check() { # description, then a command that must succeed
+    description=$1
+    shift
+    if "$@"; then
+        passed=$((passed + 1))
+    else
+        failed=$((failed + 1))
+        echo "FAILED: $description (status $status)"
+        sed 's/^/    calls: /' "$work/calls"
+        sed 's/^/    out:   /' "$work/out"
+        sed 's/^/    err:   /' "$work/err"
+    fi
+}
+
+status_is() { [ "$status" = "$1" ]; }
+called() { grep -q -- "$1" "$work/calls"; }
+not_called() { ! grep -q -- "$1" "$work/calls"; }
+called_times() { [ "$(grep -c -- "$2" "$work/calls")" = "$1" ]; }
+out_has() { grep -qF -- "$1" "$work/out"; }
+err_has() { grep -qF -- "$1" "$work/err"; }
+
+# Nothing missing: no apt, one cargo, and the program gets every word as it was.
+new_machine
+launch query 'two words' --json
+check "the program runs" status_is 0
+check "its words arrive unsplit" out_has '[query] [two words] [--json]'
+check "cargo builds the locked release in the repository" called "cargo build --release --locked -p proact-cli in $work/repo"
+check "apt is left alone" not_called apt-get
+check "the page is bundled before the program is built" sh -c "sed -n '1p' '$work/calls' | grep -q 'npm .* ci in'"
+check "standard output carries nothing but the program's" [ "$(wc -l <"$work/out")" = 1 ]
+
+# Again: the page is not bundled a second time.
+: >"$work/calls"
+launch query
+check "nothing is done twice with npm" not_called npm
+check "cargo still decides about the program" called "cargo build"
+echo changed >"$work/repo/rust/bridge/web/src/app.ts"
+launch query
+check "a changed source bundles the page" called "run build"
+check "a changed source installs no libraries" not_called " ci "
+echo '{ }' >"$work/repo/rust/bridge/web/package-lock.json"
+launch query
+check "a changed lock file installs the libraries" called " ci "
+
+# From another folder, through a symbolic link.
+ln -s "$work/repo/proact" "$work/elsewhere/arm"
+(cd "$work/elsewhere" && launch_as ./arm demo && echo "$status" >"$work/state/status")
+check "the program keeps the caller's folder" out_has "program in $work/elsewhere: [demo]"
+
+launch seven
+check "the program's exit code comes through" status_is 7
+
+# The build fails.
+touch "$work/state/build-fails"
+launch query
+check "a failed build ends with 1" status_is 1
+check "a failed build says so" err_has "the build failed"
+check "a program of yesterday is not run in its place" [ ! -s "$work/out" ]
+
+# Missing packages, neither root nor a terminal.
+new_machine
+printf 'libode-dev\nlibccd-dev\n' >"$work/state/missing"
+launch demo
+check "without root the exit code is 3" status_is 3
+check "the one command is printed" err_has "apt-get -q -o DPkg::Lock::Timeout=120 install -y --no-install-recommends libode-dev libccd-dev"
+check "sizes are printed" err_has "libode-dev                    1.0 MB to fetch      2.0 MB on disk"
+check "nothing is installed" not_called apt-get
+check "sudo is not asked without a terminal" not_called sudo
+check "nothing is built" not_called cargo
+
+# The same as root.
+new_machine
+echo 0 >"$work/state/uid"
+printf 'libode-dev\nlibccd-dev\n' >"$work/state/missing"
+launch demo
+check "root installs and goes on" status_is 0
+check "exactly what is missing is installed" called 'no-install-recommends libode-dev libccd-dev$'
+check "package lists that are there are not fetched again" not_called "apt-get update"
+
+# Root on a machine without package lists, as in a fresh container.
+new_machine
+echo 0 >"$work/state/uid"
+rm "$work/state/lists"
+echo libode-dev >"$work/state/missing"
+launch demo
+check "empty package lists are fetched first" called "apt-get update"
+check "then the package is installed" called 'no-install-recommends libode-dev$'
+
+# apt fails: its status does not get lost, and it is tried again with fresh lists once.
+new_machine
+echo 0 >"$work/state/uid"
+touch "$work/state/apt-fails"
+echo libode-dev >"$work/state/missing"
+launch demo
+check "a failed installation ends with 3" status_is 3
+check "it is tried twice, the second time with fresh lists" called_times 2 "no-install-recommends libode-dev"
+check "nothing is built after a failed installation" not_called "cargo"
+
+# Toolchains that are too old.
+new_machine
+echo 0 >"$work/state/uid"
+echo 'rustc 1.63.0 (0 0)' >"$work/state/rustc"
+echo v16.0.0 >"$work/state/node"
+printf 'cargo-web\nrustc-web\nnodejs\nnpm\n' >"$work/state/missing"
+launch demo
+check "an old Rust and an old node are replaced by Debian's" called 'no-install-recommends cargo-web rustc-web nodejs npm$'
+check "and the program is built with them" status_is 0
+
+new_machine
+echo 0 >"$work/state/uid"
+echo 'rustc 1.63.0 (0 0)' >"$work/state/rustc"
+printf 'cargo-web\nrustc-web\n' >"$work/state/missing"
+echo 1.85.0 >"$work/state/cargo-web"
+launch demo
+check "a Debian whose own Rust is too old is refused" status_is 3
+check "and told what to add" err_has "security archive"
+check "nothing is installed there" not_called "no-install-recommends"
+
+# With a terminal: one question.
+if command -v script >/dev/null; then
+    for answer in n y; do
+        new_machine
+        echo libode-dev >"$work/state/missing"
+        status=0
+        echo "$answer" | script -qec "env -i HOME=$work/home PATH=$work/bin TERM=dumb $work/repo/proact demo" /dev/null \
+            >"$work/out" 2>&1 || status=$?
+        : >"$work/err"
+        check "the question is asked once" [ "$(grep -c 'install them with sudo' "$work/out")" = 1 ]
+        if [ "$answer" = n ]; then
+            check "no means 3" status_is 3
+            check "no means no sudo" not_called sudo
+        else
+            check "yes installs and goes on" status_is 0
+            check "yes uses sudo once" called_times 1 '^sudo$'
+        fi
+    done
+fi
+
+# Help builds nothing.
+new_machine
+launch
+check "without a word there is help" out_has "./proact demo"
+check "help builds nothing" not_called cargo
+check "help succeeds" status_is 0
+
+# A lane that does not exist.
+new_machine
+cp "$repository/tests/lanes.sh" "$work/repo/tests/lanes.sh"
+launch test nonsense
+check "an unknown lane is refused" status_is 1
+check "and the lanes are named" err_has "some of: format"
+launch test --list
+check "lanes can be listed" out_has "short: format"
+
+echo "launcher: $passed passed, $failed failed"
+[ "$failed" = 0 ]
