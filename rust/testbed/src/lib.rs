@@ -1,3 +1,20 @@
-//! The one tick that wires the stages, and what it asks of the outside.
+//! The one tick that wires the stages, the digest that makes trials comparable, and the loops that run a trial
+//! with a simulated participant or from a log.
+//!
+//! Pure: time comes in ticks, physics and plans come through [`ports`]. `docs/` and `ARCHITECTURE.md` show the way
+//! of one sample through it.
 
+mod config;
+mod digest;
+mod grasp;
+mod motion;
 pub mod ports;
+mod session;
+mod tick;
+mod view;
+
+pub use config::{ConfigError, MethodName, Setup, TrialConfig};
+pub use digest::{Digest, Divergence, Field, FieldDigest, SPAN_TICKS, SpanDigest, first_divergence};
+pub use grasp::{GraspAction, GraspRule};
+pub use session::{LoggedPlans, Session, SessionParts, Step, TrialResult, replay};
+pub use tick::{Parts, Testbed, TestbedError, TickOutput};

@@ -1,7 +1,10 @@
-//! What the tick asks of the outside: physics and plans. Implemented by `dynamics` and `planning`, and by the
-//! replay, which answers from the log.
+//! What the testbed asks of the outside: physics, plans, EMG and gaze. Implemented by `dynamics`, `planning` and
+//! `devices`, and by the replay, which answers from the log.
 
-use proact_types::{PlanReply, PlanRequest, PlantCommand, PlantState};
+use arrayvec::ArrayVec;
+use proact_types::{
+    EmgSample, GazeSample, Gesture, PlanReply, PlanRequest, PlantCommand, PlantState, Point, SimTime, Vector,
+};
 
 /// Why the physics could not take a step.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -72,4 +75,16 @@ pub trait PlanService {
 
     /// Cancels whatever runs.
     fn cancel(&mut self);
+}
+
+/// An armband on the arm of somebody who intends a gesture.
+pub trait EmgSource {
+    /// Samples that arrive in tick `now`, oldest first, while the wearer performs `intended`. Called once per tick.
+    fn sample_at(&mut self, now: SimTime, intended: Gesture) -> ArrayVec<EmgSample, 8>;
+}
+
+/// An eye tracker.
+pub trait GazeTracker {
+    /// The measurement that arrives in tick `now`, if one does. `eye` and `direction` are the truth, in `world`.
+    fn sample_at(&mut self, now: SimTime, eye: &Point, direction: &Vector, open: bool) -> Option<GazeSample>;
 }

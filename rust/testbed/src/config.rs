@@ -1,0 +1,232 @@
+use proact_emg::EmgConfig;
+use proact_intent::IntentOptions;
+use proact_participants::{Body, ParticipantOptions};
+use proact_tasks::Arrangement;
+use serde::{Deserialize, Serialize};
+use std::{fmt, str::FromStr};
+
+/// Why a configuration is refused.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ConfigError {
+    /// No such method.
+    #[error("method {got:?} is unknown; expected one of {}", MethodName::known())]
+    Method {
+        /// What was asked for.
+        got: String,
+    },
+    /// No such set-up.
+    #[error("set-up {got:?} is unknown; expected seated or still")]
+    Setup {
+        /// What was asked for.
+        got: String,
+    },
+    /// A value is outside its range.
+    #[error("{key} = {got}, expected {expected}")]
+    Value {
+        /// Such as `limit_secs`.
+        key: &'static str,
+        /// What was given.
+        got: String,
+        /// What is allowed.
+        expected: &'static str,
+    },
+    /// The text is not a configuration.
+    #[error("the trial configuration is unreadable: {0}")]
+    Text(String),
+}
+
+/// The control methods there are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub enum MethodName {
+    /// Gaze-selected targets with motion planning.
+    C,
+    /// The same with the task's order as context.
+    D,
+}
+
+impl MethodName {
+    /// All of them.
+    pub const ALL: [MethodName; 2] = [MethodName::C, MethodName::D];
+
+    fn known() -> String {
+        Self::ALL.map(|m| m.to_string()).join(", ")
+    }
+}
+
+impl fmt::Display for MethodName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{self:?}")
+    }
+}
+
+impl FromStr for MethodName {
+    type Err = ConfigError;
+
+    fn from_str(text: &str) -> Result<Self, ConfigError> {
+        Self::ALL
+            .into_iter()
+            .find(|m| m.to_string() == text)
+            .ok_or_else(|| ConfigError::Method { got: text.to_owned() })
+    }
+}
+
+/// Where person and box are.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Setup {
+    /// Shown on the page and written to the result.
+    pub name: String,
+    /// The person.
+    pub body: Body,
+}
+
+impl Setup {
+    /// The set-up called `name`: `seated` or `still`.
+    ///
+    /// # Errors
+    /// [`ConfigError::Setup`] for any other name.
+    pub fn named(name: &str) -> Result<Self, ConfigError> {
+        let text = match name {
+            "seated" => include_str!("../data/setups/seated.toml"),
+            "still" => include_str!("../data/setups/still.toml"),
+            _ => return Err(ConfigError::Setup { got: name.to_owned() }),
+        };
+        toml::from_str(text).map_err(|e| ConfigError::Text(e.to_string()))
+    }
+}
+
+/// Everything that a trial depends on, apart from its inputs. Written to the trial directory as `config.toml`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TrialConfig {
+    /// Control method.
+    pub method: MethodName,
+    /// Every random stream of the trial is derived from it.
+    pub seed: u64,
+    /// Where the blocks stand at the start.
+    pub arrangement: Arrangement,
+    /// Time limit, seconds (paper: 300).
+    pub limit_secs: f64,
+    /// From a plan request to its effect, milliseconds.
+    pub plan_latency_ms: u64,
+    /// True in batch: the tick at which a plan is due waits for it. False live: a late plan acts when it comes.
+    pub wait_for_plans: bool,
+    /// Time constant of the filter on the place marker, milliseconds.
+    pub place_filter_ms: u64,
+    /// Where the gestures come from, as shown: `recording`, `synthetic`, `keys`.
+    pub gesture_source: String,
+    /// Where person and box are.
+    pub setup: Setup,
+    /// Inference of what the person means.
+    pub intent: IntentOptions,
+    /// The EMG stage; none when gestures come from keys.
+    pub emg: Option<EmgConfig>,
+    /// The simulated participant; none when a person drives.
+    pub participant: Option<ParticipantOptions>,
+}
+
+impl TrialConfig {
+    /// The default configuration for `method`, `seed` and `setup`; the arrangement follows from the seed.
+    pub fn new(method: MethodName, seed: u64, setup: Setup) -> Self {
+        // SplitMix64's finaliser spreads neighbouring seeds over the 24 arrangements.
+        let mut z = seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        let number = ((z ^ (z >> 31)) % 24) as usize + 1;
+        Self {
+            method,
+            seed,
+            arrangement: Arrangement::numbered(number).expect("a number from 1 to 24"),
+            limit_secs: 300.0,
+            plan_latency_ms: 50,
+            wait_for_plans: true,
+            place_filter_ms: 150,
+            gesture_source: "keys".to_owned(),
+            setup,
+            intent: IntentOptions::default(),
+            emg: None,
+            participant: None,
+        }
+    }
+
+    /// Reads and checks a configuration.
+    ///
+    /// # Errors
+    /// Unreadable text, unknown keys, values out of range.
+    pub fn from_toml(text: &str) -> Result<Self, ConfigError> {
+        let config: Self = toml::from_str(text).map_err(|e| ConfigError::Text(e.to_string()))?;
+        config.check()?;
+        Ok(config)
+    }
+
+    /// The text that [`TrialConfig::from_toml`] reads.
+    ///
+    /// # Errors
+    /// A seed above 2^63 - 1, the largest integer that TOML holds.
+    pub fn to_toml(&self) -> Result<String, ConfigError> {
+        toml::to_string_pretty(self).map_err(|e| ConfigError::Text(e.to_string()))
+    }
+
+    /// Checks ranges.
+    ///
+    /// # Errors
+    /// [`ConfigError::Value`] naming the first key that is out of range.
+    pub fn check(&self) -> Result<(), ConfigError> {
+        let bad = |key, got: String, expected| Err(ConfigError::Value { key, got, expected });
+        if !(self.limit_secs > 0.0 && self.limit_secs <= 3600.0) {
+            return bad("limit_secs", self.limit_secs.to_string(), "more than 0 and at most 3600");
+        }
+        if !(1..=10_000).contains(&self.plan_latency_ms) {
+            return bad("plan_latency_ms", self.plan_latency_ms.to_string(), "1 to 10000");
+        }
+        let sigma = self.intent.sigma;
+        if !(sigma > 0.0 && sigma <= 10.0) {
+            return bad("intent.sigma", sigma.to_string(), "more than 0 and at most 10");
+        }
+        let weight = self.intent.weight_other;
+        if !(0.0..=0.5).contains(&weight) {
+            return bad("intent.weight_other", weight.to_string(), "0 to 0.5");
+        }
+        if self.intent.hysteresis.is_nan() || self.intent.hysteresis < 1.0 {
+            return bad("intent.hysteresis", self.intent.hysteresis.to_string(), "at least 1");
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn config() -> TrialConfig {
+        TrialConfig::new(MethodName::D, 3, Setup::named("seated").expect("ships"))
+    }
+
+    #[test]
+    fn a_configuration_survives_its_text() {
+        for name in ["seated", "still"] {
+            let config = TrialConfig { setup: Setup::named(name).expect("ships"), ..config() };
+            assert_eq!(TrialConfig::from_toml(&config.to_toml().expect("writes")), Ok(config));
+        }
+    }
+
+    #[test]
+    fn unknown_names_and_keys_and_values_out_of_range_are_refused_with_what_is_expected() {
+        let error = "E".parse::<MethodName>().expect_err("no method E");
+        assert_eq!(error.to_string(), "method \"E\" is unknown; expected one of C, D");
+        assert!(Setup::named("standing").is_err());
+        let text = config().to_toml().expect("writes");
+        let error = TrialConfig::from_toml(&format!("colour = 3\n{text}")).expect_err("an unknown key");
+        assert!(error.to_string().contains("colour"), "{error}");
+        let error = TrialConfig::from_toml(&text.replace("limit_secs = 300.0", "limit_secs = -1.0"));
+        assert!(matches!(error, Err(ConfigError::Value { key: "limit_secs", .. })), "{error:?}");
+    }
+
+    #[test]
+    fn seeds_spread_over_the_arrangements() {
+        let used: std::collections::HashSet<_> =
+            (0..200).map(|seed| TrialConfig::new(MethodName::D, seed, config().setup).arrangement).collect();
+        assert_eq!(used.len(), 24);
+    }
+}

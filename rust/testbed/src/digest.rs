@@ -1,0 +1,252 @@
+//! The digest: what makes two trials the same, and tells where they part.
+//!
+//! Every tick feeds the inputs and the outputs of each stage into one hash per field. Every 100 ticks these close
+//! a span, and the span is chained to those before it. Numbers enter as their bits: equal means bit for bit.
+
+use blake3::Hasher;
+use proact_types::{Pose, SimTime, Vector};
+use serde::{Deserialize, Serialize};
+
+/// Ticks in a span.
+pub const SPAN_TICKS: u64 = 100;
+
+/// What is hashed, in the order of the tick.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Field {
+    /// EMG samples that came in.
+    InputEmg,
+    /// Gestures given directly.
+    InputGesture,
+    /// Gaze that came in.
+    InputGaze,
+    /// Tracked shoulder poses that came in.
+    InputShoulder,
+    /// Plans that took effect.
+    InputPlan,
+    /// Decisions of the EMG stage.
+    Emg,
+    /// Posterior over blocks, and the place point.
+    Intent,
+    /// Commands of the control method.
+    Control,
+    /// Joint targets.
+    Motion,
+    /// Joint angles and speeds.
+    Joints,
+    /// Poses and speeds of the blocks, and what is attached.
+    Blocks,
+    /// State of the task.
+    Task,
+}
+
+impl Field {
+    /// All fields in order.
+    pub const ALL: [Field; 12] = [
+        Field::InputEmg,
+        Field::InputGesture,
+        Field::InputGaze,
+        Field::InputShoulder,
+        Field::InputPlan,
+        Field::Emg,
+        Field::Intent,
+        Field::Control,
+        Field::Motion,
+        Field::Joints,
+        Field::Blocks,
+        Field::Task,
+    ];
+
+    /// Stage and field as reported, such as `dynamics.joints`.
+    pub fn name(self) -> &'static str {
+        [
+            "input.emg",
+            "input.gesture",
+            "input.gaze",
+            "input.shoulder",
+            "input.plan",
+            "emg.decision",
+            "intent.posterior",
+            "control.commands",
+            "motion.targets",
+            "dynamics.joints",
+            "dynamics.blocks",
+            "task.state",
+        ][self as usize]
+    }
+}
+
+/// The digest of one span of ticks.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SpanDigest {
+    /// Last tick of the span.
+    pub tick: SimTime,
+    /// One hash per field in [`Field::ALL`] order, 16 hexadecimal digits each.
+    pub fields: Vec<String>,
+    /// Hash of this span and all before it, 64 hexadecimal digits.
+    pub chain: String,
+}
+
+/// Collects a trial's digest.
+#[derive(Clone, Debug)]
+pub struct Digest {
+    fields: Vec<Hasher>,
+    chain: blake3::Hash,
+    ticks_in_span: u64,
+}
+
+impl Digest {
+    /// A digest that begins with the configuration.
+    pub fn new(configuration: &str) -> Self {
+        Self {
+            fields: vec![Hasher::new(); Field::ALL.len()],
+            chain: blake3::hash(configuration.as_bytes()),
+            ticks_in_span: 0,
+        }
+    }
+
+    /// Where the numbers of `field` go.
+    pub fn field(&mut self, field: Field) -> FieldDigest<'_> {
+        FieldDigest(&mut self.fields[field as usize])
+    }
+
+    /// Ends tick `now`; the span's digest if it closes one. `last` closes it early, at the end of a trial.
+    pub fn end_tick(&mut self, now: SimTime, last: bool) -> Option<SpanDigest> {
+        self.ticks_in_span += 1;
+        if self.ticks_in_span < SPAN_TICKS && !last {
+            return None;
+        }
+        self.ticks_in_span = 0;
+        let mut chain = Hasher::new();
+        chain.update(self.chain.as_bytes());
+        let mut fields = Vec::with_capacity(Field::ALL.len());
+        for hasher in &mut self.fields {
+            let hash = hasher.finalize();
+            chain.update(hash.as_bytes());
+            fields.push(hash.to_hex()[..16].to_owned());
+            hasher.reset();
+        }
+        self.chain = chain.finalize();
+        Some(SpanDigest { tick: now, fields, chain: self.chain.to_hex().to_string() })
+    }
+
+    /// The trial's digest so far: the chain up to the last closed span.
+    pub fn value(&self) -> String {
+        self.chain.to_hex().to_string()
+    }
+}
+
+/// Takes the numbers of one field.
+pub struct FieldDigest<'a>(&'a mut Hasher);
+
+impl FieldDigest<'_> {
+    /// A number, by its bits.
+    pub fn number(&mut self, value: f64) -> &mut Self {
+        self.0.update(&value.to_bits().to_le_bytes());
+        self
+    }
+
+    /// Several numbers, preceded by how many.
+    pub fn numbers(&mut self, values: &[f64]) -> &mut Self {
+        self.word(values.len() as u64);
+        for value in values {
+            self.number(*value);
+        }
+        self
+    }
+
+    /// A whole number.
+    pub fn word(&mut self, value: u64) -> &mut Self {
+        self.0.update(&value.to_le_bytes());
+        self
+    }
+
+    /// Text, preceded by its length.
+    pub fn text(&mut self, value: &str) -> &mut Self {
+        self.word(value.len() as u64);
+        self.0.update(value.as_bytes());
+        self
+    }
+
+    /// A vector.
+    pub fn vector(&mut self, value: &Vector) -> &mut Self {
+        self.numbers(value.as_slice())
+    }
+
+    /// A pose: translation, then quaternion.
+    pub fn pose(&mut self, value: &Pose) -> &mut Self {
+        self.vector(&value.translation.vector).numbers(value.rotation.coords.as_slice())
+    }
+}
+
+/// Where two trials part.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Divergence {
+    /// First tick of the first span that differs.
+    pub from: SimTime,
+    /// Its last tick.
+    pub to: SimTime,
+    /// Names of the fields that differ in it, in the order of the tick: the first is the likely cause.
+    pub fields: Vec<String>,
+}
+
+/// Compares a recorded chain with a recomputed one; none if they agree.
+pub fn first_divergence(recorded: &[SpanDigest], recomputed: &[SpanDigest]) -> Option<Divergence> {
+    let spans = recorded.len().max(recomputed.len());
+    let k = (0..spans).find(|&k| recorded.get(k) != recomputed.get(k))?;
+    let from = SimTime(k as u64 * SPAN_TICKS + 1);
+    match (recorded.get(k), recomputed.get(k)) {
+        (Some(a), Some(b)) => {
+            let differing =
+                |(field, (x, y)): (&Field, (&String, &String))| (x != y).then(|| field.name().to_owned());
+            let mut fields: Vec<String> =
+                Field::ALL.iter().zip(a.fields.iter().zip(&b.fields)).filter_map(differing).collect();
+            if a.tick != b.tick {
+                fields.push("length".to_owned());
+            } else if fields.is_empty() {
+                fields.push("configuration".to_owned());
+            }
+            Some(Divergence { from, to: a.tick.max(b.tick), fields })
+        }
+        (one, other) => {
+            let to = one.or(other).map_or(from, |span| span.tick);
+            Some(Divergence { from, to, fields: vec!["length".to_owned()] })
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn chain(configuration: &str, change: Option<(u64, f64)>) -> Vec<SpanDigest> {
+        let mut digest = Digest::new(configuration);
+        (1..=350)
+            .filter_map(|tick| {
+                let joint = change.filter(|c| c.0 == tick).map_or(1.0, |c| c.1);
+                digest.field(Field::Joints).number(joint);
+                digest.field(Field::InputEmg).word(tick);
+                digest.end_tick(SimTime(tick), tick == 350)
+            })
+            .collect()
+    }
+
+    #[test]
+    fn equal_trials_agree_and_the_smallest_change_of_a_number_is_named() {
+        let recorded = chain("a", None);
+        assert_eq!(recorded.len(), 4);
+        assert_eq!(first_divergence(&recorded, &chain("a", None)), None);
+        let changed = chain("a", Some((250, 1.0 + f64::EPSILON)));
+        let expected =
+            Divergence { from: SimTime(201), to: SimTime(300), fields: vec!["dynamics.joints".into()] };
+        assert_eq!(first_divergence(&recorded, &changed), Some(expected));
+    }
+
+    #[test]
+    fn another_configuration_and_another_length_are_told_apart() {
+        let recorded = chain("a", None);
+        let other = first_divergence(&recorded, &chain("b", None)).expect("differs");
+        assert_eq!(other.fields, ["configuration"]);
+        let shorter = first_divergence(&recorded, &recorded[..3]).expect("differs");
+        assert_eq!((shorter.fields, shorter.to), (vec!["length".to_owned()], SimTime(350)));
+    }
+}

@@ -1,0 +1,184 @@
+use proact_types::{ArmModel, Contact, HandState};
+
+/// Two contacts hold a block when their normals are further apart than this, rad (the original: 100 degrees).
+const OPPOSING: f64 = 100.0 * std::f64::consts::PI / 180.0;
+/// A contact counts from this force, N (the original: 1e-4).
+const LEAST_FORCE: f64 = 1e-4;
+/// The weaker of two opposing contacts has at least this share of the stronger one's force (the original: 0.3
+/// of forces averaged over 250 ms; ours are of one tick, and rougher).
+const BALANCE: f64 = 0.05;
+/// Opposing contact for this long attaches, ms of simulated time. (The original: five checks at 4 Hz of wall
+/// time, so more than a second, and longer on a slow machine.)
+const HOLD_MILLIS: u32 = 40;
+
+/// What the rule asks of the plant.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum GraspAction {
+    /// Attach this block (an index in `Scene::blocks`) to the tip.
+    Attach(usize),
+    /// Let go.
+    Release,
+}
+
+/// The grasp rule: fingers that oppose each other on a block take it; a hand that opens lets it go.
+///
+/// In place of simulating a grip, as the original does (paper, "Feedback and control"), but in simulated time, by
+/// contact of digits instead of shapes, and with release as soon as the hand opens.
+#[derive(Clone, Debug)]
+pub struct GraspRule {
+    /// Digit of each link, counted by the first joint after the tip; none for arm and palm.
+    digit: Vec<Option<usize>>,
+    candidate: Option<usize>,
+    held_millis: u32,
+}
+
+impl GraspRule {
+    /// The rule for the hand of `model`: each branch below the tip is a digit.
+    pub fn new(model: &ArmModel) -> Self {
+        let mut digit = vec![None; model.links.len()];
+        for joint in &model.joints {
+            // Parents stand before their children, so the parent's digit is known.
+            digit[joint.child] =
+                if joint.parent == model.tip { Some(joint.child) } else { digit[joint.parent] };
+        }
+        Self { digit, candidate: None, held_millis: 0 }
+    }
+
+    /// One tick: contacts of this tick, the hand, the block that is attached, and whether the fingers have opened
+    /// since it was.
+    pub fn step(
+        &mut self,
+        contacts: &[Contact],
+        hand: HandState,
+        attached: Option<usize>,
+        opened: bool,
+    ) -> Option<GraspAction> {
+        if attached.is_some() {
+            self.candidate = None;
+            self.held_millis = 0;
+            return (opened && hand != HandState::Closed && hand != HandState::Closing)
+                .then_some(GraspAction::Release);
+        }
+        let closing = matches!(hand, HandState::Closing | HandState::Closed);
+        let gripped = if closing { self.gripped(contacts) } else { None };
+        if gripped.is_some() && (gripped == self.candidate || self.candidate.is_none()) {
+            self.candidate = gripped;
+            self.held_millis += 1;
+        } else {
+            // Contacts of stiff fingers flicker: a tick without one counts back instead of starting again.
+            self.held_millis = self.held_millis.saturating_sub(1);
+            if self.held_millis == 0 {
+                self.candidate = None;
+            }
+        }
+        if self.held_millis < HOLD_MILLIS {
+            return None;
+        }
+        self.held_millis = 0;
+        self.candidate.take().map(GraspAction::Attach)
+    }
+
+    /// The block that two digits press from opposite sides.
+    fn gripped(&self, contacts: &[Contact]) -> Option<usize> {
+        let opposing = |a: &Contact, b: &Contact| {
+            let digits = (self.digit[a.link], self.digit[b.link]);
+            let (weak, strong) = (a.force.min(b.force), a.force.max(b.force));
+            a.block == b.block
+                && digits.0.is_some()
+                && digits.1.is_some()
+                && digits.0 != digits.1
+                && weak >= LEAST_FORCE
+                && weak >= BALANCE * strong
+                && a.normal.angle(&b.normal) > OPPOSING
+        };
+        let pair =
+            |(k, a): (usize, &Contact)| contacts[k + 1..].iter().any(|b| opposing(a, b)).then_some(a.block);
+        contacts.iter().enumerate().find_map(pair)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Isometry3;
+    use proact_types::{Joint, JointKind, JointLimits, Link, Point, Vector};
+
+    /// A palm (link 0) with a thumb (1, 2) and a finger (3).
+    fn hand() -> ArmModel {
+        let link =
+            |name: &str| Link { name: name.into(), inertial: None, collisions: vec![], visuals: vec![] };
+        let joint = |child: usize, parent: usize| Joint {
+            name: format!("j{child}"),
+            kind: JointKind::Revolute,
+            parent,
+            child,
+            origin: Isometry3::identity(),
+            axis: Vector::z(),
+            limits: JointLimits::default(),
+            damping: 0.0,
+            friction: 0.0,
+        };
+        ArmModel {
+            name: "hand".into(),
+            links: ["palm", "thumb0", "thumb1", "index0"].map(link).into(),
+            joints: vec![joint(1, 0), joint(2, 1), joint(3, 0)],
+            arm: vec![],
+            hand: vec![0, 1, 2],
+            tip: 0,
+            poses: vec![],
+            allowed_collisions: vec![],
+            grasp_centre: Vector::zeros(),
+        }
+    }
+
+    fn contact(link: usize, normal: Vector) -> Contact {
+        Contact { block: 2, link, point: Point::origin(), normal, force: 1.0 }
+    }
+
+    fn pinch() -> [Contact; 2] {
+        [contact(2, Vector::x()), contact(3, -Vector::x())]
+    }
+
+    fn ticks_to_attach(contacts: &[Contact], state: HandState) -> Option<usize> {
+        let mut rule = GraspRule::new(&hand());
+        (1..200).find(|_| rule.step(contacts, state, None, false) == Some(GraspAction::Attach(2)))
+    }
+
+    #[test]
+    fn a_pinch_between_thumb_and_finger_attaches_after_its_time() {
+        assert_eq!(ticks_to_attach(&pinch(), HandState::Closing), Some(HOLD_MILLIS as usize));
+    }
+
+    #[test]
+    fn two_links_of_one_digit_a_palm_or_contacts_from_one_side_do_not_hold() {
+        let one_digit = [contact(1, Vector::x()), contact(2, -Vector::x())];
+        let palm = [contact(0, Vector::x()), contact(3, -Vector::x())];
+        let one_side = [contact(2, Vector::x()), contact(3, Vector::new(1.0, 0.3, 0.0).normalize())];
+        for contacts in [one_digit, palm, one_side] {
+            assert_eq!(ticks_to_attach(&contacts, HandState::Closing), None, "{contacts:?}");
+        }
+    }
+
+    #[test]
+    fn an_opening_hand_takes_nothing() {
+        assert_eq!(ticks_to_attach(&pinch(), HandState::Opening), None);
+        assert_eq!(ticks_to_attach(&pinch(), HandState::Open), None);
+    }
+
+    #[test]
+    fn contact_that_flickers_counts_back_and_a_brief_touch_is_forgotten() {
+        let mut rule = GraspRule::new(&hand());
+        for tick in 0..10 * HOLD_MILLIS {
+            let touch = if tick % 2 == 0 { &pinch()[..] } else { &[] };
+            assert_eq!(rule.step(touch, HandState::Closing, None, false), None);
+        }
+    }
+
+    #[test]
+    fn an_opened_hand_releases_and_a_closed_one_does_not() {
+        let mut rule = GraspRule::new(&hand());
+        assert_eq!(rule.step(&[], HandState::Closed, Some(2), true), None);
+        assert_eq!(rule.step(&[], HandState::Opening, Some(2), false), None);
+        assert_eq!(rule.step(&[], HandState::Opening, Some(2), true), Some(GraspAction::Release));
+    }
+}

@@ -1,0 +1,243 @@
+use crate::{
+    SpanDigest, Testbed, TestbedError, TickOutput,
+    ports::{EmgSource, GazeTracker, PlanService},
+};
+use proact_participants::{SimulatedParticipant, Trunk};
+use proact_tasks::{Arrangement, BlockResult};
+use proact_types::{
+    DisplayFrame, GazeSample, Gesture, Intention, PlanReply, PlanRequest, PlanStatus, Point, Pose, SimTime,
+    TickInput, Trajectory, TrunkPosture, Vector,
+};
+use serde::{Deserialize, Serialize};
+
+/// Ticks from one tracked shoulder pose to the next: 100 Hz, as motion capture gives.
+const TRACKING_TICKS: u64 = 10;
+
+/// Who and what surrounds the testbed in a trial.
+pub struct SessionParts {
+    /// The testbed at time zero.
+    pub testbed: Testbed,
+    /// The simulated participant; none when a person drives.
+    pub participant: Option<SimulatedParticipant>,
+    /// The armband; none when gestures are given directly.
+    pub emg: Option<Box<dyn EmgSource>>,
+    /// The eye tracker of the simulated participant; a person's gaze is handed in.
+    pub gaze: Option<Box<dyn GazeTracker>>,
+}
+
+/// One tick of a session.
+#[derive(Debug)]
+pub struct Step {
+    /// When.
+    pub time: SimTime,
+    /// What went in, with the plan that took effect: the entry of the input log.
+    pub input: TickInput,
+    /// What came out.
+    pub output: TickOutput,
+    /// The display frame, if one was due.
+    pub frame: Option<DisplayFrame>,
+}
+
+/// A trial in progress: a person, simulated or live, before the testbed.
+///
+/// Deterministic with a simulated participant. With a live one, what [`Session::act`] and [`Session::look`] bring
+/// is logged as input, so that the trial can be replayed all the same.
+pub struct Session {
+    parts: SessionParts,
+    trunk: Trunk,
+    intention: Intention,
+    seen: Option<GazeSample>,
+    given: Option<Gesture>,
+    tracked: Option<Pose>,
+}
+
+impl Session {
+    /// A session at time zero.
+    pub fn new(parts: SessionParts) -> Self {
+        let body = parts.testbed.config().setup.body;
+        Self {
+            parts,
+            trunk: Trunk::new(body),
+            intention: Intention {
+                gesture: Gesture::NoMotion,
+                gaze_direction: Vector::x(),
+                eyes_open: true,
+                trunk: TrunkPosture::default(),
+            },
+            seen: None,
+            given: None,
+            tracked: None,
+        }
+    }
+
+    /// The testbed.
+    pub fn testbed(&self) -> &Testbed {
+        &self.parts.testbed
+    }
+
+    /// A live person makes a gesture, from the next tick on.
+    pub fn act(&mut self, gesture: Gesture) {
+        self.intention.gesture = gesture;
+    }
+
+    /// A live person looks somewhere. A measurement of the same tick that came before is dropped.
+    pub fn look(&mut self, gaze: GazeSample) {
+        self.seen = Some(gaze);
+    }
+
+    /// A live person asks the trunk to go somewhere.
+    pub fn lean(&mut self, posture: TrunkPosture) {
+        self.intention.trunk = posture;
+    }
+
+    /// The pose of the head now: `world_from_head`.
+    pub fn head(&self) -> Pose {
+        self.trunk.body().head_pose(&self.trunk.posture())
+    }
+
+    /// Advances by one tick. `last` ends the trial with it.
+    ///
+    /// # Errors
+    /// [`TestbedError`]; the trial is over then.
+    pub fn step(&mut self, last: bool) -> Result<Step, TestbedError> {
+        let time = SimTime(self.parts.testbed.now().0 + 1);
+        let posture = self.trunk.step(time, self.intention.trunk);
+        let head = self.head();
+        let eye = Point::from(head.translation.vector);
+
+        let mut input = TickInput { gaze: self.seen.take(), ..TickInput::default() };
+        match &mut self.parts.emg {
+            Some(emg) => input.emg = emg.sample_at(time, self.intention.gesture),
+            None if self.given != Some(self.intention.gesture) => {
+                input.gesture = Some(self.intention.gesture);
+                self.given = input.gesture;
+            }
+            None => {}
+        }
+        if let Some(tracker) = &mut self.parts.gaze {
+            let Intention { gaze_direction, eyes_open, .. } = &self.intention;
+            input.gaze = tracker.sample_at(time, &eye, gaze_direction, *eyes_open);
+        }
+        if time.0.is_multiple_of(TRACKING_TICKS) {
+            let pose = self.trunk.body().shoulder_pose(&posture);
+            if self.tracked != Some(pose) {
+                self.tracked = Some(pose);
+                input.shoulder = Some(pose);
+            }
+        }
+
+        let output = self.parts.testbed.tick(&input, last)?;
+        input.plan = output.plan.clone();
+        let mut frame = None;
+        if self.parts.testbed.frame_is_due() || output.finished {
+            let drawn = self.parts.testbed.frame(head)?;
+            if let Some(participant) = &mut self.parts.participant {
+                self.intention = participant.step(&drawn);
+            }
+            frame = Some(drawn);
+        }
+        Ok(Step { time, input, output, frame })
+    }
+
+    /// The result as of now; the caller adds wall time and the place on disk.
+    pub fn result(&self) -> TrialResult {
+        let testbed = &self.parts.testbed;
+        let config = testbed.config();
+        let outcomes = testbed.task().results(&testbed.plant().state().blocks);
+        TrialResult {
+            method: config.method.to_string(),
+            seed: config.seed,
+            setup: config.setup.name.clone(),
+            arrangement: config.arrangement,
+            on_target: testbed.task().state().on_target,
+            outcomes,
+            sim_seconds: testbed.now().as_secs(),
+            wall_seconds: 0.0,
+            real_time_factor: 0.0,
+            digest: testbed.digest(),
+            trial_dir: None,
+            gesture_source: config.gesture_source.clone(),
+        }
+    }
+}
+
+/// What is known of a trial when it is over.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TrialResult {
+    /// Control method.
+    pub method: String,
+    /// Seed.
+    pub seed: u64,
+    /// Set-up.
+    pub setup: String,
+    /// Where red 1, red 2, blue 1, blue 2 stood at the start.
+    pub arrangement: Arrangement,
+    /// Blocks on target, 0 to 4.
+    pub on_target: u32,
+    /// One entry per block in the prescribed order.
+    pub outcomes: Vec<BlockResult>,
+    /// Length of the trial, simulated seconds.
+    pub sim_seconds: f64,
+    /// Length of the computation, seconds.
+    pub wall_seconds: f64,
+    /// The ratio of the two.
+    pub real_time_factor: f64,
+    /// Digest of the trial.
+    pub digest: String,
+    /// Where it is recorded; none if it is not.
+    pub trial_dir: Option<String>,
+    /// Where the gestures came from: `recording`, `synthetic`, `keys`.
+    pub gesture_source: String,
+}
+
+/// Recomputes a trial from its inputs: the digests of all spans up to tick `last`. `inputs` ascend in time; ticks
+/// without an entry had no input.
+///
+/// # Errors
+/// What the testbed refuses, or `E` from reading the log.
+pub fn replay<E>(
+    testbed: &mut Testbed,
+    inputs: impl IntoIterator<Item = Result<(SimTime, TickInput), E>>,
+    last: SimTime,
+) -> Result<Vec<SpanDigest>, E>
+where
+    E: From<TestbedError>,
+{
+    let mut inputs = inputs.into_iter();
+    let mut next = inputs.next().transpose()?;
+    let mut spans = Vec::new();
+    for tick in 1..=last.0 {
+        let mut input = TickInput::default();
+        while let Some((_, logged)) = next.take_if(|(time, _)| time.0 <= tick) {
+            input = logged;
+            next = inputs.next().transpose()?;
+        }
+        let output = testbed.tick(&input, tick == last.0)?;
+        spans.extend(output.span);
+    }
+    Ok(spans)
+}
+
+/// The plan service of a replay: plans come in with the inputs, nobody is asked.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct LoggedPlans;
+
+impl PlanService for LoggedPlans {
+    fn submit(&mut self, _request: PlanRequest) {}
+
+    fn poll(&mut self, _id: u64) -> Option<PlanReply> {
+        None
+    }
+
+    /// A plan that the log should hold and does not: the digest tells where.
+    fn wait(&mut self, id: u64) -> PlanReply {
+        PlanReply {
+            id,
+            status: PlanStatus::Invalid,
+            trajectory: Trajectory::default(),
+            reason: "the log holds no such plan".to_owned(),
+        }
+    }
+
+    fn cancel(&mut self) {}
+}

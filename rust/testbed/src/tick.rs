@@ -1,0 +1,497 @@
+use crate::{
+    ConfigError, Digest, Field, GraspAction, GraspRule, MethodName, SpanDigest, TrialConfig,
+    motion::{ArmMotion, BaseMotion, HandMotion},
+    ports::{PlanService, Plant, PlantError},
+    view::GazeFilter,
+};
+use proact_control::{
+    ControlInput, ControlMethod, ControlOutput, GazeAssisted, HandCommand, HandTracker, MotionState,
+    PlanCommand,
+    ports::{ArmKinematics, KinematicsError},
+};
+use proact_emg::{Classifier, EmgError, EmgOutput, EmgPipeline};
+use proact_intent::TaskPrior;
+use proact_tasks::BoxAndBlocks;
+use proact_types::{
+    ArmModel, ArmModelError, AttachedObject, BlockId, Event, EventKind, Gesture, HandView, JointVector,
+    Obstacle, PlanGoal, PlanReply, PlanRequest, PlantCommand, Point, SimTime, TickInput, joints,
+};
+use std::sync::Arc;
+
+/// Ticks from one control step to the next: 100 Hz.
+const CONTROL_TICKS: u64 = 10;
+/// A finger joint that has opened by this much since the grasp lets the block go, rad.
+const OPENED: f64 = 0.08;
+
+/// Why a tick could not be taken. The trial is over then; what is recorded up to here stands.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum TestbedError {
+    /// The configuration does not fit.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// The arm lacks something.
+    #[error("arm model: {0}")]
+    Model(#[from] ArmModelError),
+    /// The EMG stage refused its set-up.
+    #[error("EMG: {0}")]
+    Emg(#[from] EmgError),
+    /// The physics refused.
+    #[error("physics at {:.3} s: {source}", time.as_secs())]
+    Plant {
+        /// When.
+        time: SimTime,
+        /// Why.
+        source: PlantError,
+    },
+    /// The kinematics refused.
+    #[error("kinematics: {0}")]
+    Kinematics(#[from] KinematicsError),
+    /// An input is not finite.
+    #[error("{what} at {:.3} s is not finite: {value}", time.as_secs())]
+    Input {
+        /// When.
+        time: SimTime,
+        /// Such as `gaze`.
+        what: &'static str,
+        /// As text.
+        value: String,
+    },
+}
+
+/// What the testbed is made of.
+pub struct Parts {
+    /// The arm.
+    pub model: Arc<ArmModel>,
+    /// Its kinematics, base to tip.
+    pub kinematics: Box<dyn ArmKinematics>,
+    /// Physics.
+    pub plant: Box<dyn Plant>,
+    /// Motion plans.
+    pub plans: Box<dyn PlanService>,
+    /// Trained classifier; none when gestures come from keys.
+    pub classifier: Option<Classifier>,
+}
+
+/// What one tick gave.
+#[derive(Clone, Debug, Default)]
+pub struct TickOutput {
+    /// A plan took effect in this tick: it belongs to the input log.
+    pub plan: Option<PlanReply>,
+    /// A window of EMG ended, or the stream became stale.
+    pub emg: Option<EmgOutput>,
+    /// What happened.
+    pub events: Vec<Event>,
+    /// The digest of a span that this tick closed.
+    pub span: Option<SpanDigest>,
+    /// The trial is over.
+    pub finished: bool,
+}
+
+/// The testbed: all stages, wired, advancing one millisecond at a time.
+///
+/// Deterministic: configuration, classifier and the sequence of [`TickInput`]s decide every bit of what follows,
+/// given a plant and a planner that are deterministic themselves. A plan that comes in as input is taken instead
+/// of asking the planner; that is how a replay runs.
+pub struct Testbed {
+    pub(crate) config: TrialConfig,
+    pub(crate) parts: Parts,
+    pub(crate) task: BoxAndBlocks,
+    pub(crate) method: Box<dyn ControlMethod>,
+    emg: Option<EmgPipeline>,
+    pub(crate) gaze: GazeFilter,
+    arm: ArmMotion,
+    hand: HandMotion,
+    base: BaseMotion,
+    grasp: GraspRule,
+    pub(crate) hand_tracker: HandTracker,
+    grasped_at: Option<JointVector>,
+    digest: Digest,
+    pub(crate) now: SimTime,
+    direct: Option<Gesture>,
+    recognised: Gesture,
+    pub(crate) confidence: f64,
+    acted_on: Gesture,
+    pending: Option<(u64, SimTime)>,
+    requests: u64,
+    pub(crate) unseen: Vec<Event>,
+}
+
+impl Testbed {
+    /// A testbed at time zero. `plant` must hold the arm at its pose `start` with an open hand, and the blocks
+    /// of `BoxAndBlocks::new(config.arrangement)`.
+    ///
+    /// # Errors
+    /// A configuration that does not fit, an arm without the poses `start`, `open` and `closed`.
+    pub fn new(config: TrialConfig, parts: Parts) -> Result<Self, TestbedError> {
+        config.check()?;
+        let model = &parts.model;
+        let start = model.pose("arm", "start")?;
+        let (open, closed) = (model.pose("hand", "open")?, model.pose("hand", "closed")?);
+        let emg = match (&config.emg, &parts.classifier) {
+            (Some(emg), Some(classifier)) => Some(EmgPipeline::new(emg, classifier.clone())?),
+            _ => None,
+        };
+        let method: Box<dyn ControlMethod> = match config.method {
+            MethodName::C | MethodName::D => Box::new(GazeAssisted::new(&config.method.to_string())),
+        };
+        let task = BoxAndBlocks::new(config.arrangement).with_limit(SimTime::from_secs(config.limit_secs));
+        Ok(Self {
+            digest: Digest::new(&config.to_toml()?),
+            arm: ArmMotion::new(model, start),
+            hand: HandMotion::new(open, closed),
+            base: BaseMotion::new(config.setup.body.shoulder_pose(&Default::default())),
+            grasp: GraspRule::new(model),
+            hand_tracker: HandTracker::new(open),
+            grasped_at: None,
+            gaze: GazeFilter::new(&config),
+            task,
+            method,
+            emg,
+            now: SimTime(0),
+            direct: None,
+            recognised: Gesture::NoMotion,
+            confidence: 0.0,
+            acted_on: Gesture::NoMotion,
+            pending: None,
+            requests: 0,
+            unseen: Vec::new(),
+            config,
+            parts,
+        })
+    }
+
+    /// Simulated time of the last tick.
+    pub fn now(&self) -> SimTime {
+        self.now
+    }
+
+    /// The configuration.
+    pub fn config(&self) -> &TrialConfig {
+        &self.config
+    }
+
+    /// The arm.
+    pub fn model(&self) -> &Arc<ArmModel> {
+        &self.parts.model
+    }
+
+    /// The task.
+    pub fn task(&self) -> &BoxAndBlocks {
+        &self.task
+    }
+
+    /// The physics.
+    pub fn plant(&self) -> &dyn Plant {
+        self.parts.plant.as_ref()
+    }
+
+    /// The trial's digest up to the last closed span.
+    pub fn digest(&self) -> String {
+        self.digest.value()
+    }
+
+    /// Gesture in force.
+    pub fn gesture(&self) -> Gesture {
+        self.direct.unwrap_or(self.recognised)
+    }
+
+    /// Advances by one millisecond. `last` closes the digest's span early: the trial ends with this tick.
+    ///
+    /// # Errors
+    /// [`TestbedError`]; the trial cannot go on then.
+    pub fn tick(&mut self, input: &TickInput, last: bool) -> Result<TickOutput, TestbedError> {
+        self.now = SimTime(self.now.0 + 1);
+        let now = self.now;
+        let mut output = TickOutput::default();
+        self.check_input(input)?;
+        self.digest_input(input);
+
+        // From muscle to gesture.
+        if let Some(emg) = &mut self.emg {
+            output.emg = emg.step(now, &input.emg);
+        }
+        if let Some(decision) = &output.emg {
+            self.recognised = decision.gesture;
+            self.confidence = decision.confidence;
+            let field = &mut self.digest.field(Field::Emg);
+            field.word(decision.gesture.index() as u64).numbers(&decision.posterior);
+        }
+        if input.gesture.is_some() {
+            self.direct = input.gesture;
+            self.confidence = 1.0;
+        }
+
+        // From tracking and gaze to base and intent.
+        if let Some(pose) = input.shoulder {
+            self.base.track(pose);
+        }
+        self.base.step();
+        if let Some(gaze) = &input.gaze {
+            self.infer(gaze);
+        }
+
+        // From intent to commands.
+        let plan = self.due_plan(input);
+        let gesture = self.gesture();
+        if gesture != self.acted_on {
+            self.note(&mut output, EventKind::GestureChanged { gesture });
+        }
+        if now.0.is_multiple_of(CONTROL_TICKS) || gesture != self.acted_on || plan.is_some() {
+            self.acted_on = gesture;
+            self.control(gesture, plan.as_ref(), &mut output)?;
+        }
+        output.plan = plan;
+
+        // From commands to the world.
+        self.arm.step();
+        self.hand.step();
+        self.move_world()?;
+        self.grip()?;
+        self.judge(&mut output);
+        self.unseen.extend(output.events.iter().cloned());
+        output.finished = self.task.state().finished;
+        output.span = self.digest.end_tick(now, last || output.finished);
+        Ok(output)
+    }
+
+    fn check_input(&self, input: &TickInput) -> Result<(), TestbedError> {
+        let refuse = |what, value: String| Err(TestbedError::Input { time: self.now, what, value });
+        if let Some(gaze) = &input.gaze {
+            let finite = gaze.origin.coords.iter().chain(gaze.direction.iter()).all(|v| v.is_finite());
+            if !finite || (gaze.valid && gaze.direction.norm() < 1e-9) {
+                return refuse(
+                    "gaze",
+                    format!("{:?}, {:?}", gaze.origin.coords.as_slice(), gaze.direction.as_slice()),
+                );
+            }
+        }
+        if let Some(pose) = &input.shoulder
+            && !pose.translation.vector.iter().chain(pose.rotation.coords.iter()).all(|v| v.is_finite())
+        {
+            return refuse("tracked shoulder pose", format!("{pose}"));
+        }
+        Ok(())
+    }
+
+    fn digest_input(&mut self, input: &TickInput) {
+        for sample in &input.emg {
+            self.digest.field(Field::InputEmg).word(sample.counter).numbers(&sample.channels);
+        }
+        if let Some(gesture) = input.gesture {
+            self.digest.field(Field::InputGesture).word(gesture.index() as u64);
+        }
+        if let Some(gaze) = &input.gaze {
+            let field = &mut self.digest.field(Field::InputGaze);
+            field.vector(&gaze.origin.coords).vector(&gaze.direction).word(u64::from(gaze.valid));
+        }
+        if let Some(pose) = &input.shoulder {
+            self.digest.field(Field::InputShoulder).pose(pose);
+        }
+    }
+
+    fn infer(&mut self, gaze: &proact_types::GazeSample) {
+        let state = self.task.state();
+        let prior = match self.config.method {
+            MethodName::C => TaskPrior::Uniform,
+            MethodName::D => TaskPrior::Colour { last_released: state.last_released },
+        };
+        let centres = self.block_centres();
+        self.gaze.take(self.now, gaze, &centres, &state.pickable, prior);
+        let field = &mut self.digest.field(Field::Intent);
+        field.numbers(self.gaze.posterior()).vector(&self.gaze.place().coords);
+    }
+
+    /// The plan that takes effect in this tick.
+    fn due_plan(&mut self, input: &TickInput) -> Option<PlanReply> {
+        let (id, due) = self.pending?;
+        let reply = match &input.plan {
+            Some(reply) => reply.clone(),
+            None if self.now < due => return None,
+            None if self.config.wait_for_plans => self.parts.plans.wait(id),
+            None => self.parts.plans.poll(id)?,
+        };
+        self.pending = None;
+        let field = &mut self.digest.field(Field::InputPlan);
+        field.word(reply.id).word(reply.status as u64).text(&reply.reason);
+        for point in &reply.trajectory.points {
+            field.number(point.time_secs).numbers(&point.q).numbers(&point.qd);
+        }
+        Some(reply)
+    }
+
+    fn control(
+        &mut self,
+        gesture: Gesture,
+        plan: Option<&PlanReply>,
+        output: &mut TickOutput,
+    ) -> Result<(), TestbedError> {
+        if let Some(plan) = plan {
+            self.note(output, EventKind::PlanFinished { request: plan.id, status: plan.status });
+        }
+        let blocks = self.block_centres();
+        let posterior = *self.gaze.posterior();
+        let input = ControlInput {
+            gesture,
+            highlight: self.gaze.highlight(self.now),
+            blocks: &blocks,
+            posterior: &posterior,
+            place: self.gaze.place(),
+            hand: self.hand_view(),
+            world_from_base: self.base.pose(),
+            plan,
+            motion: self.arm.state(),
+        };
+        let ControlOutput { motion, hand, plan, events } = self.method.step(self.now, &input);
+
+        let field = &mut self.digest.field(Field::Control);
+        field
+            .word(u64::from(motion.is_some()))
+            .word(hand.map_or(0, |h| h as u64 + 1))
+            .word(events.len() as u64);
+        for event in events {
+            self.note(output, event);
+        }
+        if let Some(command) = motion {
+            self.arm.apply(command);
+        }
+        if let Some(command) = hand {
+            self.hand_tracker.note(command);
+            self.hand.apply(command);
+        }
+        match plan {
+            Some(PlanCommand::Request(goal)) => self.request(goal, output)?,
+            Some(PlanCommand::Cancel) => {
+                self.pending = None;
+                self.parts.plans.cancel();
+            }
+            None => {}
+        }
+        Ok(())
+    }
+
+    fn request(&mut self, goal: PlanGoal, output: &mut TickOutput) -> Result<(), TestbedError> {
+        self.requests += 1;
+        let id = self.requests;
+        let state = self.parts.plant.state();
+        let scene = self.task.scene();
+        let held = state.attached.map(|(block, _)| block);
+        let mut obstacles: Vec<Obstacle> = scene
+            .fixed
+            .iter()
+            .map(|o| Obstacle { name: o.name.clone(), shape: o.shape, pose: o.pose })
+            .collect();
+        for (k, block) in scene.blocks.iter().enumerate().filter(|(k, _)| Some(*k) != held) {
+            let pose = state.blocks[k].pose;
+            obstacles.push(Obstacle { name: block.id.name().to_owned(), shape: block.shape, pose });
+        }
+        let attached = state.attached.map(|(k, tip_from_object)| AttachedObject {
+            name: scene.blocks[k].id.name().to_owned(),
+            shape: scene.blocks[k].shape,
+            tip_from_object,
+        });
+        let hand = joints(&state.position[self.parts.model.arm_count()..]);
+        self.parts.plans.submit(PlanRequest {
+            id,
+            world_from_base: self.base.pose(),
+            start: self.arm.position().clone(),
+            hand,
+            goal,
+            obstacles,
+            attached,
+            // Requests of one trial differ, and so do trials.
+            seed: self.config.seed.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(id),
+        });
+        self.pending = Some((id, self.now.plus_millis(self.config.plan_latency_ms)));
+        self.note(output, EventKind::PlanRequested { request: id });
+        Ok(())
+    }
+
+    /// One step of physics under the joint targets.
+    fn move_world(&mut self) -> Result<(), TestbedError> {
+        let both =
+            |arm: &JointVector, hand: &JointVector| arm.iter().chain(hand).copied().collect::<JointVector>();
+        let command = PlantCommand {
+            position: both(self.arm.position(), self.hand.position()),
+            velocity: both(self.arm.velocity(), self.hand.velocity()),
+            world_from_base: self.base.pose(),
+        };
+        self.digest.field(Field::Motion).numbers(&command.position).pose(&command.world_from_base);
+        let time = self.now;
+        self.parts.plant.step(&command).map_err(|source| TestbedError::Plant { time, source })?;
+        let state = self.parts.plant.state();
+        self.digest.field(Field::Joints).numbers(&state.position).numbers(&state.velocity);
+        let field = &mut self.digest.field(Field::Blocks);
+        for body in &state.blocks {
+            field.pose(&body.pose).vector(&body.linear).vector(&body.angular);
+        }
+        field.word(state.attached.map_or(u64::MAX, |(block, _)| block as u64));
+        Ok(())
+    }
+
+    /// The hand's state from its joints, and the grasp rule.
+    fn grip(&mut self) -> Result<(), TestbedError> {
+        let state = self.parts.plant.state();
+        let arm = self.parts.model.arm_count();
+        let fingers = joints(&state.position[arm..]);
+        let hand = self.hand_tracker.step(&fingers, &state.velocity[arm..], self.hand.moving());
+        let attached = state.attached.map(|(block, _)| block);
+        let opening = self.hand_tracker.command() == HandCommand::Open;
+        let opened = opening
+            && self
+                .grasped_at
+                .as_ref()
+                .is_some_and(|at| at.iter().zip(&fingers).any(|(at, now)| (at - now).abs() > OPENED));
+        let time = self.now;
+        match self.grasp.step(&state.contacts, hand, attached, opened) {
+            Some(GraspAction::Attach(block)) => {
+                let tip = self.parts.model.tip;
+                self.parts.plant.attach(block, tip).map_err(|source| TestbedError::Plant { time, source })?;
+                self.hand.freeze(&fingers);
+                self.grasped_at = Some(fingers);
+            }
+            Some(GraspAction::Release) => {
+                self.parts.plant.release();
+                self.grasped_at = None;
+            }
+            None => {}
+        }
+        Ok(())
+    }
+
+    /// The task's view of what happened.
+    fn judge(&mut self, output: &mut TickOutput) {
+        let held = self.hand_view().holds;
+        let state = self.parts.plant.state();
+        let step = self.task.step(self.now, &state.blocks, held);
+        for event in step.events {
+            self.note(output, event);
+        }
+        let task = self.task.state();
+        let field = &mut self.digest.field(Field::Task);
+        field.word(u64::from(task.on_target)).word(task.next.map_or(9, |b| b.index() as u64));
+        field.word(held.map_or(9, |b| b.index() as u64)).word(u64::from(task.finished));
+    }
+
+    fn note(&self, output: &mut TickOutput, kind: EventKind) {
+        output.events.push(Event { time: self.now, kind });
+    }
+
+    pub(crate) fn hand_view(&self) -> HandView {
+        let attached = self.parts.plant.state().attached;
+        HandView {
+            state: self.hand_tracker.state(),
+            holds: attached.and_then(|(block, _)| BlockId::ALL.get(block).copied()),
+        }
+    }
+
+    pub(crate) fn block_centres(&self) -> [Point; 4] {
+        let blocks = &self.parts.plant.state().blocks;
+        std::array::from_fn(|k| Point::from(blocks[k].pose.translation.vector))
+    }
+
+    /// What the arm does now.
+    pub fn motion(&self) -> MotionState {
+        self.arm.state()
+    }
+}

@@ -1,0 +1,137 @@
+//! What the testbed shows: the gaze as it understands it, and the display frame.
+
+use crate::{Testbed, TestbedError, TrialConfig};
+use proact_control::ports::KinematicsError;
+use proact_intent::{Posterior, TaskPrior, posterior, table_hit};
+use proact_tasks::{PlaceRegion, TABLE_TOP};
+use proact_types::{BlockId, DisplayFrame, GazeSample, Point, Pose, SimTime};
+
+/// Without a valid gaze for this long, nothing is highlighted, ms.
+const GAZE_MAX_AGE: u64 = 500;
+
+/// Turns gaze samples into the highlighted block and the place marker.
+#[derive(Clone, Debug)]
+pub(crate) struct GazeFilter {
+    options: proact_intent::IntentOptions,
+    filter_ms: f64,
+    posterior: Posterior,
+    highlight: Option<BlockId>,
+    place: Point,
+    last: Option<(SimTime, GazeSample)>,
+    seen_at: Option<SimTime>,
+}
+
+impl GazeFilter {
+    pub(crate) fn new(config: &TrialConfig) -> Self {
+        Self {
+            options: config.intent,
+            filter_ms: config.place_filter_ms as f64,
+            posterior: [0.0; 4],
+            highlight: None,
+            place: PlaceRegion::DEFAULT.centre(),
+            last: None,
+            seen_at: None,
+        }
+    }
+
+    /// A new measurement. A lost eye changes nothing until it is lost for too long.
+    pub(crate) fn take(
+        &mut self,
+        now: SimTime,
+        gaze: &GazeSample,
+        centres: &[Point; 4],
+        pickable: &[bool; 4],
+        prior: TaskPrior,
+    ) {
+        let before = self.last.replace((now, *gaze)).map_or(now, |(time, _)| time);
+        if !gaze.valid {
+            return;
+        }
+        let weights = prior.weights(&self.options);
+        // The tick has refused gaze that is not finite, so an error here means nothing is selected.
+        let found = posterior(gaze, centres, pickable, &weights, &self.options).ok().flatten();
+        self.posterior = found.unwrap_or([0.0; 4]);
+        let best = (0..4).fold(0, |best, k| if self.posterior[k] > self.posterior[best] { k } else { best });
+        let kept = self.highlight.map(|b| self.posterior[b.index()] * self.options.hysteresis);
+        self.highlight = match (found, kept, self.highlight) {
+            (None, _, _) => None,
+            (Some(_), Some(kept), highlight) if kept >= self.posterior[best] => highlight,
+            (Some(_), _, _) => Some(BlockId::ALL[best]),
+        };
+
+        if let Some(hit) = table_hit(gaze, TABLE_TOP) {
+            let hit = PlaceRegion::DEFAULT.clamp(&hit);
+            let fresh = self.seen_at.is_none_or(|seen| now.millis_since(seen) > GAZE_MAX_AGE);
+            let elapsed = now.millis_since(before) as f64;
+            let share = if fresh { 1.0 } else { 1.0 - (-elapsed / self.filter_ms.max(1e-9)).exp() };
+            self.place += (hit - self.place) * share;
+        }
+        self.seen_at = Some(now);
+    }
+
+    pub(crate) fn posterior(&self) -> &Posterior {
+        &self.posterior
+    }
+
+    pub(crate) fn highlight(&self, now: SimTime) -> Option<BlockId> {
+        let fresh = self.seen_at.is_some_and(|seen| now.millis_since(seen) <= GAZE_MAX_AGE);
+        self.highlight.filter(|_| fresh)
+    }
+
+    pub(crate) fn place(&self) -> Point {
+        self.place
+    }
+
+    pub(crate) fn sample(&self) -> Option<GazeSample> {
+        self.last.map(|(_, gaze)| gaze)
+    }
+}
+
+impl Testbed {
+    /// True if a display frame belongs to this tick: 60 Hz, by accumulation.
+    pub fn frame_is_due(&self) -> bool {
+        let frames = |tick: u64| tick * 60 / 1000;
+        let tick = self.now.0;
+        tick > 0 && frames(tick) > frames(tick - 1)
+    }
+
+    /// The instant as drawn; events since the frame before go with it. `world_from_head` comes from whoever
+    /// tracks the head.
+    ///
+    /// # Errors
+    /// If the kinematics refuse the arm's angles.
+    pub fn frame(&mut self, world_from_head: Pose) -> Result<DisplayFrame, TestbedError> {
+        let state = self.parts.plant.state();
+        let arm = self.parts.model.arm_count();
+        let joints = state.position.clone();
+        let world_from_base = state.world_from_base;
+        let blocks: Vec<Pose> = state.blocks.iter().map(|b| b.pose).collect();
+        let base_from_tip = self
+            .parts
+            .kinematics
+            .forward(&joints[..arm])
+            .map_err(|e: KinematicsError| TestbedError::Kinematics(e))?;
+        let task = self.task.state();
+        Ok(DisplayFrame {
+            time: self.now,
+            method: self.method.name().to_owned(),
+            world_from_tip: world_from_base * base_from_tip,
+            joints,
+            world_from_base,
+            world_from_head,
+            blocks,
+            hand: self.hand_view(),
+            gaze: self.gaze.sample(),
+            target: self.method.target(),
+            planner: self.method.planner(),
+            gesture: self.gesture(),
+            confidence: self.confidence,
+            emg_source: self.config.gesture_source.clone(),
+            time_left_secs: (self.config.limit_secs - self.now.as_secs()).max(0.0),
+            next_block: task.next,
+            on_target: task.on_target,
+            finished: task.finished,
+            events: std::mem::take(&mut self.unseen),
+        })
+    }
+}
