@@ -1,4 +1,5 @@
 # shellcheck shell=sh
+# shellcheck disable=SC2154 # root, binary and the rest are the launcher's
 # The lanes of `./proact test`; sourced by the launcher, whose functions and variables it uses.
 #
 # A lane is a function lane_NAME. It prints what its tools print, answers 0 for passed and 77 for skipped (with

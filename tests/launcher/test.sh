@@ -15,9 +15,9 @@ failed=0
 
 # A fresh copy of the launcher with its stand-ins. Switches are files in $work/state.
 new_machine() {
-    rm -rf "${work:?}/repo" "$work/bin" "$work/state" "$work/elsewhere"
+    rm -rf "${work:?}/repo" "${work:?}/bin" "$work/state" "$work/elsewhere"
     mkdir -p "$work/repo/rust/bridge/web/src" "$work/repo/cpp" "$work/repo/ros1_ws" "$work/repo/tests" \
-        "$work/bin" "$work/state" "$work/elsewhere"
+        "${work:?}/bin" "$work/state" "$work/elsewhere"
     cp "$repository/proact" "$work/repo/proact"
     printf 'rust-version = "1.89"\n' >"$work/repo/Cargo.toml"
     echo >"$work/repo/Cargo.lock"
