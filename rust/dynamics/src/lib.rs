@@ -1,1 +1,32 @@
-//! To come.
+//! Rigid-body dynamics of arm, box and blocks at 1 kHz, computed by ODE.
+//!
+//! [`OdePlant`] is the [`Plant`](proact_testbed::ports::Plant) that the tick drives: joints under effort-limited
+//! position control, a base that follows its commanded pose, blocks with contacts, and a block that can be
+//! attached to a link. It reads no clock, no file and starts no thread.
+//!
+//! Deterministic: the same construction and commands give the same bits, whatever other plants do in the same
+//! process. A plant stays in the thread that made it (it is neither `Send` nor `Sync`), because ODE keeps data
+//! for each thread.
+//!
+//! Known weaknesses: links of the arm do not collide with each other; the bend of a face of a standing cylinder
+//! is that of a hexagon; a hand joint that is held rigid reports no effort.
+//!
+//! ```no_run
+//! # fn example(model: &proact_types::ArmModel, scene: &proact_types::Scene, start: &[f64]) -> Result<(), proact_testbed::ports::PlantError> {
+//! use proact_dynamics::{DynamicsOptions, OdePlant};
+//! use proact_testbed::ports::Plant;
+//! use proact_types::{PlantCommand, Pose, joints, zeros};
+//! let shoulder = Pose::translation(-0.39, 0.12, 1.5);
+//! let mut plant = OdePlant::new(model, scene, start, &shoulder, DynamicsOptions::default())?;
+//! plant.step(&PlantCommand { position: joints(start), velocity: zeros(start.len()), world_from_base: shoulder })?;
+//! println!("{:?}", plant.state().position);
+//! # Ok(())
+//! # }
+//! ```
+
+// cxx writes the unsafe code of the bridge; all that can throw is declared `Result`.
+#[allow(unsafe_code)]
+mod bridge;
+mod plant;
+
+pub use plant::{DynamicsOptions, OdePlant, Solver};

@@ -1,0 +1,83 @@
+// Vectors, quaternions and poses. Plain C++17: no ODE, no cxx, no ROS.
+#pragma once
+
+#include <cmath>
+
+namespace proact::dynamics {
+
+/// Three numbers: metres, m/s, rad/s or N, as the user says.
+struct Vec3 {
+  double x = 0.0;
+  double y = 0.0;
+  double z = 0.0;
+};
+
+inline Vec3 operator+(const Vec3& a, const Vec3& b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
+inline Vec3 operator-(const Vec3& a, const Vec3& b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
+inline Vec3 operator*(const Vec3& a, double s) { return {a.x * s, a.y * s, a.z * s}; }
+inline double dot(const Vec3& a, const Vec3& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+inline Vec3 cross(const Vec3& a, const Vec3& b) {
+  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+}
+inline double norm(const Vec3& a) { return std::sqrt(dot(a, a)); }
+
+/// A unit quaternion, scalar last.
+struct Quat {
+  double x = 0.0;
+  double y = 0.0;
+  double z = 0.0;
+  double w = 1.0;
+};
+
+inline Quat operator*(const Quat& a, const Quat& b) {
+  return {a.w * b.x + a.x * b.w + a.y * b.z - a.z * b.y, a.w * b.y - a.x * b.z + a.y * b.w + a.z * b.x,
+          a.w * b.z + a.x * b.y - a.y * b.x + a.z * b.w, a.w * b.w - a.x * b.x - a.y * b.y - a.z * b.z};
+}
+inline Quat conjugate(const Quat& q) { return {-q.x, -q.y, -q.z, q.w}; }
+inline Vec3 rotate(const Quat& q, const Vec3& v) {
+  const Vec3 u{q.x, q.y, q.z};
+  const Vec3 t = cross(u, v) * 2.0;
+  return v + t * q.w + cross(u, t);
+}
+inline Quat normalized(const Quat& q) {
+  const double length = std::sqrt(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w);
+  return {q.x / length, q.y / length, q.z / length, q.w / length};
+}
+/// Rotation by `angle` radians about the unit vector `axis`.
+inline Quat about_axis(const Vec3& axis, double angle) {
+  const double s = std::sin(0.5 * angle);
+  return {axis.x * s, axis.y * s, axis.z * s, std::cos(0.5 * angle)};
+}
+/// Rotation vector (axis times angle, angle at most pi) of a unit quaternion.
+inline Vec3 rotation_vector(const Quat& q) {
+  const Vec3 u{q.x, q.y, q.z};
+  const double s = norm(u);
+  // Near zero the ratio angle / sin(angle / 2) is two; dividing by s would lose it.
+  if (s < 1e-12) return u * (q.w < 0.0 ? -2.0 : 2.0);
+  const double angle = 2.0 * std::atan2(q.w < 0.0 ? -s : s, std::fabs(q.w));
+  return u * (angle / s);
+}
+
+/// A rigid transform `target_from_source`.
+struct Pose {
+  Vec3 position;
+  Quat rotation;
+};
+
+/// `a_from_c` of `a_from_b` and `b_from_c`.
+inline Pose operator*(const Pose& a, const Pose& b) {
+  return {a.position + rotate(a.rotation, b.position), normalized(a.rotation * b.rotation)};
+}
+inline Vec3 operator*(const Pose& a, const Vec3& p) { return a.position + rotate(a.rotation, p); }
+inline Pose inverse(const Pose& a) {
+  const Quat back = conjugate(a.rotation);
+  return {rotate(back, a.position) * -1.0, back};
+}
+
+inline bool is_finite(const Vec3& v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
+inline bool is_finite(const Quat& q) {
+  return std::isfinite(q.x) && std::isfinite(q.y) && std::isfinite(q.z) && std::isfinite(q.w);
+}
+inline bool is_finite(const Pose& p) { return is_finite(p.position) && is_finite(p.rotation); }
+
+}  // namespace proact::dynamics

@@ -1,0 +1,118 @@
+// What a World is built from. Plain structs: no ODE, no cxx, no ROS.
+#pragma once
+
+#include "proact/dynamics/geometry.hpp"
+
+#include <array>
+#include <cstddef>
+#include <string>
+#include <vector>
+
+namespace proact::dynamics {
+
+/// Length of one tick, seconds.
+constexpr double tick_secs = 1e-3;
+
+enum class ShapeKind { box, sphere, cylinder, capsule };
+
+/// A convex shape centred in its own frame, axis along z.
+/// size: box, full sides x y z; sphere, radius; cylinder and capsule, radius and length (without round ends).
+struct Shape {
+  ShapeKind kind = ShapeKind::sphere;
+  std::array<double, 3> size{};
+};
+
+struct Collision {
+  Pose pose;  ///< link_from_shape
+  Shape shape;
+};
+
+struct Link {
+  std::string name;
+  double mass = 0.0;                 ///< kg; zero: a frame without mass
+  Pose inertial;                     ///< link_from_inertial, origin at the centre of mass
+  std::array<double, 6> inertia{};   ///< ixx ixy ixz iyy iyz izz about it, kg m^2
+  std::vector<Collision> collisions;
+};
+
+/// Joint k moves link k + 1; a parent stands before its children.
+struct Joint {
+  std::string name;
+  bool fixed = true;
+  std::size_t parent = 0;
+  Pose origin;  ///< parent_from_child at angle zero
+  Vec3 axis;    ///< unit, in the child frame
+  double lower = 0.0;
+  double upper = 0.0;
+  double velocity = 0.0;  ///< highest speed, rad/s
+  double effort = 0.0;    ///< highest effort of the position control, N m
+  double damping = 0.0;   ///< N m s/rad
+  double friction = 0.0;  ///< N m
+};
+
+struct FixedObject {
+  std::string name;
+  Shape shape;
+  Pose pose;  ///< world_from_object
+  double friction = 0.0;
+};
+
+struct Block {
+  std::string name;
+  Shape shape;  ///< origin is the centre of mass, mass spread evenly
+  double mass = 0.0;
+  double friction = 0.0;         ///< against fixed objects and other blocks; of a pair the smaller counts
+  double friction_finger = 0.0;  ///< against links
+  Pose pose;                     ///< world_from_block at the start
+};
+
+enum class Solver {
+  direct,    ///< dWorldStep: exact, depends on nothing but the state
+  iterative  ///< dWorldQuickStep: approximate; its generator is process-wide, so worlds take turns
+};
+
+struct Options {
+  Vec3 gravity{0.0, 0.0, -9.80665};
+  Solver solver = Solver::direct;
+  int iterations = 50;     ///< of the iterative solver
+  unsigned long seed = 1;  ///< of the iterative solver's constraint order
+  /// Share of a joint's angle error that the position control takes away in one second.
+  double position_gain = 200.0;
+  /// The control may ask for this many times the joint's highest speed, to catch up.
+  double catch_up = 1.25;
+  /// Joints of the hand whose command has been constant and reached for hold_ticks become rigid, until the
+  /// command changes: a body for each phalanx costs most of a tick.
+  bool hold_still_hand = true;
+  int hold_ticks = 50;
+  double hold_error = 2e-3;  ///< rad
+  double hold_speed = 2e-2;  ///< rad/s
+  /// Fastest motion of the base that is followed rather than refused.
+  double base_speed = 5.0;       ///< m/s
+  double base_turn_speed = 20.0; ///< rad/s
+  /// Penetration at which a contact pushes with full force, and its spring and damper in ODE's terms.
+  double contact_erp = 0.2;
+  double contact_cfm = 1e-3;
+  double surface_layer = 5e-5;        ///< m, resting contacts keep this overlap
+  double correcting_speed = 0.5;      ///< m/s, so that overlap is not thrown apart
+  double joint_erp = 0.2;
+  double joint_cfm = 1e-7;
+  /// Resting blocks fall asleep.
+  bool sleep = true;
+};
+
+struct Model {
+  std::vector<Link> links;
+  std::vector<Joint> joints;
+  std::vector<std::size_t> moving;    ///< indices into joints: the order of every joint vector
+  std::size_t arm_count = 0;          ///< the first of them are the arm, the rest the hand
+  std::vector<double> positions;      ///< at the start, rad, one for each moving joint
+  Pose world_from_base;
+  std::vector<FixedObject> fixed;
+  std::vector<Block> blocks;
+  Options options;
+};
+
+/// Throws std::invalid_argument naming the first thing that ODE cannot simulate or would abort on.
+void validate(const Model& model);
+
+}  // namespace proact::dynamics

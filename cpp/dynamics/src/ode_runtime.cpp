@@ -1,0 +1,46 @@
+#include "ode_runtime.hpp"
+
+#include <cstdarg>
+#include <cstdio>
+#include <stdexcept>
+
+namespace proact::dynamics {
+
+namespace {
+
+thread_local unsigned long messages = 0;
+
+// Models are checked before ODE sees them, so these run only on a defect of ours or of ODE. If the handler
+// returned, ODE would end the process.
+void throw_error(int number, const char* format, std::va_list arguments) {
+  char text[512];
+  std::vsnprintf(text, sizeof text, format, arguments);
+  throw std::runtime_error("internal error " + std::to_string(number) + ": " + text);
+}
+
+void count_message(int, const char*, std::va_list) { ++messages; }
+
+bool start() {
+  if (dInitODE2(0) == 0) throw std::runtime_error("dInitODE2 failed");
+  dSetErrorHandler(throw_error);
+  dSetDebugHandler(throw_error);
+  dSetMessageHandler(count_message);
+  return true;
+}
+
+}  // namespace
+
+void prepare_ode_in_this_thread() {
+  static const bool started = start();
+  static_cast<void>(started);
+  if (dAllocateODEDataForThread(dAllocateMaskAll) == 0) throw std::runtime_error("dAllocateODEDataForThread failed");
+}
+
+unsigned long ode_message_count() { return messages; }
+
+std::mutex& generator_mutex() {
+  static std::mutex mutex;
+  return mutex;
+}
+
+}  // namespace proact::dynamics

@@ -1,0 +1,253 @@
+// One tick.
+
+#include "simulation.hpp"
+
+#include <algorithm>
+#include <limits>
+#include <stdexcept>
+#include <utility>
+
+namespace proact::dynamics {
+
+namespace {
+
+constexpr std::size_t none = std::numeric_limits<std::size_t>::max();
+// Below this speed Coulomb friction fades to zero, so that a joint at rest is not pushed to and fro, rad/s.
+constexpr double friction_fade = 0.01;
+
+// A block sleeps once it has been slower than this for a quarter of a second. Slow enough that a rolling or
+// tipping block is still well above it.
+constexpr double sleep_speed = 1e-3;       // m/s
+constexpr double sleep_turn_speed = 2e-2;  // rad/s
+constexpr double sleep_after = 0.25;       // s
+
+dMass block_mass(const Block& block) {
+  dMass mass;
+  const auto& size = block.shape.size;
+  switch (block.shape.kind) {
+    case ShapeKind::box: dMassSetBoxTotal(&mass, block.mass, size[0], size[1], size[2]); break;
+    case ShapeKind::sphere: dMassSetSphereTotal(&mass, block.mass, size[0]); break;
+    case ShapeKind::cylinder: dMassSetCylinderTotal(&mass, block.mass, 3, size[0], size[1]); break;
+    case ShapeKind::capsule: dMassSetCapsuleTotal(&mass, block.mass, 3, size[0], size[1]); break;
+  }
+  return mass;
+}
+
+bool finite_body(dBodyID body) {
+  return is_finite(to_vec(dBodyGetPosition(body))) && is_finite(to_quat(dBodyGetQuaternion(body))) &&
+         is_finite(to_vec(dBodyGetLinearVel(body))) && is_finite(to_vec(dBodyGetAngularVel(body)));
+}
+
+}  // namespace
+
+World::Simulation::Simulation(Model model) : model_(std::move(model)) {
+  validate(model_);
+  prepare_ode_in_this_thread();
+
+  // Worlds on ODE's default threading share its job queue and abort when two of them step at once.
+  threading_.reset(dThreadingAllocateSelfThreadedImplementation());
+  world_.reset(dWorldCreate());
+  if (!threading_ || !world_) throw std::runtime_error("ODE could not make a world");
+  dWorldSetStepThreadingImplementation(world_.get(), dThreadingImplementationGetFunctions(threading_.get()),
+                                       threading_.get());
+  contact_group_.reset(dJointGroupCreate(0));
+
+  const Options& options = model_.options;
+  dWorldSetGravity(world_.get(), options.gravity.x, options.gravity.y, options.gravity.z);
+  dWorldSetERP(world_.get(), options.joint_erp);
+  dWorldSetCFM(world_.get(), options.joint_cfm);
+  dWorldSetContactSurfaceLayer(world_.get(), options.surface_layer);
+  dWorldSetContactMaxCorrectingVel(world_.get(), options.correcting_speed);
+  dWorldSetQuickStepNumIterations(world_.get(), options.iterations);
+  dWorldSetAutoDisableFlag(world_.get(), 0);
+
+  const std::size_t joints = model_.moving.size();
+  moving_of_joint_.assign(model_.joints.size(), none);
+  for (std::size_t k = 0; k < joints; ++k) moving_of_joint_[model_.moving[k]] = k;
+  positions_ = model_.positions;
+  velocities_.assign(joints, 0.0);
+  efforts_.assign(joints, 0.0);
+  last_command_ = positions_;
+  held_.assign(joints, false);
+  still_ticks_.assign(joints, 0);
+  for (std::size_t k = model_.arm_count; k < joints && options.hold_still_hand; ++k) {
+    held_[k] = true;
+    still_ticks_[k] = options.hold_ticks;
+  }
+  world_from_base_ = model_.world_from_base;
+  body_of_.assign(model_.links.size(), 0);
+  body_from_link_.assign(model_.links.size(), Pose{});
+  motions_.assign(model_.links.size(), LinkMotion{});
+  parted_.assign(model_.links.size() * model_.blocks.size(), true);
+  contacts_.reserve(contact_capacity);
+  measured_.reserve(contact_capacity);
+
+  for (const Block& block : model_.blocks) {
+    const dMass mass = block_mass(block);
+    const dBodyID body = dBodyCreate(world_.get());
+    dBodySetMass(body, &mass);
+    set_body_pose(body, block.pose);
+    dBodySetAutoDisableFlag(body, options.sleep ? 1 : 0);
+    dBodySetAutoDisableLinearThreshold(body, sleep_speed);
+    dBodySetAutoDisableAngularThreshold(body, sleep_turn_speed);
+    dBodySetAutoDisableTime(body, sleep_after);
+    dBodySetAutoDisableSteps(body, 0);
+    block_bodies_.push_back(body);
+    blocks_.push_back({block.pose, {}, {}});
+  }
+  make_geoms();
+  build_arm();
+  refuse_overlaps();
+}
+
+void World::Simulation::check_command(const double* position, const double* velocity, const Pose& world_from_base) {
+  if (!failure_.empty()) throw std::runtime_error(failure_);
+  for (std::size_t k = 0; k < model_.moving.size(); ++k) {
+    if (!std::isfinite(position[k]) || !std::isfinite(velocity[k])) {
+      throw std::invalid_argument("the command of joint \"" + model_.joints[model_.moving[k]].name + "\" is not finite");
+    }
+  }
+  if (!is_finite(world_from_base)) throw std::invalid_argument("the pose of the base is not finite");
+  const Quat turn = normalized(world_from_base.rotation) * conjugate(world_from_base_.rotation);
+  const double speed = norm(world_from_base.position - world_from_base_.position) / tick_secs;
+  const double turn_speed = norm(rotation_vector(turn)) / tick_secs;
+  if (speed > model_.options.base_speed || turn_speed > model_.options.base_turn_speed) {
+    throw std::invalid_argument("the base jumps: " + std::to_string(speed) + " m/s and " + std::to_string(turn_speed) +
+                                " rad/s, at most " + std::to_string(model_.options.base_speed) + " and " +
+                                std::to_string(model_.options.base_turn_speed) + " are followed");
+  }
+}
+
+void World::Simulation::step(const double* position, const double* velocity, const Pose& world_from_base) {
+  check_command(position, velocity, world_from_base);
+  try {
+    if (choose_rigid_joints(position, velocity)) build_arm();
+    const Pose target{world_from_base.position, normalized(world_from_base.rotation)};
+    base_linear_ = (target.position - world_from_base_.position) * (1.0 / tick_secs);
+    base_angular_ = rotation_vector(target.rotation * conjugate(world_from_base_.rotation)) * (1.0 / tick_secs);
+    dBodySetLinearVel(bodies_[0], base_linear_.x, base_linear_.y, base_linear_.z);
+    dBodySetAngularVel(bodies_[0], base_angular_.x, base_angular_.y, base_angular_.z);
+    drive(position, velocity);
+    collide();
+    advance();
+    world_from_base_ = target;
+    // Takes away the rounding of ODE's own integration, so that it cannot add up.
+    set_body_pose(bodies_[0], target);
+    read_state();
+  } catch (const std::exception& error) {
+    failure_ = std::string("the world is unusable since an earlier failure: ") + error.what();
+    throw;
+  }
+}
+
+/// Position control as a speed constraint with bounded torque: at the end of the tick the joint has the speed
+/// that closes the gap, unless that takes more than the effort limit. Gravity therefore leaves no sag.
+void World::Simulation::drive(const double* position, const double* velocity) {
+  const Options& options = model_.options;
+  for (const Hinge& hinge : hinges_) {
+    const std::size_t k = hinge.moving;
+    const Joint& joint = model_.joints[model_.moving[k]];
+    const double target = std::clamp(position[k], joint.lower, joint.upper);
+    // The command is for the end of the tick: what its own speed covers is no error.
+    const double error = target - positions_[k] - velocity[k] * tick_secs;
+    const double fastest = options.catch_up * joint.velocity;
+    const double speed = std::clamp(velocity[k] + options.position_gain * error, -fastest, fastest);
+    dJointSetHingeParam(hinge.joint, dParamVel, speed);
+    const double rubbing = joint.friction * std::clamp(velocities_[k] / friction_fade, -1.0, 1.0);
+    dJointAddHingeTorque(hinge.joint, -joint.damping * velocities_[k] - rubbing);
+  }
+}
+
+void World::Simulation::advance() {
+  const unsigned long before = ode_message_count();
+  int done = 0;
+  if (model_.options.solver == Solver::direct) {
+    done = dWorldStep(world_.get(), tick_secs);
+  } else {
+    // The order of constraints comes from a generator that all worlds share: each brings its own seed.
+    const std::lock_guard<std::mutex> turn(generator_mutex());
+    dRandSetSeed(model_.options.seed);
+    done = dWorldQuickStep(world_.get(), tick_secs);
+    model_.options.seed = dRandGetSeed();
+  }
+  complaints_ += ode_message_count() - before;
+  if (done == 0) throw std::runtime_error("out of memory in a step");
+  for (const dBodyID body : bodies_) {
+    if (!finite_body(body)) throw std::runtime_error("the arm left the finite numbers");
+  }
+  for (std::size_t k = 0; k < block_bodies_.size(); ++k) {
+    if (!finite_body(block_bodies_[k])) {
+      throw std::runtime_error("block \"" + model_.blocks[k].name + "\" left the finite numbers");
+    }
+  }
+}
+
+void World::Simulation::read_state() {
+  std::fill(efforts_.begin(), efforts_.end(), 0.0);
+  for (const Hinge& hinge : hinges_) {
+    const std::size_t k = hinge.moving;
+    positions_[k] = dJointGetHingeAngle(hinge.joint);
+    velocities_[k] = dJointGetHingeAngleRate(hinge.joint);
+    // The torque on the child about the axis; the bearing's force is taken out by its lever.
+    dVector3 anchor_at;
+    dVector3 axis_at;
+    dJointGetHingeAnchor(hinge.joint, anchor_at);
+    dJointGetHingeAxis(hinge.joint, axis_at);
+    const Vec3 lever = to_vec(anchor_at) - to_vec(dBodyGetPosition(dJointGetBody(hinge.joint, 0)));
+    efforts_[k] = dot(to_vec(axis_at), to_vec(hinge.feedback.t1) - cross(lever, to_vec(hinge.feedback.f1)));
+  }
+  for (const Measured& measured : measured_) {
+    Contact& contact = contacts_[measured.contact];
+    contact.force = std::max(0.0, dot(to_vec(measured.feedback.f1), contact.normal));
+  }
+  for (std::size_t k = 0; k < blocks_.size(); ++k) {
+    const bool carried = attached_ && attached_->block == k;
+    if (carried) {
+      const Pose pose = link_pose(attached_->link) * attached_->link_from_block;
+      const dBodyID body = bodies_[body_of_[attached_->link]];
+      dVector3 linear;
+      dBodyGetPointVel(body, pose.position.x, pose.position.y, pose.position.z, linear);
+      blocks_[k] = {pose, to_vec(linear), to_vec(dBodyGetAngularVel(body))};
+    } else {
+      const dBodyID body = block_bodies_[k];
+      blocks_[k] = {body_pose(body), to_vec(dBodyGetLinearVel(body)), to_vec(dBodyGetAngularVel(body))};
+    }
+  }
+}
+
+Pose World::Simulation::link_pose(std::size_t link) const {
+  if (link >= body_of_.size()) {
+    throw std::invalid_argument("link " + std::to_string(link) + ", there are " + std::to_string(body_of_.size()));
+  }
+  return body_pose(bodies_[body_of_[link]]) * body_from_link_[link];
+}
+
+void World::Simulation::attach(std::size_t block, std::size_t link) {
+  if (!failure_.empty()) throw std::runtime_error(failure_);
+  if (block >= blocks_.size()) {
+    throw std::invalid_argument("block " + std::to_string(block) + ", there are " + std::to_string(blocks_.size()));
+  }
+  if (attached_) {
+    throw std::invalid_argument("block \"" + model_.blocks[attached_->block].name + "\" is attached already, release it first");
+  }
+  const Pose link_from_block = inverse(link_pose(link)) * blocks_[block].pose;
+  attached_ = Attachment{block, link, link_from_block};
+  dBodyDisable(block_bodies_[block]);
+  std::fill_n(parted_.begin() + static_cast<std::ptrdiff_t>(block * model_.links.size()), model_.links.size(), false);
+  build_arm();
+}
+
+void World::Simulation::release() {
+  if (!attached_) return;
+  const std::size_t block = attached_->block;
+  attached_.reset();
+  const dBodyID body = block_bodies_[block];
+  const BodyState& state = blocks_[block];
+  set_body_pose(body, state.pose);
+  dBodySetLinearVel(body, state.linear.x, state.linear.y, state.linear.z);
+  dBodySetAngularVel(body, state.angular.x, state.angular.y, state.angular.z);
+  dBodyEnable(body);
+  build_arm();
+}
+
+}  // namespace proact::dynamics

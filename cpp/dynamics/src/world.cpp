@@ -1,0 +1,33 @@
+#include "proact/dynamics/world.hpp"
+
+#include "simulation.hpp"
+
+#include <utility>
+
+namespace proact::dynamics {
+
+World::World(Model model) : simulation_(std::make_unique<Simulation>(std::move(model))) {}
+World::~World() = default;
+
+std::size_t World::joint_count() const noexcept { return simulation_->model_.moving.size(); }
+std::size_t World::block_count() const noexcept { return simulation_->model_.blocks.size(); }
+
+void World::step(const double* position, const double* velocity, const Pose& world_from_base) {
+  simulation_->step(position, velocity, world_from_base);
+}
+
+const std::vector<double>& World::positions() const noexcept { return simulation_->positions_; }
+const std::vector<double>& World::velocities() const noexcept { return simulation_->velocities_; }
+const std::vector<double>& World::efforts() const noexcept { return simulation_->efforts_; }
+const Pose& World::world_from_base() const noexcept { return simulation_->world_from_base_; }
+const std::vector<BodyState>& World::blocks() const noexcept { return simulation_->blocks_; }
+const std::vector<Contact>& World::contacts() const noexcept { return simulation_->contacts_; }
+const std::optional<Attachment>& World::attached() const noexcept { return simulation_->attached_; }
+
+void World::attach(std::size_t block, std::size_t link) { simulation_->attach(block, link); }
+void World::release() { simulation_->release(); }
+Pose World::link_pose(std::size_t link) const { return simulation_->link_pose(link); }
+std::size_t World::arm_body_count() const noexcept { return simulation_->arm_body_count(); }
+std::uint64_t World::solver_complaints() const noexcept { return simulation_->complaints_; }
+
+}  // namespace proact::dynamics

@@ -1,0 +1,41 @@
+//! Compiles the C++ core and its adapter, and links Debian's ODE.
+
+use std::path::{Path, PathBuf};
+
+fn main() {
+    let core = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../cpp/dynamics");
+    let mut build = cxx_build::bridge("src/bridge.rs");
+    build
+        .file("src/adapter.cpp")
+        .include(core.join("include"))
+        .std("c++17")
+        // The C++ tests are compiled with the same level: results must agree bit for bit.
+        .opt_level(2)
+        .flag("-ffp-contract=off");
+    for source in
+        ["arm_bodies", "collisions", "contact_points", "model", "ode_runtime", "simulation", "world"]
+    {
+        build.file(core.join("src").join(source).with_extension("cpp"));
+    }
+    for include in probe("ode") {
+        build.flag(format!("-isystem{}", include.display()));
+    }
+    build.compile("proact_dynamics");
+
+    for watched in ["src/bridge.rs", "src/adapter.cpp", "src/adapter.hpp"] {
+        println!("cargo:rerun-if-changed={watched}");
+    }
+    for folder in ["include", "src"] {
+        println!("cargo:rerun-if-changed={}", core.join(folder).display());
+    }
+}
+
+/// Include folders of a Debian library, linking it on the way.
+///
+/// The compiler's own folder is left out: as `-isystem` it hides the C headers from `<cstdlib>`.
+fn probe(package: &str) -> Vec<PathBuf> {
+    let library = pkg_config::Config::new().atleast_version("0.16").probe(package).unwrap_or_else(|error| {
+        panic!("{package} 0.16 or newer was not found ({error}). On Debian: apt-get install libode-dev")
+    });
+    library.include_paths.into_iter().filter(|path| path != Path::new("/usr/include")).collect()
+}

@@ -1,0 +1,130 @@
+#include "proact-dynamics/src/adapter.hpp"
+
+#include "proact-dynamics/src/bridge.rs.h"
+
+#include <algorithm>
+#include <stdexcept>
+#include <string>
+
+namespace proact::dynamics {
+
+namespace {
+
+Vec3 to_vec(const double* v) { return {v[0], v[1], v[2]}; }
+
+Pose to_pose(In p) { return {to_vec(p.data()), {p[3], p[4], p[5], p[6]}}; }
+
+void write(const Pose& pose, double* out) {
+  const auto& [p, q] = pose;
+  const double numbers[7] = {p.x, p.y, p.z, q.x, q.y, q.z, q.w};
+  std::copy(std::begin(numbers), std::end(numbers), out);
+}
+
+void write(const Vec3& v, double* out) {
+  out[0] = v.x;
+  out[1] = v.y;
+  out[2] = v.z;
+}
+
+Shape to_shape(std::uint8_t kind, In size) {
+  if (kind > 3) throw std::invalid_argument("shape kind " + std::to_string(kind) + ", expected 0 to 3");
+  return {static_cast<ShapeKind>(kind), {size[0], size[1], size[2]}};
+}
+
+}  // namespace
+
+std::unique_ptr<Model> new_model(const Settings& settings, In world_from_base) {
+  auto model = std::make_unique<Model>();
+  Options& options = model->options;
+  options.gravity = to_vec(settings.gravity.data());
+  options.solver = settings.iterations == 0 ? Solver::direct : Solver::iterative;
+  options.iterations = settings.iterations == 0 ? options.iterations : static_cast<int>(settings.iterations);
+  options.seed = settings.seed;
+  options.position_gain = settings.position_gain;
+  options.hold_still_hand = settings.hold_still_hand;
+  options.sleep = settings.sleep;
+  options.base_speed = settings.base_speed;
+  options.base_turn_speed = settings.base_turn_speed;
+  model->world_from_base = to_pose(world_from_base);
+  return model;
+}
+
+void add_link(Model& model, rust::Str name, double mass, In inertial, In inertia) {
+  Link link;
+  link.name = std::string(name);
+  link.mass = mass;
+  link.inertial = to_pose(inertial);
+  std::copy(inertia.begin(), inertia.end(), link.inertia.begin());
+  model.links.push_back(link);
+}
+
+void add_collision(Model& model, std::uint8_t kind, In size, In pose) {
+  model.links.back().collisions.push_back({to_pose(pose), to_shape(kind, size)});
+}
+
+void add_joint(Model& model, rust::Str name, bool fixed, std::size_t parent, In origin, In axis, In numbers) {
+  model.joints.push_back({std::string(name), fixed, parent, to_pose(origin), to_vec(axis.data()), numbers[0],
+                          numbers[1], numbers[2], numbers[3], numbers[4], numbers[5]});
+}
+
+void set_moving(Model& model, rust::Slice<const std::size_t> joints, std::size_t arm_count, In positions) {
+  model.moving.assign(joints.begin(), joints.end());
+  model.arm_count = arm_count;
+  model.positions.assign(positions.begin(), positions.end());
+}
+
+void add_fixed(Model& model, rust::Str name, std::uint8_t kind, In size, In pose, double friction) {
+  model.fixed.push_back({std::string(name), to_shape(kind, size), to_pose(pose), friction});
+}
+
+void add_block(Model& model, rust::Str name, std::uint8_t kind, In size, In pose, In numbers) {
+  model.blocks.push_back(
+      {std::string(name), to_shape(kind, size), numbers[0], numbers[1], numbers[2], to_pose(pose)});
+}
+
+std::unique_ptr<World> new_world(const Model& model) { return std::make_unique<World>(model); }
+
+void step_world(World& world, In position, In velocity, In world_from_base) {
+  world.step(position.data(), velocity.data(), to_pose(world_from_base));
+}
+
+void read_joints(const World& world, Out position, Out velocity, Out effort) {
+  std::copy(world.positions().begin(), world.positions().end(), position.begin());
+  std::copy(world.velocities().begin(), world.velocities().end(), velocity.begin());
+  std::copy(world.efforts().begin(), world.efforts().end(), effort.begin());
+}
+
+void read_block(const World& world, std::size_t block, Out out) {
+  const BodyState& state = world.blocks().at(block);
+  write(state.pose, out.data());
+  write(state.linear, out.data() + 7);
+  write(state.angular, out.data() + 10);
+}
+
+std::size_t contact_count(const World& world) { return world.contacts().size(); }
+
+ContactRecord read_contact(const World& world, std::size_t index) {
+  const Contact& contact = world.contacts().at(index);
+  ContactRecord record{contact.block, contact.link, {}, {}, contact.force};
+  write(contact.point, record.point.data());
+  write(contact.normal, record.normal.data());
+  return record;
+}
+
+bool read_attached(const World& world, Out pose) {
+  if (!world.attached()) return false;
+  write(world.attached()->link_from_block, pose.data());
+  return true;
+}
+
+void read_link(const World& world, std::size_t link, Out pose) { write(world.link_pose(link), pose.data()); }
+
+void attach_block(World& world, std::size_t block, std::size_t link) { world.attach(block, link); }
+
+void release_block(World& world) { world.release(); }
+
+std::size_t arm_body_count(const World& world) { return world.arm_body_count(); }
+
+std::uint64_t solver_complaints(const World& world) { return world.solver_complaints(); }
+
+}  // namespace proact::dynamics

@@ -1,0 +1,88 @@
+//! Signatures only. Everything that can throw returns `Result`.
+//!
+//! Flat numbers: a pose is `[x, y, z, qx, qy, qz, qw]`; a shape is its kind and three sizes.
+
+#[cxx::bridge(namespace = "proact::dynamics")]
+pub(crate) mod ffi {
+    /// A contact as `World` reports it.
+    #[derive(Clone, Copy)]
+    struct ContactRecord {
+        block: usize,
+        link: usize,
+        point: [f64; 3],
+        normal: [f64; 3],
+        force: f64,
+    }
+
+    /// The settings of `Options`.
+    struct Settings {
+        gravity: [f64; 3],
+        /// Zero: the direct solver.
+        iterations: u32,
+        seed: u64,
+        position_gain: f64,
+        hold_still_hand: bool,
+        sleep: bool,
+        base_speed: f64,
+        base_turn_speed: f64,
+    }
+
+    unsafe extern "C++" {
+        include!("proact-dynamics/src/adapter.hpp");
+
+        type Model;
+        type World;
+
+        fn new_model(settings: &Settings, world_from_base: &[f64]) -> UniquePtr<Model>;
+        fn add_link(model: Pin<&mut Model>, name: &str, mass: f64, inertial: &[f64], inertia: &[f64]);
+        fn add_collision(model: Pin<&mut Model>, kind: u8, size: &[f64], pose: &[f64]) -> Result<()>;
+        /// `numbers`: lower, upper, velocity, effort, damping, friction.
+        fn add_joint(
+            model: Pin<&mut Model>,
+            name: &str,
+            fixed: bool,
+            parent: usize,
+            origin: &[f64],
+            axis: &[f64],
+            numbers: &[f64],
+        );
+        fn set_moving(model: Pin<&mut Model>, joints: &[usize], arm_count: usize, positions: &[f64]);
+        fn add_fixed(
+            model: Pin<&mut Model>,
+            name: &str,
+            kind: u8,
+            size: &[f64],
+            pose: &[f64],
+            friction: f64,
+        ) -> Result<()>;
+        /// `numbers`: mass, friction, finger friction.
+        fn add_block(
+            model: Pin<&mut Model>,
+            name: &str,
+            kind: u8,
+            size: &[f64],
+            pose: &[f64],
+            numbers: &[f64],
+        ) -> Result<()>;
+        fn new_world(model: &Model) -> Result<UniquePtr<World>>;
+
+        fn step_world(
+            world: Pin<&mut World>,
+            position: &[f64],
+            velocity: &[f64],
+            world_from_base: &[f64],
+        ) -> Result<()>;
+        fn read_joints(world: &World, position: &mut [f64], velocity: &mut [f64], effort: &mut [f64]);
+        /// 13 numbers: pose, linear and angular velocity.
+        fn read_block(world: &World, block: usize, out: &mut [f64]) -> Result<()>;
+        fn contact_count(world: &World) -> usize;
+        fn read_contact(world: &World, index: usize) -> Result<ContactRecord>;
+        /// True if a block is attached; then `pose` is `link_from_block`.
+        fn read_attached(world: &World, pose: &mut [f64]) -> bool;
+        fn read_link(world: &World, link: usize, pose: &mut [f64]) -> Result<()>;
+        fn attach_block(world: Pin<&mut World>, block: usize, link: usize) -> Result<()>;
+        fn release_block(world: Pin<&mut World>) -> Result<()>;
+        fn arm_body_count(world: &World) -> usize;
+        fn solver_complaints(world: &World) -> u64;
+    }
+}

@@ -1,0 +1,331 @@
+use crate::bridge::ffi;
+use arrayvec::ArrayVec;
+use proact_testbed::ports::{Plant, PlantError};
+use proact_types::{
+    ArmModel, BodyState, Contact, JointKind, PlantCommand, PlantState, Point, Pose, Scene, Shape, Vector,
+    joints, zeros,
+};
+
+/// How the equations of a tick are solved.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Solver {
+    /// `dWorldStep`: exact, cost grows with the cube of the constraints in one island.
+    #[default]
+    Direct,
+    /// `dWorldQuickStep`: approximate. Its random generator belongs to the process, so the plants of a process
+    /// take turns, each with its own seed.
+    Iterative {
+        /// Sweeps a tick, above zero.
+        iterations: u32,
+        /// Of the order in which constraints are visited.
+        seed: u32,
+    },
+}
+
+/// Settings of the physics.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DynamicsOptions {
+    /// m/s^2, world axes.
+    pub gravity: Vector,
+    /// The solver.
+    pub solver: Solver,
+    /// Share of a joint's angle error that the position control takes away in a second, 1/s, at most 1000.
+    pub position_gain: f64,
+    /// Hand joints whose command has stood still and been reached for 50 ms become rigid until it changes.
+    pub hold_still_hand: bool,
+    /// Blocks at rest cost nothing until something touches them.
+    pub sleep: bool,
+    /// A base that moves faster than this between two ticks is an error, m/s.
+    pub base_speed_limit: f64,
+    /// The same for its turning, rad/s.
+    pub base_turn_speed_limit: f64,
+}
+
+impl Default for DynamicsOptions {
+    fn default() -> Self {
+        Self {
+            gravity: Vector::new(0.0, 0.0, -9.80665),
+            solver: Solver::Direct,
+            position_gain: 200.0,
+            hold_still_hand: true,
+            sleep: true,
+            base_speed_limit: 5.0,
+            base_turn_speed_limit: 20.0,
+        }
+    }
+}
+
+/// Arm, box and blocks in ODE.
+///
+/// Determinism: see the crate. Frames and units: those of [`PlantState`].
+pub struct OdePlant {
+    world: cxx::UniquePtr<ffi::World>,
+    state: PlantState,
+    joint_count: usize,
+    /// Block and link of the attachment; the pose comes from the world.
+    held: Option<(usize, usize)>,
+}
+
+impl OdePlant {
+    /// A plant at rest: moving joints at `initial_positions` (rad, the model's order), base at
+    /// `world_from_base`, blocks as the scene says.
+    ///
+    /// # Errors
+    /// [`PlantError::WrongLength`] and [`PlantError::NotFinite`] for the arguments;
+    /// [`PlantError::Model`] for what cannot be simulated, such as a moving link without mass, a joint that
+    /// starts outside its limits or a block that starts inside something.
+    pub fn new(
+        model: &ArmModel,
+        scene: &Scene,
+        initial_positions: &[f64],
+        world_from_base: &Pose,
+        options: DynamicsOptions,
+    ) -> Result<Self, PlantError> {
+        let joint_count = model.moving_count();
+        check_joints("initial position", initial_positions, joint_count)?;
+        check_pose(world_from_base)?;
+        if matches!(options.solver, Solver::Iterative { iterations: 0, .. }) {
+            return Err(PlantError::Model("0 solver iterations, expected at least 1".to_owned()));
+        }
+        let mut blocks = ArrayVec::new();
+        if scene.blocks.len() > blocks.capacity() {
+            return Err(PlantError::Model(format!(
+                "{} blocks, at most {} are supported",
+                scene.blocks.len(),
+                blocks.capacity()
+            )));
+        }
+        blocks.extend(scene.blocks.iter().map(|block| at_rest(block.pose)));
+
+        let described = describe(model, scene, initial_positions, world_from_base, &options)?;
+        let described = described.as_ref().ok_or_else(|| PlantError::Library("no memory".to_owned()))?;
+        let world = ffi::new_world(described).map_err(|error| PlantError::Model(error.what().to_owned()))?;
+        let mut plant = Self {
+            world,
+            state: PlantState {
+                position: joints(initial_positions),
+                velocity: zeros(joint_count),
+                effort: zeros(joint_count),
+                world_from_base: *world_from_base,
+                blocks,
+                attached: None,
+                contacts: ArrayVec::new(),
+            },
+            joint_count,
+            held: None,
+        };
+        plant.read_state(world_from_base)?;
+        Ok(plant)
+    }
+
+    /// `world_from_link` of link `link` (an index in `ArmModel::links`), as ODE's bodies stand.
+    ///
+    /// # Errors
+    /// [`PlantError::Library`] if there is no such link.
+    pub fn link_pose(&self, link: usize) -> Result<Pose, PlantError> {
+        let mut numbers = [0.0; 7];
+        ffi::read_link(&self.world, link, &mut numbers).map_err(library)?;
+        Ok(to_pose(&numbers))
+    }
+
+    /// Bodies that the arm consists of at present, the base included: fewer while hand joints are rigid.
+    pub fn arm_body_count(&self) -> usize {
+        ffi::arm_body_count(&self.world)
+    }
+
+    /// Complaints of ODE's solver since the start, such as a contact problem solved inexactly.
+    pub fn solver_complaints(&self) -> u64 {
+        ffi::solver_complaints(&self.world)
+    }
+
+    fn read_state(&mut self, world_from_base: &Pose) -> Result<(), PlantError> {
+        let state = &mut self.state;
+        ffi::read_joints(&self.world, &mut state.position, &mut state.velocity, &mut state.effort);
+        state.world_from_base = *world_from_base;
+        for (index, block) in state.blocks.iter_mut().enumerate() {
+            let mut numbers = [0.0; 13];
+            ffi::read_block(&self.world, index, &mut numbers).map_err(library)?;
+            *block = BodyState {
+                pose: to_pose(&numbers),
+                linear: Vector::new(numbers[7], numbers[8], numbers[9]),
+                angular: Vector::new(numbers[10], numbers[11], numbers[12]),
+            };
+        }
+        state.contacts.clear();
+        for index in 0..ffi::contact_count(&self.world).min(state.contacts.capacity()) {
+            let contact = ffi::read_contact(&self.world, index).map_err(library)?;
+            state.contacts.push(Contact {
+                block: contact.block,
+                link: contact.link,
+                point: Point::from(contact.point),
+                normal: Vector::from(contact.normal),
+                force: contact.force,
+            });
+        }
+        self.read_attached();
+        Ok(())
+    }
+
+    fn read_attached(&mut self) {
+        let mut numbers = [0.0; 7];
+        let attached = ffi::read_attached(&self.world, &mut numbers);
+        self.state.attached = self.held.filter(|_| attached).map(|(block, _)| (block, to_pose(&numbers)));
+    }
+}
+
+impl Plant for OdePlant {
+    fn step(&mut self, command: &PlantCommand) -> Result<(), PlantError> {
+        check_joints("position", &command.position, self.joint_count)?;
+        check_joints("velocity", &command.velocity, self.joint_count)?;
+        check_pose(&command.world_from_base)?;
+        let base = from_pose(&command.world_from_base);
+        ffi::step_world(self.world.pin_mut(), &command.position, &command.velocity, &base)
+            .map_err(library)?;
+        self.read_state(&command.world_from_base)
+    }
+
+    fn state(&self) -> &PlantState {
+        &self.state
+    }
+
+    fn attach(&mut self, block: usize, link: usize) -> Result<(), PlantError> {
+        ffi::attach_block(self.world.pin_mut(), block, link).map_err(library)?;
+        self.held = Some((block, link));
+        self.read_attached();
+        Ok(())
+    }
+
+    fn release(&mut self) {
+        // The core can only fail here after a failed step, and then nothing is simulated any more.
+        if ffi::release_block(self.world.pin_mut()).is_ok() {
+            self.held = None;
+            self.state.attached = None;
+        }
+    }
+}
+
+fn library(error: cxx::Exception) -> PlantError {
+    PlantError::Library(error.what().to_owned())
+}
+
+fn check_joints(what: &'static str, values: &[f64], expected: usize) -> Result<(), PlantError> {
+    if values.len() != expected {
+        return Err(PlantError::WrongLength { what, got: values.len(), expected });
+    }
+    check_finite(what, values)
+}
+
+fn check_finite(what: &'static str, values: &[f64]) -> Result<(), PlantError> {
+    match values.iter().position(|value| !value.is_finite()) {
+        Some(index) => Err(PlantError::NotFinite { what, index, value: values[index] }),
+        None => Ok(()),
+    }
+}
+
+fn check_pose(pose: &Pose) -> Result<(), PlantError> {
+    check_finite("base pose value", &from_pose(pose))
+}
+
+fn at_rest(pose: Pose) -> BodyState {
+    BodyState { pose, linear: Vector::zeros(), angular: Vector::zeros() }
+}
+
+fn from_pose(pose: &Pose) -> [f64; 7] {
+    let (p, q) = (&pose.translation, &pose.rotation);
+    [p.x, p.y, p.z, q.i, q.j, q.k, q.w]
+}
+
+/// ODE keeps its quaternions normalized; normalizing again would change the last bit.
+fn to_pose(n: &[f64]) -> Pose {
+    let rotation = nalgebra::Quaternion::new(n[6], n[3], n[4], n[5]);
+    Pose::from_parts(
+        nalgebra::Translation3::new(n[0], n[1], n[2]),
+        nalgebra::UnitQuaternion::new_unchecked(rotation),
+    )
+}
+
+fn from_shape(shape: &Shape) -> (u8, [f64; 3]) {
+    match *shape {
+        Shape::Box { size } => (0, size),
+        Shape::Sphere { radius } => (1, [radius, 0.0, 0.0]),
+        Shape::Cylinder { radius, length } => (2, [radius, length, 0.0]),
+        Shape::Capsule { radius, length } => (3, [radius, length, 0.0]),
+    }
+}
+
+/// Hands model, scene and settings to the core, which checks them when the world is made.
+fn describe(
+    model: &ArmModel,
+    scene: &Scene,
+    initial_positions: &[f64],
+    world_from_base: &Pose,
+    options: &DynamicsOptions,
+) -> Result<cxx::UniquePtr<ffi::Model>, PlantError> {
+    let (iterations, seed) = match options.solver {
+        Solver::Direct => (0, 0),
+        Solver::Iterative { iterations, seed } => (iterations, seed),
+    };
+    let settings = ffi::Settings {
+        gravity: options.gravity.into(),
+        iterations,
+        seed: seed.into(),
+        position_gain: options.position_gain,
+        hold_still_hand: options.hold_still_hand,
+        sleep: options.sleep,
+        base_speed: options.base_speed_limit,
+        base_turn_speed: options.base_turn_speed_limit,
+    };
+    let mut described = ffi::new_model(&settings, &from_pose(world_from_base));
+    for link in &model.links {
+        let (mass, pose, inertia) = match &link.inertial {
+            Some(inertial) if inertial.mass > 0.0 => (inertial.mass, inertial.pose, inertial.inertia),
+            // Zero would mean a frame without mass, which is not what the description says.
+            Some(inertial) => {
+                return Err(PlantError::Model(format!(
+                    "link {:?}: mass is {} kg, expected above 0",
+                    link.name, inertial.mass
+                )));
+            }
+            None => (0.0, Pose::identity(), [0.0; 6]),
+        };
+        ffi::add_link(described.pin_mut(), &link.name, mass, &from_pose(&pose), &inertia);
+        for collision in &link.collisions {
+            let (kind, size) = from_shape(&collision.shape);
+            ffi::add_collision(described.pin_mut(), kind, &size, &from_pose(&collision.pose))
+                .map_err(library)?;
+        }
+    }
+    for (index, joint) in model.joints.iter().enumerate() {
+        if joint.child != index + 1 {
+            return Err(PlantError::Model(format!(
+                "joint {:?} moves link {}, expected {}: joints must be sorted by child",
+                joint.name,
+                joint.child,
+                index + 1
+            )));
+        }
+        let limits = &joint.limits;
+        let numbers =
+            [limits.lower, limits.upper, limits.velocity, limits.effort, joint.damping, joint.friction];
+        let fixed = joint.kind == JointKind::Fixed;
+        let axis: [f64; 3] = joint.axis.into();
+        let origin = from_pose(&joint.origin);
+        ffi::add_joint(described.pin_mut(), &joint.name, fixed, joint.parent, &origin, &axis, &numbers);
+    }
+    let moving: Vec<usize> = model.moving().collect();
+    ffi::set_moving(described.pin_mut(), &moving, model.arm_count(), initial_positions);
+    for object in &scene.fixed {
+        let (kind, size) = from_shape(&object.shape);
+        let pose = from_pose(&object.pose);
+        ffi::add_fixed(described.pin_mut(), &object.name, kind, &size, &pose, object.friction)
+            .map_err(library)?;
+    }
+    for block in &scene.blocks {
+        let (kind, size) = from_shape(&block.shape);
+        let numbers = [block.mass, block.friction, block.friction_finger];
+        let pose = from_pose(&block.pose);
+        ffi::add_block(described.pin_mut(), block.id.name(), kind, &size, &pose, &numbers)
+            .map_err(library)?;
+    }
+    Ok(described)
+}
