@@ -43,7 +43,7 @@ enum RecordRef<'a> {
 /// Every record but the first.
 #[derive(Deserialize)]
 enum Record {
-    Tick(SimTime, TickInput),
+    Tick(SimTime, Box<TickInput>),
     End(LogEnd),
 }
 
@@ -211,7 +211,7 @@ impl InputLog {
                 }
                 self.last = Some(tick);
                 self.records += 1;
-                Ok(Some(InputRecord { offset, tick, input }))
+                Ok(Some(InputRecord { offset, tick, input: *input }))
             }
             Record::End(end) => {
                 if end.records != self.records {

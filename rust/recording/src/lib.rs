@@ -34,11 +34,13 @@
 #![allow(clippy::disallowed_methods)]
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+pub mod bag;
 mod checked_lines;
 mod error;
 mod input_log;
 mod trial;
 
+pub use bag::TrialBag;
 pub use error::RecordingError;
 pub use input_log::{InputLog, InputRecord, LogEnd};
 pub use trial::{FLUSH_TICKS, Trial, TrialHeader, TrialWriter, read_result};
@@ -51,5 +53,7 @@ pub const INPUTS_FILE: &str = "inputs.log";
 pub const DIGESTS_FILE: &str = "digests.log";
 /// Name of the events.
 pub const EVENTS_FILE: &str = "events.jsonl";
+/// Name of the bag.
+pub const BAG_FILE: &str = "trial.bag";
 /// Name of the result.
 pub const RESULT_FILE: &str = "result.json";

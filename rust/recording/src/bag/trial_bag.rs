@@ -1,0 +1,432 @@
+//! A trial as ROS topics, under the original's names.
+//!
+//! | topic | type | when |
+//! |---|---|---|
+//! | `/clock` | `rosgraph_msgs/Clock` | each frame |
+//! | `/tf` | `tf2_msgs/TFMessage` | each frame: `world` to base and blocks; each state: the moving links |
+//! | `/tf_static` | `tf2_msgs/TFMessage` | once, latched: the fixed links |
+//! | `/mpl_right_arm/wrapped_joint_states` | `sensor_msgs/JointState` | each state (50 Hz), joints by alphabet as in the original |
+//! | `/gazebo/model_states` | `gazebo_msgs/ModelStates` | each state: arm and blocks |
+//! | `/mpl_right_arm/base_pose`, `/red_block1_pose_msg` and so on | `geometry_msgs/PoseStamped` | each frame |
+//! | `/hololens_unity_camera_pose_ros` | `geometry_msgs/PoseStamped` | each frame: the head |
+//! | `/current_block` | `std_msgs/String` | each frame with a marked block while the hand is empty |
+//! | `/block_id` | `std_msgs/String` | each frame of a method that infers: the likeliest block |
+//! | `/place_location_selected` | `geometry_msgs/PoseStamped` | each frame with a place marker |
+//! | `/success` | `std_msgs/Bool` | the hand has closed (true) or opened (false) |
+//! | `/gaze_position`, `/gaze_direction`, both also with `_ros` | `geometry_msgs/Vector3Stamped` | each valid gaze sample |
+//! | `/emg` | `std_msgs/String` | each decision |
+//! | `/grasp_event_republisher/grasp_events` | `gazebo_grasp_plugin_ros/GazeboGraspEvent` | block attached, released |
+//! | `/grasp_status`, `/selection_frozen` | `std_msgs/Bool` | attached or released, locked or unlocked |
+//! | `/mpl_right_arm/arm_controller/command` | `trajectory_msgs/JointTrajectory` | each plan that takes effect |
+//! | `/rosout` | `rosgraph_msgs/Log` | start and stop of the trial, and every event as JSON |
+//!
+//! **Frames.** Everything is in `world` and says so in its header. In the original, the poses for the headset
+//! (base, blocks, place marker) and `/gaze_position`, `/gaze_direction` are in the headset's own
+//! `hololens_world_test`, partly with other or empty frame names. There is no headset frame here, so the
+//! `_ros` topics, which the original has in `world`, equal those without.
+//!
+//! **Time.** Stamps are simulated time since the start of the trial plus [`BAG_EPOCH_SECS`]: no clock is read,
+//! so equal trials give equal bags, byte for byte.
+
+use super::{
+    BagWriter,
+    message::{Byte, Duration, Message, Time},
+    messages as ros,
+};
+use crate::RecordingError;
+use nalgebra::{Unit, UnitQuaternion};
+use proact_types::{
+    ArmModel, BlockId, DisplayFrame, Event, EventKind, GazeSample, Gesture, HandState, Joint, JointKind,
+    PlanReply, PlantState, Pose, SimTime,
+};
+use std::{
+    f64::consts::{PI, TAU},
+    path::{Path, PathBuf},
+};
+
+/// Seconds on the bag's clock at the start of a trial.
+///
+/// ROS time must be above zero to count as set, and tools subtract durations from it (tf buffers 10 s), so it
+/// starts well above.
+pub const BAG_EPOCH_SECS: u32 = 1000;
+
+const WORLD: &str = "world";
+/// Name of the arm's model in the original's Gazebo world.
+const ARM_MODEL: &str = "mpl_right_arm";
+/// `rosgraph_msgs/Log.INFO`.
+const INFO: Byte = Byte(2);
+const BLOCK_POSE_TOPICS: [&str; 4] =
+    ["/red_block1_pose_msg", "/red_block2_pose_msg", "/blue_block1_pose_msg", "/blue_block2_pose_msg"];
+
+/// Writes `trial.bag` while the trial runs. Until [`TrialBag::finish`] it is called `trial.bag.active`.
+#[derive(Debug)]
+pub struct TrialBag {
+    bag: BagWriter,
+    base_link: String,
+    /// Moving joints as the state orders them: joint, names of its parent and child links.
+    moving: Vec<(Joint, String, String)>,
+    /// Positions in `moving`, by the joints' names.
+    alphabetical: Vec<usize>,
+    /// Names of the arm joints, base to tip.
+    arm_joints: Vec<String>,
+    hand: Option<HandState>,
+}
+
+impl TrialBag {
+    /// Starts `dir/trial.bag` with the start mark and the fixed links of `arm`.
+    ///
+    /// # Errors
+    /// [`RecordingError::Io`] if there is one already or it cannot be written.
+    pub fn create(dir: &Path, arm: &ArmModel) -> Result<Self, RecordingError> {
+        let link = |index: usize| arm.links[index].name.clone();
+        let named = |j: &Joint| (j.clone(), link(j.parent), link(j.child));
+        let moving: Vec<_> = arm.moving().map(|index| named(&arm.joints[index])).collect();
+        let mut alphabetical: Vec<usize> = (0..moving.len()).collect();
+        alphabetical.sort_by(|a, b| moving[*a].0.name.cmp(&moving[*b].0.name));
+        let mut bag = TrialBag {
+            bag: BagWriter::create(&dir.join(crate::BAG_FILE))?,
+            base_link: arm.links.first().map(|l| l.name.clone()).unwrap_or_default(),
+            moving,
+            alphabetical,
+            arm_joints: arm.arm.iter().map(|index| arm.joints[*index].name.clone()).collect(),
+            hand: None,
+        };
+        let start = SimTime(0);
+        bag.write_log(start, "start-stop", "Start".to_owned())?;
+        let transforms = arm
+            .joints
+            .iter()
+            .filter(|j| j.kind == JointKind::Fixed)
+            .map(|j| transform(start, &link(j.parent), &link(j.child), &j.origin))
+            .collect();
+        bag.bag.write("/tf_static", bag_time(start), &ros::TfMessage { transforms }, true)?;
+        Ok(bag)
+    }
+
+    /// Records what was drawn. Call it for each frame, 60 times a second.
+    ///
+    /// The frame's events are not recorded here but by [`TrialBag::write_event`], its gaze by
+    /// [`TrialBag::write_gaze`], its joints, with their speeds, by [`TrialBag::write_state`].
+    ///
+    /// # Errors
+    /// [`RecordingError::WrongLength`] or [`RecordingError::NotFinite`] if the frame is malformed, and nothing of it is then recorded;
+    /// [`RecordingError::Io`].
+    pub fn write_frame(&mut self, frame: &DisplayFrame) -> Result<(), RecordingError> {
+        let time = frame.time;
+        check_length("block poses of a frame", frame.blocks.len(), BlockId::ALL.len())?;
+        for pose in [&frame.world_from_base, &frame.world_from_head].into_iter().chain(&frame.blocks) {
+            check_finite("a pose of a frame", time, pose_values(pose))?;
+        }
+        if let Some(place) = &frame.target.place {
+            check_finite("the place marker of a frame", time, place.iter().copied())?;
+        }
+
+        self.write("/clock", time, &ros::Clock { clock: bag_time(time) })?;
+        let blocks = BlockId::ALL.iter().zip(&frame.blocks);
+        let transforms = std::iter::once((self.base_link.as_str(), &frame.world_from_base))
+            .chain(blocks.map(|(id, pose)| (id.ros_name(), pose)))
+            .map(|(child, pose)| transform(time, WORLD, child, pose))
+            .collect();
+        self.write("/tf", time, &ros::TfMessage { transforms })?;
+        self.write_pose("/mpl_right_arm/base_pose", time, &frame.world_from_base)?;
+        for (topic, pose) in BLOCK_POSE_TOPICS.iter().zip(&frame.blocks) {
+            self.write_pose(topic, time, pose)?;
+        }
+        self.write_pose("/hololens_unity_camera_pose_ros", time, &frame.world_from_head)?;
+        self.write_selection(frame)?;
+        self.write_hand(time, frame.hand.state)
+    }
+
+    /// Records joints, links and models. Call it 50 times a second, as the original's topics run.
+    ///
+    /// Positions are wrapped to (-pi, pi] in the joint states, as in the original; velocities and efforts are
+    /// those of the simulation. The base is kinematic and has the twist zero in `/gazebo/model_states`.
+    ///
+    /// # Errors
+    /// [`RecordingError::WrongLength`] or [`RecordingError::NotFinite`] if the state is malformed, and nothing of it is then recorded;
+    /// [`RecordingError::Io`].
+    pub fn write_state(&mut self, time: SimTime, state: &PlantState) -> Result<(), RecordingError> {
+        for (what, values) in [
+            ("joint positions of a state", &state.position),
+            ("joint velocities of a state", &state.velocity),
+            ("joint efforts of a state", &state.effort),
+        ] {
+            check_length(what, values.len(), self.moving.len())?;
+            check_finite(what, time, values.iter().copied())?;
+        }
+        check_length("blocks of a state", state.blocks.len(), BlockId::ALL.len())?;
+        check_finite("the base pose of a state", time, pose_values(&state.world_from_base))?;
+        for body in &state.blocks {
+            let twist = body.linear.iter().chain(&body.angular).copied();
+            check_finite("a block of a state", time, pose_values(&body.pose).chain(twist))?;
+        }
+
+        let ordered = |value: &dyn Fn(usize) -> f64| self.alphabetical.iter().map(|k| value(*k)).collect();
+        let joints = ros::JointState {
+            header: header(time, ""),
+            name: self.alphabetical.iter().map(|k| self.moving[*k].0.name.clone()).collect(),
+            position: ordered(&|k| wrap(state.position[k])),
+            velocity: ordered(&|k| state.velocity[k]),
+            effort: ordered(&|k| state.effort[k]),
+        };
+        let transforms = self
+            .moving
+            .iter()
+            .zip(&state.position)
+            .map(|((joint, parent, child), angle)| {
+                let turn = UnitQuaternion::from_axis_angle(&Unit::new_normalize(joint.axis), *angle);
+                transform(time, parent, child, &(joint.origin * turn))
+            })
+            .collect();
+        let mut models = ros::ModelStates {
+            name: vec![ARM_MODEL.to_owned()],
+            pose: vec![(&state.world_from_base).into()],
+            twist: vec![ros::Twist::default()],
+        };
+        for (id, body) in BlockId::ALL.iter().zip(&state.blocks) {
+            models.name.push(id.ros_name().to_owned());
+            models.pose.push((&body.pose).into());
+            models.twist.push(ros::Twist { linear: body.linear.into(), angular: body.angular.into() });
+        }
+        self.write("/mpl_right_arm/wrapped_joint_states", time, &joints)?;
+        self.write("/tf", time, &ros::TfMessage { transforms })?;
+        self.write("/gazebo/model_states", time, &models)
+    }
+
+    /// Records a gaze sample. The original's messages have no sign for a lost eye, so a sample that is not
+    /// valid is left out. The direction is recorded with length one.
+    ///
+    /// # Errors
+    /// [`RecordingError::NotFinite`] for a valid sample that is none; [`RecordingError::Io`].
+    pub fn write_gaze(&mut self, time: SimTime, gaze: &GazeSample) -> Result<(), RecordingError> {
+        if !gaze.valid {
+            return Ok(());
+        }
+        let direction = gaze.direction.normalize();
+        check_finite("a gaze sample", time, gaze.origin.iter().chain(&direction).copied())?;
+        for (topics, vector) in [
+            (["/gaze_position", "/gaze_position_ros"], gaze.origin.coords),
+            (["/gaze_direction", "/gaze_direction_ros"], direction),
+        ] {
+            for topic in topics {
+                let message = ros::Vector3Stamped { header: header(time, WORLD), vector: vector.into() };
+                self.write(topic, time, &message)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Records the gesture in force. Call it for each decision, changed or not, as the original publishes it.
+    ///
+    /// # Errors
+    /// [`RecordingError::Io`].
+    pub fn write_emg(&mut self, time: SimTime, gesture: Gesture) -> Result<(), RecordingError> {
+        self.write("/emg", time, &ros::Text { data: gesture.ros_name().to_owned() })
+    }
+
+    /// Records a plan that took effect; one without a trajectory leaves nothing but its event.
+    ///
+    /// # Errors
+    /// [`RecordingError::WrongLength`] or [`RecordingError::NotFinite`] if the trajectory is malformed; [`RecordingError::Io`].
+    pub fn write_plan(&mut self, time: SimTime, reply: &PlanReply) -> Result<(), RecordingError> {
+        if reply.trajectory.points.is_empty() {
+            return Ok(());
+        }
+        let mut points = Vec::new();
+        for point in &reply.trajectory.points {
+            for (what, values) in [("angles of a plan", &point.q), ("speeds of a plan", &point.qd)] {
+                check_length(what, values.len(), self.arm_joints.len())?;
+                check_finite(what, time, values.iter().copied())?;
+            }
+            check_finite("a time of a plan", time, [point.time_secs])?;
+            points.push(ros::JointTrajectoryPoint {
+                positions: point.q.to_vec(),
+                velocities: point.qd.to_vec(),
+                time_from_start: duration(point.time_secs),
+                ..Default::default()
+            });
+        }
+        let joint_names = self.arm_joints.clone();
+        // In the original this header names the base, although joint angles have no frame.
+        let header = header(time, &self.base_link);
+        let message = ros::JointTrajectory { header, joint_names, points };
+        self.write("/mpl_right_arm/arm_controller/command", time, &message)
+    }
+
+    /// Records an event: on its own topic if the original has one, and always on `/rosout`.
+    ///
+    /// # Errors
+    /// [`RecordingError::Io`].
+    pub fn write_event(&mut self, event: &Event) -> Result<(), RecordingError> {
+        let time = event.time;
+        match &event.kind {
+            EventKind::BlockAttached { block } => self.write_grasp(time, *block, true)?,
+            EventKind::BlockReleased { block } => self.write_grasp(time, *block, false)?,
+            EventKind::Locked { .. } => {
+                self.write("/selection_frozen", time, &ros::Bool { data: true })?;
+            }
+            EventKind::Unlocked => self.write("/selection_frozen", time, &ros::Bool { data: false })?,
+            _ => {}
+        }
+        let json = serde_json::to_string(&event.kind).map_err(RecordingError::encode("an event"))?;
+        self.write_log(time, "proact", json)
+    }
+
+    /// Records a message on a topic of the caller's choice. A topic carries one type.
+    ///
+    /// # Errors
+    /// [`RecordingError::WrongType`]; [`RecordingError::Io`].
+    pub fn write<M: Message>(
+        &mut self,
+        topic: &str,
+        time: SimTime,
+        message: &M,
+    ) -> Result<(), RecordingError> {
+        self.bag.write(topic, bag_time(time), message, false)
+    }
+
+    /// Writes the stop mark, completes the bag and gives it its name.
+    ///
+    /// # Errors
+    /// [`RecordingError::Io`]; the file then keeps its `.active` name.
+    pub fn finish(mut self, end: SimTime) -> Result<PathBuf, RecordingError> {
+        self.write_log(end, "start-stop", "Stop".to_owned())?;
+        self.bag.finish()
+    }
+
+    fn write_pose(&mut self, topic: &str, time: SimTime, pose: &Pose) -> Result<(), RecordingError> {
+        self.write(topic, time, &ros::PoseStamped { header: header(time, WORLD), pose: pose.into() })
+    }
+
+    fn write_selection(&mut self, frame: &DisplayFrame) -> Result<(), RecordingError> {
+        let name = |id: BlockId| ros::Text { data: id.ros_name().to_owned() };
+        if let Some(block) = frame.target.block.filter(|_| frame.hand.holds.is_none()) {
+            self.write("/current_block", frame.time, &name(block))?;
+        }
+        // The first of equals, so that the choice does not depend on how a maximum is searched.
+        let likeliest = BlockId::ALL
+            .into_iter()
+            .zip(&frame.target.posterior)
+            .reduce(|best, next| if next.1 > best.1 { next } else { best });
+        if let Some((block, _)) = likeliest {
+            self.write("/block_id", frame.time, &name(block))?;
+        }
+        match frame.target.place {
+            Some(place) => {
+                let pose = Pose::translation(place.x, place.y, place.z);
+                self.write_pose("/place_location_selected", frame.time, &pose)
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// In the original the hand's commands report on `/success`: closed true, opened false.
+    fn write_hand(&mut self, time: SimTime, state: HandState) -> Result<(), RecordingError> {
+        let before = self.hand.replace(state);
+        match state {
+            _ if before.is_none_or(|b| b == state) => Ok(()),
+            HandState::Closed => self.write("/success", time, &ros::Bool { data: true }),
+            HandState::Open => self.write("/success", time, &ros::Bool { data: false }),
+            HandState::Closing | HandState::Opening => Ok(()),
+        }
+    }
+
+    fn write_grasp(&mut self, time: SimTime, block: BlockId, attached: bool) -> Result<(), RecordingError> {
+        let event = ros::GazeboGraspEvent {
+            arm: ARM_MODEL.to_owned(),
+            object: format!("{}::link::collision", block.ros_name()),
+            attached,
+        };
+        self.write("/grasp_event_republisher/grasp_events", time, &event)?;
+        self.write("/grasp_status", time, &ros::Bool { data: attached })
+    }
+
+    fn write_log(&mut self, time: SimTime, name: &str, msg: String) -> Result<(), RecordingError> {
+        let message = ros::Log {
+            header: header(time, ""),
+            level: INFO,
+            name: name.to_owned(),
+            msg,
+            function: "N/A".to_owned(),
+            ..Default::default()
+        };
+        self.write("/rosout", time, &message)
+    }
+}
+
+/// The bag's clock at a tick.
+fn bag_time(time: SimTime) -> Time {
+    let secs = u64::from(BAG_EPOCH_SECS) + time.0 / 1000;
+    // A trial of 136 years would end at the last second that ROS can tell.
+    Time { secs: u32::try_from(secs).unwrap_or(u32::MAX), nsecs: (time.0 % 1000) as u32 * 1_000_000 }
+}
+
+/// Seconds as ROS's duration, to the nearest nanosecond.
+fn duration(secs: f64) -> Duration {
+    let nanos = (secs * 1e9).round() as i64;
+    Duration { secs: (nanos / 1_000_000_000) as i32, nsecs: (nanos % 1_000_000_000) as i32 }
+}
+
+fn header(time: SimTime, frame: &str) -> ros::Header {
+    ros::Header { seq: 0, stamp: bag_time(time), frame_id: frame.to_owned() }
+}
+
+fn transform(time: SimTime, parent: &str, child: &str, parent_from_child: &Pose) -> ros::TransformStamped {
+    ros::TransformStamped {
+        header: header(time, parent),
+        child_frame_id: child.to_owned(),
+        transform: parent_from_child.into(),
+    }
+}
+
+/// The equal angle in (-pi, pi]; one that is there already is returned to the bit.
+fn wrap(angle: f64) -> f64 {
+    angle - TAU * ((angle - PI) / TAU).ceil()
+}
+
+fn pose_values(pose: &Pose) -> impl Iterator<Item = f64> + '_ {
+    pose.translation.vector.iter().chain(pose.rotation.coords.iter()).copied()
+}
+
+fn check_length(what: &'static str, got: usize, expected: usize) -> Result<(), RecordingError> {
+    if got == expected { Ok(()) } else { Err(RecordingError::WrongLength { what, got, expected }) }
+}
+
+fn check_finite(
+    what: &'static str,
+    time: SimTime,
+    values: impl IntoIterator<Item = f64>,
+) -> Result<(), RecordingError> {
+    match values.into_iter().find(|v| !v.is_finite()) {
+        Some(value) => Err(RecordingError::NotFinite { what, value, time }),
+        None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn angles_wrap_into_the_half_open_circle() {
+        for angle in [0.0, -0.0, 1.3, PI, -3.1] {
+            assert_eq!(wrap(angle), angle);
+        }
+        assert_eq!(wrap(-PI), PI);
+        for turns in [-3.0, -1.0, 1.0, 2.0] {
+            assert!((wrap(0.7 + turns * TAU) - 0.7).abs() < 1e-14);
+        }
+    }
+
+    #[test]
+    fn the_bag_clock_starts_at_its_epoch_and_counts_milliseconds() {
+        assert_eq!(bag_time(SimTime(0)), Time { secs: 1000, nsecs: 0 });
+        assert_eq!(bag_time(SimTime(61_007)), Time { secs: 1061, nsecs: 7_000_000 });
+    }
+
+    #[test]
+    fn durations_are_nearest_nanoseconds() {
+        assert_eq!(duration(0.1 + 0.2), Duration { secs: 0, nsecs: 300_000_000 });
+        assert_eq!(duration(2.999_999_999_9), Duration { secs: 3, nsecs: 0 });
+    }
+}

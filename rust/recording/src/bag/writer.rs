@@ -1,0 +1,288 @@
+use super::message::{Field, Message, Time};
+use crate::RecordingError;
+use std::{
+    collections::BTreeMap,
+    fs::{self, File},
+    io::{Seek, SeekFrom, Write},
+    path::{Path, PathBuf},
+};
+
+// Record kinds and sizes: ROS wiki, Bags/Format/2.0.
+const VERSION_LINE: &[u8] = b"#ROSBAG V2.0\n";
+const OP_MESSAGE: u8 = 0x02;
+const OP_BAG_HEADER: u8 = 0x03;
+const OP_INDEX: u8 = 0x04;
+const OP_CHUNK: u8 = 0x05;
+const OP_CHUNK_INFO: u8 = 0x06;
+const OP_CONNECTION: u8 = 0x07;
+/// The bag header is padded to this size, so that it can be written again in place at the end.
+const BAG_HEADER_BYTES: usize = 4096;
+/// A chunk is closed when it has grown to this size: rosbag's default, and the bound on memory.
+const CHUNK_BYTES: usize = 768 * 1024;
+
+/// One topic of the bag.
+#[derive(Debug)]
+struct Connection {
+    /// The record, which is repeated in the index section.
+    record: Vec<u8>,
+    type_name: &'static str,
+    /// Time and offset of each message in the open chunk.
+    index: Vec<(Time, u32)>,
+}
+
+/// What the index section says of a chunk.
+#[derive(Debug)]
+struct ChunkInfo {
+    position: u64,
+    start: Time,
+    end: Time,
+    /// Connection and number of its messages.
+    counts: Vec<(u32, u32)>,
+}
+
+/// Writes a ROS 1 bag, format 2.0, chunks not compressed.
+///
+/// Until [`BagWriter::finish`] the file has `.active` after its name, as with `rosbag record`. If the process
+/// ends before, `rosbag reindex` recovers all chunks that were complete. Memory: one chunk, plus some bytes for
+/// each chunk written.
+#[derive(Debug)]
+pub struct BagWriter {
+    file: File,
+    path: PathBuf,
+    active: PathBuf,
+    position: u64,
+    chunk: Vec<u8>,
+    connections: Vec<Connection>,
+    by_topic: BTreeMap<String, usize>,
+    chunks: Vec<ChunkInfo>,
+}
+
+impl BagWriter {
+    /// Starts the bag `path`, under the name `path.active`.
+    ///
+    /// # Errors
+    /// [`RecordingError::Io`] if one of the two names is taken or cannot be written.
+    pub fn create(path: &Path) -> Result<Self, RecordingError> {
+        let mut active = path.as_os_str().to_owned();
+        active.push(".active");
+        let active = PathBuf::from(active);
+        if path.exists() {
+            let taken = std::io::ErrorKind::AlreadyExists.into();
+            return Err(RecordingError::io("create", path)(taken));
+        }
+        let file = File::create_new(&active).map_err(RecordingError::io("create", &active))?;
+        let mut bag = BagWriter {
+            file,
+            path: path.to_owned(),
+            active,
+            position: 0,
+            chunk: Vec::new(),
+            connections: Vec::new(),
+            by_topic: BTreeMap::new(),
+            chunks: Vec::new(),
+        };
+        bag.put(VERSION_LINE)?;
+        bag.put(&bag_header(0, 0, 0))?;
+        Ok(bag)
+    }
+
+    /// Appends a message. A topic is declared by its first message; `latched` is then noted with it.
+    ///
+    /// Times need not ascend, but readers are quickest when they do.
+    ///
+    /// # Errors
+    /// [`RecordingError::WrongType`] if the topic carries another type; [`RecordingError::Io`].
+    pub fn write<M: Message>(
+        &mut self,
+        topic: &str,
+        time: Time,
+        message: &M,
+        latched: bool,
+    ) -> Result<(), RecordingError> {
+        let id = match self.by_topic.get(topic) {
+            Some(id) => *id,
+            None => self.connect::<M>(topic, latched),
+        };
+        let connection = &mut self.connections[id];
+        if connection.type_name != M::TYPE {
+            return Err(RecordingError::WrongType {
+                topic: topic.to_owned(),
+                got: M::TYPE,
+                expected: connection.type_name.to_owned(),
+            });
+        }
+        connection.index.push((time, count(self.chunk.len())));
+        let mut data = Vec::new();
+        message.encode(&mut data);
+        let fields = [("op", vec![OP_MESSAGE]), ("conn", bytes_of(&count(id))), ("time", bytes_of(&time))];
+        put_record(&mut self.chunk, &fields, &data);
+        if self.chunk.len() >= CHUNK_BYTES {
+            self.close_chunk()?;
+        }
+        Ok(())
+    }
+
+    /// Completes the bag and gives it its name.
+    ///
+    /// # Errors
+    /// [`RecordingError::Io`]; the file then keeps its `.active` name.
+    pub fn finish(mut self) -> Result<PathBuf, RecordingError> {
+        self.close_chunk()?;
+        let index_position = self.position;
+        let mut index = Vec::new();
+        for connection in &self.connections {
+            index.extend_from_slice(&connection.record);
+        }
+        for chunk in &self.chunks {
+            chunk.put_record(&mut index);
+        }
+        self.put(&index)?;
+        let header = bag_header(index_position, count(self.connections.len()), count(self.chunks.len()));
+        self.file
+            .seek(SeekFrom::Start(VERSION_LINE.len() as u64))
+            .and_then(|_| self.file.write_all(&header))
+            .and_then(|()| self.file.sync_all())
+            .map_err(RecordingError::io("write to", &self.active))?;
+        fs::rename(&self.active, &self.path).map_err(RecordingError::io("create", &self.path))?;
+        Ok(self.path)
+    }
+
+    /// Declares a topic, in the open chunk.
+    fn connect<M: Message>(&mut self, topic: &str, latched: bool) -> usize {
+        let id = self.connections.len();
+        let mut header = Vec::new();
+        put_field(&mut header, "topic", topic.as_bytes());
+        put_field(&mut header, "type", M::TYPE.as_bytes());
+        put_field(&mut header, "md5sum", M::md5_sum().as_bytes());
+        put_field(&mut header, "message_definition", M::definition().as_bytes());
+        put_field(&mut header, "callerid", b"/proact");
+        put_field(&mut header, "latching", if latched { b"1" } else { b"0" });
+        let fields = [
+            ("op", vec![OP_CONNECTION]),
+            ("conn", bytes_of(&count(id))),
+            ("topic", topic.as_bytes().to_vec()),
+        ];
+        let mut record = Vec::new();
+        put_record(&mut record, &fields, &header);
+        self.chunk.extend_from_slice(&record);
+        self.connections.push(Connection { record, type_name: M::TYPE, index: Vec::new() });
+        self.by_topic.insert(topic.to_owned(), id);
+        id
+    }
+
+    /// Writes the open chunk and its index records to the file.
+    fn close_chunk(&mut self) -> Result<(), RecordingError> {
+        let mut index = Vec::new();
+        let mut info = ChunkInfo {
+            position: self.position,
+            start: Time::default(),
+            end: Time::default(),
+            counts: Vec::new(),
+        };
+        let times = || self.connections.iter().flat_map(|c| c.index.iter().map(|(time, _)| *time));
+        let (Some(start), Some(end)) = (times().min(), times().max()) else {
+            return Ok(());
+        };
+        (info.start, info.end) = (start, end);
+        for (id, connection) in self.connections.iter_mut().enumerate().filter(|(_, c)| !c.index.is_empty()) {
+            // Readers look times up by bisection. The sort is stable: equal times keep their order.
+            connection.index.sort_by_key(|(time, _)| *time);
+            let mut entries = Vec::new();
+            for (time, offset) in &connection.index {
+                time.encode(&mut entries);
+                offset.encode(&mut entries);
+            }
+            let (id, messages) = (count(id), count(connection.index.len()));
+            let fields = [
+                ("op", vec![OP_INDEX]),
+                ("ver", bytes_of(&1_u32)),
+                ("conn", bytes_of(&id)),
+                ("count", bytes_of(&messages)),
+            ];
+            put_record(&mut index, &fields, &entries);
+            info.counts.push((id, messages));
+            connection.index.clear();
+        }
+        let mut chunk = Vec::with_capacity(self.chunk.len() + 64);
+        let fields = [
+            ("op", vec![OP_CHUNK]),
+            ("compression", b"none".to_vec()),
+            ("size", bytes_of(&count(self.chunk.len()))),
+        ];
+        put_record(&mut chunk, &fields, &self.chunk);
+        self.chunk.clear();
+        self.chunks.push(info);
+        self.put(&chunk)?;
+        self.put(&index)
+    }
+
+    fn put(&mut self, bytes: &[u8]) -> Result<(), RecordingError> {
+        self.file.write_all(bytes).map_err(RecordingError::io("write to", &self.active))?;
+        self.position += bytes.len() as u64;
+        Ok(())
+    }
+}
+
+impl ChunkInfo {
+    fn put_record(&self, out: &mut Vec<u8>) {
+        let mut counts = Vec::new();
+        for (connection, messages) in &self.counts {
+            connection.encode(&mut counts);
+            messages.encode(&mut counts);
+        }
+        let fields = [
+            ("op", vec![OP_CHUNK_INFO]),
+            ("ver", bytes_of(&1_u32)),
+            ("chunk_pos", self.position.to_le_bytes().to_vec()),
+            ("start_time", bytes_of(&self.start)),
+            ("end_time", bytes_of(&self.end)),
+            ("count", bytes_of(&count(self.counts.len()))),
+        ];
+        put_record(out, &fields, &counts);
+    }
+}
+
+/// The first record: where the index is, padded with blanks to its fixed size.
+fn bag_header(index_position: u64, connections: u32, chunks: u32) -> Vec<u8> {
+    let fields = [
+        ("op", vec![OP_BAG_HEADER]),
+        ("index_pos", index_position.to_le_bytes().to_vec()),
+        ("conn_count", bytes_of(&connections)),
+        ("chunk_count", bytes_of(&chunks)),
+    ];
+    let mut bare = Vec::new();
+    put_record(&mut bare, &fields, &[]);
+    let mut record = Vec::new();
+    put_record(&mut record, &fields, &vec![b' '; BAG_HEADER_BYTES - bare.len()]);
+    record
+}
+
+/// A record: its header's length, the header's fields, the data's length, the data.
+fn put_record(out: &mut Vec<u8>, fields: &[(&str, Vec<u8>)], data: &[u8]) {
+    let mut header = Vec::new();
+    for (name, value) in fields {
+        put_field(&mut header, name, value);
+    }
+    count(header.len()).encode(out);
+    out.extend_from_slice(&header);
+    count(data.len()).encode(out);
+    out.extend_from_slice(data);
+}
+
+/// A field of a header: its length, its name, `=`, its value.
+fn put_field(out: &mut Vec<u8>, name: &str, value: &[u8]) {
+    count(name.len() + 1 + value.len()).encode(out);
+    out.extend_from_slice(name.as_bytes());
+    out.push(b'=');
+    out.extend_from_slice(value);
+}
+
+fn bytes_of<F: Field>(value: &F) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    value.encode(&mut bytes);
+    bytes
+}
+
+fn count(value: usize) -> u32 {
+    u32::try_from(value).expect("chunks are closed below 1 MB and messages are far below 4 GB")
+}
