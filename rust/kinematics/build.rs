@@ -40,5 +40,6 @@ fn probe(package: &str) -> Vec<PathBuf> {
             "{package} was not found ({error}). On Debian: apt-get install liborocos-kdl-dev libeigen3-dev"
         )
     });
-    library.include_paths.into_iter().filter(|path| path != Path::new("/usr/include")).collect()
+    let own = |path: &PathBuf| path.canonicalize().is_ok_and(|path| path == Path::new("/usr/include"));
+    library.include_paths.into_iter().filter(|path| !own(path)).collect()
 }

@@ -31,6 +31,21 @@ constexpr int kStartsAround = 8;
 constexpr int kStarts = 64;
 constexpr std::uint64_t kStartsSeed = 0x70726f616374;  // any fixed number
 
+/// KDL's own Norm reads lengths below 1e-6 as zero, which is too coarse to end on.
+double length(const KDL::Vector& vector) { return std::sqrt(KDL::dot(vector, vector)); }
+
+/// The rotation vector that turns `from` into `to`, in the axes in which both are given.
+/// KDL's own (diff, GetRot) reads rotations below 1e-6 rad as none.
+KDL::Vector rotation_between(const KDL::Rotation& from, const KDL::Rotation& to) {
+  const KDL::Rotation turn = to * from.Inverse();
+  const KDL::Vector sine = 0.5 * KDL::Vector(turn(2, 1) - turn(1, 2), turn(0, 2) - turn(2, 0), turn(1, 0) - turn(0, 1));
+  const double cosine = 0.5 * (turn(0, 0) + turn(1, 1) + turn(2, 2) - 1.0);
+  // Near half a turn the sine says nothing about the axis; KDL's way is exact enough there.
+  if (cosine < 0.0) return turn.GetRot();
+  const double size = length(sine);
+  return size < 1e-100 ? KDL::Vector::Zero() : sine * (std::atan2(size, cosine) / size);
+}
+
 }  // namespace
 
 InverseSolver::InverseSolver(const KDL::Chain& chain, std::vector<double> lower, std::vector<double> upper)
@@ -119,9 +134,9 @@ bool InverseSolver::descend(const KDL::Frame& target) {
 void InverseSolver::measure(const KDL::Frame& target, const KDL::JntArray& q) {
   KDL::Frame reached;
   position_solver_.JntToCart(q, reached);
-  const KDL::Twist left = KDL::diff(reached, target);
-  position_error_ = left.vel.Norm();
-  rotation_error_ = left.rot.Norm();
+  const KDL::Twist left(target.p - reached.p, rotation_between(reached.M, target.M));
+  position_error_ = length(left.vel);
+  rotation_error_ = length(left.rot);
   for (int k = 0; k < 3; ++k) {
     error_(k) = left.vel(k);
     error_(k + 3) = kMetresPerRadian * left.rot(k);
