@@ -22,6 +22,8 @@ if [ -z "${PROACT_DEBOOTSTRAP_INSIDE:-}" ]; then
 fi
 
 root=$(mktemp -d "${TMPDIR:-/tmp}/proact-debian.XXXXXX")
+# mktemp lets in nobody else, but the ordinary user of the first check must get in.
+chmod 755 "$root"
 finish() {
     umount "$root/proc" 2>/dev/null || true
     rm -rf "$root"
