@@ -1,2 +1,5 @@
-//! The `proact` command.
-fn main() {}
+//! The `proact` command: see [`proact_cli`].
+
+fn main() -> std::process::ExitCode {
+    proact_cli::main()
+}

@@ -27,6 +27,7 @@
 mod error;
 mod feed;
 mod gaze;
+mod ports;
 mod random;
 mod recording;
 mod setup;

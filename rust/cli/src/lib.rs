@@ -1,0 +1,18 @@
+//! The `proact` command, as a library so that tests can run trials in their own process.
+//!
+//! This is the one place that knows every part: it chooses the libraries, opens files and pages, and keeps real
+//! time. What a trial *is* lives in `proact-testbed`.
+#![allow(clippy::disallowed_methods)] // The command has the clock, the threads and the files that stages lack.
+#![cfg_attr(test, allow(clippy::unwrap_used))]
+
+mod command;
+mod demo;
+mod pace;
+mod record;
+mod replay;
+mod serve;
+pub mod trial;
+
+pub use command::main;
+pub use record::{Recorder, RecorderError};
+pub use replay::{Replayed, replay_trial};

@@ -1,0 +1,181 @@
+use crate::{
+    demo::{announce, interrupt_flag, print_result},
+    pace::Pace,
+    record::{Recorder, default_dir},
+    trial::{self, Assembly},
+};
+use clap::Args;
+use proact_bridge::{ClientInput, PageContent, PageOptions, PageServer};
+use proact_testbed::{MethodName, Session, Setup, TrialConfig};
+use proact_types::{GazeSample, Gesture};
+use std::{
+    error::Error,
+    net::IpAddr,
+    path::{Path, PathBuf},
+    sync::atomic::{AtomicBool, Ordering},
+    time::{Duration, Instant},
+};
+
+/// Arguments of `proact serve`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  proact serve\n  proact serve --setup seated --port 8100\n\n\
+    Mouse is gaze; keys are gestures and are shown on the page. R starts a new trial. Ctrl-C ends.")]
+pub(crate) struct ServeArgs {
+    /// Control method
+    #[arg(long, default_value = "D")]
+    method: String,
+    /// Seed of the first trial; each restart counts up
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
+    seed: u64,
+    /// Where person and box are: still, or seated (with lean keys)
+    #[arg(long, default_value = "still")]
+    setup: String,
+    /// Port of the page
+    #[arg(long, default_value_t = 8090)]
+    port: u16,
+    /// Fail if the port is taken instead of trying the next ones
+    #[arg(long)]
+    exact_port: bool,
+    /// Address to listen on
+    #[arg(long, default_value = "127.0.0.1")]
+    bind: IpAddr,
+    /// Folder for the records of the trials
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Do not record
+    #[arg(long, conflicts_with = "out")]
+    no_record: bool,
+    /// Print the address of the page, open nothing
+    #[arg(long)]
+    no_browser: bool,
+}
+
+/// Why a live trial ended.
+enum Ended {
+    Finished,
+    Restart,
+    Interrupted,
+}
+
+pub(crate) fn command(args: &ServeArgs) -> Result<bool, Box<dyn Error>> {
+    let method: MethodName = args.method.parse()?;
+    let setup = Setup::named(&args.setup)?;
+    let interrupted = interrupt_flag()?;
+    let mut server: Option<PageServer> = None;
+    for seed in args.seed.. {
+        let config = TrialConfig::new(method, seed, setup.clone());
+        let Assembly { mut session, model, .. } = trial::live(config)?;
+        let config = session.testbed().config().clone();
+        let dir = match (&args.out, args.no_record) {
+            (_, true) => None,
+            (Some(out), _) => Some(out.join(format!("seed{seed}"))),
+            (None, _) => Some(default_dir(&config)),
+        };
+        let mut recorder = match &dir {
+            Some(dir) => Some(Recorder::create(dir, &config, &model, None)?),
+            None => None,
+        };
+        let content = PageContent {
+            title: format!("Method {method}"),
+            setup: config.setup.name.clone(),
+            arm: model.as_ref().clone(),
+            scene: session.testbed().task().scene().clone(),
+            interactive: true,
+            lean: config.setup.body.forward_max_deg > 0.0,
+        };
+        let page = match &mut server {
+            Some(server) => {
+                server.set_content(content)?;
+                server
+            }
+            none => {
+                let options = PageOptions { port: args.port, allow_next: !args.exact_port, bind: args.bind };
+                let started = none.insert(PageServer::start(options, content)?);
+                announce(started, !args.no_browser);
+                started
+            }
+        };
+        let start = Instant::now();
+        let ended = live_trial(&mut session, &mut recorder, page, &interrupted)?;
+        finish(&session, recorder, dir.as_deref(), start)?;
+        match ended {
+            Ended::Interrupted => break,
+            Ended::Restart => {}
+            Ended::Finished if wait_for_restart(page, &interrupted) => {}
+            Ended::Finished => break,
+        }
+    }
+    Ok(true)
+}
+
+/// Runs one trial in real time on what the page sends.
+fn live_trial(
+    session: &mut Session,
+    recorder: &mut Option<Recorder>,
+    page: &PageServer,
+    interrupted: &AtomicBool,
+) -> Result<Ended, Box<dyn Error>> {
+    let mut pace = Pace::new();
+    let mut ending = None;
+    loop {
+        if session.testbed().frame_is_due() || session.testbed().now().0 == 0 {
+            for input in page.drain_inputs() {
+                match input {
+                    ClientInput::Gesture(gesture) => session.act(gesture),
+                    ClientInput::Gaze { origin, direction } => {
+                        session.look(GazeSample { origin, direction, valid: true });
+                    }
+                    ClientInput::Trunk(posture) => session.lean(posture),
+                    ClientInput::Restart => ending = Some(Ended::Restart),
+                    ClientInput::Disconnected => session.act(Gesture::NoMotion),
+                }
+            }
+            if interrupted.load(Ordering::Relaxed) {
+                ending = Some(Ended::Interrupted);
+            }
+        }
+        // The tick that ends a trial closes its digest.
+        let step = session.step(ending.is_some())?;
+        if let Some(recorder) = recorder {
+            recorder.write(&step)?;
+        }
+        if let Some(frame) = &step.frame {
+            page.publish(frame);
+        }
+        if step.output.finished {
+            return Ok(Ended::Finished);
+        }
+        if let Some(ended) = ending.take() {
+            return Ok(ended);
+        }
+        pace.tick();
+    }
+}
+
+fn finish(
+    session: &Session,
+    recorder: Option<Recorder>,
+    dir: Option<&Path>,
+    start: Instant,
+) -> Result<(), Box<dyn Error>> {
+    let mut result = session.result();
+    result.wall_seconds = start.elapsed().as_secs_f64();
+    result.real_time_factor = result.sim_seconds / result.wall_seconds.max(1e-9);
+    result.trial_dir = dir.map(|d| d.display().to_string());
+    if let Some(recorder) = recorder {
+        recorder.finish(&result)?;
+    }
+    print_result(&result);
+    Ok(())
+}
+
+/// Keeps the last frame on the page until the person asks for a new trial; false when the command ends instead.
+fn wait_for_restart(page: &PageServer, interrupted: &AtomicBool) -> bool {
+    while !interrupted.load(Ordering::Relaxed) {
+        if page.drain_inputs().iter().any(|input| matches!(input, ClientInput::Restart)) {
+            return true;
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    false
+}

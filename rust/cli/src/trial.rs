@@ -1,0 +1,130 @@
+//! Putting a trial together: which library does what.
+
+use proact_devices::{EmgSetup, EmgSource, GazeSource};
+use proact_dynamics::{DynamicsOptions, OdePlant};
+use proact_emg::Classifier;
+use proact_kinematics::Kinematics;
+use proact_participants::{ParticipantOptions, SimulatedParticipant};
+use proact_planning::{ArmPlanner, PlanWorker, PlannerOptions};
+use proact_tasks::BoxAndBlocks;
+use proact_testbed::{
+    ConfigError, LoggedPlans, Parts, Session, SessionParts, Testbed, TestbedError, TrialConfig,
+    ports::{PlanService, PlantError},
+};
+use proact_types::ArmModel;
+use std::sync::Arc;
+
+/// Error of the eye tracker, degrees (paper: "within a 1.5 degree error").
+const GAZE_ERROR_DEG: f64 = 1.5;
+
+/// Why a trial cannot be put together.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum AssemblyError {
+    /// The configuration.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// EMG or gaze.
+    #[error(transparent)]
+    Device(#[from] proact_devices::DeviceError),
+    /// Kinematics.
+    #[error("kinematics: {0}")]
+    Kinematics(#[from] proact_control::ports::KinematicsError),
+    /// Planner.
+    #[error("planner: {0}")]
+    Planning(#[from] proact_planning::PlanningError),
+    /// Physics.
+    #[error("physics: {0}")]
+    Plant(#[from] PlantError),
+    /// The testbed.
+    #[error(transparent)]
+    Testbed(#[from] TestbedError),
+}
+
+/// A trial ready to run.
+pub struct Assembly {
+    /// The trial.
+    pub session: Session,
+    /// What was trained for it; belongs to the record.
+    pub classifier: Option<Classifier>,
+    /// The arm.
+    pub model: Arc<ArmModel>,
+}
+
+/// A trial with a simulated participant whose gestures come through `emg`.
+///
+/// # Errors
+/// [`AssemblyError`].
+pub fn simulated(mut config: TrialConfig, emg: &EmgSource) -> Result<Assembly, AssemblyError> {
+    let EmgSetup { classifier, feed, config: emg_config, label } = proact_devices::prepare(emg, config.seed)?;
+    config.emg = Some(emg_config);
+    config.gesture_source = label;
+    let options = *config.participant.get_or_insert_with(ParticipantOptions::default);
+    let task = BoxAndBlocks::new(config.arrangement);
+    let participant = SimulatedParticipant::new(options, config.setup.body, task.scene(), config.seed);
+    let gaze = GazeSource::new(GAZE_ERROR_DEG, config.seed)?;
+    let model = Arc::new(proact_description::mpl_right_arm());
+    let plans = planner(&model)?;
+    let testbed = testbed(config, &model, plans, Some(classifier.clone()))?;
+    let session = Session::new(SessionParts {
+        testbed,
+        participant: Some(participant),
+        emg: Some(Box::new(feed)),
+        gaze: Some(Box::new(gaze)),
+    });
+    Ok(Assembly { session, classifier: Some(classifier), model })
+}
+
+/// A trial that a person at the page drives: gestures from keys, gaze from the mouse.
+///
+/// # Errors
+/// [`AssemblyError`].
+pub fn live(mut config: TrialConfig) -> Result<Assembly, AssemblyError> {
+    config.emg = None;
+    config.gesture_source = "keys".to_owned();
+    config.wait_for_plans = false;
+    let model = Arc::new(proact_description::mpl_right_arm());
+    let plans = planner(&model)?;
+    let testbed = testbed(config, &model, plans, None)?;
+    let session = Session::new(SessionParts { testbed, participant: None, emg: None, gaze: None });
+    Ok(Assembly { session, classifier: None, model })
+}
+
+/// A testbed that takes its plans from the log.
+///
+/// # Errors
+/// [`AssemblyError`].
+pub fn replayed(config: TrialConfig, classifier: Option<Classifier>) -> Result<Testbed, AssemblyError> {
+    let model = Arc::new(proact_description::mpl_right_arm());
+    testbed(config, &model, Box::new(LoggedPlans), classifier)
+}
+
+/// OMPL over FCL with KDL's inverse kinematics, in a thread of its own.
+fn planner(model: &Arc<ArmModel>) -> Result<Box<dyn PlanService>, AssemblyError> {
+    let kinematics = Kinematics::new(model)?;
+    let planner = ArmPlanner::new(model.clone(), Box::new(kinematics), PlannerOptions::default())?;
+    Ok(Box::new(PlanWorker::new(planner)))
+}
+
+fn testbed(
+    config: TrialConfig,
+    model: &Arc<ArmModel>,
+    plans: Box<dyn PlanService>,
+    classifier: Option<Classifier>,
+) -> Result<Testbed, AssemblyError> {
+    let model_error = |error| AssemblyError::Testbed(TestbedError::Model(error));
+    let start = model.pose("arm", "start").map_err(model_error)?;
+    let open = model.pose("hand", "open").map_err(model_error)?;
+    let initial: Vec<f64> = start.iter().chain(open).copied().collect();
+    let task = BoxAndBlocks::new(config.arrangement);
+    let base = config.setup.body.shoulder_pose(&Default::default());
+    let plant = OdePlant::new(model, task.scene(), &initial, &base, DynamicsOptions::default())?;
+    let parts = Parts {
+        model: model.clone(),
+        kinematics: Box::new(Kinematics::new(model)?),
+        plant: Box::new(plant),
+        plans,
+        classifier,
+    };
+    Ok(Testbed::new(config, parts)?)
+}

@@ -1,0 +1,18 @@
+//! The testbed's ports, implemented by the feed and the gaze tracker.
+
+use crate::{EmgFeed, GazeSource};
+use arrayvec::ArrayVec;
+use proact_testbed::ports::{EmgSource, GazeTracker};
+use proact_types::{EmgSample, GazeSample, Gesture, Point, SimTime, Vector};
+
+impl EmgSource for EmgFeed {
+    fn sample_at(&mut self, now: SimTime, intended: Gesture) -> ArrayVec<EmgSample, 8> {
+        EmgFeed::sample_at(self, now, intended)
+    }
+}
+
+impl GazeTracker for GazeSource {
+    fn sample_at(&mut self, now: SimTime, eye: &Point, direction: &Vector, open: bool) -> Option<GazeSample> {
+        GazeSource::sample_at(self, now, eye, direction, open)
+    }
+}
