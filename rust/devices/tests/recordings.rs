@@ -1,4 +1,6 @@
 //! The readers on files made here, good and bad. Every bad file gives an error that names the place.
+// The files are the subject of these tests.
+#![allow(clippy::disallowed_methods)]
 
 use proact_devices::{DeviceError, EmgSource, Recordings, prepare};
 use proact_types::Gesture;

@@ -1,0 +1,123 @@
+//! What must hold for any signal.
+
+use proact_emg::{Classifier, EmgConfig, EmgPipeline, WindowLength, extract};
+use proact_types::{EmgSample, Gesture, SimTime};
+use proptest::prelude::*;
+use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
+use std::alloc::System;
+
+#[global_allocator]
+static ALLOCATOR: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
+
+const CHANNELS: usize = 3;
+
+fn config() -> EmgConfig {
+    EmgConfig {
+        rate_hz: 200.0,
+        channels: CHANNELS,
+        window: WindowLength::Samples(20),
+        increment: WindowLength::Samples(10),
+        ..EmgConfig::default()
+    }
+}
+
+/// A noise-like signal of which every gesture has its own amplitudes; `mix` varies it.
+fn signal(gesture: Gesture, count: u64, mix: f64) -> Vec<EmgSample> {
+    let value = |k: u64, c: usize| {
+        let phase = (k * (c as u64 * 2 + 3)) as f64 * (1.1 + mix) + (k * k % 97) as f64;
+        phase.sin() * (1.0 + ((gesture.index() * (c + 1)) % 5) as f64 * 4.0) + 0.3 * (phase * 1.7).cos()
+    };
+    (0..count)
+        .map(|counter| EmgSample { counter, channels: (0..CHANNELS).map(|c| value(counter, c)).collect() })
+        .collect()
+}
+
+fn training(mix: f64) -> (Vec<Vec<f64>>, Vec<Gesture>) {
+    let (mut windows, mut labels) = (Vec::new(), Vec::new());
+    for gesture in Gesture::ALL {
+        let features = extract(&config(), &signal(gesture, 400, mix)).expect("good samples");
+        windows.extend(features.iter().map(|f| f.to_vec()));
+        labels.resize(windows.len(), gesture);
+    }
+    (windows, labels)
+}
+
+proptest! {
+    // Failures are told on the terminal, with the input; files beside the tests would be noise.
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn the_posterior_sums_to_one_and_its_largest_entry_is_the_class(
+        mix in 0.0..1.0_f64,
+        window in prop::collection::vec(-1e3..1e3_f64, 4 * CHANNELS),
+    ) {
+        let (windows, labels) = training(mix);
+        let classifier = Classifier::train(&config(), &windows, &labels).expect("good data");
+        let prediction = classifier.predict(&window).expect("finite window");
+        prop_assert!((prediction.posterior.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+        let largest = prediction.posterior.iter().copied().fold(0.0, f64::max);
+        prop_assert_eq!(prediction.posterior[prediction.class.index()], largest);
+    }
+
+    #[test]
+    fn scaling_and_shifting_features_does_not_change_classes(
+        mix in 0.0..1.0_f64,
+        scales in prop::collection::vec(0.01..100.0_f64, 4 * CHANNELS),
+        shifts in prop::collection::vec(-100.0..100.0_f64, 4 * CHANNELS),
+    ) {
+        let (windows, labels) = training(mix);
+        let changed: Vec<Vec<f64>> = windows
+            .iter()
+            .map(|w| w.iter().zip(&scales).zip(&shifts).map(|((v, scale), shift)| v * scale + shift).collect())
+            .collect();
+        let plain = Classifier::train(&config(), &windows, &labels).expect("good data");
+        let other = Classifier::train(&config(), &changed, &labels).expect("good data");
+        for (a, b) in windows.iter().zip(&changed) {
+            let (a, b) = (plain.predict(a).expect("finite"), other.predict(b).expect("finite"));
+            // Rounding may decide between classes that are equally probable.
+            let runner_up = a.posterior.iter().enumerate().filter(|(k, _)| *k != a.class.index());
+            let margin = a.posterior[a.class.index()] - runner_up.map(|(_, p)| *p).fold(0.0, f64::max);
+            prop_assert!(a.class == b.class || margin < 1e-6, "{a:?} {b:?}");
+        }
+    }
+
+    #[test]
+    fn no_stream_however_broken_makes_the_pipeline_panic_or_act_at_once(
+        counters in prop::collection::vec(prop_oneof![0..200_u64, any::<u64>()], 0..200),
+        bad in prop::collection::vec(prop_oneof![Just(f64::NAN), Just(f64::INFINITY), -1e300..1e300_f64], 1..6),
+    ) {
+        let (windows, labels) = training(0.0);
+        let classifier = Classifier::train(&config(), &windows, &labels).expect("good data");
+        let mut pipeline = EmgPipeline::new(&config(), classifier).expect("they fit");
+        for (tick, counter) in counters.iter().enumerate() {
+            let channels = bad.iter().cycle().skip(tick % bad.len()).take(2 + tick % 3).copied().collect();
+            let sample = EmgSample { counter: *counter, channels };
+            if let Some(output) = pipeline.step(SimTime(tick as u64 * 5), &[sample]) {
+                prop_assert!(output.confidence.is_finite() && (0.0..=1.0).contains(&output.effort));
+            }
+        }
+    }
+}
+
+#[test]
+fn a_live_step_does_not_allocate() {
+    let (windows, labels) = training(0.0);
+    let classifier = Classifier::train(&config(), &windows, &labels).expect("good data");
+    let mut pipeline = EmgPipeline::new(&config(), classifier).expect("they fit");
+    let samples = signal(Gesture::HandOpen, 2000, 0.2);
+    let mut outputs = 0;
+    // Other tests of this file allocate in their threads meanwhile, so the quietest of several rounds counts.
+    let quietest = samples
+        .chunks_exact(100)
+        .map(|round| {
+            let region = Region::new(ALLOCATOR);
+            for sample in round {
+                let output = pipeline.step(SimTime(sample.counter * 5), std::slice::from_ref(sample));
+                outputs += u32::from(output.is_some());
+            }
+            region.change().allocations
+        })
+        .min();
+    assert_eq!(quietest, Some(0));
+    assert_eq!(outputs, 199);
+}
