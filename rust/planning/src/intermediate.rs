@@ -22,7 +22,7 @@ impl ArmPlanner {
     ) -> Result<Vec<Vec<f64>>, Failure> {
         let none = || Failure::new(PlanStatus::Unreachable, "No useful point on the way can be reached.");
         let here = self.kinematics.forward(from).map_err(crate::PlanningError::from)?;
-        let postures = self.postures(problem, from);
+        let postures = self.postures(problem, from, self.options.postures);
         let (point, goal) = match &problem.request.goal {
             PlanGoal::Joints { .. } => return Err(none()),
             PlanGoal::TipPose { pose } => {

@@ -27,8 +27,6 @@ const USED: f64 = 0.93;
 pub(crate) struct Curve {
     /// Control points, one phantom at each end.
     control: Vec<Vec<f64>>,
-    /// For each point of the path, the parameter at which the curve passes it closest.
-    pub path_parameter: Vec<f64>,
 }
 
 impl Curve {
@@ -36,11 +34,9 @@ impl Curve {
     /// length.
     pub fn along(path: &[Vec<f64>], spacing: f64) -> Option<Self> {
         let mut control: Vec<Vec<f64>> = Vec::new();
-        let mut path_parameter = Vec::new();
         for point in path {
             let Some(last) = control.last().cloned() else {
                 control.push(point.clone());
-                path_parameter.push(0.0);
                 continue;
             };
             let length = distance(&last, point);
@@ -52,7 +48,6 @@ impl Curve {
                     control.push(last.iter().zip(point).map(|(a, b)| a + s * (b - a)).collect());
                 }
             }
-            path_parameter.push((control.len() - 1) as f64);
         }
         if control.len() < 2 {
             return None;
@@ -65,7 +60,7 @@ impl Curve {
         let last = mirror(&control[control.len() - 1], &control[control.len() - 2]);
         control.insert(0, first);
         control.push(last);
-        Some(Self { control, path_parameter })
+        Some(Self { control })
     }
 
     /// Number of spans; the parameter runs from 0 to this.

@@ -25,27 +25,39 @@ struct Tally {
 
 /// Step between the rolls and leans that are tried, rad.
 const TILT_STEP: f64 = 0.175;
+/// How many times more postures are tried where the first few only led into collisions.
+const PERSISTENCE: usize = 6;
 /// Two arm postures closer than this in every joint are the same, rad.
 const SAME: f64 = 0.08;
 
 impl ArmPlanner {
     /// Ways to the goal, best first.
     pub(crate) fn ways_to_goal(&mut self, problem: &Problem, from: &[f64]) -> Result<Vec<Way>, Failure> {
-        let postures = self.postures(problem, from);
+        let all = self.postures(problem, from, self.options.postures * PERSISTENCE);
+        let few = &all[..=self.options.postures];
+        let ways = self.ways_from(problem, few);
+        match &ways {
+            // The arm can be there, only not so: more postures may have an elbow that is out of the way.
+            Err(failure) if failure.status == PlanStatus::GoalInCollision => self.ways_from(problem, &all),
+            _ => ways,
+        }
+    }
+
+    fn ways_from(&mut self, problem: &Problem, postures: &[Vec<f64>]) -> Result<Vec<Way>, Failure> {
         match &problem.request.goal {
-            PlanGoal::Pick { block, centre } => self.ways_to_pick(problem, *block, centre, &postures),
-            PlanGoal::Place { point } => self.ways_to_place(problem, point, &postures),
+            PlanGoal::Pick { block, centre } => self.ways_to_pick(problem, *block, centre, postures),
+            PlanGoal::Place { point } => self.ways_to_place(problem, point, postures),
             PlanGoal::Joints { q } => self.ways_to_joints(q),
-            PlanGoal::TipPose { pose } => self.ways_to_pose(problem, pose, &postures),
+            PlanGoal::TipPose { pose } => self.ways_to_pose(problem, pose, postures),
         }
     }
 
     /// Arm postures from which hand poses are sought: the present one, then draws from the joint ranges.
-    pub(crate) fn postures(&self, problem: &Problem, from: &[f64]) -> Vec<Vec<f64>> {
+    pub(crate) fn postures(&self, problem: &Problem, from: &[f64], count: usize) -> Vec<Vec<f64>> {
         let mut random = ChaCha8Rng::seed_from_u64(problem.request.seed);
         let mut unit = || (random.next_u64() >> 11) as f64 / (1_u64 << 53) as f64;
         let mut postures = vec![from.to_vec()];
-        for _ in 0..self.options.postures {
+        for _ in 0..count {
             let draw = |(low, high): (&f64, &f64)| low + (high - low) * unit();
             postures.push(self.limits.lower.iter().zip(&self.limits.upper).map(draw).collect());
         }

@@ -1,0 +1,314 @@
+// Tests of the collision scene and the joint planner, without Rust. Each check is a sentence; the program
+// fails with the list of those that do not hold.
+
+#include "proact/planning/joint_planner.hpp"
+
+#include <cmath>
+#include <cstdio>
+#include <functional>
+#include <limits>
+#include <random>
+#include <stdexcept>
+#include <string>
+#include <thread>
+#include <vector>
+
+using namespace proact::planning;
+
+namespace {
+
+int failures = 0;
+
+void check(bool holds, const char* sentence) {
+  if (holds) return;
+  ++failures;
+  std::printf("does not hold: %s\n", sentence);
+}
+
+/// True if `call` throws std::invalid_argument whose text contains `words`.
+bool refuses(const std::function<void()>& call, const std::string& words) {
+  try {
+    call();
+  } catch (const std::invalid_argument& error) {
+    return std::string(error.what()).find(words) != std::string::npos;
+  }
+  return false;
+}
+
+/// A planar arm in the x-y plane: three links of 0.3 m along x, each a capsule of radius 0.03 m, and one finger
+/// of 0.1 m on a hand joint about z at the tip.
+Arm planar_arm() {
+  Arm arm;
+  const double half_pi_sine = std::sqrt(0.5);
+  arm.links.push_back({"base", {}});
+  for (const char* name : {"upper", "middle", "tip"}) {
+    PlacedShape tube;
+    tube.shape = {ShapeKind::capsule, {0.03, 0.24, 0.0}};
+    tube.pose = {{0.15, 0.0, 0.0}, {0.0, half_pi_sine, 0.0, half_pi_sine}};
+    arm.links.push_back({name, {tube}});
+  }
+  PlacedShape finger;
+  finger.shape = {ShapeKind::box, {0.1, 0.02, 0.02}};
+  finger.pose.position = {0.05, 0.0, 0.0};
+  arm.links.push_back({"finger", {finger}});
+  for (std::size_t k = 0; k < 4; ++k) {
+    Joint joint;
+    joint.parent = k;
+    joint.child = k + 1;
+    joint.revolute = true;
+    if (k > 0) joint.pose.position = {0.3, 0.0, 0.0};
+    joint.lower = -2.5;
+    joint.upper = 2.5;
+    arm.joints.push_back(joint);
+  }
+  arm.arm = {0, 1, 2};
+  arm.hand = {3};
+  arm.tip = 3;
+  arm.allowed = {{1, 2}, {2, 3}, {3, 4}};
+  return arm;
+}
+
+Object box(const std::string& name, std::array<double, 3> size, std::array<double, 3> centre) {
+  Object object;
+  object.name = name;
+  object.placed.shape = {ShapeKind::box, size};
+  object.placed.pose.position = centre;
+  return object;
+}
+
+/// A wall with a gap that the arm can only pass folded.
+std::vector<Object> clutter() {
+  return {box("left", {0.05, 0.5, 0.4}, {0.45, 0.45, 0.0}), box("right", {0.05, 0.5, 0.4}, {0.3, -0.5, 0.0})};
+}
+
+JointQuery fold_query(std::uint64_t seed) {
+  JointQuery query;
+  query.start = {1.9, 0.0, 0.0};
+  query.goals = {{-1.9, 0.3, 0.2}, {-2.2, 0.0, 0.0}};
+  query.seed = seed;
+  return query;
+}
+
+void contacts_are_where_geometry_says() {
+  Scene scene(planar_arm());
+  const double straight[3] = {0.0, 0.0, 0.0};
+  // The finger ends at x = 1.0; the box begins at 1.001.
+  scene.set_obstacles({box("near", {0.1, 0.1, 0.1}, {1.051, 0.0, 0.0})});
+  check(scene.is_free(straight), "a gap of 1 mm is free");
+  scene.set_padding(0.002);
+  check(!scene.is_free(straight), "padding of 2 mm closes a gap of 1 mm");
+  const auto pairs = scene.collisions(straight);
+  check(pairs.size() == 1 && pairs[0] == NamePair("finger", "near"), "the pair is named, member first");
+  scene.set_padding(0.0);
+  scene.set_hand({1.5707963267948966});
+  scene.set_padding(0.002);
+  check(scene.is_free(straight), "a finger turned away by the hand joint does not touch");
+  scene.set_hand({0.0});
+  scene.allow_contact("finger", "near");
+  check(scene.is_free(straight), "an allowed contact does not count");
+  scene.forget_allowed_contacts();
+  check(!scene.is_free(straight), "a withdrawn allowance counts again");
+  scene.set_padding(0.0);
+  scene.set_base({{0.002, 0.0, 0.0}, {0.0, 0.0, 0.0, 1.0}});
+  check(!scene.is_free(straight), "the base pose moves the arm");
+}
+
+void shapes_whose_boxes_overlap_may_be_apart() {
+  Scene scene(planar_arm());
+  const double diagonal[3] = {0.7853981633974483, 0.0, 0.0};
+  scene.set_obstacles({box("corner", {0.1, 0.1, 0.1}, {0.4, 0.2, 0.0})});
+  check(scene.is_free(diagonal), "a box beside a diagonal tube is free although their bounding boxes overlap");
+  check(scene.clearance(diagonal, diagonal, 1.0) == 0.0, "there the clearance promises nothing");
+}
+
+void what_is_carried_collides_and_moves_with_the_tip() {
+  Scene scene(planar_arm());
+  Object block;
+  block.name = "block";
+  block.placed.shape = {ShapeKind::cylinder, {0.025, 0.05, 0.0}};
+  block.placed.pose.position = {0.4, 0.0, 0.0};
+  scene.set_attached(block);
+  scene.set_obstacles({box("post", {0.05, 0.05, 0.4}, {0.0, 1.04, 0.0})});
+  const double ahead[3] = {0.0, 0.0, 0.0};
+  const double aside[3] = {1.5707963267948966, 0.0, 0.0};
+  check(scene.is_free(ahead), "the carried block is clear ahead");
+  const auto pairs = scene.collisions(aside);
+  check(pairs.size() == 1 && pairs[0] == NamePair("block", "post"), "turned aside it meets the post");
+  const double folded[3] = {0.0, 1.5707963267948966, 2.419};
+  bool hits_arm = false;
+  for (const auto& pair : scene.collisions(folded)) hits_arm = hits_arm || pair == NamePair("upper", "block");
+  check(hits_arm, "folded back it meets the upper arm");
+  scene.set_attached(std::nullopt);
+  check(scene.collisions(aside).empty(), "put down it no longer counts");
+}
+
+void the_clearance_is_never_an_overstatement() {
+  Scene scene(planar_arm());
+  scene.set_obstacles(clutter());
+  std::mt19937_64 random(7);
+  std::uniform_real_distribution<double> angle(-2.5, 2.5);
+  std::uniform_real_distribution<double> step(-1.0, 1.0);
+  int promised = 0;
+  bool honest = true;
+  for (int n = 0; n < 2000; ++n) {
+    double q[3], dq[3];
+    for (int k = 0; k < 3; ++k) {
+      q[k] = angle(random);
+      dq[k] = step(random);
+    }
+    const double clear = scene.clearance(q, dq, 1.0);
+    check((clear >= 0.0) == scene.collisions(q).empty(), "clearance and collisions agree on what touches");
+    if (clear <= 0.0) continue;
+    ++promised;
+    for (int s = -20; s <= 20; ++s) {
+      double at[3];
+      for (int k = 0; k < 3; ++k) at[k] = q[k] + dq[k] * clear * 0.999 * s / 20.0;
+      honest = honest && scene.is_free(at);
+    }
+  }
+  check(honest, "nothing is hit within the promised clearance");
+  check(promised > 200, "the clearance promises something often enough to matter");
+}
+
+void plans_are_free_reach_a_goal_and_depend_on_the_seed_alone() {
+  Scene scene(planar_arm());
+  scene.set_obstacles(clutter());
+  const CancelFlag flag;
+  std::vector<JointPlan> serial;
+  for (std::uint64_t seed = 0; seed < 6; ++seed) {
+    const JointQuery query = fold_query(seed);
+    const JointPlan plan = plan_joint(scene, query, flag);
+    check(plan.status == JointPlanStatus::solved, "the folded way is found");
+    serial.push_back(plan);
+    if (plan.path.empty()) continue;
+    check(plan.path.size() > 2, "the direct way is blocked, so the search was needed");
+    check(plan.path.front() == query.start && plan.path.back() == query.goals[plan.goal], "the path joins start and goal");
+    bool free = true;
+    for (std::size_t p = 1; p < plan.path.size(); ++p) {
+      for (int s = 0; s <= 500; ++s) {
+        double at[3];
+        for (std::size_t k = 0; k < 3; ++k) {
+          at[k] = plan.path[p - 1][k] + (plan.path[p][k] - plan.path[p - 1][k]) * s / 500.0;
+        }
+        free = free && scene.is_free(at);
+      }
+    }
+    check(free, "a path is free at far finer steps than those of the planner");
+  }
+  check(serial[0].path != serial[1].path, "another seed gives another path");
+
+  std::vector<std::thread> threads;
+  std::vector<int> equal(4, 0);
+  for (std::size_t t = 0; t < equal.size(); ++t) {
+    threads.emplace_back([t, &equal, &serial] {
+      Scene own(planar_arm());
+      own.set_obstacles(clutter());
+      const CancelFlag own_flag;
+      for (std::uint64_t n = 0; n < 12; ++n) {
+        const std::uint64_t seed = (n + t) % 6;
+        if (plan_joint(own, fold_query(seed), own_flag).path == serial[seed].path) ++equal[t];
+      }
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  for (const int count : equal) check(count == 12, "plans in four threads equal the serial ones bit for bit");
+}
+
+void every_status_can_be_reached() {
+  Scene scene(planar_arm());
+  const CancelFlag flag;
+  JointQuery query = fold_query(1);
+  scene.set_obstacles({box("on start", {0.1, 0.1, 0.1}, {-0.2, 0.6, 0.0})});
+  query.start = {1.8925468811915388, 0.0, 0.0};  // points at the box
+  check(plan_joint(scene, query, flag).status == JointPlanStatus::start_in_collision, "a start in collision is told");
+  query.goals = {query.start};
+  query.start = {0.0, 0.0, 0.0};
+  check(plan_joint(scene, query, flag).status == JointPlanStatus::goals_in_collision, "goals in collision are told");
+  // A fence through which nothing passes.
+  scene.set_obstacles({box("fence up", {0.02, 2.0, 0.4}, {0.2, 1.1, 0.0}), box("fence down", {0.02, 2.0, 0.4}, {0.2, -1.1, 0.0})});
+  query = fold_query(1);
+  query.start = {0.0, 0.0, 0.0};
+  query.goals = {{2.4, 0.0, 0.0}};
+  query.max_iterations = 200;
+  check(plan_joint(scene, query, flag).status == JointPlanStatus::no_plan, "a search without success ends by its iterations");
+  query.max_iterations = std::numeric_limits<unsigned int>::max();
+  flag.raise();
+  check(plan_joint(scene, query, flag).status == JointPlanStatus::cancelled, "a flag raised before stops at once");
+  flag.lower();
+  std::thread canceller([&flag] { flag.raise(); });
+  const JointPlan plan = plan_joint(scene, query, flag);
+  canceller.join();
+  check(plan.status == JointPlanStatus::cancelled && plan.path.empty(), "a flag raised meanwhile ends an endless search");
+  flag.lower();
+  query.goals = {query.start};
+  const JointPlan still = plan_joint(scene, query, flag);
+  check(still.status == JointPlanStatus::solved && still.path.size() == 2, "a goal that is the start is solved");
+}
+
+void bad_input_is_refused_by_name() {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  Arm arm = planar_arm();
+  arm.links[1].shapes[0].shape.size[0] = 0.0;
+  check(refuses([&] { Scene scene(arm); }, "\"upper\": extent 0"), "a shape without extent is refused");
+  arm = planar_arm();
+  arm.joints[1].lower = 3.0;
+  check(refuses([&] { Scene scene(arm); }, "lower limit"), "limits in the wrong order are refused");
+  arm = planar_arm();
+  arm.joints[2].axis = {0.0, 0.0, 0.0};
+  check(refuses([&] { Scene scene(arm); }, "no direction"), "an axis without direction is refused");
+  arm = planar_arm();
+  arm.hand.clear();
+  check(refuses([&] { Scene scene(arm); }, "finger"), "a moving joint of no group is refused");
+  arm = planar_arm();
+  arm.arm = {0, 2, 1};
+  check(refuses([&] { Scene scene(arm); }, "unbroken"), "a chain out of order is refused");
+  arm = planar_arm();
+  arm.tip = 9;
+  check(refuses([&] { Scene scene(arm); }, "tip"), "a tip that does not exist is refused");
+  check(refuses([] { Scene scene{Arm{}}; }, "at least one link"), "an empty arm is refused");
+
+  Scene scene(planar_arm());
+  scene.set_obstacles(clutter());
+  check(refuses([&] { scene.set_obstacles({box("flat", {0.1, 0.0, 0.1}, {})}); }, "\"flat\": extent 1"), "a flat obstacle is refused");
+  check(refuses([&] { scene.set_obstacles({box("nan", {0.1, 0.1, 0.1}, {nan, 0.0, 0.0})}); }, "\"nan\""), "an obstacle nowhere is refused");
+  check(refuses([&] { scene.set_obstacles({clutter()[0], clutter()[0]}); }, "two obstacles"), "a name used twice is refused");
+  check(refuses([&] { scene.allow_contact("left", "left"); }, "no link"), "an unknown link is refused");
+  check(refuses([&] { scene.allow_contact("finger", "nothing"); }, "no obstacle"), "an unknown obstacle is refused");
+  check(refuses([&] { scene.set_hand({}); }, "got 0 hand angles"), "a hand of the wrong length is refused");
+  check(refuses([&] { scene.set_padding(nan); }, "padding"), "a padding that is not a number is refused");
+  const double inside[3] = {0.7853981633974483, 0.0, 0.0};
+  check(!scene.is_free(inside), "a refused change leaves the obstacles as they were");
+
+  const CancelFlag flag;
+  JointQuery query = fold_query(0);
+  query.start.pop_back();
+  check(refuses([&] { plan_joint(scene, query, flag); }, "the start has 2 angles"), "a short start is refused");
+  query = fold_query(0);
+  query.goals[0][1] = nan;
+  check(refuses([&] { plan_joint(scene, query, flag); }, "a goal joint 1"), "a goal that is not a number is refused");
+  query = fold_query(0);
+  query.start[0] = 3.0;
+  check(refuses([&] { plan_joint(scene, query, flag); }, "limit [-2.5"), "a start outside the limits is refused");
+  query = fold_query(0);
+  query.goals.clear();
+  check(refuses([&] { plan_joint(scene, query, flag); }, "no goal"), "a query without goal is refused");
+  query = fold_query(0);
+  query.resolution.metres = 0.0;
+  check(refuses([&] { plan_joint(scene, query, flag); }, "resolution"), "a resolution of zero is refused");
+  scene.set_obstacles({});
+  check(plan_joint(scene, fold_query(0), flag).status == JointPlanStatus::solved, "an empty scene is planned in");
+}
+
+}  // namespace
+
+int main() {
+  contacts_are_where_geometry_says();
+  shapes_whose_boxes_overlap_may_be_apart();
+  what_is_carried_collides_and_moves_with_the_tip();
+  the_clearance_is_never_an_overstatement();
+  plans_are_free_reach_a_goal_and_depend_on_the_seed_alone();
+  every_status_can_be_reached();
+  bad_input_is_refused_by_name();
+  std::printf("%d checks failed\n", failures);
+  return failures == 0 ? 0 : 1;
+}

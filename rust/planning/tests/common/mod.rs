@@ -1,0 +1,116 @@
+//! The box scene, the two set-ups and requests in them, for tests and examples.
+#![allow(dead_code)]
+
+use nalgebra::UnitQuaternion;
+use proact_kinematics::Kinematics;
+use proact_planning::{ArmPlanner, PlannerOptions};
+use proact_tasks::{TABLE_TOP, fixed_objects, region_centre};
+use proact_types::{
+    ArmModel, AttachedObject, BlockId, JointVector, Obstacle, PlanGoal, PlanRequest, Point, Pose, Region,
+    Shape, TrunkPosture, Vector, joints,
+};
+use std::sync::Arc;
+
+pub const BLOCK: Shape = Shape::Cylinder { radius: 0.025, length: 0.05 };
+
+pub fn model() -> Arc<ArmModel> {
+    Arc::new(proact_description::mpl_right_arm())
+}
+
+pub fn kinematics(model: &ArmModel) -> Kinematics {
+    Kinematics::new(model).expect("the arm has kinematics")
+}
+
+pub fn planner(options: PlannerOptions) -> ArmPlanner {
+    let model = model();
+    let kinematics = Box::new(kinematics(&model));
+    ArmPlanner::new(model, kinematics, options).expect("the arm can be planned for")
+}
+
+/// `world_from_base` of the set-up `still`.
+pub fn still() -> Pose {
+    Pose::translation(-0.39, 0.12, 1.5)
+}
+
+/// `world_from_base` of the set-up `seated`: forward, lateral and axial lean in degrees about a hip pivot on the
+/// midline, 0.45 m below the shoulder.
+pub fn seated(posture: TrunkPosture) -> Pose {
+    let hip = Point::new(-0.6, 0.0, 0.995);
+    let shoulder = Point::new(-0.6, -0.18, 1.445);
+    let turn = UnitQuaternion::from_axis_angle(&Vector::z_axis(), posture.axial)
+        * UnitQuaternion::from_axis_angle(&Vector::y_axis(), posture.forward)
+        * UnitQuaternion::from_axis_angle(&Vector::x_axis(), posture.lateral);
+    Pose::from_parts((hip + turn * (shoulder - hip)).coords.into(), turn)
+}
+
+/// Box, table, floor and the four blocks, in their regions or where `at` says.
+pub fn obstacles() -> Vec<Obstacle> {
+    let fixed = fixed_objects().into_iter().map(|o| Obstacle { name: o.name, shape: o.shape, pose: o.pose });
+    let blocks = Region::ALL.into_iter().map(|region| {
+        let centre = block_centre(region);
+        Obstacle {
+            name: BlockId::ALL[region as usize].name().to_owned(),
+            shape: BLOCK,
+            pose: Pose::translation(centre.x, centre.y, centre.z),
+        }
+    });
+    fixed.chain(blocks).collect()
+}
+
+/// Where the block `Region::ALL[k]` stands at the start: its centre.
+pub fn block_centre(region: Region) -> Point {
+    region_centre(region) + Vector::z() * 0.025
+}
+
+/// The mirrored place on the table top.
+pub fn target(region: Region) -> Point {
+    let start = region_centre(region);
+    Point::new(start.x, -start.y, TABLE_TOP)
+}
+
+pub fn pose_of(model: &ArmModel, group: &str, name: &str) -> JointVector {
+    joints(model.pose(group, name).expect("a named pose of the arm"))
+}
+
+/// A pick of the block in `region` from the arm's start pose.
+pub fn pick(model: &ArmModel, world_from_base: Pose, region: Region, seed: u64) -> PlanRequest {
+    PlanRequest {
+        id: 1,
+        world_from_base,
+        start: pose_of(model, "arm", "start"),
+        hand: pose_of(model, "hand", "open"),
+        goal: PlanGoal::Pick { block: BlockId::ALL[region as usize], centre: block_centre(region) },
+        obstacles: obstacles(),
+        attached: None,
+        seed,
+    }
+}
+
+/// The place that follows a pick which ended at `q`, with the block in the hand as it was gripped.
+pub fn place(
+    model: &ArmModel,
+    world_from_base: Pose,
+    region: Region,
+    place: Point,
+    q: &[f64],
+    seed: u64,
+) -> PlanRequest {
+    use proact_kinematics::ArmKinematics;
+    let block = BlockId::ALL[region as usize];
+    let tip = world_from_base * kinematics(model).forward(q).expect("angles of a plan");
+    let block_pose = Pose::translation(block_centre(region).x, block_centre(region).y, block_centre(region).z);
+    PlanRequest {
+        id: 2,
+        world_from_base,
+        start: joints(q),
+        hand: pose_of(model, "hand", "closed"),
+        goal: PlanGoal::Place { point: place },
+        obstacles: obstacles().into_iter().filter(|o| o.name != block.name()).collect(),
+        attached: Some(AttachedObject {
+            name: block.name().to_owned(),
+            shape: BLOCK,
+            tip_from_object: tip.inverse() * block_pose,
+        }),
+        seed,
+    }
+}
