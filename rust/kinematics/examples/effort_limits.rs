@@ -1,5 +1,6 @@
 //! Prints what torque each joint of the MPL right arm needs at rest with a block in the hand, over all its
-//! angles and all leans of the trunk, and the effort limit that follows: three times that.
+//! angles and all leans of the trunk, what a finger joint needs to grip the block, and the effort limit that
+//! follows: three times the sum.
 //!
 //! ```text
 //! cargo run --release -p proact-kinematics --example effort_limits            # a table
@@ -20,7 +21,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let limits = effort_limits(&proact_description::mpl_right_arm(), &options)?;
     if toml {
         println!(
-            "# N m: {} times the largest static torque with {} kg in the hand",
+            "# N m: {} times the largest static torque with {} kg in the hand, grip of the fingers included",
             options.factor, options.carried_kg
         );
         println!("[effort]");
@@ -28,9 +29,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             println!("{} = {:.5}", limit.joint, limit.effort);
         }
     } else {
-        println!("{:<28} {:>12} {:>12}", "joint", "static (N m)", "effort (N m)");
+        println!("{:<28} {:>12} {:>12} {:>12}", "joint", "static (N m)", "grip (N m)", "effort (N m)");
         for limit in &limits {
-            println!("{:<28} {:>12.5} {:>12.5}", limit.joint, limit.static_torque, limit.effort);
+            println!(
+                "{:<28} {:>12.5} {:>12.5} {:>12.5}",
+                limit.joint, limit.static_torque, limit.grip_torque, limit.effort
+            );
         }
     }
     Ok(())

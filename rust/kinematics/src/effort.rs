@@ -11,6 +11,8 @@ use std::f64::consts::TAU;
 pub struct EffortOptions {
     /// Mass in the hand, kg: a block of the task.
     pub carried_kg: f64,
+    /// Coulomb friction between block and finger: with it, two opposed fingers hold the block by pressing.
+    pub finger_friction: f64,
     /// Furthest lean of the trunk forwards, rad. The person looks along x of the base, y is left.
     pub forward_rad: f64,
     /// Furthest lean to either side, rad.
@@ -27,6 +29,7 @@ impl Default for EffortOptions {
     fn default() -> Self {
         Self {
             carried_kg: 0.1,
+            finger_friction: 0.8,
             forward_rad: 35f64.to_radians(),
             lateral_rad: 25f64.to_radians(),
             factor: 3.0,
@@ -41,9 +44,12 @@ impl Default for EffortOptions {
 pub struct EffortLimit {
     /// The joint.
     pub joint: String,
-    /// Largest torque at rest over all angles within the limits and all leans, N m.
+    /// Largest torque at rest against gravity, over all angles within the limits and all leans, N m.
     pub static_torque: f64,
-    /// That times the factor, N m.
+    /// Torque with which a finger joint presses its last link on the block so that friction holds it, N m; zero
+    /// for the arm.
+    pub grip_torque: f64,
+    /// The sum times the factor, N m.
     pub effort: f64,
 }
 
@@ -55,6 +61,11 @@ const GRAVITY: f64 = 9.80665;
 
 /// The largest static torque of every moving joint with a body at the grasp centre, and the effort limit that
 /// follows, in the order of [`ArmModel::moving`].
+///
+/// The body's weight rests on the palm's frame, so gravity alone leaves finger joints with the weight of their own
+/// links, a few mN m, with which no block can be held. They bear the grip as well: two opposed fingers hold mass m
+/// by friction mu when each presses with `m g / (2 mu)`; the lever is the length of the stretched finger from the
+/// joint to the centre of mass of its last link, the most that it can be.
 ///
 /// Samples configurations, then climbs from the best ones one coordinate at a time. Gravity torque is
 /// `a + b cos(x) + c sin(x)` in any one joint angle x, and in either lean, because the potential energy is linear
@@ -85,13 +96,26 @@ pub fn effort_limits(model: &ArmModel, options: &EffortOptions) -> Result<Vec<Ef
         for (start, _) in &samples[..STARTS] {
             static_torque = static_torque.max(search.climb(start.clone(), k)?);
         }
+        let lever = if model.hand.contains(&joint) { reach(model, model.joints[joint].child) } else { 0.0 };
+        let grip_torque = lever * options.carried_kg * GRAVITY / (2.0 * options.finger_friction);
         limits.push(EffortLimit {
             joint: model.joints[joint].name.clone(),
             static_torque,
-            effort: options.factor * static_torque,
+            grip_torque,
+            effort: options.factor * (static_torque + grip_torque),
         });
     }
     Ok(limits)
+}
+
+/// Length of the stretched chain from the origin of `link` to the centre of mass of the last link below it, metres.
+fn reach(model: &ArmModel, link: usize) -> f64 {
+    let below = model.joints.iter().filter(|joint| joint.parent == link);
+    let longest = below
+        .map(|joint| joint.origin.translation.vector.norm() + reach(model, joint.child))
+        .max_by(f64::total_cmp);
+    longest
+        .unwrap_or_else(|| model.links[link].inertial.map_or(0.0, |own| own.pose.translation.vector.norm()))
 }
 
 /// Coordinates: the moving joints, then the lean forwards and to the side.
