@@ -127,7 +127,7 @@ pub enum DeviceError {
     /// No repetitions were asked for.
     #[error("no repetitions to {purpose} were named, expected at least one, such as 0")]
     NoRepetitions {
-        /// `train on` or `feed`.
+        /// `train on`, `test on` or `feed`.
         purpose: &'static str,
     },
     /// A recording that does not fill one window.

@@ -25,6 +25,7 @@
 #![allow(clippy::disallowed_methods)]
 
 mod error;
+mod evaluate;
 mod feed;
 mod gaze;
 mod ports;
@@ -34,9 +35,10 @@ mod setup;
 mod synthetic;
 
 pub use error::DeviceError;
+pub use evaluate::{Evaluation, evaluate};
 pub use feed::EmgFeed;
 pub use gaze::GazeSource;
 pub use random::stream;
-pub use recording::{ChannelValues, Layout, MYO_RATE_HZ, Recording, Recordings};
+pub use recording::{ChannelValues, Layout, MYO_RATE_HZ, Recording, Recordings, read_samples};
 pub use setup::{EmgSetup, EmgSource, prepare, prepare_with, train};
 pub use synthetic::{FittedGesture, SyntheticEmg, SyntheticModel};

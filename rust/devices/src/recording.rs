@@ -200,7 +200,7 @@ fn parse_name(name: &str) -> Option<(u32, u32)> {
 fn read_libemg(path: &Path, repetition: u32, class: u32) -> Result<Recording, DeviceError> {
     let gesture = usize::try_from(class).ok().and_then(|k| Gesture::ALL.get(k).copied());
     let gesture = gesture.ok_or_else(|| DeviceError::UnknownClass { path: path.to_owned(), class })?;
-    let samples = read_rows(path, None)?;
+    let samples = read_samples(path)?;
     Ok(Recording { repetition, gesture, samples, path: path.to_owned() })
 }
 
@@ -238,6 +238,14 @@ fn read_myo_readings(
         path: path.to_owned(),
     };
     Ok(cues.into_iter().zip(0..).map(recording).collect())
+}
+
+/// Reads one file of samples: a row a sample, a column a channel, commas between, no header.
+///
+/// # Errors
+/// A file that cannot be read, is empty, or has anything but finite numbers in rows of one length.
+pub fn read_samples(path: &Path) -> Result<Vec<ChannelValues>, DeviceError> {
+    read_rows(path, None)
 }
 
 /// Rows of numbers separated by commas, all of one length. `expected` columns, or those of the first row.

@@ -1,0 +1,355 @@
+//! `proact emg`: what labs compare with their own tools.
+
+use clap::{Args, Subcommand, ValueEnum};
+use proact_devices::{DeviceError, MYO_RATE_HZ, Recording, Recordings, evaluate, read_samples};
+use proact_emg::{EmgConfig, FeatureGroup, FeatureVector, WindowLength};
+use proact_types::Gesture;
+use std::{
+    error::Error,
+    fs::File,
+    io::{self, BufWriter, Write},
+    path::{Path, PathBuf},
+};
+
+/// Subcommands of `proact emg`.
+#[derive(Debug, Subcommand)]
+pub enum EmgCommand {
+    /// Train on some repetitions of a recording, test on others.
+    #[command(
+        after_help = "Example:\n  proact emg evaluate --data recordings/ --train-reps 0,1 --test-reps 2"
+    )]
+    Evaluate(EvaluateArgs),
+    /// Write the features of every window as CSV: one row a window, feature-major.
+    #[command(
+        after_help = "Example:\n  proact emg features --csv R_0_C_1.csv --window 20 --increment 10 --unit samples"
+    )]
+    Features(FeaturesArgs),
+}
+
+/// How a stream is cut into windows, and what is computed from them.
+#[derive(Debug, Args)]
+pub struct WindowArgs {
+    /// Length of a window.
+    #[arg(long, default_value_t = 100.0)]
+    window: f64,
+    /// Step from one window to the next.
+    #[arg(long, default_value_t = 50.0)]
+    increment: f64,
+    /// Unit of window and increment.
+    #[arg(long, value_enum, default_value_t = Unit::Ms)]
+    unit: Unit,
+    /// Samples per second of the recordings.
+    #[arg(long = "emg-rate", default_value_t = MYO_RATE_HZ)]
+    rate: f64,
+    /// Group of features.
+    #[arg(long, value_enum, ignore_case = true, default_value_t = Features::Htd)]
+    features: Features,
+}
+
+/// Units of window lengths.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Unit {
+    /// Samples of the stream.
+    Samples,
+    /// Milliseconds, made samples by the rate.
+    Ms,
+}
+
+/// Feature groups by LibEMG's names.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Features {
+    /// MAV, ZC, SSC, WL.
+    #[value(name = "HTD")]
+    Htd,
+}
+
+/// Options of `proact emg evaluate`.
+#[derive(Debug, Args)]
+pub struct EvaluateArgs {
+    /// Folder with R_<rep>_C_<class>.csv files or in the myo_readings layout.
+    #[arg(long)]
+    data: PathBuf,
+    /// Repetitions to train on.
+    #[arg(long, value_delimiter = ',', default_value = "0,1")]
+    train_reps: Vec<u32>,
+    /// Repetitions to test on.
+    #[arg(long, value_delimiter = ',', default_value = "2")]
+    test_reps: Vec<u32>,
+    #[command(flatten)]
+    window: WindowArgs,
+}
+
+/// Options of `proact emg features`.
+#[derive(Debug, Args)]
+pub struct FeaturesArgs {
+    /// Folder as for evaluate. Rows come by repetition, then class.
+    #[arg(long, required_unless_present = "csv", conflicts_with = "csv")]
+    data: Option<PathBuf>,
+    /// One file of samples: a row a sample, a column a channel.
+    #[arg(long)]
+    csv: Option<PathBuf>,
+    /// Only these repetitions; with --test-reps, those follow. Default: all.
+    #[arg(long, value_delimiter = ',', conflicts_with = "csv")]
+    train_reps: Vec<u32>,
+    /// Only these repetitions, after those of --train-reps.
+    #[arg(long, value_delimiter = ',', conflicts_with = "csv")]
+    test_reps: Vec<u32>,
+    /// Begin with a row of column names.
+    #[arg(long)]
+    header: bool,
+    /// Write to this file instead of standard output.
+    #[arg(long)]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    window: WindowArgs,
+}
+
+/// Runs a subcommand; `json` asks for one JSON object on standard output.
+///
+/// # Errors
+/// Recordings that cannot be used, settings that cannot work, or output that cannot be written.
+pub fn run(command: &EmgCommand, json: bool) -> Result<(), Box<dyn Error>> {
+    let text = match command {
+        EmgCommand::Evaluate(args) => evaluation(args, json)?,
+        EmgCommand::Features(args) => {
+            let text = features(args, json)?;
+            if let Some(path) = &args.out {
+                return Ok(write_whole(path, &text)?);
+            }
+            text
+        }
+    };
+    match io::stdout().lock().write_all(text.as_bytes()) {
+        // A reader such as `head` has seen enough.
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+        result => Ok(result?),
+    }
+}
+
+fn evaluation(args: &EvaluateArgs, json: bool) -> Result<String, Box<dyn Error>> {
+    let recordings = Recordings::read(&args.data, args.window.rate)?;
+    let config = args.window.config(recordings.channels)?;
+    let result = evaluate(&recordings, &args.train_reps, &args.test_reps, &config)?;
+    if json {
+        return Ok(serde_json::to_string(&result)? + "\n");
+    }
+    let mut text = format!(
+        "accuracy {:.2} % ({} of {} windows)\nrows: true class; columns: recognised, same order\n",
+        100.0 * result.accuracy,
+        result.correct,
+        result.windows
+    );
+    for (gesture, row) in result.classes.iter().zip(&result.confusion) {
+        let counts: String = row.iter().map(|count| format!("{count:>6}")).collect();
+        text += &format!("{:<16}{counts}\n", gesture.ros_name());
+    }
+    Ok(text)
+}
+
+fn features(args: &FeaturesArgs, json: bool) -> Result<String, Box<dyn Error>> {
+    let (config, windows) = match (&args.csv, &args.data) {
+        (Some(path), _) => {
+            let samples = read_samples(path)?;
+            let config = args.window.config(samples.first().map_or(0, |s| s.len()))?;
+            // Repetition and gesture have no bearing on features.
+            let recording =
+                Recording { repetition: 0, gesture: Gesture::NoMotion, samples, path: path.clone() };
+            (config.clone(), recording.windows(&config)?)
+        }
+        (None, Some(dir)) => {
+            let recordings = Recordings::read(dir, args.window.rate)?;
+            let config = args.window.config(recordings.channels)?;
+            (config.clone(), windows_of(&recordings, &[&args.train_reps, &args.test_reps], &config)?)
+        }
+        (None, None) => return Err("no recording was named, expected --data DIR or --csv FILE".into()),
+    };
+    let names = column_names(&config);
+    if json {
+        let object = serde_json::json!({ "windows": windows.len(), "columns": names, "features": windows });
+        return Ok(object.to_string() + "\n");
+    }
+    let mut text = String::new();
+    if args.header {
+        text += &(names.join(",") + "\n");
+    }
+    for window in &windows {
+        text += &(window.iter().map(f64::to_string).collect::<Vec<_>>().join(",") + "\n");
+    }
+    Ok(text)
+}
+
+/// Windows of the repetitions named, in that order; of all, when none is.
+fn windows_of(
+    recordings: &Recordings,
+    reps: &[&[u32]],
+    config: &EmgConfig,
+) -> Result<Vec<FeatureVector>, DeviceError> {
+    let mut windows = Vec::new();
+    if reps.iter().all(|named| named.is_empty()) {
+        for recording in &recordings.items {
+            windows.extend(recording.windows(config)?);
+        }
+    }
+    for &rep in reps.iter().copied().flatten() {
+        for gesture in recordings.gestures() {
+            windows.extend(recordings.find(gesture, rep)?.windows(config)?);
+        }
+    }
+    Ok(windows)
+}
+
+/// `MAV_ch0` and so on, as in LibEMG's tables.
+fn column_names(config: &EmgConfig) -> Vec<String> {
+    let FeatureGroup::Htd = config.features;
+    let channels = 0..config.channels;
+    let block = |name| channels.clone().map(move |channel| format!("{name}_ch{channel}"));
+    ["MAV", "ZC", "SSC", "WL"].into_iter().flat_map(block).collect()
+}
+
+impl WindowArgs {
+    fn config(&self, channels: usize) -> Result<EmgConfig, Box<dyn Error>> {
+        let length = |name: &str, value: f64| match self.unit {
+            Unit::Ms => Ok(WindowLength::Millis(value)),
+            Unit::Samples if value.fract() == 0.0 && (1.0..=f64::from(u32::MAX)).contains(&value) => {
+                Ok(WindowLength::Samples(value as u32))
+            }
+            Unit::Samples => Err(format!("{name} is {value} samples, expected a whole number above zero")),
+        };
+        let Features::Htd = self.features;
+        let config = EmgConfig {
+            rate_hz: self.rate,
+            channels,
+            window: length("window", self.window)?,
+            increment: length("increment", self.increment)?,
+            features: FeatureGroup::Htd,
+            // Recordings have no silences: any increment will do.
+            max_age_millis: u64::MAX,
+            ..EmgConfig::default()
+        };
+        config.check()?;
+        Ok(config)
+    }
+}
+
+/// Writes a file whole or not at all: beside it first, then renamed.
+fn write_whole(path: &Path, text: &str) -> Result<(), String> {
+    let mut beside = path.as_os_str().to_owned();
+    beside.push(".partial");
+    let write = || -> io::Result<()> {
+        let mut file = BufWriter::new(File::create(&beside)?);
+        file.write_all(text.as_bytes())?;
+        file.into_inner()?.sync_all()?;
+        std::fs::rename(&beside, path)
+    };
+    write().map_err(|error| {
+        // Nothing to tell if there is no partial file to remove.
+        let _ = std::fs::remove_file(&beside);
+        format!("cannot write {}: {error}", path.display())
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Parser)]
+    struct Line {
+        #[command(subcommand)]
+        command: EmgCommand,
+    }
+
+    fn parse(line: &str) -> Result<EmgCommand, clap::Error> {
+        Line::try_parse_from(std::iter::once("emg").chain(line.split_whitespace())).map(|line| line.command)
+    }
+
+    /// A fresh folder with three repetitions of two gestures on two channels.
+    fn recordings() -> tempfile::TempDir {
+        let dir = tempfile::tempdir().expect("a temporary folder can be made");
+        for rep in 0..3 {
+            for class in [0, 2] {
+                let value =
+                    |k: usize, c: usize| ((k * (7 + 4 * c) + rep) as f64).sin() * (1 + 9 * class) as f64;
+                let text: String = (0..60).map(|k| format!("{},{}\n", value(k, 0), value(k, 1))).collect();
+                let path = dir.path().join(format!("R_{rep}_C_{class}.csv"));
+                File::create(path).and_then(|mut f| f.write_all(text.as_bytes())).expect("writable");
+            }
+        }
+        dir
+    }
+
+    fn with_data(line: &str, dir: &Path) -> EmgCommand {
+        parse(&format!("{line} --data {}", dir.display())).expect("a good command line")
+    }
+
+    #[test]
+    fn evaluate_tells_accuracy_confusion_and_classes() {
+        let dir = recordings();
+        let EmgCommand::Evaluate(args) = with_data("evaluate --features htd", dir.path()) else {
+            panic!("another command")
+        };
+        let json = evaluation(&args, true).expect("a good folder");
+        let result: serde_json::Value = serde_json::from_str(&json).expect("JSON");
+        assert_eq!(result["windows"], 10);
+        assert_eq!(result["correct"], 10);
+        assert_eq!(result["accuracy"], 1.0);
+        assert_eq!(result["confusion"], serde_json::json!([[5, 0], [0, 5]]));
+        assert_eq!(result["classes"], serde_json::json!(["hand_close", "no_motion"]));
+        assert!(evaluation(&args, false).expect("a good folder").starts_with("accuracy 100.00 % (10 of 10"));
+    }
+
+    #[test]
+    fn features_come_one_row_a_window_and_whole_files_replace_old_ones() {
+        let dir = recordings();
+        let out = dir.path().join("features.out");
+        let line =
+            format!("features --window 20 --increment 10 --unit samples --header --out {}", out.display());
+        let command = with_data(&line, dir.path());
+        run(&command, false).expect("a good folder");
+        let text = io::read_to_string(File::open(&out).expect("written")).expect("text");
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(lines.len(), 1 + 3 * 2 * 5);
+        assert_eq!(lines[0], "MAV_ch0,MAV_ch1,ZC_ch0,ZC_ch1,SSC_ch0,SSC_ch1,WL_ch0,WL_ch1");
+        assert!(
+            lines[1].split(',').all(|value| value.parse::<f64>().is_ok()) && lines[1].split(',').count() == 8
+        );
+
+        let EmgCommand::Features(args) = with_data("features --train-reps 1", dir.path()) else {
+            panic!("another command")
+        };
+        assert_eq!(features(&args, false).expect("good").lines().count(), 10);
+    }
+
+    #[test]
+    fn features_of_one_file_equal_those_of_the_folder() {
+        let dir = recordings();
+        let one = parse(&format!("features --csv {}", dir.path().join("R_0_C_0.csv").display()));
+        let Ok(EmgCommand::Features(one)) = one else { panic!("a good command line") };
+        let EmgCommand::Features(all) = with_data("features", dir.path()) else { panic!("another command") };
+        let (one, all) = (features(&one, false).expect("good"), features(&all, false).expect("good"));
+        assert!(all.starts_with(&one) && one.lines().count() == 5);
+    }
+
+    #[test]
+    fn bad_options_and_unwritable_output_are_refused() {
+        let dir = recordings();
+        assert!(parse("features").is_err(), "neither folder nor file");
+        assert!(parse("evaluate --data x --features XYZ").is_err_and(|e| e.to_string().contains("HTD")));
+        let message = |line: &str| run(&with_data(line, dir.path()), true).expect_err("refused").to_string();
+        assert!(
+            message("evaluate --unit samples --window 20.5")
+                .contains("20.5 samples, expected a whole number")
+        );
+        assert!(message("evaluate --window NaN").contains("NaN"));
+        assert!(message("evaluate --emg-rate 0").contains("EMG rate is 0"));
+        assert!(
+            message("evaluate --test-reps 5").contains("no repetition 5 of hand_close; there are 0, 1, 2")
+        );
+        let nowhere = dir.path().join("no/such/folder/f.csv");
+        assert!(message(&format!("features --out {}", nowhere.display())).contains("cannot write"));
+        let folder = dir.path().join("taken");
+        std::fs::create_dir(&folder).expect("writable");
+        assert!(message(&format!("features --out {}", folder.display())).contains("cannot write"));
+        assert!(!dir.path().join("taken.partial").exists(), "nothing half-written is left");
+    }
+}

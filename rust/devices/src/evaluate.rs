@@ -1,0 +1,51 @@
+use crate::{DeviceError, Recordings, train};
+use proact_emg::EmgConfig;
+use proact_types::Gesture;
+use serde::Serialize;
+
+/// How well a classifier recognises repetitions that it was not trained on, window by window, with no decision
+/// rule.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Evaluation {
+    /// Share of windows recognised, 0 to 1.
+    pub accuracy: f64,
+    /// Windows tested.
+    pub windows: usize,
+    /// Windows recognised.
+    pub correct: usize,
+    /// `[true class][recognised class]`, numbers of windows.
+    pub confusion: Vec<Vec<usize>>,
+    /// The gesture of each row and column.
+    pub classes: Vec<Gesture>,
+}
+
+/// Trains on some repetitions of all gestures in `recordings` and tests on others.
+///
+/// # Errors
+/// A repetition that is missing or too short, no repetitions, or data that no classifier can be trained on.
+pub fn evaluate(
+    recordings: &Recordings,
+    train_reps: &[u32],
+    test_reps: &[u32],
+    config: &EmgConfig,
+) -> Result<Evaluation, DeviceError> {
+    if test_reps.is_empty() {
+        return Err(DeviceError::NoRepetitions { purpose: "test on" });
+    }
+    let classifier = train(recordings, train_reps, config)?;
+    let classes = classifier.gestures().to_vec();
+    let column = |gesture: Gesture| classes.iter().position(|g| *g == gesture);
+    let mut confusion = vec![vec![0; classes.len()]; classes.len()];
+    for &rep in test_reps {
+        for (row, &gesture) in classes.iter().enumerate() {
+            for window in recordings.find(gesture, rep)?.windows(config)? {
+                if let Some(column) = column(classifier.predict(&window)?.class) {
+                    confusion[row][column] += 1;
+                }
+            }
+        }
+    }
+    let windows = confusion.iter().flatten().sum();
+    let correct = (0..classes.len()).map(|k| confusion[k][k]).sum();
+    Ok(Evaluation { accuracy: correct as f64 / windows as f64, windows, correct, confusion, classes })
+}
