@@ -149,7 +149,7 @@ fn every_bit_of_an_input_is_kept_nan_and_minus_zero_included() {
 fn a_flipped_byte_anywhere_is_reported_at_the_record_it_is_in() {
     let place = tempfile::tempdir().unwrap();
     let dir = place.path().join("trial");
-    write_trial(&dir, 30);
+    write_trial(&dir, 9);
     let file = dir.join(INPUTS_FILE);
     let good = fs::read(&file).unwrap();
     let (records, _) = read_inputs(&dir);
@@ -197,7 +197,7 @@ fn a_damaged_head_is_refused() {
 fn a_log_cut_anywhere_is_read_up_to_the_cut() {
     let place = tempfile::tempdir().unwrap();
     let dir = place.path().join("trial");
-    write_trial(&dir, 30);
+    write_trial(&dir, 9);
     let file = dir.join(INPUTS_FILE);
     let good = fs::read(&file).unwrap();
     let (records, _) = read_inputs(&dir);

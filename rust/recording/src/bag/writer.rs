@@ -15,7 +15,8 @@ const OP_INDEX: u8 = 0x04;
 const OP_CHUNK: u8 = 0x05;
 const OP_CHUNK_INFO: u8 = 0x06;
 const OP_CONNECTION: u8 = 0x07;
-/// The bag header is padded to this size, so that it can be written again in place at the end.
+/// Size of the bag header's fields and padding together. It is written again in place at the end, and not only
+/// here: `rosbag reindex` and appending write it anew with this size, over what follows if ours were smaller.
 const BAG_HEADER_BYTES: usize = 4096;
 /// A chunk is closed when it has grown to this size: rosbag's default, and the bound on memory.
 const CHUNK_BYTES: usize = 768 * 1024;
@@ -253,7 +254,9 @@ fn bag_header(index_position: u64, connections: u32, chunks: u32) -> Vec<u8> {
     let mut bare = Vec::new();
     put_record(&mut bare, &fields, &[]);
     let mut record = Vec::new();
-    put_record(&mut record, &fields, &vec![b' '; BAG_HEADER_BYTES - bare.len()]);
+    // The two lengths of a record, four bytes each, do not count.
+    let field_bytes = bare.len() - 8;
+    put_record(&mut record, &fields, &vec![b' '; BAG_HEADER_BYTES - field_bytes]);
     record
 }
 

@@ -1,0 +1,515 @@
+//! Bags: sums of the message types, what two independent readers find in a trial's bag, bad input.
+#![allow(clippy::unwrap_used, clippy::disallowed_methods)]
+
+use proact_recording::{
+    RecordingError, TrialBag,
+    bag::{
+        BAG_EPOCH_SECS,
+        message::Message,
+        messages::{
+            Bool, Clock, Float64, GazeboGraspEvent, Header, Int8, JointState, JointTrajectory, Log,
+            ModelStates, PoseStamped, Text, TfMessage, Vector3Stamped,
+        },
+    },
+};
+use proact_types::{
+    ArmModel, BlockId, BodyState, DisplayFrame, Event, EventKind, GazeSample, Gesture, HandState, HandView,
+    Joint, JointKind, JointLimits, Link, PlanReply, PlanStatus, PlannerView, PlantState, Point, Pose,
+    SimTime, TargetView, Trajectory, TrajectoryPoint, Vector, joints, zeros,
+};
+use rosbag::{ChunkRecord, IndexRecord, MessageRecord, RosBag};
+use std::{
+    collections::BTreeMap,
+    fs,
+    path::{Path, PathBuf},
+    process::{Command, Output},
+};
+
+const SECONDS: u64 = 20;
+const LAST_TICK: SimTime = SimTime(SECONDS * 1000);
+
+/// A fixed joint, two arm joints and one hand joint, whose names do not stand in alphabetical order.
+fn arm() -> ArmModel {
+    let names = ["base_link", "mount", "upper", "wrist", "finger"];
+    let links = names.map(|name| Link {
+        name: name.to_owned(),
+        inertial: None,
+        collisions: Vec::new(),
+        visuals: Vec::new(),
+    });
+    let kinds = [JointKind::Fixed, JointKind::Revolute, JointKind::Revolute, JointKind::Revolute];
+    let joint = |(index, (name, kind)): (usize, (&str, JointKind))| Joint {
+        name: name.to_owned(),
+        kind,
+        parent: index,
+        child: index + 1,
+        origin: Pose::translation(0.0, 0.0, 0.1 * (index as f64 + 1.0)),
+        axis: Vector::x(),
+        limits: JointLimits::default(),
+        damping: 0.0,
+        friction: 0.0,
+    };
+    ArmModel {
+        name: "test_arm".to_owned(),
+        links: links.to_vec(),
+        joints: ["fixed", "shoulder", "elbow", "grip"]
+            .into_iter()
+            .zip(kinds)
+            .enumerate()
+            .map(joint)
+            .collect(),
+        arm: vec![1, 2],
+        hand: vec![3],
+        tip: 3,
+        poses: Vec::new(),
+        allowed_collisions: Vec::new(),
+        grasp_centre: Vector::zeros(),
+    }
+}
+
+fn frame(time: SimTime) -> DisplayFrame {
+    let secs = time.as_secs();
+    let holding = secs > 10.0;
+    DisplayFrame {
+        time,
+        method: "D".to_owned(),
+        joints: zeros(3),
+        world_from_base: Pose::new(Vector::new(-0.39 + 0.01 * secs, 0.12, 1.5), Vector::new(1.57, 0.0, 0.0)),
+        world_from_tip: Pose::identity(),
+        world_from_head: Pose::translation(-0.5, 0.0, 1.7),
+        blocks: (0..4).map(|k| Pose::translation(0.058, -0.2 + 0.01 * f64::from(k), 1.04)).collect(),
+        hand: HandView {
+            state: if holding { HandState::Closed } else { HandState::Open },
+            holds: holding.then_some(BlockId::Blue1),
+        },
+        gaze: None,
+        target: TargetView {
+            block: Some(BlockId::Red2),
+            place: holding.then(|| Point::new(0.058, 0.2083, 1.015)),
+            locked: false,
+            posterior: vec![0.1, 0.2, 0.6, 0.1],
+        },
+        planner: PlannerView::Idle,
+        gesture: Gesture::NoMotion,
+        confidence: 1.0,
+        emg_source: "keys".to_owned(),
+        time_left_secs: 300.0 - secs,
+        next_block: Some(BlockId::Red1),
+        on_target: 0,
+        finished: false,
+        events: Vec::new(),
+    }
+}
+
+fn state(time: SimTime) -> PlantState {
+    let body = BodyState {
+        pose: Pose::translation(0.058, -0.2, 1.04),
+        linear: Vector::new(0.1, 0.0, 0.0),
+        angular: Vector::new(0.0, 0.0, time.as_secs()),
+    };
+    PlantState {
+        position: joints(&[0.1, 4.0, -0.3]),
+        velocity: joints(&[1.0, 2.0, 3.0]),
+        effort: joints(&[10.0, 20.0, 30.0]),
+        world_from_base: frame(time).world_from_base,
+        blocks: [body; 4].into_iter().collect(),
+        attached: None,
+        contacts: Default::default(),
+    }
+}
+
+fn plan() -> PlanReply {
+    let point = |time_secs: f64| TrajectoryPoint { time_secs, q: joints(&[0.5, 0.6]), qd: zeros(2) };
+    let trajectory = Trajectory { points: vec![point(0.0), point(1.25)] };
+    PlanReply { id: 1, status: PlanStatus::Ok, trajectory, reason: String::new() }
+}
+
+/// Everything that a trial writes, for `SECONDS` simulated seconds.
+fn write_trial(bag: &mut TrialBag) {
+    for tick in 0..=LAST_TICK.0 {
+        let now = SimTime(tick);
+        if tick % 17 == 0 {
+            bag.write_frame(&frame(now)).unwrap();
+        }
+        if tick % 20 == 0 {
+            bag.write_state(now, &state(now)).unwrap();
+        }
+        if tick % 50 == 0 {
+            bag.write_emg(now, Gesture::ALL[tick as usize / 50 % 5]).unwrap();
+            // Every second sample is a blink.
+            let gaze = GazeSample {
+                origin: Point::new(-0.5, 0.0, 1.7),
+                direction: Vector::new(3.0, 0.0, -4.0),
+                valid: tick % 100 == 0,
+            };
+            bag.write_gaze(now, &gaze).unwrap();
+        }
+        let block = BlockId::Blue1;
+        let kinds = match tick {
+            4_000 => vec![EventKind::Locked { block: Some(block) }],
+            5_000 => {
+                bag.write_plan(now, &plan()).unwrap();
+                vec![EventKind::PlanFinished { request: 1, status: PlanStatus::Ok }]
+            }
+            10_001 => vec![EventKind::BlockAttached { block }, EventKind::Unlocked],
+            15_000 => vec![EventKind::BlockReleased { block }],
+            _ => vec![],
+        };
+        for kind in kinds {
+            bag.write_event(&Event { time: now, kind }).unwrap();
+        }
+    }
+}
+
+fn finished_bag(dir: &Path) -> PathBuf {
+    let mut bag = TrialBag::create(dir, &arm()).unwrap();
+    write_trial(&mut bag);
+    bag.finish(LAST_TICK).unwrap()
+}
+
+/// Messages of each topic, as the crate `rosbag` finds them: bag time in nanoseconds and bytes.
+type Topics = BTreeMap<String, (String, Vec<(u64, Vec<u8>)>)>;
+
+/// Reads the chunks, and checks every index record against them.
+fn read_bag(path: &Path) -> Topics {
+    let bag = RosBag::new(path).unwrap();
+    let mut connections = BTreeMap::new();
+    let (mut counts, mut chunk_infos) = (0, 0);
+    for record in bag.index_records() {
+        match record.unwrap() {
+            IndexRecord::Connection(c) => {
+                connections.insert(c.id, (c.topic.to_owned(), c.tp.to_owned()));
+            }
+            IndexRecord::ChunkInfo(info) => {
+                chunk_infos += 1;
+                counts += info.entries().map(|e| e.count).sum::<u32>();
+            }
+            IndexRecord::IndexData(_) => panic!("index data belongs to the chunks"),
+        }
+    }
+    assert_eq!(bag.get_conn_count() as usize, connections.len());
+    assert_eq!(bag.get_chunk_count(), chunk_infos);
+    assert!(chunk_infos > 2, "the trial is too short to show that chunks are closed");
+
+    let mut topics = Topics::new();
+    let mut chunk = None;
+    let (mut messages, mut indexed) = (0, 0);
+    for record in bag.chunk_records() {
+        match record.unwrap() {
+            ChunkRecord::Chunk(data) => {
+                for record in data.messages() {
+                    if let MessageRecord::MessageData(m) = record.unwrap() {
+                        let (topic, type_name) = &connections[&m.conn_id];
+                        let entry =
+                            topics.entry(topic.clone()).or_insert_with(|| (type_name.clone(), vec![]));
+                        entry.1.push((m.time, m.data.to_vec()));
+                        messages += 1;
+                    }
+                }
+                chunk = Some(data);
+            }
+            ChunkRecord::IndexData(index) => {
+                let mut data = chunk.as_ref().unwrap().messages();
+                for entry in index.entries() {
+                    data.seek(entry.offset).unwrap();
+                    match data.next().unwrap().unwrap() {
+                        MessageRecord::MessageData(m) => {
+                            assert_eq!((m.conn_id, m.time), (index.conn_id, entry.time));
+                        }
+                        MessageRecord::Connection(_) => panic!("the index points at a connection"),
+                    }
+                    indexed += 1;
+                }
+            }
+        }
+    }
+    assert_eq!((messages, messages), (indexed, counts));
+    topics
+}
+
+fn last<M: Message>(topics: &Topics, topic: &str) -> M {
+    let (type_name, messages) = &topics[topic];
+    assert_eq!(type_name, M::TYPE);
+    M::from_bytes(&messages.last().unwrap().1).unwrap()
+}
+
+#[test]
+fn sums_are_those_of_ros() {
+    let sums = [
+        (Header::md5_sum(), "2176decaecbce78abc3b96ef049fabed"),
+        (Text::md5_sum(), "992ce8a1687cec8c8bd883ec73ca41d1"),
+        (Bool::md5_sum(), "8b94c1b53db61fb6aed406028ad6332a"),
+        (Int8::md5_sum(), "27ffa0c9c4b8fb8492252bcad9e5c57b"),
+        (Float64::md5_sum(), "fdb28210bfa9d7c91146260178d9a584"),
+        (JointState::md5_sum(), "3066dcd76a6cfaef579bd0f34173e9fd"),
+        (TfMessage::md5_sum(), "94810edda583a504dfda3829e70d7eec"),
+        (Vector3Stamped::md5_sum(), "7b324c7325e683bf02a9b14b01090ec7"),
+        (PoseStamped::md5_sum(), "d3812c3cbc69362b77dc0b19b345f8f5"),
+        (Log::md5_sum(), "acffd30cd6b6de30f120938c17c593fb"),
+        (Clock::md5_sum(), "a9c97c1d230cfc112e270351a944ee47"),
+        (ModelStates::md5_sum(), "48c080191eb15c41858319b4d8a609c2"),
+        (JointTrajectory::md5_sum(), "65b4f94a94d1ed67169da35a02f33d3f"),
+    ];
+    for (got, expected) in sums {
+        assert_eq!(got, expected);
+    }
+}
+
+#[test]
+fn a_definition_names_each_type_that_it_needs_once() {
+    let text = PoseStamped::definition();
+    for needed in ["std_msgs/Header", "geometry_msgs/Pose", "geometry_msgs/Point", "geometry_msgs/Quaternion"]
+    {
+        assert_eq!(text.matches(&format!("MSG: {needed}\n")).count(), 1, "{text}");
+    }
+    assert!(!text.contains("MSG: geometry_msgs/PoseStamped"), "{text}");
+    assert_eq!(GazeboGraspEvent::definition(), "string arm\nstring object\nbool attached\n");
+}
+
+#[test]
+fn bytes_that_are_no_message_are_refused() {
+    let bytes = [3, 0, 0, 0, b'a', b'b', b'c'];
+    assert_eq!(Text::from_bytes(&bytes).unwrap(), Text { data: "abc".to_owned() });
+    assert!(Text::from_bytes(&bytes[..6]).is_err());
+    assert!(Text::from_bytes(&[1, 0, 0, 0, 255]).is_err(), "not UTF-8");
+    assert!(Int8::from_bytes(&bytes).is_err(), "bytes left over");
+    // A count of four billion must fail, not ask for memory.
+    assert!(TfMessage::from_bytes(&[255; 8]).is_err());
+}
+
+#[test]
+fn a_trials_bag_holds_the_trial() {
+    let place = tempfile::tempdir().unwrap();
+    let path = finished_bag(place.path());
+    assert_eq!(path, place.path().join("trial.bag"));
+    assert_eq!(fs::read_dir(place.path()).unwrap().count(), 1, "the active name is gone");
+    let topics = read_bag(&path);
+
+    let frames = (LAST_TICK.0 / 17 + 1) as usize;
+    let states = (LAST_TICK.0 / 20 + 1) as usize;
+    let gazes = (LAST_TICK.0 / 100 + 1) as usize;
+    let holding = (0..=LAST_TICK.0).step_by(17).filter(|t| *t > 10_000).count();
+    let counts: BTreeMap<&str, usize> = topics.iter().map(|(t, (_, m))| (t.as_str(), m.len())).collect();
+    let expected = BTreeMap::from([
+        ("/block_id", frames),
+        ("/blue_block1_pose_msg", frames),
+        ("/blue_block2_pose_msg", frames),
+        ("/clock", frames),
+        ("/current_block", frames - holding),
+        ("/emg", (LAST_TICK.0 / 50 + 1) as usize),
+        ("/gaze_direction", gazes),
+        ("/gaze_direction_ros", gazes),
+        ("/gaze_position", gazes),
+        ("/gaze_position_ros", gazes),
+        ("/gazebo/model_states", states),
+        ("/grasp_event_republisher/grasp_events", 2),
+        ("/grasp_status", 2),
+        ("/hololens_unity_camera_pose_ros", frames),
+        ("/mpl_right_arm/arm_controller/command", 1),
+        ("/mpl_right_arm/base_pose", frames),
+        ("/mpl_right_arm/wrapped_joint_states", states),
+        ("/place_location_selected", holding),
+        ("/red_block1_pose_msg", frames),
+        ("/red_block2_pose_msg", frames),
+        // Start, stop and the five events.
+        ("/rosout", 7),
+        ("/selection_frozen", 2),
+        ("/success", 1),
+        ("/tf", frames + states),
+        ("/tf_static", 1),
+    ]);
+    assert_eq!(counts, expected);
+
+    let joint_states: JointState = last(&topics, "/mpl_right_arm/wrapped_joint_states");
+    assert_eq!(joint_states.name, ["elbow", "grip", "shoulder"]);
+    assert_eq!(joint_states.position, [4.0 - std::f64::consts::TAU, -0.3, 0.1]);
+    assert_eq!(joint_states.velocity, [2.0, 3.0, 1.0]);
+    assert_eq!(joint_states.effort, [20.0, 30.0, 10.0]);
+    assert_eq!(joint_states.header.stamp.secs, BAG_EPOCH_SECS + SECONDS as u32);
+    // tick 19992 is the last frame; 20000 the last state.
+    let clock: Clock = last(&topics, "/clock");
+    assert_eq!((clock.clock.secs, clock.clock.nsecs), (BAG_EPOCH_SECS + 19, 992_000_000));
+    assert_eq!(last::<Text>(&topics, "/block_id").data, "bluecylinder1");
+    assert_eq!(last::<Text>(&topics, "/current_block").data, "redcylinder2");
+    let gaze: Vector3Stamped = last(&topics, "/gaze_direction");
+    assert_eq!((gaze.vector.x, gaze.vector.z, gaze.header.frame_id.as_str()), (0.6, -0.8, "world"));
+    let grasp: GazeboGraspEvent = last(&topics, "/grasp_event_republisher/grasp_events");
+    assert_eq!(grasp.object, "bluecylinder1::link::collision");
+    assert!(!grasp.attached && !last::<Bool>(&topics, "/grasp_status").data);
+    assert!(last::<Bool>(&topics, "/success").data, "the hand closed");
+    let command: JointTrajectory = last(&topics, "/mpl_right_arm/arm_controller/command");
+    assert_eq!(command.joint_names, ["shoulder", "elbow"]);
+    let end = &command.points[1].time_from_start;
+    assert_eq!((end.secs, end.nsecs), (1, 250_000_000));
+    let log: Log = last(&topics, "/rosout");
+    assert_eq!((log.name.as_str(), log.msg.as_str(), log.level.0), ("start-stop", "Stop", 2));
+    let models: ModelStates = last(&topics, "/gazebo/model_states");
+    assert_eq!(models.name[..2], ["mpl_right_arm", "redcylinder1"]);
+    assert_eq!(models.twist[1].angular.z, SECONDS as f64);
+    assert_eq!(last::<TfMessage>(&topics, "/tf_static").transforms[0].child_frame_id, "mount");
+}
+
+#[test]
+fn tf_carries_the_arms_forward_kinematics() {
+    let place = tempfile::tempdir().unwrap();
+    let topics = read_bag(&finished_bag(place.path()));
+    let tf: TfMessage = last(&topics, "/tf");
+    let wrist = tf.transforms.iter().find(|t| t.child_frame_id == "wrist").unwrap();
+    assert_eq!(wrist.header.frame_id, "upper");
+    assert!((wrist.transform.translation.z - 0.3).abs() < 1e-15);
+    // A turn of 4 rad about x.
+    let rotation = &wrist.transform.rotation;
+    assert!((rotation.x - 2.0_f64.sin()).abs() < 1e-15 && (rotation.w - 2.0_f64.cos()).abs() < 1e-15);
+}
+
+#[test]
+fn equal_trials_give_equal_bags() {
+    let (one, two) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let bytes = |dir: &Path| fs::read(finished_bag(dir)).unwrap();
+    assert!(bytes(one.path()) == bytes(two.path()));
+}
+
+#[test]
+fn malformed_frames_states_and_plans_are_refused_whole() {
+    let place = tempfile::tempdir().unwrap();
+    let mut bag = TrialBag::create(place.path(), &arm()).unwrap();
+    let now = SimTime(17);
+    let not_finite = |r: Result<(), RecordingError>| matches!(r, Err(RecordingError::NotFinite { .. }));
+    let wrong_length = |r: Result<(), RecordingError>| matches!(r, Err(RecordingError::WrongLength { .. }));
+
+    let mut bad = frame(now);
+    bad.blocks[2].translation.x = f64::NAN;
+    assert!(not_finite(bag.write_frame(&bad)));
+    bad = frame(now);
+    bad.target.place = Some(Point::new(0.0, f64::INFINITY, 0.0));
+    assert!(not_finite(bag.write_frame(&bad)));
+    bad = frame(now);
+    bad.blocks.clear();
+    assert!(wrong_length(bag.write_frame(&bad)));
+
+    let mut bad = state(now);
+    bad.effort[1] = f64::NAN;
+    assert!(not_finite(bag.write_state(now, &bad)));
+    bad = state(now);
+    bad.velocity.pop();
+    assert!(wrong_length(bag.write_state(now, &bad)));
+    bad = state(now);
+    bad.blocks.pop();
+    assert!(wrong_length(bag.write_state(now, &bad)));
+
+    let blind = GazeSample { origin: Point::origin(), direction: Vector::zeros(), valid: true };
+    assert!(not_finite(bag.write_gaze(now, &blind)));
+    let mut bad = plan();
+    bad.trajectory.points[1].q.pop();
+    assert!(wrong_length(bag.write_plan(now, &bad)));
+    bad = plan();
+    bad.trajectory.points[1].time_secs = f64::NAN;
+    assert!(not_finite(bag.write_plan(now, &bad)));
+
+    // Nothing of all that may be in the bag: only the two marks and the static transforms.
+    let bytes = fs::read(bag.finish(now).unwrap()).unwrap();
+    let text = String::from_utf8_lossy(&bytes);
+    for topic in ["/clock", "wrapped_joint_states", "/gaze_position", "arm_controller"] {
+        assert!(!text.contains(topic), "{topic}");
+    }
+    assert!(text.contains("/tf_static"));
+}
+
+#[test]
+fn a_topic_keeps_its_type() {
+    let place = tempfile::tempdir().unwrap();
+    let mut bag = TrialBag::create(place.path(), &arm()).unwrap();
+    bag.write("/mode", SimTime(1), &Int8 { data: 3 }).unwrap();
+    let error = bag.write("/mode", SimTime(2), &Float64 { data: 3.0 }).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "topic /mode carries std_msgs/Int8, got a message of type std_msgs/Float64"
+    );
+}
+
+#[test]
+fn no_bag_is_overwritten_and_none_is_begun_where_nothing_can_be_written() {
+    let place = tempfile::tempdir().unwrap();
+    let path = finished_bag(place.path());
+    let before = fs::read(&path).unwrap();
+    let error = TrialBag::create(place.path(), &arm()).unwrap_err();
+    assert!(error.to_string().contains("trial.bag"), "{error}");
+    assert!(before == fs::read(&path).unwrap());
+    assert!(TrialBag::create(&path, &arm()).is_err());
+}
+
+/// Runs a program of Debian's with Debian's Python; none, with a word on the console, if it is not there.
+fn debian_python(arguments: &[&str]) -> Option<Output> {
+    let probe = Command::new("/usr/bin/python3").args(["-c", "import rosbag"]).output();
+    if !probe.is_ok_and(|p| p.status.success()) {
+        println!("skipped: python3-rosbag is not installed (sudo apt install python3-rosbag)");
+        return None;
+    }
+    Some(Command::new("/usr/bin/python3").args(arguments).output().unwrap())
+}
+
+fn check_script() -> String {
+    concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/bag/check_bag.py").to_owned()
+}
+
+#[test]
+fn python_rosbag_reads_every_message() {
+    let place = tempfile::tempdir().unwrap();
+    let path = finished_bag(place.path());
+    let Some(output) = debian_python(&[&check_script(), path.to_str().unwrap()]) else { return };
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{errors}");
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+
+    let ours = read_bag(&path);
+    let topics = report["topics"].as_object().unwrap();
+    assert_eq!(topics.len(), ours.len());
+    for (topic, (type_name, messages)) in &ours {
+        assert_eq!(topics[topic]["type"], *type_name, "{topic}");
+        assert_eq!(topics[topic]["count"], messages.len(), "{topic}");
+    }
+    // What Python decoded is what went in.
+    let base = topics["/mpl_right_arm/base_pose"]["last_message"].as_str().unwrap();
+    assert!(base.contains("frame_id: \"world\"") && base.contains("y: 0.12"), "{base}");
+    let emg = topics["/emg"]["last_message"].as_str().unwrap();
+    assert_eq!(emg, "data: \"hand_close\"");
+    assert_eq!(topics["/emg"]["last_secs"], f64::from(BAG_EPOCH_SECS) + SECONDS as f64);
+}
+
+#[test]
+fn the_python_check_refuses_a_wrong_sum() {
+    let place = tempfile::tempdir().unwrap();
+    let path = finished_bag(place.path());
+    let mut bytes = fs::read(&path).unwrap();
+    let sum = Bool::md5_sum();
+    let found: Vec<usize> =
+        (0..bytes.len() - 32).filter(|at| bytes[*at..].starts_with(sum.as_bytes())).collect();
+    for at in found {
+        bytes[at] ^= 1;
+    }
+    fs::write(&path, bytes).unwrap();
+    let Some(output) = debian_python(&[&check_script(), path.to_str().unwrap()]) else { return };
+    assert!(!output.status.success());
+    assert!(String::from_utf8_lossy(&output.stderr).contains("std_msgs/Bool"));
+}
+
+#[test]
+fn a_bag_that_was_broken_off_is_recovered_by_rosbag_reindex() {
+    let place = tempfile::tempdir().unwrap();
+    let mut bag = TrialBag::create(place.path(), &arm()).unwrap();
+    write_trial(&mut bag);
+    // A crash runs no destructor: the open chunk is gone.
+    std::mem::forget(bag);
+    let active = place.path().join("trial.bag.active");
+    assert!(active.exists() && !place.path().join("trial.bag").exists());
+    let active = active.to_str().unwrap();
+    let Some(output) = debian_python(&[&check_script(), active]) else { return };
+    assert!(!output.status.success(), "an unfinished bag has no index");
+    let output = debian_python(&["/usr/bin/rosbag", "reindex", active]).unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let output = debian_python(&[&check_script(), active]).unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    // Most of the trial's messages are in complete chunks.
+    assert!(report["messages"].as_u64().unwrap() > 10_000, "{}", report["messages"]);
+}
