@@ -120,11 +120,6 @@ void World::Simulation::make_hinges() {
     const Vec3 axis = rotate(pose.rotation, joint.axis);
     dJointSetHingeAnchor(hinge, pose.position.x, pose.position.y, pose.position.z);
     dJointSetHingeAxis(hinge, axis.x, axis.y, axis.z);
-    dJointSetHingeParam(hinge, dParamLoStop, joint.lower);
-    dJointSetHingeParam(hinge, dParamHiStop, joint.upper);
-    dJointSetHingeParam(hinge, dParamBounce, 0.0);
-    dJointSetHingeParam(hinge, dParamStopERP, model_.options.joint_erp);
-    dJointSetHingeParam(hinge, dParamFMax, joint.effort);
     hinges_.push_back({hinge, moving_of_joint_[k], {}});
   }
   // ODE keeps the addresses, so they are given once the vector has stopped growing.

@@ -14,6 +14,9 @@ namespace {
 constexpr std::size_t none = std::numeric_limits<std::size_t>::max();
 // Below this speed Coulomb friction fades to zero, so that a joint at rest is not pushed to and fro, rad/s.
 constexpr double friction_fade = 0.01;
+// A joint is at its stop from this far beyond its limit, rad: a command to the limit itself ends a little
+// beside it.
+constexpr double stop_slack = 1e-4;
 
 // A block sleeps once it has been slower than this for a quarter of a second. Slow enough that a rolling or
 // tipping block is still well above it.
@@ -70,6 +73,7 @@ World::Simulation::Simulation(Model model) : model_(std::move(model)) {
   last_command_ = positions_;
   held_.assign(joints, false);
   still_ticks_.assign(joints, 0);
+  stop_.assign(joints, 0);
   for (std::size_t k = model_.arm_count; k < joints && options.hold_still_hand; ++k) {
     held_[k] = true;
     still_ticks_[k] = options.hold_ticks;
@@ -140,19 +144,35 @@ void World::Simulation::step(const double* position, const double* velocity, con
   }
 }
 
+/// Whether a joint is on a stop: once beyond its limit, and until the control alone can hold it.
+int World::Simulation::stop_of(std::size_t moving) const {
+  const Joint& joint = model_.joints[model_.moving[moving]];
+  if (stop_[moving] != 0) return -stop_[moving] * efforts_[moving] > joint.effort ? stop_[moving] : 0;
+  if (positions_[moving] > joint.upper + stop_slack) return 1;
+  return positions_[moving] < joint.lower - stop_slack ? -1 : 0;
+}
+
 /// Position control as a speed constraint with bounded torque: at the end of the tick the joint has the speed
 /// that closes the gap, unless that takes more than the effort limit. Gravity therefore leaves no sag.
+///
+/// A stop is the same constraint at the limit without a bound. ODE's own stops are not used: a motor that drives
+/// away from one acts with its full torque for a tick, which throws light fingers.
 void World::Simulation::drive(const double* position, const double* velocity) {
   const Options& options = model_.options;
   for (const Hinge& hinge : hinges_) {
     const std::size_t k = hinge.moving;
     const Joint& joint = model_.joints[model_.moving[k]];
-    const double target = std::clamp(position[k], joint.lower, joint.upper);
+    stop_[k] = stop_of(k);
+    const bool stopped = stop_[k] != 0;
+    const double command = stopped ? (stop_[k] > 0 ? joint.upper : joint.lower) : position[k];
+    const double ahead = stopped ? 0.0 : velocity[k];
+    const double target = std::clamp(command, joint.lower, joint.upper);
     // The command is for the end of the tick: what its own speed covers is no error.
-    const double error = target - positions_[k] - velocity[k] * tick_secs;
+    const double error = target - positions_[k] - ahead * tick_secs;
     const double fastest = options.catch_up * joint.velocity;
-    const double speed = std::clamp(velocity[k] + options.position_gain * error, -fastest, fastest);
+    const double speed = std::clamp(ahead + options.position_gain * error, -fastest, fastest);
     dJointSetHingeParam(hinge.joint, dParamVel, speed);
+    dJointSetHingeParam(hinge.joint, dParamFMax, stopped ? dInfinity : joint.effort);
     const double rubbing = joint.friction * std::clamp(velocities_[k] / friction_fade, -1.0, 1.0);
     dJointAddHingeTorque(hinge.joint, -joint.damping * velocities_[k] - rubbing);
   }

@@ -75,6 +75,7 @@ class World::Simulation {
 
   // simulation.cpp: one tick.
   void check_command(const double* position, const double* velocity, const Pose& world_from_base);
+  int stop_of(std::size_t moving) const;
   void drive(const double* position, const double* velocity);
   void advance();
   void read_state();
@@ -100,6 +101,7 @@ class World::Simulation {
   std::vector<bool> held_;                    ///< by moving joint: rigid at present
   std::vector<double> last_command_;
   std::vector<int> still_ticks_;
+  std::vector<int> stop_;                     ///< by moving joint: 1 on its upper stop, -1 on its lower, else 0
   Vec3 base_linear_;
   Vec3 base_angular_;
 

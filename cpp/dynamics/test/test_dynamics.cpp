@@ -1,71 +1,14 @@
-// Tests of the dynamics core in plain C++.
+// Construction, commands and errors of the dynamics core.
 
-#include "proact/dynamics/world.hpp"
+#include "test_support.hpp"
 
-#include <cmath>
-#include <cstdio>
-#include <cstdlib>
-#include <functional>
 #include <limits>
-#include <stdexcept>
-#include <string>
 #include <utility>
 
 using namespace proact::dynamics;
+using namespace proact::dynamics::testing;
 
 namespace {
-
-int failures = 0;
-
-void check(bool good, const std::string& what) {
-  if (good) return;
-  std::fprintf(stderr, "FAILED: %s\n", what.c_str());
-  ++failures;
-}
-
-void check_refused(const std::string& name, const std::string& expected, const std::function<void()>& action) {
-  try {
-    action();
-    check(false, name + ": was accepted");
-  } catch (const std::exception& error) {
-    check(std::string(error.what()).find(expected) != std::string::npos,
-          name + ": \"" + error.what() + "\" does not contain \"" + expected + "\"");
-  }
-}
-
-/// Base and `count` links of 0.1 m along x, each turning about y; all but the first joint belong to the hand.
-Model chain(std::size_t count) {
-  Model model;
-  model.world_from_base = {{0.0, 0.0, 2.0}, {}};
-  model.links.push_back({"base", 0.0, {}, {}, {}});
-  for (std::size_t k = 0; k < count; ++k) {
-    Link link{"link" + std::to_string(k), 0.1, {{0.05, 0.0, 0.0}, {}}, {1e-5, 0, 0, 1e-4, 0, 1e-4}, {}};
-    link.collisions.push_back({{{0.05, 0.0, 0.0}, {0.0, std::sqrt(0.5), 0.0, std::sqrt(0.5)}},
-                               {ShapeKind::cylinder, {0.01, 0.09, 0.0}}});
-    model.links.push_back(link);
-    Joint joint{"joint" + std::to_string(k), false, k, {}, {0, 1, 0}, -2.0, 2.0, 2.0, 5.0, 0.01, 0.0};
-    if (k > 0) joint.origin.position.x = 0.1;
-    model.joints.push_back(joint);
-    model.moving.push_back(k);
-    model.positions.push_back(0.0);
-  }
-  model.arm_count = 1;
-  return model;
-}
-
-Block cylinder(const std::string& name, Pose pose) {
-  return {name, {ShapeKind::cylinder, {0.025, 0.05, 0.0}}, 0.1, 0.4, 0.8, pose};
-}
-
-void add_table(Model& model) {
-  model.fixed.push_back({"table", {ShapeKind::box, {4.0, 4.0, 0.1}}, {{0.0, 0.0, -0.05}, {}}, 0.4});
-}
-
-void run(World& world, int ticks) {
-  const std::vector<double> position = world.positions();
-  const std::vector<double> velocity(position.size(), 0.0);
-  for (int k = 0; k < ticks; ++k) world.step(position.data(), velocity.data(), world.world_from_base());
-}
 
 void a_held_hand_is_one_body_and_wakes_on_command() {
   World world(chain(4));
@@ -132,13 +75,33 @@ void bad_commands_are_refused_and_harm_nothing() {
   check(std::fabs(world.positions()[0]) < 1e-6, "a refused command must not move the arm");
 }
 
+void a_joint_stops_at_its_limit_without_a_kick() {
+  // The load is far above the effort limit, so the joint falls onto its stop.
+  Model model = chain(1);
+  model.joints[0].effort = 0.001;
+  model.joints[0].upper = 0.5;
+  World world(std::move(model));
+  run(world, 3000);
+  check(std::fabs(world.positions()[0] - 0.5) < 2e-3, "the arm must rest on its stop");
+  check(std::fabs(world.velocities()[0]) < 1e-3, "the arm must be at rest on its stop");
+}
+
+void effort_is_that_of_statics() {
+  World world(chain(2));
+  run(world, 500);
+  // Two links of 0.1 kg with their centres at 0.05 and 0.15 m; a positive turn about y lowers the arm.
+  const double expected = -9.80665 * 0.1 * (0.05 + 0.15);
+  check(std::fabs(world.efforts()[0] - expected) < 1e-6, "effort " + std::to_string(world.efforts()[0]));
+}
+
 }  // namespace
 
 int main() {
   a_held_hand_is_one_body_and_wakes_on_command();
   a_block_falls_as_the_closed_form_says();
+  a_joint_stops_at_its_limit_without_a_kick();
+  effort_is_that_of_statics();
   bad_models_are_refused();
   bad_commands_are_refused_and_harm_nothing();
-  if (failures == 0) std::puts("all dynamics tests passed");
-  return failures == 0 ? EXIT_SUCCESS : EXIT_FAILURE;
+  return finish("dynamics");
 }
