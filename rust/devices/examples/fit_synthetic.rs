@@ -3,6 +3,8 @@
 //! ```text
 //! cargo run --release -p proact-devices --example fit_synthetic -- DIR 0,1,2 "ORIGIN AND LICENCE" > FILE
 //! ```
+//!
+//! The file in `data/` is this output with one matrix row a line; a test compares the figures.
 
 use proact_devices::{MYO_RATE_HZ, Recordings, SyntheticModel};
 use std::{env, error::Error, path::Path};

@@ -1,7 +1,7 @@
 //! Sources of what a person sends: EMG and gaze. Recordings, a generator of synthetic EMG, a gaze tracker's errors.
 //!
 //! Files are read here, when a source is made; what runs during a trial is deterministic: every random choice
-//! comes from [`stream`], so the same seed gives the same samples. Depends on `types` and `emg` alone.
+//! comes from [`stream`], so the same seed gives the same samples. Implements the ports of `testbed`.
 //!
 //! ```
 //! use proact_devices::{EmgSource, prepare};
@@ -39,6 +39,6 @@ pub use evaluate::{Evaluation, evaluate};
 pub use feed::EmgFeed;
 pub use gaze::GazeSource;
 pub use random::stream;
-pub use recording::{ChannelValues, Layout, MYO_RATE_HZ, Recording, Recordings, read_samples};
+pub use recording::{ChannelValues, MYO_RATE_HZ, Recording, Recordings, read_samples};
 pub use setup::{EmgSetup, EmgSource, prepare, prepare_with, train};
 pub use synthetic::{FittedGesture, SyntheticEmg, SyntheticModel};

@@ -11,7 +11,7 @@ pub const MYO_RATE_HZ: f64 = 200.0;
 
 /// How recordings lie in a folder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Layout {
+enum Layout {
     /// `R_<repetition>_C_<class>.csv` or `R_<repetition>_C_<class>_EMG.csv`, one column a channel; class numbers
     /// in the order of [`Gesture::ALL`].
     LibEmg,
@@ -57,7 +57,8 @@ pub struct Recordings {
 }
 
 impl Recordings {
-    /// Reads the folder `dir` in whichever [`Layout`] it has. Files of other names are left alone. The rate is
+    /// Reads the folder `dir` in whichever layout it has: LibEMG's `R_<rep>_C_<class>.csv`, or that of
+    /// myo_readings, `<label>.txt` with the label as ninth column. Files of other names are left alone. The rate is
     /// not in the files, so it comes with the call; [`MYO_RATE_HZ`] for the freely licensed sets.
     ///
     /// # Errors
