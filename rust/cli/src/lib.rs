@@ -5,9 +5,11 @@
 #![allow(clippy::disallowed_methods)] // The command has the clock, the threads and the files that stages lack.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+pub mod bench;
 mod command;
 mod demo;
 mod pace;
+pub mod query;
 mod record;
 mod replay;
 mod serve;
