@@ -3,7 +3,7 @@ use crate::{
     checked_lines::{LineWriter, read_lines},
     input_log::{InputLogWriter, LogHeader},
 };
-use proact_types::{Event, SimTime, TickInput};
+use proact_types::{Event, EventKind, SimTime, TickInput};
 use serde::{Serialize, de::DeserializeOwned};
 use std::{
     collections::BTreeMap,
@@ -44,7 +44,8 @@ impl TrialWriter {
     /// Makes `dir` and the files in it. Call it before anything runs.
     ///
     /// # Errors
-    /// [`RecordingError::OutputExists`] if there is something in `dir`; [`RecordingError::Io`] if the place cannot be written.
+    /// [`RecordingError::OutputExists`] if there is something in `dir`; [`RecordingError::Io`] if the place
+    /// cannot be written.
     /// Nothing that was made is then left behind, but for parent directories.
     pub fn create(dir: &Path, header: &TrialHeader) -> Result<Self, RecordingError> {
         let existed = dir.exists();
@@ -112,19 +113,27 @@ impl TrialWriter {
         Ok(())
     }
 
-    /// Appends one entry of the digest chain.
+    /// Appends one entry of the digest chain, and hands everything to the operating system: after a crash the
+    /// inputs of every digest are there.
     ///
     /// # Errors
     /// [`RecordingError::Io`]; [`RecordingError::Encode`] if it is no JSON.
     pub fn write_digest<T: Serialize>(&mut self, digest: &T) -> Result<(), RecordingError> {
-        self.digests.write(digest)
+        self.digests.write(digest)?;
+        self.flush()
     }
 
     /// Appends one event.
     ///
     /// # Errors
-    /// [`RecordingError::Io`].
+    /// [`RecordingError::NotFinite`], because JSON has no such number; [`RecordingError::Io`].
     pub fn write_event(&mut self, event: &Event) -> Result<(), RecordingError> {
+        if let EventKind::BlockOnTarget { distance, .. } = event.kind
+            && !distance.is_finite()
+        {
+            let what = "the distance of a block on target";
+            return Err(RecordingError::NotFinite { what, value: distance, time: event.time });
+        }
         self.events.write(event)
     }
 
@@ -132,7 +141,8 @@ impl TrialWriter {
     /// A bag has to be finished before.
     ///
     /// # Errors
-    /// [`RecordingError::Io`], [`RecordingError::Encode`], [`RecordingError::OutOfOrder`] if a later tick was written. The trial is then unfinished.
+    /// [`RecordingError::Io`], [`RecordingError::Encode`], [`RecordingError::OutOfOrder`] if a later tick was
+    /// written. The trial is then unfinished.
     pub fn finish<R: Serialize>(self, end: SimTime, result: &R) -> Result<PathBuf, RecordingError> {
         let mut json = serde_json::to_vec_pretty(result).map_err(RecordingError::encode("the result"))?;
         json.push(b'\n');
@@ -152,15 +162,20 @@ impl TrialWriter {
 
 /// Writes a file under a temporary name, to the disk, and only then gives it its name.
 fn write_atomically(dir: &Path, name: &str, bytes: &[u8]) -> Result<(), RecordingError> {
-    let temporary = dir.join(format!("{name}.tmp"));
-    let mut file = File::create(&temporary).map_err(RecordingError::io("create", &temporary))?;
-    file.write_all(bytes)
-        .and_then(|()| file.sync_all())
-        .map_err(RecordingError::io("write to", &temporary))?;
-    let path = dir.join(name);
-    fs::rename(&temporary, &path).map_err(RecordingError::io("create", &path))?;
-    // The new name is on the disk only when the directory is.
-    File::open(dir).and_then(|d| d.sync_all()).map_err(RecordingError::io("write to", dir))
+    let (path, temporary) = (dir.join(name), dir.join(format!("{name}.tmp")));
+    let write = || {
+        let mut file = File::create(&temporary)?;
+        file.write_all(bytes)?;
+        file.sync_all()?;
+        fs::rename(&temporary, &path)?;
+        // The new name is on the disk only when the directory is.
+        File::open(dir)?.sync_all()
+    };
+    write().map_err(|source| {
+        // The first error is the one to report.
+        let _ = fs::remove_file(&temporary);
+        RecordingError::Io { action: "write", path: path.clone(), source }
+    })
 }
 
 /// A trial directory, opened for reading.
@@ -174,8 +189,8 @@ impl Trial {
     /// Opens the trial in `dir` and checks that its configuration is the one it ran with.
     ///
     /// # Errors
-    /// [`RecordingError::NotATrial`] if a file is missing; [`RecordingError::Damaged`] if the head of the log or the configuration
-    /// was changed.
+    /// [`RecordingError::NotATrial`] if a file is missing; [`RecordingError::Damaged`] if the head of the log or
+    /// the configuration was changed.
     pub fn open(dir: &Path) -> Result<Self, RecordingError> {
         let log = InputLog::open(dir)?;
         let path = dir.join(CONFIG_FILE);
@@ -195,6 +210,11 @@ impl Trial {
         let config_toml = String::from_utf8(bytes)
             .map_err(|e| damaged(e.utf8_error().valid_up_to() as u64, "it is not UTF-8 text"))?;
         Ok(Trial { dir: dir.to_owned(), header: TrialHeader { config_toml, seed, versions } })
+    }
+
+    /// The trial directory.
+    pub fn dir(&self) -> &Path {
+        &self.dir
     }
 
     /// Configuration, seed and versions.

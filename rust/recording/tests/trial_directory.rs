@@ -311,6 +311,27 @@ fn a_place_that_cannot_be_written_is_an_error_before_anything_runs() {
 }
 
 #[test]
+fn an_event_that_json_cannot_hold_is_refused() {
+    let place = tempfile::tempdir().unwrap();
+    let mut trial = TrialWriter::create(&place.path().join("trial"), &header()).unwrap();
+    let kind = EventKind::BlockOnTarget { block: BlockId::Red1, distance: f64::NAN };
+    let error = trial.write_event(&Event { time: SimTime(250), kind }).unwrap_err();
+    assert!(error.to_string().contains("NaN at 0.25 s"), "{error}");
+}
+
+#[test]
+fn a_result_that_cannot_be_put_in_place_leaves_the_trial_unfinished() {
+    let place = tempfile::tempdir().unwrap();
+    let dir = place.path().join("trial");
+    let trial = TrialWriter::create(&dir, &header()).unwrap();
+    // Renaming onto a directory that is not empty fails, for root too.
+    fs::create_dir_all(dir.join(RESULT_FILE).join("in_the_way")).unwrap();
+    let error = trial.finish(SimTime(1), &3).unwrap_err();
+    assert!(matches!(error, RecordingError::Io { .. }));
+    assert!(!dir.join("result.json.tmp").exists());
+}
+
+#[test]
 fn ticks_out_of_order_are_refused() {
     let place = tempfile::tempdir().unwrap();
     let mut trial = TrialWriter::create(&place.path().join("trial"), &header()).unwrap();

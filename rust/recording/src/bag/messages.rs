@@ -156,3 +156,53 @@ impl From<&WorldPose> for Transform {
         Transform { translation: pose.translation.vector.into(), rotation: pose.into() }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{super::message::Message, *};
+
+    #[test]
+    fn sums_are_those_of_ros() {
+        let sums = [
+            (Header::md5_sum(), "2176decaecbce78abc3b96ef049fabed"),
+            (Text::md5_sum(), "992ce8a1687cec8c8bd883ec73ca41d1"),
+            (Bool::md5_sum(), "8b94c1b53db61fb6aed406028ad6332a"),
+            (Int8::md5_sum(), "27ffa0c9c4b8fb8492252bcad9e5c57b"),
+            (Float64::md5_sum(), "fdb28210bfa9d7c91146260178d9a584"),
+            (JointState::md5_sum(), "3066dcd76a6cfaef579bd0f34173e9fd"),
+            (TfMessage::md5_sum(), "94810edda583a504dfda3829e70d7eec"),
+            (Vector3Stamped::md5_sum(), "7b324c7325e683bf02a9b14b01090ec7"),
+            (PoseStamped::md5_sum(), "d3812c3cbc69362b77dc0b19b345f8f5"),
+            (Log::md5_sum(), "acffd30cd6b6de30f120938c17c593fb"),
+            (Clock::md5_sum(), "a9c97c1d230cfc112e270351a944ee47"),
+            (ModelStates::md5_sum(), "48c080191eb15c41858319b4d8a609c2"),
+            (JointTrajectory::md5_sum(), "65b4f94a94d1ed67169da35a02f33d3f"),
+        ];
+        for (got, expected) in sums {
+            assert_eq!(got, expected);
+        }
+    }
+
+    #[test]
+    fn a_definition_names_each_type_that_it_needs_once() {
+        let text = PoseStamped::definition();
+        for needed in
+            ["std_msgs/Header", "geometry_msgs/Pose", "geometry_msgs/Point", "geometry_msgs/Quaternion"]
+        {
+            assert_eq!(text.matches(&format!("MSG: {needed}\n")).count(), 1, "{text}");
+        }
+        assert!(!text.contains("MSG: geometry_msgs/PoseStamped"), "{text}");
+        assert_eq!(GazeboGraspEvent::definition(), "string arm\nstring object\nbool attached\n");
+    }
+
+    #[test]
+    fn bytes_that_are_no_message_are_refused() {
+        let bytes = [3, 0, 0, 0, b'a', b'b', b'c'];
+        assert_eq!(Text::from_bytes(&bytes).unwrap(), Text { data: "abc".to_owned() });
+        assert!(Text::from_bytes(&bytes[..6]).is_err());
+        assert!(Text::from_bytes(&[1, 0, 0, 0, 255]).is_err(), "not UTF-8");
+        assert!(Int8::from_bytes(&bytes).is_err(), "bytes left over");
+        // A count of four billion must fail, not ask for memory.
+        assert!(TfMessage::from_bytes(&[255; 8]).is_err());
+    }
+}

@@ -109,8 +109,8 @@ impl TrialBag {
     /// [`TrialBag::write_gaze`], its joints, with their speeds, by [`TrialBag::write_state`].
     ///
     /// # Errors
-    /// [`RecordingError::WrongLength`] or [`RecordingError::NotFinite`] if the frame is malformed, and nothing of it is then recorded;
-    /// [`RecordingError::Io`].
+    /// [`RecordingError::WrongLength`] or [`RecordingError::NotFinite`] if the frame is malformed, and nothing of it
+    /// is then recorded; [`RecordingError::Io`].
     pub fn write_frame(&mut self, frame: &DisplayFrame) -> Result<(), RecordingError> {
         let time = frame.time;
         check_length("block poses of a frame", frame.blocks.len(), BlockId::ALL.len())?;
@@ -143,8 +143,8 @@ impl TrialBag {
     /// those of the simulation. The base is kinematic and has the twist zero in `/gazebo/model_states`.
     ///
     /// # Errors
-    /// [`RecordingError::WrongLength`] or [`RecordingError::NotFinite`] if the state is malformed, and nothing of it is then recorded;
-    /// [`RecordingError::Io`].
+    /// [`RecordingError::WrongLength`] or [`RecordingError::NotFinite`] if the state is malformed, and nothing of it
+    /// is then recorded; [`RecordingError::Io`].
     pub fn write_state(&mut self, time: SimTime, state: &PlantState) -> Result<(), RecordingError> {
         for (what, values) in [
             ("joint positions of a state", &state.position),
@@ -227,7 +227,8 @@ impl TrialBag {
     /// Records a plan that took effect; one without a trajectory leaves nothing but its event.
     ///
     /// # Errors
-    /// [`RecordingError::WrongLength`] or [`RecordingError::NotFinite`] if the trajectory is malformed; [`RecordingError::Io`].
+    /// [`RecordingError::WrongLength`] or [`RecordingError::NotFinite`] if the trajectory is malformed;
+    /// [`RecordingError::Io`].
     pub fn write_plan(&mut self, time: SimTime, reply: &PlanReply) -> Result<(), RecordingError> {
         if reply.trajectory.points.is_empty() {
             return Ok(());
