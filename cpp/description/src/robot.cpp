@@ -11,7 +11,7 @@ namespace proact::description {
 
 namespace {
 
-/// Collects warnings and errors, which urdfdom would otherwise print to the terminal.
+/// Collects errors, which urdfdom would otherwise print to the terminal.
 class LogCollector : public console_bridge::OutputHandler {
  public:
   void log(const std::string& text, console_bridge::LogLevel level, const char*, int) override {
@@ -145,6 +145,8 @@ Robot read_urdf(const std::string& text) {
   if (!model) {
     throw std::runtime_error(capture.text().empty() ? "urdfdom refused the text without a reason" : capture.text());
   }
+  // urdfdom drops a shape that it does not know, logs an error and calls the model good.
+  if (!capture.text().empty()) throw std::runtime_error(capture.text());
 
   Robot out;
   out.name = model->getName();

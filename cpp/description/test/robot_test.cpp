@@ -75,6 +75,9 @@ void refusals_carry_urdfdoms_reason() {
         "a missing child link is named");
   check(refusal(arm("<parent link='base'/><child link='hand'/>")).find("elbow") != std::string::npos,
         "a revolute joint without limits is named");
+  std::string cone = arm(good_joint);
+  cone.replace(cone.find("<cylinder radius='0.1' length='0.4'/>"), 37, "<cone/>");
+  check(!refusal(cone).empty(), "a shape that would be dropped");
 }
 
 /// The log handler is process-wide: without the lock, reasons would end up in each other's errors.

@@ -19,10 +19,14 @@ mod assemble;
 mod bridge;
 mod finding;
 mod lint;
+mod mirror;
+mod report;
 mod semantics;
 mod tree;
 
 pub use finding::{DescriptionError, Finding, Severity};
+pub use mirror::mirror;
+pub use report::{Report, Summary, check};
 
 use finding::Findings;
 use proact_types::{ArmModel, Link};
@@ -34,6 +38,35 @@ pub const MPL_RIGHT_ARM_URDF: &str =
 /// Groups, poses and allowed collisions of the MPL right arm, as SRDF.
 pub const MPL_RIGHT_ARM_SRDF: &str =
     include_str!("../../../ros1_ws/src/proact_description/srdf/mpl_right_arm.srdf");
+
+/// The mirror image of [`MPL_RIGHT_ARM_URDF`].
+pub const MPL_LEFT_ARM_URDF: &str =
+    include_str!("../../../ros1_ws/src/proact_description/urdf/mpl_left_arm.urdf");
+/// The mirror image of [`MPL_RIGHT_ARM_SRDF`].
+pub const MPL_LEFT_ARM_SRDF: &str =
+    include_str!("../../../ros1_ws/src/proact_description/srdf/mpl_left_arm.srdf");
+
+/// The MPL left arm: the mirror image of [`mpl_right_arm`], tip `mpl_left_arm__wristz_link`.
+pub fn mpl_left_arm() -> ArmModel {
+    parse(MPL_LEFT_ARM_URDF, MPL_LEFT_ARM_SRDF).expect("a test reads the embedded description")
+}
+
+/// URDF and SRDF of the left arm, made anew from the right one, with a line that says so.
+///
+/// # Errors
+/// As [`mirror`]; never for the embedded right arm.
+pub fn left_arm_texts() -> Result<(String, String), DescriptionError> {
+    const DECLARATION: &str = "<?xml version=\"1.0\"?>\n";
+    let made = |text: &str, source: &str| -> Result<String, DescriptionError> {
+        let note = format!(
+            "<!-- Made from {source} by rust/description/examples/make_left_arm: do not edit; origin and licence are told there. -->"
+        );
+        let mirrored = mirror(text)?;
+        let body = mirrored.strip_prefix(DECLARATION).unwrap_or(&mirrored);
+        Ok(format!("{DECLARATION}{note}\n{body}"))
+    };
+    Ok((made(MPL_RIGHT_ARM_URDF, "mpl_right_arm.urdf")?, made(MPL_RIGHT_ARM_SRDF, "mpl_right_arm.srdf")?))
+}
 
 /// The MPL right arm: 7 arm and 20 hand joints, base `base_link`, tip `mpl_right_arm__wristz_link`.
 pub fn mpl_right_arm() -> ArmModel {

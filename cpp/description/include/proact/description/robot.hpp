@@ -72,7 +72,8 @@ struct Robot {
 
 /// Reads the text of a URDF file.
 ///
-/// Throws std::runtime_error with everything that urdfdom logged when it refuses the text. Safe to call from
+/// Throws std::runtime_error with everything that urdfdom logged when it refuses the text or leaves out a part of
+/// it. Safe to call from
 /// several threads: urdfdom's log handler is process-wide, so calls wait for each other.
 ///
 /// Masses, lengths and limits are passed on as they stand; judging them is the caller's work.
