@@ -149,7 +149,7 @@ new_machine
 printf 'libode-dev\nlibccd-dev\n' >"$work/state/missing"
 launch demo
 check "without root the exit code is 3" status_is 3
-check "the one command is printed" err_has "apt-get -q -o DPkg::Lock::Timeout=120 install -y --no-install-recommends libode-dev libccd-dev"
+check "the one command is printed" err_has "apt-get -qq -o DPkg::Lock::Timeout=120 install -y --no-install-recommends libode-dev libccd-dev"
 check "sizes are printed" err_has "libode-dev                    1.0 MB to fetch      2.0 MB on disk"
 check "nothing is installed" not_called apt-get
 check "sudo is not asked without a terminal" not_called sudo
