@@ -131,6 +131,8 @@ void World::Simulation::place_geoms() {
   const auto hang = [](const Geom& geom, dBodyID body, const Pose& body_from_shape) {
     const Quat& q = body_from_shape.rotation;
     const dQuaternion rotation{q.w, q.x, q.y, q.z};
+    // ODE loses the memory of an offset when the body changes under it.
+    dGeomClearOffset(geom.id.get());
     dGeomSetBody(geom.id.get(), body);
     dGeomSetOffsetPosition(geom.id.get(), body_from_shape.position.x, body_from_shape.position.y,
                            body_from_shape.position.z);

@@ -24,9 +24,11 @@
 //! # }
 //! ```
 
+mod bench;
 // cxx writes the unsafe code of the bridge; all that can throw is declared `Result`.
 #[allow(unsafe_code)]
 mod bridge;
 mod plant;
 
+pub use bench::{TickTimes, bench_ticks};
 pub use plant::{DynamicsOptions, OdePlant, Solver};

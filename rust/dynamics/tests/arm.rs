@@ -1,22 +1,122 @@
-//! The arm under position control.
+//! The arm under position control, its base, and what stops it.
 
+#![allow(missing_docs)]
 #![allow(clippy::unwrap_used)]
 
 mod common;
 
-use common::{START, box_scene, plant, positions, run, stay, still};
+use common::{START, bare_table, box_scene, plant, plant_with, positions, run, stay, still};
+use proact_dynamics::DynamicsOptions;
 use proact_testbed::ports::Plant;
+use proact_types::{PlantState, Vector};
 
 #[test]
 fn gravity_leaves_no_sag() {
     let model = proact_description::mpl_right_arm();
     let start = positions(&model, &START, "open");
-    let mut plant = plant(&box_scene(), &still());
-    let before = plant.link_pose(model.tip).unwrap();
-    run(&mut plant, &stay(&start, still()), 1000);
-    let sag = (plant.link_pose(model.tip).unwrap().translation.vector - before.translation.vector).norm();
-    assert!(sag < 1e-5, "the wrist sank by {sag} m");
-    for (angle, asked) in plant.state().position.iter().zip(&start) {
-        assert!((angle - asked).abs() < 1e-5);
+    for hold_still_hand in [true, false] {
+        let options = DynamicsOptions { hold_still_hand, ..DynamicsOptions::default() };
+        let mut plant = plant_with(&box_scene(), &still(), options);
+        let before = plant.link_pose(model.tip).unwrap();
+        run(&mut plant, &stay(&start, still()), 1000);
+        let after = plant.link_pose(model.tip).unwrap();
+        let sag = (after.translation.vector - before.translation.vector).norm();
+        assert!(sag < 1e-5, "the wrist sank by {sag} m");
+        for (angle, asked) in plant.state().position.iter().zip(&start) {
+            assert!((angle - asked).abs() < 1e-5, "{angle} instead of {asked}");
+        }
     }
+}
+
+/// The arm swings and the hand closes and opens; returns the state after each tick.
+fn swing(options: DynamicsOptions) -> (f64, Vec<PlantState>) {
+    let model = proact_description::mpl_right_arm();
+    let open = positions(&model, &START, "open");
+    let closed = positions(&model, &START, "closed");
+    let mut plant = plant_with(&box_scene(), &still(), options);
+    let mut worst: f64 = 0.0;
+    let mut states = Vec::new();
+    for tick in 1..=3000 {
+        let time = f64::from(tick) * 1e-3;
+        let mut command = stay(&open, still());
+        let share = 0.5 * (1.0 - (2.0 * time).cos());
+        for k in 7..open.len() {
+            command.position[k] += share * (closed[k] - open[k]);
+            command.velocity[k] = (2.0 * time).sin() * (closed[k] - open[k]);
+        }
+        for k in 0..7 {
+            let way = if k == 4 { -0.2 } else { 0.2 };
+            command.position[k] += way * (1.0 - time.cos());
+            command.velocity[k] = way * time.sin();
+        }
+        plant.step(&command).unwrap();
+        for (angle, asked) in plant.state().position.iter().zip(&command.position) {
+            worst = worst.max((angle - asked).abs());
+        }
+        states.push(plant.state().clone());
+    }
+    (worst, states)
+}
+
+#[test]
+fn a_moving_command_is_followed_within_a_hundredth_of_a_degree() {
+    let (worst, _) = swing(DynamicsOptions::default());
+    assert!(worst < 1.7e-4, "{worst} rad behind");
+}
+
+/// Rigid joints are an economy: the arm moves as it does with every joint free.
+#[test]
+fn a_rigid_hand_changes_the_motion_of_the_arm_by_less_than_a_microradian() {
+    let free = DynamicsOptions { hold_still_hand: false, ..DynamicsOptions::default() };
+    let (_, with) = swing(DynamicsOptions::default());
+    let (_, without) = swing(free);
+    for (a, b) in with.iter().zip(&without) {
+        for k in 0..7 {
+            assert!((a.position[k] - b.position[k]).abs() < 1e-6);
+            assert!(
+                (a.effort[k] - b.effort[k]).abs() < 0.02,
+                "joint {k}: {} and {}",
+                a.effort[k],
+                b.effort[k]
+            );
+        }
+    }
+}
+
+#[test]
+fn the_base_goes_where_it_is_told_and_takes_the_arm_along() {
+    let model = proact_description::mpl_right_arm();
+    let start = positions(&model, &START, "open");
+    let mut plant = plant(&box_scene(), &still());
+    let base_from_tip = still().inverse() * plant.link_pose(model.tip).unwrap();
+    for tick in 1..=2000 {
+        let time = f64::from(tick) * 1e-3;
+        let mut base = still();
+        base.translation.x += 0.05 * (1.0 - (3.0 * time).cos());
+        base.append_rotation_wrt_center_mut(&nalgebra::UnitQuaternion::from_scaled_axis(
+            Vector::new(0.1, 0.2, 0.3) * (1.0 - (2.0 * time).cos()),
+        ));
+        plant.step(&stay(&start, base)).unwrap();
+        assert_eq!(plant.state().world_from_base, base);
+        let tip = plant.link_pose(model.tip).unwrap().translation.vector;
+        let wanted = (base * base_from_tip).translation.vector;
+        assert!((tip - wanted).norm() < 1e-4, "tick {tick}: the wrist strays {} m", (tip - wanted).norm());
+    }
+}
+
+#[test]
+fn the_table_stops_the_arm() {
+    let model = proact_description::mpl_right_arm();
+    let start = positions(&model, &START, "closed");
+    let mut plant = plant_with(&bare_table(Vec::new()), &still(), DynamicsOptions::default());
+    run(&mut plant, &stay(&positions(&model, &START, "open"), still()), 1);
+    // The base sinks until the straight way of the hand would end 0.3 m under the table's top.
+    let mut base = still();
+    for _ in 0..3000 {
+        base.translation.z -= 2.5e-4;
+        plant.step(&stay(&start, base)).unwrap();
+    }
+    let tip = plant.link_pose(model.tip).unwrap().translation.z;
+    assert!(tip > 1.0, "the wrist went through the table to {tip} m");
+    assert!(plant.state().position.iter().all(|angle| angle.is_finite()));
 }

@@ -2,10 +2,12 @@
 
 #![allow(dead_code)] // each test program uses a part
 
+use nalgebra::UnitQuaternion;
 use proact_dynamics::{DynamicsOptions, OdePlant};
-use proact_testbed::ports::Plant;
+use proact_testbed::ports::{Plant, PlantError};
 use proact_types::{
-    ArmModel, Block, BlockId, PlantCommand, Point, Pose, Scene, SceneObject, Shape, Target, joints, zeros,
+    ArmModel, Block, BlockId, Contact, JointVector, PlantCommand, Point, Pose, Scene, SceneObject, Shape,
+    TICK_SECS, Target, Vector, joints, zeros,
 };
 
 /// Height of the table top, metres.
@@ -108,9 +110,14 @@ pub fn away() -> Pose {
 
 /// A plant with the arm in its start pose and the hand open.
 pub fn plant(scene: &Scene, base: &Pose) -> OdePlant {
+    plant_with(scene, base, DynamicsOptions::default())
+}
+
+/// The same with other settings.
+pub fn plant_with(scene: &Scene, base: &Pose, options: DynamicsOptions) -> OdePlant {
     let model = proact_description::mpl_right_arm();
     let start = positions(&model, &START, "open");
-    OdePlant::new(&model, scene, &start, base, DynamicsOptions::default()).expect("a sound scene")
+    OdePlant::new(&model, scene, &start, base, options).expect("a sound scene")
 }
 
 /// A command to stay at `positions`.
@@ -123,4 +130,95 @@ pub fn run(plant: &mut OdePlant, command: &PlantCommand, ticks: usize) {
     for tick in 0..ticks {
         plant.step(command).unwrap_or_else(|error| panic!("tick {tick}: {error}"));
     }
+}
+
+/// A plant with the arm at `positions`.
+pub fn plant_at(
+    model: &ArmModel,
+    scene: &Scene,
+    positions: &[f64],
+    base: &Pose,
+) -> Result<OdePlant, PlantError> {
+    OdePlant::new(model, scene, positions, base, DynamicsOptions::default())
+}
+
+/// The base at which the tip of the arm, in `positions`, is at `world_from_tip`.
+pub fn base_that_puts_tip_at(model: &ArmModel, positions: &[f64], world_from_tip: &Pose) -> Pose {
+    let nothing = Scene { fixed: Vec::new(), ..bare_table(Vec::new()) };
+    let probe = plant_at(model, &nothing, positions, &Pose::identity()).expect("a sound arm");
+    world_from_tip * probe.link_pose(model.tip).expect("the tip").inverse()
+}
+
+/// The base at which the hand, in `positions`, grasps a block that stands on the table at the origin: fingers ahead
+/// and 25.6 degrees down, grasp centre in the block's centre.
+pub fn grasp_base(model: &ArmModel, positions: &[f64]) -> Pose {
+    let rotation = UnitQuaternion::from_euler_angles(25.6_f64.to_radians(), -1.0_f64.to_radians(), 0.0);
+    let block = Vector::new(0.0, 0.0, TABLE + 0.5 * HEIGHT);
+    let world_from_tip = Pose::from_parts((block - rotation * model.grasp_centre).into(), rotation);
+    base_that_puts_tip_at(model, positions, &world_from_tip)
+}
+
+/// Two opposing contacts on a block that have lasted.
+#[derive(Debug)]
+pub struct Holding {
+    /// Tick from the start of closing.
+    pub tick: usize,
+    /// Between the two normals.
+    pub degrees: f64,
+    /// Who touches.
+    pub links: (String, String),
+    /// N.
+    pub forces: (f64, f64),
+}
+
+/// Closes the hand at 2 rad/s until thumb3 and the last link of index, middle or ring have pressed a block from
+/// opposite sides (normals over 100 degrees apart) in 40 ticks.
+pub fn close_until_held(
+    plant: &mut OdePlant,
+    model: &ArmModel,
+    base: &Pose,
+    ticks: usize,
+) -> Result<Option<Holding>, PlantError> {
+    let start = plant.state().position.to_vec();
+    let closed = positions(model, &start[..model.arm_count()], "closed");
+    let is = |contact: &Contact, parts: &[&str]| {
+        contact.force > 1e-4 && parts.iter().any(|part| model.links[contact.link].name.contains(part))
+    };
+    let mut lasted = 0;
+    for (tick, command) in move_hand(&start, &closed, *base, ticks).iter().enumerate() {
+        plant.step(command)?;
+        let contacts = &plant.state().contacts;
+        let fingers = ["index3", "middle3", "ring3"];
+        let opposing = contacts
+            .iter()
+            .filter(|contact| is(contact, &["thumb3"]))
+            .flat_map(|thumb| contacts.iter().filter(|c| is(c, &fingers)).map(move |finger| (thumb, finger)))
+            .map(|(thumb, finger)| (thumb.normal.angle(&finger.normal).to_degrees(), thumb, finger))
+            .filter(|(degrees, thumb, finger)| *degrees > 100.0 && thumb.block == finger.block)
+            .max_by(|a, b| a.0.total_cmp(&b.0));
+        if let Some((degrees, thumb, finger)) = opposing {
+            lasted += 1;
+            if lasted == 40 {
+                let name = |contact: &Contact| model.links[contact.link].name.clone();
+                let (links, forces) = ((name(thumb), name(finger)), (thumb.force, finger.force));
+                return Ok(Some(Holding { tick, degrees, links, forces }));
+            }
+        }
+    }
+    Ok(None)
+}
+
+/// Commands that take all joints from `from` to `to` at 2 rad/s and stay there.
+pub fn move_hand(from: &[f64], to: &[f64], base: Pose, ticks: usize) -> Vec<PlantCommand> {
+    let mut at = joints(from);
+    let step = |at: &mut JointVector| {
+        let mut velocity = zeros(at.len());
+        for (k, angle) in at.iter_mut().enumerate() {
+            let way = (to[k] - *angle).clamp(-2e-3, 2e-3);
+            *angle += way;
+            velocity[k] = way / TICK_SECS;
+        }
+        PlantCommand { position: at.clone(), velocity, world_from_base: base }
+    };
+    (0..ticks).map(|_| step(&mut at)).collect()
 }
