@@ -1,0 +1,186 @@
+//! Shows the page without a testbed, for work on the page itself: the arm moves its joints along a fixed script,
+//! nothing is computed of gestures, plans or physics. What the browser sends is printed.
+//!
+//! `cargo run --release -p proact-bridge --example page_demo -- [port] [seated|still]`
+
+// A program at the edge: it has a clock, prints, and may stop with an error message.
+#![allow(clippy::disallowed_methods)]
+
+use nalgebra::{Translation3, UnitQuaternion};
+use proact_bridge::{ClientInput, PageContent, PageOptions, PageServer};
+use proact_tasks::{Arrangement, BoxAndBlocks};
+use proact_types::*;
+use std::time::{Duration, Instant};
+
+/// Length of the script, seconds.
+const LOOP_SECS: f64 = 16.0;
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let mut arguments = std::env::args().skip(1);
+    let port = arguments.next().map_or(Ok(8090), |text| text.parse())?;
+    let setup = arguments.next().unwrap_or_else(|| "still".to_owned());
+    let arm = proact_description::mpl_right_arm();
+    let scene = BoxAndBlocks::new(Arrangement::numbered(9)?).scene().clone();
+    let content = PageContent {
+        title: "page demo".to_owned(),
+        setup: setup.clone(),
+        arm: arm.clone(),
+        scene: scene.clone(),
+        interactive: true,
+        lean: setup == "seated",
+    };
+    let server = PageServer::start(PageOptions { port, ..PageOptions::default() }, content)?;
+    println!("{}", server.url());
+
+    let (start, mut tick) = (Instant::now(), 0_u32);
+    let mut script =
+        Script { arm, scene, shoulder: shoulder(&setup), gesture: Gesture::NoMotion, gaze: None };
+    loop {
+        for input in server.drain_inputs() {
+            match input {
+                ClientInput::Gesture(gesture) => script.gesture = gesture,
+                ClientInput::Gaze { origin, direction } => {
+                    script.gaze = Some(GazeSample { origin, direction, valid: true });
+                    continue;
+                }
+                _ => {}
+            }
+            println!("{input:?}");
+        }
+        server.publish(&script.frame(start.elapsed().as_secs_f64()));
+        tick += 1;
+        let next = start + Duration::from_secs(1) * tick / 60;
+        std::thread::sleep(next.saturating_duration_since(Instant::now()));
+    }
+}
+
+fn shoulder(setup: &str) -> Point {
+    if setup == "seated" { Point::new(-0.6, -0.18, 1.445) } else { Point::new(-0.39, 0.12, 1.5) }
+}
+
+struct Script {
+    arm: ArmModel,
+    scene: Scene,
+    shoulder: Point,
+    gesture: Gesture,
+    gaze: Option<GazeSample>,
+}
+
+impl Script {
+    fn frame(&self, secs: f64) -> DisplayFrame {
+        let t = secs % LOOP_SECS;
+        // Reach, close, carry, open: shares from 0 to 1 of each, smooth.
+        let ramp = |from: f64, to: f64| {
+            let s = ((t - from) / (to - from)).clamp(0.0, 1.0);
+            s * s * (3.0 - 2.0 * s)
+        };
+        let (reach, carry, back) = (ramp(2.0, 5.0), ramp(7.0, 10.0), ramp(12.5, 15.0));
+        let grip = ramp(5.2, 6.5) - ramp(11.0, 12.3);
+        let holds = (6.3..11.3).contains(&t).then_some(BlockId::Red1);
+        let start = [1.029, -0.161, 0.1291, 1.029, 1.57, 0.0174, 0.1006];
+        let q: Vec<f64> = (0..7)
+            .map(|k| {
+                let reached = [0.25, 0.1, -0.25, 0.12, 0.0, 0.1, -0.35][k];
+                let carried = [0.0, -0.35, 0.5, 0.1, 0.1, 0.0, 0.1][k];
+                start[k] + (reached * reach + carried * carry) * (1.0 - back)
+            })
+            .collect();
+        let hand = |name: &str| self.arm.pose("hand", name).map(<[f64]>::to_vec).unwrap_or_default();
+        let fingers = hand("open").into_iter().zip(hand("closed")).map(|(o, c)| o + grip * (c - o));
+        let joints: JointVector = q.iter().copied().chain(fingers).collect();
+        let sway = 0.02 * (secs * 0.8).sin();
+        let base = Pose::from_parts(
+            Translation3::from(self.shoulder.coords),
+            UnitQuaternion::from_euler_angles(0.0, sway, sway),
+        );
+        let tip = base * self.base_from_tip(&joints);
+        let mut blocks: Vec<Pose> = self.scene.blocks.iter().map(|block| block.pose).collect();
+        if holds.is_some() {
+            blocks[0].translation = Translation3::from((tip * Point::from(self.arm.grasp_centre)).coords);
+        } else if t > 11.3 {
+            blocks[0].translation.vector =
+                self.scene.targets[0].centre.coords + Vector::new(0.01, 0.0, 0.025);
+        }
+        let locked = (1.5..12.0).contains(&t);
+        let planner = match t {
+            ..2.0 => PlannerView::Idle,
+            2.0..2.3 => PlannerView::Planning,
+            2.3..5.0 => PlannerView::Executing { progress: reach, intermediate: false },
+            5.0..7.0 => PlannerView::Arrived { intermediate: false },
+            7.0..10.0 => PlannerView::Executing { progress: carry, intermediate: false },
+            10.0..12.5 => PlannerView::Arrived { intermediate: false },
+            _ => PlannerView::Failed {
+                status: PlanStatus::Unreachable,
+                reason: "the block is 4 cm out of reach".to_owned(),
+            },
+        };
+        let eye = Point::new(-0.55, 0.0, 1.7);
+        let looks_at = if holds.is_some() {
+            self.scene.targets[0].centre
+        } else {
+            (blocks[0] * Point::origin()).xyz().into()
+        };
+        DisplayFrame {
+            time: SimTime::from_secs(secs),
+            method: "D".to_owned(),
+            joints,
+            world_from_base: base,
+            world_from_tip: tip,
+            world_from_head: Pose::translation(eye.x, eye.y, eye.z),
+            blocks,
+            hand: HandView {
+                state: match grip {
+                    g if g < 0.05 => HandState::Open,
+                    g if g > 0.95 => HandState::Closed,
+                    _ if t < 8.0 => HandState::Closing,
+                    _ => HandState::Opening,
+                },
+                holds,
+            },
+            gaze: self.gaze.or(Some(GazeSample { origin: eye, direction: looks_at - eye, valid: true })),
+            target: TargetView {
+                block: (t > 0.6 && holds.is_none()).then_some(BlockId::Red1),
+                place: holds.map(|_| self.scene.targets[0].centre + Vector::new(0.004, 0.006, 0.0)),
+                locked,
+                posterior: vec![0.7, 0.1, 0.15, 0.05],
+            },
+            planner,
+            gesture: self.gesture,
+            confidence: 0.87,
+            emg_source: "keys".to_owned(),
+            time_left_secs: 300.0 - secs % 300.0,
+            next_block: Some(if t > 12.0 { BlockId::Blue1 } else { BlockId::Red1 }),
+            on_target: u32::from(t > 12.0),
+            finished: false,
+            events: self.events(secs, t),
+        }
+    }
+
+    /// The events of the sixtieth of a second before now.
+    fn events(&self, secs: f64, t: f64) -> Vec<Event> {
+        let block = BlockId::Red1;
+        [
+            (1.5, EventKind::Locked { block: Some(block) }),
+            (2.0, EventKind::PlanRequested { request: 1 }),
+            (2.3, EventKind::PlanFinished { request: 1, status: PlanStatus::Ok }),
+            (5.0, EventKind::MotionFinished),
+            (6.3, EventKind::BlockAttached { block }),
+            (11.3, EventKind::BlockReleased { block }),
+            (12.0, EventKind::BlockOnTarget { block, distance: 0.01 }),
+        ]
+        .into_iter()
+        .filter(|(at, _)| (t - 1.0 / 60.0..t).contains(at))
+        .map(|(_, kind)| Event { time: SimTime::from_secs(secs), kind })
+        .collect()
+    }
+
+    fn base_from_tip(&self, joints: &[f64]) -> Pose {
+        let mut poses = vec![Pose::identity(); self.arm.links.len()];
+        for (k, joint) in self.arm.joints.iter().enumerate() {
+            let angle = self.arm.moving().position(|moving| moving == k).map_or(0.0, |index| joints[index]);
+            let turn = UnitQuaternion::from_scaled_axis(joint.axis * angle);
+            poses[joint.child] = poses[joint.parent] * joint.origin * turn;
+        }
+        poses[self.arm.tip]
+    }
+}

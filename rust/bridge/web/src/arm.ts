@@ -1,0 +1,130 @@
+// The arm: its link tree as nested groups, so that one angle per joint is all that changes.
+
+import { type BufferGeometry, Color, Group, Mesh, MeshStandardMaterial, Object3D, Quaternion, Vector3 } from "three";
+import { STLLoader } from "three/addons/loaders/STLLoader.js";
+import { mergeVertices, toCreasedNormals } from "three/addons/utils/BufferGeometryUtils.js";
+import type { DrawnPose } from "./motion";
+import type { ArmModel, Link } from "./protocol";
+import { place, shapeGeometry } from "./shapes";
+
+/** Edges sharper than this stay sharp, rad. */
+const CREASE_RAD = 0.6;
+const BARE_COLOUR = "#b9bec4";
+
+export class Arm {
+  readonly root = new Group();
+  private readonly moving: { turn: Object3D; axis: Vector3 }[];
+  private readonly links: Object3D[];
+  private readonly materials = new Map<string, MeshStandardMaterial>();
+  private readonly geometries = new Map<string, Promise<BufferGeometry>>();
+  private readonly turned = new Quaternion();
+
+  constructor(
+    model: ArmModel,
+    private readonly loader: STLLoader,
+    private readonly failed: (message: string) => void,
+  ) {
+    this.root.name = model.name;
+    this.links = [this.root];
+    const turns: { turn: Object3D; axis: Vector3 }[] = [];
+    // Parents stand before their children, and joint k moves link k + 1.
+    for (const joint of model.joints) {
+      const origin = new Group();
+      place(origin, joint.origin);
+      const turn = new Group();
+      origin.add(turn);
+      this.links[joint.parent]?.add(origin);
+      this.links[joint.child] = turn;
+      turns.push({ turn, axis: new Vector3(...joint.axis) });
+    }
+    model.links.forEach((link, k) => this.dress(this.links[k], link));
+    this.moving = [...model.arm, ...model.hand].flatMap((joint) => turns[joint] ?? []);
+  }
+
+  update(base: DrawnPose, joints: number[]): void {
+    this.root.position.copy(base.position);
+    this.root.quaternion.copy(base.rotation);
+    this.moving.forEach(({ turn, axis }, k) => {
+      const angle = joints[k];
+      if (angle !== undefined && Number.isFinite(angle)) {
+        turn.quaternion.copy(this.turned.setFromAxisAngle(axis, angle));
+      }
+    });
+  }
+
+  private dress(group: Object3D | undefined, link: Link): void {
+    if (!group) return;
+    for (const visual of link.visuals) {
+      const material = this.material(visual.colour);
+      if ("shape" in visual.geometry) {
+        this.attach(group, new Mesh(shapeGeometry(visual.geometry.shape), material), visual.pose);
+        continue;
+      }
+      const { file, scale } = visual.geometry.mesh;
+      this.geometry(file).then(
+        (geometry) => {
+          const mesh = new Mesh(geometry, material);
+          mesh.scale.set(...scale);
+          this.attach(group, mesh, visual.pose);
+        },
+        () => {
+          this.failed(`mesh ${file} is missing; its link is drawn by its collision shapes`);
+          this.dressBare(group, link);
+        },
+      );
+    }
+    if (link.visuals.length === 0) this.dressBare(group, link);
+  }
+
+  /** A mesh file's geometry, loaded once however many links use it (fingers do). */
+  private geometry(file: string): Promise<BufferGeometry> {
+    let geometry = this.geometries.get(file);
+    if (!geometry) {
+      geometry = this.loader
+        .loadAsync(meshAddress(file))
+        // Smooth where the surface is; shared corners are computed once.
+        .then((loaded) => mergeVertices(toCreasedNormals(loaded, CREASE_RAD)));
+      this.geometries.set(file, geometry);
+    }
+    return geometry;
+  }
+
+  private dressBare(group: Object3D, link: Link): void {
+    const material = this.material([...new Color(BARE_COLOUR).toArray(), 1] as [number, number, number, number]);
+    for (const { pose, shape } of link.collisions) {
+      this.attach(group, new Mesh(shapeGeometry(shape), material), pose);
+    }
+  }
+
+  private attach(group: Object3D, mesh: Mesh, pose: Parameters<typeof place>[1]): void {
+    place(mesh, pose);
+    mesh.castShadow = true;
+    mesh.receiveShadow = true;
+    group.add(mesh);
+  }
+
+  private material([r, g, b, a]: [number, number, number, number]): MeshStandardMaterial {
+    const key = `${r} ${g} ${b} ${a}`;
+    let material = this.materials.get(key);
+    if (!material) {
+      const colour = new Color().setRGB(r, g, b, "srgb");
+      const dark = colour.getHSL({ h: 0, s: 0, l: 0 }).l < 0.25;
+      material = new MeshStandardMaterial({
+        color: colour,
+        // Dark parts are the joints: metal. Light ones are the shell: satin plastic.
+        metalness: dark ? 0.55 : 0.05,
+        roughness: dark ? 0.38 : 0.48,
+        transparent: a < 1,
+        opacity: a,
+      });
+      this.materials.set(key, material);
+    }
+    return material;
+  }
+}
+
+/** Meshes are served below /meshes by what follows `meshes/` in the description. */
+function meshAddress(file: string): string {
+  const inside = file.split("/meshes/").pop() ?? file;
+  return `/meshes/${inside.split("/").map(encodeURIComponent).join("/")}`;
+}

@@ -1,0 +1,95 @@
+// Three ways of looking: over the shoulder, through the participant's eyes, and freely.
+
+import { PerspectiveCamera, Vector3 } from "three";
+import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+import type { Drawn } from "./motion";
+import type { Room } from "./room";
+
+export const CAMERA_KINDS = ["shoulder", "eyes", "free"] as const;
+export type CameraKind = (typeof CAMERA_KINDS)[number];
+export const CAMERA_NAMES: Record<CameraKind, string> = {
+  shoulder: "Over the shoulder",
+  eyes: "First person",
+  free: "Free",
+};
+
+/** Further off than this from where the head points, the box is turned to, rad: heads tilt, trackers may not. */
+const LOOK_AWAY_RAD = 0.45;
+
+export class Cameras {
+  readonly camera = new PerspectiveCamera(40, 1, 0.02, 30);
+  private readonly orbit: OrbitControls;
+  private chosen: CameraKind = "shoulder";
+  private readonly eye = new Vector3();
+  private readonly aim = new Vector3();
+  private settled = false;
+  /** Which shoulder: -1 the right one, 1 the left one. */
+  side: -1 | 1 = -1;
+
+  constructor(element: HTMLElement) {
+    this.camera.up.set(0, 0, 1);
+    this.orbit = new OrbitControls(this.camera, element);
+    this.orbit.enableDamping = true;
+    this.orbit.minDistance = 0.15;
+    this.orbit.maxDistance = 4;
+    this.orbit.enabled = false;
+  }
+
+  get kind(): CameraKind {
+    return this.chosen;
+  }
+
+  choose(kind: CameraKind, room: Room | null): void {
+    this.chosen = kind;
+    this.orbit.enabled = kind === "free";
+    this.settled = false;
+    if (kind === "free" && room) {
+      // From where the eye is now, around the middle of the box.
+      this.orbit.target.copy(room.centre);
+      this.orbit.update();
+    }
+    this.camera.fov = kind === "eyes" ? 58 : 40;
+    this.camera.updateProjectionMatrix();
+  }
+
+  next(): CameraKind {
+    return CAMERA_KINDS[(CAMERA_KINDS.indexOf(this.chosen) + 1) % CAMERA_KINDS.length] ?? "shoulder";
+  }
+
+  resize(width: number, height: number): void {
+    this.camera.aspect = width / Math.max(height, 1);
+    this.camera.updateProjectionMatrix();
+  }
+
+  update(drawn: Drawn, room: Room, seconds: number): void {
+    if (this.chosen === "free") {
+      this.orbit.update();
+      return;
+    }
+    const eye = new Vector3();
+    const aim = new Vector3();
+    if (this.chosen === "eyes") {
+      eye.copy(drawn.head.position);
+      const ahead = new Vector3(1, 0, 0).applyQuaternion(drawn.head.rotation);
+      const toBox = room.centre.clone().sub(eye).normalize();
+      aim.copy(eye).add(ahead.angleTo(toBox) > LOOK_AWAY_RAD ? toBox : ahead);
+    } else {
+      // Behind and above the shoulder, a little outside it, so that arm and whole box are in sight. A narrow
+      // window needs more distance.
+      const base = drawn.base.position;
+      const away = Math.max(1, 1.6 / this.camera.aspect);
+      const gap = Math.min(Math.max(room.centre.x - base.x, 0.35), 0.8);
+      aim.copy(room.centre);
+      aim.x -= 0.3 * gap;
+      aim.z = room.tableHeight + 0.15;
+      eye.copy(aim).add(new Vector3(-0.98 * away, this.side * 0.42 * away, 0.86 * away));
+    }
+    // Soft, because the shoulder moves with every breath of the tracking; the eyes are exact.
+    const share = this.settled && this.chosen !== "eyes" ? 1 - Math.exp(-4 * Math.min(seconds, 0.1)) : 1;
+    this.settled = true;
+    this.eye.lerp(eye, share);
+    this.aim.lerp(aim, share);
+    this.camera.position.copy(this.eye);
+    this.camera.lookAt(this.aim);
+  }
+}

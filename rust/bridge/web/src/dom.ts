@@ -1,0 +1,29 @@
+// Small pieces of page.
+
+type Child = Node | string | null | undefined;
+
+/** An element with classes and children; text is text, never markup. */
+export function element<K extends keyof HTMLElementTagNameMap>(
+  tag: K,
+  classes = "",
+  ...children: Child[]
+): HTMLElementTagNameMap[K] {
+  const node = document.createElement(tag);
+  if (classes) node.className = classes;
+  node.append(...children.filter((child): child is Node | string => child !== null && child !== undefined));
+  return node;
+}
+
+/** Writes only what has changed: the display is refreshed with every frame. */
+export function setText(node: Element, text: string): void {
+  if (node.textContent !== text) node.textContent = text;
+}
+
+export function setClass(node: Element, name: string, on: boolean): void {
+  if (node.classList.contains(name) !== on) node.classList.toggle(name, on);
+}
+
+export function setWidth(node: HTMLElement, share: number): void {
+  const width = `${Math.round(100 * Math.min(Math.max(Number.isFinite(share) ? share : 0, 0), 1))}%`;
+  if (node.style.width !== width) node.style.width = width;
+}

@@ -1,0 +1,277 @@
+// The heads-up display: everything that is not seen in the scene.
+
+import { element, setClass, setText, setWidth } from "./dom";
+import {
+  BLOCKS,
+  GESTURE_NAMES,
+  colourOf,
+  numberOf,
+  type BlockId,
+  type Content,
+  type Frame,
+  type Planner,
+  type TrialEvent,
+} from "./protocol";
+
+const METHOD_NAMES: Record<string, string> = {
+  A: "Joint control",
+  B: "End-point control",
+  C: "Gaze",
+  D: "Gaze and task context",
+};
+const EMG_NAMES: Record<string, string> = {
+  recording: "EMG recording",
+  synthetic: "Synthetic EMG",
+  keys: "Keys",
+};
+/** Lines of the event list. */
+const EVENTS_SHOWN = 6;
+
+export class Hud {
+  readonly root = element("div", "hud");
+  readonly bottom = element("div", "bottom");
+  private readonly title = element("span", "title");
+  private readonly setup = element("span", "chip");
+  private readonly source = element("span", "chip");
+  private readonly method = element("span", "method");
+  private readonly methodName = element("span", "methodname");
+  private readonly clock = element("span", "clock", "–:––");
+  private readonly count = element("span", "count");
+  private readonly pips = BLOCKS.map((block) => element("i", `pip ${colourOf(block)}`, numberOf(block)));
+  private readonly next = element("span", "next");
+  private readonly link = element("span", "link");
+  private readonly rate = element("span", "rate");
+  private readonly gesture = element("b", "value");
+  private readonly gestureShort = element("kbd", "");
+  private readonly confidence = element("i", "fill");
+  private readonly confidenceText = element("span", "small");
+  private readonly selection = element("b", "value");
+  private readonly lock = element("span", "lock");
+  private readonly hand = element("b", "value");
+  private readonly planner = element("b", "value");
+  private readonly plannerNote = element("p", "note");
+  private readonly progress = element("i", "fill");
+  private readonly progressBar = element("div", "bar", this.progress);
+  private readonly events = element("ol", "events");
+  private readonly banner = element("div", "banner");
+  private readonly toast = element("div", "toast");
+  private readonly over = element("div", "over card");
+  private readonly onTarget = new Set<BlockId>();
+  private lastTime = -1;
+  private toastTimer = 0;
+
+  constructor() {
+    const row = (label: string, ...children: HTMLElement[]) =>
+      element("div", "row", element("span", "label", label), ...children);
+    this.link.setAttribute("role", "status");
+    this.banner.setAttribute("role", "alert");
+    this.banner.hidden = this.toast.hidden = this.over.hidden = true;
+    this.root.append(
+      element(
+        "header",
+        "top",
+        element(
+          "div",
+          "card brand",
+          element("div", "logo", element("strong", "", "ProACT"), this.title),
+          element("div", "methodline", this.method, this.methodName),
+          element("div", "chips", this.setup, this.source),
+        ),
+        element(
+          "div",
+          "card score",
+          element("div", "clockbox", element("span", "label", "Time left"), this.clock),
+          element("div", "blocks", element("span", "label", "On target"), this.count),
+          element("div", "pips", ...this.pips),
+          this.next,
+        ),
+        element("div", "card connection", this.link, this.rate),
+      ),
+      element(
+        "aside",
+        "card status",
+        row("Gesture", element("div", "line", this.gesture, this.gestureShort)),
+        element("div", "meter", element("div", "bar", this.confidence), this.confidenceText),
+        row("Selection", element("div", "line", this.selection, this.lock)),
+        row("Hand", this.hand),
+        row("Planner", this.planner),
+        this.progressBar,
+        this.plannerNote,
+      ),
+      element("div", "card log", element("span", "label", "Events"), this.events),
+      this.bottom,
+      this.over,
+      this.banner,
+      this.toast,
+    );
+  }
+
+  setContent(content: Content): void {
+    setText(this.title, content.title);
+    setText(this.setup, `Set-up: ${content.setup}`);
+    document.title = content.title ? `ProACT · ${content.title}` : "ProACT";
+    this.startTrial();
+  }
+
+  setConnected(connected: boolean, ever: boolean): void {
+    setText(this.link, connected ? "Live" : "Offline");
+    setClass(this.link, "off", !connected);
+    this.banner.hidden = connected;
+    setText(
+      this.banner,
+      ever
+        ? "The connection to ProACT is lost. This page comes back by itself as soon as the program runs again."
+        : "Connecting to ProACT …",
+    );
+  }
+
+  setRate(framesPerSecond: number, drawnPerSecond: number): void {
+    setText(this.rate, `${Math.round(framesPerSecond)} Hz in · ${Math.round(drawnPerSecond)} drawn`);
+  }
+
+  say(message: string): void {
+    setText(this.toast, message);
+    this.toast.hidden = false;
+    window.clearTimeout(this.toastTimer);
+    this.toastTimer = window.setTimeout(() => (this.toast.hidden = true), 2500);
+  }
+
+  addEvents(events: TrialEvent[]): void {
+    for (const event of events) {
+      if (event.event === "block_on_target" && event.block) this.onTarget.add(event.block);
+      if (event.event === "block_attached" && event.block) this.onTarget.delete(event.block);
+      // The gesture is on display already; its changes would flood the list.
+      if (event.event === "gesture_changed") continue;
+      const line = element(
+        "li",
+        event.event,
+        element("time", "", (event.time / 1000).toFixed(1)),
+        element("span", "", eventText(event)),
+      );
+      this.events.prepend(line);
+    }
+    while (this.events.children.length > EVENTS_SHOWN) this.events.lastElementChild?.remove();
+  }
+
+  update(frame: Frame, interactive: boolean): void {
+    if (frame.time < this.lastTime) this.startTrial();
+    this.lastTime = frame.time;
+    this.addEvents(frame.events);
+    setText(this.method, frame.method);
+    setText(this.methodName, METHOD_NAMES[frame.method] ?? "Method");
+    setText(this.source, EMG_NAMES[frame.emg_source] ?? frame.emg_source);
+    setClass(this.source, "warn", frame.emg_source === "synthetic");
+
+    const left = Math.max(frame.time_left_secs, 0);
+    setText(this.clock, `${Math.floor(left / 60)}:${String(Math.floor(left % 60)).padStart(2, "0")}`);
+    setClass(this.clock, "late", left < 30);
+    setText(this.count, `${frame.on_target} / ${frame.blocks.length}`);
+    BLOCKS.forEach((block, k) => {
+      const pip = this.pips[k];
+      if (!pip) return;
+      setClass(pip, "done", this.onTarget.has(block));
+      setClass(pip, "wanted", frame.next_block === block && !frame.finished);
+    });
+    setText(this.next, frame.next_block ? `Next: ${blockName(frame.next_block)}` : "All blocks moved");
+
+    const gesture = GESTURE_NAMES[frame.gesture];
+    setText(this.gesture, gesture.name);
+    setText(this.gestureShort, gesture.short);
+    setClass(this.gestureShort, "active", frame.gesture !== "no_motion");
+    setWidth(this.confidence, frame.confidence);
+    setText(this.confidenceText, `${Math.round(100 * frame.confidence)} %`);
+
+    const { target, hand } = frame;
+    const something = hand.holds ? target.place !== null : target.block !== null;
+    setText(
+      this.selection,
+      hand.holds ? (something ? "Place" : "No place") : target.block ? blockName(target.block) : "Nothing",
+    );
+    setText(this.lock, target.locked ? "Locked" : "Free");
+    setClass(this.lock, "locked", target.locked);
+    this.lock.hidden = !something;
+    const states = { open: "Open", closing: "Closing …", closed: "Closed", opening: "Opening …" };
+    setText(this.hand, hand.holds ? `Holds ${blockName(hand.holds)}` : states[hand.state]);
+
+    const { text, note, share, kind } = plannerText(frame.planner);
+    setText(this.planner, text);
+    this.planner.dataset["kind"] = kind;
+    setText(this.plannerNote, note);
+    this.plannerNote.hidden = note === "";
+    setClass(this.progressBar, "idle", share === null);
+    setWidth(this.progress, share ?? 0);
+
+    this.over.hidden = !frame.finished;
+    if (frame.finished) {
+      const result = `${frame.on_target} of ${frame.blocks.length} blocks on target`;
+      const more = interactive ? "Press R for a new trial" : "";
+      setText(this.over, [`Trial over`, result, more].filter(Boolean).join(" · "));
+    }
+  }
+
+  private startTrial(): void {
+    this.events.replaceChildren();
+    this.onTarget.clear();
+    this.lastTime = -1;
+  }
+}
+
+export function blockName(block: BlockId): string {
+  const colour = colourOf(block);
+  return `${colour[0]?.toUpperCase()}${colour.slice(1)} ${numberOf(block)}`;
+}
+
+function plannerText(planner: Planner): { text: string; note: string; share: number | null; kind: string } {
+  switch (planner.state) {
+    case "idle":
+      return { text: "Idle", note: "", share: null, kind: "idle" };
+    case "planning":
+      return { text: "Planning …", note: "", share: null, kind: "busy" };
+    case "executing":
+      return {
+        text: "Moving",
+        note: planner.intermediate ? "Out of reach: moving as near as possible" : "",
+        share: planner.progress,
+        kind: "busy",
+      };
+    case "arrived":
+      return {
+        text: planner.intermediate ? "Stopped on the way" : "Arrived",
+        note: planner.intermediate ? "The goal is out of reach from here" : "",
+        share: 1,
+        kind: planner.intermediate ? "warn" : "good",
+      };
+    case "failed":
+      return { text: "No plan", note: planner.reason || planner.status.replaceAll("_", " "), share: null, kind: "bad" };
+  }
+}
+
+function eventText(event: TrialEvent): string {
+  const block = event.block ? blockName(event.block) : "";
+  switch (event.event) {
+    case "block_attached":
+      return `Contact made: ${block}`;
+    case "block_released":
+      return `Contact lost: ${block}`;
+    case "locked":
+      return block ? `Locked: ${block}` : "Place locked";
+    case "unlocked":
+      return "Lock off";
+    case "plan_requested":
+      return "Plan asked for";
+    case "plan_finished":
+      return `Plan: ${(event.status ?? "").replaceAll("_", " ")}`;
+    case "motion_stopped":
+      return "Motion stopped";
+    case "motion_finished":
+      return "Motion finished";
+    case "block_on_target":
+      return `On target: ${block} (${(100 * (event.distance ?? 0)).toFixed(1)} cm)`;
+    case "block_off_target":
+      return `Off target: ${block}`;
+    case "trial_finished":
+      return "Trial over";
+    default:
+      return event.event.replaceAll("_", " ");
+  }
+}

@@ -1,0 +1,95 @@
+// The connection to the server: it comes back by itself after a reload, a restart or a lost line.
+
+import type { ClientMessage, Content, Frame, ServerMessage, TrialEvent } from "./protocol";
+
+/** Waiting times between attempts, ms; the last one repeats. */
+const BACKOFF_MS = [200, 400, 800, 1500, 3000];
+const CONTENT_RETRY_MS = 1000;
+
+export interface LiveHandlers {
+  content(content: Content): void;
+  frame(frame: Frame): void;
+  events(events: TrialEvent[]): void;
+  connected(connected: boolean): void;
+  refused(message: string): void;
+}
+
+export class Live {
+  private socket: WebSocket | null = null;
+  private attempts = 0;
+  private pageVersion: string | null = null;
+  private contentWanted = 0;
+
+  constructor(private readonly handlers: LiveHandlers) {
+    this.connect();
+    // The network is back, or the laptop woke up: no need to wait for the next attempt.
+    window.addEventListener("online", () => this.socket?.close());
+  }
+
+  get open(): boolean {
+    return this.socket?.readyState === WebSocket.OPEN;
+  }
+
+  /** Sends if connected and the line is not stuck; what a person does now is worth nothing later. */
+  send(message: ClientMessage): void {
+    if (this.socket?.readyState === WebSocket.OPEN && this.socket.bufferedAmount < 16_384) {
+      this.socket.send(JSON.stringify(message));
+    }
+  }
+
+  private connect(): void {
+    const scheme = location.protocol === "https:" ? "wss" : "ws";
+    const socket = new WebSocket(`${scheme}://${location.host}/live`);
+    this.socket = socket;
+    socket.onmessage = (message) => this.take(JSON.parse(String(message.data)) as ServerMessage);
+    socket.onclose = () => {
+      this.handlers.connected(false);
+      const wait = BACKOFF_MS[Math.min(this.attempts, BACKOFF_MS.length - 1)] ?? 3000;
+      this.attempts += 1;
+      window.setTimeout(() => this.connect(), wait);
+    };
+  }
+
+  private take(message: ServerMessage): void {
+    switch (message.type) {
+      case "hello":
+        if (this.pageVersion !== null && this.pageVersion !== message.page_version) {
+          // The server was replaced by another version; so is the page.
+          location.reload();
+          return;
+        }
+        this.pageVersion = message.page_version;
+        this.attempts = 0;
+        this.handlers.connected(true);
+        void this.fetchContent();
+        break;
+      case "content":
+        void this.fetchContent();
+        break;
+      case "frame":
+        this.handlers.frame(message);
+        break;
+      case "events":
+        this.handlers.events(message.events);
+        break;
+      case "error":
+        this.handlers.refused(message.message);
+        break;
+    }
+  }
+
+  private async fetchContent(): Promise<void> {
+    // Only the answer to the latest question counts.
+    const wanted = ++this.contentWanted;
+    try {
+      const answer = await fetch("/api/content", { cache: "no-store" });
+      if (!answer.ok) throw new Error(`the server answered ${answer.status}`);
+      const content = (await answer.json()) as Content;
+      if (wanted === this.contentWanted) this.handlers.content(content);
+    } catch {
+      window.setTimeout(() => {
+        if (wanted === this.contentWanted && this.open) void this.fetchContent();
+      }, CONTENT_RETRY_MS);
+    }
+  }
+}

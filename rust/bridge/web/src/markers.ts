@@ -1,0 +1,141 @@
+// What the method and the eyes do: highlight, place marker, gaze point, and which block comes next.
+
+import {
+  Color,
+  ConeGeometry,
+  CylinderGeometry,
+  DoubleSide,
+  Group,
+  Mesh,
+  MeshBasicMaterial,
+  Object3D,
+  Raycaster,
+  RingGeometry,
+  Sprite,
+  SpriteMaterial,
+  TorusGeometry,
+  Vector3,
+} from "three";
+import type { Frame, Shape } from "./protocol";
+import { colourOf } from "./protocol";
+import type { Room } from "./room";
+import { BLOCK_COLOURS, drawnTexture } from "./shapes";
+
+/** Free and locked differ in brightness and in form, not in hue alone. */
+export const FREE = new Color("#fff0b3");
+export const LOCKED = new Color("#00c48c");
+
+export class Markers {
+  readonly root = new Group();
+  private readonly shell: Mesh;
+  private readonly shellMaterial = new MeshBasicMaterial({ transparent: true, depthWrite: false, side: DoubleSide });
+  private readonly clasp = new Group();
+  private readonly solid = new MeshBasicMaterial({ color: LOCKED });
+  private readonly placeMarker = new Group();
+  private readonly placeMaterial = new MeshBasicMaterial({ transparent: true, depthWrite: false, side: DoubleSide });
+  private readonly placeCross: Mesh;
+  private readonly gaze: Sprite;
+  private readonly next: Mesh;
+  private readonly nextMaterial = new MeshBasicMaterial({ transparent: true, opacity: 0.9 });
+  private readonly ray = new Raycaster();
+
+  constructor(private readonly room: Room) {
+    const shape: Shape = room.blocks[0]?.shape ?? { type: "cylinder", radius: 0.025, length: 0.05 };
+    const [radius, height] = shape.type === "cylinder" ? [shape.radius, shape.length] : [0.025, 0.05];
+    // Open at both ends: the number on top stays readable.
+    this.shell = new Mesh(
+      new CylinderGeometry(radius * 1.16, radius * 1.16, height * 1.04, 64, 1, true).rotateX(Math.PI / 2),
+      this.shellMaterial,
+    );
+    // Locked: two solid rings clasp the block.
+    for (const z of [-height / 2, height / 2]) {
+      const ring = new Mesh(new TorusGeometry(radius * 1.16, 0.0022, 12, 64), this.solid);
+      ring.position.z = z;
+      this.clasp.add(ring);
+    }
+    this.shell.add(this.clasp);
+    const ring = new Mesh(new RingGeometry(radius * 0.86, radius * 1.08, 64), this.placeMaterial);
+    this.placeCross = new Mesh(new RingGeometry(0, radius * 0.3, 32), this.placeMaterial);
+    this.placeMarker.add(ring, this.placeCross);
+    this.gaze = new Sprite(
+      new SpriteMaterial({ map: gazeTexture(), transparent: true, depthTest: false, sizeAttenuation: false }),
+    );
+    this.gaze.scale.setScalar(0.042);
+    this.gaze.renderOrder = 10;
+    this.next = new Mesh(new ConeGeometry(0.011, 0.022, 32).rotateX(-Math.PI / 2), this.nextMaterial);
+    this.root.add(this.shell, this.placeMarker, this.gaze, this.next);
+    for (const part of this.root.children) part.visible = false;
+  }
+
+  update(frame: Frame, seconds: number): void {
+    const { target, hand } = frame;
+    const pulse = 0.5 + 0.5 * Math.sin(4.5 * seconds);
+
+    // The highlighted block.
+    const block = target.block && !hand.holds ? this.room.block(target.block) : undefined;
+    this.shell.visible = block !== undefined;
+    if (block) {
+      this.shell.position.copy(block.position);
+      this.shell.quaternion.copy(block.quaternion);
+      this.shellMaterial.color.copy(target.locked ? LOCKED : FREE);
+      this.shellMaterial.opacity = target.locked ? 0.45 : 0.4 + 0.25 * pulse;
+      this.clasp.visible = target.locked;
+    }
+
+    // The place marker.
+    this.placeMarker.visible = target.place !== null && hand.holds !== null;
+    if (target.place) {
+      this.placeMarker.position.set(target.place[0], target.place[1], target.place[2] + 0.0015);
+      this.placeMaterial.color.copy(target.locked ? LOCKED : new Color("#2b2f33"));
+      this.placeMaterial.opacity = target.locked ? 0.95 : 0.55 + 0.25 * pulse;
+      this.placeCross.visible = target.locked;
+    }
+
+    // The gaze point.
+    const point = frame.gaze?.valid ? this.gazePoint(frame) : null;
+    this.gaze.visible = point !== null;
+    if (point) this.gaze.position.copy(point);
+
+    // The block that the task asks for next, while the hand is free for it.
+    const next = frame.next_block && !hand.holds ? this.room.block(frame.next_block) : undefined;
+    this.next.visible = next !== undefined && frame.next_block !== target.block;
+    if (next && frame.next_block) {
+      this.next.position.copy(next.position);
+      this.next.position.z += 0.055 + 0.008 * pulse;
+      this.nextMaterial.color.set(BLOCK_COLOURS[colourOf(frame.next_block)]);
+    }
+  }
+
+  /** Where the measured gaze meets a block or the table; none if it meets neither. */
+  private gazePoint(frame: Frame): Vector3 | null {
+    if (!frame.gaze) return null;
+    const origin = new Vector3(...frame.gaze.origin);
+    const direction = new Vector3(...frame.gaze.direction).normalize();
+    this.ray.set(origin, direction);
+    const bodies: Object3D[] = this.room.blocks.map((block) => block.body);
+    const hit = this.ray.intersectObjects(bodies, false)[0];
+    if (hit) return hit.point;
+    const fall = (this.room.tableHeight - origin.z) / direction.z;
+    if (!(fall > 0 && fall < 3)) return null;
+    return origin.addScaledVector(direction, fall);
+  }
+}
+
+function gazeTexture() {
+  return drawnTexture((context) => {
+    const circle = (radius: number, width: number, colour: string) => {
+      context.strokeStyle = colour;
+      context.lineWidth = width;
+      context.beginPath();
+      context.arc(0, 0, radius, 0, 2 * Math.PI);
+      context.stroke();
+    };
+    // Dark under light: seen on any ground.
+    circle(0.7, 0.3, "rgba(20,30,40,0.55)");
+    circle(0.7, 0.16, "#7fe3ff");
+    context.fillStyle = "#7fe3ff";
+    context.beginPath();
+    context.arc(0, 0, 0.14, 0, 2 * Math.PI);
+    context.fill();
+  }, 128);
+}

@@ -1,0 +1,103 @@
+// Frames come at 60 Hz with the jitter of a network; the screen has its own rhythm. What is drawn lies a little
+// in the past and between two frames, so that motion is smooth.
+
+import { Quaternion, Vector3 } from "three";
+import type { Frame, Pose } from "./protocol";
+
+/** How far behind the latest frame the picture is, ms of trial time: two frames at 60 Hz. */
+const DELAY_MS = 34;
+/** The picture jumps if it is further off than this, ms. */
+const JUMP_MS = 300;
+/** Frames kept, enough for the delay at any sensible rate. */
+const KEPT = 12;
+
+export interface DrawnPose {
+  position: Vector3;
+  rotation: Quaternion;
+}
+
+/** What is drawn at one instant. */
+export interface Drawn {
+  joints: number[];
+  base: DrawnPose;
+  tip: DrawnPose;
+  head: DrawnPose;
+  blocks: DrawnPose[];
+}
+
+export class Motion {
+  private frames: Frame[] = [];
+  private playhead = 0;
+  private wall: number | null = null;
+  /** Trial milliseconds per wall millisecond, as the frames arrive. */
+  private rate = 1;
+  private arrived: { time: number; wall: number } | null = null;
+
+  get latest(): Frame | null {
+    return this.frames[this.frames.length - 1] ?? null;
+  }
+
+  clear(): void {
+    this.frames = [];
+    this.arrived = null;
+    this.rate = 1;
+  }
+
+  push(frame: Frame, wallMs: number): void {
+    const latest = this.latest;
+    if (latest && frame.time < latest.time) this.clear();
+    if (latest && frame.time === latest.time) this.frames.pop();
+    this.frames.push(frame);
+    if (this.frames.length > KEPT) this.frames.shift();
+    // The rate is measured over half a second, so that jitter does not show in it.
+    if (!this.arrived) {
+      this.arrived = { time: frame.time, wall: wallMs };
+      this.playhead = frame.time - DELAY_MS;
+    } else if (wallMs - this.arrived.wall > 500) {
+      const measured = (frame.time - this.arrived.time) / (wallMs - this.arrived.wall);
+      this.rate += 0.5 * (Math.min(measured, 20) - this.rate);
+      this.arrived = { time: frame.time, wall: wallMs };
+    }
+  }
+
+  /** The instant to draw now; none before the first frame. */
+  at(wallMs: number): Drawn | null {
+    const latest = this.latest;
+    if (!latest) return null;
+    const elapsed = this.wall === null ? 0 : Math.min(wallMs - this.wall, 200);
+    this.wall = wallMs;
+    const goal = latest.time - DELAY_MS * Math.max(this.rate, 0.2);
+    this.playhead += elapsed * this.rate;
+    // The playhead follows the frames gently; after a pause of the page it jumps.
+    const off = goal - this.playhead;
+    this.playhead = Math.abs(off) > JUMP_MS ? goal : this.playhead + off * Math.min(elapsed / 200, 1);
+    this.playhead = Math.min(this.playhead, latest.time);
+    let next = this.frames.findIndex((frame) => frame.time >= this.playhead);
+    if (next < 0) next = this.frames.length - 1;
+    const to = this.frames[next] ?? latest;
+    const from = this.frames[Math.max(next - 1, 0)] ?? to;
+    const span = to.time - from.time;
+    const share = span > 0 ? Math.min(Math.max((this.playhead - from.time) / span, 0), 1) : 1;
+    return between(from, to, share);
+  }
+}
+
+function between(from: Frame, to: Frame, share: number): Drawn {
+  return {
+    joints: to.joints.map((angle, k) => {
+      const before = from.joints[k] ?? angle;
+      return before + share * (angle - before);
+    }),
+    base: poseBetween(from.world_from_base, to.world_from_base, share),
+    tip: poseBetween(from.world_from_tip, to.world_from_tip, share),
+    head: poseBetween(from.world_from_head, to.world_from_head, share),
+    blocks: to.blocks.map((pose, k) => poseBetween(from.blocks[k] ?? pose, pose, share)),
+  };
+}
+
+function poseBetween(from: Pose, to: Pose, share: number): DrawnPose {
+  return {
+    position: new Vector3(...from.translation).lerp(new Vector3(...to.translation), share),
+    rotation: new Quaternion(...from.rotation).slerp(new Quaternion(...to.rotation), share),
+  };
+}

@@ -1,0 +1,30 @@
+// Where the person looks when the mouse is the eye: what you point at is what you look at.
+
+import { Camera, Object3D, Plane, Raycaster, Vector2, Vector3 } from "three";
+import type { BlockId } from "./protocol";
+import type { Room } from "./room";
+
+/** Nothing further than this is looked at, metres. */
+const REACH = 4;
+
+export class Pointing {
+  private readonly ray = new Raycaster();
+
+  /**
+   * The point in `world` under the cursor (device coordinates, -1 to 1): on a block, else on the plane of the
+   * table top. Arm, walls and a carried block are looked through, or nothing behind them could be chosen.
+   */
+  point(cursor: Vector2, camera: Camera, room: Room, holds: BlockId | null): Vector3 | null {
+    this.ray.setFromCamera(cursor, camera);
+    if (!holds) {
+      const bodies: Object3D[] = room.blocks.map((block) => block.body);
+      const hit = this.ray.intersectObjects(bodies, false)[0];
+      if (hit) return hit.point;
+    }
+    const table = new Plane(new Vector3(0, 0, 1), -room.tableHeight);
+    const point = this.ray.ray.intersectPlane(table, new Vector3());
+    // Above the horizon: some place far ahead.
+    if (!point || point.distanceTo(room.centre) > REACH) return this.ray.ray.at(REACH, new Vector3());
+    return point;
+  }
+}

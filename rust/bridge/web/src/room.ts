@@ -1,0 +1,214 @@
+// Everything except the arm: table, walls, partition, numbered blocks, targets.
+
+import {
+  CanvasTexture,
+  CircleGeometry,
+  Group,
+  Mesh,
+  MeshBasicMaterial,
+  MeshStandardMaterial,
+  Object3D,
+  RepeatWrapping,
+  RingGeometry,
+  SRGBColorSpace,
+  ShadowMaterial,
+  Vector3,
+} from "three";
+import type { DrawnPose } from "./motion";
+import { colourOf, numberOf, type BlockId, type Scene, type Shape } from "./protocol";
+import { BLOCK_COLOURS, drawnTexture, place, shapeGeometry, writeText } from "./shapes";
+
+/** Radius of the target's disc, metres, as in the original's display. */
+const TARGET_RADIUS = 0.03;
+/** A block counts within this distance of the target's centre, metres. */
+const SUCCESS_RADIUS = 0.05;
+/** Height of flat things above the table, metres: enough for the depth buffer, too little to see. */
+const LIFT = 0.0006;
+
+export class Room {
+  readonly root = new Group();
+  readonly blocks: { id: BlockId; group: Group; body: Mesh; shape: Shape }[] = [];
+  readonly targets: { block: BlockId; centre: Vector3; group: Group; glow: MeshBasicMaterial }[] = [];
+  readonly tableHeight: number;
+  /** Middle of the table top. */
+  readonly centre: Vector3;
+  /** Half sizes of the table top along x and y. */
+  readonly half: { x: number; y: number };
+
+  constructor(scene: Scene) {
+    this.tableHeight = scene.table_height;
+    const table = scene.fixed.find((object) => object.name === "table" && object.shape.type === "box");
+    const middle = table?.pose.translation ?? [0, 0, scene.table_height];
+    this.centre = new Vector3(middle[0], middle[1], scene.table_height);
+    const size = table?.shape.type === "box" ? table.shape.size : [0.4, 0.6, 0.03];
+    this.half = { x: (size[0] ?? 0.4) / 2, y: (size[1] ?? 0.6) / 2 };
+    for (const object of scene.fixed) this.root.add(fixed(object));
+    for (const block of scene.blocks) {
+      const { group, body } = numberedBlock(block.id, block.shape);
+      place(group, block.pose);
+      this.blocks.push({ id: block.id, group, body, shape: block.shape });
+      this.root.add(group);
+    }
+    for (const target of scene.targets) {
+      const { group, glow } = targetDisc(target.block);
+      const centre = new Vector3(...target.centre);
+      group.position.copy(centre);
+      this.targets.push({ block: target.block, centre, group, glow });
+      this.root.add(group);
+    }
+  }
+
+  update(blocks: DrawnPose[], holds: BlockId | null, seconds: number): void {
+    this.blocks.forEach(({ group }, k) => {
+      const pose = blocks[k];
+      if (!pose) return;
+      group.position.copy(pose.position);
+      group.quaternion.copy(pose.rotation);
+    });
+    for (const { block, glow } of this.targets) {
+      // The target of the carried block calls for it.
+      glow.opacity = block === holds ? 0.55 + 0.3 * Math.sin(5 * seconds) : 0.16;
+    }
+  }
+
+  block(id: BlockId): Group | undefined {
+    return this.blocks.find((block) => block.id === id)?.group;
+  }
+}
+
+function fixed(object: { name: string; shape: Shape; pose: Parameters<typeof place>[1] }): Object3D {
+  if (object.name === "floor" && object.shape.type === "box") {
+    return floor(object.pose.translation[2] + object.shape.size[2] / 2);
+  }
+  const mesh = new Mesh(shapeGeometry(object.shape), wood(object.name));
+  place(mesh, object.pose);
+  mesh.castShadow = true;
+  mesh.receiveShadow = true;
+  return mesh;
+}
+
+function wood(name: string): MeshStandardMaterial {
+  const [colour, grain] = name.startsWith("table")
+    ? ["#d9b98c", "#c6a170"]
+    : name.startsWith("leg")
+      ? ["#54402f", "#473526"]
+      : name === "partition"
+        ? ["#5f4230", "#4e3526"]
+        : ["#84603f", "#6f4f33"];
+  return new MeshStandardMaterial({ map: grainTexture(colour ?? "", grain ?? ""), roughness: 0.72 });
+}
+
+/** Wood: long soft streaks, drawn from a fixed sequence so that every visit looks the same. */
+function grainTexture(colour: string, grain: string): CanvasTexture {
+  const canvas = document.createElement("canvas");
+  canvas.width = 512;
+  canvas.height = 256;
+  const context = canvas.getContext("2d");
+  if (!context) throw new Error("this browser cannot draw on a canvas");
+  context.fillStyle = colour;
+  context.fillRect(0, 0, 512, 256);
+  context.strokeStyle = grain;
+  let state = 12345;
+  const random = () => (state = (state * 16807) % 2147483647) / 2147483647;
+  for (let streak = 0; streak < 110; streak++) {
+    const y = random() * 256;
+    const bend = (random() - 0.5) * 14;
+    context.globalAlpha = 0.06 + 0.22 * random();
+    context.lineWidth = 0.6 + 2.2 * random();
+    context.beginPath();
+    context.moveTo(0, y);
+    context.bezierCurveTo(170, y + bend, 340, y - bend, 512, y);
+    context.stroke();
+  }
+  const texture = new CanvasTexture(canvas);
+  texture.colorSpace = SRGBColorSpace;
+  texture.wrapS = texture.wrapT = RepeatWrapping;
+  texture.anisotropy = 8;
+  return texture;
+}
+
+/** A disc that fades into the background, and the shadows on it. */
+function floor(height: number): Object3D {
+  const group = new Group();
+  const fade = drawnTexture((context) => {
+    const gradient = context.createRadialGradient(0, 0, 0.1, 0, 0, 1);
+    gradient.addColorStop(0, "rgba(255,255,255,0.95)");
+    gradient.addColorStop(0.55, "rgba(255,255,255,0.45)");
+    gradient.addColorStop(1, "rgba(255,255,255,0)");
+    context.fillStyle = gradient;
+    context.fillRect(-1, -1, 2, 2);
+  });
+  const disc = new Mesh(
+    new CircleGeometry(3, 64),
+    new MeshBasicMaterial({ map: fade, transparent: true, depthWrite: false, color: "#c9d1d8" }),
+  );
+  const shadow = new Mesh(new CircleGeometry(3, 64), new ShadowMaterial({ opacity: 0.16 }));
+  shadow.receiveShadow = true;
+  disc.position.z = height - 0.002;
+  shadow.position.z = height;
+  group.add(disc, shadow);
+  return group;
+}
+
+function numberedBlock(id: BlockId, shape: Shape): { group: Group; body: Mesh } {
+  const group = new Group();
+  const colour = BLOCK_COLOURS[colourOf(id)];
+  const body = new Mesh(shapeGeometry(shape), new MeshStandardMaterial({ color: colour, roughness: 0.42 }));
+  body.castShadow = true;
+  body.receiveShadow = true;
+  group.add(body);
+  const radius = shape.type === "cylinder" ? shape.radius : shape.type === "box" ? shape.size[0] / 2 : 0;
+  const height = shape.type === "cylinder" ? shape.length : shape.type === "box" ? shape.size[2] : 0;
+  if (radius > 0) {
+    const label = drawnTexture((context) => {
+      context.fillStyle = colour;
+      context.fillRect(-1, -1, 2, 2);
+      context.strokeStyle = "rgba(255,255,255,0.9)";
+      context.lineWidth = 0.09;
+      context.beginPath();
+      context.arc(0, 0, 0.9, 0, 2 * Math.PI);
+      context.stroke();
+      writeText(context, numberOf(id), 1.3, "#ffffff");
+    });
+    const material = new MeshStandardMaterial({ map: label, roughness: 0.5 });
+    // On top and underneath: a block may have tipped over. The person looks along x, so x is up in the text.
+    for (const side of [1, -1]) {
+      const disc = new Mesh(new CircleGeometry(0.86 * radius, 48), material);
+      disc.position.z = side * (height / 2 + 0.0003);
+      if (side < 0) disc.rotation.x = Math.PI;
+      disc.rotateZ(-Math.PI / 2);
+      disc.receiveShadow = true;
+      group.add(disc);
+    }
+  }
+  return { group, body };
+}
+
+function targetDisc(block: BlockId): { group: Group; glow: MeshBasicMaterial } {
+  const group = new Group();
+  const colour = BLOCK_COLOURS[colourOf(block)];
+  const face = drawnTexture((context) => {
+    context.fillStyle = "#fbf8f2";
+    context.beginPath();
+    context.arc(0, 0, 1, 0, 2 * Math.PI);
+    context.fill();
+    context.strokeStyle = colour;
+    context.lineWidth = 0.2;
+    context.beginPath();
+    context.arc(0, 0, 0.89, 0, 2 * Math.PI);
+    context.stroke();
+    writeText(context, numberOf(block), 1.05, colour);
+  });
+  const disc = new Mesh(
+    new CircleGeometry(TARGET_RADIUS, 64),
+    new MeshStandardMaterial({ map: face, transparent: true, roughness: 0.9 }),
+  );
+  disc.rotation.z = -Math.PI / 2;
+  disc.position.z = LIFT;
+  disc.receiveShadow = true;
+  const glow = new MeshBasicMaterial({ color: colour, transparent: true, opacity: 0.16, depthWrite: false });
+  const ring = new Mesh(new RingGeometry(TARGET_RADIUS + 0.002, SUCCESS_RADIUS, 64), glow);
+  ring.position.z = LIFT / 2;
+  group.add(disc, ring);
+  return { group, glow };
+}

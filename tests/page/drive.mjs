@@ -1,0 +1,102 @@
+// Drives method D by mouse and keys as the guide on the page says: look, lock, hold to reach, grip, look, lock,
+// hold to carry, release. It sees only what a person sees: the frame that is drawn, and where things are on the
+// screen. It acts only through the mouse and the keyboard.
+
+const KEYS = { wrist_extension: "KeyW", wrist_flexion: "KeyS", hand_close: "KeyA", hand_open: "KeyD" };
+
+/** A gesture that should have had its effect by then is let go and tried again, ms. */
+const TAP_MS = 4_000;
+
+export async function driveBlocks(page, { wanted, limitMs, log, screenshot }) {
+  const end = Date.now() + limitMs;
+  let last = "";
+  const taken = new Set();
+  while (Date.now() < end) {
+    const view = await look(page);
+    if (view.onTarget >= wanted || view.finished) return;
+    const { name, act } = choose(page, view);
+    if (name !== last) {
+      log(`${(view.time / 1000).toFixed(1)} s: ${name}`);
+      last = name;
+      const shot = name.split(" ")[0];
+      if (!taken.has(shot)) {
+        taken.add(shot);
+        await screenshot(`step-${shot}`);
+      }
+    }
+    await act();
+  }
+  throw new Error(`${wanted} blocks on target within ${limitMs / 1000} s; the last step was: ${last}`);
+}
+
+function look(page) {
+  return page.evaluate(() => {
+    const { frame } = window.__proact;
+    return {
+      time: frame.time,
+      onTarget: frame.on_target,
+      finished: frame.finished,
+      next: frame.next_block,
+      hand: frame.hand,
+      target: frame.target,
+      planner: frame.planner,
+    };
+  });
+}
+
+/** What the guide's strip would say. */
+function choose(page, { next, hand, target, planner }) {
+  const there = planner.state === "arrived" && !planner.intermediate;
+  if (hand.holds) {
+    if (there && target.locked) return { name: "release", act: () => hold(page, "hand_open", () => !window.__proact.frame.hand.holds) };
+    if (target.locked) return { name: "carry", act: () => carry(page) };
+    return { name: `place ${hand.holds}`, act: () => lookAndLock(page, "target", hand.holds) };
+  }
+  if (hand.state === "closed") {
+    return { name: "open", act: () => hold(page, "hand_open", () => window.__proact.frame.hand.state === "open") };
+  }
+  if (there && target.locked) {
+    return { name: "grip", act: () => hold(page, "hand_close", () => window.__proact.frame.hand.holds !== null) };
+  }
+  if (target.locked) return { name: "reach", act: () => carry(page) };
+  return { name: `look ${next}`, act: () => lookAndLock(page, "block", next) };
+}
+
+/** Points at it, waits for the highlight to come, and locks. */
+async function lookAndLock(page, what, id) {
+  const at = await page.evaluate(([what, id]) => window.__proact.project(what, id), [what, id]);
+  if (!at) throw new Error(`${what} ${id} is not on the page`);
+  await page.mouse.move(at.x, at.y);
+  const selected = await page
+    .waitForFunction(
+      ([what, id]) => {
+        const { frame, content } = window.__proact;
+        if (what === "block") return frame.target.block === id;
+        const goal = content.scene.targets.find((target) => target.block === id).centre;
+        const place = frame.target.place;
+        return place !== null && Math.hypot(place[0] - goal[0], place[1] - goal[1]) < 0.03;
+      },
+      [what, id],
+      { timeout: TAP_MS },
+    )
+    .then(() => true, () => false);
+  if (selected) await hold(page, "wrist_flexion", () => window.__proact.frame.target.locked);
+}
+
+/** Holds WE until the motion ends, one way or the other. */
+function carry(page) {
+  const ended = () => ["arrived", "failed"].includes(window.__proact.frame.planner.state);
+  return hold(page, "wrist_extension", ended, 30_000, 300);
+}
+
+/** Holds a gesture's key until its effect is seen, then relaxes. */
+async function hold(page, gesture, until, limitMs = TAP_MS, atLeastMs = 0) {
+  await page.keyboard.down(KEYS[gesture]);
+  try {
+    if (atLeastMs) await page.waitForTimeout(atLeastMs);
+    await page.waitForFunction(until, null, { timeout: limitMs }).catch(() => {});
+  } finally {
+    await page.keyboard.up(KEYS[gesture]);
+  }
+  await page.waitForFunction(() => window.__proact.frame.gesture === "no_motion").catch(() => {});
+}

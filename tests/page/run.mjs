@@ -1,0 +1,160 @@
+// Loads the page in a headless Chromium during a trial and looks at it as a person would.
+//
+//   node tests/page/run.mjs --url http://127.0.0.1:8090/ --out build/page [--mode watch|interactive]
+//
+// watch: the page connects, the scene changes, every camera draws; with --score the score counts up (a trial
+// with a simulated participant has to run). interactive: moves blocks by mouse and keys with method D until one
+// is on target. Screenshots go to the output folder. Exits 0 only if everything was seen.
+
+import { mkdir, writeFile } from "node:fs/promises";
+import { existsSync } from "node:fs";
+import { createRequire } from "node:module";
+import { parseArgs } from "node:util";
+import { driveBlocks } from "./drive.mjs";
+
+// playwright-core is installed with the page, whose package.json pins it.
+const require = createRequire(new URL("../../rust/bridge/web/package.json", import.meta.url));
+const { chromium } = require("playwright-core");
+
+const { values: options } = parseArgs({
+  options: {
+    url: { type: "string", default: process.env.PROACT_URL ?? "http://127.0.0.1:8090/" },
+    out: { type: "string", default: process.env.PROACT_PAGE_OUT ?? "build/page" },
+    mode: { type: "string", default: "watch" },
+    score: { type: "boolean", default: false },
+    blocks: { type: "string", default: "1" },
+    timeout: { type: "string", default: "240" },
+    dist: { type: "string" },
+  },
+});
+
+const FLAGS = [
+  "--headless=new",
+  "--no-sandbox",
+  "--disable-gpu",
+  "--use-gl=angle",
+  "--use-angle=swiftshader",
+  "--enable-unsafe-swiftshader",
+  "--disable-background-networking",
+  "--disable-component-update",
+  "--disable-sync",
+  "--no-first-run",
+  "--disable-quic",
+];
+
+/** Debian's wrapper script prints a warning on some kernels; the program behind it is the same. */
+function findChromium() {
+  const candidates = [process.env.CHROMIUM, "/usr/lib/chromium/chromium", "/usr/bin/chromium", "/usr/bin/chromium-browser"];
+  const found = candidates.find((path) => path && existsSync(path));
+  if (!found) throw new Error("no Chromium found; install the package chromium or name it in CHROMIUM");
+  return found;
+}
+
+function check(condition, what) {
+  if (!condition) throw new Error(`expected: ${what}`);
+  console.log(`ok  ${what}`);
+}
+
+const limitMs = 1000 * Number(options.timeout);
+await mkdir(options.out, { recursive: true });
+const browser = await chromium.launch({ executablePath: findChromium(), args: FLAGS, headless: true });
+const problems = [];
+let page;
+try {
+  page = await browser.newPage({ viewport: { width: 1280, height: 720 } });
+  page.on("pageerror", (error) => problems.push(`page error: ${error.message}`));
+  page.on("console", (message) => {
+    if (message.type() === "error") problems.push(`console: ${message.text()}`);
+  });
+  page.on("requestfailed", (request) => problems.push(`request failed: ${request.url()}`));
+  if (options.dist) await serveFrom(page, options.dist);
+  page.setDefaultTimeout(60_000);
+  // The cheapest drawing: the processor draws here, and the trial needs it too.
+  await page.goto(new URL("?quality=3", options.url).href);
+  if (options.mode === "interactive") await interact(page);
+  else await watch(page);
+  check(problems.length === 0, `no error on the page${problems.length ? `: ${problems.join("; ")}` : ""}`);
+  console.log("1 passed, 0 failed");
+} catch (error) {
+  if (page) await screenshot(page, "failure").catch(() => {});
+  for (const problem of problems) console.error(problem);
+  console.error(`page test failed: ${error.message}`);
+  console.log("0 passed, 1 failed");
+  process.exitCode = 1;
+} finally {
+  await browser.close();
+}
+
+async function ready(page) {
+  await page.waitForFunction(() => window.__proact?.connected && window.__proact.framesDrawn > 3);
+  check(true, "the page connects and draws");
+}
+
+async function watch(page) {
+  await ready(page);
+  const first = await page.evaluate(() => ({ ...window.__proact, frame: window.__proact.frame }));
+  await screenshot(page, "shoulder");
+  await page.waitForFunction(
+    ({ drawn, joints }) => {
+      const { frame, framesDrawn } = window.__proact;
+      return framesDrawn > drawn + 5 && frame.joints.some((angle, k) => Math.abs(angle - joints[k]) > 0.02);
+    },
+    { drawn: first.framesDrawn, joints: first.frame.joints },
+    { timeout: limitMs },
+  );
+  check(true, "the arm moves");
+  const pictures = [await picture(page)];
+  await page.waitForFunction((drawn) => window.__proact.framesDrawn > drawn, await drawnCount(page) + 10);
+  pictures.push(await picture(page));
+  check(!pictures[0].equals(pictures[1]), "the picture changes");
+  for (const camera of ["eyes", "free", "shoulder"]) {
+    await page.evaluate((kind) => window.__proact.chooseCamera(kind), camera);
+    await page.waitForFunction((drawn) => window.__proact.framesDrawn > drawn, (await drawnCount(page)) + 3);
+    await screenshot(page, `camera-${camera}`);
+  }
+  await page.reload();
+  await ready(page);
+  check(true, "the page survives a reload");
+  if (options.score) {
+    await page.waitForFunction(() => window.__proact.frame.on_target >= 1, null, { timeout: limitMs });
+    const text = await page.textContent(".count");
+    check(/^[1-4] \/ 4$/.test(text ?? ""), `the score counts: ${text}`);
+    await screenshot(page, "score");
+  }
+}
+
+async function interact(page) {
+  await ready(page);
+  check(await page.evaluate(() => window.__proact.content.interactive), "the page is interactive");
+  await screenshot(page, "start");
+  await driveBlocks(page, {
+    wanted: Number(options.blocks),
+    limitMs,
+    log: (text) => console.log(`    ${text}`),
+    screenshot: (name) => screenshot(page, name),
+  });
+  const onTarget = await page.evaluate(() => window.__proact.frame.on_target);
+  check(onTarget >= Number(options.blocks), `${onTarget} blocks on target by mouse and keys`);
+  await screenshot(page, "on-target");
+}
+
+function drawnCount(page) {
+  return page.evaluate(() => window.__proact.framesDrawn);
+}
+
+function picture(page) {
+  return page.locator("#scene").screenshot();
+}
+
+async function screenshot(page, name) {
+  const path = `${options.out}/${name}.png`;
+  await writeFile(path, await page.screenshot());
+  console.log(`    ${path}`);
+}
+
+/** For work on the page: its files come from this folder instead of from the program. */
+async function serveFrom(page, folder) {
+  for (const file of ["app.js", "app.css", "index.html"]) {
+    await page.route(`**/${file}`, (route) => route.fulfill({ path: `${folder}/${file}` }));
+  }
+}
