@@ -5,8 +5,8 @@
 # A lane is a function lane_NAME. It prints what its tools print, answers 0 for passed and 77 for skipped (with
 # the reason as its last line); anything else is a failure. One failing lane does not keep the others from running.
 
-short_lanes="format shell web lint cpp rust launcher page bag"
-long_lanes="sanitizers debootstrap"
+short_lanes="format shell web lint cpp rust launcher trial page"
+long_lanes="seeds sanitizers debootstrap"
 
 # Debian packages that a lane needs beside those of the build.
 packages_of() {
@@ -15,7 +15,8 @@ packages_of() {
     cpp | sanitizers) echo cmake ;;
     rust) echo python3 ;;
     page) echo chromium ;;
-    bag) echo python3 python3-rosbag ;;
+    trial) echo python3 python3-rosbag ;;
+    seeds) echo python3 ;;
     debootstrap) echo debootstrap python3 git ;;
     format | lint)
         # A Rust of Debian's keeps these two in packages of their own.
@@ -65,17 +66,16 @@ lane_launcher() {
     sh "$root/tests/launcher/test.sh"
 }
 
-lane_page() {
-    [ -f "$root/tests/page/package.json" ] || [ -n "$(find "$root/tests/page" -name '*.mjs' 2>/dev/null)" ] || {
-        echo "skipped: tests/page has no test"
-        return 77
-    }
-    build
-    sh "$root/tests/page/run.sh" "$binary"
+lane_trial() {
+    build && sh "$root/tests/scenarios/one_trial.sh" "$binary"
 }
 
-lane_bag() {
-    build && /usr/bin/python3 "$root/tests/bag/check_bag.py" "$binary"
+lane_page() {
+    build && PATH=$node_folder:$PATH sh "$root/tests/scenarios/page.sh" "$binary" "$root/build/page"
+}
+
+lane_seeds() {
+    build && /usr/bin/python3 "$root/tests/scenarios/seeds.py" "$binary"
 }
 
 lane_debootstrap() {
