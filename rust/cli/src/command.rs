@@ -1,4 +1,4 @@
-use crate::{demo::DemoArgs, replay::ReplayArgs, serve::ServeArgs};
+use crate::{demo::DemoArgs, emg::EmgCommand, replay::ReplayArgs, serve::ServeArgs};
 use clap::{Parser, Subcommand};
 use std::{error::Error, process::ExitCode};
 
@@ -23,6 +23,14 @@ enum Command {
     Run(crate::demo::RunArgs),
     /// Recompute a recorded trial and check its digest
     Replay(ReplayArgs),
+    /// EMG: evaluate recordings, compute features
+    Emg {
+        /// One JSON object on standard output
+        #[arg(long, global = true)]
+        json: bool,
+        #[command(subcommand)]
+        command: EmgCommand,
+    },
     /// Serve the live page: mouse is gaze, keys are gestures
     Serve(ServeArgs),
 }
@@ -33,6 +41,7 @@ pub fn main() -> ExitCode {
         Command::Demo(args) => crate::demo::demo(&args),
         Command::Run(args) => crate::demo::run(&args),
         Command::Replay(args) => crate::replay::command(&args),
+        Command::Emg { json, command } => crate::emg::run(&command, json).map(|()| true),
         Command::Serve(args) => crate::serve::command(&args),
     };
     match result {

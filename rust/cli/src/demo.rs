@@ -184,7 +184,7 @@ fn run_to_end(
     loop {
         let step = session.step(false)?;
         if let Some(recorder) = &mut recorder {
-            recorder.write(&step)?;
+            recorder.write(&step, session.testbed().plant().state())?;
         }
         if let Some(frame) = &step.frame {
             bar.set_position(step.time.0);

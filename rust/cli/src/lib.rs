@@ -8,6 +8,7 @@
 pub mod bench;
 mod command;
 mod demo;
+mod emg;
 mod pace;
 pub mod query;
 mod record;

@@ -1,7 +1,7 @@
 use proact_emg::Classifier;
-use proact_recording::{RecordingError, TrialHeader, TrialWriter};
+use proact_recording::{RecordingError, TrialBag, TrialHeader, TrialWriter};
 use proact_testbed::{Step, TrialConfig, TrialResult};
-use proact_types::{ArmModel, SimTime, TickInput};
+use proact_types::{ArmModel, PlantState, SimTime};
 use std::{
     fs, io,
     path::{Path, PathBuf},
@@ -30,9 +30,13 @@ pub enum RecorderError {
     },
 }
 
+/// Ticks from one joint state in the bag to the next: 50 Hz, as the original's.
+const STATE_TICKS: u64 = 20;
+
 /// Writes a trial as it runs.
 pub struct Recorder {
     writer: TrialWriter,
+    bag: TrialBag,
     end: SimTime,
 }
 
@@ -52,7 +56,6 @@ impl Recorder {
             seed: config.seed,
             versions: [("proact".to_owned(), env!("CARGO_PKG_VERSION").to_owned())].into(),
         };
-        let _ = model;
         let writer = TrialWriter::create(dir, &header)?;
         if let Some(classifier) = classifier {
             let path = dir.join(CLASSIFIER_FILE);
@@ -60,23 +63,39 @@ impl Recorder {
             text.and_then(|text| fs::write(&path, text))
                 .map_err(|source| RecorderError::Classifier { path, source })?;
         }
-        Ok(Self { writer, end: SimTime(0) })
+        let bag = TrialBag::create(writer.dir(), model)?;
+        Ok(Self { writer, bag, end: SimTime(0) })
     }
 
-    /// Writes one tick.
+    /// Writes one tick, after which the plant was in `state`.
     ///
     /// # Errors
     /// [`RecorderError`] when the disk refuses.
-    pub fn write(&mut self, step: &Step) -> Result<(), RecorderError> {
-        self.end = step.time;
-        if step.input != TickInput::default() {
-            self.writer.write_input(step.time, &step.input)?;
-        }
+    pub fn write(&mut self, step: &Step, state: &PlantState) -> Result<(), RecorderError> {
+        let time = step.time;
+        self.end = time;
+        self.writer.write_input(time, &step.input)?;
         if let Some(span) = &step.output.span {
             self.writer.write_digest(span)?;
         }
         for event in &step.output.events {
             self.writer.write_event(event)?;
+            self.bag.write_event(event)?;
+        }
+        if let Some(decision) = step.output.emg.filter(|decision| decision.published) {
+            self.bag.write_emg(time, decision.gesture)?;
+        }
+        if let Some(gaze) = &step.input.gaze {
+            self.bag.write_gaze(time, gaze)?;
+        }
+        if let Some(plan) = &step.output.plan {
+            self.bag.write_plan(time, plan)?;
+        }
+        if time.0.is_multiple_of(STATE_TICKS) {
+            self.bag.write_state(time, state)?;
+        }
+        if let Some(frame) = &step.frame {
+            self.bag.write_frame(frame)?;
         }
         Ok(())
     }
@@ -86,6 +105,7 @@ impl Recorder {
     /// # Errors
     /// [`RecorderError`] when the disk refuses.
     pub fn finish(self, result: &TrialResult) -> Result<PathBuf, RecorderError> {
+        self.bag.finish(self.end)?;
         Ok(self.writer.finish(self.end, result)?)
     }
 }

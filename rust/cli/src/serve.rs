@@ -137,7 +137,7 @@ fn live_trial(
         // The tick that ends a trial closes its digest.
         let step = session.step(ending.is_some())?;
         if let Some(recorder) = recorder {
-            recorder.write(&step)?;
+            recorder.write(&step, session.testbed().plant().state())?;
         }
         if let Some(frame) = &step.frame {
             page.publish(frame);

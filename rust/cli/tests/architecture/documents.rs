@@ -1,0 +1,107 @@
+//! Whether the documents still say what is so: the crates in ARCHITECTURE.md, the commands in README and guide.
+
+use std::collections::BTreeSet;
+use std::process::Command;
+
+use crate::workspace::{load, read, root};
+
+/// Words that the launcher answers itself; every other word is a command of the program.
+const LAUNCHER_WORDS: [&str; 3] = ["test", "help", "--help"];
+/// Commands whose next word is a command of its own.
+const GROUPS: [&str; 4] = ["emg", "model", "study", "bench"];
+
+/// The documents whose commands a reader will type.
+const GUIDES: [&str; 2] = ["README.md", "docs/user_guide.md"];
+
+/// Every `./proact ...` line in the code blocks of a document, without its comment.
+fn commands_in(document: &str) -> Vec<Vec<String>> {
+    let mut inside = false;
+    let mut found = Vec::new();
+    for line in document.lines() {
+        if line.starts_with("```") {
+            inside = !inside;
+        } else if inside && let Some(start) = line.find("./proact ") {
+            let command = line[start..].split(" #").next().unwrap_or_default();
+            let command = command.split(['|', '>', '<', ';']).next().unwrap_or_default();
+            found.push(command.split_whitespace().skip(1).map(str::to_owned).collect());
+        }
+    }
+    found
+}
+
+/// What `proact WORDS --help` prints, or the complaint when it fails.
+fn help_of(words: &[String]) -> Result<String, String> {
+    let output = Command::new(env!("CARGO_BIN_EXE_proact"))
+        .args(words)
+        .arg("--help")
+        .output()
+        .map_err(|error| format!("the program cannot be run: {error}"))?;
+    if output.status.success() {
+        Ok(String::from_utf8_lossy(&output.stdout).into_owned())
+    } else {
+        Err(String::from_utf8_lossy(&output.stderr).into_owned())
+    }
+}
+
+#[test]
+fn every_command_in_the_guides_exists_with_its_options() {
+    let mut checked = 0;
+    for guide in GUIDES {
+        for command in commands_in(&read(guide)) {
+            let Some(word) = command.first() else { continue };
+            if LAUNCHER_WORDS.contains(&word.as_str()) {
+                continue;
+            }
+            let depth = if GROUPS.contains(&word.as_str()) { 2 } else { 1 };
+            let words: Vec<String> =
+                command.iter().take(depth).filter(|w| !w.starts_with('-')).cloned().collect();
+            let shown = command.join(" ");
+            let help = help_of(&words).unwrap_or_else(|error| panic!("{guide}: ./proact {shown}: {error}"));
+            for option in command.iter().filter(|word| word.starts_with("--")) {
+                let name = option.split('=').next().unwrap_or_default();
+                assert!(help.contains(name), "{guide}: ./proact {shown}: there is no {name} in\n{help}");
+            }
+            checked += 1;
+        }
+    }
+    assert!(checked > 5, "the guides show more commands than {checked}");
+}
+
+#[test]
+fn commands_are_found_in_code_blocks_only() {
+    let document = "Type `./proact demo`.\n```\n./proact demo --method D   # watch\n./proact query < lines\n```\n./proact no";
+    assert_eq!(commands_in(document), [vec!["demo", "--method", "D"], vec!["query"]]);
+}
+
+#[test]
+fn the_architecture_lists_exactly_the_crates_of_the_workspace() {
+    let text = read("ARCHITECTURE.md");
+    let listed: BTreeSet<String> = text
+        .lines()
+        .filter_map(|line| {
+            line.strip_prefix("| `proact-")?.split('`').next().map(|name| format!("proact-{name}"))
+        })
+        .collect();
+    let crates: BTreeSet<String> = load().members.into_keys().collect();
+    assert_eq!(listed, crates, "left: ARCHITECTURE.md, right: the workspace");
+}
+
+#[test]
+fn links_between_documents_lead_somewhere() {
+    let mut checked = 0;
+    for document in
+        ["README.md", "ARCHITECTURE.md", "docs/user_guide.md", "docs/differences_from_original.md"]
+    {
+        let folder = root().join(document).parent().expect("a file lies in a folder").to_path_buf();
+        for part in read(document).split("](").skip(1) {
+            let target = part.split([')', '#']).next().unwrap_or_default();
+            // Addresses are not files; anchors within a document are empty here.
+            if target.is_empty() || target.contains(':') {
+                continue;
+            }
+            assert!(folder.join(target).exists(), "{document} links to {target}, which does not exist");
+            checked += 1;
+        }
+    }
+    assert!(checked > 3, "the documents have more links than {checked}");
+}
