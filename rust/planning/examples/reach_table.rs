@@ -33,13 +33,23 @@ fn main() {
             for seed in 1..=(if mode == "still" { 20 } else { 1 }) {
                 let request = pick(&model, *base, region, seed);
                 let (picked, pick_ms) = solve(&request);
-                let mut line = format!("{name} pick {region:?} seed {seed} {:?} {pick_ms:.1} ms {:.2} s {}", picked.status, picked.trajectory.duration_secs(), picked.reason);
+                let mut line = format!(
+                    "{name} pick {region:?} seed {seed} {:?} {pick_ms:.1} ms {:.2} s {}",
+                    picked.status,
+                    picked.trajectory.duration_secs(),
+                    picked.reason
+                );
                 if picked.status == proact_types::PlanStatus::Ok {
                     let end = &picked.trajectory.points[picked.trajectory.points.len() - 1].q;
                     for to in Region::ALL {
                         let request = place(&model, *base, region, target(to), end, seed);
                         let (placed, place_ms) = solve(&request);
-                        line += &format!("\n    place {to:?} {:?} {place_ms:.1} ms {:.2} s {}", placed.status, placed.trajectory.duration_secs(), placed.reason);
+                        line += &format!(
+                            "\n    place {to:?} {:?} {place_ms:.1} ms {:.2} s {}",
+                            placed.status,
+                            placed.trajectory.duration_secs(),
+                            placed.reason
+                        );
                         times.push(place_ms);
                     }
                 }
@@ -47,7 +57,11 @@ fn main() {
                 println!("{line}");
             }
             times.sort_by(f64::total_cmp);
-            println!("== {name} {region:?}: median {:.1} ms, max {:.1} ms", times[times.len() / 2], times[times.len() - 1]);
+            println!(
+                "== {name} {region:?}: median {:.1} ms, max {:.1} ms",
+                times[times.len() / 2],
+                times[times.len() - 1]
+            );
         }
     }
 }

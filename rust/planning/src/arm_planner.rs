@@ -9,7 +9,7 @@ use nalgebra::Unit;
 use proact_control::ports::ArmKinematics;
 use proact_types::{
     ArmModel, AttachedObject, Obstacle, PlanGoal, PlanReply, PlanRequest, PlanStatus, Point, Pose, Shape,
-    Trajectory, Vector,
+    Trajectory, TrajectoryPoint, Vector,
 };
 use std::sync::Arc;
 
@@ -22,6 +22,8 @@ pub struct ArmPlanner {
     pub(crate) limits: Limits,
     pub(crate) options: PlannerOptions,
     pub(crate) cancel: CancelFlag,
+    /// Room kept in transit by the present attempt, metres.
+    transit_padding: f64,
     motion_limits: MotionLimits,
 }
 
@@ -54,6 +56,23 @@ pub(crate) struct Problem<'a> {
     pub up: Vector,
 }
 
+/// A path from where the start was left to the goal.
+pub(crate) struct Connection {
+    pub points: Vec<Vec<f64>>,
+    /// Index of the point at which the straight way into the goal begins.
+    pub entry: usize,
+}
+
+/// What the hand touches at the start.
+struct Grazes {
+    /// Pairs that touch.
+    touching: Vec<(String, String)>,
+    /// Those of them that press into each other.
+    pressed: Vec<(String, String)>,
+    /// Blocks between the fingers, which the hand may touch on its way out.
+    in_hand: Vec<String>,
+}
+
 /// How much room the next questions to the scene leave.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Room {
@@ -67,10 +86,15 @@ pub(crate) enum Room {
 const LIMIT_SLACK: f64 = 0.05;
 /// An obstacle whose centre is this close to the grasp centre stands between the fingers, metres.
 const IN_HAND: f64 = 0.07;
+/// A contact this deep is still a touch, metres: what is touched at the start may go on being touched.
+const FINGERTIP_GIVE: f64 = 0.003;
+/// Finest half step between checked states, metres.
+const SMALLEST_HALF_STEP: f64 = 0.001;
 /// Longest straight way that is tried in order to get clear of contacts at the start, metres.
 const LONGEST_LEAVE: f64 = 0.14;
-/// Distance of the control points of the smoothed path, rad: it cuts corners by at most a third of this.
-const SPACING: f64 = 0.02;
+/// Distances of the control points of the smoothed path that are tried, rad. The curve cuts a corner by at most
+/// a third of one: with the last, by less than a millimetre at the fingertips.
+const SPACINGS: [f64; 4] = [0.02, 0.01, 0.005, 0.0025];
 
 impl ArmPlanner {
     /// A planner for `model`. `kinematics` is that of the same arm: base to tip of the model.
@@ -102,7 +126,9 @@ impl ArmPlanner {
                 .collect(),
             acceleration: arm().map(|_| options.max_acceleration).collect(),
         };
-        Ok(Self { model, kinematics, scene, limits, options, cancel: CancelFlag::new(), motion_limits })
+        let transit_padding = options.padding;
+        let cancel = CancelFlag::new();
+        Ok(Self { model, kinematics, scene, limits, options, cancel, transit_padding, motion_limits })
     }
 
     /// The arm that is planned for.
@@ -150,12 +176,27 @@ impl ArmPlanner {
 
     fn solve_inner(&mut self, request: &PlanRequest) -> Result<(Trajectory, Option<String>), Failure> {
         let problem = self.accept(request)?;
-        let mut path = self.leave(&problem)?;
-        let from = path[path.len() - 1].clone();
-        let (rest, shortfall) = match self.ways_to_goal(&problem, &from) {
-            Ok(ways) => (self.connect(&problem, &from, &ways)?, None),
+        // Where the usual room is not to be had, a narrower way, looked at more finely, is better than none.
+        let [wide, narrow] = [self.options.padding, self.options.contact_padding.min(self.options.padding)];
+        self.transit_padding = wide;
+        match self.solve_with_room(&problem) {
+            Err(failure) if narrow < wide && could_do_with_less_room(failure.status) => {
+                self.transit_padding = narrow;
+                self.solve_with_room(&problem)
+                    .map_err(|other| if other.status == PlanStatus::Cancelled { other } else { failure })
+            }
+            other => other,
+        }
+    }
+
+    fn solve_with_room(&mut self, problem: &Problem) -> Result<(Trajectory, Option<String>), Failure> {
+        let mut path = self.leave(problem)?;
+        let left = path.len() - 1;
+        let from = path[left].clone();
+        let (found, shortfall) = match self.ways_to_goal(problem, &from) {
+            Ok(ways) => (self.connect(problem, &from, &ways)?, None),
             Err(failure) if failure.status == PlanStatus::Unreachable => {
-                let way = self.way_to_intermediate(&problem, &from).map_err(|other| {
+                let way = self.way_to_intermediate(problem, &from).map_err(|other| {
                     // Nothing useful on the way either: the first reason is the one that helps.
                     if other.status == PlanStatus::Cancelled { other } else { failure.clone() }
                 })?;
@@ -163,11 +204,12 @@ impl ArmPlanner {
             }
             Err(failure) => return Err(failure),
         };
-        path.extend(rest.into_iter().skip(1));
+        let entered = left + found.entry;
+        path.extend(found.points.into_iter().skip(1));
         if self.cancel.is_raised() {
             return Err(cancelled());
         }
-        Ok((self.timed(&path), shortfall))
+        Ok((self.timed(&path, left, entered)?, shortfall))
     }
 
     /// Checks the request and puts its scene up.
@@ -220,7 +262,7 @@ impl ArmPlanner {
     pub(crate) fn set_room(&mut self, room: Room) -> Result<(), PlanningError> {
         self.scene.forget_allowed_contacts()?;
         self.scene.set_padding(match room {
-            Room::Transit => self.options.padding,
+            Room::Transit => self.transit_padding,
             Room::Contact => self.options.contact_padding,
         })
     }
@@ -246,28 +288,30 @@ impl ArmPlanner {
             path.push(problem.start.clone());
         }
         self.set_room(Room::Transit)?;
-        let touching = self.scene.collisions(&problem.start)?;
+        let close = self.scene.collisions(&problem.start)?;
         let base_from_tip = self.kinematics.forward(&problem.start).map_err(PlanningError::from)?;
         let world_from_tip = request.world_from_base * base_from_tip;
         let grasp_centre = Point::from(self.model.grasp_centre);
         let world_grasp = world_from_tip * grasp_centre;
-        let around_block = request.attached.is_none()
-            && request.obstacles.iter().any(|o| {
-                (o.pose.translation.vector - world_grasp.coords).norm() < IN_HAND && thickness(&o.shape) < 0.1
-            });
+        let is_in_hand = |o: &&Obstacle| {
+            (o.pose.translation.vector - world_grasp.coords).norm() < IN_HAND && thickness(&o.shape) < 0.1
+        };
+        let in_hand: Vec<String> = match request.attached {
+            Some(_) => Vec::new(),
+            None => request.obstacles.iter().filter(is_in_hand).map(|o| o.name.clone()).collect(),
+        };
+        let around_block = !in_hand.is_empty();
         let carries = matches!(request.goal, PlanGoal::Place { .. });
-        if touching.is_empty() && !around_block && !carries {
+        if close.is_empty() && !around_block && !carries {
             return Ok(path);
         }
         self.refuse_deep_contact(problem)?;
 
-        // What is touched at the start may go on being touched on the way up; all else is kept clear of.
-        let grazed: Vec<String> = request
-            .obstacles
-            .iter()
-            .filter(|o| touching.iter().any(|(_, b)| *b == o.name) || (around_block && near(o, &world_grasp)))
-            .map(|o| o.name.clone())
-            .collect();
+        self.scene.set_padding(0.0)?;
+        let touching = self.scene.collisions(&problem.start)?;
+        self.scene.set_padding(-FINGERTIP_GIVE)?;
+        let pressed = self.scene.collisions(&problem.start)?;
+        let grazes = Grazes { touching, pressed, in_hand };
         let (point, wanted) = match &request.attached {
             Some(object) => {
                 (Point::from(object.tip_from_object.translation.vector), self.options.lift_height)
@@ -281,10 +325,11 @@ impl ArmPlanner {
                 axis: base_from_tip.rotation.inverse() * problem.up,
                 target: base_from_tip * point,
                 direction: problem.up,
+                orientation: None,
             };
             let along = direction * wanted.max(LONGEST_LEAVE);
             let line = reach::line(&mut *self.kinematics, &self.limits, &reach, &along, &problem.start)?;
-            let (free, covered) = self.clear_part(problem, &line, &grazed, &touching, wanted)?;
+            let (free, covered) = self.clear_part(&line, &grazes, wanted)?;
             let better = best.as_ref().is_none_or(|b| free.len() > b.len());
             if !free.is_empty() && better {
                 best = Some(free);
@@ -299,7 +344,7 @@ impl ArmPlanner {
                 Ok(path)
             }
             None => {
-                let (a, b) = touching.first().cloned().unwrap_or_default();
+                let (a, b) = close.first().cloned().unwrap_or_default();
                 Err(Failure::new(
                     PlanStatus::StartInCollision,
                     format!("The arm touches something and finds no straight way off it: {a} and {b}."),
@@ -312,10 +357,8 @@ impl ArmPlanner {
     /// transit; if there is none that far, to the last clear one. The flag says that `wanted` was covered.
     fn clear_part(
         &mut self,
-        problem: &Problem,
         line: &[Vec<f64>],
-        grazed: &[String],
-        touching: &[(String, String)],
+        grazes: &Grazes,
         wanted: f64,
     ) -> Result<(Vec<Vec<f64>>, bool), Failure> {
         let mut clear_at = None;
@@ -324,12 +367,17 @@ impl ArmPlanner {
             if self.cancel.is_raised() {
                 return Err(cancelled());
             }
-            self.set_room(Room::Contact)?;
-            for name in grazed {
-                self.allow_hand(name, problem)?;
+            // Nothing new is touched, and what is touched is not pressed into.
+            self.scene.set_padding(0.0)?;
+            let known =
+                |pair: &(String, String)| grazes.touching.contains(pair) || grazes.in_hand.contains(&pair.1);
+            if !self.scene.collisions(q)?.iter().all(known) {
+                break;
             }
-            let hits = self.scene.collisions(q)?;
-            if hits.iter().any(|pair| !touching.contains(pair)) {
+            self.scene.set_padding(-FINGERTIP_GIVE)?;
+            let known =
+                |pair: &(String, String)| grazes.pressed.contains(pair) || grazes.in_hand.contains(&pair.1);
+            if !self.scene.collisions(q)?.iter().all(known) {
                 break;
             }
             self.set_room(Room::Transit)?;
@@ -367,14 +415,17 @@ impl ArmPlanner {
         problem: &Problem,
         from: &[f64],
         ways: &[Way],
-    ) -> Result<Vec<Vec<f64>>, Failure> {
+    ) -> Result<Connection, Failure> {
         self.set_room(Room::Transit)?;
         let goals: Vec<Vec<f64>> = ways.iter().map(|w| w.points[0].clone()).collect();
-        let limits: SearchLimits = self.options.search;
+        let mut limits: SearchLimits = self.options.search;
+        // What hides between two checked states must not be deeper than the padding.
+        limits.step_metres = limits.step_metres.min(2.0 * self.transit_padding.max(SMALLEST_HALF_STEP));
         match self.scene.search(from, &goals, problem.request.seed, &limits, &self.cancel)? {
-            SearchOutcome::Solved { mut path, goal } => {
-                path.extend(ways[goal].points.iter().skip(1).cloned());
-                Ok(path)
+            SearchOutcome::Solved { path: mut points, goal } => {
+                let entry = points.len() - 1;
+                points.extend(ways[goal].points.iter().skip(1).cloned());
+                Ok(Connection { points, entry })
             }
             SearchOutcome::NoPlan => Err(Failure::new(
                 PlanStatus::NoPlan,
@@ -390,19 +441,37 @@ impl ArmPlanner {
         }
     }
 
-    fn timed(&self, path: &[Vec<f64>]) -> Trajectory {
-        match Curve::along(path, SPACING) {
-            Some(curve) => curve.timed(&self.motion_limits),
-            // Already there: a trajectory of one point says so.
-            None => Trajectory {
-                points: vec![proact_types::TrajectoryPoint {
-                    time_secs: 0.0,
-                    q: proact_types::joints(&path[0]),
-                    qd: proact_types::zeros(path[0].len()),
-                }],
-            },
+    /// The path as a trajectory. Between the points `left` and `entered` it was found free with padding; there
+    /// the smoothed curve, which cuts corners, is checked again and drawn closer to the path if need be.
+    fn timed(&mut self, path: &[Vec<f64>], left: usize, entered: usize) -> Result<Trajectory, Failure> {
+        self.set_room(Room::Contact)?;
+        for spacing in SPACINGS {
+            let Some(curve) = Curve::along(path, spacing) else {
+                // Already there: a trajectory of one point says so.
+                let qd = proact_types::zeros(path[0].len());
+                let point = TrajectoryPoint { time_secs: 0.0, q: proact_types::joints(&path[0]), qd };
+                return Ok(Trajectory { points: vec![point] });
+            };
+            let (from, to) = (curve.path_parameter[left], curve.path_parameter[entered]);
+            let mut free = true;
+            for k in 0..=(2.0 * (to - from)) as usize {
+                let [q, _, _] = curve.at(from + 0.5 * k as f64);
+                if !self.scene.is_free(&q)? {
+                    free = false;
+                    break;
+                }
+            }
+            // The closest curve strays less from the path than the padding is wide.
+            if free || spacing == SPACINGS[SPACINGS.len() - 1] {
+                return Ok(curve.timed(&self.motion_limits));
+            }
         }
+        Err(Failure::new(PlanStatus::Invalid, "The path could not be smoothed."))
     }
+}
+
+fn could_do_with_less_room(status: PlanStatus) -> bool {
+    matches!(status, PlanStatus::StartInCollision | PlanStatus::GoalInCollision | PlanStatus::NoPlan)
 }
 
 /// The reply's words for a cancel.
@@ -422,10 +491,6 @@ fn ways_out(up: &Vector, base_from_tip: &Pose) -> Vec<Vector> {
 fn blend(up: &Vector, aside: &Vector) -> Option<Vector> {
     let aside = Unit::try_new(*aside, 1e-6)?;
     Unit::try_new(up + 0.7 * aside.into_inner(), 1e-6).map(Unit::into_inner)
-}
-
-fn near(obstacle: &Obstacle, point: &Point) -> bool {
-    (obstacle.pose.translation.vector - point.coords).norm() < IN_HAND
 }
 
 /// Smallest extent of a shape, metres.

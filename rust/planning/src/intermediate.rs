@@ -1,6 +1,6 @@
 //! When the goal is out of reach: the farthest useful point on the way to it.
 
-use crate::arm_planner::{ArmPlanner, Failure, Problem, Room, cancelled};
+use crate::arm_planner::{ArmPlanner, Connection, Failure, Problem, Room, cancelled};
 use crate::reach::{self, Reach};
 use crate::ways::{Way, same, sorted};
 use proact_control::ports::IkOutcome;
@@ -19,7 +19,7 @@ impl ArmPlanner {
         &mut self,
         problem: &Problem,
         from: &[f64],
-    ) -> Result<Vec<Vec<f64>>, Failure> {
+    ) -> Result<Connection, Failure> {
         let none = || Failure::new(PlanStatus::Unreachable, "No useful point on the way can be reached.");
         let here = self.kinematics.forward(from).map_err(crate::PlanningError::from)?;
         let postures = self.postures(problem, from, self.options.postures);
@@ -55,7 +55,7 @@ impl ArmPlanner {
             let mut ways: Vec<Way> = Vec::new();
             self.set_room(Room::Transit)?;
             for (axis, off) in axes.iter().take(ORIENTATIONS) {
-                let reach = Reach { point, axis: *axis, target, direction: problem.up };
+                let reach = Reach { point, axis: *axis, target, direction: problem.up, orientation: None };
                 for posture in &postures {
                     if self.cancel.is_raised() {
                         return Err(cancelled());
@@ -84,7 +84,7 @@ impl ArmPlanner {
         here: &Pose,
         goal: &Pose,
         postures: &[Vec<f64>],
-    ) -> Result<Vec<Vec<f64>>, Failure> {
+    ) -> Result<Connection, Failure> {
         for share in SHARES {
             let translation = here.translation.vector.lerp(&goal.translation.vector, share);
             if (translation - here.translation.vector).norm() < USEFUL {
@@ -122,7 +122,7 @@ impl ArmPlanner {
         problem: &Problem,
         from: &[f64],
         ways: Vec<Way>,
-    ) -> Result<Option<Vec<Vec<f64>>>, Failure> {
+    ) -> Result<Option<Connection>, Failure> {
         if ways.is_empty() {
             return Ok(None);
         }

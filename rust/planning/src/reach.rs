@@ -6,7 +6,7 @@
 //! Letters: p the point, a the axis, t their targets; all in the base frame.
 
 use crate::PlanningError;
-use nalgebra::{DMatrix, Matrix6, Vector6};
+use nalgebra::{DMatrix, Matrix6, UnitQuaternion, Vector6};
 use proact_control::ports::ArmKinematics;
 use proact_types::{Point, Vector};
 
@@ -21,6 +21,8 @@ pub(crate) struct Reach {
     pub target: Point,
     /// Where the axis should point, unit vector, base frame.
     pub direction: Vector,
+    /// The whole orientation of the tip, base frame, where the turn about the axis is not free.
+    pub orientation: Option<UnitQuaternion<f64>>,
 }
 
 /// Joint limits of the arm, rad.
@@ -76,12 +78,16 @@ pub(crate) fn solve(
         let p = base_from_tip.translation.vector + arm_to_point;
         let a = base_from_tip.rotation * reach.axis;
         let off = reach.target.coords - p;
-        let turn = turn_onto(&a, &reach.direction);
+        let turn = match reach.orientation {
+            Some(orientation) => (orientation * base_from_tip.rotation.inverse()).scaled_axis(),
+            None => turn_onto(&a, &reach.direction),
+        };
         if off.norm() < POSITION_TOLERANCE && turn.norm() < AXIS_TOLERANCE {
             return Ok(Some(q));
         }
         let jacobian = kinematics.jacobian(&q)?;
-        let task = task_jacobian(&jacobian, &arm_to_point, &reach.direction);
+        let free_axis = if reach.orientation.is_some() { Vector::zeros() } else { reach.direction };
+        let task = task_jacobian(&jacobian, &arm_to_point, &free_axis);
         let mut error = Vector6::zeros();
         error.fixed_rows_mut::<3>(0).copy_from(&off);
         error.fixed_rows_mut::<3>(3).copy_from(&(AXIS_WEIGHT * turn));
@@ -105,14 +111,15 @@ fn turn_onto(a: &Vector, t: &Vector) -> Vector {
     }
 }
 
-/// Rows 0 to 2: motion of the point; rows 3 to 5: turning across `direction`, weighted. `[6][joints]`.
-fn task_jacobian(jacobian: &DMatrix<f64>, arm_to_point: &Vector, direction: &Vector) -> DMatrix<f64> {
+/// Rows 0 to 2: motion of the point; rows 3 to 5: turning, but for that about `free_axis`, weighted.
+/// `[6][joints]`.
+fn task_jacobian(jacobian: &DMatrix<f64>, arm_to_point: &Vector, free_axis: &Vector) -> DMatrix<f64> {
     let mut task = jacobian.clone();
     for k in 0..jacobian.ncols() {
         let v: Vector = jacobian.fixed_view::<3, 1>(0, k).into();
         let w: Vector = jacobian.fixed_view::<3, 1>(3, k).into();
         task.fixed_view_mut::<3, 1>(0, k).copy_from(&(v + w.cross(arm_to_point)));
-        task.fixed_view_mut::<3, 1>(3, k).copy_from(&(AXIS_WEIGHT * (w - direction * direction.dot(&w))));
+        task.fixed_view_mut::<3, 1>(3, k).copy_from(&(AXIS_WEIGHT * (w - free_axis * free_axis.dot(&w))));
     }
     task
 }
@@ -157,8 +164,8 @@ const LINE_STEP: f64 = 0.005;
 const LINE_JUMP: f64 = 0.25;
 
 /// Arm angles along the straight way that moves the target of `reach` by `along`, starting at `start`, which
-/// must already do what `reach` asks. Ends where the arm cannot follow: the length that was covered is the
-/// share `points.len() - 1` of `steps`.
+/// must already do what `reach` asks. The hand keeps its whole orientation as long as the arm can, then only its
+/// axis. Ends where the arm cannot follow: the share covered is `points.len() - 1` of [`line_steps`].
 pub(crate) fn line(
     kinematics: &mut dyn ArmKinematics,
     limits: &Limits,
@@ -168,13 +175,20 @@ pub(crate) fn line(
 ) -> Result<Vec<Vec<f64>>, PlanningError> {
     let steps = line_steps(along.norm());
     let mut points = vec![start.to_vec()];
+    let mut orientation = Some(kinematics.forward(start)?.rotation);
     for k in 1..=steps {
-        let here = Reach { target: reach.target + along * (k as f64 / steps as f64), ..*reach };
+        let target = reach.target + along * (k as f64 / steps as f64);
         let from = &points[points.len() - 1];
-        let Some(q) = solve(kinematics, limits, &here, from)? else { break };
-        if q.iter().zip(from).any(|(a, b)| (a - b).abs() > LINE_JUMP) {
-            break;
+        let near = |q: &Vec<f64>| q.iter().zip(from).all(|(a, b)| (a - b).abs() < LINE_JUMP);
+        let mut next = None;
+        if orientation.is_some() {
+            next = solve(kinematics, limits, &Reach { target, orientation, ..*reach }, from)?.filter(near);
         }
+        if next.is_none() {
+            orientation = None;
+            next = solve(kinematics, limits, &Reach { target, orientation, ..*reach }, from)?.filter(near);
+        }
+        let Some(q) = next else { break };
         points.push(q);
     }
     Ok(points)

@@ -18,7 +18,7 @@ pub(crate) struct MotionLimits {
 }
 
 /// Grid points per control point: between them the curve is nearly a parabola.
-const GRID: usize = 2;
+const GRID: usize = 4;
 /// Share of the limits that is used: between grid points, and in the cubic between trajectory points, the true
 /// values overshoot those at the points by a few per cent.
 const USED: f64 = 0.93;
@@ -27,6 +27,8 @@ const USED: f64 = 0.93;
 pub(crate) struct Curve {
     /// Control points, one phantom at each end.
     control: Vec<Vec<f64>>,
+    /// For each point of the path, the parameter at which the curve passes it.
+    pub path_parameter: Vec<f64>,
 }
 
 impl Curve {
@@ -34,20 +36,24 @@ impl Curve {
     /// length.
     pub fn along(path: &[Vec<f64>], spacing: f64) -> Option<Self> {
         let mut control: Vec<Vec<f64>> = Vec::new();
+        let mut path_parameter = Vec::with_capacity(path.len());
         for point in path {
             let Some(last) = control.last().cloned() else {
                 control.push(point.clone());
+                path_parameter.push(0.0);
                 continue;
             };
             let length = distance(&last, point);
             // A point that stands almost still would put a needless kink into the curve.
             if length > 1e-6 {
                 let pieces = (length / spacing).ceil() as usize;
-                for k in 1..=pieces {
+                for k in 1..pieces {
                     let s = k as f64 / pieces as f64;
                     control.push(last.iter().zip(point).map(|(a, b)| a + s * (b - a)).collect());
                 }
+                control.push(point.clone());
             }
+            path_parameter.push((control.len() - 1) as f64);
         }
         if control.len() < 2 {
             return None;
@@ -60,7 +66,7 @@ impl Curve {
         let last = mirror(&control[control.len() - 1], &control[control.len() - 2]);
         control.insert(0, first);
         control.push(last);
-        Some(Self { control })
+        Some(Self { control, path_parameter })
     }
 
     /// Number of spans; the parameter runs from 0 to this.
@@ -96,14 +102,17 @@ impl Curve {
         let grid: Vec<[Vec<f64>; 3]> = (0..=intervals).map(|i| self.at(i as f64 * du)).collect();
 
         // Backward: the largest x at each grid point from which the rest can still be braked.
+        let bounds: Vec<Vec<Bound>> =
+            (0..intervals).map(|i| bounds(&grid[i], &grid[i + 1], limits, du)).collect();
         let mut highest = vec![0.0; intervals + 1];
         for i in (0..intervals).rev() {
-            highest[i] = largest_controllable(&grid[i], limits, highest[i + 1], du);
+            let top = fastest(&grid[i][1], limits);
+            highest[i] = largest_controllable(&bounds[i], top, highest[i + 1], du);
         }
         // Forward: as fast as that and the acceleration allow.
         let mut x = vec![0.0; intervals + 1];
         for i in 0..intervals {
-            let (_, up) = acceleration_range(&grid[i], limits, x[i]);
+            let (_, up) = acceleration_range(&bounds[i], x[i]);
             x[i + 1] = (x[i] + 2.0 * du * up).clamp(0.0, highest[i + 1]);
         }
 
@@ -120,52 +129,74 @@ impl Curve {
                 qd: grid[i][1].iter().map(|d| d * speed).collect(),
             });
         }
+        // The ends to the last bit: the sum over the basis rounds.
+        points[0].q = joints(&self.control[1]);
+        points[intervals].q = joints(&self.control[self.control.len() - 2]);
         Trajectory { points }
     }
 }
 
-/// The range of w = d2u/dt2 that the acceleration limits leave at a grid point for x = (du/dt)^2. Empty (low
-/// above high) where x is too large.
-fn acceleration_range(point: &[Vec<f64>; 3], limits: &MotionLimits, x: f64) -> (f64, f64) {
-    let [_, first, second] = point;
+/// |c w + d x| <= a: one acceleration limit at one grid point.
+struct Bound {
+    c: f64,
+    d: f64,
+    a: f64,
+}
+
+/// The acceleration limits of all joints for the interval from `here` to `next`, at both its ends: w is constant
+/// in between, so that x has grown by 2 du w at the far end (the interpolation scheme of Pham and Pham, section
+/// III-C).
+fn bounds(here: &[Vec<f64>; 3], next: &[Vec<f64>; 3], limits: &MotionLimits, du: f64) -> Vec<Bound> {
+    let mut all = Vec::with_capacity(2 * limits.acceleration.len());
+    for (k, limit) in limits.acceleration.iter().enumerate() {
+        let a = USED * limit;
+        all.push(Bound { c: here[1][k], d: here[2][k], a });
+        all.push(Bound { c: next[1][k] + 2.0 * du * next[2][k], d: next[2][k], a });
+    }
+    all
+}
+
+/// The largest x that the speed limits leave where the curve's derivative is `first`.
+fn fastest(first: &[f64], limits: &MotionLimits) -> f64 {
+    let of_joint = |(d, v): (&f64, &f64)| if d.abs() > 1e-9 { (USED * v / d).powi(2) } else { f64::INFINITY };
+    first.iter().zip(&limits.velocity).map(of_joint).fold(f64::INFINITY, f64::min)
+}
+
+/// The range of w = d2u/dt2 that the acceleration limits leave for x. Empty (low above high) where x is too
+/// large.
+fn acceleration_range(bounds: &[Bound], x: f64) -> (f64, f64) {
     let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
-    for k in 0..first.len() {
-        let limit = USED * limits.acceleration[k];
-        let bend = second[k] * x;
-        if first[k].abs() < 1e-9 {
+    for Bound { c, d, a } in bounds {
+        let bend = d * x;
+        if c.abs() < 1e-9 {
             // This joint turns round here; its acceleration is the bend alone.
-            if bend.abs() > limit {
+            if bend.abs() > *a {
                 return (1.0, -1.0);
             }
         } else {
-            let (a, b) = ((-limit - bend) / first[k], (limit - bend) / first[k]);
-            low = low.max(a.min(b));
-            high = high.min(a.max(b));
+            let (one, other) = ((-a - bend) / c, (a - bend) / c);
+            low = low.max(one.min(other));
+            high = high.min(one.max(other));
         }
     }
     (low, high)
 }
 
-/// The largest x at a grid point from which some allowed w leads to an x of at most `next` after `du`.
-fn largest_controllable(point: &[Vec<f64>; 3], limits: &MotionLimits, next: f64, du: f64) -> f64 {
-    let mut top = f64::INFINITY;
-    for (k, d) in point[1].iter().enumerate() {
-        if d.abs() > 1e-9 {
-            top = top.min((USED * limits.velocity[k] / d).powi(2));
-        }
-    }
+/// The largest x, at most `top`, from which some allowed w leads to an x of at most `next` after `du`.
+fn largest_controllable(bounds: &[Bound], top: f64, next: f64, du: f64) -> f64 {
+    // Where no joint moves along the curve, as at a turning point, the arm stands for an instant.
     if !top.is_finite() {
         return 0.0;
     }
     let possible = |x: f64| {
-        let (low, high) = acceleration_range(point, limits, x);
+        let (low, high) = acceleration_range(bounds, x);
         low <= high && x + 2.0 * du * low <= next
     };
     if possible(top) {
         return top;
     }
     // The allowed (x, w) form a convex set that contains x = 0, so bisection finds its far end.
-    let mut bottom = 0.0;
+    let (mut bottom, mut top) = (0.0, top);
     for _ in 0..50 {
         let middle = 0.5 * (bottom + top);
         if possible(middle) {

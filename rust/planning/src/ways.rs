@@ -27,6 +27,8 @@ struct Tally {
 const TILT_STEP: f64 = 0.175;
 /// How many times more postures are tried where the first few only led into collisions.
 const PERSISTENCE: usize = 6;
+/// Cost of a place at which the hand cannot open fully, rad.
+const CRAMPED: f64 = 1.0;
 /// Two arm postures closer than this in every joint are the same, rad.
 const SAME: f64 = 0.08;
 
@@ -78,7 +80,7 @@ impl ArmPlanner {
         for fingers_may_touch in [false, true] {
             let mut ways = Vec::new();
             for (axis, off) in self.grasp_axes() {
-                let reach = Reach { point, axis, target, direction: problem.up };
+                let reach = Reach { point, axis, target, direction: problem.up, orientation: None };
                 self.add_ways(
                     problem,
                     &reach,
@@ -118,6 +120,7 @@ impl ArmPlanner {
                 axis,
                 target: problem.base_from_world * (point + Vector::z() * height),
                 direction: problem.up,
+                orientation: None,
             };
             self.add_ways(problem, &reach, off, postures, Entry::Place, &mut ways, &mut tally)?;
             if ways.len() >= self.options.goals {
@@ -201,7 +204,9 @@ impl ArmPlanner {
             }
             match self.way_down(problem, reach, &end, &entry)? {
                 Ok(points) => {
-                    let cost = self.cost(&postures[0], &points[0], off);
+                    let cramped = matches!(entry, Entry::Place)
+                        && self.hand_hits_after(problem, &entry, &end)?.is_some();
+                    let cost = self.cost(&postures[0], &points[0], off) + if cramped { CRAMPED } else { 0.0 };
                     ways.push(Way { points, cost });
                 }
                 Err(hit) => tally.hit = hit.or(tally.hit.take()),
@@ -235,7 +240,9 @@ impl ArmPlanner {
                 return Ok(Err(self.scene.collisions(&pair[1])?.into_iter().next()));
             }
         }
-        if let Some(pair) = self.hand_hits_after(problem, entry, end)? {
+        if let Entry::Pick { .. } = entry
+            && let Some(pair) = self.hand_hits_after(problem, entry, end)?
+        {
             return Ok(Err(Some(pair)));
         }
         self.set_room(Room::Transit)?;
@@ -261,21 +268,23 @@ impl ArmPlanner {
         Ok(())
     }
 
-    /// What the hand would touch at `end` once it has closed around the block.
+    /// What the hand would touch at `end` once it has closed around the block, or opened to let go of it.
     fn hand_hits_after(
         &mut self,
         problem: &Problem,
         entry: &Entry,
         end: &[f64],
     ) -> Result<Option<(String, String)>, Failure> {
-        let Entry::Pick { block, .. } = entry else { return Ok(None) };
         let model = self.model.clone();
-        let Ok(closed) = model.pose("hand", "closed") else { return Ok(None) };
+        let pose = if matches!(entry, Entry::Pick { .. }) { "closed" } else { "open" };
+        let Ok(fingers) = model.pose("hand", pose) else { return Ok(None) };
         self.set_room(Room::Contact)?;
-        if problem.request.obstacles.iter().any(|o| o.name == block.name()) {
+        if let Entry::Pick { block, .. } = entry
+            && problem.request.obstacles.iter().any(|o| o.name == block.name())
+        {
             self.allow_hand(block.name(), problem)?;
         }
-        self.scene.set_hand(closed)?;
+        self.scene.set_hand(fingers)?;
         let hit = self.scene.collisions(end)?.into_iter().next();
         self.scene.set_hand(&problem.request.hand)?;
         Ok(hit)

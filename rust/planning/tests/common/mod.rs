@@ -98,7 +98,8 @@ pub fn place(
     use proact_kinematics::ArmKinematics;
     let block = BlockId::ALL[region as usize];
     let tip = world_from_base * kinematics(model).forward(q).expect("angles of a plan");
-    let block_pose = Pose::translation(block_centre(region).x, block_centre(region).y, block_centre(region).z);
+    let block_pose =
+        Pose::translation(block_centre(region).x, block_centre(region).y, block_centre(region).z);
     PlanRequest {
         id: 2,
         world_from_base,

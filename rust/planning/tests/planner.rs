@@ -1,0 +1,381 @@
+//! Picks, places and their failures in the box scene.
+#![allow(clippy::unwrap_used)]
+
+mod common;
+
+use common::*;
+use proact_kinematics::ArmKinematics;
+use proact_planning::{ArmPlanner, PlannerOptions, PlanningError};
+use proact_types::{
+    BlockId, PlanGoal, PlanReply, PlanRequest, PlanStatus, Point, Pose, Region, Shape, Trajectory,
+    TrunkPosture, Vector, joints,
+};
+
+/// How deep two shapes may overlap along a plan, metres: the straight ways are checked at steps of 5 mm, and
+/// neighbouring states are at most that far apart.
+const CLOSE_CALL: f64 = 0.001;
+
+fn end(reply: &PlanReply) -> Vec<f64> {
+    reply.trajectory.points.last().expect("a plan has points").q.to_vec()
+}
+
+/// `world_from_tip` at the arm angles `q`.
+fn tip(request: &PlanRequest, q: &[f64]) -> Pose {
+    request.world_from_base * kinematics(&model()).forward(q).unwrap()
+}
+
+fn samples(trajectory: &Trajectory, every_secs: f64) -> Vec<Vec<f64>> {
+    let count = (trajectory.duration_secs() / every_secs).ceil() as usize;
+    (0..=count).map(|k| trajectory.sample(k as f64 * every_secs).unwrap().0.to_vec()).collect()
+}
+
+/// Contacts along a plan at steps of 10 ms (5 mrad a joint), but for those that already exist at its start.
+fn contacts_on_the_way(
+    checker: &mut ArmPlanner,
+    request: &PlanRequest,
+    reply: &PlanReply,
+) -> Vec<(String, String)> {
+    // Shrunk obstacles: what touches them is inside the true ones by more than the close call.
+    let shrunk: Vec<_> = request
+        .obstacles
+        .iter()
+        .map(|o| {
+            let mut o = o.clone();
+            if let Shape::Box { size } = &mut o.shape {
+                size.iter_mut().for_each(|s| *s -= 2.0 * CLOSE_CALL);
+            } else if let Shape::Cylinder { radius, length } = &mut o.shape {
+                *radius -= CLOSE_CALL;
+                *length -= 2.0 * CLOSE_CALL;
+            }
+            o
+        })
+        .collect();
+    let mut at = |q: &[f64]| {
+        let attached = request.attached.as_ref();
+        checker.collisions(q, &request.hand, &shrunk, attached, &request.world_from_base).unwrap()
+    };
+    let known = at(&request.start);
+    let mut found = Vec::new();
+    for q in samples(&reply.trajectory, 0.01) {
+        found.extend(at(&q).into_iter().filter(|pair| !known.contains(pair)));
+    }
+    found.sort();
+    found.dedup();
+    found
+}
+
+/// Where everything can be reached without standing up, as in the set-up `seated`.
+fn leaning() -> Pose {
+    seated(TrunkPosture {
+        forward: 24_f64.to_radians(),
+        lateral: -12_f64.to_radians(),
+        axial: 38_f64.to_radians(),
+    })
+}
+
+#[test]
+fn every_block_is_gripped_from_above_and_put_down_upright_on_every_target_without_a_contact() {
+    let model = model();
+    let mut planner = planner(PlannerOptions::default());
+    let mut checker = common::planner(PlannerOptions::default());
+    for (base, seed) in [(still(), 1), (still(), 2), (leaning(), 3)] {
+        for region in Region::ALL {
+            let request = pick(&model, base, region, seed);
+            let reply = planner.solve(&request);
+            assert_eq!((reply.status, reply.reason.as_str()), (PlanStatus::Ok, ""), "pick {region:?}");
+            let q = end(&reply);
+            let gripped = tip(&request, &q) * Point::from(model.grasp_centre);
+            assert!((gripped - block_centre(region)).norm() < 1e-4, "the grasp centre is at the block");
+            assert_eq!(contacts_on_the_way(&mut checker, &request, &reply), [], "pick {region:?}");
+
+            for to in Region::ALL {
+                let request = place(&model, base, region, target(to), &q, seed);
+                let reply = planner.solve(&request);
+                assert_eq!(
+                    (reply.status, reply.reason.as_str()),
+                    (PlanStatus::Ok, ""),
+                    "{region:?} to {to:?}"
+                );
+                let object = request.attached.as_ref().unwrap();
+                let block = tip(&request, &end(&reply)) * object.tip_from_object;
+                let lean = (block.rotation * Vector::z()).angle(&Vector::z());
+                let options = planner.options();
+                assert!(lean <= options.place_tilt + 1e-3, "it leans by {lean}");
+                let bottom = block.translation.z - 0.025 * lean.cos() - 0.025 * lean.sin() - target(to).z;
+                assert!((bottom - options.place_gap).abs() < 3e-4, "it hangs {bottom} m above the table");
+                assert!((block.translation.vector - target(to).coords).xy().norm() < 1e-4);
+                let mut contacts = contacts_on_the_way(&mut checker, &request, &reply);
+                // Picked up in place, the block stands on the table at first; that pair is known.
+                contacts.retain(|(_, b)| b != "table");
+                assert_eq!(contacts, [], "{region:?} to {to:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn after_letting_go_the_open_hand_leaves_a_standing_block_straight_up() {
+    let model = model();
+    let mut planner = planner(PlannerOptions::default());
+    let mut checker = common::planner(PlannerOptions::default());
+    for seed in 1..=4 {
+        let first = planner.solve(&pick(&model, still(), Region::NM, seed));
+        let there = place(&model, still(), Region::NM, target(Region::FM), &end(&first), seed);
+        let placed = planner.solve(&there);
+        assert_eq!(placed.status, PlanStatus::Ok);
+        let object = there.attached.as_ref().unwrap();
+        let mut block = tip(&there, &end(&placed)) * object.tip_from_object;
+        block.translation.z = target(Region::FM).z + 0.025;
+
+        let mut request = pick(&model, still(), Region::FL, seed);
+        request.start = joints(&end(&placed));
+        let moved = BlockId::ALL[Region::NM as usize].name();
+        request.obstacles.iter_mut().find(|o| o.name == moved).unwrap().pose = block;
+        let reply = planner.solve(&request);
+        assert_eq!((reply.status, reply.reason.as_str()), (PlanStatus::Ok, ""));
+        // While the grasp centre is less than 4 cm above the block's, it keeps within a finger's width of the axis.
+        let path: Vec<Point> = samples(&reply.trajectory, 0.01)
+            .iter()
+            .map(|q| tip(&request, q) * Point::from(model.grasp_centre))
+            .collect();
+        let low: Vec<_> = path.iter().take_while(|p| p.z < block.translation.z + 0.04).collect();
+        assert!(low.len() > 5 && low.len() < path.len());
+        for p in low {
+            assert!((p.coords - block.translation.vector).xy().norm() < 0.006, "sideways at {p}");
+        }
+        assert_eq!(contacts_on_the_way(&mut checker, &request, &reply), []);
+    }
+}
+
+#[test]
+fn speed_and_acceleration_stay_within_the_limits_and_both_ends_are_at_rest() {
+    let model = model();
+    let mut planner = planner(PlannerOptions::default());
+    let first = planner.solve(&pick(&model, still(), Region::FL, 5));
+    let second = planner.solve(&place(&model, still(), Region::FL, target(Region::NM), &end(&first), 5));
+    for trajectory in [&first.trajectory, &second.trajectory] {
+        let points = &trajectory.points;
+        assert!(points.windows(2).all(|w| w[0].time_secs < w[1].time_secs) && points[0].time_secs == 0.0);
+        assert!(points[0].qd.iter().chain(&points[points.len() - 1].qd).all(|v| *v == 0.0));
+        let step = 1e-3;
+        let count = (trajectory.duration_secs() / step) as usize;
+        let (mut fastest, mut hardest) = (0.0_f64, 0.0_f64);
+        let mut last = trajectory.sample(0.0).unwrap();
+        for k in 1..=count {
+            let now = trajectory.sample(k as f64 * step).unwrap();
+            for j in 0..7 {
+                fastest = fastest.max(now.1[j].abs());
+                hardest = hardest.max((now.1[j] - last.1[j]).abs() / step);
+                assert!((now.0[j] - last.0[j]).abs() < 0.51 * step, "a jump of joint {j}");
+            }
+            last = now;
+        }
+        assert!(fastest <= 0.5 && fastest > 0.4, "fastest {fastest} rad/s");
+        assert!(hardest <= 1.0 && hardest > 0.7, "hardest {hardest} rad/s^2");
+    }
+}
+
+#[test]
+fn the_start_of_a_plan_is_the_start_of_the_request() {
+    let model = model();
+    let mut planner = planner(PlannerOptions::default());
+    let mut request = pick(&model, still(), Region::NL, 1);
+    // A measured angle just outside its limit is brought back inside.
+    request.start[4] = model.joints[model.arm[4]].limits.upper + 0.01;
+    let reply = planner.solve(&request);
+    assert_eq!(reply.status, PlanStatus::Ok);
+    assert_eq!(reply.trajectory.points[0].q, request.start);
+}
+
+#[test]
+fn a_block_out_of_reach_gives_a_way_towards_it_that_stays_above_the_table() {
+    let model = model();
+    let mut planner = planner(PlannerOptions::default());
+    let base = seated(TrunkPosture::default());
+    let request = pick(&model, base, Region::FL, 1);
+    let reply = planner.solve(&request);
+    assert_eq!(reply.status, PlanStatus::Intermediate);
+    assert_eq!(reply.reason, "The block is out of the hand's reach.");
+    let distance =
+        |q: &[f64]| (tip(&request, q) * Point::from(model.grasp_centre) - block_centre(Region::FL)).norm();
+    assert!(distance(&end(&reply)) < distance(&request.start) - 0.03, "it brings the hand closer");
+    for q in samples(&reply.trajectory, 0.02) {
+        assert!(tip(&request, &q).translation.z > 1.015);
+    }
+
+    let mut away = pick(&model, base, Region::FL, 1);
+    away.goal = PlanGoal::Pick { block: BlockId::Red1, centre: Point::new(0.0, 0.0, -50.0) };
+    let reply = planner.solve(&away);
+    assert_eq!(reply.status, PlanStatus::Unreachable);
+    assert!(reply.trajectory.points.is_empty());
+}
+
+#[test]
+fn a_tip_pose_is_reached_and_one_out_of_reach_is_approached() {
+    let model = model();
+    let mut planner = planner(PlannerOptions::default());
+    let mut request = pick(&model, still(), Region::FL, 1);
+    let q = planner.solve(&request);
+    let above = tip(&request, &end(&q)) * Pose::identity();
+    let pose = Pose::translation(0.0, 0.0, 0.12) * above;
+    request.goal = PlanGoal::TipPose { pose };
+    let reply = planner.solve(&request);
+    assert_eq!((reply.status, reply.reason.as_str()), (PlanStatus::Ok, ""));
+    let reached = tip(&request, &end(&reply));
+    assert!((reached.translation.vector - pose.translation.vector).norm() < 1e-4);
+    assert!(reached.rotation.angle_to(&pose.rotation) < 1e-3);
+
+    request.goal = PlanGoal::TipPose { pose: Pose::translation(0.6, 0.0, 0.3) * pose };
+    let reply = planner.solve(&request);
+    assert!(matches!(reply.status, PlanStatus::Intermediate | PlanStatus::Unreachable), "{:?}", reply.status);
+    assert!(!reply.reason.is_empty());
+}
+
+#[test]
+fn what_is_in_the_way_is_named() {
+    let model = model();
+    let mut planner = planner(PlannerOptions::default());
+    let mut request = pick(&model, still(), Region::FL, 1);
+    let goal = end(&planner.solve(&request));
+    // The wrist stands where a ball is put.
+    let wrist = tip(&request, &goal).translation;
+    request.obstacles.push(proact_types::Obstacle {
+        name: "ball".to_owned(),
+        shape: Shape::Sphere { radius: 0.02 },
+        pose: Pose::from_parts(wrist, Default::default()),
+    });
+    request.goal = PlanGoal::Joints { q: joints(&goal) };
+    let reply = planner.solve(&request);
+    assert_eq!(reply.status, PlanStatus::GoalInCollision);
+    assert!(reply.reason.contains("ball"), "{}", reply.reason);
+
+    let first = planner.solve(&pick(&model, still(), Region::NM, 1));
+    let on_partition = Point::new(0.0, 0.0, 1.015);
+    let reply = planner.solve(&place(&model, still(), Region::NM, on_partition, &end(&first), 1));
+    assert_eq!(reply.status, PlanStatus::GoalInCollision);
+    assert!(reply.reason.contains("partition"), "{}", reply.reason);
+}
+
+#[test]
+fn a_graze_at_the_start_is_left_upwards_and_a_deep_contact_is_refused() {
+    let model = model();
+    let mut planner = planner(PlannerOptions::default());
+    let picked = planner.solve(&pick(&model, still(), Region::NM, 1));
+    let mut request = pick(&model, still(), Region::FL, 1);
+    request.start = joints(&end(&picked));
+    // A slab that reaches a few millimetres into the fingertips, then one that swallows the hand.
+    let slab = |top: f64| proact_types::Obstacle {
+        name: "slab".to_owned(),
+        shape: Shape::Box { size: [0.1, 0.1, 0.2] },
+        pose: Pose::translation(-0.058, -0.092, top - 0.1),
+    };
+    let touches = |planner: &mut ArmPlanner, top: f64| {
+        let slab = [slab(top)];
+        !planner
+            .collisions(&request.start, &request.hand, &slab, None, &request.world_from_base)
+            .unwrap()
+            .is_empty()
+    };
+    let first_contact =
+        (0..200).map(|k| 1.0 + f64::from(k) * 1e-3).find(|top| touches(&mut planner, *top)).unwrap();
+    request
+        .obstacles
+        .retain(|o| o.name != "table" && !o.name.starts_with("blue") && !o.name.starts_with("leg"));
+    request.obstacles.push(slab(first_contact + 0.004));
+    let reply = planner.solve(&request);
+    assert_eq!((reply.status, reply.reason.as_str()), (PlanStatus::Ok, ""));
+    let rise = reply.trajectory.sample(0.5).unwrap().0;
+    assert!(tip(&request, &rise).translation.z > tip(&request, &request.start).translation.z);
+
+    request.obstacles.pop();
+    request.obstacles.push(slab(first_contact + 0.05));
+    let reply = planner.solve(&request);
+    assert_eq!(reply.status, PlanStatus::StartInCollision);
+    assert!(reply.reason.contains("slab"), "{}", reply.reason);
+}
+
+#[test]
+fn a_malformed_request_is_answered_as_invalid_with_what_was_wrong() {
+    let model = model();
+    let mut planner = planner(PlannerOptions::default());
+    let good = pick(&model, still(), Region::NM, 1);
+    let mut ask = |change: &dyn Fn(&mut PlanRequest)| {
+        let mut request = good.clone();
+        change(&mut request);
+        let reply = planner.solve(&request);
+        assert_eq!(reply.status, PlanStatus::Invalid, "{}", reply.reason);
+        assert!(reply.trajectory.points.is_empty());
+        reply.reason
+    };
+    assert_eq!(ask(&|r| r.start[3] = f64::NAN), "start 3 is NaN, expected a finite number");
+    assert_eq!(ask(&|r| r.start.truncate(6)), "start has 6 values, expected 7");
+    assert_eq!(ask(&|r| r.start[3] = 3.0), "The start is outside the joint limits.");
+    assert_eq!(ask(&|r| r.hand.truncate(19)), "hand has 19 values, expected 20");
+    assert_eq!(ask(&|r| r.hand[0] = f64::INFINITY), "hand 0 is inf, expected a finite number");
+    assert!(ask(&|r| r.world_from_base.translation.x = f64::NAN).starts_with("base pose 0 is NaN"));
+    assert!(ask(&|r| r.obstacles[0].shape = Shape::Sphere { radius: 0.0 }).contains("\"table\": extent 0"));
+    assert!(ask(&|r| r.obstacles[1].pose.translation.y = f64::NAN).contains("\"partition\""));
+    assert!(ask(&|r| r.obstacles[1].name = "table".to_owned()).contains("two obstacles"));
+    let nowhere = PlanGoal::Pick { block: BlockId::Red1, centre: Point::new(f64::NAN, 0.0, 0.0) };
+    assert!(ask(&|r| r.goal = nowhere.clone()).starts_with("block centre 0 is NaN"));
+    assert!(ask(&|r| r.goal = PlanGoal::Place { point: Point::origin() }).contains("nothing in the hand"));
+    assert_eq!(ask(&|r| r.goal = PlanGoal::Joints { q: joints(&[0.0; 3]) }), "goal has 3 values, expected 7");
+    assert!(ask(&|r| r.goal = PlanGoal::Joints { q: joints(&[3.0; 7]) }).contains("joint limits"));
+}
+
+#[test]
+fn without_obstacles_the_way_is_straight() {
+    let model = model();
+    let mut planner = planner(PlannerOptions::default());
+    let mut request = pick(&model, still(), Region::NM, 1);
+    request.obstacles.clear();
+    let goal: Vec<f64> = request.start.iter().map(|q| 0.5 * q).collect();
+    request.goal =
+        PlanGoal::Joints { q: joints(&[goal[0], goal[1], goal[2], goal[3], goal[4], goal[5], goal[6]]) };
+    let reply = planner.solve(&request);
+    assert_eq!(reply.status, PlanStatus::Ok);
+    for q in samples(&reply.trajectory, 0.01) {
+        let share = (q[0] - request.start[0]) / (goal[0] - request.start[0]);
+        for j in 0..7 {
+            let straight = request.start[j] + share * (goal[j] - request.start[j]);
+            assert!((q[j] - straight).abs() < 1e-9);
+        }
+    }
+    // Being there already is a plan of one point.
+    request.goal = PlanGoal::Joints { q: request.start.clone() };
+    let reply = planner.solve(&request);
+    assert_eq!((reply.status, reply.trajectory.points.len()), (PlanStatus::Ok, 1));
+}
+
+#[test]
+fn options_that_make_no_sense_are_refused_by_name() {
+    let model = model();
+    let refused = |options: PlannerOptions| {
+        let kinematics = Box::new(kinematics(&model));
+        ArmPlanner::new(model.clone(), kinematics, options).err().expect("refused").to_string()
+    };
+    let text = refused(PlannerOptions { max_velocity: 0.0, ..Default::default() });
+    assert_eq!(text, "option max_velocity = 0, expected a number above zero");
+    let text = refused(PlannerOptions { padding: f64::NAN, ..Default::default() });
+    assert_eq!(text, "option padding = NaN, expected a number not below zero");
+    let text = refused(PlannerOptions { tilt: 2.0, ..Default::default() });
+    assert!(text.starts_with("option tilt = 2"), "{text}");
+}
+
+#[test]
+fn the_scene_refuses_what_the_library_would_take() {
+    let model = model();
+    let mut scene = proact_planning::CollisionScene::new(&model).unwrap();
+    let q = pose_of(&model, "arm", "start");
+    assert!(matches!(scene.is_free(&q[..6]), Err(PlanningError::WrongLength { got: 6, expected: 7, .. })));
+    assert!(matches!(scene.collisions(&[f64::NAN; 7]), Err(PlanningError::NotFinite { index: 0, .. })));
+    assert!(matches!(scene.set_hand(&[]), Err(PlanningError::WrongLength { got: 0, expected: 20, .. })));
+    let text = scene.allow_contact("no_such_link", "table").unwrap_err().to_string();
+    assert_eq!(text, "planning scene: no link or carried object is called \"no_such_link\"");
+    scene.set_obstacles(&[]).unwrap();
+    assert!(scene.is_free(&q).unwrap());
+    let mut flat = (*model).clone();
+    flat.links.iter_mut().find(|l| !l.collisions.is_empty()).unwrap().collisions[0].shape =
+        Shape::Cylinder { radius: 0.0, length: 1.0 };
+    assert!(proact_planning::CollisionScene::new(&flat).err().unwrap().to_string().contains("extent 0"));
+}
