@@ -85,14 +85,6 @@ pub enum DescriptionError {
     /// A name that is looked up does not exist.
     #[error(transparent)]
     Unknown(#[from] proact_types::ArmModelError),
-    /// A model made by a program cannot be put into the words of a URDF file.
-    #[error("{what} cannot be written as URDF: {reason}")]
-    NotWritable {
-        /// Which part.
-        what: String,
-        /// Why.
-        reason: String,
-    },
 }
 
 fn listed(findings: &[Finding]) -> String {

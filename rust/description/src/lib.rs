@@ -18,15 +18,20 @@ mod assemble;
 #[allow(unsafe_code)]
 mod bridge;
 mod finding;
+mod import;
 mod lint;
 mod mirror;
 mod report;
+mod sdf;
 mod semantics;
 mod tree;
+mod write;
 
 pub use finding::{DescriptionError, Finding, Severity};
+pub use import::{Imported, import};
 pub use mirror::mirror;
 pub use report::{Report, Summary, check};
+pub use write::{to_srdf, to_urdf};
 
 use finding::Findings;
 use proact_types::{ArmModel, Link};

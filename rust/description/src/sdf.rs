@@ -1,0 +1,361 @@
+//! Reading the arm of an SDF file, the format of Gazebo.
+//!
+//! URDF and SDF place things differently. In SDF, a link's pose is in the model's frame and a joint's pose in its
+//! child link's frame; in URDF, a joint's pose is in its parent link and its child's frame is the joint's frame. An
+//! axis is in the model's frame if `use_parent_model_frame` says so, and before SDF 1.5 always; otherwise it is in
+//! the joint's frame.
+
+use crate::{
+    finding::{Findings, Severity, joint as joint_place, link as link_place, list},
+    semantics::{number, vector},
+};
+use nalgebra::{Translation3, UnitQuaternion};
+use proact_types::{
+    CollisionShape, Inertial, Joint, JointKind, JointLimits, Link, Pose, Shape, Vector, Visual,
+    VisualGeometry,
+};
+use roxmltree::{Document, Node};
+
+/// SDF's way of saying that a joint has no limit, rad.
+const UNLIMITED: f64 = 1e16;
+/// Drawn where the file only names a material of Gazebo's own.
+const GREY: [f64; 4] = [0.6, 0.6, 0.6, 1.0];
+
+/// A model's parts; `parent` and `child` of the joints index into the links, the first of which is the base.
+pub(crate) struct Parts {
+    pub(crate) name: String,
+    pub(crate) links: Vec<Link>,
+    pub(crate) joints: Vec<Joint>,
+}
+
+/// A link with the place of its frame: after conversion, that of the joint which moves it.
+struct Placed {
+    link: Link,
+    model_from_sdf_link: Pose,
+    model_from_link: Pose,
+}
+
+/// Reads the first model of an SDF text; what cannot be converted becomes a finding.
+pub(crate) fn read(text: &str, findings: &mut Findings) -> Option<Parts> {
+    let document = match Document::parse(text) {
+        Ok(document) => document,
+        Err(error) => {
+            let remedy = "Correct the file at that place.";
+            findings.error("SDF", "the text is not well-formed XML", error, "one sdf element", remedy);
+            return None;
+        }
+    };
+    let sdf = document.root_element();
+    let version = sdf.attribute("version").and_then(number);
+    let models: Vec<Node<'_, '_>> = sdf.descendants().filter(|n| n.has_tag_name("model")).collect();
+    let ([model], Some(version)) = (models.as_slice(), version) else {
+        findings.error(
+            "SDF",
+            "the file must hold one model and its version",
+            format!("{} models, version {:?}", models.len(), sdf.attribute("version")),
+            "<sdf version=\"1.5\"> with one <model>",
+            "Put the arm into a file of its own; nested models are not supported.",
+        );
+        return None;
+    };
+    say_what_is_left_out(*model, findings);
+
+    let name = model.attribute("name").unwrap_or("arm").to_owned();
+    let mut placed: Vec<Placed> = children(*model, "link").map(|node| read_link(node, findings)).collect();
+    let mut joints = Vec::new();
+    for node in children(*model, "joint") {
+        joints.extend(read_joint(node, version, &mut placed, findings));
+    }
+    if findings.fatal() {
+        return None;
+    }
+    Some(assemble(name, placed, joints, findings))
+}
+
+/// Puts the base in front, and origins into the parents' frames.
+fn assemble(name: String, placed: Vec<Placed>, mut joints: Vec<Joint>, findings: &mut Findings) -> Parts {
+    let roots: Vec<usize> = (0..placed.len()).filter(|&l| joints.iter().all(|j| j.child != l)).collect();
+    if roots.len() != 1 {
+        findings.error(
+            format!("model \"{name}\""),
+            "the links are not one tree",
+            list(roots.iter().map(|&l| placed[l].link.name.as_str())),
+            "one link that hangs on no other",
+            "Connect the parts by joints, or split the model.",
+        );
+    }
+    for joint in &mut joints {
+        joint.origin = placed[joint.parent].model_from_link.inverse() * placed[joint.child].model_from_link;
+    }
+
+    // The model's frame becomes the base, so that positions stay what the SDF file says.
+    let mut base = "base_link".to_owned();
+    while placed.iter().any(|p| p.link.name == base) {
+        base.insert_str(0, "model_");
+    }
+    let base = Link { name: base, inertial: None, collisions: Vec::new(), visuals: Vec::new() };
+    for joint in &mut joints {
+        joint.parent += 1;
+        joint.child += 1;
+    }
+    let mount_name = "base_mount".to_owned();
+    joints.extend(roots.first().map(|&root| Joint {
+        name: mount_name,
+        kind: JointKind::Fixed,
+        parent: 0,
+        child: root + 1,
+        origin: placed[root].model_from_link,
+        axis: Vector::x(),
+        limits: JointLimits::default(),
+        damping: 0.0,
+        friction: 0.0,
+    }));
+    let links = std::iter::once(base).chain(placed.into_iter().map(|p| p.link)).collect();
+    Parts { name, links, joints }
+}
+
+fn say_what_is_left_out(model: Node<'_, '_>, findings: &mut Findings) {
+    for (tag, what) in [
+        ("sensor", "sensors"),
+        ("plugin", "plugins"),
+        ("surface", "contact parameters"),
+        ("script", "Gazebo's own materials, drawn grey"),
+    ] {
+        let count = model.descendants().filter(|n| n.has_tag_name(tag)).count();
+        if count > 0 {
+            findings.add(
+                Severity::Note,
+                "SDF",
+                format!("{what} are left out"),
+                format!("{count} <{tag}>"),
+                "what URDF can say",
+                "Set them where they are used, if they matter.",
+            );
+        }
+    }
+    if model.children().any(|n| n.has_tag_name("include")) {
+        let remedy = "Replace the include by what it includes.";
+        findings.error("SDF", "included models are not supported", "<include>", "links and joints", remedy);
+    }
+}
+
+fn read_link(node: Node<'_, '_>, findings: &mut Findings) -> Placed {
+    let name = node.attribute("name").unwrap_or_default().to_owned();
+    let place = link_place(&name);
+    let inertial = child(node, "inertial").map(|inertial| {
+        let entry = |key: &str, findings: &mut Findings| match child(inertial, "inertia") {
+            Some(inertia) => value(inertia, key, None, &place, findings),
+            None => value(inertial, "inertia", None, &place, findings),
+        };
+        Inertial {
+            mass: value(inertial, "mass", None, &place, findings),
+            pose: pose(inertial, &place, findings),
+            inertia: ["ixx", "ixy", "ixz", "iyy", "iyz", "izz"].map(|key| entry(key, findings)),
+        }
+    });
+    let mut collisions = Vec::new();
+    for collision in children(node, "collision") {
+        let pose = pose(collision, &place, findings);
+        match geometry(collision, &place, findings) {
+            Some(VisualGeometry::Shape(shape)) => collisions.push(CollisionShape { pose, shape }),
+            Some(VisualGeometry::Mesh { file, .. }) => findings.error(
+                &place,
+                "a mesh cannot be used for collision",
+                file,
+                "box, cylinder or sphere",
+                "Replace the mesh by a few primitives that enclose it.",
+            ),
+            None => {}
+        }
+    }
+    let mut visuals = Vec::new();
+    for visual in children(node, "visual") {
+        let pose = pose(visual, &place, findings);
+        if let Some(geometry) = geometry(visual, &place, findings) {
+            visuals.push(Visual { pose, geometry, colour: colour(visual) });
+        }
+    }
+    let model_from_link = pose(node, &place, findings);
+    let link = Link { name, inertial, collisions, visuals };
+    Placed { link, model_from_sdf_link: model_from_link, model_from_link }
+}
+
+fn read_joint(
+    node: Node<'_, '_>,
+    version: f64,
+    placed: &mut [Placed],
+    findings: &mut Findings,
+) -> Option<Joint> {
+    let name = node.attribute("name").unwrap_or_default().to_owned();
+    let place = joint_place(&name);
+    let kind = match node.attribute("type") {
+        Some("fixed") => JointKind::Fixed,
+        Some("revolute") => JointKind::Revolute,
+        other => {
+            let remedy = "Make it fixed, or model the part with revolute joints.";
+            let expected = "revolute or fixed";
+            findings.error(&place, "the type is not supported", other.unwrap_or("nothing"), expected, remedy);
+            return None;
+        }
+    };
+    // A joint to the world says that the base does not move by itself, which is so here anyway.
+    if text(node, "parent") == Some("world") && kind == JointKind::Fixed {
+        return None;
+    }
+    let end = |role: &str, findings: &mut Findings| {
+        let wanted = text(node, role).unwrap_or_default();
+        let found = placed.iter().position(|p| p.link.name == wanted);
+        if found.is_none() {
+            let expected = list(placed.iter().map(|p| p.link.name.as_str()));
+            let problem = format!("its {role} link does not exist");
+            findings.error(&place, problem, format!("\"{wanted}\""), expected, "Correct the name.");
+        }
+        found
+    };
+    let (parent, child_link) = (end("parent", findings), end("child", findings));
+    let (parent, child_link) = (parent?, child_link?);
+
+    // The child's frame moves to the joint; what is fixed to the child stays where it is.
+    let link_from_joint = pose(node, &place, findings);
+    let moved = &mut placed[child_link];
+    moved.model_from_link = moved.model_from_sdf_link * link_from_joint;
+    let joint_from_link = link_from_joint.inverse();
+    moved.link.collisions.iter_mut().for_each(|c| c.pose = joint_from_link * c.pose);
+    moved.link.visuals.iter_mut().for_each(|v| v.pose = joint_from_link * v.pose);
+    if let Some(inertial) = &mut moved.link.inertial {
+        inertial.pose = joint_from_link * inertial.pose;
+    }
+    let model_from_joint = moved.model_from_link.rotation;
+
+    let mut joint = Joint {
+        name,
+        kind,
+        parent,
+        child: child_link,
+        origin: Pose::identity(),
+        axis: Vector::x(),
+        limits: JointLimits::default(),
+        damping: 0.0,
+        friction: 0.0,
+    };
+    if kind == JointKind::Fixed {
+        return Some(joint);
+    }
+    let Some(axis) = child(node, "axis") else {
+        findings.error(&place, "a revolute joint needs an axis", "nothing", "<axis>", "Add the axis.");
+        return None;
+    };
+    let direction = text(axis, "xyz").and_then(vector).map(Vector::from).filter(|v| v.norm() > 1e-9);
+    let Some(direction) = direction else {
+        let got = text(axis, "xyz").unwrap_or("nothing");
+        let remedy = "Give the direction about which the joint turns.";
+        findings.error(&place, "the axis has no direction", got, "three numbers, not all zero", remedy);
+        return None;
+    };
+    let in_model = version < 1.5 || matches!(text(axis, "use_parent_model_frame"), Some("1" | "true"));
+    joint.axis = if in_model { model_from_joint.inverse() * direction } else { direction }.normalize();
+    if let Some(limit) = child(axis, "limit") {
+        joint.limits = JointLimits {
+            lower: value(limit, "lower", Some(-UNLIMITED), &place, findings),
+            upper: value(limit, "upper", Some(UNLIMITED), &place, findings),
+            // SDF writes -1 for "no limit"; zero makes the check ask for a number.
+            velocity: value(limit, "velocity", Some(0.0), &place, findings).max(0.0),
+            effort: value(limit, "effort", Some(0.0), &place, findings).max(0.0),
+        };
+    }
+    let limits = joint.limits;
+    if child(axis, "limit").is_none() || limits.lower <= -UNLIMITED || limits.upper >= UNLIMITED {
+        let got = "none, or 1e16";
+        findings.error(&place, "the joint has no limits", got, "<lower> and <upper>", "Give its range, rad.");
+    }
+    if let Some(dynamics) = child(axis, "dynamics") {
+        joint.damping = value(dynamics, "damping", Some(0.0), &place, findings);
+        joint.friction = value(dynamics, "friction", Some(0.0), &place, findings);
+    }
+    Some(joint)
+}
+
+fn geometry(node: Node<'_, '_>, place: &str, findings: &mut Findings) -> Option<VisualGeometry> {
+    let shape = child(node, "geometry").and_then(|g| g.children().find(Node::is_element));
+    let Some(shape) = shape else {
+        let remedy = "Give one shape, or remove the element.";
+        findings.error(place, "a shape is missing", "no <geometry>", "box, cylinder, sphere or mesh", remedy);
+        return None;
+    };
+    let mut vector_of = |key: &str, default: Option<[f64; 3]>| {
+        let found = text(shape, key);
+        let read = found.map_or(default, vector);
+        if read.is_none() {
+            let got = found.unwrap_or("nothing");
+            findings.error(place, format!("{key} is not usable"), got, "three finite numbers", "Correct it.");
+        }
+        read
+    };
+    Some(match shape.tag_name().name() {
+        "box" => VisualGeometry::Shape(Shape::Box { size: vector_of("size", None)? }),
+        "mesh" => VisualGeometry::Mesh {
+            scale: vector_of("scale", Some([1.0; 3]))?,
+            file: text(shape, "uri").unwrap_or_default().to_owned(),
+        },
+        "sphere" => {
+            VisualGeometry::Shape(Shape::Sphere { radius: value(shape, "radius", None, place, findings) })
+        }
+        "cylinder" => VisualGeometry::Shape(Shape::Cylinder {
+            radius: value(shape, "radius", None, place, findings),
+            length: value(shape, "length", None, place, findings),
+        }),
+        other => {
+            let remedy = "Replace it by primitives.";
+            findings.error(place, "a shape is not supported", other, "box, cylinder, sphere or mesh", remedy);
+            return None;
+        }
+    })
+}
+
+fn colour(visual: Node<'_, '_>) -> [f64; 4] {
+    let numbers = child(visual, "material")
+        .and_then(|m| text(m, "diffuse").or_else(|| text(m, "ambient")))
+        .map(|words| words.split_whitespace().filter_map(number).collect::<Vec<f64>>());
+    numbers.and_then(|n| n.try_into().ok()).unwrap_or(GREY)
+}
+
+fn children<'a, 'i>(node: Node<'a, 'i>, tag: &'static str) -> impl Iterator<Item = Node<'a, 'i>> {
+    node.children().filter(move |n| n.has_tag_name(tag))
+}
+
+fn child<'a, 'i>(node: Node<'a, 'i>, tag: &str) -> Option<Node<'a, 'i>> {
+    node.children().find(|n| n.has_tag_name(tag))
+}
+
+fn text<'a>(node: Node<'a, '_>, tag: &str) -> Option<&'a str> {
+    child(node, tag).and_then(|n| n.text()).map(str::trim)
+}
+
+/// The number in child `tag`, or `default` if there is no such child; anything else is an error.
+fn value(node: Node<'_, '_>, tag: &str, default: Option<f64>, place: &str, findings: &mut Findings) -> f64 {
+    let found = text(node, tag);
+    match (found.map(number), default) {
+        (Some(Some(number)), _) => number,
+        (None, Some(default)) => default,
+        _ => {
+            let got = found.unwrap_or("nothing");
+            findings.error(place, format!("<{tag}> is not usable"), got, "a finite number", "Correct it.");
+            0.0
+        }
+    }
+}
+
+/// x y z roll pitch yaw; the identity if it is not given.
+fn pose(node: Node<'_, '_>, place: &str, findings: &mut Findings) -> Pose {
+    let Some(words) = text(node, "pose") else { return Pose::identity() };
+    let numbers: Option<Vec<f64>> = words.split_whitespace().map(number).collect();
+    match numbers.as_deref() {
+        Some(&[x, y, z, roll, pitch, yaw]) => {
+            Pose::from_parts(Translation3::new(x, y, z), UnitQuaternion::from_euler_angles(roll, pitch, yaw))
+        }
+        _ => {
+            findings.error(place, "a pose is not usable", words, "x y z roll pitch yaw", "Correct it.");
+            Pose::identity()
+        }
+    }
+}

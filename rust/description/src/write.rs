@@ -1,0 +1,185 @@
+//! Writing a model as URDF and SRDF text.
+
+use nalgebra::UnitQuaternion;
+use proact_types::{ArmModel, Joint, JointKind, Link, Pose, Shape, VisualGeometry};
+use std::fmt::Write;
+
+/// Decimals of angles and directions: finer than a double holds near pi, coarse enough to hide the last bits
+/// that a conversion leaves.
+const DECIMALS: usize = 14;
+
+/// URDF text of `model`. Reading it back gives the same model up to rounding in the last digits of rotations.
+pub fn to_urdf(model: &ArmModel) -> String {
+    urdf(&model.name, &model.links, &model.joints)
+}
+
+/// URDF text of links and joints whose `parent` and `child` index into `links`.
+pub(crate) fn urdf(name: &str, links: &[Link], joints: &[Joint]) -> String {
+    let mut out = format!("<?xml version=\"1.0\"?>\n<robot name=\"{}\">\n", escaped(name));
+    for link in links {
+        write_link(&mut out, link);
+    }
+    for joint in joints {
+        write_joint(&mut out, joint, links);
+    }
+    out.push_str("</robot>\n");
+    out
+}
+
+/// SRDF text of `model`: groups `arm` and `hand`, poses, pairs that may touch, and the grasp centre.
+pub fn to_srdf(model: &ArmModel) -> String {
+    let mut out = format!("<?xml version=\"1.0\"?>\n<robot name=\"{}\">\n", escaped(&model.name));
+    let tip = escaped(&model.links[model.tip].name);
+    for (group, joints) in [("arm", &model.arm), ("hand", &model.hand)] {
+        if joints.is_empty() {
+            continue;
+        }
+        line(&mut out, format_args!("  <group name=\"{group}\">"));
+        for &j in joints {
+            line(&mut out, format_args!("    <joint name=\"{}\"/>", escaped(&model.joints[j].name)));
+        }
+        line(&mut out, format_args!("  </group>"));
+    }
+    if !model.hand.is_empty() {
+        let effector = "<end_effector name=\"hand\" group=\"hand\" parent_group=\"arm\"";
+        line(&mut out, format_args!("  {effector} parent_link=\"{tip}\"/>"));
+    }
+    line(
+        &mut out,
+        format_args!("  <grasp_centre link=\"{tip}\" xyz=\"{}\"/>", exact(model.grasp_centre.as_slice())),
+    );
+    for pose in &model.poses {
+        line(
+            &mut out,
+            format_args!("  <group_state name=\"{}\" group=\"{}\">", escaped(&pose.name), pose.group),
+        );
+        let joints = if pose.group == "hand" { &model.hand } else { &model.arm };
+        for (&j, angle) in joints.iter().zip(&pose.angles) {
+            let name = escaped(&model.joints[j].name);
+            line(&mut out, format_args!("    <joint name=\"{name}\" value=\"{angle}\"/>"));
+        }
+        line(&mut out, format_args!("  </group_state>"));
+    }
+    for &(a, b) in &model.allowed_collisions {
+        let (a, b) = (escaped(&model.links[a].name), escaped(&model.links[b].name));
+        line(&mut out, format_args!("  <disable_collisions link1=\"{a}\" link2=\"{b}\" reason=\"User\"/>"));
+    }
+    out.push_str("</robot>\n");
+    out
+}
+
+fn line(out: &mut String, text: std::fmt::Arguments<'_>) {
+    writeln!(out, "{text}").expect("writing to a string cannot fail");
+}
+
+fn write_link(out: &mut String, link: &Link) {
+    if link.inertial.is_none() && link.collisions.is_empty() && link.visuals.is_empty() {
+        line(out, format_args!("  <link name=\"{}\"/>", escaped(&link.name)));
+        return;
+    }
+    line(out, format_args!("  <link name=\"{}\">", escaped(&link.name)));
+    if let Some(inertial) = &link.inertial {
+        let [ixx, ixy, ixz, iyy, iyz, izz] = inertial.inertia;
+        line(out, format_args!("    <inertial>"));
+        line(out, format_args!("      {}", origin(&inertial.pose)));
+        line(out, format_args!("      <mass value=\"{}\"/>", inertial.mass));
+        line(
+            out,
+            format_args!(
+                "      <inertia ixx=\"{ixx}\" ixy=\"{ixy}\" ixz=\"{ixz}\" iyy=\"{iyy}\" iyz=\"{iyz}\" izz=\"{izz}\"/>"
+            ),
+        );
+        line(out, format_args!("    </inertial>"));
+    }
+    for visual in &link.visuals {
+        let geometry = match &visual.geometry {
+            VisualGeometry::Shape(shape) => primitive(shape),
+            VisualGeometry::Mesh { file, scale } => {
+                format!("<mesh filename=\"{}\" scale=\"{}\"/>", escaped(file), exact(scale))
+            }
+        };
+        line(out, format_args!("    <visual>"));
+        line(out, format_args!("      {}", origin(&visual.pose)));
+        line(out, format_args!("      <geometry>{geometry}</geometry>"));
+        let colour = exact(&visual.colour);
+        // A material is shared by its name, so the name is its colour.
+        let name = colour.replace(' ', "_");
+        line(out, format_args!("      <material name=\"rgba_{name}\"><color rgba=\"{colour}\"/></material>"));
+        line(out, format_args!("    </visual>"));
+    }
+    for collision in &link.collisions {
+        line(out, format_args!("    <collision>"));
+        line(out, format_args!("      {}", origin(&collision.pose)));
+        line(out, format_args!("      <geometry>{}</geometry>", primitive(&collision.shape)));
+        line(out, format_args!("    </collision>"));
+    }
+    line(out, format_args!("  </link>"));
+}
+
+fn write_joint(out: &mut String, joint: &Joint, links: &[Link]) {
+    let kind = if joint.kind == JointKind::Fixed { "fixed" } else { "revolute" };
+    line(out, format_args!("  <joint name=\"{}\" type=\"{kind}\">", escaped(&joint.name)));
+    line(out, format_args!("    {}", origin(&joint.origin)));
+    line(out, format_args!("    <parent link=\"{}\"/>", escaped(&links[joint.parent].name)));
+    line(out, format_args!("    <child link=\"{}\"/>", escaped(&links[joint.child].name)));
+    if joint.kind == JointKind::Revolute {
+        let l = joint.limits;
+        line(out, format_args!("    <axis xyz=\"{}\"/>", rounded(joint.axis.as_slice())));
+        line(
+            out,
+            format_args!(
+                "    <limit lower=\"{}\" upper=\"{}\" velocity=\"{}\" effort=\"{}\"/>",
+                l.lower, l.upper, l.velocity, l.effort
+            ),
+        );
+        line(
+            out,
+            format_args!("    <dynamics damping=\"{}\" friction=\"{}\"/>", joint.damping, joint.friction),
+        );
+    }
+    line(out, format_args!("  </joint>"));
+}
+
+fn primitive(shape: &Shape) -> String {
+    match shape {
+        Shape::Box { size } => format!("<box size=\"{}\"/>", exact(size)),
+        Shape::Sphere { radius } => format!("<sphere radius=\"{radius}\"/>"),
+        Shape::Cylinder { radius, length } => format!("<cylinder radius=\"{radius}\" length=\"{length}\"/>"),
+        // URDF has no capsule; the cylinder around it is the nearest primitive that encloses it.
+        Shape::Capsule { radius, length } => {
+            format!("<cylinder radius=\"{radius}\" length=\"{}\"/>", length + 2.0 * radius)
+        }
+    }
+}
+
+fn origin(pose: &Pose) -> String {
+    let xyz = exact(pose.translation.vector.as_slice());
+    format!("<origin xyz=\"{xyz}\" rpy=\"{}\"/>", rounded(&roll_pitch_yaw(&pose.rotation)))
+}
+
+/// Fixed-axis roll, pitch and yaw, rad. Near a pitch of pi/2, where roll and yaw turn about one axis, roll is zero.
+fn roll_pitch_yaw(rotation: &UnitQuaternion<f64>) -> [f64; 3] {
+    let m = rotation.to_rotation_matrix();
+    // The arc sine of an element near one would lose half of the digits; this does not.
+    let across = m[(0, 0)].hypot(m[(1, 0)]);
+    let pitch = (-m[(2, 0)]).atan2(across);
+    if across > 1e-9 {
+        [m[(2, 1)].atan2(m[(2, 2)]), pitch, m[(1, 0)].atan2(m[(0, 0)])]
+    } else {
+        [0.0, pitch, (-m[(0, 1)]).atan2(m[(1, 1)])]
+    }
+}
+
+fn exact(numbers: &[f64]) -> String {
+    // Adding zero turns -0 into 0.
+    numbers.iter().map(|n| (n + 0.0).to_string()).collect::<Vec<_>>().join(" ")
+}
+
+fn rounded(numbers: &[f64]) -> String {
+    let scale = 10f64.powi(DECIMALS as i32);
+    exact(&numbers.iter().map(|n| (n * scale).round() / scale).collect::<Vec<_>>())
+}
+
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
+}
