@@ -193,14 +193,11 @@ impl ArmPlanner {
         let mut path = self.leave(problem)?;
         let left = path.len() - 1;
         let from = path[left].clone();
-        let (found, shortfall) = match self.ways_to_goal(problem, &from) {
-            Ok(ways) => (self.connect(problem, &from, &ways)?, None),
-            Err(failure) if failure.status == PlanStatus::Unreachable => {
-                let way = self.way_to_intermediate(problem, &from).map_err(|other| {
-                    // Nothing useful on the way either: the first reason is the one that helps.
-                    if other.status == PlanStatus::Cancelled { other } else { failure.clone() }
-                })?;
-                (way, Some(failure.reason))
+        let (found, shortfall) = match self.way_on(problem, &from) {
+            Ok(found) => found,
+            // No way on, but a way out of the box: from up there another base or another try may reach.
+            Err(failure) if left > 0 && failure.status != PlanStatus::Cancelled => {
+                return Ok((self.timed(&path, left, left)?, Some(failure.reason)));
             }
             Err(failure) => return Err(failure),
         };
@@ -210,6 +207,20 @@ impl ArmPlanner {
             return Err(cancelled());
         }
         Ok((self.timed(&path, left, entered)?, shortfall))
+    }
+
+    /// From `from` to the goal, or with the reason for falling short to a point on the way.
+    fn way_on(&mut self, problem: &Problem, from: &[f64]) -> Result<(Connection, Option<String>), Failure> {
+        let failure = match self.ways_to_goal(problem, from) {
+            Ok(ways) => return Ok((self.connect(problem, from, &ways)?, None)),
+            Err(failure) if failure.status == PlanStatus::Unreachable => failure,
+            Err(failure) => return Err(failure),
+        };
+        let way = self.way_to_intermediate(problem, from).map_err(|other| {
+            // Nothing useful on the way either: the first reason is the one that helps.
+            if other.status == PlanStatus::Cancelled { other } else { failure.clone() }
+        })?;
+        Ok((way, Some(failure.reason)))
     }
 
     /// Checks the request and puts its scene up.
