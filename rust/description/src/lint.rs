@@ -20,7 +20,11 @@ pub(crate) fn urdf(text: &str, findings: &mut Findings) -> bool {
     let document = match Document::parse(text) {
         Ok(document) => document,
         Err(error) => {
-            let remedy = "Correct the file at that place.";
+            let remedy = if text.contains("<sdf") {
+                "This looks like SDF: turn it into URDF with `proact model import`."
+            } else {
+                "Correct the file at that place."
+            };
             findings.error("URDF", "the text is not well-formed XML", error, "one robot element", remedy);
             return false;
         }

@@ -101,7 +101,8 @@ fn write_link(out: &mut String, link: &Link) {
         line(out, format_args!("    <visual>"));
         line(out, format_args!("      {}", origin(&visual.pose)));
         line(out, format_args!("      <geometry>{geometry}</geometry>"));
-        let colour = exact(&visual.colour);
+        // urdfdom keeps colours in single precision; these are all the digits that were ever there.
+        let colour = exact(&visual.colour.map(|c| (c * 1e6).round() / 1e6));
         // A material is shared by its name, so the name is its colour.
         let name = colour.replace(' ', "_");
         line(out, format_args!("      <material name=\"rgba_{name}\"><color rgba=\"{colour}\"/></material>"));

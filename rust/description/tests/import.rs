@@ -90,6 +90,14 @@ fn the_gazebo_arm_has_the_axes_and_offsets_of_ours() {
 }
 
 #[test]
+fn checking_an_sdf_file_as_urdf_points_to_import() {
+    for text in ["<!-- c --><?xml version='1.0'?><sdf version='1.5'/>", "<sdf version='1.5'/>"] {
+        let report = check(text, None);
+        assert!(!report.usable && report.to_string().contains("proact model import"), "{report}");
+    }
+}
+
+#[test]
 fn what_an_import_leaves_out_or_doubts_is_said() {
     let Some(text) = shared("data/gazebo_mpl_right_arm/model.sdf") else { return };
     let report = import(&text, None).unwrap().report;
