@@ -1,16 +1,19 @@
 // Loads the page in a headless Chromium during a trial and looks at it as a person would.
 //
 //   node tests/page/run.mjs --url http://127.0.0.1:8090/ --out build/page [--mode watch|interactive]
+//   node tests/page/run.mjs --mode restart --program target/release/proact --out build/page
 //
 // watch: the page connects, the scene changes, every camera draws; with --score the score counts up (a trial
 // with a simulated participant has to run). interactive: moves blocks by mouse and keys with method D until one
-// is on target. Screenshots go to the output folder. Exits 0 only if everything was seen.
+// is on target. restart: starts `serve` itself, kills it, starts it again, and the open page has to come back.
+// Screenshots go to the output folder. Exits 0 only if everything was seen.
 
 import { mkdir, writeFile } from "node:fs/promises";
 import { existsSync } from "node:fs";
 import { createRequire } from "node:module";
 import { parseArgs } from "node:util";
 import { driveBlocks } from "./drive.mjs";
+import { startServe } from "./program.mjs";
 
 // playwright-core is installed with the page, whose package.json pins it.
 const require = createRequire(new URL("../../rust/bridge/web/package.json", import.meta.url));
@@ -25,6 +28,7 @@ const { values: options } = parseArgs({
     blocks: { type: "string", default: "1" },
     timeout: { type: "string", default: "240" },
     dist: { type: "string" },
+    program: { type: "string" },
   },
 });
 
@@ -69,10 +73,10 @@ try {
   page.on("requestfailed", (request) => problems.push(`request failed: ${request.url()}`));
   if (options.dist) await serveFrom(page, options.dist);
   page.setDefaultTimeout(60_000);
-  // The cheapest drawing: the processor draws here, and the trial needs it too.
-  await page.goto(new URL("?quality=3", options.url).href);
-  if (options.mode === "interactive") await interact(page);
-  else await watch(page);
+  const modes = { watch, interactive: interact, restart };
+  const mode = modes[options.mode];
+  if (!mode) throw new Error(`mode ${options.mode} is unknown; expected ${Object.keys(modes).join(", ")}`);
+  await mode(page);
   check(problems.length === 0, `no error on the page${problems.length ? `: ${problems.join("; ")}` : ""}`);
   console.log("1 passed, 0 failed");
 } catch (error) {
@@ -85,13 +89,19 @@ try {
   await browser.close();
 }
 
+async function open(page, url) {
+  // The cheapest drawing: the processor draws here, and the trial needs it too.
+  await page.goto(new URL("?quality=3", url).href);
+  await ready(page);
+}
+
 async function ready(page) {
   await page.waitForFunction(() => window.__proact?.connected && window.__proact.framesDrawn > 3);
   check(true, "the page connects and draws");
 }
 
 async function watch(page) {
-  await ready(page);
+  await open(page, options.url);
   const first = await page.evaluate(() => ({ ...window.__proact, frame: window.__proact.frame }));
   await screenshot(page, "shoulder");
   await page.waitForFunction(
@@ -124,7 +134,7 @@ async function watch(page) {
 }
 
 async function interact(page) {
-  await ready(page);
+  await open(page, options.url);
   check(await page.evaluate(() => window.__proact.content.interactive), "the page is interactive");
   await screenshot(page, "start");
   await driveBlocks(page, {
@@ -136,6 +146,28 @@ async function interact(page) {
   const onTarget = await page.evaluate(() => window.__proact.frame.on_target);
   check(onTarget >= Number(options.blocks), `${onTarget} blocks on target by mouse and keys`);
   await screenshot(page, "on-target");
+}
+
+async function restart(page) {
+  if (!options.program) throw new Error("--mode restart needs --program PATH_OF_PROACT");
+  let serve = await startServe(options.program, 0);
+  try {
+    await open(page, serve.url);
+    await serve.stop();
+    await page.locator(".banner:not([hidden])").waitFor();
+    check(!(await page.evaluate(() => window.__proact.connected)), "the page says that the program is gone");
+    await screenshot(page, "offline");
+    // The browser reports every attempt to connect while nobody is there; that is not the page's fault.
+    problems.length = 0;
+    serve = await startServe(options.program, serve.port);
+    const before = await drawnCount(page);
+    await page.waitForFunction((drawn) => window.__proact.connected && window.__proact.framesDrawn > drawn + 3, before);
+    problems.length = 0;
+    check(await page.locator(".banner").isHidden(), "the page comes back when the program does");
+    await screenshot(page, "back");
+  } finally {
+    await serve.stop();
+  }
 }
 
 function drawnCount(page) {

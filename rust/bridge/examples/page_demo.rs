@@ -115,11 +115,8 @@ impl Script {
             },
         };
         let eye = Point::new(-0.55, 0.0, 1.7);
-        let looks_at = if holds.is_some() {
-            self.scene.targets[0].centre
-        } else {
-            (blocks[0] * Point::origin()).xyz().into()
-        };
+        let looks_at =
+            if holds.is_some() { self.scene.targets[0].centre } else { blocks[0] * Point::origin() };
         DisplayFrame {
             time: SimTime::from_secs(secs),
             method: "D".to_owned(),

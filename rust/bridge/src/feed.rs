@@ -5,8 +5,8 @@ use proact_types::{DisplayFrame, Event};
 use serde::Serialize;
 use std::collections::VecDeque;
 
-/// Events kept for clients that missed frames: several trials' worth of seconds, a few kilobytes.
-const MAX_EVENTS: usize = 64;
+/// Events of the trial kept for clients that come late or missed frames: more than a usual trial has, 50 KB.
+const MAX_EVENTS: usize = 512;
 
 /// Messages from the server to the page.
 #[derive(Serialize)]

@@ -2,7 +2,7 @@
 //!
 //! From the server: `hello {page_version, revision}` first; `frame` with the fields of
 //! [`DisplayFrame`](proact_types::DisplayFrame) at the pace of publishing, the latest only; `events {events}`
-//! with the events of frames that this client missed; `content {revision}` when `/api/content` has changed;
+//! with the events of frames that this client missed, at first those of the trial so far; `content {revision}` when `/api/content` has changed;
 //! `error {message}` when a message of the client was ignored.
 //!
 //! From the client, if the page is interactive: `gesture {gesture}` at each change and again every 100 ms while
@@ -109,10 +109,8 @@ async fn write(
     page_version: String,
 ) {
     let mut ping = time::interval_at(time::Instant::now() + PING_PERIOD, PING_PERIOD);
-    let (mut revision, mut seen) = {
-        let feed = updates.borrow();
-        (feed.revision, feed.sequence.saturating_sub(1))
-    };
+    // A client that comes late is told the whole trial's events: its score and list are then right.
+    let (mut revision, mut seen) = (updates.borrow().revision, 0);
     let hello = ServerMessage::Hello { page_version: &page_version, revision }.to_text();
     if send(&mut outgoing, Message::Text(hello)).await.is_err() {
         return;

@@ -81,8 +81,8 @@ export class Cameras {
       const gap = Math.min(Math.max(room.centre.x - base.x, 0.35), 0.8);
       aim.copy(room.centre);
       aim.x -= 0.3 * gap;
-      aim.z = room.tableHeight + 0.15;
-      eye.copy(aim).add(new Vector3(-0.98 * away, this.side * 0.42 * away, 0.86 * away));
+      aim.z = room.tableHeight + 0.17;
+      eye.copy(aim).add(new Vector3(-0.9 * away, this.side * 0.5 * away, 1.08 * away));
     }
     // Soft, because the shoulder moves with every breath of the tracking; the eyes are exact.
     const share = this.settled && this.chosen !== "eyes" ? 1 - Math.exp(-4 * Math.min(seconds, 0.1)) : 1;

@@ -18,6 +18,9 @@ export const STEPS = [
   { key: "HO", text: "releases" },
 ] as const;
 
+/** Where the target of a block is, metres in `world`. */
+export type TargetPlace = (block: string) => { x: number; y: number } | null;
+
 export interface Advice {
   /** Index into STEPS; none when none applies. */
   step: number | null;
@@ -25,15 +28,20 @@ export interface Advice {
 }
 
 /** What a person has to do now. */
-export function advise(frame: Frame, target: (block: string) => { x: number; y: number } | null): Advice {
+export function advise(frame: Frame, target: TargetPlace, lean: boolean): Advice {
   const { hand, planner, target: selection } = frame;
   if (frame.finished) return { step: null, hint: "The trial is over." };
   const arrived = planner.state === "arrived";
   if (planner.state === "failed") {
-    return { step: selection.locked ? (hand.holds ? 6 : 2) : null, hint: `${planner.reason || "No plan"} — look elsewhere or lean, then try again.` };
+    const reason = planner.reason || "there is no plan";
+    const what = lean ? "Lean, or look elsewhere, then try again." : "Look elsewhere, then try again.";
+    return {
+      step: selection.locked ? (hand.holds ? 6 : 2) : null,
+      hint: `${reason[0]?.toUpperCase()}${reason.slice(1).replace(/\.$/, "")}. ${what}`,
+    };
   }
   if (arrived && planner.intermediate) {
-    return { step: hand.holds ? 6 : 2, hint: "Out of reach from here: lean towards it, relax, then hold WE again." };
+    return { step: hand.holds ? 6 : 2, hint: `Out of reach from here: ${lean ? "lean towards it, " : ""}relax, then hold WE again.` };
   }
   if (hand.holds) {
     const block = `${colourOf(hand.holds)} ${numberOf(hand.holds)}`;
@@ -71,10 +79,10 @@ export class Guide {
     this.root.hidden = true;
   }
 
-  update(frame: Frame, target: (block: string) => { x: number; y: number } | null): void {
+  update(frame: Frame, target: TargetPlace, lean: boolean): void {
     // Methods A and B have no selection: the strip would mislead.
     this.root.hidden = !["C", "D"].includes(frame.method);
-    const advice = advise(frame, target);
+    const advice = advise(frame, target, lean);
     this.steps.forEach((step, k) => {
       setClass(step, "now", k === advice.step);
       setClass(step, "past", advice.step !== null && k < advice.step);

@@ -20,9 +20,9 @@ const METHOD_NAMES: Record<string, string> = {
   D: "Gaze and task context",
 };
 const EMG_NAMES: Record<string, string> = {
-  recording: "EMG recording",
-  synthetic: "Synthetic EMG",
-  keys: "Keys",
+  recording: "EMG: recording",
+  synthetic: "EMG: synthetic",
+  keys: "Gestures: keys",
 };
 /** Lines of the event list. */
 const EVENTS_SHOWN = 6;
@@ -110,7 +110,6 @@ export class Hud {
     setText(this.title, content.title);
     setText(this.setup, `Set-up: ${content.setup}`);
     document.title = content.title ? `ProACT · ${content.title}` : "ProACT";
-    this.startTrial();
   }
 
   setConnected(connected: boolean, ever: boolean): void {
@@ -209,7 +208,8 @@ export class Hud {
     }
   }
 
-  private startTrial(): void {
+  /** Forgets the trial that was on display. */
+  startTrial(): void {
     this.events.replaceChildren();
     this.onTarget.clear();
     this.lastTime = -1;

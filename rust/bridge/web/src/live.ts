@@ -7,6 +7,8 @@ const BACKOFF_MS = [200, 400, 800, 1500, 3000];
 const CONTENT_RETRY_MS = 1000;
 
 export interface LiveHandlers {
+  /** What was known of the trial is void: another one, or another server. */
+  reset(): void;
   content(content: Content): void;
   frame(frame: Frame): void;
   events(events: TrialEvent[]): void;
@@ -61,9 +63,11 @@ export class Live {
         this.pageVersion = message.page_version;
         this.attempts = 0;
         this.handlers.connected(true);
+        this.handlers.reset();
         void this.fetchContent();
         break;
       case "content":
+        this.handlers.reset();
         void this.fetchContent();
         break;
       case "frame":

@@ -120,6 +120,10 @@ function start(): void {
   (window as unknown as { __proact: Debug }).__proact = debug;
 
   const live = new Live({
+    reset() {
+      motion.clear();
+      hud.startTrial();
+    },
     content: show,
     frame(frame) {
       motion.push(frame, performance.now());
@@ -130,7 +134,7 @@ function start(): void {
       guide.update(frame, (block) => {
         const target = room?.targets.find((candidate) => candidate.block === block);
         return target ? { x: target.centre.x, y: target.centre.y } : null;
-      });
+      }, content?.lean ?? false);
     },
     events: (events) => hud.addEvents(events),
     connected(connected) {
@@ -164,7 +168,6 @@ function start(): void {
     debug.content = next;
     hud.setContent(next);
     controls.setMode(next.interactive, next.lean);
-    motion.clear();
     // A new trial in the same room keeps what is drawn: nothing flickers.
     if (sameThings) return;
     for (const old of [arm?.root, room?.root, markers?.root]) if (old) dispose(old);

@@ -32,7 +32,13 @@ export class Markers {
   private readonly clasp = new Group();
   private readonly solid = new MeshBasicMaterial({ color: LOCKED });
   private readonly placeMarker = new Group();
-  private readonly placeMaterial = new MeshBasicMaterial({ transparent: true, depthWrite: false, side: DoubleSide });
+  /** Seen through arm and hand, which often are in the way of the place. */
+  private readonly placeMaterial = new MeshBasicMaterial({
+    transparent: true,
+    depthTest: false,
+    depthWrite: false,
+    side: DoubleSide,
+  });
   private readonly placeCross: Mesh;
   private readonly gaze: Sprite;
   private readonly next: Mesh;

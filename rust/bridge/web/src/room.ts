@@ -67,7 +67,9 @@ export class Room {
     });
     for (const { block, glow } of this.targets) {
       // The target of the carried block calls for it.
-      glow.opacity = block === holds ? 0.55 + 0.3 * Math.sin(5 * seconds) : 0.16;
+      glow.opacity = block === holds ? 0.5 + 0.2 * Math.sin(5 * seconds) : 0.16;
+      // And is seen through the arm, which often is in the way.
+      glow.depthTest = block !== holds;
     }
   }
 

@@ -1,0 +1,59 @@
+// What the strip tells a newcomer, for each situation of a transfer with method D.
+
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import { load } from "./bundle.mjs";
+
+const { STEPS, advise } = await load("guide");
+const target = () => ({ x: 0.05, y: 0.2 });
+
+function frame(changes = {}) {
+  return {
+    finished: false,
+    next_block: "red1",
+    hand: { state: "open", holds: null },
+    target: { block: null, place: null, locked: false, posterior: [] },
+    planner: { state: "idle" },
+    ...changes,
+  };
+}
+
+const arrived = { state: "arrived", intermediate: false };
+const locked = { block: "red1", place: null, locked: true };
+const holding = { state: "closed", holds: "red1" };
+
+test("a transfer walks through all eight steps in order", () => {
+  const situations = [
+    frame(),
+    frame({ target: { block: "red1", place: null, locked: false } }),
+    frame({ target: locked }),
+    frame({ target: locked, planner: arrived }),
+    frame({ hand: holding, target: { block: null, place: [0.1, 0.05, 1], locked: false } }),
+    frame({ hand: holding, target: { block: null, place: [0.05, 0.19, 1], locked: false } }),
+    frame({ hand: holding, target: { block: null, place: [0.05, 0.19, 1], locked: true } }),
+    frame({ hand: holding, target: { block: null, place: [0.05, 0.19, 1], locked: true }, planner: arrived }),
+  ];
+  assert.deepEqual(situations.map((now) => advise(now, target, false).step), STEPS.map((_, k) => k));
+});
+
+test("another block than the one that is next is not to be locked", () => {
+  const advice = advise(frame({ target: { block: "blue2", place: null, locked: false } }), target, false);
+  assert.equal(advice.step, 0);
+  assert.match(advice.hint, /red 1/);
+});
+
+test("a failed plan gives its reason, and leaning only where the trunk can move", () => {
+  const now = frame({ target: locked, planner: { state: "failed", status: "unreachable", reason: "4 cm too far" } });
+  assert.match(advise(now, target, true).hint, /^4 cm too far\. Lean/);
+  assert.doesNotMatch(advise(now, target, false).hint, /[Ll]ean/);
+});
+
+test("an intermediate goal asks to relax and hold again", () => {
+  const now = frame({ target: locked, planner: { state: "arrived", intermediate: true } });
+  assert.equal(advise(now, target, false).step, 2);
+  assert.match(advise(now, target, true).hint, /lean towards it, relax/);
+});
+
+test("a hand closed around nothing has to be opened", () => {
+  assert.match(advise(frame({ hand: { state: "closed", holds: null } }), target, false).hint, /HO opens/);
+});

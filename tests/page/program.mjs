@@ -1,0 +1,43 @@
+// Starts and stops `proact serve` for the test that needs to kill it.
+
+import { spawn } from "node:child_process";
+import { createServer } from "node:net";
+
+/** Starts `serve` on `port`, or on a free one if that is zero, and waits until it prints its address. */
+export async function startServe(program, port) {
+  const chosen = port || (await freePort());
+  const child = spawn(
+    program,
+    ["serve", "--no-browser", "--no-record", "--exact-port", "--port", String(chosen)],
+    { stdio: ["ignore", "pipe", "pipe"] },
+  );
+  const ended = new Promise((resolve) => child.once("exit", resolve));
+  const url = await new Promise((resolve, reject) => {
+    let text = "";
+    const read = (data) => {
+      text += data;
+      const found = /https?:\/\/[0-9.:]+\//.exec(text);
+      if (found) resolve(found[0]);
+    };
+    child.stdout.on("data", read);
+    child.stderr.on("data", read);
+    child.once("error", reject);
+    child.once("exit", (code) => reject(new Error(`${program} serve ended with ${code} before it served: ${text}`)));
+  });
+  const stop = async () => {
+    if (child.exitCode === null && child.signalCode === null) child.kill("SIGKILL");
+    await ended;
+  };
+  return { url, port: chosen, stop };
+}
+
+function freePort() {
+  return new Promise((resolve, reject) => {
+    const probe = createServer();
+    probe.once("error", reject);
+    probe.listen(0, "127.0.0.1", () => {
+      const { port } = probe.address();
+      probe.close(() => resolve(port));
+    });
+  });
+}
