@@ -92,6 +92,7 @@ void World::Simulation::collide_links_with_fixed() {
 void World::Simulation::collide_blocks_with_fixed() {
   for (const Geom& block : block_geoms_) {
     if (resting(block.owner)) continue;
+    bool touches = false;
     for (const Geom& fixed : fixed_geoms_) {
       if (apart(block.bounds, fixed.bounds)) continue;
       find_contacts({&block.shape, block.world_from_shape, block.id.get()},
@@ -99,8 +100,25 @@ void World::Simulation::collide_blocks_with_fixed() {
       const double friction = std::min(model_.blocks[block.owner].friction, model_.fixed[fixed.owner].friction);
       const Touch touch{dGeomGetBody(block.id.get()), nullptr, friction};
       for (std::size_t k = 0; k < found_.count; ++k) push(touch, found_.points[k], nullptr);
+      touches = touches || found_.count > 0;
     }
+    if (touches) resist_rolling(block);
   }
+}
+
+void World::Simulation::resist_rolling(const Geom& block) {
+  if (block.shape.kind == ShapeKind::box || (attached_ && attached_->block == block.owner)) return;
+  const dBodyID body = block_bodies_[block.owner];
+  const Vec3 turning = to_vec(dBodyGetAngularVel(body));
+  const double speed = norm(turning);
+  if (speed < 1e-9) return;
+  const double mass = model_.blocks[block.owner].mass;
+  const double radius = block.shape.size[0];
+  // At most what stops a solid cylinder within two ticks, so that the torque never turns it back.
+  const double stopping = 0.25 * mass * radius * radius * speed / tick_secs;
+  const double torque =
+      std::min(model_.options.rolling_resistance * mass * norm(model_.options.gravity) * radius, stopping) / speed;
+  dBodyAddTorque(body, -torque * turning.x, -torque * turning.y, -torque * turning.z);
 }
 
 void World::Simulation::collide_blocks() {

@@ -152,6 +152,7 @@ void validate(const Model& model) {
   if (options.position_gain * tick_secs > 1.0) {
     refuse("position gain ", options.position_gain, " per second overshoots, at most ", 1.0 / tick_secs);
   }
+  check_number("rolling resistance", options.rolling_resistance, 0.0);
   check_number("base speed", options.base_speed, 0.0);
   check_number("base turn speed", options.base_turn_speed, 0.0);
 }

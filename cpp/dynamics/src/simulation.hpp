@@ -86,6 +86,7 @@ class World::Simulation {
   void collide();
   void collide_links_with_fixed();
   void collide_blocks_with_fixed();
+  void resist_rolling(const Geom& block);
   void collide_blocks();
   void collide_blocks_with_links();
   void push(const Touch& touch, const ContactPoint& point, dJointFeedback* feedback);

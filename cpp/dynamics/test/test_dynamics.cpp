@@ -2,6 +2,8 @@
 
 #include "test_support.hpp"
 
+#include <ode/ode.h>
+
 #include <limits>
 #include <utility>
 
@@ -94,6 +96,12 @@ void effort_is_that_of_statics() {
   check(std::fabs(world.efforts()[0] - expected) < 1e-6, "effort " + std::to_string(world.efforts()[0]));
 }
 
+void what_would_end_the_process_is_thrown() {
+  const World world(chain(1));
+  check_refused("dError", "internal error 7: seven", [] { dError(7, "%s", "seven"); });
+  check_refused("dDebug", "internal error 8: eight", [] { dDebug(8, "%s", "eight"); });
+}
+
 }  // namespace
 
 int main() {
@@ -102,6 +110,7 @@ int main() {
   a_joint_stops_at_its_limit_without_a_kick();
   effort_is_that_of_statics();
   bad_models_are_refused();
+  what_would_end_the_process_is_thrown();
   bad_commands_are_refused_and_harm_nothing();
   return finish("dynamics");
 }

@@ -8,8 +8,15 @@
 //! process. A plant stays in the thread that made it (it is neither `Send` nor `Sync`), because ODE keeps data
 //! for each thread.
 //!
-//! Known weaknesses: links of the arm do not collide with each other; the bend of a face of a standing cylinder
-//! is that of a hexagon; a hand joint that is held rigid reports no effort.
+//! How it is kept fast: hand joints whose command has stood still and been reached become rigid, a carried block
+//! shares the body of the link that holds it, resting blocks sleep. On one core of two a tick took
+//! 14 us with a still hand, 53 us while the hand closes on a block and 12 us while it carries one; with every joint
+//! free it took 220 to 350 us, and the iterative solver, which is only approximate, 45 to 120 us
+//! (`cargo run --release -p proact-dynamics --example tick_times`).
+//!
+//! Known weaknesses: links of the arm do not collide with each other; the round face of a block stands on six
+//! points; blocks roll against an assumed rolling resistance of 0.01; a hand joint that is rigid bears any load and
+//! reports no effort; a base pose takes the arm along whatever stands in the way.
 //!
 //! ```no_run
 //! # fn example(model: &proact_types::ArmModel, scene: &proact_types::Scene, start: &[f64]) -> Result<(), proact_testbed::ports::PlantError> {

@@ -96,6 +96,9 @@ struct Options {
   double correcting_speed = 0.5;      ///< m/s, so that overlap is not thrown apart
   double joint_erp = 0.2;
   double joint_cfm = 1e-7;
+  /// Of round blocks on fixed objects: decelerating torque over weight and radius. Assumed, as of hard plastic on
+  /// wood; with none a block that falls over rolls for ever.
+  double rolling_resistance = 0.01;
   /// Resting blocks fall asleep.
   bool sleep = true;
 };
