@@ -34,8 +34,25 @@ pub struct BenchFigure {
     pub note: String,
 }
 
+impl std::fmt::Display for BenchReport {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        writeln!(f, "{}", self.stage)?;
+        for figure in &self.figures {
+            write!(f, "  {:42} {:12.3} {:3}", figure.name, figure.value, figure.unit)?;
+            if let (Some(peer), Some(value)) = (&figure.peer, figure.peer_value) {
+                write!(f, "  {peer}: {value:.3}")?;
+            }
+            if !figure.note.is_empty() {
+                write!(f, "  ({})", figure.note)?;
+            }
+            writeln!(f)?;
+        }
+        Ok(())
+    }
+}
+
 impl BenchFigure {
-    fn alone(name: &str, value: f64, unit: &str, note: &str) -> Self {
+    pub(crate) fn alone(name: &str, value: f64, unit: &str, note: &str) -> Self {
         let (name, unit, note) = (name.to_owned(), unit.to_owned(), note.to_owned());
         Self { name, value, unit, peer: None, peer_value: None, note }
     }
@@ -161,7 +178,7 @@ fn configuration(model: &ArmModel, number: u64) -> JointVector {
 }
 
 /// The value below which `share` of the values lie; the largest for a share of one.
-fn quantile(values: &[f64], share: f64) -> f64 {
+pub(crate) fn quantile(values: &[f64], share: f64) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
     let place = (share * sorted.len() as f64).ceil() as usize;

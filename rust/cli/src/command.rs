@@ -1,6 +1,14 @@
-use crate::{demo::DemoArgs, emg::EmgCommand, replay::ReplayArgs, serve::ServeArgs};
-use clap::{Parser, Subcommand};
-use std::{error::Error, process::ExitCode};
+use crate::{
+    bench, demo::DemoArgs, doctor, emg::EmgCommand, model::ModelCommand, query, query::QueryOptions,
+    replay::ReplayArgs, serve::ServeArgs,
+};
+use clap::{Args, Parser, Subcommand};
+use std::{
+    error::Error,
+    io::{stdin, stdout},
+    path::PathBuf,
+    process::ExitCode,
+};
 
 /// Open testbed for intelligent prosthetic arms: EMG, gaze, planning and physics in one process.
 #[derive(Debug, Parser)]
@@ -23,6 +31,8 @@ enum Command {
     Run(crate::demo::RunArgs),
     /// Recompute a recorded trial and check its digest
     Replay(ReplayArgs),
+    /// Serve the live page: mouse is gaze, keys are gestures
+    Serve(ServeArgs),
     /// EMG: evaluate recordings, compute features
     Emg {
         /// One JSON object on standard output
@@ -31,25 +41,89 @@ enum Command {
         #[command(subcommand)]
         command: EmgCommand,
     },
-    /// Serve the live page: mouse is gaze, keys are gestures
-    Serve(ServeArgs),
+    /// Answer questions on kinematics, dynamics, plans and collisions, one JSON object a line
+    Query(QueryArgs),
+    /// Check or import an arm's description
+    Model {
+        /// One JSON object on standard output
+        #[arg(long, global = true)]
+        json: bool,
+        #[command(subcommand)]
+        command: ModelCommand,
+    },
+    /// Measure a stage, beside its peer where there is one
+    Bench(BenchArgs),
+    /// Look at this machine: libraries, tools, ports
+    Doctor {
+        /// One JSON object on standard output
+        #[arg(long)]
+        json: bool,
+    },
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  echo '{\"op\":\"fk\",\"q\":[0,0,0,0.5,0,0,0]}' | proact query\n\n\
+    Operations: fk, jacobian, condition, inverse_dynamics, ik, plan, collision. SI units, radians, quaternions \
+    x, y, z, w. A line that cannot be answered gives {\"error\": ..} and the stream goes on.")]
+struct QueryArgs {
+    /// Another arm's URDF file
+    #[arg(long, value_name = "FILE")]
+    urdf: Option<PathBuf>,
+    /// First link of the chain
+    #[arg(long, value_name = "LINK")]
+    base: Option<String>,
+    /// Last link of the chain
+    #[arg(long, value_name = "LINK")]
+    tip: Option<String>,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  proact bench kinematics --json")]
+struct BenchArgs {
+    /// What to measure
+    #[arg(value_parser = ["kinematics", "start"])]
+    stage: String,
+    /// One JSON object on standard output
+    #[arg(long)]
+    json: bool,
 }
 
 /// Parses the command line and runs it. The exit code is 0 only on success.
 pub fn main() -> ExitCode {
-    let result: Result<bool, Box<dyn Error>> = match Cli::parse().command {
-        Command::Demo(args) => crate::demo::demo(&args),
-        Command::Run(args) => crate::demo::run(&args),
-        Command::Replay(args) => crate::replay::command(&args),
-        Command::Emg { json, command } => crate::emg::run(&command, json).map(|()| true),
-        Command::Serve(args) => crate::serve::command(&args),
-    };
-    match result {
+    match run(Cli::parse().command) {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::FAILURE,
         Err(error) => {
             eprintln!("proact: {error}");
             ExitCode::FAILURE
         }
+    }
+}
+
+fn run(command: Command) -> Result<bool, Box<dyn Error>> {
+    match command {
+        Command::Demo(args) => crate::demo::demo(&args),
+        Command::Run(args) => crate::demo::run(&args),
+        Command::Replay(args) => crate::replay::command(&args),
+        Command::Serve(args) => crate::serve::command(&args),
+        Command::Emg { json, command } => crate::emg::run(&command, json).map(|()| true),
+        Command::Query(QueryArgs { urdf, base, tip }) => {
+            query::run(QueryOptions { urdf, base, tip }, stdin().lock(), stdout().lock())?;
+            Ok(true)
+        }
+        Command::Model { json, command } => crate::model::run(&command, json),
+        Command::Bench(args) => {
+            let report = match args.stage.as_str() {
+                "kinematics" => bench::kinematics()?,
+                _ => crate::bench_start::start()?,
+            };
+            if args.json {
+                println!("{}", serde_json::to_string(&report)?);
+            } else {
+                print!("{report}");
+            }
+            Ok(true)
+        }
+        Command::Doctor { json } => Ok(doctor::run(json)?),
     }
 }

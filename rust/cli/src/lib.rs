@@ -6,9 +6,12 @@
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 pub mod bench;
+mod bench_start;
 mod command;
 mod demo;
+mod doctor;
 mod emg;
+mod model;
 mod pace;
 pub mod query;
 mod record;

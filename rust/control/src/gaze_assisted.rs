@@ -13,6 +13,9 @@ const BASE_TURNED: f64 = std::f64::consts::PI / 180.0;
 /// A base that moves less than this from one control step to the next stands still, metres and rad: 50 mm/s and
 /// 3 degrees/s at 100 Hz. Plans are made for a base at rest.
 const BASE_STILL: (f64, f64) = (5e-4, 5.2e-4);
+/// As many intermediate goals may follow each other before the arm waits for another base or another WE: it would
+/// wander for ever where no posture reaches the goal.
+const MOST_INTERMEDIATES: u32 = 2;
 /// An intermediate plan shorter than this leads nowhere, s: the arm is as near as it gets.
 const WORTHWHILE_SECS: f64 = 0.3;
 
@@ -34,6 +37,8 @@ pub struct GazeAssisted {
     holds: Option<BlockId>,
     lock: Option<Selection>,
     drive: Drive,
+    /// Intermediate goals reached one after the other from one base.
+    intermediates: u32,
     last_base: Option<Pose>,
     target: TargetView,
 }
@@ -69,6 +74,7 @@ impl GazeAssisted {
             holds: None,
             lock: None,
             drive: Drive::Idle,
+            intermediates: 0,
             last_base: None,
             target: TargetView::default(),
         }
@@ -161,18 +167,20 @@ impl GazeAssisted {
             Drive::Following { base, .. } if moved(base, &input.world_from_base) => self.stop(output),
             Drive::Following { base, intermediate, progress, .. } => match input.motion {
                 MotionState::Following(now) => *progress = now,
-                MotionState::Finished if *intermediate => {
+                MotionState::Finished if *intermediate && self.intermediates < MOST_INTERMEDIATES => {
                     output.events.push(EventKind::MotionFinished);
+                    self.intermediates += 1;
                     self.drive = Drive::Idle;
                 }
                 MotionState::Finished => {
                     output.events.push(EventKind::MotionFinished);
-                    self.drive = Drive::Arrived { base: *base, intermediate: false };
+                    self.drive = Drive::Arrived { base: *base, intermediate: *intermediate };
                 }
                 MotionState::Holding => {}
             },
             Drive::Arrived { base, intermediate: true } | Drive::Failed { base, .. } => {
                 if moved(base, &input.world_from_base) && base_still {
+                    self.intermediates = 0;
                     self.request(input, output);
                 }
             }
@@ -212,6 +220,7 @@ impl ControlMethod for GazeAssisted {
             Gesture::WristExtension => {
                 if changed {
                     self.drive = Drive::Idle;
+                    self.intermediates = 0;
                 }
                 self.advance(input, base_still, &mut output);
             }
