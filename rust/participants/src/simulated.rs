@@ -50,6 +50,9 @@ const LEAN_WEIGHT: f64 = 0.02;
 const CORRECTION_MAX: f64 = 0.06;
 /// Closing on nothing for this long means that the block was missed.
 const MISSED_MILLIS: u64 = 900;
+/// With the wrist this high above the table, hand and block are clear of walls and partition, metres: 0.152 of
+/// partition and 0.15 from wrist to the block's lower end.
+const CLEAR_HEIGHT: f64 = 0.30;
 /// Holding WE without any movement for this long means that another posture is needed.
 const STUCK_MILLIS: u64 = 1500;
 
@@ -75,7 +78,9 @@ pub struct SimulatedParticipant {
     reached: bool,
     closed_since: Option<SimTime>,
     stuck_since: Option<SimTime>,
+    /// Where the trunk is, and where it should go once the hand is clear of the box.
     posture: TrunkPosture,
+    wanted_posture: TrunkPosture,
     attempt: u32,
     blink_at: SimTime,
 }
@@ -119,6 +124,7 @@ impl SimulatedParticipant {
             closed_since: None,
             stuck_since: None,
             posture: TrunkPosture::default(),
+            wanted_posture: TrunkPosture::default(),
             attempt: 0,
             blink_at: SimTime(options.blink_interval_ms),
         }
@@ -158,8 +164,12 @@ impl SimulatedParticipant {
             self.stuck_since = None;
             self.attempt = 0;
             if let Some(goal) = goal {
-                self.posture = self.comfortable(&self.place_of(goal, seen), 0);
+                self.wanted_posture = self.comfortable(&self.place_of(goal, seen), 0);
             }
+        }
+        // A trunk that leans while the hand is down in the box drags it through walls and blocks.
+        if seen.world_from_tip.translation.z > self.scene.table_height + CLEAR_HEIGHT {
+            self.posture = self.wanted_posture;
         }
         self.wanted = match goal {
             None => Gesture::NoMotion,
@@ -243,7 +253,9 @@ impl SimulatedParticipant {
         } else if now.millis_since(*self.stuck_since.get_or_insert(now)) > STUCK_MILLIS {
             self.stuck_since = None;
             self.attempt += 1;
-            self.posture = self.comfortable(&self.place_of(goal, seen), self.attempt);
+            // Stuck with the hand in the box: then the trunk moves all the same, and carefully.
+            self.wanted_posture = self.comfortable(&self.place_of(goal, seen), self.attempt);
+            self.posture = self.wanted_posture;
         }
         Gesture::WristExtension
     }
