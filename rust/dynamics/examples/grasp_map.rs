@@ -61,5 +61,22 @@ fn main() -> Result<(), PlantError> {
             );
         }
     }
+    println!(
+        "\nheld out of 12 (tilts 10, 25.6, 40 degrees; heights -8, 0, 8, 16 mm); columns: shift y -8 to 16 mm"
+    );
+    for x in -6..=4 {
+        let mut line = format!("shift x {:4}: ", x * 4);
+        for y in -2..=4 {
+            let mut held = 0;
+            for tilt in [10.0, 25.6, 40.0] {
+                for z in [-2, 0, 2, 4] {
+                    let shift = Vector::new(f64::from(x), f64::from(y), f64::from(z)) * 4e-3;
+                    held += usize::from(grasp(tilt, shift)?.starts_with("held"));
+                }
+            }
+            line += &format!("{held:4}");
+        }
+        println!("{line}");
+    }
     Ok(())
 }

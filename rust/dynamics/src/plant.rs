@@ -57,7 +57,15 @@ impl Default for DynamicsOptions {
 
 /// Arm, box and blocks in ODE.
 ///
-/// Determinism: see the crate. Frames and units: those of [`PlantState`].
+/// Determinism: see the crate. Frames and units: those of [`PlantState`]. After a step that failed inside ODE
+/// ([`PlantError::Library`] other than a base that jumps) every further step fails too; the state stays readable.
+///
+/// Make it in the thread that steps it:
+///
+/// ```compile_fail
+/// fn sendable<T: Send>() {}
+/// sendable::<proact_dynamics::OdePlant>();
+/// ```
 pub struct OdePlant {
     world: cxx::UniquePtr<ffi::World>,
     state: PlantState,
