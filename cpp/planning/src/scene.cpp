@@ -17,6 +17,10 @@ namespace {
 /// Shapes that shrink below this are kept this thin: FCL needs an extent.
 constexpr double smallest_extent = 1e-4;
 
+/// A body whose ball is farther than this from something is not looked at more closely, metres: a step as long
+/// as the ball allows costs less than the poses of all its shapes.
+constexpr double far_enough = 0.04;
+
 Eigen::Isometry3d transform(const Pose& pose, const std::string& name) {
   Eigen::Quaterniond rotation(pose.quaternion[3], pose.quaternion[0], pose.quaternion[1], pose.quaternion[2]);
   const Eigen::Vector3d position(pose.position[0], pose.position[1], pose.position[2]);
@@ -218,11 +222,18 @@ double Scene::clearance(const double* q, const double* dq, double enough) {
   const auto settled = [&least](double gap, double speed) { return gap > 0.0 && gap >= least * speed; };
 
   for (std::size_t b = bodies_.size(); b-- > 1;) {
-    const Body& body = bodies_[b];
+    Body& body = bodies_[b];
+    if (body.members.empty()) continue;
     const double speed = speed_[b];
     for (std::size_t o = 0; o < obstacles_.size(); ++o) {
       const Obstacle& obstacle = obstacles_[o];
-      if (settled(distance(body.box, obstacle.box), speed)) continue;
+      const double ball_gap = distance(body.centre, obstacle.box) - body.ball;
+      if (settled(ball_gap, speed)) continue;
+      if (ball_gap > far_enough) {
+        consider(ball_gap, speed);
+        continue;
+      }
+      pose_members(body);
       for (const Member& member : body.members) {
         const double gap = distance(member.box, obstacle.box);
         if (settled(gap, speed) || contact_allowed(member.owner, o)) continue;
@@ -238,10 +249,19 @@ double Scene::clearance(const double* q, const double* dq, double enough) {
   }
   for (std::size_t a = 0; a + 1 < bodies_.size(); ++a) {
     for (std::size_t b = a + 1; b < bodies_.size(); ++b) {
+      if (bodies_[a].members.empty() || bodies_[b].members.empty()) continue;
       const double speed = pair_speed_[a * bodies_.size() + b];
-      if (settled(distance(bodies_[a].box, bodies_[b].box), speed)) continue;
+      const double ball_gap = (bodies_[a].centre - bodies_[b].centre).norm() - bodies_[a].ball - bodies_[b].ball;
+      if (settled(ball_gap, speed)) continue;
+      if (ball_gap > far_enough) {
+        consider(ball_gap, speed);
+        continue;
+      }
+      pose_members(bodies_[a]);
+      pose_members(bodies_[b]);
       for (const Member& first : bodies_[a].members) {
-        if (settled(distance(first.box, bodies_[b].box), speed)) continue;
+        const double first_gap = distance(bodies_[b].centre, first.box) - bodies_[b].ball;
+        if (settled(first_gap, speed)) continue;
         for (const Member& second : bodies_[b].members) {
           const double gap = distance(first.box, second.box);
           if (settled(gap, speed) || links_allowed(first.owner, second.owner)) continue;
@@ -330,15 +350,18 @@ double Scene::distance(const Box& a, const Box& b) {
   return gap.norm();
 }
 
-double Scene::reach(const Shape& shape, const Transform& frame_from_shape) {
-  double radius = 0.0;
+double Scene::distance(const Vector& point, const Box& box) {
+  return (box.low - point).cwiseMax(point - box.high).cwiseMax(Vector::Zero()).norm();
+}
+
+double Scene::reach(const Shape& shape) {
   switch (shape.kind) {
-    case ShapeKind::box: radius = 0.5 * Vector(shape.size[0], shape.size[1], shape.size[2]).norm(); break;
-    case ShapeKind::sphere: radius = shape.size[0]; break;
-    case ShapeKind::cylinder: radius = std::hypot(shape.size[0], 0.5 * shape.size[1]); break;
-    case ShapeKind::capsule: radius = shape.size[0] + 0.5 * shape.size[1]; break;
+    case ShapeKind::box: return 0.5 * Vector(shape.size[0], shape.size[1], shape.size[2]).norm();
+    case ShapeKind::sphere: return shape.size[0];
+    case ShapeKind::cylinder: return std::hypot(shape.size[0], 0.5 * shape.size[1]);
+    case ShapeKind::capsule: return shape.size[0] + 0.5 * shape.size[1];
   }
-  return frame_from_shape.translation().norm() + radius;
+  throw std::invalid_argument("unknown kind of shape");
 }
 
 void Scene::place_hand() {
@@ -377,9 +400,19 @@ void Scene::place_obstacle(Obstacle& obstacle) const {
 
 void Scene::update_radii() {
   for (Body& body : bodies_) {
-    body.radius = 0.0;
+    body.radius = body.ball = 0.0;
+    Box box;
     for (const Member& member : body.members) {
-      body.radius = std::max(body.radius, reach(member.solid.shape, member.body_from_shape));
+      const Box own = bounds(member.solid.shape, member.body_from_shape);
+      box.low = box.low.cwiseMin(own.low);
+      box.high = box.high.cwiseMax(own.high);
+    }
+    body.body_centre = body.members.empty() ? Vector(Vector::Zero()) : Vector(0.5 * (box.low + box.high));
+    for (const Member& member : body.members) {
+      const Vector& at = member.body_from_shape.translation();
+      const double around = reach(member.solid.shape);
+      body.radius = std::max(body.radius, at.norm() + around);
+      body.ball = std::max(body.ball, (at - body.body_centre).norm() + around);
     }
   }
   // A point of body b is never farther from the axis of joint j than the links between them are long.
@@ -400,14 +433,18 @@ void Scene::pose_bodies(const double* q) {
         bodies_[k].world_from_body * turned(chain_[k].parent_from_joint, chain_[k].axis, q[k]);
   }
   for (Body& body : bodies_) {
-    body.box = Box{};
-    for (Member& member : body.members) {
-      member.world_from_shape = body.world_from_body * member.body_from_shape;
-      member.box = bounds(member.solid.shape, member.world_from_shape);
-      body.box.low = body.box.low.cwiseMin(member.box.low);
-      body.box.high = body.box.high.cwiseMax(member.box.high);
-    }
+    body.centre = body.world_from_body * body.body_centre;
+    body.members_posed = false;
   }
+}
+
+void Scene::pose_members(Body& body) {
+  if (body.members_posed) return;
+  for (Member& member : body.members) {
+    member.world_from_shape = body.world_from_body * member.body_from_shape;
+    member.box = bounds(member.solid.shape, member.world_from_shape);
+  }
+  body.members_posed = true;
 }
 
 void Scene::set_speeds(const double* dq) {
@@ -447,6 +484,7 @@ const std::string& Scene::owner_name(std::size_t owner) const {
 std::vector<NamePair> Scene::report(const double* q, bool within_bodies) {
   ++state_checks_;
   pose_bodies(q);
+  for (Body& body : bodies_) pose_members(body);
   std::vector<NamePair> pairs;
   const auto add = [&pairs](const std::string& a, const std::string& b) {
     const NamePair pair(a, b);

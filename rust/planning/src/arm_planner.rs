@@ -1,15 +1,14 @@
 //! From a request to a reply: the start is left, ways to the goal are found, a search connects the two.
 
 use crate::error::check;
-use crate::reach::{self, Limits, Reach};
+use crate::reach::Limits;
 use crate::timing::{Curve, MotionLimits};
 use crate::ways::Way;
 use crate::{CancelFlag, CollisionScene, PlannerOptions, PlanningError, SearchLimits, SearchOutcome};
-use nalgebra::Unit;
 use proact_control::ports::ArmKinematics;
 use proact_types::{
-    ArmModel, AttachedObject, Obstacle, PlanGoal, PlanReply, PlanRequest, PlanStatus, Point, Pose, Shape,
-    Trajectory, TrajectoryPoint, Vector,
+    ArmModel, AttachedObject, Obstacle, PlanGoal, PlanReply, PlanRequest, PlanStatus, Pose, Trajectory,
+    TrajectoryPoint, Vector,
 };
 use std::sync::Arc;
 
@@ -46,6 +45,18 @@ impl From<PlanningError> for Failure {
     }
 }
 
+/// A failure, and how far the arm could still go: off what it was on or around.
+struct Setback {
+    failure: Failure,
+    way_out: Option<Vec<Vec<f64>>>,
+}
+
+impl From<Failure> for Setback {
+    fn from(failure: Failure) -> Self {
+        Self { failure, way_out: None }
+    }
+}
+
 /// A request in the planner's own terms.
 pub(crate) struct Problem<'a> {
     pub request: &'a PlanRequest,
@@ -63,16 +74,6 @@ pub(crate) struct Connection {
     pub entry: usize,
 }
 
-/// What the hand touches at the start.
-struct Grazes {
-    /// Pairs that touch.
-    touching: Vec<(String, String)>,
-    /// Those of them that press into each other.
-    pressed: Vec<(String, String)>,
-    /// Blocks between the fingers, which the hand may touch on its way out.
-    in_hand: Vec<String>,
-}
-
 /// How much room the next questions to the scene leave.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Room {
@@ -84,14 +85,8 @@ pub(crate) enum Room {
 
 /// Largest overshoot of a joint limit at the start that is taken for noise of the measurement, rad.
 const LIMIT_SLACK: f64 = 0.05;
-/// An obstacle whose centre is this close to the grasp centre stands between the fingers, metres.
-const IN_HAND: f64 = 0.07;
-/// A contact this deep is still a touch, metres: what is touched at the start may go on being touched.
-const FINGERTIP_GIVE: f64 = 0.003;
 /// Finest half step between checked states, metres.
 const SMALLEST_HALF_STEP: f64 = 0.001;
-/// Longest straight way that is tried in order to get clear of contacts at the start, metres.
-const LONGEST_LEAVE: f64 = 0.14;
 /// Distances of the control points of the smoothed path that are tried, rad. The curve cuts a corner by at most
 /// a third of one: with the last, by less than a millimetre at the fingertips.
 const SPACINGS: [f64; 4] = [0.02, 0.01, 0.005, 0.0025];
@@ -179,32 +174,43 @@ impl ArmPlanner {
         // Where the usual room is not to be had, a narrower way, looked at more finely, is better than none.
         let [wide, narrow] = [self.options.padding, self.options.contact_padding.min(self.options.padding)];
         self.transit_padding = wide;
-        match self.solve_with_room(&problem) {
-            Err(failure) if narrow < wide && could_do_with_less_room(failure.status) => {
-                self.transit_padding = narrow;
-                self.solve_with_room(&problem)
-                    .map_err(|other| if other.status == PlanStatus::Cancelled { other } else { failure })
+        let setback = match self.solve_with_room(&problem) {
+            Ok(plan) => return Ok(plan),
+            Err(setback) => setback,
+        };
+        if narrow < wide && could_do_with_less_room(setback.failure.status) {
+            self.transit_padding = narrow;
+            match self.solve_with_room(&problem) {
+                Ok(plan) => return Ok(plan),
+                Err(other) if other.failure.status == PlanStatus::Cancelled => return Err(other.failure),
+                Err(_) => self.transit_padding = wide,
             }
-            other => other,
+        }
+        match setback.way_out {
+            // No way on, but a way out of the box: from up there another base or another try may reach.
+            Some(path) => {
+                let end = path.len() - 1;
+                Ok((self.timed(&path, end, end)?, Some(setback.failure.reason)))
+            }
+            None => Err(setback.failure),
         }
     }
 
-    fn solve_with_room(&mut self, problem: &Problem) -> Result<(Trajectory, Option<String>), Failure> {
+    fn solve_with_room(&mut self, problem: &Problem) -> Result<(Trajectory, Option<String>), Setback> {
         let mut path = self.leave(problem)?;
         let left = path.len() - 1;
         let from = path[left].clone();
         let (found, shortfall) = match self.way_on(problem, &from) {
             Ok(found) => found,
-            // No way on, but a way out of the box: from up there another base or another try may reach.
-            Err(failure) if left > 0 && failure.status != PlanStatus::Cancelled => {
-                return Ok((self.timed(&path, left, left)?, Some(failure.reason)));
+            Err(failure) => {
+                let moved = from != problem.start && failure.status != PlanStatus::Cancelled;
+                return Err(Setback { failure, way_out: moved.then_some(path) });
             }
-            Err(failure) => return Err(failure),
         };
         let entered = left + found.entry;
         path.extend(found.points.into_iter().skip(1));
         if self.cancel.is_raised() {
-            return Err(cancelled());
+            return Err(cancelled().into());
         }
         Ok((self.timed(&path, left, entered)?, shortfall))
     }
@@ -290,136 +296,6 @@ impl ArmPlanner {
         }
     }
 
-    /// From the start to where the search may begin: straight up while the hand is around a block, touches
-    /// something, or carries an object that stands on the table; otherwise the start alone.
-    fn leave(&mut self, problem: &Problem) -> Result<Vec<Vec<f64>>, Failure> {
-        let request = problem.request;
-        let mut path = vec![request.start.to_vec()];
-        if problem.start != path[0] {
-            path.push(problem.start.clone());
-        }
-        self.set_room(Room::Transit)?;
-        let close = self.scene.collisions(&problem.start)?;
-        let base_from_tip = self.kinematics.forward(&problem.start).map_err(PlanningError::from)?;
-        let world_from_tip = request.world_from_base * base_from_tip;
-        let grasp_centre = Point::from(self.model.grasp_centre);
-        let world_grasp = world_from_tip * grasp_centre;
-        let is_in_hand = |o: &&Obstacle| {
-            (o.pose.translation.vector - world_grasp.coords).norm() < IN_HAND && thickness(&o.shape) < 0.1
-        };
-        let in_hand: Vec<String> = match request.attached {
-            Some(_) => Vec::new(),
-            None => request.obstacles.iter().filter(is_in_hand).map(|o| o.name.clone()).collect(),
-        };
-        let around_block = !in_hand.is_empty();
-        let carries = matches!(request.goal, PlanGoal::Place { .. });
-        if close.is_empty() && !around_block && !carries {
-            return Ok(path);
-        }
-        self.refuse_deep_contact(problem)?;
-
-        self.scene.set_padding(0.0)?;
-        let touching = self.scene.collisions(&problem.start)?;
-        self.scene.set_padding(-FINGERTIP_GIVE)?;
-        let pressed = self.scene.collisions(&problem.start)?;
-        let grazes = Grazes { touching, pressed, in_hand };
-        let (point, wanted) = match &request.attached {
-            Some(object) => {
-                (Point::from(object.tip_from_object.translation.vector), self.options.lift_height)
-            }
-            None => (grasp_centre, if around_block { self.options.retreat_height } else { 0.0 }),
-        };
-        let mut best: Option<Vec<Vec<f64>>> = None;
-        for direction in ways_out(&problem.up, &base_from_tip) {
-            let reach = Reach {
-                point,
-                axis: base_from_tip.rotation.inverse() * problem.up,
-                target: base_from_tip * point,
-                direction: problem.up,
-                orientation: None,
-            };
-            let along = direction * wanted.max(LONGEST_LEAVE);
-            let line = reach::line(&mut *self.kinematics, &self.limits, &reach, &along, &problem.start)?;
-            let (free, covered) = self.clear_part(&line, &grazes, wanted)?;
-            let better = best.as_ref().is_none_or(|b| free.len() > b.len());
-            if !free.is_empty() && better {
-                best = Some(free);
-            }
-            if covered {
-                break;
-            }
-        }
-        match best {
-            Some(line) => {
-                path.extend(line.into_iter().skip(1));
-                Ok(path)
-            }
-            None => {
-                let (a, b) = close.first().cloned().unwrap_or_default();
-                Err(Failure::new(
-                    PlanStatus::StartInCollision,
-                    format!("The arm touches something and finds no straight way off it: {a} and {b}."),
-                ))
-            }
-        }
-    }
-
-    /// The part of a way out from its start to the first point, at least `wanted` metres on, that is clear for
-    /// transit; if there is none that far, to the last clear one. The flag says that `wanted` was covered.
-    fn clear_part(
-        &mut self,
-        line: &[Vec<f64>],
-        grazes: &Grazes,
-        wanted: f64,
-    ) -> Result<(Vec<Vec<f64>>, bool), Failure> {
-        let mut clear_at = None;
-        let enough = reach::line_steps(wanted.max(LONGEST_LEAVE)) as f64 * wanted / wanted.max(LONGEST_LEAVE);
-        for (k, q) in line.iter().enumerate() {
-            if self.cancel.is_raised() {
-                return Err(cancelled());
-            }
-            // Nothing new is touched, and what is touched is not pressed into.
-            self.scene.set_padding(0.0)?;
-            let known =
-                |pair: &(String, String)| grazes.touching.contains(pair) || grazes.in_hand.contains(&pair.1);
-            if !self.scene.collisions(q)?.iter().all(known) {
-                break;
-            }
-            self.scene.set_padding(-FINGERTIP_GIVE)?;
-            let known =
-                |pair: &(String, String)| grazes.pressed.contains(pair) || grazes.in_hand.contains(&pair.1);
-            if !self.scene.collisions(q)?.iter().all(known) {
-                break;
-            }
-            self.set_room(Room::Transit)?;
-            if self.scene.is_free(q)? {
-                clear_at = Some(k);
-                if k as f64 >= enough - 1e-9 {
-                    return Ok((line[..=k].to_vec(), true));
-                }
-            }
-        }
-        Ok((clear_at.map_or_else(Vec::new, |k| line[..=k].to_vec()), false))
-    }
-
-    /// A start that is farther inside an obstacle than a graze is refused: pulling a hand out of a wall is no
-    /// plan. Obstacles too thin to tell are left to the way out.
-    fn refuse_deep_contact(&mut self, problem: &Problem) -> Result<(), Failure> {
-        let depth = self.options.graze_depth;
-        self.scene.set_padding(-depth)?;
-        let deep = self.scene.collisions(&problem.start)?.into_iter().find(|(_, b)| {
-            let obstacle = problem.request.obstacles.iter().find(|o| o.name == *b);
-            obstacle.is_some_and(|o| thickness(&o.shape) > 2.2 * depth)
-        });
-        match deep {
-            Some((a, b)) => Err(Failure::new(
-                PlanStatus::StartInCollision,
-                format!("The arm starts deep inside something: {a} and {b}."),
-            )),
-            None => Ok(()),
-        }
-    }
-
     /// A path from `from` along one of `ways`, to its end.
     pub(crate) fn connect(
         &mut self,
@@ -488,28 +364,4 @@ fn could_do_with_less_room(status: PlanStatus) -> bool {
 /// The reply's words for a cancel.
 pub(crate) fn cancelled() -> Failure {
     Failure::new(PlanStatus::Cancelled, "The request was cancelled.")
-}
-
-/// Directions in which a contact may be left, base frame: straight up first, then up and back towards the
-/// person, then up and off the palm.
-fn ways_out(up: &Vector, base_from_tip: &Pose) -> Vec<Vector> {
-    let back = -base_from_tip.translation.vector;
-    let level = back - up * up.dot(&back);
-    let palm = base_from_tip.rotation * (Vector::z() + Vector::y());
-    [Some(*up), blend(up, &level), blend(up, &palm)].into_iter().flatten().collect()
-}
-
-fn blend(up: &Vector, aside: &Vector) -> Option<Vector> {
-    let aside = Unit::try_new(*aside, 1e-6)?;
-    Unit::try_new(up + 0.7 * aside.into_inner(), 1e-6).map(Unit::into_inner)
-}
-
-/// Smallest extent of a shape, metres.
-pub(crate) fn thickness(shape: &Shape) -> f64 {
-    match *shape {
-        Shape::Box { size } => size[0].min(size[1]).min(size[2]),
-        Shape::Sphere { radius } => 2.0 * radius,
-        Shape::Cylinder { radius, length } => (2.0 * radius).min(length),
-        Shape::Capsule { radius, .. } => 2.0 * radius,
-    }
 }

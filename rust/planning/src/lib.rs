@@ -20,6 +20,7 @@ mod arm_planner;
 mod bridge;
 mod error;
 mod intermediate;
+mod leave;
 mod options;
 mod reach;
 mod scene;

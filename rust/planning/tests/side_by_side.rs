@@ -132,7 +132,8 @@ fn a_path_over_the_partition_equals_that_of_raw_ompl_and_fcl() {
     let world = describe(&model, &hand, &still(), &obstacles);
     let numbers = |q: &[f64]| q.iter().map(f64::to_string).collect::<Vec<_>>().join(" ");
     for seed in 1..=5 {
-        let outcome = scene.search(&start, &[goal.clone()], seed, &limits, &CancelFlag::new()).unwrap();
+        let outcome =
+            scene.search(&start, std::slice::from_ref(&goal), seed, &limits, &CancelFlag::new()).unwrap();
         let SearchOutcome::Solved { path, .. } = outcome else { panic!("{outcome:?}") };
         assert!(path.len() > 2, "the straight way is blocked by the partition");
         let query = format!(

@@ -9,12 +9,13 @@ use proact_types::{
     ArmModel, AttachedObject, BlockId, JointVector, Obstacle, PlanGoal, PlanRequest, Point, Pose, Region,
     Shape, TrunkPosture, Vector, joints,
 };
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 pub const BLOCK: Shape = Shape::Cylinder { radius: 0.025, length: 0.05 };
 
 pub fn model() -> Arc<ArmModel> {
-    Arc::new(proact_description::mpl_right_arm())
+    static MODEL: OnceLock<Arc<ArmModel>> = OnceLock::new();
+    MODEL.get_or_init(|| Arc::new(proact_description::mpl_right_arm())).clone()
 }
 
 pub fn kinematics(model: &ArmModel) -> Kinematics {

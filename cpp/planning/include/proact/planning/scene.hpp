@@ -68,7 +68,7 @@ class Scene {
   /// How far the straight joint motion q + t * dq may go on from `t` = 0 in both directions before anything
   /// could touch: a lower bound, at most `enough`. Negative if something touches at q.
   ///
-  /// The bound divides the distance of two bounding boxes by the largest distance that any point of the moving
+  /// The bound divides the distance of two bounding volumes by the largest distance that any point of the moving
   /// body can travel per unit of t. It is zero where boxes overlap although the shapes are apart.
   double clearance(const double* q, const double* dq, double enough);
 
@@ -107,9 +107,14 @@ class Scene {
   struct Body {
     std::vector<Member> members;
     Transform world_from_body = Transform::Identity();
-    Box box;
+    /// A ball around all members: its centre in the body's frame and in `world`, and its radius.
+    Vector body_centre = Vector::Zero();
+    Vector centre = Vector::Zero();
+    double ball = 0.0;
     /// Farthest point of any member from the body's origin.
     double radius = 0.0;
+    /// False until this state's question needed the members' own poses.
+    bool members_posed = false;
   };
 
   struct ChainJoint {
@@ -130,12 +135,14 @@ class Scene {
   static Solid make_solid(const Shape& shape, double padding, const std::string& name);
   static Box bounds(const Shape& shape, const Transform& world_from_shape);
   static double distance(const Box& a, const Box& b);
-  static double reach(const Shape& shape, const Transform& frame_from_shape);
+  static double distance(const Vector& point, const Box& box);
+  static double reach(const Shape& shape);
 
   void place_hand();
   void place_obstacle(Obstacle& obstacle) const;
   void update_radii();
   void pose_bodies(const double* q);
+  static void pose_members(Body& body);
   void set_speeds(const double* dq);
   bool touch(const Solid& a, const Transform& a_pose, const Solid& b, const Transform& b_pose) const;
   bool contact_allowed(std::size_t owner, std::size_t obstacle) const;
