@@ -66,6 +66,7 @@ fn frame(tick: u64) -> DisplayFrame {
         gaze: None,
         target: TargetView::default(),
         planner: PlannerView::Idle,
+        mode: None,
         gesture: Gesture::NoMotion,
         confidence: 1.0,
         emg_source: "keys".into(),

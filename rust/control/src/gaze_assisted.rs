@@ -1,3 +1,4 @@
+use crate::ports::ArmKinematics;
 use crate::{
     ControlInput, ControlMethod, ControlOutput, HandCommand, MotionCommand, MotionState, PlanCommand,
 };
@@ -194,7 +195,12 @@ impl ControlMethod for GazeAssisted {
         &self.name
     }
 
-    fn step(&mut self, _now: SimTime, input: &ControlInput<'_>) -> ControlOutput {
+    fn step(
+        &mut self,
+        _now: SimTime,
+        input: &ControlInput<'_>,
+        _kinematics: &mut dyn ArmKinematics,
+    ) -> ControlOutput {
         let mut output = ControlOutput::default();
         let base_still = self.last_base.replace(input.world_from_base).is_some_and(|last| {
             let step = last.inv_mul(&input.world_from_base);

@@ -1,6 +1,7 @@
+use crate::ports::ArmKinematics;
 use proact_types::{
-    BlockId, EventKind, Gesture, HandView, PlanGoal, PlanReply, PlannerView, Point, Pose, SimTime,
-    TargetView, Trajectory,
+    BlockId, EventKind, Gesture, HandView, JointVector, ModeView, PlanGoal, PlanReply, PlannerView, Point,
+    Pose, SimTime, TargetView, Trajectory,
 };
 
 /// What a method sees at one control step.
@@ -8,6 +9,12 @@ use proact_types::{
 pub struct ControlInput<'a> {
     /// Gesture in force.
     pub gesture: Gesture,
+    /// The gesture that the EMG stage published in this tick; none between its messages.
+    pub message: Option<Gesture>,
+    /// Angles of the arm joints as measured, rad.
+    pub measured: &'a [f64],
+    /// Angles of the arm joints as asked of the position control, rad.
+    pub commanded: &'a [f64],
     /// Block with the highest posterior; none when no block is in question.
     pub highlight: Option<BlockId>,
     /// Centres of the blocks in `world`, `BlockId::ALL` order.
@@ -57,6 +64,11 @@ pub enum MotionCommand {
     Hold,
     /// Follow from the start.
     Follow(Trajectory),
+    /// Move the arm joints at these speeds, rad/s, until the next command. A method that moves says so at every
+    /// control step: after two steps without, the arm holds.
+    Velocity(JointVector),
+    /// Go to these arm angles, rad, each joint at its highest speed, and hold there.
+    Goto(JointVector),
 }
 
 /// A command for the hand.
@@ -84,8 +96,18 @@ pub trait ControlMethod: Send {
     /// Name shown to the participant and written to the record, such as `D`.
     fn name(&self) -> &str;
 
-    /// Advances to `now`.
-    fn step(&mut self, now: SimTime, input: &ControlInput<'_>) -> ControlOutput;
+    /// Advances to `now`. `kinematics` is that of the arm, base to tip.
+    fn step(
+        &mut self,
+        now: SimTime,
+        input: &ControlInput<'_>,
+        kinematics: &mut dyn ArmKinematics,
+    ) -> ControlOutput;
+
+    /// What the movement gestures move, for methods that cycle through joints or axes.
+    fn mode(&self) -> Option<ModeView> {
+        None
+    }
 
     /// The selection marker after the last step.
     fn target(&self) -> TargetView;

@@ -90,6 +90,7 @@ fn frame(time: SimTime) -> DisplayFrame {
             posterior: vec![0.1, 0.2, 0.6, 0.1],
         },
         planner: PlannerView::Idle,
+        mode: None,
         gesture: Gesture::NoMotion,
         confidence: 1.0,
         emg_source: "keys".to_owned(),

@@ -3,7 +3,7 @@
 
 use nalgebra::UnitQuaternion;
 use proact_control::{HandCommand, MotionCommand, MotionState};
-use proact_types::{ArmModel, JointVector, Pose, TICK_SECS, Trajectory, joints};
+use proact_types::{ArmModel, JointLimits, JointVector, Pose, TICK_SECS, Trajectory, joints};
 
 /// Highest speed of the hand joints, rad/s (assumed; the original's 0.5 rad/s makes a grasp take two seconds).
 const HAND_SPEED: f64 = 2.0;
@@ -12,30 +12,36 @@ const PEAK_OVER_MEAN: f64 = 1.875;
 /// A tracked shoulder pose arrives at 100 Hz; the base reaches it over this many ticks, without a jump.
 const BASE_TICKS: u32 = 10;
 
-/// Follows one trajectory of the arm at a time, within the joint limits.
+/// A speed command holds for this many ticks: two control steps. Silence stops the arm.
+const VELOCITY_TICKS: u64 = 20;
+
+/// Carries out one command for the arm at a time, within the joint limits.
 #[derive(Clone, Debug)]
 pub(crate) struct ArmMotion {
-    limits: Vec<(f64, f64)>,
+    limits: Vec<JointLimits>,
     position: JointVector,
     velocity: JointVector,
-    path: Option<Trajectory>,
+    course: Course,
     elapsed_ticks: u64,
-    finished: bool,
+}
+
+/// What the arm does.
+#[derive(Clone, Debug)]
+enum Course {
+    Hold { finished: bool },
+    Path(Trajectory),
+    Speed(JointVector),
+    To(JointVector),
 }
 
 impl ArmMotion {
     pub(crate) fn new(model: &ArmModel, start: &[f64]) -> Self {
         Self {
-            limits: model
-                .arm
-                .iter()
-                .map(|&j| (model.joints[j].limits.lower, model.joints[j].limits.upper))
-                .collect(),
+            limits: model.arm.iter().map(|&j| model.joints[j].limits).collect(),
             position: joints(start),
             velocity: start.iter().map(|_| 0.0).collect(),
-            path: None,
+            course: Course::Hold { finished: false },
             elapsed_ticks: 0,
-            finished: false,
         }
     }
 
@@ -49,40 +55,76 @@ impl ArmMotion {
     }
 
     pub(crate) fn state(&self) -> MotionState {
-        match &self.path {
-            Some(path) => {
+        match &self.course {
+            Course::Path(path) => {
                 let progress = self.elapsed_ticks as f64 * TICK_SECS / path.duration_secs().max(TICK_SECS);
                 MotionState::Following(progress.min(1.0))
             }
-            None if self.finished => MotionState::Finished,
-            None => MotionState::Holding,
+            Course::Hold { finished: true } => MotionState::Finished,
+            Course::Hold { finished: false } | Course::Speed(_) | Course::To(_) => MotionState::Holding,
         }
     }
 
     pub(crate) fn apply(&mut self, command: MotionCommand) {
-        self.finished = false;
         self.elapsed_ticks = 0;
-        self.path = match command {
-            MotionCommand::Hold => None,
-            MotionCommand::Follow(path) => Some(path),
-        };
         self.velocity.iter_mut().for_each(|v| *v = 0.0);
+        self.course = match command {
+            MotionCommand::Hold => Course::Hold { finished: false },
+            MotionCommand::Follow(path) => Course::Path(path),
+            MotionCommand::Velocity(speeds) => Course::Speed(speeds),
+            MotionCommand::Goto(angles) => Course::To(angles),
+        };
     }
 
     pub(crate) fn step(&mut self) {
-        let Some(path) = &self.path else { return };
         self.elapsed_ticks += 1;
         let elapsed = self.elapsed_ticks as f64 * TICK_SECS;
-        if let Some((position, velocity)) = path.sample(elapsed) {
-            for (k, &(lower, upper)) in self.limits.iter().enumerate() {
-                self.position[k] = position[k].clamp(lower, upper);
-                self.velocity[k] = if self.position[k] == position[k] { velocity[k] } else { 0.0 };
+        let (over, finished) = match &self.course {
+            Course::Hold { .. } => return,
+            Course::Path(path) => {
+                let sample = path.sample(elapsed);
+                let over = elapsed >= path.duration_secs();
+                if let Some((position, velocity)) = sample {
+                    self.ask(&position, &velocity);
+                }
+                (over, true)
             }
-        }
-        if elapsed >= path.duration_secs() {
-            self.path = None;
-            self.finished = true;
+            Course::Speed(speeds) => {
+                let speeds = speeds.clone();
+                let next: JointVector =
+                    self.position.iter().zip(&speeds).map(|(q, v)| q + v * TICK_SECS).collect();
+                self.ask(&next, &speeds);
+                (self.elapsed_ticks >= VELOCITY_TICKS, false)
+            }
+            Course::To(angles) => {
+                let toward = |((q, goal), limits): ((&f64, &f64), &JointLimits)| {
+                    (goal - q).clamp(-limits.velocity * TICK_SECS, limits.velocity * TICK_SECS)
+                };
+                let steps: JointVector =
+                    self.position.iter().zip(angles).zip(&self.limits).map(toward).collect();
+                let over = steps.iter().all(|step| *step == 0.0);
+                let next: JointVector = self.position.iter().zip(&steps).map(|(q, step)| q + step).collect();
+                let speeds: JointVector = steps.iter().map(|step| step / TICK_SECS).collect();
+                self.ask(&next, &speeds);
+                (over, false)
+            }
+        };
+        if over {
+            self.course = Course::Hold { finished };
             self.velocity.iter_mut().for_each(|v| *v = 0.0);
+        }
+    }
+
+    /// Asks for angles and speeds, within the limits; what is not finite is not asked for.
+    fn ask(&mut self, position: &[f64], velocity: &[f64]) {
+        for (k, limits) in self.limits.iter().enumerate() {
+            if !(position[k].is_finite() && velocity[k].is_finite()) {
+                self.velocity[k] = 0.0;
+                continue;
+            }
+            let within = position[k].clamp(limits.lower, limits.upper);
+            self.position[k] = within;
+            self.velocity[k] = if within == position[k] { velocity[k] } else { 0.0 };
         }
     }
 }
@@ -219,6 +261,38 @@ mod tests {
         assert_eq!(hand.position().as_slice(), [0.6, 0.3]);
         assert!((1.9..=HAND_SPEED).contains(&fastest), "{fastest} rad/s");
         assert!(hand.velocity()[0].abs() < 1e-9);
+    }
+
+    fn arm() -> ArmMotion {
+        let limits = JointLimits { lower: -1.0, upper: 1.0, velocity: 0.5, effort: 1.0 };
+        ArmMotion {
+            limits: vec![limits; 2],
+            position: joints(&[0.0, 0.9]),
+            velocity: joints(&[0.0, 0.0]),
+            course: Course::Hold { finished: false },
+            elapsed_ticks: 0,
+        }
+    }
+
+    #[test]
+    fn a_speed_command_that_is_not_renewed_stops_the_arm_and_limits_hold() {
+        let mut arm = arm();
+        arm.apply(MotionCommand::Velocity(joints(&[0.4, 10.0])));
+        (0..100).for_each(|_| arm.step());
+        assert!((arm.position()[0] - 0.4 * 0.02).abs() < 1e-12, "{:?}", arm.position());
+        assert_eq!(arm.position()[1], 1.0, "the joint limit");
+        assert_eq!(arm.velocity().as_slice(), [0.0, 0.0]);
+    }
+
+    #[test]
+    fn a_goal_is_approached_at_the_joints_speed_and_numbers_that_are_none_are_not_asked_for() {
+        let mut arm = arm();
+        arm.apply(MotionCommand::Goto(joints(&[0.1, f64::NAN])));
+        (0..100).for_each(|_| arm.step());
+        assert!((arm.position()[0] - 0.05).abs() < 1e-12, "0.5 rad/s for 0.1 s");
+        assert_eq!(arm.position()[1], 0.9);
+        (0..200).for_each(|_| arm.step());
+        assert!((arm.position()[0] - 0.1).abs() < 1e-12);
     }
 
     #[test]

@@ -237,7 +237,8 @@ impl Testbed {
         if gesture != self.acted_on {
             self.note(&mut output, EventKind::GestureChanged { gesture });
         }
-        if now.0.is_multiple_of(CONTROL_TICKS) || gesture != self.acted_on || plan.is_some() {
+        let message = output.emg.is_some_and(|decision| decision.published);
+        if now.0.is_multiple_of(CONTROL_TICKS) || gesture != self.acted_on || plan.is_some() || message {
             self.acted_on = gesture;
             self.control(gesture, plan.as_ref(), &mut output)?;
         }
@@ -331,8 +332,12 @@ impl Testbed {
         }
         let blocks = self.block_centres();
         let posterior = *self.gaze.posterior();
+        let state = self.parts.plant.state();
         let input = ControlInput {
             gesture,
+            message: output.emg.filter(|decision| decision.published).map(|decision| decision.gesture),
+            measured: &state.position[..self.parts.model.arm_count()],
+            commanded: &self.arm.position().clone(),
             highlight: self.gaze.highlight(self.now),
             blocks: &blocks,
             posterior: &posterior,
@@ -342,7 +347,8 @@ impl Testbed {
             plan,
             motion: self.arm.state(),
         };
-        let ControlOutput { motion, hand, plan, events } = self.method.step(self.now, &input);
+        let ControlOutput { motion, hand, plan, events } =
+            self.method.step(self.now, &input, self.parts.kinematics.as_mut());
 
         let field = &mut self.digest.field(Field::Control);
         field

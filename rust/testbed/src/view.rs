@@ -124,6 +124,7 @@ impl Testbed {
             gaze: self.gaze.sample(),
             target: self.method.target(),
             planner: self.method.planner(),
+            mode: self.method.mode(),
             gesture: self.gesture(),
             confidence: self.confidence,
             emg_source: self.config.gesture_source.clone(),

@@ -27,6 +27,9 @@ pub struct DisplayFrame {
     pub target: TargetView,
     /// The planner and the motion.
     pub planner: PlannerView,
+    /// What the next movement gesture moves, for methods that cycle through joints or axes.
+    #[serde(default)]
+    pub mode: Option<ModeView>,
     /// Gesture in force, as recognised.
     pub gesture: Gesture,
     /// Probability of the recognised class, 0 to 1; one for keys.
@@ -80,6 +83,19 @@ pub struct TargetView {
     pub locked: bool,
     /// Posterior over blocks in [`BlockId::ALL`] order; empty for methods without inference.
     pub posterior: Vec<f64>,
+}
+
+/// The joint or axis that WE and WF move, in methods A and B.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ModeView {
+    /// The number published on `/mode`: 0 to 6 are joints, 7 to 9 translations, 10 to 12 rotations about x, y, z.
+    pub number: u8,
+    /// As shown, such as `elbow flexion`.
+    pub name: String,
+    /// What WE does, such as `flexion`, and what WF does.
+    pub directions: [String; 2],
+    /// Seconds until a held HO moves on; none when it is not held.
+    pub next_in_secs: Option<f64>,
 }
 
 /// Planner status as shown.

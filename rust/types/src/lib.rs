@@ -28,7 +28,7 @@ pub use arm::{
     ArmModel, ArmModelError, CollisionShape, Inertial, Joint, JointKind, JointLimits, Link, NamedPose,
     Visual, VisualGeometry,
 };
-pub use display::{DisplayFrame, HandState, HandView, PlannerView, TargetView};
+pub use display::{DisplayFrame, HandState, HandView, ModeView, PlannerView, TargetView};
 pub use event::{Event, EventKind};
 pub use gesture::{Gesture, UnknownGesture};
 pub use input::{EmgSample, GazeSample, MAX_EMG_CHANNELS, TickInput};

@@ -1,8 +1,27 @@
 use super::*;
+use crate::ports::{IkOutcome, KinematicsError};
 use Gesture::{HandClose, HandOpen, NoMotion, WristExtension, WristFlexion};
 use proact_types::{HandView, Trajectory, TrajectoryPoint, joints};
 
 const PLACE: Point = Point::new(0.05, 0.2, 1.015);
+
+/// Methods C and D leave kinematics to the planner.
+struct NoKinematics;
+
+impl ArmKinematics for NoKinematics {
+    fn joint_count(&self) -> usize {
+        7
+    }
+    fn forward(&mut self, _q: &[f64]) -> Result<Pose, KinematicsError> {
+        panic!("not asked")
+    }
+    fn jacobian(&mut self, _q: &[f64]) -> Result<nalgebra::DMatrix<f64>, KinematicsError> {
+        panic!("not asked")
+    }
+    fn inverse(&mut self, _target: &Pose, _seed: &[f64]) -> Result<IkOutcome, KinematicsError> {
+        panic!("not asked")
+    }
+}
 
 /// A world around the method that a test can push about.
 struct Bench {
@@ -34,6 +53,9 @@ impl Bench {
         let blocks = [0.0, 0.1, 0.2, 0.3].map(|x| Point::new(x, -0.1, 1.04));
         let input = ControlInput {
             gesture,
+            message: None,
+            measured: &[0.0; 7],
+            commanded: &[0.0; 7],
             highlight: self.highlight,
             blocks: &blocks,
             posterior: &[],
@@ -43,7 +65,7 @@ impl Bench {
             plan,
             motion: self.motion,
         };
-        self.method.step(SimTime(self.time), &input)
+        self.method.step(SimTime(self.time), &input, &mut NoKinematics)
     }
 
     /// Holds WE until the arm follows a plan.
