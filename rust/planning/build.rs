@@ -3,7 +3,9 @@
 use std::path::{Path, PathBuf};
 
 fn main() {
-    let core = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../cpp/planning");
+    // Asked for when run, not when compiled: the compiled script may be shared by several checkouts.
+    let here = std::env::var_os("CARGO_MANIFEST_DIR").expect("Cargo tells where the crate is");
+    let core = Path::new(&here).join("../../cpp/planning");
     let mut build = cxx_build::bridge("src/bridge.rs");
     build
         .file("src/adapter.cpp")

@@ -2,6 +2,10 @@
 //!
 //!     cargo run --release -p proact-planning --example reach_table -- still
 //!     cargo run --release -p proact-planning --example reach_table -- seated
+//!     cargo run --release -p proact-planning --example reach_table -- seated 24 -18 28
+//!
+//! Without a lean (forward, lateral, axial, degrees) a grid of leans is tried with one seed each, otherwise
+//! twenty seeds.
 
 #![allow(clippy::disallowed_methods)] // a program that measures
 
@@ -22,15 +26,17 @@ fn main() {
         let reply = planner.solve(request);
         (reply, begin.elapsed().as_secs_f64() * 1e3)
     };
-    let bases: Vec<(String, Pose)> = if mode == "still" {
-        vec![("still".to_owned(), still())]
-    } else {
-        leans().into_iter().map(|p| (format!("{:?}", degrees(&p)), seated(p))).collect()
+    let asked: Vec<f64> = std::env::args().skip(2).filter_map(|text| text.parse().ok()).collect();
+    let bases: Vec<(String, Pose)> = match (mode.as_str(), asked.as_slice()) {
+        ("still", _) => vec![("still".to_owned(), still())],
+        (_, &[forward, lateral, axial]) => vec![named(lean(forward, lateral, axial))],
+        _ => leans().into_iter().map(named).collect(),
     };
+    let seeds = if bases.len() == 1 { 20 } else { 1 };
     for region in Region::ALL {
         for (name, base) in &bases {
             let mut times = Vec::new();
-            for seed in 1..=(if mode == "still" { 20 } else { 1 }) {
+            for seed in 1..=seeds {
                 let request = pick(&model, *base, region, seed);
                 let (picked, pick_ms) = solve(&request);
                 let mut line = format!(
@@ -71,17 +77,19 @@ fn leans() -> Vec<TrunkPosture> {
     for forward in [0.0, 12.0, 24.0, 34.0] {
         for lateral in [-24.0, -12.0, 0.0, 12.0, 24.0] {
             for axial in [-20.0, 0.0, 20.0, 38.0] {
-                all.push(TrunkPosture {
-                    forward: f64::to_radians(forward),
-                    lateral: f64::to_radians(lateral),
-                    axial: f64::to_radians(axial),
-                });
+                all.push(lean(forward, lateral, axial));
             }
         }
     }
     all
 }
 
-fn degrees(p: &TrunkPosture) -> [i32; 3] {
-    [p.forward, p.lateral, p.axial].map(|a| a.to_degrees().round() as i32)
+/// From degrees.
+fn lean(forward: f64, lateral: f64, axial: f64) -> TrunkPosture {
+    TrunkPosture { forward: forward.to_radians(), lateral: lateral.to_radians(), axial: axial.to_radians() }
+}
+
+fn named(posture: TrunkPosture) -> (String, Pose) {
+    let degrees = [posture.forward, posture.lateral, posture.axial].map(|a| a.to_degrees().round() as i32);
+    (format!("{degrees:?}"), seated(posture))
 }
