@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 
 fn main() {
-    let core = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../cpp/dynamics");
+    let core = Path::new(&std::env::var_os("CARGO_MANIFEST_DIR").expect("Cargo tells where the crate is"))
+        .join("../../cpp/dynamics");
     let mut build = cxx_build::bridge("src/bridge.rs");
     build
         .file("src/adapter.cpp")

@@ -4,7 +4,7 @@ use proact_devices::{EmgSetup, EmgSource, GazeSource};
 use proact_dynamics::{DynamicsOptions, OdePlant};
 use proact_emg::Classifier;
 use proact_kinematics::Kinematics;
-use proact_participants::{ParticipantOptions, SimulatedParticipant};
+use proact_participants::{ParticipantOptions, SelectingParticipant};
 use proact_planning::{ArmPlanner, PlanWorker, PlannerOptions};
 use proact_tasks::BoxAndBlocks;
 use proact_testbed::{
@@ -61,14 +61,14 @@ pub fn simulated(mut config: TrialConfig, emg: &EmgSource) -> Result<Assembly, A
     config.gesture_source = label;
     let options = *config.participant.get_or_insert_with(ParticipantOptions::default);
     let task = BoxAndBlocks::new(config.arrangement);
-    let participant = SimulatedParticipant::new(options, config.setup.body, task.scene(), config.seed);
+    let participant = SelectingParticipant::new(options, config.setup.body, task.scene(), config.seed);
     let gaze = GazeSource::new(GAZE_ERROR_DEG, config.seed)?;
     let model = Arc::new(proact_description::mpl_right_arm());
     let plans = planner(&model)?;
     let testbed = testbed(config, &model, plans, Some(classifier.clone()))?;
     let session = Session::new(SessionParts {
         testbed,
-        participant: Some(participant),
+        participant: Some(Box::new(participant)),
         emg: Some(Box::new(feed)),
         gaze: Some(Box::new(gaze)),
     });

@@ -1,4 +1,5 @@
 //! Bad input at the command line: one clear line on standard error, a failing exit code, nothing half-written.
+#![allow(clippy::disallowed_methods)] // A test of files and processes.
 
 use std::{
     fs,

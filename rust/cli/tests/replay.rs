@@ -1,6 +1,7 @@
 //! Determinism and replay on the real stack: KDL, OMPL, ODE, the classifier and the simulated participant.
 //!
 //! Trials here are cut short at 15 simulated seconds: long enough to select, plan, grasp and lift a block.
+#![allow(clippy::disallowed_methods)] // A test of files and processes.
 
 use proact_cli::{Recorder, replay_trial, trial};
 use proact_devices::EmgSource;

@@ -26,6 +26,8 @@ pub struct Body {
     pub axial_max_deg: f64,
     /// Highest speed about any axis, degrees per second.
     pub speed_max_deg_per_s: f64,
+    /// Lean from which all places of the task can be reached: forward, lateral, axial, degrees.
+    pub reach_deg: [f64; 3],
 }
 
 impl Body {
@@ -146,6 +148,7 @@ mod tests {
             lateral_max_deg: 25.0,
             axial_max_deg: 40.0,
             speed_max_deg_per_s: 60.0,
+            reach_deg: [24.0, -18.0, 28.0],
         }
     }
 

@@ -8,7 +8,17 @@
 //! [`Intention`]: proact_types::Intention
 
 mod body;
-mod simulated;
+mod habits;
+mod selecting;
+
+use proact_types::{DisplayFrame, Intention};
 
 pub use body::{Body, Trunk};
-pub use simulated::{ParticipantOptions, SimulatedParticipant};
+pub use habits::ParticipantOptions;
+pub use selecting::SelectingParticipant;
+
+/// Somebody who sees and acts. Deterministic for its seed.
+pub trait Participant {
+    /// Looks at `frame` and acts. Called once per display frame.
+    fn step(&mut self, frame: &DisplayFrame) -> Intention;
+}

@@ -2,7 +2,7 @@ use crate::{
     SpanDigest, Testbed, TestbedError, TickOutput,
     ports::{EmgSource, GazeTracker, PlanService},
 };
-use proact_participants::{SimulatedParticipant, Trunk};
+use proact_participants::{Participant, Trunk};
 use proact_tasks::{Arrangement, BlockResult};
 use proact_types::{
     DisplayFrame, GazeSample, Gesture, Intention, PlanReply, PlanRequest, PlanStatus, Point, Pose, SimTime,
@@ -18,7 +18,7 @@ pub struct SessionParts {
     /// The testbed at time zero.
     pub testbed: Testbed,
     /// The simulated participant; none when a person drives.
-    pub participant: Option<SimulatedParticipant>,
+    pub participant: Option<Box<dyn Participant>>,
     /// The armband; none when gestures are given directly.
     pub emg: Option<Box<dyn EmgSource>>,
     /// The eye tracker of the simulated participant; a person's gaze is handed in.

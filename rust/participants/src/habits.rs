@@ -1,0 +1,154 @@
+//! What all simulated participants have in common: they see late, relax between gestures, blink, and lean.
+
+use crate::Body;
+use proact_types::{DisplayFrame, Gesture, SimTime, TrunkPosture};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, Normal};
+use serde::{Deserialize, Serialize};
+use std::collections::VecDeque;
+
+/// Habits of a simulated participant. Times in milliseconds; sources in `instruments.md` where one has a number.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ParticipantOptions {
+    /// From something shown to the beginning of an answer. Choice reaction takes 250 to 400 ms.
+    pub reaction_ms: u64,
+    /// Relaxed time between two gestures.
+    pub relax_ms: u64,
+    /// How long the marker must sit right before it is locked.
+    pub dwell_ms: u64,
+    /// How far the place marker may be off before it is locked, metres.
+    pub place_tolerance_m: f64,
+    /// Spread of the length of a movement gesture about the one meant, as a share of it.
+    pub timing_spread: f64,
+    /// Time from one blink to the next, on average.
+    pub blink_interval_ms: u64,
+    /// Length of a blink.
+    pub blink_ms: u64,
+}
+
+impl Default for ParticipantOptions {
+    fn default() -> Self {
+        Self {
+            reaction_ms: 250,
+            relax_ms: 300,
+            dwell_ms: 250,
+            place_tolerance_m: 0.012,
+            timing_spread: 0.08,
+            blink_interval_ms: 4000,
+            blink_ms: 150,
+        }
+    }
+}
+
+/// With the wrist this high above the table, hand and block are clear of walls and partition, metres: 0.152 of
+/// partition and 0.15 from wrist to the block's lower end.
+const CLEAR_HEIGHT: f64 = 0.30;
+
+/// The body and the nerves of one participant.
+pub(crate) struct Habits {
+    pub(crate) options: ParticipantOptions,
+    pub(crate) rng: ChaCha8Rng,
+    body: Body,
+    table_height: f64,
+    seen: VecDeque<DisplayFrame>,
+    gesture: Gesture,
+    relax_until: SimTime,
+    posture: TrunkPosture,
+    wanted_posture: TrunkPosture,
+    blink_at: SimTime,
+}
+
+impl Habits {
+    pub(crate) fn new(options: ParticipantOptions, body: Body, table_height: f64, seed: u64) -> Self {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x7061_7274_6963_6970);
+        // Habits vary by about a tenth between people.
+        let mut vary = |millis: u64| {
+            let spread = Normal::new(1.0, 0.1).expect("a positive spread");
+            (millis as f64 * f64::clamp(spread.sample(&mut rng), 0.7, 1.3)) as u64
+        };
+        let options = ParticipantOptions {
+            reaction_ms: vary(options.reaction_ms),
+            relax_ms: vary(options.relax_ms),
+            dwell_ms: vary(options.dwell_ms),
+            ..options
+        };
+        Self {
+            options,
+            rng,
+            body,
+            table_height,
+            seen: VecDeque::new(),
+            gesture: Gesture::NoMotion,
+            relax_until: SimTime(0),
+            posture: TrunkPosture::default(),
+            wanted_posture: TrunkPosture::default(),
+            blink_at: SimTime(options.blink_interval_ms),
+        }
+    }
+
+    /// Takes in `frame`; what has been understood by now is one reaction time old.
+    pub(crate) fn see(&mut self, frame: &DisplayFrame) -> DisplayFrame {
+        self.seen.push_back(frame.clone());
+        while self.seen.get(1).is_some_and(|f| frame.time.millis_since(f.time) >= self.options.reaction_ms) {
+            self.seen.pop_front();
+        }
+        let seen = self.seen.front().cloned().unwrap_or_else(|| frame.clone());
+        // A trunk that leans while the hand is down in the box drags it through walls and blocks.
+        if seen.world_from_tip.translation.z > self.table_height + CLEAR_HEIGHT {
+            self.posture = self.wanted_posture;
+        }
+        seen
+    }
+
+    /// The gesture made now.
+    pub(crate) fn gesture(&self) -> Gesture {
+        self.gesture
+    }
+
+    /// Where the trunk goes now.
+    pub(crate) fn posture(&self) -> TrunkPosture {
+        self.posture
+    }
+
+    /// Goes over to `wanted`, relaxing for a moment between two gestures.
+    pub(crate) fn make(&mut self, now: SimTime, wanted: Gesture) {
+        if wanted == self.gesture {
+            return;
+        }
+        if self.gesture != Gesture::NoMotion {
+            self.gesture = Gesture::NoMotion;
+            self.relax_until = now.plus_millis(self.options.relax_ms);
+        } else if now >= self.relax_until {
+            self.gesture = wanted;
+        }
+    }
+
+    /// Wants to lean as reaching asks for; later attempts try neighbouring postures. Stuck with the hand in the
+    /// box, `at_once`, the trunk moves all the same.
+    pub(crate) fn lean_to_reach(&mut self, attempt: u32, at_once: bool) {
+        // Three degrees of wandering per attempt, about what a person shifts on a chair.
+        let wander = f64::from(attempt) * 0.05;
+        let [forward, lateral, axial] = self
+            .body
+            .reach_deg
+            .map(|degrees| degrees.to_radians() + wander * self.rng.random_range(-1.0..1.0));
+        self.wanted_posture = self.body.limit(TrunkPosture { forward, lateral, axial });
+        if at_once {
+            self.posture = self.wanted_posture;
+        }
+    }
+
+    pub(crate) fn eyes_open(&mut self, now: SimTime) -> bool {
+        if now < self.blink_at {
+            return true;
+        }
+        if now.millis_since(self.blink_at) < self.options.blink_ms {
+            return false;
+        }
+        let mean = self.options.blink_interval_ms.max(2);
+        self.blink_at = now.plus_millis(self.rng.random_range(mean / 2..mean * 3 / 2));
+        true
+    }
+}

@@ -1,0 +1,213 @@
+use crate::{Body, Participant, ParticipantOptions, habits::Habits};
+use proact_types::{
+    BlockId, DisplayFrame, Gesture, HandState, Intention, PlannerView, Point, Scene, SimTime, Vector,
+};
+
+/// A gaze correction never exceeds this, metres: people look at what they mean.
+const CORRECTION_MAX: f64 = 0.06;
+/// Closing on nothing for this long means that the block was missed.
+const MISSED_MILLIS: u64 = 900;
+/// Holding WE without any movement for this long means that another posture is needed.
+const STUCK_MILLIS: u64 = 1500;
+
+/// A participant who follows the task's order with gaze-assisted control, methods C and D.
+///
+/// Sees each frame `reaction_ms` late, corrects the gaze when the marker is off, leans toward what is out of
+/// comfortable reach, relaxes between gestures and tries again what did not work. Deterministic for its seed.
+/// It is no evidence about people: its habits were chosen, not fitted.
+pub struct SelectingParticipant {
+    habits: Habits,
+    scene: Scene,
+    goal: Option<Goal>,
+    /// Where the eye rests relative to what it looks at, metres in `world`.
+    correction: Vector,
+    corrected_at: SimTime,
+    right_since: Option<SimTime>,
+    reached: bool,
+    closed_since: Option<SimTime>,
+    stuck_since: Option<SimTime>,
+    attempt: u32,
+}
+
+/// What the participant is about.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Goal {
+    Pick(BlockId),
+    Place(BlockId),
+}
+
+impl SelectingParticipant {
+    /// A participant with `body` before `scene`.
+    pub fn new(options: ParticipantOptions, body: Body, scene: &Scene, seed: u64) -> Self {
+        Self {
+            habits: Habits::new(options, body, scene.table_height, seed),
+            scene: scene.clone(),
+            goal: None,
+            correction: Vector::zeros(),
+            corrected_at: SimTime(0),
+            right_since: None,
+            reached: false,
+            closed_since: None,
+            stuck_since: None,
+            attempt: 0,
+        }
+    }
+
+    fn decide(&mut self, now: SimTime, seen: &DisplayFrame) -> Gesture {
+        let goal = match (seen.hand.holds, seen.next_block) {
+            (Some(block), _) => Some(Goal::Place(block)),
+            (None, next) => next.map(Goal::Pick),
+        };
+        if goal != self.goal {
+            self.goal = goal;
+            self.correction = Vector::zeros();
+            self.right_since = None;
+            self.reached = false;
+            self.stuck_since = None;
+            self.attempt = 0;
+            self.habits.lean_to_reach(0, false);
+        }
+        match goal {
+            None => Gesture::NoMotion,
+            Some(Goal::Pick(block)) => self.pick(now, seen, block),
+            Some(Goal::Place(block)) => self.place(now, seen, block),
+        }
+    }
+
+    fn pick(&mut self, now: SimTime, seen: &DisplayFrame, block: BlockId) -> Gesture {
+        if self.reached {
+            return self.grip(now, seen);
+        }
+        match seen.hand.state {
+            HandState::Open => {}
+            HandState::Opening => return Gesture::NoMotion,
+            HandState::Closing | HandState::Closed => return Gesture::HandOpen,
+        }
+        let right = seen.target.block == Some(block);
+        if !right {
+            self.look_away_from(now, seen, block);
+        }
+        if let Some(gesture) = self.lock(now, right, seen.target.locked) {
+            return gesture;
+        }
+        self.approach(now, seen)
+    }
+
+    fn place(&mut self, now: SimTime, seen: &DisplayFrame, block: BlockId) -> Gesture {
+        if self.reached {
+            return Gesture::HandOpen;
+        }
+        let target = self.scene.targets[block.index()].centre;
+        let error = seen.target.place.map_or(Vector::repeat(1.0), |marker| target - marker);
+        let tolerance = self.habits.options.place_tolerance_m * if seen.target.locked { 2.0 } else { 1.0 };
+        let right = error.norm() < tolerance;
+        // One correction per look: the marker has to be seen where it went before the next.
+        if !right
+            && !seen.target.locked
+            && now.millis_since(self.corrected_at) > self.habits.options.reaction_ms + 200
+        {
+            self.corrected_at = now;
+            let corrected = self.correction + error.cap_magnitude(0.03) * 0.7;
+            self.correction = corrected.cap_magnitude(CORRECTION_MAX);
+        }
+        if let Some(gesture) = self.lock(now, right, seen.target.locked) {
+            return gesture;
+        }
+        self.approach(now, seen)
+    }
+
+    /// Brings the selection to a lock on what is meant. None once it is there.
+    fn lock(&mut self, now: SimTime, right: bool, locked: bool) -> Option<Gesture> {
+        if !right {
+            self.right_since = None;
+        }
+        match (right, locked) {
+            (true, true) => None,
+            (false, true) => Some(Gesture::WristFlexion),
+            (false, false) => Some(Gesture::NoMotion),
+            (true, false) => {
+                let since = *self.right_since.get_or_insert(now);
+                let long_enough = now.millis_since(since) >= self.habits.options.dwell_ms;
+                Some(if long_enough { Gesture::WristFlexion } else { Gesture::NoMotion })
+            }
+        }
+    }
+
+    /// Holds WE until the arm is there; takes another posture when it gets stuck.
+    fn approach(&mut self, now: SimTime, seen: &DisplayFrame) -> Gesture {
+        let stuck = match &seen.planner {
+            PlannerView::Arrived { intermediate: false }
+                if self.habits.gesture() == Gesture::WristExtension =>
+            {
+                self.reached = true;
+                self.closed_since = None;
+                return Gesture::NoMotion;
+            }
+            PlannerView::Arrived { .. } | PlannerView::Failed { .. } => true,
+            PlannerView::Idle | PlannerView::Planning | PlannerView::Executing { .. } => false,
+        };
+        if !stuck || self.habits.gesture() != Gesture::WristExtension {
+            self.stuck_since = None;
+        } else if now.millis_since(*self.stuck_since.get_or_insert(now)) > STUCK_MILLIS {
+            self.stuck_since = None;
+            self.attempt += 1;
+            self.habits.lean_to_reach(self.attempt, true);
+        }
+        Gesture::WristExtension
+    }
+
+    /// Closes the hand on the block; opens it again and goes back when the block was missed.
+    fn grip(&mut self, now: SimTime, seen: &DisplayFrame) -> Gesture {
+        if seen.hand.state == HandState::Closed {
+            let since = *self.closed_since.get_or_insert(now);
+            if now.millis_since(since) > MISSED_MILLIS {
+                self.reached = false;
+                return Gesture::HandOpen;
+            }
+        }
+        Gesture::HandClose
+    }
+
+    /// Shifts the gaze to the far side of the block that is meant, away from the one that lights up.
+    fn look_away_from(&mut self, now: SimTime, seen: &DisplayFrame, block: BlockId) {
+        let Some(wrong) = seen.target.block else { return };
+        if seen.target.locked || now.millis_since(self.corrected_at) < self.habits.options.reaction_ms + 400 {
+            return;
+        }
+        self.corrected_at = now;
+        let position = |b: BlockId| seen.blocks[b.index()].translation.vector;
+        let away = (position(block) - position(wrong)).try_normalize(1e-6).unwrap_or_else(Vector::x);
+        self.correction = (self.correction + away * 0.015).cap_magnitude(CORRECTION_MAX);
+    }
+
+    fn looked_at(&self, frame: &DisplayFrame) -> Point {
+        match self.goal {
+            Some(goal) => self.place_of(goal, frame),
+            None => Point::new(0.0, 0.0, self.scene.table_height),
+        }
+    }
+
+    fn place_of(&self, goal: Goal, frame: &DisplayFrame) -> Point {
+        match goal {
+            Goal::Pick(block) => Point::from(frame.blocks[block.index()].translation.vector),
+            Goal::Place(block) => self.scene.targets[block.index()].centre,
+        }
+    }
+}
+
+impl Participant for SelectingParticipant {
+    fn step(&mut self, frame: &DisplayFrame) -> Intention {
+        let now = frame.time;
+        let seen = self.habits.see(frame);
+        let wanted = self.decide(now, &seen);
+        self.habits.make(now, wanted);
+        let looked_at = self.looked_at(frame) + self.correction;
+        let eye = frame.world_from_head.translation.vector;
+        Intention {
+            gesture: self.habits.gesture(),
+            gaze_direction: (looked_at.coords - eye).try_normalize(1e-9).unwrap_or_else(Vector::x),
+            eyes_open: self.habits.eyes_open(now),
+            trunk: self.habits.posture(),
+        }
+    }
+}
