@@ -1,3 +1,4 @@
+use crate::gforce::GForceError;
 use proact_emg::EmgError;
 use proact_types::Gesture;
 use std::path::PathBuf;
@@ -168,6 +169,19 @@ pub enum DeviceError {
         /// What is usable.
         expected: &'static str,
     },
+    /// Samples to be played whose counter does not rise.
+    #[error("{name}: counter {got} after {before}, expected a higher one")]
+    Counter {
+        /// Which recording.
+        name: String,
+        /// The counter before.
+        before: u64,
+        /// The one that follows.
+        got: u64,
+    },
+    /// An armband cannot be used.
+    #[error(transparent)]
+    GForce(#[from] GForceError),
     /// The classifier cannot be trained on these recordings, or the settings cannot work.
     #[error("EMG: {0}")]
     Emg(#[from] EmgError),

@@ -28,6 +28,8 @@ mod error;
 mod evaluate;
 mod feed;
 mod gaze;
+pub mod gforce;
+mod live;
 mod ports;
 mod random;
 mod recording;
@@ -38,6 +40,10 @@ pub use error::DeviceError;
 pub use evaluate::{Evaluation, evaluate};
 pub use feed::EmgFeed;
 pub use gaze::GazeSource;
+pub use live::{
+    EmgPacket, Fault, FaultySource, Pacing, PlaybackSource, SampleSource, ScriptedEvent, ScriptedSource,
+    SourceCounts, SourceEvent, SourceInfo,
+};
 pub use random::stream;
 pub use recording::{ChannelValues, MYO_RATE_HZ, Recording, Recordings, read_samples};
 pub use setup::{EmgSetup, EmgSource, prepare, prepare_with, train};

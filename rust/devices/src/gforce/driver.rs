@@ -1,0 +1,316 @@
+use super::{
+    fragments::{Fragments, Joined},
+    link::{Connect, GattLink, LinkError},
+    parser::EmgParser,
+    protocol::{
+        Characteristic, Command, EmgCapability, EmgSetting, ProtocolError, Reply, ReplyCode, SWITCH_EMG,
+    },
+};
+use crate::{DeviceError, EmgPacket, SampleSource, SourceCounts, SourceEvent, SourceInfo};
+use std::time::{Duration, Instant};
+
+/// Why an armband cannot be used although it is connected.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum GForceError {
+    /// The link failed while the armband was being set up.
+    #[error(transparent)]
+    Link(#[from] LinkError),
+    /// A setting that cannot work, or a reply that is none.
+    #[error(transparent)]
+    Protocol(#[from] ProtocolError),
+    /// A command was refused.
+    #[error("the armband refuses command {opcode:#04x}: {code}{hint}")]
+    Refused {
+        /// Which operation.
+        opcode: u8,
+        /// Its verdict.
+        code: ReplyCode,
+        /// What to do, if anything.
+        hint: &'static str,
+    },
+    /// No reply came.
+    #[error("the armband did not answer command {opcode:#04x} within {} s; switch it off and on", REPLY_TIMEOUT.as_secs())]
+    NoReply {
+        /// Which operation.
+        opcode: u8,
+    },
+    /// What is read back is not what was set.
+    #[error("the armband was set to {asked:?} and reads back {got:?}; ask for what it can do, or update it")]
+    ReadBack {
+        /// As set.
+        asked: EmgSetting,
+        /// As read.
+        got: EmgSetting,
+    },
+}
+
+/// How the armband is to be set.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct GForceOptions {
+    /// Samples per second; none for the highest that the armband says it can do at this resolution.
+    pub rate_hz: Option<u16>,
+    /// 8, up to 1000 Hz, or 12, up to 500 Hz.
+    pub bits: u8,
+    /// A bit per channel.
+    pub channel_mask: u16,
+    /// Bytes of a packet. Smaller ones wait less and cost more radio: 128 is 16 ms at 1000 Hz, 32 is 4 ms.
+    pub packet_bytes: u8,
+}
+
+impl Default for GForceOptions {
+    fn default() -> Self {
+        let EmgSetting { channel_mask, packet_bytes, bits, .. } = EmgSetting::PROACT;
+        GForceOptions { rate_hz: None, bits, channel_mask, packet_bytes }
+    }
+}
+
+/// How long a reply may take (one to five seconds in the maker's programs).
+const REPLY_TIMEOUT: Duration = Duration::from_secs(2);
+/// A stream without any packet for so long is given up, and the connection made anew.
+const SILENCE: Duration = Duration::from_secs(2);
+/// Wait before the first attempt to reconnect; doubled with each until the longest.
+const FIRST_WAIT: Duration = Duration::from_millis(250);
+const LONGEST_WAIT: Duration = Duration::from_secs(5);
+
+/// A gForce Pro or Pro+ armband: sets it up, reads its settings back, switches package ids and samples on, and
+/// reconnects with growing waits when it is lost. The sample counter goes on across a loss and steps over it.
+///
+/// Everything happens within [`SampleSource::poll`]; connecting may take longer than its timeout.
+pub struct GForce {
+    connector: Box<dyn Connect>,
+    options: GForceOptions,
+    info: SourceInfo,
+    parser: EmgParser,
+    opened: Instant,
+    notification: Vec<u8>,
+    battery: Option<u8>,
+    state: State,
+}
+
+enum State {
+    Streaming { link: Box<dyn GattLink>, heard: Instant },
+    Waiting { until: Instant, wait: Duration },
+}
+
+/// What setting up finds out.
+struct Ready {
+    setting: EmgSetting,
+    ids: bool,
+    firmware: Option<String>,
+    battery: Option<u8>,
+}
+
+impl GForce {
+    /// Connects and sets the armband up. Samples begin to come.
+    ///
+    /// # Errors
+    /// It cannot be reached, refuses the settings, does not answer, or reads back other settings.
+    pub fn open(mut connector: Box<dyn Connect>, options: GForceOptions) -> Result<GForce, GForceError> {
+        let mut link = connector.connect()?;
+        let ready = set_up(link.as_mut(), &options)?;
+        let name = match &ready.firmware {
+            Some(firmware) => format!("gForce, firmware {firmware}, {}", connector.name()),
+            None => format!("gForce, {}", connector.name()),
+        };
+        let setting = ready.setting;
+        let info = SourceInfo {
+            name,
+            rate_hz: setting.rate_hz.into(),
+            channels: setting.channels(),
+            packet_samples: setting.packet_samples(),
+            zero: setting.zero(),
+            rails: Some((0.0, setting.highest())),
+            loss_is_counted: ready.ids,
+        };
+        let now = Instant::now();
+        Ok(GForce {
+            connector,
+            // After a loss the same stream is asked for again.
+            options: GForceOptions { rate_hz: Some(setting.rate_hz), ..options },
+            info,
+            parser: EmgParser::new(setting, ready.ids)?,
+            opened: now,
+            notification: Vec::with_capacity(1024),
+            battery: ready.battery,
+            state: State::Streaming { link, heard: now },
+        })
+    }
+
+    /// Charge of the armband's battery when it was last connected, per cent.
+    pub fn battery_percent(&self) -> Option<u8> {
+        self.battery
+    }
+
+    /// Bits of a code.
+    pub fn bits(&self) -> u8 {
+        self.options.bits
+    }
+
+    fn lose(&mut self, reason: String) -> SourceEvent {
+        self.state = State::Waiting { until: Instant::now() + FIRST_WAIT, wait: FIRST_WAIT };
+        SourceEvent::Lost { reason }
+    }
+
+    /// One attempt to get the armband back.
+    fn reconnect(&mut self, wait: Duration) -> SourceEvent {
+        let attempt = self.connector.connect().map_err(GForceError::from).and_then(|mut link| {
+            let ready = set_up(link.as_mut(), &self.options)?;
+            self.parser.restart(ready.setting, ready.ids)?;
+            Ok((link, ready))
+        });
+        match attempt {
+            Ok((link, ready)) => {
+                self.battery = ready.battery;
+                self.info.loss_is_counted = ready.ids;
+                self.state = State::Streaming { link, heard: Instant::now() };
+                SourceEvent::Restored
+            }
+            // The loss was reported; what hinders an attempt may be over at the next.
+            Err(_) => {
+                let wait = (2 * wait).min(LONGEST_WAIT);
+                self.state = State::Waiting { until: Instant::now() + wait, wait };
+                SourceEvent::Nothing
+            }
+        }
+    }
+}
+
+impl SampleSource for GForce {
+    fn info(&self) -> &SourceInfo {
+        &self.info
+    }
+
+    fn poll(&mut self, timeout: Duration, packet: &mut EmgPacket) -> Result<SourceEvent, DeviceError> {
+        let deadline = Instant::now() + timeout;
+        loop {
+            let left = deadline.saturating_duration_since(Instant::now());
+            let (link, heard) = match &mut self.state {
+                State::Streaming { link, heard } => (link, heard),
+                State::Waiting { until, wait } => {
+                    let (pause, wait) = (until.saturating_duration_since(Instant::now()), *wait);
+                    std::thread::sleep(pause.min(left));
+                    if pause > left {
+                        return Ok(SourceEvent::Nothing);
+                    }
+                    return Ok(self.reconnect(wait));
+                }
+            };
+            match link.next_notification(left, &mut self.notification) {
+                Ok(Some(Characteristic::Data)) => {
+                    *heard = Instant::now();
+                    let now = heard.saturating_duration_since(self.opened);
+                    if self.parser.push(&self.notification, now, packet) {
+                        return Ok(SourceEvent::Packet);
+                    }
+                }
+                // Replies that nobody waits for any more.
+                Ok(Some(Characteristic::Command)) => {}
+                Ok(None) => {
+                    if heard.elapsed() > SILENCE {
+                        let reason = format!("no samples for {:.1} s", heard.elapsed().as_secs_f64());
+                        return Ok(self.lose(reason));
+                    }
+                }
+                Err(error) => return Ok(self.lose(error.to_string())),
+            }
+            if Instant::now() >= deadline {
+                return Ok(SourceEvent::Nothing);
+            }
+        }
+    }
+
+    fn counts(&self) -> SourceCounts {
+        self.parser.counts()
+    }
+}
+
+impl Drop for GForce {
+    fn drop(&mut self) {
+        // The armband goes on sending until it is told, and drains its battery. If it cannot be told it has
+        // noticed the end of the connection.
+        if let State::Streaming { link, .. } = &mut self.state {
+            let _ = link.write(Characteristic::Command, &Command::DataSwitch(0).to_bytes());
+        }
+    }
+}
+
+fn set_up(link: &mut dyn GattLink, options: &GForceOptions) -> Result<Ready, GForceError> {
+    // Both are for display; an armband that does not tell is as good.
+    let firmware = asked(link, Command::Firmware)?.map(|body| firmware_name(&body));
+    let battery = asked(link, Command::Battery)?.and_then(|body| body.first().copied());
+    let rate_hz = match options.rate_hz {
+        Some(rate_hz) => rate_hz,
+        None => {
+            let fastest = if options.bits == 8 { 1000 } else { 500 };
+            match asked(link, Command::EmgCapability)? {
+                Some(body) => EmgCapability::from_bytes(&body)?.max_rate_hz.min(fastest),
+                None => fastest,
+            }
+        }
+    };
+    let GForceOptions { channel_mask, packet_bytes, bits, .. } = *options;
+    let setting = EmgSetting { rate_hz, channel_mask, packet_bytes, bits };
+    setting.check()?;
+    command(link, Command::SetEmg(setting), "; ask for another rate or resolution")?;
+    // Devices have been seen to accept a rate and keep another.
+    let got = EmgSetting::from_bytes(&command(link, Command::GetEmg, "")?)?;
+    if got != setting {
+        return Err(GForceError::ReadBack { asked: setting, got });
+    }
+    let ids = asked(link, Command::PackageId(true))?.is_some();
+    command(link, Command::DataSwitch(SWITCH_EMG), "")?;
+    Ok(Ready { setting, ids, firmware, battery })
+}
+
+/// Sends a command and waits for its reply. The body of the reply.
+fn command(link: &mut dyn GattLink, command: Command, hint: &'static str) -> Result<Vec<u8>, GForceError> {
+    link.write(Characteristic::Command, &command.to_bytes())?;
+    let deadline = Instant::now() + REPLY_TIMEOUT;
+    let mut fragments = Fragments::default();
+    let mut bytes = Vec::new();
+    loop {
+        let left = deadline.saturating_duration_since(Instant::now());
+        match link.next_notification(left, &mut bytes)? {
+            Some(Characteristic::Command) => {
+                let message = match fragments.push(&bytes) {
+                    Joined::Incomplete => continue,
+                    Joined::Whole(message) | Joined::FromFragments(message) => message,
+                };
+                let Ok(reply) = Reply::from_bytes(message) else { continue };
+                if reply.opcode != command.opcode() {
+                    continue;
+                }
+                return match reply.code {
+                    ReplyCode::Ok => Ok(reply.body.to_vec()),
+                    code => Err(GForceError::Refused { opcode: reply.opcode, code, hint }),
+                };
+            }
+            // Samples of a stream that was left running.
+            Some(Characteristic::Data) => {}
+            None if left.is_zero() => return Err(GForceError::NoReply { opcode: command.opcode() }),
+            None => {}
+        }
+        if left.is_zero() {
+            return Err(GForceError::NoReply { opcode: command.opcode() });
+        }
+    }
+}
+
+/// As [`command`], for what an armband need not know: none if it refuses.
+fn asked(link: &mut dyn GattLink, what: Command) -> Result<Option<Vec<u8>>, GForceError> {
+    match command(link, what, "") {
+        Ok(body) => Ok(Some(body)),
+        Err(GForceError::Refused { .. }) => Ok(None),
+        Err(error) => Err(error),
+    }
+}
+
+/// Text, or up to four numbers.
+fn firmware_name(body: &[u8]) -> String {
+    if body.len() > 4 || body.iter().all(|b| b.is_ascii_graphic()) {
+        String::from_utf8_lossy(body).trim_end_matches('\0').to_owned()
+    } else {
+        body.iter().map(u8::to_string).collect::<Vec<_>>().join(".")
+    }
+}

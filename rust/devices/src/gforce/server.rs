@@ -1,0 +1,81 @@
+use super::{
+    link::{FrameSocket, GattLink, LinkError, SocketLink},
+    protocol::Characteristic,
+    simulator::{Notification, Simulator},
+};
+use std::{
+    io,
+    net::TcpListener,
+    sync::atomic::{AtomicBool, Ordering},
+    time::{Duration, Instant},
+};
+
+/// Longest wait in which a wish to stop is not noticed.
+const GLANCE: Duration = Duration::from_millis(50);
+
+/// Serves one armband over TCP, one connection after the other as a radio does, until `stop`. `report` is told of
+/// connections and their ends.
+///
+/// # Errors
+/// The listener failed.
+pub fn serve(
+    listener: &TcpListener,
+    simulator: &mut Simulator,
+    stop: &AtomicBool,
+    mut report: impl FnMut(&str),
+) -> io::Result<()> {
+    listener.set_nonblocking(true)?;
+    while !stop.load(Ordering::Relaxed) {
+        match listener.accept() {
+            Ok((socket, peer)) => {
+                socket.set_nonblocking(false)?;
+                socket.set_nodelay(true)?;
+                report(&format!("connected: {peer}"));
+                let end = serve_connection(&mut SocketLink::new(socket), simulator, stop);
+                report(&format!("disconnected: {end}"));
+            }
+            Err(error) if error.kind() == io::ErrorKind::WouldBlock => std::thread::sleep(GLANCE / 5),
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(())
+}
+
+/// Serves one connection until its end or `stop`; why it ended. Packets leave when they are due by the clock.
+pub fn serve_connection<S: FrameSocket>(
+    link: &mut SocketLink<S>,
+    simulator: &mut Simulator,
+    stop: &AtomicBool,
+) -> LinkError {
+    let begin = Instant::now();
+    let mut waiting: Vec<Notification> = Vec::new();
+    let mut bytes = Vec::new();
+    let end = loop {
+        if stop.load(Ordering::Relaxed) {
+            break LinkError::Closed;
+        }
+        let now = begin.elapsed();
+        waiting.extend(simulator.advance(now));
+        // Jitter may delay a packet beyond the next; a link keeps the order, so what is behind waits.
+        let ready = waiting.iter().take_while(|n| n.due <= now).count();
+        let sent: Result<(), LinkError> =
+            waiting.drain(..ready).try_for_each(|n| link.write(n.characteristic, &n.bytes));
+        if let Err(error) = sent {
+            break error;
+        }
+        let next = waiting.first().map(|n| n.due).into_iter().chain(simulator.next_due()).min();
+        let wait = next.map_or(GLANCE, |due| due.saturating_sub(begin.elapsed()).min(GLANCE));
+        match link.next_notification(wait, &mut bytes) {
+            Ok(Some(Characteristic::Command)) => {
+                let replies = simulator.write(&bytes, begin.elapsed());
+                if let Err(error) = replies.iter().try_for_each(|n| link.write(n.characteristic, &n.bytes)) {
+                    break error;
+                }
+            }
+            Ok(_) => {}
+            Err(error) => break error,
+        }
+    };
+    simulator.disconnect();
+    end
+}

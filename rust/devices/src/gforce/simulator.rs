@@ -1,0 +1,381 @@
+use super::{
+    fragments::cut,
+    protocol::{
+        Characteristic, Command, EMG_DATA, EmgCapability, EmgSetting, ProtocolError, ReplyCode, SWITCH_EMG,
+    },
+};
+use crate::{ChannelValues, DeviceError, stream};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use std::time::Duration;
+
+/// What a simulated armband is and does wrong. Shares are of notifications, 0 to 1.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SimulatorOptions {
+    /// The rate of the samples that it replays; it refuses every other.
+    pub rate_hz: u16,
+    /// Channels of the samples.
+    pub channels: usize,
+    /// It knows package ids.
+    pub package_ids: bool,
+    /// Most bytes of a notification: the MTU less 3. Longer packets are cut into fragments. 20 is the least that a
+    /// radio does.
+    pub notification_bytes: usize,
+    /// Charge, per cent.
+    pub battery_percent: u8,
+    /// Share of notifications that are lost.
+    pub loss: f64,
+    /// Share that come twice.
+    pub duplicates: f64,
+    /// Share that come after the next one.
+    pub reordered: f64,
+    /// Share whose end is missing.
+    pub truncated: f64,
+    /// Longest delay of a packet; each has its own.
+    pub jitter: Duration,
+    /// Seeds every fault.
+    pub seed: u64,
+}
+
+impl SimulatorOptions {
+    /// A flawless armband with the samples' `rate_hz` and `channels`, and notifications that hold whole packets.
+    pub fn flawless(rate_hz: u16, channels: usize) -> SimulatorOptions {
+        SimulatorOptions {
+            rate_hz,
+            channels,
+            package_ids: true,
+            notification_bytes: 244,
+            battery_percent: 87,
+            loss: 0.0,
+            duplicates: 0.0,
+            reordered: 0.0,
+            truncated: 0.0,
+            jitter: Duration::ZERO,
+            seed: 0,
+        }
+    }
+
+    /// Checks every value.
+    ///
+    /// # Errors
+    /// The first impossible one.
+    pub fn check(&self) -> Result<(), DeviceError> {
+        let shares =
+            [("loss", self.loss), ("dup", self.duplicates), ("reorder", self.reordered), ("truncate", self.truncated)];
+        for (name, value) in shares {
+            if !(0.0..=1.0).contains(&value) {
+                return Err(DeviceError::Parameter { name, value, expected: "a share, 0 to 1" });
+            }
+        }
+        let wrong = |name, value: f64, expected| Err(DeviceError::Parameter { name, value, expected });
+        if !(1..=16).contains(&self.channels) {
+            return wrong("channels of the simulator", self.channels as f64, "1 to 16");
+        }
+        if !(1..=1000).contains(&self.rate_hz) {
+            return wrong("EMG rate of the simulator", self.rate_hz.into(), "1 to 1000 Hz");
+        }
+        if self.notification_bytes < 20 {
+            return wrong("bytes of a notification", self.notification_bytes as f64, "at least 20");
+        }
+        Ok(())
+    }
+}
+
+/// Where the samples come from, one call each: signed codes of 8 bit about zero. They are shifted to the zero level
+/// and clipped, as the converter would; at 12 bit they are sixteen times finer in name only.
+pub type CodeSource = Box<dyn FnMut() -> ChannelValues + Send>;
+
+/// A notification that is due.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Notification {
+    /// When, since the simulator was made.
+    pub due: Duration,
+    /// On which characteristic.
+    pub characteristic: Characteristic,
+    /// Its bytes.
+    pub bytes: Vec<u8>,
+}
+
+/// An armband without radio and without clock: takes commands, gives notifications with the times at which they are
+/// due. Byte for byte that of the protocol, with faults if asked for.
+pub struct Simulator {
+    options: SimulatorOptions,
+    codes: CodeSource,
+    rng: ChaCha8Rng,
+    setting: EmgSetting,
+    ids: bool,
+    /// When samples were switched on, and the packets made since then.
+    streaming: Option<(Duration, u64)>,
+    motor: bool,
+    samples: u64,
+    /// Kept back to come after the next.
+    swapped: Option<Notification>,
+}
+
+impl Simulator {
+    /// An armband that is switched on and sends nothing yet.
+    ///
+    /// # Errors
+    /// Impossible options.
+    pub fn new(options: SimulatorOptions, codes: CodeSource) -> Result<Simulator, DeviceError> {
+        options.check()?;
+        let mask = ((1_u32 << options.channels) - 1) as u16;
+        let sample = options.channels;
+        let setting = EmgSetting {
+            rate_hz: options.rate_hz,
+            channel_mask: mask,
+            packet_bytes: (128 / sample * sample) as u8,
+            bits: 8,
+        };
+        Ok(Simulator {
+            rng: stream(options.seed, "emg/simulator"),
+            options,
+            codes,
+            setting,
+            ids: false,
+            streaming: None,
+            motor: false,
+            samples: 0,
+            swapped: None,
+        })
+    }
+
+    /// The link is gone: samples and package ids go off, the settings stay, as on a device.
+    pub fn disconnect(&mut self) {
+        self.streaming = None;
+        self.swapped = None;
+        self.ids = false;
+    }
+
+    /// Samples sent or lost so far, over all connections.
+    pub fn samples(&self) -> u64 {
+        self.samples
+    }
+
+    /// The vibration motor runs.
+    pub fn motor(&self) -> bool {
+        self.motor
+    }
+
+    /// Executes what was written to the command characteristic at `now`; the reply's notifications.
+    pub fn write(&mut self, bytes: &[u8], now: Duration) -> Vec<Notification> {
+        let Some(&opcode) = bytes.first() else { return Vec::new() };
+        let (code, body) = match Command::from_bytes(bytes) {
+            Err(ProtocolError::Opcode { .. }) => (ReplyCode::NotSupported, Vec::new()),
+            Err(_) => (ReplyCode::BadParameter, Vec::new()),
+            Ok(command) => self.execute(command, now),
+        };
+        let reply = [&[code.to_byte(), opcode], &body[..]].concat();
+        let notification = |bytes| Notification { due: now, characteristic: Characteristic::Command, bytes };
+        cut(&reply, self.options.notification_bytes).into_iter().map(notification).collect()
+    }
+
+    fn execute(&mut self, command: Command, now: Duration) -> (ReplyCode, Vec<u8>) {
+        let body = match command {
+            Command::Firmware => b"ProACT-sim-1".to_vec(),
+            Command::Battery => vec![self.options.battery_percent],
+            Command::Motor(on) => {
+                self.motor = on;
+                Vec::new()
+            }
+            Command::Led(_) => Vec::new(),
+            Command::PackageId(_) if !self.options.package_ids => return (ReplyCode::NotSupported, Vec::new()),
+            Command::PackageId(on) => {
+                self.ids = on;
+                Vec::new()
+            }
+            Command::EmgCapability => EmgCapability {
+                max_rate_hz: self.options.rate_hz,
+                channels: self.options.channels as u16,
+                max_packet_bytes: 128,
+            }
+            .to_bytes()
+            .to_vec(),
+            Command::SetEmg(setting) => {
+                let possible = setting.check().is_ok()
+                    && setting.rate_hz == self.options.rate_hz
+                    && setting.channel_mask == self.setting.channel_mask
+                    && setting.packet_bytes <= 128;
+                if !possible {
+                    return (ReplyCode::BadParameter, Vec::new());
+                }
+                self.setting = setting;
+                Vec::new()
+            }
+            Command::GetEmg => self.setting.to_bytes().to_vec(),
+            Command::DataSwitch(flags) => {
+                let on = flags & SWITCH_EMG != 0;
+                // Switching on what is on changes nothing.
+                self.streaming = if on { self.streaming.or(Some((now, 0))) } else { None };
+                Vec::new()
+            }
+        };
+        (ReplyCode::Ok, body)
+    }
+
+    /// When the next packet's last sample is converted.
+    pub fn next_due(&self) -> Option<Duration> {
+        self.streaming.map(|(since, packets)| since + self.setting_time(packets + 1))
+    }
+
+    /// The notifications of the packets complete at `now`, with the times at which they are due: not before their
+    /// last sample, and later by their jitter.
+    pub fn advance(&mut self, now: Duration) -> Vec<Notification> {
+        let mut out = Vec::new();
+        while let Some(due) = self.next_due().filter(|due| *due <= now) {
+            let Some((since, packets)) = self.streaming else { break };
+            self.streaming = Some((since, packets + 1));
+            let message = self.packet(packets);
+            let jitter = self.options.jitter.mul_f64(self.rng.random_range(0.0..=1.0));
+            for bytes in cut(&message, self.options.notification_bytes) {
+                self.send(Notification { due: due + jitter, characteristic: Characteristic::Data, bytes }, &mut out);
+            }
+        }
+        out
+    }
+
+    fn setting_time(&self, packets: u64) -> Duration {
+        let samples = packets * self.setting.packet_samples() as u64;
+        Duration::from_secs_f64(samples as f64 / f64::from(self.setting.rate_hz))
+    }
+
+    fn packet(&mut self, number: u64) -> Vec<u8> {
+        let mut bytes = vec![EMG_DATA];
+        if self.ids {
+            bytes.push(number as u8);
+        }
+        let (zero, highest) = (self.setting.zero(), self.setting.highest());
+        let scale = if self.setting.bits > 8 { 16.0 } else { 1.0 };
+        for _ in 0..self.setting.packet_samples() {
+            let values = (self.codes)();
+            self.samples += 1;
+            for value in values.iter().take(self.options.channels) {
+                let code = (value * scale + zero).round().clamp(0.0, highest) as u16;
+                bytes.extend(&code.to_le_bytes()[..self.setting.code_bytes()]);
+            }
+        }
+        bytes
+    }
+
+    /// Sends through the faulty air.
+    fn send(&mut self, mut notification: Notification, out: &mut Vec<Notification>) {
+        // Each is drawn every time, so that one fault does not move the others.
+        let [lost, twice, swapped, short] =
+            [self.options.loss, self.options.duplicates, self.options.reordered, self.options.truncated]
+                .map(|share| self.rng.random_bool(share));
+        if lost {
+            return;
+        }
+        if short {
+            let length = self.rng.random_range(0..notification.bytes.len());
+            notification.bytes.truncate(length);
+        }
+        if swapped && self.swapped.is_none() {
+            self.swapped = Some(notification);
+            return;
+        }
+        let due = notification.due;
+        out.extend(twice.then(|| notification.clone()));
+        out.push(notification);
+        out.extend(self.swapped.take().map(|late| Notification { due: due.max(late.due), ..late }));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn simulator(change: impl FnOnce(&mut SimulatorOptions)) -> Simulator {
+        let mut options = SimulatorOptions::flawless(1000, 8);
+        change(&mut options);
+        let mut next = 0.0;
+        let codes = move || {
+            next += 1.0;
+            (0..8).map(|c| f64::from(c) * 100.0 - next).collect()
+        };
+        Simulator::new(options, Box::new(codes)).unwrap()
+    }
+
+    fn reply(simulator: &mut Simulator, bytes: &[u8]) -> Vec<u8> {
+        let replies = simulator.write(bytes, Duration::ZERO);
+        assert_eq!(replies.len(), 1);
+        assert_eq!(replies[0].characteristic, Characteristic::Command);
+        replies[0].bytes.clone()
+    }
+
+    #[test]
+    fn commands_are_answered_byte_for_byte() {
+        let mut simulator = simulator(|_| {});
+        let mut says = |bytes: &[u8]| reply(&mut simulator, bytes);
+        assert_eq!(says(&[0x3F, 0xE8, 0x03, 0xFF, 0x00, 0x80, 0x08]), [0x00, 0x3F]);
+        assert_eq!(says(&[0x46]), [0x00, 0x46, 0xE8, 0x03, 0xFF, 0x00, 0x80, 0x08]);
+        assert_eq!(says(&[0x3F, 0x8A, 0x02, 0xFF, 0x00, 0x80, 0x08]), [0x02, 0x3F], "650 Hz");
+        assert_eq!(says(&[0x3F, 0xE8]), [0x02, 0x3F], "cut short");
+        assert_eq!(says(&[0x08]), [0x00, 0x08, 87]);
+        assert_eq!(says(&[0x24, 0x01]), [0x00, 0x24]);
+        assert_eq!(says(&[0x26, 0x01]), [0x00, 0x26]);
+        assert_eq!(says(&[0x3E]), [0x00, 0x3E, 0xE8, 0x03, 0x08, 0x00, 0x80]);
+        assert_eq!(says(&[0x1D]), [0x01, 0x1D], "power off is not served");
+        assert_eq!(says(&[0x4F, 0x80, 0, 0, 0]), [0x00, 0x4F]);
+        assert!(simulator.motor());
+    }
+
+    #[test]
+    fn packets_come_by_the_clock_of_sixteen_samples_with_type_and_id_in_front() {
+        let mut simulator = simulator(|_| {});
+        simulator.write(&[0x26, 1], Duration::ZERO);
+        simulator.write(&[0x4F, 0x80, 0, 0, 0], Duration::from_millis(5));
+        assert_eq!(simulator.next_due(), Some(Duration::from_millis(21)));
+        assert!(simulator.advance(Duration::from_millis(20)).is_empty());
+        let packets = simulator.advance(Duration::from_millis(53));
+        assert_eq!(packets.iter().map(|p| p.due.as_millis()).collect::<Vec<_>>(), [21, 37, 53]);
+        assert_eq!(packets[2].bytes.len(), 130);
+        assert_eq!(packets[2].bytes[..2], [0x08, 2]);
+        // First sample: channel 0 is -1, channel 2 would be 327 and is cut off.
+        assert_eq!(packets[0].bytes[2..6], [127, 227, 255, 255]);
+        simulator.write(&[0x4F, 0, 0, 0, 0], Duration::from_millis(60));
+        assert!(simulator.advance(Duration::from_secs(1)).is_empty());
+    }
+
+    #[test]
+    fn without_ids_a_packet_is_129_bytes_and_at_the_smallest_mtu_eight_fragments() {
+        let mut simulator = simulator(|o| (o.package_ids, o.notification_bytes) = (false, 20));
+        assert_eq!(reply(&mut simulator, &[0x26, 1]), [0x01, 0x26]);
+        simulator.write(&[0x4F, 0x80, 0, 0, 0], Duration::ZERO);
+        let pieces = simulator.advance(Duration::from_millis(16));
+        assert_eq!(pieces.iter().map(|p| p.bytes[1]).collect::<Vec<_>>(), [7, 6, 5, 4, 3, 2, 1, 0]);
+        assert_eq!(pieces.iter().map(|p| p.bytes.len() - 2).sum::<usize>(), 129);
+    }
+
+    #[test]
+    fn faults_come_as_often_as_asked_for_and_the_same_for_the_same_seed() {
+        let ids = |change: fn(&mut SimulatorOptions)| {
+            let mut simulator = simulator(change);
+            simulator.write(&[0x26, 1], Duration::ZERO);
+            simulator.write(&[0x4F, 0x80, 0, 0, 0], Duration::ZERO);
+            simulator.advance(Duration::from_secs(16)).into_iter().map(|p| p.bytes).collect::<Vec<_>>()
+        };
+        assert_eq!(ids(|_| {}).len(), 1000);
+        let lossy = ids(|o| o.loss = 0.1);
+        assert!((850..950).contains(&lossy.len()), "{}", lossy.len());
+        assert_eq!(lossy, ids(|o| o.loss = 0.1));
+        assert_ne!(lossy, ids(|o| (o.loss, o.seed) = (0.1, 1)));
+        assert!((1050..1150).contains(&ids(|o| o.duplicates = 0.1).len()));
+        assert!(ids(|o| o.reordered = 0.1).windows(2).any(|w| w[1][1].wrapping_add(1) == w[0][1]));
+        assert!(ids(|o| o.truncated = 0.1).iter().any(|p| p.len() < 130));
+    }
+
+    #[test]
+    fn impossible_options_are_refused() {
+        let refused = |change: fn(&mut SimulatorOptions)| {
+            let mut options = SimulatorOptions::flawless(1000, 8);
+            change(&mut options);
+            options.check().unwrap_err().to_string()
+        };
+        assert!(refused(|o| o.loss = f64::NAN).contains("loss is NaN"));
+        assert!(refused(|o| o.duplicates = 1.5).contains("dup is 1.5"));
+        assert!(refused(|o| o.channels = 0).contains("channels of the simulator is 0"));
+        assert!(refused(|o| o.rate_hz = 0).contains("EMG rate of the simulator is 0"));
+        assert!(refused(|o| o.notification_bytes = 19).contains("at least 20"));
+    }
+}
