@@ -23,6 +23,8 @@ pub struct SelectingParticipant {
     correction: Vector,
     corrected_at: SimTime,
     right_since: Option<SimTime>,
+    /// The planner was seen at work since WE began: what it shows is no longer the end of the motion before.
+    under_way: bool,
     reached: bool,
     closed_since: Option<SimTime>,
     stuck_since: Option<SimTime>,
@@ -46,6 +48,7 @@ impl SelectingParticipant {
             correction: Vector::zeros(),
             corrected_at: SimTime(0),
             right_since: None,
+            under_way: false,
             reached: false,
             closed_since: None,
             stuck_since: None,
@@ -135,18 +138,23 @@ impl SelectingParticipant {
 
     /// Holds WE until the arm is there; takes another posture when it gets stuck.
     fn approach(&mut self, now: SimTime, seen: &DisplayFrame) -> Gesture {
+        if self.habits.gesture() != Gesture::WristExtension {
+            self.under_way = false;
+        }
         let stuck = match &seen.planner {
-            PlannerView::Arrived { intermediate: false }
-                if self.habits.gesture() == Gesture::WristExtension =>
-            {
+            PlannerView::Planning | PlannerView::Executing { .. } => {
+                self.under_way = true;
+                false
+            }
+            PlannerView::Arrived { intermediate: false } if self.under_way => {
                 self.reached = true;
                 self.closed_since = None;
                 return Gesture::NoMotion;
             }
-            PlannerView::Arrived { .. } | PlannerView::Failed { .. } => true,
-            PlannerView::Idle | PlannerView::Planning | PlannerView::Executing { .. } => false,
+            PlannerView::Arrived { .. } | PlannerView::Failed { .. } => self.under_way,
+            PlannerView::Idle => false,
         };
-        if !stuck || self.habits.gesture() != Gesture::WristExtension {
+        if !stuck {
             self.stuck_since = None;
         } else if now.millis_since(*self.stuck_since.get_or_insert(now)) > STUCK_MILLIS {
             self.stuck_since = None;

@@ -30,6 +30,9 @@ pub struct PlannerOptions {
     pub lateral: f64,
     /// Largest angle between a placed object's axis and the vertical: it tips onto its base. Assumed.
     pub place_tilt: f64,
+    /// A place that cannot be reached may be missed by this much toward the arm. Assumed: a third of the radius
+    /// within which a block counts.
+    pub place_tolerance: f64,
     /// Random arm postures from which each hand pose is sought, besides the present one.
     pub postures: usize,
     /// Ways of reaching the goal after which no more are looked for.
@@ -54,6 +57,7 @@ impl Default for PlannerOptions {
             tilt_range: [-10_f64.to_radians(), 60_f64.to_radians()],
             lateral: 15_f64.to_radians(),
             place_tilt: 12_f64.to_radians(),
+            place_tolerance: 0.016,
             postures: 4,
             goals: 6,
             search: SearchLimits::default(),

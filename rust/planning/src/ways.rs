@@ -39,8 +39,12 @@ impl ArmPlanner {
         let few = &all[..=self.options.postures];
         let ways = self.ways_from(problem, few);
         match &ways {
-            // The arm can be there, only not so: more postures may have an elbow that is out of the way.
-            Err(failure) if failure.status == PlanStatus::GoalInCollision => self.ways_from(problem, &all),
+            // The arm may reach from other postures, or with an elbow that is out of the way.
+            Err(failure)
+                if matches!(failure.status, PlanStatus::GoalInCollision | PlanStatus::Unreachable) =>
+            {
+                self.ways_from(problem, &all)
+            }
             _ => ways,
         }
     }
@@ -110,6 +114,28 @@ impl ArmPlanner {
         let Some(object) = &problem.request.attached else {
             return Err(Failure::new(PlanStatus::Invalid, "There is nothing in the hand to place."));
         };
+        // A place that is out of reach by a few millimetres is met as nearly as the arm can.
+        let base = problem.request.world_from_base.translation.vector;
+        let homeward = Vector::new(base.x - point.x, base.y - point.y, 0.0);
+        let homeward = homeward.try_normalize(1e-6).unwrap_or_else(Vector::zeros);
+        let mut first = None;
+        for share in [0.0, 0.5, 1.0] {
+            let nearer = point + homeward * (share * self.options.place_tolerance);
+            match self.ways_to_place_at(problem, &nearer, object, postures) {
+                Err(failure) if failure.status == PlanStatus::Unreachable => first = first.or(Some(failure)),
+                other => return other,
+            }
+        }
+        Err(first.unwrap_or_else(|| Tally::default().failure("place")))
+    }
+
+    fn ways_to_place_at(
+        &mut self,
+        problem: &Problem,
+        point: &Point,
+        object: &AttachedObject,
+        postures: &[Vec<f64>],
+    ) -> Result<Vec<Way>, Failure> {
         let mut tally = Tally::default();
         let mut ways = Vec::new();
         let base_from_tip = self.kinematics.forward(&problem.start).map_err(crate::PlanningError::from)?;

@@ -225,6 +225,9 @@ impl BaseMotion {
     }
 
     pub(crate) fn track(&mut self, pose: Pose) {
+        if pose == self.to {
+            return;
+        }
         self.from = self.pose;
         self.to = pose;
         self.ticks = 0;

@@ -48,7 +48,6 @@ pub struct Session {
     intention: Intention,
     seen: Option<GazeSample>,
     given: Option<Gesture>,
-    tracked: Option<Pose>,
 }
 
 impl Session {
@@ -66,7 +65,6 @@ impl Session {
             },
             seen: None,
             given: None,
-            tracked: None,
         }
     }
 
@@ -119,11 +117,7 @@ impl Session {
             input.gaze = tracker.sample_at(time, &eye, gaze_direction, *eyes_open);
         }
         if time.0.is_multiple_of(TRACKING_TICKS) {
-            let pose = self.trunk.body().shoulder_pose(&posture);
-            if self.tracked != Some(pose) {
-                self.tracked = Some(pose);
-                input.shoulder = Some(pose);
-            }
+            input.shoulder = Some(self.trunk.body().shoulder_pose(&posture));
         }
 
         let output = self.parts.testbed.tick(&input, last)?;

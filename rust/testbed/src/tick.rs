@@ -112,6 +112,8 @@ pub struct Testbed {
     recognised: Gesture,
     pub(crate) confidence: f64,
     acted_on: Gesture,
+    decided_at: Option<SimTime>,
+    tracked_at: Option<SimTime>,
     pending: Option<(u64, SimTime)>,
     requests: u64,
     pub(crate) unseen: Vec<Event>,
@@ -153,6 +155,8 @@ impl Testbed {
             recognised: Gesture::NoMotion,
             confidence: 0.0,
             acted_on: Gesture::NoMotion,
+            decided_at: None,
+            tracked_at: None,
             pending: None,
             requests: 0,
             unseen: Vec::new(),
@@ -213,6 +217,7 @@ impl Testbed {
         }
         if let Some(decision) = &output.emg {
             self.recognised = decision.gesture;
+            self.decided_at = Some(now);
             self.confidence = decision.confidence;
             let field = &mut self.digest.field(Field::Emg);
             field.word(decision.gesture.index() as u64).numbers(&decision.posterior);
@@ -225,6 +230,7 @@ impl Testbed {
         // From tracking and gaze to base and intent.
         if let Some(pose) = input.shoulder {
             self.base.track(pose);
+            self.tracked_at = Some(now);
         }
         self.base.step();
         if let Some(gaze) = &input.gaze {
@@ -346,6 +352,11 @@ impl Testbed {
             world_from_base: self.base.pose(),
             plan,
             motion: self.arm.state(),
+            targets: &self.task.scene().targets,
+            limb: None,
+            emg_age_ms: self.decided_at.map(|at| self.now.millis_since(at)),
+            gaze_age_ms: self.gaze.seen_at().map(|at| self.now.millis_since(at)),
+            tracking_age_ms: self.tracked_at.map(|at| self.now.millis_since(at)),
         };
         let ControlOutput { motion, hand, plan, events } =
             self.method.step(self.now, &input, self.parts.kinematics.as_mut());

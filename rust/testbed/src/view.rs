@@ -82,6 +82,11 @@ impl GazeFilter {
         self.place
     }
 
+    /// When the eye was last seen.
+    pub(crate) fn seen_at(&self) -> Option<SimTime> {
+        self.seen_at
+    }
+
     pub(crate) fn sample(&self) -> Option<GazeSample> {
         self.last.map(|(_, gaze)| gaze)
     }
