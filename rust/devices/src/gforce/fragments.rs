@@ -45,7 +45,12 @@ impl Fragments {
         let begins = match self.last {
             None => true,
             // The same fragment twice.
-            Some(last) if index == last && !self.broken && self.message.ends_with(bytes) && bytes.len() == self.newest => {
+            Some(last)
+                if index == last
+                    && !self.broken
+                    && self.message.ends_with(bytes)
+                    && bytes.len() == self.newest =>
+            {
                 return Joined::Incomplete;
             }
             Some(last) => {

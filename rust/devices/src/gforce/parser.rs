@@ -14,8 +14,8 @@ use std::time::Duration;
 /// when the number of the next one shows that no fragment of another packet got between.
 ///
 /// Known weaknesses: without package ids a loss shows only as a silence, and a packet that comes twice, or that is
-/// wrongly joined from two, cannot be told. With them, a stall of the host of more than two seconds after which all
-/// packets arrive at once is taken for a loss.
+/// wrongly joined from two, cannot be told. With them, a stall of the host of more than 200 packets, 3 s, after which
+/// all arrive at once, is taken for a loss.
 #[derive(Clone, Debug)]
 pub struct EmgParser {
     setting: EmgSetting,
@@ -50,6 +50,8 @@ const RESTART_AFTER: u32 = 4;
 /// An armband that accepts the order to send ids and sends so many packets in a row without is believed to have
 /// none: no source describes the layout beyond doubt.
 const WITHOUT_ID_AFTER: u32 = 16;
+/// A packet may be this share of 256 packets ahead of the time, and almost 256 behind, before it is misjudged.
+const WRAP_MARGIN: f64 = 0.2;
 /// Without ids a silence of this many packets, and of [`SILENCE_SECS`], is a gap.
 const SILENT_PACKETS: f64 = 4.0;
 const SILENCE_SECS: f64 = 0.1;
@@ -190,7 +192,9 @@ impl EmgParser {
         };
         // The advance is known but for multiples of 256; the time since the last packet decides.
         let wrapped = i64::from(id.wrapping_sub(last_id));
-        let advance = wrapped + 256 * ((elapsed - wrapped as f64) / 256.0).round() as i64;
+        // Rather a stall of the host than a loss: packets that were late come in a burst, ahead of the time.
+        let wraps = ((elapsed - wrapped as f64) / 256.0 + WRAP_MARGIN).floor();
+        let advance = wrapped + 256 * wraps as i64;
         if let Ok(advance @ 1..) = u64::try_from(advance) {
             return Some(advance);
         }
@@ -215,7 +219,8 @@ impl EmgParser {
     fn fill(&mut self, packet: &mut EmgPacket, codes: &[u8], held: Held) {
         let channels = self.setting.channels();
         packet.samples.clear();
-        for (sample, counter) in codes.chunks_exact(channels * self.setting.code_bytes()).zip(held.counter..) {
+        for (sample, counter) in codes.chunks_exact(channels * self.setting.code_bytes()).zip(held.counter..)
+        {
             let channels = match self.setting.code_bytes() {
                 1 => sample.iter().map(|code| f64::from(*code)).collect(),
                 _ => sample.chunks_exact(2).map(|c| f64::from(u16::from_le_bytes([c[0], c[1]]))).collect(),

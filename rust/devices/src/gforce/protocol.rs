@@ -73,7 +73,8 @@ pub struct EmgSetting {
 
 impl EmgSetting {
     /// As ProACT sets the armband: 1000 Hz, 8 channels, 8 bit, 16 samples a packet (arXiv:2407.05025).
-    pub const PROACT: EmgSetting = EmgSetting { rate_hz: 1000, channel_mask: 0xFF, packet_bytes: 128, bits: 8 };
+    pub const PROACT: EmgSetting =
+        EmgSetting { rate_hz: 1000, channel_mask: 0xFF, packet_bytes: 128, bits: 8 };
     /// The finer converter: 500 Hz, 8 channels, 12 bit, 8 samples a packet.
     pub const FINE: EmgSetting = EmgSetting { rate_hz: 500, channel_mask: 0xFF, packet_bytes: 128, bits: 12 };
 
@@ -219,7 +220,8 @@ impl Command {
         let Some((&opcode, body)) = bytes.split_first() else {
             return Err(ProtocolError::Length { what: "command", got: 0, expected: "at least 1" });
         };
-        let length = |expected| ProtocolError::Length { what: "body of the command", got: body.len(), expected };
+        let length =
+            |expected| ProtocolError::Length { what: "body of the command", got: body.len(), expected };
         let empty = |command| if body.is_empty() { Ok(command) } else { Err(length("0")) };
         let on = || match body {
             [0] => Ok(false),

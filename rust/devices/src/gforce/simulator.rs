@@ -60,8 +60,12 @@ impl SimulatorOptions {
     /// # Errors
     /// The first impossible one.
     pub fn check(&self) -> Result<(), DeviceError> {
-        let shares =
-            [("loss", self.loss), ("dup", self.duplicates), ("reorder", self.reordered), ("truncate", self.truncated)];
+        let shares = [
+            ("loss", self.loss),
+            ("dup", self.duplicates),
+            ("reorder", self.reordered),
+            ("truncate", self.truncated),
+        ];
         for (name, value) in shares {
             if !(0.0..=1.0).contains(&value) {
                 return Err(DeviceError::Parameter { name, value, expected: "a share, 0 to 1" });
@@ -179,7 +183,9 @@ impl Simulator {
                 Vec::new()
             }
             Command::Led(_) => Vec::new(),
-            Command::PackageId(_) if !self.options.package_ids => return (ReplyCode::NotSupported, Vec::new()),
+            Command::PackageId(_) if !self.options.package_ids => {
+                return (ReplyCode::NotSupported, Vec::new());
+            }
             Command::PackageId(on) => {
                 self.ids = on;
                 Vec::new()
@@ -228,7 +234,10 @@ impl Simulator {
             let message = self.packet(packets);
             let jitter = self.options.jitter.mul_f64(self.rng.random_range(0.0..=1.0));
             for bytes in cut(&message, self.options.notification_bytes) {
-                self.send(Notification { due: due + jitter, characteristic: Characteristic::Data, bytes }, &mut out);
+                self.send(
+                    Notification { due: due + jitter, characteristic: Characteristic::Data, bytes },
+                    &mut out,
+                );
             }
         }
         out

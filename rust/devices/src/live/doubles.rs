@@ -277,7 +277,10 @@ mod tests {
         assert!(run(Fault::NotANumber(0.2)).2 > 5);
         let (_, events, _) = run(Fault::Disconnect { at: 5, polls: 3 });
         assert!(matches!(events[0], SourceEvent::Lost { .. }));
-        assert_eq!(events[1..], [SourceEvent::Nothing, SourceEvent::Nothing, SourceEvent::Nothing, SourceEvent::Restored]);
+        assert_eq!(
+            events[1..],
+            [SourceEvent::Nothing, SourceEvent::Nothing, SourceEvent::Nothing, SourceEvent::Restored]
+        );
     }
 
     #[test]

@@ -141,11 +141,7 @@ impl SampleSource for PlaybackSource {
     }
 
     fn counts(&self) -> SourceCounts {
-        SourceCounts {
-            packets: self.packets,
-            lost_samples: self.lost_samples,
-            ..SourceCounts::default()
-        }
+        SourceCounts { packets: self.packets, lost_samples: self.lost_samples, ..SourceCounts::default() }
     }
 }
 
@@ -161,8 +157,7 @@ mod tests {
     #[test]
     fn packets_end_at_a_gap_and_the_next_one_says_what_is_missing() {
         let counters = (10..14).chain(20..25);
-        let mut source =
-            PlaybackSource::new("test", samples(counters), 200.0, 3, Pacing::FlatOut).unwrap();
+        let mut source = PlaybackSource::new("test", samples(counters), 200.0, 3, Pacing::FlatOut).unwrap();
         let mut packet = EmgPacket::default();
         let mut seen = Vec::new();
         while source.poll(Duration::ZERO, &mut packet).unwrap() == SourceEvent::Packet {
@@ -176,8 +171,7 @@ mod tests {
 
     #[test]
     fn in_real_time_a_packet_comes_when_its_last_sample_is_due_and_not_before() {
-        let mut source =
-            PlaybackSource::new("test", samples(0..10), 1000.0, 10, Pacing::RealTime).unwrap();
+        let mut source = PlaybackSource::new("test", samples(0..10), 1000.0, 10, Pacing::RealTime).unwrap();
         let mut packet = EmgPacket::default();
         let begin = Instant::now();
         assert_eq!(source.poll(Duration::from_millis(1), &mut packet).unwrap(), SourceEvent::Nothing);

@@ -1,0 +1,206 @@
+//! The gForce driver against the simulator, over real sockets.
+#![allow(clippy::unwrap_used, clippy::disallowed_methods)] // A test of links needs threads.
+
+use proact_devices::{
+    EmgPacket, SampleSource, SourceEvent,
+    gforce::{
+        Connect, GForce, GForceOptions, GattLink, LinkError, Simulator, SimulatorOptions, SocketLink,
+        serve_connection,
+    },
+};
+use std::{
+    os::unix::net::UnixStream,
+    sync::{
+        Arc, Mutex,
+        atomic::{AtomicBool, Ordering},
+    },
+    thread::JoinHandle,
+    time::Duration,
+};
+
+/// Longest wait for anything; only a failing test waits so long.
+const WAIT: Duration = Duration::from_secs(5);
+
+/// Codes that tell which sample they are.
+fn code(sample: u64) -> f64 {
+    f64::from((sample.wrapping_mul(2_654_435_761) >> 8) as u8) - 128.0
+}
+
+fn simulator(options: SimulatorOptions) -> Simulator {
+    let mut next = 0;
+    let codes = move || {
+        next += 1;
+        [code(next - 1); 8].into_iter().collect()
+    };
+    Simulator::new(options, Box::new(codes)).unwrap()
+}
+
+fn flawless() -> SimulatorOptions {
+    SimulatorOptions::flawless(1000, 8)
+}
+
+/// Connects over a socket pair to a simulator on a thread of its own.
+struct Pair {
+    simulator: Arc<Mutex<Simulator>>,
+    /// Ends the connection under way.
+    cut: Arc<Mutex<Arc<AtomicBool>>>,
+    thread: Option<JoinHandle<()>>,
+    /// Attempts that fail before one succeeds again.
+    deaf: Arc<Mutex<u32>>,
+}
+
+#[derive(Clone)]
+struct Handle {
+    cut: Arc<Mutex<Arc<AtomicBool>>>,
+    deaf: Arc<Mutex<u32>>,
+}
+
+impl Handle {
+    fn pull_the_plug(&self, failures: u32) {
+        *self.deaf.lock().unwrap() = failures;
+        self.cut.lock().unwrap().store(true, Ordering::Relaxed);
+    }
+}
+
+fn pair(options: SimulatorOptions) -> (Box<Pair>, Handle) {
+    let cut = Arc::new(Mutex::new(Arc::new(AtomicBool::new(false))));
+    let deaf = Arc::new(Mutex::new(0));
+    let handle = Handle { cut: cut.clone(), deaf: deaf.clone() };
+    let simulator = Arc::new(Mutex::new(simulator(options)));
+    (Box::new(Pair { simulator, cut, thread: None, deaf }), handle)
+}
+
+impl Connect for Pair {
+    fn connect(&mut self) -> Result<Box<dyn GattLink>, LinkError> {
+        let mut deaf = self.deaf.lock().unwrap();
+        if *deaf > 0 {
+            *deaf -= 1;
+            return Err(LinkError::Radio("out of reach".to_owned()));
+        }
+        if let Some(thread) = self.thread.take() {
+            thread.join().unwrap();
+        }
+        let (ours, theirs) = UnixStream::pair().unwrap();
+        let stop = Arc::new(AtomicBool::new(false));
+        *self.cut.lock().unwrap() = stop.clone();
+        let simulator = self.simulator.clone();
+        self.thread = Some(std::thread::spawn(move || {
+            serve_connection(&mut SocketLink::new(theirs), &mut simulator.lock().unwrap(), &stop);
+        }));
+        Ok(Box::new(SocketLink::new(ours)))
+    }
+
+    fn name(&self) -> String {
+        "socket pair".to_owned()
+    }
+}
+
+/// Polls until `count` packets came; every sample must be the one that its counter names.
+/// Gaps and events.
+fn collect(source: &mut GForce, count: usize) -> (Vec<(u64, u64)>, Vec<SourceEvent>) {
+    let (mut packets, mut events) = (Vec::new(), Vec::new());
+    let mut packet = EmgPacket::default();
+    while packets.len() < count {
+        match source.poll(WAIT, &mut packet).unwrap() {
+            SourceEvent::Packet => {
+                for sample in &packet.samples {
+                    let expected = code(sample.counter) + 128.0;
+                    assert!(
+                        sample.channels.iter().all(|v| *v == expected),
+                        "{sample:?}, expected {expected}"
+                    );
+                }
+                packets.push((packet.samples[0].counter, packet.lost_before));
+            }
+            SourceEvent::Nothing => {}
+            other => events.push(other),
+        }
+    }
+    (packets, events)
+}
+
+#[test]
+fn a_clean_stream_arrives_whole_with_the_settings_read_back() {
+    let (pair, _) = pair(flawless());
+    let mut source = GForce::open(pair, GForceOptions::default()).unwrap();
+    let info = source.info().clone();
+    assert_eq!((info.rate_hz, info.channels, info.packet_samples), (1000.0, 8, 16));
+    assert_eq!((info.zero, info.rails, info.loss_is_counted), (128.0, Some((0.0, 255.0)), true));
+    assert!(info.name.contains("firmware ProACT-sim-1"), "{}", info.name);
+    assert_eq!(source.battery_percent(), Some(87));
+    let (packets, events) = collect(&mut source, 20);
+    assert_eq!(packets, (0..20).map(|n| (16 * n, 0)).collect::<Vec<_>>());
+    assert!(events.is_empty());
+}
+
+#[test]
+fn losses_doubles_swaps_and_cut_packets_become_gaps_and_nothing_else() {
+    for notification_bytes in [244, 20] {
+        let mut options = flawless();
+        (options.loss, options.duplicates, options.reordered, options.truncated) = (0.01, 0.02, 0.01, 0.01);
+        (options.notification_bytes, options.seed) = (notification_bytes, 4);
+        // Smaller packets, so that there are many within a second.
+        let small = GForceOptions { packet_bytes: 64, ..GForceOptions::default() };
+        // With this seed the very first packet comes through, so that the counters are the simulator's.
+        let (pair, _) = pair(options);
+        let mut source = GForce::open(pair, small).unwrap();
+        let (packets, _) = collect(&mut source, 150);
+        let counts = source.counts();
+        assert!(packets.iter().any(|(_, lost)| *lost > 0), "{counts:?}");
+        assert_eq!(packets.iter().map(|(_, lost)| lost).sum::<u64>(), counts.lost_samples);
+        assert!(counts.malformed + counts.broken_fragments > 0, "{counts:?}");
+    }
+}
+
+#[test]
+fn a_rate_that_the_armband_refuses_is_an_error_that_says_so() {
+    let (pair, _) = pair(flawless());
+    let options = GForceOptions { rate_hz: Some(650), ..GForceOptions::default() };
+    let error = GForce::open(pair, options).err().unwrap().to_string();
+    assert!(error.contains("refuses command 0x3f: bad parameter; ask for another rate"), "{error}");
+    let (pair, _) = self::pair(flawless());
+    let options = GForceOptions { rate_hz: Some(1000), bits: 12, ..GForceOptions::default() };
+    let error = GForce::open(pair, options).err().unwrap().to_string();
+    assert!(error.contains("EMG rate is 1000, expected 1 to 500 Hz at 12 bit"), "{error}");
+}
+
+#[test]
+fn an_armband_without_ids_still_streams_and_says_that_losses_are_not_counted() {
+    let (pair, _) = pair(SimulatorOptions { package_ids: false, ..flawless() });
+    let mut source = GForce::open(pair, GForceOptions::default()).unwrap();
+    assert!(!source.info().loss_is_counted);
+    assert_eq!(collect(&mut source, 5).0.len(), 5);
+}
+
+#[test]
+fn a_lost_armband_is_reported_found_again_and_leaves_a_gap() {
+    let (pair, handle) = pair(flawless());
+    let simulator = pair.simulator.clone();
+    let mut source = GForce::open(pair, GForceOptions::default()).unwrap();
+    collect(&mut source, 5);
+    handle.pull_the_plug(1);
+    let mut packet = EmgPacket::default();
+    let mut events = Vec::new();
+    let mut before = 80;
+    while !events.contains(&SourceEvent::Restored) {
+        match source.poll(WAIT, &mut packet).unwrap() {
+            SourceEvent::Packet => before = packet.samples.last().unwrap().counter + 1,
+            event => events.push(event),
+        }
+    }
+    assert!(matches!(&events[0], SourceEvent::Lost { reason } if reason.contains("closed")), "{events:?}");
+    assert_eq!(source.poll(WAIT, &mut packet).unwrap(), SourceEvent::Packet);
+    // The first attempt after 0.25 s fails, the second follows 0.5 s later: about 750 samples are missing.
+    assert!((600..3000).contains(&packet.lost_before), "{}", packet.lost_before);
+    assert_eq!(packet.samples[0].counter, before + packet.lost_before);
+    assert_eq!(source.counts().disconnects, 1);
+    drop(source);
+    assert!(simulator.lock().unwrap().samples() > 0);
+}
+
+#[test]
+fn nobody_at_the_address_is_an_error_with_the_address() {
+    let connector = proact_devices::gforce::TcpConnector::new("127.0.0.1:1");
+    let error = GForce::open(Box::new(connector), GForceOptions::default()).err().unwrap().to_string();
+    assert!(error.contains("nothing answers at 127.0.0.1:1"), "{error}");
+}
