@@ -1,22 +1,19 @@
+use crate::jog::Confirm;
 use crate::ports::ArmKinematics;
 use crate::{
-    ControlInput, ControlMethod, ControlOutput, HandCommand, MotionCommand, MotionState, PlanCommand,
+    ControlInput, ControlMethod, ControlOutput, HandCommand, LockOnceProfile, MotionCommand, MotionState,
+    PlanCommand,
 };
 use proact_types::{
     BlockId, EventKind, Gesture, HandState, PlanGoal, PlanReply, PlanStatus, PlannerView, Point, Pose,
     SimTime, TargetView,
 };
 
-/// A base that moved further than this since a plan was asked for makes the plan void, metres.
-const BASE_MOVED: f64 = 5e-3;
-/// A base that turned further than this makes the plan void, rad.
-const BASE_TURNED: f64 = std::f64::consts::PI / 180.0;
 /// A base that moves less than this from one control step to the next stands still, metres and rad: 50 mm/s and
 /// 3 degrees/s at 100 Hz. Plans are made for a base at rest.
 const BASE_STILL: (f64, f64) = (5e-4, 5.2e-4);
-/// As many intermediate goals may follow each other before the arm waits for another base or another WE: it would
-/// wander for ever where no posture reaches the goal.
-const MOST_INTERMEDIATES: u32 = 2;
+/// A target with a block this near its centre is taken, metres: the diameter of a block.
+const OCCUPIED: f64 = 0.05;
 /// An intermediate plan shorter than this leads nowhere, s: the arm is as near as it gets.
 const WORTHWHILE_SECS: f64 = 0.3;
 
@@ -34,6 +31,8 @@ const WORTHWHILE_SECS: f64 = 0.3;
 #[derive(Clone, Debug)]
 pub struct GazeAssisted {
     name: String,
+    rules: LockOnceProfile,
+    confirm: Confirm,
     gesture: Gesture,
     holds: Option<BlockId>,
     lock: Option<Selection>,
@@ -42,6 +41,8 @@ pub struct GazeAssisted {
     intermediates: u32,
     last_base: Option<Pose>,
     target: TargetView,
+    /// Seconds in which a second HO opens the hand.
+    confirm_in_secs: Option<f64>,
 }
 
 /// What a plan leads to.
@@ -67,10 +68,17 @@ enum Drive {
 }
 
 impl GazeAssisted {
-    /// A method called `name`, with an empty hand and nothing selected.
+    /// A method called `name` with the default profile's numbers, an empty hand and nothing selected.
     pub fn new(name: &str) -> Self {
+        Self::with(name, LockOnceProfile::default())
+    }
+
+    /// A method called `name`, with an empty hand and nothing selected.
+    pub fn with(name: &str, rules: LockOnceProfile) -> Self {
         Self {
             name: name.to_owned(),
+            rules,
+            confirm: Confirm::new(rules.confirm_open_ms),
             gesture: Gesture::NoMotion,
             holds: None,
             lock: None,
@@ -78,13 +86,26 @@ impl GazeAssisted {
             intermediates: 0,
             last_base: None,
             target: TargetView::default(),
+            confirm_in_secs: None,
         }
+    }
+
+    /// Where WE would put the block down: where the gaze is, or the free target near it.
+    fn place(&self, input: &ControlInput<'_>) -> Point {
+        let apart = |a: &Point, b: &Point| (a.xy() - b.xy()).norm();
+        let others = BlockId::ALL.into_iter().filter(|block| Some(*block) != self.holds);
+        let taken = |centre: &Point| {
+            others.clone().any(|block| apart(&input.blocks[block.index()], centre) < OCCUPIED)
+        };
+        let free = input.targets.iter().map(|target| target.centre).filter(|centre| !taken(centre));
+        let nearest = free.min_by(|a, b| apart(a, &input.place).total_cmp(&apart(b, &input.place)));
+        nearest.filter(|centre| apart(centre, &input.place) < self.rules.snap_radius_m).unwrap_or(input.place)
     }
 
     /// The selection that WE would act on now.
     fn selection(&self, input: &ControlInput<'_>) -> Option<Selection> {
         self.lock.or(match self.holds {
-            Some(_) => Some(Selection::Place(input.place)),
+            Some(_) => Some(Selection::Place(self.place(input))),
             None => input.highlight.map(Selection::Block),
         })
     }
@@ -165,10 +186,14 @@ impl GazeAssisted {
         match &mut self.drive {
             Drive::Idle if base_still => self.request(input, output),
             Drive::Idle | Drive::Planning { .. } => {}
-            Drive::Following { base, .. } if moved(base, &input.world_from_base) => self.stop(output),
+            Drive::Following { base, .. } if moved(&self.rules, base, &input.world_from_base) => {
+                self.stop(output);
+            }
             Drive::Following { base, intermediate, progress, .. } => match input.motion {
                 MotionState::Following(now) => *progress = now,
-                MotionState::Finished if *intermediate && self.intermediates < MOST_INTERMEDIATES => {
+                MotionState::Finished
+                    if *intermediate && self.intermediates < self.rules.most_intermediates =>
+                {
                     output.events.push(EventKind::MotionFinished);
                     self.intermediates += 1;
                     self.drive = Drive::Idle;
@@ -180,7 +205,7 @@ impl GazeAssisted {
                 MotionState::Holding => {}
             },
             Drive::Arrived { base, intermediate: true } | Drive::Failed { base, .. } => {
-                if moved(base, &input.world_from_base) && base_still {
+                if moved(&self.rules, base, &input.world_from_base) && base_still {
                     self.intermediates = 0;
                     self.request(input, output);
                 }
@@ -197,7 +222,7 @@ impl ControlMethod for GazeAssisted {
 
     fn step(
         &mut self,
-        _now: SimTime,
+        now: SimTime,
         input: &ControlInput<'_>,
         _kinematics: &mut dyn ArmKinematics,
     ) -> ControlOutput {
@@ -232,10 +257,14 @@ impl ControlMethod for GazeAssisted {
             }
             Gesture::WristFlexion if changed => self.toggle_lock(input, &mut output),
             Gesture::HandClose if changed => output.hand = Some(HandCommand::Close),
-            Gesture::HandOpen if changed => output.hand = Some(HandCommand::Open),
+            Gesture::HandOpen if changed => {
+                let granted = self.holds.is_none() || self.confirm.granted(now);
+                output.hand = granted.then_some(HandCommand::Open);
+            }
             _ => {}
         }
 
+        self.confirm_in_secs = self.confirm.waits_secs(now);
         self.target = self.view(input);
         output
     }
@@ -246,7 +275,13 @@ impl ControlMethod for GazeAssisted {
 
     fn planner(&self) -> PlannerView {
         match &self.drive {
-            Drive::Idle => PlannerView::Idle,
+            Drive::Idle => match self.confirm_in_secs {
+                Some(secs) => PlannerView::Failed {
+                    status: PlanStatus::Invalid,
+                    reason: format!("HO again within {secs:.1} s opens the hand"),
+                },
+                None => PlannerView::Idle,
+            },
             Drive::Planning { .. } => PlannerView::Planning,
             Drive::Following { intermediate, progress, .. } => {
                 PlannerView::Executing { progress: *progress, intermediate: *intermediate }
@@ -275,7 +310,7 @@ impl GazeAssisted {
             },
             place: Some(match shown {
                 Some(Selection::Place(point)) => point,
-                _ => input.place,
+                _ => self.place(input),
             }),
             locked: self.lock.is_some(),
             posterior: input.posterior.to_vec(),
@@ -283,9 +318,9 @@ impl GazeAssisted {
     }
 }
 
-fn moved(from: &Pose, to: &Pose) -> bool {
+fn moved(rules: &LockOnceProfile, from: &Pose, to: &Pose) -> bool {
     let step = from.inv_mul(to);
-    step.translation.vector.norm() > BASE_MOVED || step.rotation.angle() > BASE_TURNED
+    step.translation.vector.norm() > rules.base_moved_m || step.rotation.angle() > rules.base_turned_rad
 }
 
 #[cfg(test)]

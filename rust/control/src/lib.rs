@@ -3,13 +3,40 @@
 //! Pure: no clock, no files, no threads, no C++. What a method needs from a library it asks for: kinematics
 //! through [`ports`], plans by a [`PlanCommand`] whose answer comes back in a later [`ControlInput`].
 
+mod blend;
+mod build;
+mod dead_man;
+mod end_effector_jog;
 mod gaze_assisted;
+mod gaze_toggled;
 mod hand;
+mod inverse;
+mod jog;
+mod joint_jog;
+mod limited;
 mod method;
 pub mod ports;
+mod profile;
+mod subset;
 
+pub use blend::Blend;
+pub use build::{METHODS, build};
+pub use dead_man::DeadMan;
+pub use end_effector_jog::EndEffectorJog;
 pub use gaze_assisted::GazeAssisted;
+pub use gaze_toggled::GazeToggled;
 pub use hand::HandTracker;
+pub use joint_jog::JointJog;
+pub use limited::Limited;
 pub use method::{
     ControlInput, ControlMethod, ControlOutput, HandCommand, MotionCommand, MotionState, PlanCommand,
 };
+pub use profile::{
+    Axis, AxisEntry, AxisMotion, ControlError, DampedProfile, DeadManProfile, EndEffectorJogProfile,
+    GazeAssistedProfile, InverseProfile, JogProfile, JointEntry, JointJogProfile, LimiterProfile,
+    LockOnceProfile, MoorePenroseProfile, Profile, ToggleLocksProfile,
+};
+pub use subset::{FollowsLimb, JointSubset};
+
+/// Methods run at 100 Hz; what they look ahead is one such step, seconds.
+pub const STEP_SECS: f64 = 0.01;

@@ -1,8 +1,9 @@
 use crate::ports::ArmKinematics;
 use proact_types::{
     BlockId, EventKind, Gesture, HandView, JointVector, ModeView, PlanGoal, PlanReply, PlannerView, Point,
-    Pose, SimTime, TargetView, Trajectory,
+    Pose, SimTime, Target, TargetView, Trajectory,
 };
+use serde::{Deserialize, Serialize};
 
 /// What a method sees at one control step.
 #[derive(Clone, Debug)]
@@ -31,10 +32,22 @@ pub struct ControlInput<'a> {
     pub plan: Option<&'a PlanReply>,
     /// What the trajectory controller does.
     pub motion: MotionState,
+    /// Where blocks should go; a place may snap to them.
+    pub targets: &'a [Target],
+    /// Angles of the person's own limb in the arm's joints, rad, for joints that the prosthesis does not have; none
+    /// where the whole arm is lost or nothing tracks it.
+    pub limb: Option<&'a [f64]>,
+    /// Milliseconds since the last decision on the EMG; none when gestures come from elsewhere.
+    pub emg_age_ms: Option<u64>,
+    /// Milliseconds since the last valid gaze measurement; none when gaze is not used.
+    pub gaze_age_ms: Option<u64>,
+    /// Milliseconds since the last tracked pose of the shoulder; none when nothing is tracked.
+    pub tracking_age_ms: Option<u64>,
 }
 
 /// What the trajectory controller does.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum MotionState {
     /// It holds the arm where it is.
     Holding,
@@ -45,7 +58,8 @@ pub enum MotionState {
 }
 
 /// What a method asks for. `None` everywhere leaves all as it is.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct ControlOutput {
     /// For the arm.
     pub motion: Option<MotionCommand>,
@@ -58,7 +72,8 @@ pub struct ControlOutput {
 }
 
 /// A command for the arm.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum MotionCommand {
     /// Stop and hold, from this tick on.
     Hold,
@@ -72,7 +87,8 @@ pub enum MotionCommand {
 }
 
 /// A command for the hand.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum HandCommand {
     /// Go to the pose `open`.
     Open,
@@ -81,7 +97,8 @@ pub enum HandCommand {
 }
 
 /// A command for the planner.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum PlanCommand {
     /// Make a plan. The testbed adds the state of the world.
     Request(PlanGoal),
@@ -114,4 +131,31 @@ pub trait ControlMethod: Send {
 
     /// The planner's state after the last step.
     fn planner(&self) -> PlannerView;
+}
+
+impl<M: ControlMethod + ?Sized> ControlMethod for Box<M> {
+    fn name(&self) -> &str {
+        (**self).name()
+    }
+
+    fn step(
+        &mut self,
+        now: SimTime,
+        input: &ControlInput<'_>,
+        kinematics: &mut dyn ArmKinematics,
+    ) -> ControlOutput {
+        (**self).step(now, input, kinematics)
+    }
+
+    fn mode(&self) -> Option<ModeView> {
+        (**self).mode()
+    }
+
+    fn target(&self) -> TargetView {
+        (**self).target()
+    }
+
+    fn planner(&self) -> PlannerView {
+        (**self).planner()
+    }
 }

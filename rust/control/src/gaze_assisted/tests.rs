@@ -30,6 +30,7 @@ struct Bench {
     hand: HandView,
     base: Pose,
     motion: MotionState,
+    targets: Vec<proact_types::Target>,
     time: u64,
 }
 
@@ -41,6 +42,7 @@ impl Bench {
             hand: HandView { state: HandState::Open, holds: None },
             base: Pose::identity(),
             motion: MotionState::Holding,
+            targets: Vec::new(),
             time: 0,
         };
         bench.step(NoMotion, None);
@@ -64,6 +66,11 @@ impl Bench {
             world_from_base: self.base,
             plan,
             motion: self.motion,
+            targets: &self.targets,
+            limb: None,
+            emg_age_ms: None,
+            gaze_age_ms: None,
+            tracking_age_ms: None,
         };
         self.method.step(SimTime(self.time), &input, &mut NoKinematics)
     }
@@ -221,4 +228,53 @@ fn a_closed_empty_hand_is_refused_with_the_reason() {
 #[test]
 fn the_place_marker_is_there_from_the_start() {
     assert_eq!(Bench::new().method.target().place, Some(PLACE));
+}
+
+/// A bench whose hand holds a block, with other rules.
+fn carrying(change: impl Fn(&mut LockOnceProfile)) -> Bench {
+    let mut bench = Bench::new();
+    let mut rules = LockOnceProfile::default();
+    change(&mut rules);
+    bench.method = GazeAssisted::with("D", rules);
+    bench.hand = HandView { state: HandState::Closed, holds: Some(BlockId::Red1) };
+    bench.step(NoMotion, None);
+    bench
+}
+
+#[test]
+fn the_default_numbers_are_those_of_the_default_profile() {
+    let profile = crate::Profile::named("default").expect("it is embedded");
+    assert_eq!(profile.gaze_assisted, crate::GazeAssistedProfile::LockOnce(LockOnceProfile::default()));
+}
+
+/// Defect 45 of the original: targets on display are not used.
+#[test]
+fn a_place_snaps_to_a_free_target_near_it_and_to_no_other() {
+    let mut bench = carrying(|rules| rules.snap_radius_m = 0.04);
+    let target = |x: f64| proact_types::Target { block: BlockId::Red1, centre: Point::new(x, 0.2, 1.015) };
+    bench.targets = vec![target(0.08), target(0.3)];
+    bench.step(NoMotion, None);
+    assert_eq!(bench.method.target().place, Some(target(0.08).centre));
+    bench.targets = vec![target(0.1)];
+    bench.step(NoMotion, None);
+    assert_eq!(bench.method.target().place, Some(PLACE), "further than 4 cm");
+    let mut off = carrying(|_| ());
+    off.targets = vec![target(0.051)];
+    off.step(NoMotion, None);
+    assert_eq!(off.method.target().place, Some(PLACE), "snapping is an option");
+}
+
+#[test]
+fn with_double_confirmation_a_held_block_is_let_go_by_the_second_open_within_its_time() {
+    let mut bench = carrying(|rules| rules.confirm_open_ms = 2000);
+    assert_eq!(bench.step(HandOpen, None).hand, None);
+    let PlannerView::Failed { reason, .. } = bench.method.planner() else {
+        panic!("the display must say so")
+    };
+    assert!(reason.contains("HO again within 2.0 s"), "{reason}");
+    (0..300).for_each(|_| assert_eq!(bench.step(HandOpen, None).hand, None, "held, not repeated"));
+    bench.step(NoMotion, None);
+    assert_eq!(bench.step(HandOpen, None).hand, None, "after 3 s it counts as the first again");
+    bench.step(NoMotion, None);
+    assert_eq!(bench.step(HandOpen, None).hand, Some(HandCommand::Open));
 }

@@ -1,0 +1,180 @@
+use crate::inverse::{Damped, NEAR_SINGULAR, NOT_FINITE, moore_penrose};
+use crate::jog::{Jog, JogMotion};
+use crate::ports::ArmKinematics;
+use crate::{
+    Axis, AxisMotion, ControlInput, ControlMethod, ControlOutput, EndEffectorJogProfile, InverseProfile,
+    JointSubset, MotionCommand, Profile, STEP_SECS,
+};
+use nalgebra::Vector6;
+use proact_types::{
+    ArmModel, JointLimits, JointVector, ModeView, PlannerView, SimTime, TargetView, joints, zeros,
+};
+
+/// `/mode` of the first axis; A's joints have the numbers before it.
+const FIRST_MODE: u8 = 7;
+
+/// Method B: HO cycles through the axes of the arm's base, WE and WF move the hand along or turn it about the
+/// selected one, HC toggles the hand (ProACT, arXiv:2407.05025, "Direct end-effector control").
+///
+/// With the inverse `damped` the joint limits hold, motion into a singularity slows down and ends, motion out of it
+/// is free, and the commanded angles never run far ahead of the measured ones. With `moore_penrose` the method is
+/// the original's, but for one thing: over the condition limit the original sends its last goal again, which is all
+/// zeros before the first one and would throw the arm straight down; here the last goal is where the arm stands.
+#[derive(Clone, Debug)]
+pub struct EndEffectorJog {
+    jog: Jog,
+    profile: EndEffectorJogProfile,
+    limits: Vec<JointLimits>,
+    subset: JointSubset,
+    goals: Option<JointVector>,
+    refusal: Option<String>,
+}
+
+impl EndEffectorJog {
+    /// For the arm joints of `model` that `subset` drives.
+    pub fn new(profile: &Profile, model: &ArmModel, subset: &JointSubset) -> Self {
+        let settings = profile.end_effector_jog.clone();
+        let views = settings.axes.iter().map(|entry| {
+            let turns = if entry.motion == AxisMotion::Rotate { 3 } else { 0 };
+            ModeView {
+                number: FIRST_MODE + turns + entry.axis as u8,
+                name: entry.name.clone(),
+                directions: [entry.we.clone(), entry.wf.clone()],
+                next_in_secs: None,
+            }
+        });
+        Self {
+            jog: Jog::new(views.collect(), &profile.jog, settings.drops_open_after_close),
+            profile: settings,
+            limits: model.arm.iter().map(|&j| model.joints[j].limits).collect(),
+            subset: subset.clone(),
+            goals: None,
+            refusal: None,
+        }
+    }
+
+    /// Twist along the selected axis, `linear` metres or `angular` radians long.
+    fn twist(&self, sign: f64, linear: f64, angular: f64) -> Vector6<f64> {
+        let entry = &self.profile.axes[self.jog.selected()];
+        let (first, size) = match entry.motion {
+            AxisMotion::Translate => (0, linear),
+            AxisMotion::Rotate => (3, angular),
+        };
+        let row = first
+            + match entry.axis {
+                Axis::X => 0,
+                Axis::Y => 1,
+                Axis::Z => 2,
+            };
+        let mut twist = Vector6::zeros();
+        twist[row] = sign * f64::from(entry.we_sign) * size;
+        twist
+    }
+
+    /// Joint displacement for `twist`; none where a rule forbids it.
+    fn solve(
+        &self,
+        twist: &Vector6<f64>,
+        horizon: f64,
+        input: &ControlInput<'_>,
+        kinematics: &mut dyn ArmKinematics,
+    ) -> Result<Option<JointVector>, String> {
+        let mut jacobian_at = |q: &[f64]| kinematics.jacobian(q).map_err(|e| e.to_string());
+        match &self.profile.inverse {
+            InverseProfile::Damped(profile) => {
+                let count = self.limits.len();
+                if input.commanded.len() != count || input.measured.len() != count {
+                    let got = (input.commanded.len(), input.measured.len());
+                    return Err(format!("got {got:?} joint angles, the arm has {count}"));
+                }
+                let damped = Damped { profile, limits: &self.limits, subset: &self.subset };
+                damped.solve(twist, input.commanded, input.measured, horizon, &mut jacobian_at).map(Some)
+            }
+            InverseProfile::MoorePenrose(profile) => {
+                let jacobian = jacobian_at(input.measured)?;
+                // Left out, not zeroed: zero columns would add singular values of zero.
+                let driven = jacobian.select_columns(self.subset.driven());
+                let step = moore_penrose(profile, &driven, self.subset.driven(), twist)?;
+                Ok(step.map(|step| {
+                    let mut full = zeros(jacobian.ncols());
+                    self.subset.driven().iter().zip(&step).for_each(|(&joint, dq)| full[joint] = *dq);
+                    full
+                }))
+            }
+        }
+    }
+}
+
+impl ControlMethod for EndEffectorJog {
+    fn name(&self) -> &str {
+        "B"
+    }
+
+    fn step(
+        &mut self,
+        now: SimTime,
+        input: &ControlInput<'_>,
+        kinematics: &mut dyn ArmKinematics,
+    ) -> ControlOutput {
+        self.refusal = None;
+        let (motion, hand) = self.jog.step(now, input);
+        let motion = match motion {
+            JogMotion::None => None,
+            JogMotion::Stop => Some(MotionCommand::Hold),
+            JogMotion::Speed(sign) => {
+                let twist = self.twist(sign, self.profile.speed_m_per_s, self.profile.speed_rad_per_s);
+                Some(match self.solve(&twist, STEP_SECS, input, kinematics) {
+                    Ok(Some(speeds)) => MotionCommand::Velocity(speeds),
+                    Ok(None) => self.refuse(NEAR_SINGULAR.to_owned()),
+                    Err(reason) => self.refuse(reason),
+                })
+            }
+            JogMotion::Step { sign, repeated } => {
+                let twist = self.twist(sign, self.profile.step_m, self.profile.step_rad);
+                let from = match &self.goals {
+                    Some(goals) if repeated => goals.clone(),
+                    _ => joints(input.measured),
+                };
+                Some(match self.solve(&twist, 1.0, input, kinematics) {
+                    Ok(Some(step)) if step.len() == from.len() => {
+                        let goals: JointVector = from.iter().zip(&step).map(|(q, dq)| q + dq).collect();
+                        self.send(goals)
+                    }
+                    // The original sends its last goal again.
+                    Ok(None) => {
+                        let last = self.goals.clone().unwrap_or_else(|| joints(input.commanded));
+                        self.refusal = Some(NEAR_SINGULAR.to_owned());
+                        self.send(last)
+                    }
+                    Ok(Some(_)) => self.refuse(NOT_FINITE.to_owned()),
+                    Err(reason) => self.refuse(reason),
+                })
+            }
+        };
+        ControlOutput { motion, hand, ..ControlOutput::default() }
+    }
+
+    fn mode(&self) -> Option<ModeView> {
+        self.jog.mode()
+    }
+
+    fn target(&self) -> TargetView {
+        TargetView::default()
+    }
+
+    fn planner(&self) -> PlannerView {
+        self.jog.planner(self.refusal.as_deref())
+    }
+}
+
+impl EndEffectorJog {
+    fn refuse(&mut self, reason: String) -> MotionCommand {
+        self.refusal = Some(reason);
+        MotionCommand::Hold
+    }
+
+    fn send(&mut self, goals: JointVector) -> MotionCommand {
+        self.goals = Some(goals.clone());
+        MotionCommand::Goto(goals)
+    }
+}

@@ -1,0 +1,145 @@
+use crate::jog::{Jog, JogMotion};
+use crate::ports::ArmKinematics;
+use crate::{
+    ControlError, ControlInput, ControlMethod, ControlOutput, JointSubset, MotionCommand, Profile, STEP_SECS,
+};
+use proact_types::{
+    ArmModel, JointLimits, JointVector, ModeView, PlannerView, SimTime, TargetView, joints, zeros,
+};
+
+/// Method A: HO cycles through the joints, WE and WF move the selected one, HC toggles the hand (ProACT,
+/// arXiv:2407.05025, "Direct joint control").
+///
+/// With the pace `time` the joint moves at a speed while the gesture is held, and stops at its limit and when the
+/// gesture ends. With the pace `message` each message adds a step to the joint's goal, as in the original: from
+/// the measured angle after another message, from the last goal after the same one; goals run over the limits.
+#[derive(Clone, Debug)]
+pub struct JointJog {
+    jog: Jog,
+    modes: Vec<Mode>,
+    limits: Vec<JointLimits>,
+    speed: f64,
+    step: f64,
+    /// The hand has yet to be closed at the start.
+    close_first: bool,
+    /// The last goal of each joint.
+    goals: Option<JointVector>,
+    refusal: Option<String>,
+}
+
+/// A joint that is cycled through.
+#[derive(Clone, Debug)]
+struct Mode {
+    /// Position among the arm joints.
+    joint: usize,
+    we_sign: f64,
+    name: String,
+}
+
+impl JointJog {
+    /// For the joints of `model` that `profile` names and `subset` drives.
+    ///
+    /// # Errors
+    /// [`ControlError::Name`] for a joint in `joint_jog.cycle` that is not driven.
+    pub fn new(profile: &Profile, model: &ArmModel, subset: &JointSubset) -> Result<Self, ControlError> {
+        let settings = &profile.joint_jog;
+        let cycle: Vec<usize> = match settings.cycle.as_slice() {
+            [] => subset.driven().to_vec(),
+            names => names.iter().map(|name| subset.find(model, name)).collect::<Result<_, _>>()?,
+        };
+        let mut modes = Vec::new();
+        let mut views = Vec::new();
+        for joint in cycle {
+            let full = &model.joints[model.arm[joint]].name;
+            let entry = settings.joints.iter().find(|entry| JointSubset::is_named(full, &entry.joint));
+            let (name, we, wf, sign) = match entry {
+                Some(entry) => (&*entry.name, &*entry.we, &*entry.wf, entry.we_sign),
+                None => (&**full, "+", "-", 1),
+            };
+            views.push(ModeView {
+                number: joint as u8,
+                name: name.to_owned(),
+                directions: [we.to_owned(), wf.to_owned()],
+                next_in_secs: None,
+            });
+            modes.push(Mode { joint, we_sign: f64::from(sign), name: name.to_owned() });
+        }
+        Ok(Self {
+            jog: Jog::new(views, &profile.jog, false),
+            modes,
+            limits: model.arm.iter().map(|&j| model.joints[j].limits).collect(),
+            speed: settings.speed_rad_per_s,
+            step: settings.step_rad,
+            close_first: settings.starts_closed,
+            goals: None,
+            refusal: None,
+        })
+    }
+
+    /// The selected joint at its speed, no further than its limit.
+    fn velocity(&mut self, sign: f64, commanded: &[f64]) -> MotionCommand {
+        let mode = &self.modes[self.jog.selected()];
+        let (Some(&angle), Some(limits)) = (commanded.get(mode.joint), self.limits.get(mode.joint)) else {
+            return MotionCommand::Hold;
+        };
+        let speed = (sign * mode.we_sign * self.speed).clamp(-limits.velocity, limits.velocity);
+        let room = ((limits.lower - angle) / STEP_SECS, (limits.upper - angle) / STEP_SECS);
+        let speed = speed.clamp(room.0.min(0.0), room.1.max(0.0));
+        if speed == 0.0 {
+            self.refusal = Some(format!("{}: the joint is at its limit", mode.name));
+            return MotionCommand::Hold;
+        }
+        let mut speeds = zeros(commanded.len());
+        speeds[mode.joint] = speed;
+        MotionCommand::Velocity(speeds)
+    }
+
+    /// One step on from where the joint is, or from where it was last sent.
+    fn goal(&mut self, sign: f64, repeated: bool, input: &ControlInput<'_>) -> Option<MotionCommand> {
+        let mode = &self.modes[self.jog.selected()];
+        let goals = self.goals.get_or_insert_with(|| joints(input.commanded));
+        let from = if repeated { *goals.get(mode.joint)? } else { *input.measured.get(mode.joint)? };
+        let goal = from + sign * mode.we_sign * self.step;
+        if !goal.is_finite() {
+            return None;
+        }
+        *goals.get_mut(mode.joint)? = goal;
+        Some(MotionCommand::Goto(goals.clone()))
+    }
+}
+
+impl ControlMethod for JointJog {
+    fn name(&self) -> &str {
+        "A"
+    }
+
+    fn step(
+        &mut self,
+        now: SimTime,
+        input: &ControlInput<'_>,
+        _kinematics: &mut dyn ArmKinematics,
+    ) -> ControlOutput {
+        self.refusal = None;
+        let (motion, hand) = self.jog.step(now, input);
+        let first = std::mem::take(&mut self.close_first).then_some(crate::HandCommand::Close);
+        let motion = match motion {
+            JogMotion::None => None,
+            JogMotion::Stop => Some(MotionCommand::Hold),
+            JogMotion::Speed(sign) => Some(self.velocity(sign, input.commanded)),
+            JogMotion::Step { sign, repeated } => self.goal(sign, repeated, input),
+        };
+        ControlOutput { motion, hand: hand.or(first), ..ControlOutput::default() }
+    }
+
+    fn mode(&self) -> Option<ModeView> {
+        self.jog.mode()
+    }
+
+    fn target(&self) -> TargetView {
+        TargetView::default()
+    }
+
+    fn planner(&self) -> PlannerView {
+        self.jog.planner(self.refusal.as_deref())
+    }
+}

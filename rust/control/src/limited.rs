@@ -1,0 +1,177 @@
+use crate::ports::ArmKinematics;
+use crate::{ControlInput, ControlMethod, ControlOutput, LimiterProfile, MotionCommand, STEP_SECS};
+use proact_types::{
+    ArmModel, JointLimits, JointVector, ModeView, PlannerView, SimTime, TargetView, Trajectory, zeros,
+};
+
+/// Longest time between two steps that speeds may change for, seconds: a late step must not let the arm jump.
+const LONGEST_STEP_SECS: f64 = 0.02;
+/// A trajectory this much faster than allowed, as a share, passes: planners meet the limits to rounding.
+const TOLERANCE: f64 = 0.05;
+
+/// Keeps every command of a method within the position, speed and acceleration limits of the arm joints.
+///
+/// Speeds ramp up and, ahead of a joint limit, down. Goals are approached the same way. Trajectories that are too
+/// fast are stretched in time. A stop passes at once: nothing delays it. Numbers that are not finite stop the arm.
+#[derive(Clone, Debug)]
+pub struct Limited<M> {
+    method: M,
+    limits: Vec<JointLimits>,
+    acceleration: f64,
+    velocity: JointVector,
+    goal: Option<JointVector>,
+    last: Option<SimTime>,
+}
+
+impl<M: ControlMethod> Limited<M> {
+    /// Around `method`.
+    pub fn new(method: M, profile: &LimiterProfile, model: &ArmModel) -> Self {
+        Self {
+            method,
+            limits: model.arm.iter().map(|&j| model.joints[j].limits).collect(),
+            acceleration: profile.acceleration_rad_per_s2,
+            velocity: zeros(model.arm_count()),
+            goal: None,
+            last: None,
+        }
+    }
+
+    /// The speed nearest to `asked` that joint `k` at `angle` may have after `secs`.
+    fn speed(&self, k: usize, asked: f64, angle: f64, secs: f64) -> f64 {
+        let limits = &self.limits[k];
+        let asked = asked.clamp(-limits.velocity, limits.velocity);
+        let change = self.acceleration * secs;
+        let ramped = asked.clamp(self.velocity[k] - change, self.velocity[k] + change);
+        // Braking comes before the ramp: at the limit the joint must stand.
+        let top = |room: f64| brake(room, self.acceleration);
+        ramped.clamp(-top(angle - limits.lower), top(limits.upper - angle))
+    }
+
+    fn toward(&mut self, asked: &[f64], commanded: &[f64], secs: f64) -> Option<MotionCommand> {
+        let fits = asked.len() == self.limits.len() && commanded.len() == self.limits.len();
+        if !fits || !asked.iter().chain(commanded).all(|value| value.is_finite()) {
+            return Some(self.hold());
+        }
+        let speeds: JointVector =
+            (0..asked.len()).map(|k| self.speed(k, asked[k], commanded[k], secs)).collect();
+        self.velocity = speeds.clone();
+        Some(MotionCommand::Velocity(speeds))
+    }
+
+    fn hold(&mut self) -> MotionCommand {
+        self.velocity.iter_mut().for_each(|speed| *speed = 0.0);
+        self.goal = None;
+        MotionCommand::Hold
+    }
+
+    /// The trajectory, clamped to the limits and slow enough; none if it holds numbers that are none.
+    fn slowed(&self, mut path: Trajectory) -> Option<Trajectory> {
+        let count = self.limits.len();
+        let mut stretch = 1.0_f64;
+        for point in &mut path.points {
+            let whole = point.q.len() == count && point.qd.len() == count && point.time_secs.is_finite();
+            if !whole || !point.q.iter().chain(&point.qd).all(|value| value.is_finite()) {
+                return None;
+            }
+            for (k, limits) in self.limits.iter().enumerate() {
+                point.q[k] = point.q[k].clamp(limits.lower, limits.upper);
+                stretch = stretch.max(over(point.qd[k], limits.velocity));
+            }
+        }
+        for pair in path.points.windows(2) {
+            let (a, b) = (&pair[0], &pair[1]);
+            let h = b.time_secs - a.time_secs;
+            // Times that do not ascend are no trajectory.
+            if h.is_nan() || h <= 0.0 {
+                return None;
+            }
+            for (k, limits) in self.limits.iter().enumerate() {
+                // Ends of the second derivative of the cubic, and its greatest mean speed.
+                let step = b.q[k] - a.q[k];
+                let first = (6.0 * step / h - 4.0 * a.qd[k] - 2.0 * b.qd[k]) / h;
+                let last = (-6.0 * step / h + 2.0 * a.qd[k] + 4.0 * b.qd[k]) / h;
+                stretch = stretch.max(over(step / h, limits.velocity));
+                stretch = stretch.max(over(first.abs().max(last.abs()), self.acceleration).sqrt());
+            }
+        }
+        if stretch > 1.0 {
+            for point in &mut path.points {
+                point.time_secs *= stretch;
+                point.qd.iter_mut().for_each(|speed| *speed /= stretch);
+            }
+        }
+        Some(path)
+    }
+}
+
+/// The ratio by which `value` is over `limit`; one when it is within.
+fn over(value: f64, limit: f64) -> f64 {
+    let ratio = value.abs() / limit;
+    if ratio > 1.0 + TOLERANCE { ratio } else { 1.0 }
+}
+
+/// The greatest speed from which a joint stops within `room`, and with which it does not pass it in one step.
+fn brake(room: f64, acceleration: f64) -> f64 {
+    let room = room.max(0.0);
+    (2.0 * acceleration * room).sqrt().min(room / STEP_SECS)
+}
+
+impl<M: ControlMethod> ControlMethod for Limited<M> {
+    fn name(&self) -> &str {
+        self.method.name()
+    }
+
+    fn step(
+        &mut self,
+        now: SimTime,
+        input: &ControlInput<'_>,
+        kinematics: &mut dyn ArmKinematics,
+    ) -> ControlOutput {
+        let mut output = self.method.step(now, input, kinematics);
+        let elapsed = self.last.replace(now).map_or(STEP_SECS, |last| now.millis_since(last) as f64 * 1e-3);
+        let secs = elapsed.min(LONGEST_STEP_SECS);
+        output.motion = match output.motion.take() {
+            Some(MotionCommand::Hold) => Some(self.hold()),
+            Some(MotionCommand::Velocity(asked)) => {
+                self.goal = None;
+                self.toward(&asked, input.commanded, secs)
+            }
+            Some(MotionCommand::Goto(goal)) => {
+                self.goal = Some(goal);
+                None
+            }
+            Some(MotionCommand::Follow(path)) => {
+                let held = self.hold();
+                Some(self.slowed(path).map_or(held, MotionCommand::Follow))
+            }
+            None => None,
+        }
+        .or_else(|| {
+            // A goal stands until it is reached or another command comes.
+            let goal = self.goal.clone()?;
+            if goal.len() != input.commanded.len() {
+                return Some(self.hold());
+            }
+            let gaps: JointVector = goal.iter().zip(input.commanded).map(|(goal, q)| goal - q).collect();
+            if gaps.iter().all(|gap| *gap == 0.0) {
+                return Some(self.hold());
+            }
+            let asked: JointVector =
+                gaps.iter().map(|gap| gap.signum() * brake(gap.abs(), self.acceleration)).collect();
+            self.toward(&asked, input.commanded, secs)
+        });
+        output
+    }
+
+    fn mode(&self) -> Option<ModeView> {
+        self.method.mode()
+    }
+
+    fn target(&self) -> TargetView {
+        self.method.target()
+    }
+
+    fn planner(&self) -> PlannerView {
+        self.method.planner()
+    }
+}

@@ -1,0 +1,414 @@
+//! What the methods do, as data: the numbers and the choices between rules.
+
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// Why a method cannot be built.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ControlError {
+    /// No such method.
+    #[error("method {got:?} is unknown; expected one of {known}")]
+    Method {
+        /// What was asked for.
+        got: String,
+        /// What there is.
+        known: String,
+    },
+    /// No such profile.
+    #[error("profile {got:?} is unknown; expected default, original, or the text of one")]
+    Profile {
+        /// What was asked for.
+        got: String,
+    },
+    /// The text is not a profile.
+    #[error("the profile is unreadable: {0}")]
+    Text(String),
+    /// A number is outside its range.
+    #[error("profile: {key} = {got}, expected {expected}")]
+    Value {
+        /// Such as `joint_jog.speed_rad_per_s`.
+        key: &'static str,
+        /// What was given.
+        got: f64,
+        /// What is allowed.
+        expected: &'static str,
+    },
+    /// A name that the profile uses does not exist.
+    #[error("profile: {kind} {got:?} is unknown; expected one of {known}")]
+    Name {
+        /// `joint` or `level`.
+        kind: &'static str,
+        /// What was given.
+        got: String,
+        /// What there is.
+        known: String,
+    },
+    /// The method and the profile do not go together.
+    #[error("method {method} {reason}")]
+    Unsupported {
+        /// The method.
+        method: String,
+        /// Why not, and what to do.
+        reason: &'static str,
+    },
+}
+
+/// Everything by which the methods differ from one study to another. Read from TOML; unknown keys are refused.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Profile {
+    /// Written to the record.
+    pub name: String,
+    /// Which of `levels` is in force.
+    pub level: String,
+    /// Joints that a method drives, by level of limb loss; empty is every arm joint.
+    pub levels: BTreeMap<String, Vec<String>>,
+    /// Methods A and B: from gestures to steps.
+    pub jog: JogProfile,
+    /// Method A.
+    pub joint_jog: JointJogProfile,
+    /// Method B.
+    pub end_effector_jog: EndEffectorJogProfile,
+    /// Methods C and D.
+    pub gaze_assisted: GazeAssistedProfile,
+    /// Bounds on the commands; none in the original.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub limiter: Option<LimiterProfile>,
+    /// Stop on stale input; none in the original.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dead_man: Option<DeadManProfile>,
+}
+
+/// How methods A and B follow the gestures.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "pace", rename_all = "snake_case", deny_unknown_fields)]
+pub enum JogProfile {
+    /// At a speed, for as long as a gesture is held.
+    Time {
+        /// HO held this long goes back by one from where it began, once in each such span; 0 is never.
+        back_after_ms: u64,
+        /// HO that follows HC directly counts once it has lasted this long.
+        open_after_close_ms: u64,
+        /// With a block in hand, opening is asked for twice within this time; 0 is off.
+        confirm_open_ms: u64,
+    },
+    /// By a step for each message of the classifier (the original).
+    Message {
+        /// Spacing of the messages assumed while none has come: gestures from keys make none.
+        nominal_ms: u64,
+        /// Messages after a change of mode are dropped until the next joint state, one in each such span.
+        joint_state_ms: u64,
+    },
+}
+
+/// Method A.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct JointJogProfile {
+    /// Joints cycled through, in this order; empty is every driven joint, base to tip.
+    pub cycle: Vec<String>,
+    /// Speed of the selected joint, rad/s, where the pace is `time`.
+    pub speed_rad_per_s: f64,
+    /// Step for each message, rad, where the pace is `message`.
+    pub step_rad: f64,
+    /// The hand closes at the start while the method believes it open (the original).
+    pub starts_closed: bool,
+    /// How joints are shown and which way they go. Joints without an entry go by their own name.
+    pub joints: Vec<JointEntry>,
+}
+
+/// How a joint is shown.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct JointEntry {
+    /// The joint's name in the model, or what follows its last `__`.
+    pub joint: String,
+    /// As shown.
+    pub name: String,
+    /// What WE does, as shown.
+    pub we: String,
+    /// What WF does, as shown.
+    pub wf: String,
+    /// Sign of the joint's motion for WE: 1 or -1.
+    pub we_sign: i8,
+}
+
+/// Method B.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EndEffectorJogProfile {
+    /// Speed of a translation, m/s, where the pace is `time`.
+    pub speed_m_per_s: f64,
+    /// Speed of a rotation, rad/s, where the pace is `time`.
+    pub speed_rad_per_s: f64,
+    /// Translation for each message, m, where the pace is `message`.
+    pub step_m: f64,
+    /// Rotation for each message, rad, where the pace is `message`.
+    pub step_rad: f64,
+    /// A message HO straight after HC counts as NM, where the pace is `message` (the original).
+    pub drops_open_after_close: bool,
+    /// From the motion of the hand to that of the joints.
+    pub inverse: InverseProfile,
+    /// Axes cycled through.
+    pub axes: Vec<AxisEntry>,
+}
+
+/// How the motion of the hand becomes that of the joints.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+pub enum InverseProfile {
+    /// Damped least squares within the joint limits.
+    Damped(DampedProfile),
+    /// Pseudo-inverse with the original's rule for the elbow.
+    MoorePenrose(MoorePenroseProfile),
+}
+
+/// Damped least squares, limit-aware.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DampedProfile {
+    /// Linear rows are divided by this length, m, so that the condition number has no unit.
+    pub length_m: f64,
+    /// Condition number from which motion that makes it worse slows down.
+    pub condition_soft: f64,
+    /// Condition number at which motion that makes it worse ends.
+    pub condition_limit: f64,
+    /// Greatest damping factor.
+    pub damping: f64,
+    /// Smallest singular value under which damping sets in.
+    pub damp_below: f64,
+    /// Most that a commanded angle may run ahead of the measured one, rad.
+    pub drift_limit_rad: f64,
+    /// Least cosine between the motion asked for and the one that joint limits leave.
+    pub least_alignment: f64,
+}
+
+/// The pseudo-inverse without damping.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MoorePenroseProfile {
+    /// Condition number, metres and radians mixed, over which the elbow may not extend.
+    pub condition_limit: f64,
+    /// Position, in the chain, of the joint that may not turn backwards then.
+    pub elbow_index: usize,
+}
+
+/// Whether an axis is moved along or turned about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum AxisMotion {
+    /// Along.
+    Translate,
+    /// About.
+    Rotate,
+}
+
+/// An axis of the arm's base.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Axis {
+    /// Ahead.
+    X,
+    /// Left.
+    Y,
+    /// Up.
+    Z,
+}
+
+/// One degree of freedom of the hand.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AxisEntry {
+    /// Along or about.
+    pub motion: AxisMotion,
+    /// Which axis.
+    pub axis: Axis,
+    /// As shown.
+    pub name: String,
+    /// What WE does, as shown.
+    pub we: String,
+    /// What WF does, as shown.
+    pub wf: String,
+    /// Sign of the motion for WE: 1 or -1.
+    pub we_sign: i8,
+}
+
+/// Methods C and D.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "rules", rename_all = "snake_case")]
+pub enum GazeAssistedProfile {
+    /// One WF locks, anything but WE stops, WE acts on what is highlighted or locked.
+    LockOnce(LockOnceProfile),
+    /// The original: WF toggles, NM alone stops, WE acts on what was locked last.
+    ToggleLocks(ToggleLocksProfile),
+}
+
+/// Numbers of [`crate::GazeAssisted`].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LockOnceProfile {
+    /// A base that moved further than this since a plan was asked for makes the plan void, metres.
+    pub base_moved_m: f64,
+    /// The same for its turning, rad.
+    pub base_turned_rad: f64,
+    /// As many intermediate goals may follow each other before the arm waits for another base or another WE: it
+    /// would wander for ever where no posture reaches the goal.
+    pub most_intermediates: u32,
+    /// The place jumps to a free target this near, metres; 0 is never.
+    pub snap_radius_m: f64,
+    /// With a block in hand, opening is asked for twice within this time; 0 is off.
+    pub confirm_open_ms: u64,
+}
+
+impl Default for LockOnceProfile {
+    fn default() -> Self {
+        Self {
+            base_moved_m: 5e-3,
+            base_turned_rad: std::f64::consts::PI / 180.0,
+            most_intermediates: 2,
+            snap_radius_m: 0.0,
+            confirm_open_ms: 0,
+        }
+    }
+}
+
+/// Numbers of [`crate::GazeToggled`], all of the original's `pick_place.cpp`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ToggleLocksProfile {
+    /// Upper arm of the two-link arm by which the hand's heading is chosen, metres.
+    pub upper_m: f64,
+    /// Its forearm, metres.
+    pub fore_m: f64,
+    /// Its elbow hangs this much lower than the shoulder, metres.
+    pub elbow_drop_m: f64,
+    /// Orientation of the hand in `world`, w, x, y, z, before its heading is replaced.
+    pub grasp_wxyz: [f64; 4],
+    /// The wrist stays this far from the block, across the heading, metres.
+    pub back_off_m: f64,
+    /// The wrist over the block's centre, metres.
+    pub pick_height_m: f64,
+    /// The block's centre over the place, metres.
+    pub place_height_m: f64,
+}
+
+/// Bounds on the commands of any method.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LimiterProfile {
+    /// Greatest acceleration of a joint, rad/s^2. Stopping is not limited.
+    pub acceleration_rad_per_s2: f64,
+}
+
+/// Ages over which input stops the arm, milliseconds.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DeadManProfile {
+    /// Of the last decision on the EMG.
+    pub emg_ms: u64,
+    /// Of the last gaze measurement; methods C and D only.
+    pub gaze_ms: u64,
+    /// Of the last tracked pose.
+    pub tracking_ms: u64,
+}
+
+impl Profile {
+    /// The profile called `name`: `default` or `original`.
+    ///
+    /// # Errors
+    /// [`ControlError::Profile`] for any other name.
+    pub fn named(name: &str) -> Result<Self, ControlError> {
+        match name {
+            "default" => Self::from_toml(include_str!("../data/profiles/default.toml")),
+            "original" => Self::from_toml(include_str!("../data/profiles/original.toml")),
+            _ => Err(ControlError::Profile { got: name.to_owned() }),
+        }
+    }
+
+    /// Reads a profile and checks its numbers.
+    ///
+    /// # Errors
+    /// [`ControlError::Text`] with the line, [`ControlError::Value`] for numbers out of range,
+    /// [`ControlError::Name`] for a level that is not in the list.
+    pub fn from_toml(text: &str) -> Result<Self, ControlError> {
+        let profile: Self = toml::from_str(text).map_err(|e| ControlError::Text(e.to_string()))?;
+        profile.check()?;
+        Ok(profile)
+    }
+
+    /// The profile as TOML.
+    ///
+    /// # Errors
+    /// [`ControlError::Text`] if it cannot be written down.
+    pub fn to_toml(&self) -> Result<String, ControlError> {
+        toml::to_string(self).map_err(|e| ControlError::Text(e.to_string()))
+    }
+
+    /// Checks every number.
+    ///
+    /// # Errors
+    /// As [`Profile::from_toml`].
+    pub fn check(&self) -> Result<(), ControlError> {
+        let (joint, hand) = (&self.joint_jog, &self.end_effector_jog);
+        let mut positive = vec![
+            ("joint_jog.speed_rad_per_s", joint.speed_rad_per_s),
+            ("joint_jog.step_rad", joint.step_rad),
+            ("end_effector_jog.speed_m_per_s", hand.speed_m_per_s),
+            ("end_effector_jog.speed_rad_per_s", hand.speed_rad_per_s),
+            ("end_effector_jog.step_m", hand.step_m),
+            ("end_effector_jog.step_rad", hand.step_rad),
+        ];
+        match hand.inverse {
+            InverseProfile::Damped(damped) => positive.extend([
+                ("end_effector_jog.inverse.length_m", damped.length_m),
+                ("end_effector_jog.inverse.condition_soft", damped.condition_soft),
+                ("end_effector_jog.inverse.condition_limit - condition_soft", {
+                    damped.condition_limit - damped.condition_soft
+                }),
+                ("end_effector_jog.inverse.damping", damped.damping),
+                ("end_effector_jog.inverse.damp_below", damped.damp_below),
+                ("end_effector_jog.inverse.drift_limit_rad", damped.drift_limit_rad),
+                ("end_effector_jog.inverse.least_alignment", damped.least_alignment),
+            ]),
+            InverseProfile::MoorePenrose(plain) => {
+                positive.push(("end_effector_jog.inverse.condition_limit", plain.condition_limit));
+            }
+        }
+        match self.gaze_assisted {
+            GazeAssistedProfile::LockOnce(rules) => positive.extend([
+                ("gaze_assisted.base_moved_m", rules.base_moved_m),
+                ("gaze_assisted.base_turned_rad", rules.base_turned_rad),
+                // Zero switches it off.
+                ("gaze_assisted.snap_radius_m + 1", rules.snap_radius_m + 1.0),
+            ]),
+            GazeAssistedProfile::ToggleLocks(rules) => positive.extend([
+                ("gaze_assisted.upper_m", rules.upper_m),
+                ("gaze_assisted.fore_m", rules.fore_m),
+                ("norm of gaze_assisted.grasp_wxyz", rules.grasp_wxyz.iter().map(|v| v * v).sum()),
+            ]),
+        }
+        if let Some(limiter) = self.limiter {
+            positive.push(("limiter.acceleration_rad_per_s2", limiter.acceleration_rad_per_s2));
+        }
+        if let Some(&(key, got)) = positive.iter().find(|(_, v)| !(v.is_finite() && *v > 0.0)) {
+            return Err(ControlError::Value { key, got, expected: "a finite number above 0" });
+        }
+        let signs = joint.joints.iter().map(|j| j.we_sign).chain(hand.axes.iter().map(|a| a.we_sign));
+        if let Some(sign) = signs.into_iter().find(|sign| sign.abs() != 1) {
+            return Err(ControlError::Value { key: "we_sign", got: sign.into(), expected: "1 or -1" });
+        }
+        if hand.axes.is_empty() {
+            return Err(ControlError::Value {
+                key: "number of end_effector_jog.axes",
+                got: 0.0,
+                expected: "at least 1",
+            });
+        }
+        if !self.levels.contains_key(&self.level) {
+            let known = self.levels.keys().cloned().collect::<Vec<_>>().join(", ");
+            return Err(ControlError::Name { kind: "level", got: self.level.clone(), known });
+        }
+        Ok(())
+    }
+}
