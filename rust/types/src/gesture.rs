@@ -65,3 +65,21 @@ impl FromStr for Gesture {
         Gesture::ALL.into_iter().find(|g| g.ros_name() == text).ok_or_else(|| UnknownGesture(text.to_owned()))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gestures_survive_their_names_and_foreign_words_are_refused_with_the_list() {
+        for (k, gesture) in Gesture::ALL.into_iter().enumerate() {
+            assert_eq!(gesture.ros_name().parse(), Ok(gesture));
+            assert_eq!(gesture.index(), k);
+        }
+        let error = "wave".parse::<Gesture>().expect_err("not one of the five");
+        assert!(
+            error.to_string().contains("\"wave\"") && error.to_string().contains("wrist_flexion"),
+            "{error}"
+        );
+    }
+}

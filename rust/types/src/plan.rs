@@ -158,3 +158,37 @@ pub struct PlanReply {
     /// One sentence for the display and the log when there is no full plan; empty otherwise.
     pub reason: String,
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::joints;
+
+    fn trajectory() -> Trajectory {
+        let point =
+            |time_secs, q: f64, qd: f64| TrajectoryPoint { time_secs, q: joints(&[q]), qd: joints(&[qd]) };
+        Trajectory { points: vec![point(0.0, 0.0, 0.0), point(1.0, 0.5, 0.8), point(2.0, 1.0, 0.0)] }
+    }
+
+    #[test]
+    fn a_trajectory_passes_its_points_at_their_speeds_and_rests_at_both_ends() {
+        let trajectory = trajectory();
+        let at = |t| trajectory.sample(t).map(|(q, qd)| (q[0], qd[0]));
+        assert_eq!(at(-1.0), Some((0.0, 0.0)));
+        assert_eq!(at(1.0), Some((0.5, 0.8)));
+        assert_eq!(at(9.0), Some((1.0, 0.0)));
+        assert_eq!(Trajectory::default().sample(0.0), None);
+    }
+
+    #[test]
+    fn the_speed_is_the_derivative_of_the_angle_everywhere() {
+        let trajectory = trajectory();
+        let angle = |t| trajectory.sample(t).expect("not empty").0[0];
+        for k in 1..200 {
+            let (t, h) = (f64::from(k) * 0.01, 1e-6);
+            let speed = trajectory.sample(t).expect("not empty").1[0];
+            // Central differences of a cubic are exact to h squared; at the middle point the third derivative jumps.
+            assert!(((angle(t + h) - angle(t - h)) / (2.0 * h) - speed).abs() < 1e-5, "at {t} s");
+        }
+    }
+}

@@ -29,3 +29,16 @@ impl SimTime {
         SimTime(self.0 + millis)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn seconds_become_whole_ticks_and_nonsense_becomes_zero() {
+        assert_eq!(SimTime::from_secs(1.2345), SimTime(1235));
+        assert_eq!(SimTime::from_secs(-3.0), SimTime(0));
+        assert_eq!(SimTime::from_secs(f64::NAN), SimTime(0));
+        assert_eq!(SimTime(5).millis_since(SimTime(9)), 0);
+    }
+}
