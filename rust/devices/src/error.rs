@@ -179,6 +179,44 @@ pub enum DeviceError {
         /// The one that follows.
         got: u64,
     },
+    /// A file cannot be written.
+    #[error("cannot write {}: {source}", path.display())]
+    Write {
+        /// Which one.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// A recording of a format that is not known.
+    #[error("{}: unknown format, expected a name that ends in .csv or .edf", path.display())]
+    RecordFormat {
+        /// As given.
+        path: PathBuf,
+    },
+    /// A recording that cannot be read back.
+    #[error("{}: {reason}", path.display())]
+    Recorded {
+        /// The file.
+        path: PathBuf,
+        /// What stands where, and what was expected.
+        reason: String,
+    },
+    /// A datagram that is none of LibEMG's messages.
+    #[error(
+        "got the message {text:?}, expected \"class\" or \"class velocity\", class -1 to 4, velocity 0 to 1"
+    )]
+    LibEmgMessage {
+        /// What came, at most 40 bytes.
+        text: String,
+    },
+    /// A socket for datagrams cannot be used.
+    #[error("UDP {address}: {source}")]
+    Udp {
+        /// Which one.
+        address: String,
+        /// What the system says.
+        source: std::io::Error,
+    },
     /// An armband cannot be used.
     #[error(transparent)]
     GForce(#[from] GForceError),

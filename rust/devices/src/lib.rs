@@ -29,9 +29,11 @@ mod evaluate;
 mod feed;
 mod gaze;
 pub mod gforce;
+mod libemg_udp;
 mod live;
 mod ports;
 mod random;
+mod recorder;
 mod recording;
 mod setup;
 mod synthetic;
@@ -40,11 +42,13 @@ pub use error::DeviceError;
 pub use evaluate::{Evaluation, evaluate};
 pub use feed::EmgFeed;
 pub use gaze::GazeSource;
+pub use libemg_udp::{LIBEMG_PORT, LibEmgOutput, LibEmgReceiver, LibEmgSender};
 pub use live::{
     EmgPacket, Fault, FaultySource, Pacing, PlaybackSource, SampleSource, ScriptedEvent, ScriptedSource,
     SourceCounts, SourceEvent, SourceInfo,
 };
 pub use random::stream;
+pub use recorder::{EmgRecorder, RecordedStream, read_recorded};
 pub use recording::{ChannelValues, MYO_RATE_HZ, Recording, Recordings, read_samples};
 pub use setup::{EmgSetup, EmgSource, prepare, prepare_with, train};
 pub use synthetic::{FittedGesture, SyntheticEmg, SyntheticModel};
