@@ -52,6 +52,37 @@ pub enum DeviceError {
         /// The number in its name.
         class: u32,
     },
+    /// A class with a name that is none of the five gestures.
+    #[error(
+        "{}: class {class} is called {name:?} by the folder's metadata; expected hand_close, hand_open, no_motion, \
+         wrist_extension or wrist_flexion", path.display()
+    )]
+    ClassName {
+        /// The file.
+        path: PathBuf,
+        /// The number in its name.
+        class: u32,
+        /// As named.
+        name: String,
+    },
+    /// A file about the recordings that cannot be used.
+    #[error("{}: {reason}", path.display())]
+    Metadata {
+        /// The file.
+        path: PathBuf,
+        /// What stands there and what was expected.
+        reason: String,
+    },
+    /// The folder says another rate than was asked for.
+    #[error("{} was recorded at {recorded_hz} Hz by its metadata, asked for was {asked_hz} Hz; leave the rate out", path.display())]
+    RateDisagrees {
+        /// The folder.
+        path: PathBuf,
+        /// By its metadata.
+        recorded_hz: f64,
+        /// As asked for.
+        asked_hz: f64,
+    },
     /// Two files for the same repetition of the same gesture.
     #[error("{} repeats repetition {repetition} of {gesture}", path.display())]
     Duplicate {

@@ -31,6 +31,7 @@ mod gaze;
 pub mod gforce;
 mod libemg_udp;
 mod live;
+mod metadata;
 mod ports;
 mod random;
 mod recorder;

@@ -1,4 +1,4 @@
-use crate::DeviceError;
+use crate::{DeviceError, metadata::Metadata};
 use arrayvec::ArrayVec;
 use proact_types::{EmgSample, Gesture, MAX_EMG_CHANNELS};
 use std::path::{Path, PathBuf};
@@ -57,25 +57,47 @@ pub struct Recordings {
 }
 
 impl Recordings {
-    /// Reads the folder `dir` in whichever layout it has: LibEMG's `R_<rep>_C_<class>.csv`, or that of
-    /// myo_readings, `<label>.txt` with the label as ninth column. Files of other names are left alone. The rate is
-    /// not in the files, so it comes with the call; [`MYO_RATE_HZ`] for the freely licensed sets.
+    /// [`Recordings::open`] with the rate given.
     ///
     /// # Errors
-    /// A missing or empty folder, a folder of several sessions, or a file with anything but finite numbers in
-    /// rows of one length; each says where and what.
+    /// As there.
     pub fn read(dir: &Path, rate_hz: f64) -> Result<Recordings, DeviceError> {
+        Recordings::open(dir, Some(rate_hz))
+    }
+
+    /// Reads the folder `dir` in whichever layout it has: LibEMG's `R_<rep>_C_<class>.csv`, or that of
+    /// myo_readings, `<label>.txt` with the label as ninth column. Files of other names are left alone.
+    ///
+    /// The rate is not in those files: it is taken from the folder's `metadata.json` or LibEMG 2's
+    /// `collection_details.json`, where classes may have names, too; else as asked for; else [`MYO_RATE_HZ`], as the
+    /// freely licensed sets.
+    ///
+    /// # Errors
+    /// A missing or empty folder, a folder of several sessions, a file with anything but finite numbers in
+    /// rows of one length, or metadata that cannot be or disagrees; each says where and what.
+    pub fn open(dir: &Path, asked_hz: Option<f64>) -> Result<Recordings, DeviceError> {
+        let rate_hz = asked_hz.unwrap_or(MYO_RATE_HZ);
         if !(rate_hz.is_finite() && rate_hz > 0.0) {
             let expected = "a finite number of samples per second above zero";
             return Err(DeviceError::Parameter { name: "EMG rate", value: rate_hz, expected });
         }
         let names = list(dir)?;
+        let metadata = Metadata::read(dir)?;
+        let rate_hz = match (metadata.rate_hz, asked_hz) {
+            (Some(recorded_hz), Some(asked_hz)) if recorded_hz != asked_hz => {
+                return Err(DeviceError::RateDisagrees { path: dir.to_owned(), recorded_hz, asked_hz });
+            }
+            (recorded_hz, _) => recorded_hz.unwrap_or(rate_hz),
+        };
         let mut items = Vec::new();
         match layout(&names) {
             Some(Layout::LibEmg) => {
                 for name in &names {
                     if let Some((repetition, class)) = parse_name(name) {
-                        items.push(read_libemg(&dir.join(name), repetition, class)?);
+                        let path = dir.join(name);
+                        let gesture = metadata.gesture(&path, class)?;
+                        let samples = read_samples(&path)?;
+                        items.push(Recording { repetition, gesture, samples, path });
                     }
                 }
             }
@@ -196,13 +218,6 @@ fn parse_name(name: &str) -> Option<(u32, u32)> {
     let (repetition, class) =
         stem.strip_suffix("_EMG").unwrap_or(stem).strip_prefix("R_")?.split_once("_C_")?;
     Some((repetition.parse().ok()?, class.parse().ok()?))
-}
-
-fn read_libemg(path: &Path, repetition: u32, class: u32) -> Result<Recording, DeviceError> {
-    let gesture = usize::try_from(class).ok().and_then(|k| Gesture::ALL.get(k).copied());
-    let gesture = gesture.ok_or_else(|| DeviceError::UnknownClass { path: path.to_owned(), class })?;
-    let samples = read_samples(path)?;
-    Ok(Recording { repetition, gesture, samples, path: path.to_owned() })
 }
 
 /// Reads one file; a recording per cue of its gesture, edges cut.

@@ -224,6 +224,9 @@ mod tests {
     }
 
     proptest! {
+        // Each case writes two files to the disk.
+        #![proptest_config(ProptestConfig::with_cases(24))]
+
         #[test]
         fn what_is_recorded_is_read_back_with_its_gaps(
             plan in prop::collection::vec((0_u64..40, prop_oneof![Just(16_u64), 1_u64..20]), 2..20)
@@ -237,6 +240,9 @@ mod tests {
             }
         }
 
+    }
+
+    proptest! {
         #[test]
         fn no_bytes_make_the_readers_panic(bytes in prop::collection::vec(any::<u8>(), 0..2000)) {
             let _ = csv::read(&bytes);

@@ -1,0 +1,135 @@
+use crate::DeviceError;
+use proact_types::Gesture;
+use serde_json::Value;
+use std::{collections::BTreeMap, io::ErrorKind, path::Path};
+
+/// What a folder of LibEMG says about its recordings.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Metadata {
+    /// Samples per second.
+    pub rate_hz: Option<f64>,
+    /// Name of each class number; none if the folder does not say.
+    pub classes: Option<BTreeMap<u32, String>>,
+}
+
+/// Files that say something: our own and LibEMG 0's, then LibEMG 2's.
+const FILES: [&str; 2] = ["metadata.json", "collection_details.json"];
+/// Names that programs give to the rate.
+const RATE_KEYS: [&str; 4] = ["rate_hz", "sampling_rate", "sampling", "fs"];
+
+impl Metadata {
+    /// Reads whichever of the files is there; empty if none is.
+    ///
+    /// # Errors
+    /// A file that is no JSON object, or has a rate or classes that cannot be.
+    pub(crate) fn read(dir: &Path) -> Result<Metadata, DeviceError> {
+        let mut metadata = Metadata::default();
+        for name in FILES {
+            let path = dir.join(name);
+            let text = match std::fs::read_to_string(&path) {
+                Ok(text) => text,
+                Err(error) if error.kind() == ErrorKind::NotFound => continue,
+                Err(source) => return Err(DeviceError::Read { path, source }),
+            };
+            let read = Metadata::parse(&text).map_err(|reason| DeviceError::Metadata { path, reason })?;
+            metadata.rate_hz = metadata.rate_hz.or(read.rate_hz);
+            metadata.classes = metadata.classes.or(read.classes);
+        }
+        Ok(metadata)
+    }
+
+    fn parse(text: &str) -> Result<Metadata, String> {
+        let object: Value = serde_json::from_str(text).map_err(|e| e.to_string())?;
+        let object = object.as_object().ok_or("expected a JSON object")?;
+        let rate = RATE_KEYS.iter().find_map(|key| Some((*key, object.get(*key)?)));
+        let rate_hz = match rate {
+            None => None,
+            Some((key, value)) => {
+                let rate = value.as_f64().filter(|r| r.is_finite() && *r > 0.0);
+                Some(rate.ok_or_else(|| format!("{key} is {value}, expected a number above zero"))?)
+            }
+        };
+        let named = |(class, name): (Option<u32>, &Value)| match (class, name.as_str()) {
+            (Some(class), Some(name)) => Ok((class, name.to_owned())),
+            _ => Err(format!("a class is called {name}, expected class numbers with names")),
+        };
+        let classes = match (object.get("class_map"), object.get("classes")) {
+            (Some(Value::Object(map)), _) => Some(
+                map.iter()
+                    .map(|(class, name)| (class.parse().ok(), name))
+                    .map(named)
+                    .collect::<Result<_, _>>()?,
+            ),
+            (None, Some(Value::Array(names))) => {
+                Some((0..).map(Some).zip(names).map(named).collect::<Result<_, _>>()?)
+            }
+            (None, None) => None,
+            (Some(other), _) | (None, Some(other)) => {
+                return Err(format!("the classes are {other}, expected numbers with names"));
+            }
+        };
+        Ok(Metadata { rate_hz, classes })
+    }
+
+    /// The gesture of a class number: by its name if the folder names it, else in [`Gesture::ALL`] order.
+    ///
+    /// # Errors
+    /// A number without a gesture, or a name that is none of the five.
+    pub(crate) fn gesture(&self, path: &Path, class: u32) -> Result<Gesture, DeviceError> {
+        let unknown = || DeviceError::UnknownClass { path: path.to_owned(), class };
+        let Some(classes) = &self.classes else {
+            return usize::try_from(class)
+                .ok()
+                .and_then(|k| Gesture::ALL.get(k).copied())
+                .ok_or_else(unknown);
+        };
+        let name = classes.get(&class).ok_or_else(unknown)?;
+        let plain = name.trim().to_lowercase().replace([' ', '-'], "_");
+        let known = if plain == "rest" { Ok(Gesture::NoMotion) } else { plain.parse() };
+        known.map_err(|_| DeviceError::ClassName { path: path.to_owned(), class, name: name.clone() })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rate_and_classes_are_read_from_either_file() {
+        let dir = tempfile::tempdir().unwrap();
+        assert_eq!(Metadata::read(dir.path()).unwrap(), Metadata::default());
+        let details = r#"{"num_reps": 3, "classes": ["x"], "class_map": {"0": "Hand_Open", "1": "no motion", "2": "Pinch"}}"#;
+        std::fs::write(dir.path().join("collection_details.json"), details).unwrap();
+        std::fs::write(dir.path().join("metadata.json"), r#"{"rate_hz": 1000}"#).unwrap();
+        let metadata = Metadata::read(dir.path()).unwrap();
+        assert_eq!(metadata.rate_hz, Some(1000.0));
+        let gesture = |class| metadata.gesture(Path::new("R_0_C_0.csv"), class);
+        assert_eq!(gesture(0).unwrap(), Gesture::HandOpen);
+        assert_eq!(gesture(1).unwrap(), Gesture::NoMotion);
+        assert!(gesture(2).unwrap_err().to_string().contains("class 2 is called \"Pinch\""));
+        assert!(gesture(3).unwrap_err().to_string().contains("class 3 is unknown"));
+    }
+
+    #[test]
+    fn a_list_of_names_counts_from_zero() {
+        let metadata = Metadata::parse(r#"{"classes": ["Rest", "wrist-flexion"]}"#).unwrap();
+        assert_eq!(metadata.gesture(Path::new("f"), 1).unwrap(), Gesture::WristFlexion);
+        assert_eq!(metadata.gesture(Path::new("f"), 0).unwrap(), Gesture::NoMotion);
+    }
+
+    #[test]
+    fn what_cannot_be_is_refused() {
+        for (text, why) in [
+            ("[1]", "expected a JSON object"),
+            ("{", "EOF"),
+            (r#"{"fs": -1}"#, "fs is -1"),
+            (r#"{"rate_hz": "fast"}"#, "rate_hz is \"fast\""),
+            (r#"{"classes": 5}"#, "the classes are 5"),
+            (r#"{"class_map": {"x": "rest"}}"#, "expected class numbers"),
+            (r#"{"class_map": {"0": 7}}"#, "a class is called 7"),
+        ] {
+            let error = Metadata::parse(text).unwrap_err();
+            assert!(error.contains(why), "{text}: {error}");
+        }
+    }
+}
