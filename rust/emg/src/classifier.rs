@@ -1,5 +1,5 @@
 use crate::lda::softmax;
-use crate::{EmgConfig, EmgError, FeatureGroup, Lda, MAX_FEATURES};
+use crate::{EmgConfig, EmgError, FeatureSet, Lda};
 use nalgebra::DMatrix;
 use proact_types::Gesture;
 use serde::{Deserialize, Serialize};
@@ -27,17 +27,18 @@ pub struct Prediction {
 /// Linear discriminant analysis over gestures, with the effort scale of each gesture.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Classifier {
-    features: FeatureGroup,
+    features: FeatureSet,
     channels: usize,
     lda: Lda,
     /// The gesture of each class of the LDA, in [`Gesture::ALL`] order.
     gestures: Vec<Gesture>,
-    /// Per class of the LDA.
+    /// Per class of the LDA; empty if amplitudes were not known.
     efforts: Vec<EffortScale>,
 }
 
 impl Classifier {
-    /// Trains on feature vectors, `[windows][features]`, with the gesture of each window.
+    /// Trains on feature vectors, `[windows][features]`, with the gesture of each window. The effort scale comes from
+    /// MAV; with a set that lacks it use [`Classifier::train_with_amplitudes`], else efforts are zero.
     ///
     /// # Errors
     /// Lengths that do not fit the settings, values that are not finite, or fewer than two gestures.
@@ -45,6 +46,36 @@ impl Classifier {
         config: &EmgConfig,
         windows: &[F],
         labels: &[Gesture],
+    ) -> Result<Classifier, EmgError> {
+        let amplitude = |w: &F| {
+            let whole = w.as_ref().len() == config.features.count(config.channels);
+            whole.then(|| config.features.amplitude(w.as_ref(), config.channels)).flatten()
+        };
+        let amplitudes: Option<Vec<f64>> = windows.iter().map(amplitude).collect();
+        Self::fit(config, windows, labels, amplitudes.as_deref())
+    }
+
+    /// [`Classifier::train`] with [`crate::WindowView::amplitude`] of each window, for any set of features.
+    ///
+    /// # Errors
+    /// As [`Classifier::train`], and if there are not as many amplitudes as windows.
+    pub fn train_with_amplitudes<F: AsRef<[f64]>>(
+        config: &EmgConfig,
+        windows: &[F],
+        labels: &[Gesture],
+        amplitudes: &[f64],
+    ) -> Result<Classifier, EmgError> {
+        if amplitudes.len() != windows.len() {
+            return Err(EmgError::LabelCount { windows: windows.len(), labels: amplitudes.len() });
+        }
+        Self::fit(config, windows, labels, Some(amplitudes))
+    }
+
+    fn fit<F: AsRef<[f64]>>(
+        config: &EmgConfig,
+        windows: &[F],
+        labels: &[Gesture],
+        amplitudes: Option<&[f64]>,
     ) -> Result<Classifier, EmgError> {
         config.check()?;
         if windows.len() != labels.len() {
@@ -62,13 +93,14 @@ impl Classifier {
             expected,
             windows.iter().flat_map(|w| w.as_ref().iter().copied()),
         );
-        let lda = Lda::fit(&samples, &classes, gestures.len(), config.normalisation)?;
+        let lda =
+            Lda::fit_with_priors(&samples, &classes, gestures.len(), config.normalisation, config.priors)?;
 
         // LibEMG's velocity control: the middle of each gesture's range of summed MAV.
-        let scale = |class: usize| {
+        let scale = |amplitudes: &[f64], class: usize| {
             let sums = || {
-                let of_class = windows.iter().zip(&classes).filter(move |(_, c)| **c == class);
-                of_class.map(|(w, _)| config.features.amplitude(w.as_ref(), config.channels))
+                let of_class = amplitudes.iter().zip(&classes).filter(move |(_, c)| **c == class);
+                of_class.map(|(amplitude, _)| *amplitude)
             };
             let (least, most) = (sums().fold(f64::INFINITY, f64::min), sums().fold(0.0, f64::max));
             EffortScale { low: least + 0.1 * (most - least), high: least + 0.7 * (most - least) }
@@ -77,7 +109,9 @@ impl Classifier {
             features: config.features,
             channels: config.channels,
             lda,
-            efforts: (0..gestures.len()).map(scale).collect(),
+            efforts: amplitudes
+                .map(|a| (0..gestures.len()).map(|class| scale(a, class)).collect())
+                .unwrap_or_default(),
             gestures,
         })
     }
@@ -87,9 +121,14 @@ impl Classifier {
         self.channels
     }
 
-    /// The feature group that it was trained on.
-    pub fn feature_group(&self) -> FeatureGroup {
+    /// The features that it was trained on.
+    pub fn features(&self) -> FeatureSet {
         self.features
+    }
+
+    /// The effort scale of each of [`Classifier::gestures`]; empty if amplitudes were not known.
+    pub fn efforts(&self) -> &[EffortScale] {
+        &self.efforts
     }
 
     /// The gestures that it tells apart, in [`Gesture::ALL`] order.
@@ -128,40 +167,35 @@ impl Classifier {
     }
 
     /// How hard `gesture` is performed, 0 to 1: the summed MAV of the window between the gesture's limits, which
-    /// lie at 10 % and 70 % of the range seen in training (LibEMG's velocity control, not rounded).
+    /// lie at 10 % and 70 % of the range seen in training (LibEMG's velocity control, not rounded). The features must
+    /// have MAV.
     ///
     /// # Errors
-    /// If the gesture was not trained or the feature vector has another length.
+    /// If the gesture was not trained, the feature vector has another length, or there is no MAV in it.
     pub fn effort(&self, gesture: Gesture, features: &[f64]) -> Result<f64, EmgError> {
         let expected = self.lda.features();
         if features.len() != expected {
             return Err(EmgError::FeatureCount { got: features.len(), expected });
         }
-        let class = self.gestures.iter().position(|g| *g == gesture).ok_or(EmgError::NotTrained(gesture))?;
-        let EffortScale { low, high } = self.efforts[class];
         let amplitude = self.features.amplitude(features, self.channels);
+        self.effort_of(gesture, amplitude.ok_or_else(|| self.no_scale())?)
+    }
+
+    /// [`Classifier::effort`] of a window whose [`crate::WindowView::amplitude`] is known.
+    ///
+    /// # Errors
+    /// If the gesture was not trained, or amplitudes were not known at training.
+    pub fn effort_of(&self, gesture: Gesture, amplitude: f64) -> Result<f64, EmgError> {
+        let class = self.gestures.iter().position(|g| *g == gesture).ok_or(EmgError::NotTrained(gesture))?;
+        let EffortScale { low, high } = *self.efforts.get(class).ok_or_else(|| self.no_scale())?;
         // All training windows alike: any contraction that strong is full effort.
         let effort =
             if high > low { (amplitude - low) / (high - low) } else { f64::from(u8::from(amplitude >= low)) };
         Ok(effort.clamp(0.0, 1.0))
     }
-}
 
-impl FeatureGroup {
-    /// Number of features of a window of `channels` channels.
-    pub fn count(self, channels: usize) -> usize {
-        let count = match self {
-            FeatureGroup::Htd => 4 * channels,
-        };
-        debug_assert!(count <= MAX_FEATURES);
-        count
-    }
-
-    /// Sum of MAV over channels.
-    fn amplitude(self, features: &[f64], channels: usize) -> f64 {
-        match self {
-            FeatureGroup::Htd => features[..channels].iter().sum(),
-        }
+    fn no_scale(&self) -> EmgError {
+        EmgError::NoEffortScale { features: self.features.to_string() }
     }
 }
 

@@ -1,4 +1,5 @@
-use proact_types::{Gesture, MAX_EMG_CHANNELS};
+use crate::{EmgError, FeatureSet};
+use proact_types::MAX_EMG_CHANNELS;
 use serde::{Deserialize, Serialize};
 use std::num::NonZeroU32;
 
@@ -32,16 +33,6 @@ impl WindowLength {
     }
 }
 
-/// Which features are computed from a window.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub enum FeatureGroup {
-    /// Hudgins' time-domain set, in LibEMG's order: mean absolute value, zero crossings, slope sign changes,
-    /// waveform length; feature-major.
-    #[default]
-    #[serde(rename = "HTD")]
-    Htd,
-}
-
 /// How the pooled covariance is normalised. scikit-learn changed this in 1.9; no class of a tested recording
 /// depends on it, probabilities move by about 0.001.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -52,6 +43,17 @@ pub enum LdaNormalisation {
     Windows,
     /// Divided by windows less classes, as scikit-learn up to 1.8.
     WindowsLessClasses,
+}
+
+/// How probable each class is before its window is seen.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Priors {
+    /// By the number of training windows, as LibEMG: recordings of unequal length shift decisions.
+    #[default]
+    Counts,
+    /// All the same.
+    Equal,
 }
 
 /// When a decision goes out as a message. The gesture in force is the same either way.
@@ -78,9 +80,24 @@ pub struct EmgConfig {
     /// Step from one window to the next. Default 50 ms (same source).
     pub increment: WindowLength,
     /// Features. Default HTD (same source).
-    pub features: FeatureGroup,
+    pub features: FeatureSet,
     /// Normalisation of the covariance. Default: scikit-learn 1.9.
     pub normalisation: LdaNormalisation,
+    /// Priors of the classes. Default: by their windows, as LibEMG.
+    pub priors: Priors,
+    /// Products of slopes from which on a slope sign change counts, in squared units of the stream. Default 0
+    /// (LibEMG).
+    pub ssc_threshold: f64,
+    /// Differences above which WAMP counts, in the stream's unit. Default 0.002 (LibEMG), made for volts: with counts
+    /// of the device every change counts.
+    pub wamp_threshold: f64,
+    /// Windows whose confidence is not above this are rejected: they have no class. Default off; LibEMG's value is
+    /// [`DEFAULT_REJECTION`].
+    pub rejection: Option<f64>,
+    /// The most frequent of so many newest classes, fewer at the start, goes to the rule; rejected windows vote too,
+    /// and of equals the first in [`proact_types::Gesture::ALL`] order wins, rejected before all. Default off; LibEMG's
+    /// value is [`DEFAULT_MAJORITY`], the largest possible [`LARGEST_MAJORITY`].
+    pub majority: Option<NonZeroU32>,
     /// When messages go out. Default: hold, as the original program.
     pub rule: RuleKind,
     /// Equal classes in a row that change the gesture in force. Default 3 (same source).
@@ -100,8 +117,13 @@ impl Default for EmgConfig {
             channels: 8,
             window: WindowLength::Millis(100.0),
             increment: WindowLength::Millis(50.0),
-            features: FeatureGroup::Htd,
+            features: FeatureSet::HTD,
             normalisation: LdaNormalisation::Windows,
+            priors: Priors::Counts,
+            ssc_threshold: 0.0,
+            wamp_threshold: 0.002,
+            rejection: None,
+            majority: None,
             rule: RuleKind::Hold,
             required: NonZeroU32::MIN.saturating_add(2),
             first_output_acts: false,
@@ -110,8 +132,12 @@ impl Default for EmgConfig {
     }
 }
 
-/// Shortest window: slope sign changes look at three samples.
-const SHORTEST_WINDOW: usize = 3;
+/// LibEMG's threshold of rejection.
+pub const DEFAULT_REJECTION: f64 = 0.9;
+/// LibEMG's number of votes.
+pub const DEFAULT_MAJORITY: u32 = 5;
+/// Most votes that are remembered.
+pub const LARGEST_MAJORITY: u32 = 64;
 
 impl EmgConfig {
     /// Samples in a window.
@@ -120,7 +146,7 @@ impl EmgConfig {
     /// [`EmgError`] if the window has no usable length.
     pub fn window_samples(&self) -> Result<usize, EmgError> {
         match self.window.samples(self.rate_hz)? {
-            short if short < SHORTEST_WINDOW => {
+            short if short < self.features.shortest_window() => {
                 Err(EmgError::Length { length: self.window, rate_hz: self.rate_hz, samples: short as f64 })
             }
             samples => Ok(samples),
@@ -147,6 +173,19 @@ impl EmgConfig {
             return Err(EmgError::ChannelCount { got: self.channels });
         }
         self.window_samples()?;
+        let refused = |name, value, expected| Err(EmgError::Threshold { name, value, expected });
+        if !self.ssc_threshold.is_finite() {
+            return refused("ssc_threshold", self.ssc_threshold, "a finite number");
+        }
+        if !self.wamp_threshold.is_finite() {
+            return refused("wamp_threshold", self.wamp_threshold, "a finite number");
+        }
+        if let Some(rejection) = self.rejection.filter(|r| !(0.0..1.0).contains(r)) {
+            return refused("rejection", rejection, "at least 0 and less than 1");
+        }
+        if let Some(majority) = self.majority.filter(|m| m.get() > LARGEST_MAJORITY) {
+            return refused("majority", f64::from(majority.get()), "1 to 64 votes");
+        }
         let increment_millis = 1000.0 * self.increment_samples()? as f64 / self.rate_hz;
         // With a shorter age than the time between two windows the stream would always be stale.
         if (self.max_age_millis as f64) < increment_millis {
@@ -154,125 +193,6 @@ impl EmgConfig {
         }
         Ok(())
     }
-}
-
-/// What can be wrong with settings, training data or features.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum EmgError {
-    /// No usable sample rate.
-    #[error("EMG rate is {rate_hz} Hz, expected a finite number above zero")]
-    Rate {
-        /// As given.
-        rate_hz: f64,
-    },
-    /// No usable number of channels.
-    #[error("EMG stream has {got} channels, expected 1 to {MAX_EMG_CHANNELS}")]
-    ChannelCount {
-        /// As given.
-        got: usize,
-    },
-    /// A window or an increment of no usable length.
-    #[error(
-        "{length:?} is {samples} samples at {rate_hz} Hz; a window needs at least {SHORTEST_WINDOW}, an \
-         increment at least 1, neither may exceed 600000"
-    )]
-    Length {
-        /// As given.
-        length: WindowLength,
-        /// Rate of the stream.
-        rate_hz: f64,
-        /// In samples.
-        samples: f64,
-    },
-    /// Windows come too rarely for the allowed age.
-    #[error(
-        "the stream would count as stale after {max_age_millis} ms, but windows come only every \
-         {increment_millis} ms; raise max_age_millis or shorten the increment"
-    )]
-    Age {
-        /// As given.
-        max_age_millis: u64,
-        /// Time between two windows.
-        increment_millis: f64,
-    },
-    /// As many labels as windows are needed.
-    #[error("got {labels} labels for {windows} windows, expected one each")]
-    LabelCount {
-        /// Windows handed in.
-        windows: usize,
-        /// Labels handed in.
-        labels: usize,
-    },
-    /// A feature vector of another length.
-    #[error("got {got} features, expected {expected}")]
-    FeatureCount {
-        /// Values handed in.
-        got: usize,
-        /// Values expected.
-        expected: usize,
-    },
-    /// A feature, or what was computed from it, is NaN or infinite.
-    #[error("feature {index} of window {window} is {value}, expected a finite number")]
-    NotFinite {
-        /// Index of the window; zero when there is only one.
-        window: usize,
-        /// Index in the feature vector.
-        index: usize,
-        /// Its value.
-        value: f64,
-    },
-    /// A classifier needs at least two gestures to tell apart.
-    #[error("training data has {got} different gestures, a classifier needs at least 2")]
-    TooFewClasses {
-        /// Different gestures.
-        got: usize,
-    },
-    /// The covariance within the classes cannot be estimated.
-    #[error("training data has {windows} windows of {classes} gestures, at least {} are needed", classes + 1)]
-    TooFewWindows {
-        /// Windows handed in.
-        windows: usize,
-        /// Different gestures.
-        classes: usize,
-    },
-    /// A class number beyond the number of classes, or a class without windows.
-    #[error("class {class} of {classes} classes has {windows} windows, expected at least one")]
-    EmptyClass {
-        /// The class.
-        class: usize,
-        /// Number of classes.
-        classes: usize,
-        /// Windows with this label.
-        windows: usize,
-    },
-    /// Nothing varies within any class, as from a dead device.
-    #[error("no feature varies within any gesture: the recording is constant")]
-    NoVariance,
-    /// The singular value decomposition did not converge.
-    #[error("the singular value decomposition of the training data did not converge")]
-    NoConvergence,
-    /// The classifier was trained for another stream.
-    #[error("the classifier was trained on {trained} channels, the stream has {stream}")]
-    ClassifierChannels {
-        /// Channels at training.
-        trained: usize,
-        /// Channels of the stream.
-        stream: usize,
-    },
-    /// A sample of a recording cannot be used.
-    #[error("sample {counter} is unusable: {channels} channels, expected {expected} finite numbers")]
-    BadSample {
-        /// The sample's counter.
-        counter: u64,
-        /// Its number of channels.
-        channels: usize,
-        /// Channels of the stream.
-        expected: usize,
-    },
-    /// A gesture that the classifier was not trained on.
-    #[error("the classifier was not trained on {0}")]
-    NotTrained(Gesture),
 }
 
 #[cfg(test)]
@@ -302,6 +222,17 @@ mod tests {
         assert!(refused(|c| c.window = WindowLength::Millis(f64::NAN)).contains("NaN"));
         assert!(refused(|c| c.window = WindowLength::Samples(2)).contains("at least 3"));
         assert!(refused(|c| c.increment = WindowLength::Samples(0)).contains("at least 1"));
+        assert!(refused(|c| c.rejection = Some(1.0)).contains("rejection is 1, expected at least 0"));
+        assert!(refused(|c| c.rejection = Some(f64::NAN)).contains("NaN"));
+        assert!(refused(|c| c.majority = NonZeroU32::new(65)).contains("65"));
+        assert!(refused(|c| c.wamp_threshold = f64::NAN).contains("wamp_threshold"));
+        assert!(
+            refused(|c| {
+                c.window = WindowLength::Samples(5);
+                c.features = "TDAR".parse().expect("known");
+            })
+            .contains("6 with AR4")
+        );
         assert!(refused(|c| c.max_age_millis = 49).contains("every 50 ms"));
     }
 
@@ -312,6 +243,11 @@ mod tests {
             toml::from_str("window = { samples = 20 }\nrule = \"strict\"\nfeatures = \"HTD\"")
                 .expect("valid settings");
         assert_eq!((config.window, config.rule), (WindowLength::Samples(20), RuleKind::Strict));
+        let config: EmgConfig =
+            toml::from_str("features = \"MAV,AR\"\nrejection = 0.9\nmajority = 5").expect("valid settings");
+        assert_eq!((config.features.to_string().as_str(), config.rejection), ("MAV,AR4", Some(0.9)));
+        let error = toml::from_str::<EmgConfig>("features = \"MAVS\"").expect_err("misspelt").to_string();
+        assert!(error.contains("\"MAVS\" is no EMG feature"), "{error}");
         let error = toml::from_str::<EmgConfig>("windw = 3").expect_err("misspelt").to_string();
         assert!(error.contains("windw"), "{error}");
     }

@@ -1,5 +1,44 @@
-use crate::{EmgConfig, RuleKind};
+use crate::{EmgConfig, LARGEST_MAJORITY, RuleKind};
+use arrayvec::ArrayVec;
 use proact_types::{Gesture, SimTime};
+use std::num::NonZeroU32;
+
+/// The most frequent of the newest classes, LibEMG's majority vote: fewer votes at the start; rejected windows (none)
+/// vote too; of equals the first in [`Gesture::ALL`] order wins, rejected before all.
+#[derive(Clone, Debug)]
+pub struct MajorityVote {
+    votes: usize,
+    newest: ArrayVec<Option<Gesture>, { LARGEST_MAJORITY as usize }>,
+}
+
+impl MajorityVote {
+    /// A vote over the newest `votes` classes, at most [`LARGEST_MAJORITY`].
+    pub fn new(votes: NonZeroU32) -> Self {
+        MajorityVote { votes: votes.get().min(LARGEST_MAJORITY) as usize, newest: ArrayVec::new() }
+    }
+
+    /// Takes the class of a window, or none if it was rejected; returns the winner.
+    pub fn push(&mut self, class: Option<Gesture>) -> Option<Gesture> {
+        if self.newest.len() == self.votes {
+            self.newest.remove(0);
+        }
+        self.newest.push(class);
+        let count = |candidate| self.newest.iter().filter(|vote| **vote == candidate).count();
+        let mut winner = (None, count(None));
+        for candidate in Gesture::ALL.map(Some) {
+            let votes = count(candidate);
+            if votes > winner.1 {
+                winner = (candidate, votes);
+            }
+        }
+        winner.0
+    }
+
+    /// Forgets all votes.
+    pub fn clear(&mut self) {
+        self.newest.clear();
+    }
+}
 
 /// What the rule says about one classifier output, or about its absence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,7 +65,8 @@ pub struct DecisionRule {
     first_output_acts: bool,
     max_age_millis: u64,
     held: Gesture,
-    candidate: Gesture,
+    /// Class of the present run; none while windows are rejected.
+    candidate: Option<Gesture>,
     streak: u32,
     outputs: u32,
     /// Time of the last output, or of the first step before there was one.
@@ -46,7 +86,7 @@ impl DecisionRule {
             first_output_acts: config.first_output_acts,
             max_age_millis: config.max_age_millis,
             held: Gesture::NoMotion,
-            candidate: Gesture::NoMotion,
+            candidate: Some(Gesture::NoMotion),
             streak: 0,
             outputs: 0,
             last_output_at: None,
@@ -58,9 +98,24 @@ impl DecisionRule {
     /// Advances to `now` with the classifier's output at that time, if there was one. None while nothing is due;
     /// a silence is reported once, when it exceeds the allowed age.
     pub fn step(&mut self, now: SimTime, output: Option<Gesture>) -> Option<Decision> {
-        let Some(output) = output else {
-            return self.check_age(now);
-        };
+        match output {
+            Some(output) => Some(self.decide(now, Some(output))),
+            None => self.check_age(now),
+        }
+    }
+
+    /// Advances to `now` with a window that was rejected. It breaks a run of equal classes; a full run of rejected
+    /// windows means that the hand does nothing known, so the arm stops.
+    pub fn reject(&mut self, now: SimTime) -> Decision {
+        self.decide(now, None)
+    }
+
+    /// True while gestures are held back because no relaxed hand was seen since the last silence.
+    pub fn is_disarmed(&self) -> bool {
+        !self.armed
+    }
+
+    fn decide(&mut self, now: SimTime, output: Option<Gesture>) -> Decision {
         // The silence may have ended in the very tick in which it became too long.
         self.check_age(now);
         self.last_output_at = Some(now);
@@ -72,11 +127,11 @@ impl DecisionRule {
         let needed = if self.first_output_acts { self.required.min(self.outputs) } else { self.required };
         let unanimous = self.streak >= needed;
         if unanimous {
-            self.armed |= output == Gesture::NoMotion;
-            self.held = if self.armed { output } else { Gesture::NoMotion };
+            self.armed |= output == Some(Gesture::NoMotion);
+            self.held = output.filter(|_| self.armed).unwrap_or(Gesture::NoMotion);
         }
         let published = self.kind == RuleKind::Hold || unanimous;
-        Some(Decision { gesture: self.held, published, stale: false })
+        Decision { gesture: self.held, published, stale: false }
     }
 
     fn check_age(&mut self, now: SimTime) -> Option<Decision> {
@@ -134,6 +189,28 @@ mod tests {
             feed(&mut original(), 0, &[WristExtension, WristFlexion, WristFlexion, WristFlexion]),
             [WristExtension, WristExtension, WristExtension, WristFlexion]
         );
+    }
+
+    #[test]
+    fn a_rejected_window_breaks_a_run_and_three_of_them_stop_the_arm() {
+        let mut rule = rule();
+        feed(&mut rule, 0, &[WristExtension; 2]);
+        assert_eq!(rule.reject(SimTime(100)).gesture, NoMotion);
+        assert_eq!(feed(&mut rule, 150, &[WristExtension; 3]), [NoMotion, NoMotion, WristExtension]);
+        let held: Vec<Gesture> = (0..3).map(|k: u64| rule.reject(SimTime(300 + k * 50)).gesture).collect();
+        assert_eq!(held, [WristExtension, WristExtension, NoMotion]);
+        assert_eq!(rule.step(SimTime(500), None), None, "rejected windows are no silence");
+    }
+
+    #[test]
+    fn the_most_frequent_of_the_newest_classes_wins_and_ties_go_to_the_first() {
+        let mut vote = MajorityVote::new(NonZeroU32::new(3).expect("three"));
+        assert_eq!(vote.push(Some(WristFlexion)), Some(WristFlexion));
+        assert_eq!(vote.push(Some(WristExtension)), Some(WristExtension), "one each: the first in order");
+        assert_eq!(vote.push(None), None, "one each: rejected before all");
+        assert_eq!(vote.push(None), None);
+        assert_eq!(vote.push(Some(NoMotion)), None);
+        assert_eq!(vote.push(Some(NoMotion)), Some(NoMotion));
     }
 
     #[test]

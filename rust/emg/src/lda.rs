@@ -1,4 +1,4 @@
-use crate::{EmgError, LdaNormalisation};
+use crate::{EmgError, LdaNormalisation, Priors};
 use nalgebra::{DMatrix, DVector, SVD};
 use serde::{Deserialize, Serialize};
 
@@ -34,9 +34,23 @@ impl Lda {
         classes: usize,
         normalisation: LdaNormalisation,
     ) -> Result<Lda, EmgError> {
+        Self::fit_with_priors(samples, labels, classes, normalisation, Priors::Counts)
+    }
+
+    /// [`Lda::fit`] with a choice of priors, as scikit-learn's option `priors`.
+    ///
+    /// # Errors
+    /// As [`Lda::fit`].
+    pub fn fit_with_priors(
+        samples: &DMatrix<f64>,
+        labels: &[usize],
+        classes: usize,
+        normalisation: LdaNormalisation,
+        priors: Priors,
+    ) -> Result<Lda, EmgError> {
         let counts = check(samples, labels, classes)?;
         let (windows, features) = samples.shape();
-        let priors: Vec<f64> = counts.iter().map(|c| *c as f64 / windows as f64).collect();
+        let priors = priors.of(&counts);
 
         // Class means, and the overall mean as their weighted sum.
         let mut means = DMatrix::zeros(classes, features);
@@ -127,6 +141,18 @@ impl Lda {
         for ((value, row), intercept) in out.iter_mut().zip(rows).zip(&self.intercepts) {
             *value = dot(features.iter(), row) + intercept;
         }
+    }
+}
+
+impl Priors {
+    /// The probability of each class from its number of windows.
+    pub(crate) fn of(self, counts: &[usize]) -> Vec<f64> {
+        let total = counts.iter().sum::<usize>() as f64;
+        let prior = |count: &usize| match self {
+            Priors::Counts => *count as f64 / total,
+            Priors::Equal => 1.0 / counts.len() as f64,
+        };
+        counts.iter().map(prior).collect()
     }
 }
 

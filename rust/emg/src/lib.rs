@@ -37,15 +37,23 @@
 mod classifier;
 mod config;
 mod decision;
+mod error;
+mod feature_set;
 mod features;
 mod lda;
 mod pipeline;
+mod spectrum;
 mod window;
 
 pub use classifier::{Classifier, EffortScale, Prediction};
-pub use config::{EmgConfig, EmgError, FeatureGroup, LdaNormalisation, RuleKind, WindowLength};
-pub use decision::{Decision, DecisionRule};
-pub use features::{FeatureVector, MAX_FEATURES, hudgins};
+pub use config::{
+    DEFAULT_MAJORITY, DEFAULT_REJECTION, EmgConfig, LARGEST_MAJORITY, LdaNormalisation, Priors, RuleKind,
+    WindowLength,
+};
+pub use decision::{Decision, DecisionRule, MajorityVote};
+pub use error::EmgError;
+pub use feature_set::{Feature, FeatureSet, MAX_FEATURES};
+pub use features::{FeatureExtractor, FeatureVector};
 pub use lda::Lda;
-pub use pipeline::{EmgOutput, EmgPipeline, extract};
+pub use pipeline::{EmgOutput, EmgPipeline, StreamEvents, extract, extract_with_amplitudes};
 pub use window::{SlidingWindow, StreamCounts, WindowView};

@@ -1,6 +1,6 @@
 use crate::{
-    Classifier, Decision, DecisionRule, EmgConfig, EmgError, FeatureGroup, FeatureVector, SlidingWindow,
-    StreamCounts, WindowView, hudgins,
+    Classifier, Decision, DecisionRule, EmgConfig, EmgError, FeatureExtractor, FeatureVector, MajorityVote,
+    SlidingWindow, StreamCounts, WindowView,
 };
 use proact_types::{EmgSample, Gesture, SimTime};
 
@@ -17,16 +17,44 @@ pub struct EmgOutput {
     pub posterior: [f64; 5],
     /// Probability of `window_class`; zero when stale.
     pub confidence: f64,
-    /// How hard `window_class` is performed, 0 to 1; zero for no motion and when stale.
+    /// What went to the decision rule: `window_class`, none if it was rejected, or the winner of the majority vote.
+    /// None when stale.
+    pub class: Option<Gesture>,
+    /// How hard `class` is performed, 0 to 1; zero for no motion, when rejected and when stale.
     pub effort: f64,
     /// No window came for longer than the allowed age.
     pub stale: bool,
 }
 
+/// What befell the stream in one step, for the record.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct StreamEvents {
+    /// Gaps, windows that they spoilt, unusable samples and so on in this step.
+    pub counts: StreamCounts,
+    /// The stream became stale.
+    pub stale: bool,
+    /// A relaxed hand was seen after a silence: gestures act again.
+    pub rearmed: bool,
+}
+
+impl StreamEvents {
+    /// Whether there is anything to record.
+    pub fn is_eventful(&self) -> bool {
+        *self
+            != StreamEvents {
+                counts: StreamCounts { windows: self.counts.windows, ..Default::default() },
+                ..Default::default()
+            }
+    }
+}
+
 /// The whole EMG stage for a live stream.
 #[derive(Clone, Debug)]
 pub struct EmgPipeline {
-    features: FeatureGroup,
+    features: FeatureExtractor,
+    rejection: Option<f64>,
+    vote: Option<MajorityVote>,
+    events: StreamEvents,
     window: SlidingWindow,
     classifier: Classifier,
     rule: DecisionRule,
@@ -45,8 +73,13 @@ impl EmgPipeline {
                 stream: config.channels,
             });
         }
+        // The classifier knows its features, whatever the settings say.
+        let config = &EmgConfig { features: classifier.features(), ..config.clone() };
         Ok(EmgPipeline {
-            features: classifier.feature_group(),
+            features: FeatureExtractor::new(config)?,
+            rejection: config.rejection,
+            vote: config.majority.map(MajorityVote::new),
+            events: StreamEvents::default(),
             window: SlidingWindow::new(config)?,
             rule: DecisionRule::new(config),
             classifier,
@@ -58,6 +91,7 @@ impl EmgPipeline {
     /// stream became stale now; if several windows ended, the decision rule saw them all and the newest is
     /// returned. Call it every tick, with no samples too. Does not allocate.
     pub fn step(&mut self, now: SimTime, samples: &[EmgSample]) -> Option<EmgOutput> {
+        let (before, disarmed) = (self.counts(), self.rule.is_disarmed());
         let mut output = None;
         for sample in samples {
             let Some(window) = self.window.push(sample) else { continue };
@@ -67,22 +101,54 @@ impl EmgPipeline {
                 self.overflows += 1;
                 continue;
             };
-            let Some(decision) = self.rule.step(now, Some(prediction.class)) else { continue };
-            let effort = match prediction.class {
-                Gesture::NoMotion => 0.0,
-                class => self.classifier.effort(class, &features).unwrap_or(0.0),
+            let confidence = prediction.posterior[prediction.class.index()];
+            // A rejection needs more than the threshold: LibEMG compares strictly.
+            let kept = self.rejection.is_none_or(|threshold| confidence > threshold);
+            let mut class = kept.then_some(prediction.class);
+            if let Some(vote) = &mut self.vote {
+                class = vote.push(class);
+            }
+            let decision = match class {
+                Some(class) => match self.rule.step(now, Some(class)) {
+                    Some(decision) => decision,
+                    None => continue,
+                },
+                None => self.rule.reject(now),
+            };
+            let effort = match class {
+                None | Some(Gesture::NoMotion) => 0.0,
+                Some(class) => self.classifier.effort_of(class, window.amplitude()).unwrap_or(0.0),
             };
             output = Some(EmgOutput {
                 gesture: decision.gesture,
                 published: decision.published,
                 window_class: prediction.class,
                 posterior: prediction.posterior,
-                confidence: prediction.posterior[prediction.class.index()],
+                confidence,
+                class,
                 effort,
                 stale: false,
             });
         }
-        output.or_else(|| self.rule.step(now, None).map(stale_output))
+        if output.is_none() {
+            output = self.rule.step(now, None).map(stale_output);
+            if let (Some(_), Some(vote)) = (output, &mut self.vote) {
+                // Votes from before a silence say nothing about the hand now.
+                vote.clear();
+            }
+        }
+        self.events = StreamEvents {
+            counts: self.counts().since(before),
+            // A silence that ended within this step disarms too.
+            stale: output.is_some_and(|o| o.stale) || (!disarmed && self.rule.is_disarmed()),
+            rearmed: disarmed && !self.rule.is_disarmed(),
+        };
+        output
+    }
+
+    /// What befell the stream in the newest step.
+    pub fn events(&self) -> &StreamEvents {
+        &self.events
     }
 
     /// Counters since the start.
@@ -101,17 +167,9 @@ fn stale_output(decision: Decision) -> EmgOutput {
         window_class: Gesture::NoMotion,
         posterior: [0.0; 5],
         confidence: 0.0,
+        class: None,
         effort: 0.0,
         stale: decision.stale,
-    }
-}
-
-impl FeatureGroup {
-    /// The features of one window.
-    pub fn compute(self, window: &WindowView<'_>) -> FeatureVector {
-        match self {
-            FeatureGroup::Htd => hudgins(window),
-        }
     }
 }
 
@@ -124,8 +182,34 @@ pub fn extract<'a>(
     config: &EmgConfig,
     samples: impl IntoIterator<Item = &'a EmgSample>,
 ) -> Result<Vec<FeatureVector>, EmgError> {
-    let mut window = SlidingWindow::new(config)?;
     let mut features = Vec::new();
+    each_window(config, samples, |_, vector| features.push(vector))?;
+    Ok(features)
+}
+
+/// [`extract`], with [`WindowView::amplitude`] of each window beside its features.
+///
+/// # Errors
+/// As [`extract`].
+pub fn extract_with_amplitudes<'a>(
+    config: &EmgConfig,
+    samples: impl IntoIterator<Item = &'a EmgSample>,
+) -> Result<(Vec<FeatureVector>, Vec<f64>), EmgError> {
+    let (mut features, mut amplitudes) = (Vec::new(), Vec::new());
+    each_window(config, samples, |window, vector| {
+        features.push(vector);
+        amplitudes.push(window.amplitude());
+    })?;
+    Ok((features, amplitudes))
+}
+
+fn each_window<'a>(
+    config: &EmgConfig,
+    samples: impl IntoIterator<Item = &'a EmgSample>,
+    mut take: impl FnMut(&WindowView<'_>, FeatureVector),
+) -> Result<(), EmgError> {
+    let mut window = SlidingWindow::new(config)?;
+    let mut extractor = FeatureExtractor::new(config)?;
     for sample in samples {
         if sample.channels.len() != config.channels || sample.channels.iter().any(|v| !v.is_finite()) {
             return Err(EmgError::BadSample {
@@ -134,9 +218,12 @@ pub fn extract<'a>(
                 expected: config.channels,
             });
         }
-        features.extend(window.push(sample).map(|view| config.features.compute(&view)));
+        if let Some(view) = window.push(sample) {
+            let vector = extractor.compute(&view);
+            take(&view, vector);
+        }
     }
-    Ok(features)
+    Ok(())
 }
 
 #[cfg(test)]

@@ -1,8 +1,9 @@
+use crate::features::FeatureParameters;
 use crate::{EmgConfig, EmgError};
 use proact_types::EmgSample;
 use serde::{Deserialize, Serialize};
 
-/// What a stream has brought so far.
+/// What a stream has brought, so far or in one step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct StreamCounts {
     /// Whole windows.
@@ -17,6 +18,20 @@ pub struct StreamCounts {
     pub repeated_samples: u64,
     /// Times the counter went back by more than a window: the device started anew.
     pub restarts: u64,
+}
+
+impl StreamCounts {
+    /// What came since `earlier` counts of the same stream.
+    pub fn since(self, earlier: StreamCounts) -> StreamCounts {
+        StreamCounts {
+            windows: self.windows - earlier.windows,
+            rejected_windows: self.rejected_windows - earlier.rejected_windows,
+            gaps: self.gaps - earlier.gaps,
+            unusable_samples: self.unusable_samples - earlier.unusable_samples,
+            repeated_samples: self.repeated_samples - earlier.repeated_samples,
+            restarts: self.restarts - earlier.restarts,
+        }
+    }
 }
 
 /// Cuts a stream into windows aligned to its sample counter: with W samples a window and an increment of I, window
@@ -41,6 +56,7 @@ pub struct SlidingWindow {
     /// Counter of the last sample of the next window.
     next_end: u64,
     counts: StreamCounts,
+    parameters: FeatureParameters,
 }
 
 /// The samples of one window.
@@ -51,9 +67,25 @@ pub struct WindowView<'a> {
     capacity: usize,
     start: usize,
     length: usize,
+    parameters: FeatureParameters,
 }
 
 impl WindowView<'_> {
+    /// Samples in a channel.
+    pub fn length(&self) -> usize {
+        self.length
+    }
+
+    /// Sum over channels of the mean absolute value, in the stream's unit: the measure of effort.
+    pub fn amplitude(&self) -> f64 {
+        let mean = |x: &[f64]| x.iter().map(|v| v.abs()).sum::<f64>() / x.len() as f64;
+        (0..self.channels).map(|channel| mean(self.channel(channel))).sum()
+    }
+
+    pub(crate) fn parameters(&self) -> &FeatureParameters {
+        &self.parameters
+    }
+
     /// Number of channels.
     pub fn channels(&self) -> usize {
         self.channels
@@ -90,6 +122,11 @@ impl SlidingWindow {
             expected: None,
             next_end: 0,
             counts: StreamCounts::default(),
+            parameters: FeatureParameters {
+                rate_hz: config.rate_hz,
+                ssc_threshold: config.ssc_threshold,
+                wamp_threshold: config.wamp_threshold,
+            },
         })
     }
 
@@ -124,6 +161,7 @@ impl SlidingWindow {
             capacity: self.capacity,
             start: self.filled - self.length,
             length: self.length,
+            parameters: self.parameters,
         })
     }
 

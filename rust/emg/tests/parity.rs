@@ -5,7 +5,7 @@
 
 use nalgebra::DMatrix;
 use proact_emg::{
-    Classifier, DecisionRule, EmgConfig, FeatureGroup, FeatureVector, Lda, LdaNormalisation, RuleKind,
+    Classifier, DecisionRule, EmgConfig, FeatureSet, FeatureVector, Lda, LdaNormalisation, RuleKind,
     WindowLength, extract,
 };
 use proact_types::{EmgSample, Gesture, SimTime};
@@ -277,5 +277,5 @@ fn the_feature_group_has_as_many_features_as_it_says() {
     let config = EmgConfig { channels: 3, ..config(10, 5) };
     let rows = vec![vec![1.0, -2.0, 3.0]; 10];
     let windows = extract(&config, &samples(&rows)).expect("good samples");
-    assert_eq!(windows[0].len(), FeatureGroup::Htd.count(3));
+    assert_eq!(windows[0].len(), FeatureSet::HTD.count(3));
 }

@@ -1,0 +1,147 @@
+use crate::WindowLength;
+use crate::feature_set::known_names;
+use proact_types::{Gesture, MAX_EMG_CHANNELS};
+
+/// What can be wrong with settings, training data or features.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum EmgError {
+    /// No usable sample rate.
+    #[error("EMG rate is {rate_hz} Hz, expected a finite number above zero")]
+    Rate {
+        /// As given.
+        rate_hz: f64,
+    },
+    /// No usable number of channels.
+    #[error("EMG stream has {got} channels, expected 1 to {MAX_EMG_CHANNELS}")]
+    ChannelCount {
+        /// As given.
+        got: usize,
+    },
+    /// A window or an increment of no usable length.
+    #[error(
+        "{length:?} is {samples} samples at {rate_hz} Hz; a window needs at least 3, 6 with AR4, an \
+         increment at least 1, neither may exceed 600000"
+    )]
+    Length {
+        /// As given.
+        length: WindowLength,
+        /// Rate of the stream.
+        rate_hz: f64,
+        /// In samples.
+        samples: f64,
+    },
+    /// Windows come too rarely for the allowed age.
+    #[error(
+        "the stream would count as stale after {max_age_millis} ms, but windows come only every \
+         {increment_millis} ms; raise max_age_millis or shorten the increment"
+    )]
+    Age {
+        /// As given.
+        max_age_millis: u64,
+        /// Time between two windows.
+        increment_millis: f64,
+    },
+    /// As many labels as windows are needed.
+    #[error("got {labels} labels for {windows} windows, expected one each")]
+    LabelCount {
+        /// Windows handed in.
+        windows: usize,
+        /// Labels handed in.
+        labels: usize,
+    },
+    /// A feature vector of another length.
+    #[error("got {got} features, expected {expected}")]
+    FeatureCount {
+        /// Values handed in.
+        got: usize,
+        /// Values expected.
+        expected: usize,
+    },
+    /// A feature, or what was computed from it, is NaN or infinite.
+    #[error("feature {index} of window {window} is {value}, expected a finite number")]
+    NotFinite {
+        /// Index of the window; zero when there is only one.
+        window: usize,
+        /// Index in the feature vector.
+        index: usize,
+        /// Its value.
+        value: f64,
+    },
+    /// A classifier needs at least two gestures to tell apart.
+    #[error("training data has {got} different gestures, a classifier needs at least 2")]
+    TooFewClasses {
+        /// Different gestures.
+        got: usize,
+    },
+    /// The covariance within the classes cannot be estimated.
+    #[error("training data has {windows} windows of {classes} gestures, at least {} are needed", classes + 1)]
+    TooFewWindows {
+        /// Windows handed in.
+        windows: usize,
+        /// Different gestures.
+        classes: usize,
+    },
+    /// A class number beyond the number of classes, or a class without windows.
+    #[error("class {class} of {classes} classes has {windows} windows, expected at least one")]
+    EmptyClass {
+        /// The class.
+        class: usize,
+        /// Number of classes.
+        classes: usize,
+        /// Windows with this label.
+        windows: usize,
+    },
+    /// Nothing varies within any class, as from a dead device.
+    #[error("no feature varies within any gesture: the recording is constant")]
+    NoVariance,
+    /// The singular value decomposition did not converge.
+    #[error("the singular value decomposition of the training data did not converge")]
+    NoConvergence,
+    /// The classifier was trained for another stream.
+    #[error("the classifier was trained on {trained} channels, the stream has {stream}")]
+    ClassifierChannels {
+        /// Channels at training.
+        trained: usize,
+        /// Channels of the stream.
+        stream: usize,
+    },
+    /// A sample of a recording cannot be used.
+    #[error("sample {counter} is unusable: {channels} channels, expected {expected} finite numbers")]
+    BadSample {
+        /// The sample's counter.
+        counter: u64,
+        /// Its number of channels.
+        channels: usize,
+        /// Channels of the stream.
+        expected: usize,
+    },
+    /// A gesture that the classifier was not trained on.
+    #[error("the classifier was not trained on {0}")]
+    NotTrained(Gesture),
+    /// A feature or group that does not exist.
+    #[error("{name:?} is no EMG feature or group; known are {}", known_names())]
+    UnknownFeature {
+        /// As given.
+        name: String,
+    },
+    /// An empty list of features.
+    #[error("the list of EMG features is empty, expected at least one")]
+    NoFeatures,
+    /// A threshold outside its range.
+    #[error("{name} is {value}, expected {expected}")]
+    Threshold {
+        /// Which one.
+        name: &'static str,
+        /// As given.
+        value: f64,
+        /// The range.
+        expected: &'static str,
+    },
+    /// The effort scale of a gesture is not known: it was trained without amplitudes, on features without MAV.
+    #[error("the effort scale is not known: the classifier was trained on {features} without amplitudes")]
+    NoEffortScale {
+        /// The features.
+        features: String,
+    },
+}
