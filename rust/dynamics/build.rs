@@ -13,9 +13,16 @@ fn main() {
         // The C++ tests are compiled with the same level: results must agree bit for bit.
         .opt_level(2)
         .flag("-ffp-contract=off");
-    for source in
-        ["arm_bodies", "collisions", "contact_points", "model", "ode_runtime", "simulation", "world"]
-    {
+    for source in [
+        "arm_bodies",
+        "collisions",
+        "contact_points",
+        "model",
+        "ode_runtime",
+        "simulation",
+        "snapshot",
+        "world",
+    ] {
         build.file(core.join("src").join(source).with_extension("cpp"));
     }
     for include in probe("ode") {

@@ -30,10 +30,13 @@ dMass link_mass(const Link& link, const Pose& frame_from_link) {
 
 }  // namespace
 
-bool World::Simulation::rigid(std::size_t joint) const {
+bool World::Simulation::movable(std::size_t joint) const {
   const Joint& description = model_.joints[joint];
-  if (description.fixed || description.upper - description.lower < immovable_range) return true;
-  return held_[moving_of_joint_[joint]];
+  return !description.fixed && description.upper - description.lower >= immovable_range;
+}
+
+bool World::Simulation::rigid(std::size_t joint) const {
+  return !movable(joint) || held_[moving_of_joint_[joint]];
 }
 
 /// Poses and twists of all links at `positions` and the present speeds and base.
@@ -151,6 +154,7 @@ void World::Simulation::place_geoms() {
 }
 
 void World::Simulation::build_arm() {
+  built_base_ = world_from_base_;
   const std::vector<dBodyID> old_bodies = bodies_;
   for (const Hinge& hinge : hinges_) dJointDestroy(hinge.joint);
   hinges_.clear();

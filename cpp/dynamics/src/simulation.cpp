@@ -19,10 +19,12 @@ constexpr double friction_fade = 0.01;
 constexpr double stop_slack = 1e-4;
 
 // A block sleeps once it has been slower than this for a quarter of a second. Slow enough that a rolling or
-// tipping block is still well above it.
+// tipping block is still well above it. ODE's own rule is not used, because its countdown cannot be saved.
 constexpr double sleep_speed = 1e-3;       // m/s
 constexpr double sleep_turn_speed = 2e-2;  // rad/s
-constexpr double sleep_after = 0.25;       // s
+constexpr int sleep_ticks = 250;
+// Blocks start at rest, so that they need not prove it for long.
+constexpr int first_sleep_ticks = 10;
 
 dMass block_mass(const Block& block) {
   dMass mass;
@@ -83,6 +85,7 @@ World::Simulation::Simulation(Model model) : model_(std::move(model)) {
   body_from_link_.assign(model_.links.size(), Pose{});
   motions_.assign(model_.links.size(), LinkMotion{});
   parted_.assign(model_.links.size() * model_.blocks.size(), true);
+  until_sleep_.assign(model_.blocks.size(), first_sleep_ticks);
   contacts_.reserve(contact_capacity);
   measured_.reserve(contact_capacity);
 
@@ -91,11 +94,7 @@ World::Simulation::Simulation(Model model) : model_(std::move(model)) {
     const dBodyID body = dBodyCreate(world_.get());
     dBodySetMass(body, &mass);
     set_body_pose(body, block.pose);
-    dBodySetAutoDisableFlag(body, options.sleep ? 1 : 0);
-    dBodySetAutoDisableLinearThreshold(body, sleep_speed);
-    dBodySetAutoDisableAngularThreshold(body, sleep_turn_speed);
-    dBodySetAutoDisableTime(body, sleep_after);
-    dBodySetAutoDisableSteps(body, 0);
+    dBodySetAutoDisableFlag(body, 0);
     block_bodies_.push_back(body);
     blocks_.push_back({block.pose, {}, {}});
   }
@@ -112,21 +111,23 @@ void World::Simulation::check_command(const double* position, const double* velo
     }
   }
   if (!is_finite(world_from_base)) throw std::invalid_argument("the pose of the base is not finite");
-  const Quat turn = normalized(world_from_base.rotation) * conjugate(world_from_base_.rotation);
-  const double speed = norm(world_from_base.position - world_from_base_.position) / tick_secs;
+}
+
+/// Whether a base that is told to go to `target` would have to jump.
+bool World::Simulation::jumps(const Pose& target) const {
+  const Quat turn = target.rotation * conjugate(world_from_base_.rotation);
+  const double speed = norm(target.position - world_from_base_.position) / tick_secs;
   const double turn_speed = norm(rotation_vector(turn)) / tick_secs;
-  if (speed > model_.options.base_speed || turn_speed > model_.options.base_turn_speed) {
-    throw std::invalid_argument("the base jumps: " + std::to_string(speed) + " m/s and " + std::to_string(turn_speed) +
-                                " rad/s, at most " + std::to_string(model_.options.base_speed) + " and " +
-                                std::to_string(model_.options.base_turn_speed) + " are followed");
-  }
+  return speed > model_.options.base_speed || turn_speed > model_.options.base_turn_speed;
 }
 
 void World::Simulation::step(const double* position, const double* velocity, const Pose& world_from_base) {
   check_command(position, velocity, world_from_base);
   try {
     if (choose_rigid_joints(position, velocity)) build_arm();
-    const Pose target{world_from_base.position, normalized(world_from_base.rotation)};
+    const Pose asked{world_from_base.position, normalized(world_from_base.rotation)};
+    base_held_ = jumps(asked);
+    const Pose target = base_held_ ? world_from_base_ : asked;
     base_linear_ = (target.position - world_from_base_.position) * (1.0 / tick_secs);
     base_angular_ = rotation_vector(target.rotation * conjugate(world_from_base_.rotation)) * (1.0 / tick_secs);
     dBodySetLinearVel(bodies_[0], base_linear_.x, base_linear_.y, base_linear_.z);
@@ -178,7 +179,23 @@ void World::Simulation::drive(const double* position, const double* velocity) {
   }
 }
 
+/// Puts blocks to sleep that have rested long enough. What touches a sleeping block wakes it.
+void World::Simulation::put_to_sleep() {
+  for (std::size_t k = 0; k < block_bodies_.size() && model_.options.sleep; ++k) {
+    const dBodyID body = block_bodies_[k];
+    if (dBodyIsEnabled(body) == 0) continue;
+    const bool idle = norm(to_vec(dBodyGetLinearVel(body))) <= sleep_speed &&
+                      norm(to_vec(dBodyGetAngularVel(body))) <= sleep_turn_speed;
+    until_sleep_[k] = idle ? until_sleep_[k] - 1 : sleep_ticks;
+    if (until_sleep_[k] > 0) continue;
+    dBodySetLinearVel(body, 0, 0, 0);
+    dBodySetAngularVel(body, 0, 0, 0);
+    dBodyDisable(body);
+  }
+}
+
 void World::Simulation::advance() {
+  put_to_sleep();
   const unsigned long before = ode_message_count();
   int done = 0;
   if (model_.options.solver == Solver::direct) {
@@ -267,6 +284,7 @@ void World::Simulation::release() {
   dBodySetLinearVel(body, state.linear.x, state.linear.y, state.linear.z);
   dBodySetAngularVel(body, state.angular.x, state.angular.y, state.angular.z);
   dBodyEnable(body);
+  until_sleep_[block] = sleep_ticks;
   build_arm();
 }
 

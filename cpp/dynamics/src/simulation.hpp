@@ -10,6 +10,16 @@
 
 namespace proact::dynamics {
 
+/// All that ODE keeps of a body from one tick to the next.
+struct BodyBits {
+  Pose pose;
+  Vec3 linear;
+  Vec3 angular;
+  bool enabled;
+
+  void put(dBodyID body) const;
+};
+
 class World::Simulation {
  public:
   explicit Simulation(Model model);
@@ -17,6 +27,8 @@ class World::Simulation {
   void step(const double* position, const double* velocity, const Pose& world_from_base);
   void attach(std::size_t block, std::size_t link);
   void release();
+  std::vector<double> save() const;
+  void restore(const std::vector<double>& numbers);
   Pose link_pose(std::size_t link) const;
 
   Model model_;
@@ -28,6 +40,7 @@ class World::Simulation {
   std::vector<Contact> contacts_;
   std::optional<Attachment> attached_;
   std::uint64_t complaints_ = 0;
+  bool base_held_ = false;
 
   std::size_t arm_body_count() const noexcept { return bodies_.size(); }
 
@@ -70,13 +83,16 @@ class World::Simulation {
   void set_masses();
   void make_hinges();
   void place_geoms();
+  bool movable(std::size_t joint) const;
   bool rigid(std::size_t joint) const;
   bool choose_rigid_joints(const double* position, const double* velocity);
 
   // simulation.cpp: one tick.
   void check_command(const double* position, const double* velocity, const Pose& world_from_base);
+  bool jumps(const Pose& target) const;
   int stop_of(std::size_t moving) const;
   void drive(const double* position, const double* velocity);
+  void put_to_sleep();
   void advance();
   void read_state();
 
@@ -103,6 +119,7 @@ class World::Simulation {
   std::vector<double> last_command_;
   std::vector<int> still_ticks_;
   std::vector<int> stop_;                     ///< by moving joint: 1 on its upper stop, -1 on its lower, else 0
+  Pose built_base_;                           ///< the base when the bodies were last built
   Vec3 base_linear_;
   Vec3 base_angular_;
 
@@ -113,6 +130,7 @@ class World::Simulation {
   std::vector<Hinge> hinges_;
   std::vector<LinkMotion> motions_;      ///< by link, scratch
   std::vector<dBodyID> block_bodies_;
+  std::vector<int> until_sleep_;         ///< by block: further idle ticks before it sleeps
   std::vector<bool> parted_;             ///< [block][link]: contacts act
 
   std::vector<Geom> link_geoms_;

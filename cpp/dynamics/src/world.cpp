@@ -26,6 +26,9 @@ const std::optional<Attachment>& World::attached() const noexcept { return simul
 
 void World::attach(std::size_t block, std::size_t link) { simulation_->attach(block, link); }
 void World::release() { simulation_->release(); }
+std::vector<double> World::save() const { return simulation_->save(); }
+void World::restore(const std::vector<double>& numbers) { simulation_->restore(numbers); }
+bool World::base_held() const noexcept { return simulation_->base_held_; }
 Pose World::link_pose(std::size_t link) const { return simulation_->link_pose(link); }
 std::size_t World::arm_body_count() const noexcept { return simulation_->arm_body_count(); }
 std::uint64_t World::solver_complaints() const noexcept { return simulation_->complaints_; }

@@ -111,11 +111,22 @@ ContactRecord read_contact(const World& world, std::size_t index) {
   return record;
 }
 
-bool read_attached(const World& world, Out pose) {
+bool read_attached(const World& world, std::size_t& block, Out pose) {
   if (!world.attached()) return false;
+  block = world.attached()->block;
   write(world.attached()->link_from_block, pose.data());
   return true;
 }
+
+bool base_held(const World& world) { return world.base_held(); }
+
+rust::Vec<double> save_world(const World& world) {
+  rust::Vec<double> out;
+  for (const double number : world.save()) out.push_back(number);
+  return out;
+}
+
+void restore_world(World& world, In numbers) { world.restore({numbers.begin(), numbers.end()}); }
 
 void read_link(const World& world, std::size_t link, Out pose) { write(world.link_pose(link), pose.data()); }
 

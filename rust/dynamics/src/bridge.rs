@@ -78,7 +78,10 @@ pub(crate) mod ffi {
         fn contact_count(world: &World) -> usize;
         fn read_contact(world: &World, index: usize) -> Result<ContactRecord>;
         /// True if a block is attached; then `pose` is `link_from_block`.
-        fn read_attached(world: &World, pose: &mut [f64]) -> bool;
+        fn read_attached(world: &World, block: &mut usize, pose: &mut [f64]) -> bool;
+        fn base_held(world: &World) -> bool;
+        fn save_world(world: &World) -> Result<Vec<f64>>;
+        fn restore_world(world: Pin<&mut World>, numbers: &[f64]) -> Result<()>;
         fn read_link(world: &World, link: usize, pose: &mut [f64]) -> Result<()>;
         fn attach_block(world: Pin<&mut World>, block: usize, link: usize) -> Result<()>;
         fn release_block(world: Pin<&mut World>) -> Result<()>;

@@ -36,6 +36,8 @@ mod bench;
 #[allow(unsafe_code)]
 mod bridge;
 mod plant;
+mod snapshot;
 
 pub use bench::{TickTimes, bench_ticks};
 pub use plant::{DynamicsOptions, OdePlant, Solver};
+pub use snapshot::Snapshot;

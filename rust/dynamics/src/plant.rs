@@ -1,4 +1,5 @@
 use crate::bridge::ffi;
+use crate::snapshot::{Snapshot, fingerprint};
 use arrayvec::ArrayVec;
 use proact_testbed::ports::{Plant, PlantError};
 use proact_types::{
@@ -35,7 +36,8 @@ pub struct DynamicsOptions {
     pub hold_still_hand: bool,
     /// Blocks at rest cost nothing until something touches them.
     pub sleep: bool,
-    /// A base that moves faster than this between two ticks is an error, m/s.
+    /// A base that is told to move faster than this between two ticks stays where it is, m/s: see
+    /// [`OdePlant::base_held`].
     pub base_speed_limit: f64,
     /// The same for its turning, rad/s.
     pub base_turn_speed_limit: f64,
@@ -58,7 +60,7 @@ impl Default for DynamicsOptions {
 /// Arm, box and blocks in ODE.
 ///
 /// Determinism: see the crate. Frames and units: those of [`PlantState`]. After a step that failed inside ODE
-/// ([`PlantError::Library`] other than a base that jumps) every further step fails too; the state stays readable.
+/// ([`PlantError::Library`]) every further step fails too; the state stays readable.
 ///
 /// Make it in the thread that steps it:
 ///
@@ -70,8 +72,8 @@ pub struct OdePlant {
     world: cxx::UniquePtr<ffi::World>,
     state: PlantState,
     joint_count: usize,
-    /// Block and link of the attachment; the pose comes from the world.
-    held: Option<(usize, usize)>,
+    /// Of everything that the plant was made from.
+    fingerprint: u64,
 }
 
 impl OdePlant {
@@ -120,10 +122,45 @@ impl OdePlant {
                 contacts: ArrayVec::new(),
             },
             joint_count,
-            held: None,
+            fingerprint: fingerprint(&(model, scene, &options)),
         };
-        plant.read_state(world_from_base)?;
+        plant.read_state()?;
         Ok(plant)
+    }
+
+    /// All that the next steps depend on.
+    ///
+    /// # Errors
+    /// [`PlantError::Library`] after a step that failed inside ODE.
+    pub fn snapshot(&self) -> Result<Snapshot, PlantError> {
+        let numbers = ffi::save_world(&self.world).map_err(library)?;
+        Ok(Snapshot { fingerprint: self.fingerprint, world_from_base: self.state.world_from_base, numbers })
+    }
+
+    /// Goes back to a snapshot, of this plant or of another made from the same arm, scene and options (start angles
+    /// and base may differ). Every later step then gives the same bits as it gave there.
+    ///
+    /// # Errors
+    /// [`PlantError::Library`] if the snapshot is of something else or damaged; nothing has changed then.
+    pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), PlantError> {
+        if snapshot.fingerprint != self.fingerprint {
+            return Err(PlantError::Library(
+                "the snapshot is of another arm, scene or options: make the plant from the same ones"
+                    .to_owned(),
+            ));
+        }
+        check_pose(&snapshot.world_from_base)?;
+        ffi::restore_world(self.world.pin_mut(), &snapshot.numbers).map_err(library)?;
+        self.state.world_from_base = snapshot.world_from_base;
+        self.read_state()
+    }
+
+    /// Whether the base stood still in the last tick because its command was a jump, farther than
+    /// [`DynamicsOptions::base_speed_limit`] or [`DynamicsOptions::base_turn_speed_limit`] allow. It stays, and
+    /// [`PlantState::world_from_base`] tells where, until a command within reach of that place comes; the joints
+    /// follow their commands all the while.
+    pub fn base_held(&self) -> bool {
+        ffi::base_held(&self.world)
     }
 
     /// `world_from_link` of link `link` (an index in `ArmModel::links`), as ODE's bodies stand.
@@ -146,10 +183,9 @@ impl OdePlant {
         ffi::solver_complaints(&self.world)
     }
 
-    fn read_state(&mut self, world_from_base: &Pose) -> Result<(), PlantError> {
+    fn read_state(&mut self) -> Result<(), PlantError> {
         let state = &mut self.state;
         ffi::read_joints(&self.world, &mut state.position, &mut state.velocity, &mut state.effort);
-        state.world_from_base = *world_from_base;
         for (index, block) in state.blocks.iter_mut().enumerate() {
             let mut numbers = [0.0; 13];
             ffi::read_block(&self.world, index, &mut numbers).map_err(library)?;
@@ -175,9 +211,9 @@ impl OdePlant {
     }
 
     fn read_attached(&mut self) {
-        let mut numbers = [0.0; 7];
-        let attached = ffi::read_attached(&self.world, &mut numbers);
-        self.state.attached = self.held.filter(|_| attached).map(|(block, _)| (block, to_pose(&numbers)));
+        let (mut block, mut numbers) = (0, [0.0; 7]);
+        let attached = ffi::read_attached(&self.world, &mut block, &mut numbers);
+        self.state.attached = attached.then(|| (block, to_pose(&numbers)));
     }
 }
 
@@ -189,7 +225,10 @@ impl Plant for OdePlant {
         let base = from_pose(&command.world_from_base);
         ffi::step_world(self.world.pin_mut(), &command.position, &command.velocity, &base)
             .map_err(library)?;
-        self.read_state(&command.world_from_base)
+        if !self.base_held() {
+            self.state.world_from_base = command.world_from_base;
+        }
+        self.read_state()
     }
 
     fn state(&self) -> &PlantState {
@@ -198,7 +237,6 @@ impl Plant for OdePlant {
 
     fn attach(&mut self, block: usize, link: usize) -> Result<(), PlantError> {
         ffi::attach_block(self.world.pin_mut(), block, link).map_err(library)?;
-        self.held = Some((block, link));
         self.read_attached();
         Ok(())
     }
@@ -206,7 +244,6 @@ impl Plant for OdePlant {
     fn release(&mut self) {
         // The core can only fail here after a failed step, and then nothing is simulated any more.
         if ffi::release_block(self.world.pin_mut()).is_ok() {
-            self.held = None;
             self.state.attached = None;
         }
     }

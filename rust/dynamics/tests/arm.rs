@@ -120,3 +120,37 @@ fn the_table_stops_the_arm() {
     assert!(tip > 1.0, "the wrist went through the table to {tip} m");
     assert!(plant.state().position.iter().all(|angle| angle.is_finite()));
 }
+
+#[test]
+fn a_base_that_is_told_to_jump_stays_and_kicks_nothing() {
+    let model = proact_description::mpl_right_arm();
+    let start = positions(&model, &START, "open");
+    let mut plant = plant(&box_scene(), &still());
+    run(&mut plant, &stay(&start, still()), 50);
+    let before = plant.state().clone();
+    let tip = plant.link_pose(model.tip).unwrap();
+    let away = Vector::new(0.3, 0.0, 0.0);
+    let mut jumped = still();
+    jumped.translation.vector += away;
+    for _ in 0..200 {
+        plant.step(&stay(&start, jumped)).unwrap();
+        assert!(plant.base_held());
+        assert_eq!(plant.state().world_from_base, still());
+    }
+    let moved = (plant.link_pose(model.tip).unwrap().translation.vector - tip.translation.vector).norm();
+    assert!(moved < 1e-5, "the wrist moved by {moved} m");
+    let fastest = plant.state().velocity.iter().fold(0.0_f64, |most, speed| most.max(speed.abs()));
+    assert!(fastest < 1e-4, "a joint was kicked to {fastest} rad/s");
+    for (a, b) in plant.state().blocks.iter().zip(&before.blocks) {
+        assert!((a.pose.translation.vector - b.pose.translation.vector).norm() < 1e-6);
+    }
+    // A turn is a jump too; a command within reach is followed at once.
+    let turned = still() * nalgebra::UnitQuaternion::from_scaled_axis(Vector::new(0.0, 0.0, 0.1));
+    plant.step(&stay(&start, turned)).unwrap();
+    assert!(plant.base_held());
+    let mut near = still();
+    near.translation.x += 1e-3;
+    plant.step(&stay(&start, near)).unwrap();
+    assert!(!plant.base_held());
+    assert_eq!(plant.state().world_from_base, near);
+}

@@ -86,7 +86,7 @@ struct Options {
   int hold_ticks = 50;
   double hold_error = 2e-3;  ///< rad
   double hold_speed = 2e-2;  ///< rad/s
-  /// Fastest motion of the base that is followed rather than refused.
+  /// Fastest motion of the base that is followed; at a faster one it stays where it is.
   double base_speed = 5.0;       ///< m/s
   double base_turn_speed = 20.0; ///< rad/s
   /// Penetration at which a contact pushes with full force, and its spring and damper in ODE's terms.

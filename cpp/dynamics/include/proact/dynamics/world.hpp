@@ -50,8 +50,9 @@ class World {
   std::size_t block_count() const noexcept;
 
   /// Advances by one tick: joints towards `position` with speed `velocity` (joint_count() each, rad, rad/s),
-  /// base to `world_from_base`. Throws std::invalid_argument for bad numbers or a base that jumps, before
-  /// anything moves; std::runtime_error if ODE fails, after which the world refuses every further step.
+  /// base to `world_from_base`. A base that would have to jump stays where it is until it is told a place within
+  /// reach: see base_held(). Throws std::invalid_argument for bad numbers, before anything moves;
+  /// std::runtime_error if ODE fails, after which the world refuses every further step.
   void step(const double* position, const double* velocity, const Pose& world_from_base);
 
   const std::vector<double>& positions() const noexcept;   ///< rad
@@ -59,6 +60,8 @@ class World {
   /// Torque of the position control, N m. A joint at its stop shows the stop's torque, one held rigid zero.
   const std::vector<double>& efforts() const noexcept;
   const Pose& world_from_base() const noexcept;
+  /// Whether the base stood still in the last tick because it was told to jump.
+  bool base_held() const noexcept;
   const std::vector<BodyState>& blocks() const noexcept;
   /// At most contact_capacity; further ones act but are not listed.
   const std::vector<Contact>& contacts() const noexcept;
@@ -70,6 +73,12 @@ class World {
   /// Lets the attached block go with the speed that it has. It touches each link again only once they have
   /// come apart, so that fingers that overlap it do not throw it.
   void release();
+
+  /// All that the next steps depend on. Throws std::runtime_error after a failed step.
+  std::vector<double> save() const;
+  /// Goes back to a saved state, of this world or of another made from the same model; every later step then gives
+  /// the same bits as there. Throws std::invalid_argument, and changes nothing, if the numbers do not fit.
+  void restore(const std::vector<double>& numbers);
 
   /// world_from_link of a link, as the bodies stand.
   Pose link_pose(std::size_t link) const;
