@@ -1,9 +1,41 @@
 //! Intent: which block a person means, and which place.
 //!
-//! Pure: a gaze measurement and the state of the task in, a posterior out. Depends on the vocabulary alone.
+//! Pure: a gaze measurement and the state of the task in, a posterior out. Depends on the vocabulary alone; has no
+//! clock, no files and no randomness. [`posterior`] is the paper's formula for one sample. [`IntentModel`] is the
+//! interface of whatever turns a stream of samples into posteriors, so that models can be exchanged and compared:
+//!
+//! ```
+//! use proact_intent::{Candidates, IntentModelName, IntentModelOptions};
+//! use proact_types::{GazeSample, Point, SimTime};
+//! let mut model = "filtered".parse::<IntentModelName>()?.build(&IntentModelOptions::default())?;
+//! let scene = Candidates {
+//!     centres: [0.1, -0.1, 0.2, -0.2].map(|y| Point::new(0.6, y, -0.5)),
+//!     pickable: [true; 4],
+//!     last_released: None,
+//!     tip: None,
+//! };
+//! let looking_at_red1 = GazeSample { origin: Point::origin(), direction: scene.centres[0].coords, valid: true };
+//! let mut posterior = None;
+//! for frame in 0..60 {
+//!     posterior = model.observe(SimTime(frame * 17), &looking_at_red1, &scene);
+//! }
+//! assert!(posterior.expect("there are blocks to pick")[0] > 0.9);
+//! # Ok::<(), proact_intent::IntentError>(())
+//! ```
 
+mod filtered;
+mod hand_motion;
+mod model;
 mod place;
 mod posterior;
+mod single;
 
+pub use model::{Candidates, IntentModel, IntentModelName, IntentModelOptions};
 pub use place::table_hit;
 pub use posterior::{IntentError, IntentOptions, Posterior, TaskPrior, posterior};
+
+#[cfg(test)]
+fn assert_close(got: Option<Posterior>, expected: Posterior) {
+    let close = got.is_some_and(|got| (0..4).all(|i| (got[i] - expected[i]).abs() < 1e-12));
+    assert!(close, "{got:?}, expected {expected:?}");
+}

@@ -65,6 +65,24 @@ pub enum IntentError {
         /// As text.
         value: String,
     },
+    /// An option is outside its range.
+    #[error("intent option {key} = {got}, expected {expected}")]
+    Option {
+        /// Such as `sigma`.
+        key: &'static str,
+        /// What was given.
+        got: f64,
+        /// What is allowed.
+        expected: &'static str,
+    },
+    /// No such model.
+    #[error("intent model {got:?} is unknown; expected one of {known}")]
+    Model {
+        /// What was asked for.
+        got: String,
+        /// What there is.
+        known: String,
+    },
 }
 
 /// Posterior over blocks (ProACT, arXiv:2407.05025, Bayes' rule with a Gaussian likelihood in the image plane).
@@ -85,6 +103,20 @@ pub fn posterior(
     prior: &Posterior,
     options: &IntentOptions,
 ) -> Result<Option<Posterior>, IntentError> {
+    let likelihood = log_likelihood(gaze, centres, options.sigma)?;
+    Ok(normalised(std::array::from_fn(|i| {
+        let possible = candidates[i] && prior[i] > 0.0;
+        likelihood[i].filter(|_| possible).map(|score| prior[i].ln() + score)
+    })))
+}
+
+/// Logarithm of the likelihood of the gaze for each block, up to a constant; none for a block that is behind the
+/// eye or whose place is not known.
+pub(crate) fn log_likelihood(
+    gaze: &GazeSample,
+    centres: &[Point; 4],
+    sigma: f64,
+) -> Result<[Option<f64>; 4], IntentError> {
     let bad = |what, value: String| IntentError::Gaze { what, value };
     if !gaze.origin.coords.iter().all(|v| v.is_finite()) {
         return Err(bad("origin", format!("{:?}", gaze.origin.coords.as_slice())));
@@ -93,21 +125,25 @@ pub fn posterior(
         return Err(bad("direction", format!("{:?}", gaze.direction.as_slice())));
     }
     let direction = Unit::new_normalize(gaze.direction);
-
-    // Logarithm of prior times likelihood; none for blocks that are out of the question.
-    let scores: [Option<f64>; 4] = std::array::from_fn(|i| {
-        let to_block = centres[i] - gaze.origin;
+    Ok(centres.map(|centre| {
+        let to_block = centre - gaze.origin;
         let ahead = to_block.dot(&direction);
-        if !candidates[i] || ahead <= 1e-9 || prior[i] <= 0.0 {
+        if ahead.is_nan() || ahead <= 1e-9 {
             return None;
         }
         let distance = (to_block - direction.into_inner() * ahead).norm() / ahead;
-        Some(prior[i].ln() - 0.5 * (distance / options.sigma).powi(2))
-    });
-    let Some(best) = scores.iter().flatten().copied().reduce(f64::max) else { return Ok(None) };
+        Some(-0.5 * (distance / sigma).powi(2))
+    }))
+}
+
+/// Probabilities from logarithms of weights. Blocks without one, or with one that is not finite, get zero; none
+/// if no block is left.
+pub(crate) fn normalised(scores: [Option<f64>; 4]) -> Option<Posterior> {
+    let scores = scores.map(|score| score.filter(|s| s.is_finite()));
+    let best = scores.iter().flatten().copied().reduce(f64::max)?;
     let weights = scores.map(|s| s.map_or(0.0, |s| (s - best).exp()));
     let sum: f64 = weights.iter().sum();
-    Ok(Some(weights.map(|w| w / sum)))
+    Some(weights.map(|w| w / sum))
 }
 
 #[cfg(test)]

@@ -1,0 +1,145 @@
+use crate::{
+    Candidates, IntentModel, IntentModelName, IntentModelOptions, Posterior,
+    posterior::{log_likelihood, normalised},
+};
+use proact_types::{BlockColour, GazeSample, SimTime};
+
+/// A hidden Markov model over goals. The goal is one of the blocks; with the rate `switching_per_s` it is drawn
+/// anew from the task's prior. Between samples dt apart
+///
+/// predict: p_i <- e^(-rate dt) p_i + (1 - e^(-rate dt)) prior_i
+/// update:  p_i <- p_i ((1 - elsewhere) e^(-x_i^2 / 2 sigma^2) + elsewhere)^(min(1, dt / look))
+///
+/// with x_i as in [`crate::posterior`]. The exponent makes the belief depend on how long was looked, not on how
+/// many samples the tracker gave. Blinks predict and do not update, so that the belief fades toward the prior.
+/// The first sample has no duration and gives the prior.
+#[derive(Clone, Debug)]
+pub(crate) struct Filtered {
+    options: IntentModelOptions,
+    belief: Option<Belief>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Belief {
+    at: SimTime,
+    last_released: Option<BlockColour>,
+    probability: Posterior,
+}
+
+impl Filtered {
+    pub(crate) fn new(options: IntentModelOptions) -> Self {
+        Self { options, belief: None }
+    }
+}
+
+impl IntentModel for Filtered {
+    fn name(&self) -> IntentModelName {
+        IntentModelName::Filtered
+    }
+
+    fn observe(&mut self, now: SimTime, gaze: &GazeSample, scene: &Candidates) -> Option<Posterior> {
+        let prior = scene.prior(&self.options.intent)?;
+        // A release that changes what is due begins a new selection.
+        let belief = self.belief.filter(|b| b.last_released == scene.last_released);
+        let millis = belief.map_or(0.0, |b| now.millis_since(b.at) as f64);
+        let stay = (-self.options.switching_per_s * millis * 1e-3).exp();
+        let held = belief.map_or(prior, |b| b.probability);
+        let possible = scene.possible();
+        let predicted: [Option<f64>; 4] = std::array::from_fn(|i| {
+            let p = stay * held[i] + (1.0 - stay) * prior[i];
+            (possible[i] && p > 0.0).then(|| p.ln())
+        });
+
+        let seen = if gaze.valid {
+            log_likelihood(gaze, &scene.centres, self.options.intent.sigma).ok()
+        } else {
+            None
+        };
+        let weight = (millis / self.options.look_ms).min(1.0);
+        let updated = seen.and_then(|seen| {
+            let elsewhere = self.options.elsewhere;
+            normalised(std::array::from_fn(|i| {
+                // A block behind the eye has the likelihood of one that is not looked at.
+                let near = seen[i].map_or(0.0, f64::exp);
+                let log = ((1.0 - elsewhere) * near + elsewhere).ln();
+                // Zero times minus infinity is no number: no duration, no evidence.
+                predicted[i].map(|p| if weight > 0.0 { p + weight * log } else { p })
+            }))
+        });
+        // Without evidence, or when the evidence excludes all blocks, the prediction stands.
+        let probability = updated.or_else(|| normalised(predicted)).unwrap_or(prior);
+        self.belief = Some(Belief { at: now, last_released: scene.last_released, probability });
+        Some(probability)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::assert_close;
+    use proact_types::{Point, Vector};
+
+    const SCENE: Candidates = Candidates {
+        centres: [
+            Point::new(1.0, 0.0, 0.0),
+            Point::new(1.0, 0.5, 0.0),
+            Point::new(1.0, -0.1, 0.0),
+            Point::new(1.0, -0.5, 0.0),
+        ],
+        pickable: [true; 4],
+        last_released: None,
+        tip: None,
+    };
+
+    fn look(at: usize) -> GazeSample {
+        GazeSample { origin: Point::origin(), direction: SCENE.centres[at].coords, valid: true }
+    }
+
+    fn watch(model: &mut Filtered, from: u64, millis: u64, period: u64, gaze: &GazeSample) -> Posterior {
+        let mut last = [0.0; 4];
+        for t in (from..=from + millis).step_by(period as usize) {
+            last = model.observe(SimTime(t), gaze, &SCENE).expect("blocks to pick");
+        }
+        last
+    }
+
+    #[test]
+    fn one_look_without_switching_counts_as_one_likelihood() {
+        // By hand: sigma 0.05, blue 1 is 0.1 from the gaze: e^(-2). Prior 3 to 1 for red 1.
+        let options =
+            IntentModelOptions { switching_per_s: 0.0, elsewhere: 0.0, look_ms: 250.0, ..Default::default() };
+        let p = watch(&mut Filtered::new(options), 0, 250, 25, &look(0));
+        assert!((p[2] / p[0] - (-2.0_f64).exp() / 3.0).abs() < 1e-9, "{p:?}");
+    }
+
+    #[test]
+    fn the_rate_of_the_tracker_hardly_matters() {
+        let ask =
+            |period| watch(&mut Filtered::new(IntentModelOptions::default()), 0, 1200, period, &look(2))[2];
+        assert!((ask(10) - ask(40)).abs() < 0.01, "{} {}", ask(10), ask(40));
+    }
+
+    #[test]
+    fn a_glance_does_not_change_the_belief_and_a_long_look_does() {
+        let mut model = Filtered::new(IntentModelOptions::default());
+        assert!(watch(&mut model, 0, 1000, 20, &look(0))[0] > 0.9);
+        assert!(watch(&mut model, 1020, 80, 20, &look(2))[0] > 0.5, "80 ms at another block");
+        assert!(watch(&mut model, 1120, 1500, 20, &look(2))[2] > 0.9, "1.5 s at another block");
+    }
+
+    #[test]
+    fn blinks_fade_toward_the_prior_and_a_release_begins_anew() {
+        let mut model = Filtered::new(IntentModelOptions::default());
+        let sure = watch(&mut model, 0, 1500, 20, &look(2));
+        let blink = GazeSample { valid: false, direction: Vector::zeros(), ..look(0) };
+        let after = watch(&mut model, 1520, 200, 20, &blink);
+        assert!(after[2] < sure[2] && after[2] > 0.8, "{sure:?} {after:?}");
+        let long = model.observe(SimTime(60_000), &blink, &SCENE).expect("blocks to pick");
+        assert!((long[0] - 0.375).abs() < 1e-6 && (long[2] - 0.125).abs() < 1e-6, "{long:?}");
+
+        watch(&mut model, 60_020, 1500, 20, &look(2));
+        let next = Candidates { last_released: Some(BlockColour::Red), ..SCENE };
+        let p = model.observe(SimTime(61_600), &look(2), &next).expect("blocks to pick");
+        assert_close(Some(p), [0.125, 0.125, 0.375, 0.375]);
+    }
+}

@@ -1,0 +1,215 @@
+use crate::{
+    IntentError, IntentOptions, Posterior, TaskPrior,
+    filtered::Filtered,
+    hand_motion::HandMotion,
+    single::{Single, SingleKind},
+};
+use proact_types::{BlockColour, GazeSample, Point, SimTime};
+use serde::{Deserialize, Serialize};
+use std::{fmt, str::FromStr};
+
+/// What a model knows besides the gaze.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Candidates {
+    /// Block centres in `world`, `BlockId::ALL` order. A block whose centre is not finite is left out.
+    pub centres: [Point; 4],
+    /// Blocks that may be meant; the others get zero.
+    pub pickable: [bool; 4],
+    /// Colour of the block released last; none before the first.
+    pub last_released: Option<BlockColour>,
+    /// The point of the hand that will meet the block (centre of the grasp), in `world`; none if it is not known.
+    pub tip: Option<Point>,
+}
+
+impl Candidates {
+    /// Blocks that may be meant and whose place is known.
+    pub(crate) fn possible(&self) -> [bool; 4] {
+        std::array::from_fn(|i| self.pickable[i] && self.centres[i].coords.iter().all(|v| v.is_finite()))
+    }
+
+    /// What the task says, over the blocks that may be meant; none if there are none.
+    pub(crate) fn prior(&self, options: &IntentOptions) -> Option<Posterior> {
+        let weights = TaskPrior::Colour { last_released: self.last_released }.weights(options);
+        let possible = self.possible();
+        let weights: Posterior = std::array::from_fn(|i| if possible[i] { weights[i] } else { 0.0 });
+        let sum: f64 = weights.iter().sum();
+        (sum > 0.0).then(|| weights.map(|w| w / sum))
+    }
+}
+
+/// A model of which block a person means, fed with the gaze as it is measured.
+///
+/// Call [`observe`](IntentModel::observe) with every gaze sample while the hand is empty, in the order of time.
+/// Blinks belong to the stream (`valid: false`). A model that remembers begins anew when the colour released last
+/// changes; otherwise it forgets by itself over the time that nothing is observed.
+///
+/// Deterministic: the calls since the model was built decide what it answers. What it answers for a block does
+/// not depend on where the block stands in the arrays.
+pub trait IntentModel: Send {
+    /// Which model it is.
+    fn name(&self) -> IntentModelName;
+
+    /// Takes in the sample of tick `now`. The posterior over blocks, in `BlockId::ALL` order, sums to one; blocks
+    /// that may not be meant get zero. `None` if the sample tells this model nothing (a blink, a gaze that is no
+    /// number or meets no block, nothing to pick): what was known before stands.
+    fn observe(&mut self, now: SimTime, gaze: &GazeSample, scene: &Candidates) -> Option<Posterior>;
+}
+
+/// The models there are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum IntentModelName {
+    /// What the task says, whatever the eye does.
+    PriorOnly,
+    /// The likelihood of the present gaze, whatever the task says: method C.
+    GazeOnly,
+    /// Task times likelihood of the present gaze: method D, the paper's formula.
+    #[default]
+    Product,
+    /// A hidden Markov model over goals: looks add up, and the goal may change at any time.
+    Filtered,
+    /// Task times maximum-entropy likelihood of the hand's way; the eye has no say.
+    HandMotion,
+}
+
+impl IntentModelName {
+    /// All of them.
+    pub const ALL: [IntentModelName; 5] =
+        [Self::PriorOnly, Self::GazeOnly, Self::Product, Self::Filtered, Self::HandMotion];
+
+    /// As written in configurations.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::PriorOnly => "prior_only",
+            Self::GazeOnly => "gaze_only",
+            Self::Product => "product",
+            Self::Filtered => "filtered",
+            Self::HandMotion => "hand_motion",
+        }
+    }
+
+    /// The model, before its first sample.
+    ///
+    /// # Errors
+    /// [`IntentError::Option`] as [`IntentModelOptions::check`].
+    pub fn build(self, options: &IntentModelOptions) -> Result<Box<dyn IntentModel>, IntentError> {
+        options.check()?;
+        Ok(match self {
+            Self::PriorOnly => Box::new(Single::new(SingleKind::PriorOnly, options.intent)),
+            Self::GazeOnly => Box::new(Single::new(SingleKind::GazeOnly, options.intent)),
+            Self::Product => Box::new(Single::new(SingleKind::Product, options.intent)),
+            Self::Filtered => Box::new(Filtered::new(*options)),
+            Self::HandMotion => Box::new(HandMotion::new(*options)),
+        })
+    }
+}
+
+impl fmt::Display for IntentModelName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.as_str())
+    }
+}
+
+impl FromStr for IntentModelName {
+    type Err = IntentError;
+
+    fn from_str(text: &str) -> Result<Self, IntentError> {
+        Self::ALL.into_iter().find(|m| m.as_str() == text).ok_or_else(|| IntentError::Model {
+            got: text.to_owned(),
+            known: Self::ALL.map(Self::as_str).join(", "),
+        })
+    }
+}
+
+/// Parameters of all models; each reads those that concern it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct IntentModelOptions {
+    /// Spread of the gaze and weights of the task.
+    #[serde(flatten)]
+    pub intent: IntentOptions,
+    /// Filtered: how often a person comes to mean another block, 1/s; the new one is drawn from the task's prior.
+    /// Default 0.3: about once in the three seconds between looking and locking (assumed).
+    pub switching_per_s: f64,
+    /// Filtered: looking for this long counts as one independent look, ms. Samples of one fixation share their
+    /// error, so counting each for itself would make the model surer at a faster tracker, and far too sure at
+    /// any. Default 250, the length of a common fixation (assumed).
+    pub look_ms: f64,
+    /// Filtered: likelihood of a gaze far from the block that is meant, relative to that of a gaze at its centre:
+    /// people also look at the hand. Default 0.01 (assumed).
+    pub elsewhere: f64,
+    /// Hand motion: how straight people go, 1/m: the log-odds that a metre of way gained on a block is worth.
+    /// Default 20 (assumed): five centimetres are one unit of log-odds.
+    pub straightness_per_m: f64,
+}
+
+impl Default for IntentModelOptions {
+    fn default() -> Self {
+        Self {
+            intent: IntentOptions::default(),
+            switching_per_s: 0.3,
+            look_ms: 250.0,
+            elsewhere: 0.01,
+            straightness_per_m: 20.0,
+        }
+    }
+}
+
+impl IntentModelOptions {
+    /// Checks ranges.
+    ///
+    /// # Errors
+    /// [`IntentError::Option`] naming the first key that is out of range or not a number.
+    pub fn check(&self) -> Result<(), IntentError> {
+        let within = |key, got: f64, allowed: std::ops::RangeInclusive<f64>, expected| {
+            if allowed.contains(&got) { Ok(()) } else { Err(IntentError::Option { key, got, expected }) }
+        };
+        within("sigma", self.intent.sigma, 1e-3..=10.0, "0.001 to 10")?;
+        within("weight_other", self.intent.weight_other, 0.0..=0.5, "0 to 0.5")?;
+        within("hysteresis", self.intent.hysteresis, 1.0..=f64::MAX, "at least 1")?;
+        within("switching_per_s", self.switching_per_s, 0.0..=1e3, "0 to 1000")?;
+        within("look_ms", self.look_ms, 1.0..=1e5, "1 to 100000")?;
+        within("elsewhere", self.elsewhere, 0.0..=1.0, "0 to 1")?;
+        within("straightness_per_m", self.straightness_per_m, 0.0..=1e4, "0 to 10000")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_survive_their_text_and_unknown_ones_are_refused_with_what_there_is() {
+        for name in IntentModelName::ALL {
+            assert_eq!(name.to_string().parse(), Ok(name));
+            assert_eq!(
+                name.build(&IntentModelOptions::default()).expect("defaults are allowed").name(),
+                name
+            );
+        }
+        let error = "mind_reading".parse::<IntentModelName>().expect_err("no such model");
+        assert_eq!(
+            error.to_string(),
+            "intent model \"mind_reading\" is unknown; expected one of prior_only, gaze_only, product, filtered, \
+             hand_motion"
+        );
+    }
+
+    #[test]
+    fn options_are_data_and_those_out_of_range_are_refused_by_name() {
+        let options: IntentModelOptions = toml::from_str("sigma = 0.1\nlook_ms = 100").expect("reads");
+        assert_eq!((options.intent.sigma, options.look_ms, options.elsewhere), (0.1, 100.0, 0.01));
+        let default = IntentModelOptions::default();
+        for (key, bad) in [
+            ("look_ms", IntentModelOptions { look_ms: 0.0, ..default }),
+            ("elsewhere", IntentModelOptions { elsewhere: f64::NAN, ..default }),
+            (
+                "sigma",
+                IntentModelOptions { intent: IntentOptions { sigma: 0.0, ..default.intent }, ..default },
+            ),
+        ] {
+            let error = IntentModelName::Product.build(&bad).err().expect("out of range").to_string();
+            assert!(error.contains(key), "{error}");
+        }
+    }
+}
