@@ -1,0 +1,28 @@
+//! Numbers from logged trials.
+//!
+//! Pure: values in, values out. Reads no files, has no clock and no randomness, and depends on the vocabulary
+//! alone; who reads trials and prints tables is the command `analyze`.
+//!
+//! [`score`] says how good forecasts are of which of a few things a person means:
+//!
+//! ```
+//! use proact_analysis::{Episode, Forecast, score};
+//! use proact_types::SimTime;
+//! let say = |millis, probabilities: [f64; 2]| Forecast { time: SimTime(millis), probabilities: probabilities.to_vec() };
+//! let episode = Episode { start: SimTime(0), truth: 0, forecasts: vec![say(10, [0.4, 0.6]), say(30, [0.8, 0.2])] };
+//! let score = score(&[episode])?;
+//! assert_eq!((score.accuracy, score.time_to_correct_ms.median), (0.5, Some(30.0)));
+//! # Ok::<(), proact_analysis::AnalysisError>(())
+//! ```
+
+mod forecast;
+mod score;
+
+pub use forecast::{AnalysisError, Episode, Forecast, brier, log_loss, top_choice};
+pub use score::{Quartiles, ReliabilityBin, Score, score};
+
+/// Probabilities below this count as this in a logarithm: one forecast that excludes the truth would otherwise
+/// make the mean infinite. The worst loss of one forecast is then 13.8.
+pub const PROBABILITY_FLOOR: f64 = 1e-6;
+/// Bins of confidence between zero and one.
+pub const RELIABILITY_BINS: usize = 10;
