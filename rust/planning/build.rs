@@ -11,6 +11,7 @@ fn main() {
         .file("src/adapter.cpp")
         .file(core.join("src/scene.cpp"))
         .file(core.join("src/joint_planner.cpp"))
+        .file(core.join("src/planners.cpp"))
         .include(core.join("include"))
         .std("c++17")
         .opt_level(2)

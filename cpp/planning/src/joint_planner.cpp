@@ -1,5 +1,7 @@
 #include "proact/planning/joint_planner.hpp"
 
+#include "planners.hpp"
+
 #include <ompl/base/MotionValidator.h>
 #include <ompl/base/PlannerTerminationCondition.h>
 #include <ompl/base/ProblemDefinition.h>
@@ -8,10 +10,8 @@
 #include <ompl/base/goals/GoalStates.h>
 #include <ompl/base/spaces/RealVectorStateSpace.h>
 #include <ompl/base/terminationconditions/IterationTerminationCondition.h>
-#include <ompl/datastructures/NearestNeighborsLinear.h>
 #include <ompl/geometric/PathGeometric.h>
 #include <ompl/geometric/PathSimplifier.h>
-#include <ompl/geometric/planners/rrt/RRTConnect.h>
 #include <ompl/util/Console.h>
 
 #include <algorithm>
@@ -27,27 +27,10 @@ namespace og = ompl::geometric;
 
 namespace {
 
-/// Seed number `stream` of a query: SplitMix64 (Steele, Lea and Flood, OOPSLA 2014), cut to OMPL's 32 bits.
-std::uint32_t seed_of(std::uint64_t query_seed, std::uint64_t stream) {
-  std::uint64_t z = query_seed + (stream + 1) * 0x9e3779b97f4a7c15ULL;
-  z = (z ^ (z >> 30U)) * 0xbf58476d1ce4e5b9ULL;
-  z = (z ^ (z >> 27U)) * 0x94d049bb133111ebULL;
-  z ^= z >> 31U;
-  // OMPL treats seed 0 as "choose one yourself".
-  return std::max<std::uint32_t>(static_cast<std::uint32_t>(z), 1U);
-}
-
-/// OMPL gives every generator a seed from one process-wide source; these three put the query's in its place.
+/// OMPL gives every generator a seed from one process-wide source; these put the query's in its place.
 class SeededSampler : public ob::RealVectorStateSampler {
  public:
   SeededSampler(const ob::StateSpace* space, std::uint32_t seed) : ob::RealVectorStateSampler(space) {
-    rng_.setLocalSeed(seed);
-  }
-};
-
-class SeededRrtConnect : public og::RRTConnect {
- public:
-  SeededRrtConnect(const ob::SpaceInformationPtr& space, std::uint32_t seed) : og::RRTConnect(space) {
     rng_.setLocalSeed(seed);
   }
 };
@@ -87,6 +70,19 @@ class MotionCheck {
     return is_free(from, middle - clear) && is_free(middle + clear, to);
   }
 
+  /// How far from its start the motion is free, as a share of its length.
+  double free_share() {
+    double share = 0.0;
+    for (double next = shortest_; next < 1.0;) {
+      for (std::size_t k = 0; k < at_.size(); ++k) at_[k] = start_[k] + next * difference_[k];
+      const double clear = scene_.clearance(at_.data(), difference_.data(), 1.0);
+      if (clear < 0.0) break;
+      share = next;
+      next += std::max(clear, shortest_);
+    }
+    return share;
+  }
+
  private:
   Scene& scene_;
   std::vector<double> start_;
@@ -119,8 +115,11 @@ class SceneMotions : public ob::MotionValidator {
     return si_->isValid(b) && MotionCheck(scene_, values(a), values(b), resolution_).is_free(0.0, 1.0);
   }
 
-  bool checkMotion(const ob::State*, const ob::State*, std::pair<ob::State*, double>&) const override {
-    throw std::logic_error("no planner used here asks how far a motion is free");
+  bool checkMotion(const ob::State* a, const ob::State* b, std::pair<ob::State*, double>& last) const override {
+    if (checkMotion(a, b)) return true;
+    last.second = MotionCheck(scene_, values(a), values(b), resolution_).free_share();
+    if (last.first != nullptr) si_->getStateSpace()->interpolate(a, b, last.second, last.first);
+    return false;
   }
 
  private:
@@ -173,6 +172,8 @@ JointPlan plan_joint(Scene& scene, const JointQuery& query, const CancelFlag& ca
   if (!(query.resolution.radians > 0.0) || !(query.resolution.metres > 0.0) || !(query.range > 0.0)) {
     throw std::invalid_argument("resolution and range must be above zero");
   }
+  const double equal_steps = query.resolution.equal_steps;
+  if (!(equal_steps >= 0.0 && equal_steps < 1.0)) throw std::invalid_argument("equal steps must be a share below 1");
   JointPlan plan;
   const auto ended = [&plan](JointPlanStatus status) {
     plan.status = status;
@@ -187,7 +188,8 @@ JointPlan plan_joint(Scene& scene, const JointQuery& query, const CancelFlag& ca
     if (cancel.is_raised()) return ended(JointPlanStatus::cancelled);
     if (!scene.is_free(query.goals[g].data())) continue;
     free_goals.push_back(g);
-    if (motion_is_free(scene, query.start.data(), query.goals[g].data(), query.resolution)) {
+    if (equal_steps == 0.0 &&
+        motion_is_free(scene, query.start.data(), query.goals[g].data(), query.resolution)) {
       plan.path = {query.start, query.goals[g]};
       plan.goal = g;
       return ended(JointPlanStatus::solved);
@@ -197,10 +199,16 @@ JointPlan plan_joint(Scene& scene, const JointQuery& query, const CancelFlag& ca
 
   // OMPL reports progress on the console, which belongs to the program.
   ompl::msg::setLogLevel(ompl::msg::LOG_NONE);
+  const PlannerTurn turn(query.planner, seed_of(query.seed, 3), cancel);
+  if (cancel.is_raised()) return ended(JointPlanStatus::cancelled);
   auto space = joint_space(scene, seed_of(query.seed, 0));
   auto information = std::make_shared<ob::SpaceInformation>(space);
   information->setStateValidityChecker(std::make_shared<SceneValidity>(information, scene, cancel));
-  information->setMotionValidator(std::make_shared<SceneMotions>(information, scene, query.resolution));
+  if (equal_steps > 0.0) {
+    information->setStateValidityCheckingResolution(equal_steps);
+  } else {
+    information->setMotionValidator(std::make_shared<SceneMotions>(information, scene, query.resolution));
+  }
   information->setup();
 
   auto problem = std::make_shared<ob::ProblemDefinition>(information);
@@ -214,23 +222,24 @@ JointPlan plan_joint(Scene& scene, const JointQuery& query, const CancelFlag& ca
   }
   problem->setGoal(goals);
 
-  SeededRrtConnect planner(information, seed_of(query.seed, 1));
-  // An exact search without pivots: the default structure draws them from a generator out of reach.
-  planner.setNearestNeighbors<ompl::NearestNeighborsLinear>();
-  planner.setRange(query.range);
-  planner.setProblemDefinition(problem);
-  planner.setup();
+  const std::unique_ptr<ob::Planner> planner = make_planner(information, query, seed_of(query.seed, 1));
+  planner->setProblemDefinition(problem);
+  planner->setup();
   ob::IterationTerminationCondition iterations(query.max_iterations);
   const ob::PlannerTerminationCondition stop([&] { return cancel.is_raised() || iterations.eval(); });
-  const ob::PlannerStatus status = planner.solve(stop);
+  const ob::PlannerStatus status = planner->solve(stop);
   if (cancel.is_raised()) return ended(JointPlanStatus::cancelled);
   if (status != ob::PlannerStatus::EXACT_SOLUTION) return ended(JointPlanStatus::no_plan);
 
   og::PathGeometric path = *problem->getSolutionPath()->as<og::PathGeometric>();
   SeededSimplifier simplifier(information, seed_of(query.seed, 2));
-  simplifier.reduceVertices(path, query.shortcuts, query.shortcuts);
-  simplifier.shortcutPath(path, query.shortcuts, query.shortcuts);
-  simplifier.reduceVertices(path, query.shortcuts, query.shortcuts);
+  if (equal_steps > 0.0) {
+    simplifier.simplifyMax(path);
+  } else {
+    simplifier.reduceVertices(path, query.shortcuts, query.shortcuts);
+    simplifier.shortcutPath(path, query.shortcuts, query.shortcuts);
+    simplifier.reduceVertices(path, query.shortcuts, query.shortcuts);
+  }
   if (cancel.is_raised()) return ended(JointPlanStatus::cancelled);
 
   for (const ob::State* point : path.getStates()) {

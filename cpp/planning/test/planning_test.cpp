@@ -214,6 +214,55 @@ void plans_are_free_reach_a_goal_and_depend_on_the_seed_alone() {
   for (const int count : equal) check(count == 12, "plans in four threads equal the serial ones bit for bit");
 }
 
+void every_planner_is_repeatable_even_beside_others() {
+  const std::vector<PlannerKind> kinds{PlannerKind::rrt_connect, PlannerKind::bitrrt, PlannerKind::lbkpiece1,
+                                       PlannerKind::rrt_star, PlannerKind::prm};
+  const auto plan_of = [](PlannerKind kind, std::uint64_t seed) {
+    Scene scene(planar_arm());
+    scene.set_obstacles(clutter());
+    JointQuery query = fold_query(seed);
+    query.planner = kind;
+    query.max_iterations = 3000;
+    query.resolution = {0.05, 0.02};
+    return plan_joint(scene, query, CancelFlag());
+  };
+  std::vector<JointPlan> serial;
+  for (const PlannerKind kind : kinds) {
+    serial.push_back(plan_of(kind, 1));
+    check(serial.back().status == JointPlanStatus::solved, "every planner finds the folded way");
+    if (serial.back().path.size() < 3) continue;
+    check(serial.back().path.front() == fold_query(1).start, "every planner begins at the start");
+    check(plan_of(kind, 2).path != serial.back().path, "with another seed every planner goes another way");
+  }
+  std::vector<std::thread> threads;
+  std::vector<int> equal(kinds.size(), 0);
+  for (std::size_t t = 0; t < kinds.size(); ++t) {
+    threads.emplace_back([&, t] {
+      for (int n = 0; n < 2; ++n) equal[t] += plan_of(kinds[t], 1).path == serial[t].path ? 1 : 0;
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  for (const int count : equal) check(count == 2, "beside other planners in threads every plan is what it was alone");
+}
+
+void parameters_go_to_the_planner_by_name() {
+  JointQuery query = fold_query(1);
+  query.planner = PlannerKind::lbkpiece1;
+  query.parameters = {{"border_fraction", "0.5"}};
+  check_planner(query);
+  query.parameters = {{"goal_bias", "0.5"}};
+  check(refuses([&] { check_planner(query); }, "no parameter \"goal_bias\", expected one of border_fraction"),
+        "an unknown parameter is refused with those that there are");
+  query.parameters = {{"border_fraction", "wide"}};
+  check(refuses([&] { check_planner(query); }, "refuses \"wide\""), "a value that is no number is refused");
+  Scene scene(planar_arm());
+  scene.set_obstacles(clutter());
+  query = fold_query(1);
+  const auto usual = plan_joint(scene, query, CancelFlag());
+  query.parameters = {{"range", "0.2"}};
+  check(plan_joint(scene, query, CancelFlag()).path != usual.path, "a parameter makes a difference");
+}
+
 void every_status_can_be_reached() {
   Scene scene(planar_arm());
   const CancelFlag flag;
@@ -307,6 +356,8 @@ int main() {
   what_is_carried_collides_and_moves_with_the_tip();
   the_clearance_is_never_an_overstatement();
   plans_are_free_reach_a_goal_and_depend_on_the_seed_alone();
+  every_planner_is_repeatable_even_beside_others();
+  parameters_go_to_the_planner_by_name();
   every_status_can_be_reached();
   bad_input_is_refused_by_name();
   std::printf("%d checks failed\n", failures);

@@ -20,7 +20,25 @@ PlacedShape placed_of(const ShapeRow& row) {
   return {{kinds.at(row.kind), row.size}, pose_of(row.pose)};
 }
 
-Resolution resolution_of(const SearchRow& search) { return {search.step_radians, search.step_metres}; }
+Resolution resolution_of(const SearchRow& search) {
+  return {search.step_radians, search.step_metres, search.equal_steps};
+}
+
+JointQuery query_of(const SearchRow& search) {
+  constexpr std::array<PlannerKind, 5> kinds{PlannerKind::rrt_connect, PlannerKind::bitrrt, PlannerKind::lbkpiece1,
+                                             PlannerKind::rrt_star, PlannerKind::prm};
+  JointQuery query;
+  query.planner = kinds.at(search.planner);
+  for (std::size_t k = 0; k + 1 < search.parameters.size(); k += 2) {
+    query.parameters.emplace_back(std::string(search.parameters[k]), std::string(search.parameters[k + 1]));
+  }
+  query.seed = search.seed;
+  query.max_iterations = search.max_iterations;
+  query.range = search.range;
+  query.shortcuts = search.shortcuts;
+  query.resolution = resolution_of(search);
+  return query;
+}
 
 }  // namespace
 
@@ -90,16 +108,11 @@ bool motion_is_free(Scene& scene, rust::Slice<const double> a, rust::Slice<const
 PlanRow plan_joint(Scene& scene, rust::Slice<const double> start, rust::Slice<const double> goals,
                    const SearchRow& search, const CancelFlag& cancel) {
   const auto joints = static_cast<std::ptrdiff_t>(scene.joint_count());
-  JointQuery query;
+  JointQuery query = query_of(search);
   query.start.assign(start.begin(), start.end());
   for (const double* goal = goals.data(); goal != goals.data() + goals.size(); goal += joints) {
     query.goals.emplace_back(goal, goal + joints);
   }
-  query.seed = search.seed;
-  query.max_iterations = search.max_iterations;
-  query.range = search.range;
-  query.shortcuts = search.shortcuts;
-  query.resolution = resolution_of(search);
   const JointPlan plan = plan_joint(scene, query, cancel);
   PlanRow row{static_cast<std::uint8_t>(plan.status), plan.goal, {}};
   for (const auto& point : plan.path) {
@@ -107,6 +120,8 @@ PlanRow plan_joint(Scene& scene, rust::Slice<const double> start, rust::Slice<co
   }
   return row;
 }
+
+void check_planner(const SearchRow& search) { check_planner(query_of(search)); }
 
 std::shared_ptr<CancelFlag> new_cancel_flag() { return std::make_shared<CancelFlag>(); }
 

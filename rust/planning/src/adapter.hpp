@@ -35,6 +35,7 @@ bool is_free(Scene& scene, rust::Slice<const double> q);
 bool motion_is_free(Scene& scene, rust::Slice<const double> a, rust::Slice<const double> b, const SearchRow& search);
 PlanRow plan_joint(Scene& scene, rust::Slice<const double> start, rust::Slice<const double> goals,
                    const SearchRow& search, const CancelFlag& cancel);
+void check_planner(const SearchRow& search);
 
 std::shared_ptr<CancelFlag> new_cancel_flag();
 // The flag is an atomic: raising it through a shared reference is what it is for.

@@ -308,7 +308,9 @@ impl ArmPlanner {
         let mut limits: SearchLimits = self.options.search;
         // What hides between two checked states must not be deeper than the padding.
         limits.step_metres = limits.step_metres.min(2.0 * self.transit_padding.max(SMALLEST_HALF_STEP));
-        match self.scene.search(from, &goals, problem.request.seed, &limits, &self.cancel)? {
+        let seed = problem.request.seed;
+        let (planner, parameters) = (self.options.planner, &self.options.planner_parameters);
+        match self.scene.search_by(planner, parameters, from, &goals, seed, &limits, &self.cancel)? {
             SearchOutcome::Solved { path: mut points, goal } => {
                 let entry = points.len() - 1;
                 points.extend(ways[goal].points.iter().skip(1).cloned());

@@ -26,9 +26,13 @@ pub(crate) mod ffi {
         b: String,
     }
 
-    /// What bounds one search.
+    /// What steers and bounds one search. Planner 0 is RRTConnect, 1 BiTRRT, 2 LBKPIECE1, 3 RRT*, 4 PRM; its
+    /// parameters are names and values in turns.
     struct SearchRow {
         seed: u64,
+        planner: u8,
+        parameters: Vec<String>,
+        equal_steps: f64,
         max_iterations: u32,
         range: f64,
         shortcuts: u32,
@@ -74,6 +78,8 @@ pub(crate) mod ffi {
             search: &SearchRow,
             cancel: &CancelFlag,
         ) -> Result<PlanRow>;
+
+        fn check_planner(search: &SearchRow) -> Result<()>;
 
         type CancelFlag;
         fn new_cancel_flag() -> SharedPtr<CancelFlag>;

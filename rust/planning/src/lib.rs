@@ -2,7 +2,7 @@
 //!
 //! [`ArmPlanner`] answers a [`PlanRequest`](proact_types::PlanRequest): it leaves the start (straight up, while
 //! the hand is around or on something), finds ways of entering the goal (a grip from above, an upright place, a
-//! pose, arm angles), connects the two by RRTConnect in joint space, and times the whole under speed and
+//! pose, arm angles), connects the two in joint space by RRTConnect or another [`PlannerName`], and times the whole under speed and
 //! acceleration limits. [`PlanWorker`] does so on a thread of its own. [`CollisionScene`] is the layer below.
 //!
 //! The reply depends on the request alone: every random choice is seeded by it and searches are bounded by
@@ -22,6 +22,7 @@ mod error;
 mod intermediate;
 mod leave;
 mod options;
+mod planner_name;
 mod reach;
 mod scene;
 mod timing;
@@ -31,5 +32,6 @@ mod worker;
 pub use arm_planner::ArmPlanner;
 pub use error::PlanningError;
 pub use options::PlannerOptions;
+pub use planner_name::PlannerName;
 pub use scene::{CancelFlag, CollisionScene, SearchLimits, SearchOutcome};
 pub use worker::PlanWorker;

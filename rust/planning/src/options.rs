@@ -1,4 +1,4 @@
-use crate::{PlanningError, SearchLimits};
+use crate::{PlannerName, PlanningError, SearchLimits};
 
 /// Settings of the planner. Angles in radians, lengths in metres.
 #[derive(Clone, Debug, PartialEq)]
@@ -37,6 +37,10 @@ pub struct PlannerOptions {
     pub postures: usize,
     /// Ways of reaching the goal after which no more are looked for.
     pub goals: usize,
+    /// What searches in joint space.
+    pub planner: PlannerName,
+    /// Its parameters by OMPL's names, such as `goal_bias`, and their values as text.
+    pub planner_parameters: Vec<(String, String)>,
     /// Bounds of one search in joint space.
     pub search: SearchLimits,
 }
@@ -60,6 +64,8 @@ impl Default for PlannerOptions {
             place_tolerance: 0.016,
             postures: 4,
             goals: 6,
+            planner: PlannerName::default(),
+            planner_parameters: Vec::new(),
             search: SearchLimits::default(),
         }
     }
@@ -68,7 +74,14 @@ impl Default for PlannerOptions {
 impl Default for SearchLimits {
     /// 0.02 rad and 5 mm between checked states; the padding in transit covers what could hide between them.
     fn default() -> Self {
-        Self { max_iterations: 2000, range_rad: 0.8, shortcuts: 40, step_rad: 0.02, step_metres: 0.005 }
+        Self {
+            max_iterations: 2000,
+            range_rad: 0.8,
+            shortcuts: 40,
+            step_rad: 0.02,
+            step_metres: 0.005,
+            equal_steps: None,
+        }
     }
 }
 
@@ -76,7 +89,7 @@ impl PlannerOptions {
     /// Refuses settings with which no plan makes sense.
     ///
     /// # Errors
-    /// [`PlanningError::Option`] naming the first bad one.
+    /// [`PlanningError::Option`] naming the first bad one; a parameter that the planner does not know.
     pub fn validate(&self) -> Result<(), PlanningError> {
         let positive = [
             ("max_velocity", self.max_velocity),
@@ -112,6 +125,6 @@ impl PlannerOptions {
         if !(low <= self.tilt && self.tilt <= high && low.is_finite() && high.is_finite()) {
             return refused("tilt", self.tilt, "an angle within tilt_range");
         }
-        Ok(())
+        crate::scene::check_planner(self.planner, &self.planner_parameters)
     }
 }

@@ -1,5 +1,6 @@
 //! The safe side of the bridge: a collision scene and the search in it.
 
+use crate::PlannerName;
 use crate::bridge::ffi;
 use crate::error::{PlanningError, check};
 use proact_types::{ArmModel, AttachedObject, JointKind, Obstacle, Pose, Shape};
@@ -51,9 +52,9 @@ impl std::fmt::Debug for CancelFlag {
 /// What bounds one search in joint space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SearchLimits {
-    /// Iterations of RRTConnect.
+    /// Iterations of the planner.
     pub max_iterations: u32,
-    /// Longest motion added to a tree, rad (L2).
+    /// Longest motion added to a tree, rad (L2); for planners that grow trees.
     pub range_rad: f64,
     /// Attempts to shorten the path.
     pub shortcuts: u32,
@@ -61,6 +62,9 @@ pub struct SearchLimits {
     pub step_rad: f64,
     /// Farthest that any point of the arm moves between two checked states, metres.
     pub step_metres: f64,
+    /// Looks at motions in equal steps of this share of the joint space's extent instead, and simplifies paths to
+    /// the end: what OMPL does by itself, as in the original. For comparison; it misses contacts.
+    pub equal_steps: Option<f64>,
 }
 
 /// How a search in joint space ended.
@@ -249,11 +253,12 @@ impl CollisionScene {
     ) -> Result<bool, PlanningError> {
         check("arm angles", a, self.joint_count)?;
         check("arm angles", b, self.joint_count)?;
-        Ok(ffi::motion_is_free(self.inner.pin_mut(), a, b, &search_row(0, limits))?)
+        let row = search_row(PlannerName::default(), &[], 0, limits);
+        Ok(ffi::motion_is_free(self.inner.pin_mut(), a, b, &row)?)
     }
 
-    /// A free path from `start` to one of `goals`. Equal scenes, vectors and seeds give equal outcomes, whatever
-    /// runs in other threads.
+    /// A free path from `start` to one of `goals` by RRTConnect. Equal scenes, vectors and seeds give equal
+    /// outcomes, whatever runs in other threads.
     ///
     /// # Errors
     /// Wrong lengths, values that are not finite or outside the joint limits, no goal.
@@ -265,12 +270,35 @@ impl CollisionScene {
         limits: &SearchLimits,
         cancel: &CancelFlag,
     ) -> Result<SearchOutcome, PlanningError> {
+        self.search_by(PlannerName::default(), &[], start, goals, seed, limits, cancel)
+    }
+
+    /// As [`CollisionScene::search`], by any planner. `parameters` are pairs of OMPL's name, such as `goal_bias`,
+    /// and the value as text.
+    ///
+    /// Planners other than RRTConnect draw from generators that the whole process shares: such a search waits
+    /// until it is the only one.
+    ///
+    /// # Errors
+    /// As for [`CollisionScene::search`], and a parameter that the planner does not know or refuses.
+    #[allow(clippy::too_many_arguments)]
+    pub fn search_by(
+        &mut self,
+        planner: PlannerName,
+        parameters: &[(String, String)],
+        start: &[f64],
+        goals: &[Vec<f64>],
+        seed: u64,
+        limits: &SearchLimits,
+        cancel: &CancelFlag,
+    ) -> Result<SearchOutcome, PlanningError> {
         check("start", start, self.joint_count)?;
         for goal in goals {
             check("goal", goal, self.joint_count)?;
         }
         let flat: Vec<f64> = goals.iter().flatten().copied().collect();
-        let row = ffi::plan_joint(self.inner.pin_mut(), start, &flat, &search_row(seed, limits), &cancel.0)?;
+        let search = search_row(planner, parameters, seed, limits);
+        let row = ffi::plan_joint(self.inner.pin_mut(), start, &flat, &search, &cancel.0)?;
         match row.status {
             0 => Ok(SearchOutcome::Solved {
                 path: row.path.chunks_exact(self.joint_count).map(<[f64]>::to_vec).collect(),
@@ -300,9 +328,25 @@ fn shape_row(shape: &Shape, pose: &Pose) -> ffi::ShapeRow {
     ffi::ShapeRow { kind, size, pose: pose_row(pose) }
 }
 
-fn search_row(seed: u64, limits: &SearchLimits) -> ffi::SearchRow {
+/// Refuses a parameter that the planner does not know, naming those that it does, or a value that it refuses.
+pub(crate) fn check_planner(
+    planner: PlannerName,
+    parameters: &[(String, String)],
+) -> Result<(), PlanningError> {
+    Ok(ffi::check_planner(&search_row(planner, parameters, 0, &SearchLimits::default()))?)
+}
+
+fn search_row(
+    planner: PlannerName,
+    parameters: &[(String, String)],
+    seed: u64,
+    limits: &SearchLimits,
+) -> ffi::SearchRow {
     ffi::SearchRow {
         seed,
+        planner: planner as u8,
+        parameters: parameters.iter().flat_map(|(name, value)| [name.clone(), value.clone()]).collect(),
+        equal_steps: limits.equal_steps.unwrap_or(0.0),
         max_iterations: limits.max_iterations,
         range: limits.range_rad,
         shortcuts: limits.shortcuts,

@@ -5,7 +5,7 @@ mod common;
 
 use common::*;
 use proact_kinematics::{ArmKinematics, Kinematics};
-use proact_planning::{ArmPlanner, PlannerOptions, PlanningError};
+use proact_planning::{ArmPlanner, PlannerName, PlannerOptions, PlanningError, SearchLimits};
 use proact_types::{
     BlockId, PlanGoal, PlanReply, PlanRequest, PlanStatus, Point, Pose, Region, Shape, Trajectory,
     TrunkPosture, Vector, joints,
@@ -388,4 +388,42 @@ fn the_scene_refuses_what_the_library_would_take() {
     flat.links.iter_mut().find(|l| !l.collisions.is_empty()).unwrap().collisions[0].shape =
         Shape::Cylinder { radius: 0.0, length: 1.0 };
     assert!(proact_planning::CollisionScene::new(&flat).err().unwrap().to_string().contains("extent 0"));
+}
+
+#[test]
+fn every_planner_picks_a_block_twice_alike_and_without_a_contact() {
+    let model = model();
+    let mut checker = common::planner(PlannerOptions::default());
+    let mut ends = Vec::new();
+    for planner in PlannerName::ALL {
+        assert_eq!(planner.name().parse::<PlannerName>().unwrap(), planner);
+        let mut search = SearchLimits::default();
+        if planner == PlannerName::RrtStar {
+            // It spends all its iterations.
+            search.max_iterations = 300;
+        }
+        let mut options = PlannerOptions { planner, search, ..Default::default() };
+        if planner == PlannerName::LbKpiece1 {
+            options.planner_parameters = vec![("border_fraction".to_owned(), "0.8".to_owned())];
+        }
+        let request = pick(&model, still(), Region::FL, 4);
+        let reply = common::planner(options.clone()).solve(&request);
+        assert_eq!((reply.status, reply.reason.as_str()), (PlanStatus::Ok, ""), "{planner}");
+        assert_eq!(contacts_on_the_way(&mut checker, &request, &reply), [], "{planner}");
+        assert_eq!(common::planner(options).solve(&request), reply, "{planner}");
+        ends.push(end(&reply));
+    }
+    assert_eq!(ends.len(), 5);
+}
+
+#[test]
+fn unknown_planners_and_parameters_are_refused_with_those_that_there_are() {
+    let text = "RRTConect".parse::<PlannerName>().unwrap_err().to_string();
+    assert_eq!(text, "planner is \"RRTConect\", expected one of RRTConnect, BiTRRT, LBKPIECE1, RRTstar, PRM");
+    let model = model();
+    let options =
+        PlannerOptions { planner_parameters: vec![("rnage".into(), "1".into())], ..Default::default() };
+    let error =
+        ArmPlanner::new(model.clone(), Box::new(kinematics(&model)), options).err().unwrap().to_string();
+    assert!(error.contains("no parameter \"rnage\", expected one of ") && error.contains("range"), "{error}");
 }

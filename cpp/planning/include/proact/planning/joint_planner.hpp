@@ -1,10 +1,12 @@
-// Sampling-based planning between arm angles: OMPL's RRTConnect over a Scene, repeatable by its seed.
+// Sampling-based planning between arm angles: OMPL's planners over a Scene, repeatable by their seed.
 #pragma once
 
 #include "proact/planning/scene.hpp"
 
 #include <atomic>
 #include <cstdint>
+#include <string>
+#include <utility>
 #include <vector>
 
 namespace proact::planning {
@@ -26,15 +28,24 @@ class CancelFlag {
 struct Resolution {
   double radians = 0.02;
   double metres = 0.005;
+  /// Above zero: motions are looked at in equal steps of this share of the joint space's extent and paths are
+  /// simplified to the end, both as OMPL does by itself. For comparison.
+  double equal_steps = 0.0;
 };
+
+/// Planners of OMPL. RRTConnect is the default, LBKPIECE1 was the original's.
+enum class PlannerKind { rrt_connect, bitrrt, lbkpiece1, rrt_star, prm };
 
 struct JointQuery {
   std::vector<double> start;
   std::vector<std::vector<double>> goals;
   std::uint64_t seed = 0;
-  /// Bound on RRTConnect's iterations.
+  PlannerKind planner = PlannerKind::rrt_connect;
+  /// Parameters of the planner by OMPL's names, such as "range" or "goal_bias", and their values as text.
+  std::vector<std::pair<std::string, std::string>> parameters;
+  /// Bound on the planner's iterations.
   unsigned int max_iterations = 20000;
-  /// Longest motion added to a tree, rad (L2).
+  /// Longest motion added to a tree, rad (L2); for planners that have a "range".
   double range = 0.8;
   /// Attempts to shorten the path.
   unsigned int shortcuts = 40;
@@ -56,11 +67,17 @@ bool motion_is_free(Scene& scene, const double* a, const double* b, const Resolu
 
 /// A free path from the start to one of the goals.
 ///
-/// Straight motions to the goals are tried first, in order; then RRTConnect; then the path is shortened. Equal
-/// scenes and queries give equal plans, whatever runs in other threads: every generator has its own seed
-/// derived from the query's, and iterations are counted, not timed.
+/// Straight motions to the goals are tried first, in order; then the planner; then the path is shortened. Equal
+/// scenes and queries give equal plans, whatever runs in other threads: iterations are counted, not timed, and
+/// every generator of RRTConnect has its own seed derived from the query's. The other planners draw from
+/// generators out of reach: they run alone in the process, after OMPL's own source has been seeded.
 ///
-/// Throws std::invalid_argument for wrong lengths, values that are not finite, and joints outside the limits.
+/// Throws std::invalid_argument for wrong lengths, values that are not finite, joints outside the limits, and
+/// parameters that the planner does not know.
 JointPlan plan_joint(Scene& scene, const JointQuery& query, const CancelFlag& cancel);
+
+/// Throws std::invalid_argument if the query's planner does not know one of its parameters, naming those that it
+/// knows, or refuses a value.
+void check_planner(const JointQuery& query);
 
 }  // namespace proact::planning

@@ -1,0 +1,144 @@
+#include "planners.hpp"
+
+#include <ompl/base/SpaceInformation.h>
+#include <ompl/base/spaces/RealVectorStateSpace.h>
+#include <ompl/base/terminationconditions/IterationTerminationCondition.h>
+#include <ompl/datastructures/NearestNeighborsLinear.h>
+#include <ompl/geometric/planners/kpiece/LBKPIECE1.h>
+#include <ompl/geometric/planners/prm/PRM.h>
+#include <ompl/geometric/planners/rrt/BiTRRT.h>
+#include <ompl/geometric/planners/rrt/RRTConnect.h>
+#include <ompl/geometric/planners/rrt/RRTstar.h>
+#include <ompl/util/Console.h>
+#include <ompl/util/RandomNumbers.h>
+
+#include <algorithm>
+#include <chrono>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+namespace proact::planning {
+
+namespace ob = ompl::base;
+namespace og = ompl::geometric;
+
+namespace {
+
+/// How long a wait for the generators goes on before the flag is looked at again.
+constexpr std::chrono::milliseconds patience{1};
+
+/// Milestones that are added to a roadmap before a way is looked for again.
+constexpr unsigned int milestones_at_a_time = 50;
+
+std::shared_timed_mutex& generators() {
+  static std::shared_timed_mutex mutex;
+  return mutex;
+}
+
+class SeededRrtConnect : public og::RRTConnect {
+ public:
+  SeededRrtConnect(const ob::SpaceInformationPtr& space, std::uint32_t seed) : og::RRTConnect(space) {
+    rng_.setLocalSeed(seed);
+    // An exact search without pivots: the default structure draws them from a generator out of reach.
+    setNearestNeighbors<ompl::NearestNeighborsLinear>();
+  }
+};
+
+/// OMPL's PRM looks for a way in a second thread while the roadmap grows, so that its result depends on the
+/// machine's mood; here growing and looking take turns.
+class SerialPrm : public og::PRM {
+ public:
+  explicit SerialPrm(const ob::SpaceInformationPtr& space) : og::PRM(space) {}
+
+  ob::PlannerStatus solve(const ob::PlannerTerminationCondition& stop) override {
+    checkValidity();
+    while (const ob::State* start = pis_.nextStart()) startM_.push_back(addMilestone(si_->cloneState(start)));
+    while (const ob::State* goal = pis_.nextGoal()) goalM_.push_back(addMilestone(si_->cloneState(goal)));
+    if (startM_.empty()) return ob::PlannerStatus::INVALID_START;
+    if (goalM_.empty()) return ob::PlannerStatus::INVALID_GOAL;
+    bestCost_ = opt_->infiniteCost();
+    ob::PathPtr way;
+    while (!maybeConstructSolution(startM_, goalM_, way)) {
+      if (stop) return ob::PlannerStatus::TIMEOUT;
+      ob::IterationTerminationCondition few(milestones_at_a_time);
+      growRoadmap(ob::PlannerTerminationCondition([&] { return few.eval() || stop; }));
+    }
+    pdef_->addSolutionPath(way, false, 0.0, getName());
+    return ob::PlannerStatus::EXACT_SOLUTION;
+  }
+};
+
+std::unique_ptr<ob::Planner> bare_planner(const ob::SpaceInformationPtr& space, PlannerKind kind, std::uint32_t seed) {
+  switch (kind) {
+    case PlannerKind::rrt_connect: return std::make_unique<SeededRrtConnect>(space, seed);
+    case PlannerKind::bitrrt: return std::make_unique<og::BiTRRT>(space);
+    case PlannerKind::lbkpiece1: return std::make_unique<og::LBKPIECE1>(space);
+    case PlannerKind::rrt_star: return std::make_unique<og::RRTstar>(space);
+    case PlannerKind::prm: return std::make_unique<SerialPrm>(space);
+  }
+  throw std::invalid_argument("unknown kind of planner");
+}
+
+}  // namespace
+
+std::uint32_t seed_of(std::uint64_t query_seed, std::uint64_t stream) {
+  std::uint64_t z = query_seed + (stream + 1) * 0x9e3779b97f4a7c15ULL;
+  z = (z ^ (z >> 30U)) * 0xbf58476d1ce4e5b9ULL;
+  z = (z ^ (z >> 27U)) * 0x94d049bb133111ebULL;
+  z ^= z >> 31U;
+  // OMPL treats seed 0 as "choose one yourself".
+  return std::max<std::uint32_t>(static_cast<std::uint32_t>(z), 1U);
+}
+
+PlannerTurn::PlannerTurn(PlannerKind kind, std::uint32_t seed, const CancelFlag& cancel)
+    : shared_(generators(), std::defer_lock), alone_(generators(), std::defer_lock) {
+  if (kind == PlannerKind::rrt_connect) {
+    while (!cancel.is_raised() && !shared_.try_lock_for(patience)) {
+    }
+    return;
+  }
+  while (!cancel.is_raised() && !alone_.try_lock_for(patience)) {
+  }
+  if (alone_) ompl::RNG::setSeed(seed);
+}
+
+std::unique_ptr<ob::Planner> make_planner(const ob::SpaceInformationPtr& space, const JointQuery& query,
+                                          std::uint32_t seed) {
+  std::unique_ptr<ob::Planner> planner = bare_planner(space, query.planner, seed);
+  ob::ParamSet& known = planner->params();
+  if (known.hasParam("range")) known.setParam("range", std::to_string(query.range));
+  for (const auto& [name, value] : query.parameters) {
+    if (!known.hasParam(name)) {
+      std::vector<std::string> names;
+      known.getParamNames(names);
+      std::string list;
+      for (const std::string& other : names) list += (list.empty() ? "" : ", ") + other;
+      throw std::invalid_argument(planner->getName() + " has no parameter \"" + name + "\", expected one of " + list);
+    }
+    bool taken = false;
+    try {
+      taken = known.setParam(name, value);
+    } catch (const std::exception&) {
+      // OMPL throws where the text is no number and returns false where the number will not do.
+    }
+    if (!taken) {
+      throw std::invalid_argument(planner->getName() + " refuses \"" + value + "\" for its parameter \"" + name + "\"");
+    }
+  }
+  return planner;
+}
+
+void check_planner(const JointQuery& query) {
+  // Even a planner that never runs draws a seed for its generators.
+  const PlannerTurn turn(PlannerKind::rrt_connect, 1, CancelFlag());
+  ompl::msg::setLogLevel(ompl::msg::LOG_NONE);
+  const auto space = std::make_shared<ob::RealVectorStateSpace>(2);
+  space->setBounds(0.0, 1.0);
+  const auto information = std::make_shared<ob::SpaceInformation>(space);
+  information->setStateValidityChecker([](const ob::State*) { return true; });
+  information->setup();
+  make_planner(information, query, 1);
+}
+
+}  // namespace proact::planning
