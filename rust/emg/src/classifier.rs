@@ -1,7 +1,7 @@
 use crate::lda::softmax;
 use crate::{EmgConfig, EmgError, FeatureSet, Lda};
 use nalgebra::DMatrix;
-use proact_types::Gesture;
+use proact_types::{Gesture, MAX_EMG_CHANNELS};
 use serde::{Deserialize, Serialize};
 
 const GESTURES: usize = Gesture::ALL.len();
@@ -129,6 +129,26 @@ impl Classifier {
     /// The effort scale of each of [`Classifier::gestures`]; empty if amplitudes were not known.
     pub fn efforts(&self) -> &[EffortScale] {
         &self.efforts
+    }
+
+    /// The same classifier with another discriminant over the same features and classes.
+    pub(crate) fn with_lda(&self, lda: Lda) -> Classifier {
+        debug_assert_eq!((lda.classes(), lda.features()), (self.lda.classes(), self.lda.features()));
+        Classifier { lda, ..self.clone() }
+    }
+
+    /// Whether all lengths fit and every value is finite, as after reading a file.
+    pub(crate) fn is_sound(&self) -> bool {
+        let classes = self.gestures.len();
+        let finite = self.efforts.iter().all(|e| e.low.is_finite() && e.high.is_finite());
+        self.lda.is_sound()
+            && (1..=MAX_EMG_CHANNELS).contains(&self.channels)
+            && self.lda.features() == self.features.count(self.channels)
+            && self.lda.classes() == classes
+            && self.gestures.is_sorted_by_key(|g| g.index())
+            && self.gestures.windows(2).all(|pair| pair[0] != pair[1])
+            && (self.efforts.is_empty() || self.efforts.len() == classes)
+            && finite
     }
 
     /// The gestures that it tells apart, in [`Gesture::ALL`] order.

@@ -144,4 +144,16 @@ pub enum EmgError {
         /// The features.
         features: String,
     },
+    /// A model that was trained on another stream.
+    #[error("the model does not fit the stream: {reasons}; calibrate again or choose another model")]
+    DoesNotFit {
+        /// All of them.
+        reasons: String,
+    },
+    /// A model that cannot be used.
+    #[error("the EMG model cannot be used: {reason}")]
+    ModelFile {
+        /// What is wrong.
+        reason: String,
+    },
 }

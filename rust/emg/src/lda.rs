@@ -115,6 +115,27 @@ impl Lda {
         }
     }
 
+    /// Of coefficients, `[classes][features]`, and intercepts made elsewhere.
+    pub(crate) fn from_parts(
+        classes: usize,
+        features: usize,
+        normalisation: LdaNormalisation,
+        coefficients: Vec<f64>,
+        intercepts: Vec<f64>,
+    ) -> Result<Lda, EmgError> {
+        let lda = Lda { classes, features, normalisation, coefficients, intercepts };
+        if lda.is_sound() { Ok(lda) } else { Err(EmgError::NoConvergence) }
+    }
+
+    /// Whether the lengths fit and every value is finite.
+    pub(crate) fn is_sound(&self) -> bool {
+        let values = self.coefficients.iter().chain(&self.intercepts);
+        self.classes >= 2
+            && self.intercepts.len() == self.classes
+            && self.classes.checked_mul(self.features) == Some(self.coefficients.len())
+            && values.into_iter().all(|v| v.is_finite())
+    }
+
     /// Number of classes.
     pub fn classes(&self) -> usize {
         self.classes

@@ -34,17 +34,24 @@
 //! # Ok::<(), proact_emg::EmgError>(())
 //! ```
 
+mod adaptation;
 mod classifier;
 mod config;
 mod decision;
 mod error;
 mod feature_set;
 mod features;
+mod goertzel;
 mod lda;
+mod model;
+mod moments;
 mod pipeline;
+mod quality;
+mod rotation;
 mod spectrum;
 mod window;
 
+pub use adaptation::{Adaptation, AdaptationConfig};
 pub use classifier::{Classifier, EffortScale, Prediction};
 pub use config::{
     DEFAULT_MAJORITY, DEFAULT_REJECTION, EmgConfig, LARGEST_MAJORITY, LdaNormalisation, Priors, RuleKind,
@@ -55,5 +62,9 @@ pub use error::EmgError;
 pub use feature_set::{Feature, FeatureSet, MAX_FEATURES};
 pub use features::{FeatureExtractor, FeatureVector};
 pub use lda::Lda;
+pub use model::{ChannelStatistics, EmgModel, MODEL_FORMAT, StreamFormat};
+pub use moments::Moments;
 pub use pipeline::{EmgOutput, EmgPipeline, StreamEvents, extract, extract_with_amplitudes};
+pub use quality::{ChannelQuality, Fault, Light, QualityConfig, QualityMonitor, StreamQuality};
+pub use rotation::{BandProposal, RollEvidence, RotationReport, check_rotation};
 pub use window::{SlidingWindow, StreamCounts, WindowView};

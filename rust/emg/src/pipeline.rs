@@ -146,6 +146,25 @@ impl EmgPipeline {
         output
     }
 
+    /// Goes on with another classifier of the same features and channels, as adaptation makes them.
+    ///
+    /// # Errors
+    /// If features or channels differ; the classifier in use stays.
+    pub fn set_classifier(&mut self, classifier: Classifier) -> Result<(), EmgError> {
+        let stream = self.classifier.channels();
+        if classifier.channels() != stream {
+            return Err(EmgError::ClassifierChannels { trained: classifier.channels(), stream });
+        }
+        if classifier.features() != self.classifier.features() {
+            return Err(EmgError::FeatureCount {
+                got: classifier.lda().features(),
+                expected: self.classifier.lda().features(),
+            });
+        }
+        self.classifier = classifier;
+        Ok(())
+    }
+
     /// What befell the stream in the newest step.
     pub fn events(&self) -> &StreamEvents {
         &self.events

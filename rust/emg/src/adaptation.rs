@@ -1,0 +1,118 @@
+use crate::moments::Moments;
+use crate::{Classifier, EmgError, EmgModel, LdaNormalisation, Priors};
+use proact_types::Gesture;
+use serde::{Deserialize, Serialize};
+
+/// How a classifier follows its user.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct AdaptationConfig {
+    /// Windows a class for which its past counts at most: fewer follow faster. Default 200, ten seconds at 20 windows
+    /// a second.
+    pub memory: u32,
+    /// A confirmed window is used only if the classifier gives its gesture more than this probability. Default 0.9.
+    pub confidence: f64,
+}
+
+impl Default for AdaptationConfig {
+    fn default() -> Self {
+        AdaptationConfig { memory: 200, confidence: 0.9 }
+    }
+}
+
+/// Updates class means and pooled covariance with windows whose gesture was confirmed, and makes the discriminant anew
+/// in closed form. Off unless a program creates one. Deterministic; each update allocates and takes some tenths of a
+/// millisecond, so it belongs outside the control tick; [`crate::EmgPipeline::set_classifier`] takes the result.
+///
+/// The effort scale stays that of the calibration. Known weakness: wrong confirmations teach wrong classes, hence
+/// the drift figure, [`Adaptation::freeze`] and [`Adaptation::roll_back`].
+#[derive(Clone, Debug)]
+pub struct Adaptation {
+    config: AdaptationConfig,
+    normalisation: LdaNormalisation,
+    priors: Priors,
+    calibrated: (Moments, Classifier),
+    moments: Moments,
+    classifier: Classifier,
+    frozen: bool,
+    used: u64,
+}
+
+impl Adaptation {
+    /// Begins with the classifier of a model.
+    ///
+    /// # Errors
+    /// A confidence outside 0 to 1.
+    pub fn new(config: AdaptationConfig, model: &EmgModel) -> Result<Adaptation, EmgError> {
+        if !(0.0..1.0).contains(&config.confidence) {
+            return Err(EmgError::Threshold {
+                name: "adaptation confidence",
+                value: config.confidence,
+                expected: "at least 0 and less than 1",
+            });
+        }
+        Ok(Adaptation {
+            config,
+            normalisation: model.config.normalisation,
+            priors: model.config.priors,
+            calibrated: (model.moments.clone(), model.classifier.clone()),
+            moments: model.moments.clone(),
+            classifier: model.classifier.clone(),
+            frozen: false,
+            used: 0,
+        })
+    }
+
+    /// Offers a window that is known to belong to `gesture`: prompted, or confirmed by what the person did next. True
+    /// if the classifier changed; false if frozen, or if the classifier contradicts or doubts the gesture.
+    ///
+    /// # Errors
+    /// Wrong number of features, values that are not finite, or a gesture that was not trained; nothing changes then.
+    pub fn confirm(&mut self, gesture: Gesture, features: &[f64]) -> Result<bool, EmgError> {
+        let prediction = self.classifier.predict(features)?;
+        let gestures = self.classifier.gestures();
+        let class = gestures.iter().position(|g| *g == gesture).ok_or(EmgError::NotTrained(gesture))?;
+        let doubted = prediction.posterior[gesture.index()] <= self.config.confidence;
+        if self.frozen || prediction.class != gesture || doubted {
+            return Ok(false);
+        }
+        let mut moments = self.moments.clone();
+        moments.add(class, features, f64::from(self.config.memory));
+        // Priors stay those of the calibration: the gestures that a task asks for more often are not more probable.
+        let lda = Moments { counts: self.calibrated.0.counts.clone(), ..moments.clone() }
+            .lda(self.normalisation, self.priors)?;
+        self.classifier = self.classifier.with_lda(lda);
+        self.moments = moments;
+        self.used += 1;
+        Ok(true)
+    }
+
+    /// The classifier now.
+    pub fn classifier(&self) -> &Classifier {
+        &self.classifier
+    }
+
+    /// Windows used since the start or the last roll-back.
+    pub fn used(&self) -> u64 {
+        self.used
+    }
+
+    /// Stops or resumes changes.
+    pub fn freeze(&mut self, frozen: bool) {
+        self.frozen = frozen;
+    }
+
+    /// Back to the calibrated classifier.
+    pub fn roll_back(&mut self) {
+        (self.moments, self.classifier) = self.calibrated.clone();
+        self.used = 0;
+    }
+
+    /// How far the class means have moved since calibration: the largest over classes, in standard deviations within
+    /// the classes, root mean square over features.
+    pub fn drift(&self) -> f64 {
+        let moved =
+            self.moments.means.iter().enumerate().map(|(k, mean)| self.calibrated.0.distance(k, mean));
+        moved.fold(0.0, f64::max)
+    }
+}

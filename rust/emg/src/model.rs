@@ -1,0 +1,224 @@
+use crate::moments::Moments;
+use crate::{Classifier, EmgConfig, EmgError, extract_with_amplitudes};
+use proact_types::{EmgSample, Gesture};
+use serde::{Deserialize, Serialize};
+
+/// Format of model files that this version writes and reads.
+pub const MODEL_FORMAT: u32 = 1;
+
+/// Share by which the stream's rate may differ from the model's: devices differ by less, and features change little.
+const RATE_TOLERANCE: f64 = 0.02;
+
+/// What a channel looked like in calibration, after centring, in the stream's unit.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ChannelStatistics {
+    /// Median at rest.
+    pub rest_median: f64,
+    /// Standard deviation at rest.
+    pub rest_sd: f64,
+    /// Largest standard deviation over any recording of any gesture.
+    pub largest_sd: f64,
+}
+
+/// The stream that a model is to be used on, before centring.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StreamFormat {
+    /// Samples a second.
+    pub rate_hz: f64,
+    /// Number of channels.
+    pub channels: usize,
+    /// Median of each channel at rest, if it has been measured.
+    pub rest_medians: Option<Vec<f64>>,
+}
+
+/// A trained classifier with everything needed to use it again: the contents of a model file.
+///
+/// As JSON it is readable and complete; reading checks every length and value, so that a model that was read is one
+/// that can be used.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct EmgModel {
+    /// [`MODEL_FORMAT`].
+    pub format: u32,
+    /// Version of the program that trained it.
+    pub program: String,
+    /// Rate, channels, window, features and rules of the training.
+    pub config: EmgConfig,
+    /// Zero level of each channel, to be subtracted from raw codes; zeros for a stream that is centred already.
+    pub centring: Vec<f64>,
+    /// Per channel.
+    pub channels: Vec<ChannelStatistics>,
+    /// Classes, discriminant and effort scale.
+    pub classifier: Classifier,
+    /// For adaptation.
+    pub moments: Moments,
+}
+
+impl EmgModel {
+    /// Trains on recordings, each of one gesture, before centring. Windows never span two recordings.
+    ///
+    /// # Errors
+    /// What [`extract_with_amplitudes`] and [`Classifier::train`] refuse, or another number of zero levels than channels.
+    pub fn train(
+        config: &EmgConfig,
+        centring: &[f64],
+        recordings: &[(Gesture, &[EmgSample])],
+    ) -> Result<EmgModel, EmgError> {
+        if centring.len() != config.channels || !centring.iter().all(|v| v.is_finite()) {
+            return Err(EmgError::ModelFile {
+                reason: format!(
+                    "got {} zero levels, expected {} finite numbers",
+                    centring.len(),
+                    config.channels
+                ),
+            });
+        }
+        let (mut windows, mut labels, mut amplitudes) = (Vec::new(), Vec::new(), Vec::new());
+        let mut channels = vec![ChannelStatistics::default(); config.channels];
+        let mut rest = vec![Vec::new(); config.channels];
+        for (gesture, samples) in recordings {
+            let centred: Vec<EmgSample> = samples.iter().map(|s| centred(s, centring)).collect();
+            let (vectors, sums) = extract_with_amplitudes(config, &centred)?;
+            windows.extend(vectors);
+            amplitudes.extend(sums);
+            labels.resize(windows.len(), *gesture);
+            for (c, statistics) in channels.iter_mut().enumerate() {
+                let values: Vec<f64> = centred.iter().map(|s| s.channels[c]).collect();
+                statistics.largest_sd = statistics.largest_sd.max(mean_and_sd(&values).1);
+                if *gesture == Gesture::NoMotion {
+                    rest[c].extend(values);
+                }
+            }
+        }
+        for (statistics, values) in channels.iter_mut().zip(&mut rest) {
+            values.sort_unstable_by(f64::total_cmp);
+            statistics.rest_median = values.get(values.len() / 2).copied().unwrap_or(0.0);
+            statistics.rest_sd = mean_and_sd(values).1;
+        }
+        let classifier = Classifier::train_with_amplitudes(config, &windows, &labels, &amplitudes)?;
+        let class = |gesture| classifier.gestures().iter().position(|g| g == gesture);
+        let classes: Vec<usize> = labels.iter().filter_map(class).collect();
+        Ok(EmgModel {
+            format: MODEL_FORMAT,
+            program: env!("CARGO_PKG_VERSION").to_owned(),
+            config: config.clone(),
+            centring: centring.to_vec(),
+            channels,
+            moments: Moments::of(&windows, &classes, classifier.gestures().len()),
+            classifier,
+        })
+    }
+
+    /// The sample less the zero levels. A sample with another number of channels keeps it, for the window to refuse.
+    pub fn centred(&self, sample: &EmgSample) -> EmgSample {
+        centred(sample, &self.centring)
+    }
+
+    /// Whether the model may be used on a stream.
+    ///
+    /// # Errors
+    /// [`EmgError::DoesNotFit`] with every reason: another number of channels, a rate that differs by more than 2 %, or
+    /// a channel that rests further from its zero level than in training.
+    pub fn check_fits(&self, stream: &StreamFormat) -> Result<(), EmgError> {
+        let mut reasons = Vec::new();
+        if stream.channels != self.config.channels {
+            reasons.push(format!(
+                "the model has {} channels, the stream {}",
+                self.config.channels, stream.channels
+            ));
+        }
+        let rate = self.config.rate_hz;
+        // Also true for a rate that is no number.
+        let off = (stream.rate_hz / rate - 1.0).abs();
+        if off.is_nan() || off > RATE_TOLERANCE {
+            reasons.push(format!("the model was trained at {rate} Hz, the stream has {} Hz", stream.rate_hz));
+        }
+        if let Some(medians) = stream.rest_medians.as_ref().filter(|_| reasons.is_empty()) {
+            if medians.len() != stream.channels {
+                reasons.push(format!("got {} rest medians, expected {}", medians.len(), stream.channels));
+            }
+            for (c, median) in medians.iter().enumerate().take(self.centring.len()) {
+                let statistics = &self.channels[c];
+                let level = self.centring[c] + statistics.rest_median;
+                // Ten counts of an 8-bit converter are less than any offset left in, and more than any drift.
+                let limit = (5.0 * statistics.rest_sd).max(10.0);
+                let off = (median - level).abs();
+                if off.is_nan() || off > limit {
+                    reasons.push(format!(
+                        "channel {c} rests at {median}, the model expects {level} (zero level {}): the centring differs",
+                        self.centring[c]
+                    ));
+                }
+            }
+        }
+        if reasons.is_empty() { Ok(()) } else { Err(EmgError::DoesNotFit { reasons: reasons.join("; ") }) }
+    }
+
+    /// The contents of a model file.
+    ///
+    /// # Errors
+    /// [`EmgError::ModelFile`] for a model that was put together wrongly.
+    pub fn to_json(&self) -> Result<String, EmgError> {
+        self.check()?;
+        serde_json::to_string_pretty(self).map_err(|e| EmgError::ModelFile { reason: e.to_string() })
+    }
+
+    /// Reads the contents of a model file.
+    ///
+    /// # Errors
+    /// [`EmgError::ModelFile`] for another format, a missing or unknown key, or lengths and values that do not fit.
+    pub fn from_json(json: &str) -> Result<EmgModel, EmgError> {
+        #[derive(Deserialize)]
+        struct Format {
+            format: u32,
+        }
+        let reason = |e: serde_json::Error| EmgError::ModelFile { reason: e.to_string() };
+        // The format first: another one would give a message about some key.
+        check_format(serde_json::from_str::<Format>(json).map_err(reason)?.format)?;
+        let model: EmgModel = serde_json::from_str(json).map_err(reason)?;
+        model.check()?;
+        Ok(model)
+    }
+
+    fn check(&self) -> Result<(), EmgError> {
+        check_format(self.format)?;
+        self.config.check()?;
+        let channels = self.config.channels;
+        let features = self.config.features.count(channels);
+        let classes = self.classifier.gestures().len();
+        let statistics = self.channels.iter().flat_map(|c| [c.rest_median, c.rest_sd, c.largest_sd]);
+        let wrong = if !self.classifier.is_sound()
+            || self.classifier.channels() != channels
+            || self.classifier.features() != self.config.features
+        {
+            "the classifier does not fit the features and channels"
+        } else if self.centring.len() != channels || !self.centring.iter().all(|v| v.is_finite()) {
+            "there must be one zero level a channel"
+        } else if self.channels.len() != channels || !statistics.into_iter().all(f64::is_finite) {
+            "there must be statistics for each channel"
+        } else if !self.moments.is_sound(classes, features) {
+            "the moments do not fit the classes and features"
+        } else {
+            return Ok(());
+        };
+        Err(EmgError::ModelFile { reason: wrong.to_owned() })
+    }
+}
+
+fn check_format(format: u32) -> Result<(), EmgError> {
+    if format == MODEL_FORMAT {
+        return Ok(());
+    }
+    Err(EmgError::ModelFile { reason: format!("format {format}, this version reads format {MODEL_FORMAT}") })
+}
+
+fn centred(sample: &EmgSample, centring: &[f64]) -> EmgSample {
+    let mut sample = sample.clone();
+    sample.channels.iter_mut().zip(centring).for_each(|(value, zero)| *value -= zero);
+    sample
+}
+
+fn mean_and_sd(values: &[f64]) -> (f64, f64) {
+    let count = values.len().max(1) as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    (mean, (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / count).sqrt())
+}

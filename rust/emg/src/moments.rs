@@ -1,0 +1,114 @@
+use crate::{EmgError, Lda, LdaNormalisation, Priors};
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
+use serde::{Deserialize, Serialize};
+
+/// What a discriminant is made of: the class means and the pooled covariance. From these it can be made anew when
+/// a window is added, without the windows themselves.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Moments {
+    /// Windows of each class.
+    pub(crate) counts: Vec<f64>,
+    /// `[classes][features]`.
+    pub(crate) means: Vec<Vec<f64>>,
+    /// `[features][features]`, row-major, divided by the number of windows.
+    pub(crate) covariance: Vec<f64>,
+}
+
+/// Standard deviations below this, of standardised features, count as zero: the tolerance of [`Lda::fit`].
+const TOLERANCE: f64 = 1e-4;
+
+impl Moments {
+    /// Of `windows`, `[windows][features]`, with the class of each, all below `classes`.
+    pub(crate) fn of<F: AsRef<[f64]>>(windows: &[F], labels: &[usize], classes: usize) -> Moments {
+        let features = windows.first().map_or(0, |w| w.as_ref().len());
+        let mut moments = Moments {
+            counts: vec![0.0; classes],
+            means: vec![vec![0.0; features]; classes],
+            covariance: vec![0.0; features * features],
+        };
+        for (window, &class) in windows.iter().zip(labels) {
+            moments.add(class, window.as_ref(), f64::INFINITY);
+        }
+        moments
+    }
+
+    /// Adds a window. Means and covariance are those of all windows so far (Welford 1962), except that the past
+    /// counts for no more than `memory` windows a class.
+    pub(crate) fn add(&mut self, class: usize, window: &[f64], memory: f64) {
+        let past = self.counts[class].min(memory);
+        let total = self.counts.iter().map(|c| c.min(memory)).sum::<f64>();
+        self.counts[class] += 1.0;
+        let mean = &mut self.means[class];
+        let deviation: Vec<f64> = window.iter().zip(mean.iter()).map(|(x, m)| x - m).collect();
+        mean.iter_mut().zip(&deviation).for_each(|(m, d)| *m += d / (past + 1.0));
+        let (keep, weight) = (total / (total + 1.0), past / (past + 1.0) / (total + 1.0));
+        for (row, a) in self.covariance.chunks_exact_mut(deviation.len()).zip(&deviation) {
+            for (value, b) in row.iter_mut().zip(&deviation) {
+                *value = keep * *value + weight * a * b;
+            }
+        }
+    }
+
+    /// The discriminant of these moments: [`Lda::fit`] in closed form, `covariance^+ (mean_k - mean)`.
+    pub(crate) fn lda(&self, normalisation: LdaNormalisation, priors: Priors) -> Result<Lda, EmgError> {
+        let (classes, features) = (self.counts.len(), self.means[0].len());
+        let windows = self.counts.iter().sum::<f64>();
+        let whole: Vec<usize> = self.counts.iter().map(|c| *c as usize).collect();
+        let priors = priors.of(&whole);
+        let factor = match normalisation {
+            LdaNormalisation::Windows => 1.0,
+            LdaNormalisation::WindowsLessClasses => windows / (windows - classes as f64),
+        };
+        let at = |i: usize, j: usize| self.covariance[i * features + j];
+        let sd: Vec<f64> =
+            (0..features).map(|i| if at(i, i) > 0.0 { at(i, i).sqrt() } else { 1.0 }).collect();
+        let standardised = DMatrix::from_fn(features, features, |i, j| factor * at(i, j) / sd[i] / sd[j]);
+        if !standardised.iter().all(|v| v.is_finite()) {
+            return Err(EmgError::NoConvergence);
+        }
+        let eigen =
+            SymmetricEigen::try_new(standardised, f64::EPSILON, 100_000).ok_or(EmgError::NoConvergence)?;
+        let inverse = eigen.eigenvalues.map(|v| if v > TOLERANCE * TOLERANCE { 1.0 / v } else { 0.0 });
+        if inverse.iter().all(|v| *v == 0.0) {
+            return Err(EmgError::NoVariance);
+        }
+        let overall: Vec<f64> = (0..features)
+            .map(|j| self.means.iter().zip(&priors).map(|(mean, prior)| mean[j] * prior).sum())
+            .collect();
+        let (mut coefficients, mut intercepts) = (Vec::new(), Vec::new());
+        for (mean, prior) in self.means.iter().zip(&priors) {
+            let standard = DVector::from_fn(features, |j, _| (mean[j] - overall[j]) / sd[j]);
+            let projected = eigen.eigenvectors.tr_mul(&standard).component_mul(&inverse);
+            let row: Vec<f64> =
+                (&eigen.eigenvectors * projected).iter().zip(&sd).map(|(v, sd)| v / sd).collect();
+            // The squared length of the projected mean, and the overall mean's share.
+            let offset: f64 =
+                row.iter().zip(mean).zip(&overall).map(|((c, m), o)| c * (0.5 * (m - o) + o)).sum();
+            intercepts.push(prior.ln() - offset);
+            coefficients.extend(row);
+        }
+        Lda::from_parts(classes, features, normalisation, coefficients, intercepts)
+    }
+
+    /// Distance of a window from a class mean, in standard deviations of the classes along each feature, root mean
+    /// square over features.
+    pub(crate) fn distance(&self, class: usize, window: &[f64]) -> f64 {
+        let features = window.len();
+        let square = |j: usize| {
+            let variance = self.covariance[j * features + j];
+            if variance > 0.0 { (window[j] - self.means[class][j]).powi(2) / variance } else { 0.0 }
+        };
+        ((0..features).map(square).sum::<f64>() / features.max(1) as f64).sqrt()
+    }
+
+    /// Whether the lengths fit and every value is finite.
+    pub(crate) fn is_sound(&self, classes: usize, features: usize) -> bool {
+        let finite = |values: &[f64]| values.iter().all(|v| v.is_finite());
+        self.counts.len() == classes
+            && self.means.len() == classes
+            && self.means.iter().all(|m| m.len() == features && finite(m))
+            && self.covariance.len() == features * features
+            && finite(&self.covariance)
+            && self.counts.iter().all(|c| c.is_finite() && *c >= 1.0)
+    }
+}
