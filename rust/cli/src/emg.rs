@@ -1,8 +1,12 @@
-//! `proact emg`: what labs compare with their own tools.
+//! `proact emg`: what labs compare with their own tools, and live streams.
+
+mod simulate;
+mod stream;
+mod view;
 
 use clap::{Args, Subcommand, ValueEnum};
 use proact_devices::{DeviceError, MYO_RATE_HZ, Recording, Recordings, evaluate, read_samples};
-use proact_emg::{EmgConfig, FeatureGroup, FeatureVector, WindowLength};
+use proact_emg::{EmgConfig, FeatureSet, FeatureVector, WindowLength};
 use proact_types::Gesture;
 use std::{
     error::Error,
@@ -24,6 +28,19 @@ pub enum EmgCommand {
         after_help = "Example:\n  proact emg features --csv R_0_C_1.csv --window 20 --increment 10 --unit samples"
     )]
     Features(FeaturesArgs),
+    /// Recognise gestures live, from an armband, the simulator, a file, or LibEMG's classes.
+    #[command(
+        after_help = "Examples:\n  proact emg stream --source gforce-sim://127.0.0.1:7410 --data recordings/\n  \
+        proact emg stream --source ble --data recordings/ --record today.edf\n  \
+        proact emg stream --source file:recordings/ --data recordings/ --flat-out --json\n\n\
+        With --json: one line per decision, and lines with the key \"event\" for what else happens."
+    )]
+    Stream(Box<stream::StreamArgs>),
+    /// Serve a gForce armband, byte for byte, that replays recordings with the faults of a radio.
+    #[command(
+        after_help = "Example:\n  proact emg simulate --data recordings/ --reps 2 --gesture no_motion:2,hand_close:3 --loss 0.01"
+    )]
+    Simulate(simulate::SimulateArgs),
 }
 
 /// How a stream is cut into windows, and what is computed from them.
@@ -38,12 +55,17 @@ pub struct WindowArgs {
     /// Unit of window and increment.
     #[arg(long, value_enum, default_value_t = Unit::Ms)]
     unit: Unit,
-    /// Samples per second of the recordings.
-    #[arg(long = "emg-rate", default_value_t = MYO_RATE_HZ)]
-    rate: f64,
-    /// Group of features.
-    #[arg(long, value_enum, ignore_case = true, default_value_t = Features::Htd)]
-    features: Features,
+    /// Samples per second, if neither the device nor a file beside the recordings says so; else 200.
+    #[arg(long = "emg-rate")]
+    rate: Option<f64>,
+    /// Features or groups by LibEMG's names, as `HTD` or `MAV,RMS,AR4`.
+    #[arg(long, value_parser = parse_features, default_value_t = FeatureSet::HTD)]
+    features: FeatureSet,
+}
+
+/// Names in capitals or not.
+fn parse_features(text: &str) -> Result<FeatureSet, proact_emg::EmgError> {
+    text.parse().or_else(|_| text.to_uppercase().parse())
 }
 
 /// Units of window lengths.
@@ -53,14 +75,6 @@ pub enum Unit {
     Samples,
     /// Milliseconds, made samples by the rate.
     Ms,
-}
-
-/// Feature groups by LibEMG's names.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Features {
-    /// MAV, ZC, SSC, WL.
-    #[value(name = "HTD")]
-    Htd,
 }
 
 /// Options of `proact emg evaluate`.
@@ -118,6 +132,8 @@ pub fn run(command: &EmgCommand, json: bool) -> Result<(), Box<dyn Error>> {
             }
             text
         }
+        EmgCommand::Stream(args) => return stream::run(args, json),
+        EmgCommand::Simulate(args) => return simulate::run(args, json),
     };
     match io::stdout().lock().write_all(text.as_bytes()) {
         // A reader such as `head` has seen enough.
@@ -127,8 +143,8 @@ pub fn run(command: &EmgCommand, json: bool) -> Result<(), Box<dyn Error>> {
 }
 
 fn evaluation(args: &EvaluateArgs, json: bool) -> Result<String, Box<dyn Error>> {
-    let recordings = Recordings::read(&args.data, args.window.rate)?;
-    let config = args.window.config(recordings.channels)?;
+    let recordings = Recordings::open(&args.data, args.window.rate)?;
+    let config = args.window.config(recordings.rate_hz, recordings.channels)?;
     let result = evaluate(&recordings, &args.train_reps, &args.test_reps, &config)?;
     if json {
         return Ok(serde_json::to_string(&result)? + "\n");
@@ -150,20 +166,21 @@ fn features(args: &FeaturesArgs, json: bool) -> Result<String, Box<dyn Error>> {
     let (config, windows) = match (&args.csv, &args.data) {
         (Some(path), _) => {
             let samples = read_samples(path)?;
-            let config = args.window.config(samples.first().map_or(0, |s| s.len()))?;
+            let rate_hz = args.window.rate.unwrap_or(MYO_RATE_HZ);
+            let config = args.window.config(rate_hz, samples.first().map_or(0, |s| s.len()))?;
             // Repetition and gesture have no bearing on features.
             let recording =
                 Recording { repetition: 0, gesture: Gesture::NoMotion, samples, path: path.clone() };
             (config.clone(), recording.windows(&config)?)
         }
         (None, Some(dir)) => {
-            let recordings = Recordings::read(dir, args.window.rate)?;
-            let config = args.window.config(recordings.channels)?;
+            let recordings = Recordings::open(dir, args.window.rate)?;
+            let config = args.window.config(recordings.rate_hz, recordings.channels)?;
             (config.clone(), windows_of(&recordings, &[&args.train_reps, &args.test_reps], &config)?)
         }
         (None, None) => return Err("no recording was named, expected --data DIR or --csv FILE".into()),
     };
-    let names = column_names(&config);
+    let names = config.features.column_names(config.channels);
     if json {
         let object = serde_json::json!({ "windows": windows.len(), "columns": names, "features": windows });
         return Ok(object.to_string() + "\n");
@@ -198,16 +215,8 @@ fn windows_of(
     Ok(windows)
 }
 
-/// `MAV_ch0` and so on, as in LibEMG's tables.
-fn column_names(config: &EmgConfig) -> Vec<String> {
-    let FeatureGroup::Htd = config.features;
-    let channels = 0..config.channels;
-    let block = |name| channels.clone().map(move |channel| format!("{name}_ch{channel}"));
-    ["MAV", "ZC", "SSC", "WL"].into_iter().flat_map(block).collect()
-}
-
 impl WindowArgs {
-    fn config(&self, channels: usize) -> Result<EmgConfig, Box<dyn Error>> {
+    fn config(&self, rate_hz: f64, channels: usize) -> Result<EmgConfig, Box<dyn Error>> {
         let length = |name: &str, value: f64| match self.unit {
             Unit::Ms => Ok(WindowLength::Millis(value)),
             Unit::Samples if value.fract() == 0.0 && (1.0..=f64::from(u32::MAX)).contains(&value) => {
@@ -215,13 +224,12 @@ impl WindowArgs {
             }
             Unit::Samples => Err(format!("{name} is {value} samples, expected a whole number above zero")),
         };
-        let Features::Htd = self.features;
         let config = EmgConfig {
-            rate_hz: self.rate,
+            rate_hz,
             channels,
             window: length("window", self.window)?,
             increment: length("increment", self.increment)?,
-            features: FeatureGroup::Htd,
+            features: self.features,
             // Recordings have no silences: any increment will do.
             max_age_millis: u64::MAX,
             ..EmgConfig::default()

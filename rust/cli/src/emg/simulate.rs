@@ -1,0 +1,238 @@
+//! `proact emg simulate`: an armband without an armband.
+
+use clap::Args;
+use proact_devices::{
+    EmgFeed, Recordings, SyntheticEmg, SyntheticModel,
+    gforce::{CodeSource, Simulator, SimulatorOptions, serve},
+    stream,
+};
+use proact_types::{EmgSample, Gesture, SimTime};
+use std::{
+    collections::VecDeque,
+    error::Error,
+    io::Write,
+    net::TcpListener,
+    path::PathBuf,
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+    },
+    time::Duration,
+};
+
+/// Options of `proact emg simulate`.
+#[derive(Debug, Args)]
+pub struct SimulateArgs {
+    /// Folder with recordings to replay; without it a generator at 1000 Hz.
+    #[arg(long)]
+    data: Option<PathBuf>,
+    /// Samples per second of the recordings, if no file in the folder says so.
+    #[arg(long = "emg-rate")]
+    rate: Option<f64>,
+    /// Repetitions to replay.
+    #[arg(long, value_delimiter = ',', default_value = "2")]
+    reps: Vec<u32>,
+    /// Gestures and how many seconds each is held. Counted from the moment samples are switched on.
+    #[arg(
+        long = "gesture",
+        value_delimiter = ',',
+        value_parser = parse_held,
+        default_value = "no_motion:2,hand_close:2,no_motion:1,hand_open:2,no_motion:1,wrist_extension:2,no_motion:1,wrist_flexion:2"
+    )]
+    gestures: Vec<Held>,
+    /// Port on this machine; 0 for any that is free. It is printed.
+    #[arg(long, default_value_t = 7410)]
+    port: u16,
+    /// Share of notifications that are lost, 0 to 1.
+    #[arg(long, default_value_t = 0.0)]
+    loss: f64,
+    /// Share that come twice.
+    #[arg(long, default_value_t = 0.0)]
+    dup: f64,
+    /// Share that come after the next one.
+    #[arg(long, default_value_t = 0.0)]
+    reorder: f64,
+    /// Share whose end is missing.
+    #[arg(long, default_value_t = 0.0)]
+    truncate: f64,
+    /// Longest delay of a packet, milliseconds.
+    #[arg(long, default_value_t = 0)]
+    jitter: u64,
+    /// Most bytes of a notification; 20 cuts packets into fragments as the smallest radios do.
+    #[arg(long, default_value_t = 244)]
+    notification: usize,
+    /// An armband that does not number its packets.
+    #[arg(long)]
+    no_ids: bool,
+    /// Charge, per cent.
+    #[arg(long, default_value_t = 87, value_parser = clap::value_parser!(u8).range(0..=100))]
+    battery: u8,
+    /// Seed of the faults and of the places in the recordings.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Stop after so many seconds.
+    #[arg(long)]
+    seconds: Option<f64>,
+}
+
+/// A gesture, and how long it is held.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Held {
+    gesture: Gesture,
+    secs: f64,
+}
+
+/// `hand_close:2`.
+fn parse_held(text: &str) -> Result<Held, String> {
+    let (name, secs) = text.split_once(':').unwrap_or((text, "2"));
+    let gesture = name.parse::<Gesture>().map_err(|e| e.to_string())?;
+    match secs.parse::<f64>() {
+        Ok(secs) if secs.is_finite() && secs > 0.0 => Ok(Held { gesture, secs }),
+        _ => Err(format!("{text:?} holds {name} for {secs:?}, expected seconds above zero, as in {name}:2")),
+    }
+}
+
+/// The gesture at a time; the list begins again when it is over.
+pub(crate) fn gesture_at(held: &[Held], secs: f64) -> Gesture {
+    let whole: f64 = held.iter().map(|h| h.secs).sum();
+    let mut left = secs % whole;
+    for Held { gesture, secs } in held {
+        if left < *secs {
+            return *gesture;
+        }
+        left -= secs;
+    }
+    Gesture::NoMotion
+}
+
+/// Serves until the time is over or the process is stopped.
+///
+/// # Errors
+/// Recordings that cannot be replayed, impossible options, or a port that is taken.
+pub(super) fn run(args: &SimulateArgs, json: bool) -> Result<(), Box<dyn Error>> {
+    if args.seconds.is_some_and(|s| !(s.is_finite() && s > 0.0)) {
+        return Err("--seconds expects a finite number above zero".into());
+    }
+    let (feed, rate_hz, channels) = feed(args)?;
+    if rate_hz.fract() != 0.0 || !(1.0..=1000.0).contains(&rate_hz) {
+        return Err(
+            format!("the recordings have {rate_hz} Hz, an armband has a whole number up to 1000").into()
+        );
+    }
+    let options = SimulatorOptions {
+        package_ids: !args.no_ids,
+        notification_bytes: args.notification,
+        battery_percent: args.battery,
+        loss: args.loss,
+        duplicates: args.dup,
+        reordered: args.reorder,
+        truncated: args.truncate,
+        jitter: Duration::from_millis(args.jitter),
+        seed: args.seed,
+        ..SimulatorOptions::flawless(rate_hz as u16, channels)
+    };
+    let mut simulator = Simulator::new(options, codes(feed, rate_hz, args.gestures.clone()))?;
+    let listener = TcpListener::bind(("127.0.0.1", args.port))
+        .map_err(|e| format!("port {} cannot be used: {e}; --port 0 takes a free one", args.port))?;
+    let address = listener.local_addr()?;
+    say(
+        json,
+        &serde_json::json!({ "address": address.to_string(), "rate_hz": rate_hz, "channels": channels }),
+        &format!(
+            "an armband with {channels} channels at {rate_hz} Hz listens at {address}\nproact emg stream --source gforce-sim://{address}"
+        ),
+    )?;
+    let stop = Arc::new(AtomicBool::new(false));
+    if let Some(seconds) = args.seconds {
+        let stop = stop.clone();
+        std::thread::spawn(move || {
+            std::thread::sleep(Duration::from_secs_f64(seconds));
+            stop.store(true, Ordering::Relaxed);
+        });
+    }
+    serve(&listener, &mut simulator, &stop, |event| {
+        // That nobody reads it is no reason to stop.
+        let _ = say(json, &serde_json::json!({ "event": event }), event);
+    })?;
+    Ok(())
+}
+
+fn say(json: bool, object: &serde_json::Value, text: &str) -> std::io::Result<()> {
+    let mut out = std::io::stdout().lock();
+    if json {
+        writeln!(out, "{object}")?
+    } else {
+        writeln!(out, "{text}")?
+    }
+    out.flush()
+}
+
+fn feed(args: &SimulateArgs) -> Result<(EmgFeed, f64, usize), Box<dyn Error>> {
+    let Some(dir) = &args.data else {
+        let (rate_hz, model) = (1000.0, SyntheticModel::shipped()?);
+        let channels = model.channels();
+        let generator =
+            SyntheticEmg::new(&model, rate_hz, channels, 1.0, stream(args.seed, "emg/synthetic/feed"))?;
+        let none = Recordings { path: PathBuf::new(), rate_hz, channels, items: Vec::new() };
+        return Ok((EmgFeed::new(&none, &[], Some(generator), args.seed)?, rate_hz, channels));
+    };
+    let recordings = Recordings::open(dir, args.rate)?;
+    for held in &args.gestures {
+        for &rep in &args.reps {
+            recordings.find(held.gesture, rep)?;
+        }
+    }
+    // Gestures that are not asked for need not be there; the feed wants each, so they are left out of its sight.
+    let mut needed = recordings.clone();
+    needed.items.retain(|item| args.gestures.iter().any(|h| h.gesture == item.gesture));
+    let filling = SyntheticEmg::new(
+        &SyntheticModel::shipped()?,
+        recordings.rate_hz,
+        recordings.channels,
+        1.0,
+        stream(args.seed, "emg/synthetic/feed"),
+    )?;
+    let feed = EmgFeed::new(&needed, &args.reps, Some(filling), args.seed)?;
+    Ok((feed, recordings.rate_hz, recordings.channels))
+}
+
+/// One sample a call, with the gesture of its time.
+fn codes(mut feed: EmgFeed, rate_hz: f64, held: Vec<Held>) -> CodeSource {
+    let mut ready: VecDeque<EmgSample> = VecDeque::new();
+    let mut tick = 0;
+    Box::new(move || {
+        loop {
+            if let Some(sample) = ready.pop_front() {
+                return sample.channels;
+            }
+            // The feed's time is that of its samples: no sample comes early and none is skipped.
+            ready.extend(feed.sample_at(SimTime(tick), gesture_at(&held, tick as f64 / 1000.0)));
+            debug_assert!(rate_hz <= 1000.0);
+            tick += 1;
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gestures_are_held_in_turn_and_begin_again() {
+        let held = ["no_motion:1", "hand_close:2.5"].map(|text| parse_held(text).unwrap());
+        let at = |secs| gesture_at(&held, secs);
+        assert_eq!(
+            [0.0, 0.99, 1.0, 3.49].map(at),
+            [Gesture::NoMotion, Gesture::NoMotion, Gesture::HandClose, Gesture::HandClose]
+        );
+        assert_eq!([3.5, 4.6].map(at), [Gesture::NoMotion, Gesture::HandClose]);
+        assert_eq!(parse_held("hand_open").map(|h| h.secs), Ok(2.0));
+    }
+
+    #[test]
+    fn gestures_without_a_name_or_a_time_are_refused() {
+        assert!(parse_held("fist:2").unwrap_err().contains("hand_close"));
+        assert!(parse_held("hand_close:0").unwrap_err().contains("seconds above zero"));
+        assert!(parse_held("hand_close:NaN").unwrap_err().contains("seconds above zero"));
+    }
+}

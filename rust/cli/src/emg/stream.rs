@@ -1,0 +1,404 @@
+//! `proact emg stream`: a live source, recognised and shown.
+
+use super::view::{Glance, View};
+use crate::emg::WindowArgs;
+use clap::Args;
+use proact_devices::{
+    EmgPacket, EmgRecorder, EmgSource, LibEmgOutput, LibEmgReceiver, LibEmgSender, Pacing, PlaybackSource,
+    Recordings, SampleSource, SourceEvent, SourceInfo,
+    gforce::{GForce, GForceOptions, TcpConnector},
+    prepare_with, read_recorded, train,
+};
+use proact_emg::{Classifier, DecisionRule, EmgConfig, EmgOutput, EmgPipeline};
+use proact_types::{Gesture, SimTime};
+use serde_json::json;
+use std::{
+    error::Error,
+    io::Write,
+    path::PathBuf,
+    str::FromStr,
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+    },
+    time::{Duration, Instant},
+};
+
+/// Options of `proact emg stream`.
+#[derive(Debug, Args)]
+pub struct StreamArgs {
+    /// gforce-sim://HOST:PORT, ble or ble:NAME, file:FOLDER, file:FILE.csv|.edf, libemg-udp:PORT.
+    #[arg(long)]
+    source: SourceName,
+    /// Folder of recordings to train on. Without it synthetic EMG is trained on, which fits the simulator alone.
+    #[arg(long)]
+    data: Option<PathBuf>,
+    /// Repetitions to train on.
+    #[arg(long, value_delimiter = ',', default_value = "0,1")]
+    train_reps: Vec<u32>,
+    /// Repetition that file:FOLDER plays.
+    #[arg(long, default_value_t = 2)]
+    rep: u32,
+    /// Play files as fast as they can be read.
+    #[arg(long)]
+    flat_out: bool,
+    /// The code of zero volts. Default: what the maker says, 128 at 8 bit, 2048 at 12 bit; 0 for files.
+    #[arg(long)]
+    zero: Option<f64>,
+    /// Bits of the armband's converter: 8 up to 1000 Hz, 12 up to 500 Hz.
+    #[arg(long, default_value_t = 8)]
+    bits: u8,
+    /// Bytes of a packet: 128 waits 16 ms at 1000 Hz, 32 waits 4 ms.
+    #[arg(long, default_value_t = 128)]
+    packet: u8,
+    /// Keep the raw codes with the device's time: a new .csv or .edf file.
+    #[arg(long)]
+    record: Option<PathBuf>,
+    /// Send each decision as LibEMG does, such as 127.0.0.1:12346.
+    #[arg(long)]
+    udp: Option<String>,
+    /// Stop after so many seconds.
+    #[arg(long)]
+    seconds: Option<f64>,
+    #[command(flatten)]
+    window: WindowArgs,
+}
+
+/// Where samples come from.
+#[derive(Clone, Debug, PartialEq)]
+enum SourceName {
+    Simulator(String),
+    Ble(String),
+    File(PathBuf),
+    LibEmgUdp(u16),
+}
+
+impl FromStr for SourceName {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<SourceName, String> {
+        let unknown = || {
+            format!(
+                "source {text:?} is unknown; expected gforce-sim://HOST:PORT, ble, ble:NAME, file:PATH or libemg-udp:PORT"
+            )
+        };
+        if let Some(address) = text.strip_prefix("gforce-sim://") {
+            return Ok(SourceName::Simulator(address.to_owned()));
+        }
+        match text.split_once(':').unwrap_or((text, "")) {
+            ("ble", name) => Ok(SourceName::Ble(name.to_owned())),
+            ("file", path) if !path.is_empty() => Ok(SourceName::File(path.into())),
+            ("libemg-udp", port) => port.parse().map(SourceName::LibEmgUdp).map_err(|_| unknown()),
+            _ => Err(unknown()),
+        }
+    }
+}
+
+/// Streams until the source ends, the time is over, or the process is told to stop.
+///
+/// # Errors
+/// A source that cannot be opened, a model that does not fit it, or a file that cannot be written.
+pub(super) fn run(args: &StreamArgs, json: bool) -> Result<(), Box<dyn Error>> {
+    if args.seconds.is_some_and(|s| !(s.is_finite() && s > 0.0)) {
+        return Err("--seconds expects a finite number above zero".into());
+    }
+    let stop = Arc::new(AtomicBool::new(false));
+    let handler = stop.clone();
+    // So that a recording ends well. A second handler in one process, as in tests, is refused and not needed.
+    let _ = ctrlc::set_handler(move || handler.store(true, Ordering::Relaxed));
+    let mut out = Output { json, view: View::new(), sender: None };
+    if let Some(target) = &args.udp {
+        out.sender = Some(LibEmgSender::connect(target)?);
+    }
+    if let SourceName::LibEmgUdp(port) = args.source {
+        return classes(args, port, &mut out, &stop);
+    }
+    let mut source = open(args)?;
+    samples(args, source.as_mut(), &mut out, &stop)
+}
+
+fn open(args: &StreamArgs) -> Result<Box<dyn SampleSource>, Box<dyn Error>> {
+    let rate_hz = match args.window.rate {
+        Some(rate) if (1.0..=1000.0).contains(&rate) && rate.fract() == 0.0 => Some(rate as u16),
+        Some(rate) => return Err(format!("--emg-rate is {rate}, expected a whole number up to 1000").into()),
+        None => None,
+    };
+    let options =
+        GForceOptions { rate_hz, bits: args.bits, packet_bytes: args.packet, ..GForceOptions::default() };
+    let pacing = if args.flat_out { Pacing::FlatOut } else { Pacing::RealTime };
+    Ok(match &args.source {
+        SourceName::Simulator(address) => {
+            Box::new(GForce::open(Box::new(TcpConnector::new(address)), options)?)
+        }
+        SourceName::Ble(name) => open_ble(name, options)?,
+        SourceName::File(path) if path.is_file() => {
+            let recorded = read_recorded(path)?;
+            let (name, rate) = (path.display().to_string(), recorded.rate_hz);
+            Box::new(PlaybackSource::new(&name, recorded.samples, rate, packet_of(rate), pacing)?)
+        }
+        SourceName::File(path) => {
+            let recordings = Recordings::open(path, args.window.rate)?;
+            let (gestures, packet) = (recordings.gestures(), packet_of(recordings.rate_hz));
+            Box::new(PlaybackSource::of_recordings(&recordings, args.rep, &gestures, packet, pacing)?)
+        }
+        SourceName::LibEmgUdp(_) => return Err("LibEMG sends classes, not samples".into()),
+    })
+}
+
+/// Files are played in packets as long as the armband's.
+fn packet_of(rate_hz: f64) -> usize {
+    ((rate_hz * 0.016).round() as usize).max(1)
+}
+
+#[cfg(feature = "ble")]
+fn open_ble(name: &str, options: GForceOptions) -> Result<Box<dyn SampleSource>, Box<dyn Error>> {
+    let connector = proact_devices::gforce::BleConnector::new(name)?;
+    Ok(Box::new(GForce::open(Box::new(connector), options)?))
+}
+
+#[cfg(not(feature = "ble"))]
+fn open_ble(_name: &str, _options: GForceOptions) -> Result<Box<dyn SampleSource>, Box<dyn Error>> {
+    Err("this proact was built without Bluetooth; install libdbus-1-dev and build with --features ble".into())
+}
+
+/// A classifier and settings for the stream.
+fn model(args: &StreamArgs, info: &SourceInfo) -> Result<(EmgConfig, Classifier, String), Box<dyn Error>> {
+    // Unlike recordings a live stream can fall silent.
+    let config = EmgConfig {
+        max_age_millis: EmgConfig::default().max_age_millis,
+        ..args.window.config(info.rate_hz, info.channels)?
+    };
+    config.check()?;
+    let Some(dir) = &args.data else {
+        let setup = prepare_with(&EmgSource::Synthetic, &config, 0)?;
+        let trained_on = "synthetic EMG; name recordings with --data";
+        check_fit(info, setup.config.rate_hz, setup.config.channels, trained_on)?;
+        return Ok((setup.config, setup.classifier, setup.label));
+    };
+    let recordings = Recordings::open(dir, args.window.rate)?;
+    check_fit(info, recordings.rate_hz, recordings.channels, &dir.display().to_string())?;
+    let classifier = train(&recordings, &args.train_reps, &config)?;
+    Ok((config, classifier, dir.display().to_string()))
+}
+
+fn check_fit(info: &SourceInfo, rate_hz: f64, channels: usize, trained_on: &str) -> Result<(), String> {
+    if (rate_hz, channels) == (info.rate_hz, info.channels) {
+        return Ok(());
+    }
+    Err(format!(
+        "the stream has {} channels at {} Hz, the model {channels} at {rate_hz} Hz, trained on {trained_on}",
+        info.channels, info.rate_hz
+    ))
+}
+
+struct Output {
+    json: bool,
+    view: View,
+    sender: Option<LibEmgSender>,
+}
+
+impl Output {
+    fn line(&self, object: &serde_json::Value) -> Result<bool, Box<dyn Error>> {
+        if !self.json {
+            return Ok(true);
+        }
+        let mut out = std::io::stdout().lock();
+        match writeln!(out, "{object}").and_then(|()| out.flush()) {
+            // A reader such as `head` has seen enough.
+            Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(false),
+            result => Ok(result.map(|()| true)?),
+        }
+    }
+
+    fn decision(
+        &mut self,
+        at: SimTime,
+        counter: Option<u64>,
+        out: &EmgOutput,
+    ) -> Result<bool, Box<dyn Error>> {
+        if let Some(sender) = &mut self.sender {
+            sender.send(LibEmgOutput { gesture: Some(out.gesture), velocity: None })?;
+        }
+        self.line(&json!({
+            "t_s": at.as_secs(), "sample": counter, "gesture": out.gesture, "window_class": out.window_class,
+            "confidence": out.confidence, "posterior": out.posterior, "effort": out.effort,
+            "published": out.published, "stale": out.stale,
+        }))
+    }
+}
+
+fn samples(
+    args: &StreamArgs,
+    source: &mut dyn SampleSource,
+    out: &mut Output,
+    stop: &AtomicBool,
+) -> Result<(), Box<dyn Error>> {
+    let info = source.info().clone();
+    let (config, classifier, label) = model(args, &info)?;
+    let mut pipeline = EmgPipeline::new(&config, classifier)?;
+    let mut recorder = args.record.as_ref().map(|path| EmgRecorder::create(path, &info)).transpose()?;
+    let zero = args.zero.unwrap_or(info.zero);
+    let mut glance = Glance::new(&info, &label, zero);
+    out.line(
+        &json!({ "event": "open", "source": info.name, "rate_hz": info.rate_hz, "channels": info.channels,
+        "trained_on": label, "zero": zero, "loss_is_counted": info.loss_is_counted }),
+    )?;
+    let begin = Instant::now();
+    let mut now = SimTime(0);
+    let mut packet = EmgPacket::default();
+    let mut going = true;
+    while going && !stop.load(Ordering::Relaxed) {
+        if args.seconds.is_some_and(|s| begin.elapsed().as_secs_f64() >= s) {
+            break;
+        }
+        match source.poll(Duration::from_millis(20), &mut packet)? {
+            SourceEvent::Packet => {
+                // The stream's clock must not go back, whichever clock it is read from.
+                now = now.max(SimTime(packet.received.as_millis() as u64));
+                if let Some(recorder) = &mut recorder {
+                    recorder.packet(&packet)?;
+                }
+                if packet.lost_before > 0 {
+                    let next = packet.samples.first().map(|s| s.counter);
+                    going &= out.line(&json!({ "event": "gap", "t_s": now.as_secs(),
+                        "lost_samples": packet.lost_before, "next_sample": next }))?;
+                }
+                for sample in &mut packet.samples {
+                    sample.channels.iter_mut().for_each(|value| *value -= zero);
+                    glance.sample(sample);
+                    if let Some(output) = pipeline.step(now, std::slice::from_ref(sample)) {
+                        glance.output = Some(output);
+                        going &= out.decision(now, Some(sample.counter), &output)?;
+                    }
+                }
+            }
+            SourceEvent::Ended => break,
+            event => {
+                now = now.max(SimTime(begin.elapsed().as_millis() as u64));
+                match event {
+                    SourceEvent::Lost { reason } => {
+                        glance.trouble = Some(reason.clone());
+                        going &=
+                            out.line(&json!({ "event": "lost", "t_s": now.as_secs(), "reason": reason }))?;
+                    }
+                    SourceEvent::Restored => {
+                        glance.trouble = None;
+                        going &= out.line(&json!({ "event": "restored", "t_s": now.as_secs() }))?;
+                    }
+                    _ => {}
+                }
+                if let Some(output) = pipeline.step(now, &[]) {
+                    glance.output = Some(output);
+                    going &= out.decision(now, None, &output)?;
+                }
+            }
+        }
+        if !out.json {
+            glance.counts = source.counts();
+            out.view.show(&glance)?;
+        }
+    }
+    let recorded = recorder.map(EmgRecorder::finish).transpose()?;
+    let (source_counts, counts) = (source.counts(), pipeline.counts());
+    out.line(
+        &json!({ "event": "end", "recorded_samples": recorded, "link": source_counts, "stream": counts }),
+    )?;
+    if !out.json {
+        println!(
+            "{} packets, {} windows, {} samples lost",
+            source_counts.packets, counts.windows, source_counts.lost_samples
+        );
+    }
+    Ok(())
+}
+
+/// Classes of another program instead of samples.
+fn classes(args: &StreamArgs, port: u16, out: &mut Output, stop: &AtomicBool) -> Result<(), Box<dyn Error>> {
+    if args.record.is_some() {
+        return Err("LibEMG sends classes, not samples: there is nothing to --record".into());
+    }
+    let mut receiver = LibEmgReceiver::bind(port)?;
+    let address = receiver.address()?.to_string();
+    out.line(&json!({ "event": "open", "source": format!("LibEMG at {address}") }))?;
+    let mut rule = DecisionRule::new(&EmgConfig::default());
+    let begin = Instant::now();
+    let mut going = true;
+    while going && !stop.load(Ordering::Relaxed) {
+        if args.seconds.is_some_and(|s| begin.elapsed().as_secs_f64() >= s) {
+            break;
+        }
+        let received = match receiver.poll(Duration::from_millis(20)) {
+            Ok(received) => received,
+            // One bad datagram, from whomever, must not end the stream; it counts as none.
+            Err(error @ proact_devices::DeviceError::LibEmgMessage { .. }) => {
+                going &= out.line(&json!({ "event": "refused", "reason": error.to_string() }))?;
+                None
+            }
+            Err(error) => return Err(error.into()),
+        };
+        let now = SimTime(begin.elapsed().as_millis() as u64);
+        // What LibEMG rejects is no output; a row of rejections becomes stale and stops the arm.
+        let class = received.and_then(|r| r.gesture);
+        let Some(decision) = rule.step(now, class) else { continue };
+        let window_class = class.unwrap_or(Gesture::NoMotion);
+        let output = EmgOutput {
+            gesture: decision.gesture,
+            published: decision.published,
+            window_class,
+            posterior: [0.0; 5],
+            confidence: 0.0,
+            class,
+            effort: received.and_then(|r| r.velocity).unwrap_or(0.0),
+            stale: decision.stale,
+        };
+        going &= out.decision(now, None, &output)?;
+        if !out.json {
+            println!(
+                "{:8.2} s  {}",
+                now.as_secs(),
+                if decision.stale { "stale" } else { decision.gesture.ros_name() }
+            );
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sources_are_told_by_their_names() {
+        let source = |text: &str| text.parse::<SourceName>();
+        assert_eq!(
+            source("gforce-sim://127.0.0.1:7410"),
+            Ok(SourceName::Simulator("127.0.0.1:7410".to_owned()))
+        );
+        assert_eq!(source("ble"), Ok(SourceName::Ble(String::new())));
+        assert_eq!(source("ble:gForce"), Ok(SourceName::Ble("gForce".to_owned())));
+        assert_eq!(source("file:/a:b"), Ok(SourceName::File("/a:b".into())));
+        assert_eq!(source("libemg-udp:12346"), Ok(SourceName::LibEmgUdp(12346)));
+        for wrong in ["", "file:", "libemg-udp:", "libemg-udp:70000", "usb"] {
+            assert!(source(wrong).unwrap_err().contains("expected gforce-sim://"), "{wrong:?}");
+        }
+    }
+
+    #[test]
+    fn a_model_of_another_band_is_refused_with_both_bands() {
+        let info = SourceInfo {
+            name: "test".to_owned(),
+            rate_hz: 1000.0,
+            channels: 8,
+            packet_samples: 16,
+            zero: 128.0,
+            rails: None,
+            loss_is_counted: true,
+        };
+        let error = check_fit(&info, 200.0, 8, "recordings/").unwrap_err();
+        assert_eq!(
+            error,
+            "the stream has 8 channels at 1000 Hz, the model 8 at 200 Hz, trained on recordings/"
+        );
+        assert_eq!(check_fit(&info, 1000.0, 8, ""), Ok(()));
+    }
+}

@@ -1,0 +1,176 @@
+//! What `proact emg stream` shows on a terminal.
+
+use proact_devices::{SourceCounts, SourceInfo};
+use proact_emg::EmgOutput;
+use proact_types::{EmgSample, MAX_EMG_CHANNELS};
+use std::{
+    io::{self, IsTerminal, Write},
+    time::{Duration, Instant},
+};
+
+/// Time constant of the amplitudes shown, seconds.
+const SMOOTHING_SECS: f64 = 0.15;
+/// Columns of a bar.
+const BAR: usize = 40;
+/// A channel that never moves so far, in codes, for a second is flat.
+const FLAT: f64 = 1.0;
+
+/// What the stream is doing now.
+pub(super) struct Glance {
+    info: SourceInfo,
+    label: String,
+    zero: f64,
+    /// Smoothed mean square per channel, and the largest amplitude seen, which scales the bars.
+    power: [f64; MAX_EMG_CHANNELS],
+    loudest: f64,
+    /// Share of newest samples at the end of the converter's range, smoothed.
+    railed: [f64; MAX_EMG_CHANNELS],
+    received: u64,
+    since: Instant,
+    rate_hz: f64,
+    pub(super) output: Option<EmgOutput>,
+    pub(super) counts: SourceCounts,
+    pub(super) trouble: Option<String>,
+}
+
+impl Glance {
+    pub(super) fn new(info: &SourceInfo, label: &str, zero: f64) -> Glance {
+        Glance {
+            info: info.clone(),
+            label: label.to_owned(),
+            zero,
+            power: [0.0; MAX_EMG_CHANNELS],
+            loudest: 1.0,
+            railed: [0.0; MAX_EMG_CHANNELS],
+            received: 0,
+            since: Instant::now(),
+            rate_hz: 0.0,
+            output: None,
+            counts: SourceCounts::default(),
+            trouble: None,
+        }
+    }
+
+    /// Takes a centred sample.
+    pub(super) fn sample(&mut self, sample: &EmgSample) {
+        let share = 1.0 - (-1.0 / (SMOOTHING_SECS * self.info.rate_hz)).exp();
+        for (channel, value) in sample.channels.iter().enumerate() {
+            self.power[channel] += share * (value * value - self.power[channel]);
+            let code = value + self.zero;
+            let at_end = self.info.rails.is_some_and(|(low, high)| code <= low || code >= high);
+            self.railed[channel] += share * (f64::from(u8::from(at_end)) - self.railed[channel]);
+            self.loudest = self.loudest.max(self.power[channel].sqrt());
+        }
+        self.received += 1;
+        let elapsed = self.since.elapsed().as_secs_f64();
+        if elapsed >= 1.0 {
+            self.rate_hz = self.received as f64 / elapsed;
+            (self.received, self.since) = (0, Instant::now());
+        }
+    }
+
+    fn text(&self) -> String {
+        let mut text =
+            format!("{}  ({} Hz nominal, trained on {})\n", self.info.name, self.info.rate_hz, self.label);
+        for channel in 0..self.info.channels {
+            let rms = self.power[channel].sqrt();
+            let filled = ((rms / self.loudest * BAR as f64).round() as usize).min(BAR);
+            let state = match () {
+                () if self.railed[channel] > 0.02 => "cut off at the end of the range",
+                () if rms < FLAT => "flat",
+                () => "",
+            };
+            text += &format!("ch{channel:<3} {:<BAR$} {rms:7.1}  {state}\n", "#".repeat(filled));
+        }
+        text += &match &self.output {
+            Some(output) if output.stale => "no motion: no usable samples\n".to_owned(),
+            Some(output) => format!(
+                "{:<16} newest window {:<16} confidence {:3.0} %  effort {:3.0} %\n",
+                output.gesture.ros_name(),
+                output.window_class.ros_name(),
+                100.0 * output.confidence,
+                100.0 * output.effort
+            ),
+            None => "waiting for the first window\n".to_owned(),
+        };
+        let SourceCounts { lost_samples, duplicates, late, malformed, broken_fragments, .. } = self.counts;
+        text += &format!(
+            "{:.0} samples/s  lost {lost_samples}  twice {duplicates}  late {late}  damaged {}\n",
+            self.rate_hz,
+            malformed + broken_fragments
+        );
+        text += &match &self.trouble {
+            Some(reason) => format!("armband lost ({reason}); looking for it\n"),
+            None => "\n".to_owned(),
+        };
+        text
+    }
+}
+
+/// Draws glances: over each other on a terminal, one line a second elsewhere.
+pub(super) struct View {
+    drawn: Option<Instant>,
+    lines: usize,
+    terminal: bool,
+}
+
+impl View {
+    pub(super) fn new() -> View {
+        View { drawn: None, lines: 0, terminal: io::stdout().is_terminal() }
+    }
+
+    pub(super) fn show(&mut self, glance: &Glance) -> io::Result<()> {
+        let period = Duration::from_millis(if self.terminal { 100 } else { 1000 });
+        if self.drawn.is_some_and(|at| at.elapsed() < period) {
+            return Ok(());
+        }
+        self.drawn = Some(Instant::now());
+        let mut out = io::stdout().lock();
+        if !self.terminal {
+            let gesture = glance.output.map_or("waiting", |o| o.gesture.ros_name());
+            return writeln!(
+                out,
+                "{gesture}  {:.0} samples/s  lost {}",
+                glance.rate_hz, glance.counts.lost_samples
+            );
+        }
+        let text = glance.text();
+        if self.lines > 0 {
+            write!(out, "\x1b[{}A", self.lines)?;
+        }
+        self.lines = text.lines().count();
+        for line in text.lines() {
+            writeln!(out, "{line}\x1b[K")?;
+        }
+        out.flush()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_flat_and_a_railed_channel_are_told() {
+        let info = SourceInfo {
+            name: "test".to_owned(),
+            rate_hz: 1000.0,
+            channels: 3,
+            packet_samples: 16,
+            zero: 128.0,
+            rails: Some((0.0, 255.0)),
+            loss_is_counted: true,
+        };
+        let mut glance = Glance::new(&info, "test", 128.0);
+        for counter in 0..2000_u64 {
+            let swing: f64 = if counter % 2 == 0 { 1.0 } else { -1.0 };
+            let channels = [0.0, 127.0 * swing.max(0.0), 40.0 * swing].into_iter().collect();
+            glance.sample(&EmgSample { counter, channels });
+        }
+        let text = glance.text();
+        let lines: Vec<&str> = text.lines().collect();
+        assert!(lines[1].ends_with("flat"), "{text}");
+        assert!(lines[2].ends_with("cut off at the end of the range"), "{text}");
+        assert!(lines[3].contains("40.0") && lines[3].trim_end().ends_with("40.0"), "{text}");
+    }
+}

@@ -1,0 +1,182 @@
+//! The simulated armband feeds the recogniser over the gForce protocol: two processes and a socket between them.
+#![allow(clippy::unwrap_used, clippy::disallowed_methods)] // A test of programs starts programs.
+
+use serde_json::Value;
+use std::{
+    io::{BufRead, BufReader},
+    path::{Path, PathBuf},
+    process::{Child, Command, Stdio},
+};
+
+/// A process that does not outlive its test.
+struct Running(Child);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        // It may have ended by itself.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+fn proact(words: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_proact"));
+    command.args(["emg", "--json"]).args(words).stdin(Stdio::null());
+    command
+}
+
+/// Starts a simulator on a free port; the address that it prints.
+fn simulator(words: &[&str]) -> (Running, String) {
+    let mut command = proact(&[&["simulate", "--port", "0", "--seconds", "60"], words].concat());
+    let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
+    let mut line = String::new();
+    BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
+    let opened: Value = serde_json::from_str(&line).unwrap_or_else(|e| panic!("{line:?}: {e}"));
+    (Running(child), opened["address"].as_str().unwrap().to_owned())
+}
+
+/// Lines of a stream that ran to its end.
+fn stream(words: &[&str]) -> Vec<Value> {
+    let output = proact(&[&["stream"], words].concat()).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let text = String::from_utf8(output.stdout).unwrap();
+    text.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+}
+
+/// What the simulator holds, with the time at which each ends.
+const SCRIPT: &str = "no_motion:1,hand_close:1,no_motion:1,wrist_extension:1,no_motion:1,wrist_flexion:1";
+const HELD: [(&str, f64); 6] = [
+    ("no_motion", 1.0),
+    ("hand_close", 2.0),
+    ("no_motion", 3.0),
+    ("wrist_extension", 4.0),
+    ("no_motion", 5.0),
+    ("wrist_flexion", 6.0),
+];
+/// A window that begins before a change holds two gestures, and has no right class.
+const WINDOW_SECS: f64 = 0.1;
+
+/// Share of decisions whose newest window is of the gesture held, and the number of decisions.
+fn score(lines: &[Value], rate_hz: f64) -> (f64, usize) {
+    let (mut right, mut all) = (0, 0);
+    for line in lines.iter().filter(|l| l.get("event").is_none() && l["stale"] == false) {
+        let end = (line["sample"].as_f64().unwrap() + 1.0) / rate_hz % 6.0;
+        let begin = end - WINDOW_SECS;
+        let Some((gesture, _)) = HELD
+            .iter()
+            .find(|(_, until)| begin < *until)
+            .filter(|(_, until)| begin >= until - 1.0 && end <= *until)
+        else {
+            continue;
+        };
+        all += 1;
+        right += usize::from(line["window_class"] == *gesture);
+    }
+    (f64::from(right as u32) / all as f64, all)
+}
+
+fn event<'a>(lines: &'a [Value], name: &str) -> Vec<&'a Value> {
+    lines.iter().filter(|l| l["event"] == name).collect()
+}
+
+#[test]
+fn the_simulator_feeds_the_recogniser_and_its_classes_are_right() {
+    let (_running, address) = simulator(&["--gesture", SCRIPT]);
+    let dir = tempfile::tempdir().unwrap();
+    let record = dir.path().join("stream.edf");
+    let source = format!("gforce-sim://{address}");
+    let lines = stream(&["--source", &source, "--seconds", "6.3", "--record", record.to_str().unwrap()]);
+    let open = event(&lines, "open")[0];
+    assert_eq!((&open["rate_hz"], &open["channels"]), (&1000.0.into(), &8.into()));
+    let (share, decisions) = score(&lines, 1000.0);
+    assert!(decisions > 80 && share > 0.95, "{share} of {decisions}");
+    // Windows end where the device's counter says, whatever the clock did.
+    let ends: Vec<u64> = lines.iter().filter_map(|l| l["sample"].as_u64()).collect();
+    assert!(ends.iter().zip(0..).all(|(end, k)| *end == 99 + 50 * k), "{ends:?}");
+    let end = event(&lines, "end")[0];
+    assert_eq!(end["link"]["lost_samples"], 0);
+    let recorded = proact_devices::read_recorded(&record).unwrap();
+    assert_eq!(Some(recorded.samples.len() as u64), end["recorded_samples"].as_u64());
+    assert_eq!(recorded.rate_hz, 1000.0);
+
+    // What was recorded, played flat out, is recognised as it was live.
+    let file = format!("file:{}", record.display());
+    let again = stream(&["--source", &file, "--zero", "128", "--flat-out"]);
+    let classes = |lines: &[Value]| -> Vec<(u64, String)> {
+        let decisions = lines.iter().filter(|l| l["sample"].is_u64());
+        decisions.map(|l| (l["sample"].as_u64().unwrap(), l["window_class"].to_string())).collect()
+    };
+    assert_eq!(classes(&again), classes(&lines));
+}
+
+#[test]
+fn a_poor_radio_leaves_gaps_and_no_wrong_classes() {
+    let faults =
+        ["--loss", "0.01", "--dup", "0.02", "--reorder", "0.01", "--truncate", "0.005", "--jitter", "8"];
+    // Every packet is three fragments.
+    let (_running, address) =
+        simulator(&[&["--gesture", SCRIPT, "--notification", "60", "--seed", "3"], &faults[..]].concat());
+    let lines = stream(&["--source", &format!("gforce-sim://{address}"), "--seconds", "6"]);
+    let end = event(&lines, "end")[0];
+    assert!(end["link"]["lost_samples"].as_u64() > Some(0), "{end}");
+    assert!(!event(&lines, "gap").is_empty());
+    assert!(end["stream"]["rejected_windows"].as_u64() > Some(0), "{end}");
+    // With this seed the first packet comes through, so that the counters are the simulator's.
+    let (share, decisions) = score(&lines, 1000.0);
+    assert!(decisions > 20 && share > 0.95, "{share} of {decisions}");
+}
+
+#[test]
+fn an_armband_that_goes_away_stops_the_arm_at_once() {
+    let (running, address) = simulator(&["--gesture", "hand_close:9"]);
+    let mut child = proact(&["stream", "--source", &format!("gforce-sim://{address}"), "--seconds", "4"]);
+    let mut child = Running(child.stdout(Stdio::piped()).spawn().unwrap());
+    let mut lines = BufReader::new(child.0.stdout.take().unwrap()).lines().map(|l| {
+        let line = l.unwrap();
+        serde_json::from_str::<Value>(&line).unwrap()
+    });
+    let closed = lines.by_ref().find(|l| l["gesture"] == "hand_close");
+    assert!(closed.is_some(), "it never closed");
+    drop(running);
+    let rest: Vec<Value> = lines.collect();
+    let lost = rest.iter().position(|l| l["event"] == "lost").expect("the loss is reported");
+    let stale = rest[lost..].iter().find(|l| l["stale"] == true).expect("the stream becomes stale");
+    assert_eq!(stale["gesture"], "no_motion");
+    let waited = stale["t_s"].as_f64().unwrap() - rest[lost]["t_s"].as_f64().unwrap();
+    // 200 ms after the last window, which is up to 50 ms before the loss; the rest is the load of the machine.
+    assert!((0.1..1.0).contains(&waited), "{waited} s");
+    assert!(rest[lost..].iter().all(|l| l["gesture"].is_null() || l["gesture"] == "no_motion"));
+}
+
+#[test]
+fn real_recordings_replayed_through_the_armband_are_recognised() {
+    let shared = std::env::var_os("PROACT_SHARED")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared"), PathBuf::from);
+    let data = shared.join("data/emg/libemg_tests_myo");
+    if !data.is_dir() {
+        println!("skipped: ../shared not found");
+        return;
+    }
+    let data = data.to_str().unwrap();
+    let (_running, address) = simulator(&["--data", data, "--gesture", SCRIPT]);
+    let source = format!("gforce-sim://{address}");
+    let lines = stream(&["--source", &source, "--data", data, "--seconds", "6.5"]);
+    assert_eq!(event(&lines, "open")[0]["rate_hz"], 200.0);
+    let (share, decisions) = score(&lines, 200.0);
+    assert!(decisions > 80 && share > 0.95, "{share} of {decisions}");
+}
+
+#[test]
+fn a_source_that_cannot_be_is_refused_with_what_there_is() {
+    let refused = |words: &[&str]| {
+        let output = proact(&[&["stream"], words].concat()).output().unwrap();
+        assert!(!output.status.success() && output.stdout.is_empty());
+        String::from_utf8(output.stderr).unwrap()
+    };
+    assert!(refused(&["--source", "usb"]).contains("expected gforce-sim://HOST:PORT"));
+    assert!(refused(&["--source", "gforce-sim://127.0.0.1:1"]).contains("nothing answers at 127.0.0.1:1"));
+    assert!(refused(&["--source", "file:/nowhere"]).contains("cannot read /nowhere"));
+    if !cfg!(feature = "ble") {
+        assert!(refused(&["--source", "ble"]).contains("--features ble"));
+    }
+}
