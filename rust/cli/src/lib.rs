@@ -5,6 +5,7 @@
 #![allow(clippy::disallowed_methods)] // The command has the clock, the threads and the files that stages lack.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+pub mod analyze;
 pub mod bench;
 mod bench_start;
 mod command;
