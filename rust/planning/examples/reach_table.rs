@@ -12,8 +12,8 @@
 #[path = "../tests/common/mod.rs"]
 mod common;
 
-use common::{model, pick, place, planner, seated, still, target};
-use proact_planning::PlannerOptions;
+use common::{model, pick, place, planner, seated, still, target, with_person};
+use proact_planning::{Person, PlannerOptions};
 use proact_types::{PlanReply, Pose, Region, TrunkPosture};
 use std::time::Instant;
 
@@ -21,7 +21,14 @@ fn main() {
     let mode = std::env::args().nth(1).unwrap_or_else(|| "still".to_owned());
     let model = model();
     let mut planner = planner(PlannerOptions::default());
+    // With PERSON set, the one who wears the arm stands or sits in the way.
+    let person =
+        std::env::var_os("PERSON").map(|_| if mode == "still" { Person::STANDING } else { Person::SEATED });
     let mut solve = |request: &proact_types::PlanRequest| -> (PlanReply, f64) {
+        let request = match &person {
+            Some(person) => &with_person(request.clone(), person),
+            None => request,
+        };
         let begin = Instant::now();
         let reply = planner.solve(request);
         (reply, begin.elapsed().as_secs_f64() * 1e3)

@@ -3,7 +3,7 @@
 
 use nalgebra::UnitQuaternion;
 use proact_kinematics::Kinematics;
-use proact_planning::{ArmPlanner, PlannerOptions};
+use proact_planning::{ArmPlanner, Person, PlannerOptions, person_obstacles};
 use proact_tasks::{TABLE_TOP, fixed_objects, region_centre};
 use proact_types::{
     ArmModel, AttachedObject, BlockId, JointVector, Obstacle, PlanGoal, PlanRequest, Point, Pose, Region,
@@ -42,6 +42,12 @@ pub fn seated(posture: TrunkPosture) -> Pose {
         * UnitQuaternion::from_axis_angle(&Vector::y_axis(), posture.forward)
         * UnitQuaternion::from_axis_angle(&Vector::x_axis(), posture.lateral);
     Pose::from_parts((hip + turn * (shoulder - hip)).coords.into(), turn)
+}
+
+/// Adds the person whose shoulder `base` is to a request's obstacles.
+pub fn with_person(mut request: PlanRequest, person: &Person) -> PlanRequest {
+    request.obstacles.extend(person_obstacles(&request.world_from_base, person));
+    request
 }
 
 /// Box, table, floor and the four blocks, in their regions or where `at` says.
