@@ -1,5 +1,5 @@
 use crate::{EmgError, LdaNormalisation, Priors};
-use nalgebra::{DMatrix, DVector, SVD};
+use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
 /// Linear discriminant analysis, as scikit-learn's solver `svd` with default options: priors from the class
@@ -221,15 +221,60 @@ fn check(samples: &DMatrix<f64>, labels: &[usize], classes: usize) -> Result<Vec
     }
 }
 
-/// Singular values in descending order and the transposed right singular vectors.
+/// Singular values in descending order and the transposed right singular vectors, by one-sided Jacobi rotations
+/// (Hestenes 1958) after a QR decomposition.
+///
+/// nalgebra's own decomposition gave wrong vectors for some matrices with duplicated and constant columns, which
+/// dead channels bring; the test of the closed form in `moments.rs` found it.
 fn decompose(matrix: DMatrix<f64>) -> Result<(DVector<f64>, DMatrix<f64>), EmgError> {
-    // An unlimited iteration could hang on values that overflow; a converging one needs a few dozen per value.
-    const MOST_ITERATIONS: usize = 100_000;
-    let mut svd =
-        SVD::try_new(matrix, false, true, f64::EPSILON, MOST_ITERATIONS).ok_or(EmgError::NoConvergence)?;
-    svd.sort_by_singular_values();
-    let v_t = svd.v_t.ok_or(EmgError::NoConvergence)?;
-    Ok((svd.singular_values, v_t))
+    // Six to ten sweeps are usual.
+    const MOST_SWEEPS: usize = 60;
+    let mut columns = if matrix.nrows() > matrix.ncols() { matrix.qr().unpack_r() } else { matrix };
+    let count = columns.ncols();
+    let mut vectors = DMatrix::<f64>::identity(count, count);
+    // Columns that are rounding only would be turned for ever.
+    let nothing = (f64::EPSILON * columns.norm()).powi(2);
+    let mut turned = true;
+    for _ in 0..MOST_SWEEPS {
+        turned = false;
+        for p in 0..count {
+            for q in p + 1..count {
+                let (a, b) = (columns.column(p).norm_squared(), columns.column(q).norm_squared());
+                let product = columns.column(p).dot(&columns.column(q));
+                if a <= nothing || b <= nothing || product.abs() <= f64::EPSILON * (a * b).sqrt() {
+                    continue;
+                }
+                turned = true;
+                let zeta = (b - a) / (2.0 * product);
+                let tangent = zeta.signum() / (zeta.abs() + zeta.hypot(1.0));
+                let cosine = 1.0 / tangent.hypot(1.0);
+                rotate(&mut columns, p, q, cosine, cosine * tangent);
+                rotate(&mut vectors, p, q, cosine, cosine * tangent);
+            }
+        }
+        if !turned {
+            break;
+        }
+    }
+    let values = DVector::from_iterator(count, columns.column_iter().map(|c| c.norm()));
+    if turned || !values.iter().all(|v| v.is_finite()) {
+        return Err(EmgError::NoConvergence);
+    }
+    let mut order: Vec<usize> = (0..count).collect();
+    order.sort_by(|a, b| values[*b].total_cmp(&values[*a]));
+    Ok((
+        DVector::from_fn(count, |k, _| values[order[k]]),
+        DMatrix::from_fn(count, count, |k, j| vectors[(j, order[k])]),
+    ))
+}
+
+/// Turns two columns in their plane.
+fn rotate(matrix: &mut DMatrix<f64>, p: usize, q: usize, cosine: f64, sine: f64) {
+    for row in 0..matrix.nrows() {
+        let (a, b) = (matrix[(row, p)], matrix[(row, q)]);
+        matrix[(row, p)] = cosine * a - sine * b;
+        matrix[(row, q)] = sine * a + cosine * b;
+    }
 }
 
 fn dot<'a>(a: impl Iterator<Item = &'a f64>, b: &[f64]) -> f64 {

@@ -112,3 +112,57 @@ impl Moments {
             && self.counts.iter().all(|c| c.is_finite() && *c >= 1.0)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Agreement of the closed form with the two decompositions, relative to the largest decision value.
+    const RELATIVE: f64 = 1e-9;
+
+    fn data() -> (Vec<[f64; 5]>, Vec<usize>) {
+        let window = |k: usize| {
+            let (class, t) = (k % 3, k as f64);
+            let a = (t * 1.3).sin() + class as f64;
+            // The third feature repeats the first, the last is constant.
+            [a, 40.0 * (t * 0.7).cos() - 9.0 * (class * class) as f64, a, (t * t).sin(), 7.0]
+        };
+        ((0..91).map(window).collect(), (0..91).map(|k| k % 3).collect())
+    }
+
+    #[test]
+    fn the_closed_form_is_the_fitted_discriminant_window_by_window() {
+        let (windows, labels) = data();
+        for normalisation in [LdaNormalisation::Windows, LdaNormalisation::WindowsLessClasses] {
+            for priors in [Priors::Counts, Priors::Equal] {
+                // Sixty windows at once, the others one by one.
+                let mut moments = Moments::of(&windows[..60], &labels[..60], 3);
+                for (window, class) in windows.iter().zip(&labels).skip(60) {
+                    moments.add(*class, window, f64::INFINITY);
+                }
+                let closed = moments.lda(normalisation, priors).expect("good data");
+                let matrix = DMatrix::from_fn(91, 5, |i, j| windows[i][j]);
+                let fitted =
+                    Lda::fit_with_priors(&matrix, &labels, 3, normalisation, priors).expect("good data");
+                for window in &windows {
+                    let (mut a, mut b) = ([0.0; 3], [0.0; 3]);
+                    closed.decide(window, &mut a);
+                    fitted.decide(window, &mut b);
+                    let scale = b.iter().fold(1.0_f64, |most, v| most.max(v.abs()));
+                    assert!(a.iter().zip(&b).all(|(a, b)| (a - b).abs() <= RELATIVE * scale), "{a:?} {b:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_short_memory_forgets_the_calibration() {
+        let (windows, labels) = data();
+        let mut moments = Moments::of(&windows, &labels, 3);
+        for _ in 0..200 {
+            moments.add(1, &[5.0; 5], 20.0);
+        }
+        assert!(moments.means[1].iter().all(|m| (m - 5.0).abs() < 0.01), "{:?}", moments.means[1]);
+        assert_eq!(moments.counts[1], 230.0);
+    }
+}

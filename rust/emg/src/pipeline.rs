@@ -73,6 +73,12 @@ impl EmgPipeline {
                 stream: config.channels,
             });
         }
+        // It may come from a file that someone edited.
+        if !classifier.is_sound() {
+            return Err(EmgError::ModelFile {
+                reason: "lengths or values of the classifier are wrong".to_owned(),
+            });
+        }
         // The classifier knows its features, whatever the settings say.
         let config = &EmgConfig { features: classifier.features(), ..config.clone() };
         Ok(EmgPipeline {
@@ -299,6 +305,11 @@ mod tests {
         let before = run(&mut pipeline, 0, 400, 20.0, false);
         assert!(before.last().is_some_and(|(_, out)| out.gesture == Gesture::HandClose));
 
+        assert!(!pipeline.events().is_eventful());
+        let mut silenced = pipeline.clone();
+        run(&mut silenced, 400, 197, 20.0, true);
+        assert!(silenced.events().stale, "the last of these steps makes it stale");
+
         let silent = run(&mut pipeline, 400, 600, 20.0, true);
         assert_eq!(silent.len(), 1, "{silent:?}");
         let (at, out) = silent[0];
@@ -308,8 +319,12 @@ mod tests {
         assert!(held_through.iter().all(|(_, out)| out.gesture == Gesture::NoMotion), "{held_through:?}");
         assert_eq!(held_through.last().map(|(_, out)| out.window_class), Some(Gesture::HandClose));
         assert_eq!(pipeline.counts().gaps, 1);
+        assert!(!pipeline.events().is_eventful());
 
         run(&mut pipeline, 1500, 400, 1.0, false);
+        let mut gapped = pipeline.clone();
+        gapped.step(SimTime(1905), &[sample(390, 1.0)]);
+        assert_eq!((gapped.events().counts.gaps, gapped.events().counts.rejected_windows), (1, 1));
         let rearmed = run(&mut pipeline, 1900, 400, 20.0, false);
         assert_eq!(rearmed.last().map(|(_, out)| out.gesture), Some(Gesture::HandClose));
     }

@@ -5,13 +5,14 @@
 
 use nalgebra::DMatrix;
 use proact_emg::{
-    Classifier, DecisionRule, EmgConfig, FeatureSet, FeatureVector, Lda, LdaNormalisation, RuleKind,
-    WindowLength, extract,
+    Classifier, DEFAULT_MAJORITY, DEFAULT_REJECTION, DecisionRule, EmgConfig, EmgPipeline, FeatureSet,
+    FeatureVector, Lda, LdaNormalisation, MajorityVote, Priors, RuleKind, WindowLength, extract,
 };
 use proact_types::{EmgSample, Gesture, SimTime};
 use std::{
     fs::File,
     io::{BufReader, Read},
+    num::NonZeroU32,
     path::PathBuf,
 };
 use zip::ZipArchive;
@@ -269,6 +270,80 @@ fn three_equal_classes_act_as_in_the_original_program_and_as_in_the_paper() {
         assert_eq!(run(&original), hold, "{file}");
         let paper = EmgConfig { rule: RuleKind::Strict, ..EmgConfig::default() };
         assert_eq!(run(&paper), strict, "{file}");
+    }
+}
+
+#[test]
+fn rejection_and_majority_vote_are_libemgs() {
+    for file in ["libemg_myo_w100_i50.npz", "edge_lda_rank_deficient.npz"] {
+        let Some(mut reference) = Reference::open(file) else { return };
+        let (confidences, predicted) = (reference.doubles("confidence").1, reference.integers("pred_label"));
+        let (rejected, majority) =
+            (reference.integers("rejected_090"), reference.integers("majority5_online"));
+        assert_eq!(majority, reference.integers("majority5_offline"));
+        let mut vote = MajorityVote::new(NonZeroU32::new(DEFAULT_MAJORITY).expect("five"));
+        let index = |class: Option<Gesture>| class.map_or(-1, |g| g.index() as i64);
+        let mut refusals = 0;
+        for k in 0..predicted.len() {
+            let predicted = Gesture::ALL[predicted[k] as usize];
+            let kept = (confidences[k] > DEFAULT_REJECTION).then_some(predicted);
+            refusals += usize::from(kept.is_none());
+            assert_eq!(index(kept), rejected[k], "{file} window {k}");
+            // The reference's vote runs over the classes before rejection.
+            assert_eq!(index(vote.push(Some(predicted))), majority[k], "{file} window {k}");
+        }
+        println!("{file}: {refusals} rejected");
+    }
+}
+
+#[test]
+fn the_pipeline_rejects_at_the_threshold_of_libemg() {
+    let Some(mut reference) = Reference::open("libemg_myo_w100_i50.npz") else { return };
+    let config = EmgConfig { rejection: Some(DEFAULT_REJECTION), ..config(100, 50) };
+    let (train, labels) = recorded(&[0, 1], &config).expect("found before");
+    let classifier = Classifier::train(&config, &train, &labels).expect("good data");
+    let raw = reference.doubles("X_test").0[0];
+    let rejected = reference.integers("rejected_090");
+    let dir = shared().expect("found before").join("libemg_tests_myo");
+    let mut classes = Vec::new();
+    for gesture in Gesture::ALL {
+        let mut pipeline = EmgPipeline::new(&config, classifier.clone()).expect("they fit");
+        let text = std::fs::read_to_string(dir.join(format!("R_2_C_{}_EMG.csv", gesture.index())));
+        let text = text.expect("the recording is there");
+        let rows: Vec<Vec<f64>> =
+            text.lines().map(|l| l.split(',').map(|v| v.parse().expect("a number")).collect()).collect();
+        for sample in samples(&rows) {
+            let output = pipeline.step(SimTime(sample.counter * 5), &[sample]);
+            classes.extend(output.map(|o| {
+                assert!(o.class.is_some() || o.effort == 0.0);
+                o.class.map_or(-1, |g| g.index() as i64)
+            }));
+        }
+    }
+    assert_eq!(classes.len(), raw);
+    assert_eq!(classes, rejected);
+}
+
+#[test]
+fn equal_priors_move_decisions_by_the_logarithm_of_the_priors_alone() {
+    let config = config(20, 10);
+    let Some((mut windows, mut labels)) = recorded(&[0, 1], &config) else { return };
+    // Unequal recordings, so that the priors differ.
+    windows.truncate(250);
+    labels.truncate(250);
+    let train = |priors| {
+        Classifier::train(&EmgConfig { priors, ..config.clone() }, &windows, &labels).expect("good data")
+    };
+    let (counted, equal) = (train(Priors::Counts), train(Priors::Equal));
+    let count = |k: usize| labels.iter().filter(|g| g.index() == k).count() as f64;
+    for window in &windows {
+        let (mut a, mut b) = ([0.0; 5], [0.0; 5]);
+        counted.lda().decide(window, &mut a);
+        equal.lda().decide(window, &mut b);
+        for k in 1..5 {
+            let moved = (a[k] - a[0]) - (b[k] - b[0]);
+            assert!((moved - (count(k) / count(0)).ln()).abs() < 1e-9, "class {k}: {moved}");
+        }
     }
 }
 
