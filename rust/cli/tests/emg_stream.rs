@@ -180,3 +180,42 @@ fn a_source_that_cannot_be_is_refused_with_what_there_is() {
         assert!(refused(&["--source", "ble"]).contains("--features ble"));
     }
 }
+
+/// A model of synthetic EMG at `rate_hz`, raw codes about `zero`.
+fn write_model(path: &Path, rate_hz: f64, zero: f64) {
+    use proact_devices::{SyntheticEmg, SyntheticModel};
+    use proact_emg::{EmgConfig, EmgModel};
+    use proact_types::{EmgSample, Gesture};
+    let rng = proact_devices::stream(9, "test");
+    let shipped = SyntheticModel::shipped().unwrap();
+    let mut emg = SyntheticEmg::new(&shipped, rate_hz, 8, 1.0, rng).unwrap();
+    let mut record = |gesture| -> Vec<EmgSample> {
+        let mut raw = || emg.next(gesture).iter().map(|v| (v + zero).round()).collect();
+        (0..(6.0 * rate_hz) as u64).map(|counter| EmgSample { counter, channels: raw() }).collect()
+    };
+    let recordings = Gesture::ALL.map(|gesture| (gesture, record(gesture)));
+    let slices: Vec<(Gesture, &[EmgSample])> = recordings.iter().map(|(g, s)| (*g, s.as_slice())).collect();
+    let config = EmgConfig { rate_hz, ..EmgConfig::default() };
+    let model = EmgModel::train(&config, &[zero; 8], &slices).unwrap();
+    std::fs::write(path, model.to_json().unwrap()).unwrap();
+}
+
+#[test]
+fn a_model_file_is_used_with_its_zero_level_and_one_of_another_band_is_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let (fits, other) = (dir.path().join("fits.json"), dir.path().join("other.json"));
+    write_model(&fits, 1000.0, 128.0);
+    write_model(&other, 200.0, 128.0);
+    let (_running, address) = simulator(&["--gesture", SCRIPT]);
+    let source = format!("gforce-sim://{address}");
+    let lines = stream(&["--source", &source, "--model", fits.to_str().unwrap(), "--seconds", "2"]);
+    let (share, decisions) = score(&lines, 1000.0);
+    assert!(decisions > 20 && share > 0.95, "{share} of {decisions}");
+    let output =
+        proact(&["stream", "--source", &source, "--model", other.to_str().unwrap()]).output().unwrap();
+    let error = String::from_utf8(output.stderr).unwrap();
+    assert!(
+        !output.status.success() && error.contains("trained at 200 Hz, the stream has 1000 Hz"),
+        "{error}"
+    );
+}

@@ -4,13 +4,16 @@ use super::view::{Glance, View};
 use crate::emg::WindowArgs;
 use clap::Args;
 use proact_devices::{
-    EmgPacket, EmgRecorder, EmgSource, LibEmgOutput, LibEmgReceiver, LibEmgSender, Pacing, PlaybackSource,
-    Recordings, SampleSource, SourceEvent, SourceInfo,
+    EmgPacket, EmgRecorder, LibEmgOutput, LibEmgReceiver, LibEmgSender, Pacing, PlaybackSource, Recording,
+    Recordings, SampleSource, SourceEvent, SourceInfo, SyntheticEmg, SyntheticModel,
     gforce::{GForce, GForceOptions, TcpConnector},
-    prepare_with, read_recorded, train,
+    read_recorded, stream,
 };
-use proact_emg::{Classifier, DecisionRule, EmgConfig, EmgOutput, EmgPipeline};
-use proact_types::{Gesture, SimTime};
+use proact_emg::{
+    DecisionRule, EmgConfig, EmgModel, EmgOutput, EmgPipeline, Light, QualityConfig, QualityMonitor,
+    StreamFormat,
+};
+use proact_types::{EmgSample, Gesture, SimTime};
 use serde_json::json;
 use std::{
     error::Error,
@@ -30,7 +33,10 @@ pub struct StreamArgs {
     /// gforce-sim://HOST:PORT, ble or ble:NAME, file:FOLDER, file:FILE.csv|.edf, libemg-udp:PORT.
     #[arg(long)]
     source: SourceName,
-    /// Folder of recordings to train on. Without it synthetic EMG is trained on, which fits the simulator alone.
+    /// Model file, as training writes it.
+    #[arg(long, conflicts_with_all = ["data", "window", "increment", "features"])]
+    model: Option<PathBuf>,
+    /// Folder of recordings to train on. Without it and without a model synthetic EMG is trained on, which fits the simulator alone.
     #[arg(long)]
     data: Option<PathBuf>,
     /// Repetitions to train on.
@@ -42,7 +48,8 @@ pub struct StreamArgs {
     /// Play files as fast as they can be read.
     #[arg(long)]
     flat_out: bool,
-    /// The code of zero volts. Default: what the maker says, 128 at 8 bit, 2048 at 12 bit; 0 for files.
+    /// The code of zero volts. Default: that of the model if it was trained on raw codes; else what the maker says,
+    /// 128 at 8 bit, 2048 at 12 bit; 0 for files.
     #[arg(long)]
     zero: Option<f64>,
     /// Bits of the armband's converter: 8 up to 1000 Hz, 12 up to 500 Hz.
@@ -161,24 +168,64 @@ fn open_ble(_name: &str, _options: GForceOptions) -> Result<Box<dyn SampleSource
     Err("this proact was built without Bluetooth; install libdbus-1-dev and build with --features ble".into())
 }
 
-/// A classifier and settings for the stream.
-fn model(args: &StreamArgs, info: &SourceInfo) -> Result<(EmgConfig, Classifier, String), Box<dyn Error>> {
+/// A model for the stream, and what it was trained on.
+fn model(args: &StreamArgs, info: &SourceInfo) -> Result<(EmgModel, String), Box<dyn Error>> {
+    if let Some(path) = &args.model {
+        let json =
+            std::fs::read_to_string(path).map_err(|e| format!("cannot read {}: {e}", path.display()))?;
+        let model = EmgModel::from_json(&json).map_err(|e| format!("{}: {e}", path.display()))?;
+        let stream = StreamFormat { rate_hz: info.rate_hz, channels: info.channels, rest_medians: None };
+        model.check_fits(&stream)?;
+        return Ok((model, path.display().to_string()));
+    }
     // Unlike recordings a live stream can fall silent.
     let config = EmgConfig {
         max_age_millis: EmgConfig::default().max_age_millis,
         ..args.window.config(info.rate_hz, info.channels)?
     };
     config.check()?;
-    let Some(dir) = &args.data else {
-        let setup = prepare_with(&EmgSource::Synthetic, &config, 0)?;
-        let trained_on = "synthetic EMG; name recordings with --data";
-        check_fit(info, setup.config.rate_hz, setup.config.channels, trained_on)?;
-        return Ok((setup.config, setup.classifier, setup.label));
+    let (recordings, reps, label) = match &args.data {
+        Some(dir) => {
+            (Recordings::open(dir, args.window.rate)?, args.train_reps.clone(), dir.display().to_string())
+        }
+        None => (synthetic()?, vec![0], "synthetic EMG; name recordings with --data".to_owned()),
     };
-    let recordings = Recordings::open(dir, args.window.rate)?;
-    check_fit(info, recordings.rate_hz, recordings.channels, &dir.display().to_string())?;
-    let classifier = train(&recordings, &args.train_reps, &config)?;
-    Ok((config, classifier, dir.display().to_string()))
+    check_fit(info, recordings.rate_hz, recordings.channels, &label)?;
+    if reps.is_empty() {
+        return Err("no repetitions to train on were named, expected at least one, such as 0".into());
+    }
+    let mut samples: Vec<(Gesture, Vec<EmgSample>)> = Vec::new();
+    for &rep in &reps {
+        for gesture in recordings.gestures() {
+            samples.push((gesture, recordings.find(gesture, rep)?.numbered().collect()));
+        }
+    }
+    let slices: Vec<(Gesture, &[EmgSample])> = samples.iter().map(|(g, s)| (*g, s.as_slice())).collect();
+    Ok((EmgModel::train(&config, &vec![0.0; config.channels], &slices)?, label))
+}
+
+/// Recordings of the generator that the simulator uses, from another random stream.
+fn synthetic() -> Result<Recordings, Box<dyn Error>> {
+    let (model, rate_hz, secs) = (SyntheticModel::shipped()?, 1000.0, 6.0);
+    let channels = model.channels();
+    let mut generator = SyntheticEmg::new(&model, rate_hz, channels, 1.0, stream(0, "emg/synthetic/train"))?;
+    let mut record = |gesture| Recording {
+        repetition: 0,
+        gesture,
+        samples: (0..(secs * rate_hz) as usize).map(|_| generator.next(gesture)).collect(),
+        path: "synthetic".into(),
+    };
+    let items = Gesture::ALL.map(&mut record).into();
+    Ok(Recordings { path: "synthetic".into(), rate_hz, channels, items })
+}
+
+/// What is subtracted from each channel. A model whose zero levels are all 0 was trained on centred samples.
+fn zero_levels(args: &StreamArgs, info: &SourceInfo, model: &EmgModel) -> Vec<f64> {
+    match args.zero {
+        Some(zero) => vec![zero; info.channels],
+        None if model.centring.iter().any(|level| *level != 0.0) => model.centring.clone(),
+        None => vec![info.zero; info.channels],
+    }
 }
 
 fn check_fit(info: &SourceInfo, rate_hz: f64, channels: usize, trained_on: &str) -> Result<(), String> {
@@ -220,7 +267,7 @@ impl Output {
             sender.send(LibEmgOutput { gesture: Some(out.gesture), velocity: None })?;
         }
         self.line(&json!({
-            "t_s": at.as_secs(), "sample": counter, "gesture": out.gesture, "window_class": out.window_class,
+            "t_s": at.as_secs(), "sample": counter, "gesture": out.gesture, "window_class": out.window_class, "class": out.class,
             "confidence": out.confidence, "posterior": out.posterior, "effort": out.effort,
             "published": out.published, "stale": out.stale,
         }))
@@ -234,11 +281,19 @@ fn samples(
     stop: &AtomicBool,
 ) -> Result<(), Box<dyn Error>> {
     let info = source.info().clone();
-    let (config, classifier, label) = model(args, &info)?;
-    let mut pipeline = EmgPipeline::new(&config, classifier)?;
+    let (model, label) = model(args, &info)?;
+    let zero = zero_levels(args, &info, &model);
+    let mut pipeline = EmgPipeline::new(&model.config, model.classifier.clone())?;
+    // Rails are those of all channels: the narrowest range after centring.
+    let rails = info.rails.map(|(low, high)| {
+        let (least, most) = zero.iter().fold((f64::MAX, f64::MIN), |(a, b), z| (a.min(*z), b.max(*z)));
+        [low - least, high - most]
+    });
+    let quality_config = QualityConfig { rails, ..QualityConfig::default() };
+    let mut quality = QualityMonitor::new(quality_config, info.rate_hz, info.channels, &model.channels);
+    let mut light = Light::Green;
     let mut recorder = args.record.as_ref().map(|path| EmgRecorder::create(path, &info)).transpose()?;
-    let zero = args.zero.unwrap_or(info.zero);
-    let mut glance = Glance::new(&info, &label, zero);
+    let mut glance = Glance::new(&info, &label);
     out.line(
         &json!({ "event": "open", "source": info.name, "rate_hz": info.rate_hz, "channels": info.channels,
         "trained_on": label, "zero": zero, "loss_is_counted": info.loss_is_counted }),
@@ -264,8 +319,18 @@ fn samples(
                         "lost_samples": packet.lost_before, "next_sample": next }))?;
                 }
                 for sample in &mut packet.samples {
-                    sample.channels.iter_mut().for_each(|value| *value -= zero);
+                    sample.channels.iter_mut().zip(&zero).for_each(|(value, zero)| *value -= zero);
                     glance.sample(sample);
+                    if quality.push(now, sample) {
+                        glance.quality.copy_from_slice(quality.channels());
+                        glance.stream_quality = *quality.stream();
+                        if quality.light() != light {
+                            light = quality.light();
+                            going &= out
+                                .line(&json!({ "event": "quality", "t_s": now.as_secs(), "light": light,
+                                "channels": quality.channels(), "stream": quality.stream() }))?;
+                        }
+                    }
                     if let Some(output) = pipeline.step(now, std::slice::from_ref(sample)) {
                         glance.output = Some(output);
                         going &= out.decision(now, Some(sample.counter), &output)?;

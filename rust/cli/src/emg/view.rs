@@ -1,7 +1,7 @@
 //! What `proact emg stream` shows on a terminal.
 
 use proact_devices::{SourceCounts, SourceInfo};
-use proact_emg::EmgOutput;
+use proact_emg::{ChannelQuality, EmgOutput, Fault, Light, StreamQuality};
 use proact_types::{EmgSample, MAX_EMG_CHANNELS};
 use std::{
     io::{self, IsTerminal, Write},
@@ -12,19 +12,17 @@ use std::{
 const SMOOTHING_SECS: f64 = 0.15;
 /// Columns of a bar.
 const BAR: usize = 40;
-/// A channel that never moves so far, in codes, for a second is flat.
-const FLAT: f64 = 1.0;
 
 /// What the stream is doing now.
 pub(super) struct Glance {
     info: SourceInfo,
     label: String,
-    zero: f64,
     /// Smoothed mean square per channel, and the largest amplitude seen, which scales the bars.
     power: [f64; MAX_EMG_CHANNELS],
     loudest: f64,
-    /// Share of newest samples at the end of the converter's range, smoothed.
-    railed: [f64; MAX_EMG_CHANNELS],
+    /// Verdicts per channel and on the stream.
+    pub(super) quality: Vec<ChannelQuality>,
+    pub(super) stream_quality: StreamQuality,
     received: u64,
     since: Instant,
     rate_hz: f64,
@@ -34,14 +32,14 @@ pub(super) struct Glance {
 }
 
 impl Glance {
-    pub(super) fn new(info: &SourceInfo, label: &str, zero: f64) -> Glance {
+    pub(super) fn new(info: &SourceInfo, label: &str) -> Glance {
         Glance {
             info: info.clone(),
             label: label.to_owned(),
-            zero,
             power: [0.0; MAX_EMG_CHANNELS],
             loudest: 1.0,
-            railed: [0.0; MAX_EMG_CHANNELS],
+            quality: vec![ChannelQuality::default(); info.channels],
+            stream_quality: StreamQuality::default(),
             received: 0,
             since: Instant::now(),
             rate_hz: 0.0,
@@ -56,9 +54,6 @@ impl Glance {
         let share = 1.0 - (-1.0 / (SMOOTHING_SECS * self.info.rate_hz)).exp();
         for (channel, value) in sample.channels.iter().enumerate() {
             self.power[channel] += share * (value * value - self.power[channel]);
-            let code = value + self.zero;
-            let at_end = self.info.rails.is_some_and(|(low, high)| code <= low || code >= high);
-            self.railed[channel] += share * (f64::from(u8::from(at_end)) - self.railed[channel]);
             self.loudest = self.loudest.max(self.power[channel].sqrt());
         }
         self.received += 1;
@@ -75,11 +70,7 @@ impl Glance {
         for channel in 0..self.info.channels {
             let rms = self.power[channel].sqrt();
             let filled = ((rms / self.loudest * BAR as f64).round() as usize).min(BAR);
-            let state = match () {
-                () if self.railed[channel] > 0.02 => "cut off at the end of the range",
-                () if rms < FLAT => "flat",
-                () => "",
-            };
+            let state = finding(&self.quality[channel]);
             text += &format!("ch{channel:<3} {:<BAR$} {rms:7.1}  {state}\n", "#".repeat(filled));
         }
         text += &match &self.output {
@@ -95,7 +86,8 @@ impl Glance {
         };
         let SourceCounts { lost_samples, duplicates, late, malformed, broken_fragments, .. } = self.counts;
         text += &format!(
-            "{:.0} samples/s  lost {lost_samples}  twice {duplicates}  late {late}  damaged {}\n",
+            "{:<5} {:.0} samples/s  lost {lost_samples}  twice {duplicates}  late {late}  damaged {}\n",
+            word(self.stream_quality.light),
             self.rate_hz,
             malformed + broken_fragments
         );
@@ -104,6 +96,27 @@ impl Glance {
             None => "\n".to_owned(),
         };
         text
+    }
+}
+
+/// The light as a word, and what is wrong.
+fn finding(quality: &ChannelQuality) -> String {
+    let fault = match quality.fault {
+        None => "",
+        Some(Fault::Flat) => "flat: a dead channel",
+        Some(Fault::Railed) => "cut off at the ends of the range",
+        Some(Fault::Drift) => "far from where it rested",
+        Some(Fault::Mains) => "mains hum",
+        Some(Fault::LiftOff) => "louder than any gesture: off the skin?",
+    };
+    format!("{:<5} {fault}", word(quality.light)).trim_end().to_owned()
+}
+
+fn word(light: Light) -> &'static str {
+    match light {
+        Light::Green => "good",
+        Light::Amber => "look",
+        Light::Red => "BAD",
     }
 }
 
@@ -151,26 +164,27 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_flat_and_a_railed_channel_are_told() {
+    fn amplitude_verdict_and_gesture_are_shown() {
         let info = SourceInfo {
             name: "test".to_owned(),
             rate_hz: 1000.0,
-            channels: 3,
+            channels: 2,
             packet_samples: 16,
             zero: 128.0,
             rails: Some((0.0, 255.0)),
             loss_is_counted: true,
         };
-        let mut glance = Glance::new(&info, "test", 128.0);
+        let mut glance = Glance::new(&info, "recordings");
         for counter in 0..2000_u64 {
             let swing: f64 = if counter % 2 == 0 { 1.0 } else { -1.0 };
-            let channels = [0.0, 127.0 * swing.max(0.0), 40.0 * swing].into_iter().collect();
-            glance.sample(&EmgSample { counter, channels });
+            glance.sample(&EmgSample { counter, channels: [0.0, 40.0 * swing].into_iter().collect() });
         }
+        glance.quality[0] =
+            ChannelQuality { light: Light::Red, fault: Some(Fault::Flat), ..ChannelQuality::default() };
         let text = glance.text();
         let lines: Vec<&str> = text.lines().collect();
-        assert!(lines[1].ends_with("flat"), "{text}");
-        assert!(lines[2].ends_with("cut off at the end of the range"), "{text}");
-        assert!(lines[3].contains("40.0") && lines[3].trim_end().ends_with("40.0"), "{text}");
+        assert!(lines[1].ends_with("0.0  BAD   flat: a dead channel"), "{text}");
+        assert!(lines[2].ends_with("40.0  good") && lines[2].contains(&"#".repeat(BAR)), "{text}");
+        assert_eq!(lines[3], "waiting for the first window");
     }
 }
