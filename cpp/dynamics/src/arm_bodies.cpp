@@ -28,6 +28,19 @@ dMass link_mass(const Link& link, const Pose& frame_from_link) {
   return mass;
 }
 
+/// Angular acceleration of a free body about `axis` by a torque of 1 N m about it, 1/(kg m^2).
+double turning_ease(dBodyID body, const Vec3& axis) {
+  dMass mass;
+  dBodyGetMass(body, &mass);
+  dMatrix3 inverse_inertia;
+  dInvertPDMatrix(mass.I, inverse_inertia, 3);
+  const Vec3 own = rotate(conjugate(to_quat(dBodyGetQuaternion(body))), axis);
+  const dVector3 turn{own.x, own.y, own.z};
+  dVector3 response;
+  dMultiply0(response, inverse_inertia, turn, 3, 3, 1);
+  return dot(own, to_vec(response));
+}
+
 }  // namespace
 
 bool World::Simulation::movable(std::size_t joint) const {
@@ -123,7 +136,9 @@ void World::Simulation::make_hinges() {
     const Vec3 axis = rotate(pose.rotation, joint.axis);
     dJointSetHingeAnchor(hinge, pose.position.x, pose.position.y, pose.position.z);
     dJointSetHingeAxis(hinge, axis.x, axis.y, axis.z);
-    hinges_.push_back({hinge, moving_of_joint_[k], {}});
+    double yielding = turning_ease(bodies_[body_of_[k + 1]], axis);
+    if (const std::size_t parent = body_of_[joint.parent]; parent != 0) yielding += turning_ease(bodies_[parent], axis);
+    hinges_.push_back({hinge, moving_of_joint_[k], 1.0 / yielding, {}});
   }
   // ODE keeps the addresses, so they are given once the vector has stopped growing.
   for (Hinge& hinge : hinges_) dJointSetFeedback(hinge.joint, &hinge.feedback);

@@ -1,5 +1,6 @@
 #include "proact/dynamics/model.hpp"
 
+#include <limits>
 #include <sstream>
 #include <stdexcept>
 
@@ -9,6 +10,7 @@ namespace {
 
 // ODE measures a hinge in (-pi, pi]: a limit outside would never be met.
 constexpr double widest_angle = 3.1;
+constexpr double infinity = std::numeric_limits<double>::infinity();
 
 template <typename... Parts>
 [[noreturn]] void refuse(const Parts&... parts) {
@@ -79,8 +81,10 @@ void check_joints(const Model& model) {
     check_pose(what, joint.origin);
     if (joint.fixed) continue;
     if (!is_finite(joint.axis) || std::fabs(norm(joint.axis) - 1.0) > 1e-6) refuse(what, ": the axis is not a unit vector");
-    if (!(std::fabs(joint.lower) <= widest_angle && std::fabs(joint.upper) <= widest_angle)) {
-      refuse(what, ": limits ", joint.lower, " to ", joint.upper, " rad, ODE needs them within +-", widest_angle);
+    const bool endless = joint.lower == -infinity && joint.upper == infinity;
+    if (!endless && !(std::fabs(joint.lower) <= widest_angle && std::fabs(joint.upper) <= widest_angle)) {
+      refuse(what, ": limits ", joint.lower, " to ", joint.upper, " rad, ODE needs them within +-", widest_angle,
+             ", or both infinite for none");
     }
     if (joint.lower > joint.upper) refuse(what, ": lower limit ", joint.lower, " is above the upper ", joint.upper);
     check_number(what + ": velocity limit", joint.velocity, 0.0);

@@ -145,6 +145,18 @@ void World::Simulation::step(const double* position, const double* velocity, con
   }
 }
 
+World::Simulation::~Simulation() {
+  if (failure_.empty()) return;
+  // An error thrown through ODE leaves its job list half done, and tidying that up ends the process. So what a failed
+  // step leaves behind is never freed.
+  for (auto* geoms : {&link_geoms_, &fixed_geoms_, &block_geoms_}) {
+    for (Geom& geom : *geoms) static_cast<void>(geom.id.release());
+  }
+  static_cast<void>(contact_group_.release());
+  static_cast<void>(world_.release());
+  static_cast<void>(threading_.release());
+}
+
 /// Whether a joint is on a stop: once beyond its limit, and until the control alone can hold it.
 int World::Simulation::stop_of(std::size_t moving) const {
   const Joint& joint = model_.joints[model_.moving[moving]];
@@ -155,6 +167,9 @@ int World::Simulation::stop_of(std::size_t moving) const {
 
 /// Position control as a speed constraint with bounded torque: at the end of the tick the joint has the speed
 /// that closes the gap, unless that takes more than the effort limit. Gravity therefore leaves no sag.
+///
+/// Damping and friction act as they do at the end of the tick (implicit Euler, of each joint by itself): taken from
+/// its start, they would shake light fingers that no control holds ever faster.
 ///
 /// A stop is the same constraint at the limit without a bound. ODE's own stops are not used: a motor that drives
 /// away from one acts with its full torque for a tick, which throws light fingers.
@@ -174,8 +189,8 @@ void World::Simulation::drive(const double* position, const double* velocity) {
     const double speed = std::clamp(ahead + options.position_gain * error, -fastest, fastest);
     dJointSetHingeParam(hinge.joint, dParamVel, speed);
     dJointSetHingeParam(hinge.joint, dParamFMax, stopped ? dInfinity : joint.effort);
-    const double rubbing = joint.friction * std::clamp(velocities_[k] / friction_fade, -1.0, 1.0);
-    dJointAddHingeTorque(hinge.joint, -joint.damping * velocities_[k] - rubbing);
+    const double rubbing = joint.damping + joint.friction / std::max(std::fabs(velocities_[k]), friction_fade);
+    dJointAddHingeTorque(hinge.joint, -rubbing * velocities_[k] / (1.0 + tick_secs * rubbing / hinge.inertia));
   }
 }
 

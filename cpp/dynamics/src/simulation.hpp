@@ -23,6 +23,9 @@ struct BodyBits {
 class World::Simulation {
  public:
   explicit Simulation(Model model);
+  ~Simulation();
+  Simulation(const Simulation&) = delete;
+  Simulation& operator=(const Simulation&) = delete;
 
   void step(const double* position, const double* velocity, const Pose& world_from_base);
   void attach(std::size_t block, std::size_t link);
@@ -63,6 +66,7 @@ class World::Simulation {
   struct Hinge {
     dJointID joint;
     std::size_t moving;  ///< index of the joint vector
+    double inertia;      ///< that its two bodies put up about the axis, kg m^2; the rest of the arm only adds to it
     dJointFeedback feedback;
   };
   struct Measured {

@@ -103,9 +103,21 @@ void what_would_end_the_process_is_thrown() {
   check_refused("dDebug", "internal error 8: eight", [] { dDebug(8, "%s", "eight"); });
 }
 
+void a_world_that_failed_inside_ode_refuses_steps_and_can_be_destroyed() {
+  // ODE throws from the middle of a step, and tidying up after that used to end the process.
+  Model model = chain(1);
+  model.blocks.push_back(cylinder("thrown", {{1.0, 0.0, 10.0}, {0.0, std::sin(0.5), 0.0, std::cos(0.5)}}));
+  model.options.gravity.z = -1e308;
+  World world(std::move(model));
+  check_refused("blow-up", "", [&] { run(world, 100); });
+  check_refused("after it", "unusable since an earlier failure", [&] { run(world, 1); });
+  check_refused("saving it", "unusable since an earlier failure", [&] { static_cast<void>(world.save()); });
+}
+
 }  // namespace
 
 int main() {
+  a_world_that_failed_inside_ode_refuses_steps_and_can_be_destroyed();
   a_held_hand_is_one_body_and_wakes_on_command();
   a_block_falls_as_the_closed_form_says();
   a_joint_stops_at_its_limit_without_a_kick();

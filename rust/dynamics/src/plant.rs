@@ -23,6 +23,31 @@ pub enum Solver {
     },
 }
 
+/// How heavy the arm is. Each factor is on masses, inertias and effort limits alike, so that the arm can bear itself as
+/// before; damping, friction and the blocks stay.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum MassSet {
+    /// The masses of the arm's description. The public MPL model has 0.53 kg in all, about a tenth of the real limb.
+    #[default]
+    Description,
+    /// Ten times the description: the MPL's at about 5.3 kg. That the real limb weighs about ten times the public
+    /// model is taken over; how its weight is spread, and that its motors grow with it, is assumed.
+    RealLimb,
+    /// Another factor, above zero.
+    Scaled(f64),
+}
+
+impl MassSet {
+    /// On masses, inertias and effort limits.
+    pub fn factor(self) -> f64 {
+        match self {
+            Self::Description => 1.0,
+            Self::RealLimb => 10.0,
+            Self::Scaled(factor) => factor,
+        }
+    }
+}
+
 /// Settings of the physics.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DynamicsOptions {
@@ -30,6 +55,8 @@ pub struct DynamicsOptions {
     pub gravity: Vector,
     /// The solver.
     pub solver: Solver,
+    /// How heavy the arm is.
+    pub mass_set: MassSet,
     /// Share of a joint's angle error that the position control takes away in a second, 1/s, at most 1000.
     pub position_gain: f64,
     /// Hand joints whose command has stood still and been reached for 50 ms become rigid until it changes.
@@ -48,6 +75,7 @@ impl Default for DynamicsOptions {
         Self {
             gravity: Vector::new(0.0, 0.0, -9.80665),
             solver: Solver::Direct,
+            mass_set: MassSet::Description,
             position_gain: 200.0,
             hold_still_hand: true,
             sleep: true,
@@ -96,6 +124,10 @@ impl OdePlant {
         check_pose(world_from_base)?;
         if matches!(options.solver, Solver::Iterative { iterations: 0, .. }) {
             return Err(PlantError::Model("0 solver iterations, expected at least 1".to_owned()));
+        }
+        let factor = options.mass_set.factor();
+        if !(factor.is_finite() && factor > 0.0) {
+            return Err(PlantError::Model(format!("mass factor {factor}, expected above 0")));
         }
         let mut blocks = ArrayVec::new();
         if scene.blocks.len() > blocks.capacity() {
@@ -320,10 +352,13 @@ fn describe(
         base_speed: options.base_speed_limit,
         base_turn_speed: options.base_turn_speed_limit,
     };
+    let factor = options.mass_set.factor();
     let mut described = ffi::new_model(&settings, &from_pose(world_from_base));
     for link in &model.links {
         let (mass, pose, inertia) = match &link.inertial {
-            Some(inertial) if inertial.mass > 0.0 => (inertial.mass, inertial.pose, inertial.inertia),
+            Some(inertial) if inertial.mass > 0.0 => {
+                (factor * inertial.mass, inertial.pose, inertial.inertia.map(|value| factor * value))
+            }
             // Zero would mean a frame without mass, which is not what the description says.
             Some(inertial) => {
                 return Err(PlantError::Model(format!(
@@ -350,8 +385,8 @@ fn describe(
             )));
         }
         let limits = &joint.limits;
-        let numbers =
-            [limits.lower, limits.upper, limits.velocity, limits.effort, joint.damping, joint.friction];
+        let effort = factor * limits.effort;
+        let numbers = [limits.lower, limits.upper, limits.velocity, effort, joint.damping, joint.friction];
         let fixed = joint.kind == JointKind::Fixed;
         let axis: [f64; 3] = joint.axis.into();
         let origin = from_pose(&joint.origin);

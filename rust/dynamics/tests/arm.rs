@@ -6,7 +6,7 @@
 mod common;
 
 use common::{START, bare_table, box_scene, plant, plant_with, positions, run, stay, still};
-use proact_dynamics::DynamicsOptions;
+use proact_dynamics::{DynamicsOptions, MassSet};
 use proact_testbed::ports::Plant;
 use proact_types::{PlantState, Vector};
 
@@ -153,4 +153,34 @@ fn a_base_that_is_told_to_jump_stays_and_kicks_nothing() {
     plant.step(&stay(&start, near)).unwrap();
     assert!(!plant.base_held());
     assert_eq!(plant.state().world_from_base, near);
+}
+
+#[test]
+fn the_real_limbs_mass_set_takes_ten_times_the_torque_and_still_leaves_no_sag() {
+    let model = proact_description::mpl_right_arm();
+    let total: f64 =
+        model.links.iter().filter_map(|link| link.inertial.as_ref()).map(|inertial| inertial.mass).sum();
+    assert!((total - 0.529).abs() < 0.002, "the public model weighs {total} kg");
+    let start = positions(&model, &START, "open");
+    let efforts = [MassSet::Description, MassSet::RealLimb].map(|mass_set| {
+        let options = DynamicsOptions { mass_set, ..DynamicsOptions::default() };
+        let mut plant = plant_with(&box_scene(), &still(), options);
+        let before = plant.link_pose(model.tip).unwrap();
+        run(&mut plant, &stay(&start, still()), 1000);
+        let after = plant.link_pose(model.tip).unwrap();
+        let sag = (after.translation.vector - before.translation.vector).norm();
+        assert!(sag < 1e-5, "{mass_set:?}: the wrist sank by {sag} m");
+        plant.state().effort.clone()
+    });
+    let largest = efforts[0].iter().fold(0.0_f64, |most, effort| most.max(effort.abs()));
+    assert!(largest > 0.1, "the arm bears itself with {largest} N m");
+    for (light, heavy) in efforts[0].iter().zip(&efforts[1]) {
+        assert!((heavy - 10.0 * light).abs() < 1e-3 * 10.0 * largest, "{light} N m and {heavy} N m");
+    }
+}
+
+#[test]
+fn a_heavy_arm_moves_as_exactly_as_a_light_one() {
+    let (worst, _) = swing(DynamicsOptions { mass_set: MassSet::RealLimb, ..DynamicsOptions::default() });
+    assert!(worst < 1.7e-4, "{worst} rad behind");
 }

@@ -6,7 +6,7 @@
 mod common;
 
 use common::{START, bare_table, box_scene, plant, plant_at, positions, standing, stay, still};
-use proact_dynamics::{DynamicsOptions, OdePlant, Solver};
+use proact_dynamics::{DynamicsOptions, MassSet, OdePlant, Solver};
 use proact_testbed::ports::{Plant, PlantError};
 use proact_types::{ArmModel, BlockId, Scene};
 
@@ -81,6 +81,10 @@ fn settings_are_checked() {
     let options = DynamicsOptions::default();
     let solver = Solver::Iterative { iterations: 0, seed: 1 };
     assert!(refused(DynamicsOptions { solver, ..options }).contains("0 solver iterations"));
+    for factor in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        let mass_set = MassSet::Scaled(factor);
+        assert!(refused(DynamicsOptions { mass_set, ..options }).contains("expected above 0"));
+    }
     assert!(refused(DynamicsOptions { position_gain: 2000.0, ..options }).contains("overshoots"));
     assert!(refused(DynamicsOptions { position_gain: f64::NAN, ..options }).contains("position gain is nan"));
 }

@@ -42,7 +42,7 @@ struct Joint {
   std::size_t parent = 0;
   Pose origin;  ///< parent_from_child at angle zero
   Vec3 axis;    ///< unit, in the child frame
-  double lower = 0.0;
+  double lower = 0.0;  ///< rad; both infinite: no stops, and the angle is told within -pi to pi
   double upper = 0.0;
   double velocity = 0.0;  ///< highest speed, rad/s
   double effort = 0.0;    ///< highest effort of the position control, N m

@@ -1,0 +1,207 @@
+//! Energy and torques of the undriven and the driven arm, against laws that know nothing of ODE.
+
+#![allow(missing_docs)]
+#![allow(clippy::unwrap_used)]
+
+mod common;
+
+use common::{START, bare_table, grasp_base, positions, standing, stay, still};
+use proact_dynamics::{DynamicsOptions, OdePlant};
+use proact_kinematics::Kinematics;
+use proact_testbed::ports::Plant;
+use proact_types::{ArmModel, BlockId, Point, Scene, Vector, zeros};
+
+/// The arm without damping, friction, stops and motors.
+fn limp(mut model: ArmModel, damping: f64) -> ArmModel {
+    for joint in &mut model.joints {
+        (joint.damping, joint.friction, joint.limits.effort) = (damping, 0.0, 0.0);
+        (joint.limits.lower, joint.limits.upper) = (f64::NEG_INFINITY, f64::INFINITY);
+    }
+    model
+}
+
+fn nothing() -> Scene {
+    Scene { fixed: Vec::new(), ..bare_table(Vec::new()) }
+}
+
+/// Kinetic energy by KDL's mass matrix and potential energy by the links' places, J.
+fn energy(model: &ArmModel, kinematics: &mut Kinematics, plant: &OdePlant) -> (f64, f64) {
+    let state = plant.state();
+    let rest = zeros(model.moving_count());
+    let momentum =
+        kinematics.inverse_dynamics(&state.position, &rest, &state.velocity, &Vector::zeros()).unwrap();
+    let kinetic: f64 = momentum.iter().zip(&state.velocity).map(|(p, v)| 0.5 * p * v).sum();
+    let potential = (0..model.links.len())
+        .filter_map(|link| {
+            let inertial = model.links[link].inertial.as_ref()?;
+            let centre = plant.link_pose(link).unwrap() * Point::from(inertial.pose.translation.vector);
+            Some(9.80665 * inertial.mass * centre.z)
+        })
+        .sum();
+    (kinetic, potential)
+}
+
+/// Lets the limp arm fall for five seconds: largest change of the energy and largest potential energy released, J.
+fn fall(start: &[f64], options: DynamicsOptions, damping: f64) -> (f64, f64, f64) {
+    let original = proact_description::mpl_right_arm();
+    let mut kinematics = Kinematics::new(&original).unwrap();
+    let model = limp(original, damping);
+    let mut plant = OdePlant::new(&model, &nothing(), start, &still(), options).unwrap();
+    let command = stay(start, still());
+    let (_, first) = energy(&model, &mut kinematics, &plant);
+    let (mut low, mut high, mut released) = (0.0_f64, 0.0_f64, 0.0_f64);
+    for tick in 0..5000 {
+        plant.step(&command).unwrap();
+        if tick % 5 != 0 {
+            continue;
+        }
+        let (kinetic, potential) = energy(&model, &mut kinematics, &plant);
+        low = low.min(kinetic + potential - first);
+        high = high.max(kinetic + potential - first);
+        released = released.max(first - potential);
+    }
+    (low, high, released)
+}
+
+/// Two places to fall from: the start of a trial, and nearly stretched out.
+fn starts() -> [Vec<f64>; 2] {
+    let model = proact_description::mpl_right_arm();
+    [START, [1.2, -0.2, 0.3, 0.2, 0.1, 0.1, 0.1]].map(|arm| positions(&model, &arm, "open"))
+}
+
+/// What holds of the energy of an arm without damping, friction, stops and motors: ODE's integrator never feeds it,
+/// but takes a good part away within seconds, because each tick projects the bodies' speeds onto joints that have
+/// turned meanwhile. The bounds are what was measured, rounded up; docs/dynamics.md has the figures.
+#[test]
+fn an_undamped_arm_gains_next_to_no_energy_but_loses_up_to_half_in_five_seconds() {
+    for start in starts() {
+        for hold_still_hand in [true, false] {
+            let options = DynamicsOptions { hold_still_hand, ..DynamicsOptions::default() };
+            let (low, high, released) = fall(&start, options, 0.0);
+            println!(
+                "hand merged {hold_still_hand}: {:+.1} % to {:+.1} % of {released:.2} J",
+                100.0 * low / released,
+                100.0 * high / released
+            );
+            assert!(released > 1.0, "the arm must fall: {released} J");
+            assert!(high < 0.03 * released, "gained {high} J of {released} J");
+            assert!(low > -0.5 * released, "lost {low} J of {released} J");
+        }
+    }
+}
+
+/// Damping of light fingers must not shake them, which it would if it were taken from the start of the tick.
+#[test]
+fn with_damping_energy_never_grows() {
+    for start in starts() {
+        for hold_still_hand in [true, false] {
+            for damping in [0.01, 1.0] {
+                let options = DynamicsOptions { hold_still_hand, ..DynamicsOptions::default() };
+                let (_, high, released) = fall(&start, options, damping);
+                assert!(released > 0.02, "damping {damping}: the arm must fall: {released} J");
+                assert!(high < 1e-6, "damping {damping}: gained {high} J of {released} J");
+            }
+        }
+    }
+}
+
+/// Numbers in [0, 1) that look random.
+struct Numbers(u64);
+
+impl Numbers {
+    fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 11) as f64 / (1_u64 << 53) as f64
+    }
+}
+
+#[test]
+fn accelerations_put_through_kdl_give_back_the_torques_within_one_percent() {
+    let model = proact_description::mpl_right_arm();
+    let mut kinematics = Kinematics::new(&model).unwrap();
+    let mut free = model.clone();
+    for joint in &mut free.joints {
+        (joint.damping, joint.friction) = (0.0, 0.0);
+    }
+    let gravity = Vector::new(0.0, 0.0, -9.80665);
+    let options = DynamicsOptions { hold_still_hand: false, ..DynamicsOptions::default() };
+    let limits: Vec<_> = model.moving().map(|joint| model.joints[joint].limits).collect();
+    let mut numbers = Numbers(5);
+    let mut worst_share = 0.0_f64;
+    for state in 0..50 {
+        // Anywhere in the inner part of the limits, then driven by speeds that change at random.
+        let start: Vec<f64> =
+            limits.iter().map(|l| l.lower + (0.3 + 0.4 * numbers.next()) * (l.upper - l.lower)).collect();
+        let mut plant = OdePlant::new(&free, &nothing(), &start, &still(), options).unwrap();
+        let mut command = stay(&start, still());
+        for _ in 0..60 {
+            for k in 0..start.len() {
+                let speed = command.velocity[k] + 0.05 * (numbers.next() - 0.5);
+                command.velocity[k] = speed.clamp(-0.5, 0.5);
+                command.position[k] += 1e-3 * command.velocity[k];
+            }
+            let before = plant.state().clone();
+            plant.step(&command).unwrap();
+            let after = plant.state();
+            let acceleration: Vec<f64> =
+                after.velocity.iter().zip(&before.velocity).map(|(b, a)| (b - a) / 1e-3).collect();
+            let torques = kinematics
+                .inverse_dynamics(&before.position, &before.velocity, &acceleration, &gravity)
+                .unwrap();
+            let largest = after.effort.iter().fold(0.0_f64, |most, effort| most.max(effort.abs()));
+            for (k, (torque, effort)) in torques.iter().zip(&after.effort).enumerate() {
+                // A joint without a range is one body with its parent and tells no effort.
+                if limits[k].upper - limits[k].lower < 1e-9 {
+                    continue;
+                }
+                worst_share = worst_share.max((torque - effort).abs() / largest);
+                assert!(
+                    (torque - effort).abs() < 0.01 * largest,
+                    "state {state}, joint {k}: {effort} N m applied, {torque} N m found, largest {largest}"
+                );
+            }
+        }
+    }
+    println!("worst difference {:.3} % of the largest torque", 100.0 * worst_share);
+}
+
+/// How far the joints of the arm and the hand come apart, m: a child's origin against where its parent has it.
+fn gap(model: &ArmModel, plant: &OdePlant) -> f64 {
+    (0..model.joints.len())
+        .map(|joint| {
+            let description = &model.joints[joint];
+            let parent = plant.link_pose(description.parent).unwrap() * description.origin;
+            let child = plant.link_pose(description.child).unwrap();
+            (parent.translation.vector - child.translation.vector).norm()
+        })
+        .fold(0.0, f64::max)
+}
+
+#[test]
+fn joints_come_apart_by_less_than_a_tenth_of_a_millimetre_at_half_a_radian_a_second_with_a_block() {
+    let model = proact_description::mpl_right_arm();
+    let open = positions(&model, &START, "open");
+    let base = grasp_base(&model, &open);
+    for hold_still_hand in [true, false] {
+        let options = DynamicsOptions { hold_still_hand, ..DynamicsOptions::default() };
+        let scene = bare_table(vec![standing(BlockId::Red1, 0.0, 0.0)]);
+        let mut plant = OdePlant::new(&model, &scene, &open, &base, options).unwrap();
+        plant.attach(0, model.tip).unwrap();
+        let mut worst = 0.0_f64;
+        let mut command = stay(&open, base);
+        for tick in 0..2000 {
+            // Up and away from the table, all seven joints to and fro.
+            command.world_from_base.translation.z += 5e-4 * f64::from(u8::from(tick < 600));
+            for k in 0..7 {
+                let way = if k == 4 || tick % 800 >= 400 { -0.5 } else { 0.5 };
+                command.velocity[k] = way;
+                command.position[k] += 1e-3 * way;
+            }
+            plant.step(&command).unwrap();
+            worst = worst.max(gap(&model, &plant));
+        }
+        println!("hand merged {hold_still_hand}: joints at most {:.2e} mm apart", 1e3 * worst);
+        assert!(plant.state().attached.is_some());
+        assert!(worst > 0.0 && worst < 1e-4, "joints {worst} m apart");
+    }
+}

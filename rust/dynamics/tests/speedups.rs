@@ -1,0 +1,121 @@
+//! Each economy against the plain full simulation.
+
+#![allow(missing_docs)]
+#![allow(clippy::unwrap_used)]
+
+mod common;
+
+use common::{
+    START, bare_table, box_scene, grasp_base, move_hand, plant_with, positions, run, standing, stay, still,
+};
+use proact_dynamics::{DynamicsOptions, Solver};
+use proact_testbed::ports::Plant;
+use proact_types::{BlockId, PlantState};
+
+/// The hand closes on a block, takes it, lifts it by 0.1 m and holds it, beside a block that rests.
+fn take(options: DynamicsOptions) -> PlantState {
+    let model = proact_description::mpl_right_arm();
+    let open = positions(&model, &START, "open");
+    let closed = positions(&model, &START, "closed");
+    let mut base = grasp_base(&model, &open);
+    let scene = bare_table(vec![standing(BlockId::Red1, 0.0, 0.0), standing(BlockId::Red2, 0.3, 0.2)]);
+    let mut plant = plant_with(&scene, &base, options);
+    for command in move_hand(&open, &closed, base, 350) {
+        plant.step(&command).unwrap();
+    }
+    plant.attach(0, model.tip).unwrap();
+    let held = plant.state().position.clone();
+    for _ in 0..500 {
+        base.translation.z += 2e-4;
+        plant.step(&stay(&held, base)).unwrap();
+    }
+    run(&mut plant, &stay(&held, base), 200);
+    plant.state().clone()
+}
+
+/// Largest difference of arm angles (rad) and of the places of the blocks (m).
+fn differences(a: &PlantState, b: &PlantState) -> (f64, [f64; 2]) {
+    let arm = (0..7).map(|k| (a.position[k] - b.position[k]).abs()).fold(0.0, f64::max);
+    let place = |k: usize| (a.blocks[k].pose.translation.vector - b.blocks[k].pose.translation.vector).norm();
+    (arm, [place(0), place(1)])
+}
+
+#[test]
+fn taking_a_block_with_each_economy_ends_where_the_plain_full_simulation_ends() {
+    let ours = DynamicsOptions::default();
+    let plain = DynamicsOptions { hold_still_hand: false, sleep: false, ..ours };
+    let reference = take(plain);
+    let cases = [
+        ("hand merged", DynamicsOptions { sleep: false, ..ours }, 1e-8, 3e-3),
+        ("blocks sleep", DynamicsOptions { hold_still_hand: false, ..ours }, 1e-8, 2e-4),
+        ("both", ours, 1e-8, 3e-3),
+        (
+            "iterative solver",
+            DynamicsOptions { solver: Solver::Iterative { iterations: 50, seed: 1 }, ..plain },
+            5e-3,
+            5e-3,
+        ),
+    ];
+    for (name, options, arm_bound, block_bound) in cases {
+        let (arm, [carried, resting]) = differences(&take(options), &reference);
+        println!("{name}: arm {arm:.1e} rad, carried block {carried:.1e} m, resting block {resting:.1e} m");
+        assert!(arm < arm_bound, "{name}: an arm joint differs by {arm} rad");
+        // Where a block ends between closing fingers hangs on little; the grasp is the same.
+        assert!(carried < block_bound, "{name}: the carried block differs by {carried} m");
+        assert!(resting < 1e-4, "{name}: the resting block differs by {resting} m");
+    }
+}
+
+/// `seconds` of swinging over the box and closing and opening the hand, then where the blocks and the energy are.
+fn soak(seconds: u32) {
+    let model = proact_description::mpl_right_arm();
+    let open = positions(&model, &START, "open");
+    let closed = positions(&model, &START, "closed");
+    let mut plant =
+        plant_with(&box_scene(), &still(), DynamicsOptions { sleep: false, ..Default::default() });
+    run(&mut plant, &stay(&open, still()), 1000);
+    let rest = plant.state().clone();
+    let mut fastest = 0.0_f64;
+    for tick in 0..seconds * 1000 {
+        // Every ten seconds the same: two of moving, the hand closing in between, and eight of rest.
+        let time = f64::from(tick % 10_000).min(2000.0) * 1e-3;
+        let phase = std::f64::consts::PI * time;
+        let mut command = stay(&open, still());
+        for k in 0..open.len() {
+            let way = if k >= 7 {
+                closed[k] - open[k]
+            } else if k == 4 {
+                -0.1
+            } else {
+                0.1
+            };
+            command.position[k] += 0.5 * way * (1.0 - phase.cos());
+            command.velocity[k] =
+                if time < 2.0 { 0.5 * way * std::f64::consts::PI * phase.sin() } else { 0.0 };
+        }
+        plant.step(&command).unwrap_or_else(|error| panic!("tick {tick}: {error}"));
+        fastest = plant.state().velocity.iter().fold(fastest, |most, speed| most.max(speed.abs()));
+    }
+    for (a, b) in plant.state().blocks.iter().zip(&rest.blocks) {
+        let crept = (a.pose.translation.vector - b.pose.translation.vector).norm();
+        assert!(crept < 1e-4, "a block crept {crept} m in {seconds} s");
+    }
+    for (angle, asked) in plant.state().position.iter().zip(&open) {
+        assert!((angle - asked).abs() < 1e-4, "{angle} rad instead of {asked}");
+    }
+    assert!(fastest < 4.0, "a joint went at {fastest} rad/s");
+    assert_eq!(plant.solver_complaints(), 0);
+}
+
+#[test]
+fn half_a_minute_of_use_leaves_arm_and_resting_blocks_where_they_were() {
+    soak(30);
+}
+
+/// Several minutes of wall time:
+/// `cargo test --release -p proact-dynamics --test speedups -- --ignored`
+#[test]
+#[ignore = "half an hour of simulated time"]
+fn half_an_hour_of_use_leaves_arm_and_resting_blocks_where_they_were() {
+    soak(1800);
+}
