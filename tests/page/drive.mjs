@@ -83,17 +83,26 @@ async function lookAndLock(page, what, id) {
   if (selected) await hold(page, "wrist_flexion", () => window.__proact.frame.target.locked);
 }
 
-/** Holds WE until the motion ends, one way or the other. */
+/**
+ * Holds WE until the motion ends, one way or the other, or until the program lets go: it does when the browser is
+ * too busy for a sign of life, and the key then has to be pressed anew.
+ */
 function carry(page) {
-  const ended = () => ["arrived", "failed"].includes(window.__proact.frame.planner.state);
-  return hold(page, "wrist_extension", ended, 30_000, 300);
+  const ended = () => {
+    const { gesture, planner } = window.__proact.frame;
+    return ["arrived", "failed"].includes(planner.state) || gesture !== "wrist_extension";
+  };
+  return hold(page, "wrist_extension", ended, 30_000);
 }
 
-/** Holds a gesture's key until its effect is seen, then relaxes. */
-async function hold(page, gesture, until, limitMs = TAP_MS, atLeastMs = 0) {
+/** Holds a gesture's key until it is in force and its effect is seen, then relaxes. */
+async function hold(page, gesture, until, limitMs = TAP_MS) {
   await page.keyboard.down(KEYS[gesture]);
   try {
-    if (atLeastMs) await page.waitForTimeout(atLeastMs);
+    const inForce = (name) => window.__proact.frame.gesture === name;
+    await page.waitForFunction(inForce, gesture, { timeout: TAP_MS }).catch(() => {});
+    // A motion that ended earlier is still on display for the time of a plan.
+    if (gesture === "wrist_extension") await page.waitForTimeout(300);
     await page.waitForFunction(until, null, { timeout: limitMs }).catch(() => {});
   } finally {
     await page.keyboard.up(KEYS[gesture]);

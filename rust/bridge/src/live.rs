@@ -5,8 +5,8 @@
 //! with the events of frames that this client missed, at first those of the trial so far; `content {revision}` when `/api/content` has changed;
 //! `error {message}` when a message of the client was ignored.
 //!
-//! From the client, if the page is interactive: `gesture {gesture}` at each change and again every 100 ms while
-//! it is held, `gaze {origin, direction}`, `trunk {forward, lateral, axial}`, `restart`, `alive`. Metres, rad,
+//! From the client, if the page is interactive: `gesture {gesture}` at each change, `alive` every 100 ms while
+//! one is held, `gaze {origin, direction}`, `trunk {forward, lateral, axial}`, `restart`. Metres, rad,
 //! frame `world`. At most 4 KiB each, text only. A hundred malformed messages end the connection.
 
 use crate::{

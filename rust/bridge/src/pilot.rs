@@ -8,7 +8,8 @@ use proact_types::Gesture;
 use std::time::{Duration, Instant};
 
 /// A client that holds a gesture and is silent for longer is taken to be gone. The page sends a sign of life
-/// every 100 ms, so that four may be lost.
+/// every 100 ms, so that four may be lost. It does not bring the gesture back: that takes a new press, or a
+/// line that falters would toggle the lock.
 pub(crate) const MAX_SILENCE: Duration = Duration::from_millis(500);
 
 /// Most inputs kept for a testbed that does not drain them: 8 s of gaze at 60 Hz with gestures between.
@@ -50,7 +51,7 @@ impl Pilot {
         }
         match input {
             Some(ClientInput::Gesture(Gesture::NoMotion)) => self.release(),
-            // The page repeats a held gesture as a sign of life: only a change is news.
+            // Only a change is news.
             Some(ClientInput::Gesture(gesture)) if self.held != Some(gesture) => {
                 self.held = Some(gesture);
                 self.push(ClientInput::Gesture(gesture));
@@ -161,8 +162,9 @@ mod tests {
         assert_eq!(pilot.drain(), [WE]);
         pilot.check_silence(start + 2 * MAX_SILENCE + Duration::from_millis(1));
         assert_eq!(pilot.drain(), [NM]);
-        // Once is enough.
+        // Once is enough, and a late sign of life does not press again.
         pilot.check_silence(start + 9 * MAX_SILENCE);
+        pilot.accept(1, start + 9 * MAX_SILENCE, None);
         assert_eq!(pilot.drain(), []);
     }
 

@@ -19,17 +19,18 @@ const GESTURE_KEYS: (Binding & { gesture: Gesture; effect: string })[] = [
   { codes: ["KeyD", "ArrowRight"], label: "D →", gesture: "hand_open", effect: "open hand" },
 ];
 const LEAN_KEYS: (Binding & Lean)[] = [
-  { codes: ["KeyI"], label: "I", axis: "forward", sign: 1, name: "forward" },
-  { codes: ["KeyK"], label: "K", axis: "forward", sign: -1, name: "back" },
+  // In the order of the keyboard's two rows.
+  { codes: ["KeyU"], label: "U", axis: "axial", sign: 1, name: "turn ↺" },
+  { codes: ["KeyI"], label: "I", axis: "forward", sign: 1, name: "ahead" },
+  { codes: ["KeyO"], label: "O", axis: "axial", sign: -1, name: "turn ↻" },
   { codes: ["KeyJ"], label: "J", axis: "lateral", sign: -1, name: "left" },
+  { codes: ["KeyK"], label: "K", axis: "forward", sign: -1, name: "back" },
   { codes: ["KeyL"], label: "L", axis: "lateral", sign: 1, name: "right" },
-  { codes: ["KeyU"], label: "U", axis: "axial", sign: 1, name: "turn left" },
-  { codes: ["KeyO"], label: "O", axis: "axial", sign: -1, name: "turn right" },
 ];
 const ACTION_KEYS: (Binding & { action: Action; name: string })[] = [
   { codes: ["KeyP"], label: "P", action: "upright", name: "sit up" },
   { codes: ["KeyC"], label: "C", action: "camera", name: "camera" },
-  { codes: ["KeyR"], label: "R", action: "restart", name: "new trial" },
+  { codes: ["KeyR"], label: "R", action: "restart", name: "restart" },
 ];
 /** The trunk's limits and speed, as in the seated set-up: degrees, degrees per second. */
 const LEAN_MAX = { forward: 35, lateral: 25, axial: 40 };
@@ -38,6 +39,8 @@ const DEGREE = Math.PI / 180;
 
 export interface ControlHandlers {
   gesture(gesture: Gesture): void;
+  /** Nothing new, but still here. */
+  alive(): void;
   trunk(posture: { forward: number; lateral: number; axial: number }): void;
   restart(): void;
   camera(): void;
@@ -62,9 +65,10 @@ export class Controls {
     window.addEventListener("blur", () => this.releaseAll());
     document.addEventListener("visibilitychange", () => document.hidden && this.releaseAll());
     window.addEventListener("pagehide", () => this.releaseAll());
-    // Signs of life while something is held; without them the server lets go after half a second.
+    // Signs of life while something is held; without them the server lets go after half a second. The gesture
+    // itself is not said again: after such a release it takes a new press, or a lock would toggle by itself.
     window.setInterval(() => {
-      if (this.inForce !== "no_motion") this.handlers.gesture(this.inForce);
+      if (this.inForce !== "no_motion") this.handlers.alive();
     }, 100);
   }
 
@@ -145,7 +149,7 @@ export class Controls {
       actions.append(button);
     }
     this.root.append(
-      element("p", "mouse", element("kbd", "", "Mouse"), " is your gaze: point at what you look at"),
+      element("p", "mouse", element("kbd", "", "Mouse"), " is your gaze"),
       pad,
       element("div", "leanbox", element("span", "label", "Lean"), leans, this.readout),
       actions,
@@ -187,7 +191,8 @@ export class Controls {
     this.settle();
   }
 
-  private releaseAll(): void {
+  /** Lets go of everything: the person, the window or the connection is gone. */
+  releaseAll(): void {
     this.held = [];
     this.leaning.clear();
     for (const button of this.buttons.values()) setClass(button, "down", false);
@@ -214,6 +219,6 @@ export class Controls {
   private showPosture(): void {
     const { forward, lateral, axial } = this.posture;
     const part = (name: string, angle: number) => `${name} ${Math.round(angle)}°`;
-    this.readout.textContent = [part("forward", forward), part("right", lateral), part("turn", axial)].join(" · ");
+    this.readout.textContent = [part("ahead", forward), part("right", lateral), part("turn", axial)].join(" · ");
   }
 }

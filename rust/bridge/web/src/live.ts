@@ -32,11 +32,10 @@ export class Live {
     return this.socket?.readyState === WebSocket.OPEN;
   }
 
-  /** Sends if connected and the line is not stuck; what a person does now is worth nothing later. */
+  /** Sends if connected. On a stuck line only gestures are sent: where one looked then is worth nothing later. */
   send(message: ClientMessage): void {
-    if (this.socket?.readyState === WebSocket.OPEN && this.socket.bufferedAmount < 16_384) {
-      this.socket.send(JSON.stringify(message));
-    }
+    if (this.socket?.readyState !== WebSocket.OPEN) return;
+    if (message.type === "gesture" || this.socket.bufferedAmount < 16_384) this.socket.send(JSON.stringify(message));
   }
 
   private connect(): void {

@@ -119,6 +119,13 @@ function start(): void {
   };
   (window as unknown as { __proact: Debug }).__proact = debug;
 
+  const controls = new Controls({
+    gesture: (gesture) => content?.interactive && live.send({ type: "gesture", gesture }),
+    alive: () => live.send({ type: "alive" }),
+    trunk: (posture) => live.send({ type: "trunk", ...posture }),
+    restart: () => live.send({ type: "restart" }),
+    camera: () => chooseCamera(cameras.next()),
+  });
   const live = new Live({
     reset() {
       motion.clear();
@@ -141,14 +148,9 @@ function start(): void {
       everConnected ||= connected;
       debug.connected = connected;
       hud.setConnected(connected, everConnected);
+      if (!connected) controls.releaseAll();
     },
     refused: (message) => console.warn(`ProACT: ${message}`),
-  });
-  const controls = new Controls({
-    gesture: (gesture) => content?.interactive && live.send({ type: "gesture", gesture }),
-    trunk: (posture) => live.send({ type: "trunk", ...posture }),
-    restart: () => live.send({ type: "restart" }),
-    camera: () => chooseCamera(cameras.next()),
   });
   overlay.append(hud.root);
   hud.bottom.append(guide.root, controls.root);
@@ -168,6 +170,7 @@ function start(): void {
     debug.content = next;
     hud.setContent(next);
     controls.setMode(next.interactive, next.lean);
+    canvas.classList.toggle("gaze", next.interactive);
     // A new trial in the same room keeps what is drawn: nothing flickers.
     if (sameThings) return;
     for (const old of [arm?.root, room?.root, markers?.root]) if (old) dispose(old);

@@ -22,7 +22,7 @@ import type { Room } from "./room";
 import { BLOCK_COLOURS, drawnTexture } from "./shapes";
 
 /** Free and locked differ in brightness and in form, not in hue alone. */
-export const FREE = new Color("#fff0b3");
+export const FREE = new Color("#ffe98a");
 export const LOCKED = new Color("#00c48c");
 
 export class Markers {
@@ -30,6 +30,8 @@ export class Markers {
   private readonly shell: Mesh;
   private readonly shellMaterial = new MeshBasicMaterial({ transparent: true, depthWrite: false, side: DoubleSide });
   private readonly clasp = new Group();
+  private readonly halo: Mesh;
+  private readonly haloMaterial = new MeshBasicMaterial({ color: FREE, transparent: true, depthWrite: false });
   private readonly solid = new MeshBasicMaterial({ color: LOCKED });
   private readonly placeMarker = new Group();
   /** Seen through arm and hand, which often are in the way of the place. */
@@ -55,11 +57,14 @@ export class Markers {
     );
     // Locked: two solid rings clasp the block.
     for (const z of [-height / 2, height / 2]) {
-      const ring = new Mesh(new TorusGeometry(radius * 1.16, 0.0022, 12, 64), this.solid);
+      const ring = new Mesh(new TorusGeometry(radius * 1.17, 0.0028, 12, 64), this.solid);
       ring.position.z = z;
       this.clasp.add(ring);
     }
-    this.shell.add(this.clasp);
+    // Free: a flat halo around its foot.
+    this.halo = new Mesh(new RingGeometry(radius * 1.2, radius * 1.6, 64), this.haloMaterial);
+    this.halo.position.z = 0.002 - height / 2;
+    this.shell.add(this.clasp, this.halo);
     const ring = new Mesh(new RingGeometry(radius * 0.86, radius * 1.08, 64), this.placeMaterial);
     this.placeCross = new Mesh(new RingGeometry(0, radius * 0.3, 32), this.placeMaterial);
     this.placeMarker.add(ring, this.placeCross);
@@ -84,8 +89,10 @@ export class Markers {
       this.shell.position.copy(block.position);
       this.shell.quaternion.copy(block.quaternion);
       this.shellMaterial.color.copy(target.locked ? LOCKED : FREE);
-      this.shellMaterial.opacity = target.locked ? 0.45 : 0.4 + 0.25 * pulse;
+      this.shellMaterial.opacity = target.locked ? 0.45 : 0.45 + 0.25 * pulse;
       this.clasp.visible = target.locked;
+      this.halo.visible = !target.locked;
+      this.haloMaterial.opacity = 0.55 + 0.4 * pulse;
     }
 
     // The place marker.

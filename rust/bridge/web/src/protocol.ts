@@ -112,7 +112,8 @@ export type ClientMessage =
   | { type: "gesture"; gesture: Gesture }
   | { type: "gaze"; origin: Triple; direction: Triple }
   | { type: "trunk"; forward: number; lateral: number; axial: number }
-  | { type: "restart" };
+  | { type: "restart" }
+  | { type: "alive" };
 
 export const GESTURE_NAMES: Record<Gesture, { short: string; name: string }> = {
   wrist_extension: { short: "WE", name: "Wrist extension" },
