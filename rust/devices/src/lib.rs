@@ -3,6 +3,11 @@
 //! Files are read here, when a source is made; what runs during a trial is deterministic: every random choice
 //! comes from [`stream`], so the same seed gives the same samples. Implements the ports of `testbed`.
 //!
+//! Live streams come through one trait, [`SampleSource`]: the gForce armband over any link ([`gforce`]; Bluetooth with
+//! the feature `ble`, which needs libdbus-1-dev on Linux), recordings played as if live, and doubles with faults for
+//! tests. [`EmgRecorder`] keeps them; [`LibEmgReceiver`] and [`LibEmgSender`] speak with LibEMG's programs. Only these
+//! know the real clock.
+//!
 //! ```
 //! use proact_devices::{EmgSource, prepare};
 //! use proact_emg::EmgPipeline;
@@ -21,7 +26,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 #![cfg_attr(test, allow(clippy::unwrap_used))]
-// Reading recordings is what this crate is for.
+// Reading recordings, and streams by the real clock, is what this crate is for.
 #![allow(clippy::disallowed_methods)]
 
 mod error;
