@@ -19,6 +19,13 @@ use proact_types::{ArmModel, Inertial, JointKind, JointVector, Pose, Vector, joi
 /// let base_from_tip = kinematics.forward(&[0.0, 0.3, 0.0, 1.2, 0.0, 0.0, 0.0])?;
 /// # Ok(()) }
 /// ```
+///
+/// It may move to another thread but not be shared:
+///
+/// ```compile_fail
+/// fn shared<T: Sync>() {}
+/// shared::<proact_kinematics::Kinematics>();
+/// ```
 pub struct Kinematics {
     inner: cxx::UniquePtr<ffi::Arm>,
     chain_joints: usize,
