@@ -35,6 +35,29 @@ void a_block_falls_as_the_closed_form_says() {
   check(std::fabs(world.blocks()[0].pose.position.z - (10.0 - fallen)) < 1e-9, "free fall");
 }
 
+void a_pendulum_swings_as_the_closed_form_says() {
+  Model model = chain(1);
+  Joint& joint = model.joints[0];
+  joint.effort = 0.0;
+  joint.damping = 0.0;
+  joint.lower = -std::numeric_limits<double>::infinity();
+  joint.upper = std::numeric_limits<double>::infinity();
+  World world(std::move(model));
+  // From the horizontal to the lowest place: a quarter of the period 4 K(sin 45 degrees) / w of a pendulum that swings
+  // by 90 degrees to each side; there all potential energy has become speed.
+  const double w = std::sqrt(0.1 * 9.80665 * 0.05 / (1e-4 + 0.1 * 0.05 * 0.05));
+  const double quarter = 1.8540746773013719 / w;
+  const double lowest = 0.5 * 3.14159265358979323846;
+  int ticks = 0;
+  while (world.positions()[0] < lowest && ticks < 1000) {
+    run(world, 1);
+    ++ticks;
+  }
+  check(std::fabs(ticks * tick_secs - quarter) < 1.5e-3, "a quarter swing took " + std::to_string(ticks) + " ms");
+  check(std::fabs(world.velocities()[0] / (w * std::sqrt(2.0)) - 1.0) < 0.01,
+        "speed at the lowest place " + std::to_string(world.velocities()[0]));
+}
+
 void bad_models_are_refused() {
   const auto build = [](Model model) { World world(std::move(model)); };
   const double nan = std::numeric_limits<double>::quiet_NaN();
@@ -120,6 +143,7 @@ int main() {
   a_world_that_failed_inside_ode_refuses_steps_and_can_be_destroyed();
   a_held_hand_is_one_body_and_wakes_on_command();
   a_block_falls_as_the_closed_form_says();
+  a_pendulum_swings_as_the_closed_form_says();
   a_joint_stops_at_its_limit_without_a_kick();
   effort_is_that_of_statics();
   bad_models_are_refused();
