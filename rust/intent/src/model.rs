@@ -199,6 +199,8 @@ mod tests {
     fn options_are_data_and_those_out_of_range_are_refused_by_name() {
         let options: IntentModelOptions = toml::from_str("sigma = 0.1\nlook_ms = 100").expect("reads");
         assert_eq!((options.intent.sigma, options.look_ms, options.elsewhere), (0.1, 100.0, 0.01));
+        let error = toml::from_str::<IntentModelOptions>("sigm = 0.1").expect_err("an unknown key");
+        assert!(error.to_string().contains("sigm"), "{error}");
         let default = IntentModelOptions::default();
         for (key, bad) in [
             ("look_ms", IntentModelOptions { look_ms: 0.0, ..default }),
