@@ -156,4 +156,10 @@ pub enum EmgError {
         /// What is wrong.
         reason: String,
     },
+    /// The position of the band cannot be told.
+    #[error("got {got} gesture besides no motion for the band check, expected at least 2 different ones")]
+    BandEvidence {
+        /// Different gestures other than no motion.
+        got: usize,
+    },
 }

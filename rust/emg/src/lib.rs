@@ -4,7 +4,11 @@
 //! for recordings through the same code. Pure: no clock, no files, no threads, no randomness; the same samples
 //! at the same times give the same outputs. [`EmgPipeline::step`] does not allocate.
 //!
-//! Features and classifier follow LibEMG 2.0.3 and scikit-learn's `svd` solver number by number; the tests
+//! Around it: [`EmgModel`] is the contents of a model file, [`QualityMonitor`] watches the channels, [`check_rotation`]
+//! finds a band that was turned, [`Adaptation`] follows the user where a study wants that.
+//!
+//! [`Feature`] lists the features, [`FeatureSet`] the groups and the order of their values. Features and classifier
+//! follow LibEMG 2.0.3 and scikit-learn's `svd` solver number by number; the tests
 //! compare with vectors that those two computed.
 //!
 //! ```

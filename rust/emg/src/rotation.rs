@@ -41,23 +41,25 @@ const LEAST_LOG_PROBABILITY: f64 = -20.0;
 /// Least accuracy of a position worth proposing: with two gestures known and five possible, chance is 0.2.
 const LEAST_ACCURACY: f64 = 0.6;
 /// Least lead over the second position, in natural units of log probability.
-const LEAST_MARGIN: f64 = 0.5;
+const LEAST_MARGIN: f64 = 1.0;
 
 /// Tries every position of the band around the arm on windows of gestures that the person was asked for, at least two
-/// different ones, and says which fits the model best. The channels must be evenly spaced around the arm.
+/// different ones besides no motion, which looks alike at every position and is left out, and says which fits the model best. The channels must be evenly spaced around the arm.
 ///
 /// Whole channels only: a turn by half a channel is half wrong at both neighbours, and then the margin is small.
 ///
 /// # Errors
-/// Fewer than two gestures, a gesture that was not trained, or windows that the classifier refuses.
+/// Fewer than two gestures besides no motion, a gesture that was not trained, or windows that the classifier refuses.
 pub fn check_rotation(
     classifier: &Classifier,
     windows: &[(Gesture, FeatureVector)],
 ) -> Result<RotationReport, EmgError> {
-    let asked: Vec<Gesture> =
-        Gesture::ALL.into_iter().filter(|g| windows.iter().any(|(of, _)| of == g)).collect();
+    let asked: Vec<Gesture> = Gesture::ALL
+        .into_iter()
+        .filter(|g| *g != Gesture::NoMotion && windows.iter().any(|(of, _)| of == g))
+        .collect();
     if asked.len() < 2 {
-        return Err(EmgError::TooFewClasses { got: asked.len() });
+        return Err(EmgError::BandEvidence { got: asked.len() });
     }
     if let Some(unknown) = asked.iter().find(|g| !classifier.gestures().contains(g)) {
         return Err(EmgError::NotTrained(*unknown));

@@ -42,7 +42,7 @@ fn assert_found(monitor: &QualityMonitor, fault: Option<Fault>, light: Light) {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { failure_persistence: None, cases: 24, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { failure_persistence: None, cases: 64, ..ProptestConfig::default() })]
 
     #[test]
     fn planted_faults_are_found_on_their_channel_and_on_no_other(

@@ -196,3 +196,26 @@ fn adaptation_follows_a_changed_signal_freezes_and_rolls_back() {
     adaptation.roll_back();
     assert_eq!((adaptation.classifier(), adaptation.drift()), (&model.classifier, 0.0));
 }
+
+#[test]
+fn no_pair_of_gestures_proposes_a_wrong_turn_and_rest_is_no_evidence() {
+    let Some(model) = model(&[0, 1]) else { return };
+    let (straight, turned) = (repetition(2, 0).expect("found"), repetition(3, 0).expect("found"));
+    let moving: Vec<Gesture> = Gesture::ALL.into_iter().filter(|g| *g != Gesture::NoMotion).collect();
+    let check = |recordings: &Recordings, pair: &[Gesture]| {
+        check_rotation(&model.classifier, &windows(recordings, pair))
+    };
+    let mut found = 0;
+    for (k, a) in moving.iter().enumerate() {
+        for b in &moving[k + 1..] {
+            assert_eq!(check(&straight, &[*a, *b]).expect("good windows").proposal, BandProposal::Keep);
+            // Rolling by 3 gives the largest accuracy over all five gestures.
+            let proposal = check(&turned, &[*a, *b]).expect("good windows").proposal;
+            assert!(matches!(proposal, BandProposal::Roll(3) | BandProposal::Recalibrate), "{a:?} {b:?}");
+            found += u32::from(proposal == BandProposal::Roll(3));
+        }
+        let error = check(&straight, &[*a, Gesture::NoMotion]).expect_err("one moving gesture").to_string();
+        assert!(error.contains("got 1 gesture besides no motion"), "{error}");
+    }
+    assert!(found >= 4, "{found} of 6 pairs find the turn");
+}
