@@ -2,7 +2,7 @@
 
 use crate::error::check;
 use crate::reach::Limits;
-use crate::timing::{Curve, MotionLimits};
+use crate::timing::{Curve, GRID, MotionLimits, averaged};
 use crate::ways::Way;
 use crate::{CancelFlag, CollisionScene, PlannerOptions, PlanningError, SearchLimits, SearchOutcome};
 use proact_control::ports::ArmKinematics;
@@ -342,6 +342,8 @@ impl ArmPlanner {
                 return Ok(Trajectory { points: vec![point] });
             };
             let (from, to) = (curve.path_parameter[left], curve.path_parameter[entered]);
+            // The closest curve strays less from the path than the padding is wide.
+            let closest = spacing == SPACINGS[SPACINGS.len() - 1];
             let mut free = true;
             for k in 0..=(2.0 * (to - from)) as usize {
                 let [q, _, _] = curve.at(from + 0.5 * k as f64);
@@ -350,12 +352,43 @@ impl ArmPlanner {
                     break;
                 }
             }
-            // The closest curve strays less from the path than the padding is wide.
-            if free || spacing == SPACINGS[SPACINGS.len() - 1] {
-                return Ok(curve.timed(&self.motion_limits));
+            if !free && !closest {
+                continue;
+            }
+            let (limits, window) = self.motion_limits_of(closest);
+            let timed = curve.timed(&limits);
+            if window == 0.0 {
+                return Ok(timed);
+            }
+            let smooth = averaged(&timed, window);
+            let at = |u: f64| timed.points[u as usize * GRID].time_secs;
+            if closest || self.is_free_between(&smooth, at(from) + window, at(to))? {
+                return Ok(smooth);
             }
         }
         Err(Failure::new(PlanStatus::Invalid, "The path could not be smoothed."))
+    }
+
+    /// Limits of the trajectory before it is averaged, and the window for that, s. Beside obstacles that leave no
+    /// room for what averaging cuts off, a quarter of the acceleration makes that 64 times less.
+    fn motion_limits_of(&self, careful: bool) -> (MotionLimits, f64) {
+        let mut limits = self.motion_limits.clone();
+        let window = 2.0 * self.options.max_acceleration / self.options.max_jerk;
+        if careful && window > 0.0 {
+            limits.acceleration.iter_mut().for_each(|a| *a /= 4.0);
+            return (limits, window / 4.0);
+        }
+        (limits, window)
+    }
+
+    /// True if nothing touches from `begin` to `end`, seconds, at every point of the trajectory.
+    fn is_free_between(&mut self, trajectory: &Trajectory, begin: f64, end: f64) -> Result<bool, Failure> {
+        for point in &trajectory.points {
+            if point.time_secs >= begin && point.time_secs <= end && !self.scene.is_free(&point.q)? {
+                return Ok(false);
+            }
+        }
+        Ok(true)
     }
 }
 

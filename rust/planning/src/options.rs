@@ -7,6 +7,9 @@ pub struct PlannerOptions {
     pub max_velocity: f64,
     /// Highest acceleration of any arm joint, rad/s^2. The default of the original's time parameteriser.
     pub max_acceleration: f64,
+    /// Highest jerk of any arm joint, rad/s^3; infinite for none. The path may then stray by
+    /// `max_acceleration^3 / (6 max_jerk^2)` rad, and takes `2 max_acceleration / max_jerk` s longer.
+    pub max_jerk: f64,
     /// Free space kept around obstacles in transit. The original padded blocks by 5 mm.
     pub padding: f64,
     /// Free space kept from fixed obstacles on the straight way to and from a grasp or a place. Assumed.
@@ -50,6 +53,7 @@ impl Default for PlannerOptions {
         Self {
             max_velocity: 0.5,
             max_acceleration: 1.0,
+            max_jerk: 10.0,
             padding: 0.005,
             contact_padding: 0.001,
             approach_height: 0.08,
@@ -111,6 +115,9 @@ impl PlannerOptions {
             ("place_tilt", self.place_tilt),
         ];
         let refused = |name, value, expected| Err(PlanningError::Option { name, value, expected });
+        if self.max_jerk.is_nan() || self.max_jerk <= 0.0 {
+            return refused("max_jerk", self.max_jerk, "a number above zero, or infinity");
+        }
         for (name, value) in positive {
             if !(value.is_finite() && value > 0.0) {
                 return refused(name, value, "a number above zero");

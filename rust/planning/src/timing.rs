@@ -4,7 +4,7 @@
 //! second derivatives, is straight where the path is, and cuts a corner by at most a sixth of the second
 //! difference of its control points. Along the curve q(u) the speed profile x = (du/dt)^2 is the fastest one
 //! under |q'| sqrt(x) <= v and |q' w + q'' x| <= a with w = d2u/dt2, found by one backward and one forward pass
-//! (reachability analysis: Pham and Pham, IEEE T-RO 34(3), 2018). Jerk is not limited.
+//! (reachability analysis: Pham and Pham, IEEE T-RO 34(3), 2018). Jerk is limited afterwards, by averaging over time.
 
 use proact_types::{Trajectory, TrajectoryPoint, joints};
 
@@ -18,7 +18,7 @@ pub(crate) struct MotionLimits {
 }
 
 /// Grid points per control point: between them the curve is nearly a parabola.
-const GRID: usize = 4;
+pub(crate) const GRID: usize = 4;
 /// Share of the limits that is used: between grid points, and in the cubic between trajectory points, the true
 /// values overshoot those at the points by a few per cent.
 const USED: f64 = 0.93;
@@ -206,6 +206,73 @@ fn largest_controllable(bounds: &[Bound], top: f64, next: f64, du: f64) -> f64 {
         }
     }
     bottom
+}
+
+/// Time between the points of a trajectory whose jerk is limited, seconds.
+const JERK_STEP: f64 = 0.01;
+
+/// `trajectory` with its angles averaged over the `window_secs` before each instant: its duration grows by that.
+///
+/// Averaging keeps every bound on speed and acceleration. The new jerk is the difference of two accelerations over
+/// the window, at most 2 a / window. An angle strays from where it would be half a window earlier by at most
+/// a window^2 / 24. Between the new points the cubic's jerk is a weighted mean of the true one, so that it keeps
+/// the bound too.
+pub(crate) fn averaged(trajectory: &Trajectory, window_secs: f64) -> Trajectory {
+    let knots = &trajectory.points;
+    let (Some(first), Some(last)) = (knots.first(), knots.last()) else { return trajectory.clone() };
+    let joint_count = first.q.len();
+    let off = |q: &[f64], k: usize| q[k] - first.q[k];
+    // The integral of q - q(0) from the start to each knot.
+    let mut integral = vec![vec![0.0; joint_count]];
+    for pair in knots.windows(2) {
+        let h = pair[1].time_secs - pair[0].time_secs;
+        let before = &integral[integral.len() - 1];
+        let next = (0..joint_count)
+            .map(|k| {
+                let ends = off(&pair[0].q, k) + off(&pair[1].q, k);
+                before[k] + h / 2.0 * ends + h * h / 12.0 * (pair[0].qd[k] - pair[1].qd[k])
+            })
+            .collect();
+        integral.push(next);
+    }
+    let integral_at = |t: f64, k: usize| {
+        if t <= 0.0 {
+            return 0.0;
+        }
+        if t >= last.time_secs {
+            return integral[knots.len() - 1][k] + (t - last.time_secs) * off(&last.q, k);
+        }
+        let next = knots.partition_point(|p| p.time_secs <= t);
+        let (a, b) = (&knots[next - 1], &knots[next]);
+        let h = b.time_secs - a.time_secs;
+        let s = (t - a.time_secs) / h;
+        let (s2, s3, s4) = (s * s, s * s * s, s * s * s * s);
+        // Integrals of the cubic Hermite basis.
+        let values = (s - s3 + 0.5 * s4) * off(&a.q, k) + (s3 - 0.5 * s4) * off(&b.q, k);
+        let slopes = (s2 / 2.0 - s3 * 2.0 / 3.0 + s4 / 4.0) * a.qd[k] + (s4 / 4.0 - s3 / 3.0) * b.qd[k];
+        integral[next - 1][k] + h * (values + h * slopes)
+    };
+    let duration = last.time_secs + window_secs;
+    let count = (duration / JERK_STEP).ceil() as usize;
+    let mut points: Vec<TrajectoryPoint> = Vec::with_capacity(count + 1);
+    for n in 0..=count {
+        let time_secs = duration * n as f64 / count as f64;
+        let (Some((now, _)), Some((then, _))) =
+            (trajectory.sample(time_secs), trajectory.sample(time_secs - window_secs))
+        else {
+            continue;
+        };
+        let mean = |k| (integral_at(time_secs, k) - integral_at(time_secs - window_secs, k)) / window_secs;
+        points.push(TrajectoryPoint {
+            time_secs,
+            q: (0..joint_count).map(|k| first.q[k] + mean(k)).collect(),
+            qd: now.iter().zip(&then).map(|(a, b)| (a - b) / window_secs).collect(),
+        });
+    }
+    // The ends to the last bit: the integrals round.
+    points[0].q = first.q.clone();
+    points[count].q = last.q.clone();
+    Trajectory { points }
 }
 
 fn distance(a: &[f64], b: &[f64]) -> f64 {

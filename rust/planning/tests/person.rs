@@ -48,8 +48,7 @@ fn an_arm_across_the_chest_or_at_the_head_is_a_collision() {
         // Multiples of square roots of primes fill the ranges evenly.
         let share = |k: usize| (f64::from(n) * [2.0_f64, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0][k].sqrt()).fract();
         let limits = model.arm.iter().map(|&joint| model.joints[joint].limits);
-        let q: Vec<f64> =
-            limits.enumerate().map(|(k, l)| l.lower + share(k) * (l.upper - l.lower)).collect();
+        let q: Vec<f64> = limits.enumerate().map(|(k, l)| l.lower + share(k) * (l.upper - l.lower)).collect();
         scene.set_obstacles(&person).unwrap();
         for (_, part) in scene.collisions(&q).unwrap() {
             if part.starts_with("person") && !touched.contains(&part) {

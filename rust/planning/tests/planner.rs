@@ -150,7 +150,7 @@ fn after_letting_go_the_open_hand_leaves_a_standing_block_straight_up() {
 }
 
 #[test]
-fn speed_and_acceleration_stay_within_the_limits_and_both_ends_are_at_rest() {
+fn speed_acceleration_and_jerk_stay_within_the_limits_and_both_ends_are_at_rest() {
     let model = model();
     let mut planner = planner(PlannerOptions::default());
     let first = planner.solve(&pick(&model, still(), Region::FL, 5));
@@ -161,7 +161,7 @@ fn speed_and_acceleration_stay_within_the_limits_and_both_ends_are_at_rest() {
         assert!(points[0].qd.iter().chain(&points[points.len() - 1].qd).all(|v| *v == 0.0));
         let step = 1e-3;
         let count = (trajectory.duration_secs() / step) as usize;
-        let (mut fastest, mut hardest) = (0.0_f64, 0.0_f64);
+        let (mut fastest, mut hardest, mut jerk) = (0.0_f64, 0.0_f64, 0.0_f64);
         let mut last = trajectory.sample(0.0).unwrap();
         for k in 1..=count {
             let now = trajectory.sample(k as f64 * step).unwrap();
@@ -173,7 +173,18 @@ fn speed_and_acceleration_stay_within_the_limits_and_both_ends_are_at_rest() {
             last = now;
         }
         assert!(fastest <= 0.5 && fastest > 0.4, "fastest {fastest} rad/s");
-        assert!(hardest <= 1.0 && hardest > 0.7, "hardest {hardest} rad/s^2");
+        assert!(hardest <= 1.0 && hardest > 0.6, "hardest {hardest} rad/s^2");
+        // Over 20 ms, twice the time between points: the cubics between them have steps of acceleration.
+        let over = 0.02;
+        let speed = |t: f64, j: usize| trajectory.sample(t).unwrap().1[j];
+        for k in 1..(trajectory.duration_secs() / over) as usize {
+            for j in 0..7 {
+                let t = k as f64 * over;
+                let third = speed(t + over, j) - 2.0 * speed(t, j) + speed(t - over, j);
+                jerk = jerk.max(third.abs() / (over * over));
+            }
+        }
+        assert!(jerk <= 10.0 && jerk > 2.0, "jerk {jerk} rad/s^3");
     }
 }
 
