@@ -7,6 +7,7 @@
 
 pub mod analyze;
 pub mod bench;
+pub mod bench_dynamics;
 // The command does not offer the stage yet.
 #[allow(dead_code)]
 mod bench_emg;
