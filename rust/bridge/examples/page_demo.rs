@@ -142,6 +142,7 @@ impl Script {
                 posterior: vec![0.7, 0.1, 0.15, 0.05],
             },
             planner,
+            mode: None,
             gesture: self.gesture,
             confidence: 0.87,
             emg_source: "keys".to_owned(),

@@ -50,6 +50,9 @@ export class Hud {
   private readonly hand = element("b", "value");
   private readonly planner = element("b", "value");
   private readonly plannerNote = element("p", "note");
+  private readonly mode = element("b", "value");
+  private readonly modeNote = element("p", "note");
+  private readonly modeBox = element("div", "modebox");
   private readonly progress = element("i", "fill");
   private readonly progressBar = element("div", "bar", this.progress);
   private readonly events = element("ol", "events");
@@ -63,6 +66,7 @@ export class Hud {
   constructor() {
     const row = (label: string, ...children: HTMLElement[]) =>
       element("div", "row", element("span", "label", label), ...children);
+    this.modeBox.append(row("Moves", this.mode), this.modeNote);
     this.link.setAttribute("role", "status");
     this.banner.setAttribute("role", "alert");
     this.banner.hidden = this.toast.hidden = this.over.hidden = true;
@@ -92,6 +96,7 @@ export class Hud {
         "card status",
         row("Gesture", element("div", "line", this.gesture, this.gestureShort)),
         element("div", "meter", element("div", "bar", this.confidence), this.confidenceText),
+        this.modeBox,
         row("Selection", element("div", "line", this.selection, this.lock)),
         row("Hand", this.hand),
         row("Planner", this.planner),
@@ -179,6 +184,15 @@ export class Hud {
     setClass(this.gestureShort, "active", frame.gesture !== "no_motion");
     setWidth(this.confidence, frame.confidence);
     setText(this.confidenceText, `${Math.round(100 * frame.confidence)} %`);
+
+
+    this.modeBox.hidden = frame.mode === null;
+    if (frame.mode) {
+      const { name, directions, next_in_secs } = frame.mode;
+      setText(this.mode, name);
+      const next = next_in_secs === null ? "" : ` · next in ${next_in_secs.toFixed(1)} s`;
+      setText(this.modeNote, `WE ${directions[0]} · WF ${directions[1]}${next}`);
+    }
 
     const { target, hand } = frame;
     const something = hand.holds ? target.place !== null : target.block !== null;

@@ -91,6 +91,8 @@ export interface Frame {
   gaze: { origin: Triple; direction: Triple; valid: boolean } | null;
   target: { block: BlockId | null; place: Triple | null; locked: boolean; posterior: number[] };
   planner: Planner;
+  /** The joint or axis that WE and WF move, in methods A and B. */
+  mode: { number: number; name: string; directions: [string, string]; next_in_secs: number | null } | null;
   gesture: Gesture;
   confidence: number;
   emg_source: string;
