@@ -1,6 +1,6 @@
 // Keys, buttons and mouse to gestures, trunk and gaze. The keys are one table, shown on screen from it.
 
-import { element, setClass } from "./dom";
+import { element, setClass, setText } from "./dom";
 import { GESTURE_NAMES, type Gesture } from "./protocol";
 
 type Action = "restart" | "camera" | "upright";
@@ -32,6 +32,13 @@ const ACTION_KEYS: (Binding & { action: Action; name: string })[] = [
   { codes: ["KeyC"], label: "C", action: "camera", name: "camera" },
   { codes: ["KeyR"], label: "R", action: "restart", name: "restart" },
 ];
+/** What the gestures do with methods A and B, where they move one joint or axis at a time. */
+const STEPWISE: Partial<Record<Gesture, string>> = {
+  wrist_extension: "move +",
+  wrist_flexion: "move −",
+  hand_close: "close / open",
+  hand_open: "next axis",
+};
 /** The trunk's limits and speed, as in the seated set-up: degrees, degrees per second. */
 const LEAN_MAX = { forward: 35, lateral: 25, axial: 40 };
 const LEAN_SPEED = 30;
@@ -79,6 +86,15 @@ export class Controls {
     setClass(this.root, "still", !lean);
     Object.assign(this.posture, { forward: 0, lateral: 0, axial: 0 });
     this.showPosture();
+  }
+
+  /** Says on the keys what the gestures do with this method. */
+  setMethod(method: string): void {
+    for (const { gesture, effect } of GESTURE_KEYS) {
+      const text = ["A", "B"].includes(method) ? STEPWISE[gesture] : undefined;
+      const label = this.buttons.get(gesture)?.querySelector("span");
+      if (label) setText(label, text ?? effect);
+    }
   }
 
   /** Leaning goes on while its key is held; called once per picture. */

@@ -138,6 +138,7 @@ function start(): void {
       debug.frame = frame;
       debug.framesReceived = received.count;
       hud.update(frame, content?.interactive ?? false);
+      controls.setMethod(frame.method);
       guide.update(frame, (block) => {
         const target = room?.targets.find((candidate) => candidate.block === block);
         return target ? { x: target.centre.x, y: target.centre.y } : null;
