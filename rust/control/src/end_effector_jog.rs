@@ -7,7 +7,7 @@ use crate::{
 };
 use nalgebra::Vector6;
 use proact_types::{
-    ArmModel, JointLimits, JointVector, ModeView, PlannerView, SimTime, TargetView, joints, zeros,
+    ArmModel, Gesture, JointLimits, JointVector, ModeView, PlannerView, SimTime, TargetView, joints, zeros,
 };
 
 /// `/mode` of the first axis; A's joints have the numbers before it.
@@ -116,8 +116,12 @@ impl ControlMethod for EndEffectorJog {
         input: &ControlInput<'_>,
         kinematics: &mut dyn ArmKinematics,
     ) -> ControlOutput {
-        self.refusal = None;
         let (motion, hand) = self.jog.step(now, input);
+        // What was refused stays on display between the messages of a gesture that goes on.
+        let moves = matches!(input.gesture, Gesture::WristExtension | Gesture::WristFlexion);
+        if motion != JogMotion::None || !moves {
+            self.refusal = None;
+        }
         let motion = match motion {
             JogMotion::None => None,
             JogMotion::Stop => Some(MotionCommand::Hold),

@@ -43,6 +43,28 @@ impl HandTracker {
         let moving = commanded || velocity.iter().any(|v| v.abs() > STOPPED);
         self.state = match self.command {
             HandCommand::Open if off < REACHED => HandState::Open,
+            // Fingers that something stops short of a pose have got as far as they will.
+            _ if moving => match self.command {
+                HandCommand::Open => HandState::Opening,
+                HandCommand::Close => HandState::Closing,
+            },
+            HandCommand::Open => HandState::Open,
+            HandCommand::Close => HandState::Closed,
+        };
+        self.state
+    }
+
+    /// Notes a command.
+    pub fn note(&mut self, command: HandCommand) {
+        self.command = command;
+    }
+
+    /// Updates from angles and speeds of the hand joints; `commanded` is true while their targets still move.
+    pub fn step(&mut self, position: &[f64], velocity: &[f64], commanded: bool) -> HandState {
+        let off = position.iter().zip(&self.open).fold(0.0_f64, |m, (q, open)| m.max((q - open).abs()));
+        let moving = commanded || velocity.iter().any(|v| v.abs() > STOPPED);
+        self.state = match self.command {
+            HandCommand::Open if off < REACHED => HandState::Open,
             HandCommand::Open => HandState::Opening,
             // Fingers that a block stops short of the pose have closed all the same.
             HandCommand::Close if moving => HandState::Closing,
@@ -64,7 +86,8 @@ mod tests {
         assert_eq!(hand.step(&[0.2, 0.0], &[1.0, 0.0], true), HandState::Closing);
         assert_eq!(hand.step(&[0.4, 0.1], &[0.0, 0.0], false), HandState::Closed);
         hand.note(HandCommand::Open);
-        assert_eq!(hand.step(&[0.4, 0.1], &[0.0, 0.0], false), HandState::Opening);
+        assert_eq!(hand.step(&[0.4, 0.1], &[-1.0, 0.0], true), HandState::Opening);
+        assert_eq!(hand.step(&[0.3, 0.1], &[0.0, 0.0], false), HandState::Open, "a wall may stop a finger");
         assert_eq!(hand.step(&[0.1, 0.0], &[0.0, 0.0], false), HandState::Open);
     }
 }

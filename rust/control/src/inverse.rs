@@ -56,8 +56,21 @@ impl Damped<'_> {
         jacobian_at: &mut JacobianAt<'_>,
     ) -> Result<JointVector, String> {
         let profile = self.profile;
-        let jacobian = self.mask(jacobian_at(commanded)?);
-        let joints = self.subset.driven().len();
+        // Fewer than six joints cannot keep all of the hand's pose: they see to the part that is asked for.
+        let driven = self.subset.driven().len();
+        let part = (driven < 6).then_some(if twist.fixed_rows::<3>(0).norm() > 0.0 { 3 } else { 0 });
+        let joints = if part.is_some() { driven.min(3) } else { driven };
+        let masked = |jacobian: DMatrix<f64>| {
+            let mut jacobian = self.mask(jacobian);
+            if let Some(first) = part {
+                jacobian.rows_mut(first, 3).fill(0.0);
+            }
+            jacobian
+        };
+        let jacobian = masked(jacobian_at(commanded)?);
+        if !measured.iter().all(|angle| angle.is_finite()) {
+            return Err(NOT_FINITE.to_owned());
+        }
         let (now, smallest) = condition(&jacobian, joints, profile.length_m);
 
         // Damping sets in smoothly under a smallest singular value (Nakamura and Hanafusa, 1986).
@@ -83,10 +96,15 @@ impl Damped<'_> {
             return Err(RUNS_AHEAD.to_owned());
         }
 
+        // Part of an arm is always near a singularity: damping and alignment alone bound it.
+        if part.is_some() {
+            return Ok(speeds);
+        }
+
         // Into a singularity slower and slower, away from it as asked.
         let ahead: JointVector =
             commanded.iter().zip(&speeds).map(|(q, speed)| q + speed * LOOK_AHEAD_SECS).collect();
-        let (then, _) = condition(&self.mask(jacobian_at(&ahead)?), joints, profile.length_m);
+        let (then, _) = condition(&masked(jacobian_at(&ahead)?), joints, profile.length_m);
         // Written so that an infinite condition number counts as worse.
         let improves = then < now;
         if !improves {

@@ -4,7 +4,7 @@ use crate::{
     ControlError, ControlInput, ControlMethod, ControlOutput, JointSubset, MotionCommand, Profile, STEP_SECS,
 };
 use proact_types::{
-    ArmModel, JointLimits, JointVector, ModeView, PlannerView, SimTime, TargetView, joints, zeros,
+    ArmModel, Gesture, JointLimits, JointVector, ModeView, PlannerView, SimTime, TargetView, joints, zeros,
 };
 
 /// Method A: HO cycles through the joints, WE and WF move the selected one, HC toggles the hand (ProACT,
@@ -119,8 +119,12 @@ impl ControlMethod for JointJog {
         input: &ControlInput<'_>,
         _kinematics: &mut dyn ArmKinematics,
     ) -> ControlOutput {
-        self.refusal = None;
         let (motion, hand) = self.jog.step(now, input);
+        // What was refused stays on display between the messages of a gesture that goes on.
+        let moves = matches!(input.gesture, Gesture::WristExtension | Gesture::WristFlexion);
+        if motion != JogMotion::None || !moves {
+            self.refusal = None;
+        }
         let first = std::mem::take(&mut self.close_first).then_some(crate::HandCommand::Close);
         let motion = match motion {
             JogMotion::None => None,

@@ -15,6 +15,7 @@ mod jog;
 mod joint_jog;
 mod limited;
 mod method;
+mod pipe;
 pub mod ports;
 mod profile;
 mod subset;
@@ -31,6 +32,7 @@ pub use limited::Limited;
 pub use method::{
     ControlInput, ControlMethod, ControlOutput, HandCommand, MotionCommand, MotionState, PlanCommand,
 };
+pub use pipe::{InputLine, OutputLine, PipeMethod};
 pub use profile::{
     Axis, AxisEntry, AxisMotion, ControlError, DampedProfile, DeadManProfile, EndEffectorJogProfile,
     GazeAssistedProfile, InverseProfile, JogProfile, JointEntry, JointJogProfile, LimiterProfile,

@@ -36,26 +36,27 @@ impl<M: ControlMethod> Limited<M> {
         }
     }
 
-    /// The speed nearest to `asked` that joint `k` at `angle` may have after `secs`.
-    fn speed(&self, k: usize, asked: f64, angle: f64, secs: f64) -> f64 {
-        let limits = &self.limits[k];
-        let asked = asked.clamp(-limits.velocity, limits.velocity);
-        let change = self.acceleration * secs;
-        let ramped = asked.clamp(self.velocity[k] - change, self.velocity[k] + change);
-        // Braking comes before the ramp: at the limit the joint must stand.
-        let top = |room: f64| brake(room, self.acceleration);
-        ramped.clamp(-top(angle - limits.lower), top(limits.upper - angle))
-    }
-
+    /// Speeds as near to `asked` as the limits allow after `secs`.
     fn toward(&mut self, asked: &[f64], commanded: &[f64], secs: f64) -> Option<MotionCommand> {
         let fits = asked.len() == self.limits.len() && commanded.len() == self.limits.len();
         if !fits || !asked.iter().chain(commanded).all(|value| value.is_finite()) {
             return Some(self.hold());
         }
-        let speeds: JointVector =
-            (0..asked.len()).map(|k| self.speed(k, asked[k], commanded[k], secs)).collect();
-        self.velocity = speeds.clone();
-        Some(MotionCommand::Velocity(speeds))
+        // All joints change their speeds in proportion, so that the hand keeps to its direction.
+        let fastest = asked.iter().zip(&self.limits).fold(1.0_f64, |m, (v, l)| m.max(v.abs() / l.velocity));
+        let changes: JointVector =
+            asked.iter().zip(&self.velocity).map(|(v, was)| v / fastest - was).collect();
+        let greatest = changes.iter().fold(0.0_f64, |m, change| m.max(change.abs()));
+        let share = (self.acceleration * secs / greatest).min(1.0);
+        let brake = |room: f64| brake(room, self.acceleration);
+        let speeds = (0..asked.len()).map(|k| {
+            let ramped = self.velocity[k] + share * changes[k];
+            // Braking comes before the ramp, joint by joint: at its limit a joint must stand.
+            let (limits, angle) = (&self.limits[k], commanded[k]);
+            ramped.clamp(-brake(angle - limits.lower), brake(limits.upper - angle))
+        });
+        self.velocity = speeds.collect();
+        Some(MotionCommand::Velocity(self.velocity.clone()))
     }
 
     fn hold(&mut self) -> MotionCommand {

@@ -2,6 +2,9 @@ use crate::ports::ArmKinematics;
 use crate::{ControlError, ControlInput, ControlMethod, ControlOutput, MotionCommand, Profile, STEP_SECS};
 use proact_types::{ArmModel, JointLimits, ModeView, PlannerView, SimTime, TargetView};
 
+/// A joint this near its goal has reached it, rad.
+const THERE: f64 = 1e-9;
+
 /// The arm joints that a method drives; the person's own limb has the others.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JointSubset {
@@ -104,7 +107,9 @@ impl<M: ControlMethod> ControlMethod for FollowsLimb<M> {
         let toward = |goal: Option<&f64>, joint: usize| {
             let top = self.limits.get(joint).map_or(0.0, |limits| limits.velocity);
             let gap = goal.map_or(0.0, |goal| goal - commanded[joint]);
-            if gap.is_finite() { (gap / STEP_SECS).clamp(-top, top) } else { 0.0 }
+            // A joint that is there does not tremble by rounding.
+            let moves = gap.is_finite() && gap.abs() > THERE;
+            if moves { (gap / STEP_SECS).clamp(-top, top) } else { 0.0 }
         };
         let speeds: proact_types::JointVector = (0..commanded.len())
             .map(|joint| match &asked {

@@ -1,0 +1,260 @@
+use crate::ports::ArmKinematics;
+use crate::{
+    ControlInput, ControlMethod, ControlOutput, HandCommand, MotionCommand, MotionState, PlanCommand,
+};
+use proact_types::{
+    BlockId, EventKind, Gesture, HandView, JointVector, ModeView, PlanReply, PlanStatus, PlannerView, Point,
+    Pose, SimTime, Target, TargetView, joints,
+};
+use serde::{Deserialize, Serialize};
+use std::io::{BufRead, ErrorKind, Write};
+
+/// As many answers are read in one step: a process that floods the pipe must not hold up the tick.
+const MOST_LINES: usize = 32;
+/// A line longer than this is no answer, bytes.
+const LONGEST_LINE: usize = 1 << 20;
+
+/// One line to the outside process: what a method sees at one control step.
+///
+/// Units and frames are those of [`ControlInput`]. Numbers that are not finite arrive as `null`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct InputLine {
+    /// Milliseconds since the start of the trial; the answer repeats it.
+    pub time: SimTime,
+    /// [`ControlInput::gesture`].
+    pub gesture: Gesture,
+    /// [`ControlInput::message`].
+    pub message: Option<Gesture>,
+    /// [`ControlInput::measured`].
+    pub measured: JointVector,
+    /// [`ControlInput::commanded`].
+    pub commanded: JointVector,
+    /// [`ControlInput::highlight`].
+    pub highlight: Option<BlockId>,
+    /// [`ControlInput::blocks`].
+    pub blocks: [Point; 4],
+    /// [`ControlInput::posterior`].
+    pub posterior: Vec<f64>,
+    /// [`ControlInput::place`].
+    pub place: Point,
+    /// [`ControlInput::hand`].
+    pub hand: HandView,
+    /// [`ControlInput::world_from_base`].
+    pub world_from_base: Pose,
+    /// `base_from_tip` at the measured angles, so that simple methods need no kinematics of their own.
+    pub base_from_tip: Option<Pose>,
+    /// Geometric Jacobian at the commanded angles: 6 rows, linear first, base axes.
+    pub jacobian: Option<Vec<Vec<f64>>>,
+    /// [`ControlInput::plan`].
+    pub plan: Option<PlanReply>,
+    /// [`ControlInput::motion`].
+    pub motion: MotionState,
+    /// [`ControlInput::targets`].
+    pub targets: Vec<Target>,
+    /// [`ControlInput::limb`].
+    pub limb: Option<JointVector>,
+    /// [`ControlInput::emg_age_ms`].
+    pub emg_age_ms: Option<u64>,
+    /// [`ControlInput::gaze_age_ms`].
+    pub gaze_age_ms: Option<u64>,
+    /// [`ControlInput::tracking_age_ms`].
+    pub tracking_age_ms: Option<u64>,
+}
+
+/// One line from the outside process.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct OutputLine {
+    /// `time` of the line that it answers. An answer to an older line comes too late and is dropped.
+    pub time: SimTime,
+    /// For the arm.
+    #[serde(default)]
+    pub motion: Option<MotionCommand>,
+    /// For the hand.
+    #[serde(default)]
+    pub hand: Option<HandCommand>,
+    /// For the planner.
+    #[serde(default)]
+    pub plan: Option<PlanCommand>,
+    /// What happened.
+    #[serde(default)]
+    pub events: Vec<EventKind>,
+    /// Shown until the next answer that has one.
+    #[serde(default)]
+    pub mode: Option<ModeView>,
+    /// Shown until the next answer that has one.
+    #[serde(default)]
+    pub target: Option<TargetView>,
+    /// Shown until the next answer that has one.
+    #[serde(default)]
+    pub planner: Option<PlannerView>,
+}
+
+/// A method that lives in another process: a line of JSON to it at each step, a line from it within the step.
+///
+/// Reader and writer are handed in; nothing is started here. Each step writes an [`InputLine`] and reads what has
+/// come. Use a reader that does not block (it answers `WouldBlock` when there is nothing, or after a short wait),
+/// for the tick waits for it. While the answer to the present line is missing, broken or not understood, the arm
+/// holds and [`ControlMethod::planner`] says why. Deterministic as far as the process is.
+#[derive(Debug)]
+pub struct PipeMethod<R, W> {
+    name: String,
+    reader: R,
+    writer: W,
+    partial: Vec<u8>,
+    mode: Option<ModeView>,
+    target: TargetView,
+    planner: PlannerView,
+    refusal: Option<String>,
+}
+
+impl<R: BufRead + Send, W: Write + Send> PipeMethod<R, W> {
+    /// Speaks to the process behind `reader` (its output) and `writer` (its input).
+    pub fn new(name: &str, reader: R, writer: W) -> Self {
+        Self {
+            name: name.to_owned(),
+            reader,
+            writer,
+            partial: Vec::new(),
+            mode: None,
+            target: TargetView::default(),
+            planner: PlannerView::Idle,
+            refusal: None,
+        }
+    }
+
+    fn send(&mut self, line: &InputLine) -> Result<(), String> {
+        let mut text = serde_json::to_vec(line).map_err(|e| e.to_string())?;
+        text.push(b'\n');
+        self.writer.write_all(&text).and_then(|()| self.writer.flush()).map_err(|e| match e.kind() {
+            ErrorKind::BrokenPipe => "the process has ended".to_owned(),
+            _ => format!("the process does not take its input: {e}"),
+        })
+    }
+
+    /// The answer to the line of `now`, if it has come.
+    fn receive(&mut self, now: SimTime) -> Result<OutputLine, String> {
+        for _ in 0..MOST_LINES {
+            match self.reader.read_until(b'\n', &mut self.partial) {
+                Ok(_) if self.partial.ends_with(b"\n") => {}
+                Ok(_) => return Err("the process has ended".to_owned()),
+                // What has come of a line stays for the next step.
+                Err(e) if matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
+                    if self.partial.len() > LONGEST_LINE {
+                        self.partial.clear();
+                        return Err(format!("a line of more than {LONGEST_LINE} bytes was dropped"));
+                    }
+                    return Err("the process has not answered in time".to_owned());
+                }
+                Err(e) => return Err(format!("the process cannot be heard: {e}")),
+            }
+            let line = std::mem::take(&mut self.partial);
+            let answer: OutputLine = serde_json::from_slice(&line).map_err(|e| {
+                format!("the process answered {:?}: {e}", String::from_utf8_lossy(&line).trim_end())
+            })?;
+            match answer.time.cmp(&now) {
+                std::cmp::Ordering::Less => {}
+                std::cmp::Ordering::Equal => return Ok(answer),
+                std::cmp::Ordering::Greater => {
+                    return Err(format!(
+                        "the process answered {} at {}, which was not asked",
+                        answer.time.0, now.0
+                    ));
+                }
+            }
+        }
+        Err(format!("the process sent {MOST_LINES} old answers in one step"))
+    }
+}
+
+/// Commands that fit the arm; the others are errors of the process.
+fn check(answer: &OutputLine, count: usize) -> Result<(), String> {
+    let fits = |what: &str, values: &[f64]| match values.iter().position(|value| !value.is_finite()) {
+        Some(index) => Err(format!("{what} {index} is {}, expected a finite number", values[index])),
+        None if values.len() != count => {
+            Err(format!("{what}: got {} values, the arm has {count} joints", values.len()))
+        }
+        None => Ok(()),
+    };
+    match &answer.motion {
+        Some(MotionCommand::Velocity(values)) => fits("velocity", values),
+        Some(MotionCommand::Goto(values)) => fits("goto", values),
+        Some(MotionCommand::Follow(path)) => {
+            path.points.iter().try_for_each(|point| fits("q", &point.q).and(fits("qd", &point.qd)))
+        }
+        Some(MotionCommand::Hold) | None => Ok(()),
+    }
+}
+
+impl<R: BufRead + Send, W: Write + Send> ControlMethod for PipeMethod<R, W> {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn step(
+        &mut self,
+        now: SimTime,
+        input: &ControlInput<'_>,
+        kinematics: &mut dyn ArmKinematics,
+    ) -> ControlOutput {
+        let jacobian = kinematics.jacobian(input.commanded).ok();
+        let rows =
+            |j: nalgebra::DMatrix<f64>| j.row_iter().map(|row| row.iter().copied().collect()).collect();
+        let line = InputLine {
+            time: now,
+            gesture: input.gesture,
+            message: input.message,
+            measured: joints(input.measured),
+            commanded: joints(input.commanded),
+            highlight: input.highlight,
+            blocks: *input.blocks,
+            posterior: input.posterior.to_vec(),
+            place: input.place,
+            hand: input.hand,
+            world_from_base: input.world_from_base,
+            base_from_tip: kinematics.forward(input.measured).ok(),
+            jacobian: jacobian.map(rows),
+            plan: input.plan.cloned(),
+            motion: input.motion,
+            targets: input.targets.to_vec(),
+            limb: input.limb.map(joints),
+            emg_age_ms: input.emg_age_ms,
+            gaze_age_ms: input.gaze_age_ms,
+            tracking_age_ms: input.tracking_age_ms,
+        };
+        let answer = self.send(&line).and_then(|()| self.receive(now)).and_then(|answer| {
+            check(&answer, input.commanded.len())?;
+            Ok(answer)
+        });
+        match answer {
+            Ok(answer) => {
+                self.refusal = None;
+                self.mode = answer.mode.or(self.mode.take());
+                self.target = answer.target.unwrap_or_else(|| std::mem::take(&mut self.target));
+                self.planner = answer.planner.unwrap_or_else(|| self.planner.clone());
+                let OutputLine { motion, hand, plan, events, .. } = answer;
+                ControlOutput { motion, hand, plan, events }
+            }
+            Err(reason) => {
+                self.refusal = Some(reason);
+                ControlOutput { motion: Some(MotionCommand::Hold), ..ControlOutput::default() }
+            }
+        }
+    }
+
+    fn mode(&self) -> Option<ModeView> {
+        self.mode.clone()
+    }
+
+    fn target(&self) -> TargetView {
+        self.target.clone()
+    }
+
+    fn planner(&self) -> PlannerView {
+        match &self.refusal {
+            Some(reason) => PlannerView::Failed { status: PlanStatus::Invalid, reason: reason.clone() },
+            None => self.planner.clone(),
+        }
+    }
+}

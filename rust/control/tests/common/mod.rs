@@ -1,0 +1,306 @@
+//! An arm, its kinematics in a few lines of nalgebra, and a rig that carries out what a method asks for.
+#![allow(dead_code)] // Each test program uses its part.
+
+use nalgebra::{DMatrix, Isometry3, Unit, UnitQuaternion, Vector3};
+use proact_control::ports::{ArmKinematics, IkOutcome, KinematicsError};
+use proact_control::{
+    ControlInput, ControlMethod, ControlOutput, HandCommand, MotionCommand, MotionState, Profile, build,
+};
+use proact_types::{
+    ArmModel, BlockId, Gesture, HandState, HandView, Joint, JointKind, JointLimits, JointVector, Link,
+    PlanReply, PlanStatus, Point, Pose, SimTime, Target, Trajectory, TrajectoryPoint, joints,
+};
+
+/// Where a trial starts, as in the original.
+pub const START: [f64; 7] = [1.029, -0.161, 0.1291, 1.029, 1.57, 0.0174, 0.1006];
+pub const BLOCKS: [Point; 4] = [
+    Point::new(-0.08, -0.2, 1.04),
+    Point::new(0.08, -0.2, 1.04),
+    Point::new(-0.08, -0.08, 1.04),
+    Point::new(0.08, -0.08, 1.04),
+];
+
+/// The seven arm joints of the MPL: name, origin, yaw of the origin, axis, lower and upper limit (Apache-2.0, from
+/// the description of the Johns Hopkins APL arm).
+type Row = (&'static str, [f64; 3], f64, [f64; 3], f64, f64);
+const JOINTS: [Row; 7] = [
+    ("shoulder", [0.0, 0.0, 0.0], 0.0, [0.0, 0.0, 1.0], -1.4, 1.53),
+    ("humerus", [0.00164, -1e-5, 0.12058], -0.01153, [1.0, 0.0, 0.0], -1.35, 0.345),
+    ("elbow", [-0.00164, -0.15006, 0.01389], 0.0, [0.0, 1.0, 0.0], -0.697, 1.57),
+    ("forearm", [0.01, -0.14441, -0.01534], 0.0, [0.0, 0.0, 1.0], 0.044, 2.61),
+    ("wristy", [3e-5, -0.18543, 0.016], 0.0, [0.0, 1.0, 0.0], -1.57, 1.57),
+    ("wristx", [-3e-5, -0.04764, 0.00203], 0.0, [0.0, 0.0, -1.0], -0.261, 0.785),
+    ("wristz", [0.00018, -0.03, -0.00209], 0.0, [1.0, 0.0, 0.0], -1.04, 1.04),
+];
+
+pub fn model() -> ArmModel {
+    let link = |name: &str| Link {
+        name: name.to_owned(),
+        inertial: None,
+        collisions: Vec::new(),
+        visuals: Vec::new(),
+    };
+    let base = Joint {
+        name: "base".to_owned(),
+        kind: JointKind::Fixed,
+        parent: 0,
+        child: 1,
+        origin: Isometry3::from_parts(
+            Default::default(),
+            UnitQuaternion::from_euler_angles(std::f64::consts::FRAC_PI_2, 0.0, 0.0),
+        ),
+        axis: Vector3::zeros(),
+        limits: JointLimits::default(),
+        damping: 0.0,
+        friction: 0.0,
+    };
+    let mut model = ArmModel {
+        name: "mpl_right_arm".to_owned(),
+        links: vec![link("base_link"), link("forequarter")],
+        joints: vec![base],
+        arm: (1..=7).collect(),
+        hand: Vec::new(),
+        tip: 8,
+        poses: Vec::new(),
+        allowed_collisions: Vec::new(),
+        grasp_centre: Vector3::zeros(),
+    };
+    for (k, (name, xyz, yaw, axis, lower, upper)) in JOINTS.into_iter().enumerate() {
+        model.links.push(link(name));
+        model.joints.push(Joint {
+            name: format!("mpl_right_arm__{name}"),
+            kind: JointKind::Revolute,
+            parent: k + 1,
+            child: k + 2,
+            origin: Isometry3::from_parts(
+                Vector3::from(xyz).into(),
+                UnitQuaternion::from_euler_angles(0.0, 0.0, yaw),
+            ),
+            axis: axis.into(),
+            limits: JointLimits { lower, upper, velocity: 0.5, effort: 10.0 },
+            damping: 0.0,
+            friction: 0.0,
+        });
+    }
+    model
+}
+
+pub fn limits() -> Vec<JointLimits> {
+    let model = model();
+    model.arm.iter().map(|&j| model.joints[j].limits).collect()
+}
+
+/// Kinematics of [`model`], with nothing behind them.
+pub struct Serial(pub ArmModel);
+
+impl Serial {
+    fn check(&self, q: &[f64]) -> Result<(), KinematicsError> {
+        if q.len() != self.0.arm_count() {
+            return Err(KinematicsError::WrongJointCount { got: q.len(), expected: self.0.arm_count() });
+        }
+        match q.iter().position(|value| !value.is_finite()) {
+            Some(index) => Err(KinematicsError::NotFinite { what: "joint angle", index, value: q[index] }),
+            None => Ok(()),
+        }
+    }
+
+    /// Pose of the tip, and origin and axis of each joint, in the base.
+    fn chain(&self, q: &[f64]) -> (Pose, Vec<(Point, Vector3<f64>)>) {
+        let mut pose = Pose::identity();
+        let mut axes = Vec::new();
+        for (k, joint) in self.0.joints.iter().enumerate() {
+            pose *= joint.origin;
+            if k > 0 {
+                axes.push((pose * Point::origin(), pose.rotation * joint.axis));
+                pose *= UnitQuaternion::from_axis_angle(&Unit::new_normalize(joint.axis), q[k - 1]);
+            }
+        }
+        (pose, axes)
+    }
+}
+
+impl ArmKinematics for Serial {
+    fn joint_count(&self) -> usize {
+        self.0.arm_count()
+    }
+
+    fn forward(&mut self, q: &[f64]) -> Result<Pose, KinematicsError> {
+        self.check(q)?;
+        Ok(self.chain(q).0)
+    }
+
+    fn jacobian(&mut self, q: &[f64]) -> Result<DMatrix<f64>, KinematicsError> {
+        self.check(q)?;
+        let (tip, axes) = self.chain(q);
+        let tip = tip * Point::origin();
+        Ok(DMatrix::from_fn(6, q.len(), |row, k| {
+            let (origin, axis) = axes[k];
+            if row < 3 { axis.cross(&(tip - origin))[row] } else { axis[row - 3] }
+        }))
+    }
+
+    fn inverse(&mut self, _target: &Pose, _seed: &[f64]) -> Result<IkOutcome, KinematicsError> {
+        Ok(IkOutcome::NotFound)
+    }
+}
+
+/// A method on an arm that does exactly what it is asked.
+pub struct Rig {
+    pub method: Box<dyn ControlMethod>,
+    pub kinematics: Serial,
+    pub q: JointVector,
+    /// What is measured differs from what is asked by this.
+    pub lag: [f64; 7],
+    pub gesture: Gesture,
+    /// A message of the classifier every so many milliseconds; none for keys.
+    pub message_ms: Option<u64>,
+    pub hand: HandView,
+    pub highlight: Option<BlockId>,
+    pub place: Point,
+    pub targets: Vec<Target>,
+    pub limb: Option<Vec<f64>>,
+    pub ages: [Option<u64>; 3],
+    pub base: Pose,
+    pub plan: Option<PlanReply>,
+    pub now: u64,
+    command: MotionCommand,
+    since: u64,
+    finished: bool,
+}
+
+impl Rig {
+    pub fn new(method: &str, profile: &str) -> Self {
+        let profile = Profile::named(profile).expect("an embedded profile");
+        Self::with(build(method, &profile, &model()).expect("a known method"))
+    }
+
+    pub fn with(method: Box<dyn ControlMethod>) -> Self {
+        Self {
+            method,
+            kinematics: Serial(model()),
+            q: joints(&START),
+            lag: [0.0; 7],
+            gesture: Gesture::NoMotion,
+            message_ms: Some(50),
+            hand: HandView::default(),
+            highlight: Some(BlockId::Red1),
+            place: Point::new(0.05, 0.2, 1.015),
+            targets: Vec::new(),
+            limb: None,
+            ages: [None; 3],
+            base: Pose::translation(-0.39, 0.12, 1.5),
+            plan: None,
+            now: 0,
+            command: MotionCommand::Hold,
+            since: 0,
+            finished: false,
+        }
+    }
+
+    /// One control step now, at the present time.
+    pub fn step(&mut self) -> ControlOutput {
+        let measured: Vec<f64> = self.q.iter().zip(&self.lag).map(|(q, lag)| q - lag).collect();
+        let message = self.message_ms.is_some_and(|ms| self.now.is_multiple_of(ms));
+        let motion = match &self.command {
+            MotionCommand::Follow(path) => {
+                MotionState::Following((self.now - self.since) as f64 * 1e-3 / path.duration_secs())
+            }
+            _ if self.finished => MotionState::Finished,
+            _ => MotionState::Holding,
+        };
+        let plan = self.plan.take();
+        let input = ControlInput {
+            gesture: self.gesture,
+            message: message.then_some(self.gesture),
+            measured: &measured,
+            commanded: &self.q,
+            highlight: self.highlight,
+            blocks: &BLOCKS,
+            posterior: &[0.4, 0.3, 0.2, 0.1],
+            place: self.place,
+            hand: self.hand,
+            world_from_base: self.base,
+            plan: plan.as_ref(),
+            motion,
+            targets: &self.targets,
+            limb: self.limb.as_deref(),
+            emg_age_ms: self.ages[0],
+            gaze_age_ms: self.ages[1],
+            tracking_age_ms: self.ages[2],
+        };
+        let output = self.method.step(SimTime(self.now), &input, &mut self.kinematics);
+        if let Some(command) = &output.motion {
+            self.command = command.clone();
+            self.since = self.now;
+            self.finished = false;
+        }
+        if let Some(command) = output.hand {
+            let state = if command == HandCommand::Open { HandState::Open } else { HandState::Closed };
+            self.hand.state = state;
+        }
+        output
+    }
+
+    /// Advances by `ms`, with a control step every 10 ms and at each message.
+    pub fn run(&mut self, ms: u64) -> Vec<ControlOutput> {
+        let mut outputs = Vec::new();
+        for _ in 0..ms {
+            self.now += 1;
+            let message = self.message_ms.is_some_and(|ms| self.now.is_multiple_of(ms));
+            if self.now.is_multiple_of(10) || message {
+                outputs.push(self.step());
+            }
+            self.move_arm();
+        }
+        outputs
+    }
+
+    /// Makes a gesture for `ms`.
+    pub fn make(&mut self, gesture: Gesture, ms: u64) -> Vec<ControlOutput> {
+        self.gesture = gesture;
+        self.run(ms)
+    }
+
+    pub fn tip(&mut self) -> Pose {
+        self.kinematics.forward(&self.q.clone()).expect("finite angles")
+    }
+
+    fn move_arm(&mut self) {
+        let limits = limits();
+        match &self.command {
+            MotionCommand::Velocity(speeds) if self.now - self.since < 20 => {
+                self.q.iter_mut().zip(speeds).for_each(|(q, speed)| *q += speed * 1e-3);
+            }
+            MotionCommand::Goto(goal) => {
+                self.q.iter_mut().zip(goal).for_each(|(q, goal)| *q += (goal - *q).clamp(-5e-4, 5e-4));
+            }
+            MotionCommand::Follow(path) => {
+                let secs = (self.now - self.since) as f64 * 1e-3;
+                if let Some((q, _)) = path.sample(secs) {
+                    self.q = q;
+                }
+                if secs >= path.duration_secs() {
+                    self.command = MotionCommand::Hold;
+                    self.finished = true;
+                }
+            }
+            _ => {}
+        }
+        self.q.iter_mut().zip(limits).for_each(|(q, limits)| *q = q.clamp(limits.lower, limits.upper));
+    }
+}
+
+/// A plan from [`START`] that turns the elbow by `turn` radians.
+pub fn reply(status: PlanStatus, turn: f64) -> PlanReply {
+    let point = |time_secs: f64, turn: f64| {
+        let mut q = joints(&START);
+        q[3] += turn;
+        TrajectoryPoint { time_secs, q, qd: joints(&[0.0; 7]) }
+    };
+    let points = if matches!(status, PlanStatus::Ok | PlanStatus::Intermediate) {
+        vec![point(0.0, 0.0), point(1.0, turn)]
+    } else {
+        Vec::new()
+    };
+    PlanReply { id: 1, status, trajectory: Trajectory { points }, reason: String::new() }
+}
