@@ -36,7 +36,7 @@ lane_shell() {
 }
 
 lane_web() {
-    build_web && run_npm run check
+    build_web && run_npm run check && run_npm test
 }
 
 lane_lint() {

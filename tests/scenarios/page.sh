@@ -40,3 +40,6 @@ stop
 start serve --method D --seed 1 --setup still
 node "$here/../page/run.mjs" --url "$address" --out "$output/interactive" --mode interactive
 stop
+
+# The page outlives the program: it comes back when the program does.
+node "$here/../page/run.mjs" --mode restart --program "$proact" --out "$output/restart"

@@ -1,6 +1,6 @@
 use crate::{
-    bench, demo::DemoArgs, doctor, emg::EmgCommand, model::ModelCommand, query, query::QueryOptions,
-    replay::ReplayArgs, serve::ServeArgs,
+    analyze::AnalyzeArgs, bench, demo::DemoArgs, doctor, emg::EmgCommand, model::ModelCommand, query,
+    query::QueryOptions, replay::ReplayArgs, serve::ServeArgs,
 };
 use clap::{Args, Parser, Subcommand};
 use std::{
@@ -9,6 +9,9 @@ use std::{
     path::PathBuf,
     process::ExitCode,
 };
+
+/// Problems of the planning bench.
+const PLANNING_PROBLEMS: usize = 1000;
 
 /// Open testbed for intelligent prosthetic arms: EMG, gaze, planning and physics in one process.
 #[derive(Debug, Parser)]
@@ -53,6 +56,8 @@ enum Command {
     },
     /// Measure a stage, beside its peer where there is one
     Bench(BenchArgs),
+    /// Numbers from recorded trials
+    Analyze(AnalyzeArgs),
     /// Look at this machine: libraries, tools, ports
     Doctor {
         /// One JSON object on standard output
@@ -81,7 +86,7 @@ struct QueryArgs {
 #[command(after_help = "Example:\n  proact bench kinematics --json")]
 struct BenchArgs {
     /// What to measure
-    #[arg(value_parser = ["kinematics", "start"])]
+    #[arg(value_parser = ["emg", "kinematics", "dynamics", "planning", "start"])]
     stage: String,
     /// One JSON object on standard output
     #[arg(long)]
@@ -114,7 +119,10 @@ fn run(command: Command) -> Result<bool, Box<dyn Error>> {
         Command::Model { json, command } => crate::model::run(&command, json),
         Command::Bench(args) => {
             let report = match args.stage.as_str() {
+                "emg" => crate::bench_emg::emg()?,
                 "kinematics" => bench::kinematics()?,
+                "dynamics" => crate::bench_dynamics::dynamics()?,
+                "planning" => crate::bench_planning::planning(PLANNING_PROBLEMS)?,
                 _ => crate::bench_start::start()?,
             };
             if args.json {
@@ -124,6 +132,7 @@ fn run(command: Command) -> Result<bool, Box<dyn Error>> {
             }
             Ok(true)
         }
+        Command::Analyze(args) => crate::analyze::command(&args),
         Command::Doctor { json } => Ok(doctor::run(json)?),
     }
 }

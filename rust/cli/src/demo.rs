@@ -26,9 +26,12 @@ use std::{
     proact demo --emg recordings/ --emg-train 0,1 --emg-feed 2\n\n\
     EMG comes from a generator unless --emg names a folder of recordings. `--setup still` keeps the shoulder still.")]
 pub(crate) struct DemoArgs {
-    /// Control method
+    /// Control method: A joint by joint, B end-effector, C gaze, D gaze and context
     #[arg(long, default_value = "D")]
     method: String,
+    /// How the methods behave: default, or original for the numbers of the first testbed
+    #[arg(long, default_value = "default")]
+    profile: String,
     /// Seed of every random stream of the trial
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
     seed: u64,
@@ -96,7 +99,8 @@ struct RunHow {
 
 pub(crate) fn demo(args: &DemoArgs) -> Result<bool, Box<dyn Error>> {
     let method: MethodName = args.method.parse()?;
-    let mut config = TrialConfig::new(method, args.seed, Setup::named(&args.setup)?);
+    let mut config =
+        TrialConfig::new(method, args.seed, Setup::named(&args.setup)?).with_profile(&args.profile)?;
     if let Some(text) = &args.arrangement {
         config.arrangement = text.parse::<Arrangement>()?;
     }

@@ -7,13 +7,9 @@
 
 pub mod analyze;
 pub mod bench;
-// The command does not offer the stage yet.
-#[allow(dead_code)]
-mod bench_planning;
 pub mod bench_dynamics;
-// The command does not offer the stage yet.
-#[allow(dead_code)]
 mod bench_emg;
+mod bench_planning;
 mod bench_start;
 mod command;
 mod demo;

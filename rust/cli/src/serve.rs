@@ -21,9 +21,12 @@ use std::{
 #[command(after_help = "Examples:\n  proact serve\n  proact serve --setup seated --port 8100\n\n\
     Mouse is gaze; keys are gestures and are shown on the page. R starts a new trial. Ctrl-C ends.")]
 pub(crate) struct ServeArgs {
-    /// Control method
+    /// Control method: A joint by joint, B end-effector, C gaze, D gaze and context
     #[arg(long, default_value = "D")]
     method: String,
+    /// How the methods behave: default, or original for the numbers of the first testbed
+    #[arg(long, default_value = "default")]
+    profile: String,
     /// Seed of the first trial; each restart counts up
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
     seed: u64,
@@ -63,7 +66,7 @@ pub(crate) fn command(args: &ServeArgs) -> Result<bool, Box<dyn Error>> {
     let interrupted = interrupt_flag()?;
     let mut server: Option<PageServer> = None;
     for seed in args.seed.. {
-        let config = TrialConfig::new(method, seed, setup.clone());
+        let config = TrialConfig::new(method, seed, setup.clone()).with_profile(&args.profile)?;
         let Assembly { mut session, model, .. } = trial::live(config)?;
         let config = session.testbed().config().clone();
         let dir = match (&args.out, args.no_record) {

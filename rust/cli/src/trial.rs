@@ -4,11 +4,11 @@ use proact_devices::{EmgSetup, EmgSource, GazeSource};
 use proact_dynamics::{DynamicsOptions, OdePlant};
 use proact_emg::Classifier;
 use proact_kinematics::Kinematics;
-use proact_participants::{ParticipantOptions, SelectingParticipant};
+use proact_participants::{JoggingParticipant, Participant, ParticipantOptions, SelectingParticipant};
 use proact_planning::{ArmPlanner, PlanWorker, PlannerOptions};
 use proact_tasks::BoxAndBlocks;
 use proact_testbed::{
-    ConfigError, LoggedPlans, Parts, Session, SessionParts, Testbed, TestbedError, TrialConfig,
+    ConfigError, LoggedPlans, MethodName, Parts, Session, SessionParts, Testbed, TestbedError, TrialConfig,
     ports::{PlanService, PlantError},
 };
 use proact_types::ArmModel;
@@ -61,14 +61,20 @@ pub fn simulated(mut config: TrialConfig, emg: &EmgSource) -> Result<Assembly, A
     config.gesture_source = label;
     let options = *config.participant.get_or_insert_with(ParticipantOptions::default);
     let task = BoxAndBlocks::new(config.arrangement);
-    let participant = SelectingParticipant::new(options, config.setup.body, task.scene(), config.seed);
-    let gaze = GazeSource::new(GAZE_ERROR_DEG, config.seed)?;
     let model = Arc::new(proact_description::mpl_right_arm());
+    let (body, scene, seed) = (config.setup.body, task.scene(), config.seed);
+    let participant: Box<dyn Participant> = match config.method {
+        MethodName::A | MethodName::B => {
+            Box::new(JoggingParticipant::new(options, body, scene, model.clone(), seed))
+        }
+        MethodName::C | MethodName::D => Box::new(SelectingParticipant::new(options, body, scene, seed)),
+    };
+    let gaze = GazeSource::new(GAZE_ERROR_DEG, config.seed)?;
     let plans = planner(&model)?;
     let testbed = testbed(config, &model, plans, Some(classifier.clone()))?;
     let session = Session::new(SessionParts {
         testbed,
-        participant: Some(Box::new(participant)),
+        participant: Some(participant),
         emg: Some(Box::new(feed)),
         gaze: Some(Box::new(gaze)),
     });

@@ -53,25 +53,6 @@ impl HandTracker {
         };
         self.state
     }
-
-    /// Notes a command.
-    pub fn note(&mut self, command: HandCommand) {
-        self.command = command;
-    }
-
-    /// Updates from angles and speeds of the hand joints; `commanded` is true while their targets still move.
-    pub fn step(&mut self, position: &[f64], velocity: &[f64], commanded: bool) -> HandState {
-        let off = position.iter().zip(&self.open).fold(0.0_f64, |m, (q, open)| m.max((q - open).abs()));
-        let moving = commanded || velocity.iter().any(|v| v.abs() > STOPPED);
-        self.state = match self.command {
-            HandCommand::Open if off < REACHED => HandState::Open,
-            HandCommand::Open => HandState::Opening,
-            // Fingers that a block stops short of the pose have closed all the same.
-            HandCommand::Close if moving => HandState::Closing,
-            HandCommand::Close => HandState::Closed,
-        };
-        self.state
-    }
 }
 
 #[cfg(test)]

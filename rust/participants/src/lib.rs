@@ -9,12 +9,15 @@
 
 mod body;
 mod habits;
+mod jogging;
+mod reach;
 mod selecting;
 
 use proact_types::{DisplayFrame, Intention};
 
 pub use body::{Body, Trunk};
 pub use habits::ParticipantOptions;
+pub use jogging::JoggingParticipant;
 pub use selecting::SelectingParticipant;
 
 /// Somebody who sees and acts. Deterministic for its seed.

@@ -1,3 +1,4 @@
+use proact_control::{ControlError, Profile};
 use proact_emg::EmgConfig;
 use proact_intent::IntentOptions;
 use proact_participants::{Body, ParticipantOptions};
@@ -31,6 +32,9 @@ pub enum ConfigError {
         /// What is allowed.
         expected: &'static str,
     },
+    /// No such profile, or one that does not fit.
+    #[error(transparent)]
+    Control(#[from] ControlError),
     /// The text is not a configuration.
     #[error("the trial configuration is unreadable: {0}")]
     Text(String),
@@ -39,6 +43,10 @@ pub enum ConfigError {
 /// The control methods there are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum MethodName {
+    /// Joint by joint.
+    A,
+    /// End-effector, axis by axis.
+    B,
     /// Gaze-selected targets with motion planning.
     C,
     /// The same with the task's order as context.
@@ -47,7 +55,7 @@ pub enum MethodName {
 
 impl MethodName {
     /// All of them.
-    pub const ALL: [MethodName; 2] = [MethodName::C, MethodName::D];
+    pub const ALL: [MethodName; 4] = [MethodName::A, MethodName::B, MethodName::C, MethodName::D];
 
     fn known() -> String {
         Self::ALL.map(|m| m.to_string()).join(", ")
@@ -118,6 +126,8 @@ pub struct TrialConfig {
     pub gesture_source: String,
     /// Where person and box are.
     pub setup: Setup,
+    /// How the methods behave.
+    pub profile: Profile,
     /// Inference of what the person means.
     pub intent: IntentOptions,
     /// The EMG stage; none when gestures come from keys.
@@ -134,9 +144,11 @@ impl TrialConfig {
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
         let number = ((z ^ (z >> 31)) % 24) as usize + 1;
+        let profile = Profile::named("default").expect("ships with the program and is tested there");
         Self {
             method,
             seed,
+            profile,
             arrangement: Arrangement::numbered(number).expect("a number from 1 to 24"),
             limit_secs: 300.0,
             plan_latency_ms: 50,
@@ -148,6 +160,19 @@ impl TrialConfig {
             emg: None,
             participant: None,
         }
+    }
+
+    /// The same with the profile called `name`: `default`, or `original`, which brings the original's spread of
+    /// gaze along.
+    ///
+    /// # Errors
+    /// [`ConfigError::Control`] for any other name.
+    pub fn with_profile(mut self, name: &str) -> Result<Self, ConfigError> {
+        self.profile = Profile::named(name)?;
+        if name == "original" {
+            self.intent.sigma = 0.1;
+        }
+        Ok(self)
     }
 
     /// Reads and checks a configuration.
@@ -214,7 +239,7 @@ mod tests {
     #[test]
     fn unknown_names_and_keys_and_values_out_of_range_are_refused_with_what_is_expected() {
         let error = "E".parse::<MethodName>().expect_err("no method E");
-        assert_eq!(error.to_string(), "method \"E\" is unknown; expected one of C, D");
+        assert_eq!(error.to_string(), "method \"E\" is unknown; expected one of A, B, C, D");
         assert!(Setup::named("standing").is_err());
         let text = config().to_toml().expect("writes");
         let error = TrialConfig::from_toml(&format!("colour = 3\n{text}")).expect_err("an unknown key");

@@ -5,7 +5,7 @@ use crate::{
     view::GazeFilter,
 };
 use proact_control::{
-    ControlInput, ControlMethod, ControlOutput, GazeAssisted, HandCommand, HandTracker, MotionState,
+    ControlError, ControlInput, ControlMethod, ControlOutput, HandCommand, HandTracker, MotionState,
     PlanCommand,
     ports::{ArmKinematics, KinematicsError},
 };
@@ -33,6 +33,9 @@ pub enum TestbedError {
     /// The arm lacks something.
     #[error("arm model: {0}")]
     Model(#[from] ArmModelError),
+    /// The method refused its profile or the arm.
+    #[error("control: {0}")]
+    Control(#[from] ControlError),
     /// The EMG stage refused its set-up.
     #[error("EMG: {0}")]
     Emg(#[from] EmgError),
@@ -134,9 +137,7 @@ impl Testbed {
             (Some(emg), Some(classifier)) => Some(EmgPipeline::new(emg, classifier.clone())?),
             _ => None,
         };
-        let method: Box<dyn ControlMethod> = match config.method {
-            MethodName::C | MethodName::D => Box::new(GazeAssisted::new(&config.method.to_string())),
-        };
+        let method = proact_control::build(&config.method.to_string(), &config.profile, model)?;
         let task = BoxAndBlocks::new(config.arrangement).with_limit(SimTime::from_secs(config.limit_secs));
         Ok(Self {
             digest: Digest::new(&config.to_toml()?),
@@ -300,7 +301,7 @@ impl Testbed {
     fn infer(&mut self, gaze: &proact_types::GazeSample) {
         let state = self.task.state();
         let prior = match self.config.method {
-            MethodName::C => TaskPrior::Uniform,
+            MethodName::A | MethodName::B | MethodName::C => TaskPrior::Uniform,
             MethodName::D => TaskPrior::Colour { last_released: state.last_released },
         };
         let centres = self.block_centres();
