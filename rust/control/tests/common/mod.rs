@@ -255,6 +255,11 @@ impl Rig {
         outputs
     }
 
+    /// Lets the arm move for `ms` and the next, with no control step.
+    pub fn advance(&mut self, ms: u64) {
+        (0..=ms).for_each(|_| self.move_arm());
+    }
+
     /// Makes a gesture for `ms`.
     pub fn make(&mut self, gesture: Gesture, ms: u64) -> Vec<ControlOutput> {
         self.gesture = gesture;
