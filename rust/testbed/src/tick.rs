@@ -350,7 +350,7 @@ impl Testbed {
             posterior: &posterior,
             place: self.gaze.place(),
             hand: self.hand_view(),
-            world_from_base: self.base.pose(),
+            world_from_base: state.world_from_base,
             plan,
             motion: self.arm.state(),
             targets: &self.task.scene().targets,
@@ -411,7 +411,8 @@ impl Testbed {
         let hand = joints(&state.position[self.parts.model.arm_count()..]);
         self.parts.plans.submit(PlanRequest {
             id,
-            world_from_base: self.base.pose(),
+            // Where the base is, not where tracking has it: a jump holds the plant's base where it was.
+            world_from_base: state.world_from_base,
             start: self.arm.position().clone(),
             hand,
             goal,
