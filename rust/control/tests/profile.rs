@@ -18,7 +18,7 @@ fn profiles_survive_being_written_and_read_again() {
 
 #[test]
 fn unknown_names_keys_and_numbers_out_of_range_are_refused_by_name() {
-    let error = Profile::named("best").err().expect("there is no such profile");
+    let error = Profile::named("best").expect_err("there is no such profile");
     assert!(error.to_string().contains("default, original"), "{error}");
     let default = Profile::named("default").expect("embedded");
     let error = build("E", &default, &model()).err().expect("there is no method E");
