@@ -59,7 +59,7 @@ ctest_in() {
 }
 
 lane_rust() {
-    build_web && run_cargo test --release --locked --workspace
+    build_web && run_cargo test --release --locked --workspace --no-fail-fast
 }
 
 lane_launcher() {

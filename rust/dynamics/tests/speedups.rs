@@ -47,7 +47,7 @@ fn taking_a_block_with_each_economy_ends_where_the_plain_full_simulation_ends() 
     let reference = take(plain);
     let cases = [
         ("hand merged", DynamicsOptions { sleep: false, ..ours }, 1e-8, 3e-3),
-        ("blocks sleep", DynamicsOptions { hold_still_hand: false, ..ours }, 1e-8, 2e-4),
+        ("blocks sleep", DynamicsOptions { hold_still_hand: false, ..ours }, 1e-8, 1e-3),
         ("both", ours, 1e-8, 3e-3),
         (
             "iterative solver",

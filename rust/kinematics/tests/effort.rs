@@ -6,7 +6,6 @@ use proact_kinematics::{EffortOptions, effort_limits};
 const SHARE: f64 = 0.05;
 
 #[test]
-#[ignore = "the URDF holds provisional limits; this line goes with the commit that stores the computed ones"]
 fn the_effort_limits_in_the_urdf_are_those_computed() {
     let model = proact_description::mpl_right_arm();
     let limits = effort_limits(&model, &EffortOptions::default()).expect("the arm is usable");

@@ -1,0 +1,74 @@
+//! The live path asks for no memory. The only test of its program: allocations of others would be counted too.
+
+use proact_emg::{
+    Classifier, EmgConfig, EmgPipeline, Feature, FeatureSet, QualityConfig, QualityMonitor, WindowLength,
+    extract_with_amplitudes,
+};
+use proact_types::{EmgSample, Gesture, SimTime};
+use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
+use std::{alloc::System, num::NonZeroU32};
+
+#[global_allocator]
+static ALLOCATOR: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
+
+const CHANNELS: usize = 3;
+
+fn config() -> EmgConfig {
+    EmgConfig {
+        rate_hz: 200.0,
+        channels: CHANNELS,
+        window: WindowLength::Samples(20),
+        increment: WindowLength::Samples(10),
+        ..EmgConfig::default()
+    }
+}
+
+/// A noise-like signal of which every gesture has its own amplitudes; `mix` varies it.
+fn signal(gesture: Gesture, count: u64, mix: f64) -> Vec<EmgSample> {
+    let value = |k: u64, c: usize| {
+        let phase = (k * (c as u64 * 2 + 3)) as f64 * (1.1 + mix) + (k * k % 97) as f64;
+        phase.sin() * (1.0 + ((gesture.index() * (c + 1)) % 5) as f64 * 4.0) + 0.3 * (phase * 1.7).cos()
+    };
+    (0..count)
+        .map(|counter| EmgSample { counter, channels: (0..CHANNELS).map(|c| value(counter, c)).collect() })
+        .collect()
+}
+
+#[test]
+fn a_live_step_does_not_allocate_even_with_every_feature_and_option() {
+    let config = EmgConfig {
+        features: FeatureSet::new(Feature::all()).expect("some"),
+        rejection: Some(0.5),
+        majority: NonZeroU32::new(5),
+        ..config()
+    };
+    let (mut windows, mut labels, mut amplitudes) = (Vec::new(), Vec::new(), Vec::new());
+    for gesture in Gesture::ALL {
+        let (features, sums) =
+            extract_with_amplitudes(&config, &signal(gesture, 400, 0.0)).expect("good samples");
+        windows.extend(features);
+        amplitudes.extend(sums);
+        labels.resize(windows.len(), gesture);
+    }
+    let classifier =
+        Classifier::train_with_amplitudes(&config, &windows, &labels, &amplitudes).expect("good data");
+    let mut pipeline = EmgPipeline::new(&config, classifier).expect("they fit");
+    let mut monitor = QualityMonitor::new(QualityConfig::default(), 200.0, CHANNELS, &[]);
+    let samples = signal(Gesture::HandOpen, 2000, 0.2);
+    let mut outputs = 0;
+    // The test harness may allocate in its own thread meanwhile, so the quietest of several rounds counts.
+    let quietest = samples
+        .chunks_exact(100)
+        .map(|round| {
+            let region = Region::new(ALLOCATOR);
+            for sample in round {
+                let output = pipeline.step(SimTime(sample.counter * 5), std::slice::from_ref(sample));
+                monitor.push(SimTime(sample.counter * 5), sample);
+                outputs += u32::from(output.is_some());
+            }
+            region.change().allocations
+        })
+        .min();
+    assert_eq!(quietest, Some(0));
+    assert_eq!(outputs, 199);
+}
