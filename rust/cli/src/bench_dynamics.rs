@@ -209,8 +209,8 @@ fn phases(figures: &mut Vec<BenchFigure>) -> Result<(), Box<dyn Error>> {
         let mut times = Vec::new();
         let mut command = stay(&open, base);
         for _ in 0..600 {
-            for k in model.arm_count()..open.len() {
-                let way = (closed[k] - command.position[k]).clamp(-2e-3, 2e-3);
+            for (k, closed) in closed.iter().enumerate().skip(model.arm_count()) {
+                let way = (closed - command.position[k]).clamp(-2e-3, 2e-3);
                 command.position[k] += way;
                 command.velocity[k] = way / TICK_SECS;
             }
