@@ -39,6 +39,8 @@ const ROLL: f64 = 25.6 * std::f64::consts::PI / 180.0;
 /// Knows the arm well enough to tell how its joints would have to stand, moves what is furthest off, in pulses of
 /// the length that seems right, looks, and corrects. Deterministic for its seed. A person without this model in
 /// the head needs longer; it is no evidence about people.
+///
+/// Known weakness: it has no way around the box but straight up, and seldom brings a block across.
 pub struct JoggingParticipant {
     habits: Habits,
     sense: ArmSense,
@@ -142,7 +144,7 @@ impl JoggingParticipant {
         if now < self.watch_until {
             return Gesture::NoMotion;
         }
-        self.next_movement(now, seen, block)
+        self.next_movement(seen, block)
     }
 
     /// Follows what the display shows: which block, and whether the hand holds it.
@@ -189,7 +191,7 @@ impl JoggingParticipant {
         Some(pulse.gesture)
     }
 
-    fn next_movement(&mut self, now: SimTime, seen: &DisplayFrame, block: BlockId) -> Gesture {
+    fn next_movement(&mut self, seen: &DisplayFrame, block: BlockId) -> Gesture {
         let Some(mode) = seen.mode.as_ref().map(|mode| mode.number) else { return Gesture::NoMotion };
         if self.mode_seen.replace(mode) != Some(mode) && self.habits.gesture() == Gesture::HandOpen {
             // It has moved on: relax before anything else.
@@ -212,7 +214,6 @@ impl JoggingParticipant {
         let share = spread.map_or(1.0, |n| n.sample(&mut self.habits.rng).clamp(0.6, 1.4));
         let millis = (lack.amount.abs() / lack.speed * 1e3 * share).clamp(PULSE_MILLIS.0, PULSE_MILLIS.1);
         self.pulse = Some(Pulse { gesture: lack.gesture, millis: millis as u64, began: None });
-        let _ = now;
         lack.gesture
     }
 

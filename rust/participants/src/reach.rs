@@ -90,3 +90,59 @@ impl ArmSense {
         best
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proact_types::{Joint, JointKind, JointLimits, Link};
+
+    /// Three joints about z, y, y with links of 0.3 m along x.
+    fn arm() -> ArmSense {
+        let link =
+            |k: usize| Link { name: format!("l{k}"), inertial: None, collisions: vec![], visuals: vec![] };
+        let joint = |k: usize, axis: Vector| Joint {
+            name: format!("j{k}"),
+            kind: JointKind::Revolute,
+            parent: k,
+            child: k + 1,
+            origin: Pose::translation(if k == 0 { 0.0 } else { 0.3 }, 0.0, 0.0),
+            axis,
+            limits: JointLimits { lower: -2.0, upper: 2.0, velocity: 1.0, effort: 1.0 },
+            damping: 0.0,
+            friction: 0.0,
+        };
+        ArmSense::new(Arc::new(ArmModel {
+            name: "arm".into(),
+            links: (0..4).map(link).collect(),
+            joints: vec![joint(0, Vector::z()), joint(1, Vector::y()), joint(2, Vector::y())],
+            arm: vec![0, 1, 2],
+            hand: vec![],
+            tip: 3,
+            poses: vec![],
+            allowed_collisions: vec![],
+            grasp_centre: Vector::zeros(),
+        }))
+    }
+
+    #[test]
+    fn the_hand_is_where_trigonometry_says() {
+        let pose = arm().forward(&[std::f64::consts::FRAC_PI_2, 0.0, 0.5]);
+        assert!((pose.translation.vector - Vector::new(0.0, 0.6, 0.0)).norm() < 1e-12, "{pose}");
+    }
+
+    #[test]
+    fn angles_are_found_that_bring_hand_and_axis_to_the_goal_and_what_is_out_of_reach_is_told() {
+        let arm = arm();
+        let wanted = arm.forward(&[0.4, -0.5, 0.9]);
+        let goal = HandGoal {
+            point: Point::new(0.1, 0.0, 0.0),
+            axis: Vector::z(),
+            target: wanted * Point::new(0.1, 0.0, 0.0),
+            up: wanted.rotation * Vector::z(),
+        };
+        let (q, left) = arm.inverse(&[0.0, 0.1, 0.1], &goal);
+        assert!(left < 1e-3, "{left} m left at {q:?}");
+        let far = HandGoal { target: Point::new(3.0, 0.0, 0.0), ..goal };
+        assert!(arm.inverse(&[0.0, 0.1, 0.1], &far).1 > 1.0);
+    }
+}
