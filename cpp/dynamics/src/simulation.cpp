@@ -145,18 +145,6 @@ void World::Simulation::step(const double* position, const double* velocity, con
   }
 }
 
-World::Simulation::~Simulation() {
-  if (failure_.empty()) return;
-  // An error thrown through ODE leaves its job list half done, and tidying that up ends the process. So what a failed
-  // step leaves behind is never freed.
-  for (auto* geoms : {&link_geoms_, &fixed_geoms_, &block_geoms_}) {
-    for (Geom& geom : *geoms) static_cast<void>(geom.id.release());
-  }
-  static_cast<void>(contact_group_.release());
-  static_cast<void>(world_.release());
-  static_cast<void>(threading_.release());
-}
-
 /// Whether a joint is on a stop: once beyond its limit, and until the control alone can hold it.
 int World::Simulation::stop_of(std::size_t moving) const {
   const Joint& joint = model_.joints[model_.moving[moving]];

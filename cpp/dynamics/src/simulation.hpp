@@ -23,7 +23,6 @@ struct BodyBits {
 class World::Simulation {
  public:
   explicit Simulation(Model model);
-  ~Simulation();
   Simulation(const Simulation&) = delete;
   Simulation& operator=(const Simulation&) = delete;
 
@@ -44,6 +43,7 @@ class World::Simulation {
   std::optional<Attachment> attached_;
   std::uint64_t complaints_ = 0;
   bool base_held_ = false;
+  std::string failure_;  ///< why no further step is possible
 
   std::size_t arm_body_count() const noexcept { return bodies_.size(); }
 
@@ -142,7 +142,6 @@ class World::Simulation {
   std::vector<Geom> block_geoms_;
   std::vector<Measured> measured_;
   ContactPoints found_;
-  std::string failure_;                  ///< why no further step is possible
 };
 
 }  // namespace proact::dynamics

@@ -2,12 +2,23 @@
 
 #include "simulation.hpp"
 
+#include <mutex>
 #include <utility>
+#include <vector>
 
 namespace proact::dynamics {
 
 World::World(Model model) : simulation_(std::make_unique<Simulation>(std::move(model))) {}
-World::~World() = default;
+
+World::~World() {
+  if (simulation_->failure_.empty()) return;
+  // An error thrown through ODE leaves its job list half done, and tidying that up ends the process. So a failed
+  // simulation is kept until the process ends, and so is the list that holds it.
+  static std::mutex mutex;
+  static auto* const kept = new std::vector<std::unique_ptr<Simulation>>;
+  const std::lock_guard lock(mutex);
+  kept->push_back(std::move(simulation_));
+}
 
 std::size_t World::joint_count() const noexcept { return simulation_->model_.moving.size(); }
 std::size_t World::block_count() const noexcept { return simulation_->model_.blocks.size(); }
