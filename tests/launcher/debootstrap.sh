@@ -15,6 +15,11 @@ repository=$(cd "$(dirname "$0")/../.." && pwd)
     exit 77
 }
 
+unshare --mount --propagation private true 2>/dev/null || {
+    echo "skipped: this machine lets nobody make a mount namespace (a container without that right)"
+    exit 77
+}
+
 # Inside a mount namespace of its own every mount vanishes with this process, however it ends.
 if [ -z "${PROACT_DEBOOTSTRAP_INSIDE:-}" ]; then
     export PROACT_DEBOOTSTRAP_INSIDE=1
