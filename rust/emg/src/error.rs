@@ -156,6 +156,38 @@ pub enum EmgError {
         /// What is wrong.
         reason: String,
     },
+    /// A calibration cannot be judged by leaving one repetition out.
+    #[error("{gesture} has {got} repetitions, at least 2 are needed to test each on the others")]
+    TooFewRepetitions {
+        /// Which gesture.
+        gesture: Gesture,
+        /// Its repetitions.
+        got: usize,
+    },
+    /// A calibration asks for a gesture twice in a round.
+    #[error("{gesture} is asked for twice in a round, expected each gesture once")]
+    RepeatedGesture {
+        /// Which gesture.
+        gesture: Gesture,
+    },
+    /// A repetition with a gap.
+    #[error("the repetition has sample {next} after {after}, expected no gap")]
+    Gap {
+        /// Counter before the gap.
+        after: u64,
+        /// Counter after it.
+        next: u64,
+    },
+    /// A repetition that is shorter than a window.
+    #[error("the repetition of {gesture} has {got} samples, expected at least {expected}, one window")]
+    ShortRepetition {
+        /// Which gesture.
+        gesture: Gesture,
+        /// Its samples.
+        got: usize,
+        /// Samples of a window.
+        expected: usize,
+    },
     /// The position of the band cannot be told.
     #[error("got {got} gesture besides no motion for the band check, expected at least 2 different ones")]
     BandEvidence {

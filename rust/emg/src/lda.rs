@@ -127,6 +127,13 @@ impl Lda {
         if lda.is_sound() { Ok(lda) } else { Err(EmgError::NoConvergence) }
     }
 
+    /// The same discriminant for features in another order, which `order` gives a vector.
+    pub(crate) fn map_features(&self, order: &dyn Fn(&[f64]) -> Vec<f64>) -> Result<Lda, EmgError> {
+        let rows = self.coefficients.chunks_exact(self.features.max(1));
+        let (intercepts, coefficients) = (self.intercepts.clone(), rows.flat_map(order).collect());
+        Lda::from_parts(self.classes, self.features, self.normalisation, coefficients, intercepts)
+    }
+
     /// Whether the lengths fit and every value is finite.
     pub(crate) fn is_sound(&self) -> bool {
         let values = self.coefficients.iter().chain(&self.intercepts);

@@ -4,8 +4,9 @@
 //! for recordings through the same code. Pure: no clock, no files, no threads, no randomness; the same samples
 //! at the same times give the same outputs. [`EmgPipeline::step`] does not allocate.
 //!
-//! Around it: [`EmgModel`] is the contents of a model file, [`QualityMonitor`] watches the channels, [`check_rotation`]
-//! finds a band that was turned, [`Adaptation`] follows the user where a study wants that.
+//! Around it: [`EmgModel`] is the contents of a model file, [`Calibration`] the guided session that makes one,
+//! [`SequenceTest`], [`HoldTest`] and [`CursorTest`] say whether a person can use it. [`QualityMonitor`] watches the
+//! channels, [`check_rotation`] finds a band that was turned, [`Adaptation`] follows the user where a study wants that.
 //!
 //! [`Feature`] lists the features, [`FeatureSet`] the groups and the order of their values. Features and classifier
 //! follow LibEMG 2.0.3 and scikit-learn's `svd` solver number by number; the tests
@@ -39,16 +40,19 @@
 //! ```
 
 mod adaptation;
+mod calibration;
 mod classifier;
 mod config;
 mod decision;
 mod error;
 mod feature_set;
 mod features;
+mod fitts;
 mod goertzel;
 mod lda;
 mod model;
 mod moments;
+mod passing;
 mod pipeline;
 mod quality;
 mod rotation;
@@ -56,6 +60,10 @@ mod spectrum;
 mod window;
 
 pub use adaptation::{Adaptation, AdaptationConfig};
+pub use calibration::{
+    Calibration, CalibrationConfig, CalibrationEvent, CalibrationReport, Phase, Prompt, Refusal, Repetition,
+    RepetitionScore, ZeroLevel, cross_validate,
+};
 pub use classifier::{Classifier, EffortScale, Prediction};
 pub use config::{
     DEFAULT_MAJORITY, DEFAULT_REJECTION, EmgConfig, LARGEST_MAJORITY, LdaNormalisation, Priors, RuleKind,
@@ -65,9 +73,13 @@ pub use decision::{Decision, DecisionRule, MajorityVote};
 pub use error::EmgError;
 pub use feature_set::{Feature, FeatureSet, MAX_FEATURES};
 pub use features::{FeatureExtractor, FeatureVector};
+pub use fitts::{CursorConfig, CursorEvent, CursorReport, CursorTest, Movement};
 pub use lda::Lda;
 pub use model::{ChannelStatistics, EmgModel, MODEL_FORMAT, StreamFormat};
 pub use moments::Moments;
+pub use passing::{
+    HoldConfig, HoldReport, HoldTest, SequenceConfig, SequenceMistake, SequenceReport, SequenceTest,
+};
 pub use pipeline::{EmgOutput, EmgPipeline, StreamEvents, extract, extract_with_amplitudes};
 pub use quality::{ChannelQuality, Fault, Light, QualityConfig, QualityMonitor, StreamQuality};
 pub use rotation::{BandProposal, RollEvidence, RotationReport, check_rotation};

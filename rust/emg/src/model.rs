@@ -89,10 +89,9 @@ impl EmgModel {
                 }
             }
         }
-        for (statistics, values) in channels.iter_mut().zip(&mut rest) {
-            values.sort_unstable_by(f64::total_cmp);
-            statistics.rest_median = values.get(values.len() / 2).copied().unwrap_or(0.0);
-            statistics.rest_sd = mean_and_sd(values).1;
+        for (statistics, values) in channels.iter_mut().zip(rest) {
+            statistics.rest_sd = mean_and_sd(&values).1;
+            statistics.rest_median = median(values).unwrap_or(0.0);
         }
         let classifier = Classifier::train_with_amplitudes(config, &windows, &labels, &amplitudes)?;
         let class = |gesture| classifier.gestures().iter().position(|g| g == gesture);
@@ -153,6 +152,30 @@ impl EmgModel {
         if reasons.is_empty() { Ok(()) } else { Err(EmgError::DoesNotFit { reasons: reasons.join("; ") }) }
     }
 
+    /// The same model for a band that sits `shift` channels further: it reads channel `(c + shift) mod channels` of the
+    /// stream as its channel c, as [`crate::check_rotation`] proposes.
+    ///
+    /// # Errors
+    /// [`EmgError::ModelFile`] for a model that was put together wrongly.
+    pub fn rolled(&self, shift: usize) -> Result<EmgModel, EmgError> {
+        self.check()?;
+        let channels = self.config.channels;
+        let shift = shift % channels;
+        let set = self.config.features;
+        // `FeatureSet::roll` takes a vector of the stream to the model; coefficients and means go the other way.
+        let back = |values: &[f64]| {
+            let mut out = vec![0.0; values.len()];
+            set.roll(values, channels, (channels - shift) % channels, &mut out);
+            out
+        };
+        let mut model = self.clone();
+        model.centring.rotate_right(shift);
+        model.channels.rotate_right(shift);
+        model.classifier = self.classifier.with_lda(self.classifier.lda().map_features(&back)?);
+        model.moments = self.moments.map_features(&back);
+        Ok(model)
+    }
+
     /// The contents of a model file.
     ///
     /// # Errors
@@ -211,10 +234,16 @@ fn check_format(format: u32) -> Result<(), EmgError> {
     Err(EmgError::ModelFile { reason: format!("format {format}, this version reads format {MODEL_FORMAT}") })
 }
 
-fn centred(sample: &EmgSample, centring: &[f64]) -> EmgSample {
+pub(crate) fn centred(sample: &EmgSample, centring: &[f64]) -> EmgSample {
     let mut sample = sample.clone();
     sample.channels.iter_mut().zip(centring).for_each(|(value, zero)| *value -= zero);
     sample
+}
+
+/// The upper median; none of nothing.
+pub(crate) fn median(mut values: Vec<f64>) -> Option<f64> {
+    values.sort_unstable_by(f64::total_cmp);
+    values.get(values.len() / 2).copied()
 }
 
 fn mean_and_sd(values: &[f64]) -> (f64, f64) {

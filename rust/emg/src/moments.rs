@@ -101,6 +101,20 @@ impl Moments {
         ((0..features).map(square).sum::<f64>() / features.max(1) as f64).sqrt()
     }
 
+    /// The moments of the same windows with their features in another order, which `order` gives a vector.
+    pub(crate) fn map_features(&self, order: &dyn Fn(&[f64]) -> Vec<f64>) -> Moments {
+        let features = self.means.first().map_or(0, Vec::len);
+        let rows: Vec<Vec<f64>> = self.covariance.chunks_exact(features.max(1)).map(order).collect();
+        // The rows themselves are in the order of the features, too: by columns.
+        let columns: Vec<Vec<f64>> =
+            (0..features).map(|j| order(&rows.iter().map(|row| row[j]).collect::<Vec<f64>>())).collect();
+        Moments {
+            counts: self.counts.clone(),
+            means: self.means.iter().map(|mean| order(mean)).collect(),
+            covariance: (0..features * features).map(|k| columns[k % features][k / features]).collect(),
+        }
+    }
+
     /// Whether the lengths fit and every value is finite.
     pub(crate) fn is_sound(&self, classes: usize, features: usize) -> bool {
         let finite = |values: &[f64]| values.iter().all(|v| v.is_finite());

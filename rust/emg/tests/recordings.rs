@@ -4,7 +4,7 @@
 
 use proact_emg::{
     Adaptation, AdaptationConfig, BandProposal, EmgConfig, EmgModel, FeatureVector, Light, QualityConfig,
-    QualityMonitor, StreamFormat, WindowLength, check_rotation, extract,
+    QualityMonitor, StreamFormat, WindowLength, check_rotation, cross_validate, extract,
 };
 use proact_types::{EmgSample, Gesture, SimTime};
 use std::path::PathBuf;
@@ -100,6 +100,49 @@ fn the_repetition_taken_with_a_turned_band_becomes_usable_by_the_proposal() {
     let (before, after) = (accuracy(&model, &all), accuracy(&model, &rolled));
     println!("{report:?}\naccuracy {before:.3}, rolled by {best}: {after:.3}");
     assert!(before < 0.25 && after > 0.6, "{before} {after} {report:?}");
+}
+
+#[test]
+fn a_rolled_model_recognises_a_turned_band_as_the_model_did_the_band() {
+    let Some(model) = model(&[0, 1]) else { return };
+    let straight = accuracy(&model, &windows(&repetition(2, 0).expect("found before"), &Gesture::ALL));
+    for shift in 0..8 {
+        let turned = windows(&repetition(2, shift).expect("found before"), &Gesture::ALL);
+        let rolled = model.rolled(shift).expect("a sound model");
+        assert_eq!(accuracy(&rolled, &turned), straight, "turned by {shift}");
+        assert!(shift == 0 || accuracy(&model, &turned) < straight);
+        // Back again it is the model that it was.
+        assert_eq!(rolled.rolled(8 - shift).expect("a sound model"), model);
+    }
+}
+
+#[test]
+fn a_repetition_taken_with_a_turned_band_is_an_outlier_and_the_others_are_not() {
+    let take = |reps: &[u32]| -> Option<Recordings> {
+        Some(
+            reps.iter()
+                .map(|r| repetition(*r, 0))
+                .collect::<Option<Vec<_>>>()?
+                .into_iter()
+                .flatten()
+                .collect(),
+        )
+    };
+    let Some(good) = take(&[0, 1, 2]) else { return };
+    let report = cross_validate(&config(), &good).expect("good recordings");
+    let distances = |r: &proact_emg::CalibrationReport| {
+        r.repetitions
+            .iter()
+            .map(|r| format!("{} {}: {:.2} {:.2}", r.gesture, r.repetition, r.distance, r.recognised))
+            .collect::<Vec<_>>()
+    };
+    println!("accuracy {:.4} {:#?}", report.accuracy, distances(&report));
+    assert!(report.accuracy > 0.95 && report.outliers().count() == 0, "{:#?}", distances(&report));
+    let report = cross_validate(&config(), &take(&[0, 1, 2, 3]).expect("found before")).expect("good");
+    println!("with the turned band {:.4} {:#?}", report.accuracy, distances(&report));
+    let turned: Vec<_> = report.outliers().filter(|r| r.repetition == 3).map(|r| r.gesture).collect();
+    assert!(turned.len() >= 3 && report.accuracy < 0.9, "{turned:?} {:#?}", distances(&report));
+    assert!(report.outliers().all(|r| r.repetition == 3), "{:#?}", distances(&report));
 }
 
 #[test]

@@ -1,0 +1,108 @@
+use crate::{EmgConfig, EmgError, QualityConfig};
+use proact_types::Gesture;
+use serde::{Deserialize, Serialize};
+
+/// Where zero is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ZeroLevel {
+    /// The median of each channel over all repetitions at rest: makers disagree about theirs.
+    #[default]
+    RestMedian,
+    /// The same for all channels.
+    Fixed(f64),
+}
+
+/// How a calibration is done.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct CalibrationConfig {
+    /// The stream, and what is trained on it.
+    pub emg: EmgConfig,
+    /// Gestures of a round, in the order of the prompts. Default: all five, rest first.
+    pub gestures: Vec<Gesture>,
+    /// Length of a repetition, seconds. Default 3 (ProACT, arXiv:2407.05025).
+    pub repetition_secs: f64,
+    /// From the prompt to the start of the recording, seconds: the hand should be in the gesture by then. Default 2
+    /// (no source has a number that includes the movement).
+    pub prepare_secs: f64,
+    /// Rounds before it can be good enough, at least 2. Default 2 (same source).
+    pub least_rounds: usize,
+    /// Rounds after which no more are offered. Default 8: more tire the arm.
+    pub most_rounds: usize,
+    /// Share of windows to be recognised, leaving one repetition out. Default 0.9 (no source has a number; two
+    /// repetitions of practised people give 0.89 in the mean).
+    pub target_accuracy: f64,
+    /// The same for each gesture alone. Default 0.75.
+    pub target_recall: f64,
+    /// Where zero is. Default: the median at rest.
+    pub zero: ZeroLevel,
+    /// The zero level by the device's maker, for the lights before anything has been recorded.
+    pub nominal_zero: f64,
+    /// Limits of the traffic lights; rails are raw codes less the nominal zero.
+    pub quality: QualityConfig,
+}
+
+impl Default for CalibrationConfig {
+    fn default() -> Self {
+        use Gesture::{HandClose, HandOpen, NoMotion, WristExtension, WristFlexion};
+        CalibrationConfig {
+            emg: EmgConfig::default(),
+            gestures: vec![NoMotion, HandClose, HandOpen, WristFlexion, WristExtension],
+            repetition_secs: 3.0,
+            prepare_secs: 2.0,
+            least_rounds: 2,
+            most_rounds: 8,
+            target_accuracy: 0.9,
+            target_recall: 0.75,
+            zero: ZeroLevel::RestMedian,
+            nominal_zero: 0.0,
+            quality: QualityConfig::default(),
+        }
+    }
+}
+
+impl CalibrationConfig {
+    /// Checks every value.
+    ///
+    /// # Errors
+    /// The first that cannot work.
+    pub fn check(&self) -> Result<(), EmgError> {
+        self.emg.check()?;
+        let refused = |name, value, expected| Err(EmgError::Threshold { name, value, expected });
+        for (k, gesture) in self.gestures.iter().enumerate() {
+            if self.gestures[..k].contains(gesture) {
+                return Err(EmgError::RepeatedGesture { gesture: *gesture });
+            }
+        }
+        if self.gestures.len() < 2 {
+            return Err(EmgError::TooFewClasses { got: self.gestures.len() });
+        }
+        if !(0.5..=60.0).contains(&self.repetition_secs) {
+            return refused("repetition_secs", self.repetition_secs, "0.5 to 60");
+        }
+        if !(0.0..=60.0).contains(&self.prepare_secs) {
+            return refused("prepare_secs", self.prepare_secs, "0 to 60");
+        }
+        if self.most_rounds == 0 || self.most_rounds > 100 {
+            return refused("most_rounds", self.most_rounds as f64, "1 to 100");
+        }
+        for (name, share) in
+            [("target_accuracy", self.target_accuracy), ("target_recall", self.target_recall)]
+        {
+            if !(0.0..=1.0).contains(&share) {
+                return refused(name, share, "0 to 1");
+            }
+        }
+        let (window, recorded) = (self.emg.window_samples()?, self.samples());
+        if recorded < window {
+            return refused("repetition_secs", self.repetition_secs, "at least the length of a window");
+        }
+        Ok(())
+    }
+
+    /// Samples of a repetition.
+    pub(super) fn samples(&self) -> usize {
+        (self.repetition_secs * self.emg.rate_hz).round() as usize
+    }
+}

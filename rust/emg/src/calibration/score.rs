@@ -1,0 +1,153 @@
+use crate::moments::Moments;
+use crate::{Classifier, EmgConfig, EmgError, FeatureVector, extract_with_amplitudes};
+use proact_types::{EmgSample, Gesture};
+use serde::{Deserialize, Serialize};
+
+/// What is known of one repetition.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RepetitionScore {
+    /// What the person was asked for.
+    pub gesture: Gesture,
+    /// Number of the repetition of this gesture, from 0.
+    pub repetition: usize,
+    /// Windows in it.
+    pub windows: usize,
+    /// Share of its windows that a classifier trained on the other repetitions recognises.
+    pub recognised: f64,
+    /// How far its mean lies from that of the other repetitions of the gesture, in standard deviations within the
+    /// gestures, root mean square over features.
+    pub distance: f64,
+    /// It differs so much from the others that it should be looked at, and better be recorded again. With two
+    /// repetitions both are marked: nothing tells which of them is the odd one.
+    pub outlier: bool,
+}
+
+/// How well the repetitions fit each other: each was recognised by a classifier trained on the others.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CalibrationReport {
+    /// Complete rounds: the fewest repetitions of any gesture.
+    pub rounds: usize,
+    /// Share of all windows that were recognised, 0 to 1. It is that of single windows, before the decision rule.
+    pub accuracy: f64,
+    /// Windows tested.
+    pub windows: usize,
+    /// The gesture of each row and column.
+    pub classes: Vec<Gesture>,
+    /// `[true class][recognised class]`, numbers of windows.
+    pub confusion: Vec<Vec<usize>>,
+    /// Share of the windows of each class that were recognised.
+    pub recall: Vec<f64>,
+    /// By gesture, then repetition.
+    pub repetitions: Vec<RepetitionScore>,
+    /// What was asked for is reached.
+    pub good_enough: bool,
+}
+
+impl CalibrationReport {
+    /// The repetitions that differ from the others.
+    pub fn outliers(&self) -> impl Iterator<Item = &RepetitionScore> {
+        self.repetitions.iter().filter(|r| r.outlier)
+    }
+}
+
+/// Above this distance a repetition is an outlier. On LibEMG's test recordings the repetitions of a band that stayed in
+/// place lie below 0.9, those of a turned band at 2 to 9, rest aside, which looks alike at every position.
+const OUTLIER_DISTANCE: f64 = 2.0;
+/// Below this share recognised a repetition is an outlier.
+const OUTLIER_RECOGNISED: f64 = 0.5;
+
+/// Features of one repetition.
+struct Windows {
+    gesture: Gesture,
+    repetition: usize,
+    vectors: Vec<FeatureVector>,
+    amplitudes: Vec<f64>,
+}
+
+/// Leaves out one repetition after the other: trains on all others, tests on that one. `repetitions` are centred
+/// samples, each of one gesture; those of one gesture count from 0 in their order, and repetition k of all gestures
+/// is left out together. Deterministic.
+///
+/// # Errors
+/// Fewer than two repetitions of a gesture, or what [`crate::extract`] and [`Classifier::train`] refuse.
+pub fn cross_validate(
+    config: &EmgConfig,
+    repetitions: &[(Gesture, Vec<EmgSample>)],
+) -> Result<CalibrationReport, EmgError> {
+    let mut counts = [0; Gesture::ALL.len()];
+    let mut all = Vec::with_capacity(repetitions.len());
+    for (gesture, samples) in repetitions {
+        let (vectors, amplitudes) = extract_with_amplitudes(config, samples)?;
+        let repetition = counts[gesture.index()];
+        counts[gesture.index()] += 1;
+        all.push(Windows { gesture: *gesture, repetition, vectors, amplitudes });
+    }
+    let classes: Vec<Gesture> = Gesture::ALL.into_iter().filter(|g| counts[g.index()] > 0).collect();
+    if let Some(gesture) = classes.iter().find(|g| counts[g.index()] < 2) {
+        return Err(EmgError::TooFewRepetitions { gesture: *gesture, got: counts[gesture.index()] });
+    }
+    let mut confusion = vec![vec![0; classes.len()]; classes.len()];
+    let mut scores = Vec::with_capacity(all.len());
+    for left_out in 0..counts.into_iter().max().unwrap_or(0) {
+        let (tested, trained): (Vec<&Windows>, Vec<&Windows>) =
+            all.iter().partition(|w| w.repetition == left_out);
+        let (classifier, moments) = train(config, &classes, &trained)?;
+        for Windows { gesture, repetition, vectors, .. } in tested {
+            let Some(row) = classes.iter().position(|g| g == gesture) else { continue };
+            let mut recognised = 0;
+            for vector in vectors {
+                let class = classifier.predict(vector)?.class;
+                recognised += usize::from(class == *gesture);
+                if let Some(column) = classes.iter().position(|g| *g == class) {
+                    confusion[row][column] += 1;
+                }
+            }
+            let windows = vectors.len();
+            let recognised = recognised as f64 / windows.max(1) as f64;
+            let distance = moments.distance(row, &mean(vectors));
+            let outlier = distance > OUTLIER_DISTANCE || recognised < OUTLIER_RECOGNISED;
+            let (gesture, repetition) = (*gesture, *repetition);
+            scores.push(RepetitionScore { gesture, repetition, windows, recognised, distance, outlier });
+        }
+    }
+    scores.sort_by_key(|s| (s.gesture, s.repetition));
+    let windows: usize = confusion.iter().flatten().sum();
+    let correct: usize = (0..classes.len()).map(|k| confusion[k][k]).sum();
+    let share = |part: usize, whole: usize| part as f64 / whole.max(1) as f64;
+    Ok(CalibrationReport {
+        rounds: classes.iter().map(|g| counts[g.index()]).min().unwrap_or(0),
+        accuracy: share(correct, windows),
+        windows,
+        recall: (0..classes.len()).map(|k| share(confusion[k][k], confusion[k].iter().sum())).collect(),
+        classes,
+        confusion,
+        repetitions: scores,
+        good_enough: false,
+    })
+}
+
+fn train(
+    config: &EmgConfig,
+    classes: &[Gesture],
+    trained: &[&Windows],
+) -> Result<(Classifier, Moments), EmgError> {
+    let (mut vectors, mut labels, mut amplitudes) = (Vec::new(), Vec::new(), Vec::new());
+    for windows in trained {
+        vectors.extend(windows.vectors.iter().cloned());
+        amplitudes.extend(&windows.amplitudes);
+        labels.resize(vectors.len(), windows.gesture);
+    }
+    let classifier = Classifier::train_with_amplitudes(config, &vectors, &labels, &amplitudes)?;
+    let class = |gesture: &Gesture| classes.iter().position(|g| g == gesture);
+    let numbers: Vec<usize> = labels.iter().filter_map(class).collect();
+    Ok((classifier, Moments::of(&vectors, &numbers, classes.len())))
+}
+
+fn mean(vectors: &[FeatureVector]) -> Vec<f64> {
+    let mut sum = vec![0.0; vectors.first().map_or(0, |v| v.len())];
+    for vector in vectors {
+        sum.iter_mut().zip(vector.iter()).for_each(|(s, v)| *s += v);
+    }
+    sum.iter_mut().for_each(|s| *s /= vectors.len().max(1) as f64);
+    sum
+}

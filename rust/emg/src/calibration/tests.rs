@@ -1,0 +1,229 @@
+use super::*;
+use crate::{EmgConfig, Fault, StreamFormat};
+use Gesture::{HandClose, HandOpen, NoMotion};
+
+const RATE: f64 = 200.0;
+const CHANNELS: usize = 3;
+const ZERO: f64 = 128.0;
+
+fn config() -> CalibrationConfig {
+    CalibrationConfig {
+        emg: EmgConfig { rate_hz: RATE, channels: CHANNELS, ..EmgConfig::default() },
+        gestures: vec![NoMotion, HandClose, HandOpen],
+        nominal_zero: 120.0,
+        ..CalibrationConfig::default()
+    }
+}
+
+/// Noise, uniform in -1 to 1.
+fn noise(seed: u64, k: u64) -> f64 {
+    let mut z = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(k.wrapping_mul(0xd1b5_4a32_d192_ed03));
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    2.0 * ((z ^ (z >> 31)) as f64 / u64::MAX as f64 - 0.5)
+}
+
+/// Raw codes of a gesture: each has a muscle of its own.
+fn sample(counter: u64, gesture: Gesture) -> EmgSample {
+    let strength = |c: usize| match (gesture, c) {
+        (HandClose, 0) | (HandOpen, 1) => 40.0,
+        _ => 4.0,
+    };
+    let channels = (0..CHANNELS).map(|c| (ZERO + strength(c) * noise(c as u64, counter)).round()).collect();
+    EmgSample { counter, channels }
+}
+
+/// A person who makes what is prompted, or what `act` says, until `until` samples have come; all events.
+fn run(
+    session: &mut Calibration,
+    from: u64,
+    until: u64,
+    mut spoil: impl FnMut(&Phase, EmgSample) -> Option<EmgSample>,
+) -> Vec<CalibrationEvent> {
+    let mut events = Vec::new();
+    for k in from..until {
+        let phase = session.phase();
+        let gesture = match &phase {
+            Phase::Preparing { prompt, .. } | Phase::Recording { prompt, .. } | Phase::Blocked { prompt } => {
+                prompt.gesture
+            }
+            Phase::Reviewing | Phase::Finished => NoMotion,
+        };
+        let sample = spoil(&phase, sample(k, gesture));
+        events.extend(session.step(SimTime(5 * k), sample.as_slice()).expect("a round that can be judged"));
+    }
+    events
+}
+
+/// Samples of a round: three prompts of 2 + 3 s, and a few.
+const ROUND: u64 = 3 * 1000 + 10;
+
+fn session_after(rounds: u64) -> Calibration {
+    let mut session = Calibration::new(config()).expect("good settings");
+    for round in 0..rounds {
+        run(&mut session, round * ROUND, (round + 1) * ROUND, |_, s| Some(s));
+        assert_eq!(session.phase(), Phase::Reviewing);
+        if round + 1 < rounds {
+            assert!(session.proceed());
+        }
+    }
+    session
+}
+
+#[test]
+fn two_rounds_are_prompted_recorded_judged_and_make_a_model_that_fits() {
+    let mut session = Calibration::new(config()).expect("good settings");
+    let events = run(&mut session, 0, ROUND, |_, s| Some(s));
+    let asked: Vec<Gesture> = events
+        .iter()
+        .filter_map(|e| match e {
+            CalibrationEvent::Prompted(prompt) => Some(prompt.gesture),
+            _ => None,
+        })
+        .collect();
+    assert_eq!(asked, [NoMotion, HandClose, HandOpen]);
+    assert_eq!(events.last(), Some(&CalibrationEvent::RoundFinished));
+    assert_eq!((session.rounds(), session.report()), (1, None), "one round cannot be judged");
+    assert!(session.proceed());
+    run(&mut session, ROUND, 2 * ROUND, |_, s| Some(s));
+    let report = session.report().expect("two rounds can be judged").clone();
+    assert!(report.good_enough && report.accuracy == 1.0 && report.outliers().count() == 0, "{report:?}");
+    // 600 samples are 59 windows of 20 every 10.
+    assert_eq!((report.windows, report.rounds), (6 * 59, 2));
+    assert!(session.repetitions().iter().all(|r| r.samples.len() == 600 && r.light == Light::Green));
+
+    let model = session.finish().expect("a model");
+    assert_eq!(session.phase(), Phase::Finished);
+    assert!(model.centring.iter().all(|level| (level - ZERO).abs() <= 1.0), "{:?}", model.centring);
+    let rest_medians = Some(vec![ZERO; CHANNELS]);
+    model.check_fits(&StreamFormat { rate_hz: RATE, channels: CHANNELS, rest_medians }).expect("it fits");
+    let rest_medians = Some(vec![0.0; CHANNELS]);
+    let other = model.check_fits(&StreamFormat { rate_hz: RATE, channels: CHANNELS, rest_medians });
+    assert!(other.expect_err("centred already").to_string().contains("centring"));
+}
+
+#[test]
+fn a_repetition_with_a_gap_or_a_bad_sample_is_recorded_again() {
+    for nan in [false, true] {
+        let mut session = Calibration::new(config()).expect("good settings");
+        let mut spoilt = false;
+        let events = run(&mut session, 0, 2000, |phase, mut s| {
+            let due = !spoilt && matches!(phase, Phase::Recording { share, .. } if *share > 0.5);
+            spoilt |= due;
+            if due && nan {
+                s.channels[0] = f64::NAN;
+            }
+            (!due || nan).then_some(s)
+        });
+        let first = Prompt { gesture: NoMotion, repetition: 0 };
+        let lost = if nan { 0 } else { 1 };
+        let refused = CalibrationEvent::Refused(first, Refusal::Gap { lost });
+        let at = events.iter().position(|e| *e == refused).expect("it is refused");
+        assert_eq!(events[at + 1], CalibrationEvent::Prompted(first));
+        let kept = events.iter().filter(|e| matches!(e, CalibrationEvent::Kept(_))).count();
+        assert_eq!((kept, session.repetitions().len()), (1, 1));
+        assert_eq!(session.repetitions()[0].samples.len(), 600);
+    }
+}
+
+#[test]
+fn nothing_is_recorded_while_a_channel_is_dead_and_it_goes_on_when_it_is_not() {
+    let mut session = Calibration::new(config()).expect("good settings");
+    let dead = |_: &Phase, mut s: EmgSample| {
+        s.channels[2] = 128.0;
+        Some(s)
+    };
+    let events = run(&mut session, 0, 2000, dead);
+    assert_eq!(events.len(), 2, "{events:?}");
+    let channels = vec![(2, Some(Fault::Flat))];
+    let first = Prompt { gesture: NoMotion, repetition: 0 };
+    assert_eq!(
+        events[1],
+        CalibrationEvent::Blocked(first, Refusal::Red { channels: channels.clone(), stream: false })
+    );
+    assert!(session.repetitions().is_empty());
+    run(&mut session, 2000, 3300, |_, s| Some(s));
+    assert_eq!(session.repetitions().len(), 1);
+    // A channel that dies while it is recorded.
+    let events = run(&mut session, 3300, 4300, dead);
+    let refused = events.iter().any(
+        |e| matches!(e, CalibrationEvent::Refused(_, Refusal::Red { channels: c, .. }) if *c == channels),
+    );
+    assert!(refused || matches!(session.phase(), Phase::Blocked { .. }), "{events:?}");
+    assert_eq!(session.repetitions().len(), 1);
+}
+
+#[test]
+fn a_stream_that_falls_silent_stops_the_recording() {
+    let mut session = Calibration::new(config()).expect("good settings");
+    let events = run(&mut session, 0, 800, |phase, s| {
+        (!matches!(phase, Phase::Recording { share, .. } if *share > 0.2)).then_some(s)
+    });
+    assert!(events.iter().any(|e| matches!(e, CalibrationEvent::Refused(_, Refusal::Silence))), "{events:?}");
+    let mut unheard = Calibration::new(config()).expect("good settings");
+    let events = run(&mut unheard, 0, 800, |_, _| None);
+    assert!(matches!(events[..], [_, CalibrationEvent::Blocked(_, Refusal::Silence)]), "{events:?}");
+}
+
+#[test]
+fn a_repetition_of_another_gesture_is_an_outlier_and_can_be_recorded_again() {
+    let mut session = session_after(2);
+    assert!(session.proceed());
+    // In the third round the person opens the hand when asked to close it.
+    run(&mut session, 2 * ROUND, 3 * ROUND, |phase, s| {
+        let wrong = matches!(phase, Phase::Recording { prompt, .. } | Phase::Preparing { prompt, .. } if prompt.gesture == HandClose);
+        Some(if wrong { sample(s.counter, HandOpen) } else { s })
+    });
+    let report = session.report().expect("judged").clone();
+    assert!(!report.good_enough && report.accuracy < 0.9, "{report:?}");
+    let outliers: Vec<(Gesture, usize)> = report.outliers().map(|r| (r.gesture, r.repetition)).collect();
+    assert_eq!(outliers, [(HandClose, 2)], "{report:?}");
+
+    assert!(!session.record_again(HandClose, Some(9)), "there is no such repetition");
+    assert!(session.record_again(HandClose, None));
+    assert!(!session.record_again(HandClose, None), "not while it is being recorded");
+    run(&mut session, 3 * ROUND, 3 * ROUND + 1010, |_, s| Some(s));
+    let report = session.report().expect("judged");
+    assert!(report.good_enough && report.rounds == 3 && report.outliers().count() == 0, "{report:?}");
+}
+
+#[test]
+fn recordings_can_be_added_and_bad_ones_are_refused() {
+    let mut session = Calibration::new(config()).expect("good settings");
+    let take = |from: u64, gesture| (from..from + 600).map(|k| sample(k, gesture)).collect::<Vec<_>>();
+    let mut gapped = take(0, NoMotion);
+    gapped.remove(300);
+    let error = session.add(NoMotion, gapped).expect_err("a gap").to_string();
+    assert_eq!(error, "the repetition has sample 301 after 299, expected no gap");
+    let mut nan = take(0, NoMotion);
+    nan[5].channels[1] = f64::NAN;
+    assert!(session.add(NoMotion, nan).is_err());
+    assert!(session.add(NoMotion, take(0, NoMotion)[..10].to_vec()).is_err());
+    assert!(session.add(Gesture::WristFlexion, take(0, NoMotion)).is_err());
+    assert!(session.repetitions().is_empty());
+    assert!(session.finish().is_err(), "nothing to train on");
+    for round in 0..2 {
+        for gesture in [NoMotion, HandClose, HandOpen] {
+            session.add(gesture, take(round * 1000, gesture)).expect("good");
+        }
+    }
+    session.review().expect("can be judged");
+    assert!(session.report().is_some_and(|r| r.good_enough));
+    assert!(session.finish().is_ok());
+}
+
+#[test]
+fn settings_that_cannot_work_are_refused() {
+    let refused = |change: fn(&mut CalibrationConfig)| {
+        let mut changed = config();
+        change(&mut changed);
+        Calibration::new(changed).expect_err("refused").to_string()
+    };
+    assert!(refused(|c| c.repetition_secs = f64::NAN).contains("NaN"));
+    assert!(refused(|c| c.gestures.truncate(1)).contains("1 different gestures"));
+    assert!(refused(|c| c.gestures.push(HandClose)).contains("hand_close is asked for twice"));
+    assert!(refused(|c| c.target_accuracy = 2.0).contains("0 to 1"));
+    assert!(refused(|c| c.most_rounds = 0).contains("most_rounds"));
+    let one = cross_validate(&config().emg, &[(NoMotion, (0..600).map(|k| sample(k, NoMotion)).collect())]);
+    assert!(one.expect_err("one repetition").to_string().contains("no_motion has 1 repetitions"));
+}
