@@ -91,7 +91,7 @@ try {
 
 async function open(page, url) {
   // The cheapest drawing: the processor draws here, and the trial needs it too.
-  await page.goto(new URL("?quality=3", url).href);
+  await page.goto(new URL("?quality=3&tutorial=0", url).href);
   await ready(page);
 }
 
@@ -187,6 +187,6 @@ async function screenshot(page, name) {
 /** For work on the page: its files come from this folder instead of from the program. */
 async function serveFrom(page, folder) {
   for (const file of ["app.js", "app.css", "index.html"]) {
-    await page.route(`**/${file}`, (route) => route.fulfill({ path: `${folder}/${file}` }));
+    await page.route(`**/${file}*`, (route) => route.fulfill({ path: `${folder}/${file}` }));
   }
 }

@@ -147,6 +147,7 @@ impl Script {
             confidence: 0.87,
             emg_source: "keys".to_owned(),
             time_left_secs: 300.0 - secs % 300.0,
+            goal: None,
             next_block: Some(if t > 12.0 { BlockId::Blue1 } else { BlockId::Red1 }),
             on_target: u32::from(t > 12.0),
             finished: false,

@@ -18,10 +18,18 @@ struct Page;
 #[allow_missing = true]
 struct Meshes;
 
-/// A file of the page; the empty path is its first page.
+/// A file of the page. The empty path is its first page, and a name without an ending is the page of that name.
 pub(crate) fn page(path: &str) -> Response {
-    let path = if path.is_empty() { "index.html" } else { path };
-    respond(Page::get(path), path)
+    let html = match path {
+        "" => "index.html".to_owned(),
+        // The same page: what it may do is settled on its connection.
+        "spectator" => "experimenter.html".to_owned(),
+        name => format!("{name}.html"),
+    };
+    match Page::get(path) {
+        None if !path.contains('.') => respond(Page::get(&html), &html),
+        file => respond(file, path),
+    }
 }
 
 /// A mesh by its path below the description's `meshes` folder.
@@ -29,10 +37,14 @@ pub(crate) fn mesh(path: &str) -> Response {
     respond(Meshes::get(path), path)
 }
 
-/// Changes whenever the script of the page changes: a browser that still runs an older one reloads itself.
+/// Changes whenever a script changes: a browser that still runs an older one reloads itself.
 pub(crate) fn page_version() -> String {
-    let hash = Page::get("app.js").map(|file| file.metadata.sha256_hash()).unwrap_or_default();
-    hash.iter().take(8).map(|byte| format!("{byte:02x}")).collect()
+    let mut version = [0_u8; 8];
+    for script in Page::iter().filter(|name| name.ends_with(".js")) {
+        let hash = Page::get(&script).map(|file| file.metadata.sha256_hash()).unwrap_or_default();
+        version.iter_mut().zip(hash).for_each(|(byte, other)| *byte ^= other);
+    }
+    version.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 fn respond(file: Option<EmbeddedFile>, path: &str) -> Response {
@@ -71,6 +83,14 @@ mod tests {
         assert_eq!(response.headers()[header::CONTENT_TYPE], "text/html; charset=utf-8");
         let html = Page::get("index.html").unwrap().data;
         assert!(String::from_utf8_lossy(&html).contains("app.js"));
+    }
+
+    #[test]
+    fn each_page_has_an_address_without_an_ending() {
+        let response = page("index");
+        assert_eq!(response.status(), StatusCode::OK);
+        assert_eq!(response.headers()[header::CONTENT_TYPE], "text/html; charset=utf-8");
+        assert_eq!(page("nothing").status(), StatusCode::NOT_FOUND);
     }
 
     #[test]

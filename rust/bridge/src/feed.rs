@@ -1,5 +1,6 @@
 //! The latest frame and the last events, as every connection sees them.
 
+use crate::signals::{Signals, TrialStatus};
 use axum::extract::ws::Utf8Bytes;
 use proact_types::{DisplayFrame, Event};
 use serde::Serialize;
@@ -18,6 +19,12 @@ pub(crate) enum ServerMessage<'a> {
     Content { revision: u64 },
     /// One instant.
     Frame(&'a DisplayFrame),
+    /// Paused, or going on.
+    Status(&'a TrialStatus),
+    /// What the experimenter watches beside the scene.
+    Signals(&'a Signals),
+    /// The answer to `ping`.
+    Pong { id: u32 },
     /// Events of frames that this client did not get.
     Events { events: Vec<&'a Event> },
     /// The client's last message was ignored.
@@ -42,6 +49,10 @@ pub(crate) struct Feed {
     pub(crate) sequence: u64,
     /// The latest frame as a message; none before the first one of this content.
     pub(crate) frame: Option<Utf8Bytes>,
+    /// The status as a message, and how often it was set; none before the first.
+    pub(crate) status: (u64, Option<Utf8Bytes>),
+    /// The latest signals as a message, and how many there were.
+    pub(crate) signals: (u64, Option<Utf8Bytes>),
     /// The last events, each with the number of its frame.
     events: VecDeque<(u64, Event)>,
 }
@@ -63,6 +74,7 @@ impl Feed {
     pub(crate) fn reset(&mut self) {
         self.revision += 1;
         self.frame = None;
+        self.signals.1 = None;
         self.events.clear();
     }
 

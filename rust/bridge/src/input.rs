@@ -1,6 +1,8 @@
 //! What a browser may ask for, parsed and checked at the door.
 
-use proact_types::{Gesture, Point, TrunkPosture, Vector};
+use crate::gaze_check::GazeCheck;
+use nalgebra::{Quaternion, Translation3, UnitQuaternion};
+use proact_types::{Gesture, Point, Pose, TrunkPosture, Vector};
 use serde::Deserialize;
 
 /// An eye further than this from the origin of `world` is a mistake, metres.
@@ -8,8 +10,11 @@ const MAX_DISTANCE: f64 = 100.0;
 /// Largest trunk angle taken over, rad. A bound on nonsense: the body model has its own, tighter limits.
 const MAX_TRUNK_ANGLE: f64 = std::f64::consts::FRAC_PI_2;
 
+/// Names of the control methods that a page may ask for.
+const METHODS: [char; 4] = ['A', 'B', 'C', 'D'];
+
 /// What the person at the page does. All numbers are finite and within sane bounds.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum ClientInput {
     /// The gesture in force from now on: keys held, or [`Gesture::NoMotion`] when they are released.
     Gesture(Gesture),
@@ -22,14 +27,37 @@ pub enum ClientInput {
     },
     /// Where the trunk is asked to go.
     Trunk(TrunkPosture),
+    /// Where a headset is: `world_from_head`, x ahead, y left, z up.
+    Head(Pose),
     /// Begin a new trial.
-    Restart,
+    Restart {
+        /// With this method, `A` to `D`; none for the same one.
+        method: Option<char>,
+        /// With the same seed, so that the blocks stand where they stood at the start of this one.
+        again: bool,
+    },
+    /// What the experimenter asks for.
+    Study(StudyAction),
+    /// A gaze check was made.
+    GazeCheck(GazeCheck),
     /// The client in control is gone; a gesture that it held was released before.
     Disconnected,
 }
 
+/// What the experimenter's page asks of the trial.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StudyAction {
+    /// Simulated time stands still.
+    Pause,
+    /// It goes on.
+    Resume,
+    /// The trial ends here.
+    Abort,
+}
+
 /// A message of the page on the WebSocket.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
 pub(crate) enum ClientMessage {
     Gesture {
@@ -44,22 +72,55 @@ pub(crate) enum ClientMessage {
         lateral: f64,
         axial: f64,
     },
-    Restart {},
+    Head {
+        position: [f64; 3],
+        /// x, y, z, w.
+        quaternion: [f64; 4],
+    },
+    Restart {
+        #[serde(default)]
+        method: Option<char>,
+        #[serde(default)]
+        again: bool,
+    },
+    Study {
+        action: StudyAction,
+    },
+    GazeCheck(GazeCheck),
     /// Nothing new, but still there.
     Alive {},
+    /// To be answered with a `pong` of the same number.
+    Ping {
+        id: u32,
+    },
+}
+
+/// A checked message.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Parsed {
+    /// For the testbed.
+    Input(ClientInput),
+    /// A sign of life.
+    Alive,
+    /// To be answered.
+    Ping(u32),
 }
 
 /// Parses one text message.
 ///
 /// # Errors
 /// One sentence for the person who wrote the client: what was wrong, got, expected.
-pub(crate) fn parse(text: &str) -> Result<Option<ClientInput>, String> {
+pub(crate) fn parse(text: &str) -> Result<Parsed, String> {
     let message: ClientMessage = serde_json::from_str(text).map_err(|error| {
-        format!("message ignored: {error}; expected a JSON object with type gesture, gaze, trunk, restart or alive")
+        format!(
+            "message ignored: {error}; expected a JSON object with type gesture, gaze, trunk, head, restart, study, \
+             gaze_check, alive or ping"
+        )
     })?;
     match message {
-        ClientMessage::Gesture { gesture } => Ok(Some(ClientInput::Gesture(gesture))),
-        ClientMessage::Gaze { origin, direction } => gaze(origin, direction).map(Some),
+        ClientMessage::Gesture { gesture } => Ok(Parsed::Input(ClientInput::Gesture(gesture))),
+        ClientMessage::Gaze { origin, direction } => gaze(origin, direction).map(Parsed::Input),
+        ClientMessage::Head { position, quaternion } => head(position, quaternion).map(Parsed::Input),
         ClientMessage::Trunk { forward, lateral, axial } => {
             for (name, angle) in [("forward", forward), ("lateral", lateral), ("axial", axial)] {
                 let sane = angle.abs() <= MAX_TRUNK_ANGLE;
@@ -69,19 +130,44 @@ pub(crate) fn parse(text: &str) -> Result<Option<ClientInput>, String> {
                     ));
                 }
             }
-            Ok(Some(ClientInput::Trunk(TrunkPosture { forward, lateral, axial })))
+            Ok(Parsed::Input(ClientInput::Trunk(TrunkPosture { forward, lateral, axial })))
         }
-        ClientMessage::Restart {} => Ok(Some(ClientInput::Restart)),
-        ClientMessage::Alive {} => Ok(None),
+        ClientMessage::Restart { method, again } => match method.filter(|name| !METHODS.contains(name)) {
+            Some(name) => Err(format!("message ignored: method is {name:?}, expected one of {METHODS:?}")),
+            None => Ok(Parsed::Input(ClientInput::Restart { method, again })),
+        },
+        ClientMessage::Study { action } => Ok(Parsed::Input(ClientInput::Study(action))),
+        ClientMessage::GazeCheck(check) => {
+            check.check().map_err(|reason| format!("message ignored: {reason}"))?;
+            Ok(Parsed::Input(ClientInput::GazeCheck(check)))
+        }
+        ClientMessage::Alive {} => Ok(Parsed::Alive),
+        ClientMessage::Ping { id } => Ok(Parsed::Ping(id)),
     }
 }
 
-fn gaze(origin: [f64; 3], direction: [f64; 3]) -> Result<ClientInput, String> {
-    if !origin.iter().all(|x| x.abs() <= MAX_DISTANCE) {
+fn near(name: &str, point: [f64; 3]) -> Result<Point, String> {
+    if point.iter().all(|x| x.abs() <= MAX_DISTANCE) {
+        return Ok(Point::from(point));
+    }
+    Err(format!("message ignored: {name} is {point:?}, expected coordinates up to {MAX_DISTANCE} m"))
+}
+
+fn head(position: [f64; 3], quaternion: [f64; 4]) -> Result<ClientInput, String> {
+    let position = near("head position", position)?;
+    let rotation = Quaternion::from(quaternion);
+    let length = rotation.norm();
+    if !(length.is_finite() && (length - 1.0).abs() < 1e-3) {
         return Err(format!(
-            "message ignored: gaze origin is {origin:?}, expected coordinates up to {MAX_DISTANCE} m"
+            "message ignored: head quaternion is {quaternion:?}, expected x, y, z, w of length 1"
         ));
     }
+    let rotation = UnitQuaternion::from_quaternion(rotation);
+    Ok(ClientInput::Head(Pose::from_parts(Translation3::from(position.coords), rotation)))
+}
+
+fn gaze(origin: [f64; 3], direction: [f64; 3]) -> Result<ClientInput, String> {
+    let origin = near("gaze origin", origin)?;
     let vector = Vector::from(direction);
     let length = vector.norm();
     if !(length.is_finite() && length > 1e-6) {
@@ -89,7 +175,7 @@ fn gaze(origin: [f64; 3], direction: [f64; 3]) -> Result<ClientInput, String> {
             "message ignored: gaze direction is {direction:?}, expected a vector above zero"
         ));
     }
-    Ok(ClientInput::Gaze { origin: Point::from(origin), direction: vector / length })
+    Ok(ClientInput::Gaze { origin, direction: vector / length })
 }
 
 #[cfg(test)]
@@ -98,7 +184,7 @@ mod tests {
 
     #[test]
     fn each_kind_of_message_is_understood() {
-        let cases = [
+        let cases: [(&str, Option<ClientInput>); 9] = [
             (
                 r#"{"type":"gesture","gesture":"wrist_extension"}"#,
                 Some(ClientInput::Gesture(Gesture::WristExtension)),
@@ -114,12 +200,27 @@ mod tests {
                 r#"{"type":"trunk","forward":0.1,"lateral":-0.2,"axial":0.3}"#,
                 Some(ClientInput::Trunk(TrunkPosture { forward: 0.1, lateral: -0.2, axial: 0.3 })),
             ),
-            (r#"{"type":"restart"}"#, Some(ClientInput::Restart)),
+            (r#"{"type":"restart"}"#, Some(ClientInput::Restart { method: None, again: false })),
+            (
+                r#"{"type":"restart","method":"B","again":true}"#,
+                Some(ClientInput::Restart { method: Some('B'), again: true }),
+            ),
+            (r#"{"type":"study","action":"pause"}"#, Some(ClientInput::Study(StudyAction::Pause))),
+            (
+                r#"{"type":"head","position":[1,2,3],"quaternion":[0,0,0,1]}"#,
+                Some(ClientInput::Head(Pose::translation(1.0, 2.0, 3.0))),
+            ),
             (r#"{"type":"alive"}"#, None),
+            (
+                r#"{"type":"gaze_check","source":"mouse","points":[{"accuracy_deg":0.5,"precision_deg":0.1,
+                    "lost_share":0,"blinks":1,"samples":60}]}"#,
+                Some(ClientInput::GazeCheck(crate::gaze_check::tests::check())),
+            ),
         ];
         for (text, expected) in cases {
-            assert_eq!(parse(text).unwrap(), expected, "{text}");
+            assert_eq!(parse(text).unwrap(), expected.map_or(Parsed::Alive, Parsed::Input), "{text}");
         }
+        assert_eq!(parse(r#"{"type":"ping","id":7}"#).unwrap(), Parsed::Ping(7));
     }
 
     #[test]
@@ -139,6 +240,13 @@ mod tests {
             (r#"{"type":"gaze","origin":[0,0,1],"direction":[1e300,1e300,0]}"#, "above zero"),
             (r#"{"type":"trunk","forward":9,"lateral":0,"axial":0}"#, "trunk forward is 9"),
             (r#"{"type":"restart","extra":1}"#, "unknown field"),
+            (r#"{"type":"restart","method":"Z"}"#, "method is 'Z'"),
+            (r#"{"type":"restart","method":"AB"}"#, "expected a character"),
+            (r#"{"type":"study","action":"fly"}"#, "unknown variant"),
+            (r#"{"type":"head","position":[1,2,3],"quaternion":[0,0,0,2]}"#, "of length 1"),
+            (r#"{"type":"head","position":[1,2,1e9],"quaternion":[0,0,0,1]}"#, "up to 100 m"),
+            (r#"{"type":"gaze_check","source":"mouse","points":[]}"#, "1 to 32 points"),
+            (r#"{"type":"ping","id":-1}"#, "expected u32"),
         ];
         for (text, part) in cases {
             let error = parse(text).unwrap_err();

@@ -4,7 +4,8 @@
 //! blocked by a browser. A client that reads too slowly misses frames, never events, and costs no memory. When
 //! in doubt the arm stops: a client that holds a gesture and vanishes or falls silent releases it.
 //!
-//! Addresses: `/` the page, `/api/content` arm and scene, `/meshes/<file>` the arm's meshes, `/live` the
+//! Addresses: `/` the participant's page, `/experimenter` and `/spectator`, `/replay`; `/api/content` arm and scene,
+//! `/api/trials` and `/api/trials/<number>` recorded trials, `/meshes/<file>` the arm's meshes, `/live` the
 //! WebSocket (protocol: [`live`]), `/healthz`.
 //!
 //! It uses the real clock and threads. It does not compute anything of the trial, knows no ROS and reads no
@@ -33,11 +34,15 @@
 mod assets;
 mod error;
 mod feed;
+mod gaze_check;
 mod input;
 pub mod live;
 mod pilot;
 mod server;
+mod signals;
 
 pub use error::BridgeError;
-pub use input::ClientInput;
+pub use gaze_check::{GazeCheck, GazePoint};
+pub use input::{ClientInput, StudyAction};
 pub use server::{PageContent, PageOptions, PageServer};
+pub use signals::{Signals, TrialStatus};

@@ -2,16 +2,22 @@
 //!
 //! From the server: `hello {page_version, revision}` first; `frame` with the fields of
 //! [`DisplayFrame`](proact_types::DisplayFrame) at the pace of publishing, the latest only; `events {events}`
-//! with the events of frames that this client missed, at first those of the trial so far; `content {revision}` when `/api/content` has changed;
+//! with the events of frames that this client missed, at first those of the trial so far; `content {revision}`
+//! when `/api/content` has changed; `status` with the fields of [`TrialStatus`](crate::TrialStatus); `pong {id}`;
 //! `error {message}` when a message of the client was ignored.
 //!
 //! From the client, if the page is interactive: `gesture {gesture}` at each change, `alive` every 100 ms while
-//! one is held, `gaze {origin, direction}`, `trunk {forward, lateral, axial}`, `restart`. Metres, rad,
-//! frame `world`. At most 4 KiB each, text only. A hundred malformed messages end the connection.
+//! one is held, `gaze {origin, direction}`, `trunk {forward, lateral, axial}`, `head {position, quaternion}`,
+//! `restart {method, again}`, `gaze_check {source, points}`; always `ping {id}`. Metres, rad, frame `world`,
+//! quaternions x, y, z, w. At most 4 KiB each, text only. A hundred malformed messages end the connection.
+//!
+//! `/live?role=experimenter` also gets `signals` with the fields of [`Signals`](crate::Signals), and may send
+//! `study {action}` (`pause`, `resume`, `abort`) and `restart` even where the page is not interactive.
+//! `/live?role=spectator` gets the same and may send nothing but `ping`.
 
 use crate::{
     feed::{Feed, ServerMessage},
-    input,
+    input::{self, ClientInput, Parsed},
     server::Shared,
 };
 use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket, close_code};
@@ -19,6 +25,7 @@ use futures_util::{
     SinkExt, StreamExt,
     stream::{SplitSink, SplitStream},
 };
+use serde::Deserialize;
 use std::{sync::Arc, time::Duration, time::Instant};
 use tokio::{sync::mpsc, sync::watch, time};
 
@@ -31,10 +38,38 @@ const SEND_TIMEOUT: Duration = Duration::from_secs(10);
 /// Without frames a ping finds out whether the client still is there.
 const PING_PERIOD: Duration = Duration::from_secs(5);
 
+/// What a connection may see and do.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Role {
+    /// Drives, if the page is interactive.
+    #[default]
+    Participant,
+    /// Watches the signals, pauses and ends trials.
+    Experimenter,
+    /// Watches the signals.
+    Spectator,
+}
+
+impl Role {
+    /// Whether `input` may come from it.
+    fn may(self, input: &ClientInput, interactive: bool) -> Result<(), &'static str> {
+        match (self, input) {
+            (Role::Spectator, _) => Err("message ignored: a spectator only watches"),
+            (Role::Experimenter, ClientInput::Study(_) | ClientInput::Restart { .. }) => Ok(()),
+            (_, ClientInput::Study(_)) => {
+                Err("message ignored: this is for the experimenter's page, /live?role=experimenter")
+            }
+            (_, _) if !interactive => Err("message ignored: this page only shows a trial"),
+            _ => Ok(()),
+        }
+    }
+}
+
 type Outgoing = SplitSink<WebSocket, Message>;
 
 /// Serves one connection until it ends.
-pub(crate) async fn serve(socket: WebSocket, shared: Arc<Shared>) {
+pub(crate) async fn serve(socket: WebSocket, shared: Arc<Shared>, role: Role) {
     let client = shared.enter();
     let (outgoing, incoming) = socket.split();
     // Reading and writing are apart: a stop must come in while a slow line is still busy with a frame.
@@ -43,8 +78,8 @@ pub(crate) async fn serve(socket: WebSocket, shared: Arc<Shared>) {
     let updates = shared.feed.subscribe();
     let version = shared.page_version.clone();
     tokio::select! {
-        () = read(incoming, client, &shared, replies) => {}
-        () = write(outgoing, updates, reply_queue, version) => {}
+        () = read(incoming, client, role, &shared, replies) => {}
+        () = write(outgoing, role, updates, reply_queue, version) => {}
     }
     shared.leave(client);
 }
@@ -52,14 +87,19 @@ pub(crate) async fn serve(socket: WebSocket, shared: Arc<Shared>) {
 async fn read(
     mut incoming: SplitStream<WebSocket>,
     client: u64,
+    role: Role,
     shared: &Shared,
     replies: mpsc::Sender<Reply>,
 ) {
     let mut bad_messages = 0;
     while let Some(message) = incoming.next().await {
         let parsed = match message {
-            Ok(Message::Text(text)) if shared.interactive() => input::parse(&text),
-            Ok(Message::Text(_)) => Err("message ignored: this page only shows a trial".to_owned()),
+            Ok(Message::Text(text)) => input::parse(&text).and_then(|parsed| match &parsed {
+                Parsed::Input(input) => {
+                    role.may(input, shared.interactive()).map(|()| parsed).map_err(str::to_owned)
+                }
+                Parsed::Alive | Parsed::Ping(_) => Ok(parsed),
+            }),
             Ok(Message::Binary(data)) => {
                 Err(format!("message ignored: got {} binary bytes, expected JSON text", data.len()))
             }
@@ -72,7 +112,10 @@ async fn read(
             }
         };
         match parsed {
-            Ok(input) => shared.pilot().accept(client, Instant::now(), input),
+            Ok(Parsed::Input(input)) => shared.pilot().accept(client, Instant::now(), Some(input)),
+            Ok(Parsed::Alive) => shared.pilot().accept(client, Instant::now(), None),
+            // As with errors: who does not read gets no answers.
+            Ok(Parsed::Ping(id)) => drop(replies.try_send(Reply::Pong(id))),
             Err(reason) => {
                 bad_messages += 1;
                 if bad_messages == MAX_BAD_MESSAGES {
@@ -88,6 +131,7 @@ async fn read(
 
 /// Something to tell this client alone.
 enum Reply {
+    Pong(u32),
     Error(String),
     Close(CloseFrame),
 }
@@ -104,14 +148,15 @@ async fn end(replies: mpsc::Sender<Reply>, code: u16, mut reason: String) {
 
 async fn write(
     mut outgoing: Outgoing,
+    role: Role,
     mut updates: watch::Receiver<Feed>,
     mut replies: mpsc::Receiver<Reply>,
     page_version: String,
 ) {
     let mut ping = time::interval_at(time::Instant::now() + PING_PERIOD, PING_PERIOD);
     // A client that comes late is told the whole trial's events: its score and list are then right.
-    let (mut revision, mut seen) = (updates.borrow().revision, 0);
-    let hello = ServerMessage::Hello { page_version: &page_version, revision }.to_text();
+    let mut seen = Seen { revision: updates.borrow().revision, ..Seen::default() };
+    let hello = ServerMessage::Hello { page_version: &page_version, revision: seen.revision }.to_text();
     if send(&mut outgoing, Message::Text(hello)).await.is_err() {
         return;
     }
@@ -120,6 +165,9 @@ async fn write(
         let sent = tokio::select! {
             biased;
             reply = replies.recv() => match reply {
+                Some(Reply::Pong(id)) => {
+                    send(&mut outgoing, Message::Text(ServerMessage::Pong { id }.to_text())).await
+                }
                 Some(Reply::Error(message)) => {
                     let text = ServerMessage::Error { message: &message }.to_text();
                     send(&mut outgoing, Message::Text(text)).await
@@ -134,7 +182,7 @@ async fn write(
                 if changed.is_err() {
                     return;
                 }
-                let messages = news(&updates.borrow_and_update(), &mut revision, &mut seen);
+                let messages = seen.news(&updates.borrow_and_update(), role);
                 send_all(&mut outgoing, messages).await
             }
             _ = ping.tick() => send(&mut outgoing, Message::Ping(Default::default())).await,
@@ -145,19 +193,38 @@ async fn write(
     }
 }
 
-/// What a client has not seen yet of the feed, at most three messages.
-fn news(feed: &Feed, revision: &mut u64, seen: &mut u64) -> Vec<Utf8Bytes> {
-    let mut messages = Vec::with_capacity(3);
-    if feed.revision != *revision {
-        *revision = feed.revision;
-        messages.push(ServerMessage::Content { revision: feed.revision }.to_text());
+/// How much of the feed a client has seen.
+#[derive(Debug, Default)]
+struct Seen {
+    revision: u64,
+    sequence: u64,
+    status: u64,
+    signals: u64,
+}
+
+impl Seen {
+    /// What it has not seen yet, at most five messages.
+    fn news(&mut self, feed: &Feed, role: Role) -> Vec<Utf8Bytes> {
+        let mut messages = Vec::with_capacity(5);
+        if feed.revision != self.revision {
+            self.revision = feed.revision;
+            messages.push(ServerMessage::Content { revision: feed.revision }.to_text());
+        }
+        if feed.status.0 != self.status {
+            self.status = feed.status.0;
+            messages.extend(feed.status.1.clone());
+        }
+        if feed.sequence != self.sequence {
+            messages.extend(feed.missed_events(self.sequence));
+            messages.extend(feed.frame.clone());
+            self.sequence = feed.sequence;
+        }
+        if role != Role::Participant && feed.signals.0 != self.signals {
+            messages.extend(feed.signals.1.clone());
+            self.signals = feed.signals.0;
+        }
+        messages
     }
-    if feed.sequence != *seen {
-        messages.extend(feed.missed_events(*seen));
-        messages.extend(feed.frame.clone());
-        *seen = feed.sequence;
-    }
-    messages
 }
 
 /// The connection is of no use any more.

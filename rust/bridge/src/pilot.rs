@@ -3,7 +3,7 @@
 //! One client at a time drives: the first to send anything, until another presses a gesture, or sends anything
 //! while the first has been silent. A stop is taken from everybody. Pure: the time is handed in.
 
-use crate::input::ClientInput;
+use crate::input::{ClientInput, StudyAction};
 use proact_types::Gesture;
 use std::time::{Duration, Instant};
 
@@ -37,7 +37,17 @@ impl Pilot {
     /// Takes a checked message of `client`; none is a sign of life.
     pub(crate) fn accept(&mut self, client: ClientId, now: Instant, input: Option<ClientInput>) {
         let stops = input == Some(ClientInput::Gesture(Gesture::NoMotion));
-        let takes_over = matches!(input, Some(ClientInput::Gesture(_) | ClientInput::Restart)) && !stops;
+        if let Some(request @ (ClientInput::Study(_) | ClientInput::GazeCheck(_))) = input {
+            // The experimenter does not drive. Whatever is held ends with a pause or the trial.
+            if request == ClientInput::Study(StudyAction::Pause)
+                || request == ClientInput::Study(StudyAction::Abort)
+            {
+                self.release();
+            }
+            return self.push(request);
+        }
+        let takes_over =
+            matches!(input, Some(ClientInput::Gesture(_) | ClientInput::Restart { .. })) && !stops;
         let drives = match &self.driver {
             None => input.is_some() && !stops,
             Some(driver) => {
@@ -56,11 +66,15 @@ impl Pilot {
                 self.held = Some(gesture);
                 self.push(ClientInput::Gesture(gesture));
             }
-            Some(ClientInput::Restart) => {
+            Some(restart @ ClientInput::Restart { .. }) => {
                 self.release();
-                self.push(ClientInput::Restart);
+                self.push(restart);
             }
-            Some(input @ (ClientInput::Gaze { .. } | ClientInput::Trunk(_))) if drives => self.push(input),
+            Some(input @ (ClientInput::Gaze { .. } | ClientInput::Trunk(_) | ClientInput::Head(_)))
+                if drives =>
+            {
+                self.push(input);
+            }
             _ => {}
         }
     }
@@ -93,11 +107,12 @@ impl Pilot {
     }
 
     fn push(&mut self, input: ClientInput) {
-        // Of gaze and trunk samples in a row only the last one counts.
+        // Of gaze, trunk or head samples in a row only the last one counts.
         let replaces = matches!(
             (self.waiting.last(), &input),
             (Some(ClientInput::Gaze { .. }), ClientInput::Gaze { .. })
                 | (Some(ClientInput::Trunk(_)), ClientInput::Trunk(_))
+                | (Some(ClientInput::Head(_)), ClientInput::Head(_))
         );
         if replaces {
             self.waiting.pop();
@@ -142,6 +157,17 @@ mod tests {
         pilot.accept(1, now, Some(WE));
         pilot.leave(1);
         assert_eq!(pilot.drain(), [WE, NM, ClientInput::Disconnected]);
+    }
+
+    #[test]
+    fn a_pause_of_the_experimenter_releases_what_is_held_and_takes_nobodys_place() {
+        let (mut pilot, now) = (Pilot::default(), Instant::now());
+        let pause = ClientInput::Study(StudyAction::Pause);
+        pilot.accept(1, now, Some(WE));
+        pilot.accept(2, now, Some(pause.clone()));
+        pilot.accept(1, now, Some(gaze(1.0)));
+        pilot.accept(2, now, Some(gaze(2.0)));
+        assert_eq!(pilot.drain(), [WE, NM, pause, gaze(1.0)]);
     }
 
     #[test]
@@ -195,8 +221,9 @@ mod tests {
     fn a_restart_releases_what_is_held_first() {
         let (mut pilot, now) = (Pilot::default(), Instant::now());
         pilot.accept(1, now, Some(WE));
-        pilot.accept(1, now, Some(ClientInput::Restart));
-        assert_eq!(pilot.drain(), [WE, NM, ClientInput::Restart]);
+        let restart = ClientInput::Restart { method: None, again: false };
+        pilot.accept(1, now, Some(restart.clone()));
+        assert_eq!(pilot.drain(), [WE, NM, restart]);
     }
 
     #[test]

@@ -1,12 +1,12 @@
 use crate::{
-    BridgeError, ClientInput, assets,
+    BridgeError, ClientInput, Signals, TrialStatus, assets,
     feed::{Feed, ServerMessage},
-    live,
+    live::{self, Role},
     pilot::{ClientId, Pilot},
 };
 use axum::{
     Router,
-    extract::{Path, Request, State, ws::WebSocketUpgrade},
+    extract::{Path, Query, Request, State, ws::WebSocketUpgrade},
     http::{HeaderMap, StatusCode, header},
     middleware::{self, Next},
     response::{IntoResponse, Response},
@@ -14,7 +14,7 @@ use axum::{
     serve::ListenerExt,
 };
 use proact_types::{ArmModel, DisplayFrame, Scene};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::{
     net::{IpAddr, Ipv4Addr, SocketAddr},
     sync::{
@@ -180,6 +180,18 @@ impl PageServer {
         self.shared.feed.send_modify(|feed| feed.publish(frame, text));
     }
 
+    /// Tells all pages whether the trial goes on.
+    pub fn set_status(&self, status: &TrialStatus) {
+        let text = ServerMessage::Status(status).to_text();
+        self.shared.feed.send_modify(|feed| feed.status = (feed.status.0 + 1, Some(text)));
+    }
+
+    /// Hands signals to the experimenter's pages; the latest only, as with frames.
+    pub fn publish_signals(&self, signals: &Signals) {
+        let text = ServerMessage::Signals(signals).to_text();
+        self.shared.feed.send_modify(|feed| feed.signals = (feed.signals.0 + 1, Some(text)));
+    }
+
     /// What the person at the page did since the last call, oldest first.
     pub fn drain_inputs(&self) -> Vec<ClientInput> {
         self.shared.pilot().drain()
@@ -312,7 +324,18 @@ async fn content(State(shared): State<Arc<Shared>>) -> Response {
     ([(header::CONTENT_TYPE, "application/json"), (header::CACHE_CONTROL, "no-store")], json).into_response()
 }
 
-async fn connect(State(shared): State<Arc<Shared>>, upgrade: WebSocketUpgrade) -> Response {
+/// What `/live` may be asked with.
+#[derive(Deserialize)]
+struct Connection {
+    #[serde(default)]
+    role: Role,
+}
+
+async fn connect(
+    State(shared): State<Arc<Shared>>,
+    Query(connection): Query<Connection>,
+    upgrade: WebSocketUpgrade,
+) -> Response {
     if shared.clients.load(Ordering::Relaxed) >= MAX_CLIENTS {
         return (StatusCode::SERVICE_UNAVAILABLE, format!("{MAX_CLIENTS} pages are connected already\n"))
             .into_response();
@@ -322,7 +345,7 @@ async fn connect(State(shared): State<Arc<Shared>>, upgrade: WebSocketUpgrade) -
         .max_frame_size(live::MAX_MESSAGE_BYTES)
         // Written at once, or the "latest" frame would wait behind older ones.
         .write_buffer_size(0)
-        .on_upgrade(move |socket| live::serve(socket, shared))
+        .on_upgrade(move |socket| live::serve(socket, shared, connection.role))
 }
 
 /// Refuses requests that another site's page makes in the person's browser: such a page could drive the arm.

@@ -71,6 +71,7 @@ fn frame(tick: u64) -> DisplayFrame {
         confidence: 1.0,
         emg_source: "keys".into(),
         time_left_secs: 300.0,
+        goal: None,
         next_block: Some(BlockId::Red1),
         on_target: 0,
         finished: false,
@@ -188,7 +189,7 @@ async fn inputs_arrive_in_order() {
             ClientInput::Gesture(Gesture::WristFlexion),
             ClientInput::Gesture(Gesture::NoMotion),
             ClientInput::Trunk(TrunkPosture { forward: 0.1, lateral: 0.0, axial: 0.0 }),
-            ClientInput::Restart,
+            ClientInput::Restart { method: None, again: false },
         ]
     );
 }

@@ -1,11 +1,12 @@
 use crate::{
+    experimenter::Experimenter,
     pace::Pace,
     record::{Recorder, default_dir},
     trial::{self, Assembly},
 };
 use clap::Args;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use proact_bridge::{PageContent, PageOptions, PageServer};
+use proact_bridge::{ClientInput, PageContent, PageOptions, PageServer};
 use proact_devices::EmgSource;
 use proact_tasks::Arrangement;
 use proact_testbed::{MethodName, Session, Setup, TrialConfig, TrialResult};
@@ -19,6 +20,9 @@ use std::{
     },
     time::{Duration, Instant},
 };
+
+/// A trial that is shown waits so long for its first page.
+const PAGE_WAIT: Duration = Duration::from_secs(3);
 
 /// Arguments of `proact demo`.
 #[derive(Debug, Args)]
@@ -183,10 +187,26 @@ fn run_to_end(
     progress: bool,
 ) -> Result<TrialResult, Box<dyn Error>> {
     let bar = bar(&session, progress);
-    let mut pace = page.map(|_| Pace::new());
+    if let Some(page) = page {
+        wait_for_page(page);
+    }
+    let mut live = page.map(|page| {
+        (Pace::new(), Experimenter::new(page, session.testbed().config(), dir), AtomicBool::new(false))
+    });
     let start = Instant::now();
     loop {
-        let step = session.step(false)?;
+        let mut last = false;
+        if let (Some((pace, experimenter, interrupted)), Some(page)) = (&mut live, page) {
+            let mut inputs = page.drain_inputs();
+            inputs.extend(experimenter.wait_while_paused(pace, interrupted));
+            for input in inputs {
+                if let ClientInput::Study(action) = input {
+                    last |= experimenter.act(action);
+                }
+            }
+        }
+        let began = Instant::now();
+        let step = session.step(last)?;
         if let Some(recorder) = &mut recorder {
             recorder.write(&step, session.testbed().plant().state())?;
         }
@@ -197,11 +217,12 @@ fn run_to_end(
                 page.publish(frame);
             }
         }
-        if step.output.finished {
-            break;
-        }
-        if let Some(pace) = &mut pace {
+        if let Some((pace, experimenter, _)) = &mut live {
+            experimenter.take(&step, began.elapsed());
             pace.tick();
+        }
+        if step.output.finished || last {
+            break;
         }
     }
     bar.finish_and_clear();
@@ -214,6 +235,14 @@ fn run_to_end(
         recorder.finish(&result)?;
     }
     Ok(result)
+}
+
+/// Gives a browser a moment to come, so that it misses nothing of the trial.
+fn wait_for_page(page: &PageServer) {
+    let start = Instant::now();
+    while page.client_count() == 0 && start.elapsed() < PAGE_WAIT {
+        std::thread::sleep(Duration::from_millis(20));
+    }
 }
 
 fn bar(session: &Session, visible: bool) -> ProgressBar {

@@ -15,6 +15,7 @@ mod command;
 mod demo;
 mod doctor;
 mod emg;
+mod experimenter;
 mod model;
 mod pace;
 pub mod query;

@@ -1,5 +1,6 @@
 use crate::{
     demo::{announce, interrupt_flag, print_result},
+    experimenter::{Experimenter, store_gaze_check},
     pace::Pace,
     record::{Recorder, default_dir},
     trial::{self, Assembly},
@@ -7,7 +8,7 @@ use crate::{
 use clap::Args;
 use proact_bridge::{ClientInput, PageContent, PageOptions, PageServer};
 use proact_testbed::{MethodName, Session, Setup, TrialConfig};
-use proact_types::{GazeSample, Gesture};
+use proact_types::{GazeSample, Gesture, SimTime};
 use std::{
     error::Error,
     net::IpAddr,
@@ -56,22 +57,24 @@ pub(crate) struct ServeArgs {
 /// Why a live trial ended.
 enum Ended {
     Finished,
-    Restart,
+    Aborted,
+    Restart { method: Option<MethodName>, again: bool },
     Interrupted,
 }
 
 pub(crate) fn command(args: &ServeArgs) -> Result<bool, Box<dyn Error>> {
-    let method: MethodName = args.method.parse()?;
+    let mut method: MethodName = args.method.parse()?;
     let setup = Setup::named(&args.setup)?;
     let interrupted = interrupt_flag()?;
     let mut server: Option<PageServer> = None;
-    for seed in args.seed.. {
+    let mut seed = args.seed;
+    loop {
         let config = TrialConfig::new(method, seed, setup.clone()).with_profile(&args.profile)?;
         let Assembly { mut session, model, .. } = trial::live(config)?;
         let config = session.testbed().config().clone();
         let dir = match (&args.out, args.no_record) {
             (_, true) => None,
-            (Some(out), _) => Some(out.join(format!("seed{seed}"))),
+            (Some(out), _) => Some(free_dir(out.join(format!("seed{seed}")))),
             (None, _) => Some(default_dir(&config)),
         };
         let mut recorder = match &dir {
@@ -99,37 +102,59 @@ pub(crate) fn command(args: &ServeArgs) -> Result<bool, Box<dyn Error>> {
             }
         };
         let start = Instant::now();
-        let ended = live_trial(&mut session, &mut recorder, page, &interrupted)?;
+        let mut ended = live_trial(&mut session, &mut recorder, dir.as_deref(), page, &interrupted)?;
         finish(&session, recorder, dir.as_deref(), start)?;
-        match ended {
-            Ended::Interrupted => break,
-            Ended::Restart => {}
-            Ended::Finished if wait_for_restart(page, &interrupted) => {}
-            Ended::Finished => break,
+        if matches!(ended, Ended::Finished | Ended::Aborted) {
+            ended = wait_for_restart(dir.as_deref(), session.testbed().now(), page, &interrupted)?;
         }
+        let Ended::Restart { method: wanted, again } = ended else { break };
+        method = wanted.unwrap_or(method);
+        seed += u64::from(!again);
     }
     Ok(true)
+}
+
+/// `dir`, or the same with a number added if it is taken: the same blocks again are another trial.
+fn free_dir(dir: PathBuf) -> PathBuf {
+    let numbered = |k: u32| PathBuf::from(format!("{}-{k}", dir.display()));
+    let names = std::iter::once(dir.clone()).chain((2..).map(numbered));
+    names.into_iter().find(|name| !name.exists()).unwrap_or(dir)
+}
+
+/// What a page's choice of method means.
+fn restart(method: Option<char>, again: bool) -> Result<Ended, Box<dyn Error>> {
+    let method = method.map(|name| name.to_string().parse::<MethodName>()).transpose()?;
+    Ok(Ended::Restart { method, again })
 }
 
 /// Runs one trial in real time on what the page sends.
 fn live_trial(
     session: &mut Session,
     recorder: &mut Option<Recorder>,
+    dir: Option<&Path>,
     page: &PageServer,
     interrupted: &AtomicBool,
 ) -> Result<Ended, Box<dyn Error>> {
     let mut pace = Pace::new();
+    let mut experimenter = Experimenter::new(page, session.testbed().config(), dir);
     let mut ending = None;
     loop {
-        if session.testbed().frame_is_due() || session.testbed().now().0 == 0 {
-            for input in page.drain_inputs() {
+        let now = session.testbed().now();
+        if session.testbed().frame_is_due() || now.0 == 0 {
+            let mut inputs = page.drain_inputs();
+            inputs.extend(experimenter.wait_while_paused(&mut pace, interrupted));
+            for input in inputs {
                 match input {
                     ClientInput::Gesture(gesture) => session.act(gesture),
                     ClientInput::Gaze { origin, direction } => {
                         session.look(GazeSample { origin, direction, valid: true });
                     }
                     ClientInput::Trunk(posture) => session.lean(posture),
-                    ClientInput::Restart => ending = Some(Ended::Restart),
+                    ClientInput::Head(pose) => session.track_head(pose),
+                    ClientInput::Restart { method, again } => ending = Some(restart(method, again)?),
+                    ClientInput::Study(action) if experimenter.act(action) => ending = Some(Ended::Aborted),
+                    ClientInput::Study(_) => {}
+                    ClientInput::GazeCheck(check) => store_gaze_check(dir, now, &check)?,
                     ClientInput::Disconnected => session.act(Gesture::NoMotion),
                 }
             }
@@ -138,14 +163,16 @@ fn live_trial(
             }
         }
         // The tick that ends a trial closes its digest.
+        let began = Instant::now();
         let step = session.step(ending.is_some())?;
+        experimenter.take(&step, began.elapsed());
         if let Some(recorder) = recorder {
             recorder.write(&step, session.testbed().plant().state())?;
         }
         if let Some(frame) = &step.frame {
             page.publish(frame);
         }
-        if step.output.finished {
+        if step.output.finished && ending.is_none() {
             return Ok(Ended::Finished);
         }
         if let Some(ended) = ending.take() {
@@ -172,13 +199,22 @@ fn finish(
     Ok(())
 }
 
-/// Keeps the last frame on the page until the person asks for a new trial; false when the command ends instead.
-fn wait_for_restart(page: &PageServer, interrupted: &AtomicBool) -> bool {
+/// Keeps the last frame on the page until the person asks for a new trial or the command is ended.
+fn wait_for_restart(
+    dir: Option<&Path>,
+    now: SimTime,
+    page: &PageServer,
+    interrupted: &AtomicBool,
+) -> Result<Ended, Box<dyn Error>> {
     while !interrupted.load(Ordering::Relaxed) {
-        if page.drain_inputs().iter().any(|input| matches!(input, ClientInput::Restart)) {
-            return true;
+        for input in page.drain_inputs() {
+            match input {
+                ClientInput::Restart { method, again } => return restart(method, again),
+                ClientInput::GazeCheck(check) => store_gaze_check(dir, now, &check)?,
+                _ => {}
+            }
         }
         std::thread::sleep(Duration::from_millis(20));
     }
-    false
+    Ok(Ended::Interrupted)
 }

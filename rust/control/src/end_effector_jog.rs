@@ -40,6 +40,7 @@ impl EndEffectorJog {
                 number: FIRST_MODE + turns + entry.axis as u8,
                 name: entry.name.clone(),
                 directions: [entry.we.clone(), entry.wf.clone()],
+                we_sign: entry.we_sign,
                 next_in_secs: None,
             }
         });

@@ -60,6 +60,7 @@ impl JointJog {
                 number: joint as u8,
                 name: name.to_owned(),
                 directions: [we.to_owned(), wf.to_owned()],
+                we_sign: sign,
                 next_in_secs: None,
             });
             modes.push(Mode { joint, we_sign: f64::from(sign), name: name.to_owned() });

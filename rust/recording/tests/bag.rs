@@ -95,6 +95,7 @@ fn frame(time: SimTime) -> DisplayFrame {
         confidence: 1.0,
         emg_source: "keys".to_owned(),
         time_left_secs: 300.0 - secs,
+        goal: None,
         next_block: Some(BlockId::Red1),
         on_target: 0,
         finished: false,

@@ -54,6 +54,14 @@ impl ArmMotion {
         &self.velocity
     }
 
+    /// Where the path that is followed ends, rad.
+    pub(crate) fn goal(&self) -> Option<JointVector> {
+        match &self.course {
+            Course::Path(path) => path.points.last().map(|point| point.q.clone()),
+            _ => None,
+        }
+    }
+
     pub(crate) fn state(&self) -> MotionState {
         match &self.course {
             Course::Path(path) => {

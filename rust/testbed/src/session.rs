@@ -48,6 +48,8 @@ pub struct Session {
     intention: Intention,
     seen: Option<GazeSample>,
     given: Option<Gesture>,
+    /// `world_from_head` of a headset, while there is one.
+    headset: Option<Pose>,
 }
 
 impl Session {
@@ -65,6 +67,7 @@ impl Session {
             },
             seen: None,
             given: None,
+            headset: None,
         }
     }
 
@@ -88,8 +91,17 @@ impl Session {
         self.intention.trunk = posture;
     }
 
+    /// A headset is at `world_from_head` from now on: the display shows that head instead of the trunk's. Gaze and
+    /// shoulder are not moved by it.
+    pub fn track_head(&mut self, world_from_head: Pose) {
+        self.headset = Some(world_from_head);
+    }
+
     /// The pose of the head now: `world_from_head`.
     pub fn head(&self) -> Pose {
+        if let Some(pose) = self.headset {
+            return pose;
+        }
         self.trunk.body().head_pose(&self.trunk.posture())
     }
 

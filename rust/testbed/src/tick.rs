@@ -103,7 +103,7 @@ pub struct Testbed {
     pub(crate) method: Box<dyn ControlMethod>,
     emg: Option<EmgPipeline>,
     pub(crate) gaze: GazeFilter,
-    arm: ArmMotion,
+    pub(crate) arm: ArmMotion,
     hand: HandMotion,
     base: BaseMotion,
     grasp: GraspRule,

@@ -129,6 +129,7 @@ impl Testbed {
             gaze: self.gaze.sample(),
             target: self.method.target(),
             planner: self.method.planner(),
+            goal: self.arm.goal(),
             mode: self.method.mode(),
             gesture: self.gesture(),
             confidence: self.confidence,

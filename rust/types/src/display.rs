@@ -27,6 +27,9 @@ pub struct DisplayFrame {
     pub target: TargetView,
     /// The planner and the motion.
     pub planner: PlannerView,
+    /// Arm joints at the end of the plan that is followed, rad; none while no plan is followed.
+    #[serde(default)]
+    pub goal: Option<JointVector>,
     /// What the next movement gesture moves, for methods that cycle through joints or axes.
     #[serde(default)]
     pub mode: Option<ModeView>,
@@ -94,6 +97,9 @@ pub struct ModeView {
     pub name: String,
     /// What WE does, such as `flexion`, and what WF does.
     pub directions: [String; 2],
+    /// 1 if WE turns the joint or moves the axis in its positive direction, -1 if in the other.
+    #[serde(default)]
+    pub we_sign: i8,
     /// Seconds until a held HO moves on; none when it is not held.
     pub next_in_secs: Option<f64>,
 }

@@ -1,6 +1,17 @@
 // The arm: its link tree as nested groups, so that one angle per joint is all that changes.
 
-import { type BufferGeometry, Color, Group, Mesh, MeshStandardMaterial, Object3D, Quaternion, Vector3 } from "three";
+import {
+  type BufferGeometry,
+  Color,
+  Group,
+  type Material,
+  Mesh,
+  MeshBasicMaterial,
+  MeshStandardMaterial,
+  Object3D,
+  Quaternion,
+  Vector3,
+} from "three";
 import { STLLoader } from "three/addons/loaders/STLLoader.js";
 import { mergeVertices, toCreasedNormals } from "three/addons/utils/BufferGeometryUtils.js";
 import type { DrawnPose } from "./motion";
@@ -10,19 +21,44 @@ import { place, shapeGeometry } from "./shapes";
 /** Edges sharper than this stay sharp, rad. */
 const CREASE_RAD = 0.6;
 const BARE_COLOUR = "#b9bec4";
+const GHOST_COLOUR = "#3aa7e0";
+
+/** Mesh files, loaded once however many links and arms use them (fingers do). */
+export class Meshes {
+  private readonly loader = new STLLoader();
+  private readonly geometries = new Map<string, Promise<BufferGeometry>>();
+
+  geometry(file: string): Promise<BufferGeometry> {
+    let geometry = this.geometries.get(file);
+    if (!geometry) {
+      geometry = this.loader
+        .loadAsync(meshAddress(file))
+        // Smooth where the surface is; shared corners are computed once.
+        .then((loaded) => mergeVertices(toCreasedNormals(loaded, CREASE_RAD)));
+      this.geometries.set(file, geometry);
+    }
+    return geometry;
+  }
+
+  /** What was handed out is disposed of with the arm that it belonged to. */
+  forget(): void {
+    this.geometries.clear();
+  }
+}
 
 export class Arm {
   readonly root = new Group();
   private readonly moving: { turn: Object3D; axis: Vector3 }[];
   private readonly links: Object3D[];
-  private readonly materials = new Map<string, MeshStandardMaterial>();
-  private readonly geometries = new Map<string, Promise<BufferGeometry>>();
+  private readonly materials = new Map<string, Material>();
   private readonly turned = new Quaternion();
 
+  /** `ghost` draws the hand alone, to be seen through. */
   constructor(
-    model: ArmModel,
-    private readonly loader: STLLoader,
+    private readonly model: ArmModel,
+    private readonly meshes: Meshes,
     private readonly failed: (message: string) => void,
+    private readonly look: "solid" | "ghost" = "solid",
   ) {
     this.root.name = model.name;
     this.links = [this.root];
@@ -37,8 +73,18 @@ export class Arm {
       this.links[joint.child] = turn;
       turns.push({ turn, axis: new Vector3(...joint.axis) });
     }
-    model.links.forEach((link, k) => this.dress(this.links[k], link));
+    // Below the tip is the hand: parents stand before their children.
+    const inHand = new Set([model.tip]);
+    for (const joint of model.joints) if (inHand.has(joint.parent)) inHand.add(joint.child);
+    model.links.forEach((link, k) => {
+      if (look === "solid" || inHand.has(k)) this.dress(this.links[k], link);
+    });
     this.moving = [...model.arm, ...model.hand].flatMap((joint) => turns[joint] ?? []);
+  }
+
+  /** The group that turns with the k-th arm joint, and the joint's axis in it. */
+  joint(k: number): { turn: Object3D; axis: Vector3 } | undefined {
+    return k < this.model.arm.length ? this.moving[k] : undefined;
   }
 
   update(base: DrawnPose, joints: number[]): void {
@@ -61,7 +107,7 @@ export class Arm {
         continue;
       }
       const { file, scale } = visual.geometry.mesh;
-      this.geometry(file).then(
+      this.meshes.geometry(file).then(
         (geometry) => {
           const mesh = new Mesh(geometry, material);
           mesh.scale.set(...scale);
@@ -76,19 +122,6 @@ export class Arm {
     if (link.visuals.length === 0) this.dressBare(group, link);
   }
 
-  /** A mesh file's geometry, loaded once however many links use it (fingers do). */
-  private geometry(file: string): Promise<BufferGeometry> {
-    let geometry = this.geometries.get(file);
-    if (!geometry) {
-      geometry = this.loader
-        .loadAsync(meshAddress(file))
-        // Smooth where the surface is; shared corners are computed once.
-        .then((loaded) => mergeVertices(toCreasedNormals(loaded, CREASE_RAD)));
-      this.geometries.set(file, geometry);
-    }
-    return geometry;
-  }
-
   private dressBare(group: Object3D, link: Link): void {
     const material = this.material([...new Color(BARE_COLOUR).toArray(), 1] as [number, number, number, number]);
     for (const { pose, shape } of link.collisions) {
@@ -98,15 +131,17 @@ export class Arm {
 
   private attach(group: Object3D, mesh: Mesh, pose: Parameters<typeof place>[1]): void {
     place(mesh, pose);
-    mesh.castShadow = true;
-    mesh.receiveShadow = true;
+    mesh.castShadow = mesh.receiveShadow = this.look === "solid";
     group.add(mesh);
   }
 
-  private material([r, g, b, a]: [number, number, number, number]): MeshStandardMaterial {
-    const key = `${r} ${g} ${b} ${a}`;
+  private material([r, g, b, a]: [number, number, number, number]): Material {
+    const key = this.look === "ghost" ? "ghost" : `${r} ${g} ${b} ${a}`;
     let material = this.materials.get(key);
-    if (!material) {
+    if (!material && this.look === "ghost") {
+      material = new MeshBasicMaterial({ color: GHOST_COLOUR, transparent: true, opacity: 0.3, depthWrite: false });
+      this.materials.set(key, material);
+    } else if (!material) {
       const colour = new Color().setRGB(r, g, b, "srgb");
       const dark = colour.getHSL({ h: 0, s: 0, l: 0 }).l < 0.25;
       material = new MeshStandardMaterial({

@@ -1,6 +1,6 @@
 // Three ways of looking: over the shoulder, through the participant's eyes, and freely.
 
-import { PerspectiveCamera, Vector3 } from "three";
+import { Group, PerspectiveCamera, Vector3 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import type { Drawn } from "./motion";
 import type { Room } from "./room";
@@ -18,6 +18,10 @@ const LOOK_AWAY_RAD = 0.45;
 
 export class Cameras {
   readonly camera = new PerspectiveCamera(40, 1, 0.02, 30);
+  /** Carries the camera; a headset's floor stands on it, and it is the world's frame otherwise. */
+  readonly rig = new Group();
+  /** A headset decides where to look from. */
+  worn = false;
   private readonly orbit: OrbitControls;
   private chosen: CameraKind = "shoulder";
   private readonly eye = new Vector3();
@@ -27,6 +31,7 @@ export class Cameras {
   side: -1 | 1 = -1;
 
   constructor(element: HTMLElement) {
+    this.rig.add(this.camera);
     this.camera.up.set(0, 0, 1);
     this.orbit = new OrbitControls(this.camera, element);
     this.orbit.enableDamping = true;
@@ -62,6 +67,7 @@ export class Cameras {
   }
 
   update(drawn: Drawn, room: Room, seconds: number): void {
+    if (this.worn) return;
     if (this.chosen === "free") {
       this.orbit.update();
       return;

@@ -1,44 +1,32 @@
-// Keys, buttons and mouse to gestures, trunk and gaze. The keys are one table, shown on screen from it.
+// Keys, buttons, mouse and gamepad to gestures, trunk and gaze. The keys are one table, shown on screen from it.
 
 import { element, setClass, setText } from "./dom";
-import { GESTURE_NAMES, type Gesture } from "./protocol";
+import { GAMEPAD_HELP } from "./gamepad";
+import { GESTURE_NAMES, type Gesture, type Mode } from "./protocol";
+import { keyName, type ActionKey, type Command, type GestureKey, type LeanKey, type Settings } from "./settings";
 
-type Action = "restart" | "camera" | "upright";
-type Lean = { axis: "forward" | "lateral" | "axial"; sign: 1 | -1; name: string };
+type Axis = "forward" | "lateral" | "axial";
 
-interface Binding {
-  /** Values of KeyboardEvent.code: places on the keyboard, whatever its layout prints on them. */
-  codes: string[];
-  label: string;
-}
-
-const GESTURE_KEYS: (Binding & { gesture: Gesture; effect: string })[] = [
-  { codes: ["KeyW", "ArrowUp"], label: "W ↑", gesture: "wrist_extension", effect: "move (hold)" },
-  { codes: ["KeyA", "ArrowLeft"], label: "A ←", gesture: "hand_close", effect: "close hand" },
-  { codes: ["KeyS", "ArrowDown"], label: "S ↓", gesture: "wrist_flexion", effect: "lock" },
-  { codes: ["KeyD", "ArrowRight"], label: "D →", gesture: "hand_open", effect: "open hand" },
+const GESTURES: { gesture: GestureKey; effect: string }[] = [
+  { gesture: "wrist_extension", effect: "move (hold)" },
+  { gesture: "hand_close", effect: "close hand" },
+  { gesture: "wrist_flexion", effect: "lock" },
+  { gesture: "hand_open", effect: "open hand" },
 ];
-const LEAN_KEYS: (Binding & Lean)[] = [
-  // In the order of the keyboard's two rows.
-  { codes: ["KeyU"], label: "U", axis: "axial", sign: 1, name: "turn ↺" },
-  { codes: ["KeyI"], label: "I", axis: "forward", sign: 1, name: "ahead" },
-  { codes: ["KeyO"], label: "O", axis: "axial", sign: -1, name: "turn ↻" },
-  { codes: ["KeyJ"], label: "J", axis: "lateral", sign: -1, name: "left" },
-  { codes: ["KeyK"], label: "K", axis: "forward", sign: -1, name: "back" },
-  { codes: ["KeyL"], label: "L", axis: "lateral", sign: 1, name: "right" },
+/** In the order of the keyboard's two rows. */
+const LEANS: { command: LeanKey; axis: Axis; sign: 1 | -1; name: string }[] = [
+  { command: "turn_left", axis: "axial", sign: 1, name: "turn ↺" },
+  { command: "ahead", axis: "forward", sign: 1, name: "ahead" },
+  { command: "turn_right", axis: "axial", sign: -1, name: "turn ↻" },
+  { command: "left", axis: "lateral", sign: -1, name: "left" },
+  { command: "back", axis: "forward", sign: -1, name: "back" },
+  { command: "right", axis: "lateral", sign: 1, name: "right" },
 ];
-const ACTION_KEYS: (Binding & { action: Action; name: string })[] = [
-  { codes: ["KeyP"], label: "P", action: "upright", name: "sit up" },
-  { codes: ["KeyC"], label: "C", action: "camera", name: "camera" },
-  { codes: ["KeyR"], label: "R", action: "restart", name: "restart" },
+const ACTIONS: { command: ActionKey; name: string }[] = [
+  { command: "upright", name: "sit up" },
+  { command: "camera", name: "camera" },
+  { command: "restart", name: "restart" },
 ];
-/** What the gestures do with methods A and B, where they move one joint or axis at a time. */
-const STEPWISE: Partial<Record<Gesture, string>> = {
-  wrist_extension: "move +",
-  wrist_flexion: "move −",
-  hand_close: "close / open",
-  hand_open: "next axis",
-};
 /** The trunk's limits and speed, as in the seated set-up: degrees, degrees per second. */
 const LEAN_MAX = { forward: 35, lateral: 25, axial: 40 };
 const LEAN_SPEED = 30;
@@ -57,15 +45,25 @@ export class Controls {
   readonly root = element("section", "card keys");
   /** Held gestures, the newest last: it is the one in force. */
   private held: { source: string; gesture: Gesture }[] = [];
-  private readonly leaning = new Map<string, Lean>();
+  private readonly leaning = new Map<string, { axis: Axis; sign: 1 | -1 }>();
   private readonly posture = { forward: 0, lateral: 0, axial: 0 };
-  private readonly buttons = new Map<string, HTMLElement>();
+  private readonly buttons = new Map<Command, HTMLElement>();
   private readonly readout = element("span", "readout");
+  private readonly padHelp = element("p", "mouse pad-help", GAMEPAD_HELP);
   private inForce: Gesture = "no_motion";
   private interactive = false;
+  /** A dialogue is open: keys belong to it. */
+  suspended = false;
+  /** The scene is shown mirrored: leaning left on the screen is leaning right in the world. */
+  mirrored = false;
 
-  constructor(private readonly handlers: ControlHandlers) {
+  constructor(
+    private readonly handlers: ControlHandlers,
+    private keys: Settings["keys"],
+  ) {
     this.build();
+    this.setKeys(keys);
+    this.padHelp.hidden = true;
     window.addEventListener("keydown", (event) => this.key(event, true));
     window.addEventListener("keyup", (event) => this.key(event, false));
     // A key released while another window has the focus is never reported: everything is let go.
@@ -79,6 +77,16 @@ export class Controls {
     }, 100);
   }
 
+  /** Other keys from now on. */
+  setKeys(keys: Settings["keys"]): void {
+    this.keys = keys;
+    this.releaseAll();
+    for (const [command, button] of this.buttons) {
+      const label = button.querySelector("kbd");
+      if (label) setText(label, this.keys[command].map(keyName).join(" ") || "–");
+    }
+  }
+
   setMode(interactive: boolean, lean: boolean): void {
     this.interactive = interactive;
     if (!interactive) this.releaseAll();
@@ -88,12 +96,17 @@ export class Controls {
     this.showPosture();
   }
 
-  /** Says on the keys what the gestures do with this method. */
-  setMethod(method: string): void {
-    for (const { gesture, effect } of GESTURE_KEYS) {
-      const text = ["A", "B"].includes(method) ? STEPWISE[gesture] : undefined;
+  /** Says on the keys what the gestures do now: with methods A and B, where the selected joint or axis goes. */
+  setEffects(method: string, mode: Mode | null): void {
+    const stepwise: Partial<Record<Gesture, string>> = {
+      wrist_extension: mode?.directions[0] ?? "move +",
+      wrist_flexion: mode?.directions[1] ?? "move −",
+      hand_close: "close / open",
+      hand_open: method === "A" ? "next joint" : "next axis",
+    };
+    for (const { gesture, effect } of GESTURES) {
       const label = this.buttons.get(gesture)?.querySelector("span");
-      if (label) setText(label, text ?? effect);
+      if (label) setText(label, (["A", "B"].includes(method) ? stepwise[gesture] : undefined) ?? effect);
     }
   }
 
@@ -104,107 +117,22 @@ export class Controls {
       const max = LEAN_MAX[axis];
       // Nobody leans backwards in a chair as far as forwards.
       const min = axis === "forward" ? -max / 3 : -max;
-      const moved = this.posture[axis] + sign * LEAN_SPEED * Math.min(seconds, 0.1);
+      const side = this.mirrored && axis !== "forward" ? -sign : sign;
+      const moved = this.posture[axis] + side * LEAN_SPEED * Math.min(seconds, 0.1);
       this.posture[axis] = Math.min(Math.max(moved, min), max);
     }
     this.tellPosture();
   }
 
-  private build(): void {
-    const pad = element("div", "pad");
-    for (const { codes, label, gesture, effect } of GESTURE_KEYS) {
-      const button = element(
-        "button",
-        `gesture ${gesture}`,
-        element("kbd", "", label),
-        element("b", "", `${GESTURE_NAMES[gesture].short} `),
-        element("span", "", effect),
-      );
-      button.type = "button";
-      button.title = GESTURE_NAMES[gesture].name;
-      button.dataset["gesture"] = gesture;
-      const source = `button ${gesture}`;
-      button.addEventListener("pointerdown", (event) => {
-        event.preventDefault();
-        button.setPointerCapture(event.pointerId);
-        this.hold(source, gesture, true);
-      });
-      for (const end of ["pointerup", "pointercancel", "lostpointercapture"] as const) {
-        button.addEventListener(end, () => this.hold(source, gesture, false));
-      }
-      button.addEventListener("contextmenu", (event) => event.preventDefault());
-      for (const code of codes) this.buttons.set(code, button);
-      this.buttons.set(gesture, button);
-      pad.append(button);
-    }
-    const leans = element("div", "leans");
-    for (const lean of LEAN_KEYS) {
-      const button = element("button", "lean", element("kbd", "", lean.label), element("span", "", lean.name));
-      button.type = "button";
-      const source = `button ${lean.label}`;
-      button.addEventListener("pointerdown", (event) => {
-        event.preventDefault();
-        button.setPointerCapture(event.pointerId);
-        this.leaning.set(source, lean);
-      });
-      for (const end of ["pointerup", "pointercancel", "lostpointercapture"] as const) {
-        button.addEventListener(end, () => this.leaning.delete(source));
-      }
-      for (const code of lean.codes) this.buttons.set(code, button);
-      leans.append(button);
-    }
-    const actions = element("div", "actions");
-    for (const { codes, label, action, name } of ACTION_KEYS) {
-      const button = element("button", `action ${action}`, element("kbd", "", label), element("span", "", name));
-      button.type = "button";
-      button.addEventListener("click", () => {
-        this.act(action);
-        button.blur();
-      });
-      for (const code of codes) this.buttons.set(code, button);
-      actions.append(button);
-    }
-    this.root.append(
-      element("p", "mouse", element("kbd", "", "Mouse"), " is your gaze"),
-      pad,
-      element("div", "leanbox", element("span", "label", "Lean"), leans, this.readout),
-      actions,
-    );
-  }
-
-  private key(event: KeyboardEvent, down: boolean): void {
-    // Ctrl+R and its like belong to the browser.
-    if (down && (event.ctrlKey || event.metaKey || event.altKey)) return;
-    const gesture = GESTURE_KEYS.find((binding) => binding.codes.includes(event.code));
-    const lean = LEAN_KEYS.find((binding) => binding.codes.includes(event.code));
-    const action = ACTION_KEYS.find((binding) => binding.codes.includes(event.code));
-    if (!gesture && !lean && !action) return;
-    if (gesture || lean) event.preventDefault();
-    if (event.repeat) return;
-    const button = this.buttons.get(event.code);
-    if (button && !gesture) setClass(button, "down", down);
-    if (gesture) this.hold(event.code, gesture.gesture, down);
-    if (lean && this.interactive) {
-      if (down) this.leaning.set(event.code, lean);
-      else this.leaning.delete(event.code);
-    }
-    if (action && down) this.act(action.action);
-  }
-
-  private act(action: Action): void {
-    if (action === "camera") this.handlers.camera();
-    if (!this.interactive) return;
-    if (action === "restart") this.handlers.restart();
-    if (action === "upright") {
-      Object.assign(this.posture, { forward: 0, lateral: 0, axial: 0 });
-      this.tellPosture();
-    }
-  }
-
-  private hold(source: string, gesture: Gesture, down: boolean): void {
+  /** From a gamepad, which has no keys. */
+  hold(source: string, gesture: Gesture, down: boolean): void {
     this.held = this.held.filter((held) => held.source !== source);
-    if (down && this.interactive) this.held.push({ source, gesture });
+    if (down && this.interactive && !this.suspended) this.held.push({ source, gesture });
     this.settle();
+  }
+
+  showGamepad(): void {
+    this.padHelp.hidden = false;
   }
 
   /** Lets go of everything: the person, the window or the connection is gone. */
@@ -215,11 +143,101 @@ export class Controls {
     this.settle();
   }
 
+  private build(): void {
+    const pad = element("div", "pad");
+    for (const { gesture, effect } of GESTURES) {
+      const button = element(
+        "button",
+        `gesture ${gesture}`,
+        element("kbd"),
+        element("b", "", `${GESTURE_NAMES[gesture].short} `),
+        element("span", "", effect),
+      );
+      button.title = GESTURE_NAMES[gesture].name;
+      button.dataset["gesture"] = gesture;
+      const source = `button ${gesture}`;
+      this.holdable(button, (down) => this.hold(source, gesture, down));
+      button.addEventListener("contextmenu", (event) => event.preventDefault());
+      this.buttons.set(gesture, button);
+      pad.append(button);
+    }
+    const leans = element("div", "leans");
+    for (const { command, axis, sign, name } of LEANS) {
+      const button = element("button", "lean", element("kbd"), element("span", "", name));
+      this.holdable(button, (down) => {
+        if (down && this.interactive) this.leaning.set(`button ${command}`, { axis, sign });
+        else this.leaning.delete(`button ${command}`);
+      });
+      this.buttons.set(command, button);
+      leans.append(button);
+    }
+    const actions = element("div", "actions");
+    for (const { command, name } of ACTIONS) {
+      const button = element("button", `action ${command}`, element("kbd"), element("span", "", name));
+      button.type = "button";
+      button.addEventListener("click", () => {
+        this.act(command);
+        button.blur();
+      });
+      this.buttons.set(command, button);
+      actions.append(button);
+    }
+    this.root.append(
+      element("p", "mouse", element("kbd", "", "Mouse"), " is your gaze"),
+      pad,
+      element("div", "leanbox", element("span", "label", "Lean"), leans, this.readout),
+      actions,
+      this.padHelp,
+    );
+  }
+
+  /** A button that does something for as long as it is pressed. */
+  private holdable(button: HTMLButtonElement, changed: (down: boolean) => void): void {
+    button.type = "button";
+    button.addEventListener("pointerdown", (event) => {
+      event.preventDefault();
+      button.setPointerCapture(event.pointerId);
+      changed(true);
+    });
+    for (const end of ["pointerup", "pointercancel", "lostpointercapture"] as const) {
+      button.addEventListener(end, () => changed(false));
+    }
+  }
+
+  private key(event: KeyboardEvent, down: boolean): void {
+    // Ctrl+R and its like belong to the browser.
+    if (down && (this.suspended || event.ctrlKey || event.metaKey || event.altKey)) return;
+    const bound = (command: Command) => this.keys[command].includes(event.code);
+    const gesture = GESTURES.find((candidate) => bound(candidate.gesture))?.gesture;
+    const lean = LEANS.find((candidate) => bound(candidate.command));
+    const action = ACTIONS.find((candidate) => bound(candidate.command))?.command;
+    if (gesture || lean) event.preventDefault();
+    if (event.repeat) return;
+    const shown = lean?.command ?? action;
+    if (shown && !gesture) setClass(this.buttons.get(shown) ?? this.root, "down", down);
+    if (gesture) this.hold(event.code, gesture, down);
+    if (lean && this.interactive) {
+      if (down) this.leaning.set(event.code, lean);
+      else this.leaning.delete(event.code);
+    }
+    if (action && down) this.act(action);
+  }
+
+  private act(action: ActionKey): void {
+    if (action === "camera") this.handlers.camera();
+    if (!this.interactive) return;
+    if (action === "restart") this.handlers.restart();
+    if (action === "upright") {
+      Object.assign(this.posture, { forward: 0, lateral: 0, axial: 0 });
+      this.tellPosture();
+    }
+  }
+
   private settle(): void {
     const now = this.held[this.held.length - 1]?.gesture ?? "no_motion";
     if (now === this.inForce) return;
     this.inForce = now;
-    for (const { gesture } of GESTURE_KEYS) {
+    for (const { gesture } of GESTURES) {
       const button = this.buttons.get(gesture);
       if (button) setClass(button, "down", gesture === now);
     }
@@ -234,7 +252,9 @@ export class Controls {
 
   private showPosture(): void {
     const { forward, lateral, axial } = this.posture;
-    const part = (name: string, angle: number) => `${name} ${Math.round(angle)}°`;
-    this.readout.textContent = [part("ahead", forward), part("right", lateral), part("turn", axial)].join(" · ");
+    const part = (name: string, angle: number) => `${name} ${Math.round(angle) || 0}°`;
+    const side = this.mirrored ? -1 : 1;
+    const parts = [part("ahead", forward), part("right", side * lateral), part("turn", side * axial)];
+    this.readout.textContent = parts.join(" · ");
   }
 }

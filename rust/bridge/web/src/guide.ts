@@ -73,15 +73,30 @@ export class Guide {
   );
   private readonly hint = element("p", "hint");
 
+  private readonly list = element("ol", "steps", ...this.steps);
+  private readonly moves = [
+    { gesture: "hand_open", key: "HO", text: element("span") },
+    { gesture: "wrist_extension", key: "WE", text: element("span") },
+    { gesture: "wrist_flexion", key: "WF", text: element("span") },
+    { gesture: "hand_close", key: "HC", text: element("span") },
+  ].map(({ gesture, key, text }) => ({ gesture, text, item: element("li", "", element("kbd", "", key), text) }));
+  private readonly modes = element("ol", "steps", ...this.moves.map(({ item }) => item));
+
   constructor() {
-    this.root.append(element("ol", "steps", ...this.steps), this.hint);
+    this.root.append(this.list, this.modes, this.hint);
     this.root.setAttribute("aria-label", "What to do next");
     this.root.hidden = true;
   }
 
   update(frame: Frame, target: TargetPlace, lean: boolean): void {
-    // Methods A and B have no selection: the strip would mislead.
-    this.root.hidden = !["C", "D"].includes(frame.method);
+    const stepwise = ["A", "B"].includes(frame.method);
+    this.root.hidden = !stepwise && !["C", "D"].includes(frame.method);
+    this.list.hidden = stepwise;
+    this.modes.hidden = !stepwise;
+    if (stepwise) {
+      this.showMode(frame);
+      return;
+    }
     const advice = advise(frame, target, lean);
     this.steps.forEach((step, k) => {
       setClass(step, "now", k === advice.step);
@@ -89,4 +104,31 @@ export class Guide {
     });
     setText(this.hint, advice.hint);
   }
+
+  /** Methods A and B have no selection: the strip says what each gesture does now. */
+  private showMode(frame: Frame): void {
+    const thing = frame.method === "A" ? "joint" : "axis";
+    const texts: Record<string, string> = {
+      hand_open: `next ${thing} (hold: back)`,
+      wrist_extension: frame.mode?.directions[0] ?? "+",
+      wrist_flexion: frame.mode?.directions[1] ?? "−",
+      hand_close: frame.hand.state === "open" ? "close" : "open",
+    };
+    for (const { gesture, text, item } of this.moves) {
+      setText(text, texts[gesture] ?? "");
+      setClass(item, "now", frame.gesture === gesture);
+    }
+    setText(this.hint, stepwiseHint(frame));
+  }
+}
+
+/** What a person has to do now with methods A and B. */
+export function stepwiseHint(frame: Frame): string {
+  const name = (block: string) => `${block.startsWith("red") ? "red" : "blue"} ${block.slice(-1)}`;
+  const moved = frame.mode ? `${frame.mode.name[0]?.toUpperCase()}${frame.mode.name.slice(1)}` : "";
+  if (frame.finished) return "The trial is over.";
+  if (frame.planner.state === "failed") return `${frame.planner.reason.replace(/\.$/, "")}: move another way, or HO for the next.`;
+  if (frame.hand.holds) return `${moved}. Carry ${name(frame.hand.holds)} over the partition, lower it on its target, HC lets go.`;
+  const goal = frame.next_block ? `Bring the hand around ${name(frame.next_block)}, HC grips.` : "All blocks are moved.";
+  return `${moved}. ${goal}`;
 }

@@ -1,6 +1,7 @@
 // The heads-up display: everything that is not seen in the scene.
 
 import { element, setClass, setText, setWidth } from "./dom";
+import { marking, type Marking } from "./marking";
 import {
   BLOCKS,
   GESTURE_NAMES,
@@ -13,7 +14,13 @@ import {
   type TrialEvent,
 } from "./protocol";
 
-const METHOD_NAMES: Record<string, string> = {
+const MARKING_NAMES: Record<Marking, string> = {
+  free: "Free",
+  locked: "Locked",
+  reachable: "Reachable",
+  unreachable: "Out of reach",
+};
+export const METHOD_NAMES: Record<string, string> = {
   A: "Joint control",
   B: "End-point control",
   C: "Gaze",
@@ -53,20 +60,48 @@ export class Hud {
   private readonly mode = element("b", "value");
   private readonly modeNote = element("p", "note");
   private readonly modeBox = element("div", "modebox");
+  private readonly nextFill = element("i", "fill");
+  private readonly nextBar = element("div", "bar", this.nextFill);
+  private readonly selectionRow = element("div", "row");
+  private readonly plannerLabel = element("span", "label", "Planner");
   private readonly progress = element("i", "fill");
   private readonly progressBar = element("div", "bar", this.progress);
   private readonly events = element("ol", "events");
   private readonly banner = element("div", "banner");
   private readonly toast = element("div", "toast");
   private readonly over = element("div", "over card");
+  private readonly pause = element("div", "over card", "Paused by the experimenter");
+  private readonly methods = ["A", "B", "C", "D"].map((name) => {
+    const button = element("button", "methodbutton", name);
+    button.type = "button";
+    button.title = `New trial with method ${name}: ${METHOD_NAMES[name] ?? ""}`;
+    button.setAttribute("aria-label", button.title);
+    button.addEventListener("click", () => {
+      button.blur();
+      this.chosen(name);
+    });
+    return button;
+  });
+  private readonly chooser = element("div", "chooser", ...this.methods);
+  private readonly settingsButton = element("button", "cog", "Settings");
   private readonly onTarget = new Set<BlockId>();
   private lastTime = -1;
   private toastTimer = 0;
 
-  constructor() {
+  constructor(
+    private readonly chosen: (method: string) => void,
+    settings: () => void,
+  ) {
+    this.settingsButton.type = "button";
+    this.settingsButton.addEventListener("click", () => {
+      this.settingsButton.blur();
+      settings();
+    });
+    this.pause.hidden = true;
     const row = (label: string, ...children: HTMLElement[]) =>
       element("div", "row", element("span", "label", label), ...children);
-    this.modeBox.append(row("Moves", this.mode), this.modeNote);
+    this.modeBox.append(row("Moves", this.mode), this.modeNote, this.nextBar);
+    this.selectionRow.append(element("span", "label", "Selection"), element("div", "line", this.selection, this.lock));
     this.link.setAttribute("role", "status");
     this.banner.setAttribute("role", "alert");
     this.banner.hidden = this.toast.hidden = this.over.hidden = true;
@@ -79,6 +114,7 @@ export class Hud {
           "card brand",
           element("div", "logo", element("strong", "", "ProACT"), this.title),
           element("div", "methodline", this.method, this.methodName),
+          this.chooser,
           element("div", "chips", this.setup, this.source),
         ),
         element(
@@ -89,7 +125,7 @@ export class Hud {
           element("div", "pips", ...this.pips),
           this.next,
         ),
-        element("div", "card connection", this.link, this.rate),
+        element("div", "card connection", this.link, this.rate, this.settingsButton),
       ),
       element(
         "aside",
@@ -97,15 +133,16 @@ export class Hud {
         row("Gesture", element("div", "line", this.gesture, this.gestureShort)),
         element("div", "meter", element("div", "bar", this.confidence), this.confidenceText),
         this.modeBox,
-        row("Selection", element("div", "line", this.selection, this.lock)),
+        this.selectionRow,
         row("Hand", this.hand),
-        row("Planner", this.planner),
+        element("div", "row", this.plannerLabel, this.planner),
         this.progressBar,
         this.plannerNote,
       ),
       element("div", "card log", element("span", "label", "Events"), this.events),
       this.bottom,
       this.over,
+      this.pause,
       this.banner,
       this.toast,
     );
@@ -129,8 +166,13 @@ export class Hud {
     );
   }
 
-  setRate(framesPerSecond: number, drawnPerSecond: number): void {
-    setText(this.rate, `${Math.round(framesPerSecond)} Hz in · ${Math.round(drawnPerSecond)} drawn`);
+  setRate(framesPerSecond: number, drawnPerSecond: number, dropped: number): void {
+    const rates = `${Math.round(framesPerSecond)} Hz in · ${Math.round(drawnPerSecond)} drawn`;
+    setText(this.rate, `${rates} · ${dropped} dropped`);
+  }
+
+  setPaused(paused: boolean): void {
+    this.pause.hidden = !paused;
   }
 
   say(message: string): void {
@@ -154,6 +196,7 @@ export class Hud {
       );
       this.events.prepend(line);
     }
+    // The newest on top; a screen holds only so many.
     while (this.events.children.length > EVENTS_SHOWN) this.events.lastElementChild?.remove();
   }
 
@@ -163,6 +206,9 @@ export class Hud {
     this.addEvents(frame.events);
     setText(this.method, frame.method);
     setText(this.methodName, METHOD_NAMES[frame.method] ?? "Method");
+    this.chooser.hidden = !interactive;
+    this.method.hidden = interactive;
+    for (const button of this.methods) setClass(button, "now", button.textContent === frame.method);
     setText(this.source, EMG_NAMES[frame.emg_source] ?? frame.emg_source);
     setClass(this.source, "warn", frame.emg_source === "synthetic");
 
@@ -185,13 +231,14 @@ export class Hud {
     setWidth(this.confidence, frame.confidence);
     setText(this.confidenceText, `${Math.round(100 * frame.confidence)} %`);
 
-
     this.modeBox.hidden = frame.mode === null;
     if (frame.mode) {
       const { name, directions, next_in_secs } = frame.mode;
       setText(this.mode, name);
-      const next = next_in_secs === null ? "" : ` · next in ${next_in_secs.toFixed(1)} s`;
+      const next = next_in_secs === null ? "" : ` · back in ${next_in_secs.toFixed(1)} s`;
       setText(this.modeNote, `WE ${directions[0]} · WF ${directions[1]}${next}`);
+      setClass(this.nextBar, "idle", next_in_secs === null);
+      setWidth(this.nextFill, 1 - (next_in_secs ?? 0));
     }
 
     const { target, hand } = frame;
@@ -200,13 +247,17 @@ export class Hud {
       this.selection,
       hand.holds ? (something ? "Place" : "No place") : target.block ? blockName(target.block) : "Nothing",
     );
-    setText(this.lock, target.locked ? "Locked" : "Free");
-    setClass(this.lock, "locked", target.locked);
+    const state = marking(frame);
+    setText(this.lock, MARKING_NAMES[state]);
+    this.lock.dataset["state"] = state;
     this.lock.hidden = !something;
     const states = { open: "Open", closing: "Closing …", closed: "Closed", opening: "Opening …" };
     setText(this.hand, hand.holds ? `Holds ${blockName(hand.holds)}` : states[hand.state]);
 
-    const { text, note, share, kind } = plannerText(frame.planner);
+    const jogs = frame.mode !== null;
+    const { text, note, share, kind } = plannerText(frame.planner, jogs);
+    this.selectionRow.hidden = jogs;
+    setText(this.plannerLabel, jogs ? "Motion" : "Planner");
     setText(this.planner, text);
     this.planner.dataset["kind"] = kind;
     setText(this.plannerNote, note);
@@ -235,10 +286,10 @@ export function blockName(block: BlockId): string {
   return `${colour[0]?.toUpperCase()}${colour.slice(1)} ${numberOf(block)}`;
 }
 
-function plannerText(planner: Planner): { text: string; note: string; share: number | null; kind: string } {
+function plannerText(planner: Planner, jogs: boolean): { text: string; note: string; share: number | null; kind: string } {
   switch (planner.state) {
     case "idle":
-      return { text: "Idle", note: "", share: null, kind: "idle" };
+      return { text: jogs ? "Free" : "Idle", note: "", share: null, kind: "idle" };
     case "planning":
       return { text: "Planning …", note: "", share: null, kind: "busy" };
     case "executing":
@@ -256,11 +307,11 @@ function plannerText(planner: Planner): { text: string; note: string; share: num
         kind: planner.intermediate ? "warn" : "good",
       };
     case "failed":
-      return { text: "No plan", note: planner.reason || planner.status.replaceAll("_", " "), share: null, kind: "bad" };
+      return { text: jogs ? "Refused" : "No plan", note: planner.reason || planner.status.replaceAll("_", " "), share: null, kind: "bad" };
   }
 }
 
-function eventText(event: TrialEvent): string {
+export function eventText(event: TrialEvent): string {
   const block = event.block ? blockName(event.block) : "";
   switch (event.event) {
     case "block_attached":

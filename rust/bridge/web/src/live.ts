@@ -1,10 +1,12 @@
 // The connection to the server: it comes back by itself after a reload, a restart or a lost line.
 
-import type { ClientMessage, Content, Frame, ServerMessage, TrialEvent } from "./protocol";
+import type { ClientMessage, Content, Frame, ServerMessage, Signals, Status, TrialEvent } from "./protocol";
 
 /** Waiting times between attempts, ms; the last one repeats. */
 const BACKOFF_MS = [200, 400, 800, 1500, 3000];
 const CONTENT_RETRY_MS = 1000;
+/** How often the round trip is measured, ms. */
+const PING_MS = 1000;
 
 export interface LiveHandlers {
   /** What was known of the trial is void: another one, or another server. */
@@ -14,16 +16,31 @@ export interface LiveHandlers {
   events(events: TrialEvent[]): void;
   connected(connected: boolean): void;
   refused(message: string): void;
+  status?(status: Status): void;
+  signals?(signals: Signals): void;
+  /** Time from a message to its answer, ms. */
+  roundTrip?(ms: number): void;
 }
+
+/** What a page may see and do. */
+export type Role = "participant" | "experimenter" | "spectator";
 
 export class Live {
   private socket: WebSocket | null = null;
   private attempts = 0;
   private pageVersion: string | null = null;
   private contentWanted = 0;
+  private asked = { id: 0, at: 0 };
 
-  constructor(private readonly handlers: LiveHandlers) {
+  constructor(
+    private readonly handlers: LiveHandlers,
+    private readonly role: Role = "participant",
+  ) {
     this.connect();
+    window.setInterval(() => {
+      this.asked = { id: (this.asked.id + 1) % 65_536, at: performance.now() };
+      this.send({ type: "ping", id: this.asked.id });
+    }, PING_MS);
     // The network is back, or the laptop woke up: no need to wait for the next attempt.
     window.addEventListener("online", () => this.socket?.close());
   }
@@ -40,7 +57,7 @@ export class Live {
 
   private connect(): void {
     const scheme = location.protocol === "https:" ? "wss" : "ws";
-    const socket = new WebSocket(`${scheme}://${location.host}/live`);
+    const socket = new WebSocket(`${scheme}://${location.host}/live?role=${this.role}`);
     this.socket = socket;
     socket.onmessage = (message) => this.take(JSON.parse(String(message.data)) as ServerMessage);
     socket.onclose = () => {
@@ -74,6 +91,15 @@ export class Live {
         break;
       case "events":
         this.handlers.events(message.events);
+        break;
+      case "status":
+        this.handlers.status?.(message);
+        break;
+      case "signals":
+        this.handlers.signals?.(message);
+        break;
+      case "pong":
+        if (message.id === this.asked.id) this.handlers.roundTrip?.(performance.now() - this.asked.at);
         break;
       case "error":
         this.handlers.refused(message.message);

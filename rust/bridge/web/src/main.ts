@@ -1,150 +1,143 @@
-// The page: scene, display and controls around one live connection.
+// The participant's page: scene, display and controls around one live connection.
 
 import "./style.css";
-import {
-  DirectionalLight,
-  HemisphereLight,
-  NeutralToneMapping,
-  PCFShadowMap,
-  PMREMGenerator,
-  Scene as World,
-  Vector2,
-  Vector3,
-  WebGLRenderer,
-} from "three";
-import { RoomEnvironment } from "three/addons/environments/RoomEnvironment.js";
-import { STLLoader } from "three/addons/loaders/STLLoader.js";
-import { Arm } from "./arm";
-import { CAMERA_NAMES, Cameras, type CameraKind } from "./cameras";
+import { Vector2, Vector3 } from "three";
+import { CAMERA_NAMES, type CameraKind } from "./cameras";
 import { Controls } from "./controls";
 import { element } from "./dom";
+import { FrameCount } from "./framecount";
+import { GamepadInput } from "./gamepad";
+import { GazeCheckView } from "./gazecheckview";
 import { Guide } from "./guide";
 import { Hud } from "./hud";
 import { Live } from "./live";
-import { Markers } from "./markers";
 import { Motion } from "./motion";
+import { Panel } from "./panel";
 import { Pointing } from "./pointing";
-import type { BlockId, Content } from "./protocol";
-import { Room } from "./room";
-import { dispose } from "./shapes";
-
-/** Pictures per second below which the scene is drawn more cheaply. */
-const SLOW = 28;
-/** Sharpness, shadows and reflections, from best to cheapest. */
-const QUALITY = [
-  { pixels: 2, shadows: true, reflections: true },
-  { pixels: 1, shadows: true, reflections: true },
-  { pixels: 1, shadows: false, reflections: false },
-  { pixels: 0.6, shadows: false, reflections: false },
-] as const;
+import type { BlockId, Content, Frame } from "./protocol";
+import { load, store, type Settings } from "./settings";
+import { choosePalette, mirrorText } from "./shapes";
+import { Sounds } from "./sounds";
+import { Stage, whyNotDrawn } from "./stage";
+import { Tutorial } from "./tutorial";
 
 const parameters = new URLSearchParams(location.search);
+/** Pictures are at least this far apart, ms: `?pictures=N` asks for at most N a second. */
+const PICTURE_MS = 1000 / (Number(parameters.get("pictures")) || Infinity);
 const canvas = document.getElementById("scene") as HTMLCanvasElement;
 const overlay = document.getElementById("overlay") as HTMLDivElement;
 
 /** What tests and the curious can look at from the browser's console. */
 interface Debug {
-  frame: unknown;
+  frame: Frame | null;
   framesReceived: number;
   framesDrawn: number;
+  framesDropped: number;
+  cues: number;
   connected: boolean;
   content: Content | null;
   camera: CameraKind;
   chooseCamera(kind: CameraKind): void;
   /** Where a block or the target of a block is on the screen, CSS pixels from the window's left top. */
   project(what: "block" | "target", id: BlockId): { x: number; y: number } | null;
+  /** Where the point of the gaze check is on the screen. */
+  gazePoint(): { x: number; y: number } | null;
 }
 
 function start(): void {
-  let quality = Math.min(Math.max(Number(parameters.get("quality") ?? 0) || 0, 0), QUALITY.length - 1);
-  const fixedQuality = parameters.has("quality");
-  const renderer = new WebGLRenderer({ canvas, antialias: quality < 2, alpha: true, powerPreference: "high-performance" });
-  renderer.toneMapping = NeutralToneMapping;
-  renderer.toneMappingExposure = 1.02;
-  renderer.shadowMap.type = PCFShadowMap;
-  renderer.setClearColor(0x000000, 0);
-
-  const world = new World();
-  const environment = new PMREMGenerator(renderer);
-  const surroundings = environment.fromScene(new RoomEnvironment(), 0.04).texture;
-  world.environmentIntensity = 0.45;
-  environment.dispose();
-  const ambient = new HemisphereLight("#f4f8ff", "#b39f86", 0.75);
-  world.add(ambient);
-  const sun = new DirectionalLight("#fff4e2", 2.3);
-  sun.castShadow = true;
-  sun.shadow.mapSize.set(2048, 2048);
-  sun.shadow.bias = -0.0004;
-  sun.shadow.normalBias = 0.004;
-  sun.shadow.radius = 5;
-  Object.assign(sun.shadow.camera, { left: -0.9, right: 0.9, top: 0.9, bottom: -0.9, near: 0.2, far: 5 });
-  const fill = new DirectionalLight("#dbe9ff", 0.55);
-  world.add(sun, sun.target, fill, fill.target);
-
-  const cameras = new Cameras(canvas);
+  let settings = load();
+  choosePalette(settings.palette);
+  mirrorText(settings.leftArm);
+  const stage = new Stage(canvas);
+  const { cameras } = stage;
   const pointing = new Pointing();
   const motion = new Motion();
-  const hud = new Hud();
+  const count = new FrameCount();
+  const sounds = new Sounds();
   const guide = new Guide();
-  const stl = new STLLoader();
-  let content: Content | null = null;
-  let room: Room | null = null;
-  let arm: Arm | null = null;
-  let markers: Markers | null = null;
   let everConnected = false;
   let cursor: Vector2 | null = null;
-  const received = { count: 0, drawn: 0, since: performance.now(), countThen: 0, drawnThen: 0 };
+  const shown = { since: performance.now(), received: 0, drawn: 0 };
 
   const debug: Debug = {
     frame: null,
     framesReceived: 0,
     framesDrawn: 0,
+    framesDropped: 0,
+    cues: 0,
     connected: false,
     content: null,
     camera: cameras.kind,
     chooseCamera,
-    project(what, id) {
-      const point =
-        what === "block"
-          ? room?.block(id)?.position.clone()
-          : room?.targets.find((target) => target.block === id)?.centre.clone();
-      if (!point) return null;
-      const seen = point.project(cameras.camera);
-      const bounds = canvas.getBoundingClientRect();
-      return {
-        x: bounds.left + ((seen.x + 1) / 2) * bounds.width,
-        y: bounds.top + ((1 - seen.y) / 2) * bounds.height,
-      };
+    project: (what, id) => stage.project(what, id, settings.leftArm),
+    gazePoint() {
+      const seen = check.point?.project(cameras.camera);
+      const x = settings.leftArm ? -(seen?.x ?? 0) : (seen?.x ?? 0);
+      return seen ? { x: ((x + 1) / 2) * window.innerWidth, y: ((1 - seen.y) / 2) * window.innerHeight } : null;
     },
   };
   (window as unknown as { __proact: Debug }).__proact = debug;
 
-  const controls = new Controls({
-    gesture: (gesture) => content?.interactive && live.send({ type: "gesture", gesture }),
-    alive: () => live.send({ type: "alive" }),
-    trunk: (posture) => live.send({ type: "trunk", ...posture }),
+  const interactive = () => stage.content?.interactive ?? false;
+  const controls = new Controls(
+    {
+      gesture: (gesture) => interactive() && live.send({ type: "gesture", gesture }),
+      alive: () => live.send({ type: "alive" }),
+      trunk: (posture) => live.send({ type: "trunk", ...posture }),
+      restart: () => live.send({ type: "restart" }),
+      camera: () => chooseCamera(cameras.next()),
+    },
+    settings.keys,
+  );
+  const chooseMethod = (method: string) => live.send({ type: "restart", method });
+  const hud = new Hud(chooseMethod, () => panel.toggle());
+  const tutorial = new Tutorial({ choose: chooseMethod, ended: () => change({ ...settings, welcomed: true }) }, settings.keys);
+  const check = new GazeCheckView((result) => live.send({ type: "gaze_check", ...result }));
+  const panel = new Panel(settings, {
+    changed: change,
+    gazeCheck: () => stage.room && interactive() && check.start(stage.room, "mouse"),
+    tutorial: () => interactive() && tutorial.start(),
+  });
+  const gamepad = new GamepadInput({
+    hold: (source, gesture, down) => controls.hold(source, gesture, down),
+    look(x, y) {
+      cursor ??= new Vector2();
+      cursor.set(Math.min(Math.max(cursor.x + x, -1), 1), Math.min(Math.max(cursor.y + y, -1), 1));
+    },
     restart: () => live.send({ type: "restart" }),
     camera: () => chooseCamera(cameras.next()),
+    found(name) {
+      controls.showGamepad();
+      hud.say(`Gamepad: ${name}`);
+    },
   });
   const live = new Live({
     reset() {
       motion.clear();
+      count.restart();
       hud.startTrial();
     },
-    content: show,
+    content: (content) => show(content),
     frame(frame) {
       motion.push(frame, performance.now());
-      received.count += 1;
+      count.take(frame.time);
       debug.frame = frame;
-      debug.framesReceived = received.count;
-      hud.update(frame, content?.interactive ?? false);
-      controls.setMethod(frame.method);
-      guide.update(frame, (block) => {
-        const target = room?.targets.find((candidate) => candidate.block === block);
-        return target ? { x: target.centre.x, y: target.centre.y } : null;
-      }, content?.lean ?? false);
+      debug.framesReceived = count.received;
+      debug.framesDropped = count.dropped;
+      sounds.take(frame.events);
+      debug.cues = sounds.given;
+      hud.update(frame, interactive());
+      controls.setEffects(frame.method, frame.mode);
+      const lean = stage.content?.lean ?? false;
+      guide.update(frame, targetPlace, lean);
+      tutorial.update(frame, targetPlace, lean, debug.project);
+      guide.root.hidden ||= tutorial.running;
+      check.take(frame);
     },
-    events: (events) => hud.addEvents(events),
+    events(events) {
+      hud.addEvents(events);
+    },
+    status: (status) => hud.setPaused(status.paused),
     connected(connected) {
       everConnected ||= connected;
       debug.connected = connected;
@@ -153,126 +146,103 @@ function start(): void {
     },
     refused: (message) => console.warn(`ProACT: ${message}`),
   });
-  overlay.append(hud.root);
+  overlay.append(hud.root, tutorial.root, check.root, panel.root);
   hud.bottom.append(guide.root, controls.root);
   hud.setConnected(false, false);
+  applyMirror();
+
+  function targetPlace(block: string): { x: number; y: number } | null {
+    const target = stage.room?.targets.find((candidate) => candidate.block === block);
+    return target ? { x: target.centre.x, y: target.centre.y } : null;
+  }
 
   function chooseCamera(kind: CameraKind): void {
-    cameras.choose(kind, room);
+    cameras.choose(kind, stage.room);
     debug.camera = kind;
     hud.say(`Camera: ${CAMERA_NAMES[kind]}${kind === "free" ? " — drag to turn, wheel to zoom" : ""}`);
   }
 
-  function show(next: Content): void {
-    const sameThings =
-      content !== null &&
-      JSON.stringify([content.arm, content.scene]) === JSON.stringify([next.arm, next.scene]);
-    content = next;
-    debug.content = next;
-    hud.setContent(next);
-    controls.setMode(next.interactive, next.lean);
-    canvas.classList.toggle("gaze", next.interactive);
-    // A new trial in the same room keeps what is drawn: nothing flickers.
-    if (sameThings) return;
-    for (const old of [arm?.root, room?.root, markers?.root]) if (old) dispose(old);
-    room = new Room(next.scene);
-    arm = new Arm(next.arm, stl, (message) => console.warn(`ProACT: ${message}`));
-    // No frame, no pose: it appears with the first one.
-    arm.root.visible = false;
-    markers = new Markers(room);
-    cameras.side = next.arm.name.includes("left") ? 1 : -1;
-    world.add(room.root, arm.root, markers.root);
-    sun.position.copy(room.centre).add(new Vector3(-0.55, -0.75, 1.9));
-    sun.target.position.copy(room.centre);
-    fill.position.copy(room.centre).add(new Vector3(-1.4, 1.2, 0.7));
-    fill.target.position.copy(room.centre);
+  function show(content: Content, rebuild = false): void {
+    const first = stage.content === null;
+    stage.show(content, rebuild);
+    stage.things.add(check.mark);
+    debug.content = content;
+    hud.setContent(content);
+    controls.setMode(content.interactive, content.lean);
+    canvas.classList.toggle("gaze", content.interactive);
+    // Newcomers are asked once; a page that says so, never.
+    if (first && content.interactive && !settings.welcomed && parameters.get("tutorial") !== "0") tutorial.greet();
   }
 
-  function applyQuality(): void {
-    const { pixels, shadows, reflections } = QUALITY[quality] ?? QUALITY[0];
-    renderer.setPixelRatio(pixels < 1 ? pixels : Math.min(window.devicePixelRatio, pixels));
-    renderer.shadowMap.enabled = shadows;
-    sun.castShadow = shadows;
-    // Reflections cost most where there is no graphics card.
-    world.environment = reflections ? surroundings : null;
-    ambient.intensity = reflections ? 0.75 : 1.6;
-    resize();
+  function change(next: Settings): void {
+    const rebuild = next.palette !== settings.palette || next.leftArm !== settings.leftArm;
+    settings = next;
+    store(settings);
+    controls.setKeys(settings.keys);
+    tutorial.setKeys(settings.keys);
+    sounds.cues = settings.cues;
+    choosePalette(settings.palette);
+    mirrorText(settings.leftArm);
+    applyMirror();
+    if (rebuild && stage.content) show(stage.content, true);
   }
 
-  function resize(): void {
-    renderer.setSize(window.innerWidth, window.innerHeight, false);
-    cameras.resize(window.innerWidth, window.innerHeight);
+  function applyMirror(): void {
+    canvas.classList.toggle("mirrored", settings.leftArm);
+    controls.mirrored = settings.leftArm;
+    sounds.cues = settings.cues;
   }
 
-  window.addEventListener("resize", resize);
   window.addEventListener("pointermove", (event) => look(event));
   canvas.addEventListener("pointerdown", (event) => look(event));
   function look(event: PointerEvent): void {
     // Over a card the eyes stay where they were.
     if (event.target !== canvas) return;
     cursor ??= new Vector2();
-    cursor.set((event.clientX / window.innerWidth) * 2 - 1, 1 - (event.clientY / window.innerHeight) * 2);
+    const x = (event.clientX / window.innerWidth) * 2 - 1;
+    cursor.set(settings.leftArm ? -x : x, 1 - (event.clientY / window.innerHeight) * 2);
   }
 
   let before = performance.now();
-  let slowSeconds = 0;
+  let drawnAt = 0;
   function draw(wall: number): void {
     const seconds = Math.max((wall - before) / 1000, 0);
     before = wall;
+    controls.suspended = panel.open || tutorial.asking;
     controls.update(seconds);
-    const drawn = motion.at(wall);
+    gamepad.update(seconds);
     const frame = motion.latest;
-    if (drawn && frame && room && arm && markers) {
-      arm.root.visible = true;
-      arm.update(drawn.base, drawn.joints);
-      room.update(drawn.blocks, frame.hand.holds, wall / 1000);
-      markers.update(frame, wall / 1000);
-      cameras.update(drawn, room, seconds);
-      cameras.camera.updateMatrixWorld();
-      if (content?.interactive && cursor) {
-        const point = pointing.point(cursor, cameras.camera, room, frame.hand.holds);
+    const { room } = stage;
+    check.update();
+    const due = wall - drawnAt >= PICTURE_MS;
+    if (due) drawnAt = wall;
+    if (due && stage.draw(motion.at(wall), frame, seconds, wall)) {
+      debug.framesDrawn = stage.drawn;
+      if (frame && room && interactive() && cursor) {
+        const point = pointing.point(cursor, cameras.camera, room, check.active ? "red1" : frame.hand.holds);
         const eye = new Vector3(...frame.world_from_head.translation);
         if (point) {
           const direction = point.sub(eye).normalize();
           live.send({ type: "gaze", origin: eye.toArray(), direction: direction.toArray() });
         }
       }
-      renderer.render(world, cameras.camera);
-      received.drawn += 1;
-      debug.framesDrawn = received.drawn;
     }
-    if (wall - received.since > 1000) measure(wall);
-    requestAnimationFrame(draw);
+    if (wall - shown.since > 1000) measure(wall);
   }
 
   function measure(wall: number): void {
-    const span = (wall - received.since) / 1000;
-    const drawnRate = (received.drawn - received.drawnThen) / span;
-    hud.setRate((received.count - received.countThen) / span, drawnRate);
-    // Slow for three seconds, and not because the page is hidden or nothing comes in.
-    slowSeconds = drawnRate < SLOW && drawnRate > 0 && !document.hidden ? slowSeconds + 1 : 0;
-    if (slowSeconds >= 3 && !fixedQuality && quality < QUALITY.length - 1) {
-      quality += 1;
-      slowSeconds = 0;
-      applyQuality();
-    }
-    Object.assign(received, { since: wall, countThen: received.count, drawnThen: received.drawn });
+    const span = (wall - shown.since) / 1000;
+    const drawnRate = (stage.drawn - shown.drawn) / span;
+    hud.setRate((count.received - shown.received) / span, drawnRate, count.dropped);
+    stage.rate(drawnRate);
+    Object.assign(shown, { since: wall, received: count.received, drawn: stage.drawn });
   }
 
-  applyQuality();
-  requestAnimationFrame(draw);
+  stage.renderer.setAnimationLoop(draw);
 }
 
 try {
   start();
 } catch (error) {
-  const reason = error instanceof Error ? error.message : String(error);
-  overlay.append(
-    element(
-      "div",
-      "banner",
-      `The scene cannot be drawn: ${reason}. ProACT's page needs WebGL 2; try a current Firefox, Chrome or Edge, ` +
-        "with hardware acceleration switched on.",
-    ),
-  );
+  overlay.append(element("div", "banner", whyNotDrawn(error)));
 }

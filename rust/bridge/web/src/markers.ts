@@ -1,6 +1,7 @@
 // What the method and the eyes do: highlight, place marker, gaze point, and which block comes next.
 
 import {
+  BoxGeometry,
   Color,
   ConeGeometry,
   CylinderGeometry,
@@ -16,14 +17,20 @@ import {
   TorusGeometry,
   Vector3,
 } from "three";
+import { marking, type Marking } from "./marking";
 import type { Frame, Shape } from "./protocol";
 import { colourOf } from "./protocol";
 import type { Room } from "./room";
-import { BLOCK_COLOURS, drawnTexture } from "./shapes";
+import { BLOCK_COLOURS, drawnTexture, shapeGeometry } from "./shapes";
 
-/** Free and locked differ in brightness and in form, not in hue alone. */
+/** The states differ in brightness and in form, not in hue alone. */
 export const FREE = new Color("#ffe98a");
-export const LOCKED = new Color("#00c48c");
+export const LOCKED = new Color("#4cc3ff");
+export const REACHABLE = new Color("#00c48c");
+export const UNREACHABLE = new Color("#ff5d8f");
+
+const UNLOCKED_PLACE = new Color("#2b2f33");
+const COLOURS: Record<Marking, Color> = { free: FREE, locked: LOCKED, reachable: REACHABLE, unreachable: UNREACHABLE };
 
 export class Markers {
   readonly root = new Group();
@@ -31,6 +38,8 @@ export class Markers {
   private readonly shellMaterial = new MeshBasicMaterial({ transparent: true, depthWrite: false, side: DoubleSide });
   private readonly clasp = new Group();
   private readonly halo: Mesh;
+  private readonly bar: Mesh;
+  private readonly ghostMaterial = new MeshBasicMaterial({ transparent: true, depthWrite: false });
   private readonly haloMaterial = new MeshBasicMaterial({ color: FREE, transparent: true, depthWrite: false });
   private readonly solid = new MeshBasicMaterial({ color: LOCKED });
   private readonly placeMarker = new Group();
@@ -64,10 +73,17 @@ export class Markers {
     // Free: a flat halo around its foot.
     this.halo = new Mesh(new RingGeometry(radius * 1.2, radius * 1.6, 64), this.haloMaterial);
     this.halo.position.z = 0.002 - height / 2;
-    this.shell.add(this.clasp, this.halo);
+    // Out of reach: a bar across.
+    this.bar = new Mesh(new BoxGeometry(radius * 3.2, radius * 0.5, height * 0.16), this.solid);
+    this.bar.position.z = height * 0.6;
+    this.bar.rotation.z = Math.PI / 4;
+    this.shell.add(this.clasp, this.halo, this.bar);
     const ring = new Mesh(new RingGeometry(radius * 0.86, radius * 1.08, 64), this.placeMaterial);
     this.placeCross = new Mesh(new RingGeometry(0, radius * 0.3, 32), this.placeMaterial);
-    this.placeMarker.add(ring, this.placeCross);
+    // The block as it will stand there.
+    const ghost = new Mesh(shapeGeometry(shape), this.ghostMaterial);
+    ghost.position.z = height / 2;
+    this.placeMarker.add(ring, this.placeCross, ghost);
     this.gaze = new Sprite(
       new SpriteMaterial({ map: gazeTexture(), transparent: true, depthTest: false, sizeAttenuation: false }),
     );
@@ -81,6 +97,8 @@ export class Markers {
   update(frame: Frame, seconds: number): void {
     const { target, hand } = frame;
     const pulse = 0.5 + 0.5 * Math.sin(4.5 * seconds);
+    const state = marking(frame);
+    const colour = COLOURS[state];
 
     // The highlighted block.
     const block = target.block && !hand.holds ? this.room.block(target.block) : undefined;
@@ -88,9 +106,11 @@ export class Markers {
     if (block) {
       this.shell.position.copy(block.position);
       this.shell.quaternion.copy(block.quaternion);
-      this.shellMaterial.color.copy(target.locked ? LOCKED : FREE);
+      this.shellMaterial.color.copy(colour);
+      this.solid.color.copy(colour);
       this.shellMaterial.opacity = target.locked ? 0.45 : 0.45 + 0.25 * pulse;
       this.clasp.visible = target.locked;
+      this.bar.visible = state === "unreachable";
       this.halo.visible = !target.locked;
       this.haloMaterial.opacity = 0.55 + 0.4 * pulse;
     }
@@ -99,9 +119,11 @@ export class Markers {
     this.placeMarker.visible = target.place !== null && hand.holds !== null;
     if (target.place) {
       this.placeMarker.position.set(target.place[0], target.place[1], target.place[2] + 0.0015);
-      this.placeMaterial.color.copy(target.locked ? LOCKED : new Color("#2b2f33"));
+      this.placeMaterial.color.copy(target.locked ? colour : UNLOCKED_PLACE);
       this.placeMaterial.opacity = target.locked ? 0.95 : 0.55 + 0.25 * pulse;
       this.placeCross.visible = target.locked;
+      this.ghostMaterial.color.copy(target.locked ? colour : UNLOCKED_PLACE);
+      this.ghostMaterial.opacity = target.locked ? 0.34 : 0.14;
     }
 
     // The gaze point.

@@ -78,6 +78,57 @@ export interface TrialEvent {
   distance?: number;
 }
 
+export interface Mode {
+  /** 0 to 6 are joints, 7 to 9 translations, 10 to 12 rotations about x, y, z of the shoulder frame. */
+  number: number;
+  name: string;
+  /** What WE does, and what WF does. */
+  directions: [string, string];
+  /** 1 if WE is the positive direction, else -1. */
+  we_sign: number;
+  /** Seconds until a held HO moves on. */
+  next_in_secs: number | null;
+}
+
+/** Whether the trial goes on. */
+export interface Status {
+  paused: boolean;
+  aborted: boolean;
+  can_pause: boolean;
+  seed: number;
+  record: string | null;
+}
+
+/** What the experimenter watches beside the scene. */
+export interface Signals {
+  time: number;
+  /** [n_samples][n_channels] since the message before. */
+  emg: number[][];
+  emg_rate_hz: number;
+  lights: string[];
+  faults: (string | null)[];
+  emg_lost_share: number;
+  gaze_age_ms: number | null;
+  gaze_hz: number;
+  tracking_hz: number;
+  tick_mean_us: number;
+  tick_max_us: number;
+  pace: number;
+  pages: number;
+}
+
+/** How well a gaze source follows known points. */
+export interface GazeCheck {
+  source: string;
+  points: {
+    accuracy_deg: number | null;
+    precision_deg: number | null;
+    lost_share: number;
+    blinks: number;
+    samples: number;
+  }[];
+}
+
 export interface Frame {
   /** Milliseconds since the start of the trial. */
   time: number;
@@ -91,8 +142,10 @@ export interface Frame {
   gaze: { origin: Triple; direction: Triple; valid: boolean } | null;
   target: { block: BlockId | null; place: Triple | null; locked: boolean; posterior: number[] };
   planner: Planner;
+  /** Arm joints at the end of the plan that is followed, rad. */
+  goal: number[] | null;
   /** The joint or axis that WE and WF move, in methods A and B. */
-  mode: { number: number; name: string; directions: [string, string]; next_in_secs: number | null } | null;
+  mode: Mode | null;
   gesture: Gesture;
   confidence: number;
   emg_source: string;
@@ -108,13 +161,20 @@ export type ServerMessage =
   | { type: "content"; revision: number }
   | ({ type: "frame" } & Frame)
   | { type: "events"; events: TrialEvent[] }
+  | ({ type: "status" } & Status)
+  | ({ type: "signals" } & Signals)
+  | { type: "pong"; id: number }
   | { type: "error"; message: string };
 
 export type ClientMessage =
   | { type: "gesture"; gesture: Gesture }
   | { type: "gaze"; origin: Triple; direction: Triple }
   | { type: "trunk"; forward: number; lateral: number; axial: number }
-  | { type: "restart" }
+  | { type: "head"; position: Triple; quaternion: [number, number, number, number] }
+  | { type: "restart"; method?: string; again?: boolean }
+  | { type: "study"; action: "pause" | "resume" | "abort" }
+  | ({ type: "gaze_check" } & GazeCheck)
+  | { type: "ping"; id: number }
   | { type: "alive" };
 
 export const GESTURE_NAMES: Record<Gesture, { short: string; name: string }> = {

@@ -15,8 +15,28 @@ import {
 } from "three";
 import type { Pose, Shape } from "./protocol";
 
-/** Colours of blocks and targets: told apart by any eye (Okabe and Ito's vermilion and blue, darkened). */
-export const BLOCK_COLOURS = { red: "#c8442c", blue: "#2264b8" } as const;
+/** Colours of blocks and targets. The second pair differs in brightness too, for every kind of colour blindness
+ * (Okabe and Ito's orange and blue). */
+const PALETTES = {
+  standard: { red: "#c8442c", blue: "#2264b8" },
+  "colour-blind": { red: "#e69f00", blue: "#0b4f8a" },
+} as const;
+
+/** The colours in use. */
+export const BLOCK_COLOURS: { red: string; blue: string } = { ...PALETTES.standard };
+
+/** Takes effect on what is made from now on. */
+export function choosePalette(palette: keyof typeof PALETTES): void {
+  Object.assign(BLOCK_COLOURS, PALETTES[palette]);
+  document.documentElement.dataset["palette"] = palette;
+}
+
+let mirrored = false;
+
+/** Text is drawn mirrored from now on, for a scene that is shown mirrored. */
+export function mirrorText(on: boolean): void {
+  mirrored = on;
+}
 
 /** A shape in its own frame, axes along z as everywhere in ProACT (three.js has them along y). */
 export function shapeGeometry(shape: Shape, segments = 48): BufferGeometry {
@@ -72,5 +92,8 @@ export function writeText(context: CanvasRenderingContext2D, text: string, heigh
   context.font = `700 ${height}px system-ui, "Segoe UI", Roboto, "DejaVu Sans", sans-serif`;
   context.textAlign = "center";
   context.textBaseline = "middle";
+  context.save();
+  if (mirrored) context.scale(-1, 1);
   context.fillText(text, 0, 0.05 * height);
+  context.restore();
 }

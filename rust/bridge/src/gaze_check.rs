@@ -1,0 +1,86 @@
+use serde::{Deserialize, Serialize};
+
+/// More points than any check has.
+const MAX_POINTS: usize = 32;
+/// Longest name of a gaze source, bytes.
+const MAX_NAME: usize = 64;
+
+/// How well a gaze source follows known points, as the page measured it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GazeCheck {
+    /// What looked: `mouse`, `head`, `hand`, or the name of a tracker.
+    pub source: String,
+    /// One entry a point, in the order shown.
+    pub points: Vec<GazePoint>,
+}
+
+/// What was measured while one point was looked at.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GazePoint {
+    /// Mean angle between gaze and point, degrees; none if no sample was valid.
+    pub accuracy_deg: Option<f64>,
+    /// Root mean square angle from one valid sample to the next, degrees; none with fewer than two.
+    pub precision_deg: Option<f64>,
+    /// Samples that were missing or invalid, 0 to 1.
+    pub lost_share: f64,
+    /// Gaps of 70 to 500 ms.
+    pub blinks: u32,
+    /// Samples that came.
+    pub samples: u32,
+}
+
+impl GazeCheck {
+    /// # Errors
+    /// Which number is out of its range.
+    pub(crate) fn check(&self) -> Result<(), String> {
+        let (name, count) = (self.source.len(), self.points.len());
+        if !(1..=MAX_NAME).contains(&name) {
+            return Err(format!("gaze source has {name} bytes, expected 1 to {MAX_NAME}"));
+        }
+        if !(1..=MAX_POINTS).contains(&count) {
+            return Err(format!("gaze check has {count} points, expected 1 to {MAX_POINTS} points"));
+        }
+        for point in &self.points {
+            for (what, angle) in [("accuracy", point.accuracy_deg), ("precision", point.precision_deg)] {
+                if let Some(angle) = angle.filter(|angle| !(0.0..=180.0).contains(angle)) {
+                    return Err(format!("gaze {what} is {angle}, expected 0 to 180 degrees"));
+                }
+            }
+            if !(0.0..=1.0).contains(&point.lost_share) {
+                return Err(format!("gaze lost share is {}, expected 0 to 1", point.lost_share));
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+
+    pub(crate) fn check() -> GazeCheck {
+        let point = GazePoint {
+            accuracy_deg: Some(0.5),
+            precision_deg: Some(0.1),
+            lost_share: 0.0,
+            blinks: 1,
+            samples: 60,
+        };
+        GazeCheck { source: "mouse".into(), points: vec![point] }
+    }
+
+    #[test]
+    fn numbers_out_of_range_are_refused_by_name() {
+        assert_eq!(check().check(), Ok(()));
+        let mut bad = check();
+        bad.points[0].accuracy_deg = Some(181.0);
+        assert!(bad.check().unwrap_err().contains("accuracy is 181"));
+        let mut bad = check();
+        bad.points[0].lost_share = f64::NAN;
+        assert!(bad.check().unwrap_err().contains("lost share"));
+        assert!(GazeCheck { source: String::new(), ..check() }.check().unwrap_err().contains("source"));
+        assert!(GazeCheck { points: vec![], ..check() }.check().unwrap_err().contains("0 points"));
+    }
+}

@@ -1,0 +1,48 @@
+use proact_types::SimTime;
+use serde::Serialize;
+
+/// Whether the trial goes on, and what the record of it is called.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct TrialStatus {
+    /// Simulated time stands still.
+    pub paused: bool,
+    /// The trial was ended before its time.
+    pub aborted: bool,
+    /// The experimenter's buttons have an effect.
+    pub can_pause: bool,
+    /// Seed of the trial.
+    pub seed: u64,
+    /// Where it is recorded; none if it is not.
+    pub record: Option<String>,
+}
+
+/// What the experimenter watches beside the scene: about ten times a second, the latest only.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Signals {
+    /// The instant of the last sample.
+    pub time: SimTime,
+    /// EMG since the message before, `[n_samples][n_channels]`, in the device's unit; empty without an armband.
+    pub emg: Vec<Vec<f64>>,
+    /// Nominal sampling rate, hertz; zero without an armband.
+    pub emg_rate_hz: f64,
+    /// One light a channel: `green`, `yellow`, `red`.
+    pub lights: Vec<String>,
+    /// What is wrong with a channel, for each; none if nothing is.
+    pub faults: Vec<Option<String>>,
+    /// Share of samples that were lost, 0 to 1.
+    pub emg_lost_share: f64,
+    /// Milliseconds since the last valid gaze; none if there was none yet.
+    pub gaze_age_ms: Option<u64>,
+    /// Gaze samples a second.
+    pub gaze_hz: f64,
+    /// Tracked shoulder poses a second.
+    pub tracking_hz: f64,
+    /// Mean computing time of a tick of 1 ms, microseconds.
+    pub tick_mean_us: f64,
+    /// Longest one since the message before, microseconds.
+    pub tick_max_us: f64,
+    /// Simulated over real time since the message before; 1 is in step.
+    pub pace: f64,
+    /// Pages connected.
+    pub pages: usize,
+}

@@ -1,0 +1,73 @@
+// A game controller: face buttons are gestures, the right stick is the gaze. Numbers are those of the standard
+// layout that browsers map controllers to.
+
+import type { GestureKey } from "./settings";
+
+const BUTTONS: { button: number; gesture: GestureKey; name: string }[] = [
+  { button: 7, gesture: "wrist_extension", name: "right trigger" },
+  { button: 3, gesture: "wrist_extension", name: "Y" },
+  { button: 0, gesture: "wrist_flexion", name: "A" },
+  { button: 2, gesture: "hand_close", name: "X" },
+  { button: 1, gesture: "hand_open", name: "B" },
+];
+const START = 9;
+const VIEW = 8;
+/** A stick at rest is never quite at zero. */
+const DEAD = 0.15;
+/** The gaze crosses half the window in this time with the stick fully out, seconds. */
+const CROSSING_SECS = 0.7;
+
+export const GAMEPAD_HELP = "Gamepad: RT or Y is WE, A is WF, X is HC, B is HO, right stick is gaze";
+
+export interface GamepadHandlers {
+  hold(source: string, gesture: GestureKey, down: boolean): void;
+  /** Moves the gaze by shares of the half window, x to the right, y up. */
+  look(x: number, y: number): void;
+  restart(): void;
+  camera(): void;
+  found(name: string): void;
+}
+
+export class GamepadInput {
+  private readonly down = new Set<string>();
+  private known = false;
+
+  constructor(private readonly handlers: GamepadHandlers) {}
+
+  /** Called once per picture. */
+  update(seconds: number): void {
+    const pad = navigator.getGamepads?.().find((candidate) => candidate?.connected) ?? null;
+    if (!pad) {
+      for (const source of this.down) {
+        const bound = BUTTONS.find(({ button }) => source === `gamepad ${button}`);
+        if (bound) this.handlers.hold(source, bound.gesture, false);
+      }
+      this.down.clear();
+      this.known = false;
+      return;
+    }
+    if (!this.known) this.handlers.found(pad.id);
+    this.known = true;
+    for (const { button, gesture } of BUTTONS) {
+      this.edge(pad, button, (source, down) => this.handlers.hold(source, gesture, down));
+    }
+    this.edge(pad, START, (_, down) => down && this.handlers.restart());
+    this.edge(pad, VIEW, (_, down) => down && this.handlers.camera());
+    const [x, y] = [tilt(pad.axes[2]), tilt(pad.axes[3])];
+    const step = Math.min(seconds, 0.1) / CROSSING_SECS;
+    if (x !== 0 || y !== 0) this.handlers.look(x * step, -y * step);
+  }
+
+  private edge(pad: Gamepad, button: number, changed: (source: string, down: boolean) => void): void {
+    const source = `gamepad ${button}`;
+    const down = (pad.buttons[button]?.value ?? 0) > 0.5;
+    if (down === this.down.has(source)) return;
+    if (down) this.down.add(source);
+    else this.down.delete(source);
+    changed(source, down);
+  }
+}
+
+function tilt(value = 0): number {
+  return Math.abs(value) < DEAD ? 0 : value;
+}

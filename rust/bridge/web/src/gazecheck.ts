@@ -1,0 +1,77 @@
+// What a gaze source is worth, from samples taken while known points were looked at.
+
+import type { Frame, GazeCheck, Triple } from "./protocol";
+
+/** Gaps of this length are blinks, ms. */
+const BLINK_MS = [70, 500] as const;
+const DEGREES = 180 / Math.PI;
+
+export type PointResult = GazeCheck["points"][number];
+/** One display frame's gaze. */
+export interface Look {
+  time: number;
+  gaze: Frame["gaze"];
+}
+
+/** Judges one point at `target` from the frames that were drawn while it was looked at. */
+export function judge(looks: Look[], target: Triple): PointResult {
+  const valid = looks.filter(({ gaze }) => gaze?.valid === true);
+  const off = valid.map(({ gaze }) => angle(gaze!.direction, minus(target, gaze!.origin)));
+  const steps: number[] = [];
+  for (let k = 1; k < looks.length; k++) {
+    const [before, now] = [looks[k - 1]?.gaze, looks[k]?.gaze];
+    if (before?.valid && now?.valid) steps.push(angle(before.direction, now.direction));
+  }
+  const finite = off.filter(Number.isFinite);
+  return {
+    accuracy_deg: finite.length > 0 ? mean(finite) : null,
+    precision_deg: steps.length > 0 ? Math.sqrt(mean(steps.map((step) => step * step))) : null,
+    lost_share: looks.length > 0 ? 1 - valid.length / looks.length : 1,
+    blinks: blinks(looks),
+    samples: looks.length,
+  };
+}
+
+/** All points together: means of what is known. */
+export function total(points: PointResult[]): { accuracy: number | null; precision: number | null; lost: number; blinks: number } {
+  const known = (values: (number | null)[]) => {
+    const numbers = values.filter((value): value is number => value !== null);
+    return numbers.length > 0 ? mean(numbers) : null;
+  };
+  return {
+    accuracy: known(points.map((point) => point.accuracy_deg)),
+    precision: known(points.map((point) => point.precision_deg)),
+    lost: points.length > 0 ? mean(points.map((point) => point.lost_share)) : 1,
+    blinks: points.reduce((sum, point) => sum + point.blinks, 0),
+  };
+}
+
+function blinks(looks: Look[]): number {
+  let count = 0;
+  let since: number | null = null;
+  for (const { time, gaze } of looks) {
+    if (gaze?.valid) {
+      const gap = since === null ? 0 : time - since;
+      if (gap >= BLINK_MS[0] && gap <= BLINK_MS[1]) count += 1;
+      since = null;
+    } else {
+      since ??= time;
+    }
+  }
+  return count;
+}
+
+function mean(values: number[]): number {
+  return values.reduce((sum, value) => sum + value, 0) / values.length;
+}
+
+function minus(a: Triple, b: Triple): Triple {
+  return [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
+}
+
+/** Angle between two vectors, degrees; not-a-number if one has no length. */
+function angle(a: Triple, b: Triple): number {
+  const cross = Math.hypot(a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]);
+  const dot = a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+  return cross === 0 && dot === 0 ? NaN : Math.atan2(cross, dot) * DEGREES;
+}

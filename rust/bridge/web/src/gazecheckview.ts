@@ -1,0 +1,138 @@
+// The five-point gaze check as the participant sees it: a point in the scene, then the next, then the figures.
+
+import { Sprite, SpriteMaterial, Vector3 } from "three";
+import { element, setText } from "./dom";
+import { judge, total, type Look, type PointResult } from "./gazecheck";
+import type { Frame, GazeCheck } from "./protocol";
+import type { Room } from "./room";
+import { drawnTexture } from "./shapes";
+
+/** The eye has this long to arrive at a point, ms. */
+const SETTLE_MS = 900;
+/** And is measured for this long, ms. */
+const MEASURE_MS = 1300;
+/** The points, as shares of the half table top along x and y. */
+const POINTS = [
+  [0, 0],
+  [0.75, 0.8],
+  [0.75, -0.8],
+  [-0.75, -0.8],
+  [-0.75, 0.8],
+] as const;
+/** Mean error up to which blocks can be told apart, degrees: neighbours stand 5 to 10 degrees apart. */
+const GOOD_DEG = 2;
+
+export class GazeCheckView {
+  readonly root = element("div", "dialog gazecheck");
+  readonly mark: Sprite;
+  private readonly title = element("h2");
+  private readonly body = element("div");
+  private room: Room | null = null;
+  private source = "mouse";
+  private done: PointResult[] = [];
+  private looks: Look[] = [];
+  private began = 0;
+  private running = false;
+
+  constructor(private readonly finished: (check: GazeCheck) => void) {
+    const texture = drawnTexture((context) => {
+      for (const [radius, colour] of [[1, "#17212b"], [0.86, "#ffffff"], [0.5, "#17212b"], [0.2, "#ffffff"]] as const) {
+        context.fillStyle = colour;
+        context.beginPath();
+        context.arc(0, 0, radius, 0, 2 * Math.PI);
+        context.fill();
+      }
+    }, 128);
+    this.mark = new Sprite(new SpriteMaterial({ map: texture, depthTest: false, sizeAttenuation: false }));
+    this.mark.renderOrder = 20;
+    this.mark.visible = false;
+    this.root.hidden = true;
+    this.root.append(this.title, this.body);
+  }
+
+  get active(): boolean {
+    return this.running;
+  }
+
+  /** The point that is to be looked at now, in `world`. */
+  get point(): Vector3 | null {
+    const share = POINTS[this.done.length];
+    if (!this.running || !share || !this.room) return null;
+    const { centre, half } = this.room;
+    return new Vector3(centre.x + share[0] * half.x, centre.y + share[1] * half.y, centre.z);
+  }
+
+  start(room: Room, source: string): void {
+    Object.assign(this, { room, source, done: [], looks: [], running: true, began: performance.now() });
+    this.root.hidden = false;
+    this.body.replaceChildren(element("p", "", "Look at the ring until it moves on. Keep still."));
+  }
+
+  stop(): void {
+    this.running = false;
+    this.mark.visible = false;
+    this.root.hidden = true;
+  }
+
+  /** Takes each new frame. */
+  take(frame: Frame): void {
+    const point = this.point;
+    if (!point) return;
+    const elapsed = performance.now() - this.began;
+    if (elapsed > SETTLE_MS) this.looks.push({ time: frame.time, gaze: frame.gaze });
+    if (elapsed < SETTLE_MS + MEASURE_MS) return;
+    this.done.push(judge(this.looks, point.toArray()));
+    this.looks = [];
+    this.began = performance.now();
+    if (this.done.length === POINTS.length) this.show();
+  }
+
+  /** Called once per picture. */
+  update(): void {
+    const point = this.point;
+    this.mark.visible = point !== null;
+    if (!point) return;
+    const settling = Math.max(1 - (performance.now() - this.began) / SETTLE_MS, 0);
+    this.mark.position.copy(point);
+    this.mark.scale.setScalar(0.03 + 0.05 * settling);
+    setText(this.title, `Gaze check: point ${this.done.length + 1} of ${POINTS.length}`);
+  }
+
+  private show(): void {
+    this.running = false;
+    this.mark.visible = false;
+    const check: GazeCheck = { source: this.source, points: this.done };
+    this.finished(check);
+    const { accuracy, precision, lost, blinks } = total(this.done);
+    const degrees = (value: number | null) => (value === null ? "–" : `${value.toFixed(2)}°`);
+    const row = (name: string, ...cells: string[]) =>
+      element("tr", "", element("th", "", name), ...cells.map((cell) => element("td", "", cell)));
+    const rows = this.done.map((point, k) =>
+      row(
+        `Point ${k + 1}`,
+        degrees(point.accuracy_deg),
+        degrees(point.precision_deg),
+        `${Math.round(100 * point.lost_share)} %`,
+        String(point.blinks),
+      ),
+    );
+    const good = accuracy !== null && accuracy <= GOOD_DEG && lost < 0.2;
+    const close = element("button", "primary", "Done");
+    close.type = "button";
+    close.addEventListener("click", () => this.stop());
+    setText(this.title, `Gaze check: ${this.source}`);
+    this.body.replaceChildren(
+      element("p", good ? "verdict good" : "verdict bad", good
+        ? `Good: ${degrees(accuracy)} on average.`
+        : `Not good enough to tell neighbouring blocks apart: ${degrees(accuracy)} on average. Check the source and try again.`),
+      element(
+        "table",
+        "",
+        element("thead", "", row("", "accuracy", "precision", "lost", "blinks")),
+        element("tbody", "", ...rows, row("All", degrees(accuracy), degrees(precision), `${Math.round(100 * lost)} %`, String(blinks))),
+      ),
+      element("p", "note", "Stored with the trial, if it is recorded."),
+      close,
+    );
+  }
+}

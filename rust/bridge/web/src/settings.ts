@@ -1,0 +1,101 @@
+// What a person has chosen, kept by the browser from visit to visit.
+
+import type { Gesture } from "./protocol";
+
+export type GestureKey = Exclude<Gesture, "no_motion">;
+export type LeanKey = "turn_left" | "ahead" | "turn_right" | "left" | "back" | "right";
+export type ActionKey = "upright" | "camera" | "restart";
+export type Command = GestureKey | LeanKey | ActionKey;
+
+export type Palette = "standard" | "colour-blind";
+export type Cues = "chimes" | "speech" | "off";
+
+export interface Settings {
+  /** Values of KeyboardEvent.code for each command: places on the keyboard, whatever its layout prints on them. */
+  keys: Record<Command, string[]>;
+  palette: Palette;
+  cues: Cues;
+  /** Shows the scene mirrored, as someone with a left prosthesis meets it. */
+  leftArm: boolean;
+  /** The tutorial was done or skipped. */
+  welcomed: boolean;
+}
+
+export const DEFAULT_KEYS: Settings["keys"] = {
+  wrist_extension: ["KeyW", "ArrowUp"],
+  hand_close: ["KeyA", "ArrowLeft"],
+  wrist_flexion: ["KeyS", "ArrowDown"],
+  hand_open: ["KeyD", "ArrowRight"],
+  turn_left: ["KeyU"],
+  ahead: ["KeyI"],
+  turn_right: ["KeyO"],
+  left: ["KeyJ"],
+  back: ["KeyK"],
+  right: ["KeyL"],
+  upright: ["KeyP"],
+  camera: ["KeyC"],
+  restart: ["KeyR"],
+};
+export const COMMANDS = Object.keys(DEFAULT_KEYS) as Command[];
+
+const PLACE = "proact.settings";
+
+/** What was stored, with everything that is missing or malformed taken from the defaults. */
+export function readSettings(text: string | null): Settings {
+  let stored: Partial<Record<keyof Settings, unknown>> = {};
+  try {
+    const parsed: unknown = JSON.parse(text ?? "{}");
+    if (typeof parsed === "object" && parsed !== null) stored = parsed;
+  } catch {
+    // Unreadable is as good as nothing.
+  }
+  const keys = structuredClone(DEFAULT_KEYS);
+  const given = (typeof stored.keys === "object" && stored.keys !== null ? stored.keys : {}) as Record<string, unknown>;
+  for (const command of COMMANDS) {
+    const codes = given[command];
+    if (Array.isArray(codes) && codes.every((code) => typeof code === "string")) keys[command] = codes;
+  }
+  return {
+    keys,
+    palette: stored.palette === "colour-blind" ? "colour-blind" : "standard",
+    cues: stored.cues === "speech" || stored.cues === "off" ? stored.cues : "chimes",
+    leftArm: stored.leftArm === true,
+    welcomed: stored.welcomed === true,
+  };
+}
+
+/** `command` gets this key and no other; whatever had it gets the one that `command` had first. */
+export function remap(keys: Settings["keys"], command: Command, code: string): Settings["keys"] {
+  const next = structuredClone(keys);
+  const before = next[command][0];
+  for (const other of COMMANDS) {
+    if (other === command || !next[other].includes(code)) continue;
+    next[other] = next[other].filter((held) => held !== code);
+    if (next[other].length === 0 && before) next[other].push(before);
+  }
+  next[command] = [code];
+  return next;
+}
+
+/** What stands on a key, such as `W` or `↑`. */
+export function keyName(code: string): string {
+  const arrows: Record<string, string> = { ArrowUp: "↑", ArrowDown: "↓", ArrowLeft: "←", ArrowRight: "→" };
+  return arrows[code] ?? code.replace(/^(Key|Digit)/, "").replace(/^Numpad/, "Num ");
+}
+
+export function load(): Settings {
+  try {
+    return readSettings(localStorage.getItem(PLACE));
+  } catch {
+    // Storage may be forbidden.
+    return readSettings(null);
+  }
+}
+
+export function store(settings: Settings): void {
+  try {
+    localStorage.setItem(PLACE, JSON.stringify(settings));
+  } catch {
+    // Then the choice lasts as long as the page.
+  }
+}

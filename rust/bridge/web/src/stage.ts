@@ -1,0 +1,183 @@
+// The scene on a canvas: lights, arm, room, markers and cameras. The pages differ in what surrounds it.
+
+import {
+  DirectionalLight,
+  Group,
+  HemisphereLight,
+  NeutralToneMapping,
+  PCFShadowMap,
+  PMREMGenerator,
+  Scene as World,
+  Vector3,
+  WebGLRenderer,
+} from "three";
+import { RoomEnvironment } from "three/addons/environments/RoomEnvironment.js";
+import { Arm, Meshes } from "./arm";
+import { AxisDisplay } from "./axes";
+import { Cameras } from "./cameras";
+import { Markers } from "./markers";
+import type { Drawn } from "./motion";
+import type { BlockId, Content, Frame } from "./protocol";
+import { Room } from "./room";
+import { dispose } from "./shapes";
+
+/** Pictures per second below which the scene is drawn more cheaply. */
+const SLOW = 28;
+/** Sharpness, shadows and reflections, from best to cheapest. */
+const QUALITY = [
+  { pixels: 2, shadows: true, reflections: true },
+  { pixels: 1, shadows: true, reflections: true },
+  { pixels: 1, shadows: false, reflections: false },
+  { pixels: 0.6, shadows: false, reflections: false },
+] as const;
+
+const parameters = new URLSearchParams(location.search);
+
+export class Stage {
+  readonly renderer: WebGLRenderer;
+  readonly world = new World();
+  /** Everything that stands in the world; a headset moves it. */
+  readonly things = new Group();
+  readonly cameras: Cameras;
+  content: Content | null = null;
+  room: Room | null = null;
+  /** Pictures drawn so far. */
+  drawn = 0;
+  private arm: Arm | null = null;
+  private ghost: Arm | null = null;
+  private markers: Markers | null = null;
+  private axes: AxisDisplay | null = null;
+  private readonly meshes = new Meshes();
+  private readonly sun = new DirectionalLight("#fff4e2", 2.3);
+  private readonly fill = new DirectionalLight("#dbe9ff", 0.55);
+  private readonly ambient = new HemisphereLight("#f4f8ff", "#b39f86", 0.75);
+  private readonly surroundings;
+  private quality = Math.min(Math.max(Number(parameters.get("quality") ?? 0) || 0, 0), QUALITY.length - 1);
+  private slowSeconds = 0;
+
+  constructor(
+    readonly canvas: HTMLCanvasElement,
+    keepPicture = false,
+  ) {
+    const antialias = this.quality < 2;
+    const powerPreference = "high-performance";
+    this.renderer = new WebGLRenderer({ canvas, antialias, alpha: true, powerPreference, preserveDrawingBuffer: keepPicture });
+    this.renderer.toneMapping = NeutralToneMapping;
+    this.renderer.toneMappingExposure = 1.02;
+    this.renderer.shadowMap.type = PCFShadowMap;
+    this.renderer.setClearColor(0x000000, 0);
+
+    const environment = new PMREMGenerator(this.renderer);
+    this.surroundings = environment.fromScene(new RoomEnvironment(), 0.04).texture;
+    environment.dispose();
+    this.world.environmentIntensity = 0.45;
+    const { sun, fill } = this;
+    sun.castShadow = true;
+    sun.shadow.mapSize.set(2048, 2048);
+    sun.shadow.bias = -0.0004;
+    sun.shadow.normalBias = 0.004;
+    sun.shadow.radius = 5;
+    Object.assign(sun.shadow.camera, { left: -0.9, right: 0.9, top: 0.9, bottom: -0.9, near: 0.2, far: 5 });
+    this.world.add(this.ambient, sun, sun.target, fill, fill.target, this.things);
+    this.cameras = new Cameras(canvas);
+    this.world.add(this.cameras.rig);
+    window.addEventListener("resize", () => this.resize());
+    this.applyQuality();
+  }
+
+  /** Shows another arm and room. The same ones again stay as they are: nothing flickers. */
+  show(next: Content, rebuild = false): void {
+    const same =
+      !rebuild &&
+      this.content !== null &&
+      JSON.stringify([this.content.arm, this.content.scene]) === JSON.stringify([next.arm, next.scene]);
+    this.content = next;
+    if (same) return;
+    for (const old of [...this.things.children]) dispose(old);
+    this.meshes.forget();
+    this.room = new Room(next.scene);
+    const failed = (message: string) => console.warn(`ProACT: ${message}`);
+    this.arm = new Arm(next.arm, this.meshes, failed);
+    this.ghost = new Arm(next.arm, this.meshes, failed, "ghost");
+    // No frame, no pose: they appear with the first one.
+    this.arm.root.visible = this.ghost.root.visible = false;
+    this.markers = new Markers(this.room);
+    this.axes = new AxisDisplay(this.arm);
+    this.cameras.side = next.arm.name.includes("left") ? 1 : -1;
+    this.things.add(this.room.root, this.arm.root, this.ghost.root, this.markers.root, this.axes.root);
+    const { centre } = this.room;
+    this.sun.position.copy(centre).add(new Vector3(-0.55, -0.75, 1.9));
+    this.sun.target.position.copy(centre);
+    this.fill.position.copy(centre).add(new Vector3(-1.4, 1.2, 0.7));
+    this.fill.target.position.copy(centre);
+  }
+
+  /** Draws one picture; false if there is nothing to draw yet. */
+  draw(drawn: Drawn | null, frame: Frame | null, seconds: number, wall: number): boolean {
+    const { room, arm, ghost, markers, axes } = this;
+    if (!drawn || !frame || !room || !arm || !ghost || !markers || !axes) return false;
+    arm.root.visible = true;
+    arm.update(drawn.base, drawn.joints);
+    ghost.root.visible = frame.goal !== null && frame.goal !== undefined;
+    if (frame.goal) ghost.update(drawn.base, [...frame.goal, ...drawn.joints.slice(frame.goal.length)]);
+    room.update(drawn.blocks, frame.hand.holds, wall / 1000);
+    markers.update(frame, wall / 1000);
+    axes.update(frame, drawn);
+    this.cameras.update(drawn, room, seconds);
+    this.cameras.camera.updateMatrixWorld();
+    this.renderer.render(this.world, this.cameras.camera);
+    this.drawn += 1;
+    return true;
+  }
+
+  /** Where a block or the target of a block is on the screen, CSS pixels from the window's left top. */
+  project(what: "block" | "target", id: BlockId, mirrored = false): { x: number; y: number } | null {
+    const point =
+      what === "block"
+        ? this.room?.block(id)?.position.clone()
+        : this.room?.targets.find((target) => target.block === id)?.centre.clone();
+    if (!point) return null;
+    const seen = point.project(this.cameras.camera);
+    const bounds = this.canvas.getBoundingClientRect();
+    return {
+      x: bounds.left + ((mirrored ? 1 - seen.x : seen.x + 1) / 2) * bounds.width,
+      y: bounds.top + ((1 - seen.y) / 2) * bounds.height,
+    };
+  }
+
+  resize(): void {
+    const { clientWidth, clientHeight } = this.canvas;
+    this.renderer.setSize(clientWidth, clientHeight, false);
+    this.cameras.resize(clientWidth, clientHeight);
+  }
+
+  /** To be told once a second how many pictures were drawn in it. */
+  rate(drawnPerSecond: number): void {
+    // Slow for three seconds, and not because the page is hidden or nothing comes in.
+    this.slowSeconds = drawnPerSecond < SLOW && drawnPerSecond > 0 && !document.hidden ? this.slowSeconds + 1 : 0;
+    if (this.slowSeconds < 3 || parameters.has("quality") || this.quality === QUALITY.length - 1) return;
+    this.quality += 1;
+    this.slowSeconds = 0;
+    this.applyQuality();
+  }
+
+  private applyQuality(): void {
+    const { pixels, shadows, reflections } = QUALITY[this.quality] ?? QUALITY[0];
+    this.renderer.setPixelRatio(pixels < 1 ? pixels : Math.min(window.devicePixelRatio, pixels));
+    this.renderer.shadowMap.enabled = shadows;
+    this.sun.castShadow = shadows;
+    // Reflections cost most where there is no graphics card.
+    this.world.environment = reflections ? this.surroundings : null;
+    this.ambient.intensity = reflections ? 0.75 : 1.6;
+    this.resize();
+  }
+}
+
+/** What to tell someone whose browser cannot draw the scene. */
+export function whyNotDrawn(error: unknown): string {
+  const reason = error instanceof Error ? error.message : String(error);
+  return (
+    `The scene cannot be drawn: ${reason}. ProACT's page needs WebGL 2; try a current Firefox, Chrome or Edge, ` +
+    "with hardware acceleration switched on."
+  );
+}

@@ -1,0 +1,172 @@
+// Leads a newcomer through moving a block with method D, one step at a time, with a pointer to what is meant.
+
+import { element, setClass, setText } from "./dom";
+import { advise, type TargetPlace } from "./guide";
+import { blockName } from "./hud";
+import type { BlockId, Frame } from "./protocol";
+import { keyName, type GestureKey, type Settings } from "./settings";
+
+interface Lesson {
+  title: string;
+  text: string;
+  gesture: GestureKey | null;
+  hold?: boolean;
+}
+
+/** One for each step of the guide. */
+const LESSONS: Lesson[] = [
+  { title: "Look at the block", text: "Your mouse is your gaze. Point at the block under the arrow.", gesture: null },
+  { title: "Lock it", text: "The block that you look at is highlighted. Bend your wrist to lock it: tap", gesture: "wrist_flexion" },
+  { title: "Reach for it", text: "Extend your wrist and the arm moves by itself. Letting go stops it: hold", gesture: "wrist_extension", hold: true },
+  { title: "Grip", text: "The hand is around the block. Close it: tap", gesture: "hand_close" },
+  { title: "Look at the target", text: "Point at the disc with the same number, across the partition.", gesture: null },
+  { title: "Lock the place", text: "The shadow of the block shows where it will go. Lock it: tap", gesture: "wrist_flexion" },
+  { title: "Carry it across", text: "The arm finds its way over the partition: hold", gesture: "wrist_extension", hold: true },
+  { title: "Release", text: "Open the hand and put the block down: tap", gesture: "hand_open" },
+];
+
+export interface TutorialHandlers {
+  /** Begin a trial with this method. */
+  choose(method: string): void;
+  /** The tutorial was done or skipped. */
+  ended(): void;
+}
+
+export class Tutorial {
+  readonly root = element("div", "tutorial");
+  private readonly welcome: HTMLElement;
+  private readonly card = element("div", "card lesson");
+  private readonly number = element("span", "lessonnumber");
+  private readonly title = element("b");
+  private readonly text = element("span");
+  private readonly key = element("kbd", "big");
+  private readonly hint = element("p", "note");
+  private readonly dots = LESSONS.map(() => element("i"));
+  private readonly pointer = element("div", "pointer", "▼");
+  private readonly done: HTMLElement;
+  private active = false;
+
+  constructor(
+    private readonly handlers: TutorialHandlers,
+    private keys: Settings["keys"],
+  ) {
+    const button = (label: string, classes: string, act: () => void) => {
+      const node = element("button", classes, label);
+      node.type = "button";
+      node.addEventListener("click", () => {
+        act();
+        node.blur();
+      });
+      return node;
+    };
+    this.welcome = element(
+      "div",
+      "dialog welcome",
+      element("h2", "", "Drive a prosthetic arm"),
+      element(
+        "p",
+        "",
+        "You are about to move blocks across a box with an arm that you steer by gaze and muscle. Here your mouse is " +
+          "the gaze, and four keys are the muscles of the forearm.",
+      ),
+      element(
+        "div",
+        "buttons",
+        button("Show me how (1 minute)", "primary", () => this.start()),
+        button("I know how", "plain", () => this.end()),
+      ),
+    );
+    this.done = element(
+      "div",
+      "dialog welcome",
+      element("h2", "", "You moved a block"),
+      element("p", "", "That was method D: gaze and task context. The other methods ask for more of you and assume less:"),
+      element(
+        "div",
+        "choices",
+        ...[
+          ["A", "Joint by joint"],
+          ["B", "The hand along axes"],
+          ["C", "Gaze alone"],
+        ].map(([method, text]) =>
+          button(`${method} · ${text}`, "plain", () => {
+            this.end();
+            this.handlers.choose(method ?? "D");
+          }),
+        ),
+      ),
+      element("div", "buttons", button("Go on with D", "primary", () => this.end())),
+    );
+    this.card.append(
+      element("div", "lessonhead", this.number, this.title, element("span", "dots", ...this.dots), button("Skip", "plain", () => this.end())),
+      element("p", "lessontext", this.text, " ", this.key),
+      this.hint,
+    );
+    this.welcome.hidden = this.card.hidden = this.done.hidden = this.pointer.hidden = true;
+    this.root.append(this.card, this.pointer, this.welcome, this.done);
+  }
+
+  /** True while the lessons run, and the guide's strip would say the same twice. */
+  get running(): boolean {
+    return this.active;
+  }
+
+  /** True while a dialogue waits for an answer. */
+  get asking(): boolean {
+    return !this.welcome.hidden || !this.done.hidden;
+  }
+
+  setKeys(keys: Settings["keys"]): void {
+    this.keys = keys;
+  }
+
+  greet(): void {
+    this.welcome.hidden = false;
+  }
+
+  start(): void {
+    this.welcome.hidden = this.done.hidden = true;
+    this.active = true;
+    this.handlers.choose("D");
+  }
+
+  private end(): void {
+    this.active = false;
+    this.welcome.hidden = this.done.hidden = this.card.hidden = this.pointer.hidden = true;
+    this.handlers.ended();
+  }
+
+  update(
+    frame: Frame,
+    target: TargetPlace,
+    lean: boolean,
+    project: (what: "block" | "target", id: BlockId) => { x: number; y: number } | null,
+  ): void {
+    if (!this.active || frame.method !== "D") return;
+    if (frame.on_target > 0) {
+      this.active = false;
+      this.card.hidden = this.pointer.hidden = true;
+      this.done.hidden = false;
+      return;
+    }
+    const { step, hint } = advise(frame, target, lean);
+    const lesson = LESSONS[step ?? -1];
+    this.card.hidden = false;
+    const block = frame.hand.holds ?? frame.next_block;
+    setText(this.number, step === null ? "!" : String(step + 1));
+    setText(this.title, lesson ? lesson.title : "One moment");
+    setText(this.text, lesson ? lesson.text : hint);
+    const code = lesson?.gesture ? this.keys[lesson.gesture][0] : undefined;
+    this.key.hidden = !code;
+    if (code) setText(this.key, lesson?.hold ? `hold ${keyName(code)}` : keyName(code));
+    const stuck = frame.planner.state === "failed" || (frame.planner.state === "arrived" && frame.planner.intermediate);
+    setText(this.hint, stuck && lesson ? hint : block && step === 0 ? `Next is ${blockName(block)}.` : "");
+    this.dots.forEach((dot, k) => {
+      setClass(dot, "now", k === step);
+      setClass(dot, "past", step !== null && k < step);
+    });
+    const at = block && step !== null && [0, 1, 4, 5].includes(step) ? project(step < 4 ? "block" : "target", block) : null;
+    this.pointer.hidden = at === null;
+    if (at) this.pointer.style.transform = `translate(${Math.round(at.x)}px, ${Math.round(at.y)}px)`;
+  }
+}

@@ -1,0 +1,78 @@
+// What is shown beside the scene: quality of the gaze, lost frames, the state of the selection, cues.
+
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import { load } from "./bundle.mjs";
+
+const { judge, total } = await load("gazecheck");
+const { FrameCount } = await load("framecount");
+const { marking } = await load("marking");
+const { cueOf } = await load("sounds");
+
+/** A gaze from the origin, `degrees` off the x axis. */
+function gaze(degrees, valid = true) {
+  const angle = (degrees * Math.PI) / 180;
+  return { origin: [0, 0, 0], direction: [Math.cos(angle), Math.sin(angle), 0], valid };
+}
+const close = (value, expected) => assert.ok(Math.abs(value - expected) < 1e-9, `${value}, expected ${expected}`);
+
+test("accuracy is the mean angle to the point and precision that between samples", () => {
+  const looks = [2, 2, 4, 4].map((degrees, k) => ({ time: 16 * k, gaze: gaze(degrees) }));
+  const result = judge(looks, [3, 0, 0]);
+  close(result.accuracy_deg, 3);
+  close(result.precision_deg, Math.sqrt(4 / 3));
+  assert.equal(result.lost_share, 0);
+  assert.equal(result.samples, 4);
+});
+
+test("lost samples count in the share, and a gap of the length of a blink is one", () => {
+  const looks = Array.from({ length: 60 }, (_, k) => ({ time: 16 * k, gaze: gaze(0, k < 20 || k >= 30) }));
+  looks[50].gaze = null;
+  const result = judge(looks, [1, 0, 0]);
+  close(result.lost_share, 11 / 60);
+  assert.equal(result.blinks, 1);
+  close(result.accuracy_deg, 0);
+});
+
+test("a source that never sees the eye has no accuracy and is lost altogether", () => {
+  assert.deepEqual(judge([], [1, 0, 0]), { accuracy_deg: null, precision_deg: null, lost_share: 1, blinks: 0, samples: 0 });
+  const blind = judge([{ time: 0, gaze: gaze(0, false) }], [1, 0, 0]);
+  assert.equal(blind.accuracy_deg, null);
+  assert.equal(total([blind]).accuracy, null);
+  assert.equal(total([blind]).lost, 1);
+});
+
+test("a direction of no length is not taken for a good look", () => {
+  const nothing = { origin: [0, 0, 0], direction: [0, 0, 0], valid: true };
+  assert.equal(judge([{ time: 0, gaze: nothing }], [1, 0, 0]).accuracy_deg, null);
+});
+
+test("frames of 60 Hz lose none, and each gap counts what is missing", () => {
+  const count = new FrameCount();
+  for (let k = 1; k <= 60; k++) count.take(Math.ceil((k * 1000) / 60));
+  assert.equal(count.dropped, 0);
+  count.take(1100);
+  assert.equal(count.dropped, 5);
+  count.restart();
+  count.take(5000);
+  assert.equal(count.dropped, 5);
+  assert.equal(count.received, 62);
+});
+
+test("the marker tells free, locked, reachable and not reachable apart", () => {
+  const frame = (locked, planner) => ({ target: { locked }, planner });
+  assert.equal(marking(frame(false, { state: "failed", status: "unreachable" })), "free");
+  assert.equal(marking(frame(true, { state: "idle" })), "locked");
+  assert.equal(marking(frame(true, { state: "planning" })), "locked");
+  assert.equal(marking(frame(true, { state: "executing", progress: 0.5, intermediate: false })), "reachable");
+  assert.equal(marking(frame(true, { state: "arrived", intermediate: true })), "unreachable");
+  assert.equal(marking(frame(true, { state: "failed", status: "unreachable", reason: "" })), "unreachable");
+});
+
+test("contact made and contact lost sound different, and a plan is heard only when it fails", () => {
+  const notes = (event) => cueOf({ time: 0, ...event })?.notes;
+  assert.notDeepEqual(notes({ event: "block_attached", block: "red1" }), notes({ event: "block_released", block: "red1" }));
+  assert.equal(notes({ event: "plan_finished", status: "ok" }), undefined);
+  assert.ok(notes({ event: "plan_finished", status: "unreachable" }).length > 0);
+  assert.equal(notes({ event: "gesture_changed", gesture: "no_motion" }), undefined);
+});
