@@ -78,7 +78,8 @@ fn unsafe_is_told_from_talk_about_it() {
 #[test]
 fn no_file_names_a_path_of_one_machine() {
     for (path, text) in files() {
-        if path.ends_with("tests/architecture/sources.rs") {
+        // Git writes the place of its folder into a linked worktree.
+        if path.ends_with("tests/architecture/sources.rs") || path == ".git" {
             continue;
         }
         for (number, line) in text.lines().enumerate() {
