@@ -10,6 +10,8 @@ use std::{
     process::ExitCode,
 };
 
+/// Ticks of the chain bench for each method: 400 windows.
+const CHAIN_TICKS: u64 = 20_000;
 /// Problems of the planning bench.
 const PLANNING_PROBLEMS: usize = 1000;
 
@@ -86,7 +88,7 @@ struct QueryArgs {
 #[command(after_help = "Example:\n  proact bench kinematics --json")]
 struct BenchArgs {
     /// What to measure
-    #[arg(value_parser = ["emg", "kinematics", "dynamics", "planning", "start"])]
+    #[arg(value_parser = ["emg", "kinematics", "dynamics", "planning", "chain", "start"])]
     stage: String,
     /// One JSON object on standard output
     #[arg(long)]
@@ -123,6 +125,7 @@ fn run(command: Command) -> Result<bool, Box<dyn Error>> {
                 "kinematics" => bench::kinematics()?,
                 "dynamics" => crate::bench_dynamics::dynamics()?,
                 "planning" => crate::bench_planning::planning(PLANNING_PROBLEMS)?,
+                "chain" => crate::bench_chain::chain(CHAIN_TICKS)?,
                 _ => crate::bench_start::start()?,
             };
             if args.json {

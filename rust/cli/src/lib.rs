@@ -7,6 +7,7 @@
 
 pub mod analyze;
 pub mod bench;
+mod bench_chain;
 pub mod bench_dynamics;
 mod bench_emg;
 mod bench_planning;

@@ -1,6 +1,6 @@
 //! Putting a trial together: which library does what.
 
-use proact_devices::{EmgSetup, EmgSource, GazeSource};
+use proact_devices::{EmgFeed, EmgSetup, EmgSource, GazeSource};
 use proact_dynamics::{DynamicsOptions, OdePlant};
 use proact_emg::Classifier;
 use proact_kinematics::Kinematics;
@@ -9,7 +9,7 @@ use proact_planning::{ArmPlanner, PlanWorker, PlannerOptions};
 use proact_tasks::BoxAndBlocks;
 use proact_testbed::{
     ConfigError, LoggedPlans, MethodName, Parts, Session, SessionParts, Testbed, TestbedError, TrialConfig,
-    ports::{PlanService, PlantError},
+    ports::{PlanService, Plant, PlantError},
 };
 use proact_types::ArmModel;
 use std::sync::Arc;
@@ -96,6 +96,24 @@ pub fn live(mut config: TrialConfig) -> Result<Assembly, AssemblyError> {
     Ok(Assembly { session, classifier: None, model })
 }
 
+/// A live testbed and the synthetic armband that goes with it, without a person; `around` wraps the physics.
+///
+/// # Errors
+/// [`AssemblyError`].
+pub(crate) fn bare(
+    mut config: TrialConfig,
+    emg: &EmgSource,
+    around: impl FnOnce(Box<dyn Plant>) -> Box<dyn Plant>,
+) -> Result<(Testbed, EmgFeed), AssemblyError> {
+    let EmgSetup { classifier, feed, config: emg_config, label } = proact_devices::prepare(emg, config.seed)?;
+    config.emg = Some(emg_config);
+    config.gesture_source = label;
+    config.wait_for_plans = false;
+    let model = Arc::new(proact_description::mpl_right_arm());
+    let plans = planner(&model)?;
+    Ok((testbed_around(config, &model, plans, Some(classifier), around)?, feed))
+}
+
 /// A testbed that takes its plans from the log.
 ///
 /// # Errors
@@ -118,6 +136,16 @@ fn testbed(
     plans: Box<dyn PlanService>,
     classifier: Option<Classifier>,
 ) -> Result<Testbed, AssemblyError> {
+    testbed_around(config, model, plans, classifier, |plant| plant)
+}
+
+fn testbed_around(
+    config: TrialConfig,
+    model: &Arc<ArmModel>,
+    plans: Box<dyn PlanService>,
+    classifier: Option<Classifier>,
+    around: impl FnOnce(Box<dyn Plant>) -> Box<dyn Plant>,
+) -> Result<Testbed, AssemblyError> {
     let model_error = |error| AssemblyError::Testbed(TestbedError::Model(error));
     let start = model.pose("arm", "start").map_err(model_error)?;
     let open = model.pose("hand", "open").map_err(model_error)?;
@@ -128,7 +156,7 @@ fn testbed(
     let parts = Parts {
         model: model.clone(),
         kinematics: Box::new(Kinematics::new(model)?),
-        plant: Box::new(plant),
+        plant: around(Box::new(plant)),
         plans,
         classifier,
     };

@@ -1,5 +1,5 @@
 use crate::inverse::{Damped, NEAR_SINGULAR, NOT_FINITE, moore_penrose};
-use crate::jog::{Jog, JogMotion};
+use crate::jog::{Jog, JogMotion, stop};
 use crate::ports::ArmKinematics;
 use crate::{
     Axis, AxisMotion, ControlInput, ControlMethod, ControlOutput, EndEffectorJogProfile, InverseProfile,
@@ -125,7 +125,10 @@ impl ControlMethod for EndEffectorJog {
         }
         let motion = match motion {
             JogMotion::None => None,
-            JogMotion::Stop => Some(MotionCommand::Hold),
+            JogMotion::Stop => Some(match &self.profile.inverse {
+                InverseProfile::Damped(profile) => stop(input, profile.drift_limit_rad),
+                InverseProfile::MoorePenrose(_) => MotionCommand::Hold,
+            }),
             JogMotion::Speed(sign) => {
                 let twist = self.twist(sign, self.profile.speed_m_per_s, self.profile.speed_rad_per_s);
                 Some(match self.solve(&twist, STEP_SECS, input, kinematics) {

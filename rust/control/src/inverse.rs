@@ -164,14 +164,19 @@ impl Damped<'_> {
         }
     }
 
-    /// True if the part that is asked for, translation or rotation, goes roughly where it should.
+    /// True if the part that is asked for, translation or rotation, goes roughly where it should. A rotation that
+    /// carries the hand away is none; a translation may tilt the hand.
     fn aligned(&self, jacobian: &DMatrix<f64>, twist: &Vector6<f64>, speeds: &[f64]) -> bool {
         let (linear, angular) = (twist.fixed_rows::<3>(0).norm(), twist.fixed_rows::<3>(3).norm());
         let first = if linear > 0.0 { 0 } else { 3 };
         let asked: Vector3<f64> = twist.fixed_rows::<3>(first).into();
         let row = |row: usize| speeds.iter().enumerate().map(|(joint, s)| jacobian[(row, joint)] * s).sum();
         let got = Vector3::new(row(first), row(first + 1), row(first + 2));
-        let cosine = got.dot(&asked) / (got.norm() * asked.norm());
+        let carried = match first {
+            3 => Vector3::new(row(0), row(1), row(2)).norm() / self.profile.length_m,
+            _ => 0.0,
+        };
+        let cosine = got.dot(&asked) / (got.norm().hypot(carried) * asked.norm());
         // A crawl is no motion either.
         linear + angular > 0.0 && cosine >= self.profile.least_alignment && got.norm() > 0.1 * asked.norm()
     }

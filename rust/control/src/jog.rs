@@ -1,5 +1,5 @@
-use crate::{ControlInput, HandCommand, JogProfile};
-use proact_types::{Gesture, HandState, ModeView, PlanStatus, PlannerView, SimTime};
+use crate::{ControlInput, HandCommand, JogProfile, MotionCommand};
+use proact_types::{Gesture, HandState, ModeView, PlanStatus, PlannerView, SimTime, joints};
 
 /// From gestures to motion, modes and hand: what methods A and B share.
 ///
@@ -104,6 +104,18 @@ impl Jog {
         self.selected = (self.selected as i64 + steps).rem_euclid(count) as usize;
         (motion, hand)
     }
+}
+
+/// The end of a motion: the arm holds. One that was asked for more than half of `drift_limit` further than it got
+/// leans on something; it is asked for where it is, or it would go on leaning, and every way back would begin with
+/// undoing what was asked for in vain.
+pub(crate) fn stop(input: &ControlInput<'_>, drift_limit: f64) -> MotionCommand {
+    let known = input.measured.len() == input.commanded.len() && input.measured.iter().all(|q| q.is_finite());
+    let leans = |(asked, is): (&f64, &f64)| (asked - is).abs() > drift_limit / 2.0;
+    if known && input.commanded.iter().zip(input.measured).any(leans) {
+        return MotionCommand::Goto(joints(input.measured));
+    }
+    MotionCommand::Hold
 }
 
 fn sign(gesture: Gesture) -> f64 {

@@ -1,4 +1,5 @@
-use crate::jog::{Jog, JogMotion};
+use crate::inverse::RUNS_AHEAD;
+use crate::jog::{Jog, JogMotion, stop};
 use crate::ports::ArmKinematics;
 use crate::{
     ControlError, ControlInput, ControlMethod, ControlOutput, JointSubset, MotionCommand, Profile, STEP_SECS,
@@ -20,6 +21,7 @@ pub struct JointJog {
     limits: Vec<JointLimits>,
     speed: f64,
     step: f64,
+    drift_limit: f64,
     /// The hand has yet to be closed at the start.
     close_first: bool,
     /// The last goal of each joint.
@@ -71,14 +73,16 @@ impl JointJog {
             limits: model.arm.iter().map(|&j| model.joints[j].limits).collect(),
             speed: settings.speed_rad_per_s,
             step: settings.step_rad,
+            drift_limit: settings.drift_limit_rad,
             close_first: settings.starts_closed,
             goals: None,
             refusal: None,
         })
     }
 
-    /// The selected joint at its speed, no further than its limit.
-    fn velocity(&mut self, sign: f64, commanded: &[f64]) -> MotionCommand {
+    /// The selected joint at its speed, no further than its limit and no further ahead of the arm than allowed.
+    fn velocity(&mut self, sign: f64, input: &ControlInput<'_>) -> MotionCommand {
+        let commanded = input.commanded;
         let mode = &self.modes[self.jog.selected()];
         let (Some(&angle), Some(limits)) = (commanded.get(mode.joint), self.limits.get(mode.joint)) else {
             return MotionCommand::Hold;
@@ -88,6 +92,11 @@ impl JointJog {
         let speed = speed.clamp(room.0.min(0.0), room.1.max(0.0));
         if speed == 0.0 {
             self.refusal = Some(format!("{}: the joint is at its limit", mode.name));
+            return MotionCommand::Hold;
+        }
+        let drift = input.measured.get(mode.joint).map_or(0.0, |measured| angle - measured);
+        if drift.abs() > self.drift_limit && drift * speed > 0.0 {
+            self.refusal = Some(RUNS_AHEAD.to_owned());
             return MotionCommand::Hold;
         }
         let mut speeds = zeros(commanded.len());
@@ -129,8 +138,8 @@ impl ControlMethod for JointJog {
         let first = std::mem::take(&mut self.close_first).then_some(crate::HandCommand::Close);
         let motion = match motion {
             JogMotion::None => None,
-            JogMotion::Stop => Some(MotionCommand::Hold),
-            JogMotion::Speed(sign) => Some(self.velocity(sign, input.commanded)),
+            JogMotion::Stop => Some(stop(input, self.drift_limit)),
+            JogMotion::Speed(sign) => Some(self.velocity(sign, input)),
             JogMotion::Step { sign, repeated } => self.goal(sign, repeated, input),
         };
         ControlOutput { motion, hand: hand.or(first), ..ControlOutput::default() }

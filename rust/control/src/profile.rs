@@ -112,6 +112,9 @@ pub struct JointJogProfile {
     pub speed_rad_per_s: f64,
     /// Step for each message, rad, where the pace is `message`.
     pub step_rad: f64,
+    /// Asked for further from the measured angle than this, the joint goes no further away from it, rad, where the
+    /// pace is `time`.
+    pub drift_limit_rad: f64,
     /// The hand closes at the start while the method believes it open (the original).
     pub starts_closed: bool,
     /// How joints are shown and which way they go. Joints without an entry go by their own name.
@@ -354,6 +357,7 @@ impl Profile {
         let mut positive = vec![
             ("joint_jog.speed_rad_per_s", joint.speed_rad_per_s),
             ("joint_jog.step_rad", joint.step_rad),
+            ("joint_jog.drift_limit_rad", joint.drift_limit_rad),
             ("end_effector_jog.speed_m_per_s", hand.speed_m_per_s),
             ("end_effector_jog.speed_rad_per_s", hand.speed_rad_per_s),
             ("end_effector_jog.step_m", hand.step_m),

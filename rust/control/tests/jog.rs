@@ -159,6 +159,44 @@ fn defect_16_commanded_angles_do_not_run_away_from_an_arm_that_is_stuck() {
 }
 
 #[test]
+fn a_joint_that_something_stops_is_not_asked_for_further_and_is_let_go_when_the_gesture_ends() {
+    for method in ["A", "B"] {
+        let mut rig = Rig::new(method, "default");
+        let stuck = rig.q.clone();
+        let hold = |rig: &mut Rig, gesture: Gesture| {
+            rig.gesture = gesture;
+            for _ in 0..100 {
+                rig.lag = std::array::from_fn(|k| rig.q[k] - stuck[k]);
+                rig.run(10);
+            }
+            rig.q.iter().zip(&stuck).fold(0.0_f64, |m, (q, at)| m.max((q - at).abs()))
+        };
+        let ahead = hold(&mut rig, WristExtension);
+        assert!((0.04..0.06).contains(&ahead), "{method}: {ahead} rad ahead");
+        assert!(refusal(&rig).contains("something is in its way"));
+        let ahead = hold(&mut rig, NoMotion);
+        assert!(ahead < 1e-3, "{method} leans on with {ahead} rad");
+    }
+}
+
+#[test]
+fn a_rotation_that_the_limits_turn_into_a_translation_is_refused() {
+    let mut rig = Rig::new("B", "default");
+    cycle(&mut rig, 5);
+    for gesture in [WristExtension, WristFlexion] {
+        for _ in 0..8 {
+            let before = rig.tip();
+            rig.make(gesture, 500);
+            let after = rig.tip();
+            let carried = (after.translation.vector - before.translation.vector).norm();
+            let turned = after.rotation.angle_to(&before.rotation);
+            assert!(carried <= 0.3 * 1.05 * turned + 1e-3, "{carried} m for {turned} rad");
+            rig.make(NoMotion, 50);
+        }
+    }
+}
+
+#[test]
 fn defect_17_distance_in_a_second_does_not_depend_on_the_rate_of_decisions() {
     for method in ["A", "B"] {
         let distance = |message_ms: u64| {

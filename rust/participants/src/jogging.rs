@@ -1,46 +1,51 @@
+mod movement;
+mod obstacles;
+mod place;
+
 use crate::{
     Body, Participant, ParticipantOptions,
     habits::Habits,
-    reach::{ArmSense, HandGoal},
+    reach::{ArmSense, Turn},
 };
+use nalgebra::UnitQuaternion;
 use proact_types::{
-    ArmModel, BlockId, DisplayFrame, Gesture, HandState, Intention, Point, Pose, Scene, SimTime, Vector,
+    ArmModel, BlockId, DisplayFrame, Gesture, HandState, Intention, JointVector, PlannerView, Point, Pose,
+    Scene, SimTime, Vector,
 };
 use rand_distr::{Distribution, Normal};
 use std::sync::Arc;
 
-/// Numbers of `/mode` from which axes of the hand are moved instead of joints.
+/// Numbers of `/mode` from which axes of the hand are moved instead of joints, and how many there are of each.
 const FIRST_AXIS: u8 = 7;
-/// How fast WE and WF move a joint, rad/s, and the hand, m/s and rad/s: learnt in the first minutes of practice.
-const JOINT_SPEED: f64 = 0.4;
-const LINEAR_SPEED: f64 = 0.08;
-const ANGULAR_SPEED: f64 = 0.4;
-/// What is left below this is not worth another movement: joints and angles rad, lengths metres.
-const JOINT_DONE: f64 = 0.012;
-const LINEAR_DONE: f64 = 0.006;
-const ANGULAR_DONE: f64 = 0.15;
-/// No movement gesture is held shorter or longer than this, ms: about two decisions, and a look in between.
-const PULSE_MILLIS: (f64, f64) = (60.0, 2500.0);
+const JOINTS: u8 = 7;
+const AXES: u8 = 6;
+/// No movement gesture is held shorter or longer than this, ms: three decisions, and a look in between.
+const PULSE_MILLIS: (f64, f64) = (150.0, 2500.0);
 /// After a movement the arm is watched for this long before the next decision, ms.
 const WATCH_MILLIS: u64 = 450;
-/// The hand passes over walls and partition with its grasp centre this high above the table, metres.
-const CARRY_HEIGHT: f64 = 0.26;
-/// From here the hand goes straight down, metres above the block's centre.
-const HOVER_HEIGHT: f64 = 0.11;
-/// A block is let go with its centre this far above where it rests, metres.
-const DROP_HEIGHT: f64 = 0.012;
+/// HO held this long has been understood as the way back, or never will, ms.
+const BACK_MILLIS: u64 = 5000;
+/// A block is let go with its centre this far above where it rests when the arm goes no lower, metres.
+const FALL_HEIGHT: f64 = 0.04;
+/// A block is gripped with the hand this far above its middle when the arm goes no lower, metres.
+const GRIP_HEIGHT: f64 = 0.03;
 /// Closing on nothing for this long means that the block was missed, ms.
 const MISSED_MILLIS: u64 = 900;
-/// Roll of the hand at which its fingers close around a standing block, rad: the original's 25.6 degrees.
-const ROLL: f64 = 25.6 * std::f64::consts::PI / 180.0;
+/// After so many movements the place is good enough, or not to be had.
+const MOST_MOVEMENTS: u32 = 14;
+/// Half of a block's height, and its radius, metres.
+const BLOCK: f64 = 0.025;
+/// A movement that gives less than this share of what it should has met something.
+const LEAST_PROGRESS: f64 = 0.4;
 
 /// A participant who jogs joint by joint or axis by axis, methods A and B.
 ///
-/// Knows the arm well enough to tell how its joints would have to stand, moves what is furthest off, in pulses of
-/// the length that seems right, looks, and corrects. Deterministic for its seed. A person without this model in
-/// the head needs longer; it is no evidence about people.
+/// Knows the arm well enough to tell which joints would have to turn, and in which order the hand stays clear of the
+/// box; moves in pulses of the length that seems right, looks, and corrects. A movement that the display refuses is
+/// left for later; when none is left, the hand is leant another way. Deterministic for its seed. A person without
+/// this model in the head needs longer; it is no evidence about people.
 ///
-/// Known weakness: it has no way around the box but straight up, and seldom brings a block across.
+/// Known weakness: it minds where the fingers are, not where elbow and forearm are.
 pub struct JoggingParticipant {
     habits: Habits,
     sense: ArmSense,
@@ -49,18 +54,41 @@ pub struct JoggingParticipant {
     stage: Stage,
     block: Option<BlockId>,
     pulse: Option<Pulse>,
-    mode_wanted: Option<u8>,
-    mode_seen: Option<u8>,
+    turning: Option<Turning>,
     watch_until: SimTime,
     closed_since: Option<SimTime>,
+    /// Movements that were refused since the last one that was not.
+    refused: Vec<(u8, Gesture)>,
+    /// How often the arm got stuck with this block.
+    stuck: usize,
+    /// The hand leans toward the shoulder, rad.
+    lean: f64,
+    /// A stage began for which the attitude of the hand has to be thought of.
+    attitude_due: bool,
+    /// What method A has yet to turn, in this order.
+    turns: Vec<Turn>,
+    /// `base_from_tip`'s rotation with which method B takes the block, or puts it down.
+    attitude: Option<UnitQuaternion<f64>>,
+    /// The hand has come near enough to its place to turn to that attitude.
+    near: bool,
+    /// The block was gripped above its middle last time.
+    gripped_high: bool,
+    /// Movements since the stage began.
+    movements: u32,
 }
 
 /// A movement gesture of a length that was decided before it began.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 struct Pulse {
+    mode: u8,
     gesture: Gesture,
     millis: u64,
+    /// Where the arm was before: arm angles, or the hand's place and attitude.
+    before: (JointVector, Pose),
+    /// What it should bring, in the unit of its speed.
+    amount: f64,
     began: Option<SimTime>,
+    over: bool,
 }
 
 /// The way of one block.
@@ -86,16 +114,15 @@ enum Stage {
     Retreat,
 }
 
-/// What one mode is off by, and what brings it nearer.
-struct Lack {
-    mode: u8,
-    /// How far off, in the unit of its speed; positive needs the positive direction.
-    amount: f64,
-    /// Per second.
-    speed: f64,
-    /// Below this it is done.
-    done: f64,
-    gesture: Gesture,
+/// HO on its way to a mode.
+#[derive(Clone, Copy, Debug)]
+struct Turning {
+    to: u8,
+    /// Where it began, or got to.
+    from: u8,
+    /// HO stays held: the modes go back one by one.
+    back: bool,
+    since: SimTime,
 }
 
 impl JoggingParticipant {
@@ -115,16 +142,27 @@ impl JoggingParticipant {
             stage: Stage::Above,
             block: None,
             pulse: None,
-            mode_wanted: None,
-            mode_seen: None,
+            turning: None,
             watch_until: SimTime(0),
             closed_since: None,
+            refused: Vec::new(),
+            stuck: 0,
+            lean: 0.0,
+            attitude_due: true,
+            turns: Vec::new(),
+            attitude: None,
+            near: false,
+            gripped_high: false,
+            movements: 0,
         }
     }
 
     fn decide(&mut self, now: SimTime, seen: &DisplayFrame) -> Gesture {
         self.keep_up(seen);
         let Some(block) = self.block else { return Gesture::NoMotion };
+        if std::mem::take(&mut self.attitude_due) {
+            self.choose_attitude(seen, block);
+        }
         match self.stage {
             Stage::Grip => return self.grip(now, seen),
             Stage::Release if seen.hand.holds.is_some() => return Gesture::HandClose,
@@ -138,13 +176,17 @@ impl JoggingParticipant {
             }
             _ => {}
         }
-        if let Some(gesture) = self.pulse_on(now) {
+        if let Some(gesture) = self.pulse_on(now, seen) {
             return gesture;
         }
         if now < self.watch_until {
             return Gesture::NoMotion;
         }
-        self.next_movement(seen, block)
+        let Some(mode) = seen.mode.as_ref().map(|mode| mode.number) else { return Gesture::NoMotion };
+        if let Some(gesture) = self.turn_on(now, mode) {
+            return gesture;
+        }
+        self.next_movement(now, seen, mode, block)
     }
 
     /// Follows what the display shows: which block, and whether the hand holds it.
@@ -164,6 +206,7 @@ impl JoggingParticipant {
         }
         if seen.hand.holds.is_none() && self.block != seen.next_block && !holding {
             self.block = seen.next_block;
+            self.stuck = 0;
             if self.stage != Stage::Retreat {
                 self.enter(Stage::Above);
             }
@@ -173,47 +216,112 @@ impl JoggingParticipant {
     fn enter(&mut self, stage: Stage) {
         self.stage = stage;
         self.pulse = None;
-        self.mode_wanted = None;
+        self.turning = None;
         self.closed_since = None;
+        self.refused.clear();
+        self.turns.clear();
+        self.movements = 0;
+        self.attitude_due = matches!(stage, Stage::Above | Stage::Carry);
     }
 
-    /// A movement gesture goes on until its time is over.
-    fn pulse_on(&mut self, now: SimTime) -> Option<Gesture> {
+    /// A movement gesture goes on until its time is over, or the display refuses it. What it brought is judged when
+    /// the next one is thought of.
+    fn pulse_on(&mut self, now: SimTime, seen: &DisplayFrame) -> Option<Gesture> {
         let pulse = self.pulse.as_mut()?;
         if self.habits.gesture() == pulse.gesture {
             let began = *pulse.began.get_or_insert(now);
-            if now.millis_since(began) >= pulse.millis {
-                self.pulse = None;
+            // What is seen is as old as the reaction time: a refusal counts if it belongs to this movement.
+            let refused = seen.gesture == pulse.gesture
+                && seen.time > began
+                && matches!(seen.planner, PlannerView::Failed { .. });
+            if refused || now.millis_since(began) >= pulse.millis {
+                pulse.over = true;
                 self.watch_until = now.plus_millis(WATCH_MILLIS + self.habits.options.reaction_ms);
-                return Some(Gesture::NoMotion);
             }
         }
-        Some(pulse.gesture)
+        (!pulse.over).then_some(pulse.gesture)
     }
 
-    fn next_movement(&mut self, seen: &DisplayFrame, block: BlockId) -> Gesture {
-        let Some(mode) = seen.mode.as_ref().map(|mode| mode.number) else { return Gesture::NoMotion };
-        if self.mode_seen.replace(mode) != Some(mode) && self.habits.gesture() == Gesture::HandOpen {
-            // It has moved on: relax before anything else.
+    /// Remembers a movement that brought too little; forgets the others when one went well.
+    fn judge(&mut self, seen: &DisplayFrame) {
+        let Some(pulse) = self.pulse.take() else { return };
+        let (q, tip) = &pulse.before;
+        let base_from_tip = seen.world_from_base.inv_mul(&seen.world_from_tip);
+        let moved = match pulse.mode {
+            joint if joint < FIRST_AXIS => seen.joints[usize::from(joint)] - q[usize::from(joint)],
+            axis if axis < FIRST_AXIS + 3 => {
+                (base_from_tip * self.grasp_centre - tip * self.grasp_centre).norm()
+            }
+            _ => base_from_tip.rotation.angle_to(&tip.rotation),
+        };
+        if moved.abs() < LEAST_PROGRESS * pulse.amount {
+            self.refused.push((pulse.mode, pulse.gesture));
+        } else {
+            self.refused.clear();
+        }
+    }
+
+    /// HO goes on until the mode is there: made anew for each step ahead, held for steps back.
+    fn turn_on(&mut self, now: SimTime, mode: u8) -> Option<Gesture> {
+        let turning = self.turning.as_mut()?;
+        let held = now.millis_since(turning.since);
+        let arrived = mode == turning.to || (turning.back && held > BACK_MILLIS);
+        let stepped = !turning.back && mode != turning.from;
+        if !(arrived || stepped) {
+            return Some(Gesture::HandOpen);
+        }
+        self.turning = None;
+        Some(Gesture::NoMotion)
+    }
+
+    fn next_movement(&mut self, now: SimTime, seen: &DisplayFrame, mode: u8, block: BlockId) -> Gesture {
+        if self.habits.gesture() == Gesture::HandOpen {
             return Gesture::NoMotion;
         }
-        let lacks = self.lacks(seen, mode, block);
-        let open = |lack: &&Lack| lack.amount.abs() > lack.done;
-        let modes: i16 = if mode >= FIRST_AXIS { 6 } else { 7 };
-        // The nearest in the cycle that is still off; turning to it costs a gesture a step.
-        let ahead = |lack: &&Lack| (i16::from(lack.mode) - i16::from(mode)).rem_euclid(modes);
-        let Some(lack) = lacks.iter().filter(open).min_by_key(ahead) else {
-            self.arrived();
-            return Gesture::NoMotion;
+        self.judge(seen);
+        let goal = self.goal_of(self.stage, self.lean, seen, block);
+        let by_axis = mode >= FIRST_AXIS;
+        let base_from_tip = seen.world_from_base.inv_mul(&seen.world_from_tip);
+        let good_enough = self.movements > MOST_MOVEMENTS;
+        let wanted = match () {
+            () if good_enough && goal.off(&base_from_tip).0 < 2.0 * goal.point_done => Ok(None),
+            () if good_enough => Err(()),
+            () if !by_axis && goal.reached(&base_from_tip) => Ok(None),
+            () if by_axis => self.axis_lack(&base_from_tip, &goal, mode),
+            () => self.joint_lack(seen, &goal, mode, block).map(Some).ok_or(()),
+        };
+        let lack = match wanted {
+            Ok(Some(lack)) => lack,
+            Ok(None) => {
+                self.arrived();
+                return Gesture::NoMotion;
+            }
+            Err(()) => {
+                self.stuck(seen);
+                return Gesture::NoMotion;
+            }
         };
         if lack.mode != mode {
-            self.mode_wanted = Some(lack.mode);
+            let (first, count) = if by_axis { (FIRST_AXIS, AXES) } else { (0, JOINTS) };
+            let ahead = (lack.mode + count - mode) % count;
+            // Back costs one step ahead, and a second for each that follows.
+            let back = count - ahead + 1 < ahead && lack.mode >= first;
+            self.turning = Some(Turning { to: lack.mode, from: mode, back, since: now });
             return Gesture::HandOpen;
         }
         let spread = Normal::new(1.0, self.habits.options.timing_spread.max(0.0)).ok();
         let share = spread.map_or(1.0, |n| n.sample(&mut self.habits.rng).clamp(0.6, 1.4));
         let millis = (lack.amount.abs() / lack.speed * 1e3 * share).clamp(PULSE_MILLIS.0, PULSE_MILLIS.1);
-        self.pulse = Some(Pulse { gesture: lack.gesture, millis: millis as u64, began: None });
+        self.movements += 1;
+        self.pulse = Some(Pulse {
+            mode,
+            gesture: lack.gesture,
+            millis: millis as u64,
+            before: (seen.joints.clone(), base_from_tip),
+            amount: millis * 1e-3 * lack.speed,
+            began: None,
+            over: false,
+        });
         lack.gesture
     }
 
@@ -232,6 +340,41 @@ impl JoggingParticipant {
         self.enter(next);
     }
 
+    /// No movement is left that would help: lets go if that is near enough, else goes up and tries another attitude
+    /// of the hand, now and then another posture too.
+    fn stuck(&mut self, seen: &DisplayFrame) {
+        self.refused.clear();
+        self.turns.clear();
+        let height =
+            |block: BlockId| seen.blocks[block.index()].translation.z - self.scene.table_height - BLOCK;
+        if self.stage == Stage::Lower && seen.hand.holds.is_some_and(|block| height(block) < FALL_HEIGHT) {
+            self.enter(Stage::Release);
+            return;
+        }
+        let centre = seen.world_from_tip * self.grasp_centre;
+        let over = |block: BlockId| centre.coords - seen.blocks[block.index()].translation.vector;
+        let gripped = |off: Vector| off.z < GRIP_HEIGHT && off.xy().norm() < 0.6 * BLOCK;
+        if self.stage == Stage::Down
+            && !self.gripped_high
+            && self.block.is_some_and(|block| gripped(over(block)))
+        {
+            self.gripped_high = true;
+            self.enter(Stage::Grip);
+            return;
+        }
+        self.gripped_high = false;
+        self.stuck += 1;
+        if self.stuck.is_multiple_of(3) {
+            self.habits.lean_to_reach((self.stuck / 3) as u32, false);
+        }
+        match (self.stage, seen.hand.holds) {
+            // Not even up: on with what comes next, from wherever the hand is.
+            (Stage::Retreat | Stage::Lift, _) => self.arrived(),
+            (_, Some(_)) => self.enter(Stage::Lift),
+            (_, None) => self.enter(Stage::Retreat),
+        }
+    }
+
     /// Closes the hand; when it closed on nothing, opens it again and goes back up.
     fn grip(&mut self, now: SimTime, seen: &DisplayFrame) -> Gesture {
         if seen.hand.state != HandState::Closed {
@@ -243,81 +386,6 @@ impl JoggingParticipant {
             self.enter(Stage::Hover);
         }
         Gesture::NoMotion
-    }
-
-    /// What each mode lacks for the stage's place.
-    fn lacks(&self, seen: &DisplayFrame, mode: u8, block: BlockId) -> Vec<Lack> {
-        let base_from_tip = seen.world_from_base.inv_mul(&seen.world_from_tip);
-        let goal = self.hand_goal(seen, block);
-        let sided = |amount: f64, sign: f64| {
-            if amount * sign > 0.0 { Gesture::WristExtension } else { Gesture::WristFlexion }
-        };
-        if mode >= FIRST_AXIS {
-            let off = goal.target - base_from_tip * goal.point;
-            let axis = base_from_tip.rotation * goal.axis;
-            let turn = axis.cross(&goal.up);
-            // Turning the hand at its wrist carries the grasp centre along: tilt first, then place.
-            let upright = turn.norm() < ANGULAR_DONE * 1.5;
-            let mut lacks = Vec::new();
-            for (k, sign) in [1.0, -1.0, 1.0].into_iter().enumerate() {
-                let number = FIRST_AXIS + k as u8;
-                if upright {
-                    let gesture = sided(off[k], sign);
-                    lacks.push(Lack {
-                        mode: number,
-                        amount: off[k],
-                        speed: LINEAR_SPEED,
-                        done: LINEAR_DONE,
-                        gesture,
-                    });
-                }
-                let gesture = sided(turn[k], sign);
-                let (speed, done) = (ANGULAR_SPEED, ANGULAR_DONE);
-                lacks.push(Lack { mode: number + 3, amount: turn[k], speed, done, gesture });
-            }
-            return lacks;
-        }
-        let q = &seen.joints[..7.min(seen.joints.len())];
-        let (wanted, _) = self.sense.inverse(q, &goal);
-        // Signs of WE for the seven joints in the paper's order.
-        const SIGNS: [f64; 7] = [1.0, -1.0, -1.0, 1.0, 1.0, 1.0, -1.0];
-        (0..q.len())
-            .map(|k| {
-                let amount = wanted[k] - q[k];
-                let gesture = sided(amount, SIGNS[k]);
-                Lack { mode: k as u8, amount, speed: JOINT_SPEED, done: JOINT_DONE, gesture }
-            })
-            .collect()
-    }
-
-    fn hand_goal(&self, seen: &DisplayFrame, block: BlockId) -> HandGoal {
-        let at = |pose: &Pose| Point::from(pose.translation.vector);
-        let standing = at(&seen.blocks[block.index()]);
-        let target = self.scene.targets[block.index()].centre;
-        let high =
-            |point: &Point, height: f64| Point::new(point.x, point.y, self.scene.table_height + height);
-        let half = 0.025;
-        let tip = &seen.world_from_tip;
-        let place = match self.stage {
-            Stage::Above => high(&standing, CARRY_HEIGHT),
-            Stage::Hover => standing + Vector::z() * HOVER_HEIGHT,
-            Stage::Down | Stage::Grip => standing,
-            Stage::Lift | Stage::Retreat => high(&(tip * self.grasp_centre), CARRY_HEIGHT),
-            Stage::Carry => high(&target, CARRY_HEIGHT),
-            Stage::Lower | Stage::Release => high(&target, half + DROP_HEIGHT),
-        };
-        let held = seen.hand.holds.map(|b| tip.inv_mul(&seen.blocks[b.index()]));
-        let base_from_world = seen.world_from_base.inverse();
-        HandGoal {
-            point: held.map_or(self.grasp_centre, |pose| at(&pose)),
-            axis: held.map_or(Vector::new(0.0, ROLL.sin(), ROLL.cos()), |pose| {
-                let axis = pose.rotation * Vector::z();
-                // A block stands on either end.
-                if axis.z < 0.0 { -axis } else { axis }
-            }),
-            target: base_from_world * place,
-            up: base_from_world * Vector::z(),
-        }
     }
 }
 

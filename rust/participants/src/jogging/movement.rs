@@ -1,0 +1,101 @@
+//! Which movement comes next: the axis or the joint that is off.
+
+use super::{AXES, FIRST_AXIS, JOINTS, JoggingParticipant, obstacles::Obstacles};
+use crate::reach::HandGoal;
+use proact_types::{BlockId, DisplayFrame, Gesture, Pose, Vector};
+
+/// How fast WE and WF move a joint, rad/s, and the hand, m/s and rad/s: learnt in the first minutes of practice.
+const JOINT_SPEED: f64 = 0.4;
+const LINEAR_SPEED: f64 = 0.08;
+const ANGULAR_SPEED: f64 = 0.4;
+/// Signs of WE for the seven joints in the paper's order.
+const JOINT_SIGNS: [f64; 7] = [1.0, -1.0, -1.0, 1.0, 1.0, 1.0, -1.0];
+/// What is left below this along an axis is not worth another movement, metres, rad.
+const LINEAR_DONE: f64 = 0.006;
+pub(super) const ANGULAR_DONE: f64 = 0.15;
+/// A joint this near to where it should be is left alone, rad.
+const TURN_DONE: f64 = 0.035;
+/// The hand turns about the upright once it is this near to its place, metres.
+const YAW_NEAR: f64 = 0.06;
+
+/// What one mode is off by, and what brings it nearer.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Lack {
+    pub(super) mode: u8,
+    /// How far off, in the unit of its speed.
+    pub(super) amount: f64,
+    /// Per second.
+    pub(super) speed: f64,
+    pub(super) gesture: Gesture,
+}
+
+impl JoggingParticipant {
+    /// The nearest axis in the cycle that is off and was not refused: none if all are right, an error if those that
+    /// are off were refused.
+    pub(super) fn axis_lack(
+        &mut self,
+        base_from_tip: &Pose,
+        goal: &HandGoal,
+        mode: u8,
+    ) -> Result<Option<Lack>, ()> {
+        let off = goal.target - base_from_tip * goal.point;
+        let tilt = (base_from_tip.rotation * goal.axis).cross(&goal.up);
+        let aside = off - goal.up * off.dot(&goal.up);
+        self.near |= aside.norm() < YAW_NEAR;
+        let turn = match &self.attitude {
+            // Straight up in any attitude.
+            _ if goal.tilt_done > 0.9 => Vector::zeros(),
+            Some(wanted) if self.near => (wanted * base_from_tip.rotation.inverse()).scaled_axis(),
+            _ => tilt,
+        };
+        let (mut turns, mut shifts) = (Vec::new(), Vec::new());
+        for (k, sign) in [1.0, -1.0, 1.0].into_iter().enumerate() {
+            let mode = FIRST_AXIS + k as u8;
+            if off[k].abs() > LINEAR_DONE.max(goal.point_done / 2.0) {
+                let gesture = sided(off[k] * sign);
+                shifts.push(Lack { mode, amount: off[k], speed: LINEAR_SPEED, gesture });
+            }
+            if turn[k].abs() > ANGULAR_DONE {
+                let gesture = sided(turn[k] * sign);
+                turns.push(Lack { mode: mode + 3, amount: turn[k], speed: ANGULAR_SPEED, gesture });
+            }
+        }
+        if turns.is_empty() && shifts.is_empty() {
+            return Ok(None);
+        }
+        let free = |lack: &&Lack| !self.refused.contains(&(lack.mode, lack.gesture));
+        let ahead = |lack: &&Lack| (lack.mode + AXES - mode) % AXES;
+        // Turning the hand at its wrist carries the grasp centre along: tilt first, then place.
+        let next = turns.iter().filter(free).min_by_key(ahead);
+        let next = next.or_else(|| shifts.iter().filter(free).min_by_key(ahead)).copied();
+        let turned_enough = shifts.is_empty() && tilt.norm() < goal.tilt_done;
+        if next.is_none() && !turned_enough { Err(()) } else { Ok(next) }
+    }
+
+    /// The joint to turn next; none if none helps.
+    pub(super) fn joint_lack(
+        &mut self,
+        seen: &DisplayFrame,
+        goal: &HandGoal,
+        mode: u8,
+        block: BlockId,
+    ) -> Option<Lack> {
+        let q = seen.joints.get(..JOINTS.into())?;
+        self.turns.retain(|turn| (turn.to - q[turn.joint]).abs() > TURN_DONE);
+        if self.turns.is_empty() {
+            let obstacles = Obstacles::new(&self.scene, seen, block, self.sense.fingers(&seen.joints));
+            let in_the_way = |base_from_tip: &Pose| obstacles.depth(&(seen.world_from_base * base_from_tip));
+            self.turns = self.sense.turns(q, mode.into(), goal, 1.0 / JOINT_SPEED, &in_the_way);
+        }
+        let turn = self.turns.first()?;
+        let amount = turn.to - q[turn.joint];
+        let gesture = sided(amount * JOINT_SIGNS[turn.joint]);
+        let lack = Lack { mode: turn.joint as u8, amount, speed: JOINT_SPEED, gesture };
+        (!self.refused.contains(&(lack.mode, gesture))).then_some(lack)
+    }
+}
+
+/// The gesture for one side or the other.
+fn sided(amount: f64) -> Gesture {
+    if amount > 0.0 { Gesture::WristExtension } else { Gesture::WristFlexion }
+}
