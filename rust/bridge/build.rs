@@ -7,7 +7,14 @@ fn main() {
     println!("cargo:rerun-if-changed=web/dist");
     println!("cargo:rerun-if-changed=../../ros1_ws/src/proact_description/meshes");
     println!("cargo:rerun-if-changed=build.rs");
-    for file in ["web/dist/index.html", "web/dist/app.js", "web/dist/app.css"] {
+    for file in [
+        "web/dist/index.html",
+        "web/dist/app.js",
+        "web/dist/app.css",
+        "web/dist/calibrate.html",
+        "web/dist/calibrate.js",
+        "web/dist/calibrate.css",
+    ] {
         if !Path::new(file).is_file() {
             // One line each: Cargo prints them as errors of this crate and stops here.
             println!("cargo:error=the page is not built: rust/bridge/{file} is missing");

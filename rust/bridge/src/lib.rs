@@ -32,6 +32,7 @@
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod assets;
+mod calibration;
 mod error;
 mod feed;
 mod gaze_check;
@@ -41,6 +42,7 @@ mod pilot;
 mod server;
 mod signals;
 
+pub use calibration::{CalibrationCommand, CalibrationServer};
 pub use error::BridgeError;
 pub use gaze_check::{GazeCheck, GazePoint};
 pub use input::{ClientInput, StudyAction};

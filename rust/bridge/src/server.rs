@@ -165,12 +165,7 @@ impl PageServer {
 
     /// The address to open in a browser.
     pub fn url(&self) -> String {
-        let ip = match self.address.ip() {
-            // "All addresses" is none that a browser could open.
-            ip if ip.is_unspecified() => IpAddr::V4(Ipv4Addr::LOCALHOST),
-            ip => ip,
-        };
-        format!("http://{}/", SocketAddr::new(ip, self.address.port()))
+        url_of(self.address)
     }
 
     /// Hands a frame to all pages. Never blocks on them; a page that is still busy with an older one gets the
@@ -253,7 +248,17 @@ fn store(page: &PageContent) -> Result<StoredContent, BridgeError> {
     Ok(StoredContent { json, interactive: page.interactive })
 }
 
-fn listen(options: PageOptions) -> Result<TcpListener, BridgeError> {
+/// What a browser opens to reach a server that listens on `address`.
+pub(crate) fn url_of(address: SocketAddr) -> String {
+    let ip = match address.ip() {
+        // "All addresses" is none that a browser could open.
+        ip if ip.is_unspecified() => IpAddr::V4(Ipv4Addr::LOCALHOST),
+        ip => ip,
+    };
+    format!("http://{}/", SocketAddr::new(ip, address.port()))
+}
+
+pub(crate) fn listen(options: PageOptions) -> Result<TcpListener, BridgeError> {
     let last = if options.allow_next { options.port.saturating_add(PORTS_TRIED) } else { options.port };
     for port in options.port..=last {
         let address = SocketAddr::new(options.bind, port);
@@ -356,7 +361,7 @@ async fn refuse_foreign_pages(State(shared): State<Arc<Shared>>, request: Reques
     }
 }
 
-fn foreign(headers: &HeaderMap, local_only: bool) -> Option<String> {
+pub(crate) fn foreign(headers: &HeaderMap, local_only: bool) -> Option<String> {
     let text = |name| headers.get(name).and_then(|value: &header::HeaderValue| value.to_str().ok());
     let host = text(header::HOST).unwrap_or_default();
     if local_only && !is_local_name(host) {

@@ -6,7 +6,7 @@ import * as esbuild from "esbuild";
 const root = fileURLToPath(new URL(".", import.meta.url));
 const options = {
   absWorkingDir: root,
-  entryPoints: { app: "src/main.ts" },
+  entryPoints: { app: "src/main.ts", calibrate: "src/calibrate.ts" },
   outdir: "dist",
   bundle: true,
   minify: true,
@@ -19,6 +19,7 @@ const options = {
 await rm(`${root}dist`, { recursive: true, force: true });
 await mkdir(`${root}dist`, { recursive: true });
 await cp(`${root}src/index.html`, `${root}dist/index.html`);
+await cp(`${root}src/calibrate.html`, `${root}dist/calibrate.html`);
 await cp(`${root}src/icon.svg`, `${root}dist/icon.svg`);
 if (process.argv.includes("--watch")) {
   const context = await esbuild.context({ ...options, minify: false, sourcemap: "inline", logLevel: "info" });

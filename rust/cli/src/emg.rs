@@ -1,7 +1,13 @@
 //! `proact emg`: what labs compare with their own tools, and live streams.
 
+mod band;
+mod page;
+mod screen;
 mod simulate;
+mod source;
 mod stream;
+mod test;
+mod train;
 mod view;
 
 use clap::{Args, Subcommand, ValueEnum};
@@ -18,6 +24,19 @@ use std::{
 /// Subcommands of `proact emg`.
 #[derive(Debug, Subcommand)]
 pub enum EmgCommand {
+    /// Guide a person through a calibration and write a model.
+    #[command(
+        after_help = "Examples:\n  proact emg train --source ble --out me.json --save recordings/me\n  \
+        proact emg train --source ble --page\n  \
+        proact emg train --source gforce-sim://127.0.0.1:7410 --json\n  \
+        proact emg train --source file:recordings/ --json\n\n\
+        Simulated people make what they are prompted. Success only if the target is reached; the model is written all the same."
+    )]
+    Train(Box<train::TrainArgs>),
+    /// Test whether a person can use a model: gestures in order, a longer trial, a cursor.
+    #[command(after_help = "Examples:\n  proact emg test --model me.json --source ble\n  \
+        proact emg test --model me.json --source ble --tests cursor --page")]
+    Test(Box<test::TestArgs>),
     /// Train on some repetitions of a recording, test on others.
     #[command(
         after_help = "Example:\n  proact emg evaluate --data recordings/ --train-reps 0,1 --test-reps 2"
@@ -132,6 +151,8 @@ pub fn run(command: &EmgCommand, json: bool) -> Result<(), Box<dyn Error>> {
             }
             text
         }
+        EmgCommand::Train(args) => return train::run(args, json),
+        EmgCommand::Test(args) => return test::run(args, json),
         EmgCommand::Stream(args) => return stream::run(args, json),
         EmgCommand::Simulate(args) => return simulate::run(args, json),
     };
@@ -216,6 +237,16 @@ fn windows_of(
 }
 
 impl WindowArgs {
+    /// [`WindowArgs::config`] for a live stream: unlike recordings it can fall silent.
+    fn live_config(&self, rate_hz: f64, channels: usize) -> Result<EmgConfig, Box<dyn Error>> {
+        let config = EmgConfig {
+            max_age_millis: EmgConfig::default().max_age_millis,
+            ..self.config(rate_hz, channels)?
+        };
+        config.check()?;
+        Ok(config)
+    }
+
     fn config(&self, rate_hz: f64, channels: usize) -> Result<EmgConfig, Box<dyn Error>> {
         let length = |name: &str, value: f64| match self.unit {
             Unit::Ms => Ok(WindowLength::Millis(value)),

@@ -50,8 +50,8 @@ pub use feed::EmgFeed;
 pub use gaze::GazeSource;
 pub use libemg_udp::{LIBEMG_PORT, LibEmgOutput, LibEmgReceiver, LibEmgSender};
 pub use live::{
-    EmgPacket, Fault, FaultySource, Pacing, PlaybackSource, SampleSource, ScriptedEvent, ScriptedSource,
-    SourceCounts, SourceEvent, SourceInfo,
+    EmgPacket, Fault, FaultySource, KeyboardSource, Pacing, PersonSource, PlaybackSource, SampleSource,
+    ScriptedEvent, ScriptedSource, SourceCounts, SourceEvent, SourceInfo,
 };
 pub use random::stream;
 pub use recorder::{EmgRecorder, RecordedStream, read_recorded};

@@ -1,7 +1,10 @@
 use crate::{DeviceError, metadata::Metadata};
 use arrayvec::ArrayVec;
 use proact_types::{EmgSample, Gesture, MAX_EMG_CHANNELS};
-use std::path::{Path, PathBuf};
+use std::{
+    io::Write,
+    path::{Path, PathBuf},
+};
 
 /// One value per channel, in the device's counts.
 pub type ChannelValues = ArrayVec<f64, MAX_EMG_CHANNELS>;
@@ -115,6 +118,35 @@ impl Recordings {
         let mut recordings = Recordings { path: dir.to_owned(), rate_hz, channels: 0, items };
         recordings.check_items()?;
         Ok(recordings)
+    }
+
+    /// Writes `R_<repetition>_C_<class>.csv` files with `metadata.json` beside them, which [`Recordings::open`] and LibEMG
+    /// read. Makes the folder if it is not there.
+    ///
+    /// # Errors
+    /// A folder or file that cannot be written; none is replaced.
+    pub fn write(&self, dir: &Path) -> Result<(), DeviceError> {
+        let failed = |path: &Path| {
+            let path = path.to_owned();
+            move |source| DeviceError::Write { path, source }
+        };
+        std::fs::create_dir_all(dir).map_err(failed(dir))?;
+        let create = |name: &str, text: &str| {
+            let path = dir.join(name);
+            let mut file = std::fs::File::create_new(&path).map_err(failed(&path))?;
+            file.write_all(text.as_bytes()).and_then(|()| file.sync_all()).map_err(failed(&path))
+        };
+        let classes: serde_json::Map<String, serde_json::Value> =
+            Gesture::ALL.iter().map(|g| (g.index().to_string(), g.ros_name().into())).collect();
+        let metadata = serde_json::json!({ "rate_hz": self.rate_hz, "class_map": classes });
+        create("metadata.json", &format!("{metadata:#}\n"))?;
+        for item in &self.items {
+            let line =
+                |row: &ChannelValues| row.iter().map(f64::to_string).collect::<Vec<_>>().join(",") + "\n";
+            let text: String = item.samples.iter().map(line).collect();
+            create(&format!("R_{}_C_{}.csv", item.repetition, item.gesture.index()), &text)?;
+        }
+        Ok(())
     }
 
     /// Checks that all files have the channels of the first, and no repetition comes twice.

@@ -1,9 +1,10 @@
 //! `proact emg simulate`: an armband without an armband.
 
+use super::source::REACTION;
 use clap::Args;
 use proact_devices::{
     EmgFeed, Recordings, SyntheticEmg, SyntheticModel,
-    gforce::{CodeSource, Simulator, SimulatorOptions, serve},
+    gforce::{CodeSource, Prompted, Simulator, SimulatorOptions, serve},
     stream,
 };
 use proact_types::{EmgSample, Gesture, SimTime};
@@ -131,7 +132,9 @@ pub(super) fn run(args: &SimulateArgs, json: bool) -> Result<(), Box<dyn Error>>
         seed: args.seed,
         ..SimulatorOptions::flawless(rate_hz as u16, channels)
     };
-    let mut simulator = Simulator::new(options, codes(feed, rate_hz, args.gestures.clone()))?;
+    let prompted = Prompted::default();
+    let codes = codes(feed, rate_hz, args.gestures.clone(), prompted.clone());
+    let mut simulator = Simulator::new(options, codes)?.with_prompts(prompted);
     let listener = TcpListener::bind(("127.0.0.1", args.port))
         .map_err(|e| format!("port {} cannot be used: {e}; --port 0 takes a free one", args.port))?;
     let address = listener.local_addr()?;
@@ -196,17 +199,31 @@ fn feed(args: &SimulateArgs) -> Result<(EmgFeed, f64, usize), Box<dyn Error>> {
     Ok((feed, recordings.rate_hz, recordings.channels))
 }
 
-/// One sample a call, with the gesture of its time.
-fn codes(mut feed: EmgFeed, rate_hz: f64, held: Vec<Held>) -> CodeSource {
+/// One sample a call, with the gesture of its time, or that of the newest prompt once somebody prompts: the simulated
+/// person follows it a little later.
+fn codes(mut feed: EmgFeed, rate_hz: f64, held: Vec<Held>, prompted: Prompted) -> CodeSource {
+    let reaction = REACTION.as_millis() as u64;
     let mut ready: VecDeque<EmgSample> = VecDeque::new();
-    let mut tick = 0;
+    let (mut tick, mut asked, mut made) = (0, None, Gesture::NoMotion);
     Box::new(move || {
         loop {
             if let Some(sample) = ready.pop_front() {
                 return sample.channels;
             }
+            let intended = match prompted.get() {
+                None => gesture_at(&held, tick as f64 / 1000.0),
+                Some(gesture) => {
+                    let (of, since) = *asked.get_or_insert((gesture, tick));
+                    if of != gesture {
+                        asked = Some((gesture, tick));
+                    } else if tick - since >= reaction {
+                        made = gesture;
+                    }
+                    made
+                }
+            };
             // The feed's time is that of its samples: no sample comes early and none is skipped.
-            ready.extend(feed.sample_at(SimTime(tick), gesture_at(&held, tick as f64 / 1000.0)));
+            ready.extend(feed.sample_at(SimTime(tick), intended));
             debug_assert!(rate_hz <= 1000.0);
             tick += 1;
         }

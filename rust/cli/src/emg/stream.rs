@@ -1,17 +1,17 @@
 //! `proact emg stream`: a live source, recognised and shown.
 
-use super::view::{Glance, View};
+use super::{
+    source::{CentringCheck, SourceArgs, SourceName, open, read_model, zero_levels},
+    view::{Glance, View},
+};
 use crate::emg::WindowArgs;
 use clap::Args;
 use proact_devices::{
-    EmgPacket, EmgRecorder, LibEmgOutput, LibEmgReceiver, LibEmgSender, Pacing, PlaybackSource, Recording,
-    Recordings, SampleSource, SourceEvent, SourceInfo, SyntheticEmg, SyntheticModel,
-    gforce::{GForce, GForceOptions, TcpConnector},
-    read_recorded, stream,
+    EmgPacket, EmgRecorder, LibEmgOutput, LibEmgReceiver, LibEmgSender, Recording, Recordings, SampleSource,
+    SourceEvent, SourceInfo, SyntheticEmg, SyntheticModel, stream,
 };
 use proact_emg::{
     DecisionRule, EmgConfig, EmgModel, EmgOutput, EmgPipeline, Light, QualityConfig, QualityMonitor,
-    StreamFormat,
 };
 use proact_types::{EmgSample, Gesture, SimTime};
 use serde_json::json;
@@ -19,7 +19,6 @@ use std::{
     error::Error,
     io::Write,
     path::PathBuf,
-    str::FromStr,
     sync::{
         Arc,
         atomic::{AtomicBool, Ordering},
@@ -30,9 +29,8 @@ use std::{
 /// Options of `proact emg stream`.
 #[derive(Debug, Args)]
 pub struct StreamArgs {
-    /// gforce-sim://HOST:PORT, ble or ble:NAME, file:FOLDER, file:FILE.csv|.edf, libemg-udp:PORT.
-    #[arg(long)]
-    source: SourceName,
+    #[command(flatten)]
+    source: SourceArgs,
     /// Model file, as training writes it.
     #[arg(long, conflicts_with_all = ["data", "window", "increment", "features"])]
     model: Option<PathBuf>,
@@ -42,22 +40,6 @@ pub struct StreamArgs {
     /// Repetitions to train on.
     #[arg(long, value_delimiter = ',', default_value = "0,1")]
     train_reps: Vec<u32>,
-    /// Repetition that file:FOLDER plays.
-    #[arg(long, default_value_t = 2)]
-    rep: u32,
-    /// Play files as fast as they can be read.
-    #[arg(long)]
-    flat_out: bool,
-    /// The code of zero volts. Default: that of the model if it was trained on raw codes; else what the maker says,
-    /// 128 at 8 bit, 2048 at 12 bit; 0 for files.
-    #[arg(long)]
-    zero: Option<f64>,
-    /// Bits of the armband's converter: 8 up to 1000 Hz, 12 up to 500 Hz.
-    #[arg(long, default_value_t = 8)]
-    bits: u8,
-    /// Bytes of a packet: 128 waits 16 ms at 1000 Hz, 32 waits 4 ms.
-    #[arg(long, default_value_t = 128)]
-    packet: u8,
     /// Keep the raw codes with the device's time: a new .csv or .edf file.
     #[arg(long)]
     record: Option<PathBuf>,
@@ -69,36 +51,6 @@ pub struct StreamArgs {
     seconds: Option<f64>,
     #[command(flatten)]
     window: WindowArgs,
-}
-
-/// Where samples come from.
-#[derive(Clone, Debug, PartialEq)]
-enum SourceName {
-    Simulator(String),
-    Ble(String),
-    File(PathBuf),
-    LibEmgUdp(u16),
-}
-
-impl FromStr for SourceName {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<SourceName, String> {
-        let unknown = || {
-            format!(
-                "source {text:?} is unknown; expected gforce-sim://HOST:PORT, ble, ble:NAME, file:PATH or libemg-udp:PORT"
-            )
-        };
-        if let Some(address) = text.strip_prefix("gforce-sim://") {
-            return Ok(SourceName::Simulator(address.to_owned()));
-        }
-        match text.split_once(':').unwrap_or((text, "")) {
-            ("ble", name) => Ok(SourceName::Ble(name.to_owned())),
-            ("file", path) if !path.is_empty() => Ok(SourceName::File(path.into())),
-            ("libemg-udp", port) => port.parse().map(SourceName::LibEmgUdp).map_err(|_| unknown()),
-            _ => Err(unknown()),
-        }
-    }
 }
 
 /// Streams until the source ends, the time is over, or the process is told to stop.
@@ -117,73 +69,19 @@ pub(super) fn run(args: &StreamArgs, json: bool) -> Result<(), Box<dyn Error>> {
     if let Some(target) = &args.udp {
         out.sender = Some(LibEmgSender::connect(target)?);
     }
-    if let SourceName::LibEmgUdp(port) = args.source {
+    if let SourceName::LibEmgUdp(port) = args.source.source {
         return classes(args, port, &mut out, &stop);
     }
-    let mut source = open(args)?;
+    let mut source = open(&args.source, args.window.rate)?;
     samples(args, source.as_mut(), &mut out, &stop)
-}
-
-fn open(args: &StreamArgs) -> Result<Box<dyn SampleSource>, Box<dyn Error>> {
-    let rate_hz = match args.window.rate {
-        Some(rate) if (1.0..=1000.0).contains(&rate) && rate.fract() == 0.0 => Some(rate as u16),
-        Some(rate) => return Err(format!("--emg-rate is {rate}, expected a whole number up to 1000").into()),
-        None => None,
-    };
-    let options =
-        GForceOptions { rate_hz, bits: args.bits, packet_bytes: args.packet, ..GForceOptions::default() };
-    let pacing = if args.flat_out { Pacing::FlatOut } else { Pacing::RealTime };
-    Ok(match &args.source {
-        SourceName::Simulator(address) => {
-            Box::new(GForce::open(Box::new(TcpConnector::new(address)), options)?)
-        }
-        SourceName::Ble(name) => open_ble(name, options)?,
-        SourceName::File(path) if path.is_file() => {
-            let recorded = read_recorded(path)?;
-            let (name, rate) = (path.display().to_string(), recorded.rate_hz);
-            Box::new(PlaybackSource::new(&name, recorded.samples, rate, packet_of(rate), pacing)?)
-        }
-        SourceName::File(path) => {
-            let recordings = Recordings::open(path, args.window.rate)?;
-            let (gestures, packet) = (recordings.gestures(), packet_of(recordings.rate_hz));
-            Box::new(PlaybackSource::of_recordings(&recordings, args.rep, &gestures, packet, pacing)?)
-        }
-        SourceName::LibEmgUdp(_) => return Err("LibEMG sends classes, not samples".into()),
-    })
-}
-
-/// Files are played in packets as long as the armband's.
-fn packet_of(rate_hz: f64) -> usize {
-    ((rate_hz * 0.016).round() as usize).max(1)
-}
-
-#[cfg(feature = "ble")]
-fn open_ble(name: &str, options: GForceOptions) -> Result<Box<dyn SampleSource>, Box<dyn Error>> {
-    let connector = proact_devices::gforce::BleConnector::new(name)?;
-    Ok(Box::new(GForce::open(Box::new(connector), options)?))
-}
-
-#[cfg(not(feature = "ble"))]
-fn open_ble(_name: &str, _options: GForceOptions) -> Result<Box<dyn SampleSource>, Box<dyn Error>> {
-    Err("this proact was built without Bluetooth; install libdbus-1-dev and build with --features ble".into())
 }
 
 /// A model for the stream, and what it was trained on.
 fn model(args: &StreamArgs, info: &SourceInfo) -> Result<(EmgModel, String), Box<dyn Error>> {
     if let Some(path) = &args.model {
-        let json =
-            std::fs::read_to_string(path).map_err(|e| format!("cannot read {}: {e}", path.display()))?;
-        let model = EmgModel::from_json(&json).map_err(|e| format!("{}: {e}", path.display()))?;
-        let stream = StreamFormat { rate_hz: info.rate_hz, channels: info.channels, rest_medians: None };
-        model.check_fits(&stream)?;
-        return Ok((model, path.display().to_string()));
+        return Ok((read_model(path, info)?, path.display().to_string()));
     }
-    // Unlike recordings a live stream can fall silent.
-    let config = EmgConfig {
-        max_age_millis: EmgConfig::default().max_age_millis,
-        ..args.window.config(info.rate_hz, info.channels)?
-    };
-    config.check()?;
+    let config = args.window.live_config(info.rate_hz, info.channels)?;
     let (recordings, reps, label) = match &args.data {
         Some(dir) => {
             (Recordings::open(dir, args.window.rate)?, args.train_reps.clone(), dir.display().to_string())
@@ -217,15 +115,6 @@ fn synthetic() -> Result<Recordings, Box<dyn Error>> {
     };
     let items = Gesture::ALL.map(&mut record).into();
     Ok(Recordings { path: "synthetic".into(), rate_hz, channels, items })
-}
-
-/// What is subtracted from each channel. A model whose zero levels are all 0 was trained on centred samples.
-fn zero_levels(args: &StreamArgs, info: &SourceInfo, model: &EmgModel) -> Vec<f64> {
-    match args.zero {
-        Some(zero) => vec![zero; info.channels],
-        None if model.centring.iter().any(|level| *level != 0.0) => model.centring.clone(),
-        None => vec![info.zero; info.channels],
-    }
 }
 
 fn check_fit(info: &SourceInfo, rate_hz: f64, channels: usize, trained_on: &str) -> Result<(), String> {
@@ -282,7 +171,8 @@ fn samples(
 ) -> Result<(), Box<dyn Error>> {
     let info = source.info().clone();
     let (model, label) = model(args, &info)?;
-    let zero = zero_levels(args, &info, &model);
+    let zero = zero_levels(&args.source, &info, &model);
+    let mut centring = CentringCheck::new(&args.source, &info, &model);
     let mut pipeline = EmgPipeline::new(&model.config, model.classifier.clone())?;
     // Rails are those of all channels: the narrowest range after centring.
     let rails = info.rails.map(|(low, high)| {
@@ -319,6 +209,11 @@ fn samples(
                         "lost_samples": packet.lost_before, "next_sample": next }))?;
                 }
                 for sample in &mut packet.samples {
+                    if let Some(check) = &mut centring
+                        && check.push(sample)?
+                    {
+                        centring = None;
+                    }
                     sample.channels.iter_mut().zip(&zero).for_each(|(value, zero)| *value -= zero);
                     glance.sample(sample);
                     if quality.push(now, sample) {
@@ -402,9 +297,13 @@ fn classes(args: &StreamArgs, port: u16, out: &mut Output, stop: &AtomicBool) ->
             Err(error) => return Err(error.into()),
         };
         let now = SimTime(begin.elapsed().as_millis() as u64);
-        // What LibEMG rejects is no output; a row of rejections becomes stale and stops the arm.
+        // What LibEMG rejects breaks a run of equal classes, and a full run of rejections stops the arm.
         let class = received.and_then(|r| r.gesture);
-        let Some(decision) = rule.step(now, class) else { continue };
+        let decided = match (received, class) {
+            (Some(_), None) => Some(rule.reject(now)),
+            _ => rule.step(now, class),
+        };
+        let Some(decision) = decided else { continue };
         let window_class = class.unwrap_or(Gesture::NoMotion);
         let output = EmgOutput {
             gesture: decision.gesture,
@@ -431,22 +330,6 @@ fn classes(args: &StreamArgs, port: u16, out: &mut Output, stop: &AtomicBool) ->
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn sources_are_told_by_their_names() {
-        let source = |text: &str| text.parse::<SourceName>();
-        assert_eq!(
-            source("gforce-sim://127.0.0.1:7410"),
-            Ok(SourceName::Simulator("127.0.0.1:7410".to_owned()))
-        );
-        assert_eq!(source("ble"), Ok(SourceName::Ble(String::new())));
-        assert_eq!(source("ble:gForce"), Ok(SourceName::Ble("gForce".to_owned())));
-        assert_eq!(source("file:/a:b"), Ok(SourceName::File("/a:b".into())));
-        assert_eq!(source("libemg-udp:12346"), Ok(SourceName::LibEmgUdp(12346)));
-        for wrong in ["", "file:", "libemg-udp:", "libemg-udp:70000", "usb"] {
-            assert!(source(wrong).unwrap_err().contains("expected gforce-sim://"), "{wrong:?}");
-        }
-    }
 
     #[test]
     fn a_model_of_another_band_is_refused_with_both_bands() {

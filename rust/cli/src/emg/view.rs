@@ -101,15 +101,19 @@ impl Glance {
 
 /// The light as a word, and what is wrong.
 fn finding(quality: &ChannelQuality) -> String {
-    let fault = match quality.fault {
-        None => "",
-        Some(Fault::Flat) => "flat: a dead channel",
-        Some(Fault::Railed) => "cut off at the ends of the range",
-        Some(Fault::Drift) => "far from where it rested",
-        Some(Fault::Mains) => "mains hum",
-        Some(Fault::LiftOff) => "louder than any gesture: off the skin?",
-    };
+    let fault = quality.fault.map_or("", fault_text);
     format!("{:<5} {fault}", word(quality.light)).trim_end().to_owned()
+}
+
+/// What is wrong with a channel.
+pub(super) fn fault_text(fault: Fault) -> &'static str {
+    match fault {
+        Fault::Flat => "flat: a dead channel",
+        Fault::Railed => "cut off at the ends of the range",
+        Fault::Drift => "far from where it rested",
+        Fault::Mains => "mains hum",
+        Fault::LiftOff => "louder than any gesture: off the skin?",
+    }
 }
 
 fn word(light: Light) -> &'static str {

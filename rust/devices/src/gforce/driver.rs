@@ -7,6 +7,7 @@ use super::{
     },
 };
 use crate::{DeviceError, EmgPacket, SampleSource, SourceCounts, SourceEvent, SourceInfo};
+use proact_types::Gesture;
 use std::time::{Duration, Instant};
 
 /// Why an armband cannot be used although it is connected.
@@ -222,6 +223,13 @@ impl SampleSource for GForce {
 
     fn counts(&self) -> SourceCounts {
         self.parser.counts()
+    }
+
+    fn prompt(&mut self, gesture: Gesture) {
+        if let State::Streaming { link, .. } = &mut self.state {
+            // A link that is lost is noticed by the next poll.
+            let _ = link.prompt(gesture);
+        }
     }
 }
 

@@ -1,6 +1,7 @@
 //! What carries the protocol: a radio, or a socket to the simulator.
 
-use super::protocol::Characteristic;
+use super::{protocol::Characteristic, simulator::PROMPT};
+use proact_types::Gesture;
 use std::{
     io::{self, Read, Write},
     net::TcpStream,
@@ -44,6 +45,14 @@ pub trait GattLink: Send {
         timeout: Duration,
         bytes: &mut Vec<u8>,
     ) -> Result<Option<Characteristic>, LinkError>;
+
+    /// Tells the simulator's person what is asked for; a radio carries no such thing.
+    ///
+    /// # Errors
+    /// The link is lost.
+    fn prompt(&mut self, _gesture: Gesture) -> Result<(), LinkError> {
+        Ok(())
+    }
 }
 
 /// Makes links, again after each loss.
@@ -148,6 +157,10 @@ impl<S: FrameSocket> GattLink for SocketLink<S> {
         let [l0, l1] = length.to_le_bytes();
         let frame = [&[kind, l0, l1], bytes].concat();
         self.socket.write_all(&frame).map_err(closed)
+    }
+
+    fn prompt(&mut self, gesture: Gesture) -> Result<(), LinkError> {
+        self.write(Characteristic::Command, &[PROMPT, gesture.index() as u8])
     }
 
     fn next_notification(

@@ -24,4 +24,4 @@ pub use fragments::{Fragments, Joined, cut};
 pub use link::{Connect, FrameSocket, GattLink, LinkError, SocketLink, TcpConnector};
 pub use parser::EmgParser;
 pub use server::{serve, serve_connection};
-pub use simulator::{CodeSource, Notification, Simulator, SimulatorOptions};
+pub use simulator::{CodeSource, Notification, Prompted, Simulator, SimulatorOptions};

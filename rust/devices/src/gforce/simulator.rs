@@ -5,9 +5,16 @@ use super::{
     },
 };
 use crate::{ChannelValues, DeviceError, stream};
+use proact_types::Gesture;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
-use std::time::Duration;
+use std::{
+    sync::{
+        Arc,
+        atomic::{AtomicUsize, Ordering},
+    },
+    time::Duration,
+};
 
 /// What a simulated armband is and does wrong. Shares are of notifications, 0 to 1.
 #[derive(Clone, Debug, PartialEq)]
@@ -89,6 +96,32 @@ impl SimulatorOptions {
 /// and clipped, as the converter would; at 12 bit they are sixteen times finer in name only.
 pub type CodeSource = Box<dyn FnMut() -> ChannelValues + Send>;
 
+/// First byte of a write that tells the simulated person what is asked for; the second is the gesture's place in
+/// [`Gesture::ALL`]. No command of the armband has this number, and no radio carries it.
+pub(crate) const PROMPT: u8 = 0xF0;
+
+/// What the simulated person was asked for last; clones share it.
+#[derive(Clone, Debug)]
+pub struct Prompted(Arc<AtomicUsize>);
+
+impl Default for Prompted {
+    /// Nobody has asked.
+    fn default() -> Self {
+        Prompted(Arc::new(AtomicUsize::new(usize::MAX)))
+    }
+}
+
+impl Prompted {
+    /// The gesture asked for; none before anybody asks, and after the connection ends.
+    pub fn get(&self) -> Option<Gesture> {
+        Gesture::ALL.get(self.0.load(Ordering::Relaxed)).copied()
+    }
+
+    fn set(&self, gesture: Option<Gesture>) {
+        self.0.store(gesture.map_or(usize::MAX, Gesture::index), Ordering::Relaxed);
+    }
+}
+
 /// A notification that is due.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Notification {
@@ -111,6 +144,7 @@ pub struct Simulator {
     /// When samples were switched on, and the packets made since then.
     streaming: Option<(Duration, u64)>,
     motor: bool,
+    prompted: Prompted,
     samples: u64,
     /// Kept back to come after the next.
     swapped: Option<Notification>,
@@ -139,9 +173,16 @@ impl Simulator {
             ids: false,
             streaming: None,
             motor: false,
+            prompted: Prompted::default(),
             samples: 0,
             swapped: None,
         })
+    }
+
+    /// Hands what the person is asked for over the link to `prompted`, for the source of the codes to follow.
+    pub fn with_prompts(mut self, prompted: Prompted) -> Simulator {
+        self.prompted = prompted;
+        self
     }
 
     /// The link is gone: samples and package ids go off, the settings stay, as on a device.
@@ -149,6 +190,7 @@ impl Simulator {
         self.streaming = None;
         self.swapped = None;
         self.ids = false;
+        self.prompted.set(None);
     }
 
     /// Samples sent or lost so far, over all connections.
@@ -164,6 +206,10 @@ impl Simulator {
     /// Executes what was written to the command characteristic at `now`; the reply's notifications.
     pub fn write(&mut self, bytes: &[u8], now: Duration) -> Vec<Notification> {
         let Some(&opcode) = bytes.first() else { return Vec::new() };
+        if let [PROMPT, number] = *bytes {
+            self.prompted.set(Gesture::ALL.get(usize::from(number)).copied());
+            return Vec::new();
+        }
         let (code, body) = match Command::from_bytes(bytes) {
             Err(ProtocolError::Opcode { .. }) => (ReplyCode::NotSupported, Vec::new()),
             Err(_) => (ReplyCode::BadParameter, Vec::new()),

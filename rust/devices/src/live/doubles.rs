@@ -1,6 +1,6 @@
 use super::{EmgPacket, SampleSource, SourceCounts, SourceEvent, SourceInfo};
 use crate::{DeviceError, stream};
-use proact_types::EmgSample;
+use proact_types::{EmgSample, Gesture};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use std::{collections::VecDeque, time::Duration};
@@ -224,6 +224,10 @@ impl<S: SampleSource> SampleSource for FaultySource<S> {
 
     fn counts(&self) -> SourceCounts {
         self.inner.counts()
+    }
+
+    fn prompt(&mut self, gesture: Gesture) {
+        self.inner.prompt(gesture);
     }
 }
 

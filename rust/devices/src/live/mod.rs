@@ -4,13 +4,15 @@
 //! counter and never filled in. The clock is the source's affair; who uses one only says how long to wait.
 
 mod doubles;
+mod person;
 mod playback;
 
 pub use doubles::{Fault, FaultySource, ScriptedEvent, ScriptedSource};
+pub use person::{KeyboardSource, PersonSource};
 pub use playback::{Pacing, PlaybackSource};
 
 use crate::DeviceError;
-use proact_types::EmgSample;
+use proact_types::{EmgSample, Gesture};
 use std::time::Duration;
 
 /// What a stream is, known once it runs.
@@ -81,6 +83,9 @@ pub trait SampleSource: Send {
 
     /// What the stream brought and lost so far.
     fn counts(&self) -> SourceCounts;
+
+    /// Tells a simulated person what is asked for. Armbands on people, and recordings, take no notice.
+    fn prompt(&mut self, _gesture: Gesture) {}
 }
 
 /// What a source met since it was opened.

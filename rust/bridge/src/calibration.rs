@@ -1,0 +1,198 @@
+//! The page that guides an EMG calibration and shows the tests after it: a server of its own, since there is no arm yet.
+//!
+//! Addresses: `/` the page, `/calibration` the WebSocket. From the server: whatever is published, one JSON object a
+//! message, the newest only; a page that reads slowly misses some. From the page: [`CalibrationCommand`]s.
+
+use crate::{
+    BridgeError, PageOptions, assets,
+    server::{foreign, listen, url_of},
+};
+use axum::{
+    Router,
+    extract::{
+        Path, Request, State,
+        ws::{Message, Utf8Bytes, WebSocket, WebSocketUpgrade},
+    },
+    http::StatusCode,
+    middleware::{self, Next},
+    response::{IntoResponse, Response},
+    routing::get,
+};
+use proact_types::Gesture;
+use serde::{Deserialize, Serialize};
+use std::{
+    net::SocketAddr,
+    sync::{Arc, Mutex, PoisonError},
+    thread::JoinHandle,
+};
+use tokio::sync::{oneshot, watch};
+
+/// What the buttons of the page ask for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
+pub enum CalibrationCommand {
+    /// The person is ready.
+    Begin,
+    /// Another round.
+    Proceed,
+    /// This gesture again.
+    RecordAgain {
+        /// Which.
+        gesture: Gesture,
+    },
+    /// Train with what there is.
+    Finish,
+}
+
+/// Largest message that a page may send, bytes.
+const MAX_MESSAGE_BYTES: usize = 1024;
+/// Commands kept until they are asked for; a page that sends more is broken.
+const MAX_COMMANDS: usize = 64;
+
+struct Shared {
+    newest: watch::Sender<Utf8Bytes>,
+    commands: Mutex<Vec<CalibrationCommand>>,
+    local_only: bool,
+}
+
+/// Serves the calibration page in a thread of its own until it is dropped.
+pub struct CalibrationServer {
+    shared: Arc<Shared>,
+    address: SocketAddr,
+    stop: Option<oneshot::Sender<()>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl CalibrationServer {
+    /// Listens and begins to serve.
+    ///
+    /// # Errors
+    /// As [`crate::PageServer::start`].
+    pub fn start(options: PageOptions) -> Result<CalibrationServer, BridgeError> {
+        let shared = Arc::new(Shared {
+            newest: watch::Sender::new(Utf8Bytes::from_static("{\"type\":\"nothing\"}")),
+            commands: Mutex::default(),
+            local_only: options.bind.is_loopback(),
+        });
+        let thread_failed = |source| BridgeError::Thread { source };
+        let runtime =
+            tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(thread_failed)?;
+        let listener = {
+            let _inside = runtime.enter();
+            listen(options)?
+        };
+        let address = listener
+            .local_addr()
+            .map_err(|source| BridgeError::Listen { address: (options.bind, options.port).into(), source })?;
+        let (stop, stopped) = oneshot::channel();
+        let router = router(Arc::clone(&shared));
+        let thread = std::thread::Builder::new().name("calibration-page".to_owned()).spawn(move || {
+            runtime.block_on(async move {
+                tokio::select! {
+                    // Ends only with the process; the owner ends it by the other.
+                    _ = axum::serve(listener, router) => {}
+                    _ = stopped => {}
+                }
+            });
+        });
+        let thread = thread.map_err(thread_failed)?;
+        Ok(CalibrationServer { shared, address, stop: Some(stop), thread: Some(thread) })
+    }
+
+    /// The address to open in a browser.
+    pub fn url(&self) -> String {
+        url_of(self.address)
+    }
+
+    /// Shows an object on all pages, in place of the one before. Never blocks.
+    pub fn publish(&self, object: &impl Serialize) {
+        // What cannot be written as JSON is a mistake of this program; the page then keeps what it has.
+        if let Ok(text) = serde_json::to_string(object) {
+            self.shared.newest.send_replace(text.into());
+        }
+    }
+
+    /// What the pages asked for since the last call, oldest first.
+    pub fn drain(&self) -> Vec<CalibrationCommand> {
+        std::mem::take(&mut *self.shared.commands.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+}
+
+impl Drop for CalibrationServer {
+    fn drop(&mut self) {
+        if let Some(stop) = self.stop.take() {
+            // An error means that the thread has ended already.
+            let _ = stop.send(());
+        }
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+fn router(shared: Arc<Shared>) -> Router {
+    Router::new()
+        .route("/", get(|| async { assets::page("calibrate.html") }))
+        .route("/{*path}", get(|Path(path): Path<String>| async move { assets::page(&path) }))
+        .route("/healthz", get(|| async { "ok\n" }))
+        .route("/calibration", get(connect))
+        .layer(middleware::from_fn_with_state(Arc::clone(&shared), refuse_foreign_pages))
+        .with_state(shared)
+}
+
+async fn refuse_foreign_pages(State(shared): State<Arc<Shared>>, request: Request, next: Next) -> Response {
+    match foreign(request.headers(), shared.local_only) {
+        Some(reason) => (StatusCode::FORBIDDEN, reason).into_response(),
+        None => next.run(request).await,
+    }
+}
+
+async fn connect(State(shared): State<Arc<Shared>>, upgrade: WebSocketUpgrade) -> Response {
+    upgrade
+        .max_message_size(MAX_MESSAGE_BYTES)
+        .max_frame_size(MAX_MESSAGE_BYTES)
+        .on_upgrade(move |socket| serve(socket, shared))
+}
+
+/// One page: sends the newest object whenever there is one, takes commands.
+async fn serve(mut socket: WebSocket, shared: Arc<Shared>) {
+    let mut newest = shared.newest.subscribe();
+    newest.mark_changed();
+    loop {
+        tokio::select! {
+            changed = newest.changed() => {
+                if changed.is_err() {
+                    return;
+                }
+                let text = newest.borrow_and_update().clone();
+                if socket.send(Message::Text(text)).await.is_err() {
+                    return;
+                }
+            }
+            message = socket.recv() => match message {
+                Some(Ok(Message::Text(text))) => {
+                    if let Err(reason) = take(&shared, &text) {
+                        let answer = serde_json::json!({ "type": "error", "message": reason }).to_string();
+                        if socket.send(Message::Text(answer.into())).await.is_err() {
+                            return;
+                        }
+                    }
+                }
+                Some(Ok(Message::Close(_)) | Err(_)) | None => return,
+                Some(Ok(_)) => {}
+            },
+        }
+    }
+}
+
+fn take(shared: &Shared, text: &str) -> Result<(), String> {
+    let command = serde_json::from_str(text).map_err(|error| {
+        format!("message ignored: {error}; expected a JSON object with type begin, proceed, record_again or finish")
+    })?;
+    let mut commands = shared.commands.lock().unwrap_or_else(PoisonError::into_inner);
+    if commands.len() == MAX_COMMANDS {
+        return Err(format!("message ignored: {MAX_COMMANDS} commands wait already"));
+    }
+    commands.push(command);
+    Ok(())
+}

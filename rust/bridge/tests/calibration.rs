@@ -1,0 +1,94 @@
+//! The calibration page's server as a browser meets it.
+#![allow(clippy::unwrap_used, clippy::disallowed_methods)]
+
+use futures_util::{SinkExt, StreamExt};
+use proact_bridge::{CalibrationCommand, CalibrationServer, PageOptions};
+use proact_types::Gesture;
+use serde_json::{Value, json};
+use std::{
+    net::Ipv4Addr,
+    time::{Duration, Instant},
+};
+use tokio::{
+    io::{AsyncReadExt, AsyncWriteExt},
+    net::TcpStream,
+};
+use tokio_tungstenite::{
+    MaybeTlsStream, WebSocketStream, connect_async,
+    tungstenite::{Message, client::IntoClientRequest},
+};
+
+/// Only a hanging server takes so long.
+const LIMIT: Duration = Duration::from_secs(20);
+
+fn start() -> (CalibrationServer, String) {
+    let options = PageOptions { port: 0, allow_next: false, bind: Ipv4Addr::LOCALHOST.into() };
+    let server = CalibrationServer::start(options).unwrap();
+    let authority = server.url().trim_start_matches("http://").trim_end_matches('/').to_owned();
+    (server, authority)
+}
+
+async fn next(client: &mut WebSocketStream<MaybeTlsStream<TcpStream>>) -> Value {
+    let message =
+        tokio::time::timeout(LIMIT, client.next()).await.expect("no answer in time").unwrap().unwrap();
+    serde_json::from_str(message.to_text().unwrap()).unwrap()
+}
+
+#[tokio::test]
+async fn a_page_gets_the_newest_object_and_its_buttons_arrive_in_order() {
+    let (server, authority) = start();
+    server.publish(&json!({ "type": "calibration", "rounds": 1 }));
+    let (mut client, _) = connect_async(format!("ws://{authority}/calibration")).await.unwrap();
+    assert_eq!(next(&mut client).await["rounds"], 1);
+    server.publish(&json!({ "type": "calibration", "rounds": 2 }));
+    assert_eq!(next(&mut client).await["rounds"], 2);
+    for text in
+        [r#"{"type":"begin"}"#, r#"{"type":"record_again","gesture":"hand_open"}"#, r#"{"type":"finish"}"#]
+    {
+        client.send(Message::text(text)).await.unwrap();
+    }
+    let (mut got, begin) = (Vec::new(), Instant::now());
+    while got.len() < 3 && begin.elapsed() < LIMIT {
+        got.extend(server.drain());
+        tokio::task::yield_now().await;
+    }
+    let again = CalibrationCommand::RecordAgain { gesture: Gesture::HandOpen };
+    assert_eq!(got, [CalibrationCommand::Begin, again, CalibrationCommand::Finish]);
+}
+
+#[tokio::test]
+async fn malformed_messages_are_answered_with_the_reason_and_change_nothing() {
+    let (server, authority) = start();
+    let (mut client, _) = connect_async(format!("ws://{authority}/calibration")).await.unwrap();
+    assert_eq!(next(&mut client).await["type"], "nothing");
+    for (text, why) in [
+        ("", "EOF"),
+        ("[]", "expected"),
+        (r#"{"type":"fly"}"#, "unknown variant `fly`"),
+        (r#"{"type":"record_again"}"#, "missing field `gesture`"),
+        (r#"{"type":"record_again","gesture":"wave"}"#, "unknown variant `wave`"),
+    ] {
+        client.send(Message::text(text)).await.unwrap();
+        let answer = next(&mut client).await;
+        assert_eq!(answer["type"], "error");
+        assert!(answer["message"].as_str().unwrap().contains(why), "{text:?}: {answer}");
+    }
+    assert!(server.drain().is_empty());
+}
+
+#[tokio::test]
+async fn the_page_is_served_and_pages_of_other_sites_are_refused() {
+    let (_server, authority) = start();
+    let mut stream = TcpStream::connect(&authority).await.unwrap();
+    let request = format!("GET / HTTP/1.1\r\nHost: {authority}\r\nConnection: close\r\n\r\n");
+    stream.write_all(request.as_bytes()).await.unwrap();
+    let mut answer = String::new();
+    tokio::time::timeout(LIMIT, stream.read_to_string(&mut answer))
+        .await
+        .expect("no answer in time")
+        .unwrap();
+    assert!(answer.starts_with("HTTP/1.1 200") && answer.contains("calibrate.js"), "{answer}");
+    let mut foreign = format!("ws://{authority}/calibration").into_client_request().unwrap();
+    foreign.headers_mut().insert("Origin", "http://evil.example".parse().unwrap());
+    assert!(connect_async(foreign).await.unwrap_err().to_string().contains("403"));
+}

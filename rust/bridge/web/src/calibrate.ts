@@ -1,0 +1,306 @@
+// The page that guides a calibration, and shows the tests after it. It holds no state of the session: everything that
+// it shows comes with each message, so that a reload loses nothing.
+
+import "./calibrate.css";
+import { element, setClass, setText, setWidth } from "./dom";
+import { type Gesture, GESTURE_NAMES, handPicture } from "./hand";
+
+type Light = "green" | "amber" | "red";
+
+interface Report {
+  rounds: number;
+  accuracy: number;
+  classes: Gesture[];
+  confusion: number[][];
+  recall: number[];
+  repetitions: { gesture: Gesture; repetition: number; recognised: number; outlier: boolean }[];
+  good_enough: boolean;
+}
+
+interface Common {
+  source?: string;
+  messages?: string[];
+  begun?: boolean;
+  result?: Record<string, unknown> | null;
+}
+
+interface Prompt {
+  gesture: Gesture;
+  repetition: number;
+}
+
+type Phase =
+  | { name: "blocked"; prompt: Prompt }
+  | { name: "preparing"; prompt: Prompt; left_secs: number }
+  | { name: "recording"; prompt: Prompt; share: number }
+  | { name: "reviewing" }
+  | { name: "finished" };
+
+interface CalibrationMessage extends Common {
+  type: "calibration";
+  phase: Phase;
+  rounds: number;
+  most_rounds: number;
+  gestures: Gesture[];
+  target_accuracy: number;
+  channels: { light: Light; fault: string | null }[];
+  stream: { light: Light; lost_share: number; rate_hz: number | null };
+  report: Report | null;
+  reviewing: boolean;
+}
+
+interface TestMessage extends Common {
+  type: "test";
+  test: "wait" | "sequence" | "trial";
+  prompt: Gesture | null;
+  in_force: Gesture;
+  report: Record<string, unknown> | null;
+}
+
+interface CursorReport {
+  movements: unknown[];
+  asked: number;
+  completion_rate: number;
+  throughput_bits_per_s: number;
+  path_efficiency: number;
+  overshoots: number;
+}
+
+interface CursorMessage extends Common {
+  type: "cursor";
+  cursor: [number, number];
+  target: [number, number];
+  width: number;
+  dwelt: number;
+  in_force: Gesture;
+  report: CursorReport;
+  finished: boolean;
+}
+
+type Message =
+  | CalibrationMessage
+  | TestMessage
+  | CursorMessage
+  | (Common & { type: "end" | "nothing" })
+  | { type: "error"; message: string };
+
+const connection = element("span", "muted", "connecting");
+const source = element("span", "muted");
+const picture = element("div", "picture");
+const name = element("div", "name");
+const count = element("div", "count muted");
+const fill = element("div");
+const bar = element("div", "bar", fill);
+const prompt = element("section", "card prompt", picture, name, count, bar);
+const canvas = element("canvas");
+const figures = element("p", "muted");
+const cursor = element("section", "card", element("h2", "", "Move the cursor into the target and stay"), canvas, figures);
+const lightList = element("div", "lights");
+const lights = element("section", "card", element("h2", "", "Electrodes"), lightList);
+const judged = element("div");
+const judgement = element("section", "card", judged);
+const buttons = element("div", "buttons");
+const notes = element("div", "muted");
+document
+  .getElementById("page")
+  ?.append(
+    element("header", "", element("h1", "", "EMG calibration"), source, connection),
+    prompt,
+    cursor,
+    element("section", "card", buttons, notes),
+    lights,
+    judgement,
+  );
+
+let socket: WebSocket | null = null;
+let shownPicture = "";
+let shownReport = "";
+let shownButtons = "";
+
+function send(message: Record<string, string>): void {
+  socket?.send(JSON.stringify(message));
+}
+
+function connect(): void {
+  const opened = new WebSocket(`${location.origin.replace("http", "ws")}/calibration`);
+  socket = opened;
+  opened.addEventListener("open", () => setText(connection, "connected"));
+  opened.addEventListener("message", (event) => show(JSON.parse(String(event.data)) as Message));
+  opened.addEventListener("close", () => {
+    setText(connection, "the program is gone; waiting for it");
+    setTimeout(connect, 1000);
+  });
+}
+
+function show(message: Message): void {
+  // For tests in a browser, as on the main page.
+  Object.assign(window, { __calibration: message });
+  if (message.type === "error") {
+    setText(notes, message.message);
+    return;
+  }
+  setText(source, message.source ?? "");
+  setText(notes, (message.messages ?? []).join("\n"));
+  notes.style.whiteSpace = "pre-line";
+  prompt.hidden = message.type === "cursor";
+  cursor.hidden = message.type !== "cursor";
+  lights.hidden = message.type !== "calibration";
+  if (message.type !== "calibration") judgement.hidden = message.type !== "end";
+  if (message.type === "calibration") showCalibration(message);
+  else if (message.type === "test") showTest(message);
+  else if (message.type === "cursor") showCursor(message);
+  else if (message.type === "end") showEnd(message);
+}
+
+function showPrompt(gesture: Gesture, text: string, share: number, recording: boolean): void {
+  if (shownPicture !== gesture) {
+    shownPicture = gesture;
+    picture.replaceChildren(handPicture(gesture));
+  }
+  setText(name, GESTURE_NAMES[gesture]);
+  setText(count, text);
+  setClass(bar, "recording", recording);
+  setWidth(fill, share);
+}
+
+function showCalibration(message: CalibrationMessage): void {
+  const { phase } = message;
+  if (!message.begun) {
+    showPrompt("no_motion", "Put the band on and check the electrodes below. Then begin.", 0, false);
+  } else if (phase.name === "preparing") {
+    showPrompt(phase.prompt.gesture, `make it now: recording in ${Math.ceil(phase.left_secs)}`, 0, false);
+  } else if (phase.name === "recording") {
+    showPrompt(phase.prompt.gesture, "hold", phase.share, true);
+  } else if (phase.name === "blocked") {
+    showPrompt(phase.prompt.gesture, "waiting for good electrodes", 0, false);
+  } else {
+    showPrompt("no_motion", `round ${message.rounds} is recorded`, 1, false);
+  }
+  const wanted = message.channels.map(({ light, fault }, k) => ({ light, text: `${k + 1} ${fault ?? ""}`.trim() }));
+  const { stream } = message;
+  const rate = stream.rate_hz === null ? "" : ` ${stream.rate_hz.toFixed(0)} Hz`;
+  wanted.push({ light: stream.light, text: `stream${rate}${stream.lost_share > 0 ? ", losing samples" : ""}` });
+  while (lightList.children.length < wanted.length) lightList.append(element("span", "light"));
+  wanted.forEach(({ light, text }, k) => {
+    const node = lightList.children[k];
+    if (!node) return;
+    setText(node, text);
+    setClass(node, "amber", light === "amber");
+    setClass(node, "red", light === "red");
+  });
+  showReport(message.report, message.target_accuracy);
+  showButtons(message);
+}
+
+function showReport(report: Report | null, target: number): void {
+  judgement.hidden = report === null;
+  const key = JSON.stringify(report);
+  if (report === null || key === shownReport) return;
+  shownReport = key;
+  const percent = (share: number) => `${(100 * share).toFixed(1)} %`;
+  const head = element("tr", "", element("th", "", "asked"), ...report.classes.map((g) => element("th", "", GESTURE_NAMES[g])));
+  head.append(element("th", "", "recognised"));
+  const rows = report.classes.map((gesture, row) => {
+    const cells = (report.confusion[row] ?? []).map((n) => element("td", "", String(n)));
+    return element("tr", "", element("th", "", GESTURE_NAMES[gesture]), ...cells, element("td", "", percent(report.recall[row] ?? 0)));
+  });
+  const verdict = report.good_enough ? "good enough" : `the aim is ${percent(target)}`;
+  const warnings = report.repetitions
+    .filter((r) => r.outlier)
+    .map((r) => element("p", "warning", `Repetition ${r.repetition + 1} of “${GESTURE_NAMES[r.gesture]}” differs from the others: record it again?`));
+  judged.replaceChildren(
+    element("h2", "accuracy", `Round ${report.rounds}: ${percent(report.accuracy)} recognised, ${verdict}`),
+    ...warnings,
+    element("div", "scroll", element("table", "", head, ...rows)),
+  );
+}
+
+function button(text: string, classes: string, enabled: boolean, act: () => void): HTMLButtonElement {
+  const node = element("button", classes, text);
+  node.type = "button";
+  node.disabled = !enabled;
+  node.addEventListener("click", act);
+  return node;
+}
+
+/** Made anew only when they change, or a click that takes a moment would be lost. */
+function setButtons(key: string, make: () => HTMLButtonElement[]): void {
+  if (key === shownButtons) return;
+  shownButtons = key;
+  buttons.replaceChildren(...make());
+}
+
+function showButtons(message: CalibrationMessage): void {
+  if (!message.begun) {
+    setButtons("begin", () => [button("Begin", "main", true, () => send({ type: "begin" }))]);
+    return;
+  }
+  const { reviewing, rounds, most_rounds: most, report } = message;
+  setButtons(JSON.stringify([reviewing, rounds, report?.good_enough]), () => [
+    button("Another round", report?.good_enough ? "" : "main", reviewing && rounds < most, () => send({ type: "proceed" })),
+    button("Stop and save the model", report?.good_enough ? "main" : "", reviewing, () => send({ type: "finish" })),
+    ...message.gestures.map((gesture) =>
+      button(`Again: ${GESTURE_NAMES[gesture]}`, "", reviewing, () => send({ type: "record_again", gesture })),
+    ),
+  ]);
+}
+
+function showTest(message: TestMessage): void {
+  if (message.test === "wait") {
+    showPrompt("no_motion", "Gestures will be asked for. Begin when the arm is comfortable.", 0, false);
+    setButtons("begin", () => [button("Begin", "main", true, () => send({ type: "begin" }))]);
+    return;
+  }
+  setButtons("none", () => []);
+  const { report } = message;
+  const progress =
+    message.test === "sequence"
+      ? `${report?.in_a_row ?? 0} sequences in a row without a mistake`
+      : `${report?.prompts ?? 0} prompts, ${(100 * Number(report?.accuracy ?? 0)).toFixed(0)} % right`;
+  showPrompt(message.prompt ?? "no_motion", `recognised: ${GESTURE_NAMES[message.in_force]}. ${progress}`, 0, false);
+}
+
+function showCursor(message: CursorMessage): void {
+  setButtons("none", () => []);
+  const size = Math.round(canvas.clientWidth * devicePixelRatio) || 1;
+  if (canvas.width !== size) {
+    canvas.width = size;
+    canvas.height = size;
+  }
+  const context = canvas.getContext("2d");
+  if (!context) return;
+  const half = size / 2;
+  const disc = ([x, y]: [number, number], radius: number, colour: string) => {
+    context.beginPath();
+    context.arc(half * (1 + x), half * (1 - y), half * radius, 0, 2 * Math.PI);
+    context.fillStyle = colour;
+    context.fill();
+  };
+  context.clearRect(0, 0, size, size);
+  disc(message.target, message.width / 2, message.dwelt > 0 ? "#2f8f55" : "#1f6fc2");
+  disc(message.target, (message.width / 2) * message.dwelt, "#3fb76a");
+  disc(message.cursor, 0.025, "#ffffff");
+  const { report } = message;
+  setText(
+    figures,
+    `${report.movements.length} of ${report.asked} targets; ${report.throughput_bits_per_s.toFixed(2)} bit/s, path ` +
+      `${(100 * report.path_efficiency).toFixed(0)} %, ${report.overshoots.toFixed(2)} overshoots, ` +
+      `${(100 * report.completion_rate).toFixed(0)} % completed; recognised: ${GESTURE_NAMES[message.in_force]}`,
+  );
+}
+
+function showEnd(message: Common): void {
+  setButtons("none", () => []);
+  showPrompt("no_motion", "Done. This page can be closed.", 1, false);
+  judgement.hidden = false;
+  shownReport = "";
+  const result = message.result ?? {};
+  judged.replaceChildren(
+    element("h2", "accuracy", result.model ? `The model is in ${String(result.model)}` : "Result"),
+    element("pre", "scroll", JSON.stringify(result, null, 1)),
+  );
+}
+
+cursor.hidden = true;
+judgement.hidden = true;
+connect();

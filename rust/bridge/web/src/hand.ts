@@ -1,0 +1,55 @@
+// Pictures of the five gestures of a right hand, seen from the side: forearm, hand and fingers as strokes.
+
+export type Gesture = "hand_close" | "hand_open" | "no_motion" | "wrist_extension" | "wrist_flexion";
+
+export const GESTURE_NAMES: Record<Gesture, string> = {
+  hand_close: "Close the hand",
+  hand_open: "Open the hand",
+  no_motion: "Relax",
+  wrist_extension: "Bend the wrist back",
+  wrist_flexion: "Bend the wrist in",
+};
+
+/** Angle of the hand at the wrist in degrees (back is up), and how far the fingers are spread and closed, 0 to 1. */
+const POSES: Record<Gesture, { wrist: number; spread: number; closed: number }> = {
+  hand_close: { wrist: 0, spread: 0, closed: 1 },
+  hand_open: { wrist: 0, spread: 1, closed: 0 },
+  no_motion: { wrist: 6, spread: 0.25, closed: 0.35 },
+  wrist_extension: { wrist: -55, spread: 0.2, closed: 0.3 },
+  wrist_flexion: { wrist: 55, spread: 0.2, closed: 0.3 },
+};
+
+/** An SVG of the gesture; it is labelled, so that it is read aloud too. */
+export function handPicture(gesture: Gesture): SVGSVGElement {
+  const { wrist, spread, closed } = POSES[gesture];
+  const svg = make("svg", { viewBox: "0 0 240 160", role: "img", "aria-label": GESTURE_NAMES[gesture] });
+  svg.append(line(10, 80, 110, 80, 34));
+  const hand = make("g", { transform: `rotate(${wrist} 110 80)` });
+  hand.append(line(112, 80, 150, 80, 42));
+  for (let finger = 0; finger < 4; finger += 1) {
+    const side = (finger - 1.5) / 1.5;
+    const knuckle = { x: 158, y: 80 + 15 * side };
+    const angle = (side * 26 * spread * Math.PI) / 180;
+    const length = 46 * (1 - 0.75 * closed);
+    hand.append(
+      line(knuckle.x, knuckle.y, knuckle.x + length * Math.cos(angle), knuckle.y + length * Math.sin(angle), 10),
+    );
+  }
+  const thumb = (-35 - 40 * spread + 30 * closed) * (Math.PI / 180);
+  hand.append(line(128, 62, 128 + 34 * Math.cos(thumb), 62 + 34 * Math.sin(thumb), 11));
+  svg.append(hand);
+  return svg;
+}
+
+function line(x1: number, y1: number, x2: number, y2: number, width: number): SVGElement {
+  return make("line", { x1, y1, x2, y2, stroke: "#e8b48a", "stroke-width": width, "stroke-linecap": "round" });
+}
+
+function make<K extends keyof SVGElementTagNameMap>(
+  tag: K,
+  attributes: Record<string, string | number>,
+): SVGElementTagNameMap[K] {
+  const node = document.createElementNS("http://www.w3.org/2000/svg", tag);
+  for (const [name, value] of Object.entries(attributes)) node.setAttribute(name, String(value));
+  return node;
+}

@@ -1,0 +1,193 @@
+//! Who sees the prompts of a calibration, and who decides after a round.
+
+use super::{page::PageScreen, train::PageArgs};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use proact_emg::{Calibration, CalibrationReport, Light, Phase};
+use proact_types::Gesture;
+use serde_json::Value;
+use std::{
+    error::Error,
+    io::{BufRead, IsTerminal, stderr, stdin},
+    sync::mpsc::{Receiver, TryRecvError, channel},
+};
+
+/// What to do after a round.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Choice {
+    /// Another round.
+    Proceed,
+    /// This gesture again.
+    Again(Gesture),
+    /// Train and be done.
+    Stop,
+}
+
+/// What guides a person.
+pub(super) trait Screen {
+    /// Shows where the session is.
+    fn show(&mut self, session: &Calibration);
+    /// Shows one sentence.
+    fn say(&mut self, text: &str);
+    /// Shows how good the rounds are.
+    fn judged(&mut self, session: &Calibration);
+    /// What is wanted after a round; none as long as nobody has decided.
+    ///
+    /// # Errors
+    /// Nobody will decide any more.
+    fn choose(&mut self, session: &Calibration) -> Result<Option<Choice>, Box<dyn Error>>;
+    /// The person has said that it may begin; a terminal begins at once.
+    fn ready(&mut self) -> bool {
+        true
+    }
+    /// The model is written.
+    fn done(&mut self, _result: &Value) {}
+}
+
+/// A page if one is asked for; else the terminal, where a person decides if standard input is one, and the rule if not.
+///
+/// # Errors
+/// The page cannot be served.
+pub(super) fn open_screen(
+    page: &PageArgs,
+    json: bool,
+    source: &str,
+) -> Result<Box<dyn Screen>, Box<dyn Error>> {
+    if page.page {
+        return Ok(Box::new(PageScreen::open(page, source)?));
+    }
+    let keys = (!json && stdin().is_terminal()).then(lines);
+    Ok(Box::new(Terminal { bar: bar(!json), quiet: json, keys }))
+}
+
+/// Lines of standard input, without waiting for them.
+fn lines() -> Receiver<String> {
+    let (sender, receiver) = channel();
+    std::thread::spawn(move || {
+        for line in stdin().lock().lines().map_while(Result::ok) {
+            if sender.send(line).is_err() {
+                return;
+            }
+        }
+    });
+    receiver
+}
+
+fn bar(visible: bool) -> ProgressBar {
+    let target = if visible && stderr().is_terminal() {
+        ProgressDrawTarget::stderr()
+    } else {
+        ProgressDrawTarget::hidden()
+    };
+    let bar = ProgressBar::with_draw_target(Some(1000), target);
+    if let Ok(style) = ProgressStyle::with_template("{prefix:20} {bar:30} {msg}") {
+        bar.set_style(style);
+    }
+    bar
+}
+
+/// Prompts on a terminal.
+struct Terminal {
+    bar: ProgressBar,
+    quiet: bool,
+    /// A person who decides; without one the rule does.
+    keys: Option<Receiver<String>>,
+}
+
+impl Screen for Terminal {
+    fn show(&mut self, session: &Calibration) {
+        let (prefix, share, message) = match session.phase() {
+            Phase::Blocked { prompt } => {
+                (prompt.gesture.ros_name(), 0.0, "waiting for good channels".to_owned())
+            }
+            Phase::Preparing { prompt, left_secs } => {
+                (prompt.gesture.ros_name(), 0.0, format!("make it now, recording in {left_secs:.1} s"))
+            }
+            Phase::Recording { prompt, share } => (prompt.gesture.ros_name(), share, "hold".to_owned()),
+            Phase::Reviewing | Phase::Finished => ("relax", 0.0, String::new()),
+        };
+        let lights: String = session
+            .channels()
+            .iter()
+            .map(|q| match q.light {
+                Light::Green => '.',
+                Light::Amber => 'o',
+                Light::Red => 'X',
+            })
+            .collect();
+        self.bar.set_prefix(prefix);
+        self.bar.set_position((1000.0 * share) as u64);
+        self.bar.set_message(format!("{message}  round {}  channels {lights}", session.rounds() + 1));
+    }
+
+    fn say(&mut self, text: &str) {
+        if self.quiet {
+            return;
+        }
+        self.bar.suspend(|| eprintln!("{text}"));
+    }
+
+    fn judged(&mut self, session: &Calibration) {
+        match session.report() {
+            None => self.say("one round is recorded; accuracy is known from the second on"),
+            Some(report) => self.say(&report_text(report)),
+        }
+        if self.keys.is_some() && session.report().is_some() {
+            self.say("Enter: another round   NAME: record this gesture again, as hand_open   s: stop and write the model");
+        }
+    }
+
+    fn choose(&mut self, session: &Calibration) -> Result<Option<Choice>, Box<dyn Error>> {
+        let by_rule = if session.report().is_some_and(|r| r.good_enough)
+            || session.rounds() >= session.config().most_rounds
+        {
+            Choice::Stop
+        } else {
+            Choice::Proceed
+        };
+        // One round cannot be judged: nothing to decide yet.
+        let Some(keys) = self.keys.as_ref().filter(|_| session.report().is_some()) else {
+            return Ok(Some(by_rule));
+        };
+        match keys.try_recv() {
+            Err(TryRecvError::Empty) => Ok(None),
+            Err(TryRecvError::Disconnected) => Ok(Some(by_rule)),
+            Ok(line) => match line.trim() {
+                "" if session.rounds() < session.config().most_rounds => Ok(Some(Choice::Proceed)),
+                "" | "s" => Ok(Some(Choice::Stop)),
+                name => match name.parse() {
+                    Ok(gesture) if session.config().gestures.contains(&gesture) => {
+                        Ok(Some(Choice::Again(gesture)))
+                    }
+                    _ => {
+                        self.bar
+                            .suspend(|| eprintln!("{name:?} is neither a gesture of this calibration nor s"));
+                        Ok(None)
+                    }
+                },
+            },
+        }
+    }
+}
+
+/// Accuracy, confusion and outliers, for reading.
+pub(super) fn report_text(report: &CalibrationReport) -> String {
+    let mut text = format!(
+        "round {}: {:.1} % of windows recognised, leaving one repetition out{}\n",
+        report.rounds,
+        100.0 * report.accuracy,
+        if report.good_enough { ": good enough" } else { "" }
+    );
+    for ((gesture, row), recall) in report.classes.iter().zip(&report.confusion).zip(&report.recall) {
+        let counts: String = row.iter().map(|count| format!("{count:>6}")).collect();
+        text += &format!("  {:<16}{counts}   {:5.1} %\n", gesture.ros_name(), 100.0 * recall);
+    }
+    for outlier in report.outliers() {
+        text += &format!(
+            "  repetition {} of {} differs from the others ({:.0} % recognised): record it again?\n",
+            outlier.repetition + 1,
+            outlier.gesture,
+            100.0 * outlier.recognised
+        );
+    }
+    text.trim_end().to_owned()
+}

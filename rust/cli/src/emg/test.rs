@@ -1,0 +1,395 @@
+//! `proact emg test`: can this person use this model?
+
+use super::{
+    page::PageScreen,
+    source::{CentringCheck, SourceArgs, SourceName, open, read_model, zero_levels},
+    train::PageArgs,
+};
+use clap::{Args, ValueEnum};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use proact_devices::{EmgPacket, SampleSource, SourceEvent, stream};
+use proact_emg::{
+    CursorConfig, CursorEvent, CursorTest, EmgOutput, EmgPipeline, HoldConfig, HoldTest, SequenceConfig,
+    SequenceTest,
+};
+use proact_types::{Gesture, SimTime};
+use rand::seq::SliceRandom;
+use serde_json::{Value, json};
+use std::{
+    error::Error,
+    io::IsTerminal,
+    path::PathBuf,
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+    },
+    time::{Duration, Instant},
+};
+
+/// Options of `proact emg test`.
+#[derive(Debug, Args)]
+pub struct TestArgs {
+    #[command(flatten)]
+    source: SourceArgs,
+    /// Model file, as training writes it.
+    #[arg(long)]
+    model: PathBuf,
+    /// Samples per second of the source, if it does not say.
+    #[arg(long = "emg-rate")]
+    rate: Option<f64>,
+    /// Which tests, in this order.
+    #[arg(long, value_enum, value_delimiter = ',', default_values_t = [TestName::Sequence, TestName::Trial])]
+    tests: Vec<TestName>,
+    /// Prompts of the longer trial, each of 3 s.
+    #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u16).range(1..=1000))]
+    prompts: u16,
+    /// Share of the longer trial that passes.
+    #[arg(long, default_value_t = 0.75)]
+    target: f64,
+    /// Sequences in a row that pass.
+    #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u8).range(1..=100))]
+    in_a_row: u8,
+    /// Sequences after which the sequence test is failed.
+    #[arg(long, default_value_t = 12, value_parser = clap::value_parser!(u8).range(1..=100))]
+    attempts: u8,
+    /// Targets on each of the three rings of the cursor test, an odd number.
+    #[arg(long, default_value_t = 9)]
+    targets: u8,
+    /// Seconds in a target that complete a movement of the cursor test; they are not counted into its time.
+    #[arg(long, default_value_t = 1.0)]
+    dwell: f64,
+    /// The cursor always moves at full speed, whatever the effort.
+    #[arg(long)]
+    constant_speed: bool,
+    #[command(flatten)]
+    page: PageArgs,
+}
+
+/// The tests.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum TestName {
+    /// All gestures in a prescribed order, three times in a row without a mistake.
+    Sequence,
+    /// A longer trial: at least 75 % of decisions right.
+    Trial,
+    /// Pointing with a cursor, as in ISO 9241-411. Nothing to pass.
+    Cursor,
+}
+
+/// Runs the tests; success only if those that can be passed are passed.
+///
+/// # Errors
+/// A source or model that cannot be used, or a test that is failed.
+pub(super) fn run(args: &TestArgs, json: bool) -> Result<(), Box<dyn Error>> {
+    if let SourceName::File(path) = &args.source.source {
+        return Err(format!("file:{} makes no gestures that are asked for; a recording can act as a person with person:FOLDER", path.display()).into());
+    }
+    let stop = Arc::new(AtomicBool::new(false));
+    let handler = stop.clone();
+    // A second handler in one process, as in tests, is refused and not needed.
+    let _ = ctrlc::set_handler(move || handler.store(true, Ordering::Relaxed));
+    let source = open(&args.source, args.rate)?;
+    let info = source.info().clone();
+    let model = read_model(&args.model, &info)?;
+    let pipeline = EmgPipeline::new(&model.config, model.classifier.clone())?;
+    let mut live = Live {
+        zero: zero_levels(&args.source, &info, &model),
+        centring: CentringCheck::new(&args.source, &info, &model),
+        source,
+        pipeline,
+        begin: Instant::now(),
+        now: SimTime(0),
+        packet: EmgPacket::default(),
+        in_force: Gesture::NoMotion,
+        effort: 0.0,
+        stop,
+    };
+    let mut show = Show { page: None, bar: bar(!json && !args.page.page), last: None };
+    if args.page.page {
+        show.page = Some(PageScreen::open(&args.page, &info.name)?);
+        show.wait(&mut live)?;
+    }
+    let mut result = json!({ "model": args.model.display().to_string(), "source": info.name });
+    let mut failed = Vec::new();
+    for test in &args.tests {
+        let (name, report, passed) = match test {
+            TestName::Sequence => sequence(args, &mut live, &mut show)?,
+            TestName::Trial => trial(args, &mut live, &mut show)?,
+            TestName::Cursor => cursor(args, &mut live, &mut show)?,
+        };
+        result[name] = report;
+        if !passed {
+            failed.push(name);
+        }
+    }
+    result["passed"] = json!(failed.is_empty());
+    show.bar.finish_and_clear();
+    if let Some(page) = &mut show.page {
+        page.end(&result);
+    }
+    if json {
+        println!("{result}");
+    } else {
+        print!("{}", text(&result));
+    }
+    if failed.is_empty() {
+        return Ok(());
+    }
+    Err(format!(
+        "not passed: {}; record more repetitions with proact emg train, or practise",
+        failed.join(", ")
+    )
+    .into())
+}
+
+fn sequence(
+    args: &TestArgs,
+    live: &mut Live,
+    show: &mut Show,
+) -> Result<(&'static str, Value, bool), Box<dyn Error>> {
+    let mut test = SequenceTest::new(SequenceConfig {
+        in_a_row: args.in_a_row.into(),
+        attempts: args.attempts.into(),
+        ..SequenceConfig::default()
+    })?;
+    while !test.is_finished() {
+        live.advance()?;
+        if test.step(live.now, live.in_force) {
+            live.prompt(test.prompt());
+        }
+        show.test("sequence", test.prompt(), live.in_force, &json!(test.report()));
+    }
+    Ok(("sequence", json!(test.report()), test.report().passed))
+}
+
+fn trial(
+    args: &TestArgs,
+    live: &mut Live,
+    show: &mut Show,
+) -> Result<(&'static str, Value, bool), Box<dyn Error>> {
+    let mut rng = stream(args.source.seed, "emg/test/prompts");
+    let mut prompts = Vec::new();
+    while prompts.len() < usize::from(args.prompts) {
+        // Each gesture once in five prompts, in an order that nobody can learn.
+        let mut five = Gesture::ALL;
+        five.shuffle(&mut rng);
+        prompts.extend(five);
+    }
+    prompts.truncate(args.prompts.into());
+    let mut test = HoldTest::new(HoldConfig { prompts, target: args.target, ..HoldConfig::default() })?;
+    while !test.is_finished() {
+        let decided = live.advance()?.map(|output| output.gesture);
+        if test.step(live.now, decided) {
+            live.prompt(test.prompt());
+        }
+        show.test("trial", test.prompt(), live.in_force, &json!(test.report()));
+    }
+    Ok(("trial", json!(test.report()), test.report().passed))
+}
+
+fn cursor(
+    args: &TestArgs,
+    live: &mut Live,
+    show: &mut Show,
+) -> Result<(&'static str, Value, bool), Box<dyn Error>> {
+    let mut test = CursorTest::new(CursorConfig {
+        targets: args.targets.into(),
+        dwell_secs: args.dwell,
+        proportional: !args.constant_speed,
+        ..CursorConfig::default()
+    })?;
+    let mut person = Steering::default();
+    while !test.is_finished() {
+        let decided = live.advance()?;
+        let event = test.step(live.now, live.in_force, live.effort);
+        if decided.is_some()
+            && let Some(wanted) = person.wants(&test, live.now)
+        {
+            live.source.prompt(wanted);
+        }
+        if let Some(page) = &mut show.page {
+            page.show_cursor(&test, live.in_force, live.effort, matches!(event, Some(CursorEvent::Moved(_))));
+        }
+        show.progress("cursor", test.report().movements.len() as u64, test.report().asked as u64);
+    }
+    live.prompt(None);
+    Ok(("cursor", json!(test.report()), true))
+}
+
+/// What a simulated person does at the cursor test: one axis after the other, letting go early by the time that the
+/// way from intention to cursor takes. People see the cursor instead.
+#[derive(Default)]
+struct Steering {
+    wanted: Option<Gesture>,
+    before: Option<(SimTime, [f64; 2])>,
+}
+
+/// From intention to cursor: reaction, onset, a window and three decisions.
+const LAG_SECS: f64 = 0.5;
+
+impl Steering {
+    /// The gesture to make from now on, if it is another one.
+    fn wants(&mut self, test: &CursorTest, now: SimTime) -> Option<Gesture> {
+        let ([x, y], (target, width)) = (test.cursor(), test.target());
+        let speed = self.before.map_or([0.0; 2], |(then, [bx, by])| {
+            let secs = (now.millis_since(then) as f64 / 1000.0).max(1e-3);
+            [(x - bx) / secs, (y - by) / secs]
+        });
+        self.before = Some((now, [x, y]));
+        let off = [target[0] - x - LAG_SECS * speed[0], target[1] - y - LAG_SECS * speed[1]];
+        let reach = 0.3 * width;
+        let wanted = match off {
+            [dx, _] if dx > reach => Gesture::WristExtension,
+            [dx, _] if dx < -reach => Gesture::WristFlexion,
+            [_, dy] if dy > reach => Gesture::HandOpen,
+            [_, dy] if dy < -reach => Gesture::HandClose,
+            _ => Gesture::NoMotion,
+        };
+        (self.wanted.replace(wanted) != Some(wanted)).then_some(wanted)
+    }
+}
+
+/// The stream and what is recognised in it.
+struct Live {
+    source: Box<dyn SampleSource>,
+    zero: Vec<f64>,
+    centring: Option<CentringCheck>,
+    pipeline: EmgPipeline,
+    begin: Instant,
+    now: SimTime,
+    packet: EmgPacket,
+    in_force: Gesture,
+    effort: f64,
+    stop: Arc<AtomicBool>,
+}
+
+impl Live {
+    /// Takes what the source brings next; the newest decision in it.
+    fn advance(&mut self) -> Result<Option<EmgOutput>, Box<dyn Error>> {
+        if self.stop.load(Ordering::Relaxed) {
+            return Err("stopped before the end of the test".into());
+        }
+        let event = self.source.poll(Duration::from_millis(20), &mut self.packet)?;
+        let at = match event {
+            SourceEvent::Ended => return Err("the source ended before the test did".into()),
+            SourceEvent::Packet => self.packet.received.as_millis() as u64,
+            _ => self.begin.elapsed().as_millis() as u64,
+        };
+        self.now = self.now.max(SimTime(at));
+        if event != SourceEvent::Packet {
+            self.packet.samples.clear();
+        }
+        for sample in &mut self.packet.samples {
+            if let Some(check) = &mut self.centring
+                && check.push(sample)?
+            {
+                self.centring = None;
+            }
+            sample.channels.iter_mut().zip(&self.zero).for_each(|(value, zero)| *value -= zero);
+        }
+        let output = self.pipeline.step(self.now, &self.packet.samples);
+        if let Some(output) = &output {
+            self.in_force = output.gesture;
+            // The effort of the class that the rule has not taken over yet is not that of the gesture in force.
+            self.effort = if output.class == Some(output.gesture) { output.effort } else { 0.0 };
+        }
+        Ok(output)
+    }
+
+    fn prompt(&mut self, gesture: Option<Gesture>) {
+        self.source.prompt(gesture.unwrap_or(Gesture::NoMotion));
+    }
+}
+
+/// Where a test is shown.
+struct Show {
+    page: Option<PageScreen>,
+    bar: ProgressBar,
+    last: Option<Gesture>,
+}
+
+fn bar(visible: bool) -> ProgressBar {
+    let target = if visible && std::io::stderr().is_terminal() {
+        ProgressDrawTarget::stderr()
+    } else {
+        ProgressDrawTarget::hidden()
+    };
+    let bar = ProgressBar::with_draw_target(Some(1), target);
+    if let Ok(style) = ProgressStyle::with_template("{prefix:10} {bar:30} {pos} of {len}  {msg}") {
+        bar.set_style(style);
+    }
+    bar
+}
+
+impl Show {
+    /// Waits for the button on the page.
+    fn wait(&mut self, live: &mut Live) -> Result<(), Box<dyn Error>> {
+        while let Some(page) = &mut self.page
+            && !page.has_begun()
+        {
+            live.advance()?;
+            page.show_test("wait", None, live.in_force, &Value::Null);
+        }
+        Ok(())
+    }
+
+    fn test(&mut self, name: &'static str, prompt: Option<Gesture>, in_force: Gesture, report: &Value) {
+        if let Some(page) = &mut self.page {
+            // What the buttons say is of no use now, but must not pile up.
+            page.has_begun();
+            page.show_test(name, prompt, in_force, report);
+        }
+        if prompt != self.last {
+            self.last = prompt;
+            self.bar.set_message(prompt.map_or("", Gesture::ros_name));
+        }
+        let (done, all) = match name {
+            "sequence" => (report["in_a_row"].as_u64(), 3),
+            _ => (report["prompts"].as_u64(), 20),
+        };
+        self.progress(name, done.unwrap_or(0), all);
+    }
+
+    fn progress(&mut self, name: &'static str, done: u64, all: u64) {
+        self.bar.set_prefix(name);
+        self.bar.set_length(all.max(done));
+        self.bar.set_position(done);
+    }
+}
+
+/// The result for reading.
+fn text(result: &Value) -> String {
+    let mut out = String::new();
+    let passed = |report: &Value| if report["passed"] == true { "passed" } else { "NOT PASSED" };
+    let number = |value: &Value| value.as_f64().unwrap_or(0.0);
+    if let Some(report) = result.get("sequence") {
+        let mistakes = report["mistakes"].as_array().map_or(0, Vec::len);
+        out += &format!(
+            "sequence: {}, {} in a row after {} sequences, {mistakes} mistakes, {:.2} s from prompt to gesture\n",
+            passed(report),
+            report["in_a_row"],
+            report["attempts"],
+            number(&report["mean_delay_secs"])
+        );
+    }
+    if let Some(report) = result.get("trial") {
+        out += &format!(
+            "longer trial: {}, {:.1} % of {} decisions right\n",
+            passed(report),
+            100.0 * number(&report["accuracy"]),
+            report["decisions"]
+        );
+    }
+    if let Some(report) = result.get("cursor") {
+        out += &format!(
+            "cursor: throughput {:.2} bit/s (dwell not counted; {:.2} with it), path efficiency {:.0} %, \
+             {:.2} overshoots a target, {:.0} % completed\n",
+            number(&report["throughput_bits_per_s"]),
+            number(&report["throughput_with_dwell_bits_per_s"]),
+            100.0 * number(&report["path_efficiency"]),
+            number(&report["overshoots"]),
+            100.0 * number(&report["completion_rate"])
+        );
+    }
+    out
+}

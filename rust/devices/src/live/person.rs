@@ -1,0 +1,229 @@
+use super::{EmgPacket, Pacing, SampleSource, SourceCounts, SourceEvent, SourceInfo};
+use crate::{DeviceError, EmgFeed, EmgSource, prepare};
+use proact_types::{Gesture, SimTime};
+use std::{
+    io::Read,
+    sync::mpsc::{Receiver, channel},
+    time::{Duration, Instant},
+};
+
+/// Length of a packet, as long as the armband's.
+const PACKET_MILLIS: u64 = 16;
+
+/// A simulated person with an armband: makes the gesture that is prompted, some time after the prompt, out of
+/// recordings or synthetic EMG. Signed samples about zero. Deterministic when played flat out.
+///
+/// Known weakness: nobody tires, and the band stays where it is.
+#[derive(Clone, Debug)]
+pub struct PersonSource {
+    info: SourceInfo,
+    feed: EmgFeed,
+    pacing: Pacing,
+    reaction: Duration,
+    /// Milliseconds made so far.
+    tick: u64,
+    intended: Gesture,
+    /// Follows at this tick.
+    next: Option<(u64, Gesture)>,
+    opened: Instant,
+    packets: u64,
+}
+
+impl PersonSource {
+    /// A person at rest, whose muscles are `source`: the repetitions to feed of a recording, or the generator. Prompts
+    /// take effect after `reaction`.
+    ///
+    /// # Errors
+    /// As [`prepare`].
+    pub fn new(
+        source: &EmgSource,
+        pacing: Pacing,
+        reaction: Duration,
+        seed: u64,
+    ) -> Result<PersonSource, DeviceError> {
+        let setup = prepare(source, seed)?;
+        let rate_hz = setup.feed.rate_hz();
+        let packet_samples = (rate_hz * PACKET_MILLIS as f64 / 1000.0).round().max(1.0) as usize;
+        let info = SourceInfo {
+            name: format!("simulated person, {}", setup.label),
+            rate_hz,
+            channels: setup.config.channels,
+            packet_samples,
+            zero: 0.0,
+            rails: None,
+            loss_is_counted: true,
+        };
+        Ok(PersonSource {
+            info,
+            feed: setup.feed,
+            pacing,
+            reaction,
+            tick: 0,
+            intended: Gesture::NoMotion,
+            next: None,
+            opened: Instant::now(),
+            packets: 0,
+        })
+    }
+}
+
+impl SampleSource for PersonSource {
+    fn info(&self) -> &SourceInfo {
+        &self.info
+    }
+
+    fn poll(&mut self, timeout: Duration, packet: &mut EmgPacket) -> Result<SourceEvent, DeviceError> {
+        let end = Duration::from_millis(self.tick + PACKET_MILLIS);
+        if self.pacing == Pacing::RealTime {
+            let wait = end.saturating_sub(self.opened.elapsed());
+            std::thread::sleep(wait.min(timeout));
+            if wait > timeout {
+                return Ok(SourceEvent::Nothing);
+            }
+        }
+        packet.samples.clear();
+        for tick in self.tick..self.tick + PACKET_MILLIS {
+            if let Some((_, gesture)) = self.next.take_if(|(at, _)| *at <= tick) {
+                self.intended = gesture;
+            }
+            packet.samples.extend(self.feed.sample_at(SimTime(tick), self.intended));
+        }
+        self.tick += PACKET_MILLIS;
+        let Some(last) = packet.samples.last() else { return Ok(SourceEvent::Nothing) };
+        packet.lost_before = 0;
+        packet.device_secs = (last.counter + 1) as f64 / self.info.rate_hz;
+        packet.received = match self.pacing {
+            Pacing::RealTime => self.opened.elapsed(),
+            Pacing::FlatOut => end,
+        };
+        self.packets += 1;
+        Ok(SourceEvent::Packet)
+    }
+
+    fn counts(&self) -> SourceCounts {
+        SourceCounts { packets: self.packets, ..SourceCounts::default() }
+    }
+
+    fn prompt(&mut self, gesture: Gesture) {
+        let follows = self.tick + self.reaction.as_millis() as u64;
+        self.next = Some((follows, gesture));
+    }
+}
+
+/// Keys in place of muscles: the EMG of the gesture whose key was pressed last, from the generator, in real time. W
+/// wrist extension, S wrist flexion, A hand close, D hand open, as on the page; space, Enter or X relax, since a terminal does not tell
+/// when a key is let go. The end of the keys relaxes.
+pub struct KeyboardSource {
+    person: PersonSource,
+    keys: Receiver<u8>,
+    prompted: bool,
+}
+
+impl KeyboardSource {
+    /// Reads keys from `keys` on a thread of its own. A terminal has to hand them out one by one.
+    ///
+    /// # Errors
+    /// As [`PersonSource::new`].
+    pub fn new(mut keys: impl Read + Send + 'static, seed: u64) -> Result<KeyboardSource, DeviceError> {
+        let mut person = PersonSource::new(&EmgSource::Synthetic, Pacing::RealTime, Duration::ZERO, seed)?;
+        person.info.name = "keys".to_owned();
+        let (sender, receiver) = channel();
+        std::thread::spawn(move || {
+            let mut key = [0];
+            while keys.read(&mut key).is_ok_and(|count| count == 1) && sender.send(key[0]).is_ok() {}
+        });
+        Ok(KeyboardSource { person, keys: receiver, prompted: false })
+    }
+}
+
+/// The gesture of a key.
+fn gesture_of(key: u8) -> Option<Gesture> {
+    match key.to_ascii_lowercase() {
+        b'w' => Some(Gesture::WristExtension),
+        b's' => Some(Gesture::WristFlexion),
+        b'a' => Some(Gesture::HandClose),
+        b'd' => Some(Gesture::HandOpen),
+        b' ' | b'x' | b'\n' | b'\r' => Some(Gesture::NoMotion),
+        _ => None,
+    }
+}
+
+impl SampleSource for KeyboardSource {
+    fn info(&self) -> &SourceInfo {
+        self.person.info()
+    }
+
+    fn poll(&mut self, timeout: Duration, packet: &mut EmgPacket) -> Result<SourceEvent, DeviceError> {
+        use std::sync::mpsc::TryRecvError;
+        loop {
+            match self.keys.try_recv() {
+                Ok(key) => {
+                    if let Some(gesture) = gesture_of(key) {
+                        self.person.prompt(gesture);
+                    }
+                }
+                Err(TryRecvError::Empty) => break,
+                Err(TryRecvError::Disconnected) => {
+                    if !self.prompted {
+                        self.prompted = true;
+                        self.person.prompt(Gesture::NoMotion);
+                    }
+                    break;
+                }
+            }
+        }
+        self.person.poll(timeout, packet)
+    }
+
+    fn counts(&self) -> SourceCounts {
+        self.person.counts()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Root mean square of the packets until `until` milliseconds.
+    fn rms(source: &mut impl SampleSource, packets: usize) -> f64 {
+        let (mut sum, mut count, mut packet) = (0.0, 0_usize, EmgPacket::default());
+        for _ in 0..packets {
+            while source.poll(Duration::from_secs(1), &mut packet).unwrap() != SourceEvent::Packet {}
+            sum += packet.samples.iter().flat_map(|s| &s.channels).map(|v| v * v).sum::<f64>();
+            count += packet.samples.iter().map(|s| s.channels.len()).sum::<usize>();
+        }
+        (sum / count as f64).sqrt()
+    }
+
+    #[test]
+    fn a_person_makes_what_is_prompted_after_the_reaction_time() {
+        let reaction = Duration::from_millis(320);
+        let mut person = PersonSource::new(&EmgSource::Synthetic, Pacing::FlatOut, reaction, 3).unwrap();
+        let rest = rms(&mut person, 40);
+        person.prompt(Gesture::HandClose);
+        let reacting = rms(&mut person, 20);
+        rms(&mut person, 10);
+        let closed = rms(&mut person, 40);
+        assert!(closed > 4.0 * rest && reacting < 2.0 * rest, "{rest} {reacting} {closed}");
+        let mut packet = EmgPacket::default();
+        person.poll(Duration::ZERO, &mut packet).unwrap();
+        // 110 packets of 16 ms before this one, sample 0 at time 0.
+        assert_eq!((packet.samples.len(), packet.samples[0].counter), (16, 110 * 16));
+        assert_eq!(packet.received, Duration::from_millis(111 * 16));
+    }
+
+    #[test]
+    fn keys_are_gestures_unknown_ones_are_none_and_their_end_relaxes() {
+        assert_eq!(gesture_of(b'W'), Some(Gesture::WristExtension));
+        assert_eq!(gesture_of(b'7'), None);
+        let mut source = KeyboardSource::new(std::io::Cursor::new(b"7a".to_vec()), 1).unwrap();
+        // The thread has read both within the first packets; then the keys end, and the hand relaxes.
+        let mut packet = EmgPacket::default();
+        while !source.prompted {
+            source.poll(Duration::from_millis(5), &mut packet).unwrap();
+        }
+        rms(&mut source, 12);
+        assert!(rms(&mut source, 10) < 3.0);
+        assert_eq!(source.person.intended, Gesture::NoMotion);
+    }
+}
