@@ -11,7 +11,7 @@ use std::{
     error::Error,
     hint::black_box,
     net::TcpListener,
-    path::PathBuf,
+    path::{Path, PathBuf},
     process::Command,
     sync::{
         Arc,
@@ -31,7 +31,7 @@ const LINK_SECS: f64 = 6.0;
 const PEER: &str = "LibEMG";
 
 /// Window to class, fitting, the live share of a core, and the jitter of decisions over the simulator's link; LibEMG
-/// beside it if the environment variable `PROACT_PEERS` names a virtual environment that has it.
+/// beside it if a virtual environment of peers has it.
 ///
 /// # Errors
 /// Data that no classifier can be trained on, or a link that fails: neither should be.
@@ -227,6 +227,18 @@ for _ in range(2000):
 print(json.dumps({"windows": windows, "fit": float(np.median(fits))}))
 "#;
 
+/// Where peers may be: the folder that `PROACT_PEERS` names, else that of `./proact peers` in the checkout that the
+/// program runs or was built in.
+fn folders() -> Vec<PathBuf> {
+    if let Some(named) = std::env::var_os("PROACT_PEERS") {
+        return vec![named.into()];
+    }
+    let program = std::env::current_exe().unwrap_or_default();
+    // target/release/proact
+    let checkout = program.ancestors().nth(3).unwrap_or(Path::new("."));
+    vec!["build/peers".into(), checkout.join("build/peers")]
+}
+
 impl Peer {
     fn measure() -> Peer {
         match Peer::run() {
@@ -236,13 +248,13 @@ impl Peer {
     }
 
     fn run() -> Result<PeerFigures, String> {
-        let folder = std::env::var_os("PROACT_PEERS")
-            .ok_or("LibEMG not installed: PROACT_PEERS names no virtual environment")?;
-        let python = PathBuf::from(&folder).join("bin/python3");
-        let has = Command::new(&python).args(["-c", "import libemg"]).output();
-        if !has.is_ok_and(|output| output.status.success()) {
-            return Err(format!("LibEMG not installed in {}", python.display()));
-        }
+        let python = folders().into_iter().map(|folder| folder.join("bin/python3")).find(|python| {
+            let has = Command::new(python).args(["-c", "import libemg"]).output();
+            has.is_ok_and(|output| output.status.success())
+        });
+        let python = python.ok_or(
+            "LibEMG not installed; ./proact peers gets it, or name a virtual environment in PROACT_PEERS",
+        )?;
         let output = Command::new(&python).args(["-c", PEER_PROGRAM]).output().map_err(|e| e.to_string())?;
         // The library may print warnings of its own before the figures.
         let text = String::from_utf8_lossy(&output.stdout);

@@ -46,6 +46,9 @@ pub struct StreamArgs {
     /// Send each decision as LibEMG does, such as 127.0.0.1:12346.
     #[arg(long)]
     udp: Option<String>,
+    /// Send the effort too, as LibEMG's velocity: "class velocity".
+    #[arg(long, requires = "udp")]
+    velocity: bool,
     /// Stop after so many seconds.
     #[arg(long)]
     seconds: Option<f64>,
@@ -65,7 +68,7 @@ pub(super) fn run(args: &StreamArgs, json: bool) -> Result<(), Box<dyn Error>> {
     let handler = stop.clone();
     // So that a recording ends well. A second handler in one process, as in tests, is refused and not needed.
     let _ = ctrlc::set_handler(move || handler.store(true, Ordering::Relaxed));
-    let mut out = Output { json, view: View::new(), sender: None };
+    let mut out = Output { json, view: View::new(), sender: None, velocity: args.velocity };
     if let Some(target) = &args.udp {
         out.sender = Some(LibEmgSender::connect(target)?);
     }
@@ -131,6 +134,7 @@ struct Output {
     json: bool,
     view: View,
     sender: Option<LibEmgSender>,
+    velocity: bool,
 }
 
 impl Output {
@@ -153,7 +157,10 @@ impl Output {
         out: &EmgOutput,
     ) -> Result<bool, Box<dyn Error>> {
         if let Some(sender) = &mut self.sender {
-            sender.send(LibEmgOutput { gesture: Some(out.gesture), velocity: None })?;
+            // The effort is that of the newest class; the gesture in force may be another.
+            let effort = if out.class == Some(out.gesture) { out.effort } else { 0.0 };
+            let velocity = self.velocity.then_some(effort);
+            sender.send(LibEmgOutput { gesture: Some(out.gesture), velocity })?;
         }
         self.line(&json!({
             "t_s": at.as_secs(), "sample": counter, "gesture": out.gesture, "window_class": out.window_class, "class": out.class,

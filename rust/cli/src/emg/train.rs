@@ -185,6 +185,9 @@ impl Training {
             }
         }
         recordings.items.retain(|r| args.reps.is_empty() || args.reps.contains(&r.repetition));
+        // In the order of the prompts, so that saved recordings give the model of their session to the last digit.
+        let order = CalibrationConfig::default().gestures;
+        recordings.items.sort_by_key(|r| (r.repetition, order.iter().position(|g| *g == r.gesture)));
         let info = SourceInfo {
             name: dir.display().to_string(),
             rate_hz: recordings.rate_hz,

@@ -1,0 +1,113 @@
+// The calibration page in a headless Chromium, with a simulated person at the armband: begin, two rounds, one gesture
+// again, stop; then the cursor test.
+//
+//   node tests/page/calibrate.mjs --program target/release/proact --out build/page/calibrate
+//
+// Exits 0 only if everything was seen and the model was written.
+
+import { spawn } from "node:child_process";
+import { existsSync } from "node:fs";
+import { mkdir, rm } from "node:fs/promises";
+import { createRequire } from "node:module";
+import { parseArgs } from "node:util";
+
+// playwright-core is installed with the page, whose package.json pins it.
+const require = createRequire(new URL("../../rust/bridge/web/package.json", import.meta.url));
+const { chromium } = require("playwright-core");
+
+const { values: options } = parseArgs({
+  options: { program: { type: "string" }, out: { type: "string", default: "build/page/calibrate" } },
+});
+const WAIT_MS = 60_000;
+const model = `${options.out}/model.json`;
+await mkdir(options.out, { recursive: true });
+await rm(model, { force: true });
+
+/** Starts a command with a page; its address, and how it ends. */
+async function start(...words) {
+  const child = spawn(options.program, ["emg", "--json", ...words, "--page", "--no-browser", "--port", "18190"], {
+    stdio: ["ignore", "pipe", "pipe"],
+  });
+  let [out, errors] = ["", ""];
+  child.stdout.on("data", (data) => (out += data));
+  const ended = new Promise((resolve) => child.once("exit", (code) => resolve({ code, out, errors })));
+  const url = await new Promise((resolve, reject) => {
+    child.stderr.on("data", (data) => {
+      errors += data;
+      const found = /page: (http:\/\/[0-9.:]+\/)/.exec(errors);
+      if (found) resolve(found[1]);
+    });
+    child.once("exit", (code) => reject(new Error(`${words.join(" ")} ended with ${code}: ${errors}`)));
+  });
+  return { url, ended, stop: () => child.kill("SIGKILL") };
+}
+
+const executablePath = ["/usr/bin/chromium", "/usr/bin/chromium-browser"].find((path) => existsSync(path));
+const browser = await chromium.launch({ executablePath, args: ["--headless=new", "--no-sandbox", "--disable-gpu"] });
+const errors = [];
+let running = null;
+try {
+  const page = await browser.newPage();
+  page.on("pageerror", (error) => errors.push(String(error)));
+  const seen = (check, argument) => page.waitForFunction(check, argument, { timeout: WAIT_MS });
+  const button = (name) => page.getByRole("button", { name, exact: true });
+
+  running = await start("train", "--source", "synthetic", "--secs", "0.6", "--prepare", "0.6", "--out", model);
+  await page.goto(running.url);
+  await button("Begin").waitFor({ timeout: WAIT_MS });
+  // Eight electrodes and the stream, none red.
+  await seen(() => document.querySelectorAll(".light").length === 9);
+  if ((await page.locator(".light.red").count()) !== 0) throw new Error("a light is red without reason");
+  await page.screenshot({ path: `${options.out}/begin.png` });
+  await button("Begin").click();
+  for (const name of ["Relax", "Close the hand", "Open the hand", "Bend the wrist in", "Bend the wrist back"]) {
+    await page.locator(".name", { hasText: name }).waitFor({ timeout: WAIT_MS });
+    await page.locator(`svg[aria-label="${name}"]`).waitFor({ timeout: WAIT_MS });
+  }
+  await page.locator(".bar.recording").waitFor({ timeout: WAIT_MS });
+  await page.screenshot({ path: `${options.out}/recording.png` });
+  await seen(() => window.__calibration.reviewing && window.__calibration.rounds === 1);
+  await button("Another round").click();
+  await page.locator("h2.accuracy").waitFor({ timeout: WAIT_MS });
+  const heading = await page.locator("h2.accuracy").innerText();
+  if (!/^Round 2: [0-9.]+ % recognised/.test(heading)) throw new Error(`the heading is ${heading}`);
+  if ((await page.locator("table tr").count()) !== 6) throw new Error("the confusion has not five rows");
+  await page.screenshot({ path: `${options.out}/judged.png` });
+  // A reload loses nothing.
+  await page.reload();
+  await page.locator("h2.accuracy").waitFor({ timeout: WAIT_MS });
+  await button("Again: Open the hand").click();
+  await seen(() => window.__calibration.phase.prompt?.gesture === "hand_open");
+  await seen(() => window.__calibration.reviewing);
+  await button("Stop and save the model").click();
+  const trained = await running.ended;
+  if (trained.code !== 0 || !existsSync(model)) throw new Error(`train ended with ${trained.code}: ${trained.errors}`);
+  const report = JSON.parse(trained.out);
+  console.log(`trained: ${(100 * report.accuracy).toFixed(1)} % after ${report.rounds} rounds`);
+
+  running = await start("test", "--model", model, "--source", "synthetic", "--tests", "cursor", "--targets", "3");
+  await page.goto(running.url);
+  await button("Begin").click({ timeout: WAIT_MS });
+  await seen(() => window.__calibration.type === "cursor" && window.__calibration.report.movements.length >= 1);
+  const drawn = await page.evaluate(() => {
+    const canvas = document.querySelector("canvas");
+    const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+    return data.some((value) => value !== 0);
+  });
+  if (!drawn) throw new Error("the cursor test draws nothing");
+  await page.screenshot({ path: `${options.out}/cursor.png` });
+  const tested = await running.ended;
+  if (tested.code !== 0) throw new Error(`test ended with ${tested.code}: ${tested.errors}`);
+  const { cursor } = JSON.parse(tested.out);
+  console.log(`cursor: ${cursor.throughput_bits_per_s.toFixed(2)} bit/s, ${(100 * cursor.completion_rate).toFixed(0)} %`);
+  if (cursor.movements.length !== 9) throw new Error(`${cursor.movements.length} movements, expected 9`);
+  if (errors.length > 0) throw new Error(`errors on the page: ${errors.join("; ")}`);
+} catch (error) {
+  const page = browser.contexts()[0]?.pages()[0];
+  await page?.screenshot({ path: `${options.out}/failure.png` }).catch(() => {});
+  console.error(`FAILED: ${error.message}`);
+  process.exitCode = 1;
+} finally {
+  running?.stop();
+  await browser.close();
+}
