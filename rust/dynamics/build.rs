@@ -15,12 +15,15 @@ fn main() {
         .flag("-ffp-contract=off");
     for source in [
         "arm_bodies",
+        "arm_tree",
         "collisions",
         "contact_points",
         "model",
         "ode_runtime",
+        "reduced_arm",
         "simulation",
         "snapshot",
+        "velocity_problem",
         "world",
     ] {
         build.file(core.join("src").join(source).with_extension("cpp"));

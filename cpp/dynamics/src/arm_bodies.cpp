@@ -4,13 +4,11 @@
 #include "simulation.hpp"
 
 #include <algorithm>
-#include <limits>
 
 namespace proact::dynamics {
 
 namespace {
 
-constexpr std::size_t none = std::numeric_limits<std::size_t>::max();
 // A joint with a smaller range does not move at all.
 constexpr double immovable_range = 1e-9;
 
@@ -61,7 +59,7 @@ void World::Simulation::place_links(const std::vector<double>& positions, std::v
     LinkMotion& child = out[k + 1];
     child.pose = parent.pose * joint.origin;
     child.angular = parent.angular;
-    if (const std::size_t moving = moving_of_joint_[k]; moving != none) {
+    if (const std::size_t moving = moving_of_joint_[k]; moving != npos) {
       child.pose.rotation = normalized(child.pose.rotation * about_axis(joint.axis, positions[moving]));
       child.angular = child.angular + rotate(child.pose.rotation, joint.axis) * velocities_[moving];
     }
@@ -169,6 +167,10 @@ void World::Simulation::place_geoms() {
 }
 
 void World::Simulation::build_arm() {
+  if (reduced()) {
+    build_tree();
+    return;
+  }
   built_base_ = world_from_base_;
   const std::vector<dBodyID> old_bodies = bodies_;
   for (const Hinge& hinge : hinges_) dJointDestroy(hinge.joint);
@@ -184,7 +186,7 @@ void World::Simulation::build_arm() {
   // Shape of each body: rigid joints at their angles, free ones at zero.
   std::vector<double> zeros(positions_.size(), 0.0);
   for (std::size_t k = 0; k < model_.joints.size(); ++k) {
-    if (moving_of_joint_[k] != none && rigid(k)) zeros[moving_of_joint_[k]] = positions_[moving_of_joint_[k]];
+    if (moving_of_joint_[k] != npos && rigid(k)) zeros[moving_of_joint_[k]] = positions_[moving_of_joint_[k]];
   }
   place_links(zeros, motions_);
   set_masses();

@@ -24,6 +24,18 @@ GeomPtr make_geom(const Shape& shape) {
   throw std::invalid_argument("unknown kind of shape");
 }
 
+/// Radius of the sphere around a shape.
+double reach_of(const Shape& shape) {
+  const auto& size = shape.size;
+  switch (shape.kind) {
+    case ShapeKind::box: return 0.5 * norm({size[0], size[1], size[2]});
+    case ShapeKind::sphere: return size[0];
+    case ShapeKind::cylinder: return norm({size[0], 0.5 * size[1], 0.0});
+    case ShapeKind::capsule: return size[0] + 0.5 * size[1];
+  }
+  throw std::invalid_argument("unknown kind of shape");
+}
+
 bool apart(const std::array<dReal, 6>& a, const std::array<dReal, 6>& b) {
   return a[0] > b[1] || b[0] > a[1] || a[2] > b[3] || b[2] > a[3] || a[4] > b[5] || b[4] > a[5];
 }
@@ -33,19 +45,20 @@ bool apart(const std::array<dReal, 6>& a, const std::array<dReal, 6>& b) {
 void World::Simulation::make_geoms() {
   for (std::size_t k = 0; k < model_.links.size(); ++k) {
     for (const Collision& collision : model_.links[k].collisions) {
-      link_geoms_.push_back({make_geom(collision.shape), collision.shape, k, collision.pose, {}, {}});
+      link_geoms_.push_back({make_geom(collision.shape), collision.shape, k, collision.pose, {}, {}, reach_of(collision.shape), {}});
     }
   }
   for (std::size_t k = 0; k < model_.fixed.size(); ++k) {
     const FixedObject& object = model_.fixed[k];
-    fixed_geoms_.push_back({make_geom(object.shape), object.shape, k, Pose{}, object.pose, {}});
+    fixed_geoms_.push_back({make_geom(object.shape), object.shape, k, Pose{}, object.pose, {}, reach_of(object.shape), {}});
     const dGeomID geom = fixed_geoms_.back().id.get();
     const dQuaternion q{object.pose.rotation.w, object.pose.rotation.x, object.pose.rotation.y, object.pose.rotation.z};
     dGeomSetPosition(geom, object.pose.position.x, object.pose.position.y, object.pose.position.z);
     dGeomSetQuaternion(geom, q);
   }
   for (std::size_t k = 0; k < model_.blocks.size(); ++k) {
-    block_geoms_.push_back({make_geom(model_.blocks[k].shape), model_.blocks[k].shape, k, Pose{}, {}, {}});
+    const Shape& shape = model_.blocks[k].shape;
+    block_geoms_.push_back({make_geom(shape), shape, k, Pose{}, {}, {}, reach_of(shape), {}});
   }
   update(fixed_geoms_);
 }
@@ -59,6 +72,31 @@ void World::Simulation::update(std::vector<Geom>& geoms) {
   }
 }
 
+void World::Simulation::update_moving_geoms() {
+  if (reduced()) {
+    if (attached_) {
+      const Pose link = tree_.placed()[body_of_[attached_->link]].pose * body_from_link_[attached_->link];
+      const Pose pose = link * attached_->link_from_block;
+      set_geom_pose(block_geoms_[attached_->block].id.get(), pose);
+    }
+    update(block_geoms_);
+    update_link_geoms();
+  } else {
+    update(link_geoms_);
+    update(block_geoms_);
+  }
+}
+
+World::Simulation::Side World::Simulation::side_of_block(std::size_t block) const {
+  if (attached_ && attached_->block == block) return side_of_link(attached_->link);
+  return {block_bodies_[block], block, npos};
+}
+
+World::Simulation::Side World::Simulation::side_of_link(std::size_t link) const {
+  const std::size_t body = body_of_[link];
+  return reduced() ? Side{nullptr, npos, body} : Side{bodies_[body], npos, npos};
+}
+
 bool World::Simulation::resting(std::size_t block) const {
   return !(attached_ && attached_->block == block) && dBodyIsEnabled(block_bodies_[block]) == 0;
 }
@@ -67,8 +105,8 @@ void World::Simulation::collide() {
   dJointGroupEmpty(contact_group_.get());
   contacts_.clear();
   measured_.clear();
-  update(link_geoms_);
-  update(block_geoms_);
+  waiting_.clear();
+  update_moving_geoms();
   collide_links_with_fixed();
   collide_blocks_with_fixed();
   collide_blocks();
@@ -83,8 +121,8 @@ void World::Simulation::collide_links_with_fixed() {
       if (apart(link.bounds, fixed.bounds)) continue;
       find_contacts({&link.shape, link.world_from_shape, link.id.get()},
                     {&fixed.shape, fixed.world_from_shape, fixed.id.get()}, found_);
-      const Touch touch{bodies_[body_of_[link.owner]], nullptr, model_.fixed[fixed.owner].friction};
-      for (std::size_t k = 0; k < found_.count; ++k) push(touch, found_.points[k], nullptr);
+      const Touch touch{side_of_link(link.owner), {}, model_.fixed[fixed.owner].friction};
+      for (std::size_t k = 0; k < found_.count; ++k) touch_at(touch, found_.points[k], npos);
     }
   }
 }
@@ -98,8 +136,8 @@ void World::Simulation::collide_blocks_with_fixed() {
       find_contacts({&block.shape, block.world_from_shape, block.id.get()},
                     {&fixed.shape, fixed.world_from_shape, fixed.id.get()}, found_);
       const double friction = std::min(model_.blocks[block.owner].friction, model_.fixed[fixed.owner].friction);
-      const Touch touch{dGeomGetBody(block.id.get()), nullptr, friction};
-      for (std::size_t k = 0; k < found_.count; ++k) push(touch, found_.points[k], nullptr);
+      const Touch touch{side_of_block(block.owner), {}, friction};
+      for (std::size_t k = 0; k < found_.count; ++k) touch_at(touch, found_.points[k], npos);
       touches = touches || found_.count > 0;
     }
     if (touches) resist_rolling(block);
@@ -129,8 +167,8 @@ void World::Simulation::collide_blocks() {
       if (apart(a.bounds, b.bounds) || (resting(i) && resting(j))) continue;
       find_contacts({&a.shape, a.world_from_shape, a.id.get()}, {&b.shape, b.world_from_shape, b.id.get()}, found_);
       const double friction = std::min(model_.blocks[i].friction, model_.blocks[j].friction);
-      const Touch touch{dGeomGetBody(a.id.get()), dGeomGetBody(b.id.get()), friction};
-      for (std::size_t k = 0; k < found_.count; ++k) push(touch, found_.points[k], nullptr);
+      const Touch touch{side_of_block(i), side_of_block(j), friction};
+      for (std::size_t k = 0; k < found_.count; ++k) touch_at(touch, found_.points[k], npos);
     }
   }
 }
@@ -152,22 +190,33 @@ void World::Simulation::collide_blocks_with_links() {
                       {&geom.shape, geom.world_from_shape, geom.id.get()}, found_);
         overlaps = overlaps || found_.count > 0;
         if (!acts) continue;
-        const Touch touch{block_bodies_[block.owner], bodies_[body_of_[link]], model_.blocks[block.owner].friction_finger};
+        const Touch touch{side_of_block(block.owner), side_of_link(link), model_.blocks[block.owner].friction_finger};
         for (std::size_t k = 0; k < found_.count; ++k) {
           const ContactPoint& point = found_.points[k];
-          dJointFeedback* feedback = nullptr;
-          if (measured_.size() < contact_capacity) {
-            contacts_.push_back({block.owner, link, point.position, point.normal, 0.0});
-            measured_.push_back({contacts_.size() - 1, {}});
-            feedback = &measured_.back().feedback;
-          }
-          push(touch, point, feedback);
+          const bool listed = contacts_.size() < contact_capacity;
+          if (listed) contacts_.push_back({block.owner, link, point.position, point.normal, 0.0});
+          touch_at(touch, point, listed ? contacts_.size() - 1 : npos);
         }
       }
       if (!overlaps) parted_[block.owner * links + link] = true;
       first = next;
     }
   }
+}
+
+/// `measured`: the entry of contacts_ that tells its force, or npos.
+void World::Simulation::touch_at(const Touch& touch, const ContactPoint& point, std::size_t measured) {
+  if (reduced()) {
+    waiting_.push_back({touch, point, measured});
+    return;
+  }
+  dJointFeedback* feedback = nullptr;
+  if (measured != npos) {
+    // Space is reserved for contact_capacity of them, so that the addresses stay.
+    measured_.push_back({measured, {}});
+    feedback = &measured_.back().feedback;
+  }
+  push(touch, point, feedback);
 }
 
 void World::Simulation::push(const Touch& touch, const ContactPoint& point, dJointFeedback* feedback) {
@@ -185,13 +234,13 @@ void World::Simulation::push(const Touch& touch, const ContactPoint& point, dJoi
   set(contact.geom.normal, point.normal);
   contact.geom.depth = point.depth;
   const dJointID joint = dJointCreateContact(world_.get(), contact_group_.get(), &contact);
-  dJointAttach(joint, touch.first, touch.second);
+  dJointAttach(joint, touch.first.body, touch.second.body);
   if (feedback != nullptr) dJointSetFeedback(joint, feedback);
 }
 
 void World::Simulation::refuse_overlaps() {
-  update(link_geoms_);
-  update(block_geoms_);
+  if (reduced()) tree_.place(world_from_base_, positions_);
+  update_moving_geoms();
   const auto refuse = [&](const Geom& block, const Geom& other, const std::string& name) {
     if (apart(block.bounds, other.bounds)) return;
     find_contacts({&block.shape, block.world_from_shape, block.id.get()},

@@ -49,6 +49,11 @@ inline void set_body_pose(dBodyID body, const Pose& pose) {
   dBodySetPosition(body, pose.position.x, pose.position.y, pose.position.z);
   dBodySetQuaternion(body, q);
 }
+inline void set_geom_pose(dGeomID geom, const Pose& pose) {
+  const dQuaternion q{pose.rotation.w, pose.rotation.x, pose.rotation.y, pose.rotation.z};
+  dGeomSetPosition(geom, pose.position.x, pose.position.y, pose.position.z);
+  dGeomSetQuaternion(geom, q);
+}
 inline Pose body_pose(dBodyID body) { return {to_vec(dBodyGetPosition(body)), to_quat(dBodyGetQuaternion(body))}; }
 
 }  // namespace proact::dynamics

@@ -3,7 +3,6 @@
 #include "simulation.hpp"
 
 #include <algorithm>
-#include <limits>
 #include <stdexcept>
 #include <utility>
 
@@ -11,18 +10,16 @@ namespace proact::dynamics {
 
 namespace {
 
-constexpr std::size_t none = std::numeric_limits<std::size_t>::max();
 // Below this speed Coulomb friction fades to zero, so that a joint at rest is not pushed to and fro, rad/s.
 constexpr double friction_fade = 0.01;
 // A joint is at its stop from this far beyond its limit, rad: a command to the limit itself ends a little
 // beside it.
 constexpr double stop_slack = 1e-4;
 
-// A block sleeps once it has been slower than this for a quarter of a second. Slow enough that a rolling or
+// A block sleeps once it has been slower than this for sleep_ticks. Slow enough that a rolling or
 // tipping block is still well above it. ODE's own rule is not used, because its countdown cannot be saved.
 constexpr double sleep_speed = 1e-3;       // m/s
 constexpr double sleep_turn_speed = 2e-2;  // rad/s
-constexpr int sleep_ticks = 250;
 // Blocks start at rest, so that they need not prove it for long.
 constexpr int first_sleep_ticks = 10;
 
@@ -67,7 +64,7 @@ World::Simulation::Simulation(Model model) : model_(std::move(model)) {
   dWorldSetAutoDisableFlag(world_.get(), 0);
 
   const std::size_t joints = model_.moving.size();
-  moving_of_joint_.assign(model_.joints.size(), none);
+  moving_of_joint_.assign(model_.joints.size(), npos);
   for (std::size_t k = 0; k < joints; ++k) moving_of_joint_[model_.moving[k]] = k;
   positions_ = model_.positions;
   velocities_.assign(joints, 0.0);
@@ -86,6 +83,11 @@ World::Simulation::Simulation(Model model) : model_(std::move(model)) {
   motions_.assign(model_.links.size(), LinkMotion{});
   parted_.assign(model_.links.size() * model_.blocks.size(), true);
   until_sleep_.assign(model_.blocks.size(), first_sleep_ticks);
+  motor_states_.assign(joints, 0);
+  halfway_ = positions_;
+  slot_.assign(model_.blocks.size(), npos);
+  engaged_.reserve(model_.blocks.size());
+  waiting_.reserve(contact_capacity);
   contacts_.reserve(contact_capacity);
   measured_.reserve(contact_capacity);
 
@@ -128,16 +130,25 @@ void World::Simulation::step(const double* position, const double* velocity, con
     const Pose asked{world_from_base.position, normalized(world_from_base.rotation)};
     base_held_ = jumps(asked);
     const Pose target = base_held_ ? world_from_base_ : asked;
+    const Vec3 linear_before = base_linear_;
+    const Vec3 angular_before = base_angular_;
     base_linear_ = (target.position - world_from_base_.position) * (1.0 / tick_secs);
     base_angular_ = rotation_vector(target.rotation * conjugate(world_from_base_.rotation)) * (1.0 / tick_secs);
-    dBodySetLinearVel(bodies_[0], base_linear_.x, base_linear_.y, base_linear_.z);
-    dBodySetAngularVel(bodies_[0], base_angular_.x, base_angular_.y, base_angular_.z);
-    drive(position, velocity);
-    collide();
-    advance();
+    if (reduced()) {
+      const BaseMotion base{base_linear_, (angular_before + base_angular_) * 0.5,
+                            (base_linear_ - linear_before) * (1.0 / tick_secs),
+                            (base_angular_ - angular_before) * (1.0 / tick_secs)};
+      advance_tree(position, velocity, base);
+    } else {
+      dBodySetLinearVel(bodies_[0], base_linear_.x, base_linear_.y, base_linear_.z);
+      dBodySetAngularVel(bodies_[0], base_angular_.x, base_angular_.y, base_angular_.z);
+      drive(position, velocity);
+      collide();
+      advance();
+      // Takes away the rounding of ODE's own integration, so that it cannot add up.
+      set_body_pose(bodies_[0], target);
+    }
     world_from_base_ = target;
-    // Takes away the rounding of ODE's own integration, so that it cannot add up.
-    set_body_pose(bodies_[0], target);
     read_state();
   } catch (const std::exception& error) {
     failure_ = std::string("the world is unusable since an earlier failure: ") + error.what();
@@ -156,29 +167,33 @@ int World::Simulation::stop_of(std::size_t moving) const {
 /// Position control as a speed constraint with bounded torque: at the end of the tick the joint has the speed
 /// that closes the gap, unless that takes more than the effort limit. Gravity therefore leaves no sag.
 ///
-/// Damping and friction act as they do at the end of the tick (implicit Euler, of each joint by itself): taken from
-/// its start, they would shake light fingers that no control holds ever faster.
-///
 /// A stop is the same constraint at the limit without a bound. ODE's own stops are not used: a motor that drives
 /// away from one acts with its full torque for a tick, which throws light fingers.
-void World::Simulation::drive(const double* position, const double* velocity) {
+World::Simulation::Motor World::Simulation::motor_of(std::size_t moving, double position, double velocity) {
   const Options& options = model_.options;
+  const Joint& joint = model_.joints[model_.moving[moving]];
+  stop_[moving] = stop_of(moving);
+  const bool stopped = stop_[moving] != 0;
+  const double command = stopped ? (stop_[moving] > 0 ? joint.upper : joint.lower) : position;
+  const double ahead = stopped ? 0.0 : velocity;
+  const double target = std::clamp(command, joint.lower, joint.upper);
+  // The command is for the end of the tick: what its own speed covers is no error.
+  const double error = target - positions_[moving] - ahead * tick_secs;
+  const double fastest = options.catch_up * joint.velocity;
+  return {std::clamp(ahead + options.position_gain * error, -fastest, fastest), stopped ? dInfinity : joint.effort,
+          joint.damping + joint.friction / std::max(std::fabs(velocities_[moving]), friction_fade)};
+}
+
+/// Damping and friction act as they do at the end of the tick (implicit Euler, of each joint by itself): taken from
+/// its start, they would shake light fingers that no control holds ever faster.
+void World::Simulation::drive(const double* position, const double* velocity) {
   for (const Hinge& hinge : hinges_) {
     const std::size_t k = hinge.moving;
-    const Joint& joint = model_.joints[model_.moving[k]];
-    stop_[k] = stop_of(k);
-    const bool stopped = stop_[k] != 0;
-    const double command = stopped ? (stop_[k] > 0 ? joint.upper : joint.lower) : position[k];
-    const double ahead = stopped ? 0.0 : velocity[k];
-    const double target = std::clamp(command, joint.lower, joint.upper);
-    // The command is for the end of the tick: what its own speed covers is no error.
-    const double error = target - positions_[k] - ahead * tick_secs;
-    const double fastest = options.catch_up * joint.velocity;
-    const double speed = std::clamp(ahead + options.position_gain * error, -fastest, fastest);
-    dJointSetHingeParam(hinge.joint, dParamVel, speed);
-    dJointSetHingeParam(hinge.joint, dParamFMax, stopped ? dInfinity : joint.effort);
-    const double rubbing = joint.damping + joint.friction / std::max(std::fabs(velocities_[k]), friction_fade);
-    dJointAddHingeTorque(hinge.joint, -rubbing * velocities_[k] / (1.0 + tick_secs * rubbing / hinge.inertia));
+    const Motor motor = motor_of(k, position[k], velocity[k]);
+    dJointSetHingeParam(hinge.joint, dParamVel, motor.speed);
+    dJointSetHingeParam(hinge.joint, dParamFMax, motor.limit);
+    const double torque = -motor.rubbing * velocities_[k] / (1.0 + tick_secs * motor.rubbing / hinge.inertia);
+    dJointAddHingeTorque(hinge.joint, torque);
   }
 }
 
@@ -186,7 +201,7 @@ void World::Simulation::drive(const double* position, const double* velocity) {
 void World::Simulation::put_to_sleep() {
   for (std::size_t k = 0; k < block_bodies_.size() && model_.options.sleep; ++k) {
     const dBodyID body = block_bodies_[k];
-    if (dBodyIsEnabled(body) == 0) continue;
+    if (dBodyIsEnabled(body) == 0 || slot_[k] != npos) continue;
     const bool idle = norm(to_vec(dBodyGetLinearVel(body))) <= sleep_speed &&
                       norm(to_vec(dBodyGetAngularVel(body))) <= sleep_turn_speed;
     until_sleep_[k] = idle ? until_sleep_[k] - 1 : sleep_ticks;
@@ -200,8 +215,10 @@ void World::Simulation::put_to_sleep() {
 void World::Simulation::advance() {
   put_to_sleep();
   const unsigned long before = ode_message_count();
-  int done = 0;
-  if (model_.options.solver == Solver::direct) {
+  int done = 1;
+  if (reduced() && std::none_of(block_bodies_.begin(), block_bodies_.end(), [](dBodyID body) { return dBodyIsEnabled(body) != 0; })) {
+    // Nothing is left for ODE to move.
+  } else if (model_.options.solver == Solver::direct) {
     done = dWorldStep(world_.get(), tick_secs);
   } else {
     // The order of constraints comes from a generator that all worlds share: each brings its own seed.
@@ -212,6 +229,9 @@ void World::Simulation::advance() {
   }
   complaints_ += ode_message_count() - before;
   if (done == 0) throw std::runtime_error("out of memory in a step");
+  for (const double value : velocities_) {
+    if (!std::isfinite(value)) throw std::runtime_error("the arm left the finite numbers");
+  }
   for (const dBodyID body : bodies_) {
     if (!finite_body(body)) throw std::runtime_error("the arm left the finite numbers");
   }
@@ -223,7 +243,7 @@ void World::Simulation::advance() {
 }
 
 void World::Simulation::read_state() {
-  std::fill(efforts_.begin(), efforts_.end(), 0.0);
+  if (!reduced()) std::fill(efforts_.begin(), efforts_.end(), 0.0);
   for (const Hinge& hinge : hinges_) {
     const std::size_t k = hinge.moving;
     positions_[k] = dJointGetHingeAngle(hinge.joint);
@@ -243,11 +263,11 @@ void World::Simulation::read_state() {
   for (std::size_t k = 0; k < blocks_.size(); ++k) {
     const bool carried = attached_ && attached_->block == k;
     if (carried) {
-      const Pose pose = link_pose(attached_->link) * attached_->link_from_block;
-      const dBodyID body = bodies_[body_of_[attached_->link]];
-      dVector3 linear;
-      dBodyGetPointVel(body, pose.position.x, pose.position.y, pose.position.z, linear);
-      blocks_[k] = {pose, to_vec(linear), to_vec(dBodyGetAngularVel(body))};
+      const std::size_t body = body_of_[attached_->link];
+      const FrameMotion motion = body_motion(body);
+      const Pose pose = motion.pose * body_from_link_[attached_->link] * attached_->link_from_block;
+      const Vec3 linear = motion.linear + cross(motion.angular, pose.position - motion.pose.position);
+      blocks_[k] = {pose, linear, motion.angular};
     } else {
       const dBodyID body = block_bodies_[k];
       blocks_[k] = {body_pose(body), to_vec(dBodyGetLinearVel(body)), to_vec(dBodyGetAngularVel(body))};
@@ -255,11 +275,17 @@ void World::Simulation::read_state() {
   }
 }
 
+FrameMotion World::Simulation::body_motion(std::size_t body) const {
+  if (reduced()) return tree_.motion(body, {world_from_base_, base_linear_, base_angular_}, positions_, velocities_);
+  const dBodyID id = bodies_[body];
+  return {body_pose(id), to_vec(dBodyGetLinearVel(id)), to_vec(dBodyGetAngularVel(id))};
+}
+
 Pose World::Simulation::link_pose(std::size_t link) const {
   if (link >= body_of_.size()) {
     throw std::invalid_argument("link " + std::to_string(link) + ", there are " + std::to_string(body_of_.size()));
   }
-  return body_pose(bodies_[body_of_[link]]) * body_from_link_[link];
+  return body_motion(body_of_[link]).pose * body_from_link_[link];
 }
 
 void World::Simulation::attach(std::size_t block, std::size_t link) {

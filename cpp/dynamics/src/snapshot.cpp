@@ -146,6 +146,7 @@ std::vector<double> World::Simulation::save() const {
   out.add_all(held_);
   out.add_all(still_ticks_);
   out.add_all(stop_);
+  out.add_all(motor_states_);
   out.add_all(parted_);
   out.add_all(until_sleep_);
   out.add(built_base_);
@@ -200,6 +201,7 @@ void World::Simulation::restore(const std::vector<double>& numbers) {
   std::vector<bool> held(held_.size());
   std::vector<int> still_ticks(still_ticks_.size());
   std::vector<int> stop(stop_.size());
+  std::vector<int> motor_states(motor_states_.size());
   std::vector<bool> parted(parted_.size());
   std::vector<int> until_sleep(until_sleep_.size());
   in.all(positions);
@@ -209,6 +211,7 @@ void World::Simulation::restore(const std::vector<double>& numbers) {
   in.all(held);
   in.all(still_ticks, 0, most);
   in.all(stop, -1, 1);
+  in.all(motor_states, -1, 1);
   in.all(parted);
   in.all(until_sleep, -most, most);
   const Pose built_base = in.pose();
@@ -230,8 +233,9 @@ void World::Simulation::restore(const std::vector<double>& numbers) {
     block.linear = in.vec();
     block.angular = in.vec();
   }
-  std::size_t hinges = 1;
-  for (std::size_t k = 0; k < model_.joints.size(); ++k) {
+  // The arm in joint angles has no bodies of ODE.
+  std::size_t hinges = reduced() ? 0 : 1;
+  for (std::size_t k = 0; k < model_.joints.size() && !reduced(); ++k) {
     const bool immovable = moving_of_joint_[k] >= held.size() || !movable(k);
     if (!immovable && !held[moving_of_joint_[k]]) ++hinges;
   }
@@ -257,6 +261,7 @@ void World::Simulation::restore(const std::vector<double>& numbers) {
   held_ = held;
   still_ticks_ = still_ticks;
   stop_ = stop;
+  motor_states_ = motor_states;
   parted_ = parted;
   until_sleep_ = until_sleep;
   base_linear_ = base_linear;

@@ -37,6 +37,7 @@ std::unique_ptr<Model> new_model(const Settings& settings, In world_from_base) {
   auto model = std::make_unique<Model>();
   Options& options = model->options;
   options.gravity = to_vec(settings.gravity.data());
+  options.arm = settings.arm_of_bodies ? ArmEquations::bodies : ArmEquations::reduced;
   options.solver = settings.iterations == 0 ? Solver::direct : Solver::iterative;
   options.iterations = settings.iterations == 0 ? options.iterations : static_cast<int>(settings.iterations);
   options.seed = settings.seed;

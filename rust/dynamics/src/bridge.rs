@@ -17,6 +17,8 @@ pub(crate) mod ffi {
     /// The settings of `Options`.
     struct Settings {
         gravity: [f64; 3],
+        /// The arm as bodies of ODE instead of in joint angles.
+        arm_of_bodies: bool,
         /// Zero: the direct solver.
         iterations: u32,
         seed: u64,

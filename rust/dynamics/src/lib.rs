@@ -39,5 +39,5 @@ mod plant;
 mod snapshot;
 
 pub use bench::{TickTimes, bench_ticks};
-pub use plant::{DynamicsOptions, MassSet, OdePlant, Solver};
+pub use plant::{ArmEquations, DynamicsOptions, MassSet, OdePlant, Solver};
 pub use snapshot::Snapshot;

@@ -23,6 +23,18 @@ pub enum Solver {
     },
 }
 
+/// How the arm moves.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ArmEquations {
+    /// In joint angles, solved together with the blocks that the arm touches. Joints cannot come apart, energy is kept to
+    /// second order, and free fingers cost little.
+    #[default]
+    Reduced,
+    /// A body of ODE for each link, held together by ODE's hinges: the plain way, for comparison. Loses energy
+    /// when nothing drives it.
+    Bodies,
+}
+
 /// How heavy the arm is. Each factor is on masses, inertias and effort limits alike, so that the arm can bear itself as
 /// before; damping, friction and the blocks stay.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -53,7 +65,10 @@ impl MassSet {
 pub struct DynamicsOptions {
     /// m/s^2, world axes.
     pub gravity: Vector,
-    /// The solver.
+    /// The arm's equations.
+    pub arm: ArmEquations,
+    /// ODE's solver: for all that ODE moves, which is everything with [`ArmEquations::Bodies`] and otherwise the
+    /// blocks that do not hang together with the arm.
     pub solver: Solver,
     /// How heavy the arm is.
     pub mass_set: MassSet,
@@ -74,6 +89,7 @@ impl Default for DynamicsOptions {
     fn default() -> Self {
         Self {
             gravity: Vector::new(0.0, 0.0, -9.80665),
+            arm: ArmEquations::Reduced,
             solver: Solver::Direct,
             mass_set: MassSet::Description,
             position_gain: 200.0,
@@ -344,6 +360,7 @@ fn describe(
     };
     let settings = ffi::Settings {
         gravity: options.gravity.into(),
+        arm_of_bodies: options.arm == ArmEquations::Bodies,
         iterations,
         seed: seed.into(),
         position_gain: options.position_gain,

@@ -69,23 +69,22 @@ fn starts() -> [Vec<f64>; 2] {
     [START, [1.2, -0.2, 0.3, 0.2, 0.1, 0.1, 0.1]].map(|arm| positions(&model, &arm, "open"))
 }
 
-/// What holds of the energy of an arm without damping, friction, stops and motors: ODE's integrator never feeds it,
-/// but takes a good part away within seconds, because each tick projects the bodies' speeds onto joints that have
-/// turned meanwhile. The bounds are what was measured, rounded up; docs/dynamics.md has the figures.
+/// The arm with its hand at rest is one of seven joints. Free fingers without stops whip round at hundreds of radians a
+/// second, where the plant brakes them; they lose energy then, and must not gain any.
 #[test]
-fn an_undamped_arm_gains_next_to_no_energy_but_loses_up_to_half_in_five_seconds() {
+fn an_undamped_arm_keeps_its_energy_within_one_percent_for_five_seconds() {
     for start in starts() {
-        for hold_still_hand in [true, false] {
+        for (hold_still_hand, loss) in [(true, 0.01), (false, 0.6)] {
             let options = DynamicsOptions { hold_still_hand, ..DynamicsOptions::default() };
             let (low, high, released) = fall(&start, options, 0.0);
             println!(
-                "hand merged {hold_still_hand}: {:+.1} % to {:+.1} % of {released:.2} J",
+                "hand merged {hold_still_hand}: {:+.2} % to {:+.2} % of {released:.2} J",
                 100.0 * low / released,
                 100.0 * high / released
             );
             assert!(released > 1.0, "the arm must fall: {released} J");
-            assert!(high < 0.03 * released, "gained {high} J of {released} J");
-            assert!(low > -0.5 * released, "lost {low} J of {released} J");
+            assert!(high < 0.01 * released, "gained {high} J of {released} J");
+            assert!(low > -loss * released, "lost {low} J of {released} J");
         }
     }
 }

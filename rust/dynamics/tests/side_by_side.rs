@@ -8,7 +8,7 @@ mod common;
 
 use common::{START, bare_table, box_scene, grasp_base, move_hand, plant_at, positions, standing};
 use nalgebra::{Quaternion, UnitQuaternion};
-use proact_dynamics::{DynamicsOptions, OdePlant};
+use proact_dynamics::{ArmEquations, DynamicsOptions, OdePlant};
 use proact_testbed::ports::Plant;
 use proact_types::{
     ArmModel, Block, BlockId, Inertial, Joint, JointKind, JointLimits, Link, PlantCommand, PlantState, Pose,
@@ -143,7 +143,7 @@ fn a_chain_and_a_falling_block_match_raw_ode_bit_for_bit() {
         ..bare_table(vec![])
     };
     let base = Pose::translation(0.0, 0.0, 2.0);
-    let options = DynamicsOptions { sleep: false, ..DynamicsOptions::default() };
+    let options = DynamicsOptions { arm: ArmEquations::Bodies, sleep: false, ..DynamicsOptions::default() };
     let mut plant = OdePlant::new(&chain(), &scene, &[0.0; 7], &base, options).unwrap();
     let command = PlantCommand { position: zeros(7), velocity: zeros(7), world_from_base: base };
     let mut digest = Digest::new();

@@ -71,7 +71,13 @@ enum class Solver {
   iterative  ///< dWorldQuickStep: approximate; its generator is process-wide, so worlds take turns
 };
 
+enum class ArmEquations {
+  reduced,  ///< in joint angles: joints cannot come apart, and cost grows little with their number
+  bodies    ///< a body of ODE for each link, held together by ODE's hinges: the plain way, for comparison
+};
+
 struct Options {
+  ArmEquations arm = ArmEquations::reduced;
   Vec3 gravity{0.0, 0.0, -9.80665};
   Solver solver = Solver::direct;
   int iterations = 50;     ///< of the iterative solver

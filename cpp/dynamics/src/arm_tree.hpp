@@ -1,0 +1,108 @@
+// The arm in joint angles: rigid bodies on a tree of hinges. Places follow from the angles, so that joints cannot come
+// apart. Vectors are in world axes unless a name says otherwise.
+#pragma once
+
+#include "proact/dynamics/model.hpp"
+
+#include <cstddef>
+#include <vector>
+
+namespace proact::dynamics {
+
+/// A symmetric matrix, such as an inertia, kg m^2.
+struct Symmetric {
+  double xx = 0.0;
+  double xy = 0.0;
+  double xz = 0.0;
+  double yy = 0.0;
+  double yz = 0.0;
+  double zz = 0.0;
+};
+
+inline Symmetric operator+(const Symmetric& a, const Symmetric& b) {
+  return {a.xx + b.xx, a.xy + b.xy, a.xz + b.xz, a.yy + b.yy, a.yz + b.yz, a.zz + b.zz};
+}
+inline Vec3 operator*(const Symmetric& m, const Vec3& v) {
+  return {m.xx * v.x + m.xy * v.y + m.xz * v.z, m.xy * v.x + m.yy * v.y + m.yz * v.z,
+          m.xz * v.x + m.yz * v.y + m.zz * v.z};
+}
+/// The same matrix in the axes that `q` turns its own into.
+Symmetric rotated(const Quat& q, const Symmetric& m);
+/// Inertia of `mass` at `r` about the origin.
+Symmetric point_inertia(double mass, const Vec3& r);
+
+/// Place and twist of a frame; linear is that of its origin.
+struct FrameMotion {
+  Pose pose;
+  Vec3 linear;
+  Vec3 angular;
+};
+
+/// How the base moves: its twist, and what its velocity gains in a second.
+struct BaseMotion {
+  Vec3 linear;
+  Vec3 angular;
+  Vec3 linear_acceleration;
+  Vec3 angular_acceleration;
+};
+
+class ArmTree {
+ public:
+  /// Body 0 is the base, which goes where it is told; hinge k turns body k + 1.
+  struct Body {
+    std::size_t parent = 0;
+    std::size_t moving = 0;  ///< index of the joint vector
+    Pose parent_from_hinge;
+    Vec3 axis;               ///< own axes
+    double mass = 0.0;
+    Vec3 centre;             ///< of mass, own frame
+    Symmetric inertia;       ///< about the centre of mass, own axes
+  };
+  /// A body as it stands.
+  struct Placed {
+    Pose pose;
+    Vec3 axis;
+    Vec3 centre;        ///< of mass, from the body's origin
+    Symmetric inertia;  ///< about the centre of mass
+  };
+
+  std::vector<Body> bodies;
+
+  std::size_t hinge_count() const { return bodies.size() - 1; }
+  const std::vector<Placed>& placed() const { return placed_; }
+
+  /// Takes over the number of bodies.
+  void resize();
+  /// Places all bodies; `positions` by moving joint.
+  void place(const Pose& world_from_base, const std::vector<double>& positions);
+  /// Place and twist of one body.
+  FrameMotion motion(std::size_t body, const FrameMotion& base, const std::vector<double>& positions,
+                     const std::vector<double>& velocities) const;
+  /// Torques, one for each hinge, under which it has accelerations `acceleration` at speeds `velocity`. By Newton's
+  /// and Euler's laws from the base outward and back (Featherstone, Rigid Body Dynamics Algorithms, 5.3).
+  void inverse_dynamics(const BaseMotion& base, const Vec3& gravity, const double* velocity,
+                        const double* acceleration, double* torque);
+  /// Mass matrix, hinge_count() squared numbers (Featherstone, 6.2: composite rigid bodies).
+  void mass_matrix(std::vector<double>& out);
+
+ private:
+  struct Motion {
+    Vec3 angular;
+    Vec3 angular_acceleration;
+    Vec3 acceleration;  ///< of the origin
+    Vec3 force;
+    Vec3 moment;        ///< about the origin
+  };
+  /// A body with all that it carries, about the body's origin.
+  struct Composite {
+    double mass;
+    Vec3 first;  ///< mass times centre
+    Symmetric second;
+  };
+
+  std::vector<Placed> placed_;
+  std::vector<Motion> motions_;
+  std::vector<Composite> composites_;
+};
+
+}  // namespace proact::dynamics

@@ -1,0 +1,90 @@
+// The velocities at the end of a tick of the arm and of the blocks that hang together with it by contacts.
+#pragma once
+
+#include "arm_tree.hpp"
+
+#include <array>
+#include <cstddef>
+#include <vector>
+
+namespace proact::dynamics {
+
+/// Unknown are the speeds of the hinges and the twists of the blocks (linear, then angular). Wanted are those at which
+///
+///   mass * v = momentum + motors + contacts,
+///
+/// each motor and each contact pushing by what its speed lacks over its softness, within its limits: the laws of ODE's
+/// constraints (manual, "Soft constraints and constraint force mixing"), friction along two tangents each within
+/// friction times the normal force of the same tick.
+///
+/// For a given width of friction these speeds are the minimum of a smooth convex function, found by Newton's method with
+/// a search along each step; the widths are repeated until they settle. The result depends on nothing but the numbers
+/// given.
+class VelocityProblem {
+ public:
+  struct Hinge {
+    double momentum = 0.0;  ///< of the start and of all known torques, kg m^2/s
+    double speed = 0.0;     ///< wanted, rad/s
+    double limit = 0.0;     ///< of the motor's impulse, N m s
+    int state = 0;          ///< found: 0, or +-1 where the motor gives its limit
+    double impulse = 0.0;   ///< of the motor, found
+  };
+  struct BlockPart {
+    double mass = 0.0;
+    Symmetric inertia;
+    Vec3 linear_momentum;
+    Vec3 angular_momentum;
+  };
+  struct Contact {
+    std::size_t first = 0;  ///< of its columns
+    std::size_t last = 0;
+    std::array<double, 3> speed{};  ///< wanted along the normal and the two tangents, m/s
+    double friction = 0.0;
+    double bound = 0.0;               ///< of friction, N s
+    std::array<double, 3> gap{};      ///< speed that lacks
+    std::array<double, 3> change{};   ///< of the gap in a step
+    std::array<int, 3> state{};       ///< 0: pushes by its softness; else at a limit
+    std::array<double, 3> impulse{};  ///< found
+  };
+  struct Column {
+    std::size_t index;
+    std::array<double, 3> value;  ///< speed along normal and tangents by a unit of the unknown
+  };
+
+  std::vector<double> mass;  ///< hinge by hinge, square, damping included
+  std::vector<Hinge> hinges;
+  std::vector<BlockPart> blocks;
+  std::vector<Contact> contacts;
+  std::vector<Column> columns;    ///< of each contact in the order of their unknowns
+  std::vector<double> velocity;   ///< in: a guess; out: the result
+  double motor_softness = 1e-7;   ///< rad/s that a motor lags for each N m
+  double normal_softness = 1e-3;  ///< m/s by which a contact gives way for each N
+  double friction_softness = 1e-6;  ///< the same sideways
+
+  /// False if the laws could not all be met in a bounded number of steps; velocity is then the last try. Throws
+  /// std::runtime_error if the masses are no masses.
+  bool solve();
+  /// Forgets the factors of an earlier solve: to be called when more than the momenta has changed.
+  void renew() { factored_ = false; }
+
+ private:
+  bool settle_velocity();
+  bool judge();
+  void find_gaps();
+  void find_slope();
+  void factor();
+  void find_step();
+  double slope_along(double way) const;
+  double find_way();
+  double stiffness(std::size_t row) const;
+
+  std::vector<double> factors_;  ///< lower triangle, square
+  std::vector<double> slope_;    ///< of the convex function
+  std::vector<double> step_;
+  std::vector<double> kinks_;    ///< along the step
+  bool factored_ = false;
+  double slope_start_ = 0.0;  ///< along the step, without motors and contacts
+  double slope_growth_ = 0.0;
+};
+
+}  // namespace proact::dynamics
