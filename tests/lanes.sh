@@ -5,7 +5,7 @@
 # A lane is a function lane_NAME. It prints what its tools print, answers 0 for passed and 77 for skipped (with
 # the reason as its last line); anything else is a failure. One failing lane does not keep the others from running.
 
-short_lanes="format shell web lint cpp rust launcher trial page"
+short_lanes="format shell web lint cpp rust launcher trial page rosbridge"
 long_lanes="seeds sanitizers debootstrap"
 
 # Debian packages that a lane needs beside those of the build.
@@ -72,6 +72,18 @@ lane_trial() {
 
 lane_page() {
     build && PATH=$node_folder:$PATH sh "$root/tests/scenarios/page.sh" "$binary" "$root/build/page"
+}
+
+lane_rosbridge() {
+    build || return
+    if ! (cd "$root/tests/rosbridge" && PATH=$node_folder:$PATH npm ci --no-audit --no-fund --loglevel=error >&2); then
+        echo "skipped: roslib cannot be installed from npm"
+        return 77
+    fi
+    # Where ./proact peers installs Python's clients, unless told otherwise.
+    python=${PROACT_ROSLIBPY_PYTHON:-$root/build/peers/bin/python}
+    "$python" -c 'import roslibpy' 2>/dev/null || python=
+    PATH=$node_folder:$PATH sh "$root/tests/scenarios/rosbridge.sh" "$binary" "$root/build/rosbridge" "$python"
 }
 
 lane_seeds() {

@@ -25,6 +25,26 @@ pub enum BridgeError {
         /// The address asked for.
         address: std::net::IpAddr,
     },
+    /// Another program listens where rosbridge was to listen.
+    #[error(
+        "port {port} on {address} is taken by another program, perhaps another rosbridge; stop it or choose \
+         another port with --rosbridge PORT"
+    )]
+    RosbridgePortTaken {
+        /// The port asked for.
+        port: u16,
+        /// The address asked for.
+        address: std::net::IpAddr,
+    },
+    /// Other machines could connect, and nothing says which may.
+    #[error(
+        "rosbridge would listen on {address} for other machines, and none of them may connect: list them with \
+         --allow ADDRESS, set a --token TOKEN, or listen on 127.0.0.1"
+    )]
+    Unguarded {
+        /// The address asked for.
+        address: std::net::IpAddr,
+    },
     /// The system refused to listen.
     #[error("cannot listen on {address}: {source}; choose another address or port")]
     Listen {

@@ -39,6 +39,7 @@ mod gaze_check;
 mod input;
 pub mod live;
 mod pilot;
+pub mod rosbridge;
 mod server;
 mod signals;
 

@@ -57,7 +57,7 @@ impl BenchFigure {
         Self { name, value, unit, peer: None, peer_value: None, note }
     }
 
-    fn beside(mut self, peer: &str, value: f64) -> Self {
+    pub(crate) fn beside(mut self, peer: &str, value: f64) -> Self {
         (self.peer, self.peer_value) = (Some(peer.to_owned()), Some(value));
         self
     }

@@ -88,7 +88,7 @@ struct QueryArgs {
 #[command(after_help = "Example:\n  proact bench kinematics --json")]
 struct BenchArgs {
     /// What to measure
-    #[arg(value_parser = ["emg", "kinematics", "dynamics", "planning", "chain", "start"])]
+    #[arg(value_parser = ["bridge", "chain", "emg", "kinematics", "dynamics", "planning", "start"])]
     stage: String,
     /// One JSON object on standard output
     #[arg(long)]
@@ -121,6 +121,7 @@ fn run(command: Command) -> Result<bool, Box<dyn Error>> {
         Command::Model { json, command } => crate::model::run(&command, json),
         Command::Bench(args) => {
             let report = match args.stage.as_str() {
+                "bridge" => crate::bench_bridge::bridge()?,
                 "emg" => crate::bench_emg::emg()?,
                 "kinematics" => bench::kinematics()?,
                 "dynamics" => crate::bench_dynamics::dynamics()?,

@@ -2,6 +2,7 @@ use crate::{
     experimenter::Experimenter,
     pace::Pace,
     record::{Recorder, default_dir},
+    rosbridge::{Rosbridge, RosbridgeArgs},
     trial::{self, Assembly},
 };
 use clap::Args;
@@ -99,6 +100,8 @@ struct RunHow {
     /// Leave when the trial is over instead of keeping the page up
     #[arg(long)]
     exit: bool,
+    #[command(flatten)]
+    rosbridge: RosbridgeArgs,
 }
 
 pub(crate) fn demo(args: &DemoArgs) -> Result<bool, Box<dyn Error>> {
@@ -139,7 +142,8 @@ fn trial_with(config: TrialConfig, source: &EmgSource, how: &RunHow) -> Result<b
         None => None,
     };
     let page = if how.headless { None } else { Some(open_page(&session, how)?) };
-    let result = run_to_end(session, recorder, page.as_ref(), dir.as_deref(), !how.json)?;
+    let shown = Shown { page: page.as_ref(), rosbridge: how.rosbridge.open(&session)? };
+    let result = run_to_end(session, recorder, &shown, dir.as_deref(), !how.json)?;
     if how.json {
         println!("{}", serde_json::to_string(&result)?);
     } else {
@@ -178,21 +182,29 @@ pub(crate) fn announce(server: &PageServer, open_browser: bool) {
     }
 }
 
-/// Runs a simulated trial: flat out without a page, in real time with one.
+/// Who watches a trial.
+struct Shown<'a> {
+    page: Option<&'a PageServer>,
+    rosbridge: Option<Rosbridge>,
+}
+
+/// Runs a simulated trial: flat out if nobody watches, in real time for the page and for clients of rosbridge.
 fn run_to_end(
     mut session: Session,
     mut recorder: Option<Recorder>,
-    page: Option<&PageServer>,
+    shown: &Shown<'_>,
     dir: Option<&Path>,
     progress: bool,
 ) -> Result<TrialResult, Box<dyn Error>> {
     let bar = bar(&session, progress);
+    let page = shown.page;
     if let Some(page) = page {
         wait_for_page(page);
     }
     let mut live = page.map(|page| {
         (Pace::new(), Experimenter::new(page, session.testbed().config(), dir), AtomicBool::new(false))
     });
+    let mut alone = (page.is_none() && shown.rosbridge.is_some()).then(Pace::new);
     let start = Instant::now();
     loop {
         let mut last = false;
@@ -216,9 +228,15 @@ fn run_to_end(
             if let Some(page) = page {
                 page.publish(frame);
             }
+            if let Some(rosbridge) = &shown.rosbridge {
+                rosbridge.publish(frame);
+            }
         }
         if let Some((pace, experimenter, _)) = &mut live {
             experimenter.take(&step, began.elapsed());
+            pace.tick();
+        }
+        if let Some(pace) = &mut alone {
             pace.tick();
         }
         if step.output.finished || last {

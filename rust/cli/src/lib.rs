@@ -7,6 +7,7 @@
 
 pub mod analyze;
 pub mod bench;
+mod bench_bridge;
 mod bench_chain;
 pub mod bench_dynamics;
 mod bench_emg;
@@ -22,6 +23,7 @@ mod pace;
 pub mod query;
 mod record;
 mod replay;
+mod rosbridge;
 mod serve;
 pub mod trial;
 

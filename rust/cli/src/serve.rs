@@ -3,6 +3,7 @@ use crate::{
     experimenter::{Experimenter, store_gaze_check},
     pace::Pace,
     record::{Recorder, default_dir},
+    rosbridge::{Rosbridge, RosbridgeArgs},
     trial::{self, Assembly},
 };
 use clap::Args;
@@ -19,7 +20,8 @@ use std::{
 
 /// Arguments of `proact serve`.
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:\n  proact serve\n  proact serve --setup seated --port 8100\n\n\
+#[command(after_help = "Examples:\n  proact serve\n  proact serve --setup seated --port 8100\n  \
+    proact serve --rosbridge --allow 192.168.1.20\n\n\
     Mouse is gaze; keys are gestures and are shown on the page. R starts a new trial. Ctrl-C ends.")]
 pub(crate) struct ServeArgs {
     /// Control method: A joint by joint, B end-effector, C gaze, D gaze and context
@@ -52,6 +54,8 @@ pub(crate) struct ServeArgs {
     /// Print the address of the page, open nothing
     #[arg(long)]
     no_browser: bool,
+    #[command(flatten)]
+    rosbridge: RosbridgeArgs,
 }
 
 /// Why a live trial ended.
@@ -67,6 +71,7 @@ pub(crate) fn command(args: &ServeArgs) -> Result<bool, Box<dyn Error>> {
     let setup = Setup::named(&args.setup)?;
     let interrupted = interrupt_flag()?;
     let mut server: Option<PageServer> = None;
+    let mut rosbridge: Option<Rosbridge> = None;
     let mut seed = args.seed;
     loop {
         let config = TrialConfig::new(method, seed, setup.clone()).with_profile(&args.profile)?;
@@ -101,8 +106,13 @@ pub(crate) fn command(args: &ServeArgs) -> Result<bool, Box<dyn Error>> {
                 started
             }
         };
+        match &rosbridge {
+            Some(rosbridge) => rosbridge.restart(&session),
+            None => rosbridge = args.rosbridge.open(&session)?,
+        }
         let start = Instant::now();
-        let mut ended = live_trial(&mut session, &mut recorder, dir.as_deref(), page, &interrupted)?;
+        let mut ended =
+            live_trial(&mut session, &mut recorder, dir.as_deref(), page, rosbridge.as_ref(), &interrupted)?;
         finish(&session, recorder, dir.as_deref(), start)?;
         if matches!(ended, Ended::Finished | Ended::Aborted) {
             ended = wait_for_restart(dir.as_deref(), session.testbed().now(), page, &interrupted)?;
@@ -133,6 +143,7 @@ fn live_trial(
     recorder: &mut Option<Recorder>,
     dir: Option<&Path>,
     page: &PageServer,
+    rosbridge: Option<&Rosbridge>,
     interrupted: &AtomicBool,
 ) -> Result<Ended, Box<dyn Error>> {
     let mut pace = Pace::new();
@@ -158,6 +169,9 @@ fn live_trial(
                     ClientInput::Disconnected => session.act(Gesture::NoMotion),
                 }
             }
+            if let Some(rosbridge) = rosbridge {
+                rosbridge.drive(session);
+            }
             if interrupted.load(Ordering::Relaxed) {
                 ending = Some(Ended::Interrupted);
             }
@@ -171,6 +185,9 @@ fn live_trial(
         }
         if let Some(frame) = &step.frame {
             page.publish(frame);
+            if let Some(rosbridge) = rosbridge {
+                rosbridge.publish(frame);
+            }
         }
         if step.output.finished && ending.is_none() {
             return Ok(Ended::Finished);

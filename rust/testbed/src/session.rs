@@ -12,6 +12,9 @@ use serde::{Deserialize, Serialize};
 
 /// Ticks from one tracked shoulder pose to the next: 100 Hz, as motion capture gives.
 const TRACKING_TICKS: u64 = 10;
+/// Furthest that a tracked shoulder is followed from one of these to the next: 2 m/s and 6 rad/s, faster than
+/// people lean. A tracker that jumps must not hurl the arm through the blocks.
+const SHOULDER_STEP: (f64, f64) = (0.02, 0.06);
 
 /// Who and what surrounds the testbed in a trial.
 pub struct SessionParts {
@@ -50,6 +53,8 @@ pub struct Session {
     given: Option<Gesture>,
     /// `world_from_head` of a headset, while there is one.
     headset: Option<Pose>,
+    /// Where a tracker has the shoulder, and where it is on its way there.
+    tracked_shoulder: Option<(Pose, Pose)>,
 }
 
 impl Session {
@@ -68,6 +73,7 @@ impl Session {
             seen: None,
             given: None,
             headset: None,
+            tracked_shoulder: None,
         }
     }
 
@@ -97,6 +103,19 @@ impl Session {
         self.headset = Some(world_from_head);
     }
 
+    /// A tracker saw a live person's shoulder: `world_from_shoulder`, from now on instead of the body model's.
+    pub fn track_shoulder(&mut self, world_from_shoulder: Pose) {
+        let now = self.shoulder();
+        self.tracked_shoulder = Some((world_from_shoulder, now));
+    }
+
+    fn shoulder(&self) -> Pose {
+        match self.tracked_shoulder {
+            Some((_, now)) => now,
+            None => self.trunk.body().shoulder_pose(&self.trunk.posture()),
+        }
+    }
+
     /// The pose of the head now: `world_from_head`.
     pub fn head(&self) -> Pose {
         if let Some(pose) = self.headset {
@@ -111,7 +130,7 @@ impl Session {
     /// [`TestbedError`]; the trial is over then.
     pub fn step(&mut self, last: bool) -> Result<Step, TestbedError> {
         let time = SimTime(self.parts.testbed.now().0 + 1);
-        let posture = self.trunk.step(time, self.intention.trunk);
+        self.trunk.step(time, self.intention.trunk);
         let head = self.head();
         let eye = Point::from(head.translation.vector);
 
@@ -129,7 +148,10 @@ impl Session {
             input.gaze = tracker.sample_at(time, &eye, gaze_direction, *eyes_open);
         }
         if time.0.is_multiple_of(TRACKING_TICKS) {
-            input.shoulder = Some(self.trunk.body().shoulder_pose(&posture));
+            if let Some((asked, now)) = &mut self.tracked_shoulder {
+                *now = toward(now, asked);
+            }
+            input.shoulder = Some(self.shoulder());
         }
 
         let output = self.parts.testbed.tick(&input, last)?;
@@ -165,6 +187,15 @@ impl Session {
             gesture_source: config.gesture_source.clone(),
         }
     }
+}
+
+/// One step of a tracked shoulder on its way.
+fn toward(now: &Pose, asked: &Pose) -> Pose {
+    let way = (asked.translation.vector - now.translation.vector).norm();
+    let turn = now.rotation.angle_to(&asked.rotation);
+    let share = (SHOULDER_STEP.0 / way.max(1e-12)).min(SHOULDER_STEP.1 / turn.max(1e-12)).min(1.0);
+    // Between opposite attitudes there is no shortest way; the tracker will not stay there.
+    now.try_lerp_slerp(asked, share, 1e-9).unwrap_or(*now)
 }
 
 /// What is known of a trial when it is over.

@@ -1,0 +1,80 @@
+//! `--rosbridge`: a trial for the original headset app, and for any other client of rosbridge.
+
+use clap::Args;
+use proact_bridge::rosbridge::{
+    Access, HeadsetInput, HeadsetTopics, LocalBus, RosbridgeOptions, RosbridgeServer, TopicBus,
+};
+use proact_testbed::Session;
+use proact_types::DisplayFrame;
+use std::{
+    error::Error,
+    net::{IpAddr, Ipv4Addr},
+    sync::Arc,
+};
+
+/// Where rosbridge is served, and for whom.
+#[derive(Debug, Args)]
+pub(crate) struct RosbridgeArgs {
+    /// Serve rosbridge for the original headset app and other clients, on port 9090 unless another is given
+    #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "9090")]
+    rosbridge: Option<u16>,
+    /// Address to serve rosbridge on; this machine only, or all addresses with --allow or --token
+    #[arg(long, value_name = "ADDRESS", requires = "rosbridge")]
+    rosbridge_bind: Option<IpAddr>,
+    /// Another machine that may connect to rosbridge without a token, such as a headset; may be repeated
+    #[arg(long, value_name = "ADDRESS", requires = "rosbridge")]
+    allow: Vec<IpAddr>,
+    /// What any other machine must send to connect to rosbridge: ws://host:port/?token=..
+    #[arg(long, value_name = "TOKEN", requires = "rosbridge")]
+    token: Option<String>,
+}
+
+/// A trial on rosbridge.
+pub(crate) struct Rosbridge {
+    // Ended before the server: its topics are taken back while the clients still are there.
+    topics: HeadsetTopics,
+    server: RosbridgeServer,
+}
+
+impl RosbridgeArgs {
+    /// Begins to serve if it is asked for, and prints the address.
+    pub(crate) fn open(&self, session: &Session) -> Result<Option<Rosbridge>, Box<dyn Error>> {
+        let Some(port) = self.rosbridge else { return Ok(None) };
+        let access = Access { allowed: self.allow.clone(), token: self.token.clone() };
+        let anybody = !self.allow.is_empty() || self.token.is_some();
+        let all: IpAddr = if anybody { Ipv4Addr::UNSPECIFIED.into() } else { Ipv4Addr::LOCALHOST.into() };
+        let bus: Arc<dyn TopicBus> = LocalBus::new();
+        let topics = HeadsetTopics::new(Arc::clone(&bus), session.testbed().model(), session.head())?;
+        let bind = self.rosbridge_bind.unwrap_or(all);
+        let server = RosbridgeServer::start(RosbridgeOptions { port, bind, access }, bus)?;
+        eprintln!("rosbridge: ws://{}/", server.address());
+        Ok(Some(Rosbridge { topics, server }))
+    }
+}
+
+impl Rosbridge {
+    /// Another trial begins.
+    pub(crate) fn restart(&self, session: &Session) {
+        self.topics.restart(session.head());
+    }
+
+    /// Publishes an instant, and prints what happened to the clients.
+    pub(crate) fn publish(&self, frame: &DisplayFrame) {
+        self.topics.publish(frame);
+        for notice in self.server.drain_notices() {
+            eprintln!("rosbridge: {notice}");
+        }
+    }
+
+    /// Hands what clients brought to a person's trial.
+    pub(crate) fn drive(&self, session: &mut Session) {
+        for input in self.topics.drain_inputs() {
+            match input {
+                HeadsetInput::Gesture(gesture) => session.act(gesture),
+                HeadsetInput::Gaze(gaze) => session.look(gaze),
+                HeadsetInput::Head(pose) => session.track_head(pose),
+                HeadsetInput::Shoulder(pose) => session.track_shoulder(pose),
+            }
+        }
+    }
+}
