@@ -44,6 +44,28 @@ fn a_subscription_before_the_first_publisher_gets_every_message_in_order() {
 }
 
 #[test]
+fn a_name_without_its_first_slash_is_the_same_topic_and_comes_back_as_it_was_called() {
+    let (server, _bus) = server();
+    let mut client = Client::connect(&server);
+    client.advertise("/chat", TEXT);
+    client.subscribe("chat");
+    client.publish("chat", json!({"data": "x"}));
+    assert_eq!(client.next()["topic"], "chat");
+    client.send(json!({"op": "call_service", "service": "rosapi/topics"}));
+    let answer = client.next();
+    assert_eq!(answer["service"], "rosapi/topics");
+    assert_eq!(answer["values"]["topics"], json!(["/chat"]));
+    client.send(json!({"op": "advertise_service", "service": "add", "type": "my_pkg/Add"}));
+    client.send(json!({"op": "call_service", "service": "/add", "id": 1}));
+    let call = client.next();
+    assert_eq!(call["service"], "add");
+    client.send(
+        json!({"op": "service_response", "service": "add", "id": call["id"], "values": {}, "result": true}),
+    );
+    assert_eq!(client.next()["result"], true);
+}
+
+#[test]
 fn a_latched_message_waits_for_who_comes_late_until_its_publisher_leaves() {
     let (server, _bus) = server();
     let mut writer = Client::connect(&server);

@@ -192,6 +192,11 @@ impl TopicMessage {
         Arc::new(TopicMessage { topic: topic.into(), definition, value, text, png, cbor })
     }
 
+    /// The same message under another name of its topic.
+    pub(crate) fn renamed(&self, topic: &Arc<str>) -> Arc<Self> {
+        TopicMessage::new(Arc::clone(topic), self.definition.clone(), self.value.clone())
+    }
+
     /// `{"op":"publish","topic":..,"msg":..}`.
     pub fn text(&self) -> &Utf8Bytes {
         self.text.get_or_init(|| {

@@ -83,6 +83,8 @@ enum Slot {
 
 struct TopicQueue {
     name: Arc<str>,
+    /// What the client calls the topic, if it leaves the first slash out: it wants that name back.
+    alias: Option<Arc<str>>,
     delivery: Delivery,
     /// The first `ready` may be sent, the others wait for their throttle.
     waiting: VecDeque<Arc<TopicMessage>>,
@@ -104,10 +106,23 @@ impl Outbox {
             None => {
                 let name: Arc<str> = topic.into();
                 let waiting = VecDeque::new();
-                let queue =
-                    TopicQueue { name: Arc::clone(&name), delivery, waiting, ready: 0, next_due: None };
+                let queue = TopicQueue {
+                    name: Arc::clone(&name),
+                    alias: None,
+                    delivery,
+                    waiting,
+                    ready: 0,
+                    next_due: None,
+                };
                 queues.topics.insert(name, queue);
             }
+        }
+    }
+
+    /// Has the messages of a topic go out under another name.
+    pub(crate) fn set_alias(&self, topic: &str, alias: Option<&String>) {
+        if let Some(queue) = self.lock().topics.get_mut(topic) {
+            queue.alias = alias.map(|alias| alias.as_str().into());
         }
     }
 
@@ -279,6 +294,10 @@ impl Queues {
                     let Some(message) = queue.waiting.pop_front() else { continue };
                     queue.ready -= 1;
                     self.bytes -= message.text().len();
+                    let message = match &queue.alias {
+                        Some(alias) => message.renamed(alias),
+                        None => message,
+                    };
                     return Some(Outgoing::Message(message, queue.delivery));
                 }
             }

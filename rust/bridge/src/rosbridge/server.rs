@@ -75,6 +75,8 @@ pub(super) struct Shared {
 impl Shared {
     /// Tells the owner something; the oldest is forgotten if nobody asks.
     pub(super) fn notice(&self, text: String) {
+        // Clients' words are printed on a terminal: no control characters, and no more than one reads.
+        let text: String = text.chars().take(300).map(|c| if c.is_control() { '?' } else { c }).collect();
         // No code that holds the lock can panic half way through a change.
         let mut notices = self.notices.lock().unwrap_or_else(PoisonError::into_inner);
         if notices.len() == MAX_NOTICES {

@@ -52,7 +52,7 @@ impl Offered {
     /// The client's answer to a call; false if no such call waits.
     pub(crate) fn answer(&self, service: &str, id: &str, result: Result<Json, String>) -> bool {
         let mut state = self.lock();
-        if state.calls.get(id).is_none_or(|(called, _)| called != service) {
+        if state.calls.get(id).is_none_or(|(called, _)| !same_name(called, service)) {
             return false;
         }
         let call = state.calls.remove(id);
@@ -103,6 +103,11 @@ impl Offered {
         state.calls.insert(id.clone(), (service.to_owned(), reply));
         Ok(id)
     }
+}
+
+/// Whether two names are the same but for the first slash.
+fn same_name(a: &str, b: &str) -> bool {
+    a.trim_start_matches('/') == b.trim_start_matches('/')
 }
 
 /// A service that a client of rosbridge answers.

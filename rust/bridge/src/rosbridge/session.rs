@@ -134,9 +134,13 @@ impl Session {
         self.first_mistake.as_deref()
     }
 
-    fn status(&self, level: Level, id: Option<Json>, text: String) {
+    fn status(&self, level: Level, id: Option<Json>, mut text: String) {
         if level < self.level {
             return;
+        }
+        // A client's own words may be in it, and they may be long.
+        if let Some((end, _)) = text.char_indices().nth(500) {
+            text.truncate(end);
         }
         let level = match level {
             Level::Info => "info",
@@ -210,7 +214,7 @@ impl Session {
     }
 
     fn publish(&mut self, mut message: Fields, now: Now) -> Result<(), Refusal> {
-        let topic = message.text("topic")?;
+        let topic = message.name("topic")?;
         let Some(kind) = self.bus.topic_type(&topic) else {
             return refuse(format!("publish: the type of topic {topic} is not known; advertise it first"));
         };
@@ -231,7 +235,8 @@ impl Session {
     }
 
     fn subscribe(&mut self, mut message: Fields) -> Result<(), Refusal> {
-        let topic = message.text("topic")?;
+        let called = message.text("topic")?;
+        let topic = global(&called);
         let id = message.id()?.unwrap_or_default();
         let type_name = message.optional_text("type")?.filter(|name| !name.is_empty());
         let throttle = message.number("throttle_rate")?.unwrap_or(0.0).clamp(0.0, 3.6e6);
@@ -252,6 +257,7 @@ impl Session {
         if ids.is_none() {
             // Before the bus, which may hand over a latched message at once.
             self.outbox.set_delivery(&topic, delivery);
+            self.outbox.set_alias(&topic, (called != topic).then_some(&called));
             let sink: Arc<dyn TopicSink> = Arc::<Outbox>::clone(&self.outbox);
             if let Err(error) = self.bus.subscribe(self.member, &topic, type_name.as_deref(), sink) {
                 self.outbox.remove(&topic);
@@ -290,7 +296,7 @@ impl Session {
     }
 
     fn unsubscribe(&mut self, mut message: Fields) -> Result<(), Refusal> {
-        let topic = message.text("topic")?;
+        let topic = message.name("topic")?;
         let id = message.id()?;
         if let (Some(id), Some(ids)) = (id, self.subscribed.get_mut(&topic)) {
             if ids.remove(&id).is_none() {
@@ -308,7 +314,7 @@ impl Session {
     }
 
     fn advertise(&mut self, mut message: Fields) -> Result<(), Refusal> {
-        let (topic, type_name) = (message.text("topic")?, message.text("type")?);
+        let (topic, type_name) = (message.name("topic")?, message.text("type")?);
         let id = message.id()?.unwrap_or_default();
         let latch = message.flag("latch")?.unwrap_or(false);
         let known = self.advertised.len();
@@ -324,7 +330,7 @@ impl Session {
     }
 
     fn unadvertise(&mut self, mut message: Fields) -> Result<(), Refusal> {
-        let topic = message.text("topic")?;
+        let topic = message.name("topic")?;
         if let (Some(id), Some(ids)) = (message.id()?, self.advertised.get_mut(&topic)) {
             ids.remove(&id);
             if !ids.is_empty() {
@@ -360,18 +366,19 @@ impl Session {
             }
             outbox.reply(Reply { text: response.to_string().into(), fragment_size, compression });
         });
-        self.bus.call_service(&service, arguments, reply.within(now.instant + timeout));
+        self.bus.call_service(&global(&service), arguments, reply.within(now.instant + timeout));
         Ok(())
     }
 
     fn advertise_service(&mut self, mut message: Fields) -> Result<(), Refusal> {
-        let (service, type_name) = (message.text("service")?, message.text("type")?);
+        let (called, type_name) = (message.text("service")?, message.text("type")?);
+        let service = global(&called);
         if !self.offered.add(&service, MAX_NAMES) {
             return refuse(format!(
                 "advertise_service: {service} is one too many, at most {MAX_NAMES} are allowed"
             ));
         }
-        let provider = RemoteProvider::new(&service, Arc::clone(&self.outbox), Arc::clone(&self.offered));
+        let provider = RemoteProvider::new(&called, Arc::clone(&self.outbox), Arc::clone(&self.offered));
         let result = self.bus.advertise_service(self.member, &service, &type_name, Arc::new(provider));
         if result.is_err() {
             self.offered.remove(&service);
@@ -380,7 +387,7 @@ impl Session {
     }
 
     fn unadvertise_service(&mut self, mut message: Fields) -> Result<(), Refusal> {
-        let service = message.text("service")?;
+        let service = message.name("service")?;
         let result = self.bus.unadvertise_service(self.member, &service);
         self.offered.remove(&service);
         Ok(result?)
@@ -438,6 +445,11 @@ fn kind_of(json: &Json) -> &'static str {
     }
 }
 
+/// A name in the root namespace: `chat` is `/chat`, as for a node of ROS without a namespace.
+fn global(name: &str) -> String {
+    if name.starts_with('/') || name.is_empty() { name.to_owned() } else { format!("/{name}") }
+}
+
 /// The keys of a message, taken one by one.
 struct Fields {
     map: Map<String, Json>,
@@ -456,6 +468,11 @@ impl Fields {
             Some(other) => self.wrong(name, &other, "a text"),
             None => refuse(format!("{}: the key {name:?} is missing, expected a text", self.op)),
         }
+    }
+
+    /// The name of a topic or service.
+    fn name(&mut self, name: &str) -> Result<String, Refusal> {
+        Ok(global(&self.text(name)?))
     }
 
     fn optional_text(&mut self, name: &str) -> Result<Option<String>, Refusal> {
