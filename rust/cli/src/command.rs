@@ -60,6 +60,8 @@ enum Command {
     Bench(BenchArgs),
     /// Numbers from recorded trials
     Analyze(AnalyzeArgs),
+    /// Run a stage, or all of them, as a node on a ROS 1 graph
+    Node(crate::node::NodeArgs),
     /// Look at this machine: libraries, tools, ports
     Doctor {
         /// One JSON object on standard output
@@ -137,6 +139,7 @@ fn run(command: Command) -> Result<bool, Box<dyn Error>> {
             Ok(true)
         }
         Command::Analyze(args) => crate::analyze::command(&args),
+        Command::Node(args) => crate::node::command(&args),
         Command::Doctor { json } => Ok(doctor::run(json)?),
     }
 }

@@ -19,6 +19,7 @@ mod doctor;
 mod emg;
 mod experimenter;
 mod model;
+mod node;
 mod pace;
 pub mod query;
 mod record;

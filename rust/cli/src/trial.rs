@@ -11,7 +11,7 @@ use proact_testbed::{
     ConfigError, LoggedPlans, MethodName, Parts, Session, SessionParts, Testbed, TestbedError, TrialConfig,
     ports::{PlanService, Plant, PlantError},
 };
-use proact_types::ArmModel;
+use proact_types::{ArmModel, Pose, Scene};
 use std::sync::Arc;
 
 /// Error of the eye tracker, degrees (paper: "within a 1.5 degree error").
@@ -130,6 +130,13 @@ fn planner(model: &Arc<ArmModel>) -> Result<Box<dyn PlanService>, AssemblyError>
     Ok(Box::new(PlanWorker::new(planner)))
 }
 
+/// Physics with the arm at its start pose, an open hand, and the blocks of `scene`.
+pub(crate) fn plant(model: &ArmModel, scene: &Scene, base: &Pose) -> Result<Box<dyn Plant>, PlantError> {
+    let pose = |group, name| model.pose(group, name).map_err(|error| PlantError::Model(error.to_string()));
+    let initial: Vec<f64> = pose("arm", "start")?.iter().chain(pose("hand", "open")?).copied().collect();
+    Ok(Box::new(OdePlant::new(model, scene, &initial, base, DynamicsOptions::default())?))
+}
+
 fn testbed(
     config: TrialConfig,
     model: &Arc<ArmModel>,
@@ -146,17 +153,12 @@ fn testbed_around(
     classifier: Option<Classifier>,
     around: impl FnOnce(Box<dyn Plant>) -> Box<dyn Plant>,
 ) -> Result<Testbed, AssemblyError> {
-    let model_error = |error| AssemblyError::Testbed(TestbedError::Model(error));
-    let start = model.pose("arm", "start").map_err(model_error)?;
-    let open = model.pose("hand", "open").map_err(model_error)?;
-    let initial: Vec<f64> = start.iter().chain(open).copied().collect();
     let task = BoxAndBlocks::new(config.arrangement);
     let base = config.setup.body.shoulder_pose(&Default::default());
-    let plant = OdePlant::new(model, task.scene(), &initial, &base, DynamicsOptions::default())?;
     let parts = Parts {
         model: model.clone(),
         kinematics: Box::new(Kinematics::new(model)?),
-        plant: around(Box::new(plant)),
+        plant: around(plant(model, task.scene(), &base)?),
         plans,
         classifier,
     };

@@ -16,5 +16,6 @@ mod view;
 pub use config::{ConfigError, MethodName, Setup, TrialConfig};
 pub use digest::{Digest, Divergence, Field, FieldDigest, SPAN_TICKS, SpanDigest, first_divergence};
 pub use grasp::{GraspAction, GraspRule};
+pub use motion::{BaseMotion, HandMotion};
 pub use session::{LoggedPlans, Session, SessionParts, Step, TrialResult, replay};
 pub use tick::{Parts, Testbed, TestbedError, TickOutput};

@@ -139,7 +139,7 @@ impl ArmMotion {
 
 /// Moves the hand between its two poses, all joints together with minimum jerk.
 #[derive(Clone, Debug)]
-pub(crate) struct HandMotion {
+pub struct HandMotion {
     open: JointVector,
     closed: JointVector,
     from: JointVector,
@@ -151,7 +151,8 @@ pub(crate) struct HandMotion {
 }
 
 impl HandMotion {
-    pub(crate) fn new(open: &[f64], closed: &[f64]) -> Self {
+    /// A hand that rests at `open`, rad.
+    pub fn new(open: &[f64], closed: &[f64]) -> Self {
         let open = joints(open);
         Self {
             closed: joints(closed),
@@ -165,19 +166,23 @@ impl HandMotion {
         }
     }
 
-    pub(crate) fn position(&self) -> &JointVector {
+    /// Angles asked of the hand now, rad.
+    pub fn position(&self) -> &JointVector {
         &self.position
     }
 
-    pub(crate) fn velocity(&self) -> &JointVector {
+    /// Speeds that go with them, rad/s.
+    pub fn velocity(&self) -> &JointVector {
         &self.velocity
     }
 
-    pub(crate) fn moving(&self) -> bool {
+    /// Whether it is on its way.
+    pub fn moving(&self) -> bool {
         self.elapsed_ticks < self.duration_ticks
     }
 
-    pub(crate) fn apply(&mut self, command: HandCommand) {
+    /// Sets off to one of the two poses, from where it is.
+    pub fn apply(&mut self, command: HandCommand) {
         self.from = self.position.clone();
         self.to = match command {
             HandCommand::Open => self.open.clone(),
@@ -189,14 +194,15 @@ impl HandMotion {
     }
 
     /// Holds the fingers where they are: on the block that they took.
-    pub(crate) fn freeze(&mut self, position: &[f64]) {
+    pub fn freeze(&mut self, position: &[f64]) {
         self.position = joints(position);
         self.velocity.iter_mut().for_each(|v| *v = 0.0);
         self.duration_ticks = 0;
         self.elapsed_ticks = 0;
     }
 
-    pub(crate) fn step(&mut self) {
+    /// Advances by one tick.
+    pub fn step(&mut self) {
         if !self.moving() {
             return;
         }
@@ -216,7 +222,7 @@ impl HandMotion {
 
 /// Carries the base from one tracked pose to the next in a straight line, a step per tick.
 #[derive(Clone, Debug)]
-pub(crate) struct BaseMotion {
+pub struct BaseMotion {
     pose: Pose,
     from: Pose,
     to: Pose,
@@ -224,15 +230,18 @@ pub(crate) struct BaseMotion {
 }
 
 impl BaseMotion {
-    pub(crate) fn new(pose: Pose) -> Self {
+    /// A base that stands at `pose`.
+    pub fn new(pose: Pose) -> Self {
         Self { pose, from: pose, to: pose, ticks: BASE_TICKS }
     }
 
-    pub(crate) fn pose(&self) -> Pose {
+    /// `world_from_base` asked for now.
+    pub fn pose(&self) -> Pose {
         self.pose
     }
 
-    pub(crate) fn track(&mut self, pose: Pose) {
+    /// A new tracked pose; a finite one.
+    pub fn track(&mut self, pose: Pose) {
         if pose == self.to {
             return;
         }
@@ -241,7 +250,8 @@ impl BaseMotion {
         self.ticks = 0;
     }
 
-    pub(crate) fn step(&mut self) {
+    /// Advances by one tick.
+    pub fn step(&mut self) {
         if self.ticks >= BASE_TICKS {
             return;
         }

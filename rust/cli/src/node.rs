@@ -1,0 +1,114 @@
+//! `proact node`: stages as nodes on a ROS 1 graph.
+
+use clap::{Args, ValueEnum};
+
+/// Arguments of `proact node`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  proact node testbed --method D --seed 3\n  \
+    proact node sim _paused:=true\n  proact node sim __ns:=left emg:=/other/emg\n\n\
+    Words with := are roslaunch's: remaps, __name, __ns and private parameters. docs/ros1.md lists topics, \
+    services and parameters. Needs a build with the feature ros.")]
+pub(crate) struct NodeArgs {
+    /// Which node
+    name: NodeName,
+    /// Control method: A joint by joint, B end-effector, C gaze, D gaze and context
+    #[arg(long, default_value = "D")]
+    method: String,
+    /// How the methods behave: default, or original for the numbers of the first testbed
+    #[arg(long, default_value = "default")]
+    profile: String,
+    /// Seed of every random stream of the trial
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
+    seed: u64,
+    /// Where person and box are: seated or still
+    #[arg(long, default_value = "seated")]
+    setup: String,
+    /// Where the blocks stand: red1,red2,blue1,blue2 such as FL,NM,NL,FM; by default from the seed
+    #[arg(long)]
+    arrangement: Option<String>,
+    /// testbed: no simulated participant; /emg, /gaze_position and /gaze_direction come from other nodes
+    #[arg(long)]
+    live: bool,
+    /// roslaunch's words, such as __name:=arm or _rate:=50
+    #[arg(value_name = "NAME:=VALUE", value_parser = ros_word)]
+    words: Vec<String>,
+}
+
+/// The nodes there are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum NodeName {
+    /// The whole testbed
+    Testbed,
+    /// Arm, box and blocks with the controllers of ros_control and the services of Gazebo
+    Sim,
+}
+
+/// Only roslaunch's words pass; rosrust reads them from the command line itself.
+fn ros_word(text: &str) -> Result<String, String> {
+    if text.contains(":=") {
+        Ok(text.to_owned())
+    } else {
+        Err("expected NAME:=VALUE as roslaunch gives it".to_owned())
+    }
+}
+
+#[cfg(not(feature = "ros"))]
+pub(crate) fn command(args: &NodeArgs) -> Result<bool, Box<dyn std::error::Error>> {
+    Err(format!(
+        "this build knows no ROS, so node {:?} cannot run; build it with: cargo build --release -p proact-cli --features \
+         ros (docs/ros1.md names the packages that this needs)",
+        args.name
+    )
+    .into())
+}
+
+#[cfg(feature = "ros")]
+pub(crate) use on_graph::command;
+
+#[cfg(feature = "ros")]
+mod on_graph {
+    use super::{NodeArgs, NodeName};
+    use crate::trial;
+    use proact_devices::EmgSource;
+    use proact_ros::{node, simulator::Simulator};
+    use proact_tasks::{Arrangement, BoxAndBlocks};
+    use proact_testbed::{MethodName, Setup, TrialConfig};
+    use std::{error::Error, sync::Arc};
+
+    pub(crate) fn command(args: &NodeArgs) -> Result<bool, Box<dyn Error>> {
+        let config = config(args)?;
+        match args.name {
+            NodeName::Sim => {
+                let model = Arc::new(proact_description::mpl_right_arm());
+                let base = config.setup.body.shoulder_pose(&Default::default());
+                let task = BoxAndBlocks::new(config.arrangement);
+                let (arm, scene) = (model.clone(), task.scene().clone());
+                let factory = Box::new(move || trial::plant(&arm, &scene, &base));
+                node::run_sim(Simulator::new(model, task, base, factory)?)?;
+            }
+            NodeName::Testbed => {
+                let live = args.live;
+                let assembly = if live {
+                    trial::live(config)?
+                } else {
+                    trial::simulated(config, &EmgSource::Synthetic)?
+                };
+                let result = node::run_testbed(assembly.session, !live)?;
+                println!("{}", serde_json::to_string(&result)?);
+            }
+        }
+        Ok(true)
+    }
+
+    fn config(args: &NodeArgs) -> Result<TrialConfig, Box<dyn Error>> {
+        let method: MethodName = args.method.parse()?;
+        let setup = Setup::named(&args.setup)?;
+        let mut config = TrialConfig::new(method, args.seed, setup).with_profile(&args.profile)?;
+        if let Some(text) = &args.arrangement {
+            config.arrangement = text.parse::<Arrangement>()?;
+        }
+        // The node keeps real time: a plan that is late takes effect when it comes.
+        config.wait_for_plans = false;
+        Ok(config)
+    }
+}

@@ -1,0 +1,386 @@
+//! The controllers of ros_control that the original loads: which joints each has, which run, what they ask for.
+
+use crate::trajectory::{Course, Knot, RawPoint, TrajectoryError};
+use proact_types::{ArmModel, JointLimits, JointVector, SimTime, TICK_SECS};
+
+/// How late a goal may be reached, s (original: `goal_time` 2.0).
+const GOAL_TIME: f64 = 2.0;
+/// How far from its end a goal may end when it says nothing itself, rad (assumed; the original sets none).
+const GOAL_TOLERANCE: f64 = 0.05;
+
+/// How far a joint may be off.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Tolerance {
+    /// rad; zero checks nothing.
+    pub position: f64,
+    /// rad/s; zero checks nothing.
+    pub velocity: f64,
+}
+
+/// What an action asks beside its trajectory.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct GoalTolerances {
+    /// Per joint, on the way.
+    pub path: Vec<Tolerance>,
+    /// Per joint, at the end.
+    pub goal: Vec<Tolerance>,
+    /// s.
+    pub goal_time_secs: f64,
+}
+
+impl GoalTolerances {
+    /// A controller's own, for `joints` joints.
+    pub fn defaults(joints: usize) -> Self {
+        Self {
+            path: vec![Tolerance::default(); joints],
+            goal: vec![Tolerance { position: GOAL_TOLERANCE, velocity: 0.0 }; joints],
+            goal_time_secs: GOAL_TIME,
+        }
+    }
+}
+
+/// How the trajectory of a goal ended.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Ending {
+    /// At its end, within tolerance.
+    Reached,
+    /// A joint left the path; the controller holds.
+    PathViolated(String),
+    /// A joint was not near enough in time.
+    GoalViolated(String),
+}
+
+#[derive(Clone, Debug)]
+struct Following {
+    course: Course,
+    began: SimTime,
+    /// None for a plain command: it is followed as far as it goes.
+    tolerances: Option<GoalTolerances>,
+}
+
+/// A position controller for some of the joints.
+#[derive(Clone, Debug)]
+pub struct TrajectoryController {
+    name: String,
+    /// Positions in the order of moving joints.
+    joints: Vec<usize>,
+    names: Vec<String>,
+    loaded: bool,
+    running: bool,
+    desired: Vec<Knot>,
+    following: Option<Following>,
+}
+
+impl TrajectoryController {
+    /// Its name, such as `arm_controller`.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Names of its joints.
+    pub fn joint_names(&self) -> &[String] {
+        &self.names
+    }
+
+    /// Positions of its joints in the order of moving joints.
+    pub fn joints(&self) -> &[usize] {
+        &self.joints
+    }
+
+    /// Whether it controls its joints.
+    pub fn running(&self) -> bool {
+        self.running
+    }
+
+    /// What it asks for now.
+    pub fn desired(&self) -> &[Knot] {
+        &self.desired
+    }
+
+    /// Begins a trajectory in place of whatever it does. One without points holds. `begin_secs` as in
+    /// [`Course::new`].
+    ///
+    /// # Errors
+    /// [`TrajectoryError`]; the controller then goes on with what it did.
+    pub fn follow(
+        &mut self,
+        named: &[String],
+        points: &[RawPoint],
+        begin_secs: f64,
+        tolerances: Option<GoalTolerances>,
+        now: SimTime,
+    ) -> Result<(), TrajectoryError> {
+        if points.is_empty() && tolerances.is_none() {
+            self.hold();
+            return Ok(());
+        }
+        let course = Course::new(&self.names, named, points, begin_secs, &self.desired)?;
+        self.following = Some(Following { course, began: now, tolerances });
+        Ok(())
+    }
+
+    /// Stops where it asks to be now.
+    pub fn hold(&mut self) {
+        self.following = None;
+        for knot in &mut self.desired {
+            *knot = Knot { position: knot.position, velocity: Some(0.0), acceleration: Some(0.0) };
+        }
+    }
+
+    /// Advances to `now`; answers when the trajectory of a goal has ended.
+    fn step(&mut self, now: SimTime, position: &[f64], velocity: &[f64]) -> Option<Ending> {
+        let following = self.following.as_ref()?;
+        let elapsed = now.millis_since(following.began) as f64 * TICK_SECS;
+        if let Some(desired) = following.course.sample(elapsed) {
+            self.desired = desired;
+        }
+        let over = elapsed - following.course.duration_secs();
+        let Some(tolerances) = &following.tolerances else {
+            if over >= 0.0 {
+                self.following = None;
+            }
+            return None;
+        };
+        let off = |limits: &[Tolerance]| {
+            self.joints.iter().enumerate().zip(limits).find_map(|((k, joint), limit)| {
+                let knot = &self.desired[k];
+                let by = (knot.position - position[*joint]).abs();
+                let speed = (knot.velocity.unwrap_or(0.0) - velocity[*joint]).abs();
+                let bad = (limit.position > 0.0 && by > limit.position)
+                    || (limit.velocity > 0.0 && speed > limit.velocity);
+                bad.then(|| format!("{} is {by:.4} rad and {speed:.4} rad/s off", self.names[k]))
+            })
+        };
+        let ending = if over < 0.0 {
+            off(&tolerances.path).map(Ending::PathViolated)
+        } else {
+            match off(&tolerances.goal) {
+                None => Some(Ending::Reached),
+                Some(why) if over > tolerances.goal_time_secs => Some(Ending::GoalViolated(why)),
+                Some(_) => None,
+            }
+        };
+        if ending.is_some() {
+            self.following = None;
+        }
+        if matches!(ending, Some(Ending::PathViolated(_))) {
+            self.hold();
+        }
+        ending
+    }
+}
+
+/// Why controllers could not be switched.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum SwitchError {
+    /// There is none of that name.
+    #[error("there is no controller {name:?}; expected one of {known}")]
+    Unknown {
+        /// As asked for.
+        name: String,
+        /// Those there are.
+        known: String,
+    },
+    /// It was not loaded.
+    #[error("controller {name:?} is not loaded; call load_controller first")]
+    NotLoaded {
+        /// As asked for.
+        name: String,
+    },
+    /// Another running controller has one of its joints.
+    #[error("{name} and {other} would both control {joint}; stop {other} in the same call")]
+    Conflict {
+        /// The one to start.
+        name: String,
+        /// The one that runs.
+        other: String,
+        /// A joint of both.
+        joint: String,
+    },
+}
+
+/// The controllers and the joint angles that they ask for together.
+#[derive(Clone, Debug)]
+pub struct Controllers {
+    list: Vec<TrajectoryController>,
+    limits: Vec<JointLimits>,
+    /// What the joints are asked for now: a controller's wish within the limits of angle and speed.
+    position: JointVector,
+    velocity: JointVector,
+}
+
+impl Controllers {
+    /// `arm_controller` and `hand_controller` running, `j0_controller` to `j6_controller` known but not loaded,
+    /// all joints held at `start` (moving joints of `model`).
+    pub fn new(model: &ArmModel, start: &JointVector) -> Self {
+        let names: Vec<&str> = model.moving().map(|j| model.joints[j].name.as_str()).collect();
+        let make = |name: String, joints: Vec<usize>, loaded: bool| TrajectoryController {
+            name,
+            names: joints.iter().map(|&j| names[j].to_owned()).collect(),
+            desired: joints
+                .iter()
+                .map(|&j| Knot { position: start[j], velocity: Some(0.0), acceleration: Some(0.0) })
+                .collect(),
+            joints,
+            loaded,
+            running: loaded,
+            following: None,
+        };
+        let arm = model.arm_count();
+        let mut list = vec![
+            make("arm_controller".to_owned(), (0..arm).collect(), true),
+            make("hand_controller".to_owned(), (arm..model.moving_count()).collect(), true),
+        ];
+        list.extend((0..arm).map(|j| make(format!("j{j}_controller"), vec![j], false)));
+        Self {
+            list,
+            limits: model.moving().map(|j| model.joints[j].limits).collect(),
+            position: start.clone(),
+            velocity: start.iter().map(|_| 0.0).collect(),
+        }
+    }
+
+    /// All of them.
+    pub fn list(&self) -> &[TrajectoryController] {
+        &self.list
+    }
+
+    /// `running`, `stopped`, or none when it is not loaded.
+    pub fn state(&self, name: &str) -> Option<&'static str> {
+        let controller = self.list.iter().find(|c| c.name == name && c.loaded)?;
+        Some(if controller.running { "running" } else { "stopped" })
+    }
+
+    /// The controller called `name`.
+    pub fn get_mut(&mut self, name: &str) -> Option<&mut TrajectoryController> {
+        self.list.iter_mut().find(|c| c.name == name)
+    }
+
+    /// Angles asked of the moving joints, rad.
+    pub fn position(&self) -> &JointVector {
+        &self.position
+    }
+
+    /// Speeds that go with them, rad/s.
+    pub fn velocity(&self) -> &JointVector {
+        &self.velocity
+    }
+
+    /// Loads a controller; true unless there is none of that name or it is loaded already.
+    pub fn load(&mut self, name: &str) -> bool {
+        self.get_mut(name).is_some_and(|c| !std::mem::replace(&mut c.loaded, true))
+    }
+
+    /// Unloads a controller that does not run.
+    pub fn unload(&mut self, name: &str) -> bool {
+        self.get_mut(name).is_some_and(|c| !c.running && std::mem::replace(&mut c.loaded, false))
+    }
+
+    /// Stops and starts controllers in one tick. `strict` changes nothing when anything is wrong; otherwise what is
+    /// wrong is left out and named. Answers the names that stopped.
+    ///
+    /// # Errors
+    /// The first thing that is wrong.
+    pub fn switch(
+        &mut self,
+        start: &[String],
+        stop: &[String],
+        strict: bool,
+    ) -> Result<Vec<String>, SwitchError> {
+        let before = self.clone();
+        let mut first_error = None;
+        let mut stopped = Vec::new();
+        for name in stop {
+            match self.loaded(name) {
+                Ok(k) => {
+                    if std::mem::replace(&mut self.list[k].running, false) {
+                        self.list[k].hold();
+                        stopped.push(name.clone());
+                    }
+                }
+                Err(error) => first_error = first_error.or(Some(error)),
+            }
+        }
+        for name in start {
+            match self.loaded(name).and_then(|k| self.free(k).map(|()| k)) {
+                Ok(k) if !self.list[k].running => {
+                    let controller = &mut self.list[k];
+                    controller.running = true;
+                    for (knot, joint) in controller.desired.iter_mut().zip(&controller.joints) {
+                        knot.position = self.position[*joint];
+                    }
+                    controller.hold();
+                }
+                Ok(_) => {}
+                Err(error) => first_error = first_error.or(Some(error)),
+            }
+        }
+        match first_error {
+            Some(error) => {
+                if strict {
+                    *self = before;
+                }
+                Err(error)
+            }
+            None => Ok(stopped),
+        }
+    }
+
+    fn loaded(&self, name: &str) -> Result<usize, SwitchError> {
+        let k = self.list.iter().position(|c| c.name == name).ok_or_else(|| SwitchError::Unknown {
+            name: name.to_owned(),
+            known: self.list.iter().map(|c| c.name.as_str()).collect::<Vec<_>>().join(", "),
+        })?;
+        if self.list[k].loaded { Ok(k) } else { Err(SwitchError::NotLoaded { name: name.to_owned() }) }
+    }
+
+    fn free(&self, k: usize) -> Result<(), SwitchError> {
+        let one = &self.list[k];
+        for other in self.list.iter().filter(|c| c.running && c.name != one.name) {
+            if let Some(shared) = one.joints.iter().position(|j| other.joints.contains(j)) {
+                return Err(SwitchError::Conflict {
+                    name: one.name.clone(),
+                    other: other.name.clone(),
+                    joint: one.names[shared].clone(),
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Holds the joints of one controller where they are asked to be, whatever it was doing.
+    pub fn hold_here(&mut self, name: &str) {
+        let position = self.position.clone();
+        if let Some(controller) = self.get_mut(name) {
+            for (knot, joint) in controller.desired.iter_mut().zip(&controller.joints) {
+                knot.position = position[*joint];
+            }
+            controller.hold();
+        }
+    }
+
+    /// Sets what the joints from `first` on are asked for; something else has moved them.
+    pub fn place(&mut self, first: usize, angles: &[f64]) {
+        self.position[first..first + angles.len()].copy_from_slice(angles);
+    }
+
+    /// Advances all running controllers to `now`. Answers the goals' trajectories that ended, by controller.
+    pub fn step(&mut self, now: SimTime, position: &[f64], velocity: &[f64]) -> Vec<(String, Ending)> {
+        let mut endings = Vec::new();
+        for controller in self.list.iter_mut().filter(|c| c.running) {
+            if let Some(ending) = controller.step(now, position, velocity) {
+                endings.push((controller.name.clone(), ending));
+            }
+            for (knot, &joint) in controller.desired.iter().zip(&controller.joints) {
+                let limits = &self.limits[joint];
+                let most = limits.velocity * TICK_SECS;
+                let within = knot.position.clamp(limits.lower, limits.upper);
+                let step = (within - self.position[joint]).clamp(-most, most);
+                self.position[joint] += step;
+                self.velocity[joint] = step / TICK_SECS;
+            }
+        }
+        endings
+    }
+}

@@ -1,0 +1,226 @@
+//! Where every frame of the original's tree is, computed from one instant.
+
+use nalgebra::{Translation3, Unit, UnitQuaternion};
+use proact_tasks::TABLE_TOP;
+use proact_types::{ArmModel, BlockId, JointKind, JointVector, PlantState, Pose};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+/// The frame that everything is in.
+pub const WORLD: &str = "world";
+/// From the reference board to the box, metres along x (the paper's distance for the second study).
+const BOARD_TO_BOX: f64 = 0.6;
+
+/// One frame in another: `parent_from_child`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Frame {
+    /// Name of the parent.
+    pub parent: String,
+    /// Name of the child.
+    pub child: String,
+    /// `parent_from_child`.
+    pub pose: Pose,
+}
+
+fn frame(parent: &str, child: &str, pose: Pose) -> Frame {
+    Frame { parent: parent.to_owned(), child: child.to_owned(), pose }
+}
+
+/// An angle brought to (-pi, pi].
+pub fn wrap(angle: f64) -> f64 {
+    let turned = (angle + PI).rem_euclid(TAU) - PI;
+    if turned == -PI { PI } else { turned }
+}
+
+/// `parent_from_child` of a joint at `angle`.
+fn across(joint: &proact_types::Joint, angle: f64) -> Pose {
+    joint.origin * UnitQuaternion::from_axis_angle(&Unit::new_normalize(joint.axis), angle)
+}
+
+/// Poses of all links in the base, in the order of `model.links`, at the angles of the moving joints.
+pub fn link_poses(model: &ArmModel, position: &JointVector) -> Vec<Pose> {
+    let mut angles = vec![0.0; model.joints.len()];
+    for (joint, angle) in model.moving().zip(position) {
+        angles[joint] = *angle;
+    }
+    let mut poses = vec![Pose::identity(); model.links.len()];
+    // Joints are sorted by child, and parents stand before their children.
+    for (joint, angle) in model.joints.iter().zip(angles) {
+        poses[joint.child] = poses[joint.parent] * across(joint, angle);
+    }
+    poses
+}
+
+/// Frames that never move: the arm's fixed joints, the table, and the reference board's tag.
+///
+/// The original's motion capture gives `optitrack_world` with y up. Here it stands over the box's centre on the
+/// floor, and the board [`BOARD_TO_BOX`] in front of the box at the height of the table.
+pub fn fixed(model: &ArmModel, links: bool) -> Vec<Frame> {
+    let mut frames = Vec::new();
+    if links {
+        for joint in model.joints.iter().filter(|j| j.kind == JointKind::Fixed) {
+            frames.push(frame(&model.links[joint.parent].name, &model.links[joint.child].name, joint.origin));
+        }
+    }
+    let tag = clipboard_from_tag();
+    frames.push(frame("Clipboard_filtered", "tabletag_ros", tag));
+    frames.push(frame("tabletag_ros", WORLD, Pose::translation(BOARD_TO_BOX, 0.0, -TABLE_TOP)));
+    frames.push(frame(WORLD, "table", turn(0.0, 0.0, FRAC_PI_2)));
+    if let Some(base) = model.links.first() {
+        frames.push(frame("Shoulderpad", &base.name, Pose::identity()));
+    }
+    frames
+}
+
+/// The original's constant, with pi where it has 3.14.
+fn clipboard_from_tag() -> Pose {
+    Pose::from_parts(Translation3::new(0.038, -0.016, -0.093), turn(PI, -FRAC_PI_2, FRAC_PI_2).rotation)
+}
+
+fn turn(roll: f64, pitch: f64, yaw: f64) -> Pose {
+    Pose::from_parts(Translation3::identity(), UnitQuaternion::from_euler_angles(roll, pitch, yaw))
+}
+
+/// `optitrack_world` from `world`: y up.
+fn optitrack_from_world() -> Pose {
+    turn(-FRAC_PI_2, 0.0, 0.0)
+}
+
+/// Frames of one instant: what motion capture tracks, the headset's world, the blocks and, with `links`, the arm.
+/// `world_from_head` is left out when nobody tracks the head.
+pub fn moving(
+    model: &ArmModel,
+    state: &PlantState,
+    world_from_head: Option<&Pose>,
+    links: bool,
+) -> Vec<Frame> {
+    let tracked = optitrack_from_world();
+    let shoulder = tracked * state.world_from_base;
+    let board = tracked * (clipboard_from_tag() * Pose::translation(BOARD_TO_BOX, 0.0, -TABLE_TOP)).inverse();
+    let mut frames = vec![
+        frame("optitrack_world", "Clipboard", board),
+        frame("optitrack_world", "Clipboard_filtered", board),
+        frame("optitrack_world", "Shoulderpad", shoulder),
+        frame("optitrack_world", "Shoulderpad_filtered", shoulder),
+        // The headset's world is not calibrated against anything here, so it equals the world.
+        frame(WORLD, "hololens_world_test", Pose::identity()),
+    ];
+    if let Some(head) = world_from_head {
+        frames.push(frame("optitrack_world", "HololensSG", tracked * head));
+        frames.push(frame("HololensSG", "hololens_unity_camera", Pose::identity()));
+        frames.push(frame("HololensSG", "hololens_world_mocap", head.inverse()));
+    }
+    for (id, body) in BlockId::ALL.iter().zip(&state.blocks) {
+        frames.push(frame(WORLD, id.ros_name(), body.pose));
+    }
+    if links {
+        for (index, angle) in model.moving().zip(&state.position) {
+            let joint = &model.joints[index];
+            let (parent, child) = (&model.links[joint.parent].name, &model.links[joint.child].name);
+            frames.push(frame(parent, child, across(joint, *angle)));
+        }
+    }
+    frames
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use arrayvec::ArrayVec;
+    use proact_types::{BodyState, Joint, JointLimits, Link, Vector, joints, zeros};
+    use std::collections::BTreeMap;
+
+    fn model() -> ArmModel {
+        let link =
+            |name: &str| Link { name: name.into(), inertial: None, collisions: vec![], visuals: vec![] };
+        let joint = |child: usize, kind| Joint {
+            name: format!("j{child}"),
+            kind,
+            parent: child - 1,
+            child,
+            origin: Pose::translation(0.0, 0.0, -0.3),
+            axis: Vector::x(),
+            limits: JointLimits::default(),
+            damping: 0.0,
+            friction: 0.0,
+        };
+        ArmModel {
+            name: "arm".into(),
+            links: ["base_link", "mount", "upper", "lower"].map(link).into(),
+            joints: vec![
+                joint(1, JointKind::Fixed),
+                joint(2, JointKind::Revolute),
+                joint(3, JointKind::Revolute),
+            ],
+            arm: vec![1, 2],
+            hand: vec![],
+            tip: 3,
+            poses: vec![],
+            allowed_collisions: vec![],
+            grasp_centre: Vector::zeros(),
+        }
+    }
+
+    fn state() -> PlantState {
+        let body = |k: usize| BodyState {
+            pose: Pose::translation(0.1 * k as f64, 0.2, 1.04),
+            linear: Vector::zeros(),
+            angular: Vector::zeros(),
+        };
+        PlantState {
+            position: joints(&[0.4, -0.7]),
+            velocity: zeros(2),
+            effort: zeros(2),
+            world_from_base: Pose::from_parts(
+                Translation3::new(-0.39, 0.12, 1.5),
+                UnitQuaternion::from_euler_angles(0.1, 0.2, 0.3),
+            ),
+            blocks: (0..4).map(body).collect(),
+            attached: None,
+            contacts: ArrayVec::new(),
+        }
+    }
+
+    #[test]
+    fn the_frames_form_one_tree_and_lead_from_the_world_to_links_head_and_blocks() {
+        let (model, state) = (model(), state());
+        let head = Pose::translation(-0.5, 0.0, 1.8);
+        let mut frames = fixed(&model, true);
+        frames.extend(moving(&model, &state, Some(&head), true));
+        let mut tree: BTreeMap<String, (String, Pose)> = BTreeMap::new();
+        for f in frames {
+            let before = tree.insert(f.child.clone(), (f.parent, f.pose));
+            assert!(before.is_none(), "{} has two parents", f.child);
+        }
+        // The pose of a frame in the root, which is the same for all.
+        let in_root = |name: &str| {
+            let (mut name, mut pose) = (name.to_owned(), Pose::identity());
+            while let Some((parent, step)) = tree.get(&name) {
+                pose = step * pose;
+                name = parent.clone();
+            }
+            assert_eq!(name, "optitrack_world");
+            pose
+        };
+        let in_world = |name: &str| in_root(WORLD).inverse() * in_root(name);
+        let near = |name: &str, expected: Pose| {
+            let off = expected.inverse() * in_world(name);
+            assert!(off.translation.vector.norm() < 1e-12 && off.rotation.angle() < 1e-7, "{name}: {off}");
+        };
+        near("base_link", state.world_from_base);
+        near("HololensSG", head);
+        near("bluecylinder2", state.blocks[3].pose);
+        near("lower", state.world_from_base * link_poses(&model, &state.position)[3]);
+        for name in tree.keys() {
+            in_root(name);
+        }
+    }
+
+    #[test]
+    fn angles_are_wrapped_to_one_turn() {
+        for (angle, expected) in
+            [(0.5, 0.5), (PI, PI), (-PI, PI), (PI + 0.5, 0.5 - PI), (7.0 * TAU - 0.1, -0.1)]
+        {
+            assert!((wrap(angle) - expected).abs() < 1e-12, "{angle}");
+        }
+    }
+}

@@ -1,0 +1,348 @@
+//! A node's place on the graph: its start, its watch over the master, its jobs, its end.
+
+use super::{
+    Faults,
+    master::{self, Addresses, Registrations},
+};
+use crate::messages::diagnostic_msgs::DiagnosticArray;
+use rosrust::{Message, Publisher, ServicePair, Subscriber};
+use std::{
+    cell::Cell,
+    sync::{
+        Arc,
+        atomic::{AtomicBool, AtomicU64, Ordering},
+        mpsc::{Receiver, SyncSender, sync_channel},
+    },
+    time::{Duration, Instant},
+};
+
+/// Jobs that may wait for one tick of the loop.
+const JOBS: usize = 1024;
+/// How often the master is looked at. A restart is noticed within two of these.
+const WATCH: Duration = Duration::from_millis(500);
+/// A topic may bring this many messages in [`FLOOD_WINDOW`]; those beyond are refused.
+const FLOOD: u32 = 200;
+const FLOOD_WINDOW: Duration = Duration::from_millis(100);
+/// How long a service call may wait for the loop.
+const SERVICE_WAIT: Duration = Duration::from_secs(5);
+
+/// Why a node cannot run.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum NodeError {
+    /// Nobody answers at the master's address, or it refuses us.
+    #[error(
+        "no ROS master at {uri} takes this node: {reason}; start one with roscore, or set ROS_MASTER_URI"
+    )]
+    NoMaster {
+        /// Its address.
+        uri: String,
+        /// As the library puts it.
+        reason: String,
+    },
+    /// A topic or service could not be set up.
+    #[error("{what}: {reason}")]
+    Setup {
+        /// Its name.
+        what: String,
+        /// As the library puts it.
+        reason: String,
+    },
+    /// A parameter has another type or value than expected.
+    #[error("parameter {name} is {got}, expected {expected}")]
+    Parameter {
+        /// Its name.
+        name: String,
+        /// As given.
+        got: String,
+        /// What is allowed.
+        expected: &'static str,
+    },
+    /// The testbed refused.
+    #[error(transparent)]
+    Testbed(#[from] proact_testbed::TestbedError),
+    /// A value could not be written as JSON.
+    #[error("cannot write {what}: {source}")]
+    Json {
+        /// Which value.
+        what: &'static str,
+        /// Why.
+        source: serde_json::Error,
+    },
+}
+
+fn setup(what: &str) -> impl FnOnce(rosrust::error::Error) -> NodeError + '_ {
+    move |error| NodeError::Setup { what: what.to_owned(), reason: chain(&error) }
+}
+
+fn chain(error: &rosrust::error::Error) -> String {
+    error.iter().map(ToString::to_string).collect::<Vec<_>>().join(": ")
+}
+
+/// Something for the loop to do with its state `S`.
+pub(super) type Job<S> = Box<dyn FnOnce(&mut S) + Send>;
+
+/// A node on the graph. Dropping it leaves the graph.
+pub struct Graph {
+    faults: Arc<Faults>,
+    master_restarted: Arc<AtomicBool>,
+    ended: Arc<AtomicBool>,
+    watch: Option<std::thread::JoinHandle<()>>,
+    diagnostics: Publisher<DiagnosticArray>,
+    told: Cell<Option<Instant>>,
+}
+
+impl Graph {
+    /// Joins the graph as `name`, or as `__name:=` says. roslaunch's other words work as well.
+    ///
+    /// # Errors
+    /// [`NodeError::NoMaster`].
+    pub fn join(name: &str) -> Result<Self, NodeError> {
+        let uri = std::env::var("ROS_MASTER_URI").unwrap_or_else(|_| "http://localhost:11311/".to_owned());
+        rosrust::try_init_with_options(name, true)
+            .map_err(|error| NodeError::NoMaster { uri: uri.clone(), reason: chain(&error) })?;
+        let diagnostics = rosrust::publish("/diagnostics", 10).map_err(setup("/diagnostics"))?;
+        Ok(Self {
+            faults: Arc::new(Faults::default()),
+            master_restarted: Arc::new(AtomicBool::new(false)),
+            ended: Arc::new(AtomicBool::new(false)),
+            watch: None,
+            diagnostics,
+            told: Cell::new(None),
+        })
+    }
+
+    /// Watches the master from now on. Call it when all topics and services are set up.
+    ///
+    /// # Errors
+    /// Addresses that are none.
+    pub fn watch_master(&mut self) -> Result<(), NodeError> {
+        let uri = std::env::var("ROS_MASTER_URI").unwrap_or_else(|_| "http://localhost:11311/".to_owned());
+        let parse = |text: &str| {
+            text.parse().map_err(|e| NodeError::Setup { what: text.to_owned(), reason: format!("{e:?}") })
+        };
+        let addresses =
+            Addresses { master: parse(&uri)?, slave: parse(&rosrust::uri())?, name: rosrust::name() };
+        let (ended, restarted) = (self.ended.clone(), self.master_restarted.clone());
+        self.watch = Some(std::thread::spawn(move || watch(&addresses, &ended, &restarted)));
+        Ok(())
+    }
+
+    /// What was refused.
+    pub fn faults(&self) -> &Arc<Faults> {
+        &self.faults
+    }
+
+    /// False when the node is to end: Ctrl-C, rosnode kill, a new node of the same name.
+    pub fn is_ok(&self) -> bool {
+        rosrust::is_ok()
+    }
+
+    /// True once after the master was restarted and knows us again.
+    pub fn master_restarted(&self) -> bool {
+        self.master_restarted.swap(false, Ordering::Relaxed)
+    }
+
+    /// Tells `/diagnostics` how things are, once a second; call it as often as you like.
+    pub fn tell(&self, stamp: rosrust::Time) {
+        if self.told.get().is_none_or(|at| at.elapsed() >= Duration::from_secs(1)) {
+            self.told.set(Some(Instant::now()));
+            // Nobody may listen; that is no fault.
+            let _ = self.diagnostics.send(self.faults.message(&rosrust::name(), stamp));
+        }
+    }
+
+    /// A publisher; relative names follow the node's namespace.
+    ///
+    /// # Errors
+    /// [`NodeError::Setup`].
+    pub fn publish<M: Message>(
+        &self,
+        topic: &str,
+        queue: usize,
+        latched: bool,
+    ) -> Result<Publisher<M>, NodeError> {
+        let mut publisher = rosrust::publish(topic, queue).map_err(setup(topic))?;
+        publisher.set_latching(latched);
+        Ok(publisher)
+    }
+
+    /// A subscriber whose messages become jobs of the loop. More than two a millisecond are refused.
+    ///
+    /// # Errors
+    /// [`NodeError::Setup`].
+    pub fn listen<M: Message, S: 'static>(
+        &self,
+        topic: &str,
+        queue: usize,
+        jobs: &Jobs<S>,
+        take: impl Fn(&mut S, M) + Send + Sync + 'static,
+    ) -> Result<Subscriber, NodeError> {
+        let (faults, sender, take) = (self.faults.clone(), jobs.sender.clone(), Arc::new(take));
+        let window = Cell::new((Instant::now(), 0_u32));
+        let name = topic.to_owned();
+        let callback = move |message: M| {
+            let (began, count) = window.get();
+            if began.elapsed() > FLOOD_WINDOW {
+                window.set((Instant::now(), 1));
+            } else {
+                window.set((began, count + 1));
+                if count >= FLOOD {
+                    let reason = format!("{name} brings more than {FLOOD} messages in {FLOOD_WINDOW:?}");
+                    return faults.refuse("flood", &reason);
+                }
+            }
+            let take = take.clone();
+            if sender.try_send(Box::new(move |state| take(state, message))).is_err() {
+                faults.refuse("flood", &format!("{name}: {JOBS} messages wait already"));
+            }
+        };
+        rosrust::subscribe(topic, queue, callback).map_err(setup(topic))
+    }
+
+    /// A service that the loop answers.
+    ///
+    /// # Errors
+    /// [`NodeError::Setup`].
+    pub fn serve<P, S>(
+        &self,
+        service: &str,
+        jobs: &Jobs<S>,
+        answer: impl Fn(&mut S, P::Request) -> Result<P::Response, String> + Send + Sync + 'static,
+    ) -> Result<rosrust::Service, NodeError>
+    where
+        P: ServicePair,
+        S: 'static,
+    {
+        let (sender, answer) = (jobs.sender.clone(), Arc::new(answer));
+        let handler = move |request: P::Request| {
+            let (reply, wait) = sync_channel(1);
+            let answer = answer.clone();
+            let job: Job<S> = Box::new(move |state| {
+                // Whoever asked may have gone.
+                let _ = reply.send(answer(state, request));
+            });
+            sender.try_send(job).map_err(|_| "the node is overloaded; call again".to_owned())?;
+            wait.recv_timeout(SERVICE_WAIT).map_err(|_| format!("no answer within {SERVICE_WAIT:?}"))?
+        };
+        rosrust::service::<P, _>(service, handler).map_err(setup(service))
+    }
+}
+
+impl Drop for Graph {
+    fn drop(&mut self) {
+        self.ended.store(true, Ordering::Relaxed);
+        if let Some(watch) = self.watch.take() {
+            // A watch that panicked has told so itself.
+            let _ = watch.join();
+        }
+        // Without this the master keeps the node.
+        rosrust::shutdown();
+    }
+}
+
+/// Jobs between callbacks and the loop.
+#[derive(Debug)]
+pub struct Jobs<S> {
+    sender: SyncSender<Job<S>>,
+    receiver: Receiver<Job<S>>,
+}
+
+impl<S> Default for Jobs<S> {
+    fn default() -> Self {
+        let (sender, receiver) = sync_channel(JOBS);
+        Self { sender, receiver }
+    }
+}
+
+impl<S> Jobs<S> {
+    /// Does what waits.
+    pub fn run(&self, state: &mut S) {
+        while let Ok(job) = self.receiver.try_recv() {
+            job(state);
+        }
+    }
+}
+
+/// The value of parameter `name`, or `default` when it is not set.
+///
+/// # Errors
+/// A value of another type.
+pub fn parameter<T>(name: &str, default: T, expected: &'static str) -> Result<T, NodeError>
+where
+    T: serde::de::DeserializeOwned,
+{
+    let Some(parameter) = rosrust::param(name) else { return Ok(default) };
+    if !parameter.exists().unwrap_or(false) {
+        return Ok(default);
+    }
+    parameter.get().map_err(|_| NodeError::Parameter {
+        name: parameter.name().to_owned(),
+        got: parameter.get_raw().map(|v| format!("{v:?}")).unwrap_or_default(),
+        expected,
+    })
+}
+
+/// Keeps a loop of one-millisecond ticks in step with the clock on the wall.
+#[derive(Debug)]
+pub(super) struct Pace {
+    start: Instant,
+    ticks: u64,
+}
+
+impl Pace {
+    pub(super) fn new() -> Self {
+        Self { start: Instant::now(), ticks: 0 }
+    }
+
+    /// Sleeps until the tick is due. A machine that falls behind by 100 ms is forgiven, so that it does not race
+    /// afterwards.
+    pub(super) fn tick(&mut self) {
+        self.ticks += 1;
+        let due = self.start + Duration::from_millis(self.ticks);
+        let now = Instant::now();
+        if due > now {
+            std::thread::sleep(due - now);
+        } else if now - due > Duration::from_millis(100) {
+            self.start = now;
+            self.ticks = 0;
+        }
+    }
+}
+
+/// Looks at the master until `ended`, and registers again when it was restarted.
+fn watch(addresses: &Addresses, ended: &AtomicBool, restarted: &AtomicBool) {
+    let mut pid = master::master_pid(addresses).ok();
+    let mut known: Option<Registrations> = None;
+    static REFRESH: AtomicU64 = AtomicU64::new(0);
+    while !ended.load(Ordering::Relaxed) {
+        match master::master_pid(addresses) {
+            Ok(now) if Some(now) == pid && master::is_known(addresses) => {
+                // What we have registered may have changed; the master knows best.
+                if known.is_none() || REFRESH.fetch_add(1, Ordering::Relaxed).is_multiple_of(10) {
+                    if let Ok(state) = rosrust::state() {
+                        known = Some(master::known_registrations(addresses, state));
+                    }
+                }
+            }
+            Ok(now) => {
+                if let Some(all) = &known {
+                    match master::register(addresses, all) {
+                        Ok(()) => {
+                            pid = Some(now);
+                            restarted.store(true, Ordering::Relaxed);
+                        }
+                        // It may go again while it comes up; the next look tries again.
+                        Err(reason) => eprintln!("registering with the restarted master: {reason}"),
+                    }
+                }
+            }
+            // It is gone; live connections go on.
+            Err(_) => {}
+        }
+        let wake = Instant::now() + WATCH;
+        while !ended.load(Ordering::Relaxed) && Instant::now() < wake {
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+}

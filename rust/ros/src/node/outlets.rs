@@ -1,0 +1,308 @@
+//! What is published of the world, once per instant and all with one stamp.
+
+use super::{Graph, NodeError, convert};
+use crate::{
+    frames::{self, WORLD},
+    messages::{
+        gazebo_grasp_plugin_ros::GazeboGraspEvent,
+        gazebo_msgs::{LinkStates, ModelStates},
+        geometry_msgs::{PoseStamped, Twist},
+        rosgraph_msgs::Clock,
+        sensor_msgs::JointState,
+        std_msgs::{Bool, ColorRGBA},
+        tf2_msgs::TFMessage,
+        visualization_msgs::{Marker, MarkerArray},
+    },
+};
+use nalgebra::UnitQuaternion;
+use proact_types::{
+    ArmModel, BlockColour, BlockId, Event, EventKind, GazeSample, PlanReply, PlantState, Point, Pose, Scene,
+    Shape, SimTime, Vector,
+};
+use rosrust::{Publisher, error::Result};
+use std::sync::Arc;
+
+/// Name of the arm's model in the original's Gazebo world.
+pub(super) const ARM_MODEL: &str = "mpl_right_arm";
+const BLOCK_POSE_TOPICS: [&str; 4] =
+    ["red_block1_pose_msg", "red_block2_pose_msg", "blue_block1_pose_msg", "blue_block2_pose_msg"];
+/// Length of the drawn gaze ray, m.
+const GAZE_LENGTH: f64 = 1.2;
+
+/// Publishers of the world.
+pub(super) struct Outlets {
+    model: Arc<ArmModel>,
+    scene: Scene,
+    links: bool,
+    alphabetical: Vec<usize>,
+    joint_names: Vec<String>,
+    clock: Publisher<Clock>,
+    joint_states: [Publisher<JointState>; 2],
+    tf: Publisher<TFMessage>,
+    tf_static: Publisher<TFMessage>,
+    model_states: Publisher<ModelStates>,
+    link_states: Publisher<LinkStates>,
+    base_pose: Publisher<PoseStamped>,
+    block_poses: Vec<Publisher<PoseStamped>>,
+    grasp_events: Publisher<GazeboGraspEvent>,
+    grasp_status: Publisher<Bool>,
+    markers: Publisher<MarkerArray>,
+    box_markers: Publisher<MarkerArray>,
+}
+
+impl Outlets {
+    /// Sets the publishers up. `links`: whether this node publishes the arm's frames itself; false where
+    /// robot_state_publisher does.
+    pub(super) fn new(
+        graph: &Graph,
+        model: &Arc<ArmModel>,
+        scene: &Scene,
+        links: bool,
+    ) -> std::result::Result<Self, NodeError> {
+        let joint_names: Vec<String> = model.moving().map(|j| model.joints[j].name.clone()).collect();
+        let mut alphabetical: Vec<usize> = (0..joint_names.len()).collect();
+        alphabetical.sort_by(|a, b| joint_names[*a].cmp(&joint_names[*b]));
+        let outlets = Self {
+            model: model.clone(),
+            scene: scene.clone(),
+            links,
+            alphabetical,
+            joint_names,
+            clock: graph.publish("/clock", 10, false)?,
+            joint_states: [
+                graph.publish("mpl_right_arm/joint_states", 10, false)?,
+                graph.publish("mpl_right_arm/wrapped_joint_states", 10, false)?,
+            ],
+            tf: graph.publish("/tf", 100, false)?,
+            tf_static: graph.publish("/tf_static", 10, true)?,
+            model_states: graph.publish("gazebo/model_states", 10, false)?,
+            link_states: graph.publish("gazebo/link_states", 10, false)?,
+            base_pose: graph.publish("mpl_right_arm/base_pose", 1, false)?,
+            block_poses: BLOCK_POSE_TOPICS
+                .iter()
+                .map(|topic| graph.publish(topic, 1, false))
+                .collect::<std::result::Result<_, _>>()?,
+            grasp_events: graph.publish("grasp_event_republisher/grasp_events", 1, false)?,
+            grasp_status: graph.publish("grasp_status", 10, true)?,
+            markers: graph.publish("proact/markers", 10, false)?,
+            box_markers: graph.publish("proact/box", 1, true)?,
+        };
+        outlets.still().map_err(|error| NodeError::Setup {
+            what: "the first messages".to_owned(),
+            reason: error.to_string(),
+        })?;
+        Ok(outlets)
+    }
+
+    /// What never changes, latched.
+    fn still(&self) -> Result<()> {
+        let start = SimTime(0);
+        let fixed = frames::fixed(&self.model, self.links);
+        self.tf_static
+            .send(TFMessage { transforms: fixed.iter().map(|f| convert::transform(start, f)).collect() })?;
+        let wood = colour(0.45, 0.33, 0.24, 0.6);
+        let objects = self.scene.fixed.iter().enumerate();
+        let markers = objects.map(|(k, o)| shape_marker("box", k, &o.shape, &o.pose, wood.clone())).collect();
+        self.box_markers.send(MarkerArray { markers })?;
+        self.grasp_status.send(Bool { data: false })
+    }
+
+    pub(super) fn clock(&self, time: SimTime) -> Result<()> {
+        self.clock.send(Clock { clock: convert::time(time) })
+    }
+
+    /// Joints, frames, models and links of one instant.
+    pub(super) fn state(&self, time: SimTime, state: &PlantState, head: Option<&Pose>) -> Result<()> {
+        let ordered = |value: &dyn Fn(usize) -> f64| -> Vec<f64> {
+            self.alphabetical.iter().map(|k| value(*k)).collect()
+        };
+        let plain = JointState {
+            header: convert::header(time, ""),
+            name: self.alphabetical.iter().map(|k| self.joint_names[*k].clone()).collect(),
+            position: ordered(&|k| state.position[k]),
+            velocity: ordered(&|k| state.velocity[k]),
+            effort: ordered(&|k| state.effort[k]),
+        };
+        let wrapped = JointState { position: ordered(&|k| frames::wrap(state.position[k])), ..plain.clone() };
+        self.joint_states[0].send(plain)?;
+        self.joint_states[1].send(wrapped)?;
+
+        let moving = frames::moving(&self.model, state, head, self.links);
+        self.tf
+            .send(TFMessage { transforms: moving.iter().map(|f| convert::transform(time, f)).collect() })?;
+        if self.model_states.subscriber_count() > 0 {
+            self.model_states.send(self.models(state))?;
+        }
+        if self.link_states.subscriber_count() > 0 {
+            self.link_states.send(self.link_states(state))?;
+        }
+        self.base_pose.send(convert::pose_stamped(time, WORLD, &state.world_from_base))?;
+        for (publisher, body) in self.block_poses.iter().zip(&state.blocks) {
+            publisher.send(convert::pose_stamped(time, WORLD, &body.pose))?;
+        }
+        Ok(())
+    }
+
+    pub(super) fn models(&self, state: &PlantState) -> ModelStates {
+        let mut models = ModelStates {
+            name: vec![ARM_MODEL.to_owned()],
+            pose: vec![convert::pose(&state.world_from_base)],
+            twist: vec![Twist::default()],
+        };
+        for (id, body) in BlockId::ALL.iter().zip(&state.blocks) {
+            models.name.push(id.ros_name().to_owned());
+            models.pose.push(convert::pose(&body.pose));
+            models.twist.push(Twist {
+                linear: convert::vector(&body.linear),
+                angular: convert::vector(&body.angular),
+            });
+        }
+        models
+    }
+
+    /// Links carry no twist: the physics does not say one for each.
+    fn link_states(&self, state: &PlantState) -> LinkStates {
+        let models = self.models(state);
+        let mut links = LinkStates::default();
+        for (link, pose) in self.model.links.iter().zip(frames::link_poses(&self.model, &state.position)) {
+            links.name.push(format!("{ARM_MODEL}::{}", link.name));
+            links.pose.push(convert::pose(&(state.world_from_base * pose)));
+            links.twist.push(Twist::default());
+        }
+        for k in 1..models.name.len() {
+            links.name.push(format!("{}::link", models.name[k]));
+            links.pose.push(models.pose[k].clone());
+            links.twist.push(models.twist[k].clone());
+        }
+        links
+    }
+
+    pub(super) fn grasp(&self, event: &Event) -> Result<()> {
+        let (block, attached) = match event.kind {
+            EventKind::BlockAttached { block } => (block, true),
+            EventKind::BlockReleased { block } => (block, false),
+            _ => return Ok(()),
+        };
+        let name = block.ros_name();
+        self.grasp_events.send(GazeboGraspEvent {
+            arm: ARM_MODEL.to_owned(),
+            object: format!("{name}::link::collision"),
+            attached,
+        })?;
+        self.grasp_status.send(Bool { data: attached })
+    }
+
+    /// Blocks, and where known place marker, gaze, posterior and the planned way, for rviz.
+    pub(super) fn draw(&self, time: SimTime, state: &PlantState, view: &View<'_>) -> Result<()> {
+        if self.markers.subscriber_count() == 0 {
+            return Ok(());
+        }
+        let mut markers = Vec::new();
+        for (k, block) in self.scene.blocks.iter().enumerate() {
+            let pose = state.blocks[k].pose;
+            let tint = match block.id.colour() {
+                BlockColour::Red => colour(0.80, 0.22, 0.20, 1.0),
+                BlockColour::Blue => colour(0.20, 0.38, 0.75, 1.0),
+            };
+            markers.push(shape_marker("blocks", k, &block.shape, &pose, tint));
+            let share = view.posterior.get(k).copied().unwrap_or(0.0);
+            let above = Pose::translation(pose.translation.x, pose.translation.y, pose.translation.z + 0.06);
+            let mut label =
+                marker("posterior", k, Marker::TEXT_VIEW_FACING, &above, colour(1.0, 1.0, 1.0, 1.0));
+            label.scale.z = 0.025;
+            label.text = format!("{}  {:.0} %", block.id.name(), 100.0 * share);
+            if view.posterior.is_empty() {
+                label.text = block.id.name().to_owned();
+            }
+            markers.push(label);
+            let mut ring = shape_marker("marked", k, &block.shape, &pose, colour(1.0, 0.85, 0.1, 0.45));
+            (ring.scale.x, ring.scale.y, ring.scale.z) = (0.06, 0.06, 0.054);
+            ring.action =
+                if view.marked == Some(block.id) { Marker::ADD as i32 } else { Marker::DELETE as i32 };
+            markers.push(ring);
+        }
+        if let Some(place) = view.place {
+            let pose = Pose::translation(place.x, place.y, place.z + 0.002);
+            let disc = Shape::Cylinder { radius: 0.03, length: 0.002 };
+            markers.push(shape_marker("goal", 0, &disc, &pose, colour(1.0, 0.85, 0.1, 0.9)));
+        }
+        if let Some(gaze) = view.gaze.filter(|g| g.valid) {
+            let end = gaze.origin + gaze.direction.normalize() * GAZE_LENGTH;
+            markers.push(line("gaze", &[gaze.origin, end], colour(0.2, 0.8, 0.9, 0.8), 0.004));
+        }
+        if let Some(plan) = view.plan {
+            markers.extend(self.way(plan, state));
+        }
+        for marker in &mut markers {
+            marker.header = convert::header(time, WORLD);
+        }
+        self.markers.send(MarkerArray { markers })
+    }
+
+    /// The tip's way along a plan, and the pose where it ends.
+    fn way(&self, plan: &PlanReply, state: &PlantState) -> Vec<Marker> {
+        let arm = self.model.arm_count();
+        let tip = |q: &[f64]| {
+            let mut position = state.position.clone();
+            position[..arm].copy_from_slice(q);
+            state.world_from_base * frames::link_poses(&self.model, &position)[self.model.tip]
+        };
+        let poses: Vec<Pose> = plan.trajectory.points.iter().map(|p| tip(&p.q)).collect();
+        let Some(end) = poses.last() else { return vec![] };
+        let points: Vec<Point> = poses.iter().map(|p| Point::from(p.translation.vector)).collect();
+        let mut arrow = marker("goal", 1, Marker::ARROW, end, colour(0.3, 0.85, 0.3, 0.9));
+        // The hand points along -y of its link; an arrow along its own x.
+        let along = UnitQuaternion::rotation_between(&Vector::x(), &-Vector::y()).unwrap_or_default();
+        arrow.pose = convert::pose(&Pose::from_parts(end.translation, end.rotation * along));
+        (arrow.scale.x, arrow.scale.y, arrow.scale.z) = (0.08, 0.012, 0.012);
+        vec![line("plan", &points, colour(0.3, 0.85, 0.3, 0.9), 0.006), arrow]
+    }
+}
+
+/// What there is to draw beside the world itself.
+#[derive(Default)]
+pub(super) struct View<'a> {
+    pub posterior: &'a [f64],
+    pub marked: Option<BlockId>,
+    pub place: Option<Point>,
+    pub gaze: Option<GazeSample>,
+    pub plan: Option<&'a PlanReply>,
+}
+
+fn colour(r: f32, g: f32, b: f32, a: f32) -> ColorRGBA {
+    ColorRGBA { r, g, b, a }
+}
+
+fn marker(space: &str, id: usize, kind: impl Into<i64>, pose: &Pose, tint: ColorRGBA) -> Marker {
+    Marker {
+        header: convert::header(SimTime(0), WORLD),
+        ns: space.to_owned(),
+        id: id as i32,
+        type_: kind.into() as i32,
+        pose: convert::pose(pose),
+        color: tint,
+        ..Marker::default()
+    }
+}
+
+fn shape_marker(space: &str, id: usize, shape: &Shape, pose: &Pose, tint: ColorRGBA) -> Marker {
+    let (kind, [x, y, z]) = match *shape {
+        Shape::Box { size } => (Marker::CUBE, size),
+        Shape::Sphere { radius } => (Marker::SPHERE, [2.0 * radius; 3]),
+        Shape::Cylinder { radius, length } => (Marker::CYLINDER, [2.0 * radius, 2.0 * radius, length]),
+        // rviz has no capsule; a cylinder of full length is nearest.
+        Shape::Capsule { radius, length } => {
+            (Marker::CYLINDER, [2.0 * radius, 2.0 * radius, length + 2.0 * radius])
+        }
+    };
+    let mut drawn = marker(space, id, kind, pose, tint);
+    (drawn.scale.x, drawn.scale.y, drawn.scale.z) = (x, y, z);
+    drawn
+}
+
+fn line(space: &str, points: &[Point], tint: ColorRGBA, width: f64) -> Marker {
+    let mut drawn = marker(space, 0, Marker::LINE_STRIP, &Pose::identity(), tint);
+    drawn.scale.x = width;
+    drawn.points = points.iter().map(convert::point).collect();
+    drawn
+}

@@ -1,0 +1,278 @@
+//! `proact node testbed`: the whole testbed in one node, under the original's names.
+
+use super::{
+    Graph, NodeError, convert,
+    graph::{Jobs, Pace, parameter},
+    outlets::{Outlets, View},
+};
+use crate::{
+    frames::WORLD,
+    messages::{
+        geometry_msgs::{PoseStamped, Vector3Stamped},
+        std_msgs::{Bool, Int8, String as Text},
+        trajectory_msgs::JointTrajectory,
+    },
+    simulator::is_grasp,
+};
+use proact_testbed::{Session, Step, TrialResult};
+use proact_types::{
+    DisplayFrame, EventKind, GazeSample, Gesture, HandState, PlanReply, Point, Pose, SimTime, Vector,
+};
+use rosrust::Publisher;
+
+/// What the callbacks bring for the next tick.
+#[derive(Default)]
+struct Inbox {
+    gesture: Option<Gesture>,
+    position: Option<(rosrust::Time, Point)>,
+    gaze: Option<GazeSample>,
+}
+
+/// The topics of the methods and of the person.
+struct Topics {
+    emg: Publisher<Text>,
+    gaze: [Publisher<Vector3Stamped>; 4],
+    head: Publisher<PoseStamped>,
+    mode: Publisher<Int8>,
+    success: Publisher<Bool>,
+    frozen: Publisher<Bool>,
+    block_id: Publisher<Text>,
+    current_block: Publisher<Text>,
+    place: Publisher<PoseStamped>,
+    command: Publisher<JointTrajectory>,
+    frame: Publisher<crate::messages::proact_msgs::View>,
+    result: Publisher<Text>,
+}
+
+/// Runs a trial in real time until it is over or the graph ends the node; answers the trial's result. With
+/// `simulated`, the session's own participant acts; otherwise `/emg`, `/gaze_position` with `/gaze_direction` are
+/// listened to.
+///
+/// # Errors
+/// [`NodeError`].
+pub fn run_testbed(mut session: Session, simulated: bool) -> Result<TrialResult, NodeError> {
+    let mut graph = Graph::join("proact_testbed")?;
+    let rate = rate()?;
+    let links: bool = parameter("~publish_links", true, "true or false")?;
+    let stay: bool = parameter("~stay", false, "true or false")?;
+    let model = session.testbed().model().clone();
+    let outlets = Outlets::new(&graph, &model, session.testbed().task().scene(), links)?;
+    let topics = Topics {
+        emg: graph.publish("emg", 10, false)?,
+        gaze: [
+            graph.publish("gaze_position", 10, false)?,
+            graph.publish("gaze_direction", 10, false)?,
+            graph.publish("gaze_position_ros", 10, false)?,
+            graph.publish("gaze_direction_ros", 10, false)?,
+        ],
+        head: graph.publish("hololens_unity_camera_pose_ros", 1, false)?,
+        mode: graph.publish("mode", 1, true)?,
+        success: graph.publish("success", 1, false)?,
+        frozen: graph.publish("selection_frozen", 1, false)?,
+        block_id: graph.publish("block_id", 1, false)?,
+        current_block: graph.publish("current_block", 1, false)?,
+        place: graph.publish("place_location_selected", 1, false)?,
+        command: graph.publish("mpl_right_arm/arm_controller/command", 1, false)?,
+        frame: graph.publish("proact/frame", 2, false)?,
+        result: graph.publish("proact/result", 1, true)?,
+    };
+    let jobs: Jobs<Inbox> = Jobs::default();
+    let _listening = if simulated { vec![] } else { listen(&graph, &jobs)? };
+    graph.watch_master()?;
+
+    let mut inbox = Inbox::default();
+    let mut pace = Pace::new();
+    let mut plan: Option<PlanReply> = None;
+    let mut seen = Seen::default();
+    let mut finished = false;
+    while graph.is_ok() {
+        jobs.run(&mut inbox);
+        if let Some(gesture) = inbox.gesture.take() {
+            session.act(gesture);
+        }
+        if let Some(gaze) = inbox.gaze.take() {
+            session.look(gaze);
+        }
+        let step = session.step(false)?;
+        let head = session.head();
+        let sent = publish(&step, &session, &outlets, &topics, &head, rate, &mut plan, &mut seen);
+        if let Err(error) = sent {
+            graph.faults().refuse("publish", &error.to_string());
+        }
+        graph.tell(convert::time(step.time));
+        if step.output.finished && !finished {
+            finished = true;
+            let json = json("the result", &session.result())?;
+            // The last words of the node: whoever listens gets them before it leaves.
+            let _ = topics.result.send(Text { data: json });
+            let wait = Some(std::time::Duration::from_secs(1));
+            let _ = topics.result.wait_for_subscribers(wait);
+            if !stay {
+                break;
+            }
+        }
+        pace.tick();
+    }
+    Ok(session.result())
+}
+
+/// Instants a second: `~rate`, which must divide 1000.
+pub(super) fn rate() -> Result<u64, NodeError> {
+    let rate: i32 = parameter("~rate", 100, "a divisor of 1000")?;
+    if rate < 1 || 1000 % rate != 0 {
+        return Err(NodeError::Parameter {
+            name: "~rate".to_owned(),
+            got: rate.to_string(),
+            expected: "a divisor of 1000",
+        });
+    }
+    Ok(rate as u64)
+}
+
+pub(super) fn json(what: &'static str, value: &impl serde::Serialize) -> Result<String, NodeError> {
+    serde_json::to_string(value).map_err(|source| NodeError::Json { what, source })
+}
+
+fn listen(graph: &Graph, jobs: &Jobs<Inbox>) -> Result<Vec<rosrust::Subscriber>, NodeError> {
+    let (for_emg, for_gaze) = (graph.faults().clone(), graph.faults().clone());
+    let emg = graph.listen("emg", 1, jobs, move |inbox: &mut Inbox, message: Text| {
+        match message.data.parse::<Gesture>() {
+            Ok(gesture) => inbox.gesture = Some(gesture),
+            Err(error) => for_emg.refuse("emg", &error.to_string()),
+        }
+    })?;
+    let position = graph.listen("gaze_position", 1, jobs, |inbox: &mut Inbox, message: Vector3Stamped| {
+        let v = message.vector;
+        inbox.position = Some((message.header.stamp, Point::new(v.x, v.y, v.z)));
+    })?;
+    let direction =
+        graph.listen("gaze_direction", 1, jobs, move |inbox: &mut Inbox, message: Vector3Stamped| {
+            let v = message.vector;
+            let direction = Vector::new(v.x, v.y, v.z);
+            let Some((_, origin)) = inbox.position else { return };
+            let finite = origin.iter().chain(direction.iter()).all(|v| v.is_finite());
+            if !finite || direction.norm() < 1e-9 {
+                return for_gaze.refuse("gaze", "a gaze is not finite or has no direction");
+            }
+            inbox.gaze = Some(GazeSample { origin, direction, valid: true });
+        })?;
+    Ok(vec![emg, position, direction])
+}
+
+/// What was last told, so that events are told once.
+#[derive(Default)]
+struct Seen {
+    mode: Option<u8>,
+    hand: HandState,
+}
+
+#[allow(clippy::too_many_arguments)]
+fn publish(
+    step: &Step,
+    session: &Session,
+    outlets: &Outlets,
+    topics: &Topics,
+    head: &Pose,
+    rate: u64,
+    plan: &mut Option<PlanReply>,
+    seen: &mut Seen,
+) -> rosrust::error::Result<()> {
+    let time = step.time;
+    let testbed = session.testbed();
+    let state = testbed.plant().state();
+    if time.0.is_multiple_of(1000 / rate) {
+        outlets.clock(time)?;
+        outlets.state(time, state, Some(head))?;
+        topics.head.send(convert::pose_stamped(time, WORLD, head))?;
+    }
+    if let Some(decision) = step.output.emg.filter(|d| d.published) {
+        topics.emg.send(Text { data: decision.gesture.ros_name().to_owned() })?;
+    }
+    if let Some(gaze) = step.input.gaze.filter(|g| g.valid) {
+        for (k, publisher) in topics.gaze.iter().enumerate() {
+            let v = if k % 2 == 0 { gaze.origin.coords } else { gaze.direction.normalize() };
+            publisher
+                .send(Vector3Stamped { header: convert::header(time, WORLD), vector: convert::vector(&v) })?;
+        }
+    }
+    for event in &step.output.events {
+        if is_grasp(&event.kind) {
+            outlets.grasp(event)?;
+        }
+        match &event.kind {
+            EventKind::Locked { .. } => topics.frozen.send(Bool { data: true })?,
+            EventKind::Unlocked => topics.frozen.send(Bool { data: false })?,
+            _ => {}
+        }
+    }
+    if let Some(reply) = &step.output.plan {
+        if !reply.trajectory.points.is_empty() {
+            topics.command.send(command(testbed.model(), time, reply))?;
+            *plan = Some(reply.clone());
+        }
+    }
+    if let Some(frame) = &step.frame {
+        show(frame, topics, seen)?;
+        let view = View {
+            posterior: &frame.target.posterior,
+            marked: frame.target.block,
+            place: frame.target.place,
+            gaze: frame.gaze,
+            plan: plan.as_ref(),
+        };
+        outlets.draw(time, state, &view)?;
+    }
+    Ok(())
+}
+
+fn show(frame: &DisplayFrame, topics: &Topics, seen: &mut Seen) -> rosrust::error::Result<()> {
+    if topics.frame.subscriber_count() > 0 {
+        topics.frame.send(crate::messages::proact_msgs::View {
+            header: convert::header(frame.time, WORLD),
+            json: serde_json::to_string(frame).unwrap_or_default(),
+        })?;
+    }
+    if let Some(mode) = &frame.mode
+        && seen.mode != Some(mode.number)
+    {
+        seen.mode = Some(mode.number);
+        topics.mode.send(Int8 { data: mode.number as i8 })?;
+    }
+    let name = |block: proact_types::BlockId| Text { data: block.ros_name().to_owned() };
+    if let Some(block) = frame.target.block.filter(|_| frame.hand.holds.is_none()) {
+        topics.current_block.send(name(block))?;
+    }
+    let best = frame.target.posterior.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1));
+    if let Some((k, _)) = best.filter(|(_, p)| **p > 0.0) {
+        topics.block_id.send(name(proact_types::BlockId::ALL[k]))?;
+    }
+    if let Some(place) = frame.target.place {
+        let pose = Pose::translation(place.x, place.y, place.z);
+        topics.place.send(convert::pose_stamped(frame.time, WORLD, &pose))?;
+    }
+    if seen.hand != frame.hand.state {
+        seen.hand = frame.hand.state;
+        match seen.hand {
+            HandState::Closed => topics.success.send(Bool { data: true })?,
+            HandState::Open => topics.success.send(Bool { data: false })?,
+            HandState::Closing | HandState::Opening => {}
+        }
+    }
+    Ok(())
+}
+
+/// A plan as the message that a trajectory controller takes.
+pub(super) fn command(model: &proact_types::ArmModel, time: SimTime, reply: &PlanReply) -> JointTrajectory {
+    let points =
+        reply.trajectory.points.iter().map(|p| crate::messages::trajectory_msgs::JointTrajectoryPoint {
+            positions: p.q.to_vec(),
+            velocities: p.qd.to_vec(),
+            time_from_start: convert::duration(p.time_secs),
+            ..Default::default()
+        });
+    JointTrajectory {
+        header: convert::header(time, &model.links[0].name),
+        joint_names: model.arm.iter().map(|j| model.joints[*j].name.clone()).collect(),
+        points: points.collect(),
+    }
+}

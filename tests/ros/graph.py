@@ -1,0 +1,187 @@
+"""A ROS graph for tests: its own master on its own port, nodes as processes, waiting for connections.
+
+Nothing here sleeps for a guessed time: every wait ends when the thing waited for is there, or fails loudly.
+"""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import xmlrpc.client
+
+ROOT = os.path.abspath(os.path.join(os.path.dirname(__file__), "..", ".."))
+BINARY = os.environ.get("PROACT_BINARY", os.path.join(ROOT, "target", "release", "proact"))
+# A loaded machine may be slow; a missing thing must still fail in the end.
+PATIENCE = 60.0
+
+
+def free_port():
+    with socket.socket() as s:
+        s.bind(("127.0.0.1", 0))
+        return s.getsockname()[1]
+
+
+def until(true, what, patience=PATIENCE):
+    """Waits until true() is true; looks fifty times a second."""
+    end = time.monotonic() + patience
+    while time.monotonic() < end:
+        value = true()
+        if value:
+            return value
+        time.sleep(0.02)
+    raise AssertionError(f"waited {patience} s in vain for {what}")
+
+
+def message_packages():
+    """Makes Python modules of this repository's message packages, as catkin would, and puts them in reach."""
+    import glob
+    import shutil
+
+    out = tempfile.mkdtemp(prefix="proact-messages-")
+    src = os.path.join(ROOT, "ros1_ws", "src")
+    folders = {}
+    for folder in glob.glob("/usr/share/*_msgs/msg"):
+        folders[os.path.basename(os.path.dirname(folder))] = [folder]
+    ours = [os.path.join(src, "proact_msgs")] + sorted(glob.glob(os.path.join(src, "compat", "*")))
+    tools = {
+        kind: glob.glob(f"/usr/lib/genpy/gen{kind}_py.py")[0] for kind in ("msg", "srv")
+    }
+    genaction = glob.glob("/usr/lib/actionlib_msgs/genaction.py") + glob.glob(
+        "/usr/share/actionlib_msgs/**/genaction.py", recursive=True
+    )
+    for package in ours:
+        name = os.path.basename(package)
+        staged = os.path.join(out, "share", name)
+        shutil.copytree(package, staged)
+        for action in glob.glob(os.path.join(staged, "action", "*.action")):
+            subprocess.run(
+                [sys.executable, genaction[0], action, "-o", os.path.join(staged, "msg")],
+                check=True, stdout=subprocess.DEVNULL,
+            )
+        folders[name] = [os.path.join(staged, "msg")]
+    includes = [f"-I{name}:{folder}" for name, paths in folders.items() for folder in paths]
+    for package in ours:
+        name = os.path.basename(package)
+        for kind in ("msg", "srv"):
+            files = glob.glob(os.path.join(out, "share", name, kind, f"*.{kind}"))
+            if not files:
+                continue
+            target = os.path.join(out, "lib", name, kind)
+            os.makedirs(target, exist_ok=True)
+            open(os.path.join(out, "lib", name, "__init__.py"), "a").close()
+            for file in files:
+                subprocess.run([sys.executable, tools[kind], file, *includes, "-p", name, "-o", target], check=True)
+            subprocess.run([sys.executable, tools[kind], "--initpy", "-p", name, "-o", target], check=True)
+    sys.path.insert(0, os.path.join(out, "lib"))
+    return out
+
+
+class Graph:
+    """A master and the nodes started on it."""
+
+    def __init__(self):
+        self.port = free_port()
+        self.uri = f"http://127.0.0.1:{self.port}/"
+        self.home = tempfile.mkdtemp(prefix="proact-ros-")
+        self.env = dict(
+            os.environ, ROS_MASTER_URI=self.uri, ROS_IP="127.0.0.1", ROS_HOME=self.home,
+            PATH="/usr/bin:/bin:" + os.environ["PATH"],
+        )
+        os.environ.update({key: self.env[key] for key in ("ROS_MASTER_URI", "ROS_IP", "ROS_HOME")})
+        self.processes = []
+        self.master = None
+        self.start_master()
+
+    def start_master(self):
+        self.master = self.spawn(["rosmaster", "--core", "-p", str(self.port)], "master.log")
+        proxy = xmlrpc.client.ServerProxy(self.uri)
+
+        def up():
+            try:
+                return proxy.getPid("/test")[0] == 1
+            except OSError:
+                return False
+
+        until(up, "the master")
+        # What roscore starts beside the master.
+        self.rosout = self.spawn(["/usr/lib/rosout/rosout"], "rosout.log")
+
+    def spawn(self, command, log, **kwargs):
+        out = open(os.path.join(self.home, log), "a")
+        process = subprocess.Popen(
+            command, env=self.env, stdout=out, stderr=subprocess.STDOUT, start_new_session=True, **kwargs
+        )
+        process.log = out.name
+        self.processes.append(process)
+        return process
+
+    def node(self, *words):
+        """Starts `proact node WORDS`."""
+        return self.spawn([BINARY, "node", *words], f"{words[0]}.log")
+
+    def stop(self, process, how=signal.SIGINT):
+        if process.poll() is None:
+            os.killpg(process.pid, how)
+            try:
+                process.wait(10)
+            except subprocess.TimeoutExpired:
+                os.killpg(process.pid, signal.SIGKILL)
+                process.wait()
+        return process.returncode
+
+    def close(self):
+        for process in reversed(self.processes):
+            self.stop(process)
+
+    def system_state(self):
+        return xmlrpc.client.ServerProxy(self.uri).getSystemState("/test")[2]
+
+    def nodes(self):
+        return {node for kind in self.system_state() for _, nodes in kind for node in nodes}
+
+
+class Inbox:
+    """A rospy subscriber that keeps what comes."""
+
+    def __init__(self, topic, kind, keep=None):
+        import rospy
+
+        self.messages = []
+        self.times = []
+        self.condition = threading.Condition()
+        self.keep = keep
+        self.subscriber = rospy.Subscriber(topic, kind, self._take, queue_size=1000, tcp_nodelay=True)
+        self.topic = topic
+
+    def _take(self, message):
+        with self.condition:
+            self.messages.append(message)
+            self.times.append(time.monotonic())
+            if self.keep and len(self.messages) > self.keep:
+                del self.messages[0], self.times[0]
+            self.condition.notify_all()
+
+    def clear(self):
+        with self.condition:
+            self.messages.clear()
+            self.times.clear()
+
+    def wait(self, true=lambda message: True, patience=PATIENCE):
+        """The first message, past or to come, for which true(message)."""
+        end = time.monotonic() + patience
+        with self.condition:
+            looked = 0
+            while True:
+                for message in self.messages[looked:]:
+                    if true(message):
+                        return message
+                looked = len(self.messages)
+                if not self.condition.wait(max(0.0, end - time.monotonic())) and time.monotonic() >= end:
+                    raise AssertionError(f"{self.topic}: waited {patience} s in vain, {len(self.messages)} messages")
+
+    def wait_count(self, count, patience=PATIENCE):
+        until(lambda: len(self.messages) >= count, f"{count} messages on {self.topic}", patience)
