@@ -5,8 +5,16 @@
 # A lane is a function lane_NAME. It prints what its tools print, answers 0 for passed and 77 for skipped (with
 # the reason as its last line); anything else is a failure. One failing lane does not keep the others from running.
 
-short_lanes="format shell web lint cpp rust launcher trial page rosbridge"
-long_lanes="seeds sanitizers debootstrap"
+short_lanes="format shell web lint cpp rust launcher trial page rosbridge ros"
+long_lanes="seeds sanitizers debootstrap ros_long"
+
+# A ROS 1 graph with Debian's own clients, the catkin workspace, rviz on a virtual display.
+ros_test_packages="ros-base python3-roslaunch python3-rosbag python3-rostopic python3-rosnode python3-rosservice
+python3-actionlib python3-tf2-ros python3-std-msgs python3-geometry-msgs python3-sensor-msgs python3-trajectory-msgs
+python3-visualization-msgs python3-diagnostic-msgs python3-std-srvs python3-tf2-msgs python3-actionlib-msgs
+python3-rosgraph-msgs libactionlib-dev libstd-msgs-dev libgeometry-msgs-dev libsensor-msgs-dev libtrajectory-msgs-dev
+libtf2-ros-dev ros-robot-state-publisher ros-core-dev ros-message-generation catkin colcon python3-colcon-ros rviz xvfb
+xauth libgl1-mesa-dri imagemagick cmake make"
 
 # Debian packages that a lane needs beside those of the build.
 packages_of() {
@@ -17,6 +25,7 @@ packages_of() {
     page) echo chromium ;;
     trial) echo python3 python3-rosbag ;;
     seeds) echo python3 ;;
+    ros | ros_long) echo "$ros_packages $ros_test_packages" ;;
     debootstrap) echo debootstrap python3 git ;;
     format | lint)
         # A Rust of Debian's keeps these two in packages of their own.
@@ -92,6 +101,35 @@ lane_seeds() {
 
 lane_debootstrap() {
     sh "$root/tests/launcher/debootstrap.sh"
+}
+
+lane_ros() {
+    build_ros
+    for test in test_messages test_sim; do
+        PROACT_BINARY=$ros_binary /usr/bin/python3 -W ignore "$root/tests/ros/$test.py" || return 1
+    done
+}
+
+lane_ros_long() {
+    build_ros
+    PROACT_BINARY=$ros_binary /usr/bin/python3 -W ignore "$root/tests/ros/test_testbed.py" &&
+        sh "$root/tests/ros/workspace.sh"
+}
+
+# The program with its nodes, beside the one without. Ends the lane where ROS is not to be had.
+build_ros() {
+    [ -x /usr/bin/rosmaster ] || {
+        echo "skipped: no ROS 1 on this machine; Debian 12 has it"
+        exit 77
+    }
+    ros_binary=$root/build/ros/proact
+    build_web
+    run_cargo clippy --release --locked -p proact-ros --features proact-ros/rosrust --all-targets -- -D warnings
+    # shellcheck disable=SC2034 # build reads it
+    features=ros
+    build
+    mkdir -p "$root/build/ros"
+    cp "$binary" "$ros_binary"
 }
 
 test_main() {

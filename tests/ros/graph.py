@@ -16,7 +16,7 @@ import xmlrpc.client
 ROOT = os.path.abspath(os.path.join(os.path.dirname(__file__), "..", ".."))
 BINARY = os.environ.get("PROACT_BINARY", os.path.join(ROOT, "target", "release", "proact"))
 # A loaded machine may be slow; a missing thing must still fail in the end.
-PATIENCE = 60.0
+PATIENCE = float(os.environ.get("PROACT_PATIENCE", "60"))
 
 
 def free_port():
@@ -73,9 +73,10 @@ def message_packages():
             target = os.path.join(out, "lib", name, kind)
             os.makedirs(target, exist_ok=True)
             open(os.path.join(out, "lib", name, "__init__.py"), "a").close()
-            for file in files:
-                subprocess.run([sys.executable, tools[kind], file, *includes, "-p", name, "-o", target], check=True)
-            subprocess.run([sys.executable, tools[kind], "--initpy", "-p", name, "-o", target], check=True)
+            subprocess.run([sys.executable, tools[kind], *files, *includes, "-p", name, "-o", target], check=True)
+            names = sorted(os.path.basename(file).rsplit(".", 1)[0] for file in files)
+            with open(os.path.join(target, "__init__.py"), "w") as init:
+                init.writelines(f"from ._{n} import *\n" for n in names)
     sys.path.insert(0, os.path.join(out, "lib"))
     return out
 
@@ -152,6 +153,7 @@ class Inbox:
 
         self.messages = []
         self.times = []
+        self.came = 0
         self.condition = threading.Condition()
         self.keep = keep
         self.subscriber = rospy.Subscriber(topic, kind, self._take, queue_size=1000, tcp_nodelay=True)
@@ -161,6 +163,7 @@ class Inbox:
         with self.condition:
             self.messages.append(message)
             self.times.append(time.monotonic())
+            self.came += 1
             if self.keep and len(self.messages) > self.keep:
                 del self.messages[0], self.times[0]
             self.condition.notify_all()
@@ -176,10 +179,11 @@ class Inbox:
         with self.condition:
             looked = 0
             while True:
-                for message in self.messages[looked:]:
+                new = min(self.came - looked, len(self.messages))
+                for message in self.messages[len(self.messages) - new:]:
                     if true(message):
                         return message
-                looked = len(self.messages)
+                looked = self.came
                 if not self.condition.wait(max(0.0, end - time.monotonic())) and time.monotonic() >= end:
                     raise AssertionError(f"{self.topic}: waited {patience} s in vain, {len(self.messages)} messages")
 

@@ -121,11 +121,22 @@ impl Graph {
         let parse = |text: &str| {
             text.parse().map_err(|e| NodeError::Setup { what: text.to_owned(), reason: format!("{e:?}") })
         };
+        let own = rosrust::uri();
         let addresses =
-            Addresses { master: parse(&uri)?, slave: parse(&rosrust::uri())?, name: rosrust::name() };
+            Addresses { master: parse(&uri)?, slave: parse(&own)?, slave_text: own, name: rosrust::name() };
         let (ended, restarted) = (self.ended.clone(), self.master_restarted.clone());
         self.watch = Some(std::thread::spawn(move || watch(&addresses, &ended, &restarted)));
         Ok(())
+    }
+
+    /// Ends the watch over the master. Call it before publishers and services go, or the watch would register again
+    /// what leaves.
+    pub fn stop_watching(&mut self) {
+        self.ended.store(true, Ordering::Relaxed);
+        if let Some(watch) = self.watch.take() {
+            // A watch that panicked has told so itself.
+            let _ = watch.join();
+        }
     }
 
     /// What was refused.
@@ -231,11 +242,7 @@ impl Graph {
 
 impl Drop for Graph {
     fn drop(&mut self) {
-        self.ended.store(true, Ordering::Relaxed);
-        if let Some(watch) = self.watch.take() {
-            // A watch that panicked has told so itself.
-            let _ = watch.join();
-        }
+        self.stop_watching();
         // Without this the master keeps the node.
         rosrust::shutdown();
     }
@@ -315,7 +322,7 @@ fn watch(addresses: &Addresses, ended: &AtomicBool, restarted: &AtomicBool) {
     let mut pid = master::master_pid(addresses).ok();
     let mut known: Option<Registrations> = None;
     static REFRESH: AtomicU64 = AtomicU64::new(0);
-    while !ended.load(Ordering::Relaxed) {
+    while !ended.load(Ordering::Relaxed) && rosrust::is_ok() {
         match master::master_pid(addresses) {
             Ok(now) if Some(now) == pid && master::is_known(addresses) => {
                 // What we have registered may have changed; the master knows best.

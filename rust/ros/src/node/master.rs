@@ -20,6 +20,8 @@ pub(super) struct Registrations {
 pub(super) struct Addresses {
     pub master: Url,
     pub slave: Url,
+    /// Our own address to the letter: the master compares it when we unregister.
+    pub slave_text: String,
     pub name: String,
 }
 
@@ -87,7 +89,7 @@ pub(super) fn known_registrations(addresses: &Addresses, state: SystemState) -> 
 
 /// Tells a fresh master everything again, and our own slave who publishes what it listens to.
 pub(super) fn register(addresses: &Addresses, all: &Registrations) -> Result<(), Failure> {
-    let (name, slave) = (text(&addresses.name), text(addresses.slave.as_str().trim_end_matches('/')));
+    let (name, slave) = (text(&addresses.name), text(&addresses.slave_text));
     for (topic, datatype) in &all.publishers {
         call(
             &addresses.master,

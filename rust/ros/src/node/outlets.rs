@@ -101,7 +101,8 @@ impl Outlets {
         self.tf_static
             .send(TFMessage { transforms: fixed.iter().map(|f| convert::transform(start, f)).collect() })?;
         let wood = colour(0.45, 0.33, 0.24, 0.6);
-        let objects = self.scene.fixed.iter().enumerate();
+        // The floor would hide the grid.
+        let objects = self.scene.fixed.iter().enumerate().filter(|(_, o)| o.name != "floor");
         let markers = objects.map(|(k, o)| shape_marker("box", k, &o.shape, &o.pose, wood.clone())).collect();
         self.box_markers.send(MarkerArray { markers })?;
         self.grasp_status.send(Bool { data: false })

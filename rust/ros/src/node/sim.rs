@@ -139,6 +139,7 @@ pub fn run_sim(sim: Simulator) -> Result<(), NodeError> {
         }
         pace.tick();
     }
+    graph.stop_watching();
     Ok(())
 }
 

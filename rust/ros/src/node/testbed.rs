@@ -113,6 +113,7 @@ pub fn run_testbed(mut session: Session, simulated: bool) -> Result<TrialResult,
         }
         pace.tick();
     }
+    graph.stop_watching();
     Ok(session.result())
 }
 

@@ -1,0 +1,55 @@
+"""The MD5 sums of our message packages are the published ones, and those of Debian's packages where it has them."""
+
+import glob
+import os
+import unittest
+
+import graph
+
+graph.message_packages()
+
+# From the generated code of the packages that these stand for.
+PUBLISHED = {
+    "control_msgs.msg.FollowJointTrajectoryAction": "bc4f9b743838566551c0390c65f1a248",
+    "control_msgs.msg.JointTrajectoryControllerState": "10817c60c2486ef6b33e97dcd87f4474",
+    "controller_manager_msgs.msg.ControllerState": "aeb6b261d97793ab74099a3740245272",
+    "controller_manager_msgs.srv.ListControllersResponse": "1341feb2e63fa791f855565d0da950d8",
+    "controller_manager_msgs.srv.LoadControllerRequest": "c1f3d28f1b044c871e6eff2e9fc3c667",
+    "controller_manager_msgs.srv.SwitchControllerRequest": "36d99a977432b71d4bf16ce5847949d7",
+    "controller_manager_msgs.srv.SwitchControllerResponse": "6f6da3883749771fac40d6deb24a8c02",
+    "gazebo_grasp_plugin_ros.msg.GazeboGraspEvent": "a5b6c6f554465c6bcbcad9409a41137a",
+    "gazebo_msgs.msg.LinkState": "0818ebbf28ce3a08d48ab1eaa7309ebe",
+    "gazebo_msgs.msg.LinkStates": "48c080191eb15c41858319b4d8a609c2",
+    "gazebo_msgs.msg.ModelState": "9330fd35f2fcd82d457e54bd54e10593",
+    "gazebo_msgs.msg.ModelStates": "48c080191eb15c41858319b4d8a609c2",
+    "gazebo_msgs.srv.GetModelStateRequest": "19d412713cefe4a67437e17a951e759e",
+    "gazebo_msgs.srv.GetModelStateResponse": "ccd51739bb00f0141629e87b792e92b9",
+    "gazebo_msgs.srv.SetLinkStateRequest": "22a2c757d56911b6f27868159e9a872d",
+    "gazebo_msgs.srv.SetLinkStateResponse": "2ec6f3eff0161f4257b808b12bc830c2",
+}
+
+
+def python_class(path):
+    package, kind, name = path.split(".")
+    return getattr(__import__(f"{package}.{kind}", fromlist=[name]), name)
+
+
+class Messages(unittest.TestCase):
+    def test_sums_of_message_only_packages_are_the_published_ones(self):
+        for path, expected in PUBLISHED.items():
+            self.assertEqual(python_class(path)._md5sum, expected, path)
+
+    def test_a_package_that_is_installed_has_the_sums_of_ours(self):
+        # Debian has none of them today; where a distribution brings one, it must be interchangeable.
+        own = os.path.join(graph.ROOT, "ros1_ws", "src", "compat")
+        for package in os.listdir(own):
+            for installed in glob.glob(f"/opt/ros/*/share/{package}/msg/*.msg"):
+                name = os.path.basename(installed)
+                ours = os.path.join(own, package, "msg", name)
+                if os.path.exists(ours):
+                    fields = lambda path: [w.split("#")[0].split() for w in open(path) if w.split("#")[0].strip()]
+                    self.assertEqual(fields(installed), fields(ours), name)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)

@@ -1,0 +1,154 @@
+"""`proact node testbed`: a whole trial on a graph, recorded by rosbag, drawn by rviz."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import time
+import unittest
+
+import graph
+
+graph.message_packages()
+GRAPH = graph.Graph()
+
+import rosbag  # noqa: E402
+import rospy  # noqa: E402
+from geometry_msgs.msg import Vector3Stamped  # noqa: E402
+from proact_msgs.msg import View  # noqa: E402
+from rosgraph_msgs.msg import Clock, Log  # noqa: E402
+from sensor_msgs.msg import JointState  # noqa: E402
+from std_msgs.msg import String  # noqa: E402
+
+SHOTS = os.path.join(graph.ROOT, "build", "ros")
+
+
+def setUpModule():
+    rospy.init_node("test_testbed", disable_signals=True)
+
+
+def tearDownModule():
+    GRAPH.close()
+
+
+def headless(*words):
+    done = subprocess.run([graph.BINARY, "demo", "--headless", "--no-record", "--json", *words],
+                          stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, check=True, universal_newlines=True)
+    return json.loads(done.stdout)
+
+
+class Testbed(unittest.TestCase):
+    def test_a_recorded_trial_over_ros_moves_the_same_blocks_as_the_trial_in_one_process(self):
+        words = ["--method", "D", "--seed", "1"]
+        alone = headless(*words)
+        result = graph.Inbox("/proact/result", String)
+        bag = os.path.join(GRAPH.home, "trial.bag")
+        topics = ["/clock", "/tf", "/tf_static", "/emg", "/gaze_position", "/gaze_direction",
+                  "/mpl_right_arm/wrapped_joint_states", "/gazebo/model_states",
+                  "/grasp_event_republisher/grasp_events"]
+        recorder = GRAPH.spawn(["/usr/bin/rosbag", "record", "-O", bag, *topics], "record.log")
+        graph.until(lambda: any(n.startswith("/record") for n in GRAPH.nodes()), "rosbag record")
+        node = GRAPH.node("testbed", *words)
+        over = json.loads(result.wait(patience=360.0).data)
+        self.assertEqual(over["arrangement"], alone["arrangement"])
+        outcomes = lambda trial: [(b["block"], b["outcome"]) for b in trial["outcomes"]]
+        self.assertEqual(outcomes(over), outcomes(alone))
+        # Plans that come late on a loaded machine cost time, not blocks.
+        self.assertAlmostEqual(over["sim_seconds"], alone["sim_seconds"], delta=0.25 * alone["sim_seconds"])
+        graph.until(lambda: node.poll() is not None, "the node's end")
+        self.assertEqual(node.returncode, 0)
+        GRAPH.stop(recorder)
+        self.check_bag(bag, topics)
+
+    def check_bag(self, path, topics):
+        self.assertEqual(subprocess.run(["/usr/bin/rosbag", "check", path], env=GRAPH.env).returncode, 0)
+        with rosbag.Bag(path) as bag:
+            info = bag.get_type_and_topic_info().topics
+            for topic in topics:
+                self.assertIn(topic, info, sorted(info))
+            attached = [m.attached for _, m, _ in bag.read_messages("/grasp_event_republisher/grasp_events")]
+            self.assertEqual(attached[:2], [True, False])
+
+    def test_inputs_played_from_a_bag_drive_the_node(self):
+        path = os.path.join(GRAPH.home, "inputs.bag")
+        with rosbag.Bag(path, "w") as bag:
+            for k in range(200):
+                t = rospy.Time(2000 + 0.05 * k)
+                gesture = "wrist_extension" if 40 <= k < 160 else "no_motion"
+                bag.write("/emg", String(data=gesture), t)
+        frames = graph.Inbox("/mpl_right_arm/joint_states", JointState)
+        gestures = graph.Inbox("/proact/frame", View)
+        log = graph.Inbox("/rosout", Log, keep=1000)
+        node = GRAPH.node("testbed", "--live", "--method", "A", "--setup", "still", "_stay:=true")
+        gestures.wait_count(5)
+        first = dict(zip(frames.messages[0].name, frames.messages[0].position))
+        player = GRAPH.spawn(["/usr/bin/rosbag", "play", "-q", "--wait-for-subscribers", path], "play.log")
+        gestures.wait(lambda m: json.loads(m.json)["gesture"] == "wrist_extension")
+        moved = lambda m: abs(dict(zip(m.name, m.position))["mpl_right_arm__shoulder"] - first["mpl_right_arm__shoulder"])
+        frames.wait(lambda m: moved(m) > 0.1)
+        graph.until(lambda: player.poll() is not None, "the end of the bag")
+        wrong = rospy.Publisher("/emg", String, queue_size=1)
+        graph.until(lambda: wrong.get_num_connections() == 1, "the node as subscriber")
+        wrong.publish("")
+        log.wait(lambda m: "refused (emg)" in m.msg)
+        GRAPH.stop(node)
+
+    @unittest.skipUnless(shutil.which("Xvfb") and shutil.which("rviz"), "no Xvfb or rviz")
+    def test_rviz_draws_arm_box_and_blocks(self):
+        os.makedirs(SHOTS, exist_ok=True)
+        src = os.path.join(graph.ROOT, "ros1_ws", "src")
+        GRAPH.env["ROS_PACKAGE_PATH"] = src + ":/usr/share"
+        urdf = open(os.path.join(src, "proact_description", "urdf", "mpl_right_arm.urdf")).read()
+        rospy.set_param("/robot_description", urdf)
+        rospy.set_param("/use_sim_time", True)
+        publisher = GRAPH.spawn(
+            ["/usr/lib/robot_state_publisher/robot_state_publisher",
+             "joint_states:=/mpl_right_arm/wrapped_joint_states"], "rsp.log")
+        node = GRAPH.node("testbed", "--method", "D", "--seed", "1", "_publish_links:=false")
+        shot = os.path.join(SHOTS, "rviz.png")
+        display = f":{90 + os.getpid() % 100}"
+        screen = GRAPH.spawn(["Xvfb", display, "-screen", "0", "1200x800x24"], "xvfb.log")
+        GRAPH.env["DISPLAY"] = display
+        graph.until(lambda: os.path.exists(f"/tmp/.X11-unix/X{display[1:]}"), "the virtual display")
+        layout = os.path.join(src, "proact_bringup", "rviz", "proact.rviz")
+        rviz = GRAPH.spawn(["/usr/bin/rviz", "-d", layout], "rviz.log")
+        graph.until(lambda: any("rviz" in n for n in GRAPH.nodes()), "rviz")
+
+        def colours():
+            taken = subprocess.run(["import", "-window", "root", shot], env=GRAPH.env, stderr=subprocess.DEVNULL)
+            if taken.returncode != 0:
+                return {}
+            text = subprocess.run(["convert", shot, "-resize", "300x200", "txt:-"], stdout=subprocess.PIPE,
+                                  universal_newlines=True).stdout
+            found = {"red": 0, "blue": 0, "wood": 0, "arm": 0}
+            for line in text.splitlines()[1:]:
+                r, g, b = (int(v) for v in line.split("#")[1][:6] and
+                           [line.split("#")[1][k:k + 2] for k in (0, 2, 4)] and
+                           [str(int(line.split("#")[1][k:k + 2], 16)) for k in (0, 2, 4)])
+                if r > 110 and g < 70 and b < 70:
+                    found["red"] += 1
+                elif b > 90 and r < 60 and g < 90:
+                    found["blue"] += 1
+                elif 20 < r - b < 90 and r > g > b:
+                    found["wood"] += 1
+                elif r > 120 and abs(r - g) < 12 and abs(g - b) < 12:
+                    found["arm"] += 1
+            return found
+
+        seen = {}
+
+        def drawn():
+            seen.update(colours())
+            return all(seen.get(k, 0) > 8 for k in ("red", "blue", "wood", "arm"))
+
+        try:
+            graph.until(drawn, "red and blue blocks, the box and the arm in the picture", 90)
+        finally:
+            print("pixels of 60000:", seen, "picture:", shot)
+            for process in (rviz, node, publisher, screen):
+                GRAPH.stop(process)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
