@@ -79,6 +79,9 @@ pub(crate) struct RunArgs {
 /// How a trial is run.
 #[derive(Debug, Args)]
 struct RunHow {
+    /// Model of the EMG, as `proact emg train` writes it; without it one is trained on the spot
+    #[arg(long, value_name = "FILE")]
+    emg_model: Option<PathBuf>,
     /// No page, as fast as the machine allows
     #[arg(long)]
     headless: bool,
@@ -134,7 +137,8 @@ pub(crate) fn run(args: &RunArgs) -> Result<bool, Box<dyn Error>> {
 }
 
 fn trial_with(config: TrialConfig, source: &EmgSource, how: &RunHow) -> Result<bool, Box<dyn Error>> {
-    let Assembly { session, classifier, model } = trial::simulated(config, source)?;
+    let trained = how.emg_model.as_deref().map(crate::emg::read_model_file).transpose()?;
+    let Assembly { session, classifier, model } = trial::simulated_with(config, source, trained.as_ref())?;
     let config = session.testbed().config().clone();
     let dir = (!how.no_record).then(|| how.out.clone().unwrap_or_else(|| default_dir(&config)));
     let recorder = match &dir {

@@ -1,6 +1,7 @@
 //! `proact emg`: what labs compare with their own tools, and live streams.
 
 mod band;
+mod live;
 mod page;
 mod screen;
 mod simulate;
@@ -61,6 +62,9 @@ pub enum EmgCommand {
     )]
     Simulate(simulate::SimulateArgs),
 }
+
+pub(crate) use live::LiveArmband;
+pub(crate) use source::read_model_file;
 
 /// How a stream is cut into windows, and what is computed from them.
 #[derive(Debug, Args)]

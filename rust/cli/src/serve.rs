@@ -51,6 +51,12 @@ pub(crate) struct ServeArgs {
     /// Do not record
     #[arg(long, conflicts_with = "out")]
     no_record: bool,
+    /// Gestures from an armband instead of keys: a source as for `proact emg stream`
+    #[arg(long, value_name = "SOURCE", requires = "emg_model")]
+    emg_source: Option<String>,
+    /// Model of the armband, as `proact emg train` writes it
+    #[arg(long, value_name = "FILE", requires = "emg_source")]
+    emg_model: Option<PathBuf>,
     /// Print the address of the page, open nothing
     #[arg(long)]
     no_browser: bool,
@@ -70,12 +76,19 @@ pub(crate) fn command(args: &ServeArgs) -> Result<bool, Box<dyn Error>> {
     let mut method: MethodName = args.method.parse()?;
     let setup = Setup::named(&args.setup)?;
     let interrupted = interrupt_flag()?;
+    let armband = match (&args.emg_source, &args.emg_model) {
+        (Some(source), Some(model)) => Some(crate::emg::LiveArmband::open(source, model)?),
+        _ => None,
+    };
     let mut server: Option<PageServer> = None;
     let mut rosbridge: Option<Rosbridge> = None;
     let mut seed = args.seed;
     loop {
         let config = TrialConfig::new(method, seed, setup.clone()).with_profile(&args.profile)?;
-        let Assembly { mut session, model, .. } = trial::live(config)?;
+        let Assembly { mut session, model, classifier } = match &armband {
+            Some(armband) => trial::live_with_armband(config, armband.model(), armband.port())?,
+            None => trial::live(config)?,
+        };
         let config = session.testbed().config().clone();
         let dir = match (&args.out, args.no_record) {
             (_, true) => None,
@@ -83,7 +96,7 @@ pub(crate) fn command(args: &ServeArgs) -> Result<bool, Box<dyn Error>> {
             (None, _) => Some(default_dir(&config)),
         };
         let mut recorder = match &dir {
-            Some(dir) => Some(Recorder::create(dir, &config, &model, None)?),
+            Some(dir) => Some(Recorder::create(dir, &config, &model, classifier.as_ref())?),
             None => None,
         };
         let content = PageContent {

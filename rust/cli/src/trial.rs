@@ -2,14 +2,14 @@
 
 use proact_devices::{EmgFeed, EmgSetup, EmgSource, GazeSource};
 use proact_dynamics::{DynamicsOptions, OdePlant};
-use proact_emg::Classifier;
+use proact_emg::{Classifier, EmgModel};
 use proact_kinematics::Kinematics;
 use proact_participants::{JoggingParticipant, Participant, ParticipantOptions, SelectingParticipant};
 use proact_planning::{ArmPlanner, PlanWorker, PlannerOptions};
 use proact_tasks::BoxAndBlocks;
 use proact_testbed::{
     ConfigError, LoggedPlans, MethodName, Parts, Session, SessionParts, Testbed, TestbedError, TrialConfig,
-    ports::{PlanService, Plant, PlantError},
+    ports::{EmgSource as EmgPort, PlanService, Plant, PlantError},
 };
 use proact_types::{ArmModel, Pose, Scene};
 use std::sync::Arc;
@@ -55,9 +55,25 @@ pub struct Assembly {
 ///
 /// # Errors
 /// [`AssemblyError`].
-pub fn simulated(mut config: TrialConfig, emg: &EmgSource) -> Result<Assembly, AssemblyError> {
-    let EmgSetup { classifier, feed, config: emg_config, label } = proact_devices::prepare(emg, config.seed)?;
+pub fn simulated(config: TrialConfig, emg: &EmgSource) -> Result<Assembly, AssemblyError> {
+    simulated_with(config, emg, None)
+}
+
+/// [`simulated`] with a model that was trained before, if one is given.
+///
+/// # Errors
+/// [`AssemblyError`]; a model that does not fit the EMG says why.
+pub fn simulated_with(
+    mut config: TrialConfig,
+    emg: &EmgSource,
+    trained: Option<&EmgModel>,
+) -> Result<Assembly, AssemblyError> {
+    let EmgSetup { classifier, feed, config: emg_config, centring, label } = match trained {
+        Some(model) => proact_devices::prepare_model(emg, model, config.seed)?,
+        None => proact_devices::prepare(emg, config.seed)?,
+    };
     config.emg = Some(emg_config);
+    config.emg_centring = centring;
     config.gesture_source = label;
     let options = *config.participant.get_or_insert_with(ParticipantOptions::default);
     let task = BoxAndBlocks::new(config.arrangement);
@@ -105,13 +121,35 @@ pub(crate) fn bare(
     emg: &EmgSource,
     around: impl FnOnce(Box<dyn Plant>) -> Box<dyn Plant>,
 ) -> Result<(Testbed, EmgFeed), AssemblyError> {
-    let EmgSetup { classifier, feed, config: emg_config, label } = proact_devices::prepare(emg, config.seed)?;
+    let EmgSetup { classifier, feed, config: emg_config, label, .. } =
+        proact_devices::prepare(emg, config.seed)?;
     config.emg = Some(emg_config);
     config.gesture_source = label;
     config.wait_for_plans = false;
     let model = Arc::new(proact_description::mpl_right_arm());
     let plans = planner(&model)?;
     Ok((testbed_around(config, &model, plans, Some(classifier), around)?, feed))
+}
+
+/// A trial that a person with an armband drives: gestures from muscles, gaze from the mouse.
+///
+/// # Errors
+/// [`AssemblyError`].
+pub fn live_with_armband(
+    mut config: TrialConfig,
+    trained: &EmgModel,
+    armband: Box<dyn EmgPort>,
+) -> Result<Assembly, AssemblyError> {
+    config.emg = Some(trained.config.clone());
+    config.emg_centring = trained.centring.clone();
+    config.gesture_source = "armband".to_owned();
+    config.wait_for_plans = false;
+    let model = Arc::new(proact_description::mpl_right_arm());
+    let plans = planner(&model)?;
+    let classifier = Some(trained.classifier.clone());
+    let testbed = testbed(config, &model, plans, classifier.clone())?;
+    let session = Session::new(SessionParts { testbed, participant: None, emg: Some(armband), gaze: None });
+    Ok(Assembly { session, classifier, model })
 }
 
 /// A testbed that takes its plans from the log.

@@ -1,6 +1,6 @@
 use crate::{DeviceError, EmgFeed, MYO_RATE_HZ, Recording, Recordings, SyntheticEmg, SyntheticModel, stream};
-use proact_emg::{Classifier, EmgConfig, extract};
-use proact_types::Gesture;
+use proact_emg::{Classifier, EmgConfig, EmgModel, StreamFormat, extract};
+use proact_types::{Gesture, SimTime};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -64,6 +64,8 @@ pub struct EmgSetup {
     pub feed: EmgFeed,
     /// Settings that fit the stream's rate and channels.
     pub config: EmgConfig,
+    /// Zero level of each channel of the feed, for the pipeline to subtract; empty for one that is centred.
+    pub centring: Vec<f64>,
     /// For display and results: `recording`, `synthetic` or `recording+synthetic`.
     pub label: String,
 }
@@ -106,6 +108,37 @@ pub fn prepare_with(source: &EmgSource, config: &EmgConfig, seed: u64) -> Result
     }
 }
 
+/// [`prepare`] with a model that was trained before, in place of training one.
+///
+/// # Errors
+/// As [`prepare`], and [`proact_emg::EmgError::DoesNotFit`] if the feed has other channels, another rate or another zero
+/// level than the model.
+pub fn prepare_model(source: &EmgSource, model: &EmgModel, seed: u64) -> Result<EmgSetup, DeviceError> {
+    let setup = prepare(source, seed)?;
+    let (rate_hz, channels) = (setup.config.rate_hz, setup.config.channels);
+    // A relaxed hand on a copy of the feed tells where it rests.
+    let mut probe = setup.feed.clone();
+    let mut rest = vec![Vec::new(); channels];
+    for tick in 0..REST_MILLIS {
+        for sample in probe.sample_at(SimTime(tick), Gesture::NoMotion) {
+            rest.iter_mut().zip(&sample.channels).for_each(|(values, value)| values.push(*value));
+        }
+    }
+    let median = |mut values: Vec<f64>| {
+        values.sort_unstable_by(f64::total_cmp);
+        values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+    };
+    let rest_medians = Some(rest.into_iter().map(median).collect());
+    model.check_fits(&StreamFormat { rate_hz, channels, rest_medians })?;
+    let centring =
+        if model.centring.iter().all(|level| *level == 0.0) { Vec::new() } else { model.centring.clone() };
+    let (classifier, config) = (model.classifier.clone(), model.config.clone());
+    Ok(EmgSetup { classifier, config, centring, ..setup })
+}
+
+/// Length of rest in which the zero level of a feed is measured.
+const REST_MILLIS: u64 = 1000;
+
 /// As the gForce Pro+ in ProACT's setting (arXiv:2407.05025).
 const SYNTHETIC_RATE_HZ: f64 = 1000.0;
 /// Length of a synthetic training repetition, as ProACT's calibration (same source).
@@ -129,7 +162,7 @@ fn finish(
         fill(&mut recordings, train_reps, &mut generator);
     }
     let classifier = train(&recordings, train_reps, config)?;
-    Ok(EmgSetup { classifier, feed, config: config.clone(), label: label.to_owned() })
+    Ok(EmgSetup { classifier, feed, config: config.clone(), centring: Vec::new(), label: label.to_owned() })
 }
 
 /// A generator for the stream of `recordings`, as strong as they are: the scale is the ratio of amplitudes over

@@ -144,6 +144,14 @@ pub enum EmgError {
         /// The features.
         features: String,
     },
+    /// Zero levels that do not fit the stream.
+    #[error("got {got} zero levels, expected {expected} finite numbers, one a channel, or none")]
+    Centring {
+        /// Levels handed in.
+        got: usize,
+        /// Channels of the stream.
+        expected: usize,
+    },
     /// A model that was trained on another stream.
     #[error("the model does not fit the stream: {reasons}; calibrate again or choose another model")]
     DoesNotFit {

@@ -2,7 +2,8 @@ use crate::{
     Classifier, Decision, DecisionRule, EmgConfig, EmgError, FeatureExtractor, FeatureVector, MajorityVote,
     SlidingWindow, StreamCounts, WindowView,
 };
-use proact_types::{EmgSample, Gesture, SimTime};
+use arrayvec::ArrayVec;
+use proact_types::{EmgSample, Gesture, MAX_EMG_CHANNELS, SimTime};
 
 /// What the EMG stage says at the end of a window, or when the stream became stale.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -59,6 +60,8 @@ pub struct EmgPipeline {
     classifier: Classifier,
     rule: DecisionRule,
     overflows: u64,
+    /// Subtracted from each channel; empty for a stream that is centred.
+    centring: ArrayVec<f64, MAX_EMG_CHANNELS>,
 }
 
 impl EmgPipeline {
@@ -90,7 +93,22 @@ impl EmgPipeline {
             rule: DecisionRule::new(config),
             classifier,
             overflows: 0,
+            centring: ArrayVec::new(),
         })
+    }
+
+    /// The same pipeline for raw codes: `levels`, one a channel, are subtracted first. None for a centred stream.
+    ///
+    /// # Errors
+    /// [`EmgError::Centring`] for another number of levels, or one that is not finite.
+    pub fn with_centring(mut self, levels: &[f64]) -> Result<Self, EmgError> {
+        let expected = self.classifier.channels();
+        let fits = levels.is_empty() || levels.len() == expected;
+        if !fits || !levels.iter().all(|level| level.is_finite()) {
+            return Err(EmgError::Centring { got: levels.len(), expected });
+        }
+        self.centring = levels.iter().copied().collect();
+        Ok(self)
     }
 
     /// Takes the samples that arrived at `now`, oldest first. Some if a window ended with one of them, or if the
@@ -100,6 +118,14 @@ impl EmgPipeline {
         let (before, disarmed) = (self.counts(), self.rule.is_disarmed());
         let mut output = None;
         for sample in samples {
+            let mut level;
+            let sample = if self.centring.is_empty() {
+                sample
+            } else {
+                level = sample.clone();
+                level.channels.iter_mut().zip(&self.centring).for_each(|(value, zero)| *value -= zero);
+                &level
+            };
             let Some(window) = self.window.push(sample) else { continue };
             let features = self.features.compute(&window);
             // Finite samples whose sums overflow: as good as no window.
@@ -335,6 +361,27 @@ mod tests {
         let outputs = run(&mut pipeline, 0, 400, f64::MAX, false);
         assert!(outputs.iter().all(|(_, out)| out.stale), "{outputs:?}");
         assert_eq!((pipeline.counts().windows, pipeline.counts().rejected_windows), (0, 7));
+    }
+
+    #[test]
+    fn raw_codes_less_their_zero_level_give_the_decisions_of_centred_samples() {
+        let (mut centred, raw) = (pipeline(), pipeline());
+        let levels = [128.0, -40.0];
+        let mut raw = raw.with_centring(&levels).expect("one a channel");
+        for t in 0..1000 {
+            let sample = sample(t, if t < 500 { 1.0 } else { 20.0 });
+            // Whole numbers, so that the shift loses no digits.
+            let whole: Vec<f64> = sample.channels.iter().map(|v| v.round()).collect();
+            let shifted = whole.iter().zip(levels).map(|(v, level)| v + level);
+            let at = SimTime(5 * t);
+            let ours = raw.step(at, &[EmgSample { counter: t, channels: shifted.collect() }]);
+            let theirs =
+                centred.step(at, &[EmgSample { counter: t, channels: whole.iter().copied().collect() }]);
+            assert_eq!(ours, theirs);
+        }
+        let wrong = pipeline().with_centring(&[1.0]).map(|_| ()).expect_err("two channels");
+        assert_eq!(wrong, EmgError::Centring { got: 1, expected: 2 });
+        assert!(pipeline().with_centring(&[f64::NAN, 0.0]).is_err());
     }
 
     #[test]

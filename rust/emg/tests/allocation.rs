@@ -52,7 +52,8 @@ fn a_live_step_does_not_allocate_even_with_every_feature_and_option() {
     }
     let classifier =
         Classifier::train_with_amplitudes(&config, &windows, &labels, &amplitudes).expect("good data");
-    let mut pipeline = EmgPipeline::new(&config, classifier).expect("they fit");
+    let pipeline = EmgPipeline::new(&config, classifier).expect("they fit");
+    let mut pipeline = pipeline.with_centring(&[1.0; CHANNELS]).expect("one a channel");
     let mut monitor = QualityMonitor::new(QualityConfig::default(), 200.0, CHANNELS, &[]);
     let samples = signal(Gesture::HandOpen, 2000, 0.2);
     let mut outputs = 0;

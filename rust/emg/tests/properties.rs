@@ -1,6 +1,6 @@
 //! What must hold for any signal.
 
-use proact_emg::{Classifier, EmgConfig, EmgPipeline, WindowLength, extract};
+use proact_emg::{Classifier, EmgConfig, EmgModel, EmgPipeline, WindowLength, extract};
 use proact_types::{EmgSample, Gesture, SimTime};
 use proptest::prelude::*;
 
@@ -89,6 +89,34 @@ proptest! {
             let sample = EmgSample { counter: *counter, channels };
             if let Some(output) = pipeline.step(SimTime(tick as u64 * 5), &[sample]) {
                 prop_assert!(output.confidence.is_finite() && (0.0..=1.0).contains(&output.effort));
+            }
+        }
+    }
+
+    #[test]
+    fn a_damaged_model_file_is_refused_or_still_gives_numbers(
+        damage in prop::collection::vec((any::<prop::sample::Index>(), "[0-9a-z\\[\\]{},.:\"-]"), 1..5),
+        window in prop::collection::vec(-1e3..1e3_f64, 4 * CHANNELS),
+    ) {
+        let recordings: Vec<(Gesture, Vec<EmgSample>)> =
+            Gesture::ALL.into_iter().map(|g| (g, signal(g, 100, 0.0))).collect();
+        let slices: Vec<(Gesture, &[EmgSample])> = recordings.iter().map(|(g, s)| (*g, s.as_slice())).collect();
+        let json = EmgModel::train(&config(), &[0.0; CHANNELS], &slices).expect("good data").to_json().expect("sound");
+        let mut text = json.clone();
+        for (index, letter) in &damage {
+            let at = index.index(text.len());
+            // The file is plain ASCII, and so is the damage.
+            text.replace_range(at..=at, letter);
+        }
+        if let Ok(model) = EmgModel::from_json(&text) {
+            if model.config.channels == CHANNELS
+                && let Ok(prediction) = model.classifier.predict(&window)
+            {
+                prop_assert!((prediction.posterior.iter().sum::<f64>() - 1.0).abs() < 1e-9);
+            }
+            // Every stage that a model goes into stands it.
+            if let Ok(mut pipeline) = EmgPipeline::new(&model.config, model.classifier.clone()) {
+                pipeline.step(SimTime(0), &recordings[0].1);
             }
         }
     }

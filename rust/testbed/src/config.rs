@@ -124,6 +124,9 @@ pub struct TrialConfig {
     pub place_filter_ms: u64,
     /// Where the gestures come from, as shown: `recording`, `synthetic`, `keys`.
     pub gesture_source: String,
+    /// Zero level of each EMG channel, subtracted before anything else; empty for a stream that is centred.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub emg_centring: Vec<f64>,
     /// Where person and box are.
     pub setup: Setup,
     /// How the methods behave.
@@ -155,6 +158,7 @@ impl TrialConfig {
             wait_for_plans: true,
             place_filter_ms: 150,
             gesture_source: "keys".to_owned(),
+            emg_centring: Vec::new(),
             setup,
             intent: IntentOptions::default(),
             emg: None,

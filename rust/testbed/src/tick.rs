@@ -9,7 +9,7 @@ use proact_control::{
     PlanCommand,
     ports::{ArmKinematics, KinematicsError},
 };
-use proact_emg::{Classifier, EmgError, EmgOutput, EmgPipeline};
+use proact_emg::{Classifier, EmgError, EmgOutput, EmgPipeline, StreamEvents};
 use proact_intent::TaskPrior;
 use proact_tasks::BoxAndBlocks;
 use proact_types::{
@@ -134,7 +134,9 @@ impl Testbed {
         let start = model.pose("arm", "start")?;
         let (open, closed) = (model.pose("hand", "open")?, model.pose("hand", "closed")?);
         let emg = match (&config.emg, &parts.classifier) {
-            (Some(emg), Some(classifier)) => Some(EmgPipeline::new(emg, classifier.clone())?),
+            (Some(emg), Some(classifier)) => {
+                Some(EmgPipeline::new(emg, classifier.clone())?.with_centring(&config.emg_centring)?)
+            }
             _ => None,
         };
         let method = proact_control::build(&config.method.to_string(), &config.profile, model)?;
@@ -215,6 +217,10 @@ impl Testbed {
         // From muscle to gesture.
         if let Some(emg) = &mut self.emg {
             output.emg = emg.step(now, &input.emg);
+            let events = *emg.events();
+            if events.is_eventful() {
+                self.note_stream(&mut output, &events);
+            }
         }
         if let Some(decision) = &output.emg {
             self.recognised = decision.gesture;
@@ -490,6 +496,22 @@ impl Testbed {
         let field = &mut self.digest.field(Field::Task);
         field.word(u64::from(task.on_target)).word(task.next.map_or(9, |b| b.index() as u64));
         field.word(held.map_or(9, |b| b.index() as u64)).word(u64::from(task.finished));
+    }
+
+    /// What befell the armband's stream, for the record.
+    fn note_stream(&self, output: &mut TickOutput, events: &StreamEvents) {
+        let counts = &events.counts;
+        if counts.gaps + counts.unusable_samples + counts.rejected_windows > 0 {
+            let (gaps, unusable_samples) = (counts.gaps, counts.unusable_samples);
+            let rejected_windows = counts.rejected_windows;
+            self.note(output, EventKind::EmgGap { gaps, unusable_samples, rejected_windows });
+        }
+        if events.stale {
+            self.note(output, EventKind::EmgStale);
+        }
+        if events.rearmed {
+            self.note(output, EventKind::EmgRearmed);
+        }
     }
 
     fn note(&self, output: &mut TickOutput, kind: EventKind) {

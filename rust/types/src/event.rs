@@ -20,6 +20,19 @@ pub enum EventKind {
         /// The new one.
         gesture: Gesture,
     },
+    /// Samples of the armband were lost or unusable; the windows that they belong to are left out.
+    EmgGap {
+        /// Gaps in the samples.
+        gaps: u64,
+        /// Samples that could not be used.
+        unusable_samples: u64,
+        /// Windows left out.
+        rejected_windows: u64,
+    },
+    /// No usable window of EMG came for too long: no motion, until a relaxed hand is seen.
+    EmgStale,
+    /// A relaxed hand was seen after a silence: gestures act again.
+    EmgRearmed,
     /// The hand took hold of a block ("contact made").
     BlockAttached {
         /// Which block.

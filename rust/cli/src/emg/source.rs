@@ -135,6 +135,16 @@ pub(super) fn open(args: &SourceArgs, rate: Option<f64>) -> Result<Box<dyn Sampl
     })
 }
 
+/// [`open`] with default options, in real time.
+///
+/// # Errors
+/// A source that cannot be opened.
+pub(super) fn open_named(source: &SourceName) -> Result<Box<dyn SampleSource>, Box<dyn Error>> {
+    let (bits, packet) = (GForceOptions::default().bits, GForceOptions::default().packet_bytes);
+    let source = source.clone();
+    open(&SourceArgs { source, rep: 2, flat_out: false, zero: None, bits, packet, seed: 0 }, None)
+}
+
 /// Files are played in packets as long as the armband's.
 fn packet_of(rate_hz: f64) -> usize {
     ((rate_hz * 0.016).round() as usize).max(1)
@@ -188,12 +198,20 @@ impl Drop for RawKeys {
 /// # Errors
 /// A file that cannot be read, is no model, or was trained on another stream.
 pub(super) fn read_model(path: &Path, info: &SourceInfo) -> Result<EmgModel, Box<dyn Error>> {
-    let json = std::fs::read_to_string(path)
-        .map_err(|e| format!("cannot read {}: {e}; proact emg train writes such a file", path.display()))?;
-    let model = EmgModel::from_json(&json).map_err(|e| format!("{}: {e}", path.display()))?;
+    let model = read_model_file(path)?;
     let stream = StreamFormat { rate_hz: info.rate_hz, channels: info.channels, rest_medians: None };
     model.check_fits(&stream).map_err(|e| format!("{}: {e}", path.display()))?;
     Ok(model)
+}
+
+/// Reads a model file.
+///
+/// # Errors
+/// A file that cannot be read, or is no model.
+pub(crate) fn read_model_file(path: &Path) -> Result<EmgModel, Box<dyn Error>> {
+    let json = std::fs::read_to_string(path)
+        .map_err(|e| format!("cannot read {}: {e}; proact emg train writes such a file", path.display()))?;
+    Ok(EmgModel::from_json(&json).map_err(|e| format!("{}: {e}", path.display()))?)
 }
 
 /// What is subtracted from each channel. A model whose zero levels are all 0 was trained on centred samples.
