@@ -92,7 +92,17 @@ pub fn read_recorded(path: &Path) -> Result<RecordedStream, DeviceError> {
         Some("edf") => edf::read(&bytes),
         _ => return Err(DeviceError::RecordFormat { path: path.to_owned() }),
     };
-    read.map_err(|reason| DeviceError::Recorded { path: path.to_owned(), reason })
+    read.and_then(rising).map_err(|reason| DeviceError::Recorded { path: path.to_owned(), reason })
+}
+
+/// The stream if its counters rise, as the recorder writes them; a damaged file may say otherwise.
+fn rising(stream: RecordedStream) -> Result<RecordedStream, String> {
+    match stream.samples.windows(2).find(|pair| pair[1].counter <= pair[0].counter) {
+        None => Ok(stream),
+        Some(pair) => {
+            Err(format!("sample {} after {}, expected a higher one", pair[1].counter, pair[0].counter))
+        }
+    }
 }
 
 /// Hands over what is in memory and on to the disk.
