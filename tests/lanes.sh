@@ -124,7 +124,6 @@ build_ros() {
     }
     ros_binary=$root/build/ros/proact
     build_web
-    run_cargo clippy --release --locked -p proact-ros --features proact-ros/rosrust --all-targets -- -D warnings
     # shellcheck disable=SC2034 # build reads it
     features=ros
     build
