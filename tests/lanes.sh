@@ -6,7 +6,7 @@
 # the reason as its last line); anything else is a failure. One failing lane does not keep the others from running.
 
 short_lanes="format shell web lint cpp rust launcher trial page rosbridge ros"
-long_lanes="seeds sanitizers debootstrap ros_long"
+long_lanes="seeds sanitizers debootstrap pages ros_long"
 
 # A ROS 1 graph with Debian's own clients, the catkin workspace, rviz on a virtual display.
 ros_test_packages="ros-base python3-roslaunch python3-rosbag python3-rostopic python3-rosnode python3-rosservice
@@ -22,7 +22,7 @@ packages_of() {
     shell) echo shellcheck ;;
     cpp | sanitizers) echo cmake ;;
     rust) echo python3 ;;
-    page) echo chromium ;;
+    page | pages) echo chromium ;;
     trial) echo python3 python3-rosbag ;;
     seeds) echo python3 ;;
     ros | ros_long) echo "$ros_packages $ros_test_packages" ;;
@@ -93,6 +93,10 @@ lane_rosbridge() {
     python=${PROACT_ROSLIBPY_PYTHON:-$root/build/peers/bin/python}
     "$python" -c 'import roslibpy' 2>/dev/null || python=
     PATH=$node_folder:$PATH sh "$root/tests/scenarios/rosbridge.sh" "$binary" "$root/build/rosbridge" "$python"
+}
+
+lane_pages() {
+    build && PATH=$node_folder:$PATH sh "$root/tests/scenarios/pages.sh" "$binary" "$root/build/pages"
 }
 
 lane_seeds() {

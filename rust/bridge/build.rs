@@ -11,6 +11,8 @@ fn main() {
         "web/dist/index.html",
         "web/dist/app.js",
         "web/dist/app.css",
+        "web/dist/experimenter.html",
+        "web/dist/replay.html",
         "web/dist/calibrate.html",
         "web/dist/calibrate.js",
         "web/dist/calibrate.css",

@@ -5,14 +5,19 @@
 //
 // watch: the page connects, the scene changes, every camera draws; with --score the score counts up (a trial
 // with a simulated participant has to run). interactive: moves blocks by mouse and keys with method D until one
-// is on target. restart: starts `serve` itself, kills it, starts it again, and the open page has to come back.
+// is on target. methods: one block with each of --methods. newcomer: tutorial, settings, gamepad, gaze check.
+// headset: enters VR and AR with an emulated device. experimenter: beside a demo. replay: beside a replay of two
+// trials. restart: starts `serve` itself, kills it, starts it again, and the open page has to come back.
 // Screenshots go to the output folder. Exits 0 only if everything was seen.
 
-import { mkdir, writeFile } from "node:fs/promises";
+import { mkdir, readFile, writeFile } from "node:fs/promises";
 import { existsSync } from "node:fs";
 import { createRequire } from "node:module";
 import { parseArgs } from "node:util";
 import { driveBlocks } from "./drive.mjs";
+import { experimenter, replay } from "./desk.mjs";
+import { jogBlock } from "./jog.mjs";
+import { headset, newcomer } from "./person.mjs";
 import { startServe } from "./program.mjs";
 
 // playwright-core is installed with the page, whose package.json pins it.
@@ -26,6 +31,7 @@ const { values: options } = parseArgs({
     mode: { type: "string", default: "watch" },
     score: { type: "boolean", default: false },
     blocks: { type: "string", default: "1" },
+    methods: { type: "string", default: "ABCD" },
     timeout: { type: "string", default: "240" },
     dist: { type: "string" },
     program: { type: "string" },
@@ -44,6 +50,8 @@ const FLAGS = [
   "--disable-sync",
   "--no-first-run",
   "--disable-quic",
+  // A page whose files are replaced (--dist) would not count as local.
+  "--disable-features=LocalNetworkAccessChecks",
 ];
 
 /** Debian's wrapper script prints a warning on some kernels; the program behind it is the same. */
@@ -65,7 +73,8 @@ const browser = await chromium.launch({ executablePath: findChromium(), args: FL
 const problems = [];
 let page;
 try {
-  page = await browser.newPage({ viewport: { width: 1280, height: 720 } });
+  const context = await browser.newContext({ viewport: { width: 1280, height: 720 }, ignoreHTTPSErrors: true });
+  page = await context.newPage();
   page.on("pageerror", (error) => problems.push(`page error: ${error.message}`));
   page.on("console", (message) => {
     if (message.type() === "error") problems.push(`console: ${message.text()}`);
@@ -73,10 +82,21 @@ try {
   page.on("requestfailed", (request) => problems.push(`request failed: ${request.url()}`));
   if (options.dist) await serveFrom(page, options.dist);
   page.setDefaultTimeout(60_000);
-  const modes = { watch, interactive: interact, restart };
+  const modes = { watch, interactive: interact, methods, restart, newcomer, headset, experimenter, replay };
   const mode = modes[options.mode];
   if (!mode) throw new Error(`mode ${options.mode} is unknown; expected ${Object.keys(modes).join(", ")}`);
-  await mode(page);
+  await mode(page, {
+    url: options.url,
+    limitMs,
+    check,
+    screenshot: (name) => screenshot(page, name),
+    emulator: require.resolve("iwer/build/iwer.min.js"),
+    /** Keeps a downloaded file in the output folder; its bytes. */
+    async keep(file, name) {
+      await file.saveAs(`${options.out}/${name}`);
+      return readFile(`${options.out}/${name}`);
+    },
+  });
   check(problems.length === 0, `no error on the page${problems.length ? `: ${problems.join("; ")}` : ""}`);
   console.log("1 passed, 0 failed");
 } catch (error) {
@@ -89,9 +109,9 @@ try {
   await browser.close();
 }
 
-async function open(page, url) {
+async function open(page, url, pictures = 60) {
   // The cheapest drawing: the processor draws here, and the trial needs it too.
-  await page.goto(new URL("?quality=3&tutorial=0", url).href);
+  await page.goto(new URL(`?quality=3&tutorial=0&pictures=${pictures}`, url).href);
   await ready(page);
 }
 
@@ -148,6 +168,29 @@ async function interact(page) {
   await screenshot(page, "on-target");
 }
 
+/** One block with each method, chosen on the page. */
+async function methods(page) {
+  await open(page, options.url, 6);
+  for (const method of options.methods) {
+    await page.click(`.methodbutton:text-is("${method}")`);
+    await page.waitForFunction((name) => window.__proact.frame.method === name && window.__proact.frame.time < 3_000, method);
+    const log = (text) => console.log(`    ${method} ${text}`);
+    if (method === "A" || method === "B") {
+      const jogging = jogBlock(page, { limitMs, log });
+      await page.waitForTimeout(4_000);
+      await screenshot(page, `method-${method}`);
+      await jogging;
+    } else {
+      await driveBlocks(page, { wanted: 1, limitMs, log, screenshot: (name) => screenshot(page, `method-${method}-${name}`) });
+    }
+    const { seconds, count } = await page.evaluate(() => ({
+      seconds: window.__proact.frame.time / 1000,
+      count: window.__proact.frame.on_target,
+    }));
+    check(count === 1, `method ${method} moves a block to its target in ${seconds.toFixed(0)} s by keys${"CD".includes(method) ? " and mouse" : ""}`);
+  }
+}
+
 async function restart(page) {
   if (!options.program) throw new Error("--mode restart needs --program PATH_OF_PROACT");
   let serve = await startServe(options.program, 0);
@@ -186,7 +229,9 @@ async function screenshot(page, name) {
 
 /** For work on the page: its files come from this folder instead of from the program. */
 async function serveFrom(page, folder) {
-  for (const file of ["app.js", "app.css", "index.html"]) {
-    await page.route(`**/${file}*`, (route) => route.fulfill({ path: `${folder}/${file}` }));
-  }
+  await page.context().route("**/*", (route) => {
+    const name = new URL(route.request().url()).pathname.slice(1).replace("spectator", "experimenter") || "index.html";
+    const path = [name, `${name}.html`].map((file) => `${folder}/${file}`).find((file) => existsSync(file) && !file.endsWith("/"));
+    return path ? route.fulfill({ path }) : route.continue();
+  });
 }

@@ -16,7 +16,7 @@ start() {
     "$proact" "$@" --no-browser --no-record --port 18090 >"$output/server.log" 2>&1 &
     server=$!
     tries=0
-    while ! address=$(grep -o 'http://[0-9.:]*/' "$output/server.log"); do
+    while ! address=$(grep -om1 'http://[0-9.:]*/' "$output/server.log"); do
         tries=$((tries + 1))
         if [ "$tries" -gt 100 ] || ! kill -0 "$server" 2>/dev/null; then
             cat "$output/server.log"

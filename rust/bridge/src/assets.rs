@@ -87,9 +87,11 @@ mod tests {
 
     #[test]
     fn each_page_has_an_address_without_an_ending() {
-        let response = page("index");
-        assert_eq!(response.status(), StatusCode::OK);
-        assert_eq!(response.headers()[header::CONTENT_TYPE], "text/html; charset=utf-8");
+        for name in ["experimenter", "spectator", "replay"] {
+            let response = page(name);
+            assert_eq!(response.status(), StatusCode::OK, "{name}");
+            assert_eq!(response.headers()[header::CONTENT_TYPE], "text/html; charset=utf-8");
+        }
         assert_eq!(page("nothing").status(), StatusCode::NOT_FOUND);
     }
 

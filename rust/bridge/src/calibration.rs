@@ -4,8 +4,10 @@
 //! message, the newest only; a page that reads slowly misses some. From the page: [`CalibrationCommand`]s.
 
 use crate::{
-    BridgeError, PageOptions, assets,
-    server::{foreign, listen, url_of},
+    BridgeError, PageOptions,
+    access::foreign,
+    assets,
+    server::{listen, url_of},
 };
 use axum::{
     Router,
@@ -79,7 +81,7 @@ impl CalibrationServer {
             tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(thread_failed)?;
         let listener = {
             let _inside = runtime.enter();
-            listen(options)?
+            listen(&options)?
         };
         let address = listener
             .local_addr()
@@ -101,7 +103,7 @@ impl CalibrationServer {
 
     /// The address to open in a browser.
     pub fn url(&self) -> String {
-        url_of(self.address)
+        url_of("http", self.address)
     }
 
     /// Shows an object on all pages, in place of the one before. Never blocks.

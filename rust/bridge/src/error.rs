@@ -53,6 +53,12 @@ pub enum BridgeError {
         /// The system's reason.
         source: std::io::Error,
     },
+    /// The certificate for HTTPS cannot be made.
+    #[error("cannot make a certificate for HTTPS: {what}")]
+    Certificate {
+        /// The library's reason.
+        what: String,
+    },
     /// The server's thread or its runtime could not be started.
     #[error("cannot start the page's server thread: {source}")]
     Thread {

@@ -31,6 +31,7 @@
 #![allow(clippy::disallowed_methods)]
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+mod access;
 mod assets;
 mod calibration;
 mod error;
@@ -42,6 +43,8 @@ mod pilot;
 pub mod rosbridge;
 mod server;
 mod signals;
+mod tls;
+mod trials;
 
 pub use calibration::{CalibrationCommand, CalibrationServer};
 pub use error::BridgeError;
@@ -49,3 +52,4 @@ pub use gaze_check::{GazeCheck, GazePoint};
 pub use input::{ClientInput, StudyAction};
 pub use server::{PageContent, PageOptions, PageServer};
 pub use signals::{Signals, TrialStatus};
+pub use trials::RecordedTrial;

@@ -1,14 +1,19 @@
 use crate::{
-    BridgeError, ClientInput, Signals, TrialStatus, assets,
+    BridgeError, ClientInput, RecordedTrial, Signals, TrialStatus,
+    access::{self, Access},
+    assets,
     feed::{Feed, ServerMessage},
     live::{self, Role},
     pilot::{ClientId, Pilot},
+    tls::{self, TlsListener},
+    trials::StoredTrials,
 };
 use axum::{
     Router,
-    extract::{Path, Query, Request, State, ws::WebSocketUpgrade},
-    http::{HeaderMap, StatusCode, header},
-    middleware::{self, Next},
+    body::Bytes,
+    extract::{Path, Query, State, ws::WebSocketUpgrade},
+    http::{StatusCode, header},
+    middleware,
     response::{IntoResponse, Response},
     routing::get,
     serve::ListenerExt,
@@ -29,6 +34,7 @@ use tokio::{
     runtime::Runtime,
     sync::{oneshot, watch},
 };
+use tokio_rustls::TlsAcceptor;
 
 /// How many ports after the first one are tried.
 const PORTS_TRIED: u16 = 20;
@@ -40,8 +46,8 @@ const SEND_BUFFER_BYTES: u32 = 64 * 1024;
 /// How often it is checked whether the driving client fell silent.
 const WATCHDOG_PERIOD: Duration = Duration::from_millis(50);
 
-/// Where to serve.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// Where to serve, and to whom.
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PageOptions {
     /// TCP port; zero lets the system choose.
     pub port: u16,
@@ -49,12 +55,25 @@ pub struct PageOptions {
     pub allow_next: bool,
     /// Address to listen on. On a loopback address only this machine can connect.
     pub bind: IpAddr,
+    /// Serve HTTPS with a certificate of our own making.
+    pub https: bool,
+    /// What other machines have to show, in the address as `?token=`; none lets only listed ones in.
+    pub token: Option<String>,
+    /// Machines that need no token.
+    pub allowed: Vec<IpAddr>,
 }
 
 impl Default for PageOptions {
     /// Port 8090 or the next free one, this machine only.
     fn default() -> Self {
-        PageOptions { port: 8090, allow_next: true, bind: Ipv4Addr::LOCALHOST.into() }
+        PageOptions {
+            port: 8090,
+            allow_next: true,
+            bind: Ipv4Addr::LOCALHOST.into(),
+            https: false,
+            token: None,
+            allowed: Vec::new(),
+        }
     }
 }
 
@@ -83,7 +102,8 @@ pub(crate) struct Shared {
     content: Mutex<StoredContent>,
     clients: AtomicUsize,
     next_client: AtomicU64,
-    local_only: bool,
+    trials: Mutex<StoredTrials>,
+    pub(crate) access: Access,
 }
 
 struct StoredContent {
@@ -113,6 +133,10 @@ impl Shared {
         self.content().interactive
     }
 
+    fn trials(&self) -> MutexGuard<'_, StoredTrials> {
+        self.trials.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     fn content(&self) -> MutexGuard<'_, StoredContent> {
         self.content.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -122,6 +146,7 @@ impl Shared {
 pub struct PageServer {
     shared: Arc<Shared>,
     address: SocketAddr,
+    scheme: &'static str,
     stop: Option<oneshot::Sender<()>>,
     thread: Option<JoinHandle<()>>,
 }
@@ -141,7 +166,12 @@ impl PageServer {
             content: Mutex::new(store(&page)?),
             clients: AtomicUsize::new(0),
             next_client: AtomicU64::new(1),
-            local_only: options.bind.is_loopback(),
+            trials: Mutex::default(),
+            access: Access {
+                token: options.token.clone(),
+                allowed: options.allowed.clone(),
+                local_only: options.bind.is_loopback(),
+            },
         });
         let runtime = tokio::runtime::Builder::new_current_thread()
             .enable_all()
@@ -149,7 +179,13 @@ impl PageServer {
             .map_err(|source| BridgeError::Thread { source })?;
         let listener = {
             let _inside = runtime.enter();
-            listen(options)?
+            listen(&options)?
+        };
+        let tls = match options.https {
+            true => Some(
+                tls::acceptor(advertised(options.bind)).map_err(|what| BridgeError::Certificate { what })?,
+            ),
+            false => None,
         };
         let address = listener
             .local_addr()
@@ -158,14 +194,23 @@ impl PageServer {
         let for_thread = Arc::clone(&shared);
         let thread = std::thread::Builder::new()
             .name("page-server".to_owned())
-            .spawn(move || run(runtime, listener, for_thread, stopped))
+            .spawn(move || run(runtime, listener, tls, for_thread, stopped))
             .map_err(|source| BridgeError::Thread { source })?;
-        Ok(PageServer { shared, address, stop: Some(stop), thread: Some(thread) })
+        let scheme = if options.https { "https" } else { "http" };
+        Ok(PageServer { shared, address, scheme, stop: Some(stop), thread: Some(thread) })
     }
 
     /// The address to open in a browser.
     pub fn url(&self) -> String {
-        url_of(self.address)
+        url_of(self.scheme, self.address)
+    }
+
+    /// The address for other machines, with the token that lets them in; none if they cannot connect.
+    pub fn remote_url(&self) -> Option<String> {
+        let ip = advertised(self.address.ip());
+        let token = self.shared.access.token.as_ref()?;
+        let authority = SocketAddr::new(ip, self.address.port());
+        (!ip.is_loopback()).then(|| format!("{}://{authority}/?token={token}", self.scheme))
     }
 
     /// Hands a frame to all pages. Never blocks on them; a page that is still busy with an older one gets the
@@ -200,6 +245,16 @@ impl PageServer {
         let stored = store(&page)?;
         *self.shared.content() = stored;
         self.shared.feed.send_modify(Feed::reset);
+        Ok(())
+    }
+
+    /// Recorded trials for the replay page, instead of those before.
+    ///
+    /// # Errors
+    /// [`BridgeError::Content`] if a trial cannot be written out.
+    pub fn set_trials(&self, trials: &[RecordedTrial]) -> Result<(), BridgeError> {
+        let stored = StoredTrials::new(trials)?;
+        *self.shared.trials() = stored;
         Ok(())
     }
 
@@ -249,16 +304,29 @@ fn store(page: &PageContent) -> Result<StoredContent, BridgeError> {
 }
 
 /// What a browser opens to reach a server that listens on `address`.
-pub(crate) fn url_of(address: SocketAddr) -> String {
+pub(crate) fn url_of(scheme: &str, address: SocketAddr) -> String {
     let ip = match address.ip() {
         // "All addresses" is none that a browser could open.
         ip if ip.is_unspecified() => IpAddr::V4(Ipv4Addr::LOCALHOST),
         ip => ip,
     };
-    format!("http://{}/", SocketAddr::new(ip, address.port()))
+    format!("{scheme}://{}/", SocketAddr::new(ip, address.port()))
 }
 
-pub(crate) fn listen(options: PageOptions) -> Result<TcpListener, BridgeError> {
+/// The address that other machines reach `bind` at: for "all addresses", the one of the way out.
+fn advertised(bind: IpAddr) -> IpAddr {
+    if !bind.is_unspecified() {
+        return bind;
+    }
+    // Nothing is sent: connecting a datagram socket only chooses the way. The address is one set aside for examples.
+    let way_out = std::net::UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0)).and_then(|socket| {
+        socket.connect((Ipv4Addr::new(192, 0, 2, 1), 9))?;
+        socket.local_addr()
+    });
+    way_out.map_or(Ipv4Addr::LOCALHOST.into(), |address| address.ip())
+}
+
+pub(crate) fn listen(options: &PageOptions) -> Result<TcpListener, BridgeError> {
     let last = if options.allow_next { options.port.saturating_add(PORTS_TRIED) } else { options.port };
     for port in options.port..=last {
         let address = SocketAddr::new(options.bind, port);
@@ -287,16 +355,33 @@ fn listen_at(address: SocketAddr) -> std::io::Result<TcpListener> {
 }
 
 /// The server's thread.
-fn run(runtime: Runtime, listener: TcpListener, shared: Arc<Shared>, stopped: oneshot::Receiver<()>) {
-    let router = router(Arc::clone(&shared));
+fn run(
+    runtime: Runtime,
+    listener: TcpListener,
+    tls: Option<TlsAcceptor>,
+    shared: Arc<Shared>,
+    stopped: oneshot::Receiver<()>,
+) {
+    let router = router(Arc::clone(&shared)).into_make_service_with_connect_info::<SocketAddr>();
     runtime.block_on(async move {
-        let listener = listener.tap_io(|stream| {
-            // Small messages must not wait for each other. Failing is no reason to refuse the client.
-            let _ = stream.set_nodelay(true);
-        });
+        let serving = async {
+            match tls {
+                Some(acceptor) => {
+                    // Its tap does nothing but have the peer's address handed on.
+                    axum::serve(TlsListener::start(listener, acceptor).tap_io(|_| ()), router).await
+                }
+                None => {
+                    let listener = listener.tap_io(|stream| {
+                        // Small messages must not wait for each other. Failing is no reason to refuse the client.
+                        let _ = stream.set_nodelay(true);
+                    });
+                    axum::serve(listener, router).await
+                }
+            }
+        };
         tokio::select! {
             // Both end only with the process; the owner ends them by the third.
-            _ = axum::serve(listener, router) => {}
+            _ = serving => {}
             () = watch_silence(&shared) => {}
             _ = stopped => {}
         }
@@ -320,13 +405,38 @@ fn router(shared: Arc<Shared>) -> Router {
         .route("/healthz", get(|| async { "ok\n" }))
         .route("/api/content", get(content))
         .route("/live", get(connect))
-        .layer(middleware::from_fn_with_state(Arc::clone(&shared), refuse_foreign_pages))
+        .route("/api/trials", get(trials))
+        .route("/api/trials/{number}", get(trial))
+        .layer(middleware::from_fn_with_state(Arc::clone(&shared), access::refuse_strangers))
         .with_state(shared)
 }
 
 async fn content(State(shared): State<Arc<Shared>>) -> Response {
-    let json = shared.content().json.clone();
-    ([(header::CONTENT_TYPE, "application/json"), (header::CACHE_CONTROL, "no-store")], json).into_response()
+    let content = shared.content().json.clone();
+    json(content.into())
+}
+
+async fn trials(State(shared): State<Arc<Shared>>) -> Response {
+    let list = shared.trials().list.clone();
+    json(if list.is_empty() { Bytes::from_static(b"[]") } else { list })
+}
+
+async fn trial(State(shared): State<Arc<Shared>>, Path(number): Path<usize>) -> Response {
+    let (found, count) = {
+        let trials = shared.trials();
+        (trials.trials.get(number).cloned(), trials.trials.len())
+    };
+    match found {
+        Some(trial) => json(trial),
+        None => {
+            let reason = format!("there is no trial {number}, expected a number below {count}\n");
+            (StatusCode::NOT_FOUND, reason).into_response()
+        }
+    }
+}
+
+fn json(body: Bytes) -> Response {
+    ([(header::CONTENT_TYPE, "application/json"), (header::CACHE_CONTROL, "no-store")], body).into_response()
 }
 
 /// What `/live` may be asked with.
@@ -351,66 +461,4 @@ async fn connect(
         // Written at once, or the "latest" frame would wait behind older ones.
         .write_buffer_size(0)
         .on_upgrade(move |socket| live::serve(socket, shared, connection.role))
-}
-
-/// Refuses requests that another site's page makes in the person's browser: such a page could drive the arm.
-async fn refuse_foreign_pages(State(shared): State<Arc<Shared>>, request: Request, next: Next) -> Response {
-    match foreign(request.headers(), shared.local_only) {
-        Some(reason) => (StatusCode::FORBIDDEN, reason).into_response(),
-        None => next.run(request).await,
-    }
-}
-
-pub(crate) fn foreign(headers: &HeaderMap, local_only: bool) -> Option<String> {
-    let text = |name| headers.get(name).and_then(|value: &header::HeaderValue| value.to_str().ok());
-    let host = text(header::HOST).unwrap_or_default();
-    if local_only && !is_local_name(host) {
-        // Another site's name that was made to resolve to this machine.
-        return Some(format!("host {host:?} is not this machine\n"));
-    }
-    let origin = text(header::ORIGIN)?;
-    let same = origin.strip_prefix("http://").or_else(|| origin.strip_prefix("https://")) == Some(host);
-    (!same).then(|| format!("origin {origin:?} is not this server, which is {host:?}\n"))
-}
-
-fn is_local_name(host: &str) -> bool {
-    let name = match host.strip_prefix('[') {
-        Some(rest) => rest.split(']').next().unwrap_or_default(),
-        None => host.split(':').next().unwrap_or_default(),
-    };
-    name == "localhost"
-        || name.ends_with(".localhost")
-        || name.parse::<IpAddr>().is_ok_and(|address| address.is_loopback())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn headers(host: &'static str, origin: Option<&'static str>) -> HeaderMap {
-        let mut map = HeaderMap::new();
-        map.insert(header::HOST, host.parse().unwrap());
-        if let Some(origin) = origin {
-            map.insert(header::ORIGIN, origin.parse().unwrap());
-        }
-        map
-    }
-
-    #[test]
-    fn pages_of_other_sites_are_refused_and_our_own_are_not() {
-        for (host, origin, local_only, allowed) in [
-            ("127.0.0.1:8090", None, true, true),
-            ("127.0.0.1:8090", Some("http://127.0.0.1:8090"), true, true),
-            ("localhost:8090", Some("http://localhost:8090"), true, true),
-            ("[::1]:8090", Some("http://[::1]:8090"), true, true),
-            ("127.0.0.1:8090", Some("http://evil.example"), true, false),
-            ("127.0.0.1:8090", Some("null"), true, false),
-            ("evil.example:8090", Some("http://evil.example:8090"), true, false),
-            ("lab.example:8090", Some("http://lab.example:8090"), false, true),
-            ("lab.example:8090", Some("http://evil.example"), false, false),
-        ] {
-            let refused = foreign(&headers(host, origin), local_only);
-            assert_eq!(refused.is_none(), allowed, "{host} {origin:?}: {refused:?}");
-        }
-    }
 }

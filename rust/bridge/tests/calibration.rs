@@ -22,7 +22,12 @@ use tokio_tungstenite::{
 const LIMIT: Duration = Duration::from_secs(20);
 
 fn start() -> (CalibrationServer, String) {
-    let options = PageOptions { port: 0, allow_next: false, bind: Ipv4Addr::LOCALHOST.into() };
+    let options = PageOptions {
+        port: 0,
+        allow_next: false,
+        bind: Ipv4Addr::LOCALHOST.into(),
+        ..PageOptions::default()
+    };
     let server = CalibrationServer::start(options).unwrap();
     let authority = server.url().trim_start_matches("http://").trim_end_matches('/').to_owned();
     (server, authority)

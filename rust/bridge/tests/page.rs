@@ -5,7 +5,10 @@
 
 use futures_util::{SinkExt, StreamExt};
 use nalgebra::{Isometry3, Point3, Vector3};
-use proact_bridge::{BridgeError, ClientInput, PageContent, PageOptions, PageServer};
+use proact_bridge::{
+    BridgeError, ClientInput, PageContent, PageOptions, PageServer, RecordedTrial, Signals, StudyAction,
+    TrialStatus,
+};
 use proact_types::*;
 use serde_json::Value;
 use std::{
@@ -80,7 +83,7 @@ fn frame(tick: u64) -> DisplayFrame {
 }
 
 fn options() -> PageOptions {
-    PageOptions { port: 0, allow_next: false, bind: Ipv4Addr::LOCALHOST.into() }
+    PageOptions { port: 0, allow_next: false, ..PageOptions::default() }
 }
 
 fn start(interactive: bool) -> PageServer {
@@ -95,6 +98,13 @@ async fn connect(server: &PageServer) -> Client {
     let (mut client, _) = connect_async(format!("ws://{}/live", authority(server))).await.unwrap();
     let hello = next(&mut client).await;
     assert_eq!(hello["type"], "hello");
+    client
+}
+
+async fn connect_as(server: &PageServer, role: &str) -> Client {
+    let url = format!("ws://{}/live?role={role}", authority(server));
+    let (mut client, _) = connect_async(url).await.unwrap();
+    assert_eq!(next(&mut client).await["type"], "hello");
     client
 }
 
@@ -364,7 +374,7 @@ fn a_taken_port_is_named_and_the_next_one_used_if_allowed() {
     let first = start(true);
     let port: u16 = authority(&first).rsplit(':').next().unwrap().parse().unwrap();
     let taken = PageOptions { port, ..options() };
-    match PageServer::start(taken, content(true)) {
+    match PageServer::start(taken.clone(), content(true)) {
         Err(error @ BridgeError::PortTaken { .. }) => {
             let text = error.to_string();
             assert!(text.contains(&format!("port {port}")) && text.contains("--port"), "{text}");
@@ -383,6 +393,74 @@ fn the_port_is_free_again_when_the_server_is_dropped() {
     drop(first);
     let second = PageServer::start(PageOptions { port, ..options() }, content(true)).unwrap();
     assert_eq!(second.url(), url);
+}
+
+#[tokio::test]
+async fn the_experimenter_pauses_what_a_spectator_only_watches() {
+    let server = start(false);
+    let (mut experimenter, mut spectator, mut participant) = (
+        connect_as(&server, "experimenter").await,
+        connect_as(&server, "spectator").await,
+        connect(&server).await,
+    );
+    say(&mut spectator, r#"{"type":"study","action":"abort"}"#).await;
+    assert!(next_of(&mut spectator, "error").await["message"].as_str().unwrap().contains("only watches"));
+    say(&mut participant, r#"{"type":"study","action":"abort"}"#).await;
+    let refused = next_of(&mut participant, "error").await["message"].as_str().unwrap().to_owned();
+    assert!(refused.contains("role=experimenter"), "{refused}");
+    say(&mut experimenter, r#"{"type":"study","action":"pause"}"#).await;
+    assert_eq!(inputs(&server, 1).await, [ClientInput::Study(StudyAction::Pause)]);
+    server.set_status(&TrialStatus { paused: true, ..TrialStatus::default() });
+    server.publish_signals(&Signals { emg: vec![vec![1.5; 8]], emg_rate_hz: 200.0, ..Signals::default() });
+    for client in [&mut experimenter, &mut spectator] {
+        assert_eq!(next_of(client, "status").await["paused"], true);
+        assert_eq!(next_of(client, "signals").await["emg"][0][7], 1.5);
+    }
+    assert_eq!(next_of(&mut participant, "status").await["paused"], true);
+    say(&mut participant, r#"{"type":"ping","id":5}"#).await;
+    // The next message but the status: signals are not for the participant.
+    let answer = next(&mut participant).await;
+    assert_eq!((answer["type"].as_str(), answer["id"].as_u64()), (Some("pong"), Some(5)));
+}
+
+#[tokio::test]
+async fn recorded_trials_are_listed_and_served_by_number() {
+    let server = start(false);
+    assert!(get(&server, "/api/trials").await.ends_with("[]"));
+    let trial = RecordedTrial {
+        name: "D-still-seed1".into(),
+        method: "D".into(),
+        setup: "still".into(),
+        seed: 1,
+        seconds: 2.0,
+        on_target: 1,
+        content: content(false),
+        agrees: true,
+        finished: true,
+        frames: vec![frame(16), frame(50)],
+    };
+    server.set_trials(&[trial]).unwrap();
+    assert!(get(&server, "/api/trials").await.contains(r#""name":"D-still-seed1""#));
+    let answer = get(&server, "/api/trials/0").await;
+    let json: Value = serde_json::from_str(answer.split("\r\n\r\n").nth(1).unwrap()).unwrap();
+    assert_eq!(json["frames"][1]["time"], 50);
+    let missing = get(&server, "/api/trials/1").await;
+    assert!(missing.starts_with("HTTP/1.1 404") && missing.contains("below 1"), "{missing}");
+}
+
+#[test]
+fn other_machines_get_an_address_with_the_token_and_only_if_they_can_connect() {
+    let token = Some("secret".to_owned());
+    let local = PageServer::start(PageOptions { token: token.clone(), ..options() }, content(true)).unwrap();
+    assert_eq!(local.remote_url(), None);
+    let bind = Ipv4Addr::UNSPECIFIED.into();
+    let open =
+        PageServer::start(PageOptions { token, bind, https: true, ..options() }, content(true)).unwrap();
+    assert!(open.url().starts_with("https://127.0.0.1:"), "{}", open.url());
+    // None on a machine without a network.
+    if let Some(url) = open.remote_url() {
+        assert!(url.starts_with("https://") && url.ends_with("/?token=secret"), "{url}");
+    }
 }
 
 #[test]

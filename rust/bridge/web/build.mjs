@@ -6,9 +6,17 @@ import * as esbuild from "esbuild";
 const root = fileURLToPath(new URL(".", import.meta.url));
 const options = {
   absWorkingDir: root,
-  entryPoints: { app: "src/main.ts", calibrate: "src/calibrate.ts" },
+  entryPoints: {
+    app: "src/main.ts",
+    calibrate: "src/calibrate.ts",
+    experimenter: "src/experimenter.ts",
+    replay: "src/replay.ts",
+  },
   outdir: "dist",
   bundle: true,
+  // What the pages share is one file.
+  splitting: true,
+  chunkNames: "shared-[hash]",
   minify: true,
   format: "esm",
   target: ["chrome100", "firefox100", "safari15.4"],
@@ -18,9 +26,9 @@ const options = {
 
 await rm(`${root}dist`, { recursive: true, force: true });
 await mkdir(`${root}dist`, { recursive: true });
-await cp(`${root}src/index.html`, `${root}dist/index.html`);
-await cp(`${root}src/calibrate.html`, `${root}dist/calibrate.html`);
-await cp(`${root}src/icon.svg`, `${root}dist/icon.svg`);
+for (const file of ["index.html", "calibrate.html", "experimenter.html", "replay.html", "icon.svg"]) {
+  await cp(`${root}src/${file}`, `${root}dist/${file}`);
+}
 if (process.argv.includes("--watch")) {
   const context = await esbuild.context({ ...options, minify: false, sourcemap: "inline", logLevel: "info" });
   await context.watch();

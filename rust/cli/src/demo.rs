@@ -172,17 +172,22 @@ fn open_page(session: &Session, how: &RunHow) -> Result<PageServer, Box<dyn Erro
         lean: false,
     };
     let server = PageServer::start(PageOptions { port: how.port, ..PageOptions::default() }, content)?;
-    announce(&server, !how.no_browser);
+    announce(&server, "", !how.no_browser);
     Ok(server)
 }
 
-/// Prints the address and opens a browser if there is a screen to open it on.
-pub(crate) fn announce(server: &PageServer, open_browser: bool) {
-    eprintln!("page: {}", server.url());
+/// Prints the address of a page of this server, and opens it in a browser if there is a screen to open it on. The
+/// empty path is the participant's page.
+pub(crate) fn announce(server: &PageServer, path: &str, open_browser: bool) {
+    let url = format!("{}{path}", server.url());
+    eprintln!("page: {url}");
+    if path.is_empty() {
+        eprintln!("experimenter: {url}experimenter, read-only: {url}spectator");
+    }
     let screen = ["DISPLAY", "WAYLAND_DISPLAY"].iter().any(|name| std::env::var_os(name).is_some());
     if open_browser && screen {
         // The address is printed; a browser that does not start is no reason to stop.
-        let _ = open::that_detached(server.url());
+        let _ = open::that_detached(url);
     }
 }
 
@@ -308,7 +313,7 @@ pub(crate) fn print_result(result: &TrialResult) {
 }
 
 /// Blocks until Ctrl-C or a request to end.
-fn wait_for_interrupt() -> Result<(), Box<dyn Error>> {
+pub(crate) fn wait_for_interrupt() -> Result<(), Box<dyn Error>> {
     let ended = interrupt_flag()?;
     while !ended.load(Ordering::Relaxed) {
         std::thread::sleep(Duration::from_millis(50));

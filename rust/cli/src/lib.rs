@@ -24,6 +24,7 @@ mod pace;
 pub mod query;
 mod record;
 mod replay;
+mod replay_page;
 mod rosbridge;
 mod serve;
 pub mod trial;

@@ -1,8 +1,8 @@
-use crate::{record::CLASSIFIER_FILE, trial};
+use crate::{record::CLASSIFIER_FILE, replay_page, trial};
 use clap::Args;
 use proact_recording::{RecordingError, Trial, read_result};
 use proact_testbed::{
-    Divergence, SpanDigest, TestbedError, TrialConfig, TrialResult, first_divergence, replay,
+    Divergence, SpanDigest, Testbed, TestbedError, TrialConfig, TrialResult, first_divergence, replay,
 };
 use serde::Serialize;
 use std::{
@@ -13,14 +13,25 @@ use std::{
 
 /// Arguments of `proact replay`.
 #[derive(Debug, Args)]
-#[command(after_help = "Example:\n  proact replay trials/D-seated-seed1\n\n\
+#[command(after_help = "Examples:\n  proact replay trials/D-seated-seed1\n  \
+    proact replay trials/A-still-seed1 trials/D-still-seed1 --page\n\n\
     Exit code 0 only if every span of the recomputed trial has the recorded digest.")]
 pub(crate) struct ReplayArgs {
-    /// Trial directory
-    dir: PathBuf,
+    /// Trial directory; several with --page
+    #[arg(required = true, value_name = "DIR")]
+    dirs: Vec<PathBuf>,
     /// One JSON object on standard output
-    #[arg(long)]
+    #[arg(long, conflicts_with = "page")]
     json: bool,
+    /// Look at the trials in the browser: scrub, compare, save pictures and videos
+    #[arg(long)]
+    page: bool,
+    /// Port of the page; the next free one if it is taken
+    #[arg(long, default_value_t = 8090, requires = "page")]
+    port: u16,
+    /// Print the address of the page, open nothing
+    #[arg(long, requires = "page")]
+    no_browser: bool,
 }
 
 /// What a replay found.
@@ -48,11 +59,21 @@ enum ReplayError {
     Testbed(#[from] TestbedError),
 }
 
-/// Recomputes the trial in `dir` from its configuration, classifier and input log, and compares digests.
+/// A recorded trial, ready to be recomputed.
+pub(crate) struct Opened {
+    pub(crate) record: Trial,
+    pub(crate) config: TrialConfig,
+    /// At time zero; it takes its plans from the log.
+    pub(crate) testbed: Testbed,
+    /// The recorded digests, at least one.
+    pub(crate) recorded: Vec<SpanDigest>,
+}
+
+/// Reads the trial in `dir`.
 ///
 /// # Errors
 /// A directory that is no trial, a damaged file (with its offset), a configuration that no longer fits.
-pub fn replay_trial(dir: &Path) -> Result<Replayed, Box<dyn Error>> {
+pub(crate) fn open_trial(dir: &Path) -> Result<Opened, Box<dyn Error>> {
     let record = Trial::open(dir)?;
     let config = TrialConfig::from_toml(&record.header().config_toml)?;
     let classifier = match fs::read(dir.join(CLASSIFIER_FILE)) {
@@ -64,8 +85,20 @@ pub fn replay_trial(dir: &Path) -> Result<Replayed, Box<dyn Error>> {
         Err(error) => return Err(format!("{}: {error}", dir.join(CLASSIFIER_FILE).display()).into()),
     };
     let recorded: Vec<SpanDigest> = record.digests()?;
-    let last = recorded.last().ok_or("the record holds no complete span: there is nothing to compare")?;
-    let mut testbed = trial::replayed(config, classifier)?;
+    if recorded.is_empty() {
+        return Err("the record holds no complete span: there is nothing to compare".into());
+    }
+    let testbed = trial::replayed(config.clone(), classifier)?;
+    Ok(Opened { record, config, testbed, recorded })
+}
+
+/// Recomputes the trial in `dir` from its configuration, classifier and input log, and compares digests.
+///
+/// # Errors
+/// A directory that is no trial, a damaged file (with its offset), a configuration that no longer fits.
+pub fn replay_trial(dir: &Path) -> Result<Replayed, Box<dyn Error>> {
+    let Opened { record, mut testbed, recorded, .. } = open_trial(dir)?;
+    let last = recorded.last().ok_or("an opened trial has a digest")?;
     let inputs = record.inputs()?.map(|entry| entry.map(|e| (e.tick, e.input)).map_err(ReplayError::from));
     let spans = replay(&mut testbed, inputs, last.tick)?;
     let divergence = first_divergence(&recorded, &spans);
@@ -81,7 +114,14 @@ pub fn replay_trial(dir: &Path) -> Result<Replayed, Box<dyn Error>> {
 }
 
 pub(crate) fn command(args: &ReplayArgs) -> Result<bool, Box<dyn Error>> {
-    let replayed = replay_trial(&args.dir)?;
+    if args.page {
+        return replay_page::show(&args.dirs, args.port, !args.no_browser);
+    }
+    let [dir] = args.dirs.as_slice() else {
+        let count = args.dirs.len();
+        return Err(format!("got {count} trial directories, expected one; add --page to compare them").into());
+    };
+    let replayed = replay_trial(dir)?;
     if args.json {
         println!("{}", serde_json::to_string(&replayed)?);
         return Ok(replayed.agrees);

@@ -12,7 +12,7 @@ use proact_testbed::{MethodName, Session, Setup, TrialConfig};
 use proact_types::{GazeSample, Gesture, SimTime};
 use std::{
     error::Error,
-    net::IpAddr,
+    net::{IpAddr, Ipv4Addr},
     path::{Path, PathBuf},
     sync::atomic::{AtomicBool, Ordering},
     time::{Duration, Instant},
@@ -21,7 +21,8 @@ use std::{
 /// Arguments of `proact serve`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  proact serve\n  proact serve --setup seated --port 8100\n  \
-    proact serve --rosbridge --allow 192.168.1.20\n\n\
+    proact serve --rosbridge --allow 192.168.1.20\n  \
+    proact serve --headset\n\n\
     Mouse is gaze; keys are gestures and are shown on the page. R starts a new trial. Ctrl-C ends.")]
 pub(crate) struct ServeArgs {
     /// Control method: A joint by joint, B end-effector, C gaze, D gaze and context
@@ -42,9 +43,15 @@ pub(crate) struct ServeArgs {
     /// Fail if the port is taken instead of trying the next ones
     #[arg(long)]
     exact_port: bool,
-    /// Address to listen on
+    /// Address to listen on; other machines need the token that is printed then
     #[arg(long, default_value = "127.0.0.1")]
     bind: IpAddr,
+    /// Machine that needs no token for the page; may be repeated
+    #[arg(long, value_name = "ADDRESS")]
+    page_allow: Vec<IpAddr>,
+    /// For a headset: HTTPS on all addresses, and a QR code to open the page with
+    #[arg(long)]
+    headset: bool,
     /// Folder for the records of the trials
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -113,9 +120,9 @@ pub(crate) fn command(args: &ServeArgs) -> Result<bool, Box<dyn Error>> {
                 server
             }
             none => {
-                let options = PageOptions { port: args.port, allow_next: !args.exact_port, bind: args.bind };
-                let started = none.insert(PageServer::start(options, content)?);
-                announce(started, !args.no_browser);
+                let started = none.insert(PageServer::start(page_options(args)?, content)?);
+                announce(started, "", !args.no_browser);
+                announce_remote(started, args.headset)?;
                 started
             }
         };
@@ -135,6 +142,33 @@ pub(crate) fn command(args: &ServeArgs) -> Result<bool, Box<dyn Error>> {
         seed += u64::from(!again);
     }
     Ok(true)
+}
+
+fn page_options(args: &ServeArgs) -> Result<PageOptions, Box<dyn Error>> {
+    let bind = if args.headset { Ipv4Addr::UNSPECIFIED.into() } else { args.bind };
+    let mut secret = [0; 16];
+    getrandom::fill(&mut secret).map_err(|error| format!("the system gives no random numbers: {error}"))?;
+    let token: String = secret.iter().map(|byte| format!("{byte:02x}")).collect();
+    Ok(PageOptions {
+        port: args.port,
+        allow_next: !args.exact_port,
+        bind,
+        https: args.headset,
+        token: (!bind.is_loopback()).then_some(token),
+        allowed: args.page_allow.clone(),
+    })
+}
+
+/// Tells how to open the page on another machine, for a headset as a QR code.
+fn announce_remote(server: &PageServer, headset: bool) -> Result<(), Box<dyn Error>> {
+    let Some(url) = server.remote_url() else { return Ok(()) };
+    eprintln!("on another machine: {url}");
+    if headset {
+        let code = qrcode::QrCode::new(&url)?;
+        eprintln!("{}", code.render::<qrcode::render::unicode::Dense1x2>().build());
+        eprintln!("The certificate is made anew at each start: the browser asks once whether to go on.");
+    }
+    Ok(())
 }
 
 /// `dir`, or the same with a number added if it is taken: the same blocks again are another trial.

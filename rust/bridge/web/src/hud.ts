@@ -37,6 +37,8 @@ const EVENTS_SHOWN = 6;
 export class Hud {
   readonly root = element("div", "hud");
   readonly bottom = element("div", "bottom");
+  /** Buttons at the top right. */
+  readonly corner = element("div", "corner");
   private readonly title = element("span", "title");
   private readonly setup = element("span", "chip");
   private readonly source = element("span", "chip");
@@ -97,6 +99,7 @@ export class Hud {
       this.settingsButton.blur();
       settings();
     });
+    this.corner.append(this.settingsButton);
     this.pause.hidden = true;
     const row = (label: string, ...children: HTMLElement[]) =>
       element("div", "row", element("span", "label", label), ...children);
@@ -125,7 +128,7 @@ export class Hud {
           element("div", "pips", ...this.pips),
           this.next,
         ),
-        element("div", "card connection", this.link, this.rate, this.settingsButton),
+        element("div", "card connection", this.link, this.rate, this.corner),
       ),
       element(
         "aside",

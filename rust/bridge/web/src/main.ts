@@ -8,7 +8,9 @@ import { element } from "./dom";
 import { FrameCount } from "./framecount";
 import { GamepadInput } from "./gamepad";
 import { GazeCheckView } from "./gazecheckview";
-import { Guide } from "./guide";
+import { Board } from "./board";
+import { Guide, advise, stepwiseHint } from "./guide";
+import { Headset } from "./headset";
 import { Hud } from "./hud";
 import { Live } from "./live";
 import { Motion } from "./motion";
@@ -34,6 +36,7 @@ interface Debug {
   framesDrawn: number;
   framesDropped: number;
   cues: number;
+  worn: boolean;
   connected: boolean;
   content: Content | null;
   camera: CameraKind;
@@ -65,6 +68,7 @@ function start(): void {
     framesDrawn: 0,
     framesDropped: 0,
     cues: 0,
+    worn: false,
     connected: false,
     content: null,
     camera: cameras.kind,
@@ -146,6 +150,23 @@ function start(): void {
     },
     refused: (message) => console.warn(`ProACT: ${message}`),
   });
+  const board = new Board();
+  const headset = new Headset(
+    stage,
+    {
+      head: (position, quaternion) => interactive() && live.send({ type: "head", position, quaternion }),
+      ray(origin, direction, head) {
+        if (!stage.room || !interactive()) return;
+        const point = pointing.along(origin, direction, stage.room, heldOrNone());
+        const toPoint = point.sub(head).normalize();
+        live.send({ type: "gaze", origin: head.toArray(), direction: toPoint.toArray() });
+      },
+      hold: (source, gesture, down) => controls.hold(source, gesture, down),
+      say: (message) => hud.say(message),
+    },
+    overlay,
+  );
+  hud.corner.append(headset.root);
   overlay.append(hud.root, tutorial.root, check.root, panel.root);
   hud.bottom.append(guide.root, controls.root);
   hud.setConnected(false, false);
@@ -154,6 +175,11 @@ function start(): void {
   function targetPlace(block: string): { x: number; y: number } | null {
     const target = stage.room?.targets.find((candidate) => candidate.block === block);
     return target ? { x: target.centre.x, y: target.centre.y } : null;
+  }
+
+  /** What the gaze passes: with a block in hand, or in a gaze check, only the table counts. */
+  function heldOrNone(): BlockId | null {
+    return check.active ? "red1" : (motion.latest?.hand.holds ?? null);
   }
 
   function chooseCamera(kind: CameraKind): void {
@@ -165,7 +191,8 @@ function start(): void {
   function show(content: Content, rebuild = false): void {
     const first = stage.content === null;
     stage.show(content, rebuild);
-    stage.things.add(check.mark);
+    stage.things.add(check.mark, board.root);
+    if (stage.room) board.place(stage.room);
     debug.content = content;
     hud.setContent(content);
     controls.setMode(content.interactive, content.lean);
@@ -214,17 +241,22 @@ function start(): void {
     const frame = motion.latest;
     const { room } = stage;
     check.update();
-    const due = wall - drawnAt >= PICTURE_MS;
+    headset.update(frame, seconds);
+    if (frame) {
+      const left = Math.max(Math.round(frame.time_left_secs), 0);
+      const title = `Method ${frame.method} · ${frame.on_target} of ${frame.blocks.length} on target · ${left} s left`;
+      const hint = frame.mode ? stepwiseHint(frame) : advise(frame, targetPlace, stage.content?.lean ?? false).hint;
+      board.show(title, hint, headset.worn);
+    }
+    const due = headset.worn || wall - drawnAt >= PICTURE_MS;
     if (due) drawnAt = wall;
     if (due && stage.draw(motion.at(wall), frame, seconds, wall)) {
       debug.framesDrawn = stage.drawn;
-      if (frame && room && interactive() && cursor) {
-        const point = pointing.point(cursor, cameras.camera, room, check.active ? "red1" : frame.hand.holds);
+      debug.worn = headset.worn;
+      if (frame && room && interactive() && cursor && !headset.worn) {
         const eye = new Vector3(...frame.world_from_head.translation);
-        if (point) {
-          const direction = point.sub(eye).normalize();
-          live.send({ type: "gaze", origin: eye.toArray(), direction: direction.toArray() });
-        }
+        const direction = pointing.point(cursor, cameras.camera, room, heldOrNone()).sub(eye).normalize();
+        live.send({ type: "gaze", origin: eye.toArray(), direction: direction.toArray() });
       }
     }
     if (wall - shown.since > 1000) measure(wall);

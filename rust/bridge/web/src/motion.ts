@@ -82,7 +82,8 @@ export class Motion {
   }
 }
 
-function between(from: Frame, to: Frame, share: number): Drawn {
+/** What to draw a share of the way from one frame to the next. */
+export function between(from: Frame, to: Frame, share: number): Drawn {
   return {
     joints: to.joints.map((angle, k) => {
       const before = from.joints[k] ?? angle;

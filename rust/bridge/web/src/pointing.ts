@@ -14,8 +14,18 @@ export class Pointing {
    * The point in `world` under the cursor (device coordinates, -1 to 1): on a block, else on the plane of the
    * table top. Arm, walls and a carried block are looked through, or nothing behind them could be chosen.
    */
-  point(cursor: Vector2, camera: Camera, room: Room, holds: BlockId | null): Vector3 | null {
+  point(cursor: Vector2, camera: Camera, room: Room, holds: BlockId | null): Vector3 {
     this.ray.setFromCamera(cursor, camera);
+    return this.meet(room, holds);
+  }
+
+  /** The same along any ray: a headset's. */
+  along(origin: Vector3, direction: Vector3, room: Room, holds: BlockId | null): Vector3 {
+    this.ray.set(origin, direction);
+    return this.meet(room, holds);
+  }
+
+  private meet(room: Room, holds: BlockId | null): Vector3 {
     if (!holds) {
       const bodies: Object3D[] = room.blocks.map((block) => block.body);
       const hit = this.ray.intersectObjects(bodies, false)[0];

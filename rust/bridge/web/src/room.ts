@@ -58,6 +58,11 @@ export class Room {
     }
   }
 
+  /** The disc under the table; in a real room it is in the way. */
+  showFloor(on: boolean): void {
+    for (const part of this.root.children) if (part.name === "floor") part.visible = on;
+  }
+
   update(blocks: DrawnPose[], holds: BlockId | null, seconds: number): void {
     this.blocks.forEach(({ group }, k) => {
       const pose = blocks[k];
@@ -132,6 +137,7 @@ function grainTexture(colour: string, grain: string): CanvasTexture {
 /** A disc that fades into the background, and the shadows on it. */
 function floor(height: number): Object3D {
   const group = new Group();
+  group.name = "floor";
   const fade = drawnTexture((context) => {
     const gradient = context.createRadialGradient(0, 0, 0.1, 0, 0, 1);
     gradient.addColorStop(0, "rgba(255,255,255,0.95)");

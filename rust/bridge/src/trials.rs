@@ -1,0 +1,75 @@
+//! Recorded trials that the replay page looks at.
+
+use crate::{BridgeError, PageContent};
+use axum::body::Bytes;
+use proact_types::DisplayFrame;
+use serde::Serialize;
+
+/// A recorded trial with everything that its replay shows.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RecordedTrial {
+    /// Name of its directory.
+    pub name: String,
+    /// Control method.
+    pub method: String,
+    /// Set-up.
+    pub setup: String,
+    /// Seed.
+    pub seed: u64,
+    /// Length, simulated seconds.
+    pub seconds: f64,
+    /// Blocks on target in the end.
+    pub on_target: u32,
+    /// Arm and scene.
+    pub content: PageContent,
+    /// The recomputed trial has the recorded digest.
+    pub agrees: bool,
+    /// The record has a result; a trial that crashed has none.
+    pub finished: bool,
+    /// What was displayed, times ascending.
+    pub frames: Vec<DisplayFrame>,
+}
+
+/// What the list says of a trial.
+#[derive(Serialize)]
+struct Summary<'a> {
+    name: &'a str,
+    method: &'a str,
+    setup: &'a str,
+    seed: u64,
+    seconds: f64,
+    on_target: u32,
+}
+
+/// Trials written out once for all pages.
+#[derive(Debug, Default)]
+pub(crate) struct StoredTrials {
+    /// The list as JSON.
+    pub(crate) list: Bytes,
+    /// Each trial as JSON.
+    pub(crate) trials: Vec<Bytes>,
+}
+
+impl StoredTrials {
+    pub(crate) fn new(trials: &[RecordedTrial]) -> Result<Self, BridgeError> {
+        let summaries: Vec<Summary> = trials
+            .iter()
+            .map(|trial| Summary {
+                name: &trial.name,
+                method: &trial.method,
+                setup: &trial.setup,
+                seed: trial.seed,
+                seconds: trial.seconds,
+                on_target: trial.on_target,
+            })
+            .collect();
+        let failed = |error: serde_json::Error| BridgeError::Content { what: error.to_string() };
+        Ok(Self {
+            list: serde_json::to_vec(&summaries).map_err(failed)?.into(),
+            trials: trials
+                .iter()
+                .map(|trial| serde_json::to_vec(trial).map(Bytes::from).map_err(failed))
+                .collect::<Result<_, _>>()?,
+        })
+    }
+}

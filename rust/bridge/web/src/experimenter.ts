@@ -1,0 +1,271 @@
+// The experimenter's page: the live scene, the signals, the rates, and the buttons of a study. A spectator sees the
+// same without the buttons.
+
+import "./style.css";
+import "./desk.css";
+import { CAMERA_KINDS, CAMERA_NAMES } from "./cameras";
+import { element, setClass, setText } from "./dom";
+import { FrameCount } from "./framecount";
+import { METHOD_NAMES, blockName, eventText } from "./hud";
+import { Live } from "./live";
+import { Motion } from "./motion";
+import { GESTURE_NAMES, type Content, type Frame, type Signals, type Status, type TrialEvent } from "./protocol";
+import { Stage, whyNotDrawn } from "./stage";
+import { Traces } from "./traces";
+
+/** Lines of the log that are kept on the page. */
+const LOG_LINES = 400;
+/** Ages and times above which a figure stands out. */
+const STALE_GAZE_MS = 500;
+const SLOW_TICK_US = 1000;
+
+const spectator = location.pathname.startsWith("/spectator");
+const desk = document.getElementById("desk") as HTMLDivElement;
+
+function button(label: string, act: () => void, classes = ""): HTMLButtonElement {
+  const node = element("button", classes, label);
+  node.type = "button";
+  node.addEventListener("click", () => {
+    act();
+    node.blur();
+  });
+  return node;
+}
+
+/** A list of names and figures. */
+class Figures {
+  readonly root = element("dl", "figures");
+  private readonly cells = new Map<string, HTMLElement>();
+
+  set(name: string, value: string, bad = false): void {
+    let cell = this.cells.get(name);
+    if (!cell) {
+      cell = element("dd");
+      this.cells.set(name, cell);
+      this.root.append(element("dt", "", name), cell);
+    }
+    setText(cell, value);
+    setClass(cell, "bad", bad);
+  }
+}
+
+function start(): void {
+  document.title = spectator ? "ProACT · Spectator" : "ProACT · Experimenter";
+  const canvas = element("canvas");
+  const traceCanvas = element("canvas");
+  const traces = new Traces(traceCanvas);
+  const noArmband = element("p", "empty", "No armband in this trial: gestures come from keys.");
+  const link = element("span", "chip off", "Offline");
+  const [method, setup, seed, record] = [0, 0, 0, 0].map(() => element("span", "chip")) as [HTMLElement, HTMLElement, HTMLElement, HTMLElement];
+  const state = element("span", "chip live state", "Running");
+  const overview = element("b", "overview");
+  const trial = new Figures();
+  const rates = new Figures();
+  const log = element("ol", "loglist");
+  const events: TrialEvent[] = [];
+  const motion = new Motion();
+  const count = new FrameCount();
+  let interactive = false;
+  let lastTime = -1;
+  let status: Status | null = null;
+
+  const buttons = {
+    start: button("New trial", () => live.send({ type: "restart" }), "primary"),
+    pause: button("Pause", () => live.send({ type: "study", action: status?.paused ? "resume" : "pause" })),
+    reset: button("Reset blocks", () => live.send({ type: "restart", again: true })),
+    abort: button("End trial", () => live.send({ type: "study", action: "abort" }), "danger"),
+  };
+  buttons.reset.title = "A new trial with the blocks where they stood at the start of this one";
+  const methods = ["A", "B", "C", "D"].map((name) => button(name, () => live.send({ type: "restart", method: name })));
+  methods.forEach((node) => (node.title = `New trial with method ${node.textContent}: ${METHOD_NAMES[node.textContent ?? ""]}`));
+  const cameraBar = element("div", "camerabar", ...CAMERA_KINDS.map((kind) => button(CAMERA_NAMES[kind], () => chooseCamera(kind))));
+  const pane = (title: string, classes: string, ...children: HTMLElement[]) =>
+    element("section", `pane ${classes}`, element("h2", "", title), ...children);
+  desk.append(
+    element(
+      "header",
+      "deskbar",
+      element("div", "logo", element("strong", "", "ProACT"), element("span", "title", spectator ? "Spectator, read-only" : "Experimenter")),
+      method,
+      setup,
+      seed,
+      record,
+      element("span", "push"),
+      link,
+    ),
+    element(
+      "div",
+      "experiment",
+      element("section", "pane view", canvas, overview, state, cameraBar),
+      element(
+        "div",
+        "side",
+        spectator
+          ? null
+          : pane("Trial", "", element("div", "methodrow", ...methods), element("div", "actionsgrid", ...Object.values(buttons))),
+        pane("State", "", trial.root),
+        pane("Rates and latencies", "", rates.root),
+      ),
+    ),
+    element(
+      "div",
+      "signals",
+      pane("EMG, last 5 s", "traces", traceCanvas, noArmband),
+      element(
+        "section",
+        "pane logpane",
+        element("div", "loghead", element("h2", "", "Events"), button("Save", save)),
+        log,
+      ),
+    ),
+  );
+  const stage = new Stage(canvas);
+  chooseCamera("shoulder");
+
+  const live = new Live(
+    {
+      reset() {
+        motion.clear();
+        count.restart();
+        clearTrial();
+      },
+      content: show,
+      frame,
+      events: addEvents,
+      status(next) {
+        status = next;
+        showStatus();
+      },
+      signals,
+      connected(connected) {
+        setText(link, connected ? "Live" : "Offline");
+        setClass(link, "off", !connected);
+        setClass(link, "live", connected);
+      },
+      roundTrip: (ms) => rates.set("Round trip", `${ms.toFixed(1)} ms`, ms > 50),
+      refused: (message) => console.warn(`ProACT: ${message}`),
+    },
+    spectator ? "spectator" : "experimenter",
+  );
+
+  function chooseCamera(kind: (typeof CAMERA_KINDS)[number]): void {
+    stage.cameras.choose(kind, stage.room);
+    [...cameraBar.children].forEach((node, k) => setClass(node, "now", CAMERA_KINDS[k] === kind));
+  }
+
+  function show(content: Content): void {
+    stage.show(content);
+    interactive = content.interactive;
+    setText(setup, `Set-up: ${content.setup}`);
+    for (const node of [buttons.start, buttons.reset, ...methods]) node.disabled = !interactive;
+  }
+
+  function clearTrial(): void {
+    log.replaceChildren();
+    events.length = 0;
+    lastTime = -1;
+    traces.clear();
+  }
+
+  function frame(next: Frame): void {
+    if (next.time < lastTime) clearTrial();
+    lastTime = next.time;
+    motion.push(next, performance.now());
+    count.take(next.time);
+    addEvents(next.events);
+    setText(method, `Method ${next.method}`);
+    for (const node of methods) setClass(node, "now", node.textContent === next.method);
+    const left = Math.max(next.time_left_secs, 0);
+    const clock = `${Math.floor(left / 60)}:${String(Math.floor(left % 60)).padStart(2, "0")}`;
+    setText(overview, `${clock} left · ${next.on_target} of ${next.blocks.length} on target`);
+    trial.set("Gesture", `${GESTURE_NAMES[next.gesture].name}, ${Math.round(100 * next.confidence)} %`);
+    trial.set("Source", next.emg_source);
+    trial.set("Selection", next.target.block ? `${blockName(next.target.block)}${next.target.locked ? ", locked" : ""}` : "–");
+    trial.set("Moves", next.mode?.name ?? "–");
+    trial.set("Hand", next.hand.holds ? `holds ${blockName(next.hand.holds)}` : next.hand.state);
+    trial.set("Planner", next.planner.state === "failed" ? next.planner.reason || "failed" : next.planner.state);
+    trial.set("Next block", next.next_block ? blockName(next.next_block) : "–");
+    showStatus(next.finished);
+  }
+
+  function showStatus(finished = false): void {
+    const words = finished ? "Finished" : status?.aborted ? "Ended" : status?.paused ? "Paused" : "Running";
+    setText(state, words);
+    setClass(state, "paused", words !== "Running");
+    setClass(state, "live", words === "Running");
+    setText(buttons.pause, status?.paused ? "Resume" : "Pause");
+    setClass(buttons.pause, "now", status?.paused ?? false);
+    buttons.pause.disabled = buttons.abort.disabled = finished || !status?.can_pause || status.aborted;
+    setText(seed, status ? `Seed ${status.seed}` : "");
+    setText(record, status ? (status.record ? `Record: ${status.record}` : "Not recorded") : "");
+    setClass(record, "warn", status?.record === null);
+  }
+
+  function signals(next: Signals): void {
+    traces.take(next);
+    noArmband.hidden = next.emg_rate_hz > 0;
+    const age = next.gaze_age_ms;
+    rates.set("Tick, mean / longest", `${next.tick_mean_us.toFixed(0)} / ${next.tick_max_us.toFixed(0)} µs`, next.tick_mean_us > SLOW_TICK_US);
+    rates.set("Simulated / real time", next.pace.toFixed(2), next.pace < 0.9);
+    rates.set("Gaze", age === null ? "none yet" : `${next.gaze_hz.toFixed(0)} Hz, ${age} ms old`, (age ?? 0) > STALE_GAZE_MS);
+    rates.set("Tracking", `${next.tracking_hz.toFixed(0)} Hz`);
+    if (next.emg_rate_hz > 0) {
+      rates.set("EMG", `${next.emg_rate_hz.toFixed(0)} Hz, ${(100 * next.emg_lost_share).toFixed(1)} % lost`, next.emg_lost_share > 0.01);
+    }
+    rates.set("Pages", String(next.pages));
+  }
+
+  function addEvents(more: TrialEvent[]): void {
+    for (const event of more) {
+      events.push(event);
+      const text = event.event === "gesture_changed" && event.gesture ? `Gesture: ${GESTURE_NAMES[event.gesture].name}` : eventText(event);
+      log.prepend(element("li", event.event, element("time", "", (event.time / 1000).toFixed(2)), element("span", "", text)));
+    }
+    while (log.children.length > LOG_LINES) log.lastElementChild?.remove();
+  }
+
+  function save(): void {
+    const text = events.map((event) => JSON.stringify(event)).join("\n");
+    const anchor = element("a");
+    anchor.href = URL.createObjectURL(new Blob([`${text}\n`], { type: "application/jsonl" }));
+    anchor.download = "events.jsonl";
+    anchor.click();
+    URL.revokeObjectURL(anchor.href);
+  }
+
+  let before = performance.now();
+  const shown = { since: before, received: 0, drawn: 0 };
+  stage.renderer.setAnimationLoop((wall: number) => {
+    const seconds = Math.max((wall - before) / 1000, 0);
+    before = wall;
+    stage.draw(motion.at(wall), motion.latest, seconds, wall);
+    traces.draw();
+    if (wall - shown.since > 1000) {
+      const span = (wall - shown.since) / 1000;
+      rates.set("Frames", `${Math.round((count.received - shown.received) / span)} Hz, ${count.dropped} dropped`);
+      stage.rate((stage.drawn - shown.drawn) / span);
+      Object.assign(shown, { since: wall, received: count.received, drawn: stage.drawn });
+    }
+  });
+  (window as unknown as { __proact: object }).__proact = {
+    get frame() {
+      return motion.latest;
+    },
+    get framesDrawn() {
+      return stage.drawn;
+    },
+    get channels() {
+      return traces.channels;
+    },
+    get status() {
+      return status;
+    },
+    live,
+  };
+}
+
+try {
+  start();
+} catch (error) {
+  desk.append(element("div", "banner", whyNotDrawn(error)));
+}

@@ -1,0 +1,181 @@
+// The scene in a headset's browser (WebXR): "Enter AR", "Enter VR", the head's pose, and a ray of head or hand as
+// gaze. Browsers give no eye gaze.
+
+import { Matrix4, Quaternion, Vector3 } from "three";
+import { element } from "./dom";
+import type { Frame, Triple } from "./protocol";
+import type { GestureKey } from "./settings";
+import type { Stage } from "./stage";
+
+/** From a headset's axes (x right, y up, -z ahead) to the world's (x ahead, y left, z up). */
+const WORLD_FROM_XR = new Quaternion().setFromRotationMatrix(
+  new Matrix4().makeBasis(new Vector3(0, -1, 0), new Vector3(0, 0, 1), new Vector3(-1, 0, 0)),
+);
+const UP = new Vector3(0, 0, 1);
+/** The stick turns the world at this speed, rad/s. */
+const TURN_SPEED = 1;
+/** Buttons of the standard controller: trigger, squeeze, first and second button above. */
+const [TRIGGER, SQUEEZE, LOWER, UPPER] = [0, 1, 4, 5];
+const STICK_X = 2;
+
+export interface HeadsetHandlers {
+  /** `world_from_head`: x ahead, y left, z up. */
+  head(position: Triple, quaternion: [number, number, number, number]): void;
+  /** A ray in `world` that stands for the gaze. */
+  ray(origin: Vector3, direction: Vector3, head: Vector3): void;
+  hold(source: string, gesture: GestureKey, down: boolean): void;
+  say(message: string): void;
+}
+
+export class Headset {
+  readonly root = element("div", "headset");
+  private placed = false;
+  private readonly dragged = new Map<XRInputSource, Vector3>();
+
+  constructor(
+    private readonly stage: Stage,
+    private readonly handlers: HeadsetHandlers,
+    private readonly overlay: HTMLElement,
+  ) {
+    this.root.hidden = true;
+    void this.offer("immersive-ar", "Enter AR");
+    void this.offer("immersive-vr", "Enter VR");
+  }
+
+  get worn(): boolean {
+    return this.stage.cameras.worn;
+  }
+
+  /** Called once per picture, before it is drawn. */
+  update(frame: Frame | null, seconds: number): void {
+    const { xr } = this.stage.renderer;
+    const space = xr.getReferenceSpace();
+    const viewer = this.worn && space ? xr.getFrame()?.getViewerPose(space) : null;
+    if (!viewer || !space) return;
+    const { rig } = this.stage.cameras;
+    const eye = vector(viewer.transform.position);
+    const turn = quaternion(viewer.transform.orientation);
+    if (!this.placed && frame) {
+      this.place(eye, turn, new Vector3(...frame.world_from_head.translation));
+      this.placed = true;
+    }
+    this.drag(space, seconds);
+    rig.updateMatrixWorld();
+    const head = eye.clone().applyMatrix4(rig.matrixWorld);
+    const facing = rig.quaternion.clone().multiply(turn).multiply(WORLD_FROM_XR.clone().invert());
+    this.handlers.head(head.toArray(), facing.toArray());
+
+    // A hand that points is the gaze, of two the right one; without one, the head.
+    const hands = this.sources().filter(({ targetRayMode }) => targetRayMode === "tracked-pointer");
+    const source = hands.find(({ handedness }) => handedness === "right") ?? hands[0];
+    const pose = source ? xr.getFrame().getPose(source.targetRaySpace, space) : null;
+    const from = pose ? vector(pose.transform.position).applyMatrix4(rig.matrixWorld) : head;
+    const along = pose
+      ? new Vector3(0, 0, -1).applyQuaternion(quaternion(pose.transform.orientation)).applyQuaternion(rig.quaternion)
+      : new Vector3(1, 0, 0).applyQuaternion(facing);
+    this.handlers.ray(from, along, head);
+    this.readButtons();
+  }
+
+  private sources(): XRInputSource[] {
+    return [...(this.stage.renderer.xr.getSession()?.inputSources ?? [])];
+  }
+
+  /** Where the person stands and looks is where the participant sits and faces the box; floors are the same. */
+  private place(eye: Vector3, turn: Quaternion, seat: Vector3): void {
+    const { rig } = this.stage.cameras;
+    const ahead = new Vector3(0, 0, -1).applyQuaternion(turn).applyQuaternion(WORLD_FROM_XR);
+    const yaw = Math.atan2(ahead.y, ahead.x);
+    rig.quaternion.setFromAxisAngle(UP, -yaw).multiply(WORLD_FROM_XR);
+    const offset = eye.clone().applyQuaternion(rig.quaternion);
+    rig.position.set(seat.x - offset.x, seat.y - offset.y, 0);
+  }
+
+  /** Squeezing drags the world, the stick turns it about the person. */
+  private drag(space: XRReferenceSpace, seconds: number): void {
+    const { rig } = this.stage.cameras;
+    for (const source of this.sources()) {
+      const pad = source.gamepad;
+      const grip = source.gripSpace && this.stage.renderer.xr.getFrame().getPose(source.gripSpace, space);
+      const now = grip ? vector(grip.transform.position) : null;
+      if (now && (pad?.buttons[SQUEEZE]?.pressed ?? false)) {
+        const before = this.dragged.get(source);
+        if (before) rig.position.sub(now.clone().sub(before).applyQuaternion(rig.quaternion));
+        this.dragged.set(source, now);
+      } else {
+        this.dragged.delete(source);
+      }
+      const stick = pad?.axes[STICK_X] ?? 0;
+      if (Math.abs(stick) > 0.3) {
+        rig.quaternion.premultiply(new Quaternion().setFromAxisAngle(UP, -stick * TURN_SPEED * Math.min(seconds, 0.1)));
+      }
+    }
+  }
+
+  /** Right hand: trigger or pinch WE, lower button WF, upper HO. Left trigger or pinch: HC. */
+  private readButtons(): void {
+    const pressed = new Map<GestureKey, boolean>();
+    for (const source of this.sources()) {
+      const down = (button: number) => source.gamepad?.buttons[button]?.pressed ?? false;
+      const note = (gesture: GestureKey, on: boolean) => pressed.set(gesture, (pressed.get(gesture) ?? false) || on);
+      note(source.handedness === "left" ? "hand_close" : "wrist_extension", down(TRIGGER));
+      note("wrist_flexion", down(LOWER));
+      note("hand_open", down(UPPER));
+    }
+    for (const [gesture, on] of pressed) {
+      if (this.held.has(gesture) === on) continue;
+      if (on) this.held.add(gesture);
+      else this.held.delete(gesture);
+      this.handlers.hold(`headset ${gesture}`, gesture, on);
+    }
+  }
+  private readonly held = new Set<GestureKey>();
+
+  private async offer(mode: XRSessionMode, label: string): Promise<void> {
+    const supported = await navigator.xr?.isSessionSupported(mode).catch(() => false);
+    if (!supported) return;
+    const button = element("button", "cog", label);
+    button.type = "button";
+    button.addEventListener("click", () => {
+      button.blur();
+      this.enter(mode).catch((error: unknown) => this.handlers.say(`${label} failed: ${String(error)}`));
+    });
+    this.root.append(button);
+    this.root.hidden = false;
+  }
+
+  private async enter(mode: XRSessionMode): Promise<void> {
+    if (!navigator.xr || this.worn) return;
+    const { renderer, cameras, room } = this.stage;
+    const session = await navigator.xr.requestSession(mode, {
+      requiredFeatures: ["local-floor"],
+      optionalFeatures: ["hand-tracking", "dom-overlay"],
+      ...(mode === "immersive-ar" ? { domOverlay: { root: this.overlay } } : {}),
+    });
+    renderer.xr.enabled = true;
+    renderer.xr.setReferenceSpaceType("local-floor");
+    this.placed = false;
+    cameras.worn = true;
+    // The room that one stands in has a floor of its own.
+    room?.showFloor(mode !== "immersive-ar");
+    session.addEventListener("end", () => {
+      cameras.worn = false;
+      renderer.xr.enabled = false;
+      cameras.rig.position.set(0, 0, 0);
+      cameras.rig.quaternion.identity();
+      this.stage.room?.showFloor(true);
+      for (const gesture of this.held) this.handlers.hold(`headset ${gesture}`, gesture, false);
+      this.held.clear();
+      this.stage.resize();
+    });
+    await renderer.xr.setSession(session);
+  }
+}
+
+function vector({ x, y, z }: DOMPointReadOnly): Vector3 {
+  return new Vector3(x, y, z);
+}
+
+function quaternion({ x, y, z, w }: DOMPointReadOnly): Quaternion {
+  return new Quaternion(x, y, z, w);
+}

@@ -1,0 +1,72 @@
+// The pages at a desk: experimenter, spectator, replay.
+
+/** Pauses, resumes and ends a trial, and sees the signals; a spectator has no buttons and is refused. */
+export async function experimenter(page, { url, check, screenshot, limitMs }) {
+  await page.goto(new URL("experimenter?quality=3", url).href);
+  await page.waitForFunction(() => window.__proact?.framesDrawn > 3 && window.__proact.status !== null);
+  check(true, "the experimenter's page connects and draws");
+  await page.waitForFunction(() => window.__proact.channels === 8, null, { timeout: limitMs });
+  check(true, "eight channels of EMG come in");
+  await page.waitForFunction(() => document.querySelectorAll(".loglist li").length > 2, null, { timeout: limitMs });
+  await page.waitForTimeout(2_500);
+  await screenshot("experimenter");
+  const time = () => page.evaluate(() => window.__proact.frame.time);
+  await page.click('button:text-is("Pause")');
+  await page.waitForFunction(() => window.__proact.status.paused);
+  await page.waitForTimeout(300);
+  const paused = await time();
+  await page.waitForTimeout(700);
+  check((await time()) === paused, "a pause stops simulated time");
+  await page.click('button:text-is("Resume")');
+  await page.waitForFunction((before) => window.__proact.frame.time > before + 100, paused);
+  check(true, "and it goes on");
+
+  const spectator = await page.context().newPage();
+  const refusals = [];
+  spectator.on("console", (message) => refusals.push(message.text()));
+  await spectator.goto(new URL("spectator?quality=3", url).href);
+  await spectator.waitForFunction(() => window.__proact?.framesDrawn > 1);
+  check((await spectator.locator('button:text-is("Pause")').count()) === 0, "a spectator has no buttons");
+  await spectator.evaluate(() => window.__proact.live.send({ type: "study", action: "abort" }));
+  const end = Date.now() + 10_000;
+  while (!refusals.some((text) => text.includes("only watches")) && Date.now() < end) await spectator.waitForTimeout(50);
+  check(refusals.some((text) => text.includes("only watches")), "and is refused what it sends all the same");
+  await spectator.close();
+
+  await page.click('button:text-is("End trial")');
+  await page.waitForFunction(() => window.__proact.status.aborted);
+  check(true, "the trial ends on request");
+}
+
+/** Two recorded trials side by side: scrubbed, and saved as a picture and as a video. */
+export async function replay(page, { url, check, screenshot, keep }) {
+  await page.goto(new URL("replay?quality=3", url).href);
+  await page.waitForFunction(() => window.__proact?.views.length === 2 && window.__proact.views.every((view) => view.timeline));
+  check(true, "two trials are side by side");
+  const verdicts = await page.locator(".trial .chip").allTextContents();
+  check(verdicts.every((text) => text === "Digest agrees"), "both are the recorded trials, by their digests");
+  const middle = await page.evaluate(() => Math.round(window.__proact.state.length / 2));
+  await page.locator('input[type="range"]').fill(String(middle - (middle % 10)));
+  await page.waitForFunction((time) => Math.abs(window.__proact.state.time - time) < 20, middle);
+  const joints = () => page.evaluate(() => window.__proact.views.map((view) => view.timeline.at(window.__proact.state.time).frame.joints[0]));
+  const first = await joints();
+  await page.waitForTimeout(700);
+  await screenshot("replay");
+  await page.click('button:text-is("Play")');
+  await page.waitForFunction((time) => window.__proact.state.time > time + 600, middle);
+  await page.click('button:text-is("Pause")');
+  check((await joints()).some((angle, k) => angle !== first[k]), "it plays");
+
+  const picture = await download(page, () => page.click('button:text-is("Save picture")'));
+  const png = await keep(picture, "replay-export.png");
+  check(png.subarray(1, 4).toString() === "PNG" && png.length > 10_000, `a picture is saved: ${png.length} bytes`);
+  await page.click('button:text-is("Record video")');
+  await page.waitForTimeout(1_500);
+  const video = await keep(await download(page, () => page.click('button:text-is("Stop and save")')), "replay-export.webm");
+  check(video.readUInt32BE(0) === 0x1a45dfa3 && video.length > 1_000, `a video is saved: ${video.length} bytes`);
+}
+
+async function download(page, act) {
+  const [file] = await Promise.all([page.waitForEvent("download"), act()]);
+  return file;
+}

@@ -1,0 +1,181 @@
+// Drives methods A and B by keys alone: joint by joint, or the hand along and about the axes of the shoulder frame.
+// Each movement is a key held for as long as seems right by the display; then it looks, and corrects.
+
+import * as reach from "./reach.mjs";
+
+const KEYS = { wrist_extension: "KeyW", wrist_flexion: "KeyS", hand_close: "KeyA", hand_open: "KeyD" };
+/** Numbers of modes from which axes are moved instead of joints. */
+const FIRST_AXIS = 7;
+/** Speeds of the default profile: rad/s, m/s, rad/s. */
+const SPEED = { joint: 0.4, slide: 0.08, turn: 0.4 };
+/** What is left below this is not worth another movement: rad, m, rad. */
+const DONE = { joint: 0.012, slide: 0.006, turn: 0.1 };
+/** From the frame that shows enough to the arm's stop, ms. */
+const LAG_MS = 35;
+/** Heights above the table, metres: over walls and partition; of the hand's grip; of a block let go. */
+const CLEAR = 0.27;
+const GRIP = 0.027;
+const DROP = 0.036;
+/** Roll of the hand at which its fingers close around a standing block, rad. */
+const ROLL = (25.6 * Math.PI) / 180;
+/** Corrections of one place before it is good enough. */
+const ROUNDS = 4;
+
+/** Moves the block that comes next to its target. Throws if it is not there in the end. */
+export async function jogBlock(page, { limitMs, log }) {
+  const end = Date.now() + limitMs;
+  const { arm, scene } = await page.evaluate(() => window.__proact.content);
+  const start = await look(page);
+  const block = start.next_block;
+  const index = scene.blocks.findIndex(({ id }) => id === block);
+  const target = scene.targets.find((candidate) => candidate.block === block).centre;
+  const high = (point, height) => [point[0], point[1], scene.table_height + height];
+
+  /** Brings the hand, or the block in it, to a place in the world. */
+  const bring = async (name, place, rounds = ROUNDS) => {
+    for (let round = 0; round < rounds; round++) {
+      const seen = await look(page);
+      const goal = goalOf(arm, seen, index, place(seen));
+      const tip = reach.compose(reach.inverse(seen.world_from_base), seen.world_from_tip);
+      const off = reach.norm(reach.sub(goal.target, reach.apply(tip, goal.point)));
+      const tilt = reach.norm(reach.cross(reach.turn(tip.rotation, goal.axis), goal.up));
+      log(`${(seen.time / 1000).toFixed(1)} s: ${name}, off by ${(100 * off).toFixed(1)} cm and ${tilt.toFixed(2)} rad`);
+      const before = round > 0 || seen.mode.number < FIRST_AXIS ? ["slide", "turn"] : ["turn", "slide"];
+      const moved =
+        seen.mode.number < FIRST_AXIS
+          ? await joints(page, arm, goalOf(arm, seen, index, place(seen)))
+          : await axes(page, arm, index, place, before);
+      if (!moved) return;
+      if (Date.now() > end) throw new Error(`${block} not moved within ${limitMs / 1000} s; the last step was: ${name}`);
+    }
+  };
+  const at = (seen) => seen.blocks[index].translation;
+  await bring("over the block", (seen) => high(at(seen), CLEAR - 0.1));
+  await bring("down", (seen) => high(at(seen), GRIP));
+  await tap(page, "hand_close");
+  await page.waitForFunction((id) => window.__proact.frame.hand.holds === id, block, { timeout: 8_000, polling: 20 });
+  log("grips");
+  await bring("up", (seen) => high(at(seen), CLEAR), 2);
+  await bring("across", () => high(target, CLEAR));
+  await bring("down", () => high(target, DROP));
+  await tap(page, "hand_close");
+  await page.waitForFunction((before) => window.__proact.frame.on_target > before, start.on_target, { timeout: 8_000, polling: 20 });
+}
+
+function look(page) {
+  return page.evaluate(() => window.__proact.frame);
+}
+
+/** Where the hand has to be for its grasp centre, or the block in it, to be at `place` with the block upright. */
+function goalOf(arm, seen, index, place) {
+  const base = reach.inverse(seen.world_from_base);
+  const held = seen.hand.holds ? reach.compose(reach.inverse(seen.world_from_tip), seen.blocks[index]) : null;
+  let axis = held ? reach.turn(held.rotation, [0, 0, 1]) : [0, Math.sin(ROLL), Math.cos(ROLL)];
+  // A block stands on either end.
+  if (reach.turn(seen.world_from_tip.rotation, axis)[2] < 0) axis = reach.scale(axis, -1);
+  return {
+    point: held ? held.translation : arm.grasp_centre,
+    axis,
+    target: reach.apply(base, place),
+    up: reach.turn(base.rotation, [0, 0, 1]),
+  };
+}
+
+/** One round through the joints that are off; false if none is. */
+async function joints(page, arm, goal) {
+  const { joints: now } = await look(page);
+  const { q, left } = reach.solve(arm, now.slice(0, arm.arm.length), goal);
+  if (left > 0.03) throw new Error(`the place is out of reach by ${left.toFixed(3)} m`);
+  const { mode } = await look(page);
+  const off = q.map((angle, k) => ({ k, amount: angle - now[k] })).filter(({ amount }) => Math.abs(amount) > DONE.joint);
+  const ahead = ({ k }) => (k - mode.number + q.length) % q.length;
+  off.sort((a, b) => ahead(a) - ahead(b));
+  for (const { k, amount } of off) {
+    await choose(page, k);
+    await move(page, amount, SPEED.joint);
+  }
+  return off.length > 0;
+}
+
+/** One round of turns and slides to how the arm would stand there; false if nothing is off. */
+async function axes(page, arm, index, place, order) {
+  let moved = false;
+  const first = await look(page);
+  const { q, left } = reach.solve(arm, first.joints.slice(0, arm.arm.length), goalOf(arm, first, index, place(first)));
+  if (left > 0.03) throw new Error(`the place is out of reach by ${left.toFixed(3)} m`);
+  const wanted = reach.forward(arm, q);
+  for (const kind of order) {
+    const number = (axis) => FIRST_AXIS + axis + (kind === "turn" ? 3 : 0);
+    for (const axis of [0, 1, 2]) {
+      const seen = await look(page);
+      const goal = goalOf(arm, seen, index, place(seen));
+      const tip = reach.compose(reach.inverse(seen.world_from_base), seen.world_from_tip);
+      const off =
+        kind === "turn"
+          ? reach.rotationVector(reach.compose(wanted, reach.inverse(tip)).rotation)
+          : reach.sub(goal.target, reach.apply(tip, goal.point));
+      if (Math.abs(off[axis]) < DONE[kind]) continue;
+      await choose(page, number(axis));
+      await move(page, off[axis], SPEED[kind]);
+      moved = true;
+    }
+  }
+  return moved;
+}
+
+/** Goes on to the joint or axis with this number. */
+async function choose(page, number) {
+  for (let step = 0; step < 14; step++) {
+    const { mode } = await look(page);
+    if (mode.number === number) return;
+    await tap(page, "hand_open");
+  }
+  throw new Error(`mode ${number} does not come up`);
+}
+
+/** Moves the chosen joint or axis by `amount`. */
+async function move(page, amount, speed) {
+  const { mode } = await look(page);
+  const gesture = amount * mode.we_sign > 0 ? "wrist_extension" : "wrist_flexion";
+  const millis = Math.max((Math.abs(amount) / speed) * 1000 - LAG_MS, 15);
+  await hold(page, gesture, millis);
+  // The arm comes to rest.
+  await page.waitForTimeout(150);
+}
+
+/**
+ * Holds a key until the gesture has been in force for so many milliseconds of the trial, or moves nothing. The key is
+ * let go on the page itself: a busy test program would be late.
+ */
+async function hold(page, gesture, millis) {
+  await page.keyboard.down(KEYS[gesture]);
+  await page.evaluate(
+    ([gesture, code, millis]) =>
+      new Promise((resolve) => {
+        let began = null;
+        const pressed = window.__proact.frame.time;
+        const timer = setInterval(() => {
+          const { frame } = window.__proact;
+          if (frame.gesture === gesture) began ??= frame.time;
+          const held = began === null ? -1 : frame.time - began;
+          // A key that has no effect by then was missed, or let go by a program that had no sign of life.
+          const missed = began === null && frame.time - pressed > 1500;
+          if (held < millis && !missed && !(frame.planner.state === "failed" && held > 200)) return;
+          clearInterval(timer);
+          window.dispatchEvent(new KeyboardEvent("keyup", { code }));
+          resolve(null);
+        }, 2);
+      }),
+    [gesture, KEYS[gesture], millis],
+  );
+  await relax(page, gesture);
+}
+
+function tap(page, gesture) {
+  return hold(page, gesture, 0);
+}
+
+async function relax(page, gesture) {
+  await page.keyboard.up(KEYS[gesture]);
+  await page.waitForFunction(() => window.__proact.frame.gesture === "no_motion", null, { timeout: 4_000, polling: 8 });
+}

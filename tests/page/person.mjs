@@ -1,0 +1,125 @@
+// What a person at the page can do beside driving: tutorial, settings, gaze check, gamepad, headset.
+
+import { readFile } from "node:fs/promises";
+
+const ready = (page) => page.waitForFunction(() => window.__proact?.connected && window.__proact.framesDrawn > 3);
+
+/** A first visit: greeted, led, settings kept; then the gaze check and a gamepad. */
+export async function newcomer(page, { url, check, screenshot }) {
+  await page.addInitScript(() => {
+    // A controller that is not there until it is asked for.
+    const buttons = Array.from({ length: 17 }, () => ({ pressed: false, value: 0 }));
+    const pad = { id: "test pad", index: 0, connected: true, mapping: "standard", axes: [0, 0, 0, 0], buttons };
+    navigator.getGamepads = () => (window.testPad ? [pad] : []);
+    window.press = (button, value) => Object.assign(buttons[button], { value, pressed: value > 0.5 });
+  });
+  await page.goto(new URL("?quality=3&pictures=10", url).href);
+  await ready(page);
+  await page.locator(".welcome:not([hidden])").first().waitFor();
+  await screenshot("welcome");
+  await page.click('button:has-text("Show me how")');
+  await page.waitForFunction(() => window.__proact.frame.method === "D");
+  await page.locator(".lesson:not([hidden])").waitFor();
+  check((await page.textContent(".lesson b")) === "Look at the block", "the tutorial begins with a look");
+  await screenshot("tutorial");
+  const block = await page.evaluate(() => window.__proact.project("block", window.__proact.frame.next_block));
+  await page.mouse.move(block.x, block.y);
+  await page.waitForFunction(() => document.querySelector(".lesson b")?.textContent === "Lock it");
+  check(true, "and goes on when the block is looked at");
+  await page.click('.lesson button:text-is("Skip")');
+  await page.reload();
+  await ready(page);
+  check((await page.locator(".welcome:not([hidden])").count()) === 0, "who was there before is not greeted again");
+
+  await page.click('button:text-is("Settings")');
+  await page.click('[data-command="wrist_flexion"]');
+  await page.keyboard.press("KeyX");
+  await page.selectOption('select[name="colours"]', "colour-blind");
+  await screenshot("settings");
+  await page.click('button:text-is("Close")');
+  await page.keyboard.down("KeyX");
+  await page.waitForFunction(() => window.__proact.frame.gesture === "wrist_flexion");
+  await page.keyboard.up("KeyX");
+  await page.waitForFunction(() => window.__proact.frame.gesture === "no_motion");
+  check(true, "another key makes the gesture");
+  await page.reload();
+  await ready(page);
+  check((await page.textContent(".gesture.wrist_flexion kbd")) === "X", "and is still there after a reload");
+
+  await page.evaluate(() => {
+    window.testPad = true;
+    window.press(2, 1);
+  });
+  await page.waitForFunction(() => window.__proact.frame.gesture === "hand_close");
+  await page.evaluate(() => window.press(2, 0));
+  await page.waitForFunction(() => window.__proact.frame.gesture === "no_motion");
+  check(true, "a gamepad's button makes a gesture");
+
+  await page.click('button:text-is("Settings")');
+  await page.click('button:has-text("Check the gaze")');
+  for (let last = ""; !(await page.locator(".gazecheck .verdict").count()); ) {
+    const at = await page.evaluate(() => window.__proact.gazePoint());
+    const now = JSON.stringify(at);
+    if (at && now !== last) await page.mouse.move(at.x, at.y);
+    last = now;
+    await page.waitForTimeout(60);
+  }
+  await screenshot("gaze-check");
+  const cells = await page.locator(".gazecheck tbody tr:last-child td").allTextContents();
+  check(Number.parseFloat(cells[0]) < 1, `the mouse is an eye with an error of ${cells[0]}`);
+}
+
+/** An emulated headset: it enters, its head moves the display's head, its hand is the gaze, and it leaves. */
+export async function headset(page, { url, check, screenshot, emulator }) {
+  await page.addInitScript({ content: await readFile(emulator, "utf8") });
+  await page.addInitScript(() => {
+    const device = new IWER.XRDevice(IWER.metaQuest3);
+    device.installRuntime({ forceInstall: true });
+    device.position.set(0, 1.6, 0);
+    window.headset = device;
+  });
+  await page.goto(new URL("?quality=3&tutorial=0", url).href);
+  await ready(page);
+  for (const mode of ["VR", "AR"]) {
+    await page.click(`button:text-is("Enter ${mode}")`);
+    await page.waitForFunction(() => window.__proact.worn);
+    check(true, `the page enters ${mode}`);
+    const head = () => page.evaluate(() => window.__proact.frame.world_from_head.translation);
+    await page.evaluate(() => window.headset.position.set(0, 1.6, 0));
+    await page.waitForFunction(() => Math.abs(window.__proact.frame.world_from_head.translation[2] - 1.6) < 0.02);
+    const before = await head();
+    // A step ahead and to the right, as the headset counts: x to the right, z backwards.
+    await page.evaluate(() => window.headset.position.set(0.1, 1.5, -0.2));
+    await page.waitForFunction(([, , z]) => Math.abs(window.__proact.frame.world_from_head.translation[2] - z + 0.1) < 0.01, before);
+    const after = await head();
+    check(
+      Math.abs(after[0] - before[0] - 0.2) < 0.01 && Math.abs(after[1] - before[1] + 0.1) < 0.01,
+      "a step ahead and to the right is one in the world",
+    );
+    const gaze = () => page.evaluate(() => window.__proact.frame.gaze?.direction);
+    const looked = await gaze();
+    await page.evaluate(() => {
+      const hand = window.headset.controllers.right;
+      hand.position.set(0.2, 1.3, -0.3);
+      // Down and to the left.
+      hand.quaternion.set(-0.25, 0.2, 0.05, 0.946);
+    });
+    await page.waitForFunction(
+      (old) => {
+        const now = window.__proact.frame.gaze?.direction;
+        return now && (!old || Math.hypot(now[0] - old[0], now[1] - old[1], now[2] - old[2]) > 0.05);
+      },
+      looked,
+    );
+    check(true, "the hand's ray is the gaze");
+    await page.evaluate(() => window.headset.controllers.right.updateButtonValue("trigger", 1));
+    await page.waitForFunction(() => window.__proact.frame.gesture === "wrist_extension");
+    await page.evaluate(() => window.headset.controllers.right.updateButtonValue("trigger", 0));
+    await page.waitForFunction(() => window.__proact.frame.gesture === "no_motion");
+    check(true, "the trigger is WE");
+    await screenshot(`headset-${mode.toLowerCase()}`);
+    await page.evaluate(() => window.headset.activeSession.end());
+    await page.waitForFunction(() => !window.__proact.worn);
+    check(true, `and leaves ${mode}`);
+  }
+}

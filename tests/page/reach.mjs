@@ -1,0 +1,113 @@
+// What a practised person knows of the arm, for the scripts that jog it: where the hand is, and how the joints
+// would have to stand for it to be elsewhere. Vectors [x, y, z], quaternions [x, y, z, w], metres, rad.
+
+export const add = (a, b) => a.map((value, k) => value + b[k]);
+export const sub = (a, b) => a.map((value, k) => value - b[k]);
+export const scale = (a, factor) => a.map((value) => value * factor);
+export const norm = (a) => Math.hypot(...a);
+export const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+
+function multiply([ax, ay, az, aw], [bx, by, bz, bw]) {
+  return [
+    aw * bx + ax * bw + ay * bz - az * by,
+    aw * by - ax * bz + ay * bw + az * bx,
+    aw * bz + ax * by - ay * bx + az * bw,
+    aw * bw - ax * bx - ay * by - az * bz,
+  ];
+}
+
+/** Turns a vector by a quaternion. */
+export function turn([x, y, z, w], v) {
+  const t = scale(cross([x, y, z], v), 2);
+  return add(add(v, scale(t, w)), cross([x, y, z], t));
+}
+
+/** Axis times angle, rad, of a quaternion. */
+export function rotationVector([x, y, z, w]) {
+  const sign = w < 0 ? -1 : 1;
+  const sine = Math.hypot(x, y, z);
+  return scale([x, y, z], sine < 1e-9 ? 2 : (sign * 2 * Math.atan2(sine, sign * w)) / sine);
+}
+
+/** A point of one frame in the other: `pose` is other_from_one. */
+export const apply = (pose, point) => add(pose.translation, turn(pose.rotation, point));
+
+export function compose(a, b) {
+  return { rotation: multiply(a.rotation, b.rotation), translation: apply(a, b.translation) };
+}
+
+export function inverse(pose) {
+  const [x, y, z, w] = pose.rotation;
+  const rotation = [-x, -y, -z, w];
+  return { rotation, translation: scale(turn(rotation, pose.translation), -1) };
+}
+
+/** base_from_tip at the arm angles `q`. */
+export function forward(arm, q) {
+  let pose = { rotation: [0, 0, 0, 1], translation: [0, 0, 0] };
+  // From the tip up to the base: joint `link - 1` moves `link`.
+  for (let link = arm.tip; link > 0; ) {
+    const joint = arm.joints[link - 1];
+    const place = arm.arm.indexOf(link - 1);
+    const half = place < 0 ? 0 : q[place] / 2;
+    const turned = [...scale(joint.axis, Math.sin(half)), Math.cos(half)];
+    pose = compose(compose(joint.origin, { rotation: turned, translation: [0, 0, 0] }), pose);
+    link = joint.parent;
+  }
+  return pose;
+}
+
+/** One radian of tilt counts as this many metres. */
+const TILT_WEIGHT = 0.15;
+
+/** What is left to the goal: metres, then weighted tilt. `goal`: point and axis of the tip, target and up of the base. */
+function lack(arm, q, goal) {
+  const pose = forward(arm, q);
+  const tilt = cross(turn(pose.rotation, goal.axis), goal.up);
+  return [...sub(goal.target, apply(pose, goal.point)), ...scale(tilt, TILT_WEIGHT)];
+}
+
+/** Angles near `from` that bring point and axis of the hand to the goal, and how far off they leave it, metres. */
+export function solve(arm, from, goal) {
+  const limits = arm.arm.map((joint) => arm.joints[joint].limits);
+  let q = [...from];
+  let best = { q, left: norm(lack(arm, q, goal)) };
+  for (let step = 0; step < 300; step++) {
+    const error = lack(arm, q, goal);
+    const columns = q.map((_, k) => {
+      const ahead = q.map((angle, j) => (j === k ? angle + 1e-6 : angle));
+      return scale(sub(error, lack(arm, ahead, goal)), 1e6);
+    });
+    const square = error.map((_, i) =>
+      error.map((_, j) => columns.reduce((sum, column) => sum + column[i] * column[j], i === j ? 0.0009 : 0)),
+    );
+    const weights = eliminate(square, error);
+    q = q.map((angle, k) => {
+      const move = columns[k].reduce((sum, value, i) => sum + value * weights[i], 0);
+      const { lower, upper } = limits[k];
+      return Math.min(Math.max(angle + Math.min(Math.max(move, -0.2), 0.2), lower), upper);
+    });
+    const left = norm(lack(arm, q, goal));
+    if (left < best.left) best = { q, left };
+  }
+  return best;
+}
+
+/** Solves a small symmetric positive definite system. */
+function eliminate(matrix, vector) {
+  const rows = matrix.map((row, k) => [...row, vector[k]]);
+  const size = rows.length;
+  for (let pivot = 0; pivot < size; pivot++) {
+    for (let row = pivot + 1; row < size; row++) {
+      const factor = rows[row][pivot] / rows[pivot][pivot];
+      for (let k = pivot; k <= size; k++) rows[row][k] -= factor * rows[pivot][k];
+    }
+  }
+  const solution = Array(size).fill(0);
+  for (let row = size - 1; row >= 0; row--) {
+    let rest = rows[row][size];
+    for (let k = row + 1; k < size; k++) rest -= rows[row][k] * solution[k];
+    solution[row] = rest / rows[row][row];
+  }
+  return solution;
+}
