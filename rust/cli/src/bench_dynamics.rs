@@ -1,6 +1,9 @@
 //! `proact bench dynamics`: what a tick of physics costs, phase by phase and over a whole trial.
 
+mod mujoco;
+
 use crate::bench::{BenchFigure, BenchReport, quantile};
+use mujoco::{MuJoCo, Run};
 use nalgebra::UnitQuaternion;
 use proact_devices::{EmgSource, GazeSource};
 use proact_dynamics::{ArmEquations, DynamicsOptions, OdePlant, Solver};
@@ -77,6 +80,20 @@ impl Recorded {
         OdePlant::new(&self.model, &self.scene, &self.initial, &self.base, options)
     }
 
+    /// The same for MuJoCo, all joints free.
+    fn run(&self) -> Run<'_> {
+        let (mut commands, mut events) = (Vec::new(), Vec::new());
+        for call in &self.calls {
+            match call {
+                Call::Step(command) => commands.push(&**command),
+                Call::Attach(block, _) => events.push((commands.len(), Some(*block))),
+                Call::Release => events.push((commands.len(), None)),
+            }
+        }
+        let free = (0..self.model.moving_count()).collect();
+        Run { model: &self.model, scene: &self.scene, start: &self.initial, free, commands, events }
+    }
+
     /// Repeats the calls of the first `ticks` ticks on `plant`; seconds of each step.
     fn repeat(&self, plant: &mut OdePlant, ticks: usize) -> Result<Vec<f64>, PlantError> {
         let mut times = Vec::with_capacity(self.calls.len().min(ticks));
@@ -99,10 +116,92 @@ impl Recorded {
 /// A trial that cannot be put together or physics that fails.
 pub fn dynamics() -> Result<BenchReport, Box<dyn Error>> {
     let mut figures = Vec::new();
-    phases(&mut figures)?;
+    let peer = MuJoCo::find();
+    phases(&mut figures, peer.as_ref().ok())?;
     let trial = record()?;
-    whole_trial(&trial, &mut figures)?;
+    whole_trial(&trial, peer.as_ref(), &mut figures)?;
+    extra_blocks(&mut figures, peer.as_ref().ok())?;
     Ok(BenchReport { stage: "dynamics".to_owned(), figures })
+}
+
+/// Puts what MuJoCo needs for the same run beside our figures called `name`.
+fn compare(
+    name: &str,
+    peer: Option<&MuJoCo>,
+    run: &Run<'_>,
+    figures: &mut [BenchFigure],
+) -> Result<(), Box<dyn Error>> {
+    let Some(peer) = peer else { return Ok(()) };
+    for cost in peer.measure(std::slice::from_ref(run))? {
+        for figure in figures.iter_mut() {
+            let value = if figure.name == format!("{name}, times real time") {
+                cost.speed
+            } else if figure.name == format!("{name}, tick, median") {
+                1e6 * cost.median_tick
+            } else {
+                continue;
+            };
+            (figure.peer, figure.peer_value) = (Some(peer.name.clone()), Some(value));
+        }
+    }
+    Ok(())
+}
+
+/// The arm beside up to 150 blocks that lie around, asleep and awake.
+fn extra_blocks(figures: &mut Vec<BenchFigure>, peer: Option<&MuJoCo>) -> Result<(), Box<dyn Error>> {
+    let model = proact_description::mpl_right_arm();
+    let open: Vec<f64> = [model.pose("arm", "start")?, model.pose("hand", "open")?].concat();
+    let base = Pose::translation(0.0, 0.0, 3.0);
+    let commands = &swing(&model, &open, base)[..1000];
+    for sleep in [true, false] {
+        let mut first = 0.0;
+        for count in [4_u32, 50, 150] {
+            let mut scene = table_with_a_block();
+            scene.fixed[0].shape = Shape::Box { size: [4.0, 4.0, 0.03] };
+            let block = scene.blocks[0].clone();
+            scene.blocks = (0..count)
+                .map(|k| {
+                    let pose =
+                        Pose::translation(0.1 * f64::from(k % 16), 0.1 * f64::from(k / 16), TABLE + 0.025);
+                    Block { pose, ..block.clone() }
+                })
+                .collect();
+            let options = DynamicsOptions { sleep, ..DynamicsOptions::default() };
+            let mut plant = OdePlant::new(&model, &scene, &open, &base, options)?;
+            let cost = Cost::of(|| play(&mut plant, commands))?;
+            let micros = 1e6 * cost.core / cost.ticks.len() as f64;
+            let state = if sleep { "asleep" } else { "awake" };
+            let name = format!("{count} blocks {state}, tick, mean");
+            figures.push(BenchFigure::alone(&name, micros, "us", ""));
+            if count == 4 {
+                first = micros;
+            } else {
+                let each = (micros - first) / f64::from(count - 4);
+                let name = format!("each further block of {count}, {state}");
+                figures.push(BenchFigure::alone(&name, each, "us", "of a tick"));
+            }
+            if let (Some(peer), false) = (peer, sleep) {
+                let run = Run {
+                    model: &model,
+                    scene: &scene,
+                    start: &open,
+                    free: (0..model.arm_count()).collect(),
+                    commands: commands[..200].iter().collect(),
+                    events: vec![],
+                };
+                for cost in peer.measure(&[run])? {
+                    let value = 1e6 * TICK_SECS / cost.speed;
+                    let figure = figures
+                        .iter_mut()
+                        .find(|figure| figure.name.starts_with(&format!("{count} blocks awake")));
+                    if let Some(figure) = figure {
+                        (figure.peer, figure.peer_value) = (Some(peer.name.clone()), Some(value));
+                    }
+                }
+            }
+        }
+    }
+    Ok(())
 }
 
 /// Runs one trial of method D and lists what its plant was asked.
@@ -142,7 +241,11 @@ fn record() -> Result<Recorded, Box<dyn Error>> {
     Ok(Recorded { model, scene, initial, base, calls, last })
 }
 
-fn whole_trial(trial: &Recorded, figures: &mut Vec<BenchFigure>) -> Result<(), Box<dyn Error>> {
+fn whole_trial(
+    trial: &Recorded,
+    peer: Result<&MuJoCo, &String>,
+    figures: &mut Vec<BenchFigure>,
+) -> Result<(), Box<dyn Error>> {
     let ours = DynamicsOptions::default();
     let mut best: Option<Cost> = None;
     for _ in 0..ROUNDS {
@@ -159,7 +262,9 @@ fn whole_trial(trial: &Recorded, figures: &mut Vec<BenchFigure>) -> Result<(), B
     let times = &cost.ticks;
     let note =
         format!("method D, seed {SEED}, {:.1} s, repeated bit for bit", times.len() as f64 * TICK_SECS);
+    let note = peer.err().map_or(note.clone(), |why| format!("{note}; {why}"));
     summarize("whole trial", &cost, 50.0, &note, figures);
+    compare("whole trial", peer.ok(), &trial.run(), figures)?;
     let slow = times.iter().filter(|&&secs| secs > TICK_SECS).count() as f64 / times.len() as f64;
     let note = "goal: at most 0.001; the machine's interruptions included";
     figures.push(BenchFigure::alone("whole trial, share of ticks over 1 ms", slow, "1", note));
@@ -181,7 +286,7 @@ fn whole_trial(trial: &Recorded, figures: &mut Vec<BenchFigure>) -> Result<(), B
 }
 
 /// Hand merged and moving, hand closing, every joint free with a pinch, carrying.
-fn phases(figures: &mut Vec<BenchFigure>) -> Result<(), Box<dyn Error>> {
+fn phases(figures: &mut Vec<BenchFigure>, peer: Option<&MuJoCo>) -> Result<(), Box<dyn Error>> {
     let model = proact_description::mpl_right_arm();
     let open: Vec<f64> = [model.pose("arm", "start")?, model.pose("hand", "open")?].concat();
     let closed: Vec<f64> = [model.pose("arm", "start")?, model.pose("hand", "closed")?].concat();
@@ -191,11 +296,26 @@ fn phases(figures: &mut Vec<BenchFigure>) -> Result<(), Box<dyn Error>> {
     // The arm swings above the table.
     let above = Pose::translation(0.0, 0.0, 0.3) * base;
     let mut plant = OdePlant::new(&model, &scene, &open, &above, DynamicsOptions::default())?;
-    let cost = Cost::of(|| play(&mut plant, &swing(&model, &open, above)))?;
+    let swinging = swing(&model, &open, above);
+    let cost = Cost::of(|| play(&mut plant, &swinging))?;
     summarize("hand merged and moving", &cost, 80.0, "", figures);
+    let run =
+        Run { model: &model, scene: &scene, start: &open, free: vec![], commands: vec![], events: vec![] };
+    let (arm, all): (Vec<_>, Vec<_>) =
+        ((0..model.arm_count()).collect(), (0..model.moving_count()).collect());
+    compare(
+        "hand merged and moving",
+        peer,
+        &Run { free: arm, commands: swinging.iter().collect(), ..run.clone() },
+        figures,
+    )?;
+    let mut plant = OdePlant::new(&model, &scene, &open, &above, bodies(true))?;
+    plain("hand merged and moving", &mut plant, &swinging, figures)?;
 
     // Closing, with and without merging what stands still, then a pinch that lasts, then lifting.
     let closing = close(&model, &open, &closed, base);
+    let pinch = vec![stay(&closed, base); 2000];
+    let run = Run { free: all, ..run };
     for merged in [true, false] {
         let options = DynamicsOptions { hold_still_hand: merged, ..DynamicsOptions::default() };
         let mut plant = OdePlant::new(&model, &scene, &open, &base, options)?;
@@ -204,17 +324,50 @@ fn phases(figures: &mut Vec<BenchFigure>) -> Result<(), Box<dyn Error>> {
             return Err("the closing hand missed the block".into());
         }
         if !merged {
-            let cost = Cost::of(|| play(&mut plant, &vec![stay(&closed, base); 2000]))?;
+            let cost = Cost::of(|| play(&mut plant, &pinch))?;
             summarize("27 joints free with a pinch", &cost, 8.0, "", figures);
+            let both = closing.iter().chain(&pinch).collect();
+            compare("27 joints free with a pinch", peer, &Run { commands: both, ..run.clone() }, figures)?;
+            let mut plant = OdePlant::new(&model, &scene, &open, &base, bodies(false))?;
+            play(&mut plant, &closing)?;
+            plain("27 joints free with a pinch", &mut plant, &pinch, figures)?;
             continue;
         }
         summarize("hand closing on a block", &cost, 20.0, "", figures);
+        let alone = closing.iter().collect();
+        compare("hand closing on a block", peer, &Run { commands: alone, ..run.clone() }, figures)?;
 
         plant.attach(0, model.tip)?;
         let held = plant.state().position.clone();
-        let cost = Cost::of(|| play(&mut plant, &lift(&held, base)))?;
+        let lifting = lift(&held, base);
+        let cost = Cost::of(|| play(&mut plant, &lifting))?;
         summarize("carrying", &cost, 80.0, "", figures);
+        let commands = closing.iter().chain(&lifting).collect();
+        let events = vec![(closing.len(), Some(0))];
+        compare("carrying", peer, &Run { commands, events, ..run.clone() }, figures)?;
+
+        let mut plant = OdePlant::new(&model, &scene, &open, &base, bodies(true))?;
+        plain("hand closing on a block", &mut plant, &closing, figures)?;
+        plant.attach(0, model.tip)?;
+        plain("carrying", &mut plant, &lifting, figures)?;
     }
+    Ok(())
+}
+
+/// The arm as bodies of ODE.
+fn bodies(hold_still_hand: bool) -> DynamicsOptions {
+    DynamicsOptions { arm: ArmEquations::Bodies, hold_still_hand, ..DynamicsOptions::default() }
+}
+
+/// The speed of `plant`, which is one of ODE's bodies, under the same commands.
+fn plain(
+    name: &str,
+    plant: &mut OdePlant,
+    commands: &[PlantCommand],
+    figures: &mut Vec<BenchFigure>,
+) -> Result<(), PlantError> {
+    let cost = Cost::of(|| play(plant, commands))?;
+    figures.push(BenchFigure::alone(&format!("{name}, as ODE's bodies"), cost.speed(), "x", ""));
     Ok(())
 }
 
@@ -362,9 +515,9 @@ mod tests {
     #[test]
     fn every_phase_reports_a_speed() {
         let mut figures = Vec::new();
-        phases(&mut figures).unwrap();
+        phases(&mut figures, None).unwrap();
         let speeds: Vec<&BenchFigure> = figures.iter().filter(|figure| figure.unit == "x").collect();
-        assert_eq!(speeds.len(), 4);
+        assert_eq!(speeds.len(), 8);
         assert!(speeds.iter().all(|figure| figure.value.is_finite() && figure.value > 0.0));
     }
 }

@@ -51,7 +51,7 @@ pub struct PlantState {
     /// `world_from_base`.
     pub world_from_base: Pose,
     /// Blocks in `Scene::blocks` order.
-    pub blocks: ArrayVec<BodyState, 32>,
+    pub blocks: ArrayVec<BodyState, 160>,
     /// The attached block, as an index, and `link_from_block` in the link that holds it.
     pub attached: Option<(usize, Pose)>,
     /// Contacts between links and blocks in the last tick.
