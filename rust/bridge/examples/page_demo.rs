@@ -145,6 +145,7 @@ impl Script {
             mode: None,
             gesture: self.gesture,
             confidence: 0.87,
+            effort: 0.5,
             emg_source: "keys".to_owned(),
             time_left_secs: 300.0 - secs % 300.0,
             goal: None,

@@ -72,6 +72,7 @@ fn frame(tick: u64) -> DisplayFrame {
         mode: None,
         gesture: Gesture::NoMotion,
         confidence: 1.0,
+        effort: 0.5,
         emg_source: "keys".into(),
         time_left_secs: 300.0,
         goal: None,

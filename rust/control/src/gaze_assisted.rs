@@ -24,6 +24,7 @@ const WORTHWHILE_SECS: f64 = 0.3;
 /// - anything but WE stops the arm (the original stops for NM only);
 /// - one WF locks, and the lock ends with its phase (the original's toggles outlive the block);
 /// - WE acts on what is highlighted or locked (the original on what was locked last);
+/// - a block that moves by more than its diameter meanwhile stops the motion, and is planned for where it is;
 /// - WE that stays held goes on from an intermediate goal to the real one, and asks again when the base moved.
 ///
 /// Known weakness: while WE is held and nothing is locked, the selection is that of the moment in which the plan
@@ -37,6 +38,8 @@ pub struct GazeAssisted {
     holds: Option<BlockId>,
     lock: Option<Selection>,
     drive: Drive,
+    /// Where the block stood for which the plan was asked.
+    planned_for: Option<Point>,
     /// Intermediate goals reached one after the other from one base.
     intermediates: u32,
     last_base: Option<Pose>,
@@ -83,6 +86,7 @@ impl GazeAssisted {
             holds: None,
             lock: None,
             drive: Drive::Idle,
+            planned_for: None,
             intermediates: 0,
             last_base: None,
             target: TargetView::default(),
@@ -156,8 +160,23 @@ impl GazeAssisted {
             Selection::Block(block) => PlanGoal::Pick { block, centre: input.blocks[block.index()] },
             Selection::Place(point) => PlanGoal::Place { point },
         };
+        self.planned_for = match selection {
+            Selection::Block(block) => Some(input.blocks[block.index()]),
+            Selection::Place(_) => None,
+        };
         output.plan = Some(PlanCommand::Request(goal));
         self.drive = Drive::Planning { base, selection };
+    }
+
+    /// The block that the plan leads to is elsewhere by now: fallen, pushed, or taken away.
+    fn target_gone(&self, input: &ControlInput<'_>) -> bool {
+        let (Drive::Planning { selection, .. } | Drive::Following { selection, .. }) = &self.drive else {
+            return false;
+        };
+        let (Selection::Block(block), Some(was)) = (selection, self.planned_for) else { return false };
+        // Written so that a place that is no number counts as gone.
+        let stays = (input.blocks[block.index()] - was).norm() <= OCCUPIED;
+        !stays
     }
 
     fn take_plan(&mut self, reply: &PlanReply, output: &mut ControlOutput) {
@@ -179,6 +198,12 @@ impl GazeAssisted {
 
     /// WE is held: plan, follow, and go on when the base or an intermediate goal asks for it.
     fn advance(&mut self, input: &ControlInput<'_>, base_still: bool, output: &mut ControlOutput) {
+        if self.target_gone(input) {
+            // From rest, a plan to where it is now; one that is on its way is not followed.
+            self.stop(output);
+            self.drive = Drive::Idle;
+            return;
+        }
         if let Some(reply) = input.plan {
             self.take_plan(reply, output);
             return;

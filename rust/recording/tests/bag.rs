@@ -93,6 +93,7 @@ fn frame(time: SimTime) -> DisplayFrame {
         mode: None,
         gesture: Gesture::NoMotion,
         confidence: 1.0,
+        effort: 0.5,
         emg_source: "keys".to_owned(),
         time_left_secs: 300.0 - secs,
         goal: None,

@@ -1,6 +1,6 @@
 use proact_control::{ControlError, Profile};
 use proact_emg::EmgConfig;
-use proact_intent::IntentOptions;
+use proact_intent::{IntentModelName, IntentModelOptions, IntentOptions};
 use proact_participants::{Body, ParticipantOptions};
 use proact_tasks::Arrangement;
 use serde::{Deserialize, Serialize};
@@ -35,6 +35,9 @@ pub enum ConfigError {
     /// No such profile, or one that does not fit.
     #[error(transparent)]
     Control(#[from] ControlError),
+    /// The intent model refuses its options.
+    #[error(transparent)]
+    Intent(#[from] proact_intent::IntentError),
     /// The text is not a configuration.
     #[error("the trial configuration is unreadable: {0}")]
     Text(String),
@@ -127,6 +130,9 @@ pub struct TrialConfig {
     /// Zero level of each EMG channel, subtracted before anything else; empty for a stream that is centred.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub emg_centring: Vec<f64>,
+    /// How is inferred what the person means: the paper's product of gaze and task, or another model.
+    #[serde(default)]
+    pub intent_model: IntentModelName,
     /// Where person and box are.
     pub setup: Setup,
     /// How the methods behave.
@@ -159,6 +165,7 @@ impl TrialConfig {
             place_filter_ms: 150,
             gesture_source: "keys".to_owned(),
             emg_centring: Vec::new(),
+            intent_model: IntentModelName::default(),
             setup,
             intent: IntentOptions::default(),
             emg: None,
@@ -187,6 +194,13 @@ impl TrialConfig {
         let config: Self = toml::from_str(text).map_err(|e| ConfigError::Text(e.to_string()))?;
         config.check()?;
         Ok(config)
+    }
+
+    /// Options of the intent model: what the trial does not set has its default. Methods but D leave the task out.
+    pub fn intent_options(&self) -> IntentModelOptions {
+        let weight_other = if self.method == MethodName::D { self.intent.weight_other } else { 0.25 };
+        let intent = IntentOptions { weight_other, ..self.intent };
+        IntentModelOptions { intent, ..IntentModelOptions::default() }
     }
 
     /// The text that [`TrialConfig::from_toml`] reads.
@@ -238,6 +252,19 @@ mod tests {
             let config = TrialConfig { setup: Setup::named(name).expect("ships"), ..config() };
             assert_eq!(TrialConfig::from_toml(&config.to_toml().expect("writes")), Ok(config));
         }
+    }
+
+    #[test]
+    fn the_intent_model_is_part_of_the_configuration_and_older_ones_mean_the_product() {
+        let text = config().to_toml().expect("writes");
+        let line = "intent_model = \"product\"\n";
+        assert_eq!(TrialConfig::from_toml(&text.replace(line, "")), Ok(config()));
+        let filtered = TrialConfig::from_toml(&text.replace(line, "intent_model = \"filtered\"\n"));
+        assert_eq!(filtered.expect("reads").intent_model, IntentModelName::Filtered);
+        assert!(TrialConfig::from_toml(&text.replace(line, "intent_model = \"guess\"\n")).is_err());
+        assert_eq!(config().intent_options().intent, config().intent);
+        let c = TrialConfig { method: MethodName::C, ..config() };
+        assert_eq!(c.intent_options().intent.weight_other, 0.25, "C knows nothing of the task");
     }
 
     #[test]

@@ -6,6 +6,7 @@
 
 mod config;
 mod digest;
+mod entry;
 mod grasp;
 mod motion;
 pub mod ports;

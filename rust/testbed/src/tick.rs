@@ -1,5 +1,5 @@
 use crate::{
-    ConfigError, Digest, Field, GraspAction, GraspRule, MethodName, SpanDigest, TrialConfig,
+    ConfigError, Digest, Field, GraspAction, GraspRule, SpanDigest, TrialConfig,
     motion::{ArmMotion, BaseMotion, HandMotion},
     ports::{PlanService, Plant, PlantError},
     view::GazeFilter,
@@ -10,7 +10,7 @@ use proact_control::{
     ports::{ArmKinematics, KinematicsError},
 };
 use proact_emg::{Classifier, EmgError, EmgOutput, EmgPipeline, StreamEvents};
-use proact_intent::TaskPrior;
+use proact_intent::Candidates;
 use proact_tasks::BoxAndBlocks;
 use proact_types::{
     ArmModel, ArmModelError, AttachedObject, BlockId, Event, EventKind, Gesture, HandView, JointVector,
@@ -109,11 +109,12 @@ pub struct Testbed {
     grasp: GraspRule,
     pub(crate) hand_tracker: HandTracker,
     grasped_at: Option<JointVector>,
-    digest: Digest,
+    pub(crate) digest: Digest,
     pub(crate) now: SimTime,
     direct: Option<Gesture>,
     recognised: Gesture,
     pub(crate) confidence: f64,
+    pub(crate) effort: f64,
     acted_on: Gesture,
     decided_at: Option<SimTime>,
     tracked_at: Option<SimTime>,
@@ -149,7 +150,7 @@ impl Testbed {
             grasp: GraspRule::new(model),
             hand_tracker: HandTracker::new(open),
             grasped_at: None,
-            gaze: GazeFilter::new(&config),
+            gaze: GazeFilter::new(&config)?,
             task,
             method,
             emg,
@@ -157,6 +158,7 @@ impl Testbed {
             direct: None,
             recognised: Gesture::NoMotion,
             confidence: 0.0,
+            effort: 0.0,
             acted_on: Gesture::NoMotion,
             decided_at: None,
             tracked_at: None,
@@ -225,13 +227,13 @@ impl Testbed {
         if let Some(decision) = &output.emg {
             self.recognised = decision.gesture;
             self.decided_at = Some(now);
-            self.confidence = decision.confidence;
+            (self.confidence, self.effort) = (decision.confidence, decision.effort);
             let field = &mut self.digest.field(Field::Emg);
             field.word(decision.gesture.index() as u64).numbers(&decision.posterior);
         }
         if input.gesture.is_some() {
             self.direct = input.gesture;
-            self.confidence = 1.0;
+            (self.confidence, self.effort) = (1.0, 1.0);
         }
 
         // From tracking and gaze to base and intent.
@@ -269,49 +271,15 @@ impl Testbed {
         Ok(output)
     }
 
-    fn check_input(&self, input: &TickInput) -> Result<(), TestbedError> {
-        let refuse = |what, value: String| Err(TestbedError::Input { time: self.now, what, value });
-        if let Some(gaze) = &input.gaze {
-            let finite = gaze.origin.coords.iter().chain(gaze.direction.iter()).all(|v| v.is_finite());
-            if !finite || (gaze.valid && gaze.direction.norm() < 1e-9) {
-                return refuse(
-                    "gaze",
-                    format!("{:?}, {:?}", gaze.origin.coords.as_slice(), gaze.direction.as_slice()),
-                );
-            }
-        }
-        if let Some(pose) = &input.shoulder
-            && !pose.translation.vector.iter().chain(pose.rotation.coords.iter()).all(|v| v.is_finite())
-        {
-            return refuse("tracked shoulder pose", format!("{pose}"));
-        }
-        Ok(())
-    }
-
-    fn digest_input(&mut self, input: &TickInput) {
-        for sample in &input.emg {
-            self.digest.field(Field::InputEmg).word(sample.counter).numbers(&sample.channels);
-        }
-        if let Some(gesture) = input.gesture {
-            self.digest.field(Field::InputGesture).word(gesture.index() as u64);
-        }
-        if let Some(gaze) = &input.gaze {
-            let field = &mut self.digest.field(Field::InputGaze);
-            field.vector(&gaze.origin.coords).vector(&gaze.direction).word(u64::from(gaze.valid));
-        }
-        if let Some(pose) = &input.shoulder {
-            self.digest.field(Field::InputShoulder).pose(pose);
-        }
-    }
-
     fn infer(&mut self, gaze: &proact_types::GazeSample) {
         let state = self.task.state();
-        let prior = match self.config.method {
-            MethodName::A | MethodName::B | MethodName::C => TaskPrior::Uniform,
-            MethodName::D => TaskPrior::Colour { last_released: state.last_released },
+        let scene = Candidates {
+            centres: self.block_centres(),
+            pickable: state.pickable,
+            last_released: state.last_released,
+            tip: self.grasp_centre(),
         };
-        let centres = self.block_centres();
-        self.gaze.take(self.now, gaze, &centres, &state.pickable, prior);
+        self.gaze.take(self.now, gaze, &scene);
         let field = &mut self.digest.field(Field::Intent);
         field.numbers(self.gaze.posterior()).vector(&self.gaze.place().coords);
     }
@@ -320,7 +288,9 @@ impl Testbed {
     fn due_plan(&mut self, input: &TickInput) -> Option<PlanReply> {
         let (id, due) = self.pending?;
         let reply = match &input.plan {
-            Some(reply) => reply.clone(),
+            Some(reply) if reply.id == id => reply.clone(),
+            // The answer to a request that was cancelled or replaced meanwhile moves nothing.
+            Some(_) => return None,
             None if self.now < due => return None,
             None if self.config.wait_for_plans => self.parts.plans.wait(id),
             None => self.parts.plans.poll(id)?,

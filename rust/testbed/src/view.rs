@@ -1,8 +1,8 @@
 //! What the testbed shows: the gaze as it understands it, and the display frame.
 
-use crate::{Testbed, TestbedError, TrialConfig};
+use crate::{ConfigError, Testbed, TestbedError, TrialConfig};
 use proact_control::ports::KinematicsError;
-use proact_intent::{Posterior, TaskPrior, posterior, table_hit};
+use proact_intent::{Candidates, IntentModel, Posterior, table_hit};
 use proact_tasks::{PlaceRegion, TABLE_TOP};
 use proact_types::{BlockId, DisplayFrame, GazeSample, Point, Pose, SimTime};
 
@@ -10,9 +10,9 @@ use proact_types::{BlockId, DisplayFrame, GazeSample, Point, Pose, SimTime};
 const GAZE_MAX_AGE: u64 = 500;
 
 /// Turns gaze samples into the highlighted block and the place marker.
-#[derive(Clone, Debug)]
 pub(crate) struct GazeFilter {
-    options: proact_intent::IntentOptions,
+    model: Box<dyn IntentModel>,
+    hysteresis: f64,
     filter_ms: f64,
     posterior: Posterior,
     highlight: Option<BlockId>,
@@ -22,37 +22,31 @@ pub(crate) struct GazeFilter {
 }
 
 impl GazeFilter {
-    pub(crate) fn new(config: &TrialConfig) -> Self {
-        Self {
-            options: config.intent,
+    pub(crate) fn new(config: &TrialConfig) -> Result<Self, ConfigError> {
+        let model = config.intent_model.build(&config.intent_options())?;
+        Ok(Self {
+            model,
+            hysteresis: config.intent.hysteresis,
             filter_ms: config.place_filter_ms as f64,
             posterior: [0.0; 4],
             highlight: None,
             place: PlaceRegion::DEFAULT.centre(),
             last: None,
             seen_at: None,
-        }
+        })
     }
 
-    /// A new measurement. A lost eye changes nothing until it is lost for too long.
-    pub(crate) fn take(
-        &mut self,
-        now: SimTime,
-        gaze: &GazeSample,
-        centres: &[Point; 4],
-        pickable: &[bool; 4],
-        prior: TaskPrior,
-    ) {
+    /// A new measurement. A lost eye changes nothing until it is lost for too long; a look that tells the model
+    /// nothing takes the highlight away.
+    pub(crate) fn take(&mut self, now: SimTime, gaze: &GazeSample, scene: &Candidates) {
         let before = self.last.replace((now, *gaze)).map_or(now, |(time, _)| time);
+        let found = self.model.observe(now, gaze, scene);
         if !gaze.valid {
             return;
         }
-        let weights = prior.weights(&self.options);
-        // The tick has refused gaze that is not finite, so an error here means nothing is selected.
-        let found = posterior(gaze, centres, pickable, &weights, &self.options).ok().flatten();
         self.posterior = found.unwrap_or([0.0; 4]);
         let best = (0..4).fold(0, |best, k| if self.posterior[k] > self.posterior[best] { k } else { best });
-        let kept = self.highlight.map(|b| self.posterior[b.index()] * self.options.hysteresis);
+        let kept = self.highlight.map(|b| self.posterior[b.index()] * self.hysteresis);
         self.highlight = match (found, kept, self.highlight) {
             (None, _, _) => None,
             (Some(_), Some(kept), highlight) if kept >= self.posterior[best] => highlight,
@@ -100,6 +94,15 @@ impl Testbed {
         tick > 0 && frames(tick) > frames(tick - 1)
     }
 
+    /// Where the hand takes a block, in `world`; none if the kinematics refuse the arm's angles.
+    pub(crate) fn grasp_centre(&mut self) -> Option<Point> {
+        let state = self.parts.plant.state();
+        let base = state.world_from_base;
+        let arm = &state.position[..self.parts.model.arm_count()];
+        let tip = self.parts.kinematics.forward(arm).ok()?;
+        Some(base * tip * Point::from(self.parts.model.grasp_centre))
+    }
+
     /// The instant as drawn; events since the frame before go with it. `world_from_head` comes from whoever
     /// tracks the head.
     ///
@@ -133,6 +136,7 @@ impl Testbed {
             mode: self.method.mode(),
             gesture: self.gesture(),
             confidence: self.confidence,
+            effort: self.effort,
             emg_source: self.config.gesture_source.clone(),
             time_left_secs: (self.config.limit_secs - self.now.as_secs()).max(0.0),
             next_block: task.next,

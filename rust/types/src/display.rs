@@ -37,6 +37,9 @@ pub struct DisplayFrame {
     pub gesture: Gesture,
     /// Probability of the recognised class, 0 to 1; one for keys.
     pub confidence: f64,
+    /// How hard the recognised gesture is made, 0 to 1; one for keys.
+    #[serde(default)]
+    pub effort: f64,
     /// Where the EMG comes from: `recording`, `synthetic`, `keys`.
     pub emg_source: String,
     /// Seconds until the time limit.

@@ -102,6 +102,7 @@ pub fn frame(world_from_head: Pose) -> DisplayFrame {
         mode: None,
         gesture: proact_types::Gesture::NoMotion,
         confidence: 1.0,
+        effort: 0.5,
         emg_source: "keys".to_owned(),
         time_left_secs: 100.0,
         next_block: None,

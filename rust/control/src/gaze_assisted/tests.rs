@@ -31,6 +31,7 @@ struct Bench {
     base: Pose,
     motion: MotionState,
     targets: Vec<proact_types::Target>,
+    blocks: [Point; 4],
     time: u64,
 }
 
@@ -43,6 +44,7 @@ impl Bench {
             base: Pose::identity(),
             motion: MotionState::Holding,
             targets: Vec::new(),
+            blocks: [0.0, 0.1, 0.2, 0.3].map(|x| Point::new(x, -0.1, 1.04)),
             time: 0,
         };
         bench.step(NoMotion, None);
@@ -52,14 +54,13 @@ impl Bench {
 
     fn step(&mut self, gesture: Gesture, plan: Option<&PlanReply>) -> ControlOutput {
         self.time += 10;
-        let blocks = [0.0, 0.1, 0.2, 0.3].map(|x| Point::new(x, -0.1, 1.04));
         let input = ControlInput {
             gesture,
             message: None,
             measured: &[0.0; 7],
             commanded: &[0.0; 7],
             highlight: self.highlight,
-            blocks: &blocks,
+            blocks: &self.blocks,
             posterior: &[],
             place: PLACE,
             hand: self.hand,
@@ -200,6 +201,28 @@ fn a_base_that_moved_stops_the_motion_and_is_replanned_once_it_stands_still() {
     bench.base = Pose::translation(0.012, 0.0, 0.0);
     assert_eq!(bench.step(WristExtension, None).plan, None, "the base still moves");
     assert!(matches!(bench.step(WristExtension, None).plan, Some(PlanCommand::Request(_))));
+}
+
+#[test]
+fn a_block_taken_away_mid_plan_stops_the_motion_and_is_planned_for_where_it_is() {
+    for gone in [Point::new(0.0, -0.1, 0.03), Point::new(f64::NAN, -0.1, 1.04)] {
+        let mut bench = Bench::new();
+        bench.start_motion();
+        bench.blocks[0].x += 0.04;
+        assert_eq!(bench.step(WristExtension, None).motion, None, "nudged by less than its diameter");
+        bench.blocks[0] = gone;
+        assert_eq!(bench.step(WristExtension, None).motion, Some(MotionCommand::Hold));
+        assert!(matches!(bench.step(WristExtension, None).plan, Some(PlanCommand::Request(_))));
+    }
+}
+
+#[test]
+fn a_plan_to_where_the_block_was_is_not_followed() {
+    let mut bench = Bench::new();
+    bench.step(WristExtension, None);
+    bench.blocks[0].z = 0.03;
+    let output = bench.step(WristExtension, Some(&reply(PlanStatus::Ok, 2.0)));
+    assert_eq!((output.motion, output.plan), (None, Some(PlanCommand::Cancel)));
 }
 
 #[test]
