@@ -97,6 +97,9 @@ export async function headset(page, { url, check, screenshot, emulator }) {
       "a step ahead and to the right is one in the world",
     );
     const gaze = () => page.evaluate(() => window.__proact.frame.gaze?.direction);
+    // Level and ahead first: a device keeps its hands where they were in the session before.
+    await page.evaluate(() => window.headset.controllers.right.quaternion.set(0, 0, 0, 1));
+    await page.waitForFunction(() => window.__proact.frame.gaze?.direction[0] > 0.97);
     const looked = await gaze();
     await page.evaluate(() => {
       const hand = window.headset.controllers.right;

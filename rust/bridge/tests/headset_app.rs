@@ -146,7 +146,8 @@ fn what_happened_before_the_app_came_is_told_at_once_and_changes_once_each() {
     let topics = HeadsetTopics::new(Arc::clone(&bus), &arm, head()).unwrap();
     let mut shown = frame(head());
     let directions = ["flexion".to_owned(), "extension".to_owned()];
-    shown.mode = Some(ModeView { number: 8, name: "y".to_owned(), directions, next_in_secs: None });
+    shown.mode =
+        Some(ModeView { number: 8, name: "y".to_owned(), directions, we_sign: -1, next_in_secs: None });
     shown.target.locked = true;
     topics.publish(&shown);
 

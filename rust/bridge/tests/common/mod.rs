@@ -105,6 +105,7 @@ pub fn frame(world_from_head: Pose) -> DisplayFrame {
         effort: 0.5,
         emg_source: "keys".to_owned(),
         time_left_secs: 100.0,
+        goal: None,
         next_block: None,
         on_target: 0,
         finished: false,
