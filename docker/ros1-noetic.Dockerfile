@@ -19,7 +19,7 @@ RUN apt-get update \
     && rm -rf /var/lib/apt/lists/*
 
 # Rust and node are taken from the machine if they are recent enough; here they are not.
-ENV PATH=/root/.cargo/bin:/opt/node/bin:$PATH
+ENV CARGO_HOME=/opt/cargo RUSTUP_HOME=/opt/rustup PATH=/opt/cargo/bin:/opt/node/bin:$PATH
 ARG NODE=v22.11.0
 RUN curl -fsSL https://sh.rustup.rs | sh -s -- -y --profile minimal \
     && mkdir /opt/node \
