@@ -50,13 +50,18 @@ export async function jogBlock(page, { limitMs, log }) {
     }
   };
   const at = (seen) => seen.blocks[index].translation;
+  // Joint by joint, the hand leaves a straight line by more the longer the way is: up and down go in short ways.
+  const stages = start.mode.number < FIRST_AXIS ? [0.21, 0.15, 0.09] : [];
   await bring("over the block", (seen) => high(at(seen), CLEAR - 0.1));
+  for (const height of stages.slice(2)) await bring("lower", (seen) => high(at(seen), height), 2);
   await bring("down", (seen) => high(at(seen), GRIP));
   await tap(page, "hand_close");
   await page.waitForFunction((id) => window.__proact.frame.hand.holds === id, block, { timeout: 8_000, polling: 20 });
   log("grips");
+  for (const height of [...stages].reverse()) await bring("higher", (seen) => high(at(seen), height), 1);
   await bring("up", (seen) => high(at(seen), CLEAR), 2);
   await bring("across", () => high(target, CLEAR));
+  for (const height of stages) await bring("lower", () => high(target, height), 2);
   await bring("down", () => high(target, DROP));
   await tap(page, "hand_close");
   await page.waitForFunction((before) => window.__proact.frame.on_target > before, start.on_target, { timeout: 8_000, polling: 20 });
