@@ -37,6 +37,8 @@ export async function newcomer(page, { url, check, screenshot }) {
   await page.selectOption('select[name="colours"]', "colour-blind");
   await screenshot("settings");
   await page.click('button:text-is("Close")');
+  // Without gaze the arm is stopped, whatever the gesture.
+  await page.mouse.move(block.x, block.y);
   await page.keyboard.down("KeyX");
   await page.waitForFunction(() => window.__proact.frame.gesture === "wrist_flexion");
   await page.keyboard.up("KeyX");
