@@ -8,31 +8,8 @@ set -eu
 proact=$1
 output=$2
 here=$(cd "$(dirname "$0")" && pwd)
-mkdir -p "$output"
-server=
-trap '[ -z "$server" ] || kill "$server" 2>/dev/null || true' EXIT
-
-# Starts the program with a page on a free port and waits for its address.
-start() {
-    "$proact" "$@" --no-browser --port 18190 >"$output/server.log" 2>&1 &
-    server=$!
-    tries=0
-    while ! address=$(grep -om1 'http://[0-9.:]*/' "$output/server.log"); do
-        tries=$((tries + 1))
-        if [ "$tries" -gt 1200 ] || ! kill -0 "$server" 2>/dev/null; then
-            cat "$output/server.log"
-            echo "FAILED: \"$*\" printed no address within two minutes"
-            exit 1
-        fi
-        sleep 0.1
-    done
-}
-
-stop() {
-    kill "$server"
-    wait "$server" 2>/dev/null || true
-    server=
-}
+# shellcheck source=tests/scenarios/serving.sh
+. "$here/serving.sh"
 
 look() {
     mode=$1

@@ -1,29 +1,15 @@
 //! The simulated armband feeds the recogniser over the gForce protocol: two processes and a socket between them.
 #![allow(clippy::unwrap_used, clippy::disallowed_methods)] // A test of programs starts programs.
 
+mod common;
+
+use common::{Running, proact};
 use serde_json::Value;
 use std::{
     io::{BufRead, BufReader},
     path::{Path, PathBuf},
-    process::{Child, Command, Stdio},
+    process::Stdio,
 };
-
-/// A process that does not outlive its test.
-struct Running(Child);
-
-impl Drop for Running {
-    fn drop(&mut self) {
-        // It may have ended by itself.
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
-fn proact(words: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_proact"));
-    command.args(["emg", "--json"]).args(words).stdin(Stdio::null());
-    command
-}
 
 /// Starts a simulator on a free port; the address that it prints.
 fn simulator(words: &[&str]) -> (Running, String) {

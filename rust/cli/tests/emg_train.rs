@@ -1,29 +1,15 @@
 //! Calibration and pass tests end to end: simulated people, the simulated armband, recordings.
 #![allow(clippy::unwrap_used, clippy::disallowed_methods)] // A test of programs starts programs.
 
+mod common;
+
+use common::{Running, proact};
 use serde_json::Value;
 use std::{
     io::{BufRead, BufReader},
     path::Path,
-    process::{Child, Command, Output, Stdio},
+    process::{Output, Stdio},
 };
-
-/// A process that does not outlive its test.
-struct Running(Child);
-
-impl Drop for Running {
-    fn drop(&mut self) {
-        // It may have ended by itself.
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
-fn proact(words: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_proact"));
-    command.args(["emg", "--json"]).args(words).stdin(Stdio::null());
-    command
-}
 
 /// The one object on standard output, and whether the command succeeded.
 fn result(words: &[&str]) -> (Value, Output) {

@@ -1,38 +1,18 @@
 //! The live path asks for no memory. The only test of its program: allocations of others would be counted too.
 
+mod common;
+
+use common::{CHANNELS, config, signal};
 use proact_emg::{
-    Classifier, EmgConfig, EmgPipeline, Feature, FeatureSet, QualityConfig, QualityMonitor, WindowLength,
+    Classifier, EmgConfig, EmgPipeline, Feature, FeatureSet, QualityConfig, QualityMonitor,
     extract_with_amplitudes,
 };
-use proact_types::{EmgSample, Gesture, SimTime};
+use proact_types::{Gesture, SimTime};
 use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
 use std::{alloc::System, num::NonZeroU32};
 
 #[global_allocator]
 static ALLOCATOR: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
-
-const CHANNELS: usize = 3;
-
-fn config() -> EmgConfig {
-    EmgConfig {
-        rate_hz: 200.0,
-        channels: CHANNELS,
-        window: WindowLength::Samples(20),
-        increment: WindowLength::Samples(10),
-        ..EmgConfig::default()
-    }
-}
-
-/// A noise-like signal of which every gesture has its own amplitudes; `mix` varies it.
-fn signal(gesture: Gesture, count: u64, mix: f64) -> Vec<EmgSample> {
-    let value = |k: u64, c: usize| {
-        let phase = (k * (c as u64 * 2 + 3)) as f64 * (1.1 + mix) + (k * k % 97) as f64;
-        phase.sin() * (1.0 + ((gesture.index() * (c + 1)) % 5) as f64 * 4.0) + 0.3 * (phase * 1.7).cos()
-    };
-    (0..count)
-        .map(|counter| EmgSample { counter, channels: (0..CHANNELS).map(|c| value(counter, c)).collect() })
-        .collect()
-}
 
 #[test]
 fn a_live_step_does_not_allocate_even_with_every_feature_and_option() {

@@ -1,31 +1,11 @@
 //! What must hold for any signal.
 
-use proact_emg::{Classifier, EmgConfig, EmgModel, EmgPipeline, WindowLength, extract};
+mod common;
+
+use common::{CHANNELS, config, signal};
+use proact_emg::{Classifier, EmgModel, EmgPipeline, extract};
 use proact_types::{EmgSample, Gesture, SimTime};
 use proptest::prelude::*;
-
-const CHANNELS: usize = 3;
-
-fn config() -> EmgConfig {
-    EmgConfig {
-        rate_hz: 200.0,
-        channels: CHANNELS,
-        window: WindowLength::Samples(20),
-        increment: WindowLength::Samples(10),
-        ..EmgConfig::default()
-    }
-}
-
-/// A noise-like signal of which every gesture has its own amplitudes; `mix` varies it.
-fn signal(gesture: Gesture, count: u64, mix: f64) -> Vec<EmgSample> {
-    let value = |k: u64, c: usize| {
-        let phase = (k * (c as u64 * 2 + 3)) as f64 * (1.1 + mix) + (k * k % 97) as f64;
-        phase.sin() * (1.0 + ((gesture.index() * (c + 1)) % 5) as f64 * 4.0) + 0.3 * (phase * 1.7).cos()
-    };
-    (0..count)
-        .map(|counter| EmgSample { counter, channels: (0..CHANNELS).map(|c| value(counter, c)).collect() })
-        .collect()
-}
 
 fn training(mix: f64) -> (Vec<Vec<f64>>, Vec<Gesture>) {
     let (mut windows, mut labels) = (Vec::new(), Vec::new());

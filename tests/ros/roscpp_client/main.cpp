@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include <ros/callback_queue.h>
 #include <ros/ros.h>
 #include <sensor_msgs/JointState.h>
 #include <tf2_ros/transform_listener.h>
@@ -45,8 +46,8 @@ int main(int argc, char** argv) {
     double target = 0.0;
     geometry_msgs::Vector3 start;
     while (ros::ok() && ros::WallTime::now() < end) {
-        ros::spinOnce();
-        ros::WallDuration(0.005).sleep();
+        // Waits for a message, but not for long: a transform may come of age without one.
+        ros::getGlobalCallbackQueue()->callAvailable(ros::WallDuration(0.005));
         const bool seen = now.size() == joints.size() && buffer.canTransform("world", tip, ros::Time(0));
         if (!seen || publisher.getNumSubscribers() == 0) continue;
         const auto where = buffer.lookupTransform("world", tip, ros::Time(0)).transform.translation;

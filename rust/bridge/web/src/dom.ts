@@ -27,3 +27,14 @@ export function setWidth(node: HTMLElement, share: number): void {
   const width = `${Math.round(100 * Math.min(Math.max(Number.isFinite(share) ? share : 0, 0), 1))}%`;
   if (node.style.width !== width) node.style.width = width;
 }
+
+/** A button that gives the focus back, so that keys go on meaning gestures. */
+export function button(label: string, act: () => void, classes = ""): HTMLButtonElement {
+  const node = element("button", classes, label);
+  node.type = "button";
+  node.addEventListener("click", () => {
+    act();
+    node.blur();
+  });
+  return node;
+}

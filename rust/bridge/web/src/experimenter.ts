@@ -4,7 +4,7 @@
 import "./style.css";
 import "./desk.css";
 import { CAMERA_KINDS, CAMERA_NAMES } from "./cameras";
-import { element, setClass, setText } from "./dom";
+import { button, element, setClass, setText } from "./dom";
 import { FrameCount } from "./framecount";
 import { METHOD_NAMES, blockName, eventText } from "./hud";
 import { Live } from "./live";
@@ -21,16 +21,6 @@ const SLOW_TICK_US = 1000;
 
 const spectator = location.pathname.startsWith("/spectator");
 const desk = document.getElementById("desk") as HTMLDivElement;
-
-function button(label: string, act: () => void, classes = ""): HTMLButtonElement {
-  const node = element("button", classes, label);
-  node.type = "button";
-  node.addEventListener("click", () => {
-    act();
-    node.blur();
-  });
-  return node;
-}
 
 /** A list of names and figures. */
 class Figures {

@@ -3,7 +3,7 @@
 import "./style.css";
 import "./desk.css";
 import { CAMERA_KINDS, CAMERA_NAMES, type CameraKind } from "./cameras";
-import { element, setClass, setText } from "./dom";
+import { button, element, setClass, setText } from "./dom";
 import { METHOD_NAMES, blockName, eventText } from "./hud";
 import { GESTURE_NAMES } from "./protocol";
 import { Recorder, compose, saveAs } from "./export";
@@ -15,16 +15,6 @@ const SPEEDS = [0.25, 0.5, 1, 2, 5, 10];
 const STEP_MS = 100;
 
 const desk = document.getElementById("desk") as HTMLDivElement;
-
-function button(label: string, act: () => void, classes = ""): HTMLButtonElement {
-  const node = element("button", classes, label);
-  node.type = "button";
-  node.addEventListener("click", () => {
-    act();
-    node.blur();
-  });
-  return node;
-}
 
 /** One trial on display. */
 class View {
