@@ -1,6 +1,7 @@
 use crate::{
     experimenter::Experimenter,
     pace::Pace,
+    person::{Feedback, FeedbackArgs},
     record::{Recorder, default_dir},
     rosbridge::{Rosbridge, RosbridgeArgs},
     trial::{self, Assembly},
@@ -104,6 +105,8 @@ struct RunHow {
     #[arg(long)]
     exit: bool,
     #[command(flatten)]
+    feedback: FeedbackArgs,
+    #[command(flatten)]
     rosbridge: RosbridgeArgs,
 }
 
@@ -146,8 +149,9 @@ fn trial_with(config: TrialConfig, source: &EmgSource, how: &RunHow) -> Result<b
         None => None,
     };
     let page = if how.headless { None } else { Some(open_page(&session, how)?) };
-    let shown = Shown { page: page.as_ref(), rosbridge: how.rosbridge.open(&session)? };
-    let result = run_to_end(session, recorder, &shown, dir.as_deref(), !how.json)?;
+    let (rosbridge, feedback) = (how.rosbridge.open(&session)?, how.feedback.open()?);
+    let mut shown = Shown { page: page.as_ref(), rosbridge, feedback };
+    let result = run_to_end(session, recorder, &mut shown, dir.as_deref(), !how.json)?;
     if how.json {
         println!("{}", serde_json::to_string(&result)?);
     } else {
@@ -195,13 +199,14 @@ pub(crate) fn announce(server: &PageServer, path: &str, open_browser: bool) {
 struct Shown<'a> {
     page: Option<&'a PageServer>,
     rosbridge: Option<Rosbridge>,
+    feedback: Feedback,
 }
 
 /// Runs a simulated trial: flat out if nobody watches, in real time for the page and for clients of rosbridge.
 fn run_to_end(
     mut session: Session,
     mut recorder: Option<Recorder>,
-    shown: &Shown<'_>,
+    shown: &mut Shown<'_>,
     dir: Option<&Path>,
     progress: bool,
 ) -> Result<TrialResult, Box<dyn Error>> {
@@ -237,6 +242,7 @@ fn run_to_end(
             if let Some(page) = page {
                 page.publish(frame);
             }
+            shown.feedback.begin(frame);
             if let Some(rosbridge) = &shown.rosbridge {
                 rosbridge.publish(frame);
             }

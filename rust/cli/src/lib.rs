@@ -21,6 +21,7 @@ mod experimenter;
 mod model;
 mod node;
 mod pace;
+mod person;
 pub mod query;
 mod record;
 mod replay;

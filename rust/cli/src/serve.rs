@@ -2,8 +2,8 @@ use crate::{
     demo::{announce, interrupt_flag, print_result},
     experimenter::{Experimenter, store_gaze_check},
     pace::Pace,
+    person::{Person, PersonArgs},
     record::{Recorder, default_dir},
-    rosbridge::{Rosbridge, RosbridgeArgs},
     trial::{self, Assembly},
 };
 use clap::Args;
@@ -68,7 +68,7 @@ pub(crate) struct ServeArgs {
     #[arg(long)]
     no_browser: bool,
     #[command(flatten)]
-    rosbridge: RosbridgeArgs,
+    person: PersonArgs,
 }
 
 /// Why a live trial ended.
@@ -88,7 +88,7 @@ pub(crate) fn command(args: &ServeArgs) -> Result<bool, Box<dyn Error>> {
         _ => None,
     };
     let mut server: Option<PageServer> = None;
-    let mut rosbridge: Option<Rosbridge> = None;
+    let mut person: Option<Person> = None;
     let mut seed = args.seed;
     loop {
         let config = TrialConfig::new(method, seed, setup.clone()).with_profile(&args.profile)?;
@@ -126,13 +126,15 @@ pub(crate) fn command(args: &ServeArgs) -> Result<bool, Box<dyn Error>> {
                 started
             }
         };
-        match &rosbridge {
-            Some(rosbridge) => rosbridge.restart(&session),
-            None => rosbridge = args.rosbridge.open(&session)?,
-        }
+        let person = match &mut person {
+            Some(person) => {
+                person.restart(&session);
+                person
+            }
+            none => none.insert(args.person.open(&session)?),
+        };
         let start = Instant::now();
-        let mut ended =
-            live_trial(&mut session, &mut recorder, dir.as_deref(), page, rosbridge.as_ref(), &interrupted)?;
+        let mut ended = live_trial(&mut session, &mut recorder, dir.as_deref(), page, person, &interrupted)?;
         finish(&session, recorder, dir.as_deref(), start)?;
         if matches!(ended, Ended::Finished | Ended::Aborted) {
             ended = wait_for_restart(dir.as_deref(), session.testbed().now(), page, &interrupted)?;
@@ -190,7 +192,7 @@ fn live_trial(
     recorder: &mut Option<Recorder>,
     dir: Option<&Path>,
     page: &PageServer,
-    rosbridge: Option<&Rosbridge>,
+    person: &mut Person,
     interrupted: &AtomicBool,
 ) -> Result<Ended, Box<dyn Error>> {
     let mut pace = Pace::new();
@@ -216,9 +218,7 @@ fn live_trial(
                     ClientInput::Disconnected => session.act(Gesture::NoMotion),
                 }
             }
-            if let Some(rosbridge) = rosbridge {
-                rosbridge.drive(session);
-            }
+            person.drive(session)?;
             if interrupted.load(Ordering::Relaxed) {
                 ending = Some(Ended::Interrupted);
             }
@@ -232,9 +232,7 @@ fn live_trial(
         }
         if let Some(frame) = &step.frame {
             page.publish(frame);
-            if let Some(rosbridge) = rosbridge {
-                rosbridge.publish(frame);
-            }
+            person.publish(frame);
         }
         if step.output.finished && ending.is_none() {
             return Ok(Ended::Finished);

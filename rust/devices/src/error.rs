@@ -240,6 +240,15 @@ pub enum DeviceError {
         /// What came, at most 40 bytes.
         text: String,
     },
+    /// A datagram that is no gaze sample.
+    #[error(
+        "not a gaze sample: {reason}; expected {{\"origin\": [x, y, z], \"direction\": [x, y, z]}} or 56 bytes \
+         that begin with PGZ1"
+    )]
+    GazeMessage {
+        /// What is wrong with it.
+        reason: String,
+    },
     /// A socket for datagrams cannot be used.
     #[error("UDP {address}: {source}")]
     Udp {

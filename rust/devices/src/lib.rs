@@ -5,8 +5,8 @@
 //!
 //! Live streams come through one trait, [`SampleSource`]: the gForce armband over any link ([`gforce`]; Bluetooth with
 //! the feature `ble`, which needs libdbus-1-dev on Linux), recordings played as if live, and doubles with faults for
-//! tests. [`EmgRecorder`] keeps them; [`LibEmgReceiver`] and [`LibEmgSender`] speak with LibEMG's programs. Only these
-//! know the real clock.
+//! tests. [`EmgRecorder`] keeps them; [`LibEmgReceiver`] and [`LibEmgSender`] speak with LibEMG's programs. [`GazeReceiver`]
+//! takes an eye tracker's samples, and a [`FeedbackSink`] makes cues heard or felt. Only these know the real clock.
 //!
 //! ```
 //! use proact_devices::{EmgSource, prepare};
@@ -32,7 +32,9 @@
 mod error;
 mod evaluate;
 mod feed;
+mod feedback;
 mod gaze;
+mod gaze_udp;
 pub mod gforce;
 mod libemg_udp;
 mod live;
@@ -47,7 +49,9 @@ mod synthetic;
 pub use error::DeviceError;
 pub use evaluate::{Evaluation, evaluate};
 pub use feed::EmgFeed;
+pub use feedback::{Cue, FeedbackCue, FeedbackSink, Tone, UdpFeedback, Vibration};
 pub use gaze::GazeSource;
+pub use gaze_udp::{GAZE_UDP_PORT, GazeFrame, GazeReceiver, SentGaze};
 pub use libemg_udp::{LIBEMG_PORT, LibEmgOutput, LibEmgReceiver, LibEmgSender};
 pub use live::{
     EmgPacket, Fault, FaultySource, KeyboardSource, Pacing, PersonSource, PlaybackSource, SampleSource,

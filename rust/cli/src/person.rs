@@ -1,0 +1,111 @@
+//! What connects a person to a trial beside the page: an eye tracker, and something to hear or feel.
+
+use crate::rosbridge::{Rosbridge, RosbridgeArgs};
+use clap::Args;
+use proact_devices::{DeviceError, FeedbackCue, FeedbackSink, GazeFrame, GazeReceiver, UdpFeedback};
+use proact_testbed::Session;
+use proact_types::{DisplayFrame, GazeSample};
+use std::error::Error;
+
+/// Where cues go.
+#[derive(Debug, Args)]
+pub(crate) struct FeedbackArgs {
+    /// Send sound and vibration cues as JSON datagrams, for a program that drives an actuator
+    #[arg(long, value_name = "HOST:PORT")]
+    feedback: Option<String>,
+}
+
+/// Sends the cues of a trial, as long as that works.
+pub(crate) struct Feedback(Option<UdpFeedback>);
+
+impl FeedbackArgs {
+    pub(crate) fn open(&self) -> Result<Feedback, DeviceError> {
+        Ok(Feedback(self.feedback.as_deref().map(UdpFeedback::connect).transpose()?))
+    }
+}
+
+impl Feedback {
+    /// Begins the cues of what has happened since the frame before.
+    pub(crate) fn begin(&mut self, frame: &DisplayFrame) {
+        for cue in frame.events.iter().filter_map(FeedbackCue::of) {
+            let Some(sink) = &mut self.0 else { return };
+            if let Err(error) = sink.begin(&cue) {
+                eprintln!("no more feedback: {error}");
+                self.0 = None;
+            }
+        }
+    }
+}
+
+/// What a person who drives may have connected.
+#[derive(Debug, Args)]
+pub(crate) struct PersonArgs {
+    /// Take gaze from an eye tracker's program over UDP, on port 25040 unless another is given
+    #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "25040")]
+    gaze_udp: Option<u16>,
+    #[command(flatten)]
+    feedback: FeedbackArgs,
+    #[command(flatten)]
+    rosbridge: RosbridgeArgs,
+}
+
+/// What a person who drives has connected.
+pub(crate) struct Person {
+    tracker: Option<GazeReceiver>,
+    feedback: Feedback,
+    rosbridge: Option<Rosbridge>,
+}
+
+impl PersonArgs {
+    pub(crate) fn open(&self, session: &Session) -> Result<Person, Box<dyn Error>> {
+        let tracker = self.gaze_udp.map(GazeReceiver::bind).transpose()?;
+        if let Some(tracker) = &tracker {
+            eprintln!("gaze: UDP {}", tracker.address()?);
+        }
+        let (feedback, rosbridge) = (self.feedback.open()?, self.rosbridge.open(session)?);
+        Ok(Person { tracker, feedback, rosbridge })
+    }
+}
+
+impl Person {
+    /// Another trial begins.
+    pub(crate) fn restart(&self, session: &Session) {
+        if let Some(rosbridge) = &self.rosbridge {
+            rosbridge.restart(session);
+        }
+    }
+
+    /// Hands over what came in. Of several sources of gaze the eye tracker counts.
+    pub(crate) fn drive(&mut self, session: &mut Session) -> Result<(), DeviceError> {
+        if let Some(rosbridge) = &self.rosbridge {
+            rosbridge.drive(session);
+        }
+        match &mut self.tracker {
+            Some(tracker) => look(tracker, session),
+            None => Ok(()),
+        }
+    }
+
+    /// Publishes an instant, and begins its cues.
+    pub(crate) fn publish(&mut self, frame: &DisplayFrame) {
+        self.feedback.begin(frame);
+        if let Some(rosbridge) = &self.rosbridge {
+            rosbridge.publish(frame);
+        }
+    }
+}
+
+/// Hands the newest sample of an eye tracker to a person's trial.
+fn look(tracker: &mut GazeReceiver, session: &mut Session) -> Result<(), DeviceError> {
+    if let Some(sent) = tracker.latest()? {
+        let GazeSample { origin, direction, valid } = sent.sample;
+        session.look(match sent.frame {
+            GazeFrame::World => sent.sample,
+            GazeFrame::Head => {
+                let head = session.head();
+                GazeSample { origin: head * origin, direction: head.rotation * direction, valid }
+            }
+        });
+    }
+    Ok(())
+}
