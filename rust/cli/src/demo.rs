@@ -5,13 +5,13 @@ use crate::{
     record::{Recorder, default_dir},
     rosbridge::{Rosbridge, RosbridgeArgs},
     trial::{self, Assembly},
+    trial_args::TrialArgs,
 };
 use clap::Args;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use proact_bridge::{ClientInput, PageContent, PageOptions, PageServer};
 use proact_devices::EmgSource;
-use proact_tasks::Arrangement;
-use proact_testbed::{MethodName, Session, Setup, TrialConfig, TrialResult};
+use proact_testbed::{Session, TrialConfig, TrialResult};
 use std::{
     error::Error,
     io::IsTerminal,
@@ -32,21 +32,8 @@ const PAGE_WAIT: Duration = Duration::from_secs(3);
     proact demo --emg recordings/ --emg-train 0,1 --emg-feed 2\n\n\
     EMG comes from a generator unless --emg names a folder of recordings. `--setup still` keeps the shoulder still.")]
 pub(crate) struct DemoArgs {
-    /// Control method: A joint by joint, B end-effector, C gaze, D gaze and context
-    #[arg(long, default_value = "D")]
-    method: String,
-    /// How the methods behave: default, or original for the numbers of the first testbed
-    #[arg(long, default_value = "default")]
-    profile: String,
-    /// Seed of every random stream of the trial
-    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
-    seed: u64,
-    /// Where person and box are: seated or still
-    #[arg(long, default_value = "seated")]
-    setup: String,
-    /// Where the blocks stand: red1,red2,blue1,blue2 such as FL,NM,NL,FM; by default from the seed
-    #[arg(long)]
-    arrangement: Option<String>,
+    #[command(flatten)]
+    trial: TrialArgs,
     /// Folder of EMG recordings; a generator without it
     #[arg(long, value_name = "DIR")]
     emg: Option<PathBuf>,
@@ -111,12 +98,6 @@ struct RunHow {
 }
 
 pub(crate) fn demo(args: &DemoArgs) -> Result<bool, Box<dyn Error>> {
-    let method: MethodName = args.method.parse()?;
-    let mut config =
-        TrialConfig::new(method, args.seed, Setup::named(&args.setup)?).with_profile(&args.profile)?;
-    if let Some(text) = &args.arrangement {
-        config.arrangement = text.parse::<Arrangement>()?;
-    }
     let source = match &args.emg {
         None => EmgSource::Synthetic,
         Some(dir) => {
@@ -127,7 +108,7 @@ pub(crate) fn demo(args: &DemoArgs) -> Result<bool, Box<dyn Error>> {
             EmgSource::Recording { dir, rate_hz, train_reps, feed_reps, fill: args.emg_fill.is_some() }
         }
     };
-    trial_with(config, &source, &args.how)
+    trial_with(args.trial.config("seated")?, &source, &args.how)
 }
 
 pub(crate) fn run(args: &RunArgs) -> Result<bool, Box<dyn Error>> {

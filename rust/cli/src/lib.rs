@@ -29,6 +29,7 @@ mod replay_page;
 mod rosbridge;
 mod serve;
 pub mod trial;
+mod trial_args;
 
 pub use command::main;
 pub use record::{Recorder, RecorderError};

@@ -1,5 +1,6 @@
 //! `proact node`: stages as nodes on a ROS 1 graph.
 
+use crate::trial_args::TrialArgs;
 use clap::{Args, ValueEnum};
 
 /// Arguments of `proact node`.
@@ -11,21 +12,8 @@ use clap::{Args, ValueEnum};
 pub(crate) struct NodeArgs {
     /// Which node
     name: NodeName,
-    /// Control method: A joint by joint, B end-effector, C gaze, D gaze and context
-    #[arg(long, default_value = "D")]
-    method: String,
-    /// How the methods behave: default, or original for the numbers of the first testbed
-    #[arg(long, default_value = "default")]
-    profile: String,
-    /// Seed of every random stream of the trial
-    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
-    seed: u64,
-    /// Where person and box are: seated or still
-    #[arg(long, default_value = "seated")]
-    setup: String,
-    /// Where the blocks stand: red1,red2,blue1,blue2 such as FL,NM,NL,FM; by default from the seed
-    #[arg(long)]
-    arrangement: Option<String>,
+    #[command(flatten)]
+    trial: TrialArgs,
     /// testbed: no simulated participant; /emg, /gaze_position and /gaze_direction come from other nodes
     #[arg(long)]
     live: bool,
@@ -71,12 +59,13 @@ mod on_graph {
     use crate::trial;
     use proact_devices::EmgSource;
     use proact_ros::{node, simulator::Simulator};
-    use proact_tasks::{Arrangement, BoxAndBlocks};
-    use proact_testbed::{MethodName, Setup, TrialConfig};
+    use proact_tasks::BoxAndBlocks;
+    use proact_testbed::TrialConfig;
     use std::{error::Error, sync::Arc};
 
     pub(crate) fn command(args: &NodeArgs) -> Result<bool, Box<dyn Error>> {
-        let config = config(args)?;
+        // The node keeps real time: a plan that is late takes effect when it comes.
+        let config = TrialConfig { wait_for_plans: false, ..args.trial.config("seated")? };
         match args.name {
             NodeName::Sim => {
                 let model = Arc::new(proact_description::mpl_right_arm());
@@ -98,17 +87,5 @@ mod on_graph {
             }
         }
         Ok(true)
-    }
-
-    fn config(args: &NodeArgs) -> Result<TrialConfig, Box<dyn Error>> {
-        let method: MethodName = args.method.parse()?;
-        let setup = Setup::named(&args.setup)?;
-        let mut config = TrialConfig::new(method, args.seed, setup).with_profile(&args.profile)?;
-        if let Some(text) = &args.arrangement {
-            config.arrangement = text.parse::<Arrangement>()?;
-        }
-        // The node keeps real time: a plan that is late takes effect when it comes.
-        config.wait_for_plans = false;
-        Ok(config)
     }
 }

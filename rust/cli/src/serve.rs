@@ -5,10 +5,11 @@ use crate::{
     person::{Person, PersonArgs},
     record::{Recorder, default_dir},
     trial::{self, Assembly},
+    trial_args::TrialArgs,
 };
 use clap::Args;
 use proact_bridge::{ClientInput, PageContent, PageOptions, PageServer};
-use proact_testbed::{MethodName, Session, Setup, TrialConfig};
+use proact_testbed::{MethodName, Session};
 use proact_types::{GazeSample, Gesture, SimTime};
 use std::{
     error::Error,
@@ -25,18 +26,8 @@ use std::{
     proact serve --headset\n\n\
     Mouse is gaze; keys are gestures and are shown on the page. R starts a new trial. Ctrl-C ends.")]
 pub(crate) struct ServeArgs {
-    /// Control method: A joint by joint, B end-effector, C gaze, D gaze and context
-    #[arg(long, default_value = "D")]
-    method: String,
-    /// How the methods behave: default, or original for the numbers of the first testbed
-    #[arg(long, default_value = "default")]
-    profile: String,
-    /// Seed of the first trial; each restart counts up
-    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
-    seed: u64,
-    /// Where person and box are: still, or seated (with lean keys)
-    #[arg(long, default_value = "still")]
-    setup: String,
+    #[command(flatten)]
+    trial: TrialArgs,
     /// Port of the page
     #[arg(long, default_value_t = 8090)]
     port: u16,
@@ -80,8 +71,7 @@ enum Ended {
 }
 
 pub(crate) fn command(args: &ServeArgs) -> Result<bool, Box<dyn Error>> {
-    let mut method: MethodName = args.method.parse()?;
-    let setup = Setup::named(&args.setup)?;
+    let mut asked = args.trial.clone();
     let interrupted = interrupt_flag()?;
     let armband = match (&args.emg_source, &args.emg_model) {
         (Some(source), Some(model)) => Some(crate::emg::LiveArmband::open(source, model)?),
@@ -89,9 +79,9 @@ pub(crate) fn command(args: &ServeArgs) -> Result<bool, Box<dyn Error>> {
     };
     let mut server: Option<PageServer> = None;
     let mut person: Option<Person> = None;
-    let mut seed = args.seed;
     loop {
-        let config = TrialConfig::new(method, seed, setup.clone()).with_profile(&args.profile)?;
+        let config = asked.config("still")?;
+        let (method, seed) = (config.method, config.seed);
         let Assembly { mut session, model, classifier } = match &armband {
             Some(armband) => trial::live_with_armband(config, armband.model(), armband.port())?,
             None => trial::live(config)?,
@@ -140,8 +130,7 @@ pub(crate) fn command(args: &ServeArgs) -> Result<bool, Box<dyn Error>> {
             ended = wait_for_restart(dir.as_deref(), session.testbed().now(), page, &interrupted)?;
         }
         let Ended::Restart { method: wanted, again } = ended else { break };
-        method = wanted.unwrap_or(method);
-        seed += u64::from(!again);
+        asked = asked.next(wanted, again);
     }
     Ok(true)
 }

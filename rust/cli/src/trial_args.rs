@@ -1,0 +1,44 @@
+//! The options of a trial, the same for every command that begins one.
+
+use clap::Args;
+use proact_tasks::Arrangement;
+use proact_testbed::{ConfigError, MethodName, Setup, TrialConfig};
+
+/// What a trial is, on the command line.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct TrialArgs {
+    /// Control method: A joint by joint, B end-effector, C gaze, D gaze and context
+    #[arg(long, default_value = "D")]
+    method: MethodName,
+    /// How the methods behave: default, or original for the numbers of the first testbed
+    #[arg(long, default_value = "default")]
+    profile: String,
+    /// Seed of every random stream of the trial; in serve, each restart counts it up
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
+    seed: u64,
+    /// Where person and box are: seated or still; by default seated, in serve still
+    #[arg(long)]
+    setup: Option<String>,
+    /// Where the blocks stand: red1,red2,blue1,blue2 such as FL,NM,NL,FM; by default from the seed
+    #[arg(long)]
+    arrangement: Option<Arrangement>,
+}
+
+impl TrialArgs {
+    /// The configuration, in the set-up `default_setup` unless another was asked for.
+    ///
+    /// # Errors
+    /// [`ConfigError`] for names that do not exist.
+    pub(crate) fn config(&self, default_setup: &str) -> Result<TrialConfig, ConfigError> {
+        let setup = Setup::named(self.setup.as_deref().unwrap_or(default_setup))?;
+        let mut config = TrialConfig::new(self.method, self.seed, setup).with_profile(&self.profile)?;
+        config.arrangement = self.arrangement.unwrap_or(config.arrangement);
+        Ok(config)
+    }
+
+    /// What is asked for when a page begins another trial: by `method` if it chose one, with the same blocks `again`
+    /// or those of the next seed.
+    pub(crate) fn next(self, method: Option<MethodName>, again: bool) -> Self {
+        Self { method: method.unwrap_or(self.method), seed: self.seed + u64::from(!again), ..self }
+    }
+}
