@@ -10,8 +10,11 @@ fn main() {
     build
         .file("src/adapter.cpp")
         .file(core.join("src/scene.cpp"))
+        .file(core.join("src/scene_checks.cpp"))
+        .file(core.join("src/shapes.cpp"))
         .file(core.join("src/joint_planner.cpp"))
         .file(core.join("src/planners.cpp"))
+        .file(core.join("src/plain_search.cpp"))
         .include(core.join("include"))
         .std("c++17")
         .opt_level(2)

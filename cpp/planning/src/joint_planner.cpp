@@ -9,13 +9,14 @@
 #include <ompl/base/StateValidityChecker.h>
 #include <ompl/base/goals/GoalStates.h>
 #include <ompl/base/spaces/RealVectorStateSpace.h>
-#include <ompl/base/terminationconditions/IterationTerminationCondition.h>
 #include <ompl/geometric/PathGeometric.h>
 #include <ompl/geometric/PathSimplifier.h>
 #include <ompl/util/Console.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
+#include <limits>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -127,20 +128,6 @@ class SceneMotions : public ob::MotionValidator {
   Resolution resolution_;
 };
 
-void require_vector(const Scene& scene, const std::vector<double>& q, const std::string& what) {
-  if (q.size() != scene.joint_count()) {
-    throw std::invalid_argument(what + " has " + std::to_string(q.size()) + " angles, the arm has " +
-                                std::to_string(scene.joint_count()) + " joints");
-  }
-  for (std::size_t k = 0; k < q.size(); ++k) {
-    if (!(q[k] >= scene.lower(k) && q[k] <= scene.upper(k))) {
-      throw std::invalid_argument(what + " joint " + std::to_string(k) + " = " + std::to_string(q[k]) +
-                                  " rad, limit [" + std::to_string(scene.lower(k)) + ", " +
-                                  std::to_string(scene.upper(k)) + "]");
-    }
-  }
-}
-
 void copy_into(const std::vector<double>& q, ob::State* state) {
   std::copy(q.begin(), q.end(), state->as<ob::RealVectorStateSpace::StateType>()->values);
 }
@@ -159,6 +146,106 @@ std::shared_ptr<ob::RealVectorStateSpace> joint_space(const Scene& scene, std::u
   return space;
 }
 
+using Clock = std::chrono::steady_clock;
+
+double seconds_since(Clock::time_point begin) { return std::chrono::duration<double>(Clock::now() - begin).count(); }
+
+/// What one search gave: an empty path for none.
+struct Found {
+  std::vector<std::vector<double>> path;
+  double cost = 0.0;
+  std::uint64_t iterations = 0;
+  bool timed_out = false;
+};
+
+/// How long a path takes at equal limits for all joints, in radians of the joint that is behind: the farthest way of
+/// any joint on each motion, and what slowing down for a corner costs.
+double slowness(const og::PathGeometric& path) {
+  constexpr double corner = 0.15;  // radians of way that a turn of one radian costs, at 0.5 rad/s and 1 rad/s^2
+  const auto joints = path.getSpaceInformation()->getStateDimension();
+  double cost = 0.0;
+  std::vector<double> before;
+  for (std::size_t k = 0; k + 1 < path.getStateCount(); ++k) {
+    const double* from = values(path.getState(static_cast<unsigned int>(k)));
+    const double* to = values(path.getState(static_cast<unsigned int>(k + 1)));
+    double farthest = 0.0;
+    double squares = 0.0;
+    std::vector<double> along(joints);
+    for (unsigned int j = 0; j < joints; ++j) {
+      along[j] = to[j] - from[j];
+      farthest = std::max(farthest, std::abs(along[j]));
+      squares += along[j] * along[j];
+    }
+    double cosine = 1.0;
+    if (squares > 0.0) {
+      for (double& part : along) part /= std::sqrt(squares);
+      if (!before.empty()) {
+        cosine = 0.0;
+        for (unsigned int j = 0; j < joints; ++j) cosine += along[j] * before[j];
+      }
+      before = along;
+    }
+    cost += farthest + corner * std::acos(std::clamp(cosine, -1.0, 1.0));
+  }
+  return cost;
+}
+
+/// Search number `number` of a query, from its start to those goals that are free.
+Found search_once(Scene& scene, const JointQuery& query, const std::vector<std::size_t>& free_goals,
+                  std::uint64_t number, Clock::time_point begin, const CancelFlag& cancel) {
+  constexpr std::uint64_t streams = 4;
+  const auto stream = [&](std::uint64_t which) { return seed_of(query.seed, which + number * streams); };
+  const double equal_steps = query.resolution.equal_steps;
+  auto space = joint_space(scene, stream(0));
+  auto information = std::make_shared<ob::SpaceInformation>(space);
+  information->setStateValidityChecker(std::make_shared<SceneValidity>(information, scene, cancel));
+  if (equal_steps > 0.0) {
+    information->setStateValidityCheckingResolution(equal_steps);
+  } else {
+    information->setMotionValidator(std::make_shared<SceneMotions>(information, scene, query.resolution));
+  }
+  information->setup();
+
+  auto problem = std::make_shared<ob::ProblemDefinition>(information);
+  ob::ScopedState<> state(space);
+  copy_into(query.start, state.get());
+  problem->addStartState(state);
+  auto goals = std::make_shared<ob::GoalStates>(information);
+  for (const std::size_t g : free_goals) {
+    copy_into(query.goals[g], state.get());
+    goals->addState(state);
+  }
+  problem->setGoal(goals);
+
+  Found found;
+  const std::unique_ptr<ob::Planner> planner = make_planner(information, query, stream(1));
+  planner->setProblemDefinition(problem);
+  planner->setup();
+  const ob::PlannerTerminationCondition stop([&] {
+    ++found.iterations;
+    found.timed_out = query.max_seconds > 0.0 && seconds_since(begin) > query.max_seconds;
+    return cancel.is_raised() || found.timed_out || found.iterations > query.max_iterations;
+  });
+  const ob::PlannerStatus status = planner->solve(stop);
+  if (cancel.is_raised() || status != ob::PlannerStatus::EXACT_SOLUTION) return found;
+
+  og::PathGeometric path = *problem->getSolutionPath()->as<og::PathGeometric>();
+  SeededSimplifier simplifier(information, stream(2));
+  if (equal_steps > 0.0) {
+    simplifier.simplifyMax(path);
+  } else {
+    simplifier.reduceVertices(path, query.shortcuts, query.shortcuts);
+    simplifier.shortcutPath(path, query.shortcuts, query.shortcuts);
+    simplifier.reduceVertices(path, query.shortcuts, query.shortcuts);
+  }
+  if (cancel.is_raised()) return found;
+  found.cost = slowness(path);
+  for (const ob::State* point : path.getStates()) {
+    found.path.emplace_back(values(point), values(point) + scene.joint_count());
+  }
+  return found;
+}
+
 }  // namespace
 
 bool motion_is_free(Scene& scene, const double* a, const double* b, const Resolution& resolution) {
@@ -166,17 +253,20 @@ bool motion_is_free(Scene& scene, const double* a, const double* b, const Resolu
 }
 
 JointPlan plan_joint(Scene& scene, const JointQuery& query, const CancelFlag& cancel) {
-  require_vector(scene, query.start, "the start");
-  if (query.goals.empty()) throw std::invalid_argument("no goal was given");
-  for (const auto& goal : query.goals) require_vector(scene, goal, "a goal");
+  require_vectors(scene, query);
   if (!(query.resolution.radians > 0.0) || !(query.resolution.metres > 0.0) || !(query.range > 0.0)) {
     throw std::invalid_argument("resolution and range must be above zero");
   }
   const double equal_steps = query.resolution.equal_steps;
   if (!(equal_steps >= 0.0 && equal_steps < 1.0)) throw std::invalid_argument("equal steps must be a share below 1");
+  if (!(query.max_seconds >= 0.0)) throw std::invalid_argument("the bound on the time must not be below zero");
+  const auto begin = Clock::now();
+  const std::size_t checks_before = scene.state_checks();
   JointPlan plan;
-  const auto ended = [&plan](JointPlanStatus status) {
+  const auto ended = [&](JointPlanStatus status) {
     plan.status = status;
+    plan.state_checks = scene.state_checks() - checks_before;
+    plan.seconds = seconds_since(begin);
     return plan;
   };
   if (cancel.is_raised()) return ended(JointPlanStatus::cancelled);
@@ -201,50 +291,19 @@ JointPlan plan_joint(Scene& scene, const JointQuery& query, const CancelFlag& ca
   ompl::msg::setLogLevel(ompl::msg::LOG_NONE);
   const PlannerTurn turn(query.planner, seed_of(query.seed, 3), cancel);
   if (cancel.is_raised()) return ended(JointPlanStatus::cancelled);
-  auto space = joint_space(scene, seed_of(query.seed, 0));
-  auto information = std::make_shared<ob::SpaceInformation>(space);
-  information->setStateValidityChecker(std::make_shared<SceneValidity>(information, scene, cancel));
-  if (equal_steps > 0.0) {
-    information->setStateValidityCheckingResolution(equal_steps);
-  } else {
-    information->setMotionValidator(std::make_shared<SceneMotions>(information, scene, query.resolution));
+  double least = std::numeric_limits<double>::infinity();
+  for (unsigned int search = 0; search <= query.more_searches; ++search) {
+    const Found found = search_once(scene, query, free_goals, search, begin, cancel);
+    plan.iterations += found.iterations;
+    plan.timed_out = plan.timed_out || found.timed_out;
+    if (cancel.is_raised()) return ended(JointPlanStatus::cancelled);
+    if (found.path.empty()) break;
+    if (found.cost < least) {
+      least = found.cost;
+      plan.path = found.path;
+    }
   }
-  information->setup();
-
-  auto problem = std::make_shared<ob::ProblemDefinition>(information);
-  ob::ScopedState<> state(space);
-  copy_into(query.start, state.get());
-  problem->addStartState(state);
-  auto goals = std::make_shared<ob::GoalStates>(information);
-  for (const std::size_t g : free_goals) {
-    copy_into(query.goals[g], state.get());
-    goals->addState(state);
-  }
-  problem->setGoal(goals);
-
-  const std::unique_ptr<ob::Planner> planner = make_planner(information, query, seed_of(query.seed, 1));
-  planner->setProblemDefinition(problem);
-  planner->setup();
-  ob::IterationTerminationCondition iterations(query.max_iterations);
-  const ob::PlannerTerminationCondition stop([&] { return cancel.is_raised() || iterations.eval(); });
-  const ob::PlannerStatus status = planner->solve(stop);
-  if (cancel.is_raised()) return ended(JointPlanStatus::cancelled);
-  if (status != ob::PlannerStatus::EXACT_SOLUTION) return ended(JointPlanStatus::no_plan);
-
-  og::PathGeometric path = *problem->getSolutionPath()->as<og::PathGeometric>();
-  SeededSimplifier simplifier(information, seed_of(query.seed, 2));
-  if (equal_steps > 0.0) {
-    simplifier.simplifyMax(path);
-  } else {
-    simplifier.reduceVertices(path, query.shortcuts, query.shortcuts);
-    simplifier.shortcutPath(path, query.shortcuts, query.shortcuts);
-    simplifier.reduceVertices(path, query.shortcuts, query.shortcuts);
-  }
-  if (cancel.is_raised()) return ended(JointPlanStatus::cancelled);
-
-  for (const ob::State* point : path.getStates()) {
-    plan.path.emplace_back(values(point), values(point) + scene.joint_count());
-  }
+  if (plan.path.empty()) return ended(JointPlanStatus::no_plan);
   // The goal that was reached: its state was copied through the planner unchanged.
   const auto reached = std::find(query.goals.begin(), query.goals.end(), plan.path.back());
   plan.goal = static_cast<std::size_t>(reached - query.goals.begin());

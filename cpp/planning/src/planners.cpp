@@ -69,18 +69,27 @@ class SerialPrm : public og::PRM {
   }
 };
 
-std::unique_ptr<ob::Planner> bare_planner(const ob::SpaceInformationPtr& space, PlannerKind kind, std::uint32_t seed) {
-  switch (kind) {
-    case PlannerKind::rrt_connect: return std::make_unique<SeededRrtConnect>(space, seed);
-    case PlannerKind::bitrrt: return std::make_unique<og::BiTRRT>(space);
-    case PlannerKind::lbkpiece1: return std::make_unique<og::LBKPIECE1>(space);
-    case PlannerKind::rrt_star: return std::make_unique<og::RRTstar>(space);
-    case PlannerKind::prm: return std::make_unique<SerialPrm>(space);
+void require_vector(const Scene& scene, const std::vector<double>& q, const std::string& what) {
+  if (q.size() != scene.joint_count()) {
+    throw std::invalid_argument(what + " has " + std::to_string(q.size()) + " angles, the arm has " +
+                                std::to_string(scene.joint_count()) + " joints");
   }
-  throw std::invalid_argument("unknown kind of planner");
+  for (std::size_t k = 0; k < q.size(); ++k) {
+    if (!(q[k] >= scene.lower(k) && q[k] <= scene.upper(k))) {
+      throw std::invalid_argument(what + " joint " + std::to_string(k) + " = " + std::to_string(q[k]) +
+                                  " rad, limit [" + std::to_string(scene.lower(k)) + ", " +
+                                  std::to_string(scene.upper(k)) + "]");
+    }
+  }
 }
 
 }  // namespace
+
+void require_vectors(const Scene& scene, const JointQuery& query) {
+  require_vector(scene, query.start, "the start");
+  if (query.goals.empty()) throw std::invalid_argument("no goal was given");
+  for (const auto& goal : query.goals) require_vector(scene, goal, "a goal");
+}
 
 std::uint32_t seed_of(std::uint64_t query_seed, std::uint64_t stream) {
   std::uint64_t z = query_seed + (stream + 1) * 0x9e3779b97f4a7c15ULL;
@@ -103,9 +112,21 @@ PlannerTurn::PlannerTurn(PlannerKind kind, std::uint32_t seed, const CancelFlag&
   if (alone_) ompl::RNG::setSeed(seed);
 }
 
+std::unique_ptr<ob::Planner> plain_planner(const ob::SpaceInformationPtr& space, PlannerKind kind,
+                                           std::uint32_t seed) {
+  switch (kind) {
+    case PlannerKind::rrt_connect: return std::make_unique<SeededRrtConnect>(space, seed);
+    case PlannerKind::bitrrt: return std::make_unique<og::BiTRRT>(space);
+    case PlannerKind::lbkpiece1: return std::make_unique<og::LBKPIECE1>(space);
+    case PlannerKind::rrt_star: return std::make_unique<og::RRTstar>(space);
+    case PlannerKind::prm: return std::make_unique<SerialPrm>(space);
+  }
+  throw std::invalid_argument("unknown kind of planner");
+}
+
 std::unique_ptr<ob::Planner> make_planner(const ob::SpaceInformationPtr& space, const JointQuery& query,
                                           std::uint32_t seed) {
-  std::unique_ptr<ob::Planner> planner = bare_planner(space, query.planner, seed);
+  std::unique_ptr<ob::Planner> planner = plain_planner(space, query.planner, seed);
   ob::ParamSet& known = planner->params();
   if (known.hasParam("range")) known.setParam("range", std::to_string(query.range));
   for (const auto& [name, value] : query.parameters) {

@@ -26,6 +26,13 @@ class PlannerTurn {
   std::unique_lock<std::shared_timed_mutex> alone_;
 };
 
+/// A planner with OMPL's own parameters; `seed` reaches the generators of RRTConnect alone.
+std::unique_ptr<ompl::base::Planner> plain_planner(const ompl::base::SpaceInformationPtr& space, PlannerKind kind,
+                                                   std::uint32_t seed);
+
+/// Throws std::invalid_argument for a start or goals of the wrong length, outside the limits or not finite.
+void require_vectors(const Scene& scene, const JointQuery& query);
+
 /// The planner of a query, its parameters set. Throws std::invalid_argument naming a parameter that it does not
 /// know, with those that it does, or a value that it refuses.
 std::unique_ptr<ompl::base::Planner> make_planner(const ompl::base::SpaceInformationPtr& space, const JointQuery& query,

@@ -1,6 +1,6 @@
 use crate::{
-    analyze::AnalyzeArgs, bench, demo::DemoArgs, doctor, emg::EmgCommand, model::ModelCommand, query,
-    query::QueryOptions, replay::ReplayArgs, serve::ServeArgs,
+    analyze::AnalyzeArgs, bench, bench_planning::PlanningBench, demo::DemoArgs, doctor, emg::EmgCommand,
+    model::ModelCommand, query, query::QueryOptions, replay::ReplayArgs, serve::ServeArgs,
 };
 use clap::{Args, Parser, Subcommand};
 use std::{
@@ -95,6 +95,12 @@ struct BenchArgs {
     /// One JSON object on standard output
     #[arg(long)]
     json: bool,
+    /// Problems of the stage planning [default: 1000]
+    #[arg(long, value_name = "N")]
+    problems: Option<usize>,
+    /// Find out which problems of the stage planning are out of reach, by searches of so many seconds (30)
+    #[arg(long, value_name = "SECONDS")]
+    settle: Option<f64>,
 }
 
 /// Parses the command line and runs it. The exit code is 0 only on success.
@@ -127,7 +133,10 @@ fn run(command: Command) -> Result<bool, Box<dyn Error>> {
                 "emg" => crate::bench_emg::emg()?,
                 "kinematics" => bench::kinematics()?,
                 "dynamics" => crate::bench_dynamics::dynamics()?,
-                "planning" => crate::bench_planning::planning(PLANNING_PROBLEMS)?,
+                "planning" => {
+                    let problems = args.problems.unwrap_or(PLANNING_PROBLEMS);
+                    crate::bench_planning::planning(PlanningBench::held_out(problems, args.settle))?
+                }
                 "chain" => crate::bench_chain::chain(CHAIN_TICKS)?,
                 _ => crate::bench_start::start()?,
             };

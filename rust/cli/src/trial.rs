@@ -5,7 +5,7 @@ use proact_dynamics::{DynamicsOptions, OdePlant};
 use proact_emg::{Classifier, EmgModel};
 use proact_kinematics::Kinematics;
 use proact_participants::{JoggingParticipant, Participant, ParticipantOptions, SelectingParticipant};
-use proact_planning::{ArmPlanner, PlanWorker, PlannerOptions};
+use proact_planning::{ArmPlanner, Person, PlanLog, PlanWorker, PlannerOptions};
 use proact_tasks::BoxAndBlocks;
 use proact_testbed::{
     ConfigError, LoggedPlans, MethodName, Parts, Session, SessionParts, Testbed, TestbedError, TrialConfig,
@@ -49,6 +49,8 @@ pub struct Assembly {
     pub classifier: Option<Classifier>,
     /// The arm.
     pub model: Arc<ArmModel>,
+    /// What its plans took.
+    pub plans: PlanLog,
 }
 
 /// A trial with a simulated participant whose gestures come through `emg`.
@@ -86,15 +88,16 @@ pub fn simulated_with(
         MethodName::C | MethodName::D => Box::new(SelectingParticipant::new(options, body, scene, seed)),
     };
     let gaze = GazeSource::new(GAZE_ERROR_DEG, config.seed)?;
-    let plans = planner(&model)?;
-    let testbed = testbed(config, &model, plans, Some(classifier.clone()))?;
+    let worker = planner(&model, &config)?;
+    let plans = worker.log();
+    let testbed = testbed(config, &model, Box::new(worker), Some(classifier.clone()))?;
     let session = Session::new(SessionParts {
         testbed,
         participant: Some(participant),
         emg: Some(Box::new(feed)),
         gaze: Some(Box::new(gaze)),
     });
-    Ok(Assembly { session, classifier: Some(classifier), model })
+    Ok(Assembly { session, classifier: Some(classifier), model, plans })
 }
 
 /// A trial that a person at the page drives: gestures from keys, gaze from the mouse.
@@ -106,10 +109,11 @@ pub fn live(mut config: TrialConfig) -> Result<Assembly, AssemblyError> {
     config.gesture_source = "keys".to_owned();
     config.wait_for_plans = false;
     let model = Arc::new(proact_description::mpl_right_arm());
-    let plans = planner(&model)?;
-    let testbed = testbed(config, &model, plans, None)?;
+    let worker = planner(&model, &config)?;
+    let plans = worker.log();
+    let testbed = testbed(config, &model, Box::new(worker), None)?;
     let session = Session::new(SessionParts { testbed, participant: None, emg: None, gaze: None });
-    Ok(Assembly { session, classifier: None, model })
+    Ok(Assembly { session, classifier: None, model, plans })
 }
 
 /// A live testbed and the synthetic armband that goes with it, without a person; `around` wraps the physics.
@@ -161,11 +165,19 @@ pub fn replayed(config: TrialConfig, classifier: Option<Classifier>) -> Result<T
     testbed(config, &model, Box::new(LoggedPlans), classifier)
 }
 
-/// OMPL over FCL with KDL's inverse kinematics, in a thread of its own.
-fn planner(model: &Arc<ArmModel>) -> Result<Box<dyn PlanService>, AssemblyError> {
+/// Time within which a plan is there while a person waits, seconds: twice what the original gave one attempt.
+const LIVE_DEADLINE_SECS: f64 = 1.0;
+
+/// OMPL over FCL with KDL's inverse kinematics, in a thread of its own, around the person of the set-up. Bounded by
+/// iterations where the trial waits for its plans, and by the clock as well where a person does.
+pub(crate) fn planner(model: &Arc<ArmModel>, config: &TrialConfig) -> Result<PlanWorker, AssemblyError> {
     let kinematics = Kinematics::new(model)?;
-    let planner = ArmPlanner::new(model.clone(), Box::new(kinematics), PlannerOptions::default())?;
-    Ok(Box::new(PlanWorker::new(planner)))
+    let deadline_secs = (!config.wait_for_plans).then_some(LIVE_DEADLINE_SECS);
+    let options = PlannerOptions { deadline_secs, ..PlannerOptions::default() };
+    let planner = ArmPlanner::new(model.clone(), Box::new(kinematics), options)?;
+    // Who can lean sits; the still shoulder is that of somebody who stands.
+    let seated = config.setup.body.forward_max_deg > 0.0;
+    Ok(PlanWorker::new(planner).around(if seated { Person::SEATED } else { Person::STANDING }))
 }
 
 /// Physics with the arm at its start pose, an open hand, and the blocks of `scene`.

@@ -17,7 +17,7 @@ Pose pose_of(const std::array<double, 7>& row) {
 
 PlacedShape placed_of(const ShapeRow& row) {
   constexpr std::array<ShapeKind, 4> kinds{ShapeKind::box, ShapeKind::sphere, ShapeKind::cylinder, ShapeKind::capsule};
-  return {{kinds.at(row.kind), row.size}, pose_of(row.pose)};
+  return {{kinds.at(row.kind), row.size, nullptr}, pose_of(row.pose)};
 }
 
 Resolution resolution_of(const SearchRow& search) {
@@ -34,10 +34,28 @@ JointQuery query_of(const SearchRow& search) {
   }
   query.seed = search.seed;
   query.max_iterations = search.max_iterations;
+  query.max_seconds = search.max_seconds;
+  query.more_searches = search.more_searches;
   query.range = search.range;
   query.shortcuts = search.shortcuts;
   query.resolution = resolution_of(search);
   return query;
+}
+
+std::vector<std::vector<double>> rows_of(rust::Slice<const double> flat, std::size_t joints) {
+  std::vector<std::vector<double>> rows;
+  for (const double* row = flat.data(); row != flat.data() + flat.size(); row += joints) {
+    rows.emplace_back(row, row + joints);
+  }
+  return rows;
+}
+
+rust::Vec<double> flat(const std::vector<std::vector<double>>& rows) {
+  rust::Vec<double> all;
+  for (const auto& row : rows) {
+    for (const double value : row) all.push_back(value);
+  }
+  return all;
 }
 
 }  // namespace
@@ -107,18 +125,23 @@ bool motion_is_free(Scene& scene, rust::Slice<const double> a, rust::Slice<const
 
 PlanRow plan_joint(Scene& scene, rust::Slice<const double> start, rust::Slice<const double> goals,
                    const SearchRow& search, const CancelFlag& cancel) {
-  const auto joints = static_cast<std::ptrdiff_t>(scene.joint_count());
   JointQuery query = query_of(search);
   query.start.assign(start.begin(), start.end());
-  for (const double* goal = goals.data(); goal != goals.data() + goals.size(); goal += joints) {
-    query.goals.emplace_back(goal, goal + joints);
-  }
+  query.goals = rows_of(goals, scene.joint_count());
   const JointPlan plan = plan_joint(scene, query, cancel);
-  PlanRow row{static_cast<std::uint8_t>(plan.status), plan.goal, {}};
-  for (const auto& point : plan.path) {
-    for (const double angle : point) row.path.push_back(angle);
-  }
-  return row;
+  return {static_cast<std::uint8_t>(plan.status), plan.goal, flat(plan.path), plan.iterations, plan.state_checks,
+          plan.seconds, plan.timed_out};
+}
+
+PlainRow search_plainly(const Scene& scene, rust::Slice<const double> start, rust::Slice<const double> goals,
+                        const SearchRow& search) {
+  PlainSettings settings;
+  const JointQuery query = query_of(search);
+  settings.planner = query.planner;
+  settings.seconds = query.max_seconds;
+  const PlainPlan plan = search_plainly(scene, {start.begin(), start.end()}, rows_of(goals, scene.joint_count()),
+                                        settings, query.seed);
+  return {flat(plan.path), plan.search_secs, plan.simplify_secs};
 }
 
 void check_planner(const SearchRow& search) { check_planner(query_of(search)); }

@@ -1,7 +1,7 @@
 // What cxx sees: slices and rows in and out over the plain core.
 #pragma once
 
-#include "proact/planning/joint_planner.hpp"
+#include "proact/planning/plain_search.hpp"
 #include "rust/cxx.h"
 
 #include <array>
@@ -14,6 +14,7 @@ struct JointRow;
 struct ContactRow;
 struct SearchRow;
 struct PlanRow;
+struct PlainRow;
 
 std::unique_ptr<Arm> new_arm();
 void add_link(Arm& arm, rust::Str name, rust::Slice<const ShapeRow> shapes);
@@ -35,6 +36,8 @@ bool is_free(Scene& scene, rust::Slice<const double> q);
 bool motion_is_free(Scene& scene, rust::Slice<const double> a, rust::Slice<const double> b, const SearchRow& search);
 PlanRow plan_joint(Scene& scene, rust::Slice<const double> start, rust::Slice<const double> goals,
                    const SearchRow& search, const CancelFlag& cancel);
+PlainRow search_plainly(const Scene& scene, rust::Slice<const double> start, rust::Slice<const double> goals,
+                        const SearchRow& search);
 void check_planner(const SearchRow& search);
 
 std::shared_ptr<CancelFlag> new_cancel_flag();

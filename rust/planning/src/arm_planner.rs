@@ -1,28 +1,40 @@
 //! From a request to a reply: the start is left, ways to the goal are found, a search connects the two.
 
+use crate::chain::Chain;
+use crate::effort::{PlanEffort, PlanStage, StageCell};
 use crate::error::check;
 use crate::reach::Limits;
 use crate::timing::{Curve, GRID, MotionLimits, averaged};
 use crate::ways::Way;
-use crate::{CancelFlag, CollisionScene, PlannerOptions, PlanningError, SearchLimits, SearchOutcome};
+use crate::{
+    CancelFlag, CollisionScene, PlannerOptions, PlanningError, SearchEffort, SearchLimits, SearchOutcome,
+};
 use proact_control::ports::ArmKinematics;
 use proact_types::{
     ArmModel, AttachedObject, Obstacle, PlanGoal, PlanReply, PlanRequest, PlanStatus, Pose, Trajectory,
     TrajectoryPoint, Vector,
 };
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 /// Plans motions of one arm: what it holds depends on nothing but the model and the options, so equal requests
 /// get equal replies, bit for bit, whatever was asked before and whatever other threads do.
 pub struct ArmPlanner {
     pub(crate) model: Arc<ArmModel>,
     pub(crate) kinematics: Box<dyn ArmKinematics + Send>,
+    pub(crate) chain: Chain,
     pub(crate) scene: CollisionScene,
     pub(crate) limits: Limits,
     pub(crate) options: PlannerOptions,
     pub(crate) cancel: CancelFlag,
     /// Room kept in transit by the present attempt, metres.
     transit_padding: f64,
+    /// Batches of postures from which the present attempt may seek ways to the goal.
+    pub(crate) batches: usize,
+    /// When the present request must have been answered.
+    deadline: Option<Instant>,
+    stage: StageCell,
+    effort: PlanEffort,
     motion_limits: MotionLimits,
 }
 
@@ -85,6 +97,9 @@ pub(crate) enum Room {
 
 /// Largest overshoot of a joint limit at the start that is taken for noise of the measurement, rad.
 const LIMIT_SLACK: f64 = 0.05;
+/// Batches of postures from which ways to the goal are sought with the usual room, and with the narrower one.
+const FEW_BATCHES: usize = 5;
+const MANY_BATCHES: usize = 25;
 /// Finest half step between checked states, metres.
 const SMALLEST_HALF_STEP: f64 = 0.001;
 /// Distances of the control points of the smoothed path that are tried, rad. The curve cuts a corner by at most
@@ -98,7 +113,7 @@ impl ArmPlanner {
     /// Options that make no sense, a model that the scene refuses, kinematics with another number of joints.
     pub fn new(
         model: Arc<ArmModel>,
-        kinematics: Box<dyn ArmKinematics + Send>,
+        mut kinematics: Box<dyn ArmKinematics + Send>,
         options: PlannerOptions,
     ) -> Result<Self, PlanningError> {
         options.validate()?;
@@ -110,6 +125,7 @@ impl ArmPlanner {
                 expected: model.arm.len(),
             });
         }
+        let chain = Chain::new(&model, &mut *kinematics)?;
         let arm = || model.arm.iter().map(|&j| &model.joints[j].limits);
         let limits =
             Limits { lower: arm().map(|l| l.lower).collect(), upper: arm().map(|l| l.upper).collect() };
@@ -123,7 +139,21 @@ impl ArmPlanner {
         };
         let transit_padding = options.padding;
         let cancel = CancelFlag::new();
-        Ok(Self { model, kinematics, scene, limits, options, cancel, transit_padding, motion_limits })
+        Ok(Self {
+            model,
+            kinematics,
+            chain,
+            scene,
+            limits,
+            options,
+            cancel,
+            transit_padding,
+            motion_limits,
+            batches: FEW_BATCHES,
+            deadline: None,
+            stage: StageCell::default(),
+            effort: PlanEffort::default(),
+        })
     }
 
     /// The arm that is planned for.
@@ -159,8 +189,47 @@ impl ArmPlanner {
         self.scene.collisions(q)
     }
 
+    /// What the planner is doing, for another thread to look at.
+    pub(crate) fn stage(&self) -> StageCell {
+        self.stage.clone()
+    }
+
+    /// What the last [`ArmPlanner::solve`] took.
+    pub fn effort(&self) -> &PlanEffort {
+        &self.effort
+    }
+
+    /// Goes on unless a cancel or the deadline says otherwise.
+    pub(crate) fn go_on(&self) -> Result<(), Failure> {
+        if self.cancel.is_raised() {
+            return Err(cancelled());
+        }
+        if self.deadline.is_some_and(|deadline| Instant::now() >= deadline) {
+            return Err(out_of_time());
+        }
+        Ok(())
+    }
+
     /// Answers `request`. Never fails otherwise than by the status of the reply.
     pub fn solve(&mut self, request: &PlanRequest) -> PlanReply {
+        let begin = Instant::now();
+        self.deadline = self.options.deadline_secs.map(|secs| begin + Duration::from_secs_f64(secs));
+        self.scene.effort = SearchEffort::default();
+        let reply = self.reply(request);
+        self.stage.set(PlanStage::Idle);
+        let timed_out = self.deadline.is_some_and(|deadline| Instant::now() >= deadline);
+        self.effort = PlanEffort {
+            request: request.id,
+            status: reply.status,
+            iterations: self.scene.effort.iterations,
+            state_checks: self.scene.effort.state_checks,
+            wall_secs: begin.elapsed().as_secs_f64(),
+            timed_out: timed_out || self.scene.effort.timed_out,
+        };
+        reply
+    }
+
+    fn reply(&mut self, request: &PlanRequest) -> PlanReply {
         let (status, trajectory, reason) = match self.solve_inner(request) {
             Ok((path, None)) => (PlanStatus::Ok, path, String::new()),
             Ok((path, Some(reason))) => (PlanStatus::Intermediate, path, reason),
@@ -174,12 +243,14 @@ impl ArmPlanner {
         // Where the usual room is not to be had, a narrower way, looked at more finely, is better than none.
         let [wide, narrow] = [self.options.padding, self.options.contact_padding.min(self.options.padding)];
         self.transit_padding = wide;
+        self.batches = FEW_BATCHES;
         let setback = match self.solve_with_room(&problem) {
             Ok(plan) => return Ok(plan),
             Err(setback) => setback,
         };
         if narrow < wide && could_do_with_less_room(setback.failure.status) {
             self.transit_padding = narrow;
+            self.batches = MANY_BATCHES;
             match self.solve_with_room(&problem) {
                 Ok(plan) => return Ok(plan),
                 Err(other) if other.failure.status == PlanStatus::Cancelled => return Err(other.failure),
@@ -197,7 +268,9 @@ impl ArmPlanner {
     }
 
     fn solve_with_room(&mut self, problem: &Problem) -> Result<(Trajectory, Option<String>), Setback> {
+        self.stage.set(PlanStage::Leaving);
         let mut path = self.leave(problem)?;
+        self.stage.set(PlanStage::SeekingGoals);
         let left = path.len() - 1;
         let from = path[left].clone();
         let (found, shortfall) = match self.way_on(problem, &from) {
@@ -209,9 +282,8 @@ impl ArmPlanner {
         };
         let entered = left + found.entry;
         path.extend(found.points.into_iter().skip(1));
-        if self.cancel.is_raised() {
-            return Err(cancelled().into());
-        }
+        self.go_on()?;
+        self.stage.set(PlanStage::Smoothing);
         Ok((self.timed(&path, left, entered)?, shortfall))
     }
 
@@ -305,7 +377,12 @@ impl ArmPlanner {
     ) -> Result<Connection, Failure> {
         self.set_room(Room::Transit)?;
         let goals: Vec<Vec<f64>> = ways.iter().map(|w| w.points[0].clone()).collect();
+        self.stage.set(PlanStage::Searching);
         let mut limits: SearchLimits = self.options.search;
+        if let Some(deadline) = self.deadline {
+            let left = deadline.saturating_duration_since(Instant::now()).as_secs_f64().max(1e-3);
+            limits.max_secs = Some(limits.max_secs.map_or(left, |secs| secs.min(left)));
+        }
         // What hides between two checked states must not be deeper than the padding.
         limits.step_metres = limits.step_metres.min(2.0 * self.transit_padding.max(SMALLEST_HALF_STEP));
         let seed = problem.request.seed;
@@ -316,6 +393,7 @@ impl ArmPlanner {
                 points.extend(ways[goal].points.iter().skip(1).cloned());
                 Ok(Connection { points, entry })
             }
+            SearchOutcome::NoPlan if self.scene.effort.timed_out => Err(out_of_time()),
             SearchOutcome::NoPlan => Err(Failure::new(
                 PlanStatus::NoPlan,
                 format!("No way to the goal was found in {} iterations.", limits.max_iterations),
@@ -394,6 +472,10 @@ impl ArmPlanner {
 
 fn could_do_with_less_room(status: PlanStatus) -> bool {
     matches!(status, PlanStatus::StartInCollision | PlanStatus::GoalInCollision | PlanStatus::NoPlan)
+}
+
+fn out_of_time() -> Failure {
+    Failure::new(PlanStatus::NoPlan, "No way to the goal was found in time.")
 }
 
 /// The reply's words for a cancel.

@@ -34,6 +34,8 @@ pub(crate) mod ffi {
         parameters: Vec<String>,
         equal_steps: f64,
         max_iterations: u32,
+        max_seconds: f64,
+        more_searches: u32,
         range: f64,
         shortcuts: u32,
         step_radians: f64,
@@ -46,6 +48,17 @@ pub(crate) mod ffi {
         status: u8,
         goal: usize,
         path: Vec<f64>,
+        iterations: u64,
+        state_checks: u64,
+        seconds: f64,
+        timed_out: bool,
+    }
+
+    /// A plain program's path, and seconds of its search and its simplification.
+    struct PlainRow {
+        path: Vec<f64>,
+        search_secs: f64,
+        simplify_secs: f64,
     }
 
     unsafe extern "C++" {
@@ -78,6 +91,13 @@ pub(crate) mod ffi {
             search: &SearchRow,
             cancel: &CancelFlag,
         ) -> Result<PlanRow>;
+
+        fn search_plainly(
+            scene: &Scene,
+            start: &[f64],
+            goals: &[f64],
+            search: &SearchRow,
+        ) -> Result<PlainRow>;
 
         fn check_planner(search: &SearchRow) -> Result<()>;
 

@@ -1,6 +1,6 @@
 //! When the goal is out of reach: the farthest useful point on the way to it.
 
-use crate::arm_planner::{ArmPlanner, Connection, Failure, Problem, Room, cancelled};
+use crate::arm_planner::{ArmPlanner, Connection, Failure, Problem, Room};
 use crate::reach::{self, Reach};
 use crate::ways::{Way, same, sorted};
 use proact_control::ports::IkOutcome;
@@ -22,7 +22,7 @@ impl ArmPlanner {
     ) -> Result<Connection, Failure> {
         let none = || Failure::new(PlanStatus::Unreachable, "No useful point on the way can be reached.");
         let here = self.kinematics.forward(from).map_err(crate::PlanningError::from)?;
-        let postures = self.postures(problem, from, self.options.postures);
+        let postures = self.postures(problem, from, self.options.postures + 1);
         let (point, goal) = match &problem.request.goal {
             PlanGoal::Joints { .. } => return Err(none()),
             PlanGoal::TipPose { pose } => {
@@ -57,10 +57,8 @@ impl ArmPlanner {
             for (axis, off) in axes.iter().take(ORIENTATIONS) {
                 let reach = Reach { point, axis: *axis, target, direction: problem.up, orientation: None };
                 for posture in &postures {
-                    if self.cancel.is_raised() {
-                        return Err(cancelled());
-                    }
-                    let found = reach::solve(&mut *self.kinematics, &self.limits, &reach, posture)?;
+                    self.go_on()?;
+                    let found = reach::solve(&mut self.chain, &self.limits, &reach, posture);
                     let Some(q) = found else { continue };
                     if !ways.iter().any(|w| same(&w.points[0], &q)) && self.scene.is_free(&q)? {
                         ways.push(Way { cost: self.cost(from, &q, *off), points: vec![q] });
@@ -96,9 +94,7 @@ impl ArmPlanner {
             let mut ways: Vec<Way> = Vec::new();
             self.set_room(Room::Transit)?;
             for posture in postures {
-                if self.cancel.is_raised() {
-                    return Err(cancelled());
-                }
+                self.go_on()?;
                 let found = self.kinematics.inverse(&pose, posture).map_err(crate::PlanningError::from)?;
                 let IkOutcome::Solved(q) = found else { continue };
                 let q = q.to_vec();

@@ -1,7 +1,7 @@
 //! Off the start: what the hand is around or touches is left by a straight way before any search begins.
 
 use crate::PlanningError;
-use crate::arm_planner::{ArmPlanner, Failure, Problem, Room, cancelled};
+use crate::arm_planner::{ArmPlanner, Failure, Problem, Room};
 use crate::reach::{self, Reach};
 use nalgebra::Unit;
 use proact_types::{Obstacle, PlanGoal, PlanStatus, Point, Pose, Shape, Vector};
@@ -73,7 +73,7 @@ impl ArmPlanner {
                 orientation: None,
             };
             let along = direction * wanted.max(LONGEST_LEAVE);
-            let line = reach::line(&mut *self.kinematics, &self.limits, &reach, &along, &problem.start)?;
+            let line = reach::line(&mut self.chain, &self.limits, &reach, &along, &problem.start);
             let (free, covered) = self.clear_part(&line, &grazes, wanted)?;
             let better = best.as_ref().is_none_or(|b| free.len() > b.len());
             if !free.is_empty() && better {
@@ -109,9 +109,7 @@ impl ArmPlanner {
         let mut clear_at = None;
         let enough = reach::line_steps(wanted.max(LONGEST_LEAVE)) as f64 * wanted / wanted.max(LONGEST_LEAVE);
         for (k, q) in line.iter().enumerate() {
-            if self.cancel.is_raised() {
-                return Err(cancelled());
-            }
+            self.go_on()?;
             // Nothing new is touched, and what is touched is not pressed into.
             self.scene.set_padding(0.0)?;
             let known =

@@ -18,6 +18,8 @@
 
 mod arm_planner;
 mod bridge;
+mod chain;
+mod effort;
 mod error;
 mod intermediate;
 mod leave;
@@ -31,9 +33,10 @@ mod ways;
 mod worker;
 
 pub use arm_planner::ArmPlanner;
+pub use effort::{PlanEffort, PlanStage};
 pub use error::PlanningError;
 pub use options::PlannerOptions;
 pub use person::{Person, person_obstacles};
 pub use planner_name::PlannerName;
-pub use scene::{CancelFlag, CollisionScene, SearchLimits, SearchOutcome};
-pub use worker::PlanWorker;
+pub use scene::{CancelFlag, CollisionScene, PlainOutcome, SearchEffort, SearchLimits, SearchOutcome};
+pub use worker::{PlanLog, PlanWorker};

@@ -46,6 +46,8 @@ pub struct PlannerOptions {
     pub planner_parameters: Vec<(String, String)>,
     /// Bounds of one search in joint space.
     pub search: SearchLimits,
+    /// Time by which a request is answered, seconds, for live use; none for repeatable replies.
+    pub deadline_secs: Option<f64>,
 }
 
 impl Default for PlannerOptions {
@@ -71,6 +73,7 @@ impl Default for PlannerOptions {
             planner: PlannerName::default(),
             planner_parameters: Vec::new(),
             search: SearchLimits::default(),
+            deadline_secs: None,
         }
     }
 }
@@ -80,6 +83,8 @@ impl Default for SearchLimits {
     fn default() -> Self {
         Self {
             max_iterations: 2000,
+            max_secs: None,
+            more_searches: 0,
             range_rad: 0.8,
             shortcuts: 40,
             step_rad: 0.02,
@@ -115,6 +120,13 @@ impl PlannerOptions {
             ("place_tilt", self.place_tilt),
         ];
         let refused = |name, value, expected| Err(PlanningError::Option { name, value, expected });
+        for (name, bound) in
+            [("deadline_secs", self.deadline_secs), ("search.max_secs", self.search.max_secs)]
+        {
+            if let Some(value) = bound.filter(|secs| !(1e-3..=3600.0).contains(secs)) {
+                return refused(name, value, "0.001 to 3600 s, or none");
+            }
+        }
         if self.max_jerk.is_nan() || self.max_jerk <= 0.0 {
             return refused("max_jerk", self.max_jerk, "a number above zero, or infinity");
         }

@@ -5,10 +5,10 @@
 //!
 //! Letters: p the point, a the axis, t their targets; all in the base frame.
 
-use crate::PlanningError;
-use nalgebra::{DMatrix, Matrix6, UnitQuaternion, Vector6};
-use proact_control::ports::ArmKinematics;
-use proact_types::{Point, Vector};
+use crate::chain::Chain;
+use arrayvec::ArrayVec;
+use nalgebra::{Matrix3, Matrix6, Rotation3, Vector6};
+use proact_types::{MAX_JOINTS, Point, Vector};
 
 /// What the hand should do: a point of it is brought to `target` while an axis of it points along `direction`.
 #[derive(Clone, Copy, Debug)]
@@ -22,7 +22,7 @@ pub(crate) struct Reach {
     /// Where the axis should point, unit vector, base frame.
     pub direction: Vector,
     /// The whole orientation of the tip, base frame, where the turn about the axis is not free.
-    pub orientation: Option<UnitQuaternion<f64>>,
+    pub orientation: Option<Matrix3<f64>>,
 }
 
 /// Joint limits of the arm, rad.
@@ -40,6 +40,9 @@ const AXIS_TOLERANCE: f64 = 2e-4;
 const AXIS_WEIGHT: f64 = 0.15;
 /// Newton's method converges in fewer than ten steps where it converges at all; limits cost a few more.
 const MAX_ITERATIONS: usize = 40;
+/// Iterations after which the error must have fallen to this share; otherwise the search is given up.
+const PATIENCE: usize = 6;
+const STALLED: f64 = 0.7;
 /// Longest step of any joint, rad: beyond it the linear model is worthless.
 const MAX_STEP: f64 = 0.35;
 
@@ -65,36 +68,49 @@ impl Limits {
 /// Arm angles within the limits that do what `reach` asks, near `seed`; none if the search does not arrive.
 ///
 /// Damped least squares (Nakamura and Hanafusa, 1986) with joints frozen at the limits that they push against.
-pub(crate) fn solve(
-    kinematics: &mut dyn ArmKinematics,
-    limits: &Limits,
-    reach: &Reach,
-    seed: &[f64],
-) -> Result<Option<Vec<f64>>, PlanningError> {
+pub(crate) fn solve(chain: &mut Chain, limits: &Limits, reach: &Reach, seed: &[f64]) -> Option<Vec<f64>> {
     let mut q = limits.clamp(seed);
-    for _ in 0..MAX_ITERATIONS {
-        let base_from_tip = kinematics.forward(&q)?;
-        let arm_to_point = base_from_tip.rotation * reach.point.coords;
-        let p = base_from_tip.translation.vector + arm_to_point;
-        let a = base_from_tip.rotation * reach.axis;
+    let mut marked = f64::INFINITY;
+    for iteration in 0..MAX_ITERATIONS {
+        let (rotation, position) = chain.forward(&q);
+        let p = position + rotation * reach.point.coords;
         let off = reach.target.coords - p;
         let turn = match reach.orientation {
-            Some(orientation) => (orientation * base_from_tip.rotation.inverse()).scaled_axis(),
-            None => turn_onto(&a, &reach.direction),
+            Some(orientation) => {
+                Rotation3::from_matrix_unchecked(orientation * rotation.transpose()).scaled_axis()
+            }
+            None => turn_onto(&(rotation * reach.axis), &reach.direction),
         };
         if off.norm() < POSITION_TOLERANCE && turn.norm() < AXIS_TOLERANCE {
-            return Ok(Some(q));
+            return Some(q);
         }
-        let jacobian = kinematics.jacobian(&q)?;
-        let free_axis = if reach.orientation.is_some() { Vector::zeros() } else { reach.direction };
-        let task = task_jacobian(&jacobian, &arm_to_point, &free_axis);
         let mut error = Vector6::zeros();
         error.fixed_rows_mut::<3>(0).copy_from(&off);
         error.fixed_rows_mut::<3>(3).copy_from(&(AXIS_WEIGHT * turn));
+        // Pushing against its limits the arm creeps; another posture gets there sooner.
+        if iteration % PATIENCE == PATIENCE - 1 {
+            if error.norm() > STALLED * marked {
+                return None;
+            }
+            marked = error.norm();
+        }
+        let free_axis = if reach.orientation.is_some() { Vector::zeros() } else { reach.direction };
+        let task: Task = (0..q.len())
+            .map(|k| {
+                let mut column = chain.column(k, &p);
+                let w: Vector = column.fixed_rows::<3>(3).into();
+                let counted = AXIS_WEIGHT * (w - free_axis * free_axis.dot(&w));
+                column.fixed_rows_mut::<3>(3).copy_from(&counted);
+                column
+            })
+            .collect();
         step(&mut q, limits, &task, &error);
     }
-    Ok(None)
+    None
 }
+
+/// One column a joint: motion of the point, then turning, but for that about a free axis, weighted.
+type Task = ArrayVec<Vector6<f64>, MAX_JOINTS>;
 
 /// Rotation vector that turns the unit vector `a` onto the unit vector `t` the short way.
 fn turn_onto(a: &Vector, t: &Vector) -> Vector {
@@ -111,34 +127,20 @@ fn turn_onto(a: &Vector, t: &Vector) -> Vector {
     }
 }
 
-/// Rows 0 to 2: motion of the point; rows 3 to 5: turning, but for that about `free_axis`, weighted.
-/// `[6][joints]`.
-fn task_jacobian(jacobian: &DMatrix<f64>, arm_to_point: &Vector, free_axis: &Vector) -> DMatrix<f64> {
-    let mut task = jacobian.clone();
-    for k in 0..jacobian.ncols() {
-        let v: Vector = jacobian.fixed_view::<3, 1>(0, k).into();
-        let w: Vector = jacobian.fixed_view::<3, 1>(3, k).into();
-        task.fixed_view_mut::<3, 1>(0, k).copy_from(&(v + w.cross(arm_to_point)));
-        task.fixed_view_mut::<3, 1>(3, k).copy_from(&(AXIS_WEIGHT * (w - free_axis * free_axis.dot(&w))));
-    }
-    task
-}
-
 /// One damped step; joints that would leave their limits are frozen and the rest solved again.
-fn step(q: &mut [f64], limits: &Limits, task: &DMatrix<f64>, error: &Vector6<f64>) {
+fn step(q: &mut [f64], limits: &Limits, task: &[Vector6<f64>], error: &Vector6<f64>) {
     // Far from the target the linear model is poor, near it damping only slows the end.
     let damping = 1e-7 + 0.02 * error.norm_squared();
-    let mut frozen = vec![false; q.len()];
+    let mut frozen = [false; MAX_JOINTS];
     for _ in 0..q.len() {
         let mut normal = Matrix6::identity() * damping;
         for k in (0..q.len()).filter(|k| !frozen[*k]) {
-            let column: Vector6<f64> = task.column(k).into_owned().fixed_rows::<6>(0).into();
-            normal.ger(1.0, &column, &column, 1.0);
+            normal.ger(1.0, &task[k], &task[k], 1.0);
         }
         let Some(cholesky) = normal.cholesky() else { return };
         let y = cholesky.solve(error);
-        let mut dq: Vec<f64> =
-            (0..q.len()).map(|k| if frozen[k] { 0.0 } else { task.column(k).dot(&y) }).collect();
+        let mut dq: ArrayVec<f64, MAX_JOINTS> =
+            (0..q.len()).map(|k| if frozen[k] { 0.0 } else { task[k].dot(&y) }).collect();
         let longest = dq.iter().fold(0.0_f64, |m, d| m.max(d.abs()));
         if longest > MAX_STEP {
             dq.iter_mut().for_each(|d| *d *= MAX_STEP / longest);
@@ -167,31 +169,31 @@ const LINE_JUMP: f64 = 0.25;
 /// must already do what `reach` asks. The hand keeps its whole orientation as long as the arm can, then only its
 /// axis. Ends where the arm cannot follow: the share covered is `points.len() - 1` of [`line_steps`].
 pub(crate) fn line(
-    kinematics: &mut dyn ArmKinematics,
+    chain: &mut Chain,
     limits: &Limits,
     reach: &Reach,
     along: &Vector,
     start: &[f64],
-) -> Result<Vec<Vec<f64>>, PlanningError> {
+) -> Vec<Vec<f64>> {
     let steps = line_steps(along.norm());
     let mut points = vec![start.to_vec()];
-    let mut orientation = Some(kinematics.forward(start)?.rotation);
+    let mut orientation = Some(chain.forward(start).0);
     for k in 1..=steps {
         let target = reach.target + along * (k as f64 / steps as f64);
         let from = &points[points.len() - 1];
         let near = |q: &Vec<f64>| q.iter().zip(from).all(|(a, b)| (a - b).abs() < LINE_JUMP);
         let mut next = None;
         if orientation.is_some() {
-            next = solve(kinematics, limits, &Reach { target, orientation, ..*reach }, from)?.filter(near);
+            next = solve(chain, limits, &Reach { target, orientation, ..*reach }, from).filter(near);
         }
         if next.is_none() {
             orientation = None;
-            next = solve(kinematics, limits, &Reach { target, orientation, ..*reach }, from)?.filter(near);
+            next = solve(chain, limits, &Reach { target, orientation, ..*reach }, from).filter(near);
         }
         let Some(q) = next else { break };
         points.push(q);
     }
-    Ok(points)
+    points
 }
 
 /// Number of steps on a straight way of `length` metres.

@@ -4,6 +4,7 @@ use crate::PlannerName;
 use crate::bridge::ffi;
 use crate::error::{PlanningError, check};
 use proact_types::{ArmModel, AttachedObject, JointKind, Obstacle, Pose, Shape};
+use serde::Serialize;
 
 /// Ends a running search from another thread.
 #[derive(Clone)]
@@ -54,6 +55,10 @@ impl std::fmt::Debug for CancelFlag {
 pub struct SearchLimits {
     /// Iterations of the planner.
     pub max_iterations: u32,
+    /// Seconds, beside the iterations. With it equal requests no longer get equal replies.
+    pub max_secs: Option<f64>,
+    /// Searches after the first that succeeded; the quickest of all paths is the outcome.
+    pub more_searches: u32,
     /// Longest motion added to a tree, rad (L2); for planners that grow trees.
     pub range_rad: f64,
     /// Attempts to shorten the path.
@@ -65,6 +70,19 @@ pub struct SearchLimits {
     /// Looks at motions in equal steps of this share of the joint space's extent instead, and simplifies paths to
     /// the end: what OMPL does by itself, as in the original. For comparison; it misses contacts.
     pub equal_steps: Option<f64>,
+}
+
+/// What searches in joint space took.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct SearchEffort {
+    /// Iterations of the planner.
+    pub iterations: u64,
+    /// States looked at.
+    pub state_checks: u64,
+    /// Seconds on the wall clock.
+    pub search_secs: f64,
+    /// True if the bound on the time ended one, so that another run may end otherwise.
+    pub timed_out: bool,
 }
 
 /// How a search in joint space ended.
@@ -92,6 +110,7 @@ pub enum SearchOutcome {
 /// Poses are in `world`, metres and radians. Links that keep still against each other during a plan (the links
 /// of the hand, and the base) are not compared with each other.
 pub struct CollisionScene {
+    pub(crate) effort: SearchEffort,
     inner: cxx::UniquePtr<ffi::Scene>,
     joint_count: usize,
     hand_count: usize,
@@ -131,7 +150,12 @@ impl CollisionScene {
             ffi::allow_pair(arm.pin_mut(), a, b)?;
         }
         let inner = ffi::new_scene(&arm)?;
-        Ok(Self { inner, joint_count: model.arm.len(), hand_count: model.hand.len() })
+        Ok(Self {
+            effort: SearchEffort::default(),
+            inner,
+            joint_count: model.arm.len(),
+            hand_count: model.hand.len(),
+        })
     }
 
     /// Number of arm joints.
@@ -299,6 +323,10 @@ impl CollisionScene {
         let flat: Vec<f64> = goals.iter().flatten().copied().collect();
         let search = search_row(planner, parameters, seed, limits);
         let row = ffi::plan_joint(self.inner.pin_mut(), start, &flat, &search, &cancel.0)?;
+        self.effort.iterations += row.iterations;
+        self.effort.state_checks += row.state_checks;
+        self.effort.search_secs += row.seconds;
+        self.effort.timed_out |= row.timed_out;
         match row.status {
             0 => Ok(SearchOutcome::Solved {
                 path: row.path.chunks_exact(self.joint_count).map(<[f64]>::to_vec).collect(),
@@ -311,6 +339,47 @@ impl CollisionScene {
             other => Err(PlanningError::Scene(format!("unknown plan status {other}"))),
         }
     }
+
+    /// The same search as a plain C++ program on OMPL and FCL does it with the original's settings: states
+    /// every 0.005 of the joint space's extent, FCL's dynamic trees. The peer of the benchmark; bounded by time and not
+    /// repeatable. Contacts allowed one by one are not known to it.
+    ///
+    /// # Errors
+    /// Wrong lengths, values that are not finite or outside the joint limits, no goal.
+    pub fn search_plainly(
+        &mut self,
+        start: &[f64],
+        goals: &[Vec<f64>],
+        planner: PlannerName,
+        max_secs: f64,
+        seed: u64,
+    ) -> Result<PlainOutcome, PlanningError> {
+        check("start", start, self.joint_count)?;
+        for goal in goals {
+            check("goal", goal, self.joint_count)?;
+        }
+        let flat: Vec<f64> = goals.iter().flatten().copied().collect();
+        let row = {
+            let limits = SearchLimits { max_secs: Some(max_secs), ..SearchLimits::default() };
+            ffi::search_plainly(&self.inner, start, &flat, &search_row(planner, &[], seed, &limits))?
+        };
+        Ok(PlainOutcome {
+            path: row.path.chunks_exact(self.joint_count).map(<[f64]>::to_vec).collect(),
+            search_secs: row.search_secs,
+            simplify_secs: row.simplify_secs,
+        })
+    }
+}
+
+/// What a plain program on OMPL and FCL found: [`CollisionScene::search_plainly`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlainOutcome {
+    /// Arm angles from start to goal; empty if none was found in time.
+    pub path: Vec<Vec<f64>>,
+    /// Seconds that the search took.
+    pub search_secs: f64,
+    /// Seconds that the simplification took.
+    pub simplify_secs: f64,
 }
 
 fn pose_row(pose: &Pose) -> [f64; 7] {
@@ -348,6 +417,8 @@ fn search_row(
         parameters: parameters.iter().flat_map(|(name, value)| [name.clone(), value.clone()]).collect(),
         equal_steps: limits.equal_steps.unwrap_or(0.0),
         max_iterations: limits.max_iterations,
+        max_seconds: limits.max_secs.unwrap_or(0.0),
+        more_searches: limits.more_searches,
         range: limits.range_rad,
         shortcuts: limits.shortcuts,
         step_radians: limits.step_rad,

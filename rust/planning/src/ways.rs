@@ -1,6 +1,6 @@
 //! Where a goal can be entered: arm angles above it and the straight way from there to it.
 
-use crate::arm_planner::{ArmPlanner, Failure, Problem, Room, cancelled};
+use crate::arm_planner::{ArmPlanner, Failure, Problem, Room};
 use crate::reach::{self, Reach};
 use proact_control::ports::IkOutcome;
 use proact_types::{AttachedObject, BlockId, PlanGoal, PlanStatus, Point, Pose, Shape, Vector};
@@ -25,36 +25,49 @@ struct Tally {
 
 /// Step between the rolls and leans that are tried, rad.
 const TILT_STEP: f64 = 0.175;
-/// How many times more postures are tried where the first few only led into collisions.
-const PERSISTENCE: usize = 6;
+/// Batches of postures after which a goal that no posture led to counts as out of reach.
+const TRIES_OUT_OF_REACH: usize = 5;
 /// Cost of a place at which the hand cannot open fully, rad.
 const CRAMPED: f64 = 1.0;
 /// Two arm postures closer than this in every joint are the same, rad.
 const SAME: f64 = 0.08;
 
 impl ArmPlanner {
-    /// Ways to the goal, best first.
+    /// Ways to the goal, best first: from a few postures at a time, until some lead to one.
     pub(crate) fn ways_to_goal(&mut self, problem: &Problem, from: &[f64]) -> Result<Vec<Way>, Failure> {
-        let all = self.postures(problem, from, self.options.postures * PERSISTENCE);
-        let few = &all[..=self.options.postures];
-        let ways = self.ways_from(problem, few);
-        match &ways {
-            // The arm may reach from other postures, or with an elbow that is out of the way.
-            Err(failure)
-                if matches!(failure.status, PlanStatus::GoalInCollision | PlanStatus::Unreachable) =>
-            {
-                self.ways_from(problem, &all)
+        let batch = self.options.postures + 1;
+        let all = self.postures(problem, from, batch * self.batches);
+        let mut first = None;
+        let mut reached = false;
+        for (number, postures) in all.chunks(batch).enumerate() {
+            match self.ways_from(problem, from, postures) {
+                // The arm may reach from other postures, or with an elbow that is out of the way.
+                Err(failure)
+                    if matches!(failure.status, PlanStatus::GoalInCollision | PlanStatus::Unreachable) =>
+                {
+                    reached |= failure.status == PlanStatus::GoalInCollision;
+                    first = first.or(Some(failure));
+                }
+                other => return other,
             }
-            _ => ways,
+            if !reached && number + 1 >= TRIES_OUT_OF_REACH {
+                break;
+            }
         }
+        Err(first.unwrap_or_else(|| Tally::default().failure("goal")))
     }
 
-    fn ways_from(&mut self, problem: &Problem, postures: &[Vec<f64>]) -> Result<Vec<Way>, Failure> {
+    fn ways_from(
+        &mut self,
+        problem: &Problem,
+        from: &[f64],
+        postures: &[Vec<f64>],
+    ) -> Result<Vec<Way>, Failure> {
         match &problem.request.goal {
-            PlanGoal::Pick { block, centre } => self.ways_to_pick(problem, *block, centre, postures),
-            PlanGoal::Place { point } => self.ways_to_place(problem, point, postures),
+            PlanGoal::Pick { block, centre } => self.ways_to_pick(problem, *block, centre, from, postures),
+            PlanGoal::Place { point } => self.ways_to_place(problem, point, from, postures),
             PlanGoal::Joints { q } => self.ways_to_joints(q),
-            PlanGoal::TipPose { pose } => self.ways_to_pose(problem, pose, postures),
+            PlanGoal::TipPose { pose } => self.ways_to_pose(problem, pose, from, postures),
         }
     }
 
@@ -63,7 +76,7 @@ impl ArmPlanner {
         let mut random = ChaCha8Rng::seed_from_u64(problem.request.seed);
         let mut unit = || (random.next_u64() >> 11) as f64 / (1_u64 << 53) as f64;
         let mut postures = vec![from.to_vec()];
-        for _ in 0..count {
+        while postures.len() < count {
             let draw = |(low, high): (&f64, &f64)| low + (high - low) * unit();
             postures.push(self.limits.lower.iter().zip(&self.limits.upper).map(draw).collect());
         }
@@ -75,32 +88,31 @@ impl ArmPlanner {
         problem: &Problem,
         block: BlockId,
         centre: &Point,
+        from: &[f64],
         postures: &[Vec<f64>],
     ) -> Result<Vec<Way>, Failure> {
         let target = problem.base_from_world * centre;
         let point = Point::from(self.model.grasp_centre);
         let mut tally = Tally::default();
         // A hand that clears the block on its way down is best; one whose fingers push it a little will do.
-        for fingers_may_touch in [false, true] {
-            let mut ways = Vec::new();
-            for (axis, off) in self.grasp_axes() {
-                let reach = Reach { point, axis, target, direction: problem.up, orientation: None };
-                self.add_ways(
-                    problem,
-                    &reach,
-                    off,
-                    postures,
-                    Entry::Pick { block, fingers_may_touch },
-                    &mut ways,
-                    &mut tally,
-                )?;
-                if ways.len() >= self.options.goals {
-                    break;
+        let (mut clear, mut pushing) = (Vec::new(), Vec::new());
+        for (axis, off) in self.grasp_axes() {
+            let reach = Reach { point, axis, target, direction: problem.up, orientation: None };
+            for end in self.ends(&reach, postures, &clear, &mut tally)? {
+                for (ways, fingers_may_touch) in [(&mut clear, false), (&mut pushing, true)] {
+                    let entry = Entry::Pick { block, fingers_may_touch };
+                    if self.add_way(problem, &reach, off, from, &end, entry, ways, &mut tally)? {
+                        break;
+                    }
                 }
             }
-            if !ways.is_empty() {
-                return Ok(sorted(ways));
+            if clear.len() >= self.options.goals {
+                break;
             }
+        }
+        let ways = if clear.is_empty() { pushing } else { clear };
+        if !ways.is_empty() {
+            return Ok(sorted(ways));
         }
         Err(tally.failure("block"))
     }
@@ -109,6 +121,7 @@ impl ArmPlanner {
         &mut self,
         problem: &Problem,
         point: &Point,
+        from: &[f64],
         postures: &[Vec<f64>],
     ) -> Result<Vec<Way>, Failure> {
         let Some(object) = &problem.request.attached else {
@@ -121,7 +134,7 @@ impl ArmPlanner {
         let mut first = None;
         for share in [0.0, 0.5, 1.0] {
             let nearer = point + homeward * (share * self.options.place_tolerance);
-            match self.ways_to_place_at(problem, &nearer, object, postures) {
+            match self.ways_to_place_at(problem, &nearer, object, from, postures) {
                 Err(failure) if failure.status == PlanStatus::Unreachable => first = first.or(Some(failure)),
                 other => return other,
             }
@@ -134,6 +147,7 @@ impl ArmPlanner {
         problem: &Problem,
         point: &Point,
         object: &AttachedObject,
+        from: &[f64],
         postures: &[Vec<f64>],
     ) -> Result<Vec<Way>, Failure> {
         let mut tally = Tally::default();
@@ -148,7 +162,9 @@ impl ArmPlanner {
                 direction: problem.up,
                 orientation: None,
             };
-            self.add_ways(problem, &reach, off, postures, Entry::Place, &mut ways, &mut tally)?;
+            for end in self.ends(&reach, postures, &ways, &mut tally)? {
+                self.add_way(problem, &reach, off, from, &end, Entry::Place, &mut ways, &mut tally)?;
+            }
             if ways.len() >= self.options.goals {
                 break;
             }
@@ -175,18 +191,30 @@ impl ArmPlanner {
         &mut self,
         problem: &Problem,
         pose: &Pose,
+        from: &[f64],
         postures: &[Vec<f64>],
     ) -> Result<Vec<Way>, Failure> {
         let base_from_tip = problem.base_from_world * pose;
         let mut tally = Tally::default();
         let mut ways: Vec<Way> = Vec::new();
         self.set_room(Room::Transit)?;
-        for posture in postures {
-            if self.cancel.is_raised() {
-                return Err(cancelled());
-            }
+        let reach = Reach {
+            point: Point::origin(),
+            axis: Vector::z(),
+            target: Point::from(base_from_tip.translation.vector),
+            direction: Vector::z(),
+            orientation: Some(base_from_tip.rotation.to_rotation_matrix().into_inner()),
+        };
+        for (index, posture) in postures.iter().enumerate() {
+            self.go_on()?;
+            // From the first posture KDL tries others too; that is as far as a pose out of reach is worth.
+            let seed = match reach::solve(&mut self.chain, &self.limits, &reach, posture) {
+                Some(near) => near,
+                None if index == 0 => posture.clone(),
+                None => continue,
+            };
             let outcome =
-                self.kinematics.inverse(&base_from_tip, posture).map_err(crate::PlanningError::from)?;
+                self.kinematics.inverse(&base_from_tip, &seed).map_err(crate::PlanningError::from)?;
             let IkOutcome::Solved(q) = outcome else { continue };
             tally.reached += 1;
             let q = q.to_vec();
@@ -196,7 +224,7 @@ impl ArmPlanner {
             match self.scene.collisions(&q)?.into_iter().next() {
                 Some(pair) => tally.hit = Some(pair),
                 None => {
-                    let cost = self.cost(&postures[0], &q, 0.0);
+                    let cost = self.cost(from, &q, 0.0);
                     ways.push(Way { points: vec![q], cost });
                 }
             }
@@ -204,41 +232,54 @@ impl ArmPlanner {
         if ways.is_empty() { Err(tally.failure("pose")) } else { Ok(sorted(ways)) }
     }
 
-    /// Tries `reach` from every posture and adds what is free to `ways`. `off` is the angle to the preferred
-    /// hand orientation, rad.
+    /// Arm angles that do what `reach` asks, found from `postures`, but for those that `ways` end at.
+    fn ends(
+        &mut self,
+        reach: &Reach,
+        postures: &[Vec<f64>],
+        ways: &[Way],
+        tally: &mut Tally,
+    ) -> Result<Vec<Vec<f64>>, Failure> {
+        let mut ends: Vec<Vec<f64>> = Vec::new();
+        for posture in postures {
+            self.go_on()?;
+            let Some(end) = reach::solve(&mut self.chain, &self.limits, reach, posture) else { continue };
+            tally.reached += 1;
+            let known = |w: &Way| same(&w.points[w.points.len() - 1], &end);
+            if !ways.iter().any(known) && !ends.iter().any(|e| same(e, &end)) {
+                ends.push(end);
+            }
+        }
+        Ok(ends)
+    }
+
+    /// Adds the straight way into `end` to `ways` if it is free. `off` is the angle to the preferred hand
+    /// orientation, rad; `from` are the arm angles from which the goal is sought.
     #[allow(clippy::too_many_arguments)]
-    fn add_ways(
+    fn add_way(
         &mut self,
         problem: &Problem,
         reach: &Reach,
         off: f64,
-        postures: &[Vec<f64>],
+        from: &[f64],
+        end: &[f64],
         entry: Entry,
         ways: &mut Vec<Way>,
         tally: &mut Tally,
-    ) -> Result<(), Failure> {
-        for posture in postures {
-            if self.cancel.is_raised() {
-                return Err(cancelled());
+    ) -> Result<bool, Failure> {
+        match self.way_down(problem, reach, end, &entry)? {
+            Ok(points) => {
+                let cramped =
+                    matches!(entry, Entry::Place) && !self.hand_is_free_after(problem, &entry, end)?;
+                let cost = self.cost(from, &points[0], off) + if cramped { CRAMPED } else { 0.0 };
+                ways.push(Way { points, cost });
+                Ok(true)
             }
-            let Some(end) = reach::solve(&mut *self.kinematics, &self.limits, reach, posture)? else {
-                continue;
-            };
-            tally.reached += 1;
-            if ways.iter().any(|w| same(&w.points[w.points.len() - 1], &end)) {
-                continue;
-            }
-            match self.way_down(problem, reach, &end, &entry)? {
-                Ok(points) => {
-                    let cramped = matches!(entry, Entry::Place)
-                        && self.hand_hits_after(problem, &entry, &end)?.is_some();
-                    let cost = self.cost(&postures[0], &points[0], off) + if cramped { CRAMPED } else { 0.0 };
-                    ways.push(Way { points, cost });
-                }
-                Err(hit) => tally.hit = hit.or(tally.hit.take()),
+            Err(hit) => {
+                tally.hit = hit.or(tally.hit.take());
+                Ok(false)
             }
         }
-        Ok(())
     }
 
     /// The straight way down to `end`, from its top to `end`, if it is free; otherwise what it hits.
@@ -252,11 +293,11 @@ impl ArmPlanner {
     ) -> Result<Result<Vec<Vec<f64>>, Option<(String, String)>>, Failure> {
         self.set_room(Room::Contact)?;
         self.allow_entry(problem, entry)?;
-        if let Some(pair) = self.scene.collisions(end)?.into_iter().next() {
-            return Ok(Err(Some(pair)));
+        if !self.scene.is_free(end)? {
+            return Ok(Err(self.scene.collisions(end)?.into_iter().next()));
         }
         let rise = problem.up * self.options.approach_height;
-        let line = reach::line(&mut *self.kinematics, &self.limits, reach, &rise, end)?;
+        let line = reach::line(&mut self.chain, &self.limits, reach, &rise, end);
         if line.len() <= reach::line_steps(rise.norm()) {
             return Ok(Err(None));
         }
@@ -266,15 +307,13 @@ impl ArmPlanner {
                 return Ok(Err(self.scene.collisions(&pair[1])?.into_iter().next()));
             }
         }
-        if let Entry::Pick { .. } = entry
-            && let Some(pair) = self.hand_hits_after(problem, entry, end)?
-        {
-            return Ok(Err(Some(pair)));
+        if matches!(entry, Entry::Pick { .. }) && !self.hand_is_free_after(problem, entry, end)? {
+            return Ok(Err(None));
         }
         self.set_room(Room::Transit)?;
         let top = &line[line.len() - 1];
-        if let Some(pair) = self.scene.collisions(top)?.into_iter().next() {
-            return Ok(Err(Some(pair)));
+        if !self.scene.is_free(top)? {
+            return Ok(Err(self.scene.collisions(top)?.into_iter().next()));
         }
         Ok(Ok(line.into_iter().rev().collect()))
     }
@@ -294,16 +333,11 @@ impl ArmPlanner {
         Ok(())
     }
 
-    /// What the hand would touch at `end` once it has closed around the block, or opened to let go of it.
-    fn hand_hits_after(
-        &mut self,
-        problem: &Problem,
-        entry: &Entry,
-        end: &[f64],
-    ) -> Result<Option<(String, String)>, Failure> {
+    /// True if nothing is touched at `end` once the hand has closed around the block, or opened to let go of it.
+    fn hand_is_free_after(&mut self, problem: &Problem, entry: &Entry, end: &[f64]) -> Result<bool, Failure> {
         let model = self.model.clone();
         let pose = if matches!(entry, Entry::Pick { .. }) { "closed" } else { "open" };
-        let Ok(fingers) = model.pose("hand", pose) else { return Ok(None) };
+        let Ok(fingers) = model.pose("hand", pose) else { return Ok(true) };
         self.set_room(Room::Contact)?;
         if let Entry::Pick { block, .. } = entry
             && problem.request.obstacles.iter().any(|o| o.name == block.name())
@@ -311,9 +345,9 @@ impl ArmPlanner {
             self.allow_hand(block.name(), problem)?;
         }
         self.scene.set_hand(fingers)?;
-        let hit = self.scene.collisions(end)?.into_iter().next();
+        let free = self.scene.is_free(end)?;
         self.scene.set_hand(&problem.request.hand)?;
-        Ok(hit)
+        Ok(free)
     }
 
     /// Axes of the tip's frame that may point up in a grip from above, the preferred one first, each with its

@@ -1,6 +1,7 @@
 //! The planner on a thread of its own, as the testbed's plan service.
 
-use crate::{ArmPlanner, CancelFlag};
+use crate::effort::StageCell;
+use crate::{ArmPlanner, CancelFlag, Person, PlanEffort, PlanStage, person_obstacles};
 use proact_testbed::ports::PlanService;
 use proact_types::{PlanReply, PlanRequest, PlanStatus, Trajectory};
 use std::collections::BTreeMap;
@@ -15,7 +16,25 @@ const KEPT: usize = 64;
 pub struct PlanWorker {
     shared: Arc<Shared>,
     cancel: CancelFlag,
+    stage: StageCell,
+    person: Option<Person>,
     thread: Option<JoinHandle<()>>,
+}
+
+/// What each plan of a worker took, readable while it works.
+#[derive(Clone)]
+pub struct PlanLog(Arc<Shared>);
+
+impl PlanLog {
+    /// One entry for each request that was answered by planning, oldest first.
+    pub fn entries(&self) -> Vec<PlanEffort> {
+        self.0.lock().log.clone()
+    }
+
+    /// Seconds that the planner's thread was busy.
+    pub fn busy_secs(&self) -> f64 {
+        self.0.lock().log.iter().map(|entry| entry.wall_secs).sum()
+    }
 }
 
 struct Shared {
@@ -28,6 +47,7 @@ struct State {
     waiting: Option<PlanRequest>,
     running: Option<u64>,
     replies: BTreeMap<u64, PlanReply>,
+    log: Vec<PlanEffort>,
     ended: bool,
 }
 
@@ -52,9 +72,27 @@ impl PlanWorker {
     pub fn new(planner: ArmPlanner) -> Self {
         let shared = Arc::new(Shared { state: Mutex::new(State::default()), changed: Condvar::new() });
         let cancel = planner.cancel_flag();
+        let stage = planner.stage();
         let theirs = shared.clone();
         let thread = std::thread::spawn(move || run(planner, &theirs));
-        Self { shared, cancel, thread: Some(thread) }
+        Self { shared, cancel, stage, person: None, thread: Some(thread) }
+    }
+
+    /// The same, with the person who wears the arm among the obstacles of every request, where its base has them.
+    #[must_use]
+    pub fn around(mut self, person: Person) -> Self {
+        self.person = Some(person);
+        self
+    }
+
+    /// What the plans took.
+    pub fn log(&self) -> PlanLog {
+        PlanLog(self.shared.clone())
+    }
+
+    /// The request under way, and how far it has got; none while idle.
+    pub fn progress(&self) -> Option<(u64, PlanStage)> {
+        Some((self.shared.lock().running?, self.stage.get()))
     }
 }
 
@@ -76,6 +114,9 @@ fn run(mut planner: ArmPlanner, shared: &Shared) {
         let reply = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| planner.solve(&request)));
         state = shared.lock();
         state.running = None;
+        if reply.is_ok() {
+            state.log.push(*planner.effort());
+        }
         state.keep(
             reply.unwrap_or_else(|_| failed(request.id, PlanStatus::Invalid, "The planner failed inside.")),
         );
@@ -88,8 +129,11 @@ fn failed(id: u64, status: PlanStatus, reason: &str) -> PlanReply {
 }
 
 impl PlanService for PlanWorker {
-    fn submit(&mut self, request: PlanRequest) {
+    fn submit(&mut self, mut request: PlanRequest) {
         self.cancel();
+        if let Some(person) = &self.person {
+            request.obstacles.extend(person_obstacles(&request.world_from_base, person));
+        }
         let mut state = self.shared.lock();
         state.replies.remove(&request.id);
         state.waiting = Some(request);

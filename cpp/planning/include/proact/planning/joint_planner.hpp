@@ -47,6 +47,10 @@ struct JointQuery {
   unsigned int max_iterations = 20000;
   /// Longest motion added to a tree, rad (L2); for planners that have a "range".
   double range = 0.8;
+  /// Bound on the time, seconds; zero for none. With it equal queries no longer give equal plans.
+  double max_seconds = 0.0;
+  /// Searches after the first that succeeded; the quickest of all paths is the plan.
+  unsigned int more_searches = 0;
   /// Attempts to shorten the path.
   unsigned int shortcuts = 40;
   Resolution resolution;
@@ -60,6 +64,12 @@ struct JointPlan {
   std::vector<std::vector<double>> path;
   /// Which goal the path ends at.
   std::size_t goal = 0;
+  /// What it took: iterations of the planner, states looked at, seconds.
+  std::uint64_t iterations = 0;
+  std::uint64_t state_checks = 0;
+  double seconds = 0.0;
+  /// True if `max_seconds` ended a search.
+  bool timed_out = false;
 };
 
 /// True if the straight joint motion from a to b is free, both ends included.

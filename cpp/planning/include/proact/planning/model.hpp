@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstddef>
+#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
@@ -15,13 +16,20 @@ struct Pose {
   std::array<double, 4> quaternion{0.0, 0.0, 0.0, 1.0};
 };
 
-enum class ShapeKind { box, sphere, cylinder, capsule };
+enum class ShapeKind { box, sphere, cylinder, capsule, mesh };
 
-/// A convex shape centred in its own frame, axis along z. `size` is: box x, y, z side lengths; sphere radius;
+/// Triangles over vertices, metres. Its surface collides; what is wholly inside does not touch it.
+struct Mesh {
+  std::vector<std::array<double, 3>> vertices;
+  std::vector<std::array<std::size_t, 3>> triangles;
+};
+
+/// A shape in its own frame: a mesh, or a primitive centred there with its axis along z. `size` is: box x, y, z side lengths; sphere radius;
 /// cylinder radius, length; capsule radius, length of the tube without its round ends. The rest is ignored.
 struct Shape {
   ShapeKind kind = ShapeKind::sphere;
   std::array<double, 3> size{0.0, 0.0, 0.0};
+  std::shared_ptr<const Mesh> mesh;
 };
 
 /// A shape somewhere in the frame of its owner.

@@ -14,6 +14,30 @@
 
 namespace proact::planning {
 
+/// An axis-aligned box, metres.
+struct Box {
+  Eigen::Vector3d low = Eigen::Vector3d::Constant(1e300);
+  Eigen::Vector3d high = Eigen::Vector3d::Constant(-1e300);
+};
+
+/// A shape ready for FCL.
+struct Solid {
+  Shape shape;
+  std::shared_ptr<fcl::CollisionGeometryd> geometry;
+  /// A mesh's box in its own frame, and the padding that its geometry does not hold.
+  Box local;
+  double margin = 0.0;
+};
+
+/// What a scene holds besides the arm: poses in `world`, what is carried in the tip's frame.
+struct SceneContent {
+  Pose base;
+  std::vector<double> hand;
+  std::vector<Object> obstacles;
+  std::optional<Object> attached;
+  double padding = 0.0;
+};
+
 /// Collision scene of one arm. One thread at a time: every question writes to scratch memory.
 ///
 /// Links that cannot move against each other while the hand keeps its pose form one *body*: body 0 stands
@@ -69,7 +93,8 @@ class Scene {
   /// could touch: a lower bound, at most `enough`. Negative if something touches at q.
   ///
   /// The bound divides the distance of two bounding volumes by the largest distance that any point of the moving
-  /// body can travel per unit of t. It is zero where boxes overlap although the shapes are apart.
+  /// body can travel per unit of t: the distance of its ball from each joint's axis now, and how much farther the
+  /// other joints can carry it until `enough`. It is zero where boxes overlap although the shapes are apart.
   double clearance(const double* q, const double* dq, double enough);
 
   /// Largest distance, in metres, that any point of the arm travels along the straight joint motion dq: an
@@ -79,20 +104,14 @@ class Scene {
   /// Number of states asked about since construction.
   std::size_t state_checks() const noexcept { return state_checks_; }
 
+  const Arm& arm() const noexcept { return arm_; }
+
+  /// A copy of all that was set, but for contacts allowed one by one.
+  SceneContent content() const;
+
  private:
   using Vector = Eigen::Vector3d;
   using Transform = Eigen::Isometry3d;
-
-  struct Box {
-    Vector low = Vector::Constant(1e300);
-    Vector high = Vector::Constant(-1e300);
-  };
-
-  /// A shape ready for FCL.
-  struct Solid {
-    Shape shape;
-    std::shared_ptr<fcl::CollisionGeometryd> geometry;
-  };
 
   /// A shape of a body. `owner` is a link, or links_.size() for the carried object.
   struct Member {
@@ -100,6 +119,11 @@ class Scene {
     std::size_t owner = 0;
     Transform link_from_shape = Transform::Identity();
     Transform body_from_shape = Transform::Identity();
+    /// A ball around the shape: its centre in `world` and its radius.
+    Vector centre = Vector::Zero();
+    double ball = 0.0;
+    /// Where the shape is and a box around it; wrong until this state's question needed them.
+    bool posed = false;
     Transform world_from_shape = Transform::Identity();
     Box box;
   };
@@ -113,8 +137,8 @@ class Scene {
     double ball = 0.0;
     /// Farthest point of any member from the body's origin.
     double radius = 0.0;
-    /// False until this state's question needed the members' own poses.
-    bool members_posed = false;
+    /// False until this state's question needed the centres of the members.
+    bool centred = false;
   };
 
   struct ChainJoint {
@@ -132,19 +156,16 @@ class Scene {
     Box box;
   };
 
-  static Solid make_solid(const Shape& shape, double padding, const std::string& name);
-  static Box bounds(const Shape& shape, const Transform& world_from_shape);
-  static double distance(const Box& a, const Box& b);
-  static double distance(const Vector& point, const Box& box);
-  static double reach(const Shape& shape);
-
   void place_hand();
   void place_obstacle(Obstacle& obstacle) const;
   void update_radii();
   void pose_bodies(const double* q);
-  static void pose_members(Body& body);
-  void set_speeds(const double* dq);
-  bool touch(const Solid& a, const Transform& a_pose, const Solid& b, const Transform& b_pose) const;
+  static void centre_members(Body& body);
+  static void pose_member(const Body& body, Member& member);
+  void set_speeds(const double* dq, double span);
+  void list_pairs();
+  bool bodies_clear(std::size_t a, std::size_t b, double& least);
+  bool obstacles_clear(std::size_t b, double& least);
   bool contact_allowed(std::size_t owner, std::size_t obstacle) const;
   bool links_allowed(std::size_t a, std::size_t b) const;
   const std::string& owner_name(std::size_t owner) const;
@@ -155,15 +176,19 @@ class Scene {
   std::vector<std::size_t> body_of_link_;
   std::vector<Body> bodies_;
   std::vector<double> hand_;
-  std::vector<bool> allowed_links_;     // [link][link]
-  std::vector<bool> allowed_contacts_;  // [obstacle][owner]
+  std::vector<char> allowed_links_;     // [link][link]
+  std::vector<char> allowed_contacts_;  // [obstacle][owner]
+  /// [body][body]: members of the first and the second that must not meet.
+  std::vector<std::vector<std::pair<std::size_t, std::size_t>>> pairs_;
   std::vector<Obstacle> obstacles_;
   std::optional<Object> attached_;
+  Pose base_;
   Transform world_from_base_ = Transform::Identity();
   double padding_ = 0.0;
-  std::vector<double> lever_;         // [joint][body]: metres per radian
+  std::vector<double> lever_;         // [joint][body]: metres per radian, in any configuration
   std::vector<double> speed_;         // [body]: metres per unit of t
   std::vector<double> pair_speed_;    // [body][body]
+  std::vector<double> any_speed_;     // [body][body]: the same in any configuration
   std::size_t state_checks_ = 0;
 };
 

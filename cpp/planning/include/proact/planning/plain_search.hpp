@@ -1,0 +1,35 @@
+// A search as a plain program on OMPL and FCL does it: the peer that this library is measured against.
+#pragma once
+
+#include "proact/planning/joint_planner.hpp"
+
+#include <cstdint>
+#include <vector>
+
+namespace proact::planning {
+
+/// The original's settings: LBKPIECE1 with OMPL's own parameters, half a second, states every 0.005 of the joint
+/// space's extent, simplification for what is left of the time.
+struct PlainSettings {
+  double seconds = 0.5;
+  double equal_steps = 0.005;
+  PlannerKind planner = PlannerKind::lbkpiece1;
+};
+
+struct PlainPlan {
+  /// Straight joint motions from the start to a goal; empty if none was found in time.
+  std::vector<std::vector<double>> path;
+  double search_secs = 0.0;
+  double simplify_secs = 0.0;
+};
+
+/// Searches between free arm angles in what `scene` holds now, padding included, without any of this library's own
+/// collision code: two of FCL's dynamic trees, one over the arm's shapes, one over the obstacles, and OMPL's motion
+/// checks. What may touch is as in the scene, but for contacts allowed one by one.
+///
+/// Not repeatable: it is bounded by time, as the original was. Throws std::invalid_argument as plan_joint does.
+PlainPlan search_plainly(const Scene& scene, const std::vector<double>& start,
+                         const std::vector<std::vector<double>>& goals, const PlainSettings& settings,
+                         std::uint64_t seed);
+
+}  // namespace proact::planning

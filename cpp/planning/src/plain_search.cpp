@@ -1,0 +1,235 @@
+#include "proact/planning/plain_search.hpp"
+
+#include "planners.hpp"
+#include "shapes.hpp"
+
+#include <fcl/broadphase/broadphase_dynamic_AABB_tree.h>
+#include <fcl/narrowphase/collision.h>
+#include <fcl/narrowphase/collision_object.h>
+#include <ompl/base/ProblemDefinition.h>
+#include <ompl/base/SpaceInformation.h>
+#include <ompl/base/StateValidityChecker.h>
+#include <ompl/base/goals/GoalStates.h>
+#include <ompl/base/spaces/RealVectorStateProjections.h>
+#include <ompl/base/spaces/RealVectorStateSpace.h>
+#include <ompl/geometric/PathGeometric.h>
+#include <ompl/geometric/PathSimplifier.h>
+#include <ompl/util/Console.h>
+
+#include <algorithm>
+#include <chrono>
+#include <memory>
+
+namespace proact::planning {
+
+namespace ob = ompl::base;
+namespace og = ompl::geometric;
+
+namespace {
+
+using Transform = Eigen::Isometry3d;
+using Clock = std::chrono::steady_clock;
+
+double seconds_since(Clock::time_point begin) { return std::chrono::duration<double>(Clock::now() - begin).count(); }
+
+/// One shape of the arm or of what it carries.
+struct Part {
+  std::size_t link = 0;
+  std::size_t owner = 0;
+  std::size_t body = 0;
+  Transform link_from_shape = Transform::Identity();
+  Solid solid;
+  std::unique_ptr<fcl::CollisionObjectd> object;
+};
+
+/// The arm's shapes and the obstacles in a tree each.
+class PlainWorld {
+ public:
+  explicit PlainWorld(const Scene& scene) : arm_(scene.arm()), content_(scene.content()) {
+    base_ = transform_of(content_.base, "base");
+    body_of_link_.assign(arm_.links.size(), 0);
+    arm_position_.assign(arm_.joints.size(), arm_.arm.size());
+    for (std::size_t k = 0; k < arm_.arm.size(); ++k) arm_position_[arm_.arm[k]] = k;
+    hand_angle_.assign(arm_.joints.size(), 0.0);
+    for (std::size_t k = 0; k < arm_.hand.size(); ++k) hand_angle_[arm_.hand[k]] = content_.hand[k];
+    for (std::size_t j = 0; j < arm_.joints.size(); ++j) {
+      const Joint& joint = arm_.joints[j];
+      parent_from_child_.push_back(transform_of(joint.pose, arm_.links[joint.child].name));
+      const bool opens = arm_position_[j] < arm_.arm.size();
+      body_of_link_[joint.child] = opens ? arm_position_[j] + 1 : body_of_link_[joint.parent];
+    }
+    for (std::size_t l = 0; l < arm_.links.size(); ++l) {
+      for (const PlacedShape& placed : arm_.links[l].shapes) add(l, l, placed, arm_.links[l].name);
+    }
+    if (content_.attached) add(arm_.tip, arm_.links.size(), content_.attached->placed, content_.attached->name);
+    allowed_.assign(arm_.links.size() * arm_.links.size(), 0);
+    for (const auto& [a, b] : arm_.allowed) allowed_[a * arm_.links.size() + b] = allowed_[b * arm_.links.size() + a] = 1;
+    for (Part& part : parts_) {
+      part.object->setUserData(&part);
+      arm_tree_.registerObject(part.object.get());
+    }
+    for (const Object& obstacle : content_.obstacles) {
+      const Solid solid = make_solid(obstacle.placed.shape, content_.padding, obstacle.name);
+      obstacles_.push_back(
+          std::make_unique<fcl::CollisionObjectd>(solid.geometry, transform_of(obstacle.placed.pose, obstacle.name)));
+      obstacle_tree_.registerObject(obstacles_.back().get());
+    }
+    arm_tree_.setup();
+    obstacle_tree_.setup();
+    world_from_link_.assign(arm_.links.size(), base_);
+  }
+
+  bool is_free(const double* q) {
+    for (std::size_t j = 0; j < arm_.joints.size(); ++j) {
+      const Joint& joint = arm_.joints[j];
+      const bool moves = arm_position_[j] < arm_.arm.size();
+      const double angle = moves ? q[arm_position_[j]] : hand_angle_[j];
+      const Eigen::Vector3d axis(joint.axis[0], joint.axis[1], joint.axis[2]);
+      world_from_link_[joint.child] =
+          world_from_link_[joint.parent] *
+          (joint.revolute ? turned(parent_from_child_[j], axis.normalized(), angle) : parent_from_child_[j]);
+    }
+    for (Part& part : parts_) {
+      part.object->setTransform(world_from_link_[part.link] * part.link_from_shape);
+      part.object->computeAABB();
+    }
+    arm_tree_.update();
+    Question question{this, false};
+    arm_tree_.collide(&obstacle_tree_, &question, meets_obstacle);
+    if (!question.touches) arm_tree_.collide(&question, meets_itself);
+    return !question.touches;
+  }
+
+ private:
+  struct Question {
+    PlainWorld* world;
+    bool touches;
+  };
+
+  void add(std::size_t link, std::size_t owner, const PlacedShape& placed, const std::string& name) {
+    Part part;
+    part.link = link;
+    part.owner = owner;
+    part.body = body_of_link_[link];
+    part.link_from_shape = transform_of(placed.pose, name);
+    part.solid = make_solid(placed.shape, 0.0, name);
+    part.object = std::make_unique<fcl::CollisionObjectd>(part.solid.geometry, Transform::Identity());
+    parts_.push_back(std::move(part));
+  }
+
+  static bool collide(fcl::CollisionObjectd* a, fcl::CollisionObjectd* b, Question& question) {
+    static const fcl::CollisionRequestd request(1, false);
+    fcl::CollisionResultd result;
+    question.touches = fcl::collide(a, b, request, result) > 0;
+    return question.touches;
+  }
+
+  static bool meets_obstacle(fcl::CollisionObjectd* a, fcl::CollisionObjectd* b, void* data) {
+    auto& question = *static_cast<Question*>(data);
+    const auto* part = static_cast<const Part*>(a->getUserData() != nullptr ? a->getUserData() : b->getUserData());
+    // What stands still with the base cannot be helped by any plan.
+    return part->body > 0 && collide(a, b, question);
+  }
+
+  static bool meets_itself(fcl::CollisionObjectd* a, fcl::CollisionObjectd* b, void* data) {
+    auto& question = *static_cast<Question*>(data);
+    const auto* one = static_cast<const Part*>(a->getUserData());
+    const auto* other = static_cast<const Part*>(b->getUserData());
+    const PlainWorld& world = *question.world;
+    const std::size_t links = world.arm_.links.size();
+    const bool may = one->owner < links && other->owner < links && world.allowed_[one->owner * links + other->owner] != 0;
+    return one->body != other->body && !may && collide(a, b, question);
+  }
+
+  Arm arm_;
+  SceneContent content_;
+  Transform base_ = Transform::Identity();
+  std::vector<std::size_t> body_of_link_;
+  std::vector<std::size_t> arm_position_;
+  std::vector<double> hand_angle_;
+  std::vector<Transform> parent_from_child_;
+  std::vector<Transform> world_from_link_;
+  std::vector<char> allowed_;
+  std::vector<Part> parts_;
+  std::vector<std::unique_ptr<fcl::CollisionObjectd>> obstacles_;
+  fcl::DynamicAABBTreeCollisionManagerd arm_tree_;
+  fcl::DynamicAABBTreeCollisionManagerd obstacle_tree_;
+};
+
+class PlainValidity : public ob::StateValidityChecker {
+ public:
+  PlainValidity(const ob::SpaceInformationPtr& space, PlainWorld& world)
+      : ob::StateValidityChecker(space), world_(world) {}
+
+  bool isValid(const ob::State* state) const override {
+    return si_->satisfiesBounds(state) && world_.is_free(state->as<ob::RealVectorStateSpace::StateType>()->values);
+  }
+
+ private:
+  PlainWorld& world_;
+};
+
+}  // namespace
+
+PlainPlan search_plainly(const Scene& scene, const std::vector<double>& start,
+                         const std::vector<std::vector<double>>& goals, const PlainSettings& settings,
+                         std::uint64_t seed) {
+  JointQuery query;
+  query.planner = settings.planner;
+  query.start = start;
+  query.goals = goals;
+  require_vectors(scene, query);
+  ompl::msg::setLogLevel(ompl::msg::LOG_NONE);
+  const CancelFlag never;
+  const PlannerTurn turn(query.planner, seed_of(seed, 3), never);
+  PlainWorld world(scene);
+  const auto joints = static_cast<unsigned int>(scene.joint_count());
+
+  const auto begin = Clock::now();
+  auto space = std::make_shared<ob::RealVectorStateSpace>(joints);
+  ob::RealVectorBounds bounds(joints);
+  for (unsigned int k = 0; k < joints; ++k) {
+    bounds.setLow(k, scene.lower(k));
+    bounds.setHigh(k, scene.upper(k));
+  }
+  space->setBounds(bounds);
+  // The original projects on its first two joints, shoulder and humerus.
+  std::vector<unsigned int> first{0};
+  if (joints > 1) first.push_back(1);
+  space->registerDefaultProjection(std::make_shared<ob::RealVectorOrthogonalProjectionEvaluator>(space, first));
+  auto information = std::make_shared<ob::SpaceInformation>(space);
+  information->setStateValidityChecker(std::make_shared<PlainValidity>(information, world));
+  information->setStateValidityCheckingResolution(settings.equal_steps);
+  information->setup();
+  auto problem = std::make_shared<ob::ProblemDefinition>(information);
+  ob::ScopedState<> state(space);
+  const auto set = [&state](const std::vector<double>& q) {
+    std::copy(q.begin(), q.end(), state.get()->as<ob::RealVectorStateSpace::StateType>()->values);
+  };
+  set(start);
+  problem->addStartState(state);
+  auto ends = std::make_shared<ob::GoalStates>(information);
+  for (const auto& goal : goals) {
+    set(goal);
+    ends->addState(state);
+  }
+  problem->setGoal(ends);
+  const std::unique_ptr<ob::Planner> planner = plain_planner(information, query.planner, seed_of(seed, 1));
+  planner->setProblemDefinition(problem);
+  planner->setup();
+  const ob::PlannerStatus status = planner->solve(ob::timedPlannerTerminationCondition(settings.seconds));
+  PlainPlan plan;
+  plan.search_secs = seconds_since(begin);
+  if (status != ob::PlannerStatus::EXACT_SOLUTION) return plan;
+  og::PathGeometric path = *problem->getSolutionPath()->as<og::PathGeometric>();
+  og::PathSimplifier simplifier(information);
+  simplifier.simplify(path, std::max(settings.seconds - plan.search_secs, 0.0));
+  plan.simplify_secs = seconds_since(begin) - plan.search_secs;
+  for (const ob::State* point : path.getStates()) {
+    const double* values = point->as<ob::RealVectorStateSpace::StateType>()->values;
+    plan.path.emplace_back(values, values + joints);
+  }
+  return plan;
+}
+
+}  // namespace proact::planning

@@ -1,0 +1,203 @@
+#include "shapes.hpp"
+
+#include <fcl/geometry/bvh/BVH_model.h>
+#include <fcl/geometry/shape/box.h>
+#include <fcl/geometry/shape/capsule.h>
+#include <fcl/geometry/shape/cylinder.h>
+#include <fcl/geometry/shape/sphere.h>
+#include <fcl/narrowphase/collision.h>
+#include <fcl/narrowphase/distance.h>
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+namespace proact::planning {
+
+namespace {
+
+using Vector = Eigen::Vector3d;
+
+/// Shapes that shrink below this are kept this thin: FCL needs an extent.
+constexpr double smallest_extent = 1e-4;
+
+std::size_t extents_of(ShapeKind kind) {
+  switch (kind) {
+    case ShapeKind::box: return 3;
+    case ShapeKind::sphere: return 1;
+    case ShapeKind::cylinder:
+    case ShapeKind::capsule: return 2;
+    case ShapeKind::mesh: return 0;
+  }
+  throw std::invalid_argument("unknown kind of shape");
+}
+
+void require_mesh(const Shape& shape, const std::string& name) {
+  if (!shape.mesh || shape.mesh->vertices.empty() || shape.mesh->triangles.empty()) {
+    throw std::invalid_argument("\"" + name + "\": the mesh needs at least one triangle");
+  }
+  for (const auto& vertex : shape.mesh->vertices) {
+    for (const double coordinate : vertex) {
+      if (!std::isfinite(coordinate)) {
+        throw std::invalid_argument("\"" + name + "\": a vertex of the mesh is not finite");
+      }
+    }
+  }
+  for (const auto& triangle : shape.mesh->triangles) {
+    for (const std::size_t corner : triangle) {
+      if (corner >= shape.mesh->vertices.size()) {
+        throw std::invalid_argument("\"" + name + "\": a triangle names vertex " + std::to_string(corner) +
+                                    ", the mesh has " + std::to_string(shape.mesh->vertices.size()));
+      }
+    }
+  }
+}
+
+std::shared_ptr<fcl::CollisionGeometryd> tree_of(const Mesh& mesh) {
+  std::vector<Vector> vertices;
+  for (const auto& vertex : mesh.vertices) vertices.emplace_back(vertex[0], vertex[1], vertex[2]);
+  std::vector<fcl::Triangle> triangles;
+  for (const auto& corner : mesh.triangles) triangles.emplace_back(corner[0], corner[1], corner[2]);
+  auto tree = std::make_shared<fcl::BVHModel<fcl::OBBRSSd>>();
+  tree->beginModel(static_cast<int>(triangles.size()), static_cast<int>(vertices.size()));
+  tree->addSubModel(vertices, triangles);
+  tree->endModel();
+  return tree;
+}
+
+}  // namespace
+
+Eigen::Isometry3d transform_of(const Pose& pose, const std::string& name) {
+  Eigen::Quaterniond rotation(pose.quaternion[3], pose.quaternion[0], pose.quaternion[1], pose.quaternion[2]);
+  const Vector position(pose.position[0], pose.position[1], pose.position[2]);
+  if (!position.allFinite() || !(std::abs(rotation.norm() - 1.0) < 1e-6)) {
+    throw std::invalid_argument("\"" + name + "\": the pose needs a finite position and a unit quaternion");
+  }
+  rotation.normalize();
+  Eigen::Isometry3d result = Eigen::Isometry3d::Identity();
+  result.linear() = rotation.toRotationMatrix();
+  result.translation() = position;
+  return result;
+}
+
+void require_extent(const Shape& shape, const std::string& name) {
+  if (shape.kind == ShapeKind::mesh) require_mesh(shape, name);
+  for (std::size_t k = 0; k < extents_of(shape.kind); ++k) {
+    if (!(shape.size[k] > 0.0) || !std::isfinite(shape.size[k])) {
+      throw std::invalid_argument("\"" + name + "\": extent " + std::to_string(k) + " of its shape is " +
+                                  std::to_string(shape.size[k]) + ", expected a length above zero");
+    }
+  }
+}
+
+Solid make_solid(const Shape& shape, double padding, const std::string& name) {
+  require_extent(shape, name);
+  Solid solid;
+  solid.shape = shape;
+  // Lengths grow at both ends, radii once; a capsule's ends grow with its radius.
+  const auto grown = [padding](double extent, double times) {
+    return std::max(extent + times * padding, smallest_extent);
+  };
+  std::array<double, 3>& size = solid.shape.size;
+  switch (shape.kind) {
+    case ShapeKind::box:
+      for (double& side : size) side = grown(side, 2.0);
+      solid.geometry = std::make_shared<fcl::Boxd>(size[0], size[1], size[2]);
+      break;
+    case ShapeKind::sphere:
+      size[0] = grown(size[0], 1.0);
+      solid.geometry = std::make_shared<fcl::Sphered>(size[0]);
+      break;
+    case ShapeKind::cylinder:
+      size[0] = grown(size[0], 1.0);
+      size[1] = grown(size[1], 2.0);
+      solid.geometry = std::make_shared<fcl::Cylinderd>(size[0], size[1]);
+      break;
+    case ShapeKind::capsule:
+      size[0] = grown(size[0], 1.0);
+      solid.geometry = std::make_shared<fcl::Capsuled>(size[0], size[1]);
+      break;
+    case ShapeKind::mesh:
+      solid.geometry = tree_of(*shape.mesh);
+      solid.margin = std::max(padding, 0.0);
+      for (const auto& vertex : shape.mesh->vertices) {
+        const Vector point(vertex[0], vertex[1], vertex[2]);
+        solid.local.low = solid.local.low.cwiseMin(point);
+        solid.local.high = solid.local.high.cwiseMax(point);
+      }
+      break;
+  }
+  return solid;
+}
+
+Box bounds(const Solid& solid, const Eigen::Isometry3d& world_from_shape) {
+  const Shape& shape = solid.shape;
+  const Eigen::Matrix3d& r = world_from_shape.linear();
+  Vector half = Vector::Zero();
+  Vector middle = world_from_shape.translation();
+  switch (shape.kind) {
+    case ShapeKind::box:
+      half = r.cwiseAbs() * (0.5 * Vector(shape.size[0], shape.size[1], shape.size[2]));
+      break;
+    case ShapeKind::sphere:
+      half = Vector::Constant(shape.size[0]);
+      break;
+    case ShapeKind::cylinder: {
+      const Vector axis = r.col(2);
+      for (int k = 0; k < 3; ++k) {
+        half[k] = 0.5 * shape.size[1] * std::abs(axis[k]) +
+                  shape.size[0] * std::sqrt(std::max(0.0, 1.0 - axis[k] * axis[k]));
+      }
+      break;
+    }
+    case ShapeKind::capsule:
+      half = 0.5 * shape.size[1] * r.col(2).cwiseAbs() + Vector::Constant(shape.size[0]);
+      break;
+    case ShapeKind::mesh:
+      middle = world_from_shape * Vector(0.5 * (solid.local.low + solid.local.high));
+      half = r.cwiseAbs() * (0.5 * (solid.local.high - solid.local.low)) + Vector::Constant(solid.margin);
+      break;
+  }
+  return {middle - half, middle + half};
+}
+
+double reach(const Solid& solid) {
+  const Shape& shape = solid.shape;
+  switch (shape.kind) {
+    case ShapeKind::box: return 0.5 * Vector(shape.size[0], shape.size[1], shape.size[2]).norm();
+    case ShapeKind::sphere: return shape.size[0];
+    case ShapeKind::cylinder: return std::hypot(shape.size[0], 0.5 * shape.size[1]);
+    case ShapeKind::capsule: return shape.size[0] + 0.5 * shape.size[1];
+    case ShapeKind::mesh: return solid.local.low.cwiseAbs().cwiseMax(solid.local.high.cwiseAbs()).norm() + solid.margin;
+  }
+  throw std::invalid_argument("unknown kind of shape");
+}
+
+double distance(const Box& a, const Box& b) {
+  const Vector gap = (a.low - b.high).cwiseMax(b.low - a.high).cwiseMax(Vector::Zero());
+  return gap.norm();
+}
+
+double distance(const Vector& point, const Box& box) {
+  return (box.low - point).cwiseMax(point - box.high).cwiseMax(Vector::Zero()).norm();
+}
+
+bool touch(const Solid& a, const Eigen::Isometry3d& a_pose, const Solid& b, const Eigen::Isometry3d& b_pose) {
+  static const fcl::CollisionRequestd request(1, false);
+  fcl::CollisionResultd result;
+  if (fcl::collide(a.geometry.get(), a_pose, b.geometry.get(), b_pose, request, result) > 0) return true;
+  const double margin = a.margin + b.margin;
+  if (margin <= 0.0) return false;
+  // A mesh cannot be grown as a primitive can; how close it is tells the same.
+  static const fcl::DistanceRequestd near;
+  fcl::DistanceResultd apart;
+  return fcl::distance(a.geometry.get(), a_pose, b.geometry.get(), b_pose, near, apart) < margin;
+}
+
+Eigen::Isometry3d turned(const Eigen::Isometry3d& parent_from_joint, const Eigen::Vector3d& axis, double angle) {
+  Eigen::Isometry3d result = parent_from_joint;
+  result.linear() = parent_from_joint.linear() * Eigen::AngleAxisd(angle, axis).toRotationMatrix();
+  return result;
+}
+
+}  // namespace proact::planning

@@ -1,0 +1,37 @@
+// Shapes as FCL takes them, and the boxes and balls around them. Private to the library.
+#pragma once
+
+#include "proact/planning/scene.hpp"
+
+#include <string>
+
+namespace proact::planning {
+
+/// The transform of a pose. Throws std::invalid_argument naming `name` for a position that is not finite or a
+/// quaternion whose length is not one.
+Eigen::Isometry3d transform_of(const Pose& pose, const std::string& name);
+
+/// Throws std::invalid_argument naming `name` if the shape has no extent, or is a mesh that makes no sense.
+void require_extent(const Shape& shape, const std::string& name);
+
+/// `shape` grown by `padding` on all sides, ready for FCL. Negative padding shrinks it, but for a mesh, which
+/// keeps its size.
+Solid make_solid(const Shape& shape, double padding, const std::string& name);
+
+/// Axis-aligned box around a shape.
+Box bounds(const Solid& solid, const Eigen::Isometry3d& world_from_shape);
+
+/// Farthest point of a shape from its own origin, metres.
+double reach(const Solid& solid);
+
+/// Distances, metres; zero where the two overlap.
+double distance(const Box& a, const Box& b);
+double distance(const Eigen::Vector3d& point, const Box& box);
+
+/// True if the two shapes touch, by FCL.
+bool touch(const Solid& a, const Eigen::Isometry3d& a_pose, const Solid& b, const Eigen::Isometry3d& b_pose);
+
+/// `parent_from_joint` turned by `angle` about the unit axis.
+Eigen::Isometry3d turned(const Eigen::Isometry3d& parent_from_joint, const Eigen::Vector3d& axis, double angle);
+
+}  // namespace proact::planning

@@ -1,0 +1,220 @@
+//! The judge of every path: link poses by plain matrices and contacts by Parry, so that neither FCL nor KDL has a
+//! say in whether what they led to is free.
+
+use parry3d_f64::bounding_volume::{Aabb, BoundingVolume};
+use parry3d_f64::math::{Pose as ParryPose, Rotation, Vector as ParryVector};
+use parry3d_f64::query::intersection_test;
+use parry3d_f64::shape::{Ball, Capsule, Cuboid, Cylinder, Shape as ParryShape};
+use proact_types::{ArmModel, JointKind, PlanGoal, PlanRequest, Pose, Shape, Trajectory};
+use std::error::Error;
+use std::sync::Arc;
+
+/// Between two states that are looked at no shape moves farther than this, metres, nor turns by more, rad.
+const STEP_METRES: f64 = 0.001;
+const STEP_RAD: f64 = 0.5 * std::f64::consts::PI / 180.0;
+/// Time between the states of which the next to look at is chosen, seconds: at 0.5 rad/s in every joint a
+/// fingertip moves a third of a millimetre.
+const PICK_SECS: f64 = 0.0002;
+
+/// A shape of a link, or of the carried object.
+struct Part {
+    link: usize,
+    name: String,
+    /// 0 for what stands still with the base, k for what moves with arm joint k - 1.
+    body: usize,
+    link_from_shape: Pose,
+    shape: Box<dyn ParryShape>,
+    /// Farthest point from the shape's origin, metres.
+    radius: f64,
+    carried: bool,
+}
+
+/// An obstacle, ready.
+struct Thing {
+    name: String,
+    shape: Box<dyn ParryShape>,
+    pose: ParryPose,
+    aabb: Aabb,
+}
+
+/// Checks trajectories of one arm.
+pub(super) struct Independent {
+    model: Arc<ArmModel>,
+    body_of_link: Vec<usize>,
+}
+
+impl Independent {
+    pub(super) fn new(model: Arc<ArmModel>) -> Self {
+        let mut body_of_link = vec![0; model.links.len()];
+        for joint in &model.joints {
+            let opens = model.arm.iter().position(|&j| model.joints[j].child == joint.child);
+            body_of_link[joint.child] = opens.map_or(body_of_link[joint.parent], |k| k + 1);
+        }
+        Self { model, body_of_link }
+    }
+
+    /// The first contact on the way: seconds, and the two names. None if nothing touches, but for what belongs to
+    /// the purpose: the hand at the block that it grips, and a gripped block that still stands on the table.
+    pub(super) fn contact(
+        &self,
+        request: &PlanRequest,
+        trajectory: &Trajectory,
+    ) -> Result<Option<(f64, String, String)>, Box<dyn Error>> {
+        let parts = self.parts(request);
+        let gripped = match &request.goal {
+            PlanGoal::Pick { block, .. } => Some(block.name()),
+            _ => None,
+        };
+        let things: Vec<Thing> = request
+            .obstacles
+            .iter()
+            .filter(|o| Some(o.name.as_str()) != gripped)
+            .map(|o| {
+                let (shape, turn) = parry_shape(&o.shape);
+                let pose = parry_pose(&(o.pose * turn));
+                Thing { name: o.name.clone(), aabb: shape.compute_aabb(&pose), shape, pose }
+            })
+            .collect();
+        let mut looked_at: Option<Vec<Pose>> = None;
+        let count = (trajectory.duration_secs() / PICK_SECS).ceil() as usize;
+        for k in 0..=count {
+            let time = k as f64 * PICK_SECS;
+            let Some((q, _)) = trajectory.sample(time) else { break };
+            let world_from_link = self.link_poses(request, &q);
+            let far = looked_at.as_ref().is_none_or(|before| moved(&parts, before, &world_from_link));
+            if !far && k != count {
+                continue;
+            }
+            if let Some((a, b)) = self.touching(&parts, &things, &world_from_link)? {
+                return Ok(Some((time, a, b)));
+            }
+            looked_at = Some(world_from_link);
+        }
+        Ok(None)
+    }
+
+    fn parts(&self, request: &PlanRequest) -> Vec<Part> {
+        let mut parts = Vec::new();
+        for (link, entry) in self.model.links.iter().enumerate() {
+            for collision in &entry.collisions {
+                parts.push(self.part(link, &entry.name, &collision.shape, &collision.pose, false));
+            }
+        }
+        if let Some(object) = &request.attached {
+            let tip = self.model.tip;
+            parts.push(self.part(tip, &object.name, &object.shape, &object.tip_from_object, true));
+        }
+        parts
+    }
+
+    fn part(&self, link: usize, name: &str, shape: &Shape, pose: &Pose, carried: bool) -> Part {
+        let (parry, turn) = parry_shape(shape);
+        let radius = parry.compute_local_aabb().half_extents().length();
+        let (name, body) = (name.to_owned(), self.body_of_link[link]);
+        Part { link, name, body, link_from_shape: pose * turn, shape: parry, radius, carried }
+    }
+
+    /// `world_from_link` of every link.
+    fn link_poses(&self, request: &PlanRequest, q: &[f64]) -> Vec<Pose> {
+        let mut angles = vec![0.0; self.model.joints.len()];
+        for (&joint, angle) in self.model.arm.iter().zip(q) {
+            angles[joint] = *angle;
+        }
+        for (&joint, angle) in self.model.hand.iter().zip(&request.hand) {
+            angles[joint] = *angle;
+        }
+        let mut poses = vec![request.world_from_base; self.model.links.len()];
+        for (joint, angle) in self.model.joints.iter().zip(angles) {
+            let mut pose = poses[joint.parent] * joint.origin;
+            if joint.kind == JointKind::Revolute {
+                let axis = nalgebra::Unit::new_normalize(joint.axis);
+                pose.rotation *= nalgebra::UnitQuaternion::from_axis_angle(&axis, angle);
+            }
+            poses[joint.child] = pose;
+        }
+        poses
+    }
+
+    fn touching(
+        &self,
+        parts: &[Part],
+        things: &[Thing],
+        world_from_link: &[Pose],
+    ) -> Result<Option<(String, String)>, Box<dyn Error>> {
+        let placed: Vec<(ParryPose, Aabb)> = parts
+            .iter()
+            .map(|part| {
+                let pose = parry_pose(&(world_from_link[part.link] * part.link_from_shape));
+                (pose, part.shape.compute_aabb(&pose))
+            })
+            .collect();
+        for (part, (pose, aabb)) in parts.iter().zip(&placed) {
+            for thing in things {
+                let stands = part.carried && thing.name == "table";
+                if part.body > 0
+                    && !stands
+                    && aabb.intersects(&thing.aabb)
+                    && meet(pose, &*part.shape, &thing.pose, &*thing.shape)?
+                {
+                    return Ok(Some((part.name.clone(), thing.name.clone())));
+                }
+            }
+        }
+        for (a, (a_pose, a_box)) in parts.iter().zip(&placed) {
+            for (b, (b_pose, b_box)) in parts.iter().zip(&placed) {
+                let pair = (a.link.min(b.link), a.link.max(b.link));
+                let may = || !a.carried && !b.carried && self.model.allowed_collisions.contains(&pair);
+                if a.body < b.body
+                    && a_box.intersects(b_box)
+                    && !may()
+                    && meet(a_pose, &*a.shape, b_pose, &*b.shape)?
+                {
+                    return Ok(Some((a.name.clone(), b.name.clone())));
+                }
+            }
+        }
+        Ok(None)
+    }
+}
+
+/// True if a shape is about to move by a whole step between the two states.
+fn moved(parts: &[Part], before: &[Pose], now: &[Pose]) -> bool {
+    // What one more state could add is left out of the step.
+    const SHARE: f64 = 0.6;
+    parts.iter().any(|part| {
+        let (a, b) = (before[part.link] * part.link_from_shape, now[part.link] * part.link_from_shape);
+        let turned = a.rotation.angle_to(&b.rotation);
+        let shifted = (a.translation.vector - b.translation.vector).norm();
+        turned > SHARE * STEP_RAD || shifted + turned * part.radius > SHARE * STEP_METRES
+    })
+}
+
+/// A shape, and the turn from its axis along z to Parry's along y.
+fn parry_shape(shape: &Shape) -> (Box<dyn ParryShape>, Pose) {
+    let turn = Pose::rotation(nalgebra::Vector3::x() * std::f64::consts::FRAC_PI_2);
+    match *shape {
+        Shape::Box { size: [x, y, z] } => {
+            (Box::new(Cuboid::new(ParryVector::new(x / 2.0, y / 2.0, z / 2.0))), Pose::identity())
+        }
+        Shape::Sphere { radius } => (Box::new(Ball::new(radius)), Pose::identity()),
+        Shape::Cylinder { radius, length } => (Box::new(Cylinder::new(length / 2.0, radius)), turn),
+        Shape::Capsule { radius, length } => (Box::new(Capsule::new_y(length / 2.0, radius)), turn),
+    }
+}
+
+fn parry_pose(pose: &Pose) -> ParryPose {
+    let (p, r) = (pose.translation.vector, pose.rotation.coords);
+    ParryPose::from_parts(ParryVector::new(p.x, p.y, p.z), Rotation::from_xyzw(r.x, r.y, r.z, r.w))
+}
+
+fn meet(
+    a_pose: &ParryPose,
+    a: &dyn ParryShape,
+    b_pose: &ParryPose,
+    b: &dyn ParryShape,
+) -> Result<bool, Box<dyn Error>> {
+    match intersection_test(a_pose, a, b_pose, b) {
+        Ok(answer) => Ok(answer.intersecting),
+        Err(error) => Err(format!("Parry compares no such shapes: {error:?}").into()),
+    }
+}

@@ -1,0 +1,65 @@
+//! How far a plan has got, and what it took.
+
+use proact_types::PlanStatus;
+use serde::Serialize;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU8, Ordering};
+
+/// What a planner is doing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PlanStage {
+    /// Nothing.
+    Idle,
+    /// Finding the way off what the hand is around or on.
+    Leaving,
+    /// Finding arm angles for the goal.
+    SeekingGoals,
+    /// Connecting the two.
+    Searching,
+    /// Smoothing and timing the path.
+    Smoothing,
+}
+
+impl PlanStage {
+    const ALL: [PlanStage; 5] =
+        [Self::Idle, Self::Leaving, Self::SeekingGoals, Self::Searching, Self::Smoothing];
+}
+
+/// A stage that one thread sets and others read.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct StageCell(Arc<AtomicU8>);
+
+impl StageCell {
+    pub fn set(&self, stage: PlanStage) {
+        self.0.store(stage as u8, Ordering::Relaxed);
+    }
+
+    pub fn get(&self) -> PlanStage {
+        PlanStage::ALL[usize::from(self.0.load(Ordering::Relaxed)).min(PlanStage::ALL.len() - 1)]
+    }
+}
+
+/// What one plan took: iterations, by which it is bounded in batches, beside the time, by which it is bounded live.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct PlanEffort {
+    /// Which request it answers.
+    pub request: u64,
+    /// How it ended.
+    pub status: PlanStatus,
+    /// Iterations of the planner, over all its searches.
+    pub iterations: u64,
+    /// States that these searches looked at.
+    pub state_checks: u64,
+    /// Seconds on the wall clock, from request to reply.
+    pub wall_secs: f64,
+    /// True if the clock ended it: the same request may then be answered otherwise another time.
+    pub timed_out: bool,
+}
+
+impl Default for PlanEffort {
+    /// That of no request at all.
+    fn default() -> Self {
+        let status = PlanStatus::Invalid;
+        Self { request: 0, status, iterations: 0, state_checks: 0, wall_secs: 0.0, timed_out: false }
+    }
+}
