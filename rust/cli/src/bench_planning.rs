@@ -5,7 +5,7 @@ mod problems;
 mod searches;
 
 use crate::bench::{BenchFigure, BenchReport, quantile};
-use independent::Independent;
+use independent::{Contact, Independent};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use proact_kinematics::Kinematics;
 use proact_planning::{ArmPlanner, CollisionScene, PlannerOptions, SearchLimits};
@@ -63,7 +63,7 @@ struct Answer {
     /// It leads to the goal and touches nothing at fine steps.
     solved: bool,
     /// It leads to the goal, but the independent check finds a contact.
-    contact: Option<(f64, String, String)>,
+    contact: Option<Contact>,
     /// What the reply said otherwise.
     said: String,
     reachable: bool,
@@ -245,8 +245,8 @@ impl Bench {
             add("reachable goals solved", share, "1", &note);
             let touching: Vec<&Answer> = here.iter().copied().filter(|a| a.contact.is_some()).collect();
             let first = touching.first().and_then(|a| Some((a.number, a.contact.as_ref()?)));
-            let which = first.map_or_else(String::new, |(number, (time, a, b))| {
-                format!("; the first: problem {number}, {a} and {b} at {time:.3} s")
+            let which = first.map_or_else(String::new, |(number, Contact { time_secs, a, b })| {
+                format!("; the first: problem {number}, {a} and {b} at {time_secs:.3} s")
             });
             add(
                 "paths with a contact",
@@ -363,7 +363,7 @@ mod tests {
             pose: request.world_from_base * tip,
         });
         let contact = bench.judge.contact(&request, &reply.trajectory).expect("the shapes are known");
-        assert_eq!(contact.map(|(_, _, b)| b).as_deref(), Some("ball"));
+        assert_eq!(contact.map(|contact| contact.b).as_deref(), Some("ball"));
     }
 
     #[test]

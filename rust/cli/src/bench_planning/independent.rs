@@ -16,6 +16,14 @@ const STEP_RAD: f64 = 0.5 * std::f64::consts::PI / 180.0;
 /// fingertip moves a third of a millimetre.
 const PICK_SECS: f64 = 0.0002;
 
+/// Two things that touch on the way.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Contact {
+    pub time_secs: f64,
+    pub a: String,
+    pub b: String,
+}
+
 /// A shape of a link, or of the carried object.
 struct Part {
     link: usize,
@@ -53,13 +61,13 @@ impl Independent {
         Self { model, body_of_link }
     }
 
-    /// The first contact on the way: seconds, and the two names. None if nothing touches, but for what belongs to
+    /// The first contact on the way. None if nothing touches, but for what belongs to
     /// the purpose: the hand at the block that it grips, and a gripped block that still stands on the table.
     pub(super) fn contact(
         &self,
         request: &PlanRequest,
         trajectory: &Trajectory,
-    ) -> Result<Option<(f64, String, String)>, Box<dyn Error>> {
+    ) -> Result<Option<Contact>, Box<dyn Error>> {
         let parts = self.parts(request);
         let gripped = match &request.goal {
             PlanGoal::Pick { block, .. } => Some(block.name()),
@@ -86,7 +94,7 @@ impl Independent {
                 continue;
             }
             if let Some((a, b)) = self.touching(&parts, &things, &world_from_link)? {
-                return Ok(Some((time, a, b)));
+                return Ok(Some(Contact { time_secs: time, a, b }));
             }
             looked_at = Some(world_from_link);
         }
