@@ -6,7 +6,7 @@
 # the reason as its last line); anything else is a failure. One failing lane does not keep the others from running.
 
 short_lanes="format shell web lint cpp rust launcher trial page rosbridge ros"
-long_lanes="seeds sanitizers debootstrap pages ros_long"
+long_lanes="seeds planning sanitizers debootstrap pages ros_long"
 
 # A ROS 1 graph with Debian's own clients, the catkin workspace, rviz on a virtual display.
 ros_test_packages="ros-base python3-roslaunch python3-rosbag python3-rostopic python3-rosnode python3-rosservice
@@ -24,7 +24,7 @@ packages_of() {
     rust) echo python3 ;;
     page | pages) echo chromium ;;
     trial) echo python3 python3-rosbag ;;
-    seeds) echo python3 ;;
+    seeds | planning) echo python3 ;;
     ros | ros_long) echo "$ros_packages $ros_test_packages" ;;
     debootstrap) echo debootstrap python3 git ;;
     format | lint)
@@ -101,6 +101,10 @@ lane_pages() {
 
 lane_seeds() {
     build && /usr/bin/python3 "$root/tests/scenarios/seeds.py" "$binary"
+}
+
+lane_planning() {
+    build && "$binary" bench planning --json | /usr/bin/python3 "$root/tests/scenarios/planning.py"
 }
 
 lane_debootstrap() {

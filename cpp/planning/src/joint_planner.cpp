@@ -92,39 +92,60 @@ class MotionCheck {
   double shortest_ = 1.0;
 };
 
+/// True if the query's further condition, if there is one, holds along a straight joint motion.
+bool accepts_motion(const JointQuery& query, const double* a, const double* b) {
+  if (!query.accepts) return true;
+  const std::size_t joints = query.start.size();
+  double squares = 0.0;
+  for (std::size_t k = 0; k < joints; ++k) squares += (b[k] - a[k]) * (b[k] - a[k]);
+  const double steps = std::ceil(std::sqrt(squares) / query.resolution.radians);
+  std::vector<double> q(joints);
+  for (double step = 0.0; step <= steps; step += 1.0) {
+    const double share = steps > 0.0 ? step / steps : 0.0;
+    for (std::size_t k = 0; k < joints; ++k) q[k] = a[k] + share * (b[k] - a[k]);
+    if (!query.accepts(q.data())) return false;
+  }
+  return true;
+}
+
 class SceneValidity : public ob::StateValidityChecker {
  public:
-  SceneValidity(const ob::SpaceInformationPtr& space, Scene& scene, const CancelFlag& cancel)
-      : ob::StateValidityChecker(space), scene_(scene), cancel_(cancel) {}
+  SceneValidity(const ob::SpaceInformationPtr& space, Scene& scene, const JointQuery& query, const CancelFlag& cancel)
+      : ob::StateValidityChecker(space), scene_(scene), query_(query), cancel_(cancel) {}
 
   // A cancelled query calls everything invalid, so that even path shortening comes to its end at once.
   bool isValid(const ob::State* state) const override {
-    return !cancel_.is_raised() && si_->satisfiesBounds(state) && scene_.is_free(values(state));
+    return !cancel_.is_raised() && si_->satisfiesBounds(state) && scene_.is_free(values(state)) &&
+           (!query_.accepts || query_.accepts(values(state)));
   }
 
  private:
   Scene& scene_;
+  const JointQuery& query_;
   const CancelFlag& cancel_;
 };
 
 class SceneMotions : public ob::MotionValidator {
  public:
-  SceneMotions(const ob::SpaceInformationPtr& space, Scene& scene, const Resolution& resolution)
-      : ob::MotionValidator(space), scene_(scene), resolution_(resolution) {}
+  SceneMotions(const ob::SpaceInformationPtr& space, Scene& scene, const JointQuery& query)
+      : ob::MotionValidator(space), scene_(scene), query_(query), resolution_(query.resolution) {}
 
   bool checkMotion(const ob::State* a, const ob::State* b) const override {
-    return si_->isValid(b) && MotionCheck(scene_, values(a), values(b), resolution_).is_free(0.0, 1.0);
+    return si_->isValid(b) && MotionCheck(scene_, values(a), values(b), resolution_).is_free(0.0, 1.0) &&
+           accepts_motion(query_, values(a), values(b));
   }
 
   bool checkMotion(const ob::State* a, const ob::State* b, std::pair<ob::State*, double>& last) const override {
     if (checkMotion(a, b)) return true;
-    last.second = MotionCheck(scene_, values(a), values(b), resolution_).free_share();
+    // How far a user's condition holds is not known.
+    last.second = query_.accepts ? 0.0 : MotionCheck(scene_, values(a), values(b), resolution_).free_share();
     if (last.first != nullptr) si_->getStateSpace()->interpolate(a, b, last.second, last.first);
     return false;
   }
 
  private:
   Scene& scene_;
+  const JointQuery& query_;
   Resolution resolution_;
 };
 
@@ -198,11 +219,11 @@ Found search_once(Scene& scene, const JointQuery& query, const std::vector<std::
   const double equal_steps = query.resolution.equal_steps;
   auto space = joint_space(scene, stream(0));
   auto information = std::make_shared<ob::SpaceInformation>(space);
-  information->setStateValidityChecker(std::make_shared<SceneValidity>(information, scene, cancel));
+  information->setStateValidityChecker(std::make_shared<SceneValidity>(information, scene, query, cancel));
   if (equal_steps > 0.0) {
     information->setStateValidityCheckingResolution(equal_steps);
   } else {
-    information->setMotionValidator(std::make_shared<SceneMotions>(information, scene, query.resolution));
+    information->setMotionValidator(std::make_shared<SceneMotions>(information, scene, query));
   }
   information->setup();
 
@@ -270,16 +291,20 @@ JointPlan plan_joint(Scene& scene, const JointQuery& query, const CancelFlag& ca
     return plan;
   };
   if (cancel.is_raised()) return ended(JointPlanStatus::cancelled);
-  if (!scene.is_free(query.start.data())) return ended(JointPlanStatus::start_in_collision);
+  const auto valid = [&](const std::vector<double>& q) {
+    return scene.is_free(q.data()) && (!query.accepts || query.accepts(q.data()));
+  };
+  if (!valid(query.start)) return ended(JointPlanStatus::start_in_collision);
 
   // Straight motions first: in the open they are both the quickest to find and the shortest.
   std::vector<std::size_t> free_goals;
   for (std::size_t g = 0; g < query.goals.size(); ++g) {
     if (cancel.is_raised()) return ended(JointPlanStatus::cancelled);
-    if (!scene.is_free(query.goals[g].data())) continue;
+    if (!valid(query.goals[g])) continue;
     free_goals.push_back(g);
     if (equal_steps == 0.0 &&
-        motion_is_free(scene, query.start.data(), query.goals[g].data(), query.resolution)) {
+        motion_is_free(scene, query.start.data(), query.goals[g].data(), query.resolution) &&
+        accepts_motion(query, query.start.data(), query.goals[g].data())) {
       plan.path = {query.start, query.goals[g]};
       plan.goal = g;
       return ended(JointPlanStatus::solved);

@@ -18,6 +18,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <ctime>
 #include <memory>
 
 namespace proact::planning {
@@ -171,6 +172,12 @@ class PlainValidity : public ob::StateValidityChecker {
 
 }  // namespace
 
+double thread_cpu_secs() {
+  timespec now{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
 PlainPlan search_plainly(const Scene& scene, const std::vector<double>& start,
                          const std::vector<std::vector<double>>& goals, const PlainSettings& settings,
                          std::uint64_t seed) {
@@ -186,6 +193,7 @@ PlainPlan search_plainly(const Scene& scene, const std::vector<double>& start,
   const auto joints = static_cast<unsigned int>(scene.joint_count());
 
   const auto begin = Clock::now();
+  const double cpu_begin = thread_cpu_secs();
   auto space = std::make_shared<ob::RealVectorStateSpace>(joints);
   ob::RealVectorBounds bounds(joints);
   for (unsigned int k = 0; k < joints; ++k) {
@@ -220,11 +228,12 @@ PlainPlan search_plainly(const Scene& scene, const std::vector<double>& start,
   const ob::PlannerStatus status = planner->solve(ob::timedPlannerTerminationCondition(settings.seconds));
   PlainPlan plan;
   plan.search_secs = seconds_since(begin);
+  plan.cpu_secs = thread_cpu_secs() - cpu_begin;
   if (status != ob::PlannerStatus::EXACT_SOLUTION) return plan;
   og::PathGeometric path = *problem->getSolutionPath()->as<og::PathGeometric>();
   og::PathSimplifier simplifier(information);
   simplifier.simplify(path, std::max(settings.seconds - plan.search_secs, 0.0));
-  plan.simplify_secs = seconds_since(begin) - plan.search_secs;
+  plan.cpu_secs = thread_cpu_secs() - cpu_begin;
   for (const ob::State* point : path.getStates()) {
     const double* values = point->as<ob::RealVectorStateSpace::StateType>()->values;
     plan.path.emplace_back(values, values + joints);

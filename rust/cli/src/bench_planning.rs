@@ -58,8 +58,9 @@ struct Answer {
     number: usize,
     kind: Kind,
     cluttered: bool,
-    /// Wall time of the plan, ms.
+    /// Wall time of the plan, and processor time, ms.
     time_ms: f64,
+    cpu_ms: f64,
     /// It leads to the goal and touches nothing at fine steps.
     solved: bool,
     /// It leads to the goal, but the independent check finds a contact.
@@ -113,6 +114,8 @@ pub(crate) fn planning(what: PlanningBench) -> Result<BenchReport, Box<dyn Error
     bar.set_message("a few problems for five seconds each");
     figures.extend(bench.beside_long_searches());
     figures.extend(bench.checks_per_second()?);
+    figures.push(bench.cancels()?);
+    figures.push(searches::share_of_a_trial()?);
     bar.finish_and_clear();
     Ok(BenchReport { stage: "planning".to_owned(), figures })
 }
@@ -163,12 +166,13 @@ impl Bench {
         let begin = Instant::now();
         let reply = self.planner.solve(request);
         let time_ms = begin.elapsed().as_secs_f64() * 1e3;
+        let cpu_ms = self.planner.effort().cpu_secs * 1e3;
         let ok = reply.status == PlanStatus::Ok;
         let contact = if ok { self.judge.contact(request, &reply.trajectory)? } else { None };
         let solved = ok && contact.is_none();
         let (length, duration) = (length(&reply.trajectory), reply.trajectory.duration_secs());
         if solved && number.is_multiple_of(SEARCH_EVERY) {
-            self.search_beside_plain_ompl(request, &reply.trajectory, time_ms)?;
+            self.search_beside_plain_ompl(request, &reply.trajectory, cpu_ms)?;
         }
         if solved && !cluttered && number.is_multiple_of(LONG_EVERY) {
             self.kept.push((request.clone(), length, duration));
@@ -180,6 +184,7 @@ impl Bench {
             kind,
             cluttered,
             time_ms,
+            cpu_ms,
             solved,
             contact,
             said,
@@ -230,6 +235,10 @@ impl Bench {
             add("plan, median", quantile(&times, 0.5), "ms", "goal: at most 10");
             add("plan, 99 %", quantile(&times, 0.99), "ms", "goal: at most 100");
             add("plan, worst", quantile(&times, 1.0), "ms", "");
+            let cpu: Vec<f64> = reachable.iter().map(|a| a.cpu_ms).collect();
+            let note = "of processor time: what other processes on the machine add is left out";
+            add("plan on the processor, median", quantile(&cpu, 0.5), "ms", note);
+            add("plan on the processor, 99 %", quantile(&cpu, 0.99), "ms", "");
             for kind in Kind::ALL {
                 let of_kind: Vec<f64> =
                     reachable.iter().filter(|a| a.kind == kind).map(|a| a.time_ms).collect();
@@ -289,13 +298,31 @@ impl Bench {
                 limits.map(|l| random.between(l.lower, l.upper)).collect()
             })
             .collect();
+        let flat: Vec<f64> = states.iter().flatten().copied().collect();
+        let rate = |begin: Instant| CHECKS as f64 / begin.elapsed().as_secs_f64();
+        let begin = Instant::now();
+        self.scene.count_free(&flat)?;
+        let inside = rate(begin);
         let begin = Instant::now();
         for q in &states {
             self.scene.is_free(q)?;
         }
-        let rate = CHECKS as f64 / begin.elapsed().as_secs_f64();
-        let note = "random states in the box scene";
-        Ok(vec![BenchFigure::alone("state checks through the bridge", rate, "1/s", note)])
+        let through = rate(begin);
+        let mut other = CollisionScene::new(&self.model)?;
+        other.set_base(&self.setup.body.shoulder_pose(&TrunkPosture::default()))?;
+        other.set_obstacles(&obstacles(&[]))?;
+        let begin = Instant::now();
+        self.scene.count_accepted(&flat, &mut |q| other.is_free(q).unwrap_or(false))?;
+        let back = rate(begin);
+        let figure = |name: &str, value: f64, note: &str| BenchFigure {
+            peer: Some("a loop in C++".to_owned()),
+            peer_value: Some(inside),
+            ..BenchFigure::alone(name, value, "1/s", note)
+        };
+        Ok(vec![
+            figure("state checks through Rust", through, "random states in the box scene"),
+            figure("state checks, called back from C++", back, "a closure in Rust that asks the scene again"),
+        ])
     }
 }
 

@@ -7,7 +7,7 @@
 //! | `condition` | `q` | `condition` (null when infinite), `sigma`: 6 singular values |
 //! | `inverse_dynamics` | `q`, `qd`, `qdd`, `hand` (default zero) | `tau` of the arm joints, hand's mass included |
 //! | `ik` | `position`, `quaternion`, `seed` | `status`: `ok` or `unreachable`, `q` or null |
-//! | `plan` | `start`, `goal_q` or `goal_pose`, `scene`, `base_pose`, `seed` | `status`, `path`, `times`, `reason` |
+//! | `plan` | `start`, `goal_q` or `goal_pose`, `scene`, `base_pose`, `hand`, `attached`, `seed`, `planner`, `parameters` | `status`, `path`, `times`, `reason`, `words`, `iterations`, `wall_secs` |
 //! | `collision` | `q`, `scene`, `base_pose`, `hand` | `collision`, `pairs` |
 //!
 //! SI units, radians, quaternions x, y, z, w. Poses of the tip, `goal_pose` too, are in the base link; gravity is
@@ -17,19 +17,23 @@
 //!
 //! `scene` is `empty`, `box` (table, walls, partition), `clutter` (the same with four blocks) or a list of
 //! `{"name", "shape": {"type": "box", "size": [x, y, z]}, "position", "quaternion"}`, with the shapes of
-//! [`Shape`], placed in `world`. `base_pose` is `world_from_base` as `{"position", "quaternion"}`; without it the
+//! [`Shape`] or `{"type": "mesh", "vertices": [[x, y, z], ..], "triangles": [[0, 1, 2], ..]}`, placed in `world`. `base_pose` is `world_from_base` as `{"position", "quaternion"}`; without it the
 //! shoulder is where the set-up `still` has it for `box` and `clutter`, and at the origin otherwise.
+//!
+//! `planner` is a name of OMPL's (`RRTConnect` if left out), `parameters` an object of its parameters. `attached` is a
+//! list of at most one shape in the tip's frame: what the hand carries. `words` say in at most five how it ended.
 //!
 //! A line that cannot be answered gives `{"error": ".."}`; the stream goes on.
 
 use nalgebra::{Quaternion, Translation3, UnitQuaternion, Vector3};
 use proact_description::DescriptionError;
 use proact_kinematics::{ArmKinematics, IkOutcome, Kinematics, KinematicsError};
-use proact_planning::{ArmPlanner, PlannerOptions};
+use proact_planning::{ArmPlanner, MeshObstacle, PlannerName, PlannerOptions, five_words};
 use proact_tasks::{Arrangement, BoxAndBlocks};
 use proact_testbed::Setup;
 use proact_types::{
-    ArmModel, JointVector, Obstacle, PlanGoal, PlanRequest, Pose, Shape, Vector, joints, zeros,
+    ArmModel, AttachedObject, JointVector, Obstacle, PlanGoal, PlanRequest, Pose, Shape, Vector, joints,
+    zeros,
 };
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -111,6 +115,15 @@ struct PlanQuestion {
     base_pose: Option<PoseText>,
     #[serde(default)]
     seed: u64,
+    /// OMPL's name; the default planner if left out.
+    planner: Option<String>,
+    /// Its parameters by OMPL's names.
+    #[serde(default)]
+    parameters: std::collections::BTreeMap<String, Value>,
+    hand: Option<Vec<f64>>,
+    /// What the hand carries, in the tip's frame: a list, of one thing at most.
+    #[serde(default)]
+    attached: Vec<ShapeText>,
 }
 
 #[derive(Debug, Deserialize, Serialize)]
@@ -125,10 +138,23 @@ struct PoseText {
 #[serde(deny_unknown_fields)]
 struct ShapeText {
     name: Option<String>,
-    shape: Shape,
+    shape: FormText,
     position: [f64; 3],
     #[serde(default = "no_rotation")]
     quaternion: [f64; 4],
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(untagged)]
+enum FormText {
+    Mesh(MeshText),
+    Primitive(Shape),
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
+enum MeshText {
+    Mesh { vertices: Vec<[f64; 3]>, triangles: Vec<[usize; 3]> },
 }
 
 fn no_rotation() -> [f64; 4] {
@@ -192,11 +218,12 @@ impl Desk {
             }
             Question::Plan(question) => self.plan(question),
             Question::Collision { q, scene, base_pose, hand } => {
-                let (obstacles, world_from_base) = scene_and_base(&scene, base_pose)?;
+                let scene = SceneAsked::new(&scene, base_pose)?;
                 let hand = self.hand(hand)?;
-                let pairs = self
-                    .planner()?
-                    .collisions(&q, &hand, &obstacles, None, &world_from_base)
+                let planner = self.planner()?;
+                planner.set_meshes(scene.meshes).map_err(text)?;
+                let pairs = planner
+                    .collisions(&q, &hand, &scene.obstacles, None, &scene.world_from_base)
                     .map_err(text)?;
                 Ok(json!({ "collision": !pairs.is_empty(), "pairs": pairs }))
             }
@@ -246,7 +273,8 @@ impl Desk {
     }
 
     fn plan(&mut self, question: PlanQuestion) -> Result<Value, String> {
-        let (obstacles, world_from_base) = scene_and_base(&question.scene, question.base_pose)?;
+        let scene = SceneAsked::new(&question.scene, question.base_pose)?;
+        let world_from_base = scene.world_from_base;
         let goal = match (question.goal_q, question.goal_pose) {
             (Some(q), None) => PlanGoal::Joints { q: joint_vector("goal_q", &q)? },
             (None, Some(goal)) => {
@@ -258,27 +286,59 @@ impl Desk {
             id: 1,
             world_from_base,
             start: joint_vector("start", &question.start)?,
-            hand: joint_vector("hand", &self.hand(None)?)?,
+            hand: joint_vector("hand", &self.hand(question.hand)?)?,
             goal,
-            obstacles,
-            attached: None,
+            obstacles: scene.obstacles,
+            attached: attached(&question.attached)?,
             seed: question.seed,
         };
-        let reply = self.planner()?.solve(&request);
+        let mut own = match question.planner {
+            None if question.parameters.is_empty() => None,
+            name => {
+                let planner = name.map_or(Ok(PlannerName::default()), |name| name.parse()).map_err(text)?;
+                let parameter = |(name, value): (String, Value)| match value {
+                    Value::String(value) => (name, value),
+                    other => (name, other.to_string()),
+                };
+                let planner_parameters = question.parameters.into_iter().map(parameter).collect();
+                Some(self.new_planner(PlannerOptions {
+                    planner,
+                    planner_parameters,
+                    ..PlannerOptions::default()
+                })?)
+            }
+        };
+        let planner = match &mut own {
+            Some(planner) => planner,
+            None => self.planner()?,
+        };
+        planner.set_meshes(scene.meshes).map_err(text)?;
+        let reply = planner.solve(&request);
+        let effort = *planner.effort();
         let path: Vec<&[f64]> = reply.trajectory.points.iter().map(|point| point.q.as_slice()).collect();
         let times: Vec<f64> = reply.trajectory.points.iter().map(|point| point.time_secs).collect();
-        Ok(json!({ "status": reply.status, "path": path, "times": times, "reason": reply.reason }))
+        Ok(json!({
+            "status": reply.status,
+            "path": path,
+            "times": times,
+            "reason": reply.reason,
+            "words": five_words(reply.status),
+            "iterations": effort.iterations,
+            "wall_secs": effort.wall_secs,
+        }))
     }
 
     fn planner(&mut self) -> Result<&mut ArmPlanner, String> {
         let planner = match self.planner.take() {
             Some(planner) => planner,
-            None => {
-                let kinematics = Box::new(Kinematics::new(&self.model).map_err(text)?);
-                ArmPlanner::new(self.model.clone(), kinematics, PlannerOptions::default()).map_err(text)?
-            }
+            None => self.new_planner(PlannerOptions::default())?,
         };
         Ok(self.planner.insert(planner))
+    }
+
+    fn new_planner(&self, options: PlannerOptions) -> Result<ArmPlanner, String> {
+        let kinematics = Box::new(Kinematics::new(&self.model).map_err(text)?);
+        ArmPlanner::new(self.model.clone(), kinematics, options).map_err(text)
     }
 }
 
@@ -312,20 +372,36 @@ fn pose(position: [f64; 3], quaternion: [f64; 4]) -> Result<Pose, String> {
     Ok(Pose::from_parts(translation, UnitQuaternion::from_quaternion(quaternion)))
 }
 
-/// Obstacles in `world`, and `world_from_base`.
-fn scene_and_base(scene: &Value, base_pose: Option<PoseText>) -> Result<(Vec<Obstacle>, Pose), String> {
-    let (obstacles, usual_base) = match scene {
-        Value::String(name) => named_scene(name)?,
-        Value::Array(shapes) => {
-            let obstacles = shapes.iter().enumerate().map(|(index, shape)| obstacle(index, shape));
-            (obstacles.collect::<Result<_, _>>()?, Pose::identity())
-        }
-        other => {
-            return Err(format!("scene is {other}, expected box, clutter, empty or a list of shapes"));
-        }
-    };
-    let base = base_pose.map(|base| pose(base.position, base.quaternion)).transpose()?;
-    Ok((obstacles, base.unwrap_or(usual_base)))
+/// What a question says of the surroundings.
+struct SceneAsked {
+    /// In `world`.
+    obstacles: Vec<Obstacle>,
+    meshes: Vec<MeshObstacle>,
+    world_from_base: Pose,
+}
+
+impl SceneAsked {
+    fn new(scene: &Value, base_pose: Option<PoseText>) -> Result<Self, String> {
+        let mut meshes = Vec::new();
+        let (obstacles, usual_base) = match scene {
+            Value::String(name) => named_scene(name)?,
+            Value::Array(shapes) => {
+                let mut obstacles = Vec::new();
+                for (index, shape) in shapes.iter().enumerate() {
+                    match thing(index, shape)? {
+                        Thing::Primitive(obstacle) => obstacles.push(obstacle),
+                        Thing::Mesh(mesh) => meshes.push(mesh),
+                    }
+                }
+                (obstacles, Pose::identity())
+            }
+            other => {
+                return Err(format!("scene is {other}, expected box, clutter, empty or a list of shapes"));
+            }
+        };
+        let base = base_pose.map(|base| pose(base.position, base.quaternion)).transpose()?;
+        Ok(Self { obstacles, meshes, world_from_base: base.unwrap_or(usual_base) })
+    }
 }
 
 fn named_scene(name: &str) -> Result<(Vec<Obstacle>, Pose), String> {
@@ -348,14 +424,39 @@ fn named_scene(name: &str) -> Result<(Vec<Obstacle>, Pose), String> {
     Ok((fixed.chain(movable).collect(), still.body.shoulder_pose(&Default::default())))
 }
 
-fn obstacle(index: usize, shape: &Value) -> Result<Obstacle, String> {
+enum Thing {
+    Primitive(Obstacle),
+    Mesh(MeshObstacle),
+}
+
+fn thing(index: usize, entry: &Value) -> Result<Thing, String> {
     let place = |error: String| format!("scene, shape {index}: {error}");
-    let shape: ShapeText = serde_json::from_value(shape.clone()).map_err(|error| place(error.to_string()))?;
-    Ok(Obstacle {
-        name: shape.name.unwrap_or_else(|| format!("shape_{index}")),
-        pose: pose(shape.position, shape.quaternion).map_err(place)?,
-        shape: shape.shape,
+    let entry: ShapeText = serde_json::from_value(entry.clone()).map_err(|error| place(error.to_string()))?;
+    let pose = pose(entry.position, entry.quaternion).map_err(place)?;
+    let name = entry.name.unwrap_or_else(|| format!("shape_{index}"));
+    Ok(match entry.shape {
+        FormText::Mesh(MeshText::Mesh { vertices, triangles }) => {
+            Thing::Mesh(MeshObstacle { name, vertices, triangles, pose })
+        }
+        FormText::Primitive(shape) => Thing::Primitive(Obstacle { name, shape, pose }),
     })
+}
+
+/// What the hand carries: one thing at most.
+fn attached(list: &[ShapeText]) -> Result<Option<AttachedObject>, String> {
+    match list {
+        [] => Ok(None),
+        [ShapeText { name, shape: FormText::Primitive(shape), position, quaternion }] => {
+            Ok(Some(AttachedObject {
+                name: name.clone().unwrap_or_else(|| "carried".to_owned()),
+                shape: *shape,
+                tip_from_object: pose(*position, *quaternion)
+                    .map_err(|error| format!("attached: {error}"))?,
+            }))
+        }
+        [_] => Err("attached is a mesh, expected a box, sphere, cylinder or capsule".to_owned()),
+        more => Err(format!("attached has {} objects, the hand carries one at most", more.len())),
+    }
 }
 
 /// A number in [0, 1) for `seed` and coordinate `k`: the fractional part of multiples of square roots of primes,

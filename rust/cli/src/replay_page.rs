@@ -35,7 +35,7 @@ pub(crate) fn show(dirs: &[PathBuf], port: u16, open_browser: bool) -> Result<bo
 
 /// A trial as it was displayed, from its configuration and input log.
 pub(crate) fn recompute(dir: &Path) -> Result<RecordedTrial, Box<dyn Error>> {
-    let Opened { record, config, mut testbed, recorded } = open_trial(dir)?;
+    let Opened { record, config, mut testbed, recorded, .. } = open_trial(dir, false)?;
     let last = recorded.last().ok_or("the record holds no complete span: there is nothing to show")?.tick;
     let body = config.setup.body;
     let upright = Default::default();

@@ -11,8 +11,9 @@ use proact_testbed::{
     ConfigError, LoggedPlans, MethodName, Parts, Session, SessionParts, Testbed, TestbedError, TrialConfig,
     ports::{EmgSource as EmgPort, PlanService, Plant, PlantError},
 };
-use proact_types::{ArmModel, Pose, Scene};
-use std::sync::Arc;
+use proact_types::{ArmModel, PlanReply, PlanRequest, Pose, Scene};
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Error of the eye tracker, degrees (paper: "within a 1.5 degree error").
 const GAZE_ERROR_DEG: f64 = 1.5;
@@ -163,6 +164,62 @@ pub fn live_with_armband(
 pub fn replayed(config: TrialConfig, classifier: Option<Classifier>) -> Result<Testbed, AssemblyError> {
     let model = Arc::new(proact_description::mpl_right_arm());
     testbed(config, &model, Box::new(LoggedPlans), classifier)
+}
+
+/// A testbed that takes its plans from the log, and plans that are computed again beside it.
+///
+/// # Errors
+/// [`AssemblyError`].
+pub fn replanned(
+    config: TrialConfig,
+    classifier: Option<Classifier>,
+) -> Result<(Testbed, ComparedPlans), AssemblyError> {
+    let model = Arc::new(proact_description::mpl_right_arm());
+    let worker = planner(&model, &config)?;
+    let plans = ComparedPlans { log: worker.log(), replies: Arc::default() };
+    let asked = AskedAgain { worker, replies: plans.replies.clone() };
+    Ok((testbed(config, &model, Box::new(asked), classifier)?, plans))
+}
+
+/// What the requests of a replay give now.
+pub struct ComparedPlans {
+    log: PlanLog,
+    replies: Arc<Mutex<BTreeMap<u64, PlanReply>>>,
+}
+
+impl ComparedPlans {
+    /// The reply to request `id` now, and whether a deadline ended it; none if it was not asked.
+    pub fn reply(&self, id: u64) -> Option<(PlanReply, bool)> {
+        let replies = self.replies.lock().unwrap_or_else(PoisonError::into_inner);
+        let timed_out = self.log.entries().iter().any(|entry| entry.request == id && entry.timed_out);
+        Some((replies.get(&id)?.clone(), timed_out))
+    }
+}
+
+/// Plans every request at once and keeps the reply for later; the testbed takes the recorded one.
+struct AskedAgain {
+    worker: PlanWorker,
+    replies: Arc<Mutex<BTreeMap<u64, PlanReply>>>,
+}
+
+impl PlanService for AskedAgain {
+    fn submit(&mut self, request: PlanRequest) {
+        let id = request.id;
+        self.worker.submit(request);
+        let reply = self.worker.wait(id);
+        self.replies.lock().unwrap_or_else(PoisonError::into_inner).insert(id, reply);
+    }
+
+    fn poll(&mut self, _id: u64) -> Option<PlanReply> {
+        None
+    }
+
+    /// A plan that the log should hold and does not: it was another trial.
+    fn wait(&mut self, id: u64) -> PlanReply {
+        LoggedPlans.wait(id)
+    }
+
+    fn cancel(&mut self) {}
 }
 
 /// Time within which a plan is there while a person waits, seconds: twice what the original gave one attempt.

@@ -13,7 +13,7 @@ type Outcome<T = ()> = Result<T, Box<dyn Error>>;
 /// Records a trial into `dir` that ends right after the first grasp; the block.
 fn record_one_pick(dir: &Path) -> Outcome<BlockId> {
     let config = TrialConfig::new(MethodName::D, 1, Setup::named("seated")?);
-    let trial::Assembly { mut session, classifier, model } =
+    let trial::Assembly { mut session, classifier, model, .. } =
         trial::simulated(TrialConfig { limit_secs: 120.0, ..config }, &EmgSource::Synthetic)?;
     let config = session.testbed().config().clone();
     let mut recorder = Recorder::create(dir, &config, &model, classifier.as_ref())?;

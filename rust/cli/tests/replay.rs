@@ -32,7 +32,7 @@ fn digest(seed: u64) -> Outcome<String> {
 
 /// Records a trial into `dir`.
 fn record(seed: u64, dir: &Path) -> Outcome {
-    let trial::Assembly { mut session, classifier, model } =
+    let trial::Assembly { mut session, classifier, model, .. } =
         trial::simulated(config(seed)?, &EmgSource::Synthetic)?;
     let config = session.testbed().config().clone();
     let mut recorder = Recorder::create(dir, &config, &model, classifier.as_ref())?;
@@ -84,10 +84,35 @@ fn a_recorded_trial_replays_to_the_same_digest() -> Outcome {
     let place = tempfile::tempdir()?;
     let dir = place.path().join("trial");
     record(3, &dir)?;
-    let replayed = replay_trial(&dir)?;
+    let replayed = replay_trial(&dir, false)?;
     assert!(replayed.agrees && replayed.finished, "{replayed:?}");
     assert_eq!(replayed.spans, (LIMIT_SECS * 10.0) as usize);
     assert_eq!(replayed.digest, replayed.recorded);
+    Ok(())
+}
+
+#[test]
+fn planning_again_gives_the_recorded_plans_and_notices_a_changed_one() -> Outcome {
+    let place = tempfile::tempdir()?;
+    let dir = place.path().join("trial");
+    record(3, &dir)?;
+    let again = replay_trial(&dir, true)?;
+    assert!(again.agrees, "{again:?}");
+    let plans = again.replanned.ok_or("it was asked for")?;
+    assert!(plans.equal > 0 && plans.different.is_empty(), "{plans:?}");
+
+    let changed = place.path().join("changed");
+    let mut first = None;
+    altered(&dir, &changed, |_, input| {
+        if let (None, Some(plan)) = (first, &mut input.plan)
+            && let Some(point) = plan.trajectory.points.get_mut(1)
+        {
+            point.q[0] = point.q[0].next_up();
+            first = Some(plan.id);
+        }
+    })?;
+    let different = replay_trial(&changed, true)?.replanned.ok_or("it was asked for")?.different;
+    assert_eq!(different.first().copied(), first, "{different:?}");
     Ok(())
 }
 
@@ -109,7 +134,7 @@ fn a_changed_input_is_reported_with_its_span_and_its_stage() -> Outcome {
             touched = true;
         }
     })?;
-    let divergence = replay_trial(&changed)?.divergence.ok_or("a changed input must be noticed")?;
+    let divergence = replay_trial(&changed, false)?.divergence.ok_or("a changed input must be noticed")?;
     assert_eq!((divergence.from, divergence.to), (SimTime(2301), SimTime(2400)));
     assert_eq!(divergence.fields.first().map(String::as_str), Some("input.emg"));
 
@@ -126,7 +151,7 @@ fn a_changed_input_is_reported_with_its_span_and_its_stage() -> Outcome {
         }
     })?;
     let planned_at = planned_at.ok_or("the trial has a plan")?;
-    let divergence = replay_trial(&changed)?.divergence.ok_or("a changed plan must be noticed")?;
+    let divergence = replay_trial(&changed, false)?.divergence.ok_or("a changed plan must be noticed")?;
     assert!(
         (divergence.from..=divergence.to).contains(&planned_at),
         "{divergence:?}, plan at {planned_at:?}"
@@ -147,7 +172,7 @@ fn a_damaged_log_is_reported_with_its_offset_and_a_lost_classifier_with_its_path
     let mut damaged = intact.clone();
     damaged[offset] ^= 0x10;
     fs::write(&log, &damaged)?;
-    let error = replay_trial(&dir).expect_err("a damaged log must not pass").to_string();
+    let error = replay_trial(&dir, false).expect_err("a damaged log must not pass").to_string();
     let reported: usize = error
         .split(|c: char| !c.is_ascii_digit())
         .filter_map(|word| word.parse().ok())
@@ -157,7 +182,7 @@ fn a_damaged_log_is_reported_with_its_offset_and_a_lost_classifier_with_its_path
 
     fs::write(&log, &intact)?;
     fs::remove_file(dir.join("classifier.json"))?;
-    let error = replay_trial(&dir).expect_err("without its classifier a trial cannot be recomputed");
+    let error = replay_trial(&dir, false).expect_err("without its classifier a trial cannot be recomputed");
     assert!(error.to_string().contains("classifier.json"), "{error}");
     Ok(())
 }

@@ -58,6 +58,19 @@ rust::Vec<double> flat(const std::vector<std::vector<double>>& rows) {
   return all;
 }
 
+JointQuery query_between(const Scene& scene, rust::Slice<const double> start, rust::Slice<const double> goals,
+                         const SearchRow& search) {
+  JointQuery query = query_of(search);
+  query.start.assign(start.begin(), start.end());
+  query.goals = rows_of(goals, scene.joint_count());
+  return query;
+}
+
+PlanRow row_of(const JointPlan& plan) {
+  return {static_cast<std::uint8_t>(plan.status), plan.goal, flat(plan.path), plan.iterations, plan.state_checks,
+          plan.seconds, plan.timed_out};
+}
+
 }  // namespace
 
 std::unique_ptr<Arm> new_arm() { return std::make_unique<Arm>(); }
@@ -89,9 +102,20 @@ void set_hand(Scene& scene, rust::Slice<const double> angles) {
   scene.set_hand(std::vector<double>(angles.begin(), angles.end()));
 }
 
-void set_obstacles(Scene& scene, rust::Slice<const rust::String> names, rust::Slice<const ShapeRow> shapes) {
+void set_obstacles(Scene& scene, rust::Slice<const rust::String> names, rust::Slice<const ShapeRow> shapes,
+                   rust::Slice<const MeshRow> meshes) {
   std::vector<Object> obstacles;
   for (std::size_t k = 0; k < names.size(); ++k) obstacles.push_back({std::string(names[k]), placed_of(shapes[k])});
+  for (const MeshRow& row : meshes) {
+    auto mesh = std::make_shared<Mesh>();
+    for (std::size_t k = 0; k + 2 < row.vertices.size(); k += 3) {
+      mesh->vertices.push_back({row.vertices[k], row.vertices[k + 1], row.vertices[k + 2]});
+    }
+    for (std::size_t k = 0; k + 2 < row.triangles.size(); k += 3) {
+      mesh->triangles.push_back({row.triangles[k], row.triangles[k + 1], row.triangles[k + 2]});
+    }
+    obstacles.push_back({std::string(row.name), {{ShapeKind::mesh, {}, std::move(mesh)}, pose_of(row.pose)}});
+  }
   scene.set_obstacles(obstacles);
 }
 
@@ -125,12 +149,30 @@ bool motion_is_free(Scene& scene, rust::Slice<const double> a, rust::Slice<const
 
 PlanRow plan_joint(Scene& scene, rust::Slice<const double> start, rust::Slice<const double> goals,
                    const SearchRow& search, const CancelFlag& cancel) {
-  JointQuery query = query_of(search);
-  query.start.assign(start.begin(), start.end());
-  query.goals = rows_of(goals, scene.joint_count());
-  const JointPlan plan = plan_joint(scene, query, cancel);
-  return {static_cast<std::uint8_t>(plan.status), plan.goal, flat(plan.path), plan.iterations, plan.state_checks,
-          plan.seconds, plan.timed_out};
+  return row_of(plan_joint(scene, query_between(scene, start, goals, search), cancel));
+}
+
+PlanRow plan_joint_where(Scene& scene, rust::Slice<const double> start, rust::Slice<const double> goals,
+                         const SearchRow& search, StateCheck& check, const CancelFlag& cancel) {
+  JointQuery query = query_between(scene, start, goals, search);
+  const std::size_t joints = scene.joint_count();
+  query.accepts = [&check, joints](const double* q) { return check.accepts({q, joints}); };
+  return row_of(plan_joint(scene, query, cancel));
+}
+
+std::size_t count_free(Scene& scene, rust::Slice<const double> states) {
+  std::size_t free = 0;
+  const std::size_t joints = scene.joint_count();
+  for (std::size_t k = 0; k + joints <= states.size(); k += joints) free += scene.is_free(states.data() + k) ? 1 : 0;
+  return free;
+}
+
+std::size_t count_accepted(rust::Slice<const double> states, std::size_t joints, StateCheck& check) {
+  std::size_t accepted = 0;
+  for (std::size_t k = 0; k + joints <= states.size(); k += joints) {
+    accepted += check.accepts({states.data() + k, joints}) ? 1 : 0;
+  }
+  return accepted;
 }
 
 PlainRow search_plainly(const Scene& scene, rust::Slice<const double> start, rust::Slice<const double> goals,
@@ -141,7 +183,7 @@ PlainRow search_plainly(const Scene& scene, rust::Slice<const double> start, rus
   settings.seconds = query.max_seconds;
   const PlainPlan plan = search_plainly(scene, {start.begin(), start.end()}, rows_of(goals, scene.joint_count()),
                                         settings, query.seed);
-  return {flat(plan.path), plan.search_secs, plan.simplify_secs};
+  return {flat(plan.path), plan.search_secs, plan.cpu_secs};
 }
 
 void check_planner(const SearchRow& search) { check_planner(query_of(search)); }

@@ -15,6 +15,8 @@ struct ContactRow;
 struct SearchRow;
 struct PlanRow;
 struct PlainRow;
+struct MeshRow;
+struct StateCheck;
 
 std::unique_ptr<Arm> new_arm();
 void add_link(Arm& arm, rust::Str name, rust::Slice<const ShapeRow> shapes);
@@ -25,7 +27,8 @@ void allow_pair(Arm& arm, std::size_t a, std::size_t b);
 std::unique_ptr<Scene> new_scene(const Arm& arm);
 void set_base(Scene& scene, const std::array<double, 7>& pose);
 void set_hand(Scene& scene, rust::Slice<const double> angles);
-void set_obstacles(Scene& scene, rust::Slice<const rust::String> names, rust::Slice<const ShapeRow> shapes);
+void set_obstacles(Scene& scene, rust::Slice<const rust::String> names, rust::Slice<const ShapeRow> shapes,
+                   rust::Slice<const MeshRow> meshes);
 void set_attached(Scene& scene, rust::Str name, const ShapeRow& shape);
 void clear_attached(Scene& scene);
 void set_padding(Scene& scene, double metres);
@@ -36,6 +39,10 @@ bool is_free(Scene& scene, rust::Slice<const double> q);
 bool motion_is_free(Scene& scene, rust::Slice<const double> a, rust::Slice<const double> b, const SearchRow& search);
 PlanRow plan_joint(Scene& scene, rust::Slice<const double> start, rust::Slice<const double> goals,
                    const SearchRow& search, const CancelFlag& cancel);
+PlanRow plan_joint_where(Scene& scene, rust::Slice<const double> start, rust::Slice<const double> goals,
+                         const SearchRow& search, StateCheck& check, const CancelFlag& cancel);
+std::size_t count_free(Scene& scene, rust::Slice<const double> states);
+std::size_t count_accepted(rust::Slice<const double> states, std::size_t joints, StateCheck& check);
 PlainRow search_plainly(const Scene& scene, rust::Slice<const double> start, rust::Slice<const double> goals,
                         const SearchRow& search);
 void check_planner(const SearchRow& search);

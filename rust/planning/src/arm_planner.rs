@@ -1,13 +1,14 @@
 //! From a request to a reply: the start is left, ways to the goal are found, a search connects the two.
 
 use crate::chain::Chain;
-use crate::effort::{PlanEffort, PlanStage, StageCell};
+use crate::effort::{PlanEffort, PlanStage, StageCell, thread_cpu_secs};
 use crate::error::check;
 use crate::reach::Limits;
 use crate::timing::{Curve, GRID, MotionLimits, averaged};
 use crate::ways::Way;
 use crate::{
-    CancelFlag, CollisionScene, PlannerOptions, PlanningError, SearchEffort, SearchLimits, SearchOutcome,
+    CancelFlag, CollisionScene, MeshObstacle, PlannerOptions, PlanningError, SearchEffort, SearchLimits,
+    SearchOutcome,
 };
 use proact_control::ports::ArmKinematics;
 use proact_types::{
@@ -29,6 +30,7 @@ pub struct ArmPlanner {
     pub(crate) cancel: CancelFlag,
     /// Room kept in transit by the present attempt, metres.
     transit_padding: f64,
+    meshes: Vec<MeshObstacle>,
     /// Batches of postures from which the present attempt may seek ways to the goal.
     pub(crate) batches: usize,
     /// When the present request must have been answered.
@@ -148,6 +150,7 @@ impl ArmPlanner {
             options,
             cancel,
             transit_padding,
+            meshes: Vec::new(),
             motion_limits,
             batches: FEW_BATCHES,
             deadline: None,
@@ -189,6 +192,16 @@ impl ArmPlanner {
         self.scene.collisions(q)
     }
 
+    /// Meshes that stand in the way of every request, beside its own obstacles.
+    ///
+    /// # Errors
+    /// A mesh without triangles, with a vertex that is not finite or a triangle that names none, a name used twice.
+    pub fn set_meshes(&mut self, meshes: Vec<MeshObstacle>) -> Result<(), PlanningError> {
+        self.scene.set_obstacles_and_meshes(&[], &meshes)?;
+        self.meshes = meshes;
+        Ok(())
+    }
+
     /// What the planner is doing, for another thread to look at.
     pub(crate) fn stage(&self) -> StageCell {
         self.stage.clone()
@@ -212,7 +225,7 @@ impl ArmPlanner {
 
     /// Answers `request`. Never fails otherwise than by the status of the reply.
     pub fn solve(&mut self, request: &PlanRequest) -> PlanReply {
-        let begin = Instant::now();
+        let (begin, cpu_begin) = (Instant::now(), thread_cpu_secs());
         self.deadline = self.options.deadline_secs.map(|secs| begin + Duration::from_secs_f64(secs));
         self.scene.effort = SearchEffort::default();
         let reply = self.reply(request);
@@ -224,6 +237,7 @@ impl ArmPlanner {
             iterations: self.scene.effort.iterations,
             state_checks: self.scene.effort.state_checks,
             wall_secs: begin.elapsed().as_secs_f64(),
+            cpu_secs: thread_cpu_secs() - cpu_begin,
             timed_out: timed_out || self.scene.effort.timed_out,
         };
         reply
@@ -326,6 +340,12 @@ impl ArmPlanner {
             request.attached.as_ref(),
             &request.world_from_base,
         )?;
+        if let Some(carried) = &request.attached
+            && request.obstacles.iter().any(|o| o.name == carried.name)
+        {
+            let reason = format!("{} is both in the hand and in the way.", carried.name);
+            return Err(Failure::new(PlanStatus::Invalid, reason));
+        }
         if !self.limits.contain(&request.start, LIMIT_SLACK) {
             return Err(Failure::new(PlanStatus::Invalid, "The start is outside the joint limits."));
         }
@@ -343,7 +363,7 @@ impl ArmPlanner {
     ) -> Result<(), PlanningError> {
         self.scene.set_base(world_from_base)?;
         self.scene.set_hand(hand)?;
-        self.scene.set_obstacles(obstacles)?;
+        self.scene.set_obstacles_and_meshes(obstacles, &self.meshes)?;
         self.scene.set_attached(attached)
     }
 

@@ -1,7 +1,17 @@
 //! Signatures only. Everything that can throw returns `Result`.
 
+use crate::state_check::StateCheck;
+
 #[cxx::bridge(namespace = "proact::planning")]
 pub(crate) mod ffi {
+    /// A mesh: three numbers a vertex, three vertices a triangle, in the frame of `pose`.
+    struct MeshRow {
+        name: String,
+        vertices: Vec<f64>,
+        triangles: Vec<usize>,
+        pose: [f64; 7],
+    }
+
     /// A shape and where it is: kind 0 box, 1 sphere, 2 cylinder, 3 capsule; pose is x, y, z, quaternion x, y, z, w.
     struct ShapeRow {
         kind: u8,
@@ -54,11 +64,16 @@ pub(crate) mod ffi {
         timed_out: bool,
     }
 
-    /// A plain program's path, and seconds of its search and its simplification.
+    /// A plain program's path, seconds of its search on the wall clock, and processor time with simplification.
     struct PlainRow {
         path: Vec<f64>,
         search_secs: f64,
-        simplify_secs: f64,
+        cpu_secs: f64,
+    }
+
+    extern "Rust" {
+        type StateCheck<'a>;
+        fn accepts(self: &mut StateCheck<'_>, q: &[f64]) -> bool;
     }
 
     unsafe extern "C++" {
@@ -75,7 +90,12 @@ pub(crate) mod ffi {
         fn new_scene(arm: &Arm) -> Result<UniquePtr<Scene>>;
         fn set_base(scene: Pin<&mut Scene>, pose: &[f64; 7]) -> Result<()>;
         fn set_hand(scene: Pin<&mut Scene>, angles: &[f64]) -> Result<()>;
-        fn set_obstacles(scene: Pin<&mut Scene>, names: &[String], shapes: &[ShapeRow]) -> Result<()>;
+        fn set_obstacles(
+            scene: Pin<&mut Scene>,
+            names: &[String],
+            shapes: &[ShapeRow],
+            meshes: &[MeshRow],
+        ) -> Result<()>;
         fn set_attached(scene: Pin<&mut Scene>, name: &str, shape: &ShapeRow) -> Result<()>;
         fn clear_attached(scene: Pin<&mut Scene>) -> Result<()>;
         fn set_padding(scene: Pin<&mut Scene>, metres: f64) -> Result<()>;
@@ -91,6 +111,15 @@ pub(crate) mod ffi {
             search: &SearchRow,
             cancel: &CancelFlag,
         ) -> Result<PlanRow>;
+        /// As `plan_joint`; a state is valid only if `check` accepts it too.
+        fn plan_joint_where(
+            scene: Pin<&mut Scene>,
+            start: &[f64],
+            goals: &[f64],
+            search: &SearchRow,
+            check: &mut StateCheck,
+            cancel: &CancelFlag,
+        ) -> Result<PlanRow>;
 
         fn search_plainly(
             scene: &Scene,
@@ -100,6 +129,9 @@ pub(crate) mod ffi {
         ) -> Result<PlainRow>;
 
         fn check_planner(search: &SearchRow) -> Result<()>;
+        fn count_free(scene: Pin<&mut Scene>, states: &[f64]) -> Result<usize>;
+        fn count_accepted(states: &[f64], joints: usize, check: &mut StateCheck) -> Result<usize>;
+        fn thread_cpu_secs() -> f64;
 
         type CancelFlag;
         fn new_cancel_flag() -> SharedPtr<CancelFlag>;

@@ -52,6 +52,8 @@ pub struct PlanEffort {
     pub state_checks: u64,
     /// Seconds on the wall clock, from request to reply.
     pub wall_secs: f64,
+    /// Seconds of processor time: what is left when other processes are out of the way.
+    pub cpu_secs: f64,
     /// True if the clock ended it: the same request may then be answered otherwise another time.
     pub timed_out: bool,
 }
@@ -60,6 +62,19 @@ impl Default for PlanEffort {
     /// That of no request at all.
     fn default() -> Self {
         let status = PlanStatus::Invalid;
-        Self { request: 0, status, iterations: 0, state_checks: 0, wall_secs: 0.0, timed_out: false }
+        Self {
+            request: 0,
+            status,
+            iterations: 0,
+            state_checks: 0,
+            wall_secs: 0.0,
+            cpu_secs: 0.0,
+            timed_out: false,
+        }
     }
+}
+
+/// Processor time of the calling thread, seconds since some moment.
+pub fn thread_cpu_secs() -> f64 {
+    crate::bridge::ffi::thread_cpu_secs()
 }

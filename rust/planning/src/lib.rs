@@ -27,16 +27,21 @@ mod options;
 mod person;
 mod planner_name;
 mod reach;
+mod reasons;
 mod scene;
+mod state_check;
 mod timing;
 mod ways;
 mod worker;
 
 pub use arm_planner::ArmPlanner;
-pub use effort::{PlanEffort, PlanStage};
+pub use effort::{PlanEffort, PlanStage, thread_cpu_secs};
 pub use error::PlanningError;
 pub use options::PlannerOptions;
 pub use person::{Person, person_obstacles};
 pub use planner_name::PlannerName;
-pub use scene::{CancelFlag, CollisionScene, PlainOutcome, SearchEffort, SearchLimits, SearchOutcome};
+pub use reasons::five_words;
+pub use scene::{
+    CancelFlag, CollisionScene, MeshObstacle, PlainOutcome, SearchEffort, SearchLimits, SearchOutcome,
+};
 pub use worker::{PlanLog, PlanWorker};

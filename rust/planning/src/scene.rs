@@ -3,6 +3,7 @@
 use crate::PlannerName;
 use crate::bridge::ffi;
 use crate::error::{PlanningError, check};
+use crate::state_check::StateCheck;
 use proact_types::{ArmModel, AttachedObject, JointKind, Obstacle, Pose, Shape};
 use serde::Serialize;
 
@@ -48,6 +49,19 @@ impl std::fmt::Debug for CancelFlag {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_tuple("CancelFlag").field(&self.is_raised()).finish()
     }
+}
+
+/// An obstacle made of triangles.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MeshObstacle {
+    /// Named in collision reports.
+    pub name: String,
+    /// Metres, in the mesh's frame.
+    pub vertices: Vec<[f64; 3]>,
+    /// Three indices of vertices each.
+    pub triangles: Vec<[usize; 3]>,
+    /// `world_from_mesh`.
+    pub pose: Pose,
 }
 
 /// What bounds one search in joint space.
@@ -188,9 +202,31 @@ impl CollisionScene {
     /// [`PlanningError::Scene`] naming the obstacle that has no extent, no proper pose or another one's name;
     /// the scene then keeps its old obstacles.
     pub fn set_obstacles(&mut self, obstacles: &[Obstacle]) -> Result<(), PlanningError> {
+        self.set_obstacles_and_meshes(obstacles, &[])
+    }
+
+    /// As [`CollisionScene::set_obstacles`], with meshes among them. A mesh's surface collides, padding included;
+    /// what is wholly inside one does not touch it. Negative padding does not shrink it.
+    ///
+    /// # Errors
+    /// As there, and for a mesh without triangles, a vertex that is not finite, or a triangle that names no vertex.
+    pub fn set_obstacles_and_meshes(
+        &mut self,
+        obstacles: &[Obstacle],
+        meshes: &[MeshObstacle],
+    ) -> Result<(), PlanningError> {
+        let meshes: Vec<_> = meshes
+            .iter()
+            .map(|mesh| ffi::MeshRow {
+                name: mesh.name.clone(),
+                vertices: mesh.vertices.as_flattened().to_vec(),
+                triangles: mesh.triangles.as_flattened().to_vec(),
+                pose: pose_row(&mesh.pose),
+            })
+            .collect();
         let names: Vec<String> = obstacles.iter().map(|o| o.name.clone()).collect();
         let shapes: Vec<_> = obstacles.iter().map(|o| shape_row(&o.shape, &o.pose)).collect();
-        Ok(ffi::set_obstacles(self.inner.pin_mut(), &names, &shapes)?)
+        Ok(ffi::set_obstacles(self.inner.pin_mut(), &names, &shapes, &meshes)?)
     }
 
     /// Replaces what the hand carries.
@@ -323,6 +359,62 @@ impl CollisionScene {
         let flat: Vec<f64> = goals.iter().flatten().copied().collect();
         let search = search_row(planner, parameters, seed, limits);
         let row = ffi::plan_joint(self.inner.pin_mut(), start, &flat, &search, &cancel.0)?;
+        self.outcome(row)
+    }
+
+    /// As [`CollisionScene::search`], among those arm angles alone that `accepts` says yes to. Every state is asked
+    /// about across the language boundary, in steps of the limits' resolution: for conditions of one's own, at a
+    /// price that `proact bench planning` tells.
+    ///
+    /// # Errors
+    /// As for [`CollisionScene::search`]; [`PlanningError::Scene`] with the message if `accepts` panicked.
+    pub fn search_where(
+        &mut self,
+        start: &[f64],
+        goals: &[Vec<f64>],
+        seed: u64,
+        limits: &SearchLimits,
+        cancel: &CancelFlag,
+        accepts: &mut dyn FnMut(&[f64]) -> bool,
+    ) -> Result<SearchOutcome, PlanningError> {
+        check("start", start, self.joint_count)?;
+        for goal in goals {
+            check("goal", goal, self.joint_count)?;
+        }
+        let flat: Vec<f64> = goals.iter().flatten().copied().collect();
+        let search = search_row(PlannerName::default(), &[], seed, limits);
+        let mut condition = StateCheck::new(accepts);
+        let scene = self.inner.pin_mut();
+        let row = ffi::plan_joint_where(scene, start, &flat, &search, &mut condition, &cancel.0)?;
+        match condition.panicked() {
+            Some(text) => Err(PlanningError::Scene(format!("the condition panicked: {text}"))),
+            None => self.outcome(row),
+        }
+    }
+
+    /// Of `states`, one row of arm angles each, how many are free: a loop in C++, for measuring it.
+    ///
+    /// # Errors
+    /// A length that is no multiple of the joints, a value that is not finite.
+    pub fn count_free(&mut self, states: &[f64]) -> Result<usize, PlanningError> {
+        check("states", states, states.len() - states.len() % self.joint_count)?;
+        Ok(ffi::count_free(self.inner.pin_mut(), states)?)
+    }
+
+    /// Of `states`, how many `accepts` says yes to: a loop in C++ that calls back, for measuring the price.
+    ///
+    /// # Errors
+    /// As for [`CollisionScene::count_free`].
+    pub fn count_accepted(
+        &self,
+        states: &[f64],
+        accepts: &mut dyn FnMut(&[f64]) -> bool,
+    ) -> Result<usize, PlanningError> {
+        check("states", states, states.len() - states.len() % self.joint_count)?;
+        Ok(ffi::count_accepted(states, self.joint_count, &mut StateCheck::new(accepts))?)
+    }
+
+    fn outcome(&mut self, row: ffi::PlanRow) -> Result<SearchOutcome, PlanningError> {
         self.effort.iterations += row.iterations;
         self.effort.state_checks += row.state_checks;
         self.effort.search_secs += row.seconds;
@@ -366,7 +458,7 @@ impl CollisionScene {
         Ok(PlainOutcome {
             path: row.path.chunks_exact(self.joint_count).map(<[f64]>::to_vec).collect(),
             search_secs: row.search_secs,
-            simplify_secs: row.simplify_secs,
+            cpu_secs: row.cpu_secs,
         })
     }
 }
@@ -376,10 +468,10 @@ impl CollisionScene {
 pub struct PlainOutcome {
     /// Arm angles from start to goal; empty if none was found in time.
     pub path: Vec<Vec<f64>>,
-    /// Seconds that the search took.
+    /// Seconds that the search took on the wall clock, which bounds it.
     pub search_secs: f64,
-    /// Seconds that the simplification took.
-    pub simplify_secs: f64,
+    /// Processor time of search and simplification, seconds.
+    pub cpu_secs: f64,
 }
 
 fn pose_row(pose: &Pose) -> [f64; 7] {

@@ -5,7 +5,10 @@ mod common;
 
 use common::*;
 use proact_kinematics::{ArmKinematics, Kinematics};
-use proact_planning::{ArmPlanner, PlannerName, PlannerOptions, PlanningError, SearchLimits};
+use proact_planning::{
+    ArmPlanner, CancelFlag, CollisionScene, MeshObstacle, PlannerName, PlannerOptions, PlanningError,
+    SearchLimits, SearchOutcome,
+};
 use proact_types::{
     BlockId, PlanGoal, PlanReply, PlanRequest, PlanStatus, Point, Pose, Region, Shape, Trajectory,
     TrunkPosture, Vector, joints,
@@ -437,4 +440,92 @@ fn unknown_planners_and_parameters_are_refused_with_those_that_there_are() {
     let error =
         ArmPlanner::new(model.clone(), Box::new(kinematics(&model)), options).err().unwrap().to_string();
     assert!(error.contains("no parameter \"rnage\", expected one of ") && error.contains("range"), "{error}");
+}
+
+#[test]
+fn a_condition_of_ones_own_is_kept_everywhere_and_a_panic_in_it_is_an_error() {
+    let model = model();
+    let mut scene = CollisionScene::new(&model).unwrap();
+    let start = model.pose("arm", "start").unwrap().to_vec();
+    let goal: Vec<f64> = start.iter().map(|q| q * 0.5).collect();
+    let (limits, cancel) = (SearchLimits::default(), CancelFlag::new());
+    let goals = [goal.clone()];
+    // A wall across the straight way, in the space of the first two joints.
+    let middle = 0.5 * (start[0] + goal[0]);
+    let mut asked = 0;
+    let mut around = |q: &[f64]| {
+        asked += 1;
+        (q[0] - middle).abs() > 0.02 || q[2] > start[2].max(goal[2]) + 0.2
+    };
+    let found = scene.search_where(&start, &goals, 1, &limits, &cancel, &mut around).unwrap();
+    let SearchOutcome::Solved { path, .. } = found else { panic!("{found:?}") };
+    assert!(path.len() > 2 && path.iter().all(|q| around(q)), "{path:?}");
+    assert!(asked > 10);
+    let mut fails = |_: &[f64]| -> bool { panic!("no idea") };
+    let error = scene.search_where(&start, &goals, 1, &limits, &cancel, &mut fails).unwrap_err();
+    assert!(error.to_string().contains("no idea"), "{error}");
+}
+
+#[test]
+fn a_mesh_is_planned_around_and_what_is_carried_cannot_stand_in_the_way() {
+    let model = model();
+    let mut planner = planner(PlannerOptions::default());
+    let request = pick(&model, still(), Region::FL, 1);
+    let free = planner.solve(&request);
+    assert_eq!(free.status, PlanStatus::Ok);
+    // A sheet where the hand passes in the middle of its way.
+    let middle = free.trajectory.sample(0.5 * free.trajectory.duration_secs()).unwrap().0;
+    let sheet = MeshObstacle {
+        name: "sheet".to_owned(),
+        vertices: vec![[-0.02, -0.02, 0.0], [0.02, -0.02, 0.0], [0.0, 0.02, 0.0]],
+        triangles: vec![[0, 1, 2]],
+        pose: tip(&request, &middle),
+    };
+    let there = |planner: &mut ArmPlanner, reply: &PlanReply| {
+        let touches = |q: &Vec<f64>| {
+            let pairs = planner
+                .collisions(q, &request.hand, &request.obstacles, None, &request.world_from_base)
+                .unwrap();
+            pairs.iter().any(|(_, b)| b == "sheet")
+        };
+        samples(&reply.trajectory, 0.02).iter().any(touches)
+    };
+    planner.set_meshes(vec![sheet]).unwrap();
+    assert!(there(&mut planner, &free));
+    let around = planner.solve(&request);
+    assert_eq!(around.status, PlanStatus::Ok, "{}", around.reason);
+    assert!(!there(&mut planner, &around));
+
+    let mut twice = request.clone();
+    twice.attached = Some(proact_types::AttachedObject {
+        name: twice.obstacles[twice.obstacles.len() - 1].name.clone(),
+        shape: BLOCK,
+        tip_from_object: Pose::identity(),
+    });
+    let reply = planner.solve(&twice);
+    assert_eq!(reply.status, PlanStatus::Invalid);
+    assert!(reply.reason.contains("both"), "{}", reply.reason);
+}
+
+#[test]
+fn a_bound_on_the_time_ends_a_search_without_end_and_a_plan_says_that_the_clock_did_it() {
+    let model = model();
+    let mut scene = CollisionScene::new(&model).unwrap();
+    let start = model.pose("arm", "start").unwrap().to_vec();
+    let goal: Vec<f64> = start.iter().map(|q| q * 0.5).collect();
+    let middle = 0.5 * (start[0] + goal[0]);
+    // A wall with no way round: only the clock ends this.
+    let mut shut = |q: &[f64]| (q[0] - middle).abs() > 0.02;
+    let limits = SearchLimits { max_iterations: u32::MAX, max_secs: Some(0.05), ..SearchLimits::default() };
+    let outcome = scene.search_where(&start, &[goal], 1, &limits, &CancelFlag::new(), &mut shut).unwrap();
+    assert_eq!(outcome, SearchOutcome::NoPlan);
+
+    // A thousandth of a second is too short for any plan.
+    let options = PlannerOptions { deadline_secs: Some(1e-3), ..PlannerOptions::default() };
+    let mut planner = planner(options);
+    let reply = planner.solve(&pick(&model, still(), Region::FL, 1));
+    assert_eq!(reply.status, PlanStatus::NoPlan, "{}", reply.reason);
+    assert!(reply.reason.contains("in time"), "{}", reply.reason);
+    assert!(planner.effort().timed_out);
+    assert_eq!(planner.effort().status, PlanStatus::NoPlan);
 }

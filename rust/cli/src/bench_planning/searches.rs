@@ -3,27 +3,35 @@
 
 use super::{Bench, length};
 use crate::bench::{BenchFigure, quantile};
-use proact_planning::{PlannerName, PlannerOptions};
+use crate::trial;
+use proact_devices::EmgSource;
+use proact_planning::{PlanWorker, PlannerName, PlannerOptions};
+use proact_testbed::{Setup, TrialConfig, ports::PlanService};
 use proact_types::{PlanRequest, PlanStatus, Trajectory, TrajectoryPoint, joints};
-use std::{error::Error, time::Instant};
+use std::{
+    error::Error,
+    time::{Duration, Instant},
+};
 
 /// How long the plain program may search and simplify, seconds: as the original's did.
 const PLAIN_SECS: f64 = 0.5;
 /// Speed at which a plain path is walked for the check, rad/s.
 const WALK: f64 = 0.5;
+/// Plans that are cancelled.
+const CANCELS: usize = 200;
 /// How long the best of many plans is looked for, seconds.
 const LONG_SECS: f64 = 5.0;
 
 /// One problem beside the plain program.
 pub(super) struct Search {
-    /// Of the whole plan, ms.
+    /// Processor time of the whole plan, ms.
     ours_ms: f64,
     plain: [Plain; PEERS.len()],
 }
 
 #[derive(Clone, Copy)]
 struct Plain {
-    /// Of search and simplification, ms.
+    /// Processor time of search and simplification, ms.
     time_ms: f64,
     found: bool,
     /// The path touches something, unpadded, at fine steps.
@@ -60,7 +68,7 @@ impl Bench {
             let goals = std::slice::from_ref(to);
             let outcome = scene.search_plainly(from, goals, planner, PLAIN_SECS, request.seed)?;
             *plain = Plain {
-                time_ms: (outcome.search_secs + outcome.simplify_secs) * 1e3,
+                time_ms: outcome.cpu_secs * 1e3,
                 found: !outcome.path.is_empty(),
                 touches: self.judge.contact(request, &walked(&outcome.path))?.is_some(),
             };
@@ -76,7 +84,7 @@ impl Bench {
         }
         let ours: Vec<f64> = all.iter().map(|s| s.ours_ms).collect();
         let note = format!(
-            "{} solved problems; ours from request to timed path, the peer from arm angles to arm angles",
+            "{} solved problems, processor time; ours from request to timed path, the peer from arm angles to arm angles",
             all.len()
         );
         let mut figures = Vec::new();
@@ -133,6 +141,40 @@ impl Bench {
             })
             .into()
     }
+}
+
+impl Bench {
+    /// How long a running plan goes on after a cancel: at moments spread over plans of the problems.
+    pub(super) fn cancels(&mut self) -> Result<BenchFigure, Box<dyn Error>> {
+        let mut worker = PlanWorker::new(super::planner(&self.model, PlannerOptions::default())?);
+        let mut late_ms = Vec::new();
+        for number in 0..CANCELS {
+            let problem = self.drawer.problem(number % 50, number % 2 == 0)?;
+            let id = number as u64 + 1;
+            worker.submit(PlanRequest { id, ..problem.request });
+            std::thread::sleep(Duration::from_micros(137 * (id % 100)));
+            let begin = Instant::now();
+            worker.cancel();
+            if worker.wait(id).status == PlanStatus::Cancelled {
+                late_ms.push(begin.elapsed().as_secs_f64() * 1e3);
+            }
+        }
+        let high = if late_ms.is_empty() { f64::NAN } else { quantile(&late_ms, 0.99) };
+        let middle = if late_ms.is_empty() { f64::NAN } else { quantile(&late_ms, 0.5) };
+        let note = format!("{} cancelled plans, median {middle:.3} ms; goal: under 5", late_ms.len());
+        Ok(BenchFigure::alone("from cancel to reply, 99 %", high, "ms", &note))
+    }
+}
+
+/// The share of a trial's wall time in which the planner works: method D, seated, as fast as it goes.
+pub(super) fn share_of_a_trial() -> Result<BenchFigure, Box<dyn Error>> {
+    let config = TrialConfig::new("D".parse()?, 1, Setup::named("seated")?);
+    let trial::Assembly { mut session, plans, .. } = trial::simulated(config, &EmgSource::Synthetic)?;
+    let begin = Instant::now();
+    while !session.step(false)?.output.finished {}
+    let wall_secs = begin.elapsed().as_secs_f64();
+    let note = format!("{} plans of a trial of {wall_secs:.1} s; goal: at most 0.2", plans.entries().len());
+    Ok(BenchFigure::alone("share of a trial's wall time", plans.busy_secs() / wall_secs, "1", &note))
 }
 
 /// A path of straight joint motions as a trajectory at an even pace.

@@ -108,6 +108,46 @@ fn a_plan_leads_from_start_to_goal_and_a_pose_is_understood_in_the_base() {
 }
 
 #[test]
+fn a_plan_takes_a_planner_by_name_and_says_in_five_words_how_it_ended() {
+    let plan = |more: Value| {
+        let mut question = json!({
+            "op": "plan", "start": [0, 0, 0, 1, 0, 0, 0], "goal_q": [0.3, -0.4, 0.2, 1.4, 0.1, 0.1, 0.1],
+            "scene": "empty",
+        });
+        let object = question.as_object_mut().expect("an object");
+        object.extend(more.as_object().expect("an object").clone());
+        answer(question)
+    };
+    let named = plan(json!({ "planner": "BiTRRT", "parameters": { "range": 0.5 } }));
+    assert_eq!((&named["status"], &named["words"]), (&json!("ok"), &json!("Ready")), "{named}");
+    let unknown = plan(json!({ "planner": "Magic" }));
+    assert!(unknown["error"].as_str().is_some_and(|e| e.contains("RRTConnect")), "{unknown}");
+    let thing = json!({ "shape": { "type": "sphere", "radius": 0.02 }, "position": [0.0, -0.1, -0.1] });
+    assert_eq!(plan(json!({ "attached": [thing] }))["status"], "ok");
+    let two = plan(json!({ "attached": [thing, thing] }));
+    assert!(two["error"].as_str().is_some_and(|e| e.contains("one at most")), "{two}");
+}
+
+#[test]
+fn a_mesh_collides_as_the_same_box_does_and_a_bad_one_is_refused() {
+    let mesh = |triangles: Value| {
+        answer(json!({
+            "op": "collision", "q": [0, 0, 0, 0, 0, 0, 0],
+            "scene": [{ "name": "roof", "position": [0, 0, -0.3], "shape": {
+                "type": "mesh", "triangles": triangles,
+                "vertices": [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]],
+            }}],
+        }))
+    };
+    let hit = mesh(json!([[0, 1, 2], [0, 2, 3]]));
+    assert_eq!(hit["collision"], true, "{hit}");
+    let bad = mesh(json!([[0, 1, 9]]));
+    assert!(bad["error"].as_str().is_some_and(|e| e.contains("vertex 9")), "{bad}");
+    let none = mesh(json!([]));
+    assert!(none["error"].as_str().is_some_and(|e| e.contains("triangle")), "{none}");
+}
+
+#[test]
 fn collisions_are_named_in_every_kind_of_scene() {
     let collision = |scene: Value| answer(json!({ "op": "collision", "q": BENT, "scene": scene }));
     assert_eq!(collision(json!("empty")), json!({ "collision": false, "pairs": [] }));

@@ -5,6 +5,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -54,6 +55,8 @@ struct JointQuery {
   /// Attempts to shorten the path.
   unsigned int shortcuts = 40;
   Resolution resolution;
+  /// A further condition on every state, if it is set; motions are then asked about in steps of the resolution.
+  std::function<bool(const double*)> accepts;
 };
 
 enum class JointPlanStatus { solved, no_plan, start_in_collision, goals_in_collision, cancelled };

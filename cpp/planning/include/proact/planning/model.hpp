@@ -29,7 +29,7 @@ struct Mesh {
 struct Shape {
   ShapeKind kind = ShapeKind::sphere;
   std::array<double, 3> size{0.0, 0.0, 0.0};
-  std::shared_ptr<const Mesh> mesh;
+  std::shared_ptr<const Mesh> mesh{};
 };
 
 /// A shape somewhere in the frame of its owner.

@@ -19,9 +19,13 @@ struct PlainSettings {
 struct PlainPlan {
   /// Straight joint motions from the start to a goal; empty if none was found in time.
   std::vector<std::vector<double>> path;
+  /// Seconds on the wall clock of the search, which that bounds, and processor time of search and simplification.
   double search_secs = 0.0;
-  double simplify_secs = 0.0;
+  double cpu_secs = 0.0;
 };
+
+/// Processor time of the calling thread, seconds since some moment.
+double thread_cpu_secs();
 
 /// Searches between free arm angles in what `scene` holds now, padding included, without any of this library's own
 /// collision code: two of FCL's dynamic trees, one over the arm's shapes, one over the obstacles, and OMPL's motion
