@@ -98,9 +98,9 @@ struct BenchArgs {
     /// Problems of the stage planning [default: 1000]
     #[arg(long, value_name = "N")]
     problems: Option<usize>,
-    /// Find out which problems of the stage planning are out of reach, by searches of so many seconds (30)
-    #[arg(long, value_name = "SECONDS")]
-    settle: Option<f64>,
+    /// How long the stage planning searches, in seconds, before a goal counts as out of reach
+    #[arg(long, value_name = "SECONDS", default_value_t = 30.0)]
+    settle: f64,
 }
 
 /// Parses the command line and runs it. The exit code is 0 only on success.
@@ -135,7 +135,7 @@ fn run(command: Command) -> Result<bool, Box<dyn Error>> {
                 "dynamics" => crate::bench_dynamics::dynamics()?,
                 "planning" => {
                     let problems = args.problems.unwrap_or(PLANNING_PROBLEMS);
-                    crate::bench_planning::planning(PlanningBench::held_out(problems, args.settle))?
+                    crate::bench_planning::planning(PlanningBench::held_out(problems, Some(args.settle)))?
                 }
                 "chain" => crate::bench_chain::chain(CHAIN_TICKS)?,
                 _ => crate::bench_start::start()?,
