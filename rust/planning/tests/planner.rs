@@ -467,34 +467,27 @@ fn a_condition_of_ones_own_is_kept_everywhere_and_a_panic_in_it_is_an_error() {
 }
 
 #[test]
-fn a_mesh_is_planned_around_and_what_is_carried_cannot_stand_in_the_way() {
+fn a_mesh_is_in_the_way_of_every_request_and_what_is_carried_cannot_be() {
     let model = model();
     let mut planner = planner(PlannerOptions::default());
     let request = pick(&model, still(), Region::FL, 1);
     let free = planner.solve(&request);
     assert_eq!(free.status, PlanStatus::Ok);
-    // A sheet where the hand passes in the middle of its way.
-    let middle = free.trajectory.sample(0.5 * free.trajectory.duration_secs()).unwrap().0;
     let sheet = MeshObstacle {
         name: "sheet".to_owned(),
         vertices: vec![[-0.02, -0.02, 0.0], [0.02, -0.02, 0.0], [0.0, 0.02, 0.0]],
         triangles: vec![[0, 1, 2]],
-        pose: tip(&request, &middle),
+        pose: tip(&request, &end(&free)),
     };
-    let there = |planner: &mut ArmPlanner, reply: &PlanReply| {
-        let touches = |q: &Vec<f64>| {
-            let pairs = planner
-                .collisions(q, &request.hand, &request.obstacles, None, &request.world_from_base)
-                .unwrap();
-            pairs.iter().any(|(_, b)| b == "sheet")
-        };
-        samples(&reply.trajectory, 0.02).iter().any(touches)
-    };
-    planner.set_meshes(vec![sheet]).unwrap();
-    assert!(there(&mut planner, &free));
-    let around = planner.solve(&request);
-    assert_eq!(around.status, PlanStatus::Ok, "{}", around.reason);
-    assert!(!there(&mut planner, &around));
+    planner.set_meshes(vec![sheet.clone()]).unwrap();
+    let goal = PlanGoal::Joints { q: joints(&end(&free)) };
+    let reply = planner.solve(&PlanRequest { goal, ..request.clone() });
+    assert_eq!(reply.status, PlanStatus::GoalInCollision);
+    assert!(reply.reason.contains("sheet"), "{}", reply.reason);
+    let bad = MeshObstacle { vertices: vec![[f64::NAN, 0.0, 0.0]], ..sheet };
+    assert!(planner.set_meshes(vec![bad]).is_err());
+    planner.set_meshes(Vec::new()).unwrap();
+    assert_eq!(planner.solve(&request), free);
 
     let mut twice = request.clone();
     twice.attached = Some(proact_types::AttachedObject {
