@@ -132,7 +132,7 @@ pub(crate) fn bare(
     config.gesture_source = label;
     config.wait_for_plans = false;
     let model = Arc::new(proact_description::mpl_right_arm());
-    let plans = planner(&model)?;
+    let plans = Box::new(planner(&model, &config)?);
     Ok((testbed_around(config, &model, plans, Some(classifier), around)?, feed))
 }
 
