@@ -122,7 +122,8 @@ pub(crate) fn run(args: &RunArgs) -> Result<bool, Box<dyn Error>> {
 
 fn trial_with(config: TrialConfig, source: &EmgSource, how: &RunHow) -> Result<bool, Box<dyn Error>> {
     let trained = how.emg_model.as_deref().map(crate::emg::read_model_file).transpose()?;
-    let Assembly { session, classifier, model, .. } = trial::simulated_with(config, source, trained.as_ref())?;
+    let Assembly { session, classifier, model, .. } =
+        trial::simulated_with(config, source, trained.as_ref())?;
     let config = session.testbed().config().clone();
     let dir = (!how.no_record).then(|| how.out.clone().unwrap_or_else(|| default_dir(&config)));
     let recorder = match &dir {

@@ -150,11 +150,12 @@ pub fn live_with_armband(
     config.gesture_source = "armband".to_owned();
     config.wait_for_plans = false;
     let model = Arc::new(proact_description::mpl_right_arm());
-    let plans = planner(&model)?;
+    let worker = planner(&model, &config)?;
+    let plans = worker.log();
     let classifier = Some(trained.classifier.clone());
-    let testbed = testbed(config, &model, plans, classifier.clone())?;
+    let testbed = testbed(config, &model, Box::new(worker), classifier.clone())?;
     let session = Session::new(SessionParts { testbed, participant: None, emg: Some(armband), gaze: None });
-    Ok(Assembly { session, classifier, model })
+    Ok(Assembly { session, classifier, model, plans })
 }
 
 /// A testbed that takes its plans from the log.
