@@ -82,7 +82,7 @@ pub(crate) fn command(args: &ServeArgs) -> Result<bool, Box<dyn Error>> {
     loop {
         let config = asked.config("still")?;
         let (method, seed) = (config.method, config.seed);
-        let Assembly { mut session, model, classifier } = match &armband {
+        let Assembly { mut session, model, classifier, .. } = match &armband {
             Some(armband) => trial::live_with_armband(config, armband.model(), armband.port())?,
             None => trial::live(config)?,
         };

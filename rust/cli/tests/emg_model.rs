@@ -51,7 +51,7 @@ fn an_armbands_gaps_and_silences_are_on_the_record_and_the_trial_replays_from_ra
     let dir = tempfile::tempdir().unwrap();
     let dir = dir.path().join("trial");
     let armband = Box::new(Armband(generator(2)));
-    let trial::Assembly { mut session, classifier, model: arm } =
+    let trial::Assembly { mut session, classifier, model: arm, .. } =
         trial::live_with_armband(config(), &model(ZERO), armband).unwrap();
     let used = session.testbed().config().clone();
     let mut recorder = Recorder::create(&dir, &used, &arm, classifier.as_ref()).unwrap();
@@ -80,7 +80,7 @@ fn an_armbands_gaps_and_silences_are_on_the_record_and_the_trial_replays_from_ra
 
     let events = std::fs::read_to_string(dir.join("config.toml")).unwrap();
     assert!(events.contains("emg_centring"), "{events}");
-    let replayed = replay_trial(&dir).unwrap();
+    let replayed = replay_trial(&dir, false).unwrap();
     assert!(replayed.agrees, "{replayed:?}");
 }
 
