@@ -100,7 +100,7 @@ void World::Simulation::set_masses() {
       dBodySetKinematic(bodies_[body]);
       continue;
     }
-    if (attached_ && body_of_[attached_->link] == body) {
+    if (attached_ && !carried_apart() && body_of_[attached_->link] == body) {
       dMass mass;
       dBodyGetMass(block_bodies_[attached_->block], &mass);
       const Pose place = body_from_link_[attached_->link] * attached_->link_from_block;
@@ -158,12 +158,26 @@ void World::Simulation::place_geoms() {
     hang(geom, bodies_[body_of_[geom.owner]], body_from_link_[geom.owner] * geom.owner_from_shape);
   }
   for (const Geom& geom : block_geoms_) {
-    if (attached_ && attached_->block == geom.owner) {
+    if (attached_ && !carried_apart() && attached_->block == geom.owner) {
       hang(geom, bodies_[body_of_[attached_->link]], body_from_link_[attached_->link] * attached_->link_from_block);
     } else {
       hang(geom, block_bodies_[geom.owner], Pose{});
     }
   }
+}
+
+/// Gives a carried block that has a body of its own a fixed joint. ODE takes the present places for those to keep, so the
+/// block is put for a moment where it belongs.
+void World::Simulation::hold_carried_block() {
+  if (!carried_apart()) return;
+  const dBodyID block = block_bodies_[attached_->block];
+  const std::size_t body = body_of_[attached_->link];
+  const Pose present = body_pose(block);
+  set_body_pose(block, body_pose(bodies_[body]) * body_from_link_[attached_->link] * attached_->link_from_block);
+  carrying_ = dJointCreateFixed(world_.get(), nullptr);
+  dJointAttach(carrying_, block, bodies_[body]);
+  dJointSetFixed(carrying_);
+  set_body_pose(block, present);
 }
 
 void World::Simulation::build_arm() {
@@ -175,6 +189,8 @@ void World::Simulation::build_arm() {
   const std::vector<dBodyID> old_bodies = bodies_;
   for (const Hinge& hinge : hinges_) dJointDestroy(hinge.joint);
   hinges_.clear();
+  if (carrying_ != nullptr) dJointDestroy(carrying_);
+  carrying_ = nullptr;
 
   group_links();
   bodies_.clear();
@@ -212,6 +228,7 @@ void World::Simulation::build_arm() {
   // Infinitesimal rotation would leave the base behind its command by the square of the turn.
   dBodySetFiniteRotationMode(bodies_[0], 1);
 
+  hold_carried_block();
   place_geoms();
   for (const dBodyID body : old_bodies) dBodyDestroy(body);
 }
@@ -228,6 +245,7 @@ bool World::Simulation::choose_rigid_joints(const double* position, const double
     if (hold != held_[k]) {
       held_[k] = hold;
       velocities_[k] = hold ? 0.0 : velocities_[k];
+      efforts_[k] = hold ? 0.0 : efforts_[k];
       changed = true;
     }
   }

@@ -88,7 +88,7 @@ void World::Simulation::update_moving_geoms() {
 }
 
 World::Simulation::Side World::Simulation::side_of_block(std::size_t block) const {
-  if (attached_ && attached_->block == block) return side_of_link(attached_->link);
+  if (attached_ && !carried_apart() && attached_->block == block) return side_of_link(attached_->link);
   return {block_bodies_[block], block, npos};
 }
 

@@ -91,6 +91,8 @@ void check_joints(const Model& model) {
     check_number(what + ": effort limit", joint.effort, 0.0);
     check_number(what + ": damping", joint.damping, 0.0);
     check_number(what + ": friction", joint.friction, 0.0);
+    check_number(what + ": proportional gain", joint.proportional_gain, 0.0);
+    check_number(what + ": derivative gain", joint.derivative_gain, 0.0);
     if (model.links[k + 1].mass <= 0.0) {
       refuse("link \"", model.links[k + 1].name, "\" is moved by a joint but its mass is ", model.links[k + 1].mass,
              " kg, expected above 0");
@@ -155,6 +157,10 @@ void validate(const Model& model) {
   check_number("position gain", options.position_gain, 0.0);
   if (options.position_gain * tick_secs > 1.0) {
     refuse("position gain ", options.position_gain, " per second overshoots, at most ", 1.0 / tick_secs);
+  }
+  check_number("speed of commands to gains", options.gains_command_speed, 0.0);
+  if (!options.merge_carried && options.arm != ArmEquations::bodies) {
+    refuse("a carried block of its own needs the arm as ODE's bodies: the arm in joint angles always merges it");
   }
   check_number("rolling resistance", options.rolling_resistance, 0.0);
   check_number("base speed", options.base_speed, 0.0);

@@ -5,6 +5,7 @@
 
 #include <ode/ode.h>
 
+#include <cstddef>
 #include <memory>
 #include <mutex>
 #include <string>
@@ -20,6 +21,10 @@ void prepare_ode_in_this_thread();
 
 /// Messages of ODE in the calling thread so far, such as a complementarity problem that it could not solve well.
 unsigned long ode_message_count();
+
+/// The latest of them, "" before the first; at most message_size - 1 characters.
+const char* ode_last_message();
+constexpr std::size_t message_size = 256;
 
 /// Held while the iterative solver runs: its random generator belongs to the process.
 std::mutex& generator_mutex();

@@ -104,7 +104,9 @@ void World::Simulation::build_tree() {
   problem_.mass.assign(hinges * hinges, 0.0);
   motors_.assign(hinges, {});
   for (std::vector<double>* scratch : {&speeds_, &accelerations_, &torques_, &momenta_}) scratch->assign(hinges, 0.0);
-  chains_.assign(tree_.bodies.size(), {});
+  // Never made shorter, which would give back the memory of its parts.
+  if (chains_.size() < tree_.bodies.size()) chains_.resize(tree_.bodies.size());
+  chains_[0].clear();
   for (std::size_t k = 1; k < tree_.bodies.size(); ++k) {
     chains_[k] = chains_[tree_.bodies[k].parent];
     chains_[k].push_back(k - 1);
@@ -164,7 +166,7 @@ void World::Simulation::advance_tree(const double* position, const double* veloc
   halfway_ = positions_;
   for (std::size_t i = 0; i < hinges; ++i) {
     const std::size_t k = tree_.bodies[i + 1].moving;
-    motors_[i] = motor_of(k, position[k], velocity[k]);
+    motors_[i] = motor_for(k, position[k], velocity[k]);
     halfway_[k] += 0.5 * tick_secs * velocities_[k];
   }
   tree_.place(moved(world_from_base_, base_linear_, base_angular_, 0.5 * tick_secs), halfway_);
@@ -175,7 +177,7 @@ void World::Simulation::advance_tree(const double* position, const double* veloc
     const std::size_t k = tree_.bodies[i + 1].moving;
     velocities_[k] = problem_.velocity[i];
     positions_[k] = wrapped(model_.joints[model_.moving[k]], halfway_[k] + 0.5 * tick_secs * velocities_[k]);
-    efforts_[k] = problem_.hinges[i].impulse / tick_secs;
+    efforts_[k] = problem_.hinges[i].impulse / tick_secs + motors_[i].torque - motors_[i].slope * velocities_[k];
     motor_states_[k] = problem_.hinges[i].state;
   }
   move_engaged_blocks();
@@ -262,7 +264,9 @@ void World::Simulation::solve_with_contacts(const BaseMotion& base) {
       accelerations_[i] = 0.0;
     }
     tree_.inverse_dynamics(base, model_.options.gravity, speeds_.data(), accelerations_.data(), torques_.data());
-    for (std::size_t i = 0; i < hinges; ++i) problem_.hinges[i].momentum = momenta_[i] - tick_secs * torques_[i];
+    for (std::size_t i = 0; i < hinges; ++i) {
+      problem_.hinges[i].momentum = momenta_[i] + tick_secs * (motors_[i].torque - torques_[i]);
+    }
     solved = problem_.solve() && solved;
     changed = 0.0;
     for (std::size_t i = 0; i < hinges; ++i) {

@@ -70,6 +70,8 @@ World::Simulation::Simulation(Model model) : model_(std::move(model)) {
   velocities_.assign(joints, 0.0);
   efforts_.assign(joints, 0.0);
   last_command_ = positions_;
+  gains_command_ = positions_;
+  last_complaint_.reserve(message_size);
   held_.assign(joints, false);
   still_ticks_.assign(joints, 0);
   stop_.assign(joints, 0);
@@ -159,7 +161,10 @@ void World::Simulation::step(const double* position, const double* velocity, con
 /// Whether a joint is on a stop: once beyond its limit, and until the control alone can hold it.
 int World::Simulation::stop_of(std::size_t moving) const {
   const Joint& joint = model_.joints[model_.moving[moving]];
-  if (stop_[moving] != 0) return -stop_[moving] * efforts_[moving] > joint.effort ? stop_[moving] : 0;
+  if (stop_[moving] != 0) {
+    const double control = joint.proportional_gain > 0.0 ? -stop_[moving] * gains_torque(moving, 0.0) : joint.effort;
+    return -stop_[moving] * efforts_[moving] > control ? stop_[moving] : 0;
+  }
   if (positions_[moving] > joint.upper + stop_slack) return 1;
   return positions_[moving] < joint.lower - stop_slack ? -1 : 0;
 }
@@ -181,7 +186,35 @@ World::Simulation::Motor World::Simulation::motor_of(std::size_t moving, double 
   const double error = target - positions_[moving] - ahead * tick_secs;
   const double fastest = options.catch_up * joint.velocity;
   return {std::clamp(ahead + options.position_gain * error, -fastest, fastest), stopped ? dInfinity : joint.effort,
-          joint.damping + joint.friction / std::max(std::fabs(velocities_[moving]), friction_fade)};
+          joint.damping + joint.friction / std::max(std::fabs(velocities_[moving]), friction_fade), 0.0, 0.0};
+}
+
+/// Torque of a joint's gains at angle positions_ while its command moves at `speed` and the joint does not.
+double World::Simulation::gains_torque(std::size_t moving, double speed) const {
+  const Joint& joint = model_.joints[model_.moving[moving]];
+  const double command = std::clamp(gains_command_[moving], joint.lower, joint.upper);
+  return joint.proportional_gain * (command - positions_[moving]) + joint.derivative_gain * speed;
+}
+
+/// Proportional and derivative gain on the difference to a command of bounded speed, as it is at the end of the tick:
+/// taken from its start, such gains would shake light fingers. Nothing bears gravity, so that the arm sags.
+World::Simulation::Motor World::Simulation::motor_by_gains(std::size_t moving, double position) {
+  const Joint& joint = model_.joints[model_.moving[moving]];
+  const double farthest = model_.options.gains_command_speed * tick_secs;
+  const double way = std::clamp(position - gains_command_[moving], -farthest, farthest);
+  gains_command_[moving] += way;
+  Motor motor = motor_of(moving, gains_command_[moving], 0.0);
+  if (stop_[moving] != 0) return motor;
+  motor.limit = 0.0;
+  motor.torque = gains_torque(moving, way / tick_secs);
+  motor.slope = joint.derivative_gain + joint.proportional_gain * tick_secs;
+  motor.rubbing += motor.slope;
+  return motor;
+}
+
+World::Simulation::Motor World::Simulation::motor_for(std::size_t moving, double position, double velocity) {
+  const bool by_gains = model_.joints[model_.moving[moving]].proportional_gain > 0.0;
+  return by_gains ? motor_by_gains(moving, position) : motor_of(moving, position, velocity);
 }
 
 /// Damping and friction act as they do at the end of the tick (implicit Euler, of each joint by itself): taken from
@@ -189,11 +222,13 @@ World::Simulation::Motor World::Simulation::motor_of(std::size_t moving, double 
 void World::Simulation::drive(const double* position, const double* velocity) {
   for (const Hinge& hinge : hinges_) {
     const std::size_t k = hinge.moving;
-    const Motor motor = motor_of(k, position[k], velocity[k]);
+    const Motor motor = motor_for(k, position[k], velocity[k]);
     dJointSetHingeParam(hinge.joint, dParamVel, motor.speed);
     dJointSetHingeParam(hinge.joint, dParamFMax, motor.limit);
-    const double torque = -motor.rubbing * velocities_[k] / (1.0 + tick_secs * motor.rubbing / hinge.inertia);
-    dJointAddHingeTorque(hinge.joint, torque);
+    const double eased = velocities_[k] / (1.0 + tick_secs * motor.rubbing / hinge.inertia);
+    dJointAddHingeTorque(hinge.joint, motor.torque - motor.rubbing * eased);
+    // What the motor itself gives is added once it is known.
+    efforts_[k] = motor.torque - motor.slope * eased;
   }
 }
 
@@ -201,7 +236,7 @@ void World::Simulation::drive(const double* position, const double* velocity) {
 void World::Simulation::put_to_sleep() {
   for (std::size_t k = 0; k < block_bodies_.size() && model_.options.sleep; ++k) {
     const dBodyID body = block_bodies_[k];
-    if (dBodyIsEnabled(body) == 0 || slot_[k] != npos) continue;
+    if (dBodyIsEnabled(body) == 0 || slot_[k] != npos || (attached_ && attached_->block == k)) continue;
     const bool idle = norm(to_vec(dBodyGetLinearVel(body))) <= sleep_speed &&
                       norm(to_vec(dBodyGetAngularVel(body))) <= sleep_turn_speed;
     until_sleep_[k] = idle ? until_sleep_[k] - 1 : sleep_ticks;
@@ -227,7 +262,10 @@ void World::Simulation::advance() {
     done = dWorldQuickStep(world_.get(), tick_secs);
     model_.options.seed = dRandGetSeed();
   }
-  complaints_ += ode_message_count() - before;
+  if (const unsigned long heard = ode_message_count() - before; heard > 0) {
+    complaints_ += heard;
+    last_complaint_ = ode_last_message();
+  }
   if (done == 0) throw std::runtime_error("out of memory in a step");
   for (const double value : velocities_) {
     if (!std::isfinite(value)) throw std::runtime_error("the arm left the finite numbers");
@@ -243,7 +281,6 @@ void World::Simulation::advance() {
 }
 
 void World::Simulation::read_state() {
-  if (!reduced()) std::fill(efforts_.begin(), efforts_.end(), 0.0);
   for (const Hinge& hinge : hinges_) {
     const std::size_t k = hinge.moving;
     positions_[k] = dJointGetHingeAngle(hinge.joint);
@@ -254,7 +291,7 @@ void World::Simulation::read_state() {
     dJointGetHingeAnchor(hinge.joint, anchor_at);
     dJointGetHingeAxis(hinge.joint, axis_at);
     const Vec3 lever = to_vec(anchor_at) - to_vec(dBodyGetPosition(dJointGetBody(hinge.joint, 0)));
-    efforts_[k] = dot(to_vec(axis_at), to_vec(hinge.feedback.t1) - cross(lever, to_vec(hinge.feedback.f1)));
+    efforts_[k] += dot(to_vec(axis_at), to_vec(hinge.feedback.t1) - cross(lever, to_vec(hinge.feedback.f1)));
   }
   for (const Measured& measured : measured_) {
     Contact& contact = contacts_[measured.contact];
@@ -262,7 +299,7 @@ void World::Simulation::read_state() {
   }
   for (std::size_t k = 0; k < blocks_.size(); ++k) {
     const bool carried = attached_ && attached_->block == k;
-    if (carried) {
+    if (carried && !carried_apart()) {
       const std::size_t body = body_of_[attached_->link];
       const FrameMotion motion = body_motion(body);
       const Pose pose = motion.pose * body_from_link_[attached_->link] * attached_->link_from_block;
@@ -298,7 +335,11 @@ void World::Simulation::attach(std::size_t block, std::size_t link) {
   }
   const Pose link_from_block = inverse(link_pose(link)) * blocks_[block].pose;
   attached_ = Attachment{block, link, link_from_block};
-  dBodyDisable(block_bodies_[block]);
+  if (carried_apart()) {
+    dBodyEnable(block_bodies_[block]);
+  } else {
+    dBodyDisable(block_bodies_[block]);
+  }
   std::fill_n(parted_.begin() + static_cast<std::ptrdiff_t>(block * model_.links.size()), model_.links.size(), false);
   build_arm();
 }

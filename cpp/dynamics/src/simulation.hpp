@@ -48,6 +48,7 @@ class World::Simulation {
   std::vector<Contact> contacts_;
   std::optional<Attachment> attached_;
   std::uint64_t complaints_ = 0;
+  std::string last_complaint_;
   bool base_held_ = false;
   std::string failure_;  ///< why no further step is possible
 
@@ -70,7 +71,9 @@ class World::Simulation {
   struct Motor {
     double speed;    ///< at the end of the tick, rad/s
     double limit;    ///< of its torque, N m
-    double rubbing;  ///< damping and friction at the present speed, N m s/rad
+    double rubbing;  ///< torque lost with each unit of the speed: damping, friction, gains, N m s/rad
+    double torque;   ///< of the gains at rest, N m
+    double slope;    ///< what of rubbing belongs to the gains
   };
   struct Hinge {
     dJointID joint;
@@ -112,6 +115,8 @@ class World::Simulation {
   void group_links();
   void place_links(const std::vector<double>& positions, std::vector<LinkMotion>& out) const;
   void set_masses();
+  bool carried_apart() const { return attached_ && !reduced() && !model_.options.merge_carried; }
+  void hold_carried_block();
   void make_hinges();
   void place_geoms();
   bool movable(std::size_t joint) const;
@@ -137,7 +142,10 @@ class World::Simulation {
   void check_command(const double* position, const double* velocity, const Pose& world_from_base);
   bool jumps(const Pose& target) const;
   int stop_of(std::size_t moving) const;
+  double gains_torque(std::size_t moving, double speed) const;
   Motor motor_of(std::size_t moving, double position, double velocity);
+  Motor motor_by_gains(std::size_t moving, double position);
+  Motor motor_for(std::size_t moving, double position, double velocity);
   void drive(const double* position, const double* velocity);
   void put_to_sleep();
   void advance();
@@ -168,6 +176,7 @@ class World::Simulation {
   std::vector<std::size_t> moving_of_joint_;  ///< index of the joint vector of joint k, or npos
   std::vector<bool> held_;                    ///< by moving joint: rigid at present
   std::vector<double> last_command_;
+  std::vector<double> gains_command_;         ///< by moving joint: what joints driven by gains are asked for, rad
   std::vector<int> still_ticks_;
   std::vector<int> stop_;                     ///< by moving joint: 1 on its upper stop, -1 on its lower, else 0
   Pose built_base_;                           ///< the base when the bodies were last built
@@ -179,6 +188,7 @@ class World::Simulation {
   std::vector<std::size_t> root_of_;     ///< by body: its first link
   std::vector<Pose> body_from_link_;     ///< by link
   std::vector<Hinge> hinges_;
+  dJointID carrying_ = nullptr;          ///< holds the carried block, if it has a body of its own
   std::vector<LinkMotion> motions_;      ///< by link, scratch
   std::vector<dBodyID> block_bodies_;
   std::vector<int> until_sleep_;         ///< by block: further idle ticks before it sleeps

@@ -143,6 +143,7 @@ std::vector<double> World::Simulation::save() const {
   out.add_all(velocities_);
   out.add_all(efforts_);
   out.add_all(last_command_);
+  out.add_all(gains_command_);
   out.add_all(held_);
   out.add_all(still_ticks_);
   out.add_all(stop_);
@@ -198,6 +199,7 @@ void World::Simulation::restore(const std::vector<double>& numbers) {
   std::vector<double> velocities(positions_.size());
   std::vector<double> efforts(positions_.size());
   std::vector<double> last_command(positions_.size());
+  std::vector<double> gains_command(positions_.size());
   std::vector<bool> held(held_.size());
   std::vector<int> still_ticks(still_ticks_.size());
   std::vector<int> stop(stop_.size());
@@ -208,6 +210,7 @@ void World::Simulation::restore(const std::vector<double>& numbers) {
   in.all(velocities);
   in.all(efforts);
   in.all(last_command);
+  in.all(gains_command);
   in.all(held);
   in.all(still_ticks, 0, most);
   in.all(stop, -1, 1);
@@ -258,6 +261,7 @@ void World::Simulation::restore(const std::vector<double>& numbers) {
   velocities_ = velocities;
   efforts_ = efforts;
   last_command_ = last_command;
+  gains_command_ = gains_command;
   held_ = held;
   still_ticks_ = still_ticks;
   stop_ = stop;

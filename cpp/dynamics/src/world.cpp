@@ -43,5 +43,6 @@ bool World::base_held() const noexcept { return simulation_->base_held_; }
 Pose World::link_pose(std::size_t link) const { return simulation_->link_pose(link); }
 std::size_t World::arm_body_count() const noexcept { return simulation_->arm_body_count(); }
 std::uint64_t World::solver_complaints() const noexcept { return simulation_->complaints_; }
+const std::string& World::last_complaint() const noexcept { return simulation_->last_complaint_; }
 
 }  // namespace proact::dynamics

@@ -44,6 +44,7 @@ std::unique_ptr<Model> new_model(const Settings& settings, In world_from_base) {
   options.position_gain = settings.position_gain;
   options.hold_still_hand = settings.hold_still_hand;
   options.sleep = settings.sleep;
+  options.merge_carried = settings.merge_carried;
   options.base_speed = settings.base_speed;
   options.base_turn_speed = settings.base_turn_speed;
   model->world_from_base = to_pose(world_from_base);
@@ -65,7 +66,7 @@ void add_collision(Model& model, std::uint8_t kind, In size, In pose) {
 
 void add_joint(Model& model, rust::Str name, bool fixed, std::size_t parent, In origin, In axis, In numbers) {
   model.joints.push_back({std::string(name), fixed, parent, to_pose(origin), to_vec(axis.data()), numbers[0],
-                          numbers[1], numbers[2], numbers[3], numbers[4], numbers[5]});
+                          numbers[1], numbers[2], numbers[3], numbers[4], numbers[5], numbers[6], numbers[7]});
 }
 
 void set_moving(Model& model, rust::Slice<const std::size_t> joints, std::size_t arm_count, In positions) {
@@ -138,5 +139,7 @@ void release_block(World& world) { world.release(); }
 std::size_t arm_body_count(const World& world) { return world.arm_body_count(); }
 
 std::uint64_t solver_complaints(const World& world) { return world.solver_complaints(); }
+
+rust::String last_complaint(const World& world) { return rust::String::lossy(world.last_complaint()); }
 
 }  // namespace proact::dynamics

@@ -40,5 +40,6 @@ void attach_block(World& world, std::size_t block, std::size_t link);
 void release_block(World& world);
 std::size_t arm_body_count(const World& world);
 std::uint64_t solver_complaints(const World& world);
+rust::String last_complaint(const World& world);
 
 }  // namespace proact::dynamics

@@ -25,6 +25,7 @@ pub(crate) mod ffi {
         position_gain: f64,
         hold_still_hand: bool,
         sleep: bool,
+        merge_carried: bool,
         base_speed: f64,
         base_turn_speed: f64,
     }
@@ -38,7 +39,7 @@ pub(crate) mod ffi {
         fn new_model(settings: &Settings, world_from_base: &[f64]) -> UniquePtr<Model>;
         fn add_link(model: Pin<&mut Model>, name: &str, mass: f64, inertial: &[f64], inertia: &[f64]);
         fn add_collision(model: Pin<&mut Model>, kind: u8, size: &[f64], pose: &[f64]) -> Result<()>;
-        /// `numbers`: lower, upper, velocity, effort, damping, friction.
+        /// `numbers`: lower, upper, velocity, effort, damping, friction, proportional and derivative gain.
         fn add_joint(
             model: Pin<&mut Model>,
             name: &str,
@@ -89,5 +90,6 @@ pub(crate) mod ffi {
         fn release_block(world: Pin<&mut World>) -> Result<()>;
         fn arm_body_count(world: &World) -> usize;
         fn solver_complaints(world: &World) -> u64;
+        fn last_complaint(world: &World) -> String;
     }
 }

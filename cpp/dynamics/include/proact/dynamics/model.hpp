@@ -48,6 +48,10 @@ struct Joint {
   double effort = 0.0;    ///< highest effort of the position control, N m
   double damping = 0.0;   ///< N m s/rad
   double friction = 0.0;  ///< N m
+  /// N m/rad. Above zero the joint is driven by these two gains alone, without feed-forward and without the effort
+  /// limit; zero: by the position control.
+  double proportional_gain = 0.0;
+  double derivative_gain = 0.0;  ///< N m s/rad
 };
 
 struct FixedObject {
@@ -86,6 +90,8 @@ struct Options {
   double position_gain = 200.0;
   /// The control may ask for this many times the joint's highest speed, to catch up.
   double catch_up = 1.25;
+  /// Commands of joints that are driven by gains are followed no faster than this, rad/s.
+  double gains_command_speed = 0.5;
   /// Joints of the hand whose command has been constant and reached for hold_ticks become rigid, until the
   /// command changes: a body for each phalanx costs most of a tick.
   bool hold_still_hand = true;
@@ -107,6 +113,9 @@ struct Options {
   double rolling_resistance = 0.01;
   /// Resting blocks fall asleep.
   bool sleep = true;
+  /// A carried block shares the body of the link that holds it; else ODE holds it there by a fixed joint, which only
+  /// ArmEquations::bodies can do.
+  bool merge_carried = true;
 };
 
 struct Model {

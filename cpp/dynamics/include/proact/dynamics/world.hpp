@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <string>
 #include <vector>
 
 namespace proact::dynamics {
@@ -86,6 +87,8 @@ class World {
   std::size_t arm_body_count() const noexcept;
   /// Complaints of ODE's solver since the start, such as a contact problem solved inexactly.
   std::uint64_t solver_complaints() const noexcept;
+  /// ODE's words in the latest of them; empty if there was none, or if it was our own solver's.
+  const std::string& last_complaint() const noexcept;
 
   static constexpr std::size_t contact_capacity = 64;
 
