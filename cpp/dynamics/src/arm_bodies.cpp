@@ -245,7 +245,6 @@ bool World::Simulation::choose_rigid_joints(const double* position, const double
     if (hold != held_[k]) {
       held_[k] = hold;
       velocities_[k] = hold ? 0.0 : velocities_[k];
-      efforts_[k] = hold ? 0.0 : efforts_[k];
       changed = true;
     }
   }

@@ -93,6 +93,9 @@ void check_joints(const Model& model) {
     check_number(what + ": friction", joint.friction, 0.0);
     check_number(what + ": proportional gain", joint.proportional_gain, 0.0);
     check_number(what + ": derivative gain", joint.derivative_gain, 0.0);
+    if (joint.proportional_gain > 0.0 && model.options.arm != ArmEquations::reduced) {
+      refuse(what, " is driven by gains, which needs the arm in joint angles: ODE's bodies follow the position control only");
+    }
     if (model.links[k + 1].mass <= 0.0) {
       refuse("link \"", model.links[k + 1].name, "\" is moved by a joint but its mass is ", model.links[k + 1].mass,
              " kg, expected above 0");

@@ -166,7 +166,8 @@ void World::Simulation::advance_tree(const double* position, const double* veloc
   halfway_ = positions_;
   for (std::size_t i = 0; i < hinges; ++i) {
     const std::size_t k = tree_.bodies[i + 1].moving;
-    motors_[i] = motor_for(k, position[k], velocity[k]);
+    const bool by_gains = model_.joints[model_.moving[k]].proportional_gain > 0.0;
+    motors_[i] = by_gains ? motor_by_gains(k, position[k]) : motor_of(k, position[k], velocity[k]);
     halfway_[k] += 0.5 * tick_secs * velocities_[k];
   }
   tree_.place(moved(world_from_base_, base_linear_, base_angular_, 0.5 * tick_secs), halfway_);

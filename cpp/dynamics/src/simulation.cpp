@@ -212,23 +212,16 @@ World::Simulation::Motor World::Simulation::motor_by_gains(std::size_t moving, d
   return motor;
 }
 
-World::Simulation::Motor World::Simulation::motor_for(std::size_t moving, double position, double velocity) {
-  const bool by_gains = model_.joints[model_.moving[moving]].proportional_gain > 0.0;
-  return by_gains ? motor_by_gains(moving, position) : motor_of(moving, position, velocity);
-}
-
 /// Damping and friction act as they do at the end of the tick (implicit Euler, of each joint by itself): taken from
 /// its start, they would shake light fingers that no control holds ever faster.
 void World::Simulation::drive(const double* position, const double* velocity) {
   for (const Hinge& hinge : hinges_) {
     const std::size_t k = hinge.moving;
-    const Motor motor = motor_for(k, position[k], velocity[k]);
+    const Motor motor = motor_of(k, position[k], velocity[k]);
     dJointSetHingeParam(hinge.joint, dParamVel, motor.speed);
     dJointSetHingeParam(hinge.joint, dParamFMax, motor.limit);
-    const double eased = velocities_[k] / (1.0 + tick_secs * motor.rubbing / hinge.inertia);
-    dJointAddHingeTorque(hinge.joint, motor.torque - motor.rubbing * eased);
-    // What the motor itself gives is added once it is known.
-    efforts_[k] = motor.torque - motor.slope * eased;
+    const double torque = -motor.rubbing * velocities_[k] / (1.0 + tick_secs * motor.rubbing / hinge.inertia);
+    dJointAddHingeTorque(hinge.joint, torque);
   }
 }
 
@@ -281,6 +274,7 @@ void World::Simulation::advance() {
 }
 
 void World::Simulation::read_state() {
+  if (!reduced()) std::fill(efforts_.begin(), efforts_.end(), 0.0);
   for (const Hinge& hinge : hinges_) {
     const std::size_t k = hinge.moving;
     positions_[k] = dJointGetHingeAngle(hinge.joint);
@@ -291,7 +285,7 @@ void World::Simulation::read_state() {
     dJointGetHingeAnchor(hinge.joint, anchor_at);
     dJointGetHingeAxis(hinge.joint, axis_at);
     const Vec3 lever = to_vec(anchor_at) - to_vec(dBodyGetPosition(dJointGetBody(hinge.joint, 0)));
-    efforts_[k] += dot(to_vec(axis_at), to_vec(hinge.feedback.t1) - cross(lever, to_vec(hinge.feedback.f1)));
+    efforts_[k] = dot(to_vec(axis_at), to_vec(hinge.feedback.t1) - cross(lever, to_vec(hinge.feedback.f1)));
   }
   for (const Measured& measured : measured_) {
     Contact& contact = contacts_[measured.contact];

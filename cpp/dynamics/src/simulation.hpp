@@ -145,7 +145,6 @@ class World::Simulation {
   double gains_torque(std::size_t moving, double speed) const;
   Motor motor_of(std::size_t moving, double position, double velocity);
   Motor motor_by_gains(std::size_t moving, double position);
-  Motor motor_for(std::size_t moving, double position, double velocity);
   void drive(const double* position, const double* velocity);
   void put_to_sleep();
   void advance();

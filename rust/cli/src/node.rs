@@ -71,8 +71,8 @@ mod on_graph {
                 let model = Arc::new(proact_description::mpl_right_arm());
                 let base = config.setup.body.shoulder_pose(&Default::default());
                 let task = BoxAndBlocks::new(config.arrangement);
-                let (arm, scene) = (model.clone(), task.scene().clone());
-                let factory = Box::new(move || trial::plant(&arm, &scene, &base));
+                let (arm, scene, physics) = (model.clone(), task.scene().clone(), config.physics);
+                let factory = Box::new(move || trial::plant(&arm, &scene, &base, &physics));
                 node::run_sim(Simulator::new(model, task, base, factory)?)?;
             }
             NodeName::Testbed => {

@@ -8,7 +8,8 @@ use proact_participants::{JoggingParticipant, Participant, ParticipantOptions, S
 use proact_planning::{ArmPlanner, Person, PlanLog, PlanWorker, PlannerOptions};
 use proact_tasks::BoxAndBlocks;
 use proact_testbed::{
-    ConfigError, LoggedPlans, MethodName, Parts, Session, SessionParts, Testbed, TestbedError, TrialConfig,
+    ConfigError, LoggedPlans, MethodName, Parts, PhysicsConfig, Session, SessionParts, Testbed, TestbedError,
+    TrialConfig,
     ports::{EmgSource as EmgPort, PlanService, Plant, PlantError},
 };
 use proact_types::{ArmModel, PlanReply, PlanRequest, Pose, Scene};
@@ -239,10 +240,15 @@ pub(crate) fn planner(model: &Arc<ArmModel>, config: &TrialConfig) -> Result<Pla
 }
 
 /// Physics with the arm at its start pose, an open hand, and the blocks of `scene`.
-pub(crate) fn plant(model: &ArmModel, scene: &Scene, base: &Pose) -> Result<Box<dyn Plant>, PlantError> {
+pub(crate) fn plant(
+    model: &ArmModel,
+    scene: &Scene,
+    base: &Pose,
+    physics: &PhysicsConfig,
+) -> Result<Box<dyn Plant>, PlantError> {
     let pose = |group, name| model.pose(group, name).map_err(|error| PlantError::Model(error.to_string()));
     let initial: Vec<f64> = pose("arm", "start")?.iter().chain(pose("hand", "open")?).copied().collect();
-    Ok(Box::new(OdePlant::new(model, scene, &initial, base, DynamicsOptions::default())?))
+    Ok(Box::new(OdePlant::new(model, scene, &initial, base, DynamicsOptions::of(physics))?))
 }
 
 fn testbed(
@@ -266,7 +272,7 @@ fn testbed_around(
     let parts = Parts {
         model: model.clone(),
         kinematics: Box::new(Kinematics::new(model)?),
-        plant: around(plant(model, task.scene(), &base)?),
+        plant: around(plant(model, task.scene(), &base, &config.physics)?),
         plans,
         classifier,
     };

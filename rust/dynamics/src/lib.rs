@@ -34,9 +34,11 @@ mod bench;
 // cxx writes the unsafe code of the bridge; all that can throw is declared `Result`.
 #[allow(unsafe_code)]
 mod bridge;
+mod gains;
 mod plant;
 mod snapshot;
 
 pub use bench::{TickTimes, bench_ticks};
-pub use plant::{ArmEquations, DynamicsOptions, MassSet, OdePlant, Solver};
+pub use plant::{ArmEquations, DynamicsOptions, OdePlant, Solver};
+pub use proact_testbed::{JointControl, MassSet};
 pub use snapshot::Snapshot;

@@ -1,7 +1,11 @@
 use crate::bridge::ffi;
+use crate::gains;
 use crate::snapshot::{Snapshot, fingerprint};
 use arrayvec::ArrayVec;
-use proact_testbed::ports::{Plant, PlantError};
+use proact_testbed::{
+    JointControl, MassSet, PhysicsConfig,
+    ports::{Plant, PlantError},
+};
 use proact_types::{
     ArmModel, BodyState, Contact, JointKind, PlantCommand, PlantState, Point, Pose, Scene, Shape, Vector,
     joints, zeros,
@@ -35,31 +39,6 @@ pub enum ArmEquations {
     Bodies,
 }
 
-/// How heavy the arm is. Each factor is on masses, inertias and effort limits alike, so that the arm can bear itself as
-/// before; damping, friction and the blocks stay.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub enum MassSet {
-    /// The masses of the arm's description. The public MPL model has 0.53 kg in all, about a tenth of the real limb.
-    #[default]
-    Description,
-    /// Ten times the description: the MPL's at about 5.3 kg. That the real limb weighs about ten times the public
-    /// model is taken over; how its weight is spread, and that its motors grow with it, is assumed.
-    RealLimb,
-    /// Another factor, above zero.
-    Scaled(f64),
-}
-
-impl MassSet {
-    /// On masses, inertias and effort limits.
-    pub fn factor(self) -> f64 {
-        match self {
-            Self::Description => 1.0,
-            Self::RealLimb => 10.0,
-            Self::Scaled(factor) => factor,
-        }
-    }
-}
-
 /// Settings of the physics.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DynamicsOptions {
@@ -74,15 +53,27 @@ pub struct DynamicsOptions {
     pub mass_set: MassSet,
     /// Share of a joint's angle error that the position control takes away in a second, 1/s, at most 1000.
     pub position_gain: f64,
+    /// What drives the joints.
+    pub control: JointControl,
     /// Hand joints whose command has stood still and been reached for 50 ms become rigid until it changes.
     pub hold_still_hand: bool,
     /// Blocks at rest cost nothing until something touches them.
     pub sleep: bool,
-    /// A base that is told to move faster than this between two ticks stays where it is, m/s: see
-    /// [`OdePlant::base_held`].
+    /// A carried block shares the body of the link that holds it. False: a fixed joint of ODE holds it, which needs
+    /// [`ArmEquations::Bodies`].
+    pub merge_carried: bool,
+    /// A base that is told to move faster than this between two ticks stays where it is, m/s, until a command within
+    /// reach of that place comes: [`PlantState::base_held`]. The joints follow their commands all the while.
     pub base_speed_limit: f64,
     /// The same for its turning, rad/s.
     pub base_turn_speed_limit: f64,
+}
+
+impl DynamicsOptions {
+    /// The defaults with what a trial's configuration chooses.
+    pub fn of(physics: &PhysicsConfig) -> Self {
+        Self { mass_set: physics.mass_set, control: physics.joint_control, ..Self::default() }
+    }
 }
 
 impl Default for DynamicsOptions {
@@ -93,8 +84,10 @@ impl Default for DynamicsOptions {
             solver: Solver::Direct,
             mass_set: MassSet::Description,
             position_gain: 200.0,
+            control: JointControl::FeedForward,
             hold_still_hand: true,
             sleep: true,
+            merge_carried: true,
             base_speed_limit: 5.0,
             base_turn_speed_limit: 20.0,
         }
@@ -165,6 +158,7 @@ impl OdePlant {
                 velocity: zeros(joint_count),
                 effort: zeros(joint_count),
                 world_from_base: *world_from_base,
+                base_held: false,
                 blocks,
                 attached: None,
                 contacts: ArrayVec::new(),
@@ -203,14 +197,6 @@ impl OdePlant {
         self.read_state()
     }
 
-    /// Whether the base stood still in the last tick because its command was a jump, farther than
-    /// [`DynamicsOptions::base_speed_limit`] or [`DynamicsOptions::base_turn_speed_limit`] allow. It stays, and
-    /// [`PlantState::world_from_base`] tells where, until a command within reach of that place comes; the joints
-    /// follow their commands all the while.
-    pub fn base_held(&self) -> bool {
-        ffi::base_held(&self.world)
-    }
-
     /// `world_from_link` of link `link` (an index in `ArmModel::links`), as ODE's bodies stand.
     ///
     /// # Errors
@@ -224,6 +210,12 @@ impl OdePlant {
     /// Bodies that the arm consists of at present, the base included: fewer while hand joints are rigid.
     pub fn arm_body_count(&self) -> usize {
         ffi::arm_body_count(&self.world)
+    }
+
+    /// ODE's own words in the latest of [`OdePlant::solver_complaints`], which it would else print; empty if there was
+    /// none, or if it was our own solver's.
+    pub fn last_complaint(&self) -> String {
+        ffi::last_complaint(&self.world)
     }
 
     /// Complaints of ODE's solver since the start, such as a contact problem solved inexactly.
@@ -243,6 +235,7 @@ impl OdePlant {
                 angular: Vector::new(numbers[10], numbers[11], numbers[12]),
             };
         }
+        state.base_held = ffi::base_held(&self.world);
         state.contacts.clear();
         for index in 0..ffi::contact_count(&self.world).min(state.contacts.capacity()) {
             let contact = ffi::read_contact(&self.world, index).map_err(library)?;
@@ -273,7 +266,7 @@ impl Plant for OdePlant {
         let base = from_pose(&command.world_from_base);
         ffi::step_world(self.world.pin_mut(), &command.position, &command.velocity, &base)
             .map_err(library)?;
-        if !self.base_held() {
+        if !ffi::base_held(&self.world) {
             self.state.world_from_base = command.world_from_base;
         }
         self.read_state()
@@ -366,6 +359,7 @@ fn describe(
         position_gain: options.position_gain,
         hold_still_hand: options.hold_still_hand,
         sleep: options.sleep,
+        merge_carried: options.merge_carried,
         base_speed: options.base_speed_limit,
         base_turn_speed: options.base_turn_speed_limit,
     };
@@ -403,7 +397,26 @@ fn describe(
         }
         let limits = &joint.limits;
         let effort = factor * limits.effort;
-        let numbers = [limits.lower, limits.upper, limits.velocity, effort, joint.damping, joint.friction];
+        let (proportional, derivative) = match options.control {
+            JointControl::FeedForward => (0.0, 0.0),
+            JointControl::OriginalGains if joint.kind == JointKind::Fixed => (0.0, 0.0),
+            JointControl::OriginalGains => gains::original(&joint.name).ok_or_else(|| {
+                PlantError::Model(format!(
+                    "joint {:?} has no gains in the original's table, which is of the MPL arm only; expected the control feed_forward",
+                    joint.name
+                ))
+            })?,
+        };
+        let numbers = [
+            limits.lower,
+            limits.upper,
+            limits.velocity,
+            effort,
+            joint.damping,
+            joint.friction,
+            proportional,
+            derivative,
+        ];
         let fixed = joint.kind == JointKind::Fixed;
         let axis: [f64; 3] = joint.axis.into();
         let origin = from_pose(&joint.origin);

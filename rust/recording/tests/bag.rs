@@ -115,6 +115,7 @@ fn state(time: SimTime) -> PlantState {
         velocity: joints(&[1.0, 2.0, 3.0]),
         effort: joints(&[10.0, 20.0, 30.0]),
         world_from_base: frame(time).world_from_base,
+        base_held: false,
         blocks: [body; 4].into_iter().collect(),
         attached: None,
         contacts: Default::default(),

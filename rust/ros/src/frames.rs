@@ -174,6 +174,7 @@ mod tests {
                 Translation3::new(-0.39, 0.12, 1.5),
                 UnitQuaternion::from_euler_angles(0.1, 0.2, 0.3),
             ),
+            base_held: false,
             blocks: (0..4).map(body).collect(),
             attached: None,
             contacts: ArrayVec::new(),

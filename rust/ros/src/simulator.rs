@@ -177,6 +177,8 @@ impl Simulator {
             endings: self.controllers.step(time, &state.position, &state.velocity),
             ..SimOutput::default()
         };
+        // After a jump of the shoulder the base waits, and in the end goes slowly to where that stays.
+        self.base.paused(state.base_held, state.world_from_base);
         self.base.step();
 
         // The hand's own motion stands in for its controller while it lasts.

@@ -1,3 +1,4 @@
+use crate::PhysicsConfig;
 use proact_control::{ControlError, Profile};
 use proact_emg::EmgConfig;
 use proact_intent::{IntentModelName, IntentModelOptions, IntentOptions};
@@ -133,6 +134,9 @@ pub struct TrialConfig {
     /// How is inferred what the person means: the paper's product of gaze and task, or another model.
     #[serde(default)]
     pub intent_model: IntentModelName,
+    /// The arm's weight, its control, and the grasp rule.
+    #[serde(default)]
+    pub physics: PhysicsConfig,
     /// Where person and box are.
     pub setup: Setup,
     /// How the methods behave.
@@ -166,6 +170,7 @@ impl TrialConfig {
             gesture_source: "keys".to_owned(),
             emg_centring: Vec::new(),
             intent_model: IntentModelName::default(),
+            physics: PhysicsConfig::default(),
             setup,
             intent: IntentOptions::default(),
             emg: None,
@@ -174,7 +179,7 @@ impl TrialConfig {
     }
 
     /// The same with the profile called `name`: `default`, or `original`, which brings the original's spread of
-    /// gaze along.
+    /// gaze, its joint controllers and its grasp rule along.
     ///
     /// # Errors
     /// [`ConfigError::Control`] for any other name.
@@ -182,6 +187,7 @@ impl TrialConfig {
         self.profile = Profile::named(name)?;
         if name == "original" {
             self.intent.sigma = 0.1;
+            self.physics = PhysicsConfig::ORIGINAL;
         }
         Ok(self)
     }
@@ -223,6 +229,10 @@ impl TrialConfig {
         if !(1..=10_000).contains(&self.plan_latency_ms) {
             return bad("plan_latency_ms", self.plan_latency_ms.to_string(), "1 to 10000");
         }
+        let factor = self.physics.mass_set.factor();
+        if !(factor > 0.0 && factor <= 100.0) {
+            return bad("physics.mass_set.scaled", factor.to_string(), "more than 0 and at most 100");
+        }
         let sigma = self.intent.sigma;
         if !(sigma > 0.0 && sigma <= 10.0) {
             return bad("intent.sigma", sigma.to_string(), "more than 0 and at most 10");
@@ -241,6 +251,7 @@ impl TrialConfig {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::MassSet;
 
     fn config() -> TrialConfig {
         TrialConfig::new(MethodName::D, 3, Setup::named("seated").expect("ships"))
@@ -265,6 +276,28 @@ mod tests {
         assert_eq!(config().intent_options().intent, config().intent);
         let c = TrialConfig { method: MethodName::C, ..config() };
         assert_eq!(c.intent_options().intent.weight_other, 0.25, "C knows nothing of the task");
+    }
+
+    #[test]
+    fn the_physics_is_part_of_the_text_and_a_text_without_it_means_the_default() {
+        for mass_set in [MassSet::Description, MassSet::RealLimb, MassSet::Scaled(2.5)] {
+            let physics = PhysicsConfig { mass_set, ..PhysicsConfig::ORIGINAL };
+            let config = TrialConfig { physics, ..config() };
+            let text = config.to_toml().expect("writes");
+            assert!(text.contains("[physics") && text.contains("original_gains"), "{text}");
+            assert_eq!(TrialConfig::from_toml(&text), Ok(config));
+        }
+        let text = config().to_toml().expect("writes");
+        let (before, after) = text.split_once("[physics]").expect("is written");
+        let (_, after) = after.split_once("\n[").expect("a section follows");
+        assert_eq!(TrialConfig::from_toml(&format!("{before}[{after}")), Ok(config()));
+        for factor in [0.0, -1.0, f64::NAN, 1000.0] {
+            let physics = PhysicsConfig { mass_set: MassSet::Scaled(factor), ..PhysicsConfig::default() };
+            let refused = TrialConfig { physics, ..config() }.check().expect_err("out of range");
+            assert!(refused.to_string().contains("mass_set.scaled"), "{refused}");
+        }
+        let original = config().with_profile("original").expect("ships");
+        assert_eq!(original.physics, PhysicsConfig::ORIGINAL);
     }
 
     #[test]

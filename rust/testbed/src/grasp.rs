@@ -78,6 +78,14 @@ impl GraspRule {
         self.candidate.take().map(GraspAction::Attach)
     }
 
+    /// Names of the digits' links that touch a block.
+    pub(crate) fn fingers_on(&self, model: &ArmModel, contacts: &[Contact], block: usize) -> Vec<String> {
+        let touches = |link: &usize| {
+            self.digit[*link].is_some() && contacts.iter().any(|c| c.block == block && c.link == *link)
+        };
+        (0..model.links.len()).filter(touches).map(|link| model.links[link].name.clone()).collect()
+    }
+
     /// The block that two digits press from opposite sides.
     fn gripped(&self, contacts: &[Contact]) -> Option<usize> {
         let opposing = |a: &Contact, b: &Contact| {
@@ -98,16 +106,16 @@ impl GraspRule {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use nalgebra::Isometry3;
     use proact_types::{Joint, JointKind, JointLimits, Link, Point, Vector};
 
-    /// A palm (link 0) with a thumb (1, 2) and a finger (3).
-    fn hand() -> ArmModel {
+    /// A hand of the given links, and joints about z from a parent (second) to a child.
+    pub(crate) fn link_names_and_joints(links: &[&str], joints: &[(usize, usize)]) -> ArmModel {
         let link =
             |name: &str| Link { name: name.into(), inertial: None, collisions: vec![], visuals: vec![] };
-        let joint = |child: usize, parent: usize| Joint {
+        let joint = |&(child, parent): &(usize, usize)| Joint {
             name: format!("j{child}"),
             kind: JointKind::Revolute,
             parent,
@@ -120,15 +128,20 @@ mod tests {
         };
         ArmModel {
             name: "hand".into(),
-            links: ["palm", "thumb0", "thumb1", "index0"].map(link).into(),
-            joints: vec![joint(1, 0), joint(2, 1), joint(3, 0)],
+            links: links.iter().copied().map(link).collect(),
+            joints: joints.iter().map(joint).collect(),
             arm: vec![],
-            hand: vec![0, 1, 2],
+            hand: (0..joints.len()).collect(),
             tip: 0,
             poses: vec![],
             allowed_collisions: vec![],
             grasp_centre: Vector::zeros(),
         }
+    }
+
+    /// A palm (link 0) with a thumb (1, 2) and a finger (3).
+    fn hand() -> ArmModel {
+        link_names_and_joints(&["palm", "thumb0", "thumb1", "index0"], &[(1, 0), (2, 1), (3, 0)])
     }
 
     fn contact(link: usize, normal: Vector) -> Contact {

@@ -1,5 +1,6 @@
 use crate::{
-    ConfigError, Digest, Field, GraspAction, GraspRule, SpanDigest, TrialConfig,
+    ConfigError, Digest, Field, GraspAction, GraspRule, GraspRuleName, OriginalGraspRule, SpanDigest,
+    TrialConfig,
     motion::{ArmMotion, BaseMotion, HandMotion},
     ports::{PlanService, Plant, PlantError},
     view::GazeFilter,
@@ -107,6 +108,12 @@ pub struct Testbed {
     hand: HandMotion,
     base: BaseMotion,
     grasp: GraspRule,
+    /// Instead of `grasp`, if the trial asks for it.
+    original_grasp: Option<OriginalGraspRule>,
+    /// Fingers on the block that is held.
+    grasped_by: Vec<String>,
+    /// Base, arm and hand stand still: the tracked shoulder has jumped.
+    paused: bool,
     pub(crate) hand_tracker: HandTracker,
     grasped_at: Option<JointVector>,
     pub(crate) digest: Digest,
@@ -148,6 +155,10 @@ impl Testbed {
             hand: HandMotion::new(open, closed),
             base: BaseMotion::new(config.setup.body.shoulder_pose(&Default::default())),
             grasp: GraspRule::new(model),
+            original_grasp: (config.physics.grasp_rule == GraspRuleName::Original)
+                .then(|| OriginalGraspRule::new(model)),
+            grasped_by: Vec::new(),
+            paused: false,
             hand_tracker: HandTracker::new(open),
             grasped_at: None,
             gaze: GazeFilter::new(&config)?,
@@ -260,10 +271,13 @@ impl Testbed {
         output.plan = plan;
 
         // From commands to the world.
-        self.arm.step();
-        self.hand.step();
+        self.watch_base(&mut output);
+        if !self.paused {
+            self.arm.step();
+            self.hand.step();
+        }
         self.move_world()?;
-        self.grip()?;
+        self.grip(&mut output)?;
         self.judge(&mut output);
         self.unseen.extend(output.events.iter().cloned());
         output.finished = self.task.state().finished;
@@ -402,15 +416,31 @@ impl Testbed {
         Ok(())
     }
 
+    /// Stops arm and hand while the base does not follow the shoulder.
+    fn watch_base(&mut self, output: &mut TickOutput) {
+        let state = self.parts.plant.state();
+        let paused = self.base.paused(state.base_held, state.world_from_base);
+        if paused == self.paused {
+            return;
+        }
+        self.paused = paused;
+        let way = self.base.goal().translation.vector - state.world_from_base.translation.vector;
+        let kind = if paused { EventKind::BaseHeld { distance: way.norm() } } else { EventKind::BaseFollows };
+        self.note(output, kind);
+    }
+
     /// One step of physics under the joint targets.
     fn move_world(&mut self) -> Result<(), TestbedError> {
         let both =
             |arm: &JointVector, hand: &JointVector| arm.iter().chain(hand).copied().collect::<JointVector>();
-        let command = PlantCommand {
+        let mut command = PlantCommand {
             position: both(self.arm.position(), self.hand.position()),
             velocity: both(self.arm.velocity(), self.hand.velocity()),
             world_from_base: self.base.pose(),
         };
+        if self.paused {
+            command.velocity.iter_mut().for_each(|speed| *speed = 0.0);
+        }
         self.digest.field(Field::Motion).numbers(&command.position).pose(&command.world_from_base);
         let time = self.now;
         self.parts.plant.step(&command).map_err(|source| TestbedError::Plant { time, source })?;
@@ -425,7 +455,7 @@ impl Testbed {
     }
 
     /// The hand's state from its joints, and the grasp rule.
-    fn grip(&mut self) -> Result<(), TestbedError> {
+    fn grip(&mut self, output: &mut TickOutput) -> Result<(), TestbedError> {
         let state = self.parts.plant.state();
         let arm = self.parts.model.arm_count();
         let fingers = joints(&state.position[arm..]);
@@ -438,14 +468,28 @@ impl Testbed {
                 .as_ref()
                 .is_some_and(|at| at.iter().zip(&fingers).any(|(at, now)| (at - now).abs() > OPENED));
         let time = self.now;
-        match self.grasp.step(&state.contacts, hand, attached, opened) {
+        let action = match &mut self.original_grasp {
+            Some(rule) => rule.step(&self.parts.model, state),
+            None => self.grasp.step(&state.contacts, hand, attached, opened),
+        };
+        let place = |block: usize| Point::from(state.blocks[block].pose.translation.vector);
+        match action {
             Some(GraspAction::Attach(block)) => {
                 let tip = self.parts.model.tip;
+                self.grasped_by = self.grasp.fingers_on(&self.parts.model, &state.contacts, block);
+                if let Some(id) = BlockId::ALL.get(block).copied() {
+                    let (links, place) = (self.grasped_by.clone(), place(block));
+                    self.note(output, EventKind::GraspMade { block: id, links, place });
+                }
                 self.parts.plant.attach(block, tip).map_err(|source| TestbedError::Plant { time, source })?;
                 self.hand.freeze(&fingers);
                 self.grasped_at = Some(fingers);
             }
             Some(GraspAction::Release) => {
+                if let Some((block, id)) = attached.and_then(|k| Some((k, *BlockId::ALL.get(k)?))) {
+                    let (links, place) = (std::mem::take(&mut self.grasped_by), place(block));
+                    self.note(output, EventKind::GraspEnded { block: id, links, place });
+                }
                 self.parts.plant.release();
                 self.grasped_at = None;
             }

@@ -1,4 +1,4 @@
-use crate::{BlockId, Gesture, PlanStatus, SimTime};
+use crate::{BlockId, Gesture, PlanStatus, Point, SimTime};
 use serde::{Deserialize, Serialize};
 
 /// Something that happened at one tick.
@@ -33,6 +33,31 @@ pub enum EventKind {
     EmgStale,
     /// A relaxed hand was seen after a silence: gestures act again.
     EmgRearmed,
+    /// The tracked shoulder jumped: base, arm and hand stand still until it is back or has stayed where it is.
+    BaseHeld {
+        /// From the base to where it was told to be, metres.
+        distance: f64,
+    },
+    /// The base follows the shoulder again, and arm and hand go on.
+    BaseFollows,
+    /// The grasp rule took a block.
+    GraspMade {
+        /// Which block.
+        block: BlockId,
+        /// Links of fingers that touched it.
+        links: Vec<String>,
+        /// The block's centre, `world`, m.
+        place: Point,
+    },
+    /// The grasp rule let a block go.
+    GraspEnded {
+        /// Which block.
+        block: BlockId,
+        /// Links of fingers that touched it when it was taken.
+        links: Vec<String>,
+        /// The block's centre, `world`, m.
+        place: Point,
+    },
     /// The hand took hold of a block ("contact made").
     BlockAttached {
         /// Which block.

@@ -50,6 +50,8 @@ pub struct PlantState {
     pub effort: JointVector,
     /// `world_from_base`.
     pub world_from_base: Pose,
+    /// The base stood still in the last tick, because it was told to jump.
+    pub base_held: bool,
     /// Blocks in `Scene::blocks` order.
     pub blocks: ArrayVec<BodyState, 160>,
     /// The attached block, as an index, and `link_from_block` in the link that holds it.

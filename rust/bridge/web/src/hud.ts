@@ -185,12 +185,23 @@ export class Hud {
     this.toastTimer = window.setTimeout(() => (this.toast.hidden = true), 2500);
   }
 
+  /** Says it until something else is said. */
+  private keepSaying(message: string): void {
+    window.clearTimeout(this.toastTimer);
+    setText(this.toast, message);
+    this.toast.hidden = false;
+  }
+
   addEvents(events: TrialEvent[]): void {
     for (const event of events) {
       if (event.event === "block_on_target" && event.block) this.onTarget.add(event.block);
       if (event.event === "block_attached" && event.block) this.onTarget.delete(event.block);
       // The gesture is on display already; its changes would flood the list.
       if (event.event === "gesture_changed") continue;
+      // Contact made and lost say the same.
+      if (event.event === "grasp_made" || event.event === "grasp_ended") continue;
+      if (event.event === "base_held") this.keepSaying(`${eventText(event)}. Hold still, or move back`);
+      if (event.event === "base_follows") this.say(eventText(event));
       const line = element(
         "li",
         event.event,
@@ -337,6 +348,10 @@ export function eventText(event: TrialEvent): string {
       return `On target: ${block} (${(100 * (event.distance ?? 0)).toFixed(1)} cm)`;
     case "block_off_target":
       return `Off target: ${block}`;
+    case "base_held":
+      return `Paused: the shoulder jumped by ${(100 * (event.distance ?? 0)).toFixed(0)} cm`;
+    case "base_follows":
+      return "The arm follows the shoulder again";
     case "trial_finished":
       return "Trial over";
     default:

@@ -49,7 +49,7 @@ struct Joint {
   double damping = 0.0;   ///< N m s/rad
   double friction = 0.0;  ///< N m
   /// N m/rad. Above zero the joint is driven by these two gains alone, without feed-forward and without the effort
-  /// limit; zero: by the position control.
+  /// limit, which needs ArmEquations::reduced; zero: by the position control.
   double proportional_gain = 0.0;
   double derivative_gain = 0.0;  ///< N m s/rad
 };

@@ -1,0 +1,129 @@
+//! The physics inside the testbed's tick: a shoulder that jumps, the settings of a trial, the time of a grasp.
+
+#![allow(missing_docs)]
+#![allow(clippy::unwrap_used)]
+
+mod common;
+
+use proact_dynamics::{DynamicsOptions, OdePlant};
+use proact_kinematics::Kinematics;
+use proact_tasks::BoxAndBlocks;
+use proact_testbed::{LoggedPlans, MassSet, MethodName, Parts, PhysicsConfig, Setup, Testbed, TrialConfig};
+use proact_types::{Event, EventKind, Gesture, Pose, TickInput, Vector};
+use std::sync::Arc;
+
+fn config() -> TrialConfig {
+    TrialConfig::new(MethodName::A, 1, Setup::named("still").unwrap())
+}
+
+fn testbed(config: TrialConfig, base: Option<Pose>) -> Testbed {
+    let model = Arc::new(proact_description::mpl_right_arm());
+    let start = [model.pose("arm", "start").unwrap(), model.pose("hand", "open").unwrap()].concat();
+    let base = base.unwrap_or_else(|| config.setup.body.shoulder_pose(&Default::default()));
+    let options = DynamicsOptions::of(&config.physics);
+    let task = BoxAndBlocks::new(config.arrangement);
+    let plant = OdePlant::new(&model, task.scene(), &start, &base, options).unwrap();
+    let parts = Parts {
+        kinematics: Box::new(Kinematics::new(&model).unwrap()),
+        plant: Box::new(plant),
+        plans: Box::new(LoggedPlans),
+        classifier: None,
+        model,
+    };
+    Testbed::new(config, parts).unwrap()
+}
+
+/// Ticks with a shoulder that is tracked at 100 Hz, and a key that is pressed at the start.
+fn run(testbed: &mut Testbed, ticks: u64, shoulder: Pose, mut gesture: Option<Gesture>) -> Vec<Event> {
+    let mut events = Vec::new();
+    for _ in 0..ticks {
+        let tracked = testbed.now().0.is_multiple_of(10);
+        let input = TickInput {
+            gesture: gesture.take(),
+            shoulder: tracked.then_some(shoulder),
+            ..TickInput::default()
+        };
+        events.extend(testbed.tick(&input, false).unwrap().events);
+    }
+    events
+}
+
+fn kinds(events: &[Event]) -> Vec<&EventKind> {
+    events
+        .iter()
+        .map(|event| &event.kind)
+        .filter(|kind| matches!(kind, EventKind::BaseHeld { .. } | EventKind::BaseFollows))
+        .collect()
+}
+
+#[test]
+fn a_shoulder_that_jumps_pauses_the_arm_until_it_is_back() {
+    let mut testbed = testbed(config(), None);
+    let shoulder = testbed.plant().state().world_from_base;
+    let before = testbed.plant().state().position[0];
+    assert!(kinds(&run(&mut testbed, 500, shoulder, Some(Gesture::WristExtension))).is_empty());
+    let moving = testbed.plant().state().clone();
+    assert!((moving.position[0] - before).abs() > 0.05, "the joint is driven");
+    assert!(moving.velocity[0].abs() > 0.1);
+
+    let mut jumped = shoulder;
+    jumped.translation.vector += Vector::new(0.3, 0.0, 0.0);
+    let events = run(&mut testbed, 100, jumped, None);
+    let [EventKind::BaseHeld { distance }] = kinds(&events)[..] else { panic!("{events:?}") };
+    assert!((distance - 0.3).abs() < 1e-6, "{distance} m");
+    let held = testbed.plant().state().clone();
+    assert!(held.base_held);
+    assert_eq!(held.world_from_base, shoulder);
+    assert!(run(&mut testbed, 300, jumped, None).iter().all(|event| event.kind != EventKind::BaseFollows));
+    let still = testbed.plant().state();
+    assert!(
+        (still.position[0] - held.position[0]).abs() < 1e-6,
+        "the joint stands still while the base waits"
+    );
+    for (a, b) in still.blocks.iter().zip(&moving.blocks) {
+        assert!((a.pose.translation.vector - b.pose.translation.vector).norm() < 1e-6, "no block was kicked");
+    }
+    let frozen = still.position[0];
+
+    let events = run(&mut testbed, 500, shoulder, None);
+    assert_eq!(kinds(&events), [&EventKind::BaseFollows]);
+    let state = testbed.plant().state();
+    assert_eq!(state.world_from_base, shoulder);
+    assert!((state.position[0] - frozen).abs() > 0.05, "and goes on afterwards");
+}
+
+#[test]
+fn a_shoulder_that_stays_where_it_jumped_is_followed_slowly_after_a_second() {
+    let mut testbed = testbed(config(), None);
+    let shoulder = testbed.plant().state().world_from_base;
+    let mut jumped = shoulder;
+    jumped.translation.vector += Vector::new(0.0, 0.1, 0.1);
+    let events = run(&mut testbed, 3000, jumped, None);
+    assert!(matches!(kinds(&events)[..], [EventKind::BaseHeld { .. }, EventKind::BaseFollows]), "{events:?}");
+    let state = testbed.plant().state();
+    assert!((state.world_from_base.translation.vector - jumped.translation.vector).norm() < 1e-9);
+    let fastest = state.velocity.iter().fold(0.0_f64, |most, speed| most.max(speed.abs()));
+    assert!(fastest < 1e-3, "the arm was not kicked: {fastest} rad/s");
+}
+
+#[test]
+fn a_trials_configuration_chooses_masses_and_controllers() {
+    let after = |physics| {
+        let mut testbed = testbed(TrialConfig { physics, ..config() }, None);
+        let shoulder = testbed.plant().state().world_from_base;
+        run(&mut testbed, 1500, shoulder, None);
+        testbed.plant().state().clone()
+    };
+    let light = after(PhysicsConfig::default());
+    let heavy = after(PhysicsConfig { mass_set: MassSet::RealLimb, ..PhysicsConfig::default() });
+    let original = after(PhysicsConfig::ORIGINAL);
+    assert!(
+        (heavy.effort[0] / light.effort[0] - 10.0).abs() < 0.1,
+        "{} and {} N m",
+        light.effort[0],
+        heavy.effort[0]
+    );
+    assert!((heavy.position[0] - light.position[0]).abs() < 1e-6, "neither sags");
+    let sag = (original.position[0] - light.position[0]).abs();
+    assert!((1e-3..0.1).contains(&sag), "the original's shoulder sags by {sag} rad");
+}

@@ -1,0 +1,264 @@
+//! The original's grasp rule, for comparisons.
+
+use crate::GraspAction;
+use proact_types::{ArmModel, PlantState, Point, Pose, Vector};
+
+/// Ticks from one check to the next: 4 Hz. (The original's are of wall time.)
+const CHECK_TICKS: u32 = 250;
+/// Links of the gripper, by the end of their names. The original has left the index out, and the pinky never was in.
+const GRIPPER: [&str; 3] = ["thumb3", "middle3", "ring3"];
+/// Least mean force of a link on a block, N.
+const LEAST_FORCE: f64 = 1e-4;
+/// Two forces oppose each other when they are further apart, rad.
+const OPPOSING: f64 = 100.0 * std::f64::consts::PI / 180.0;
+/// The smaller of two opposing forces has at least this share of the larger.
+const BALANCE: f64 = 0.3;
+/// A block is taken when its count is above this.
+const GRIP_COUNT: u32 = 4;
+/// The count grows no further.
+const MAX_COUNT: u32 = 8;
+/// A finger that has come away by more than this lets the block go, metres.
+const RELEASE_DISTANCE: f64 = 0.03;
+/// A finger that has come away by less still presses, metres. Assumed: the original goes on measuring the forces on
+/// a block that it has taken; here a carried block touches no link.
+const PRESSING_DISTANCE: f64 = 0.002;
+
+/// What a link did to a block since the last check.
+#[derive(Clone, Copy, Debug)]
+struct Touch {
+    block: usize,
+    link: usize,
+    /// Sum over ticks and points, N, `world`.
+    force: Vector,
+    /// Sum of the points, link frame, m.
+    point: Vector,
+    points: u32,
+}
+
+/// A finger on the block that was taken.
+#[derive(Clone, Copy, Debug)]
+struct Finger {
+    link: usize,
+    /// In the link's frame.
+    point: Point,
+    /// From there to the block's centre when it was taken, metres.
+    distance: f64,
+}
+
+/// The rule of `GazeboGraspFix`, with the settings of the published code, in simulated time: contacts are averaged over
+/// 250 ms; two opposing mean forces count a block up, their absence down; above four it is taken, and at four or below it
+/// is let go once a finger has come away. So a grasp takes 1.25 s and a release about one.
+///
+/// Differences: forces are told apart by link, not by collision shape, and a block that is carried feels no forces, so that
+/// fingers which have not come away count as pressing.
+#[derive(Clone, Debug)]
+pub struct OriginalGraspRule {
+    gripper: Vec<usize>,
+    ticks: u32,
+    touches: Vec<Touch>,
+    /// By block.
+    counts: Vec<u32>,
+    fingers: Vec<Finger>,
+}
+
+impl OriginalGraspRule {
+    /// The rule for the hand of `model`, whose gripper links are found by their names.
+    pub fn new(model: &ArmModel) -> Self {
+        let grips = |link: &usize| {
+            let name = model.links[*link].name.trim_end_matches("_link");
+            GRIPPER.iter().any(|part| name.ends_with(part))
+        };
+        let gripper = (0..model.links.len()).filter(grips).collect();
+        Self { gripper, ticks: 0, touches: Vec::new(), counts: Vec::new(), fingers: Vec::new() }
+    }
+
+    /// One tick with the state that the physics left.
+    pub fn step(&mut self, model: &ArmModel, state: &PlantState) -> Option<GraspAction> {
+        self.ticks += 1;
+        let check = self.ticks == CHECK_TICKS;
+        let touched = state.contacts.iter().any(|contact| self.gripper.contains(&contact.link));
+        if !check && !touched {
+            return None;
+        }
+        let links = link_poses(model, state);
+        self.gather(state, &links);
+        if !check {
+            return None;
+        }
+        self.ticks = 0;
+        let action = self.check(state, &links);
+        self.touches.clear();
+        action
+    }
+
+    fn gather(&mut self, state: &PlantState, links: &[Pose]) {
+        for contact in state.contacts.iter().filter(|contact| self.gripper.contains(&contact.link)) {
+            let (block, link) = (contact.block, contact.link);
+            let known = self.touches.iter().position(|touch| touch.block == block && touch.link == link);
+            let index = known.unwrap_or(self.touches.len());
+            if known.is_none() {
+                let (force, point) = (Vector::zeros(), Vector::zeros());
+                self.touches.push(Touch { block, link, force, point, points: 0 });
+            }
+            let touch = &mut self.touches[index];
+            touch.force += contact.normal * contact.force;
+            touch.point += links[link].inverse_transform_point(&contact.point).coords;
+            touch.points += 1;
+        }
+    }
+
+    fn check(&mut self, state: &PlantState, links: &[Pose]) -> Option<GraspAction> {
+        self.counts.resize(state.blocks.len(), 0);
+        let attached = state.attached.map(|(block, _)| block);
+        for block in 0..state.blocks.len() {
+            let gripped =
+                if attached == Some(block) { self.pressed(state, block, links) } else { self.gripped(block) };
+            let count = &mut self.counts[block];
+            *count = if gripped { (*count + 1).min(MAX_COUNT) } else { count.saturating_sub(1) };
+            if gripped && *count > GRIP_COUNT && attached.is_none() {
+                self.hold(state, block, links);
+                return Some(GraspAction::Attach(block));
+            }
+            let loose = attached == Some(block) && !gripped && *count <= GRIP_COUNT;
+            if loose && self.recession(state, block, links).any(|metres| metres > RELEASE_DISTANCE) {
+                self.counts[block] = 0;
+                self.fingers.clear();
+                return Some(GraspAction::Release);
+            }
+        }
+        None
+    }
+
+    /// Whether two mean forces on a block oppose each other.
+    fn gripped(&self, block: usize) -> bool {
+        let forces: Vec<Vector> = self
+            .touches
+            .iter()
+            .filter(|touch| touch.block == block)
+            .map(|touch| touch.force / f64::from(touch.points))
+            .collect();
+        let opposing = |a: &Vector, b: &Vector| {
+            let (weak, strong) = (a.norm().min(b.norm()), a.norm().max(b.norm()));
+            weak >= LEAST_FORCE && weak >= BALANCE * strong && a.angle(b) > OPPOSING
+        };
+        forces.iter().enumerate().any(|(k, a)| forces[k + 1..].iter().any(|b| opposing(a, b)))
+    }
+
+    /// Whether two fingers are still where they were when they took the block.
+    fn pressed(&self, state: &PlantState, block: usize, links: &[Pose]) -> bool {
+        self.recession(state, block, links).filter(|metres| *metres < PRESSING_DISTANCE).count() >= 2
+    }
+
+    /// By how much each finger's distance to the block has changed since it was taken, metres.
+    fn recession(&self, state: &PlantState, block: usize, links: &[Pose]) -> impl Iterator<Item = f64> {
+        let centre = Point::from(state.blocks[block].pose.translation.vector);
+        let metres =
+            |finger: &Finger| ((links[finger.link] * finger.point - centre).norm() - finger.distance).abs();
+        self.fingers.iter().map(metres).collect::<Vec<_>>().into_iter()
+    }
+
+    fn hold(&mut self, state: &PlantState, block: usize, links: &[Pose]) {
+        let centre = Point::from(state.blocks[block].pose.translation.vector);
+        let finger = |touch: &Touch| {
+            let point = Point::from(touch.point / f64::from(touch.points));
+            Finger { link: touch.link, point, distance: (links[touch.link] * point - centre).norm() }
+        };
+        self.fingers = self.touches.iter().filter(|touch| touch.block == block).map(finger).collect();
+    }
+}
+
+/// `world_from_link` of every link.
+fn link_poses(model: &ArmModel, state: &PlantState) -> Vec<Pose> {
+    let mut angles = vec![0.0; model.joints.len()];
+    for (joint, angle) in model.moving().zip(&state.position) {
+        angles[joint] = *angle;
+    }
+    let mut poses = vec![state.world_from_base; model.links.len()];
+    for (joint, angle) in model.joints.iter().zip(angles) {
+        let turn = nalgebra::UnitQuaternion::from_scaled_axis(joint.axis * angle);
+        poses[joint.child] = poses[joint.parent] * joint.origin * turn;
+    }
+    poses
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grasp::tests::link_names_and_joints;
+    use nalgebra::Isometry3;
+    use proact_types::{BodyState, Contact, joints, zeros};
+
+    /// A thumb and a middle finger that hang from the palm and turn about z.
+    fn hand() -> ArmModel {
+        link_names_and_joints(&["palm", "arm__thumb3_link", "arm__middle3_link"], &[(1, 0), (2, 0)])
+    }
+
+    /// The thumb at -y and the finger at +y of a block, `force` N each, or no contact at all.
+    fn state(angle: f64, forces: Option<(f64, f64)>, attached: bool) -> PlantState {
+        let block = BodyState {
+            pose: Pose::translation(0.1, 0.0, 0.0),
+            linear: Vector::zeros(),
+            angular: Vector::zeros(),
+        };
+        let contact = |link: usize, side: f64, force: f64| Contact {
+            block: 0,
+            link,
+            point: Point::new(0.1, 0.025 * side, 0.0),
+            normal: Vector::y() * -side,
+            force,
+        };
+        let contacts = forces.map(|(thumb, finger)| [contact(1, -1.0, thumb), contact(2, 1.0, finger)]);
+        PlantState {
+            position: joints(&[-angle, angle]),
+            velocity: zeros(2),
+            effort: zeros(2),
+            world_from_base: Isometry3::identity(),
+            base_held: false,
+            blocks: std::iter::once(block).collect(),
+            attached: attached.then(|| (0, Isometry3::identity())),
+            contacts: contacts.into_iter().flatten().collect(),
+        }
+    }
+
+    /// Ticks until the rule acts.
+    fn ticks(rule: &mut OriginalGraspRule, state: &PlantState, most: u32) -> Option<(u32, GraspAction)> {
+        (1..=most).find_map(|tick| rule.step(&hand(), state).map(|action| (tick, action)))
+    }
+
+    #[test]
+    fn a_pinch_takes_the_block_at_the_fifth_check() {
+        let mut rule = OriginalGraspRule::new(&hand());
+        let found = ticks(&mut rule, &state(0.0, Some((1.0, 0.5)), false), 3000);
+        assert_eq!(found, Some((1250, GraspAction::Attach(0))));
+    }
+
+    #[test]
+    fn forces_that_are_weak_uneven_or_from_one_side_take_nothing() {
+        for forces in [(0.9e-4, 0.9e-4), (1.0, 0.29)] {
+            let mut rule = OriginalGraspRule::new(&hand());
+            assert_eq!(ticks(&mut rule, &state(0.0, Some(forces), false), 5000), None, "{forces:?}");
+        }
+        let mut one_side = state(0.0, Some((1.0, 1.0)), false);
+        one_side.contacts[1].normal = Vector::new(0.5, 1.0, 0.0).normalize();
+        assert_eq!(ticks(&mut OriginalGraspRule::new(&hand()), &one_side, 5000), None);
+    }
+
+    #[test]
+    fn a_hand_that_opens_lets_go_at_the_fourth_check_after_a_long_hold_and_sooner_after_a_short_one() {
+        for (held, expected) in [(2000, 1000), (0, 250)] {
+            let mut rule = OriginalGraspRule::new(&hand());
+            ticks(&mut rule, &state(0.0, Some((1.0, 1.0)), false), 3000).expect("takes the block");
+            assert_eq!(ticks(&mut rule, &state(0.0, None, true), held), None, "a closed hand holds");
+            // Half a radian takes the points by some 5 cm.
+            let found = ticks(&mut rule, &state(0.5, None, true), 5000);
+            assert_eq!(found, Some((expected, GraspAction::Release)), "after {held} ms");
+        }
+    }
+
+    #[test]
+    fn fingers_that_have_come_away_by_less_than_three_centimetres_do_not_let_go() {
+        let mut rule = OriginalGraspRule::new(&hand());
+        ticks(&mut rule, &state(0.0, Some((1.0, 1.0)), false), 3000).expect("takes the block");
+        assert_eq!(ticks(&mut rule, &state(0.2, None, true), 20_000), None);
+    }
+}
