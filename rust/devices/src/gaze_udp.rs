@@ -77,12 +77,13 @@ impl SentGaze {
         if !origin.iter().all(|x| x.abs() <= MAX_DISTANCE) {
             return Err(wrong(format!("origin {origin:?}, expected coordinates up to {MAX_DISTANCE} m")));
         }
-        let unit = Vector::from(direction).try_normalize(1e-6).filter(|v| v.iter().all(|x| x.is_finite()));
+        let vector = Vector::from(direction);
+        let unit = vector.try_normalize(1e-6).filter(|_| vector.norm().is_finite());
         let direction = match unit {
             Some(unit) => unit,
             // A tracker that has lost the eye need not know where it looks.
             None if !valid => Vector::x(),
-            None => return Err(wrong(format!("direction {direction:?}, expected a vector above zero"))),
+            None => return Err(wrong(format!("direction {direction:?}, expected a finite vector above zero"))),
         };
         Ok(SentGaze { sample: GazeSample { origin: Point::from(origin), direction, valid }, frame })
     }
