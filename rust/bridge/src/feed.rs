@@ -4,7 +4,7 @@ use crate::signals::{Signals, TrialStatus};
 use axum::extract::ws::Utf8Bytes;
 use proact_types::{DisplayFrame, Event};
 use serde::Serialize;
-use std::collections::VecDeque;
+use std::{collections::VecDeque, sync::Arc};
 
 /// Events of the trial kept for clients that come late or missed frames: more than a usual trial has, 50 KB.
 const MAX_EVENTS: usize = 512;
@@ -49,6 +49,8 @@ pub(crate) struct Feed {
     pub(crate) sequence: u64,
     /// The latest frame as a message; none before the first one of this content.
     pub(crate) frame: Option<Utf8Bytes>,
+    /// The latest frame itself.
+    pub(crate) latest: Option<Arc<DisplayFrame>>,
     /// The status as a message, and how often it was set; none before the first.
     pub(crate) status: (u64, Option<Utf8Bytes>),
     /// The latest signals as a message, and how many there were.
@@ -62,6 +64,7 @@ impl Feed {
     pub(crate) fn publish(&mut self, frame: &DisplayFrame, text: Utf8Bytes) {
         self.sequence += 1;
         self.frame = Some(text);
+        self.latest = Some(Arc::new(frame.clone()));
         for event in &frame.events {
             if self.events.len() == MAX_EVENTS {
                 self.events.pop_front();
@@ -74,6 +77,7 @@ impl Feed {
     pub(crate) fn reset(&mut self) {
         self.revision += 1;
         self.frame = None;
+        self.latest = None;
         self.signals.1 = None;
         self.events.clear();
     }

@@ -6,7 +6,7 @@
 //!
 //! Addresses: `/` the participant's page, `/experimenter` and `/spectator`, `/replay`; `/api/content` arm and scene,
 //! `/api/trials` and `/api/trials/<number>` recorded trials, `/meshes/<file>` the arm's meshes, `/live` the
-//! WebSocket (protocol: [`live`]), `/healthz`.
+//! WebSocket (protocol: [`live`]), `/camera.png` and `/camera.json` what a simulated [`camera`] sees, `/healthz`.
 //!
 //! It uses the real clock and threads. It does not compute anything of the trial, knows no ROS and reads no
 //! files: page and meshes are embedded when the crate is built.
@@ -34,6 +34,7 @@
 mod access;
 mod assets;
 mod calibration;
+pub mod camera;
 mod error;
 mod feed;
 mod gaze_check;

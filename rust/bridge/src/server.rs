@@ -1,7 +1,8 @@
 use crate::{
     BridgeError, ClientInput, RecordedTrial, Signals, TrialStatus,
     access::{self, Access},
-    assets,
+    assets, camera,
+    camera::Studio,
     feed::{Feed, ServerMessage},
     live::{self, Role},
     pilot::{ClientId, Pilot},
@@ -32,7 +33,7 @@ use std::{
 use tokio::{
     net::{TcpListener, TcpSocket},
     runtime::Runtime,
-    sync::{oneshot, watch},
+    sync::{Semaphore, oneshot, watch},
 };
 use tokio_rustls::TlsAcceptor;
 
@@ -104,11 +105,14 @@ pub(crate) struct Shared {
     next_client: AtomicU64,
     trials: Mutex<StoredTrials>,
     pub(crate) access: Access,
+    /// Pictures are taken one after the other.
+    pub(crate) one_picture: Semaphore,
 }
 
 struct StoredContent {
     json: String,
     interactive: bool,
+    studio: Arc<Studio>,
 }
 
 impl Shared {
@@ -131,6 +135,10 @@ impl Shared {
 
     pub(crate) fn interactive(&self) -> bool {
         self.content().interactive
+    }
+
+    pub(crate) fn studio(&self) -> Arc<Studio> {
+        Arc::clone(&self.content().studio)
     }
 
     fn trials(&self) -> MutexGuard<'_, StoredTrials> {
@@ -172,6 +180,7 @@ impl PageServer {
                 allowed: options.allowed.clone(),
                 local_only: options.bind.is_loopback(),
             },
+            one_picture: Semaphore::new(1),
         });
         let runtime = tokio::runtime::Builder::new_current_thread()
             .enable_all()
@@ -300,7 +309,8 @@ fn store(page: &PageContent) -> Result<StoredContent, BridgeError> {
     }
     let json =
         serde_json::to_string(page).map_err(|error| BridgeError::Content { what: error.to_string() })?;
-    Ok(StoredContent { json, interactive: page.interactive })
+    let studio = Arc::new(Studio::new(&page.arm, &page.scene));
+    Ok(StoredContent { json, interactive: page.interactive, studio })
 }
 
 /// What a browser opens to reach a server that listens on `address`.
@@ -405,6 +415,8 @@ fn router(shared: Arc<Shared>) -> Router {
         .route("/healthz", get(|| async { "ok\n" }))
         .route("/api/content", get(content))
         .route("/live", get(connect))
+        .route("/camera.png", get(camera::picture))
+        .route("/camera.json", get(camera::picture_json))
         .route("/api/trials", get(trials))
         .route("/api/trials/{number}", get(trial))
         .layer(middleware::from_fn_with_state(Arc::clone(&shared), access::refuse_strangers))

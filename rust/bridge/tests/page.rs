@@ -166,6 +166,24 @@ async fn page_content_and_health_are_served() {
 }
 
 #[tokio::test]
+async fn a_camera_sees_the_latest_instant_once_there_is_one() {
+    let server = start(false);
+    assert!(get(&server, "/camera.png").await.starts_with("HTTP/1.1 503"));
+    server.publish(&frame(42));
+    let answer = get(&server, "/camera.png?view=overhead&width=64&height=48").await;
+    assert!(answer.starts_with("HTTP/1.1 200") && answer.contains("content-type: image/png"), "{answer}");
+    let answer = get(&server, "/camera.json?width=64&height=48&fov=90").await;
+    let json: Value = serde_json::from_str(answer.split("\r\n\r\n").nth(1).unwrap()).unwrap();
+    assert_eq!((&json["time"], &json["width"]), (&42.into(), &64.into()));
+    assert!((json["k"][0].as_f64().unwrap() - 24.0).abs() < 1e-9, "{}", json["k"]);
+    assert!(json["png"].as_str().unwrap().starts_with("iVBORw0KGgo"), "the first bytes of a PNG file");
+    for wrong in ["width=8", "height=100000", "fov=180", "fov=NaN", "view=behind", "zoom=2", "width=x"] {
+        let answer = get(&server, &format!("/camera.png?{wrong}")).await;
+        assert!(answer.starts_with("HTTP/1.1 400"), "{wrong}: {answer}");
+    }
+}
+
+#[tokio::test]
 async fn a_published_frame_arrives_whole() {
     let server = start(true);
     let mut client = connect(&server).await;

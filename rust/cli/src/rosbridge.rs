@@ -2,7 +2,7 @@
 
 use clap::Args;
 use proact_bridge::rosbridge::{
-    Access, HeadsetInput, HeadsetTopics, LocalBus, RosbridgeOptions, RosbridgeServer, TopicBus,
+    Access, CameraTopics, HeadsetInput, HeadsetTopics, LocalBus, RosbridgeOptions, RosbridgeServer, TopicBus,
 };
 use proact_testbed::Session;
 use proact_types::DisplayFrame;
@@ -33,6 +33,7 @@ pub(crate) struct RosbridgeArgs {
 pub(crate) struct Rosbridge {
     // Ended before the server: its topics are taken back while the clients still are there.
     topics: HeadsetTopics,
+    camera: CameraTopics,
     server: RosbridgeServer,
 }
 
@@ -45,10 +46,12 @@ impl RosbridgeArgs {
         let all: IpAddr = if anybody { Ipv4Addr::UNSPECIFIED.into() } else { Ipv4Addr::LOCALHOST.into() };
         let bus: Arc<dyn TopicBus> = LocalBus::new();
         let topics = HeadsetTopics::new(Arc::clone(&bus), session.testbed().model(), session.head())?;
+        let testbed = session.testbed();
+        let camera = CameraTopics::new(Arc::clone(&bus), testbed.model(), testbed.task().scene())?;
         let bind = self.rosbridge_bind.unwrap_or(all);
         let server = RosbridgeServer::start(RosbridgeOptions { port, bind, access }, bus)?;
         eprintln!("rosbridge: ws://{}/", server.address());
-        Ok(Some(Rosbridge { topics, server }))
+        Ok(Some(Rosbridge { topics, camera, server }))
     }
 }
 
@@ -61,6 +64,7 @@ impl Rosbridge {
     /// Publishes an instant, and prints what happened to the clients.
     pub(crate) fn publish(&self, frame: &DisplayFrame) {
         self.topics.publish(frame);
+        self.camera.show(frame);
         for notice in self.server.drain_notices() {
             eprintln!("rosbridge: {notice}");
         }

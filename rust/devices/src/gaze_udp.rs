@@ -83,7 +83,9 @@ impl SentGaze {
             Some(unit) => unit,
             // A tracker that has lost the eye need not know where it looks.
             None if !valid => Vector::x(),
-            None => return Err(wrong(format!("direction {direction:?}, expected a finite vector above zero"))),
+            None => {
+                return Err(wrong(format!("direction {direction:?}, expected a finite vector above zero")));
+            }
         };
         Ok(SentGaze { sample: GazeSample { origin: Point::from(origin), direction, valid }, frame })
     }

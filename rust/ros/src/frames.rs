@@ -1,8 +1,8 @@
 //! Where every frame of the original's tree is, computed from one instant.
 
-use nalgebra::{Translation3, Unit, UnitQuaternion};
+use nalgebra::{Translation3, UnitQuaternion};
 use proact_tasks::TABLE_TOP;
-use proact_types::{ArmModel, BlockId, JointKind, JointVector, PlantState, Pose};
+use proact_types::{ArmModel, BlockId, JointKind, PlantState, Pose};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// The frame that everything is in.
@@ -29,25 +29,6 @@ fn frame(parent: &str, child: &str, pose: Pose) -> Frame {
 pub fn wrap(angle: f64) -> f64 {
     let turned = (angle + PI).rem_euclid(TAU) - PI;
     if turned == -PI { PI } else { turned }
-}
-
-/// `parent_from_child` of a joint at `angle`.
-fn across(joint: &proact_types::Joint, angle: f64) -> Pose {
-    joint.origin * UnitQuaternion::from_axis_angle(&Unit::new_normalize(joint.axis), angle)
-}
-
-/// Poses of all links in the base, in the order of `model.links`, at the angles of the moving joints.
-pub fn link_poses(model: &ArmModel, position: &JointVector) -> Vec<Pose> {
-    let mut angles = vec![0.0; model.joints.len()];
-    for (joint, angle) in model.moving().zip(position) {
-        angles[joint] = *angle;
-    }
-    let mut poses = vec![Pose::identity(); model.links.len()];
-    // Joints are sorted by child, and parents stand before their children.
-    for (joint, angle) in model.joints.iter().zip(angles) {
-        poses[joint.child] = poses[joint.parent] * across(joint, angle);
-    }
-    poses
 }
 
 /// Frames that never move: the arm's fixed joints, the table, and the reference board's tag.
@@ -116,7 +97,7 @@ pub fn moving(
         for (index, angle) in model.moving().zip(&state.position) {
             let joint = &model.joints[index];
             let (parent, child) = (&model.links[joint.parent].name, &model.links[joint.child].name);
-            frames.push(frame(parent, child, across(joint, *angle)));
+            frames.push(frame(parent, child, joint.across(*angle)));
         }
     }
     frames
@@ -210,7 +191,7 @@ mod tests {
         near("base_link", state.world_from_base);
         near("HololensSG", head);
         near("bluecylinder2", state.blocks[3].pose);
-        near("lower", state.world_from_base * link_poses(&model, &state.position)[3]);
+        near("lower", state.world_from_base * model.link_poses(&state.position)[3]);
         for name in tree.keys() {
             in_root(name);
         }

@@ -1,4 +1,5 @@
 use crate::{MAX_JOINTS, Pose, Shape, Vector};
+use nalgebra::{Unit, UnitQuaternion};
 use serde::{Deserialize, Serialize};
 
 /// The arm: immutable, shared by kinematics, planning, dynamics and display.
@@ -119,6 +120,13 @@ pub struct Joint {
     pub friction: f64,
 }
 
+impl Joint {
+    /// `parent_from_child` at `angle`, rad.
+    pub fn across(&self, angle: f64) -> Pose {
+        self.origin * UnitQuaternion::from_axis_angle(&Unit::new_normalize(self.axis), angle)
+    }
+}
+
 /// Limits of a joint.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct JointLimits {
@@ -182,6 +190,22 @@ impl ArmModel {
     /// Number of moving joints.
     pub fn moving_count(&self) -> usize {
         self.arm.len() + self.hand.len()
+    }
+
+    /// `base_from_link` of all links, in their order, at angles of the moving joints, rad; zero for those left out.
+    ///
+    /// For display: the control loop asks the kinematics library.
+    pub fn link_poses(&self, angles: &[f64]) -> Vec<Pose> {
+        let mut angle_of = vec![0.0; self.joints.len()];
+        for (joint, angle) in self.moving().zip(angles) {
+            angle_of[joint] = *angle;
+        }
+        let mut poses = vec![Pose::identity(); self.links.len()];
+        // Joints are sorted by child, and parents stand before their children.
+        for (joint, angle) in self.joints.iter().zip(angle_of) {
+            poses[joint.child] = poses[joint.parent] * joint.across(angle);
+        }
+        poses
     }
 
     /// Index of the link called `name`.

@@ -218,13 +218,13 @@ fn wrapped(angle: f64) -> f64 {
     if turned == -PI { PI } else { turned }
 }
 
-fn time_of(frame: &DisplayFrame) -> Time {
+pub(super) fn time_of(frame: &DisplayFrame) -> Time {
     let ticks = frame.time.0;
     // Ticks are milliseconds; a trial is minutes long.
     Time { secs: (ticks / 1000) as u32, nsecs: (ticks % 1000) as u32 * 1_000_000 }
 }
 
-fn named<const N: usize>(fields: [(&str, Value); N]) -> Value {
+pub(super) fn named<const N: usize>(fields: [(&str, Value); N]) -> Value {
     Value::Message(fields.into_iter().map(|(name, value)| (name.to_owned(), value)).collect())
 }
 
@@ -245,7 +245,7 @@ fn text(topic: &str, data: &str) -> Arc<TopicMessage> {
     single(topic, TEXT, Value::Text(data.to_owned()))
 }
 
-fn stamped_pose(topic: &str, header: &Value, pose: &Pose) -> Arc<TopicMessage> {
+pub(super) fn stamped_pose(topic: &str, header: &Value, pose: &Pose) -> Arc<TopicMessage> {
     let (p, q) = (pose.translation.vector, pose.rotation);
     let number = Value::Float;
     let position = named([("x", number(p.x)), ("y", number(p.y)), ("z", number(p.z))]);

@@ -9,6 +9,7 @@
 
 mod access;
 mod bus;
+mod camera_topics;
 mod cbor;
 mod connection;
 mod definition;
@@ -29,6 +30,7 @@ pub use bus::{
     BusError, Graph, MemberId, Reply, ServiceInfo, ServiceProvider, TopicBus, TopicInfo, TopicMessage,
     TopicSink, TopicType, check_name,
 };
+pub use camera_topics::CameraTopics;
 pub use definition::{Count, DefinitionError, Field, Kind, MessageType, known_type, known_types, plain_name};
 pub use headset::{HeadsetInput, HeadsetTopics};
 pub use local_bus::LocalBus;

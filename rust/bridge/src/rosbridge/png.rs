@@ -1,5 +1,6 @@
 //! Messages as PNG pictures, rosbridge's compression: the text's bytes are the colours, line feeds fill it up.
 
+use crate::camera;
 use base64::{Engine, engine::general_purpose::STANDARD as BASE64};
 
 /// A text as `{"op":"png","data":..}`.
@@ -14,17 +15,8 @@ fn picture(bytes: &[u8]) -> Vec<u8> {
     let height = pixels.div_ceil(width);
     let mut data = bytes.to_vec();
     data.resize(width * height * 3, b'\n');
-    let mut out = Vec::new();
     // Sizes are below 2^32 because messages are limited to a few megabytes.
-    let mut encoder = png::Encoder::new(&mut out, width as u32, height as u32);
-    encoder.set_color(png::ColorType::Rgb);
-    encoder.set_depth(png::BitDepth::Eight);
-    encoder.set_compression(png::Compression::Fast);
-    encoder
-        .write_header()
-        .and_then(|mut writer| writer.write_image_data(&data))
-        .expect("a vector takes every byte and the size fits the data");
-    out
+    camera::png(width as u32, height as u32, &data)
 }
 
 #[cfg(test)]

@@ -165,7 +165,7 @@ impl Outlets {
     fn link_states(&self, state: &PlantState) -> LinkStates {
         let models = self.models(state);
         let mut links = LinkStates::default();
-        for (link, pose) in self.model.links.iter().zip(frames::link_poses(&self.model, &state.position)) {
+        for (link, pose) in self.model.links.iter().zip(self.model.link_poses(&state.position)) {
             links.name.push(format!("{ARM_MODEL}::{}", link.name));
             links.pose.push(convert::pose(&(state.world_from_base * pose)));
             links.twist.push(Twist::default());
@@ -246,7 +246,7 @@ impl Outlets {
         let tip = |q: &[f64]| {
             let mut position = state.position.clone();
             position[..arm].copy_from_slice(q);
-            state.world_from_base * frames::link_poses(&self.model, &position)[self.model.tip]
+            state.world_from_base * self.model.link_poses(&position)[self.model.tip]
         };
         let poses: Vec<Pose> = plan.trajectory.points.iter().map(|p| tip(&p.q)).collect();
         let Some(end) = poses.last() else { return vec![] };
