@@ -69,6 +69,18 @@ export async function newcomer(page, { url, check, screenshot }) {
   await screenshot("gaze-check");
   const cells = await page.locator(".gazecheck tbody tr:last-child td").allTextContents();
   check(Number.parseFloat(cells[0]) < 1, `the mouse is an eye with an error of ${cells[0]}`);
+  await askedFor(page, { url, check });
+}
+
+/** The experimenter asks for a gaze check, which begins on the participant's page. */
+async function askedFor(page, { url, check }) {
+  await page.click(".gazecheck button");
+  const desk = await page.context().newPage();
+  await desk.goto(new URL("experimenter?quality=3", url).href);
+  await desk.click('button:text-is("Check gaze"):enabled');
+  await page.waitForFunction(() => window.__proact.gazePoint() !== null);
+  check(true, "the experimenter's button begins a gaze check");
+  await desk.close();
 }
 
 /** An emulated headset: it enters, its head moves the display's head, its hand is the gaze, and it leaves. */

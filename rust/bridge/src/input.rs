@@ -54,6 +54,8 @@ pub enum StudyAction {
     Resume,
     /// The trial ends here.
     Abort,
+    /// The participant's page begins a gaze check.
+    CheckGaze,
 }
 
 /// A message of the page on the WebSocket.

@@ -12,7 +12,7 @@
 //! quaternions x, y, z, w. At most 4 KiB each, text only. A hundred malformed messages end the connection.
 //!
 //! `/live?role=experimenter` also gets `signals` with the fields of [`Signals`](crate::Signals), and may send
-//! `study {action}` (`pause`, `resume`, `abort`) and `restart` even where the page is not interactive.
+//! `study {action}` (`pause`, `resume`, `abort`, `check_gaze`) and `restart` even where the page is not interactive.
 //! `/live?role=spectator` gets the same and may send nothing but `ping`.
 
 use crate::{

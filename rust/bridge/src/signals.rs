@@ -14,6 +14,10 @@ pub struct TrialStatus {
     pub seed: u64,
     /// Where it is recorded; none if it is not.
     pub record: Option<String>,
+    /// What gives gaze instead of the page's mouse and headset, such as an eye tracker; none if nothing does.
+    pub gaze_source: Option<String>,
+    /// How often the experimenter has asked for a gaze check. With each, the participant's page begins one.
+    pub gaze_checks: u32,
 }
 
 /// What the experimenter watches beside the scene: about ten times a second, the latest only.

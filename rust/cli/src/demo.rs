@@ -198,7 +198,7 @@ fn run_to_end(
         wait_for_page(page);
     }
     let mut live = page.map(|page| {
-        (Pace::new(), Experimenter::new(page, session.testbed().config(), dir), AtomicBool::new(false))
+        (Pace::new(), Experimenter::new(page, session.testbed().config(), dir, None), AtomicBool::new(false))
     });
     let mut alone = (page.is_none() && shown.rosbridge.is_some()).then(Pace::new);
     let start = Instant::now();

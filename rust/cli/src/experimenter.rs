@@ -45,12 +45,18 @@ struct Counted {
 }
 
 impl<'a> Experimenter<'a> {
-    /// Announces a trial, recorded in `dir` if anywhere.
-    pub(crate) fn new(page: &'a PageServer, config: &TrialConfig, dir: Option<&Path>) -> Self {
+    /// Announces a trial, recorded in `dir` if anywhere, in which `gaze_source` gives gaze instead of the page.
+    pub(crate) fn new(
+        page: &'a PageServer,
+        config: &TrialConfig,
+        dir: Option<&Path>,
+        gaze_source: Option<&str>,
+    ) -> Self {
         let status = TrialStatus {
             can_pause: true,
             seed: config.seed,
             record: dir.map(|dir| dir.display().to_string()),
+            gaze_source: gaze_source.map(str::to_owned),
             ..TrialStatus::default()
         };
         page.set_status(&status);
@@ -76,6 +82,7 @@ impl<'a> Experimenter<'a> {
         match action {
             StudyAction::Pause => self.status.paused = true,
             StudyAction::Resume => self.status.paused = false,
+            StudyAction::CheckGaze => self.status.gaze_checks += 1,
             StudyAction::Abort => (self.status.aborted, self.status.paused) = (true, false),
         }
         self.page.set_status(&self.status);

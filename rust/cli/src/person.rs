@@ -68,6 +68,11 @@ impl PersonArgs {
 }
 
 impl Person {
+    /// What gives gaze instead of the page; none if nothing does.
+    pub(crate) fn gaze_source(&self) -> Option<&'static str> {
+        self.tracker.as_ref().map(|_| "eye tracker")
+    }
+
     /// Another trial begins.
     pub(crate) fn restart(&self, session: &Session) {
         if let Some(rosbridge) = &self.rosbridge {

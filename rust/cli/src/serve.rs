@@ -185,7 +185,7 @@ fn live_trial(
     interrupted: &AtomicBool,
 ) -> Result<Ended, Box<dyn Error>> {
     let mut pace = Pace::new();
-    let mut experimenter = Experimenter::new(page, session.testbed().config(), dir);
+    let mut experimenter = Experimenter::new(page, session.testbed().config(), dir, person.gaze_source());
     let mut ending = None;
     loop {
         let now = session.testbed().now();

@@ -26,7 +26,7 @@ const AMBIENT: f64 = 0.4;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum View {
-    /// From the participant's eye, along the head.
+    /// From the participant's eye at the middle of the table.
     #[default]
     Head,
     /// From above the middle of the table, straight down; the person is at the lower edge.
@@ -138,21 +138,13 @@ impl Studio {
 
     /// A camera at one of the usual places at the instant of `frame`.
     pub fn camera(&self, view: View, frame: &DisplayFrame, size: [u32; 2], vertical_fov: f64) -> Camera {
-        // The camera's axes as columns.
-        let (rotation, eye) = match view {
-            View::Head => {
-                let axes = Matrix3::from_columns(&[-Vector::y(), -Vector::z(), Vector::x()]);
-                let turn = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes));
-                (frame.world_from_head.rotation * turn, frame.world_from_head.translation.vector)
-            }
-            View::Overhead => {
-                let axes = Matrix3::from_columns(&[-Vector::y(), -Vector::x(), -Vector::z()]);
-                let turn = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes));
-                (turn, self.table_centre.coords + Vector::new(0.0, 0.0, OVERHEAD))
-            }
+        let eye = match view {
+            View::Head => frame.world_from_head.translation.vector.into(),
+            View::Overhead => self.table_centre + Vector::new(0.0, 0.0, OVERHEAD),
         };
+        let world_from_camera = looking(eye, &self.table_centre);
         let [width, height] = size;
-        Camera { world_from_camera: Pose::from_parts(eye.into(), rotation), width, height, vertical_fov }
+        Camera { world_from_camera, width, height, vertical_fov }
     }
 
     /// Takes a picture of an instant. What `frame` leaves out, such as a block, is not seen.
@@ -174,6 +166,16 @@ impl Studio {
         }
         picture
     }
+}
+
+/// `world_from_camera` of an upright camera at `eye` that looks at `point`; from straight above, the person's side is
+/// the lower edge.
+fn looking(eye: Point, point: &Point) -> Pose {
+    let ahead = (point - eye).try_normalize(1e-9).unwrap_or(-Vector::z());
+    let right = ahead.cross(&Vector::z()).try_normalize(1e-6).unwrap_or(-Vector::y());
+    let axes = Matrix3::from_columns(&[right, ahead.cross(&right), ahead]);
+    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes));
+    Pose::from_parts(eye.into(), rotation)
 }
 
 /// Draws a body where it is nearer than what the picture has so far.
@@ -250,7 +252,6 @@ pub(crate) fn png(width: u32, height: u32, rgb: &[u8]) -> Vec<u8> {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use nalgebra::Translation3;
     use proact_description::mpl_right_arm;
     use proact_types::{BlockId, Gesture, HandView, PlannerView, SimTime, TargetView};
 
@@ -295,10 +296,17 @@ pub(crate) mod tests {
         Studio::new(&mpl_right_arm(), &scene)
     }
 
+    /// A level camera that looks along x, or against it.
+    fn camera(eye: &[f64; 3], along_x: f64, vertical_fov: f64) -> Camera {
+        let eye = Point::from(*eye);
+        let world_from_camera = looking(eye, &(eye + Vector::x() * along_x));
+        Camera { world_from_camera, width: 320, height: 240, vertical_fov }
+    }
+
     #[test]
     fn a_ball_is_where_the_matrix_puts_it_and_as_far_and_as_wide_as_it_is() {
         let (studio, frame) = (studio(), frame());
-        let camera = studio.camera(View::Head, &frame, [320, 240], 1.0);
+        let camera = camera(&[2.0, 0.1, 1.5], 1.0, 1.0);
         let picture = studio.take(&frame, &camera);
         let red = |pixel: usize| picture.rgb[3 * pixel] / 2 > picture.rgb[3 * pixel + 2];
         let pixels: Vec<usize> = (0..320 * 240).filter(|&pixel| red(pixel)).collect();
@@ -324,13 +332,10 @@ pub(crate) mod tests {
     #[test]
     fn what_is_nearer_hides_what_is_behind_and_what_is_behind_the_camera_is_not_seen() {
         let (studio, mut frame) = (studio(), frame());
-        frame.world_from_head.rotation = UnitQuaternion::from_euler_angles(0.0, 0.0, std::f64::consts::PI);
-        let camera = studio.camera(View::Head, &frame, [64, 48], 1.0);
         let red = |picture: &Picture| picture.rgb.chunks(3).filter(|p| p[0] / 2 > p[2]).count();
-        assert_eq!(red(&studio.take(&frame, &camera)), 0, "the ball is behind");
-        // From there the arm, at the origin, stands before a ball that is moved behind it.
-        frame.world_from_head.translation = Translation3::new(1.0, 0.0, -0.3);
-        let camera = studio.camera(View::Head, &frame, [64, 48], 0.6);
+        assert_eq!(red(&studio.take(&frame, &camera(&[2.0, 0.1, 1.5], -1.0, 1.0))), 0, "the ball is behind");
+        // The arm, at the origin, stands before a ball that is moved behind it.
+        let camera = camera(&[1.0, 0.0, -0.3], -1.0, 0.6);
         frame.blocks[0] = Pose::translation(-0.2, 0.0, -0.3);
         let hidden = red(&studio.take(&frame, &camera));
         frame.blocks[0] = Pose::translation(0.2, 0.0, -0.3);
@@ -344,7 +349,13 @@ pub(crate) mod tests {
         frame.world_from_head = frame.blocks[0];
         frame.joints.clear();
         let camera = studio.camera(View::Overhead, &frame, [16, 16], 1.0);
-        assert_eq!(camera.world_from_camera.translation.z, 1.3 + OVERHEAD);
+        let down = camera.world_from_camera * Vector::new(0.1, 0.2, 0.3);
+        assert!(
+            (down - Vector::new(-0.2, -0.1, -0.3)).norm() < 1e-12,
+            "x is to the right, y towards the person"
+        );
+        let eye = studio.camera(View::Head, &frame, [16, 16], 1.0).world_from_camera.translation.vector;
+        assert_eq!(eye, frame.world_from_head.translation.vector);
         studio.take(&frame, &studio.camera(View::Head, &frame, [16, 16], 1.0));
         frame.blocks.clear();
         studio.take(&frame, &camera);

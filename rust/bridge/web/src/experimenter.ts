@@ -63,9 +63,11 @@ function start(): void {
     start: button("New trial", () => live.send({ type: "restart" }), "primary"),
     pause: button("Pause", () => live.send({ type: "study", action: status?.paused ? "resume" : "pause" })),
     reset: button("Reset blocks", () => live.send({ type: "restart", again: true })),
+    check: button("Check gaze", () => live.send({ type: "study", action: "check_gaze" })),
     abort: button("End trial", () => live.send({ type: "study", action: "abort" }), "danger"),
   };
   buttons.reset.title = "A new trial with the blocks where they stood at the start of this one";
+  buttons.check.title = "The participant's page shows five points to look at, and stores how well gaze followed them";
   const methods = ["A", "B", "C", "D"].map((name) => button(name, () => live.send({ type: "restart", method: name })));
   methods.forEach((node) => (node.title = `New trial with method ${node.textContent}: ${METHOD_NAMES[node.textContent ?? ""]}`));
   const cameraBar = element("div", "camerabar", ...CAMERA_KINDS.map((kind) => button(CAMERA_NAMES[kind], () => chooseCamera(kind))));
@@ -185,6 +187,7 @@ function start(): void {
     setClass(state, "live", words === "Running");
     setText(buttons.pause, status?.paused ? "Resume" : "Pause");
     setClass(buttons.pause, "now", status?.paused ?? false);
+    buttons.check.disabled = !interactive || words !== "Running";
     buttons.pause.disabled = buttons.abort.disabled = finished || !status?.can_pause || status.aborted;
     setText(seed, status ? `Seed ${status.seed}` : "");
     setText(record, status ? (status.record ? `Record: ${status.record}` : "Not recorded") : "");

@@ -60,6 +60,8 @@ function start(): void {
   const guide = new Guide();
   let everConnected = false;
   let cursor: Vector2 | null = null;
+  let gazeSource: string | null = null;
+  let gazeChecks: number | null = null;
   const shown = { since: performance.now(), received: 0, drawn: 0 };
 
   const debug: Debug = {
@@ -99,7 +101,7 @@ function start(): void {
   const check = new GazeCheckView((result) => live.send({ type: "gaze_check", ...result }));
   const panel = new Panel(settings, {
     changed: change,
-    gazeCheck: () => stage.room && interactive() && check.start(stage.room, "mouse"),
+    gazeCheck: checkGaze,
     tutorial: () => interactive() && tutorial.start(),
   });
   const gamepad = new GamepadInput({
@@ -141,7 +143,13 @@ function start(): void {
     events(events) {
       hud.addEvents(events);
     },
-    status: (status) => hud.setPaused(status.paused),
+    status(status) {
+      hud.setPaused(status.paused);
+      gazeSource = status.gaze_source;
+      // What was asked for before this page came is over.
+      if (gazeChecks !== null && status.gaze_checks > gazeChecks) checkGaze();
+      gazeChecks = status.gaze_checks;
+    },
     connected(connected) {
       everConnected ||= connected;
       debug.connected = connected;
@@ -175,6 +183,11 @@ function start(): void {
   function targetPlace(block: string): { x: number; y: number } | null {
     const target = stage.room?.targets.find((candidate) => candidate.block === block);
     return target ? { x: target.centre.x, y: target.centre.y } : null;
+  }
+
+  function checkGaze(): void {
+    const source = gazeSource ?? (headset.worn ? "headset" : "mouse");
+    if (stage.room && interactive()) check.start(stage.room, source);
   }
 
   /** What the gaze passes: with a block in hand, or in a gaze check, only the table counts. */

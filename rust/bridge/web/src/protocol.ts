@@ -97,6 +97,10 @@ export interface Status {
   can_pause: boolean;
   seed: number;
   record: string | null;
+  /** What gives gaze instead of this page; none if the page does. */
+  gaze_source: string | null;
+  /** How often the experimenter asked for a gaze check. */
+  gaze_checks: number;
 }
 
 /** What the experimenter watches beside the scene. */
@@ -172,7 +176,7 @@ export type ClientMessage =
   | { type: "trunk"; forward: number; lateral: number; axial: number }
   | { type: "head"; position: Triple; quaternion: [number, number, number, number] }
   | { type: "restart"; method?: string; again?: boolean }
-  | { type: "study"; action: "pause" | "resume" | "abort" }
+  | { type: "study"; action: "pause" | "resume" | "abort" | "check_gaze" }
   | ({ type: "gaze_check" } & GazeCheck)
   | { type: "ping"; id: number }
   | { type: "alive" };
