@@ -67,7 +67,7 @@ fn a_recorded_pick_is_scored_the_same_alone_and_in_a_folder_and_what_is_damaged_
         fs::copy(file.path(), damaged.join(file.file_name()))?;
     }
     let text = fs::read_to_string(damaged.join("config.toml"))?;
-    fs::write(damaged.join("config.toml"), text.replace("sigma = 0.05", "sigma = 0.06"))?;
+    fs::write(damaged.join("config.toml"), text.replace("sigma = 0.03", "sigma = 0.04"))?;
     let folder = analyze::intent(place.path(), None, false)?;
     assert_eq!(folder.models, alone.models);
     assert_eq!(folder.skipped.len(), 1);

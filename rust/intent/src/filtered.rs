@@ -106,8 +106,14 @@ mod tests {
     #[test]
     fn one_look_without_switching_counts_as_one_likelihood() {
         // By hand: sigma 0.05, blue 1 is 0.1 from the gaze: e^(-2). Prior 3 to 1 for red 1.
-        let options =
-            IntentModelOptions { switching_per_s: 0.0, elsewhere: 0.0, look_ms: 250.0, ..Default::default() };
+        let intent = crate::IntentOptions { sigma: 0.05, ..Default::default() };
+        let options = IntentModelOptions {
+            intent,
+            switching_per_s: 0.0,
+            elsewhere: 0.0,
+            look_ms: 250.0,
+            ..Default::default()
+        };
         let p = watch(&mut Filtered::new(options), 0, 250, 25, &look(0));
         assert!((p[2] / p[0] - (-2.0_f64).exp() / 3.0).abs() < 1e-9, "{p:?}");
     }
