@@ -170,7 +170,7 @@ function start(): void {
     const left = Math.max(next.time_left_secs, 0);
     const clock = `${Math.floor(left / 60)}:${String(Math.floor(left % 60)).padStart(2, "0")}`;
     setText(overview, `${clock} left · ${next.on_target} of ${next.blocks.length} on target`);
-    trial.set("Gesture", `${GESTURE_NAMES[next.gesture].name}, ${Math.round(100 * next.confidence)} %`);
+    trial.set("Gesture", `${GESTURE_NAMES[next.gesture].name}, ${Math.round(100 * next.confidence)} %, effort ${Math.round(100 * next.effort)} %`);
     trial.set("Source", next.emg_source);
     trial.set("Selection", next.target.block ? `${blockName(next.target.block)}${next.target.locked ? ", locked" : ""}` : "–");
     trial.set("Moves", next.mode?.name ?? "–");

@@ -54,6 +54,8 @@ export class Hud {
   private readonly gestureShort = element("kbd", "");
   private readonly confidence = element("i", "fill");
   private readonly confidenceText = element("span", "small");
+  private readonly effort = element("i", "fill");
+  private readonly effortText = element("span", "small");
   private readonly selection = element("b", "value");
   private readonly lock = element("span", "lock");
   private readonly hand = element("b", "value");
@@ -103,6 +105,8 @@ export class Hud {
     this.pause.hidden = true;
     const row = (label: string, ...children: HTMLElement[]) =>
       element("div", "row", element("span", "label", label), ...children);
+    const meter = (label: string, fill: HTMLElement, text: HTMLElement) =>
+      element("div", "meter", element("span", "label", label), element("div", "bar", fill), text);
     this.modeBox.append(row("Moves", this.mode), this.modeNote, this.nextBar);
     this.selectionRow.append(element("span", "label", "Selection"), element("div", "line", this.selection, this.lock));
     this.link.setAttribute("role", "status");
@@ -134,7 +138,8 @@ export class Hud {
         "aside",
         "card status",
         row("Gesture", element("div", "line", this.gesture, this.gestureShort)),
-        element("div", "meter", element("div", "bar", this.confidence), this.confidenceText),
+        meter("Sure", this.confidence, this.confidenceText),
+        meter("Effort", this.effort, this.effortText),
         this.modeBox,
         this.selectionRow,
         row("Hand", this.hand),
@@ -244,6 +249,8 @@ export class Hud {
     setClass(this.gestureShort, "active", frame.gesture !== "no_motion");
     setWidth(this.confidence, frame.confidence);
     setText(this.confidenceText, `${Math.round(100 * frame.confidence)} %`);
+    setWidth(this.effort, frame.effort);
+    setText(this.effortText, `${Math.round(100 * frame.effort)} %`);
 
     this.modeBox.hidden = frame.mode === null;
     if (frame.mode) {

@@ -152,6 +152,8 @@ export interface Frame {
   mode: Mode | null;
   gesture: Gesture;
   confidence: number;
+  /** How hard the gesture is made, 0 to 1; one for keys. */
+  effort: number;
   emg_source: string;
   time_left_secs: number;
   next_block: BlockId | null;
