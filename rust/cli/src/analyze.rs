@@ -201,7 +201,7 @@ pub fn intent(
                 }
                 trials.push(TrialUsed {
                     dir,
-                    method: config.method.to_string(),
+                    method: config.method_label(),
                     setup: config.setup.name,
                     seed: config.seed,
                     picked: picks.iter().map(|pick| pick.truth).collect(),

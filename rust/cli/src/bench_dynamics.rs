@@ -228,6 +228,7 @@ fn record() -> Result<Recorded, Box<dyn Error>> {
         plant: Box::new(Listed { plant, calls: calls.clone() }),
         plans: Box::new(PlanWorker::new(planner)),
         classifier: Some(prepared.classifier),
+        process: None,
     };
     let mut session = Session::new(SessionParts {
         testbed: Testbed::new(config, parts)?,

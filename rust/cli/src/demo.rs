@@ -150,7 +150,7 @@ fn open_page(session: &Session, how: &RunHow) -> Result<PageServer, Box<dyn Erro
     let testbed = session.testbed();
     let config = testbed.config();
     let content = PageContent {
-        title: format!("Method {}, simulated participant", config.method),
+        title: format!("Method {}, simulated participant", config.method_label()),
         setup: config.setup.name.clone(),
         arm: testbed.model().as_ref().clone(),
         scene: testbed.task().scene().clone(),

@@ -18,6 +18,8 @@ mod demo;
 mod doctor;
 mod emg;
 mod experimenter;
+mod limb;
+mod method_process;
 mod model;
 mod node;
 mod pace;

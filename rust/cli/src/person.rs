@@ -1,6 +1,9 @@
 //! What connects a person to a trial beside the page: an eye tracker, and something to hear or feel.
 
-use crate::rosbridge::{Rosbridge, RosbridgeArgs};
+use crate::{
+    limb::LimbReceiver,
+    rosbridge::{Rosbridge, RosbridgeArgs},
+};
 use clap::Args;
 use proact_devices::{DeviceError, FeedbackCue, FeedbackSink, GazeFrame, GazeReceiver, UdpFeedback};
 use proact_testbed::Session;
@@ -43,6 +46,9 @@ pub(crate) struct PersonArgs {
     /// Take gaze from an eye tracker's program over UDP, on port 25040 unless another is given
     #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "25040")]
     gaze_udp: Option<u16>,
+    /// Follow a tracked limb that a program sends over UDP as {"angles": [..]}, on port 25041 unless another is given
+    #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "25041")]
+    limb_udp: Option<u16>,
     #[command(flatten)]
     feedback: FeedbackArgs,
     #[command(flatten)]
@@ -52,6 +58,9 @@ pub(crate) struct PersonArgs {
 /// What a person who drives has connected.
 pub(crate) struct Person {
     tracker: Option<GazeReceiver>,
+    limb: Option<LimbReceiver>,
+    /// Why the limb was refused last.
+    limb_refused: Option<String>,
     feedback: Feedback,
     rosbridge: Option<Rosbridge>,
 }
@@ -62,8 +71,12 @@ impl PersonArgs {
         if let Some(tracker) = &tracker {
             eprintln!("gaze: UDP {}", tracker.address()?);
         }
+        let limb = self.limb_udp.map(LimbReceiver::bind).transpose()?;
+        if let Some(limb) = &limb {
+            eprintln!("limb: UDP {}", limb.address()?);
+        }
         let (feedback, rosbridge) = (self.feedback.open()?, self.rosbridge.open(session)?);
-        Ok(Person { tracker, feedback, rosbridge })
+        Ok(Person { tracker, limb, limb_refused: None, feedback, rosbridge })
     }
 }
 
@@ -81,14 +94,22 @@ impl Person {
     }
 
     /// Hands over what came in. Of several sources of gaze the eye tracker counts.
-    pub(crate) fn drive(&mut self, session: &mut Session) -> Result<(), DeviceError> {
+    pub(crate) fn drive(&mut self, session: &mut Session) -> Result<(), Box<dyn Error>> {
         if let Some(rosbridge) = &self.rosbridge {
             rosbridge.drive(session);
         }
-        match &mut self.tracker {
-            Some(tracker) => look(tracker, session),
-            None => Ok(()),
+        if let Some(limb) = &mut self.limb {
+            let refused = limb.drive(session).err().map(|error| error.to_string());
+            // A stream of broken datagrams is said once, and the limb stays where it was.
+            if let Some(reason) = refused.as_ref().filter(|_| refused != self.limb_refused) {
+                eprintln!("{reason}");
+            }
+            self.limb_refused = refused.or(self.limb_refused.take());
         }
+        if let Some(tracker) = &mut self.tracker {
+            look(tracker, session)?;
+        }
+        Ok(())
     }
 
     /// Publishes an instant, and begins its cues.

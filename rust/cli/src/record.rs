@@ -112,7 +112,7 @@ impl Recorder {
 
 /// A directory for a trial that was given none: `trials/D-seated-seed1`, with a number added if it is taken.
 pub(crate) fn default_dir(config: &TrialConfig) -> PathBuf {
-    let base = format!("{}-{}-seed{}", config.method, config.setup.name, config.seed);
+    let base = format!("{}-{}-seed{}", config.method_label(), config.setup.name, config.seed);
     let trials = Path::new("trials");
     let taken = |name: &String| trials.join(name).exists();
     let names = std::iter::once(base.clone()).chain((2..).map(|k| format!("{base}-{k}")));

@@ -59,7 +59,7 @@ pub(crate) fn recompute(dir: &Path) -> Result<RecordedTrial, Box<dyn Error>> {
     }
     let result = read_result::<TrialResult>(dir).ok();
     let content = PageContent {
-        title: format!("Method {}", config.method),
+        title: format!("Method {}", config.method_label()),
         setup: config.setup.name.clone(),
         arm: testbed.model().as_ref().clone(),
         scene: testbed.task().scene().clone(),
@@ -68,7 +68,7 @@ pub(crate) fn recompute(dir: &Path) -> Result<RecordedTrial, Box<dyn Error>> {
     };
     Ok(RecordedTrial {
         name: dir.file_name().unwrap_or(dir.as_os_str()).to_string_lossy().into_owned(),
-        method: config.method.to_string(),
+        method: config.method_label(),
         setup: config.setup.name.clone(),
         seed: config.seed,
         seconds: SimTime(last.0).as_secs(),

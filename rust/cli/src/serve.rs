@@ -81,7 +81,7 @@ pub(crate) fn command(args: &ServeArgs) -> Result<bool, Box<dyn Error>> {
     let mut person: Option<Person> = None;
     loop {
         let config = asked.config("still")?;
-        let (method, seed) = (config.method, config.seed);
+        let seed = config.seed;
         let Assembly { mut session, model, classifier, .. } = match &armband {
             Some(armband) => trial::live_with_armband(config, armband.model(), armband.port())?,
             None => trial::live(config)?,
@@ -97,7 +97,7 @@ pub(crate) fn command(args: &ServeArgs) -> Result<bool, Box<dyn Error>> {
             None => None,
         };
         let content = PageContent {
-            title: format!("Method {method}"),
+            title: format!("Method {}", config.method_label()),
             setup: config.setup.name.clone(),
             arm: model.as_ref().clone(),
             scene: session.testbed().task().scene().clone(),

@@ -1,5 +1,7 @@
 //! Putting a trial together: which library does what.
 
+use crate::method_process;
+use proact_control::{JointSubset, ports::MethodProcess};
 use proact_devices::{EmgFeed, EmgSetup, EmgSource, GazeSource};
 use proact_dynamics::{DynamicsOptions, OdePlant};
 use proact_emg::{Classifier, EmgModel};
@@ -38,6 +40,9 @@ pub enum AssemblyError {
     /// Physics.
     #[error("physics: {0}")]
     Plant(#[from] PlantError),
+    /// The process of the control method.
+    #[error(transparent)]
+    Method(#[from] crate::method_process::MethodProcessError),
     /// The testbed.
     #[error(transparent)]
     Testbed(#[from] TestbedError),
@@ -85,7 +90,9 @@ pub fn simulated_with(
     let (body, scene, seed) = (config.setup.body, task.scene(), config.seed);
     let participant: Box<dyn Participant> = match config.method {
         MethodName::A | MethodName::B => {
-            Box::new(JoggingParticipant::new(options, body, scene, model.clone(), seed))
+            let driven = JointSubset::new(&config.profile, &model).map_err(ConfigError::from)?;
+            let own = (0..model.arm_count()).filter(|&joint| !driven.contains(joint)).collect();
+            Box::new(JoggingParticipant::new(options, body, scene, model.clone(), seed).with_limb(own))
         }
         MethodName::C | MethodName::D => Box::new(SelectingParticipant::new(options, body, scene, seed)),
     };
@@ -134,7 +141,8 @@ pub(crate) fn bare(
     config.wait_for_plans = false;
     let model = Arc::new(proact_description::mpl_right_arm());
     let plans = Box::new(planner(&model, &config)?);
-    Ok((testbed_around(config, &model, plans, Some(classifier), around)?, feed))
+    let process = method_process::start(&config)?;
+    Ok((testbed_around(config, &model, plans, Some(classifier), process, around)?, feed))
 }
 
 /// A trial that a person with an armband drives: gestures from muscles, gaze from the mouse.
@@ -165,7 +173,7 @@ pub fn live_with_armband(
 /// [`AssemblyError`].
 pub fn replayed(config: TrialConfig, classifier: Option<Classifier>) -> Result<Testbed, AssemblyError> {
     let model = Arc::new(proact_description::mpl_right_arm());
-    testbed(config, &model, Box::new(LoggedPlans), classifier)
+    testbed_around(config, &model, Box::new(LoggedPlans), classifier, None, |plant| plant)
 }
 
 /// A testbed that takes its plans from the log, and plans that are computed again beside it.
@@ -180,7 +188,8 @@ pub fn replanned(
     let worker = planner(&model, &config)?;
     let plans = ComparedPlans { log: worker.log(), replies: Arc::default() };
     let asked = AskedAgain { worker, replies: plans.replies.clone() };
-    Ok((testbed(config, &model, Box::new(asked), classifier)?, plans))
+    let testbed = testbed_around(config, &model, Box::new(asked), classifier, None, |plant| plant)?;
+    Ok((testbed, plans))
 }
 
 /// What the requests of a replay give now.
@@ -257,7 +266,8 @@ fn testbed(
     plans: Box<dyn PlanService>,
     classifier: Option<Classifier>,
 ) -> Result<Testbed, AssemblyError> {
-    testbed_around(config, model, plans, classifier, |plant| plant)
+    let process = method_process::start(&config)?;
+    testbed_around(config, model, plans, classifier, process, |plant| plant)
 }
 
 fn testbed_around(
@@ -265,6 +275,7 @@ fn testbed_around(
     model: &Arc<ArmModel>,
     plans: Box<dyn PlanService>,
     classifier: Option<Classifier>,
+    process: Option<Box<dyn MethodProcess>>,
     around: impl FnOnce(Box<dyn Plant>) -> Box<dyn Plant>,
 ) -> Result<Testbed, AssemblyError> {
     let task = BoxAndBlocks::new(config.arrangement);
@@ -275,6 +286,7 @@ fn testbed_around(
         plant: around(plant(model, task.scene(), &base, &config.physics)?),
         plans,
         classifier,
+        process,
     };
     Ok(Testbed::new(config, parts)?)
 }

@@ -2,7 +2,7 @@
 
 use clap::Args;
 use proact_tasks::Arrangement;
-use proact_testbed::{ConfigError, MethodName, Setup, TrialConfig};
+use proact_testbed::{ConfigError, MethodName, MethodProcessConfig, Setup, TrialConfig};
 
 /// What a trial is, on the command line.
 #[derive(Clone, Debug, Args)]
@@ -22,23 +22,37 @@ pub(crate) struct TrialArgs {
     /// Where the blocks stand: red1,red2,blue1,blue2 such as FL,NM,NL,FM; by default from the seed
     #[arg(long)]
     arrangement: Option<Arrangement>,
+    /// Another program in the place of the method; it reads and writes JSON lines (docs/methods)
+    #[arg(long, value_name = "PROGRAM ARGS")]
+    method_command: Option<String>,
+    /// Another value of the trial configuration, such as profile.level=below_elbow; may be repeated
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
 }
 
 impl TrialArgs {
     /// The configuration, in the set-up `default_setup` unless another was asked for.
     ///
     /// # Errors
-    /// [`ConfigError`] for names that do not exist.
+    /// [`ConfigError`] for names that do not exist and values out of range.
     pub(crate) fn config(&self, default_setup: &str) -> Result<TrialConfig, ConfigError> {
         let setup = Setup::named(self.setup.as_deref().unwrap_or(default_setup))?;
         let mut config = TrialConfig::new(self.method, self.seed, setup).with_profile(&self.profile)?;
         config.arrangement = self.arrangement.unwrap_or(config.arrangement);
-        Ok(config)
+        config.method_process = self
+            .method_command
+            .as_ref()
+            .map(|command| MethodProcessConfig::new(command.split_whitespace().map(str::to_owned).collect()));
+        config.check()?;
+        if self.set.is_empty() { Ok(config) } else { config.with_values(&self.set) }
     }
 
     /// What is asked for when a page begins another trial: by `method` if it chose one, with the same blocks `again`
-    /// or those of the next seed.
+    /// or those of the next seed. There is one method at a time: one that the page chose takes the place of another
+    /// program.
     pub(crate) fn next(self, method: Option<MethodName>, again: bool) -> Self {
-        Self { method: method.unwrap_or(self.method), seed: self.seed + u64::from(!again), ..self }
+        let method_command = self.method_command.filter(|_| method.is_none());
+        let (method, seed) = (method.unwrap_or(self.method), self.seed + u64::from(!again));
+        Self { method, seed, method_command, ..self }
     }
 }

@@ -1,6 +1,7 @@
+use crate::ports::MethodProcess;
 use crate::{
-    ControlError, ControlMethod, DeadMan, EndEffectorJog, FollowsLimb, GazeAssisted, GazeAssistedProfile,
-    GazeToggled, JointJog, JointSubset, Limited, Profile,
+    Blend, ControlError, ControlMethod, DeadMan, EndEffectorJog, FollowsLimb, GazeAssisted,
+    GazeAssistedProfile, GazeToggled, Guide, JointJog, JointSubset, Limited, PipeMethod, Profile,
 };
 use proact_types::ArmModel;
 
@@ -8,11 +9,11 @@ use proact_types::ArmModel;
 pub const METHODS: [&str; 4] = ["A", "B", "C", "D"];
 
 /// The method called `method` as `profile` describes it, for the arm `model`, with the profile's safeguards around
-/// it: dead man, limiter, and the joints of the person's own limb.
+/// it: an assistant that shares the speeds, dead man, limiter, and the joints of the person's own limb.
 ///
 /// # Errors
 /// [`ControlError::Method`] with the names there are; a profile that does not fit the arm; C and D for part of an
-/// arm.
+/// arm, or with an assistant.
 ///
 /// ```
 /// # fn main() -> Result<(), proact_control::ControlError> {
@@ -43,20 +44,56 @@ pub fn build(
             reason: "plans for the whole arm: choose level = \"shoulder\", or method A or B",
         });
     }
-    let mut built: Box<dyn ControlMethod> = match (name, profile.gaze_assisted) {
+    if profile.blend.is_some() && gazes {
+        return Err(ControlError::Unsupported {
+            method: name.to_owned(),
+            reason: "plans its motions, there is no speed to blend: leave profile.blend out, or use method A or B",
+        });
+    }
+    let built: Box<dyn ControlMethod> = match (name, profile.gaze_assisted) {
         ("A", _) => Box::new(JointJog::new(profile, model, &subset)?),
         ("B", _) => Box::new(EndEffectorJog::new(profile, model, &subset)),
         (name, GazeAssistedProfile::LockOnce(rules)) => Box::new(GazeAssisted::with(name, rules)),
         (name, GazeAssistedProfile::ToggleLocks(rules)) => Box::new(GazeToggled::new(name, rules, model)),
     };
+    Ok(guarded(built, gazes, profile, subset, model))
+}
+
+/// The method in `process`, with the same safeguards as [`build`] puts around the others. `gazes`: it stops when the
+/// gaze is lost.
+///
+/// # Errors
+/// A profile that does not fit the arm.
+pub fn build_outside(
+    process: impl MethodProcess + 'static,
+    gazes: bool,
+    profile: &Profile,
+    model: &ArmModel,
+) -> Result<Box<dyn ControlMethod>, ControlError> {
+    profile.check()?;
+    let subset = JointSubset::new(profile, model)?;
+    Ok(guarded(Box::new(PipeMethod::new(process)), gazes, profile, subset, model))
+}
+
+fn guarded(
+    mut method: Box<dyn ControlMethod>,
+    gazes: bool,
+    profile: &Profile,
+    subset: JointSubset,
+    model: &ArmModel,
+) -> Box<dyn ControlMethod> {
+    if let Some(blend) = &profile.blend {
+        let assistant = Guide::new(blend, profile, &subset, model);
+        method = Box::new(Blend::new(method, assistant, blend.share));
+    }
     if let Some(dead_man) = &profile.dead_man {
-        built = Box::new(DeadMan::new(built, dead_man, gazes));
+        method = Box::new(DeadMan::new(method, dead_man, gazes));
     }
     if let Some(limiter) = &profile.limiter {
-        built = Box::new(Limited::new(built, limiter, model));
+        method = Box::new(Limited::new(method, limiter, model));
     }
     if !subset.is_whole() {
-        built = Box::new(FollowsLimb::new(built, subset, model));
+        method = Box::new(FollowsLimb::new(method, subset, model));
     }
-    Ok(built)
+    method
 }

@@ -1,6 +1,7 @@
+use crate::method::refused;
 use crate::ports::ArmKinematics;
 use crate::{ControlInput, ControlMethod, ControlOutput, DeadManProfile, MotionCommand};
-use proact_types::{Gesture, ModeView, PlanStatus, PlannerView, SimTime, TargetView};
+use proact_types::{Gesture, ModeView, PlannerView, SimTime, TargetView};
 
 /// Stops the arm while input that it depends on is stale: the method sees NM, and the arm holds whatever it says.
 #[derive(Clone, Debug)]
@@ -70,7 +71,7 @@ impl<M: ControlMethod> ControlMethod for DeadMan<M> {
 
     fn planner(&self) -> PlannerView {
         match &self.refusal {
-            Some(reason) => PlannerView::Failed { status: PlanStatus::Invalid, reason: reason.clone() },
+            Some(reason) => refused(reason),
             None => self.method.planner(),
         }
     }

@@ -1,5 +1,6 @@
+use crate::method::refused;
 use crate::{ControlInput, HandCommand, JogProfile, MotionCommand};
-use proact_types::{Gesture, HandState, ModeView, PlanStatus, PlannerView, SimTime, joints};
+use proact_types::{Gesture, HandState, ModeView, PlannerView, SimTime, joints};
 
 /// From gestures to motion, modes and hand: what methods A and B share.
 ///
@@ -85,7 +86,7 @@ impl Jog {
             Pace::Message(_) => None,
         };
         match refusal.map(str::to_owned).or(waits) {
-            Some(reason) => PlannerView::Failed { status: PlanStatus::Invalid, reason },
+            Some(reason) => refused(&reason),
             None => PlannerView::Idle,
         }
     }

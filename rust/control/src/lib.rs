@@ -9,6 +9,7 @@ mod dead_man;
 mod end_effector_jog;
 mod gaze_assisted;
 mod gaze_toggled;
+mod guide;
 mod hand;
 mod inverse;
 mod jog;
@@ -21,22 +22,23 @@ mod profile;
 mod subset;
 
 pub use blend::Blend;
-pub use build::{METHODS, build};
+pub use build::{METHODS, build, build_outside};
 pub use dead_man::DeadMan;
 pub use end_effector_jog::EndEffectorJog;
 pub use gaze_assisted::GazeAssisted;
 pub use gaze_toggled::GazeToggled;
+pub use guide::Guide;
 pub use hand::HandTracker;
 pub use joint_jog::JointJog;
 pub use limited::Limited;
 pub use method::{
     ControlInput, ControlMethod, ControlOutput, HandCommand, MotionCommand, MotionState, PlanCommand,
 };
-pub use pipe::{InputLine, OutputLine, PipeMethod};
+pub use pipe::{InputLine, OUTSIDE, OutputLine, PipeMethod};
 pub use profile::{
-    Axis, AxisEntry, AxisMotion, ControlError, DampedProfile, DeadManProfile, EndEffectorJogProfile,
-    GazeAssistedProfile, InverseProfile, JogProfile, JointEntry, JointJogProfile, LimiterProfile,
-    LockOnceProfile, MoorePenroseProfile, Profile, ToggleLocksProfile,
+    Axis, AxisEntry, AxisMotion, BlendProfile, ControlError, DampedProfile, DeadManProfile,
+    EndEffectorJogProfile, GazeAssistedProfile, InverseProfile, JogProfile, JointEntry, JointJogProfile,
+    LimiterProfile, LockOnceProfile, MoorePenroseProfile, Profile, ToggleLocksProfile,
 };
 pub use subset::{FollowsLimb, JointSubset};
 

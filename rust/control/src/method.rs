@@ -1,7 +1,7 @@
 use crate::ports::ArmKinematics;
 use proact_types::{
-    BlockId, EventKind, Gesture, HandView, JointVector, ModeView, PlanGoal, PlanReply, PlannerView, Point,
-    Pose, SimTime, Target, TargetView, Trajectory,
+    BlockId, EventKind, Gesture, HandView, JointVector, ModeView, PlanGoal, PlanReply, PlanStatus,
+    PlannerView, Point, Pose, SimTime, Target, TargetView, Trajectory,
 };
 use serde::{Deserialize, Serialize};
 
@@ -104,6 +104,11 @@ pub enum PlanCommand {
     Request(PlanGoal),
     /// Give up the plan in the making.
     Cancel,
+}
+
+/// How a refusal is shown.
+pub(crate) fn refused(reason: &str) -> PlannerView {
+    PlannerView::Failed { status: PlanStatus::Invalid, reason: reason.to_owned() }
 }
 
 /// A control method: a pure state machine that runs at 100 Hz and at each tick with a new gesture or plan.

@@ -1,18 +1,16 @@
-use crate::ports::ArmKinematics;
+use crate::method::refused;
+use crate::ports::{ArmKinematics, MethodProcess};
 use crate::{
     ControlInput, ControlMethod, ControlOutput, HandCommand, MotionCommand, MotionState, PlanCommand,
 };
 use proact_types::{
-    BlockId, EventKind, Gesture, HandView, JointVector, ModeView, PlanReply, PlanStatus, PlannerView, Point,
-    Pose, SimTime, Target, TargetView, joints,
+    BlockId, EventKind, Gesture, HandView, JointVector, ModeView, PlanReply, PlannerView, Point, Pose,
+    SimTime, Target, TargetView, joints,
 };
 use serde::{Deserialize, Serialize};
-use std::io::{BufRead, ErrorKind, Write};
 
-/// As many answers are read in one step: a process that floods the pipe must not hold up the tick.
-const MOST_LINES: usize = 32;
-/// A line longer than this is no answer, bytes.
-const LONGEST_LINE: usize = 1 << 20;
+/// What an outside method is called.
+pub const OUTSIDE: &str = "outside";
 
 /// One line to the outside process: what a method sees at one control step.
 ///
@@ -91,80 +89,37 @@ pub struct OutputLine {
     pub planner: Option<PlannerView>,
 }
 
-/// A method that lives in another process: a line of JSON to it at each step, a line from it within the step.
+/// A method that lives in another process: at each step an [`InputLine`] to it, within the step an [`OutputLine`]
+/// from it.
 ///
-/// Reader and writer are handed in; nothing is started here. Each step writes an [`InputLine`] and reads what has
-/// come. Use a reader that does not block (it answers `WouldBlock` when there is nothing, or after a short wait),
-/// for the tick waits for it. While the answer to the present line is missing, broken or not understood, the arm
-/// holds and [`ControlMethod::planner`] says why. Deterministic as far as the process is.
+/// While the answer to the present line is missing, broken or not understood, the arm holds and
+/// [`ControlMethod::planner`] says why. Nothing is started here; deterministic as far as the process is.
 #[derive(Debug)]
-pub struct PipeMethod<R, W> {
-    name: String,
-    reader: R,
-    writer: W,
-    partial: Vec<u8>,
+pub struct PipeMethod<P> {
+    process: P,
     mode: Option<ModeView>,
     target: TargetView,
     planner: PlannerView,
     refusal: Option<String>,
 }
 
-impl<R: BufRead + Send, W: Write + Send> PipeMethod<R, W> {
-    /// Speaks to the process behind `reader` (its output) and `writer` (its input).
-    pub fn new(name: &str, reader: R, writer: W) -> Self {
-        Self {
-            name: name.to_owned(),
-            reader,
-            writer,
-            partial: Vec::new(),
-            mode: None,
-            target: TargetView::default(),
-            planner: PlannerView::Idle,
-            refusal: None,
-        }
+impl<P: MethodProcess> PipeMethod<P> {
+    /// Speaks to `process`.
+    pub fn new(process: P) -> Self {
+        Self { process, mode: None, target: TargetView::default(), planner: PlannerView::Idle, refusal: None }
     }
 
-    fn send(&mut self, line: &InputLine) -> Result<(), String> {
-        let mut text = serde_json::to_vec(line).map_err(|e| e.to_string())?;
-        text.push(b'\n');
-        self.writer.write_all(&text).and_then(|()| self.writer.flush()).map_err(|e| match e.kind() {
-            ErrorKind::BrokenPipe => "the process has ended".to_owned(),
-            _ => format!("the process does not take its input: {e}"),
-        })
-    }
-
-    /// The answer to the line of `now`, if it has come.
-    fn receive(&mut self, now: SimTime) -> Result<OutputLine, String> {
-        for _ in 0..MOST_LINES {
-            match self.reader.read_until(b'\n', &mut self.partial) {
-                Ok(_) if self.partial.ends_with(b"\n") => {}
-                Ok(_) => return Err("the process has ended".to_owned()),
-                // What has come of a line stays for the next step.
-                Err(e) if matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
-                    if self.partial.len() > LONGEST_LINE {
-                        self.partial.clear();
-                        return Err(format!("a line of more than {LONGEST_LINE} bytes was dropped"));
-                    }
-                    return Err("the process has not answered in time".to_owned());
-                }
-                Err(e) => return Err(format!("the process cannot be heard: {e}")),
-            }
-            let line = std::mem::take(&mut self.partial);
-            let answer: OutputLine = serde_json::from_slice(&line).map_err(|e| {
-                format!("the process answered {:?}: {e}", String::from_utf8_lossy(&line).trim_end())
-            })?;
-            match answer.time.cmp(&now) {
-                std::cmp::Ordering::Less => {}
-                std::cmp::Ordering::Equal => return Ok(answer),
-                std::cmp::Ordering::Greater => {
-                    return Err(format!(
-                        "the process answered {} at {}, which was not asked",
-                        answer.time.0, now.0
-                    ));
-                }
-            }
+    fn ask(&mut self, line: &InputLine, joints: usize) -> Result<OutputLine, String> {
+        let text = serde_json::to_string(line).map_err(|e| e.to_string())?;
+        let answer = self.process.ask(line.time, &text)?;
+        let parsed: OutputLine =
+            serde_json::from_str(&answer).map_err(|e| format!("the process answered {answer:?}: {e}"))?;
+        if parsed.time != line.time {
+            let (got, asked) = (parsed.time.0, line.time.0);
+            return Err(format!("the process answered {got} at {asked}, which was not asked"));
         }
-        Err(format!("the process sent {MOST_LINES} old answers in one step"))
+        check(&parsed, joints)?;
+        Ok(parsed)
     }
 }
 
@@ -187,9 +142,9 @@ fn check(answer: &OutputLine, count: usize) -> Result<(), String> {
     }
 }
 
-impl<R: BufRead + Send, W: Write + Send> ControlMethod for PipeMethod<R, W> {
+impl<P: MethodProcess> ControlMethod for PipeMethod<P> {
     fn name(&self) -> &str {
-        &self.name
+        OUTSIDE
     }
 
     fn step(
@@ -223,11 +178,7 @@ impl<R: BufRead + Send, W: Write + Send> ControlMethod for PipeMethod<R, W> {
             gaze_age_ms: input.gaze_age_ms,
             tracking_age_ms: input.tracking_age_ms,
         };
-        let answer = self.send(&line).and_then(|()| self.receive(now)).and_then(|answer| {
-            check(&answer, input.commanded.len())?;
-            Ok(answer)
-        });
-        match answer {
+        match self.ask(&line, input.commanded.len()) {
             Ok(answer) => {
                 self.refusal = None;
                 self.mode = answer.mode.or(self.mode.take());
@@ -253,7 +204,7 @@ impl<R: BufRead + Send, W: Write + Send> ControlMethod for PipeMethod<R, W> {
 
     fn planner(&self) -> PlannerView {
         match &self.refusal {
-            Some(reason) => PlannerView::Failed { status: PlanStatus::Invalid, reason: reason.clone() },
+            Some(reason) => refused(reason),
             None => self.planner.clone(),
         }
     }

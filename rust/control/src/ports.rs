@@ -1,7 +1,15 @@
-//! What control methods and planners ask of a kinematics library. Implemented by the `kinematics` crate.
+//! What control methods ask of the outside: a kinematics library (implemented by the `kinematics` crate) and, for
+//! methods of other languages, a process (implemented by `cli`, and by the replay from the log).
 
 use nalgebra::DMatrix;
-use proact_types::{JointVector, Pose};
+use proact_types::{JointVector, MethodAnswer, Pose, SimTime};
+
+/// A process that holds a control method.
+pub trait MethodProcess: Send {
+    /// Hands over the line of the control step `now` (one JSON object, no line break) and gives the line that
+    /// answers it, or why there is none in time. Answers to earlier lines are skipped. Waits for a bounded time.
+    fn ask(&mut self, now: SimTime, line: &str) -> MethodAnswer;
+}
 
 /// Why a kinematic question could not be answered.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

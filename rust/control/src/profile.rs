@@ -75,6 +75,9 @@ pub struct Profile {
     /// Bounds on the commands; none in the original.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub limiter: Option<LimiterProfile>,
+    /// An assistant that shares the speeds of methods A and B; none in the original.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub blend: Option<BlendProfile>,
     /// Stop on stale input; none in the original.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dead_man: Option<DeadManProfile>,
@@ -304,6 +307,25 @@ pub struct LimiterProfile {
     pub acceleration_rad_per_s2: f64,
 }
 
+/// The assistant of [`crate::Blend`]: it heads for what the gaze selects, and shares the person's speeds.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct BlendProfile {
+    /// Its share of the speeds, 0 to 1.
+    pub share: f64,
+    /// Its speed, m/s.
+    pub speed_m_per_s: f64,
+    /// It heads for the point this far above the block, or above the place while a block is held, metres.
+    pub above_m: f64,
+}
+
+impl Default for BlendProfile {
+    /// Half of B's speed, clear of the fingers: assumed, for want of a source.
+    fn default() -> Self {
+        Self { share: 0.3, speed_m_per_s: 0.08, above_m: 0.12 }
+    }
+}
+
 /// Ages over which input stops the arm, milliseconds.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -391,6 +413,14 @@ impl Profile {
                 ("gaze_assisted.fore_m", rules.fore_m),
                 ("norm of gaze_assisted.grasp_wxyz", rules.grasp_wxyz.iter().map(|v| v * v).sum()),
             ]),
+        }
+        if let Some(blend) = self.blend {
+            positive.push(("blend.speed_m_per_s", blend.speed_m_per_s));
+            for (key, got) in [("blend.share", blend.share), ("blend.above_m", blend.above_m)] {
+                if !(0.0..=1.0).contains(&got) {
+                    return Err(ControlError::Value { key, got, expected: "0 to 1" });
+                }
+            }
         }
         if let Some(limiter) = self.limiter {
             positive.push(("limiter.acceleration_rad_per_s2", limiter.acceleration_rad_per_s2));

@@ -461,3 +461,21 @@ fn c_and_d_for_part_of_an_arm_are_refused_with_a_way_out() {
     let error = build("A", &profile, &model()).err().expect("no such level");
     assert!(error.to_string().contains("above_elbow, below_elbow, shoulder"), "{error}");
 }
+
+#[test]
+fn defect_36_numbers_of_joints_and_axes_do_not_collide_and_every_axis_is_handled() {
+    let numbers = |method: &str| {
+        let mut rig = Rig::new(method, "default");
+        let mut numbers = Vec::new();
+        for _ in 0..14 {
+            rig.make(Gesture::HandOpen, 50);
+            rig.make(Gesture::NoMotion, 50);
+            numbers.push(rig.method.mode().expect("A and B have modes").number);
+        }
+        numbers.sort_unstable();
+        numbers.dedup();
+        numbers
+    };
+    assert_eq!(numbers("A"), [0, 1, 2, 3, 4, 5, 6]);
+    assert_eq!(numbers("B"), [7, 8, 9, 10, 11, 12]);
+}

@@ -29,6 +29,7 @@ fn testbed(config: TrialConfig, base: Option<Pose>) -> Testbed {
         plans: Box::new(LoggedPlans),
         classifier: None,
         model,
+        process: None,
     };
     Testbed::new(config, parts).unwrap()
 }

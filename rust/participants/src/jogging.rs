@@ -1,3 +1,4 @@
+mod limb;
 mod movement;
 mod obstacles;
 mod place;
@@ -75,6 +76,7 @@ pub struct JoggingParticipant {
     gripped_high: bool,
     /// Movements since the stage began.
     movements: u32,
+    limb: limb::Limb,
 }
 
 /// A movement gesture of a length that was decided before it began.
@@ -154,7 +156,15 @@ impl JoggingParticipant {
             near: false,
             gripped_high: false,
             movements: 0,
+            limb: limb::Limb::default(),
         }
+    }
+
+    /// The same with a limb of which the joints `own` of the arm, by their positions in it, are left: the method does
+    /// not drive these.
+    pub fn with_limb(mut self, own: Vec<usize>) -> Self {
+        self.limb = limb::Limb::new(own);
+        self
     }
 
     fn decide(&mut self, now: SimTime, seen: &DisplayFrame) -> Gesture {
@@ -221,6 +231,7 @@ impl JoggingParticipant {
         self.refused.clear();
         self.turns.clear();
         self.movements = 0;
+        self.limb.begin();
         self.attitude_due = matches!(stage, Stage::Above | Stage::Carry);
     }
 
@@ -282,6 +293,9 @@ impl JoggingParticipant {
         let goal = self.goal_of(self.stage, self.lean, seen, block);
         let by_axis = mode >= FIRST_AXIS;
         let base_from_tip = seen.world_from_base.inv_mul(&seen.world_from_tip);
+        if self.move_limb(now, seen, &goal, by_axis, mode, block) {
+            return Gesture::NoMotion;
+        }
         let good_enough = self.movements > MOST_MOVEMENTS;
         let wanted = match () {
             () if good_enough && goal.off(&base_from_tip).0 < 2.0 * goal.point_done => Ok(None),
@@ -409,6 +423,7 @@ impl Participant for JoggingParticipant {
             gaze_direction: (looked_at.coords - eye).try_normalize(1e-9).unwrap_or_else(Vector::x),
             eyes_open: self.habits.eyes_open(now),
             trunk: self.habits.posture(),
+            limb: self.limb.to(),
         }
     }
 }

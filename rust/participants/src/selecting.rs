@@ -216,6 +216,7 @@ impl Participant for SelectingParticipant {
             gaze_direction: (looked_at.coords - eye).try_normalize(1e-9).unwrap_or_else(Vector::x),
             eyes_open: self.habits.eyes_open(now),
             trunk: self.habits.posture(),
+            limb: None,
         }
     }
 }

@@ -128,3 +128,19 @@ pub fn targets() -> Vec<Target> {
         })
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn defect_44_a_place_outside_the_region_goes_to_its_nearest_point() {
+        let region = PlaceRegion::DEFAULT;
+        let inside = Point::new(0.05, 0.2, TABLE_TOP);
+        assert_eq!(region.clamp(&inside), inside);
+        let far = Point::new(9.0, 0.1, TABLE_TOP);
+        assert_eq!(region.clamp(&far), Point::new(region.max[0], 0.1, TABLE_TOP));
+        let before = Point::new(-9.0, -9.0, TABLE_TOP + 1.0);
+        assert_eq!(region.clamp(&before), Point::new(region.min[0], region.min[1], TABLE_TOP));
+    }
+}

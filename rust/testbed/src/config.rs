@@ -1,5 +1,5 @@
 use crate::PhysicsConfig;
-use proact_control::{ControlError, Profile};
+use proact_control::{ControlError, OUTSIDE, Profile};
 use proact_emg::EmgConfig;
 use proact_intent::{IntentModelName, IntentModelOptions, IntentOptions};
 use proact_participants::{Body, ParticipantOptions};
@@ -21,6 +21,12 @@ pub enum ConfigError {
     #[error("set-up {got:?} is unknown; expected seated or still")]
     Setup {
         /// What was asked for.
+        got: String,
+    },
+    /// What should be a key and its value is not.
+    #[error("{got:?} sets nothing; expected KEY=VALUE such as profile.level=below_elbow")]
+    Assignment {
+        /// What was given.
         got: String,
     },
     /// A value is outside its range.
@@ -108,6 +114,29 @@ impl Setup {
     }
 }
 
+/// A control method in another process, which speaks JSON lines (`docs/methods`).
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MethodProcessConfig {
+    /// The program and its arguments. A trial that is run starts it; a replay does not.
+    pub command: Vec<String>,
+    /// A live step without an answer after this time holds the arm, milliseconds. A batch waits for each answer.
+    #[serde(default = "MethodProcessConfig::default_deadline")]
+    pub deadline_ms: u64,
+}
+
+impl MethodProcessConfig {
+    /// `command` with the default deadline.
+    pub fn new(command: Vec<String>) -> Self {
+        Self { command, deadline_ms: Self::default_deadline() }
+    }
+
+    /// A control step is due every 10 ms; the rest of the tick needs its time too.
+    fn default_deadline() -> u64 {
+        5
+    }
+}
+
 /// Everything that a trial depends on, apart from its inputs. Written to the trial directory as `config.toml`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -139,6 +168,10 @@ pub struct TrialConfig {
     pub physics: PhysicsConfig,
     /// Where person and box are.
     pub setup: Setup,
+    /// Another process drives the arm in the place of `method`, which says no more than what the posterior knows and
+    /// how a simulated participant acts.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub method_process: Option<MethodProcessConfig>,
     /// How the methods behave.
     pub profile: Profile,
     /// Inference of what the person means.
@@ -172,6 +205,7 @@ impl TrialConfig {
             intent_model: IntentModelName::default(),
             physics: PhysicsConfig::default(),
             setup,
+            method_process: None,
             intent: IntentOptions::default(),
             emg: None,
             participant: None,
@@ -202,11 +236,48 @@ impl TrialConfig {
         Ok(config)
     }
 
+    /// The same with other values, each as `key=value`: the key as in the text of the configuration, with a dot for
+    /// each table, the value as there; a word needs no quotes, and no value leaves the key out.
+    ///
+    /// # Errors
+    /// [`ConfigError::Assignment`] for what is no assignment, otherwise as [`TrialConfig::from_toml`].
+    pub fn with_values<S: AsRef<str>>(&self, assignments: &[S]) -> Result<Self, ConfigError> {
+        let mut whole: toml::Table =
+            toml::from_str(&self.to_toml()?).map_err(|e| ConfigError::Text(e.to_string()))?;
+        for assignment in assignments.iter().map(AsRef::as_ref) {
+            let wrong = || ConfigError::Assignment { got: assignment.to_owned() };
+            let (key, value) = assignment.split_once('=').ok_or_else(wrong)?;
+            let (key, value_text) = (key.trim(), value.trim());
+            // A bare word is text; anything else is what TOML says.
+            let read = |text: &str| toml::from_str::<toml::Table>(&format!("value = {text}")).ok();
+            let value = read(value_text).and_then(|mut table| table.remove("value"));
+            let value = value.unwrap_or_else(|| toml::Value::String(value_text.to_owned()));
+            let (tables, name) =
+                key.rsplit_once('.').map_or((None, key), |(tables, name)| (Some(tables), name));
+            let mut table = &mut whole;
+            for step in tables.into_iter().flat_map(|tables| tables.split('.')) {
+                let inner = table.entry(step).or_insert_with(|| toml::Value::Table(toml::Table::new()));
+                table = inner.as_table_mut().ok_or_else(wrong)?;
+            }
+            if value_text.is_empty() {
+                table.remove(name);
+            } else {
+                table.insert(name.to_owned(), value);
+            }
+        }
+        Self::from_toml(&whole.to_string())
+    }
+
     /// Options of the intent model: what the trial does not set has its default. Methods but D leave the task out.
     pub fn intent_options(&self) -> IntentModelOptions {
         let weight_other = if self.method == MethodName::D { self.intent.weight_other } else { 0.25 };
         let intent = IntentOptions { weight_other, ..self.intent };
         IntentModelOptions { intent, ..IntentModelOptions::default() }
+    }
+
+    /// What the method is called in results and records.
+    pub fn method_label(&self) -> String {
+        if self.method_process.is_some() { OUTSIDE.to_owned() } else { self.method.to_string() }
     }
 
     /// The text that [`TrialConfig::from_toml`] reads.
@@ -233,6 +304,19 @@ impl TrialConfig {
         if !(factor > 0.0 && factor <= 100.0) {
             return bad("physics.mass_set.scaled", factor.to_string(), "more than 0 and at most 100");
         }
+        if let Some(process) = &self.method_process {
+            if process.command.first().is_none_or(|program| program.is_empty()) {
+                return bad(
+                    "method_process.command",
+                    format!("{:?}", process.command),
+                    "a program's name first",
+                );
+            }
+            if !(1..=1000).contains(&process.deadline_ms) {
+                return bad("method_process.deadline_ms", process.deadline_ms.to_string(), "1 to 1000");
+            }
+        }
+        self.profile.check()?;
         let sigma = self.intent.sigma;
         if !(sigma > 0.0 && sigma <= 10.0) {
             return bad("intent.sigma", sigma.to_string(), "more than 0 and at most 10");

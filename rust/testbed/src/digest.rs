@@ -21,8 +21,12 @@ pub enum Field {
     InputGaze,
     /// Tracked shoulder poses that came in.
     InputShoulder,
+    /// Tracked angles of the person's own limb that came in.
+    InputLimb,
     /// Plans that took effect.
     InputPlan,
+    /// Answers of a method in another process.
+    InputMethod,
     /// Decisions of the EMG stage.
     Emg,
     /// Posterior over blocks, and the place point.
@@ -41,12 +45,14 @@ pub enum Field {
 
 impl Field {
     /// All fields in order.
-    pub const ALL: [Field; 12] = [
+    pub const ALL: [Field; 14] = [
         Field::InputEmg,
         Field::InputGesture,
         Field::InputGaze,
         Field::InputShoulder,
+        Field::InputLimb,
         Field::InputPlan,
+        Field::InputMethod,
         Field::Emg,
         Field::Intent,
         Field::Control,
@@ -63,7 +69,9 @@ impl Field {
             "input.gesture",
             "input.gaze",
             "input.shoulder",
+            "input.limb",
             "input.plan",
+            "input.method",
             "emg.decision",
             "intent.posterior",
             "control.commands",

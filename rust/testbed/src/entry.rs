@@ -1,26 +1,35 @@
 //! What enters a tick: checked, and bound into the digest.
 
-use crate::{Field, Testbed, TestbedError};
-use proact_types::TickInput;
+use crate::{Field, Testbed, TestbedError, TickOutput};
+use proact_types::{EventKind, GazeSample, Point, TickInput, Vector};
 
 impl Testbed {
     pub(crate) fn check_input(&self, input: &TickInput) -> Result<(), TestbedError> {
         let refuse = |what, value: String| Err(TestbedError::Input { time: self.now, what, value });
-        if let Some(gaze) = &input.gaze {
-            let finite = gaze.origin.coords.iter().chain(gaze.direction.iter()).all(|v| v.is_finite());
-            if !finite || (gaze.valid && gaze.direction.norm() < 1e-9) {
-                return refuse(
-                    "gaze",
-                    format!("{:?}, {:?}", gaze.origin.coords.as_slice(), gaze.direction.as_slice()),
-                );
-            }
-        }
         if let Some(pose) = &input.shoulder
             && !pose.translation.vector.iter().chain(pose.rotation.coords.iter()).all(|v| v.is_finite())
         {
             return refuse("tracked shoulder pose", format!("{pose}"));
         }
+        if let Some(limb) = &input.limb {
+            let count = self.parts.model.arm_count();
+            if limb.len() != count || !limb.iter().all(|angle| angle.is_finite()) {
+                return refuse("tracked limb", format!("{limb:?}, expected {count} finite angles"));
+            }
+        }
         Ok(())
+    }
+
+    /// The gaze as the stages take it: one that is not finite or has no direction is a blink, and said once.
+    pub(crate) fn usable_gaze(&mut self, gaze: &GazeSample, output: &mut TickOutput) -> GazeSample {
+        let finite = gaze.origin.coords.iter().chain(gaze.direction.iter()).all(|v| v.is_finite());
+        let usable = finite && (!gaze.valid || gaze.direction.norm() > 1e-9);
+        if !usable && !self.gaze_unusable {
+            self.note(output, EventKind::GazeUnusable);
+        }
+        self.gaze_unusable = !usable;
+        let blink = GazeSample { origin: Point::origin(), direction: Vector::x(), valid: false };
+        if usable { *gaze } else { blink }
     }
 
     pub(crate) fn digest_input(&mut self, input: &TickInput) {
@@ -36,6 +45,9 @@ impl Testbed {
         }
         if let Some(pose) = &input.shoulder {
             self.digest.field(Field::InputShoulder).pose(pose);
+        }
+        if let Some(limb) = &input.limb {
+            self.digest.field(Field::InputLimb).numbers(limb);
         }
     }
 }

@@ -10,13 +10,15 @@ mod entry;
 mod grasp;
 mod grasp_original;
 mod motion;
+mod outside;
 mod physics;
+mod plans;
 pub mod ports;
 mod session;
 mod tick;
 mod view;
 
-pub use config::{ConfigError, MethodName, Setup, TrialConfig};
+pub use config::{ConfigError, MethodName, MethodProcessConfig, Setup, TrialConfig};
 pub use digest::{Digest, Divergence, Field, FieldDigest, SPAN_TICKS, SpanDigest, first_divergence};
 pub use grasp::{GraspAction, GraspRule};
 pub use grasp_original::OriginalGraspRule;

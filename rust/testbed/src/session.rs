@@ -5,8 +5,8 @@ use crate::{
 use proact_participants::{Participant, Trunk};
 use proact_tasks::{Arrangement, BlockResult};
 use proact_types::{
-    DisplayFrame, GazeSample, Gesture, Intention, PlanReply, PlanRequest, PlanStatus, Point, Pose, SimTime,
-    TickInput, Trajectory, TrunkPosture, Vector,
+    DisplayFrame, GazeSample, Gesture, Intention, JointVector, PlanReply, PlanRequest, PlanStatus, Point,
+    Pose, SimTime, TickInput, Trajectory, TrunkPosture, Vector, joints,
 };
 use serde::{Deserialize, Serialize};
 
@@ -15,6 +15,9 @@ const TRACKING_TICKS: u64 = 10;
 /// Furthest that a tracked shoulder is followed from one of these to the next: 2 m/s and 6 rad/s, faster than
 /// people lean. A tracker that jumps must not hurl the arm through the blocks.
 const SHOULDER_STEP: (f64, f64) = (0.02, 0.06);
+
+/// Furthest that a joint of the limb is followed in such a time, rad: 0.5 rad/s, which is the arm's speed too.
+const LIMB_STEP: f64 = 0.005;
 
 /// Who and what surrounds the testbed in a trial.
 pub struct SessionParts {
@@ -55,6 +58,8 @@ pub struct Session {
     headset: Option<Pose>,
     /// Where a tracker has the shoulder, and where it is on its way there.
     tracked_shoulder: Option<(Pose, Pose)>,
+    /// Where the person's own limb is, on its way to where it is asked to go.
+    limb: Option<JointVector>,
 }
 
 impl Session {
@@ -69,11 +74,13 @@ impl Session {
                 gaze_direction: Vector::x(),
                 eyes_open: true,
                 trunk: TrunkPosture::default(),
+                limb: None,
             },
             seen: None,
             given: None,
             headset: None,
             tracked_shoulder: None,
+            limb: None,
         }
     }
 
@@ -107,6 +114,32 @@ impl Session {
     pub fn track_shoulder(&mut self, world_from_shoulder: Pose) {
         let now = self.shoulder();
         self.tracked_shoulder = Some((world_from_shoulder, now));
+    }
+
+    /// A tracker saw a live person's own limb: its angles in the joints of the arm, rad.
+    ///
+    /// # Errors
+    /// [`TestbedError::Input`] for another number of angles than the arm has joints, or one that is not finite.
+    pub fn track_limb(&mut self, angles: &[f64]) -> Result<(), TestbedError> {
+        let testbed = &self.parts.testbed;
+        let count = testbed.model().arm_count();
+        if angles.len() != count || !angles.iter().all(|angle| angle.is_finite()) {
+            let value = format!("{angles:?}, expected {count} finite angles");
+            return Err(TestbedError::Input { time: testbed.now(), what: "tracked limb", value });
+        }
+        self.intention.limb = Some(joints(angles));
+        Ok(())
+    }
+
+    /// One step of the limb on its way.
+    fn move_limb(&mut self) -> Option<JointVector> {
+        let asked = self.intention.limb.as_ref()?;
+        let state = self.parts.testbed.plant().state();
+        let limb = self.limb.get_or_insert_with(|| joints(&state.position[..asked.len()]));
+        for (angle, asked) in limb.iter_mut().zip(asked) {
+            *angle += (asked - *angle).clamp(-LIMB_STEP, LIMB_STEP);
+        }
+        Some(limb.clone())
     }
 
     fn shoulder(&self) -> Pose {
@@ -152,10 +185,12 @@ impl Session {
                 *now = toward(now, asked);
             }
             input.shoulder = Some(self.shoulder());
+            input.limb = self.move_limb();
         }
 
         let output = self.parts.testbed.tick(&input, last)?;
         input.plan = output.plan.clone();
+        input.method = output.method.clone();
         let mut frame = None;
         if self.parts.testbed.frame_is_due() || output.finished {
             let drawn = self.parts.testbed.frame(head)?;
@@ -173,7 +208,7 @@ impl Session {
         let config = testbed.config();
         let outcomes = testbed.task().results(&testbed.plant().state().blocks);
         TrialResult {
-            method: config.method.to_string(),
+            method: config.method_label(),
             seed: config.seed,
             setup: config.setup.name.clone(),
             arrangement: config.arrangement,

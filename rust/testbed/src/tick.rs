@@ -1,21 +1,22 @@
 use crate::{
-    ConfigError, Digest, Field, GraspAction, GraspRule, GraspRuleName, OriginalGraspRule, SpanDigest,
-    TrialConfig,
+    ConfigError, Digest, Field, GraspAction, GraspRule, GraspRuleName, MethodName, OriginalGraspRule,
+    SpanDigest, TrialConfig,
     motion::{ArmMotion, BaseMotion, HandMotion},
+    outside::Tap,
     ports::{PlanService, Plant, PlantError},
     view::GazeFilter,
 };
 use proact_control::{
     ControlError, ControlInput, ControlMethod, ControlOutput, HandCommand, HandTracker, MotionState,
     PlanCommand,
-    ports::{ArmKinematics, KinematicsError},
+    ports::{ArmKinematics, KinematicsError, MethodProcess},
 };
 use proact_emg::{Classifier, EmgError, EmgOutput, EmgPipeline, StreamEvents};
 use proact_intent::Candidates;
 use proact_tasks::BoxAndBlocks;
 use proact_types::{
-    ArmModel, ArmModelError, AttachedObject, BlockId, Event, EventKind, Gesture, HandView, JointVector,
-    Obstacle, PlanGoal, PlanReply, PlanRequest, PlantCommand, Point, SimTime, TickInput, joints,
+    ArmModel, ArmModelError, BlockId, Event, EventKind, Gesture, HandView, JointVector, MethodAnswer,
+    PlanReply, PlantCommand, Point, SimTime, TickInput, joints,
 };
 use std::sync::Arc;
 
@@ -56,7 +57,7 @@ pub enum TestbedError {
     Input {
         /// When.
         time: SimTime,
-        /// Such as `gaze`.
+        /// Such as `tracked limb`.
         what: &'static str,
         /// As text.
         value: String,
@@ -75,6 +76,8 @@ pub struct Parts {
     pub plans: Box<dyn PlanService>,
     /// Trained classifier; none when gestures come from keys.
     pub classifier: Option<Classifier>,
+    /// The process that the configuration names for its method; none in a replay.
+    pub process: Option<Box<dyn MethodProcess>>,
 }
 
 /// What one tick gave.
@@ -82,6 +85,8 @@ pub struct Parts {
 pub struct TickOutput {
     /// A plan took effect in this tick: it belongs to the input log.
     pub plan: Option<PlanReply>,
+    /// What a method in another process answered: it belongs to the input log.
+    pub method: Option<MethodAnswer>,
     /// A window of EMG ended, or the stream became stale.
     pub emg: Option<EmgOutput>,
     /// What happened.
@@ -102,6 +107,10 @@ pub struct Testbed {
     pub(crate) parts: Parts,
     pub(crate) task: BoxAndBlocks,
     pub(crate) method: Box<dyn ControlMethod>,
+    /// Where the answers of a method in another process pass through.
+    tap: Tap,
+    /// Angles of the person's own limb as tracked last.
+    limb: Option<JointVector>,
     emg: Option<EmgPipeline>,
     pub(crate) gaze: GazeFilter,
     pub(crate) arm: ArmMotion,
@@ -125,8 +134,10 @@ pub struct Testbed {
     acted_on: Gesture,
     decided_at: Option<SimTime>,
     tracked_at: Option<SimTime>,
-    pending: Option<(u64, SimTime)>,
-    requests: u64,
+    pub(crate) pending: Option<(u64, SimTime)>,
+    pub(crate) requests: u64,
+    /// The last gaze was no measurement.
+    pub(crate) gaze_unusable: bool,
     pub(crate) unseen: Vec<Event>,
 }
 
@@ -136,7 +147,7 @@ impl Testbed {
     ///
     /// # Errors
     /// A configuration that does not fit, an arm without the poses `start`, `open` and `closed`.
-    pub fn new(config: TrialConfig, parts: Parts) -> Result<Self, TestbedError> {
+    pub fn new(config: TrialConfig, mut parts: Parts) -> Result<Self, TestbedError> {
         config.check()?;
         let model = &parts.model;
         let start = model.pose("arm", "start")?;
@@ -147,7 +158,12 @@ impl Testbed {
             }
             _ => None,
         };
-        let method = proact_control::build(&config.method.to_string(), &config.profile, model)?;
+        let tap = Tap::new(parts.process.take());
+        let gazes = matches!(config.method, MethodName::C | MethodName::D);
+        let method = match &config.method_process {
+            Some(_) => proact_control::build_outside(tap.clone(), gazes, &config.profile, model)?,
+            None => proact_control::build(&config.method.to_string(), &config.profile, model)?,
+        };
         let task = BoxAndBlocks::new(config.arrangement).with_limit(SimTime::from_secs(config.limit_secs));
         Ok(Self {
             digest: Digest::new(&config.to_toml()?),
@@ -164,6 +180,8 @@ impl Testbed {
             gaze: GazeFilter::new(&config)?,
             task,
             method,
+            tap,
+            limb: None,
             emg,
             now: SimTime(0),
             direct: None,
@@ -175,6 +193,7 @@ impl Testbed {
             tracked_at: None,
             pending: None,
             requests: 0,
+            gaze_unusable: false,
             unseen: Vec::new(),
             config,
             parts,
@@ -253,8 +272,12 @@ impl Testbed {
             self.tracked_at = Some(now);
         }
         self.base.step();
+        if input.limb.is_some() {
+            self.limb.clone_from(&input.limb);
+        }
         if let Some(gaze) = &input.gaze {
-            self.infer(gaze);
+            let gaze = self.usable_gaze(gaze, &mut output);
+            self.infer(&gaze);
         }
 
         // From intent to commands.
@@ -266,7 +289,13 @@ impl Testbed {
         let message = output.emg.is_some_and(|decision| decision.published);
         if now.0.is_multiple_of(CONTROL_TICKS) || gesture != self.acted_on || plan.is_some() || message {
             self.acted_on = gesture;
+            self.tap.exchange(input.method.clone());
             self.control(gesture, plan.as_ref(), &mut output)?;
+            output.method = self.tap.exchange(None);
+            if let Some(answer) = &output.method {
+                let (Ok(text) | Err(text)) = answer;
+                self.digest.field(Field::InputMethod).word(u64::from(answer.is_ok())).text(text);
+            }
         }
         output.plan = plan;
 
@@ -298,26 +327,6 @@ impl Testbed {
         field.numbers(self.gaze.posterior()).vector(&self.gaze.place().coords);
     }
 
-    /// The plan that takes effect in this tick.
-    fn due_plan(&mut self, input: &TickInput) -> Option<PlanReply> {
-        let (id, due) = self.pending?;
-        let reply = match &input.plan {
-            Some(reply) if reply.id == id => reply.clone(),
-            // The answer to a request that was cancelled or replaced meanwhile moves nothing.
-            Some(_) => return None,
-            None if self.now < due => return None,
-            None if self.config.wait_for_plans => self.parts.plans.wait(id),
-            None => self.parts.plans.poll(id)?,
-        };
-        self.pending = None;
-        let field = &mut self.digest.field(Field::InputPlan);
-        field.word(reply.id).word(reply.status as u64).text(&reply.reason);
-        for point in &reply.trajectory.points {
-            field.number(point.time_secs).numbers(&point.q).numbers(&point.qd);
-        }
-        Some(reply)
-    }
-
     fn control(
         &mut self,
         gesture: Gesture,
@@ -344,7 +353,7 @@ impl Testbed {
             plan,
             motion: self.arm.state(),
             targets: &self.task.scene().targets,
-            limb: None,
+            limb: self.limb.as_deref(),
             emg_age_ms: self.decided_at.map(|at| self.now.millis_since(at)),
             gaze_age_ms: self.gaze.seen_at().map(|at| self.now.millis_since(at)),
             tracking_age_ms: self.tracked_at.map(|at| self.now.millis_since(at)),
@@ -375,44 +384,6 @@ impl Testbed {
             }
             None => {}
         }
-        Ok(())
-    }
-
-    fn request(&mut self, goal: PlanGoal, output: &mut TickOutput) -> Result<(), TestbedError> {
-        self.requests += 1;
-        let id = self.requests;
-        let state = self.parts.plant.state();
-        let scene = self.task.scene();
-        let held = state.attached.map(|(block, _)| block);
-        let mut obstacles: Vec<Obstacle> = scene
-            .fixed
-            .iter()
-            .map(|o| Obstacle { name: o.name.clone(), shape: o.shape, pose: o.pose })
-            .collect();
-        for (k, block) in scene.blocks.iter().enumerate().filter(|(k, _)| Some(*k) != held) {
-            let pose = state.blocks[k].pose;
-            obstacles.push(Obstacle { name: block.id.name().to_owned(), shape: block.shape, pose });
-        }
-        let attached = state.attached.map(|(k, tip_from_object)| AttachedObject {
-            name: scene.blocks[k].id.name().to_owned(),
-            shape: scene.blocks[k].shape,
-            tip_from_object,
-        });
-        let hand = joints(&state.position[self.parts.model.arm_count()..]);
-        self.parts.plans.submit(PlanRequest {
-            id,
-            // Where the base is, not where tracking has it: a jump holds the plant's base where it was.
-            world_from_base: state.world_from_base,
-            start: self.arm.position().clone(),
-            hand,
-            goal,
-            obstacles,
-            attached,
-            // Requests of one trial differ, and so do trials.
-            seed: self.config.seed.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(id),
-        });
-        self.pending = Some((id, self.now.plus_millis(self.config.plan_latency_ms)));
-        self.note(output, EventKind::PlanRequested { request: id });
         Ok(())
     }
 
@@ -528,7 +499,7 @@ impl Testbed {
         }
     }
 
-    fn note(&self, output: &mut TickOutput, kind: EventKind) {
+    pub(crate) fn note(&self, output: &mut TickOutput, kind: EventKind) {
         output.events.push(Event { time: self.now, kind });
     }
 

@@ -58,6 +58,8 @@ pub enum EventKind {
         /// The block's centre, `world`, m.
         place: Point,
     },
+    /// A gaze came in that is not finite or has no direction. It counts as a blink, and so do those that follow it.
+    GazeUnusable,
     /// The hand took hold of a block ("contact made").
     BlockAttached {
         /// Which block.

@@ -1,4 +1,4 @@
-use crate::{Gesture, PlanReply, Point, Pose, Vector};
+use crate::{Gesture, JointVector, PlanReply, Point, Pose, Vector};
 use arrayvec::ArrayVec;
 use serde::{Deserialize, Serialize};
 
@@ -25,6 +25,9 @@ pub struct GazeSample {
     pub valid: bool,
 }
 
+/// What a method in another process answered to one control step: its line, or why there is none.
+pub type MethodAnswer = Result<String, String>;
+
 /// Everything that enters the testbed from outside in one tick. The sequence of these, with the configuration
 /// and the seeds, is the trial.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -37,6 +40,11 @@ pub struct TickInput {
     pub gaze: Option<GazeSample>,
     /// New tracked shoulder pose: `world_from_shoulder`, the place and attitude of the arm's `base_link`.
     pub shoulder: Option<Pose>,
+    /// New tracked angles of the person's own limb, in the joints of the arm, rad. Those of joints that the
+    /// prosthesis has do not matter.
+    pub limb: Option<JointVector>,
     /// Plans that took effect in this tick. Filled by the tick itself when it records, and by a replay.
     pub plan: Option<PlanReply>,
+    /// What a method in another process answered in this tick. Filled as `plan` is.
+    pub method: Option<MethodAnswer>,
 }

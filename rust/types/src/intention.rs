@@ -1,8 +1,8 @@
-use crate::{Gesture, Vector};
+use crate::{Gesture, JointVector, Vector};
 use serde::{Deserialize, Serialize};
 
 /// What a participant does with the body from one moment to the next. It is all a simulated one may output.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Intention {
     /// The gesture that the hand makes.
     pub gesture: Gesture,
@@ -12,6 +12,8 @@ pub struct Intention {
     pub eyes_open: bool,
     /// Where the trunk is asked to go; the body model moves it there within its speed.
     pub trunk: TrunkPosture,
+    /// Where the person's own limb is asked to go, in the joints of the arm, rad; none where the whole arm is lost.
+    pub limb: Option<JointVector>,
 }
 
 /// Posture of the trunk about the hip pivot, radians; all zero is upright.

@@ -31,7 +31,7 @@ pub use arm::{
 pub use display::{DisplayFrame, HandState, HandView, ModeView, PlannerView, TargetView};
 pub use event::{Event, EventKind};
 pub use gesture::{Gesture, UnknownGesture};
-pub use input::{EmgSample, GazeSample, MAX_EMG_CHANNELS, TickInput};
+pub use input::{EmgSample, GazeSample, MAX_EMG_CHANNELS, MethodAnswer, TickInput};
 pub use intention::{Intention, TrunkPosture};
 pub use plan::{
     AttachedObject, Obstacle, PlanGoal, PlanReply, PlanRequest, PlanStatus, Trajectory, TrajectoryPoint,

@@ -86,6 +86,51 @@ fn the_architecture_lists_exactly_the_crates_of_the_workspace() {
     assert_eq!(listed, crates, "left: ARCHITECTURE.md, right: the workspace");
 }
 
+/// Words in backquotes that can only be the name of a test: a sentence of several words.
+fn test_names_in(document: &str) -> BTreeSet<String> {
+    let sentence = |word: &&str| {
+        let plain = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
+        word.matches('_').count() >= 4 && word.chars().all(plain)
+    };
+    document.split('`').skip(1).step_by(2).filter(sentence).map(str::to_owned).collect()
+}
+
+#[test]
+fn tests_that_the_list_of_differences_names_exist() {
+    let mut sources = String::new();
+    let mut folders = vec![root().join("rust")];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(&folder).expect("the folder is there") {
+            let path = entry.expect("an entry").path();
+            if path.is_dir() && !path.ends_with("node_modules") {
+                folders.push(path);
+            } else if path.extension().is_some_and(|extension| extension == "rs") {
+                sources += &std::fs::read_to_string(&path).expect("a source is text");
+            }
+        }
+    }
+    let list = read("docs/differences_from_original.md");
+    let names = test_names_in(&list);
+    let missing: Vec<&String> =
+        names.iter().filter(|name| !sources.contains(&format!("fn {name}("))).collect();
+    assert!(
+        missing.is_empty(),
+        "docs/differences_from_original.md names tests that do not exist: {missing:?}"
+    );
+    assert!(names.len() > 30, "the list names more tests than {}", names.len());
+    // Each of the defects of control, hand and gaze has its row.
+    for defect in 13..=45 {
+        assert!(list.contains(&format!("\n| {defect} | ")), "defect {defect} is not in the list");
+    }
+}
+
+#[test]
+fn sentences_are_taken_for_tests_and_other_words_are_not() {
+    let names =
+        test_names_in("fixed: `a_look_at_a_block_wins` (`rust/intent`), `length_m`, a_b_c_d_e, `Plan::a`");
+    assert_eq!(names.into_iter().collect::<Vec<_>>(), ["a_look_at_a_block_wins"]);
+}
+
 #[test]
 fn links_between_documents_lead_somewhere() {
     let mut checked = 0;

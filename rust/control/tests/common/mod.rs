@@ -8,7 +8,7 @@ use proact_control::{
 };
 use proact_types::{
     ArmModel, BlockId, Gesture, HandState, HandView, Joint, JointKind, JointLimits, JointVector, Link,
-    PlanReply, PlanStatus, Point, Pose, SimTime, Target, Trajectory, TrajectoryPoint, joints,
+    PlanReply, PlanStatus, PlannerView, Point, Pose, SimTime, Target, Trajectory, TrajectoryPoint, joints,
 };
 
 /// Where a trial starts, as in the original.
@@ -264,6 +264,14 @@ impl Rig {
     pub fn make(&mut self, gesture: Gesture, ms: u64) -> Vec<ControlOutput> {
         self.gesture = gesture;
         self.run(ms)
+    }
+
+    /// Why nothing moves, as shown.
+    pub fn refusal(&self) -> String {
+        match self.method.planner() {
+            PlannerView::Failed { reason, .. } => reason,
+            other => panic!("a refusal was expected, not {other:?}"),
+        }
     }
 
     pub fn tip(&mut self) -> Pose {

@@ -14,7 +14,7 @@ const JOINT_SIGNS: [f64; 7] = [1.0, -1.0, -1.0, 1.0, 1.0, 1.0, -1.0];
 const LINEAR_DONE: f64 = 0.006;
 pub(super) const ANGULAR_DONE: f64 = 0.15;
 /// A joint this near to where it should be is left alone, rad.
-const TURN_DONE: f64 = 0.035;
+pub(super) const TURN_DONE: f64 = 0.035;
 /// The hand turns about the upright once it is this near to its place, metres.
 const YAW_NEAR: f64 = 0.06;
 
@@ -72,6 +72,23 @@ impl JoggingParticipant {
         if next.is_none() && !turned_enough { Err(()) } else { Ok(next) }
     }
 
+    /// Forgets the turns that are made; thinks of new ones when none is left.
+    pub(super) fn think_of_turns(
+        &mut self,
+        seen: &DisplayFrame,
+        q: &[f64],
+        goal: &HandGoal,
+        mode: u8,
+        block: BlockId,
+    ) {
+        self.turns.retain(|turn| (turn.to - q[turn.joint]).abs() > TURN_DONE);
+        if self.turns.is_empty() {
+            let obstacles = Obstacles::new(&self.scene, seen, block, self.sense.fingers(&seen.joints));
+            let in_the_way = |base_from_tip: &Pose| obstacles.depth(&(seen.world_from_base * base_from_tip));
+            self.turns = self.sense.turns(q, mode.into(), goal, 1.0 / JOINT_SPEED, &in_the_way);
+        }
+    }
+
     /// The joint to turn next; none if none helps.
     pub(super) fn joint_lack(
         &mut self,
@@ -81,12 +98,7 @@ impl JoggingParticipant {
         block: BlockId,
     ) -> Option<Lack> {
         let q = seen.joints.get(..JOINTS.into())?;
-        self.turns.retain(|turn| (turn.to - q[turn.joint]).abs() > TURN_DONE);
-        if self.turns.is_empty() {
-            let obstacles = Obstacles::new(&self.scene, seen, block, self.sense.fingers(&seen.joints));
-            let in_the_way = |base_from_tip: &Pose| obstacles.depth(&(seen.world_from_base * base_from_tip));
-            self.turns = self.sense.turns(q, mode.into(), goal, 1.0 / JOINT_SPEED, &in_the_way);
-        }
+        self.think_of_turns(seen, q, goal, mode, block);
         let turn = self.turns.first()?;
         let amount = turn.to - q[turn.joint];
         let gesture = sided(amount * JOINT_SIGNS[turn.joint]);

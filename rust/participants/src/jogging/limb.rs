@@ -1,0 +1,88 @@
+//! The person's own limb: joints that the prosthesis does not have are moved as people move them, all at once.
+
+use super::{JOINTS, JoggingParticipant, movement::TURN_DONE};
+use crate::reach::HandGoal;
+use proact_types::{BlockId, DisplayFrame, JointVector, SimTime, joints};
+
+/// A limb that has not got to where it was meant to be by now is in the way of something, ms.
+const LIMB_MILLIS: u64 = 4000;
+/// As often the limb is placed anew at one stage where the method moves the hand along axes.
+const MOST_PLACINGS: u32 = 4;
+
+/// The person's own joints.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Limb {
+    /// Their positions among the arm joints.
+    own: Vec<usize>,
+    /// Where the limb goes, in the joints of the arm, rad.
+    to: Option<JointVector>,
+    until: SimTime,
+    placings: u32,
+}
+
+impl Limb {
+    pub(super) fn new(own: Vec<usize>) -> Self {
+        Self { own, ..Self::default() }
+    }
+
+    /// Where the limb goes; none where it has no joints of the arm.
+    pub(super) fn to(&self) -> Option<JointVector> {
+        self.to.clone()
+    }
+
+    /// Another stage begins.
+    pub(super) fn begin(&mut self) {
+        self.placings = 0;
+    }
+
+    fn under_way(&self, now: SimTime, q: &[f64]) -> bool {
+        let far = |to: &JointVector| self.own.iter().any(|&joint| (to[joint] - q[joint]).abs() > TURN_DONE);
+        now < self.until && self.to.as_ref().is_some_and(far)
+    }
+
+    /// Moves the own joints to their angles in `wanted`; false if they are there.
+    fn go(&mut self, now: SimTime, q: &[f64], wanted: &[f64]) -> bool {
+        let mut to = self.to.clone().unwrap_or_else(|| joints(q));
+        self.own.iter().for_each(|&joint| to[joint] = wanted[joint]);
+        self.to = Some(to);
+        self.until = now.plus_millis(LIMB_MILLIS);
+        self.under_way(now, q)
+    }
+}
+
+impl JoggingParticipant {
+    /// Moves the limb toward `goal`; true while it is on its way, and the method has to wait.
+    pub(super) fn move_limb(
+        &mut self,
+        now: SimTime,
+        seen: &DisplayFrame,
+        goal: &HandGoal,
+        by_axis: bool,
+        mode: u8,
+        block: BlockId,
+    ) -> bool {
+        let Some(q) = seen.joints.get(..JOINTS.into()).filter(|_| !self.limb.own.is_empty()) else {
+            return false;
+        };
+        if self.limb.under_way(now, q) {
+            return true;
+        }
+        if by_axis {
+            self.limb.placings += 1;
+            let reached = goal.reached(&self.sense.forward(q));
+            let own = self.limb.own.iter().fold(0, |set, joint| set | 1 << joint);
+            return !reached
+                && self.limb.placings <= MOST_PLACINGS
+                && self.limb.go(now, q, &self.sense.inverse(q, goal, own));
+        }
+        self.think_of_turns(seen, q, goal, mode, block);
+        match self.turns.first() {
+            Some(turn) if self.limb.own.contains(&turn.joint) => {
+                let mut wanted = joints(q);
+                wanted[turn.joint] = turn.to;
+                self.limb.go(now, q, &wanted)
+            }
+            _ => false,
+        }
+    }
+}
