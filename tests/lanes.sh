@@ -6,7 +6,7 @@
 # the reason as its last line); anything else is a failure. One failing lane does not keep the others from running.
 
 short_lanes="format shell web lint cpp rust launcher trial page rosbridge ros"
-long_lanes="seeds planning sanitizers debootstrap pages ros_long"
+long_lanes="seeds planning sanitizers debootstrap pages ros_long lsl"
 
 # A ROS 1 graph with Debian's own clients, the catkin workspace, rviz on a virtual display.
 ros_test_packages="ros-base python3-roslaunch python3-rosbag python3-rostopic python3-rosnode python3-rosservice
@@ -22,6 +22,10 @@ packages_of() {
     shell) echo shellcheck ;;
     cpp | sanitizers) echo cmake ;;
     rust) echo python3 ;;
+    lsl)
+        echo cmake libdbus-1-dev
+        packages_of lint
+        ;;
     page | pages) echo chromium ;;
     trial) echo python3 python3-rosbag ;;
     seeds | planning) echo python3 ;;
@@ -69,6 +73,14 @@ ctest_in() {
 
 lane_rust() {
     build_web && run_cargo test --release --locked --workspace --no-fail-fast
+}
+
+# Streams between programs on this machine, with pylsl where ./proact peers has been; the lint of what is built only with
+# features.
+lane_lsl() {
+    build_web && run_cargo clippy --release --locked -p proact-cli --features ble,lsl --all-targets -- -D warnings &&
+        run_cargo test --release --locked -p proact-devices --features lsl --lib lab_streaming &&
+        run_cargo test --release --locked -p proact-cli --features lsl --test emg_lsl
 }
 
 lane_launcher() {

@@ -1,6 +1,8 @@
 //! `proact emg`: what labs compare with their own tools, and live streams.
 
 mod band;
+mod centred;
+mod lab_streaming;
 mod live;
 mod page;
 mod screen;
@@ -52,6 +54,7 @@ pub enum EmgCommand {
     #[command(
         after_help = "Examples:\n  proact emg stream --source gforce-sim://127.0.0.1:7410 --data recordings/\n  \
         proact emg stream --source ble --data recordings/ --record today.edf\n  \
+        proact emg stream --source lsl:MyAmplifier --model me.json --lsl ProACT\n  \
         proact emg stream --source file:recordings/ --data recordings/ --flat-out --json\n\n\
         With --json: one line per decision, and lines with the key \"event\" for what else happens."
     )]

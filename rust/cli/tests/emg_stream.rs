@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::{Running, proact};
+use common::{Running, event, proact, stream};
 use serde_json::Value;
 use std::{
     io::{BufRead, BufReader},
@@ -19,14 +19,6 @@ fn simulator(words: &[&str]) -> (Running, String) {
     BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
     let opened: Value = serde_json::from_str(&line).unwrap_or_else(|e| panic!("{line:?}: {e}"));
     (Running(child), opened["address"].as_str().unwrap().to_owned())
-}
-
-/// Lines of a stream that ran to its end.
-fn stream(words: &[&str]) -> Vec<Value> {
-    let output = proact(&[&["stream"], words].concat()).output().unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let text = String::from_utf8(output.stdout).unwrap();
-    text.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
 }
 
 /// What the simulator holds, with the time at which each ends.
@@ -59,10 +51,6 @@ fn score(lines: &[Value], rate_hz: f64) -> (f64, usize) {
         right += usize::from(line["window_class"] == *gesture);
     }
     (f64::from(right as u32) / all as f64, all)
-}
-
-fn event<'a>(lines: &'a [Value], name: &str) -> Vec<&'a Value> {
-    lines.iter().filter(|l| l["event"] == name).collect()
 }
 
 #[test]

@@ -92,6 +92,22 @@ fn a_trained_model_passes_the_tests_and_a_cursor_reaches_its_targets() {
     assert!(number("completion_rate") > 0.7 && number("path_efficiency") > 0.5, "{cursor}");
     assert!(number("throughput_bits_per_s") > number("throughput_with_dwell_bits_per_s"));
 
+    // Off unless asked for; then the longer trial teaches the model, and the old file stays as it is.
+    assert_eq!(object.get("adaptation"), None);
+    let (before, adapted) = (std::fs::read_to_string(&model).unwrap(), dir.path().join("adapted.json"));
+    let words =
+        ["test", "--model", &model, "--source", "synthetic", "--flat-out", "--tests", "trial", "--adapt"];
+    let words = [&words[..], &[adapted.to_str().unwrap()]].concat();
+    let (object, output) = result(&words);
+    assert!(output.status.success(), "{}", error(&output));
+    let adaptation = &object["adaptation"];
+    assert!(adaptation["windows"].as_u64() > Some(100), "{adaptation}");
+    assert!((0.001..1.0).contains(&adaptation["drift"].as_f64().unwrap()), "{adaptation}");
+    assert_eq!(std::fs::read_to_string(&model).unwrap(), before);
+    let learnt = proact_emg::EmgModel::from_json(&std::fs::read_to_string(&adapted).unwrap()).unwrap();
+    assert_ne!(learnt.classifier, proact_emg::EmgModel::from_json(&before).unwrap().classifier);
+    assert!(refused(&words).contains("is there already"));
+
     // What was saved is what LibEMG writes, and trains the same model again.
     let again = dir.path().join("again.json");
     let source = format!("file:{recordings}");

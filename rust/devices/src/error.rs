@@ -257,6 +257,14 @@ pub enum DeviceError {
         /// What the system says.
         source: std::io::Error,
     },
+    /// A stream of the lab streaming layer cannot be used.
+    #[error("lab streaming layer, {stream:?}: {reason}")]
+    Lsl {
+        /// Name or type asked for.
+        stream: String,
+        /// What is wrong with it.
+        reason: String,
+    },
     /// An armband cannot be used.
     #[error(transparent)]
     GForce(#[from] GForceError),

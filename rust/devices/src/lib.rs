@@ -4,9 +4,10 @@
 //! comes from [`stream`], so the same seed gives the same samples. Implements the ports of `testbed`.
 //!
 //! Live streams come through one trait, [`SampleSource`]: the gForce armband over any link ([`gforce`]; Bluetooth with
-//! the feature `ble`, which needs libdbus-1-dev on Linux), recordings played as if live, and doubles with faults for
-//! tests. [`EmgRecorder`] keeps them; [`LibEmgReceiver`] and [`LibEmgSender`] speak with LibEMG's programs. [`GazeReceiver`]
-//! takes an eye tracker's samples, and a [`FeedbackSink`] makes cues heard or felt. Only these know the real clock.
+//! the feature `ble`, which needs libdbus-1-dev on Linux), streams of the lab streaming layer (feature `lsl`, which builds
+//! liblsl), recordings played as if live, and doubles with faults for tests. [`EmgRecorder`] keeps them;
+//! [`LibEmgReceiver`] and [`LibEmgSender`] speak with LibEMG's programs. [`GazeReceiver`] takes an eye tracker's samples,
+//! and a [`FeedbackSink`] makes cues heard or felt. Only these know the real clock.
 //!
 //! ```
 //! use proact_devices::{EmgSource, prepare};
@@ -36,6 +37,8 @@ mod feedback;
 mod gaze;
 mod gaze_udp;
 pub mod gforce;
+#[cfg(feature = "lsl")]
+mod lab_streaming;
 mod libemg_udp;
 mod live;
 mod metadata;
@@ -52,10 +55,12 @@ pub use feed::EmgFeed;
 pub use feedback::{Cue, FeedbackCue, FeedbackSink, Tone, UdpFeedback, Vibration};
 pub use gaze::GazeSource;
 pub use gaze_udp::{GAZE_UDP_PORT, GazeFrame, GazeReceiver, SentGaze};
+#[cfg(feature = "lsl")]
+pub use lab_streaming::{LslOutlet, LslSource};
 pub use libemg_udp::{LIBEMG_PORT, LibEmgOutput, LibEmgReceiver, LibEmgSender};
 pub use live::{
     EmgPacket, Fault, FaultySource, KeyboardSource, Pacing, PersonSource, PlaybackSource, SampleSource,
-    ScriptedEvent, ScriptedSource, SourceCounts, SourceEvent, SourceInfo,
+    ScriptedEvent, ScriptedSource, SourceClock, SourceCounts, SourceEvent, SourceInfo,
 };
 pub use random::stream;
 pub use recorder::{EmgRecorder, RecordedStream, read_recorded};

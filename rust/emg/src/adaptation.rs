@@ -1,5 +1,5 @@
 use crate::moments::Moments;
-use crate::{Classifier, EmgError, EmgModel, LdaNormalisation, Priors};
+use crate::{Classifier, EmgError, EmgModel};
 use proact_types::Gesture;
 use serde::{Deserialize, Serialize};
 
@@ -29,9 +29,7 @@ impl Default for AdaptationConfig {
 #[derive(Clone, Debug)]
 pub struct Adaptation {
     config: AdaptationConfig,
-    normalisation: LdaNormalisation,
-    priors: Priors,
-    calibrated: (Moments, Classifier),
+    calibrated: EmgModel,
     moments: Moments,
     classifier: Classifier,
     frozen: bool,
@@ -53,9 +51,7 @@ impl Adaptation {
         }
         Ok(Adaptation {
             config,
-            normalisation: model.config.normalisation,
-            priors: model.config.priors,
-            calibrated: (model.moments.clone(), model.classifier.clone()),
+            calibrated: model.clone(),
             moments: model.moments.clone(),
             classifier: model.classifier.clone(),
             frozen: false,
@@ -79,8 +75,9 @@ impl Adaptation {
         let mut moments = self.moments.clone();
         moments.add(class, features, f64::from(self.config.memory));
         // Priors stay those of the calibration: the gestures that a task asks for more often are not more probable.
-        let lda = Moments { counts: self.calibrated.0.counts.clone(), ..moments.clone() }
-            .lda(self.normalisation, self.priors)?;
+        let settings = &self.calibrated.config;
+        let lda = Moments { counts: self.calibrated.moments.counts.clone(), ..moments.clone() }
+            .lda(settings.normalisation, settings.priors)?;
         self.classifier = self.classifier.with_lda(lda);
         self.moments = moments;
         self.used += 1;
@@ -90,6 +87,15 @@ impl Adaptation {
     /// The classifier now.
     pub fn classifier(&self) -> &Classifier {
         &self.classifier
+    }
+
+    /// The calibrated model with the classifier now.
+    pub fn model(&self) -> EmgModel {
+        EmgModel {
+            classifier: self.classifier.clone(),
+            moments: self.moments.clone(),
+            ..self.calibrated.clone()
+        }
     }
 
     /// Windows used since the start or the last roll-back.
@@ -104,15 +110,16 @@ impl Adaptation {
 
     /// Back to the calibrated classifier.
     pub fn roll_back(&mut self) {
-        (self.moments, self.classifier) = self.calibrated.clone();
+        self.moments = self.calibrated.moments.clone();
+        self.classifier = self.calibrated.classifier.clone();
         self.used = 0;
     }
 
     /// How far the class means have moved since calibration: the largest over classes, in standard deviations within
     /// the classes, root mean square over features.
     pub fn drift(&self) -> f64 {
-        let moved =
-            self.moments.means.iter().enumerate().map(|(k, mean)| self.calibrated.0.distance(k, mean));
+        let means = self.moments.means.iter().enumerate();
+        let moved = means.map(|(k, mean)| self.calibrated.moments.distance(k, mean));
         moved.fold(0.0, f64::max)
     }
 }

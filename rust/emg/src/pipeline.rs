@@ -60,6 +60,8 @@ pub struct EmgPipeline {
     classifier: Classifier,
     rule: DecisionRule,
     overflows: u64,
+    /// Of the newest window.
+    newest: FeatureVector,
     /// Subtracted from each channel; empty for a stream that is centred.
     centring: ArrayVec<f64, MAX_EMG_CHANNELS>,
 }
@@ -93,6 +95,7 @@ impl EmgPipeline {
             rule: DecisionRule::new(config),
             classifier,
             overflows: 0,
+            newest: FeatureVector::new(),
             centring: ArrayVec::new(),
         })
     }
@@ -133,6 +136,7 @@ impl EmgPipeline {
                 self.overflows += 1;
                 continue;
             };
+            self.newest = features;
             let confidence = prediction.posterior[prediction.class.index()];
             // A rejection needs more than the threshold: LibEMG compares strictly.
             let kept = self.rejection.is_none_or(|threshold| confidence > threshold);
@@ -176,6 +180,11 @@ impl EmgPipeline {
             rearmed: disarmed && !self.rule.is_disarmed(),
         };
         output
+    }
+
+    /// Features of the newest window that was classified, for [`crate::Adaptation::confirm`]; empty before the first.
+    pub fn features(&self) -> &[f64] {
+        &self.newest
     }
 
     /// Goes on with another classifier of the same features and channels, as adaptation makes them.

@@ -3,6 +3,9 @@
 // The reference is read from files.
 #![allow(clippy::disallowed_methods)]
 
+mod data;
+
+use data::shared;
 use nalgebra::DMatrix;
 use proact_emg::{
     Classifier, DEFAULT_MAJORITY, DEFAULT_REJECTION, DecisionRule, EmgConfig, EmgPipeline, FeatureSet,
@@ -13,7 +16,6 @@ use std::{
     fs::File,
     io::{BufReader, Read},
     num::NonZeroU32,
-    path::PathBuf,
 };
 use zip::ZipArchive;
 
@@ -22,17 +24,6 @@ const FEATURE_RELATIVE: f64 = 1e-12;
 /// Decision values, relative to the largest of their window.
 const DECISION_RELATIVE: f64 = 1e-9;
 const PROBABILITY_ABSOLUTE: f64 = 1e-9;
-
-/// The data folder beside the repository, or none with a message.
-fn shared() -> Option<PathBuf> {
-    let beside = || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared");
-    let dir = std::env::var_os("PROACT_SHARED").map_or_else(beside, PathBuf::from).join("data/emg");
-    if !dir.is_dir() {
-        println!("skipped: ../shared not found");
-        return None;
-    }
-    Some(dir)
-}
 
 /// A NumPy archive: a zip file with one array a member.
 struct Reference(ZipArchive<File>);

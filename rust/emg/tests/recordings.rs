@@ -2,23 +2,14 @@
 // The recordings are read from files.
 #![allow(clippy::disallowed_methods)]
 
+mod data;
+
+use data::shared;
 use proact_emg::{
     Adaptation, AdaptationConfig, BandProposal, EmgConfig, EmgModel, FeatureVector, Light, QualityConfig,
     QualityMonitor, StreamFormat, WindowLength, check_rotation, cross_validate, extract,
 };
 use proact_types::{EmgSample, Gesture, SimTime};
-use std::path::PathBuf;
-
-/// The data folder beside the repository, or none with a message.
-fn shared() -> Option<PathBuf> {
-    let beside = || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared");
-    let dir = std::env::var_os("PROACT_SHARED").map_or_else(beside, PathBuf::from).join("data/emg");
-    if !dir.is_dir() {
-        println!("skipped: ../shared not found");
-        return None;
-    }
-    Some(dir)
-}
 
 fn config() -> EmgConfig {
     EmgConfig {

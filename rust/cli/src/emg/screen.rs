@@ -56,7 +56,7 @@ pub(super) fn open_screen(
         return Ok(Box::new(PageScreen::open(page, source)?));
     }
     let keys = (!json && stdin().is_terminal()).then(lines);
-    Ok(Box::new(Terminal { bar: bar(!json), quiet: json, keys }))
+    Ok(Box::new(Terminal { bar: bar(!json, 1000, "{prefix:20} {bar:30} {msg}"), quiet: json, keys }))
 }
 
 /// Lines of standard input, without waiting for them.
@@ -72,14 +72,15 @@ fn lines() -> Receiver<String> {
     receiver
 }
 
-fn bar(visible: bool) -> ProgressBar {
+/// A progress bar, if it is to be seen and standard error is a terminal.
+pub(super) fn bar(visible: bool, length: u64, template: &str) -> ProgressBar {
     let target = if visible && stderr().is_terminal() {
         ProgressDrawTarget::stderr()
     } else {
         ProgressDrawTarget::hidden()
     };
-    let bar = ProgressBar::with_draw_target(Some(1000), target);
-    if let Ok(style) = ProgressStyle::with_template("{prefix:20} {bar:30} {msg}") {
+    let bar = ProgressBar::with_draw_target(Some(length), target);
+    if let Ok(style) = ProgressStyle::with_template(template) {
         bar.set_style(style);
     }
     bar

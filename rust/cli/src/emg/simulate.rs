@@ -1,9 +1,12 @@
 //! `proact emg simulate`: an armband without an armband.
 
-use super::source::REACTION;
+use super::{
+    lab_streaming::{self, Published},
+    source::REACTION,
+};
 use clap::Args;
 use proact_devices::{
-    EmgFeed, Recordings, SyntheticEmg, SyntheticModel,
+    EmgFeed, Recordings, SourceInfo, SyntheticEmg, SyntheticModel,
     gforce::{CodeSource, Prompted, Simulator, SimulatorOptions, serve},
     stream,
 };
@@ -41,6 +44,10 @@ pub struct SimulateArgs {
         default_value = "no_motion:2,hand_close:2,no_motion:1,hand_open:2,no_motion:1,wrist_extension:2,no_motion:1,wrist_flexion:2"
     )]
     gestures: Vec<Held>,
+    /// Publish a stream of this name on the lab streaming layer instead of serving an armband; needs --features lsl.
+    #[arg(long, value_name = "NAME", conflicts_with_all = ["port", "dup", "reorder", "truncate", "jitter",
+        "notification", "no_ids", "battery"])]
+    lsl: Option<String>,
     /// Port on this machine; 0 for any that is free. It is printed.
     #[arg(long, default_value_t = 7410)]
     port: u16,
@@ -120,6 +127,9 @@ pub(super) fn run(args: &SimulateArgs, json: bool) -> Result<(), Box<dyn Error>>
             format!("the recordings have {rate_hz} Hz, an armband has a whole number up to 1000").into()
         );
     }
+    if let Some(name) = &args.lsl {
+        return publish(args, name, feed, channels, json);
+    }
     let options = SimulatorOptions {
         package_ids: !args.no_ids,
         notification_bytes: args.notification,
@@ -145,19 +155,55 @@ pub(super) fn run(args: &SimulateArgs, json: bool) -> Result<(), Box<dyn Error>>
             "an armband with {channels} channels at {rate_hz} Hz listens at {address}\nproact emg stream --source gforce-sim://{address}"
         ),
     )?;
+    serve(&listener, &mut simulator, &stop_after(args.seconds), |event| {
+        // That nobody reads it is no reason to stop.
+        let _ = say(json, &serde_json::json!({ "event": event }), event);
+    })?;
+    Ok(())
+}
+
+/// A flag that is set after so many seconds.
+fn stop_after(seconds: Option<f64>) -> Arc<AtomicBool> {
     let stop = Arc::new(AtomicBool::new(false));
-    if let Some(seconds) = args.seconds {
+    if let Some(seconds) = seconds {
         let stop = stop.clone();
         std::thread::spawn(move || {
             std::thread::sleep(Duration::from_secs_f64(seconds));
             stop.store(true, Ordering::Relaxed);
         });
     }
-    serve(&listener, &mut simulator, &stop, |event| {
-        // That nobody reads it is no reason to stop.
-        let _ = say(json, &serde_json::json!({ "event": event }), event);
-    })?;
-    Ok(())
+    stop
+}
+
+/// The same person on the lab streaming layer instead of an armband.
+fn publish(
+    args: &SimulateArgs,
+    name: &str,
+    feed: EmgFeed,
+    channels: usize,
+    json: bool,
+) -> Result<(), Box<dyn Error>> {
+    let rate_hz = feed.rate_hz();
+    let info = SourceInfo {
+        name: "simulated armband".to_owned(),
+        rate_hz,
+        channels,
+        packet_samples: 1,
+        zero: 0.0,
+        rails: None,
+        loss_is_counted: true,
+    };
+    let mut published = Published::open(name, &info)?;
+    say(
+        json,
+        &serde_json::json!({ "lsl": name, "rate_hz": rate_hz, "channels": channels }),
+        &format!(
+            "{channels} channels at {rate_hz} Hz are the stream {name:?} of the lab streaming layer\nproact emg stream --source lsl:{name}"
+        ),
+    )?;
+    let mut codes = codes(feed, rate_hz, args.gestures.clone(), Prompted::default());
+    let stop = stop_after(args.seconds);
+    lab_streaming::serve(&mut published, &mut codes, rate_hz, (args.loss, args.seed), &stop)
 }
 
 fn say(json: bool, object: &serde_json::Value, text: &str) -> std::io::Result<()> {

@@ -1,5 +1,6 @@
 //! Where samples come from, for every command that takes a live stream.
 
+use super::lab_streaming;
 use clap::Args;
 use proact_devices::{
     EmgSource, KeyboardSource, Pacing, PersonSource, PlaybackSource, Recordings, SampleSource, SourceInfo,
@@ -22,7 +23,7 @@ pub(super) const REACTION: Duration = Duration::from_millis(250);
 /// Options of a source.
 #[derive(Debug, Args)]
 pub struct SourceArgs {
-    /// gforce-sim://HOST:PORT, ble or ble:NAME, file:FOLDER, file:FILE.csv|.edf, synthetic, person:FOLDER, keys, libemg-udp:PORT.
+    /// gforce-sim://HOST:PORT, ble or ble:NAME, lsl or lsl:NAME, file:FOLDER, file:FILE.csv|.edf, synthetic, person:FOLDER, keys, libemg-udp:PORT.
     ///
     /// `synthetic` and `person:FOLDER` are simulated people who make what is prompted, with generated EMG or that of
     /// recordings. `keys`: W, S, A and D in the terminal are gestures, space relaxes.
@@ -54,6 +55,8 @@ pub struct SourceArgs {
 pub(super) enum SourceName {
     Simulator(String),
     Ble(String),
+    /// Name of a stream; empty for the only one of type EMG.
+    Lsl(String),
     File(PathBuf),
     Synthetic,
     Person(PathBuf),
@@ -67,8 +70,8 @@ impl FromStr for SourceName {
     fn from_str(text: &str) -> Result<SourceName, String> {
         let unknown = || {
             format!(
-                "source {text:?} is unknown; expected gforce-sim://HOST:PORT, ble, ble:NAME, file:PATH, synthetic, \
-                 person:FOLDER, keys or libemg-udp:PORT"
+                "source {text:?} is unknown; expected gforce-sim://HOST:PORT, ble, ble:NAME, lsl, lsl:NAME, file:PATH, \
+                 synthetic, person:FOLDER, keys or libemg-udp:PORT"
             )
         };
         if let Some(address) = text.strip_prefix("gforce-sim://") {
@@ -76,6 +79,7 @@ impl FromStr for SourceName {
         }
         match text.split_once(':').unwrap_or((text, "")) {
             ("ble", name) => Ok(SourceName::Ble(name.to_owned())),
+            ("lsl", name) => Ok(SourceName::Lsl(name.to_owned())),
             ("file", path) if !path.is_empty() => Ok(SourceName::File(path.into())),
             ("person", path) if !path.is_empty() => Ok(SourceName::Person(path.into())),
             ("synthetic", "") => Ok(SourceName::Synthetic),
@@ -105,6 +109,7 @@ pub(super) fn open(args: &SourceArgs, rate: Option<f64>) -> Result<Box<dyn Sampl
             Box::new(GForce::open(Box::new(TcpConnector::new(address)), options)?)
         }
         SourceName::Ble(name) => open_ble(name, options)?,
+        SourceName::Lsl(name) => lab_streaming::open(name)?,
         SourceName::File(path) if path.is_file() => {
             let recorded = read_recorded(path)?;
             let (name, rate) = (path.display().to_string(), recorded.rate_hz);
@@ -158,7 +163,9 @@ fn open_ble(name: &str, options: GForceOptions) -> Result<Box<dyn SampleSource>,
 
 #[cfg(not(feature = "ble"))]
 fn open_ble(_name: &str, _options: GForceOptions) -> Result<Box<dyn SampleSource>, Box<dyn Error>> {
-    Err("this proact was built without Bluetooth; install libdbus-1-dev and build with --features ble".into())
+    Err("this proact was built without Bluetooth; set PROACT_FEATURES=ble for ./proact, or install libdbus-1-dev and \
+         build with --features ble"
+        .into())
 }
 
 /// Standard input, key by key where it is a terminal; the terminal is put right again in the end.
@@ -214,61 +221,6 @@ pub(crate) fn read_model_file(path: &Path) -> Result<EmgModel, Box<dyn Error>> {
     Ok(EmgModel::from_json(&json).map_err(|e| format!("{}: {e}", path.display()))?)
 }
 
-/// What is subtracted from each channel. A model whose zero levels are all 0 was trained on centred samples.
-pub(super) fn zero_levels(args: &SourceArgs, info: &SourceInfo, model: &EmgModel) -> Vec<f64> {
-    match args.zero {
-        Some(zero) => vec![zero; info.channels],
-        None if model.centring.iter().any(|level| *level != 0.0) => model.centring.clone(),
-        None => vec![info.zero; info.channels],
-    }
-}
-
-/// Seconds of a stream over which its zero level is compared with the model's.
-const CENTRING_SECS: f64 = 2.0;
-
-/// Compares the zero level of the first seconds of a stream with that of its model. Muscles move about zero, so the
-/// median of whatever the person does is near it.
-pub(super) struct CentringCheck {
-    model: EmgModel,
-    stream: StreamFormat,
-    values: Vec<Vec<f64>>,
-    needed: usize,
-}
-
-impl CentringCheck {
-    /// A check of the raw stream `info`; none where `--zero` says what zero is, or the model was trained on centred
-    /// samples and does not know raw levels.
-    pub(super) fn new(args: &SourceArgs, info: &SourceInfo, model: &EmgModel) -> Option<CentringCheck> {
-        let raw = args.zero.is_none() && model.centring.iter().any(|level| *level != 0.0);
-        raw.then(|| CentringCheck {
-            model: model.clone(),
-            stream: StreamFormat { rate_hz: info.rate_hz, channels: info.channels, rest_medians: None },
-            values: vec![Vec::new(); info.channels],
-            needed: (CENTRING_SECS * info.rate_hz) as usize,
-        })
-    }
-
-    /// Takes a raw sample. True once the check is done.
-    ///
-    /// # Errors
-    /// The stream rests elsewhere than the model.
-    pub(super) fn push(&mut self, sample: &proact_types::EmgSample) -> Result<bool, Box<dyn Error>> {
-        for (values, value) in self.values.iter_mut().zip(&sample.channels) {
-            values.push(*value);
-        }
-        if self.values.first().is_none_or(|v| v.len() < self.needed) {
-            return Ok(false);
-        }
-        let medians = self.values.iter_mut().map(|values| {
-            values.sort_unstable_by(f64::total_cmp);
-            values[values.len() / 2]
-        });
-        self.stream.rest_medians = Some(medians.collect());
-        self.model.check_fits(&self.stream)?;
-        Ok(true)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -282,6 +234,8 @@ mod tests {
         );
         assert_eq!(source("ble"), Ok(SourceName::Ble(String::new())));
         assert_eq!(source("ble:gForce"), Ok(SourceName::Ble("gForce".to_owned())));
+        assert_eq!(source("lsl"), Ok(SourceName::Lsl(String::new())));
+        assert_eq!(source("lsl:my band"), Ok(SourceName::Lsl("my band".to_owned())));
         assert_eq!(source("file:/a:b"), Ok(SourceName::File("/a:b".into())));
         assert_eq!(source("person:recordings"), Ok(SourceName::Person("recordings".into())));
         assert_eq!(source("synthetic"), Ok(SourceName::Synthetic));

@@ -1,13 +1,15 @@
 //! `proact emg stream`: a live source, recognised and shown.
 
 use super::{
-    source::{CentringCheck, SourceArgs, SourceName, open, read_model, zero_levels},
+    centred::CentredStream,
+    lab_streaming::Published,
+    source::{SourceArgs, SourceName, open, read_model},
     view::{Glance, View},
 };
 use crate::emg::WindowArgs;
 use clap::Args;
 use proact_devices::{
-    EmgPacket, EmgRecorder, LibEmgOutput, LibEmgReceiver, LibEmgSender, Recording, Recordings, SampleSource,
+    EmgRecorder, LibEmgOutput, LibEmgReceiver, LibEmgSender, Recording, Recordings, SampleSource,
     SourceEvent, SourceInfo, SyntheticEmg, SyntheticModel, stream,
 };
 use proact_emg::{
@@ -49,6 +51,10 @@ pub struct StreamArgs {
     /// Send the effort too, as LibEMG's velocity: "class velocity".
     #[arg(long, requires = "udp")]
     velocity: bool,
+    /// Publish the samples as NAME (type EMG) and the gesture of each decision as NAME-decisions (type Markers) on the
+    /// lab streaming layer; needs --features lsl.
+    #[arg(long, value_name = "NAME")]
+    lsl: Option<String>,
     /// Stop after so many seconds.
     #[arg(long)]
     seconds: Option<f64>,
@@ -68,15 +74,15 @@ pub(super) fn run(args: &StreamArgs, json: bool) -> Result<(), Box<dyn Error>> {
     let handler = stop.clone();
     // So that a recording ends well. A second handler in one process, as in tests, is refused and not needed.
     let _ = ctrlc::set_handler(move || handler.store(true, Ordering::Relaxed));
-    let mut out = Output { json, view: View::new(), sender: None, velocity: args.velocity };
+    let mut out = Output { json, view: View::new(), sender: None, published: None, velocity: args.velocity };
     if let Some(target) = &args.udp {
         out.sender = Some(LibEmgSender::connect(target)?);
     }
     if let SourceName::LibEmgUdp(port) = args.source.source {
         return classes(args, port, &mut out, &stop);
     }
-    let mut source = open(&args.source, args.window.rate)?;
-    samples(args, source.as_mut(), &mut out, &stop)
+    let source = open(&args.source, args.window.rate)?;
+    samples(args, source, &mut out, &stop)
 }
 
 /// A model for the stream, and what it was trained on.
@@ -134,6 +140,7 @@ struct Output {
     json: bool,
     view: View,
     sender: Option<LibEmgSender>,
+    published: Option<Published>,
     velocity: bool,
 }
 
@@ -162,6 +169,9 @@ impl Output {
             let velocity = self.velocity.then_some(effort);
             sender.send(LibEmgOutput { gesture: Some(out.gesture), velocity })?;
         }
+        if let Some(published) = &mut self.published {
+            published.decision(out.gesture, counter)?;
+        }
         self.line(&json!({
             "t_s": at.as_secs(), "sample": counter, "gesture": out.gesture, "window_class": out.window_class, "class": out.class,
             "confidence": out.confidence, "posterior": out.posterior, "effort": out.effort,
@@ -172,56 +182,48 @@ impl Output {
 
 fn samples(
     args: &StreamArgs,
-    source: &mut dyn SampleSource,
+    source: Box<dyn SampleSource>,
     out: &mut Output,
     stop: &AtomicBool,
 ) -> Result<(), Box<dyn Error>> {
     let info = source.info().clone();
     let (model, label) = model(args, &info)?;
-    let zero = zero_levels(&args.source, &info, &model);
-    let mut centring = CentringCheck::new(&args.source, &info, &model);
+    let mut stream = CentredStream::new(source, &args.source, &model);
     let mut pipeline = EmgPipeline::new(&model.config, model.classifier.clone())?;
     // Rails are those of all channels: the narrowest range after centring.
     let rails = info.rails.map(|(low, high)| {
-        let (least, most) = zero.iter().fold((f64::MAX, f64::MIN), |(a, b), z| (a.min(*z), b.max(*z)));
+        let (least, most) = stream.zero.iter().fold((f64::MAX, f64::MIN), |(a, b), z| (a.min(*z), b.max(*z)));
         [low - least, high - most]
     });
     let quality_config = QualityConfig { rails, ..QualityConfig::default() };
     let mut quality = QualityMonitor::new(quality_config, info.rate_hz, info.channels, &model.channels);
     let mut light = Light::Green;
     let mut recorder = args.record.as_ref().map(|path| EmgRecorder::create(path, &info)).transpose()?;
+    out.published = args.lsl.as_ref().map(|name| Published::open(name, &info)).transpose()?;
     let mut glance = Glance::new(&info, &label);
     out.line(
         &json!({ "event": "open", "source": info.name, "rate_hz": info.rate_hz, "channels": info.channels,
-        "trained_on": label, "zero": zero, "loss_is_counted": info.loss_is_counted }),
+        "trained_on": label, "zero": stream.zero, "loss_is_counted": info.loss_is_counted }),
     )?;
-    let begin = Instant::now();
-    let mut now = SimTime(0);
-    let mut packet = EmgPacket::default();
     let mut going = true;
     while going && !stop.load(Ordering::Relaxed) {
-        if args.seconds.is_some_and(|s| begin.elapsed().as_secs_f64() >= s) {
+        if args.seconds.is_some_and(|s| stream.elapsed_secs() >= s) {
             break;
         }
-        match source.poll(Duration::from_millis(20), &mut packet)? {
+        let event = stream.next(|packet| {
+            recorder.as_mut().map_or(Ok(()), |recorder| recorder.packet(packet))?;
+            Ok(out.published.as_mut().map_or(Ok(()), |published| published.packet(packet))?)
+        })?;
+        let now = stream.now;
+        match event {
             SourceEvent::Packet => {
-                // The stream's clock must not go back, whichever clock it is read from.
-                now = now.max(SimTime(packet.received.as_millis() as u64));
-                if let Some(recorder) = &mut recorder {
-                    recorder.packet(&packet)?;
-                }
+                let packet = &stream.packet;
                 if packet.lost_before > 0 {
                     let next = packet.samples.first().map(|s| s.counter);
                     going &= out.line(&json!({ "event": "gap", "t_s": now.as_secs(),
                         "lost_samples": packet.lost_before, "next_sample": next }))?;
                 }
-                for sample in &mut packet.samples {
-                    if let Some(check) = &mut centring
-                        && check.push(sample)?
-                    {
-                        centring = None;
-                    }
-                    sample.channels.iter_mut().zip(&zero).for_each(|(value, zero)| *value -= zero);
+                for sample in &packet.samples {
                     glance.sample(sample);
                     if quality.push(now, sample) {
                         glance.quality.copy_from_slice(quality.channels());
@@ -241,7 +243,6 @@ fn samples(
             }
             SourceEvent::Ended => break,
             event => {
-                now = now.max(SimTime(begin.elapsed().as_millis() as u64));
                 match event {
                     SourceEvent::Lost { reason } => {
                         glance.trouble = Some(reason.clone());
@@ -261,28 +262,33 @@ fn samples(
             }
         }
         if !out.json {
-            glance.counts = source.counts();
+            glance.counts = stream.source.counts();
             out.view.show(&glance)?;
         }
     }
     let recorded = recorder.map(EmgRecorder::finish).transpose()?;
-    let (source_counts, counts) = (source.counts(), pipeline.counts());
-    out.line(
-        &json!({ "event": "end", "recorded_samples": recorded, "link": source_counts, "stream": counts }),
-    )?;
+    let (link, clock, counts) = (stream.source.counts(), stream.source.clock(), pipeline.counts());
+    out.line(&json!({ "event": "end", "recorded_samples": recorded, "link": link, "clock": clock,
+        "stream": counts }))?;
     if !out.json {
-        println!(
-            "{} packets, {} windows, {} samples lost",
-            source_counts.packets, counts.windows, source_counts.lost_samples
-        );
+        println!("{} packets, {} windows, {} samples lost", link.packets, counts.windows, link.lost_samples);
+        if let Some(clock) = clock {
+            println!(
+                "sender's clock {:+.6} s to this one (within {:.6}); samples arrive {:.1} ms old, at most {:.1}",
+                clock.offset_secs,
+                clock.uncertainty_secs,
+                1e3 * clock.mean_age_secs,
+                1e3 * clock.worst_age_secs
+            );
+        }
     }
     Ok(())
 }
 
 /// Classes of another program instead of samples.
 fn classes(args: &StreamArgs, port: u16, out: &mut Output, stop: &AtomicBool) -> Result<(), Box<dyn Error>> {
-    if args.record.is_some() {
-        return Err("LibEMG sends classes, not samples: there is nothing to --record".into());
+    if args.record.is_some() || args.lsl.is_some() {
+        return Err("LibEMG sends classes, not samples: there is nothing to --record or to publish".into());
     }
     let mut receiver = LibEmgReceiver::bind(port)?;
     let address = receiver.address()?.to_string();

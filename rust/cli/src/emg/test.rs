@@ -1,29 +1,30 @@
 //! `proact emg test`: can this person use this model?
 
 use super::{
+    centred::CentredStream,
     page::PageScreen,
-    source::{CentringCheck, SourceArgs, SourceName, open, read_model, zero_levels},
+    screen::bar,
+    source::{SourceArgs, SourceName, open, read_model},
     train::PageArgs,
+    write_whole,
 };
 use clap::{Args, ValueEnum};
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use proact_devices::{EmgPacket, SampleSource, SourceEvent, stream};
+use indicatif::ProgressBar;
+use proact_devices::{SourceEvent, stream};
 use proact_emg::{
-    CursorConfig, CursorEvent, CursorTest, EmgOutput, EmgPipeline, HoldConfig, HoldTest, SequenceConfig,
-    SequenceTest,
+    Adaptation, AdaptationConfig, CursorConfig, CursorEvent, CursorTest, EmgOutput, EmgPipeline, HoldConfig,
+    HoldTest, SequenceConfig, SequenceTest,
 };
 use proact_types::{Gesture, SimTime};
 use rand::seq::SliceRandom;
 use serde_json::{Value, json};
 use std::{
     error::Error,
-    io::IsTerminal,
     path::PathBuf,
     sync::{
         Arc,
         atomic::{AtomicBool, Ordering},
     },
-    time::{Duration, Instant},
 };
 
 /// Options of `proact emg test`.
@@ -61,6 +62,10 @@ pub struct TestArgs {
     /// The cursor always moves at full speed, whatever the effort.
     #[arg(long)]
     constant_speed: bool,
+    /// Learn from the longer trial: a window that was recognised as prompted is confirmed, and moves the class means and
+    /// covariance a little. The adapted model goes to this new file if the tests are passed; the old one stays.
+    #[arg(long, value_name = "MODEL")]
+    adapt: Option<PathBuf>,
     #[command(flatten)]
     page: PageArgs,
 }
@@ -84,6 +89,14 @@ pub(super) fn run(args: &TestArgs, json: bool) -> Result<(), Box<dyn Error>> {
     if let SourceName::File(path) = &args.source.source {
         return Err(format!("file:{} makes no gestures that are asked for; a recording can act as a person with person:FOLDER", path.display()).into());
     }
+    if let Some(out) = &args.adapt {
+        if !args.tests.contains(&TestName::Trial) {
+            return Err("--adapt learns from the longer trial; name it with --tests".into());
+        }
+        if out.exists() {
+            return Err(format!("{} is there already; name another file with --adapt", out.display()).into());
+        }
+    }
     let stop = Arc::new(AtomicBool::new(false));
     let handler = stop.clone();
     // A second handler in one process, as in tests, is refused and not needed.
@@ -92,19 +105,15 @@ pub(super) fn run(args: &TestArgs, json: bool) -> Result<(), Box<dyn Error>> {
     let info = source.info().clone();
     let model = read_model(&args.model, &info)?;
     let pipeline = EmgPipeline::new(&model.config, model.classifier.clone())?;
-    let mut live = Live {
-        zero: zero_levels(&args.source, &info, &model),
-        centring: CentringCheck::new(&args.source, &info, &model),
-        source,
-        pipeline,
-        begin: Instant::now(),
-        now: SimTime(0),
-        packet: EmgPacket::default(),
-        in_force: Gesture::NoMotion,
-        effort: 0.0,
-        stop,
+    let stream = CentredStream::new(source, &args.source, &model);
+    let adaptation =
+        args.adapt.as_ref().map(|_| Adaptation::new(AdaptationConfig::default(), &model)).transpose()?;
+    let mut live = Live { stream, pipeline, adaptation, in_force: Gesture::NoMotion, effort: 0.0, stop };
+    let mut show = Show {
+        page: None,
+        bar: bar(!json && !args.page.page, 1, "{prefix:10} {bar:30} {pos} of {len}  {msg}"),
+        last: None,
     };
-    let mut show = Show { page: None, bar: bar(!json && !args.page.page), last: None };
     if args.page.page {
         show.page = Some(PageScreen::open(&args.page, &info.name)?);
         show.wait(&mut live)?;
@@ -123,6 +132,13 @@ pub(super) fn run(args: &TestArgs, json: bool) -> Result<(), Box<dyn Error>> {
         }
     }
     result["passed"] = json!(failed.is_empty());
+    if let (Some(adaptation), Some(out)) = (&live.adaptation, &args.adapt) {
+        if failed.is_empty() {
+            write_whole(out, &adaptation.model().to_json()?)?;
+        }
+        result["adaptation"] = json!({ "windows": adaptation.used(), "drift": adaptation.drift(),
+            "model": failed.is_empty().then(|| out.display().to_string()) });
+    }
     show.bar.finish_and_clear();
     if let Some(page) = &mut show.page {
         page.end(&result);
@@ -154,7 +170,7 @@ fn sequence(
     })?;
     while !test.is_finished() {
         live.advance()?;
-        if test.step(live.now, live.in_force) {
+        if test.step(live.now(), live.in_force) {
             live.prompt(test.prompt());
         }
         show.test("sequence", test.prompt(), live.in_force, &json!(test.report()));
@@ -179,8 +195,12 @@ fn trial(
     let mut test = HoldTest::new(HoldConfig { prompts, target: args.target, ..HoldConfig::default() })?;
     while !test.is_finished() {
         let decided = live.advance()?.map(|output| output.gesture);
-        if test.step(live.now, decided) {
+        let counted = test.report().decisions;
+        if test.step(live.now(), decided) {
             live.prompt(test.prompt());
+        }
+        if test.report().decisions > counted {
+            live.confirm(test.prompt())?;
         }
         show.test("trial", test.prompt(), live.in_force, &json!(test.report()));
     }
@@ -201,11 +221,11 @@ fn cursor(
     let mut person = Steering::default();
     while !test.is_finished() {
         let decided = live.advance()?;
-        let event = test.step(live.now, live.in_force, live.effort);
+        let event = test.step(live.now(), live.in_force, live.effort);
         if decided.is_some()
-            && let Some(wanted) = person.wants(&test, live.now)
+            && let Some(wanted) = person.wants(&test, live.now())
         {
-            live.source.prompt(wanted);
+            live.prompt(Some(wanted));
         }
         if let Some(page) = &mut show.page {
             page.show_cursor(&test, live.in_force, live.effort, matches!(event, Some(CursorEvent::Moved(_))));
@@ -251,13 +271,9 @@ impl Steering {
 
 /// The stream and what is recognised in it.
 struct Live {
-    source: Box<dyn SampleSource>,
-    zero: Vec<f64>,
-    centring: Option<CentringCheck>,
+    stream: CentredStream,
     pipeline: EmgPipeline,
-    begin: Instant,
-    now: SimTime,
-    packet: EmgPacket,
+    adaptation: Option<Adaptation>,
     in_force: Gesture,
     effort: f64,
     stop: Arc<AtomicBool>,
@@ -269,25 +285,10 @@ impl Live {
         if self.stop.load(Ordering::Relaxed) {
             return Err("stopped before the end of the test".into());
         }
-        let event = self.source.poll(Duration::from_millis(20), &mut self.packet)?;
-        let at = match event {
-            SourceEvent::Ended => return Err("the source ended before the test did".into()),
-            SourceEvent::Packet => self.packet.received.as_millis() as u64,
-            _ => self.begin.elapsed().as_millis() as u64,
-        };
-        self.now = self.now.max(SimTime(at));
-        if event != SourceEvent::Packet {
-            self.packet.samples.clear();
+        if self.stream.next(|_| Ok(()))? == SourceEvent::Ended {
+            return Err("the source ended before the test did".into());
         }
-        for sample in &mut self.packet.samples {
-            if let Some(check) = &mut self.centring
-                && check.push(sample)?
-            {
-                self.centring = None;
-            }
-            sample.channels.iter_mut().zip(&self.zero).for_each(|(value, zero)| *value -= zero);
-        }
-        let output = self.pipeline.step(self.now, &self.packet.samples);
+        let output = self.pipeline.step(self.stream.now, &self.stream.packet.samples);
         if let Some(output) = &output {
             self.in_force = output.gesture;
             // The effort of the class that the rule has not taken over yet is not that of the gesture in force.
@@ -296,8 +297,22 @@ impl Live {
         Ok(output)
     }
 
+    /// The newest window is one of `gesture`, which was asked for long enough ago.
+    fn confirm(&mut self, gesture: Option<Gesture>) -> Result<(), Box<dyn Error>> {
+        if let (Some(adaptation), Some(gesture)) = (&mut self.adaptation, gesture)
+            && adaptation.confirm(gesture, self.pipeline.features())?
+        {
+            self.pipeline.set_classifier(adaptation.classifier().clone())?;
+        }
+        Ok(())
+    }
+
+    fn now(&self) -> SimTime {
+        self.stream.now
+    }
+
     fn prompt(&mut self, gesture: Option<Gesture>) {
-        self.source.prompt(gesture.unwrap_or(Gesture::NoMotion));
+        self.stream.source.prompt(gesture.unwrap_or(Gesture::NoMotion));
     }
 }
 
@@ -306,19 +321,6 @@ struct Show {
     page: Option<PageScreen>,
     bar: ProgressBar,
     last: Option<Gesture>,
-}
-
-fn bar(visible: bool) -> ProgressBar {
-    let target = if visible && std::io::stderr().is_terminal() {
-        ProgressDrawTarget::stderr()
-    } else {
-        ProgressDrawTarget::hidden()
-    };
-    let bar = ProgressBar::with_draw_target(Some(1), target);
-    if let Ok(style) = ProgressStyle::with_template("{prefix:10} {bar:30} {pos} of {len}  {msg}") {
-        bar.set_style(style);
-    }
-    bar
 }
 
 impl Show {
@@ -378,6 +380,14 @@ fn text(result: &Value) -> String {
             passed(report),
             100.0 * number(&report["accuracy"]),
             report["decisions"]
+        );
+    }
+    if let Some(report) = result.get("adaptation") {
+        out += &format!(
+            "adaptation: {} windows used, class means moved by {:.2} standard deviations; {}\n",
+            report["windows"],
+            number(&report["drift"]),
+            report["model"].as_str().map_or("not kept".to_owned(), |file| format!("the model is in {file}"))
         );
     }
     if let Some(report) = result.get("cursor") {

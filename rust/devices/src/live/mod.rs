@@ -31,7 +31,7 @@ pub struct SourceInfo {
     pub zero: f64,
     /// Smallest and largest code that the converter can give; a signal there is cut off. None where unknown.
     pub rails: Option<(f64, f64)>,
-    /// Losses show in the counter by the device's own numbering. Without it only silences tell.
+    /// Losses show in the counter, by the device's own numbering or its time stamps. Without it only silences tell.
     pub loss_is_counted: bool,
 }
 
@@ -84,8 +84,26 @@ pub trait SampleSource: Send {
     /// What the stream brought and lost so far.
     fn counts(&self) -> SourceCounts;
 
+    /// How the sender's clock compares with the host's; none where the sender does not stamp samples.
+    fn clock(&self) -> Option<SourceClock> {
+        None
+    }
+
     /// Tells a simulated person what is asked for. Armbands on people, and recordings, take no notice.
     fn prompt(&mut self, _gesture: Gesture) {}
+}
+
+/// A sender's clock beside the host's, and how old samples are when they arrive.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct SourceClock {
+    /// To be added to the sender's time to get the host's, seconds.
+    pub offset_secs: f64,
+    /// The offset is wrong by no more than this, seconds.
+    pub uncertainty_secs: f64,
+    /// From the stamp to the arrival, mean since the source was opened, seconds.
+    pub mean_age_secs: f64,
+    /// The same, the worst, seconds.
+    pub worst_age_secs: f64,
 }
 
 /// What a source met since it was opened.

@@ -1,0 +1,216 @@
+//! Streams of the lab streaming layer between processes on this machine, with our own program and with pylsl, which
+//! brings another version of liblsl.
+#![cfg(feature = "lsl")]
+#![allow(clippy::unwrap_used, clippy::disallowed_methods)] // A test of programs starts programs.
+
+mod common;
+
+use common::{Running, event, proact, stream};
+use serde_json::Value;
+use std::{
+    io::{BufRead, BufReader, Lines},
+    path::{Path, PathBuf},
+    process::{ChildStdout, Command, Stdio},
+};
+
+/// A name that no other program on the network has.
+fn name(of: &str) -> String {
+    format!("proact-test-{of}-{}", std::process::id())
+}
+
+/// Publishes simulated EMG as `name` for at most two minutes.
+fn simulator(name: &str, words: &[&str]) -> Running {
+    let mut command = proact(&[&["simulate", "--lsl", name, "--seconds", "120"], words].concat());
+    let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
+    let mut line = String::new();
+    BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
+    let opened: Value = serde_json::from_str(&line).unwrap_or_else(|e| panic!("{line:?}: {e}"));
+    assert_eq!(opened["lsl"], name);
+    Running(child)
+}
+
+/// Lines of a stream that still runs.
+struct Live {
+    _running: Running,
+    lines: Lines<BufReader<ChildStdout>>,
+}
+
+impl Live {
+    fn start(words: &[&str]) -> Live {
+        let mut command = proact(&[&["stream", "--seconds", "120"], words].concat());
+        let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
+        let lines = BufReader::new(child.stdout.take().unwrap()).lines();
+        Live { _running: Running(child), lines }
+    }
+
+    /// The first line from now on that is as wanted.
+    fn find(&mut self, wanted: impl Fn(&Value) -> bool) -> Value {
+        let mut lines =
+            self.lines.by_ref().map(|line| serde_json::from_str::<Value>(&line.unwrap()).unwrap());
+        lines.find(wanted).expect("the stream ended before")
+    }
+}
+
+fn decisions(lines: &[Value]) -> Vec<&Value> {
+    lines.iter().filter(|l| l.get("event").is_none() && l["stale"] == false).collect()
+}
+
+/// Share of windows that were taken for `gesture`.
+fn share(lines: &[Value], gesture: &str) -> f64 {
+    let decisions = decisions(lines);
+    let right = decisions.iter().filter(|l| l["window_class"] == gesture).count();
+    right as f64 / decisions.len() as f64
+}
+
+#[test]
+fn a_stream_goes_through_two_programs_and_its_classes_are_right() {
+    let (first, second) = (name("first"), name("second"));
+    let _simulator = simulator(&first, &["--gesture", "hand_close:1,wrist_flexion:1"]);
+    let (from_first, from_second) = (format!("lsl:{first}"), format!("lsl:{second}"));
+    let mut between = Live::start(&["--source", &from_first, "--lsl", &second]);
+    between.find(|line| line["event"] == "open");
+    let dir = tempfile::tempdir().unwrap();
+    let record = dir.path().join("stream.csv");
+    let lines = stream(&["--source", &from_second, "--seconds", "6", "--record", record.to_str().unwrap()]);
+
+    let open = event(&lines, "open")[0];
+    assert_eq!((&open["rate_hz"], &open["channels"]), (&1000.0.into(), &8.into()));
+    let (close, flexion) = (share(&lines, "hand_close"), share(&lines, "wrist_flexion"));
+    assert!(close > 0.3 && flexion > 0.3 && close + flexion > 0.95, "{close} and {flexion}");
+    let end = event(&lines, "end")[0];
+    assert_eq!((&end["link"]["lost_samples"], &end["link"]["resyncs"]), (&0.into(), &0.into()), "{end}");
+    let recorded = proact_devices::read_recorded(&record).unwrap();
+    assert!(recorded.samples.iter().zip(0..).all(|(sample, k)| sample.counter == k));
+    assert_eq!(
+        (recorded.rate_hz, Some(recorded.samples.len() as u64)),
+        (1000.0, end["recorded_samples"].as_u64())
+    );
+    // Both programs run on this machine, thus on one clock. Samples are not from the future, but for the unsteadiness of
+    // packets about the line that they are stamped by, and not older than their stream.
+    let clock = |key: &str| end["clock"][key].as_f64().unwrap();
+    assert!(clock("offset_secs").abs() <= clock("uncertainty_secs") + 1e-3, "{end}");
+    assert!((-0.02..6.0).contains(&clock("mean_age_secs")), "{end}");
+}
+
+#[test]
+fn lost_packets_are_gaps_of_their_length() {
+    let name = name("lossy");
+    let _simulator = simulator(&name, &["--gesture", "hand_open:1", "--loss", "0.03", "--seed", "4"]);
+    let lines = stream(&["--source", &format!("lsl:{name}"), "--seconds", "6"]);
+    let gaps = event(&lines, "gap");
+    assert!(!gaps.is_empty());
+    assert!(gaps.iter().all(|gap| gap["lost_samples"].as_u64().unwrap() % 16 == 0), "{gaps:?}");
+    let end = event(&lines, "end")[0];
+    assert!(end["stream"]["rejected_windows"].as_u64() > Some(0), "{end}");
+    assert!(share(&lines, "hand_open") > 0.95);
+}
+
+#[test]
+fn a_sender_that_goes_away_stops_the_arm_and_is_found_again() {
+    let name = name("absent");
+    let first = simulator(&name, &["--gesture", "no_motion:1,hand_close:1"]);
+    let mut live = Live::start(&["--source", &format!("lsl:{name}")]);
+    live.find(|line| line["gesture"] == "hand_close");
+    drop(first);
+    let stale = live.find(|line| line["stale"] == true);
+    assert_eq!(stale["gesture"], "no_motion");
+    live.find(|line| line["event"] == "lost");
+    // The hand was closed when the stream broke off, and still is: that alone must not start the arm.
+    let second = simulator(&name, &["--gesture", "hand_close:60"]);
+    live.find(|line| line["event"] == "restored");
+    let gap = live.find(|line| line["event"] == "gap");
+    assert!(gap["lost_samples"].as_u64() > Some(1000), "{gap}");
+    for _ in 0..20 {
+        let decision = live.find(|line| line["window_class"] == "hand_close" && line["stale"] == false);
+        assert_eq!(decision["gesture"], "no_motion");
+    }
+    drop(second);
+}
+
+#[test]
+fn streams_that_cannot_be_used_are_refused_with_the_reason() {
+    let refused = |words: &[&str]| {
+        let output = proact(words).output().unwrap();
+        assert!(!output.status.success());
+        String::from_utf8(output.stderr).unwrap()
+    };
+    let twice = name("twice");
+    let _running = [simulator(&twice, &[]), simulator(&twice, &[])];
+    let source = format!("lsl:{twice}");
+    assert!(refused(&["stream", "--source", &source]).contains("several streams of this name"));
+    let absent = format!("lsl:{}", name("nobody"));
+    assert!(refused(&["stream", "--source", &absent]).contains("no stream of this name"));
+    // Decisions are texts without a rate.
+    let (chain, sender) = (name("chain"), name("sender"));
+    let _simulator = simulator(&sender, &[]);
+    let mut between = Live::start(&["--source", &format!("lsl:{sender}"), "--lsl", &chain]);
+    between.find(|line| line["event"] == "open");
+    let markers = format!("lsl:{chain}-decisions");
+    assert!(refused(&["stream", "--source", &markers]).contains("nominal rate is 0"));
+    assert!(refused(&["simulate", "--lsl", "it's"]).contains("quotation marks"));
+    assert!(refused(&["simulate", "--lsl", "x", "--loss", "NaN"]).contains("--loss is NaN"));
+}
+
+/// Python with pylsl, or none with a message.
+fn peer() -> Option<PathBuf> {
+    let checkout = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../build/peers");
+    let python = std::env::var_os("PROACT_PEERS").map_or(checkout, PathBuf::from).join("bin/python3");
+    let has = Command::new(&python).args(["-c", "import pylsl"]).output();
+    if !has.is_ok_and(|output| output.status.success()) {
+        println!("skipped: pylsl not found; ./proact peers gets it");
+        return None;
+    }
+    Some(python)
+}
+
+fn peer_program(python: &Path, words: &[&str]) -> Command {
+    let mut command = Command::new(python);
+    let program = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/side_by_side/emg/lsl_peer.py");
+    command.arg(program).args(words).stderr(Stdio::null());
+    command
+}
+
+#[test]
+fn what_pylsl_sends_arrives_whole_and_its_gap_is_found() {
+    let Some(python) = peer() else { return };
+    let name = name("pylsl");
+    let _sender = Running(peer_program(&python, &["send", &name]).spawn().unwrap());
+    let dir = tempfile::tempdir().unwrap();
+    let record = dir.path().join("stream.csv");
+    let source = format!("lsl:{name}");
+    let lines = stream(&["--source", &source, "--seconds", "6", "--record", record.to_str().unwrap()]);
+    let gaps = event(&lines, "gap");
+    let found: Vec<_> =
+        gaps.iter().map(|gap| (gap["lost_samples"].as_u64(), gap["next_sample"].as_u64())).collect();
+    assert_eq!(found, [(Some(5), Some(3005))]);
+    let recorded = proact_devices::read_recorded(&record).unwrap();
+    assert!(recorded.samples.len() > 3500, "{}", recorded.samples.len());
+    for sample in &recorded.samples {
+        let sent: Vec<f64> = (0..8).map(|c| ((sample.counter + c) % 1000) as f64).collect();
+        assert_eq!(sample.channels.as_slice(), sent);
+    }
+}
+
+#[test]
+fn pylsl_receives_samples_and_decisions() {
+    let Some(python) = peer() else { return };
+    let (sender, ours) = (name("sender-of-pylsl"), name("ours"));
+    let _simulator = simulator(&sender, &["--gesture", "no_motion:1,hand_close:1"]);
+    let mut live = Live::start(&["--source", &format!("lsl:{sender}"), "--lsl", &ours]);
+    live.find(|line| line["gesture"] == "hand_close");
+    let output = peer_program(&python, &["receive", &ours, "3000"]).output().unwrap();
+    let got: Value = serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("{output:?}: {e}"));
+    assert_eq!((&got["type"], &got["rate_hz"], &got["channels"]), (&"EMG".into(), &1000.0.into(), &8.into()));
+    assert_eq!((&got["labels"][7], &got["widths"]), (&"EMG7".into(), &serde_json::json!([8])));
+    // Stamps are even although samples leave in packets.
+    let number = |key: &str| got[key].as_f64().unwrap();
+    assert!(number("least_step") > 0.0004 && number("most_step") < 0.0016, "{got}");
+    let gestures = got["gestures"].as_array().unwrap();
+    for gesture in ["no_motion", "hand_close"] {
+        assert!(gestures.iter().filter(|decision| decision[0] == gesture).count() > 5, "{got}");
+    }
+    for decision in gestures {
+        let at = decision[1].as_f64().unwrap();
+        assert!(at > number("first") - 1.0 && at <= number("last") + 1.0, "{at} in {got}");
+    }
+}

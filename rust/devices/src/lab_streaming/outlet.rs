@@ -1,0 +1,128 @@
+use super::{EMG_TYPE, failed};
+use crate::{DeviceError, EmgPacket, SourceInfo};
+use lsl::{ChannelFormat, ExPushable, StreamInfo, StreamOutlet};
+use proact_types::Gesture;
+
+/// Weight of one packet's arrival in the line from sample counter to stamp.
+const LINE_GAIN: f64 = 0.01;
+/// Most by which that line moves, of the time that passes. No device's clock is further from its nominal rate, and a
+/// reader must not take the move for a lost sample.
+const LARGEST_DRIFT: f64 = 0.01;
+/// Most by which it moves at once, in samples.
+const LARGEST_STEP: f64 = 0.2;
+/// A packet that comes by more than this before its time follows one that had waited, seconds.
+const WAITED_SECS: f64 = 0.005;
+/// Seconds that are kept for a reader that is late.
+const KEPT_SECS: i32 = 60;
+
+/// Publishes samples as `NAME` (type EMG) and decisions as `NAME-decisions` (type Markers, the gesture's name).
+///
+/// Stamps follow the device's sample counter and its packets' mean arrival: they are as even as the device's clock, and
+/// what was lost is missing in them.
+pub struct LslOutlet {
+    samples: StreamOutlet,
+    decisions: StreamOutlet,
+    name: String,
+    period: f64,
+    /// Counter and stamp of the newest sample.
+    newest: Option<(u64, f64)>,
+    /// Packets are known to come when they are sent.
+    settled: bool,
+    values: Vec<f32>,
+}
+
+impl LslOutlet {
+    /// Makes both streams known on the network.
+    ///
+    /// # Errors
+    /// An unusable name, or no more sockets.
+    pub fn open(name: &str, info: &SourceInfo) -> Result<LslOutlet, DeviceError> {
+        if name.is_empty() || name.contains(['\'', '"']) || name.chars().any(char::is_control) {
+            return Err(failed(name, "a name is not empty and has no quotation marks"));
+        }
+        let error = |error| failed(name, error);
+        let channels = info.channels as u32;
+        // With the same source a reader finds the stream again when the program is started anew.
+        let source = |stream: &str| format!("proact-{stream}");
+        let mut about =
+            StreamInfo::new(name, EMG_TYPE, channels, info.rate_hz, ChannelFormat::Float32, &source(name))
+                .map_err(error)?;
+        let mut list = about.desc().append_child("channels");
+        for channel in 0..info.channels {
+            list.append_child("channel")
+                .append_child_value("label", &format!("EMG{channel}"))
+                .append_child_value("unit", "counts")
+                .append_child_value("type", EMG_TYPE);
+        }
+        about.desc().append_child_value("device", &info.name);
+        let samples = StreamOutlet::new(&about, 0, KEPT_SECS).map_err(error)?;
+        let markers = format!("{name}-decisions");
+        let about = StreamInfo::new(
+            &markers,
+            "Markers",
+            1,
+            lsl::IRREGULAR_RATE,
+            ChannelFormat::String,
+            &source(&markers),
+        )
+        .map_err(error)?;
+        let decisions = StreamOutlet::new(&about, 0, KEPT_SECS).map_err(error)?;
+        let (period, values) = (1.0 / info.rate_hz, Vec::with_capacity(info.channels));
+        Ok(LslOutlet {
+            samples,
+            decisions,
+            name: name.to_owned(),
+            period,
+            newest: None,
+            settled: false,
+            values,
+        })
+    }
+
+    /// Somebody reads the samples.
+    pub fn has_readers(&self) -> bool {
+        self.samples.have_consumers()
+    }
+
+    /// Publishes a packet that has just arrived. The first ones, which may have waited for somebody to take them, are not
+    /// published: their arrival says nothing about their time.
+    ///
+    /// # Errors
+    /// liblsl refuses it.
+    pub fn packet(&mut self, packet: &EmgPacket) -> Result<(), DeviceError> {
+        let Some(last) = packet.samples.last() else { return Ok(()) };
+        let now = lsl::local_clock();
+        let passed = self.newest.map(|(counter, stamp)| (last.counter as f64 - counter as f64, stamp));
+        let due = passed.map_or(f64::INFINITY, |(samples, stamp)| stamp + samples * self.period);
+        self.settled |= now > due - WAITED_SECS;
+        if !self.settled {
+            self.newest = Some((last.counter, now));
+            return Ok(());
+        }
+        let samples = passed.map_or(0.0, |(samples, _)| samples.max(0.0));
+        let most = (LARGEST_DRIFT * samples).min(LARGEST_STEP) * self.period;
+        let end = due + (LINE_GAIN * (now - due)).clamp(-most, most);
+        self.newest = Some((last.counter, end));
+        for sample in &packet.samples {
+            self.values.clear();
+            self.values.extend(sample.channels.iter().map(|value| *value as f32));
+            let stamp = end - (last.counter - sample.counter) as f64 * self.period;
+            let pushed = self.samples.push_sample_ex(&self.values, stamp, sample.counter == last.counter);
+            pushed.map_err(|error| failed(&self.name, error))?;
+        }
+        Ok(())
+    }
+
+    /// Publishes a decision; `counter` is that of its window's last sample. Without one it is stamped now.
+    ///
+    /// # Errors
+    /// liblsl refuses it.
+    pub fn decision(&mut self, gesture: Gesture, counter: Option<u64>) -> Result<(), DeviceError> {
+        let stamp = match (counter, self.newest) {
+            (Some(counter), Some((newest, end))) => end - newest.saturating_sub(counter) as f64 * self.period,
+            _ => lsl::local_clock(),
+        };
+        let pushed = self.decisions.push_sample_ex(&vec![gesture.ros_name()], stamp, true);
+        pushed.map_err(|error| failed(&self.name, error))
+    }
+}

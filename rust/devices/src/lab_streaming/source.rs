@@ -1,0 +1,312 @@
+use super::{EMG_TYPE, failed, numbering::Numbering};
+use crate::{DeviceError, EmgPacket, SampleSource, SourceClock, SourceCounts, SourceEvent, SourceInfo};
+use lsl::{ChannelFormat, Pullable, StreamInfo, StreamInlet};
+use proact_types::{EmgSample, MAX_EMG_CHANNELS};
+use std::{
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+        mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel},
+    },
+    thread::JoinHandle,
+    time::{Duration, Instant},
+};
+
+/// How long all streams of a name have to answer, so that a second one is noticed.
+const ALL_SECS: f64 = 1.0;
+/// How long the first one has, after that.
+const FIRST_SECS: f64 = 4.0;
+/// How long the stream has to open.
+const OPEN_SECS: f64 = 5.0;
+/// From one look at the clocks' comparison, which liblsl makes in the background, to the next: before there is one, and then.
+const CLOCK_PERIODS: [Duration; 2] = [Duration::from_millis(200), Duration::from_secs(2)];
+/// A stream without a sample for so long is lost, until one comes.
+const SILENCE: Duration = Duration::from_secs(2);
+/// Samples that may wait for whoever polls; those beyond leave a gap. Four seconds at 1 kHz.
+const WAITING: usize = 4096;
+/// Most samples of a packet.
+const PACKET: usize = 64;
+/// Seconds of samples that liblsl keeps for a reader that is late.
+const KEPT_SECS: i32 = 5;
+
+/// An EMG stream of the lab streaming layer, from any program on the network.
+///
+/// liblsl connects anew by itself when the sender comes back. Samples are numbered by their time stamps, so that what is
+/// missing in them is a gap.
+pub struct LslSource {
+    info: SourceInfo,
+    samples: Receiver<Arrived>,
+    /// Came after a gap and begins the next packet.
+    held: Option<EmgSampleAfter>,
+    numbering: Numbering,
+    next: u64,
+    opened: Instant,
+    heard: Instant,
+    lost: bool,
+    counts: SourceCounts,
+    clock: ClockStatistics,
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// A sample as it came.
+struct Arrived {
+    sample: EmgSample,
+    /// By the sender's clock, and when it arrived, seconds of liblsl's clock on this machine.
+    stamp: f64,
+    arrived: f64,
+    at: Instant,
+    /// The sender's clock to that of this machine, and how wrong that may be, seconds.
+    offset: Option<(f64, f64)>,
+}
+
+/// A numbered sample, and what is missing before it.
+struct EmgSampleAfter {
+    sample: EmgSample,
+    lost: u64,
+    at: Instant,
+}
+
+#[derive(Default)]
+struct ClockStatistics {
+    offset: Option<(f64, f64)>,
+    ages: u64,
+    age_sum: f64,
+    worst_age: f64,
+}
+
+impl LslSource {
+    /// Opens the stream called `name`; without a name the only one of type EMG.
+    ///
+    /// # Errors
+    /// No such stream, or several; one without a rate, with too many channels or with texts; no connection.
+    pub fn open(name: Option<&str>) -> Result<LslSource, DeviceError> {
+        let label = name.unwrap_or(EMG_TYPE).to_owned();
+        if label.is_empty() || label.contains(['\'', '"']) || label.chars().any(char::is_control) {
+            return Err(failed(&label, "a name is not empty and has no quotation marks"));
+        }
+        let property = if name.is_some() { "name" } else { "type" };
+        let stop = Arc::new(AtomicBool::new(false));
+        let (sender, samples) = sync_channel(WAITING);
+        let (ready, opened) = sync_channel(1);
+        // The inlet cannot leave the thread that made it.
+        let thread = std::thread::spawn({
+            let (label, stop) = (label.clone(), stop.clone());
+            move || match connect(property, &label) {
+                Ok((inlet, info)) => {
+                    // If nobody waits any more, nobody takes samples either.
+                    let _ = ready.send(Ok(info));
+                    pull(&inlet, &sender, &stop);
+                }
+                Err(error) => {
+                    let _ = ready.send(Err(error));
+                }
+            }
+        });
+        let info = opened.recv().map_err(|_| failed(&label, "the thread of the stream has ended"))??;
+        let now = Instant::now();
+        Ok(LslSource {
+            numbering: Numbering::new(info.rate_hz),
+            info,
+            samples,
+            held: None,
+            next: 0,
+            opened: now,
+            heard: now,
+            lost: false,
+            counts: SourceCounts::default(),
+            clock: ClockStatistics::default(),
+            stop,
+            thread: Some(thread),
+        })
+    }
+
+    /// Numbers a sample; none if its stamp is no time.
+    fn number(&mut self, arrived: Arrived) -> Option<EmgSampleAfter> {
+        let Arrived { mut sample, stamp, arrived, at, offset } = arrived;
+        if !stamp.is_finite() {
+            self.counts.malformed += 1;
+            return None;
+        }
+        let lost = self.numbering.lost_before(stamp, arrived);
+        self.counts.resyncs = self.numbering.clock_resets();
+        self.next += lost;
+        sample.counter = self.next;
+        self.next += 1;
+        self.clock.offset = offset.or(self.clock.offset);
+        if let Some((offset, _)) = self.clock.offset {
+            let age = arrived - (stamp + offset);
+            self.clock.ages += 1;
+            self.clock.age_sum += age;
+            self.clock.worst_age = self.clock.worst_age.max(age);
+        }
+        Some(EmgSampleAfter { sample, lost, at })
+    }
+}
+
+impl SampleSource for LslSource {
+    fn info(&self) -> &SourceInfo {
+        &self.info
+    }
+
+    fn poll(&mut self, timeout: Duration, packet: &mut EmgPacket) -> Result<SourceEvent, DeviceError> {
+        let first = match self.held.take() {
+            Some(held) => held,
+            None => match self.samples.recv_timeout(timeout) {
+                Ok(arrived) => match self.number(arrived) {
+                    Some(sample) => sample,
+                    None => return Ok(SourceEvent::Nothing),
+                },
+                Err(RecvTimeoutError::Timeout) => {
+                    let silent = self.heard.elapsed();
+                    if self.lost || silent < SILENCE {
+                        return Ok(SourceEvent::Nothing);
+                    }
+                    self.lost = true;
+                    self.counts.disconnects += 1;
+                    let reason = format!("no samples for {:.1} s", silent.as_secs_f64());
+                    return Ok(SourceEvent::Lost { reason });
+                }
+                Err(RecvTimeoutError::Disconnected) => {
+                    return Err(failed(&self.info.name, "liblsl gave the stream up"));
+                }
+            },
+        };
+        self.heard = first.at;
+        if std::mem::take(&mut self.lost) {
+            self.held = Some(first);
+            return Ok(SourceEvent::Restored);
+        }
+        packet.samples.clear();
+        packet.lost_before = first.lost;
+        let mut at = first.at;
+        packet.samples.push(first.sample);
+        // The rest that is there, up to the next gap.
+        while packet.samples.len() < PACKET
+            && let Ok(arrived) = self.samples.try_recv()
+        {
+            let Some(next) = self.number(arrived) else { continue };
+            if next.lost > 0 {
+                self.held = Some(next);
+                break;
+            }
+            at = next.at;
+            packet.samples.push(next.sample);
+        }
+        self.heard = at;
+        packet.received = at.saturating_duration_since(self.opened);
+        let last = packet.samples.last().map_or(0, |sample| sample.counter);
+        packet.device_secs = (last + 1) as f64 / self.info.rate_hz;
+        self.counts.packets += 1;
+        self.counts.lost_samples += packet.lost_before;
+        Ok(SourceEvent::Packet)
+    }
+
+    fn counts(&self) -> SourceCounts {
+        self.counts
+    }
+
+    fn clock(&self) -> Option<SourceClock> {
+        let ClockStatistics { offset, ages, age_sum, worst_age } = self.clock;
+        let (offset_secs, uncertainty_secs) = offset?;
+        let mean_age_secs = age_sum / ages.max(1) as f64;
+        Some(SourceClock { offset_secs, uncertainty_secs, mean_age_secs, worst_age_secs: worst_age })
+    }
+}
+
+impl Drop for LslSource {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            // A panic of the thread has been told by itself.
+            let _ = thread.join();
+        }
+    }
+}
+
+/// Finds the stream and subscribes to it.
+fn connect(property: &str, label: &str) -> Result<(StreamInlet, SourceInfo), DeviceError> {
+    let resolve =
+        |least, secs| lsl::resolve_byprop(property, label, least, secs).map_err(|error| failed(label, error));
+    let mut found = resolve(2, ALL_SECS)?;
+    if found.is_empty() {
+        found = resolve(1, FIRST_SECS)?;
+    }
+    let stream = match &found[..] {
+        [] => {
+            let secs = ALL_SECS + FIRST_SECS;
+            return Err(failed(
+                label,
+                format!(
+                    "no stream of this {property} answered within {secs} s; is its program running, \
+                         and does a firewall let UDP 16571 and TCP 16572 to 16604 through?"
+                ),
+            ));
+        }
+        [stream] => stream,
+        several => {
+            let name = |s: &StreamInfo| format!("{:?} on {}", s.stream_name(), s.hostname());
+            let names: Vec<String> = several.iter().map(name).collect();
+            return Err(failed(
+                label,
+                format!(
+                    "several streams of this {property}, expected one: {}; name one with lsl:NAME",
+                    names.join(", ")
+                ),
+            ));
+        }
+    };
+    let info = checked(stream).map_err(|reason| failed(label, reason))?;
+    let inlet = StreamInlet::new(stream, KEPT_SECS, 0, true).map_err(|error| failed(label, error))?;
+    inlet.open_stream(OPEN_SECS).map_err(|error| failed(label, format!("cannot be opened: {error}")))?;
+    Ok((inlet, info))
+}
+
+/// What the stream is, if it can be used.
+fn checked(stream: &StreamInfo) -> Result<SourceInfo, String> {
+    let (rate_hz, channels) = (stream.nominal_srate(), stream.channel_count());
+    if !(rate_hz.is_finite() && rate_hz > 0.0) {
+        return Err(format!("its nominal rate is {rate_hz}, expected samples per second above zero"));
+    }
+    if !(1..=MAX_EMG_CHANNELS as i32).contains(&channels) {
+        return Err(format!("it has {channels} channels, expected 1 to {MAX_EMG_CHANNELS}"));
+    }
+    if matches!(stream.channel_format(), ChannelFormat::String | ChannelFormat::Undefined) {
+        return Err("its samples are texts, expected numbers".to_owned());
+    }
+    Ok(SourceInfo {
+        name: format!("{} on {}, lab streaming layer", stream.stream_name(), stream.hostname()),
+        rate_hz,
+        channels: channels as usize,
+        packet_samples: 1,
+        zero: 0.0,
+        rails: None,
+        loss_is_counted: true,
+    })
+}
+
+/// Hands samples over until it is told to stop, or liblsl gives up.
+fn pull(inlet: &StreamInlet, samples: &SyncSender<Arrived>, stop: &AtomicBool) {
+    let mut values: Vec<f64> = Vec::new();
+    // Without a time-out it does not wait, so that no sample does.
+    let offset = || inlet.time_correction_ex(0.0).ok().map(|(offset, _, uncertainty)| (offset, uncertainty));
+    let mut clock = offset();
+    let mut compared = Instant::now();
+    while !stop.load(Ordering::Relaxed) {
+        // A time-out gives a stamp of zero.
+        let stamp = match inlet.pull_sample_buf(&mut values, 0.1) {
+            Ok(0.0) => continue,
+            Ok(stamp) => stamp,
+            Err(_) => return,
+        };
+        if compared.elapsed() > CLOCK_PERIODS[usize::from(clock.is_some())] {
+            (clock, compared) = (offset().or(clock), Instant::now());
+        }
+        let sample = EmgSample { counter: 0, channels: values.iter().copied().collect() };
+        let (arrived, at) = (lsl::local_clock(), Instant::now());
+        match samples.try_send(Arrived { sample, stamp, arrived, at, offset: clock }) {
+            Ok(()) | Err(TrySendError::Full(_)) => {}
+            Err(TrySendError::Disconnected(_)) => return,
+        }
+    }
+}
