@@ -1,7 +1,7 @@
 //! Lab streaming layer: streams of other programs as a source, ours published. Needs the feature `lsl`.
 
 #[cfg(not(feature = "lsl"))]
-use proact_devices::SourceInfo;
+use proact_devices::{DeviceError, SourceInfo};
 use proact_devices::{EmgPacket, SampleSource, gforce::CodeSource, stream};
 use proact_types::EmgSample;
 #[cfg(not(feature = "lsl"))]
@@ -46,15 +46,11 @@ impl Published {
         Err(NOT_BUILT_IN.into())
     }
 
-    pub(super) fn packet(&mut self, _packet: &EmgPacket) -> Result<(), Box<dyn Error>> {
+    pub(super) fn packet(&mut self, _packet: &EmgPacket) -> Result<(), DeviceError> {
         match *self {}
     }
 
-    pub(super) fn decision(
-        &mut self,
-        _gesture: Gesture,
-        _counter: Option<u64>,
-    ) -> Result<(), Box<dyn Error>> {
+    pub(super) fn decision(&mut self, _gesture: Gesture, _counter: Option<u64>) -> Result<(), DeviceError> {
         match *self {}
     }
 }

@@ -18,3 +18,11 @@ const EMG_TYPE: &str = "EMG";
 fn failed(stream: &str, reason: impl ToString) -> DeviceError {
     DeviceError::Lsl { stream: stream.to_owned(), reason: reason.to_string() }
 }
+
+/// Names go into the queries that find streams.
+fn check_name(name: &str) -> Result<(), DeviceError> {
+    if name.is_empty() || name.contains(['\'', '"']) || name.chars().any(char::is_control) {
+        return Err(failed(name, "a name is not empty and has no quotation marks"));
+    }
+    Ok(())
+}

@@ -1,4 +1,4 @@
-use super::{EMG_TYPE, failed};
+use super::{EMG_TYPE, check_name, failed};
 use crate::{DeviceError, EmgPacket, SourceInfo};
 use lsl::{ChannelFormat, ExPushable, StreamInfo, StreamOutlet};
 use proact_types::Gesture;
@@ -37,9 +37,7 @@ impl LslOutlet {
     /// # Errors
     /// An unusable name, or no more sockets.
     pub fn open(name: &str, info: &SourceInfo) -> Result<LslOutlet, DeviceError> {
-        if name.is_empty() || name.contains(['\'', '"']) || name.chars().any(char::is_control) {
-            return Err(failed(name, "a name is not empty and has no quotation marks"));
-        }
+        check_name(name)?;
         let error = |error| failed(name, error);
         let channels = info.channels as u32;
         // With the same source a reader finds the stream again when the program is started anew.

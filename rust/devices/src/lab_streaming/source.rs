@@ -1,4 +1,4 @@
-use super::{EMG_TYPE, failed, numbering::Numbering};
+use super::{EMG_TYPE, check_name, failed, numbering::Numbering};
 use crate::{DeviceError, EmgPacket, SampleSource, SourceClock, SourceCounts, SourceEvent, SourceInfo};
 use lsl::{ChannelFormat, Pullable, StreamInfo, StreamInlet};
 use proact_types::{EmgSample, MAX_EMG_CHANNELS};
@@ -82,9 +82,7 @@ impl LslSource {
     /// No such stream, or several; one without a rate, with too many channels or with texts; no connection.
     pub fn open(name: Option<&str>) -> Result<LslSource, DeviceError> {
         let label = name.unwrap_or(EMG_TYPE).to_owned();
-        if label.is_empty() || label.contains(['\'', '"']) || label.chars().any(char::is_control) {
-            return Err(failed(&label, "a name is not empty and has no quotation marks"));
-        }
+        check_name(&label)?;
         let property = if name.is_some() { "name" } else { "type" };
         let stop = Arc::new(AtomicBool::new(false));
         let (sender, samples) = sync_channel(WAITING);
