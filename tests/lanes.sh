@@ -13,7 +13,7 @@ ros_test_packages="ros-base python3-roslaunch python3-rosbag python3-rostopic py
 python3-actionlib python3-tf2-ros python3-std-msgs python3-geometry-msgs python3-sensor-msgs python3-trajectory-msgs
 python3-visualization-msgs python3-diagnostic-msgs python3-std-srvs python3-tf2-msgs python3-actionlib-msgs
 python3-rosgraph-msgs libactionlib-dev libstd-msgs-dev libgeometry-msgs-dev libsensor-msgs-dev libtrajectory-msgs-dev
-libtf2-ros-dev ros-robot-state-publisher ros-core-dev ros-message-generation catkin colcon python3-colcon-ros rviz xvfb
+libtf2-ros-dev ros-robot-state-publisher ros-core-dev ros-message-generation catkin catkin-tools colcon python3-colcon-ros rviz xvfb
 xauth libgl1-mesa-dri imagemagick cmake make"
 
 # Debian packages that a lane needs beside those of the build.
@@ -132,8 +132,12 @@ lane_ros() {
 
 lane_ros_long() {
     build_ros
-    PROACT_BINARY=$ros_binary /usr/bin/python3 -W ignore "$root/tests/ros/test_testbed.py" &&
-        sh "$root/tests/ros/workspace.sh"
+    # The class Faults of test_nodes (every node killed once) is run by hand: not yet seen to pass on a busy machine.
+    for test in "test_testbed.py" "test_nodes.py Trial Replaced"; do
+        # shellcheck disable=SC2086 # a file and the classes of it
+        (cd "$root/tests/ros" && PROACT_BINARY=$ros_binary /usr/bin/python3 -W ignore $test) || return 1
+    done
+    sh "$root/tests/ros/workspace.sh"
 }
 
 # The program with its nodes, beside the one without. Ends the lane where ROS is not to be had.

@@ -1,5 +1,5 @@
 #!/bin/sh
-# Builds ros1_ws as a lab would, with catkin_make and with colcon, then launches what was built.
+# Builds ros1_ws as a lab would, with catkin_make, catkin build and colcon, then launches what was built.
 set -eu
 
 repository=$(cd "$(dirname "$0")/../.." && pwd)
@@ -24,6 +24,16 @@ echo "--- catkin_make"
     exit 1
 }
 [ -x "$work/lab/install/lib/proact_nodes/proact" ]
+
+echo "--- catkin build"
+mkdir -p "$work/tools/src"
+sh "$repository/ros1_ws/link.sh" "$work/tools/src"
+(cd "$work/tools" && catkin config --install >/dev/null && catkin build --no-status -j1 -p1 >catkin.log 2>&1) || {
+    tail -n 40 "$work/tools/catkin.log"
+    echo "FAILED: catkin build"
+    exit 1
+}
+[ -x "$work/tools/install/lib/proact_nodes/proact" ]
 
 echo "--- colcon"
 mkdir -p "$work/colcon/src"

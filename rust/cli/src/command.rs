@@ -90,7 +90,7 @@ struct QueryArgs {
 #[command(after_help = "Example:\n  proact bench kinematics --json")]
 struct BenchArgs {
     /// What to measure
-    #[arg(value_parser = ["bridge", "chain", "emg", "kinematics", "dynamics", "planning", "start"])]
+    #[arg(value_parser = ["bridge", "chain", "emg", "kinematics", "dynamics", "planning", "ros", "start"])]
     stage: String,
     /// One JSON object on standard output
     #[arg(long)]
@@ -136,6 +136,16 @@ fn run(command: Command) -> Result<bool, Box<dyn Error>> {
                 "planning" => {
                     let problems = args.problems.unwrap_or(PLANNING_PROBLEMS);
                     crate::bench_planning::planning(PlanningBench::held_out(problems, Some(args.settle)))?
+                }
+                #[cfg(feature = "ros")]
+                "ros" => crate::bench_ros::ros()?,
+                #[cfg(not(feature = "ros"))]
+                "ros" => {
+                    return Err(
+                        "this build knows no ROS; ./proact ros-binary FILE builds a program that does, then \
+                                FILE bench ros"
+                            .into(),
+                    );
                 }
                 "chain" => crate::bench_chain::chain(CHAIN_TICKS)?,
                 _ => crate::bench_start::start()?,

@@ -12,6 +12,8 @@ mod bench_chain;
 pub mod bench_dynamics;
 mod bench_emg;
 mod bench_planning;
+#[cfg(feature = "ros")]
+mod bench_ros;
 mod bench_start;
 mod command;
 mod demo;

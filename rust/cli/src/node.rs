@@ -29,6 +29,17 @@ pub(crate) enum NodeName {
     Testbed,
     /// Arm, box and blocks with the controllers of ros_control and the services of Gazebo
     Sim,
+    /// Samples of an armband to gestures
+    Emg,
+    /// Gaze and blocks to the block and the place that are meant
+    Intent,
+    /// Gestures and what is meant to commands for arm and hand
+    Method,
+    /// A simulated person with armband and eye tracker
+    Participant,
+    /// What `proact bench ros` measures with
+    #[value(hide = true)]
+    Meter,
 }
 
 /// Only roslaunch's words pass; rosrust reads them from the command line itself.
@@ -57,10 +68,17 @@ pub(crate) use on_graph::command;
 mod on_graph {
     use super::{NodeArgs, NodeName};
     use crate::trial;
-    use proact_devices::EmgSource;
-    use proact_ros::{node, simulator::Simulator};
+    use proact_devices::{EmgSource, GazeSource};
+    use proact_emg::EmgPipeline;
+    use proact_kinematics::Kinematics;
+    use proact_participants::{ParticipantOptions, Trunk};
+    use proact_ros::{
+        node::{self, MethodParts, Person},
+        simulator::Simulator,
+        world::World,
+    };
     use proact_tasks::BoxAndBlocks;
-    use proact_testbed::TrialConfig;
+    use proact_testbed::{GazeFilter, TrialConfig};
     use std::{error::Error, sync::Arc};
 
     pub(crate) fn command(args: &NodeArgs) -> Result<bool, Box<dyn Error>> {
@@ -73,7 +91,7 @@ mod on_graph {
                 let task = BoxAndBlocks::new(config.arrangement);
                 let (arm, scene, physics) = (model.clone(), task.scene().clone(), config.physics);
                 let factory = Box::new(move || trial::plant(&arm, &scene, &base, &physics));
-                node::run_sim(Simulator::new(model, task, base, factory)?)?;
+                node::run_sim(Simulator::new(model, task, base, factory)?, config.arrangement)?;
             }
             NodeName::Testbed => {
                 let live = args.live;
@@ -85,7 +103,39 @@ mod on_graph {
                 let result = node::run_testbed(assembly.session, !live)?;
                 println!("{}", serde_json::to_string(&result)?);
             }
+            NodeName::Emg => {
+                let setup = proact_devices::prepare(&EmgSource::Synthetic, config.seed)?;
+                let pipeline =
+                    EmgPipeline::new(&setup.config, setup.classifier)?.with_centring(&setup.centring)?;
+                node::run_emg(pipeline)?;
+            }
+            NodeName::Intent => node::run_intent(world(&config), GazeFilter::new(&config)?)?,
+            NodeName::Method => {
+                let world = world(&config);
+                let kinematics = Box::new(Kinematics::new(world.model())?);
+                let plans = Box::new(trial::planner(world.model(), &config)?);
+                node::run_method(MethodParts { config, world, kinematics, plans })?;
+            }
+            NodeName::Participant => {
+                let world = world(&config);
+                let options = ParticipantOptions::default();
+                let person = Person {
+                    participant: trial::participant(&config, options, world.model())?,
+                    emg: Box::new(proact_devices::prepare(&EmgSource::Synthetic, config.seed)?.feed),
+                    gaze: Box::new(GazeSource::new(trial::GAZE_ERROR_DEG, config.seed)?),
+                    trunk: Trunk::new(config.setup.body),
+                };
+                node::run_participant(world, person)?;
+            }
+            NodeName::Meter => println!("{}", serde_json::to_string(&node::run_meter()?)?),
         }
         Ok(true)
+    }
+
+    /// The world before the first message.
+    fn world(config: &TrialConfig) -> World {
+        let base = config.setup.body.shoulder_pose(&Default::default());
+        let model = Arc::new(proact_description::mpl_right_arm());
+        World::new(model, BoxAndBlocks::new(config.arrangement), base)
     }
 }

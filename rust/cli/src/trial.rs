@@ -19,7 +19,7 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Error of the eye tracker, degrees (paper: "within a 1.5 degree error").
-const GAZE_ERROR_DEG: f64 = 1.5;
+pub(crate) const GAZE_ERROR_DEG: f64 = 1.5;
 
 /// Why a trial cannot be put together.
 #[derive(Debug, thiserror::Error)]
@@ -85,17 +85,8 @@ pub fn simulated_with(
     config.emg_centring = centring;
     config.gesture_source = label;
     let options = *config.participant.get_or_insert_with(ParticipantOptions::default);
-    let task = BoxAndBlocks::new(config.arrangement);
     let model = Arc::new(proact_description::mpl_right_arm());
-    let (body, scene, seed) = (config.setup.body, task.scene(), config.seed);
-    let participant: Box<dyn Participant> = match config.method {
-        MethodName::A | MethodName::B => {
-            let driven = JointSubset::new(&config.profile, &model).map_err(ConfigError::from)?;
-            let own = (0..model.arm_count()).filter(|&joint| !driven.contains(joint)).collect();
-            Box::new(JoggingParticipant::new(options, body, scene, model.clone(), seed).with_limb(own))
-        }
-        MethodName::C | MethodName::D => Box::new(SelectingParticipant::new(options, body, scene, seed)),
-    };
+    let participant = participant(&config, options, &model)?;
     let gaze = GazeSource::new(GAZE_ERROR_DEG, config.seed)?;
     let worker = planner(&model, &config)?;
     let plans = worker.log();
@@ -107,6 +98,27 @@ pub fn simulated_with(
         gaze: Some(Box::new(gaze)),
     });
     Ok(Assembly { session, classifier: Some(classifier), model, plans })
+}
+
+/// The simulated participant of a trial.
+///
+/// # Errors
+/// A profile whose joints do not fit the arm.
+pub(crate) fn participant(
+    config: &TrialConfig,
+    options: ParticipantOptions,
+    model: &Arc<ArmModel>,
+) -> Result<Box<dyn Participant>, AssemblyError> {
+    let task = BoxAndBlocks::new(config.arrangement);
+    let (body, scene, seed) = (config.setup.body, task.scene(), config.seed);
+    Ok(match config.method {
+        MethodName::A | MethodName::B => {
+            let driven = JointSubset::new(&config.profile, model).map_err(ConfigError::from)?;
+            let own = (0..model.arm_count()).filter(|&joint| !driven.contains(joint)).collect();
+            Box::new(JoggingParticipant::new(options, body, scene, model.clone(), seed).with_limb(own))
+        }
+        MethodName::C | MethodName::D => Box::new(SelectingParticipant::new(options, body, scene, seed)),
+    })
 }
 
 /// A trial that a person at the page drives: gestures from keys, gaze from the mouse.

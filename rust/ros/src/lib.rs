@@ -23,8 +23,10 @@
 pub mod action;
 pub mod controllers;
 pub mod frames;
+pub mod joy;
 pub mod simulator;
 pub mod trajectory;
+pub mod world;
 
 #[cfg(feature = "rosrust")]
 pub mod messages;

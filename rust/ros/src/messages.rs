@@ -20,6 +20,7 @@ rosrust::rosmsg_include!(
     geometry_msgs / PoseStamped,
     geometry_msgs / Vector3Stamped,
     mpl_control / graspAction,
+    proact_msgs / EmgSamples,
     proact_msgs / View,
     rosgraph_msgs / Clock,
     sensor_msgs / JointState,

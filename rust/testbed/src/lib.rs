@@ -22,7 +22,9 @@ pub use config::{ConfigError, MethodName, MethodProcessConfig, Setup, TrialConfi
 pub use digest::{Digest, Divergence, Field, FieldDigest, SPAN_TICKS, SpanDigest, first_divergence};
 pub use grasp::{GraspAction, GraspRule};
 pub use grasp_original::OriginalGraspRule;
-pub use motion::{BaseMotion, HandMotion};
+pub use motion::{ArmMotion, BaseMotion, HandMotion};
 pub use physics::{GraspRuleName, JointControl, MassSet, PhysicsConfig};
+pub use plans::plan_request;
 pub use session::{LoggedPlans, Session, SessionParts, Step, TrialResult, replay};
 pub use tick::{Parts, Testbed, TestbedError, TickOutput};
+pub use view::GazeFilter;

@@ -17,7 +17,7 @@ const VELOCITY_TICKS: u64 = 20;
 
 /// Carries out one command for the arm at a time, within the joint limits.
 #[derive(Clone, Debug)]
-pub(crate) struct ArmMotion {
+pub struct ArmMotion {
     limits: Vec<JointLimits>,
     position: JointVector,
     velocity: JointVector,
@@ -35,7 +35,8 @@ enum Course {
 }
 
 impl ArmMotion {
-    pub(crate) fn new(model: &ArmModel, start: &[f64]) -> Self {
+    /// An arm that holds `start`, rad.
+    pub fn new(model: &ArmModel, start: &[f64]) -> Self {
         Self {
             limits: model.arm.iter().map(|&j| model.joints[j].limits).collect(),
             position: joints(start),
@@ -46,23 +47,25 @@ impl ArmMotion {
     }
 
     /// Angles asked of the arm now, rad.
-    pub(crate) fn position(&self) -> &JointVector {
+    pub fn position(&self) -> &JointVector {
         &self.position
     }
 
-    pub(crate) fn velocity(&self) -> &JointVector {
+    /// Speeds that go with them, rad/s.
+    pub fn velocity(&self) -> &JointVector {
         &self.velocity
     }
 
     /// Where the path that is followed ends, rad.
-    pub(crate) fn goal(&self) -> Option<JointVector> {
+    pub fn goal(&self) -> Option<JointVector> {
         match &self.course {
             Course::Path(path) => path.points.last().map(|point| point.q.clone()),
             _ => None,
         }
     }
 
-    pub(crate) fn state(&self) -> MotionState {
+    /// What the arm does.
+    pub fn state(&self) -> MotionState {
         match &self.course {
             Course::Path(path) => {
                 let progress = self.elapsed_ticks as f64 * TICK_SECS / path.duration_secs().max(TICK_SECS);
@@ -73,7 +76,8 @@ impl ArmMotion {
         }
     }
 
-    pub(crate) fn apply(&mut self, command: MotionCommand) {
+    /// A new command, in place of the one before.
+    pub fn apply(&mut self, command: MotionCommand) {
         self.elapsed_ticks = 0;
         self.velocity.iter_mut().for_each(|v| *v = 0.0);
         self.course = match command {
@@ -84,7 +88,8 @@ impl ArmMotion {
         };
     }
 
-    pub(crate) fn step(&mut self) {
+    /// Advances by one tick.
+    pub fn step(&mut self) {
         self.elapsed_ticks += 1;
         let elapsed = self.elapsed_ticks as f64 * TICK_SECS;
         let (over, finished) = match &self.course {

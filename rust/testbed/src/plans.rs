@@ -2,7 +2,8 @@
 
 use crate::{Field, Testbed, TestbedError, TickOutput};
 use proact_types::{
-    AttachedObject, EventKind, Obstacle, PlanGoal, PlanReply, PlanRequest, TickInput, joints,
+    ArmModel, AttachedObject, EventKind, JointVector, Obstacle, PlanGoal, PlanReply, PlanRequest, PlantState,
+    Scene, TickInput, joints,
 };
 
 impl Testbed {
@@ -30,38 +31,55 @@ impl Testbed {
     pub(crate) fn request(&mut self, goal: PlanGoal, output: &mut TickOutput) -> Result<(), TestbedError> {
         self.requests += 1;
         let id = self.requests;
-        let state = self.parts.plant.state();
-        let scene = self.task.scene();
-        let held = state.attached.map(|(block, _)| block);
-        let mut obstacles: Vec<Obstacle> = scene
-            .fixed
-            .iter()
-            .map(|o| Obstacle { name: o.name.clone(), shape: o.shape, pose: o.pose })
-            .collect();
-        for (k, block) in scene.blocks.iter().enumerate().filter(|(k, _)| Some(*k) != held) {
-            let pose = state.blocks[k].pose;
-            obstacles.push(Obstacle { name: block.id.name().to_owned(), shape: block.shape, pose });
-        }
-        let attached = state.attached.map(|(k, tip_from_object)| AttachedObject {
-            name: scene.blocks[k].id.name().to_owned(),
-            shape: scene.blocks[k].shape,
-            tip_from_object,
-        });
-        let hand = joints(&state.position[self.parts.model.arm_count()..]);
-        self.parts.plans.submit(PlanRequest {
+        self.parts.plans.submit(plan_request(
             id,
-            // Where the base is, not where tracking has it: a jump holds the plant's base where it was.
-            world_from_base: state.world_from_base,
-            start: self.arm.position().clone(),
-            hand,
+            &self.parts.model,
+            self.task.scene(),
+            self.parts.plant.state(),
+            self.arm.position().clone(),
             goal,
-            obstacles,
-            attached,
-            // Requests of one trial differ, and so do trials.
-            seed: self.config.seed.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(id),
-        });
+            self.config.seed,
+        ));
         self.pending = Some((id, self.now.plus_millis(self.config.plan_latency_ms)));
         self.note(output, EventKind::PlanRequested { request: id });
         Ok(())
+    }
+}
+
+/// The question to the planner about `goal` in the world as it is: what is fixed, the blocks where they are, the held
+/// one as part of the arm. `start`: arm angles asked of the position control, rad. `seed`: the trial's.
+///
+/// The base is that of the physics, not of the tracking: a jump of the tracker holds the base where it was.
+pub fn plan_request(
+    id: u64,
+    model: &ArmModel,
+    scene: &Scene,
+    state: &PlantState,
+    start: JointVector,
+    goal: PlanGoal,
+    seed: u64,
+) -> PlanRequest {
+    let held = state.attached.map(|(block, _)| block);
+    let mut obstacles: Vec<Obstacle> =
+        scene.fixed.iter().map(|o| Obstacle { name: o.name.clone(), shape: o.shape, pose: o.pose }).collect();
+    for (k, block) in scene.blocks.iter().enumerate().filter(|(k, _)| Some(*k) != held) {
+        let pose = state.blocks[k].pose;
+        obstacles.push(Obstacle { name: block.id.name().to_owned(), shape: block.shape, pose });
+    }
+    let attached = state.attached.map(|(k, tip_from_object)| AttachedObject {
+        name: scene.blocks[k].id.name().to_owned(),
+        shape: scene.blocks[k].shape,
+        tip_from_object,
+    });
+    PlanRequest {
+        id,
+        world_from_base: state.world_from_base,
+        start,
+        hand: joints(&state.position[model.arm_count()..]),
+        goal,
+        obstacles,
+        attached,
+        // Requests of one trial differ, and so do trials.
+        seed: seed.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(id),
     }
 }

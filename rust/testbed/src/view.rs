@@ -10,7 +10,7 @@ use proact_types::{BlockId, DisplayFrame, GazeSample, Point, Pose, SimTime};
 const GAZE_MAX_AGE: u64 = 500;
 
 /// Turns gaze samples into the highlighted block and the place marker.
-pub(crate) struct GazeFilter {
+pub struct GazeFilter {
     model: Box<dyn IntentModel>,
     hysteresis: f64,
     filter_ms: f64,
@@ -22,7 +22,11 @@ pub(crate) struct GazeFilter {
 }
 
 impl GazeFilter {
-    pub(crate) fn new(config: &TrialConfig) -> Result<Self, ConfigError> {
+    /// The filter of a trial.
+    ///
+    /// # Errors
+    /// Options that the intent model refuses.
+    pub fn new(config: &TrialConfig) -> Result<Self, ConfigError> {
         let model = config.intent_model.build(&config.intent_options())?;
         Ok(Self {
             model,
@@ -38,7 +42,7 @@ impl GazeFilter {
 
     /// A new measurement. A lost eye changes nothing until it is lost for too long; a look that tells the model
     /// nothing takes the highlight away.
-    pub(crate) fn take(&mut self, now: SimTime, gaze: &GazeSample, scene: &Candidates) {
+    pub fn take(&mut self, now: SimTime, gaze: &GazeSample, scene: &Candidates) {
         let before = self.last.replace((now, *gaze)).map_or(now, |(time, _)| time);
         let found = self.model.observe(now, gaze, scene);
         if !gaze.valid {
@@ -63,25 +67,29 @@ impl GazeFilter {
         self.seen_at = Some(now);
     }
 
-    pub(crate) fn posterior(&self) -> &Posterior {
+    /// Probability of each block after the last valid gaze; all zero when it told nothing.
+    pub fn posterior(&self) -> &Posterior {
         &self.posterior
     }
 
-    pub(crate) fn highlight(&self, now: SimTime) -> Option<BlockId> {
+    /// The block that is most likely meant; none when the eye was not seen for half a second.
+    pub fn highlight(&self, now: SimTime) -> Option<BlockId> {
         let fresh = self.seen_at.is_some_and(|seen| now.millis_since(seen) <= GAZE_MAX_AGE);
         self.highlight.filter(|_| fresh)
     }
 
-    pub(crate) fn place(&self) -> Point {
+    /// The place marker, on the table top, in `world`.
+    pub fn place(&self) -> Point {
         self.place
     }
 
     /// When the eye was last seen.
-    pub(crate) fn seen_at(&self) -> Option<SimTime> {
+    pub fn seen_at(&self) -> Option<SimTime> {
         self.seen_at
     }
 
-    pub(crate) fn sample(&self) -> Option<GazeSample> {
+    /// The last measurement, valid or not.
+    pub fn sample(&self) -> Option<GazeSample> {
         self.last.map(|(_, gaze)| gaze)
     }
 }

@@ -17,6 +17,12 @@ pub(super) fn time(at: SimTime) -> Time {
     Time { sec: EPOCH_SECS + secs as u32, nsec: millis as u32 * 1_000_000 }
 }
 
+/// The tick of a time on the graph; before [`EPOCH_SECS`] it is the first.
+pub(super) fn tick(at: &Time) -> SimTime {
+    let secs = u64::from(at.sec.saturating_sub(EPOCH_SECS));
+    SimTime(secs * 1000 + u64::from(at.nsec) / 1_000_000)
+}
+
 /// Seconds from `now` to a stamp.
 pub(super) fn secs_until(stamp: &Time, now: SimTime) -> f64 {
     let now = time(now);

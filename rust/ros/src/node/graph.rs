@@ -189,10 +189,25 @@ impl Graph {
         jobs: &Jobs<S>,
         take: impl Fn(&mut S, M) + Send + Sync + 'static,
     ) -> Result<Subscriber, NodeError> {
+        self.listen_at(topic, queue, jobs, move |state: &mut S, message, _| take(state, message))
+    }
+
+    /// [`Graph::listen`] with the time at which the message came.
+    ///
+    /// # Errors
+    /// [`NodeError::Setup`].
+    pub fn listen_at<M: Message, S: 'static>(
+        &self,
+        topic: &str,
+        queue: usize,
+        jobs: &Jobs<S>,
+        take: impl Fn(&mut S, M, Instant) + Send + Sync + 'static,
+    ) -> Result<Subscriber, NodeError> {
         let (faults, sender, take) = (self.faults.clone(), jobs.sender.clone(), Arc::new(take));
         let window = Cell::new((Instant::now(), 0_u32));
         let name = topic.to_owned();
         let callback = move |message: M| {
+            let at = Instant::now();
             let (began, count) = window.get();
             if began.elapsed() > FLOOD_WINDOW {
                 window.set((Instant::now(), 1));
@@ -204,7 +219,7 @@ impl Graph {
                 }
             }
             let take = take.clone();
-            if sender.try_send(Box::new(move |state| take(state, message))).is_err() {
+            if sender.try_send(Box::new(move |state| take(state, message, at))).is_err() {
                 faults.refuse("flood", &format!("{name}: {JOBS} messages wait already"));
             }
         };
@@ -266,6 +281,13 @@ impl<S> Jobs<S> {
     /// Does what waits.
     pub fn run(&self, state: &mut S) {
         while let Ok(job) = self.receiver.try_recv() {
+            job(state);
+        }
+    }
+
+    /// Waits for one job, at most for `patience`, and does it.
+    pub fn run_next(&self, state: &mut S, patience: Duration) {
+        if let Ok(job) = self.receiver.recv_timeout(patience) {
             job(state);
         }
     }

@@ -1,6 +1,7 @@
 //! `proact node sim`: physics and controllers under the names that Gazebo and ros_control have.
 
 mod services;
+mod shoulder;
 
 use super::{
     Graph, NodeError,
@@ -30,12 +31,17 @@ use crate::{
     trajectory::RawPoint,
 };
 use proact_control::HandCommand;
-use proact_types::SimTime;
+use proact_tasks::{Arrangement, BlockResult};
+use proact_types::{EventKind, SimTime};
 use rosrust::{Publisher, Subscriber};
-use std::sync::Arc;
+use serde::Serialize;
+use shoulder::ShoulderMarker;
+use std::{collections::BTreeMap, sync::Arc};
 
+/// Nodes that are listened to for signs of life, at most.
+const MOST_HEARTBEATS: usize = 64;
 /// Silence of a node that has promised to speak, ms: then its commands no longer hold.
-const SILENCE_MS: u64 = 100;
+const SILENCE_MS: u64 = 120;
 /// From one feedback to the next, ms (20 Hz, as ros_control).
 const FEEDBACK_MS: u64 = 50;
 /// From one status list to the next, ms (5 Hz, as actionlib).
@@ -53,16 +59,17 @@ pub(super) struct SimNode {
     faults: Arc<super::Faults>,
     follow: [Follow; 2],
     grasp: Grasp,
-    /// When the node that sends commands last spoke; none until one has.
-    heartbeat: Option<SimTime>,
+    /// When each node that promised to speak last did.
+    heartbeats: BTreeMap<String, SimTime>,
     base_stamp: f64,
+    arrangement: Arrangement,
 }
 
-/// Runs the simulator until the graph ends the node.
+/// Runs the simulator until the graph ends the node. `arrangement` is where its blocks stood at the start.
 ///
 /// # Errors
 /// [`NodeError`].
-pub fn run_sim(sim: Simulator) -> Result<(), NodeError> {
+pub fn run_sim(sim: Simulator, arrangement: Arrangement) -> Result<(), NodeError> {
     let mut graph = Graph::join("proact_sim")?;
     let period = 1000 / rate()?;
     let links: bool = parameter("~publish_links", true, "true or false")?;
@@ -84,13 +91,16 @@ pub fn run_sim(sim: Simulator) -> Result<(), NodeError> {
             Action::new(&graph, &action(WITH_ACTION[1]))?,
         ],
         grasp: Action::new(&graph, "grasp")?,
-        heartbeat: None,
+        heartbeats: BTreeMap::new(),
         base_stamp: f64::NEG_INFINITY,
+        arrangement,
     };
-    let result_topic: Publisher<Text> = graph.publish("proact/score", 1, true)?;
+    let score: Publisher<Text> = graph.publish("proact/score", 1, true)?;
+    let result: Publisher<Text> = graph.publish("proact/result", 1, true)?;
     let jobs: Jobs<SimNode> = Jobs::default();
     let _listening = listen(&graph, &jobs, &node)?;
     let _serving = services::serve(&graph, &jobs)?;
+    let shoulder = ShoulderMarker::new(&graph, &jobs, &node.sim.state().world_from_base)?;
     graph.watch_master()?;
 
     let mut pace = Pace::new();
@@ -98,8 +108,7 @@ pub fn run_sim(sim: Simulator) -> Result<(), NodeError> {
         jobs.run(&mut node);
         if graph.master_restarted() {
             node.paused = true;
-            let what = "the master was restarted: paused until /gazebo/unpause_physics is called";
-            rosrust::ros_warn!("{}", what);
+            rosrust::ros_warn!("{}", super::PAUSED_AFTER_RESTART);
         }
         graph.tell(convert::time(node.sim.now()));
         if node.paused {
@@ -114,9 +123,13 @@ pub fn run_sim(sim: Simulator) -> Result<(), NodeError> {
                 outlets.grasp(event)?;
             }
             if !output.events.is_empty() {
-                let results = node.sim.task().results(&node.sim.state().blocks);
-                let score = serde_json::to_string(&results).unwrap_or_default();
-                result_topic.send(Text { data: score })?;
+                score.send(Text {
+                    data: super::testbed::json("the score", &node.outcomes()).unwrap_or_default(),
+                })?;
+            }
+            if output.events.iter().any(|e| e.kind == EventKind::TrialFinished) {
+                let data = super::testbed::json("the result", &node.result()).unwrap_or_default();
+                result.send(Text { data })?;
             }
             if now.0.is_multiple_of(period) {
                 outlets.clock(now)?;
@@ -131,6 +144,7 @@ pub fn run_sim(sim: Simulator) -> Result<(), NodeError> {
                     follow.status(now)?;
                 }
                 node.grasp.status(now)?;
+                shoulder.keep_alive()?;
             }
             Ok(())
         });
@@ -177,13 +191,38 @@ fn listen(graph: &Graph, jobs: &Jobs<SimNode>, node: &SimNode) -> Result<Vec<Sub
     all.push(graph.listen("Shoulderpad_filtered_pose", 1, jobs, |node: &mut SimNode, m: PoseStamped| {
         node.shoulder(&m);
     })?);
-    all.push(graph.listen("proact/heartbeat", 10, jobs, |node: &mut SimNode, _: Text| {
-        node.heartbeat = Some(node.sim.now());
+    all.push(graph.listen("proact/heartbeat", 100, jobs, |node: &mut SimNode, message: Text| {
+        let now = node.sim.now();
+        if node.heartbeats.len() < MOST_HEARTBEATS || node.heartbeats.contains_key(&message.data) {
+            node.heartbeats.insert(message.data, now);
+        }
     })?);
     Ok(all)
 }
 
+/// How the trial in this world went: the text on `/proact/result`.
+#[derive(Serialize)]
+struct SimResult {
+    arrangement: Arrangement,
+    on_target: u32,
+    outcomes: Vec<BlockResult>,
+    sim_seconds: f64,
+}
+
 impl SimNode {
+    fn outcomes(&self) -> Vec<BlockResult> {
+        self.sim.task().results(&self.sim.state().blocks)
+    }
+
+    fn result(&self) -> SimResult {
+        SimResult {
+            arrangement: self.arrangement,
+            on_target: self.sim.task().state().on_target,
+            outcomes: self.outcomes(),
+            sim_seconds: self.sim.now().as_secs(),
+        }
+    }
+
     /// A trajectory on a controller's command topic: an action's goal before it is over then.
     fn command(&mut self, name: &str, message: &JointTrajectory) {
         let now = self.sim.now();
@@ -321,12 +360,13 @@ impl SimNode {
         Ok(())
     }
 
-    /// Stops the arm when the node that commands it promised to speak and fell silent.
+    /// Stops the arm when a node that promised to speak fell silent.
     fn watch_heartbeat(&mut self) {
         let now = self.sim.now();
-        if self.heartbeat.is_some_and(|at| now.millis_since(at) > SILENCE_MS) {
-            self.heartbeat = None;
-            let reason = format!("silent for {SILENCE_MS} ms: the arm holds");
+        let silent = self.heartbeats.iter().find(|(_, at)| now.millis_since(**at) > SILENCE_MS);
+        if let Some(name) = silent.map(|(name, _)| name.clone()) {
+            self.heartbeats.remove(&name);
+            let reason = format!("{name} is silent for {SILENCE_MS} ms: the arm holds");
             self.faults.refuse("heartbeat", &reason);
             let names: Vec<String> =
                 self.sim.controllers().list().iter().map(|c| c.name().to_owned()).collect();

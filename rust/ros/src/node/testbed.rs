@@ -10,6 +10,7 @@ use crate::{
     messages::{
         geometry_msgs::{PoseStamped, Vector3Stamped},
         std_msgs::{Bool, Int8, String as Text},
+        std_srvs::{Empty, EmptyRes},
         trajectory_msgs::JointTrajectory,
     },
     simulator::is_grasp,
@@ -26,6 +27,7 @@ struct Inbox {
     gesture: Option<Gesture>,
     position: Option<(rosrust::Time, Point)>,
     gaze: Option<GazeSample>,
+    paused: bool,
 }
 
 /// The topics of the methods and of the person.
@@ -78,6 +80,13 @@ pub fn run_testbed(mut session: Session, simulated: bool) -> Result<TrialResult,
     };
     let jobs: Jobs<Inbox> = Jobs::default();
     let _listening = if simulated { vec![] } else { listen(&graph, &jobs)? };
+    let pause = |name: &str, paused: bool| {
+        graph.serve::<Empty, _>(name, &jobs, move |inbox: &mut Inbox, _| {
+            inbox.paused = paused;
+            Ok(EmptyRes {})
+        })
+    };
+    let _pausing = [pause("gazebo/pause_physics", true)?, pause("gazebo/unpause_physics", false)?];
     graph.watch_master()?;
 
     let mut inbox = Inbox::default();
@@ -87,6 +96,14 @@ pub fn run_testbed(mut session: Session, simulated: bool) -> Result<TrialResult,
     let mut finished = false;
     while graph.is_ok() {
         jobs.run(&mut inbox);
+        if graph.master_restarted() {
+            inbox.paused = true;
+            rosrust::ros_warn!("{}", super::PAUSED_AFTER_RESTART);
+        }
+        if inbox.paused {
+            pace.tick();
+            continue;
+        }
         if let Some(gesture) = inbox.gesture.take() {
             session.act(gesture);
         }

@@ -29,7 +29,7 @@ pub(super) fn serve(graph: &Graph, jobs: &Jobs<SimNode>) -> Result<Vec<Service>,
         })?,
         graph.serve::<Empty, _>("gazebo/unpause_physics", jobs, |node: &mut SimNode, _| {
             node.paused = false;
-            node.heartbeat = None;
+            node.heartbeats.clear();
             Ok(EmptyRes {})
         })?,
         graph.serve::<Empty, _>("gazebo/reset_world", jobs, |node: &mut SimNode, _| {

@@ -1,0 +1,88 @@
+//! What the method says to the person, the hand, and rviz.
+
+use super::MethodView;
+use crate::{
+    frames::WORLD,
+    messages::{
+        geometry_msgs::PoseStamped,
+        mpl_control::graspActionGoal,
+        proact_msgs::View,
+        std_msgs::{Bool, Int8, String as Text},
+    },
+    node::{Graph, NodeError, convert},
+};
+use proact_control::HandCommand;
+use proact_types::{Pose, SimTime};
+use rosrust::{Publisher, error::Result};
+
+/// The method's topics.
+pub(super) struct Outlets {
+    mode: Publisher<Int8>,
+    success: Publisher<Bool>,
+    frozen: Publisher<Bool>,
+    current_block: Publisher<Text>,
+    place: Publisher<PoseStamped>,
+    view: Publisher<View>,
+    grasp: Publisher<graspActionGoal>,
+    goals: u64,
+    told_mode: Option<u8>,
+}
+
+impl Outlets {
+    pub(super) fn new(graph: &Graph) -> std::result::Result<Self, NodeError> {
+        Ok(Self {
+            mode: graph.publish("mode", 1, true)?,
+            success: graph.publish("success", 1, false)?,
+            frozen: graph.publish("selection_frozen", 1, false)?,
+            current_block: graph.publish("current_block", 1, false)?,
+            place: graph.publish("place_location_selected", 1, false)?,
+            view: graph.publish("proact/method", 1, false)?,
+            grasp: graph.publish("grasp/goal", 1, false)?,
+            goals: 0,
+            told_mode: None,
+        })
+    }
+
+    pub(super) fn frozen(&self, locked: bool) -> Result<()> {
+        self.frozen.send(Bool { data: locked })
+    }
+
+    pub(super) fn success(&self, closed: bool) -> Result<()> {
+        self.success.send(Bool { data: closed })
+    }
+
+    /// Sends the hand a goal; answers its name.
+    pub(super) fn grasp(&mut self, command: HandCommand, stamp: SimTime) -> Result<String> {
+        self.goals += 1;
+        let id = format!("{}-{}-{}", rosrust::name(), std::process::id(), self.goals);
+        let mut goal = graspActionGoal { header: convert::header(stamp, ""), ..Default::default() };
+        goal.goal_id.stamp = convert::time(stamp);
+        goal.goal_id.id = id.clone();
+        goal.goal.instruct = match command {
+            HandCommand::Close => 1,
+            HandCommand::Open => 2,
+        };
+        self.grasp.send(goal)?;
+        Ok(id)
+    }
+
+    /// Tells what there is to see.
+    pub(super) fn show(&mut self, stamp: SimTime, view: &MethodView) -> Result<()> {
+        let mode = view.mode.as_ref().map(|mode| mode.number);
+        if let Some(number) = mode.filter(|_| mode != self.told_mode) {
+            self.told_mode = mode;
+            self.mode.send(Int8 { data: number as i8 })?;
+        }
+        if let Some(block) = view.target.block.filter(|_| view.hand.holds.is_none()) {
+            self.current_block.send(Text { data: block.ros_name().to_owned() })?;
+        }
+        if let Some(place) = view.target.place {
+            let pose = Pose::translation(place.x, place.y, place.z);
+            self.place.send(convert::pose_stamped(stamp, WORLD, &pose))?;
+        }
+        self.view.send(View {
+            header: convert::header(stamp, WORLD),
+            json: serde_json::to_string(view).unwrap_or_default(),
+        })
+    }
+}

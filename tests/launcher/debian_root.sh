@@ -1,0 +1,72 @@
+# shellcheck shell=sh
+# shellcheck disable=SC2016 # apt expands its own variables
+# A minimal Debian 12 to type commands in; sourced by the tests that need a bare machine.
+#
+# The machine decides where packages come from: its Debian archives, its certificates and the configuration of npm and
+# Cargo are copied into the root. Nothing else of it is seen there.
+
+# Skips where a root cannot be made, and else goes into a mount namespace of its own: every mount vanishes with the
+# process, however it ends. Call it first, with the script and its words.
+enter_namespace() {
+    [ "$(id -u)" = 0 ] || {
+        echo "skipped: only root can make a Debian root with debootstrap"
+        exit 77
+    }
+    unshare --mount --propagation private true 2>/dev/null || {
+        echo "skipped: this machine lets nobody make a mount namespace (a container without that right)"
+        exit 77
+    }
+    if [ -z "${PROACT_DEBOOTSTRAP_INSIDE:-}" ]; then
+        export PROACT_DEBOOTSTRAP_INSIDE=1
+        exec unshare --mount --propagation private "$@"
+    fi
+}
+
+finish_root() {
+    umount "$root/proc" 2>/dev/null || true
+    rm -rf "$root"
+}
+
+# Makes the root in $root; it goes with the script.
+make_root() {
+    root=$(mktemp -d "${TMPDIR:-/tmp}/proact-debian.XXXXXX")
+    # mktemp lets in nobody else, but an ordinary user must get in.
+    chmod 755 "$root"
+    trap finish_root EXIT
+    trap 'exit 130' INT TERM
+
+    echo "--- making a minimal Debian 12 in $root"
+    # The archives of this machine, and of them only Debian's own: a new user has no others.
+    sources=$(apt-get indextargets --format '$(ORIGIN) $(REPO_URI) $(CODENAME) $(COMPONENT)' 'Created-By: Packages' |
+        awk '$1 == "Debian" && $3 ~ /^bookworm/ && $4 == "main" { print "deb", $2, $3, $4 }' | sort -u)
+    mirror=$(echo "$sources" | awk '$3 == "bookworm" { print $2; exit }')
+    [ -n "$mirror" ] || {
+        echo "FAILED: this machine's apt sources name no Debian bookworm archive; run apt-get update, or add one"
+        exit 1
+    }
+    debootstrap --variant=minbase bookworm "$root" "$mirror" >"$root.log" 2>&1 || {
+        tail -n 20 "$root.log"
+        rm -f "$root.log"
+        echo "FAILED: debootstrap did not finish"
+        exit 1
+    }
+    rm -f "$root.log"
+
+    echo "$sources" >"$root/etc/apt/sources.list"
+    cp /etc/resolv.conf "$root/etc/resolv.conf"
+    for file in /etc/apt/apt.conf.d/99* /usr/local/share/ca-certificates/*; do
+        [ -f "$file" ] && install -D -m 644 "$file" "$root$file"
+    done
+    for file in .npmrc .cargo/config.toml; do
+        [ -f "${HOME:-/root}/$file" ] && install -D -m 600 "${HOME:-/root}/$file" "$root/root/$file"
+    done
+    mount -t proc proc "$root/proc"
+}
+
+# Runs a command in the root, in a plain environment with nothing of the caller's but the way to the network. Words
+# before the root are chroot's.
+inside() {
+    env -i HOME=/root PATH=/usr/sbin:/usr/bin:/sbin:/bin TERM=dumb LANG=C.UTF-8 \
+        ${http_proxy:+http_proxy="$http_proxy"} ${https_proxy:+https_proxy="$https_proxy"} \
+        ${no_proxy:+no_proxy="$no_proxy"} chroot "$@" </dev/null
+}
