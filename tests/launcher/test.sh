@@ -131,14 +131,11 @@ check "a changed lock file installs the libraries" called " ci "
 
 # Features: the program is built with them, and what they need is looked for.
 printf 'libdbus-1-dev\ncmake\n' >"$work/state/missing"
-PROACT_FEATURES=ble,lsl
-export PROACT_FEATURES
-launch emg
+launch_as "PROACT_FEATURES=ble,lsl" "$work/repo/proact" emg
 check "packages of features are missing, too" err_has "install -y --no-install-recommends libdbus-1-dev cmake"
 : >"$work/state/missing"
-launch emg
+launch_as "PROACT_FEATURES=ble,lsl" "$work/repo/proact" emg
 check "features named in the environment are built in" called "-p proact-cli --features ble,lsl in"
-unset PROACT_FEATURES
 
 # From another folder, through a symbolic link.
 ln -s "$work/repo/proact" "$work/elsewhere/arm"
