@@ -6,7 +6,7 @@
 # the reason as its last line); anything else is a failure. One failing lane does not keep the others from running.
 
 short_lanes="format shell web lint cpp rust launcher trial page rosbridge ros"
-long_lanes="seeds planning sanitizers debootstrap pages ros_long lsl"
+long_lanes="seeds planning sanitizers valgrind soak debootstrap pages ros_long lsl"
 
 # A ROS 1 graph with Debian's own clients, the catkin workspace, rviz on a virtual display.
 ros_test_packages="ros-base python3-roslaunch python3-rosbag python3-rostopic python3-rosnode python3-rosservice
@@ -21,6 +21,7 @@ packages_of() {
     case $1 in
     shell) echo shellcheck ;;
     cpp | sanitizers) echo cmake ;;
+    valgrind) echo cmake valgrind ;;
     rust) echo python3 ;;
     lsl)
         echo cmake libdbus-1-dev
@@ -62,6 +63,21 @@ lane_cpp() {
 
 lane_sanitizers() {
     ctest_in "$root/build/sanitizers" "address,undefined"
+}
+
+# The physics' tests under Valgrind, which sees reads of memory that nobody wrote; leaks are the sanitizers' part. Without
+# the five minutes of rest in test_contacts, which would take an hour here.
+lane_valgrind() {
+    cmake -S "$root/cpp" -B "$root/build/cpp" -DPROACT_SANITIZE= &&
+        cmake --build "$root/build/cpp" -j "$(nproc)" &&
+        for program in dynamics allocation pairs; do
+            valgrind -q --error-exitcode=1 --leak-check=no "$root/build/cpp/dynamics/test_$program" || return 1
+        done
+}
+
+# Half an hour of simulated use of the physics: nothing creeps, speeds up, gains energy or takes more memory.
+lane_soak() {
+    run_cargo test --release --locked -p proact-dynamics --test speedups -- --ignored --nocapture
 }
 
 # Builds the C++ cores in a folder with the given sanitizers and runs their tests.

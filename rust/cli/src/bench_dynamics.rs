@@ -1,113 +1,20 @@
 //! `proact bench dynamics`: what a tick of physics costs, phase by phase and over a whole trial.
 
 mod mujoco;
+mod trial;
 
 use crate::bench::{BenchFigure, BenchReport, quantile};
 use mujoco::{MuJoCo, Run};
 use nalgebra::UnitQuaternion;
-use proact_devices::{EmgSource, GazeSource};
-use proact_dynamics::{ArmEquations, DynamicsOptions, OdePlant, Solver};
-use proact_kinematics::Kinematics;
-use proact_participants::{ParticipantOptions, SelectingParticipant};
-use proact_planning::{ArmPlanner, PlanWorker, PlannerOptions};
-use proact_tasks::BoxAndBlocks;
-use proact_testbed::{
-    MethodName, Parts, Session, SessionParts, Setup, Testbed, TrialConfig,
-    ports::{Plant, PlantError},
-};
+use proact_dynamics::{ArmEquations, DynamicsOptions, OdePlant};
+use proact_testbed::ports::{Plant, PlantError};
 use proact_types::{
-    ArmModel, Block, BlockId, PlantCommand, PlantState, Pose, Scene, SceneObject, Shape, TICK_SECS, Vector,
-    joints, zeros,
+    ArmModel, Block, BlockId, PlantCommand, Pose, Scene, SceneObject, Shape, TICK_SECS, Vector, joints, zeros,
 };
-use std::{cell::RefCell, error::Error, rc::Rc, sync::Arc, time::Instant};
+use std::{error::Error, time::Instant};
 
-/// Seed of the trial that is measured.
-const SEED: u64 = 1;
-/// Runs of the whole trial by our settings; the fastest counts, since a shared machine only ever adds time.
-const ROUNDS: usize = 3;
-/// The plain full simulation is an order of magnitude slower: its share of the trial is this long, seconds.
-const PLAIN_SECS: f64 = 15.0;
 /// Height of the table top in the phases, metres.
 const TABLE: f64 = 1.015;
-
-/// What a plant was asked to do.
-#[derive(Clone, Debug)]
-enum Call {
-    Step(Box<PlantCommand>),
-    Attach(usize, usize),
-    Release,
-}
-
-/// A plant that keeps a list of what is asked of it.
-struct Listed {
-    plant: OdePlant,
-    calls: Rc<RefCell<Vec<Call>>>,
-}
-
-impl Plant for Listed {
-    fn step(&mut self, command: &PlantCommand) -> Result<(), PlantError> {
-        self.calls.borrow_mut().push(Call::Step(Box::new(command.clone())));
-        self.plant.step(command)
-    }
-
-    fn state(&self) -> &PlantState {
-        self.plant.state()
-    }
-
-    fn attach(&mut self, block: usize, link: usize) -> Result<(), PlantError> {
-        self.calls.borrow_mut().push(Call::Attach(block, link));
-        self.plant.attach(block, link)
-    }
-
-    fn release(&mut self) {
-        self.calls.borrow_mut().push(Call::Release);
-        self.plant.release();
-    }
-}
-
-/// A trial as its plant saw it.
-struct Recorded {
-    model: Arc<ArmModel>,
-    scene: Scene,
-    initial: Vec<f64>,
-    base: Pose,
-    calls: Vec<Call>,
-    last: PlantState,
-}
-
-impl Recorded {
-    fn plant(&self, options: DynamicsOptions) -> Result<OdePlant, PlantError> {
-        OdePlant::new(&self.model, &self.scene, &self.initial, &self.base, options)
-    }
-
-    /// The same for MuJoCo, all joints free.
-    fn run(&self) -> Run<'_> {
-        let (mut commands, mut events) = (Vec::new(), Vec::new());
-        for call in &self.calls {
-            match call {
-                Call::Step(command) => commands.push(&**command),
-                Call::Attach(block, _) => events.push((commands.len(), Some(*block))),
-                Call::Release => events.push((commands.len(), None)),
-            }
-        }
-        let free = (0..self.model.moving_count()).collect();
-        Run { model: &self.model, scene: &self.scene, start: &self.initial, free, commands, events }
-    }
-
-    /// Repeats the calls of the first `ticks` ticks on `plant`; seconds of each step.
-    fn repeat(&self, plant: &mut OdePlant, ticks: usize) -> Result<Vec<f64>, PlantError> {
-        let mut times = Vec::with_capacity(self.calls.len().min(ticks));
-        for call in &self.calls {
-            match call {
-                Call::Step(_) if times.len() == ticks => break,
-                Call::Step(command) => times.push(timed(plant, command)?),
-                Call::Attach(block, link) => plant.attach(*block, *link)?,
-                Call::Release => plant.release(),
-            }
-        }
-        Ok(times)
-    }
-}
 
 /// Physics of a method-D trial: phases built by hand, then every call of a real trial repeated on a fresh plant, with
 /// our settings, with every joint free, and with ODE's iterative solver at Gazebo's fifty iterations. About a minute.
@@ -118,8 +25,8 @@ pub fn dynamics() -> Result<BenchReport, Box<dyn Error>> {
     let mut figures = Vec::new();
     let peer = MuJoCo::find();
     phases(&mut figures, peer.as_ref().ok())?;
-    let trial = record()?;
-    whole_trial(&trial, peer.as_ref(), &mut figures)?;
+    let recorded = trial::record()?;
+    trial::whole_trial(&recorded, peer.as_ref(), &mut figures)?;
     extra_blocks(&mut figures, peer.as_ref().ok())?;
     Ok(BenchReport { stage: "dynamics".to_owned(), figures })
 }
@@ -200,88 +107,6 @@ fn extra_blocks(figures: &mut Vec<BenchFigure>, peer: Option<&MuJoCo>) -> Result
                 }
             }
         }
-    }
-    Ok(())
-}
-
-/// Runs one trial of method D and lists what its plant was asked.
-fn record() -> Result<Recorded, Box<dyn Error>> {
-    let mut config = TrialConfig::new(MethodName::D, SEED, Setup::named("seated")?);
-    let prepared = proact_devices::prepare(&EmgSource::Synthetic, config.seed)?;
-    config.emg = Some(prepared.config);
-    config.gesture_source = prepared.label;
-    let options = *config.participant.get_or_insert_with(ParticipantOptions::default);
-    let task = BoxAndBlocks::new(config.arrangement);
-    let scene = task.scene().clone();
-    let participant = SelectingParticipant::new(options, config.setup.body, &scene, config.seed);
-    let gaze = GazeSource::new(1.5, config.seed)?;
-    let model = Arc::new(proact_description::mpl_right_arm());
-    let initial = [model.pose("arm", "start")?, model.pose("hand", "open")?].concat();
-    let base = config.setup.body.shoulder_pose(&Default::default());
-    let planner =
-        ArmPlanner::new(model.clone(), Box::new(Kinematics::new(&model)?), PlannerOptions::default())?;
-    let calls = Rc::new(RefCell::new(Vec::new()));
-    let plant = OdePlant::new(&model, &scene, &initial, &base, DynamicsOptions::default())?;
-    let parts = Parts {
-        model: model.clone(),
-        kinematics: Box::new(Kinematics::new(&model)?),
-        plant: Box::new(Listed { plant, calls: calls.clone() }),
-        plans: Box::new(PlanWorker::new(planner)),
-        classifier: Some(prepared.classifier),
-        process: None,
-    };
-    let mut session = Session::new(SessionParts {
-        testbed: Testbed::new(config, parts)?,
-        participant: Some(Box::new(participant)),
-        emg: Some(Box::new(prepared.feed)),
-        gaze: Some(Box::new(gaze)),
-    });
-    while !session.step(false)?.output.finished {}
-    let last = session.testbed().plant().state().clone();
-    let calls = calls.take();
-    Ok(Recorded { model, scene, initial, base, calls, last })
-}
-
-fn whole_trial(
-    trial: &Recorded,
-    peer: Result<&MuJoCo, &String>,
-    figures: &mut Vec<BenchFigure>,
-) -> Result<(), Box<dyn Error>> {
-    let ours = DynamicsOptions::default();
-    let mut best: Option<Cost> = None;
-    for _ in 0..ROUNDS {
-        let mut plant = trial.plant(ours)?;
-        let cost = Cost::of(|| trial.repeat(&mut plant, usize::MAX))?;
-        if *plant.state() != trial.last {
-            return Err("the trial repeated on a fresh plant ends in another state".into());
-        }
-        if best.as_ref().is_none_or(|best| cost.core < best.core) {
-            best = Some(cost);
-        }
-    }
-    let cost = best.unwrap_or_default();
-    let times = &cost.ticks;
-    let note =
-        format!("method D, seed {SEED}, {:.1} s, repeated bit for bit", times.len() as f64 * TICK_SECS);
-    let note = peer.err().map_or(note.clone(), |why| format!("{note}; {why}"));
-    summarize("whole trial", &cost, 50.0, &note, figures);
-    compare("whole trial", peer.ok(), &trial.run(), figures)?;
-    let slow = times.iter().filter(|&&secs| secs > TICK_SECS).count() as f64 / times.len() as f64;
-    let note = "goal: at most 0.001; the machine's interruptions included";
-    figures.push(BenchFigure::alone("whole trial, share of ticks over 1 ms", slow, "1", note));
-
-    // The others get the first part of the trial: with other settings the same calls end elsewhere, but the load is
-    // the same kind.
-    let ticks = (PLAIN_SECS / TICK_SECS) as usize;
-    let plain = DynamicsOptions { arm: ArmEquations::Bodies, hold_still_hand: false, sleep: false, ..ours };
-    let gazebo = DynamicsOptions { solver: Solver::Iterative { iterations: 50, seed: 1 }, ..plain };
-    let note = format!("first {PLAIN_SECS} s of the trial");
-    for (name, options) in
-        [("as it is", ours), ("plain dWorldStep", plain), ("plain dWorldQuickStep, 50", gazebo)]
-    {
-        let mut plant = trial.plant(options)?;
-        let cost = Cost::of(|| trial.repeat(&mut plant, ticks))?;
-        figures.push(BenchFigure::alone(&format!("beginning, {name}"), cost.speed(), "x", &note));
     }
     Ok(())
 }
@@ -498,20 +323,6 @@ fn summarize(name: &str, cost: &Cost, goal: f64, note: &str, figures: &mut Vec<B
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_repeated_trial_ends_in_the_same_state_to_the_last_bit() {
-        let trial = record().unwrap();
-        let mut plant = trial.plant(DynamicsOptions::default()).unwrap();
-        let times = trial.repeat(&mut plant, usize::MAX).unwrap();
-        assert!(times.len() > 10_000, "{} ticks", times.len());
-        assert!(trial.calls.iter().any(|call| matches!(call, Call::Attach(..))), "a block was taken");
-        assert_eq!(*plant.state(), trial.last);
-
-        let mut other = trial.plant(DynamicsOptions { position_gain: 150.0, ..Default::default() }).unwrap();
-        trial.repeat(&mut other, usize::MAX).unwrap();
-        assert_ne!(*other.state(), trial.last, "another controller must be seen");
-    }
 
     #[test]
     fn every_phase_reports_a_speed() {

@@ -108,6 +108,40 @@ fn a_shoulder_that_stays_where_it_jumped_is_followed_slowly_after_a_second() {
 }
 
 #[test]
+fn a_grasp_names_block_fingers_and_place_and_ends_within_100_ms_of_opening() {
+    let config = config();
+    let model = proact_description::mpl_right_arm();
+    let open = common::positions(&model, &common::START, "open");
+    // The hand around the first block.
+    let block = BoxAndBlocks::new(config.arrangement).scene().blocks[0].pose.translation.vector;
+    let mut base = common::grasp_base(&model, &open);
+    base.translation.vector += Vector::new(block.x, block.y, 0.0);
+    let mut testbed = testbed(config, Some(base));
+    run(&mut testbed, 100, base, None);
+    assert!(!testbed.plant().state().base_held, "tracking has arrived");
+    let events = run(&mut testbed, 2500, base, Some(Gesture::HandClose));
+    let made = events.iter().find_map(|event| match &event.kind {
+        EventKind::GraspMade { block, links, place } => Some((*block, links.clone(), *place, event.time)),
+        _ => None,
+    });
+    let (id, links, place, at) = made.unwrap_or_else(|| panic!("the hand takes the block: {events:?}"));
+    assert_eq!(id, proact_types::BlockId::ALL[0]);
+    assert!(links.iter().any(|link| link.contains("thumb")) && links.len() >= 2, "{links:?}");
+    assert!((place.coords - block).norm() < 0.01, "{place} beside {block}");
+    println!("{} ms: {id:?} by {links:?}", at.0);
+
+    run(&mut testbed, 500, base, Some(Gesture::NoMotion));
+    let asked = testbed.now();
+    let events = run(&mut testbed, 1000, base, Some(Gesture::HandClose));
+    let ended = events.iter().find(|event| matches!(event.kind, EventKind::GraspEnded { .. }));
+    let ended = ended.unwrap_or_else(|| panic!("the hand lets the block go: {events:?}"));
+    let EventKind::GraspEnded { links: after, .. } = &ended.kind else { unreachable!("was just found") };
+    assert_eq!(*after, links);
+    println!("let go {} ms after opening was asked for", ended.time.0 - asked.0);
+    assert!(ended.time.0 - asked.0 <= 100, "let go after {} ms", ended.time.0 - asked.0);
+}
+
+#[test]
 fn a_trials_configuration_chooses_masses_and_controllers() {
     let after = |physics| {
         let mut testbed = testbed(TrialConfig { physics, ..config() }, None);

@@ -14,7 +14,7 @@ use proact_types::{
 use std::sync::Arc;
 
 /// A finger joint that has opened by this much since the grasp lets the block go, rad.
-const OPENED: f64 = 0.08;
+const OPENED: f64 = 0.01;
 
 /// Makes the physics anew: at the start and for each reset.
 pub type PlantFactory = Box<dyn Fn() -> Result<Box<dyn Plant>, PlantError>>;

@@ -23,7 +23,7 @@ use std::sync::Arc;
 /// Ticks from one control step to the next: 100 Hz.
 const CONTROL_TICKS: u64 = 10;
 /// A finger joint that has opened by this much since the grasp lets the block go, rad.
-const OPENED: f64 = 0.08;
+const OPENED: f64 = 0.01;
 
 /// Why a tick could not be taken. The trial is over then; what is recorded up to here stands.
 #[derive(Debug, thiserror::Error)]
