@@ -3,6 +3,7 @@
 #include "planners.hpp"
 
 #include <ompl/base/MotionValidator.h>
+#include <ompl/base/PlannerData.h>
 #include <ompl/base/PlannerTerminationCondition.h>
 #include <ompl/base/ProblemDefinition.h>
 #include <ompl/base/SpaceInformation.h>
@@ -10,7 +11,9 @@
 #include <ompl/base/goals/GoalStates.h>
 #include <ompl/base/spaces/RealVectorStateSpace.h>
 #include <ompl/geometric/PathGeometric.h>
+#include <ompl/geometric/PathHybridization.h>
 #include <ompl/geometric/PathSimplifier.h>
+#include <ompl/geometric/planners/prm/PRM.h>
 #include <ompl/util/Console.h>
 
 #include <algorithm>
@@ -211,24 +214,38 @@ double slowness(const og::PathGeometric& path) {
   return cost;
 }
 
+/// The joint space with the scene's verdicts on states and motions; its samplers take `seed`.
+ob::SpaceInformationPtr information_of(Scene& scene, const JointQuery& query, std::uint32_t seed,
+                                       const CancelFlag& cancel) {
+  auto information = std::make_shared<ob::SpaceInformation>(joint_space(scene, seed));
+  information->setStateValidityChecker(std::make_shared<SceneValidity>(information, scene, query, cancel));
+  if (query.resolution.equal_steps > 0.0) {
+    information->setStateValidityCheckingResolution(query.resolution.equal_steps);
+  } else {
+    information->setMotionValidator(std::make_shared<SceneMotions>(information, scene, query));
+  }
+  information->setup();
+  return information;
+}
+
+void require_resolution(const Resolution& resolution) {
+  if (!(resolution.radians > 0.0) || !(resolution.metres > 0.0)) {
+    throw std::invalid_argument("resolution must be above zero");
+  }
+  if (!(resolution.equal_steps >= 0.0 && resolution.equal_steps < 1.0)) {
+    throw std::invalid_argument("equal steps must be a share below 1");
+  }
+}
+
 /// Search number `number` of a query, from its start to those goals that are free.
 Found search_once(Scene& scene, const JointQuery& query, const std::vector<std::size_t>& free_goals,
                   std::uint64_t number, Clock::time_point begin, const CancelFlag& cancel) {
   constexpr std::uint64_t streams = 4;
   const auto stream = [&](std::uint64_t which) { return seed_of(query.seed, which + number * streams); };
   const double equal_steps = query.resolution.equal_steps;
-  auto space = joint_space(scene, stream(0));
-  auto information = std::make_shared<ob::SpaceInformation>(space);
-  information->setStateValidityChecker(std::make_shared<SceneValidity>(information, scene, query, cancel));
-  if (equal_steps > 0.0) {
-    information->setStateValidityCheckingResolution(equal_steps);
-  } else {
-    information->setMotionValidator(std::make_shared<SceneMotions>(information, scene, query));
-  }
-  information->setup();
-
+  const auto information = information_of(scene, query, stream(0), cancel);
   auto problem = std::make_shared<ob::ProblemDefinition>(information);
-  ob::ScopedState<> state(space);
+  ob::ScopedState<> state(information);
   copy_into(query.start, state.get());
   problem->addStartState(state);
   auto goals = std::make_shared<ob::GoalStates>(information);
@@ -267,7 +284,62 @@ Found search_once(Scene& scene, const JointQuery& query, const std::vector<std::
   return found;
 }
 
+/// One path from the best parts of several that begin at one state, joined where a free motion leads from one to another.
+Found best_parts(Scene& scene, const JointQuery& query, const std::vector<std::vector<std::vector<double>>>& paths,
+                 const CancelFlag& cancel) {
+  const auto information = information_of(scene, query, seed_of(query.seed, 0), cancel);
+  og::PathHybridization hybrid(information);
+  ob::ScopedState<> state(information);
+  for (const auto& points : paths) {
+    // Ends that are different goals cannot be mixed.
+    if (points.back() != paths.front().back()) continue;
+    auto path = std::make_shared<og::PathGeometric>(information);
+    for (const auto& point : points) {
+      copy_into(point, state.get());
+      path->append(state.get());
+    }
+    hybrid.recordPath(path, false);
+  }
+  Found found;
+  hybrid.computeHybridPath();
+  const ob::PathPtr& mixed = hybrid.getHybridPath();
+  if (!mixed || cancel.is_raised()) return found;
+  og::PathGeometric path = *mixed->as<og::PathGeometric>();
+  SeededSimplifier(information, seed_of(query.seed, 2)).reduceVertices(path, query.shortcuts, query.shortcuts);
+  found.cost = slowness(path);
+  for (const ob::State* point : path.getStates()) {
+    found.path.emplace_back(values(point), values(point) + scene.joint_count());
+  }
+  return found;
+}
+
 }  // namespace
+
+Roadmap grow_roadmap(Scene& scene, const JointQuery& query, std::size_t milestones, const CancelFlag& cancel) {
+  require_resolution(query.resolution);
+  ompl::msg::setLogLevel(ompl::msg::LOG_NONE);
+  const PlannerTurn turn(PlannerKind::prm, seed_of(query.seed, 3), cancel);
+  const auto information = information_of(scene, query, seed_of(query.seed, 0), cancel);
+  og::PRM planner(information);
+  // Growing needs no start and no goal, but a definition that could hold them.
+  planner.setProblemDefinition(std::make_shared<ob::ProblemDefinition>(information));
+  planner.setup();
+  planner.growRoadmap(ob::PlannerTerminationCondition(
+      [&] { return cancel.is_raised() || planner.milestoneCount() >= milestones; }));
+  ob::PlannerData data(information);
+  planner.getPlannerData(data);
+  Roadmap roadmap;
+  for (unsigned int v = 0; v < data.numVertices(); ++v) {
+    const double* q = values(data.getVertex(v).getState());
+    roadmap.milestones.emplace_back(q, q + scene.joint_count());
+    std::vector<unsigned int> neighbours;
+    data.getEdges(v, neighbours);
+    for (const unsigned int n : neighbours) {
+      if (v < n) roadmap.edges.emplace_back(v, n);
+    }
+  }
+  return roadmap;
+}
 
 bool motion_is_free(Scene& scene, const double* a, const double* b, const Resolution& resolution) {
   return scene.is_free(a) && scene.is_free(b) && MotionCheck(scene, a, b, resolution).is_free(0.0, 1.0);
@@ -275,11 +347,9 @@ bool motion_is_free(Scene& scene, const double* a, const double* b, const Resolu
 
 JointPlan plan_joint(Scene& scene, const JointQuery& query, const CancelFlag& cancel) {
   require_vectors(scene, query);
-  if (!(query.resolution.radians > 0.0) || !(query.resolution.metres > 0.0) || !(query.range > 0.0)) {
-    throw std::invalid_argument("resolution and range must be above zero");
-  }
+  require_resolution(query.resolution);
+  if (!(query.range > 0.0)) throw std::invalid_argument("range must be above zero");
   const double equal_steps = query.resolution.equal_steps;
-  if (!(equal_steps >= 0.0 && equal_steps < 1.0)) throw std::invalid_argument("equal steps must be a share below 1");
   if (!(query.max_seconds >= 0.0)) throw std::invalid_argument("the bound on the time must not be below zero");
   const auto begin = Clock::now();
   const std::size_t checks_before = scene.state_checks();
@@ -316,17 +386,26 @@ JointPlan plan_joint(Scene& scene, const JointQuery& query, const CancelFlag& ca
   ompl::msg::setLogLevel(ompl::msg::LOG_NONE);
   const PlannerTurn turn(query.planner, seed_of(query.seed, 3), cancel);
   if (cancel.is_raised()) return ended(JointPlanStatus::cancelled);
+  const bool anytime = query.planner == PlannerKind::anytime;
   double least = std::numeric_limits<double>::infinity();
-  for (unsigned int search = 0; search <= query.more_searches; ++search) {
+  std::vector<std::vector<std::vector<double>>> paths;
+  for (unsigned int search = 0; anytime || search <= query.more_searches; ++search) {
     const Found found = search_once(scene, query, free_goals, search, begin, cancel);
     plan.iterations += found.iterations;
     plan.timed_out = plan.timed_out || found.timed_out;
     if (cancel.is_raised()) return ended(JointPlanStatus::cancelled);
     if (found.path.empty()) break;
+    if (anytime) paths.push_back(found.path);
     if (found.cost < least) {
       least = found.cost;
       plan.path = found.path;
     }
+    if (anytime && (plan.iterations >= query.max_iterations || plan.timed_out)) break;
+  }
+  if (paths.size() > 1) {
+    const Found mixed = best_parts(scene, query, paths, cancel);
+    if (cancel.is_raised()) return ended(JointPlanStatus::cancelled);
+    if (!mixed.path.empty() && mixed.cost < least) plan.path = mixed.path;
   }
   if (plan.path.empty()) return ended(JointPlanStatus::no_plan);
   // The goal that was reached: its state was copied through the planner unchanged.

@@ -17,7 +17,6 @@
 #include <ompl/util/Console.h>
 
 #include <algorithm>
-#include <chrono>
 #include <ctime>
 #include <memory>
 
@@ -29,10 +28,6 @@ namespace og = ompl::geometric;
 namespace {
 
 using Transform = Eigen::Isometry3d;
-using Clock = std::chrono::steady_clock;
-
-double seconds_since(Clock::time_point begin) { return std::chrono::duration<double>(Clock::now() - begin).count(); }
-
 /// One shape of the arm or of what it carries.
 struct Part {
   std::size_t link = 0;
@@ -192,8 +187,6 @@ PlainPlan search_plainly(const Scene& scene, const std::vector<double>& start,
   PlainWorld world(scene);
   const auto joints = static_cast<unsigned int>(scene.joint_count());
 
-  const auto begin = Clock::now();
-  const double cpu_begin = thread_cpu_secs();
   auto space = std::make_shared<ob::RealVectorStateSpace>(joints);
   ob::RealVectorBounds bounds(joints);
   for (unsigned int k = 0; k < joints; ++k) {
@@ -222,22 +215,32 @@ PlainPlan search_plainly(const Scene& scene, const std::vector<double>& start,
     ends->addState(state);
   }
   problem->setGoal(ends);
-  const std::unique_ptr<ob::Planner> planner = plain_planner(information, query.planner, seed_of(seed, 1));
-  planner->setProblemDefinition(problem);
-  planner->setup();
-  const ob::PlannerStatus status = planner->solve(ob::timedPlannerTerminationCondition(settings.seconds));
   PlainPlan plan;
-  plan.search_secs = seconds_since(begin);
-  plan.cpu_secs = thread_cpu_secs() - cpu_begin;
-  if (status != ob::PlannerStatus::EXACT_SOLUTION) return plan;
-  og::PathGeometric path = *problem->getSolutionPath()->as<og::PathGeometric>();
-  og::PathSimplifier simplifier(information);
-  simplifier.simplify(path, std::max(settings.seconds - plan.search_secs, 0.0));
-  plan.cpu_secs = thread_cpu_secs() - cpu_begin;
-  for (const ob::State* point : path.getStates()) {
-    const double* values = point->as<ob::RealVectorStateSpace::StateType>()->values;
-    plan.path.emplace_back(values, values + joints);
+  const double begin = thread_cpu_secs();
+  while (plan.attempts < settings.attempts) {
+    ++plan.attempts;
+    const double attempt_begin = thread_cpu_secs();
+    const ob::PlannerTerminationCondition stop(
+        [&] { return thread_cpu_secs() - attempt_begin > settings.seconds; });
+    problem->clearSolutionPaths();
+    const std::unique_ptr<ob::Planner> planner =
+        plain_planner(information, query.planner, seed_of(seed, plan.attempts));
+    planner->setProblemDefinition(problem);
+    planner->setup();
+    const ob::PlannerStatus status = planner->solve(stop);
+    plan.search_secs += thread_cpu_secs() - attempt_begin;
+    if (status == ob::PlannerStatus::EXACT_SOLUTION) {
+      og::PathGeometric path = *problem->getSolutionPath()->as<og::PathGeometric>();
+      og::PathSimplifier simplifier(information);
+      simplifier.simplify(path, stop);
+      for (const ob::State* point : path.getStates()) {
+        const double* values = point->as<ob::RealVectorStateSpace::StateType>()->values;
+        plan.path.emplace_back(values, values + joints);
+      }
+      break;
+    }
   }
+  plan.cpu_secs = thread_cpu_secs() - begin;
   return plan;
 }
 

@@ -1,10 +1,12 @@
 #include "planners.hpp"
 
+#include <ompl/base/PlannerData.h>
 #include <ompl/base/SpaceInformation.h>
 #include <ompl/base/spaces/RealVectorStateSpace.h>
 #include <ompl/base/terminationconditions/IterationTerminationCondition.h>
 #include <ompl/datastructures/NearestNeighborsLinear.h>
 #include <ompl/geometric/planners/kpiece/LBKPIECE1.h>
+#include <ompl/geometric/planners/prm/LazyPRM.h>
 #include <ompl/geometric/planners/prm/PRM.h>
 #include <ompl/geometric/planners/rrt/BiTRRT.h>
 #include <ompl/geometric/planners/rrt/RRTConnect.h>
@@ -14,6 +16,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -69,6 +72,40 @@ class SerialPrm : public og::PRM {
   }
 };
 
+/// A planner that begins with a roadmap and looks at no more of it than a way needs.
+std::unique_ptr<ob::Planner> planner_over(const ob::SpaceInformationPtr& space, const Roadmap& roadmap) {
+  std::vector<ob::ScopedState<ob::RealVectorStateSpace>> states;
+  states.reserve(roadmap.milestones.size());
+  ob::PlannerData data(space);
+  for (const auto& milestone : roadmap.milestones) {
+    states.emplace_back(space);
+    std::copy(milestone.begin(), milestone.end(), states.back()->values);
+    data.addVertex(ob::PlannerDataVertex(states.back().get()));
+  }
+  for (const auto& [a, b] : roadmap.edges) {
+    const ob::Cost length(space->distance(states[a].get(), states[b].get()));
+    data.addEdge(static_cast<unsigned int>(a), static_cast<unsigned int>(b), ob::PlannerDataEdge(), length);
+  }
+  // The planner clones the states.
+  return std::make_unique<og::LazyPRM>(data);
+}
+
+void require_roadmap(const Scene& scene, const Roadmap& roadmap) {
+  for (const auto& milestone : roadmap.milestones) {
+    const bool finite = std::all_of(milestone.begin(), milestone.end(), [](double q) { return std::isfinite(q); });
+    if (milestone.size() != scene.joint_count() || !finite) {
+      throw std::invalid_argument("a milestone of the roadmap is no vector of " + std::to_string(scene.joint_count()) +
+                                  " finite angles");
+    }
+  }
+  for (const auto& [a, b] : roadmap.edges) {
+    if (std::max(a, b) >= roadmap.milestones.size()) {
+      throw std::invalid_argument("an edge of the roadmap names milestone " + std::to_string(std::max(a, b)) + " of " +
+                                  std::to_string(roadmap.milestones.size()));
+    }
+  }
+}
+
 void require_vector(const Scene& scene, const std::vector<double>& q, const std::string& what) {
   if (q.size() != scene.joint_count()) {
     throw std::invalid_argument(what + " has " + std::to_string(q.size()) + " angles, the arm has " +
@@ -89,6 +126,7 @@ void require_vectors(const Scene& scene, const JointQuery& query) {
   require_vector(scene, query.start, "the start");
   if (query.goals.empty()) throw std::invalid_argument("no goal was given");
   for (const auto& goal : query.goals) require_vector(scene, goal, "a goal");
+  if (query.roadmap) require_roadmap(scene, *query.roadmap);
 }
 
 std::uint32_t seed_of(std::uint64_t query_seed, std::uint64_t stream) {
@@ -102,7 +140,7 @@ std::uint32_t seed_of(std::uint64_t query_seed, std::uint64_t stream) {
 
 PlannerTurn::PlannerTurn(PlannerKind kind, std::uint32_t seed, const CancelFlag& cancel)
     : shared_(generators(), std::defer_lock), alone_(generators(), std::defer_lock) {
-  if (kind == PlannerKind::rrt_connect) {
+  if (kind == PlannerKind::rrt_connect || kind == PlannerKind::anytime) {
     while (!cancel.is_raised() && !shared_.try_lock_for(patience)) {
     }
     return;
@@ -115,7 +153,8 @@ PlannerTurn::PlannerTurn(PlannerKind kind, std::uint32_t seed, const CancelFlag&
 std::unique_ptr<ob::Planner> plain_planner(const ob::SpaceInformationPtr& space, PlannerKind kind,
                                            std::uint32_t seed) {
   switch (kind) {
-    case PlannerKind::rrt_connect: return std::make_unique<SeededRrtConnect>(space, seed);
+    case PlannerKind::rrt_connect:
+    case PlannerKind::anytime: return std::make_unique<SeededRrtConnect>(space, seed);
     case PlannerKind::bitrrt: return std::make_unique<og::BiTRRT>(space);
     case PlannerKind::lbkpiece1: return std::make_unique<og::LBKPIECE1>(space);
     case PlannerKind::rrt_star: return std::make_unique<og::RRTstar>(space);
@@ -126,9 +165,12 @@ std::unique_ptr<ob::Planner> plain_planner(const ob::SpaceInformationPtr& space,
 
 std::unique_ptr<ob::Planner> make_planner(const ob::SpaceInformationPtr& space, const JointQuery& query,
                                           std::uint32_t seed) {
-  std::unique_ptr<ob::Planner> planner = plain_planner(space, query.planner, seed);
+  const bool over = query.planner == PlannerKind::prm && query.roadmap && !query.roadmap->milestones.empty();
+  std::unique_ptr<ob::Planner> planner =
+      over ? planner_over(space, *query.roadmap) : plain_planner(space, query.planner, seed);
   ob::ParamSet& known = planner->params();
-  if (known.hasParam("range")) known.setParam("range", std::to_string(query.range));
+  // A roadmap's milestones are as far apart as they are: OMPL's own bound on new edges allows for that.
+  if (!over && known.hasParam("range")) known.setParam("range", std::to_string(query.range));
   for (const auto& [name, value] : query.parameters) {
     if (!known.hasParam(name)) {
       std::vector<std::string> names;

@@ -30,7 +30,8 @@ class PlannerTurn {
 std::unique_ptr<ompl::base::Planner> plain_planner(const ompl::base::SpaceInformationPtr& space, PlannerKind kind,
                                                    std::uint32_t seed);
 
-/// Throws std::invalid_argument for a start or goals of the wrong length, outside the limits or not finite.
+/// Throws std::invalid_argument for a roadmap whose milestones have another number of joints or are not finite, or
+/// whose edges name no milestone; and for a start or goals of the wrong length, outside the limits or not finite.
 void require_vectors(const Scene& scene, const JointQuery& query);
 
 /// The planner of a query, its parameters set. Throws std::invalid_argument naming a parameter that it does not

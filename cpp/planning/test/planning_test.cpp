@@ -216,7 +216,7 @@ void plans_are_free_reach_a_goal_and_depend_on_the_seed_alone() {
 
 void every_planner_is_repeatable_even_beside_others() {
   const std::vector<PlannerKind> kinds{PlannerKind::rrt_connect, PlannerKind::bitrrt, PlannerKind::lbkpiece1,
-                                       PlannerKind::rrt_star, PlannerKind::prm};
+                                       PlannerKind::rrt_star, PlannerKind::prm,       PlannerKind::anytime};
   const auto plan_of = [](PlannerKind kind, std::uint64_t seed) {
     Scene scene(planar_arm());
     scene.set_obstacles(clutter());
@@ -243,6 +243,66 @@ void every_planner_is_repeatable_even_beside_others() {
   }
   for (std::thread& thread : threads) thread.join();
   for (const int count : equal) check(count == 2, "beside other planners in threads every plan is what it was alone");
+}
+
+void a_roadmap_is_grown_once_and_begun_with_wherever_things_stand() {
+  const double half_pi = 1.5707963267948966;
+  Scene scene(planar_arm());
+  const auto walls = clutter();
+  scene.set_obstacles({walls[1]});
+  JointQuery query = fold_query(1);
+  query.resolution = {0.05, 0.02};
+  const Roadmap roadmap = grow_roadmap(scene, query, 300, CancelFlag());
+  check(roadmap.milestones.size() >= 300 && roadmap.edges.size() > 300, "a roadmap has as many milestones as was asked");
+  for (const auto& [a, b] : roadmap.edges) {
+    check(motion_is_free(scene, roadmap.milestones[a].data(), roadmap.milestones[b].data(), query.resolution),
+          "every edge of a roadmap is a free motion");
+  }
+  check(grow_roadmap(scene, query, 300, CancelFlag()).milestones == roadmap.milestones, "a roadmap is repeatable");
+  // Another wall has come since.
+  scene.set_obstacles(walls);
+  query.planner = PlannerKind::prm;
+  query.roadmap = std::make_shared<Roadmap>(roadmap);
+  query.max_iterations = 3000;
+  const JointPlan plan = plan_joint(scene, query, CancelFlag());
+  check(plan.status == JointPlanStatus::solved, "a way is found that begins with a roadmap");
+  for (std::size_t k = 0; k + 1 < plan.path.size(); ++k) {
+    check(motion_is_free(scene, plan.path[k].data(), plan.path[k + 1].data(), query.resolution),
+          "what has come between milestones since is kept clear of");
+  }
+  check(plan_joint(scene, query, CancelFlag()).path == plan.path, "a way over a roadmap is repeatable");
+  const auto with = [&](const Roadmap& other) {
+    query.roadmap = std::make_shared<Roadmap>(other);
+    plan_joint(scene, query, CancelFlag());
+  };
+  check(refuses([&] { with({{{half_pi}}, {}}); }, "no vector of 3"), "a milestone of another arm is refused");
+  check(refuses([&] { with({{{0.0, 0.0, 0.0}}, {{0, 1}}}); }, "names milestone 1 of 1"), "an edge to nowhere is refused");
+}
+
+void anytime_shortening_gives_ways_no_longer_than_one_search() {
+  const auto length = [](const JointPlan& plan) {
+    double sum = 0.0;
+    for (std::size_t k = 0; k + 1 < plan.path.size(); ++k) {
+      double squares = 0.0;
+      for (std::size_t j = 0; j < 3; ++j) squares += std::pow(plan.path[k + 1][j] - plan.path[k][j], 2);
+      sum += std::sqrt(squares);
+    }
+    return sum;
+  };
+  double once = 0.0;
+  double again = 0.0;
+  for (std::uint64_t seed = 1; seed <= 8; ++seed) {
+    Scene scene(planar_arm());
+    scene.set_obstacles(clutter());
+    JointQuery query = fold_query(seed);
+    once += length(plan_joint(scene, query, CancelFlag()));
+    query.planner = PlannerKind::anytime;
+    query.max_iterations = 3000;
+    const JointPlan plan = plan_joint(scene, query, CancelFlag());
+    check(plan.status == JointPlanStatus::solved && plan.iterations >= 3000, "anytime shortening spends its iterations");
+    again += length(plan);
+  }
+  check(again < 0.98 * once, "ways by anytime shortening are shorter");
 }
 
 void parameters_go_to_the_planner_by_name() {
@@ -357,6 +417,8 @@ int main() {
   the_clearance_is_never_an_overstatement();
   plans_are_free_reach_a_goal_and_depend_on_the_seed_alone();
   every_planner_is_repeatable_even_beside_others();
+  a_roadmap_is_grown_once_and_begun_with_wherever_things_stand();
+  anytime_shortening_gives_ways_no_longer_than_one_search();
   parameters_go_to_the_planner_by_name();
   every_status_can_be_reached();
   bad_input_is_refused_by_name();

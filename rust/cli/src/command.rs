@@ -98,6 +98,9 @@ struct BenchArgs {
     /// Problems of the stage planning [default: 1000]
     #[arg(long, value_name = "N")]
     problems: Option<usize>,
+    /// Seed of the stage planning's problems; one that nothing was tuned on if left out
+    #[arg(long)]
+    seed: Option<u64>,
     /// How long the stage planning searches, in seconds, before a goal counts as out of reach
     #[arg(long, value_name = "SECONDS", default_value_t = 30.0)]
     settle: f64,
@@ -135,7 +138,8 @@ fn run(command: Command) -> Result<bool, Box<dyn Error>> {
                 "dynamics" => crate::bench_dynamics::dynamics()?,
                 "planning" => {
                     let problems = args.problems.unwrap_or(PLANNING_PROBLEMS);
-                    crate::bench_planning::planning(PlanningBench::held_out(problems, Some(args.settle)))?
+                    let what = PlanningBench::new(args.seed, problems, Some(args.settle));
+                    crate::bench_planning::planning(what)?
                 }
                 #[cfg(feature = "ros")]
                 "ros" => crate::bench_ros::ros()?,

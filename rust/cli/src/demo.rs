@@ -122,12 +122,12 @@ pub(crate) fn run(args: &RunArgs) -> Result<bool, Box<dyn Error>> {
 
 fn trial_with(config: TrialConfig, source: &EmgSource, how: &RunHow) -> Result<bool, Box<dyn Error>> {
     let trained = how.emg_model.as_deref().map(crate::emg::read_model_file).transpose()?;
-    let Assembly { session, classifier, model, .. } =
+    let Assembly { session, classifier, model, plans } =
         trial::simulated_with(config, source, trained.as_ref())?;
     let config = session.testbed().config().clone();
     let dir = (!how.no_record).then(|| how.out.clone().unwrap_or_else(|| default_dir(&config)));
     let recorder = match &dir {
-        Some(dir) => Some(Recorder::create(dir, &config, &model, classifier.as_ref())?),
+        Some(dir) => Some(Recorder::create(dir, &config, &model, classifier.as_ref())?.with_plans(plans)?),
         None => None,
     };
     let page = if how.headless { None } else { Some(open_page(&session, how)?) };

@@ -7,7 +7,8 @@
 //! | `condition` | `q` | `condition` (null when infinite), `sigma`: 6 singular values |
 //! | `inverse_dynamics` | `q`, `qd`, `qdd`, `hand` (default zero) | `tau` of the arm joints, hand's mass included |
 //! | `ik` | `position`, `quaternion`, `seed` | `status`: `ok` or `unreachable`, `q` or null |
-//! | `plan` | `start`, `goal_q` or `goal_pose`, `scene`, `base_pose`, `hand`, `attached`, `seed`, `planner`, `parameters` | `status`, `path`, `times`, `reason`, `words`, `iterations`, `wall_secs` |
+//! | `plan` | `start`, `goal_q` or `goal_pose`, `scene`, `base_pose`, `hand`, `attached`, `seed`, `planner`, `parameters`, `roadmap` | `status`, `path`, `times`, `reason`, `words`, `iterations`, `wall_secs` |
+//! | `roadmap` | `milestones` (how many), `scene`, `base_pose`, `hand`, `seed` | `milestones`, `edges` |
 //! | `collision` | `q`, `scene`, `base_pose`, `hand` | `collision`, `pairs` |
 //!
 //! SI units, radians, quaternions x, y, z, w. Poses of the tip, `goal_pose` too, are in the base link; gravity is
@@ -17,32 +18,33 @@
 //!
 //! `scene` is `empty`, `box` (table, walls, partition), `clutter` (the same with four blocks) or a list of
 //! `{"name", "shape": {"type": "box", "size": [x, y, z]}, "position", "quaternion"}`, with the shapes of
-//! [`Shape`] or `{"type": "mesh", "vertices": [[x, y, z], ..], "triangles": [[0, 1, 2], ..]}`, placed in `world`. `base_pose` is `world_from_base` as `{"position", "quaternion"}`; without it the
+//! [`proact_types::Shape`] or `{"type": "mesh", "vertices": [[x, y, z], ..], "triangles": [[0, 1, 2], ..]}`, placed in `world`. `base_pose` is `world_from_base` as `{"position", "quaternion"}`; without it the
 //! shoulder is where the set-up `still` has it for `box` and `clutter`, and at the origin otherwise.
 //!
 //! `planner` is a name of OMPL's (`RRTConnect` if left out), `parameters` an object of its parameters. `attached` is a
-//! list of at most one shape in the tip's frame: what the hand carries. `words` say in at most five how it ended.
+//! list of at most one shape in the tip's frame: what the hand carries. `roadmap` names a file that holds an answer to the
+//! question of that name: `PRM` begins with it. `words` say in at most five how it ended.
 //!
 //! A line that cannot be answered gives `{"error": ".."}`; the stream goes on.
+
+mod scene;
 
 use nalgebra::{Quaternion, Translation3, UnitQuaternion, Vector3};
 use proact_description::DescriptionError;
 use proact_kinematics::{ArmKinematics, IkOutcome, Kinematics, KinematicsError};
-use proact_planning::{ArmPlanner, MeshObstacle, PlannerName, PlannerOptions, five_words};
-use proact_tasks::{Arrangement, BoxAndBlocks};
-use proact_testbed::Setup;
-use proact_types::{
-    ArmModel, AttachedObject, JointVector, Obstacle, PlanGoal, PlanRequest, Pose, Shape, Vector, joints,
-    zeros,
-};
+use proact_planning::{ArmPlanner, PlannerName, PlannerOptions, Roadmap, five_words};
+use proact_types::{ArmModel, JointVector, PlanGoal, PlanRequest, Pose, Vector, joints, zeros};
+use scene::{SceneAsked, ShapeText, attached};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::io::{BufRead, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Gravity in the base link, m/s^2.
 const GRAVITY: Vector = Vector::new(0.0, 0.0, -9.80665);
+/// Most milestones of a roadmap: beyond it each plan would spend its time on taking the roadmap in.
+const MAX_MILESTONES: usize = 100_000;
 /// A quaternion whose length is further from one than this is a mistake rather than rounding.
 const QUATERNION_SLACK: f64 = 1e-3;
 
@@ -102,7 +104,19 @@ enum Question {
     InverseDynamics { q: Vec<f64>, qd: Vec<f64>, qdd: Vec<f64>, hand: Option<Vec<f64>> },
     Ik { position: [f64; 3], quaternion: [f64; 4], seed: Option<Value> },
     Plan(PlanQuestion),
+    Roadmap(RoadmapQuestion),
     Collision { q: Vec<f64>, scene: Value, base_pose: Option<PoseText>, hand: Option<Vec<f64>> },
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RoadmapQuestion {
+    milestones: usize,
+    scene: Value,
+    base_pose: Option<PoseText>,
+    hand: Option<Vec<f64>>,
+    #[serde(default)]
+    seed: u64,
 }
 
 #[derive(Debug, Deserialize)]
@@ -120,6 +134,8 @@ struct PlanQuestion {
     /// Its parameters by OMPL's names.
     #[serde(default)]
     parameters: std::collections::BTreeMap<String, Value>,
+    /// File with what PRM begins with.
+    roadmap: Option<PathBuf>,
     hand: Option<Vec<f64>>,
     /// What the hand carries, in the tip's frame: a list, of one thing at most.
     #[serde(default)]
@@ -132,29 +148,6 @@ struct PoseText {
     position: [f64; 3],
     #[serde(default = "no_rotation")]
     quaternion: [f64; 4],
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct ShapeText {
-    name: Option<String>,
-    shape: FormText,
-    position: [f64; 3],
-    #[serde(default = "no_rotation")]
-    quaternion: [f64; 4],
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(untagged)]
-enum FormText {
-    Mesh(MeshText),
-    Primitive(Shape),
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
-enum MeshText {
-    Mesh { vertices: Vec<[f64; 3]>, triangles: Vec<[usize; 3]> },
 }
 
 fn no_rotation() -> [f64; 4] {
@@ -217,6 +210,18 @@ impl Desk {
                 })
             }
             Question::Plan(question) => self.plan(question),
+            Question::Roadmap(RoadmapQuestion { milestones, scene, base_pose, hand, seed }) => {
+                if !(1..=MAX_MILESTONES).contains(&milestones) {
+                    return Err(format!("milestones is {milestones}, expected 1 to {MAX_MILESTONES}"));
+                }
+                let scene = SceneAsked::new(&scene, base_pose)?;
+                let hand = self.hand(hand)?;
+                let planner = self.planner()?;
+                planner.set_meshes(scene.meshes).map_err(text)?;
+                let (obstacles, base) = (&scene.obstacles, &scene.world_from_base);
+                let grown = planner.grow_roadmap(milestones, &hand, obstacles, base, seed);
+                grown.map(|roadmap| json!(roadmap)).map_err(text)
+            }
             Question::Collision { q, scene, base_pose, hand } => {
                 let scene = SceneAsked::new(&scene, base_pose)?;
                 let hand = self.hand(hand)?;
@@ -293,17 +298,22 @@ impl Desk {
             seed: question.seed,
         };
         let mut own = match question.planner {
-            None if question.parameters.is_empty() => None,
+            None if question.parameters.is_empty() && question.roadmap.is_none() => None,
             name => {
                 let planner = name.map_or(Ok(PlannerName::default()), |name| name.parse()).map_err(text)?;
                 let parameter = |(name, value): (String, Value)| match value {
                     Value::String(value) => (name, value),
                     other => (name, other.to_string()),
                 };
+                let roadmap = question.roadmap.as_deref().map(read_roadmap).transpose()?;
+                if roadmap.is_some() && planner != PlannerName::Prm {
+                    return Err(format!("{planner} cannot begin with a roadmap, expected the planner PRM"));
+                }
                 let planner_parameters = question.parameters.into_iter().map(parameter).collect();
                 Some(self.new_planner(PlannerOptions {
                     planner,
                     planner_parameters,
+                    roadmap,
                     ..PlannerOptions::default()
                 })?)
             }
@@ -342,6 +352,14 @@ impl Desk {
     }
 }
 
+fn read_roadmap(path: &Path) -> Result<Arc<Roadmap>, String> {
+    let bytes = std::fs::read(path).map_err(|error| format!("roadmap {}: {error}", path.display()))?;
+    let roadmap = serde_json::from_slice(&bytes).map_err(|error| {
+        format!("roadmap {}: {error}; expected an answer to {{\"op\": \"roadmap\"}}", path.display())
+    })?;
+    Ok(Arc::new(roadmap))
+}
+
 fn text(error: impl std::fmt::Display) -> String {
     error.to_string()
 }
@@ -370,93 +388,6 @@ fn pose(position: [f64; 3], quaternion: [f64; 4]) -> Result<Pose, String> {
     }
     let translation = Translation3::from(Vector3::from(position));
     Ok(Pose::from_parts(translation, UnitQuaternion::from_quaternion(quaternion)))
-}
-
-/// What a question says of the surroundings.
-struct SceneAsked {
-    /// In `world`.
-    obstacles: Vec<Obstacle>,
-    meshes: Vec<MeshObstacle>,
-    world_from_base: Pose,
-}
-
-impl SceneAsked {
-    fn new(scene: &Value, base_pose: Option<PoseText>) -> Result<Self, String> {
-        let mut meshes = Vec::new();
-        let (obstacles, usual_base) = match scene {
-            Value::String(name) => named_scene(name)?,
-            Value::Array(shapes) => {
-                let mut obstacles = Vec::new();
-                for (index, shape) in shapes.iter().enumerate() {
-                    match thing(index, shape)? {
-                        Thing::Primitive(obstacle) => obstacles.push(obstacle),
-                        Thing::Mesh(mesh) => meshes.push(mesh),
-                    }
-                }
-                (obstacles, Pose::identity())
-            }
-            other => {
-                return Err(format!("scene is {other}, expected box, clutter, empty or a list of shapes"));
-            }
-        };
-        let base = base_pose.map(|base| pose(base.position, base.quaternion)).transpose()?;
-        Ok(Self { obstacles, meshes, world_from_base: base.unwrap_or(usual_base) })
-    }
-}
-
-fn named_scene(name: &str) -> Result<(Vec<Obstacle>, Pose), String> {
-    let blocks = match name {
-        "empty" => return Ok((Vec::new(), Pose::identity())),
-        "box" => false,
-        "clutter" => true,
-        _ => {
-            return Err(format!("scene is \"{name}\", expected box, clutter, empty or a list of shapes"));
-        }
-    };
-    let scene = BoxAndBlocks::new(Arrangement::numbered(1).map_err(text)?).scene().clone();
-    let fixed = scene.fixed.into_iter().map(|o| Obstacle { name: o.name, shape: o.shape, pose: o.pose });
-    let movable = scene.blocks.into_iter().filter(|_| blocks).map(|block| Obstacle {
-        name: block.id.name().to_owned(),
-        shape: block.shape,
-        pose: block.pose,
-    });
-    let still = Setup::named("still").map_err(text)?;
-    Ok((fixed.chain(movable).collect(), still.body.shoulder_pose(&Default::default())))
-}
-
-enum Thing {
-    Primitive(Obstacle),
-    Mesh(MeshObstacle),
-}
-
-fn thing(index: usize, entry: &Value) -> Result<Thing, String> {
-    let place = |error: String| format!("scene, shape {index}: {error}");
-    let entry: ShapeText = serde_json::from_value(entry.clone()).map_err(|error| place(error.to_string()))?;
-    let pose = pose(entry.position, entry.quaternion).map_err(place)?;
-    let name = entry.name.unwrap_or_else(|| format!("shape_{index}"));
-    Ok(match entry.shape {
-        FormText::Mesh(MeshText::Mesh { vertices, triangles }) => {
-            Thing::Mesh(MeshObstacle { name, vertices, triangles, pose })
-        }
-        FormText::Primitive(shape) => Thing::Primitive(Obstacle { name, shape, pose }),
-    })
-}
-
-/// What the hand carries: one thing at most.
-fn attached(list: &[ShapeText]) -> Result<Option<AttachedObject>, String> {
-    match list {
-        [] => Ok(None),
-        [ShapeText { name, shape: FormText::Primitive(shape), position, quaternion }] => {
-            Ok(Some(AttachedObject {
-                name: name.clone().unwrap_or_else(|| "carried".to_owned()),
-                shape: *shape,
-                tip_from_object: pose(*position, *quaternion)
-                    .map_err(|error| format!("attached: {error}"))?,
-            }))
-        }
-        [_] => Err("attached is a mesh, expected a box, sphere, cylinder or capsule".to_owned()),
-        more => Err(format!("attached has {} objects, the hand carries one at most", more.len())),
-    }
 }
 
 /// A number in [0, 1) for `seed` and coordinate `k`: the fractional part of multiples of square roots of primes,

@@ -1,9 +1,11 @@
 use proact_emg::Classifier;
+use proact_planning::PlanLog;
 use proact_recording::{RecordingError, TrialBag, TrialHeader, TrialWriter};
 use proact_testbed::{Step, TrialConfig, TrialResult};
 use proact_types::{ArmModel, PlantState, SimTime};
 use std::{
-    fs, io,
+    fs,
+    io::{self, Write},
     path::{Path, PathBuf},
 };
 
@@ -20,6 +22,14 @@ pub enum RecorderError {
     /// The configuration cannot be written as text.
     #[error(transparent)]
     Config(#[from] proact_testbed::ConfigError),
+    /// The plans' log cannot be written.
+    #[error("cannot write {path}: {source}")]
+    Plans {
+        /// Where.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
     /// The classifier cannot be stored.
     #[error("cannot write {path}: {source}")]
     Classifier {
@@ -30,6 +40,9 @@ pub enum RecorderError {
     },
 }
 
+/// What each plan took, one JSON object a line, in a trial directory. Beside the record: times differ from run to run.
+const PLANS_FILE: &str = "plans.jsonl";
+
 /// Ticks from one joint state in the bag to the next: 50 Hz, as the original's.
 const STATE_TICKS: u64 = 20;
 
@@ -38,6 +51,27 @@ pub struct Recorder {
     writer: TrialWriter,
     bag: TrialBag,
     end: SimTime,
+    plans: Option<PlanFile>,
+}
+
+/// The plans' log as it is written.
+struct PlanFile {
+    log: PlanLog,
+    file: fs::File,
+    path: PathBuf,
+    written: usize,
+}
+
+impl PlanFile {
+    fn write_new(&mut self) -> Result<(), RecorderError> {
+        for effort in self.log.entries().iter().skip(self.written) {
+            let line = serde_json::to_vec(effort).map_err(io::Error::from);
+            line.and_then(|line| self.file.write_all(&[line.as_slice(), b"\n"].concat()))
+                .map_err(|source| RecorderError::Plans { path: self.path.clone(), source })?;
+            self.written += 1;
+        }
+        Ok(())
+    }
 }
 
 impl Recorder {
@@ -64,7 +98,20 @@ impl Recorder {
                 .map_err(|source| RecorderError::Classifier { path, source })?;
         }
         let bag = TrialBag::create(writer.dir(), model)?;
-        Ok(Self { writer, bag, end: SimTime(0) })
+        Ok(Self { writer, bag, end: SimTime(0), plans: None })
+    }
+
+    /// The same, with what each plan takes beside the record: iterations, time on the clock and on the processor,
+    /// whether the clock ended it.
+    ///
+    /// # Errors
+    /// [`RecorderError::Plans`] when the disk refuses.
+    pub fn with_plans(mut self, log: PlanLog) -> Result<Self, RecorderError> {
+        let path = self.writer.dir().join(PLANS_FILE);
+        let file =
+            fs::File::create(&path).map_err(|source| RecorderError::Plans { path: path.clone(), source })?;
+        self.plans = Some(PlanFile { log, file, path, written: 0 });
+        Ok(self)
     }
 
     /// Writes one tick, after which the plant was in `state`.
@@ -90,6 +137,9 @@ impl Recorder {
         }
         if let Some(plan) = &step.output.plan {
             self.bag.write_plan(time, plan)?;
+            if let Some(plans) = &mut self.plans {
+                plans.write_new()?;
+            }
         }
         if time.0.is_multiple_of(STATE_TICKS) {
             self.bag.write_state(time, state)?;
@@ -104,7 +154,11 @@ impl Recorder {
     ///
     /// # Errors
     /// [`RecorderError`] when the disk refuses.
-    pub fn finish(self, result: &TrialResult) -> Result<PathBuf, RecorderError> {
+    pub fn finish(mut self, result: &TrialResult) -> Result<PathBuf, RecorderError> {
+        // A plan that was cancelled has no reply in the record, but it took its time.
+        if let Some(plans) = &mut self.plans {
+            plans.write_new()?;
+        }
         self.bag.finish(self.end)?;
         Ok(self.writer.finish(self.end, result)?)
     }

@@ -82,7 +82,7 @@ pub(crate) fn command(args: &ServeArgs) -> Result<bool, Box<dyn Error>> {
     loop {
         let config = asked.config("still")?;
         let seed = config.seed;
-        let Assembly { mut session, model, classifier, .. } = match &armband {
+        let Assembly { mut session, model, classifier, plans } = match &armband {
             Some(armband) => trial::live_with_armband(config, armband.model(), armband.port())?,
             None => trial::live(config)?,
         };
@@ -93,7 +93,9 @@ pub(crate) fn command(args: &ServeArgs) -> Result<bool, Box<dyn Error>> {
             (None, _) => Some(default_dir(&config)),
         };
         let mut recorder = match &dir {
-            Some(dir) => Some(Recorder::create(dir, &config, &model, classifier.as_ref())?),
+            Some(dir) => {
+                Some(Recorder::create(dir, &config, &model, classifier.as_ref())?.with_plans(plans)?)
+            }
             None => None,
         };
         let content = PageContent {

@@ -32,10 +32,10 @@ fn digest(seed: u64) -> Outcome<String> {
 
 /// Records a trial into `dir`.
 fn record(seed: u64, dir: &Path) -> Outcome {
-    let trial::Assembly { mut session, classifier, model, .. } =
+    let trial::Assembly { mut session, classifier, model, plans } =
         trial::simulated(config(seed)?, &EmgSource::Synthetic)?;
     let config = session.testbed().config().clone();
-    let mut recorder = Recorder::create(dir, &config, &model, classifier.as_ref())?;
+    let mut recorder = Recorder::create(dir, &config, &model, classifier.as_ref())?.with_plans(plans)?;
     loop {
         let step = session.step(false)?;
         recorder.write(&step, session.testbed().plant().state())?;
@@ -100,6 +100,14 @@ fn planning_again_gives_the_recorded_plans_and_notices_a_changed_one() -> Outcom
     assert!(again.agrees, "{again:?}");
     let plans = again.replanned.ok_or("it was asked for")?;
     assert!(plans.equal > 0 && plans.different.is_empty(), "{plans:?}");
+    // What each took stands beside the record.
+    let log = fs::read_to_string(dir.join("plans.jsonl"))?;
+    assert!(log.lines().count() >= plans.equal, "{log}");
+    for line in log.lines() {
+        let effort: serde_json::Value = serde_json::from_str(line)?;
+        assert!(effort["wall_secs"].as_f64().is_some_and(|secs| secs > 0.0), "{effort}");
+        assert_eq!(effort["timed_out"], false, "a batch is bounded by iterations: {effort}");
+    }
 
     let changed = place.path().join("changed");
     let mut first = None;

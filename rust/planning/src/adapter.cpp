@@ -25,8 +25,8 @@ Resolution resolution_of(const SearchRow& search) {
 }
 
 JointQuery query_of(const SearchRow& search) {
-  constexpr std::array<PlannerKind, 5> kinds{PlannerKind::rrt_connect, PlannerKind::bitrrt, PlannerKind::lbkpiece1,
-                                             PlannerKind::rrt_star, PlannerKind::prm};
+  constexpr std::array<PlannerKind, 6> kinds{PlannerKind::rrt_connect, PlannerKind::bitrrt, PlannerKind::lbkpiece1,
+                                             PlannerKind::rrt_star, PlannerKind::prm, PlannerKind::anytime};
   JointQuery query;
   query.planner = kinds.at(search.planner);
   for (std::size_t k = 0; k + 1 < search.parameters.size(); k += 2) {
@@ -94,6 +94,13 @@ void set_groups(Arm& arm, rust::Slice<const std::size_t> chain, rust::Slice<cons
 
 void allow_pair(Arm& arm, std::size_t a, std::size_t b) { arm.allowed.emplace_back(a, b); }
 
+std::shared_ptr<Roadmap> new_roadmap(const RoadmapRow& row, std::size_t joints) {
+  auto roadmap = std::make_shared<Roadmap>();
+  roadmap->milestones = rows_of({row.milestones.data(), row.milestones.size()}, joints);
+  for (std::size_t k = 0; k + 1 < row.edges.size(); k += 2) roadmap->edges.emplace_back(row.edges[k], row.edges[k + 1]);
+  return roadmap;
+}
+
 std::unique_ptr<Scene> new_scene(const Arm& arm) { return std::make_unique<Scene>(arm); }
 
 void set_base(Scene& scene, const std::array<double, 7>& pose) { scene.set_base(pose_of(pose)); }
@@ -148,8 +155,10 @@ bool motion_is_free(Scene& scene, rust::Slice<const double> a, rust::Slice<const
 }
 
 PlanRow plan_joint(Scene& scene, rust::Slice<const double> start, rust::Slice<const double> goals,
-                   const SearchRow& search, const CancelFlag& cancel) {
-  return row_of(plan_joint(scene, query_between(scene, start, goals, search), cancel));
+                   const SearchRow& search, const std::shared_ptr<Roadmap>& roadmap, const CancelFlag& cancel) {
+  JointQuery query = query_between(scene, start, goals, search);
+  query.roadmap = roadmap;
+  return row_of(plan_joint(scene, query, cancel));
 }
 
 PlanRow plan_joint_where(Scene& scene, rust::Slice<const double> start, rust::Slice<const double> goals,
@@ -175,6 +184,16 @@ std::size_t count_accepted(rust::Slice<const double> states, std::size_t joints,
   return accepted;
 }
 
+RoadmapRow grow_roadmap(Scene& scene, const SearchRow& search, std::size_t milestones, const CancelFlag& cancel) {
+  const Roadmap roadmap = grow_roadmap(scene, query_of(search), milestones, cancel);
+  RoadmapRow row{flat(roadmap.milestones), {}};
+  for (const auto& [a, b] : roadmap.edges) {
+    row.edges.push_back(a);
+    row.edges.push_back(b);
+  }
+  return row;
+}
+
 PlainRow search_plainly(const Scene& scene, rust::Slice<const double> start, rust::Slice<const double> goals,
                         const SearchRow& search) {
   PlainSettings settings;
@@ -183,7 +202,7 @@ PlainRow search_plainly(const Scene& scene, rust::Slice<const double> start, rus
   settings.seconds = query.max_seconds;
   const PlainPlan plan = search_plainly(scene, {start.begin(), start.end()}, rows_of(goals, scene.joint_count()),
                                         settings, query.seed);
-  return {flat(plan.path), plan.search_secs, plan.cpu_secs};
+  return {flat(plan.path), plan.attempts, plan.search_secs, plan.cpu_secs};
 }
 
 void check_planner(const SearchRow& search) { check_planner(query_of(search)); }

@@ -16,6 +16,7 @@ struct SearchRow;
 struct PlanRow;
 struct PlainRow;
 struct MeshRow;
+struct RoadmapRow;
 struct StateCheck;
 
 std::unique_ptr<Arm> new_arm();
@@ -23,6 +24,8 @@ void add_link(Arm& arm, rust::Str name, rust::Slice<const ShapeRow> shapes);
 void add_joint(Arm& arm, const JointRow& joint);
 void set_groups(Arm& arm, rust::Slice<const std::size_t> chain, rust::Slice<const std::size_t> hand, std::size_t tip);
 void allow_pair(Arm& arm, std::size_t a, std::size_t b);
+
+std::shared_ptr<Roadmap> new_roadmap(const RoadmapRow& row, std::size_t joints);
 
 std::unique_ptr<Scene> new_scene(const Arm& arm);
 void set_base(Scene& scene, const std::array<double, 7>& pose);
@@ -38,11 +41,12 @@ rust::Vec<ContactRow> collisions(Scene& scene, rust::Slice<const double> q, bool
 bool is_free(Scene& scene, rust::Slice<const double> q);
 bool motion_is_free(Scene& scene, rust::Slice<const double> a, rust::Slice<const double> b, const SearchRow& search);
 PlanRow plan_joint(Scene& scene, rust::Slice<const double> start, rust::Slice<const double> goals,
-                   const SearchRow& search, const CancelFlag& cancel);
+                   const SearchRow& search, const std::shared_ptr<Roadmap>& roadmap, const CancelFlag& cancel);
 PlanRow plan_joint_where(Scene& scene, rust::Slice<const double> start, rust::Slice<const double> goals,
                          const SearchRow& search, StateCheck& check, const CancelFlag& cancel);
 std::size_t count_free(Scene& scene, rust::Slice<const double> states);
 std::size_t count_accepted(rust::Slice<const double> states, std::size_t joints, StateCheck& check);
+RoadmapRow grow_roadmap(Scene& scene, const SearchRow& search, std::size_t milestones, const CancelFlag& cancel);
 PlainRow search_plainly(const Scene& scene, rust::Slice<const double> start, rust::Slice<const double> goals,
                         const SearchRow& search);
 void check_planner(const SearchRow& search);

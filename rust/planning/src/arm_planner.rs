@@ -4,16 +4,16 @@ use crate::chain::Chain;
 use crate::effort::{PlanEffort, PlanStage, StageCell, thread_cpu_secs};
 use crate::error::check;
 use crate::reach::Limits;
-use crate::timing::{Curve, GRID, MotionLimits, averaged};
+use crate::timing::MotionLimits;
 use crate::ways::Way;
 use crate::{
-    CancelFlag, CollisionScene, MeshObstacle, PlannerOptions, PlanningError, SearchEffort, SearchLimits,
-    SearchOutcome,
+    CancelFlag, CollisionScene, MeshObstacle, PlannerOptions, PlanningError, Roadmap, SearchEffort,
+    SearchLimits, SearchOutcome,
 };
 use proact_control::ports::ArmKinematics;
 use proact_types::{
     ArmModel, AttachedObject, Obstacle, PlanGoal, PlanReply, PlanRequest, PlanStatus, Pose, Trajectory,
-    TrajectoryPoint, Vector,
+    Vector,
 };
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -37,7 +37,7 @@ pub struct ArmPlanner {
     deadline: Option<Instant>,
     stage: StageCell,
     effort: PlanEffort,
-    motion_limits: MotionLimits,
+    pub(crate) motion_limits: MotionLimits,
 }
 
 /// Why there is no full plan.
@@ -104,10 +104,6 @@ const FEW_BATCHES: usize = 5;
 const MANY_BATCHES: usize = 25;
 /// Finest half step between checked states, metres.
 const SMALLEST_HALF_STEP: f64 = 0.001;
-/// Distances of the control points of the smoothed path that are tried, rad. The curve cuts a corner by at most
-/// a third of one: with the last, by less than a millimetre at the fingertips.
-const SPACINGS: [f64; 4] = [0.02, 0.01, 0.005, 0.0025];
-
 impl ArmPlanner {
     /// A planner for `model`. `kinematics` is that of the same arm: base to tip of the model.
     ///
@@ -119,7 +115,8 @@ impl ArmPlanner {
         options: PlannerOptions,
     ) -> Result<Self, PlanningError> {
         options.validate()?;
-        let scene = CollisionScene::new(&model)?;
+        let mut scene = CollisionScene::new(&model)?;
+        scene.set_roadmap(options.roadmap.as_deref())?;
         if kinematics.joint_count() != model.arm.len() {
             return Err(PlanningError::WrongLength {
                 what: "the kinematic chain",
@@ -200,6 +197,24 @@ impl ArmPlanner {
         self.scene.set_obstacles_and_meshes(&[], &meshes)?;
         self.meshes = meshes;
         Ok(())
+    }
+
+    /// Grows a roadmap of so many milestones among `obstacles`, with the usual padding: for [`PlannerOptions::roadmap`].
+    ///
+    /// # Errors
+    /// Wrong lengths, values that are not finite, shapes that the scene refuses.
+    pub fn grow_roadmap(
+        &mut self,
+        milestones: usize,
+        hand: &[f64],
+        obstacles: &[Obstacle],
+        world_from_base: &Pose,
+        seed: u64,
+    ) -> Result<Roadmap, PlanningError> {
+        self.set_scene(hand, obstacles, None, world_from_base)?;
+        self.scene.forget_allowed_contacts()?;
+        self.scene.set_padding(self.options.padding)?;
+        self.scene.grow_roadmap(milestones, seed, &self.options.search, &self.cancel)
     }
 
     /// What the planner is doing, for another thread to look at.
@@ -426,67 +441,6 @@ impl ArmPlanner {
             }
             SearchOutcome::Cancelled => Err(cancelled()),
         }
-    }
-
-    /// The path as a trajectory. Between the points `left` and `entered` it was found free with padding; there
-    /// the smoothed curve, which cuts corners, is checked again and drawn closer to the path if need be.
-    fn timed(&mut self, path: &[Vec<f64>], left: usize, entered: usize) -> Result<Trajectory, Failure> {
-        self.set_room(Room::Contact)?;
-        for spacing in SPACINGS {
-            let Some(curve) = Curve::along(path, spacing) else {
-                // Already there: a trajectory of one point says so.
-                let qd = proact_types::zeros(path[0].len());
-                let point = TrajectoryPoint { time_secs: 0.0, q: proact_types::joints(&path[0]), qd };
-                return Ok(Trajectory { points: vec![point] });
-            };
-            let (from, to) = (curve.path_parameter[left], curve.path_parameter[entered]);
-            // The closest curve strays less from the path than the padding is wide.
-            let closest = spacing == SPACINGS[SPACINGS.len() - 1];
-            let mut free = true;
-            for k in 0..=(2.0 * (to - from)) as usize {
-                let [q, _, _] = curve.at(from + 0.5 * k as f64);
-                if !self.scene.is_free(&q)? {
-                    free = false;
-                    break;
-                }
-            }
-            if !free && !closest {
-                continue;
-            }
-            let (limits, window) = self.motion_limits_of(closest);
-            let timed = curve.timed(&limits);
-            if window == 0.0 {
-                return Ok(timed);
-            }
-            let smooth = averaged(&timed, window);
-            let at = |u: f64| timed.points[u as usize * GRID].time_secs;
-            if closest || self.is_free_between(&smooth, at(from) + window, at(to))? {
-                return Ok(smooth);
-            }
-        }
-        Err(Failure::new(PlanStatus::Invalid, "The path could not be smoothed."))
-    }
-
-    /// Limits of the trajectory before it is averaged, and the window for that, s. Beside obstacles that leave no
-    /// room for what averaging cuts off, a quarter of the acceleration makes that 64 times less.
-    fn motion_limits_of(&self, careful: bool) -> (MotionLimits, f64) {
-        let mut limits = self.motion_limits.clone();
-        let window = 2.0 * self.options.max_acceleration / self.options.max_jerk;
-        if careful && window > 0.0 {
-            limits.acceleration.iter_mut().for_each(|a| *a /= 4.0);
-            return (limits, window / 4.0);
-        }
-        (limits, window)
-    }
-
-    /// True if nothing touches from `begin` to `end`, seconds, at every point of the trajectory.
-    fn is_free_between(&mut self, trajectory: &Trajectory, begin: f64, end: f64) -> Result<bool, Failure> {
-        for point in &trajectory.points {
-            if point.time_secs >= begin && point.time_secs <= end && !self.scene.is_free(&point.q)? {
-                return Ok(false);
-            }
-        }
-        Ok(true)
     }
 }
 

@@ -36,8 +36,14 @@ pub(crate) mod ffi {
         b: String,
     }
 
-    /// What steers and bounds one search. Planner 0 is RRTConnect, 1 BiTRRT, 2 LBKPIECE1, 3 RRT*, 4 PRM; its
-    /// parameters are names and values in turns.
+    /// A roadmap: one row of arm angles a milestone, two indices of milestones an edge.
+    struct RoadmapRow {
+        milestones: Vec<f64>,
+        edges: Vec<usize>,
+    }
+
+    /// What steers and bounds one search. Planner 0 is RRTConnect, 1 BiTRRT, 2 LBKPIECE1, 3 RRT*, 4 PRM, 5 anytime
+    /// shortening; its parameters are names and values in turns.
     struct SearchRow {
         seed: u64,
         planner: u8,
@@ -64,9 +70,10 @@ pub(crate) mod ffi {
         timed_out: bool,
     }
 
-    /// A plain program's path, seconds of its search on the wall clock, and processor time with simplification.
+    /// A plain program's path, processor time of its searches, and of all that it did.
     struct PlainRow {
         path: Vec<f64>,
+        attempts: u32,
         search_secs: f64,
         cpu_secs: f64,
     }
@@ -86,6 +93,9 @@ pub(crate) mod ffi {
         fn set_groups(arm: Pin<&mut Arm>, chain: &[usize], hand: &[usize], tip: usize) -> Result<()>;
         fn allow_pair(arm: Pin<&mut Arm>, a: usize, b: usize) -> Result<()>;
 
+        type Roadmap;
+        fn new_roadmap(row: &RoadmapRow, joints: usize) -> SharedPtr<Roadmap>;
+
         type Scene;
         fn new_scene(arm: &Arm) -> Result<UniquePtr<Scene>>;
         fn set_base(scene: Pin<&mut Scene>, pose: &[f64; 7]) -> Result<()>;
@@ -104,11 +114,13 @@ pub(crate) mod ffi {
         fn collisions(scene: Pin<&mut Scene>, q: &[f64], all_links: bool) -> Result<Vec<ContactRow>>;
         fn is_free(scene: Pin<&mut Scene>, q: &[f64]) -> Result<bool>;
         fn motion_is_free(scene: Pin<&mut Scene>, a: &[f64], b: &[f64], search: &SearchRow) -> Result<bool>;
+        /// The roadmap may be null.
         fn plan_joint(
             scene: Pin<&mut Scene>,
             start: &[f64],
             goals: &[f64],
             search: &SearchRow,
+            roadmap: &SharedPtr<Roadmap>,
             cancel: &CancelFlag,
         ) -> Result<PlanRow>;
         /// As `plan_joint`; a state is valid only if `check` accepts it too.
@@ -120,6 +132,13 @@ pub(crate) mod ffi {
             check: &mut StateCheck,
             cancel: &CancelFlag,
         ) -> Result<PlanRow>;
+
+        fn grow_roadmap(
+            scene: Pin<&mut Scene>,
+            search: &SearchRow,
+            milestones: usize,
+            cancel: &CancelFlag,
+        ) -> Result<RoadmapRow>;
 
         fn search_plainly(
             scene: &Scene,

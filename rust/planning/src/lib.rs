@@ -29,6 +29,8 @@ mod planner_name;
 mod reach;
 mod reasons;
 mod scene;
+mod search;
+mod smoothing;
 mod state_check;
 mod timing;
 mod ways;
@@ -41,7 +43,8 @@ pub use options::PlannerOptions;
 pub use person::{Person, person_obstacles};
 pub use planner_name::PlannerName;
 pub use reasons::five_words;
-pub use scene::{
-    CancelFlag, CollisionScene, MeshObstacle, PlainOutcome, SearchEffort, SearchLimits, SearchOutcome,
+pub use scene::CollisionScene;
+pub use search::{
+    CancelFlag, MeshObstacle, PlainOutcome, Roadmap, SearchEffort, SearchLimits, SearchOutcome,
 };
 pub use worker::{PlanLog, PlanWorker};

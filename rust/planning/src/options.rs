@@ -1,4 +1,5 @@
-use crate::{PlannerName, PlanningError, SearchLimits};
+use crate::{PlannerName, PlanningError, Roadmap, SearchLimits};
+use std::sync::Arc;
 
 /// Settings of the planner. Angles in radians, lengths in metres.
 #[derive(Clone, Debug, PartialEq)]
@@ -44,6 +45,8 @@ pub struct PlannerOptions {
     pub planner: PlannerName,
     /// Its parameters by OMPL's names, such as `goal_bias`, and their values as text.
     pub planner_parameters: Vec<(String, String)>,
+    /// What PRM begins with; none for a roadmap made anew for each request.
+    pub roadmap: Option<Arc<Roadmap>>,
     /// Bounds of one search in joint space.
     pub search: SearchLimits,
     /// Time by which a request is answered, seconds, for live use; none for repeatable replies.
@@ -72,6 +75,7 @@ impl Default for PlannerOptions {
             goals: 6,
             planner: PlannerName::default(),
             planner_parameters: Vec::new(),
+            roadmap: None,
             search: SearchLimits::default(),
             deadline_secs: None,
         }

@@ -14,14 +14,24 @@ pub enum PlannerName {
     /// One tree that goes on improving until its iterations are spent (Karaman and Frazzoli, 2011): short paths,
     /// a hundred times the time of RRTConnect.
     RrtStar,
-    /// A roadmap, made anew for each request (Kavraki et al., 1996).
+    /// A roadmap (Kavraki et al., 1996): made anew for each request, or begun with a stored [`Roadmap`](crate::Roadmap),
+    /// of which no more is looked at than a way needs (Bohlin and Kavraki, ICRA 2000).
     Prm,
+    /// RRTConnect again and again until the iterations or the time are spent, and the best parts of all paths put
+    /// together (Raveh, Enosh and Halperin, 2011; Luna et al., ICRA 2013).
+    AnytimePathShortening,
 }
 
 impl PlannerName {
     /// All planners, the default first.
-    pub const ALL: [PlannerName; 5] =
-        [Self::RrtConnect, Self::BiTrrt, Self::LbKpiece1, Self::RrtStar, Self::Prm];
+    pub const ALL: [PlannerName; 6] = [
+        Self::RrtConnect,
+        Self::BiTrrt,
+        Self::LbKpiece1,
+        Self::RrtStar,
+        Self::Prm,
+        Self::AnytimePathShortening,
+    ];
 
     /// The name in OMPL.
     pub fn name(self) -> &'static str {
@@ -31,6 +41,7 @@ impl PlannerName {
             Self::LbKpiece1 => "LBKPIECE1",
             Self::RrtStar => "RRTstar",
             Self::Prm => "PRM",
+            Self::AnytimePathShortening => "AnytimePathShortening",
         }
     }
 }

@@ -19,6 +19,19 @@ mod tests {
     use super::*;
 
     #[test]
+    fn the_page_says_the_same_of_a_plan_that_failed() {
+        let page = include_str!("../../bridge/web/src/hud.ts");
+        for status in [
+            PlanStatus::NoPlan,
+            PlanStatus::Unreachable,
+            PlanStatus::StartInCollision,
+            PlanStatus::GoalInCollision,
+        ] {
+            assert!(page.contains(&format!("\"{}\"", five_words(status))), "{status:?}");
+        }
+    }
+
+    #[test]
     fn every_end_of_a_plan_is_told_in_at_most_five_words_of_its_own() {
         let all = [
             PlanStatus::Ok,

@@ -3,121 +3,11 @@
 use crate::PlannerName;
 use crate::bridge::ffi;
 use crate::error::{PlanningError, check};
+use crate::search::{
+    CancelFlag, MeshObstacle, PlainOutcome, Roadmap, SearchEffort, SearchLimits, SearchOutcome,
+};
 use crate::state_check::StateCheck;
 use proact_types::{ArmModel, AttachedObject, JointKind, Obstacle, Pose, Shape};
-use serde::Serialize;
-
-/// Ends a running search from another thread.
-#[derive(Clone)]
-pub struct CancelFlag(cxx::SharedPtr<ffi::CancelFlag>);
-
-// SAFETY: the C++ object is nothing but one std::atomic<bool>, owned by a std::shared_ptr whose count is
-// atomic too; its functions are the only way to it.
-unsafe impl Send for CancelFlag {}
-// SAFETY: as above; every access is an atomic load or store.
-unsafe impl Sync for CancelFlag {}
-
-impl CancelFlag {
-    /// A flag that is not raised.
-    pub fn new() -> Self {
-        Self(ffi::new_cancel_flag())
-    }
-
-    /// Asks whoever watches the flag to stop.
-    pub fn raise(&self) {
-        ffi::raise_flag(&self.0);
-    }
-
-    /// Makes the flag ready for the next search.
-    pub fn lower(&self) {
-        ffi::lower_flag(&self.0);
-    }
-
-    /// True between [`CancelFlag::raise`] and [`CancelFlag::lower`].
-    pub fn is_raised(&self) -> bool {
-        self.0.is_raised()
-    }
-}
-
-impl Default for CancelFlag {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
-impl std::fmt::Debug for CancelFlag {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_tuple("CancelFlag").field(&self.is_raised()).finish()
-    }
-}
-
-/// An obstacle made of triangles.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct MeshObstacle {
-    /// Named in collision reports.
-    pub name: String,
-    /// Metres, in the mesh's frame.
-    pub vertices: Vec<[f64; 3]>,
-    /// Three indices of vertices each.
-    pub triangles: Vec<[usize; 3]>,
-    /// `world_from_mesh`.
-    pub pose: Pose,
-}
-
-/// What bounds one search in joint space.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SearchLimits {
-    /// Iterations of the planner.
-    pub max_iterations: u32,
-    /// Seconds, beside the iterations. With it equal requests no longer get equal replies.
-    pub max_secs: Option<f64>,
-    /// Searches after the first that succeeded; the quickest of all paths is the outcome.
-    pub more_searches: u32,
-    /// Longest motion added to a tree, rad (L2); for planners that grow trees.
-    pub range_rad: f64,
-    /// Attempts to shorten the path.
-    pub shortcuts: u32,
-    /// Largest change of the joint vector between two checked states, rad (L2).
-    pub step_rad: f64,
-    /// Farthest that any point of the arm moves between two checked states, metres.
-    pub step_metres: f64,
-    /// Looks at motions in equal steps of this share of the joint space's extent instead, and simplifies paths to
-    /// the end: what OMPL does by itself, as in the original. For comparison; it misses contacts.
-    pub equal_steps: Option<f64>,
-}
-
-/// What searches in joint space took.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct SearchEffort {
-    /// Iterations of the planner.
-    pub iterations: u64,
-    /// States looked at.
-    pub state_checks: u64,
-    /// Seconds on the wall clock.
-    pub search_secs: f64,
-    /// True if the bound on the time ended one, so that another run may end otherwise.
-    pub timed_out: bool,
-}
-
-/// How a search in joint space ended.
-#[derive(Clone, Debug, PartialEq)]
-pub enum SearchOutcome {
-    /// A free path, straight in joint space between its points.
-    Solved {
-        /// Arm angles from start to goal, both included.
-        path: Vec<Vec<f64>>,
-        /// Index of the goal that it reaches.
-        goal: usize,
-    },
-    /// No path within the iterations.
-    NoPlan,
-    /// The start touches something.
-    StartInCollision,
-    /// Every goal touches something.
-    GoalsInCollision,
-    /// The flag was raised.
-    Cancelled,
-}
 
 /// An arm among obstacles: FCL tells what touches, OMPL finds ways.
 ///
@@ -126,12 +16,14 @@ pub enum SearchOutcome {
 pub struct CollisionScene {
     pub(crate) effort: SearchEffort,
     inner: cxx::UniquePtr<ffi::Scene>,
+    roadmap: cxx::SharedPtr<ffi::Roadmap>,
     joint_count: usize,
     hand_count: usize,
 }
 
 // SAFETY: the C++ object owns everything it points to (FCL geometries sit in shared pointers that never leave
-// it), has no thread-local state, and is reached only through `&mut self`. `Sync` is not granted: questions
+// it), has no thread-local state, and is reached only through `&mut self`; the roadmap is never written after it is
+// made, and its count is atomic. `Sync` is not granted: questions
 // write to scratch memory.
 unsafe impl Send for CollisionScene {}
 
@@ -167,6 +59,7 @@ impl CollisionScene {
         Ok(Self {
             effort: SearchEffort::default(),
             inner,
+            roadmap: cxx::SharedPtr::null(),
             joint_count: model.arm.len(),
             hand_count: model.hand.len(),
         })
@@ -358,8 +251,54 @@ impl CollisionScene {
         }
         let flat: Vec<f64> = goals.iter().flatten().copied().collect();
         let search = search_row(planner, parameters, seed, limits);
-        let row = ffi::plan_joint(self.inner.pin_mut(), start, &flat, &search, &cancel.0)?;
+        let row = ffi::plan_joint(self.inner.pin_mut(), start, &flat, &search, &self.roadmap, &cancel.0)?;
         self.outcome(row)
+    }
+
+    /// Grows a roadmap of so many milestones among what stands in the scene now, by OMPL's PRM. Equal scenes and seeds
+    /// give equal roadmaps; fewer milestones if the flag was raised.
+    ///
+    /// # Errors
+    /// Limits that make no sense.
+    pub fn grow_roadmap(
+        &mut self,
+        milestones: usize,
+        seed: u64,
+        limits: &SearchLimits,
+        cancel: &CancelFlag,
+    ) -> Result<Roadmap, PlanningError> {
+        let search = search_row(PlannerName::Prm, &[], seed, limits);
+        let row = ffi::grow_roadmap(self.inner.pin_mut(), &search, milestones, &cancel.0)?;
+        Ok(Roadmap {
+            milestones: row.milestones.chunks_exact(self.joint_count).map(<[f64]>::to_vec).collect(),
+            edges: row.edges.as_chunks().0.to_vec(),
+        })
+    }
+
+    /// What searches by PRM begin with from now on; none for a roadmap of their own each.
+    ///
+    /// # Errors
+    /// A milestone of another length or that is not finite, an edge that names no milestone.
+    pub fn set_roadmap(&mut self, roadmap: Option<&Roadmap>) -> Result<(), PlanningError> {
+        let Some(roadmap) = roadmap else {
+            self.roadmap = cxx::SharedPtr::null();
+            return Ok(());
+        };
+        for milestone in &roadmap.milestones {
+            check("a milestone of the roadmap", milestone, self.joint_count)?;
+        }
+        let count = roadmap.milestones.len();
+        if let Some(edge) = roadmap.edges.iter().find(|edge| edge[0].max(edge[1]) >= count) {
+            return Err(PlanningError::Scene(format!(
+                "the roadmap's edge {edge:?} names no milestone of its {count}"
+            )));
+        }
+        let row = ffi::RoadmapRow {
+            milestones: roadmap.milestones.concat(),
+            edges: roadmap.edges.as_flattened().to_vec(),
+        };
+        self.roadmap = ffi::new_roadmap(&row, self.joint_count);
+        Ok(())
     }
 
     /// As [`CollisionScene::search`], among those arm angles alone that `accepts` says yes to. Every state is asked
@@ -432,9 +371,9 @@ impl CollisionScene {
         }
     }
 
-    /// The same search as a plain C++ program on OMPL and FCL does it with the original's settings: states
-    /// every 0.005 of the joint space's extent, FCL's dynamic trees. The peer of the benchmark; bounded by time and not
-    /// repeatable. Contacts allowed one by one are not known to it.
+    /// The same search as a plain C++ program on OMPL and FCL does it with the original's settings: states every 0.005
+    /// of the joint space's extent, FCL's dynamic trees, up to eight attempts of `attempt_secs` of processor time. The
+    /// peer of the benchmark; not repeatable. Contacts allowed one by one are not known to it.
     ///
     /// # Errors
     /// Wrong lengths, values that are not finite or outside the joint limits, no goal.
@@ -443,7 +382,7 @@ impl CollisionScene {
         start: &[f64],
         goals: &[Vec<f64>],
         planner: PlannerName,
-        max_secs: f64,
+        attempt_secs: f64,
         seed: u64,
     ) -> Result<PlainOutcome, PlanningError> {
         check("start", start, self.joint_count)?;
@@ -452,26 +391,16 @@ impl CollisionScene {
         }
         let flat: Vec<f64> = goals.iter().flatten().copied().collect();
         let row = {
-            let limits = SearchLimits { max_secs: Some(max_secs), ..SearchLimits::default() };
+            let limits = SearchLimits { max_secs: Some(attempt_secs), ..SearchLimits::default() };
             ffi::search_plainly(&self.inner, start, &flat, &search_row(planner, &[], seed, &limits))?
         };
         Ok(PlainOutcome {
             path: row.path.chunks_exact(self.joint_count).map(<[f64]>::to_vec).collect(),
+            attempts: row.attempts,
             search_secs: row.search_secs,
             cpu_secs: row.cpu_secs,
         })
     }
-}
-
-/// What a plain program on OMPL and FCL found: [`CollisionScene::search_plainly`].
-#[derive(Clone, Debug, PartialEq)]
-pub struct PlainOutcome {
-    /// Arm angles from start to goal; empty if none was found in time.
-    pub path: Vec<Vec<f64>>,
-    /// Seconds that the search took on the wall clock, which bounds it.
-    pub search_secs: f64,
-    /// Processor time of search and simplification, seconds.
-    pub cpu_secs: f64,
 }
 
 fn pose_row(pose: &Pose) -> [f64; 7] {

@@ -307,6 +307,14 @@ export function blockName(block: BlockId): string {
   return `${colour[0]?.toUpperCase()}${colour.slice(1)} ${numberOf(block)}`;
 }
 
+/** How a plan failed, in at most five words (those of the planner's `five_words`); the reason stands below. */
+const FAILED: Record<string, string> = {
+  no_plan: "No way was found",
+  unreachable: "Out of reach",
+  start_in_collision: "Arm is stuck on something",
+  goal_in_collision: "Something is in the way",
+};
+
 function plannerText(planner: Planner, jogs: boolean): { text: string; note: string; share: number | null; kind: string } {
   switch (planner.state) {
     case "idle":
@@ -328,7 +336,7 @@ function plannerText(planner: Planner, jogs: boolean): { text: string; note: str
         kind: planner.intermediate ? "warn" : "good",
       };
     case "failed":
-      return { text: jogs ? "Refused" : "No plan", note: planner.reason || planner.status.replaceAll("_", " "), share: null, kind: "bad" };
+      return { text: jogs ? "Refused" : (FAILED[planner.status] ?? "No plan"), note: planner.reason || planner.status.replaceAll("_", " "), share: null, kind: "bad" };
   }
 }
 

@@ -1,4 +1,7 @@
 //! The problems: each depends on the seed and its number alone, not on how an earlier one was solved.
+//!
+//! Every problem has a witness: arm angles at the goal, found by KDL from several postures, at which nothing touches
+//! anything, and the same a few centimetres above. Whether a way leads there is another question.
 
 use super::{BLOCK, BLOCK_HEIGHT, CLUTTER};
 use nalgebra::{Translation3, UnitQuaternion};
@@ -12,10 +15,14 @@ use proact_types::{
 };
 use std::{error::Error, sync::Arc};
 
-/// Poses over the box that are drawn until the arm alone could take one.
-const DRAWS: usize = 12;
+/// Goals that are drawn until the arm can be at one.
+const DRAWS: usize = 8;
 /// Grips that are drawn until one can be left straight upwards.
-const GRIPS: usize = 80;
+const GRIPS: usize = 24;
+/// Postures from which other arm angles of a hand pose are sought where the first ones touch something.
+const POSTURES: usize = 2;
+/// Least distance of further blocks from the first one, which is gripped, metres.
+const ROOM_TO_GRIP: f64 = 0.075;
 /// Heights above a grip at which the arm must still be free, metres.
 const LIFTS: [f64; 4] = [0.02, 0.04, 0.06, 0.08];
 /// Largest change of a joint between two of these, rad.
@@ -43,6 +50,9 @@ pub(super) struct Problem {
     pub kind: Kind,
     pub cluttered: bool,
     pub request: PlanRequest,
+    /// Arm angles over the start and over the goal, clear of what is gripped or put down there: the goal is within
+    /// reach if a way leads from one to the other.
+    pub witness: [JointVector; 2],
 }
 
 /// SplitMix64 (Steele, Lea and Flood, OOPSLA 2014): enough to scatter problems.
@@ -60,6 +70,18 @@ impl Random {
     pub(super) fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * ((self.next() >> 11) as f64 / (1_u64 << 53) as f64)
     }
+}
+
+/// What a draw gives, if it gives anything.
+type Drawn<T> = Result<Option<T>, Box<dyn Error>>;
+
+/// A way to hold the first block.
+struct Grip {
+    tip: Pose,
+    attached: AttachedObject,
+    /// Arm angles at the block and straight above it.
+    at: JointVector,
+    over: JointVector,
 }
 
 /// Draws problems.
@@ -92,18 +114,17 @@ impl Drawer {
         let kind = Kind::ALL[number % 3];
         // A draw in which the hand finds no room at the start is no problem; the next one is taken.
         loop {
-            if let Some(request) = self.draw(kind, cluttered)? {
-                return Ok(Problem { number, kind, cluttered, request });
+            if let Some((request, witness)) = self.draw(kind, cluttered)? {
+                return Ok(Problem { number, kind, cluttered, request, witness });
             }
         }
     }
 
-    fn draw(&mut self, kind: Kind, cluttered: bool) -> Result<Option<PlanRequest>, Box<dyn Error>> {
-        let world_from_base = self.base();
+    fn draw(&mut self, kind: Kind, cluttered: bool) -> Drawn<(PlanRequest, [JointVector; 2])> {
         let blocks = self.blocks(if cluttered { CLUTTER } else { BlockId::ALL.len() });
         let mut request = PlanRequest {
             id: 1,
-            world_from_base,
+            world_from_base: self.base(),
             start: JointVector::new(),
             hand: joints(self.model.pose("hand", "open")?),
             goal: PlanGoal::Pick { block: BlockId::Red1, centre: blocks[0] },
@@ -113,28 +134,90 @@ impl Drawer {
         };
         if kind == Kind::Reach {
             let Some(start) = self.start(&request)? else { return Ok(None) };
-            request.start = start;
-            return Ok(Some(request));
+            request.start = start.clone();
+            let Some(grip) = self.grip(&request, &blocks[0])? else { return Ok(None) };
+            return Ok(Some((request, [start, grip.over])));
         }
+        let Some(grip) = self.grip(&request, &blocks[0])? else { return Ok(None) };
         request.obstacles.retain(|o| o.name != BlockId::Red1.name());
         request.hand = joints(self.model.pose("hand", "closed")?);
-        let Some(tip) = self.grip(&mut request, &blocks[0])? else { return Ok(None) };
-        request.goal = match kind {
-            Kind::Place => PlanGoal::Place { point: self.place(&blocks) },
-            _ => self.carry(&request, &blocks, &tip)?,
-        };
-        Ok(Some(request))
+        (request.start, request.attached) = (grip.at, Some(grip.attached));
+        for _ in 0..DRAWS {
+            let end = match kind {
+                Kind::Place => self.place(&mut request, &blocks, &grip.tip)?,
+                _ => self.carry(&mut request, &blocks, &grip.tip)?,
+            };
+            if let Some(end) = end {
+                return Ok(Some((request, [grip.over, end])));
+            }
+        }
+        Ok(None)
     }
 
-    /// Closes the hand around the block at `centre` in a drawn way, from above, that the arm can leave straight
-    /// upwards: start and carried block of `request`. Returns the tip's pose.
-    fn grip(&mut self, request: &mut PlanRequest, centre: &Point) -> Result<Option<Pose>, Box<dyn Error>> {
-        let options = PlannerOptions::default();
-        let base_from_world = request.world_from_base.inverse();
-        let usual = self.model.pose("arm", "start")?.to_vec();
+    /// Puts a scene up as it is while the hand is at `hand` and carries `attached`, unpadded. What is carried may
+    /// stand on the table.
+    fn put_up(
+        &mut self,
+        request: &PlanRequest,
+        hand: &str,
+        attached: Option<&AttachedObject>,
+    ) -> Result<(), Box<dyn Error>> {
+        let carried = |o: &&Obstacle| attached.is_none_or(|a| a.name != o.name);
+        let obstacles: Vec<Obstacle> = request.obstacles.iter().filter(carried).cloned().collect();
         self.scene.set_base(&request.world_from_base)?;
-        self.scene.set_hand(&request.hand)?;
-        self.scene.set_obstacles(&request.obstacles)?;
+        self.scene.set_hand(self.model.pose("hand", hand)?)?;
+        self.scene.set_obstacles(&obstacles)?;
+        self.scene.set_attached(attached)?;
+        self.scene.forget_allowed_contacts()?;
+        if let Some(attached) = attached {
+            self.scene.allow_contact(&attached.name, "table")?;
+        }
+        Ok(())
+    }
+
+    /// Free arm angles at the hand pose `tip`, and at each of the heights above it, the last of them returned with
+    /// the first; none if KDL finds none from a few postures.
+    fn raised(
+        &mut self,
+        request: &PlanRequest,
+        tip: &Pose,
+        heights: &[f64],
+    ) -> Drawn<(JointVector, JointVector)> {
+        let base_from_world = request.world_from_base.inverse();
+        let mut postures = vec![self.model.pose("arm", "start")?.to_vec()];
+        for _ in 0..POSTURES {
+            let limits = self.model.arm.iter().map(|&joint| self.model.joints[joint].limits);
+            postures.push(limits.map(|l| self.random.between(l.lower, l.upper)).collect());
+        }
+        'postures: for posture in postures {
+            // From wherever it begins, KDL goes on from many other postures before it gives up.
+            let IkOutcome::Solved(at) = self.kinematics.inverse(&(base_from_world * tip), &posture)? else {
+                return Ok(None);
+            };
+            if !self.scene.is_free(&at)? {
+                continue;
+            }
+            let mut over = at.clone();
+            for height in heights {
+                let raised = base_from_world * (Translation3::new(0.0, 0.0, *height) * tip);
+                let IkOutcome::Solved(next) = self.kinematics.inverse(&raised, &over)? else {
+                    continue 'postures;
+                };
+                let near = next.iter().zip(&over).all(|(a, b)| (a - b).abs() < LIFT_JUMP);
+                if !near || !self.scene.is_free(&next)? {
+                    continue 'postures;
+                }
+                over = next;
+            }
+            return Ok(Some((at, over)));
+        }
+        Ok(None)
+    }
+
+    /// A drawn grip of the first block, at `centre`, from above: the hand can come down straight around the block,
+    /// close, and lift it.
+    fn grip(&mut self, request: &PlanRequest, centre: &Point) -> Drawn<Grip> {
+        let options = PlannerOptions::default();
         for _ in 0..GRIPS {
             let tilt = self.random.between(options.tilt_range[0], options.tilt_range[1]);
             let lean = self.random.between(-options.lateral, options.lateral);
@@ -150,54 +233,46 @@ impl Drawer {
                 shape: BLOCK,
                 tip_from_object: tip.inverse() * object,
             };
-            self.scene.set_attached(Some(&attached))?;
-            self.scene.forget_allowed_contacts()?;
-            self.scene.allow_contact(&attached.name, "table")?;
-            let mut q = usual.clone();
-            let mut begin = None;
-            let mut free = true;
-            for lift in std::iter::once(0.0).chain(LIFTS) {
-                let raised = base_from_world * (Translation3::new(0.0, 0.0, lift) * tip);
-                let IkOutcome::Solved(next) = self.kinematics.inverse(&raised, &q)? else {
-                    free = false;
-                    break;
-                };
-                let near = lift == 0.0 || next.iter().zip(&q).all(|(a, b)| (a - b).abs() < LIFT_JUMP);
-                if !near || !self.scene.is_free(&next)? {
-                    free = false;
-                    break;
-                }
-                q = next.to_vec();
-                begin.get_or_insert(next);
-            }
-            if let (true, Some(start)) = (free, begin) {
-                (request.start, request.attached) = (start, Some(attached));
-                return Ok(Some(tip));
+            self.put_up(request, "closed", Some(&attached))?;
+            let Some((at, over)) = self.raised(request, &tip, &LIFTS)? else { continue };
+            // The open hand goes the same way.
+            self.put_up(request, "open", None)?;
+            if self.scene.is_free(&at)? && self.scene.is_free(&over)? {
+                return Ok(Some(Grip { tip, attached, at, over }));
             }
         }
         Ok(None)
     }
 
-    /// The hand as it grips, turned a little about the vertical, over another part of the box.
-    fn carry(
-        &mut self,
-        request: &PlanRequest,
-        blocks: &[Point],
-        tip: &Pose,
-    ) -> Result<PlanGoal, Box<dyn Error>> {
-        let object = Pose::translation(blocks[0].x, blocks[0].y, blocks[0].z);
-        let mut pose = *tip;
+    /// Sets the goal of `request`: the hand as it grips, turned a little about the vertical, over another part of the
+    /// box. Arm angles there, if there are any.
+    fn carry(&mut self, request: &mut PlanRequest, blocks: &[Point], tip: &Pose) -> Drawn<JointVector> {
+        let over = self.spot(blocks) + Vector::z() * self.random.between(0.16, 0.24);
+        let yaw = UnitQuaternion::from_axis_angle(&Vector::z_axis(), self.random.between(-0.5, 0.5));
+        let pose = Pose::from_parts(Translation3::from(over.coords), yaw) * from_block(blocks, tip);
+        request.goal = PlanGoal::TipPose { pose };
+        let attached = request.attached.clone();
+        self.put_up(request, "closed", attached.as_ref())?;
+        Ok(self.raised(request, &pose, &[])?.map(|(at, _)| at))
+    }
+
+    /// Sets the goal of `request`: a place for the block. Arm angles over it, if there are any, for one of several
+    /// ways to turn it.
+    fn place(&mut self, request: &mut PlanRequest, blocks: &[Point], tip: &Pose) -> Drawn<JointVector> {
+        let point = self.spot(blocks);
+        request.goal = PlanGoal::Place { point };
+        let attached = request.attached.clone();
+        self.put_up(request, "closed", attached.as_ref())?;
+        let centre = point + Vector::z() * (BLOCK_HEIGHT / 2.0 + PlannerOptions::default().place_gap);
         for _ in 0..DRAWS {
-            let over = self.place(blocks) + Vector::z() * self.random.between(0.16, 0.24);
-            let yaw = UnitQuaternion::from_axis_angle(&Vector::z_axis(), self.random.between(-0.5, 0.5));
-            let turned = Pose::from_parts(Translation3::from(over.coords), yaw * object.rotation);
-            pose = turned * object.inverse() * tip;
-            let base_from_tip = request.world_from_base.inverse() * pose;
-            if let IkOutcome::Solved(_) = self.kinematics.inverse(&base_from_tip, &request.start)? {
-                break;
+            let yaw = self.random.between(-std::f64::consts::PI, std::f64::consts::PI);
+            let turn = UnitQuaternion::from_axis_angle(&Vector::z_axis(), yaw);
+            let pose = Pose::from_parts(Translation3::from(centre.coords), turn) * from_block(blocks, tip);
+            if let Some((_, over)) = self.raised(request, &pose, &LIFTS)? {
+                return Ok(Some(over));
             }
         }
-        Ok(PlanGoal::TipPose { pose })
+        Ok(None)
     }
 
     /// The still shoulder, or the leaning person, both moved about a little.
@@ -222,7 +297,9 @@ impl Drawer {
             let x = self.random.between(-0.115, 0.115);
             let y = self.random.between(-0.26, y_max);
             let centre = Point::new(x, y, TABLE_TOP + BLOCK_HEIGHT / 2.0);
-            let clear = y.abs() > 0.035 && centres.iter().all(|c| (c - centre).norm() > apart);
+            let clear = y.abs() > 0.035
+                && centres.iter().all(|c| (c - centre).norm() > apart)
+                && centres.first().is_none_or(|c| (c - centre).norm() > ROOM_TO_GRIP);
             if clear {
                 centres.push(centre);
             }
@@ -238,7 +315,7 @@ impl Drawer {
     }
 
     /// A place on the table with room for a block, on the side of the targets.
-    fn place(&mut self, blocks: &[Point]) -> Point {
+    fn spot(&mut self, blocks: &[Point]) -> Point {
         let PlaceRegion { min, max } = PlaceRegion::DEFAULT;
         let mut best = (f64::NEG_INFINITY, Point::origin());
         for _ in 0..200 {
@@ -261,10 +338,7 @@ impl Drawer {
     /// Free arm angles around those at which a trial begins.
     fn start(&mut self, request: &PlanRequest) -> Result<Option<JointVector>, Box<dyn Error>> {
         let usual = self.model.pose("arm", "start")?.to_vec();
-        self.scene.set_base(&request.world_from_base)?;
-        self.scene.set_hand(&request.hand)?;
-        self.scene.set_obstacles(&request.obstacles)?;
-        self.scene.set_attached(None)?;
+        self.put_up(request, "open", None)?;
         for _ in 0..50 {
             let near = |(k, angle): (usize, &f64)| {
                 let limits = &self.model.joints[self.model.arm[k]].limits;
@@ -277,6 +351,11 @@ impl Drawer {
         }
         Ok(None)
     }
+}
+
+/// `block_from_tip` of a hand at `tip` that grips the first block.
+fn from_block(blocks: &[Point], tip: &Pose) -> Pose {
+    Pose::translation(blocks[0].x, blocks[0].y, blocks[0].z).inverse() * tip
 }
 
 /// The fixed objects, and blocks at `centres`; the first four have the task's names.

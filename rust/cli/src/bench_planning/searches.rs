@@ -13,12 +13,13 @@ use std::{
     time::{Duration, Instant},
 };
 
-/// How long the plain program may search and simplify, seconds: as the original's did.
+/// Processor time of one of the plain program's attempts, seconds: as long as the original's took on the clock.
 const PLAIN_SECS: f64 = 0.5;
 /// Speed at which a plain path is walked for the check, rad/s.
 const WALK: f64 = 0.5;
-/// Plans that are cancelled.
+/// Plans that are cancelled, and the problems that they are for.
 const CANCELS: usize = 200;
+const CANCELLED_PROBLEMS: usize = 10;
 /// How long the best of many plans is looked for, seconds.
 const LONG_SECS: f64 = 5.0;
 
@@ -31,8 +32,9 @@ pub(super) struct Search {
 
 #[derive(Clone, Copy)]
 struct Plain {
-    /// Processor time of search and simplification, ms.
+    /// Processor time of all attempts, ms.
     time_ms: f64,
+    attempts: u32,
     found: bool,
     /// The path touches something, unpadded, at fine steps.
     touches: bool,
@@ -63,11 +65,12 @@ impl Bench {
             }
         }
         let [from, .., to] = clear.as_slice() else { return Ok(()) };
-        let mut all = [Plain { time_ms: 0.0, found: false, touches: false }; PEERS.len()];
+        let mut all = [Plain { time_ms: 0.0, attempts: 0, found: false, touches: false }; PEERS.len()];
         for (plain, planner) in all.iter_mut().zip(PEERS) {
             let goals = std::slice::from_ref(to);
             let outcome = scene.search_plainly(from, goals, planner, PLAIN_SECS, request.seed)?;
             *plain = Plain {
+                attempts: outcome.attempts,
                 time_ms: outcome.cpu_secs * 1e3,
                 found: !outcome.path.is_empty(),
                 touches: self.judge.contact(request, &walked(&outcome.path))?.is_some(),
@@ -84,7 +87,7 @@ impl Bench {
         }
         let ours: Vec<f64> = all.iter().map(|s| s.ours_ms).collect();
         let note = format!(
-            "{} solved problems, processor time; ours from request to timed path, the peer from arm angles to arm angles",
+            "{} solved problems, processor time; ours from request to timed path; the peer from arm angles to arm angles, in up to eight attempts of {PLAIN_SECS} s, each counted",
             all.len()
         );
         let mut figures = Vec::new();
@@ -104,6 +107,7 @@ impl Bench {
             add("median", "ms", median.0, median.1, &note);
             add("99 %", "ms", high.0, high.1, "");
             add("times faster at the median", "1", median.1 / median.0, 1.0, "goal: at least 5");
+            add("found in one attempt", "1", 1.0, share(|p| p.found && p.attempts == 1), "");
             add("found", "1", 1.0, share(|p| p.found), "");
             let honest = share(|p| p.found && !p.touches);
             add("found without a contact", "1", 1.0, honest, "by Parry, every 1 mm and 0.5 degrees");
@@ -148,10 +152,13 @@ impl Bench {
     pub(super) fn cancels(&mut self) -> Result<BenchFigure, Box<dyn Error>> {
         let mut worker = PlanWorker::new(super::planner(&self.model, PlannerOptions::default())?);
         let mut late_ms = Vec::new();
-        for number in 0..CANCELS {
-            let problem = self.drawer.problem(number % 50, number % 2 == 0)?;
+        let mut requests = Vec::new();
+        for number in 0..CANCELLED_PROBLEMS {
+            requests.push(self.drawer.problem(number, number % 2 == 0)?.request);
+        }
+        for (number, request) in requests.iter().cycle().take(CANCELS).enumerate() {
             let id = number as u64 + 1;
-            worker.submit(PlanRequest { id, ..problem.request });
+            worker.submit(PlanRequest { id, ..request.clone() });
             std::thread::sleep(Duration::from_micros(137 * (id % 100)));
             let begin = Instant::now();
             worker.cancel();

@@ -129,6 +129,31 @@ fn a_plan_takes_a_planner_by_name_and_says_in_five_words_how_it_ended() {
 }
 
 #[test]
+fn a_roadmap_is_grown_stored_and_begun_with() {
+    let grown = answer(json!({ "op": "roadmap", "milestones": 60, "scene": "box", "seed": 1 }));
+    assert!(grown["milestones"].as_array().is_some_and(|rows| rows.len() >= 60), "{grown}");
+    let file = std::env::temp_dir().join(format!("proact-roadmap-{}.json", std::process::id()));
+    let plan = |planner: &str| {
+        answer(
+            json!({ "op": "plan", "start": [0, 0, 0, 1, 0, 0, 0], "goal_q": [0.3, -0.4, 0.2, 1.4, 0.1, 0.1, 0.1],
+            "scene": "clutter", "planner": planner, "roadmap": file.to_str() }),
+        )
+    };
+    let error = |answer: Value| answer["error"].as_str().unwrap_or_default().to_owned();
+    assert!(error(plan("PRM")).contains("No such file"), "a roadmap that is not there");
+    std::fs::write(&file, grown.to_string()).unwrap();
+    assert_eq!(plan("PRM")["status"], "ok");
+    assert!(error(plan("RRTConnect")).contains("expected the planner PRM"));
+    std::fs::write(&file, json!({ "milestones": [[0.0]], "edges": [] }).to_string()).unwrap();
+    assert!(error(plan("PRM")).contains("milestone"), "a roadmap of another arm");
+    std::fs::write(&file, "{}").unwrap();
+    assert!(error(plan("PRM")).contains("missing field"));
+    std::fs::remove_file(&file).unwrap();
+    let none = answer(json!({ "op": "roadmap", "milestones": 0, "scene": "box" }));
+    assert!(error(none).contains("expected 1 to"));
+}
+
+#[test]
 fn a_mesh_collides_as_the_same_box_does_and_a_bad_one_is_refused() {
     let mesh = |triangles: Value| {
         answer(json!({

@@ -6,6 +6,7 @@
 #include <atomic>
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
@@ -34,8 +35,16 @@ struct Resolution {
   double equal_steps = 0.0;
 };
 
-/// Planners of OMPL. RRTConnect is the default, LBKPIECE1 was the original's.
-enum class PlannerKind { rrt_connect, bitrrt, lbkpiece1, rrt_star, prm };
+/// Planners of OMPL. RRTConnect is the default, LBKPIECE1 was the original's. Anytime shortening is RRTConnect again and
+/// again until the iterations are spent: the paths are shortened and the best parts of all put together.
+enum class PlannerKind { rrt_connect, bitrrt, lbkpiece1, rrt_star, prm, anytime };
+
+/// Arm angles, and which of them a straight motion joins: grown once among things that stay where they are, and
+/// begun with wherever they stand.
+struct Roadmap {
+  std::vector<std::vector<double>> milestones;
+  std::vector<std::pair<std::size_t, std::size_t>> edges;
+};
 
 struct JointQuery {
   std::vector<double> start;
@@ -55,6 +64,9 @@ struct JointQuery {
   /// Attempts to shorten the path.
   unsigned int shortcuts = 40;
   Resolution resolution;
+  /// What PRM begins with, if it is set. Nothing in it is taken for free: the milestones and motions that a way
+  /// uses are looked at in the scene as it is now.
+  std::shared_ptr<const Roadmap> roadmap;
   /// A further condition on every state, if it is set; motions are then asked about in steps of the resolution.
   std::function<bool(const double*)> accepts;
 };
@@ -77,6 +89,12 @@ struct JointPlan {
 
 /// True if the straight joint motion from a to b is free, both ends included.
 bool motion_is_free(Scene& scene, const double* a, const double* b, const Resolution& resolution);
+
+/// A roadmap of so many milestones that are free in the scene as it is now, by OMPL's PRM: of the query only the seed,
+/// the resolution and the further condition count. Fewer milestones if the flag was raised.
+///
+/// Throws std::invalid_argument as plan_joint does.
+Roadmap grow_roadmap(Scene& scene, const JointQuery& query, std::size_t milestones, const CancelFlag& cancel);
 
 /// A free path from the start to one of the goals.
 ///

@@ -8,10 +8,12 @@
 
 namespace proact::planning {
 
-/// The original's settings: LBKPIECE1 with OMPL's own parameters, half a second, states every 0.005 of the joint
-/// space's extent, simplification for what is left of the time.
+/// The original's settings: LBKPIECE1 with OMPL's own parameters, half a second an attempt and up to eight attempts,
+/// states every 0.005 of the joint space's extent, simplification for what is left of an attempt's time.
 struct PlainSettings {
+  /// Processor time of one attempt, seconds: on a machine with nothing else to do, that is the original's time.
   double seconds = 0.5;
+  unsigned int attempts = 8;
   double equal_steps = 0.005;
   PlannerKind planner = PlannerKind::lbkpiece1;
 };
@@ -19,9 +21,10 @@ struct PlainSettings {
 struct PlainPlan {
   /// Straight joint motions from the start to a goal; empty if none was found in time.
   std::vector<std::vector<double>> path;
-  /// Seconds on the wall clock of the search, which that bounds, and processor time of search and simplification.
-  double search_secs = 0.0;
+  /// Processor time of all attempts, seconds, and of their searches alone, without simplification.
   double cpu_secs = 0.0;
+  double search_secs = 0.0;
+  unsigned int attempts = 0;
 };
 
 /// Processor time of the calling thread, seconds since some moment.
@@ -31,7 +34,7 @@ double thread_cpu_secs();
 /// collision code: two of FCL's dynamic trees, one over the arm's shapes, one over the obstacles, and OMPL's motion
 /// checks. What may touch is as in the scene, but for contacts allowed one by one.
 ///
-/// Not repeatable: it is bounded by time, as the original was. Throws std::invalid_argument as plan_joint does.
+/// Every attempt begins anew. Not repeatable: it is bounded by time, as the original was. Throws std::invalid_argument as plan_joint does.
 PlainPlan search_plainly(const Scene& scene, const std::vector<double>& start,
                          const std::vector<std::vector<double>>& goals, const PlainSettings& settings,
                          std::uint64_t seed);

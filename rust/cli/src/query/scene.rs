@@ -1,0 +1,119 @@
+//! What stands around the arm of a question, and what its hand carries.
+
+use super::{PoseText, no_rotation, pose, text};
+use proact_planning::MeshObstacle;
+use proact_tasks::{Arrangement, BoxAndBlocks};
+use proact_testbed::Setup;
+use proact_types::{AttachedObject, Obstacle, Pose, Shape};
+use serde::Deserialize;
+use serde_json::Value;
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ShapeText {
+    name: Option<String>,
+    shape: FormText,
+    position: [f64; 3],
+    #[serde(default = "no_rotation")]
+    quaternion: [f64; 4],
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(untagged)]
+enum FormText {
+    Mesh(MeshText),
+    Primitive(Shape),
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
+enum MeshText {
+    Mesh { vertices: Vec<[f64; 3]>, triangles: Vec<[usize; 3]> },
+}
+
+/// What a question says of the surroundings.
+pub(super) struct SceneAsked {
+    /// In `world`.
+    pub obstacles: Vec<Obstacle>,
+    pub meshes: Vec<MeshObstacle>,
+    pub world_from_base: Pose,
+}
+
+impl SceneAsked {
+    pub fn new(scene: &Value, base_pose: Option<PoseText>) -> Result<Self, String> {
+        let mut meshes = Vec::new();
+        let (obstacles, usual_base) = match scene {
+            Value::String(name) => named_scene(name)?,
+            Value::Array(shapes) => {
+                let mut obstacles = Vec::new();
+                for (index, shape) in shapes.iter().enumerate() {
+                    match thing(index, shape)? {
+                        Thing::Primitive(obstacle) => obstacles.push(obstacle),
+                        Thing::Mesh(mesh) => meshes.push(mesh),
+                    }
+                }
+                (obstacles, Pose::identity())
+            }
+            other => {
+                return Err(format!("scene is {other}, expected box, clutter, empty or a list of shapes"));
+            }
+        };
+        let base = base_pose.map(|base| pose(base.position, base.quaternion)).transpose()?;
+        Ok(Self { obstacles, meshes, world_from_base: base.unwrap_or(usual_base) })
+    }
+}
+
+fn named_scene(name: &str) -> Result<(Vec<Obstacle>, Pose), String> {
+    let blocks = match name {
+        "empty" => return Ok((Vec::new(), Pose::identity())),
+        "box" => false,
+        "clutter" => true,
+        _ => {
+            return Err(format!("scene is \"{name}\", expected box, clutter, empty or a list of shapes"));
+        }
+    };
+    let scene = BoxAndBlocks::new(Arrangement::numbered(1).map_err(text)?).scene().clone();
+    let fixed = scene.fixed.into_iter().map(|o| Obstacle { name: o.name, shape: o.shape, pose: o.pose });
+    let movable = scene.blocks.into_iter().filter(|_| blocks).map(|block| Obstacle {
+        name: block.id.name().to_owned(),
+        shape: block.shape,
+        pose: block.pose,
+    });
+    let still = Setup::named("still").map_err(text)?;
+    Ok((fixed.chain(movable).collect(), still.body.shoulder_pose(&Default::default())))
+}
+
+enum Thing {
+    Primitive(Obstacle),
+    Mesh(MeshObstacle),
+}
+
+fn thing(index: usize, entry: &Value) -> Result<Thing, String> {
+    let place = |error: String| format!("scene, shape {index}: {error}");
+    let entry: ShapeText = serde_json::from_value(entry.clone()).map_err(|error| place(error.to_string()))?;
+    let pose = pose(entry.position, entry.quaternion).map_err(place)?;
+    let name = entry.name.unwrap_or_else(|| format!("shape_{index}"));
+    Ok(match entry.shape {
+        FormText::Mesh(MeshText::Mesh { vertices, triangles }) => {
+            Thing::Mesh(MeshObstacle { name, vertices, triangles, pose })
+        }
+        FormText::Primitive(shape) => Thing::Primitive(Obstacle { name, shape, pose }),
+    })
+}
+
+/// What the hand carries: one thing at most.
+pub(super) fn attached(list: &[ShapeText]) -> Result<Option<AttachedObject>, String> {
+    match list {
+        [] => Ok(None),
+        [ShapeText { name, shape: FormText::Primitive(shape), position, quaternion }] => {
+            Ok(Some(AttachedObject {
+                name: name.clone().unwrap_or_else(|| "carried".to_owned()),
+                shape: *shape,
+                tip_from_object: pose(*position, *quaternion)
+                    .map_err(|error| format!("attached: {error}"))?,
+            }))
+        }
+        [_] => Err("attached is a mesh, expected a box, sphere, cylinder or capsule".to_owned()),
+        more => Err(format!("attached has {} objects, the hand carries one at most", more.len())),
+    }
+}
