@@ -427,13 +427,14 @@ fn every_planner_picks_a_block_twice_alike_and_without_a_contact() {
         assert_eq!(common::planner(options).solve(&request), reply, "{planner}");
         ends.push(end(&reply));
     }
-    assert_eq!(ends.len(), 5);
+    assert_eq!(ends.len(), PlannerName::ALL.len());
 }
 
 #[test]
 fn unknown_planners_and_parameters_are_refused_with_those_that_there_are() {
     let text = "RRTConect".parse::<PlannerName>().unwrap_err().to_string();
-    assert_eq!(text, "planner is \"RRTConect\", expected one of RRTConnect, BiTRRT, LBKPIECE1, RRTstar, PRM");
+    let known = "RRTConnect, BiTRRT, LBKPIECE1, RRTstar, PRM, AnytimePathShortening";
+    assert_eq!(text, format!("planner is \"RRTConect\", expected one of {known}"));
     let model = model();
     let options =
         PlannerOptions { planner_parameters: vec![("rnage".into(), "1".into())], ..Default::default() };

@@ -134,10 +134,8 @@ fn a_roadmap_is_grown_stored_and_begun_with() {
     assert!(grown["milestones"].as_array().is_some_and(|rows| rows.len() >= 60), "{grown}");
     let file = std::env::temp_dir().join(format!("proact-roadmap-{}.json", std::process::id()));
     let plan = |planner: &str| {
-        answer(
-            json!({ "op": "plan", "start": [0, 0, 0, 1, 0, 0, 0], "goal_q": [0.3, -0.4, 0.2, 1.4, 0.1, 0.1, 0.1],
-            "scene": "clutter", "planner": planner, "roadmap": file.to_str() }),
-        )
+        answer(json!({ "op": "plan", "start": [1.029, -0.161, 0.1291, 1.029, 1.57, 0.0174, 0.1006],
+            "goal_q": [0.729, -0.161, 0.529, 0.829, 1.57, 0.0174, 0.1006], "scene": "clutter", "planner": planner, "roadmap": file.to_str() }))
     };
     let error = |answer: Value| answer["error"].as_str().unwrap_or_default().to_owned();
     assert!(error(plan("PRM")).contains("No such file"), "a roadmap that is not there");
