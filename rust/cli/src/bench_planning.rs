@@ -180,7 +180,7 @@ impl Bench {
         let contact = if ok { self.judge.contact(request, &reply.trajectory)? } else { None };
         let solved = ok && contact.is_none();
         let (length, duration) = (length(&reply.trajectory), reply.trajectory.duration_secs());
-        if solved && number.is_multiple_of(SEARCH_EVERY) {
+        if solved && number % SEARCH_EVERY == SEARCH_EVERY - 1 {
             self.search_beside_plain_ompl(request, &reply.trajectory, cpu_ms)?;
         }
         if solved && !cluttered && number.is_multiple_of(LONG_EVERY) {
