@@ -18,9 +18,9 @@ use std::{error::Error, sync::Arc};
 /// Goals that are drawn until the arm can be at one.
 const DRAWS: usize = 8;
 /// Grips that are drawn until one can be left straight upwards.
-const GRIPS: usize = 24;
-/// Postures from which other arm angles of a hand pose are sought where the first ones touch something.
-const POSTURES: usize = 2;
+const GRIPS: usize = 40;
+/// Random postures from which KDL seeks the arm angles of a hand pose.
+const STARTS: usize = 8;
 /// Least distance of further blocks from the first one, which is gripped, metres.
 const ROOM_TO_GRIP: f64 = 0.075;
 /// Heights above a grip at which the arm must still be free, metres.
@@ -184,16 +184,8 @@ impl Drawer {
         heights: &[f64],
     ) -> Drawn<(JointVector, JointVector)> {
         let base_from_world = request.world_from_base.inverse();
-        let mut postures = vec![self.model.pose("arm", "start")?.to_vec()];
-        for _ in 0..POSTURES {
-            let limits = self.model.arm.iter().map(|&joint| self.model.joints[joint].limits);
-            postures.push(limits.map(|l| self.random.between(l.lower, l.upper)).collect());
-        }
-        'postures: for posture in postures {
-            // From wherever it begins, KDL goes on from many other postures before it gives up.
-            let IkOutcome::Solved(at) = self.kinematics.inverse(&(base_from_world * tip), &posture)? else {
-                return Ok(None);
-            };
+        let found = self.kinematics.inverse_all(&(base_from_world * tip), STARTS, self.random.next())?;
+        'found: for at in found {
             if !self.scene.is_free(&at)? {
                 continue;
             }
@@ -201,11 +193,11 @@ impl Drawer {
             for height in heights {
                 let raised = base_from_world * (Translation3::new(0.0, 0.0, *height) * tip);
                 let IkOutcome::Solved(next) = self.kinematics.inverse(&raised, &over)? else {
-                    continue 'postures;
+                    continue 'found;
                 };
                 let near = next.iter().zip(&over).all(|(a, b)| (a - b).abs() < LIFT_JUMP);
                 if !near || !self.scene.is_free(&next)? {
-                    continue 'postures;
+                    continue 'found;
                 }
                 over = next;
             }
