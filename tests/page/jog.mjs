@@ -10,8 +10,10 @@ const FIRST_AXIS = 7;
 const SPEED = { joint: 0.4, slide: 0.08, turn: 0.4 };
 /** What is left below this is not worth another movement: rad, m, rad. */
 const DONE = { joint: 0.012, slide: 0.006, turn: 0.1 };
-/** From the frame that shows enough to the arm's stop, ms. */
-const LAG_MS = 35;
+/** From the frame that shows enough to the arm's stop, s: at first, and at most. Learnt from each movement. */
+const LAG_SECS = { first: 0.035, most: 0.3 };
+/** Share of what a movement went too far or too short by that is learnt from it. */
+const LEARNING = 0.5;
 /** Heights above the table, metres: over walls and partition; of the hand's grip; of a block let go. */
 const CLEAR = 0.27;
 const GRIP = 0.027;
@@ -21,20 +23,41 @@ const ROLL = (25.6 * Math.PI) / 180;
 /** Corrections of one place before it is good enough. */
 const ROUNDS = 4;
 
-/** Moves the block that comes next to its target. Throws if it is not there in the end. */
+/** A block is not where it should be: it was missed, or lost on the way. */
+class Lost extends Error {}
+
+/** Moves the block that comes next to its target, in as many attempts as there is time for. */
 export async function jogBlock(page, { limitMs, log }) {
   const end = Date.now() + limitMs;
+  const { on_target: before } = await look(page);
+  for (;;) {
+    try {
+      await attempt(page, end, log);
+      const counts = (before) => window.__proact.frame.on_target > before;
+      await page.waitForFunction(counts, before, { timeout: 8_000, polling: 20 });
+      return;
+    } catch (error) {
+      const lost = error instanceof Lost || error.name === "TimeoutError";
+      if (!lost || Date.now() > end) throw error;
+      log(`again: ${error.message.split("\n")[0]}`);
+    }
+  }
+}
+
+async function attempt(page, end, log) {
   const { arm, scene } = await page.evaluate(() => window.__proact.content);
   const start = await look(page);
-  const block = start.next_block;
+  const block = start.hand.holds ?? start.next_block;
+  if (!block) throw new Error("no block is left to be moved");
   const index = scene.blocks.findIndex(({ id }) => id === block);
   const target = scene.targets.find((candidate) => candidate.block === block).centre;
   const high = (point, height) => [point[0], point[1], scene.table_height + height];
 
   /** Brings the hand, or the block in it, to a place in the world. */
-  const bring = async (name, place, rounds = ROUNDS) => {
+  const bring = async (name, place, holding, rounds = ROUNDS) => {
     for (let round = 0; round < rounds; round++) {
       const seen = await look(page);
+      if (holding && seen.hand.holds !== block) throw new Lost(`${block} was lost: ${name}`);
       const goal = goalOf(arm, seen, index, place(seen));
       const tip = reach.compose(reach.inverse(seen.world_from_base), seen.world_from_tip);
       const off = reach.norm(reach.sub(goal.target, reach.apply(tip, goal.point)));
@@ -46,25 +69,37 @@ export async function jogBlock(page, { limitMs, log }) {
           ? await joints(page, arm, goalOf(arm, seen, index, place(seen)))
           : await axes(page, arm, index, place, before);
       if (!moved) return;
-      if (Date.now() > end) throw new Error(`${block} not moved within ${limitMs / 1000} s; the last step was: ${name}`);
+      if (Date.now() > end) throw new Error(`${block} not moved in time; the last step was: ${name}`);
     }
   };
   const at = (seen) => seen.blocks[index].translation;
   // Joint by joint, the hand leaves a straight line by more the longer the way is: up and down go in short ways.
   const stages = start.mode.number < FIRST_AXIS ? [0.21, 0.15, 0.09] : [];
-  await bring("over the block", (seen) => high(at(seen), CLEAR - 0.1));
-  for (const height of stages.slice(2)) await bring("lower", (seen) => high(at(seen), height), 2);
-  await bring("down", (seen) => high(at(seen), GRIP));
+  const up = [...stages].reverse();
+  if (!start.hand.holds) {
+    if (start.hand.state === "closed") {
+      // Closed on nothing, down where the block was.
+      await tap(page, "hand_close");
+      for (const height of up) await bring("back up", (seen) => high(centreOf(arm, seen), height), false, 1);
+    }
+    await bring("over the block", (seen) => high(at(seen), CLEAR - 0.1));
+    for (const height of stages.slice(2)) await bring("lower", (seen) => high(at(seen), height), false, 2);
+    await bring("down", (seen) => high(at(seen), GRIP));
+    await tap(page, "hand_close");
+    await page.waitForFunction((id) => window.__proact.frame.hand.holds === id, block, { timeout: 8_000, polling: 20 });
+    log("grips");
+  }
+  for (const height of up) await bring("higher", (seen) => high(at(seen), height), true, 1);
+  await bring("up", (seen) => high(at(seen), CLEAR), true, 2);
+  await bring("across", () => high(target, CLEAR), true);
+  for (const height of stages) await bring("lower", () => high(target, height), true, 2);
+  await bring("down", () => high(target, DROP), true);
   await tap(page, "hand_close");
-  await page.waitForFunction((id) => window.__proact.frame.hand.holds === id, block, { timeout: 8_000, polling: 20 });
-  log("grips");
-  for (const height of [...stages].reverse()) await bring("higher", (seen) => high(at(seen), height), 1);
-  await bring("up", (seen) => high(at(seen), CLEAR), 2);
-  await bring("across", () => high(target, CLEAR));
-  for (const height of stages) await bring("lower", () => high(target, height), 2);
-  await bring("down", () => high(target, DROP));
-  await tap(page, "hand_close");
-  await page.waitForFunction((before) => window.__proact.frame.on_target > before, start.on_target, { timeout: 8_000, polling: 20 });
+}
+
+/** Where the hand takes a block, in the world. */
+function centreOf(arm, seen) {
+  return reach.apply(seen.world_from_tip, arm.grasp_centre);
 }
 
 function look(page) {
@@ -97,7 +132,7 @@ async function joints(page, arm, goal) {
   off.sort((a, b) => ahead(a) - ahead(b));
   for (const { k, amount } of off) {
     await choose(page, k);
-    await move(page, amount, SPEED.joint);
+    await move(page, amount, SPEED.joint, { joint: k });
   }
   return off.length > 0;
 }
@@ -121,7 +156,7 @@ async function axes(page, arm, index, place, order) {
           : reach.sub(goal.target, reach.apply(tip, goal.point));
       if (Math.abs(off[axis]) < DONE[kind]) continue;
       await choose(page, number(axis));
-      await move(page, off[axis], SPEED[kind]);
+      await move(page, off[axis], SPEED[kind], { kind });
       moved = true;
     }
   }
@@ -138,26 +173,47 @@ async function choose(page, number) {
   throw new Error(`mode ${number} does not come up`);
 }
 
-/** Moves the chosen joint or axis by `amount`. */
-async function move(page, amount, speed) {
-  const { mode } = await look(page);
-  const gesture = amount * mode.we_sign > 0 ? "wrist_extension" : "wrist_flexion";
-  const millis = Math.max((Math.abs(amount) / speed) * 1000 - LAG_MS, 15);
-  await hold(page, gesture, millis);
+/** What the movements on a page have taught of the lag. */
+const lags = new WeakMap();
+
+/** Moves the chosen joint or axis by `amount`, and learns from how far it went. `what`: a joint, or slide or turn. */
+async function move(page, amount, speed, what) {
+  const from = await look(page);
+  const gesture = amount * from.mode.we_sign > 0 ? "wrist_extension" : "wrist_flexion";
+  const lag = lags.get(page) ?? LAG_SECS.first;
+  const way = Math.abs(amount);
+  // Shorter ways than the lag's are a tap, and most are too long then: half a lag off is left alone.
+  if (way < 0.5 * speed * lag) return;
+  await hold(page, gesture, { way: way - speed * lag, millis: (way / speed) * 1500 + 500, from, what });
   // The arm comes to rest.
   await page.waitForTimeout(150);
+  const went = await page.evaluate(WENT, { from, what });
+  const tooFar = (went - way) / speed;
+  const learnt = way > speed * lag ? lag + LEARNING * tooFar : lag;
+  lags.set(page, Math.min(Math.max(learnt, 0), LAG_SECS.most));
 }
 
+/** How far the joint, or the hand along or about its axis, went since a frame; runs on the page. */
+const WENT = ({ from, what }) => {
+  const { frame } = window.__proact;
+  if (what.joint !== undefined) return Math.abs(frame.joints[what.joint] - from.joints[what.joint]);
+  const [now, then] = [frame.world_from_tip, from.world_from_tip];
+  if (what.kind === "slide") return Math.hypot(...now.translation.map((value, k) => value - then.translation[k]));
+  const same = Math.abs(now.rotation.reduce((sum, value, k) => sum + value * then.rotation[k], 0));
+  return 2 * Math.acos(Math.min(same, 1));
+};
+
 /**
- * Holds a key until the gesture has been in force for so many milliseconds of the trial, or moves nothing. The key is
- * let go on the page itself: a busy test program would be late.
+ * Holds a key until the arm has gone its way, or for so many milliseconds of the trial, or until nothing moves. The
+ * key is let go on the page itself: a busy test program would be late.
  */
-async function hold(page, gesture, millis) {
+async function hold(page, gesture, { way, millis, from, what }) {
   await page.keyboard.down(KEYS[gesture]);
   await page.evaluate(
-    ([gesture, code, millis]) =>
+    ([gesture, code, went, { way, millis, from, what }]) =>
       new Promise((resolve) => {
         let began = null;
+        const gone = what ? new Function(`return (${went})`)() : () => Infinity;
         const pressed = window.__proact.frame.time;
         const timer = setInterval(() => {
           const { frame } = window.__proact;
@@ -165,19 +221,20 @@ async function hold(page, gesture, millis) {
           const held = began === null ? -1 : frame.time - began;
           // A key that has no effect by then was missed, or let go by a program that had no sign of life.
           const missed = began === null && frame.time - pressed > 1500;
-          if (held < millis && !missed && !(frame.planner.state === "failed" && held > 200)) return;
+          const over = held >= millis || (held >= 0 && gone({ from, what }) >= way);
+          if (!over && !missed && !(frame.planner.state === "failed" && held > 200)) return;
           clearInterval(timer);
           window.dispatchEvent(new KeyboardEvent("keyup", { code }));
           resolve(null);
         }, 2);
       }),
-    [gesture, KEYS[gesture], millis],
+    [gesture, KEYS[gesture], WENT.toString(), { way, millis, from, what }],
   );
   await relax(page, gesture);
 }
 
 function tap(page, gesture) {
-  return hold(page, gesture, 0);
+  return hold(page, gesture, { way: 0, millis: 0 });
 }
 
 async function relax(page, gesture) {
