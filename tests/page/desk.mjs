@@ -38,6 +38,20 @@ export async function experimenter(page, { url, check, screenshot, limitMs }) {
   check(true, "the trial ends on request");
 }
 
+/** A bag of a trial that reached its four targets. */
+export async function bag(page, { url, check, screenshot }) {
+  await page.goto(new URL("replay?quality=3", url).href);
+  await page.waitForFunction(() => window.__proact?.views.length === 1 && window.__proact.views[0].timeline);
+  check((await page.textContent(".trial .chip")) === "From a bag", "it is said to be a bag");
+  const facts = await page.textContent(".trial .pane:last-child");
+  check(facts.includes("4 of 4"), "its blocks end on their targets");
+  const length = await page.evaluate(() => window.__proact.state.length);
+  await page.locator('input[type="range"]').fill(String(Math.round(length / 20) * 10));
+  await page.waitForFunction(() => window.__proact.state.time > 1000);
+  await page.waitForTimeout(700);
+  await screenshot("bag");
+}
+
 /** Two recorded trials side by side: scrubbed, and saved as a picture and as a video. */
 export async function replay(page, { url, check, screenshot, keep }) {
   await page.goto(new URL("replay?quality=3", url).href);

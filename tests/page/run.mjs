@@ -7,7 +7,7 @@
 // with a simulated participant has to run). interactive: moves blocks by mouse and keys with method D until one
 // is on target. methods: one block with each of --methods. newcomer: tutorial, settings, gamepad, gaze check.
 // headset: enters VR and AR with an emulated device. experimenter: beside a demo. replay: beside a replay of two
-// trials. restart: starts `serve` itself, kills it, starts it again, and the open page has to come back.
+// trials. bag: beside a replay of a bag. restart: starts `serve` itself, kills it, starts it again, and the open page has to come back.
 // Screenshots go to the output folder. Exits 0 only if everything was seen.
 
 import { mkdir, readFile, writeFile } from "node:fs/promises";
@@ -15,7 +15,7 @@ import { existsSync } from "node:fs";
 import { createRequire } from "node:module";
 import { parseArgs } from "node:util";
 import { driveBlocks } from "./drive.mjs";
-import { experimenter, replay } from "./desk.mjs";
+import { bag, experimenter, replay } from "./desk.mjs";
 import { jogBlock } from "./jog.mjs";
 import { headset, newcomer } from "./person.mjs";
 import { startServe } from "./program.mjs";
@@ -82,7 +82,7 @@ try {
   page.on("requestfailed", (request) => problems.push(`request failed: ${request.url()}`));
   if (options.dist) await serveFrom(page, options.dist);
   page.setDefaultTimeout(60_000);
-  const modes = { watch, interactive: interact, methods, restart, newcomer, headset, experimenter, replay };
+  const modes = { watch, interactive: interact, methods, restart, newcomer, headset, experimenter, replay, bag };
   const mode = modes[options.mode];
   if (!mode) throw new Error(`mode ${options.mode} is unknown; expected ${Object.keys(modes).join(", ")}`);
   await mode(page, {

@@ -39,3 +39,8 @@ done
 start replay "$output/trials/seed1" "$output/trials/seed2" --page
 look replay
 stop
+
+# What a lab recorded, here from our own bag, which has the original's topics.
+start replay "$output/trials/seed1/trial.bag" --page
+look bag
+stop

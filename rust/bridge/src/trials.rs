@@ -14,16 +14,16 @@ pub struct RecordedTrial {
     pub method: String,
     /// Set-up.
     pub setup: String,
-    /// Seed.
-    pub seed: u64,
+    /// Seed; a bag has none.
+    pub seed: Option<u64>,
     /// Length, simulated seconds.
     pub seconds: f64,
     /// Blocks on target in the end.
     pub on_target: u32,
     /// Arm and scene.
     pub content: PageContent,
-    /// The recomputed trial has the recorded digest.
-    pub agrees: bool,
+    /// The recomputed trial has the recorded digest; none for a bag, which is not recomputed.
+    pub agrees: Option<bool>,
     /// The record has a result; a trial that crashed has none.
     pub finished: bool,
     /// What was displayed, times ascending.
@@ -36,7 +36,7 @@ struct Summary<'a> {
     name: &'a str,
     method: &'a str,
     setup: &'a str,
-    seed: u64,
+    seed: Option<u64>,
     seconds: f64,
     on_target: u32,
 }

@@ -450,11 +450,11 @@ async fn recorded_trials_are_listed_and_served_by_number() {
         name: "D-still-seed1".into(),
         method: "D".into(),
         setup: "still".into(),
-        seed: 1,
+        seed: Some(1),
         seconds: 2.0,
         on_target: 1,
         content: content(false),
-        agrees: true,
+        agrees: Some(true),
         finished: true,
         frames: vec![frame(16), frame(50)],
     };

@@ -29,6 +29,7 @@ mod person;
 pub mod query;
 mod record;
 mod replay;
+mod replay_bag;
 mod replay_page;
 mod rosbridge;
 mod serve;

@@ -19,10 +19,11 @@ use std::{
 /// Arguments of `proact replay`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  proact replay trials/D-seated-seed1\n  \
-    proact replay trials/A-still-seed1 trials/D-still-seed1 --page\n\n\
+    proact replay trials/A-still-seed1 trials/D-still-seed1 --page\n  \
+    proact replay participant1-mode4-trial2.bag --page\n\n\
     Exit code 0 only if every span of the recomputed trial has the recorded digest.")]
 pub(crate) struct ReplayArgs {
-    /// Trial directory; several with --page
+    /// Trial directory; several with --page, and also bags of the original or of any ROS graph with its topics
     #[arg(required = true, value_name = "DIR")]
     dirs: Vec<PathBuf>,
     /// One JSON object on standard output
@@ -172,6 +173,13 @@ pub(crate) fn command(args: &ReplayArgs) -> Result<bool, Box<dyn Error>> {
         let count = args.dirs.len();
         return Err(format!("got {count} trial directories, expected one; add --page to compare them").into());
     };
+    if dir.is_file() {
+        return Err(format!(
+            "{} is a file; a trial directory is computed again, a bag can be looked at: add --page",
+            dir.display()
+        )
+        .into());
+    }
     let replayed = replay_trial(dir, args.replan)?;
     if args.json {
         println!("{}", serde_json::to_string(&replayed)?);

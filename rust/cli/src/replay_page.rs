@@ -3,8 +3,10 @@
 use crate::{
     demo::{announce, wait_for_interrupt},
     replay::{Opened, open_trial},
+    replay_bag,
 };
 use proact_bridge::{PageContent, PageOptions, PageServer, RecordedTrial};
+use proact_description::mpl_right_arm;
 use proact_recording::read_result;
 use proact_testbed::{SpanDigest, Testbed, TrialResult, first_divergence};
 use proact_types::{DisplayFrame, Event, Pose, SimTime, TickInput};
@@ -16,12 +18,18 @@ use std::{
 /// Of the 60 frames of a second every second one is kept: the page interpolates between them.
 const KEPT: u64 = 2;
 
-/// Recomputes the trials in `dirs` and serves them until Ctrl-C.
+/// Recomputes the trials in `dirs`, reads those that are bags, and serves them until Ctrl-C.
 pub(crate) fn show(dirs: &[PathBuf], port: u16, open_browser: bool) -> Result<bool, Box<dyn Error>> {
     let mut trials = Vec::new();
     for dir in dirs {
-        eprintln!("recomputing {}", dir.display());
-        trials.push(recompute(dir).map_err(|error| format!("{}: {error}", dir.display()))?);
+        let trial = if dir.is_file() {
+            eprintln!("reading {}", dir.display());
+            replay_bag::film(dir, &mpl_right_arm())
+        } else {
+            eprintln!("recomputing {}", dir.display());
+            recompute(dir)
+        };
+        trials.push(trial.map_err(|error| format!("{}: {error}", dir.display()))?);
     }
     let Some(first) = trials.first() else {
         return Err("no trial directory was given; expected at least one".into());
@@ -70,11 +78,11 @@ pub(crate) fn recompute(dir: &Path) -> Result<RecordedTrial, Box<dyn Error>> {
         name: dir.file_name().unwrap_or(dir.as_os_str()).to_string_lossy().into_owned(),
         method: config.method_label(),
         setup: config.setup.name.clone(),
-        seed: config.seed,
+        seed: Some(config.seed),
         seconds: SimTime(last.0).as_secs(),
         on_target: testbed.task().state().on_target,
         content,
-        agrees: first_divergence(&recorded, &spans).is_none(),
+        agrees: Some(first_divergence(&recorded, &spans).is_none()),
         finished: result.is_some(),
         frames: film.frames,
     })

@@ -64,6 +64,18 @@ pub enum RecordingError {
         /// Number of good records.
         records: u64,
     },
+    /// A file that is no ROS bag, or a damaged one.
+    #[error(
+        "{} cannot be read as a ROS bag: {reason}; expected one of format 2.0 that was finished: try `rosbag info`, \
+         and `rosbag reindex` if its recorder was killed",
+        file.display()
+    )]
+    Bag {
+        /// The file.
+        file: PathBuf,
+        /// What the reader says.
+        reason: String,
+    },
     /// A file of another version of this format.
     #[error("{} has format version {got}, this program reads version {expected}", file.display())]
     WrongVersion {

@@ -37,7 +37,8 @@ class View {
   ) {
     this.select.setAttribute("aria-label", "Trial");
     trials.forEach((trial, k) => {
-      const option = element("option", "", `${trial.name} · ${trial.method}, ${trial.setup}, seed ${trial.seed}`);
+      const seed = trial.seed === null ? "" : `, seed ${trial.seed}`;
+      const option = element("option", "", `${trial.name} · ${trial.method}, ${trial.setup}${seed}`);
       option.value = String(k);
       this.select.append(option);
     });
@@ -64,9 +65,10 @@ class View {
     this.timeline = new Timeline(record);
     this.stage.show(record.content);
     this.stage.resize();
-    setText(this.verdict, record.agrees ? "Digest agrees" : "Digest DIFFERS: not the recorded trial");
-    setClass(this.verdict, "live", record.agrees);
-    setClass(this.verdict, "off", !record.agrees);
+    const verdicts = { true: "Digest agrees", false: "Digest DIFFERS: not the recorded trial", null: "From a bag" };
+    setText(this.verdict, verdicts[`${record.agrees}`]);
+    setClass(this.verdict, "live", record.agrees === true);
+    setClass(this.verdict, "off", record.agrees === false);
     const fact = (name: string, value: string) => element("span", "", `${name} `, element("b", "", value));
     this.facts.replaceChildren(
       fact("Method", `${record.method} · ${METHOD_NAMES[record.method] ?? ""}`),

@@ -8,7 +8,7 @@ export interface TrialSummary {
   name: string;
   method: string;
   setup: string;
-  seed: number;
+  seed: number | null;
   seconds: number;
   on_target: number;
 }
@@ -17,7 +17,8 @@ export interface TrialSummary {
 export interface TrialRecord extends TrialSummary {
   content: Content;
   /** The recomputed trial has the recorded digest. */
-  agrees: boolean;
+  /** None for a bag, which is not recomputed. */
+  agrees: boolean | null;
   finished: boolean;
   frames: Frame[];
 }
