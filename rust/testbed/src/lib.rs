@@ -17,6 +17,7 @@ pub mod ports;
 mod session;
 mod tick;
 mod view;
+mod world;
 
 pub use config::{ConfigError, MethodName, MethodProcessConfig, Setup, TrialConfig};
 pub use digest::{Digest, Divergence, Field, FieldDigest, SPAN_TICKS, SpanDigest, first_divergence};

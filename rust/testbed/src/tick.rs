@@ -1,14 +1,13 @@
 use crate::{
-    ConfigError, Digest, Field, GraspAction, GraspRule, GraspRuleName, MethodName, OriginalGraspRule,
-    SpanDigest, TrialConfig,
+    ConfigError, Digest, Field, GraspRule, GraspRuleName, MethodName, OriginalGraspRule, SpanDigest,
+    TrialConfig,
     motion::{ArmMotion, BaseMotion, HandMotion},
     outside::Tap,
     ports::{PlanService, Plant, PlantError},
     view::GazeFilter,
 };
 use proact_control::{
-    ControlError, ControlInput, ControlMethod, ControlOutput, HandCommand, HandTracker, MotionState,
-    PlanCommand,
+    ControlError, ControlInput, ControlMethod, ControlOutput, HandTracker, MotionState, PlanCommand,
     ports::{ArmKinematics, KinematicsError, MethodProcess},
 };
 use proact_emg::{Classifier, EmgError, EmgOutput, EmgPipeline, StreamEvents};
@@ -16,14 +15,12 @@ use proact_intent::Candidates;
 use proact_tasks::BoxAndBlocks;
 use proact_types::{
     ArmModel, ArmModelError, BlockId, Event, EventKind, Gesture, HandView, JointVector, MethodAnswer,
-    PlanReply, PlantCommand, Point, SimTime, TickInput, joints,
+    PlanReply, Point, SimTime, TickInput,
 };
 use std::sync::Arc;
 
 /// Ticks from one control step to the next: 100 Hz.
 const CONTROL_TICKS: u64 = 10;
-/// A finger joint that has opened by this much since the grasp lets the block go, rad.
-const OPENED: f64 = 0.01;
 
 /// Why a tick could not be taken. The trial is over then; what is recorded up to here stands.
 #[derive(Debug, thiserror::Error)]
@@ -114,17 +111,17 @@ pub struct Testbed {
     emg: Option<EmgPipeline>,
     pub(crate) gaze: GazeFilter,
     pub(crate) arm: ArmMotion,
-    hand: HandMotion,
-    base: BaseMotion,
-    grasp: GraspRule,
+    pub(crate) hand: HandMotion,
+    pub(crate) base: BaseMotion,
+    pub(crate) grasp: GraspRule,
     /// Instead of `grasp`, if the trial asks for it.
-    original_grasp: Option<OriginalGraspRule>,
+    pub(crate) original_grasp: Option<OriginalGraspRule>,
     /// Fingers on the block that is held.
-    grasped_by: Vec<String>,
+    pub(crate) grasped_by: Vec<String>,
     /// Base, arm and hand stand still: the tracked shoulder has jumped.
-    paused: bool,
+    pub(crate) paused: bool,
     pub(crate) hand_tracker: HandTracker,
-    grasped_at: Option<JointVector>,
+    pub(crate) grasped_at: Option<JointVector>,
     pub(crate) digest: Digest,
     pub(crate) now: SimTime,
     direct: Option<Gesture>,
@@ -381,88 +378,6 @@ impl Testbed {
             Some(PlanCommand::Cancel) => {
                 self.pending = None;
                 self.parts.plans.cancel();
-            }
-            None => {}
-        }
-        Ok(())
-    }
-
-    /// Stops arm and hand while the base does not follow the shoulder.
-    fn watch_base(&mut self, output: &mut TickOutput) {
-        let state = self.parts.plant.state();
-        let paused = self.base.paused(state.base_held, state.world_from_base);
-        if paused == self.paused {
-            return;
-        }
-        self.paused = paused;
-        let way = self.base.goal().translation.vector - state.world_from_base.translation.vector;
-        let kind = if paused { EventKind::BaseHeld { distance: way.norm() } } else { EventKind::BaseFollows };
-        self.note(output, kind);
-    }
-
-    /// One step of physics under the joint targets.
-    fn move_world(&mut self) -> Result<(), TestbedError> {
-        let both =
-            |arm: &JointVector, hand: &JointVector| arm.iter().chain(hand).copied().collect::<JointVector>();
-        let mut command = PlantCommand {
-            position: both(self.arm.position(), self.hand.position()),
-            velocity: both(self.arm.velocity(), self.hand.velocity()),
-            world_from_base: self.base.pose(),
-        };
-        if self.paused {
-            command.velocity.iter_mut().for_each(|speed| *speed = 0.0);
-        }
-        self.digest.field(Field::Motion).numbers(&command.position).pose(&command.world_from_base);
-        let time = self.now;
-        self.parts.plant.step(&command).map_err(|source| TestbedError::Plant { time, source })?;
-        let state = self.parts.plant.state();
-        self.digest.field(Field::Joints).numbers(&state.position).numbers(&state.velocity);
-        let field = &mut self.digest.field(Field::Blocks);
-        for body in &state.blocks {
-            field.pose(&body.pose).vector(&body.linear).vector(&body.angular);
-        }
-        field.word(state.attached.map_or(u64::MAX, |(block, _)| block as u64));
-        Ok(())
-    }
-
-    /// The hand's state from its joints, and the grasp rule.
-    fn grip(&mut self, output: &mut TickOutput) -> Result<(), TestbedError> {
-        let state = self.parts.plant.state();
-        let arm = self.parts.model.arm_count();
-        let fingers = joints(&state.position[arm..]);
-        let hand = self.hand_tracker.step(&fingers, &state.velocity[arm..], self.hand.moving());
-        let attached = state.attached.map(|(block, _)| block);
-        let opening = self.hand_tracker.command() == HandCommand::Open;
-        let opened = opening
-            && self
-                .grasped_at
-                .as_ref()
-                .is_some_and(|at| at.iter().zip(&fingers).any(|(at, now)| (at - now).abs() > OPENED));
-        let time = self.now;
-        let action = match &mut self.original_grasp {
-            Some(rule) => rule.step(&self.parts.model, state),
-            None => self.grasp.step(&state.contacts, hand, attached, opened),
-        };
-        let place = |block: usize| Point::from(state.blocks[block].pose.translation.vector);
-        match action {
-            Some(GraspAction::Attach(block)) => {
-                let tip = self.parts.model.tip;
-                self.grasped_by = self.grasp.fingers_on(&self.parts.model, &state.contacts, block);
-                if let Some(id) = BlockId::ALL.get(block).copied() {
-                    let (links, place) = (self.grasped_by.clone(), place(block));
-                    self.note(output, EventKind::GraspMade { block: id, links, place });
-                }
-                self.parts.plant.attach(block, tip).map_err(|source| TestbedError::Plant { time, source })?;
-                self.hand.freeze(&fingers);
-                self.grasped_at = Some(fingers);
-            }
-            Some(GraspAction::Release) => {
-                if let Some((block, id)) = attached.and_then(|k| Some((k, *BlockId::ALL.get(k)?))) {
-                    let (links, place) = (std::mem::take(&mut self.grasped_by), place(block));
-                    self.note(output, EventKind::GraspEnded { block: id, links, place });
-                }
-                self.parts.plant.release();
-                self.grasped_at = None;
             }
             None => {}
         }
