@@ -239,7 +239,9 @@ fn decompose(matrix: DMatrix<f64>) -> Result<(DVector<f64>, DMatrix<f64>), EmgEr
     let mut columns = if matrix.nrows() > matrix.ncols() { matrix.qr().unpack_r() } else { matrix };
     let count = columns.ncols();
     let mut vectors = DMatrix::<f64>::identity(count, count);
-    // Columns that are rounding only would be turned for ever.
+    // A dot product is not more exact than this; to ask for more would turn some columns for ever.
+    let rounding = columns.nrows() as f64 * f64::EPSILON;
+    // So would columns that are rounding only.
     let nothing = (f64::EPSILON * columns.norm()).powi(2);
     let mut turned = true;
     for _ in 0..MOST_SWEEPS {
@@ -248,7 +250,7 @@ fn decompose(matrix: DMatrix<f64>) -> Result<(DVector<f64>, DMatrix<f64>), EmgEr
             for q in p + 1..count {
                 let (a, b) = (columns.column(p).norm_squared(), columns.column(q).norm_squared());
                 let product = columns.column(p).dot(&columns.column(q));
-                if a <= nothing || b <= nothing || product.abs() <= f64::EPSILON * (a * b).sqrt() {
+                if a <= nothing || b <= nothing || product.abs() <= rounding * (a * b).sqrt() {
                     continue;
                 }
                 turned = true;
