@@ -72,6 +72,15 @@ class SerialPrm : public og::PRM {
   }
 };
 
+/// OMPL 1.5's LazyPRM frees the states of its graph in `clear`, and its destructor does not call it.
+class FreeingLazyPrm : public og::LazyPRM {
+ public:
+  explicit FreeingLazyPrm(const ob::PlannerData& data) : og::LazyPRM(data) {}
+  ~FreeingLazyPrm() override { og::LazyPRM::clear(); }
+  FreeingLazyPrm(const FreeingLazyPrm&) = delete;
+  FreeingLazyPrm& operator=(const FreeingLazyPrm&) = delete;
+};
+
 /// A planner that begins with a roadmap and looks at no more of it than a way needs.
 std::unique_ptr<ob::Planner> planner_over(const ob::SpaceInformationPtr& space, const Roadmap& roadmap) {
   std::vector<ob::ScopedState<ob::RealVectorStateSpace>> states;
@@ -87,7 +96,7 @@ std::unique_ptr<ob::Planner> planner_over(const ob::SpaceInformationPtr& space, 
     data.addEdge(static_cast<unsigned int>(a), static_cast<unsigned int>(b), ob::PlannerDataEdge(), length);
   }
   // The planner clones the states.
-  return std::make_unique<og::LazyPRM>(data);
+  return std::make_unique<FreeingLazyPrm>(data);
 }
 
 void require_roadmap(const Scene& scene, const Roadmap& roadmap) {
