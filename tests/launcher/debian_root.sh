@@ -1,6 +1,6 @@
 # shellcheck shell=sh
 # shellcheck disable=SC2016 # apt expands its own variables
-# A minimal Debian 12 to type commands in; sourced by the tests that need a bare machine.
+# A minimal Debian 12, or another release, to type commands in; sourced by the tests that need a bare machine.
 #
 # The machine decides where packages come from: its Debian archives, its certificates and the configuration of npm and
 # Cargo are copied into the root. Nothing else of it is seen there.
@@ -27,15 +27,41 @@ finish_root() {
     rm -rf "$root"
 }
 
-# Makes the root in $root; it goes with the script.
-make_root() {
-    root=$(mktemp -d "${TMPDIR:-/tmp}/proact-debian.XXXXXX")
+# Makes a bare root of a release in $root; it goes with the script. Without a mirror debootstrap's own is taken.
+bootstrap() { # RELEASE [MIRROR]
+    root=$(mktemp -d "${TMPDIR:-/tmp}/proact-$1.XXXXXX")
     # mktemp lets in nobody else, but an ordinary user must get in.
     chmod 755 "$root"
     trap finish_root EXIT
     trap 'exit 130' INT TERM
 
-    echo "--- making a minimal Debian 12 in $root"
+    echo "--- making a minimal $1 in $root"
+    case $1 in
+    bookworm) keys= ;;
+    *) keys=--no-check-gpg ;; # Debian has no keyring of others; the root's own apt checks what it fetches
+    esac
+    # shellcheck disable=SC2086 # none or one word
+    debootstrap --variant=minbase $keys "$1" "$root" ${2:+"$2"} >"$root.log" 2>&1 || {
+        tail -n 20 "$root.log"
+        unreachable=$(grep 'Failed getting release file' "$root.log" || true)
+        rm -f "$root.log"
+        if [ -n "$unreachable" ]; then
+            echo "skipped: the archive of $1 does not answer"
+            exit 77
+        fi
+        echo "FAILED: debootstrap did not finish"
+        exit 1
+    }
+    rm -f "$root.log"
+    cp /etc/resolv.conf "$root/etc/resolv.conf"
+    for file in /etc/apt/apt.conf.d/99* /usr/local/share/ca-certificates/*; do
+        [ -f "$file" ] && install -D -m 644 "$file" "$root$file"
+    done
+    mount -t proc proc "$root/proc"
+}
+
+# Makes a Debian 12 in $root.
+make_root() {
     # The archives of this machine, and of them only Debian's own: a new user has no others.
     sources=$(apt-get indextargets --format '$(ORIGIN) $(REPO_URI) $(CODENAME) $(COMPONENT)' 'Created-By: Packages' |
         awk '$1 == "Debian" && $3 ~ /^bookworm/ && $4 == "main" { print "deb", $2, $3, $4 }' | sort -u)
@@ -44,23 +70,11 @@ make_root() {
         echo "FAILED: this machine's apt sources name no Debian bookworm archive; run apt-get update, or add one"
         exit 1
     }
-    debootstrap --variant=minbase bookworm "$root" "$mirror" >"$root.log" 2>&1 || {
-        tail -n 20 "$root.log"
-        rm -f "$root.log"
-        echo "FAILED: debootstrap did not finish"
-        exit 1
-    }
-    rm -f "$root.log"
-
+    bootstrap bookworm "$mirror"
     echo "$sources" >"$root/etc/apt/sources.list"
-    cp /etc/resolv.conf "$root/etc/resolv.conf"
-    for file in /etc/apt/apt.conf.d/99* /usr/local/share/ca-certificates/*; do
-        [ -f "$file" ] && install -D -m 644 "$file" "$root$file"
-    done
     for file in .npmrc .cargo/config.toml; do
         [ -f "${HOME:-/root}/$file" ] && install -D -m 600 "${HOME:-/root}/$file" "$root/root/$file"
     done
-    mount -t proc proc "$root/proc"
 }
 
 # Runs a command in the root, in a plain environment with nothing of the caller's but the way to the network. Words

@@ -145,7 +145,7 @@ void Arm::inverse_dynamics(const double* q, const double* qd, const double* qdd,
     tree_qd_(coordinates[k]) = qd[k];
     tree_qdd_(coordinates[k]) = qdd[k];
   }
-  require(dynamics_->solver.CartToJnt(tree_q_, tree_qd_, tree_qdd_, KDL::WrenchMap(), tree_torque_),
+  require(dynamics_->solver.CartToJnt(tree_q_, tree_qd_, tree_qdd_, WrenchMap(), tree_torque_),
           "inverse dynamics");
   for (std::size_t k = 0; k < coordinates.size(); ++k) torque[k] = tree_torque_(coordinates[k]);
 }

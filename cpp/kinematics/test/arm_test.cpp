@@ -125,6 +125,46 @@ void a_carried_body_adds_its_weight_at_its_lever() {
   expect(again == without, "letting go restores the torque bit for bit");
 }
 
+#if __has_include(<kdl/treeidsolver_recursive_newton_euler.hpp>)
+void the_solver_for_an_old_kdl_equals_that_of_this_one() {
+  KDL::Tree tree("root");
+  const auto body = [](double mass) {
+    return KDL::RigidBodyInertia(mass, KDL::Vector(0.01, -0.02, -0.1), KDL::RotationalInertia(2e-3, 3e-3, 1e-3, 1e-4));
+  };
+  const auto segment = [&](const std::string& name, const KDL::Vector& axis, double mass) {
+    const KDL::Vector origin(0.02, 0.01, -0.2);
+    return KDL::Segment(name, KDL::Joint(name, origin, axis, KDL::Joint::RotAxis),
+                        KDL::Frame(KDL::Rotation::RPY(0.3, -0.2, 0.1), origin), body(mass));
+  };
+  tree.addSegment(segment("upper", KDL::Vector(0, 1, 0), 1.2), "root");
+  tree.addSegment(KDL::Segment("sleeve", KDL::Joint("sleeve", KDL::Joint::None), KDL::Frame::Identity(), body(0.3)),
+                  "upper");
+  tree.addSegment(segment("lower", KDL::Vector(1, 0, 0), 0.8), "sleeve");
+  tree.addSegment(segment("thumb", KDL::Vector(0, 0.6, 0.8), 0.05), "lower");
+  tree.addSegment(segment("index", KDL::Vector(0, 0, 1), 0.04), "lower");
+  const unsigned int joints = tree.getNrOfJoints();
+  const KDL::Vector gravity(0.4, -0.3, -9.8);
+  KDL::TreeIdSolver_RNE theirs(tree, gravity);
+  kin::RecursiveNewtonEuler ours(tree, gravity);
+  KDL::JntArray q(joints), qd(joints), qdd(joints), expected(joints), got(joints);
+  for (int trial = 0; trial < 20; ++trial) {
+    for (unsigned int k = 0; k < joints; ++k) {
+      q(k) = std::sin(1.7 * trial + k);
+      qd(k) = 2.0 * std::cos(0.9 * trial + 2.0 * k);
+      qdd(k) = 5.0 * std::sin(2.3 * trial - k);
+    }
+    expect(theirs.CartToJnt(q, qd, qdd, {}, expected) >= 0, "KDL's solver answers");
+    expect(ours.CartToJnt(q, qd, qdd, {}, got) >= 0, "ours answers");
+    for (unsigned int k = 0; k < joints; ++k) {
+      expect(std::abs(got(k) - expected(k)) < 1e-13, "the torques are the same");
+    }
+  }
+  KDL::JntArray wrong(joints + 1);
+  expect(ours.CartToJnt(wrong, qd, qdd, {}, got) < 0, "a wrong length is refused");
+  expect(ours.CartToJnt(q, qd, qdd, {{"lower", KDL::Wrench::Zero()}}, got) < 0, "an outer wrench is refused");
+}
+#endif
+
 void wrong_descriptions_are_refused_by_name() {
   auto with = [](const std::function<void(kin::ArmDescription&)>& change) {
     return [change] {
@@ -166,6 +206,9 @@ int main() {
   a_bent_index_finger_moves_the_index_and_not_the_thumb();
   inverse_kinematics_reaches_what_forward_kinematics_made();
   a_carried_body_adds_its_weight_at_its_lever();
+#if __has_include(<kdl/treeidsolver_recursive_newton_euler.hpp>)
+  the_solver_for_an_old_kdl_equals_that_of_this_one();
+#endif
   wrong_descriptions_are_refused_by_name();
   the_benchmark_times_every_call();
   if (failures == 0) std::puts("all passed");

@@ -3,9 +3,6 @@
 #include "planners.hpp"
 #include "shapes.hpp"
 
-#include <fcl/broadphase/broadphase_dynamic_AABB_tree.h>
-#include <fcl/narrowphase/collision.h>
-#include <fcl/narrowphase/collision_object.h>
 #include <ompl/base/ProblemDefinition.h>
 #include <ompl/base/SpaceInformation.h>
 #include <ompl/base/StateValidityChecker.h>
@@ -67,7 +64,7 @@ class PlainWorld {
     for (const Object& obstacle : content_.obstacles) {
       const Solid solid = make_solid(obstacle.placed.shape, content_.padding, obstacle.name);
       obstacles_.push_back(
-          std::make_unique<fcl::CollisionObjectd>(solid.geometry, transform_of(obstacle.placed.pose, obstacle.name)));
+          std::make_unique<fcl::CollisionObjectd>(solid.geometry, to_fcl(transform_of(obstacle.placed.pose, obstacle.name))));
       obstacle_tree_.registerObject(obstacles_.back().get());
     }
     arm_tree_.setup();
@@ -86,7 +83,7 @@ class PlainWorld {
           (joint.revolute ? turned(parent_from_child_[j], axis.normalized(), angle) : parent_from_child_[j]);
     }
     for (Part& part : parts_) {
-      part.object->setTransform(world_from_link_[part.link] * part.link_from_shape);
+      part.object->setTransform(to_fcl(Transform(world_from_link_[part.link] * part.link_from_shape)));
       part.object->computeAABB();
     }
     arm_tree_.update();
@@ -109,7 +106,7 @@ class PlainWorld {
     part.body = body_of_link_[link];
     part.link_from_shape = transform_of(placed.pose, name);
     part.solid = make_solid(placed.shape, 0.0, name);
-    part.object = std::make_unique<fcl::CollisionObjectd>(part.solid.geometry, Transform::Identity());
+    part.object = std::make_unique<fcl::CollisionObjectd>(part.solid.geometry, to_fcl(Transform::Identity()));
     parts_.push_back(std::move(part));
   }
 

@@ -3,7 +3,7 @@
 #include <ompl/base/PlannerData.h>
 #include <ompl/base/SpaceInformation.h>
 #include <ompl/base/spaces/RealVectorStateSpace.h>
-#include <ompl/base/terminationconditions/IterationTerminationCondition.h>
+#include <ompl/config.h>
 #include <ompl/datastructures/NearestNeighborsLinear.h>
 #include <ompl/geometric/planners/kpiece/LBKPIECE1.h>
 #include <ompl/geometric/planners/prm/LazyPRM.h>
@@ -64,14 +64,15 @@ class SerialPrm : public og::PRM {
     ob::PathPtr way;
     while (!maybeConstructSolution(startM_, goalM_, way)) {
       if (stop) return ob::PlannerStatus::TIMEOUT;
-      ob::IterationTerminationCondition few(milestones_at_a_time);
-      growRoadmap(ob::PlannerTerminationCondition([&] { return few.eval() || stop; }));
+      unsigned int asked = 0;
+      growRoadmap(ob::PlannerTerminationCondition([&] { return ++asked > milestones_at_a_time || stop; }));
     }
     pdef_->addSolutionPath(way, false, 0.0, getName());
     return ob::PlannerStatus::EXACT_SOLUTION;
   }
 };
 
+#if OMPL_VERSION_VALUE >= 1005000
 /// OMPL 1.5's LazyPRM frees the states of its graph in `clear`, and its destructor does not call it.
 class FreeingLazyPrm : public og::LazyPRM {
  public:
@@ -98,6 +99,11 @@ std::unique_ptr<ob::Planner> planner_over(const ob::SpaceInformationPtr& space, 
   // The planner clones the states.
   return std::make_unique<FreeingLazyPrm>(data);
 }
+#else
+std::unique_ptr<ob::Planner> planner_over(const ob::SpaceInformationPtr&, const Roadmap&) {
+  throw std::invalid_argument("a stored roadmap needs OMPL 1.5, this is " OMPL_VERSION);
+}
+#endif
 
 void require_roadmap(const Scene& scene, const Roadmap& roadmap) {
   for (const auto& milestone : roadmap.milestones) {

@@ -1,13 +1,5 @@
 #include "shapes.hpp"
 
-#include <fcl/geometry/bvh/BVH_model.h>
-#include <fcl/geometry/shape/box.h>
-#include <fcl/geometry/shape/capsule.h>
-#include <fcl/geometry/shape/cylinder.h>
-#include <fcl/geometry/shape/sphere.h>
-#include <fcl/narrowphase/collision.h>
-#include <fcl/narrowphase/distance.h>
-
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
@@ -54,8 +46,8 @@ void require_mesh(const Shape& shape, const std::string& name) {
 }
 
 std::shared_ptr<fcl::CollisionGeometryd> tree_of(const Mesh& mesh) {
-  std::vector<Vector> vertices;
-  for (const auto& vertex : mesh.vertices) vertices.emplace_back(vertex[0], vertex[1], vertex[2]);
+  std::vector<fcl::Vector3d> vertices;
+  for (const auto& vertex : mesh.vertices) vertices.push_back(to_fcl(Vector(vertex[0], vertex[1], vertex[2])));
   std::vector<fcl::Triangle> triangles;
   for (const auto& corner : mesh.triangles) triangles.emplace_back(corner[0], corner[1], corner[2]);
   auto tree = std::make_shared<fcl::BVHModel<fcl::OBBRSSd>>();
@@ -185,13 +177,13 @@ double distance(const Vector& point, const Box& box) {
 bool touch(const Solid& a, const Eigen::Isometry3d& a_pose, const Solid& b, const Eigen::Isometry3d& b_pose) {
   static const fcl::CollisionRequestd request(1, false);
   fcl::CollisionResultd result;
-  if (fcl::collide(a.geometry.get(), a_pose, b.geometry.get(), b_pose, request, result) > 0) return true;
+  if (fcl::collide(a.geometry.get(), to_fcl(a_pose), b.geometry.get(), to_fcl(b_pose), request, result) > 0) return true;
   const double margin = a.margin + b.margin;
   if (margin <= 0.0) return false;
   // A mesh cannot be grown as a primitive can; how close it is tells the same.
   static const fcl::DistanceRequestd near;
   fcl::DistanceResultd apart;
-  return fcl::distance(a.geometry.get(), a_pose, b.geometry.get(), b_pose, near, apart) < margin;
+  return fcl::distance(a.geometry.get(), to_fcl(a_pose), b.geometry.get(), to_fcl(b_pose), near, apart) < margin;
 }
 
 Eigen::Isometry3d turned(const Eigen::Isometry3d& parent_from_joint, const Eigen::Vector3d& axis, double angle) {

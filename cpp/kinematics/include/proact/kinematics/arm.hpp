@@ -3,6 +3,7 @@
 
 #include "proact/kinematics/description.hpp"
 #include "proact/kinematics/inverse_solver.hpp"
+#include "proact/kinematics/tree_dynamics.hpp"
 
 #include <kdl/chain.hpp>
 #include <kdl/chainfksolverpos_recursive.hpp>
@@ -10,7 +11,6 @@
 #include <kdl/jacobian.hpp>
 #include <kdl/jntarray.hpp>
 #include <kdl/tree.hpp>
-#include <kdl/treeidsolver_recursive_newton_euler.hpp>
 
 #include <array>
 #include <cstddef>
@@ -79,7 +79,7 @@ class Arm {
     Dynamics(const Arm& arm, const std::array<double, 3>& gravity);
     std::array<double, 3> gravity;
     KDL::Tree tree;
-    KDL::TreeIdSolver_RNE solver;
+    TreeDynamics solver;
     std::vector<unsigned int> coordinates;  // the tree's number of each moving joint
   };
 

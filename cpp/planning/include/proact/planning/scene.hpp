@@ -2,10 +2,10 @@
 // shapes touch; which pairs it is asked about is decided here.
 #pragma once
 
+#include "proact/planning/fcl.hpp"
 #include "proact/planning/model.hpp"
 
 #include <Eigen/Geometry>
-#include <fcl/geometry/collision_geometry.h>
 
 #include <memory>
 #include <optional>
