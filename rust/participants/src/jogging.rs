@@ -1,4 +1,5 @@
 mod limb;
+mod modes;
 mod movement;
 mod obstacles;
 mod place;
@@ -22,10 +23,12 @@ const JOINTS: u8 = 7;
 const AXES: u8 = 6;
 /// No movement gesture is held shorter or longer than this, ms: three decisions, and a look in between.
 const PULSE_MILLIS: (f64, f64) = (150.0, 2500.0);
+/// A joint is turned all the way at once.
+const LONGEST_TURN_MILLIS: f64 = 8000.0;
+/// A long movement is followed with the eye and ended this near to the moment that was meant, ms.
+const TIMING_MILLIS: f64 = 50.0;
 /// After a movement the arm is watched for this long before the next decision, ms.
 const WATCH_MILLIS: u64 = 450;
-/// HO held this long has been understood as the way back, or never will, ms.
-const BACK_MILLIS: u64 = 5000;
 /// A block is let go with its centre this far above where it rests when the arm goes no lower, metres.
 const FALL_HEIGHT: f64 = 0.04;
 /// A block is gripped with the hand this far above its middle when the arm goes no lower, metres.
@@ -38,13 +41,17 @@ const MOST_MOVEMENTS: u32 = 14;
 const BLOCK: f64 = 0.025;
 /// A movement that gives less than this share of what it should has met something.
 const LEAST_PROGRESS: f64 = 0.4;
+/// ... and so has a joint that stops this much short of where it was turned, rad.
+const TOUCHED: f64 = 0.06;
 
 /// A participant who jogs joint by joint or axis by axis, methods A and B.
 ///
-/// Knows the arm well enough to tell which joints would have to turn, and in which order the hand stays clear of the
-/// box; moves in pulses of the length that seems right, looks, and corrects. A movement that the display refuses is
-/// left for later; when none is left, the hand is leant another way. Deterministic for its seed. A person without
-/// this model in the head needs longer; it is no evidence about people.
+/// Knows the arm well enough to tell which few joints would have to turn, and in which order the hand stays clear of
+/// the box. Joint by joint it thinks of the whole way first, such as one joint that lifts, two that carry and one that
+/// lowers, turns each of them once, and looks before the last; along the axes it looks after each movement. A movement
+/// that brought too little has met something and is left for later; when none is left, the hand goes up and is leant
+/// another way. Deterministic for its seed. A person without this model in the head needs longer; it is no evidence
+/// about people.
 ///
 /// Known weakness: it minds where the fingers are, not where elbow and forearm are.
 pub struct JoggingParticipant {
@@ -55,7 +62,7 @@ pub struct JoggingParticipant {
     stage: Stage,
     block: Option<BlockId>,
     pulse: Option<Pulse>,
-    turning: Option<Turning>,
+    turning: Option<modes::Turning>,
     watch_until: SimTime,
     closed_since: Option<SimTime>,
     /// Movements that were refused since the last one that was not.
@@ -114,17 +121,6 @@ enum Stage {
     Release,
     /// Up without it.
     Retreat,
-}
-
-/// HO on its way to a mode.
-#[derive(Clone, Copy, Debug)]
-struct Turning {
-    to: u8,
-    /// Where it began, or got to.
-    from: u8,
-    /// HO stays held: the modes go back one by one.
-    back: bool,
-    since: SimTime,
 }
 
 impl JoggingParticipant {
@@ -189,12 +185,22 @@ impl JoggingParticipant {
         if let Some(gesture) = self.pulse_on(now, seen) {
             return gesture;
         }
-        if now < self.watch_until {
-            return Gesture::NoMotion;
-        }
         let Some(mode) = seen.mode.as_ref().map(|mode| mode.number) else { return Gesture::NoMotion };
         if let Some(gesture) = self.turn_on(now, mode) {
             return gesture;
+        }
+        if mode < FIRST_AXIS {
+            self.go_all_the_way();
+            // Joint after joint without a look in between; before the last one the hand has to be in its place.
+            if let ([next, _, ..], true) = (self.turns.as_slice(), now < self.watch_until)
+                && next.joint != usize::from(mode)
+            {
+                self.turning = Some(self.way_to(mode, next.joint as u8));
+                return Gesture::HandOpen;
+            }
+        }
+        if now < self.watch_until {
+            return Gesture::NoMotion;
         }
         self.next_movement(now, seen, mode, block)
     }
@@ -265,24 +271,21 @@ impl JoggingParticipant {
             }
             _ => base_from_tip.rotation.angle_to(&tip.rotation),
         };
-        if moved.abs() < LEAST_PROGRESS * pulse.amount {
+        let short = pulse.amount - moved.abs();
+        if short > (1.0 - LEAST_PROGRESS) * pulse.amount || (pulse.mode < FIRST_AXIS && short > TOUCHED) {
             self.refused.push((pulse.mode, pulse.gesture));
+            self.turns.clear();
         } else {
             self.refused.clear();
         }
     }
 
-    /// HO goes on until the mode is there: made anew for each step ahead, held for steps back.
-    fn turn_on(&mut self, now: SimTime, mode: u8) -> Option<Gesture> {
-        let turning = self.turning.as_mut()?;
-        let held = now.millis_since(turning.since);
-        let arrived = mode == turning.to || (turning.back && held > BACK_MILLIS);
-        let stepped = !turning.back && mode != turning.from;
-        if !(arrived || stepped) {
-            return Some(Gesture::HandOpen);
-        }
-        self.turning = None;
-        Some(Gesture::NoMotion)
+    /// Joint by joint the hand goes all the way at once: what is in the way is passed by thinking of it before.
+    fn go_all_the_way(&mut self) {
+        self.stage = match self.stage {
+            Stage::Above => Stage::Hover,
+            same => same,
+        };
     }
 
     fn next_movement(&mut self, now: SimTime, seen: &DisplayFrame, mode: u8, block: BlockId) -> Gesture {
@@ -296,7 +299,7 @@ impl JoggingParticipant {
         if self.move_limb(now, seen, &goal, by_axis, mode, block) {
             return Gesture::NoMotion;
         }
-        let good_enough = self.movements > MOST_MOVEMENTS;
+        let good_enough = self.movements > if by_axis { MOST_MOVEMENTS } else { 2 * MOST_MOVEMENTS };
         let wanted = match () {
             () if good_enough && goal.off(&base_from_tip).0 < 2.0 * goal.point_done => Ok(None),
             () if good_enough => Err(()),
@@ -316,17 +319,19 @@ impl JoggingParticipant {
             }
         };
         if lack.mode != mode {
-            let (first, count) = if by_axis { (FIRST_AXIS, AXES) } else { (0, JOINTS) };
-            let ahead = (lack.mode + count - mode) % count;
-            // Back costs one step ahead, and a second for each that follows.
-            let back = count - ahead + 1 < ahead && lack.mode >= first;
-            self.turning = Some(Turning { to: lack.mode, from: mode, back, since: now });
+            self.turning = Some(self.way_to(mode, lack.mode));
             return Gesture::HandOpen;
         }
-        let spread = Normal::new(1.0, self.habits.options.timing_spread.max(0.0)).ok();
-        let share = spread.map_or(1.0, |n| n.sample(&mut self.habits.rng).clamp(0.6, 1.4));
-        let millis = (lack.amount.abs() / lack.speed * 1e3 * share).clamp(PULSE_MILLIS.0, PULSE_MILLIS.1);
+        let spread = Normal::new(0.0, self.habits.options.timing_spread.max(0.0)).ok();
+        let share = spread.map_or(0.0, |n| n.sample(&mut self.habits.rng).clamp(-0.4, 0.4));
+        let longest = if by_axis { PULSE_MILLIS.1 } else { LONGEST_TURN_MILLIS };
+        let meant = lack.amount.abs() / lack.speed * 1e3;
+        let missed = (meant * share).clamp(-TIMING_MILLIS, TIMING_MILLIS);
+        let millis = (meant + missed).clamp(PULSE_MILLIS.0, longest);
         self.movements += 1;
+        if !by_axis {
+            self.turns.remove(0);
+        }
         self.pulse = Some(Pulse {
             mode,
             gesture: lack.gesture,

@@ -35,6 +35,11 @@ impl Limb {
         self.placings = 0;
     }
 
+    /// True for a joint of the person's own, by its position in the arm.
+    pub(super) fn has(&self, joint: usize) -> bool {
+        self.own.contains(&joint)
+    }
+
     fn under_way(&self, now: SimTime, q: &[f64]) -> bool {
         let far = |to: &JointVector| self.own.iter().any(|&joint| (to[joint] - q[joint]).abs() > TURN_DONE);
         now < self.until && self.to.as_ref().is_some_and(far)
@@ -77,7 +82,7 @@ impl JoggingParticipant {
         }
         self.think_of_turns(seen, q, goal, mode, block);
         match self.turns.first() {
-            Some(turn) if self.limb.own.contains(&turn.joint) => {
+            Some(turn) if self.limb.has(turn.joint) => {
                 let mut wanted = joints(q);
                 wanted[turn.joint] = turn.to;
                 self.limb.go(now, q, &wanted)

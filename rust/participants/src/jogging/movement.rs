@@ -1,7 +1,7 @@
 //! Which movement comes next: the axis or the joint that is off.
 
-use super::{AXES, FIRST_AXIS, JOINTS, JoggingParticipant, obstacles::Obstacles};
-use crate::reach::HandGoal;
+use super::{AXES, FIRST_AXIS, JOINTS, JoggingParticipant, Stage, obstacles::Obstacles};
+use crate::reach::{Conditions, HandGoal, Turn, made};
 use proact_types::{BlockId, DisplayFrame, Gesture, Pose, Vector};
 
 /// How fast WE and WF move a joint, rad/s, and the hand, m/s and rad/s: learnt in the first minutes of practice.
@@ -81,11 +81,25 @@ impl JoggingParticipant {
         mode: u8,
         block: BlockId,
     ) {
-        self.turns.retain(|turn| (turn.to - q[turn.joint]).abs() > TURN_DONE);
-        if self.turns.is_empty() {
+        // What is left of a turn is left: the next round sees to it together with the rest.
+        while self.turns.first().is_some_and(|turn| (turn.to - q[turn.joint]).abs() < TURN_DONE) {
+            self.turns.remove(0);
+        }
+        let end = self.sense.forward(&made(q, &self.turns));
+        let misses = || goal.off(&end).0 > 2.0 * goal.point_done;
+        if self.turns.is_empty() || (self.turns.len() == 1 && self.movements > 0 && misses()) {
             let obstacles = Obstacles::new(&self.scene, seen, block, self.sense.fingers(&seen.joints));
             let in_the_way = |base_from_tip: &Pose| obstacles.depth(&(seen.world_from_base * base_from_tip));
-            self.turns = self.sense.turns(q, mode.into(), goal, 1.0 / JOINT_SPEED, &in_the_way);
+            let refused =
+                |turn: &Turn| self.refused.contains(&(turn.joint as u8, gesture_of(turn.joint, turn.angle)));
+            let conditions = Conditions {
+                mode: mode.into(),
+                secs_per_rad: 1.0 / JOINT_SPEED,
+                in_the_way: &in_the_way,
+                lifting: !matches!(self.stage, Stage::Lift | Stage::Retreat),
+                refused: &refused,
+            };
+            self.turns = self.sense.turns(q, goal, &conditions);
         }
     }
 
@@ -101,10 +115,14 @@ impl JoggingParticipant {
         self.think_of_turns(seen, q, goal, mode, block);
         let turn = self.turns.first()?;
         let amount = turn.to - q[turn.joint];
-        let gesture = sided(amount * JOINT_SIGNS[turn.joint]);
-        let lack = Lack { mode: turn.joint as u8, amount, speed: JOINT_SPEED, gesture };
-        (!self.refused.contains(&(lack.mode, gesture))).then_some(lack)
+        let gesture = gesture_of(turn.joint, amount);
+        Some(Lack { mode: turn.joint as u8, amount, speed: JOINT_SPEED, gesture })
     }
+}
+
+/// The gesture that turns a joint to one side or the other.
+fn gesture_of(joint: usize, angle: f64) -> Gesture {
+    sided(angle * JOINT_SIGNS[joint])
 }
 
 /// The gesture for one side or the other.

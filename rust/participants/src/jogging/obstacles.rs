@@ -3,9 +3,11 @@
 use super::BLOCK;
 use proact_types::{BlockId, DisplayFrame, Point, Pose, Scene, Shape};
 
-/// This much air is kept about what the fingers pass, and about the block that they are to take, metres.
+/// This much air is kept about what the fingers pass, about the block that they are to take, and over the table,
+/// metres.
 const AIR: f64 = 0.015;
-const AIR_AROUND: f64 = 0.004;
+const AIR_AROUND: f64 = 0.016;
+const AIR_TABLE: f64 = 0.004;
 
 /// What the fingers, and the block in them, must not touch.
 pub(super) struct Obstacles<'a> {
@@ -41,14 +43,14 @@ impl<'a> Obstacles<'a> {
 
     fn depth_of(&self, point: &Point) -> f64 {
         let table = self.scene.table_height;
-        let mut most = table + AIR_AROUND - point.z;
+        let mut most = table + AIR_TABLE - point.z;
         for object in &self.scene.fixed {
             let Shape::Box { size } = object.shape else { continue };
             let at = object.pose.translation.vector;
             let top = at.z + size[2] / 2.0;
-            let over = |k: usize| (point[k] - at[k]).abs() < size[k] / 2.0 + AIR;
-            if top > table + 1e-3 && over(0) && over(1) {
-                most = most.max(top + AIR - point.z);
+            let aside = |k: usize| size[k] / 2.0 + AIR - (point[k] - at[k]).abs();
+            if top > table + 1e-3 {
+                most = most.max((top + AIR - point.z).min(aside(0)).min(aside(1)));
             }
         }
         for other in BlockId::ALL.into_iter().filter(|&other| Some(other) != self.seen.hand.holds) {

@@ -1,16 +1,24 @@
 //! Where the hand goes at each stage, and how it stands there.
 
-use super::{BLOCK, JOINTS, JoggingParticipant, Stage, movement::ANGULAR_DONE, obstacles::Obstacles};
+use super::{
+    BLOCK, FIRST_AXIS, JOINTS, JoggingParticipant, Stage, movement::ANGULAR_DONE, obstacles::Obstacles,
+};
 use crate::reach::HandGoal;
 use nalgebra::UnitQuaternion;
 use proact_types::{BlockId, DisplayFrame, Point, Pose, Vector};
 
 /// The hand passes over walls and partition with its grasp centre this high above the table, metres.
 const CARRY_HEIGHT: f64 = 0.26;
+/// ... and joint by joint it is out of the blocks when its grasp centre is this high above the table: the way over
+/// the walls is thought of with what follows, metres.
+const CLEAR_HEIGHT: f64 = 0.13;
 /// From here the hand goes straight down, metres above the block's centre.
 const HOVER_HEIGHT: f64 = 0.11;
 /// A block is let go with its centre this far above where it rests, metres.
 const DROP_HEIGHT: f64 = 0.012;
+/// Joint by joint, a metre that hand or block are too high counts as this many: the hand grips a block above its
+/// middle too, and a block may fall a little.
+const HIGH_COUNTS: f64 = 0.6;
 /// Roll of the hand at which its fingers close around a standing block, rad: the original's 25.6 degrees.
 const ROLL: f64 = 25.6 * std::f64::consts::PI / 180.0;
 /// The hand may lean toward the shoulder by these angles, rad: the arm reaches further then.
@@ -58,6 +66,7 @@ impl JoggingParticipant {
     /// Where the hand should be at `stage`, leaning toward the shoulder by `lean`, rad.
     pub(super) fn goal_of(&self, stage: Stage, lean: f64, seen: &DisplayFrame, block: BlockId) -> HandGoal {
         let at = |pose: &Pose| Point::from(pose.translation.vector);
+        let by_axis = seen.mode.as_ref().is_some_and(|mode| mode.number >= FIRST_AXIS);
         let standing = at(&seen.blocks[block.index()]);
         let target = self.scene.targets[block.index()].centre;
         let high =
@@ -69,11 +78,16 @@ impl JoggingParticipant {
             Stage::Above => (high(&standing, CARRY_HEIGHT), 0.025, 0.35),
             Stage::Hover => (standing + Vector::z() * HOVER_HEIGHT, 0.012, 0.3),
             Stage::Down | Stage::Grip => (standing, 0.012, 0.3),
-            Stage::Lift | Stage::Retreat => {
+            Stage::Lift | Stage::Retreat if by_axis => {
                 let height = CARRY_HEIGHT.max(centre.z - self.scene.table_height);
                 (high(&centre, height), 0.04, 1.0)
             }
-            Stage::Carry => (high(&target, CARRY_HEIGHT), 0.025, 0.4),
+            Stage::Lift | Stage::Retreat => {
+                let height = CLEAR_HEIGHT.max(centre.z - self.scene.table_height);
+                (high(&centre, height), 0.05, 3.2)
+            }
+            Stage::Carry if by_axis => (high(&target, CARRY_HEIGHT), 0.025, 0.4),
+            Stage::Carry => (high(&target, BLOCK + HOVER_HEIGHT), 0.015, 0.4),
             Stage::Lower | Stage::Release => (high(&target, BLOCK + DROP_HEIGHT), 0.015, 0.3),
         };
         let held = seen.hand.holds.map(|b| tip.inv_mul(&seen.blocks[b.index()]));
@@ -90,6 +104,7 @@ impl JoggingParticipant {
             }),
             target: base_from_world * place,
             up: base_from_world * (Vector::z() + toward * lean).normalize(),
+            high_counts: if by_axis { 1.0 } else { HIGH_COUNTS },
             point_done,
             tilt_done,
             attitude: None,
