@@ -21,11 +21,26 @@ pub struct IntentOptions {
     /// The posterior of another block must exceed that of the highlighted one by this factor before the
     /// highlight moves. One means that the best one always wins, as in the paper.
     pub hysteresis: f64,
+    /// The colour that is due changes when a block is taken already, as in the original; else when it is released.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub changes_at_grasp: bool,
 }
 
 impl Default for IntentOptions {
     fn default() -> Self {
-        Self { sigma: 0.03, weight_other: 0.125, hysteresis: 1.0 }
+        Self { sigma: 0.03, weight_other: 0.125, hysteresis: 1.0, changes_at_grasp: false }
+    }
+}
+
+impl IntentOptions {
+    /// The colour that counts as released last, where a block of the colour `held` is in the hand and one of the
+    /// colour `released` was released last.
+    pub fn last_colour(
+        &self,
+        held: Option<BlockColour>,
+        released: Option<BlockColour>,
+    ) -> Option<BlockColour> {
+        held.filter(|_| self.changes_at_grasp).or(released)
     }
 }
 
@@ -177,6 +192,16 @@ mod tests {
             assert!((p.iter().sum::<f64>() - 1.0).abs() < 1e-12);
             assert!((0..4).all(|k| k == i || p[k] < p[i]), "{p:?}");
         }
+    }
+
+    #[test]
+    fn the_colour_changes_at_the_release_and_in_the_original_when_a_block_is_taken_too() {
+        let (red, blue) = (Some(BlockColour::Red), Some(BlockColour::Blue));
+        let default = IntentOptions::default();
+        assert_eq!([default.last_colour(red, None), default.last_colour(red, blue)], [None, blue]);
+        let original = IntentOptions { changes_at_grasp: true, ..default };
+        assert_eq!([original.last_colour(red, None), original.last_colour(red, blue)], [red, red]);
+        assert_eq!(original.last_colour(None, blue), blue);
     }
 
     #[test]

@@ -43,7 +43,7 @@ fn scene() -> impl Strategy<Value = Candidates> {
 fn options() -> impl Strategy<Value = IntentModelOptions> {
     (0.005..0.5, 0.0..0.5, 0.0..3.0, 1.0..800.0, 0.0..0.2, 0.0..100.0).prop_map(
         |(sigma, weight_other, switching_per_s, look_ms, elsewhere, straightness_per_m)| IntentModelOptions {
-            intent: IntentOptions { sigma, weight_other, hysteresis: 1.0 },
+            intent: IntentOptions { sigma, weight_other, ..IntentOptions::default() },
             switching_per_s,
             look_ms,
             elsewhere,

@@ -213,7 +213,7 @@ impl TrialConfig {
     }
 
     /// The same with the profile called `name`: `default`, or `original`, which brings the original's spread of
-    /// gaze, its joint controllers and its grasp rule along.
+    /// gaze, its change of colour, its joint controllers and its grasp rule along.
     ///
     /// # Errors
     /// [`ConfigError::Control`] for any other name.
@@ -221,6 +221,7 @@ impl TrialConfig {
         self.profile = Profile::named(name)?;
         if name == "original" {
             self.intent.sigma = 0.1;
+            self.intent.changes_at_grasp = true;
             self.physics = PhysicsConfig::ORIGINAL;
         }
         Ok(self)
@@ -382,6 +383,7 @@ mod tests {
         }
         let original = config().with_profile("original").expect("ships");
         assert_eq!(original.physics, PhysicsConfig::ORIGINAL);
+        assert!(original.intent.sigma == 0.1 && original.intent.changes_at_grasp);
     }
 
     #[test]

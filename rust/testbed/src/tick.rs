@@ -313,10 +313,14 @@ impl Testbed {
 
     fn infer(&mut self, gaze: &proact_types::GazeSample) {
         let state = self.task.state();
+        let held = self.parts.plant.state().attached.and_then(|(block, _)| BlockId::ALL.get(block));
         let scene = Candidates {
             centres: self.block_centres(),
             pickable: state.pickable,
-            last_released: state.last_released,
+            last_released: self
+                .config
+                .intent
+                .last_colour(held.map(|block| block.colour()), state.last_released),
             tip: self.grasp_centre(),
         };
         self.gaze.take(self.now, gaze, &scene);
