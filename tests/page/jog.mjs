@@ -2,6 +2,7 @@
 // Each movement is a key held for as long as seems right by the display; then it looks, and corrects.
 
 import * as reach from "./reach.mjs";
+import { obstacles, turns } from "./ways.mjs";
 
 const KEYS = { wrist_extension: "KeyW", wrist_flexion: "KeyS", hand_close: "KeyA", hand_open: "KeyD" };
 /** Numbers of modes from which axes are moved instead of joints. */
@@ -9,13 +10,20 @@ const FIRST_AXIS = 7;
 /** Speeds of the default profile: rad/s, m/s, rad/s. */
 const SPEED = { joint: 0.4, slide: 0.08, turn: 0.4 };
 /** What is left below this is not worth another movement: rad, m, rad. */
-const DONE = { joint: 0.012, slide: 0.006, turn: 0.1 };
+const DONE = { slide: 0.006, turn: 0.1 };
+/** Joint by joint, a place is reached with the hand this near to it, m, and this near to upright, rad. */
+const REACHED = { point: 0.012, tilt: 0.3 };
+/** A joint that stops this much short of where it was turned has met something, rad. */
+const TOUCHED = 0.06;
 /** From the frame that shows enough to the arm's stop, s: at first, and at most. Learnt from each movement. */
 const LAG_SECS = { first: 0.035, most: 0.3 };
 /** Share of what a movement went too far or too short by that is learnt from it. */
 const LEARNING = 0.5;
 /** Heights above the table, metres: over walls and partition; of the hand's grip; of a block let go. */
 const CLEAR = 0.27;
+/** Joint by joint: of a hand out of the blocks, and of hand or block over the place before they go down. */
+const OUT = 0.13;
+const HOVER = 0.13;
 const GRIP = 0.027;
 const DROP = 0.036;
 /** Roll of the hand at which its fingers close around a standing block, rad. */
@@ -53,47 +61,42 @@ async function attempt(page, end, log) {
   const target = scene.targets.find((candidate) => candidate.block === block).centre;
   const high = (point, height) => [point[0], point[1], scene.table_height + height];
 
-  /** Brings the hand, or the block in it, to a place in the world. */
-  const bring = async (name, place, holding, rounds = ROUNDS) => {
-    for (let round = 0; round < rounds; round++) {
+  const byJoint = start.mode.number < FIRST_AXIS;
+  /** Brings the hand, or the block in it, to a place in the world; `loosely`: near it, and tilted as it comes. */
+  const bring = async (name, place, { holding = false, rounds = ROUNDS, loosely = false }) => {
+    const refused = [];
+    for (let round = 0; round < (byJoint ? 2 : 1) * rounds; round++) {
       const seen = await look(page);
       if (holding && seen.hand.holds !== block) throw new Lost(`${block} was lost: ${name}`);
       const goal = goalOf(arm, seen, index, place(seen));
-      const tip = reach.compose(reach.inverse(seen.world_from_base), seen.world_from_tip);
-      const off = reach.norm(reach.sub(goal.target, reach.apply(tip, goal.point)));
-      const tilt = reach.norm(reach.cross(reach.turn(tip.rotation, goal.axis), goal.up));
+      Object.assign(goal, loosely ? { pointDone: 0.04, tiltDone: 4 } : { pointDone: REACHED.point, tiltDone: REACHED.tilt });
+      const { off, tilt } = reach.off(arm, seen.joints.slice(0, arm.arm.length), goal);
       log(`${(seen.time / 1000).toFixed(1)} s: ${name}, off by ${(100 * off).toFixed(1)} cm and ${tilt.toFixed(2)} rad`);
-      const before = round > 0 || seen.mode.number < FIRST_AXIS ? ["slide", "turn"] : ["turn", "slide"];
-      const moved =
-        seen.mode.number < FIRST_AXIS
-          ? await joints(page, arm, goalOf(arm, seen, index, place(seen)))
-          : await axes(page, arm, index, place, before);
+      const before = round > 0 || byJoint ? ["slide", "turn"] : ["turn", "slide"];
+      const moved = byJoint
+        ? await joints(page, { arm, scene, seen, goal, block, refused })
+        : await axes(page, arm, index, place, before);
       if (!moved) return;
       if (Date.now() > end) throw new Error(`${block} not moved in time; the last step was: ${name}`);
     }
   };
   const at = (seen) => seen.blocks[index].translation;
-  // Joint by joint, the hand leaves a straight line by more the longer the way is: up and down go in short ways.
-  const stages = start.mode.number < FIRST_AXIS ? [0.21, 0.15, 0.09] : [];
-  const up = [...stages].reverse();
   if (!start.hand.holds) {
     if (start.hand.state === "closed") {
       // Closed on nothing, down where the block was.
       await tap(page, "hand_close");
-      for (const height of up) await bring("back up", (seen) => high(centreOf(arm, seen), height), false, 1);
+      if (byJoint) await bring("back up", (seen) => high(centreOf(arm, seen), OUT), { rounds: 1, loosely: true });
     }
-    await bring("over the block", (seen) => high(at(seen), CLEAR - 0.1));
-    for (const height of stages.slice(2)) await bring("lower", (seen) => high(at(seen), height), false, 2);
-    await bring("down", (seen) => high(at(seen), GRIP));
+    await bring("over the block", (seen) => high(at(seen), byJoint ? HOVER : CLEAR - 0.1), {});
+    await bring("down", (seen) => high(at(seen), GRIP), {});
     await tap(page, "hand_close");
     await page.waitForFunction((id) => window.__proact.frame.hand.holds === id, block, { timeout: 8_000, polling: 20 });
     log("grips");
   }
-  for (const height of up) await bring("higher", (seen) => high(at(seen), height), true, 1);
-  await bring("up", (seen) => high(at(seen), CLEAR), true, 2);
-  await bring("across", () => high(target, CLEAR), true);
-  for (const height of stages) await bring("lower", () => high(target, height), true, 2);
-  await bring("down", () => high(target, DROP), true);
+  const holding = true;
+  await bring("up", (seen) => high(at(seen), byJoint ? OUT : CLEAR), { holding, rounds: 2, loosely: byJoint });
+  await bring("across", () => high(target, byJoint ? HOVER : CLEAR), { holding });
+  await bring("down", () => high(target, DROP), { holding });
   await tap(page, "hand_close");
 }
 
@@ -121,20 +124,33 @@ function goalOf(arm, seen, index, place) {
   };
 }
 
-/** One round through the joints that are off; false if none is. */
-async function joints(page, arm, goal) {
-  const { joints: now } = await look(page);
-  const { q, left } = reach.solve(arm, now.slice(0, arm.arm.length), goal);
-  if (left > 0.03) throw new Error(`the place is out of reach by ${left.toFixed(3)} m`);
-  const { mode } = await look(page);
-  const off = q.map((angle, k) => ({ k, amount: angle - now[k] })).filter(({ amount }) => Math.abs(amount) > DONE.joint);
-  const ahead = ({ k }) => (k - mode.number + q.length) % q.length;
-  off.sort((a, b) => ahead(a) - ahead(b));
-  for (const { k, amount } of off) {
-    await choose(page, k);
-    await move(page, amount, SPEED.joint, { joint: k });
+/** One way with few joints, each turned once; false if the place is reached or no joint brings the hand nearer. */
+async function joints(page, { arm, scene, seen, goal, block, refused }) {
+  const q = seen.joints.slice(0, arm.arm.length);
+  const { off, tilt } = reach.off(arm, q, goal);
+  if (off <= goal.pointDone && tilt <= goal.tiltDone) return false;
+  const way = turns(arm, q, goal, {
+    mode: seen.mode.number,
+    depth: obstacles(arm, scene, seen, block),
+    refused: (turn) => refused.some(({ joint, up }) => joint === turn.joint && up === turn.angle > 0),
+  });
+  for (const { joint, to } of way) {
+    await choose(page, joint);
+    const angle = async () => (await look(page)).joints[joint];
+    // A key that is let go too early is pressed again; a joint that then stays where it is has met something.
+    let before = await angle();
+    for (let press = 0; press < 2 && Math.abs(to - before) > (press ? TOUCHED : 0); press++) {
+      await move(page, to - before, SPEED.joint, { joint });
+      const now = await angle();
+      if (Math.abs(to - now) > TOUCHED && Math.abs(now - before) < 0.5 * Math.abs(to - before)) {
+        refused.push({ joint, up: to > before });
+        return true;
+      }
+      before = now;
+    }
+    refused.length = 0;
   }
-  return off.length > 0;
+  return way.length > 0;
 }
 
 /** One round of turns and slides to how the arm would stand there; false if nothing is off. */

@@ -44,51 +44,85 @@ export function inverse(pose) {
 
 /** base_from_tip at the arm angles `q`. */
 export function forward(arm, q) {
+  return chain(arm, q).pose;
+}
+
+/** The same, and point and axis of each arm joint, in the base. */
+function chain(arm, q) {
+  const links = [];
+  // Joint `link - 1` moves `link`.
+  for (let link = arm.tip; link > 0; link = arm.joints[link - 1].parent) links.unshift(link - 1);
   let pose = { rotation: [0, 0, 0, 1], translation: [0, 0, 0] };
-  // From the tip up to the base: joint `link - 1` moves `link`.
-  for (let link = arm.tip; link > 0; ) {
-    const joint = arm.joints[link - 1];
-    const place = arm.arm.indexOf(link - 1);
-    const half = place < 0 ? 0 : q[place] / 2;
+  const axes = [];
+  for (const index of links) {
+    const joint = arm.joints[index];
+    pose = compose(pose, joint.origin);
+    const place = arm.arm.indexOf(index);
+    if (place < 0) continue;
+    axes[place] = { origin: pose.translation, about: turn(pose.rotation, joint.axis) };
+    const half = q[place] / 2;
     const turned = [...scale(joint.axis, Math.sin(half)), Math.cos(half)];
-    pose = compose(compose(joint.origin, { rotation: turned, translation: [0, 0, 0] }), pose);
-    link = joint.parent;
+    pose = compose(pose, { rotation: turned, translation: [0, 0, 0] });
   }
-  return pose;
+  return { pose, axes };
 }
 
 /** One radian of tilt counts as this many metres. */
 const TILT_WEIGHT = 0.15;
+/** Damping of a step, m; the search ends when a step is shorter than this, rad. */
+const DAMPING = 0.03;
+const STEP_MIN = 1e-4;
+
+/** How far the point of a goal is off at the angles `q`, metres, and its axis from upright, rad. */
+export function off(arm, q, goal) {
+  const pose = forward(arm, q);
+  const axis = turn(pose.rotation, goal.axis);
+  const cosine = axis.reduce((sum, value, k) => sum + value * goal.up[k], 0);
+  return {
+    off: norm(sub(goal.target, apply(pose, goal.point))),
+    tilt: Math.atan2(norm(cross(axis, goal.up)), cosine),
+  };
+}
 
 /** What is left to the goal: metres, then weighted tilt. `goal`: point and axis of the tip, target and up of the base. */
-function lack(arm, q, goal) {
-  const pose = forward(arm, q);
+function lack(pose, goal) {
   const tilt = cross(turn(pose.rotation, goal.axis), goal.up);
   return [...sub(goal.target, apply(pose, goal.point)), ...scale(tilt, TILT_WEIGHT)];
 }
 
-/** Angles near `from` that bring point and axis of the hand to the goal, and how far off they leave it, metres. */
-export function solve(arm, from, goal) {
-  const limits = arm.arm.map((joint) => arm.joints[joint].limits);
+/**
+ * Angles near `from` that bring point and axis of the hand to the goal by turning some joints, or all, and how far
+ * off they leave it, metres.
+ */
+export function solve(arm, from, goal, joints = from.map((_, k) => k), steps = 60) {
   let q = [...from];
-  let best = { q, left: norm(lack(arm, q, goal)) };
-  for (let step = 0; step < 300; step++) {
-    const error = lack(arm, q, goal);
-    const columns = q.map((_, k) => {
-      const ahead = q.map((angle, j) => (j === k ? angle + 1e-6 : angle));
-      return scale(sub(error, lack(arm, ahead, goal)), 1e6);
+  let best = null;
+  for (let step = 0; step <= steps; step++) {
+    const { pose, axes } = chain(arm, q);
+    const error = lack(pose, goal);
+    if (!best || norm(error) < best.left) best = { q, left: norm(error) };
+    if (step === steps) break;
+    const point = apply(pose, goal.point);
+    const axis = turn(pose.rotation, goal.axis);
+    const columns = joints.map((k) => {
+      const { origin, about } = axes[k];
+      // How the point moves, and how the lack of tilt shrinks.
+      const leans = scale(cross(cross(about, axis), goal.up), -TILT_WEIGHT);
+      return [...cross(about, sub(point, origin)), ...leans];
     });
     const square = error.map((_, i) =>
-      error.map((_, j) => columns.reduce((sum, column) => sum + column[i] * column[j], i === j ? 0.0009 : 0)),
+      error.map((_, j) => columns.reduce((sum, column) => sum + column[i] * column[j], i === j ? DAMPING ** 2 : 0)),
     );
     const weights = eliminate(square, error);
-    q = q.map((angle, k) => {
-      const move = columns[k].reduce((sum, value, i) => sum + value * weights[i], 0);
-      const { lower, upper } = limits[k];
-      return Math.min(Math.max(angle + Math.min(Math.max(move, -0.2), 0.2), lower), upper);
+    const next = [...q];
+    joints.forEach((k, place) => {
+      const move = columns[place].reduce((sum, value, i) => sum + value * weights[i], 0);
+      const { lower, upper } = arm.joints[arm.arm[k]].limits;
+      next[k] = Math.min(Math.max(q[k] + Math.min(Math.max(move, -0.2), 0.2), lower), upper);
     });
-    const left = norm(lack(arm, q, goal));
-    if (left < best.left) best = { q, left };
+    const longest = Math.max(...next.map((angle, k) => Math.abs(angle - q[k])));
+    q = next;
+    if (longest < STEP_MIN) break;
   }
   return best;
 }
