@@ -2,7 +2,7 @@
 // Each movement is a key held for as long as seems right by the display; then it looks, and corrects.
 
 import * as reach from "./reach.mjs";
-import { obstacles, turns } from "./ways.mjs";
+import { chooseLean, obstacles, turns } from "./ways.mjs";
 
 const KEYS = { wrist_extension: "KeyW", wrist_flexion: "KeyS", hand_close: "KeyA", hand_open: "KeyD" };
 /** Numbers of modes from which axes are moved instead of joints. */
@@ -12,7 +12,7 @@ const SPEED = { joint: 0.4, slide: 0.08, turn: 0.4 };
 /** What is left below this is not worth another movement: rad, m, rad. */
 const DONE = { slide: 0.006, turn: 0.1 };
 /** Joint by joint, a place is reached with the hand this near to it, m, and this near to upright, rad. */
-const REACHED = { point: 0.012, tilt: 0.3 };
+const REACHED = { pointDone: 0.012, tiltDone: 0.3, highCounts: 0.6, tiltWeight: 0.03 };
 /** A joint that stops this much short of where it was turned has met something, rad. */
 const TOUCHED = 0.06;
 /** From the frame that shows enough to the arm's stop, s: at first, and at most. Learnt from each movement. */
@@ -63,13 +63,19 @@ async function attempt(page, end, log) {
 
   const byJoint = start.mode.number < FIRST_AXIS;
   /** Brings the hand, or the block in it, to a place in the world; `loosely`: near it, and tilted as it comes. */
+  let lean = 0;
+  /** Leans the hand, joint by joint, so that the fingers have room at a place. */
+  const leanFor = (seen, place) => {
+    const q = seen.joints.slice(0, arm.arm.length);
+    const goal = (angle) => ({ ...goalOf(arm, seen, index, place, angle), ...REACHED });
+    if (byJoint) lean = chooseLean(arm, q, goal, obstacles(arm, scene, seen, block));
+  };
   const bring = async (name, place, { holding = false, rounds = ROUNDS, loosely = false }) => {
     const refused = [];
     for (let round = 0; round < (byJoint ? 2 : 1) * rounds; round++) {
       const seen = await look(page);
       if (holding && seen.hand.holds !== block) throw new Lost(`${block} was lost: ${name}`);
-      const goal = goalOf(arm, seen, index, place(seen));
-      Object.assign(goal, loosely ? { pointDone: 0.04, tiltDone: 4 } : { pointDone: REACHED.point, tiltDone: REACHED.tilt });
+      const goal = { ...goalOf(arm, seen, index, place(seen), lean), ...REACHED, ...(loosely ? { pointDone: 0.04, tiltDone: 4 } : {}) };
       const { off, tilt } = reach.off(arm, seen.joints.slice(0, arm.arm.length), goal);
       log(`${(seen.time / 1000).toFixed(1)} s: ${name}, off by ${(100 * off).toFixed(1)} cm and ${tilt.toFixed(2)} rad`);
       const before = round > 0 || byJoint ? ["slide", "turn"] : ["turn", "slide"];
@@ -87,6 +93,7 @@ async function attempt(page, end, log) {
       await tap(page, "hand_close");
       if (byJoint) await bring("back up", (seen) => high(centreOf(arm, seen), OUT), { rounds: 1, loosely: true });
     }
+    leanFor(start, high(at(start), GRIP));
     await bring("over the block", (seen) => high(at(seen), byJoint ? HOVER : CLEAR - 0.1), {});
     await bring("down", (seen) => high(at(seen), GRIP), {});
     await tap(page, "hand_close");
@@ -95,6 +102,7 @@ async function attempt(page, end, log) {
   }
   const holding = true;
   await bring("up", (seen) => high(at(seen), byJoint ? OUT : CLEAR), { holding, rounds: 2, loosely: byJoint });
+  leanFor(await look(page), high(target, DROP));
   await bring("across", () => high(target, byJoint ? HOVER : CLEAR), { holding });
   await bring("down", () => high(target, DROP), { holding });
   await tap(page, "hand_close");
@@ -109,18 +117,23 @@ function look(page) {
   return page.evaluate(() => window.__proact.frame);
 }
 
-/** Where the hand has to be for its grasp centre, or the block in it, to be at `place` with the block upright. */
-function goalOf(arm, seen, index, place) {
+/**
+ * Where the hand has to be for its grasp centre, or the block in it, to be at `place` with the block upright, or leant
+ * toward the shoulder by `lean`, rad.
+ */
+function goalOf(arm, seen, index, place, lean = 0) {
   const base = reach.inverse(seen.world_from_base);
   const held = seen.hand.holds ? reach.compose(reach.inverse(seen.world_from_tip), seen.blocks[index]) : null;
   let axis = held ? reach.turn(held.rotation, [0, 0, 1]) : [0, Math.sin(ROLL), Math.cos(ROLL)];
   // A block stands on either end.
   if (reach.turn(seen.world_from_tip.rotation, axis)[2] < 0) axis = reach.scale(axis, -1);
+  const [x, y] = reach.sub(seen.world_from_base.translation, place);
+  const toward = reach.scale([x, y, 0], Math.sin(lean) / Math.max(Math.hypot(x, y), 1e-6));
   return {
     point: held ? held.translation : arm.grasp_centre,
     axis,
     target: reach.apply(base, place),
-    up: reach.turn(base.rotation, [0, 0, 1]),
+    up: reach.turn(base.rotation, [toward[0], toward[1], Math.cos(lean)]),
   };
 }
 

@@ -67,19 +67,22 @@ function chain(arm, q) {
   return { pose, axes };
 }
 
-/** One radian of tilt counts as this many metres. */
+/** One radian of tilt counts as this many metres, unless the goal has a `tiltWeight` of its own. */
 const TILT_WEIGHT = 0.15;
 /** Damping of a step, m; the search ends when a step is shorter than this, rad. */
 const DAMPING = 0.03;
 const STEP_MIN = 1e-4;
 
-/** How far the point of a goal is off at the angles `q`, metres, and its axis from upright, rad. */
+/** How far a goal's point is off at the angles `q`, metres, one too high `highCounts`, and its axis from upright, rad. */
 export function off(arm, q, goal) {
   const pose = forward(arm, q);
   const axis = turn(pose.rotation, goal.axis);
   const cosine = axis.reduce((sum, value, k) => sum + value * goal.up[k], 0);
+  const left = sub(goal.target, apply(pose, goal.point));
+  const high = -left.reduce((sum, value, k) => sum + value * goal.up[k], 0);
+  const counted = high > 0 ? high * (goal.highCounts ?? 1) : high;
   return {
-    off: norm(sub(goal.target, apply(pose, goal.point))),
+    off: Math.hypot(norm(add(left, scale(goal.up, high))), counted),
     tilt: Math.atan2(norm(cross(axis, goal.up)), cosine),
   };
 }
@@ -87,7 +90,7 @@ export function off(arm, q, goal) {
 /** What is left to the goal: metres, then weighted tilt. `goal`: point and axis of the tip, target and up of the base. */
 function lack(pose, goal) {
   const tilt = cross(turn(pose.rotation, goal.axis), goal.up);
-  return [...sub(goal.target, apply(pose, goal.point)), ...scale(tilt, TILT_WEIGHT)];
+  return [...sub(goal.target, apply(pose, goal.point)), ...scale(tilt, goal.tiltWeight ?? TILT_WEIGHT)];
 }
 
 /**
@@ -107,7 +110,7 @@ export function solve(arm, from, goal, joints = from.map((_, k) => k), steps = 6
     const columns = joints.map((k) => {
       const { origin, about } = axes[k];
       // How the point moves, and how the lack of tilt shrinks.
-      const leans = scale(cross(cross(about, axis), goal.up), -TILT_WEIGHT);
+      const leans = scale(cross(cross(about, axis), goal.up), -(goal.tiltWeight ?? TILT_WEIGHT));
       return [...cross(about, sub(point, origin)), ...leans];
     });
     const square = error.map((_, i) =>

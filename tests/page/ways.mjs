@@ -5,7 +5,7 @@ import * as reach from "./reach.mjs";
 
 /** Joints that are turned for one way, at most; no joint is turned by less, rad. */
 const MOST_JOINTS = 5;
-const LEAST_TURN = 0.02;
+const LEAST_TURN = 0.04;
 /** Points looked at on the way of one joint. */
 const SAMPLES = 8;
 /** Costs, s: a metre of obstacle, a metre or rad short of the goal, another round, a joint, a step of the cycle, a rad. */
@@ -137,6 +137,21 @@ const dot = (a, b) => a.reduce((sum, value, k) => sum + value * b[k], 0);
 const cost = ({ secs, blocked }) => secs + COST.blocked * blocked;
 const secsOf = (list) => list.reduce((sum, { angle }) => sum + COST.joint + COST.rad * Math.abs(angle), 0);
 const changeSecs = (from, to, count) => COST.mode * ((to + count - from) % count);
+
+/** The hand may lean toward the shoulder by these angles, rad. */
+const LEANS = [0, 0.2, 0.35, 0.5, -0.2];
+
+/** The lean with which the fingers have most room where `goalOf` a lean puts the hand. */
+export function chooseLean(arm, q, goalOf, depth) {
+  const costs = LEANS.map((lean) => {
+    const goal = goalOf(lean);
+    const { q: end } = reach.solve(arm, q, goal);
+    const { off, tilt } = reach.off(arm, end, goal);
+    const far = Math.max(off - goal.pointDone, 0) + 0.1 * Math.max(tilt - goal.tiltDone, 0);
+    return 100 * (depth(reach.forward(arm, end)) + far) + 0.3 * Math.abs(lean);
+  });
+  return LEANS[costs.indexOf(Math.min(...costs))];
+}
 
 /** How far the fingers, and the block in them, are in something for the hand at a base_from_tip, metres. */
 export function obstacles(arm, scene, seen, block) {

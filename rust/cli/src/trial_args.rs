@@ -56,3 +56,32 @@ impl TrialArgs {
         Self { method, seed, method_command, ..self }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_two_methods_one_has_the_say_and_the_record_tells_which() -> Result<(), ConfigError> {
+        let asked = TrialArgs {
+            method: MethodName::A,
+            profile: "default".into(),
+            seed: 5,
+            setup: None,
+            arrangement: None,
+            method_command: Some("python3 method.py".into()),
+            set: vec![],
+        };
+        // A program stands in the place of the method that was named beside it.
+        let config = asked.config("still")?;
+        let process = config.method_process.clone().expect("a program was named");
+        assert_eq!(process.command, ["python3", "method.py"]);
+        assert_ne!(config.method_label(), "A");
+        // It stays when the page begins anew, and leaves when the page chooses a method.
+        assert_eq!(asked.clone().next(None, true).config("still")?, config);
+        let chosen = asked.next(Some(MethodName::B), false).config("still")?;
+        assert_eq!((chosen.method_process, chosen.method.to_string(), chosen.seed), (None, "B".into(), 6));
+        assert!(config.to_toml()?.contains("method.py"));
+        Ok(())
+    }
+}
