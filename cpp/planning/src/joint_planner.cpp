@@ -214,6 +214,19 @@ double slowness(const og::PathGeometric& path) {
   return cost;
 }
 
+/// The farthest way of any joint, radians: `slowness` of the straight motion.
+double farthest_way(const std::vector<double>& from, const std::vector<double>& to) {
+  double farthest = 0.0;
+  for (std::size_t j = 0; j < from.size(); ++j) farthest = std::max(farthest, std::abs(to[j] - from[j]));
+  return farthest;
+}
+
+/// A further search is worth it where a path could be quicker by this share.
+constexpr double worth_it = 0.95;
+
+/// Iterations, over all searches of a query, up to which a further one is begun.
+constexpr std::uint64_t easily = 200;
+
 /// The joint space with the scene's verdicts on states and motions; its samplers take `seed`.
 ob::SpaceInformationPtr information_of(Scene& scene, const JointQuery& query, std::uint32_t seed,
                                        const CancelFlag& cancel) {
@@ -272,9 +285,11 @@ Found search_once(Scene& scene, const JointQuery& query, const std::vector<std::
   if (equal_steps > 0.0) {
     simplifier.simplifyMax(path);
   } else {
-    simplifier.reduceVertices(path, query.shortcuts, query.shortcuts);
+    // So many attempts at most, and no more in vain than there are points.
+    const auto in_vain = [&] { return std::min(query.shortcuts, static_cast<unsigned int>(path.getStateCount())); };
+    simplifier.reduceVertices(path, query.shortcuts, in_vain());
     simplifier.shortcutPath(path, query.shortcuts, query.shortcuts);
-    simplifier.reduceVertices(path, query.shortcuts, query.shortcuts);
+    simplifier.reduceVertices(path, query.shortcuts, in_vain());
   }
   if (cancel.is_raised()) return found;
   found.cost = slowness(path);
@@ -282,6 +297,34 @@ Found search_once(Scene& scene, const JointQuery& query, const std::vector<std::
     found.path.emplace_back(values(point), values(point) + scene.joint_count());
   }
   return found;
+}
+
+/// Pulls each inner point of a path towards the middle between its neighbours, as far as the way stays free and gets
+/// no slower.
+void tighten(Scene& scene, const JointQuery& query, std::vector<std::vector<double>>& path, const CancelFlag& cancel) {
+  constexpr unsigned int rounds = 3;
+  const auto is_free = [&](const std::vector<double>& a, const std::vector<double>& b) {
+    return motion_is_free(scene, a.data(), b.data(), query.resolution) && accepts_motion(query, a.data(), b.data());
+  };
+  for (unsigned int round = 0; round < rounds; ++round) {
+    bool moved = false;
+    for (std::size_t k = 1; k + 1 < path.size() && !cancel.is_raised(); ++k) {
+      const std::vector<double>& before = path[k - 1];
+      const std::vector<double>& after = path[k + 1];
+      for (const double share : {0.6, 0.3, 0.15}) {
+        std::vector<double> pulled = path[k];
+        for (std::size_t j = 0; j < pulled.size(); ++j) pulled[j] += share * (0.5 * (before[j] + after[j]) - pulled[j]);
+        const double way = farthest_way(before, path[k]) + farthest_way(path[k], after);
+        if (farthest_way(before, pulled) + farthest_way(pulled, after) > way) continue;
+        if (is_free(before, pulled) && is_free(pulled, after)) {
+          path[k] = std::move(pulled);
+          moved = true;
+          break;
+        }
+      }
+    }
+    if (!moved) break;
+  }
 }
 
 /// One path from the best parts of several that begin at one state, joined where a free motion leads from one to another.
@@ -389,7 +432,17 @@ JointPlan plan_joint(Scene& scene, const JointQuery& query, const CancelFlag& ca
   const bool anytime = query.planner == PlannerKind::anytime;
   double least = std::numeric_limits<double>::infinity();
   std::vector<std::vector<std::vector<double>>> paths;
-  for (unsigned int search = 0; anytime || search <= query.more_searches; ++search) {
+  // Only trees that end with their first path begin again, and only where that path came easily.
+  const bool again = query.planner == PlannerKind::rrt_connect || query.planner == PlannerKind::bitrrt;
+  const unsigned int searches = again ? 1 + query.more_searches : 1;
+  for (unsigned int search = 0; anytime || search < searches; ++search) {
+    if (search > 0 && !anytime) {
+      if (plan.iterations > easily) break;
+      // No path to a goal is quicker than the straight motion; what could not be quicker than the best is left out.
+      const auto hopeless = [&](std::size_t g) { return farthest_way(query.start, query.goals[g]) > worth_it * least; };
+      free_goals.erase(std::remove_if(free_goals.begin(), free_goals.end(), hopeless), free_goals.end());
+      if (free_goals.empty()) break;
+    }
     const Found found = search_once(scene, query, free_goals, search, begin, cancel);
     plan.iterations += found.iterations;
     plan.timed_out = plan.timed_out || found.timed_out;
@@ -408,6 +461,8 @@ JointPlan plan_joint(Scene& scene, const JointQuery& query, const CancelFlag& ca
     if (!mixed.path.empty() && mixed.cost < least) plan.path = mixed.path;
   }
   if (plan.path.empty()) return ended(JointPlanStatus::no_plan);
+  if (searches > 1 && equal_steps == 0.0) tighten(scene, query, plan.path, cancel);
+  if (cancel.is_raised()) return ended(JointPlanStatus::cancelled);
   // The goal that was reached: its state was copied through the planner unchanged.
   const auto reached = std::find(query.goals.begin(), query.goals.end(), plan.path.back());
   plan.goal = static_cast<std::size_t>(reached - query.goals.begin());

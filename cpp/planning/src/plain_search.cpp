@@ -15,6 +15,7 @@
 
 #include <algorithm>
 #include <ctime>
+#include <pthread.h>
 #include <memory>
 
 namespace proact::planning {
@@ -164,10 +165,20 @@ class PlainValidity : public ob::StateValidityChecker {
 
 }  // namespace
 
-double thread_cpu_secs() {
+int thread_cpu_clock() {
+  clockid_t clock = CLOCK_THREAD_CPUTIME_ID;
+  pthread_getcpuclockid(pthread_self(), &clock);
+  return clock;
+}
+
+double cpu_secs_of(int clock) {
   timespec now{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+  clock_gettime(clock, &now);
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+double thread_cpu_secs() {
+  return cpu_secs_of(CLOCK_THREAD_CPUTIME_ID);
 }
 
 PlainPlan search_plainly(const Scene& scene, const std::vector<double>& start,
@@ -191,10 +202,11 @@ PlainPlan search_plainly(const Scene& scene, const std::vector<double>& start,
     bounds.setHigh(k, scene.upper(k));
   }
   space->setBounds(bounds);
-  // The original projects on its first two joints, shoulder and humerus.
+  // The original projects on its first two joints, shoulder and humerus, in MoveIt's cells of 0.1 rad.
   std::vector<unsigned int> first{0};
   if (joints > 1) first.push_back(1);
-  space->registerDefaultProjection(std::make_shared<ob::RealVectorOrthogonalProjectionEvaluator>(space, first));
+  const std::vector<double> cells(first.size(), 0.1);
+  space->registerDefaultProjection(std::make_shared<ob::RealVectorOrthogonalProjectionEvaluator>(space, cells, first));
   auto information = std::make_shared<ob::SpaceInformation>(space);
   information->setStateValidityChecker(std::make_shared<PlainValidity>(information, world));
   information->setStateValidityCheckingResolution(settings.equal_steps);

@@ -165,15 +165,6 @@ double reach(const Solid& solid) {
   throw std::invalid_argument("unknown kind of shape");
 }
 
-double distance(const Box& a, const Box& b) {
-  const Vector gap = (a.low - b.high).cwiseMax(b.low - a.high).cwiseMax(Vector::Zero());
-  return gap.norm();
-}
-
-double distance(const Vector& point, const Box& box) {
-  return (box.low - point).cwiseMax(point - box.high).cwiseMax(Vector::Zero()).norm();
-}
-
 bool touch(const Solid& a, const Eigen::Isometry3d& a_pose, const Solid& b, const Eigen::Isometry3d& b_pose) {
   static const fcl::CollisionRequestd request(1, false);
   fcl::CollisionResultd result;

@@ -24,9 +24,13 @@ Box bounds(const Solid& solid, const Eigen::Isometry3d& world_from_shape);
 /// Farthest point of a shape from its own origin, metres.
 double reach(const Solid& solid);
 
-/// Distances, metres; zero where the two overlap.
-double distance(const Box& a, const Box& b);
-double distance(const Eigen::Vector3d& point, const Box& box);
+/// Distances, metres; zero where the two overlap. Asked for so often that they are worth having in place.
+inline double distance(const Box& a, const Box& b) {
+  return (a.low - b.high).cwiseMax(b.low - a.high).cwiseMax(Eigen::Vector3d::Zero()).norm();
+}
+inline double distance(const Eigen::Vector3d& point, const Box& box) {
+  return (box.low - point).cwiseMax(point - box.high).cwiseMax(Eigen::Vector3d::Zero()).norm();
+}
 
 /// True if the two shapes touch, by FCL.
 bool touch(const Solid& a, const Eigen::Isometry3d& a_pose, const Solid& b, const Eigen::Isometry3d& b_pose);

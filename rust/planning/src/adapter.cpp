@@ -200,6 +200,7 @@ PlainRow search_plainly(const Scene& scene, rust::Slice<const double> start, rus
   const JointQuery query = query_of(search);
   settings.planner = query.planner;
   settings.seconds = query.max_seconds;
+  if (query.resolution.equal_steps > 0.0) settings.equal_steps = query.resolution.equal_steps;
   const PlainPlan plan = search_plainly(scene, {start.begin(), start.end()}, rows_of(goals, scene.joint_count()),
                                         settings, query.seed);
   return {flat(plan.path), plan.attempts, plan.search_secs, plan.cpu_secs};

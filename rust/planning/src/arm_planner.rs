@@ -28,11 +28,8 @@ pub struct ArmPlanner {
     pub(crate) limits: Limits,
     pub(crate) options: PlannerOptions,
     pub(crate) cancel: CancelFlag,
-    /// Room kept in transit by the present attempt, metres.
-    transit_padding: f64,
+    pub(crate) attempt: Attempt,
     meshes: Vec<MeshObstacle>,
-    /// Batches of postures from which the present attempt may seek ways to the goal.
-    pub(crate) batches: usize,
     /// When the present request must have been answered.
     deadline: Option<Instant>,
     stage: StageCell,
@@ -88,6 +85,17 @@ pub(crate) struct Connection {
     pub entry: usize,
 }
 
+/// What one attempt at a request keeps to.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Attempt {
+    /// Free space around everything in transit, metres.
+    transit: f64,
+    /// Free space on the straight ways, metres.
+    contact: f64,
+    /// Batches of postures from which ways to the goal are sought.
+    pub batches: usize,
+}
+
 /// How much room the next questions to the scene leave.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Room {
@@ -99,11 +107,13 @@ pub(crate) enum Room {
 
 /// Largest overshoot of a joint limit at the start that is taken for noise of the measurement, rad.
 const LIMIT_SLACK: f64 = 0.05;
-/// Batches of postures from which ways to the goal are sought with the usual room, and with the narrower one.
-const FEW_BATCHES: usize = 5;
-const MANY_BATCHES: usize = 25;
+/// Batches of postures with the usual room, a narrow one and next to none.
+const BATCHES: [usize; 3] = [3, 6, 35];
+/// Room of the last attempt, metres: what rounding and the search for arm angles may stray.
+const NEXT_TO_NONE: f64 = 2e-5;
 /// Finest half step between checked states, metres.
-const SMALLEST_HALF_STEP: f64 = 0.001;
+const SMALLEST_HALF_STEP: f64 = 0.00025;
+
 impl ArmPlanner {
     /// A planner for `model`. `kinematics` is that of the same arm: base to tip of the model.
     ///
@@ -136,7 +146,7 @@ impl ArmPlanner {
                 .collect(),
             acceleration: arm().map(|_| options.max_acceleration).collect(),
         };
-        let transit_padding = options.padding;
+        let [attempt, ..] = attempts(&options);
         let cancel = CancelFlag::new();
         Ok(Self {
             model,
@@ -146,10 +156,9 @@ impl ArmPlanner {
             limits,
             options,
             cancel,
-            transit_padding,
+            attempt,
             meshes: Vec::new(),
             motion_limits,
-            batches: FEW_BATCHES,
             deadline: None,
             stage: StageCell::default(),
             effort: PlanEffort::default(),
@@ -270,22 +279,26 @@ impl ArmPlanner {
     fn solve_inner(&mut self, request: &PlanRequest) -> Result<(Trajectory, Option<String>), Failure> {
         let problem = self.accept(request)?;
         // Where the usual room is not to be had, a narrower way, looked at more finely, is better than none.
-        let [wide, narrow] = [self.options.padding, self.options.contact_padding.min(self.options.padding)];
-        self.transit_padding = wide;
-        self.batches = FEW_BATCHES;
-        let setback = match self.solve_with_room(&problem) {
-            Ok(plan) => return Ok(plan),
-            Err(setback) => setback,
-        };
-        if narrow < wide && could_do_with_less_room(setback.failure.status) {
-            self.transit_padding = narrow;
-            self.batches = MANY_BATCHES;
+        let mut first: Option<Setback> = None;
+        for attempt in attempts(&self.options) {
+            self.attempt = attempt;
             match self.solve_with_room(&problem) {
-                Ok(plan) => return Ok(plan),
-                Err(other) if other.failure.status == PlanStatus::Cancelled => return Err(other.failure),
-                Err(_) => self.transit_padding = wide,
+                Ok(plan) if plan.1.is_none() || first.is_none() => return Ok(plan),
+                Ok(_) => break,
+                Err(setback) => {
+                    let again = could_do_with_less_room(setback.failure.status);
+                    if setback.failure.status == PlanStatus::Cancelled {
+                        return Err(setback.failure);
+                    }
+                    first = first.or(Some(setback));
+                    if !again {
+                        break;
+                    }
+                }
             }
         }
+        [self.attempt, ..] = attempts(&self.options);
+        let Some(setback) = first else { return Err(out_of_time()) };
         match setback.way_out {
             // No way on, but a way out of the box: from up there another base or another try may reach.
             Some(path) => {
@@ -386,9 +399,31 @@ impl ArmPlanner {
     pub(crate) fn set_room(&mut self, room: Room) -> Result<(), PlanningError> {
         self.scene.forget_allowed_contacts()?;
         self.scene.set_padding(match room {
-            Room::Transit => self.transit_padding,
-            Room::Contact => self.options.contact_padding,
+            Room::Transit => self.attempt.transit,
+            Room::Contact => self.attempt.contact,
         })
+    }
+
+    /// Bounds of a search that keeps `padding`: what hides between two checked states must not be deeper.
+    fn limits_with(&self, padding: f64) -> SearchLimits {
+        let step = 2.0 * padding.max(SMALLEST_HALF_STEP);
+        let usual = self.options.search;
+        SearchLimits { step_metres: usual.step_metres.min(step), ..usual }
+    }
+
+    /// Bounds of questions about motions in transit of the present attempt.
+    pub(crate) fn limits_of_transit(&self) -> SearchLimits {
+        self.limits_with(self.attempt.transit)
+    }
+
+    /// Bounds of questions about the straight ways of the present attempt.
+    pub(crate) fn limits_of_contact(&self) -> SearchLimits {
+        self.limits_with(self.attempt.contact)
+    }
+
+    /// True if the present attempt leaves next to no room, so that what is to be run must itself be looked at.
+    pub(crate) fn is_tight(&self) -> bool {
+        self.attempt.contact <= NEXT_TO_NONE
     }
 
     /// Lets the whole hand and what it carries touch `obstacle`.
@@ -413,13 +448,11 @@ impl ArmPlanner {
         self.set_room(Room::Transit)?;
         let goals: Vec<Vec<f64>> = ways.iter().map(|w| w.points[0].clone()).collect();
         self.stage.set(PlanStage::Searching);
-        let mut limits: SearchLimits = self.options.search;
+        let mut limits = self.limits_of_transit();
         if let Some(deadline) = self.deadline {
             let left = deadline.saturating_duration_since(Instant::now()).as_secs_f64().max(1e-3);
             limits.max_secs = Some(limits.max_secs.map_or(left, |secs| secs.min(left)));
         }
-        // What hides between two checked states must not be deeper than the padding.
-        limits.step_metres = limits.step_metres.min(2.0 * self.transit_padding.max(SMALLEST_HALF_STEP));
         let seed = problem.request.seed;
         let (planner, parameters) = (self.options.planner, &self.options.planner_parameters);
         match self.scene.search_by(planner, parameters, from, &goals, seed, &limits, &self.cancel)? {
@@ -442,6 +475,14 @@ impl ArmPlanner {
             SearchOutcome::Cancelled => Err(cancelled()),
         }
     }
+}
+
+/// The usual room, then a narrow one, then next to none.
+fn attempts(options: &PlannerOptions) -> [Attempt; 3] {
+    let contact = options.contact_padding.min(options.padding);
+    let none = contact.min(NEXT_TO_NONE);
+    let rooms = [(options.padding, options.contact_padding), (contact, contact), (none, none)];
+    std::array::from_fn(|k| Attempt { transit: rooms[k].0, contact: rooms[k].1, batches: BATCHES[k] })
 }
 
 fn could_do_with_less_room(status: PlanStatus) -> bool {

@@ -151,6 +151,8 @@ pub(crate) mod ffi {
         fn count_free(scene: Pin<&mut Scene>, states: &[f64]) -> Result<usize>;
         fn count_accepted(states: &[f64], joints: usize, check: &mut StateCheck) -> Result<usize>;
         fn thread_cpu_secs() -> f64;
+        fn thread_cpu_clock() -> i32;
+        fn cpu_secs_of(clock: i32) -> f64;
 
         type CancelFlag;
         fn new_cancel_flag() -> SharedPtr<CancelFlag>;

@@ -17,6 +17,7 @@
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod arm_planner;
+mod blending;
 mod bridge;
 mod chain;
 mod effort;

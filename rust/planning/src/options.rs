@@ -71,7 +71,7 @@ impl Default for PlannerOptions {
             lateral: 15_f64.to_radians(),
             place_tilt: 12_f64.to_radians(),
             place_tolerance: 0.016,
-            postures: 4,
+            postures: 8,
             goals: 6,
             planner: PlannerName::default(),
             planner_parameters: Vec::new(),
@@ -88,7 +88,7 @@ impl Default for SearchLimits {
         Self {
             max_iterations: 2000,
             max_secs: None,
-            more_searches: 0,
+            more_searches: 4,
             range_rad: 0.8,
             shortcuts: 40,
             step_rad: 0.02,

@@ -371,9 +371,9 @@ impl CollisionScene {
         }
     }
 
-    /// The same search as a plain C++ program on OMPL and FCL does it with the original's settings: states every 0.005
-    /// of the joint space's extent, FCL's dynamic trees, up to eight attempts of `attempt_secs` of processor time. The
-    /// peer of the benchmark; not repeatable. Contacts allowed one by one are not known to it.
+    /// The same search as a plain C++ program on OMPL and FCL does it: states every `equal_steps` of the joint space's
+    /// extent (the original's are 0.005), FCL's dynamic trees, up to eight attempts of `attempt_secs` of processor time.
+    /// The peer of the benchmark; not repeatable. Contacts allowed one by one are not known to it.
     ///
     /// # Errors
     /// Wrong lengths, values that are not finite or outside the joint limits, no goal.
@@ -383,6 +383,7 @@ impl CollisionScene {
         goals: &[Vec<f64>],
         planner: PlannerName,
         attempt_secs: f64,
+        equal_steps: f64,
         seed: u64,
     ) -> Result<PlainOutcome, PlanningError> {
         check("start", start, self.joint_count)?;
@@ -391,7 +392,11 @@ impl CollisionScene {
         }
         let flat: Vec<f64> = goals.iter().flatten().copied().collect();
         let row = {
-            let limits = SearchLimits { max_secs: Some(attempt_secs), ..SearchLimits::default() };
+            let limits = SearchLimits {
+                max_secs: Some(attempt_secs),
+                equal_steps: Some(equal_steps),
+                ..SearchLimits::default()
+            };
             ffi::search_plainly(&self.inner, start, &flat, &search_row(planner, &[], seed, &limits))?
         };
         Ok(PlainOutcome {

@@ -78,7 +78,9 @@ pub struct SearchLimits {
     pub max_iterations: u32,
     /// Seconds, beside the iterations. With it equal requests no longer get equal replies.
     pub max_secs: Option<f64>,
-    /// Searches after the first that succeeded; the quickest of all paths is the outcome.
+    /// Searches after the first that succeeded, by RRTConnect and BiTRRT, for goals to which a path could be quicker,
+    /// as long as ways are found easily; the quickest of all paths, its inner points pulled
+    /// straight, is the outcome.
     pub more_searches: u32,
     /// Longest motion added to a tree, rad (L2); for planners that grow trees.
     pub range_rad: f64,

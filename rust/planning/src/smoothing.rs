@@ -17,8 +17,11 @@ impl ArmPlanner {
         left: usize,
         entered: usize,
     ) -> Result<Trajectory, Failure> {
+        let (path, entered) = &self.blended(path, left, entered)?;
+        let entered = *entered;
         self.set_room(Room::Contact)?;
         for spacing in SPACINGS {
+            self.go_on()?;
             let Some(curve) = Curve::along(path, spacing) else {
                 // Already there: a trajectory of one point says so.
                 let qd = proact_types::zeros(path[0].len());
@@ -40,13 +43,14 @@ impl ArmPlanner {
                 continue;
             }
             let (limits, window) = self.motion_limits_of(closest);
+            self.go_on()?;
             let timed = curve.timed(&limits);
             if window == 0.0 {
                 return Ok(timed);
             }
             let smooth = averaged(&timed, window);
             let at = |u: f64| timed.points[u as usize * GRID].time_secs;
-            if closest || self.is_free_between(&smooth, at(from) + window, at(to))? {
+            if (closest && !self.is_tight()) || self.is_free_between(&smooth, at(from) + window, at(to))? {
                 return Ok(smooth);
             }
         }
@@ -65,10 +69,20 @@ impl ArmPlanner {
         (limits, window)
     }
 
-    /// True if nothing touches from `begin` to `end`, seconds, at every point of the trajectory.
+    /// True if nothing touches from `begin` to `end`, seconds, at every point of the trajectory; with next to no room,
+    /// between them as well.
     fn is_free_between(&mut self, trajectory: &Trajectory, begin: f64, end: f64) -> Result<bool, Failure> {
-        for point in &trajectory.points {
-            if point.time_secs >= begin && point.time_secs <= end && !self.scene.is_free(&point.q)? {
+        let limits = self.limits_of_contact();
+        let within = |point: &&TrajectoryPoint| point.time_secs >= begin && point.time_secs <= end;
+        let points: Vec<&TrajectoryPoint> = trajectory.points.iter().filter(within).collect();
+        for pair in points.windows(2) {
+            self.go_on()?;
+            let free = if self.is_tight() {
+                self.scene.motion_is_free(&pair[0].q, &pair[1].q, &limits)?
+            } else {
+                self.scene.is_free(&pair[1].q)?
+            };
+            if !free {
                 return Ok(false);
             }
         }

@@ -26,7 +26,7 @@ struct Tally {
 /// Step between the rolls and leans that are tried, rad.
 const TILT_STEP: f64 = 0.175;
 /// Batches of postures after which a goal that no posture led to counts as out of reach.
-const TRIES_OUT_OF_REACH: usize = 5;
+const TRIES_OUT_OF_REACH: usize = 3;
 /// Cost of a place at which the hand cannot open fully, rad.
 const CRAMPED: f64 = 1.0;
 /// Two arm postures closer than this in every joint are the same, rad.
@@ -36,7 +36,7 @@ impl ArmPlanner {
     /// Ways to the goal, best first: from a few postures at a time, until some lead to one.
     pub(crate) fn ways_to_goal(&mut self, problem: &Problem, from: &[f64]) -> Result<Vec<Way>, Failure> {
         let batch = self.options.postures + 1;
-        let all = self.postures(problem, from, batch * self.batches);
+        let all = self.postures(problem, from, batch * self.attempt.batches);
         let mut first = None;
         let mut reached = false;
         for (number, postures) in all.chunks(batch).enumerate() {
@@ -267,7 +267,7 @@ impl ArmPlanner {
         ways: &mut Vec<Way>,
         tally: &mut Tally,
     ) -> Result<bool, Failure> {
-        match self.way_down(problem, reach, end, &entry)? {
+        match self.way_down(problem, reach, end, &entry, tally.hit.is_none())? {
             Ok(points) => {
                 let cramped =
                     matches!(entry, Entry::Place) && !self.hand_is_free_after(problem, &entry, end)?;
@@ -276,13 +276,14 @@ impl ArmPlanner {
                 Ok(true)
             }
             Err(hit) => {
-                tally.hit = hit.or(tally.hit.take());
+                tally.hit = tally.hit.take().or(hit);
                 Ok(false)
             }
         }
     }
 
-    /// The straight way down to `end`, from its top to `end`, if it is free; otherwise what it hits.
+    /// The straight way down to `end`, from its top to `end`, if it is free; otherwise what it hits, if that is asked for:
+    /// to name it takes longer than to see that there is something.
     #[allow(clippy::type_complexity)]
     fn way_down(
         &mut self,
@@ -290,21 +291,22 @@ impl ArmPlanner {
         reach: &Reach,
         end: &[f64],
         entry: &Entry,
+        name_it: bool,
     ) -> Result<Result<Vec<Vec<f64>>, Option<(String, String)>>, Failure> {
         self.set_room(Room::Contact)?;
         self.allow_entry(problem, entry)?;
         if !self.scene.is_free(end)? {
-            return Ok(Err(self.scene.collisions(end)?.into_iter().next()));
+            return Ok(Err(self.hit_at(end, name_it)?));
         }
         let rise = problem.up * self.options.approach_height;
         let line = reach::line(&mut self.chain, &self.limits, reach, &rise, end);
         if line.len() <= reach::line_steps(rise.norm()) {
             return Ok(Err(None));
         }
-        let search = self.options.search;
+        let search = self.limits_of_contact();
         for pair in line.windows(2) {
             if !self.scene.motion_is_free(&pair[0], &pair[1], &search)? {
-                return Ok(Err(self.scene.collisions(&pair[1])?.into_iter().next()));
+                return Ok(Err(self.hit_at(&pair[1], name_it)?));
             }
         }
         if matches!(entry, Entry::Pick { .. }) && !self.hand_is_free_after(problem, entry, end)? {
@@ -313,9 +315,13 @@ impl ArmPlanner {
         self.set_room(Room::Transit)?;
         let top = &line[line.len() - 1];
         if !self.scene.is_free(top)? {
-            return Ok(Err(self.scene.collisions(top)?.into_iter().next()));
+            return Ok(Err(self.hit_at(top, name_it)?));
         }
         Ok(Ok(line.into_iter().rev().collect()))
+    }
+
+    fn hit_at(&mut self, q: &[f64], name_it: bool) -> Result<Option<(String, String)>, Failure> {
+        Ok(if name_it { self.scene.collisions(q)?.into_iter().next() } else { None })
     }
 
     /// Contacts that are part of the purpose: at the end of a pick the fingers may touch the block.

@@ -49,6 +49,8 @@ struct State {
     replies: BTreeMap<u64, PlanReply>,
     log: Vec<PlanEffort>,
     ended: bool,
+    /// The thread's clock of processor time, once it runs.
+    clock: Option<i32>,
 }
 
 impl Shared {
@@ -90,6 +92,11 @@ impl PlanWorker {
         PlanLog(self.shared.clone())
     }
 
+    /// Processor time that the worker's thread has used so far, seconds.
+    pub fn cpu_secs(&self) -> f64 {
+        self.shared.lock().clock.map_or(0.0, crate::bridge::ffi::cpu_secs_of)
+    }
+
     /// The request under way, and how far it has got; none while idle.
     pub fn progress(&self) -> Option<(u64, PlanStage)> {
         Some((self.shared.lock().running?, self.stage.get()))
@@ -99,6 +106,7 @@ impl PlanWorker {
 fn run(mut planner: ArmPlanner, shared: &Shared) {
     let flag = planner.cancel_flag();
     let mut state = shared.lock();
+    state.clock = Some(crate::bridge::ffi::thread_cpu_clock());
     loop {
         if state.ended {
             return;

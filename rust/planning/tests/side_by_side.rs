@@ -128,7 +128,7 @@ fn a_path_over_the_partition_equals_that_of_raw_ompl_and_fcl() {
     scene.set_base(&still()).unwrap();
     scene.set_hand(&hand).unwrap();
     scene.set_obstacles(&obstacles).unwrap();
-    let limits = SearchLimits::default();
+    let limits = SearchLimits { more_searches: 0, ..SearchLimits::default() };
     let world = describe(&model, &hand, &still(), &obstacles);
     let numbers = |q: &[f64]| q.iter().map(f64::to_string).collect::<Vec<_>>().join(" ");
     for seed in 1..=5 {

@@ -297,9 +297,10 @@ int run() {
 
   og::PathGeometric path = *problem->getSolutionPath()->as<og::PathGeometric>();
   Simplifier simplifier(information, seed_number(seed, 2));
-  simplifier.reduceVertices(path, shortcuts, shortcuts);
+  const auto in_vain = [&] { return std::min(shortcuts, static_cast<unsigned int>(path.getStateCount())); };
+  simplifier.reduceVertices(path, shortcuts, in_vain());
   simplifier.shortcutPath(path, shortcuts, shortcuts);
-  simplifier.reduceVertices(path, shortcuts, shortcuts);
+  simplifier.reduceVertices(path, shortcuts, in_vain());
   for (const ob::State* state : path.getStates()) print(values(state), n);
   return 0;
 }

@@ -5,7 +5,7 @@ use super::{Bench, length};
 use crate::bench::{BenchFigure, quantile};
 use crate::trial;
 use proact_devices::EmgSource;
-use proact_planning::{PlanWorker, PlannerName, PlannerOptions};
+use proact_planning::{PlanWorker, PlannerName, PlannerOptions, SearchLimits};
 use proact_testbed::{Setup, TrialConfig, ports::PlanService};
 use proact_types::{PlanRequest, PlanStatus, Trajectory, TrajectoryPoint, joints};
 use std::{
@@ -34,16 +34,23 @@ pub(super) struct Search {
 
 #[derive(Clone, Copy)]
 struct Plain {
-    /// Processor time of all attempts, ms.
+    /// Processor time of all attempts, ms, and of their searches alone, without simplification.
     time_ms: f64,
+    search_ms: f64,
     attempts: u32,
     found: bool,
     /// The path touches something, unpadded, at fine steps.
     touches: bool,
 }
 
-/// The plain program's planners: the original's, and the one that is the default here.
-const PEERS: [PlannerName; 2] = [PlannerName::LbKpiece1, PlannerName::RrtConnect];
+/// The plain program's planners, the original's and the one that is the default here, and the shares of the joint
+/// space's extent in whose steps they look at motions: the original's, and one at which paths keep clear of things.
+const PEERS: [(PlannerName, f64); 4] = [
+    (PlannerName::LbKpiece1, 0.005),
+    (PlannerName::RrtConnect, 0.005),
+    (PlannerName::LbKpiece1, 0.0005),
+    (PlannerName::RrtConnect, 0.0005),
+];
 
 impl Bench {
     /// Searches by the plain program between the two ends of the part of a plan that keeps clear by the padding.
@@ -67,12 +74,13 @@ impl Bench {
             }
         }
         let [from, .., to] = clear.as_slice() else { return Ok(()) };
-        let mut all = [Plain { time_ms: 0.0, attempts: 0, found: false, touches: false }; PEERS.len()];
-        for (plain, planner) in all.iter_mut().zip(PEERS) {
+        let none = Plain { time_ms: 0.0, search_ms: 0.0, attempts: 0, found: false, touches: false };
+        let mut all = [none; PEERS.len()];
+        for (plain, (planner, steps)) in all.iter_mut().zip(PEERS) {
             let goals = std::slice::from_ref(to);
             // LBKPIECE1 frees failed branches by recursion, as deep as they are long.
             let outcome = std::thread::scope(|scope| {
-                let search = || scene.search_plainly(from, goals, planner, PLAIN_SECS, request.seed);
+                let search = || scene.search_plainly(from, goals, planner, PLAIN_SECS, steps, request.seed);
                 let thread =
                     std::thread::Builder::new().stack_size(PLAIN_STACK_BYTES).spawn_scoped(scope, search)?;
                 thread.join().map_err(|_| "the plain search panicked")?.map_err(Box::<dyn Error>::from)
@@ -80,6 +88,7 @@ impl Bench {
             *plain = Plain {
                 attempts: outcome.attempts,
                 time_ms: outcome.cpu_secs * 1e3,
+                search_ms: outcome.search_secs * 1e3,
                 found: !outcome.path.is_empty(),
                 touches: self.judge.contact(request, &walked(&outcome.path))?.is_some(),
             };
@@ -93,73 +102,116 @@ impl Bench {
         if all.is_empty() {
             return Vec::new();
         }
-        let ours: Vec<f64> = all.iter().map(|s| s.ours_ms).collect();
-        let note = format!(
-            "{} solved problems, processor time; ours from request to timed path; the peer from arm angles to arm angles, in up to eight attempts of {PLAIN_SECS} s, each counted",
-            all.len()
-        );
         let mut figures = Vec::new();
-        for (k, planner) in PEERS.into_iter().enumerate() {
-            let times: Vec<f64> = all.iter().map(|s| s.plain[k].time_ms).collect();
-            let share = |of: fn(&Plain) -> bool| {
-                all.iter().filter(|s| of(&s.plain[k])).count() as f64 / all.len() as f64
-            };
+        for (k, (planner, steps)) in PEERS.into_iter().enumerate() {
+            let title = format!("beside plain {planner} in steps of {steps}");
             let mut add = |name: &str, unit: &str, value: f64, peer_value: f64, note: &str| {
                 figures.push(BenchFigure {
                     peer: Some("a plain program on OMPL and FCL".to_owned()),
                     peer_value: Some(peer_value),
-                    ..BenchFigure::alone(&format!("beside plain {planner}: {name}"), value, unit, note)
+                    ..BenchFigure::alone(&format!("{title}: {name}"), value, unit, note)
                 });
             };
-            let [median, high] = [0.5, 0.99].map(|q| (quantile(&ours, q), quantile(&times, q)));
-            add("median", "ms", median.0, median.1, &note);
-            add("99 %", "ms", high.0, high.1, "");
-            add("times faster at the median", "1", median.1 / median.0, 1.0, "goal: at least 5");
+            let share = |of: fn(&Plain) -> bool| {
+                all.iter().filter(|s| of(&s.plain[k])).count() as f64 / all.len() as f64
+            };
             add("found in one attempt", "1", 1.0, share(|p| p.found && p.attempts == 1), "");
             add("found", "1", 1.0, share(|p| p.found), "");
             let honest = share(|p| p.found && !p.touches);
-            add("found without a contact", "1", 1.0, honest, "by Parry, every 1 mm and 0.5 degrees");
+            add("solved", "1", 1.0, honest, "without a contact by Parry, every 1 mm and 0.5 degrees");
+            let both: Vec<&Search> = all.iter().filter(|s| s.plain[k].found && !s.plain[k].touches).collect();
+            for (of, those) in [("", all.iter().collect()), (", solved by both", both)] {
+                if those.is_empty() {
+                    continue;
+                }
+                let at = |quantity: fn(&Search, usize) -> f64, share: f64| {
+                    quantile(&those.iter().map(|s| quantity(s, k)).collect::<Vec<f64>>(), share)
+                };
+                let [median, high] =
+                    [0.5, 0.99].map(|q| (at(|s, _| s.ours_ms, q), at(|s, k| s.plain[k].time_ms, q)));
+                let (search, rest) = (
+                    at(|s, k| s.plain[k].search_ms, 0.5),
+                    at(|s, k| s.plain[k].time_ms - s.plain[k].search_ms, 0.5),
+                );
+                let note = format!(
+                    "{} problems, processor time; ours from request to timed path; the peer's from arm angles to arm angles, up to eight attempts of {PLAIN_SECS} s: search {search:.1} ms, simplification {rest:.1} ms at the median",
+                    those.len()
+                );
+                add(&format!("median{of}"), "ms", median.0, median.1, &note);
+                add(&format!("99 %{of}"), "ms", high.0, high.1, "");
+                add(
+                    &format!("times faster at the median{of}"),
+                    "1",
+                    median.1 / median.0,
+                    1.0,
+                    "goal: at least 5",
+                );
+            }
         }
         figures
     }
 
-    /// Length and duration beside the best of the plans that five seconds of other seeds give.
-    pub(super) fn beside_long_searches(&mut self) -> Vec<BenchFigure> {
-        let (mut lengths, mut durations) = (Vec::new(), Vec::new());
+    /// Length and duration beside what five seconds of planning give: by OMPL's anytime shortening for those goals that
+    /// one request finds, and, harder, the best of all plans by other seeds, which find other goals.
+    pub(super) fn beside_long_searches(&mut self) -> Result<Vec<BenchFigure>, Box<dyn Error>> {
+        let search =
+            SearchLimits { max_iterations: u32::MAX, max_secs: Some(LONG_SECS), ..SearchLimits::default() };
+        let anytime = PlannerOptions {
+            planner: PlannerName::AnytimePathShortening,
+            search,
+            ..PlannerOptions::default()
+        };
+        let mut anytime = super::planner(&self.model, anytime)?;
+        // By [anytime, other seeds], [length, duration].
+        let mut ratios: [[Vec<f64>; 2]; 2] = Default::default();
         for (request, length_once, duration_once) in std::mem::take(&mut self.kept) {
-            let (mut shortest, mut quickest) = (length_once, duration_once);
-            let begin = Instant::now();
-            let mut seed = request.seed;
-            while begin.elapsed().as_secs_f64() < LONG_SECS {
+            let once = [length_once, duration_once];
+            let long = anytime.solve(&request);
+            if long.status == PlanStatus::Ok {
+                let long = [length(&long.trajectory), long.trajectory.duration_secs()];
+                (0..2).for_each(|k| ratios[0][k].push(once[k] / long[k]));
+            }
+            let mut best = once;
+            let (mut seed, mut spent) = (request.seed, 0.0);
+            while spent < LONG_SECS {
                 seed = seed.wrapping_add(1);
                 let reply = self.planner.solve(&PlanRequest { seed, ..request.clone() });
+                spent += self.planner.effort().cpu_secs;
                 if reply.status == PlanStatus::Ok {
-                    shortest = shortest.min(length(&reply.trajectory));
-                    quickest = quickest.min(reply.trajectory.duration_secs());
+                    best[0] = best[0].min(length(&reply.trajectory));
+                    best[1] = best[1].min(reply.trajectory.duration_secs());
                 }
             }
-            lengths.push(length_once / shortest);
-            durations.push(duration_once / quickest);
+            (0..2).for_each(|k| ratios[1][k].push(once[k] / best[k]));
         }
-        if lengths.is_empty() {
-            return Vec::new();
+        let peers = ["AnytimePathShortening for 5 s", "the best plan of 5 s of other seeds"];
+        let mut figures = Vec::new();
+        for (of_peer, peer) in ratios.iter().zip(peers) {
+            for (ratios, name) in of_peer.iter().zip(["path length", "duration"]) {
+                if ratios.is_empty() {
+                    continue;
+                }
+                figures.push(BenchFigure {
+                    peer: Some(peer.to_owned()),
+                    peer_value: Some(1.0),
+                    ..BenchFigure::alone(
+                        &format!("box: {name} over that of {peer}, median"),
+                        quantile(ratios, 0.5),
+                        "1",
+                        &format!("{} problems; goal: at most 1.1", ratios.len()),
+                    )
+                });
+            }
         }
-        let note = format!("{} problems, best of 5 s of other seeds; goal: at most 1.1", lengths.len());
-        [("path length, ratio to the best", lengths), ("duration, ratio to the best", durations)]
-            .map(|(name, ratios)| BenchFigure {
-                peer: Some("the same planner for 5 s".to_owned()),
-                peer_value: Some(1.0),
-                ..BenchFigure::alone(&format!("box: {name}, median"), quantile(&ratios, 0.5), "1", &note)
-            })
-            .into()
+        Ok(figures)
     }
 }
 
 impl Bench {
     /// How long a running plan goes on after a cancel: at moments spread over plans of the problems.
-    pub(super) fn cancels(&mut self) -> Result<BenchFigure, Box<dyn Error>> {
+    pub(super) fn cancels(&mut self) -> Result<Vec<BenchFigure>, Box<dyn Error>> {
         let mut worker = PlanWorker::new(super::planner(&self.model, PlannerOptions::default())?);
-        let mut late_ms = Vec::new();
+        let (mut late_ms, mut busy_ms) = (Vec::new(), Vec::new());
         let mut requests = Vec::new();
         for number in 0..CANCELLED_PROBLEMS {
             requests.push(self.drawer.problem(number, number % 2 == 0)?.request);
@@ -168,16 +220,24 @@ impl Bench {
             let id = number as u64 + 1;
             worker.submit(PlanRequest { id, ..request.clone() });
             std::thread::sleep(Duration::from_micros(137 * (id % 100)));
-            let begin = Instant::now();
+            let (begin, busy) = (Instant::now(), worker.cpu_secs());
             worker.cancel();
             if worker.wait(id).status == PlanStatus::Cancelled {
                 late_ms.push(begin.elapsed().as_secs_f64() * 1e3);
+                busy_ms.push((worker.cpu_secs() - busy) * 1e3);
             }
         }
-        let high = if late_ms.is_empty() { f64::NAN } else { quantile(&late_ms, 0.99) };
-        let middle = if late_ms.is_empty() { f64::NAN } else { quantile(&late_ms, 0.5) };
-        let note = format!("{} cancelled plans, median {middle:.3} ms; goal: under 5", late_ms.len());
-        Ok(BenchFigure::alone("from cancel to reply, 99 %", high, "ms", &note))
+        let mut figures = Vec::new();
+        let of = [("from cancel to reply", &late_ms), ("processor time from cancel to reply", &busy_ms)];
+        for (name, times) in of.into_iter().filter(|(_, times)| !times.is_empty()) {
+            let [median, high, worst] = [0.5, 0.99, 1.0].map(|q| quantile(times, q));
+            let note = format!(
+                "{} cancelled plans, median {median:.3}, worst {worst:.3} ms; goal: under 5",
+                times.len()
+            );
+            figures.push(BenchFigure::alone(&format!("{name}, 99 %"), high, "ms", &note));
+        }
+        Ok(figures)
     }
 }
 

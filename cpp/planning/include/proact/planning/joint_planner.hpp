@@ -59,7 +59,9 @@ struct JointQuery {
   double range = 0.8;
   /// Bound on the time, seconds; zero for none. With it equal queries no longer give equal plans.
   double max_seconds = 0.0;
-  /// Searches after the first that succeeded; the quickest of all paths is the plan.
+  /// Searches after the first that succeeded, by RRTConnect and BiTRRT: each for the goals to which a path could be
+  /// quicker than the best so far, as long as ways are found easily. The quickest of all paths is the
+  /// plan, its inner points pulled straight.
   unsigned int more_searches = 0;
   /// Attempts to shorten the path.
   unsigned int shortcuts = 40;

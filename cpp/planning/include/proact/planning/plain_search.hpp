@@ -30,6 +30,10 @@ struct PlainPlan {
 /// Processor time of the calling thread, seconds since some moment.
 double thread_cpu_secs();
 
+/// The calling thread's clock of processor time, and what such a clock says, seconds: zero once its thread has ended.
+int thread_cpu_clock();
+double cpu_secs_of(int clock);
+
 /// Searches between free arm angles in what `scene` holds now, padding included, without any of this library's own
 /// collision code: two of FCL's dynamic trees, one over the arm's shapes, one over the obstacles, and OMPL's motion
 /// checks. What may touch is as in the scene, but for contacts allowed one by one.
