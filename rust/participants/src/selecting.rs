@@ -9,6 +9,10 @@ const CORRECTION_MAX: f64 = 0.06;
 const MISSED_MILLIS: u64 = 900;
 /// Holding WE without any movement for this long means that another posture is needed.
 const STUCK_MILLIS: u64 = 1500;
+/// A gesture that nothing answers for this long was not noticed: the arm forgot it, or waits for a relaxed hand.
+const UNNOTICED_MILLIS: u64 = 2500;
+/// The hand then rests this long before it tries again: long enough that any decision rule sees it.
+const REST_MILLIS: u64 = 600;
 
 /// A participant who follows the task's order with gaze-assisted control, methods C and D.
 ///
@@ -28,6 +32,8 @@ pub struct SelectingParticipant {
     reached: bool,
     closed_since: Option<SimTime>,
     stuck_since: Option<SimTime>,
+    unnoticed_since: Option<SimTime>,
+    rest_until: SimTime,
     attempt: u32,
 }
 
@@ -52,6 +58,8 @@ impl SelectingParticipant {
             reached: false,
             closed_since: None,
             stuck_since: None,
+            unnoticed_since: None,
+            rest_until: SimTime(0),
             attempt: 0,
         }
     }
@@ -164,6 +172,29 @@ impl SelectingParticipant {
         Gesture::WristExtension
     }
 
+    /// What is wanted, but a rest when the gesture that is made goes unnoticed.
+    fn insist(&mut self, now: SimTime, seen: &DisplayFrame, wanted: Gesture) -> Gesture {
+        if now < self.rest_until {
+            return Gesture::NoMotion;
+        }
+        let answered = match wanted {
+            Gesture::WristExtension => match seen.planner {
+                PlannerView::Planning | PlannerView::Executing { .. } => true,
+                PlannerView::Arrived { .. } | PlannerView::Failed { .. } => self.under_way,
+                PlannerView::Idle => false,
+            },
+            _ => matches!(seen.hand.state, HandState::Closing | HandState::Opening),
+        };
+        if wanted == Gesture::NoMotion || wanted != self.habits.gesture() || answered {
+            self.unnoticed_since = None;
+        } else if now.millis_since(*self.unnoticed_since.get_or_insert(now)) > UNNOTICED_MILLIS {
+            self.unnoticed_since = None;
+            self.rest_until = now.plus_millis(REST_MILLIS);
+            return Gesture::NoMotion;
+        }
+        wanted
+    }
+
     /// Closes the hand on the block; opens it again and goes back when the block was missed.
     fn grip(&mut self, now: SimTime, seen: &DisplayFrame) -> Gesture {
         if seen.hand.state == HandState::Closed {
@@ -208,6 +239,7 @@ impl Participant for SelectingParticipant {
         let now = frame.time;
         let seen = self.habits.see(frame);
         let wanted = self.decide(now, &seen);
+        let wanted = self.insist(now, &seen, wanted);
         self.habits.make(now, wanted);
         let looked_at = self.looked_at(frame) + self.correction;
         let eye = frame.world_from_head.translation.vector;
