@@ -59,6 +59,7 @@ fn main() {
         };
         gather(&source, &out.join(package));
     }
+    write(&out, "definitions.txt", &all_in_one(&out));
     // rosrust reads both while it expands its macro in this crate, and only there.
     println!("cargo:rustc-env=ROSRUST_MSG_PATH={}", out.display());
     println!("cargo:rustc-env=CMAKE_PREFIX_PATH=");
@@ -144,6 +145,26 @@ fn action_messages(name: &str, text: &str) -> Vec<(String, String)> {
             ),
         ),
     ]
+}
+
+/// The gathered definitions in one text, each after a line `>>> package/kind/Name`: what the program knows where it runs
+/// without the packages.
+fn all_in_one(share: &Path) -> String {
+    let mut text = String::new();
+    for package in PACKAGES {
+        for kind in ["msg", "srv"] {
+            let Ok(entries) = fs::read_dir(share.join(package).join(kind)) else { continue };
+            let mut files: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
+            files.sort();
+            for file in files {
+                let name =
+                    file.file_stem().expect("it was written with a name").to_string_lossy().into_owned();
+                let source = fs::read_to_string(&file).expect("it was written just now");
+                text += &format!(">>> {package}/{kind}/{name}\n{source}\n");
+            }
+        }
+    }
+    text
 }
 
 fn write(folder: &Path, name: &str, text: &str) {

@@ -31,6 +31,8 @@ mod record;
 mod replay;
 mod replay_bag;
 mod replay_page;
+#[cfg(feature = "ros")]
+mod ros_bus;
 mod rosbridge;
 mod serve;
 pub mod trial;

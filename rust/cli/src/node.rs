@@ -1,6 +1,6 @@
 //! `proact node`: stages as nodes on a ROS 1 graph.
 
-use crate::trial_args::TrialArgs;
+use crate::{rosbridge::RosbridgeArgs, trial_args::TrialArgs};
 use clap::{Args, ValueEnum};
 
 /// Arguments of `proact node`.
@@ -17,6 +17,8 @@ pub(crate) struct NodeArgs {
     /// testbed: no simulated participant; /emg, /gaze_position and /gaze_direction come from other nodes
     #[arg(long)]
     live: bool,
+    #[command(flatten)]
+    rosbridge: RosbridgeArgs,
     /// roslaunch's words, such as __name:=arm or _rate:=50
     #[arg(value_name = "NAME:=VALUE", value_parser = ros_word)]
     words: Vec<String>,
@@ -37,6 +39,8 @@ pub(crate) enum NodeName {
     Method,
     /// A simulated person with armband and eye tracker
     Participant,
+    /// rosbridge for browsers, roslibpy and the original headset app; --rosbridge PORT or _port:=PORT, else 9090
+    Rosbridge,
     /// What `proact bench ros` measures with
     #[value(hide = true)]
     Meter,
@@ -53,13 +57,14 @@ fn ros_word(text: &str) -> Result<String, String> {
 
 #[cfg(not(feature = "ros"))]
 pub(crate) fn command(args: &NodeArgs) -> Result<bool, Box<dyn std::error::Error>> {
-    Err(format!(
-        "this build knows no ROS, so node {:?} cannot run; build it with: cargo build --release -p proact-cli --features \
-         ros (docs/ros1.md names the packages that this needs)",
-        args.name
-    )
-    .into())
+    // The launcher builds what the node needs; only the bare program of another build gets here.
+    Err(format!("node {:?} cannot run: {NO_ROS}", args.name).into())
 }
+
+/// What a build without the feature says.
+#[cfg(not(feature = "ros"))]
+pub(crate) const NO_ROS: &str = "this build knows no ROS; build it with: cargo build --release -p proact-cli --features ros \
+                                 (docs/ros1.md names the packages that this needs)";
 
 #[cfg(feature = "ros")]
 pub(crate) use on_graph::command;
@@ -127,6 +132,7 @@ mod on_graph {
                 };
                 node::run_participant(world, person)?;
             }
+            NodeName::Rosbridge => args.rosbridge.relay()?,
             NodeName::Meter => println!("{}", serde_json::to_string(&node::run_meter()?)?),
         }
         Ok(true)

@@ -27,6 +27,9 @@ pub(crate) struct RosbridgeArgs {
     /// What any other machine must send to connect to rosbridge: ws://host:port/?token=..
     #[arg(long, value_name = "TOKEN", requires = "rosbridge")]
     token: Option<String>,
+    /// Join the ROS graph as the node /proact: its topics and services and those of the clients become the same
+    #[arg(long, requires = "rosbridge")]
+    ros: bool,
 }
 
 /// A trial on rosbridge.
@@ -41,18 +44,54 @@ impl RosbridgeArgs {
     /// Begins to serve if it is asked for, and prints the address.
     pub(crate) fn open(&self, session: &Session) -> Result<Option<Rosbridge>, Box<dyn Error>> {
         let Some(port) = self.rosbridge else { return Ok(None) };
-        let access = Access { allowed: self.allow.clone(), token: self.token.clone() };
-        let anybody = !self.allow.is_empty() || self.token.is_some();
-        let all: IpAddr = if anybody { Ipv4Addr::UNSPECIFIED.into() } else { Ipv4Addr::LOCALHOST.into() };
-        let bus: Arc<dyn TopicBus> = LocalBus::new();
+        let bus: Arc<dyn TopicBus> = if self.ros { graph()? } else { LocalBus::new() };
         let topics = HeadsetTopics::new(Arc::clone(&bus), session.testbed().model(), session.head())?;
         let testbed = session.testbed();
         let camera = CameraTopics::new(Arc::clone(&bus), testbed.model(), testbed.task().scene())?;
+        Ok(Some(Rosbridge { topics, camera, server: self.serve(port, bus)? }))
+    }
+
+    /// Serves a bus, and prints the address.
+    fn serve(&self, port: u16, bus: Arc<dyn TopicBus>) -> Result<RosbridgeServer, Box<dyn Error>> {
+        let access = Access { allowed: self.allow.clone(), token: self.token.clone() };
+        let anybody = !self.allow.is_empty() || self.token.is_some();
+        let all: IpAddr = if anybody { Ipv4Addr::UNSPECIFIED.into() } else { Ipv4Addr::LOCALHOST.into() };
         let bind = self.rosbridge_bind.unwrap_or(all);
         let server = RosbridgeServer::start(RosbridgeOptions { port, bind, access }, bus)?;
         eprintln!("rosbridge: ws://{}/", server.address());
-        Ok(Some(Rosbridge { topics, camera, server }))
+        Ok(server)
     }
+
+    /// `proact node rosbridge`: nothing but the graph, until it ends the node.
+    #[cfg(feature = "ros")]
+    pub(crate) fn relay(&self) -> Result<(), Box<dyn Error>> {
+        let relay = Arc::new(proact_ros::node::relay::Relay::join("proact_rosbridge", true)?);
+        let port = match self.rosbridge {
+            Some(port) => port,
+            None => relay.port(9090)?,
+        };
+        let server = self.serve(port, crate::ros_bus::RosBus::new(Arc::clone(&relay)))?;
+        while relay.is_ok() {
+            for notice in server.drain_notices() {
+                eprintln!("rosbridge: {notice}");
+            }
+            relay.tell();
+            std::thread::sleep(std::time::Duration::from_millis(100));
+        }
+        Ok(())
+    }
+}
+
+/// The ROS graph as a bus, for a command that has its own way to end.
+#[cfg(feature = "ros")]
+fn graph() -> Result<Arc<dyn TopicBus>, Box<dyn Error>> {
+    let relay = proact_ros::node::relay::Relay::join("proact", false)?;
+    Ok(crate::ros_bus::RosBus::new(Arc::new(relay)))
+}
+
+#[cfg(not(feature = "ros"))]
+fn graph() -> Result<Arc<dyn TopicBus>, Box<dyn Error>> {
+    Err(crate::node::NO_ROS.into())
 }
 
 impl Rosbridge {

@@ -91,7 +91,7 @@ impl Kind {
         }
     }
 
-    fn primitive(name: &str) -> Option<Kind> {
+    pub(super) fn primitive(name: &str) -> Option<Kind> {
         Some(match name {
             "bool" => Kind::Bool,
             "byte" | "int8" => Kind::Int { bits: 8, signed: true },

@@ -24,6 +24,7 @@ mod server;
 mod services;
 mod session;
 mod value;
+mod wire;
 
 pub use access::Access;
 pub use bus::{
@@ -37,3 +38,4 @@ pub use local_bus::LocalBus;
 pub use server::{RosbridgeOptions, RosbridgeServer};
 pub use services::Answering;
 pub use value::{Time, Value, ValueError};
+pub use wire::WireError;

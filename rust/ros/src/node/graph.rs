@@ -9,7 +9,7 @@ use rosrust::{Message, Publisher, ServicePair, Subscriber};
 use std::{
     cell::Cell,
     sync::{
-        Arc,
+        Arc, Mutex, PoisonError,
         atomic::{AtomicBool, AtomicU64, Ordering},
         mpsc::{Receiver, SyncSender, sync_channel},
     },
@@ -71,8 +71,12 @@ pub enum NodeError {
     },
 }
 
-fn setup(what: &str) -> impl FnOnce(rosrust::error::Error) -> NodeError + '_ {
+pub(super) fn setup(what: &str) -> impl FnOnce(rosrust::error::Error) -> NodeError + '_ {
     move |error| NodeError::Setup { what: what.to_owned(), reason: chain(&error) }
+}
+
+fn master_uri() -> String {
+    std::env::var("ROS_MASTER_URI").unwrap_or_else(|_| "http://localhost:11311/".to_owned())
 }
 
 fn chain(error: &rosrust::error::Error) -> String {
@@ -89,7 +93,7 @@ pub struct Graph {
     ended: Arc<AtomicBool>,
     watch: Option<std::thread::JoinHandle<()>>,
     diagnostics: Publisher<DiagnosticArray>,
-    told: Cell<Option<Instant>>,
+    told: Mutex<Option<Instant>>,
 }
 
 impl Graph {
@@ -98,8 +102,13 @@ impl Graph {
     /// # Errors
     /// [`NodeError::NoMaster`].
     pub fn join(name: &str) -> Result<Self, NodeError> {
-        let uri = std::env::var("ROS_MASTER_URI").unwrap_or_else(|_| "http://localhost:11311/".to_owned());
-        rosrust::try_init_with_options(name, true)
+        Self::join_with(name, true)
+    }
+
+    /// [`Graph::join`]; with `interruptible`, Ctrl-C ends the node.
+    pub(super) fn join_with(name: &str, interruptible: bool) -> Result<Self, NodeError> {
+        let uri = master_uri();
+        rosrust::try_init_with_options(name, interruptible)
             .map_err(|error| NodeError::NoMaster { uri: uri.clone(), reason: chain(&error) })?;
         let diagnostics = rosrust::publish("/diagnostics", 10).map_err(setup("/diagnostics"))?;
         Ok(Self {
@@ -108,7 +117,7 @@ impl Graph {
             ended: Arc::new(AtomicBool::new(false)),
             watch: None,
             diagnostics,
-            told: Cell::new(None),
+            told: Mutex::default(),
         })
     }
 
@@ -117,16 +126,20 @@ impl Graph {
     /// # Errors
     /// Addresses that are none.
     pub fn watch_master(&mut self) -> Result<(), NodeError> {
-        let uri = std::env::var("ROS_MASTER_URI").unwrap_or_else(|_| "http://localhost:11311/".to_owned());
+        let addresses = self.addresses()?;
+        let (ended, restarted) = (self.ended.clone(), self.master_restarted.clone());
+        self.watch = Some(std::thread::spawn(move || watch(&addresses, &ended, &restarted)));
+        Ok(())
+    }
+
+    /// The master's address and our own.
+    pub(super) fn addresses(&self) -> Result<Addresses, NodeError> {
+        let uri = master_uri();
         let parse = |text: &str| {
             text.parse().map_err(|e| NodeError::Setup { what: text.to_owned(), reason: format!("{e:?}") })
         };
         let own = rosrust::uri();
-        let addresses =
-            Addresses { master: parse(&uri)?, slave: parse(&own)?, slave_text: own, name: rosrust::name() };
-        let (ended, restarted) = (self.ended.clone(), self.master_restarted.clone());
-        self.watch = Some(std::thread::spawn(move || watch(&addresses, &ended, &restarted)));
-        Ok(())
+        Ok(Addresses { master: parse(&uri)?, slave: parse(&own)?, slave_text: own, name: rosrust::name() })
     }
 
     /// Ends the watch over the master. Call it before publishers and services go, or the watch would register again
@@ -156,8 +169,9 @@ impl Graph {
 
     /// Tells `/diagnostics` how things are, once a second; call it as often as you like.
     pub fn tell(&self, stamp: rosrust::Time) {
-        if self.told.get().is_none_or(|at| at.elapsed() >= Duration::from_secs(1)) {
-            self.told.set(Some(Instant::now()));
+        let mut told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
+        if told.is_none_or(|at| at.elapsed() >= Duration::from_secs(1)) {
+            *told = Some(Instant::now());
             // Nobody may listen; that is no fault.
             let _ = self.diagnostics.send(self.faults.message(&rosrust::name(), stamp));
         }
@@ -347,16 +361,17 @@ fn watch(addresses: &Addresses, ended: &AtomicBool, restarted: &AtomicBool) {
     while !ended.load(Ordering::Relaxed) && rosrust::is_ok() {
         match master::master_pid(addresses) {
             Ok(now) if Some(now) == pid && master::is_known(addresses) => {
-                // What we have registered may have changed; the master knows best.
-                if known.is_none() || REFRESH.fetch_add(1, Ordering::Relaxed).is_multiple_of(10) {
-                    if let Ok(state) = rosrust::state() {
-                        known = Some(master::known_registrations(addresses, state));
-                    }
+                // What we have registered may have changed.
+                let look = known.is_none() || REFRESH.fetch_add(1, Ordering::Relaxed).is_multiple_of(10);
+                if look && let Ok(state) = rosrust::state() {
+                    known = master::registrations(addresses, state).ok().or(known);
                 }
             }
             Ok(now) => {
-                if let Some(all) = &known {
-                    match master::register(addresses, all) {
+                if let Some(all) = &mut known {
+                    let done =
+                        master::renew_topics(addresses, all).and_then(|()| master::register(addresses, all));
+                    match done {
                         Ok(()) => {
                             pid = Some(now);
                             restarted.store(true, Ordering::Relaxed);

@@ -60,30 +60,55 @@ pub(super) fn is_known(addresses: &Addresses) -> bool {
     call(&addresses.master, "lookupNode", &[text(&addresses.name), text(&addresses.name)]).is_ok()
 }
 
-/// What the master knows of us now, from its own state: nothing has to be kept by hand.
-pub(super) fn known_registrations(addresses: &Addresses, state: SystemState) -> Registrations {
-    let types: BTreeMap<String, String> =
-        rosrust::topics().unwrap_or_default().into_iter().map(|t| (t.name, t.datatype)).collect();
-    let ours = |topics: Vec<(String, Vec<String>)>| {
-        topics
-            .into_iter()
-            .filter(|(_, nodes)| nodes.contains(&addresses.name))
-            .map(|(name, _)| (name.clone(), types.get(&name).cloned().unwrap_or_else(|| "*".to_owned())))
-            .collect::<BTreeMap<_, _>>()
+/// Where a service is offered.
+pub(super) fn service_address(addresses: &Addresses, service: &str) -> Result<String, Failure> {
+    match call(&addresses.master, "lookupService", &[text(&addresses.name), text(service)])? {
+        Value::String(uri) => Ok(uri),
+        other => Err(format!("lookupService answered {other:?}")),
+    }
+}
+
+/// Tells the master of a service of ours.
+pub(super) fn register_service(addresses: &Addresses, service: &str, uri: &str) -> Result<(), Failure> {
+    let words = [&addresses.name, service, uri, &addresses.slave_text];
+    call(&addresses.master, "registerService", &words.map(text)).map(|_| ())
+}
+
+/// Tells the master that a service of ours is gone.
+pub(super) fn unregister_service(addresses: &Addresses, service: &str, uri: &str) -> Result<(), Failure> {
+    call(&addresses.master, "unregisterService", &[&addresses.name, service, uri].map(text)).map(|_| ())
+}
+
+/// What we have registered now: topics as our own slave has them, services as the master has them.
+pub(super) fn registrations(addresses: &Addresses, state: SystemState) -> Result<Registrations, Failure> {
+    let ours = state.services.into_iter().filter(|service| service.connections.contains(&addresses.name));
+    let services = ours.filter_map(|service| {
+        let uri = service_address(addresses, &service.name).ok()?;
+        Some((service.name, uri))
+    });
+    let mut all = Registrations { services: services.collect(), ..Registrations::default() };
+    renew_topics(addresses, &mut all)?;
+    Ok(all)
+}
+
+/// Topics may have come and gone since; our own slave knows without a master.
+pub(super) fn renew_topics(addresses: &Addresses, all: &mut Registrations) -> Result<(), Failure> {
+    let listed = |method: &str| match call(&addresses.slave, method, &[text(&addresses.name)])? {
+        Value::Array(topics) => topics.iter().map(name_and_type).collect(),
+        other => Err(format!("{method} answered {other:?}")),
     };
-    let services = ours(state.services.into_iter().map(|t| (t.name, t.connections)).collect())
-        .into_keys()
-        .filter_map(|service| {
-            match call(&addresses.master, "lookupService", &[text(&addresses.name), text(&service)]) {
-                Ok(Value::String(uri)) => Some((service, uri)),
-                _ => None,
-            }
-        })
-        .collect();
-    Registrations {
-        publishers: ours(state.publishers.into_iter().map(|t| (t.name, t.connections)).collect()),
-        subscribers: ours(state.subscribers.into_iter().map(|t| (t.name, t.connections)).collect()),
-        services,
+    all.publishers = listed("getPublications")?;
+    all.subscribers = listed("getSubscriptions")?;
+    Ok(())
+}
+
+fn name_and_type(topic: &Value) -> Result<(String, String), Failure> {
+    match topic {
+        Value::Array(pair) => match &pair[..] {
+            [Value::String(name), Value::String(datatype)] => Ok((name.clone(), datatype.clone())),
+            other => Err(format!("a topic is {other:?}")),
+        },
+        other => Err(format!("a topic is {other:?}")),
     }
 }
 
@@ -98,7 +123,7 @@ pub(super) fn register(addresses: &Addresses, all: &Registrations) -> Result<(),
         )?;
     }
     for (service, uri) in &all.services {
-        call(&addresses.master, "registerService", &[name.clone(), text(service), text(uri), slave.clone()])?;
+        register_service(addresses, service, uri)?;
     }
     for (topic, datatype) in &all.subscribers {
         let publishers = call(

@@ -11,6 +11,7 @@ mod meter;
 mod method;
 mod outlets;
 mod participant;
+pub mod relay;
 mod sim;
 mod stage;
 mod testbed;
