@@ -21,6 +21,7 @@
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 pub mod action;
+pub mod compat;
 pub mod controllers;
 pub mod frames;
 pub mod joy;

@@ -52,7 +52,7 @@ impl Faults {
         let kinds = self.kinds.lock().unwrap_or_else(PoisonError::into_inner);
         let total: u64 = kinds.values().map(|k| k.count).sum();
         let mut status = DiagnosticStatus {
-            level: if total == 0 { DiagnosticStatus::OK } else { DiagnosticStatus::WARN } as i8,
+            level: if total == 0 { DiagnosticStatus::OK } else { DiagnosticStatus::WARN },
             name: format!("{node}: input"),
             message: if total == 0 {
                 "nothing refused".to_owned()

@@ -2,6 +2,7 @@
 
 use super::{Graph, NodeError, convert};
 use crate::{
+    compat::{Compat, Quirk},
     frames::{self, WORLD},
     messages::{
         gazebo_grasp_plugin_ros::GazeboGraspEvent,
@@ -28,12 +29,17 @@ const BLOCK_POSE_TOPICS: [&str; 4] =
     ["red_block1_pose_msg", "red_block2_pose_msg", "blue_block1_pose_msg", "blue_block2_pose_msg"];
 /// Length of the drawn gaze ray, m.
 const GAZE_LENGTH: f64 = 1.2;
+/// Ticks between poses and between constant transforms that the original has ten times a second.
+const TENTH: u64 = 100;
+/// Frames that the original's command-line tools kept sending.
+const RESENT: [&str; 2] = [WORLD, "hololens_world_test"];
 
 /// Publishers of the world.
 pub(super) struct Outlets {
     model: Arc<ArmModel>,
     scene: Scene,
     links: bool,
+    compat: Compat,
     alphabetical: Vec<usize>,
     joint_names: Vec<String>,
     clock: Publisher<Clock>,
@@ -58,6 +64,7 @@ impl Outlets {
         model: &Arc<ArmModel>,
         scene: &Scene,
         links: bool,
+        compat: Compat,
     ) -> std::result::Result<Self, NodeError> {
         let joint_names: Vec<String> = model.moving().map(|j| model.joints[j].name.clone()).collect();
         let mut alphabetical: Vec<usize> = (0..joint_names.len()).collect();
@@ -66,6 +73,7 @@ impl Outlets {
             model: model.clone(),
             scene: scene.clone(),
             links,
+            compat,
             alphabetical,
             joint_names,
             clock: graph.publish("/clock", 10, false)?,
@@ -97,7 +105,8 @@ impl Outlets {
     /// What never changes, latched.
     fn still(&self) -> Result<()> {
         let start = SimTime(0);
-        let fixed = frames::fixed(&self.model, self.links);
+        let mut fixed = frames::fixed(&self.model, self.links);
+        fixed.retain(|frame| !self.is_resent(frame));
         self.tf_static
             .send(TFMessage { transforms: fixed.iter().map(|f| convert::transform(start, f)).collect() })?;
         let wood = colour(0.45, 0.33, 0.24, 0.6);
@@ -106,6 +115,10 @@ impl Outlets {
         let markers = objects.map(|(k, o)| shape_marker("box", k, &o.shape, &o.pose, wood.clone())).collect();
         self.box_markers.send(MarkerArray { markers })?;
         self.grasp_status.send(Bool { data: false })
+    }
+
+    fn is_resent(&self, frame: &frames::Frame) -> bool {
+        self.compat.has(Quirk::ResentConstants) && RESENT.contains(&frame.child.as_str())
     }
 
     pub(super) fn clock(&self, time: SimTime) -> Result<()> {
@@ -129,17 +142,30 @@ impl Outlets {
         self.joint_states[1].send(wrapped)?;
 
         let moving = frames::moving(&self.model, state, head, self.links);
+        let (resent, moving): (Vec<_>, Vec<_>) = moving.into_iter().partition(|f| self.is_resent(f));
         self.tf
             .send(TFMessage { transforms: moving.iter().map(|f| convert::transform(time, f)).collect() })?;
+        let tenth = time.0.is_multiple_of(TENTH);
+        if self.compat.has(Quirk::ResentConstants) && tenth {
+            let fixed = frames::fixed(&self.model, self.links).into_iter().filter(|f| self.is_resent(f));
+            let ahead = time.plus_millis(TENTH);
+            let constants = resent.into_iter().chain(fixed);
+            let transforms = constants.map(|frame| convert::transform(ahead, &frame)).collect();
+            self.tf.send(TFMessage { transforms })?;
+        }
         if self.model_states.subscriber_count() > 0 {
             self.model_states.send(self.models(state))?;
         }
         if self.link_states.subscriber_count() > 0 {
             self.link_states.send(self.link_states(state))?;
         }
-        self.base_pose.send(convert::pose_stamped(time, WORLD, &state.world_from_base))?;
+        if self.compat.has(Quirk::SlowPoses) && !tenth {
+            return Ok(());
+        }
+        let frame = if self.compat.has(Quirk::BarePoses) { "" } else { WORLD };
+        self.base_pose.send(convert::pose_stamped(time, frame, &state.world_from_base))?;
         for (publisher, body) in self.block_poses.iter().zip(&state.blocks) {
-            publisher.send(convert::pose_stamped(time, WORLD, &body.pose))?;
+            publisher.send(convert::pose_stamped(time, frame, &body.pose))?;
         }
         Ok(())
     }

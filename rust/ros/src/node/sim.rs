@@ -1,5 +1,6 @@
 //! `proact node sim`: physics and controllers under the names that Gazebo and ros_control have.
 
+mod goals;
 mod services;
 mod shoulder;
 
@@ -9,27 +10,27 @@ use super::{
     convert,
     graph::{Jobs, Pace, parameter},
     outlets::{Outlets, View},
-    testbed::rate,
+    testbed::{compat, rate},
 };
 use crate::{
     action::{GoalId, GoalState},
-    controllers::{Ending, GoalTolerances, Tolerance},
+    compat::{Compat, Quirk},
+    controllers::{Ending, GoalTolerances},
     messages::{
-        actionlib_msgs::GoalStatus,
         control_msgs::{
             FollowJointTrajectoryActionFeedback, FollowJointTrajectoryActionGoal,
-            FollowJointTrajectoryActionResult, FollowJointTrajectoryResult, JointTolerance,
-            JointTrajectoryControllerState,
+            FollowJointTrajectoryActionResult, JointTrajectoryControllerState,
         },
         gazebo_msgs::LinkState,
         geometry_msgs::PoseStamped,
         mpl_control::{graspActionFeedback, graspActionGoal, graspActionResult},
-        std_msgs::{Header, String as Text},
+        std_msgs::String as Text,
         trajectory_msgs::JointTrajectory,
     },
     simulator::{Simulator, is_grasp},
     trajectory::RawPoint,
 };
+use goals::{follow_result, grasp_result, own_id, tolerances};
 use proact_control::HandCommand;
 use proact_tasks::{Arrangement, BlockResult};
 use proact_types::{EventKind, SimTime};
@@ -63,6 +64,7 @@ pub(super) struct SimNode {
     heartbeats: BTreeMap<String, SimTime>,
     base_stamp: f64,
     arrangement: Arrangement,
+    compat: Compat,
 }
 
 /// Runs the simulator until the graph ends the node. `arrangement` is where its blocks stood at the start.
@@ -75,7 +77,8 @@ pub fn run_sim(sim: Simulator, arrangement: Arrangement) -> Result<(), NodeError
     let links: bool = parameter("~publish_links", true, "true or false")?;
     let paused: bool = parameter("~paused", false, "true or false")?;
     let (model, scene) = (sim.model().clone(), sim.task().scene().clone());
-    let outlets = Outlets::new(&graph, &model, &scene, links)?;
+    let compat = compat()?;
+    let outlets = Outlets::new(&graph, &model, &scene, links, compat.clone())?;
     let controller = |name: &str| format!("mpl_right_arm/{name}");
     let states: Vec<Publisher<JointTrajectoryControllerState>> = WITH_ACTION
         .iter()
@@ -94,6 +97,7 @@ pub fn run_sim(sim: Simulator, arrangement: Arrangement) -> Result<(), NodeError
         heartbeats: BTreeMap::new(),
         base_stamp: f64::NEG_INFINITY,
         arrangement,
+        compat,
     };
     let score: Publisher<Text> = graph.publish("proact/score", 1, true)?;
     let result: Publisher<Text> = graph.publish("proact/result", 1, true)?;
@@ -324,6 +328,9 @@ impl SimNode {
     }
 
     fn grasp_cancel(&mut self, id: &GoalId) {
+        if self.compat.has(Quirk::GraspSucceeds) {
+            return;
+        }
         let now = self.sim.now();
         if self.grasp.goals.cancel(id, now) {
             self.sim.give_hand_back();
@@ -446,61 +453,4 @@ impl SimNode {
             self.faults.refuse("publish", &error.to_string());
         }
     }
-}
-
-/// A client may leave the name of its goal empty; the server then gives one.
-fn own_id(mut id: GoalId, now: SimTime) -> GoalId {
-    if id.id.is_empty() {
-        id.id = format!("{}-{}", rosrust::name(), now.0);
-    }
-    id
-}
-
-fn follow_result(
-    code: i32,
-    text: &str,
-) -> impl Fn(Header, GoalStatus) -> FollowJointTrajectoryActionResult + use<> {
-    let result = FollowJointTrajectoryResult { error_code: code, error_string: text.to_owned() };
-    move |header, status| FollowJointTrajectoryActionResult { header, status, result: result.clone() }
-}
-
-fn grasp_result(done: i32) -> impl Fn(Header, GoalStatus) -> graspActionResult {
-    move |header, status| {
-        let mut message = graspActionResult { header, status, ..Default::default() };
-        message.result.done = done;
-        message
-    }
-}
-
-/// A goal's tolerances: what it leaves at 0 is the controller's own, -1 (or less) means none.
-fn tolerances(
-    names: &[String],
-    goal: &crate::messages::control_msgs::FollowJointTrajectoryGoal,
-) -> Result<GoalTolerances, String> {
-    let mut all = GoalTolerances::defaults(names.len());
-    let set = |into: &mut [Tolerance], given: &[JointTolerance]| -> Result<(), String> {
-        for tolerance in given {
-            let k = names.iter().position(|n| *n == tolerance.name).ok_or_else(|| {
-                format!("a tolerance names joint {:?}, which the controller does not have", tolerance.name)
-            })?;
-            for (value, into) in
-                [(tolerance.position, &mut into[k].position), (tolerance.velocity, &mut into[k].velocity)]
-            {
-                if !value.is_finite() {
-                    return Err(format!("a tolerance of {} is {value}", tolerance.name));
-                }
-                if value != 0.0 {
-                    *into = value.max(0.0);
-                }
-            }
-        }
-        Ok(())
-    };
-    set(&mut all.path, &goal.path_tolerance)?;
-    set(&mut all.goal, &goal.goal_tolerance)?;
-    let time = convert::seconds(&goal.goal_time_tolerance);
-    if time > 0.0 {
-        all.goal_time_secs = time;
-    }
-    Ok(all)
 }

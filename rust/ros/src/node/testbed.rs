@@ -6,6 +6,7 @@ use super::{
     outlets::{Outlets, View},
 };
 use crate::{
+    compat::{Compat, Quirk, UnknownQuirk},
     frames::WORLD,
     messages::{
         geometry_msgs::{PoseStamped, Vector3Stamped},
@@ -35,6 +36,7 @@ struct Topics {
     emg: Publisher<Text>,
     gaze: [Publisher<Vector3Stamped>; 4],
     head: Publisher<PoseStamped>,
+    shifted_head: bool,
     mode: Publisher<Int8>,
     success: Publisher<Bool>,
     frozen: Publisher<Bool>,
@@ -58,7 +60,9 @@ pub fn run_testbed(mut session: Session, simulated: bool) -> Result<TrialResult,
     let links: bool = parameter("~publish_links", true, "true or false")?;
     let stay: bool = parameter("~stay", false, "true or false")?;
     let model = session.testbed().model().clone();
-    let outlets = Outlets::new(&graph, &model, session.testbed().task().scene(), links)?;
+    let compat = compat()?;
+    let shifted_head = compat.has(Quirk::HeadQuaternion);
+    let outlets = Outlets::new(&graph, &model, session.testbed().task().scene(), links, compat)?;
     let topics = Topics {
         emg: graph.publish("emg", 10, false)?,
         gaze: [
@@ -68,6 +72,7 @@ pub fn run_testbed(mut session: Session, simulated: bool) -> Result<TrialResult,
             graph.publish("gaze_direction_ros", 10, false)?,
         ],
         head: graph.publish("hololens_unity_camera_pose_ros", 1, false)?,
+        shifted_head,
         mode: graph.publish("mode", 1, true)?,
         success: graph.publish("success", 1, false)?,
         frozen: graph.publish("selection_frozen", 1, false)?,
@@ -147,6 +152,15 @@ pub(super) fn rate() -> Result<u64, NodeError> {
     Ok(rate as u64)
 }
 
+/// Quirks of the original that are on: `~compat`.
+pub(super) fn compat() -> Result<Compat, NodeError> {
+    let text: String = parameter("~compat", String::new(), "names of quirks with commas between them")?;
+    text.parse().map_err(|error: UnknownQuirk| NodeError::Setup {
+        what: "parameter ~compat".to_owned(),
+        reason: error.to_string(),
+    })
+}
+
 pub(super) fn json(what: &'static str, value: &impl serde::Serialize) -> Result<String, NodeError> {
     serde_json::to_string(value).map_err(|source| NodeError::Json { what, source })
 }
@@ -201,7 +215,12 @@ fn publish(
     if time.0.is_multiple_of(1000 / rate) {
         outlets.clock(time)?;
         outlets.state(time, state, Some(head))?;
-        topics.head.send(convert::pose_stamped(time, WORLD, head))?;
+        let mut pose = convert::pose_stamped(time, WORLD, head);
+        if topics.shifted_head {
+            let q = &mut pose.pose.orientation;
+            (q.x, q.y, q.z, q.w) = (q.w, q.x, q.y, q.z);
+        }
+        topics.head.send(pose)?;
     }
     if let Some(decision) = step.output.emg.filter(|d| d.published) {
         topics.emg.send(Text { data: decision.gesture.ros_name().to_owned() })?;
@@ -223,11 +242,9 @@ fn publish(
             _ => {}
         }
     }
-    if let Some(reply) = &step.output.plan {
-        if !reply.trajectory.points.is_empty() {
-            topics.command.send(command(testbed.model(), time, reply))?;
-            *plan = Some(reply.clone());
-        }
+    if let Some(reply) = step.output.plan.as_ref().filter(|reply| !reply.trajectory.points.is_empty()) {
+        topics.command.send(command(testbed.model(), time, reply))?;
+        *plan = Some(reply.clone());
     }
     if let Some(frame) = &step.frame {
         show(frame, topics, seen)?;

@@ -137,8 +137,8 @@ impl SimNode {
     }
 
     fn model_state(&self, request: &GetModelStateReq) -> GetModelStateRes {
-        let mut answer = GetModelStateRes::default();
-        answer.header = convert::header(self.sim.now(), &request.relative_entity_name);
+        let header = convert::header(self.sim.now(), &request.relative_entity_name);
+        let mut answer = GetModelStateRes { header, ..GetModelStateRes::default() };
         match (self.pose_of(&request.model_name), self.pose_of_entity(&request.relative_entity_name)) {
             (Some((pose, linear, angular)), Some(reference)) => {
                 let turn = reference.rotation.inverse();

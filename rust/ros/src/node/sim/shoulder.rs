@@ -63,7 +63,7 @@ impl ShoulderMarker {
     pub(super) fn keep_alive(&self) -> Result<()> {
         self.update.send(InteractiveMarkerUpdate {
             server_id: SERVER.to_owned(),
-            type_: InteractiveMarkerUpdate::KEEP_ALIVE as u8,
+            type_: InteractiveMarkerUpdate::KEEP_ALIVE,
             ..Default::default()
         })
     }
@@ -75,7 +75,7 @@ impl SimNode {
         if message.marker_name != MARKER {
             return Err(format!("marker {:?} is none of ours, expected {MARKER:?}", message.marker_name));
         }
-        if message.event_type != InteractiveMarkerFeedback::POSE_UPDATE as u8 {
+        if message.event_type != InteractiveMarkerFeedback::POSE_UPDATE {
             return Ok(());
         }
         if !matches!(message.header.frame_id.trim_start_matches('/'), "" | WORLD) {
@@ -101,7 +101,7 @@ fn arrows(world_from_base: &Pose) -> InteractiveMarker {
             controls.push(InteractiveMarkerControl {
                 name: format!("{kind}_{name}"),
                 orientation: orientation.clone(),
-                interaction_mode: mode as u8,
+                interaction_mode: mode,
                 ..Default::default()
             });
         }
