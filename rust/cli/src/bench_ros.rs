@@ -6,6 +6,7 @@ use std::{
     error::Error,
     net::TcpListener,
     process::{Child, Command, Stdio},
+    time::Instant,
 };
 
 type Outcome<T> = Result<T, Box<dyn Error>>;
@@ -45,8 +46,11 @@ pub(crate) fn ros() -> Outcome<BenchReport> {
         .map_err(|e| format!("{e}; apt-get install python3-rosmaster brings it"))?;
     wait_for(&port)?;
     let program = std::env::current_exe()?;
-    let _sim = start(&program, &["node", "sim", "--setup", "still"])?;
-    let _method = start(&program, &["node", "method", "--method", "A", "--setup", "still"])?;
+    let sim = start(&program, &["node", "sim", "--setup", "still"])?;
+    let method = start(&program, &["node", "method", "--method", "A", "--setup", "still"])?;
+    let began = Instant::now();
+    let cpu = || -> Outcome<[f64; 2]> { Ok([cpu_secs(sim.0.id())?, cpu_secs(method.0.id())?]) };
+    let before = cpu()?;
     let meter = Command::new(&program)
         .args(["node", "meter"])
         .env("ROS_MASTER_URI", &uri)
@@ -57,14 +61,39 @@ pub(crate) fn ros() -> Outcome<BenchReport> {
         return Err(format!("the measuring node ended with {}", meter.status).into());
     }
     let measured: Measured = serde_json::from_slice(&meter.stdout)?;
-    Ok(BenchReport { stage: "ros".to_owned(), figures: figures(&measured) })
+    let (after, wall) = (cpu()?, began.elapsed().as_secs_f64());
+    let mut figures = figures(&measured);
+    let load = std::fs::read_to_string("/proc/loadavg")?;
+    let load: f64 = load.split(' ').next().unwrap_or_default().parse()?;
+    let note = format!("of one core, over {wall:.0} s, at a load of {load:.1}");
+    for (k, name) in ["sim", "method"].iter().enumerate() {
+        let share = 100.0 * (after[k] - before[k]) / wall;
+        figures.push(BenchFigure::alone(&format!("node {name}, processor"), share, "%", &note));
+    }
+    figures.push(BenchFigure::alone(
+        "load of the machine",
+        load,
+        "jobs",
+        "mean of the last minute; figures above grow with it",
+    ));
+    Ok(BenchReport { stage: "ros".to_owned(), figures })
+}
+
+/// Processor time of a process so far, s.
+fn cpu_secs(pid: u32) -> Outcome<f64> {
+    // The kernel counts hundredths; the name before them may hold anything but a closing bracket at its end.
+    let stat = std::fs::read_to_string(format!("/proc/{pid}/stat"))?;
+    let (_, fields) = stat.rsplit_once(')').ok_or("/proc/PID/stat has no name")?;
+    let ticks: Vec<f64> =
+        fields.split_whitespace().skip(11).take(2).map(str::parse).collect::<Result<_, _>>()?;
+    Ok(ticks.iter().sum::<f64>() / 100.0)
 }
 
 /// Waits until the master listens: ten seconds at most.
 fn wait_for(port: &str) -> Outcome<()> {
-    let give_up = std::time::Instant::now() + std::time::Duration::from_secs(10);
+    let give_up = Instant::now() + std::time::Duration::from_secs(10);
     while std::net::TcpStream::connect(format!("127.0.0.1:{port}")).is_err() {
-        if std::time::Instant::now() > give_up {
+        if Instant::now() > give_up {
             return Err("rosmaster does not listen after 10 s".into());
         }
         std::thread::sleep(std::time::Duration::from_millis(50));
