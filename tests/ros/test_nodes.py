@@ -25,7 +25,9 @@ from std_srvs.srv import Empty  # noqa: E402
 
 STAGES = ["emg", "intent", "method", "participant"]
 ARM = ["mpl_right_arm__" + n for n in "shoulder humerus elbow forearm wristy wristx wristz".split()]
-METHODS = os.environ.get("PROACT_METHODS", "D").split(",")
+# With A and B the simulated person may run out of time, in either way of running; which block is reached by then is no
+# property of the nodes.
+METHODS = os.environ.get("PROACT_METHODS", "C,D").split(",")
 LOG = None
 
 
