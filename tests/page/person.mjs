@@ -91,6 +91,16 @@ export async function headset(page, { url, check, screenshot, emulator }) {
     device.installRuntime({ forceInstall: true });
     device.position.set(0, 1.6, 0);
     window.headset = device;
+    // What the emulator lacks: tracking of images. The reference board is in the left hand.
+    window.XRImageTrackingResult = class {};
+    window.board = null;
+    const request = navigator.xr.requestSession.bind(navigator.xr);
+    navigator.xr.requestSession = (mode, options) => {
+      window.asked = options;
+      return request(mode, options);
+    };
+    XRFrame.prototype.getImageTrackingResults = () =>
+      window.board ? [{ index: 0, trackingState: window.board, imageSpace: device.controllers.left.inputSource.targetRaySpace }] : [];
   });
   await page.goto(new URL("?quality=3&tutorial=0", url).href);
   await ready(page);
@@ -134,9 +144,42 @@ export async function headset(page, { url, check, screenshot, emulator }) {
     await page.evaluate(() => window.headset.controllers.right.updateButtonValue("trigger", 0));
     await page.waitForFunction(() => window.__proact.frame.gesture === "no_motion");
     check(true, "the trigger is WE");
+    if (mode === "AR") await referenceBoard(page, { check, head });
     await screenshot(`headset-${mode.toLowerCase()}`);
     await page.evaluate(() => window.headset.activeSession.end());
     await page.waitForFunction(() => !window.__proact.worn);
     check(true, `and leaves ${mode}`);
   }
+}
+
+/** A board on the real table puts the virtual one there, level, turned and at its height; one that is guessed at does not. */
+async function referenceBoard(page, { check, head }) {
+  const [asked] = await page.evaluate(() => [window.asked.trackedImages?.[0]]);
+  check(asked?.widthInMeters === 0.18, "the session is asked to find the reference board");
+  const before = await head();
+  // 0.7 m high, half a metre to the left of the origin and a metre ahead, its right edge towards where one came from.
+  await page.evaluate(() => {
+    const { left } = window.headset.controllers;
+    left.position.set(-0.5, 0.7, -1);
+    left.quaternion.set(0, -Math.SQRT1_2, 0, Math.SQRT1_2);
+    window.board = "emulated";
+  });
+  await page.evaluate(() => new Promise((done) => window.headset.activeSession.requestAnimationFrame(() => done())));
+  const unmoved = await head();
+  check(Math.hypot(...unmoved.map((x, k) => x - before[k])) < 0.01, "a board that is only guessed at moves nothing");
+  await page.evaluate(() => (window.board = "tracked"));
+  // The middle of the table as the page has it; the head is seen from there with the board's axes.
+  const expected = await page.evaluate(() => {
+    const [x, y, z] = window.__proact.tableMiddle();
+    const eye = window.headset.position;
+    const [right, up, back] = [eye.x + 0.5, eye.y - 0.7, eye.z + 1];
+    // The board's right is the room's +z, so its way ahead is the room's +x.
+    return [x + right, y - back, z + up];
+  });
+  await page.waitForFunction(
+    (there) => Math.hypot(...window.__proact.frame.world_from_head.translation.map((x, k) => x - there[k])) < 0.01,
+    expected,
+  );
+  check(true, "the table stands where the reference board lies");
+  await page.evaluate(() => (window.board = null));
 }

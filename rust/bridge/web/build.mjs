@@ -10,6 +10,7 @@ const options = {
     app: "src/main.ts",
     calibrate: "src/calibrate.ts",
     experimenter: "src/experimenter.ts",
+    "reference-board": "src/reference-board.ts",
     replay: "src/replay.ts",
   },
   outdir: "dist",
@@ -26,7 +27,8 @@ const options = {
 
 await rm(`${root}dist`, { recursive: true, force: true });
 await mkdir(`${root}dist`, { recursive: true });
-for (const file of ["index.html", "calibrate.html", "experimenter.html", "replay.html", "icon.svg"]) {
+const files = ["index.html", "calibrate.html", "experimenter.html", "reference-board.html", "replay.html", "icon.svg"];
+for (const file of files) {
   await cp(`${root}src/${file}`, `${root}dist/${file}`);
 }
 if (process.argv.includes("--watch")) {

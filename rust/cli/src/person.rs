@@ -5,7 +5,11 @@ use crate::{
     rosbridge::{Rosbridge, RosbridgeArgs},
 };
 use clap::Args;
-use proact_devices::{DeviceError, FeedbackCue, FeedbackSink, GazeFrame, GazeReceiver, UdpFeedback};
+#[cfg(feature = "lsl")]
+use proact_devices::LslGaze;
+use proact_devices::{
+    DeviceError, FeedbackCue, FeedbackSink, GazeFrame, GazeReceiver, GazeTracker, UdpFeedback,
+};
 use proact_testbed::Session;
 use proact_types::{DisplayFrame, GazeSample};
 use std::error::Error;
@@ -46,6 +50,10 @@ pub(crate) struct PersonArgs {
     /// Take gaze from an eye tracker's program over UDP, on port 25040 unless another is given
     #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "25040")]
     gaze_udp: Option<u16>,
+    /// Take gaze from an eye tracker's stream of the lab streaming layer: its name, or the only one of type Gaze
+    #[cfg(feature = "lsl")]
+    #[arg(long, value_name = "NAME", num_args = 0..=1, conflicts_with = "gaze_udp")]
+    gaze_lsl: Option<Option<String>>,
     /// Follow a tracked limb that a program sends over UDP as {"angles": [..]}, on port 25041 unless another is given
     #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "25041")]
     limb_udp: Option<u16>,
@@ -57,7 +65,7 @@ pub(crate) struct PersonArgs {
 
 /// What a person who drives has connected.
 pub(crate) struct Person {
-    tracker: Option<GazeReceiver>,
+    tracker: Option<Box<dyn GazeTracker>>,
     limb: Option<LimbReceiver>,
     /// Why the limb was refused last.
     limb_refused: Option<String>,
@@ -67,16 +75,26 @@ pub(crate) struct Person {
 
 impl PersonArgs {
     pub(crate) fn open(&self, session: &Session) -> Result<Person, Box<dyn Error>> {
-        let tracker = self.gaze_udp.map(GazeReceiver::bind).transpose()?;
-        if let Some(tracker) = &tracker {
-            eprintln!("gaze: UDP {}", tracker.address()?);
-        }
+        let tracker = self.tracker()?;
         let limb = self.limb_udp.map(LimbReceiver::bind).transpose()?;
         if let Some(limb) = &limb {
             eprintln!("limb: UDP {}", limb.address()?);
         }
         let (feedback, rosbridge) = (self.feedback.open()?, self.rosbridge.open(session)?);
         Ok(Person { tracker, limb, limb_refused: None, feedback, rosbridge })
+    }
+
+    fn tracker(&self) -> Result<Option<Box<dyn GazeTracker>>, Box<dyn Error>> {
+        #[cfg(feature = "lsl")]
+        if let Some(name) = &self.gaze_lsl {
+            let tracker = LslGaze::open(name.as_deref())?;
+            eprintln!("gaze: {}, lab streaming layer", tracker.name());
+            return Ok(Some(Box::new(tracker)));
+        }
+        let Some(port) = self.gaze_udp else { return Ok(None) };
+        let tracker = GazeReceiver::bind(port)?;
+        eprintln!("gaze: UDP {}", tracker.address()?);
+        Ok(Some(Box::new(tracker)))
     }
 }
 
@@ -107,7 +125,7 @@ impl Person {
             self.limb_refused = refused.or(self.limb_refused.take());
         }
         if let Some(tracker) = &mut self.tracker {
-            look(tracker, session)?;
+            look(tracker.as_mut(), session)?;
         }
         Ok(())
     }
@@ -122,7 +140,7 @@ impl Person {
 }
 
 /// Hands the newest sample of an eye tracker to a person's trial.
-fn look(tracker: &mut GazeReceiver, session: &mut Session) -> Result<(), DeviceError> {
+fn look(tracker: &mut dyn GazeTracker, session: &mut Session) -> Result<(), DeviceError> {
     if let Some(sent) = tracker.latest()? {
         let GazeSample { origin, direction, valid } = sent.sample;
         session.look(match sent.frame {

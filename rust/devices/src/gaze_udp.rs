@@ -1,5 +1,4 @@
-use crate::DeviceError;
-use proact_types::{GazeSample, Point, Vector};
+use crate::{DeviceError, GazeFrame, GazeTracker, SentGaze};
 use serde::Deserialize;
 use std::{
     io,
@@ -16,30 +15,8 @@ const BINARY_LENGTH: usize = 56;
 /// Bits of the flags.
 const VALID: u32 = 1;
 const IN_HEAD: u32 = 2;
-/// An eye further than this from the origin of its frame is a mistake, metres.
-const MAX_DISTANCE: f64 = 100.0;
 /// Samples taken in one go: a flood must not hold up the trial.
 const MAX_AT_ONCE: usize = 256;
-
-/// In which frame an eye tracker measures.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum GazeFrame {
-    /// The frame `world`.
-    #[default]
-    World,
-    /// The head: x ahead, y left, z up, origin at the eye. What a tracker worn on the head gives.
-    Head,
-}
-
-/// A sample as an eye tracker sent it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SentGaze {
-    /// The sample, in `frame`; its direction is a unit vector.
-    pub sample: GazeSample,
-    /// The frame.
-    pub frame: GazeFrame,
-}
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -74,20 +51,7 @@ impl SentGaze {
         } else {
             serde_json::from_slice(message).map_err(|error| wrong(error.to_string()))?
         };
-        if !origin.iter().all(|x| x.abs() <= MAX_DISTANCE) {
-            return Err(wrong(format!("origin {origin:?}, expected coordinates up to {MAX_DISTANCE} m")));
-        }
-        let vector = Vector::from(direction);
-        let unit = vector.try_normalize(1e-6).filter(|_| vector.norm().is_finite());
-        let direction = match unit {
-            Some(unit) => unit,
-            // A tracker that has lost the eye need not know where it looks.
-            None if !valid => Vector::x(),
-            None => {
-                return Err(wrong(format!("direction {direction:?}, expected a finite vector above zero")));
-            }
-        };
-        Ok(SentGaze { sample: GazeSample { origin: Point::from(origin), direction, valid }, frame })
+        SentGaze::new(origin, direction, valid, frame)
     }
 
     /// The binary form.
@@ -119,7 +83,7 @@ fn binary(message: &[u8]) -> Option<Text> {
     })
 }
 
-/// Gaze samples that an eye tracker's program sends over UDP.
+/// Gaze samples that an eye tracker's program sends over UDP. Datagrams that are no samples are counted and left out.
 #[derive(Debug)]
 pub struct GazeReceiver {
     socket: UdpSocket,
@@ -146,12 +110,14 @@ impl GazeReceiver {
         self.socket.local_addr()
     }
 
-    /// The newest sample since the last call; none if none came. Never waits. Datagrams that are no samples are
-    /// counted and left out.
-    ///
-    /// # Errors
-    /// [`DeviceError::Udp`] if the socket fails.
-    pub fn latest(&mut self) -> Result<Option<SentGaze>, DeviceError> {
+    /// Datagrams so far that were no samples.
+    pub fn refused(&self) -> u64 {
+        self.refused
+    }
+}
+
+impl GazeTracker for GazeReceiver {
+    fn latest(&mut self) -> Result<Option<SentGaze>, DeviceError> {
         let mut latest = None;
         let mut bytes = [0; 1024];
         for _ in 0..MAX_AT_ONCE {
@@ -166,16 +132,12 @@ impl GazeReceiver {
         }
         Ok(latest)
     }
-
-    /// Datagrams so far that were no samples.
-    pub fn refused(&self) -> u64 {
-        self.refused
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proact_types::{GazeSample, Point, Vector};
     use proptest::prelude::*;
 
     #[test]

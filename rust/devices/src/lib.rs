@@ -35,6 +35,7 @@ mod evaluate;
 mod feed;
 mod feedback;
 mod gaze;
+mod gaze_tracker;
 mod gaze_udp;
 pub mod gforce;
 #[cfg(feature = "lsl")]
@@ -54,9 +55,10 @@ pub use evaluate::{Evaluation, evaluate};
 pub use feed::EmgFeed;
 pub use feedback::{Cue, FeedbackCue, FeedbackSink, Tone, UdpFeedback, Vibration};
 pub use gaze::GazeSource;
-pub use gaze_udp::{GAZE_UDP_PORT, GazeFrame, GazeReceiver, SentGaze};
+pub use gaze_tracker::{GazeFrame, GazeTracker, SentGaze};
+pub use gaze_udp::{GAZE_UDP_PORT, GazeReceiver};
 #[cfg(feature = "lsl")]
-pub use lab_streaming::{LslOutlet, LslSource};
+pub use lab_streaming::{LslGaze, LslOutlet, LslSource};
 pub use libemg_udp::{LIBEMG_PORT, LibEmgOutput, LibEmgReceiver, LibEmgSender};
 pub use live::{
     EmgPacket, Fault, FaultySource, KeyboardSource, Pacing, PersonSource, PlaybackSource, SampleSource,

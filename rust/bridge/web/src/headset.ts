@@ -4,6 +4,7 @@
 import { Matrix4, Quaternion, Vector3 } from "three";
 import { element } from "./dom";
 import type { Frame, Triple } from "./protocol";
+import { boardOptions, boardPose } from "./reference";
 import type { GestureKey } from "./settings";
 import type { Stage } from "./stage";
 
@@ -17,6 +18,8 @@ const TURN_SPEED = 1;
 /** Buttons of the standard controller: trigger, squeeze, first and second button above. */
 const [TRIGGER, SQUEEZE, LOWER, UPPER] = [0, 1, 4, 5];
 const STICK_X = 2;
+/** So long after it was first seen the reference board places the world, seconds; then it may be taken away. */
+const SETTLES = 2;
 
 export interface HeadsetHandlers {
   /** `world_from_head`: x ahead, y left, z up. */
@@ -30,6 +33,9 @@ export interface HeadsetHandlers {
 export class Headset {
   readonly root = element("div", "headset");
   private placed = false;
+  /** Seconds for which the reference board has been in use. */
+  private boardFor = 0;
+  private readonly board = boardOptions();
   private readonly dragged = new Map<XRInputSource, Vector3>();
 
   constructor(
@@ -56,9 +62,12 @@ export class Headset {
     const eye = vector(viewer.transform.position);
     const turn = quaternion(viewer.transform.orientation);
     if (!this.placed && frame) {
-      this.place(eye, turn, new Vector3(...frame.world_from_head.translation));
+      const [x, y] = frame.world_from_head.translation;
+      // Floors are the same.
+      this.place(eye, new Vector3(0, 0, -1).applyQuaternion(turn), new Vector3(x, y, eye.y));
       this.placed = true;
     }
+    this.findBoard(xr.getFrame(), space, seconds);
     this.drag(space, seconds);
     rig.updateMatrixWorld();
     const head = eye.clone().applyMatrix4(rig.matrixWorld);
@@ -81,14 +90,25 @@ export class Headset {
     return [...(this.stage.renderer.xr.getSession()?.inputSources ?? [])];
   }
 
-  /** Where the person stands and looks is where the participant sits and faces the box; floors are the same. */
-  private place(eye: Vector3, turn: Quaternion, seat: Vector3): void {
+  /** The point `here`, seen from which the way ahead is `ahead`, becomes `there` of the world, from which it is x. */
+  private place(here: Vector3, ahead: Vector3, there: Vector3): void {
     const { rig } = this.stage.cameras;
-    const ahead = new Vector3(0, 0, -1).applyQuaternion(turn).applyQuaternion(WORLD_FROM_XR);
-    const yaw = Math.atan2(ahead.y, ahead.x);
-    rig.quaternion.setFromAxisAngle(UP, -yaw).multiply(WORLD_FROM_XR);
-    const offset = eye.clone().applyQuaternion(rig.quaternion);
-    rig.position.set(seat.x - offset.x, seat.y - offset.y, 0);
+    const way = ahead.clone().applyQuaternion(WORLD_FROM_XR);
+    rig.quaternion.setFromAxisAngle(UP, -Math.atan2(way.y, way.x)).multiply(WORLD_FROM_XR);
+    rig.position.copy(there).sub(here.clone().applyQuaternion(rig.quaternion));
+  }
+
+  /** The reference board lies on the table, in the middle of the box, its upper edge away from the person. */
+  private findBoard(frame: XRFrame, space: XRReferenceSpace, seconds: number): void {
+    const { room } = this.stage;
+    const pose = room && this.boardFor < SETTLES ? boardPose(frame, space) : null;
+    if (!room || !pose) return;
+    // Tables are level, so the edge to the right tells all; browsers differ in which axis leaves the picture.
+    const right = new Vector3(1, 0, 0).applyQuaternion(quaternion(pose.orientation)).setY(0);
+    if (right.length() < 0.5) return;
+    if (this.boardFor === 0) this.handlers.say("The table stands where the reference board lies.");
+    this.boardFor += Math.max(seconds, 1e-3);
+    this.place(vector(pose.position), new Vector3(0, 1, 0).cross(right.normalize()), room.centre);
   }
 
   /** Squeezing drags the world, the stick turns it about the person. */
@@ -147,17 +167,21 @@ export class Headset {
   private async enter(mode: XRSessionMode): Promise<void> {
     if (!navigator.xr || this.worn) return;
     const { renderer, cameras, room } = this.stage;
+    const ar = mode === "immersive-ar";
+    const board = ar ? await this.board : {};
     const session = await navigator.xr.requestSession(mode, {
+      ...board,
       requiredFeatures: ["local-floor"],
-      optionalFeatures: ["hand-tracking", "dom-overlay"],
-      ...(mode === "immersive-ar" ? { domOverlay: { root: this.overlay } } : {}),
+      optionalFeatures: ["hand-tracking", "dom-overlay", ...(board.optionalFeatures ?? [])],
+      ...(ar ? { domOverlay: { root: this.overlay } } : {}),
     });
     renderer.xr.enabled = true;
     renderer.xr.setReferenceSpaceType("local-floor");
     this.placed = false;
+    this.boardFor = 0;
     cameras.worn = true;
     // The room that one stands in has a floor of its own.
-    room?.showFloor(mode !== "immersive-ar");
+    room?.showFloor(!ar);
     session.addEventListener("end", () => {
       cameras.worn = false;
       renderer.xr.enabled = false;

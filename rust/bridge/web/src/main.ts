@@ -16,7 +16,7 @@ import { Live } from "./live";
 import { Motion } from "./motion";
 import { Panel } from "./panel";
 import { Pointing } from "./pointing";
-import type { BlockId, Content, Frame } from "./protocol";
+import type { BlockId, Content, Frame, Triple } from "./protocol";
 import { load, store, type Settings } from "./settings";
 import { choosePalette, mirrorText } from "./shapes";
 import { Sounds } from "./sounds";
@@ -45,6 +45,8 @@ interface Debug {
   project(what: "block" | "target", id: BlockId): { x: number; y: number } | null;
   /** Where the point of the gaze check is on the screen. */
   gazePoint(): { x: number; y: number } | null;
+  /** Middle of the table top in `world`, metres. */
+  tableMiddle(): Triple | null;
 }
 
 function start(): void {
@@ -81,6 +83,7 @@ function start(): void {
       const x = settings.leftArm ? -(seen?.x ?? 0) : (seen?.x ?? 0);
       return seen ? { x: ((x + 1) / 2) * window.innerWidth, y: ((1 - seen.y) / 2) * window.innerHeight } : null;
     },
+    tableMiddle: () => stage.room?.centre.toArray() ?? null,
   };
   (window as unknown as { __proact: Debug }).__proact = debug;
 

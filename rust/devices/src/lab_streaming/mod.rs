@@ -3,17 +3,28 @@
 //! Its streams have time stamps and no sample counters; [`LslSource`] makes one of the other, [`LslOutlet`] the other of
 //! the one. liblsl comes with the crate `lsl` and is built from source.
 
+mod gaze;
 mod numbering;
 mod outlet;
 mod source;
 
+pub use gaze::LslGaze;
 pub use outlet::LslOutlet;
 pub use source::LslSource;
 
 use crate::DeviceError;
+use lsl::{StreamInfo, StreamInlet};
 
 /// The type by which EMG streams are found.
 const EMG_TYPE: &str = "EMG";
+/// How long all streams of a name have to answer, so that a second one is noticed.
+const ALL_SECS: f64 = 1.0;
+/// How long the first one has, after that.
+const FIRST_SECS: f64 = 4.0;
+/// How long the stream has to open.
+const OPEN_SECS: f64 = 5.0;
+/// Seconds of samples that liblsl keeps for a reader that is late.
+const KEPT_SECS: i32 = 5;
 
 fn failed(stream: &str, reason: impl ToString) -> DeviceError {
     DeviceError::Lsl { stream: stream.to_owned(), reason: reason.to_string() }
@@ -25,4 +36,39 @@ fn check_name(name: &str) -> Result<(), DeviceError> {
         return Err(failed(name, "a name is not empty and has no quotation marks"));
     }
     Ok(())
+}
+
+/// The only stream whose `property` is `label`.
+fn find(property: &str, label: &str) -> Result<StreamInfo, DeviceError> {
+    let resolve =
+        |least, secs| lsl::resolve_byprop(property, label, least, secs).map_err(|error| failed(label, error));
+    let mut found = resolve(2, ALL_SECS)?;
+    if found.is_empty() {
+        found = resolve(1, FIRST_SECS)?;
+    }
+    if found.len() > 1 {
+        let name = |s: &StreamInfo| format!("{:?} on {}", s.stream_name(), s.hostname());
+        let names: Vec<String> = found.iter().map(name).collect();
+        let names = names.join(", ");
+        return Err(failed(
+            label,
+            format!("several streams of this {property}, expected one: {names}; name one"),
+        ));
+    }
+    found.pop().ok_or_else(|| {
+        let secs = ALL_SECS + FIRST_SECS;
+        failed(
+            label,
+            format!(
+                "no stream of this {property} answered within {secs} s; is its program running, and does a \
+                 firewall let UDP 16571 and TCP 16572 to 16604 through?"
+            ),
+        )
+    })
+}
+
+fn subscribe(stream: &StreamInfo, label: &str) -> Result<StreamInlet, DeviceError> {
+    let inlet = StreamInlet::new(stream, KEPT_SECS, 0, true).map_err(|error| failed(label, error))?;
+    inlet.open_stream(OPEN_SECS).map_err(|error| failed(label, format!("cannot be opened: {error}")))?;
+    Ok(inlet)
 }

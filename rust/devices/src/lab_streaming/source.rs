@@ -1,4 +1,4 @@
-use super::{EMG_TYPE, check_name, failed, numbering::Numbering};
+use super::{EMG_TYPE, check_name, failed, find, numbering::Numbering, subscribe};
 use crate::{DeviceError, EmgPacket, SampleSource, SourceClock, SourceCounts, SourceEvent, SourceInfo};
 use lsl::{ChannelFormat, Pullable, StreamInfo, StreamInlet};
 use proact_types::{EmgSample, MAX_EMG_CHANNELS};
@@ -12,12 +12,6 @@ use std::{
     time::{Duration, Instant},
 };
 
-/// How long all streams of a name have to answer, so that a second one is noticed.
-const ALL_SECS: f64 = 1.0;
-/// How long the first one has, after that.
-const FIRST_SECS: f64 = 4.0;
-/// How long the stream has to open.
-const OPEN_SECS: f64 = 5.0;
 /// From one look at the clocks' comparison, which liblsl makes in the background, to the next: before there is one, and then.
 const CLOCK_PERIODS: [Duration; 2] = [Duration::from_millis(200), Duration::from_secs(2)];
 /// A stream without a sample for so long is lost, until one comes.
@@ -26,8 +20,6 @@ const SILENCE: Duration = Duration::from_secs(2);
 const WAITING: usize = 4096;
 /// Most samples of a packet.
 const PACKET: usize = 64;
-/// Seconds of samples that liblsl keeps for a reader that is late.
-const KEPT_SECS: i32 = 5;
 
 /// An EMG stream of the lab streaming layer, from any program on the network.
 ///
@@ -224,40 +216,9 @@ impl Drop for LslSource {
 
 /// Finds the stream and subscribes to it.
 fn connect(property: &str, label: &str) -> Result<(StreamInlet, SourceInfo), DeviceError> {
-    let resolve =
-        |least, secs| lsl::resolve_byprop(property, label, least, secs).map_err(|error| failed(label, error));
-    let mut found = resolve(2, ALL_SECS)?;
-    if found.is_empty() {
-        found = resolve(1, FIRST_SECS)?;
-    }
-    let stream = match &found[..] {
-        [] => {
-            let secs = ALL_SECS + FIRST_SECS;
-            return Err(failed(
-                label,
-                format!(
-                    "no stream of this {property} answered within {secs} s; is its program running, \
-                         and does a firewall let UDP 16571 and TCP 16572 to 16604 through?"
-                ),
-            ));
-        }
-        [stream] => stream,
-        several => {
-            let name = |s: &StreamInfo| format!("{:?} on {}", s.stream_name(), s.hostname());
-            let names: Vec<String> = several.iter().map(name).collect();
-            return Err(failed(
-                label,
-                format!(
-                    "several streams of this {property}, expected one: {}; name one with lsl:NAME",
-                    names.join(", ")
-                ),
-            ));
-        }
-    };
-    let info = checked(stream).map_err(|reason| failed(label, reason))?;
-    let inlet = StreamInlet::new(stream, KEPT_SECS, 0, true).map_err(|error| failed(label, error))?;
-    inlet.open_stream(OPEN_SECS).map_err(|error| failed(label, format!("cannot be opened: {error}")))?;
-    Ok((inlet, info))
+    let stream = find(property, label)?;
+    let info = checked(&stream).map_err(|reason| failed(label, reason))?;
+    Ok((subscribe(&stream, label)?, info))
 }
 
 /// What the stream is, if it can be used.

@@ -1,0 +1,6 @@
+// The page that prints the reference board.
+
+import { drawBoard } from "./reference";
+
+document.getElementById("board")?.append(drawBoard());
+document.getElementById("print")?.addEventListener("click", () => window.print());

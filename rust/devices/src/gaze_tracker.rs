@@ -1,0 +1,64 @@
+use crate::DeviceError;
+use proact_types::{GazeSample, Point, Vector};
+use serde::Deserialize;
+
+/// An eye further than this from the origin of its frame is a mistake, metres.
+const MAX_DISTANCE: f64 = 100.0;
+
+/// In which frame an eye tracker measures.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum GazeFrame {
+    /// The frame `world`.
+    #[default]
+    World,
+    /// The head: x ahead, y left, z up, origin at the eye. What a tracker worn on the head gives.
+    Head,
+}
+
+/// A sample as an eye tracker sent it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SentGaze {
+    /// The sample, in `frame`; its direction is a unit vector.
+    pub sample: GazeSample,
+    /// The frame.
+    pub frame: GazeFrame,
+}
+
+impl SentGaze {
+    /// A sample from an eye at `origin`, metres, along `direction` of any length above zero.
+    ///
+    /// # Errors
+    /// [`DeviceError::GazeMessage`] for an eye further off than 100 m, and for a valid sample without a direction.
+    pub fn new(
+        origin: [f64; 3],
+        direction: [f64; 3],
+        valid: bool,
+        frame: GazeFrame,
+    ) -> Result<SentGaze, DeviceError> {
+        let wrong = |reason: String| DeviceError::GazeMessage { reason };
+        if !origin.iter().all(|x| x.abs() <= MAX_DISTANCE) {
+            return Err(wrong(format!("origin {origin:?}, expected coordinates up to {MAX_DISTANCE} m")));
+        }
+        let vector = Vector::from(direction);
+        let unit = vector.try_normalize(1e-6).filter(|_| vector.norm().is_finite());
+        let direction = match unit {
+            Some(unit) => unit,
+            // A tracker that has lost the eye need not know where it looks.
+            None if !valid => Vector::x(),
+            None => {
+                return Err(wrong(format!("direction {direction:?}, expected a finite vector above zero")));
+            }
+        };
+        Ok(SentGaze { sample: GazeSample { origin: Point::from(origin), direction, valid }, frame })
+    }
+}
+
+/// Where an eye tracker's samples come in.
+pub trait GazeTracker: Send {
+    /// The newest sample since the last call; none if none came. Never waits.
+    ///
+    /// # Errors
+    /// The connection cannot be used any more.
+    fn latest(&mut self) -> Result<Option<SentGaze>, DeviceError>;
+}

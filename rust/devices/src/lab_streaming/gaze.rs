@@ -1,0 +1,262 @@
+use super::{OPEN_SECS, check_name, failed, find, subscribe};
+use crate::{DeviceError, GazeFrame, GazeTracker, SentGaze};
+use lsl::{ChannelFormat, Pullable, StreamInlet};
+use std::{
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+        mpsc::{Receiver, SyncSender, TryRecvError, TrySendError, sync_channel},
+    },
+    thread::JoinHandle,
+};
+
+/// The type by which gaze streams are found.
+const GAZE_TYPE: &str = "Gaze";
+/// A sample that its tracker trusts less counts as lost; Pupil Labs' own bound.
+const LEAST_CONFIDENCE: f64 = 0.6;
+/// Samples that may wait for whoever polls, a second of the fastest trackers.
+const WAITING: usize = 1024;
+
+/// Gaze samples of a stream of the lab streaming layer, from any program on the network.
+///
+/// Channels are found by their labels (XDF, Gaze meta-data): `direction_x`, `_y`, `_z`, and if they are there
+/// `origin_x`, `_y`, `_z`, metres, `valid` (above 0.5) and `confidence` (from 0.6); the description's value `frame` says
+/// `world`, the default, or `head`. Without a direction, `gaze_point_3d_x`, `_y`, `_z` as Pupil Capture's relay sends
+/// them: a point in the axes of the scene camera (x right, y down, z ahead), which is taken for the head. A sample
+/// with a number that is not finite is one of a lost eye.
+pub struct LslGaze {
+    name: String,
+    samples: Receiver<SentGaze>,
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// Which channel is what.
+#[derive(Debug, PartialEq)]
+struct Layout {
+    direction: [usize; 3],
+    /// The direction is in the axes of a camera.
+    camera: bool,
+    origin: Option<[usize; 3]>,
+    valid: Option<usize>,
+    confidence: Option<usize>,
+    frame: GazeFrame,
+}
+
+impl LslGaze {
+    /// Opens the stream called `name`; without a name the only one of type Gaze.
+    ///
+    /// # Errors
+    /// No such stream, or several; one whose channels are not labelled as gaze or are texts; no connection.
+    pub fn open(name: Option<&str>) -> Result<LslGaze, DeviceError> {
+        let label = name.unwrap_or(GAZE_TYPE).to_owned();
+        check_name(&label)?;
+        let property = if name.is_some() { "name" } else { "type" };
+        let stop = Arc::new(AtomicBool::new(false));
+        let (sender, samples) = sync_channel(WAITING);
+        let (ready, opened) = sync_channel(1);
+        // The inlet cannot leave the thread that made it.
+        let thread = std::thread::spawn({
+            let (label, stop) = (label.clone(), stop.clone());
+            move || match connect(property, &label) {
+                Ok((inlet, layout, name)) => {
+                    // If nobody waits any more, nobody takes samples either.
+                    let _ = ready.send(Ok(name));
+                    pull(&inlet, &layout, &sender, &stop);
+                }
+                Err(error) => {
+                    let _ = ready.send(Err(error));
+                }
+            }
+        });
+        let name = opened.recv().map_err(|_| failed(&label, "the thread of the stream has ended"))??;
+        Ok(LslGaze { name, samples, stop, thread: Some(thread) })
+    }
+
+    /// The stream's name and host.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+}
+
+impl GazeTracker for LslGaze {
+    fn latest(&mut self) -> Result<Option<SentGaze>, DeviceError> {
+        let mut latest = None;
+        loop {
+            match self.samples.try_recv() {
+                Ok(sample) => latest = Some(sample),
+                Err(TryRecvError::Empty) => return Ok(latest),
+                Err(TryRecvError::Disconnected) => {
+                    return Err(failed(&self.name, "liblsl gave the stream up"));
+                }
+            }
+        }
+    }
+}
+
+impl Drop for LslGaze {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            // A panic of the thread has been told by itself.
+            let _ = thread.join();
+        }
+    }
+}
+
+/// Finds the stream, learns its channels and subscribes to it.
+fn connect(property: &str, label: &str) -> Result<(StreamInlet, Layout, String), DeviceError> {
+    let stream = find(property, label)?;
+    let name = format!("{} on {}", stream.stream_name(), stream.hostname());
+    if matches!(stream.channel_format(), ChannelFormat::String | ChannelFormat::Undefined) {
+        return Err(failed(label, "its samples are texts, expected numbers"));
+    }
+    let inlet = subscribe(&stream, label)?;
+    let mut about = inlet.info(OPEN_SECS).map_err(|error| failed(label, error))?;
+    let count = about.channel_count().unsigned_abs() as usize;
+    let description = about.desc();
+    let mut channel = description.child("channels").child("channel");
+    let mut labels = Vec::new();
+    while !channel.empty() && labels.len() < count {
+        labels.push(channel.child_value_named("label").to_lowercase());
+        channel = channel.next_sibling_named("channel");
+    }
+    let layout = Layout::of(&labels, &description.child_value_named("frame"));
+    Ok((inlet, layout.map_err(|reason| failed(label, reason))?, name))
+}
+
+impl Layout {
+    fn of(labels: &[String], frame: &str) -> Result<Layout, String> {
+        let channel = |label: &str| labels.iter().position(|known| known == label);
+        let three = |label: &str| -> Option<[usize; 3]> {
+            Some([
+                channel(&format!("{label}_x"))?,
+                channel(&format!("{label}_y"))?,
+                channel(&format!("{label}_z"))?,
+            ])
+        };
+        let named = three("direction");
+        let direction = named.or_else(|| three("gaze_point_3d")).ok_or_else(|| {
+            format!(
+                "its channels are labelled {labels:?}, expected direction_x, direction_y and direction_z, or \
+                 gaze_point_3d_x, _y and _z"
+            )
+        })?;
+        let camera = named.is_none();
+        let frame = match frame {
+            _ if camera => GazeFrame::Head,
+            "" | "world" => GazeFrame::World,
+            "head" => GazeFrame::Head,
+            other => return Err(format!("its frame is {other:?}, expected \"world\" or \"head\"")),
+        };
+        let origin = three("origin").filter(|_| !camera);
+        Ok(Layout {
+            direction,
+            camera,
+            origin,
+            valid: channel("valid"),
+            confidence: channel("confidence"),
+            frame,
+        })
+    }
+
+    /// The gaze of a sample with a value for each channel.
+    fn read(&self, values: &[f64]) -> SentGaze {
+        let value = |channel: usize| values.get(channel).copied().unwrap_or(f64::NAN);
+        let [x, y, z] = self.direction.map(value);
+        let direction = if self.camera { [z, -x, -y] } else { [x, y, z] };
+        let origin = self.origin.map_or([0.0; 3], |channels| channels.map(value));
+        let seen = self.valid.is_none_or(|channel| value(channel) > 0.5)
+            && self.confidence.is_none_or(|channel| value(channel) >= LEAST_CONFIDENCE);
+        let sample = |valid| SentGaze::new(origin, direction, valid, self.frame);
+        let lost = || SentGaze::new([0.0; 3], [1.0, 0.0, 0.0], false, self.frame);
+        #[allow(clippy::expect_used)] // The numbers are written here.
+        sample(seen).or_else(|_| lost()).expect("a lost eye is a sample")
+    }
+}
+
+/// Hands samples over until it is told to stop, or liblsl gives up.
+fn pull(inlet: &StreamInlet, layout: &Layout, samples: &SyncSender<SentGaze>, stop: &AtomicBool) {
+    let mut values: Vec<f64> = Vec::new();
+    while !stop.load(Ordering::Relaxed) {
+        // A time-out gives a stamp of zero.
+        match inlet.pull_sample_buf(&mut values, 0.1) {
+            Ok(0.0) => continue,
+            Ok(_) => {}
+            Err(_) => return,
+        }
+        match samples.try_send(layout.read(&values)) {
+            Ok(()) | Err(TrySendError::Full(_)) => {}
+            Err(TrySendError::Disconnected(_)) => return,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lsl::{ExPushable, StreamInfo, StreamOutlet};
+    use proact_types::Vector;
+
+    fn labels(words: &str) -> Vec<String> {
+        words.split(' ').map(str::to_owned).collect()
+    }
+
+    #[test]
+    fn channels_are_found_by_label_and_others_left_out() {
+        let ours = labels("valid direction_z direction_y direction_x diameter");
+        let layout = Layout::of(&ours, "head").unwrap();
+        assert_eq!((layout.direction, layout.frame), ([3, 2, 1], GazeFrame::Head));
+        let sent = layout.read(&[1.0, 0.0, 2.0, 0.0, 4.5]);
+        assert_eq!((sent.sample.direction, sent.sample.valid), (Vector::y(), true));
+        assert!(!layout.read(&[0.0, 0.0, 2.0, 0.0, 4.5]).sample.valid, "the tracker says so");
+        assert!(!layout.read(&[1.0, f64::NAN, 2.0, 0.0, 4.5]).sample.valid, "not a number");
+        assert!(!layout.read(&[1.0, 0.0, 0.0, 0.0, 4.5]).sample.valid, "no direction");
+        for (words, frame, part) in [
+            ("direction_x direction_y", "", "expected direction_x, direction_y and direction_z"),
+            ("direction_x direction_y direction_z", "moon", "its frame is \"moon\""),
+        ] {
+            let reason = Layout::of(&labels(words), frame).unwrap_err();
+            assert!(reason.contains(part), "{reason}");
+        }
+    }
+
+    #[test]
+    fn the_relay_of_pupil_capture_is_understood() {
+        let theirs = "confidence norm_pos_x norm_pos_y gaze_point_3d_x gaze_point_3d_y gaze_point_3d_z";
+        let layout = Layout::of(&labels(theirs), "").unwrap();
+        // 30 mm to the right and 40 mm down at a metre.
+        let sent = layout.read(&[0.9, 0.5, 0.5, 30.0, 40.0, 1000.0]);
+        let expected = Vector::new(1.0, -0.03, -0.04).normalize();
+        assert!((sent.sample.direction - expected).norm() < 1e-12);
+        assert_eq!((sent.sample.valid, sent.frame), (true, GazeFrame::Head));
+        assert!(!layout.read(&[0.3, 0.5, 0.5, 30.0, 40.0, 1000.0]).sample.valid, "a blink");
+    }
+
+    #[test]
+    fn a_stream_of_another_program_comes_in() {
+        let name = format!("proact-test-gaze-{}", std::process::id());
+        assert!(LslGaze::open(Some("no \" name")).is_err());
+        let mut about = StreamInfo::new(&name, GAZE_TYPE, 3, 100.0, ChannelFormat::Float32, &name).unwrap();
+        let mut list = about.desc().append_child("channels");
+        for label in ["direction_x", "direction_y", "direction_z"] {
+            list.append_child("channel").append_child_value("label", label);
+        }
+        about.desc().append_child_value("frame", "head");
+        let outlet = StreamOutlet::new(&about, 0, 10).unwrap();
+        let mut tracker = LslGaze::open(Some(&name)).unwrap();
+        assert!(tracker.name().starts_with(&name));
+        assert_eq!(tracker.latest().unwrap(), None);
+        assert!(outlet.wait_for_consumers(10.0));
+        outlet.push_sample_ex(&vec![1.0_f32, 0.0, 0.0], 0.0, true).unwrap();
+        outlet.push_sample_ex(&vec![0.0_f32, 0.0, -3.0], 0.0, true).unwrap();
+        // Two may come in two steps.
+        let down = Vector::new(0.0, 0.0, -1.0);
+        let mut newest = None;
+        while newest.is_none_or(|sent: SentGaze| sent.sample.direction != down) {
+            newest = tracker.latest().unwrap().or(newest);
+            std::thread::yield_now();
+        }
+        assert_eq!(newest.unwrap().frame, GazeFrame::Head);
+    }
+}
