@@ -109,14 +109,11 @@ fn tests_that_the_list_of_differences_names_exist() {
             }
         }
     }
-    let list = read("docs/differences_from_original.md");
+    let list = read("docs/differences.md");
     let names = test_names_in(&list);
     let missing: Vec<&String> =
         names.iter().filter(|name| !sources.contains(&format!("fn {name}("))).collect();
-    assert!(
-        missing.is_empty(),
-        "docs/differences_from_original.md names tests that do not exist: {missing:?}"
-    );
+    assert!(missing.is_empty(), "docs/differences.md names tests that do not exist: {missing:?}");
     assert!(names.len() > 30, "the list names more tests than {}", names.len());
     // Each of the defects of control, hand and gaze has its row.
     for defect in 13..=45 {
@@ -134,9 +131,7 @@ fn sentences_are_taken_for_tests_and_other_words_are_not() {
 #[test]
 fn links_between_documents_lead_somewhere() {
     let mut checked = 0;
-    for document in
-        ["README.md", "ARCHITECTURE.md", "docs/user_guide.md", "docs/differences_from_original.md"]
-    {
+    for document in ["README.md", "ARCHITECTURE.md", "docs/user_guide.md", "docs/differences.md"] {
         let folder = root().join(document).parent().expect("a file lies in a folder").to_path_buf();
         for part in read(document).split("](").skip(1) {
             let target = part.split([')', '#']).next().unwrap_or_default();
