@@ -154,8 +154,8 @@ export async function headset(page, { url, check, screenshot, emulator }) {
 
 /** A board on the real table puts the virtual one there, level, turned and at its height; one that is guessed at does not. */
 async function referenceBoard(page, { check, head }) {
-  const [asked] = await page.evaluate(() => [window.asked.trackedImages?.[0]]);
-  check(asked?.widthInMeters === 0.18, "the session is asked to find the reference board");
+  const width = await page.evaluate(() => window.asked.trackedImages?.[0]?.widthInMeters);
+  check(width === 0.18, "the session is asked to find the reference board");
   const before = await head();
   // 0.7 m high, half a metre to the left of the origin and a metre ahead, its right edge towards where one came from.
   await page.evaluate(() => {
