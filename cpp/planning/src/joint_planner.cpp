@@ -165,6 +165,7 @@ std::shared_ptr<ob::RealVectorStateSpace> joint_space(const Scene& scene, std::u
     bounds.setHigh(k, scene.upper(k));
   }
   space->setBounds(bounds);
+  project_as_original(*space);
   space->setStateSamplerAllocator(
       [seed](const ob::StateSpace* s) { return std::make_shared<SeededSampler>(s, seed); });
   return space;

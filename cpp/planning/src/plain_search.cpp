@@ -7,7 +7,6 @@
 #include <ompl/base/SpaceInformation.h>
 #include <ompl/base/StateValidityChecker.h>
 #include <ompl/base/goals/GoalStates.h>
-#include <ompl/base/spaces/RealVectorStateProjections.h>
 #include <ompl/base/spaces/RealVectorStateSpace.h>
 #include <ompl/geometric/PathGeometric.h>
 #include <ompl/geometric/PathSimplifier.h>
@@ -202,11 +201,7 @@ PlainPlan search_plainly(const Scene& scene, const std::vector<double>& start,
     bounds.setHigh(k, scene.upper(k));
   }
   space->setBounds(bounds);
-  // The original projects on its first two joints, shoulder and humerus, in MoveIt's cells of 0.1 rad.
-  std::vector<unsigned int> first{0};
-  if (joints > 1) first.push_back(1);
-  const std::vector<double> cells(first.size(), 0.1);
-  space->registerDefaultProjection(std::make_shared<ob::RealVectorOrthogonalProjectionEvaluator>(space, cells, first));
+  project_as_original(*space);
   auto information = std::make_shared<ob::SpaceInformation>(space);
   information->setStateValidityChecker(std::make_shared<PlainValidity>(information, world));
   information->setStateValidityCheckingResolution(settings.equal_steps);

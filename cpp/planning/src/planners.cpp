@@ -2,6 +2,7 @@
 
 #include <ompl/base/PlannerData.h>
 #include <ompl/base/SpaceInformation.h>
+#include <ompl/base/spaces/RealVectorStateProjections.h>
 #include <ompl/base/spaces/RealVectorStateSpace.h>
 #include <ompl/config.h>
 #include <ompl/datastructures/NearestNeighborsLinear.h>
@@ -163,6 +164,13 @@ PlannerTurn::PlannerTurn(PlannerKind kind, std::uint32_t seed, const CancelFlag&
   while (!cancel.is_raised() && !alone_.try_lock_for(patience)) {
   }
   if (alone_) ompl::RNG::setSeed(seed);
+}
+
+void project_as_original(ob::StateSpace& space) {
+  std::vector<unsigned int> first{0};
+  if (space.getDimension() > 1) first.push_back(1);
+  const std::vector<double> cells(first.size(), 0.1);
+  space.registerDefaultProjection(std::make_shared<ob::RealVectorOrthogonalProjectionEvaluator>(&space, cells, first));
 }
 
 std::unique_ptr<ob::Planner> plain_planner(const ob::SpaceInformationPtr& space, PlannerKind kind,

@@ -26,6 +26,10 @@ class PlannerTurn {
   std::unique_lock<std::shared_timed_mutex> alone_;
 };
 
+/// LBKPIECE1 lays its grid over the first two joints, as the original's does, in MoveIt's cells of 0.1 rad. OMPL's own
+/// random projection leaves it without a way in most problems.
+void project_as_original(ompl::base::StateSpace& space);
+
 /// A planner with OMPL's own parameters; `seed` reaches the generators of RRTConnect alone.
 std::unique_ptr<ompl::base::Planner> plain_planner(const ompl::base::SpaceInformationPtr& space, PlannerKind kind,
                                                    std::uint32_t seed);
