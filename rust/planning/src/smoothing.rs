@@ -48,6 +48,7 @@ impl ArmPlanner {
             if window == 0.0 {
                 return Ok(timed);
             }
+            self.go_on()?;
             let smooth = averaged(&timed, window);
             let at = |u: f64| timed.points[u as usize * GRID].time_secs;
             if (closest && !self.is_tight()) || self.is_free_between(&smooth, at(from) + window, at(to))? {

@@ -267,6 +267,7 @@ impl ArmPlanner {
         ways: &mut Vec<Way>,
         tally: &mut Tally,
     ) -> Result<bool, Failure> {
+        self.go_on()?;
         match self.way_down(problem, reach, end, &entry, tally.hit.is_none())? {
             Ok(points) => {
                 let cramped =
