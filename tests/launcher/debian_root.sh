@@ -55,7 +55,7 @@ bootstrap() { # RELEASE [MIRROR]
     rm -f "$root.log"
     cp /etc/resolv.conf "$root/etc/resolv.conf"
     for file in /etc/apt/apt.conf.d/99* /usr/local/share/ca-certificates/*; do
-        [ -f "$file" ] && install -D -m 644 "$file" "$root$file"
+        if [ -f "$file" ]; then install -D -m 644 "$file" "$root$file"; fi
     done
     mount -t proc proc "$root/proc"
 }
@@ -73,7 +73,7 @@ make_root() {
     bootstrap bookworm "$mirror"
     echo "$sources" >"$root/etc/apt/sources.list"
     for file in .npmrc .cargo/config.toml; do
-        [ -f "${HOME:-/root}/$file" ] && install -D -m 600 "${HOME:-/root}/$file" "$root/root/$file"
+        if [ -f "${HOME:-/root}/$file" ]; then install -D -m 600 "${HOME:-/root}/$file" "$root/root/$file"; fi
     done
 }
 
