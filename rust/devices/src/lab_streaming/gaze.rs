@@ -1,14 +1,7 @@
-use super::{OPEN_SECS, check_name, failed, find, subscribe};
+use super::{OPEN_SECS, failed, find, reader::Reader, subscribe};
 use crate::{DeviceError, GazeFrame, GazeTracker, SentGaze};
-use lsl::{ChannelFormat, Pullable, StreamInlet};
-use std::{
-    sync::{
-        Arc,
-        atomic::{AtomicBool, Ordering},
-        mpsc::{Receiver, SyncSender, TryRecvError, TrySendError, sync_channel},
-    },
-    thread::JoinHandle,
-};
+use lsl::{ChannelFormat, StreamInlet};
+use std::sync::mpsc::TryRecvError;
 
 /// The type by which gaze streams are found.
 const GAZE_TYPE: &str = "Gaze";
@@ -26,9 +19,7 @@ const WAITING: usize = 1024;
 /// with a number that is not finite is one of a lost eye.
 pub struct LslGaze {
     name: String,
-    samples: Receiver<SentGaze>,
-    stop: Arc<AtomicBool>,
-    thread: Option<JoinHandle<()>>,
+    reader: Reader<SentGaze>,
 }
 
 /// Which channel is what.
@@ -49,28 +40,11 @@ impl LslGaze {
     /// # Errors
     /// No such stream, or several; one whose channels are not labelled as gaze or are texts; no connection.
     pub fn open(name: Option<&str>) -> Result<LslGaze, DeviceError> {
-        let label = name.unwrap_or(GAZE_TYPE).to_owned();
-        check_name(&label)?;
-        let property = if name.is_some() { "name" } else { "type" };
-        let stop = Arc::new(AtomicBool::new(false));
-        let (sender, samples) = sync_channel(WAITING);
-        let (ready, opened) = sync_channel(1);
-        // The inlet cannot leave the thread that made it.
-        let thread = std::thread::spawn({
-            let (label, stop) = (label.clone(), stop.clone());
-            move || match connect(property, &label) {
-                Ok((inlet, layout, name)) => {
-                    // If nobody waits any more, nobody takes samples either.
-                    let _ = ready.send(Ok(name));
-                    pull(&inlet, &layout, &sender, &stop);
-                }
-                Err(error) => {
-                    let _ = ready.send(Err(error));
-                }
-            }
-        });
-        let name = opened.recv().map_err(|_| failed(&label, "the thread of the stream has ended"))??;
-        Ok(LslGaze { name, samples, stop, thread: Some(thread) })
+        let (reader, name) = Reader::open(name, GAZE_TYPE, WAITING, |property, label| {
+            let (inlet, layout, name) = connect(property, label)?;
+            Ok((inlet, name, move |_: &StreamInlet, values: &[f64], _| layout.read(values)))
+        })?;
+        Ok(LslGaze { name, reader })
     }
 
     /// The stream's name and host.
@@ -83,23 +57,13 @@ impl GazeTracker for LslGaze {
     fn latest(&mut self) -> Result<Option<SentGaze>, DeviceError> {
         let mut latest = None;
         loop {
-            match self.samples.try_recv() {
+            match self.reader.samples.try_recv() {
                 Ok(sample) => latest = Some(sample),
                 Err(TryRecvError::Empty) => return Ok(latest),
                 Err(TryRecvError::Disconnected) => {
                     return Err(failed(&self.name, "liblsl gave the stream up"));
                 }
             }
-        }
-    }
-}
-
-impl Drop for LslGaze {
-    fn drop(&mut self) {
-        self.stop.store(true, Ordering::Relaxed);
-        if let Some(thread) = self.thread.take() {
-            // A panic of the thread has been told by itself.
-            let _ = thread.join();
         }
     }
 }
@@ -172,23 +136,6 @@ impl Layout {
         let lost = || SentGaze::new([0.0; 3], [1.0, 0.0, 0.0], false, self.frame);
         #[allow(clippy::expect_used)] // The numbers are written here.
         sample(seen).or_else(|_| lost()).expect("a lost eye is a sample")
-    }
-}
-
-/// Hands samples over until it is told to stop, or liblsl gives up.
-fn pull(inlet: &StreamInlet, layout: &Layout, samples: &SyncSender<SentGaze>, stop: &AtomicBool) {
-    let mut values: Vec<f64> = Vec::new();
-    while !stop.load(Ordering::Relaxed) {
-        // A time-out gives a stamp of zero.
-        match inlet.pull_sample_buf(&mut values, 0.1) {
-            Ok(0.0) => continue,
-            Ok(_) => {}
-            Err(_) => return,
-        }
-        match samples.try_send(layout.read(&values)) {
-            Ok(()) | Err(TrySendError::Full(_)) => {}
-            Err(TrySendError::Disconnected(_)) => return,
-        }
     }
 }
 

@@ -6,6 +6,7 @@
 mod gaze;
 mod numbering;
 mod outlet;
+mod reader;
 mod source;
 
 pub use gaze::LslGaze;

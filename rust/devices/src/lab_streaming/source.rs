@@ -1,14 +1,9 @@
-use super::{EMG_TYPE, check_name, failed, find, numbering::Numbering, subscribe};
+use super::{EMG_TYPE, failed, find, numbering::Numbering, reader::Reader, subscribe};
 use crate::{DeviceError, EmgPacket, SampleSource, SourceClock, SourceCounts, SourceEvent, SourceInfo};
-use lsl::{ChannelFormat, Pullable, StreamInfo, StreamInlet};
+use lsl::{ChannelFormat, StreamInfo, StreamInlet};
 use proact_types::{EmgSample, MAX_EMG_CHANNELS};
 use std::{
-    sync::{
-        Arc,
-        atomic::{AtomicBool, Ordering},
-        mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel},
-    },
-    thread::JoinHandle,
+    sync::mpsc::RecvTimeoutError,
     time::{Duration, Instant},
 };
 
@@ -27,7 +22,7 @@ const PACKET: usize = 64;
 /// missing in them is a gap.
 pub struct LslSource {
     info: SourceInfo,
-    samples: Receiver<Arrived>,
+    reader: Reader<Arrived>,
     /// Came after a gap and begins the next packet.
     held: Option<EmgSampleAfter>,
     numbering: Numbering,
@@ -37,8 +32,6 @@ pub struct LslSource {
     lost: bool,
     counts: SourceCounts,
     clock: ClockStatistics,
-    stop: Arc<AtomicBool>,
-    thread: Option<JoinHandle<()>>,
 }
 
 /// A sample as it came.
@@ -73,32 +66,15 @@ impl LslSource {
     /// # Errors
     /// No such stream, or several; one without a rate, with too many channels or with texts; no connection.
     pub fn open(name: Option<&str>) -> Result<LslSource, DeviceError> {
-        let label = name.unwrap_or(EMG_TYPE).to_owned();
-        check_name(&label)?;
-        let property = if name.is_some() { "name" } else { "type" };
-        let stop = Arc::new(AtomicBool::new(false));
-        let (sender, samples) = sync_channel(WAITING);
-        let (ready, opened) = sync_channel(1);
-        // The inlet cannot leave the thread that made it.
-        let thread = std::thread::spawn({
-            let (label, stop) = (label.clone(), stop.clone());
-            move || match connect(property, &label) {
-                Ok((inlet, info)) => {
-                    // If nobody waits any more, nobody takes samples either.
-                    let _ = ready.send(Ok(info));
-                    pull(&inlet, &sender, &stop);
-                }
-                Err(error) => {
-                    let _ = ready.send(Err(error));
-                }
-            }
-        });
-        let info = opened.recv().map_err(|_| failed(&label, "the thread of the stream has ended"))??;
+        let (reader, info) = Reader::open(name, EMG_TYPE, WAITING, |property, label| {
+            let (inlet, info) = connect(property, label)?;
+            Ok((inlet, info, arrivals()))
+        })?;
         let now = Instant::now();
         Ok(LslSource {
             numbering: Numbering::new(info.rate_hz),
             info,
-            samples,
+            reader,
             held: None,
             next: 0,
             opened: now,
@@ -106,8 +82,6 @@ impl LslSource {
             lost: false,
             counts: SourceCounts::default(),
             clock: ClockStatistics::default(),
-            stop,
-            thread: Some(thread),
         })
     }
 
@@ -142,7 +116,7 @@ impl SampleSource for LslSource {
     fn poll(&mut self, timeout: Duration, packet: &mut EmgPacket) -> Result<SourceEvent, DeviceError> {
         let first = match self.held.take() {
             Some(held) => held,
-            None => match self.samples.recv_timeout(timeout) {
+            None => match self.reader.samples.recv_timeout(timeout) {
                 Ok(arrived) => match self.number(arrived) {
                     Some(sample) => sample,
                     None => return Ok(SourceEvent::Nothing),
@@ -173,7 +147,7 @@ impl SampleSource for LslSource {
         packet.samples.push(first.sample);
         // The rest that is there, up to the next gap.
         while packet.samples.len() < PACKET
-            && let Ok(arrived) = self.samples.try_recv()
+            && let Ok(arrived) = self.reader.samples.try_recv()
         {
             let Some(next) = self.number(arrived) else { continue };
             if next.lost > 0 {
@@ -201,16 +175,6 @@ impl SampleSource for LslSource {
         let (offset_secs, uncertainty_secs) = offset?;
         let mean_age_secs = age_sum / ages.max(1) as f64;
         Some(SourceClock { offset_secs, uncertainty_secs, mean_age_secs, worst_age_secs: worst_age })
-    }
-}
-
-impl Drop for LslSource {
-    fn drop(&mut self) {
-        self.stop.store(true, Ordering::Relaxed);
-        if let Some(thread) = self.thread.take() {
-            // A panic of the thread has been told by itself.
-            let _ = thread.join();
-        }
     }
 }
 
@@ -244,28 +208,19 @@ fn checked(stream: &StreamInfo) -> Result<SourceInfo, String> {
     })
 }
 
-/// Hands samples over until it is told to stop, or liblsl gives up.
-fn pull(inlet: &StreamInlet, samples: &SyncSender<Arrived>, stop: &AtomicBool) {
-    let mut values: Vec<f64> = Vec::new();
-    // Without a time-out it does not wait, so that no sample does.
-    let offset = || inlet.time_correction_ex(0.0).ok().map(|(offset, _, uncertainty)| (offset, uncertainty));
-    let mut clock = offset();
-    let mut compared = Instant::now();
-    while !stop.load(Ordering::Relaxed) {
-        // A time-out gives a stamp of zero.
-        let stamp = match inlet.pull_sample_buf(&mut values, 0.1) {
-            Ok(0.0) => continue,
-            Ok(stamp) => stamp,
-            Err(_) => return,
-        };
-        if compared.elapsed() > CLOCK_PERIODS[usize::from(clock.is_some())] {
-            (clock, compared) = (offset().or(clock), Instant::now());
+/// Makes a sample of what was pulled, with the newest comparison of the clocks.
+fn arrivals() -> impl FnMut(&StreamInlet, &[f64], f64) -> Arrived {
+    let mut clock = None;
+    let mut compared: Option<Instant> = None;
+    move |inlet, values, stamp| {
+        let period = CLOCK_PERIODS[usize::from(clock.is_some())];
+        if compared.is_none_or(|at| at.elapsed() > period) {
+            // Without a time-out it does not wait, so that no sample does.
+            let offset =
+                inlet.time_correction_ex(0.0).ok().map(|(offset, _, uncertainty)| (offset, uncertainty));
+            (clock, compared) = (offset.or(clock), Some(Instant::now()));
         }
         let sample = EmgSample { counter: 0, channels: values.iter().copied().collect() };
-        let (arrived, at) = (lsl::local_clock(), Instant::now());
-        match samples.try_send(Arrived { sample, stamp, arrived, at, offset: clock }) {
-            Ok(()) | Err(TrySendError::Full(_)) => {}
-            Err(TrySendError::Disconnected(_)) => return,
-        }
+        Arrived { sample, stamp, arrived: lsl::local_clock(), at: Instant::now(), offset: clock }
     }
 }
