@@ -1,6 +1,6 @@
 //! Who may connect: pages of this server only, and from other machines only with the token or a listed address.
 
-use crate::server::Shared;
+use crate::PageOptions;
 use axum::{
     extract::{ConnectInfo, Request, State},
     http::{HeaderMap, HeaderValue, StatusCode, Uri, header},
@@ -25,6 +25,17 @@ pub(crate) struct Access {
     pub(crate) local_only: bool,
 }
 
+impl Access {
+    /// As the options of a server have it.
+    pub(crate) fn new(options: &PageOptions) -> Access {
+        Access {
+            token: options.token.clone(),
+            allowed: options.allowed.clone(),
+            local_only: options.bind.is_loopback(),
+        }
+    }
+}
+
 /// The other end of a connection.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Peer(pub(crate) IpAddr);
@@ -38,15 +49,15 @@ impl From<SocketAddr> for Peer {
 /// Refuses other machines without a token, and requests that another site's page makes in the person's browser: such
 /// a page could drive the arm.
 pub(crate) async fn refuse_strangers(
-    State(shared): State<Arc<Shared>>,
+    State(access): State<Arc<Access>>,
     ConnectInfo(address): ConnectInfo<SocketAddr>,
     request: Request,
     next: Next,
 ) -> Response {
-    if let Some(reason) = foreign(request.headers(), shared.access.local_only) {
+    if let Some(reason) = foreign(request.headers(), access.local_only) {
         return (StatusCode::FORBIDDEN, reason).into_response();
     }
-    match admit(&shared.access, address.into(), request.uri(), request.headers()) {
+    match admit(&access, address.into(), request.uri(), request.headers()) {
         Admission::Welcome => next.run(request).await,
         Admission::Remember(token) => {
             let mut response = next.run(request).await;
@@ -94,7 +105,7 @@ fn same(a: &str, b: &str) -> bool {
     a.len() == b.len() && a.bytes().zip(b.bytes()).fold(0, |differ, (a, b)| differ | (a ^ b)) == 0
 }
 
-pub(crate) fn foreign(headers: &HeaderMap, local_only: bool) -> Option<String> {
+fn foreign(headers: &HeaderMap, local_only: bool) -> Option<String> {
     let text = |name| headers.get(name).and_then(|value: &HeaderValue| value.to_str().ok());
     let host = text(header::HOST).unwrap_or_default();
     if local_only && !is_local_name(host) {

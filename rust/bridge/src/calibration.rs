@@ -5,19 +5,18 @@
 
 use crate::{
     BridgeError, PageOptions,
-    access::foreign,
+    access::{Access, refuse_strangers},
     assets,
-    server::{listen, url_of},
+    server::{Place, listen},
 };
 use axum::{
     Router,
     extract::{
-        Path, Request, State,
+        Path, State,
         ws::{Message, Utf8Bytes, WebSocket, WebSocketUpgrade},
     },
-    http::StatusCode,
-    middleware::{self, Next},
-    response::{IntoResponse, Response},
+    middleware,
+    response::Response,
     routing::get,
 };
 use proact_types::Gesture;
@@ -54,13 +53,12 @@ const MAX_COMMANDS: usize = 64;
 struct Shared {
     newest: watch::Sender<Utf8Bytes>,
     commands: Mutex<Vec<CalibrationCommand>>,
-    local_only: bool,
 }
 
 /// Serves the calibration page in a thread of its own until it is dropped.
 pub struct CalibrationServer {
     shared: Arc<Shared>,
-    address: SocketAddr,
+    place: Place,
     stop: Option<oneshot::Sender<()>>,
     thread: Option<JoinHandle<()>>,
 }
@@ -74,7 +72,6 @@ impl CalibrationServer {
         let shared = Arc::new(Shared {
             newest: watch::Sender::new(Utf8Bytes::from_static("{\"type\":\"nothing\"}")),
             commands: Mutex::default(),
-            local_only: options.bind.is_loopback(),
         });
         let thread_failed = |source| BridgeError::Thread { source };
         let runtime =
@@ -87,7 +84,8 @@ impl CalibrationServer {
             .local_addr()
             .map_err(|source| BridgeError::Listen { address: (options.bind, options.port).into(), source })?;
         let (stop, stopped) = oneshot::channel();
-        let router = router(Arc::clone(&shared));
+        let router = router(Arc::clone(&shared), Access::new(&options))
+            .into_make_service_with_connect_info::<SocketAddr>();
         let thread = std::thread::Builder::new().name("calibration-page".to_owned()).spawn(move || {
             runtime.block_on(async move {
                 tokio::select! {
@@ -98,12 +96,18 @@ impl CalibrationServer {
             });
         });
         let thread = thread.map_err(thread_failed)?;
-        Ok(CalibrationServer { shared, address, stop: Some(stop), thread: Some(thread) })
+        let place = Place::new(&options, address);
+        Ok(CalibrationServer { shared, place, stop: Some(stop), thread: Some(thread) })
     }
 
     /// The address to open in a browser.
     pub fn url(&self) -> String {
-        url_of("http", self.address)
+        self.place.url()
+    }
+
+    /// The address for other machines, with the token that lets them in; none if they cannot connect.
+    pub fn remote_url(&self) -> Option<String> {
+        self.place.remote_url()
     }
 
     /// Shows an object on all pages, in place of the one before. Never blocks.
@@ -132,21 +136,14 @@ impl Drop for CalibrationServer {
     }
 }
 
-fn router(shared: Arc<Shared>) -> Router {
+fn router(shared: Arc<Shared>, access: Access) -> Router {
     Router::new()
         .route("/", get(|| async { assets::page("calibrate.html") }))
         .route("/{*path}", get(|Path(path): Path<String>| async move { assets::page(&path) }))
         .route("/healthz", get(|| async { "ok\n" }))
         .route("/calibration", get(connect))
-        .layer(middleware::from_fn_with_state(Arc::clone(&shared), refuse_foreign_pages))
+        .layer(middleware::from_fn_with_state(Arc::new(access), refuse_strangers))
         .with_state(shared)
-}
-
-async fn refuse_foreign_pages(State(shared): State<Arc<Shared>>, request: Request, next: Next) -> Response {
-    match foreign(request.headers(), shared.local_only) {
-        Some(reason) => (StatusCode::FORBIDDEN, reason).into_response(),
-        None => next.run(request).await,
-    }
 }
 
 async fn connect(State(shared): State<Arc<Shared>>, upgrade: WebSocketUpgrade) -> Response {

@@ -104,7 +104,6 @@ pub(crate) struct Shared {
     clients: AtomicUsize,
     next_client: AtomicU64,
     trials: Mutex<StoredTrials>,
-    pub(crate) access: Access,
     /// Pictures are taken one after the other.
     pub(crate) one_picture: Semaphore,
 }
@@ -153,8 +152,7 @@ impl Shared {
 /// The page's web server. Runs in its own thread until it is dropped.
 pub struct PageServer {
     shared: Arc<Shared>,
-    address: SocketAddr,
-    scheme: &'static str,
+    place: Place,
     stop: Option<oneshot::Sender<()>>,
     thread: Option<JoinHandle<()>>,
 }
@@ -175,11 +173,6 @@ impl PageServer {
             clients: AtomicUsize::new(0),
             next_client: AtomicU64::new(1),
             trials: Mutex::default(),
-            access: Access {
-                token: options.token.clone(),
-                allowed: options.allowed.clone(),
-                local_only: options.bind.is_loopback(),
-            },
             one_picture: Semaphore::new(1),
         });
         let runtime = tokio::runtime::Builder::new_current_thread()
@@ -200,26 +193,23 @@ impl PageServer {
             .local_addr()
             .map_err(|source| BridgeError::Listen { address: (options.bind, options.port).into(), source })?;
         let (stop, stopped) = oneshot::channel();
-        let for_thread = Arc::clone(&shared);
+        let place = Place::new(&options, address);
+        let (for_thread, access) = (Arc::clone(&shared), Access::new(&options));
         let thread = std::thread::Builder::new()
             .name("page-server".to_owned())
-            .spawn(move || run(runtime, listener, tls, for_thread, stopped))
+            .spawn(move || run(runtime, listener, tls, for_thread, access, stopped))
             .map_err(|source| BridgeError::Thread { source })?;
-        let scheme = if options.https { "https" } else { "http" };
-        Ok(PageServer { shared, address, scheme, stop: Some(stop), thread: Some(thread) })
+        Ok(PageServer { shared, place, stop: Some(stop), thread: Some(thread) })
     }
 
     /// The address to open in a browser.
     pub fn url(&self) -> String {
-        url_of(self.scheme, self.address)
+        self.place.url()
     }
 
     /// The address for other machines, with the token that lets them in; none if they cannot connect.
     pub fn remote_url(&self) -> Option<String> {
-        let ip = advertised(self.address.ip());
-        let token = self.shared.access.token.as_ref()?;
-        let authority = SocketAddr::new(ip, self.address.port());
-        (!ip.is_loopback()).then(|| format!("{}://{authority}/?token={token}", self.scheme))
+        self.place.remote_url()
     }
 
     /// Hands a frame to all pages. Never blocks on them; a page that is still busy with an older one gets the
@@ -313,14 +303,37 @@ fn store(page: &PageContent) -> Result<StoredContent, BridgeError> {
     Ok(StoredContent { json, interactive: page.interactive, studio })
 }
 
-/// What a browser opens to reach a server that listens on `address`.
-pub(crate) fn url_of(scheme: &str, address: SocketAddr) -> String {
-    let ip = match address.ip() {
-        // "All addresses" is none that a browser could open.
-        ip if ip.is_unspecified() => IpAddr::V4(Ipv4Addr::LOCALHOST),
-        ip => ip,
-    };
-    format!("{scheme}://{}/", SocketAddr::new(ip, address.port()))
+/// Where a server is found, and with what.
+pub(crate) struct Place {
+    scheme: &'static str,
+    address: SocketAddr,
+    token: Option<String>,
+}
+
+impl Place {
+    /// Of a server with these options that listens on `address`.
+    pub(crate) fn new(options: &PageOptions, address: SocketAddr) -> Place {
+        let scheme = if options.https { "https" } else { "http" };
+        Place { scheme, address, token: options.token.clone() }
+    }
+
+    /// What a browser on this machine opens.
+    pub(crate) fn url(&self) -> String {
+        let ip = match self.address.ip() {
+            // "All addresses" is none that a browser could open.
+            ip if ip.is_unspecified() => IpAddr::V4(Ipv4Addr::LOCALHOST),
+            ip => ip,
+        };
+        format!("{}://{}/", self.scheme, SocketAddr::new(ip, self.address.port()))
+    }
+
+    /// What a browser on another machine opens; none if it cannot connect.
+    pub(crate) fn remote_url(&self) -> Option<String> {
+        let ip = advertised(self.address.ip());
+        let token = self.token.as_ref()?;
+        let authority = SocketAddr::new(ip, self.address.port());
+        (!ip.is_loopback()).then(|| format!("{}://{authority}/?token={token}", self.scheme))
+    }
 }
 
 /// The address that other machines reach `bind` at: for "all addresses", the one of the way out.
@@ -370,9 +383,10 @@ fn run(
     listener: TcpListener,
     tls: Option<TlsAcceptor>,
     shared: Arc<Shared>,
+    access: Access,
     stopped: oneshot::Receiver<()>,
 ) {
-    let router = router(Arc::clone(&shared)).into_make_service_with_connect_info::<SocketAddr>();
+    let router = router(Arc::clone(&shared), access).into_make_service_with_connect_info::<SocketAddr>();
     runtime.block_on(async move {
         let serving = async {
             match tls {
@@ -407,7 +421,7 @@ async fn watch_silence(shared: &Shared) {
     }
 }
 
-fn router(shared: Arc<Shared>) -> Router {
+fn router(shared: Arc<Shared>, access: Access) -> Router {
     Router::new()
         .route("/", get(|| async { assets::page("") }))
         .route("/{*path}", get(|Path(path): Path<String>| async move { assets::page(&path) }))
@@ -419,7 +433,7 @@ fn router(shared: Arc<Shared>) -> Router {
         .route("/camera.json", get(camera::picture_json))
         .route("/api/trials", get(trials))
         .route("/api/trials/{number}", get(trial))
-        .layer(middleware::from_fn_with_state(Arc::clone(&shared), access::refuse_strangers))
+        .layer(middleware::from_fn_with_state(Arc::new(access), access::refuse_strangers))
         .with_state(shared)
 }
 

@@ -84,16 +84,46 @@ async fn malformed_messages_are_answered_with_the_reason_and_change_nothing() {
 #[tokio::test]
 async fn the_page_is_served_and_pages_of_other_sites_are_refused() {
     let (_server, authority) = start();
-    let mut stream = TcpStream::connect(&authority).await.unwrap();
-    let request = format!("GET / HTTP/1.1\r\nHost: {authority}\r\nConnection: close\r\n\r\n");
+    let answer = ask(&authority, "/").await;
+    assert!(answer.starts_with("HTTP/1.1 200") && answer.contains("calibrate.js"), "{answer}");
+    let mut foreign = format!("ws://{authority}/calibration").into_client_request().unwrap();
+    foreign.headers_mut().insert("Origin", "http://evil.example".parse().unwrap());
+    assert!(connect_async(foreign).await.unwrap_err().to_string().contains("403"));
+}
+
+/// The answer to `GET target`.
+async fn ask(authority: &str, target: &str) -> String {
+    let mut stream = TcpStream::connect(authority).await.unwrap();
+    let request = format!("GET {target} HTTP/1.1\r\nHost: {authority}\r\nConnection: close\r\n\r\n");
     stream.write_all(request.as_bytes()).await.unwrap();
     let mut answer = String::new();
     tokio::time::timeout(LIMIT, stream.read_to_string(&mut answer))
         .await
         .expect("no answer in time")
         .unwrap();
-    assert!(answer.starts_with("HTTP/1.1 200") && answer.contains("calibrate.js"), "{answer}");
-    let mut foreign = format!("ws://{authority}/calibration").into_client_request().unwrap();
-    foreign.headers_mut().insert("Origin", "http://evil.example".parse().unwrap());
-    assert!(connect_async(foreign).await.unwrap_err().to_string().contains("403"));
+    answer
+}
+
+#[tokio::test]
+async fn another_machine_needs_the_token() {
+    let options = PageOptions {
+        port: 0,
+        bind: Ipv4Addr::UNSPECIFIED.into(),
+        token: Some("secret".to_owned()),
+        ..PageOptions::default()
+    };
+    let server = CalibrationServer::start(options).unwrap();
+    let Some(url) = server.remote_url() else {
+        eprintln!("skipped: this machine has no address but its own");
+        return;
+    };
+    // From an address that is not loopback, this machine is another one.
+    let (authority, rest) = url.trim_start_matches("http://").split_once('/').unwrap();
+    assert_eq!(rest, "?token=secret");
+    for (target, status) in
+        [("/", "401"), ("/calibration", "401"), ("/?token=wrong!", "401"), ("/?token=secret", "200")]
+    {
+        let answer = ask(authority, target).await;
+        assert!(answer.starts_with(&format!("HTTP/1.1 {status}")), "{target}: {answer}");
+    }
 }

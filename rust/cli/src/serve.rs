@@ -139,17 +139,24 @@ pub(crate) fn command(args: &ServeArgs) -> Result<bool, Box<dyn Error>> {
 
 fn page_options(args: &ServeArgs) -> Result<PageOptions, Box<dyn Error>> {
     let bind = if args.headset { Ipv4Addr::UNSPECIFIED.into() } else { args.bind };
-    let mut secret = [0; 16];
-    getrandom::fill(&mut secret).map_err(|error| format!("the system gives no random numbers: {error}"))?;
-    let token: String = secret.iter().map(|byte| format!("{byte:02x}")).collect();
     Ok(PageOptions {
         port: args.port,
         allow_next: !args.exact_port,
         bind,
         https: args.headset,
-        token: (!bind.is_loopback()).then_some(token),
+        token: new_token(bind)?,
         allowed: args.page_allow.clone(),
     })
+}
+
+/// A secret for a page that other machines can reach.
+pub(crate) fn new_token(bind: IpAddr) -> Result<Option<String>, Box<dyn Error>> {
+    if bind.is_loopback() {
+        return Ok(None);
+    }
+    let mut secret = [0; 16];
+    getrandom::fill(&mut secret).map_err(|error| format!("the system gives no random numbers: {error}"))?;
+    Ok(Some(secret.iter().map(|byte| format!("{byte:02x}")).collect()))
 }
 
 /// Tells how to open the page on another machine, for a headset as a QR code.

@@ -116,7 +116,6 @@ impl HeadsetTopics {
 
     /// Publishes an instant.
     pub fn publish(&self, frame: &DisplayFrame) {
-        self.inbox.at(&frame.world_from_head);
         let unity_from_world = self.inbox.world_from_unity().inverse();
         let mut sent = self.sent();
         sent.sequence = sent.sequence.wrapping_add(1);

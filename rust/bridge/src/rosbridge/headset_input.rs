@@ -39,8 +39,7 @@ pub(super) struct Inbox {
 
 struct State {
     world_from_unity: Pose,
-    /// The head as the trial has it, and at its start.
-    world_from_head: Pose,
+    /// The trial's head at its start.
     start: Pose,
     /// The head as the app has it.
     unity_from_head: Option<Pose>,
@@ -63,7 +62,6 @@ impl Inbox {
     pub(super) fn new(world_from_head: Pose, max_way: f64) -> Self {
         let state = State {
             world_from_unity: level(&world_from_head),
-            world_from_head,
             start: world_from_head,
             unity_from_head: None,
             eye: None,
@@ -80,14 +78,9 @@ impl Inbox {
 
     pub(super) fn restart(&self, world_from_head: Pose) {
         let mut state = self.lock();
-        (state.start, state.world_from_head) = (world_from_head, world_from_head);
+        state.start = world_from_head;
         state.waiting.clear();
         state.gesture = None;
-    }
-
-    /// Where the trial has the head now.
-    pub(super) fn at(&self, world_from_head: &Pose) {
-        self.lock().world_from_head = *world_from_head;
     }
 
     pub(super) fn world_from_unity(&self) -> Pose {

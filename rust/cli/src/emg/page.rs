@@ -5,6 +5,7 @@ use super::{
     train::PageArgs,
     view::fault_text,
 };
+use crate::serve::new_token;
 use proact_bridge::{CalibrationCommand, CalibrationServer, PageOptions};
 use proact_emg::{Calibration, ChannelQuality, CursorTest, Phase};
 use proact_types::Gesture;
@@ -37,9 +38,17 @@ impl PageScreen {
     /// # Errors
     /// No port, or no thread.
     pub(super) fn open(page: &PageArgs, source: &str) -> Result<PageScreen, Box<dyn Error>> {
-        let options = PageOptions { port: page.port, bind: page.bind, ..PageOptions::default() };
+        let options = PageOptions {
+            port: page.port,
+            bind: page.bind,
+            token: new_token(page.bind)?,
+            ..PageOptions::default()
+        };
         let server = CalibrationServer::start(options)?;
         eprintln!("page: {}", server.url());
+        if let Some(url) = server.remote_url() {
+            eprintln!("on another machine: {url}");
+        }
         let screen = ["DISPLAY", "WAYLAND_DISPLAY"].iter().any(|name| std::env::var_os(name).is_some());
         if screen && !page.no_browser {
             // The address is printed; a browser that does not start is no reason to stop.

@@ -82,7 +82,7 @@ pub struct PageArgs {
     /// Port of the page, or the next free one.
     #[arg(long, default_value_t = 8090, requires = "page")]
     pub(super) port: u16,
-    /// Address to listen on.
+    /// Address to listen on; other machines need the token that is printed then.
     #[arg(long, default_value = "127.0.0.1", requires = "page")]
     pub(super) bind: IpAddr,
     /// Print the address of the page, open nothing.
