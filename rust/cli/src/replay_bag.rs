@@ -1,7 +1,8 @@
 //! A bag on the replay page: one of the original lab's, or our own.
 //!
 //! Shown is what the bag says, not what a simulation makes of it: arm joints and blocks at 30 Hz, gaze, gesture,
-//! selection and grasp. Which blocks are on target is judged by our task from their poses.
+//! selection and grasp. Which blocks are on target is judged by our task from their poses. The head is the headset's
+//! own, put into `world` by the frames in the bag; without these it is where the eye is and looks where the eye looks.
 
 use proact_bridge::{PageContent, RecordedTrial};
 use proact_recording::{
@@ -21,6 +22,8 @@ const PERIOD_MS: u64 = 33;
 const GAZE_MS: u64 = 200;
 /// Name of the arm in `/gazebo/model_states`.
 const ARM_MODEL: &str = "mpl_right_arm";
+/// The headset's world among the frames of `/tf`.
+const HEADSET_WORLD: &str = "hololens_world_test";
 
 /// Reads the bag at `path` as it would have been displayed.
 ///
@@ -81,6 +84,9 @@ struct Film<'a> {
     /// The instant as it stands.
     frame: DisplayFrame,
     eye: Option<Point>,
+    world_from_headset: Option<Pose>,
+    /// The head has a pose of its own.
+    head_seen: bool,
     looked: Option<SimTime>,
     first_ns: Option<u64>,
     due: SimTime,
@@ -133,6 +139,8 @@ impl<'a> Film<'a> {
             bodies,
             frame,
             eye: None,
+            world_from_headset: None,
+            head_seen: false,
             looked: None,
             first_ns: None,
             due: SimTime(0),
@@ -172,6 +180,23 @@ impl<'a> Film<'a> {
                     self.look(&vector(&gaze.vector));
                 }
             }
+            "/tf" | "/tf_static" => {
+                if let Some(frames) = message.decode::<ros::TfMessage>()? {
+                    self.tie(&frames);
+                }
+            }
+            "/hololens/head" => {
+                if let Some(head) = message.decode::<ros::PoseStamped>()? {
+                    let head = pose_of(&head.pose).zip(self.world_from_headset);
+                    self.hold_head(head.map(|(head, world)| world * head));
+                }
+            }
+            // Ours says so; the original's has no frame, and a wrong turn.
+            "/hololens_unity_camera_pose_ros" => {
+                if let Some(head) = message.decode::<ros::PoseStamped>()? {
+                    self.hold_head(pose_of(&head.pose).filter(|_| head.header.frame_id == "world"));
+                }
+            }
             "/emg" => {
                 if let Some(text) = message.decode::<ros::Text>()? {
                     let known = Gesture::ALL.into_iter().find(|gesture| gesture.ros_name() == text.data);
@@ -190,10 +215,11 @@ impl<'a> Film<'a> {
             }
             "/place_location_selected" => {
                 if let Some(place) = message.decode::<ros::PoseStamped>()? {
-                    // The original's is in the headset's world, which the bag does not tie to ours.
+                    // The original's is in the headset's world, whatever it says.
+                    let ours = place.header.frame_id == "world";
+                    let world = if ours { Some(Pose::identity()) } else { self.world_from_headset };
                     let p = &place.pose.position;
-                    self.frame.target.place =
-                        (place.header.frame_id == "world").then(|| Point::new(p.x, p.y, p.z));
+                    self.frame.target.place = world.map(|world| world * Point::new(p.x, p.y, p.z));
                 }
             }
             "/success" => {
@@ -239,6 +265,26 @@ impl<'a> Film<'a> {
         }
     }
 
+    /// Learns where the headset's world is.
+    fn tie(&mut self, frames: &ros::TfMessage) {
+        let of_headset = |frame: &&ros::TransformStamped| {
+            frame.child_frame_id.trim_start_matches('/') == HEADSET_WORLD
+                && frame.header.frame_id.trim_start_matches('/') == "world"
+        };
+        let Some(frame) = frames.transforms.iter().rfind(of_headset) else { return };
+        let ros::Vector3 { x, y, z } = frame.transform.translation;
+        let orientation = frame.transform.rotation.clone();
+        let pose = pose_of(&ros::Pose { position: ros::Point { x, y, z }, orientation });
+        self.world_from_headset = pose.or(self.world_from_headset);
+    }
+
+    fn hold_head(&mut self, world_from_head: Option<Pose>) {
+        if let Some(pose) = world_from_head {
+            self.frame.world_from_head = pose;
+            self.head_seen = true;
+        }
+    }
+
     fn look(&mut self, direction: &Vector) {
         let Some(origin) = self.eye else { return };
         let Some(direction) = direction.try_normalize(1e-9).filter(|d| d.iter().all(|x| x.is_finite()))
@@ -247,7 +293,9 @@ impl<'a> Film<'a> {
         };
         self.frame.gaze = Some(GazeSample { origin, direction, valid: true });
         self.looked = Some(self.frame.time);
-        // The bag has no head pose in `world` that could be trusted, so the head looks where the eye looks.
+        if self.head_seen {
+            return;
+        }
         let left = Vector::z().cross(&direction).try_normalize(1e-9).unwrap_or(Vector::y());
         let axes = nalgebra::Matrix3::from_columns(&[direction, left, direction.cross(&left)]);
         let turn = nalgebra::Rotation3::from_matrix_unchecked(axes);
@@ -329,6 +377,61 @@ mod tests {
             };
             self.write("/gazebo/model_states", ms, &models);
         }
+    }
+
+    fn stamped(frame: &str, position: [f64; 3]) -> ros::PoseStamped {
+        let [x, y, z] = position;
+        ros::PoseStamped {
+            header: ros::Header { frame_id: frame.to_owned(), ..Default::default() },
+            pose: ros::Pose {
+                position: ros::Point { x, y, z },
+                orientation: ros::Quaternion { w: 1.0, ..Default::default() },
+            },
+        }
+    }
+
+    #[test]
+    fn the_head_is_the_headsets_own_where_the_bag_ties_its_world_to_ours() {
+        // The headset's world stands at (-1, 0.2, 1.5) in ours, turned left by a quarter.
+        let half = std::f64::consts::FRAC_1_SQRT_2;
+        let tie = ros::TfMessage {
+            transforms: vec![ros::TransformStamped {
+                header: ros::Header { frame_id: "world".to_owned(), ..Default::default() },
+                child_frame_id: HEADSET_WORLD.to_owned(),
+                transform: ros::Transform {
+                    translation: ros::Vector3 { x: -1.0, y: 0.2, z: 1.5 },
+                    rotation: ros::Quaternion { z: half, w: half, ..Default::default() },
+                },
+            }],
+        };
+        let last_of = |tied: bool| {
+            let dir = tempfile::tempdir().unwrap();
+            let path = dir.path().join("head.bag");
+            let mut lab = Lab(BagWriter::create(&path).unwrap());
+            lab.models(0, [0.05, -0.2, 1.2]);
+            if tied {
+                lab.write("/tf", 1, &tie);
+            }
+            lab.write("/hololens/head", 2, &stamped("Unity", [0.3, 0.0, 0.1]));
+            lab.write("/place_location_selected", 2, &stamped("ROSworld", [1.0, 0.0, -0.5]));
+            // The original's, without a frame: not believed.
+            lab.write("/hololens_unity_camera_pose_ros", 3, &stamped("", [9.0, 9.0, 9.0]));
+            let eye = ros::Vector3 { x: 0.5, y: 0.5, z: 1.0 };
+            let ahead = ros::Vector3 { x: 0.0, y: -1.0, z: 0.0 };
+            for (topic, vector) in [("/gaze_position_ros", eye), ("/gaze_direction_ros", ahead)] {
+                lab.write(topic, 4, &ros::Vector3Stamped { vector, ..Default::default() });
+            }
+            lab.0.finish().unwrap();
+            film(&path, &mpl_right_arm()).unwrap().frames.last().unwrap().clone()
+        };
+        let DisplayFrame { world_from_head: tied, target, .. } = last_of(true);
+        assert!((target.place.unwrap() - Point::new(-1.0, 1.2, 1.0)).norm() < 1e-12, "{target:?}");
+        assert!((tied.translation.vector - Vector::new(-1.0, 0.5, 1.6)).norm() < 1e-12, "{tied}");
+        assert!((tied.rotation * Vector::x() - Vector::y()).norm() < 1e-12, "{tied}");
+        let DisplayFrame { world_from_head: loose, target, .. } = last_of(false);
+        assert_eq!(target.place, None);
+        assert!((loose.translation.vector - Vector::new(0.5, 0.5, 1.0)).norm() < 1e-12, "{loose}");
+        assert!((loose.rotation * Vector::x() + Vector::y()).norm() < 1e-12, "{loose}");
     }
 
     fn text(data: &str) -> ros::Text {
