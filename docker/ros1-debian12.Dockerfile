@@ -15,7 +15,7 @@ RUN apt-get update \
     && apt-get install -y --no-install-recommends \
         ros-base python3-roslaunch python3-rosbag python3-rostopic python3-rosnode python3-rosservice \
         ros-robot-state-publisher rviz xvfb xauth libgl1-mesa-dri catkin ros-core-dev ros-message-generation \
-        libstd-msgs-dev libgeometry-msgs-dev libsensor-msgs-dev libtrajectory-msgs-dev ros-std-msgs \
+        libstd-msgs-dev libgeometry-msgs-dev libsensor-msgs-dev libshape-msgs-dev libtrajectory-msgs-dev ros-std-msgs \
         ros-geometry-msgs ros-sensor-msgs ros-trajectory-msgs ros-actionlib-msgs cmake make \
     && rm -rf /var/lib/apt/lists/*
 

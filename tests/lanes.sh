@@ -12,7 +12,7 @@ long_lanes="seeds planning sanitizers valgrind soak debootstrap focal pages ros_
 ros_test_packages="ros-base python3-roslaunch python3-rosbag python3-rostopic python3-rosnode python3-rosservice
 python3-actionlib python3-tf2-ros python3-std-msgs python3-geometry-msgs python3-sensor-msgs python3-trajectory-msgs
 python3-visualization-msgs python3-diagnostic-msgs python3-std-srvs python3-tf2-msgs python3-actionlib-msgs
-python3-rosgraph-msgs libactionlib-dev libstd-msgs-dev libgeometry-msgs-dev libsensor-msgs-dev libtrajectory-msgs-dev
+python3-rosgraph-msgs python3-shape-msgs libshape-msgs-dev libactionlib-dev libstd-msgs-dev libgeometry-msgs-dev libsensor-msgs-dev libtrajectory-msgs-dev
 libtf2-ros-dev ros-robot-state-publisher ros-core-dev ros-message-generation catkin catkin-tools colcon python3-colcon-ros rviz xvfb
 xauth libgl1-mesa-dri imagemagick cmake make python3-websocket"
 

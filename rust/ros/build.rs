@@ -14,7 +14,7 @@ use std::{
 };
 
 /// What the nodes use, with what that refers to.
-const PACKAGES: [&str; 18] = [
+const PACKAGES: [&str; 20] = [
     "actionlib_msgs",
     "control_msgs",
     "controller_manager_msgs",
@@ -22,7 +22,9 @@ const PACKAGES: [&str; 18] = [
     "gazebo_grasp_plugin_ros",
     "gazebo_msgs",
     "geometry_msgs",
+    "moveit_msgs",
     "mpl_control",
+    "object_recognition_msgs",
     "proact_msgs",
     "rosgraph_msgs",
     "sensor_msgs",

@@ -24,6 +24,9 @@ PUBLISHED = {
     "gazebo_msgs.msg.ModelStates": "48c080191eb15c41858319b4d8a609c2",
     "gazebo_msgs.srv.GetModelStateRequest": "19d412713cefe4a67437e17a951e759e",
     "gazebo_msgs.srv.GetModelStateResponse": "ccd51739bb00f0141629e87b792e92b9",
+    "moveit_msgs.msg.CollisionObject": "dbba710596087da521c07564160dfccb",
+    "moveit_msgs.msg.MotionPlanRequest": "83f3d7b1d47a538f7659e0de9dae7980",
+    "moveit_msgs.msg.RobotState": "968156f4aa4cb4018f1f2293eebcea8f",
     "gazebo_msgs.srv.SetLinkStateRequest": "22a2c757d56911b6f27868159e9a872d",
     "gazebo_msgs.srv.SetLinkStateResponse": "2ec6f3eff0161f4257b808b12bc830c2",
 }

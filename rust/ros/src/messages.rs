@@ -19,6 +19,7 @@ rosrust::rosmsg_include!(
     gazebo_msgs / SetLinkState,
     geometry_msgs / PoseStamped,
     geometry_msgs / Vector3Stamped,
+    moveit_msgs / MotionPlanRequest,
     mpl_control / graspAction,
     proact_msgs / EmgSamples,
     proact_msgs / View,

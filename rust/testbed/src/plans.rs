@@ -31,7 +31,7 @@ impl Testbed {
     pub(crate) fn request(&mut self, goal: PlanGoal, output: &mut TickOutput) -> Result<(), TestbedError> {
         self.requests += 1;
         let id = self.requests;
-        self.parts.plans.submit(plan_request(
+        let request = plan_request(
             id,
             &self.parts.model,
             self.task.scene(),
@@ -39,7 +39,9 @@ impl Testbed {
             self.arm.position().clone(),
             goal,
             self.config.seed,
-        ));
+        );
+        output.request = Some(request.clone());
+        self.parts.plans.submit(request);
         self.pending = Some((id, self.now.plus_millis(self.config.plan_latency_ms)));
         self.note(output, EventKind::PlanRequested { request: id });
         Ok(())

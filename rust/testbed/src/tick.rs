@@ -15,7 +15,7 @@ use proact_intent::Candidates;
 use proact_tasks::BoxAndBlocks;
 use proact_types::{
     ArmModel, ArmModelError, BlockId, Event, EventKind, Gesture, HandView, JointVector, MethodAnswer,
-    PlanReply, Point, SimTime, TickInput,
+    PlanReply, PlanRequest, Point, SimTime, TickInput,
 };
 use std::sync::Arc;
 
@@ -80,6 +80,8 @@ pub struct Parts {
 /// What one tick gave.
 #[derive(Clone, Debug, Default)]
 pub struct TickOutput {
+    /// What the planner was asked in this tick.
+    pub request: Option<PlanRequest>,
     /// A plan took effect in this tick: it belongs to the input log.
     pub plan: Option<PlanReply>,
     /// What a method in another process answered: it belongs to the input log.

@@ -69,11 +69,12 @@ pub(super) fn transform(at: SimTime, frame: &crate::frames::Frame) -> geometry_m
     geometry_msgs::TransformStamped {
         header: header(at, &frame.parent),
         child_frame_id: frame.child.clone(),
-        transform: geometry_msgs::Transform {
-            translation: vector(&frame.pose.translation.vector),
-            rotation: quaternion(&frame.pose),
-        },
+        transform: bare_transform(&frame.pose),
     }
+}
+
+pub(super) fn bare_transform(pose: &Pose) -> geometry_msgs::Transform {
+    geometry_msgs::Transform { translation: vector(&pose.translation.vector), rotation: quaternion(pose) }
 }
 
 /// A pose that came in.

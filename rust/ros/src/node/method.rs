@@ -340,6 +340,7 @@ impl MethodNode {
             goal,
             self.config.seed,
         );
+        self.out.request(self.world.model(), &request, self.common.stamp())?;
         self.plans.submit(request);
         self.pending = Some((self.requests, self.common.now().plus_millis(self.config.plan_latency_ms)));
         Ok(())

@@ -11,6 +11,7 @@ mod meter;
 mod method;
 mod outlets;
 mod participant;
+mod plan_request;
 pub mod relay;
 mod sim;
 mod stage;

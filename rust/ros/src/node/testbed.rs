@@ -4,12 +4,14 @@ use super::{
     Graph, NodeError, convert,
     graph::{Jobs, Pace, parameter},
     outlets::{Outlets, View},
+    plan_request,
 };
 use crate::{
     compat::{Compat, Quirk, UnknownQuirk},
     frames::WORLD,
     messages::{
         geometry_msgs::{PoseStamped, Vector3Stamped},
+        moveit_msgs::MotionPlanRequest,
         std_msgs::{Bool, Int8, String as Text},
         std_srvs::{Empty, EmptyRes},
         trajectory_msgs::JointTrajectory,
@@ -43,6 +45,7 @@ struct Topics {
     block_id: Publisher<Text>,
     current_block: Publisher<Text>,
     place: Publisher<PoseStamped>,
+    request: Publisher<MotionPlanRequest>,
     command: Publisher<JointTrajectory>,
     frame: Publisher<crate::messages::proact_msgs::View>,
     result: Publisher<Text>,
@@ -79,6 +82,7 @@ pub fn run_testbed(mut session: Session, simulated: bool) -> Result<TrialResult,
         block_id: graph.publish("block_id", 1, false)?,
         current_block: graph.publish("current_block", 1, false)?,
         place: graph.publish("place_location_selected", 1, false)?,
+        request: graph.publish("move_group/motion_plan_request", 1, false)?,
         command: graph.publish("mpl_right_arm/arm_controller/command", 1, false)?,
         frame: graph.publish("proact/frame", 2, false)?,
         result: graph.publish("proact/result", 1, true)?,
@@ -241,6 +245,9 @@ fn publish(
             EventKind::Unlocked => topics.frozen.send(Bool { data: false })?,
             _ => {}
         }
+    }
+    if let Some(request) = &step.output.request {
+        topics.request.send(plan_request::message(testbed.model(), request, time))?;
     }
     if let Some(reply) = step.output.plan.as_ref().filter(|reply| !reply.trajectory.points.is_empty()) {
         topics.command.send(command(testbed.model(), time, reply))?;

@@ -5,14 +5,15 @@ use crate::{
     frames::WORLD,
     messages::{
         geometry_msgs::PoseStamped,
+        moveit_msgs::MotionPlanRequest,
         mpl_control::graspActionGoal,
         proact_msgs::View,
         std_msgs::{Bool, Int8, String as Text},
     },
-    node::{Graph, NodeError, convert},
+    node::{Graph, NodeError, convert, plan_request},
 };
 use proact_control::HandCommand;
-use proact_types::{Pose, SimTime};
+use proact_types::{ArmModel, PlanRequest, Pose, SimTime};
 use rosrust::{Publisher, error::Result};
 
 /// The method's topics.
@@ -23,6 +24,7 @@ pub(super) struct Outlets {
     current_block: Publisher<Text>,
     place: Publisher<PoseStamped>,
     view: Publisher<View>,
+    request: Publisher<MotionPlanRequest>,
     grasp: Publisher<graspActionGoal>,
     goals: u64,
     told_mode: Option<u8>,
@@ -37,6 +39,7 @@ impl Outlets {
             current_block: graph.publish("current_block", 1, false)?,
             place: graph.publish("place_location_selected", 1, false)?,
             view: graph.publish("proact/method", 1, false)?,
+            request: graph.publish("move_group/motion_plan_request", 1, false)?,
             grasp: graph.publish("grasp/goal", 1, false)?,
             goals: 0,
             told_mode: None,
@@ -49,6 +52,11 @@ impl Outlets {
 
     pub(super) fn success(&self, closed: bool) -> Result<()> {
         self.success.send(Bool { data: closed })
+    }
+
+    /// Tells what the planner is asked.
+    pub(super) fn request(&self, model: &ArmModel, request: &PlanRequest, stamp: SimTime) -> Result<()> {
+        self.request.send(plan_request::message(model, request, stamp))
     }
 
     /// Sends the hand a goal; answers its name.
