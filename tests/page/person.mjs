@@ -59,27 +59,44 @@ export async function newcomer(page, { url, check, screenshot }) {
 
   await page.click('button:text-is("Settings")');
   await page.click('button:has-text("Check the gaze")');
+  const straight = await followPoints(page, 0);
+  await screenshot("gaze-check");
+  check(straight < 1, `the mouse is an eye with an error of ${straight}°`);
+  await askedFor(page, { url, check, screenshot });
+}
+
+/** Follows the points of a gaze check with the mouse, `off` pixels to the right of each; the mean error in degrees. */
+async function followPoints(page, off) {
   for (let last = ""; !(await page.locator(".gazecheck .verdict").count()); ) {
     const at = await page.evaluate(() => window.__proact.gazePoint());
     const now = JSON.stringify(at);
-    if (at && now !== last) await page.mouse.move(at.x, at.y);
+    if (at && now !== last) await page.mouse.move(at.x + off, at.y);
     last = now;
     await page.waitForTimeout(60);
   }
-  await screenshot("gaze-check");
   const cells = await page.locator(".gazecheck tbody tr:last-child td").allTextContents();
-  check(Number.parseFloat(cells[0]) < 1, `the mouse is an eye with an error of ${cells[0]}`);
-  await askedFor(page, { url, check });
+  return Number.parseFloat(cells[0]);
 }
 
-/** The experimenter asks for a gaze check, which begins on the participant's page. */
-async function askedFor(page, { url, check }) {
+/** The experimenter's buttons begin a calibration and a check on the participant's page. The eye looks beside the point. */
+async function askedFor(page, { url, check, screenshot }) {
   await page.click(".gazecheck button");
   const desk = await page.context().newPage();
   await desk.goto(new URL("experimenter?quality=3", url).href);
-  await desk.click('button:text-is("Check gaze"):enabled');
-  await page.waitForFunction(() => window.__proact.gazePoint() !== null);
-  check(true, "the experimenter's button begins a gaze check");
+  const ask = async (button) => {
+    await desk.click(`button:text-is("${button}"):enabled`);
+    await page.bringToFront();
+    await page.waitForFunction(() => window.__proact.gazePoint() !== null);
+    const error = await followPoints(page, 40);
+    const verdict = await page.textContent(".gazecheck .verdict");
+    await screenshot(`gaze-${button.split(" ")[0].toLowerCase()}`);
+    await page.click(".gazecheck button");
+    return { error, verdict };
+  };
+  const before = await ask("Recalibrate gaze");
+  check(before.error > 1 && before.verdict.startsWith("Calibrated"), `an eye that is ${before.error}° off: ${before.verdict}`);
+  const after = await ask("Check gaze");
+  check(after.error < 0.5 * before.error, `after the calibration it is ${after.error}° off`);
   await desk.close();
 }
 

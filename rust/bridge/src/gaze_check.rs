@@ -4,6 +4,8 @@ use serde::{Deserialize, Serialize};
 const MAX_POINTS: usize = 32;
 /// Longest name of a gaze source, bytes.
 const MAX_NAME: usize = 64;
+/// Largest correction that a page may ask for, degrees.
+const MAX_CORRECTION_DEG: f64 = 20.0;
 
 /// How well a gaze source follows known points, as the page measured it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -13,6 +15,9 @@ pub struct GazeCheck {
     pub source: String,
     /// One entry a point, in the order shown.
     pub points: Vec<GazePoint>,
+    /// What is to be taken off the gaze from now on, degrees to the left and upwards; none if it stays as it is.
+    #[serde(default)]
+    pub correction_deg: Option<[f64; 2]>,
 }
 
 /// What was measured while one point was looked at.
@@ -23,6 +28,9 @@ pub struct GazePoint {
     pub accuracy_deg: Option<f64>,
     /// Root mean square angle from one valid sample to the next, degrees; none with fewer than two.
     pub precision_deg: Option<f64>,
+    /// Mean of gaze minus point, degrees to the left and upwards; none if no sample was valid.
+    #[serde(default)]
+    pub offset_deg: Option<[f64; 2]>,
     /// Samples that were missing or invalid, 0 to 1.
     pub lost_share: f64,
     /// Gaps of 70 to 500 ms.
@@ -48,9 +56,17 @@ impl GazeCheck {
                     return Err(format!("gaze {what} is {angle}, expected 0 to 180 degrees"));
                 }
             }
+            if let Some(angle) = point.offset_deg.into_iter().flatten().find(|angle| !(angle.abs() <= 180.0))
+            {
+                return Err(format!("gaze offset is {angle}, expected -180 to 180 degrees"));
+            }
             if !(0.0..=1.0).contains(&point.lost_share) {
                 return Err(format!("gaze lost share is {}, expected 0 to 1", point.lost_share));
             }
+        }
+        let wild = |angle: &f64| !(angle.abs() <= MAX_CORRECTION_DEG);
+        if let Some(angle) = self.correction_deg.into_iter().flatten().find(wild) {
+            return Err(format!("gaze correction is {angle}, expected at most {MAX_CORRECTION_DEG} degrees"));
         }
         Ok(())
     }
@@ -64,11 +80,12 @@ pub(crate) mod tests {
         let point = GazePoint {
             accuracy_deg: Some(0.5),
             precision_deg: Some(0.1),
+            offset_deg: Some([0.4, -0.3]),
             lost_share: 0.0,
             blinks: 1,
             samples: 60,
         };
-        GazeCheck { source: "mouse".into(), points: vec![point] }
+        GazeCheck { source: "mouse".into(), points: vec![point], correction_deg: None }
     }
 
     #[test]
@@ -77,6 +94,11 @@ pub(crate) mod tests {
         let mut bad = check();
         bad.points[0].accuracy_deg = Some(181.0);
         assert!(bad.check().unwrap_err().contains("accuracy is 181"));
+        let mut bad = check();
+        bad.points[0].offset_deg = Some([0.0, f64::NAN]);
+        assert!(bad.check().unwrap_err().contains("offset is NaN"));
+        let bad = GazeCheck { correction_deg: Some([0.0, -21.0]), ..check() };
+        assert!(bad.check().unwrap_err().contains("correction is -21"));
         let mut bad = check();
         bad.points[0].lost_share = f64::NAN;
         assert!(bad.check().unwrap_err().contains("lost share"));

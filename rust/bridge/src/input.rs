@@ -56,6 +56,8 @@ pub enum StudyAction {
     Abort,
     /// The participant's page begins a gaze check.
     CheckGaze,
+    /// The same points, and what they tell is taken off the gaze.
+    CalibrateGaze,
 }
 
 /// A message of the page on the WebSocket.
@@ -215,8 +217,11 @@ mod tests {
             (r#"{"type":"alive"}"#, None),
             (
                 r#"{"type":"gaze_check","source":"mouse","points":[{"accuracy_deg":0.5,"precision_deg":0.1,
-                    "lost_share":0,"blinks":1,"samples":60}]}"#,
-                Some(ClientInput::GazeCheck(crate::gaze_check::tests::check())),
+                    "offset_deg":[0.4,-0.3],"lost_share":0,"blinks":1,"samples":60}],"correction_deg":[0.4,-0.3]}"#,
+                Some(ClientInput::GazeCheck(GazeCheck {
+                    correction_deg: Some([0.4, -0.3]),
+                    ..crate::gaze_check::tests::check()
+                })),
             ),
         ];
         for (text, expected) in cases {

@@ -18,6 +18,8 @@ pub struct TrialStatus {
     pub gaze_source: Option<String>,
     /// How often the experimenter has asked for a gaze check. With each, the participant's page begins one.
     pub gaze_checks: u32,
+    /// The same for a calibration of the gaze.
+    pub gaze_calibrations: u32,
 }
 
 /// What the experimenter watches beside the scene: about ten times a second, the latest only.

@@ -83,6 +83,7 @@ impl<'a> Experimenter<'a> {
             StudyAction::Pause => self.status.paused = true,
             StudyAction::Resume => self.status.paused = false,
             StudyAction::CheckGaze => self.status.gaze_checks += 1,
+            StudyAction::CalibrateGaze => self.status.gaze_calibrations += 1,
             StudyAction::Abort => (self.status.aborted, self.status.paused) = (true, false),
         }
         self.page.set_status(&self.status);
@@ -192,7 +193,7 @@ mod tests {
     #[test]
     fn gaze_checks_are_added_to_the_record_line_by_line() {
         let dir = tempfile::tempdir().unwrap();
-        let check = GazeCheck { source: "mouse".into(), points: vec![] };
+        let check = GazeCheck { source: "mouse".into(), points: vec![], correction_deg: None };
         store_gaze_check(Some(dir.path()), SimTime(5), &check).unwrap();
         store_gaze_check(Some(dir.path()), SimTime(9), &check).unwrap();
         store_gaze_check(None, SimTime(9), &check).unwrap();

@@ -8,7 +8,8 @@ use crate::{
     trial_args::TrialArgs,
 };
 use clap::Args;
-use proact_bridge::{ClientInput, PageContent, PageOptions, PageServer};
+use proact_bridge::{ClientInput, GazeCheck, PageContent, PageOptions, PageServer};
+use proact_intent::GazeOffset;
 use proact_testbed::{MethodName, Session};
 use proact_types::{GazeSample, Gesture, SimTime};
 use std::{
@@ -77,6 +78,7 @@ pub(crate) fn command(args: &ServeArgs) -> Result<bool, Box<dyn Error>> {
         (Some(source), Some(model)) => Some(crate::emg::LiveArmband::open(source, model)?),
         _ => None,
     };
+    let mut gaze_offset = GazeOffset::default();
     let mut server: Option<PageServer> = None;
     let mut person: Option<Person> = None;
     loop {
@@ -126,10 +128,20 @@ pub(crate) fn command(args: &ServeArgs) -> Result<bool, Box<dyn Error>> {
             none => none.insert(args.person.open(&session)?),
         };
         let start = Instant::now();
-        let mut ended = live_trial(&mut session, &mut recorder, dir.as_deref(), page, person, &interrupted)?;
+        session.set_gaze_offset(gaze_offset);
+        let mut ended = live_trial(
+            &mut session,
+            &mut recorder,
+            dir.as_deref(),
+            page,
+            person,
+            &mut gaze_offset,
+            &interrupted,
+        )?;
         finish(&session, recorder, dir.as_deref(), start)?;
         if matches!(ended, Ended::Finished | Ended::Aborted) {
-            ended = wait_for_restart(dir.as_deref(), session.testbed().now(), page, &interrupted)?;
+            let now = session.testbed().now();
+            ended = wait_for_restart(dir.as_deref(), now, page, &mut gaze_offset, &interrupted)?;
         }
         let Ended::Restart { method: wanted, again } = ended else { break };
         asked = asked.next(wanted, again);
@@ -184,6 +196,19 @@ fn restart(method: Option<char>, again: bool) -> Result<Ended, Box<dyn Error>> {
     Ok(Ended::Restart { method, again })
 }
 
+/// Records a gaze check. The error that a calibration found comes on top of what is taken off already.
+fn take_gaze_check(
+    dir: Option<&Path>,
+    now: SimTime,
+    check: &GazeCheck,
+    gaze_offset: &mut GazeOffset,
+) -> std::io::Result<()> {
+    if let Some([left, up]) = check.correction_deg {
+        *gaze_offset += GazeOffset { left: left.to_radians(), up: up.to_radians() };
+    }
+    store_gaze_check(dir, now, check)
+}
+
 /// Runs one trial in real time on what the page sends.
 fn live_trial(
     session: &mut Session,
@@ -191,6 +216,7 @@ fn live_trial(
     dir: Option<&Path>,
     page: &PageServer,
     person: &mut Person,
+    gaze_offset: &mut GazeOffset,
     interrupted: &AtomicBool,
 ) -> Result<Ended, Box<dyn Error>> {
     let mut pace = Pace::new();
@@ -212,7 +238,10 @@ fn live_trial(
                     ClientInput::Restart { method, again } => ending = Some(restart(method, again)?),
                     ClientInput::Study(action) if experimenter.act(action) => ending = Some(Ended::Aborted),
                     ClientInput::Study(_) => {}
-                    ClientInput::GazeCheck(check) => store_gaze_check(dir, now, &check)?,
+                    ClientInput::GazeCheck(check) => {
+                        take_gaze_check(dir, now, &check, gaze_offset)?;
+                        session.set_gaze_offset(*gaze_offset);
+                    }
                     ClientInput::Disconnected => session.act(Gesture::NoMotion),
                 }
             }
@@ -264,13 +293,14 @@ fn wait_for_restart(
     dir: Option<&Path>,
     now: SimTime,
     page: &PageServer,
+    gaze_offset: &mut GazeOffset,
     interrupted: &AtomicBool,
 ) -> Result<Ended, Box<dyn Error>> {
     while !interrupted.load(Ordering::Relaxed) {
         for input in page.drain_inputs() {
             match input {
                 ClientInput::Restart { method, again } => return restart(method, again),
-                ClientInput::GazeCheck(check) => store_gaze_check(dir, now, &check)?,
+                ClientInput::GazeCheck(check) => take_gaze_check(dir, now, &check, gaze_offset)?,
                 _ => {}
             }
         }

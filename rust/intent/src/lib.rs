@@ -24,12 +24,14 @@
 //! ```
 
 mod filtered;
+mod gaze_offset;
 mod hand_motion;
 mod model;
 mod place;
 mod posterior;
 mod single;
 
+pub use gaze_offset::GazeOffset;
 pub use model::{Candidates, IntentModel, IntentModelName, IntentModelOptions};
 pub use place::table_hit;
 pub use posterior::{IntentError, IntentOptions, Posterior, TaskPrior, posterior};

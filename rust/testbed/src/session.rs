@@ -2,6 +2,7 @@ use crate::{
     SpanDigest, Testbed, TestbedError, TickOutput,
     ports::{EmgSource, GazeTracker, PlanService},
 };
+use proact_intent::GazeOffset;
 use proact_participants::{Participant, Trunk};
 use proact_tasks::{Arrangement, BlockResult};
 use proact_types::{
@@ -53,6 +54,7 @@ pub struct Session {
     trunk: Trunk,
     intention: Intention,
     seen: Option<GazeSample>,
+    gaze_offset: GazeOffset,
     given: Option<Gesture>,
     /// `world_from_head` of a headset, while there is one.
     headset: Option<Pose>,
@@ -77,6 +79,7 @@ impl Session {
                 limb: None,
             },
             seen: None,
+            gaze_offset: GazeOffset::default(),
             given: None,
             headset: None,
             tracked_shoulder: None,
@@ -96,7 +99,12 @@ impl Session {
 
     /// A live person looks somewhere. A measurement of the same tick that came before is dropped.
     pub fn look(&mut self, gaze: GazeSample) {
-        self.seen = Some(gaze);
+        self.seen = Some(self.gaze_offset.correct(gaze));
+    }
+
+    /// The error of a live person's gaze source, from the next measurement on. The record holds gaze without it.
+    pub fn set_gaze_offset(&mut self, offset: GazeOffset) {
+        self.gaze_offset = offset;
     }
 
     /// A live person asks the trunk to go somewhere.

@@ -64,10 +64,12 @@ function start(): void {
     pause: button("Pause", () => live.send({ type: "study", action: status?.paused ? "resume" : "pause" })),
     reset: button("Reset blocks", () => live.send({ type: "restart", again: true })),
     check: button("Check gaze", () => live.send({ type: "study", action: "check_gaze" })),
+    calibrate: button("Recalibrate gaze", () => live.send({ type: "study", action: "calibrate_gaze" })),
     abort: button("End trial", () => live.send({ type: "study", action: "abort" }), "danger"),
   };
   buttons.reset.title = "A new trial with the blocks where they stood at the start of this one";
   buttons.check.title = "The participant's page shows five points to look at, and stores how well gaze followed them";
+  buttons.calibrate.title = "The same five points; the error that they agree on is taken off the gaze from then on";
   const methods = ["A", "B", "C", "D"].map((name) => button(name, () => live.send({ type: "restart", method: name })));
   methods.forEach((node) => (node.title = `New trial with method ${node.textContent}: ${METHOD_NAMES[node.textContent ?? ""]}`));
   const cameraBar = element("div", "camerabar", ...CAMERA_KINDS.map((kind) => button(CAMERA_NAMES[kind], () => chooseCamera(kind))));
@@ -187,7 +189,7 @@ function start(): void {
     setClass(state, "live", words === "Running");
     setText(buttons.pause, status?.paused ? "Resume" : "Pause");
     setClass(buttons.pause, "now", status?.paused ?? false);
-    buttons.check.disabled = !interactive || words !== "Running";
+    buttons.check.disabled = buttons.calibrate.disabled = !interactive || words !== "Running";
     buttons.pause.disabled = buttons.abort.disabled = finished || !status?.can_pause || status.aborted;
     setText(seed, status ? `Seed ${status.seed}` : "");
     setText(record, status ? (status.record ? `Record: ${status.record}` : "Not recorded") : "");

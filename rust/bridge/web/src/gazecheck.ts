@@ -5,6 +5,11 @@ import type { Frame, GazeCheck, Triple } from "./protocol";
 /** Gaps of this length are blinks, ms. */
 const BLINK_MS = [70, 500] as const;
 const DEGREES = 180 / Math.PI;
+/** A calibration needs this many points with samples. */
+const MIN_POINTS = 3;
+/** The largest error that a calibration takes off, and what may be left of it at any point, degrees. */
+const MAX_OFFSET_DEG = 15;
+const MAX_LEFT_DEG = 3;
 
 export type PointResult = GazeCheck["points"][number];
 /** One display frame's gaze. */
@@ -17,6 +22,7 @@ export interface Look {
 export function judge(looks: Look[], target: Triple): PointResult {
   const valid = looks.filter(({ gaze }) => gaze?.valid === true);
   const off = valid.map(({ gaze }) => angle(gaze!.direction, minus(target, gaze!.origin)));
+  const offsets = valid.map(({ gaze }) => offset(gaze!.direction, minus(target, gaze!.origin))).filter((pair) => pair.every(Number.isFinite));
   const steps: number[] = [];
   for (let k = 1; k < looks.length; k++) {
     const [before, now] = [looks[k - 1]?.gaze, looks[k]?.gaze];
@@ -25,6 +31,7 @@ export function judge(looks: Look[], target: Triple): PointResult {
   const finite = off.filter(Number.isFinite);
   return {
     accuracy_deg: finite.length > 0 ? mean(finite) : null,
+    offset_deg: offsets.length > 0 ? meanPair(offsets) : null,
     precision_deg: steps.length > 0 ? Math.sqrt(mean(steps.map((step) => step * step))) : null,
     lost_share: looks.length > 0 ? 1 - valid.length / looks.length : 1,
     blinks: blinks(looks),
@@ -46,6 +53,17 @@ export function total(points: PointResult[]): { accuracy: number | null; precisi
   };
 }
 
+/** What a calibration takes off the gaze: the mean error, if the points agree on it. Otherwise why not. */
+export function correction(points: PointResult[]): [number, number] | string {
+  const known = points.flatMap((point) => (point.offset_deg ? [point.offset_deg] : []));
+  if (known.length < MIN_POINTS) return `only ${known.length} of ${points.length} points were seen`;
+  const error = meanPair(known);
+  if (Math.hypot(...error) > MAX_OFFSET_DEG) return `the gaze is off by ${Math.hypot(...error).toFixed(1)}°, more than ${MAX_OFFSET_DEG}°`;
+  const left = Math.max(...known.map((pair) => Math.hypot(pair[0] - error[0], pair[1] - error[1])));
+  if (left > MAX_LEFT_DEG) return `the points differ by ${left.toFixed(1)}° from one another, more than ${MAX_LEFT_DEG}°`;
+  return error;
+}
+
 function blinks(looks: Look[]): number {
   let count = 0;
   let since: number | null = null;
@@ -63,6 +81,18 @@ function blinks(looks: Look[]): number {
 
 function mean(values: number[]): number {
   return values.reduce((sum, value) => sum + value, 0) / values.length;
+}
+
+function meanPair(pairs: [number, number][]): [number, number] {
+  return [mean(pairs.map((pair) => pair[0])), mean(pairs.map((pair) => pair[1]))];
+}
+
+/** How far `gaze` points to the left of `point`, and above it, degrees. */
+function offset(gaze: Triple, point: Triple): [number, number] {
+  const yaw = (v: Triple) => Math.atan2(v[1], v[0]);
+  const pitch = (v: Triple) => Math.atan2(v[2], Math.hypot(v[0], v[1]));
+  const turn = yaw(gaze) - yaw(point);
+  return [Math.atan2(Math.sin(turn), Math.cos(turn)) * DEGREES, (pitch(gaze) - pitch(point)) * DEGREES];
 }
 
 function minus(a: Triple, b: Triple): Triple {

@@ -2,7 +2,7 @@
 
 import { Sprite, SpriteMaterial, Vector3 } from "three";
 import { element, setText } from "./dom";
-import { judge, total, type Look, type PointResult } from "./gazecheck";
+import { correction, judge, total, type Look, type PointResult } from "./gazecheck";
 import type { Frame, GazeCheck } from "./protocol";
 import type { Room } from "./room";
 import { drawnTexture } from "./shapes";
@@ -29,6 +29,7 @@ export class GazeCheckView {
   private readonly body = element("div");
   private room: Room | null = null;
   private source = "mouse";
+  private calibrates = false;
   private done: PointResult[] = [];
   private looks: Look[] = [];
   private began = 0;
@@ -62,8 +63,9 @@ export class GazeCheckView {
     return new Vector3(centre.x + share[0] * half.x, centre.y + share[1] * half.y, centre.z);
   }
 
-  start(room: Room, source: string): void {
-    Object.assign(this, { room, source, done: [], looks: [], running: true, began: performance.now() });
+  /** Begins a check, or with `calibrates` one whose error is taken off the gaze from then on. */
+  start(room: Room, source: string, calibrates = false): void {
+    Object.assign(this, { room, source, calibrates, done: [], looks: [], running: true, began: performance.now() });
     this.root.hidden = false;
     this.body.replaceChildren(element("p", "", "Look at the ring until it moves on. Keep still."));
   }
@@ -95,13 +97,14 @@ export class GazeCheckView {
     const settling = Math.max(1 - (performance.now() - this.began) / SETTLE_MS, 0);
     this.mark.position.copy(point);
     this.mark.scale.setScalar(0.03 + 0.05 * settling);
-    setText(this.title, `Gaze check: point ${this.done.length + 1} of ${POINTS.length}`);
+    setText(this.title, `Gaze ${this.calibrates ? "calibration" : "check"}: point ${this.done.length + 1} of ${POINTS.length}`);
   }
 
   private show(): void {
     this.running = false;
     this.mark.visible = false;
-    const check: GazeCheck = { source: this.source, points: this.done };
+    const found = this.calibrates ? correction(this.done) : null;
+    const check: GazeCheck = { source: this.source, points: this.done, correction_deg: Array.isArray(found) ? found : null };
     this.finished(check);
     const { accuracy, precision, lost, blinks } = total(this.done);
     const degrees = (value: number | null) => (value === null ? "–" : `${value.toFixed(2)}°`);
@@ -120,11 +123,16 @@ export class GazeCheckView {
     const close = element("button", "primary", "Done");
     close.type = "button";
     close.addEventListener("click", () => this.stop());
-    setText(this.title, `Gaze check: ${this.source}`);
+    const verdict = good
+      ? `Good: ${degrees(accuracy)} on average.`
+      : `Not good enough to tell neighbouring blocks apart: ${degrees(accuracy)} on average. Check the source and try again.`;
+    setText(this.title, `Gaze ${this.calibrates ? "calibration" : "check"}: ${this.source}`);
     this.body.replaceChildren(
-      element("p", good ? "verdict good" : "verdict bad", good
-        ? `Good: ${degrees(accuracy)} on average.`
-        : `Not good enough to tell neighbouring blocks apart: ${degrees(accuracy)} on average. Check the source and try again.`),
+      Array.isArray(found)
+        ? element("p", "verdict good", `Calibrated: ${said(found)} of error are taken off from now on. Check the gaze to see what is left.`)
+        : typeof found === "string"
+          ? element("p", "verdict bad", `Not calibrated: ${found}. The gaze stays as it was.`)
+          : element("p", good ? "verdict good" : "verdict bad", verdict),
       element(
         "table",
         "",
@@ -135,4 +143,9 @@ export class GazeCheckView {
       close,
     );
   }
+}
+
+/** An offset in words. */
+function said([left, up]: [number, number]): string {
+  return `${Math.abs(left).toFixed(2)}° to the ${left < 0 ? "right" : "left"} and ${Math.abs(up).toFixed(2)}° ${up < 0 ? "down" : "up"}`;
 }

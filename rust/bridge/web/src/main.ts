@@ -16,7 +16,7 @@ import { Live } from "./live";
 import { Motion } from "./motion";
 import { Panel } from "./panel";
 import { Pointing } from "./pointing";
-import type { BlockId, Content, Frame, Triple } from "./protocol";
+import type { BlockId, Content, Frame, Status, Triple } from "./protocol";
 import { load, store, type Settings } from "./settings";
 import { choosePalette, mirrorText } from "./shapes";
 import { Sounds } from "./sounds";
@@ -63,7 +63,7 @@ function start(): void {
   let everConnected = false;
   let cursor: Vector2 | null = null;
   let gazeSource: string | null = null;
-  let gazeChecks: number | null = null;
+  let asked: Pick<Status, "gaze_checks" | "gaze_calibrations"> | null = null;
   const shown = { since: performance.now(), received: 0, drawn: 0 };
 
   const debug: Debug = {
@@ -104,7 +104,8 @@ function start(): void {
   const check = new GazeCheckView((result) => live.send({ type: "gaze_check", ...result }));
   const panel = new Panel(settings, {
     changed: change,
-    gazeCheck: checkGaze,
+    gazeCheck: () => checkGaze(),
+    gazeCalibration: () => checkGaze(true),
     tutorial: () => interactive() && tutorial.start(),
   });
   const gamepad = new GamepadInput({
@@ -150,8 +151,9 @@ function start(): void {
       hud.setPaused(status.paused);
       gazeSource = status.gaze_source;
       // What was asked for before this page came is over.
-      if (gazeChecks !== null && status.gaze_checks > gazeChecks) checkGaze();
-      gazeChecks = status.gaze_checks;
+      if (asked && status.gaze_checks > asked.gaze_checks) checkGaze();
+      if (asked && status.gaze_calibrations > asked.gaze_calibrations) checkGaze(true);
+      asked = status;
     },
     connected(connected) {
       everConnected ||= connected;
@@ -188,9 +190,9 @@ function start(): void {
     return target ? { x: target.centre.x, y: target.centre.y } : null;
   }
 
-  function checkGaze(): void {
+  function checkGaze(calibrates = false): void {
     const source = gazeSource ?? (headset.worn ? "headset" : "mouse");
-    if (stage.room && interactive()) check.start(stage.room, source);
+    if (stage.room && interactive()) check.start(stage.room, source, calibrates);
   }
 
   /** What the gaze passes: with a block in hand, or in a gaze check, only the table counts. */

@@ -19,6 +19,7 @@ const NAMES: Record<string, string> = {
 export interface PanelHandlers {
   changed(settings: Settings): void;
   gazeCheck(): void;
+  gazeCalibration(): void;
   tutorial(): void;
 }
 
@@ -66,6 +67,10 @@ export class Panel {
           this.button("Check the gaze (five points)", "plain wide", () => {
             this.close();
             this.handlers.gazeCheck();
+          }),
+          this.button("Calibrate the gaze (five points)", "plain wide", () => {
+            this.close();
+            this.handlers.gazeCalibration();
           }),
           element("h3", "", "Help"),
           this.button("Show me how to move a block", "plain wide", () => {

@@ -101,6 +101,8 @@ export interface Status {
   gaze_source: string | null;
   /** How often the experimenter asked for a gaze check. */
   gaze_checks: number;
+  /** And for a new calibration of the gaze. */
+  gaze_calibrations: number;
 }
 
 /** What the experimenter watches beside the scene. */
@@ -127,10 +129,14 @@ export interface GazeCheck {
   points: {
     accuracy_deg: number | null;
     precision_deg: number | null;
+    /** Mean of gaze minus point: to the left, upwards. */
+    offset_deg: [number, number] | null;
     lost_share: number;
     blinks: number;
     samples: number;
   }[];
+  /** What is to be taken off the gaze from now on: to the left, upwards. None: it stays as it is. */
+  correction_deg: [number, number] | null;
 }
 
 export interface Frame {
@@ -178,7 +184,7 @@ export type ClientMessage =
   | { type: "trunk"; forward: number; lateral: number; axial: number }
   | { type: "head"; position: Triple; quaternion: [number, number, number, number] }
   | { type: "restart"; method?: string; again?: boolean }
-  | { type: "study"; action: "pause" | "resume" | "abort" | "check_gaze" }
+  | { type: "study"; action: "pause" | "resume" | "abort" | "check_gaze" | "calibrate_gaze" }
   | ({ type: "gaze_check" } & GazeCheck)
   | { type: "ping"; id: number }
   | { type: "alive" };

@@ -4,7 +4,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { load } from "./bundle.mjs";
 
-const { judge, total } = await load("gazecheck");
+const { correction, judge, total } = await load("gazecheck");
 const { FrameCount } = await load("framecount");
 const { marking } = await load("marking");
 const { cueOf } = await load("sounds");
@@ -35,7 +35,7 @@ test("lost samples count in the share, and a gap of the length of a blink is one
 });
 
 test("a source that never sees the eye has no accuracy and is lost altogether", () => {
-  assert.deepEqual(judge([], [1, 0, 0]), { accuracy_deg: null, precision_deg: null, lost_share: 1, blinks: 0, samples: 0 });
+  assert.deepEqual(judge([], [1, 0, 0]), { accuracy_deg: null, precision_deg: null, offset_deg: null, lost_share: 1, blinks: 0, samples: 0 });
   const blind = judge([{ time: 0, gaze: gaze(0, false) }], [1, 0, 0]);
   assert.equal(blind.accuracy_deg, null);
   assert.equal(total([blind]).accuracy, null);
@@ -75,4 +75,14 @@ test("contact made and contact lost sound different, and a plan is heard only wh
   assert.equal(notes({ event: "plan_finished", status: "ok" }), undefined);
   assert.ok(notes({ event: "plan_finished", status: "unreachable" }).length > 0);
   assert.equal(notes({ event: "gesture_changed", gesture: "no_motion" }), undefined);
+});
+
+test("a calibration takes off the error that the points agree on, and nothing else", () => {
+  const points = (error) => [-20, 0, 20].map((at) => judge([{ time: 0, gaze: gaze(error(at)) }], gaze(at).direction));
+  const [left, up] = correction(points((at) => at + 2));
+  close(left, 2);
+  close(up, 0);
+  assert.match(correction(points((at) => at + 2).slice(1)), /only 2 of 2 points/);
+  assert.match(correction(points((at) => at + 16)), /off by 16.0°/);
+  assert.match(correction(points((at) => 1.5 * at)), /differ by 10.0°/);
 });
