@@ -121,34 +121,32 @@ fn single_controller(joint: usize) -> String {
     format!("j{joint}_controller")
 }
 
-/// A thread that looks after the controllers until it is dropped.
+/// A thread that looks after the controllers until it is dropped. It is not waited for then: rosrust tries a service that
+/// has gone for half a minute.
 pub(super) struct Keeper {
     ended: Arc<AtomicBool>,
-    thread: Option<std::thread::JoinHandle<()>>,
+    thread: std::thread::Thread,
 }
 
 impl Keeper {
     fn new(start: Vec<String>, stop: Vec<String>) -> Self {
         let ended = Arc::new(AtomicBool::new(false));
         let seen = ended.clone();
-        let thread = std::thread::spawn(move || {
+        let running = std::thread::spawn(move || {
             while !seen.load(Ordering::Relaxed) {
                 // A manager that is not there, or goes while it is asked, is looked for again.
                 let _ = see_to(&start, &stop);
                 std::thread::park_timeout(LOOK_AFTER);
             }
         });
-        Self { ended, thread: Some(thread) }
+        Self { ended, thread: running.thread().clone() }
     }
 }
 
 impl Drop for Keeper {
     fn drop(&mut self) {
         self.ended.store(true, Ordering::Relaxed);
-        if let Some(thread) = self.thread.take() {
-            thread.thread().unpark();
-            let _ = thread.join();
-        }
+        self.thread.unpark();
     }
 }
 
