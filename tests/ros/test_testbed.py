@@ -10,7 +10,7 @@ import unittest
 
 import graph
 
-graph.message_packages()
+MODULES = os.path.join(graph.message_packages(), "lib")
 GRAPH = graph.Graph()
 
 import rosbag  # noqa: E402
@@ -46,7 +46,8 @@ class Testbed(unittest.TestCase):
         bag = os.path.join(GRAPH.home, "trial.bag")
         topics = ["/clock", "/tf", "/tf_static", "/emg", "/gaze_position", "/gaze_direction",
                   "/mpl_right_arm/wrapped_joint_states", "/gazebo/model_states",
-                  "/grasp_event_republisher/grasp_events"]
+                  "/grasp_event_republisher/grasp_events", "/move_group/motion_plan_request",
+                  "/mpl_right_arm/arm_controller/command"]
         recorder = GRAPH.spawn(["/usr/bin/rosbag", "record", "-O", bag, *topics], "record.log")
         graph.until(lambda: any(n.startswith("/record") for n in GRAPH.nodes()), "rosbag record")
         node = GRAPH.node("testbed", *words)
@@ -62,13 +63,20 @@ class Testbed(unittest.TestCase):
         self.check_bag(bag, topics)
 
     def check_bag(self, path, topics):
-        self.assertEqual(subprocess.run(["/usr/bin/rosbag", "check", path], env=GRAPH.env).returncode, 0)
+        env = dict(GRAPH.env, PYTHONPATH=MODULES)
+        check = subprocess.run(["/usr/bin/rosbag", "check", path], env=env, stdout=subprocess.PIPE, universal_newlines=True)
+        self.assertIn("Bag file does not need any migrations.", check.stdout)
         with rosbag.Bag(path) as bag:
             info = bag.get_type_and_topic_info().topics
             for topic in topics:
                 self.assertIn(topic, info, sorted(info))
             attached = [m.attached for _, m, _ in bag.read_messages("/grasp_event_republisher/grasp_events")]
             self.assertEqual(attached[:2], [True, False])
+            goals = [m.goal_constraints[0].name for _, m, _ in bag.read_messages("/move_group/motion_plan_request")]
+            self.assertTrue(goals[0].startswith("pick") and "place" in goals, goals)
+            carried = [len(m.start_state.attached_collision_objects) for _, m, _ in
+                       bag.read_messages("/move_group/motion_plan_request") if m.goal_constraints[0].name == "place"]
+            self.assertEqual(set(carried), {1})
 
     def test_inputs_played_from_a_bag_drive_the_node(self):
         path = os.path.join(GRAPH.home, "inputs.bag")
