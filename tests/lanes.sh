@@ -161,7 +161,7 @@ lane_focal() {
 
 lane_ros() {
     build_ros
-    for test in test_messages test_sim test_rosbridge test_compat; do
+    for test in test_messages test_launch test_sim test_rosbridge test_compat; do
         PROACT_BINARY=$ros_binary /usr/bin/python3 -W ignore "$root/tests/ros/$test.py" || return 1
     done
 }
