@@ -2,6 +2,7 @@
 
 use super::{
     Faults,
+    at_once::send_at_once,
     master::{self, Addresses, Registrations},
 };
 use crate::messages::diagnostic_msgs::DiagnosticArray;
@@ -128,6 +129,7 @@ impl Graph {
     pub fn watch_master(&mut self) -> Result<(), NodeError> {
         let addresses = self.addresses()?;
         let (ended, restarted) = (self.ended.clone(), self.master_restarted.clone());
+        send_at_once();
         self.watch = Some(std::thread::spawn(move || watch(&addresses, &ended, &restarted)));
         Ok(())
     }
@@ -384,6 +386,8 @@ fn watch(addresses: &Addresses, ended: &AtomicBool, restarted: &AtomicBool) {
             // It is gone; live connections go on.
             Err(_) => {}
         }
+        // A connection that came while a topic was being set up, and our own to services.
+        send_at_once();
         let wake = Instant::now() + WATCH;
         while !ended.load(Ordering::Relaxed) && Instant::now() < wake {
             std::thread::sleep(Duration::from_millis(50));

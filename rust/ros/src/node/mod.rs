@@ -1,6 +1,7 @@
 //! Nodes on a ROS graph: rosrust's callbacks hand jobs to one loop that owns the stage.
 
 mod actions;
+mod at_once;
 mod convert;
 mod emg;
 mod faults;
