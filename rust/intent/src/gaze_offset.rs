@@ -1,31 +1,42 @@
 use proact_types::{GazeSample, Vector};
 use std::ops::AddAssign;
 
-/// A direction stays this far from straight up and down, rad: there a turn to the left is none.
-const POLE: f64 = 0.01;
+/// Rounds of the search for the direction that the error led to the measured one. Each takes off nine tenths of what is
+/// left, at errors and slopes as they occur.
+const ROUNDS: usize = 16;
 
 /// A constant error of a gaze source, as a calibration finds it: how far it points to the left of where the person
-/// looks, and above it, rad. Taken off each sample.
+/// looks, and above it, rad, as seen along the gaze. Taken off each sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct GazeOffset {
-    /// About `world` z.
+    /// To the left, level.
     pub left: f64,
-    /// Towards `world` z.
+    /// Upwards, across the gaze.
     pub up: f64,
 }
 
 impl GazeOffset {
-    /// The sample without the error; its origin and validity stay.
+    /// The sample without the error; its origin and validity stay, and its direction gets length 1.
     pub fn correct(&self, sample: GazeSample) -> GazeSample {
-        if *self == GazeOffset::default() {
-            return sample;
+        let measured = match sample.direction.try_normalize(0.0) {
+            Some(measured) if *self != GazeOffset::default() => measured,
+            _ => return sample,
+        };
+        let mut direction = measured;
+        for _ in 0..ROUNDS {
+            let error = self.across(&direction);
+            let length = (1.0 + error.norm_squared()).sqrt();
+            direction = (measured * length - error).normalize();
         }
-        let (x, y, z) = (sample.direction.x, sample.direction.y, sample.direction.z);
-        let most = std::f64::consts::FRAC_PI_2 - POLE;
-        let yaw = y.atan2(x) - self.left;
-        let pitch = (z.atan2(x.hypot(y)) - self.up).clamp(-most, most);
-        let direction = Vector::new(pitch.cos() * yaw.cos(), pitch.cos() * yaw.sin(), pitch.sin());
-        GazeSample { direction: direction * sample.direction.norm(), ..sample }
+        GazeSample { direction, ..sample }
+    }
+
+    /// The error beside a unit vector that is looked along.
+    fn across(&self, direction: &Vector) -> Vector {
+        // Straight up or down nothing is to the left: any level direction will do.
+        let left = Vector::z().cross(direction).try_normalize(1e-6).unwrap_or(Vector::y());
+        let up = direction.cross(&left);
+        left * self.left.tan() + up * self.up.tan()
     }
 }
 
@@ -50,21 +61,21 @@ mod tests {
     fn the_error_of_a_source_that_looks_left_and_up_is_taken_off() {
         let error = GazeOffset { left: 0.1, up: -0.05 };
         for (yaw, pitch) in [(0.0_f64, 0.0_f64), (1.0, -0.6), (-3.1, 0.9), (3.1, -1.2)] {
-            let at = |yaw: f64, pitch: f64| {
-                Vector::new(pitch.cos() * yaw.cos(), pitch.cos() * yaw.sin(), pitch.sin())
-            };
-            let corrected = error.correct(sample(at(yaw + 0.1, pitch - 0.05)));
-            assert!((corrected.direction - at(yaw, pitch)).norm() < 1e-12, "{corrected:?}");
+            let looked = Vector::new(pitch.cos() * yaw.cos(), pitch.cos() * yaw.sin(), pitch.sin());
+            let corrected = error.correct(sample(looked + error.across(&looked)));
+            assert!((corrected.direction - looked).norm() < 1e-8, "{corrected:?} at {yaw} {pitch}");
             assert_eq!((corrected.origin, corrected.valid), (Point::new(1.0, 2.0, 3.0), true));
         }
+        let ahead = error.correct(sample(Vector::x())).direction;
+        assert!((ahead.y.atan2(ahead.x) + 0.1).abs() < 1e-3 && (ahead.z - 0.05).abs() < 1e-3, "{ahead}");
     }
 
     #[test]
-    fn without_an_error_a_sample_stays_to_the_bit_and_nothing_goes_over_the_pole() {
+    fn without_an_error_a_sample_stays_to_the_bit_and_straight_down_is_corrected_somehow() {
         let odd = sample(Vector::new(0.1, -0.7, 0.3));
         assert_eq!(GazeOffset::default().correct(odd), odd);
-        let up = GazeOffset { left: 0.0, up: -0.3 }.correct(sample(Vector::new(0.1, 0.0, 1.0).normalize()));
-        assert!(up.direction.x > 0.0 && up.direction.z < 1.0, "{up:?}");
+        let down = GazeOffset { left: 0.1, up: 0.1 }.correct(sample(-Vector::z())).direction;
+        assert!((down.norm() - 1.0).abs() < 1e-12 && down.z < -0.95, "{down}");
     }
 
     #[test]

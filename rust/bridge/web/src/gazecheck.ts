@@ -87,12 +87,18 @@ function meanPair(pairs: [number, number][]): [number, number] {
   return [mean(pairs.map((pair) => pair[0])), mean(pairs.map((pair) => pair[1]))];
 }
 
-/** How far `gaze` points to the left of `point`, and above it, degrees. */
+/** How far `gaze` points to the left of `point`, and above it, as seen along the line to the point, degrees. */
 function offset(gaze: Triple, point: Triple): [number, number] {
-  const yaw = (v: Triple) => Math.atan2(v[1], v[0]);
-  const pitch = (v: Triple) => Math.atan2(v[2], Math.hypot(v[0], v[1]));
-  const turn = yaw(gaze) - yaw(point);
-  return [Math.atan2(Math.sin(turn), Math.cos(turn)) * DEGREES, (pitch(gaze) - pitch(point)) * DEGREES];
+  const [x, y, z] = point;
+  const [level, length] = [Math.hypot(x, y), Math.hypot(x, y, z)];
+  const left: Triple = [-y / level, x / level, 0];
+  const up: Triple = [(-x * z) / level / length, (-y * z) / level / length, level / length];
+  const along = dot(gaze, point) / length;
+  return [Math.atan2(dot(gaze, left), along) * DEGREES, Math.atan2(dot(gaze, up), along) * DEGREES];
+}
+
+function dot(a: Triple, b: Triple): number {
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
 function minus(a: Triple, b: Triple): Triple {
@@ -102,6 +108,6 @@ function minus(a: Triple, b: Triple): Triple {
 /** Angle between two vectors, degrees; not-a-number if one has no length. */
 function angle(a: Triple, b: Triple): number {
   const cross = Math.hypot(a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]);
-  const dot = a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-  return cross === 0 && dot === 0 ? NaN : Math.atan2(cross, dot) * DEGREES;
+  const along = dot(a, b);
+  return cross === 0 && along === 0 ? NaN : Math.atan2(cross, along) * DEGREES;
 }
