@@ -1,6 +1,7 @@
 #!/bin/sh
 # Runs a command with the workspace in the environment.
-set -eu
+# Not -u: setup files read variables that nobody has set.
+set -e
 if [ -f /opt/ros/noetic/setup.sh ]; then
     # shellcheck source=/dev/null
     . /opt/ros/noetic/setup.sh

@@ -6,7 +6,7 @@
 # the reason as its last line); anything else is a failure. One failing lane does not keep the others from running.
 
 short_lanes="format shell docker web lint cpp rust launcher trial page rosbridge ros"
-long_lanes="seeds planning sanitizers valgrind soak debootstrap focal pages ros_long lsl"
+long_lanes="seeds planning sanitizers valgrind soak debootstrap focal image pages ros_long lsl"
 
 # A ROS 1 graph with Debian's own clients, the catkin workspace, rviz on a virtual display.
 ros_test_packages="ros-base python3-roslaunch python3-rosbag python3-rostopic python3-rosnode python3-rosservice
@@ -33,7 +33,7 @@ packages_of() {
     seeds | planning) echo python3 ;;
     ros | ros_long) echo "$ros_packages $ros_test_packages" ;;
     debootstrap) echo debootstrap python3 git ;;
-    focal) echo debootstrap ;;
+    focal | image) echo debootstrap ;;
     format | lint)
         # A Rust of Debian's keeps these two in packages of their own.
         case ${cargo:-} in '' | /usr/bin/cargo) echo rustfmt-web rust-web-clippy ;; esac
@@ -157,6 +157,11 @@ lane_debootstrap() {
 
 lane_focal() {
     sh "$root/tests/launcher/focal.sh"
+}
+
+# The Debian image's own commands, in a bare root.
+lane_image() {
+    sh "$root/tests/ros/image.sh"
 }
 
 lane_ros() {

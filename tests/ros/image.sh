@@ -22,7 +22,7 @@ inside "$root" /bin/bash -o pipefail /commands >"$root/log" 2>&1 || {
     echo "FAILED: a command of the Dockerfile"
     exit 1
 }
-echo "that took $(($(date +%s) - start)) s, $(du -sm "$root" | cut -f1) MB"
+echo "that took $(($(date +%s) - start)) s, $(du -smx "$root" | cut -f1) MB"
 
 echo "--- the image's command answers on a master of its own"
 cat >"$root/try" <<'TRY'
@@ -33,10 +33,11 @@ grep -q localhost /etc/hosts || echo "127.0.0.1 localhost" >>/etc/hosts
 "$entry_point" roslaunch -p 11399 proact_bringup sim.launch >/launch.log 2>&1 &
 launch=$!
 trap 'kill $launch; wait $launch || true' EXIT
-for _ in $(seq 120); do
+for _ in $(seq 24); do
     if "$entry_point" timeout 5 rostopic echo -n 1 /mpl_right_arm/joint_states/header; then
         exit 0
     fi
+    kill -0 $launch || break
 done
 cat /launch.log
 exit 1

@@ -68,8 +68,8 @@ pub(crate) async fn refuse_strangers(
             response
         }
         Admission::Refused => {
-            let reason = "this page needs the token: open the address that proact printed, or start it with --page-allow \
-                          and the address of this machine\n";
+            let reason = "this page needs the token: open the address that proact printed, or start proact serve with \
+                          --page-allow and the address of this machine\n";
             (StatusCode::UNAUTHORIZED, reason).into_response()
         }
     }
