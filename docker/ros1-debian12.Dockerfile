@@ -17,6 +17,9 @@ RUN apt-get update \
         ros-robot-state-publisher rviz xvfb xauth libgl1-mesa-dri catkin ros-core-dev ros-message-generation \
         libstd-msgs-dev libgeometry-msgs-dev libsensor-msgs-dev libshape-msgs-dev libtrajectory-msgs-dev ros-std-msgs \
         ros-geometry-msgs ros-sensor-msgs ros-trajectory-msgs ros-actionlib-msgs cmake make \
+        python3-std-msgs python3-geometry-msgs python3-sensor-msgs python3-shape-msgs python3-trajectory-msgs \
+        python3-actionlib-msgs python3-diagnostic-msgs python3-rosgraph-msgs python3-std-srvs python3-tf2-msgs \
+        python3-visualization-msgs \
     && rm -rf /var/lib/apt/lists/*
 
 # The launcher brings compilers and message definitions; catkin makes the workspace with launch files.
