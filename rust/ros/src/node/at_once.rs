@@ -3,7 +3,7 @@
 //! rosrust leaves Nagle's algorithm on and has no switch for it, so that a small message waits up to 40 ms for the receipt
 //! of the one before: joint states came in bursts of five, also to subscribers that had asked for `tcp_nodelay`.
 
-use std::os::fd::BorrowedFd;
+use nix::sys::socket::{setsockopt, sockopt::TcpNoDelay};
 
 /// Switches Nagle's algorithm off for every TCP socket of this process, those that listen included: what they accept
 /// from then on is switched off too. Without Linux's list of open files nothing happens.
@@ -13,13 +13,8 @@ pub(super) fn send_at_once() {
         let Some(number) = file.file_name().to_str().and_then(|name| name.parse::<i32>().ok()) else {
             continue;
         };
-        // SAFETY: The number was in the list of this process's open files, so it is no -1. Another thread may close it
-        // before the call below; the system then answers EBADF, or, if the number was given out again, switches a newer
-        // socket, which is as good. Nothing is read, written or closed by way of it.
-        #[allow(unsafe_code)]
-        let file = unsafe { BorrowedFd::borrow_raw(number) };
-        // What is no TCP socket refuses.
-        let _ = rustix::net::sockopt::set_tcp_nodelay(file, true);
+        // What is no TCP socket, or was closed meanwhile, refuses.
+        let _ = setsockopt(number, TcpNoDelay, &true);
     }
 }
 
