@@ -56,7 +56,8 @@ impl GazeCheck {
                     return Err(format!("gaze {what} is {angle}, expected 0 to 180 degrees"));
                 }
             }
-            if let Some(angle) = point.offset_deg.into_iter().flatten().find(|angle| !(angle.abs() <= 180.0))
+            if let Some(angle) =
+                point.offset_deg.into_iter().flatten().find(|angle| !(-180.0..=180.0).contains(angle))
             {
                 return Err(format!("gaze offset is {angle}, expected -180 to 180 degrees"));
             }
@@ -64,7 +65,7 @@ impl GazeCheck {
                 return Err(format!("gaze lost share is {}, expected 0 to 1", point.lost_share));
             }
         }
-        let wild = |angle: &f64| !(angle.abs() <= MAX_CORRECTION_DEG);
+        let wild = |angle: &f64| !(-MAX_CORRECTION_DEG..=MAX_CORRECTION_DEG).contains(angle);
         if let Some(angle) = self.correction_deg.into_iter().flatten().find(wild) {
             return Err(format!("gaze correction is {angle}, expected at most {MAX_CORRECTION_DEG} degrees"));
         }
