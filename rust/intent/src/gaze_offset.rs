@@ -4,6 +4,9 @@ use std::ops::AddAssign;
 /// Rounds of the search for the direction that the error led to the measured one. Each takes off nine tenths of what is
 /// left, at errors and slopes as they occur.
 const ROUNDS: usize = 16;
+/// Errors do not add up to more than this, rad: a source that is further off is broken, and its error's tangent grows
+/// without bound.
+const LARGEST: f64 = 0.5;
 
 /// A constant error of a gaze source, as a calibration finds it: how far it points to the left of where the person
 /// looks, and above it, rad, as seen along the gaze. Taken off each sample.
@@ -40,11 +43,11 @@ impl GazeOffset {
     }
 }
 
-/// An error that is found on top of one that is taken off already.
+/// An error that is found on top of one that is taken off already, up to half a radian in all.
 impl AddAssign for GazeOffset {
     fn add_assign(&mut self, more: GazeOffset) {
-        self.left += more.left;
-        self.up += more.up;
+        self.left = (self.left + more.left).clamp(-LARGEST, LARGEST);
+        self.up = (self.up + more.up).clamp(-LARGEST, LARGEST);
     }
 }
 
@@ -79,9 +82,16 @@ mod tests {
     }
 
     #[test]
-    fn errors_add_up() {
+    fn errors_add_up_to_a_bound() {
         let mut error = GazeOffset { left: 0.1, up: 0.2 };
         error += GazeOffset { left: -0.3, up: 0.1 };
         assert!((error.left + 0.2).abs() < 1e-15 && (error.up - 0.3).abs() < 1e-15);
+        for _ in 0..20 {
+            error += GazeOffset { left: 0.3, up: -0.3 };
+        }
+        assert_eq!(error, GazeOffset { left: LARGEST, up: -LARGEST });
+        for direction in [Vector::x(), -Vector::z(), Vector::new(0.3, -0.2, -0.9)] {
+            assert!(error.correct(sample(direction)).direction.iter().all(|x| x.is_finite()));
+        }
     }
 }
