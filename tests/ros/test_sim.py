@@ -1,11 +1,8 @@
 """`proact node sim` as Debian's rospy and roscpp clients see it."""
 
-import ctypes
-import errno
 import math
 import os
 import signal
-import socket
 import statistics
 import subprocess
 import threading
@@ -56,33 +53,6 @@ def tearDownModule():
     GRAPH.close()
 
 
-LIBC = ctypes.CDLL(None, use_errno=True)
-PIDFD_GETFD = 438
-
-
-def tcp_sockets(pid):
-    """Duplicates of the TCP sockets of a process."""
-    process = os.pidfd_open(pid)
-    found = []
-    for number in os.listdir(f"/proc/{pid}/fd"):
-        fd = LIBC.syscall(PIDFD_GETFD, process, int(number), 0)
-        if fd < 0:
-            if ctypes.get_errno() == errno.EBADF:
-                continue
-            raise unittest.SkipTest(f"this machine shows nobody another's sockets: {os.strerror(ctypes.get_errno())}")
-        try:
-            opened = socket.socket(fileno=fd)
-        except OSError:
-            os.close(fd)
-            continue
-        if opened.family in (socket.AF_INET, socket.AF_INET6) and opened.type == socket.SOCK_STREAM:
-            found.append(opened)
-        else:
-            opened.close()
-    os.close(process)
-    return found
-
-
 def arm_now():
     message = STATES.messages[-1]
     return [message.position[message.name.index(n)] for n in ARM]
@@ -125,19 +95,6 @@ class Simulator(unittest.TestCase):
         self.assertEqual(len(message.name), 27)
         self.assertEqual(message.name, sorted(message.name))
         tf.subscriber.unregister()
-
-    def test_no_message_waits_for_the_receipt_of_the_one_before(self):
-        """Nagle's algorithm is off for what listens, what was accepted and what connects."""
-
-        def off():
-            sockets = tcp_sockets(SIM.pid)
-            waiting = [s for s in sockets if not s.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)]
-            count = len(sockets)
-            for opened in sockets:
-                opened.close()
-            return count > 10 and not waiting
-
-        graph.until(off, "every socket of the node without Nagle's algorithm")
 
     def test_tf2_leads_from_every_frame_of_the_original_to_the_world(self):
         buffer = tf2_ros.Buffer(rospy.Duration(30))
