@@ -37,6 +37,8 @@ const GRIP_HEIGHT: f64 = 0.03;
 const MISSED_MILLIS: u64 = 900;
 /// After so many movements the place is good enough, or not to be had.
 const MOST_MOVEMENTS: u32 = 14;
+/// Joint by joint, after so many that brought too little another way is looked for.
+const MOST_IN_VAIN: u32 = 3;
 /// Half of a block's height, and its radius, metres.
 const BLOCK: f64 = 0.025;
 /// A movement that gives less than this share of what it should has met something.
@@ -53,7 +55,8 @@ const TOUCHED: f64 = 0.06;
 /// another way. Deterministic for its seed. A person without this model in the head needs longer; it is no evidence
 /// about people.
 ///
-/// Known weakness: it minds where the fingers are, not where elbow and forearm are.
+/// Known weakness: it minds where fingers, wrist and forearm are, not the elbow; and now and then the hand comes down on
+/// something several times before a way is found that is clear.
 pub struct JoggingParticipant {
     habits: Habits,
     sense: ArmSense,
@@ -83,6 +86,8 @@ pub struct JoggingParticipant {
     gripped_high: bool,
     /// Movements since the stage began.
     movements: u32,
+    /// ... and those of them that brought too little.
+    in_vain: u32,
     limb: limb::Limb,
 }
 
@@ -152,6 +157,7 @@ impl JoggingParticipant {
             near: false,
             gripped_high: false,
             movements: 0,
+            in_vain: 0,
             limb: limb::Limb::default(),
         }
     }
@@ -237,6 +243,7 @@ impl JoggingParticipant {
         self.refused.clear();
         self.turns.clear();
         self.movements = 0;
+        self.in_vain = 0;
         self.limb.begin();
         self.attitude_due = matches!(stage, Stage::Above | Stage::Carry);
     }
@@ -274,6 +281,7 @@ impl JoggingParticipant {
         let short = pulse.amount - moved.abs();
         if short > (1.0 - LEAST_PROGRESS) * pulse.amount || (pulse.mode < FIRST_AXIS && short > TOUCHED) {
             self.refused.push((pulse.mode, pulse.gesture));
+            self.in_vain += 1;
             self.turns.clear();
         } else {
             self.refused.clear();
@@ -283,7 +291,7 @@ impl JoggingParticipant {
     /// Joint by joint the hand goes all the way at once: what is in the way is passed by thinking of it before.
     fn go_all_the_way(&mut self) {
         self.stage = match self.stage {
-            Stage::Above => Stage::Hover,
+            Stage::Above => Stage::Down,
             same => same,
         };
     }
@@ -300,7 +308,9 @@ impl JoggingParticipant {
             return Gesture::NoMotion;
         }
         let good_enough = self.movements > if by_axis { MOST_MOVEMENTS } else { 2 * MOST_MOVEMENTS };
+        let in_vain = !by_axis && self.in_vain >= MOST_IN_VAIN;
         let wanted = match () {
+            () if in_vain => Err(()),
             () if good_enough && goal.off(&base_from_tip).0 < 2.0 * goal.point_done => Ok(None),
             () if good_enough => Err(()),
             () if !by_axis && goal.reached(&base_from_tip) => Ok(None),

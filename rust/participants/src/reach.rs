@@ -3,12 +3,17 @@
 
 mod ways;
 
+use arrayvec::ArrayVec;
 use nalgebra::{DMatrix, DVector, Translation3, Unit, UnitQuaternion};
-use proact_types::{ArmModel, JointVector, Point, Pose, Vector};
+use proact_types::{ArmModel, JointVector, Point, Pose, Shape, Vector};
 use std::sync::Arc;
 
 pub(crate) use ways::{Conditions, Turn, back_is_shorter, made};
 
+/// Position of the elbow among the arm joints: what hangs on it is minded.
+const ELBOW: usize = 3;
+/// Places of forearm and wrist that are minded, at most.
+const MOST_BULGES: usize = 16;
 /// Steps of the search for joint angles.
 const STEPS: usize = 40;
 /// Damping of a step, metres: the search stays calm where the arm is stretched.
@@ -67,15 +72,59 @@ impl HandGoal {
 #[derive(Clone, Debug)]
 pub(crate) struct ArmSense {
     model: Arc<ArmModel>,
+    forearm: Vec<Bulge>,
+}
+
+/// A place in the arm, and how thick the arm is there.
+#[derive(Clone, Copy, Debug)]
+struct Bulge {
+    /// Position of the joint that carries it.
+    joint: usize,
+    /// In the frame of the link behind that joint.
+    at: Point,
+    /// Metres.
+    radius: f64,
+}
+
+/// How the arm stands: where its hand and its thick places are, in `base_link`.
+#[derive(Clone, Debug)]
+pub(crate) struct Stance {
+    /// `base_from_tip`.
+    pub(crate) tip: Pose,
+    /// Places in forearm and wrist, and how thick the arm is there, metres.
+    pub(crate) forearm: ArrayVec<(Point, f64), MOST_BULGES>,
 }
 
 impl ArmSense {
     pub(crate) fn new(model: Arc<ArmModel>) -> Self {
-        Self { model }
+        let forearm = bulges(&model);
+        Self { model, forearm }
     }
 
     /// `base_from_tip` at the arm angles `q`, and point and axis of each joint, in the base.
     fn chain(&self, q: &[f64]) -> (Pose, Vec<(Point, Vector)>) {
+        let mut axes = vec![(Point::origin(), Vector::zeros()); q.len()];
+        let tip = self.walk(q, |k, axis, pose| {
+            axes[k] = (Point::from(pose.translation.vector), pose.rotation * axis);
+        });
+        (tip, axes)
+    }
+
+    /// How the arm stands at the angles `q`.
+    pub(crate) fn stance(&self, q: &[f64]) -> Stance {
+        let mut forearm = ArrayVec::new();
+        let tip = self.walk(q, |k, axis, pose| {
+            let turn = UnitQuaternion::from_axis_angle(&Unit::new_normalize(*axis), q[k]);
+            let link = pose * Pose::from_parts(Translation3::identity(), turn);
+            let of_link = self.forearm.iter().filter(|bulge| bulge.joint == k);
+            forearm.extend(of_link.map(|bulge| (link * bulge.at, bulge.radius)));
+        });
+        Stance { tip, forearm }
+    }
+
+    /// Goes from the base to the tip; `at` is told each arm joint's position, axis in its own frame, and that frame in
+    /// the base before it turns. Answers `base_from_tip`.
+    fn walk(&self, q: &[f64], mut at: impl FnMut(usize, &Vector, &Pose)) -> Pose {
         // Links of the way from the base to the tip; joint `link - 1` moves `link`.
         let mut links = Vec::with_capacity(16);
         let mut link = self.model.tip;
@@ -84,16 +133,15 @@ impl ArmSense {
             link = self.model.joints[link - 1].parent;
         }
         let mut pose = Pose::identity();
-        let mut axes = vec![(Point::origin(), Vector::zeros()); q.len()];
         for &joint in links.iter().rev() {
             let described = &self.model.joints[joint];
             pose *= described.origin;
             let Some(k) = self.model.arm.iter().position(|&j| j == joint) else { continue };
-            axes[k] = (Point::from(pose.translation.vector), pose.rotation * described.axis);
+            at(k, &described.axis, &pose);
             let turn = UnitQuaternion::from_axis_angle(&Unit::new_normalize(described.axis), q[k]);
             pose *= Pose::from_parts(Translation3::identity(), turn);
         }
-        (pose, axes)
+        pose
     }
 
     /// Where the joints and tips of the fingers are in the tip's frame at the angles `moving` of all joints.
@@ -123,7 +171,7 @@ impl ArmSense {
 
     /// `base_from_tip` at the arm angles `q`.
     pub(crate) fn forward(&self, q: &[f64]) -> Pose {
-        self.chain(q).0
+        self.walk(q, |_, _, _| ())
     }
 
     /// Arm angles near `from` that bring the hand toward the goal by turning the joints of the set `moved` alone.
@@ -166,10 +214,30 @@ impl ArmSense {
     }
 }
 
+/// Ends and middle of each tube of forearm and wrist: what hangs on the elbow or behind it, before the hand.
+fn bulges(model: &ArmModel) -> Vec<Bulge> {
+    let last = model.arm.len().saturating_sub(1);
+    let of_joint = |k: usize| {
+        let link = &model.links[model.joints[model.arm[k]].child];
+        link.collisions.iter().flat_map(move |part| {
+            let (radius, half) = match part.shape {
+                Shape::Cylinder { radius, length } | Shape::Capsule { radius, length } => {
+                    (radius, length / 2.0)
+                }
+                Shape::Sphere { radius } => (radius, 0.0),
+                _ => return vec![],
+            };
+            let place = |z: f64| Bulge { joint: k, at: part.pose * Point::new(0.0, 0.0, z), radius };
+            if half > radius { vec![place(-half), place(0.0), place(half)] } else { vec![place(0.0)] }
+        })
+    };
+    (ELBOW.min(last)..last).flat_map(of_joint).take(MOST_BULGES).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proact_types::{Joint, JointKind, JointLimits, Link};
+    use proact_types::{CollisionShape, Joint, JointKind, JointLimits, Link};
 
     /// Three joints about z, y, y with links of 0.3 m along x.
     pub(super) fn arm() -> ArmSense {
@@ -203,6 +271,39 @@ mod tests {
     fn the_hand_is_where_trigonometry_says() {
         let pose = arm().forward(&[std::f64::consts::FRAC_PI_2, 0.0, 0.5]);
         assert!((pose.translation.vector - Vector::new(0.0, 0.6, 0.0)).norm() < 1e-12, "{pose}");
+    }
+
+    #[test]
+    fn forearm_and_wrist_are_where_the_joints_take_them_and_the_hand_is_not_among_them() {
+        let mut model = (*arm().model).clone();
+        let tube = |length: f64| CollisionShape {
+            pose: Pose::rotation(Vector::y() * std::f64::consts::FRAC_PI_2)
+                * Pose::translation(0.0, 0.0, 0.1),
+            shape: Shape::Cylinder { radius: 0.03, length },
+        };
+        let link = model.links[3].clone();
+        for k in 3..5 {
+            model.joints.push(Joint {
+                name: format!("j{k}"),
+                parent: k,
+                child: k + 1,
+                ..model.joints[2].clone()
+            });
+            model.links.push(Link { name: format!("l{}", k + 1), ..link.clone() });
+            model.arm.push(k);
+        }
+        model.tip = 5;
+        // On the elbow, which is the fourth joint, and on the hand, which is the fifth.
+        model.links[4].collisions = vec![tube(0.1), tube(0.02)];
+        model.links[5].collisions = vec![tube(0.1)];
+        let quarter = std::f64::consts::FRAC_PI_2;
+        let stance = ArmSense::new(Arc::new(model)).stance(&[quarter, 0.0, 0.0, quarter, 0.3]);
+        // A quarter turn to y, out by three links, and a quarter turn down at the elbow.
+        let expected = [-0.05, -0.1, -0.15, -0.1].map(|z| (Point::new(0.0, 0.9, z), 0.03));
+        assert_eq!(stance.forearm.len(), expected.len(), "{:?}", stance.forearm);
+        for ((at, radius), (point, thick)) in stance.forearm.iter().zip(&expected) {
+            assert!((at - point).norm() < 1e-12 && radius == thick, "{at}, expected {point}");
+        }
     }
 
     pub(super) fn goal(arm: &ArmSense) -> HandGoal {

@@ -1,7 +1,7 @@
 //! Which movement comes next: the axis or the joint that is off.
 
 use super::{AXES, FIRST_AXIS, JOINTS, JoggingParticipant, Stage, obstacles::Obstacles};
-use crate::reach::{Conditions, HandGoal, Turn, made};
+use crate::reach::{Conditions, HandGoal, Stance, Turn, made};
 use proact_types::{BlockId, DisplayFrame, Gesture, Pose, Vector};
 
 /// How fast WE and WF move a joint, rad/s, and the hand, m/s and rad/s: learnt in the first minutes of practice.
@@ -89,7 +89,7 @@ impl JoggingParticipant {
         let misses = || goal.off(&end).0 > 2.0 * goal.point_done;
         if self.turns.is_empty() || (self.turns.len() == 1 && self.movements > 0 && misses()) {
             let obstacles = Obstacles::new(&self.scene, seen, block, self.sense.fingers(&seen.joints));
-            let in_the_way = |base_from_tip: &Pose| obstacles.depth(&(seen.world_from_base * base_from_tip));
+            let in_the_way = |stance: &Stance| obstacles.depth(&seen.world_from_base, stance);
             let refused =
                 |turn: &Turn| self.refused.contains(&(turn.joint as u8, gesture_of(turn.joint, turn.angle)));
             let conditions = Conditions {

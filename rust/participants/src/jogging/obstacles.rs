@@ -1,6 +1,7 @@
 //! What stands where the hand would go.
 
 use super::BLOCK;
+use crate::reach::Stance;
 use proact_types::{BlockId, DisplayFrame, Point, Pose, Scene, Shape};
 
 /// This much air is kept about what the fingers pass, about the block that they are to take, and over the table,
@@ -8,6 +9,8 @@ use proact_types::{BlockId, DisplayFrame, Point, Pose, Scene, Shape};
 const AIR: f64 = 0.015;
 const AIR_AROUND: f64 = 0.016;
 const AIR_TABLE: f64 = 0.004;
+/// ... and about the skin of forearm and wrist.
+const AIR_FOREARM: f64 = 0.002;
 
 /// What the fingers, and the block in them, must not touch.
 pub(super) struct Obstacles<'a> {
@@ -36,26 +39,38 @@ impl<'a> Obstacles<'a> {
         Self { scene, seen, block, points }
     }
 
-    /// How far the hand is in something at `world_from_tip`, metres.
-    pub(super) fn depth(&self, world_from_tip: &Pose) -> f64 {
-        self.points.iter().fold(0.0, |most, point| most.max(self.depth_of(&(world_from_tip * point))))
+    /// How far hand or forearm are in something, metres.
+    pub(super) fn depth(&self, world_from_base: &Pose, stance: &Stance) -> f64 {
+        let world_from_tip = world_from_base * stance.tip;
+        let hand = |most: f64, point: &Point| {
+            let around = |other| if other == self.block { AIR_AROUND } else { AIR };
+            most.max(self.depth_of(&(world_from_tip * point), AIR_TABLE, AIR, around))
+        };
+        let forearm = |most: f64, (point, radius): &(Point, f64)| {
+            let air = radius + AIR_FOREARM;
+            most.max(self.depth_of(&(world_from_base * point), air, air, |_| air))
+        };
+        let most = self.points.iter().fold(0.0, hand);
+        stance.forearm.iter().fold(most, forearm)
     }
 
-    fn depth_of(&self, point: &Point) -> f64 {
+    /// How far `point` is in something, if so much air is to be kept over the table, about what is fixed, and about
+    /// a block.
+    fn depth_of(&self, point: &Point, air_table: f64, air: f64, air_block: impl Fn(BlockId) -> f64) -> f64 {
         let table = self.scene.table_height;
-        let mut most = table + AIR_TABLE - point.z;
+        let mut most = table + air_table - point.z;
         for object in &self.scene.fixed {
             let Shape::Box { size } = object.shape else { continue };
             let at = object.pose.translation.vector;
             let top = at.z + size[2] / 2.0;
-            let aside = |k: usize| size[k] / 2.0 + AIR - (point[k] - at[k]).abs();
+            let aside = |k: usize| size[k] / 2.0 + air - (point[k] - at[k]).abs();
             if top > table + 1e-3 {
-                most = most.max((top + AIR - point.z).min(aside(0)).min(aside(1)));
+                most = most.max((top + air - point.z).min(aside(0)).min(aside(1)));
             }
         }
         for other in BlockId::ALL.into_iter().filter(|&other| Some(other) != self.seen.hand.holds) {
             let at = self.seen.blocks[other.index()].translation.vector;
-            let air = if other == self.block { AIR_AROUND } else { AIR };
+            let air = air_block(other);
             let apart = (point.coords - at).xy().norm();
             most = most.max((BLOCK + air - apart).min(at.z + BLOCK + air - point.z));
         }

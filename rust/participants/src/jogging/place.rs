@@ -53,7 +53,7 @@ impl JoggingParticipant {
                 let stretched = (ELBOW_STRETCHED - q[ELBOW]).max(0.0);
                 let far = (off - goal.point_done).max(0.0) + 0.1 * (turn - ANGULAR_DONE).max(0.0);
                 // Metres that fingers are in something or short of it, a stretched arm, and turns: in that order.
-                let depth = obstacles.depth(&(seen.world_from_base * pose));
+                let depth = obstacles.depth(&seen.world_from_base, &self.sense.stance(&q));
                 let cost = 100.0 * (depth + far) + 2.0 * stretched + 0.3 * lean.abs() + 3.0 * yaw.abs();
                 ways.push((cost, lean, (yaw != 0.0).then_some(wanted)));
             }

@@ -1,6 +1,6 @@
 //! Which few joints to turn, and in which order, for the hand to be somewhere.
 
-use super::{ArmSense, HandGoal};
+use super::{ArmSense, HandGoal, Stance};
 use proact_types::{JointVector, Pose};
 
 /// Joints that are moved for one way, at most.
@@ -64,8 +64,8 @@ pub(crate) struct Conditions<'a> {
     pub(crate) mode: usize,
     /// What a turn of one rad takes.
     pub(crate) secs_per_rad: f64,
-    /// How far the hand at a `base_from_tip` sticks in things, metres.
-    pub(crate) in_the_way: &'a dyn Fn(&Pose) -> f64,
+    /// How far an arm that stands so sticks in things, metres.
+    pub(crate) in_the_way: &'a dyn Fn(&Stance) -> f64,
     /// A joint may lift the hand on the way.
     pub(crate) lifting: bool,
     /// Turns that were tried in vain.
@@ -81,12 +81,12 @@ impl Conditions<'_> {
 
 impl ArmSense {
     /// The joints to turn one after the other from `q` on the quickest way to the goal. A joint may come twice: it lifts
-    /// the hand first and lowers it last. Empty if no turn brings the hand nearer.
+    /// the hand first and lowers it last. Empty if nothing that it would bring is worth the turns.
     pub(crate) fn turns(&self, q: &[f64], goal: &HandGoal, conditions: &Conditions<'_>) -> Vec<Turn> {
         let here = self.forward(q);
         // Where the hand is already counts for nothing: it has to get out of it.
-        let depth = (conditions.in_the_way)(&here);
-        let in_the_way = |pose: &Pose| ((conditions.in_the_way)(pose) - depth).max(0.0);
+        let depth = (conditions.in_the_way)(&self.stance(q));
+        let in_the_way = |stance: &Stance| ((conditions.in_the_way)(stance) - depth).max(0.0);
         let conditions = Conditions { in_the_way: &in_the_way, ..*conditions };
         // A straight way when the whole one is blocked: half of it, a quarter of it.
         let start = here * goal.point;
@@ -123,7 +123,7 @@ impl ArmSense {
                     .collect();
                 let whole = turns.len() == set.count_ones() as usize;
                 let left = short(&self.forward(&made(q, &turns)));
-                (whole && left < now && !turns.iter().any(conditions.refused))
+                (whole && left + conditions.secs(&turns) < now && !turns.iter().any(conditions.refused))
                     .then(|| (left + conditions.secs(&turns), turns))
             })
             .collect();
@@ -231,12 +231,12 @@ impl ArmSense {
         Way { turns: ordered, secs, blocked }
     }
 
-    /// How far the hand sticks in things while one joint turns, metres.
-    fn blocked(&self, from: &[f64], turn: &Turn, in_the_way: &dyn Fn(&Pose) -> f64) -> f64 {
+    /// How far the arm sticks in things while one joint turns, metres.
+    fn blocked(&self, from: &[f64], turn: &Turn, in_the_way: &dyn Fn(&Stance) -> f64) -> f64 {
         let mut q: JointVector = from.iter().copied().collect();
         (1..=SAMPLES).fold(0.0, |most: f64, sample| {
             q[turn.joint] = from[turn.joint] + turn.angle * sample as f64 / SAMPLES as f64;
-            most.max(in_the_way(&self.forward(&q)))
+            most.max(in_the_way(&self.stance(&q)))
         })
     }
 }
@@ -281,7 +281,7 @@ mod tests {
             turns.iter().for_each(|turn| q[turn.joint] = turn.to);
             goal.off(&arm.forward(&q)).0
         };
-        let turns = |in_the_way: &dyn Fn(&Pose) -> f64, refused: &dyn Fn(&Turn) -> bool| {
+        let turns = |in_the_way: &dyn Fn(&Stance) -> f64, refused: &dyn Fn(&Turn) -> bool| {
             arm.turns(
                 &q,
                 &goal,
@@ -292,8 +292,9 @@ mod tests {
         assert!(end(&free) < 0.02, "{free:?}");
         assert_eq!(free[0].joint, 0, "the selected joint costs no gesture");
         // A wall that the hand passes only when it has been lifted before it is swung aside.
-        let wall =
-            |pose: &Pose| if pose.translation.y > 0.05 && pose.translation.z < 0.05 { 0.1 } else { 0.0 };
+        let wall = |arm: &Stance| {
+            if arm.tip.translation.y > 0.05 && arm.tip.translation.z < 0.05 { 0.1 } else { 0.0 }
+        };
         let around = turns(&wall, &|_| false);
         assert_ne!(around.first().map(|turn| turn.joint), Some(0), "{around:?}");
     }
@@ -304,8 +305,8 @@ mod tests {
         let q = [0.0, 0.3, 0.3];
         let end = arm.forward(&[0.8, 0.3, 0.3]);
         let goal = HandGoal { target: end * goal(&arm).point, up: Vector::z(), tilt_done: 3.2, ..goal(&arm) };
-        let fence = |pose: &Pose| {
-            let (y, z) = (pose.translation.y, pose.translation.z);
+        let fence = |arm: &Stance| {
+            let (y, z) = (arm.tip.translation.y, arm.tip.translation.z);
             if (0.1..0.2).contains(&y) && z < 0.0 { 0.1 } else { 0.0 }
         };
         let conditions = |lifting| Conditions {
@@ -329,6 +330,23 @@ mod tests {
             Conditions { mode: 0, secs_per_rad: 2.5, in_the_way: &|_| 0.0, lifting: true, refused: &refused };
         let turns = arm.turns(&[0.0, 0.1, 0.1], &goal(&arm), &conditions);
         assert!(!turns.is_empty() && !turns.iter().any(refused), "{turns:?}");
+    }
+
+    #[test]
+    fn a_turn_that_brings_less_than_it_costs_is_left() {
+        let arm = arm();
+        let goal = goal(&arm);
+        let conditions = Conditions {
+            mode: 0,
+            secs_per_rad: 2.5,
+            in_the_way: &|_| 0.0,
+            lifting: false,
+            refused: &|_| false,
+        };
+        // To the side by less than a gesture turns; the last joint would make good a millimetre of two centimetres.
+        assert_eq!(arm.turns(&[0.43, -0.5, 0.96], &goal, &conditions), []);
+        let turns = arm.turns(&[0.5, -0.5, 0.9], &goal, &conditions);
+        assert_eq!(turns.iter().map(|turn| turn.joint).collect::<Vec<_>>(), [0]);
     }
 
     #[test]
