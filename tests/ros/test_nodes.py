@@ -27,12 +27,12 @@ from std_srvs.srv import Empty  # noqa: E402
 STAGES = ["emg", "intent", "method", "participant"]
 ARM = ["mpl_right_arm__" + n for n in "shoulder humerus elbow forearm wristy wristx wristz".split()]
 METHODS = os.environ.get("PROACT_METHODS", "A,B,C,D").split(",")
-# Where the person gets done before the time is up, in one process.
-WORDS = {"A": ["--setup", "still"], "B": ["--setup", "still"]}
-# Messages take their time, and plans that come late on a loaded machine too: nodes may need this much longer. So what one
-# process has placed that much before the end of the trial, the nodes must have placed alike.
-TOLERANCE = 0.25
-LIMIT_S = 300.0
+# Joint by joint and along the axes: a box within reach, and time enough that the end of the trial decides nothing.
+WORDS = dict.fromkeys("AB", ["--setup", "still", "--set", "limit_secs=600"])
+# Nodes may take so much longer, or shorter, than one process. Messages take their time, and plans that come late on a
+# loaded machine too. With A and B a gesture that is read one window of EMG shorter leaves the hand a centimetre off, and
+# the person goes another way from there: in one process, too, a few milliseconds of reaction time make that difference.
+TOLERANCE = {"A": 0.5, "B": 0.5, "C": 0.25, "D": 0.25}
 LOG = None
 
 
@@ -54,16 +54,6 @@ def headless(*words):
 
 def distance(a, b):
     return ((a.x - b.x) ** 2 + (a.y - b.y) ** 2 + (a.z - b.z) ** 2) ** 0.5
-
-
-def placed_by(trial, seconds):
-    """Blocks that were put down by then."""
-    names, time_s = [], 0.0
-    for block in trial["outcomes"]:
-        time_s += (block["pick_s"] or 0.0) + (block["place_s"] or 0.0)
-        if block["place_s"] is not None and time_s < seconds:
-            names.append(block["block"])
-    return names
 
 
 class Nodes:
@@ -97,17 +87,17 @@ class Trial(unittest.TestCase):
                 result = graph.Inbox("/proact/result", String)
                 nodes = Nodes(*words)
                 try:
-                    over = json.loads(result.wait(patience=400.0).data)
+                    over = json.loads(result.wait(patience=700.0).data)
                 finally:
                     nodes.stop()
                     result.subscriber.unregister()
-                in_time = placed_by(alone, LIMIT_S / (1.0 + TOLERANCE))
-                outcomes = lambda trial: [(b["block"], b["outcome"]) for b in trial["outcomes"] if b["block"] in in_time]
+                outcomes = lambda trial: [(block["block"], block["outcome"]) for block in trial["outcomes"]]
                 print(f"{method}: {over['sim_seconds']:.1f} s as nodes, {alone['sim_seconds']:.1f} s in one process")
                 self.assertEqual(over["arrangement"], alone["arrangement"])
+                self.assertEqual(alone["on_target"], 4)
                 self.assertEqual(outcomes(over), outcomes(alone))
-                self.assertGreaterEqual(len(in_time), 3)
-                self.assertAlmostEqual(over["sim_seconds"], alone["sim_seconds"], delta=TOLERANCE * alone["sim_seconds"])
+                delta = TOLERANCE[method] * alone["sim_seconds"]
+                self.assertAlmostEqual(over["sim_seconds"], alone["sim_seconds"], delta=delta)
 
 
 class Faults(unittest.TestCase):

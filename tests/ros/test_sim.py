@@ -1,5 +1,6 @@
 """`proact node sim` as Debian's rospy and roscpp clients see it."""
 
+import json
 import math
 import os
 import signal
@@ -377,6 +378,11 @@ class TheEnd(unittest.TestCase):
     def test_zzz_the_node_leaves_the_graph_when_it_is_asked_to_end(self):
         self.assertEqual(GRAPH.stop(SIM), 0, open(SIM.log).read()[-2000:])
         graph.until(lambda: "/proact_sim" not in GRAPH.nodes(), "the node gone from the master")
+
+    def test_zzzz_a_trial_ends_when_the_time_of_its_configuration_is_up(self):
+        result = graph.Inbox("/proact/result", String)
+        GRAPH.node("sim", "--setup", "still", "--set", "limit_secs=2")
+        self.assertAlmostEqual(json.loads(result.wait().data)["sim_seconds"], 2.0, delta=0.01)
 
 
 if __name__ == "__main__":

@@ -76,7 +76,7 @@ mod on_graph {
     use proact_devices::{EmgSource, GazeSource};
     use proact_emg::EmgPipeline;
     use proact_kinematics::Kinematics;
-    use proact_participants::{ParticipantOptions, Trunk};
+    use proact_participants::Trunk;
     use proact_ros::{
         node::{self, MethodParts, Person},
         simulator::Simulator,
@@ -84,6 +84,7 @@ mod on_graph {
     };
     use proact_tasks::BoxAndBlocks;
     use proact_testbed::{GazeFilter, TrialConfig};
+    use proact_types::SimTime;
     use std::{error::Error, sync::Arc};
 
     pub(crate) fn command(args: &NodeArgs) -> Result<bool, Box<dyn Error>> {
@@ -93,10 +94,12 @@ mod on_graph {
             NodeName::Sim => {
                 let model = Arc::new(proact_description::mpl_right_arm());
                 let base = config.setup.body.shoulder_pose(&Default::default());
-                let task = BoxAndBlocks::new(config.arrangement);
+                let task = task(&config);
                 let (arm, scene, physics) = (model.clone(), task.scene().clone(), config.physics);
                 let factory = Box::new(move || trial::plant(&arm, &scene, &base, &physics));
-                node::run_sim(Simulator::new(model, task, base, factory)?, config.arrangement)?;
+                let rule = config.physics.grasp_rule;
+                let sim = Simulator::new(model, task, base, factory)?.with_grasp_rule(rule);
+                node::run_sim(sim, config.arrangement)?;
             }
             NodeName::Testbed => {
                 let live = args.live;
@@ -123,7 +126,7 @@ mod on_graph {
             }
             NodeName::Participant => {
                 let world = world(&config);
-                let options = ParticipantOptions::default();
+                let options = config.participant.unwrap_or_default();
                 let person = Person {
                     participant: trial::participant(&config, options, world.model())?,
                     emg: Box::new(proact_devices::prepare(&EmgSource::Synthetic, config.seed)?.feed),
@@ -142,6 +145,10 @@ mod on_graph {
     fn world(config: &TrialConfig) -> World {
         let base = config.setup.body.shoulder_pose(&Default::default());
         let model = Arc::new(proact_description::mpl_right_arm());
-        World::new(model, BoxAndBlocks::new(config.arrangement), base)
+        World::new(model, task(config), base)
+    }
+
+    fn task(config: &TrialConfig) -> BoxAndBlocks {
+        BoxAndBlocks::new(config.arrangement).with_limit(SimTime::from_secs(config.limit_secs))
     }
 }

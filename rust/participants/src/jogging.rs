@@ -324,7 +324,10 @@ impl JoggingParticipant {
                 return Gesture::NoMotion;
             }
             Err(()) => {
+                // What was just tried in vain is not the way out either.
+                let refused = if in_vain { std::mem::take(&mut self.refused) } else { Vec::new() };
                 self.stuck(seen);
+                self.refused = refused;
                 return Gesture::NoMotion;
             }
         };

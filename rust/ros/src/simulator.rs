@@ -4,7 +4,7 @@ use crate::controllers::{Controllers, Ending};
 use proact_control::{HandCommand, HandTracker};
 use proact_tasks::BoxAndBlocks;
 use proact_testbed::{
-    BaseMotion, GraspAction, GraspRule, HandMotion, TestbedError,
+    BaseMotion, GraspAction, GraspRule, GraspRuleName, HandMotion, OriginalGraspRule, TestbedError,
     ports::{Plant, PlantError},
 };
 use proact_types::{
@@ -41,6 +41,8 @@ pub struct Simulator {
     hand: Option<HandMotion>,
     hand_tracker: HandTracker,
     grasp: GraspRule,
+    /// Instead of `grasp`, if the trial asks for it.
+    original_grasp: Option<OriginalGraspRule>,
     grasped_at: Option<JointVector>,
     base: BaseMotion,
     now: SimTime,
@@ -67,6 +69,7 @@ impl Simulator {
             hand: None,
             hand_tracker: HandTracker::new(model.pose("hand", "open")?),
             grasp: GraspRule::new(&model),
+            original_grasp: None,
             grasped_at: None,
             base: BaseMotion::new(base),
             now: SimTime(0),
@@ -76,6 +79,12 @@ impl Simulator {
             plant,
             task,
         })
+    }
+
+    /// The same with another rule for when the hand takes a block and lets it go.
+    pub fn with_grasp_rule(mut self, rule: GraspRuleName) -> Self {
+        self.original_grasp = (rule == GraspRuleName::Original).then(|| OriginalGraspRule::new(&self.model));
+        self
     }
 
     /// The arm.
@@ -161,6 +170,7 @@ impl Simulator {
         self.hand = None;
         self.hand_tracker = HandTracker::new(self.model.pose("hand", "open")?);
         self.grasp = GraspRule::new(&self.model);
+        self.original_grasp = self.original_grasp.as_ref().map(|_| OriginalGraspRule::new(&self.model));
         self.grasped_at = None;
         Ok(())
     }
@@ -215,7 +225,11 @@ impl Simulator {
                 .grasped_at
                 .as_ref()
                 .is_some_and(|at| at.iter().zip(&fingers).any(|(at, now)| (at - now).abs() > OPENED));
-        match self.grasp.step(&state.contacts, hand, attached, opened) {
+        let action = match &mut self.original_grasp {
+            Some(rule) => rule.step(&self.model, state),
+            None => self.grasp.step(&state.contacts, hand, attached, opened),
+        };
+        match action {
             Some(GraspAction::Attach(block)) => {
                 self.plant.attach(block, self.model.tip)?;
                 if let Some(hand) = &mut self.hand {
@@ -239,4 +253,117 @@ impl Simulator {
 /// True if an event says that a block was taken or let go.
 pub fn is_grasp(kind: &EventKind) -> bool {
     matches!(kind, EventKind::BlockAttached { .. } | EventKind::BlockReleased { .. })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proact_tasks::Arrangement;
+    use proact_types::{
+        BodyState, Contact, Joint, JointKind, JointLimits, Link, NamedPose, Point, Vector, zeros,
+    };
+
+    /// A palm with thumb and middle finger.
+    fn hand() -> ArmModel {
+        let link =
+            |name: &str| Link { name: name.into(), inertial: None, collisions: vec![], visuals: vec![] };
+        let joint = |child: usize| Joint {
+            name: format!("j{child}"),
+            kind: JointKind::Revolute,
+            parent: 0,
+            child,
+            origin: Pose::identity(),
+            axis: Vector::z(),
+            limits: JointLimits { lower: -1.0, upper: 1.0, velocity: 1.0, effort: 1.0 },
+            damping: 0.0,
+            friction: 0.0,
+        };
+        let pose = |group: &str, name: &str, angles: &[f64]| NamedPose {
+            group: group.into(),
+            name: name.into(),
+            angles: angles.to_vec(),
+        };
+        ArmModel {
+            name: "hand".into(),
+            links: ["palm", "arm__thumb3_link", "arm__middle3_link"].map(link).into(),
+            joints: vec![joint(1), joint(2)],
+            arm: vec![],
+            hand: vec![0, 1],
+            tip: 0,
+            poses: vec![
+                pose("arm", "start", &[]),
+                pose("hand", "open", &[0.0, 0.0]),
+                pose("hand", "closed", &[0.5, 0.5]),
+            ],
+            allowed_collisions: vec![],
+            grasp_centre: Vector::zeros(),
+        }
+    }
+
+    /// Physics in which thumb and finger press a block for ever.
+    struct Pinched(PlantState);
+
+    impl Plant for Pinched {
+        fn step(&mut self, _command: &PlantCommand) -> Result<(), PlantError> {
+            Ok(())
+        }
+
+        fn state(&self) -> &PlantState {
+            &self.0
+        }
+
+        fn attach(&mut self, block: usize, _link: usize) -> Result<(), PlantError> {
+            self.0.attached = Some((block, Pose::identity()));
+            Ok(())
+        }
+
+        fn release(&mut self) {
+            self.0.attached = None;
+        }
+    }
+
+    fn pinched(task: &BoxAndBlocks) -> Pinched {
+        let still = |pose| BodyState { pose, linear: Vector::zeros(), angular: Vector::zeros() };
+        let contact = |link: usize, side: f64| Contact {
+            block: 0,
+            link,
+            point: Point::new(0.0, 0.025 * side, 0.0),
+            normal: Vector::y() * -side,
+            force: 1.0,
+        };
+        Pinched(PlantState {
+            position: zeros(2),
+            velocity: zeros(2),
+            effort: zeros(2),
+            world_from_base: Pose::identity(),
+            blocks: task.scene().blocks.iter().map(|block| still(block.pose)).collect(),
+            attached: None,
+            contacts: [contact(1, -1.0), contact(2, 1.0)].into_iter().collect(),
+            base_held: false,
+        })
+    }
+
+    #[test]
+    fn each_grasp_rule_takes_the_block_in_its_own_time_after_a_reset_too() {
+        let task = BoxAndBlocks::new(Arrangement::numbered(1).expect("there are 24"));
+        for (rule, expected) in [(GraspRuleName::Opposing, 1..=200), (GraspRuleName::Original, 1250..=1250)] {
+            let world = task.clone();
+            let factory: PlantFactory = Box::new(move || Ok(Box::new(pinched(&world))));
+            let mut sim = Simulator::new(Arc::new(hand()), task.clone(), Pose::identity(), factory)
+                .expect("a hand with its poses")
+                .with_grasp_rule(rule);
+            for _ in 0..2 {
+                sim.command_hand(HandCommand::Close).expect("it has the pose");
+                let taken = (1..=2000).find(|_| {
+                    sim.step().expect("no physics to fail");
+                    sim.hand_view().holds.is_some()
+                });
+                assert!(
+                    taken.is_some_and(|tick| expected.contains(&tick)),
+                    "{rule:?} took it after {taken:?} ms"
+                );
+                sim.reset().expect("no physics to fail");
+            }
+        }
+    }
 }

@@ -15,6 +15,8 @@ const LINEAR_DONE: f64 = 0.006;
 pub(super) const ANGULAR_DONE: f64 = 0.15;
 /// A joint this near to where it should be is left alone, rad.
 pub(super) const TURN_DONE: f64 = 0.035;
+/// A last turn that brings the arm further into something than this is thought of again, metres.
+const GRAZE: f64 = 0.006;
 /// The hand turns about the upright once it is this near to its place, metres.
 const YAW_NEAR: f64 = 0.06;
 
@@ -85,22 +87,29 @@ impl JoggingParticipant {
         while self.turns.first().is_some_and(|turn| (turn.to - q[turn.joint]).abs() < TURN_DONE) {
             self.turns.remove(0);
         }
-        let end = self.sense.forward(&made(q, &self.turns));
-        let misses = || goal.off(&end).0 > 2.0 * goal.point_done;
-        if self.turns.is_empty() || (self.turns.len() == 1 && self.movements > 0 && misses()) {
-            let obstacles = Obstacles::new(&self.scene, seen, block, self.sense.fingers(&seen.joints));
-            let in_the_way = |stance: &Stance| obstacles.depth(&seen.world_from_base, stance);
-            let refused =
-                |turn: &Turn| self.refused.contains(&(turn.joint as u8, gesture_of(turn.joint, turn.angle)));
-            let conditions = Conditions {
-                mode: mode.into(),
-                secs_per_rad: 1.0 / JOINT_SPEED,
-                in_the_way: &in_the_way,
-                lifting: !matches!(self.stage, Stage::Lift | Stage::Retreat),
-                refused: &refused,
-            };
-            self.turns = self.sense.turns(q, goal, &conditions);
+        if self.turns.len() > 1 || (!self.turns.is_empty() && self.movements == 0) {
+            return;
         }
+        let obstacles = Obstacles::new(&self.scene, seen, block, self.sense.fingers(&seen.joints));
+        let in_the_way = |stance: &Stance| obstacles.depth(&seen.world_from_base, stance);
+        // Before the last turn: does it still lead there, and clear of everything?
+        if let Some(last) = self.turns.first() {
+            let end = self.sense.forward(&made(q, &self.turns));
+            let misses = goal.off(&end).0 > 2.0 * goal.point_done;
+            if !misses && self.sense.bump(q, last, &in_the_way) < GRAZE {
+                return;
+            }
+        }
+        let refused =
+            |turn: &Turn| self.refused.contains(&(turn.joint as u8, gesture_of(turn.joint, turn.angle)));
+        let conditions = Conditions {
+            mode: mode.into(),
+            secs_per_rad: 1.0 / JOINT_SPEED,
+            in_the_way: &in_the_way,
+            lifting: !matches!(self.stage, Stage::Lift | Stage::Retreat),
+            refused: &refused,
+        };
+        self.turns = self.sense.turns(q, goal, &conditions);
     }
 
     /// The joint to turn next; none if none helps.

@@ -7,7 +7,7 @@ use proact_types::{BlockId, DisplayFrame, Point, Pose, Scene, Shape};
 /// This much air is kept about what the fingers pass, about the block that they are to take, and over the table,
 /// metres.
 const AIR: f64 = 0.015;
-const AIR_AROUND: f64 = 0.016;
+const AIR_AROUND: f64 = 0.02;
 const AIR_TABLE: f64 = 0.004;
 /// ... and about the skin of forearm and wrist.
 const AIR_FOREARM: f64 = 0.002;

@@ -231,6 +231,12 @@ impl ArmSense {
         Way { turns: ordered, secs, blocked }
     }
 
+    /// How much further than now the arm sticks in things on the rest of a turn, metres.
+    pub(crate) fn bump(&self, q: &[f64], turn: &Turn, in_the_way: &dyn Fn(&Stance) -> f64) -> f64 {
+        let rest = Turn { angle: turn.to - q[turn.joint], ..*turn };
+        self.blocked(q, &rest, in_the_way) - in_the_way(&self.stance(q))
+    }
+
     /// How far the arm sticks in things while one joint turns, metres.
     fn blocked(&self, from: &[f64], turn: &Turn, in_the_way: &dyn Fn(&Stance) -> f64) -> f64 {
         let mut q: JointVector = from.iter().copied().collect();
