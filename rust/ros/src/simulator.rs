@@ -4,7 +4,7 @@ use crate::controllers::{Controllers, Ending};
 use proact_control::{HandCommand, HandTracker};
 use proact_tasks::BoxAndBlocks;
 use proact_testbed::{
-    BaseMotion, GraspAction, GraspRule, GraspRuleName, HandMotion, OriginalGraspRule, TestbedError,
+    BaseMotion, Grasp, GraspAction, GraspRuleName, HandMotion, TestbedError,
     ports::{Plant, PlantError},
 };
 use proact_types::{
@@ -12,9 +12,6 @@ use proact_types::{
     joints,
 };
 use std::sync::Arc;
-
-/// A finger joint that has opened by this much since the grasp lets the block go, rad.
-const OPENED: f64 = 0.01;
 
 /// Makes the physics anew: at the start and for each reset.
 pub type PlantFactory = Box<dyn Fn() -> Result<Box<dyn Plant>, PlantError>>;
@@ -40,10 +37,8 @@ pub struct Simulator {
     controllers: Controllers,
     hand: Option<HandMotion>,
     hand_tracker: HandTracker,
-    grasp: GraspRule,
-    /// Instead of `grasp`, if the trial asks for it.
-    original_grasp: Option<OriginalGraspRule>,
-    grasped_at: Option<JointVector>,
+    rule: GraspRuleName,
+    grasp: Grasp,
     base: BaseMotion,
     now: SimTime,
 }
@@ -68,9 +63,8 @@ impl Simulator {
             controllers: Controllers::new(&model, &start),
             hand: None,
             hand_tracker: HandTracker::new(model.pose("hand", "open")?),
-            grasp: GraspRule::new(&model),
-            original_grasp: None,
-            grasped_at: None,
+            rule: GraspRuleName::default(),
+            grasp: Grasp::new(GraspRuleName::default(), &model),
             base: BaseMotion::new(base),
             now: SimTime(0),
             blank_task: task.clone(),
@@ -83,7 +77,8 @@ impl Simulator {
 
     /// The same with another rule for when the hand takes a block and lets it go.
     pub fn with_grasp_rule(mut self, rule: GraspRuleName) -> Self {
-        self.original_grasp = (rule == GraspRuleName::Original).then(|| OriginalGraspRule::new(&self.model));
+        self.rule = rule;
+        self.grasp = Grasp::new(rule, &self.model);
         self
     }
 
@@ -169,9 +164,7 @@ impl Simulator {
         self.controllers = Controllers::new(&self.model, &start);
         self.hand = None;
         self.hand_tracker = HandTracker::new(self.model.pose("hand", "open")?);
-        self.grasp = GraspRule::new(&self.model);
-        self.original_grasp = self.original_grasp.as_ref().map(|_| OriginalGraspRule::new(&self.model));
-        self.grasped_at = None;
+        self.grasp = Grasp::new(self.rule, &self.model);
         Ok(())
     }
 
@@ -219,27 +212,16 @@ impl Simulator {
         let fingers = joints(&state.position[arm..]);
         let moving = self.hand.as_ref().is_some_and(HandMotion::moving);
         let hand = self.hand_tracker.step(&fingers, &state.velocity[arm..], moving);
-        let attached = state.attached.map(|(block, _)| block);
-        let opened = self.hand_tracker.command() == HandCommand::Open
-            && self
-                .grasped_at
-                .as_ref()
-                .is_some_and(|at| at.iter().zip(&fingers).any(|(at, now)| (at - now).abs() > OPENED));
-        let action = match &mut self.original_grasp {
-            Some(rule) => rule.step(&self.model, state),
-            None => self.grasp.step(&state.contacts, hand, attached, opened),
-        };
+        let action = self.grasp.step(&self.model, state, hand, self.hand_tracker.command());
         match action {
             Some(GraspAction::Attach(block)) => {
                 self.plant.attach(block, self.model.tip)?;
                 if let Some(hand) = &mut self.hand {
                     hand.freeze(&fingers);
                 }
-                self.grasped_at = Some(fingers);
             }
             Some(GraspAction::Release) => {
                 self.plant.release();
-                self.grasped_at = None;
             }
             None => {}
         }

@@ -1,4 +1,6 @@
-use proact_types::{ArmModel, Contact, HandState};
+use crate::{GraspRuleName, OriginalGraspRule};
+use proact_control::HandCommand;
+use proact_types::{ArmModel, Contact, HandState, JointVector, PlantState, joints};
 
 /// Two contacts hold a block when their normals are further apart than this, rad (the original: 100 degrees).
 const OPPOSING: f64 = 100.0 * std::f64::consts::PI / 180.0;
@@ -11,6 +13,9 @@ const BALANCE: f64 = 0.05;
 /// time, so more than a second, and longer on a slow machine.)
 const HOLD_MILLIS: u32 = 40;
 
+/// A finger joint that has opened by this much since the grasp lets the block go, rad.
+const OPENED: f64 = 0.01;
+
 /// What the rule asks of the plant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum GraspAction {
@@ -20,12 +25,62 @@ pub enum GraspAction {
     Release,
 }
 
+/// When the hand takes a block and lets it go, by the rule that a trial asks for.
+#[derive(Clone, Debug)]
+pub struct Grasp {
+    opposing: GraspRule,
+    /// Instead of `opposing`, if the trial asks for it.
+    original: Option<OriginalGraspRule>,
+    /// Finger joints when the block was taken, rad.
+    taken_at: Option<JointVector>,
+}
+
+impl Grasp {
+    /// `rule` for the hand of `model`, which holds nothing.
+    pub fn new(rule: GraspRuleName, model: &ArmModel) -> Self {
+        Self {
+            opposing: GraspRule::new(model),
+            original: (rule == GraspRuleName::Original).then(|| OriginalGraspRule::new(model)),
+            taken_at: None,
+        }
+    }
+
+    /// One tick: the physics after it, the hand, and what the hand was told last.
+    pub fn step(
+        &mut self,
+        model: &ArmModel,
+        state: &PlantState,
+        hand: HandState,
+        command: HandCommand,
+    ) -> Option<GraspAction> {
+        let fingers = &state.position[model.arm_count()..];
+        let attached = state.attached.map(|(block, _)| block);
+        let away = |at: &JointVector| at.iter().zip(fingers).any(|(at, now)| (at - now).abs() > OPENED);
+        let opened = command == HandCommand::Open && self.taken_at.as_ref().is_some_and(away);
+        let action = match &mut self.original {
+            Some(rule) => rule.step(model, state),
+            None => self.opposing.step(&state.contacts, hand, attached, opened),
+        };
+        match action {
+            Some(GraspAction::Attach(_)) => self.taken_at = Some(joints(fingers)),
+            Some(GraspAction::Release) => self.taken_at = None,
+            None => {}
+        }
+        action
+    }
+
+    /// Names of the digits' links that touch a block.
+    pub(crate) fn fingers_on(&self, model: &ArmModel, contacts: &[Contact], block: usize) -> Vec<String> {
+        self.opposing.fingers_on(model, contacts, block)
+    }
+}
+
 /// The grasp rule: fingers that oppose each other on a block take it; a hand that opens lets it go.
 ///
 /// In place of simulating a grip, as the original does (paper, "Feedback and control"), but in simulated time, by
 /// contact of digits instead of shapes, and with release as soon as the hand opens.
 #[derive(Clone, Debug)]
-pub struct GraspRule {
+struct GraspRule {
     /// Digit of each link, counted by the first joint after the tip; none for arm and palm.
     digit: Vec<Option<usize>>,
     candidate: Option<usize>,
@@ -34,7 +89,7 @@ pub struct GraspRule {
 
 impl GraspRule {
     /// The rule for the hand of `model`: each branch below the tip is a digit.
-    pub fn new(model: &ArmModel) -> Self {
+    fn new(model: &ArmModel) -> Self {
         let mut digit = vec![None; model.links.len()];
         for joint in &model.joints {
             // Parents stand before their children, so the parent's digit is known.
@@ -46,7 +101,7 @@ impl GraspRule {
 
     /// One tick: contacts of this tick, the hand, the block that is attached, and whether the fingers have opened
     /// since it was.
-    pub fn step(
+    fn step(
         &mut self,
         contacts: &[Contact],
         hand: HandState,
@@ -79,7 +134,7 @@ impl GraspRule {
     }
 
     /// Names of the digits' links that touch a block.
-    pub(crate) fn fingers_on(&self, model: &ArmModel, contacts: &[Contact], block: usize) -> Vec<String> {
+    fn fingers_on(&self, model: &ArmModel, contacts: &[Contact], block: usize) -> Vec<String> {
         let touches = |link: &usize| {
             self.digit[*link].is_some() && contacts.iter().any(|c| c.block == block && c.link == *link)
         };

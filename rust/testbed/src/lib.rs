@@ -21,7 +21,7 @@ mod world;
 
 pub use config::{ConfigError, MethodName, MethodProcessConfig, Setup, TrialConfig};
 pub use digest::{Digest, Divergence, Field, FieldDigest, SPAN_TICKS, SpanDigest, first_divergence};
-pub use grasp::{GraspAction, GraspRule};
+pub use grasp::{Grasp, GraspAction};
 pub use grasp_original::OriginalGraspRule;
 pub use motion::{ArmMotion, BaseMotion, HandMotion};
 pub use physics::{GraspRuleName, JointControl, MassSet, PhysicsConfig};

@@ -1,6 +1,5 @@
 use crate::{
-    ConfigError, Digest, Field, GraspRule, GraspRuleName, MethodName, OriginalGraspRule, SpanDigest,
-    TrialConfig,
+    ConfigError, Digest, Field, Grasp, MethodName, SpanDigest, TrialConfig,
     motion::{ArmMotion, BaseMotion, HandMotion},
     outside::Tap,
     ports::{PlanService, Plant, PlantError},
@@ -115,15 +114,12 @@ pub struct Testbed {
     pub(crate) arm: ArmMotion,
     pub(crate) hand: HandMotion,
     pub(crate) base: BaseMotion,
-    pub(crate) grasp: GraspRule,
-    /// Instead of `grasp`, if the trial asks for it.
-    pub(crate) original_grasp: Option<OriginalGraspRule>,
+    pub(crate) grasp: Grasp,
     /// Fingers on the block that is held.
     pub(crate) grasped_by: Vec<String>,
     /// Base, arm and hand stand still: the tracked shoulder has jumped.
     pub(crate) paused: bool,
     pub(crate) hand_tracker: HandTracker,
-    pub(crate) grasped_at: Option<JointVector>,
     pub(crate) digest: Digest,
     pub(crate) now: SimTime,
     direct: Option<Gesture>,
@@ -169,13 +165,10 @@ impl Testbed {
             arm: ArmMotion::new(model, start),
             hand: HandMotion::new(open, closed),
             base: BaseMotion::new(config.setup.body.shoulder_pose(&Default::default())),
-            grasp: GraspRule::new(model),
-            original_grasp: (config.physics.grasp_rule == GraspRuleName::Original)
-                .then(|| OriginalGraspRule::new(model)),
+            grasp: Grasp::new(config.physics.grasp_rule, model),
             grasped_by: Vec::new(),
             paused: false,
             hand_tracker: HandTracker::new(open),
-            grasped_at: None,
             gaze: GazeFilter::new(&config)?,
             task,
             method,

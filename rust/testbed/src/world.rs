@@ -1,11 +1,7 @@
 //! The tick's dealings with the physics: the base that follows the shoulder, one step, and the grasp.
 
 use crate::{Field, GraspAction, Testbed, TestbedError, TickOutput};
-use proact_control::HandCommand;
 use proact_types::{BlockId, EventKind, JointVector, PlantCommand, Point, joints};
-
-/// A finger joint that has opened by this much since the grasp lets the block go, rad.
-const OPENED: f64 = 0.01;
 
 impl Testbed {
     /// Stops arm and hand while the base does not follow the shoulder.
@@ -53,17 +49,9 @@ impl Testbed {
         let fingers = joints(&state.position[arm..]);
         let hand = self.hand_tracker.step(&fingers, &state.velocity[arm..], self.hand.moving());
         let attached = state.attached.map(|(block, _)| block);
-        let opening = self.hand_tracker.command() == HandCommand::Open;
-        let opened = opening
-            && self
-                .grasped_at
-                .as_ref()
-                .is_some_and(|at| at.iter().zip(&fingers).any(|(at, now)| (at - now).abs() > OPENED));
+        let command = self.hand_tracker.command();
+        let action = self.grasp.step(&self.parts.model, state, hand, command);
         let time = self.now;
-        let action = match &mut self.original_grasp {
-            Some(rule) => rule.step(&self.parts.model, state),
-            None => self.grasp.step(&state.contacts, hand, attached, opened),
-        };
         let place = |block: usize| Point::from(state.blocks[block].pose.translation.vector);
         match action {
             Some(GraspAction::Attach(block)) => {
@@ -75,7 +63,6 @@ impl Testbed {
                 }
                 self.parts.plant.attach(block, tip).map_err(|source| TestbedError::Plant { time, source })?;
                 self.hand.freeze(&fingers);
-                self.grasped_at = Some(fingers);
             }
             Some(GraspAction::Release) => {
                 if let Some((block, id)) = attached.and_then(|k| Some((k, *BlockId::ALL.get(k)?))) {
@@ -83,7 +70,6 @@ impl Testbed {
                     self.note(output, EventKind::GraspEnded { block: id, links, place });
                 }
                 self.parts.plant.release();
-                self.grasped_at = None;
             }
             None => {}
         }
