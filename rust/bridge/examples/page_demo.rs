@@ -39,7 +39,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         for input in server.drain_inputs() {
             match input {
                 ClientInput::Gesture(gesture) => script.gesture = gesture,
-                ClientInput::Gaze { origin, direction } => {
+                ClientInput::Gaze { origin, direction, .. } => {
                     script.gaze = Some(GazeSample { origin, direction, valid: true });
                     continue;
                 }
@@ -143,6 +143,7 @@ impl Script {
             },
             planner,
             mode: None,
+            stop: None,
             gesture: self.gesture,
             confidence: 0.87,
             effort: 0.5,

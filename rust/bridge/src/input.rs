@@ -24,6 +24,8 @@ pub enum ClientInput {
         origin: Point,
         /// Unit vector.
         direction: Vector,
+        /// By a tracker, and not by a mouse or a stick, which may rest.
+        measured: bool,
     },
     /// Where the trunk is asked to go.
     Trunk(TrunkPosture),
@@ -70,6 +72,8 @@ pub(crate) enum ClientMessage {
     Gaze {
         origin: [f64; 3],
         direction: [f64; 3],
+        #[serde(default)]
+        measured: bool,
     },
     Trunk {
         forward: f64,
@@ -123,7 +127,9 @@ pub(crate) fn parse(text: &str) -> Result<Parsed, String> {
     })?;
     match message {
         ClientMessage::Gesture { gesture } => Ok(Parsed::Input(ClientInput::Gesture(gesture))),
-        ClientMessage::Gaze { origin, direction } => gaze(origin, direction).map(Parsed::Input),
+        ClientMessage::Gaze { origin, direction, measured } => {
+            gaze(origin, direction, measured).map(Parsed::Input)
+        }
         ClientMessage::Head { position, quaternion } => head(position, quaternion).map(Parsed::Input),
         ClientMessage::Trunk { forward, lateral, axial } => {
             for (name, angle) in [("forward", forward), ("lateral", lateral), ("axial", axial)] {
@@ -170,7 +176,7 @@ fn head(position: [f64; 3], quaternion: [f64; 4]) -> Result<ClientInput, String>
     Ok(ClientInput::Head(Pose::from_parts(Translation3::from(position.coords), rotation)))
 }
 
-fn gaze(origin: [f64; 3], direction: [f64; 3]) -> Result<ClientInput, String> {
+fn gaze(origin: [f64; 3], direction: [f64; 3], measured: bool) -> Result<ClientInput, String> {
     let origin = near("gaze origin", origin)?;
     let vector = Vector::from(direction);
     let length = vector.norm();
@@ -179,7 +185,7 @@ fn gaze(origin: [f64; 3], direction: [f64; 3]) -> Result<ClientInput, String> {
             "message ignored: gaze direction is {direction:?}, expected a vector above zero"
         ));
     }
-    Ok(ClientInput::Gaze { origin, direction: vector / length })
+    Ok(ClientInput::Gaze { origin, direction: vector / length, measured })
 }
 
 #[cfg(test)]
@@ -188,7 +194,7 @@ mod tests {
 
     #[test]
     fn each_kind_of_message_is_understood() {
-        let cases: [(&str, Option<ClientInput>); 9] = [
+        let cases: [(&str, Option<ClientInput>); 10] = [
             (
                 r#"{"type":"gesture","gesture":"wrist_extension"}"#,
                 Some(ClientInput::Gesture(Gesture::WristExtension)),
@@ -198,6 +204,15 @@ mod tests {
                 Some(ClientInput::Gaze {
                     origin: Point::new(0.0, 0.0, 1.0),
                     direction: Vector::new(0.0, 0.0, -1.0),
+                    measured: false,
+                }),
+            ),
+            (
+                r#"{"type":"gaze","origin":[0,0,1],"direction":[0,0,-2],"measured":true}"#,
+                Some(ClientInput::Gaze {
+                    origin: Point::new(0.0, 0.0, 1.0),
+                    direction: Vector::new(0.0, 0.0, -1.0),
+                    measured: true,
                 }),
             ),
             (

@@ -6,8 +6,8 @@
 //! when `/api/content` has changed; `status` with the fields of [`TrialStatus`](crate::TrialStatus); `pong {id}`;
 //! `error {message}` when a message of the client was ignored.
 //!
-//! From the client, if the page is interactive: `gesture {gesture}` at each change, `alive` every 100 ms while
-//! one is held, `gaze {origin, direction}`, `trunk {forward, lateral, axial}`, `head {position, quaternion}`,
+//! From the client, if the page is interactive: `gesture {gesture}` at each change, `alive` every 40 ms while
+//! one is held, `gaze {origin, direction, measured}`, `trunk {forward, lateral, axial}`, `head {position, quaternion}`,
 //! `restart {method, again}`, `gaze_check {source, points}`; always `ping {id}`. Metres, rad, frame `world`,
 //! quaternions x, y, z, w. At most 4 KiB each, text only. A hundred malformed messages end the connection.
 //!

@@ -7,9 +7,9 @@ use crate::input::{ClientInput, StudyAction};
 use proact_types::Gesture;
 use std::time::{Duration, Instant};
 
-/// A client that holds a gesture and is silent for longer is taken to be gone. The page sends a sign of life
-/// every 100 ms, so that four may be lost. It does not bring the gesture back: that takes a new press, or a
-/// line that falters would toggle the lock.
+/// A client that holds a gesture and is silent for longer is taken to be gone; another may then take its place. The
+/// page sends a sign of life every 40 ms. It does not bring the gesture back: that takes a new press, or a line that
+/// falters would toggle the lock. The testbed, which is told of each sign, stops the arm much sooner.
 pub(crate) const MAX_SILENCE: Duration = Duration::from_millis(500);
 
 /// Most inputs kept for a testbed that does not drain them: 8 s of gaze at 60 Hz with gestures between.
@@ -30,6 +30,8 @@ pub(crate) struct Pilot {
     driver: Option<Driver>,
     /// The gesture in force, if it is one that moves anything.
     held: Option<Gesture>,
+    /// The client in control said something since that was asked for last.
+    heard: bool,
     waiting: Vec<ClientInput>,
 }
 
@@ -58,6 +60,7 @@ impl Pilot {
         };
         if drives {
             self.driver = Some(Driver { client, heard: now });
+            self.heard = true;
         }
         match input {
             Some(ClientInput::Gesture(Gesture::NoMotion)) => self.release(),
@@ -93,6 +96,11 @@ impl Pilot {
         if self.driver.as_ref().is_some_and(|driver| now.duration_since(driver.heard) > MAX_SILENCE) {
             self.release();
         }
+    }
+
+    /// Whether the client in control said anything since the last call, if only that it is there.
+    pub(crate) fn take_heard(&mut self) -> bool {
+        std::mem::take(&mut self.heard)
     }
 
     /// Everything since the last call, oldest first.
@@ -137,7 +145,7 @@ mod tests {
     const NM: ClientInput = ClientInput::Gesture(Gesture::NoMotion);
 
     fn gaze(x: f64) -> ClientInput {
-        ClientInput::Gaze { origin: Point::origin(), direction: Vector::new(x, 0.0, 1.0) }
+        ClientInput::Gaze { origin: Point::origin(), direction: Vector::new(x, 0.0, 1.0), measured: false }
     }
 
     #[test]
@@ -188,6 +196,10 @@ mod tests {
         assert_eq!(pilot.drain(), [WE]);
         pilot.check_silence(start + 2 * MAX_SILENCE + Duration::from_millis(1));
         assert_eq!(pilot.drain(), [NM]);
+        // A released gesture is no word of the client.
+        assert!(pilot.take_heard());
+        pilot.check_silence(start + 3 * MAX_SILENCE);
+        assert!(!pilot.take_heard());
         // Once is enough, and a late sign of life does not press again.
         pilot.check_silence(start + 9 * MAX_SILENCE);
         pilot.accept(1, start + 9 * MAX_SILENCE, None);

@@ -236,6 +236,11 @@ impl PageServer {
         self.shared.pilot().drain()
     }
 
+    /// Whether the client in control said anything since the last call, if only that it is there.
+    pub fn take_heard(&self) -> bool {
+        self.shared.pilot().take_heard()
+    }
+
     /// Shows another arm, scene or trial from now on; open pages fetch it by themselves.
     ///
     /// # Errors

@@ -70,6 +70,7 @@ fn frame(tick: u64) -> DisplayFrame {
         target: TargetView::default(),
         planner: PlannerView::Idle,
         mode: None,
+        stop: None,
         gesture: Gesture::NoMotion,
         confidence: 1.0,
         effort: 0.5,
@@ -214,7 +215,11 @@ async fn inputs_arrive_in_order() {
     assert_eq!(
         inputs(&server, 5).await,
         [
-            ClientInput::Gaze { origin: Point3::new(0.0, 0.0, 1.0), direction: Vector3::x() },
+            ClientInput::Gaze {
+                origin: Point3::new(0.0, 0.0, 1.0),
+                direction: Vector3::x(),
+                measured: false
+            },
             ClientInput::Gesture(Gesture::WristFlexion),
             ClientInput::Gesture(Gesture::NoMotion),
             ClientInput::Trunk(TrunkPosture { forward: 0.1, lateral: 0.0, axial: 0.0 }),

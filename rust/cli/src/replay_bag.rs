@@ -122,6 +122,7 @@ impl<'a> Film<'a> {
             planner: PlannerView::Idle,
             goal: None,
             mode: None,
+            stop: None,
             gesture: Gesture::NoMotion,
             confidence: 1.0,
             effort: 0.0,

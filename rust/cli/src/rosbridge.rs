@@ -5,7 +5,7 @@ use proact_bridge::rosbridge::{
     Access, CameraTopics, HeadsetInput, HeadsetTopics, LocalBus, RosbridgeOptions, RosbridgeServer, TopicBus,
 };
 use proact_testbed::Session;
-use proact_types::DisplayFrame;
+use proact_types::{DisplayFrame, InputSource};
 use std::{
     error::Error,
     net::{IpAddr, Ipv4Addr},
@@ -113,7 +113,8 @@ impl Rosbridge {
     pub(crate) fn drive(&self, session: &mut Session) {
         for input in self.topics.drain_inputs() {
             match input {
-                HeadsetInput::Gesture(gesture) => session.act(gesture),
+                HeadsetInput::Gesture(gesture) => session.command(InputSource::GestureTopic, gesture),
+                HeadsetInput::Alive => session.hear(InputSource::GestureTopic),
                 HeadsetInput::Gaze(gaze) => session.look(gaze),
                 HeadsetInput::Head(pose) => session.track_head(pose),
                 HeadsetInput::Shoulder(pose) => session.track_shoulder(pose),

@@ -11,7 +11,7 @@ use clap::Args;
 use proact_bridge::{ClientInput, GazeCheck, PageContent, PageOptions, PageServer};
 use proact_intent::GazeOffset;
 use proact_testbed::{MethodName, Session};
-use proact_types::{GazeSample, Gesture, SimTime};
+use proact_types::{GazeSample, InputSource, SimTime};
 use std::{
     error::Error,
     net::{IpAddr, Ipv4Addr},
@@ -229,9 +229,10 @@ fn live_trial(
             inputs.extend(experimenter.wait_while_paused(&mut pace, interrupted));
             for input in inputs {
                 match input {
-                    ClientInput::Gesture(gesture) => session.act(gesture),
-                    ClientInput::Gaze { origin, direction } => {
-                        session.look(GazeSample { origin, direction, valid: true });
+                    ClientInput::Gesture(gesture) => session.command(InputSource::Page, gesture),
+                    ClientInput::Gaze { origin, direction, measured } => {
+                        let gaze = GazeSample { origin, direction, valid: true };
+                        if measured { session.look(gaze) } else { session.point(gaze) }
                     }
                     ClientInput::Trunk(posture) => session.lean(posture),
                     ClientInput::Head(pose) => session.track_head(pose),
@@ -242,8 +243,11 @@ fn live_trial(
                         take_gaze_check(dir, now, &check, gaze_offset)?;
                         session.set_gaze_offset(*gaze_offset);
                     }
-                    ClientInput::Disconnected => session.act(Gesture::NoMotion),
+                    ClientInput::Disconnected => session.close(InputSource::Page),
                 }
+            }
+            if page.take_heard() {
+                session.hear(InputSource::Page);
             }
             person.drive(session)?;
             if interrupted.load(Ordering::Relaxed) {

@@ -6,7 +6,7 @@ use proact_cli::{Recorder, replay_trial, trial};
 use proact_devices::{EmgSource, SyntheticEmg, SyntheticModel, stream};
 use proact_emg::{EmgConfig, EmgModel};
 use proact_testbed::{MethodName, Setup, TrialConfig, ports};
-use proact_types::{EmgSample, EventKind, Gesture, SimTime};
+use proact_types::{EmgSample, EventKind, Gesture, InputSource, SimTime, StopCause};
 
 const ZERO: f64 = 128.0;
 const TICKS: u64 = 3500;
@@ -71,11 +71,13 @@ fn an_armbands_gaps_and_silences_are_on_the_record_and_the_trial_replays_from_ra
         closed.len() == 1 && (500..1000).contains(&closed[0]),
         "a closed hand must not come back: {told:?}"
     );
-    let stale = at(|k| *k == EventKind::EmgStale);
+    let stale = at(|k| {
+        matches!(k, EventKind::Stopped { source: InputSource::Armband, cause: StopCause::Silent, .. })
+    });
     assert!(stale.len() == 1 && (1650..1760).contains(&stale[0]), "{told:?}");
     let gaps = at(|k| matches!(k, EventKind::EmgGap { gaps: 1, .. }));
     assert_eq!(gaps, [2000]);
-    let rearmed = at(|k| *k == EventKind::EmgRearmed);
+    let rearmed = at(|k| *k == EventKind::Rearmed);
     assert!(rearmed.len() == 1 && rearmed[0] > 2600, "{told:?}");
 
     let events = std::fs::read_to_string(dir.join("config.toml")).unwrap();

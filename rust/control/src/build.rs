@@ -56,28 +56,25 @@ pub fn build(
         (name, GazeAssistedProfile::LockOnce(rules)) => Box::new(GazeAssisted::with(name, rules)),
         (name, GazeAssistedProfile::ToggleLocks(rules)) => Box::new(GazeToggled::new(name, rules, model)),
     };
-    Ok(guarded(built, gazes, profile, subset, model))
+    Ok(guarded(built, profile, subset, model))
 }
 
-/// The method in `process`, with the same safeguards as [`build`] puts around the others. `gazes`: it stops when the
-/// gaze is lost.
+/// The method in `process`, with the same safeguards as [`build`] puts around the others.
 ///
 /// # Errors
 /// A profile that does not fit the arm.
 pub fn build_outside(
     process: impl MethodProcess + 'static,
-    gazes: bool,
     profile: &Profile,
     model: &ArmModel,
 ) -> Result<Box<dyn ControlMethod>, ControlError> {
     profile.check()?;
     let subset = JointSubset::new(profile, model)?;
-    Ok(guarded(Box::new(PipeMethod::new(process)), gazes, profile, subset, model))
+    Ok(guarded(Box::new(PipeMethod::new(process)), profile, subset, model))
 }
 
 fn guarded(
     mut method: Box<dyn ControlMethod>,
-    gazes: bool,
     profile: &Profile,
     subset: JointSubset,
     model: &ArmModel,
@@ -86,9 +83,7 @@ fn guarded(
         let assistant = Guide::new(blend, profile, &subset, model);
         method = Box::new(Blend::new(method, assistant, blend.share));
     }
-    if let Some(dead_man) = &profile.dead_man {
-        method = Box::new(DeadMan::new(method, dead_man, gazes));
-    }
+    method = Box::new(DeadMan::new(method));
     if let Some(limiter) = &profile.limiter {
         method = Box::new(Limited::new(method, limiter, model));
     }

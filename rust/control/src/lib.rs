@@ -20,6 +20,7 @@ mod pipe;
 pub mod ports;
 mod profile;
 mod subset;
+mod watch;
 
 pub use blend::Blend;
 pub use build::{METHODS, build, build_outside};
@@ -41,6 +42,7 @@ pub use profile::{
     LimiterProfile, LockOnceProfile, MoorePenroseProfile, Profile, ToggleLocksProfile,
 };
 pub use subset::{FollowsLimb, JointSubset};
+pub use watch::SourceWatch;
 
 /// Methods run at 100 Hz; what they look ahead is one such step, seconds.
 pub const STEP_SECS: f64 = 0.01;

@@ -1,7 +1,7 @@
 use crate::ports::ArmKinematics;
 use proact_types::{
     BlockId, EventKind, Gesture, HandView, JointVector, ModeView, PlanGoal, PlanReply, PlanStatus,
-    PlannerView, Point, Pose, SimTime, Target, TargetView, Trajectory,
+    PlannerView, Point, Pose, SimTime, Stop, Target, TargetView, Trajectory,
 };
 use serde::{Deserialize, Serialize};
 
@@ -37,6 +37,8 @@ pub struct ControlInput<'a> {
     /// Angles of the person's own limb in the arm's joints, rad, for joints that the prosthesis does not have; none
     /// where the whole arm is lost or nothing tracks it.
     pub limb: Option<&'a [f64]>,
+    /// The arm must stand still, and why.
+    pub stop: Option<&'a Stop>,
     /// Milliseconds since the last decision on the EMG; none when gestures come from elsewhere.
     pub emg_age_ms: Option<u64>,
     /// Milliseconds since the last valid gaze measurement; none when gaze is not used.

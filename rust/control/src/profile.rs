@@ -332,10 +332,20 @@ impl Default for BlendProfile {
 pub struct DeadManProfile {
     /// Of the last decision on the EMG.
     pub emg_ms: u64,
-    /// Of the last gaze measurement; methods C and D only.
+    /// Of the last word of the page or topic that commands gestures.
+    #[serde(default = "DeadManProfile::default_link_ms")]
+    pub link_ms: u64,
+    /// Of the last gaze that differed from the one before; methods C and D only.
     pub gaze_ms: u64,
-    /// Of the last tracked pose.
+    /// Of the last pose of a shoulder, or posture of a limb, that differed from the one before.
     pub tracking_ms: u64,
+}
+
+impl DeadManProfile {
+    /// With the last sign of life 50 ms before the first that is missing, and the arm's own stop, within 250 ms.
+    fn default_link_ms() -> u64 {
+        200
+    }
 }
 
 impl Profile {

@@ -115,7 +115,9 @@ impl<M: ControlMethod> ControlMethod for FollowsLimb<M> {
             .map(|joint| match &asked {
                 _ if !self.subset.contains(joint) => {
                     let limits = self.limits.get(joint).copied().unwrap_or_default();
-                    let goal = input.limb.and_then(|limb| limb.get(joint));
+                    // A limb whose tracker died is nowhere; and when anything died, nothing moves.
+                    let limb = input.limb.filter(|_| input.stop.is_none());
+                    let goal = limb.and_then(|limb| limb.get(joint));
                     toward(goal.map(|goal| goal.clamp(limits.lower, limits.upper)).as_ref(), joint)
                 }
                 Some(MotionCommand::Velocity(speeds)) => speeds.get(joint).copied().unwrap_or(0.0),

@@ -6,7 +6,7 @@ use proact_control::{
     HandCommand, InputLine, MotionCommand, OutputLine, PipeMethod, Profile, build_outside,
     ports::MethodProcess,
 };
-use proact_types::{Gesture, MethodAnswer, PlannerView, SimTime, joints};
+use proact_types::{Gesture, InputSource, MethodAnswer, PlannerView, SimTime, Stop, StopCause, joints};
 use std::sync::{Arc, Mutex};
 
 /// Says the same at every step, and keeps the last line that it was asked.
@@ -81,10 +81,11 @@ fn the_safeguards_of_the_profile_are_around_an_outside_method_too() {
     let fast = "{\"time\":NOW,\"motion\":{\"velocity\":[9,9,9,9,9,9,9]}}".to_owned();
     let script = Script { answer: Some(Ok(fast)), ..Script::default() };
     let profile = Profile::named("default").expect("ships");
-    let mut rig = Rig::with(build_outside(script, true, &profile, &model()).expect("the profile fits"));
+    let mut rig = Rig::with(build_outside(script, &profile, &model()).expect("the profile fits"));
     let Some(MotionCommand::Velocity(speeds)) = rig.run(10)[0].motion.clone() else { panic!("it moves") };
     assert!(speeds.iter().all(|speed| *speed < 0.1), "ramped up: {speeds:?}");
-    rig.ages[0] = Some(9000);
+    let (source, cause, since) = (InputSource::Armband, StopCause::Silent, SimTime(0));
+    rig.stop = Some(Stop { source, cause, since, reason: "the armband is silent".to_owned() });
     assert_eq!(rig.run(10)[0].motion, Some(MotionCommand::Hold));
-    assert!(rig.refusal().contains("EMG"), "{}", rig.refusal());
+    assert!(rig.refusal().contains("armband"), "{}", rig.refusal());
 }

@@ -5,12 +5,12 @@ mod common;
 use common::{Rig, START, limits, model, reply};
 use proact_control::ports::ArmKinematics;
 use proact_control::{
-    Blend, ControlInput, ControlMethod, ControlOutput, DeadMan, DeadManProfile, Limited, LimiterProfile,
-    METHODS, MotionCommand, PlanCommand,
+    Blend, ControlInput, ControlMethod, ControlOutput, DeadMan, Limited, LimiterProfile, METHODS,
+    MotionCommand, PlanCommand, Profile, build,
 };
 use proact_types::{
-    BlockId, Gesture, HandState, HandView, PlanStatus, PlannerView, Pose, SimTime, TargetView, Trajectory,
-    TrajectoryPoint, joints,
+    BlockId, Gesture, HandState, HandView, InputSource, PlanStatus, PlannerView, Pose, SimTime, Stop,
+    StopCause, TargetView, Trajectory, TrajectoryPoint, joints,
 };
 use proptest::prelude::*;
 
@@ -96,22 +96,35 @@ fn the_limiter_stretches_a_trajectory_that_is_too_fast_and_leaves_others_alone()
     assert_eq!(outputs[0].motion, Some(MotionCommand::Hold));
 }
 
+/// Somebody died.
+fn stop(reason: &str) -> Option<Stop> {
+    let (source, cause, since) = (InputSource::Armband, StopCause::Silent, SimTime(0));
+    Some(Stop { source, cause, since, reason: reason.to_owned() })
+}
+
 #[test]
-fn the_dead_man_holds_on_stale_emg_gaze_or_tracking_and_says_which() {
-    let ages = DeadManProfile { emg_ms: 300, gaze_ms: 1000, tracking_ms: 500 };
-    for (index, what) in ["EMG", "gaze", "tracking"].into_iter().enumerate() {
-        let mut rig = Rig::with(Box::new(DeadMan::new(Says(velocity(0.1)), &ages, true)));
-        rig.ages = [Some(50), Some(50), Some(50)];
-        assert_eq!(rig.make(Gesture::WristExtension, 10)[0].motion, Some(velocity(0.1)));
-        rig.ages[index] = Some(1100);
-        assert_eq!(rig.run(10)[0].motion, Some(MotionCommand::Hold), "{what}");
-        assert!(rig.refusal().contains(what), "{}", rig.refusal());
-        rig.ages[index] = Some(50);
-        assert_eq!(rig.run(10)[0].motion, Some(velocity(0.1)), "{what} is back");
-    }
-    let mut blind = Rig::with(Box::new(DeadMan::new(Says(velocity(0.1)), &ages, false)));
-    blind.ages = [None, Some(9000), None];
-    assert_eq!(blind.make(Gesture::WristExtension, 10)[0].motion, Some(velocity(0.1)), "gaze is not used");
+fn the_dead_man_holds_while_something_is_dead_and_says_what() {
+    let mut rig = Rig::with(Box::new(DeadMan::new(Says(velocity(0.1)))));
+    assert_eq!(rig.make(Gesture::WristExtension, 10)[0].motion, Some(velocity(0.1)));
+    rig.stop = stop("the armband is silent");
+    assert_eq!(rig.run(10)[0].motion, Some(MotionCommand::Hold));
+    assert_eq!(rig.refusal(), "the armband is silent");
+    rig.stop = None;
+    assert_eq!(rig.run(10)[0].motion, Some(velocity(0.1)));
+}
+
+#[test]
+fn a_limb_is_not_followed_while_something_is_dead() {
+    let mut profile = Profile::named("default").expect("ships");
+    profile.level = "below_elbow".to_owned();
+    let mut rig = Rig::with(build("A", &profile, &model()).expect("drives the wrist"));
+    rig.limb = Some(START.iter().map(|q| q + 0.3).collect());
+    assert!(matches!(rig.run(10)[0].motion, Some(MotionCommand::Velocity(_))));
+    rig.stop = stop("the limb tracker is silent");
+    assert_eq!(rig.run(10)[0].motion, Some(MotionCommand::Hold));
+    let at = rig.q.clone();
+    rig.run(500);
+    assert_eq!(at, rig.q);
 }
 
 #[test]
@@ -121,7 +134,7 @@ fn defect_75_in_default_silence_of_the_armband_stops_an_arm_that_follows_a_plan(
     rig.make(Gesture::WristExtension, 10);
     rig.plan = Some(reply(PlanStatus::Ok, 0.3));
     assert!(matches!(rig.run(10)[0].motion, Some(MotionCommand::Follow(_))));
-    rig.ages[0] = Some(400);
+    rig.stop = stop("the armband is silent");
     assert_eq!(rig.run(10)[0].motion, Some(MotionCommand::Hold));
 }
 

@@ -1,6 +1,6 @@
 use crate::{DeviceError, EmgFeed, MYO_RATE_HZ, Recording, Recordings, SyntheticEmg, SyntheticModel, stream};
-use proact_emg::{Classifier, EmgConfig, EmgModel, StreamFormat, extract};
-use proact_types::{Gesture, SimTime};
+use proact_emg::{Classifier, EmgConfig, EmgModel, StreamFormat, extract, noise_floors};
+use proact_types::{EmgSample, Gesture, SimTime};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -132,7 +132,8 @@ pub fn prepare_model(source: &EmgSource, model: &EmgModel, seed: u64) -> Result<
     model.check_fits(&StreamFormat { rate_hz, channels, rest_medians })?;
     let centring =
         if model.centring.iter().all(|level| *level == 0.0) { Vec::new() } else { model.centring.clone() };
-    let (classifier, config) = (model.classifier.clone(), model.config.clone());
+    let classifier = model.classifier.clone();
+    let config = EmgConfig { liveness: model.liveness(None), ..model.config.clone() };
     Ok(EmgSetup { classifier, config, centring, ..setup })
 }
 
@@ -162,6 +163,7 @@ fn finish(
         fill(&mut recordings, train_reps, &mut generator);
     }
     let classifier = train(&recordings, train_reps, config)?;
+    config.liveness.noise_floors = floors(&recordings, train_reps, config);
     Ok(EmgSetup { classifier, feed, config: config.clone(), centring: Vec::new(), label: label.to_owned() })
 }
 
@@ -203,6 +205,14 @@ fn fill(recordings: &mut Recordings, reps: &[u32], generator: &mut SyntheticEmg)
             });
         }
     }
+}
+
+/// How quiet the channels are in the repetitions that the classifier is trained on.
+fn floors(recordings: &Recordings, reps: &[u32], config: &EmgConfig) -> Vec<f64> {
+    let trained = recordings.items.iter().filter(|recording| reps.contains(&recording.repetition));
+    let samples: Vec<Vec<EmgSample>> = trained.map(|recording| recording.numbered().collect()).collect();
+    let slices = samples.iter().map(Vec::as_slice);
+    noise_floors(&config.liveness, config.rate_hz, config.channels, slices)
 }
 
 /// Trains on repetitions `reps` of all gestures in `recordings`. Windows never span two recordings.

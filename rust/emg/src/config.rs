@@ -1,4 +1,4 @@
-use crate::{EmgError, FeatureSet};
+use crate::{EmgError, FeatureSet, LivenessConfig};
 use proact_types::MAX_EMG_CHANNELS;
 use serde::{Deserialize, Serialize};
 use std::num::NonZeroU32;
@@ -108,6 +108,8 @@ pub struct EmgConfig {
     /// Silence after which the stream counts as stale and the arm stops, milliseconds. Default 200: four
     /// increments (no source has a number).
     pub max_age_millis: u64,
+    /// What else makes the stream stale: samples that no living arm gives.
+    pub liveness: LivenessConfig,
 }
 
 impl Default for EmgConfig {
@@ -128,6 +130,7 @@ impl Default for EmgConfig {
             required: NonZeroU32::MIN.saturating_add(2),
             first_output_acts: false,
             max_age_millis: 200,
+            liveness: LivenessConfig::default(),
         }
     }
 }
@@ -186,6 +189,7 @@ impl EmgConfig {
         if let Some(majority) = self.majority.filter(|m| m.get() > LARGEST_MAJORITY) {
             return refused("majority", f64::from(majority.get()), "1 to 64 votes");
         }
+        self.liveness.check(self.channels)?;
         let increment_millis = 1000.0 * self.increment_samples()? as f64 / self.rate_hz;
         // With a shorter age than the time between two windows the stream would always be stale.
         if (self.max_age_millis as f64) < increment_millis {

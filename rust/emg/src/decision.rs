@@ -110,6 +110,21 @@ impl DecisionRule {
         self.decide(now, None)
     }
 
+    /// The stream is not that of a living arm: the arm must stop. Some if that is news, until the next output.
+    pub fn fail(&mut self) -> Option<Decision> {
+        let news = !self.stale;
+        self.held = Gesture::NoMotion;
+        self.streak = 0;
+        self.armed = false;
+        self.stale = true;
+        news.then_some(Decision { gesture: Gesture::NoMotion, published: true, stale: true })
+    }
+
+    /// True from the moment in which the stream became stale to the next output.
+    pub fn is_stale(&self) -> bool {
+        self.stale
+    }
+
     /// True while gestures are held back because no relaxed hand was seen since the last silence.
     pub fn is_disarmed(&self) -> bool {
         !self.armed
@@ -139,11 +154,7 @@ impl DecisionRule {
         if self.stale || now.millis_since(since) <= self.max_age_millis {
             return None;
         }
-        self.held = Gesture::NoMotion;
-        self.streak = 0;
-        self.armed = false;
-        self.stale = true;
-        Some(Decision { gesture: Gesture::NoMotion, published: true, stale: true })
+        self.fail()
     }
 }
 

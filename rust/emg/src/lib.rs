@@ -50,6 +50,7 @@ mod features;
 mod fitts;
 mod goertzel;
 mod lda;
+mod liveness;
 mod model;
 mod moments;
 mod passing;
@@ -75,6 +76,7 @@ pub use feature_set::{Feature, FeatureSet, MAX_FEATURES};
 pub use features::{FeatureExtractor, FeatureVector};
 pub use fitts::{CursorConfig, CursorEvent, CursorReport, CursorTest, Movement};
 pub use lda::Lda;
+pub use liveness::{Liveness, LivenessConfig, SignalFault, noise_floors};
 pub use model::{ChannelStatistics, EmgModel, MODEL_FORMAT, StreamFormat};
 pub use moments::Moments;
 pub use passing::{

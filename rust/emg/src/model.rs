@@ -1,5 +1,5 @@
 use crate::moments::Moments;
-use crate::{Classifier, EmgConfig, EmgError, extract_with_amplitudes};
+use crate::{Classifier, EmgConfig, EmgError, LivenessConfig, extract_with_amplitudes, noise_floors};
 use proact_types::{EmgSample, Gesture};
 use serde::{Deserialize, Serialize};
 
@@ -18,6 +18,9 @@ pub struct ChannelStatistics {
     pub rest_sd: f64,
     /// Largest standard deviation over any recording of any gesture.
     pub largest_sd: f64,
+    /// As in [`LivenessConfig::noise_floors`]; none in models of older versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub noise_floor: Option<f64>,
 }
 
 /// The stream that a model is to be used on, before centring.
@@ -93,6 +96,15 @@ impl EmgModel {
             statistics.rest_sd = mean_and_sd(&values).1;
             statistics.rest_median = median(values).unwrap_or(0.0);
         }
+        let floors = noise_floors(
+            &config.liveness,
+            config.rate_hz,
+            config.channels,
+            recordings.iter().map(|(_, samples)| *samples),
+        );
+        for (statistics, floor) in channels.iter_mut().zip(floors) {
+            statistics.noise_floor = Some(floor);
+        }
         let classifier = Classifier::train_with_amplitudes(config, &windows, &labels, &amplitudes)?;
         let class = |gesture| classifier.gestures().iter().position(|g| g == gesture);
         let classes: Vec<usize> = labels.iter().filter_map(class).collect();
@@ -105,6 +117,13 @@ impl EmgModel {
             moments: Moments::of(&windows, &classes, classifier.gestures().len()),
             classifier,
         })
+    }
+
+    /// What makes a stream stale that this model is used on: the rules of its settings, with what the training tells
+    /// about the channels. `rails` are the converter's, if they are known.
+    pub fn liveness(&self, rails: Option<[f64; 2]>) -> LivenessConfig {
+        let floors: Option<Vec<f64>> = self.channels.iter().map(|channel| channel.noise_floor).collect();
+        LivenessConfig { rails, noise_floors: floors.unwrap_or_default(), ..self.config.liveness.clone() }
     }
 
     /// The sample less the zero levels. A sample with another number of channels keeps it, for the window to refuse.

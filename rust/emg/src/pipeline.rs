@@ -1,6 +1,6 @@
 use crate::{
-    Classifier, Decision, DecisionRule, EmgConfig, EmgError, FeatureExtractor, FeatureVector, MajorityVote,
-    SlidingWindow, StreamCounts, WindowView,
+    Classifier, Decision, DecisionRule, EmgConfig, EmgError, FeatureExtractor, FeatureVector, Liveness,
+    MajorityVote, SignalFault, SlidingWindow, StreamCounts, WindowView,
 };
 use arrayvec::ArrayVec;
 use proact_types::{EmgSample, Gesture, MAX_EMG_CHANNELS, SimTime};
@@ -56,6 +56,7 @@ pub struct EmgPipeline {
     rejection: Option<f64>,
     vote: Option<MajorityVote>,
     events: StreamEvents,
+    liveness: Liveness,
     window: SlidingWindow,
     classifier: Classifier,
     rule: DecisionRule,
@@ -91,6 +92,7 @@ impl EmgPipeline {
             rejection: config.rejection,
             vote: config.majority.map(MajorityVote::new),
             events: StreamEvents::default(),
+            liveness: Liveness::new(&config.liveness, config.rate_hz, config.channels)?,
             window: SlidingWindow::new(config)?,
             rule: DecisionRule::new(config),
             classifier,
@@ -111,15 +113,17 @@ impl EmgPipeline {
             return Err(EmgError::Centring { got: levels.len(), expected });
         }
         self.centring = levels.iter().copied().collect();
+        self.liveness.set_centring(levels);
         Ok(self)
     }
 
     /// Takes the samples that arrived at `now`, oldest first. Some if a window ended with one of them, or if the
-    /// stream became stale now; if several windows ended, the decision rule saw them all and the newest is
+    /// stream became stale now, by silence or because its samples are not those of a living arm ([`Liveness`]); if several windows ended, the decision rule saw them all and the newest is
     /// returned. Call it every tick, with no samples too. Does not allocate.
     pub fn step(&mut self, now: SimTime, samples: &[EmgSample]) -> Option<EmgOutput> {
         let (before, disarmed) = (self.counts(), self.rule.is_disarmed());
         let mut output = None;
+        self.liveness.begin_tick(now);
         for sample in samples {
             let mut level;
             let sample = if self.centring.is_empty() {
@@ -129,6 +133,10 @@ impl EmgPipeline {
                 level.channels.iter_mut().zip(&self.centring).for_each(|(value, zero)| *value -= zero);
                 &level
             };
+            if !self.liveness.push(sample) {
+                self.window.spoil();
+                output = self.rule.fail().map(stale_output).or(output);
+            }
             let Some(window) = self.window.push(sample) else { continue };
             let features = self.features.compute(&window);
             // Finite samples whose sums overflow: as good as no window.
@@ -168,10 +176,10 @@ impl EmgPipeline {
         }
         if output.is_none() {
             output = self.rule.step(now, None).map(stale_output);
-            if let (Some(_), Some(vote)) = (output, &mut self.vote) {
-                // Votes from before a silence say nothing about the hand now.
-                vote.clear();
-            }
+        }
+        if let (Some(EmgOutput { stale: true, .. }), Some(vote)) = (output, &mut self.vote) {
+            // Votes from before a silence say nothing about the hand now.
+            vote.clear();
         }
         self.events = StreamEvents {
             counts: self.counts().since(before),
@@ -204,6 +212,17 @@ impl EmgPipeline {
         }
         self.classifier = classifier;
         Ok(())
+    }
+
+    /// Why the stream is stale; none while it is not.
+    pub fn fault(&self) -> Option<SignalFault> {
+        let silent = self.rule.is_stale().then_some(SignalFault::Silent);
+        self.liveness.fault().or(silent)
+    }
+
+    /// True while gestures are held back until a relaxed hand is seen.
+    pub fn is_disarmed(&self) -> bool {
+        self.rule.is_disarmed()
     }
 
     /// What befell the stream in the newest step.

@@ -165,6 +165,11 @@ impl SlidingWindow {
         })
     }
 
+    /// No window may hold a sample from before: what came is no signal of an arm.
+    pub fn spoil(&mut self) {
+        self.run = 0;
+    }
+
     /// Compares `counter` with the one expected. False if the sample is to be dropped.
     fn advance_to(&mut self, counter: u64) -> bool {
         let restart = match self.expected {

@@ -9,7 +9,7 @@ const CHANNELS: usize = 4;
 /// The channel with the planted fault.
 const BAD: usize = 2;
 const CALIBRATION: [ChannelStatistics; CHANNELS] =
-    [ChannelStatistics { rest_median: 0.0, rest_sd: 2.0, largest_sd: 20.0 }; CHANNELS];
+    [ChannelStatistics { rest_median: 0.0, rest_sd: 2.0, largest_sd: 20.0, noise_floor: None }; CHANNELS];
 
 /// Uniform noise of standard deviation one, from a counter.
 fn noise(seed: u64, k: u64) -> f64 {

@@ -17,7 +17,7 @@ use std::{
 };
 
 const MAGIC: &[u8; 8] = b"PROACTIN";
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 /// Bytes of a record around its payload: length, complement, CRC-32.
 const LENGTH_BYTES: u64 = 8;
 const CHECKSUM_BYTES: u64 = 4;

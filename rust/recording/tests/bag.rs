@@ -91,6 +91,7 @@ fn frame(time: SimTime) -> DisplayFrame {
         },
         planner: PlannerView::Idle,
         mode: None,
+        stop: None,
         gesture: Gesture::NoMotion,
         confidence: 1.0,
         effort: 0.5,

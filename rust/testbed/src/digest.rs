@@ -15,7 +15,7 @@ pub const SPAN_TICKS: u64 = 100;
 pub enum Field {
     /// EMG samples that came in.
     InputEmg,
-    /// Gestures given directly.
+    /// Gestures given directly, and signs of life of live sources.
     InputGesture,
     /// Gaze that came in.
     InputGaze,

@@ -1,7 +1,7 @@
 //! What enters a tick: checked, and bound into the digest.
 
 use crate::{Field, Testbed, TestbedError, TickOutput};
-use proact_types::{EventKind, GazeSample, Point, TickInput, Vector};
+use proact_types::{EventKind, GazeSample, Gesture, InputSource, Point, SignKind, TickInput, Vector};
 
 impl Testbed {
     pub(crate) fn check_input(&self, input: &TickInput) -> Result<(), TestbedError> {
@@ -32,12 +32,51 @@ impl Testbed {
         if usable { *gaze } else { blink }
     }
 
+    /// What a gaze says of its tracker: a ray that repeats to the bit is no new measurement, unless it is that of a
+    /// pointing device, which may rest.
+    pub(crate) fn hear_gaze(&mut self, gaze: &GazeSample, input: &TickInput) {
+        let points = input.signs.iter().any(|sign| sign.kind == SignKind::Points);
+        let repeats = !points && self.gaze.sample().is_some_and(|before| before == *gaze);
+        let (now, source) = (self.now, InputSource::EyeTracker);
+        match gaze.valid {
+            true if repeats => self.watch.hear(now, source, SignKind::Repeated),
+            true => self.watch.hear(now, source, SignKind::Fresh),
+            false => self.watch.hear_blank(now),
+        }
+    }
+
+    /// Whether the sources are alive. True if the arm must stop now, or may go on: the method must know at once.
+    pub(crate) fn watch_sources(
+        &mut self,
+        input: &TickInput,
+        gesture: Gesture,
+        output: &mut TickOutput,
+    ) -> bool {
+        for sign in &input.signs {
+            self.watch.hear(self.now, sign.source, sign.kind);
+        }
+        if let Some(emg) = &self.emg {
+            let fault = emg.fault().map(|fault| (fault.cause(), fault.to_string()));
+            self.watch.armband(fault, !emg.is_disarmed());
+        }
+        let change = self.watch.step(self.now, gesture);
+        let changes = change.is_some();
+        if let Some(event) = change {
+            self.note(output, event);
+        }
+        changes
+    }
+
     pub(crate) fn digest_input(&mut self, input: &TickInput) {
         for sample in &input.emg {
             self.digest.field(Field::InputEmg).word(sample.counter).numbers(&sample.channels);
         }
         if let Some(gesture) = input.gesture {
             self.digest.field(Field::InputGesture).word(gesture.index() as u64);
+        }
+        for sign in &input.signs {
+            let field = &mut self.digest.field(Field::InputGesture);
+            field.word(sign.source.index() as u64).word(sign.kind as u64);
         }
         if let Some(gaze) = &input.gaze {
             let field = &mut self.digest.field(Field::InputGaze);

@@ -2,12 +2,14 @@ use crate::{
     SpanDigest, Testbed, TestbedError, TickOutput,
     ports::{EmgSource, GazeTracker, PlanService},
 };
+use arrayvec::ArrayVec;
 use proact_intent::GazeOffset;
 use proact_participants::{Participant, Trunk};
 use proact_tasks::{Arrangement, BlockResult};
 use proact_types::{
-    DisplayFrame, GazeSample, Gesture, Intention, JointVector, PlanReply, PlanRequest, PlanStatus, Point,
-    Pose, SimTime, TickInput, Trajectory, TrunkPosture, Vector, joints,
+    DisplayFrame, GazeSample, Gesture, InputSign, InputSource, Intention, JointVector, MAX_SIGNS, PlanReply,
+    PlanRequest, PlanStatus, Point, Pose, SignKind, SimTime, TickInput, Trajectory, TrunkPosture, Vector,
+    joints,
 };
 use serde::{Deserialize, Serialize};
 
@@ -54,6 +56,10 @@ pub struct Session {
     trunk: Trunk,
     intention: Intention,
     seen: Option<GazeSample>,
+    /// What was heard since the last tick.
+    signs: ArrayVec<InputSign, MAX_SIGNS>,
+    /// As the trackers sent them last: shoulder and limb.
+    measured: (Option<Pose>, Option<JointVector>),
     gaze_offset: GazeOffset,
     given: Option<Gesture>,
     /// `world_from_head` of a headset, while there is one.
@@ -79,6 +85,8 @@ impl Session {
                 limb: None,
             },
             seen: None,
+            signs: ArrayVec::new(),
+            measured: (None, None),
             gaze_offset: GazeOffset::default(),
             given: None,
             headset: None,
@@ -97,9 +105,43 @@ impl Session {
         self.intention.gesture = gesture;
     }
 
-    /// A live person looks somewhere. A measurement of the same tick that came before is dropped.
+    /// A live person makes a gesture by way of `source`, whose silence or end stops the arm from now on. In a trial
+    /// with an armband this is a prompt, and nothing is stopped by it.
+    pub fn command(&mut self, source: InputSource, gesture: Gesture) {
+        self.act(gesture);
+        self.sign(source, SignKind::Commands);
+    }
+
+    /// `source` said something, if only that it is there.
+    pub fn hear(&mut self, source: InputSource) {
+        self.sign(source, SignKind::Alive);
+    }
+
+    /// `source` ended its connection: a gesture that it held is released.
+    pub fn close(&mut self, source: InputSource) {
+        self.act(Gesture::NoMotion);
+        self.sign(source, SignKind::Closed);
+    }
+
+    fn sign(&mut self, source: InputSource, kind: SignKind) {
+        let sign = InputSign { source, kind };
+        // Each is said once a tick; of more than fit, what was said first is known.
+        if !self.signs.contains(&sign) {
+            let _ = self.signs.try_push(sign);
+        }
+    }
+
+    /// A live person looks somewhere, as an eye tracker measured it: rays that repeat to the bit are those of a frozen
+    /// one. A measurement of the same tick that came before is dropped.
     pub fn look(&mut self, gaze: GazeSample) {
         self.seen = Some(self.gaze_offset.correct(gaze));
+        self.signs.retain(|sign| sign.kind != SignKind::Points);
+    }
+
+    /// A live person looks somewhere by a mouse or a stick, which may rest. Otherwise as [`Session::look`].
+    pub fn point(&mut self, gaze: GazeSample) {
+        self.look(gaze);
+        self.sign(InputSource::Page, SignKind::Points);
     }
 
     /// The error of a live person's gaze source, from the next measurement on. The record holds gaze without it.
@@ -122,6 +164,8 @@ impl Session {
     pub fn track_shoulder(&mut self, world_from_shoulder: Pose) {
         let now = self.shoulder();
         self.tracked_shoulder = Some((world_from_shoulder, now));
+        let repeats = self.measured.0.replace(world_from_shoulder) == Some(world_from_shoulder);
+        self.sign(InputSource::ShoulderTracker, if repeats { SignKind::Repeated } else { SignKind::Fresh });
     }
 
     /// A tracker saw a live person's own limb: its angles in the joints of the arm, rad.
@@ -135,6 +179,9 @@ impl Session {
             let value = format!("{angles:?}, expected {count} finite angles");
             return Err(TestbedError::Input { time: testbed.now(), what: "tracked limb", value });
         }
+        let repeats = self.measured.1.as_deref() == Some(angles);
+        self.measured.1 = Some(joints(angles));
+        self.sign(InputSource::LimbTracker, if repeats { SignKind::Repeated } else { SignKind::Fresh });
         self.intention.limb = Some(joints(angles));
         Ok(())
     }
@@ -175,7 +222,12 @@ impl Session {
         let head = self.head();
         let eye = Point::from(head.translation.vector);
 
-        let mut input = TickInput { gaze: self.seen.take(), ..TickInput::default() };
+        let signs = std::mem::take(&mut self.signs);
+        let mut input = TickInput { gaze: self.seen.take(), signs, ..TickInput::default() };
+        if self.parts.emg.is_some() {
+            // Gestures are prompts then: who gives them does not move the arm.
+            input.signs.retain(|sign| !matches!(sign.kind, SignKind::Commands | SignKind::Closed));
+        }
         match &mut self.parts.emg {
             Some(emg) => input.emg = emg.sample_at(time, self.intention.gesture),
             None if self.given != Some(self.intention.gesture) => {

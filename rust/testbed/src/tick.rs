@@ -7,14 +7,15 @@ use crate::{
 };
 use proact_control::{
     ControlError, ControlInput, ControlMethod, ControlOutput, HandTracker, MotionState, PlanCommand,
+    SourceWatch,
     ports::{ArmKinematics, KinematicsError, MethodProcess},
 };
 use proact_emg::{Classifier, EmgError, EmgOutput, EmgPipeline, StreamEvents};
 use proact_intent::Candidates;
 use proact_tasks::BoxAndBlocks;
 use proact_types::{
-    ArmModel, ArmModelError, BlockId, Event, EventKind, Gesture, HandView, JointVector, MethodAnswer,
-    PlanReply, PlanRequest, Point, SimTime, TickInput,
+    ArmModel, ArmModelError, BlockId, Event, EventKind, Gesture, HandView, InputSource, JointVector,
+    MethodAnswer, PlanReply, PlanRequest, Point, SignKind, SimTime, TickInput,
 };
 use std::sync::Arc;
 
@@ -109,11 +110,13 @@ pub struct Testbed {
     tap: Tap,
     /// Angles of the person's own limb as tracked last.
     limb: Option<JointVector>,
-    emg: Option<EmgPipeline>,
+    pub(crate) emg: Option<EmgPipeline>,
     pub(crate) gaze: GazeFilter,
     pub(crate) arm: ArmMotion,
     pub(crate) hand: HandMotion,
     pub(crate) base: BaseMotion,
+    /// Which sources are alive.
+    pub(crate) watch: SourceWatch,
     pub(crate) grasp: Grasp,
     /// Fingers on the block that is held.
     pub(crate) grasped_by: Vec<String>,
@@ -156,7 +159,7 @@ impl Testbed {
         let tap = Tap::new(parts.process.take());
         let gazes = matches!(config.method, MethodName::C | MethodName::D);
         let method = match &config.method_process {
-            Some(_) => proact_control::build_outside(tap.clone(), gazes, &config.profile, model)?,
+            Some(_) => proact_control::build_outside(tap.clone(), &config.profile, model)?,
             None => proact_control::build(&config.method.to_string(), &config.profile, model)?,
         };
         let task = BoxAndBlocks::new(config.arrangement).with_limit(SimTime::from_secs(config.limit_secs));
@@ -165,6 +168,7 @@ impl Testbed {
             arm: ArmMotion::new(model, start),
             hand: HandMotion::new(open, closed),
             base: BaseMotion::new(config.setup.body.shoulder_pose(&Default::default())),
+            watch: SourceWatch::new(config.profile.dead_man, gazes),
             grasp: Grasp::new(config.physics.grasp_rule, model),
             grasped_by: Vec::new(),
             paused: false,
@@ -249,6 +253,9 @@ impl Testbed {
         if let Some(decision) = &output.emg {
             self.recognised = decision.gesture;
             self.decided_at = Some(now);
+            if !decision.stale {
+                self.watch.hear(now, InputSource::Armband, SignKind::Fresh);
+            }
             (self.confidence, self.effort) = (decision.confidence, decision.effort);
             let field = &mut self.digest.field(Field::Emg);
             field.word(decision.gesture.index() as u64).numbers(&decision.posterior);
@@ -269,6 +276,7 @@ impl Testbed {
         }
         if let Some(gaze) = &input.gaze {
             let gaze = self.usable_gaze(gaze, &mut output);
+            self.hear_gaze(&gaze, input);
             self.infer(&gaze);
         }
 
@@ -278,8 +286,14 @@ impl Testbed {
         if gesture != self.acted_on {
             self.note(&mut output, EventKind::GestureChanged { gesture });
         }
+        let stops = self.watch_sources(input, gesture, &mut output);
         let message = output.emg.is_some_and(|decision| decision.published);
-        if now.0.is_multiple_of(CONTROL_TICKS) || gesture != self.acted_on || plan.is_some() || message {
+        if now.0.is_multiple_of(CONTROL_TICKS)
+            || gesture != self.acted_on
+            || plan.is_some()
+            || message
+            || stops
+        {
             self.acted_on = gesture;
             self.tap.exchange(input.method.clone());
             self.control(gesture, plan.as_ref(), &mut output)?;
@@ -350,6 +364,7 @@ impl Testbed {
             motion: self.arm.state(),
             targets: &self.task.scene().targets,
             limb: self.limb.as_deref(),
+            stop: self.watch.stop(),
             emg_age_ms: self.decided_at.map(|at| self.now.millis_since(at)),
             gaze_age_ms: self.gaze.seen_at().map(|at| self.now.millis_since(at)),
             tracking_age_ms: self.tracked_at.map(|at| self.now.millis_since(at)),
@@ -362,6 +377,9 @@ impl Testbed {
             .word(u64::from(motion.is_some()))
             .word(hand.map_or(0, |h| h as u64 + 1))
             .word(events.len() as u64);
+        if let Some(stop) = self.watch.stop() {
+            field.word(stop.source.index() as u64).word(stop.cause as u64);
+        }
         for event in events {
             self.note(output, event);
         }
@@ -404,12 +422,6 @@ impl Testbed {
             let (gaps, unusable_samples) = (counts.gaps, counts.unusable_samples);
             let rejected_windows = counts.rejected_windows;
             self.note(output, EventKind::EmgGap { gaps, unusable_samples, rejected_windows });
-        }
-        if events.stale {
-            self.note(output, EventKind::EmgStale);
-        }
-        if events.rearmed {
-            self.note(output, EventKind::EmgRearmed);
         }
     }
 

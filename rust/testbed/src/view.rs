@@ -142,6 +142,7 @@ impl Testbed {
             planner: self.method.planner(),
             goal: self.arm.goal(),
             mode: self.method.mode(),
+            stop: self.watch.stop().cloned(),
             gesture: self.gesture(),
             confidence: self.confidence,
             effort: self.effort,

@@ -1,4 +1,4 @@
-use crate::{BlockId, Event, GazeSample, Gesture, JointVector, PlanStatus, Point, Pose, SimTime};
+use crate::{BlockId, Event, GazeSample, Gesture, JointVector, PlanStatus, Point, Pose, SimTime, Stop};
 use serde::{Deserialize, Serialize};
 
 /// One consistent instant, as drawn: the page, the headset and the simulated participant all see this and
@@ -33,6 +33,9 @@ pub struct DisplayFrame {
     /// What the next movement gesture moves, for methods that cycle through joints or axes.
     #[serde(default)]
     pub mode: Option<ModeView>,
+    /// Why the arm must stand still; none while it need not.
+    #[serde(default)]
+    pub stop: Option<Stop>,
     /// Gesture in force, as recognised.
     pub gesture: Gesture,
     /// Probability of the recognised class, 0 to 1; one for keys.

@@ -1,4 +1,4 @@
-use crate::{BlockId, Gesture, PlanStatus, Point, SimTime};
+use crate::{BlockId, Gesture, InputSource, PlanStatus, Point, SimTime, StopCause};
 use serde::{Deserialize, Serialize};
 
 /// Something that happened at one tick.
@@ -29,10 +29,17 @@ pub enum EventKind {
         /// Windows left out.
         rejected_windows: u64,
     },
-    /// No usable window of EMG came for too long: no motion, until a relaxed hand is seen.
-    EmgStale,
-    /// A relaxed hand was seen after a silence: gestures act again.
-    EmgRearmed,
+    /// A source died: arm and method stand still until it is back and a relaxed gesture was made.
+    Stopped {
+        /// Which source.
+        source: InputSource,
+        /// How it died.
+        cause: StopCause,
+        /// As shown.
+        reason: String,
+    },
+    /// The sources are back and a relaxed gesture was made: gestures act again.
+    Rearmed,
     /// The tracked shoulder jumped: base, arm and hand stand still until it is back or has stayed where it is.
     BaseHeld {
         /// From the base to where it was told to be, metres.

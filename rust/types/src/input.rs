@@ -1,4 +1,4 @@
-use crate::{Gesture, JointVector, PlanReply, Point, Pose, Vector};
+use crate::{Gesture, InputSign, JointVector, PlanReply, Point, Pose, Vector};
 use arrayvec::ArrayVec;
 use serde::{Deserialize, Serialize};
 
@@ -28,6 +28,9 @@ pub struct GazeSample {
 /// What a method in another process answered to one control step: its line, or why there is none.
 pub type MethodAnswer = Result<String, String>;
 
+/// Most signs that one tick can hold: one of each kind that a source may give at once.
+pub const MAX_SIGNS: usize = 8;
+
 /// Everything that enters the testbed from outside in one tick. The sequence of these, with the configuration
 /// and the seeds, is the trial.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -43,6 +46,8 @@ pub struct TickInput {
     /// New tracked angles of the person's own limb, in the joints of the arm, rad. Those of joints that the
     /// prosthesis has do not matter.
     pub limb: Option<JointVector>,
+    /// What was heard of live sources, for the decision whether they are alive. Simulated ones give none.
+    pub signs: ArrayVec<InputSign, MAX_SIGNS>,
     /// Plans that took effect in this tick. Filled by the tick itself when it records, and by a replay.
     pub plan: Option<PlanReply>,
     /// What a method in another process answered in this tick. Filled as `plan` is.

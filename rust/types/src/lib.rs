@@ -20,6 +20,7 @@ mod gesture;
 mod input;
 mod intention;
 mod plan;
+mod safety;
 mod scene;
 mod time;
 mod world;
@@ -31,11 +32,12 @@ pub use arm::{
 pub use display::{DisplayFrame, HandState, HandView, ModeView, PlannerView, TargetView};
 pub use event::{Event, EventKind};
 pub use gesture::{Gesture, UnknownGesture};
-pub use input::{EmgSample, GazeSample, MAX_EMG_CHANNELS, MethodAnswer, TickInput};
+pub use input::{EmgSample, GazeSample, MAX_EMG_CHANNELS, MAX_SIGNS, MethodAnswer, TickInput};
 pub use intention::{Intention, TrunkPosture};
 pub use plan::{
     AttachedObject, Obstacle, PlanGoal, PlanReply, PlanRequest, PlanStatus, Trajectory, TrajectoryPoint,
 };
+pub use safety::{InputSign, InputSource, SignKind, Stop, StopCause};
 pub use scene::{Block, BlockColour, BlockId, Region, Scene, SceneObject, Shape, Target};
 pub use time::{SimTime, TICK_SECS};
 pub use world::{BodyState, Contact, PlantCommand, PlantState};

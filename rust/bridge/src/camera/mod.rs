@@ -270,6 +270,7 @@ pub(crate) mod tests {
             target: TargetView::default(),
             planner: PlannerView::Idle,
             mode: None,
+            stop: None,
             gesture: Gesture::NoMotion,
             confidence: 1.0,
             effort: 0.0,

@@ -22,9 +22,12 @@ pub enum HeadsetInput {
     Head(Pose),
     /// `world_from_shoulder`: where the arm's base is to go.
     Shoulder(Pose),
+    /// A gesture came, new or the one in force once more.
+    Alive,
 }
 
-/// A gesture is released when its source is silent for longer.
+/// A gesture is released when its source is silent for longer. The testbed, which is told of each message, stops the
+/// arm much sooner.
 const MAX_SILENCE: Duration = Duration::from_millis(500);
 /// A gaze direction belongs to an eye position that is not older.
 const MAX_GAZE_LAG: Duration = Duration::from_millis(200);
@@ -141,6 +144,7 @@ impl Inbox {
                 if before != Some(gesture) {
                     state.push(HeadsetInput::Gesture(gesture));
                 }
+                state.push(HeadsetInput::Alive);
             }
             _ => {}
         }
@@ -281,7 +285,8 @@ mod tests {
         for ms in [0, 50, 100] {
             give(&inbox, "/emg", json!({"data": "wrist_extension"}), at(ms));
         }
-        assert_eq!(inbox.drain(at(100)), [HeadsetInput::Gesture(Gesture::WristExtension)]);
+        let first = [HeadsetInput::Gesture(Gesture::WristExtension), HeadsetInput::Alive];
+        assert_eq!(inbox.drain(at(100)), first);
         assert_eq!(inbox.drain(at(590)), []);
         assert_eq!(inbox.drain(at(610)), [HeadsetInput::Gesture(Gesture::NoMotion)]);
         assert_eq!(inbox.drain(at(2000)), []);
@@ -312,7 +317,7 @@ mod tests {
         }
         let inputs = inbox.drain(now);
         assert!(
-            inputs.len() <= MAX_WAITING + 2 && inputs.contains(&HeadsetInput::Gesture(Gesture::NoMotion))
+            inputs.len() <= MAX_WAITING + 3 && inputs.contains(&HeadsetInput::Gesture(Gesture::NoMotion))
         );
     }
 }

@@ -100,6 +100,7 @@ pub fn frame(world_from_head: Pose) -> DisplayFrame {
         },
         planner: PlannerView::Idle,
         mode: None,
+        stop: None,
         gesture: proact_types::Gesture::NoMotion,
         confidence: 1.0,
         effort: 0.5,

@@ -38,7 +38,9 @@ impl LiveArmband {
     /// A source that cannot be opened, or a model that does not fit it.
     pub(crate) fn open(source: &str, model: &Path) -> Result<LiveArmband, Box<dyn Error>> {
         let mut source = open_named(&source.parse::<SourceName>()?)?;
-        let model = read_model(model, source.info())?;
+        let mut model = read_model(model, source.info())?;
+        let rails = source.info().rails.map(|(low, high)| [low, high]);
+        model.config.liveness = model.liveness(rails);
         let (sender, samples) = sync_channel(WAITING);
         let (prompts, prompted) = channel();
         let stop = Arc::new(AtomicBool::new(false));

@@ -69,6 +69,7 @@ impl Bench {
             motion: self.motion,
             targets: &self.targets,
             limb: None,
+            stop: None,
             emg_age_ms: None,
             gaze_age_ms: None,
             tracking_age_ms: None,

@@ -8,7 +8,8 @@ use proact_control::{
 };
 use proact_types::{
     ArmModel, BlockId, Gesture, HandState, HandView, Joint, JointKind, JointLimits, JointVector, Link,
-    PlanReply, PlanStatus, PlannerView, Point, Pose, SimTime, Target, Trajectory, TrajectoryPoint, joints,
+    PlanReply, PlanStatus, PlannerView, Point, Pose, SimTime, Stop, Target, Trajectory, TrajectoryPoint,
+    joints,
 };
 
 /// Where a trial starts, as in the original.
@@ -159,7 +160,7 @@ pub struct Rig {
     pub place: Point,
     pub targets: Vec<Target>,
     pub limb: Option<Vec<f64>>,
-    pub ages: [Option<u64>; 3],
+    pub stop: Option<Stop>,
     pub base: Pose,
     pub plan: Option<PlanReply>,
     pub now: u64,
@@ -187,7 +188,7 @@ impl Rig {
             place: Point::new(0.05, 0.2, 1.015),
             targets: Vec::new(),
             limb: None,
-            ages: [None; 3],
+            stop: None,
             base: Pose::translation(-0.39, 0.12, 1.5),
             plan: None,
             now: 0,
@@ -224,9 +225,10 @@ impl Rig {
             motion,
             targets: &self.targets,
             limb: self.limb.as_deref(),
-            emg_age_ms: self.ages[0],
-            gaze_age_ms: self.ages[1],
-            tracking_age_ms: self.ages[2],
+            stop: self.stop.as_ref(),
+            emg_age_ms: None,
+            gaze_age_ms: None,
+            tracking_age_ms: None,
         };
         let output = self.method.step(SimTime(self.now), &input, &mut self.kinematics);
         if let Some(command) = &output.motion {

@@ -50,8 +50,8 @@ impl EmgNode {
             let reason = format!("{} gaps, {} unusable samples", counts.gaps, counts.unusable_samples);
             self.common.faults.refuse("emg_samples", &reason);
         }
-        if events.stale {
-            self.common.faults.refuse("emg_stale", "the armband is silent: no motion");
+        if let Some(fault) = self.pipeline.fault().filter(|_| events.stale) {
+            self.common.faults.refuse("emg_stale", &format!("{fault}: no motion"));
         }
         self.tell(output)
     }

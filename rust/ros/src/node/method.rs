@@ -14,13 +14,13 @@ use arm::ArmOutlet;
 use outlets::Outlets;
 use proact_control::{
     ControlInput, ControlMethod, ControlOutput, HandCommand, HandTracker, MotionState, PlanCommand,
-    ports::ArmKinematics,
+    SourceWatch, ports::ArmKinematics,
 };
 use proact_tasks::PlaceRegion;
 use proact_testbed::{ArmMotion, MethodName, TestbedError, TrialConfig, plan_request, ports::PlanService};
 use proact_types::{
-    BlockId, EventKind, Gesture, HandState, HandView, JointVector, ModeView, PlanGoal, PlanReply,
-    PlannerView, Point, SimTime, TargetView,
+    BlockId, EventKind, Gesture, HandState, HandView, InputSource, JointVector, ModeView, PlanGoal,
+    PlanReply, PlannerView, Point, Pose, SignKind, SimTime, Stop, TargetView,
 };
 use serde::{Deserialize, Serialize};
 use std::{
@@ -48,6 +48,9 @@ pub struct MethodView {
     pub gesture: Gesture,
     /// The hand as the method sees it.
     pub hand: HandView,
+    /// Why the arm must stand still; none while it need not.
+    #[serde(default)]
+    pub stop: Option<Stop>,
     /// Selection marker.
     pub target: TargetView,
     /// Planner and motion.
@@ -70,6 +73,19 @@ pub struct MethodParts {
     pub plans: Box<dyn PlanService>,
 }
 
+/// Messages that tell of the gaze, the least telling first. Once a more telling one has come, the others say nothing
+/// about the eye tracker.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum GazeWord {
+    Nothing,
+    /// The block that is looked at: it may rightly stay the same.
+    Block,
+    /// Where the gaze meets the table.
+    Table,
+    /// The ray.
+    Ray,
+}
+
 struct MethodNode {
     common: Common,
     config: TrialConfig,
@@ -84,6 +100,11 @@ struct MethodNode {
     /// The goal that the hand is on its way to.
     hand_goal: Option<String>,
     gesture: Gesture,
+    /// Which sources are alive.
+    watch: SourceWatch,
+    /// The most telling kind of message about the gaze so far, and what it said last.
+    gaze_told: (GazeWord, Vec<f64>),
+    shoulder: Option<Pose>,
     /// Stages that fell silent: nothing acts until they are back, or a relaxed hand is seen.
     lost: BTreeSet<String>,
     decided_at: Option<SimTime>,
@@ -124,6 +145,12 @@ pub fn run_method(parts: MethodParts) -> Result<(), NodeError> {
         hand: HandTracker::new(open),
         hand_goal: None,
         gesture: Gesture::NoMotion,
+        watch: SourceWatch::new(
+            config.profile.dead_man,
+            matches!(config.method, MethodName::C | MethodName::D),
+        ),
+        gaze_told: (GazeWord::Nothing, vec![]),
+        shoulder: None,
         lost: BTreeSet::new(),
         decided_at: None,
         joy: Gesture::NoMotion,
@@ -169,6 +196,7 @@ impl Stage for MethodNode {
         }
         self.watch_others();
         self.watch_arm()?;
+        self.watch_sources();
         let state = self.world.state();
         self.hand.step(&state.position[arm..], &state.velocity[arm..], self.hand_goal.is_some());
         let plan = self.due_plan();
@@ -207,12 +235,47 @@ impl MethodNode {
     fn act(&mut self, gesture: Gesture) {
         let now = self.common.now();
         self.decided_at = Some(now);
+        for kind in [SignKind::Commands, SignKind::Alive] {
+            self.watch.hear(now, InputSource::GestureTopic, kind);
+        }
         if gesture == Gesture::NoMotion {
             self.lost.clear();
         }
         self.gesture = if !self.lost.is_empty() { Gesture::NoMotion } else { gesture };
+        self.watch_sources();
         let done = self.control(Some(self.gesture), None);
         self.common.note("publish", done);
+    }
+
+    /// Stops when a source died, and lets it be known; goes on when it is back and the hand was relaxed.
+    fn watch_sources(&mut self) {
+        if let Some(EventKind::Stopped { reason, .. }) = self.watch.step(self.common.now(), self.gesture) {
+            self.common
+                .faults
+                .refuse("stop", &format!("{reason}: no motion until it is back and the hand relaxed"));
+        }
+    }
+
+    /// A message told of the gaze: with values that differ from those before, unless it is frozen.
+    fn hear_gaze(&mut self, word: GazeWord, values: &[f64]) {
+        let now = self.common.now();
+        self.looked_at = Some(now);
+        if word < self.gaze_told.0 {
+            return;
+        }
+        let repeats = word != GazeWord::Block && self.gaze_told.0 == word && self.gaze_told.1 == values;
+        self.gaze_told = (word, values.to_vec());
+        let kind = if repeats { SignKind::Repeated } else { SignKind::Fresh };
+        self.watch.hear(now, InputSource::EyeTracker, kind);
+    }
+
+    /// The tracked shoulder. That of a simulated person rests to the bit; the person's heartbeat speaks for it.
+    fn hear_shoulder(&mut self, pose: Pose) {
+        let simulated = self.others.keys().any(|name| name.ends_with(super::participant::NAME));
+        let repeats = !simulated && self.shoulder == Some(pose);
+        self.shoulder = Some(pose);
+        let kind = if repeats { SignKind::Repeated } else { SignKind::Fresh };
+        self.watch.hear(self.common.now(), InputSource::ShoulderTracker, kind);
     }
 
     /// Stops when a stage that promised to speak fell silent.
@@ -293,6 +356,7 @@ impl MethodNode {
             motion: doing,
             targets: &self.world.task().scene().targets,
             limb: None,
+            stop: self.watch.stop(),
             emg_age_ms: age(self.decided_at),
             gaze_age_ms: age(self.looked_at),
             tracking_age_ms: None,
@@ -360,6 +424,7 @@ impl MethodNode {
             method: self.method.name().to_owned(),
             gesture: self.gesture,
             hand: self.hand_view(),
+            stop: self.watch.stop().cloned(),
             target: self.method.target(),
             planner: self.method.planner(),
             mode: self.method.mode(),

@@ -23,6 +23,8 @@ use proact_types::{
 use rosrust::Publisher;
 use std::ops::RangeInclusive;
 
+/// The node's name, by which its heartbeat is known.
+pub(super) const NAME: &str = "proact_participant";
 /// Ticks from one tracked shoulder pose to the next: 100 Hz, as motion capture gives.
 const TRACKING_TICKS: u64 = 10;
 
@@ -59,7 +61,7 @@ struct ParticipantNode {
 /// # Errors
 /// [`NodeError`].
 pub fn run_participant(world: World, person: Person) -> Result<(), NodeError> {
-    let graph = Graph::join("proact_participant")?;
+    let graph = Graph::join(NAME)?;
     let mut node = ParticipantNode {
         common: Common::new(&graph)?,
         world,
@@ -189,6 +191,7 @@ impl ParticipantNode {
             planner: method.planner.clone(),
             goal: method.goal.clone(),
             mode: method.mode.clone(),
+            stop: method.stop.clone(),
             gesture: method.gesture,
             confidence: 1.0,
             effort: 1.0,

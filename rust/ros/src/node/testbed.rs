@@ -20,7 +20,8 @@ use crate::{
 };
 use proact_testbed::{Session, Step, TrialResult};
 use proact_types::{
-    DisplayFrame, EventKind, GazeSample, Gesture, HandState, PlanReply, Point, Pose, SimTime, Vector,
+    DisplayFrame, EventKind, GazeSample, Gesture, HandState, InputSource, PlanReply, Point, Pose, SimTime,
+    Vector,
 };
 use rosrust::Publisher;
 
@@ -28,6 +29,8 @@ use rosrust::Publisher;
 #[derive(Default)]
 struct Inbox {
     gesture: Option<Gesture>,
+    /// A gesture came, new or the same once more.
+    heard: bool,
     position: Option<(rosrust::Time, Point)>,
     gaze: Option<GazeSample>,
     paused: bool,
@@ -114,7 +117,10 @@ pub fn run_testbed(mut session: Session, simulated: bool) -> Result<TrialResult,
             continue;
         }
         if let Some(gesture) = inbox.gesture.take() {
-            session.act(gesture);
+            session.command(InputSource::GestureTopic, gesture);
+        }
+        if std::mem::take(&mut inbox.heard) {
+            session.hear(InputSource::GestureTopic);
         }
         if let Some(gaze) = inbox.gaze.take() {
             session.look(gaze);
@@ -173,7 +179,7 @@ fn listen(graph: &Graph, jobs: &Jobs<Inbox>) -> Result<Vec<rosrust::Subscriber>,
     let (for_emg, for_gaze) = (graph.faults().clone(), graph.faults().clone());
     let emg = graph.listen("emg", 1, jobs, move |inbox: &mut Inbox, message: Text| {
         match message.data.parse::<Gesture>() {
-            Ok(gesture) => inbox.gesture = Some(gesture),
+            Ok(gesture) => (inbox.gesture, inbox.heard) = (Some(gesture), true),
             Err(error) => for_emg.refuse("emg", &error.to_string()),
         }
     })?;

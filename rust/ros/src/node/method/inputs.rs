@@ -1,13 +1,16 @@
 //! What the method listens to, beside the world.
 
-use super::MethodNode;
+use super::{GazeWord, MethodNode};
 use crate::{
     joy,
     messages::{
-        geometry_msgs::Vector3Stamped, mpl_control::graspActionResult, proact_msgs::View, sensor_msgs::Joy,
+        geometry_msgs::{PoseStamped, Vector3Stamped},
+        mpl_control::graspActionResult,
+        proact_msgs::View,
+        sensor_msgs::Joy,
         std_msgs::String as Text,
     },
-    node::{Graph, NodeError, graph::Jobs, intent::IntentView},
+    node::{Graph, NodeError, convert, graph::Jobs, intent::IntentView},
 };
 use proact_types::{BlockId, Gesture, Point};
 use rosrust::Subscriber;
@@ -31,7 +34,7 @@ pub(super) fn listen(graph: &Graph, jobs: &Jobs<MethodNode>) -> Result<Vec<Subsc
             match BlockId::ALL.into_iter().find(|id| id.ros_name() == m.data) {
                 Some(block) => {
                     node.highlight = Some((now, block));
-                    node.looked_at = Some(now);
+                    node.hear_gaze(GazeWord::Block, &[]);
                 }
                 None => node.common.faults.refuse("block_id", &format!("{:?} is no block", m.data)),
             }
@@ -42,7 +45,7 @@ pub(super) fn listen(graph: &Graph, jobs: &Jobs<MethodNode>) -> Result<Vec<Subsc
                 return node.common.faults.refuse("gaze", "the gaze's place on the table is not finite");
             }
             node.place = point;
-            node.looked_at = Some(node.common.now());
+            node.hear_gaze(GazeWord::Table, point.coords.as_slice());
         })?,
         graph.listen(
             "proact/intent",
@@ -52,10 +55,21 @@ pub(super) fn listen(graph: &Graph, jobs: &Jobs<MethodNode>) -> Result<Vec<Subsc
                 Ok(view) => {
                     node.posterior = view.posterior.to_vec();
                     node.gaze = view.gaze;
+                    if let Some(gaze) = view.gaze.filter(|gaze| gaze.valid) {
+                        let ray: Vec<f64> =
+                            gaze.origin.iter().chain(gaze.direction.iter()).copied().collect();
+                        node.hear_gaze(GazeWord::Ray, &ray);
+                    }
                 }
                 Err(error) => node.common.faults.refuse("intent", &error.to_string()),
             },
         )?,
+        // The simulator judges the pose; here it only counts that it comes and moves.
+        graph.listen("Shoulderpad_filtered_pose", 1, jobs, |node: &mut MethodNode, m: PoseStamped| {
+            if let Ok(pose) = convert::read_pose(&m.pose) {
+                node.hear_shoulder(pose);
+            }
+        })?,
         graph.listen("grasp/result", 10, jobs, |node: &mut MethodNode, m: graspActionResult| {
             let done = node.hand_done(&m.status.goal_id.id);
             node.common.note("publish", done);

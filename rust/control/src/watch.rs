@@ -1,0 +1,347 @@
+use crate::DeadManProfile;
+use proact_types::{EventKind, Gesture, InputSource, SignKind, SimTime, Stop, StopCause};
+
+/// What a source did within this time tells how it died: whether it goes on sending, ms.
+const RECENT_MS: u64 = 250;
+/// A tracker that never moved is a fixed mount, and may rest: it takes one pose to compare with, and one that differs.
+const MOVING: u32 = 2;
+
+/// Watches every source that drives or informs the arm, and says when the arm must stand still because one of them
+/// died: silent, closed, or sending the same for ever.
+///
+/// What stopped the arm stands until the source is back *and* a relaxed gesture was made: a gesture held through a
+/// silence must not start the arm by itself. Ages are those of the profile's [`DeadManProfile`]; without one, only
+/// what is certain stops the arm: a link that was closed, and an armband of which the EMG stage says that it died.
+///
+/// - An armband is dead when the EMG stage says so, or when no decision came for `emg_ms`.
+/// - The source that commands gestures, a page or a topic, is dead after `link_ms` without a word. A page may be
+///   silent while no gesture is held; a topic may not.
+/// - An eye tracker is dead when no new gaze came for `gaze_ms`, for methods that use gaze.
+/// - A tracked shoulder or limb that has moved is dead when it has not moved for `tracking_ms`.
+///
+/// Deterministic, and without storage that grows.
+#[derive(Clone, Debug)]
+pub struct SourceWatch {
+    limits: Option<DeadManProfile>,
+    needs_gaze: bool,
+    heard: [Heard; InputSource::ALL.len()],
+    /// Which source commands gestures, if not the armband.
+    commander: Option<InputSource>,
+    /// What the EMG stage says, and whether gestures pass it.
+    armband: Option<(StopCause, String)>,
+    armed: bool,
+    stop: Option<Stop>,
+    /// The source that stopped the arm is alive; a relaxed gesture is missing.
+    returned: bool,
+}
+
+/// When a source did what last.
+#[derive(Clone, Copy, Debug, Default)]
+struct Heard {
+    alive: Option<SimTime>,
+    fresh: Option<SimTime>,
+    repeated: Option<SimTime>,
+    blank: Option<SimTime>,
+    /// Values that differed from those before, the first included.
+    moves: u32,
+    closed: bool,
+}
+
+impl SourceWatch {
+    /// At the start of a trial. `needs_gaze`: the method follows the gaze.
+    pub fn new(limits: Option<DeadManProfile>, needs_gaze: bool) -> Self {
+        Self {
+            limits,
+            needs_gaze,
+            heard: [Heard::default(); InputSource::ALL.len()],
+            commander: None,
+            armband: None,
+            armed: true,
+            stop: None,
+            returned: false,
+        }
+    }
+
+    /// `source` gave a sign at `now`.
+    pub fn hear(&mut self, now: SimTime, source: InputSource, kind: SignKind) {
+        let heard = &mut self.heard[source.index()];
+        match kind {
+            SignKind::Commands => {
+                if self.commander != Some(source) {
+                    // Its silence counts from here, not from before it had anything to say.
+                    heard.alive = Some(now);
+                    self.commander = Some(source);
+                }
+            }
+            SignKind::Alive | SignKind::Points => {
+                heard.alive = Some(now);
+                heard.closed = false;
+            }
+            SignKind::Fresh => {
+                heard.fresh = Some(now);
+                heard.moves = heard.moves.saturating_add(1);
+            }
+            SignKind::Repeated => heard.repeated = Some(now),
+            SignKind::Closed => heard.closed = true,
+        }
+    }
+
+    /// An eye tracker measured at `now` without seeing the eye.
+    pub fn hear_blank(&mut self, now: SimTime) {
+        self.heard[InputSource::EyeTracker.index()].blank = Some(now);
+    }
+
+    /// What the EMG stage says of its stream now: why it is dead, and whether gestures pass (`armed`).
+    pub fn armband(&mut self, fault: Option<(StopCause, String)>, armed: bool) {
+        self.armband = fault;
+        self.armed = armed;
+    }
+
+    /// Decides for `now`. `gesture` is the one in force. An event if the stop began or ended, which the method must
+    /// learn of at once.
+    pub fn step(&mut self, now: SimTime, gesture: Gesture) -> Option<EventKind> {
+        match (self.dead(now, gesture), &mut self.stop) {
+            // The same death, or another of the same source: the first word stands.
+            (Some((source, ..)), Some(stop)) if stop.source == source && !self.returned => None,
+            (Some((source, cause, what)), _) => Some(self.begin(now, source, cause, what)),
+            (None, None) if self.armed => None,
+            // The stream was stale and back within one tick.
+            (None, None) => {
+                let silent = "the armband was silent for a moment".to_owned();
+                Some(self.begin(now, InputSource::Armband, StopCause::Silent, silent))
+            }
+            (None, Some(_)) if self.armed && gesture == Gesture::NoMotion => {
+                self.stop = None;
+                Some(EventKind::Rearmed)
+            }
+            (None, Some(stop)) => {
+                if !self.returned {
+                    stop.reason.push_str("; it is back: relax the hand to go on");
+                    self.returned = true;
+                }
+                None
+            }
+        }
+    }
+
+    /// Why the arm must stand still; none while it need not.
+    pub fn stop(&self) -> Option<&Stop> {
+        self.stop.as_ref()
+    }
+
+    fn begin(&mut self, now: SimTime, source: InputSource, cause: StopCause, what: String) -> EventKind {
+        self.returned = false;
+        self.stop = Some(Stop { source, cause, since: now, reason: what.clone() });
+        EventKind::Stopped { source, cause, reason: what }
+    }
+
+    /// The first source that is dead, how it died, and that as a sentence.
+    fn dead(&self, now: SimTime, gesture: Gesture) -> Option<(InputSource, StopCause, String)> {
+        InputSource::ALL.into_iter().find_map(|source| {
+            let (cause, what) = match source {
+                InputSource::Armband => self.dead_armband(now),
+                InputSource::GestureTopic | InputSource::Page => {
+                    let cause = self.dead_link(now, source, gesture)?;
+                    let how = if cause == StopCause::Closed { "was closed" } else { "is silent" };
+                    Some((cause, format!("the {source} {how}")))
+                }
+                InputSource::EyeTracker => self.dead_eye_tracker(now),
+                InputSource::ShoulderTracker | InputSource::LimbTracker => {
+                    let limit = self.limits?.tracking_ms;
+                    let moved = self.heard[source.index()].moves >= MOVING;
+                    self.dead_measurement(now, source, limit).filter(|_| moved)
+                }
+            }?;
+            Some((source, cause, what))
+        })
+    }
+
+    fn dead_armband(&self, now: SimTime) -> Option<(StopCause, String)> {
+        let silent = || {
+            let limit = self.limits?.emg_ms;
+            let last = self.heard[InputSource::Armband.index()].fresh?;
+            (now.millis_since(last) > limit).then(|| (StopCause::Silent, "the armband is silent".to_owned()))
+        };
+        self.armband.clone().or_else(silent)
+    }
+
+    fn dead_link(&self, now: SimTime, source: InputSource, gesture: Gesture) -> Option<StopCause> {
+        if self.commander != Some(source) {
+            return None;
+        }
+        let heard = &self.heard[source.index()];
+        if heard.closed {
+            return Some(StopCause::Closed);
+        }
+        let (limit, alive) = (self.limits?.link_ms, heard.alive?);
+        // Once silent it is dead until it says something, whatever became of the gesture.
+        let stopped = self.stop.as_ref().is_some_and(|stop| stop.source == source && !self.returned);
+        let speaks = source == InputSource::GestureTopic || gesture != Gesture::NoMotion || stopped;
+        (speaks && now.millis_since(alive) > limit).then_some(StopCause::Silent)
+    }
+
+    fn dead_eye_tracker(&self, now: SimTime) -> Option<(StopCause, String)> {
+        let limit = self.limits?.gaze_ms;
+        let source = InputSource::EyeTracker;
+        let (cause, what) = self.dead_measurement(now, source, limit).filter(|_| self.needs_gaze)?;
+        let blank = self.heard[source.index()].blank;
+        if cause == StopCause::Silent && blank.is_some_and(|at| now.millis_since(at) <= RECENT_MS) {
+            return Some((StopCause::Lost, "the eye tracker has lost the eye".to_owned()));
+        }
+        Some((cause, what))
+    }
+
+    /// Nothing new came from a tracker for longer than `limit`.
+    fn dead_measurement(&self, now: SimTime, source: InputSource, limit: u64) -> Option<(StopCause, String)> {
+        let heard = &self.heard[source.index()];
+        if now.millis_since(heard.fresh?) <= limit {
+            return None;
+        }
+        let repeats = heard.repeated.is_some_and(|at| now.millis_since(at) <= RECENT_MS);
+        Some(match repeats {
+            true => (StopCause::Frozen, format!("the {source} sends the same again and again")),
+            false => (StopCause::Silent, format!("the {source} is silent")),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use Gesture::{NoMotion, WristExtension};
+    use InputSource::{Armband, EyeTracker, GestureTopic, LimbTracker, Page, ShoulderTracker};
+    use SignKind::{Alive, Closed, Commands, Fresh, Repeated};
+
+    const LIMITS: DeadManProfile =
+        DeadManProfile { emg_ms: 300, link_ms: 200, gaze_ms: 1000, tracking_ms: 200 };
+
+    fn watch() -> SourceWatch {
+        SourceWatch::new(Some(LIMITS), true)
+    }
+
+    /// Steps from the tick after `from` to `to`; every event with its tick.
+    fn run(watch: &mut SourceWatch, from: u64, to: u64, gesture: Gesture) -> Vec<(u64, EventKind)> {
+        (from + 1..=to).filter_map(|t| Some((t, watch.step(SimTime(t), gesture)?))).collect()
+    }
+
+    fn stopped(events: &[(u64, EventKind)]) -> Vec<(u64, InputSource, StopCause)> {
+        let stop = |(t, event): &(u64, EventKind)| match event {
+            EventKind::Stopped { source, cause, .. } => Some((*t, *source, *cause)),
+            _ => None,
+        };
+        events.iter().filter_map(stop).collect()
+    }
+
+    #[test]
+    fn a_page_that_holds_a_gesture_and_falls_silent_stops_the_arm_until_it_is_back_and_relaxed() {
+        let mut watch = watch();
+        for kind in [Commands, Alive] {
+            watch.hear(SimTime(10), Page, kind);
+        }
+        let events = run(&mut watch, 10, 1000, WristExtension);
+        assert_eq!(stopped(&events), [(211, Page, StopCause::Silent)]);
+        // What the server lets go of in its name is no word of the page.
+        watch.hear(SimTime(1000), Page, Commands);
+        assert_eq!(run(&mut watch, 1000, 1500, NoMotion), []);
+        watch.hear(SimTime(1500), Page, Alive);
+        assert_eq!(run(&mut watch, 1500, 1501, WristExtension), []);
+        let reason = watch.stop().map(|stop| stop.reason.clone());
+        assert_eq!(reason.as_deref(), Some("the page is silent; it is back: relax the hand to go on"));
+        watch.hear(SimTime(1501), Page, Alive);
+        assert_eq!(run(&mut watch, 1501, 1502, NoMotion), [(1502, EventKind::Rearmed)]);
+        assert_eq!(watch.stop(), None);
+    }
+
+    #[test]
+    fn a_page_may_be_silent_while_nothing_is_held_and_a_topic_may_not() {
+        let mut watch = watch();
+        watch.hear(SimTime(0), Page, Commands);
+        assert_eq!(run(&mut watch, 0, 5000, NoMotion), []);
+        watch.hear(SimTime(5000), GestureTopic, Commands);
+        let events = run(&mut watch, 5000, 6000, NoMotion);
+        assert_eq!(stopped(&events), [(5201, GestureTopic, StopCause::Silent)]);
+    }
+
+    #[test]
+    fn a_link_that_is_closed_stops_the_arm_at_once_with_and_without_limits() {
+        for mut watch in [watch(), SourceWatch::new(None, true)] {
+            watch.hear(SimTime(1), Page, Commands);
+            watch.hear(SimTime(5), Page, Closed);
+            assert_eq!(stopped(&run(&mut watch, 4, 10, WristExtension)), [(5, Page, StopCause::Closed)]);
+        }
+        let mut other = watch();
+        other.hear(SimTime(1), GestureTopic, Commands);
+        other.hear(SimTime(5), Page, Closed);
+        assert_eq!(run(&mut other, 4, 10, WristExtension), [], "it commands nothing");
+    }
+
+    #[test]
+    fn an_eye_tracker_that_repeats_a_ray_is_frozen_after_a_second_and_a_blink_is_not() {
+        let mut watch = watch();
+        watch.hear(SimTime(0), EyeTracker, Fresh);
+        let mut events = Vec::new();
+        for t in 0..2000 {
+            if t % 16 == 0 {
+                watch.hear(SimTime(t), EyeTracker, Repeated);
+            }
+            events.extend(run(&mut watch, t, t + 1, WristExtension));
+        }
+        assert_eq!(stopped(&events), [(1001, EyeTracker, StopCause::Frozen)]);
+
+        let mut blinks = self::watch();
+        blinks.hear(SimTime(0), EyeTracker, Fresh);
+        blinks.hear_blank(SimTime(900));
+        assert_eq!(run(&mut blinks, 0, 1000, WristExtension), []);
+        let events = run(&mut blinks, 1000, 1002, WristExtension);
+        assert_eq!(stopped(&events), [(1001, EyeTracker, StopCause::Lost)]);
+
+        let mut unused = SourceWatch::new(Some(LIMITS), false);
+        unused.hear(SimTime(0), EyeTracker, Fresh);
+        assert_eq!(run(&mut unused, 0, 3000, WristExtension), []);
+    }
+
+    #[test]
+    fn a_tracker_that_never_moved_may_rest_and_one_that_did_may_not() {
+        for source in [ShoulderTracker, LimbTracker] {
+            let mut watch = watch();
+            watch.hear(SimTime(0), source, Fresh);
+            assert_eq!(run(&mut watch, 0, 3000, WristExtension), [], "a fixed mount");
+            watch.hear(SimTime(3000), source, Fresh);
+            watch.hear(SimTime(3190), source, Repeated);
+            let events = run(&mut watch, 3000, 4000, WristExtension);
+            assert_eq!(stopped(&events), [(3201, source, StopCause::Frozen)]);
+            watch.hear(SimTime(4000), source, Fresh);
+            assert_eq!(run(&mut watch, 4000, 4001, WristExtension), [], "not before the hand is relaxed");
+            assert_eq!(run(&mut watch, 4001, 4002, NoMotion), [(4002, EventKind::Rearmed)]);
+            let events = run(&mut watch, 4002, 5000, NoMotion);
+            assert_eq!(stopped(&events), [(4201, source, StopCause::Silent)]);
+        }
+    }
+
+    #[test]
+    fn what_the_emg_stage_says_stops_the_arm_and_a_hand_that_it_holds_back_is_not_relaxed() {
+        let mut watch = SourceWatch::new(None, false);
+        watch.armband(Some((StopCause::Frozen, "the armband repeats its samples".to_owned())), false);
+        let events = run(&mut watch, 0, 10, NoMotion);
+        assert_eq!(stopped(&events), [(1, Armband, StopCause::Frozen)]);
+        watch.armband(None, false);
+        assert_eq!(run(&mut watch, 10, 20, NoMotion), []);
+        watch.armband(None, true);
+        assert_eq!(run(&mut watch, 20, 30, NoMotion), [(21, EventKind::Rearmed)]);
+        watch.armband(None, false);
+        let events = run(&mut watch, 30, 40, NoMotion);
+        assert_eq!(stopped(&events), [(31, Armband, StopCause::Silent)], "stale and back within one tick");
+    }
+
+    #[test]
+    fn of_two_deaths_the_first_is_named_and_then_the_other() {
+        let mut watch = watch();
+        watch.hear(SimTime(0), EyeTracker, Fresh);
+        watch.hear(SimTime(0), Page, Commands);
+        let events = run(&mut watch, 0, 1500, WristExtension);
+        assert_eq!(stopped(&events), [(201, Page, StopCause::Silent)]);
+        watch.hear(SimTime(1500), Page, Alive);
+        let events = run(&mut watch, 1500, 1501, NoMotion);
+        assert_eq!(stopped(&events), [(1501, EyeTracker, StopCause::Silent)]);
+    }
+}

@@ -1,0 +1,115 @@
+use crate::SimTime;
+use serde::{Deserialize, Serialize};
+use std::fmt;
+
+/// What gives gestures or measurements to a trial, and may die while the arm moves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum InputSource {
+    /// EMG samples.
+    Armband,
+    /// Gestures by name from another program: `/emg` of rosbridge or of a ROS graph.
+    GestureTopic,
+    /// A browser page, with its keys, buttons and gamepads.
+    Page,
+    /// Gaze that is measured, whatever brings it.
+    EyeTracker,
+    /// The tracked shoulder.
+    ShoulderTracker,
+    /// The tracked angles of the person's own limb.
+    LimbTracker,
+}
+
+impl InputSource {
+    /// All of them; of several that are dead the first is named.
+    pub const ALL: [InputSource; 6] = [
+        InputSource::Armband,
+        InputSource::GestureTopic,
+        InputSource::Page,
+        InputSource::EyeTracker,
+        InputSource::ShoulderTracker,
+        InputSource::LimbTracker,
+    ];
+
+    /// Its place in [`InputSource::ALL`].
+    pub fn index(self) -> usize {
+        self as usize
+    }
+}
+
+impl fmt::Display for InputSource {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            InputSource::Armband => "armband",
+            InputSource::GestureTopic => "gesture topic",
+            InputSource::Page => "page",
+            InputSource::EyeTracker => "eye tracker",
+            InputSource::ShoulderTracker => "shoulder tracker",
+            InputSource::LimbTracker => "limb tracker",
+        })
+    }
+}
+
+/// What was heard of a source within a tick, beside the values that it brought.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct InputSign {
+    /// Of which source.
+    pub source: InputSource,
+    /// What.
+    pub kind: SignKind,
+}
+
+/// Kinds of [`InputSign`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SignKind {
+    /// The gesture of this tick is its command: its silence counts from now on.
+    Commands,
+    /// It said something, if only that it is there.
+    Alive,
+    /// Its gaze is that of a pointing device, which may rest.
+    Points,
+    /// It measured, and the values differ from those before.
+    Fresh,
+    /// It sent the values before once more, bit for bit.
+    Repeated,
+    /// It ended the connection.
+    Closed,
+}
+
+/// How a source died.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StopCause {
+    /// Nothing comes any more, or nothing that can be used.
+    Silent,
+    /// It ended the connection.
+    Closed,
+    /// The same values come over and over.
+    Frozen,
+    /// A channel stands still.
+    Flat,
+    /// A channel is at the end of its range.
+    Railed,
+    /// A channel is smoother than muscle ever is.
+    Noiseless,
+    /// Too many samples are lost.
+    Lossy,
+    /// Samples come at another rate than agreed.
+    WrongRate,
+    /// It measures, but sees nothing: the eye is lost.
+    Lost,
+}
+
+/// The arm must stand still, and why.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Stop {
+    /// Who died.
+    pub source: InputSource,
+    /// How.
+    pub cause: StopCause,
+    /// When that was noticed.
+    pub since: SimTime,
+    /// As shown: what happened, and what to do if the source is back.
+    pub reason: String,
+}
