@@ -6,7 +6,8 @@
 mod load;
 
 use crate::bench::{BenchFigure, BenchReport, quantile};
-use load::{Lateness, Link, cpu_of_this_thread, cpu_of_threads, follow};
+pub(crate) use load::Link;
+use load::{Lateness, cpu_of_this_thread, cpu_of_threads, follow};
 use proact_bridge::{
     PageContent, PageOptions, PageServer,
     rosbridge::{HeadsetTopics, LocalBus, RosbridgeOptions, RosbridgeServer, TopicBus},

@@ -90,7 +90,7 @@ struct QueryArgs {
 #[command(after_help = "Example:\n  proact bench kinematics --json")]
 struct BenchArgs {
     /// What to measure
-    #[arg(value_parser = ["bridge", "chain", "emg", "kinematics", "dynamics", "planning", "ros", "start"])]
+    #[arg(value_parser = ["bridge", "chain", "emg", "kinematics", "dynamics", "planning", "ros", "safety", "start"])]
     stage: String,
     /// One JSON object on standard output
     #[arg(long)]
@@ -151,6 +151,7 @@ fn run(command: Command) -> Result<bool, Box<dyn Error>> {
                             .into(),
                     );
                 }
+                "safety" => crate::bench_safety::safety()?,
                 "chain" => crate::bench_chain::chain(CHAIN_TICKS)?,
                 _ => crate::bench_start::start()?,
             };

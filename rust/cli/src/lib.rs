@@ -14,6 +14,7 @@ mod bench_emg;
 mod bench_planning;
 #[cfg(feature = "ros")]
 mod bench_ros;
+pub mod bench_safety;
 mod bench_start;
 mod command;
 mod demo;

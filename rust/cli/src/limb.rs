@@ -54,11 +54,11 @@ impl LimbReceiver {
         Ok(self.socket.local_addr()?)
     }
 
-    /// Hands the newest measurement to the trial, if one came.
+    /// Hands the newest measurement to the trial. False if none came.
     ///
     /// # Errors
     /// A datagram that is no measurement of this arm.
-    pub(crate) fn drive(&mut self, session: &mut Session) -> Result<(), LimbError> {
+    pub(crate) fn drive(&mut self, session: &mut Session) -> Result<bool, LimbError> {
         let mut newest = None;
         let mut buffer = [0; 4096];
         for _ in 0..MOST_AT_ONCE {
@@ -68,10 +68,11 @@ impl LimbReceiver {
                 Err(error) => return Err(error.into()),
             }
         }
-        let Some(message) = newest else { return Ok(()) };
+        let Some(message) = newest else { return Ok(false) };
         let Measured { angles } =
             serde_json::from_slice(&message).map_err(|error| LimbError::Message(error.to_string()))?;
-        session.track_limb(&angles).map_err(|error: TestbedError| LimbError::Message(error.to_string()))
+        session.track_limb(&angles).map_err(|error: TestbedError| LimbError::Message(error.to_string()))?;
+        Ok(true)
     }
 }
 

@@ -5,13 +5,14 @@ use crate::{
     rosbridge::{Rosbridge, RosbridgeArgs},
 };
 use clap::Args;
+use proact_bridge::{ClientInput, PageServer};
 #[cfg(feature = "lsl")]
 use proact_devices::LslGaze;
 use proact_devices::{
-    DeviceError, FeedbackCue, FeedbackSink, GazeFrame, GazeReceiver, GazeTracker, UdpFeedback,
+    DeviceError, FeedbackCue, FeedbackSink, GazeFrame, GazeReceiver, GazeTracker, SentGaze, UdpFeedback,
 };
 use proact_testbed::Session;
-use proact_types::{DisplayFrame, GazeSample};
+use proact_types::{DisplayFrame, GazeSample, InputSource};
 use std::error::Error;
 
 /// Where cues go.
@@ -65,7 +66,7 @@ pub(crate) struct PersonArgs {
 
 /// What a person who drives has connected.
 pub(crate) struct Person {
-    tracker: Option<Box<dyn GazeTracker>>,
+    tracker: Option<EyeTracker>,
     limb: Option<LimbReceiver>,
     /// Why the limb was refused last.
     limb_refused: Option<String>,
@@ -75,7 +76,7 @@ pub(crate) struct Person {
 
 impl PersonArgs {
     pub(crate) fn open(&self, session: &Session) -> Result<Person, Box<dyn Error>> {
-        let tracker = self.tracker()?;
+        let tracker = self.tracker()?.map(EyeTracker::new);
         let limb = self.limb_udp.map(LimbReceiver::bind).transpose()?;
         if let Some(limb) = &limb {
             eprintln!("limb: UDP {}", limb.address()?);
@@ -125,7 +126,7 @@ impl Person {
             self.limb_refused = refused.or(self.limb_refused.take());
         }
         if let Some(tracker) = &mut self.tracker {
-            look(tracker.as_mut(), session)?;
+            tracker.drive(session)?;
         }
         Ok(())
     }
@@ -139,17 +140,61 @@ impl Person {
     }
 }
 
-/// Hands the newest sample of an eye tracker to a person's trial.
-fn look(tracker: &mut dyn GazeTracker, session: &mut Session) -> Result<(), DeviceError> {
-    if let Some(sent) = tracker.latest()? {
+/// Hands what the page in control brought, `inputs`, to a person's trial. What is not the person's comes back.
+pub(crate) fn drive_by_page(
+    page: &PageServer,
+    inputs: Vec<ClientInput>,
+    session: &mut Session,
+) -> Vec<ClientInput> {
+    let mut others = Vec::new();
+    for input in inputs {
+        match input {
+            ClientInput::Gesture(gesture) => session.command(InputSource::Page, gesture),
+            ClientInput::Gaze { origin, direction, measured } => {
+                let gaze = GazeSample { origin, direction, valid: true };
+                if measured { session.look(gaze) } else { session.point(gaze) }
+            }
+            ClientInput::Trunk(posture) => session.lean(posture),
+            ClientInput::Head(pose) => session.track_head(pose),
+            ClientInput::Disconnected => session.close(InputSource::Page),
+            other => others.push(other),
+        }
+    }
+    if page.take_heard() {
+        session.hear(InputSource::Page);
+    }
+    others
+}
+
+/// An eye tracker, and what it sent last.
+pub(crate) struct EyeTracker {
+    tracker: Box<dyn GazeTracker>,
+    last: Option<SentGaze>,
+}
+
+impl EyeTracker {
+    pub(crate) fn new(tracker: Box<dyn GazeTracker>) -> Self {
+        Self { tracker, last: None }
+    }
+
+    /// Hands the newest sample to a person's trial. False if none came.
+    pub(crate) fn drive(&mut self, session: &mut Session) -> Result<bool, DeviceError> {
+        let Some(sent) = self.tracker.latest()? else { return Ok(false) };
         let GazeSample { origin, direction, valid } = sent.sample;
-        session.look(match sent.frame {
+        let gaze = match sent.frame {
             GazeFrame::World => sent.sample,
             GazeFrame::Head => {
                 let head = session.head();
                 GazeSample { origin: head * origin, direction: head.rotation * direction, valid }
             }
-        });
+        };
+        // Compared as sent: a frozen ray would move in the world with the head.
+        let repeats = self.last.replace(sent) == Some(sent);
+        if repeats && valid {
+            session.look_again(gaze)
+        } else {
+            session.look(gaze)
+        }
+        Ok(true)
     }
-    Ok(())
 }

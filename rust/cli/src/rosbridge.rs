@@ -111,14 +111,22 @@ impl Rosbridge {
 
     /// Hands what clients brought to a person's trial.
     pub(crate) fn drive(&self, session: &mut Session) {
-        for input in self.topics.drain_inputs() {
-            match input {
-                HeadsetInput::Gesture(gesture) => session.command(InputSource::GestureTopic, gesture),
-                HeadsetInput::Alive => session.hear(InputSource::GestureTopic),
-                HeadsetInput::Gaze(gaze) => session.look(gaze),
-                HeadsetInput::Head(pose) => session.track_head(pose),
-                HeadsetInput::Shoulder(pose) => session.track_shoulder(pose),
-            }
+        drive_by_topics(&self.topics, session);
+    }
+}
+
+/// Hands what the topics of a headset brought to a person's trial. False if nothing came.
+pub(crate) fn drive_by_topics(topics: &HeadsetTopics, session: &mut Session) -> bool {
+    let inputs = topics.drain_inputs();
+    let came = !inputs.is_empty();
+    for input in inputs {
+        match input {
+            HeadsetInput::Gesture(gesture) => session.command(InputSource::GestureTopic, gesture),
+            HeadsetInput::Alive => session.hear(InputSource::GestureTopic),
+            HeadsetInput::Gaze(gaze) => session.look(gaze),
+            HeadsetInput::Head(pose) => session.track_head(pose),
+            HeadsetInput::Shoulder(pose) => session.track_shoulder(pose),
         }
     }
+    came
 }

@@ -2,7 +2,7 @@ use crate::{
     demo::{announce, interrupt_flag, print_result},
     experimenter::{Experimenter, store_gaze_check},
     pace::Pace,
-    person::{Person, PersonArgs},
+    person::{Person, PersonArgs, drive_by_page},
     record::{Recorder, default_dir},
     trial::{self, Assembly},
     trial_args::TrialArgs,
@@ -11,7 +11,7 @@ use clap::Args;
 use proact_bridge::{ClientInput, GazeCheck, PageContent, PageOptions, PageServer};
 use proact_intent::GazeOffset;
 use proact_testbed::{MethodName, Session};
-use proact_types::{GazeSample, InputSource, SimTime};
+use proact_types::SimTime;
 use std::{
     error::Error,
     net::{IpAddr, Ipv4Addr},
@@ -227,27 +227,17 @@ fn live_trial(
         if session.testbed().frame_is_due() || now.0 == 0 {
             let mut inputs = page.drain_inputs();
             inputs.extend(experimenter.wait_while_paused(&mut pace, interrupted));
-            for input in inputs {
+            for input in drive_by_page(page, inputs, session) {
                 match input {
-                    ClientInput::Gesture(gesture) => session.command(InputSource::Page, gesture),
-                    ClientInput::Gaze { origin, direction, measured } => {
-                        let gaze = GazeSample { origin, direction, valid: true };
-                        if measured { session.look(gaze) } else { session.point(gaze) }
-                    }
-                    ClientInput::Trunk(posture) => session.lean(posture),
-                    ClientInput::Head(pose) => session.track_head(pose),
                     ClientInput::Restart { method, again } => ending = Some(restart(method, again)?),
                     ClientInput::Study(action) if experimenter.act(action) => ending = Some(Ended::Aborted),
-                    ClientInput::Study(_) => {}
                     ClientInput::GazeCheck(check) => {
                         take_gaze_check(dir, now, &check, gaze_offset)?;
                         session.set_gaze_offset(*gaze_offset);
                     }
-                    ClientInput::Disconnected => session.close(InputSource::Page),
+                    // A refused action; the person's inputs have been taken.
+                    _ => {}
                 }
-            }
-            if page.take_heard() {
-                session.hear(InputSource::Page);
             }
             person.drive(session)?;
             if interrupted.load(Ordering::Relaxed) {

@@ -86,18 +86,21 @@ fn a_converter_that_repeats_a_code_a_packet_or_zeros_is_frozen() {
         matches!(fault, SignalFault::Frozen | SignalFault::Railed(1))
     });
     // A longer loop takes as long as it is.
-    check(death(&config(), |t| packet(t, |k, c| living(if k < 1000 { k } else { 900 + k % 100 }, c))), frozen);
+    check(
+        death(&config(), |t| packet(t, |k, c| living(if k < 1000 { k } else { 900 + k % 100 }, c))),
+        frozen,
+    );
 }
 
 #[test]
 fn one_channel_that_stands_still_or_hits_the_rails_is_enough() {
     let third = |of: fn(u64) -> f64| {
-        death(&config(), move |t| {
-            packet(t, |k, c| if k >= 1000 && c == 2 { of(k) } else { living(k, c) })
-        })
+        death(&config(), move |t| packet(t, |k, c| if k >= 1000 && c == 2 { of(k) } else { living(k, c) }))
     };
     check(third(|_| 128.0), |fault| *fault == SignalFault::Flat(3));
-    check(third(|k| if living(k, 2) > 128.0 { 255.0 } else { 0.0 }), |fault| *fault == SignalFault::Railed(3));
+    check(third(|k| if living(k, 2) > 128.0 { 255.0 } else { 0.0 }), |fault| {
+        *fault == SignalFault::Railed(3)
+    });
     let unknown = LivenessConfig { rails: None, ..config() };
     let square = |t| {
         packet(t, |k, c| match living(k, 2) > 128.0 {
@@ -232,7 +235,8 @@ fn read(path: &Path) -> Vec<EmgSample> {
 #[test]
 fn no_recording_of_a_person_is_taken_for_dead() {
     let Some(dir) = shared() else { return };
-    let libemg = |rep: u32, class: u32| read(&dir.join(format!("libemg_tests_myo/R_{rep}_C_{class}_EMG.csv")));
+    let libemg =
+        |rep: u32, class: u32| read(&dir.join(format!("libemg_tests_myo/R_{rep}_C_{class}_EMG.csv")));
     let training = (0..2).flat_map(|rep| (0..5).map(move |class| (rep, class)));
     let floors_of: Vec<Vec<EmgSample>> = training.map(|(rep, class)| libemg(rep, class)).collect();
     let rate_hz = 200.0;

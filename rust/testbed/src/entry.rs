@@ -1,7 +1,12 @@
 //! What enters a tick: checked, and bound into the digest.
 
 use crate::{Field, Testbed, TestbedError, TickOutput};
-use proact_types::{EventKind, GazeSample, Gesture, InputSource, Point, SignKind, TickInput, Vector};
+use proact_types::{
+    EventKind, GazeSample, Gesture, InputSign, InputSource, Point, SignKind, TickInput, Vector,
+};
+
+/// The tracker's ray is the one before, although it may differ in `world`.
+const AGAIN: InputSign = InputSign { source: InputSource::EyeTracker, kind: SignKind::Repeated };
 
 impl Testbed {
     pub(crate) fn check_input(&self, input: &TickInput) -> Result<(), TestbedError> {
@@ -36,7 +41,8 @@ impl Testbed {
     /// pointing device, which may rest.
     pub(crate) fn hear_gaze(&mut self, gaze: &GazeSample, input: &TickInput) {
         let points = input.signs.iter().any(|sign| sign.kind == SignKind::Points);
-        let repeats = !points && self.gaze.sample().is_some_and(|before| before == *gaze);
+        let same = self.gaze.sample().is_some_and(|before| before == *gaze);
+        let repeats = !points && (same || input.signs.contains(&AGAIN));
         let (now, source) = (self.now, InputSource::EyeTracker);
         match gaze.valid {
             true if repeats => self.watch.hear(now, source, SignKind::Repeated),

@@ -135,7 +135,14 @@ impl Session {
     /// one. A measurement of the same tick that came before is dropped.
     pub fn look(&mut self, gaze: GazeSample) {
         self.seen = Some(self.gaze_offset.correct(gaze));
-        self.signs.retain(|sign| sign.kind != SignKind::Points);
+        // What was said of an earlier ray is not true of this one.
+        self.signs.retain(|sign| sign.kind != SignKind::Points && (sign.source != InputSource::EyeTracker));
+    }
+
+    /// [`Session::look`] with a ray that the tracker sent before, bit for bit, before it was turned into `world`.
+    pub fn look_again(&mut self, gaze: GazeSample) {
+        self.look(gaze);
+        self.sign(InputSource::EyeTracker, SignKind::Repeated);
     }
 
     /// A live person looks somewhere by a mouse or a stick, which may rest. Otherwise as [`Session::look`].

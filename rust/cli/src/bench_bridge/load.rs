@@ -17,11 +17,11 @@ use tokio_tungstenite::tungstenite::{self, Message, WebSocket, client};
 const PATIENCE: Duration = Duration::from_millis(500);
 
 /// A WebSocket client.
-pub(super) struct Link(WebSocket<TcpStream>);
+pub(crate) struct Link(WebSocket<TcpStream>);
 
 impl Link {
     /// Connects to `ws://host:port/..`.
-    pub(super) fn open(address: &str) -> Result<Self, Box<dyn Error>> {
+    pub(crate) fn open(address: &str) -> Result<Self, Box<dyn Error>> {
         let host = address.trim_start_matches("ws://").split('/').next().unwrap_or_default();
         let stream = TcpStream::connect(host)?;
         stream.set_nodelay(true)?;
@@ -29,28 +29,48 @@ impl Link {
         Ok(Link(socket))
     }
 
-    pub(super) fn send(&mut self, json: &Json) -> Result<(), tungstenite::Error> {
+    pub(crate) fn send(&mut self, json: &Json) -> Result<(), tungstenite::Error> {
         self.0.send(Message::text(json.to_string()))
     }
 
     /// Puts a message into the next flush.
-    pub(super) fn feed(&mut self, text: String) -> Result<(), tungstenite::Error> {
+    pub(crate) fn feed(&mut self, text: String) -> Result<(), tungstenite::Error> {
         self.0.write(Message::text(text))
     }
 
-    pub(super) fn flush(&mut self) -> Result<(), tungstenite::Error> {
+    pub(crate) fn flush(&mut self) -> Result<(), tungstenite::Error> {
         self.0.flush()
     }
 
-    pub(super) fn read(&mut self) -> Result<Message, tungstenite::Error> {
+    pub(crate) fn read(&mut self) -> Result<Message, tungstenite::Error> {
         self.0.read()
     }
 
     /// Waits until rosbridge has handled everything that was sent before.
-    pub(super) fn settle(&mut self) -> Result<(), Box<dyn Error>> {
+    pub(crate) fn settle(&mut self) -> Result<(), Box<dyn Error>> {
         self.send(&json!({"op": "call_service", "id": "settled", "service": "/rosapi/get_time"}))?;
         while !self.read()?.to_text()?.contains("\"settled\"") {}
         Ok(())
+    }
+
+    /// Waits until the page's server has handled everything that was sent before. `number`: of this call.
+    pub(crate) fn settle_page(&mut self, number: u64) -> Result<(), Box<dyn Error>> {
+        let id = number as u32;
+        self.send(&json!({"type": "ping", "id": id}))?;
+        let answer = json!({"type": "pong", "id": id});
+        loop {
+            if let Message::Text(text) = self.read()?
+                && serde_json::from_str::<Json>(&text)? == answer
+            {
+                return Ok(());
+            }
+        }
+    }
+
+    /// Ends the connection as the protocol has it.
+    pub(crate) fn close(&mut self) -> Result<(), tungstenite::Error> {
+        self.0.close(None)?;
+        self.flush()
     }
 }
 

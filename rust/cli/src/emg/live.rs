@@ -2,7 +2,7 @@
 
 use super::source::{SourceName, open_named, read_model};
 use arrayvec::ArrayVec;
-use proact_devices::{EmgPacket, SourceEvent};
+use proact_devices::{EmgPacket, SampleSource, SourceEvent};
 use proact_emg::EmgModel;
 use proact_testbed::ports::EmgSource;
 use proact_types::{EmgSample, Gesture, SimTime};
@@ -11,7 +11,7 @@ use std::{
     path::Path,
     sync::{
         Arc, Mutex,
-        atomic::{AtomicBool, Ordering},
+        atomic::{AtomicBool, AtomicU64, Ordering},
         mpsc::{Receiver, Sender, SyncSender, TrySendError, channel, sync_channel},
     },
     thread::JoinHandle,
@@ -26,6 +26,7 @@ const WAITING: usize = 4096;
 pub(crate) struct LiveArmband {
     samples: Arc<Mutex<Receiver<EmgSample>>>,
     prompts: Sender<Gesture>,
+    received: Arc<AtomicU64>,
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
     model: EmgModel,
@@ -37,14 +38,21 @@ impl LiveArmband {
     /// # Errors
     /// A source that cannot be opened, or a model that does not fit it.
     pub(crate) fn open(source: &str, model: &Path) -> Result<LiveArmband, Box<dyn Error>> {
-        let mut source = open_named(&source.parse::<SourceName>()?)?;
-        let mut model = read_model(model, source.info())?;
+        let source = open_named(&source.parse::<SourceName>()?)?;
+        let model = read_model(model, source.info())?;
+        Ok(Self::start(source, model))
+    }
+
+    /// Samples begin to come from `source`, which `model` fits.
+    pub(crate) fn start(mut source: Box<dyn SampleSource>, mut model: EmgModel) -> LiveArmband {
         let rails = source.info().rails.map(|(low, high)| [low, high]);
         model.config.liveness = model.liveness(rails);
         let (sender, samples) = sync_channel(WAITING);
         let (prompts, prompted) = channel();
         let stop = Arc::new(AtomicBool::new(false));
         let stopped = stop.clone();
+        let received = Arc::new(AtomicU64::new(0));
+        let counted = received.clone();
         let thread = std::thread::spawn(move || {
             let mut packet = EmgPacket::default();
             while !stopped.load(Ordering::Relaxed) {
@@ -56,6 +64,7 @@ impl LiveArmband {
                         if !hand_on(&sender, &packet) {
                             return;
                         }
+                        counted.fetch_add(packet.samples.len() as u64, Ordering::Release);
                     }
                     Ok(SourceEvent::Lost { reason }) => eprintln!("armband lost: {reason}"),
                     Ok(SourceEvent::Restored) => eprintln!("armband found again"),
@@ -66,7 +75,12 @@ impl LiveArmband {
             }
         });
         let samples = Arc::new(Mutex::new(samples));
-        Ok(LiveArmband { samples, prompts, stop, thread: Some(thread), model })
+        LiveArmband { samples, prompts, received, stop, thread: Some(thread), model }
+    }
+
+    /// Samples that have arrived since the start.
+    pub(crate) fn received(&self) -> u64 {
+        self.received.load(Ordering::Acquire)
     }
 
     /// The model.
@@ -143,7 +157,6 @@ mod tests {
 
     /// A model of the generator, from its own samples.
     fn model() -> EmgModel {
-        use proact_devices::SampleSource;
         let source = proact_devices::EmgSource::Synthetic;
         let mut person = PersonSource::new(&source, Pacing::FlatOut, Duration::ZERO, 1).unwrap();
         let config = CalibrationConfig { emg: EmgConfig::default(), ..CalibrationConfig::default() };

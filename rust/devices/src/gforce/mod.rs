@@ -23,5 +23,6 @@ pub use driver::{GForce, GForceError, GForceOptions};
 pub use fragments::{Fragments, Joined, cut};
 pub use link::{Connect, FrameSocket, GattLink, LinkError, SocketLink, TcpConnector};
 pub use parser::EmgParser;
+pub use protocol::Characteristic;
 pub use server::{serve, serve_connection};
 pub use simulator::{CodeSource, Notification, Prompted, Simulator, SimulatorOptions};
