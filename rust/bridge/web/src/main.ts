@@ -21,6 +21,7 @@ import { load, store, type Settings } from "./settings";
 import { choosePalette, mirrorText } from "./shapes";
 import { Sounds } from "./sounds";
 import { Stage, whyNotDrawn } from "./stage";
+import { STOPPED } from "./stopbanner";
 import { Tutorial } from "./tutorial";
 
 const parameters = new URLSearchParams(location.search);
@@ -262,9 +263,9 @@ function start(): void {
     headset.update(frame, seconds);
     if (frame) {
       const left = Math.max(Math.round(frame.time_left_secs), 0);
-      const title = `Method ${frame.method} · ${frame.on_target} of ${frame.blocks.length} on target · ${left} s left`;
+      const score = `Method ${frame.method} · ${frame.on_target} of ${frame.blocks.length} on target · ${left} s left`;
       const hint = frame.mode ? stepwiseHint(frame) : advise(frame, targetPlace, stage.content?.lean ?? false).hint;
-      board.show(title, hint, headset.worn);
+      board.show(frame.stop ? STOPPED : score, hint, headset.worn);
     }
     const due = headset.worn || wall - drawnAt >= PICTURE_MS;
     if (due) drawnAt = wall;
