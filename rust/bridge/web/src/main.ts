@@ -93,6 +93,7 @@ function start(): void {
     {
       gesture: (gesture) => interactive() && live.send({ type: "gesture", gesture }),
       alive: () => live.send({ type: "alive" }),
+      unread: () => hud.say("The controller was not read for a moment: let go, then press again"),
       trunk: (posture) => live.send({ type: "trunk", ...posture }),
       restart: () => live.send({ type: "restart" }),
       camera: () => chooseCamera(cameras.next()),
@@ -110,7 +111,7 @@ function start(): void {
     tutorial: () => interactive() && tutorial.start(),
   });
   const gamepad = new GamepadInput({
-    hold: (source, gesture, down) => controls.hold(source, gesture, down),
+    hold: (source, gesture, down) => controls.holdPolled(source, gesture, down),
     look(x, y) {
       cursor ??= new Vector2();
       cursor.set(Math.min(Math.max(cursor.x + x, -1), 1), Math.min(Math.max(cursor.y + y, -1), 1));
@@ -175,7 +176,7 @@ function start(): void {
         const toPoint = point.sub(head).normalize();
         live.send({ type: "gaze", origin: head.toArray(), direction: toPoint.toArray() });
       },
-      hold: (source, gesture, down) => controls.hold(source, gesture, down),
+      hold: (source, gesture, down) => controls.holdPolled(source, gesture, down),
       say: (message) => hud.say(message),
     },
     overlay,
