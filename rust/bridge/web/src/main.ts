@@ -122,6 +122,7 @@ function start(): void {
       controls.showGamepad();
       hud.say(`Gamepad: ${name}`);
     },
+    lost: () => hud.say("The gamepad is disconnected"),
   });
   const live = new Live({
     reset() {
