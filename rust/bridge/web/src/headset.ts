@@ -24,7 +24,7 @@ const SETTLES = 2;
 export interface HeadsetHandlers {
   /** `world_from_head`: x ahead, y left, z up. */
   head(position: Triple, quaternion: [number, number, number, number]): void;
-  /** A ray in `world` that stands for the gaze. */
+  /** A ray in `world`, as tracked, that stands for the gaze. */
   ray(origin: Vector3, direction: Vector3, head: Vector3): void;
   hold(source: string, gesture: GestureKey, down: boolean): void;
   say(message: string): void;

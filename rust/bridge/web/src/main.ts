@@ -175,7 +175,7 @@ function start(): void {
         if (!stage.room || !interactive()) return;
         const point = pointing.along(origin, direction, stage.room, heldOrNone());
         const toPoint = point.sub(head).normalize();
-        live.send({ type: "gaze", origin: head.toArray(), direction: toPoint.toArray() });
+        live.send({ type: "gaze", origin: head.toArray(), direction: toPoint.toArray(), measured: true });
       },
       hold: (source, gesture, down) => controls.holdPolled(source, gesture, down),
       say: (message) => hud.say(message),

@@ -195,7 +195,8 @@ export type ServerMessage =
 
 export type ClientMessage =
   | { type: "gesture"; gesture: Gesture }
-  | { type: "gaze"; origin: Triple; direction: Triple }
+  /** `measured`: a tracker gives it, and one that repeats itself is broken. A mouse or a stick may rest. */
+  | { type: "gaze"; origin: Triple; direction: Triple; measured?: boolean }
   | { type: "trunk"; forward: number; lateral: number; axial: number }
   | { type: "head"; position: Triple; quaternion: [number, number, number, number] }
   | { type: "restart"; method?: string; again?: boolean }
