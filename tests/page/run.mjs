@@ -41,7 +41,8 @@ const { values: options } = parseArgs({
 const FLAGS = [
   "--headless=new",
   "--no-sandbox",
-  "--disable-gpu",
+  // Without --disable-gpu: with it the page's thread waits for every picture, up to half a second, and a key that is
+  // held is let go of, because the signs of life come too late.
   "--use-gl=angle",
   "--use-angle=swiftshader",
   "--enable-unsafe-swiftshader",
