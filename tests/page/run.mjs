@@ -6,7 +6,8 @@
 // watch: the page connects, the scene changes, every camera draws; with --score the score counts up (a trial
 // with a simulated participant has to run). interactive: moves blocks by mouse and keys with method D until one
 // is on target. methods: one block with each of --methods. newcomer: tutorial, settings, gamepad, gaze check.
-// headset: enters VR and AR with an emulated device. experimenter: beside a demo. replay: beside a replay of two
+// headset: enters VR and AR with an emulated device. safety: page and gamepad fall silent or die while the arm moves,
+// beside serve. experimenter: beside a demo. replay: beside a replay of two
 // trials. bag: beside a replay of a bag. restart: starts `serve` itself, kills it, starts it again, and the open page has to come back.
 // Screenshots go to the output folder. Exits 0 only if everything was seen.
 
@@ -19,6 +20,7 @@ import { bag, experimenter, replay } from "./desk.mjs";
 import { jogBlock } from "./jog.mjs";
 import { headset, newcomer } from "./person.mjs";
 import { startServe } from "./program.mjs";
+import { safety } from "./safety.mjs";
 
 // playwright-core is installed with the page, whose package.json pins it.
 const require = createRequire(new URL("../../rust/bridge/web/package.json", import.meta.url));
@@ -41,7 +43,8 @@ const { values: options } = parseArgs({
 const FLAGS = [
   "--headless=new",
   "--no-sandbox",
-  "--disable-gpu",
+  // Without --disable-gpu: with it the page's thread waits for every picture, up to half a second, and a key that is
+  // held is let go of, because the signs of life come too late.
   "--use-gl=angle",
   "--use-angle=swiftshader",
   "--enable-unsafe-swiftshader",
@@ -82,7 +85,7 @@ try {
   page.on("requestfailed", (request) => problems.push(`request failed: ${request.url()}`));
   if (options.dist) await serveFrom(page, options.dist);
   page.setDefaultTimeout(60_000);
-  const modes = { watch, interactive: interact, methods, restart, newcomer, headset, experimenter, replay, bag };
+  const modes = { watch, interactive: interact, methods, restart, newcomer, headset, safety, experimenter, replay, bag };
   const mode = modes[options.mode];
   if (!mode) throw new Error(`mode ${options.mode} is unknown; expected ${Object.keys(modes).join(", ")}`);
   await mode(page, {

@@ -2,6 +2,7 @@
 
 import { element, setClass, setText } from "./dom";
 import { GAMEPAD_HELP } from "./gamepad";
+import { Holding } from "./holding";
 import { GESTURE_NAMES, type Gesture, type Mode } from "./protocol";
 import { keyName, type ActionKey, type Command, type GestureKey, type LeanKey, type Settings } from "./settings";
 
@@ -31,11 +32,15 @@ const ACTIONS: { command: ActionKey; name: string }[] = [
 const LEAN_MAX = { forward: 35, lateral: 25, axial: 40 };
 const LEAN_SPEED = 30;
 const DEGREE = Math.PI / 180;
+/** Time between signs of life, ms. By default the server stops the arm after a fifth of a second without one. */
+const SIGN_OF_LIFE_MS = 40;
 
 export interface ControlHandlers {
   gesture(gesture: Gesture): void;
   /** Nothing new, but still here. */
   alive(): void;
+  /** A gamepad or a headset's controller was not read for too long, and what it held was let go of. */
+  unread(): void;
   trunk(posture: { forward: number; lateral: number; axial: number }): void;
   restart(): void;
   camera(): void;
@@ -43,8 +48,8 @@ export interface ControlHandlers {
 
 export class Controls {
   readonly root = element("section", "card keys");
-  /** Held gestures, the newest last: it is the one in force. */
-  private held: { source: string; gesture: Gesture }[] = [];
+  private readonly holding = new Holding();
+  private signedAt = 0;
   private readonly leaning = new Map<string, { axis: Axis; sign: 1 | -1 }>();
   private readonly posture = { forward: 0, lateral: 0, axial: 0 };
   private readonly buttons = new Map<Command, HTMLElement>();
@@ -70,11 +75,18 @@ export class Controls {
     window.addEventListener("blur", () => this.releaseAll());
     document.addEventListener("visibilitychange", () => document.hidden && this.releaseAll());
     window.addEventListener("pagehide", () => this.releaseAll());
-    // Signs of life while something is held; without them the server lets go after half a second. The gesture
-    // itself is not said again: after such a release it takes a new press, or a lock would toggle by itself.
-    window.setInterval(() => {
-      if (this.inForce !== "no_motion") this.handlers.alive();
-    }, 100);
+    window.setInterval(() => this.signOfLife(), SIGN_OF_LIFE_MS);
+  }
+
+  /** The gesture itself is not said again: after a stop it takes a new press, or a lock would toggle by itself. */
+  private signOfLife(): void {
+    // The timer runs on when no pictures are made, and must not vouch for a gamepad that nobody reads.
+    this.signedAt = performance.now();
+    if (this.holding.releaseUnread(this.signedAt)) {
+      this.settle();
+      this.handlers.unread();
+    }
+    if (this.inForce !== "no_motion") this.handlers.alive();
   }
 
   /** Other keys from now on. */
@@ -110,8 +122,12 @@ export class Controls {
     }
   }
 
-  /** Leaning goes on while its key is held; called once per picture. */
+  /** Leaning goes on while its key is held; called once per picture, as the gamepad and the headset are read. */
   update(seconds: number): void {
+    const now = performance.now();
+    this.holding.read(now);
+    // Where drawing keeps the page's thread busy, timers are the last to run.
+    if (now - this.signedAt >= SIGN_OF_LIFE_MS) this.signOfLife();
     if (this.leaning.size === 0) return;
     for (const { axis, sign } of this.leaning.values()) {
       const max = LEAN_MAX[axis];
@@ -124,11 +140,9 @@ export class Controls {
     this.tellPosture();
   }
 
-  /** From a gamepad, which has no keys. */
-  hold(source: string, gesture: Gesture, down: boolean): void {
-    this.held = this.held.filter((held) => held.source !== source);
-    if (down && this.interactive && !this.suspended) this.held.push({ source, gesture });
-    this.settle();
+  /** From a gamepad or a headset's controllers, which are read once per picture. */
+  holdPolled(source: string, gesture: Gesture, down: boolean): void {
+    this.hold(source, gesture, down, true);
   }
 
   showGamepad(): void {
@@ -137,7 +151,7 @@ export class Controls {
 
   /** Lets go of everything: the person, the window or the connection is gone. */
   releaseAll(): void {
-    this.held = [];
+    this.holding.releaseAll();
     this.leaning.clear();
     for (const button of this.buttons.values()) setClass(button, "down", false);
     this.settle();
@@ -223,6 +237,12 @@ export class Controls {
     if (action && down) this.act(action);
   }
 
+  private hold(source: string, gesture: Gesture, down: boolean, polled = false): void {
+    if (down && this.interactive && !this.suspended) this.holding.press(source, gesture, polled);
+    else this.holding.release(source);
+    this.settle();
+  }
+
   private act(action: ActionKey): void {
     if (action === "camera") this.handlers.camera();
     if (!this.interactive) return;
@@ -234,7 +254,7 @@ export class Controls {
   }
 
   private settle(): void {
-    const now = this.held[this.held.length - 1]?.gesture ?? "no_motion";
+    const now = this.holding.inForce;
     if (now === this.inForce) return;
     this.inForce = now;
     for (const { gesture } of GESTURES) {

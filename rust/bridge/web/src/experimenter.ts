@@ -9,8 +9,9 @@ import { FrameCount } from "./framecount";
 import { METHOD_NAMES, blockName, eventText } from "./hud";
 import { Live } from "./live";
 import { Motion } from "./motion";
-import { GESTURE_NAMES, type Content, type Frame, type Signals, type Status, type TrialEvent } from "./protocol";
+import { GESTURE_NAMES, type Content, type Frame, type Signals, type Status, type Stop, type TrialEvent } from "./protocol";
 import { Stage, whyNotDrawn } from "./stage";
+import { StopBanner } from "./stopbanner";
 import { Traces } from "./traces";
 
 /** Lines of the log that are kept on the page. */
@@ -49,6 +50,7 @@ function start(): void {
   const [method, setup, seed, record] = [0, 0, 0, 0].map(() => element("span", "chip")) as [HTMLElement, HTMLElement, HTMLElement, HTMLElement];
   const state = element("span", "chip live state", "Running");
   const overview = element("b", "overview");
+  const stop = new StopBanner();
   const trial = new Figures();
   const rates = new Figures();
   const log = element("ol", "loglist");
@@ -90,7 +92,7 @@ function start(): void {
     element(
       "div",
       "experiment",
-      element("section", "pane view", canvas, overview, state, cameraBar),
+      element("section", "pane view", canvas, overview, state, stop.root, cameraBar),
       element(
         "div",
         "side",
@@ -158,6 +160,7 @@ function start(): void {
     log.replaceChildren();
     events.length = 0;
     lastTime = -1;
+    stop.show(null);
     traces.clear();
   }
 
@@ -167,6 +170,7 @@ function start(): void {
     motion.push(next, performance.now());
     count.take(next.time);
     addEvents(next.events);
+    showStop(next.stop ?? null);
     setText(method, `Method ${next.method}`);
     for (const node of methods) setClass(node, "now", node.textContent === next.method);
     const left = Math.max(next.time_left_secs, 0);
@@ -180,6 +184,12 @@ function start(): void {
     trial.set("Planner", next.planner.state === "failed" ? next.planner.reason || "failed" : next.planner.state);
     trial.set("Next block", next.next_block ? blockName(next.next_block) : "–");
     showStatus(next.finished);
+  }
+
+  function showStop(now: Stop | null): void {
+    stop.show(now);
+    const words = now && `${now.source.replaceAll("_", " ")}, ${now.cause.replaceAll("_", " ")} at ${(now.since / 1000).toFixed(1)} s`;
+    trial.set("Stop", words ?? "–", now !== null);
   }
 
   function showStatus(finished = false): void {

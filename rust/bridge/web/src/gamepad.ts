@@ -26,28 +26,31 @@ export interface GamepadHandlers {
   restart(): void;
   camera(): void;
   found(name: string): void;
+  /** It is disconnected; what it held is let go of. */
+  lost(): void;
 }
 
 export class GamepadInput {
+  /** The buttons that were pressed when the gamepad was last read. */
   private readonly down = new Set<string>();
-  private known = false;
+  /** Index of the gamepad in use. */
+  private index: number | null = null;
 
-  constructor(private readonly handlers: GamepadHandlers) {}
+  constructor(private readonly handlers: GamepadHandlers) {
+    // Not left to the next picture, which may be long in coming.
+    window.addEventListener("gamepaddisconnected", ({ gamepad }) => {
+      if (gamepad.index === this.index) this.lose();
+    });
+  }
 
   /** Called once per picture. */
   update(seconds: number): void {
     const pad = navigator.getGamepads?.().find((candidate) => candidate?.connected) ?? null;
-    if (!pad) {
-      for (const source of this.down) {
-        const bound = BUTTONS.find(({ button }) => source === `gamepad ${button}`);
-        if (bound) this.handlers.hold(source, bound.gesture, false);
-      }
-      this.down.clear();
-      this.known = false;
-      return;
-    }
-    if (!this.known) this.handlers.found(pad.id);
-    this.known = true;
+    // Some browsers drop a gamepad from the list without the event.
+    if (this.index !== null && pad?.index !== this.index) this.lose();
+    if (!pad) return;
+    if (this.index === null) this.handlers.found(pad.id);
+    this.index = pad.index;
     for (const { button, gesture } of BUTTONS) {
       this.edge(pad, button, (source, down) => this.handlers.hold(source, gesture, down));
     }
@@ -58,14 +61,25 @@ export class GamepadInput {
     if (x !== 0 || y !== 0) this.handlers.look(x * step, -y * step);
   }
 
+  /** Lets go of everything. `down` stays: a button that is still pressed when the gamepad is back is no new press. */
+  private lose(): void {
+    this.index = null;
+    for (const { button, gesture } of BUTTONS) this.handlers.hold(sourceOf(button), gesture, false);
+    this.handlers.lost();
+  }
+
   private edge(pad: Gamepad, button: number, changed: (source: string, down: boolean) => void): void {
-    const source = `gamepad ${button}`;
+    const source = sourceOf(button);
     const down = (pad.buttons[button]?.value ?? 0) > 0.5;
     if (down === this.down.has(source)) return;
     if (down) this.down.add(source);
     else this.down.delete(source);
     changed(source, down);
   }
+}
+
+function sourceOf(button: number): string {
+  return `gamepad ${button}`;
 }
 
 function tilt(value = 0): number {

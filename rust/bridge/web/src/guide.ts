@@ -2,7 +2,7 @@
 
 import { element, setClass, setText } from "./dom";
 import type { Frame } from "./protocol";
-import { numberOf, colourOf } from "./protocol";
+import { capitalised, numberOf, colourOf, stopText } from "./protocol";
 
 /** A place marker this near to the target is on it, metres. */
 const ON_TARGET = 0.05;
@@ -31,13 +31,14 @@ export interface Advice {
 export function advise(frame: Frame, target: TargetPlace, lean: boolean): Advice {
   const { hand, planner, target: selection } = frame;
   if (frame.finished) return { step: null, hint: "The trial is over." };
+  if (frame.stop) return { step: null, hint: stopText(frame.stop) };
   const arrived = planner.state === "arrived";
   if (planner.state === "failed") {
     const reason = planner.reason || "there is no plan";
     const what = lean ? "Lean, or look elsewhere, then try again." : "Look elsewhere, then try again.";
     return {
       step: selection.locked ? (hand.holds ? 6 : 2) : null,
-      hint: `${reason[0]?.toUpperCase()}${reason.slice(1).replace(/\.$/, "")}. ${what}`,
+      hint: `${capitalised(reason.replace(/\.$/, ""))}. ${what}`,
     };
   }
   if (arrived && planner.intermediate) {
@@ -125,8 +126,9 @@ export class Guide {
 /** What a person has to do now with methods A and B. */
 export function stepwiseHint(frame: Frame): string {
   const name = (block: string) => `${block.startsWith("red") ? "red" : "blue"} ${block.slice(-1)}`;
-  const moved = frame.mode ? `${frame.mode.name[0]?.toUpperCase()}${frame.mode.name.slice(1)}` : "";
+  const moved = capitalised(frame.mode?.name ?? "");
   if (frame.finished) return "The trial is over.";
+  if (frame.stop) return stopText(frame.stop);
   if (frame.planner.state === "failed") return `${frame.planner.reason.replace(/\.$/, "")}: move another way, or HO for the next.`;
   if (frame.hand.holds) return `${moved}. Carry ${name(frame.hand.holds)} over the partition, lower it on its target, HC lets go.`;
   const goal = frame.next_block ? `Bring the hand around ${name(frame.next_block)}, HC grips.` : "All blocks are moved.";

@@ -24,7 +24,7 @@ const SETTLES = 2;
 export interface HeadsetHandlers {
   /** `world_from_head`: x ahead, y left, z up. */
   head(position: Triple, quaternion: [number, number, number, number]): void;
-  /** A ray in `world` that stands for the gaze. */
+  /** A ray in `world`, as tracked, that stands for the gaze. */
   ray(origin: Vector3, direction: Vector3, head: Vector3): void;
   hold(source: string, gesture: GestureKey, down: boolean): void;
   say(message: string): void;
@@ -54,6 +54,8 @@ export class Headset {
 
   /** Called once per picture, before it is drawn. */
   update(frame: Frame | null, seconds: number): void {
+    // First of all: a hand must be able to let go while the head is lost.
+    this.readButtons();
     const { xr } = this.stage.renderer;
     const space = xr.getReferenceSpace();
     const viewer = this.worn && space ? xr.getFrame()?.getViewerPose(space) : null;
@@ -83,7 +85,6 @@ export class Headset {
       ? new Vector3(0, 0, -1).applyQuaternion(quaternion(pose.transform.orientation)).applyQuaternion(rig.quaternion)
       : new Vector3(1, 0, 0).applyQuaternion(facing);
     this.handlers.ray(from, along, head);
-    this.readButtons();
   }
 
   private sources(): XRInputSource[] {
@@ -134,22 +135,31 @@ export class Headset {
 
   /** Right hand: trigger or pinch WE, lower button WF, upper HO. Left trigger or pinch: HC. */
   private readButtons(): void {
-    const pressed = new Map<GestureKey, boolean>();
-    for (const source of this.sources()) {
-      const down = (button: number) => source.gamepad?.buttons[button]?.pressed ?? false;
-      const note = (gesture: GestureKey, on: boolean) => pressed.set(gesture, (pressed.get(gesture) ?? false) || on);
-      note(source.handedness === "left" ? "hand_close" : "wrist_extension", down(TRIGGER));
-      note("wrist_flexion", down(LOWER));
-      note("hand_open", down(UPPER));
+    const read = new Map<string, { gesture: GestureKey; on: boolean }>();
+    for (const { handedness, gamepad } of this.sources()) {
+      const note = (gesture: GestureKey, button: number) => {
+        const source = `headset ${handedness} ${gesture}`;
+        // A hand and what it holds may be two sources.
+        const on = (gamepad?.buttons[button]?.pressed ?? false) || (read.get(source)?.on ?? false);
+        read.set(source, { gesture, on });
+      };
+      note(handedness === "left" ? "hand_close" : "wrist_extension", TRIGGER);
+      note("wrist_flexion", LOWER);
+      note("hand_open", UPPER);
     }
-    for (const [gesture, on] of pressed) {
-      if (this.held.has(gesture) === on) continue;
-      if (on) this.held.add(gesture);
-      else this.held.delete(gesture);
-      this.handlers.hold(`headset ${gesture}`, gesture, on);
+    for (const [source, { gesture, on }] of read) {
+      if (this.down.has(source) === on) continue;
+      if (on) this.down.set(source, gesture);
+      else this.down.delete(source);
+      this.handlers.hold(source, gesture, on);
+    }
+    // A hand that is gone lets go. It stays in `down`: a button still pressed when it is back is no new press.
+    for (const [source, gesture] of this.down) {
+      if (!read.has(source)) this.handlers.hold(source, gesture, false);
     }
   }
-  private readonly held = new Set<GestureKey>();
+  /** The gestures whose buttons were pressed when they were last read. */
+  private readonly down = new Map<string, GestureKey>();
 
   private async offer(mode: XRSessionMode, label: string): Promise<void> {
     const supported = await navigator.xr?.isSessionSupported(mode).catch(() => false);
@@ -188,8 +198,7 @@ export class Headset {
       cameras.rig.position.set(0, 0, 0);
       cameras.rig.quaternion.identity();
       this.stage.room?.showFloor(true);
-      for (const gesture of this.held) this.handlers.hold(`headset ${gesture}`, gesture, false);
-      this.held.clear();
+      for (const [source, gesture] of this.down) this.handlers.hold(source, gesture, false);
       this.stage.resize();
     });
     await renderer.xr.setSession(session);

@@ -2,6 +2,7 @@
 
 import { element, setClass, setText, setWidth } from "./dom";
 import { marking, type Marking } from "./marking";
+import { StopBanner } from "./stopbanner";
 import {
   BLOCKS,
   GESTURE_NAMES,
@@ -71,6 +72,7 @@ export class Hud {
   private readonly progress = element("i", "fill");
   private readonly progressBar = element("div", "bar", this.progress);
   private readonly events = element("ol", "events");
+  private readonly stop = new StopBanner();
   private readonly banner = element("div", "banner");
   private readonly toast = element("div", "toast");
   private readonly over = element("div", "over card");
@@ -149,6 +151,7 @@ export class Hud {
       ),
       element("div", "card log", element("span", "label", "Events"), this.events),
       this.bottom,
+      this.stop.root,
       this.over,
       this.pause,
       this.banner,
@@ -223,6 +226,7 @@ export class Hud {
     if (frame.time < this.lastTime) this.startTrial();
     this.lastTime = frame.time;
     this.addEvents(frame.events);
+    this.stop.show(frame.stop ?? null);
     setText(this.method, frame.method);
     setText(this.methodName, METHOD_NAMES[frame.method] ?? "Method");
     this.chooser.hidden = !interactive;
@@ -298,6 +302,7 @@ export class Hud {
   startTrial(): void {
     this.events.replaceChildren();
     this.onTarget.clear();
+    this.stop.show(null);
     this.lastTime = -1;
   }
 }
@@ -363,6 +368,10 @@ export function eventText(event: TrialEvent): string {
       return `On target: ${block} (${(100 * (event.distance ?? 0)).toFixed(1)} cm)`;
     case "block_off_target":
       return `Off target: ${block}`;
+    case "stopped":
+      return `Stopped: ${event.reason ?? ""}`;
+    case "rearmed":
+      return "Relaxed: gestures act again";
     case "base_held":
       return `Paused: the shoulder jumped by ${(100 * (event.distance ?? 0)).toFixed(0)} cm`;
     case "base_follows":

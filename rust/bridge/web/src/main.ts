@@ -21,6 +21,7 @@ import { load, store, type Settings } from "./settings";
 import { choosePalette, mirrorText } from "./shapes";
 import { Sounds } from "./sounds";
 import { Stage, whyNotDrawn } from "./stage";
+import { STOPPED } from "./stopbanner";
 import { Tutorial } from "./tutorial";
 
 const parameters = new URLSearchParams(location.search);
@@ -92,6 +93,7 @@ function start(): void {
     {
       gesture: (gesture) => interactive() && live.send({ type: "gesture", gesture }),
       alive: () => live.send({ type: "alive" }),
+      unread: () => hud.say("The controller was not read for a moment: let go, then press again"),
       trunk: (posture) => live.send({ type: "trunk", ...posture }),
       restart: () => live.send({ type: "restart" }),
       camera: () => chooseCamera(cameras.next()),
@@ -109,7 +111,7 @@ function start(): void {
     tutorial: () => interactive() && tutorial.start(),
   });
   const gamepad = new GamepadInput({
-    hold: (source, gesture, down) => controls.hold(source, gesture, down),
+    hold: (source, gesture, down) => controls.holdPolled(source, gesture, down),
     look(x, y) {
       cursor ??= new Vector2();
       cursor.set(Math.min(Math.max(cursor.x + x, -1), 1), Math.min(Math.max(cursor.y + y, -1), 1));
@@ -120,6 +122,7 @@ function start(): void {
       controls.showGamepad();
       hud.say(`Gamepad: ${name}`);
     },
+    lost: () => hud.say("The gamepad is disconnected"),
   });
   const live = new Live({
     reset() {
@@ -172,9 +175,9 @@ function start(): void {
         if (!stage.room || !interactive()) return;
         const point = pointing.along(origin, direction, stage.room, heldOrNone());
         const toPoint = point.sub(head).normalize();
-        live.send({ type: "gaze", origin: head.toArray(), direction: toPoint.toArray() });
+        live.send({ type: "gaze", origin: head.toArray(), direction: toPoint.toArray(), measured: true });
       },
-      hold: (source, gesture, down) => controls.hold(source, gesture, down),
+      hold: (source, gesture, down) => controls.holdPolled(source, gesture, down),
       say: (message) => hud.say(message),
     },
     overlay,
@@ -262,9 +265,9 @@ function start(): void {
     headset.update(frame, seconds);
     if (frame) {
       const left = Math.max(Math.round(frame.time_left_secs), 0);
-      const title = `Method ${frame.method} · ${frame.on_target} of ${frame.blocks.length} on target · ${left} s left`;
+      const score = `Method ${frame.method} · ${frame.on_target} of ${frame.blocks.length} on target · ${left} s left`;
       const hint = frame.mode ? stepwiseHint(frame) : advise(frame, targetPlace, stage.content?.lean ?? false).hint;
-      board.show(title, hint, headset.worn);
+      board.show(frame.stop ? STOPPED : score, hint, headset.worn);
     }
     const due = headset.worn || wall - drawnAt >= PICTURE_MS;
     if (due) drawnAt = wall;

@@ -76,6 +76,19 @@ export interface TrialEvent {
   block?: BlockId | null;
   status?: string;
   distance?: number;
+  source?: Stop["source"];
+  cause?: Stop["cause"];
+  reason?: string;
+}
+
+/** Why the arm is stopped: something that moves it died or froze. It goes on only after a relaxed gesture. */
+export interface Stop {
+  source: "armband" | "gesture_topic" | "page" | "eye_tracker" | "shoulder_tracker" | "limb_tracker";
+  cause: "silent" | "closed" | "frozen" | "flat" | "railed" | "noiseless" | "lossy" | "wrong_rate" | "lost";
+  /** Milliseconds since the start of the trial. */
+  since: number;
+  /** A sentence for the person, without capital and full stop. */
+  reason: string;
 }
 
 export interface Mode {
@@ -161,6 +174,8 @@ export interface Frame {
   /** How hard the gesture is made, 0 to 1; one for keys. */
   effort: number;
   emg_source: string;
+  /** None while nothing is wrong; frames recorded before there were stops do not have it. */
+  stop?: Stop | null;
   time_left_secs: number;
   next_block: BlockId | null;
   on_target: number;
@@ -180,7 +195,8 @@ export type ServerMessage =
 
 export type ClientMessage =
   | { type: "gesture"; gesture: Gesture }
-  | { type: "gaze"; origin: Triple; direction: Triple }
+  /** `measured`: a tracker gives it, and one that repeats itself is broken. A mouse or a stick may rest. */
+  | { type: "gaze"; origin: Triple; direction: Triple; measured?: boolean }
   | { type: "trunk"; forward: number; lateral: number; axial: number }
   | { type: "head"; position: Triple; quaternion: [number, number, number, number] }
   | { type: "restart"; method?: string; again?: boolean }
@@ -196,6 +212,15 @@ export const GESTURE_NAMES: Record<Gesture, { short: string; name: string }> = {
   hand_open: { short: "HO", name: "Hand open" },
   no_motion: { short: "NM", name: "No motion" },
 };
+
+/** Why the arm is stopped, as a sentence on display. */
+export function stopText({ reason }: Pick<Stop, "reason">): string {
+  return `${capitalised(reason.replace(/\.$/, ""))}.`;
+}
+
+export function capitalised(text: string): string {
+  return `${text.slice(0, 1).toUpperCase()}${text.slice(1)}`;
+}
 
 export function colourOf(block: BlockId): "red" | "blue" {
   return block.startsWith("red") ? "red" : "blue";

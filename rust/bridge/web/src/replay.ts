@@ -106,6 +106,7 @@ class View {
       frame.mode ? `moves ${frame.mode.name}` : `selects ${target}${frame.target.locked ? ", locked" : ""}`,
       frame.hand.holds ? `holds ${blockName(frame.hand.holds)}` : `hand ${frame.hand.state}`,
       frame.mode ? "" : `planner ${frame.planner.state}`,
+      frame.stop ? `stopped: ${frame.stop.reason}` : "",
       event ? `last: ${eventText(event)}` : "",
     ];
     setText(this.now, parts.filter(Boolean).join(" · "));

@@ -8,6 +8,7 @@ const { correction, judge, total } = await load("gazecheck");
 const { FrameCount } = await load("framecount");
 const { marking } = await load("marking");
 const { cueOf } = await load("sounds");
+const { eventText } = await load("hud");
 
 /** A gaze from the origin, `degrees` off the x axis. */
 function gaze(degrees, valid = true) {
@@ -75,6 +76,12 @@ test("contact made and contact lost sound different, and a plan is heard only wh
   assert.equal(notes({ event: "plan_finished", status: "ok" }), undefined);
   assert.ok(notes({ event: "plan_finished", status: "unreachable" }).length > 0);
   assert.equal(notes({ event: "gesture_changed", gesture: "no_motion" }), undefined);
+});
+
+test("a stop is told with its reason, and what ended it", () => {
+  const reason = "the armband repeats its samples: relax the hand to go on";
+  assert.equal(eventText({ time: 0, event: "stopped", source: "armband", cause: "frozen", reason }), `Stopped: ${reason}`);
+  assert.equal(eventText({ time: 9, event: "rearmed" }), "Relaxed: gestures act again");
 });
 
 test("a calibration takes off the error that the points agree on, and nothing else", () => {

@@ -4,7 +4,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { load } from "./bundle.mjs";
 
-const { STEPS, advise } = await load("guide");
+const { STEPS, advise, stepwiseHint } = await load("guide");
 const target = () => ({ x: 0.05, y: 0.2 });
 
 function frame(changes = {}) {
@@ -46,6 +46,15 @@ test("a failed plan gives its reason, and leaning only where the trunk can move"
   const now = frame({ target: locked, planner: { state: "failed", status: "unreachable", reason: "4 cm too far" } });
   assert.match(advise(now, target, true).hint, /^4 cm too far\. Lean/);
   assert.doesNotMatch(advise(now, target, false).hint, /[Ll]ean/);
+});
+
+test("while the arm is stopped the reason comes before everything but the end", () => {
+  const stop = { source: "page", cause: "silent", since: 10, reason: "the page is silent: relax the hand to go on" };
+  const now = frame({ stop, target: locked, mode: { name: "elbow flexion/extension" } });
+  assert.deepEqual(advise(now, target, true), { step: null, hint: "The page is silent: relax the hand to go on." });
+  assert.equal(stepwiseHint(now), "The page is silent: relax the hand to go on.");
+  assert.match(advise(frame({ stop, finished: true }), target, true).hint, /over/);
+  assert.equal(advise(frame({ stop: null }), target, true).step, 0);
 });
 
 test("an intermediate goal asks to relax and hold again", () => {

@@ -1,0 +1,22 @@
+// Why the arm is stopped, where nobody overlooks it.
+
+import { element, setText } from "./dom";
+import { stopText, type Stop } from "./protocol";
+
+export const STOPPED = "The arm is stopped";
+
+export class StopBanner {
+  readonly root = element("div", "stop-banner");
+  private readonly reason = element("span");
+
+  constructor() {
+    this.root.setAttribute("role", "alert");
+    this.root.hidden = true;
+    this.root.append(element("strong", "", STOPPED), this.reason);
+  }
+
+  show(stop: Stop | null): void {
+    if (stop) setText(this.reason, stopText(stop));
+    this.root.hidden = stop === null;
+  }
+}
