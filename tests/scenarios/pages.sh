@@ -1,5 +1,5 @@
 #!/bin/sh
-# The pages beside the participant's trial with method D: methods A to D by keys and mouse, a newcomer's first visit,
+# The pages beside the participant's trial with method D: a page that dies while it holds a gesture, methods A to D by keys and mouse, a newcomer's first visit,
 # an emulated headset, the experimenter and a spectator, the replay of two trials. Lane `pages`.
 #
 #   tests/scenarios/pages.sh PATH_OF_PROACT OUTPUT_FOLDER
@@ -18,6 +18,7 @@ look() {
 }
 
 start serve --no-record
+look safety
 look newcomer
 look headset
 look methods --methods ABCD --timeout 290

@@ -30,6 +30,8 @@ pub(crate) struct Pilot {
     driver: Option<Driver>,
     /// The gesture in force, if it is one that moves anything.
     held: Option<Gesture>,
+    /// A gesture was released because the client in control fell silent.
+    released: bool,
     /// The client in control said something since that was asked for last.
     heard: bool,
     waiting: Vec<ClientInput>,
@@ -63,7 +65,13 @@ impl Pilot {
             self.heard = true;
         }
         match input {
-            Some(ClientInput::Gesture(Gesture::NoMotion)) => self.release(),
+            Some(ClientInput::Gesture(Gesture::NoMotion)) => {
+                // Said again by who has let go only now: without it the testbed does not know of the relaxed hand.
+                if drives && std::mem::take(&mut self.released) && self.held.is_none() {
+                    self.push(ClientInput::Gesture(Gesture::NoMotion));
+                }
+                self.release();
+            }
             // Only a change is news.
             Some(ClientInput::Gesture(gesture)) if self.held != Some(gesture) => {
                 self.held = Some(gesture);
@@ -94,6 +102,7 @@ impl Pilot {
     /// Releases a gesture whose holder has fallen silent. To be called a few times within [`MAX_SILENCE`].
     pub(crate) fn check_silence(&mut self, now: Instant) {
         if self.driver.as_ref().is_some_and(|driver| now.duration_since(driver.heard) > MAX_SILENCE) {
+            self.released |= self.held.is_some();
             self.release();
         }
     }
@@ -203,6 +212,11 @@ mod tests {
         // Once is enough, and a late sign of life does not press again.
         pilot.check_silence(start + 9 * MAX_SILENCE);
         pilot.accept(1, start + 9 * MAX_SILENCE, None);
+        assert_eq!(pilot.drain(), []);
+        // That the key is released in the end is news to the testbed.
+        pilot.accept(1, start + 9 * MAX_SILENCE, Some(NM));
+        assert_eq!(pilot.drain(), [NM]);
+        pilot.accept(1, start + 9 * MAX_SILENCE, Some(NM));
         assert_eq!(pilot.drain(), []);
     }
 

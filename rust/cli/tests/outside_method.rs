@@ -29,7 +29,7 @@ fn run(config: TrialConfig, dir: Option<&Path>) -> Outcome<(Vec<DisplayFrame>, S
     loop {
         let (block, origin) = (session.testbed().plant().state().blocks[0].pose, session.head().translation);
         let direction = block.translation.vector - origin.vector;
-        session.look(GazeSample { origin: Point::from(origin.vector), direction, valid: true });
+        session.point(GazeSample { origin: Point::from(origin.vector), direction, valid: true });
         let step = session.step(false)?;
         if let Some(recorder) = &mut recorder {
             recorder.write(&step, session.testbed().plant().state())?;

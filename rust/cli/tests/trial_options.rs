@@ -34,7 +34,7 @@ fn make(session: &mut Session, gesture: Gesture, point: Option<Vector>, ms: u64)
     for tick in 0..ms {
         if let Some(point) = point.filter(|_| tick % 10 == 0) {
             let origin = Point::from(session.head().translation.vector);
-            session.look(GazeSample { origin, direction: point - origin.coords, valid: true });
+            session.point(GazeSample { origin, direction: point - origin.coords, valid: true });
         }
         last = session.step(false)?.frame.or(last);
     }
@@ -145,7 +145,9 @@ fn the_dead_man_and_its_times_are_options() -> Outcome {
         let red = block(&session, BlockId::Red1);
         make(&mut session, Gesture::NoMotion, Some(red), 100)?;
         let frame = make(&mut session, Gesture::WristExtension, None, 450)?;
-        Ok(matches!(frame.planner, PlannerView::Failed { reason, .. } if reason.contains("gaze is silent")))
+        Ok(
+            matches!(frame.planner, PlannerView::Failed { reason, .. } if reason.contains("eye tracker is silent")),
+        )
     };
     assert!(refusal(&["profile.dead_man.gaze_ms=200"])?);
     assert!(!refusal(&["profile.dead_man="])?);

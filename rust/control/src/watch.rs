@@ -27,6 +27,8 @@ pub struct SourceWatch {
     heard: [Heard; InputSource::ALL.len()],
     /// Which source commands gestures, if not the armband.
     commander: Option<InputSource>,
+    /// It gave its last command itself: what a server lets go of in the name of a silent page does not relax a hand.
+    spoken: bool,
     /// What the EMG stage says, and whether gestures pass it.
     armband: Option<(StopCause, String)>,
     armed: bool,
@@ -39,6 +41,7 @@ pub struct SourceWatch {
 #[derive(Clone, Copy, Debug, Default)]
 struct Heard {
     alive: Option<SimTime>,
+    commanded: Option<SimTime>,
     fresh: Option<SimTime>,
     repeated: Option<SimTime>,
     blank: Option<SimTime>,
@@ -55,6 +58,7 @@ impl SourceWatch {
             needs_gaze,
             heard: [Heard::default(); InputSource::ALL.len()],
             commander: None,
+            spoken: true,
             armband: None,
             armed: true,
             stop: None,
@@ -72,6 +76,7 @@ impl SourceWatch {
                     heard.alive = Some(now);
                     self.commander = Some(source);
                 }
+                heard.commanded = Some(now);
             }
             SignKind::Alive | SignKind::Points => {
                 heard.alive = Some(now);
@@ -100,6 +105,12 @@ impl SourceWatch {
     /// Decides for `now`. `gesture` is the one in force. An event if the stop began or ended, which the method must
     /// learn of at once.
     pub fn step(&mut self, now: SimTime, gesture: Gesture) -> Option<EventKind> {
+        if let Some(heard) = self.commander.map(|source| self.heard[source.index()])
+            && heard.commanded == Some(now)
+        {
+            // A connection that ended holds nothing, so nothing need be let go of.
+            self.spoken = heard.alive == Some(now) || heard.closed;
+        }
         match (self.dead(now, gesture), &mut self.stop) {
             // The same death, or another of the same source: the first word stands.
             (Some((source, ..)), Some(stop)) if stop.source == source && !self.returned => None,
@@ -110,7 +121,7 @@ impl SourceWatch {
                 let silent = "the armband was silent for a moment".to_owned();
                 Some(self.begin(now, InputSource::Armband, StopCause::Silent, silent))
             }
-            (None, Some(_)) if self.armed && gesture == Gesture::NoMotion => {
+            (None, Some(_)) if self.armed && self.spoken && gesture == Gesture::NoMotion => {
                 self.stop = None;
                 Some(EventKind::Rearmed)
             }
@@ -247,8 +258,11 @@ mod tests {
         assert_eq!(run(&mut watch, 1500, 1501, WristExtension), []);
         let reason = watch.stop().map(|stop| stop.reason.clone());
         assert_eq!(reason.as_deref(), Some("the page is silent; it is back: relax the hand to go on"));
-        watch.hear(SimTime(1501), Page, Alive);
-        assert_eq!(run(&mut watch, 1501, 1502, NoMotion), [(1502, EventKind::Rearmed)]);
+        assert_eq!(run(&mut watch, 1501, 1510, NoMotion), [], "it has not said so");
+        for kind in [Commands, Alive] {
+            watch.hear(SimTime(1511), Page, kind);
+        }
+        assert_eq!(run(&mut watch, 1510, 1511, NoMotion), [(1511, EventKind::Rearmed)]);
         assert_eq!(watch.stop(), None);
     }
 
@@ -273,6 +287,14 @@ mod tests {
         other.hear(SimTime(1), GestureTopic, Commands);
         other.hear(SimTime(5), Page, Closed);
         assert_eq!(run(&mut other, 4, 10, WristExtension), [], "it commands nothing");
+        // A new connection holds nothing.
+        let mut again = watch();
+        for (tick, kind) in [(1, Commands), (5, Commands), (5, Closed)] {
+            again.hear(SimTime(tick), Page, kind);
+        }
+        assert_eq!(stopped(&run(&mut again, 4, 10, NoMotion)), [(5, Page, StopCause::Closed)]);
+        again.hear(SimTime(11), Page, Alive);
+        assert_eq!(run(&mut again, 10, 11, NoMotion), [(11, EventKind::Rearmed)]);
     }
 
     #[test]

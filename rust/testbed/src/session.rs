@@ -117,10 +117,12 @@ impl Session {
         self.sign(source, SignKind::Alive);
     }
 
-    /// `source` ended its connection: a gesture that it held is released.
+    /// `source` ended its connection: a gesture that it held is released, and if there was one the arm stops.
     pub fn close(&mut self, source: InputSource) {
         self.act(Gesture::NoMotion);
-        self.sign(source, SignKind::Closed);
+        if self.parts.testbed.gesture() != Gesture::NoMotion {
+            self.sign(source, SignKind::Closed);
+        }
     }
 
     fn sign(&mut self, source: InputSource, kind: SignKind) {

@@ -16,6 +16,9 @@ use tokio_tungstenite::tungstenite::{self, Message, WebSocket, client};
 /// A client that hears nothing for so long looks whether the run is over.
 const PATIENCE: Duration = Duration::from_millis(500);
 
+/// How often a server that leaves an answer out is asked again.
+const MOST_PINGS: usize = 40;
+
 /// A WebSocket client.
 pub(crate) struct Link(WebSocket<TcpStream>);
 
@@ -56,15 +59,24 @@ impl Link {
     /// Waits until the page's server has handled everything that was sent before. `number`: of this call.
     pub(crate) fn settle_page(&mut self, number: u64) -> Result<(), Box<dyn Error>> {
         let id = number as u32;
-        self.send(&json!({"type": "ping", "id": id}))?;
         let answer = json!({"type": "pong", "id": id});
-        loop {
-            if let Message::Text(text) = self.read()?
-                && serde_json::from_str::<Json>(&text)? == answer
-            {
-                return Ok(());
+        self.0.get_ref().set_read_timeout(Some(PATIENCE))?;
+        self.send(&json!({"type": "ping", "id": id}))?;
+        for _ in 0..MOST_PINGS {
+            loop {
+                match self.read() {
+                    Ok(Message::Text(text)) if serde_json::from_str::<Json>(&text)? == answer => {
+                        return Ok(());
+                    }
+                    Ok(_) => {}
+                    Err(tungstenite::Error::Io(error)) if is_timeout(&error) => break,
+                    Err(error) => return Err(error.into()),
+                }
             }
+            // A server that has many answers to give to one client leaves some out.
+            self.send(&json!({"type": "ping", "id": id}))?;
         }
+        Err("the page's server does not answer".into())
     }
 
     /// Ends the connection as the protocol has it.
