@@ -204,7 +204,12 @@ fn gaze_and_head_of_the_app_and_a_classifiers_gestures_reach_the_trial() {
         Pose::from_parts(head().translation, UnitQuaternion::from_euler_angles(0.0, 0.0, 0.3));
     let eye = Point3::new(0.1, 0.2, -0.1);
     let inputs = topics.drain_inputs();
-    let [HeadsetInput::Gaze(gaze), HeadsetInput::Head(pose), HeadsetInput::Gesture(gesture)] = inputs[..]
+    let [
+        HeadsetInput::Gaze(gaze),
+        HeadsetInput::Head(pose),
+        HeadsetInput::Gesture(gesture),
+        HeadsetInput::Alive,
+    ] = inputs[..]
     else {
         panic!("{inputs:?}");
     };

@@ -252,7 +252,7 @@ mod tests {
         let events = run(&mut watch, 10, 1000, WristExtension);
         assert_eq!(stopped(&events), [(211, Page, StopCause::Silent)]);
         // What the server lets go of in its name is no word of the page.
-        watch.hear(SimTime(1000), Page, Commands);
+        watch.hear(SimTime(1001), Page, Commands);
         assert_eq!(run(&mut watch, 1000, 1500, NoMotion), []);
         watch.hear(SimTime(1500), Page, Alive);
         assert_eq!(run(&mut watch, 1500, 1501, WristExtension), []);
