@@ -109,6 +109,8 @@ struct MethodNode {
     lost: BTreeSet<String>,
     decided_at: Option<SimTime>,
     joy: Gesture,
+    /// The newest gesture is the joystick's, whose silence counts then.
+    joy_acts: bool,
     highlight: Option<(SimTime, BlockId)>,
     place: Point,
     looked_at: Option<SimTime>,
@@ -154,6 +156,7 @@ pub fn run_method(parts: MethodParts) -> Result<(), NodeError> {
         lost: BTreeSet::new(),
         decided_at: None,
         joy: Gesture::NoMotion,
+        joy_acts: false,
         highlight: None,
         place: PlaceRegion::DEFAULT.centre(),
         looked_at: None,
@@ -250,9 +253,7 @@ impl MethodNode {
     /// Stops when a source died, and lets it be known; goes on when it is back and the hand was relaxed.
     fn watch_sources(&mut self) {
         if let Some(EventKind::Stopped { reason, .. }) = self.watch.step(self.common.now(), self.gesture) {
-            self.common
-                .faults
-                .refuse("stop", &format!("{reason}: no motion until it is back and the hand relaxed"));
+            self.common.faults.stop(&reason);
         }
     }
 
