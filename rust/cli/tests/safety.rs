@@ -3,8 +3,15 @@
 //! Until the issue of the frozen armband an arm went on for ever when samples stood still, and when a locked target was
 //! followed by a frozen eye; half a second after the last word of a page or topic.
 
-use proact_cli::bench_safety::{Case, Death, StopTime, cases, measure};
-use proact_types::{InputSource, StopCause};
+#![allow(clippy::unwrap_used, clippy::disallowed_methods)] // A test of files.
+
+use proact_cli::{
+    Recorder,
+    bench_safety::{Case, Death, StopTime, cases, measure},
+    replay_trial, trial,
+};
+use proact_testbed::{MethodName, Setup, TrialConfig};
+use proact_types::{GazeSample, Gesture, InputSource, Point, StopCause, Vector};
 
 /// Runs the cases of a source; what each gave.
 fn run(source: InputSource) -> Vec<(Case, StopTime)> {
@@ -75,4 +82,56 @@ fn a_tracked_limb_or_shoulder_that_dies_holds_the_arm_and_is_named() {
             assert!(found.reason.contains(&source.to_string()), "{}", found.reason);
         }
     }
+}
+
+/// What was heard of the sources is input: the record holds it, and a replay stops in the same tick.
+#[test]
+fn a_stop_is_on_the_record_with_its_reason_and_a_replay_stops_where_the_trial_did() {
+    let dir = tempfile::tempdir().unwrap();
+    let dir = dir.path().join("trial");
+    let config = TrialConfig::new(MethodName::A, 1, Setup::named("still").unwrap());
+    let trial::Assembly { mut session, model, .. } = trial::live(config).unwrap();
+    let config = session.testbed().config().clone();
+    let mut recorder = Recorder::create(&dir, &config, &model, None).unwrap();
+    session.command(InputSource::Page, Gesture::WristExtension);
+    for tick in 1..=1500_u64 {
+        if tick <= 400 && tick.is_multiple_of(40) {
+            session.hear(InputSource::Page);
+        }
+        let step = session.step(tick == 1500).unwrap();
+        recorder.write(&step, session.testbed().plant().state()).unwrap();
+    }
+    recorder.finish(&session.result()).unwrap();
+    let events = std::fs::read_to_string(dir.join("events.jsonl")).unwrap();
+    let stopped =
+        r#"{"time":601,"event":"stopped","source":"page","cause":"silent","reason":"the page is silent"}"#;
+    assert!(events.contains(stopped), "{events}");
+    let replayed = replay_trial(&dir, false).unwrap();
+    assert!(replayed.agrees, "{replayed:?}");
+}
+
+/// Neither a mouse that rests nor a participant without hands stops anything.
+#[test]
+fn a_mouse_that_rests_may_do_so_and_an_eye_that_does_may_not() {
+    let stops = |measured: bool| {
+        let config = TrialConfig::new(MethodName::D, 1, Setup::named("still").unwrap());
+        let mut session = trial::live(config).unwrap().session;
+        let ray = GazeSample {
+            origin: Point::new(-0.5, 0.0, 1.6),
+            direction: Vector::new(0.6, 0.1, -0.6),
+            valid: true,
+        };
+        let mut stops = Vec::new();
+        for tick in 1..=3000_u64 {
+            if tick.is_multiple_of(20) {
+                if measured { session.look(ray) } else { session.point(ray) }
+            }
+            session.step(false).unwrap();
+            stops.extend(session.testbed().stop().map(|stop| (stop.source, stop.cause)));
+        }
+        stops.dedup();
+        stops
+    };
+    assert_eq!(stops(false), []);
+    assert_eq!(stops(true), [(InputSource::EyeTracker, StopCause::Frozen)]);
 }

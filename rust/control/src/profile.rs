@@ -435,6 +435,19 @@ impl Profile {
         if let Some(limiter) = self.limiter {
             positive.push(("limiter.acceleration_rad_per_s2", limiter.acceleration_rad_per_s2));
         }
+        if let Some(ages) = self.dead_man {
+            for (key, got) in [
+                ("dead_man.emg_ms", ages.emg_ms),
+                ("dead_man.link_ms", ages.link_ms),
+                ("dead_man.gaze_ms", ages.gaze_ms),
+                ("dead_man.tracking_ms", ages.tracking_ms),
+            ] {
+                if !(20..=60_000).contains(&got) {
+                    let expected = "20 to 60000; leave dead_man out for no limits";
+                    return Err(ControlError::Value { key, got: got as f64, expected });
+                }
+            }
+        }
         if let Some(&(key, got)) = positive.iter().find(|(_, v)| !(v.is_finite() && *v > 0.0)) {
             return Err(ControlError::Value { key, got, expected: "a finite number above 0" });
         }

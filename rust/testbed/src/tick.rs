@@ -15,7 +15,7 @@ use proact_intent::Candidates;
 use proact_tasks::BoxAndBlocks;
 use proact_types::{
     ArmModel, ArmModelError, BlockId, Event, EventKind, Gesture, HandView, InputSource, JointVector,
-    MethodAnswer, PlanReply, PlanRequest, Point, SignKind, SimTime, TickInput,
+    MethodAnswer, PlanReply, PlanRequest, Point, SignKind, SimTime, Stop, TickInput,
 };
 use std::sync::Arc;
 
@@ -224,6 +224,11 @@ impl Testbed {
     /// The trial's digest up to the last closed span.
     pub fn digest(&self) -> String {
         self.digest.value()
+    }
+
+    /// Why the arm must stand still; none while it need not.
+    pub fn stop(&self) -> Option<&Stop> {
+        self.watch.stop()
     }
 
     /// Gesture in force.
