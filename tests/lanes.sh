@@ -6,7 +6,7 @@
 # the reason as its last line); anything else is a failure. One failing lane does not keep the others from running.
 
 short_lanes="format shell docker web lint cpp rust launcher trial page rosbridge ros"
-long_lanes="seeds planning sanitizers valgrind soak debootstrap focal image pages ros_long lsl"
+long_lanes="seeds planning sanitizers valgrind soak debootstrap focal image pages ros_long ros_safety lsl"
 
 # A ROS 1 graph with Debian's own clients, the catkin workspace, rviz on a virtual display.
 ros_test_packages="ros-base python3-roslaunch python3-rosbag python3-rostopic python3-rosnode python3-rosservice
@@ -31,7 +31,7 @@ packages_of() {
     page | pages) echo chromium ;;
     trial) echo python3 python3-rosbag ;;
     seeds | planning) echo python3 ;;
-    ros | ros_long) echo "$ros_packages $ros_test_packages" ;;
+    ros | ros_long | ros_safety) echo "$ros_packages $ros_test_packages" ;;
     debootstrap) echo debootstrap python3 git ;;
     focal | image) echo debootstrap ;;
     format | lint)
@@ -179,6 +179,12 @@ lane_ros_long() {
         PROACT_BINARY=$ros_binary /usr/bin/python3 -W ignore "$root/tests/ros/$test.py" || return 1
     done
     sh "$root/tests/ros/workspace.sh"
+}
+
+# Nodes of other people that fall silent, freeze or are killed, and how long the arm goes on, in simulated time.
+lane_ros_safety() {
+    build_ros
+    PROACT_BINARY=$ros_binary /usr/bin/python3 -W ignore "$root/tests/ros/test_safety.py"
 }
 
 # The program with its nodes, beside the one without. Ends the lane where ROS is not to be had.

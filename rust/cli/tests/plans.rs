@@ -7,8 +7,8 @@ use proact_kinematics::Kinematics;
 use proact_tasks::BoxAndBlocks;
 use proact_testbed::{MethodName, Parts, Setup, Testbed, TickOutput, TrialConfig, ports::PlanService};
 use proact_types::{
-    BlockId, EventKind, GazeSample, Gesture, PlanReply, PlanRequest, PlanStatus, PlannerView, Point, Pose,
-    TickInput, Trajectory, TrajectoryPoint, Vector, joints,
+    BlockId, EventKind, GazeSample, Gesture, InputSign, InputSource, PlanReply, PlanRequest, PlanStatus,
+    PlannerView, Point, Pose, SignKind, TickInput, Trajectory, TrajectoryPoint, Vector, joints,
 };
 use std::{
     error::Error,
@@ -102,6 +102,8 @@ impl Trial {
                 let red = self.testbed.plant().state().blocks[0].pose.translation.vector;
                 let direction = self.looks_at.unwrap_or(red - self.eye.coords);
                 input.gaze = Some(GazeSample { origin: self.eye, direction, valid: true });
+                // As a mouse does, which may rest.
+                input.signs.push(InputSign { source: InputSource::Page, kind: SignKind::Points });
             }
             outputs.push(self.testbed.tick(&input, false)?);
             input = TickInput::default();
