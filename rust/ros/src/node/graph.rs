@@ -328,6 +328,10 @@ where
     })
 }
 
+/// A loop that falls behind by more goes on from where it is. One that raced to catch up would leave the other nodes no
+/// time to stop the arm: it moved for 100 ms more once the machine had stood still for so long.
+const BEHIND: Duration = Duration::from_millis(20);
+
 /// Keeps a loop of one-millisecond ticks in step with the clock on the wall.
 #[derive(Debug)]
 pub(super) struct Pace {
@@ -340,15 +344,14 @@ impl Pace {
         Self { start: Instant::now(), ticks: 0 }
     }
 
-    /// Sleeps until the tick is due. A machine that falls behind by 100 ms is forgiven, so that it does not race
-    /// afterwards.
+    /// Sleeps until the tick is due.
     pub(super) fn tick(&mut self) {
         self.ticks += 1;
         let due = self.start + Duration::from_millis(self.ticks);
         let now = Instant::now();
         if due > now {
             std::thread::sleep(due - now);
-        } else if now - due > Duration::from_millis(100) {
+        } else if now - due > BEHIND {
             self.start = now;
             self.ticks = 0;
         }
