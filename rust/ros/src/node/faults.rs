@@ -47,6 +47,11 @@ impl Faults {
         }
     }
 
+    /// A source died, `reason` says how, and the arm stands still.
+    pub(super) fn stop(&self, reason: &str) {
+        self.refuse("stop", &format!("{reason}: no motion until it is back and the hand relaxed"));
+    }
+
     /// The counts as a message.
     pub(super) fn message(&self, node: &str, stamp: rosrust::Time) -> DiagnosticArray {
         let kinds = self.kinds.lock().unwrap_or_else(PoisonError::into_inner);

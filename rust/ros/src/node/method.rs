@@ -250,9 +250,7 @@ impl MethodNode {
     /// Stops when a source died, and lets it be known; goes on when it is back and the hand was relaxed.
     fn watch_sources(&mut self) {
         if let Some(EventKind::Stopped { reason, .. }) = self.watch.step(self.common.now(), self.gesture) {
-            self.common
-                .faults
-                .refuse("stop", &format!("{reason}: no motion until it is back and the hand relaxed"));
+            self.common.faults.stop(&reason);
         }
     }
 

@@ -29,8 +29,6 @@ use rosrust::Publisher;
 #[derive(Default)]
 struct Inbox {
     gesture: Option<Gesture>,
-    /// A gesture came, new or the same once more.
-    heard: bool,
     position: Option<(rosrust::Time, Point)>,
     gaze: Option<GazeSample>,
     paused: bool,
@@ -118,14 +116,17 @@ pub fn run_testbed(mut session: Session, simulated: bool) -> Result<TrialResult,
         }
         if let Some(gesture) = inbox.gesture.take() {
             session.command(InputSource::GestureTopic, gesture);
-        }
-        if std::mem::take(&mut inbox.heard) {
             session.hear(InputSource::GestureTopic);
         }
         if let Some(gaze) = inbox.gaze.take() {
             session.look(gaze);
         }
         let step = session.step(false)?;
+        for event in &step.output.events {
+            if let EventKind::Stopped { reason, .. } = &event.kind {
+                graph.faults().stop(reason);
+            }
+        }
         let head = session.head();
         let sent = publish(&step, &session, &outlets, &topics, &head, rate, &mut plan, &mut seen);
         if let Err(error) = sent {
@@ -179,7 +180,7 @@ fn listen(graph: &Graph, jobs: &Jobs<Inbox>) -> Result<Vec<rosrust::Subscriber>,
     let (for_emg, for_gaze) = (graph.faults().clone(), graph.faults().clone());
     let emg = graph.listen("emg", 1, jobs, move |inbox: &mut Inbox, message: Text| {
         match message.data.parse::<Gesture>() {
-            Ok(gesture) => (inbox.gesture, inbox.heard) = (Some(gesture), true),
+            Ok(gesture) => inbox.gesture = Some(gesture),
             Err(error) => for_emg.refuse("emg", &error.to_string()),
         }
     })?;
