@@ -12,21 +12,26 @@ use crate::{
     },
     node::{Graph, NodeError, convert, graph::Jobs, intent::IntentView},
 };
-use proact_types::{BlockId, Gesture, Point};
+use proact_types::{BlockId, Gesture, InputSource, Point, SignKind};
 use rosrust::Subscriber;
 
 pub(super) fn listen(graph: &Graph, jobs: &Jobs<MethodNode>) -> Result<Vec<Subscriber>, NodeError> {
     Ok(vec![
         graph.listen("emg", 1, jobs, |node: &mut MethodNode, m: Text| match m.data.parse::<Gesture>() {
-            Ok(gesture) => node.act(gesture),
+            Ok(gesture) => {
+                node.joy_acts = false;
+                node.act(gesture);
+            }
             Err(error) => node.common.faults.refuse("emg", &error.to_string()),
         })?,
         graph.listen("joy", 1, jobs, |node: &mut MethodNode, m: Joy| {
             let gesture = joy::gesture(&m.axes, &m.buttons, node.gazes(), node.is_closed());
             // A joystick at rest repeats itself; it must not talk over the armband.
             if gesture != node.joy || gesture != Gesture::NoMotion {
-                node.joy = gesture;
+                (node.joy, node.joy_acts) = (gesture, true);
                 node.act(gesture);
+            } else if node.joy_acts {
+                node.watch.hear(node.common.now(), InputSource::GestureTopic, SignKind::Alive);
             }
         })?,
         graph.listen("block_id", 1, jobs, |node: &mut MethodNode, m: Text| {
