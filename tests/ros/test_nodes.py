@@ -2,6 +2,7 @@
 
 import json
 import os
+import random
 import signal
 import subprocess
 import time
@@ -309,7 +310,9 @@ def write_inputs(path, block, shoulder):
     eye = Vector3(-0.4, 0.3, 1.6)
     way = Vector3(block.x - eye.x, block.y - eye.y, block.z - eye.z)
     norm = (way.x ** 2 + way.y ** 2 + way.z ** 2) ** 0.5
-    way = Vector3(way.x / norm, way.y / norm, way.z / norm)
+    noise = random.Random(1)
+    # No eye tracker measures the same twice.
+    seen = lambda: Vector3(*(v / norm + noise.uniform(-1e-4, 1e-4) for v in (way.x, way.y, way.z)))
     with rosbag.Bag(path, "w") as bag:
         for k in range(30 * 20):
             t = 0.05 * k
@@ -318,7 +321,7 @@ def write_inputs(path, block, shoulder):
             bag.write("/emg", String(data=gesture), at)
             header = Header(stamp=rospy.Time.from_sec(1.6e9 + t), frame_id="")
             bag.write("/gaze_position", Vector3Stamped(header=header, vector=eye), at)
-            bag.write("/gaze_direction", Vector3Stamped(header=header, vector=way), at)
+            bag.write("/gaze_direction", Vector3Stamped(header=header, vector=seen()), at)
             bag.write("/Shoulderpad_filtered_pose", PoseStamped(header=header, pose=shoulder), at)
 
 

@@ -8,7 +8,9 @@ use proact_testbed::{
     MethodName, Setup, TrialConfig,
     ports::{Plant, PlantError},
 };
-use proact_types::{GazeSample, Gesture, PlantCommand, PlantState, SimTime, TickInput};
+use proact_types::{
+    GazeSample, Gesture, InputSign, InputSource, PlantCommand, PlantState, SignKind, SimTime, TickInput,
+};
 use std::{
     error::Error,
     sync::{Arc, Mutex},
@@ -74,6 +76,8 @@ fn measure(method: MethodName, ticks: u64) -> Result<Vec<f64>, Box<dyn Error>> {
             emg: feed.sample_at(now, gesture),
             gaze: tick.is_multiple_of(GAZE_TICKS).then_some(gaze),
             shoulder: tick.is_multiple_of(TRACKING_TICKS).then_some(shoulder),
+            // The ray is that of a pointer, which may rest.
+            signs: [InputSign { source: InputSource::Page, kind: SignKind::Points }].into_iter().collect(),
             ..TickInput::default()
         };
         let begin = Instant::now();

@@ -100,6 +100,8 @@ struct MethodNode {
     /// The goal that the hand is on its way to.
     hand_goal: Option<String>,
     gesture: Gesture,
+    /// What was said last. Where a stage fell silent the method lets go, but the hand has not relaxed.
+    said: Gesture,
     /// Which sources are alive.
     watch: SourceWatch,
     /// The most telling kind of message about the gaze so far, and what it said last.
@@ -147,6 +149,7 @@ pub fn run_method(parts: MethodParts) -> Result<(), NodeError> {
         hand: HandTracker::new(open),
         hand_goal: None,
         gesture: Gesture::NoMotion,
+        said: Gesture::NoMotion,
         watch: SourceWatch::new(
             config.profile.dead_man,
             matches!(config.method, MethodName::C | MethodName::D),
@@ -244,6 +247,7 @@ impl MethodNode {
         if gesture == Gesture::NoMotion {
             self.lost.clear();
         }
+        self.said = gesture;
         self.gesture = if !self.lost.is_empty() { Gesture::NoMotion } else { gesture };
         self.watch_sources();
         let done = self.control(Some(self.gesture), None);
@@ -252,7 +256,7 @@ impl MethodNode {
 
     /// Stops when a source died, and lets it be known; goes on when it is back and the hand was relaxed.
     fn watch_sources(&mut self) {
-        if let Some(EventKind::Stopped { reason, .. }) = self.watch.step(self.common.now(), self.gesture) {
+        if let Some(EventKind::Stopped { reason, .. }) = self.watch.step(self.common.now(), self.said) {
             self.common.faults.stop(&reason);
         }
     }
