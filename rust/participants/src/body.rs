@@ -136,10 +136,10 @@ fn minimum_jerk_step([p, v, a]: [f64; 3], target: f64, secs: f64) -> [f64; 3] {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
 
-    fn body() -> Body {
+    pub(crate) fn body() -> Body {
         Body {
             hip: Point::new(-0.6, 0.0, 0.995),
             shoulder: Point::new(-0.6, -0.18, 1.445),

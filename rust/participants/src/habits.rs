@@ -112,8 +112,10 @@ impl Habits {
         self.posture
     }
 
-    /// Goes over to `wanted`, relaxing for a moment between two gestures.
-    pub(crate) fn make(&mut self, now: SimTime, wanted: Gesture) {
+    /// Goes over to `wanted`, relaxing for a moment between two gestures, and for as long as the arm is seen to
+    /// be `stopped`: it waits for a relaxed hand.
+    pub(crate) fn make(&mut self, now: SimTime, stopped: bool, wanted: Gesture) {
+        let wanted = if stopped { Gesture::NoMotion } else { wanted };
         if wanted == self.gesture {
             return;
         }
@@ -150,5 +152,24 @@ impl Habits {
         let mean = self.options.blink_interval_ms.max(2);
         self.blink_at = now.plus_millis(self.rng.random_range(mean / 2..mean * 3 / 2));
         true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::body::tests::body;
+
+    #[test]
+    fn a_hand_relaxes_while_the_arm_is_stopped_and_then_makes_the_gesture_again() {
+        let mut habits = Habits::new(ParticipantOptions::default(), body(), 0.8, 1);
+        let mut make = |ms: u64, stopped: bool| {
+            habits.make(SimTime(ms), stopped, Gesture::WristExtension);
+            habits.gesture()
+        };
+        assert_eq!(make(1000, false), Gesture::WristExtension);
+        assert_eq!(make(2000, true), Gesture::NoMotion);
+        assert_eq!(make(5000, true), Gesture::NoMotion);
+        assert_eq!(make(5017, false), Gesture::WristExtension);
     }
 }

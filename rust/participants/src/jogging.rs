@@ -429,7 +429,7 @@ impl Participant for JoggingParticipant {
         }
         let seen = self.habits.see(frame);
         let wanted = self.decide(now, &seen);
-        self.habits.make(now, wanted);
+        self.habits.make(now, seen.stop.is_some(), wanted);
         let looked_at = match self.block {
             Some(block) if seen.hand.holds.is_some() => self.scene.targets[block.index()].centre,
             Some(block) => Point::from(frame.blocks[block.index()].translation.vector),

@@ -240,7 +240,7 @@ impl Participant for SelectingParticipant {
         let seen = self.habits.see(frame);
         let wanted = self.decide(now, &seen);
         let wanted = self.insist(now, &seen, wanted);
-        self.habits.make(now, wanted);
+        self.habits.make(now, seen.stop.is_some(), wanted);
         let looked_at = self.looked_at(frame) + self.correction;
         let eye = frame.world_from_head.translation.vector;
         Intention {
