@@ -218,13 +218,13 @@ fn run_to_end(
         if let Some(recorder) = &mut recorder {
             recorder.write(&step, session.testbed().plant().state())?;
         }
+        shown.feedback.begin(&step.output.cues);
         if let Some(frame) = &step.frame {
             bar.set_position(step.time.0);
             bar.set_message(format!("{} of 4 on target", frame.on_target));
             if let Some(page) = page {
                 page.publish(frame);
             }
-            shown.feedback.begin(frame);
             if let Some(rosbridge) = &shown.rosbridge {
                 rosbridge.publish(frame);
             }

@@ -71,7 +71,10 @@ impl LimbReceiver {
         let Some(message) = newest else { return Ok(false) };
         let Measured { angles } =
             serde_json::from_slice(&message).map_err(|error| LimbError::Message(error.to_string()))?;
-        session.track_limb(&angles).map_err(|error: TestbedError| LimbError::Message(error.to_string()))?;
+        session
+            .person()
+            .track_limb(&angles)
+            .map_err(|error: TestbedError| LimbError::Message(error.to_string()))?;
         Ok(true)
     }
 }

@@ -9,10 +9,10 @@ use proact_bridge::{ClientInput, PageServer};
 #[cfg(feature = "lsl")]
 use proact_devices::LslGaze;
 use proact_devices::{
-    DeviceError, FeedbackCue, FeedbackSink, GazeFrame, GazeReceiver, GazeTracker, SentGaze, UdpFeedback,
+    DeviceError, FeedbackSink, GazeFrame, GazeReceiver, GazeTracker, SentGaze, UdpFeedback,
 };
-use proact_testbed::Session;
-use proact_types::{DisplayFrame, GazeSample, InputSource};
+use proact_testbed::{FeedbackCue, Session, Step};
+use proact_types::{GazeSample, InputSource};
 use std::error::Error;
 
 /// Where cues go.
@@ -33,11 +33,11 @@ impl FeedbackArgs {
 }
 
 impl Feedback {
-    /// Begins the cues of what has happened since the frame before.
-    pub(crate) fn begin(&mut self, frame: &DisplayFrame) {
-        for cue in frame.events.iter().filter_map(FeedbackCue::of) {
+    /// Begins the cues of a tick.
+    pub(crate) fn begin(&mut self, cues: &[FeedbackCue]) {
+        for cue in cues {
             let Some(sink) = &mut self.0 else { return };
-            if let Err(error) = sink.begin(&cue) {
+            if let Err(error) = sink.begin(cue) {
                 eprintln!("no more feedback: {error}");
                 self.0 = None;
             }
@@ -131,10 +131,10 @@ impl Person {
         Ok(())
     }
 
-    /// Publishes an instant, and begins its cues.
-    pub(crate) fn publish(&mut self, frame: &DisplayFrame) {
-        self.feedback.begin(frame);
-        if let Some(rosbridge) = &self.rosbridge {
+    /// Publishes an instant, and begins the cues of a tick.
+    pub(crate) fn show(&mut self, step: &Step) {
+        self.feedback.begin(&step.output.cues);
+        if let (Some(rosbridge), Some(frame)) = (&self.rosbridge, &step.frame) {
             rosbridge.publish(frame);
         }
     }
@@ -149,19 +149,19 @@ pub(crate) fn drive_by_page(
     let mut others = Vec::new();
     for input in inputs {
         match input {
-            ClientInput::Gesture(gesture) => session.command(InputSource::Page, gesture),
+            ClientInput::Gesture(gesture) => session.person().command(InputSource::Page, gesture),
             ClientInput::Gaze { origin, direction, measured } => {
                 let gaze = GazeSample { origin, direction, valid: true };
-                if measured { session.look(gaze) } else { session.point(gaze) }
+                if measured { session.person().look(gaze) } else { session.person().point(gaze) }
             }
-            ClientInput::Trunk(posture) => session.lean(posture),
-            ClientInput::Head(pose) => session.track_head(pose),
-            ClientInput::Disconnected => session.close(InputSource::Page),
+            ClientInput::Trunk(posture) => session.person().lean(posture),
+            ClientInput::Head(pose) => session.person().track_head(pose),
+            ClientInput::Disconnected => session.person().close(InputSource::Page),
             other => others.push(other),
         }
     }
     if page.take_heard() {
-        session.hear(InputSource::Page);
+        session.person().hear(InputSource::Page);
     }
     others
 }
@@ -191,9 +191,9 @@ impl EyeTracker {
         // Compared as sent: a frozen ray would move in the world with the head.
         let repeats = self.last.replace(sent) == Some(sent);
         if repeats && valid {
-            session.look_again(gaze)
+            session.person().look_again(gaze)
         } else {
-            session.look(gaze)
+            session.person().look(gaze)
         }
         Ok(true)
     }

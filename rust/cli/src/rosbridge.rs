@@ -121,11 +121,11 @@ pub(crate) fn drive_by_topics(topics: &HeadsetTopics, session: &mut Session) -> 
     let came = !inputs.is_empty();
     for input in inputs {
         match input {
-            HeadsetInput::Gesture(gesture) => session.command(InputSource::GestureTopic, gesture),
-            HeadsetInput::Alive => session.hear(InputSource::GestureTopic),
-            HeadsetInput::Gaze(gaze) => session.look(gaze),
-            HeadsetInput::Head(pose) => session.track_head(pose),
-            HeadsetInput::Shoulder(pose) => session.track_shoulder(pose),
+            HeadsetInput::Gesture(gesture) => session.person().command(InputSource::GestureTopic, gesture),
+            HeadsetInput::Alive => session.person().hear(InputSource::GestureTopic),
+            HeadsetInput::Gaze(gaze) => session.person().look(gaze),
+            HeadsetInput::Head(pose) => session.person().track_head(pose),
+            HeadsetInput::Shoulder(pose) => session.person().track_shoulder(pose),
         }
     }
     came

@@ -128,7 +128,7 @@ pub(crate) fn command(args: &ServeArgs) -> Result<bool, Box<dyn Error>> {
             none => none.insert(args.person.open(&session)?),
         };
         let start = Instant::now();
-        session.set_gaze_offset(gaze_offset);
+        session.person().set_gaze_offset(gaze_offset);
         let mut ended = live_trial(
             &mut session,
             &mut recorder,
@@ -233,7 +233,7 @@ fn live_trial(
                     ClientInput::Study(action) if experimenter.act(action) => ending = Some(Ended::Aborted),
                     ClientInput::GazeCheck(check) => {
                         take_gaze_check(dir, now, &check, gaze_offset)?;
-                        session.set_gaze_offset(*gaze_offset);
+                        session.person().set_gaze_offset(*gaze_offset);
                     }
                     // A refused action; the person's inputs have been taken.
                     _ => {}
@@ -253,8 +253,8 @@ fn live_trial(
         }
         if let Some(frame) = &step.frame {
             page.publish(frame);
-            person.publish(frame);
         }
+        person.show(&step);
         if step.output.finished && ending.is_none() {
             return Ok(Ended::Finished);
         }

@@ -10,7 +10,7 @@ use proact_participants::{JoggingParticipant, Participant, ParticipantOptions, S
 use proact_planning::{ArmPlanner, Person, PlanLog, PlanWorker, PlannerOptions};
 use proact_tasks::BoxAndBlocks;
 use proact_testbed::{
-    ConfigError, LoggedPlans, MethodName, Parts, PhysicsConfig, Session, SessionParts, Testbed, TestbedError,
+    ConfigError, LoggedPlans, MethodName, Parts, PersonParts, PhysicsConfig, Session, Testbed, TestbedError,
     TrialConfig,
     ports::{EmgSource as EmgPort, PlanService, Plant, PlantError},
 };
@@ -91,12 +91,10 @@ pub fn simulated_with(
     let worker = planner(&model, &config)?;
     let plans = worker.log();
     let testbed = testbed(config, &model, Box::new(worker), Some(classifier.clone()))?;
-    let session = Session::new(SessionParts {
+    let session = Session::new(
         testbed,
-        participant: Some(participant),
-        emg: Some(Box::new(feed)),
-        gaze: Some(Box::new(gaze)),
-    });
+        PersonParts { participant: Some(participant), emg: Some(Box::new(feed)), gaze: Some(Box::new(gaze)) },
+    );
     Ok(Assembly { session, classifier: Some(classifier), model, plans })
 }
 
@@ -133,7 +131,7 @@ pub fn live(mut config: TrialConfig) -> Result<Assembly, AssemblyError> {
     let worker = planner(&model, &config)?;
     let plans = worker.log();
     let testbed = testbed(config, &model, Box::new(worker), None)?;
-    let session = Session::new(SessionParts { testbed, participant: None, emg: None, gaze: None });
+    let session = Session::new(testbed, PersonParts::default());
     Ok(Assembly { session, classifier: None, model, plans })
 }
 
@@ -175,7 +173,7 @@ pub fn live_with_armband(
     let plans = worker.log();
     let classifier = Some(trained.classifier.clone());
     let testbed = testbed(config, &model, Box::new(worker), classifier.clone())?;
-    let session = Session::new(SessionParts { testbed, participant: None, emg: Some(armband), gaze: None });
+    let session = Session::new(testbed, PersonParts { emg: Some(armband), ..PersonParts::default() });
     Ok(Assembly { session, classifier, model, plans })
 }
 

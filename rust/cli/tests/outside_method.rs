@@ -25,11 +25,11 @@ fn run(config: TrialConfig, dir: Option<&Path>) -> Outcome<(Vec<DisplayFrame>, S
     let recorder = |dir| Recorder::create(dir, &used, &model, classifier.as_ref());
     let mut recorder = dir.map(recorder).transpose()?;
     let mut frames = Vec::new();
-    session.act(Gesture::WristExtension);
+    session.person().act(Gesture::WristExtension);
     loop {
         let (block, origin) = (session.testbed().plant().state().blocks[0].pose, session.head().translation);
         let direction = block.translation.vector - origin.vector;
-        session.point(GazeSample { origin: Point::from(origin.vector), direction, valid: true });
+        session.person().point(GazeSample { origin: Point::from(origin.vector), direction, valid: true });
         let step = session.step(false)?;
         if let Some(recorder) = &mut recorder {
             recorder.write(&step, session.testbed().plant().state())?;

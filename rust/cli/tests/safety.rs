@@ -93,10 +93,10 @@ fn a_stop_is_on_the_record_with_its_reason_and_a_replay_stops_where_the_trial_di
     let trial::Assembly { mut session, model, .. } = trial::live(config).unwrap();
     let config = session.testbed().config().clone();
     let mut recorder = Recorder::create(&dir, &config, &model, None).unwrap();
-    session.command(InputSource::Page, Gesture::WristExtension);
+    session.person().command(InputSource::Page, Gesture::WristExtension);
     for tick in 1..=1500_u64 {
         if tick <= 400 && tick.is_multiple_of(40) {
-            session.hear(InputSource::Page);
+            session.person().hear(InputSource::Page);
         }
         let step = session.step(tick == 1500).unwrap();
         recorder.write(&step, session.testbed().plant().state()).unwrap();
@@ -124,7 +124,7 @@ fn a_mouse_that_rests_may_do_so_and_an_eye_that_does_may_not() {
         let mut stops = Vec::new();
         for tick in 1..=3000_u64 {
             if tick.is_multiple_of(20) {
-                if measured { session.look(ray) } else { session.point(ray) }
+                if measured { session.person().look(ray) } else { session.person().point(ray) }
             }
             session.step(false).unwrap();
             stops.extend(session.testbed().stop().map(|stop| (stop.source, stop.cause)));

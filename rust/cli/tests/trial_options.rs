@@ -30,11 +30,11 @@ fn block(session: &Session, block: BlockId) -> Vector {
 /// Makes a gesture for `ms`, looking at `point` if there is one; the last frame.
 fn make(session: &mut Session, gesture: Gesture, point: Option<Vector>, ms: u64) -> Outcome<DisplayFrame> {
     let mut last = None;
-    session.act(gesture);
+    session.person().act(gesture);
     for tick in 0..ms {
         if let Some(point) = point.filter(|_| tick % 10 == 0) {
             let origin = Point::from(session.head().translation.vector);
-            session.point(GazeSample { origin, direction: point - origin.coords, valid: true });
+            session.person().point(GazeSample { origin, direction: point - origin.coords, valid: true });
         }
         last = session.step(false)?.frame.or(last);
     }
@@ -110,7 +110,7 @@ fn a_persons_tracked_limb_is_followed_while_the_method_turns_the_wrist() -> Outc
     let start = session.testbed().plant().state().position.clone();
     let mut limb = start[..7].to_vec();
     limb[3] += 0.3;
-    session.track_limb(&limb)?;
+    session.person().track_limb(&limb)?;
     // At the start the wrist stands at the limit to which WE turns it.
     make(&mut session, Gesture::WristFlexion, None, 1500)?;
     let moved: Vec<f64> =
@@ -119,7 +119,7 @@ fn a_persons_tracked_limb_is_followed_while_the_method_turns_the_wrist() -> Outc
     assert!(moved[4].abs() > 0.3, "the method turns the wrist: {moved:?}");
     assert!(moved[..3].iter().all(|q| q.abs() < 0.02), "{moved:?}");
     for wrong in [vec![0.0; 3], vec![f64::NAN; 7]] {
-        let error = session.track_limb(&wrong).expect_err("no limb").to_string();
+        let error = session.person().track_limb(&wrong).expect_err("no limb").to_string();
         assert!(error.contains("expected 7 finite angles"), "{error}");
     }
     Ok(())

@@ -1,67 +1,6 @@
 use crate::DeviceError;
-use proact_types::{Event, EventKind, SimTime};
-use serde::{Deserialize, Serialize};
+use proact_testbed::FeedbackCue;
 use std::{io, net::UdpSocket};
-
-/// What a person is to hear and feel at an event, as data: who drives a loudspeaker or a vibrating band decides how.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct FeedbackCue {
-    /// When.
-    pub time: SimTime,
-    /// Why.
-    pub cue: Cue,
-    /// What is to be heard.
-    pub sound: Option<Tone>,
-    /// What is to be felt.
-    pub vibration: Option<Vibration>,
-}
-
-/// The occasions for a cue.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Cue {
-    /// The hand took hold of a block.
-    ContactMade,
-    /// The hand let go of a block.
-    ContactLost,
-    /// A block came to rest on its target.
-    OnTarget,
-    /// A block came to rest elsewhere.
-    OffTarget,
-}
-
-/// A tone.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Tone {
-    /// Hz at the beginning, and at the end: it glides.
-    pub hz: [f64; 2],
-    /// Milliseconds.
-    pub ms: u32,
-}
-
-/// A buzz.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Vibration {
-    /// 0 to 1.
-    pub strength: f64,
-    /// Milliseconds.
-    pub ms: u32,
-}
-
-impl FeedbackCue {
-    /// The cue of an event, if it has one. The tones are our own choice: up for contact, down for its loss.
-    pub fn of(event: &Event) -> Option<FeedbackCue> {
-        let (cue, hz, strength) = match event.kind {
-            EventKind::BlockAttached { .. } => (Cue::ContactMade, [440.0, 660.0], Some(1.0)),
-            EventKind::BlockReleased { .. } => (Cue::ContactLost, [660.0, 440.0], Some(0.5)),
-            EventKind::BlockOnTarget { .. } => (Cue::OnTarget, [880.0, 880.0], None),
-            EventKind::BlockOffTarget { .. } => (Cue::OffTarget, [220.0, 220.0], None),
-            _ => return None,
-        };
-        let vibration = strength.map(|strength| Vibration { strength, ms: 150 });
-        Some(FeedbackCue { time: event.time, cue, sound: Some(Tone { hz, ms: 150 }), vibration })
-    }
-}
 
 /// Something that makes cues heard or felt.
 pub trait FeedbackSink {
@@ -111,28 +50,17 @@ impl FeedbackSink for UdpFeedback {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proact_types::BlockId;
+    use proact_testbed::stages::FeedbackStage;
+    use proact_types::{BlockId, Event, EventKind, SimTime};
     use std::time::Duration;
-
-    fn event(kind: EventKind) -> Event {
-        Event { time: SimTime(1234), kind }
-    }
-
-    #[test]
-    fn contact_is_heard_and_felt_and_a_plan_is_neither() {
-        let made = FeedbackCue::of(&event(EventKind::BlockAttached { block: BlockId::Red1 })).unwrap();
-        assert_eq!(made.cue, Cue::ContactMade);
-        assert!(made.vibration.is_some_and(|buzz| buzz.strength == 1.0));
-        assert!(made.sound.is_some_and(|tone| tone.hz[1] > tone.hz[0]));
-        assert_eq!(FeedbackCue::of(&event(EventKind::PlanRequested { request: 1 })), None);
-    }
 
     #[test]
     fn cues_arrive_as_json_and_a_missing_listener_is_no_error() {
         let listener = UdpSocket::bind("127.0.0.1:0").unwrap();
         listener.set_read_timeout(Some(Duration::from_secs(5))).unwrap();
         let mut sink = UdpFeedback::connect(&listener.local_addr().unwrap().to_string()).unwrap();
-        let cue = FeedbackCue::of(&event(EventKind::BlockReleased { block: BlockId::Blue1 })).unwrap();
+        let kind = EventKind::BlockReleased { block: BlockId::Blue1 };
+        let cue = FeedbackStage.step(SimTime(1234), &[Event { time: SimTime(1234), kind }])[0];
         sink.begin(&cue).unwrap();
         let mut bytes = [0; 512];
         let count = listener.recv(&mut bytes).unwrap();

@@ -53,7 +53,7 @@ mod synthetic;
 pub use error::DeviceError;
 pub use evaluate::{Evaluation, evaluate};
 pub use feed::EmgFeed;
-pub use feedback::{Cue, FeedbackCue, FeedbackSink, Tone, UdpFeedback, Vibration};
+pub use feedback::{FeedbackSink, UdpFeedback};
 pub use gaze::GazeSource;
 pub use gaze_tracker::{GazeFrame, GazeTracker, SentGaze};
 pub use gaze_udp::{GAZE_UDP_PORT, GazeReceiver};

@@ -3,8 +3,10 @@
 //! Every tick feeds the inputs and the outputs of each stage into one hash per field. Every 100 ticks these close
 //! a span, and the span is chained to those before it. Numbers enter as their bits: equal means bit for bit.
 
+use crate::stages::{ActuationOutput, EmgStageOutput, IntentOutput, MethodOutput};
 use blake3::Hasher;
-use proact_types::{Pose, SimTime, Vector};
+use proact_tasks::TaskState;
+use proact_types::{BlockId, PlantState, Pose, SimTime, Stop, TickInput, Vector};
 use serde::{Deserialize, Serialize};
 
 /// Ticks in a span.
@@ -115,6 +117,94 @@ impl Digest {
     /// Where the numbers of `field` go.
     pub fn field(&mut self, field: Field) -> FieldDigest<'_> {
         FieldDigest(&mut self.fields[field as usize])
+    }
+
+    /// What entered the tick.
+    pub fn input(&mut self, input: &TickInput) {
+        for sample in &input.emg {
+            self.field(Field::InputEmg).word(sample.counter).numbers(&sample.channels);
+        }
+        if let Some(gesture) = input.gesture {
+            self.field(Field::InputGesture).word(gesture.index() as u64);
+        }
+        for sign in &input.signs {
+            let mut field = self.field(Field::InputGesture);
+            field.word(sign.source.index() as u64).word(sign.kind as u64);
+        }
+        if let Some(gaze) = &input.gaze {
+            let mut field = self.field(Field::InputGaze);
+            field.vector(&gaze.origin.coords).vector(&gaze.direction).word(u64::from(gaze.valid));
+        }
+        if let Some(pose) = &input.shoulder {
+            self.field(Field::InputShoulder).pose(pose);
+        }
+        if let Some(limb) = &input.limb {
+            self.field(Field::InputLimb).numbers(limb);
+        }
+    }
+
+    /// What the EMG stage said.
+    pub fn gesture(&mut self, output: &EmgStageOutput) {
+        if let Some(decision) = &output.decision {
+            let mut field = self.field(Field::Emg);
+            field.word(decision.gesture.index() as u64).numbers(&decision.posterior);
+        }
+    }
+
+    /// What the intent stage said of a new gaze.
+    pub fn intent(&mut self, output: &IntentOutput) {
+        if output.heard.is_some() {
+            let mut field = self.field(Field::Intent);
+            field.numbers(&output.posterior).vector(&output.place.coords);
+        }
+    }
+
+    /// What the method asked for, and what stopped it.
+    pub fn method(&mut self, output: &MethodOutput, stop: Option<&Stop>) {
+        if let Some(reply) = &output.plan {
+            let mut field = self.field(Field::InputPlan);
+            field.word(reply.id).word(reply.status as u64).text(&reply.reason);
+            for point in &reply.trajectory.points {
+                field.number(point.time_secs).numbers(&point.q).numbers(&point.qd);
+            }
+        }
+        if let Some(answer) = &output.answer {
+            let (Ok(text) | Err(text)) = answer;
+            self.field(Field::InputMethod).word(u64::from(answer.is_ok())).text(text);
+        }
+        if output.stepped {
+            let mut field = self.field(Field::Control);
+            field
+                .word(u64::from(output.motion.is_some()))
+                .word(output.hand.map_or(0, |hand| hand as u64 + 1))
+                .word(output.said as u64);
+            if let Some(stop) = stop {
+                field.word(stop.source.index() as u64).word(stop.cause as u64);
+            }
+        }
+    }
+
+    /// What was asked of the joints.
+    pub fn actuation(&mut self, output: &ActuationOutput) {
+        let command = &output.command;
+        self.field(Field::Motion).numbers(&command.position).pose(&command.world_from_base);
+    }
+
+    /// The world after its step, and the block that was attached while the physics moved.
+    pub fn world(&mut self, state: &PlantState, carried: Option<usize>) {
+        self.field(Field::Joints).numbers(&state.position).numbers(&state.velocity);
+        let mut field = self.field(Field::Blocks);
+        for body in &state.blocks {
+            field.pose(&body.pose).vector(&body.linear).vector(&body.angular);
+        }
+        field.word(carried.map_or(u64::MAX, |block| block as u64));
+    }
+
+    /// The task, with the block in the hand.
+    pub fn task(&mut self, state: &TaskState, held: Option<BlockId>) {
+        let mut field = self.field(Field::Task);
+        field.word(u64::from(state.on_target)).word(state.next.map_or(9, |b| b.index() as u64));
+        field.word(held.map_or(9, |b| b.index() as u64)).word(u64::from(state.finished));
     }
 
     /// Ends tick `now`; the span's digest if it closes one. `last` closes it early, at the end of a trial.

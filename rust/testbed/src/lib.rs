@@ -6,7 +6,6 @@
 
 mod config;
 mod digest;
-mod entry;
 mod grasp;
 mod grasp_original;
 mod motion;
@@ -15,9 +14,8 @@ mod physics;
 mod plans;
 pub mod ports;
 mod session;
+pub mod stages;
 mod tick;
-mod view;
-mod world;
 
 pub use config::{ConfigError, MethodName, MethodProcessConfig, Setup, TrialConfig};
 pub use digest::{Digest, Divergence, Field, FieldDigest, SPAN_TICKS, SpanDigest, first_divergence};
@@ -26,6 +24,6 @@ pub use grasp_original::OriginalGraspRule;
 pub use motion::{ArmMotion, BaseMotion, HandMotion};
 pub use physics::{GraspRuleName, JointControl, MassSet, PhysicsConfig};
 pub use plans::plan_request;
-pub use session::{LoggedPlans, Session, SessionParts, Step, TrialResult, replay};
+pub use session::{LoggedPlans, Session, Step, TrialResult, replay};
+pub use stages::{FeedbackCue, GazeFilter, PersonParts};
 pub use tick::{Parts, Testbed, TestbedError, TickOutput};
-pub use view::GazeFilter;

@@ -1,50 +1,70 @@
 //! Plans: asked for with the whole scene, taken when they are due, and dropped when nobody waits for them.
 
-use crate::{Field, Testbed, TestbedError, TickOutput};
+use crate::{TrialConfig, ports::PlanService};
 use proact_types::{
-    ArmModel, AttachedObject, EventKind, JointVector, Obstacle, PlanGoal, PlanReply, PlanRequest, PlantState,
-    Scene, TickInput, joints,
+    ArmModel, AttachedObject, JointVector, Obstacle, PlanGoal, PlanReply, PlanRequest, PlantState, Scene,
+    SimTime, joints,
 };
 
-impl Testbed {
-    /// The plan that takes effect in this tick.
-    pub(crate) fn due_plan(&mut self, input: &TickInput) -> Option<PlanReply> {
+/// The plans that a method waits for: at most one.
+pub(crate) struct PlanBook {
+    service: Box<dyn PlanService>,
+    latency_ms: u64,
+    /// The tick at which a plan is due waits for it.
+    waits: bool,
+    seed: u64,
+    pending: Option<(u64, SimTime)>,
+    requests: u64,
+}
+
+impl PlanBook {
+    pub(crate) fn new(config: &TrialConfig, service: Box<dyn PlanService>) -> Self {
+        Self {
+            service,
+            latency_ms: config.plan_latency_ms,
+            waits: config.wait_for_plans,
+            seed: config.seed,
+            pending: None,
+            requests: 0,
+        }
+    }
+
+    /// The trial's seed, from which each request has its own.
+    pub(crate) fn seed(&self) -> u64 {
+        self.seed
+    }
+
+    /// The number of the next request.
+    pub(crate) fn next_id(&self) -> u64 {
+        self.requests + 1
+    }
+
+    /// The plan that takes effect in this tick; `logged` is what the input log has for it.
+    pub(crate) fn due(&mut self, now: SimTime, logged: Option<&PlanReply>) -> Option<PlanReply> {
         let (id, due) = self.pending?;
-        let reply = match &input.plan {
+        let reply = match logged {
             Some(reply) if reply.id == id => reply.clone(),
             // The answer to a request that was cancelled or replaced meanwhile moves nothing.
             Some(_) => return None,
-            None if self.now < due => return None,
-            None if self.config.wait_for_plans => self.parts.plans.wait(id),
-            None => self.parts.plans.poll(id)?,
+            None if now < due => return None,
+            None if self.waits => self.service.wait(id),
+            None => self.service.poll(id)?,
         };
         self.pending = None;
-        let field = &mut self.digest.field(Field::InputPlan);
-        field.word(reply.id).word(reply.status as u64).text(&reply.reason);
-        for point in &reply.trajectory.points {
-            field.number(point.time_secs).numbers(&point.q).numbers(&point.qd);
-        }
         Some(reply)
     }
 
-    /// Asks for a plan to `goal` in the world as it is now.
-    pub(crate) fn request(&mut self, goal: PlanGoal, output: &mut TickOutput) -> Result<(), TestbedError> {
-        self.requests += 1;
-        let id = self.requests;
-        let request = plan_request(
-            id,
-            &self.parts.model,
-            self.task.scene(),
-            self.parts.plant.state(),
-            self.arm.position().clone(),
-            goal,
-            self.config.seed,
-        );
-        output.request = Some(request.clone());
-        self.parts.plans.submit(request);
-        self.pending = Some((id, self.now.plus_millis(self.config.plan_latency_ms)));
-        self.note(output, EventKind::PlanRequested { request: id });
-        Ok(())
+    /// Hands `request` to the planner, in place of one that is waited for.
+    pub(crate) fn ask(&mut self, now: SimTime, request: PlanRequest) {
+        self.requests = request.id;
+        self.pending = Some((request.id, now.plus_millis(self.latency_ms)));
+        self.service.submit(request);
+    }
+
+    /// Nobody waits any more.
+    pub(crate) fn cancel(&mut self) {
+        self.pending = None;
+        self.service.cancel();
     }
 }
 

@@ -1,26 +1,23 @@
 use crate::{
-    ConfigError, Digest, Field, Grasp, MethodName, SpanDigest, TrialConfig,
-    motion::{ArmMotion, BaseMotion, HandMotion},
-    outside::Tap,
+    ConfigError, Digest, FeedbackCue, SpanDigest, TrialConfig,
     ports::{PlanService, Plant, PlantError},
-    view::GazeFilter,
+    stages::{
+        ActuationInput, ActuationOutput, ActuationStage, DisplayInput, DisplayStage, EmgStage, EmgStageInput,
+        EmgStageOutput, FeedbackStage, GazeMeasurement, IntentInput, IntentOutput, IntentStage, MethodInput,
+        MethodStage, TaskInput, TaskStage, WorldInput, WorldStage,
+    },
 };
 use proact_control::{
-    ControlError, ControlInput, ControlMethod, ControlOutput, HandTracker, MotionState, PlanCommand,
-    SourceWatch,
+    ControlError, MotionState,
     ports::{ArmKinematics, KinematicsError, MethodProcess},
 };
-use proact_emg::{Classifier, EmgError, EmgOutput, EmgPipeline, StreamEvents};
-use proact_intent::Candidates;
+use proact_emg::{Classifier, EmgError, EmgOutput};
 use proact_tasks::BoxAndBlocks;
 use proact_types::{
-    ArmModel, ArmModelError, BlockId, Event, EventKind, Gesture, HandView, InputSource, JointVector,
-    MethodAnswer, PlanReply, PlanRequest, Point, SignKind, SimTime, Stop, TickInput,
+    ArmModel, ArmModelError, DisplayFrame, Event, EventKind, Gesture, JointVector, MethodAnswer, PlanReply,
+    PlanRequest, Pose, SimTime, Stop, TickInput,
 };
 use std::sync::Arc;
-
-/// Ticks from one control step to the next: 100 Hz.
-const CONTROL_TICKS: u64 = 10;
 
 /// Why a tick could not be taken. The trial is over then; what is recorded up to here stands.
 #[derive(Debug, thiserror::Error)]
@@ -49,6 +46,14 @@ pub enum TestbedError {
     /// The kinematics refused.
     #[error("kinematics: {0}")]
     Kinematics(#[from] KinematicsError),
+    /// The angles of a tracked limb do not fit the arm.
+    #[error("tracked limb is {got:?}, expected {expected} finite angles")]
+    Limb {
+        /// As tracked, rad.
+        got: Vec<f64>,
+        /// Joints of the arm.
+        expected: usize,
+    },
     /// An input is not finite.
     #[error("{what} at {:.3} s is not finite: {value}", time.as_secs())]
     Input {
@@ -81,7 +86,7 @@ pub struct Parts {
 #[derive(Clone, Debug, Default)]
 pub struct TickOutput {
     /// What the planner was asked in this tick.
-    pub request: Option<PlanRequest>,
+    pub request: Option<Box<PlanRequest>>,
     /// A plan took effect in this tick: it belongs to the input log.
     pub plan: Option<PlanReply>,
     /// What a method in another process answered: it belongs to the input log.
@@ -90,53 +95,44 @@ pub struct TickOutput {
     pub emg: Option<EmgOutput>,
     /// What happened.
     pub events: Vec<Event>,
+    /// What is to be heard and felt.
+    pub cues: Vec<FeedbackCue>,
     /// The digest of a span that this tick closed.
     pub span: Option<SpanDigest>,
     /// The trial is over.
     pub finished: bool,
 }
 
-/// The testbed: all stages, wired, advancing one millisecond at a time.
+/// The testbed: all stages, ticked one after the other, a millisecond at a time.
 ///
 /// Deterministic: configuration, classifier and the sequence of [`TickInput`]s decide every bit of what follows,
 /// given a plant and a planner that are deterministic themselves. A plan that comes in as input is taken instead
 /// of asking the planner; that is how a replay runs.
 pub struct Testbed {
-    pub(crate) config: TrialConfig,
-    pub(crate) parts: Parts,
-    pub(crate) task: BoxAndBlocks,
-    pub(crate) method: Box<dyn ControlMethod>,
-    /// Where the answers of a method in another process pass through.
-    tap: Tap,
-    /// Angles of the person's own limb as tracked last.
-    limb: Option<JointVector>,
-    pub(crate) emg: Option<EmgPipeline>,
-    pub(crate) gaze: GazeFilter,
-    pub(crate) arm: ArmMotion,
-    pub(crate) hand: HandMotion,
-    pub(crate) base: BaseMotion,
-    /// Which sources are alive.
-    pub(crate) watch: SourceWatch,
-    pub(crate) grasp: Grasp,
-    /// Fingers on the block that is held.
-    pub(crate) grasped_by: Vec<String>,
-    /// Base, arm and hand stand still: the tracked shoulder has jumped.
-    pub(crate) paused: bool,
-    pub(crate) hand_tracker: HandTracker,
-    pub(crate) digest: Digest,
-    pub(crate) now: SimTime,
-    direct: Option<Gesture>,
-    recognised: Gesture,
-    pub(crate) confidence: f64,
-    pub(crate) effort: f64,
-    acted_on: Gesture,
-    decided_at: Option<SimTime>,
-    tracked_at: Option<SimTime>,
-    pub(crate) pending: Option<(u64, SimTime)>,
-    pub(crate) requests: u64,
-    /// The last gaze was no measurement.
-    pub(crate) gaze_unusable: bool,
-    pub(crate) unseen: Vec<Event>,
+    config: TrialConfig,
+    model: Arc<ArmModel>,
+    kinematics: Box<dyn ArmKinematics>,
+    emg: EmgStage,
+    intent: IntentStage,
+    method: MethodStage,
+    actuation: ActuationStage,
+    world: WorldStage,
+    task: TaskStage,
+    feedback: FeedbackStage,
+    display: DisplayStage,
+    digest: Digest,
+    now: SimTime,
+    /// What the stages said in the last tick.
+    said: Said,
+}
+
+/// What outlives a tick of the stages' outputs: the next tick, or the display, asks for it.
+struct Said {
+    gesture: EmgStageOutput,
+    intent: IntentOutput,
+    actuation: ActuationOutput,
+    /// Angles of the fingers on a block that the hand has just taken.
+    frozen: Option<JointVector>,
 }
 
 impl Testbed {
@@ -145,54 +141,32 @@ impl Testbed {
     ///
     /// # Errors
     /// A configuration that does not fit, an arm without the poses `start`, `open` and `closed`.
-    pub fn new(config: TrialConfig, mut parts: Parts) -> Result<Self, TestbedError> {
+    pub fn new(config: TrialConfig, parts: Parts) -> Result<Self, TestbedError> {
         config.check()?;
-        let model = &parts.model;
-        let start = model.pose("arm", "start")?;
-        let (open, closed) = (model.pose("hand", "open")?, model.pose("hand", "closed")?);
-        let emg = match (&config.emg, &parts.classifier) {
-            (Some(emg), Some(classifier)) => {
-                Some(EmgPipeline::new(emg, classifier.clone())?.with_centring(&config.emg_centring)?)
-            }
-            _ => None,
-        };
-        let tap = Tap::new(parts.process.take());
-        let gazes = matches!(config.method, MethodName::C | MethodName::D);
-        let method = match &config.method_process {
-            Some(_) => proact_control::build_outside(tap.clone(), &config.profile, model)?,
-            None => proact_control::build(&config.method.to_string(), &config.profile, model)?,
-        };
+        let Parts { model, kinematics, plant, plans, classifier, process } = parts;
         let task = BoxAndBlocks::new(config.arrangement).with_limit(SimTime::from_secs(config.limit_secs));
+        let actuation = ActuationStage::new(&config, &model)?;
+        let said = Said {
+            gesture: EmgStageOutput::default(),
+            intent: IntentOutput::default(),
+            actuation: actuation.output(),
+            frozen: None,
+        };
         Ok(Self {
+            emg: EmgStage::new(&config, classifier)?,
+            intent: IntentStage::new(&config, model.clone())?,
+            method: MethodStage::new(&config, model.clone(), task.scene().clone(), plans, process)?,
+            actuation,
+            world: WorldStage::new(&config, model.clone(), plant)?,
+            task: TaskStage::new(task),
+            feedback: FeedbackStage,
+            display: DisplayStage::new(&config),
             digest: Digest::new(&config.to_toml()?),
-            arm: ArmMotion::new(model, start),
-            hand: HandMotion::new(open, closed),
-            base: BaseMotion::new(config.setup.body.shoulder_pose(&Default::default())),
-            watch: SourceWatch::new(config.profile.dead_man, gazes),
-            grasp: Grasp::new(config.physics.grasp_rule, model),
-            grasped_by: Vec::new(),
-            paused: false,
-            hand_tracker: HandTracker::new(open),
-            gaze: GazeFilter::new(&config)?,
-            task,
-            method,
-            tap,
-            limb: None,
-            emg,
             now: SimTime(0),
-            direct: None,
-            recognised: Gesture::NoMotion,
-            confidence: 0.0,
-            effort: 0.0,
-            acted_on: Gesture::NoMotion,
-            decided_at: None,
-            tracked_at: None,
-            pending: None,
-            requests: 0,
-            gaze_unusable: false,
-            unseen: Vec::new(),
+            said,
             config,
-            parts,
+            model,
+            kinematics,
         })
     }
 
@@ -208,17 +182,17 @@ impl Testbed {
 
     /// The arm.
     pub fn model(&self) -> &Arc<ArmModel> {
-        &self.parts.model
+        &self.model
     }
 
     /// The task.
     pub fn task(&self) -> &BoxAndBlocks {
-        &self.task
+        self.task.task()
     }
 
     /// The physics.
     pub fn plant(&self) -> &dyn Plant {
-        self.parts.plant.as_ref()
+        self.world.plant()
     }
 
     /// The trial's digest up to the last closed span.
@@ -228,12 +202,17 @@ impl Testbed {
 
     /// Why the arm must stand still; none while it need not.
     pub fn stop(&self) -> Option<&Stop> {
-        self.watch.stop()
+        self.method.stop()
     }
 
     /// Gesture in force.
     pub fn gesture(&self) -> Gesture {
-        self.direct.unwrap_or(self.recognised)
+        self.said.gesture.gesture
+    }
+
+    /// What the arm does now.
+    pub fn motion(&self) -> MotionState {
+        self.said.actuation.motion
     }
 
     /// Advances by one millisecond. `last` closes the digest's span early: the trial ends with this tick.
@@ -243,212 +222,113 @@ impl Testbed {
     pub fn tick(&mut self, input: &TickInput, last: bool) -> Result<TickOutput, TestbedError> {
         self.now = SimTime(self.now.0 + 1);
         let now = self.now;
-        let mut output = TickOutput::default();
         self.check_input(input)?;
-        self.digest_input(input);
+        self.digest.input(input);
+        let mut output = TickOutput::default();
+        let mut note = |kinds: Vec<EventKind>| {
+            output.events.extend(kinds.into_iter().map(|kind| Event { time: now, kind }));
+        };
+        let kinematics = self.kinematics.as_mut();
 
-        // From muscle to gesture.
-        if let Some(emg) = &mut self.emg {
-            output.emg = emg.step(now, &input.emg);
-            let events = *emg.events();
-            if events.is_eventful() {
-                self.note_stream(&mut output, &events);
-            }
-        }
-        if let Some(decision) = &output.emg {
-            self.recognised = decision.gesture;
-            self.decided_at = Some(now);
-            if !decision.stale {
-                self.watch.hear(now, InputSource::Armband, SignKind::Fresh);
-            }
-            (self.confidence, self.effort) = (decision.confidence, decision.effort);
-            let field = &mut self.digest.field(Field::Emg);
-            field.word(decision.gesture.index() as u64).numbers(&decision.posterior);
-        }
-        if input.gesture.is_some() {
-            self.direct = input.gesture;
-            (self.confidence, self.effort) = (1.0, 1.0);
-        }
+        let samples = EmgStageInput { samples: &input.emg, gesture: input.gesture };
+        let mut gesture = self.emg.step(now, samples);
+        note(std::mem::take(&mut gesture.events));
+        self.digest.gesture(&gesture);
 
-        // From tracking and gaze to base and intent.
-        if let Some(pose) = input.shoulder {
-            self.base.track(pose);
-            self.tracked_at = Some(now);
-        }
-        self.base.step();
-        if input.limb.is_some() {
-            self.limb.clone_from(&input.limb);
-        }
-        if let Some(gaze) = &input.gaze {
-            let gaze = self.usable_gaze(gaze, &mut output);
-            self.hear_gaze(&gaze, input);
-            self.infer(&gaze);
-        }
+        let looked = IntentInput {
+            gaze: GazeMeasurement::of(input),
+            world: self.world.state(),
+            task: self.task.task().state(),
+        };
+        let mut intent = self.intent.step(now, looked, kinematics);
+        note(std::mem::take(&mut intent.events));
+        self.digest.intent(&intent);
 
-        // From intent to commands.
-        let plan = self.due_plan(input);
-        let gesture = self.gesture();
-        if gesture != self.acted_on {
-            self.note(&mut output, EventKind::GestureChanged { gesture });
-        }
-        let stops = self.watch_sources(input, gesture, &mut output);
-        let message = output.emg.is_some_and(|decision| decision.published);
-        if now.0.is_multiple_of(CONTROL_TICKS)
-            || gesture != self.acted_on
-            || plan.is_some()
-            || message
-            || stops
-        {
-            self.acted_on = gesture;
-            self.tap.exchange(input.method.clone());
-            self.control(gesture, plan.as_ref(), &mut output)?;
-            output.method = self.tap.exchange(None);
-            if let Some(answer) = &output.method {
-                let (Ok(text) | Err(text)) = answer;
-                self.digest.field(Field::InputMethod).word(u64::from(answer.is_ok())).text(text);
-            }
-        }
-        output.plan = plan;
+        let asked = MethodInput {
+            gesture: &gesture,
+            intent: &intent,
+            actuation: &self.said.actuation,
+            world: self.world.state(),
+            hand: self.world.hand(),
+            signs: &input.signs,
+            shoulder_tracked: input.shoulder.is_some(),
+            limb: input.limb.as_ref(),
+            plan: input.plan.as_ref(),
+            answer: input.method.clone(),
+        };
+        let mut method = self.method.step(now, asked, kinematics);
+        note(std::mem::take(&mut method.events));
+        self.digest.method(&method, self.method.stop());
 
-        // From commands to the world.
-        self.watch_base(&mut output);
-        if !self.paused {
-            self.arm.step();
-            self.hand.step();
-        }
-        self.move_world()?;
-        self.grip(&mut output)?;
-        self.judge(&mut output);
-        self.unseen.extend(output.events.iter().cloned());
-        output.finished = self.task.state().finished;
+        let commanded = ActuationInput {
+            shoulder: input.shoulder,
+            motion: method.motion,
+            hand: method.hand,
+            frozen: self.said.frozen.as_ref(),
+            world: self.world.state(),
+        };
+        let mut actuation = self.actuation.step(now, commanded);
+        note(std::mem::take(&mut actuation.events));
+        self.digest.actuation(&actuation);
+
+        let moved =
+            WorldInput { command: &actuation.command, hand: method.hand, hand_moving: actuation.hand_moving };
+        let world = self.world.step(now, moved)?;
+        note(world.events);
+        self.digest.world(self.world.state(), world.carried);
+
+        let judged = TaskInput { blocks: &self.world.state().blocks, held: world.hand.holds };
+        let task = self.task.step(now, judged);
+        note(task.events);
+        self.digest.task(&task.state, world.hand.holds);
+
+        output.cues = self.feedback.step(now, &output.events);
+        self.display.note(&output.events);
+        output.emg = gesture.decision;
+        (output.request, output.plan, output.method) = (method.request, method.plan, method.answer);
+        output.finished = task.state.finished;
         output.span = self.digest.end_tick(now, last || output.finished);
+        self.said = Said { gesture, intent, actuation, frozen: world.frozen };
         Ok(output)
     }
 
-    fn infer(&mut self, gaze: &proact_types::GazeSample) {
-        let state = self.task.state();
-        let held = self.parts.plant.state().attached.and_then(|(block, _)| BlockId::ALL.get(block));
-        let scene = Candidates {
-            centres: self.block_centres(),
-            pickable: state.pickable,
-            last_released: self
-                .config
-                .intent
-                .last_colour(held.map(|block| block.colour()), state.last_released),
-            tip: self.grasp_centre(),
-        };
-        self.gaze.take(self.now, gaze, &scene);
-        let field = &mut self.digest.field(Field::Intent);
-        field.numbers(self.gaze.posterior()).vector(&self.gaze.place().coords);
+    /// True if a display frame belongs to this tick: 60 Hz, by accumulation.
+    pub fn frame_is_due(&self) -> bool {
+        DisplayStage::is_due(self.now)
     }
 
-    fn control(
-        &mut self,
-        gesture: Gesture,
-        plan: Option<&PlanReply>,
-        output: &mut TickOutput,
-    ) -> Result<(), TestbedError> {
-        if let Some(plan) = plan {
-            self.note(output, EventKind::PlanFinished { request: plan.id, status: plan.status });
-        }
-        let blocks = self.block_centres();
-        let posterior = *self.gaze.posterior();
-        let state = self.parts.plant.state();
-        let input = ControlInput {
-            gesture,
-            message: output.emg.filter(|decision| decision.published).map(|decision| decision.gesture),
-            measured: &state.position[..self.parts.model.arm_count()],
-            commanded: &self.arm.position().clone(),
-            highlight: self.gaze.highlight(self.now),
-            blocks: &blocks,
-            posterior: &posterior,
-            place: self.gaze.place(),
-            hand: self.hand_view(),
-            world_from_base: state.world_from_base,
-            plan,
-            motion: self.arm.state(),
-            targets: &self.task.scene().targets,
-            limb: self.limb.as_deref(),
-            stop: self.watch.stop(),
-            emg_age_ms: self.decided_at.map(|at| self.now.millis_since(at)),
-            gaze_age_ms: self.gaze.seen_at().map(|at| self.now.millis_since(at)),
-            tracking_age_ms: self.tracked_at.map(|at| self.now.millis_since(at)),
+    /// The instant as drawn; events since the frame before go with it. `world_from_head` comes from whoever
+    /// tracks the head.
+    ///
+    /// # Errors
+    /// If the kinematics refuse the arm's angles.
+    pub fn frame(&mut self, world_from_head: Pose) -> Result<DisplayFrame, TestbedError> {
+        let shown = DisplayInput {
+            gesture: &self.said.gesture,
+            intent: &self.said.intent,
+            method: self.method.view(),
+            actuation: &self.said.actuation,
+            world: self.world.state(),
+            hand: self.world.hand(),
+            task: self.task.task().state(),
+            world_from_head,
         };
-        let ControlOutput { motion, hand, plan, events } =
-            self.method.step(self.now, &input, self.parts.kinematics.as_mut());
+        self.display.step(self.now, shown, self.kinematics.as_mut())
+    }
 
-        let field = &mut self.digest.field(Field::Control);
-        field
-            .word(u64::from(motion.is_some()))
-            .word(hand.map_or(0, |h| h as u64 + 1))
-            .word(events.len() as u64);
-        if let Some(stop) = self.watch.stop() {
-            field.word(stop.source.index() as u64).word(stop.cause as u64);
+    fn check_input(&self, input: &TickInput) -> Result<(), TestbedError> {
+        let refuse = |what, value: String| Err(TestbedError::Input { time: self.now, what, value });
+        if let Some(pose) = &input.shoulder
+            && !pose.translation.vector.iter().chain(pose.rotation.coords.iter()).all(|v| v.is_finite())
+        {
+            return refuse("tracked shoulder pose", format!("{pose}"));
         }
-        for event in events {
-            self.note(output, event);
-        }
-        if let Some(command) = motion {
-            self.arm.apply(command);
-        }
-        if let Some(command) = hand {
-            self.hand_tracker.note(command);
-            self.hand.apply(command);
-        }
-        match plan {
-            Some(PlanCommand::Request(goal)) => self.request(goal, output)?,
-            Some(PlanCommand::Cancel) => {
-                self.pending = None;
-                self.parts.plans.cancel();
+        if let Some(limb) = &input.limb {
+            let count = self.model.arm_count();
+            if limb.len() != count || !limb.iter().all(|angle| angle.is_finite()) {
+                return refuse("tracked limb", format!("{limb:?}, expected {count} finite angles"));
             }
-            None => {}
         }
         Ok(())
-    }
-
-    /// The task's view of what happened.
-    fn judge(&mut self, output: &mut TickOutput) {
-        let held = self.hand_view().holds;
-        let state = self.parts.plant.state();
-        let step = self.task.step(self.now, &state.blocks, held);
-        for event in step.events {
-            self.note(output, event);
-        }
-        let task = self.task.state();
-        let field = &mut self.digest.field(Field::Task);
-        field.word(u64::from(task.on_target)).word(task.next.map_or(9, |b| b.index() as u64));
-        field.word(held.map_or(9, |b| b.index() as u64)).word(u64::from(task.finished));
-    }
-
-    /// What befell the armband's stream, for the record.
-    fn note_stream(&self, output: &mut TickOutput, events: &StreamEvents) {
-        let counts = &events.counts;
-        if counts.gaps + counts.unusable_samples + counts.rejected_windows > 0 {
-            let (gaps, unusable_samples) = (counts.gaps, counts.unusable_samples);
-            let rejected_windows = counts.rejected_windows;
-            self.note(output, EventKind::EmgGap { gaps, unusable_samples, rejected_windows });
-        }
-    }
-
-    pub(crate) fn note(&self, output: &mut TickOutput, kind: EventKind) {
-        output.events.push(Event { time: self.now, kind });
-    }
-
-    pub(crate) fn hand_view(&self) -> HandView {
-        let attached = self.parts.plant.state().attached;
-        HandView {
-            state: self.hand_tracker.state(),
-            holds: attached.and_then(|(block, _)| BlockId::ALL.get(block).copied()),
-        }
-    }
-
-    pub(crate) fn block_centres(&self) -> [Point; 4] {
-        let blocks = &self.parts.plant.state().blocks;
-        std::array::from_fn(|k| Point::from(blocks[k].pose.translation.vector))
-    }
-
-    /// What the arm does now.
-    pub fn motion(&self) -> MotionState {
-        self.arm.state()
     }
 }

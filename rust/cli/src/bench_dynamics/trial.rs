@@ -10,7 +10,7 @@ use proact_participants::{ParticipantOptions, SelectingParticipant};
 use proact_planning::{ArmPlanner, PlanWorker, PlannerOptions};
 use proact_tasks::BoxAndBlocks;
 use proact_testbed::{
-    MethodName, Parts, Session, SessionParts, Setup, Testbed, TrialConfig,
+    MethodName, Parts, PersonParts, Session, Setup, Testbed, TrialConfig,
     ports::{Plant, PlantError},
 };
 use proact_types::{ArmModel, PlantCommand, PlantState, Pose, Scene, TICK_SECS};
@@ -136,12 +136,12 @@ pub(super) fn record() -> Result<Recorded, Box<dyn Error>> {
         classifier: Some(prepared.classifier),
         process: None,
     };
-    let mut session = Session::new(SessionParts {
-        testbed: Testbed::new(config, parts)?,
+    let person = PersonParts {
         participant: Some(Box::new(participant)),
         emg: Some(Box::new(prepared.feed)),
         gaze: Some(Box::new(gaze)),
-    });
+    };
+    let mut session = Session::new(Testbed::new(config, parts)?, person);
     while !session.step(false)?.output.finished {}
     let last = session.testbed().plant().state().clone();
     let calls = calls.take();

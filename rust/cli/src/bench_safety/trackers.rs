@@ -62,7 +62,7 @@ struct Tracked {
 impl Device for Tracked {
     fn feed(&mut self, session: &mut Session, tick: u64, gesture: Gesture, lives: bool) -> Outcome<()> {
         let moves = gesture == Gesture::WristExtension;
-        session.act(if moves { self.tracker.moving() } else { gesture });
+        session.person().act(if moves { self.tracker.moving() } else { gesture });
         if !tick.is_multiple_of(self.tracker.period()) {
             return Ok(());
         }

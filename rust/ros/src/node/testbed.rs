@@ -115,11 +115,11 @@ pub fn run_testbed(mut session: Session, simulated: bool) -> Result<TrialResult,
             continue;
         }
         if let Some(gesture) = inbox.gesture.take() {
-            session.command(InputSource::GestureTopic, gesture);
-            session.hear(InputSource::GestureTopic);
+            session.person().command(InputSource::GestureTopic, gesture);
+            session.person().hear(InputSource::GestureTopic);
         }
         if let Some(gaze) = inbox.gaze.take() {
-            session.look(gaze);
+            session.person().look(gaze);
         }
         let step = session.step(false)?;
         for event in &step.output.events {

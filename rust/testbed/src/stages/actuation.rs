@@ -1,0 +1,119 @@
+use crate::{ArmMotion, BaseMotion, HandMotion, TestbedError, TrialConfig};
+use proact_control::{HandCommand, MotionCommand, MotionState};
+use proact_types::{ArmModel, EventKind, JointVector, PlantCommand, PlantState, Pose, SimTime};
+
+/// From commands to joint targets: the arm's motion, the hand's, and the base that follows the shoulder.
+pub struct ActuationStage {
+    arm: ArmMotion,
+    hand: HandMotion,
+    base: BaseMotion,
+    /// Arm and hand stand still: the base does not follow the shoulder.
+    paused: bool,
+}
+
+/// What enters actuation in one tick.
+#[derive(Clone, Debug)]
+pub struct ActuationInput<'a> {
+    /// New tracked shoulder pose, `world_from_shoulder`.
+    pub shoulder: Option<Pose>,
+    /// For the arm, in place of the command before.
+    pub motion: Option<MotionCommand>,
+    /// For the hand, in place of the command before.
+    pub hand: Option<HandCommand>,
+    /// Angles of the fingers on a block that was taken in the tick before, rad: they stay there.
+    pub frozen: Option<&'a JointVector>,
+    /// The world after the tick before.
+    pub world: &'a PlantState,
+}
+
+/// What is asked of the joints in one tick.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ActuationOutput {
+    /// Targets of all moving joints, and of the base.
+    pub command: PlantCommand,
+    /// What the arm does.
+    pub motion: MotionState,
+    /// Arm angles at the end of the path that is followed, rad; none while no path is followed.
+    pub goal: Option<JointVector>,
+    /// The targets of the hand's joints still move.
+    pub hand_moving: bool,
+    /// Arm and hand stand still: the tracked shoulder has jumped.
+    pub paused: bool,
+    /// What happened.
+    pub events: Vec<EventKind>,
+}
+
+impl ActuationStage {
+    /// An arm that holds its pose `start`, with an open hand, at the shoulder of the trial's set-up.
+    ///
+    /// # Errors
+    /// An arm without the poses `start`, `open` and `closed`.
+    pub fn new(config: &TrialConfig, model: &ArmModel) -> Result<Self, TestbedError> {
+        let (open, closed) = (model.pose("hand", "open")?, model.pose("hand", "closed")?);
+        Ok(Self {
+            arm: ArmMotion::new(model, model.pose("arm", "start")?),
+            hand: HandMotion::new(open, closed),
+            base: BaseMotion::new(config.setup.body.shoulder_pose(&Default::default())),
+            paused: false,
+        })
+    }
+
+    /// One tick.
+    pub fn step(&mut self, _now: SimTime, input: ActuationInput<'_>) -> ActuationOutput {
+        if let Some(fingers) = input.frozen {
+            self.hand.freeze(fingers);
+        }
+        if let Some(pose) = input.shoulder {
+            self.base.track(pose);
+        }
+        self.base.step();
+        if let Some(command) = input.motion {
+            self.arm.apply(command);
+        }
+        if let Some(command) = input.hand {
+            self.hand.apply(command);
+        }
+        let change = self.watch_base(input.world);
+        if !self.paused {
+            self.arm.step();
+            self.hand.step();
+        }
+        let mut output = self.output();
+        output.events.extend(change);
+        output
+    }
+
+    /// What is asked of the joints now: before the first tick, what they hold.
+    pub fn output(&self) -> ActuationOutput {
+        let both = |arm: &JointVector, hand: &JointVector| -> JointVector {
+            arm.iter().chain(hand).copied().collect()
+        };
+        let mut velocity = both(self.arm.velocity(), self.hand.velocity());
+        if self.paused {
+            velocity.iter_mut().for_each(|speed| *speed = 0.0);
+        }
+        ActuationOutput {
+            command: PlantCommand {
+                position: both(self.arm.position(), self.hand.position()),
+                velocity,
+                world_from_base: self.base.pose(),
+            },
+            motion: self.arm.state(),
+            goal: self.arm.goal(),
+            hand_moving: self.hand.moving(),
+            paused: self.paused,
+            events: Vec::new(),
+        }
+    }
+
+    /// Stops arm and hand while the base does not follow the shoulder.
+    fn watch_base(&mut self, world: &PlantState) -> Option<EventKind> {
+        let paused = self.base.paused(world.base_held, world.world_from_base);
+        if paused == self.paused {
+            return None;
+        }
+        self.paused = paused;
+        let way = self.base.goal().translation.vector - world.world_from_base.translation.vector;
+        Some(if paused { EventKind::BaseHeld { distance: way.norm() } } else { EventKind::BaseFollows })
+    }
+}

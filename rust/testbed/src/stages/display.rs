@@ -1,0 +1,96 @@
+use super::{ActuationOutput, EmgStageOutput, IntentOutput, MethodView};
+use crate::{TestbedError, TrialConfig};
+use proact_control::ports::ArmKinematics;
+use proact_tasks::TaskState;
+use proact_types::{DisplayFrame, Event, HandView, PlantState, Pose, SimTime};
+
+/// From the outputs of all stages to what page, headset and participant see.
+pub struct DisplayStage {
+    limit_secs: f64,
+    gesture_source: String,
+    /// Since the frame before.
+    events: Vec<Event>,
+}
+
+/// One instant, as the stages say it.
+#[derive(Clone, Debug)]
+pub struct DisplayInput<'a> {
+    /// What the EMG stage says.
+    pub gesture: &'a EmgStageOutput,
+    /// What the intent stage says.
+    pub intent: &'a IntentOutput,
+    /// What the method shows.
+    pub method: MethodView,
+    /// What is asked of the joints.
+    pub actuation: &'a ActuationOutput,
+    /// Joints, base and blocks.
+    pub world: &'a PlantState,
+    /// The hand.
+    pub hand: HandView,
+    /// The task.
+    pub task: &'a TaskState,
+    /// `world_from_head`, from whoever tracks the head.
+    pub world_from_head: Pose,
+}
+
+impl DisplayStage {
+    /// The stage of a trial.
+    pub fn new(config: &TrialConfig) -> Self {
+        Self {
+            limit_secs: config.limit_secs,
+            gesture_source: config.gesture_source.clone(),
+            events: Vec::new(),
+        }
+    }
+
+    /// True if a frame belongs to tick `now`: 60 Hz, by accumulation.
+    pub fn is_due(now: SimTime) -> bool {
+        let frames = |tick: u64| tick * 60 / 1000;
+        now.0 > 0 && frames(now.0) > frames(now.0 - 1)
+    }
+
+    /// Events of this tick, which the next frame shows.
+    pub fn note(&mut self, events: &[Event]) {
+        self.events.extend_from_slice(events);
+    }
+
+    /// The instant as drawn; events since the frame before go with it. `kinematics` is that of the arm, base to tip.
+    ///
+    /// # Errors
+    /// If the kinematics refuse the arm's angles.
+    pub fn step(
+        &mut self,
+        now: SimTime,
+        input: DisplayInput<'_>,
+        kinematics: &mut dyn ArmKinematics,
+    ) -> Result<DisplayFrame, TestbedError> {
+        let DisplayInput { gesture, world, task, method, .. } = input;
+        let arm = kinematics.joint_count();
+        let base_from_tip = kinematics.forward(&world.position[..arm])?;
+        Ok(DisplayFrame {
+            time: now,
+            method: method.name,
+            joints: world.position.clone(),
+            world_from_base: world.world_from_base,
+            world_from_tip: world.world_from_base * base_from_tip,
+            world_from_head: input.world_from_head,
+            blocks: world.blocks.iter().map(|body| body.pose).collect(),
+            hand: input.hand,
+            gaze: input.intent.gaze,
+            target: method.target,
+            planner: method.planner,
+            goal: input.actuation.goal.clone(),
+            mode: method.mode,
+            stop: method.stop,
+            gesture: gesture.gesture,
+            confidence: gesture.confidence,
+            effort: gesture.effort,
+            emg_source: self.gesture_source.clone(),
+            time_left_secs: (self.limit_secs - now.as_secs()).max(0.0),
+            next_block: task.next,
+            on_target: task.on_target,
+            finished: task.finished,
+            events: std::mem::take(&mut self.events),
+        })
+    }
+}

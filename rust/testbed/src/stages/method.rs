@@ -1,0 +1,254 @@
+use super::{ActuationOutput, EmgStageOutput, GazeHeard, IntentOutput, block_centres};
+use crate::{
+    MethodName, TestbedError, TrialConfig,
+    outside::Tap,
+    plans::{PlanBook, plan_request},
+    ports::PlanService,
+};
+use proact_control::{
+    ControlInput, ControlMethod, ControlOutput, HandCommand, MotionCommand, PlanCommand, SourceWatch,
+    ports::{ArmKinematics, MethodProcess},
+};
+use proact_types::{
+    ArmModel, EventKind, Gesture, HandView, InputSign, InputSource, JointVector, MethodAnswer, ModeView,
+    PlanReply, PlanRequest, PlannerView, PlantState, Scene, SignKind, SimTime, Stop, TargetView,
+};
+use std::sync::Arc;
+
+/// Ticks from one control step to the next: 100 Hz.
+const CONTROL_TICKS: u64 = 10;
+
+/// The control method with what stands around it: the watch over all sources, which stops the arm, and the plans
+/// that it asked for.
+pub struct MethodStage {
+    model: Arc<ArmModel>,
+    scene: Scene,
+    method: Box<dyn ControlMethod>,
+    /// Where the answers of a method in another process pass through.
+    tap: Tap,
+    watch: SourceWatch,
+    plans: PlanBook,
+    /// Angles of the person's own limb as tracked last.
+    limb: Option<JointVector>,
+    acted_on: Gesture,
+    tracked_at: Option<SimTime>,
+}
+
+/// What enters the method in one tick.
+#[derive(Clone, Debug)]
+pub struct MethodInput<'a> {
+    /// What the EMG stage says in this tick.
+    pub gesture: &'a EmgStageOutput,
+    /// What the intent stage says in this tick.
+    pub intent: &'a IntentOutput,
+    /// What was asked of the joints in the tick before.
+    pub actuation: &'a ActuationOutput,
+    /// The world after the tick before.
+    pub world: &'a PlantState,
+    /// The hand after the tick before.
+    pub hand: HandView,
+    /// What was heard of live sources.
+    pub signs: &'a [InputSign],
+    /// A tracked shoulder pose came in this tick.
+    pub shoulder_tracked: bool,
+    /// New tracked angles of the person's own limb, rad.
+    pub limb: Option<&'a JointVector>,
+    /// A plan that the input log has for this tick.
+    pub plan: Option<&'a PlanReply>,
+    /// An answer of a method in another process that the input log has for this tick.
+    pub answer: Option<MethodAnswer>,
+}
+
+/// What the method asks for in one tick.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MethodOutput {
+    /// The method took a step; between steps it says nothing.
+    pub stepped: bool,
+    /// For the arm.
+    pub motion: Option<MotionCommand>,
+    /// For the hand.
+    pub hand: Option<HandCommand>,
+    /// What the planner is asked.
+    pub request: Option<Box<PlanRequest>>,
+    /// A plan took effect.
+    pub plan: Option<PlanReply>,
+    /// What a method in another process answered.
+    pub answer: Option<MethodAnswer>,
+    /// How many of `events` are the method's own.
+    pub said: usize,
+    /// What happened.
+    pub events: Vec<EventKind>,
+}
+
+/// What the method shows.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MethodView {
+    /// Its name, such as `D`.
+    pub name: String,
+    /// Selection marker.
+    pub target: TargetView,
+    /// Planner and motion.
+    pub planner: PlannerView,
+    /// Joint or axis of the movement gestures.
+    pub mode: Option<ModeView>,
+    /// Why the arm must stand still; none while it need not.
+    pub stop: Option<Stop>,
+}
+
+impl MethodStage {
+    /// The stage of a trial before `scene`. `process` is that of a method in another process; none in a replay.
+    ///
+    /// # Errors
+    /// A profile that the method or the arm refuses.
+    pub fn new(
+        config: &TrialConfig,
+        model: Arc<ArmModel>,
+        scene: Scene,
+        plans: Box<dyn PlanService>,
+        process: Option<Box<dyn MethodProcess>>,
+    ) -> Result<Self, TestbedError> {
+        let tap = Tap::new(process);
+        let gazes = matches!(config.method, MethodName::C | MethodName::D);
+        let method = match &config.method_process {
+            Some(_) => proact_control::build_outside(tap.clone(), &config.profile, &model)?,
+            None => proact_control::build(&config.method.to_string(), &config.profile, &model)?,
+        };
+        Ok(Self {
+            model,
+            scene,
+            method,
+            tap,
+            watch: SourceWatch::new(config.profile.dead_man, gazes),
+            plans: PlanBook::new(config, plans),
+            limb: None,
+            acted_on: Gesture::NoMotion,
+            tracked_at: None,
+        })
+    }
+
+    /// Why the arm must stand still; none while it need not.
+    pub fn stop(&self) -> Option<&Stop> {
+        self.watch.stop()
+    }
+
+    /// What there is to see.
+    pub fn view(&self) -> MethodView {
+        MethodView {
+            name: self.method.name().to_owned(),
+            target: self.method.target(),
+            planner: self.method.planner(),
+            mode: self.method.mode(),
+            stop: self.watch.stop().cloned(),
+        }
+    }
+
+    /// One tick. The method itself takes a step a hundred times a second, and in ticks that bring a gesture, a plan, or
+    /// the end of a source. `kinematics` is that of the arm, base to tip.
+    pub fn step(
+        &mut self,
+        now: SimTime,
+        input: MethodInput<'_>,
+        kinematics: &mut dyn ArmKinematics,
+    ) -> MethodOutput {
+        let mut output = MethodOutput::default();
+        if input.shoulder_tracked {
+            self.tracked_at = Some(now);
+        }
+        if let Some(limb) = input.limb {
+            self.limb = Some(limb.clone());
+        }
+        output.plan = self.plans.due(now, input.plan);
+        let gesture = input.gesture.gesture;
+        if gesture != self.acted_on {
+            output.events.push(EventKind::GestureChanged { gesture });
+        }
+        let change = self.watch_sources(now, &input);
+        let stops = change.is_some();
+        output.events.extend(change);
+        let message = input.gesture.decision.filter(|decision| decision.published);
+        output.stepped = now.0.is_multiple_of(CONTROL_TICKS)
+            || gesture != self.acted_on
+            || output.plan.is_some()
+            || message.is_some()
+            || stops;
+        if output.stepped {
+            self.acted_on = gesture;
+            self.tap.exchange(input.answer.clone());
+            self.control(now, &input, kinematics, &mut output);
+            output.answer = self.tap.exchange(None);
+        }
+        output
+    }
+
+    /// Whether the sources are alive. Some if the arm must stop now, or may go on: the method must know at once.
+    fn watch_sources(&mut self, now: SimTime, input: &MethodInput<'_>) -> Option<EventKind> {
+        let watch = &mut self.watch;
+        if input.gesture.decision.is_some_and(|decision| !decision.stale) {
+            watch.hear(now, InputSource::Armband, SignKind::Fresh);
+        }
+        match input.intent.heard {
+            Some(GazeHeard::Fresh) => watch.hear(now, InputSource::EyeTracker, SignKind::Fresh),
+            Some(GazeHeard::Repeated) => watch.hear(now, InputSource::EyeTracker, SignKind::Repeated),
+            Some(GazeHeard::Blank) => watch.hear_blank(now),
+            None => {}
+        }
+        for sign in input.signs {
+            watch.hear(now, sign.source, sign.kind);
+        }
+        watch.armband(input.gesture.fault.clone(), input.gesture.armed);
+        watch.step(now, input.gesture.gesture)
+    }
+
+    fn control(
+        &mut self,
+        now: SimTime,
+        input: &MethodInput<'_>,
+        kinematics: &mut dyn ArmKinematics,
+        output: &mut MethodOutput,
+    ) {
+        if let Some(plan) = &output.plan {
+            output.events.push(EventKind::PlanFinished { request: plan.id, status: plan.status });
+        }
+        let (world, arm) = (input.world, self.model.arm_count());
+        let commanded = &input.actuation.command.position[..arm];
+        let age = |at: Option<SimTime>| at.map(|at| now.millis_since(at));
+        let blocks = block_centres(world);
+        let seen = ControlInput {
+            gesture: input.gesture.gesture,
+            message: input.gesture.decision.filter(|d| d.published).map(|decision| decision.gesture),
+            measured: &world.position[..arm],
+            commanded,
+            highlight: input.intent.highlight,
+            blocks: &blocks,
+            posterior: &input.intent.posterior,
+            place: input.intent.place,
+            hand: input.hand,
+            world_from_base: world.world_from_base,
+            plan: output.plan.as_ref(),
+            motion: input.actuation.motion,
+            targets: &self.scene.targets,
+            limb: self.limb.as_deref(),
+            stop: self.watch.stop(),
+            emg_age_ms: age(input.gesture.decided_at),
+            gaze_age_ms: age(input.intent.seen_at),
+            tracking_age_ms: age(self.tracked_at),
+        };
+        let ControlOutput { motion, hand, plan, events } = self.method.step(now, &seen, kinematics);
+        output.said = events.len();
+        output.events.extend(events);
+        (output.motion, output.hand) = (motion, hand);
+        match plan {
+            Some(PlanCommand::Request(goal)) => {
+                let id = self.plans.next_id();
+                let start = commanded.iter().copied().collect();
+                let seed = self.plans.seed();
+                let request = plan_request(id, &self.model, &self.scene, world, start, goal, seed);
+                self.plans.ask(now, request.clone());
+                output.request = Some(Box::new(request));
+                output.events.push(EventKind::PlanRequested { request: id });
+            }
+            Some(PlanCommand::Cancel) => self.plans.cancel(),
+            None => {}
+        }
+    }
+}

@@ -1,0 +1,259 @@
+use crate::{
+    TestbedError,
+    ports::{EmgSource, GazeTracker},
+};
+use arrayvec::ArrayVec;
+use proact_intent::GazeOffset;
+use proact_participants::{Body, Participant, Trunk};
+use proact_types::{
+    DisplayFrame, GazeSample, Gesture, InputSign, InputSource, Intention, JointVector, MAX_SIGNS, Point,
+    Pose, SignKind, SimTime, TickInput, TrunkPosture, Vector, joints,
+};
+
+/// Ticks from one tracked shoulder pose to the next: 100 Hz, as motion capture gives.
+const TRACKING_TICKS: u64 = 10;
+/// Furthest that a tracked shoulder is followed from one of these to the next: 2 m/s and 6 rad/s, faster than
+/// people lean. A tracker that jumps must not hurl the arm through the blocks.
+const SHOULDER_STEP: (f64, f64) = (0.02, 0.06);
+
+/// Furthest that a joint of the limb is followed in such a time, rad: 0.5 rad/s, which is the arm's speed too.
+const LIMB_STEP: f64 = 0.005;
+
+/// Who acts, and what measures it.
+#[derive(Default)]
+pub struct PersonParts {
+    /// The simulated participant; none when a person drives.
+    pub participant: Option<Box<dyn Participant>>,
+    /// The armband; none when gestures are given directly.
+    pub emg: Option<Box<dyn EmgSource>>,
+    /// The eye tracker of the simulated participant; a person's gaze is handed in.
+    pub gaze: Option<Box<dyn GazeTracker>>,
+}
+
+/// Somebody before the testbed, simulated or live: from what is seen, or brought by devices, to the inputs of a tick.
+///
+/// Deterministic with a simulated participant. What a live one does between two ticks becomes input of the next.
+pub struct PersonStage {
+    parts: PersonParts,
+    trunk: Trunk,
+    intention: Intention,
+    seen: Option<GazeSample>,
+    /// What was heard since the last tick.
+    signs: ArrayVec<InputSign, MAX_SIGNS>,
+    /// As the trackers sent them last: shoulder and limb.
+    measured: (Option<Pose>, Option<JointVector>),
+    gaze_offset: GazeOffset,
+    given: Option<Gesture>,
+    /// `world_from_head` of a headset, while there is one.
+    headset: Option<Pose>,
+    /// Where a tracker has the shoulder, and where it is on its way there.
+    tracked_shoulder: Option<(Pose, Pose)>,
+    /// Where the person's own limb is, on its way to where it is asked to go.
+    limb: Option<JointVector>,
+    arm_count: usize,
+}
+
+/// What the person's part needs to know of the testbed.
+#[derive(Clone, Copy, Debug)]
+pub struct PersonInput<'a> {
+    /// Angles of the arm joints after the tick before, rad: where the limb is when its tracking begins.
+    pub arm: &'a [f64],
+    /// The gesture in force after the tick before.
+    pub gesture: Gesture,
+}
+
+impl PersonStage {
+    /// Somebody with `body`, before an arm of `arm_count` joints.
+    pub fn new(parts: PersonParts, body: Body, arm_count: usize) -> Self {
+        Self {
+            parts,
+            trunk: Trunk::new(body),
+            intention: Intention {
+                gesture: Gesture::NoMotion,
+                gaze_direction: Vector::x(),
+                eyes_open: true,
+                trunk: TrunkPosture::default(),
+                limb: None,
+            },
+            seen: None,
+            signs: ArrayVec::new(),
+            measured: (None, None),
+            gaze_offset: GazeOffset::default(),
+            given: None,
+            headset: None,
+            tracked_shoulder: None,
+            limb: None,
+            arm_count,
+        }
+    }
+
+    /// A live person makes a gesture, from the next tick on.
+    pub fn act(&mut self, gesture: Gesture) {
+        self.intention.gesture = gesture;
+    }
+
+    /// A live person makes a gesture by way of `source`, whose silence or end stops the arm from now on. In a trial
+    /// with an armband this is a prompt, and nothing is stopped by it.
+    pub fn command(&mut self, source: InputSource, gesture: Gesture) {
+        self.act(gesture);
+        self.sign(source, SignKind::Commands);
+    }
+
+    /// `source` said something, if only that it is there.
+    pub fn hear(&mut self, source: InputSource) {
+        self.sign(source, SignKind::Alive);
+    }
+
+    /// `source` ended its connection: a gesture that it held is released, and if one is in force the arm stops.
+    pub fn close(&mut self, source: InputSource) {
+        self.act(Gesture::NoMotion);
+        self.sign(source, SignKind::Closed);
+    }
+
+    fn sign(&mut self, source: InputSource, kind: SignKind) {
+        let sign = InputSign { source, kind };
+        // Each is said once a tick; of more than fit, what was said first is known.
+        if !self.signs.contains(&sign) {
+            let _ = self.signs.try_push(sign);
+        }
+    }
+
+    /// A live person looks somewhere, as an eye tracker measured it: rays that repeat to the bit are those of a frozen
+    /// one. A measurement of the same tick that came before is dropped.
+    pub fn look(&mut self, gaze: GazeSample) {
+        self.seen = Some(self.gaze_offset.correct(gaze));
+        // What was said of an earlier ray is not true of this one.
+        self.signs.retain(|sign| sign.kind != SignKind::Points && (sign.source != InputSource::EyeTracker));
+    }
+
+    /// [`PersonStage::look`] with a ray that the tracker sent before, bit for bit, before it was turned into `world`.
+    pub fn look_again(&mut self, gaze: GazeSample) {
+        self.look(gaze);
+        self.sign(InputSource::EyeTracker, SignKind::Repeated);
+    }
+
+    /// A live person looks somewhere by a mouse or a stick, which may rest. Otherwise as [`PersonStage::look`].
+    pub fn point(&mut self, gaze: GazeSample) {
+        self.look(gaze);
+        self.sign(InputSource::Page, SignKind::Points);
+    }
+
+    /// The error of a live person's gaze source, from the next measurement on. The record holds gaze without it.
+    pub fn set_gaze_offset(&mut self, offset: GazeOffset) {
+        self.gaze_offset = offset;
+    }
+
+    /// A live person asks the trunk to go somewhere.
+    pub fn lean(&mut self, posture: TrunkPosture) {
+        self.intention.trunk = posture;
+    }
+
+    /// A headset is at `world_from_head` from now on: the display shows that head instead of the trunk's. Gaze and
+    /// shoulder are not moved by it.
+    pub fn track_head(&mut self, world_from_head: Pose) {
+        self.headset = Some(world_from_head);
+    }
+
+    /// A tracker saw a live person's shoulder: `world_from_shoulder`, from now on instead of the body model's.
+    pub fn track_shoulder(&mut self, world_from_shoulder: Pose) {
+        let now = self.shoulder();
+        self.tracked_shoulder = Some((world_from_shoulder, now));
+        let repeats = self.measured.0.replace(world_from_shoulder) == Some(world_from_shoulder);
+        self.sign(InputSource::ShoulderTracker, if repeats { SignKind::Repeated } else { SignKind::Fresh });
+    }
+
+    /// A tracker saw a live person's own limb: its angles in the joints of the arm, rad.
+    ///
+    /// # Errors
+    /// [`TestbedError::Limb`] for another number of angles than the arm has joints, or one that is not finite.
+    pub fn track_limb(&mut self, angles: &[f64]) -> Result<(), TestbedError> {
+        let count = self.arm_count;
+        if angles.len() != count || !angles.iter().all(|angle| angle.is_finite()) {
+            return Err(TestbedError::Limb { got: angles.to_vec(), expected: count });
+        }
+        let repeats = self.measured.1.as_deref() == Some(angles);
+        self.measured.1 = Some(joints(angles));
+        self.sign(InputSource::LimbTracker, if repeats { SignKind::Repeated } else { SignKind::Fresh });
+        self.intention.limb = Some(joints(angles));
+        Ok(())
+    }
+
+    /// One step of the limb on its way, from `arm` where it has not been tracked yet.
+    fn move_limb(&mut self, arm: &[f64]) -> Option<JointVector> {
+        let asked = self.intention.limb.as_ref()?;
+        let limb = self.limb.get_or_insert_with(|| joints(&arm[..asked.len()]));
+        for (angle, asked) in limb.iter_mut().zip(asked) {
+            *angle += (asked - *angle).clamp(-LIMB_STEP, LIMB_STEP);
+        }
+        Some(limb.clone())
+    }
+
+    fn shoulder(&self) -> Pose {
+        match self.tracked_shoulder {
+            Some((_, now)) => now,
+            None => self.trunk.body().shoulder_pose(&self.trunk.posture()),
+        }
+    }
+
+    /// The pose of the head now: `world_from_head`.
+    pub fn head(&self) -> Pose {
+        if let Some(pose) = self.headset {
+            return pose;
+        }
+        self.trunk.body().head_pose(&self.trunk.posture())
+    }
+
+    /// What enters the testbed in tick `now`.
+    pub fn step(&mut self, now: SimTime, input: PersonInput<'_>) -> TickInput {
+        self.trunk.step(now, self.intention.trunk);
+        let head = self.head();
+        let eye = Point::from(head.translation.vector);
+
+        let mut signs = std::mem::take(&mut self.signs);
+        // Who lets go of nothing need not stop the arm. Gestures before an armband are prompts: who gives them does not
+        // move the arm.
+        let (idle, prompts) = (input.gesture == Gesture::NoMotion, self.parts.emg.is_some());
+        signs.retain(|sign| match sign.kind {
+            SignKind::Closed => !idle && !prompts,
+            SignKind::Commands => !prompts,
+            _ => true,
+        });
+        let mut tick = TickInput { gaze: self.seen.take(), signs, ..TickInput::default() };
+        match &mut self.parts.emg {
+            Some(emg) => tick.emg = emg.sample_at(now, self.intention.gesture),
+            None if self.given != Some(self.intention.gesture) => {
+                tick.gesture = Some(self.intention.gesture);
+                self.given = tick.gesture;
+            }
+            None => {}
+        }
+        if let Some(tracker) = &mut self.parts.gaze {
+            let Intention { gaze_direction, eyes_open, .. } = &self.intention;
+            tick.gaze = tracker.sample_at(now, &eye, gaze_direction, *eyes_open);
+        }
+        if now.0.is_multiple_of(TRACKING_TICKS) {
+            if let Some((asked, now)) = &mut self.tracked_shoulder {
+                *now = toward(now, asked);
+            }
+            tick.shoulder = Some(self.shoulder());
+            tick.limb = self.move_limb(input.arm);
+        }
+        tick
+    }
+
+    /// A simulated participant looks at `frame`, and acts from the next tick on.
+    pub fn see(&mut self, frame: &DisplayFrame) {
+        if let Some(participant) = &mut self.parts.participant {
+            self.intention = participant.step(frame);
+        }
+    }
+}
+
+/// One step of a tracked shoulder on its way.
+fn toward(now: &Pose, asked: &Pose) -> Pose {
+    let way = (asked.translation.vector - now.translation.vector).norm();
+    let turn = now.rotation.angle_to(&asked.rotation);
+    let share = (SHOULDER_STEP.0 / way.max(1e-12)).min(SHOULDER_STEP.1 / turn.max(1e-12)).min(1.0);
+    // Between opposite attitudes there is no shortest way; the tracker will not stay there.
+    now.try_lerp_slerp(asked, share, 1e-9).unwrap_or(*now)
+}

@@ -1,0 +1,118 @@
+use crate::{Grasp, GraspAction, TestbedError, TrialConfig, ports::Plant};
+use proact_control::{HandCommand, HandTracker};
+use proact_types::{
+    ArmModel, BlockId, EventKind, HandView, JointVector, PlantCommand, PlantState, Point, SimTime, joints,
+};
+use std::sync::Arc;
+
+/// Arm, hand, box and blocks: the physics, and the rule by which the hand takes a block and lets it go.
+pub struct WorldStage {
+    model: Arc<ArmModel>,
+    plant: Box<dyn Plant>,
+    grasp: Grasp,
+    /// Links of the fingers on the block that is held.
+    grasped_by: Vec<String>,
+    tracker: HandTracker,
+}
+
+/// What enters the world in one tick.
+#[derive(Clone, Copy, Debug)]
+pub struct WorldInput<'a> {
+    /// Targets of the joints, and where the base goes.
+    pub command: &'a PlantCommand,
+    /// What the hand was told in this tick.
+    pub hand: Option<HandCommand>,
+    /// The targets of the hand's joints still move.
+    pub hand_moving: bool,
+}
+
+/// What the world shows after one tick, beside [`WorldStage::state`].
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct WorldOutput {
+    /// The hand, from its joints and from what is attached.
+    pub hand: HandView,
+    /// The block that was attached while the physics moved, an index in `Scene::blocks`; one that the hand takes in
+    /// this tick is not yet.
+    pub carried: Option<usize>,
+    /// Angles of the fingers on a block that was taken in this tick, rad: they stay there.
+    pub frozen: Option<JointVector>,
+    /// What happened.
+    pub events: Vec<EventKind>,
+}
+
+impl WorldStage {
+    /// The stage of a trial: `plant` holds the arm at its pose `start` with an open hand.
+    ///
+    /// # Errors
+    /// An arm without the pose `open`.
+    pub fn new(
+        config: &TrialConfig,
+        model: Arc<ArmModel>,
+        plant: Box<dyn Plant>,
+    ) -> Result<Self, TestbedError> {
+        Ok(Self {
+            grasp: Grasp::new(config.physics.grasp_rule, &model),
+            tracker: HandTracker::new(model.pose("hand", "open")?),
+            grasped_by: Vec::new(),
+            plant,
+            model,
+        })
+    }
+
+    /// The physics.
+    pub fn plant(&self) -> &dyn Plant {
+        self.plant.as_ref()
+    }
+
+    /// Joints, base and blocks after the last tick.
+    pub fn state(&self) -> &PlantState {
+        self.plant.state()
+    }
+
+    /// The hand after the last tick.
+    pub fn hand(&self) -> HandView {
+        let holds = self.plant.state().attached.and_then(|(block, _)| BlockId::ALL.get(block).copied());
+        HandView { state: self.tracker.state(), holds }
+    }
+
+    /// One step of physics under the joint targets, then the grasp rule.
+    ///
+    /// # Errors
+    /// What the physics refuse; the trial cannot go on then.
+    pub fn step(&mut self, now: SimTime, input: WorldInput<'_>) -> Result<WorldOutput, TestbedError> {
+        let refused = |source| TestbedError::Plant { time: now, source };
+        if let Some(command) = input.hand {
+            self.tracker.note(command);
+        }
+        self.plant.step(input.command).map_err(refused)?;
+        let state = self.plant.state();
+        let carried = state.attached.map(|(block, _)| block);
+        let arm = self.model.arm_count();
+        let fingers = &state.position[arm..];
+        let hand = self.tracker.step(fingers, &state.velocity[arm..], input.hand_moving);
+        let action = self.grasp.step(&self.model, state, hand, self.tracker.command());
+        let mut output = WorldOutput { carried, ..WorldOutput::default() };
+        let place = |block: usize| Point::from(state.blocks[block].pose.translation.vector);
+        match action {
+            Some(GraspAction::Attach(block)) => {
+                self.grasped_by = self.grasp.fingers_on(&self.model, &state.contacts, block);
+                if let Some(id) = BlockId::ALL.get(block).copied() {
+                    let (links, place) = (self.grasped_by.clone(), place(block));
+                    output.events.push(EventKind::GraspMade { block: id, links, place });
+                }
+                output.frozen = Some(joints(fingers));
+                self.plant.attach(block, self.model.tip).map_err(refused)?;
+            }
+            Some(GraspAction::Release) => {
+                if let Some((block, id)) = carried.and_then(|k| Some((k, *BlockId::ALL.get(k)?))) {
+                    let (links, place) = (std::mem::take(&mut self.grasped_by), place(block));
+                    output.events.push(EventKind::GraspEnded { block: id, links, place });
+                }
+                self.plant.release();
+            }
+            None => {}
+        }
+        output.hand = self.hand();
+        Ok(output)
+    }
+}
