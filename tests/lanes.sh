@@ -166,7 +166,7 @@ lane_image() {
 
 lane_ros() {
     build_ros
-    for test in test_messages test_launch test_sim test_rosbridge test_compat; do
+    for test in test_messages test_launch test_sim test_rosbridge test_compat test_lockstep; do
         PROACT_BINARY=$ros_binary /usr/bin/python3 -W ignore "$root/tests/ros/$test.py" || return 1
     done
 }
@@ -178,7 +178,8 @@ lane_ros_long() {
     for test in test_testbed test_nodes; do
         PROACT_BINARY=$ros_binary /usr/bin/python3 -W ignore "$root/tests/ros/$test.py" || return 1
     done
-    sh "$root/tests/ros/workspace.sh"
+    PROACT_BINARY=$ros_binary /usr/bin/python3 -W ignore "$root/tests/ros/test_lockstep.py" --long &&
+        sh "$root/tests/ros/workspace.sh"
 }
 
 # Nodes of other people that fall silent, freeze or are killed, and how long the arm goes on, in simulated time.

@@ -272,6 +272,30 @@ class Replaced(unittest.TestCase):
         self.assertEqual(start.attached_collision_objects, [])
 
 
+class Judged(unittest.TestCase):
+    """A simulator that knows the original's topics alone, as a lab's Gazebo does, with the task in a node of its own."""
+
+    def test_a_trial_over_a_gazebo_of_ones_own_moves_the_blocks_to_their_targets(self):
+        words = ["--method", "D", "--seed", "1", "--setup", "still"]
+        result = graph.Inbox("/proact/result", String)
+        # What is typed is taken away from the simulator.
+        away = [f"/proact/{topic}:=/nowhere/{topic}"
+                for topic in ("state", "frame", "command", "person", "result", "score", "cues")]
+        sim = GRAPH.node("sim", *words, *away)
+        nodes = Nodes(*words, leave_out=("sim",))
+        task = GRAPH.node("task", *words)
+        try:
+            trial = json.loads(result.wait(patience=300.0).data)
+        finally:
+            nodes.stop()
+            GRAPH.stop(task)
+            GRAPH.stop(sim)
+            graph.until(lambda: not any(n.startswith("/proact_") for n in GRAPH.nodes()), "all nodes gone")
+            result.subscriber.unregister()
+        print(f"over a Gazebo of one's own: {trial['sim_seconds']:.1f} s, {trial['on_target']} on target")
+        self.assertEqual(trial["on_target"], 4)
+
+
 class Played(unittest.TestCase):
     """A bag of a lab's inputs, as the original's graph had them, in the place of the person's nodes."""
 
@@ -328,7 +352,7 @@ def write_inputs(path, block, shoulder):
 
 def load_tests(loader, _tests, _pattern):
     """Faults last: after its restart of the master, what this process has subscribed to stays silent."""
-    classes = (Replaced, Played, Trial, Faults)
+    classes = (Replaced, Played, Judged, Trial, Faults)
     return unittest.TestSuite(loader.loadTestsFromTestCase(each) for each in classes)
 
 

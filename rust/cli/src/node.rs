@@ -37,6 +37,8 @@ pub(crate) enum NodeName {
     Intent,
     /// Gestures and what is meant to commands for arm and hand
     Method,
+    /// The task and the display over a Gazebo of one's own, in the place of sim
+    Task,
     /// A simulated person with armband and eye tracker
     Participant,
     /// rosbridge for browsers, roslibpy and the original headset app; --rosbridge PORT or _port:=PORT, else 9090
@@ -72,37 +74,36 @@ pub(crate) use on_graph::command;
 #[cfg(feature = "ros")]
 mod on_graph {
     use super::{NodeArgs, NodeName};
-    use crate::trial;
+    use crate::{method_process, trial};
     use proact_devices::{EmgSource, GazeSource};
-    use proact_emg::EmgPipeline;
     use proact_kinematics::Kinematics;
-    use proact_participants::Trunk;
-    use proact_ros::{
-        node::{self, MethodParts, Person},
-        simulator::Simulator,
-        world::World,
-    };
+    use proact_ros::node::{self, IntentParts, MethodParts, ParticipantParts, SimParts, TaskParts};
     use proact_tasks::BoxAndBlocks;
-    use proact_testbed::{GazeFilter, TrialConfig};
+    use proact_testbed::{
+        PersonParts, TrialConfig,
+        stages::{EmgStage, IntentStage, MethodStage, PersonStage},
+    };
     use proact_types::SimTime;
     use std::{error::Error, sync::Arc};
 
     pub(crate) fn command(args: &NodeArgs) -> Result<bool, Box<dyn Error>> {
-        // The node keeps real time: a plan that is late takes effect when it comes.
-        let config = TrialConfig { wait_for_plans: false, ..args.trial.config("seated")? };
+        let config = args.trial.config("seated")?;
+        // In real time a plan that is late takes effect when it comes; in lock-step it is waited for.
+        let wait_for_plans = args.words.iter().any(|word| word == "_lockstep:=true");
+        let config = TrialConfig { wait_for_plans, ..config };
+        let model = Arc::new(proact_description::mpl_right_arm());
         match args.name {
             NodeName::Sim => {
-                let model = Arc::new(proact_description::mpl_right_arm());
                 let base = config.setup.body.shoulder_pose(&Default::default());
                 let task = task(&config);
                 let (arm, scene, physics) = (model.clone(), task.scene().clone(), config.physics);
                 let factory = Box::new(move || trial::plant(&arm, &scene, &base, &physics));
-                let rule = config.physics.grasp_rule;
-                let sim = Simulator::new(model, task, base, factory)?.with_grasp_rule(rule);
-                node::run_sim(sim, config.arrangement)?;
+                let kinematics = Box::new(Kinematics::new(&model)?);
+                node::run_sim(SimParts { config, model, task, factory, kinematics })?;
             }
             NodeName::Testbed => {
                 let live = args.live;
+                let config = TrialConfig { wait_for_plans: false, ..config };
                 let assembly = if live {
                     trial::live(config)?
                 } else {
@@ -113,39 +114,40 @@ mod on_graph {
             }
             NodeName::Emg => {
                 let setup = proact_devices::prepare(&EmgSource::Synthetic, config.seed)?;
-                let pipeline =
-                    EmgPipeline::new(&setup.config, setup.classifier)?.with_centring(&setup.centring)?;
-                node::run_emg(pipeline)?;
+                let config = TrialConfig { emg: Some(setup.config), emg_centring: setup.centring, ..config };
+                node::run_emg(EmgStage::new(&config, Some(setup.classifier))?)?;
             }
-            NodeName::Intent => node::run_intent(world(&config), GazeFilter::new(&config)?)?,
+            NodeName::Intent => {
+                let stage = IntentStage::new(&config, model.clone())?;
+                let kinematics = Box::new(Kinematics::new(&model)?);
+                node::run_intent(IntentParts { stage, kinematics, moving: model.moving_count() })?;
+            }
             NodeName::Method => {
-                let world = world(&config);
-                let kinematics = Box::new(Kinematics::new(world.model())?);
-                let plans = Box::new(trial::planner(world.model(), &config)?);
-                node::run_method(MethodParts { config, world, kinematics, plans })?;
+                let kinematics = Box::new(Kinematics::new(&model)?);
+                let plans = Box::new(trial::planner(&model, &config)?);
+                let (scene, process) = (task(&config).scene().clone(), method_process::start(&config)?);
+                let stage = MethodStage::new(&config, model.clone(), scene, plans, process)?;
+                node::run_method(MethodParts { stage, method: config.method, model, kinematics })?;
+            }
+            NodeName::Task => {
+                let (task, kinematics) = (task(&config), Box::new(Kinematics::new(&model)?));
+                node::run_task(TaskParts { config, model, task, kinematics })?;
             }
             NodeName::Participant => {
-                let world = world(&config);
                 let options = config.participant.unwrap_or_default();
-                let person = Person {
-                    participant: trial::participant(&config, options, world.model())?,
-                    emg: Box::new(proact_devices::prepare(&EmgSource::Synthetic, config.seed)?.feed),
-                    gaze: Box::new(GazeSource::new(trial::GAZE_ERROR_DEG, config.seed)?),
-                    trunk: Trunk::new(config.setup.body),
+                let person = PersonParts {
+                    participant: Some(trial::participant(&config, options, &model)?),
+                    emg: Some(Box::new(proact_devices::prepare(&EmgSource::Synthetic, config.seed)?.feed)),
+                    gaze: Some(Box::new(GazeSource::new(trial::GAZE_ERROR_DEG, config.seed)?)),
                 };
-                node::run_participant(world, person)?;
+                let stage = PersonStage::new(person, config.setup.body, model.arm_count());
+                let joints = (model.arm_count(), model.moving_count());
+                node::run_participant(ParticipantParts { stage, joints })?;
             }
             NodeName::Rosbridge => args.rosbridge.relay()?,
             NodeName::Meter => println!("{}", serde_json::to_string(&node::run_meter()?)?),
         }
         Ok(true)
-    }
-
-    /// The world before the first message.
-    fn world(config: &TrialConfig) -> World {
-        let base = config.setup.body.shoulder_pose(&Default::default());
-        let model = Arc::new(proact_description::mpl_right_arm());
-        World::new(model, task(config), base)
     }
 
     fn task(config: &TrialConfig) -> BoxAndBlocks {

@@ -18,6 +18,7 @@ const MOVING: u32 = 2;
 ///   silent while no gesture is held; a topic may not.
 /// - An eye tracker is dead when no new gaze came for `gaze_ms`, for methods that use gaze.
 /// - A tracked shoulder or limb that has moved is dead when it has not moved for `tracking_ms`.
+/// - A stage that is a process of its own is dead from the sign that it was lost to the sign that it is back.
 ///
 /// Deterministic, and without storage that grows.
 #[derive(Clone, Debug)]
@@ -162,6 +163,10 @@ impl SourceWatch {
                     let moved = self.heard[source.index()].moves >= MOVING;
                     self.dead_measurement(now, source, limit).filter(|_| moved)
                 }
+                InputSource::Stage => {
+                    let lost = self.heard[source.index()].closed;
+                    lost.then(|| (StopCause::Lost, "a stage of the testbed was lost".to_owned()))
+                }
             }?;
             Some((source, cause, what))
         })
@@ -220,7 +225,7 @@ impl SourceWatch {
 mod tests {
     use super::*;
     use Gesture::{NoMotion, WristExtension};
-    use InputSource::{Armband, EyeTracker, GestureTopic, LimbTracker, Page, ShoulderTracker};
+    use InputSource::{Armband, EyeTracker, GestureTopic, LimbTracker, Page, ShoulderTracker, Stage};
     use SignKind::{Alive, Closed, Commands, Fresh, Repeated};
 
     const LIMITS: DeadManProfile =
@@ -365,5 +370,22 @@ mod tests {
         watch.hear(SimTime(1500), Page, Alive);
         let events = run(&mut watch, 1500, 1501, NoMotion);
         assert_eq!(stopped(&events), [(1501, EyeTracker, StopCause::Silent)]);
+    }
+
+    #[test]
+    fn a_stage_that_was_lost_stops_the_arm_until_it_is_back_and_the_hand_relaxed() {
+        let mut watch = watch();
+        let mut at = |ms: u64, kind: Option<SignKind>, gesture| {
+            if let Some(kind) = kind {
+                watch.hear(SimTime(ms), Stage, kind);
+            }
+            watch.step(SimTime(ms), gesture);
+            watch.stop().map(|stop| (stop.source, stop.cause))
+        };
+        assert_eq!(at(1, None, WristExtension), None);
+        assert_eq!(at(2, Some(Closed), WristExtension), Some((Stage, StopCause::Lost)));
+        assert!(at(500, None, NoMotion).is_some(), "a relaxed hand does not bring the stage back");
+        assert!(at(501, Some(Alive), WristExtension).is_some());
+        assert_eq!(at(502, None, NoMotion), None);
     }
 }

@@ -1,6 +1,7 @@
 //! The controllers of ros_control that the original loads: which joints each has, which run, what they ask for.
 
 use crate::trajectory::{Course, Knot, RawPoint, TrajectoryError};
+use proact_testbed::stages::DrivenJoint;
 use proact_types::{ArmModel, JointLimits, JointVector, SimTime, TICK_SECS};
 
 /// How late a goal may be reached, s (original: `goal_time` 2.0).
@@ -67,6 +68,8 @@ pub struct TrajectoryController {
     names: Vec<String>,
     loaded: bool,
     running: bool,
+    /// Somebody has commanded it, and nobody else its joints since.
+    drives: bool,
     desired: Vec<Knot>,
     following: Option<Following>,
 }
@@ -112,10 +115,12 @@ impl TrajectoryController {
     ) -> Result<(), TrajectoryError> {
         if points.is_empty() && tolerances.is_none() {
             self.hold();
+            self.drives = true;
             return Ok(());
         }
         let course = Course::new(&self.names, named, points, begin_secs, &self.desired)?;
         self.following = Some(Following { course, began: now, tolerances });
+        self.drives = true;
         Ok(())
     }
 
@@ -225,6 +230,7 @@ impl Controllers {
             joints,
             loaded,
             running: loaded,
+            drives: false,
             following: None,
         };
         let arm = model.arm_count();
@@ -349,26 +355,40 @@ impl Controllers {
         Ok(())
     }
 
-    /// Holds the joints of one controller where they are asked to be, whatever it was doing.
-    pub fn hold_here(&mut self, name: &str) {
-        let position = self.position.clone();
-        if let Some(controller) = self.get_mut(name) {
-            for (knot, joint) in controller.desired.iter_mut().zip(&controller.joints) {
-                knot.position = position[*joint];
-            }
+    /// Joints of `range` are commanded by something else from now on: trajectories of controllers that have one of them
+    /// are over.
+    pub fn let_go(&mut self, range: std::ops::Range<usize>) {
+        for controller in self.list.iter_mut().filter(|c| c.joints.iter().any(|j| range.contains(j))) {
             controller.hold();
+            controller.drives = false;
         }
     }
 
-    /// Sets what the joints from `first` on are asked for; something else has moved them.
-    pub fn place(&mut self, first: usize, angles: &[f64]) {
-        self.position[first..first + angles.len()].copy_from_slice(angles);
+    /// What the joints were asked for in the end, rad. A controller that drives none follows it, so that its next
+    /// trajectory begins there.
+    pub fn follow_targets(&mut self, position: &[f64]) {
+        self.position.copy_from_slice(position);
+        self.velocity.iter_mut().for_each(|v| *v = 0.0);
+        for controller in self.list.iter_mut().filter(|c| !c.drives) {
+            for (knot, joint) in controller.desired.iter_mut().zip(&controller.joints) {
+                *knot = Knot { position: position[*joint], velocity: Some(0.0), acceleration: Some(0.0) };
+            }
+        }
+    }
+
+    /// The joints that controllers drive, with the targets of the last step.
+    pub fn driven(&self) -> Vec<DrivenJoint> {
+        let drive = |controller: &&TrajectoryController| controller.running && controller.drives;
+        let joints = self.list.iter().filter(drive).flat_map(|controller| controller.joints.iter().copied());
+        let target =
+            |joint| DrivenJoint { joint, position: self.position[joint], velocity: self.velocity[joint] };
+        joints.map(target).collect()
     }
 
     /// Advances all running controllers to `now`. Answers the goals' trajectories that ended, by controller.
     pub fn step(&mut self, now: SimTime, position: &[f64], velocity: &[f64]) -> Vec<(String, Ending)> {
         let mut endings = Vec::new();
-        for controller in self.list.iter_mut().filter(|c| c.running) {
+        for controller in self.list.iter_mut().filter(|c| c.running && c.drives) {
             if let Some(ending) = controller.step(now, position, velocity) {
                 endings.push((controller.name.clone(), ending));
             }

@@ -21,13 +21,13 @@
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 pub mod action;
+pub mod clock;
 pub mod compat;
 pub mod controllers;
 pub mod frames;
+pub mod gazebo;
 pub mod joy;
-pub mod simulator;
 pub mod trajectory;
-pub mod world;
 
 #[cfg(feature = "rosrust")]
 pub mod messages;

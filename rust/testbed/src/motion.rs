@@ -88,6 +88,16 @@ impl ArmMotion {
         };
     }
 
+    /// Somebody else drives one joint in this tick: what was commanded is given up. Within the limits, as a command.
+    pub fn drive(&mut self, joint: usize, position: f64, velocity: f64) {
+        if !matches!(self.course, Course::Hold { finished: false }) {
+            self.apply(MotionCommand::Hold);
+        }
+        let limits = self.limits[joint];
+        self.position[joint] = position.clamp(limits.lower, limits.upper);
+        self.velocity[joint] = velocity;
+    }
+
     /// Advances by one tick.
     pub fn step(&mut self) {
         self.elapsed_ticks += 1;
@@ -204,6 +214,14 @@ impl HandMotion {
         self.velocity.iter_mut().for_each(|v| *v = 0.0);
         self.duration_ticks = 0;
         self.elapsed_ticks = 0;
+    }
+
+    /// Somebody else drives one joint in this tick: what was commanded is given up.
+    pub fn drive(&mut self, joint: usize, position: f64, velocity: f64) {
+        self.duration_ticks = 0;
+        self.elapsed_ticks = 0;
+        self.position[joint] = position;
+        self.velocity[joint] = velocity;
     }
 
     /// Advances by one tick.

@@ -265,6 +265,7 @@ impl Testbed {
             motion: method.motion,
             hand: method.hand,
             frozen: self.said.frozen.as_ref(),
+            driven: &[],
             world: self.world.state(),
         };
         let mut actuation = self.actuation.step(now, commanded);

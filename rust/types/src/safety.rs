@@ -18,17 +18,20 @@ pub enum InputSource {
     ShoulderTracker,
     /// The tracked angles of the person's own limb.
     LimbTracker,
+    /// Another stage of the testbed, where each is a node of a ROS graph.
+    Stage,
 }
 
 impl InputSource {
     /// All of them; of several that are dead the first is named.
-    pub const ALL: [InputSource; 6] = [
+    pub const ALL: [InputSource; 7] = [
         InputSource::Armband,
         InputSource::GestureTopic,
         InputSource::Page,
         InputSource::EyeTracker,
         InputSource::ShoulderTracker,
         InputSource::LimbTracker,
+        InputSource::Stage,
     ];
 
     /// Its place in [`InputSource::ALL`].
@@ -46,6 +49,7 @@ impl fmt::Display for InputSource {
             InputSource::EyeTracker => "eye tracker",
             InputSource::ShoulderTracker => "shoulder tracker",
             InputSource::LimbTracker => "limb tracker",
+            InputSource::Stage => "stage",
         })
     }
 }
@@ -75,6 +79,18 @@ pub enum SignKind {
     Repeated,
     /// It ended the connection.
     Closed,
+}
+
+impl SignKind {
+    /// All of them, in the order of their numbers.
+    pub const ALL: [SignKind; 6] = [
+        SignKind::Commands,
+        SignKind::Alive,
+        SignKind::Points,
+        SignKind::Fresh,
+        SignKind::Repeated,
+        SignKind::Closed,
+    ];
 }
 
 /// How a source died.

@@ -83,7 +83,7 @@ export interface TrialEvent {
 
 /** Why the arm is stopped: something that moves it died or froze. It goes on only after a relaxed gesture. */
 export interface Stop {
-  source: "armband" | "gesture_topic" | "page" | "eye_tracker" | "shoulder_tracker" | "limb_tracker";
+  source: "armband" | "gesture_topic" | "page" | "eye_tracker" | "shoulder_tracker" | "limb_tracker" | "stage";
   cause: "silent" | "closed" | "frozen" | "flat" | "railed" | "noiseless" | "lossy" | "wrong_rate" | "lost";
   /** Milliseconds since the start of the trial. */
   since: number;

@@ -48,11 +48,11 @@ impl<R: Message, F: Message> Action<R, F> {
         graph: &Graph,
         name: &str,
         jobs: &Jobs<S>,
-        goal: impl Fn(&mut S, G) + Send + Sync + 'static,
+        goal: impl Fn(&mut S, G, &str) + Send + Sync + 'static,
         cancel: impl Fn(&mut S, GoalId) + Send + Sync + 'static,
     ) -> std::result::Result<[Subscriber; 2], NodeError> {
         Ok([
-            graph.listen(&format!("{name}/goal"), 50, jobs, goal)?,
+            graph.listen_from(&format!("{name}/goal"), 50, jobs, goal)?,
             graph.listen(
                 &format!("{name}/cancel"),
                 50,

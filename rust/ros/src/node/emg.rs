@@ -1,64 +1,105 @@
-//! `proact node emg`: samples of an armband in, the gesture on `/emg` out.
+//! `proact node emg`: samples of an armband in, the gesture out.
 
 use super::{
     Graph, NodeError,
     graph::Jobs,
-    stage::{self, Common, Stage},
+    stage::{self, Common, Stage, Tagged},
+    wire,
 };
-use crate::messages::{proact_msgs::EmgSamples, std_msgs::String as Text};
+use crate::messages::{
+    proact_msgs::{Decision, EmgSamples, Person},
+    std_msgs::String as Text,
+};
 use arrayvec::ArrayVec;
-use proact_emg::{EmgOutput, EmgPipeline};
-use proact_types::{EmgSample, MAX_EMG_CHANNELS};
+use proact_testbed::{
+    Field,
+    stages::{EmgStage, EmgStageInput, EmgStageOutput},
+};
+use proact_types::{EmgSample, EventKind, MAX_EMG_CHANNELS, SimTime, TickInput};
 use rosrust::Publisher;
-use std::ops::RangeInclusive;
+
+/// In real time a stage without news says how things are once in so many ticks.
+const TELL_TICKS: u64 = 50;
 
 struct EmgNode {
     common: Common,
-    pipeline: EmgPipeline,
+    stage: EmgStage,
+    /// In lock-step.
+    person: Tagged<TickInput>,
+    said: Option<EmgStageOutput>,
     emg: Publisher<Text>,
+    decision: Publisher<Decision>,
 }
 
 /// Runs the EMG stage until the graph ends the node.
 ///
 /// # Errors
 /// [`NodeError`].
-pub fn run_emg(pipeline: EmgPipeline) -> Result<(), NodeError> {
+pub fn run_emg(stage: EmgStage) -> Result<(), NodeError> {
     let graph = Graph::join("proact_emg")?;
-    let mut node = EmgNode { common: Common::new(&graph)?, pipeline, emg: graph.publish("emg", 10, false)? };
+    let mut node = EmgNode {
+        common: Common::new(&graph)?,
+        stage,
+        person: Tagged::default(),
+        said: None,
+        emg: graph.publish("emg", 10, false)?,
+        decision: graph.publish("proact/decision", 100, false)?,
+    };
     let jobs: Jobs<EmgNode> = Jobs::default();
-    let _samples = graph.listen(
-        "proact/emg_samples",
-        20,
-        &jobs,
-        |node: &mut EmgNode, message: EmgSamples| match samples(&message) {
-            Ok(samples) => {
-                let done = node.take(&samples);
-                node.common.note("publish", done);
-            }
-            Err(reason) => node.common.faults.refuse("emg_samples", &reason),
-        },
-    )?;
+    let _listening =
+        if node.common.lockstep {
+            graph.listen("proact/person", 100, &jobs, |node: &mut EmgNode, message: Person| {
+                match wire::read_person(&message) {
+                    Ok((input, _)) => {
+                        if !node.person.take(SimTime(message.tick), input) {
+                            let done = node.repeat();
+                            node.common.note("publish", done);
+                        }
+                    }
+                    Err(reason) => node.common.faults.refuse("person", &reason),
+                }
+            })?
+        } else {
+            graph.listen("proact/emg_samples", 20, &jobs, |node: &mut EmgNode, message: EmgSamples| {
+                match samples(&message) {
+                    Ok(samples) => {
+                        let now = node.common.now();
+                        let done = node.take(now, EmgStageInput { samples: &samples, gesture: None });
+                        node.common.note("publish", done);
+                    }
+                    Err(reason) => node.common.faults.refuse("emg_samples", &reason),
+                }
+            })?
+        };
     stage::run(graph, &jobs, &mut node)
 }
 
 impl EmgNode {
-    fn take(&mut self, samples: &[EmgSample]) -> rosrust::error::Result<()> {
-        let output = self.pipeline.step(self.common.now(), samples);
-        let events = *self.pipeline.events();
-        let counts = events.counts;
-        if counts.gaps + counts.unusable_samples > 0 {
-            let reason = format!("{} gaps, {} unusable samples", counts.gaps, counts.unusable_samples);
-            self.common.faults.refuse("emg_samples", &reason);
+    fn take(&mut self, now: SimTime, input: EmgStageInput<'_>) -> rosrust::error::Result<()> {
+        let output = self.stage.step(now, input);
+        for event in &output.events {
+            if let EventKind::EmgGap { gaps, unusable_samples, .. } = event
+                && gaps + unusable_samples > 0
+            {
+                let reason = format!("{gaps} gaps, {unusable_samples} unusable samples");
+                self.common.faults.refuse("emg_samples", &reason);
+            }
         }
-        if let Some(fault) = self.pipeline.fault().filter(|_| events.stale) {
+        let before = self.said.replace(output.clone());
+        let was_dead = before.as_ref().is_some_and(|said| said.fault.is_some());
+        if let Some((_, fault)) = output.fault.as_ref().filter(|_| !was_dead) {
             self.common.faults.refuse("emg_stale", &format!("{fault}: no motion"));
         }
-        self.tell(output)
-    }
-
-    fn tell(&self, output: Option<EmgOutput>) -> rosrust::error::Result<()> {
-        match output.filter(|decision| decision.published || decision.stale) {
-            Some(decision) => self.emg.send(Text { data: decision.gesture.ros_name().to_owned() }),
+        let changed =
+            before.is_none_or(|said| (said.fault, said.armed) != (output.fault.clone(), output.armed));
+        let due = changed || output.decision.is_some() || now.0.is_multiple_of(TELL_TICKS);
+        // Before the text, which listeners that know the typed message pass over.
+        if due || self.common.lockstep {
+            self.decision.send(wire::decision(now, self.common.stamp(), &output))?;
+        }
+        let stale = output.decision.is_some_and(|decision| decision.stale);
+        match output.message.or(stale.then_some(output.gesture)) {
+            Some(gesture) => self.emg.send(Text { data: gesture.ros_name().to_owned() }),
             None => Ok(()),
         }
     }
@@ -70,8 +111,26 @@ impl Stage for EmgNode {
     }
 
     /// Time alone makes a stream stale.
-    fn ticks(&mut self, _ticks: RangeInclusive<u64>) -> rosrust::error::Result<()> {
-        self.take(&[])
+    fn tick(&mut self, now: SimTime) -> rosrust::error::Result<()> {
+        let Some(input) = self.person.get().cloned() else { return self.take(now, EmgStageInput::default()) };
+        let done = self.take(now, EmgStageInput { samples: &input.emg, gesture: input.gesture });
+        if let (Some(spans), Some(said)) = (&mut self.common.spans, &self.said) {
+            spans.digest.input(&TickInput { emg: input.emg, ..TickInput::default() });
+            spans.digest.gesture(said);
+            spans.end_tick(now, &[Field::InputEmg, Field::Emg], false);
+        }
+        done
+    }
+
+    fn is_ready(&self, next: SimTime) -> bool {
+        self.person.is(next)
+    }
+
+    fn repeat(&mut self) -> rosrust::error::Result<()> {
+        match &self.said {
+            Some(said) => self.decision.send(wire::decision(self.common.now(), self.common.stamp(), said)),
+            None => Ok(()),
+        }
     }
 }
 

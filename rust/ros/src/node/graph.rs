@@ -23,6 +23,8 @@ const JOBS: usize = 1024;
 const WATCH: Duration = Duration::from_millis(500);
 /// A topic may bring this many messages in [`FLOOD_WINDOW`]; those beyond are refused.
 const FLOOD: u32 = 200;
+/// In lock-step nobody is faster than everybody.
+const FLOOD_LOCKSTEP: u32 = 100_000;
 const FLOOD_WINDOW: Duration = Duration::from_millis(100);
 /// How long a service call may wait for the loop.
 const SERVICE_WAIT: Duration = Duration::from_secs(5);
@@ -95,6 +97,8 @@ pub struct Graph {
     watch: Option<std::thread::JoinHandle<()>>,
     diagnostics: Publisher<DiagnosticArray>,
     told: Mutex<Option<Instant>>,
+    /// Messages of a topic within [`FLOOD_WINDOW`].
+    flood: u32,
 }
 
 impl Graph {
@@ -119,6 +123,7 @@ impl Graph {
             watch: None,
             diagnostics,
             told: Mutex::default(),
+            flood: if super::stage::lockstep()? { FLOOD_LOCKSTEP } else { FLOOD },
         })
     }
 
@@ -205,10 +210,26 @@ impl Graph {
         jobs: &Jobs<S>,
         take: impl Fn(&mut S, M) + Send + Sync + 'static,
     ) -> Result<Subscriber, NodeError> {
-        self.listen_at(topic, queue, jobs, move |state: &mut S, message, _| take(state, message))
+        self.listen_at(topic, queue, jobs, move |state: &mut S, message, _, _: &str| take(state, message))
     }
 
-    /// [`Graph::listen`] with the time at which the message came.
+    /// [`Graph::listen`] with the name of the node that sent the message.
+    ///
+    /// # Errors
+    /// [`NodeError::Setup`].
+    pub fn listen_from<M: Message, S: 'static>(
+        &self,
+        topic: &str,
+        queue: usize,
+        jobs: &Jobs<S>,
+        take: impl Fn(&mut S, M, &str) + Send + Sync + 'static,
+    ) -> Result<Subscriber, NodeError> {
+        self.listen_at(topic, queue, jobs, move |state: &mut S, message, _, caller: &str| {
+            take(state, message, caller);
+        })
+    }
+
+    /// [`Graph::listen`] with the time at which the message came, and from whom.
     ///
     /// # Errors
     /// [`NodeError::Setup`].
@@ -217,29 +238,30 @@ impl Graph {
         topic: &str,
         queue: usize,
         jobs: &Jobs<S>,
-        take: impl Fn(&mut S, M, Instant) + Send + Sync + 'static,
+        take: impl Fn(&mut S, M, Instant, &str) + Send + Sync + 'static,
     ) -> Result<Subscriber, NodeError> {
         let (faults, sender, take) = (self.faults.clone(), jobs.sender.clone(), Arc::new(take));
         let window = Cell::new((Instant::now(), 0_u32));
         let name = topic.to_owned();
-        let callback = move |message: M| {
+        let flood = self.flood;
+        let callback = move |message: M, caller: &str| {
             let at = Instant::now();
             let (began, count) = window.get();
             if began.elapsed() > FLOOD_WINDOW {
                 window.set((Instant::now(), 1));
             } else {
                 window.set((began, count + 1));
-                if count >= FLOOD {
-                    let reason = format!("{name} brings more than {FLOOD} messages in {FLOOD_WINDOW:?}");
+                if count >= flood {
+                    let reason = format!("{name} brings more than {flood} messages in {FLOOD_WINDOW:?}");
                     return faults.refuse("flood", &reason);
                 }
             }
-            let take = take.clone();
-            if sender.try_send(Box::new(move |state| take(state, message, at))).is_err() {
+            let (take, caller) = (take.clone(), caller.to_owned());
+            if sender.try_send(Box::new(move |state| take(state, message, at, &caller))).is_err() {
                 faults.refuse("flood", &format!("{name}: {JOBS} messages wait already"));
             }
         };
-        rosrust::subscribe(topic, queue, callback).map_err(setup(topic))
+        rosrust::subscribe_with_ids(topic, queue, callback).map_err(setup(topic))
     }
 
     /// A service that the loop answers.

@@ -3,58 +3,66 @@
 use super::{
     Graph, NodeError, convert,
     graph::Jobs,
-    stage::{self, Common, Stage, Worldly},
+    stage::{self, Common, Stage, Tagged},
+    wire::{self, Instant},
 };
 use crate::{
     frames::WORLD,
     messages::{
         geometry_msgs::Vector3Stamped,
-        proact_msgs::View,
+        proact_msgs::{Intent, Person, State},
         std_msgs::{Float64, String as Text},
     },
-    world::World,
 };
-use proact_intent::{Candidates, table_hit};
+use proact_control::ports::ArmKinematics;
+use proact_intent::table_hit;
 use proact_tasks::TABLE_TOP;
-use proact_testbed::GazeFilter;
-use proact_types::{GazeSample, Point, Vector};
-use rosrust::{Publisher, Time};
-use serde::{Deserialize, Serialize};
-use std::ops::RangeInclusive;
+use proact_testbed::{
+    Field,
+    stages::{GazeMeasurement, IntentInput, IntentOutput, IntentStage},
+};
+use proact_types::{BlockId, GazeSample, Point, SimTime, TickInput, Vector};
+use rosrust::Publisher;
 
-/// What the intent stage says beside the original's topics: the text on `/proact/intent`.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct IntentView {
-    /// Probability of each block, `BlockId::ALL` order.
-    pub posterior: [f64; 4],
-    /// The gaze that it follows from.
-    pub gaze: Option<GazeSample>,
+/// What the intent stage is made of.
+pub struct IntentParts {
+    /// The stage.
+    pub stage: IntentStage,
+    /// The arm's kinematics.
+    pub kinematics: Box<dyn ArmKinematics>,
+    /// Moving joints of the arm.
+    pub moving: usize,
 }
 
 struct IntentNode {
     common: Common,
-    world: World,
-    filter: GazeFilter,
-    position: Option<(Time, Point)>,
+    parts: IntentParts,
+    state: Tagged<Instant>,
+    /// In lock-step.
+    person: Tagged<TickInput>,
+    position: Option<Point>,
+    said: Option<IntentOutput>,
     block_id: Publisher<Text>,
     hit: Publisher<Vector3Stamped>,
     raw_hit: Publisher<Vector3Stamped>,
     gaze_ros: [Publisher<Vector3Stamped>; 2],
     distances: Vec<Publisher<Float64>>,
-    view: Publisher<View>,
+    intent: Publisher<Intent>,
 }
 
 /// Runs the intent stage until the graph ends the node.
 ///
 /// # Errors
 /// [`NodeError`].
-pub fn run_intent(world: World, filter: GazeFilter) -> Result<(), NodeError> {
+pub fn run_intent(parts: IntentParts) -> Result<(), NodeError> {
     let graph = Graph::join("proact_intent")?;
     let mut node = IntentNode {
         common: Common::new(&graph)?,
-        world,
-        filter,
+        parts,
+        state: Tagged::default(),
+        person: Tagged::default(),
         position: None,
+        said: None,
         block_id: graph.publish("block_id", 1, false)?,
         hit: graph.publish("gaze_table_hit_location", 1, false)?,
         raw_hit: graph.publish("gaze_table_hit_location_logging", 1, false)?,
@@ -66,25 +74,47 @@ pub fn run_intent(world: World, filter: GazeFilter) -> Result<(), NodeError> {
             .iter()
             .map(|topic| graph.publish(topic, 1, false))
             .collect::<Result<_, _>>()?,
-        view: graph.publish("proact/intent", 1, false)?,
+        intent: graph.publish("proact/intent", 100, false)?,
     };
     let jobs: Jobs<IntentNode> = Jobs::default();
-    let _world = stage::listen_to_world(&graph, &jobs)?;
+    let _state = graph.listen("proact/state", 100, &jobs, |node: &mut IntentNode, message: State| {
+        match wire::read_state(&message, node.parts.moving) {
+            Ok(instant) => node.hear_state(SimTime(message.tick), instant),
+            Err(reason) => node.common.faults.refuse("state", &reason),
+        }
+    })?;
+    let _person = graph.listen_from(
+        "proact/person",
+        100,
+        &jobs,
+        |node: &mut IntentNode, message: Person, caller| {
+            node.common.prefer(caller);
+            match wire::read_person(&message) {
+                Ok((input, _)) => node.hear_person(SimTime(message.tick), input),
+                Err(reason) => node.common.faults.refuse("person", &reason),
+            }
+        },
+    )?;
     let _position =
-        graph.listen("gaze_position", 10, &jobs, |node: &mut IntentNode, m: Vector3Stamped| {
-            node.position = Some((m.header.stamp, Point::new(m.vector.x, m.vector.y, m.vector.z)));
+        graph.listen("gaze_position", 10, &jobs, |node: &mut IntentNode, message: Vector3Stamped| {
+            let v = message.vector;
+            node.position = Some(Point::new(v.x, v.y, v.z));
         })?;
-    let _direction =
-        graph.listen("gaze_direction", 10, &jobs, |node: &mut IntentNode, m: Vector3Stamped| {
-            let Some((_, origin)) = node.position else { return };
-            match gaze(origin, Vector::new(m.vector.x, m.vector.y, m.vector.z)) {
-                Ok(gaze) => {
-                    let done = node.infer(&gaze);
-                    node.common.note("publish", done);
+    let _direction = graph.listen_from(
+        "gaze_direction",
+        10,
+        &jobs,
+        |node: &mut IntentNode, message: Vector3Stamped, caller| {
+            let Some(origin) = node.position.filter(|_| !node.common.is_preferred(caller)) else { return };
+            match gaze(origin, Vector::new(message.vector.x, message.vector.y, message.vector.z)) {
+                Ok(sample) => {
+                    let (points, again) = (false, false);
+                    node.infer_now(Some(GazeMeasurement { sample, points, again }));
                 }
                 Err(reason) => node.common.faults.refuse("gaze", &reason),
             }
-        })?;
+        },
+    )?;
     stage::run(graph, &jobs, &mut node)
 }
 
@@ -101,41 +131,73 @@ pub(super) fn gaze(origin: Point, direction: Vector) -> Result<GazeSample, Strin
 }
 
 impl IntentNode {
-    fn infer(&mut self, gaze: &GazeSample) -> rosrust::error::Result<()> {
-        if !self.world.is_complete() {
-            return Ok(());
+    fn hear_state(&mut self, tick: SimTime, instant: Instant) {
+        if self.common.lockstep {
+            self.hear_tagged(|node| node.state.take(tick, instant));
+        } else {
+            // A simulator that was started again counts anew.
+            self.state = Tagged::default();
+            self.state.take(tick, instant);
         }
-        let (now, stamp) = (self.common.now(), self.common.stamp());
-        let state = self.world.task().state();
-        let scene = Candidates {
-            centres: self.world.block_centres(),
-            pickable: state.pickable,
-            last_released: state.last_released,
-            tip: Some(self.world.grasp_centre()),
-        };
-        self.filter.take(now, gaze, &scene);
+    }
 
+    fn hear_person(&mut self, tick: SimTime, input: TickInput) {
+        if self.common.lockstep {
+            self.hear_tagged(|node| node.person.take(tick, input));
+        } else if let Some(gaze) = GazeMeasurement::of(&input) {
+            self.infer_now(Some(gaze));
+        }
+    }
+
+    fn hear_tagged(&mut self, take: impl FnOnce(&mut Self) -> bool) {
+        if !take(self) {
+            let done = self.repeat();
+            self.common.note("publish", done);
+        }
+    }
+
+    /// Between two ticks: a gaze acts at once.
+    fn infer_now(&mut self, gaze: Option<GazeMeasurement>) {
+        let done = self.infer(self.common.now(), gaze);
+        self.common.note("publish", done);
+    }
+
+    fn infer(&mut self, now: SimTime, gaze: Option<GazeMeasurement>) -> rosrust::error::Result<()> {
+        let Some(Instant { world, task, .. }) = self.state.get() else { return Ok(()) };
+        let input = IntentInput { gaze, world, task };
+        let output = self.parts.stage.step(now, input, self.parts.kinematics.as_mut());
+        let stamp = self.common.stamp();
+        // Before the original's topics, which listeners that know the typed message pass over.
+        self.intent.send(wire::intent(now, stamp, &output))?;
+        if let Some(sample) = output.gaze.filter(|sample| gaze.is_some() && sample.valid) {
+            self.tell(&sample, &output)?;
+        }
+        self.said = Some(output);
+        Ok(())
+    }
+
+    /// The original's topics.
+    fn tell(&self, gaze: &GazeSample, output: &IntentOutput) -> rosrust::error::Result<()> {
+        let stamp = self.common.stamp();
         let vector =
             |v: &Vector| Vector3Stamped { header: convert::header(stamp, WORLD), vector: convert::vector(v) };
-        if let Some(block) = self.filter.highlight(now) {
+        if let Some(block) = output.highlight {
             self.block_id.send(Text { data: block.ros_name().to_owned() })?;
         }
-        self.hit.send(vector(&self.filter.place().coords))?;
+        self.hit.send(vector(&output.place.coords))?;
         if let Some(hit) = table_hit(gaze, TABLE_TOP) {
             self.raw_hit.send(vector(&hit.coords))?;
         }
         self.gaze_ros[0].send(vector(&gaze.origin.coords))?;
         self.gaze_ros[1].send(vector(&gaze.direction))?;
-        for (publisher, centre) in self.distances.iter().zip(&scene.centres) {
+        let Some(Instant { world, .. }) = self.state.get() else { return Ok(()) };
+        for (publisher, block) in self.distances.iter().zip(BlockId::ALL) {
             // In a picture at unit distance, as the original has it.
+            let centre = Point::from(world.blocks[block.index()].pose.translation.vector);
             let data = gaze.direction.angle(&(centre - gaze.origin)).tan();
             publisher.send(Float64 { data })?;
         }
-        let view = IntentView { posterior: *self.filter.posterior(), gaze: self.filter.sample() };
-        self.view.send(View {
-            header: convert::header(stamp, WORLD),
-            json: serde_json::to_string(&view).unwrap_or_default(),
-        })
+        Ok(())
     }
 }
 
@@ -144,15 +206,33 @@ impl Stage for IntentNode {
         &mut self.common
     }
 
-    fn ticks(&mut self, _ticks: RangeInclusive<u64>) -> rosrust::error::Result<()> {
-        let now = self.common.now();
-        self.world.step(now);
-        Ok(())
+    fn tick(&mut self, now: SimTime) -> rosrust::error::Result<()> {
+        if !self.common.lockstep {
+            return Ok(());
+        }
+        let input = self.person.get().cloned().unwrap_or_default();
+        let done = self.infer(now, GazeMeasurement::of(&input));
+        if let (Some(spans), Some(said)) = (&mut self.common.spans, &self.said) {
+            spans.digest.input(&TickInput { gaze: input.gaze, ..TickInput::default() });
+            spans.digest.intent(said);
+            spans.end_tick(now, &[Field::InputGaze, Field::Intent], false);
+        }
+        done
     }
-}
 
-impl Worldly for IntentNode {
-    fn world(&mut self) -> &mut World {
-        &mut self.world
+    /// What was seen grows old by itself.
+    fn show(&mut self) -> rosrust::error::Result<()> {
+        if self.common.lockstep { Ok(()) } else { self.infer(self.common.now(), None) }
+    }
+
+    fn is_ready(&self, next: SimTime) -> bool {
+        self.person.is(next) && self.state.is(SimTime(next.0 - 1))
+    }
+
+    fn repeat(&mut self) -> rosrust::error::Result<()> {
+        match &self.said {
+            Some(said) => self.intent.send(wire::intent(self.common.now(), self.common.stamp(), said)),
+            None => Ok(()),
+        }
     }
 }

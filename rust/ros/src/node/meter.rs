@@ -55,7 +55,7 @@ pub fn run_meter() -> Result<Measured, NodeError> {
         "mpl_right_arm/j0_controller/command",
         10,
         &jobs,
-        |meter: &mut Meter, m: JointTrajectory, at| {
+        |meter: &mut Meter, m: JointTrajectory, at, _| {
             if !m.points.is_empty()
                 && let Some(asked) = meter.asked.take()
             {
@@ -67,11 +67,11 @@ pub fn run_meter() -> Result<Measured, NodeError> {
         "mpl_right_arm/joint_states",
         100,
         &jobs,
-        move |meter: &mut Meter, _: JointState, at| {
+        move |meter: &mut Meter, _: JointState, at, _| {
             since(&mut meter.joint_states, at, &mut meter.measured.joint_states_ms);
         },
     )?;
-    let _tf = graph.listen_at("/tf", 100, &jobs, move |meter: &mut Meter, _: TFMessage, at| {
+    let _tf = graph.listen_at("/tf", 100, &jobs, move |meter: &mut Meter, _: TFMessage, at, _| {
         since(&mut meter.tf, at, &mut meter.measured.tf_ms);
     })?;
 

@@ -1,4 +1,4 @@
-//! `proact node method`: gestures and what is meant in, commands for arm and hand out.
+//! `proact node method`: the gesture and what is meant in, commands for arm and hand out.
 
 mod arm;
 mod inputs;
@@ -7,120 +7,60 @@ mod outlets;
 use super::{
     Graph, NodeError,
     graph::Jobs,
-    stage::{self, Common, Stage, Worldly},
+    stage::{self, Common, Stage, Tagged},
+    wire::{Instant, MethodShown},
 };
-use crate::world::World;
 use arm::ArmOutlet;
+use inputs::Heard;
 use outlets::Outlets;
-use proact_control::{
-    ControlInput, ControlMethod, ControlOutput, HandCommand, HandTracker, MotionState, PlanCommand,
-    SourceWatch, ports::ArmKinematics,
+use proact_control::{MotionCommand, MotionState, ports::ArmKinematics};
+use proact_testbed::{
+    Field, MethodName,
+    stages::{DisplayStage, EmgStageOutput, IntentOutput, MethodInput, MethodOutput, MethodStage},
 };
-use proact_tasks::PlaceRegion;
-use proact_testbed::{ArmMotion, MethodName, TestbedError, TrialConfig, plan_request, ports::PlanService};
-use proact_types::{
-    BlockId, EventKind, Gesture, HandState, HandView, InputSource, JointVector, ModeView, PlanGoal,
-    PlanReply, PlannerView, Point, Pose, SignKind, SimTime, Stop, TargetView,
-};
-use serde::{Deserialize, Serialize};
+use proact_types::{ArmModel, EventKind, HandState, InputSign, InputSource, SignKind, SimTime, TickInput};
 use std::{
     collections::{BTreeMap, BTreeSet},
-    ops::RangeInclusive,
+    sync::Arc,
 };
 
-/// A block that nobody has looked at for this long is not highlighted, ms.
-const LOOK_MS: u64 = 500;
 /// A stage that promised to speak and is silent for this long stops the arm, ms.
 const SILENCE_MS: u64 = 120;
-/// A held arm that is this far from where it was asked to be, rad, was moved or stopped by somebody else.
-const STRAYED: f64 = 0.05;
-/// The same while it follows a path.
-const LEFT_BEHIND: f64 = 0.2;
-/// A command needs this long to show in the joints, ms.
+/// From a command for the arm to the first message of the world that shows it, at most, ms.
 const SETTLING_MS: u64 = 300;
-
-/// What the method stage shows beside the original's topics: the text on `/proact/method`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct MethodView {
-    /// Name of the method, such as `D`.
-    pub method: String,
-    /// Gesture that it acts on.
-    pub gesture: Gesture,
-    /// The hand as the method sees it.
-    pub hand: HandView,
-    /// Why the arm must stand still; none while it need not.
-    #[serde(default)]
-    pub stop: Option<Stop>,
-    /// Selection marker.
-    pub target: TargetView,
-    /// Planner and motion.
-    pub planner: PlannerView,
-    /// Joint or axis of the movement gestures.
-    pub mode: Option<ModeView>,
-    /// Arm angles at the end of the path that is followed, rad.
-    pub goal: Option<JointVector>,
-}
 
 /// What the method stage is made of.
 pub struct MethodParts {
-    /// Method, profile, seed.
-    pub config: TrialConfig,
-    /// The world before the first message.
-    pub world: World,
+    /// The stage.
+    pub stage: MethodStage,
+    /// Its name in the configuration.
+    pub method: MethodName,
+    /// The arm.
+    pub model: Arc<ArmModel>,
     /// The arm's kinematics.
     pub kinematics: Box<dyn ArmKinematics>,
-    /// The planner.
-    pub plans: Box<dyn PlanService>,
-}
-
-/// Messages that tell of the gaze, the least telling first. Once a more telling one has come, the others say nothing
-/// about the eye tracker.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum GazeWord {
-    Nothing,
-    /// The block that is looked at: it may rightly stay the same.
-    Block,
-    /// Where the gaze meets the table.
-    Table,
-    /// The ray.
-    Ray,
 }
 
 struct MethodNode {
     common: Common,
-    config: TrialConfig,
-    world: World,
-    method: Box<dyn ControlMethod>,
-    kinematics: Box<dyn ArmKinematics>,
-    plans: Box<dyn PlanService>,
-    /// What the arm was asked to do, as its controller does it.
-    arm: Option<ArmMotion>,
-    commanded_at: SimTime,
-    hand: HandTracker,
-    /// The goal that the hand is on its way to.
-    hand_goal: Option<String>,
-    gesture: Gesture,
-    /// What was said last. Where a stage fell silent the method lets go, but the hand has not relaxed.
-    said: Gesture,
-    /// Which sources are alive.
-    watch: SourceWatch,
-    /// The most telling kind of message about the gaze so far, and what it said last.
-    gaze_told: (GazeWord, Vec<f64>),
-    shoulder: Option<Pose>,
-    /// Stages that fell silent: nothing acts until they are back, or a relaxed hand is seen.
-    lost: BTreeSet<String>,
-    decided_at: Option<SimTime>,
-    joy: Gesture,
-    /// The newest gesture is the joystick's, whose silence counts then.
-    joy_acts: bool,
-    highlight: Option<(SimTime, BlockId)>,
-    place: Point,
-    looked_at: Option<SimTime>,
-    posterior: Vec<f64>,
-    gaze: Option<proact_types::GazeSample>,
-    pending: Option<(u64, SimTime)>,
-    requests: u64,
+    parts: MethodParts,
+    state: Tagged<Instant>,
+    /// In lock-step: what came of a tick.
+    person: Tagged<TickInput>,
+    decision: Tagged<EmgStageOutput>,
+    intent: Tagged<IntentOutput>,
+    /// In real time: what came since the tick before.
+    heard: Heard,
+    /// When each node that promised to speak last did, and those that fell silent.
     others: BTreeMap<String, SimTime>,
+    lost: BTreeSet<String>,
+    /// Commands for the arm, and when the last one was given.
+    commands: u64,
+    commanded_at: Option<SimTime>,
+    /// What the arm does from that command on.
+    begun: MotionState,
+    hand: HandState,
+    said: Option<(MethodOutput, Vec<EventKind>)>,
     out: Outlets,
     arm_out: ArmOutlet,
 }
@@ -130,51 +70,28 @@ struct MethodNode {
 /// # Errors
 /// [`NodeError`].
 pub fn run_method(parts: MethodParts) -> Result<(), NodeError> {
-    let MethodParts { config, world, kinematics, plans } = parts;
     let graph = Graph::join("proact_method")?;
-    let model = world.model().clone();
-    let control = |e| NodeError::Testbed(TestbedError::Control(e));
-    let method =
-        proact_control::build(&config.method.to_string(), &config.profile, &model).map_err(control)?;
-    let open = model.pose("hand", "open").map_err(TestbedError::Model)?;
     // Method A commands joint by joint, through controllers of single joints, as the original does.
-    let arm_out = ArmOutlet::new(&graph, &model, config.method == MethodName::A)?;
+    let arm_out = ArmOutlet::new(&graph, &parts.model, parts.method == MethodName::A)?;
     let mut node = MethodNode {
         common: Common::new(&graph)?,
-        method,
-        kinematics,
-        plans,
-        arm: None,
-        commanded_at: SimTime(0),
-        hand: HandTracker::new(open),
-        hand_goal: None,
-        gesture: Gesture::NoMotion,
-        said: Gesture::NoMotion,
-        watch: SourceWatch::new(
-            config.profile.dead_man,
-            matches!(config.method, MethodName::C | MethodName::D),
-        ),
-        gaze_told: (GazeWord::Nothing, vec![]),
-        shoulder: None,
-        lost: BTreeSet::new(),
-        decided_at: None,
-        joy: Gesture::NoMotion,
-        joy_acts: false,
-        highlight: None,
-        place: PlaceRegion::DEFAULT.centre(),
-        looked_at: None,
-        posterior: vec![],
-        gaze: None,
-        pending: None,
-        requests: 0,
+        parts,
+        state: Tagged::default(),
+        person: Tagged::default(),
+        decision: Tagged::default(),
+        intent: Tagged::default(),
+        heard: Heard::new(),
         others: BTreeMap::new(),
+        lost: BTreeSet::new(),
+        commands: 0,
+        commanded_at: None,
+        begun: MotionState::Holding,
+        hand: HandState::Open,
+        said: None,
         out: Outlets::new(&graph)?,
         arm_out,
-        config,
-        world,
     };
     let jobs: Jobs<MethodNode> = Jobs::default();
-    let _world = stage::listen_to_world(&graph, &jobs)?;
     let _inputs = inputs::listen(&graph, &jobs)?;
     let _keeper = node.arm_out.keep_controllers();
     stage::run(graph, &jobs, &mut node)
@@ -185,102 +102,156 @@ impl Stage for MethodNode {
         &mut self.common
     }
 
-    fn ticks(&mut self, ticks: RangeInclusive<u64>) -> rosrust::error::Result<()> {
-        let now = self.common.now();
-        self.world.step(now);
-        if !self.world.is_complete() {
+    fn tick(&mut self, now: SimTime) -> rosrust::error::Result<()> {
+        if !self.common.lockstep {
+            self.watch_others();
+            return self.act(now);
+        }
+        let Some(input) = self.person.get().cloned() else { return Ok(()) };
+        let (Some(gesture), Some(intent)) = (self.decision.get().cloned(), self.intent.get().cloned()) else {
             return Ok(());
+        };
+        let done = self.step(now, &input, &gesture, &intent);
+        if let (Some(spans), Some((output, _))) = (&mut self.common.spans, &self.said) {
+            // Samples, gaze and shoulder are those of other stages.
+            let TickInput { gesture, limb, signs, .. } = input;
+            spans.digest.input(&TickInput { gesture, limb, signs, ..TickInput::default() });
+            spans.digest.method(output, self.parts.stage.stop());
+            let own =
+                [Field::InputGesture, Field::InputLimb, Field::InputPlan, Field::InputMethod, Field::Control];
+            spans.end_tick(now, &own, false);
         }
-        let arm = self.world.model().arm_count();
-        if self.arm.is_none() {
-            self.begin();
-        }
-        for _ in ticks {
-            if let Some(motion) = &mut self.arm {
-                motion.step();
+        done
+    }
+
+    fn show(&mut self) -> rosrust::error::Result<()> {
+        let Some(instant) = self.state.get() else { return Ok(()) };
+        let hand = instant.hand.state;
+        if self.hand != hand {
+            self.hand = hand;
+            match hand {
+                HandState::Closed => self.out.success(true)?,
+                HandState::Open => self.out.success(false)?,
+                HandState::Closing | HandState::Opening => {}
             }
         }
-        self.watch_others();
-        self.watch_arm()?;
-        self.watch_sources();
-        let state = self.world.state();
-        self.hand.step(&state.position[arm..], &state.velocity[arm..], self.hand_goal.is_some());
-        let plan = self.due_plan();
-        self.control(None, plan)?;
-        self.show()
+        let due = !self.common.lockstep || DisplayStage::is_due(self.common.now());
+        match self.shown().filter(|_| due) {
+            Some(shown) => self.out.show(self.common.stamp(), &shown),
+            None => Ok(()),
+        }
     }
-}
 
-impl Worldly for MethodNode {
-    fn world(&mut self) -> &mut World {
-        &mut self.world
+    fn is_ready(&self, next: SimTime) -> bool {
+        self.person.is(next)
+            && self.decision.is(next)
+            && self.intent.is(next)
+            && self.state.is(SimTime(next.0 - 1))
+    }
+
+    fn repeat(&mut self) -> rosrust::error::Result<()> {
+        let Some((output, events)) = &self.said else { return Ok(()) };
+        let shown = self.shown();
+        let (now, stamp) = (self.common.now(), self.common.stamp());
+        self.out.command(now, stamp, output, self.commands, shown.as_ref(), events)
     }
 }
 
 impl MethodNode {
-    /// The world is seen for the first time: the arm is where it is, the hand as its fingers tell.
-    fn begin(&mut self) {
-        let model = self.world.model().clone();
-        let arm = model.arm_count();
-        let position = self.world.state().position.clone();
-        self.arm = Some(ArmMotion::new(&model, &position[..arm]));
-        let off = |name: &str| {
-            let pose = model.pose("hand", name).unwrap_or(&[]);
-            pose.iter().zip(&position[arm..]).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()))
+    /// In real time: a step on what came since the one before. Between two ticks as well, where a gesture came.
+    fn act(&mut self, now: SimTime) -> rosrust::error::Result<()> {
+        let (gesture, intent, input) = self.heard.take(now);
+        let mut input = input;
+        self.watch_arm(now, &mut input);
+        self.step(now, &input, &gesture, &intent)
+    }
+
+    fn step(
+        &mut self,
+        now: SimTime,
+        input: &TickInput,
+        gesture: &EmgStageOutput,
+        intent: &IntentOutput,
+    ) -> rosrust::error::Result<()> {
+        let (commands, begun, lockstep) = (self.commands, self.begun, self.common.lockstep);
+        let Some(instant) = self.state.get_mut() else { return Ok(()) };
+        if !lockstep && commands > 0 && instant.acted_on != commands {
+            // The world does not show the last command yet.
+            instant.actuation.motion = begun;
+        }
+        let instant = &*instant;
+        let asked = MethodInput {
+            gesture,
+            intent,
+            actuation: &instant.actuation,
+            world: &instant.world,
+            hand: instant.hand,
+            signs: &input.signs,
+            shoulder_tracked: input.shoulder.is_some(),
+            limb: input.limb.as_ref(),
+            plan: None,
+            answer: None,
         };
-        if self.world.held().is_some() || off("closed") < off("open") {
-            self.hand.note(HandCommand::Close);
+        let output = self.parts.stage.step(now, asked, self.parts.kinematics.as_mut());
+        if let Some(command) = &output.motion {
+            self.commands += 1;
+            self.commanded_at = Some(now);
+            let follows = matches!(command, MotionCommand::Follow(_));
+            self.begun = if follows { MotionState::Following(0.0) } else { MotionState::Holding };
         }
+        self.heard.shows(gesture, intent);
+        let stamp = self.common.stamp();
+        for event in &output.events {
+            match event {
+                EventKind::Stopped { reason, .. } => self.common.faults.stop(reason),
+                EventKind::Locked { .. } => self.out.frozen(true)?,
+                EventKind::Unlocked => self.out.frozen(false)?,
+                _ => {}
+            }
+        }
+        let events: Vec<EventKind> =
+            gesture.events.iter().chain(&intent.events).chain(&output.events).cloned().collect();
+        let due = output.stepped || DisplayStage::is_due(now);
+        if lockstep || output.stepped || !events.is_empty() {
+            // Before the original's topics, which listeners that know the typed message pass over.
+            let shown = self.shown().filter(|_| due);
+            self.out.command(now, stamp, &output, self.commands, shown.as_ref(), &events)?;
+        }
+        if let (Some(command), Some(instant)) = (&output.motion, self.state.get()) {
+            let arm = self.parts.model.arm_count();
+            self.arm_out.send(command, &instant.actuation.command.position[..arm], stamp)?;
+        }
+        if let Some(command) = output.hand {
+            self.out.grasp(command, stamp)?;
+        }
+        if let Some(request) = &output.request {
+            self.out.request(&self.parts.model, request, stamp)?;
+        }
+        self.said = Some((output, events));
+        Ok(())
     }
 
-    fn gazes(&self) -> bool {
-        matches!(self.config.method, MethodName::C | MethodName::D)
-    }
-
-    /// A gesture from muscles or joystick. Acts at once, between two ticks.
-    fn act(&mut self, gesture: Gesture) {
-        let now = self.common.now();
-        self.decided_at = Some(now);
-        for kind in [SignKind::Commands, SignKind::Alive] {
-            self.watch.hear(now, InputSource::GestureTopic, kind);
-        }
-        if gesture == Gesture::NoMotion {
-            self.lost.clear();
-        }
-        self.said = gesture;
-        self.gesture = if !self.lost.is_empty() { Gesture::NoMotion } else { gesture };
-        self.watch_sources();
-        let done = self.control(Some(self.gesture), None);
-        self.common.note("publish", done);
-    }
-
-    /// Stops when a source died, and lets it be known; goes on when it is back and the hand was relaxed.
-    fn watch_sources(&mut self) {
-        if let Some(EventKind::Stopped { reason, .. }) = self.watch.step(self.common.now(), self.said) {
-            self.common.faults.stop(&reason);
-        }
-    }
-
-    /// A message told of the gaze: with values that differ from those before, unless it is frozen.
-    fn hear_gaze(&mut self, word: GazeWord, values: &[f64]) {
-        let now = self.common.now();
-        self.looked_at = Some(now);
-        if word < self.gaze_told.0 {
-            return;
-        }
-        let repeats = word != GazeWord::Block && self.gaze_told.0 == word && self.gaze_told.1 == values;
-        self.gaze_told = (word, values.to_vec());
-        let kind = if repeats { SignKind::Repeated } else { SignKind::Fresh };
-        self.watch.hear(now, InputSource::EyeTracker, kind);
-    }
-
-    /// The tracked shoulder. That of a simulated person rests to the bit; the person's heartbeat speaks for it.
-    fn hear_shoulder(&mut self, pose: Pose) {
-        let simulated = self.others.keys().any(|name| name.ends_with(super::participant::NAME));
-        let repeats = !simulated && self.shoulder == Some(pose);
-        self.shoulder = Some(pose);
-        let kind = if repeats { SignKind::Repeated } else { SignKind::Fresh };
-        self.watch.hear(self.common.now(), InputSource::ShoulderTracker, kind);
+    /// What there is to see; none before the world was.
+    fn shown(&self) -> Option<MethodShown> {
+        let instant = self.state.get()?;
+        let view = self.parts.stage.view();
+        let (gesture, intent) = match self.common.lockstep {
+            true => (self.decision.get()?, self.intent.get()?),
+            false => self.heard.shown(),
+        };
+        Some(MethodShown {
+            method: view.name,
+            gesture: gesture.gesture,
+            confidence: gesture.confidence,
+            effort: gesture.effort,
+            hand: instant.hand,
+            gaze: intent.gaze,
+            stop: view.stop,
+            target: view.target,
+            planner: view.planner,
+            mode: view.mode,
+            goal: instant.actuation.goal.clone(),
+        })
     }
 
     /// Stops when a stage that promised to speak fell silent.
@@ -291,155 +262,36 @@ impl MethodNode {
             self.others.iter().filter(|(_, at)| silent(at)).map(|(name, _)| name.clone()).collect();
         for name in lost {
             self.others.remove(&name);
-            self.gesture = Gesture::NoMotion;
             let reason = format!("{name} is silent for {SILENCE_MS} ms: no motion until it is back");
             self.common.faults.refuse("heartbeat", &reason);
             self.lost.insert(name);
+            self.heard.sign(InputSource::Stage, SignKind::Closed);
         }
     }
 
-    /// Somebody else may have stopped or moved the arm; then it is where it is.
-    fn watch_arm(&mut self) -> rosrust::error::Result<()> {
-        let Some(motion) = &self.arm else { return Ok(()) };
-        if self.common.now().millis_since(self.commanded_at) < SETTLING_MS {
-            return Ok(());
-        }
-        let model = self.world.model().clone();
-        let measured = &self.world.state().position[..model.arm_count()];
-        let off =
-            motion.position().iter().zip(measured).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
-        let follows = matches!(motion.state(), MotionState::Following(_));
-        if off > if follows { LEFT_BEHIND } else { STRAYED } {
-            self.arm = Some(ArmMotion::new(&model, measured));
-            if follows {
-                let reason = format!("the arm does not follow: {off:.2} rad off; the path is given up");
-                self.common.faults.refuse("arm", &reason);
-                // The method lets go, and begins anew with the next message.
-                self.gesture = Gesture::NoMotion;
-                self.arm_out.hold(self.common.stamp())?;
-            }
-        }
-        Ok(())
-    }
-
-    fn due_plan(&mut self) -> Option<PlanReply> {
-        let (id, due) = self.pending?;
-        if self.common.now() < due {
-            return None;
-        }
-        let reply = self.plans.poll(id)?;
-        self.pending = None;
-        Some(reply)
-    }
-
-    fn hand_view(&self) -> HandView {
-        HandView { state: self.hand.state(), holds: self.world.held() }
-    }
-
-    /// One step of the method, and what it asks for. `message`: a gesture came just now.
-    fn control(&mut self, message: Option<Gesture>, plan: Option<PlanReply>) -> rosrust::error::Result<()> {
+    /// A stage said that it lives.
+    fn hear_other(&mut self, name: String) {
         let now = self.common.now();
-        let Some(motion) = &self.arm else { return Ok(()) };
-        let blocks = self.world.block_centres();
-        let (commanded, doing) = (motion.position().clone(), motion.state());
-        let age = |at: Option<SimTime>| at.map(|at| now.millis_since(at));
-        let state = self.world.state();
-        let input = ControlInput {
-            gesture: self.gesture,
-            message,
-            measured: &state.position[..self.world.model().arm_count()],
-            commanded: &commanded,
-            highlight: self
-                .highlight
-                .and_then(|(at, block)| (now.millis_since(at) <= LOOK_MS).then_some(block)),
-            blocks: &blocks,
-            posterior: &self.posterior,
-            place: self.place,
-            hand: self.hand_view(),
-            world_from_base: state.world_from_base,
-            plan: plan.as_ref(),
-            motion: doing,
-            targets: &self.world.task().scene().targets,
-            limb: None,
-            stop: self.watch.stop(),
-            emg_age_ms: age(self.decided_at),
-            gaze_age_ms: age(self.looked_at),
-            tracking_age_ms: None,
-        };
-        let ControlOutput { motion, hand, plan: planning, events } =
-            self.method.step(now, &input, self.kinematics.as_mut());
-        for event in events {
-            match event {
-                EventKind::Locked { .. } => self.out.frozen(true)?,
-                EventKind::Unlocked => self.out.frozen(false)?,
-                _ => {}
-            }
+        if self.lost.remove(&name) && self.lost.is_empty() {
+            self.heard.sign(InputSource::Stage, SignKind::Alive);
         }
-        if let Some(command) = motion {
-            self.commanded_at = now;
-            if let Some(motion) = &mut self.arm {
-                motion.apply(command.clone());
-                self.arm_out.send(&command, motion.position(), self.common.stamp())?;
-            }
-        }
-        if let Some(command) = hand {
-            self.hand.note(command);
-            self.hand_goal = Some(self.out.grasp(command, self.common.stamp())?);
-        }
-        match planning {
-            Some(PlanCommand::Request(goal)) => self.request(goal)?,
-            Some(PlanCommand::Cancel) => {
-                self.pending = None;
-                self.plans.cancel();
-            }
-            None => {}
-        }
-        Ok(())
+        self.others.insert(name, now);
     }
 
-    fn request(&mut self, goal: PlanGoal) -> rosrust::error::Result<()> {
-        let Some(motion) = &self.arm else { return Ok(()) };
-        self.requests += 1;
-        let request = plan_request(
-            self.requests,
-            self.world.model(),
-            self.world.task().scene(),
-            self.world.state(),
-            motion.position().clone(),
-            goal,
-            self.config.seed,
-        );
-        self.out.request(self.world.model(), &request, self.common.stamp())?;
-        self.plans.submit(request);
-        self.pending = Some((self.requests, self.common.now().plus_millis(self.config.plan_latency_ms)));
-        Ok(())
-    }
-
-    /// The hand's action has ended.
-    fn hand_done(&mut self, goal: &str) -> rosrust::error::Result<()> {
-        if self.hand_goal.as_deref() != Some(goal) {
-            return Ok(());
+    /// Somebody else may have taken the arm, or held it, while the method believes that it follows a path.
+    fn watch_arm(&mut self, now: SimTime, input: &mut TickInput) {
+        let Some(instant) = self.state.get() else { return };
+        let Some(since) = self.commanded_at else { return };
+        let executes = matches!(self.parts.stage.view().planner, proact_types::PlannerView::Executing { .. });
+        let held = instant.actuation.motion == MotionState::Holding;
+        if !(executes && held) || now.millis_since(since) < SETTLING_MS {
+            return;
         }
-        self.hand_goal = None;
-        self.out.success(self.hand.command() == HandCommand::Close)
-    }
-
-    fn show(&mut self) -> rosrust::error::Result<()> {
-        let view = MethodView {
-            method: self.method.name().to_owned(),
-            gesture: self.gesture,
-            hand: self.hand_view(),
-            stop: self.watch.stop().cloned(),
-            target: self.method.target(),
-            planner: self.method.planner(),
-            mode: self.method.mode(),
-            goal: self.arm.as_ref().and_then(ArmMotion::goal),
-        };
-        self.out.show(self.common.stamp(), &view)
-    }
-
-    /// Whether the grasp button should open.
-    fn is_closed(&self) -> bool {
-        matches!(self.hand.state(), HandState::Closed | HandState::Closing)
+        self.commanded_at = None;
+        self.common.faults.refuse("arm", "the arm was stopped by somebody else; the path is given up");
+        let source = InputSource::Stage;
+        for kind in [SignKind::Closed, SignKind::Alive] {
+            let _ = input.signs.try_push(InputSign { source, kind });
+        }
     }
 }

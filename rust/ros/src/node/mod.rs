@@ -3,10 +3,12 @@
 mod actions;
 mod at_once;
 mod convert;
+mod digest;
 mod emg;
 mod faults;
 mod graph;
 mod intent;
+mod judge;
 mod master;
 mod meter;
 mod method;
@@ -16,17 +18,21 @@ mod plan_request;
 pub mod relay;
 mod sim;
 mod stage;
+mod task;
 mod testbed;
+mod wire;
 
 pub use emg::run_emg;
 pub use faults::Faults;
 pub use graph::{Graph, NodeError};
-pub use intent::{IntentView, run_intent};
+pub use intent::{IntentParts, run_intent};
 pub use meter::{Measured, run_meter};
-pub use method::{MethodParts, MethodView, run_method};
-pub use participant::{Person, run_participant};
-pub use sim::run_sim;
+pub use method::{MethodParts, run_method};
+pub use participant::{ParticipantParts, run_participant};
+pub use sim::{PlantFactory, SimParts, run_sim};
+pub use task::{TaskParts, run_task};
 pub use testbed::run_testbed;
+pub use wire::MethodShown;
 
 /// Seconds on the graph's clock at the start of a trial. ROS time must be above zero to count as set, and tools
 /// subtract durations from it (tf buffers 10 s), so it starts well above.
@@ -34,3 +40,9 @@ pub const EPOCH_SECS: u32 = 1000;
 
 /// What a node that stands still after a restart of the master says.
 const PAUSED_AFTER_RESTART: &str = "the master was restarted: paused until /gazebo/unpause_physics is called";
+
+/// True if an event says that a block was taken or let go.
+fn is_grasp(kind: &proact_types::EventKind) -> bool {
+    use proact_types::EventKind::{BlockAttached, BlockReleased};
+    matches!(kind, BlockAttached { .. } | BlockReleased { .. })
+}

@@ -1,6 +1,7 @@
 //! `proact node sim`: physics and controllers under the names that Gazebo and ros_control have.
 
 mod goals;
+mod robot;
 mod services;
 mod shoulder;
 
@@ -8,9 +9,13 @@ use super::{
     Graph, NodeError,
     actions::{Action, goal_id},
     convert,
+    digest::Spans,
     graph::{Jobs, Pace, parameter},
+    judge::{self, Judge},
     outlets::{Outlets, View},
+    stage::{self, Tagged},
     testbed::{compat, rate},
+    wire::{self, Asked},
 };
 use crate::{
     action::{GoalId, GoalState},
@@ -24,21 +29,30 @@ use crate::{
         gazebo_msgs::LinkState,
         geometry_msgs::PoseStamped,
         mpl_control::{graspActionFeedback, graspActionGoal, graspActionResult},
+        proact_msgs::{Command, Person},
         std_msgs::String as Text,
         trajectory_msgs::JointTrajectory,
     },
-    simulator::{Simulator, is_grasp},
     trajectory::RawPoint,
 };
 use goals::{follow_result, grasp_result, own_id, tolerances};
-use proact_control::HandCommand;
-use proact_tasks::{Arrangement, BlockResult};
-use proact_types::{EventKind, SimTime};
+use proact_control::{HandCommand, MotionCommand, ports::ArmKinematics};
+use proact_tasks::BoxAndBlocks;
+use proact_testbed::{Field, TrialConfig};
+use proact_types::{ArmModel, Event, EventKind, HandView, Pose, SimTime, TickInput};
+pub use robot::PlantFactory;
+use robot::{Moved, Robot};
 use rosrust::{Publisher, Subscriber};
-use serde::Serialize;
 use shoulder::ShoulderMarker;
-use std::{collections::BTreeMap, sync::Arc};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    sync::Arc,
+    time::{Duration, Instant},
+};
 
+/// In lock-step: how long the loop waits for something to happen, and after what silence it speaks again.
+const PATIENCE: Duration = Duration::from_millis(20);
+const SPEAK_AGAIN: Duration = Duration::from_millis(200);
 /// Nodes that are listened to for signs of life, at most.
 const MOST_HEARTBEATS: usize = 64;
 /// Silence of a node that has promised to speak, ms: then its commands no longer hold.
@@ -53,9 +67,25 @@ const WITH_ACTION: [&str; 2] = ["arm_controller", "hand_controller"];
 type Follow = Action<FollowJointTrajectoryActionResult, FollowJointTrajectoryActionFeedback>;
 type Grasp = Action<graspActionResult, graspActionFeedback>;
 
+/// What the simulator is made of.
+pub struct SimParts {
+    /// Set-up, physics, limits.
+    pub config: TrialConfig,
+    /// The arm.
+    pub model: Arc<ArmModel>,
+    /// The task.
+    pub task: BoxAndBlocks,
+    /// Makes the physics.
+    pub factory: PlantFactory,
+    /// The arm's kinematics.
+    pub kinematics: Box<dyn ArmKinematics>,
+}
+
 /// The node's state: what jobs work on.
 pub(super) struct SimNode {
-    sim: Simulator,
+    robot: Robot,
+    judge: Judge,
+    now: SimTime,
     paused: bool,
     faults: Arc<super::Faults>,
     follow: [Follow; 2],
@@ -63,22 +93,39 @@ pub(super) struct SimNode {
     /// When each node that promised to speak last did.
     heartbeats: BTreeMap<String, SimTime>,
     base_stamp: f64,
-    arrangement: Arrangement,
     compat: Compat,
+    /// Nodes that say in typed messages what their messages in the original's types say as well.
+    typed: BTreeSet<String>,
+    /// Events of the stages before, for the display.
+    events: Vec<EventKind>,
+    /// In lock-step: what came of a tick.
+    lockstep: bool,
+    person: Tagged<(TickInput, Pose)>,
+    command: Tagged<Asked>,
+    spans: Option<Spans>,
 }
 
-/// Runs the simulator until the graph ends the node. `arrangement` is where its blocks stood at the start.
+/// Publishers that follow the world at a rate of their own.
+struct Rates {
+    /// Ticks from one instant to the next.
+    period: u64,
+    outlets: Outlets,
+    states: Vec<Publisher<JointTrajectoryControllerState>>,
+    shoulder: ShoulderMarker,
+}
+
+/// Runs the simulator until the graph ends the node.
 ///
 /// # Errors
 /// [`NodeError`].
-pub fn run_sim(sim: Simulator, arrangement: Arrangement) -> Result<(), NodeError> {
+pub fn run_sim(parts: SimParts) -> Result<(), NodeError> {
+    let SimParts { config, model, task, factory, kinematics } = parts;
     let mut graph = Graph::join("proact_sim")?;
     let period = 1000 / rate()?;
     let links: bool = parameter("~publish_links", true, "true or false")?;
     let paused: bool = parameter("~paused", false, "true or false")?;
-    let (model, scene) = (sim.model().clone(), sim.task().scene().clone());
     let compat = compat()?;
-    let outlets = Outlets::new(&graph, &model, &scene, links, compat.clone())?;
+    let outlets = Outlets::new(&graph, &model, task.scene(), links, compat.clone())?;
     let controller = |name: &str| format!("mpl_right_arm/{name}");
     let states: Vec<Publisher<JointTrajectoryControllerState>> = WITH_ACTION
         .iter()
@@ -86,7 +133,9 @@ pub fn run_sim(sim: Simulator, arrangement: Arrangement) -> Result<(), NodeError
         .collect::<Result<_, _>>()?;
     let action = |name: &str| format!("{}/follow_joint_trajectory", controller(name));
     let mut node = SimNode {
-        sim,
+        judge: Judge::new(&graph, &config, task, kinematics)?,
+        robot: Robot::new(config, model, factory)?,
+        now: SimTime(0),
         paused,
         faults: graph.faults().clone(),
         follow: [
@@ -96,66 +145,24 @@ pub fn run_sim(sim: Simulator, arrangement: Arrangement) -> Result<(), NodeError
         grasp: Action::new(&graph, "grasp")?,
         heartbeats: BTreeMap::new(),
         base_stamp: f64::NEG_INFINITY,
-        arrangement,
         compat,
+        typed: BTreeSet::new(),
+        events: vec![],
+        lockstep: stage::lockstep()?,
+        person: Tagged::default(),
+        command: Tagged::default(),
+        spans: Spans::of_parameter()?,
     };
-    let score: Publisher<Text> = graph.publish("proact/score", 1, true)?;
-    let result: Publisher<Text> = graph.publish("proact/result", 1, true)?;
     let jobs: Jobs<SimNode> = Jobs::default();
     let _listening = listen(&graph, &jobs, &node)?;
     let _serving = services::serve(&graph, &jobs)?;
-    let shoulder = ShoulderMarker::new(&graph, &jobs, &node.sim.state().world_from_base)?;
+    let shoulder = ShoulderMarker::new(&graph, &jobs, &node.robot.state().world_from_base)?;
+    let rates = Rates { period, outlets, states, shoulder };
     graph.watch_master()?;
-
-    let mut pace = Pace::new();
-    while graph.is_ok() {
-        jobs.run(&mut node);
-        if graph.master_restarted() {
-            node.paused = true;
-            rosrust::ros_warn!("{}", super::PAUSED_AFTER_RESTART);
-        }
-        graph.tell(convert::time(node.sim.now()));
-        if node.paused {
-            pace.tick();
-            continue;
-        }
-        node.watch_heartbeat();
-        let output = node.sim.step()?;
-        let now = node.sim.now();
-        let sent = node.conclude(&output.endings, output.hand_arrived).and_then(|()| {
-            for event in output.events.iter().filter(|e| is_grasp(&e.kind)) {
-                outlets.grasp(event)?;
-            }
-            if !output.events.is_empty() {
-                score.send(Text {
-                    data: super::testbed::json("the score", &node.outcomes()).unwrap_or_default(),
-                })?;
-            }
-            if output.events.iter().any(|e| e.kind == EventKind::TrialFinished) {
-                let data = super::testbed::json("the result", &node.result()).unwrap_or_default();
-                result.send(Text { data })?;
-            }
-            if now.0.is_multiple_of(period) {
-                outlets.clock(now)?;
-                outlets.state(now, node.sim.state(), None)?;
-            }
-            if now.0.is_multiple_of(FEEDBACK_MS) {
-                outlets.draw(now, node.sim.state(), &View::default())?;
-                node.feedback(&states)?;
-            }
-            if now.0.is_multiple_of(STATUS_MS) {
-                for follow in &mut node.follow {
-                    follow.status(now)?;
-                }
-                node.grasp.status(now)?;
-                shoulder.keep_alive()?;
-            }
-            Ok(())
-        });
-        if let Err(error) = sent {
-            graph.faults().refuse("publish", &error.to_string());
-        }
-        pace.tick();
+    if node.lockstep {
+        node.run_in_lockstep(&graph, &jobs, &rates)?
+    } else {
+        node.run(&graph, &jobs, &rates)?
     }
     graph.stop_watching();
     Ok(())
@@ -163,12 +170,20 @@ pub fn run_sim(sim: Simulator, arrangement: Arrangement) -> Result<(), NodeError
 
 fn listen(graph: &Graph, jobs: &Jobs<SimNode>, node: &SimNode) -> Result<Vec<Subscriber>, NodeError> {
     let mut all = Vec::new();
-    let names: Vec<String> = node.sim.controllers_ref().list().iter().map(|c| c.name().to_owned()).collect();
+    let names: Vec<String> = node.robot.controllers.list().iter().map(|c| c.name().to_owned()).collect();
     for name in names {
         let topic = format!("mpl_right_arm/{name}/command");
-        all.push(graph.listen(&topic, 1, jobs, move |node: &mut SimNode, message: JointTrajectory| {
-            node.command(&name, &message);
-        })?);
+        all.push(graph.listen_from(
+            &topic,
+            1,
+            jobs,
+            move |node: &mut SimNode, message: JointTrajectory, caller| {
+                // The method says it in full, too.
+                if !node.typed.contains(caller) {
+                    node.command(&name, &message);
+                }
+            },
+        )?);
     }
     for (k, name) in WITH_ACTION.into_iter().enumerate() {
         let action = format!("mpl_right_arm/{name}/follow_joint_trajectory");
@@ -176,7 +191,7 @@ fn listen(graph: &Graph, jobs: &Jobs<SimNode>, node: &SimNode) -> Result<Vec<Sub
             graph,
             &action,
             jobs,
-            move |node: &mut SimNode, goal: FollowJointTrajectoryActionGoal| node.goal(k, &goal),
+            move |node: &mut SimNode, goal: FollowJointTrajectoryActionGoal, _| node.goal(k, &goal),
             move |node: &mut SimNode, id| node.cancel(k, &id),
         )?);
     }
@@ -184,7 +199,10 @@ fn listen(graph: &Graph, jobs: &Jobs<SimNode>, node: &SimNode) -> Result<Vec<Sub
         graph,
         "grasp",
         jobs,
-        |node: &mut SimNode, goal: graspActionGoal| node.grasp_goal(&goal),
+        |node: &mut SimNode, goal: graspActionGoal, caller| {
+            let told = node.typed.contains(caller);
+            node.grasp_goal(&goal, told);
+        },
         |node: &mut SimNode, id| node.grasp_cancel(&id),
     )?);
     all.push(graph.listen("gazebo/set_link_state", 10, jobs, |node: &mut SimNode, link: LinkState| {
@@ -192,11 +210,43 @@ fn listen(graph: &Graph, jobs: &Jobs<SimNode>, node: &SimNode) -> Result<Vec<Sub
             node.faults.refuse("pose", &reason);
         }
     })?);
-    all.push(graph.listen("Shoulderpad_filtered_pose", 1, jobs, |node: &mut SimNode, m: PoseStamped| {
-        node.shoulder(&m);
+    all.push(graph.listen_from(
+        "Shoulderpad_filtered_pose",
+        1,
+        jobs,
+        |node: &mut SimNode, m: PoseStamped, caller| {
+            if !node.typed.contains(caller) {
+                node.shoulder(&m);
+            }
+        },
+    )?);
+    all.push(graph.listen_from("proact/person", 100, jobs, |node: &mut SimNode, m: Person, caller| {
+        node.prefer(caller);
+        match wire::read_person(&m) {
+            Ok(both) if node.lockstep => {
+                node.person.take(SimTime(m.tick), both);
+            }
+            Ok((input, head)) => {
+                node.judge.head = head;
+                if let Some(pose) = input.shoulder {
+                    node.robot.track(pose);
+                }
+            }
+            Err(reason) => node.faults.refuse("person", &reason),
+        }
+    })?);
+    all.push(graph.listen_from("proact/command", 100, jobs, |node: &mut SimNode, m: Command, caller| {
+        node.prefer(caller);
+        match wire::read_command(&m, node.robot.model().arm_count()) {
+            Ok(asked) if node.lockstep => {
+                node.command.take(SimTime(m.tick), asked);
+            }
+            Ok(asked) => node.take_command(asked),
+            Err(reason) => node.faults.refuse("command", &reason),
+        }
     })?);
     all.push(graph.listen("proact/heartbeat", 100, jobs, |node: &mut SimNode, message: Text| {
-        let now = node.sim.now();
+        let now = node.now;
         if node.heartbeats.len() < MOST_HEARTBEATS || node.heartbeats.contains_key(&message.data) {
             node.heartbeats.insert(message.data, now);
         }
@@ -204,32 +254,154 @@ fn listen(graph: &Graph, jobs: &Jobs<SimNode>, node: &SimNode) -> Result<Vec<Sub
     Ok(all)
 }
 
-/// How the trial in this world went: the text on `/proact/result`.
-#[derive(Serialize)]
-struct SimResult {
-    arrangement: Arrangement,
-    on_target: u32,
-    outcomes: Vec<BlockResult>,
-    sim_seconds: f64,
-}
-
 impl SimNode {
-    fn outcomes(&self) -> Vec<BlockResult> {
-        self.sim.task().results(&self.sim.state().blocks)
+    /// Keeps step with the clock on the wall.
+    fn run(&mut self, graph: &Graph, jobs: &Jobs<SimNode>, rates: &Rates) -> Result<(), NodeError> {
+        let mut pace = Pace::new();
+        while graph.is_ok() {
+            jobs.run(self);
+            self.look_after(graph);
+            if !self.paused {
+                self.watch_heartbeat();
+                self.tick(rates)?;
+            }
+            pace.tick();
+        }
+        Ok(())
     }
 
-    fn result(&self) -> SimResult {
-        SimResult {
-            arrangement: self.arrangement,
-            on_target: self.sim.task().state().on_target,
-            outcomes: self.outcomes(),
-            sim_seconds: self.sim.now().as_secs(),
+    /// Goes on with each tick when all have spoken.
+    fn run_in_lockstep(
+        &mut self,
+        graph: &Graph,
+        jobs: &Jobs<SimNode>,
+        rates: &Rates,
+    ) -> Result<(), NodeError> {
+        let done = self.tell_first();
+        self.note(done);
+        let mut spoke = Instant::now();
+        while graph.is_ok() {
+            jobs.run_next(self, PATIENCE);
+            self.look_after(graph);
+            let next = SimTime(self.now.0 + 1);
+            if !self.paused && self.person.is(next) && self.command.is(next) {
+                if let (Some((input, head)), Some(asked)) = (self.person.get(), self.command.get()) {
+                    let (shoulder, head, asked) = (input.shoulder, *head, asked.clone());
+                    self.judge.head = head;
+                    if let Some(pose) = shoulder {
+                        self.robot.track(pose);
+                    }
+                    self.take_command(asked);
+                }
+                self.tick(rates)?;
+                spoke = Instant::now();
+            } else if spoke.elapsed() > SPEAK_AGAIN {
+                // Who joined late has not heard it.
+                let done = self.judge.repeat();
+                self.note(done);
+                spoke = Instant::now();
+            }
         }
+        Ok(())
+    }
+
+    fn look_after(&mut self, graph: &Graph) {
+        if graph.master_restarted() && !self.lockstep {
+            self.paused = true;
+            rosrust::ros_warn!("{}", super::PAUSED_AFTER_RESTART);
+        }
+        graph.tell(convert::time(self.now));
+    }
+
+    /// The world before the first tick.
+    fn tell_first(&mut self) -> rosrust::error::Result<()> {
+        let task = self.judge.task().state().clone();
+        let hand = HandView::default();
+        let robot = &self.robot;
+        let moved =
+            judge::Moved { world: robot.state(), hand, actuation: &robot.said, acted_on: robot.acted_on };
+        self.judge.tell(self.now, &moved, &task, &[], true)
+    }
+
+    fn tick(&mut self, rates: &Rates) -> Result<(), NodeError> {
+        self.now = self.now.plus_millis(1);
+        let now = self.now;
+        let moved = self.robot.step(now)?;
+        let sent = self.publish(now, moved, rates);
+        self.note(sent);
+        Ok(())
+    }
+
+    fn publish(&mut self, now: SimTime, moved: Moved, rates: &Rates) -> rosrust::error::Result<()> {
+        self.conclude(&moved.endings, moved.hand_arrived)?;
+        let mut events = std::mem::take(&mut self.events);
+        events.extend(moved.events);
+        let told = events.len();
+        let world = self.robot.state();
+        let robot = &self.robot;
+        let seen =
+            judge::Moved { world, hand: moved.world.hand, actuation: &robot.said, acted_on: robot.acted_on };
+        let task = self.judge.step(now, &seen, &mut events)?;
+        if let Some(spans) = &mut self.spans {
+            let shoulder = self.person.get().and_then(|(input, _)| input.shoulder);
+            spans.digest.input(&TickInput { shoulder, ..TickInput::default() });
+            spans.digest.actuation(&self.robot.said);
+            spans.digest.world(world, moved.world.carried);
+            spans.digest.task(&task, moved.world.hand.holds);
+            let own = [Field::InputShoulder, Field::Motion, Field::Joints, Field::Blocks, Field::Task];
+            spans.end_tick(now, &own, task.finished);
+        }
+        let due = now.0.is_multiple_of(rates.period);
+        self.judge.tell(now, &seen, &task, &events, due || self.lockstep)?;
+        for kind in events[told..].iter().filter(|kind| super::is_grasp(kind)) {
+            rates.outlets.grasp(&Event { time: now, kind: kind.clone() })?;
+        }
+        if due {
+            rates.outlets.state(now, world, None)?;
+            // Last: who ticks with the clock knows the world by then.
+            rates.outlets.clock(now)?;
+        }
+        if now.0.is_multiple_of(FEEDBACK_MS) {
+            rates.outlets.draw(now, world, &View::default())?;
+            self.feedback(&rates.states)?;
+        }
+        if now.0.is_multiple_of(STATUS_MS) {
+            for follow in &mut self.follow {
+                follow.status(now)?;
+            }
+            self.grasp.status(now)?;
+            rates.shoulder.keep_alive()?;
+        }
+        Ok(())
+    }
+
+    /// What our own method asks for.
+    fn take_command(&mut self, asked: Asked) {
+        if let Some(command) = asked.motion {
+            self.robot.command_arm(command);
+            self.robot.acted_on = asked.number;
+            self.end_follow(0);
+        }
+        if let Some(command) = asked.hand {
+            self.robot.command_hand(command);
+            self.end_follow(1);
+        }
+        if asked.shown.is_some() {
+            self.judge.shown = asked.shown;
+        }
+        self.events.extend(asked.events);
+    }
+
+    /// The goal of a controller's action is over: the method commands its joints.
+    fn end_follow(&mut self, k: usize) {
+        let text = "the method took its place";
+        let sent = self.follow[k].end(GoalState::Preempted, text, self.now, follow_result(0, text));
+        self.note(sent);
     }
 
     /// A trajectory on a controller's command topic: an action's goal before it is over then.
     fn command(&mut self, name: &str, message: &JointTrajectory) {
-        let now = self.sim.now();
+        let now = self.now;
         if let Err(reason) = self.follow(name, message, None) {
             return self.faults.refuse("trajectory", &format!("{name}: {}", reason.1));
         }
@@ -246,12 +418,12 @@ impl SimNode {
         message: &JointTrajectory,
         tolerances: Option<GoalTolerances>,
     ) -> Result<(), (i32, String)> {
-        let now = self.sim.now();
+        let now = self.now;
         if name == "hand_controller" {
-            self.sim.give_hand_back();
+            self.robot.hold_hand();
         }
         let refused = |reason: String| (-1, reason);
-        let controller = self.sim.controllers().get_mut(name).ok_or_else(|| refused("no such".to_owned()))?;
+        let controller = self.robot.controllers.get_mut(name).ok_or_else(|| refused("no such".to_owned()))?;
         if !controller.running() {
             return Err(refused("the controller is not running; call switch_controller first".to_owned()));
         }
@@ -264,10 +436,10 @@ impl SimNode {
     }
 
     fn goal(&mut self, k: usize, message: &FollowJointTrajectoryActionGoal) {
-        let (now, goal, name) = (self.sim.now(), &message.goal, WITH_ACTION[k]);
+        let (now, goal, name) = (self.now, &message.goal, WITH_ACTION[k]);
         let id = own_id(goal_id(&message.goal_id), now);
         let names =
-            self.sim.controllers().get_mut(name).map(|c| c.joint_names().to_vec()).unwrap_or_default();
+            self.robot.controllers.get_mut(name).map(|c| c.joint_names().to_vec()).unwrap_or_default();
         let begun = tolerances(&names, goal).map_err(|reason| (-1, reason)).and_then(|tolerances| {
             if goal.trajectory.points.is_empty() {
                 return Err((-1, "the trajectory has no points".to_owned()));
@@ -277,7 +449,7 @@ impl SimNode {
         let sent = match begun {
             Ok(()) => {
                 self.follow[k].admit(id, now, follow_result(0, "a newer goal took its place")).map(|begins| {
-                    if !begins && let Some(controller) = self.sim.controllers().get_mut(name) {
+                    if !begins && let Some(controller) = self.robot.controllers.get_mut(name) {
                         controller.hold();
                     }
                 })
@@ -291,9 +463,9 @@ impl SimNode {
     }
 
     fn cancel(&mut self, k: usize, id: &GoalId) {
-        let now = self.sim.now();
+        let now = self.now;
         if self.follow[k].goals.cancel(id, now) {
-            if let Some(controller) = self.sim.controllers().get_mut(WITH_ACTION[k]) {
+            if let Some(controller) = self.robot.controllers.get_mut(WITH_ACTION[k]) {
                 controller.hold();
             }
             let text = "cancelled";
@@ -302,8 +474,9 @@ impl SimNode {
         }
     }
 
-    fn grasp_goal(&mut self, message: &graspActionGoal) {
-        let now = self.sim.now();
+    /// `told`: the method has said so in full already.
+    fn grasp_goal(&mut self, message: &graspActionGoal, told: bool) {
+        let now = self.now;
         let id = own_id(goal_id(&message.goal_id), now);
         let command = match message.goal.instruct {
             1 => HandCommand::Close,
@@ -320,8 +493,8 @@ impl SimNode {
             let text = "the grasp action took its place";
             let preempted = self.follow[1].end(GoalState::Preempted, text, now, follow_result(0, text));
             self.note(preempted);
-            if let Err(error) = self.sim.command_hand(command) {
-                self.faults.refuse("grasp", &error.to_string());
+            if !told {
+                self.robot.command_hand(command);
             }
         }
         self.note(sent.map(|_| ()));
@@ -331,9 +504,9 @@ impl SimNode {
         if self.compat.has(Quirk::GraspSucceeds) {
             return;
         }
-        let now = self.sim.now();
+        let now = self.now;
         if self.grasp.goals.cancel(id, now) {
-            self.sim.give_hand_back();
+            self.robot.hold_hand();
             let sent = self.grasp.end(GoalState::Preempted, "cancelled", now, grasp_result(0));
             self.note(sent);
         }
@@ -349,37 +522,33 @@ impl SimNode {
         match convert::read_pose(&message.pose) {
             Ok(pose) => {
                 self.base_stamp = stamp;
-                self.sim.track(pose);
+                self.robot.track(pose);
             }
             Err(reason) => self.faults.refuse("pose", &format!("Shoulderpad_filtered_pose: {reason}")),
         }
     }
 
     fn set_link(&mut self, link: &LinkState) -> Result<(), String> {
-        let base = format!("{}::{}", super::outlets::ARM_MODEL, self.sim.model().links[0].name);
+        let base = format!("{}::{}", super::outlets::ARM_MODEL, self.robot.model().links[0].name);
         if link.link_name != base {
             return Err(format!("link {:?} cannot be set, only {base:?}", link.link_name));
         }
         if !matches!(link.reference_frame.as_str(), "" | "world") {
             return Err(format!("reference frame {:?}, expected world", link.reference_frame));
         }
-        self.sim.track(convert::read_pose(&link.pose)?);
+        self.robot.track(convert::read_pose(&link.pose)?);
         Ok(())
     }
 
     /// Stops the arm when a node that promised to speak fell silent.
     fn watch_heartbeat(&mut self) {
-        let now = self.sim.now();
+        let now = self.now;
         let silent = self.heartbeats.iter().find(|(_, at)| now.millis_since(**at) > SILENCE_MS);
         if let Some(name) = silent.map(|(name, _)| name.clone()) {
             self.heartbeats.remove(&name);
             let reason = format!("{name} is silent for {SILENCE_MS} ms: the arm holds");
             self.faults.refuse("heartbeat", &reason);
-            let names: Vec<String> =
-                self.sim.controllers().list().iter().map(|c| c.name().to_owned()).collect();
-            for name in names.iter().filter(|n| *n != "hand_controller") {
-                self.sim.controllers().hold_here(name);
-            }
+            self.robot.command_arm(MotionCommand::Hold);
             let sent = self.follow[0].end(GoalState::Aborted, &reason, now, follow_result(-4, &reason));
             self.note(sent);
         }
@@ -387,7 +556,7 @@ impl SimNode {
 
     /// Tells clients how their goals ended.
     fn conclude(&mut self, endings: &[(String, Ending)], hand_arrived: bool) -> rosrust::error::Result<()> {
-        let now = self.sim.now();
+        let now = self.now;
         for (name, ending) in endings {
             let Some(k) = WITH_ACTION.iter().position(|n| n == name) else { continue };
             let (state, code, text) = match ending {
@@ -407,9 +576,9 @@ impl SimNode {
         &mut self,
         states: &[Publisher<JointTrajectoryControllerState>],
     ) -> rosrust::error::Result<()> {
-        let (now, plant) = (self.sim.now(), self.sim.state().clone());
+        let (now, plant) = (self.now, self.robot.state().clone());
         for (k, name) in WITH_ACTION.into_iter().enumerate() {
-            let Some(controller) = self.sim.controllers().get_mut(name) else { continue };
+            let Some(controller) = self.robot.controllers.get_mut(name) else { continue };
             let mut desired = convert::trajectory_point(controller.desired());
             let mut actual = desired.clone();
             let joints = controller.joints();
@@ -446,6 +615,12 @@ impl SimNode {
             message.feedback.doing = 1;
             message
         })
+    }
+
+    fn prefer(&mut self, caller: &str) {
+        if !self.typed.contains(caller) {
+            self.typed.insert(caller.to_owned());
+        }
     }
 
     fn note(&self, sent: rosrust::error::Result<()>) {

@@ -16,7 +16,6 @@ use crate::{
         std_srvs::{Empty, EmptyRes},
         trajectory_msgs::JointTrajectory,
     },
-    simulator::is_grasp,
 };
 use proact_testbed::{Session, Step, TrialResult};
 use proact_types::{
@@ -244,7 +243,7 @@ fn publish(
         }
     }
     for event in &step.output.events {
-        if is_grasp(&event.kind) {
+        if super::is_grasp(&event.kind) {
             outlets.grasp(event)?;
         }
         match &event.kind {

@@ -22,8 +22,21 @@ pub struct ActuationInput<'a> {
     pub hand: Option<HandCommand>,
     /// Angles of the fingers on a block that was taken in the tick before, rad: they stay there.
     pub frozen: Option<&'a JointVector>,
+    /// Joints that somebody else's controllers drive in this tick; what was commanded before is given up there.
+    pub driven: &'a [DrivenJoint],
     /// The world after the tick before.
     pub world: &'a PlantState,
+}
+
+/// The target of a joint that somebody else's controller drives.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DrivenJoint {
+    /// Its place among the moving joints.
+    pub joint: usize,
+    /// rad, finite.
+    pub position: f64,
+    /// rad/s, finite.
+    pub velocity: f64,
 }
 
 /// What is asked of the joints in one tick.
@@ -77,6 +90,13 @@ impl ActuationStage {
         if !self.paused {
             self.arm.step();
             self.hand.step();
+            let arm = self.arm.position().len();
+            for driven in input.driven {
+                match driven.joint.checked_sub(arm) {
+                    None => self.arm.drive(driven.joint, driven.position, driven.velocity),
+                    Some(joint) => self.hand.drive(joint, driven.position, driven.velocity),
+                }
+            }
         }
         let mut output = self.output();
         output.events.extend(change);

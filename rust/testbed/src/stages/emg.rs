@@ -29,7 +29,9 @@ pub struct EmgStageOutput {
     pub gesture: Gesture,
     /// A window of EMG ended in this tick, or the stream became stale.
     pub decision: Option<EmgOutput>,
-    /// When that was last; none when gestures are given directly.
+    /// The gesture that goes out as a message in this tick, for methods that act on messages.
+    pub message: Option<Gesture>,
+    /// When there was a decision last; none when gestures are given directly.
     pub decided_at: Option<SimTime>,
     /// Probability of the recognised class, 0 to 1; one for a gesture given directly.
     pub confidence: f64,
@@ -49,6 +51,7 @@ impl Default for EmgStageOutput {
         Self {
             gesture: Gesture::NoMotion,
             decision: None,
+            message: None,
             decided_at: None,
             confidence: 0.0,
             effort: 0.0,
@@ -97,6 +100,7 @@ impl EmgStage {
         }
         if let Some(decision) = &output.decision {
             self.recognised = decision.gesture;
+            output.message = decision.published.then_some(decision.gesture);
             self.decided_at = Some(now);
             (self.confidence, self.effort) = (decision.confidence, decision.effort);
         }

@@ -13,6 +13,7 @@ use proact_types::{
     ArmModel, EventKind, Gesture, HandView, InputSign, InputSource, JointVector, MethodAnswer, ModeView,
     PlanReply, PlanRequest, PlannerView, PlantState, Scene, SignKind, SimTime, Stop, TargetView,
 };
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// Ticks from one control step to the next: 100 Hz.
@@ -81,7 +82,7 @@ pub struct MethodOutput {
 }
 
 /// What the method shows.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MethodView {
     /// Its name, such as `D`.
     pub name: String,
@@ -165,11 +166,10 @@ impl MethodStage {
         let change = self.watch_sources(now, &input);
         let stops = change.is_some();
         output.events.extend(change);
-        let message = input.gesture.decision.filter(|decision| decision.published);
         output.stepped = now.0.is_multiple_of(CONTROL_TICKS)
             || gesture != self.acted_on
             || output.plan.is_some()
-            || message.is_some()
+            || input.gesture.message.is_some()
             || stops;
         if output.stepped {
             self.acted_on = gesture;
@@ -215,7 +215,7 @@ impl MethodStage {
         let blocks = block_centres(world);
         let seen = ControlInput {
             gesture: input.gesture.gesture,
-            message: input.gesture.decision.filter(|d| d.published).map(|decision| decision.gesture),
+            message: input.gesture.message,
             measured: &world.position[..arm],
             commanded,
             highlight: input.intent.highlight,

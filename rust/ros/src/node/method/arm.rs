@@ -11,7 +11,7 @@ use crate::{
     node::{Graph, NodeError, convert},
 };
 use proact_control::MotionCommand;
-use proact_types::{ArmModel, JointLimits, JointVector, SimTime};
+use proact_types::{ArmModel, JointLimits, SimTime};
 use rosrust::{Publisher, error::Result};
 use std::{
     sync::{
@@ -59,7 +59,7 @@ impl ArmOutlet {
     }
 
     /// Sends a command; `position` is what the arm is asked for now, rad, at the graph's time `stamp`.
-    pub(super) fn send(&self, command: &MotionCommand, position: &JointVector, stamp: SimTime) -> Result<()> {
+    pub(super) fn send(&self, command: &MotionCommand, position: &[f64], stamp: SimTime) -> Result<()> {
         match command {
             MotionCommand::Hold => self.hold(stamp),
             MotionCommand::Follow(path) => {

@@ -1,19 +1,22 @@
 //! What the method says to the person, the hand, and rviz.
 
-use super::MethodView;
 use crate::{
     frames::WORLD,
     messages::{
         geometry_msgs::PoseStamped,
         moveit_msgs::MotionPlanRequest,
         mpl_control::graspActionGoal,
-        proact_msgs::View,
+        proact_msgs::{Command, View},
         std_msgs::{Bool, Int8, String as Text},
     },
-    node::{Graph, NodeError, convert, plan_request},
+    node::{
+        Graph, NodeError, convert, plan_request,
+        wire::{self, MethodShown},
+    },
 };
 use proact_control::HandCommand;
-use proact_types::{ArmModel, PlanRequest, Pose, SimTime};
+use proact_testbed::stages::MethodOutput;
+use proact_types::{ArmModel, EventKind, PlanRequest, Pose, SimTime};
 use rosrust::{Publisher, error::Result};
 
 /// The method's topics.
@@ -24,6 +27,7 @@ pub(super) struct Outlets {
     current_block: Publisher<Text>,
     place: Publisher<PoseStamped>,
     view: Publisher<View>,
+    command: Publisher<Command>,
     request: Publisher<MotionPlanRequest>,
     grasp: Publisher<graspActionGoal>,
     goals: u64,
@@ -39,6 +43,7 @@ impl Outlets {
             current_block: graph.publish("current_block", 1, false)?,
             place: graph.publish("place_location_selected", 1, false)?,
             view: graph.publish("proact/method", 1, false)?,
+            command: graph.publish("proact/command", 100, false)?,
             request: graph.publish("move_group/motion_plan_request", 1, false)?,
             grasp: graph.publish("grasp/goal", 1, false)?,
             goals: 0,
@@ -59,23 +64,35 @@ impl Outlets {
         self.request.send(plan_request::message(model, request, stamp))
     }
 
-    /// Sends the hand a goal; answers its name.
-    pub(super) fn grasp(&mut self, command: HandCommand, stamp: SimTime) -> Result<String> {
+    /// Says what the method asks for, in full.
+    pub(super) fn command(
+        &self,
+        tick: SimTime,
+        stamp: SimTime,
+        output: &MethodOutput,
+        number: u64,
+        shown: Option<&MethodShown>,
+        events: &[EventKind],
+    ) -> Result<()> {
+        self.command.send(wire::command(tick, stamp, output, number, shown, events))
+    }
+
+    /// Sends the hand a goal.
+    pub(super) fn grasp(&mut self, command: HandCommand, stamp: SimTime) -> Result<()> {
         self.goals += 1;
         let id = format!("{}-{}-{}", rosrust::name(), std::process::id(), self.goals);
         let mut goal = graspActionGoal { header: convert::header(stamp, ""), ..Default::default() };
         goal.goal_id.stamp = convert::time(stamp);
-        goal.goal_id.id = id.clone();
+        goal.goal_id.id = id;
         goal.goal.instruct = match command {
             HandCommand::Close => 1,
             HandCommand::Open => 2,
         };
-        self.grasp.send(goal)?;
-        Ok(id)
+        self.grasp.send(goal)
     }
 
     /// Tells what there is to see.
-    pub(super) fn show(&mut self, stamp: SimTime, view: &MethodView) -> Result<()> {
+    pub(super) fn show(&mut self, stamp: SimTime, view: &MethodShown) -> Result<()> {
         let mode = view.mode.as_ref().map(|mode| mode.number);
         if let Some(number) = mode.filter(|_| mode != self.told_mode) {
             self.told_mode = mode;

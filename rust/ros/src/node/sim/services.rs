@@ -47,14 +47,14 @@ pub(super) fn serve(graph: &Graph, jobs: &Jobs<SimNode>) -> Result<Vec<Service>,
             &manager("load_controller"),
             jobs,
             |node: &mut SimNode, request| {
-                Ok(LoadControllerRes { ok: node.sim.controllers().load(&request.name) })
+                Ok(LoadControllerRes { ok: node.robot.controllers.load(&request.name) })
             },
         )?,
         graph.serve::<UnloadController, _>(
             &manager("unload_controller"),
             jobs,
             |node: &mut SimNode, request| {
-                Ok(UnloadControllerRes { ok: node.sim.controllers().unload(&request.name) })
+                Ok(UnloadControllerRes { ok: node.robot.controllers.unload(&request.name) })
             },
         )?,
         graph.serve::<SwitchController, _>(
@@ -70,8 +70,9 @@ pub(super) fn serve(graph: &Graph, jobs: &Jobs<SimNode>) -> Result<Vec<Service>,
 
 impl SimNode {
     fn reset(&mut self) -> Result<(), String> {
-        let now = self.sim.now();
-        self.sim.reset().map_err(|e| e.to_string())?;
+        let now = self.now;
+        self.robot.reset().map_err(|e| e.to_string())?;
+        self.judge.reset();
         let text = "the world was reset";
         for k in 0..self.follow.len() {
             let sent = self.follow[k].end(GoalState::Aborted, text, now, super::follow_result(0, text));
@@ -83,14 +84,14 @@ impl SimNode {
     }
 
     fn switch(&mut self, request: &SwitchControllerReq) -> bool {
-        let now = self.sim.now();
+        let now = self.now;
         let strict = request.strictness == STRICT;
         // The original's scripts name controllers with or without their namespace's slash.
         let plain = |names: &[String]| -> Vec<String> {
             names.iter().map(|n| n.trim_start_matches('/').to_owned()).collect()
         };
         let (start, stop) = (plain(&request.start_controllers), plain(&request.stop_controllers));
-        match self.sim.controllers().switch(&start, &stop, strict) {
+        match self.robot.controllers.switch(&start, &stop, strict) {
             Ok(stopped) => {
                 let text = "its controller was stopped";
                 for (k, name) in super::WITH_ACTION.into_iter().enumerate() {
@@ -116,7 +117,7 @@ impl SimNode {
                 resources: names.to_vec(),
             }]
         };
-        let controllers = self.sim.controllers();
+        let controllers = &self.robot.controllers;
         let mut list = vec![ControllerState {
             name: "joint_state_controller".to_owned(),
             state: "running".to_owned(),
@@ -137,7 +138,7 @@ impl SimNode {
     }
 
     fn model_state(&self, request: &GetModelStateReq) -> GetModelStateRes {
-        let header = convert::header(self.sim.now(), &request.relative_entity_name);
+        let header = convert::header(self.now, &request.relative_entity_name);
         let mut answer = GetModelStateRes { header, ..GetModelStateRes::default() };
         match (self.pose_of(&request.model_name), self.pose_of_entity(&request.relative_entity_name)) {
             (Some((pose, linear, angular)), Some(reference)) => {
@@ -162,7 +163,7 @@ impl SimNode {
     }
 
     fn pose_of(&self, model: &str) -> Option<(Pose, Vector, Vector)> {
-        let state = self.sim.state();
+        let state = self.robot.state();
         if model == ARM_MODEL {
             return Some((state.world_from_base, Vector::zeros(), Vector::zeros()));
         }

@@ -81,7 +81,7 @@ impl SimNode {
         if !matches!(message.header.frame_id.trim_start_matches('/'), "" | WORLD) {
             return Err(format!("the marker is in frame {:?}, expected {WORLD}", message.header.frame_id));
         }
-        self.sim.track(convert::read_pose(&message.pose)?);
+        self.robot.track(convert::read_pose(&message.pose)?);
         Ok(())
     }
 }

@@ -1,9 +1,6 @@
-//! What a stage knows of the world from messages: joints, base, blocks, the block in the hand, the task.
+//! The world as a Gazebo of the original's tells it: joints, base, blocks, the block in the hand.
 
-use proact_tasks::BoxAndBlocks;
-use proact_types::{
-    ArmModel, BlockId, BodyState, EventKind, PlantState, Point, Pose, SimTime, Vector, zeros,
-};
+use proact_types::{ArmModel, BlockId, BodyState, PlantState, Point, Pose, Scene, Vector, zeros};
 use std::{collections::BTreeMap, sync::Arc};
 
 /// Why a message is not taken; the world is then as it was.
@@ -38,20 +35,19 @@ pub enum WorldError {
     },
 }
 
-/// The world as messages tell it. Each stage has its own; none looks into the simulator.
+/// The world as messages tell it.
 #[derive(Clone, Debug)]
-pub struct World {
+pub struct GazeboWorld {
     model: Arc<ArmModel>,
     joints: BTreeMap<String, usize>,
     state: PlantState,
-    task: BoxAndBlocks,
     joints_seen: bool,
     bodies_seen: bool,
 }
 
-impl World {
-    /// Before the first message: the blocks where `task` has them.
-    pub fn new(model: Arc<ArmModel>, task: BoxAndBlocks, world_from_base: Pose) -> Self {
+impl GazeboWorld {
+    /// Before the first message: the blocks where `scene` has them.
+    pub fn new(model: Arc<ArmModel>, scene: &Scene, world_from_base: Pose) -> Self {
         let joints =
             model.moving().enumerate().map(|(k, joint)| (model.joints[joint].name.clone(), k)).collect();
         let still = |pose| BodyState { pose, linear: Vector::zeros(), angular: Vector::zeros() };
@@ -61,12 +57,12 @@ impl World {
             velocity: zeros(count),
             effort: zeros(count),
             world_from_base,
-            blocks: task.scene().blocks.iter().map(|block| still(block.pose)).collect(),
+            blocks: scene.blocks.iter().map(|block| still(block.pose)).collect(),
             attached: None,
             contacts: Default::default(),
             base_held: false,
         };
-        Self { model, joints, state, task, joints_seen: false, bodies_seen: false }
+        Self { model, joints, state, joints_seen: false, bodies_seen: false }
     }
 
     /// Joints and bodies have both been seen.
@@ -79,11 +75,6 @@ impl World {
         &self.state
     }
 
-    /// The task, judged from what is seen of the blocks.
-    pub fn task(&self) -> &BoxAndBlocks {
-        &self.task
-    }
-
     /// The arm.
     pub fn model(&self) -> &Arc<ArmModel> {
         &self.model
@@ -94,18 +85,11 @@ impl World {
         self.state.attached.and_then(|(block, _)| BlockId::ALL.get(block).copied())
     }
 
-    /// Centres of the blocks in `world`, `BlockId::ALL` order.
-    pub fn block_centres(&self) -> [Point; 4] {
-        std::array::from_fn(|k| Point::from(self.state.blocks[k].pose.translation.vector))
-    }
-
-    /// `world_from_tip`.
-    pub fn world_from_tip(&self) -> Pose {
+    fn world_from_tip(&self) -> Pose {
         self.state.world_from_base * self.model.link_poses(&self.state.position)[self.model.tip]
     }
 
-    /// Where the hand takes a block, in `world`.
-    pub fn grasp_centre(&self) -> Point {
+    fn grasp_centre(&self) -> Point {
         self.world_from_tip() * Point::from(self.model.grasp_centre)
     }
 
@@ -168,25 +152,19 @@ impl World {
         if !attached {
             self.state.attached = None;
         } else if self.state.attached.is_none() && self.is_complete() {
-            let (hand, centres) = (self.grasp_centre(), self.block_centres());
-            let far = |id: &BlockId| (centres[id.index()] - hand).norm();
+            let hand = self.grasp_centre().coords;
+            let far = |id: &BlockId| (self.state.blocks[id.index()].pose.translation.vector - hand).norm();
             if let Some(nearest) = BlockId::ALL.into_iter().min_by(|a, b| far(a).total_cmp(&far(b))) {
                 self.take_grasp(nearest, true);
             }
         }
     }
 
-    /// Advances the task to `now`; answers what it noticed.
-    pub fn step(&mut self, now: SimTime) -> Vec<EventKind> {
-        if !self.is_complete() {
-            return vec![];
+    /// The block in the hand is where it is seen now.
+    pub fn follow_attached(&mut self) {
+        if let Some(block) = self.held() {
+            self.take_grasp(block, true);
         }
-        if let Some((block, _)) = self.state.attached {
-            let pose = self.world_from_tip().inv_mul(&self.state.blocks[block].pose);
-            self.state.attached = Some((block, pose));
-        }
-        let held = self.held();
-        self.task.step(now, &self.state.blocks, held).events
     }
 }
 
@@ -196,61 +174,12 @@ pub fn block_of_collision(object: &str) -> Option<BlockId> {
     BlockId::ALL.into_iter().find(|id| id.ros_name() == model)
 }
 
-/// Ticks as `/clock` brings them. A clock that goes back (a simulator that was started again) does not take the
-/// stage's own time back: it goes on from where it was.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct StageClock {
-    graph: Option<SimTime>,
-    now: SimTime,
-}
-
-/// Longest step of the clock that is taken as time, ms; further on it is a jump.
-const LONGEST_STEP: u64 = 2000;
-
-impl StageClock {
-    /// The stage's own time.
-    pub fn now(&self) -> SimTime {
-        self.now
-    }
-
-    /// The graph's time, for stamps; none before the first message.
-    pub fn graph(&self) -> Option<SimTime> {
-        self.graph
-    }
-
-    /// A message came: the stage's ticks since the one before, oldest first.
-    ///
-    /// # Errors
-    /// The clock went back or jumped; no tick has passed then.
-    pub fn take(&mut self, graph: SimTime) -> Result<std::ops::RangeInclusive<u64>, String> {
-        let Some(before) = self.graph.replace(graph) else {
-            self.now = graph;
-            // Empty: no tick has passed yet.
-            return Ok(graph.0 + 1..=graph.0);
-        };
-        if graph < before {
-            return Err(format!(
-                "/clock goes back from {:.3} s to {:.3} s",
-                before.as_secs(),
-                graph.as_secs()
-            ));
-        }
-        let passed = graph.0 - before.0;
-        if passed > LONGEST_STEP {
-            return Err(format!("/clock jumps by {:.3} s", passed as f64 * 1e-3));
-        }
-        let first = self.now.0 + 1;
-        self.now = self.now.plus_millis(passed);
-        Ok(first..=self.now.0)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proact_tasks::Arrangement;
+    use proact_tasks::{Arrangement, BoxAndBlocks};
 
-    fn world() -> World {
+    fn world() -> GazeboWorld {
         let model = Arc::new(proact_types::ArmModel {
             name: "arm".into(),
             links: vec![proact_types::Link {
@@ -268,7 +197,7 @@ mod tests {
             grasp_centre: Vector::zeros(),
         });
         let task = BoxAndBlocks::new(Arrangement::numbered(1).expect("there are 24"));
-        World::new(model, task, Pose::translation(-0.39, 0.12, 1.5))
+        GazeboWorld::new(model, task.scene(), Pose::translation(-0.39, 0.12, 1.5))
     }
 
     #[test]
@@ -309,17 +238,5 @@ mod tests {
             Some("redcylinder2")
         );
         assert_eq!(block_of_collision(""), None);
-    }
-
-    #[test]
-    fn time_that_goes_back_is_told_and_the_stages_own_time_goes_on() {
-        let mut clock = StageClock::default();
-        assert_eq!(clock.take(SimTime(500)).map(Iterator::count), Ok(0));
-        assert_eq!(clock.take(SimTime(510)), Ok(501..=510));
-        assert!(clock.take(SimTime(3)).expect_err("it went back").contains("goes back"));
-        assert_eq!((clock.now(), clock.graph()), (SimTime(510), Some(SimTime(3))));
-        assert_eq!(clock.take(SimTime(5)), Ok(511..=512));
-        assert!(clock.take(SimTime(900_000)).is_err());
-        assert_eq!(clock.now(), SimTime(512));
     }
 }

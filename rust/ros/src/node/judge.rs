@@ -1,0 +1,195 @@
+//! What follows the world in each tick, whoever moves it: the task, the cues, the display, and what is said of them.
+
+use super::{
+    Graph, NodeError, convert,
+    testbed::json,
+    wire::{self, MethodShown},
+};
+use crate::{
+    frames::WORLD,
+    messages::{
+        proact_msgs::{State, View},
+        std_msgs::String as Text,
+    },
+};
+use proact_control::ports::ArmKinematics;
+use proact_tasks::{Arrangement, BlockResult, BoxAndBlocks, TaskState};
+use proact_testbed::{
+    TrialConfig,
+    stages::{
+        ActuationOutput, DisplayInput, DisplayStage, EmgStageOutput, FeedbackStage, IntentOutput, TaskInput,
+        TaskStage,
+    },
+};
+use proact_types::{Event, EventKind, HandView, PlantState, Pose, SimTime};
+use rosrust::{Publisher, error::Result};
+use serde::Serialize;
+
+/// How the trial in this world went: the text on `/proact/result`.
+#[derive(Serialize)]
+struct WorldResult {
+    arrangement: Arrangement,
+    on_target: u32,
+    outcomes: Vec<BlockResult>,
+    sim_seconds: f64,
+}
+
+/// Task, feedback and display of a trial.
+pub(super) struct Judge {
+    config: TrialConfig,
+    blank: BoxAndBlocks,
+    kinematics: Box<dyn ArmKinematics>,
+    task: TaskStage,
+    feedback: FeedbackStage,
+    display: DisplayStage,
+    /// What the method showed last, and where the head was.
+    pub shown: Option<MethodShown>,
+    pub head: Pose,
+    state: Publisher<State>,
+    frame: Publisher<View>,
+    cues: Publisher<View>,
+    score: Publisher<Text>,
+    result: Publisher<Text>,
+    /// Said last, to be said again in lock-step.
+    said: Option<(State, Option<View>)>,
+}
+
+/// The world after a tick.
+pub(super) struct Moved<'a> {
+    pub world: &'a PlantState,
+    pub hand: HandView,
+    pub actuation: &'a ActuationOutput,
+    /// The number of the method's last command for the arm.
+    pub acted_on: u64,
+}
+
+impl Judge {
+    pub(super) fn new(
+        graph: &Graph,
+        config: &TrialConfig,
+        task: BoxAndBlocks,
+        kinematics: Box<dyn ArmKinematics>,
+    ) -> std::result::Result<Self, NodeError> {
+        Ok(Self {
+            config: config.clone(),
+            blank: task.clone(),
+            kinematics,
+            task: TaskStage::new(task),
+            feedback: FeedbackStage,
+            display: DisplayStage::new(config),
+            shown: None,
+            head: config.setup.body.head_pose(&Default::default()),
+            state: graph.publish("proact/state", 100, false)?,
+            frame: graph.publish("proact/frame", 10, false)?,
+            cues: graph.publish("proact/cues", 10, false)?,
+            score: graph.publish("proact/score", 1, true)?,
+            result: graph.publish("proact/result", 1, true)?,
+            said: None,
+        })
+    }
+
+    pub(super) fn task(&self) -> &BoxAndBlocks {
+        self.task.task()
+    }
+
+    /// The task begins anew.
+    pub(super) fn reset(&mut self) {
+        self.task = TaskStage::new(self.blank.clone());
+    }
+
+    /// Judges tick `now`. `events` are those of the stages before, and get those of the task.
+    pub(super) fn step(
+        &mut self,
+        now: SimTime,
+        moved: &Moved<'_>,
+        events: &mut Vec<EventKind>,
+    ) -> Result<TaskState> {
+        let task = self.task.step(now, TaskInput { blocks: &moved.world.blocks, held: moved.hand.holds });
+        let judged = !task.events.is_empty();
+        let finished = task.events.contains(&EventKind::TrialFinished);
+        events.extend(task.events);
+        let timed: Vec<Event> = events.iter().map(|kind| Event { time: now, kind: kind.clone() }).collect();
+        self.display.note(&timed);
+        for cue in self.feedback.step(now, &timed) {
+            self.cues.send(view(now, serde_json::to_string(&cue).unwrap_or_default()))?;
+        }
+        if judged {
+            let outcomes = self.task.results(&moved.world.blocks);
+            self.score.send(Text { data: json("the score", &outcomes).unwrap_or_default() })?;
+        }
+        if finished {
+            let result = WorldResult {
+                arrangement: self.config.arrangement,
+                on_target: task.state.on_target,
+                outcomes: self.task.results(&moved.world.blocks),
+                sim_seconds: now.as_secs(),
+            };
+            self.result.send(Text { data: json("the result", &result).unwrap_or_default() })?;
+        }
+        Ok(task.state)
+    }
+
+    /// Says how the world is, and shows it where a frame is due. `task` as the tick left it.
+    pub(super) fn tell(
+        &mut self,
+        now: SimTime,
+        moved: &Moved<'_>,
+        task: &TaskState,
+        events: &[EventKind],
+        state_due: bool,
+    ) -> Result<()> {
+        // In the last tick of a trial, too, as in one process.
+        let frame = (DisplayStage::is_due(now) || events.contains(&EventKind::TrialFinished))
+            .then(|| self.draw(now, moved, task))
+            .flatten();
+        let mut state = wire::state(now, now, moved.world, moved.hand, moved.actuation, task);
+        state.frame = frame.is_some();
+        state.acted_on = moved.acted_on;
+        state.events = events.iter().filter_map(|kind| serde_json::to_string(kind).ok()).collect();
+        if let Some(frame) = &frame {
+            self.frame.send(frame.clone())?;
+        }
+        if state_due || frame.is_some() {
+            self.state.send(state.clone())?;
+        }
+        self.said = Some((state, frame));
+        Ok(())
+    }
+
+    /// Says it once more.
+    pub(super) fn repeat(&self) -> Result<()> {
+        let Some((state, frame)) = &self.said else { return Ok(()) };
+        if let Some(frame) = frame {
+            self.frame.send(frame.clone())?;
+        }
+        self.state.send(state.clone())
+    }
+
+    /// None before the method has shown anything.
+    fn draw(&mut self, now: SimTime, moved: &Moved<'_>, task: &TaskState) -> Option<View> {
+        let shown = self.shown.as_ref()?;
+        let gesture = EmgStageOutput {
+            gesture: shown.gesture,
+            confidence: shown.confidence,
+            effort: shown.effort,
+            ..EmgStageOutput::default()
+        };
+        let intent = IntentOutput { gaze: shown.gaze, ..IntentOutput::default() };
+        let input = DisplayInput {
+            gesture: &gesture,
+            intent: &intent,
+            method: shown.view(),
+            actuation: moved.actuation,
+            world: moved.world,
+            hand: moved.hand,
+            task,
+            world_from_head: self.head,
+        };
+        let frame = self.display.step(now, input, self.kinematics.as_mut()).ok()?;
+        Some(view(now, serde_json::to_string(&frame).ok()?))
+    }
+}
+
+fn view(now: SimTime, json: String) -> View {
+    View { header: convert::header(now, WORLD), json }
+}

@@ -1,0 +1,533 @@
+//! Inputs and outputs of the stages as messages of proact_msgs, and back without the loss of a bit.
+
+use super::convert;
+use crate::messages::{
+    geometry_msgs,
+    proact_msgs::{Command, Decision, Gaze, Intent, Person, State},
+};
+use nalgebra::{Quaternion, UnitQuaternion};
+use proact_control::{HandCommand, MotionCommand, MotionState};
+use proact_emg::EmgOutput;
+use proact_tasks::TaskState;
+use proact_testbed::stages::{
+    ActuationOutput, EmgStageOutput, GazeHeard, IntentOutput, MethodOutput, MethodView,
+};
+use proact_types::{
+    BlockColour, BlockId, BodyState, EmgSample, EventKind, GazeSample, Gesture, HandState, HandView,
+    InputSign, InputSource, JointVector, ModeView, PlannerView, PlantCommand, PlantState, Point, Pose,
+    SignKind, SimTime, Stop, TargetView, TickInput, Trajectory, TrajectoryPoint, Vector,
+};
+use serde::{Deserialize, Serialize, de::DeserializeOwned};
+
+/// Why a message is not taken: one sentence.
+pub(super) type Refused = String;
+
+/// What there is to see of the method: the JSON on `/proact/method` and in `Command`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MethodShown {
+    /// Name of the method, such as `D`.
+    pub method: String,
+    /// Gesture that it acts on.
+    pub gesture: Gesture,
+    /// Probability of that gesture, 0 to 1.
+    pub confidence: f64,
+    /// How hard it is made, 0 to 1.
+    pub effort: f64,
+    /// The hand as the method sees it.
+    pub hand: HandView,
+    /// Gaze as measured.
+    pub gaze: Option<GazeSample>,
+    /// Why the arm must stand still; none while it need not.
+    pub stop: Option<Stop>,
+    /// Selection marker.
+    pub target: TargetView,
+    /// Planner and motion.
+    pub planner: PlannerView,
+    /// Joint or axis of the movement gestures.
+    pub mode: Option<ModeView>,
+    /// Arm angles at the end of the path that is followed, rad.
+    pub goal: Option<JointVector>,
+}
+
+impl MethodShown {
+    /// The part of it that is the method's own.
+    pub(super) fn view(&self) -> MethodView {
+        MethodView {
+            name: self.method.clone(),
+            target: self.target.clone(),
+            planner: self.planner.clone(),
+            mode: self.mode.clone(),
+            stop: self.stop.clone(),
+        }
+    }
+}
+
+fn finite(what: &str, values: &[f64]) -> Result<(), Refused> {
+    match values.iter().find(|value| !value.is_finite()) {
+        Some(bad) => Err(format!("{what} holds {bad}, expected finite numbers")),
+        None => Ok(()),
+    }
+}
+
+fn joints(what: &str, values: &[f64]) -> Result<JointVector, Refused> {
+    finite(what, values)?;
+    let many =
+        || format!("{what} has {} values, expected {} at most", values.len(), proact_types::MAX_JOINTS);
+    JointVector::try_from(values).map_err(|_| many())
+}
+
+/// One of `all` by its place.
+fn placed<T: Copy>(what: &str, all: &[T], place: usize) -> Result<T, Refused> {
+    let wrong = || format!("{what} is {place}, expected less than {}", all.len());
+    all.get(place).copied().ok_or_else(wrong)
+}
+
+/// The same where -1 stands for none.
+fn maybe<T: Copy>(what: &str, all: &[T], place: i8) -> Result<Option<T>, Refused> {
+    usize::try_from(place).ok().map(|place| placed(what, all, place)).transpose()
+}
+
+fn place_of(index: Option<usize>) -> i8 {
+    index.map_or(-1, |index| index as i8)
+}
+
+fn at(tick: i64) -> Option<SimTime> {
+    u64::try_from(tick).ok().map(SimTime)
+}
+
+fn tick_of(at: Option<SimTime>) -> i64 {
+    at.map_or(-1, |at| at.0 as i64)
+}
+
+fn texts(events: &[EventKind]) -> Vec<String> {
+    events.iter().filter_map(|kind| serde_json::to_string(kind).ok()).collect()
+}
+
+fn json<T: DeserializeOwned>(what: &str, text: &str) -> Result<T, Refused> {
+    serde_json::from_str(text).map_err(|error| format!("{what}: {error}"))
+}
+
+fn events(texts: &[String]) -> Result<Vec<EventKind>, Refused> {
+    texts.iter().map(|text| json("an event", text)).collect()
+}
+
+/// A pose bit for bit, whatever the length of its quaternion.
+fn exact_pose(pose: &geometry_msgs::Pose) -> Result<Pose, Refused> {
+    let (p, q) = (&pose.position, &pose.orientation);
+    finite("a pose", &[p.x, p.y, p.z, q.x, q.y, q.z, q.w])?;
+    let rotation = UnitQuaternion::new_unchecked(Quaternion::new(q.w, q.x, q.y, q.z));
+    Ok(Pose::from_parts(nalgebra::Translation3::new(p.x, p.y, p.z), rotation))
+}
+
+fn exact_vector(v: &geometry_msgs::Vector3) -> Vector {
+    Vector::new(v.x, v.y, v.z)
+}
+
+fn gaze(sample: &GazeSample) -> Gaze {
+    Gaze {
+        origin: convert::point(&sample.origin),
+        direction: convert::vector(&sample.direction),
+        valid: sample.valid,
+    }
+}
+
+/// A gaze may hold anything: the stage knows what is usable.
+fn read_gaze(gaze: &Gaze) -> GazeSample {
+    GazeSample {
+        origin: Point::new(gaze.origin.x, gaze.origin.y, gaze.origin.z),
+        direction: exact_vector(&gaze.direction),
+        valid: gaze.valid,
+    }
+}
+
+/// What a person gives in one tick; `stamp` is the graph's time.
+pub(super) fn person(tick: SimTime, stamp: SimTime, input: &TickInput, head: &Pose) -> Person {
+    Person {
+        header: convert::header(stamp, ""),
+        tick: tick.0,
+        counters: input.emg.iter().map(|sample| sample.counter).collect(),
+        samples: input.emg.iter().flat_map(|sample| sample.channels.iter().copied()).collect(),
+        gesture: place_of(input.gesture.map(Gesture::index)),
+        gaze: input.gaze.iter().map(gaze).collect(),
+        shoulder: input.shoulder.iter().map(convert::pose).collect(),
+        limb: input.limb.iter().flatten().copied().collect(),
+        head: convert::pose(head),
+        sign_sources: input.signs.iter().map(|sign| sign.source.index() as u8).collect(),
+        sign_kinds: input.signs.iter().map(|sign| sign.kind as u8).collect(),
+    }
+}
+
+/// The inputs of a tick, and `world_from_head`.
+pub(super) fn read_person(message: &Person) -> Result<(TickInput, Pose), Refused> {
+    let mut input = TickInput::default();
+    let samples = message.counters.len();
+    if samples > 0 {
+        let channels = message.samples.len() / samples;
+        if channels == 0 || channels * samples != message.samples.len() {
+            return Err(format!("{} values for {samples} EMG samples", message.samples.len()));
+        }
+        for (counter, values) in message.counters.iter().zip(message.samples.chunks(channels)) {
+            let channels = values.try_into().map_err(|_| format!("{channels} EMG channels are too many"))?;
+            let sample = EmgSample { counter: *counter, channels };
+            input
+                .emg
+                .try_push(sample)
+                .map_err(|_| format!("{samples} EMG samples are too many for a tick"))?;
+        }
+    }
+    input.gesture = maybe("gesture", &Gesture::ALL, message.gesture)?;
+    input.gaze = message.gaze.first().map(read_gaze);
+    input.shoulder = message.shoulder.first().map(exact_pose).transpose()?;
+    if !message.limb.is_empty() {
+        input.limb = Some(joints("the limb", &message.limb)?);
+    }
+    for (source, kind) in message.sign_sources.iter().zip(&message.sign_kinds) {
+        let source = placed("a sign's source", &InputSource::ALL, usize::from(*source))?;
+        let kind = placed("a sign's kind", &SignKind::ALL, usize::from(*kind))?;
+        input.signs.try_push(InputSign { source, kind }).map_err(|_| "too many signs".to_owned())?;
+    }
+    Ok((input, exact_pose(&message.head)?))
+}
+
+/// What the EMG stage says.
+pub(super) fn decision(tick: SimTime, stamp: SimTime, output: &EmgStageOutput) -> Decision {
+    let mut message = Decision {
+        header: convert::header(stamp, ""),
+        tick: tick.0,
+        gesture: output.gesture.index() as u8,
+        message: place_of(output.message.map(Gesture::index)),
+        decided_at: tick_of(output.decided_at),
+        confidence: output.confidence,
+        effort: output.effort,
+        fault: output.fault.as_ref().and_then(|f| serde_json::to_string(f).ok()).unwrap_or_default(),
+        armed: output.armed,
+        events: texts(&output.events),
+        ..Decision::default()
+    };
+    if let Some(decision) = &output.decision {
+        message.decided = true;
+        message.decided_gesture = decision.gesture.index() as u8;
+        message.published = decision.published;
+        message.window_class = decision.window_class.index() as u8;
+        message.posterior = decision.posterior.to_vec();
+        message.voted = place_of(decision.class.map(Gesture::index));
+        message.stale = decision.stale;
+        message.window_confidence = decision.confidence;
+        message.window_effort = decision.effort;
+    }
+    message
+}
+
+/// What the EMG stage said.
+pub(super) fn read_decision(message: &Decision) -> Result<EmgStageOutput, Refused> {
+    let gesture = |place: u8| placed("gesture", &Gesture::ALL, usize::from(place));
+    let mut output = EmgStageOutput {
+        gesture: gesture(message.gesture)?,
+        decision: None,
+        message: maybe("message", &Gesture::ALL, message.message)?,
+        decided_at: at(message.decided_at),
+        confidence: message.confidence,
+        effort: message.effort,
+        fault: None,
+        armed: message.armed,
+        events: events(&message.events)?,
+    };
+    if !message.fault.is_empty() {
+        output.fault = Some(json("fault", &message.fault)?);
+    }
+    if message.decided {
+        let five = || format!("posterior has {} values, expected 5", message.posterior.len());
+        output.decision = Some(EmgOutput {
+            gesture: gesture(message.decided_gesture)?,
+            published: message.published,
+            window_class: gesture(message.window_class)?,
+            posterior: message.posterior.as_slice().try_into().map_err(|_| five())?,
+            confidence: message.window_confidence,
+            class: maybe("voted", &Gesture::ALL, message.voted)?,
+            effort: message.window_effort,
+            stale: message.stale,
+        });
+    }
+    Ok(output)
+}
+
+const HEARD: [GazeHeard; 3] = [GazeHeard::Fresh, GazeHeard::Repeated, GazeHeard::Blank];
+
+/// What the intent stage says.
+pub(super) fn intent(tick: SimTime, stamp: SimTime, output: &IntentOutput) -> Intent {
+    let heard = output.heard.and_then(|heard| HEARD.iter().position(|h| *h == heard));
+    Intent {
+        header: convert::header(stamp, crate::frames::WORLD),
+        tick: tick.0,
+        heard: heard.map_or(0, |place| place as u8 + 1),
+        posterior: output.posterior.to_vec(),
+        highlight: place_of(output.highlight.map(BlockId::index)),
+        place: convert::point(&output.place),
+        gaze: output.gaze.iter().map(gaze).collect(),
+        seen_at: tick_of(output.seen_at),
+        events: texts(&output.events),
+    }
+}
+
+/// What the intent stage said.
+pub(super) fn read_intent(message: &Intent) -> Result<IntentOutput, Refused> {
+    let place = Point::new(message.place.x, message.place.y, message.place.z);
+    finite("the place", place.coords.as_slice())?;
+    finite("the posterior", &message.posterior)?;
+    let four = || format!("posterior has {} values, expected 4", message.posterior.len());
+    let heard = match message.heard {
+        0 => None,
+        place => Some(placed("heard", &HEARD, usize::from(place) - 1)?),
+    };
+    Ok(IntentOutput {
+        heard,
+        posterior: message.posterior.as_slice().try_into().map_err(|_| four())?,
+        highlight: maybe("highlight", &BlockId::ALL, message.highlight)?,
+        place,
+        gaze: message.gaze.first().map(read_gaze),
+        seen_at: at(message.seen_at),
+        events: events(&message.events)?,
+    })
+}
+
+/// What the method asks for. `number` counts commands for the arm; `shown`: what there is to see, where that changed; `events`: those of the stages before
+/// and its own.
+pub(super) fn command(
+    tick: SimTime,
+    stamp: SimTime,
+    output: &MethodOutput,
+    number: u64,
+    shown: Option<&MethodShown>,
+    events: &[EventKind],
+) -> Command {
+    let mut message = Command {
+        header: convert::header(stamp, ""),
+        tick: tick.0,
+        number: if output.motion.is_some() { number } else { 0 },
+        hand: match output.hand {
+            None => 0,
+            Some(HandCommand::Open) => 1,
+            Some(HandCommand::Close) => 2,
+        },
+        view: shown.and_then(|shown| serde_json::to_string(shown).ok()).unwrap_or_default(),
+        events: texts(events),
+        ..Command::default()
+    };
+    match &output.motion {
+        None => {}
+        Some(MotionCommand::Hold) => message.motion = Command::HOLD,
+        Some(MotionCommand::Follow(path)) => {
+            message.motion = Command::FOLLOW;
+            message.times = path.points.iter().map(|point| point.time_secs).collect();
+            message.positions = path.points.iter().flat_map(|point| point.q.iter().copied()).collect();
+            message.velocities = path.points.iter().flat_map(|point| point.qd.iter().copied()).collect();
+        }
+        Some(MotionCommand::Velocity(speeds)) => {
+            message.motion = Command::VELOCITY;
+            message.velocities = speeds.to_vec();
+        }
+        Some(MotionCommand::Goto(angles)) => {
+            message.motion = Command::GOTO;
+            message.positions = angles.to_vec();
+        }
+    }
+    message
+}
+
+/// What a method asked for.
+#[derive(Clone)]
+pub(super) struct Asked {
+    pub motion: Option<MotionCommand>,
+    pub number: u64,
+    pub hand: Option<HandCommand>,
+    pub shown: Option<MethodShown>,
+    pub events: Vec<EventKind>,
+}
+
+/// For an arm of `arm` joints.
+pub(super) fn read_command(message: &Command, arm: usize) -> Result<Asked, Refused> {
+    let each = |what: &str, values: &[f64], points: usize| {
+        if values.len() != arm * points {
+            return Err(format!("{what} has {} values, expected {points} times {arm}", values.len()));
+        }
+        finite(what, values)
+    };
+    let motion = match message.motion {
+        Command::NONE => None,
+        Command::HOLD => Some(MotionCommand::Hold),
+        Command::FOLLOW => {
+            let points = message.times.len();
+            each("positions", &message.positions, points)?;
+            each("velocities", &message.velocities, points)?;
+            finite("times", &message.times)?;
+            let rows = message.positions.chunks(arm).zip(message.velocities.chunks(arm));
+            let point = |(time_secs, (q, qd)): (&f64, (&[f64], &[f64]))| TrajectoryPoint {
+                time_secs: *time_secs,
+                q: proact_types::joints(q),
+                qd: proact_types::joints(qd),
+            };
+            let points = message.times.iter().zip(rows).map(point).collect();
+            Some(MotionCommand::Follow(Trajectory { points }))
+        }
+        Command::VELOCITY => {
+            each("velocities", &message.velocities, 1)?;
+            Some(MotionCommand::Velocity(joints("velocities", &message.velocities)?))
+        }
+        Command::GOTO => {
+            each("positions", &message.positions, 1)?;
+            Some(MotionCommand::Goto(joints("positions", &message.positions)?))
+        }
+        other => return Err(format!("motion is {other}, expected 0 to 4")),
+    };
+    let hand = match message.hand {
+        0 => None,
+        1 => Some(HandCommand::Open),
+        2 => Some(HandCommand::Close),
+        other => return Err(format!("hand is {other}, expected 0, 1 or 2")),
+    };
+    let shown = (!message.view.is_empty()).then(|| json("view", &message.view)).transpose()?;
+    Ok(Asked { motion, number: message.number, hand, shown, events: events(&message.events)? })
+}
+
+const HAND: [HandState; 4] = [HandState::Open, HandState::Closing, HandState::Closed, HandState::Opening];
+
+/// The world, actuation and task after a tick.
+#[derive(Clone)]
+pub(super) struct Instant {
+    /// The number of the command for the arm that was taken last.
+    pub acted_on: u64,
+    pub world: PlantState,
+    pub hand: HandView,
+    pub actuation: ActuationOutput,
+    pub task: TaskState,
+    /// A display frame of this tick comes by itself.
+    pub frame: bool,
+    pub events: Vec<EventKind>,
+}
+
+pub(super) fn state(
+    tick: SimTime,
+    stamp: SimTime,
+    world: &PlantState,
+    hand: HandView,
+    actuation: &ActuationOutput,
+    task: &TaskState,
+) -> State {
+    let (motion, progress) = match actuation.motion {
+        MotionState::Holding => (0, 0.0),
+        MotionState::Following(progress) => (1, progress),
+        MotionState::Finished => (2, 1.0),
+    };
+    let twist = |body: &BodyState| geometry_msgs::Twist {
+        linear: convert::vector(&body.linear),
+        angular: convert::vector(&body.angular),
+    };
+    State {
+        header: convert::header(stamp, crate::frames::WORLD),
+        tick: tick.0,
+        position: world.position.to_vec(),
+        velocity: world.velocity.to_vec(),
+        effort: world.effort.to_vec(),
+        base: convert::pose(&world.world_from_base),
+        base_held: world.base_held,
+        blocks: world.blocks.iter().map(|body| convert::pose(&body.pose)).collect(),
+        twists: world.blocks.iter().map(twist).collect(),
+        attached: place_of(world.attached.map(|(block, _)| block)),
+        attached_at: convert::pose(&world.attached.map_or(Pose::identity(), |(_, pose)| pose)),
+        hand: HAND.iter().position(|state| *state == hand.state).unwrap_or(0) as u8,
+        target: actuation.command.position.to_vec(),
+        target_velocity: actuation.command.velocity.to_vec(),
+        target_base: convert::pose(&actuation.command.world_from_base),
+        motion,
+        progress,
+        goal: actuation.goal.iter().flatten().copied().collect(),
+        hand_moving: actuation.hand_moving,
+        paused: actuation.paused,
+        last_released: match task.last_released {
+            None => 0,
+            Some(BlockColour::Red) => 1,
+            Some(BlockColour::Blue) => 2,
+        },
+        pickable: task.pickable.to_vec(),
+        next_block: place_of(task.next.map(BlockId::index)),
+        on_target: task.on_target,
+        finished: task.finished,
+        frame: false,
+        acted_on: 0,
+        events: vec![],
+    }
+}
+
+/// For an arm with `moving` joints.
+pub(super) fn read_state(message: &State, moving: usize) -> Result<Instant, Refused> {
+    let all = |what: &str, values: &[f64]| {
+        if values.len() != moving {
+            return Err(format!("{what} has {} values, expected {moving}", values.len()));
+        }
+        joints(what, values)
+    };
+    let count = BlockId::ALL.len();
+    if message.blocks.len() != count || message.twists.len() != count {
+        let (blocks, twists) = (message.blocks.len(), message.twists.len());
+        return Err(format!("{blocks} blocks and {twists} twists, expected {count}"));
+    }
+    let mut blocks = arrayvec::ArrayVec::new();
+    for (pose, twist) in message.blocks.iter().zip(&message.twists) {
+        let (linear, angular) = (exact_vector(&twist.linear), exact_vector(&twist.angular));
+        finite("a twist", linear.as_slice())?;
+        finite("a twist", angular.as_slice())?;
+        blocks.push(BodyState { pose: exact_pose(pose)?, linear, angular });
+    }
+    let attached = maybe("attached", &BlockId::ALL, message.attached)?;
+    let attached_at = exact_pose(&message.attached_at)?;
+    let world = PlantState {
+        position: all("position", &message.position)?,
+        velocity: all("velocity", &message.velocity)?,
+        effort: joints("effort", &message.effort)?,
+        world_from_base: exact_pose(&message.base)?,
+        base_held: message.base_held,
+        blocks,
+        attached: attached.map(|block| (block.index(), attached_at)),
+        contacts: Default::default(),
+    };
+    let actuation = ActuationOutput {
+        command: PlantCommand {
+            position: all("target", &message.target)?,
+            velocity: all("target_velocity", &message.target_velocity)?,
+            world_from_base: exact_pose(&message.target_base)?,
+        },
+        motion: match message.motion {
+            0 => MotionState::Holding,
+            1 => MotionState::Following(message.progress),
+            2 => MotionState::Finished,
+            other => return Err(format!("motion is {other}, expected 0 to 2")),
+        },
+        goal: (!message.goal.is_empty()).then(|| joints("goal", &message.goal)).transpose()?,
+        hand_moving: message.hand_moving,
+        paused: message.paused,
+        events: vec![],
+    };
+    let four = || format!("pickable has {} values, expected {count}", message.pickable.len());
+    let task = TaskState {
+        last_released: match message.last_released {
+            0 => None,
+            1 => Some(BlockColour::Red),
+            2 => Some(BlockColour::Blue),
+            other => return Err(format!("last_released is {other}, expected 0 to 2")),
+        },
+        pickable: message.pickable.as_slice().try_into().map_err(|_| four())?,
+        next: maybe("next_block", &BlockId::ALL, message.next_block)?,
+        on_target: message.on_target,
+        finished: message.finished,
+    };
+    let hand = HandView { state: placed("hand", &HAND, usize::from(message.hand))?, holds: attached };
+    Ok(Instant {
+        acted_on: message.acted_on,
+        world,
+        hand,
+        actuation,
+        task,
+        frame: message.frame,
+        events: events(&message.events)?,
+    })
+}

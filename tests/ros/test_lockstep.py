@@ -1,0 +1,122 @@
+"""Each stage a node, in lock-step: field by field the hashes of the same trial in one process."""
+
+import json
+import os
+import shlex
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import graph
+
+GRAPH = None
+NODES = ["sim", "emg", "intent", "method", "participant"]
+SPAN = 100
+FIELDS = ["input.emg", "input.gesture", "input.gaze", "input.shoulder", "input.limb", "input.plan", "input.method",
+          "emg.decision", "intent.posterior", "control.commands", "motion.targets", "dynamics.joints",
+          "dynamics.blocks", "task.state"]
+# A lock-step of five processes takes about as long as the time that it simulates; a busy machine, several times that.
+PATIENCE = 20.0
+OUTSIDE = os.path.join(graph.ROOT, "docs", "methods", "follow_gaze.py")
+
+
+def setUpModule():
+    global GRAPH
+    GRAPH = graph.Graph()
+
+
+def tearDownModule():
+    GRAPH.close()
+
+
+def alone(folder, words):
+    """Field hashes by tick and field, of the trial in one process."""
+    out = os.path.join(folder, "trial")
+    subprocess.run([graph.BINARY, "demo", "--headless", "--out", out, *words], check=True, stdout=subprocess.DEVNULL,
+                   stderr=subprocess.DEVNULL)
+    hashes = {}
+    with open(os.path.join(out, "digests.log")) as log:
+        for line in log:
+            span = json.loads(line.split(" ", 1)[1])
+            assert len(span["fields"]) == len(FIELDS)
+            hashes[span["tick"]] = dict(zip(FIELDS, span["fields"]))
+    return hashes
+
+
+def spans(path):
+    """What a node has written; a line in the making is left out."""
+    try:
+        with open(path) as lines:
+            return [json.loads(line) for line in lines if line.endswith("\n")]
+    except FileNotFoundError:
+        return []
+
+
+class Lockstep(unittest.TestCase):
+    def compare(self, words, odd=None):
+        """The first span at which a field differs, by field; none where all agree. `odd`: more words for one node."""
+        with tempfile.TemporaryDirectory() as folder:
+            expected = alone(folder, words)
+            # Without the last span: only the simulator knows when it was cut short.
+            whole = [tick for tick in expected if tick % SPAN == 0]
+            paths = {name: os.path.join(folder, name) for name in NODES if name != "participant"}
+            nodes = [GRAPH.node(name, *words, *(odd or {}).get(name, []), "_lockstep:=true",
+                                *([f"_digest:={paths[name]}"] if name in paths else [])) for name in NODES]
+            try:
+                graph.until(lambda: all(len(spans(path)) >= len(whole) for path in paths.values()),
+                            "the last span of every node", patience=60.0 + PATIENCE * max(expected) / 1000)
+                self.assertEqual([node.poll() for node in nodes], [None] * len(nodes))
+            finally:
+                for node in nodes:
+                    GRAPH.stop(node)
+                graph.until(lambda: not any(n.startswith("/proact_") for n in GRAPH.nodes()), "all nodes gone")
+            first, seen = {}, set()
+            for path in paths.values():
+                for span in spans(path):
+                    for field, found in span["fields"].items():
+                        seen.add(field)
+                        if span["tick"] in whole and expected[span["tick"]][field] != found:
+                            first.setdefault(field, span["tick"])
+            self.assertEqual(seen, set(FIELDS))
+            return first
+
+    def check(self, words):
+        with self.subTest(" ".join(words)):
+            self.assertEqual(self.compare(words), {})
+
+
+class Short(Lockstep):
+    def test_half_a_minute_of_each_method_is_that_of_one_process(self):
+        for method in "ABCD":
+            self.check(["--method", method, "--seed", "1", "--set", "limit_secs=30"])
+
+    def test_a_node_with_another_configuration_is_told_by_its_field(self):
+        words = ["--method", "D", "--seed", "1", "--set", "limit_secs=1"]
+        first = self.compare(words, odd={"intent": ["--set", "intent.sigma=0.3"]})
+        self.assertEqual(first, {"intent.posterior": SPAN}, "control and arm do not move yet")
+
+
+class Long(Lockstep):
+    def test_a_whole_trial_is_that_of_one_process(self):
+        self.check(["--method", "D", "--seed", "2", "--setup", "still"])
+
+    def test_profiles_a_tracked_limb_other_intents_and_an_outside_method_are_those_of_one_process(self):
+        for words in (["--method", "D", "--setup", "still", "--profile", "original"],
+                      ["--method", "B", "--profile", "original"],
+                      ["--method", "A", "--set", "profile.level=below_elbow"],
+                      ["--method", "C", "--set", "intent_model=filtered"],
+                      ["--method", "C", "--method-command", shlex.join(["/usr/bin/python3", OUTSIDE])]):
+            self.check([*words, "--seed", "3", "--set", "limit_secs=15"])
+
+
+def load_tests(loader, _tests, _pattern):
+    """The long ones where they are asked for."""
+    names = [Long] if "--long" in LONG else [Short]
+    return unittest.TestSuite(loader.loadTestsFromTestCase(each) for each in names)
+
+
+LONG = [word for word in sys.argv if word == "--long"]
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2, argv=[word for word in sys.argv if word not in LONG])
