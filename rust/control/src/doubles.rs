@@ -35,7 +35,7 @@ const FINGER_CLOSED: f64 = 1.2;
 /// The seven arm joints of the MPL without its hand: shapes, masses and poses are left out.
 pub fn test_arm() -> ArmModel {
     let turned = UnitQuaternion::from_euler_angles(std::f64::consts::FRAC_PI_2, 0.0, 0.0);
-    let mut base = joint("base", 0, 1, Pose::from_parts(Default::default(), turned), Vector::zeros());
+    let mut base = joint("base", 0, 1, Pose::from_parts(Default::default(), turned), Vector::x());
     (base.kind, base.limits) = (JointKind::Fixed, JointLimits::default());
     let mut model = ArmModel {
         name: "mpl_right_arm".to_owned(),
@@ -225,8 +225,7 @@ impl ArmKinematics for SerialKinematics {
     }
 
     fn inverse(&mut self, base_from_tip: &Pose, seed: &[f64]) -> Result<IkOutcome, KinematicsError> {
-        let target: JointVector =
-            base_from_tip.to_homogeneous().as_slice()[..16].iter().copied().collect();
+        let target: JointVector = base_from_tip.to_homogeneous().as_slice()[..16].iter().copied().collect();
         if let Some(index) = target.iter().position(|value| !value.is_finite()) {
             let value = target[index];
             return Err(KinematicsError::NotFinite { what: "entry of the pose", index, value });
