@@ -121,16 +121,17 @@ impl PlanService for InstantPlans {
     }
 
     fn wait(&mut self, id: u64) -> PlanReply {
-        self.reply.take_if(|reply| reply.id == id).unwrap_or(PlanReply {
-            id,
-            status: PlanStatus::Cancelled,
-            trajectory: Trajectory::default(),
-            reason: "the request was cancelled".to_owned(),
-        })
+        self.reply.take_if(|reply| reply.id == id).unwrap_or_else(|| cancelled(id))
     }
 
+    /// The request that was running is answered as cancelled, to whoever still asks.
     fn cancel(&mut self) {
         self.calls.borrow_mut().push(PlanCall::Cancel);
-        self.reply = None;
+        self.reply = self.reply.take().map(|reply| cancelled(reply.id));
     }
+}
+
+fn cancelled(id: u64) -> PlanReply {
+    let reason = "the request was cancelled".to_owned();
+    PlanReply { id, status: PlanStatus::Cancelled, trajectory: Trajectory::default(), reason }
 }
