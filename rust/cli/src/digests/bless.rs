@@ -21,7 +21,7 @@ pub struct BlessArgs {
 /// No reason, no repository, a trial that breaks off.
 pub fn bless(args: &BlessArgs) -> Result<bool, Box<dyn Error>> {
     let reason = args.reason.join(" ");
-    let reason = reason.trim();
+    let reason = reason.trim().trim_end_matches('.');
     if reason.is_empty() {
         return Err("bless needs the reason why results change: ./proact bless \"REASON\"".into());
     }
@@ -47,9 +47,9 @@ pub fn bless(args: &BlessArgs) -> Result<bool, Box<dyn Error>> {
         let changed: Vec<&str> =
             tally.stages.iter().filter(|(_, changed, _)| *changed > 0).map(|(stage, ..)| *stage).collect();
         let stages = if changed.is_empty() { "no stage".to_owned() } else { changed.join(", ") };
-        format!("{reason} ({} of {} trials; {stages}.)", different.len(), run.len())
+        format!("{reason} ({} of {} trials; {stages}).", different.len(), run.len())
     } else {
-        format!("{reason} ({} trials, on a platform that had none.)", run.len())
+        format!("{reason} ({} trials, on a platform that had none).", run.len())
     };
     let log = with_line(&log, &line).ok_or("CHANGELOG.md has no section \"## Unreleased\"")?;
     store.write(&platform, &run)?;
@@ -61,6 +61,6 @@ pub fn bless(args: &BlessArgs) -> Result<bool, Box<dyn Error>> {
     } else {
         println!("first digests of the platform {platform}");
     }
-    println!("{} trials blessed; CHANGELOG.md says: {line}", run.len());
+    println!("blessed; CHANGELOG.md says: {line}");
     Ok(true)
 }
