@@ -142,6 +142,10 @@ ln -s "$work/repo/proact" "$work/elsewhere/arm"
 (cd "$work/elsewhere" && launch_as ./arm demo && echo "$status" >"$work/state/status")
 check "the program keeps the caller's folder" out_has "program in $work/elsewhere: [demo]"
 
+# Blessing is done in the repository, wherever the launcher is called.
+launch bless 'a reason'
+check "bless gets the repository and the reason as it was" out_has "[bless] [--repository] [$work/repo] [a reason]"
+
 launch seven
 check "the program's exit code comes through" status_is 7
 

@@ -1,6 +1,16 @@
 use crate::{
-    analyze::AnalyzeArgs, bench, bench_planning::PlanningBench, demo::DemoArgs, doctor, emg::EmgCommand,
-    model::ModelCommand, query, query::QueryOptions, replay::ReplayArgs, serve::ServeArgs,
+    analyze::AnalyzeArgs,
+    bench,
+    bench_planning::PlanningBench,
+    demo::DemoArgs,
+    digests::{BlessArgs, bless},
+    doctor,
+    emg::EmgCommand,
+    model::ModelCommand,
+    query,
+    query::QueryOptions,
+    replay::ReplayArgs,
+    serve::ServeArgs,
 };
 use clap::{Args, Parser, Subcommand};
 use std::{
@@ -62,6 +72,8 @@ enum Command {
     Analyze(AnalyzeArgs),
     /// Run a stage, or all of them, as a node on a ROS 1 graph
     Node(crate::node::NodeArgs),
+    /// Make the digests of the repository's trials the committed ones of this platform
+    Bless(BlessArgs),
     /// Look at this machine: libraries, tools, ports
     Doctor {
         /// One JSON object on standard output
@@ -164,6 +176,7 @@ fn run(command: Command) -> Result<bool, Box<dyn Error>> {
         }
         Command::Analyze(args) => crate::analyze::command(&args),
         Command::Node(args) => crate::node::command(&args),
+        Command::Bless(args) => bless(&args),
         Command::Doctor { json } => Ok(doctor::run(json)?),
     }
 }

@@ -139,13 +139,29 @@ fn machine() -> Check {
 
 // --- Libraries ----------------------------------------------------------------------------------------------
 
-fn libraries() -> Vec<Check> {
+/// The files of [`LIBRARIES`] that this process has loaded, and their Debian versions.
+fn loaded_libraries() -> (Vec<Option<PathBuf>>, BTreeMap<PathBuf, String>) {
     // Only Linux has this file; elsewhere every library is reported as not found, which is the truth there.
     let map = fs::read_to_string("/proc/self/maps").unwrap_or_default();
     let loaded: Vec<Option<PathBuf>> =
         LIBRARIES.iter().map(|(_, file, _)| loaded_library(&map, file)).collect();
     let versions = debian_versions(&loaded.iter().flatten().cloned().collect::<Vec<_>>());
+    (loaded, versions)
+}
 
+/// The version of each native library that this process has loaded, by its name for people: Debian's, or else the name
+/// of its file.
+pub(crate) fn library_versions() -> BTreeMap<&'static str, String> {
+    let (loaded, versions) = loaded_libraries();
+    let version = |path: PathBuf| {
+        let file = || path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        versions.get(&path).cloned().unwrap_or_else(file)
+    };
+    LIBRARIES.iter().zip(loaded).filter_map(|((name, ..), path)| Some((*name, version(path?)))).collect()
+}
+
+fn libraries() -> Vec<Check> {
+    let (loaded, versions) = loaded_libraries();
     let mut checks: Vec<Check> = LIBRARIES
         .iter()
         .zip(&loaded)

@@ -18,6 +18,7 @@ pub mod bench_safety;
 mod bench_start;
 mod command;
 mod demo;
+pub mod digests;
 mod doctor;
 mod emg;
 mod experimenter;

@@ -169,7 +169,7 @@ fn a_changed_input_is_reported_with_its_span_and_its_stage() -> Outcome {
 }
 
 #[test]
-fn a_damaged_log_is_reported_with_its_offset_and_a_lost_classifier_with_its_path() -> Outcome {
+fn a_damaged_log_another_format_and_a_lost_classifier_are_each_told() -> Outcome {
     let place = tempfile::tempdir()?;
     let dir = place.path().join("trial");
     record(3, &dir)?;
@@ -187,6 +187,15 @@ fn a_damaged_log_is_reported_with_its_offset_and_a_lost_classifier_with_its_path
         .find(|&at: &usize| at <= offset && offset - at < 10_000)
         .ok_or_else(|| format!("no offset near {offset} in: {error}"))?;
     assert!(reported <= offset, "{error}");
+
+    // A record of an earlier format says which program replays it.
+    let mut earlier = intact.clone();
+    earlier[8..12].copy_from_slice(&2_u32.to_le_bytes());
+    fs::write(&log, &earlier)?;
+    let error = replay_trial(&dir, false).expect_err("another format must not pass").to_string();
+    for part in ["record of format 2", "replays format 3", "proact 0.1.0 at commit"] {
+        assert!(error.contains(part), "{error}");
+    }
 
     fs::write(&log, &intact)?;
     fs::remove_file(dir.join("classifier.json"))?;

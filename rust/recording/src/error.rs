@@ -76,15 +76,21 @@ pub enum RecordingError {
         /// What the reader says.
         reason: String,
     },
-    /// A file of another version of this format.
-    #[error("{} has format version {got}, this program reads version {expected}", file.display())]
-    WrongVersion {
-        /// The file.
-        file: PathBuf,
-        /// Version found.
+    /// A record of another format than this program's.
+    #[error(
+        "{} is a record of format {got}, this proact ({}) replays format {expected}: {replayed_by}",
+        dir.display(),
+        env!("CARGO_PKG_VERSION")
+    )]
+    WrongFormat {
+        /// The trial directory.
+        dir: PathBuf,
+        /// Format found.
         got: u32,
-        /// Version known.
+        /// Format of this program.
         expected: u32,
+        /// Which program replays it, as a sentence.
+        replayed_by: String,
     },
     /// Ticks are written once each, in ascending order.
     #[error("input of tick {} comes after tick {}; expected a later one", got.0, last.0)]

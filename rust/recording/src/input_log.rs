@@ -1,12 +1,12 @@
 //! `inputs.log`: everything that entered the testbed from outside, tick by tick.
 //!
-//! Layout, little endian: the eight bytes `PROACTIN`, the format version as `u32`, then records. A record is
+//! Layout, little endian: the eight bytes `PROACTIN`, the record's format as `u32`, then records. A record is
 //! its payload's length as `u32`, the bitwise complement of that length, the payload, and the payload's CRC-32.
 //! The complement is there so that a damaged length is not taken for a truncated file. The first payload is the
 //! header as JSON, every other one a [`Record`] in postcard's encoding, which keeps every bit of a float. The
 //! last one is the end mark: a log without it was broken off.
 
-use crate::RecordingError;
+use crate::{RECORD_FORMAT, RecordingError, format};
 use proact_types::{SimTime, TickInput};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::{
@@ -17,7 +17,6 @@ use std::{
 };
 
 const MAGIC: &[u8; 8] = b"PROACTIN";
-const VERSION: u32 = 3;
 /// Bytes of a record around its payload: length, complement, CRC-32.
 const LENGTH_BYTES: u64 = 8;
 const CHECKSUM_BYTES: u64 = 4;
@@ -82,7 +81,7 @@ impl InputLogWriter {
             InputLogWriter { file: BufWriter::new(file), path: path.to_owned(), last: None, records: 0 };
         let payload = serde_json::to_vec(header).map_err(RecordingError::encode("the log header"))?;
         log.put(MAGIC)?;
-        log.put(&VERSION.to_le_bytes())?;
+        log.put(&RECORD_FORMAT.to_le_bytes())?;
         log.put_record(&payload)?;
         log.flush()?;
         Ok(log)
@@ -155,7 +154,7 @@ impl InputLog {
     /// Opens the log of the trial in `dir`.
     ///
     /// # Errors
-    /// [`RecordingError::NotATrial`] without a log; [`RecordingError::Damaged`], [`RecordingError::WrongVersion`]
+    /// [`RecordingError::NotATrial`] without a log; [`RecordingError::Damaged`], [`RecordingError::WrongFormat`]
     /// or [`RecordingError::Truncated`] if its head is not that of one.
     pub fn open(dir: &Path) -> Result<Self, RecordingError> {
         let path = dir.join(crate::INPUTS_FILE);
@@ -181,12 +180,14 @@ impl InputLog {
         if head[..8] != *MAGIC {
             return Err(log.damaged(0, "it does not start as an input log does"));
         }
-        let version = u32::from_le_bytes([head[8], head[9], head[10], head[11]]);
-        if version != VERSION {
-            return Err(RecordingError::WrongVersion { file: log.path, got: version, expected: VERSION });
-        }
+        let found = u32::from_le_bytes([head[8], head[9], head[10], head[11]]);
         let start = log.offset;
-        let payload = log.read_record()?;
+        let payload = log.read_record();
+        // The first record of another format may look like anything; what it says of its writer helps.
+        let header = payload.as_ref().ok().and_then(|json| serde_json::from_slice::<LogHeader>(json).ok());
+        let writer = header.as_ref().and_then(|header| header.versions.get("proact"));
+        format::check(dir, found, writer.map(String::as_str))?;
+        let payload = payload?;
         log.header = serde_json::from_slice(&payload).map_err(|e| log.damaged(start, &e.to_string()))?;
         Ok(log)
     }

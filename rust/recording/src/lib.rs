@@ -5,11 +5,14 @@
 //! | file | content |
 //! |---|---|
 //! | `config.toml` | the whole configuration |
-//! | `inputs.log` | seed, versions, and all that entered from outside, tick by tick: with the configuration it *is* the trial |
+//! | `inputs.log` | format of the record, seed, versions, and all that entered from outside, tick by tick: with the configuration it *is* the trial |
 //! | `digests.log` | the digest chain, one entry per span of ticks |
 //! | `events.jsonl` | what happened, one JSON object a line |
 //! | `trial.bag` | the same trial as a ROS 1 bag |
 //! | `result.json` | the result, written last: without it the trial is unfinished |
+//!
+//! A record has one format number ([`RECORD_FORMAT`]) for all its files. A record of another format is refused with the
+//! program that replays it.
 //!
 //! This crate writes and reads files. It has no clock, no threads and no randomness: equal trials give equal
 //! files, byte for byte. It depends on `types` alone.
@@ -37,11 +40,13 @@
 pub mod bag;
 mod checked_lines;
 mod error;
+mod format;
 mod input_log;
 mod trial;
 
 pub use bag::TrialBag;
 pub use error::RecordingError;
+pub use format::RECORD_FORMAT;
 pub use input_log::{InputLog, InputRecord, LogEnd};
 pub use trial::{FLUSH_TICKS, Trial, TrialHeader, TrialWriter, read_result};
 

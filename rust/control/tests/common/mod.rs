@@ -1,19 +1,18 @@
-//! An arm, its kinematics in a few lines of nalgebra, and a rig that carries out what a method asks for.
+//! A rig that carries out what a method asks for, with the doubles of the ports.
 #![allow(dead_code)] // Each test program uses its part.
 
-use nalgebra::{DMatrix, Isometry3, Unit, UnitQuaternion, Vector3};
-use proact_control::ports::{ArmKinematics, IkOutcome, KinematicsError};
+pub use proact_control::doubles::START;
+use proact_control::doubles::{SerialKinematics, test_arm};
+use proact_control::ports::ArmKinematics;
 use proact_control::{
     ControlInput, ControlMethod, ControlOutput, HandCommand, MotionCommand, MotionState, Profile, build,
 };
 use proact_types::{
-    ArmModel, BlockId, Gesture, HandState, HandView, Joint, JointKind, JointLimits, JointVector, Link,
-    PlanReply, PlanStatus, PlannerView, Point, Pose, SimTime, Stop, Target, Trajectory, TrajectoryPoint,
-    joints,
+    ArmModel, BlockId, Gesture, HandState, HandView, JointLimits, JointVector, PlanReply, PlanStatus,
+    PlannerView, Point, Pose, SimTime, Stop, Target, Trajectory, TrajectoryPoint, joints,
 };
+use std::sync::Arc;
 
-/// Where a trial starts, as in the original.
-pub const START: [f64; 7] = [1.029, -0.161, 0.1291, 1.029, 1.57, 0.0174, 0.1006];
 pub const BLOCKS: [Point; 4] = [
     Point::new(-0.08, -0.2, 1.04),
     Point::new(0.08, -0.2, 1.04),
@@ -21,69 +20,9 @@ pub const BLOCKS: [Point; 4] = [
     Point::new(0.08, -0.08, 1.04),
 ];
 
-/// The seven arm joints of the MPL: name, origin, yaw of the origin, axis, lower and upper limit (Apache-2.0, from
-/// the description of the Johns Hopkins APL arm).
-type Row = (&'static str, [f64; 3], f64, [f64; 3], f64, f64);
-const JOINTS: [Row; 7] = [
-    ("shoulder", [0.0, 0.0, 0.0], 0.0, [0.0, 0.0, 1.0], -1.4, 1.53),
-    ("humerus", [0.00164, -1e-5, 0.12058], -0.01153, [1.0, 0.0, 0.0], -1.35, 0.345),
-    ("elbow", [-0.00164, -0.15006, 0.01389], 0.0, [0.0, 1.0, 0.0], -0.697, 1.57),
-    ("forearm", [0.01, -0.14441, -0.01534], 0.0, [0.0, 0.0, 1.0], 0.044, 2.61),
-    ("wristy", [3e-5, -0.18543, 0.016], 0.0, [0.0, 1.0, 0.0], -1.57, 1.57),
-    ("wristx", [-3e-5, -0.04764, 0.00203], 0.0, [0.0, 0.0, -1.0], -0.261, 0.785),
-    ("wristz", [0.00018, -0.03, -0.00209], 0.0, [1.0, 0.0, 0.0], -1.04, 1.04),
-];
-
+/// The arm that the methods drive here.
 pub fn model() -> ArmModel {
-    let link = |name: &str| Link {
-        name: name.to_owned(),
-        inertial: None,
-        collisions: Vec::new(),
-        visuals: Vec::new(),
-    };
-    let base = Joint {
-        name: "base".to_owned(),
-        kind: JointKind::Fixed,
-        parent: 0,
-        child: 1,
-        origin: Isometry3::from_parts(
-            Default::default(),
-            UnitQuaternion::from_euler_angles(std::f64::consts::FRAC_PI_2, 0.0, 0.0),
-        ),
-        axis: Vector3::zeros(),
-        limits: JointLimits::default(),
-        damping: 0.0,
-        friction: 0.0,
-    };
-    let mut model = ArmModel {
-        name: "mpl_right_arm".to_owned(),
-        links: vec![link("base_link"), link("forequarter")],
-        joints: vec![base],
-        arm: (1..=7).collect(),
-        hand: Vec::new(),
-        tip: 8,
-        poses: Vec::new(),
-        allowed_collisions: Vec::new(),
-        grasp_centre: Vector3::zeros(),
-    };
-    for (k, (name, xyz, yaw, axis, lower, upper)) in JOINTS.into_iter().enumerate() {
-        model.links.push(link(name));
-        model.joints.push(Joint {
-            name: format!("mpl_right_arm__{name}"),
-            kind: JointKind::Revolute,
-            parent: k + 1,
-            child: k + 2,
-            origin: Isometry3::from_parts(
-                Vector3::from(xyz).into(),
-                UnitQuaternion::from_euler_angles(0.0, 0.0, yaw),
-            ),
-            axis: axis.into(),
-            limits: JointLimits { lower, upper, velocity: 0.5, effort: 10.0 },
-            damping: 0.0,
-            friction: 0.0,
-        });
-    }
-    model
+    test_arm()
 }
 
 pub fn limits() -> Vec<JointLimits> {
@@ -91,64 +30,10 @@ pub fn limits() -> Vec<JointLimits> {
     model.arm.iter().map(|&j| model.joints[j].limits).collect()
 }
 
-/// Kinematics of [`model`], with nothing behind them.
-pub struct Serial(pub ArmModel);
-
-impl Serial {
-    fn check(&self, q: &[f64]) -> Result<(), KinematicsError> {
-        if q.len() != self.0.arm_count() {
-            return Err(KinematicsError::WrongJointCount { got: q.len(), expected: self.0.arm_count() });
-        }
-        match q.iter().position(|value| !value.is_finite()) {
-            Some(index) => Err(KinematicsError::NotFinite { what: "joint angle", index, value: q[index] }),
-            None => Ok(()),
-        }
-    }
-
-    /// Pose of the tip, and origin and axis of each joint, in the base.
-    fn chain(&self, q: &[f64]) -> (Pose, Vec<(Point, Vector3<f64>)>) {
-        let mut pose = Pose::identity();
-        let mut axes = Vec::new();
-        for (k, joint) in self.0.joints.iter().enumerate() {
-            pose *= joint.origin;
-            if k > 0 {
-                axes.push((pose * Point::origin(), pose.rotation * joint.axis));
-                pose *= UnitQuaternion::from_axis_angle(&Unit::new_normalize(joint.axis), q[k - 1]);
-            }
-        }
-        (pose, axes)
-    }
-}
-
-impl ArmKinematics for Serial {
-    fn joint_count(&self) -> usize {
-        self.0.arm_count()
-    }
-
-    fn forward(&mut self, q: &[f64]) -> Result<Pose, KinematicsError> {
-        self.check(q)?;
-        Ok(self.chain(q).0)
-    }
-
-    fn jacobian(&mut self, q: &[f64]) -> Result<DMatrix<f64>, KinematicsError> {
-        self.check(q)?;
-        let (tip, axes) = self.chain(q);
-        let tip = tip * Point::origin();
-        Ok(DMatrix::from_fn(6, q.len(), |row, k| {
-            let (origin, axis) = axes[k];
-            if row < 3 { axis.cross(&(tip - origin))[row] } else { axis[row - 3] }
-        }))
-    }
-
-    fn inverse(&mut self, _target: &Pose, _seed: &[f64]) -> Result<IkOutcome, KinematicsError> {
-        Ok(IkOutcome::NotFound)
-    }
-}
-
 /// A method on an arm that does exactly what it is asked.
 pub struct Rig {
     pub method: Box<dyn ControlMethod>,
-    pub kinematics: Serial,
+    pub kinematics: SerialKinematics,
     pub q: JointVector,
     /// What is measured differs from what is asked by this.
     pub lag: [f64; 7],
@@ -178,7 +63,7 @@ impl Rig {
     pub fn with(method: Box<dyn ControlMethod>) -> Self {
         Self {
             method,
-            kinematics: Serial(model()),
+            kinematics: SerialKinematics::new(Arc::new(model())),
             q: joints(&START),
             lag: [0.0; 7],
             gesture: Gesture::NoMotion,

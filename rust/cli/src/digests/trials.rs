@@ -1,0 +1,111 @@
+use crate::trial::{self, AssemblyError};
+use proact_devices::EmgSource;
+use proact_tasks::Outcome;
+use proact_testbed::{ConfigError, Digest, MethodName, Setup, SpanDigest, TrialConfig};
+use serde::{Deserialize, Serialize};
+use std::error::Error;
+
+/// A trial of the list, on the command line of `proact demo --headless`.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TrialEntry {
+    /// Its name in files and messages: no blanks.
+    pub name: String,
+    method: MethodName,
+    setup: String,
+    #[serde(default = "TrialEntry::default_profile")]
+    profile: String,
+    seed: u64,
+    #[serde(default)]
+    set: Vec<String>,
+}
+
+impl TrialEntry {
+    fn default_profile() -> String {
+        "default".to_owned()
+    }
+
+    fn config(&self) -> Result<TrialConfig, ConfigError> {
+        let setup = Setup::named(&self.setup)?;
+        let config = TrialConfig::new(self.method, self.seed, setup).with_profile(&self.profile)?;
+        config.with_values(&self.set)
+    }
+
+    /// Runs the trial.
+    ///
+    /// # Errors
+    /// A configuration that is refused, a trial that breaks off; with the trial's name.
+    pub fn run(&self) -> Result<TrialDigest, Box<dyn Error>> {
+        let named = |error: &dyn Error| format!("trial {}: {error}", self.name);
+        let config = self.config().map_err(|error| named(&error))?;
+        let assembled: Result<_, AssemblyError> = trial::simulated(config, &EmgSource::Synthetic);
+        let mut session = assembled.map_err(|error| named(&error))?.session;
+        let configuration = session.testbed().config().to_toml()?;
+        let mut spans = Vec::new();
+        loop {
+            let output = session.step(false).map_err(|error| named(&error))?.output;
+            spans.extend(output.span);
+            if output.finished {
+                break;
+            }
+        }
+        let testbed = session.testbed();
+        let blocks = &testbed.plant().state().blocks;
+        let block_end = |result: proact_tasks::BlockResult| BlockEnd {
+            name: result.block.name().to_owned(),
+            outcome: result.outcome,
+            place_mm: {
+                let place = blocks[result.block.index()].pose.translation.vector;
+                std::array::from_fn(|k| (place[k] * 1e3).round() as i64)
+            },
+        };
+        let result = session.result();
+        Ok(TrialDigest {
+            outcome: TrialOutcome {
+                trial: self.name.clone(),
+                ticks: testbed.now().0,
+                on_target: result.on_target,
+                blocks: result.outcomes.into_iter().map(block_end).collect(),
+            },
+            configuration: Digest::new(&configuration).value()[..16].to_owned(),
+            spans,
+        })
+    }
+}
+
+/// What is known of a trial that was run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TrialDigest {
+    /// How it ended.
+    pub outcome: TrialOutcome,
+    /// Hash of its configuration, 16 hexadecimal digits.
+    pub configuration: String,
+    /// One hash a field for each span. The chain is left out of files and comparisons.
+    pub spans: Vec<SpanDigest>,
+}
+
+/// How a trial ended: on every platform about the same.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TrialOutcome {
+    /// Name of the trial.
+    pub trial: String,
+    /// Its length, ms.
+    pub ticks: u64,
+    /// Blocks on target.
+    pub on_target: u32,
+    /// The blocks in the prescribed order.
+    pub blocks: Vec<BlockEnd>,
+}
+
+/// Where a block ended.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BlockEnd {
+    /// Such as `red1`.
+    pub name: String,
+    /// What became of it.
+    pub outcome: Outcome,
+    /// Its centre, `world`, millimetres.
+    pub place_mm: [i64; 3],
+}

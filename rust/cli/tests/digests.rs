@@ -1,0 +1,137 @@
+//! The committed digests of a dozen short trials: a change of the arithmetic anywhere between EMG and task is noticed,
+//! and named by trial, span, stage and field. `tests/digests/README.md` says what to do then.
+#![allow(clippy::disallowed_methods)] // A test of files and of the program.
+
+use proact_cli::digests::{Platform, Store, TrialDigest, TrialEntry, differences, outcome_complaints};
+use std::{
+    error::Error,
+    fs,
+    io::Write,
+    path::{Path, PathBuf},
+    process::{Command, Output},
+};
+
+type Outcome<T = ()> = Result<T, Box<dyn Error>>;
+
+fn repository() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+/// Says it past the test's own output, which nobody sees when the test passes.
+fn say(text: &str) {
+    let _ = writeln!(std::io::stderr(), "{text}");
+}
+
+// Catches what a test of one part cannot: that results change although nobody meant them to.
+#[test]
+fn the_trials_have_their_committed_digests() -> Outcome {
+    let (store, platform) = (Store::of(&repository()), Platform::here());
+    let run: Vec<TrialDigest> =
+        store.trials()?.iter().map(TrialEntry::run).collect::<Result<_, Box<dyn Error>>>()?;
+    assert_eq!(run.len(), 12, "a dozen trials");
+    let outcomes = store.outcomes()?;
+
+    let Some(committed) = store.digests(&platform)? else {
+        say(&format!(
+            "digests: the platform {platform} has none committed; only lengths and outcomes of the trials are compared"
+        ));
+        for now in run.iter().map(|trial| &trial.outcome) {
+            let was = outcomes.iter().find(|was| was.trial == now.trial);
+            if let Some(was) = was.filter(|was| was.ticks != now.ticks) {
+                say(&format!(
+                    "digests: {} takes {} ms here, {} ms where it was blessed",
+                    now.trial, now.ticks, was.ticks
+                ));
+            }
+        }
+        let complaints = outcome_complaints(&outcomes, &run);
+        assert!(complaints.is_empty(), "trials end otherwise on {platform}:\n{}", complaints.join("\n"));
+        return Ok(());
+    };
+    let different = differences(&committed, &outcomes, &run);
+    let named: Vec<String> = different.iter().map(ToString::to_string).collect();
+    assert!(
+        named.is_empty(),
+        "digests differ from those committed for {platform}:\n{}\nIf this is meant: ./proact bless \"REASON\"",
+        named.join("\n")
+    );
+    Ok(())
+}
+
+/// A repository with one trial of half a second, and `proact bless` in it.
+struct Blessed(tempfile::TempDir);
+
+impl Blessed {
+    fn new() -> Outcome<Self> {
+        let place = Self(tempfile::tempdir()?);
+        fs::create_dir_all(place.path().join("tests/digests"))?;
+        fs::write(place.path().join("CHANGELOG.md"), "# Changelog\n\n## Unreleased\n\n### Added\n- a\n")?;
+        place.list("limit_secs=0.5")?;
+        Ok(place)
+    }
+
+    fn path(&self) -> &Path {
+        self.0.path()
+    }
+
+    fn list(&self, set: &str) -> Outcome {
+        let list = format!(
+            "[[trial]]\nname = \"D\"\nmethod = \"D\"\nsetup = \"still\"\nseed = 1\nset = [\"{set}\"]\n"
+        );
+        Ok(fs::write(self.path().join("tests/digests/trials.toml"), list)?)
+    }
+
+    fn bless(&self, reason: &[&str]) -> Outcome<Output> {
+        let mut program = Command::new(env!("CARGO_BIN_EXE_proact"));
+        Ok(program.arg("bless").args(reason).arg("--repository").arg(self.path()).output()?)
+    }
+
+    fn changelog(&self) -> Outcome<String> {
+        Ok(fs::read_to_string(self.path().join("CHANGELOG.md"))?)
+    }
+}
+
+// Catches a blessing that happens by accident, without a word in the changelog.
+#[test]
+fn without_a_reason_nothing_is_blessed() -> Outcome {
+    let place = Blessed::new()?;
+    for reason in [&[][..], &["  "]] {
+        let output = place.bless(reason)?;
+        assert!(!output.status.success());
+        let error = String::from_utf8(output.stderr)?;
+        assert_eq!(error, "proact: bless needs the reason why results change: ./proact bless \"REASON\"\n");
+    }
+    assert_eq!(fs::read_dir(place.path().join("tests/digests"))?.count(), 1);
+    assert!(!place.changelog()?.contains("### Digests"));
+    Ok(())
+}
+
+// Catches a blessing that says nothing of what changed, or that leaves traces when nothing did.
+#[test]
+fn a_blessing_writes_digests_and_one_line_and_a_second_one_changes_nothing() -> Outcome {
+    let place = Blessed::new()?;
+    let (store, platform) = (Store::of(place.path()), Platform::here());
+    assert!(place.bless(&["the", "first"])?.status.success());
+    let first = store.digests(&platform)?.ok_or("nothing was written")?;
+    assert_eq!((first["D"].spans.len(), store.outcomes()?[0].ticks), (5, 500));
+    let changelog = place.changelog()?;
+    assert!(changelog.ends_with("### Digests\n- the first (1 trials, on a platform that had none).\n"));
+
+    let again = place.bless(&["nothing"])?;
+    assert!(String::from_utf8(again.stdout)?.starts_with("nothing has changed"));
+    assert_eq!(place.changelog()?, changelog);
+
+    place.list("limit_secs=0.3")?;
+    let shorter = place.bless(&["a shorter trial"])?;
+    let said = String::from_utf8(shorter.stdout)?;
+    // In its last tick the shorter trial is finished.
+    assert!(
+        said.contains("D: first differs in ticks 201 to 300, in task.state; its configuration"),
+        "{said}"
+    );
+    assert!(said.contains("dynamics 4 of 10, task 3 of 5"), "{said}");
+    let line = "### Digests\n- a shorter trial (1 of 1 trials; ";
+    assert!(place.changelog()?.contains(line), "{}", place.changelog()?);
+    assert_eq!(store.outcomes()?[0].ticks, 300);
+    Ok(())
+}

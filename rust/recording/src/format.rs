@@ -1,0 +1,59 @@
+//! The format of a record: one number for all files of a trial directory, and for what they mean.
+
+use crate::RecordingError;
+use std::path::Path;
+
+/// The format that this program writes, and the only one that it reads. It stands in the head of `inputs.log`.
+///
+/// It goes up by one when any file of a trial directory changes its layout, or when the same inputs no longer lead to
+/// the same digest. The program before the change then enters [`LAST_READERS`].
+pub const RECORD_FORMAT: u32 = 3;
+
+/// For each earlier format the last program that replays it.
+const LAST_READERS: [(u32, &str); 2] = [(1, "0.1.0 at commit 477d3a7"), (2, "0.1.0 at commit 8cb6c71")];
+
+/// Accepts a record in `dir` of format `got`.
+///
+/// # Errors
+/// [`RecordingError::WrongFormat`] for any other than [`RECORD_FORMAT`], with the program that replays it; `writer` is
+/// the version that wrote the record, if that could be read.
+pub(crate) fn check(dir: &Path, got: u32, writer: Option<&str>) -> Result<(), RecordingError> {
+    if got == RECORD_FORMAT {
+        return Ok(());
+    }
+    let last = LAST_READERS.iter().find(|(format, _)| *format == got).map(|(_, version)| *version);
+    let replayed_by = match (last, writer) {
+        (Some(version), _) => format!("the last program that replays it is proact {version}"),
+        (None, Some(version)) => format!("proact {version} wrote it and replays it"),
+        (None, None) if got > RECORD_FORMAT => "a newer proact replays it".to_owned(),
+        (None, None) => "no program is known that replays it".to_owned(),
+    };
+    Err(RecordingError::WrongFormat { dir: dir.to_owned(), got, expected: RECORD_FORMAT, replayed_by })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn refusal(got: u32, writer: Option<&str>) -> String {
+        check(Path::new("trial"), got, writer).expect_err("another format").to_string()
+    }
+
+    // Catches a new format whose predecessor was left out of the table.
+    #[test]
+    fn every_earlier_format_has_a_program_that_replays_it() {
+        let formats: Vec<u32> = LAST_READERS.iter().map(|(format, _)| *format).collect();
+        assert_eq!(formats, (1..RECORD_FORMAT).collect::<Vec<u32>>());
+        for (format, version) in LAST_READERS {
+            let refused = refusal(format, Some("9.9.9"));
+            assert!(refused.contains(version) && refused.contains(&format!("format {format}")), "{refused}");
+        }
+    }
+
+    #[test]
+    fn a_newer_format_names_who_wrote_it() {
+        assert!(check(Path::new("trial"), RECORD_FORMAT, None).is_ok());
+        assert!(refusal(RECORD_FORMAT + 1, Some("0.7.0")).contains("proact 0.7.0 wrote it"));
+        assert!(refusal(RECORD_FORMAT + 1, None).contains("a newer proact"));
+    }
+}

@@ -1,0 +1,43 @@
+//! Doubles of the ports, for tests without a native library: a plant without physics, plans without a search, an eye
+//! tracker without errors but those that a test asks for.
+//!
+//! Behind the feature `doubles`. With `proact_control::doubles` they are all that [`Testbed`](crate::Testbed) needs:
+//!
+//! ```
+//! use proact_testbed::{MethodName, Setup, Testbed, TrialConfig, doubles};
+//! use proact_types::{SimTime, TickInput};
+//! let config = TrialConfig::new(MethodName::D, 1, Setup::named("still")?);
+//! let parts = doubles::parts(&config);
+//! let mut testbed = Testbed::new(config, parts)?;
+//! testbed.tick(&TickInput::default(), false)?;
+//! assert_eq!(testbed.now(), SimTime(1));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod gaze;
+mod plans;
+mod plant;
+
+pub use gaze::{GazeFault, ScriptedGaze};
+pub use plans::{InstantPlans, PlanCall, PlanCalls};
+pub use plant::KinematicPlant;
+
+use crate::{Parts, TrialConfig};
+use proact_control::doubles::{SerialKinematics, test_hand};
+use proact_tasks::BoxAndBlocks;
+use std::sync::Arc;
+
+/// The testbed of `config` made of doubles: the arm with two fingers, before box and blocks, without an armband.
+pub fn parts(config: &TrialConfig) -> Parts {
+    let model = Arc::new(test_hand());
+    let scene = BoxAndBlocks::new(config.arrangement).scene().clone();
+    let base = config.setup.body.shoulder_pose(&Default::default());
+    Parts {
+        kinematics: Box::new(SerialKinematics::new(model.clone())),
+        plant: Box::new(KinematicPlant::new(model.clone(), scene, base)),
+        plans: Box::new(InstantPlans::new(model.clone())),
+        classifier: None,
+        process: None,
+        model,
+    }
+}

@@ -1,0 +1,180 @@
+use crate::ports::{Plant, PlantError};
+use arrayvec::ArrayVec;
+use proact_types::{
+    ArmModel, BodyState, Contact, PlantCommand, PlantState, Point, Pose, Scene, Shape, TICK_SECS, Vector,
+    joints, zeros,
+};
+use std::sync::Arc;
+
+/// A base that is told to move faster than this stands still instead, m/s, as the simulated one does.
+const BASE_SPEED: f64 = 5.0;
+/// Fingers touch what is within this of the grasp centre, metres: half a block and what an approach may be off.
+const GRASP_RADIUS: f64 = 0.03;
+/// And they do when they have gone this share of their way from `open` to `closed`.
+const CLOSED_SHARE: f64 = 0.5;
+/// Force of a finger on a block, N.
+const FINGER_FORCE: f64 = 1.0;
+
+/// An arm that follows its commands at once, and blocks that stand until they are taken.
+///
+/// Nothing collides. Two fingers that have closed halfway around a block press it from opposite sides, so that the
+/// grasp rule attaches it; it then moves with its link. A block that is let go stands at once, upright and at rest, on
+/// the highest box of the scene below its centre: table, wall or floor. Deterministic.
+#[derive(Clone, Debug)]
+pub struct KinematicPlant {
+    model: Arc<ArmModel>,
+    scene: Scene,
+    /// The link that holds the attached block.
+    holder: Option<usize>,
+    state: PlantState,
+}
+
+impl KinematicPlant {
+    /// The arm at its pose `start` with an open hand, its base at `world_from_base`, before `scene`.
+    ///
+    /// # Panics
+    /// If the arm has no such poses.
+    pub fn new(model: Arc<ArmModel>, scene: Scene, world_from_base: Pose) -> Self {
+        let pose = |group, name| model.pose(group, name).expect("an arm for trials has poses");
+        let initial: Vec<f64> = [pose("arm", "start"), pose("hand", "open")].concat();
+        let stands = |pose| BodyState { pose, linear: Vector::zeros(), angular: Vector::zeros() };
+        let state = PlantState {
+            position: joints(&initial),
+            velocity: zeros(initial.len()),
+            effort: zeros(initial.len()),
+            world_from_base,
+            base_held: false,
+            blocks: scene.blocks.iter().map(|block| stands(block.pose)).collect(),
+            attached: None,
+            contacts: ArrayVec::new(),
+        };
+        Self { model, scene, holder: None, state }
+    }
+
+    /// `world_from_link` of all links.
+    fn links(&self) -> Vec<Pose> {
+        let base = self.state.world_from_base;
+        self.model.link_poses(&self.state.position).into_iter().map(|link| base * link).collect()
+    }
+
+    /// How far the hand has gone from `open` to `closed`, 0 to 1: the joint that is least far.
+    fn closed_share(&self) -> f64 {
+        let pose = |name| self.model.pose("hand", name).expect("an arm for trials has poses");
+        let fingers = &self.state.position[self.model.arm_count()..];
+        let way = pose("open").iter().zip(pose("closed"));
+        fingers
+            .iter()
+            .zip(way)
+            .fold(1.0, |least, (q, (open, closed))| least.min((q - open) / (closed - open)))
+    }
+
+    /// The fingers on the blocks: those that hang from the tip, each from its own side.
+    fn touch(&mut self) {
+        self.state.contacts.clear();
+        if self.closed_share() < CLOSED_SHARE {
+            return;
+        }
+        let tip = self.links()[self.model.tip];
+        let centre = tip * Point::from(self.model.grasp_centre);
+        let fingers: Vec<usize> = self
+            .model
+            .joints
+            .iter()
+            .filter(|joint| joint.parent == self.model.tip)
+            .map(|j| j.child)
+            .collect();
+        for (block, body) in self.state.blocks.iter().enumerate() {
+            let place = Point::from(body.pose.translation.vector);
+            if (place - centre).norm() > GRASP_RADIUS {
+                continue;
+            }
+            for (k, &link) in fingers.iter().enumerate() {
+                let side = if k % 2 == 0 { 1.0 } else { -1.0 };
+                let normal = tip.rotation * Vector::x() * side;
+                let _ = self.state.contacts.try_push(Contact {
+                    block,
+                    link,
+                    point: place,
+                    normal,
+                    force: FINGER_FORCE,
+                });
+            }
+        }
+    }
+
+    /// Where a block that is let go at `pose` comes to stand.
+    fn fallen(&self, block: usize, pose: &Pose) -> Pose {
+        let place = pose.translation.vector;
+        let half = match self.scene.blocks[block].shape {
+            Shape::Box { size } => size[2] / 2.0,
+            Shape::Sphere { radius } => radius,
+            Shape::Cylinder { length, .. } => length / 2.0,
+            Shape::Capsule { radius, length } => length / 2.0 + radius,
+        };
+        let under = self.scene.fixed.iter().filter_map(|object| {
+            let Shape::Box { size } = object.shape else { return None };
+            let centre = object.pose.translation.vector;
+            let top = centre.z + size[2] / 2.0;
+            let over = (0..2).all(|k| (place[k] - centre[k]).abs() <= size[k] / 2.0);
+            (over && top <= place.z).then_some(top)
+        });
+        let ground = under.fold(0.0, f64::max);
+        Pose::translation(place.x, place.y, ground + half)
+    }
+}
+
+impl Plant for KinematicPlant {
+    fn step(&mut self, command: &PlantCommand) -> Result<(), PlantError> {
+        for (what, values) in [("position", &command.position), ("velocity", &command.velocity)] {
+            let (got, expected) = (values.len(), self.model.moving_count());
+            if got != expected {
+                return Err(PlantError::WrongLength { what, got, expected });
+            }
+            if let Some(index) = values.iter().position(|value| !value.is_finite()) {
+                return Err(PlantError::NotFinite { what, index, value: values[index] });
+            }
+        }
+        let state = &mut self.state;
+        let way = command.world_from_base.translation.vector - state.world_from_base.translation.vector;
+        // Written so that a pose that is no number counts as a jump.
+        let follows = way.norm() <= BASE_SPEED * TICK_SECS;
+        state.base_held = !follows;
+        if follows {
+            state.world_from_base = command.world_from_base;
+        }
+        state.position = command.position.clone();
+        state.velocity = command.velocity.clone();
+        if let (Some(link), Some((block, link_from_block))) = (self.holder, self.state.attached) {
+            self.state.blocks[block].pose = self.links()[link] * link_from_block;
+        }
+        self.touch();
+        Ok(())
+    }
+
+    fn state(&self) -> &PlantState {
+        &self.state
+    }
+
+    fn attach(&mut self, block: usize, link: usize) -> Result<(), PlantError> {
+        let refuse = |what: String| Err(PlantError::Model(what));
+        if let Some((held, _)) = self.state.attached {
+            return refuse(format!("block {held} is attached already"));
+        }
+        let Some(body) = self.state.blocks.get(block) else {
+            return refuse(format!("there is no block {block}"));
+        };
+        let Some(world_from_link) = self.links().get(link).copied() else {
+            return refuse(format!("there is no link {link}"));
+        };
+        self.state.attached = Some((block, world_from_link.inv_mul(&body.pose)));
+        self.holder = Some(link);
+        Ok(())
+    }
+
+    fn release(&mut self) {
+        self.holder = None;
+        if let Some((block, _)) = self.state.attached.take() {
+            self.state.blocks[block].pose = self.fallen(block, &self.state.blocks[block].pose);
+        }
+    }
+}

@@ -1,0 +1,154 @@
+//! Inputs that must not move the arm: a limb that does not fit, a shoulder that jumps, a source that died.
+
+mod common;
+
+use common::{Outcome, Run, config};
+use proact_testbed::{MethodName, PersonParts, Session, Testbed, TestbedError, doubles};
+use proact_types::{
+    EventKind, Gesture, InputSource, JointVector, Pose, StopCause, TickInput, Vector, joints,
+};
+
+fn testbed(method: MethodName) -> Outcome<Testbed> {
+    let config = config(method, 60.0);
+    let parts = doubles::parts(&config);
+    Ok(Testbed::new(config, parts)?)
+}
+
+// Catches a limb of another arm, or one that is no number, on its way into the joints.
+#[test]
+fn a_tracked_limb_that_does_not_fit_is_refused_with_what_was_expected() -> Outcome {
+    let mut session = Session::new(testbed(MethodName::A)?, PersonParts::default());
+    for wrong in [&[0.0; 3][..], &[f64::NAN; 7], &[]] {
+        let refused = session.person().track_limb(wrong);
+        assert!(matches!(refused, Err(TestbedError::Limb { expected: 7, .. })), "{wrong:?}: {refused:?}");
+    }
+    // Nothing of it stays behind: the next ticks have no limb.
+    let run = Run::of(&mut session, 50)?;
+    assert!(run.inputs.iter().all(|(_, input)| input.limb.is_none()));
+    session.person().track_limb(&[0.1; 7])?;
+    let run = Run::of(&mut session, 50)?;
+    assert!(run.inputs.iter().any(|(_, input)| input.limb.is_some()));
+
+    // The same by way of a log.
+    for wrong in [joints(&[0.0; 3]), joints(&[f64::INFINITY; 7])] {
+        let input = TickInput { limb: Some(wrong), ..TickInput::default() };
+        let refused = testbed(MethodName::A)?.tick(&input, false);
+        assert!(matches!(refused, Err(TestbedError::Input { what: "tracked limb", .. })), "{refused:?}");
+    }
+    Ok(())
+}
+
+/// What a testbed did in some ticks: its joints after each, and what happened.
+#[derive(Default)]
+struct Course {
+    joints: Vec<JointVector>,
+    bases: Vec<Pose>,
+    events: Vec<EventKind>,
+}
+
+impl Course {
+    /// `ticks` ticks, of which the first has `input` and all others none.
+    fn of(testbed: &mut Testbed, input: TickInput, ticks: usize) -> Outcome<Self> {
+        let mut course = Self::default();
+        for tick in 0..ticks {
+            let input = if tick == 0 { &input } else { &TickInput::default() };
+            let output = testbed.tick(input, false)?;
+            course.events.extend(output.events.into_iter().map(|event| event.kind));
+            course.joints.push(testbed.plant().state().position.clone());
+            course.bases.push(testbed.plant().state().world_from_base);
+        }
+        Ok(course)
+    }
+
+    /// How far joint `k` turned, rad.
+    fn turned(&self, k: usize) -> f64 {
+        self.joints.windows(2).map(|pair| (pair[1][k] - pair[0][k]).abs()).sum()
+    }
+}
+
+fn gesture(gesture: Gesture) -> TickInput {
+    TickInput { gesture: Some(gesture), ..TickInput::default() }
+}
+
+fn shoulder(pose: Pose) -> TickInput {
+    TickInput { shoulder: Some(pose), ..TickInput::default() }
+}
+
+/// The first finger joint, after the seven of the arm.
+const FINGER: usize = 7;
+
+// Catches a tracker's jump that hurls the arm, and a hand that goes on closing on its own.
+#[test]
+fn a_shoulder_that_jumps_pauses_base_arm_and_hand_until_it_is_back() -> Outcome {
+    let mut testbed = testbed(MethodName::A)?;
+    let home = testbed.plant().state().world_from_base;
+    // The hand closes, and meanwhile the first joint turns.
+    Course::of(&mut testbed, gesture(Gesture::HandClose), 100)?;
+    Course::of(&mut testbed, gesture(Gesture::NoMotion), 100)?;
+    let before = Course::of(&mut testbed, gesture(Gesture::WristExtension), 300)?;
+    let driven = (0..FINGER).find(|&k| before.turned(k) > 0.01).ok_or("no joint of the arm turns")?;
+    assert!(before.turned(FINGER) > 0.01, "the hand closes");
+
+    let away = Pose::translation(0.5, 0.0, 0.0) * home;
+    let jumped = Course::of(&mut testbed, shoulder(away), 300)?;
+    assert!(matches!(jumped.events[..], [EventKind::BaseHeld { distance }] if (distance - 0.5).abs() < 1e-9));
+    assert!(jumped.bases.iter().all(|base| *base == home), "the base stays");
+    assert_eq!((jumped.turned(driven), jumped.turned(FINGER)), (0.0, 0.0), "arm and hand stand");
+
+    let back = Course::of(&mut testbed, shoulder(home), 300)?;
+    assert!(back.events.contains(&EventKind::BaseFollows), "{:?}", back.events);
+    assert!(back.turned(driven) > 0.01 && back.turned(FINGER) > 0.01, "both go on");
+    Ok(())
+}
+
+// Catches a pause at every movement of the shoulder.
+#[test]
+fn a_shoulder_that_moves_as_people_do_is_followed() -> Outcome {
+    let mut testbed = testbed(MethodName::A)?;
+    let home = testbed.plant().state().world_from_base;
+    for step in 1..=20 {
+        let pose = Pose::translation(0.0, 0.005 * f64::from(step), 0.0) * home;
+        let course = Course::of(&mut testbed, shoulder(pose), 10)?;
+        assert_eq!(course.events, []);
+    }
+    let moved = testbed.plant().state().world_from_base.translation.vector - home.translation.vector;
+    assert!((moved - Vector::y() * 0.1).norm() < 1e-9, "{moved}");
+    Ok(())
+}
+
+// Catches an arm that goes on when the page that held a gesture has died, and one that starts again by itself.
+#[test]
+fn the_arm_stops_when_its_page_dies_and_goes_on_after_a_relaxed_gesture() -> Outcome {
+    let mut session = Session::new(testbed(MethodName::A)?, PersonParts::default());
+    let page = InputSource::Page;
+    // A page that gives a gesture is there.
+    let say = |session: &mut Session, gesture| {
+        session.person().hear(page);
+        session.person().command(page, gesture);
+    };
+    say(&mut session, Gesture::WristExtension);
+    let alive = Run::of(&mut session, 200)?;
+    assert!(alive.turned(20, 200) > 0.01);
+    let dead = Run::of(&mut session, 800)?;
+    let stop = dead.events.iter().find_map(|event| match &event.kind {
+        EventKind::Stopped { source, cause, .. } => Some((event.time.0, *source, *cause)),
+        _ => None,
+    });
+    let (at, source, cause) = stop.ok_or("the arm goes on")?;
+    assert_eq!((source, cause), (page, StopCause::Silent));
+    assert!(at <= 260, "stopped at {at} ms");
+    // `Run` counts from its own first tick, which is that at 201 ms.
+    assert_eq!(dead.turned(at + 1 - 200, 800), 0.0);
+
+    // A page that is back, with the gesture still held, must not start the arm.
+    for _ in 0..5 {
+        say(&mut session, Gesture::WristExtension);
+        assert_eq!(Run::of(&mut session, 50)?.turned(1, 50), 0.0);
+    }
+    say(&mut session, Gesture::NoMotion);
+    let relaxed = Run::of(&mut session, 50)?;
+    assert!(relaxed.events.iter().any(|event| event.kind == EventKind::Rearmed));
+    say(&mut session, Gesture::WristExtension);
+    assert!(Run::of(&mut session, 200)?.turned(20, 200) > 0.01);
+    Ok(())
+}
