@@ -70,7 +70,8 @@ lane_web() {
 }
 
 lane_lint() {
-    build_web && run_cargo clippy --release --locked --workspace --all-targets -- -D warnings
+    build_web &&
+        run_cargo clippy --release --locked --workspace ${features:+--features "proact-cli/$features"} --all-targets -- -D warnings
 }
 
 lane_cpp() {
@@ -104,7 +105,7 @@ ctest_in() {
 }
 
 lane_rust() {
-    build_web && run_cargo test --release --locked --workspace --no-fail-fast
+    build_web && run_cargo test --release --locked --workspace ${features:+--features "proact-cli/$features"} --no-fail-fast
 }
 
 # Streams between programs on this machine, with pylsl where ./proact peers has been; the lint of what is built only with
@@ -234,6 +235,10 @@ test_main() {
     done
     # shellcheck disable=SC2086 # a list of words
     set_up $packages
+    # Where the nodes are tested, one program with them serves all lanes: nothing is compiled twice.
+    case " $lanes " in
+    *" ros"*) if [ -x /usr/bin/rosmaster ]; then features=ros; fi ;;
+    esac
 
     passed=0
     failed=0

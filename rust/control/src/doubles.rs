@@ -1,6 +1,6 @@
 //! Doubles of the ports, for tests without a native library: an arm to test with and its kinematics in closed form.
 //!
-//! Behind the feature `doubles`. What they compute is exact for a serial chain, but slower than KDL's and without its
+//! What they compute is exact for a serial chain, but slower than KDL's and without its
 //! care near singularities: tests of control and testbed use them, trials do not.
 
 use crate::ports::{ArmKinematics, IkOutcome, KinematicsError};

@@ -6,7 +6,6 @@
 mod blend;
 mod build;
 mod dead_man;
-#[cfg(any(test, feature = "doubles"))]
 pub mod doubles;
 mod end_effector_jog;
 mod gaze_assisted;

@@ -84,6 +84,10 @@ impl SourceWatch {
                 heard.closed = false;
             }
             SignKind::Fresh => {
+                // An armband that decides takes over from whoever commanded before.
+                if source == InputSource::Armband {
+                    self.commander = None;
+                }
                 heard.fresh = Some(now);
                 heard.moves = heard.moves.saturating_add(1);
             }

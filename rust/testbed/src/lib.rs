@@ -6,7 +6,6 @@
 
 mod config;
 mod digest;
-#[cfg(any(test, feature = "doubles"))]
 pub mod doubles;
 mod grasp;
 mod grasp_original;

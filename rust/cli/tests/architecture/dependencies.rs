@@ -57,8 +57,7 @@ fn complaints(workspace: &Workspace) -> Vec<String> {
             // without any native library.
             let allowed = match kind {
                 Kind::Normal | Kind::Build => other < own,
-                // A crate's own doubles are switched on for its tests.
-                Kind::Dev => other < own || (own > 2 && other <= own) || dependency == name,
+                Kind::Dev => other < own || (own > 2 && other <= own),
             };
             if !allowed {
                 found.push(format!(

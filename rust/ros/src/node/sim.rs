@@ -1,6 +1,7 @@
 //! `proact node sim`: physics and controllers under the names that Gazebo and ros_control have.
 
 mod goals;
+mod inputs;
 mod robot;
 mod services;
 mod shoulder;
@@ -15,7 +16,7 @@ use super::{
     outlets::{Outlets, View},
     stage::{self, Tagged},
     testbed::{compat, rate},
-    wire::{self, Asked},
+    wire::Asked,
 };
 use crate::{
     action::{GoalId, GoalState},
@@ -26,11 +27,7 @@ use crate::{
             FollowJointTrajectoryActionFeedback, FollowJointTrajectoryActionGoal,
             FollowJointTrajectoryActionResult, JointTrajectoryControllerState,
         },
-        gazebo_msgs::LinkState,
-        geometry_msgs::PoseStamped,
         mpl_control::{graspActionFeedback, graspActionGoal, graspActionResult},
-        proact_msgs::{Command, Person},
-        std_msgs::String as Text,
         trajectory_msgs::JointTrajectory,
     },
     trajectory::RawPoint,
@@ -42,7 +39,7 @@ use proact_testbed::{Field, TrialConfig};
 use proact_types::{ArmModel, Event, EventKind, HandView, Pose, SimTime, TickInput};
 pub use robot::PlantFactory;
 use robot::{Moved, Robot};
-use rosrust::{Publisher, Subscriber};
+use rosrust::Publisher;
 use shoulder::ShoulderMarker;
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -154,7 +151,7 @@ pub fn run_sim(parts: SimParts) -> Result<(), NodeError> {
         spans: Spans::of_parameter()?,
     };
     let jobs: Jobs<SimNode> = Jobs::default();
-    let _listening = listen(&graph, &jobs, &node)?;
+    let _listening = inputs::listen(&graph, &jobs, &node)?;
     let _serving = services::serve(&graph, &jobs)?;
     let shoulder = ShoulderMarker::new(&graph, &jobs, &node.robot.state().world_from_base)?;
     let rates = Rates { period, outlets, states, shoulder };
@@ -166,92 +163,6 @@ pub fn run_sim(parts: SimParts) -> Result<(), NodeError> {
     }
     graph.stop_watching();
     Ok(())
-}
-
-fn listen(graph: &Graph, jobs: &Jobs<SimNode>, node: &SimNode) -> Result<Vec<Subscriber>, NodeError> {
-    let mut all = Vec::new();
-    let names: Vec<String> = node.robot.controllers.list().iter().map(|c| c.name().to_owned()).collect();
-    for name in names {
-        let topic = format!("mpl_right_arm/{name}/command");
-        all.push(graph.listen_from(
-            &topic,
-            1,
-            jobs,
-            move |node: &mut SimNode, message: JointTrajectory, caller| {
-                // The method says it in full, too.
-                if !node.typed.contains(caller) {
-                    node.command(&name, &message);
-                }
-            },
-        )?);
-    }
-    for (k, name) in WITH_ACTION.into_iter().enumerate() {
-        let action = format!("mpl_right_arm/{name}/follow_joint_trajectory");
-        all.extend(Follow::listen(
-            graph,
-            &action,
-            jobs,
-            move |node: &mut SimNode, goal: FollowJointTrajectoryActionGoal, _| node.goal(k, &goal),
-            move |node: &mut SimNode, id| node.cancel(k, &id),
-        )?);
-    }
-    all.extend(Grasp::listen(
-        graph,
-        "grasp",
-        jobs,
-        |node: &mut SimNode, goal: graspActionGoal, caller| {
-            let told = node.typed.contains(caller);
-            node.grasp_goal(&goal, told);
-        },
-        |node: &mut SimNode, id| node.grasp_cancel(&id),
-    )?);
-    all.push(graph.listen("gazebo/set_link_state", 10, jobs, |node: &mut SimNode, link: LinkState| {
-        if let Err(reason) = node.set_link(&link) {
-            node.faults.refuse("pose", &reason);
-        }
-    })?);
-    all.push(graph.listen_from(
-        "Shoulderpad_filtered_pose",
-        1,
-        jobs,
-        |node: &mut SimNode, m: PoseStamped, caller| {
-            if !node.typed.contains(caller) {
-                node.shoulder(&m);
-            }
-        },
-    )?);
-    all.push(graph.listen_from("proact/person", 100, jobs, |node: &mut SimNode, m: Person, caller| {
-        node.prefer(caller);
-        match wire::read_person(&m) {
-            Ok(both) if node.lockstep => {
-                node.person.take(SimTime(m.tick), both);
-            }
-            Ok((input, head)) => {
-                node.judge.head = head;
-                if let Some(pose) = input.shoulder {
-                    node.robot.track(pose);
-                }
-            }
-            Err(reason) => node.faults.refuse("person", &reason),
-        }
-    })?);
-    all.push(graph.listen_from("proact/command", 100, jobs, |node: &mut SimNode, m: Command, caller| {
-        node.prefer(caller);
-        match wire::read_command(&m, node.robot.model().arm_count()) {
-            Ok(asked) if node.lockstep => {
-                node.command.take(SimTime(m.tick), asked);
-            }
-            Ok(asked) => node.take_command(asked),
-            Err(reason) => node.faults.refuse("command", &reason),
-        }
-    })?);
-    all.push(graph.listen("proact/heartbeat", 100, jobs, |node: &mut SimNode, message: Text| {
-        let now = node.now;
-        if node.heartbeats.len() < MOST_HEARTBEATS || node.heartbeats.contains_key(&message.data) {
-            node.heartbeats.insert(message.data, now);
-        }
-    })?);
-    Ok(all)
 }
 
 impl SimNode {
@@ -375,23 +286,6 @@ impl SimNode {
         Ok(())
     }
 
-    /// What our own method asks for.
-    fn take_command(&mut self, asked: Asked) {
-        if let Some(command) = asked.motion {
-            self.robot.command_arm(command);
-            self.robot.acted_on = asked.number;
-            self.end_follow(0);
-        }
-        if let Some(command) = asked.hand {
-            self.robot.command_hand(command);
-            self.end_follow(1);
-        }
-        if asked.shown.is_some() {
-            self.judge.shown = asked.shown;
-        }
-        self.events.extend(asked.events);
-    }
-
     /// The goal of a controller's action is over: the method commands its joints.
     fn end_follow(&mut self, k: usize) {
         let text = "the method took its place";
@@ -512,34 +406,6 @@ impl SimNode {
         }
     }
 
-    fn shoulder(&mut self, message: &PoseStamped) {
-        let stamp = message.header.stamp.seconds();
-        if stamp != 0.0 && stamp < self.base_stamp {
-            let reason =
-                format!("Shoulderpad_filtered_pose goes back from {} s to {stamp} s", self.base_stamp);
-            return self.faults.refuse("time", &reason);
-        }
-        match convert::read_pose(&message.pose) {
-            Ok(pose) => {
-                self.base_stamp = stamp;
-                self.robot.track(pose);
-            }
-            Err(reason) => self.faults.refuse("pose", &format!("Shoulderpad_filtered_pose: {reason}")),
-        }
-    }
-
-    fn set_link(&mut self, link: &LinkState) -> Result<(), String> {
-        let base = format!("{}::{}", super::outlets::ARM_MODEL, self.robot.model().links[0].name);
-        if link.link_name != base {
-            return Err(format!("link {:?} cannot be set, only {base:?}", link.link_name));
-        }
-        if !matches!(link.reference_frame.as_str(), "" | "world") {
-            return Err(format!("reference frame {:?}, expected world", link.reference_frame));
-        }
-        self.robot.track(convert::read_pose(&link.pose)?);
-        Ok(())
-    }
-
     /// Stops the arm when a node that promised to speak fell silent.
     fn watch_heartbeat(&mut self) {
         let now = self.now;
@@ -615,12 +481,6 @@ impl SimNode {
             message.feedback.doing = 1;
             message
         })
-    }
-
-    fn prefer(&mut self, caller: &str) {
-        if !self.typed.contains(caller) {
-            self.typed.insert(caller.to_owned());
-        }
     }
 
     fn note(&self, sent: rosrust::error::Result<()>) {

@@ -16,10 +16,16 @@ use crate::{
 };
 use proact_types::SimTime;
 use rosrust::Publisher;
-use std::{collections::BTreeSet, sync::Arc, time::Duration};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    sync::Arc,
+    time::Duration,
+};
 
 /// How long a stage waits for something to happen before it looks after the graph.
 const PATIENCE: Duration = Duration::from_millis(20);
+/// A node's typed messages come at most so much later than those in the original's types, ms.
+const NEW_MS: u64 = 500;
 /// In lock-step a stage says that it lives once in so many ticks.
 const ALIVE_TICKS: u64 = 10;
 
@@ -52,6 +58,8 @@ pub(super) struct Common {
     pub spans: Option<Spans>,
     /// Nodes whose typed messages tell what their messages in the original's types tell as well.
     typed: BTreeSet<String>,
+    /// When each other node was first heard.
+    first: BTreeMap<String, SimTime>,
     name: String,
     heartbeat: Publisher<Text>,
 }
@@ -64,6 +72,7 @@ impl Common {
             lockstep: lockstep()?,
             spans: Spans::of_parameter()?,
             typed: BTreeSet::new(),
+            first: BTreeMap::new(),
             name: rosrust::name(),
             heartbeat: graph.publish("proact/heartbeat", 10, false)?,
         })
@@ -91,6 +100,14 @@ impl Common {
         if !self.typed.contains(caller) {
             self.typed.insert(caller.to_owned());
         }
+    }
+
+    /// Whether a node is heard in the original's types for so short a time that it may yet say in typed messages what it
+    /// tracks.
+    pub(super) fn is_new(&mut self, caller: &str) -> bool {
+        let now = self.now();
+        let first = *self.first.entry(caller.to_owned()).or_insert(now);
+        now.millis_since(first) < NEW_MS
     }
 
     /// Whether a node's messages in the original's types are passed over.
@@ -146,24 +163,28 @@ pub(super) fn run<S: Stage>(mut graph: Graph, jobs: &Jobs<S>, stage: &mut S) -> 
     graph.watch_master()?;
     while graph.is_ok() {
         jobs.run_next(stage, PATIENCE);
-        while lockstep {
-            let next = SimTime(stage.common().now().0 + 1);
-            if !stage.is_ready(next) {
-                break;
-            }
-            stage.common().clock.step_to(next);
-            let done = stage.tick(next).and_then(|()| stage.show());
-            stage.common().note("publish", done);
-            if next.0.is_multiple_of(ALIVE_TICKS) {
-                let common = stage.common();
-                let alive = common.heartbeat.send(Text { data: common.name.clone() });
-                common.note("publish", alive);
-            }
-        }
+        while lockstep && step(stage) {}
         graph.tell(convert::time(stage.common().stamp()));
     }
     graph.stop_watching();
     Ok(())
+}
+
+/// In lock-step: the next tick, if all that it needs is there.
+fn step<S: Stage>(stage: &mut S) -> bool {
+    let next = SimTime(stage.common().now().0 + 1);
+    if !stage.is_ready(next) {
+        return false;
+    }
+    stage.common().clock.step_to(next);
+    let done = stage.tick(next).and_then(|()| stage.show());
+    let common = stage.common();
+    common.note("publish", done);
+    if next.0.is_multiple_of(ALIVE_TICKS) {
+        let alive = common.heartbeat.send(Text { data: common.name.clone() });
+        common.note("publish", alive);
+    }
+    true
 }
 
 fn listen_to_clock<S: Stage>(graph: &Graph, jobs: &Jobs<S>) -> Result<rosrust::Subscriber, NodeError> {

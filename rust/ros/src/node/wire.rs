@@ -161,19 +161,14 @@ pub(super) fn person(tick: SimTime, stamp: SimTime, input: &TickInput, head: &Po
 pub(super) fn read_person(message: &Person) -> Result<(TickInput, Pose), Refused> {
     let mut input = TickInput::default();
     let samples = message.counters.len();
-    if samples > 0 {
-        let channels = message.samples.len() / samples;
-        if channels == 0 || channels * samples != message.samples.len() {
-            return Err(format!("{} values for {samples} EMG samples", message.samples.len()));
-        }
-        for (counter, values) in message.counters.iter().zip(message.samples.chunks(channels)) {
-            let channels = values.try_into().map_err(|_| format!("{channels} EMG channels are too many"))?;
-            let sample = EmgSample { counter: *counter, channels };
-            input
-                .emg
-                .try_push(sample)
-                .map_err(|_| format!("{samples} EMG samples are too many for a tick"))?;
-        }
+    let channels = message.samples.len().checked_div(samples).unwrap_or(0);
+    if channels * samples != message.samples.len() || (samples > 0 && channels == 0) {
+        return Err(format!("{} values for {samples} EMG samples", message.samples.len()));
+    }
+    for (counter, values) in message.counters.iter().zip(message.samples.chunks(channels.max(1))) {
+        let channels = values.try_into().map_err(|_| format!("{channels} EMG channels are too many"))?;
+        let sample = EmgSample { counter: *counter, channels };
+        input.emg.try_push(sample).map_err(|_| format!("{samples} EMG samples are too many for a tick"))?;
     }
     input.gesture = maybe("gesture", &Gesture::ALL, message.gesture)?;
     input.gaze = message.gaze.first().map(read_gaze);
@@ -290,8 +285,8 @@ pub(super) fn read_intent(message: &Intent) -> Result<IntentOutput, Refused> {
     })
 }
 
-/// What the method asks for. `number` counts commands for the arm; `shown`: what there is to see, where that changed; `events`: those of the stages before
-/// and its own.
+/// What the method asks for. `number` counts commands for the arm; `shown`: what there is to see, where that changed;
+/// `events`: those of the stages before and its own.
 pub(super) fn command(
     tick: SimTime,
     stamp: SimTime,
@@ -402,7 +397,6 @@ pub(super) struct Instant {
     pub task: TaskState,
     /// A display frame of this tick comes by itself.
     pub frame: bool,
-    pub events: Vec<EventKind>,
 }
 
 pub(super) fn state(
@@ -521,13 +515,8 @@ pub(super) fn read_state(message: &State, moving: usize) -> Result<Instant, Refu
         finished: message.finished,
     };
     let hand = HandView { state: placed("hand", &HAND, usize::from(message.hand))?, holds: attached };
-    Ok(Instant {
-        acted_on: message.acted_on,
-        world,
-        hand,
-        actuation,
-        task,
-        frame: message.frame,
-        events: events(&message.events)?,
-    })
+    Ok(Instant { acted_on: message.acted_on, world, hand, actuation, task, frame: message.frame })
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,7 +1,7 @@
 //! Doubles of the ports, for tests without a native library: a plant without physics, plans without a search, an eye
 //! tracker without errors but those that a test asks for.
 //!
-//! Behind the feature `doubles`. With `proact_control::doubles` they are all that [`Testbed`](crate::Testbed) needs:
+//! With `proact_control::doubles` they are all that [`Testbed`](crate::Testbed) needs:
 //!
 //! ```
 //! use proact_testbed::{MethodName, Setup, Testbed, TrialConfig, doubles};

@@ -276,7 +276,9 @@ fn listen_to_others(graph: &Graph, jobs: &Jobs<MethodNode>) -> Result<Vec<Subscr
                 let repeats = node.heard.shoulder.replace(pose) == Some(pose);
                 node.heard.tracked = true;
                 let kind = if repeats { SignKind::Repeated } else { SignKind::Fresh };
-                node.heard.sign(InputSource::ShoulderTracker, kind);
+                if !node.common.is_new(caller) {
+                    node.heard.sign(InputSource::ShoulderTracker, kind);
+                }
             },
         )?,
     ])

@@ -1,0 +1,144 @@
+use super::*;
+use proact_types::{StopCause, zeros};
+
+const AWKWARD: [f64; 4] = [0.1 + 0.2, -0.0, 5e-324, 1.0 / 3.0];
+
+/// Not of unit length in the last bits, as integration leaves it.
+fn pose() -> Pose {
+    let rotation = UnitQuaternion::new_unchecked(Quaternion::new(0.5, 0.5, 0.5, 0.5 + 1e-12));
+    Pose::from_parts(nalgebra::Translation3::new(AWKWARD[0], AWKWARD[1], AWKWARD[2]), rotation)
+}
+
+fn bits(pose: &Pose) -> Vec<u64> {
+    let values = pose.translation.vector.iter().chain(pose.rotation.coords.iter());
+    values.map(|value| value.to_bits()).collect()
+}
+
+fn instant() -> (PlantState, ActuationOutput, TaskState) {
+    let body = BodyState { pose: pose(), linear: Vector::new(0.1, 0.2, 0.3), angular: Vector::z() };
+    let world = PlantState {
+        position: proact_types::joints(&AWKWARD),
+        velocity: zeros(4),
+        effort: zeros(4),
+        world_from_base: pose(),
+        base_held: true,
+        blocks: [body; 4].into_iter().collect(),
+        attached: Some((2, pose())),
+        contacts: Default::default(),
+    };
+    let command = PlantCommand {
+        position: proact_types::joints(&AWKWARD),
+        velocity: zeros(4),
+        world_from_base: pose(),
+    };
+    let actuation = ActuationOutput {
+        command,
+        motion: MotionState::Following(1.0 / 7.0),
+        goal: Some(proact_types::joints(&AWKWARD[..2])),
+        hand_moving: true,
+        paused: true,
+        events: vec![],
+    };
+    let task = TaskState {
+        last_released: Some(BlockColour::Blue),
+        pickable: [true, false, true, false],
+        next: Some(BlockId::ALL[3]),
+        on_target: 2,
+        finished: false,
+    };
+    (world, actuation, task)
+}
+
+#[test]
+fn a_state_comes_back_bit_for_bit_and_one_of_another_arm_or_not_finite_is_refused() {
+    let (world, actuation, task) = instant();
+    let hand = HandView { state: HandState::Closing, holds: Some(BlockId::ALL[2]) };
+    let message = state(SimTime(7), SimTime(7), &world, hand, &actuation, &task);
+    let back = read_state(&message, 4).unwrap();
+    assert_eq!((&back.world, &back.actuation, &back.task, back.hand), (&world, &actuation, &task, hand));
+    assert_eq!(bits(&back.world.world_from_base), bits(&pose()));
+    assert_eq!(bits(&back.world.blocks[1].pose), bits(&pose()));
+    assert!(read_state(&message, 5).err().unwrap().contains("4 values, expected 5"));
+    let mut bad = message.clone();
+    bad.twists[0].linear.x = f64::NAN;
+    assert!(read_state(&bad, 4).err().unwrap().contains("NaN"));
+    bad = message.clone();
+    bad.blocks.pop();
+    assert!(read_state(&bad, 4).err().unwrap().contains("3 blocks"));
+}
+
+#[test]
+fn what_a_person_gives_comes_back_and_ragged_samples_are_refused() {
+    let sample = |counter| EmgSample { counter, channels: AWKWARD.into_iter().collect() };
+    let sign = InputSign { source: InputSource::LimbTracker, kind: SignKind::Repeated };
+    let input = TickInput {
+        emg: [sample(1), sample(3)].into_iter().collect(),
+        gesture: Some(Gesture::HandOpen),
+        gaze: Some(GazeSample { origin: Point::origin(), direction: Vector::x() * 3.0, valid: false }),
+        shoulder: Some(pose()),
+        limb: Some(proact_types::joints(&AWKWARD)),
+        signs: [sign].into_iter().collect(),
+        ..TickInput::default()
+    };
+    let mut message = person(SimTime(3), SimTime(3), &input, &pose());
+    let (back, head) = read_person(&message).unwrap();
+    assert_eq!((back, bits(&head)), (input, bits(&pose())));
+    message.samples.pop();
+    assert!(read_person(&message).err().unwrap().contains("7 values for 2 EMG samples"));
+    message.counters.clear();
+    assert!(read_person(&message).is_err(), "values without samples");
+}
+
+#[test]
+fn decisions_intents_and_commands_come_back() {
+    let decided = EmgOutput {
+        gesture: Gesture::WristFlexion,
+        published: true,
+        window_class: Gesture::HandClose,
+        posterior: [0.1, 0.2, 0.3, 0.4, 0.0],
+        confidence: 0.4,
+        class: None,
+        effort: 1.0 / 3.0,
+        stale: false,
+    };
+    let said = EmgStageOutput {
+        gesture: Gesture::WristFlexion,
+        decision: Some(decided),
+        message: Some(Gesture::WristFlexion),
+        decided_at: Some(SimTime(9)),
+        confidence: 0.4,
+        effort: 0.5,
+        fault: Some((StopCause::Flat, "channel 2 stands still".to_owned())),
+        armed: false,
+        events: vec![EventKind::EmgGap { gaps: 1, unusable_samples: 0, rejected_windows: 2 }],
+    };
+    assert_eq!(read_decision(&decision(SimTime(9), SimTime(9), &said)).unwrap(), said);
+
+    let meant = IntentOutput {
+        heard: Some(GazeHeard::Repeated),
+        posterior: [0.7, 0.1, 0.1, 0.1],
+        highlight: Some(BlockId::ALL[1]),
+        place: Point::new(0.1, 0.2, 0.3),
+        gaze: None,
+        seen_at: None,
+        events: vec![EventKind::GazeUnusable],
+    };
+    assert_eq!(read_intent(&intent(SimTime(9), SimTime(9), &meant)).unwrap(), meant);
+
+    let point = |time_secs| TrajectoryPoint { time_secs, q: proact_types::joints(&AWKWARD), qd: zeros(4) };
+    let path = Trajectory { points: vec![point(0.0), point(0.1 + 0.2)] };
+    for motion in [
+        MotionCommand::Hold,
+        MotionCommand::Follow(path),
+        MotionCommand::Velocity(zeros(4)),
+        MotionCommand::Goto(proact_types::joints(&AWKWARD)),
+    ] {
+        let hand = Some(HandCommand::Close);
+        let output = MethodOutput { motion: Some(motion.clone()), hand, ..MethodOutput::default() };
+        let message = command(SimTime(9), SimTime(9), &output, 12, None, &[]);
+        let asked = read_command(&message, 4).unwrap();
+        assert_eq!((asked.motion, asked.number, asked.hand), (Some(motion.clone()), 12, hand));
+        let another_arm = read_command(&message, 3).is_err();
+        assert_eq!(another_arm, motion != MotionCommand::Hold);
+    }
+}
