@@ -24,6 +24,7 @@ from rosgraph_msgs.msg import Log  # noqa: E402
 from sensor_msgs.msg import JointState, Joy  # noqa: E402
 from std_msgs.msg import Header, Int8, String  # noqa: E402
 from std_srvs.srv import Empty  # noqa: E402
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint  # noqa: E402
 
 STAGES = ["emg", "intent", "method", "participant"]
 ARM = ["mpl_right_arm__" + n for n in "shoulder humerus elbow forearm wristy wristx wristz".split()]
@@ -272,6 +273,39 @@ class Replaced(unittest.TestCase):
         self.assertEqual(start.attached_collision_objects, [])
 
 
+class Shared(unittest.TestCase):
+    """Somebody else's trajectory for an arm that the method moves."""
+
+    def test_a_trajectory_from_elsewhere_on_the_way_stops_the_arm_until_the_hand_relaxed(self):
+        view = graph.Inbox("/proact/method", View, keep=3000)
+        states = graph.Inbox("/mpl_right_arm/joint_states", JointState, keep=3000)
+        command = rospy.Publisher("/mpl_right_arm/arm_controller/command", JointTrajectory, queue_size=1)
+        nodes = Nodes("--method", "D", "--seed", "1", "--setup", "still")
+        try:
+            graph.until(lambda: command.get_num_connections() >= 1, "the controller as subscriber")
+            told = lambda m: json.loads(m.json)
+            view.wait(lambda m: told(m)["planner"]["state"] == "executing")
+            angle = lambda m: m.position[m.name.index(ARM[6])]
+            states.wait_count(1)
+            goal = angle(states.messages[-1]) - 0.3
+            there = lambda: dict(zip(states.messages[-1].name, states.messages[-1].position))
+            point = JointTrajectoryPoint(positions=[there()[name] for name in ARM[:6]] + [goal],
+                                         time_from_start=rospy.Duration(0.8))
+            view.clear()
+            command.publish(JointTrajectory(joint_names=ARM, points=[point]))
+            stopped = view.wait(lambda m: told(m)["stop"] is not None, patience=10.0)
+            self.assertEqual(told(stopped)["stop"]["source"], "stage")
+            states.clear()
+            fast = lambda m: max(abs(m.velocity[m.name.index(joint)]) for joint in ARM)
+            states.wait(lambda m: fast(m) < 0.02, patience=10.0)
+            view.clear()
+            view.wait(lambda m: told(m)["stop"] is None and told(m)["planner"]["state"] == "executing")
+        finally:
+            nodes.stop()
+            for inbox in (view, states):
+                inbox.subscriber.unregister()
+
+
 class Judged(unittest.TestCase):
     """A simulator that knows the original's topics alone, as a lab's Gazebo does, with the task in a node of its own."""
 
@@ -351,7 +385,7 @@ def write_inputs(path, block, shoulder):
 
 def load_tests(loader, _tests, _pattern):
     """Faults last: after its restart of the master, what this process has subscribed to stays silent."""
-    classes = (Replaced, Played, Judged, Trial, Faults)
+    classes = (Replaced, Played, Shared, Judged, Trial, Faults)
     return unittest.TestSuite(loader.loadTestsFromTestCase(each) for each in classes)
 
 

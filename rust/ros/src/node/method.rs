@@ -18,7 +18,9 @@ use proact_testbed::{
     Field, MethodName,
     stages::{DisplayStage, EmgStageOutput, IntentOutput, MethodInput, MethodOutput, MethodStage},
 };
-use proact_types::{ArmModel, EventKind, HandState, InputSign, InputSource, SignKind, SimTime, TickInput};
+use proact_types::{
+    ArmModel, EventKind, Gesture, HandState, InputSign, InputSource, SignKind, SimTime, TickInput,
+};
 use std::{
     collections::{BTreeMap, BTreeSet},
     sync::Arc,
@@ -163,6 +165,11 @@ impl MethodNode {
         let (gesture, intent, input) = self.heard.take(now);
         let mut input = input;
         self.watch_arm(now, &mut input);
+        // A hand that is seen to relax may go on without a stage that does not come back.
+        if gesture.gesture == Gesture::NoMotion && gesture.fault.is_none() && !self.lost.is_empty() {
+            self.lost.clear();
+            self.heard.sign(InputSource::Stage, SignKind::Alive);
+        }
         self.step(now, &input, &gesture, &intent)
     }
 
@@ -289,9 +296,8 @@ impl MethodNode {
         }
         self.commanded_at = None;
         self.common.faults.refuse("arm", "the arm was stopped by somebody else; the path is given up");
-        let source = InputSource::Stage;
-        for kind in [SignKind::Closed, SignKind::Alive] {
-            let _ = input.signs.try_push(InputSign { source, kind });
-        }
+        // Lost for a tick, so that a relaxed hand is waited for.
+        let _ = input.signs.try_push(InputSign { source: InputSource::Stage, kind: SignKind::Closed });
+        self.heard.sign(InputSource::Stage, SignKind::Alive);
     }
 }
