@@ -92,6 +92,8 @@ impl SourceWatch {
                 heard.moves = heard.moves.saturating_add(1);
             }
             SignKind::Repeated => heard.repeated = Some(now),
+            // A tracker that was taken away is missed by nobody.
+            SignKind::Closed if source.is_tracker() => *heard = Heard::default(),
             SignKind::Closed => heard.closed = true,
         }
     }
@@ -391,5 +393,15 @@ mod tests {
         assert!(at(500, None, NoMotion).is_some(), "a relaxed hand does not bring the stage back");
         assert!(at(501, Some(Alive), WristExtension).is_some());
         assert_eq!(at(502, None, NoMotion), None);
+    }
+
+    #[test]
+    fn a_tracker_that_was_taken_away_is_forgotten() {
+        let mut watch = watch();
+        for ms in [1, 11, 21] {
+            watch.hear(SimTime(ms), ShoulderTracker, Fresh);
+        }
+        watch.hear(SimTime(30), ShoulderTracker, Closed);
+        assert_eq!(watch.step(SimTime(900), WristExtension), None);
     }
 }

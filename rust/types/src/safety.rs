@@ -34,6 +34,11 @@ impl InputSource {
         InputSource::Stage,
     ];
 
+    /// Whether it measures where something is: the eye, the shoulder, the limb.
+    pub fn is_tracker(self) -> bool {
+        matches!(self, Self::EyeTracker | Self::ShoulderTracker | Self::LimbTracker)
+    }
+
     /// Its place in [`InputSource::ALL`].
     pub fn index(self) -> usize {
         self as usize
@@ -77,7 +82,7 @@ pub enum SignKind {
     Fresh,
     /// It sent the values before once more, bit for bit.
     Repeated,
-    /// It ended the connection.
+    /// It ended the connection. A tracker is forgotten then, as if it had never measured.
     Closed,
 }
 

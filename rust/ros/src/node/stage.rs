@@ -16,16 +16,10 @@ use crate::{
 };
 use proact_types::SimTime;
 use rosrust::Publisher;
-use std::{
-    collections::{BTreeMap, BTreeSet},
-    sync::Arc,
-    time::Duration,
-};
+use std::{collections::BTreeSet, sync::Arc, time::Duration};
 
 /// How long a stage waits for something to happen before it looks after the graph.
 const PATIENCE: Duration = Duration::from_millis(20);
-/// A node's typed messages come at most so much later than those in the original's types, ms.
-const NEW_MS: u64 = 500;
 /// In lock-step a stage says that it lives once in so many ticks.
 const ALIVE_TICKS: u64 = 10;
 
@@ -58,8 +52,6 @@ pub(super) struct Common {
     pub spans: Option<Spans>,
     /// Nodes whose typed messages tell what their messages in the original's types tell as well.
     typed: BTreeSet<String>,
-    /// When each other node was first heard.
-    first: BTreeMap<String, SimTime>,
     name: String,
     heartbeat: Publisher<Text>,
 }
@@ -72,7 +64,6 @@ impl Common {
             lockstep: lockstep()?,
             spans: Spans::of_parameter()?,
             typed: BTreeSet::new(),
-            first: BTreeMap::new(),
             name: rosrust::name(),
             heartbeat: graph.publish("proact/heartbeat", 10, false)?,
         })
@@ -95,19 +86,9 @@ impl Common {
         }
     }
 
-    /// A node sent a typed message: what it says in the original's types is the same.
-    pub(super) fn prefer(&mut self, caller: &str) {
-        if !self.typed.contains(caller) {
-            self.typed.insert(caller.to_owned());
-        }
-    }
-
-    /// Whether a node is heard in the original's types for so short a time that it may yet say in typed messages what it
-    /// tracks.
-    pub(super) fn is_new(&mut self, caller: &str) -> bool {
-        let now = self.now();
-        let first = *self.first.entry(caller.to_owned()).or_insert(now);
-        now.millis_since(first) < NEW_MS
+    /// A node sent a typed message: what it says in the original's types is the same. True for its first one.
+    pub(super) fn prefer(&mut self, caller: &str) -> bool {
+        !self.typed.contains(caller) && self.typed.insert(caller.to_owned())
     }
 
     /// Whether a node's messages in the original's types are passed over.

@@ -156,7 +156,10 @@ fn listen_to_stages(graph: &Graph, jobs: &Jobs<MethodNode>) -> Result<Vec<Subscr
             }
         })?,
         graph.listen_from("proact/person", 100, jobs, |node: &mut MethodNode, m: Person, caller| {
-            node.common.prefer(caller);
+            if node.common.prefer(caller) {
+                // What it said of its shoulder in the original's type may have come first.
+                node.heard.sign(InputSource::ShoulderTracker, SignKind::Closed);
+            }
             match wire::read_person(&m) {
                 Ok((input, _)) if node.common.lockstep => {
                     let new = node.person.take(SimTime(m.tick), input);
@@ -276,9 +279,7 @@ fn listen_to_others(graph: &Graph, jobs: &Jobs<MethodNode>) -> Result<Vec<Subscr
                 let repeats = node.heard.shoulder.replace(pose) == Some(pose);
                 node.heard.tracked = true;
                 let kind = if repeats { SignKind::Repeated } else { SignKind::Fresh };
-                if !node.common.is_new(caller) {
-                    node.heard.sign(InputSource::ShoulderTracker, kind);
-                }
+                node.heard.sign(InputSource::ShoulderTracker, kind);
             },
         )?,
     ])
