@@ -1,32 +1,27 @@
+mod attitude;
 mod limb;
 mod modes;
 mod movement;
 mod obstacles;
-mod place;
+mod pulse;
+mod situation;
 
-use crate::{
-    Body, Participant, ParticipantOptions,
-    habits::Habits,
-    reach::{ArmSense, Turn},
-};
-use nalgebra::UnitQuaternion;
+use crate::{Body, Participant, ParticipantOptions, habits::Habits, reach::ArmSense};
+use attitude::Attitude;
+use limb::Limb;
+use modes::ModeCycle;
+use movement::Movements;
 use proact_types::{
-    ArmModel, BlockId, DisplayFrame, Gesture, HandState, Intention, JointVector, PlannerView, Point, Pose,
-    Scene, SimTime, Vector,
+    ArmModel, BlockId, DisplayFrame, Gesture, HandState, Intention, Point, Scene, SimTime, Vector,
 };
-use rand_distr::{Distribution, Normal};
+use pulse::Pulse;
+use situation::{Aim, Situation};
 use std::sync::Arc;
 
 /// Numbers of `/mode` from which axes of the hand are moved instead of joints, and how many there are of each.
 const FIRST_AXIS: u8 = 7;
 const JOINTS: u8 = 7;
 const AXES: u8 = 6;
-/// No movement gesture is held shorter or longer than this, ms: three decisions, and a look in between.
-const PULSE_MILLIS: (f64, f64) = (150.0, 2500.0);
-/// A joint is turned all the way at once.
-const LONGEST_TURN_MILLIS: f64 = 8000.0;
-/// A long movement is followed with the eye and ended this near to the moment that was meant, ms.
-const TIMING_MILLIS: f64 = 50.0;
 /// After a movement the arm is watched for this long before the next decision, ms.
 const WATCH_MILLIS: u64 = 450;
 /// A block is let go with its centre this far above where it rests when the arm goes no lower, metres.
@@ -35,16 +30,8 @@ const FALL_HEIGHT: f64 = 0.04;
 const GRIP_HEIGHT: f64 = 0.03;
 /// Closing on nothing for this long means that the block was missed, ms.
 const MISSED_MILLIS: u64 = 900;
-/// After so many movements the place is good enough, or not to be had.
-const MOST_MOVEMENTS: u32 = 14;
-/// Joint by joint, after so many that brought too little another way is looked for.
-const MOST_IN_VAIN: u32 = 3;
 /// Half of a block's height, and its radius, metres.
 const BLOCK: f64 = 0.025;
-/// A movement that gives less than this share of what it should has met something.
-const LEAST_PROGRESS: f64 = 0.4;
-/// ... and so has a joint that stops this much short of where it was turned, rad.
-const TOUCHED: f64 = 0.06;
 
 /// A participant who jogs joint by joint or axis by axis, methods A and B.
 ///
@@ -61,48 +48,21 @@ pub struct JoggingParticipant {
     habits: Habits,
     sense: ArmSense,
     scene: Scene,
-    grasp_centre: Point,
     stage: Stage,
     block: Option<BlockId>,
-    pulse: Option<Pulse>,
-    turning: Option<modes::Turning>,
-    watch_until: SimTime,
-    closed_since: Option<SimTime>,
-    /// Movements that were refused since the last one that was not.
-    refused: Vec<(u8, Gesture)>,
     /// How often the arm got stuck with this block.
     stuck: usize,
-    /// The hand leans toward the shoulder, rad.
-    lean: f64,
-    /// A stage began for which the attitude of the hand has to be thought of.
-    attitude_due: bool,
-    /// What method A has yet to turn, in this order.
-    turns: Vec<Turn>,
-    /// `base_from_tip`'s rotation with which method B takes the block, or puts it down.
-    attitude: Option<UnitQuaternion<f64>>,
-    /// The hand has come near enough to its place to turn to that attitude.
-    near: bool,
+    /// The arm is watched until then.
+    watch_until: SimTime,
+    /// Since when the hand is closed around the block, or on nothing.
+    closed_since: Option<SimTime>,
     /// The block was gripped above its middle last time.
     gripped_high: bool,
-    /// Movements since the stage began.
-    movements: u32,
-    /// ... and those of them that brought too little.
-    in_vain: u32,
-    limb: limb::Limb,
-}
-
-/// A movement gesture of a length that was decided before it began.
-#[derive(Clone, Debug)]
-struct Pulse {
-    mode: u8,
-    gesture: Gesture,
-    millis: u64,
-    /// Where the arm was before: arm angles, or the hand's place and attitude.
-    before: (JointVector, Pose),
-    /// What it should bring, in the unit of its speed.
-    amount: f64,
-    began: Option<SimTime>,
-    over: bool,
+    attitude: Attitude,
+    movements: Movements,
+    pulse: Option<Pulse>,
+    modes: ModeCycle,
+    limb: Limb,
 }
 
 /// The way of one block.
@@ -139,42 +99,35 @@ impl JoggingParticipant {
     ) -> Self {
         Self {
             habits: Habits::new(options, body, scene.table_height, seed),
-            grasp_centre: Point::from(model.grasp_centre),
             sense: ArmSense::new(model),
             scene: scene.clone(),
             stage: Stage::Above,
             block: None,
-            pulse: None,
-            turning: None,
+            stuck: 0,
             watch_until: SimTime(0),
             closed_since: None,
-            refused: Vec::new(),
-            stuck: 0,
-            lean: 0.0,
-            attitude_due: true,
-            turns: Vec::new(),
-            attitude: None,
-            near: false,
             gripped_high: false,
-            movements: 0,
-            in_vain: 0,
-            limb: limb::Limb::default(),
+            attitude: Attitude::new(),
+            movements: Movements::default(),
+            pulse: None,
+            modes: ModeCycle::new(&[]),
+            limb: Limb::default(),
         }
     }
 
     /// The same with a limb of which the joints `own` of the arm, by their positions in it, are left: the method does
     /// not drive these.
     pub fn with_limb(mut self, own: Vec<usize>) -> Self {
-        self.limb = limb::Limb::new(own);
+        self.modes = ModeCycle::new(&own);
+        self.limb = Limb::new(own);
         self
     }
 
     fn decide(&mut self, now: SimTime, seen: &DisplayFrame) -> Gesture {
         self.keep_up(seen);
         let Some(block) = self.block else { return Gesture::NoMotion };
-        if std::mem::take(&mut self.attitude_due) {
-            self.choose_attitude(seen, block);
-        }
+        let situation = Situation { sense: &self.sense, scene: &self.scene, seen, block };
+        self.attitude.choose(&situation, self.stuck);
         match self.stage {
             Stage::Grip => return self.grip(now, seen),
             Stage::Release if seen.hand.holds.is_some() => return Gesture::HandClose,
@@ -192,16 +145,16 @@ impl JoggingParticipant {
             return gesture;
         }
         let Some(mode) = seen.mode.as_ref().map(|mode| mode.number) else { return Gesture::NoMotion };
-        if let Some(gesture) = self.turn_on(now, mode) {
+        if let Some(gesture) = self.modes.go_on(now, mode, &self.habits) {
             return gesture;
         }
         if mode < FIRST_AXIS {
             self.go_all_the_way();
             // Joint after joint without a look in between; before the last one the hand has to be in its place.
-            if let ([next, _, ..], true) = (self.turns.as_slice(), now < self.watch_until)
+            if let ([next, _, ..], true) = (self.movements.turns(), now < self.watch_until)
                 && next.joint != usize::from(mode)
             {
-                self.turning = Some(self.way_to(mode, next.joint as u8));
+                self.modes.go(mode, next.joint as u8);
                 return Gesture::HandOpen;
             }
         }
@@ -237,55 +190,22 @@ impl JoggingParticipant {
 
     fn enter(&mut self, stage: Stage) {
         self.stage = stage;
-        self.pulse = None;
-        self.turning = None;
         self.closed_since = None;
-        self.refused.clear();
-        self.turns.clear();
-        self.movements = 0;
-        self.in_vain = 0;
+        self.attitude.begin(stage);
+        self.movements.begin();
+        self.pulse = None;
+        self.modes.begin();
         self.limb.begin();
-        self.attitude_due = matches!(stage, Stage::Above | Stage::Carry);
     }
 
     /// A movement gesture goes on until its time is over, or the display refuses it. What it brought is judged when
     /// the next one is thought of.
     fn pulse_on(&mut self, now: SimTime, seen: &DisplayFrame) -> Option<Gesture> {
         let pulse = self.pulse.as_mut()?;
-        if self.habits.gesture() == pulse.gesture {
-            let began = *pulse.began.get_or_insert(now);
-            // What is seen is as old as the reaction time: a refusal counts if it belongs to this movement.
-            let refused = seen.gesture == pulse.gesture
-                && seen.time > began
-                && matches!(seen.planner, PlannerView::Failed { .. });
-            if refused || now.millis_since(began) >= pulse.millis {
-                pulse.over = true;
-                self.watch_until = now.plus_millis(WATCH_MILLIS + self.habits.options.reaction_ms);
-            }
+        if pulse.go_on(now, seen, self.habits.gesture()) {
+            self.watch_until = now.plus_millis(WATCH_MILLIS + self.habits.options.reaction_ms);
         }
-        (!pulse.over).then_some(pulse.gesture)
-    }
-
-    /// Remembers a movement that brought too little; forgets the others when one went well.
-    fn judge(&mut self, seen: &DisplayFrame) {
-        let Some(pulse) = self.pulse.take() else { return };
-        let (q, tip) = &pulse.before;
-        let base_from_tip = seen.world_from_base.inv_mul(&seen.world_from_tip);
-        let moved = match pulse.mode {
-            joint if joint < FIRST_AXIS => seen.joints[usize::from(joint)] - q[usize::from(joint)],
-            axis if axis < FIRST_AXIS + 3 => {
-                (base_from_tip * self.grasp_centre - tip * self.grasp_centre).norm()
-            }
-            _ => base_from_tip.rotation.angle_to(&tip.rotation),
-        };
-        let short = pulse.amount - moved.abs();
-        if short > (1.0 - LEAST_PROGRESS) * pulse.amount || (pulse.mode < FIRST_AXIS && short > TOUCHED) {
-            self.refused.push((pulse.mode, pulse.gesture));
-            self.in_vain += 1;
-            self.turns.clear();
-        } else {
-            self.refused.clear();
-        }
+        pulse.gesture()
     }
 
     /// Joint by joint the hand goes all the way at once: what is in the way is passed by thinking of it before.
@@ -300,24 +220,16 @@ impl JoggingParticipant {
         if self.habits.gesture() == Gesture::HandOpen {
             return Gesture::NoMotion;
         }
-        self.judge(seen);
-        let goal = self.goal_of(self.stage, self.lean, seen, block);
-        let by_axis = mode >= FIRST_AXIS;
-        let base_from_tip = seen.world_from_base.inv_mul(&seen.world_from_tip);
-        if self.move_limb(now, seen, &goal, by_axis, mode, block) {
+        let situation = Situation { sense: &self.sense, scene: &self.scene, seen, block };
+        if let Some(pulse) = self.pulse.take() {
+            self.movements.judge(&pulse, &situation);
+        }
+        let goal = situation.goal_of(self.stage, self.attitude.lean());
+        let aim = Aim { stage: self.stage, goal, mode };
+        if self.limb.reach(now, &situation, &aim, &mut self.movements) {
             return Gesture::NoMotion;
         }
-        let good_enough = self.movements > if by_axis { MOST_MOVEMENTS } else { 2 * MOST_MOVEMENTS };
-        let in_vain = !by_axis && self.in_vain >= MOST_IN_VAIN;
-        let wanted = match () {
-            () if in_vain => Err(()),
-            () if good_enough && goal.off(&base_from_tip).0 < 2.0 * goal.point_done => Ok(None),
-            () if good_enough => Err(()),
-            () if !by_axis && goal.reached(&base_from_tip) => Ok(None),
-            () if by_axis => self.axis_lack(&base_from_tip, &goal, mode),
-            () => self.joint_lack(seen, &goal, mode, block).map(Some).ok_or(()),
-        };
-        let lack = match wanted {
+        let lack = match self.movements.next(&situation, &aim, &mut self.attitude) {
             Ok(Some(lack)) => lack,
             Ok(None) => {
                 self.arrived();
@@ -325,35 +237,20 @@ impl JoggingParticipant {
             }
             Err(()) => {
                 // What was just tried in vain is not the way out either.
-                let refused = if in_vain { std::mem::take(&mut self.refused) } else { Vec::new() };
+                let tried = self.movements.tried_in_vain(&aim);
                 self.stuck(seen);
-                self.refused = refused;
+                if let Some(tried) = tried {
+                    self.movements.begin_after(tried);
+                }
                 return Gesture::NoMotion;
             }
         };
         if lack.mode != mode {
-            self.turning = Some(self.way_to(mode, lack.mode));
+            self.modes.go(mode, lack.mode);
             return Gesture::HandOpen;
         }
-        let spread = Normal::new(0.0, self.habits.options.timing_spread.max(0.0)).ok();
-        let share = spread.map_or(0.0, |n| n.sample(&mut self.habits.rng).clamp(-0.4, 0.4));
-        let longest = if by_axis { PULSE_MILLIS.1 } else { LONGEST_TURN_MILLIS };
-        let meant = lack.amount.abs() / lack.speed * 1e3;
-        let missed = (meant * share).clamp(-TIMING_MILLIS, TIMING_MILLIS);
-        let millis = (meant + missed).clamp(PULSE_MILLIS.0, longest);
-        self.movements += 1;
-        if !by_axis {
-            self.turns.remove(0);
-        }
-        self.pulse = Some(Pulse {
-            mode,
-            gesture: lack.gesture,
-            millis: millis as u64,
-            before: (seen.joints.clone(), base_from_tip),
-            amount: millis * 1e-3 * lack.speed,
-            began: None,
-            over: false,
-        });
+        self.pulse = Some(Pulse::new(&lack, &situation, &mut self.habits));
+        self.movements.start(&aim);
         lack.gesture
     }
 
@@ -375,15 +272,13 @@ impl JoggingParticipant {
     /// No movement is left that would help: lets go if that is near enough, else goes up and tries another attitude
     /// of the hand, now and then another posture too.
     fn stuck(&mut self, seen: &DisplayFrame) {
-        self.refused.clear();
-        self.turns.clear();
         let height =
             |block: BlockId| seen.blocks[block.index()].translation.z - self.scene.table_height - BLOCK;
         if self.stage == Stage::Lower && seen.hand.holds.is_some_and(|block| height(block) < FALL_HEIGHT) {
             self.enter(Stage::Release);
             return;
         }
-        let centre = seen.world_from_tip * self.grasp_centre;
+        let centre = seen.world_from_tip * self.sense.grasp_centre();
         let over = |block: BlockId| centre.coords - seen.blocks[block.index()].translation.vector;
         let gripped = |off: Vector| off.z < GRIP_HEIGHT && off.xy().norm() < 0.6 * BLOCK;
         if self.stage == Stage::Down

@@ -101,6 +101,11 @@ impl ArmSense {
         Self { model, forearm }
     }
 
+    /// Where a grasped block's middle is, in the tip's frame.
+    pub(crate) fn grasp_centre(&self) -> Point {
+        Point::from(self.model.grasp_centre)
+    }
+
     /// `base_from_tip` at the arm angles `q`, and point and axis of each joint, in the base.
     fn chain(&self, q: &[f64]) -> (Pose, Vec<(Point, Vector)>) {
         let mut axes = vec![(Point::origin(), Vector::zeros()); q.len()];

@@ -1,10 +1,19 @@
 //! Off the start: what the hand is around or touches is left by a straight way before any search begins.
 
-use crate::PlanningError;
-use crate::arm_planner::{ArmPlanner, Failure, Problem, Room};
+use crate::context::{PlanningContext, Room};
+use crate::failure::Failure;
+use crate::problem::Problem;
 use crate::reach::{self, Reach};
+use crate::{PlannerOptions, PlanningError};
 use nalgebra::Unit;
 use proact_types::{Obstacle, PlanGoal, PlanStatus, Point, Pose, Shape, Vector};
+
+/// Leaves the start. Settings as in [`PlannerOptions`], metres.
+pub(crate) struct Leaving {
+    lift_height: f64,
+    retreat_height: f64,
+    graze_depth: f64,
+}
 
 /// What the hand touches at the start.
 struct Grazes {
@@ -23,20 +32,66 @@ const FINGERTIP_GIVE: f64 = 0.003;
 /// Longest straight way that is tried in order to get clear of contacts at the start, metres.
 const LONGEST_LEAVE: f64 = 0.14;
 
-impl ArmPlanner {
+impl Grazes {
+    /// The part of a way out from its start to the first point, at least `wanted` metres on, that is clear for
+    /// transit; if there is none that far, to the last clear one. The flag says that `wanted` was covered.
+    fn clear_part(
+        &self,
+        context: &mut PlanningContext,
+        line: &[Vec<f64>],
+        wanted: f64,
+    ) -> Result<(Vec<Vec<f64>>, bool), Failure> {
+        let mut clear_at = None;
+        let enough = reach::line_steps(wanted.max(LONGEST_LEAVE)) as f64 * wanted / wanted.max(LONGEST_LEAVE);
+        for (k, q) in line.iter().enumerate() {
+            context.go_on()?;
+            // Nothing new is touched, and what is touched is not pressed into.
+            context.scene.set_padding(0.0)?;
+            let known =
+                |pair: &(String, String)| self.touching.contains(pair) || self.in_hand.contains(&pair.1);
+            if !context.scene.collisions(q)?.iter().all(known) {
+                break;
+            }
+            context.scene.set_padding(-FINGERTIP_GIVE)?;
+            let known =
+                |pair: &(String, String)| self.pressed.contains(pair) || self.in_hand.contains(&pair.1);
+            if !context.scene.collisions(q)?.iter().all(known) {
+                break;
+            }
+            context.set_room(Room::Transit)?;
+            if context.scene.is_free(q)? {
+                clear_at = Some(k);
+                if k as f64 >= enough - 1e-9 {
+                    return Ok((line[..=k].to_vec(), true));
+                }
+            }
+        }
+        Ok((clear_at.map_or_else(Vec::new, |k| line[..=k].to_vec()), false))
+    }
+}
+
+impl Leaving {
+    pub fn new(options: &PlannerOptions) -> Self {
+        Self {
+            lift_height: options.lift_height,
+            retreat_height: options.retreat_height,
+            graze_depth: options.graze_depth,
+        }
+    }
+
     /// From the start to where the search may begin: straight up while the hand is around a block, touches
     /// something, or carries an object that stands on the table; otherwise the start alone.
-    pub(crate) fn leave(&mut self, problem: &Problem) -> Result<Vec<Vec<f64>>, Failure> {
+    pub fn path(&self, context: &mut PlanningContext, problem: &Problem) -> Result<Vec<Vec<f64>>, Failure> {
         let request = problem.request;
         let mut path = vec![request.start.to_vec()];
         if problem.start != path[0] {
             path.push(problem.start.clone());
         }
-        self.set_room(Room::Transit)?;
-        let close = self.scene.collisions(&problem.start)?;
-        let base_from_tip = self.kinematics.forward(&problem.start).map_err(PlanningError::from)?;
+        context.set_room(Room::Transit)?;
+        let close = context.scene.collisions(&problem.start)?;
+        let base_from_tip = context.kinematics.forward(&problem.start).map_err(PlanningError::from)?;
         let world_from_tip = request.world_from_base * base_from_tip;
-        let grasp_centre = Point::from(self.model.grasp_centre);
+        let grasp_centre = Point::from(context.model.grasp_centre);
         let world_grasp = world_from_tip * grasp_centre;
         let is_in_hand = |o: &&Obstacle| {
             (o.pose.translation.vector - world_grasp.coords).norm() < IN_HAND && thickness(&o.shape) < 0.1
@@ -50,18 +105,16 @@ impl ArmPlanner {
         if close.is_empty() && !around_block && !carries {
             return Ok(path);
         }
-        self.refuse_deep_contact(problem)?;
+        self.refuse_deep_contact(context, problem)?;
 
-        self.scene.set_padding(0.0)?;
-        let touching = self.scene.collisions(&problem.start)?;
-        self.scene.set_padding(-FINGERTIP_GIVE)?;
-        let pressed = self.scene.collisions(&problem.start)?;
+        context.scene.set_padding(0.0)?;
+        let touching = context.scene.collisions(&problem.start)?;
+        context.scene.set_padding(-FINGERTIP_GIVE)?;
+        let pressed = context.scene.collisions(&problem.start)?;
         let grazes = Grazes { touching, pressed, in_hand };
         let (point, wanted) = match &request.attached {
-            Some(object) => {
-                (Point::from(object.tip_from_object.translation.vector), self.options.lift_height)
-            }
-            None => (grasp_centre, if around_block { self.options.retreat_height } else { 0.0 }),
+            Some(object) => (Point::from(object.tip_from_object.translation.vector), self.lift_height),
+            None => (grasp_centre, if around_block { self.retreat_height } else { 0.0 }),
         };
         let mut best: Option<Vec<Vec<f64>>> = None;
         for direction in ways_out(&problem.up, &base_from_tip) {
@@ -73,8 +126,8 @@ impl ArmPlanner {
                 orientation: None,
             };
             let along = direction * wanted.max(LONGEST_LEAVE);
-            let line = reach::line(&mut self.chain, &self.limits, &reach, &along, &problem.start);
-            let (free, covered) = self.clear_part(&line, &grazes, wanted)?;
+            let line = reach::line(&mut context.chain, &context.limits, &reach, &along, &problem.start);
+            let (free, covered) = grazes.clear_part(context, &line, wanted)?;
             let better = best.as_ref().is_none_or(|b| free.len() > b.len());
             if !free.is_empty() && better {
                 best = Some(free);
@@ -98,48 +151,12 @@ impl ArmPlanner {
         }
     }
 
-    /// The part of a way out from its start to the first point, at least `wanted` metres on, that is clear for
-    /// transit; if there is none that far, to the last clear one. The flag says that `wanted` was covered.
-    fn clear_part(
-        &mut self,
-        line: &[Vec<f64>],
-        grazes: &Grazes,
-        wanted: f64,
-    ) -> Result<(Vec<Vec<f64>>, bool), Failure> {
-        let mut clear_at = None;
-        let enough = reach::line_steps(wanted.max(LONGEST_LEAVE)) as f64 * wanted / wanted.max(LONGEST_LEAVE);
-        for (k, q) in line.iter().enumerate() {
-            self.go_on()?;
-            // Nothing new is touched, and what is touched is not pressed into.
-            self.scene.set_padding(0.0)?;
-            let known =
-                |pair: &(String, String)| grazes.touching.contains(pair) || grazes.in_hand.contains(&pair.1);
-            if !self.scene.collisions(q)?.iter().all(known) {
-                break;
-            }
-            self.scene.set_padding(-FINGERTIP_GIVE)?;
-            let known =
-                |pair: &(String, String)| grazes.pressed.contains(pair) || grazes.in_hand.contains(&pair.1);
-            if !self.scene.collisions(q)?.iter().all(known) {
-                break;
-            }
-            self.set_room(Room::Transit)?;
-            if self.scene.is_free(q)? {
-                clear_at = Some(k);
-                if k as f64 >= enough - 1e-9 {
-                    return Ok((line[..=k].to_vec(), true));
-                }
-            }
-        }
-        Ok((clear_at.map_or_else(Vec::new, |k| line[..=k].to_vec()), false))
-    }
-
     /// A start that is farther inside an obstacle than a graze is refused: pulling a hand out of a wall is no
     /// plan. Obstacles too thin to tell are left to the way out.
-    fn refuse_deep_contact(&mut self, problem: &Problem) -> Result<(), Failure> {
-        let depth = self.options.graze_depth;
-        self.scene.set_padding(-depth)?;
-        let deep = self.scene.collisions(&problem.start)?.into_iter().find(|(_, b)| {
+    fn refuse_deep_contact(&self, context: &mut PlanningContext, problem: &Problem) -> Result<(), Failure> {
+        let depth = self.graze_depth;
+        context.scene.set_padding(-depth)?;
+        let deep = context.scene.collisions(&problem.start)?.into_iter().find(|(_, b)| {
             let obstacle = problem.request.obstacles.iter().find(|o| o.name == *b);
             obstacle.is_some_and(|o| thickness(&o.shape) > 2.2 * depth)
         });

@@ -1,8 +1,10 @@
 //! The person's own limb: joints that the prosthesis does not have are moved as people move them, all at once.
 
-use super::{JOINTS, JoggingParticipant, movement::TURN_DONE};
-use crate::reach::HandGoal;
-use proact_types::{BlockId, DisplayFrame, JointVector, SimTime, joints};
+use super::{
+    movement::{Movements, TURN_DONE},
+    situation::{Aim, Situation},
+};
+use proact_types::{JointVector, SimTime, joints};
 
 /// A limb that has not got to where it was meant to be by now is in the way of something, ms.
 const LIMB_MILLIS: u64 = 4000;
@@ -35,9 +37,36 @@ impl Limb {
         self.placings = 0;
     }
 
-    /// True for a joint of the person's own, by its position in the arm.
-    pub(super) fn has(&self, joint: usize) -> bool {
-        self.own.contains(&joint)
+    /// Moves the limb toward the aim, joint by joint as `movements` has its turns in mind; true while it is on its way,
+    /// and the method has to wait.
+    pub(super) fn reach(
+        &mut self,
+        now: SimTime,
+        situation: &Situation,
+        aim: &Aim,
+        movements: &mut Movements,
+    ) -> bool {
+        let Some(q) = situation.arm_angles().filter(|_| !self.own.is_empty()) else { return false };
+        if self.under_way(now, q) {
+            return true;
+        }
+        if aim.by_axis() {
+            self.placings += 1;
+            let reached = aim.goal.reached(&situation.sense.forward(q));
+            let own = self.own.iter().fold(0, |set, joint| set | 1 << joint);
+            return !reached
+                && self.placings <= MOST_PLACINGS
+                && self.go(now, q, &situation.sense.inverse(q, &aim.goal, own));
+        }
+        movements.think_of_turns(situation, aim, q);
+        match movements.turns().first() {
+            Some(turn) if self.own.contains(&turn.joint) => {
+                let mut wanted = joints(q);
+                wanted[turn.joint] = turn.to;
+                self.go(now, q, &wanted)
+            }
+            _ => false,
+        }
     }
 
     fn under_way(&self, now: SimTime, q: &[f64]) -> bool {
@@ -52,42 +81,5 @@ impl Limb {
         self.to = Some(to);
         self.until = now.plus_millis(LIMB_MILLIS);
         self.under_way(now, q)
-    }
-}
-
-impl JoggingParticipant {
-    /// Moves the limb toward `goal`; true while it is on its way, and the method has to wait.
-    pub(super) fn move_limb(
-        &mut self,
-        now: SimTime,
-        seen: &DisplayFrame,
-        goal: &HandGoal,
-        by_axis: bool,
-        mode: u8,
-        block: BlockId,
-    ) -> bool {
-        let Some(q) = seen.joints.get(..JOINTS.into()).filter(|_| !self.limb.own.is_empty()) else {
-            return false;
-        };
-        if self.limb.under_way(now, q) {
-            return true;
-        }
-        if by_axis {
-            self.limb.placings += 1;
-            let reached = goal.reached(&self.sense.forward(q));
-            let own = self.limb.own.iter().fold(0, |set, joint| set | 1 << joint);
-            return !reached
-                && self.limb.placings <= MOST_PLACINGS
-                && self.limb.go(now, q, &self.sense.inverse(q, goal, own));
-        }
-        self.think_of_turns(seen, q, goal, mode, block);
-        match self.turns.first() {
-            Some(turn) if self.limb.has(turn.joint) => {
-                let mut wanted = joints(q);
-                wanted[turn.joint] = turn.to;
-                self.limb.go(now, q, &wanted)
-            }
-            _ => false,
-        }
     }
 }

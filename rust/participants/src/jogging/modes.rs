@@ -1,7 +1,7 @@
 //! HO, from one joint or axis to another.
 
-use super::{AXES, FIRST_AXIS, JOINTS, JoggingParticipant};
-use crate::reach::back_is_shorter;
+use super::{AXES, FIRST_AXIS, JOINTS};
+use crate::{habits::Habits, reach::back_is_shorter};
 use proact_types::{Gesture, SimTime};
 
 /// HO is held this long to go one joint or axis on: learnt in practice, so that nobody looks between two of them, ms.
@@ -11,9 +11,16 @@ const LOOK_MILLIS: u64 = 100;
 /// HO held this long has been understood as the way back, or never will, ms.
 const BACK_MILLIS: u64 = 5000;
 
+/// The cycle of modes, gone through with HO.
+pub(super) struct ModeCycle {
+    /// Joints that the method drives, in the order of the cycle.
+    joints: Vec<u8>,
+    turning: Option<Turning>,
+}
+
 /// HO on its way to a mode.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Turning {
+struct Turning {
     to: u8,
     /// HO stays held: the modes go back one by one.
     back: bool,
@@ -23,25 +30,32 @@ pub(super) struct Turning {
     since: Option<SimTime>,
 }
 
-impl JoggingParticipant {
-    /// The way from one mode to another.
-    pub(super) fn way_to(&self, from: u8, to: u8) -> Turning {
-        let modes: Vec<u8> = match from {
-            joint if joint < FIRST_AXIS => {
-                (0..JOINTS).filter(|&joint| !self.limb.has(joint.into())).collect()
-            }
-            _ => (FIRST_AXIS..FIRST_AXIS + AXES).collect(),
-        };
+impl ModeCycle {
+    /// The cycle of an arm of which the method does not drive the joints `own`, by their positions in the arm.
+    pub(super) fn new(own: &[usize]) -> Self {
+        let joints = (0..JOINTS).filter(|&joint| !own.contains(&joint.into())).collect();
+        Self { joints, turning: None }
+    }
+
+    /// Another stage begins.
+    pub(super) fn begin(&mut self) {
+        self.turning = None;
+    }
+
+    /// Sets out from one mode to another.
+    pub(super) fn go(&mut self, from: u8, to: u8) {
+        let axes: Vec<u8> = (FIRST_AXIS..FIRST_AXIS + AXES).collect();
+        let modes = if from < FIRST_AXIS { &self.joints } else { &axes };
         let place = |mode: u8| modes.iter().position(|&other| other == mode).unwrap_or_default();
         let (at, goal) = (place(from), place(to));
         let back = back_is_shorter(at, goal, modes.len());
-        Turning { to, back, taps: (goal + modes.len() - at) % modes.len(), since: None }
+        self.turning = Some(Turning { to, back, taps: (goal + modes.len() - at) % modes.len(), since: None });
     }
 
-    /// HO goes on until the mode is there: made anew for each step ahead, held for steps back.
-    pub(super) fn turn_on(&mut self, now: SimTime, mode: u8) -> Option<Gesture> {
-        let making = self.habits.gesture() == Gesture::HandOpen;
-        let look_millis = self.habits.options.relax_ms.max(self.habits.options.reaction_ms + LOOK_MILLIS);
+    /// HO goes on until the mode is there: made anew for each step ahead, held for steps back. None if it is there.
+    pub(super) fn go_on(&mut self, now: SimTime, mode: u8, habits: &Habits) -> Option<Gesture> {
+        let making = habits.gesture() == Gesture::HandOpen;
+        let look_millis = habits.options.relax_ms.max(habits.options.reaction_ms + LOOK_MILLIS);
         let turning = self.turning.as_mut()?;
         let held = turning.since.map_or(0, |since| now.millis_since(since));
         if turning.back {

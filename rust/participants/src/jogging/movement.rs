@@ -1,9 +1,18 @@
 //! Which movement comes next: the axis or the joint that is off.
 
-use super::{AXES, FIRST_AXIS, JOINTS, JoggingParticipant, Stage, obstacles::Obstacles};
-use crate::reach::{Conditions, HandGoal, Stance, Turn, made};
-use proact_types::{BlockId, DisplayFrame, Gesture, Pose, Vector};
+use super::{
+    AXES, FIRST_AXIS, Stage,
+    attitude::Attitude,
+    pulse::Pulse,
+    situation::{Aim, Situation},
+};
+use crate::reach::{Conditions, Stance, Turn, made};
+use proact_types::{Gesture, Pose};
 
+/// After so many movements the place is good enough, or not to be had.
+const MOST_MOVEMENTS: u32 = 14;
+/// Joint by joint, after so many that brought too little another way is looked for.
+const MOST_IN_VAIN: u32 = 3;
 /// How fast WE and WF move a joint, rad/s, and the hand, m/s and rad/s: learnt in the first minutes of practice.
 const JOINT_SPEED: f64 = 0.4;
 const LINEAR_SPEED: f64 = 0.08;
@@ -17,8 +26,6 @@ pub(super) const ANGULAR_DONE: f64 = 0.15;
 pub(super) const TURN_DONE: f64 = 0.035;
 /// A last turn that brings the arm further into something than this is thought of again, metres.
 const GRAZE: f64 = 0.006;
-/// The hand turns about the upright once it is this near to its place, metres.
-const YAW_NEAR: f64 = 0.06;
 
 /// What one mode is off by, and what brings it nearer.
 #[derive(Clone, Copy, Debug)]
@@ -31,25 +38,128 @@ pub(super) struct Lack {
     pub(super) gesture: Gesture,
 }
 
-impl JoggingParticipant {
+/// The movements of one stage: what was tried, and what is thought of next.
+#[derive(Default)]
+pub(super) struct Movements {
+    /// Modes and gestures that were refused since the last one that was not.
+    refused: Vec<(u8, Gesture)>,
+    /// What method A has yet to turn, in this order.
+    turns: Vec<Turn>,
+    /// Movements since the stage began.
+    made: u32,
+    /// ... and those of them that brought too little.
+    in_vain: u32,
+}
+
+impl Movements {
+    /// Another stage begins.
+    pub(super) fn begin(&mut self) {
+        *self = Self::default();
+    }
+
+    /// The same, after `refused` was tried in vain in the stage before.
+    pub(super) fn begin_after(&mut self, refused: Vec<(u8, Gesture)>) {
+        *self = Self { refused, ..Self::default() };
+    }
+
+    /// What method A has yet to turn, in this order.
+    pub(super) fn turns(&self) -> &[Turn] {
+        &self.turns
+    }
+
+    /// What was refused, once several joints were turned in vain.
+    pub(super) fn tried_in_vain(&self, aim: &Aim) -> Option<Vec<(u8, Gesture)>> {
+        self.are_in_vain(aim).then(|| self.refused.clone())
+    }
+
+    /// Remembers a movement that brought too little; forgets the others when one went well.
+    pub(super) fn judge(&mut self, pulse: &Pulse, situation: &Situation) {
+        if pulse.fell_short(situation) {
+            self.refused.push(pulse.kind());
+            self.in_vain += 1;
+            self.turns.clear();
+        } else {
+            self.refused.clear();
+        }
+    }
+
+    /// What to move next: none if the hand is where it should be, an error if nothing is left that would help.
+    pub(super) fn next(
+        &mut self,
+        situation: &Situation,
+        aim: &Aim,
+        attitude: &mut Attitude,
+    ) -> Result<Option<Lack>, ()> {
+        let base_from_tip = situation.base_from_tip();
+        let goal = &aim.goal;
+        let good_enough = self.made > if aim.by_axis() { MOST_MOVEMENTS } else { 2 * MOST_MOVEMENTS };
+        match () {
+            () if self.are_in_vain(aim) => Err(()),
+            () if good_enough && goal.off(&base_from_tip).0 < 2.0 * goal.point_done => Ok(None),
+            () if good_enough => Err(()),
+            () if !aim.by_axis() && goal.reached(&base_from_tip) => Ok(None),
+            () if aim.by_axis() => self.axis_lack(&base_from_tip, aim, attitude),
+            () => self.joint_lack(situation, aim).map(Some).ok_or(()),
+        }
+    }
+
+    /// The movement that was thought of begins.
+    pub(super) fn start(&mut self, aim: &Aim) {
+        self.made += 1;
+        if !aim.by_axis() {
+            self.turns.remove(0);
+        }
+    }
+
+    /// Forgets the turns that are made; thinks of new ones when none is left.
+    pub(super) fn think_of_turns(&mut self, situation: &Situation, aim: &Aim, q: &[f64]) {
+        // What is left of a turn is left: the next round sees to it together with the rest.
+        while self.turns.first().is_some_and(|turn| (turn.to - q[turn.joint]).abs() < TURN_DONE) {
+            self.turns.remove(0);
+        }
+        if self.turns.len() > 1 || (!self.turns.is_empty() && self.made == 0) {
+            return;
+        }
+        let Situation { sense, seen, .. } = situation;
+        let obstacles = situation.obstacles();
+        let in_the_way = |stance: &Stance| obstacles.depth(&seen.world_from_base, stance);
+        // Before the last turn: does it still lead there, and clear of everything?
+        if let Some(last) = self.turns.first() {
+            let end = sense.forward(&made(q, &self.turns));
+            let misses = aim.goal.off(&end).0 > 2.0 * aim.goal.point_done;
+            if !misses && sense.bump(q, last, &in_the_way) < GRAZE {
+                return;
+            }
+        }
+        let refused =
+            |turn: &Turn| self.refused.contains(&(turn.joint as u8, gesture_of(turn.joint, turn.angle)));
+        let conditions = Conditions {
+            mode: aim.mode.into(),
+            secs_per_rad: 1.0 / JOINT_SPEED,
+            in_the_way: &in_the_way,
+            lifting: !matches!(aim.stage, Stage::Lift | Stage::Retreat),
+            refused: &refused,
+        };
+        self.turns = sense.turns(q, &aim.goal, &conditions);
+    }
+
+    /// True joint by joint after several movements that brought too little.
+    fn are_in_vain(&self, aim: &Aim) -> bool {
+        !aim.by_axis() && self.in_vain >= MOST_IN_VAIN
+    }
+
     /// The nearest axis in the cycle that is off and was not refused: none if all are right, an error if those that
     /// are off were refused.
-    pub(super) fn axis_lack(
-        &mut self,
+    fn axis_lack(
+        &self,
         base_from_tip: &Pose,
-        goal: &HandGoal,
-        mode: u8,
+        aim: &Aim,
+        attitude: &mut Attitude,
     ) -> Result<Option<Lack>, ()> {
+        let goal = &aim.goal;
         let off = goal.target - base_from_tip * goal.point;
         let tilt = (base_from_tip.rotation * goal.axis).cross(&goal.up);
-        let aside = off - goal.up * off.dot(&goal.up);
-        self.near |= aside.norm() < YAW_NEAR;
-        let turn = match &self.attitude {
-            // Straight up in any attitude.
-            _ if goal.tilt_done > 0.9 => Vector::zeros(),
-            Some(wanted) if self.near => (wanted * base_from_tip.rotation.inverse()).scaled_axis(),
-            _ => tilt,
-        };
+        let turn = attitude.turn_left(aim, base_from_tip, &off, &tilt);
         let (mut turns, mut shifts) = (Vec::new(), Vec::new());
         for (k, sign) in [1.0, -1.0, 1.0].into_iter().enumerate() {
             let mode = FIRST_AXIS + k as u8;
@@ -66,7 +176,7 @@ impl JoggingParticipant {
             return Ok(None);
         }
         let free = |lack: &&Lack| !self.refused.contains(&(lack.mode, lack.gesture));
-        let ahead = |lack: &&Lack| (lack.mode + AXES - mode) % AXES;
+        let ahead = |lack: &&Lack| (lack.mode + AXES - aim.mode) % AXES;
         // Turning the hand at its wrist carries the grasp centre along: tilt first, then place.
         let next = turns.iter().filter(free).min_by_key(ahead);
         let next = next.or_else(|| shifts.iter().filter(free).min_by_key(ahead)).copied();
@@ -74,54 +184,10 @@ impl JoggingParticipant {
         if next.is_none() && !turned_enough { Err(()) } else { Ok(next) }
     }
 
-    /// Forgets the turns that are made; thinks of new ones when none is left.
-    pub(super) fn think_of_turns(
-        &mut self,
-        seen: &DisplayFrame,
-        q: &[f64],
-        goal: &HandGoal,
-        mode: u8,
-        block: BlockId,
-    ) {
-        // What is left of a turn is left: the next round sees to it together with the rest.
-        while self.turns.first().is_some_and(|turn| (turn.to - q[turn.joint]).abs() < TURN_DONE) {
-            self.turns.remove(0);
-        }
-        if self.turns.len() > 1 || (!self.turns.is_empty() && self.movements == 0) {
-            return;
-        }
-        let obstacles = Obstacles::new(&self.scene, seen, block, self.sense.fingers(&seen.joints));
-        let in_the_way = |stance: &Stance| obstacles.depth(&seen.world_from_base, stance);
-        // Before the last turn: does it still lead there, and clear of everything?
-        if let Some(last) = self.turns.first() {
-            let end = self.sense.forward(&made(q, &self.turns));
-            let misses = goal.off(&end).0 > 2.0 * goal.point_done;
-            if !misses && self.sense.bump(q, last, &in_the_way) < GRAZE {
-                return;
-            }
-        }
-        let refused =
-            |turn: &Turn| self.refused.contains(&(turn.joint as u8, gesture_of(turn.joint, turn.angle)));
-        let conditions = Conditions {
-            mode: mode.into(),
-            secs_per_rad: 1.0 / JOINT_SPEED,
-            in_the_way: &in_the_way,
-            lifting: !matches!(self.stage, Stage::Lift | Stage::Retreat),
-            refused: &refused,
-        };
-        self.turns = self.sense.turns(q, goal, &conditions);
-    }
-
     /// The joint to turn next; none if none helps.
-    pub(super) fn joint_lack(
-        &mut self,
-        seen: &DisplayFrame,
-        goal: &HandGoal,
-        mode: u8,
-        block: BlockId,
-    ) -> Option<Lack> {
-        let q = seen.joints.get(..JOINTS.into())?;
-        self.think_of_turns(seen, q, goal, mode, block);
+    fn joint_lack(&mut self, situation: &Situation, aim: &Aim) -> Option<Lack> {
+        let q = situation.arm_angles()?;
+        self.think_of_turns(situation, aim, q);
         let turn = self.turns.first()?;
         let amount = turn.to - q[turn.joint];
         let gesture = gesture_of(turn.joint, amount);

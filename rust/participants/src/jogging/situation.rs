@@ -1,0 +1,109 @@
+//! What the participant has before the eyes and knows of the arm, and where the hand should go in it.
+
+use super::{BLOCK, FIRST_AXIS, JOINTS, Stage, obstacles::Obstacles};
+use crate::reach::{ArmSense, HandGoal};
+use proact_types::{BlockId, DisplayFrame, Point, Pose, Scene, Vector};
+
+/// The hand passes over walls and partition with its grasp centre this high above the table, metres.
+const CARRY_HEIGHT: f64 = 0.26;
+/// ... and joint by joint it is out of the blocks when its grasp centre is this high above the table: the way over
+/// the walls is thought of with what follows, metres.
+const CLEAR_HEIGHT: f64 = 0.13;
+/// From here the hand goes straight down, metres above the block's centre.
+const HOVER_HEIGHT: f64 = 0.11;
+/// A block is let go with its centre this far above where it rests, metres.
+const DROP_HEIGHT: f64 = 0.012;
+/// Joint by joint, a metre that hand or block are too high counts as this many: the hand grips a block above its
+/// middle too, and a block may fall a little.
+const HIGH_COUNTS: f64 = 0.6;
+/// Roll of the hand at which its fingers close around a standing block, rad: the original's 25.6 degrees.
+const ROLL: f64 = 25.6 * std::f64::consts::PI / 180.0;
+
+/// What is seen, what is known of the arm and of the scene, and the block that all is about.
+pub(super) struct Situation<'a> {
+    pub(super) sense: &'a ArmSense,
+    pub(super) scene: &'a Scene,
+    pub(super) seen: &'a DisplayFrame,
+    pub(super) block: BlockId,
+}
+
+/// Where the hand should go now.
+pub(super) struct Aim {
+    pub(super) stage: Stage,
+    pub(super) goal: HandGoal,
+    /// The joint or axis that is selected, its number of `/mode`.
+    pub(super) mode: u8,
+}
+
+impl Aim {
+    /// True where the method moves the hand along axes, and not joint by joint.
+    pub(super) fn by_axis(&self) -> bool {
+        self.mode >= FIRST_AXIS
+    }
+}
+
+impl<'a> Situation<'a> {
+    /// Angles of the arm, rad; none if the display does not show that many.
+    pub(super) fn arm_angles(&self) -> Option<&'a [f64]> {
+        self.seen.joints.get(..usize::from(JOINTS))
+    }
+
+    /// Where the hand is.
+    pub(super) fn base_from_tip(&self) -> Pose {
+        self.seen.world_from_base.inv_mul(&self.seen.world_from_tip)
+    }
+
+    /// What stands where the hand would go.
+    pub(super) fn obstacles(&self) -> Obstacles<'a> {
+        Obstacles::new(self.scene, self.seen, self.block, self.sense.fingers(&self.seen.joints))
+    }
+
+    /// Where the hand should be at `stage`, leaning toward the shoulder by `lean`, rad.
+    pub(super) fn goal_of(&self, stage: Stage, lean: f64) -> HandGoal {
+        let Self { scene, seen, block, .. } = self;
+        let grasp_centre = self.sense.grasp_centre();
+        let at = |pose: &Pose| Point::from(pose.translation.vector);
+        let by_axis = seen.mode.as_ref().is_some_and(|mode| mode.number >= FIRST_AXIS);
+        let standing = at(&seen.blocks[block.index()]);
+        let target = scene.targets[block.index()].centre;
+        let high = |point: &Point, height: f64| Point::new(point.x, point.y, scene.table_height + height);
+        let tip = &seen.world_from_tip;
+        let centre = tip * grasp_centre;
+        // Place, how far off the hand may be of it, and of upright.
+        let (place, point_done, tilt_done) = match stage {
+            Stage::Above => (high(&standing, CARRY_HEIGHT), 0.025, 0.35),
+            Stage::Hover => (standing + Vector::z() * HOVER_HEIGHT, 0.012, 0.3),
+            Stage::Down | Stage::Grip => (standing, 0.012, 0.3),
+            Stage::Lift | Stage::Retreat if by_axis => {
+                let height = CARRY_HEIGHT.max(centre.z - scene.table_height);
+                (high(&centre, height), 0.04, 1.0)
+            }
+            Stage::Lift | Stage::Retreat => {
+                let height = CLEAR_HEIGHT.max(centre.z - scene.table_height);
+                (high(&centre, height), 0.05, 3.2)
+            }
+            Stage::Carry if by_axis => (high(&target, CARRY_HEIGHT), 0.025, 0.4),
+            Stage::Carry => (high(&target, BLOCK + HOVER_HEIGHT), 0.015, 0.4),
+            Stage::Lower | Stage::Release => (high(&target, BLOCK + DROP_HEIGHT), 0.015, 0.3),
+        };
+        let held = seen.hand.holds.map(|b| tip.inv_mul(&seen.blocks[b.index()]));
+        let to_shoulder = seen.world_from_base.translation.vector - place.coords;
+        let lean = lean.tan();
+        let toward = Vector::new(to_shoulder.x, to_shoulder.y, 0.0).try_normalize(1e-6).unwrap_or_default();
+        let base_from_world = seen.world_from_base.inverse();
+        HandGoal {
+            point: held.map_or(grasp_centre, |pose| at(&pose)),
+            axis: held.map_or(Vector::new(0.0, ROLL.sin(), ROLL.cos()), |pose| {
+                let axis = pose.rotation * Vector::z();
+                // A block stands on either end.
+                if axis.z < 0.0 { -axis } else { axis }
+            }),
+            target: base_from_world * place,
+            up: base_from_world * (Vector::z() + toward * lean).normalize(),
+            high_counts: if by_axis { 1.0 } else { HIGH_COUNTS },
+            point_done,
+            tilt_done,
+            attitude: None,
+        }
+    }
+}

@@ -1,0 +1,57 @@
+//! The search in joint space that connects where the start was left with a way into the goal.
+
+use crate::SearchOutcome;
+use crate::context::{PlanningContext, Room};
+use crate::effort::PlanStage;
+use crate::failure::Failure;
+use crate::problem::Problem;
+use crate::ways::Way;
+use proact_types::PlanStatus;
+use std::time::Instant;
+
+/// A path from where the start was left to the goal.
+pub(crate) struct Connection {
+    pub points: Vec<Vec<f64>>,
+    /// Index of the point at which the straight way into the goal begins.
+    pub entry: usize,
+}
+
+impl Connection {
+    /// A path from `from` along one of `ways`, to its end.
+    pub fn search(
+        context: &mut PlanningContext,
+        problem: &Problem,
+        from: &[f64],
+        ways: &[Way],
+    ) -> Result<Self, Failure> {
+        context.set_room(Room::Transit)?;
+        let goals: Vec<Vec<f64>> = ways.iter().map(|w| w.points[0].clone()).collect();
+        context.stage.set(PlanStage::Searching);
+        let mut limits = context.limits_of_transit();
+        if let Some(deadline) = context.deadline {
+            let left = deadline.saturating_duration_since(Instant::now()).as_secs_f64().max(1e-3);
+            limits.max_secs = Some(limits.max_secs.map_or(left, |secs| secs.min(left)));
+        }
+        let seed = problem.request.seed;
+        let (planner, parameters) = (context.options.planner, &context.options.planner_parameters);
+        match context.scene.search_by(planner, parameters, from, &goals, seed, &limits, &context.cancel)? {
+            SearchOutcome::Solved { path: mut points, goal } => {
+                let entry = points.len() - 1;
+                points.extend(ways[goal].points.iter().skip(1).cloned());
+                Ok(Self { points, entry })
+            }
+            SearchOutcome::NoPlan if context.scene.effort.timed_out => Err(Failure::out_of_time()),
+            SearchOutcome::NoPlan => Err(Failure::new(
+                PlanStatus::NoPlan,
+                format!("No way to the goal was found in {} iterations.", limits.max_iterations),
+            )),
+            SearchOutcome::StartInCollision => {
+                Err(Failure::new(PlanStatus::StartInCollision, "The arm starts too close to something."))
+            }
+            SearchOutcome::GoalsInCollision => {
+                Err(Failure::new(PlanStatus::GoalInCollision, "The arm would touch something at the goal."))
+            }
+            SearchOutcome::Cancelled => Err(Failure::cancelled()),
+        }
+    }
+}

@@ -1,0 +1,188 @@
+//! What all parts of the planner work with: the arm, the scene about it, the room to keep, and whether to go on.
+
+use crate::chain::Chain;
+use crate::effort::StageCell;
+use crate::failure::Failure;
+use crate::problem::Problem;
+use crate::reach::Limits;
+use crate::{CancelFlag, CollisionScene, MeshObstacle, PlannerOptions, PlanningError, SearchLimits};
+use proact_control::ports::ArmKinematics;
+use proact_types::{ArmModel, AttachedObject, Obstacle, Pose};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// The arm, the scene of the present request, and the bounds of the present attempt at it.
+pub(crate) struct PlanningContext {
+    pub model: Arc<ArmModel>,
+    pub kinematics: Box<dyn ArmKinematics + Send>,
+    pub chain: Chain,
+    pub scene: CollisionScene,
+    pub limits: Limits,
+    pub options: PlannerOptions,
+    pub attempt: Attempt,
+    pub cancel: CancelFlag,
+    /// When the present request must have been answered.
+    pub deadline: Option<Instant>,
+    pub stage: StageCell,
+    meshes: Vec<MeshObstacle>,
+}
+
+/// What one attempt at a request keeps to.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Attempt {
+    /// Free space around everything in transit, metres.
+    transit: f64,
+    /// Free space on the straight ways, metres.
+    contact: f64,
+    /// Batches of postures from which ways to the goal are sought.
+    pub batches: usize,
+}
+
+/// How much room the next questions to the scene leave.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Room {
+    /// The full padding, everything is an obstacle.
+    Transit,
+    /// Close to things that are meant to be approached.
+    Contact,
+}
+
+/// Batches of postures with the usual room, a narrow one and next to none.
+const BATCHES: [usize; 3] = [3, 6, 35];
+/// Room of the last attempt, metres: what rounding and the search for arm angles may stray.
+const NEXT_TO_NONE: f64 = 2e-5;
+/// Finest half step between checked states, metres.
+const SMALLEST_HALF_STEP: f64 = 0.00025;
+
+impl Attempt {
+    /// The usual room, then a narrow one, then next to none.
+    pub fn all(options: &PlannerOptions) -> [Self; 3] {
+        let contact = options.contact_padding.min(options.padding);
+        let none = contact.min(NEXT_TO_NONE);
+        let rooms = [(options.padding, options.contact_padding), (contact, contact), (none, none)];
+        std::array::from_fn(|k| Self { transit: rooms[k].0, contact: rooms[k].1, batches: BATCHES[k] })
+    }
+}
+
+impl PlanningContext {
+    /// The context of `model`, whose kinematics are `kinematics`, before any request.
+    ///
+    /// # Errors
+    /// Options that make no sense, a model that the scene refuses, kinematics with another number of joints.
+    pub fn new(
+        model: Arc<ArmModel>,
+        mut kinematics: Box<dyn ArmKinematics + Send>,
+        options: PlannerOptions,
+    ) -> Result<Self, PlanningError> {
+        options.validate()?;
+        let mut scene = CollisionScene::new(&model)?;
+        scene.set_roadmap(options.roadmap.as_deref())?;
+        if kinematics.joint_count() != model.arm.len() {
+            return Err(PlanningError::WrongLength {
+                what: "the kinematic chain",
+                got: kinematics.joint_count(),
+                expected: model.arm.len(),
+            });
+        }
+        let chain = Chain::new(&model, &mut *kinematics)?;
+        let arm = || model.arm.iter().map(|&j| &model.joints[j].limits);
+        let limits =
+            Limits { lower: arm().map(|l| l.lower).collect(), upper: arm().map(|l| l.upper).collect() };
+        let [attempt, ..] = Attempt::all(&options);
+        Ok(Self {
+            model,
+            kinematics,
+            chain,
+            scene,
+            limits,
+            options,
+            attempt,
+            cancel: CancelFlag::new(),
+            deadline: None,
+            stage: StageCell::default(),
+            meshes: Vec::new(),
+        })
+    }
+
+    /// Goes on unless a cancel or the deadline says otherwise.
+    pub fn go_on(&self) -> Result<(), Failure> {
+        if self.cancel.is_raised() {
+            return Err(Failure::cancelled());
+        }
+        if self.is_out_of_time() {
+            return Err(Failure::out_of_time());
+        }
+        Ok(())
+    }
+
+    /// True once the present request must have been answered.
+    pub fn is_out_of_time(&self) -> bool {
+        self.deadline.is_some_and(|deadline| Instant::now() >= deadline)
+    }
+
+    /// Puts up what one request is about, meshes included.
+    pub fn set_scene(
+        &mut self,
+        hand: &[f64],
+        obstacles: &[Obstacle],
+        attached: Option<&AttachedObject>,
+        world_from_base: &Pose,
+    ) -> Result<(), PlanningError> {
+        self.scene.set_base(world_from_base)?;
+        self.scene.set_hand(hand)?;
+        self.scene.set_obstacles_and_meshes(obstacles, &self.meshes)?;
+        self.scene.set_attached(attached)
+    }
+
+    /// Meshes that stand in the way of every request, beside its own obstacles.
+    pub fn set_meshes(&mut self, meshes: Vec<MeshObstacle>) -> Result<(), PlanningError> {
+        self.scene.set_obstacles_and_meshes(&[], &meshes)?;
+        self.meshes = meshes;
+        Ok(())
+    }
+
+    /// Sets how much room the next questions leave, and withdraws allowed contacts.
+    pub fn set_room(&mut self, room: Room) -> Result<(), PlanningError> {
+        self.scene.forget_allowed_contacts()?;
+        self.scene.set_padding(match room {
+            Room::Transit => self.attempt.transit,
+            Room::Contact => self.attempt.contact,
+        })
+    }
+
+    /// Bounds of questions about motions in transit of the present attempt.
+    pub fn limits_of_transit(&self) -> SearchLimits {
+        self.limits_with(self.attempt.transit)
+    }
+
+    /// Bounds of questions about the straight ways of the present attempt.
+    pub fn limits_of_contact(&self) -> SearchLimits {
+        self.limits_with(self.attempt.contact)
+    }
+
+    /// Bounds of a search that keeps `padding`: what hides between two checked states must not be deeper.
+    fn limits_with(&self, padding: f64) -> SearchLimits {
+        let step = 2.0 * padding.max(SMALLEST_HALF_STEP);
+        let usual = self.options.search;
+        SearchLimits { step_metres: usual.step_metres.min(step), ..usual }
+    }
+
+    /// True if the present attempt leaves next to no room, so that what is to be run must itself be looked at.
+    pub fn is_tight(&self) -> bool {
+        self.attempt.contact <= NEXT_TO_NONE
+    }
+
+    /// Arm postures from which hand poses are sought: the present one, then draws from the joint ranges.
+    pub fn postures(&self, problem: &Problem, from: &[f64], count: usize) -> Vec<Vec<f64>> {
+        let mut random = ChaCha8Rng::seed_from_u64(problem.request.seed);
+        let mut unit = || (random.next_u64() >> 11) as f64 / (1_u64 << 53) as f64;
+        let mut postures = vec![from.to_vec()];
+        while postures.len() < count {
+            let draw = |(low, high): (&f64, &f64)| low + (high - low) * unit();
+            postures.push(self.limits.lower.iter().zip(&self.limits.upper).map(draw).collect());
+        }
+        postures
+    }
+}

@@ -1,0 +1,60 @@
+//! A request in the planner's own terms.
+
+use crate::context::PlanningContext;
+use crate::error::check;
+use crate::failure::Failure;
+use proact_types::{PlanGoal, PlanRequest, PlanStatus, Pose, Vector};
+
+/// A request in the planner's own terms.
+pub(crate) struct Problem<'a> {
+    pub request: &'a PlanRequest,
+    pub base_from_world: Pose,
+    /// The start, inside the joint limits.
+    pub start: Vec<f64>,
+    /// Straight up, base frame.
+    pub up: Vector,
+}
+
+/// Largest overshoot of a joint limit at the start that is taken for noise of the measurement, rad.
+const LIMIT_SLACK: f64 = 0.05;
+
+impl<'a> Problem<'a> {
+    /// Checks the request and puts its scene up.
+    pub fn accept(context: &mut PlanningContext, request: &'a PlanRequest) -> Result<Self, Failure> {
+        let joints = context.model.arm.len();
+        check("start", &request.start, joints)?;
+        match &request.goal {
+            PlanGoal::Pick { centre, .. } => check("block centre", centre.coords.as_slice(), 3)?,
+            PlanGoal::Place { point } => {
+                check("place", point.coords.as_slice(), 3)?;
+                if request.attached.is_none() {
+                    return Err(Failure::new(PlanStatus::Invalid, "There is nothing in the hand to place."));
+                }
+            }
+            PlanGoal::Joints { q } => check("goal", q, joints)?,
+            PlanGoal::TipPose { pose } => {
+                let p = pose.translation.vector;
+                let r = pose.rotation.coords;
+                check("goal pose", &[p.x, p.y, p.z, r.x, r.y, r.z, r.w], 7)?;
+            }
+        }
+        context.set_scene(
+            &request.hand,
+            &request.obstacles,
+            request.attached.as_ref(),
+            &request.world_from_base,
+        )?;
+        if let Some(carried) = &request.attached
+            && request.obstacles.iter().any(|o| o.name == carried.name)
+        {
+            let reason = format!("{} is both in the hand and in the way.", carried.name);
+            return Err(Failure::new(PlanStatus::Invalid, reason));
+        }
+        if !context.limits.contain(&request.start, LIMIT_SLACK) {
+            return Err(Failure::new(PlanStatus::Invalid, "The start is outside the joint limits."));
+        }
+        let base_from_world = request.world_from_base.inverse();
+        let up = base_from_world.rotation * Vector::z();
+        Ok(Self { request, base_from_world, start: context.limits.clamp(&request.start), up })
+    }
+}

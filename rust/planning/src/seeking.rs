@@ -1,0 +1,249 @@
+//! The look for ways into a goal from some arm postures: arm angles that do what is asked, and straight ways to them.
+
+use crate::PlanningError;
+use crate::context::{PlanningContext, Room};
+use crate::failure::Failure;
+use crate::problem::Problem;
+use crate::reach::{self, Reach};
+use crate::ways::{Way, cost, same, sorted};
+use proact_control::ports::IkOutcome;
+use proact_types::{BlockId, PlanStatus, Point, Pose, Vector};
+
+/// One look for ways into the goal of a request, and what it has met so far.
+pub(crate) struct Seeking<'a> {
+    pub context: &'a mut PlanningContext,
+    pub problem: &'a Problem<'a>,
+    /// Arm angles at which the search in joint space begins.
+    pub from: &'a [f64],
+    /// Arm angles near which those at the goal are sought.
+    pub postures: &'a [Vec<f64>],
+    /// Height of the straight way down, metres.
+    pub approach_height: f64,
+    pub tally: Tally,
+}
+
+/// What was found on the way to a list of ways, for the reason given when there is none.
+#[derive(Default)]
+pub(crate) struct Tally {
+    reached: usize,
+    hit: Option<(String, String)>,
+}
+
+/// What is done at the end of a way.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Entry {
+    Pick { block: BlockId, fingers_may_touch: bool },
+    Place,
+}
+
+/// Cost of a place at which the hand cannot open fully, rad.
+const CRAMPED: f64 = 1.0;
+
+impl Seeking<'_> {
+    /// To arm angles, which are themselves the way.
+    pub fn ways_to_joints(&mut self, q: &[f64]) -> Result<Vec<Way>, Failure> {
+        if !self.context.limits.contain(q, 1e-9) {
+            return Err(Failure::new(PlanStatus::Invalid, "The goal is outside the joint limits."));
+        }
+        let goal = self.context.limits.clamp(q);
+        self.context.set_room(Room::Transit)?;
+        match self.context.scene.collisions(&goal)?.first() {
+            Some((a, b)) => Err(Failure::new(
+                PlanStatus::GoalInCollision,
+                format!("The arm would touch something at the goal: {a} and {b}."),
+            )),
+            None => Ok(vec![Way { points: vec![goal], cost: 0.0 }]),
+        }
+    }
+
+    /// To a pose of the tip in the world, without a straight way into it.
+    pub fn ways_to_pose(&mut self, pose: &Pose) -> Result<Vec<Way>, Failure> {
+        let base_from_tip = self.problem.base_from_world * pose;
+        let mut ways: Vec<Way> = Vec::new();
+        self.context.set_room(Room::Transit)?;
+        let reach = Reach {
+            point: Point::origin(),
+            axis: Vector::z(),
+            target: Point::from(base_from_tip.translation.vector),
+            direction: Vector::z(),
+            orientation: Some(base_from_tip.rotation.to_rotation_matrix().into_inner()),
+        };
+        for (index, posture) in self.postures.iter().enumerate() {
+            self.context.go_on()?;
+            // From the first posture KDL tries others too; that is as far as a pose out of reach is worth.
+            let seed = match reach::solve(&mut self.context.chain, &self.context.limits, &reach, posture) {
+                Some(near) => near,
+                None if index == 0 => posture.clone(),
+                None => continue,
+            };
+            let outcome =
+                self.context.kinematics.inverse(&base_from_tip, &seed).map_err(PlanningError::from)?;
+            let IkOutcome::Solved(q) = outcome else { continue };
+            self.tally.reached += 1;
+            let q = q.to_vec();
+            if !self.context.limits.contain(&q, 1e-9) || ways.iter().any(|w| same(&w.points[0], &q)) {
+                continue;
+            }
+            match self.context.scene.collisions(&q)?.into_iter().next() {
+                Some(pair) => self.tally.hit = Some(pair),
+                None => {
+                    let cost = cost(&self.context.limits, self.from, &q, 0.0);
+                    ways.push(Way { points: vec![q], cost });
+                }
+            }
+        }
+        if ways.is_empty() { Err(self.failure("pose")) } else { Ok(sorted(ways)) }
+    }
+
+    /// Arm angles that do what `reach` asks, found from the postures, but for those that `ways` end at.
+    pub fn ends(&mut self, reach: &Reach, ways: &[Way]) -> Result<Vec<Vec<f64>>, Failure> {
+        let mut ends: Vec<Vec<f64>> = Vec::new();
+        for posture in self.postures {
+            self.context.go_on()?;
+            let Some(end) = reach::solve(&mut self.context.chain, &self.context.limits, reach, posture)
+            else {
+                continue;
+            };
+            self.tally.reached += 1;
+            let known = |w: &Way| same(&w.points[w.points.len() - 1], &end);
+            if !ways.iter().any(known) && !ends.iter().any(|e| same(e, &end)) {
+                ends.push(end);
+            }
+        }
+        Ok(ends)
+    }
+
+    /// Adds the straight way into `end` to `ways` if it is free. `off` is the angle to the preferred hand
+    /// orientation, rad.
+    pub fn add_way(
+        &mut self,
+        reach: &Reach,
+        off: f64,
+        end: &[f64],
+        entry: Entry,
+        ways: &mut Vec<Way>,
+    ) -> Result<bool, Failure> {
+        self.context.go_on()?;
+        match self.way_down(reach, end, &entry, self.tally.hit.is_none())? {
+            Ok(points) => {
+                let cramped = matches!(entry, Entry::Place) && !self.hand_is_free_after(&entry, end)?;
+                let cost = cost(&self.context.limits, self.from, &points[0], off)
+                    + if cramped { CRAMPED } else { 0.0 };
+                ways.push(Way { points, cost });
+                Ok(true)
+            }
+            Err(hit) => {
+                self.tally.hit = self.tally.hit.take().or(hit);
+                Ok(false)
+            }
+        }
+    }
+
+    /// The straight way down to `end`, from its top to `end`, if it is free; otherwise what it hits, if that is asked for:
+    /// to name it takes longer than to see that there is something.
+    #[allow(clippy::type_complexity)]
+    fn way_down(
+        &mut self,
+        reach: &Reach,
+        end: &[f64],
+        entry: &Entry,
+        name_it: bool,
+    ) -> Result<Result<Vec<Vec<f64>>, Option<(String, String)>>, Failure> {
+        self.context.set_room(Room::Contact)?;
+        self.allow_entry(entry)?;
+        if !self.context.scene.is_free(end)? {
+            return Ok(Err(self.hit_at(end, name_it)?));
+        }
+        let rise = self.problem.up * self.approach_height;
+        let line = reach::line(&mut self.context.chain, &self.context.limits, reach, &rise, end);
+        if line.len() <= reach::line_steps(rise.norm()) {
+            return Ok(Err(None));
+        }
+        let search = self.context.limits_of_contact();
+        for pair in line.windows(2) {
+            if !self.context.scene.motion_is_free(&pair[0], &pair[1], &search)? {
+                return Ok(Err(self.hit_at(&pair[1], name_it)?));
+            }
+        }
+        if matches!(entry, Entry::Pick { .. }) && !self.hand_is_free_after(entry, end)? {
+            return Ok(Err(None));
+        }
+        self.context.set_room(Room::Transit)?;
+        let top = &line[line.len() - 1];
+        if !self.context.scene.is_free(top)? {
+            return Ok(Err(self.hit_at(top, name_it)?));
+        }
+        Ok(Ok(line.into_iter().rev().collect()))
+    }
+
+    fn hit_at(&mut self, q: &[f64], name_it: bool) -> Result<Option<(String, String)>, Failure> {
+        Ok(if name_it { self.context.scene.collisions(q)?.into_iter().next() } else { None })
+    }
+
+    /// Contacts that are part of the purpose: at the end of a pick the fingers may touch the block.
+    fn allow_entry(&mut self, entry: &Entry) -> Result<(), Failure> {
+        if let Entry::Pick { block, fingers_may_touch: true } = entry {
+            let model = self.context.model.clone();
+            if self.problem.request.obstacles.iter().any(|o| o.name == block.name()) {
+                for (k, link) in model.links.iter().enumerate() {
+                    if k != model.tip {
+                        self.context.scene.allow_contact(&link.name, block.name())?;
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// True if nothing is touched at `end` once the hand has closed around the block, or opened to let go of it.
+    fn hand_is_free_after(&mut self, entry: &Entry, end: &[f64]) -> Result<bool, Failure> {
+        let model = self.context.model.clone();
+        let pose = if matches!(entry, Entry::Pick { .. }) { "closed" } else { "open" };
+        let Ok(fingers) = model.pose("hand", pose) else { return Ok(true) };
+        self.context.set_room(Room::Contact)?;
+        if let Entry::Pick { block, .. } = entry
+            && self.problem.request.obstacles.iter().any(|o| o.name == block.name())
+        {
+            self.allow_hand(block.name())?;
+        }
+        self.context.scene.set_hand(fingers)?;
+        let free = self.context.scene.is_free(end)?;
+        self.context.scene.set_hand(&self.problem.request.hand)?;
+        Ok(free)
+    }
+
+    /// Lets the whole hand and what it carries touch `obstacle`.
+    fn allow_hand(&mut self, obstacle: &str) -> Result<(), Failure> {
+        for link in &self.context.model.links {
+            self.context.scene.allow_contact(&link.name, obstacle)?;
+        }
+        if let Some(object) = &self.problem.request.attached {
+            self.context.scene.allow_contact(&object.name, obstacle)?;
+        }
+        Ok(())
+    }
+
+    /// The reason why there is no way to `what`; another look may follow.
+    pub fn failure(&mut self, what: &str) -> Failure {
+        std::mem::take(&mut self.tally).failure(what)
+    }
+}
+
+impl Tally {
+    /// The reason why there is no way to `what`.
+    pub fn failure(self, what: &str) -> Failure {
+        if self.reached == 0 {
+            return Failure::new(PlanStatus::Unreachable, format!("The {what} is out of the hand's reach."));
+        }
+        match self.hit {
+            Some((a, b)) => Failure::new(
+                PlanStatus::GoalInCollision,
+                format!("At the {what} the hand would touch something: {a} and {b}."),
+            ),
+            None => Failure::new(
+                PlanStatus::Unreachable,
+                format!("The {what} cannot be approached from above: the arm is at its limits."),
+            ),
+        }
+    }
+}
