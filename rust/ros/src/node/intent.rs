@@ -40,6 +40,8 @@ struct IntentNode {
     state: Tagged<Instant>,
     /// In lock-step.
     person: Tagged<TickInput>,
+    /// In real time: of the newest message.
+    person_tick: Option<SimTime>,
     position: Option<Point>,
     said: Option<IntentOutput>,
     block_id: Publisher<Text>,
@@ -61,6 +63,7 @@ pub fn run_intent(parts: IntentParts) -> Result<(), NodeError> {
         parts,
         state: Tagged::default(),
         person: Tagged::default(),
+        person_tick: None,
         position: None,
         said: None,
         block_id: graph.publish("block_id", 1, false)?,
@@ -144,7 +147,11 @@ impl IntentNode {
     fn hear_person(&mut self, tick: SimTime, input: TickInput) {
         if self.common.lockstep {
             self.hear_tagged(|node| node.person.take(tick, input));
-        } else if let Some(gaze) = GazeMeasurement::of(&input) {
+            return;
+        }
+        // After a restart of the master a connection may be there twice, and every message come twice.
+        let again = self.person_tick.replace(tick) == Some(tick);
+        if let Some(gaze) = GazeMeasurement::of(&input).filter(|_| !again) {
             self.infer_now(Some(gaze));
         }
     }

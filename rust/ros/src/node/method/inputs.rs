@@ -11,6 +11,7 @@ use crate::{
     },
     node::{Graph, NodeError, convert, graph::Jobs, stage::Stage, wire},
 };
+use proact_emg::EmgOutput;
 use proact_tasks::PlaceRegion;
 use proact_testbed::{
     MethodName,
@@ -33,6 +34,8 @@ pub(super) struct Heard {
     /// From our EMG stage: decisions in their order, then what it said last.
     decisions: VecDeque<EmgStageOutput>,
     gesture: EmgStageOutput,
+    /// The newest decision, and its tick.
+    decided: Option<(SimTime, Option<EmgOutput>)>,
     intent: IntentOutput,
     /// When somebody else's block was looked at, and the telling kind of messages about gaze with its last values.
     highlighted_at: Option<SimTime>,
@@ -67,6 +70,7 @@ impl Heard {
         Self {
             decisions: VecDeque::new(),
             gesture: EmgStageOutput::default(),
+            decided: None,
             intent,
             highlighted_at: None,
             told: Default::default(),
@@ -183,7 +187,7 @@ fn listen_to_stages(graph: &Graph, jobs: &Jobs<MethodNode>) -> Result<Vec<Subscr
                     let new = node.decision.take(SimTime(m.tick), output);
                     node.answer(new);
                 }
-                Ok(output) => node.decide(output),
+                Ok(output) => node.decide(SimTime(m.tick), output),
                 Err(reason) => node.common.faults.refuse("decision", &reason),
             }
         })?,
@@ -196,7 +200,10 @@ fn listen_to_stages(graph: &Graph, jobs: &Jobs<MethodNode>) -> Result<Vec<Subscr
                 }
                 Ok(output) => {
                     // The stage's ticks are not quite these; a measurement that waits is not to be lost.
-                    let heard = output.heard.or(node.heard.intent.heard);
+                    let heard = match node.heard.intent.heard {
+                        Some(GazeHeard::Fresh) => Some(GazeHeard::Fresh),
+                        before => output.heard.or(before),
+                    };
                     node.heard.highlighted_at = output.highlight.map(|_| node.common.now());
                     node.heard.intent = IntentOutput { heard, ..output };
                 }
@@ -295,7 +302,13 @@ impl MethodNode {
     }
 
     /// What our EMG stage says. A change of gesture, and a message, act at once.
-    fn decide(&mut self, output: EmgStageOutput) {
+    fn decide(&mut self, tick: SimTime, output: EmgStageOutput) {
+        // After a restart of the master a connection may be there twice, and every message come twice.
+        if output.decision.is_some()
+            && self.heard.decided.replace((tick, output.decision)) == Some((tick, output.decision))
+        {
+            return;
+        }
         let acts = output.message.is_some() || output.gesture != self.heard.gesture.gesture;
         let kept = EmgStageOutput { message: None, decision: None, events: vec![], ..output.clone() };
         self.heard.gesture = kept;
