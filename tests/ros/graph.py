@@ -168,6 +168,10 @@ class Inbox:
                 del self.messages[0], self.times[0]
             self.condition.notify_all()
 
+    def connected(self):
+        """Whether a publisher answered: rospy counts a connection before it asks for one."""
+        return any(connection.md5sum for connection in self.subscriber.impl.connections)
+
     def clear(self):
         with self.condition:
             self.messages.clear()

@@ -232,7 +232,7 @@ class Replaced(unittest.TestCase):
         try:
             for publisher in (emg, block):
                 graph.until(lambda: publisher.get_num_connections() == 1, "the method as subscriber")
-            graph.until(lambda: requests.subscriber.get_num_connections() == 1, "the method as publisher")
+            graph.until(requests.connected, "the method as publisher")
 
             def make(gesture, true, what):
                 def tried():

@@ -145,7 +145,7 @@ class Bridge(unittest.TestCase):
         # In the other's own order: when it hears of the service it has subscribed.
         other.call("/rosapi/get_time")
         heard = graph.Inbox("/lab/chat", String)
-        graph.until(lambda: heard.subscriber.get_num_connections() > 0, "the bridge as publisher")
+        graph.until(heard.connected, "the bridge as publisher")
         for n in range(50):
             CLIENT.send("publish", topic="/lab/chat", msg={"data": str(n)})
         other.topic("/lab/chat", lambda m: m["data"] == "49")
