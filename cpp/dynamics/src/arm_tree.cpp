@@ -27,6 +27,12 @@ Symmetric rotated(const Quat& q, const Symmetric& m) {
           a.y * x.y + b.y * y.y + c.y * z.y, a.y * x.z + b.y * y.z + c.y * z.z, a.z * x.z + b.z * y.z + c.z * z.z};
 }
 
+Pose moved(const Pose& pose, const Vec3& linear, const Vec3& angular, double secs) {
+  const double speed = norm(angular);
+  const Quat turn = speed > 0.0 ? about_axis(angular * (1.0 / speed), speed * secs) : Quat{};
+  return {pose.position + linear * secs, normalized(turn * pose.rotation)};
+}
+
 Symmetric point_inertia(double mass, const Vec3& r) {
   return {mass * (r.y * r.y + r.z * r.z), -mass * r.x * r.y, -mass * r.x * r.z,
           mass * (r.x * r.x + r.z * r.z), -mass * r.y * r.z, mass * (r.x * r.x + r.y * r.y)};

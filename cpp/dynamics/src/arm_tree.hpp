@@ -38,6 +38,9 @@ struct FrameMotion {
   Vec3 angular;
 };
 
+/// Where a frame is after `secs` at a constant twist.
+Pose moved(const Pose& pose, const Vec3& linear, const Vec3& angular, double secs);
+
 /// How the base moves: its twist, and what its velocity gains in a second.
 struct BaseMotion {
   Vec3 linear;

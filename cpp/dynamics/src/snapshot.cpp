@@ -1,13 +1,10 @@
-// Saving and restoring a world, bit for bit.
-//
-// Bodies and hinges are built again rather than saved: building depends on nothing but the saved numbers. The
-// bodies' places are saved beside the angles, because they carry the small errors of ODE's joints.
+#include "snapshot.hpp"
 
-#include "simulation.hpp"
-
-#include <algorithm>
+#include <cmath>
+#include <cstdint>
 #include <limits>
 #include <stdexcept>
+#include <string>
 #include <utility>
 
 namespace proact::dynamics {
@@ -33,11 +30,11 @@ class Writer {
   void add_all(const std::vector<T>& values) {
     for (const auto& value : values) add(static_cast<double>(value));
   }
-  void add(dBodyID body) {
-    add(body_pose(body));
-    add(to_vec(dBodyGetLinearVel(body)));
-    add(to_vec(dBodyGetAngularVel(body)));
-    add(dBodyIsEnabled(body));
+  void add(const BodyBits& body) {
+    add(body.pose);
+    add(body.linear);
+    add(body.angular);
+    add(body.enabled ? 1.0 : 0.0);
   }
   std::vector<double> take() { return std::move(numbers_); }
 
@@ -88,20 +85,27 @@ class Reader {
     }
     return pose;
   }
-  void all(std::vector<double>& out) {
+  std::vector<double> numbers(std::size_t count) {
+    std::vector<double> out(count);
     for (double& value : out) value = number();
+    return out;
   }
-  void all(std::vector<int>& out, int low, int high) {
+  std::vector<int> wholes(std::size_t count, int low, int high) {
+    std::vector<int> out(count);
     for (int& value : out) value = whole(low, high);
+    return out;
   }
-  void all(std::vector<bool>& out) {
-    for (std::size_t k = 0; k < out.size(); ++k) out[k] = whole(0, 1) != 0;
+  std::vector<bool> flags(std::size_t count) {
+    std::vector<bool> out(count);
+    for (std::size_t k = 0; k < count; ++k) out[k] = flag();
+    return out;
   }
+  bool flag() { return whole(0, 1) != 0; }
   BodyBits body() {
     const Pose at = pose();
     const Vec3 linear = vec();
     const Vec3 angular = vec();
-    return {at, linear, angular, whole(0, 1) != 0};
+    return {at, linear, angular, flag()};
   }
   void finish() const {
     if (next_ != numbers_.size()) {
@@ -114,64 +118,59 @@ class Reader {
   std::size_t next_ = 0;
 };
 
-}  // namespace
-
-void BodyBits::put(dBodyID body) const {
-  set_body_pose(body, pose);
-  // ODE has just normalized the quaternion again, which can change its last bit, so the bits are written over it.
-  // The bodies are ODE's own, none of them constant.
-  dReal* q = const_cast<dReal*>(dBodyGetQuaternion(body));
-  const dQuaternion exact{pose.rotation.w, pose.rotation.x, pose.rotation.y, pose.rotation.z};
-  std::copy(std::begin(exact), std::end(exact), q);
-  dQtoR(exact, const_cast<dReal*>(dBodyGetRotation(body)));
-  dBodySetLinearVel(body, linear.x, linear.y, linear.z);
-  dBodySetAngularVel(body, angular.x, angular.y, angular.z);
-  if (enabled) {
-    dBodyEnable(body);
-  } else {
-    dBodyDisable(body);
+/// Bodies of ODE that the arm consists of while the joints `held` are rigid.
+std::size_t arm_bodies(const Model& model, const std::vector<bool>& held) {
+  // The arm in joint angles has none.
+  if (model.options.arm == ArmEquations::reduced) return 0;
+  std::size_t bodies = 1;
+  for (std::size_t k = 0; k < held.size(); ++k) {
+    if (movable(model.joints[model.moving[k]]) && !held[k]) ++bodies;
   }
+  return bodies;
 }
 
-std::vector<double> World::Simulation::save() const {
-  if (!failure_.empty()) throw std::runtime_error(failure_);
+}  // namespace
+
+std::vector<double> to_numbers(const Model& model, const Snapshot& snapshot) {
   Writer out;
-  for (const std::size_t size : {model_.links.size(), positions_.size(), blocks_.size(), bodies_.size()}) {
+  const ArmJoints::State& joints = snapshot.joints;
+  for (const std::size_t size :
+       {model.links.size(), joints.positions.size(), snapshot.blocks.size(), snapshot.arm.bodies.size()}) {
     out.add(static_cast<double>(size));
   }
-  out.add_all(positions_);
-  out.add_all(velocities_);
-  out.add_all(efforts_);
-  out.add_all(last_command_);
-  out.add_all(gains_command_);
-  out.add_all(held_);
-  out.add_all(still_ticks_);
-  out.add_all(stop_);
-  out.add_all(motor_states_);
-  out.add_all(parted_);
-  out.add_all(until_sleep_);
-  out.add(built_base_);
-  out.add(world_from_base_);
-  out.add(base_linear_);
-  out.add(base_angular_);
-  out.add(base_held_ ? 1.0 : 0.0);
-  out.add(static_cast<double>(model_.options.seed));
-  out.add(static_cast<double>(complaints_));
-  out.add(attached_ ? 1.0 : 0.0);
-  if (attached_) {
-    out.add(static_cast<double>(attached_->block));
-    out.add(static_cast<double>(attached_->link));
-    out.add(attached_->link_from_block);
+  out.add_all(joints.positions);
+  out.add_all(joints.velocities);
+  out.add_all(joints.efforts);
+  out.add_all(joints.last_command);
+  out.add_all(snapshot.control.gains_command);
+  out.add_all(joints.held);
+  out.add_all(joints.still_ticks);
+  out.add_all(snapshot.control.stop);
+  out.add_all(snapshot.arm.motor_states);
+  out.add_all(snapshot.parted);
+  out.add_all(snapshot.until_sleep);
+  out.add(snapshot.arm.built_base);
+  out.add(snapshot.base.world_from_base);
+  out.add(snapshot.base.linear);
+  out.add(snapshot.base.angular);
+  out.add(snapshot.base.held ? 1.0 : 0.0);
+  out.add(static_cast<double>(snapshot.ode.seed));
+  out.add(static_cast<double>(snapshot.ode.complaints));
+  out.add(snapshot.attached ? 1.0 : 0.0);
+  if (snapshot.attached) {
+    out.add(static_cast<double>(snapshot.attached->block));
+    out.add(static_cast<double>(snapshot.attached->link));
+    out.add(snapshot.attached->link_from_block);
   }
-  for (const BodyState& block : blocks_) {
+  for (const BodyState& block : snapshot.blocks) {
     out.add(block.pose);
     out.add(block.linear);
     out.add(block.angular);
   }
-  for (const dBodyID body : bodies_) out.add(body);
-  for (const dBodyID body : block_bodies_) out.add(body);
-  out.add(static_cast<double>(contacts_.size()));
-  for (const Contact& contact : contacts_) {
+  for (const BodyBits& body : snapshot.arm.bodies) out.add(body);
+  for (const BodyBits& body : snapshot.block_bodies) out.add(body);
+  out.add(static_cast<double>(snapshot.contacts.size()));
+  for (const Contact& contact : snapshot.contacts) {
     out.add(static_cast<double>(contact.block));
     out.add(static_cast<double>(contact.link));
     out.add(contact.point);
@@ -181,9 +180,10 @@ std::vector<double> World::Simulation::save() const {
   return out.take();
 }
 
-void World::Simulation::restore(const std::vector<double>& numbers) {
-  if (!failure_.empty()) throw std::runtime_error(failure_);
-  // All is read and checked before anything changes.
+Snapshot from_numbers(const Model& model, const std::vector<double>& numbers) {
+  const std::size_t links = model.links.size();
+  const std::size_t joints = model.moving.size();
+  const std::size_t blocks = model.blocks.size();
   Reader in(numbers);
   const auto same = [&](const char* what, std::size_t expected) {
     const std::size_t got = in.index(what, 1000000);
@@ -191,99 +191,56 @@ void World::Simulation::restore(const std::vector<double>& numbers) {
       throw std::invalid_argument("snapshot: " + std::to_string(got) + " " + what + ", this world has " + std::to_string(expected));
     }
   };
-  same("links", model_.links.size());
-  same("joints", positions_.size());
-  same("blocks", blocks_.size());
-  const std::size_t body_count = in.index("bodies", model_.links.size() + 1);
-  std::vector<double> positions(positions_.size());
-  std::vector<double> velocities(positions_.size());
-  std::vector<double> efforts(positions_.size());
-  std::vector<double> last_command(positions_.size());
-  std::vector<double> gains_command(positions_.size());
-  std::vector<bool> held(held_.size());
-  std::vector<int> still_ticks(still_ticks_.size());
-  std::vector<int> stop(stop_.size());
-  std::vector<int> motor_states(motor_states_.size());
-  std::vector<bool> parted(parted_.size());
-  std::vector<int> until_sleep(until_sleep_.size());
-  in.all(positions);
-  in.all(velocities);
-  in.all(efforts);
-  in.all(last_command);
-  in.all(gains_command);
-  in.all(held);
-  in.all(still_ticks, 0, most);
-  in.all(stop, -1, 1);
-  in.all(motor_states, -1, 1);
-  in.all(parted);
-  in.all(until_sleep, -most, most);
-  const Pose built_base = in.pose();
-  const Pose world_from_base = in.pose();
-  const Vec3 base_linear = in.vec();
-  const Vec3 base_angular = in.vec();
-  const bool base_held = in.whole(0, 1) != 0;
-  const auto seed = static_cast<unsigned long>(in.index("seed", whole_numbers));
-  const auto complaints = static_cast<std::uint64_t>(in.index("count of complaints", whole_numbers));
-  std::optional<Attachment> attached;
-  if (in.whole(0, 1) != 0) {
-    const std::size_t block = in.index("attached block", blocks_.size());
-    const std::size_t link = in.index("attached link", model_.links.size());
-    attached = Attachment{block, link, in.pose()};
+  same("links", links);
+  same("joints", joints);
+  same("blocks", blocks);
+  const std::size_t body_count = in.index("bodies", links + 1);
+
+  Snapshot out;
+  out.joints.positions = in.numbers(joints);
+  out.joints.velocities = in.numbers(joints);
+  out.joints.efforts = in.numbers(joints);
+  out.joints.last_command = in.numbers(joints);
+  out.control.gains_command = in.numbers(joints);
+  out.joints.held = in.flags(joints);
+  out.joints.still_ticks = in.wholes(joints, 0, most);
+  out.control.stop = in.wholes(joints, -1, 1);
+  out.arm.motor_states = in.wholes(joints, -1, 1);
+  out.parted = in.flags(links * blocks);
+  out.until_sleep = in.wholes(blocks, -most, most);
+  out.arm.built_base = in.pose();
+  out.base.world_from_base = in.pose();
+  out.base.linear = in.vec();
+  out.base.angular = in.vec();
+  out.base.held = in.flag();
+  out.ode.seed = static_cast<unsigned long>(in.index("seed", whole_numbers));
+  out.ode.complaints = static_cast<std::uint64_t>(in.index("count of complaints", whole_numbers));
+  if (in.flag()) {
+    const std::size_t block = in.index("attached block", blocks);
+    const std::size_t link = in.index("attached link", links);
+    out.attached = Attachment{block, link, in.pose()};
   }
-  std::vector<BodyState> blocks(blocks_.size());
-  for (BodyState& block : blocks) {
+  out.blocks.resize(blocks);
+  for (BodyState& block : out.blocks) {
     block.pose = in.pose();
     block.linear = in.vec();
     block.angular = in.vec();
   }
-  // The arm in joint angles has no bodies of ODE.
-  std::size_t hinges = reduced() ? 0 : 1;
-  for (std::size_t k = 0; k < model_.joints.size() && !reduced(); ++k) {
-    const bool immovable = moving_of_joint_[k] >= held.size() || !movable(k);
-    if (!immovable && !held[moving_of_joint_[k]]) ++hinges;
+  if (const std::size_t needed = arm_bodies(model, out.joints.held); needed != body_count) {
+    throw std::invalid_argument("snapshot: " + std::to_string(body_count) + " bodies, its free joints need " + std::to_string(needed));
   }
-  if (hinges != body_count) {
-    throw std::invalid_argument("snapshot: " + std::to_string(body_count) + " bodies, its free joints need " + std::to_string(hinges));
-  }
-  std::vector<BodyBits> bodies;
-  for (std::size_t k = 0; k < body_count + blocks.size(); ++k) bodies.push_back(in.body());
-  std::vector<Contact> contacts(in.index("contacts", contact_capacity + 1));
-  for (Contact& contact : contacts) {
-    contact.block = in.index("contact's block", blocks_.size());
-    contact.link = in.index("contact's link", model_.links.size());
+  for (std::size_t k = 0; k < body_count; ++k) out.arm.bodies.push_back(in.body());
+  for (std::size_t k = 0; k < blocks; ++k) out.block_bodies.push_back(in.body());
+  out.contacts.resize(in.index("contacts", World::contact_capacity + 1));
+  for (Contact& contact : out.contacts) {
+    contact.block = in.index("contact's block", blocks);
+    contact.link = in.index("contact's link", links);
     contact.point = in.vec();
     contact.normal = in.vec();
     contact.force = in.number();
   }
   in.finish();
-
-  positions_ = positions;
-  velocities_ = velocities;
-  efforts_ = efforts;
-  last_command_ = last_command;
-  gains_command_ = gains_command;
-  held_ = held;
-  still_ticks_ = still_ticks;
-  stop_ = stop;
-  motor_states_ = motor_states;
-  parted_ = parted;
-  until_sleep_ = until_sleep;
-  base_linear_ = base_linear;
-  base_angular_ = base_angular;
-  base_held_ = base_held;
-  model_.options.seed = seed;
-  complaints_ = complaints;
-  attached_ = attached;
-  blocks_ = blocks;
-  dJointGroupEmpty(contact_group_.get());
-  measured_.clear();
-  contacts_.assign(contacts.begin(), contacts.end());
-  // Where the base was when the bodies were last built decides how their shape was rounded.
-  world_from_base_ = built_base;
-  build_arm();
-  world_from_base_ = world_from_base;
-  for (std::size_t k = 0; k < bodies_.size(); ++k) bodies[k].put(bodies_[k]);
-  for (std::size_t k = 0; k < block_bodies_.size(); ++k) bodies[body_count + k].put(block_bodies_[k]);
+  return out;
 }
 
 }  // namespace proact::dynamics

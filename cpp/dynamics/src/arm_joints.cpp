@@ -1,0 +1,73 @@
+#include "arm_joints.hpp"
+
+#include "no_index.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace proact::dynamics {
+
+namespace {
+
+// A joint with a smaller range does not move at all.
+constexpr double immovable_range = 1e-9;
+
+}  // namespace
+
+bool movable(const Joint& joint) { return !joint.fixed && joint.upper - joint.lower >= immovable_range; }
+
+ArmJoints::ArmJoints(const Model& model) : model_(model), moving_of_joint_(model.joints.size(), no_index) {
+  const std::size_t joints = model.moving.size();
+  for (std::size_t k = 0; k < joints; ++k) moving_of_joint_[model.moving[k]] = k;
+  state_.positions = model.positions;
+  state_.velocities.assign(joints, 0.0);
+  state_.efforts.assign(joints, 0.0);
+  state_.last_command = model.positions;
+  state_.held.assign(joints, false);
+  state_.still_ticks.assign(joints, 0);
+  for (std::size_t k = model.arm_count; k < joints && model.options.hold_still_hand; ++k) {
+    state_.held[k] = true;
+    state_.still_ticks[k] = model.options.hold_ticks;
+  }
+}
+
+void ArmJoints::restore(State state) { state_ = std::move(state); }
+
+bool ArmJoints::rigid(std::size_t joint) const {
+  return !movable(model_.joints[joint]) || state_.held[moving_of_joint_[joint]];
+}
+
+bool ArmJoints::all_finite() const {
+  return std::all_of(state_.velocities.begin(), state_.velocities.end(), [](double value) { return std::isfinite(value); });
+}
+
+bool ArmJoints::choose_rigid(const double* position, const double* velocity) {
+  const Options& options = model_.options;
+  auto& [positions, velocities, efforts, last_command, held, still_ticks] = state_;
+  bool changed = false;
+  for (std::size_t k = model_.arm_count; k < model_.moving.size(); ++k) {
+    const bool commanded = std::fabs(position[k] - last_command[k]) > 1e-9 || std::fabs(velocity[k]) > 1e-9;
+    const bool reached =
+        std::fabs(position[k] - positions[k]) < options.hold_error && std::fabs(velocities[k]) < options.hold_speed;
+    still_ticks[k] = commanded || !(reached || held[k]) ? 0 : still_ticks[k] + 1;
+    const bool hold = options.hold_still_hand && still_ticks[k] >= options.hold_ticks;
+    if (hold != held[k]) {
+      held[k] = hold;
+      velocities[k] = hold ? 0.0 : velocities[k];
+      changed = true;
+    }
+  }
+  std::copy(position, position + model_.moving.size(), last_command.begin());
+  return changed;
+}
+
+void ArmJoints::move(std::size_t moving, double position, double velocity, double effort) {
+  state_.positions[moving] = position;
+  state_.velocities[moving] = velocity;
+  state_.efforts[moving] = effort;
+}
+
+void ArmJoints::clear_efforts() { std::fill(state_.efforts.begin(), state_.efforts.end(), 0.0); }
+
+}  // namespace proact::dynamics

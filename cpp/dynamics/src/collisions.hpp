@@ -1,0 +1,60 @@
+// Who touches whom. Every pair is visited in the same order whatever happened before, so that the contacts and
+// with them the results depend on nothing but the state.
+#pragma once
+
+#include "block_bodies.hpp"
+#include "carrying.hpp"
+#include "geoms.hpp"
+#include "proact/dynamics/world.hpp"
+#include "touch.hpp"
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+namespace proact::dynamics {
+
+class Arm;
+
+class Collisions {
+ public:
+  Collisions(const Model& model, const Geoms& geoms, const BlockBodies& blocks, const Carrying& carrying);
+
+  /// Finds what touches in this tick, and brakes blocks that roll. Expects all shapes placed.
+  void find(const Arm& arm);
+  /// Throws std::invalid_argument if a block overlaps anything. Expects all shapes placed.
+  void refuse_overlaps();
+  /// From now on a block touches each link only once they have come apart.
+  void let_come_apart(std::size_t block);
+
+  /// All of this tick.
+  const std::vector<Touch>& touches() const { return touches_; }
+  /// Those of blocks with links.
+  const std::vector<Contact>& contacts() const { return contacts_; }
+  void set_force(std::size_t contact, double force) { contacts_[contact].force = force; }
+
+  /// [block][link]: contacts act.
+  const std::vector<bool>& parted() const { return parted_; }
+  void restore(const std::vector<bool>& parted, const std::vector<Contact>& contacts);
+
+ private:
+  void find_links_with_fixed(const Arm& arm);
+  void find_blocks_with_fixed(const Arm& arm);
+  void find_blocks(const Arm& arm);
+  void find_blocks_with_links(const Arm& arm);
+  void add_found(const Side& first, const Side& second, double friction);
+  void refuse(const Geom& block, const Geom& other, const std::string& name);
+  Side side_of_block(const Arm& arm, std::size_t block) const;
+  bool resting(std::size_t block) const;
+
+  const Model& model_;
+  const Geoms& geoms_;
+  const BlockBodies& blocks_;
+  const Carrying& carrying_;
+  std::vector<bool> parted_;
+  std::vector<Touch> touches_;
+  std::vector<Contact> contacts_;
+  ContactPoints found_;  ///< of one pair
+};
+
+}  // namespace proact::dynamics

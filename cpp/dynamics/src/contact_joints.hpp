@@ -1,0 +1,35 @@
+// The contacts that ODE is to solve in a tick, as joints between its bodies.
+#pragma once
+
+#include "collisions.hpp"
+#include "touch.hpp"
+
+#include <cstddef>
+#include <vector>
+
+namespace proact::dynamics {
+
+class ContactJoints {
+ public:
+  ContactJoints(const Options& options, dWorldID world);
+
+  /// Forgets those of the last tick.
+  void clear();
+  /// Lets two things push each other in ODE's next step.
+  void push(const Touch& touch);
+  /// After ODE's step: tells the forces of listed contacts.
+  void read_forces(Collisions& collisions) const;
+
+ private:
+  struct Measured {
+    std::size_t contact;  ///< index in the list of contacts
+    dJointFeedback feedback;
+  };
+
+  const Options& options_;
+  dWorldID world_;
+  JointGroupPtr group_;
+  std::vector<Measured> measured_;
+};
+
+}  // namespace proact::dynamics

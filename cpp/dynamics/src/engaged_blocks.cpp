@@ -1,0 +1,83 @@
+#include "engaged_blocks.hpp"
+
+#include <algorithm>
+#include <iterator>
+
+namespace proact::dynamics {
+
+EngagedBlocks::EngagedBlocks(const Model& model, BlockBodies& blocks, ContactJoints& contact_joints)
+    : model_(model), blocks_(blocks), contact_joints_(contact_joints), slot_(blocks.count(), no_index) {
+  engaged_.reserve(blocks.count());
+  touches_.reserve(World::contact_capacity);
+}
+
+void EngagedBlocks::find(const std::vector<Touch>& touches) {
+  for (const std::size_t block : engaged_) slot_[block] = no_index;
+  engaged_.clear();
+  const auto engage = [&](const Side& side) {
+    if (side.block == no_index || slot_[side.block] != no_index) return false;
+    slot_[side.block] = engaged_.size();
+    engaged_.push_back(side.block);
+    blocks_.keep_awake(side.block);
+    return true;
+  };
+  const auto moves = [&](const Side& side) {
+    return side.arm != no_index || (side.block != no_index && slot_[side.block] != no_index);
+  };
+  for (bool grown = true; grown;) {
+    grown = false;
+    for (const Touch& touch : touches) {
+      if (moves(touch.first) || moves(touch.second)) grown = engage(touch.first) || grown;
+      if (moves(touch.first) || moves(touch.second)) grown = engage(touch.second) || grown;
+    }
+  }
+  touches_.clear();
+  for (const Touch& touch : touches) {
+    if (moves(touch.first) || moves(touch.second)) {
+      touches_.push_back(touch);
+    } else {
+      contact_joints_.push(touch);
+    }
+  }
+}
+
+void EngagedBlocks::add_to(VelocityProblem& problem, std::size_t hinges) {
+  problem.blocks.clear();
+  for (std::size_t slot = 0; slot < engaged_.size(); ++slot) {
+    const dBodyID body = blocks_.body(engaged_[slot]);
+    dMass mass;
+    dBodyGetMass(body, &mass);
+    const Symmetric own{mass.I[0], mass.I[1], mass.I[2], mass.I[5], mass.I[6], mass.I[10]};
+    const Symmetric inertia = rotated(to_quat(dBodyGetQuaternion(body)), own);
+    const Vec3 linear = linear_velocity(body);
+    const Vec3 angular = angular_velocity(body);
+    const Vec3 spin = inertia * angular;
+    const Vec3 torque = to_vec(dBodyGetTorque(body)) - cross(angular, spin);
+    dBodySetTorque(body, 0, 0, 0);
+    problem.blocks.push_back({mass.mass, inertia, (linear + model_.options.gravity * tick_secs) * mass.mass,
+                              spin + torque * tick_secs});
+    const double twist[6] = {linear.x, linear.y, linear.z, angular.x, angular.y, angular.z};
+    std::copy(std::begin(twist), std::end(twist), problem.velocity.begin() + static_cast<std::ptrdiff_t>(hinges + 6 * slot));
+  }
+}
+
+void EngagedBlocks::move(const VelocityProblem& problem, std::size_t hinges) {
+  for (std::size_t slot = 0; slot < engaged_.size(); ++slot) {
+    const dBodyID body = blocks_.body(engaged_[slot]);
+    const double* const twist = &problem.velocity[hinges + 6 * slot];
+    const Vec3 linear{twist[0], twist[1], twist[2]};
+    const Vec3 angular{twist[3], twist[4], twist[5]};
+    set_body_pose(body, moved(body_pose(body), linear, angular, tick_secs));
+    set_body_velocity(body, linear, angular);
+  }
+}
+
+void EngagedBlocks::keep_from_ode() {
+  for (const std::size_t block : engaged_) dBodyDisable(blocks_.body(block));
+}
+
+void EngagedBlocks::give_back() {
+  for (const std::size_t block : engaged_) dBodyEnable(blocks_.body(block));
+}
+
+}  // namespace proact::dynamics

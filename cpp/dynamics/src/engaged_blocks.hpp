@@ -1,0 +1,44 @@
+// The blocks that hang together with the arm in joint angles by contacts. All other blocks are ODE's.
+#pragma once
+
+#include "block_bodies.hpp"
+#include "contact_joints.hpp"
+#include "touch.hpp"
+#include "velocity_problem.hpp"
+
+#include <cstddef>
+#include <vector>
+
+namespace proact::dynamics {
+
+class EngagedBlocks {
+ public:
+  EngagedBlocks(const Model& model, BlockBodies& blocks, ContactJoints& contact_joints);
+
+  /// Finds the blocks that touch the arm, or each other and one of them the arm; hands all other contacts to ODE.
+  void find(const std::vector<Touch>& touches);
+
+  std::size_t count() const { return engaged_.size(); }
+  /// The contacts that act on the arm or on an engaged block.
+  const std::vector<Touch>& touches() const { return touches_; }
+  /// Place of an engaged block among them.
+  std::size_t slot(std::size_t block) const { return slot_[block]; }
+
+  /// Adds masses, momenta and present speeds to a problem of `hinges` hinges.
+  void add_to(VelocityProblem& problem, std::size_t hinges);
+  /// Moves the blocks by a tick at the speeds of `problem`.
+  void move(const VelocityProblem& problem, std::size_t hinges);
+  /// What hangs together with the arm is none of ODE's business in a tick.
+  void keep_from_ode();
+  void give_back();
+
+ private:
+  const Model& model_;
+  BlockBodies& blocks_;
+  ContactJoints& contact_joints_;
+  std::vector<std::size_t> engaged_;
+  std::vector<std::size_t> slot_;  ///< by block: its place in engaged_, or no_index
+  std::vector<Touch> touches_;
+};
+
+}  // namespace proact::dynamics

@@ -1,0 +1,88 @@
+#include "joint_control.hpp"
+
+#include "ode_runtime.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace proact::dynamics {
+
+namespace {
+
+// Below this speed Coulomb friction fades to zero, so that a joint at rest is not pushed to and fro, rad/s.
+constexpr double friction_fade = 0.01;
+// A joint is at its stop from this far beyond its limit, rad: a command to the limit itself ends a little
+// beside it.
+constexpr double stop_slack = 1e-4;
+
+}  // namespace
+
+JointControl::JointControl(const Model& model, const ArmJoints& joints)
+    : model_(model), joints_(joints), state_{model.positions, std::vector<int>(model.moving.size(), 0)} {}
+
+void JointControl::restore(State state) { state_ = std::move(state); }
+
+Motor JointControl::motor(std::size_t moving, double position, double velocity) {
+  const bool gains = joint(moving).proportional_gain > 0.0;
+  return gains ? by_gains(moving, position) : by_position(moving, position, velocity);
+}
+
+/// Whether a joint is on a stop: once beyond its limit, and until the control alone can hold it.
+int JointControl::stop_of(std::size_t moving) const {
+  const Joint& own = joint(moving);
+  if (const int stop = state_.stop[moving]; stop != 0) {
+    const double control = own.proportional_gain > 0.0 ? -stop * gains_torque(moving, 0.0) : own.effort;
+    return -stop * joints_.efforts()[moving] > control ? stop : 0;
+  }
+  const double position = joints_.positions()[moving];
+  if (position > own.upper + stop_slack) return 1;
+  return position < own.lower - stop_slack ? -1 : 0;
+}
+
+/// Position control as a speed constraint with bounded torque: at the end of the tick the joint has the speed
+/// that closes the gap, unless that takes more than the effort limit. Gravity therefore leaves no sag.
+///
+/// A stop is the same constraint at the limit without a bound. ODE's own stops are not used: a motor that drives
+/// away from one acts with its full torque for a tick, which throws light fingers.
+Motor JointControl::by_position(std::size_t moving, double position, double velocity) {
+  const Options& options = model_.options;
+  const Joint& own = joint(moving);
+  const int stop = stop_of(moving);
+  state_.stop[moving] = stop;
+  const bool stopped = stop != 0;
+  const double command = stopped ? (stop > 0 ? own.upper : own.lower) : position;
+  const double ahead = stopped ? 0.0 : velocity;
+  const double target = std::clamp(command, own.lower, own.upper);
+  // The command is for the end of the tick: what its own speed covers is no error.
+  const double error = target - joints_.positions()[moving] - ahead * tick_secs;
+  const double fastest = options.catch_up * own.velocity;
+  return {std::clamp(ahead + options.position_gain * error, -fastest, fastest), stopped ? dInfinity : own.effort,
+          own.damping + own.friction / std::max(std::fabs(joints_.velocities()[moving]), friction_fade), 0.0, 0.0};
+}
+
+/// Torque of a joint's gains at its present angle while its command moves at `speed` and the joint does not.
+double JointControl::gains_torque(std::size_t moving, double speed) const {
+  const Joint& own = joint(moving);
+  const double command = std::clamp(state_.gains_command[moving], own.lower, own.upper);
+  return own.proportional_gain * (command - joints_.positions()[moving]) + own.derivative_gain * speed;
+}
+
+/// Proportional and derivative gain on the difference to a command of bounded speed, as it is at the end of the tick:
+/// taken from its start, such gains would shake light fingers. Nothing bears gravity, so that the arm sags.
+Motor JointControl::by_gains(std::size_t moving, double position) {
+  const Joint& own = joint(moving);
+  double& command = state_.gains_command[moving];
+  const double farthest = model_.options.gains_command_speed * tick_secs;
+  const double way = std::clamp(position - command, -farthest, farthest);
+  command += way;
+  Motor motor = by_position(moving, command, 0.0);
+  if (state_.stop[moving] != 0) return motor;
+  motor.limit = 0.0;
+  motor.torque = gains_torque(moving, way / tick_secs);
+  motor.slope = own.derivative_gain + own.proportional_gain * tick_secs;
+  motor.rubbing += motor.slope;
+  return motor;
+}
+
+}  // namespace proact::dynamics

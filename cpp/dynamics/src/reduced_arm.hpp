@@ -1,0 +1,70 @@
+// The arm in joint angles. What it touches is solved together with it.
+#pragma once
+
+#include "arm.hpp"
+#include "arm_tree.hpp"
+#include "engaged_blocks.hpp"
+#include "near_links.hpp"
+#include "velocity_problem.hpp"
+
+#include <array>
+#include <cstddef>
+#include <vector>
+
+namespace proact::dynamics {
+
+/// A tick of the arm is half a tick of drift, the change of the speeds, and the other half: second order, so that an arm
+/// without damping keeps its energy. What it touches is found halfway.
+class ReducedArm final : public Arm {
+ public:
+  explicit ReducedArm(const ArmSurroundings& surroundings);
+
+  void build() override;
+  void drive(const double* position, const double* velocity) override;
+  void place_geoms() override;
+  bool push(Collisions& collisions) override;
+  void finish() override;
+  Side side_of_link(std::size_t link) const override { return {nullptr, no_index, links_.body_of(link)}; }
+  FrameMotion motion(std::size_t body) const override;
+  bool moved_by_ode() const override { return false; }
+  bool all_finite() const override { return true; }
+  State state() const override { return {Pose{}, motor_states_, {}}; }
+  void restore(const State& state) override;
+
+ private:
+  void join_links();
+  void sum_masses();
+  void add_mass(std::size_t body, double mass, const Vec3& centre, const Symmetric& about_centre);
+  void make_room();
+  void hang_blocks();
+  bool drive_freely();
+  bool solve_with_contacts(Collisions& collisions);
+  void set_up_hinges();
+  bool settle_speeds();
+  void add_contact(const Touch& touch);
+  void add_side(const Side& side, double sign, const std::array<Vec3, 3>& directions, const Vec3& point);
+  std::size_t moving(std::size_t hinge) const { return tree_.bodies[hinge + 1].moving; }
+
+  const Model& model_;
+  const MovingBase& base_;
+  ArmJoints& joints_;
+  JointControl& control_;
+  const BlockBodies& blocks_;
+  const Carrying& carrying_;
+  Geoms& geoms_;
+
+  ArmTree tree_;
+  VelocityProblem problem_;
+  NearLinks near_links_;
+  EngagedBlocks engaged_;
+  std::vector<int> motor_states_;        ///< by moving joint: 0, or +-1 where the control gave its limit
+  std::vector<Motor> motors_;            ///< by hinge of tree_, of this tick
+  std::vector<double> halfway_;          ///< joint angles in the middle of the tick
+  std::vector<std::vector<std::size_t>> chains_;  ///< by body of tree_: its hinges from the base on
+  std::vector<double> speeds_;           ///< scratch, by hinge
+  std::vector<double> accelerations_;
+  std::vector<double> torques_;
+  std::vector<double> momenta_;
+};
+
+}  // namespace proact::dynamics

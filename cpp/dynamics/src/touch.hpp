@@ -1,0 +1,27 @@
+// A point at which two things push each other in this tick.
+#pragma once
+
+#include "contact_points.hpp"
+#include "no_index.hpp"
+#include "ode_runtime.hpp"
+
+#include <cstddef>
+
+namespace proact::dynamics {
+
+/// One of the two that touch: a block, a body of the arm in joint angles, or neither for what stands still.
+struct Side {
+  dBodyID body = nullptr;  ///< ODE's, if it has one
+  std::size_t block = no_index;
+  std::size_t arm = no_index;
+};
+
+struct Touch {
+  Side first;
+  Side second;
+  double friction;
+  ContactPoint point;
+  std::size_t listed;  ///< index in the list of contacts, which wants its force, or no_index
+};
+
+}  // namespace proact::dynamics
