@@ -1,4 +1,4 @@
-//! The dependency rule: types <- logic <- testbed <- (native, devices, recording, bridge, ros) <- cli.
+//! The dependency rule: types <- logic <- testbed <- (native, devices, recording, bridge, ros) <- app <- bench <- cli.
 
 use crate::workspace::{Kind, Workspace, load};
 
@@ -38,7 +38,9 @@ fn layer(package: &str) -> Option<u8> {
         "proact-testbed" => 2,
         "proact-description" | "proact-kinematics" | "proact-planning" | "proact-dynamics"
         | "proact-devices" | "proact-recording" | "proact-bridge" | "proact-ros" => 3,
-        "proact-cli" => 4,
+        "proact-app" => 4,
+        "proact-bench" => 5,
+        "proact-cli" => 6,
         _ => return None,
     })
 }
