@@ -18,8 +18,5 @@ start serve --method D --seed 1 --setup still --no-record
 node "$here/../page/run.mjs" --url "$address" --out "$output/interactive" --mode interactive
 stop
 
-# The calibration page, with a simulated person at the armband.
-node "$here/../page/calibrate.mjs" --program "$proact" --out "$output/calibrate"
-
 # The page outlives the program: it comes back when the program does.
 node "$here/../page/run.mjs" --mode restart --program "$proact" --out "$output/restart"
