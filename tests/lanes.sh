@@ -180,7 +180,6 @@ lane_ros() {
 
 lane_ros_long() {
     build_ros
-    run_cargo test --release --locked -p proact-ros --features rosrust --lib || return 1
     for test in test_testbed test_nodes; do
         PROACT_BINARY=$ros_binary /usr/bin/python3 -W ignore "$root/tests/ros/$test.py" || return 1
     done

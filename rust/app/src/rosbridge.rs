@@ -40,17 +40,19 @@ pub struct Rosbridge {
     server: RosbridgeServer,
 }
 
-/// Serves a ROS graph on rosbridge at `place` until the node is told to end. `place` may ask for the node's own parameter
-/// `~port`, with what counts without it.
+/// Serves a ROS graph on rosbridge until the node is told to end. Without `port` the node's own parameter `~port` counts,
+/// and 9090 without that.
 ///
 /// # Errors
 /// No graph, or a place that cannot be served.
 #[cfg(feature = "ros")]
-pub fn relay(
-    place: impl FnOnce(&dyn Fn(u16) -> Result<u16, Box<dyn Error>>) -> Result<RosbridgePlace, Box<dyn Error>>,
-) -> Result<(), Box<dyn Error>> {
+pub fn relay(port: Option<u16>, bind: Option<IpAddr>, access: Access) -> Result<(), Box<dyn Error>> {
     let relay = Arc::new(proact_ros::node::relay::Relay::join("proact_rosbridge", true)?);
-    let place = place(&|default| Ok(relay.port(default)?))?;
+    let port = match port {
+        Some(port) => port,
+        None => relay.port(9090)?,
+    };
+    let place = RosbridgePlace { port, bind, access };
     let server = place.serve(crate::ros_bus::RosBus::new(Arc::clone(&relay)))?;
     eprintln!("rosbridge: ws://{}/", server.address());
     while relay.is_ok() {

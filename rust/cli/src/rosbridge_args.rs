@@ -6,10 +6,6 @@ use proact_bridge::rosbridge::Access;
 use proact_testbed::Session;
 use std::{error::Error, net::IpAddr};
 
-/// Port of rosbridge where none is named.
-#[cfg(feature = "ros")]
-const PORT: u16 = 9090;
-
 /// Where rosbridge is served, and for whom.
 #[derive(Debug, Args)]
 pub(crate) struct RosbridgeArgs {
@@ -34,19 +30,19 @@ impl RosbridgeArgs {
     /// Begins to serve if it is asked for, and prints the address.
     pub(crate) fn open(&self, session: &Session) -> Result<Option<Rosbridge>, Box<dyn Error>> {
         let Some(port) = self.rosbridge else { return Ok(None) };
-        let rosbridge = Rosbridge::open(session, self.place(port), self.ros)?;
+        let place = RosbridgePlace { port, bind: self.rosbridge_bind, access: self.access() };
+        let rosbridge = Rosbridge::open(session, place, self.ros)?;
         eprintln!("rosbridge: ws://{}/", rosbridge.address());
         Ok(Some(rosbridge))
-    }
-
-    fn place(&self, port: u16) -> RosbridgePlace {
-        let access = Access { allowed: self.allow.clone(), token: self.token.clone() };
-        RosbridgePlace { port, bind: self.rosbridge_bind, access }
     }
 
     /// `proact node rosbridge`: nothing but the graph, until it ends the node.
     #[cfg(feature = "ros")]
     pub(crate) fn relay(&self) -> Result<(), Box<dyn Error>> {
-        proact_app::relay(|asked| Ok(self.place(self.rosbridge.map_or_else(|| asked(PORT), Ok)?)))
+        proact_app::relay(self.rosbridge, self.rosbridge_bind, self.access())
+    }
+
+    fn access(&self) -> Access {
+        Access { allowed: self.allow.clone(), token: self.token.clone() }
     }
 }

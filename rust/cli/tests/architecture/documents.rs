@@ -142,7 +142,9 @@ fn sentences_are_taken_for_tests_and_other_words_are_not() {
 #[test]
 fn links_between_documents_lead_somewhere() {
     let mut checked = 0;
-    for document in ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "docs/user_guide.md", "docs/differences.md"] {
+    for document in
+        ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "docs/user_guide.md", "docs/differences.md"]
+    {
         let folder = root().join(document).parent().expect("a file lies in a folder").to_path_buf();
         for part in read(document).split("](").skip(1) {
             let target = part.split([')', '#']).next().unwrap_or_default();
