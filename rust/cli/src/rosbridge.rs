@@ -1,8 +1,9 @@
 //! `--rosbridge`: a trial for the original headset app, and for any other client of rosbridge.
 
 use clap::Args;
-use proact_bridge::rosbridge::{
-    Access, CameraTopics, HeadsetInput, HeadsetTopics, LocalBus, RosbridgeOptions, RosbridgeServer, TopicBus,
+use proact_http::Access;
+use proact_rosbridge::{
+    CameraTopics, HeadsetInput, HeadsetTopics, LocalBus, RosbridgeOptions, RosbridgeServer, TopicBus,
 };
 use proact_testbed::Session;
 use proact_types::{DisplayFrame, InputSource};

@@ -2,10 +2,8 @@
 
 use super::{Death, Device, Outcome, wait_for};
 use crate::{bench_bridge::Link, person::drive_by_page, rosbridge::drive_by_topics, trial};
-use proact_bridge::{
-    PageContent, PageOptions, PageServer,
-    rosbridge::{HeadsetTopics, LocalBus, RosbridgeOptions, RosbridgeServer, TopicBus},
-};
+use proact_bridge::{PageContent, PageOptions, PageServer};
+use proact_rosbridge::{HeadsetTopics, LocalBus, RosbridgeOptions, RosbridgeServer, TopicBus};
 use proact_testbed::{MethodName, Session, Setup, TrialConfig};
 use proact_types::{Gesture, InputSource};
 use serde_json::json;

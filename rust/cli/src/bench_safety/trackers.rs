@@ -5,8 +5,8 @@ use crate::{
     bench_bridge::Link, limb::LimbReceiver, person::EyeTracker, query::scattered, rosbridge::drive_by_topics,
     trial,
 };
-use proact_bridge::rosbridge::{HeadsetTopics, LocalBus, RosbridgeOptions, RosbridgeServer, TopicBus};
 use proact_devices::GazeReceiver;
+use proact_rosbridge::{HeadsetTopics, LocalBus, RosbridgeOptions, RosbridgeServer, TopicBus};
 use proact_testbed::{MethodName, Session, Setup, TrialConfig};
 use proact_types::{Gesture, InputSource, Pose};
 use serde_json::json;
