@@ -208,11 +208,14 @@ fn run(
     stopped: oneshot::Receiver<()>,
 ) {
     runtime.block_on(async {
-        tokio::pin!(beside);
+        // It may end before the server does.
+        let beside = async {
+            beside.await;
+            std::future::pending().await
+        };
         tokio::select! {
             () = accepting => {}
-            // What runs beside may end before the server does.
-            () = async { (&mut beside).await; std::future::pending().await } => {}
+            () = beside => {}
             _ = stopped => {}
         }
     });
