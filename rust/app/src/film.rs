@@ -1,6 +1,6 @@
 //! A recorded trial as it was displayed, to be scrubbed and compared on a page.
 
-use crate::replay::{Opened, open_trial};
+use crate::replay::{Opened, ReplayOptions, open_trial};
 use proact_bridge::{PageContent, RecordedTrial};
 use proact_recording::read_result;
 use proact_testbed::{SpanDigest, Testbed, TrialResult, first_divergence};
@@ -12,7 +12,7 @@ const KEPT: u64 = 2;
 
 /// A trial as it was displayed, from its configuration and input log.
 pub fn recompute(dir: &Path) -> Result<RecordedTrial, Box<dyn Error>> {
-    let Opened { record, config, mut testbed, recorded, .. } = open_trial(dir, false)?;
+    let Opened { record, config, mut testbed, recorded, .. } = open_trial(dir, ReplayOptions::default())?;
     let last = recorded.last().ok_or("the record holds no complete span: there is nothing to show")?.tick;
     let body = config.setup.body;
     let upright = Default::default();

@@ -3,10 +3,10 @@
 //! A trial directory holds inputs, not outputs: the places of the blocks are recomputed by a replay, and the replay
 //! must have the recorded digest, or they would not be those that the person saw.
 
-use crate::{replay::read_classifier, trial};
+use crate::{Arm, replay::read_classifier, trial};
 use proact_analysis::{Episode, Forecast, Score, score};
 use proact_control::ports::ArmKinematics;
-use proact_intent::{Candidates, IntentModelName, IntentModelOptions, Posterior};
+use proact_intent::{Candidates, IntentModelName, IntentOptions, Posterior};
 use proact_kinematics::Kinematics;
 use proact_recording::{INPUTS_FILE, Trial};
 use proact_testbed::{SpanDigest, Testbed, TrialConfig, first_divergence};
@@ -48,7 +48,7 @@ pub struct TrialUsed {
     /// Blocks that were picked, in order.
     pub picked: Vec<BlockId>,
     /// Options of the models for this trial.
-    pub options: IntentModelOptions,
+    pub options: IntentOptions,
 }
 
 /// A trial that could not be used.
@@ -132,7 +132,7 @@ struct Pick {
 /// No trial in `dir`, or none with a pick that could be used.
 pub fn intent(
     dir: &Path,
-    options: Option<&IntentModelOptions>,
+    options: Option<&IntentOptions>,
     mut progress: impl FnMut(usize, usize, &Path),
 ) -> Result<IntentReport, Box<dyn Error>> {
     let dirs = trial_dirs(dir)?;
@@ -143,9 +143,7 @@ pub fn intent(
         progress(number, count, &dir);
         match picks(&dir) {
             Ok((config, picks)) => {
-                let options = options
-                    .copied()
-                    .unwrap_or(IntentModelOptions { intent: config.intent, ..Default::default() });
+                let options = options.copied().unwrap_or(config.intent);
                 for (name, episodes) in IntentModelName::ALL.into_iter().zip(&mut episodes) {
                     episodes.extend(forecast(name, &options, &picks)?);
                 }
@@ -217,7 +215,8 @@ fn picks(dir: &Path) -> Result<(TrialConfig, Vec<Pick>), Box<dyn Error>> {
     let recorded = &recorded[..count.min(recorded.len())];
     let end = recorded.last().ok_or("the record holds no complete span: its replay cannot be checked")?.tick;
 
-    let mut testbed = trial::replayed(config.clone(), read_classifier(dir, &config)?)?;
+    let (arm, classifier) = (Arm::recorded(dir, &config)?, read_classifier(dir, &config)?);
+    let mut testbed = trial::replayed(&arm, config.clone(), classifier)?;
     let mut kinematics = Kinematics::new(testbed.model())?;
     let mut inputs = record.inputs()?;
     let mut next = inputs.next().transpose()?;
@@ -285,7 +284,7 @@ fn candidates(testbed: &Testbed, kinematics: &mut Kinematics) -> Result<Candidat
 /// What the model called `name` says during the picks of one trial.
 fn forecast(
     name: IntentModelName,
-    options: &IntentModelOptions,
+    options: &IntentOptions,
     picks: &[Pick],
 ) -> Result<Vec<Episode>, Box<dyn Error>> {
     let mut model = name.build(options)?;

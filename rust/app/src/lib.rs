@@ -5,6 +5,7 @@
 #![allow(clippy::disallowed_methods)] // Here are the clock, the threads and the files that stages lack.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+mod arm;
 mod armband;
 mod centred;
 pub mod digests;
@@ -33,6 +34,7 @@ pub mod source;
 pub mod trial;
 mod wearer;
 
+pub use arm::{Arm, ArmError};
 pub use armband::LiveArmband;
 pub use centred::CentredStream;
 pub use experimenter::Experimenter;
@@ -41,7 +43,7 @@ pub use live::{Ended, LiveTrial};
 pub use pace::Pace;
 pub use person::{EyeTracker, Feedback, Person, drive_by_page};
 pub use record::{Recorder, RecorderError, default_dir};
-pub use replay::{Replanned, Replayed, replay_trial};
+pub use replay::{OtherVersions, Replanned, Replayed, ReplayOptions, replay_trial};
 #[cfg(feature = "ros")]
 pub use rosbridge::relay;
 pub use rosbridge::{Rosbridge, RosbridgePlace, drive_by_topics};

@@ -38,6 +38,18 @@ pub fn library_versions() -> BTreeMap<&'static str, String> {
     LIBRARIES.iter().zip(loaded).filter_map(|((name, ..), path)| Some((*name, version(path?)))).collect()
 }
 
+/// What a record is compared with: the version of this program, and the file of each native library that it has loaded,
+/// whose name ends in the library's version.
+pub fn versions() -> BTreeMap<String, String> {
+    let map = fs::read_to_string("/proc/self/maps").unwrap_or_default();
+    let file = |path: PathBuf| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let of = |(name, prefix, _): &(&str, &str, &str)| {
+        loaded_library(&map, prefix).map(|path| ((*name).to_owned(), file(path)))
+    };
+    let libraries = LIBRARIES.iter().filter_map(of);
+    libraries.chain([("proact".to_owned(), env!("CARGO_PKG_VERSION").to_owned())]).collect()
+}
+
 /// The file of a library whose name begins with `file`, as mapped into this process.
 ///
 /// `map` is the text of `/proc/self/maps`: the path is the sixth column, and a library has several lines.

@@ -309,13 +309,11 @@ impl Desk {
                 if roadmap.is_some() && planner != PlannerName::Prm {
                     return Err(format!("{planner} cannot begin with a roadmap, expected the planner PRM"));
                 }
-                let planner_parameters = question.parameters.into_iter().map(parameter).collect();
-                Some(self.new_planner(PlannerOptions {
-                    planner,
-                    planner_parameters,
-                    roadmap,
-                    ..PlannerOptions::default()
-                })?)
+                let parameters = question.parameters.into_iter().map(parameter).collect();
+                let mut own =
+                    self.new_planner(PlannerOptions { name: planner, parameters, ..Default::default() })?;
+                own.set_roadmap(roadmap.as_ref()).map_err(text)?;
+                Some(own)
             }
         };
         let planner = match &mut own {
@@ -352,12 +350,11 @@ impl Desk {
     }
 }
 
-fn read_roadmap(path: &Path) -> Result<Arc<Roadmap>, String> {
+fn read_roadmap(path: &Path) -> Result<Roadmap, String> {
     let bytes = std::fs::read(path).map_err(|error| format!("roadmap {}: {error}", path.display()))?;
-    let roadmap = serde_json::from_slice(&bytes).map_err(|error| {
+    serde_json::from_slice(&bytes).map_err(|error| {
         format!("roadmap {}: {error}; expected an answer to {{\"op\": \"roadmap\"}}", path.display())
-    })?;
-    Ok(Arc::new(roadmap))
+    })
 }
 
 fn text(error: impl std::fmt::Display) -> String {

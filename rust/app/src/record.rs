@@ -1,8 +1,9 @@
+use crate::{Arm, ArmError, libraries};
 use proact_emg::Classifier;
 use proact_planning::PlanLog;
 use proact_recording::{RecordingError, TrialBag, TrialHeader, TrialWriter};
 use proact_testbed::{Step, TrialConfig, TrialResult};
-use proact_types::{ArmModel, PlantState, SimTime};
+use proact_types::{PlantState, SimTime};
 use std::{
     fs,
     io::{self, Write},
@@ -22,6 +23,9 @@ pub enum RecorderError {
     /// The configuration cannot be written as text.
     #[error(transparent)]
     Config(#[from] proact_testbed::ConfigError),
+    /// The description of the arm.
+    #[error(transparent)]
+    Arm(#[from] ArmError),
     /// The plans' log cannot be written.
     #[error("cannot write {path}: {source}")]
     Plans {
@@ -82,22 +86,23 @@ impl Recorder {
     pub fn create(
         dir: &Path,
         config: &TrialConfig,
-        model: &ArmModel,
+        arm: &Arm,
         classifier: Option<&Classifier>,
     ) -> Result<Self, RecorderError> {
         let header = TrialHeader {
             config_toml: config.to_toml()?,
             seed: config.seed,
-            versions: [("proact".to_owned(), env!("CARGO_PKG_VERSION").to_owned())].into(),
+            versions: libraries::versions(),
         };
         let writer = TrialWriter::create(dir, &header)?;
+        arm.store(dir)?;
         if let Some(classifier) = classifier {
             let path = dir.join(CLASSIFIER_FILE);
             let text = serde_json::to_vec(classifier).map_err(io::Error::from);
             text.and_then(|text| fs::write(&path, text))
                 .map_err(|source| RecorderError::Classifier { path, source })?;
         }
-        let bag = TrialBag::create(writer.dir(), model)?;
+        let bag = TrialBag::create(writer.dir(), arm.model())?;
         Ok(Self { writer, bag, end: SimTime(0), plans: None })
     }
 

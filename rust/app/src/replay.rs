@@ -1,6 +1,8 @@
 //! A recorded trial, computed again.
 
 use crate::{
+    arm::Arm,
+    libraries,
     record::CLASSIFIER_FILE,
     trial::{self, ComparedPlans},
 };
@@ -11,7 +13,7 @@ use proact_testbed::{
 };
 use proact_types::{PlanReply, PlanStatus};
 use serde::Serialize;
-use std::{error::Error, fs, path::Path};
+use std::{collections::BTreeMap, error::Error, fs, path::Path};
 
 /// What a replay found.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -65,23 +67,59 @@ pub struct Opened {
     pub recorded: Vec<SpanDigest>,
 }
 
-/// Reads the trial in `dir`; with `replan` its plans are computed again beside the recorded ones.
+/// How a trial is replayed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ReplayOptions {
+    /// Compute its plans again beside the recorded ones, which otherwise come from the log.
+    pub replan: bool,
+    /// Although this program, or a library, has another version than the one that the trial was recorded with.
+    pub other_versions: bool,
+}
+
+/// Refuses a record of other versions than those that are here.
 ///
 /// # Errors
-/// A directory that is no trial, a damaged file (with its offset), a configuration that no longer fits.
-pub fn open_trial(dir: &Path, replan: bool) -> Result<Opened, Box<dyn Error>> {
+/// [`OtherVersions`].
+pub(crate) fn check_versions(recorded: &BTreeMap<String, String>) -> Result<(), OtherVersions> {
+    let here = libraries::versions();
+    let differs = |(name, recorded): (&String, &String)| {
+        let here = here.get(name).map_or("none", String::as_str);
+        (here != recorded).then(|| format!("{name} {recorded} (here: {here})"))
+    };
+    let differences: Vec<String> = recorded.iter().filter_map(differs).collect();
+    if differences.is_empty() { Ok(()) } else { Err(OtherVersions { differences: differences.join(", ") }) }
+}
+
+/// The record is of another program or library.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the trial was recorded with {differences}: its numbers may be others here; replay --other-versions tries it")]
+pub struct OtherVersions {
+    differences: String,
+}
+
+/// Reads the trial in `dir`.
+///
+/// # Errors
+/// A directory that is no trial, a damaged file (with its offset), a configuration that no longer fits, another arm,
+/// task or version of a library than the trial was recorded with.
+pub fn open_trial(dir: &Path, options: ReplayOptions) -> Result<Opened, Box<dyn Error>> {
+    let ReplayOptions { replan, other_versions } = options;
     let record = Trial::open(dir)?;
+    if !other_versions {
+        check_versions(&record.header().versions)?;
+    }
     let config = TrialConfig::from_toml(&record.header().config_toml)?;
+    let arm = Arm::recorded(dir, &config)?;
     let classifier = read_classifier(dir, &config)?;
     let recorded: Vec<SpanDigest> = record.digests()?;
     if recorded.is_empty() {
         return Err("the record holds no complete span: there is nothing to compare".into());
     }
     let (testbed, plans) = if replan {
-        let (testbed, plans) = trial::replanned(config.clone(), classifier)?;
+        let (testbed, plans) = trial::replanned(&arm, config.clone(), classifier)?;
         (testbed, Some(plans))
     } else {
-        (trial::replayed(config.clone(), classifier)?, None)
+        (trial::replayed(&arm, config.clone(), classifier)?, None)
     };
     Ok(Opened { record, config, testbed, plans, recorded })
 }
@@ -102,13 +140,12 @@ pub(crate) fn read_classifier(
     }
 }
 
-/// Recomputes the trial in `dir` from its configuration, classifier and input log, and compares digests; with
-/// `replan` its plans as well, which otherwise come from the log.
+/// Recomputes the trial in `dir` from its configuration, classifier and input log, and compares digests.
 ///
 /// # Errors
-/// A directory that is no trial, a damaged file (with its offset), a configuration that no longer fits.
-pub fn replay_trial(dir: &Path, replan: bool) -> Result<Replayed, Box<dyn Error>> {
-    let Opened { record, mut testbed, plans, recorded, .. } = open_trial(dir, replan)?;
+/// As [`open_trial`].
+pub fn replay_trial(dir: &Path, options: ReplayOptions) -> Result<Replayed, Box<dyn Error>> {
+    let Opened { record, mut testbed, plans, recorded, .. } = open_trial(dir, options)?;
     let last = recorded.last().ok_or("an opened trial has a digest")?;
     let mut again = Replanned::default();
     let mut logged: Vec<PlanReply> = Vec::new();
@@ -142,6 +179,6 @@ pub fn replay_trial(dir: &Path, replan: bool) -> Result<Replayed, Box<dyn Error>
         recorded: last.chain.clone(),
         divergence,
         finished,
-        replanned: replan.then_some(again),
+        replanned: options.replan.then_some(again),
     })
 }

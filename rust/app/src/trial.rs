@@ -1,13 +1,13 @@
 //! Putting a trial together: which library does what.
 
-use crate::method_process;
+use crate::{arm::{Arm, ArmError}, method_process};
 use proact_control::{JointSubset, ports::MethodProcess};
 use proact_devices::{EmgFeed, EmgSetup, EmgSource, GazeSource};
 use proact_dynamics::{DynamicsOptions, OdePlant};
-use proact_emg::{Classifier, EmgModel};
+use proact_emg::{Classifier, EmgError, EmgModel};
 use proact_kinematics::Kinematics;
 use proact_participants::{JoggingParticipant, Participant, ParticipantOptions, SelectingParticipant};
-use proact_planning::{ArmPlanner, Person, PlanLog, PlanWorker, PlannerOptions};
+use proact_planning::{ArmPlanner, Person, PlanLog, PlanWorker};
 use proact_tasks::BoxAndBlocks;
 use proact_testbed::{
     ConfigError, LoggedPlans, MethodName, Parts, PersonParts, PhysicsConfig, Session, Testbed, TestbedError,
@@ -17,9 +17,6 @@ use proact_testbed::{
 use proact_types::{ArmModel, PlanReply, PlanRequest, Pose, Scene};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
-
-/// Error of the eye tracker, degrees (paper: "within a 1.5 degree error").
-pub const GAZE_ERROR_DEG: f64 = 1.5;
 
 /// Why a trial cannot be put together.
 #[derive(Debug, thiserror::Error)]
@@ -34,6 +31,12 @@ pub enum AssemblyError {
     /// Kinematics.
     #[error("kinematics: {0}")]
     Kinematics(#[from] proact_control::ports::KinematicsError),
+    /// The arm.
+    #[error(transparent)]
+    Arm(#[from] ArmError),
+    /// Settings that the EMG model does not take.
+    #[error(transparent)]
+    Emg(#[from] EmgError),
     /// Planner.
     #[error("planner: {0}")]
     Planning(#[from] proact_planning::PlanningError),
@@ -55,47 +58,45 @@ pub struct Assembly {
     /// What was trained for it; belongs to the record.
     pub classifier: Option<Classifier>,
     /// The arm.
-    pub model: Arc<ArmModel>,
+    pub arm: Arm,
     /// What its plans took.
     pub plans: PlanLog,
 }
 
-/// A trial with a simulated participant whose gestures come through `emg`.
+/// A trial with a simulated participant whose gestures come through `emg`, with an arm that ships with the program.
 ///
 /// # Errors
 /// [`AssemblyError`].
 pub fn simulated(config: TrialConfig, emg: &EmgSource) -> Result<Assembly, AssemblyError> {
-    simulated_with(config, emg, None)
+    simulated_with(&Arm::of(&config)?, config, emg, None)
 }
 
-/// [`simulated`] with a model that was trained before, if one is given.
+/// [`simulated`] with `arm`, and with a model that was trained before, if one is given.
 ///
 /// # Errors
 /// [`AssemblyError`]; a model that does not fit the EMG says why.
 pub fn simulated_with(
+    arm: &Arm,
     mut config: TrialConfig,
     emg: &EmgSource,
     trained: Option<&EmgModel>,
 ) -> Result<Assembly, AssemblyError> {
     let EmgSetup { classifier, feed, config: emg_config, centring, label } = match trained {
-        Some(model) => proact_devices::prepare_model(emg, model, config.seed)?,
-        None => proact_devices::prepare(emg, config.seed)?,
+        Some(model) => proact_devices::prepare_model(emg, model, config.emg.as_ref(), config.seed)?,
+        None => proact_devices::prepare_with(emg, config.emg.as_ref(), config.seed)?,
     };
     config.emg = Some(emg_config);
-    config.emg_centring = centring;
-    config.gesture_source = label;
+    config.centred_by(centring)?;
+    config.gestures_from(&label)?;
     let options = *config.participant.get_or_insert_with(ParticipantOptions::default);
-    let model = Arc::new(proact_description::mpl_right_arm());
-    let participant = participant(&config, options, &model)?;
-    let gaze = GazeSource::new(GAZE_ERROR_DEG, config.seed)?;
-    let worker = planner(&model, &config)?;
-    let plans = worker.log();
-    let testbed = testbed(config, &model, Box::new(worker), Some(classifier.clone()))?;
+    let participant = participant(&config, options, arm.model())?;
+    let gaze = GazeSource::new(options.gaze_error_deg, config.seed)?;
+    let (testbed, plans) = testbed(arm, config, Some(classifier.clone()))?;
     let session = Session::new(
         testbed,
         PersonParts { participant: Some(participant), emg: Some(Box::new(feed)), gaze: Some(Box::new(gaze)) },
     );
-    Ok(Assembly { session, classifier: Some(classifier), model, plans })
+    Ok(Assembly { session, classifier: Some(classifier), arm: arm.clone(), plans })
 }
 
 /// The simulated participant of a trial.
@@ -119,20 +120,54 @@ pub fn participant(
     })
 }
 
-/// A trial that a person at the page drives: gestures from keys, gaze from the mouse.
+/// A person's armband, and the model that was trained for it.
+pub struct Armband<'a> {
+    /// The model.
+    pub trained: &'a EmgModel,
+    /// Its samples.
+    pub samples: Box<dyn EmgPort>,
+}
+
+/// A trial that a person at the page drives: gestures from keys, gaze from the mouse. With an arm that ships with the
+/// program.
 ///
 /// # Errors
 /// [`AssemblyError`].
-pub fn live(mut config: TrialConfig) -> Result<Assembly, AssemblyError> {
-    config.emg = None;
-    config.gesture_source = "keys".to_owned();
-    config.wait_for_plans = false;
-    let model = Arc::new(proact_description::mpl_right_arm());
-    let worker = planner(&model, &config)?;
-    let plans = worker.log();
-    let testbed = testbed(config, &model, Box::new(worker), None)?;
-    let session = Session::new(testbed, PersonParts::default());
-    Ok(Assembly { session, classifier: None, model, plans })
+pub fn live(config: TrialConfig) -> Result<Assembly, AssemblyError> {
+    live_with(&Arm::of(&config)?, config, None)
+}
+
+/// [`live`] with `arm`, and with gestures from muscles if there is an armband.
+///
+/// # Errors
+/// [`AssemblyError`]; settings of who or what has no part in the trial.
+pub fn live_with(
+    arm: &Arm,
+    config: TrialConfig,
+    armband: Option<Armband<'_>>,
+) -> Result<Assembly, AssemblyError> {
+    let mut config = config.live();
+    if config.participant.is_some() {
+        return Err(ConfigError::NoPart { key: "participant", why: "a person drives" }.into());
+    }
+    let (samples, classifier) = match armband {
+        Some(Armband { trained, samples }) => {
+            config.emg = Some(trained.settings(config.emg.as_ref())?);
+            config.centred_by(trained.centring.clone())?;
+            config.gestures_from("armband")?;
+            (Some(samples), Some(trained.classifier.clone()))
+        }
+        None => {
+            if config.emg.is_some() {
+                return Err(ConfigError::NoPart { key: "emg", why: "gestures come from keys" }.into());
+            }
+            config.gestures_from("keys")?;
+            (None, None)
+        }
+    };
+    let (testbed, plans) = testbed(arm, config, classifier.clone())?;
+    let session = Session::new(testbed, PersonParts { emg: samples, ..PersonParts::default() });
+    Ok(Assembly { session, classifier, arm: arm.clone(), plans })
 }
 
 /// A live testbed and the synthetic armband that goes with it, without a person; `around` wraps the physics.
@@ -140,50 +175,31 @@ pub fn live(mut config: TrialConfig) -> Result<Assembly, AssemblyError> {
 /// # Errors
 /// [`AssemblyError`].
 pub fn bare(
-    mut config: TrialConfig,
+    config: TrialConfig,
     emg: &EmgSource,
     around: impl FnOnce(Box<dyn Plant>) -> Box<dyn Plant>,
 ) -> Result<(Testbed, EmgFeed), AssemblyError> {
+    let mut config = config.live();
     let EmgSetup { classifier, feed, config: emg_config, label, .. } =
-        proact_devices::prepare(emg, config.seed)?;
+        proact_devices::prepare_with(emg, config.emg.as_ref(), config.seed)?;
     config.emg = Some(emg_config);
-    config.gesture_source = label;
-    config.wait_for_plans = false;
-    let model = Arc::new(proact_description::mpl_right_arm());
-    let plans = Box::new(planner(&model, &config)?);
+    config.gestures_from(&label)?;
+    let arm = Arm::of(&config)?;
+    let plans = Box::new(planner(arm.model(), &config)?);
     let process = method_process::start(&config)?;
-    Ok((testbed_around(config, &model, plans, Some(classifier), process, around)?, feed))
-}
-
-/// A trial that a person with an armband drives: gestures from muscles, gaze from the mouse.
-///
-/// # Errors
-/// [`AssemblyError`].
-pub fn live_with_armband(
-    mut config: TrialConfig,
-    trained: &EmgModel,
-    armband: Box<dyn EmgPort>,
-) -> Result<Assembly, AssemblyError> {
-    config.emg = Some(trained.config.clone());
-    config.emg_centring = trained.centring.clone();
-    config.gesture_source = "armband".to_owned();
-    config.wait_for_plans = false;
-    let model = Arc::new(proact_description::mpl_right_arm());
-    let worker = planner(&model, &config)?;
-    let plans = worker.log();
-    let classifier = Some(trained.classifier.clone());
-    let testbed = testbed(config, &model, Box::new(worker), classifier.clone())?;
-    let session = Session::new(testbed, PersonParts { emg: Some(armband), ..PersonParts::default() });
-    Ok(Assembly { session, classifier, model, plans })
+    Ok((testbed_around(&arm, config, plans, Some(classifier), process, around)?, feed))
 }
 
 /// A testbed that takes its plans from the log.
 ///
 /// # Errors
 /// [`AssemblyError`].
-pub fn replayed(config: TrialConfig, classifier: Option<Classifier>) -> Result<Testbed, AssemblyError> {
-    let model = Arc::new(proact_description::mpl_right_arm());
-    testbed_around(config, &model, Box::new(LoggedPlans), classifier, None, |plant| plant)
+pub fn replayed(
+    arm: &Arm,
+    config: TrialConfig,
+    classifier: Option<Classifier>,
+) -> Result<Testbed, AssemblyError> {
+    testbed_around(arm, config, Box::new(LoggedPlans), classifier, None, |plant| plant)
 }
 
 /// A testbed that takes its plans from the log, and plans that are computed again beside it.
@@ -191,14 +207,14 @@ pub fn replayed(config: TrialConfig, classifier: Option<Classifier>) -> Result<T
 /// # Errors
 /// [`AssemblyError`].
 pub fn replanned(
+    arm: &Arm,
     config: TrialConfig,
     classifier: Option<Classifier>,
 ) -> Result<(Testbed, ComparedPlans), AssemblyError> {
-    let model = Arc::new(proact_description::mpl_right_arm());
-    let worker = planner(&model, &config)?;
+    let worker = planner(arm.model(), &config)?;
     let plans = ComparedPlans { log: worker.log(), replies: Arc::default() };
     let asked = AskedAgain { worker, replies: plans.replies.clone() };
-    let testbed = testbed_around(config, &model, Box::new(asked), classifier, None, |plant| plant)?;
+    let testbed = testbed_around(arm, config, Box::new(asked), classifier, None, |plant| plant)?;
     Ok((testbed, plans))
 }
 
@@ -243,16 +259,10 @@ impl PlanService for AskedAgain {
     fn cancel(&mut self) {}
 }
 
-/// Time within which a plan is there while a person waits, seconds: twice what the original gave one attempt.
-const LIVE_DEADLINE_SECS: f64 = 1.0;
-
-/// OMPL over FCL with KDL's inverse kinematics, in a thread of its own, around the person of the set-up. Bounded by
-/// iterations where the trial waits for its plans, and by the clock as well where a person does.
+/// OMPL over FCL with KDL's inverse kinematics, in a thread of its own, around the person of the set-up.
 pub fn planner(model: &Arc<ArmModel>, config: &TrialConfig) -> Result<PlanWorker, AssemblyError> {
     let kinematics = Kinematics::new(model)?;
-    let deadline_secs = (!config.wait_for_plans).then_some(LIVE_DEADLINE_SECS);
-    let options = PlannerOptions { deadline_secs, ..PlannerOptions::default() };
-    let planner = ArmPlanner::new(model.clone(), Box::new(kinematics), options)?;
+    let planner = ArmPlanner::new(model.clone(), Box::new(kinematics), config.planner.clone())?;
     // Who can lean sits; the still shoulder is that of somebody who stands.
     let seated = config.setup.body.forward_max_deg > 0.0;
     Ok(PlanWorker::new(planner).around(if seated { Person::SEATED } else { Person::STANDING }))
@@ -270,25 +280,28 @@ pub fn plant(
     Ok(Box::new(OdePlant::new(model, scene, &initial, base, DynamicsOptions::of(physics))?))
 }
 
+/// The testbed of a trial that plans, and what its plans take.
 fn testbed(
+    arm: &Arm,
     config: TrialConfig,
-    model: &Arc<ArmModel>,
-    plans: Box<dyn PlanService>,
     classifier: Option<Classifier>,
-) -> Result<Testbed, AssemblyError> {
+) -> Result<(Testbed, PlanLog), AssemblyError> {
+    let worker = planner(arm.model(), &config)?;
+    let plans = worker.log();
     let process = method_process::start(&config)?;
-    testbed_around(config, model, plans, classifier, process, |plant| plant)
+    let testbed = testbed_around(arm, config, Box::new(worker), classifier, process, |plant| plant)?;
+    Ok((testbed, plans))
 }
 
 fn testbed_around(
+    arm: &Arm,
     config: TrialConfig,
-    model: &Arc<ArmModel>,
     plans: Box<dyn PlanService>,
     classifier: Option<Classifier>,
     process: Option<Box<dyn MethodProcess>>,
     around: impl FnOnce(Box<dyn Plant>) -> Box<dyn Plant>,
 ) -> Result<Testbed, AssemblyError> {
-    let task = BoxAndBlocks::new(config.arrangement);
+    let (model, task) = (arm.model(), BoxAndBlocks::new(config.arrangement));
     let base = config.setup.body.shoulder_pose(&Default::default());
     let parts = Parts {
         model: model.clone(),

@@ -3,7 +3,7 @@
 
 use proact_app::{Recorder, intent_scores, trial};
 use proact_devices::EmgSource;
-use proact_intent::{IntentModelName, IntentModelOptions, IntentOptions};
+use proact_intent::{IntentModelName, IntentOptions};
 use proact_testbed::{MethodName, Setup, TrialConfig};
 use proact_types::{BlockId, EventKind};
 use std::{error::Error, fs, path::Path};
@@ -13,10 +13,10 @@ type Outcome<T = ()> = Result<T, Box<dyn Error>>;
 /// Records a trial into `dir` that ends right after the first grasp; the block.
 fn record_one_pick(dir: &Path) -> Outcome<BlockId> {
     let config = TrialConfig::new(MethodName::D, 1, Setup::named("seated")?);
-    let trial::Assembly { mut session, classifier, model, .. } =
+    let trial::Assembly { mut session, classifier, arm, .. } =
         trial::simulated(TrialConfig { limit_secs: 120.0, ..config }, &EmgSource::Synthetic)?;
     let config = session.testbed().config().clone();
-    let mut recorder = Recorder::create(dir, &config, &model, classifier.as_ref())?;
+    let mut recorder = Recorder::create(dir, &config, &arm, classifier.as_ref())?;
     let mut grasped = None;
     loop {
         let step = session.step(grasped.is_some())?;
@@ -75,10 +75,7 @@ fn a_recorded_pick_is_scored_the_same_alone_and_in_a_folder_and_what_is_damaged_
     assert!(folder.skipped[0].reason.contains("config.toml"), "{}", folder.skipped[0].reason);
 
     // Options reach the models.
-    let wide = IntentModelOptions {
-        intent: IntentOptions { sigma: 5.0, weight_other: 0.25, ..Default::default() },
-        ..Default::default()
-    };
+    let wide = IntentOptions { sigma: 5.0, weight_other: 0.25, ..Default::default() };
     let wide = intent_scores::intent(&dir, Some(&wide), |_, _, _| {})?;
     assert!((wide.models[2].score.log_loss - chance).abs() < 0.01, "nothing is known: {:?}", wide.models[2]);
 

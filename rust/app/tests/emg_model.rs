@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::disallowed_methods)] // A test of files and processes.
 
 use arrayvec::ArrayVec;
-use proact_app::{Recorder, replay_trial, trial};
+use proact_app::{Arm, Recorder, ReplayOptions, replay_trial, trial};
 use proact_devices::{EmgSource, SyntheticEmg, SyntheticModel, stream};
 use proact_emg::{EmgConfig, EmgModel};
 use proact_testbed::{MethodName, Setup, TrialConfig, ports};
@@ -42,6 +42,10 @@ impl ports::EmgSource for Armband {
     }
 }
 
+fn arm() -> Arm {
+    Arm::of(&config()).unwrap()
+}
+
 fn config() -> TrialConfig {
     TrialConfig::new(MethodName::D, 1, Setup::named("still").unwrap())
 }
@@ -51,8 +55,10 @@ fn an_armbands_gaps_and_silences_are_on_the_record_and_the_trial_replays_from_ra
     let dir = tempfile::tempdir().unwrap();
     let dir = dir.path().join("trial");
     let armband = Box::new(Armband(generator(2)));
-    let trial::Assembly { mut session, classifier, model: arm, .. } =
-        trial::live_with_armband(config(), &model(ZERO), armband).unwrap();
+    let model = model(ZERO);
+    let worn = trial::Armband { trained: &model, samples: armband };
+    let trial::Assembly { mut session, classifier, arm, .. } =
+        trial::live_with(&arm(), config(), Some(worn)).unwrap();
     let used = session.testbed().config().clone();
     let mut recorder = Recorder::create(&dir, &used, &arm, classifier.as_ref()).unwrap();
     let mut told = Vec::new();
@@ -82,14 +88,14 @@ fn an_armbands_gaps_and_silences_are_on_the_record_and_the_trial_replays_from_ra
 
     let events = std::fs::read_to_string(dir.join("config.toml")).unwrap();
     assert!(events.contains("emg_centring"), "{events}");
-    let replayed = replay_trial(&dir, false).unwrap();
+    let replayed = replay_trial(&dir, ReplayOptions::default()).unwrap();
     assert!(replayed.agrees, "{replayed:?}");
 }
 
 #[test]
 fn a_model_that_fits_drives_a_simulated_trial_and_one_of_raw_codes_is_refused() {
     let fits = model(0.0);
-    let mut session = trial::simulated_with(config(), &EmgSource::Synthetic, Some(&fits)).unwrap().session;
+    let mut session = trial::simulated_with(&arm(), config(), &EmgSource::Synthetic, Some(&fits)).unwrap().session;
     let mut changes = 0;
     for _ in 0..8000 {
         let step = session.step(false).unwrap();
@@ -97,7 +103,7 @@ fn a_model_that_fits_drives_a_simulated_trial_and_one_of_raw_codes_is_refused() 
             step.output.events.iter().filter(|e| matches!(e.kind, EventKind::GestureChanged { .. })).count();
     }
     assert!(changes >= 2, "the participant's gestures are recognised");
-    let refused = trial::simulated_with(config(), &EmgSource::Synthetic, Some(&model(ZERO)));
+    let refused = trial::simulated_with(&arm(), config(), &EmgSource::Synthetic, Some(&model(ZERO)));
     let error = refused.map(|_| ()).unwrap_err().to_string();
     assert!(error.contains("does not fit") && error.contains("rests at"), "{error}");
 }

@@ -1,7 +1,7 @@
 //! A control method in another process: the example of the documentation, processes that fail, and the replay.
 #![allow(clippy::disallowed_methods)] // A test of files and processes.
 
-use proact_app::{Recorder, replay_trial, trial};
+use proact_app::{Recorder, ReplayOptions, replay_trial, trial};
 use proact_testbed::{MethodName, MethodProcessConfig, Session, Setup, TrialConfig};
 use proact_types::{DisplayFrame, GazeSample, Gesture, PlannerView, Point};
 use std::{error::Error, path::Path};
@@ -20,9 +20,9 @@ fn config(command: &[&str], deadline_ms: u64) -> Outcome<TrialConfig> {
 
 /// Looks at the first block and holds WE until the trial is over; what was shown, and the session.
 fn run(config: TrialConfig, dir: Option<&Path>) -> Outcome<(Vec<DisplayFrame>, Session)> {
-    let trial::Assembly { mut session, model, classifier, .. } = trial::live(config)?;
+    let trial::Assembly { mut session, arm, classifier, .. } = trial::live(config)?;
     let used = session.testbed().config().clone();
-    let recorder = |dir| Recorder::create(dir, &used, &model, classifier.as_ref());
+    let recorder = |dir| Recorder::create(dir, &used, &arm, classifier.as_ref());
     let mut recorder = dir.map(recorder).transpose()?;
     let mut frames = Vec::new();
     session.person().act(Gesture::WristExtension);
@@ -62,7 +62,7 @@ fn the_documented_example_in_python_carries_the_hand_to_the_block_and_its_trial_
     assert_eq!((last.method.as_str(), session.result().method.as_str()), ("outside", "outside"));
     assert!(last.mode.is_none(), "the built-in method has no say beside it");
     drop(session);
-    let replayed = replay_trial(&dir, false)?;
+    let replayed = replay_trial(&dir, ReplayOptions::default())?;
     assert!(replayed.agrees, "{:?}", replayed.divergence);
     Ok(())
 }
@@ -82,7 +82,7 @@ fn when_the_process_ends_the_arm_stops_the_reason_is_shown_and_the_trial_goes_on
     assert_eq!(last.time.0, 4000, "the trial went on to its limit");
     assert!(frames.iter().any(|frame| away(frame) < away(&frames[0]) - 0.05), "it moved before");
     drop(session);
-    assert!(replay_trial(&dir, false)?.agrees);
+    assert!(replay_trial(&dir, ReplayOptions::default())?.agrees);
     Ok(())
 }
 

@@ -3,7 +3,7 @@
 //! Trials here are cut short at 15 simulated seconds: long enough to select, plan, grasp and lift a block.
 #![allow(clippy::disallowed_methods)] // A test of files and processes.
 
-use proact_app::{Recorder, replay_trial, trial};
+use proact_app::{Recorder, ReplayOptions, replay_trial, trial};
 use proact_devices::EmgSource;
 use proact_recording::{InputLog, InputRecord, Trial, TrialWriter};
 use proact_testbed::{MethodName, Setup, SpanDigest, TrialConfig};
@@ -13,6 +13,8 @@ use std::{
     fs,
     path::{Path, PathBuf},
 };
+
+const REPLAN: ReplayOptions = ReplayOptions { replan: true, other_versions: false };
 
 const LIMIT_SECS: f64 = 15.0;
 
@@ -32,10 +34,10 @@ fn digest(seed: u64) -> Outcome<String> {
 
 /// Records a trial into `dir`.
 fn record(seed: u64, dir: &Path) -> Outcome {
-    let trial::Assembly { mut session, classifier, model, plans } =
+    let trial::Assembly { mut session, classifier, arm, plans } =
         trial::simulated(config(seed)?, &EmgSource::Synthetic)?;
     let config = session.testbed().config().clone();
-    let mut recorder = Recorder::create(dir, &config, &model, classifier.as_ref())?.with_plans(plans)?;
+    let mut recorder = Recorder::create(dir, &config, &arm, classifier.as_ref())?.with_plans(plans)?;
     loop {
         let step = session.step(false)?;
         recorder.write(&step, session.testbed().plant().state())?;
@@ -84,7 +86,7 @@ fn a_recorded_trial_replays_to_the_same_digest() -> Outcome {
     let place = tempfile::tempdir()?;
     let dir = place.path().join("trial");
     record(3, &dir)?;
-    let replayed = replay_trial(&dir, false)?;
+    let replayed = replay_trial(&dir, ReplayOptions::default())?;
     assert!(replayed.agrees && replayed.finished, "{replayed:?}");
     assert_eq!(replayed.spans, (LIMIT_SECS * 10.0) as usize);
     assert_eq!(replayed.digest, replayed.recorded);
@@ -96,7 +98,7 @@ fn planning_again_gives_the_recorded_plans_and_notices_a_changed_one() -> Outcom
     let place = tempfile::tempdir()?;
     let dir = place.path().join("trial");
     record(3, &dir)?;
-    let again = replay_trial(&dir, true)?;
+    let again = replay_trial(&dir, REPLAN)?;
     assert!(again.agrees, "{again:?}");
     let plans = again.replanned.ok_or("it was asked for")?;
     assert!(plans.equal > 0 && plans.different.is_empty(), "{plans:?}");
@@ -119,7 +121,7 @@ fn planning_again_gives_the_recorded_plans_and_notices_a_changed_one() -> Outcom
             first = Some(plan.id);
         }
     })?;
-    let different = replay_trial(&changed, true)?.replanned.ok_or("it was asked for")?.different;
+    let different = replay_trial(&changed, REPLAN)?.replanned.ok_or("it was asked for")?.different;
     assert_eq!(different.first().copied(), first, "{different:?}");
     Ok(())
 }
@@ -142,7 +144,7 @@ fn a_changed_input_is_reported_with_its_span_and_its_stage() -> Outcome {
             touched = true;
         }
     })?;
-    let divergence = replay_trial(&changed, false)?.divergence.ok_or("a changed input must be noticed")?;
+    let divergence = replay_trial(&changed, ReplayOptions::default())?.divergence.ok_or("a changed input must be noticed")?;
     assert_eq!((divergence.from, divergence.to), (SimTime(2301), SimTime(2400)));
     assert_eq!(divergence.fields.first().map(String::as_str), Some("input.emg"));
 
@@ -159,7 +161,7 @@ fn a_changed_input_is_reported_with_its_span_and_its_stage() -> Outcome {
         }
     })?;
     let planned_at = planned_at.ok_or("the trial has a plan")?;
-    let divergence = replay_trial(&changed, false)?.divergence.ok_or("a changed plan must be noticed")?;
+    let divergence = replay_trial(&changed, ReplayOptions::default())?.divergence.ok_or("a changed plan must be noticed")?;
     assert!(
         (divergence.from..=divergence.to).contains(&planned_at),
         "{divergence:?}, plan at {planned_at:?}"
@@ -180,7 +182,7 @@ fn a_damaged_log_another_format_and_a_lost_classifier_are_each_told() -> Outcome
     let mut damaged = intact.clone();
     damaged[offset] ^= 0x10;
     fs::write(&log, &damaged)?;
-    let error = replay_trial(&dir, false).expect_err("a damaged log must not pass").to_string();
+    let error = replay_trial(&dir, ReplayOptions::default()).expect_err("a damaged log must not pass").to_string();
     let reported: usize = error
         .split(|c: char| !c.is_ascii_digit())
         .filter_map(|word| word.parse().ok())
@@ -192,14 +194,14 @@ fn a_damaged_log_another_format_and_a_lost_classifier_are_each_told() -> Outcome
     let mut earlier = intact.clone();
     earlier[8..12].copy_from_slice(&2_u32.to_le_bytes());
     fs::write(&log, &earlier)?;
-    let error = replay_trial(&dir, false).expect_err("another format must not pass").to_string();
+    let error = replay_trial(&dir, ReplayOptions::default()).expect_err("another format must not pass").to_string();
     for part in ["record of format 2", "replays format 3", "proact 0.1.0 at commit"] {
         assert!(error.contains(part), "{error}");
     }
 
     fs::write(&log, &intact)?;
     fs::remove_file(dir.join("classifier.json"))?;
-    let error = replay_trial(&dir, false).expect_err("without its classifier a trial cannot be recomputed");
+    let error = replay_trial(&dir, ReplayOptions::default()).expect_err("without its classifier a trial cannot be recomputed");
     assert!(error.to_string().contains("classifier.json"), "{error}");
     Ok(())
 }

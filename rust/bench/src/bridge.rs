@@ -106,7 +106,7 @@ fn first_frame() -> Outcome<(DisplayFrame, PageContent)> {
         }
     };
     let scene = session.testbed().task().scene().clone();
-    let arm = assembly.model.as_ref().clone();
+    let arm = assembly.arm.model().as_ref().clone();
     let (title, setup) = ("bench".to_owned(), "still".to_owned());
     Ok((frame, PageContent { title, setup, arm, scene, interactive: false, lean: false }))
 }

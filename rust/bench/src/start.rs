@@ -39,11 +39,11 @@ pub(crate) fn start() -> Result<BenchReport, Box<dyn Error>> {
 /// Trains, assembles, serves and runs to the first frame, as `demo` does.
 fn first_frame() -> Result<(), Box<dyn Error>> {
     let config = TrialConfig::new(MethodName::D, 1, Setup::named("seated")?);
-    let Assembly { mut session, model, .. } = trial::simulated(config, &EmgSource::Synthetic)?;
+    let Assembly { mut session, arm, .. } = trial::simulated(config, &EmgSource::Synthetic)?;
     let content = PageContent {
         title: "bench".to_owned(),
         setup: "seated".to_owned(),
-        arm: model.as_ref().clone(),
+        arm: arm.model().as_ref().clone(),
         scene: session.testbed().task().scene().clone(),
         interactive: false,
         lean: false,

@@ -5,7 +5,7 @@
 
 #![allow(clippy::unwrap_used, clippy::disallowed_methods)] // A test of files.
 
-use proact_app::{Recorder, replay_trial, trial};
+use proact_app::{Recorder, ReplayOptions, replay_trial, trial};
 use proact_bench::safety::{Case, Death, StopTime, cases, measure};
 use proact_testbed::{MethodName, Setup, TrialConfig};
 use proact_types::{GazeSample, Gesture, InputSource, Point, StopCause, Vector};
@@ -87,9 +87,9 @@ fn a_stop_is_on_the_record_with_its_reason_and_a_replay_stops_where_the_trial_di
     let dir = tempfile::tempdir().unwrap();
     let dir = dir.path().join("trial");
     let config = TrialConfig::new(MethodName::A, 1, Setup::named("still").unwrap());
-    let trial::Assembly { mut session, model, .. } = trial::live(config).unwrap();
+    let trial::Assembly { mut session, arm, .. } = trial::live(config).unwrap();
     let config = session.testbed().config().clone();
-    let mut recorder = Recorder::create(&dir, &config, &model, None).unwrap();
+    let mut recorder = Recorder::create(&dir, &config, &arm, None).unwrap();
     session.person().command(InputSource::Page, Gesture::WristExtension);
     for tick in 1..=1500_u64 {
         if tick <= 400 && tick.is_multiple_of(40) {
@@ -103,7 +103,7 @@ fn a_stop_is_on_the_record_with_its_reason_and_a_replay_stops_where_the_trial_di
     let stopped =
         r#"{"time":601,"event":"stopped","source":"page","cause":"silent","reason":"the page is silent"}"#;
     assert!(events.contains(stopped), "{events}");
-    let replayed = replay_trial(&dir, false).unwrap();
+    let replayed = replay_trial(&dir, ReplayOptions::default()).unwrap();
     assert!(replayed.agrees, "{replayed:?}");
 }
 

@@ -3,7 +3,7 @@
 use clap::Args;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use proact_app::intent_scores;
-use proact_intent::IntentModelOptions;
+use proact_intent::IntentOptions;
 use std::{
     error::Error,
     fs,
@@ -56,10 +56,10 @@ pub fn command(args: &AnalyzeArgs) -> Result<bool, Box<dyn Error>> {
     Ok(report.skipped.is_empty())
 }
 
-fn read_options(path: &Path) -> Result<IntentModelOptions, Box<dyn Error>> {
+fn read_options(path: &Path) -> Result<IntentOptions, Box<dyn Error>> {
     let named = |error: &dyn Error| format!("options of the intent models, {}: {error}", path.display());
     let text = fs::read_to_string(path).map_err(|e| named(&e))?;
-    let options: IntentModelOptions = toml::from_str(&text).map_err(|e| named(&e))?;
+    let options: IntentOptions = toml::from_str(&text).map_err(|e| named(&e))?;
     options.check().map_err(|e| named(&e))?;
     Ok(options)
 }

@@ -8,13 +8,18 @@ use crate::{
 use clap::Args;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use proact_app::{
-    Audience, Recorder, default_dir, run_to_end,
+    Arm, Audience, Recorder, default_dir, run_to_end,
     trial::{self, Assembly},
 };
 use proact_bridge::{PageContent, PageOptions, PageServer};
 use proact_devices::EmgSource;
+use proact_emg::EmgModel;
 use proact_testbed::{Session, TrialConfig};
-use std::{error::Error, io::IsTerminal, path::PathBuf};
+use std::{
+    error::Error,
+    io::IsTerminal,
+    path::{Path, PathBuf},
+};
 
 /// Arguments of `proact demo`.
 #[derive(Debug, Args)]
@@ -50,6 +55,9 @@ pub(crate) struct RunArgs {
     /// Folder of EMG recordings; a generator without it
     #[arg(long, value_name = "DIR")]
     emg: Option<PathBuf>,
+    /// The arm, where it neither ships with the program nor lies beside the configuration
+    #[arg(long, value_name = "NAME|FOLDER")]
+    arm: Option<String>,
     #[command(flatten)]
     how: RunHow,
 }
@@ -87,6 +95,13 @@ struct RunHow {
     rosbridge: RosbridgeArgs,
 }
 
+impl RunHow {
+    /// The model of the EMG, if one was named.
+    fn trained(&self) -> Result<Option<EmgModel>, Box<dyn Error>> {
+        self.emg_model.as_deref().map(proact_app::source::read_model_file).transpose()
+    }
+}
+
 pub(crate) fn demo(args: &DemoArgs) -> Result<bool, Box<dyn Error>> {
     let source = match &args.emg {
         None => EmgSource::Synthetic,
@@ -98,7 +113,14 @@ pub(crate) fn demo(args: &DemoArgs) -> Result<bool, Box<dyn Error>> {
             EmgSource::Recording { dir, rate_hz, train_reps, feed_reps, fill: args.emg_fill.is_some() }
         }
     };
-    trial_with(args.trial.config("seated")?, &source, &args.how)
+    let trained = args.how.trained()?;
+    let emg = match &trained {
+        _ if !args.trial.sets_emg() => None,
+        Some(model) => Some(model.settings(None)?),
+        None => Some(proact_devices::default_config(&source)?),
+    };
+    let (arm, config) = args.trial.config("seated", emg)?;
+    trial_with(&arm, config, &source, trained.as_ref(), &args.how)
 }
 
 pub(crate) fn run(args: &RunArgs) -> Result<bool, Box<dyn Error>> {
@@ -107,17 +129,25 @@ pub(crate) fn run(args: &RunArgs) -> Result<bool, Box<dyn Error>> {
     })?;
     let config = TrialConfig::from_toml(&text).map_err(|e| format!("{}: {e}", args.config.display()))?;
     let source = args.emg.as_ref().map_or(EmgSource::Synthetic, EmgSource::recording);
-    trial_with(config, &source, &args.how)
+    let arm = match &args.arm {
+        Some(name) => Arm::named(name)?,
+        None => Arm::recorded(args.config.parent().unwrap_or(Path::new(".")), &config)?,
+    };
+    trial_with(&arm, config, &source, args.how.trained()?.as_ref(), &args.how)
 }
 
-fn trial_with(config: TrialConfig, source: &EmgSource, how: &RunHow) -> Result<bool, Box<dyn Error>> {
-    let trained = how.emg_model.as_deref().map(proact_app::source::read_model_file).transpose()?;
-    let Assembly { session, classifier, model, plans } =
-        trial::simulated_with(config, source, trained.as_ref())?;
+fn trial_with(
+    arm: &Arm,
+    config: TrialConfig,
+    source: &EmgSource,
+    trained: Option<&EmgModel>,
+    how: &RunHow,
+) -> Result<bool, Box<dyn Error>> {
+    let Assembly { session, classifier, plans, .. } = trial::simulated_with(arm, config, source, trained)?;
     let config = session.testbed().config().clone();
     let dir = (!how.no_record).then(|| how.out.clone().unwrap_or_else(|| default_dir(&config)));
     let recorder = match &dir {
-        Some(dir) => Some(Recorder::create(dir, &config, &model, classifier.as_ref())?.with_plans(plans)?),
+        Some(dir) => Some(Recorder::create(dir, &config, arm, classifier.as_ref())?.with_plans(plans)?),
         None => None,
     };
     let page = if how.headless { None } else { Some(open_page(&session, how)?) };

@@ -69,20 +69,21 @@ pub(crate) fn command(args: &NodeArgs) -> Result<bool, Box<dyn Error>> {
 #[cfg(feature = "ros")]
 pub(crate) fn command(args: &NodeArgs) -> Result<bool, Box<dyn Error>> {
     use proact_app::nodes;
-    let mut config = args.trial.config("seated")?;
+    let (arm, config) = args.trial.config("seated", None)?;
     // In real time a plan that is late takes effect when it comes; in lock-step it is waited for.
-    config.wait_for_plans = args.words.iter().any(|word| word == "_lockstep:=true");
+    let lockstep = args.words.iter().any(|word| word == "_lockstep:=true");
+    let config = if lockstep { config } else { config.live() };
     match args.name {
-        NodeName::Sim => nodes::sim(config)?,
+        NodeName::Sim => nodes::sim(&arm, config)?,
         NodeName::Testbed => {
-            let result = nodes::testbed(config, args.live)?;
+            let result = nodes::testbed(&arm, config, args.live)?;
             println!("{}", serde_json::to_string(&result)?);
         }
         NodeName::Emg => nodes::emg(config)?,
-        NodeName::Intent => nodes::intent(&config)?,
-        NodeName::Method => nodes::method(&config)?,
-        NodeName::Task => nodes::task(config)?,
-        NodeName::Participant => nodes::participant(&config)?,
+        NodeName::Intent => nodes::intent(&arm, &config)?,
+        NodeName::Method => nodes::method(&arm, &config)?,
+        NodeName::Task => nodes::task(&arm, config)?,
+        NodeName::Participant => nodes::participant(&arm, &config)?,
         NodeName::Rosbridge => args.rosbridge.relay()?,
         NodeName::Meter => println!("{}", serde_json::to_string(&nodes::meter()?)?),
     }

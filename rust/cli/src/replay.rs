@@ -1,6 +1,6 @@
 use crate::replay_page;
 use clap::Args;
-use proact_app::{Replanned, replay_trial};
+use proact_app::{Replanned, ReplayOptions, replay_trial};
 use proact_testbed::Divergence;
 use std::{error::Error, path::PathBuf};
 
@@ -29,6 +29,9 @@ pub(crate) struct ReplayArgs {
     /// Compute every plan again and compare it with the recorded one
     #[arg(long, conflicts_with = "page")]
     replan: bool,
+    /// Replay also what another version of this program or of its libraries has recorded
+    #[arg(long, conflicts_with = "page")]
+    other_versions: bool,
 }
 
 pub(crate) fn command(args: &ReplayArgs) -> Result<bool, Box<dyn Error>> {
@@ -46,7 +49,8 @@ pub(crate) fn command(args: &ReplayArgs) -> Result<bool, Box<dyn Error>> {
         )
         .into());
     }
-    let replayed = replay_trial(dir, args.replan)?;
+    let options = ReplayOptions { replan: args.replan, other_versions: args.other_versions };
+    let replayed = replay_trial(dir, options)?;
     if args.json {
         println!("{}", serde_json::to_string(&replayed)?);
         return Ok(replayed.agrees);

@@ -7,7 +7,7 @@ use crate::{
 use clap::Args;
 use proact_app::{
     Ended, LiveArmband, LiveTrial, Person, Recorder, default_dir,
-    trial::{self, Assembly},
+    trial::{self, Armband, Assembly},
 };
 use proact_bridge::{PageContent, PageOptions, PageServer};
 use proact_intent::GazeOffset;
@@ -71,12 +71,11 @@ pub(crate) fn command(args: &ServeArgs) -> Result<bool, Box<dyn Error>> {
     let mut server: Option<PageServer> = None;
     let mut person: Option<Person> = None;
     loop {
-        let config = asked.config("still")?;
+        let emg = armband.as_ref().map(|armband| armband.model().settings(None)).transpose()?;
+        let (arm, config) = asked.config("still", emg)?;
         let seed = config.seed;
-        let Assembly { session, model, classifier, plans } = match &armband {
-            Some(armband) => trial::live_with_armband(config, armband.model(), armband.port())?,
-            None => trial::live(config)?,
-        };
+        let worn = armband.as_ref().map(|armband| Armband { trained: armband.model(), samples: armband.port() });
+        let Assembly { session, classifier, plans, .. } = trial::live_with(&arm, config, worn)?;
         let config = session.testbed().config().clone();
         let dir = match (&args.out, args.no_record) {
             (_, true) => None,
@@ -85,14 +84,14 @@ pub(crate) fn command(args: &ServeArgs) -> Result<bool, Box<dyn Error>> {
         };
         let recorder = match &dir {
             Some(dir) => {
-                Some(Recorder::create(dir, &config, &model, classifier.as_ref())?.with_plans(plans)?)
+                Some(Recorder::create(dir, &config, &arm, classifier.as_ref())?.with_plans(plans)?)
             }
             None => None,
         };
         let content = PageContent {
             title: format!("Method {}", config.method_label()),
             setup: config.setup.name.clone(),
-            arm: model.as_ref().clone(),
+            arm: arm.model().as_ref().clone(),
             scene: session.testbed().task().scene().clone(),
             interactive: true,
             lean: config.setup.body.forward_max_deg > 0.0,

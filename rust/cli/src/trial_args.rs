@@ -1,8 +1,11 @@
 //! The options of a trial, the same for every command that begins one.
 
 use clap::Args;
+use proact_app::Arm;
+use proact_emg::EmgConfig;
 use proact_tasks::Arrangement;
-use proact_testbed::{ConfigError, MethodName, MethodProcessConfig, Setup, TrialConfig};
+use proact_testbed::{MethodName, MethodProcessConfig, Setup, TrialConfig};
+use std::error::Error;
 
 /// What a trial is, on the command line.
 #[derive(Clone, Debug, Args)]
@@ -13,6 +16,9 @@ pub(crate) struct TrialArgs {
     /// How the methods behave: default, or original for the numbers of the first testbed
     #[arg(long, default_value = "default")]
     profile: String,
+    /// The arm: mpl_right_arm, mpl_left_arm, or a folder with the URDF and SRDF of one's own (docs/arms.md)
+    #[arg(long, value_name = "NAME|FOLDER", default_value = TrialConfig::DEFAULT_ARM)]
+    arm: String,
     /// Seed of every random stream of the trial; in serve, each restart counts it up
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
     seed: u64,
@@ -31,11 +37,17 @@ pub(crate) struct TrialArgs {
 }
 
 impl TrialArgs {
-    /// The configuration, in the set-up `default_setup` unless another was asked for.
+    /// The arm and the configuration, in the set-up `default_setup` unless another was asked for. `emg` are the settings
+    /// of the EMG stage that assignments begin with.
     ///
     /// # Errors
-    /// [`ConfigError`] for names that do not exist and values out of range.
-    pub(crate) fn config(&self, default_setup: &str) -> Result<TrialConfig, ConfigError> {
+    /// Names that do not exist, values out of range, an arm that cannot be used.
+    pub(crate) fn config(
+        &self,
+        default_setup: &str,
+        emg: Option<EmgConfig>,
+    ) -> Result<(Arm, TrialConfig), Box<dyn Error>> {
+        let arm = Arm::named(&self.arm)?;
         let setup = Setup::named(self.setup.as_deref().unwrap_or(default_setup))?;
         let mut config = TrialConfig::new(self.method, self.seed, setup).with_profile(&self.profile)?;
         config.arrangement = self.arrangement.unwrap_or(config.arrangement);
@@ -43,8 +55,17 @@ impl TrialArgs {
             .method_command
             .as_ref()
             .map(|command| MethodProcessConfig::new(command.split_whitespace().map(str::to_owned).collect()));
+        config.arm = arm.pinned();
+        if self.sets_emg() {
+            config.emg = emg;
+        }
         config.check()?;
-        if self.set.is_empty() { Ok(config) } else { config.with_values(&self.set) }
+        Ok((arm, config.with_values(&self.set)?))
+    }
+
+    /// Whether a setting of the EMG stage is asked for.
+    pub(crate) fn sets_emg(&self) -> bool {
+        self.set.iter().any(|assignment| assignment.trim_start().starts_with("emg."))
     }
 
     /// What is asked for when a page begins another trial: by `method` if it chose one, with the same blocks `again`
@@ -62,10 +83,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn of_two_methods_one_has_the_say_and_the_record_tells_which() -> Result<(), ConfigError> {
+    fn of_two_methods_one_has_the_say_and_the_record_tells_which() -> Result<(), Box<dyn Error>> {
         let asked = TrialArgs {
             method: MethodName::A,
             profile: "default".into(),
+            arm: TrialConfig::DEFAULT_ARM.into(),
             seed: 5,
             setup: None,
             arrangement: None,
@@ -73,13 +95,13 @@ mod tests {
             set: vec![],
         };
         // A program stands in the place of the method that was named beside it.
-        let config = asked.config("still")?;
+        let config = asked.config("still", None)?.1;
         let process = config.method_process.clone().expect("a program was named");
         assert_eq!(process.command, ["python3", "method.py"]);
         assert_ne!(config.method_label(), "A");
         // It stays when the page begins anew, and leaves when the page chooses a method.
-        assert_eq!(asked.clone().next(None, true).config("still")?, config);
-        let chosen = asked.next(Some(MethodName::B), false).config("still")?;
+        assert_eq!(asked.clone().next(None, true).config("still", None)?.1, config);
+        let chosen = asked.next(Some(MethodName::B), false).config("still", None)?.1;
         assert_eq!((chosen.method_process, chosen.method.to_string(), chosen.seed), (None, "B".into(), 6));
         assert!(config.to_toml()?.contains("method.py"));
         Ok(())

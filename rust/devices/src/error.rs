@@ -73,6 +73,17 @@ pub enum DeviceError {
         /// What stands there and what was expected.
         reason: String,
     },
+    /// Settings for another stream than the source's.
+    #[error(
+        "emg.rate_hz and emg.channels are {} and {}, the stream has {} and {}: it says itself what it has",
+        asked.0, asked.1, has.0, has.1
+    )]
+    OtherStream {
+        /// Rate in hertz and channels of the settings.
+        asked: (f64, usize),
+        /// Those of the stream.
+        has: (f64, usize),
+    },
     /// The folder says another rate than was asked for.
     #[error("{} was recorded at {recorded_hz} Hz by its metadata, asked for was {asked_hz} Hz; leave the rate out", path.display())]
     RateDisagrees {

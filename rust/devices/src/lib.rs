@@ -67,5 +67,5 @@ pub use live::{
 pub use random::stream;
 pub use recorder::{EmgRecorder, RecordedStream, read_recorded};
 pub use recording::{ChannelValues, MYO_RATE_HZ, Recording, Recordings, read_samples};
-pub use setup::{EmgSetup, EmgSource, prepare, prepare_model, prepare_with, train};
+pub use setup::{EmgSetup, EmgSource, default_config, prepare, prepare_model, prepare_with, train};
 pub use synthetic::{FittedGesture, SyntheticEmg, SyntheticModel};

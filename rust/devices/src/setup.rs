@@ -75,17 +75,35 @@ pub struct EmgSetup {
 /// # Errors
 /// As [`prepare_with`].
 pub fn prepare(source: &EmgSource, seed: u64) -> Result<EmgSetup, DeviceError> {
-    prepare_with(source, &EmgConfig::default(), seed)
+    prepare_with(source, None, seed)
 }
 
-/// Reads or generates the recordings of `source`, trains the classifier, and opens the feed. Rate and channels of
-/// `config` are replaced by those of the source. Synthetic EMG for training and for feeding comes from different
-/// random streams of `seed`.
+/// Default settings for the stream of `source`: its rate and channels.
 ///
 /// # Errors
-/// A folder that cannot be used, a lacking gesture or repetition, or settings that cannot work.
-pub fn prepare_with(source: &EmgSource, config: &EmgConfig, seed: u64) -> Result<EmgSetup, DeviceError> {
-    let mut config = config.clone();
+/// A folder that cannot be used.
+pub fn default_config(source: &EmgSource) -> Result<EmgConfig, DeviceError> {
+    let (rate_hz, channels) = match source {
+        EmgSource::Synthetic => (SYNTHETIC_RATE_HZ, SyntheticModel::shipped()?.channels()),
+        EmgSource::Recording { dir, rate_hz, .. } => {
+            let recordings = Recordings::read(dir, *rate_hz)?;
+            (recordings.rate_hz, recordings.channels)
+        }
+    };
+    Ok(EmgConfig { rate_hz, channels, ..EmgConfig::default() })
+}
+
+/// Reads or generates the recordings of `source`, trains the classifier, and opens the feed; with default settings if
+/// there are none. Synthetic EMG for training and for feeding comes from different random streams of `seed`.
+///
+/// # Errors
+/// A folder that cannot be used, a lacking gesture or repetition, settings that cannot work, or another rate or number of
+/// channels than the source has.
+pub fn prepare_with(
+    source: &EmgSource,
+    config: Option<&EmgConfig>,
+    seed: u64,
+) -> Result<EmgSetup, DeviceError> {
     match source {
         EmgSource::Synthetic => {
             let recordings = Recordings {
@@ -94,7 +112,7 @@ pub fn prepare_with(source: &EmgSource, config: &EmgConfig, seed: u64) -> Result
                 channels: SyntheticModel::shipped()?.channels(),
                 items: Vec::new(),
             };
-            finish(recordings, &default_train_reps(), &[], true, "synthetic", &mut config, seed)
+            finish(recordings, &default_train_reps(), &[], true, "synthetic", config, seed)
         }
         EmgSource::Recording { dir, rate_hz, train_reps, feed_reps, fill } => {
             let recordings = Recordings::read(dir, *rate_hz)?;
@@ -103,17 +121,22 @@ pub fn prepare_with(source: &EmgSource, config: &EmgConfig, seed: u64) -> Result
                 return Err(DeviceError::MissingGestures { path: dir.clone(), missing });
             }
             let label = if missing.is_empty() { "recording" } else { "recording+synthetic" };
-            finish(recordings, train_reps, feed_reps, !missing.is_empty(), label, &mut config, seed)
+            finish(recordings, train_reps, feed_reps, !missing.is_empty(), label, config, seed)
         }
     }
 }
 
-/// [`prepare`] with a model that was trained before, in place of training one.
+/// [`prepare`] with a model that was trained before, in place of training one; with its settings if there are none.
 ///
 /// # Errors
 /// As [`prepare`], and [`proact_emg::EmgError::DoesNotFit`] if the feed has other channels, another rate or another zero
-/// level than the model.
-pub fn prepare_model(source: &EmgSource, model: &EmgModel, seed: u64) -> Result<EmgSetup, DeviceError> {
+/// level than the model, [`proact_emg::EmgError::TrainedOtherwise`] if the settings are not those of its training.
+pub fn prepare_model(
+    source: &EmgSource,
+    model: &EmgModel,
+    config: Option<&EmgConfig>,
+    seed: u64,
+) -> Result<EmgSetup, DeviceError> {
     let setup = prepare(source, seed)?;
     let (rate_hz, channels) = (setup.config.rate_hz, setup.config.channels);
     // A relaxed hand on a copy of the feed tells where it rests.
@@ -133,7 +156,7 @@ pub fn prepare_model(source: &EmgSource, model: &EmgModel, seed: u64) -> Result<
     let centring =
         if model.centring.iter().all(|level| *level == 0.0) { Vec::new() } else { model.centring.clone() };
     let classifier = model.classifier.clone();
-    let config = EmgConfig { liveness: model.liveness(None), ..model.config.clone() };
+    let config = model.settings(config)?;
     Ok(EmgSetup { classifier, config, centring, ..setup })
 }
 
@@ -151,20 +174,28 @@ fn finish(
     feed_reps: &[u32],
     synthetic: bool,
     label: &str,
-    config: &mut EmgConfig,
+    config: Option<&EmgConfig>,
     seed: u64,
 ) -> Result<EmgSetup, DeviceError> {
-    config.rate_hz = recordings.rate_hz;
-    config.channels = recordings.channels;
+    let (rate_hz, channels) = (recordings.rate_hz, recordings.channels);
+    let mut config = config.cloned().unwrap_or(EmgConfig { rate_hz, channels, ..EmgConfig::default() });
+    if (config.rate_hz, config.channels) != (rate_hz, channels) {
+        return Err(DeviceError::OtherStream {
+            asked: (config.rate_hz, config.channels),
+            has: (rate_hz, channels),
+        });
+    }
     let filling = if synthetic { Some(generator(&recordings, seed, "emg/synthetic/feed")?) } else { None };
     let feed = EmgFeed::new(&recordings, feed_reps, filling, seed)?;
     if synthetic {
         let mut generator = generator(&recordings, seed, "emg/synthetic/train")?;
         fill(&mut recordings, train_reps, &mut generator);
     }
-    let classifier = train(&recordings, train_reps, config)?;
-    config.liveness.noise_floors = floors(&recordings, train_reps, config);
-    Ok(EmgSetup { classifier, feed, config: config.clone(), centring: Vec::new(), label: label.to_owned() })
+    let classifier = train(&recordings, train_reps, &config)?;
+    if config.liveness.noise_floors.is_empty() {
+        config.liveness.noise_floors = floors(&recordings, train_reps, &config);
+    }
+    Ok(EmgSetup { classifier, feed, config, centring: Vec::new(), label: label.to_owned() })
 }
 
 /// A generator for the stream of `recordings`, as strong as they are: the scale is the ratio of amplitudes over

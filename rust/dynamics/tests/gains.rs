@@ -68,7 +68,7 @@ fn the_original_rule_takes_a_block_with_the_original_gains_and_lets_it_go() {
     base.translation.y -= SHIFT;
     let scene = bare_table(vec![standing(BlockId::Red1, 0.0, 0.0)]);
     let mut plant = plant_with(&scene, &base, gains());
-    let mut rule = OriginalGraspRule::new(&model);
+    let mut rule = OriginalGraspRule::new(proact_testbed::OriginalGrasp::DEFAULT, &model);
     let mut act = |plant: &mut OdePlant| {
         let action = rule.step(&model, plant.state());
         match action {

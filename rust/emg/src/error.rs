@@ -158,6 +158,16 @@ pub enum EmgError {
         /// All of them.
         reasons: String,
     },
+    /// Settings that a trained model cannot take.
+    #[error("{key} is {asked}, the model was trained with {trained}; train another one (proact emg train)")]
+    TrainedOtherwise {
+        /// The setting, as in the configuration of a trial.
+        key: &'static str,
+        /// What was asked for.
+        asked: String,
+        /// What the training had.
+        trained: String,
+    },
     /// A model that cannot be used.
     #[error("the EMG model cannot be used: {reason}")]
     ModelFile {

@@ -126,6 +126,33 @@ impl EmgModel {
         LivenessConfig { rails, noise_floors: floors.unwrap_or_default(), ..self.config.liveness.clone() }
     }
 
+    /// The settings with which the model is used: `asked`, or those of its training. How decisions are made of classes may
+    /// be asked for otherwise; what the classifier was trained with may not.
+    ///
+    /// # Errors
+    /// [`EmgError::TrainedOtherwise`] naming the first setting that would need another training.
+    pub fn settings(&self, asked: Option<&EmgConfig>) -> Result<EmgConfig, EmgError> {
+        let own = EmgConfig { liveness: self.liveness(None), ..self.config.clone() };
+        let Some(asked) = asked else { return Ok(own) };
+        let of = |config: &EmgConfig| {
+            [
+                ("emg.rate_hz", config.rate_hz.to_string()),
+                ("emg.channels", config.channels.to_string()),
+                ("emg.window", format!("{:?}", config.window)),
+                ("emg.increment", format!("{:?}", config.increment)),
+                ("emg.features", format!("{:?}", config.features)),
+                ("emg.normalisation", format!("{:?}", config.normalisation)),
+                ("emg.priors", format!("{:?}", config.priors)),
+                ("emg.ssc_threshold", config.ssc_threshold.to_string()),
+                ("emg.wamp_threshold", config.wamp_threshold.to_string()),
+            ]
+        };
+        match of(asked).into_iter().zip(of(&own)).find(|(asked, trained)| asked != trained) {
+            Some(((key, asked), (_, trained))) => Err(EmgError::TrainedOtherwise { key, asked, trained }),
+            None => Ok(asked.clone()),
+        }
+    }
+
     /// The sample less the zero levels. A sample with another number of channels keeps it, for the window to refuse.
     pub fn centred(&self, sample: &EmgSample) -> EmgSample {
         centred(sample, &self.centring)

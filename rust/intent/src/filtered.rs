@@ -1,5 +1,5 @@
 use crate::{
-    Candidates, IntentModel, IntentModelName, IntentModelOptions, Posterior,
+    Candidates, IntentModel, IntentModelName, IntentOptions, Posterior,
     posterior::{log_likelihood, normalised},
 };
 use proact_types::{BlockColour, GazeSample, SimTime};
@@ -15,7 +15,7 @@ use proact_types::{BlockColour, GazeSample, SimTime};
 /// The first sample has no duration and gives the prior.
 #[derive(Clone, Debug)]
 pub(crate) struct Filtered {
-    options: IntentModelOptions,
+    options: IntentOptions,
     belief: Option<Belief>,
 }
 
@@ -27,7 +27,7 @@ struct Belief {
 }
 
 impl Filtered {
-    pub(crate) fn new(options: IntentModelOptions) -> Self {
+    pub(crate) fn new(options: IntentOptions) -> Self {
         Self { options, belief: None }
     }
 }
@@ -38,7 +38,7 @@ impl IntentModel for Filtered {
     }
 
     fn observe(&mut self, now: SimTime, gaze: &GazeSample, scene: &Candidates) -> Option<Posterior> {
-        let prior = scene.prior(&self.options.intent)?;
+        let prior = scene.prior(&self.options)?;
         // A release that changes what is due begins a new selection.
         let belief = self.belief.filter(|b| b.last_released == scene.last_released);
         let millis = belief.map_or(0.0, |b| now.millis_since(b.at) as f64);
@@ -51,7 +51,7 @@ impl IntentModel for Filtered {
         });
 
         let seen = if gaze.valid {
-            log_likelihood(gaze, &scene.centres, self.options.intent.sigma).ok()
+            log_likelihood(gaze, &scene.centres, self.options.sigma).ok()
         } else {
             None
         };
@@ -106,9 +106,8 @@ mod tests {
     #[test]
     fn one_look_without_switching_counts_as_one_likelihood() {
         // By hand: sigma 0.05, blue 1 is 0.1 from the gaze: e^(-2). Prior 3 to 1 for red 1.
-        let intent = crate::IntentOptions { sigma: 0.05, ..Default::default() };
-        let options = IntentModelOptions {
-            intent,
+        let options = IntentOptions {
+            sigma: 0.05,
             switching_per_s: 0.0,
             elsewhere: 0.0,
             look_ms: 250.0,
@@ -121,13 +120,13 @@ mod tests {
     #[test]
     fn the_rate_of_the_tracker_hardly_matters() {
         let ask =
-            |period| watch(&mut Filtered::new(IntentModelOptions::default()), 0, 1200, period, &look(2))[2];
+            |period| watch(&mut Filtered::new(IntentOptions::default()), 0, 1200, period, &look(2))[2];
         assert!((ask(10) - ask(40)).abs() < 0.01, "{} {}", ask(10), ask(40));
     }
 
     #[test]
     fn a_glance_does_not_change_the_belief_and_a_long_look_does() {
-        let mut model = Filtered::new(IntentModelOptions::default());
+        let mut model = Filtered::new(IntentOptions::default());
         assert!(watch(&mut model, 0, 1000, 20, &look(0))[0] > 0.9);
         assert!(watch(&mut model, 1020, 80, 20, &look(2))[0] > 0.5, "80 ms at another block");
         assert!(watch(&mut model, 1120, 1500, 20, &look(2))[2] > 0.9, "1.5 s at another block");
@@ -135,7 +134,7 @@ mod tests {
 
     #[test]
     fn blinks_fade_toward_the_prior_and_a_release_begins_anew() {
-        let mut model = Filtered::new(IntentModelOptions::default());
+        let mut model = Filtered::new(IntentOptions::default());
         let sure = watch(&mut model, 0, 1500, 20, &look(2));
         let blink = GazeSample { valid: false, direction: Vector::zeros(), ..look(0) };
         let after = watch(&mut model, 1520, 200, 20, &blink);

@@ -1,4 +1,4 @@
-use crate::{Candidates, IntentModel, IntentModelName, IntentModelOptions, Posterior, posterior::normalised};
+use crate::{Candidates, IntentModel, IntentModelName, IntentOptions, Posterior, posterior::normalised};
 use proact_types::{BlockColour, GazeSample, Point, SimTime};
 
 /// Without an observation for this long the hand has been about something else, ms.
@@ -17,13 +17,13 @@ const AWAY_MILLIS: u64 = 1000;
 /// so that this model can confirm, and cannot foresee.
 #[derive(Clone, Debug)]
 pub(crate) struct HandMotion {
-    options: IntentModelOptions,
+    options: IntentOptions,
     start: Option<Point>,
     last: Option<(SimTime, Option<BlockColour>)>,
 }
 
 impl HandMotion {
-    pub(crate) fn new(options: IntentModelOptions) -> Self {
+    pub(crate) fn new(options: IntentOptions) -> Self {
         Self { options, start: None, last: None }
     }
 }
@@ -41,7 +41,7 @@ impl IntentModel for HandMotion {
             self.start = None;
         }
         self.last = Some((now, scene.last_released));
-        let prior = scene.prior(&self.options.intent)?;
+        let prior = scene.prior(&self.options)?;
         let Some(tip) = scene.tip.filter(|tip| tip.coords.iter().all(|v| v.is_finite())) else {
             return Some(prior);
         };
@@ -78,7 +78,7 @@ mod tests {
 
     #[test]
     fn the_log_odds_are_straightness_times_the_way_gained() {
-        let mut model = HandMotion::new(IntentModelOptions::default());
+        let mut model = HandMotion::new(IntentOptions::default());
         let first = model.observe(SimTime(0), &GAZE, &scene(Some(Point::origin())));
         assert_close(first, [0.375, 0.375, 0.125, 0.125]);
         // By hand: 0.1 m gained on red 1, 0.1 m lost on red 2: log-odds 20 * 0.2 = 4.
@@ -91,7 +91,7 @@ mod tests {
 
     #[test]
     fn a_release_and_a_pause_begin_anew_and_an_unknown_hand_gives_the_prior() {
-        let mut model = HandMotion::new(IntentModelOptions::default());
+        let mut model = HandMotion::new(IntentOptions::default());
         model.observe(SimTime(0), &GAZE, &scene(Some(Point::origin())));
         let moved = scene(Some(Point::new(0.3, 0.0, 0.0)));
         assert!(model.observe(SimTime(20), &GAZE, &moved).expect("blocks")[0] > 0.9);

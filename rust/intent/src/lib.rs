@@ -5,9 +5,9 @@
 //! interface of whatever turns a stream of samples into posteriors, so that models can be exchanged and compared:
 //!
 //! ```
-//! use proact_intent::{Candidates, IntentModelName, IntentModelOptions};
+//! use proact_intent::{Candidates, IntentModelName, IntentOptions};
 //! use proact_types::{GazeSample, Point, SimTime};
-//! let mut model = "filtered".parse::<IntentModelName>()?.build(&IntentModelOptions::default())?;
+//! let mut model = "filtered".parse::<IntentModelName>()?.build(&IntentOptions::default())?;
 //! let scene = Candidates {
 //!     centres: [0.1, -0.1, 0.2, -0.2].map(|y| Point::new(0.6, y, -0.5)),
 //!     pickable: [true; 4],
@@ -32,7 +32,7 @@ mod posterior;
 mod single;
 
 pub use gaze_offset::GazeOffset;
-pub use model::{Candidates, IntentModel, IntentModelName, IntentModelOptions};
+pub use model::{Candidates, IntentModel, IntentModelName};
 pub use place::table_hit;
 pub use posterior::{IntentError, IntentOptions, Posterior, TaskPrior, posterior};
 

@@ -91,13 +91,13 @@ impl IntentModelName {
     /// The model, before its first sample.
     ///
     /// # Errors
-    /// [`IntentError::Option`] as [`IntentModelOptions::check`].
-    pub fn build(self, options: &IntentModelOptions) -> Result<Box<dyn IntentModel>, IntentError> {
+    /// [`IntentError::Option`] as [`IntentOptions::check`].
+    pub fn build(self, options: &IntentOptions) -> Result<Box<dyn IntentModel>, IntentError> {
         options.check()?;
         Ok(match self {
-            Self::PriorOnly => Box::new(Single::new(SingleKind::PriorOnly, options.intent)),
-            Self::GazeOnly => Box::new(Single::new(SingleKind::GazeOnly, options.intent)),
-            Self::Product => Box::new(Single::new(SingleKind::Product, options.intent)),
+            Self::PriorOnly => Box::new(Single::new(SingleKind::PriorOnly, *options)),
+            Self::GazeOnly => Box::new(Single::new(SingleKind::GazeOnly, *options)),
+            Self::Product => Box::new(Single::new(SingleKind::Product, *options)),
             Self::Filtered => Box::new(Filtered::new(*options)),
             Self::HandMotion => Box::new(HandMotion::new(*options)),
         })
@@ -121,59 +121,6 @@ impl FromStr for IntentModelName {
     }
 }
 
-/// Parameters of all models; each reads those that concern it.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct IntentModelOptions {
-    /// Spread of the gaze and weights of the task.
-    #[serde(flatten)]
-    pub intent: IntentOptions,
-    /// Filtered: how often a person comes to mean another block, 1/s; the new one is drawn from the task's prior.
-    /// Default 0.3: about once in the three seconds between looking and locking (assumed).
-    pub switching_per_s: f64,
-    /// Filtered: looking for this long counts as one independent look, ms. Samples of one fixation share their
-    /// error, so counting each for itself would make the model surer at a faster tracker, and far too sure at
-    /// any. Default 250, the length of a common fixation (assumed).
-    pub look_ms: f64,
-    /// Filtered: likelihood of a gaze far from the block that is meant, relative to that of a gaze at its centre:
-    /// people also look at the hand. Default 0.01 (assumed).
-    pub elsewhere: f64,
-    /// Hand motion: how straight people go, 1/m: the log-odds that a metre of way gained on a block is worth.
-    /// Default 20 (assumed): five centimetres are one unit of log-odds.
-    pub straightness_per_m: f64,
-}
-
-impl Default for IntentModelOptions {
-    fn default() -> Self {
-        Self {
-            intent: IntentOptions::default(),
-            switching_per_s: 0.3,
-            look_ms: 250.0,
-            elsewhere: 0.01,
-            straightness_per_m: 20.0,
-        }
-    }
-}
-
-impl IntentModelOptions {
-    /// Checks ranges.
-    ///
-    /// # Errors
-    /// [`IntentError::Option`] naming the first key that is out of range or not a number.
-    pub fn check(&self) -> Result<(), IntentError> {
-        let within = |key, got: f64, allowed: std::ops::RangeInclusive<f64>, expected| {
-            if allowed.contains(&got) { Ok(()) } else { Err(IntentError::Option { key, got, expected }) }
-        };
-        within("sigma", self.intent.sigma, 1e-3..=10.0, "0.001 to 10")?;
-        within("weight_other", self.intent.weight_other, 0.0..=0.5, "0 to 0.5")?;
-        within("hysteresis", self.intent.hysteresis, 1.0..=f64::MAX, "at least 1")?;
-        within("switching_per_s", self.switching_per_s, 0.0..=1e3, "0 to 1000")?;
-        within("look_ms", self.look_ms, 1.0..=1e5, "1 to 100000")?;
-        within("elsewhere", self.elsewhere, 0.0..=1.0, "0 to 1")?;
-        within("straightness_per_m", self.straightness_per_m, 0.0..=1e4, "0 to 10000")
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -183,7 +130,7 @@ mod tests {
         for name in IntentModelName::ALL {
             assert_eq!(name.to_string().parse(), Ok(name));
             assert_eq!(
-                name.build(&IntentModelOptions::default()).expect("defaults are allowed").name(),
+                name.build(&IntentOptions::default()).expect("defaults are allowed").name(),
                 name
             );
         }
@@ -197,18 +144,15 @@ mod tests {
 
     #[test]
     fn options_are_data_and_those_out_of_range_are_refused_by_name() {
-        let options: IntentModelOptions = toml::from_str("sigma = 0.1\nlook_ms = 100").expect("reads");
-        assert_eq!((options.intent.sigma, options.look_ms, options.elsewhere), (0.1, 100.0, 0.01));
-        let error = toml::from_str::<IntentModelOptions>("sigm = 0.1").expect_err("an unknown key");
+        let options: IntentOptions = toml::from_str("sigma = 0.1\nlook_ms = 100").expect("reads");
+        assert_eq!((options.sigma, options.look_ms, options.elsewhere), (0.1, 100.0, 0.01));
+        let error = toml::from_str::<IntentOptions>("sigm = 0.1").expect_err("an unknown key");
         assert!(error.to_string().contains("sigm"), "{error}");
-        let default = IntentModelOptions::default();
+        let default = IntentOptions::default();
         for (key, bad) in [
-            ("look_ms", IntentModelOptions { look_ms: 0.0, ..default }),
-            ("elsewhere", IntentModelOptions { elsewhere: f64::NAN, ..default }),
-            (
-                "sigma",
-                IntentModelOptions { intent: IntentOptions { sigma: 0.0, ..default.intent }, ..default },
-            ),
+            ("look_ms", IntentOptions { look_ms: 0.0, ..default }),
+            ("elsewhere", IntentOptions { elsewhere: f64::NAN, ..default }),
+            ("sigma", IntentOptions { sigma: 0.0, ..default }),
         ] {
             let error = IntentModelName::Product.build(&bad).err().expect("out of range").to_string();
             assert!(error.contains(key), "{error}");

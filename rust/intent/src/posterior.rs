@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 /// Probability of each block being meant, in `BlockId::ALL` order; sums to one.
 pub type Posterior = [f64; 4];
 
-/// Parameters of the inference.
+/// Parameters of all models; each reads those that concern it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct IntentOptions {
@@ -24,15 +24,54 @@ pub struct IntentOptions {
     /// The colour that is due changes when a block is taken already, as in the original; else when it is released.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub changes_at_grasp: bool,
+    /// Filtered: how often a person comes to mean another block, 1/s; the new one is drawn from the task's prior.
+    /// Default 0.3: about once in the three seconds between looking and locking (assumed).
+    pub switching_per_s: f64,
+    /// Filtered: looking for this long counts as one independent look, ms. Samples of one fixation share their
+    /// error, so counting each for itself would make the model surer at a faster tracker, and far too sure at
+    /// any. Default 250, the length of a common fixation (assumed).
+    pub look_ms: f64,
+    /// Filtered: likelihood of a gaze far from the block that is meant, relative to that of a gaze at its centre:
+    /// people also look at the hand. Default 0.01 (assumed).
+    pub elsewhere: f64,
+    /// Hand motion: how straight people go, 1/m: the log-odds that a metre of way gained on a block is worth.
+    /// Default 20 (assumed): five centimetres are one unit of log-odds.
+    pub straightness_per_m: f64,
 }
 
 impl Default for IntentOptions {
     fn default() -> Self {
-        Self { sigma: 0.03, weight_other: 0.125, hysteresis: 1.0, changes_at_grasp: false }
+        Self {
+            sigma: 0.03,
+            weight_other: 0.125,
+            hysteresis: 1.0,
+            changes_at_grasp: false,
+            switching_per_s: 0.3,
+            look_ms: 250.0,
+            elsewhere: 0.01,
+            straightness_per_m: 20.0,
+        }
     }
 }
 
 impl IntentOptions {
+    /// Checks ranges.
+    ///
+    /// # Errors
+    /// [`IntentError::Option`] naming the first key that is out of range or not a number.
+    pub fn check(&self) -> Result<(), IntentError> {
+        let within = |key, got: f64, allowed: std::ops::RangeInclusive<f64>, expected| {
+            if allowed.contains(&got) { Ok(()) } else { Err(IntentError::Option { key, got, expected }) }
+        };
+        within("sigma", self.sigma, 1e-3..=10.0, "0.001 to 10")?;
+        within("weight_other", self.weight_other, 0.0..=0.5, "0 to 0.5")?;
+        within("hysteresis", self.hysteresis, 1.0..=1e6, "1 to 1000000")?;
+        within("switching_per_s", self.switching_per_s, 0.0..=1e3, "0 to 1000")?;
+        within("look_ms", self.look_ms, 1.0..=1e5, "1 to 100000")?;
+        within("elsewhere", self.elsewhere, 0.0..=1.0, "0 to 1")?;
+        within("straightness_per_m", self.straightness_per_m, 0.0..=1e4, "0 to 10000")
+    }
+
     /// The colour that counts as released last, where a block of the colour `held` is in the hand and one of the
     /// colour `released` was released last.
     pub fn last_colour(

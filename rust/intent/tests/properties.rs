@@ -1,6 +1,6 @@
 //! What holds for every intent model and every input.
 
-use proact_intent::{Candidates, IntentModel, IntentModelName, IntentModelOptions, IntentOptions, Posterior};
+use proact_intent::{Candidates, IntentModel, IntentModelName, IntentOptions, Posterior};
 use proact_types::{BlockColour, BlockId, GazeSample, Point, SimTime, Vector};
 use proptest::{prelude::*, sample::select};
 
@@ -40,14 +40,16 @@ fn scene() -> impl Strategy<Value = Candidates> {
     )
 }
 
-fn options() -> impl Strategy<Value = IntentModelOptions> {
+fn options() -> impl Strategy<Value = IntentOptions> {
     (0.005..0.5, 0.0..0.5, 0.0..3.0, 1.0..800.0, 0.0..0.2, 0.0..100.0).prop_map(
-        |(sigma, weight_other, switching_per_s, look_ms, elsewhere, straightness_per_m)| IntentModelOptions {
-            intent: IntentOptions { sigma, weight_other, ..IntentOptions::default() },
+        |(sigma, weight_other, switching_per_s, look_ms, elsewhere, straightness_per_m)| IntentOptions {
+            sigma,
+            weight_other,
             switching_per_s,
             look_ms,
             elsewhere,
             straightness_per_m,
+            ..IntentOptions::default()
         },
     )
 }
@@ -67,7 +69,7 @@ fn stream() -> impl Strategy<Value = Stream> {
     )
 }
 
-fn run(name: IntentModelName, options: &IntentModelOptions, stream: &Stream) -> Vec<Option<Posterior>> {
+fn run(name: IntentModelName, options: &IntentOptions, stream: &Stream) -> Vec<Option<Posterior>> {
     let mut model: Box<dyn IntentModel> = name.build(options).expect("options in range");
     let mut now = SimTime(0);
     stream
@@ -164,7 +166,7 @@ const SCENE: Candidates = Candidates {
 };
 
 fn ask(name: IntentModelName, gaze: &GazeSample) -> Option<Posterior> {
-    name.build(&IntentModelOptions::default()).expect("defaults").observe(SimTime(20), gaze, &SCENE)
+    name.build(&IntentOptions::default()).expect("defaults").observe(SimTime(20), gaze, &SCENE)
 }
 
 #[test]
@@ -196,7 +198,7 @@ fn blinks_broken_gaze_and_blocks_behind_tell_a_model_of_the_present_gaze_nothing
 fn with_nothing_to_pick_every_model_is_silent() {
     let gaze = GazeSample { origin: Point::origin(), direction: Vector::x(), valid: true };
     for name in IntentModelName::ALL {
-        let mut model = name.build(&IntentModelOptions::default()).expect("defaults");
+        let mut model = name.build(&IntentOptions::default()).expect("defaults");
         let nothing = Candidates { pickable: [false; 4], ..SCENE };
         assert_eq!(model.observe(SimTime(20), &gaze, &nothing), None, "{name}");
     }

@@ -30,7 +30,52 @@ pub struct Body {
     pub reach_deg: [f64; 3],
 }
 
+/// A number of a participant that is outside its range.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{key} = {got}, expected {expected}")]
+pub struct OutOfRange {
+    /// As in the configuration of a trial.
+    pub key: &'static str,
+    /// What was given.
+    pub got: String,
+    /// What is allowed.
+    pub expected: &'static str,
+}
+
 impl Body {
+    /// Checks ranges.
+    ///
+    /// # Errors
+    /// The first key that is out of range.
+    pub fn check(&self) -> Result<(), OutOfRange> {
+        let refused = |key, got: String, expected| Err(OutOfRange { key, got, expected });
+        for (key, point) in [
+            ("setup.body.hip", &self.hip),
+            ("setup.body.shoulder", &self.shoulder),
+            ("setup.body.eye", &self.eye),
+        ] {
+            if !point.iter().all(|metres| metres.abs() <= 10.0) {
+                return refused(key, format!("{:?}", point.coords.as_slice()), "x, y, z of -10 to 10 m");
+            }
+        }
+        for (key, degrees) in [
+            ("setup.body.forward_max_deg", self.forward_max_deg),
+            ("setup.body.lateral_max_deg", self.lateral_max_deg),
+            ("setup.body.axial_max_deg", self.axial_max_deg),
+        ] {
+            if !(0.0..=90.0).contains(&degrees) {
+                return refused(key, degrees.to_string(), "0 to 90");
+            }
+        }
+        if !(0.1..=1000.0).contains(&self.speed_max_deg_per_s) {
+            return refused("setup.body.speed_max_deg_per_s", self.speed_max_deg_per_s.to_string(), "0.1 to 1000");
+        }
+        if !self.reach_deg.iter().all(|degrees| degrees.abs() <= 90.0) {
+            return refused("setup.body.reach_deg", format!("{:?}", self.reach_deg), "three angles of -90 to 90");
+        }
+        Ok(())
+    }
+
     /// The nearest posture that this body can take; not-a-number becomes upright.
     pub fn limit(&self, posture: TrunkPosture) -> TrunkPosture {
         let within = |value: f64, low: f64, high: f64| {

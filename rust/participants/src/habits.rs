@@ -1,6 +1,6 @@
 //! What all simulated participants have in common: they see late, relax between gestures, blink, and lean.
 
-use crate::Body;
+use crate::{Body, OutOfRange};
 use proact_types::{DisplayFrame, Gesture, SimTime, TrunkPosture};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -26,6 +26,40 @@ pub struct ParticipantOptions {
     pub blink_interval_ms: u64,
     /// Length of a blink.
     pub blink_ms: u64,
+    /// Root mean square error of the participant's eye tracker, degrees (paper: "within a 1.5 degree error").
+    pub gaze_error_deg: f64,
+}
+
+impl ParticipantOptions {
+    /// Checks ranges.
+    ///
+    /// # Errors
+    /// The first key that is out of range.
+    pub fn check(&self) -> Result<(), OutOfRange> {
+        let times = [
+            ("participant.reaction_ms", self.reaction_ms, 0..=10_000, "0 to 10000"),
+            ("participant.relax_ms", self.relax_ms, 0..=10_000, "0 to 10000"),
+            ("participant.dwell_ms", self.dwell_ms, 0..=10_000, "0 to 10000"),
+            ("participant.blink_interval_ms", self.blink_interval_ms, 100..=3_600_000, "100 to 3600000"),
+            ("participant.blink_ms", self.blink_ms, 0..=10_000, "0 to 10000"),
+        ];
+        for (key, got, allowed, expected) in times {
+            if !allowed.contains(&got) {
+                return Err(OutOfRange { key, got: got.to_string(), expected });
+            }
+        }
+        let numbers = [
+            ("participant.place_tolerance_m", self.place_tolerance_m, 0.001..=0.2, "0.001 to 0.2"),
+            ("participant.timing_spread", self.timing_spread, 0.0..=1.0, "0 to 1"),
+            ("participant.gaze_error_deg", self.gaze_error_deg, 0.0..=45.0, "0 to 45"),
+        ];
+        for (key, got, allowed, expected) in numbers {
+            if !allowed.contains(&got) {
+                return Err(OutOfRange { key, got: got.to_string(), expected });
+            }
+        }
+        Ok(())
+    }
 }
 
 impl Default for ParticipantOptions {
@@ -38,6 +72,7 @@ impl Default for ParticipantOptions {
             timing_spread: 0.08,
             blink_interval_ms: 4000,
             blink_ms: 150,
+            gaze_error_deg: 1.5,
         }
     }
 }

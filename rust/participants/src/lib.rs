@@ -15,7 +15,7 @@ mod selecting;
 
 use proact_types::{DisplayFrame, Intention};
 
-pub use body::{Body, Trunk};
+pub use body::{Body, OutOfRange, Trunk};
 pub use habits::ParticipantOptions;
 pub use jogging::JoggingParticipant;
 pub use selecting::SelectingParticipant;

@@ -102,7 +102,15 @@ impl ArmPlanner {
         self.context.set_meshes(meshes)
     }
 
-    /// Grows a roadmap of so many milestones among `obstacles`, with the usual padding: for [`PlannerOptions::roadmap`].
+    /// What PRM begins with from now on; none for a roadmap made anew for each request.
+    ///
+    /// # Errors
+    /// A milestone of another arm, an edge that names no milestone.
+    pub fn set_roadmap(&mut self, roadmap: Option<&Roadmap>) -> Result<(), PlanningError> {
+        self.context.scene.set_roadmap(roadmap)
+    }
+
+    /// Grows a roadmap of so many milestones among `obstacles`, with the usual padding: for [`ArmPlanner::set_roadmap`].
     ///
     /// # Errors
     /// Wrong lengths, values that are not finite, shapes that the scene refuses.

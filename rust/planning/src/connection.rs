@@ -33,7 +33,7 @@ impl Connection {
             limits.max_secs = Some(limits.max_secs.map_or(left, |secs| secs.min(left)));
         }
         let seed = problem.request.seed;
-        let (planner, parameters) = (context.options.planner, &context.options.planner_parameters);
+        let (planner, parameters) = (context.options.name, &context.options.parameters);
         match context.scene.search_by(planner, parameters, from, &goals, seed, &limits, &context.cancel)? {
             SearchOutcome::Solved { path: mut points, goal } => {
                 let entry = points.len() - 1;

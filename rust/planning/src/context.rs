@@ -76,9 +76,9 @@ impl PlanningContext {
         mut kinematics: Box<dyn ArmKinematics + Send>,
         options: PlannerOptions,
     ) -> Result<Self, PlanningError> {
-        options.validate()?;
-        let mut scene = CollisionScene::new(&model)?;
-        scene.set_roadmap(options.roadmap.as_deref())?;
+        options.check()?;
+        crate::scene::check_planner(options.name, &options.parameters)?;
+        let scene = CollisionScene::new(&model)?;
         if kinematics.joint_count() != model.arm.len() {
             return Err(PlanningError::WrongLength {
                 what: "the kinematic chain",

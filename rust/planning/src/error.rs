@@ -28,24 +28,9 @@ pub enum PlanningError {
     /// The kinematics do not belong to this arm, or refused.
     #[error("kinematics: {0}")]
     Kinematics(String),
-    /// No planner has this name.
-    #[error("planner is \"{got}\", expected one of {known}")]
-    UnknownPlanner {
-        /// The name that was asked for.
-        got: String,
-        /// The names that there are.
-        known: String,
-    },
     /// An option makes no sense.
-    #[error("option {name} = {value}, expected {expected}")]
-    Option {
-        /// Name of the option.
-        name: &'static str,
-        /// Its value.
-        value: f64,
-        /// What would be right.
-        expected: &'static str,
-    },
+    #[error(transparent)]
+    Options(#[from] proact_testbed::ConfigError),
 }
 
 impl From<cxx::Exception> for PlanningError {

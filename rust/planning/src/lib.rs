@@ -27,9 +27,7 @@ mod error;
 mod failure;
 mod intermediate;
 mod leave;
-mod options;
 mod person;
-mod planner_name;
 mod problem;
 mod reach;
 mod reasons;
@@ -45,12 +43,11 @@ mod worker;
 pub use arm_planner::ArmPlanner;
 pub use effort::{PlanEffort, PlanStage, thread_cpu_secs};
 pub use error::PlanningError;
-pub use options::PlannerOptions;
 pub use person::{Person, person_obstacles};
-pub use planner_name::PlannerName;
+pub use proact_testbed::{PlannerName, PlannerOptions, SearchLimits};
 pub use reasons::five_words;
 pub use scene::CollisionScene;
 pub use search::{
-    CancelFlag, MeshObstacle, PlainOutcome, Roadmap, SearchEffort, SearchLimits, SearchOutcome,
+    CancelFlag, MeshObstacle, PlainOutcome, Roadmap, SearchEffort, SearchOutcome,
 };
 pub use worker::{PlanLog, PlanWorker};

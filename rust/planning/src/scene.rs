@@ -1,13 +1,17 @@
 //! The safe side of the bridge: a collision scene and the search in it.
 
-use crate::PlannerName;
+use crate::{PlannerName, SearchLimits};
 use crate::bridge::ffi;
 use crate::error::{PlanningError, check};
 use crate::search::{
-    CancelFlag, MeshObstacle, PlainOutcome, Roadmap, SearchEffort, SearchLimits, SearchOutcome,
+    CancelFlag, MeshObstacle, PlainOutcome, Roadmap, SearchEffort, SearchOutcome,
 };
 use crate::state_check::StateCheck;
 use proact_types::{ArmModel, AttachedObject, JointKind, Obstacle, Pose, Shape};
+use std::collections::BTreeMap;
+
+/// A planner as OMPL sets it up.
+const NO_PARAMETERS: BTreeMap<String, String> = BTreeMap::new();
 
 /// An arm among obstacles: FCL tells what touches, OMPL finds ways.
 ///
@@ -206,7 +210,7 @@ impl CollisionScene {
     ) -> Result<bool, PlanningError> {
         check("arm angles", a, self.joint_count)?;
         check("arm angles", b, self.joint_count)?;
-        let row = search_row(PlannerName::default(), &[], 0, limits);
+        let row = search_row(PlannerName::default(), &NO_PARAMETERS, 0, limits);
         Ok(ffi::motion_is_free(self.inner.pin_mut(), a, b, &row)?)
     }
 
@@ -223,11 +227,11 @@ impl CollisionScene {
         limits: &SearchLimits,
         cancel: &CancelFlag,
     ) -> Result<SearchOutcome, PlanningError> {
-        self.search_by(PlannerName::default(), &[], start, goals, seed, limits, cancel)
+        self.search_by(PlannerName::default(), &NO_PARAMETERS, start, goals, seed, limits, cancel)
     }
 
-    /// As [`CollisionScene::search`], by any planner. `parameters` are pairs of OMPL's name, such as `goal_bias`,
-    /// and the value as text.
+    /// As [`CollisionScene::search`], by any planner. `parameters` are values as text by OMPL's names, such as
+    /// `goal_bias`.
     ///
     /// Planners other than RRTConnect draw from generators that the whole process shares: such a search waits
     /// until it is the only one.
@@ -238,7 +242,7 @@ impl CollisionScene {
     pub fn search_by(
         &mut self,
         planner: PlannerName,
-        parameters: &[(String, String)],
+        parameters: &BTreeMap<String, String>,
         start: &[f64],
         goals: &[Vec<f64>],
         seed: u64,
@@ -267,7 +271,7 @@ impl CollisionScene {
         limits: &SearchLimits,
         cancel: &CancelFlag,
     ) -> Result<Roadmap, PlanningError> {
-        let search = search_row(PlannerName::Prm, &[], seed, limits);
+        let search = search_row(PlannerName::Prm, &NO_PARAMETERS, seed, limits);
         let row = ffi::grow_roadmap(self.inner.pin_mut(), &search, milestones, &cancel.0)?;
         Ok(Roadmap {
             milestones: row.milestones.chunks_exact(self.joint_count).map(<[f64]>::to_vec).collect(),
@@ -321,7 +325,7 @@ impl CollisionScene {
             check("goal", goal, self.joint_count)?;
         }
         let flat: Vec<f64> = goals.iter().flatten().copied().collect();
-        let search = search_row(PlannerName::default(), &[], seed, limits);
+        let search = search_row(PlannerName::default(), &NO_PARAMETERS, seed, limits);
         let mut condition = StateCheck::new(accepts);
         let scene = self.inner.pin_mut();
         let row = ffi::plan_joint_where(scene, start, &flat, &search, &mut condition, &cancel.0)?;
@@ -397,7 +401,7 @@ impl CollisionScene {
                 equal_steps: Some(equal_steps),
                 ..SearchLimits::default()
             };
-            ffi::search_plainly(&self.inner, start, &flat, &search_row(planner, &[], seed, &limits))?
+            ffi::search_plainly(&self.inner, start, &flat, &search_row(planner, &NO_PARAMETERS, seed, &limits))?
         };
         Ok(PlainOutcome {
             path: row.path.chunks_exact(self.joint_count).map(<[f64]>::to_vec).collect(),
@@ -426,14 +430,14 @@ fn shape_row(shape: &Shape, pose: &Pose) -> ffi::ShapeRow {
 /// Refuses a parameter that the planner does not know, naming those that it does, or a value that it refuses.
 pub(crate) fn check_planner(
     planner: PlannerName,
-    parameters: &[(String, String)],
+    parameters: &BTreeMap<String, String>,
 ) -> Result<(), PlanningError> {
     Ok(ffi::check_planner(&search_row(planner, parameters, 0, &SearchLimits::default()))?)
 }
 
 fn search_row(
     planner: PlannerName,
-    parameters: &[(String, String)],
+    parameters: &BTreeMap<String, String>,
     seed: u64,
     limits: &SearchLimits,
 ) -> ffi::SearchRow {

@@ -71,30 +71,6 @@ pub struct Roadmap {
     pub edges: Vec<[usize; 2]>,
 }
 
-/// What bounds one search in joint space.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SearchLimits {
-    /// Iterations of the planner.
-    pub max_iterations: u32,
-    /// Seconds, beside the iterations. With it equal requests no longer get equal replies.
-    pub max_secs: Option<f64>,
-    /// Searches after the first that succeeded, by RRTConnect and BiTRRT, for goals to which a path could be quicker,
-    /// as long as ways are found easily; the quickest of all paths, its inner points pulled
-    /// straight, is the outcome.
-    pub more_searches: u32,
-    /// Longest motion added to a tree, rad (L2); for planners that grow trees.
-    pub range_rad: f64,
-    /// Attempts to shorten the path.
-    pub shortcuts: u32,
-    /// Largest change of the joint vector between two checked states, rad (L2).
-    pub step_rad: f64,
-    /// Farthest that any point of the arm moves between two checked states, metres.
-    pub step_metres: f64,
-    /// Looks at motions in equal steps of this share of the joint space's extent instead, and simplifies paths to
-    /// the end: what OMPL does by itself, as in the original. For comparison; it misses contacts.
-    pub equal_steps: Option<f64>,
-}
-
 /// What searches in joint space took.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct SearchEffort {

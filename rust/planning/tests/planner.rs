@@ -416,9 +416,9 @@ fn every_planner_picks_a_block_twice_alike_and_without_a_contact() {
             // It spends all its iterations.
             search.max_iterations = 300;
         }
-        let mut options = PlannerOptions { planner, search, ..Default::default() };
+        let mut options = PlannerOptions { name: planner, search, ..Default::default() };
         if planner == PlannerName::LbKpiece1 {
-            options.planner_parameters = vec![("border_fraction".to_owned(), "0.8".to_owned())];
+            options.parameters = [("border_fraction".to_owned(), "0.8".to_owned())].into();
         }
         let request = pick(&model, still(), Region::FL, 4);
         let reply = common::planner(options.clone()).solve(&request);
@@ -437,7 +437,7 @@ fn unknown_planners_and_parameters_are_refused_with_those_that_there_are() {
     assert_eq!(text, format!("planner is \"RRTConect\", expected one of {known}"));
     let model = model();
     let options =
-        PlannerOptions { planner_parameters: vec![("rnage".into(), "1".into())], ..Default::default() };
+        PlannerOptions { parameters: [("rnage".into(), "1".into())].into(), ..Default::default() };
     let error =
         ArmPlanner::new(model.clone(), Box::new(kinematics(&model)), options).err().unwrap().to_string();
     assert!(error.contains("no parameter \"rnage\", expected one of ") && error.contains("range"), "{error}");

@@ -1,5 +1,6 @@
-use crate::{Arrangement, BlockResult, Outcome, TABLE_TOP, TARGET_RADIUS, geometry};
-use proact_types::{BlockColour, BlockId, BodyState, EventKind, Scene, SimTime};
+use crate::{Arrangement, BlockResult, Outcome, PlaceRegion, TABLE_TOP, TARGET_RADIUS, geometry};
+use proact_types::{BlockColour, BlockId, BodyState, EventKind, Region, Scene, SimTime};
+use serde::Serialize;
 
 /// Slower than this a block may be at rest, m/s.
 const REST_SPEED: f64 = 0.01;
@@ -57,6 +58,19 @@ pub struct BoxAndBlocks {
 impl BoxAndBlocks {
     /// Time limit of a trial, seconds (paper, "Modifications to format").
     pub const LIMIT_SECS: f64 = 300.0;
+
+    /// What the task is called in configurations.
+    pub const NAME: &str = "box_and_blocks";
+
+    /// All that the task is made of, whatever the arrangement: what a record is compared with.
+    pub fn content() -> impl Serialize {
+        (
+            (geometry::fixed_objects(), geometry::blocks(Region::ALL), geometry::targets()),
+            BlockId::PRESCRIBED_ORDER,
+            (PlaceRegion::DEFAULT, TARGET_RADIUS),
+            (REST_SPEED, REST_MILLIS, MOVED),
+        )
+    }
 
     /// The task with its blocks in `arrangement`.
     pub fn new(arrangement: Arrangement) -> Self {

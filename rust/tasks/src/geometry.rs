@@ -2,6 +2,7 @@
 //! right half (y < 0), the targets lie on the left. Dimensions: the original's `bbt_box.urdf` and block files.
 
 use proact_types::{Block, BlockId, Point, Pose, Region, SceneObject, Shape, Target};
+use serde::Serialize;
 
 /// Height of the table top, metres.
 pub const TABLE_TOP: f64 = 1.015;
@@ -36,7 +37,7 @@ pub fn region_centre(region: Region) -> Point {
 
 /// The part of the table top on which a block may be put down: the left half less wall, partition and block
 /// radius (`original_proact.md` 3.6).
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct PlaceRegion {
     /// Smallest x and y, metres.
     pub min: [f64; 2],

@@ -1,9 +1,10 @@
-use crate::PhysicsConfig;
+use crate::{MotionConfig, PhysicsConfig, Pinned, PlannerOptions};
 use proact_control::{ControlError, OUTSIDE, Profile};
 use proact_emg::EmgConfig;
-use proact_intent::{IntentModelName, IntentModelOptions, IntentOptions};
-use proact_participants::{Body, ParticipantOptions};
-use proact_tasks::Arrangement;
+use proact_intent::{IntentModelName, IntentOptions};
+use proact_participants::{Body, OutOfRange, ParticipantOptions};
+use proact_tasks::{Arrangement, BoxAndBlocks};
+use proact_types::ArmModel;
 use serde::{Deserialize, Serialize};
 use std::{fmt, str::FromStr};
 
@@ -16,6 +17,39 @@ pub enum ConfigError {
     Method {
         /// What was asked for.
         got: String,
+    },
+    /// A part of another name than the trial's.
+    #[error("{kind} is {got:?}, the trial's is {expected:?}")]
+    OtherName {
+        /// `arm` or `task`.
+        kind: &'static str,
+        /// What the trial names.
+        expected: String,
+        /// What was given.
+        got: String,
+    },
+    /// A part of the trial's name with another content.
+    #[error(
+        "{kind} {name:?} is another one here (hash {got}...) than the one that the trial was made with \
+         ({expected}...): take the {kind}, or the program, of that time"
+    )]
+    OtherContent {
+        /// `arm` or `task`.
+        kind: &'static str,
+        /// Its name.
+        name: String,
+        /// Beginning of the recorded hash.
+        expected: String,
+        /// Beginning of the hash of what is here.
+        got: String,
+    },
+    /// No such planner.
+    #[error("planner is \"{got}\", expected one of {known}")]
+    Planner {
+        /// What was asked for.
+        got: String,
+        /// What there is.
+        known: String,
     },
     /// No such set-up.
     #[error("set-up {got:?} is unknown; expected seated or still")]
@@ -45,10 +79,24 @@ pub enum ConfigError {
     /// The intent model refuses its options.
     #[error(transparent)]
     Intent(#[from] proact_intent::IntentError),
+    /// Settings of who or what has no part in the trial.
+    #[error("{key} is set, but {why}: leave it out")]
+    NoPart {
+        /// Such as `participant`.
+        key: &'static str,
+        /// Why it has no part.
+        why: &'static str,
+    },
+    /// A number of the participant is out of range.
+    #[error(transparent)]
+    Participant(#[from] OutOfRange),
     /// The text is not a configuration.
     #[error("the trial configuration is unreadable: {0}")]
     Text(String),
 }
+
+/// Gestures are given directly, until a source of them is named.
+const KEYS: &str = "keys";
 
 /// The control methods there are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -163,9 +211,21 @@ pub struct TrialConfig {
     /// How is inferred what the person means: the paper's product of gaze and task, or another model.
     #[serde(default)]
     pub intent_model: IntentModelName,
+    /// The arm.
+    #[serde(default = "TrialConfig::default_arm")]
+    pub arm: Pinned,
+    /// The task.
+    #[serde(default = "TrialConfig::default_task")]
+    pub task: Pinned,
     /// The arm's weight, its control, and the grasp rule.
     #[serde(default)]
     pub physics: PhysicsConfig,
+    /// How fast hand, shoulder and limb follow.
+    #[serde(default)]
+    pub motion: MotionConfig,
+    /// The planner of methods C and D.
+    #[serde(default)]
+    pub planner: PlannerOptions,
     /// Where person and box are.
     pub setup: Setup,
     /// Another process drives the arm in the place of `method`, which says no more than what the posterior knows and
@@ -200,16 +260,83 @@ impl TrialConfig {
             plan_latency_ms: 50,
             wait_for_plans: true,
             place_filter_ms: 150,
-            gesture_source: "keys".to_owned(),
+            gesture_source: KEYS.to_owned(),
             emg_centring: Vec::new(),
             intent_model: IntentModelName::default(),
+            arm: Self::default_arm(),
+            task: Self::default_task(),
             physics: PhysicsConfig::default(),
+            motion: MotionConfig::default(),
+            planner: PlannerOptions::default(),
             setup,
             method_process: None,
             intent: IntentOptions::default(),
             emg: None,
             participant: None,
         }
+    }
+
+    /// The name of the arm unless another one is asked for.
+    pub const DEFAULT_ARM: &str = "mpl_right_arm";
+
+    fn default_arm() -> Pinned {
+        Pinned::named(Self::DEFAULT_ARM)
+    }
+
+    fn default_task() -> Pinned {
+        Pinned::named(BoxAndBlocks::NAME)
+    }
+
+    /// Takes `model` for the arm, and the task that there is.
+    ///
+    /// # Errors
+    /// [`ConfigError::OtherName`], [`ConfigError::OtherContent`].
+    pub(crate) fn pin(&mut self, model: &ArmModel) -> Result<(), ConfigError> {
+        self.arm.pin("arm", &model.name, model)?;
+        self.task.pin("task", BoxAndBlocks::NAME, &BoxAndBlocks::content())
+    }
+
+    /// The same for a trial that goes by the clock: a late plan acts when it comes, and none may be later than
+    /// [`TrialConfig::LIVE_DEADLINE_SECS`] unless the planner has another deadline.
+    pub fn live(mut self) -> Self {
+        self.wait_for_plans = false;
+        self.planner.deadline_secs.get_or_insert(Self::LIVE_DEADLINE_SECS);
+        self
+    }
+
+    /// Time within which a plan is there while a person waits, seconds: twice what the original gave one attempt.
+    pub const LIVE_DEADLINE_SECS: f64 = 1.0;
+
+    /// The zero levels of the EMG stream, which belong to it.
+    ///
+    /// # Errors
+    /// [`ConfigError::Value`] if the configuration has others.
+    pub fn centred_by(&mut self, levels: Vec<f64>) -> Result<(), ConfigError> {
+        if !self.emg_centring.is_empty() && self.emg_centring != levels {
+            return Err(ConfigError::Value {
+                key: "emg_centring",
+                got: format!("{:?}", self.emg_centring),
+                expected: "none: they come with the stream, or with the model that was trained on it",
+            });
+        }
+        self.emg_centring = levels;
+        Ok(())
+    }
+
+    /// Where the gestures of the trial come from, as shown.
+    ///
+    /// # Errors
+    /// [`ConfigError::Value`] if the configuration names another source.
+    pub fn gestures_from(&mut self, source: &str) -> Result<(), ConfigError> {
+        if self.gesture_source != source && self.gesture_source != KEYS {
+            return Err(ConfigError::Value {
+                key: "gesture_source",
+                got: format!("{:?}", self.gesture_source),
+                expected: "none: the trial says itself where its gestures come from",
+            });
+        }
+        self.gesture_source = source.to_owned();
+        Ok(())
     }
 
     /// The same with the profile called `name`: `default`, or `original`, which brings the original's spread of
@@ -269,11 +396,10 @@ impl TrialConfig {
         Self::from_toml(&whole.to_string())
     }
 
-    /// Options of the intent model: what the trial does not set has its default. Methods but D leave the task out.
-    pub fn intent_options(&self) -> IntentModelOptions {
+    /// Options of the intent model. Methods but D leave the task out.
+    pub fn intent_options(&self) -> IntentOptions {
         let weight_other = if self.method == MethodName::D { self.intent.weight_other } else { 0.25 };
-        let intent = IntentOptions { weight_other, ..self.intent };
-        IntentModelOptions { intent, ..IntentModelOptions::default() }
+        IntentOptions { weight_other, ..self.intent }
     }
 
     /// What the method is called in results and records.
@@ -301,10 +427,12 @@ impl TrialConfig {
         if !(1..=10_000).contains(&self.plan_latency_ms) {
             return bad("plan_latency_ms", self.plan_latency_ms.to_string(), "1 to 10000");
         }
-        let factor = self.physics.mass_set.factor();
-        if !(factor > 0.0 && factor <= 100.0) {
-            return bad("physics.mass_set.scaled", factor.to_string(), "more than 0 and at most 100");
+        if self.place_filter_ms > 10_000 {
+            return bad("place_filter_ms", self.place_filter_ms.to_string(), "0 to 10000");
         }
+        self.physics.check()?;
+        self.motion.check()?;
+        self.planner.check()?;
         if let Some(process) = &self.method_process {
             if process.command.first().is_none_or(|program| program.is_empty()) {
                 return bad(
@@ -318,16 +446,10 @@ impl TrialConfig {
             }
         }
         self.profile.check()?;
-        let sigma = self.intent.sigma;
-        if !(sigma > 0.0 && sigma <= 10.0) {
-            return bad("intent.sigma", sigma.to_string(), "more than 0 and at most 10");
-        }
-        let weight = self.intent.weight_other;
-        if !(0.0..=0.5).contains(&weight) {
-            return bad("intent.weight_other", weight.to_string(), "0 to 0.5");
-        }
-        if self.intent.hysteresis.is_nan() || self.intent.hysteresis < 1.0 {
-            return bad("intent.hysteresis", self.intent.hysteresis.to_string(), "at least 1");
+        self.intent.check()?;
+        self.setup.body.check()?;
+        if let Some(participant) = &self.participant {
+            participant.check()?;
         }
         Ok(())
     }
@@ -358,9 +480,9 @@ mod tests {
         let filtered = TrialConfig::from_toml(&text.replace(line, "intent_model = \"filtered\"\n"));
         assert_eq!(filtered.expect("reads").intent_model, IntentModelName::Filtered);
         assert!(TrialConfig::from_toml(&text.replace(line, "intent_model = \"guess\"\n")).is_err());
-        assert_eq!(config().intent_options().intent, config().intent);
+        assert_eq!(config().intent_options(), config().intent);
         let c = TrialConfig { method: MethodName::C, ..config() };
-        assert_eq!(c.intent_options().intent.weight_other, 0.25, "C knows nothing of the task");
+        assert_eq!(c.intent_options().weight_other, 0.25, "C knows nothing of the task");
     }
 
     #[test]

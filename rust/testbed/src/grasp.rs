@@ -1,20 +1,6 @@
-use crate::{GraspRuleName, OriginalGraspRule};
+use crate::{GraspRuleName, OpposingGrasp, OriginalGraspRule, PhysicsConfig};
 use proact_control::HandCommand;
 use proact_types::{ArmModel, Contact, HandState, JointVector, PlantState, joints};
-
-/// Two contacts hold a block when their normals are further apart than this, rad (the original: 100 degrees).
-const OPPOSING: f64 = 100.0 * std::f64::consts::PI / 180.0;
-/// A contact counts from this force, N (the original: 1e-4).
-const LEAST_FORCE: f64 = 1e-4;
-/// The weaker of two opposing contacts has at least this share of the stronger one's force (the original: 0.3
-/// of forces averaged over 250 ms; ours are of one tick, and rougher).
-const BALANCE: f64 = 0.05;
-/// Opposing contact for this long attaches, ms of simulated time. (The original: five checks at 4 Hz of wall
-/// time, so more than a second, and longer on a slow machine.)
-const HOLD_MILLIS: u32 = 40;
-
-/// A finger joint that has opened by this much since the grasp lets the block go, rad.
-const OPENED: f64 = 0.01;
 
 /// What the rule asks of the plant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,11 +22,12 @@ pub struct Grasp {
 }
 
 impl Grasp {
-    /// `rule` for the hand of `model`, which holds nothing.
-    pub fn new(rule: GraspRuleName, model: &ArmModel) -> Self {
+    /// The rule of `physics` for the hand of `model`, which holds nothing.
+    pub fn new(physics: &PhysicsConfig, model: &ArmModel) -> Self {
+        let original = physics.grasp_rule == GraspRuleName::Original;
         Self {
-            opposing: GraspRule::new(model),
-            original: (rule == GraspRuleName::Original).then(|| OriginalGraspRule::new(model)),
+            opposing: GraspRule::new(physics.opposing_grasp, model),
+            original: original.then(|| OriginalGraspRule::new(physics.original_grasp, model)),
             taken_at: None,
         }
     }
@@ -55,7 +42,8 @@ impl Grasp {
     ) -> Option<GraspAction> {
         let fingers = &state.position[model.arm_count()..];
         let attached = state.attached.map(|(block, _)| block);
-        let away = |at: &JointVector| at.iter().zip(fingers).any(|(at, now)| (at - now).abs() > OPENED);
+        let opened = self.opposing.options.opened_rad;
+        let away = |at: &JointVector| at.iter().zip(fingers).any(|(at, now)| (at - now).abs() > opened);
         let opened = command == HandCommand::Open && self.taken_at.as_ref().is_some_and(away);
         let action = match &mut self.original {
             Some(rule) => rule.step(model, state),
@@ -81,6 +69,7 @@ impl Grasp {
 /// contact of digits instead of shapes, and with release as soon as the hand opens.
 #[derive(Clone, Debug)]
 struct GraspRule {
+    options: OpposingGrasp,
     /// Digit of each link, counted by the first joint after the tip; none for arm and palm.
     digit: Vec<Option<usize>>,
     candidate: Option<usize>,
@@ -89,14 +78,14 @@ struct GraspRule {
 
 impl GraspRule {
     /// The rule for the hand of `model`: each branch below the tip is a digit.
-    fn new(model: &ArmModel) -> Self {
+    fn new(options: OpposingGrasp, model: &ArmModel) -> Self {
         let mut digit = vec![None; model.links.len()];
         for joint in &model.joints {
             // Parents stand before their children, so the parent's digit is known.
             digit[joint.child] =
                 if joint.parent == model.tip { Some(joint.child) } else { digit[joint.parent] };
         }
-        Self { digit, candidate: None, held_millis: 0 }
+        Self { options, digit, candidate: None, held_millis: 0 }
     }
 
     /// One tick: contacts of this tick, the hand, the block that is attached, and whether the fingers have opened
@@ -126,7 +115,7 @@ impl GraspRule {
                 self.candidate = None;
             }
         }
-        if self.held_millis < HOLD_MILLIS {
+        if self.held_millis < self.options.hold_ms {
             return None;
         }
         self.held_millis = 0;
@@ -143,6 +132,8 @@ impl GraspRule {
 
     /// The block that two digits press from opposite sides.
     fn gripped(&self, contacts: &[Contact]) -> Option<usize> {
+        let OpposingGrasp { least_angle_deg, least_force_n, balance, .. } = self.options;
+        let least_angle = least_angle_deg * std::f64::consts::PI / 180.0;
         let opposing = |a: &Contact, b: &Contact| {
             let digits = (self.digit[a.link], self.digit[b.link]);
             let (weak, strong) = (a.force.min(b.force), a.force.max(b.force));
@@ -150,9 +141,9 @@ impl GraspRule {
                 && digits.0.is_some()
                 && digits.1.is_some()
                 && digits.0 != digits.1
-                && weak >= LEAST_FORCE
-                && weak >= BALANCE * strong
-                && a.normal.angle(&b.normal) > OPPOSING
+                && weak >= least_force_n
+                && weak >= balance * strong
+                && a.normal.angle(&b.normal) > least_angle
         };
         let pair =
             |(k, a): (usize, &Contact)| contacts[k + 1..].iter().any(|b| opposing(a, b)).then_some(a.block);
@@ -208,13 +199,13 @@ pub(crate) mod tests {
     }
 
     fn ticks_to_attach(contacts: &[Contact], state: HandState) -> Option<usize> {
-        let mut rule = GraspRule::new(&hand());
+        let mut rule = GraspRule::new(OpposingGrasp::DEFAULT, &hand());
         (1..200).find(|_| rule.step(contacts, state, None, false) == Some(GraspAction::Attach(2)))
     }
 
     #[test]
     fn a_pinch_between_thumb_and_finger_attaches_after_its_time() {
-        assert_eq!(ticks_to_attach(&pinch(), HandState::Closing), Some(HOLD_MILLIS as usize));
+        assert_eq!(ticks_to_attach(&pinch(), HandState::Closing), Some(OpposingGrasp::DEFAULT.hold_ms as usize));
     }
 
     #[test]
@@ -235,8 +226,8 @@ pub(crate) mod tests {
 
     #[test]
     fn contact_that_flickers_counts_back_and_a_brief_touch_is_forgotten() {
-        let mut rule = GraspRule::new(&hand());
-        for tick in 0..10 * HOLD_MILLIS {
+        let mut rule = GraspRule::new(OpposingGrasp::DEFAULT, &hand());
+        for tick in 0..10 * OpposingGrasp::DEFAULT.hold_ms {
             let touch = if tick % 2 == 0 { &pinch()[..] } else { &[] };
             assert_eq!(rule.step(touch, HandState::Closing, None, false), None);
         }
@@ -244,7 +235,7 @@ pub(crate) mod tests {
 
     #[test]
     fn an_opened_hand_releases_and_a_closed_one_does_not() {
-        let mut rule = GraspRule::new(&hand());
+        let mut rule = GraspRule::new(OpposingGrasp::DEFAULT, &hand());
         assert_eq!(rule.step(&[], HandState::Closed, Some(2), true), None);
         assert_eq!(rule.step(&[], HandState::Opening, Some(2), false), None);
         assert_eq!(rule.step(&[], HandState::Opening, Some(2), true), Some(GraspAction::Release));

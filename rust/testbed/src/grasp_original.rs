@@ -1,28 +1,10 @@
 //! The original's grasp rule, for comparisons.
 
-use crate::GraspAction;
+use crate::{GraspAction, OriginalGrasp};
 use proact_types::{ArmModel, PlantState, Point, Pose, Vector};
 
-/// Ticks from one check to the next: 4 Hz. (The original's are of wall time.)
-const CHECK_TICKS: u32 = 250;
 /// Links of the gripper, by the end of their names. The original has left the index out, and the pinky never was in.
 const GRIPPER: [&str; 3] = ["thumb3", "middle3", "ring3"];
-/// Least mean force of a link on a block, N.
-const LEAST_FORCE: f64 = 1e-4;
-/// Two forces oppose each other when they are further apart, rad.
-const OPPOSING: f64 = 100.0 * std::f64::consts::PI / 180.0;
-/// The smaller of two opposing forces has at least this share of the larger.
-const BALANCE: f64 = 0.3;
-/// A block is taken when its count is above this.
-const GRIP_COUNT: u32 = 4;
-/// The count grows no further.
-const MAX_COUNT: u32 = 8;
-/// A finger that has come away by more than this lets the block go, metres.
-const RELEASE_DISTANCE: f64 = 0.03;
-/// A finger that has come away by less still presses, metres. Assumed: the original goes on measuring the forces on
-/// a block that it has taken; here a carried block touches no link.
-const PRESSING_DISTANCE: f64 = 0.002;
-
 /// What a link did to a block since the last check.
 #[derive(Clone, Copy, Debug)]
 struct Touch {
@@ -53,6 +35,7 @@ struct Finger {
 /// fingers which have not come away count as pressing.
 #[derive(Clone, Debug)]
 pub struct OriginalGraspRule {
+    options: OriginalGrasp,
     gripper: Vec<usize>,
     ticks: u32,
     touches: Vec<Touch>,
@@ -63,19 +46,19 @@ pub struct OriginalGraspRule {
 
 impl OriginalGraspRule {
     /// The rule for the hand of `model`, whose gripper links are found by their names.
-    pub fn new(model: &ArmModel) -> Self {
+    pub fn new(options: OriginalGrasp, model: &ArmModel) -> Self {
         let grips = |link: &usize| {
             let name = model.links[*link].name.trim_end_matches("_link");
             GRIPPER.iter().any(|part| name.ends_with(part))
         };
         let gripper = (0..model.links.len()).filter(grips).collect();
-        Self { gripper, ticks: 0, touches: Vec::new(), counts: Vec::new(), fingers: Vec::new() }
+        Self { options, gripper, ticks: 0, touches: Vec::new(), counts: Vec::new(), fingers: Vec::new() }
     }
 
     /// One tick with the state that the physics left.
     pub fn step(&mut self, model: &ArmModel, state: &PlantState) -> Option<GraspAction> {
         self.ticks += 1;
-        let check = self.ticks == CHECK_TICKS;
+        let check = self.ticks == self.options.check_ms;
         let touched = state.contacts.iter().any(|contact| self.gripper.contains(&contact.link));
         if !check && !touched {
             return None;
@@ -113,14 +96,15 @@ impl OriginalGraspRule {
         for block in 0..state.blocks.len() {
             let gripped =
                 if attached == Some(block) { self.pressed(state, block, links) } else { self.gripped(block) };
+            let OriginalGrasp { max_count, grip_count, release_distance_m: release, .. } = self.options;
             let count = &mut self.counts[block];
-            *count = if gripped { (*count + 1).min(MAX_COUNT) } else { count.saturating_sub(1) };
-            if gripped && *count > GRIP_COUNT && attached.is_none() {
+            *count = if gripped { (*count + 1).min(max_count) } else { count.saturating_sub(1) };
+            if gripped && *count > grip_count && attached.is_none() {
                 self.hold(state, block, links);
                 return Some(GraspAction::Attach(block));
             }
-            let loose = attached == Some(block) && !gripped && *count <= GRIP_COUNT;
-            if loose && self.recession(state, block, links).any(|metres| metres > RELEASE_DISTANCE) {
+            let loose = attached == Some(block) && !gripped && *count <= grip_count;
+            if loose && self.recession(state, block, links).any(|metres| metres > release) {
                 self.counts[block] = 0;
                 self.fingers.clear();
                 return Some(GraspAction::Release);
@@ -137,16 +121,19 @@ impl OriginalGraspRule {
             .filter(|touch| touch.block == block)
             .map(|touch| touch.force / f64::from(touch.points))
             .collect();
+        let OriginalGrasp { least_angle_deg, least_force_n, balance, .. } = self.options;
+        let least_angle = least_angle_deg * std::f64::consts::PI / 180.0;
         let opposing = |a: &Vector, b: &Vector| {
             let (weak, strong) = (a.norm().min(b.norm()), a.norm().max(b.norm()));
-            weak >= LEAST_FORCE && weak >= BALANCE * strong && a.angle(b) > OPPOSING
+            weak >= least_force_n && weak >= balance * strong && a.angle(b) > least_angle
         };
         forces.iter().enumerate().any(|(k, a)| forces[k + 1..].iter().any(|b| opposing(a, b)))
     }
 
     /// Whether two fingers are still where they were when they took the block.
     fn pressed(&self, state: &PlantState, block: usize, links: &[Pose]) -> bool {
-        self.recession(state, block, links).filter(|metres| *metres < PRESSING_DISTANCE).count() >= 2
+        let pressing = self.options.pressing_distance_m;
+        self.recession(state, block, links).filter(|metres| *metres < pressing).count() >= 2
     }
 
     /// By how much each finger's distance to the block has changed since it was taken, metres.
@@ -227,7 +214,7 @@ mod tests {
 
     #[test]
     fn a_pinch_takes_the_block_at_the_fifth_check() {
-        let mut rule = OriginalGraspRule::new(&hand());
+        let mut rule = OriginalGraspRule::new(OriginalGrasp::DEFAULT, &hand());
         let found = ticks(&mut rule, &state(0.0, Some((1.0, 0.5)), false), 3000);
         assert_eq!(found, Some((1250, GraspAction::Attach(0))));
     }
@@ -235,18 +222,18 @@ mod tests {
     #[test]
     fn forces_that_are_weak_uneven_or_from_one_side_take_nothing() {
         for forces in [(0.9e-4, 0.9e-4), (1.0, 0.29)] {
-            let mut rule = OriginalGraspRule::new(&hand());
+            let mut rule = OriginalGraspRule::new(OriginalGrasp::DEFAULT, &hand());
             assert_eq!(ticks(&mut rule, &state(0.0, Some(forces), false), 5000), None, "{forces:?}");
         }
         let mut one_side = state(0.0, Some((1.0, 1.0)), false);
         one_side.contacts[1].normal = Vector::new(0.5, 1.0, 0.0).normalize();
-        assert_eq!(ticks(&mut OriginalGraspRule::new(&hand()), &one_side, 5000), None);
+        assert_eq!(ticks(&mut OriginalGraspRule::new(OriginalGrasp::DEFAULT, &hand()), &one_side, 5000), None);
     }
 
     #[test]
     fn a_hand_that_opens_lets_go_at_the_fourth_check_after_a_long_hold_and_sooner_after_a_short_one() {
         for (held, expected) in [(2000, 1000), (0, 250)] {
-            let mut rule = OriginalGraspRule::new(&hand());
+            let mut rule = OriginalGraspRule::new(OriginalGrasp::DEFAULT, &hand());
             ticks(&mut rule, &state(0.0, Some((1.0, 1.0)), false), 3000).expect("takes the block");
             assert_eq!(ticks(&mut rule, &state(0.0, None, true), held), None, "a closed hand holds");
             // Half a radian takes the points by some 5 cm.
@@ -257,7 +244,7 @@ mod tests {
 
     #[test]
     fn fingers_that_have_come_away_by_less_than_three_centimetres_do_not_let_go() {
-        let mut rule = OriginalGraspRule::new(&hand());
+        let mut rule = OriginalGraspRule::new(OriginalGrasp::DEFAULT, &hand());
         ticks(&mut rule, &state(0.0, Some((1.0, 1.0)), false), 3000).expect("takes the block");
         assert_eq!(ticks(&mut rule, &state(0.2, None, true), 20_000), None);
     }

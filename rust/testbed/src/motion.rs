@@ -1,12 +1,12 @@
 //! From commands to joint targets, tick by tick: what stands between a control method and the position control
 //! of the plant.
 
+use crate::ConfigError;
 use nalgebra::UnitQuaternion;
 use proact_control::{HandCommand, MotionCommand, MotionState};
 use proact_types::{ArmModel, JointLimits, JointVector, Pose, TICK_SECS, Trajectory, joints};
+use serde::{Deserialize, Serialize};
 
-/// Highest speed of the hand joints, rad/s (assumed; the original's 0.5 rad/s makes a grasp take two seconds).
-const HAND_SPEED: f64 = 2.0;
 /// Peak over mean speed of a minimum-jerk movement.
 const PEAK_OVER_MEAN: f64 = 1.875;
 /// A tracked shoulder pose arrives at 100 Hz; the base reaches it over this many ticks, without a jump.
@@ -14,6 +14,48 @@ const BASE_TICKS: u32 = 10;
 
 /// A speed command holds for this many ticks: two control steps. Silence stops the arm.
 const VELOCITY_TICKS: u64 = 20;
+
+/// How fast hand, shoulder and limb follow what is asked of them.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct MotionConfig {
+    /// Highest speed of the hand joints, rad/s. Assumed; the original's 0.5 rad/s makes a grasp take two seconds.
+    pub hand_rad_per_s: f64,
+    /// A tracked shoulder is followed at this speed at most, m/s: faster than people lean. A tracker that jumps must not
+    /// hurl the arm through the blocks.
+    pub shoulder_m_per_s: f64,
+    /// The same for its turning, rad/s.
+    pub shoulder_rad_per_s: f64,
+    /// A joint of the tracked limb is followed at this speed at most, rad/s: the arm's speed too.
+    pub limb_rad_per_s: f64,
+}
+
+impl Default for MotionConfig {
+    fn default() -> Self {
+        Self { hand_rad_per_s: 2.0, shoulder_m_per_s: 2.0, shoulder_rad_per_s: 6.0, limb_rad_per_s: 0.5 }
+    }
+}
+
+impl MotionConfig {
+    /// Checks ranges.
+    ///
+    /// # Errors
+    /// [`ConfigError::Value`] naming the first key that is out of range.
+    pub fn check(&self) -> Result<(), ConfigError> {
+        for (key, got) in [
+            ("motion.hand_rad_per_s", self.hand_rad_per_s),
+            ("motion.shoulder_m_per_s", self.shoulder_m_per_s),
+            ("motion.shoulder_rad_per_s", self.shoulder_rad_per_s),
+            ("motion.limb_rad_per_s", self.limb_rad_per_s),
+        ] {
+            if !(0.01..=20.0).contains(&got) {
+                let expected = "0.01 to 20";
+                return Err(ConfigError::Value { key, got: got.to_string(), expected });
+            }
+        }
+        Ok(())
+    }
+}
 
 /// Carries out one command for the arm at a time, within the joint limits.
 #[derive(Clone, Debug)]
@@ -155,6 +197,7 @@ impl ArmMotion {
 /// Moves the hand between its two poses, all joints together with minimum jerk.
 #[derive(Clone, Debug)]
 pub struct HandMotion {
+    speed: f64,
     open: JointVector,
     closed: JointVector,
     from: JointVector,
@@ -166,11 +209,12 @@ pub struct HandMotion {
 }
 
 impl HandMotion {
-    /// A hand that rests at `open`, rad.
-    pub fn new(open: &[f64], closed: &[f64]) -> Self {
+    /// A hand that rests at `open`, rad, and moves at `speed` at most, rad/s.
+    pub fn new(open: &[f64], closed: &[f64], speed: f64) -> Self {
         let open = joints(open);
         Self {
             closed: joints(closed),
+            speed,
             from: open.clone(),
             to: open.clone(),
             position: open.clone(),
@@ -205,7 +249,7 @@ impl HandMotion {
         };
         let travel = self.from.iter().zip(&self.to).fold(0.0_f64, |m, (a, b)| m.max((a - b).abs()));
         self.elapsed_ticks = 0;
-        self.duration_ticks = (travel * PEAK_OVER_MEAN / HAND_SPEED / TICK_SECS).ceil() as u64;
+        self.duration_ticks = (travel * PEAK_OVER_MEAN / self.speed / TICK_SECS).ceil() as u64;
     }
 
     /// Holds the fingers where they are: on the block that they took.
@@ -339,7 +383,7 @@ mod tests {
 
     #[test]
     fn the_hand_arrives_at_rest_within_its_speed() {
-        let mut hand = HandMotion::new(&[0.0, 0.3], &[0.6, 0.3]);
+        let mut hand = HandMotion::new(&[0.0, 0.3], &[0.6, 0.3], 2.0);
         hand.apply(HandCommand::Close);
         let mut fastest: f64 = 0.0;
         while hand.moving() {
@@ -347,7 +391,7 @@ mod tests {
             fastest = fastest.max(hand.velocity()[0]);
         }
         assert_eq!(hand.position().as_slice(), [0.6, 0.3]);
-        assert!((1.9..=HAND_SPEED).contains(&fastest), "{fastest} rad/s");
+        assert!((1.9..=2.0).contains(&fastest), "{fastest} rad/s");
         assert!(hand.velocity()[0].abs() < 1e-9);
     }
 

@@ -1,3 +1,4 @@
+use crate::ConfigError;
 use serde::{Deserialize, Serialize};
 
 /// The physics' part of a trial's configuration.
@@ -13,6 +14,12 @@ pub struct PhysicsConfig {
     /// When the hand takes a block and lets it go.
     #[serde(default)]
     pub grasp_rule: GraspRuleName,
+    /// Numbers of the rule `opposing`.
+    #[serde(default)]
+    pub opposing_grasp: OpposingGrasp,
+    /// Numbers of the rule `original`.
+    #[serde(default)]
+    pub original_grasp: OriginalGrasp,
 }
 
 impl PhysicsConfig {
@@ -21,7 +28,111 @@ impl PhysicsConfig {
         mass_set: MassSet::Description,
         joint_control: JointControl::OriginalGains,
         grasp_rule: GraspRuleName::Original,
+        opposing_grasp: OpposingGrasp::DEFAULT,
+        original_grasp: OriginalGrasp::DEFAULT,
     };
+
+    /// Checks ranges.
+    ///
+    /// # Errors
+    /// [`ConfigError::Value`] naming the first key that is out of range.
+    pub fn check(&self) -> Result<(), ConfigError> {
+        let factor = self.mass_set.factor();
+        let (ours, original) = (&self.opposing_grasp, &self.original_grasp);
+        let within = |key, got: f64, allowed: std::ops::RangeInclusive<f64>, expected| {
+            if allowed.contains(&got) {
+                return Ok(());
+            }
+            Err(ConfigError::Value { key, got: got.to_string(), expected })
+        };
+        within("physics.mass_set.scaled", factor, f64::MIN_POSITIVE..=100.0, "more than 0 and at most 100")?;
+        within("physics.opposing_grasp.least_angle_deg", ours.least_angle_deg, 0.0..=180.0, "0 to 180")?;
+        within("physics.opposing_grasp.least_force_n", ours.least_force_n, 0.0..=1e3, "0 to 1000")?;
+        within("physics.opposing_grasp.balance", ours.balance, 0.0..=1.0, "0 to 1")?;
+        within("physics.opposing_grasp.hold_ms", ours.hold_ms.into(), 1.0..=1e4, "1 to 10000")?;
+        within("physics.opposing_grasp.opened_rad", ours.opened_rad, 0.0..=3.0, "0 to 3")?;
+        within("physics.original_grasp.check_ms", original.check_ms.into(), 1.0..=1e4, "1 to 10000")?;
+        within("physics.original_grasp.least_angle_deg", original.least_angle_deg, 0.0..=180.0, "0 to 180")?;
+        within("physics.original_grasp.least_force_n", original.least_force_n, 0.0..=1e3, "0 to 1000")?;
+        within("physics.original_grasp.balance", original.balance, 0.0..=1.0, "0 to 1")?;
+        within("physics.original_grasp.grip_count", original.grip_count.into(), 0.0..=1e3, "0 to 1000")?;
+        within("physics.original_grasp.max_count", original.max_count.into(), 1.0..=1e3, "1 to 1000")?;
+        within("physics.original_grasp.release_distance_m", original.release_distance_m, 0.0..=1.0, "0 to 1")?;
+        within("physics.original_grasp.pressing_distance_m", original.pressing_distance_m, 0.0..=1.0, "0 to 1")
+    }
+}
+
+/// When two digits hold a block by the rule `opposing`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct OpposingGrasp {
+    /// Two contacts hold a block when their normals are further apart than this, degrees (the original: 100).
+    pub least_angle_deg: f64,
+    /// A contact counts from this force, newtons (the original: 1e-4).
+    pub least_force_n: f64,
+    /// The weaker of two opposing contacts has at least this share of the stronger one's force (the original: 0.3
+    /// of forces averaged over 250 ms; ours are of one tick, and rougher).
+    pub balance: f64,
+    /// Opposing contact for this long attaches, ms of simulated time. (The original: five checks at 4 Hz of wall
+    /// time, so more than a second, and longer on a slow machine.)
+    pub hold_ms: u32,
+    /// A finger joint that has opened by this much since the grasp lets the block go, rad.
+    pub opened_rad: f64,
+}
+
+impl OpposingGrasp {
+    /// What trials have unless they say otherwise.
+    pub const DEFAULT: Self =
+        Self { least_angle_deg: 100.0, least_force_n: 1e-4, balance: 0.05, hold_ms: 40, opened_rad: 0.01 };
+}
+
+impl Default for OpposingGrasp {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}
+
+/// Numbers of the rule `original`: parameters and constants of its `GazeboGraspFix`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct OriginalGrasp {
+    /// From one check to the next, ms: 4 Hz. (The original's are of wall time.)
+    pub check_ms: u32,
+    /// Two forces oppose each other when they are further apart than this, degrees.
+    pub least_angle_deg: f64,
+    /// Least mean force of a link on a block, newtons.
+    pub least_force_n: f64,
+    /// The smaller of two opposing forces has at least this share of the larger.
+    pub balance: f64,
+    /// A block is taken when its count of checks is above this.
+    pub grip_count: u32,
+    /// The count grows no further.
+    pub max_count: u32,
+    /// A finger that has come away by more than this lets the block go, metres.
+    pub release_distance_m: f64,
+    /// A finger that has come away by less still presses, metres. Assumed: the original goes on measuring the forces on
+    /// a block that it has taken; here a carried block touches no link.
+    pub pressing_distance_m: f64,
+}
+
+impl OriginalGrasp {
+    /// The published numbers.
+    pub const DEFAULT: Self = Self {
+        check_ms: 250,
+        least_angle_deg: 100.0,
+        least_force_n: 1e-4,
+        balance: 0.3,
+        grip_count: 4,
+        max_count: 8,
+        release_distance_m: 0.03,
+        pressing_distance_m: 0.002,
+    };
+}
+
+impl Default for OriginalGrasp {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
 }
 
 /// How heavy the arm is: `"description"`, `"real_limb"` or `{ scaled = 2.5 }`. Each factor is on masses, inertias and

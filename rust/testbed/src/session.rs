@@ -32,8 +32,8 @@ pub struct Session {
 impl Session {
     /// A session at time zero.
     pub fn new(testbed: Testbed, person: PersonParts) -> Self {
-        let body = testbed.config().setup.body;
-        let person = PersonStage::new(person, body, testbed.model().arm_count());
+        let crate::TrialConfig { setup, motion, .. } = testbed.config();
+        let person = PersonStage::new(person, setup.body, *motion, testbed.model().arm_count());
         Self { testbed, person }
     }
 

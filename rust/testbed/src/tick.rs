@@ -140,10 +140,12 @@ impl Testbed {
     /// of `BoxAndBlocks::new(config.arrangement)`.
     ///
     /// # Errors
-    /// A configuration that does not fit, an arm without the poses `start`, `open` and `closed`.
-    pub fn new(config: TrialConfig, parts: Parts) -> Result<Self, TestbedError> {
+    /// A configuration that does not fit, another arm or task than it names, an arm without the poses `start`, `open`
+    /// and `closed`.
+    pub fn new(mut config: TrialConfig, parts: Parts) -> Result<Self, TestbedError> {
         config.check()?;
         let Parts { model, kinematics, plant, plans, classifier, process } = parts;
+        config.pin(&model)?;
         let task = BoxAndBlocks::new(config.arrangement).with_limit(SimTime::from_secs(config.limit_secs));
         let actuation = ActuationStage::new(&config, &model)?;
         let said = Said {

@@ -4,7 +4,7 @@ use super::{Bench, planner, problems::obstacles};
 use crate::{BenchFigure, quantile};
 use proact_planning::{PlannerName, PlannerOptions, Roadmap, SearchLimits};
 use proact_types::{PlanRequest, PlanStatus, TrunkPosture};
-use std::{error::Error, sync::Arc, time::Instant};
+use std::{error::Error, time::Instant};
 
 /// Most problems that every planner is given: the first ones in the box that are not cluttered.
 const PROBLEMS: usize = 24;
@@ -26,7 +26,7 @@ impl Bench {
         let begin = Instant::now();
         let roadmap = self.stored_roadmap()?;
         let grown_secs = begin.elapsed().as_secs_f64();
-        let usual = self.made(&requests, PlannerOptions::default())?;
+        let usual = self.made(&requests, PlannerOptions::default(), None)?;
         let mut figures = vec![BenchFigure::alone(
             "stored roadmap, grown in",
             grown_secs,
@@ -44,23 +44,29 @@ impl Bench {
             if name == PlannerName::RrtStar {
                 search.max_iterations = STAR_ITERATIONS;
             }
-            let options = PlannerOptions { planner: name, roadmap, search, ..PlannerOptions::default() };
-            let made = self.made(&requests, options)?;
+            let options = PlannerOptions { name, search, ..PlannerOptions::default() };
+            let made = self.made(&requests, options, roadmap.as_ref())?;
             figures.extend(beside(&title, &made, &usual));
         }
         Ok(figures)
     }
 
     /// Grown for the shoulder that keeps still and an open hand; written and read back as it is stored.
-    fn stored_roadmap(&mut self) -> Result<Arc<Roadmap>, Box<dyn Error>> {
+    fn stored_roadmap(&mut self) -> Result<Roadmap, Box<dyn Error>> {
         let base = self.setup.body.shoulder_pose(&TrunkPosture::default());
         let hand = self.model.pose("hand", "open")?.to_vec();
         let grown = self.planner.grow_roadmap(MILESTONES, &hand, &obstacles(&[]), &base, 1)?;
-        Ok(Arc::new(serde_json::from_str(&serde_json::to_string(&grown)?)?))
+        Ok(serde_json::from_str(&serde_json::to_string(&grown)?)?)
     }
 
-    fn made(&self, requests: &[PlanRequest], options: PlannerOptions) -> Result<Vec<Made>, Box<dyn Error>> {
+    fn made(
+        &self,
+        requests: &[PlanRequest],
+        options: PlannerOptions,
+        roadmap: Option<&Roadmap>,
+    ) -> Result<Vec<Made>, Box<dyn Error>> {
         let mut planner = planner(&self.model, options)?;
+        planner.set_roadmap(roadmap)?;
         let plan = |request| {
             let reply = planner.solve(request);
             let duration = (reply.status == PlanStatus::Ok).then(|| reply.trajectory.duration_secs());

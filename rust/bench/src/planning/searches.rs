@@ -157,7 +157,7 @@ impl Bench {
         let search =
             SearchLimits { max_iterations: u32::MAX, max_secs: Some(LONG_SECS), ..SearchLimits::default() };
         let anytime = PlannerOptions {
-            planner: PlannerName::AnytimePathShortening,
+            name: PlannerName::AnytimePathShortening,
             search,
             ..PlannerOptions::default()
         };

@@ -1,7 +1,7 @@
 //! The gForce driver with its simulator at the other end of a TCP connection.
 
 use super::{Death, Device, Outcome, PATIENCE, wait_for};
-use proact_app::{LiveArmband, trial};
+use proact_app::{Arm, LiveArmband, trial};
 use proact_devices::{
     SyntheticEmg, SyntheticModel,
     gforce::{
@@ -50,7 +50,8 @@ pub(super) fn device(death: Death) -> Outcome<(Session, Box<dyn Device>)> {
     let source = GForce::open(Box::new(TcpConnector::new(address)), GForceOptions::default())?;
     let armband = LiveArmband::start(Box::new(source), model()?);
     let config = TrialConfig::new(MethodName::A, 1, Setup::named("still")?);
-    let session = trial::live_with_armband(config, armband.model(), armband.port())?.session;
+    let worn = trial::Armband { trained: armband.model(), samples: armband.port() };
+    let session = trial::live_with(&Arm::of(&config)?, config, Some(worn))?.session;
     let near = Near { orders, answers, armband, gesture, expected: 0, first_bad: None };
     Ok((session, Box::new(near)))
 }

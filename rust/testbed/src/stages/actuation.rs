@@ -65,7 +65,7 @@ impl ActuationStage {
         let (open, closed) = (model.pose("hand", "open")?, model.pose("hand", "closed")?);
         Ok(Self {
             arm: ArmMotion::new(model, model.pose("arm", "start")?),
-            hand: HandMotion::new(open, closed),
+            hand: HandMotion::new(open, closed, config.motion.hand_rad_per_s),
             base: BaseMotion::new(config.setup.body.shoulder_pose(&Default::default())),
             paused: false,
         })

@@ -1,5 +1,5 @@
 use crate::{
-    TestbedError,
+    MotionConfig, TestbedError,
     ports::{EmgSource, GazeTracker},
 };
 use arrayvec::ArrayVec;
@@ -12,13 +12,8 @@ use proact_types::{
 
 /// Ticks from one tracked shoulder pose to the next: 100 Hz, as motion capture gives.
 const TRACKING_TICKS: u64 = 10;
-/// Furthest that a tracked shoulder is followed from one of these to the next: 2 m/s and 6 rad/s, faster than
-/// people lean. A tracker that jumps must not hurl the arm through the blocks.
-const SHOULDER_STEP: (f64, f64) = (0.02, 0.06);
-
-/// Furthest that a joint of the limb is followed in such a time, rad: 0.5 rad/s, which is the arm's speed too.
-const LIMB_STEP: f64 = 0.005;
-
+/// The same in seconds.
+const TRACKING_SECS: f64 = 0.01;
 /// Who acts, and what measures it.
 #[derive(Default)]
 pub struct PersonParts {
@@ -51,6 +46,7 @@ pub struct PersonStage {
     /// Where the person's own limb is, on its way to where it is asked to go.
     limb: Option<JointVector>,
     arm_count: usize,
+    motion: MotionConfig,
 }
 
 /// What the person's part needs to know of the testbed.
@@ -63,8 +59,8 @@ pub struct PersonInput<'a> {
 }
 
 impl PersonStage {
-    /// Somebody with `body`, before an arm of `arm_count` joints.
-    pub fn new(parts: PersonParts, body: Body, arm_count: usize) -> Self {
+    /// Somebody with `body`, before an arm of `arm_count` joints that follows as `motion` says.
+    pub fn new(parts: PersonParts, body: Body, motion: MotionConfig, arm_count: usize) -> Self {
         Self {
             parts,
             trunk: Trunk::new(body),
@@ -84,6 +80,7 @@ impl PersonStage {
             tracked_shoulder: None,
             limb: None,
             arm_count,
+            motion,
         }
     }
 
@@ -181,9 +178,10 @@ impl PersonStage {
     /// One step of the limb on its way, from `arm` where it has not been tracked yet.
     fn move_limb(&mut self, arm: &[f64]) -> Option<JointVector> {
         let asked = self.intention.limb.as_ref()?;
+        let furthest = self.motion.limb_rad_per_s * TRACKING_SECS;
         let limb = self.limb.get_or_insert_with(|| joints(&arm[..asked.len()]));
         for (angle, asked) in limb.iter_mut().zip(asked) {
-            *angle += (asked - *angle).clamp(-LIMB_STEP, LIMB_STEP);
+            *angle += (asked - *angle).clamp(-furthest, furthest);
         }
         Some(limb.clone())
     }
@@ -233,7 +231,7 @@ impl PersonStage {
         }
         if now.0.is_multiple_of(TRACKING_TICKS) {
             if let Some((asked, now)) = &mut self.tracked_shoulder {
-                *now = toward(now, asked);
+                *now = toward(&self.motion, now, asked);
             }
             tick.shoulder = Some(self.shoulder());
             tick.limb = self.move_limb(input.arm);
@@ -250,10 +248,11 @@ impl PersonStage {
 }
 
 /// One step of a tracked shoulder on its way.
-fn toward(now: &Pose, asked: &Pose) -> Pose {
+fn toward(motion: &MotionConfig, now: &Pose, asked: &Pose) -> Pose {
+    let (furthest, most) = (motion.shoulder_m_per_s * TRACKING_SECS, motion.shoulder_rad_per_s * TRACKING_SECS);
     let way = (asked.translation.vector - now.translation.vector).norm();
     let turn = now.rotation.angle_to(&asked.rotation);
-    let share = (SHOULDER_STEP.0 / way.max(1e-12)).min(SHOULDER_STEP.1 / turn.max(1e-12)).min(1.0);
+    let share = (furthest / way.max(1e-12)).min(most / turn.max(1e-12)).min(1.0);
     // Between opposite attitudes there is no shortest way; the tracker will not stay there.
     now.try_lerp_slerp(asked, share, 1e-9).unwrap_or(*now)
 }

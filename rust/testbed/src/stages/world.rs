@@ -51,7 +51,7 @@ impl WorldStage {
         plant: Box<dyn Plant>,
     ) -> Result<Self, TestbedError> {
         Ok(Self {
-            grasp: Grasp::new(config.physics.grasp_rule, &model),
+            grasp: Grasp::new(&config.physics, &model),
             tracker: HandTracker::new(model.pose("hand", "open")?),
             grasped_by: Vec::new(),
             plant,

@@ -1,0 +1,70 @@
+use crate::ConfigError;
+use serde::{Deserialize, Serialize};
+
+/// What a trial takes from elsewhere, such as its arm: the name, and a hash of what went by this name when the trial was
+/// made. Written to the record, so that a trial is never computed again with another one unnoticed.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Pinned {
+    /// By which it is found.
+    pub name: String,
+    /// BLAKE3 of its content, 64 hexadecimal digits; none before the trial is put together.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub hash: Option<String>,
+}
+
+impl Pinned {
+    /// A name alone.
+    pub fn named(name: &str) -> Self {
+        Self { name: name.to_owned(), hash: None }
+    }
+
+    /// Takes `content`, which is called `name`, for what is meant. `kind` is said in errors: `arm`, `task`.
+    ///
+    /// # Errors
+    /// [`ConfigError::OtherName`] or [`ConfigError::OtherContent`] if another one is meant.
+    pub fn pin(&mut self, kind: &'static str, name: &str, content: &impl Serialize) -> Result<(), ConfigError> {
+        if self.name != name {
+            return Err(ConfigError::OtherName { kind, expected: self.name.clone(), got: name.to_owned() });
+        }
+        let text = serde_json::to_vec(content).map_err(|e| ConfigError::Text(format!("{kind} {name}: {e}")))?;
+        let got = blake3::hash(&text).to_hex().to_string();
+        match &self.hash {
+            Some(expected) if *expected != got => Err(ConfigError::OtherContent {
+                kind,
+                name: name.to_owned(),
+                expected: short(expected),
+                got: short(&got),
+            }),
+            _ => {
+                self.hash = Some(got);
+                Ok(())
+            }
+        }
+    }
+}
+
+/// Enough of a hash to tell it by.
+fn short(hash: &str) -> String {
+    hash.chars().take(12).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_pinned_is_told_from_another_one_by_name_and_by_content() {
+        let mut arm = Pinned::named("left");
+        assert_eq!(
+            arm.pin("arm", "right", &[1.0]).expect_err("another name").to_string(),
+            "arm is \"right\", the trial's is \"left\""
+        );
+        arm.pin("arm", "left", &[1.0]).expect("the first content is the one");
+        let pinned = arm.clone();
+        arm.pin("arm", "left", &[1.0]).expect("the same again");
+        let error = arm.pin("arm", "left", &[1.5]).expect_err("another content").to_string();
+        assert!(error.starts_with("arm \"left\" is another one here (hash "), "{error}");
+        assert_eq!(arm, pinned);
+    }
+}
