@@ -3,7 +3,11 @@
 //! A trial directory holds inputs, not outputs: the places of the blocks are recomputed by a replay, and the replay
 //! must have the recorded digest, or they would not be those that the person saw.
 
-use crate::{Arm, replay::read_classifier, trial};
+use crate::{
+    Arm,
+    replay::{check_versions, read_classifier},
+    trial,
+};
 use proact_analysis::{Episode, Forecast, Score, score};
 use proact_control::ports::ArmKinematics;
 use proact_intent::{Candidates, IntentModelName, IntentOptions, Posterior};
@@ -203,6 +207,7 @@ fn trial_dirs(dir: &Path) -> Result<Vec<PathBuf>, Box<dyn Error>> {
 /// Recomputes the trial in `dir` up to its last grasp: what was seen during each pick.
 fn picks(dir: &Path) -> Result<(TrialConfig, Vec<Pick>), Box<dyn Error>> {
     let record = Trial::open(dir)?;
+    check_versions(&record.header().versions)?;
     let config = TrialConfig::from_toml(&record.header().config_toml)?;
     let attached = |kind: &EventKind| matches!(kind, EventKind::BlockAttached { .. });
     let Some(last_grasp) = record.events()?.iter().filter(|e| attached(&e.kind)).map(|e| e.time).next_back()

@@ -43,7 +43,7 @@ pub use live::{Ended, LiveTrial};
 pub use pace::Pace;
 pub use person::{EyeTracker, Feedback, Person, drive_by_page};
 pub use record::{Recorder, RecorderError, default_dir};
-pub use replay::{OtherVersions, Replanned, Replayed, ReplayOptions, replay_trial};
+pub use replay::{OtherVersions, Replanned, ReplayOptions, Replayed, replay_trial};
 #[cfg(feature = "ros")]
 pub use rosbridge::relay;
 pub use rosbridge::{Rosbridge, RosbridgePlace, drive_by_topics};

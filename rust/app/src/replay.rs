@@ -92,7 +92,9 @@ pub(crate) fn check_versions(recorded: &BTreeMap<String, String>) -> Result<(), 
 
 /// The record is of another program or library.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("the trial was recorded with {differences}: its numbers may be others here; replay --other-versions tries it")]
+#[error(
+    "the trial was recorded with {differences}: its numbers may be others here; replay --other-versions tries it"
+)]
 pub struct OtherVersions {
     differences: String,
 }
@@ -181,4 +183,21 @@ pub fn replay_trial(dir: &Path, options: ReplayOptions) -> Result<Replayed, Box<
         finished,
         replanned: options.replan.then_some(again),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_record_of_another_library_or_program_is_refused_by_name() {
+        let here = libraries::versions();
+        assert_eq!(check_versions(&here), Ok(()));
+        for name in ["ODE", "OMPL", "KDL", "proact"] {
+            let mut other = here.clone();
+            other.insert(name.to_owned(), "another.so.1".to_owned()).expect("each is recorded");
+            let error = check_versions(&other).expect_err("another version").to_string();
+            assert!(error.contains(&format!("{name} another.so.1 (here: {})", here[name])), "{error}");
+        }
+    }
 }

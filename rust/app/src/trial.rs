@@ -1,6 +1,9 @@
 //! Putting a trial together: which library does what.
 
-use crate::{arm::{Arm, ArmError}, method_process};
+use crate::{
+    arm::{Arm, ArmError},
+    method_process,
+};
 use proact_control::{JointSubset, ports::MethodProcess};
 use proact_devices::{EmgFeed, EmgSetup, EmgSource, GazeSource};
 use proact_dynamics::{DynamicsOptions, OdePlant};
@@ -152,7 +155,7 @@ pub fn live_with(
     }
     let (samples, classifier) = match armband {
         Some(Armband { trained, samples }) => {
-            config.emg = Some(trained.settings(config.emg.as_ref())?);
+            trained.check_settings(config.emg.get_or_insert_with(|| trained.config.clone()))?;
             config.centred_by(trained.centring.clone())?;
             config.gestures_from("armband")?;
             (Some(samples), Some(trained.classifier.clone()))

@@ -95,7 +95,8 @@ fn an_armbands_gaps_and_silences_are_on_the_record_and_the_trial_replays_from_ra
 #[test]
 fn a_model_that_fits_drives_a_simulated_trial_and_one_of_raw_codes_is_refused() {
     let fits = model(0.0);
-    let mut session = trial::simulated_with(&arm(), config(), &EmgSource::Synthetic, Some(&fits)).unwrap().session;
+    let mut session =
+        trial::simulated_with(&arm(), config(), &EmgSource::Synthetic, Some(&fits)).unwrap().session;
     let mut changes = 0;
     for _ in 0..8000 {
         let step = session.step(false).unwrap();
@@ -106,4 +107,20 @@ fn a_model_that_fits_drives_a_simulated_trial_and_one_of_raw_codes_is_refused() 
     let refused = trial::simulated_with(&arm(), config(), &EmgSource::Synthetic, Some(&model(ZERO)));
     let error = refused.map(|_| ()).unwrap_err().to_string();
     assert!(error.contains("does not fit") && error.contains("rests at"), "{error}");
+}
+
+#[test]
+fn a_trained_model_takes_settings_of_the_decision_and_refuses_those_of_its_training() {
+    let fits = model(0.0);
+    let start = |change: &dyn Fn(&mut EmgConfig)| {
+        let mut config = config();
+        let mut asked = EmgConfig { liveness: fits.liveness(None), ..fits.config.clone() };
+        change(&mut asked);
+        config.emg = Some(asked);
+        trial::simulated_with(&arm(), config, &EmgSource::Synthetic, Some(&fits))
+    };
+    let slower = start(&|emg| emg.required = 12.try_into().unwrap()).unwrap();
+    assert_eq!(slower.session.testbed().config().emg.as_ref().unwrap().required.get(), 12);
+    let refused = start(&|emg| emg.features = "LS4".parse().unwrap()).map(|_| ()).unwrap_err().to_string();
+    assert!(refused.contains("emg.features is ") && refused.contains("trained with"), "{refused}");
 }

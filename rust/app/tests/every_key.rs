@@ -1,87 +1,359 @@
 //! Every key of a trial's configuration does something: another value gives another trial, or is refused with the reason.
+//! Compared is what the stages said, span by span, and not the digest, into which the text of the configuration goes.
 #![allow(clippy::disallowed_methods, clippy::unwrap_used)] // A test.
 
-use proact_app::trial;
-use proact_devices::EmgSource;
-use proact_testbed::{MethodName, Session, Setup, SpanDigest, TrialConfig};
-use proact_types::{Gesture, Pose};
+use arrayvec::ArrayVec;
+use proact_app::{Arm, trial};
+use proact_devices::{EmgSource, SyntheticEmg, SyntheticModel, stream};
+use proact_emg::{EmgConfig, EmgModel};
+use proact_testbed::{MethodName, Session, Setup, TrialConfig, ports};
+use proact_types::{EmgSample, Gesture, InputSource, Pose, SimTime, Vector};
 use std::{
-    collections::BTreeMap,
+    collections::{BTreeMap, BTreeSet},
     sync::{
-        Mutex,
+        LazyLock,
         atomic::{AtomicUsize, Ordering},
     },
+    thread,
 };
 
-/// Names that are shown and recorded, and steer nothing.
-const LABELS: [&str; 2] = ["setup.name", "profile.name"];
+/// Keys that steer nothing, and why.
+const STEERS_NOTHING: [(&str, &str); 13] = [
+    ("setup.name", "is shown and recorded"),
+    ("profile.name", "is shown and recorded"),
+    ("emg.priors", "the generator gives each gesture as many windows; rust/emg tests it"),
+    ("planner.graze_depth", "no plan of these trials starts with a graze; rust/planning tests it"),
+    ("planner.place_tolerance", "no place of these trials is out of reach; rust/planning tests it"),
+    (
+        "planner.search.step_metres",
+        "nothing small stands in the way here; rust/planning/tests/tight.rs tests it",
+    ),
+    ("planner.search.step_rad", "as step_metres"),
+    ("profile.end_effector_jog.inverse.drift_limit_rad", "the arm of these trials follows"),
+    ("profile.joint_jog.drift_limit_rad", "the arm of these trials follows; rust/control tests it"),
+    ("profile.gaze_assisted.base_moved_m", "nobody leans while a plan is made; rust/control tests it"),
+    ("profile.gaze_assisted.base_turned_rad", "as base_moved_m"),
+    ("profile.jog.confirm_open_ms", "no block is held so early; rust/control tests it"),
+    ("wait_for_plans", "decides by the clock; rust/app/tests/plans.rs tests it"),
+];
 
-/// Other values, where the usual ones (a number a tenth larger, a flag turned over) would do nothing in so short a trial,
-/// and what the trial must be for the key to matter: `key=value`, then assignments that both trials have.
-const CASES: &[(&str, &[&str])] = &[];
+const A: &str = "method=A";
+const B: &str = "method=B";
+const BY_MESSAGE: &str = "profile.jog={ pace = \"message\", nominal_ms = 50, joint_state_ms = 20 }";
+const PSEUDO_INVERSE: &str =
+    "profile.end_effector_jog.inverse={ kind = \"moore_penrose\", condition_limit = 15.0, elbow_index = 3 }";
+const FILTERED: &str = "intent_model=filtered";
+const ORIGINAL_GRASP: &str = "physics.grasp_rule=original";
+/// Somebody who does not lean: places are hard to reach.
+const UPRIGHT: &str = "setup.body.reach_deg=[0.0, 0.0, 0.0]";
+const LONG: &str = "limit_secs=45.0";
+/// A live trial whose gestures come from an armband that dies in every way there is.
+const ARMBAND: &str = "@armband";
+/// A live trial of somebody at the page, whose shoulder is tracked.
+const PAGE: &str = "@page";
 
-/// Keys that a configuration leaves out unless they are set.
-const OPTIONAL: &[&str] = &[];
-
-type Run = Box<dyn Fn(&mut Session, u64)>;
+/// Another value of a key, and what both trials have. Keys that are not here get a number a tenth larger, or a flag
+/// turned over, in the usual trial.
+#[rustfmt::skip]
+const CASES: &[(&str, &str, &[&str])] = &[
+    ("arm.hash", "00", &[]),
+    ("arm.name", "mpl_left_arm", &[]),
+    ("arrangement", "[\"FL\", \"NM\", \"NL\", \"FM\"]", &[]),
+    ("emg.features", "LS4", &[]),
+    ("emg.first_output_acts", "true", &[ARMBAND]),
+    ("emg.liveness.flat_ms", "250", &[ARMBAND, "emg.liveness.noise_share=0.0"]),
+    ("emg.liveness.frozen_ms", "200", &[ARMBAND]),
+    ("emg.liveness.lost_share", "0.9", &[ARMBAND]),
+    ("emg.liveness.noise_floors", "[]", &[ARMBAND]),
+    ("emg.liveness.noise_ms", "300", &[ARMBAND]),
+    ("emg.liveness.noise_share", "0.0", &[ARMBAND]),
+    ("emg.liveness.railed_ms", "50", &[ARMBAND]),
+    ("emg.liveness.rails", "[-2000.0, 2000.0]", &[ARMBAND, "emg.liveness.railed_ms=50"]),
+    ("emg.liveness.rate_shares", "[0.1, 1.85]", &[ARMBAND]),
+    ("emg.liveness.span_ms", "400", &[ARMBAND]),
+    ("emg.max_age_millis", "100", &[ARMBAND]),
+    ("emg.normalisation", "windows_less_classes", &[]),
+    ("emg.rejection", "0.999999", &[]),
+    ("emg.majority", "9", &[]),
+    ("emg.rule", "strict", &[]),
+    ("emg.wamp_threshold", "5.0", &["emg.features=WAMP"]),
+    ("gesture_source", "recording", &[]),
+    ("emg_centring", "[1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0]", &[]),
+    ("intent.changes_at_grasp", "true", &[LONG]),
+    ("intent.elsewhere", "0.5", &[FILTERED]),
+    ("intent.hysteresis", "1000.0", &["intent.sigma=0.5", LONG]),
+    ("intent.look_ms", "100.0", &[FILTERED]),
+    ("intent.straightness_per_m", "50.0", &["intent_model=hand_motion"]),
+    ("intent.switching_per_s", "3.0", &[FILTERED]),
+    ("intent_model", "gaze_only", &[]),
+    ("method", "C", &[]),
+    ("method_process.command", "[\"no-such-program\"]", &[]),
+    ("motion.limb_rad_per_s", "0.1", &[A, "profile.level=below_elbow"]),
+    ("motion.shoulder_m_per_s", "1.0", &[PAGE]),
+    ("motion.shoulder_rad_per_s", "1.0", &[PAGE]),
+    ("participant.dwell_ms", "500", &[]),
+    ("participant.reaction_ms", "400", &[]),
+    ("participant.relax_ms", "600", &[]),
+    ("participant.timing_spread", "0.3", &[A]),
+    ("physics.grasp_rule", "original", &[]),
+    ("physics.joint_control", "original_gains", &[]),
+    ("physics.mass_set", "real_limb", &[]),
+    ("physics.opposing_grasp.balance", "1.0", &[]),
+    ("physics.opposing_grasp.least_angle_deg", "179.0", &[]),
+    ("physics.opposing_grasp.least_force_n", "50.0", &[]),
+    ("physics.original_grasp.balance", "1.0", &[ORIGINAL_GRASP]),
+    ("physics.original_grasp.check_ms", "100", &[ORIGINAL_GRASP]),
+    ("physics.original_grasp.grip_count", "6", &[ORIGINAL_GRASP]),
+    ("physics.original_grasp.least_angle_deg", "179.0", &[ORIGINAL_GRASP]),
+    ("physics.original_grasp.least_force_n", "50.0", &[ORIGINAL_GRASP]),
+    ("physics.original_grasp.max_count", "5", &[ORIGINAL_GRASP, LONG]),
+    ("physics.original_grasp.pressing_distance_m", "0.0", &[ORIGINAL_GRASP, LONG]),
+    ("physics.original_grasp.release_distance_m", "0.5", &[ORIGINAL_GRASP, LONG]),
+    ("planner.contact_padding", "0.004", &[]),
+    ("planner.deadline_secs", "0.001", &[]),
+    ("planner.goals", "1", &[]),
+    ("planner.max_velocity", "0.3", &[]),
+    ("planner.name", "BiTRRT", &[]),
+    ("planner.parameters.range", "0.1", &[]),
+    ("planner.search.equal_steps", "0.5", &[]),
+    ("planner.search.max_iterations", "1", &[]),
+    ("planner.search.max_secs", "0.001", &[]),
+    ("planner.tilt_range", "[0.44, 0.45]", &[UPRIGHT]),
+    ("profile.blend.share", "0.9", &[B, "profile.blend={}"]),
+    ("profile.blend.speed_m_per_s", "0.2", &[B, "profile.blend={}"]),
+    ("profile.blend.above_m", "0.3", &[B, "profile.blend={}"]),
+    ("profile.dead_man.emg_ms", "60", &[ARMBAND]),
+    ("profile.dead_man.gaze_ms", "50", &[]),
+    ("profile.dead_man.link_ms", "120", &[PAGE]),
+    ("profile.dead_man.tracking_ms", "60", &[PAGE]),
+    ("profile.end_effector_jog.axes", "[]", &[B]),
+    ("profile.end_effector_jog.drops_open_after_close", "true", &[PAGE, B, BY_MESSAGE]),
+    ("profile.end_effector_jog.inverse.condition_limit", "3.0", &[B, "profile.end_effector_jog.inverse.condition_soft=2.0"]),
+    ("profile.end_effector_jog.inverse.condition_soft", "2.0", &[B]),
+    ("profile.end_effector_jog.inverse.damp_below", "0.5", &[B]),
+    ("profile.end_effector_jog.inverse.damping", "0.5", &[B, "profile.end_effector_jog.inverse.damp_below=0.5"]),
+    ("profile.end_effector_jog.inverse.elbow_index", "2", &[B, PSEUDO_INVERSE]),
+    ("profile.end_effector_jog.inverse.kind", "moore_penrose", &[]),
+    ("profile.end_effector_jog.inverse.least_alignment", "0.99999", &[B]),
+    ("profile.end_effector_jog.inverse.length_m", "1.0", &[B]),
+    ("profile.end_effector_jog.speed_m_per_s", "0.05", &[B]),
+    ("profile.end_effector_jog.speed_rad_per_s", "0.2", &[B]),
+    ("profile.end_effector_jog.step_m", "0.002", &[B, BY_MESSAGE]),
+    ("profile.end_effector_jog.step_rad", "0.01", &[B, BY_MESSAGE]),
+    ("profile.gaze_assisted.confirm_open_ms", "1000", &[LONG]),
+    ("profile.gaze_assisted.most_intermediates", "0", &[UPRIGHT]),
+    ("profile.gaze_assisted.rules", "toggle_locks", &[]),
+    ("profile.gaze_assisted.snap_radius_m", "0.2", &[LONG]),
+    ("profile.jog.back_after_ms", "200", &[A]),
+    ("profile.jog.joint_state_ms", "200", &[PAGE, A, BY_MESSAGE]),
+    ("profile.jog.nominal_ms", "100", &[PAGE, A, BY_MESSAGE]),
+    ("profile.jog.open_after_close_ms", "900", &[PAGE, A]),
+    ("profile.jog.pace", "message", &[]),
+    ("profile.joint_jog.cycle", "[\"wristz\", \"elbow\"]", &[A]),
+    ("profile.joint_jog.joints", "[]", &[A]),
+    ("profile.joint_jog.speed_rad_per_s", "0.2", &[A]),
+    ("profile.joint_jog.starts_closed", "true", &[A]),
+    ("profile.joint_jog.step_rad", "0.01", &[A, BY_MESSAGE]),
+    ("profile.level", "below_elbow", &[A]),
+    ("profile.levels.above_elbow", "[\"wristz\"]", &[A, "profile.level=above_elbow"]),
+    ("profile.levels.below_elbow", "[\"wristz\"]", &[A, "profile.level=below_elbow"]),
+    ("profile.levels.shoulder", "[\"wristz\"]", &[A]),
+    ("profile.limiter.acceleration_rad_per_s2", "1.0", &[A]),
+    ("setup.body.axial_max_deg", "5.0", &[]),
+    ("setup.body.eye", "[-0.55, 0.0, 1.6]", &[]),
+    ("setup.body.forward_max_deg", "10.0", &[]),
+    ("setup.body.hip", "[-0.6, 0.0, 0.9]", &[]),
+    ("setup.body.lateral_max_deg", "5.0", &[]),
+    ("setup.body.reach_deg", "[20.0, -10.0, 20.0]", &[]),
+    ("setup.body.shoulder", "[-0.6, -0.18, 1.4]", &[]),
+    ("task.hash", "00", &[]),
+    ("task.name", "nine_holes", &[]),
+];
 
 #[test]
 fn another_value_of_any_key_gives_another_trial_or_is_refused() {
-    let text = session(&[]).unwrap().testbed().config().to_toml().unwrap();
-    let table: toml::Table = toml::from_str(&text).unwrap();
-    let mut keys = Vec::new();
-    leaves("", &table, &mut keys);
-    for key in &keys {
-        let before: Vec<&str> = vec![];
-        let other = match &key.1 {
-            toml::Value::Float(x) if *x == 0.0 => "0.5".to_owned(),
-            toml::Value::Float(x) => (x * 1.1).to_string(),
-            toml::Value::Integer(x) => (x + 1).to_string(),
-            toml::Value::Boolean(x) => (!x).to_string(),
-            v => { println!("SKIP {} {v}", key.0); continue }
-        };
-        let changed = format!("{}={other}", key.0);
-        let t = std::time::Instant::now();
-        let verdict = verdict(&before, &changed);
-        println!("{changed}: {verdict} {:.2}", t.elapsed().as_secs_f64());
-    }
+    let text = usual(&[]).unwrap().testbed().config().to_toml().unwrap();
+    let mut keys = BTreeMap::new();
+    leaves("", &toml::from_str(&text).unwrap(), &mut keys);
+    let named: BTreeSet<&str> = CASES.iter().map(|(key, ..)| *key).collect();
+    assert_eq!(named.len(), CASES.len(), "a key has two cases");
+
+    let steers = |key: &String| STEERS_NOTHING.iter().all(|(other, _)| other != key);
+    let rest = keys.iter().filter(|(key, _)| !named.contains(key.as_str()) && steers(key));
+    let cases: Vec<(String, Vec<&str>)> = rest
+        .map(|(key, value)| (format!("{key}={}", another(key, value)), Vec::new()))
+        .chain(CASES.iter().map(|(key, value, base)| (format!("{key}={value}"), base.to_vec())))
+        .collect();
+
+    let next = AtomicUsize::new(0);
+    let work = || {
+        let mut same = Vec::new();
+        while let Some((changed, base)) = cases.get(next.fetch_add(1, Ordering::Relaxed)) {
+            if !is_another_trial(base, changed) {
+                same.push(format!("{changed} with {base:?}"));
+            }
+        }
+        same
+    };
+    let same = thread::scope(|scope| {
+        let workers = [scope.spawn(work), scope.spawn(work)];
+        workers.map(|worker| worker.join().unwrap()).concat()
+    });
+    assert!(same.is_empty(), "these do nothing and are not refused:\n{}", same.join("\n"));
 }
 
-fn leaves(prefix: &str, table: &toml::Table, keys: &mut Vec<(String, toml::Value)>) {
+fn leaves(prefix: &str, table: &toml::Table, keys: &mut BTreeMap<String, toml::Value>) {
     for (name, value) in table {
         let key = if prefix.is_empty() { name.clone() } else { format!("{prefix}.{name}") };
         match value {
             toml::Value::Table(inner) => leaves(&key, inner, keys),
-            value => keys.push((key, value.clone())),
+            value => drop(keys.insert(key, value.clone())),
         }
     }
 }
 
-fn session(assignments: &[&str]) -> Result<Session, String> {
-    let config = TrialConfig::new(MethodName::D, 1, Setup::named("seated").unwrap());
-    let mut config = TrialConfig { limit_secs: 30.0, ..config };
-    config.emg = Some(Default::default());
+fn another(key: &str, value: &toml::Value) -> String {
+    match value {
+        toml::Value::Float(x) if *x == 0.0 => "0.5".to_owned(),
+        toml::Value::Float(x) => (x * 1.1).to_string(),
+        toml::Value::Integer(x) => (x + 1).to_string(),
+        toml::Value::Boolean(x) => (!x).to_string(),
+        other => panic!("{key} = {other}: a new key; say in CASES what another value is and when it matters"),
+    }
+}
+
+/// Whether the trial of `base` is another one with `changed`, or is refused.
+fn is_another_trial(base: &[&str], changed: &str) -> bool {
+    let with: Vec<&str> = base.iter().copied().chain([changed]).collect();
+    let Ok(mut other) = start(&with) else { return true };
+    let mut usual = start(base).unwrap_or_else(|error| panic!("{base:?}: {error}"));
+    for tick in 1.. {
+        let (usual, other) = (advance(&mut usual, base, tick), advance(&mut other, base, tick));
+        if usual != other {
+            return true;
+        }
+        if usual.1 {
+            return false;
+        }
+    }
+    false
+}
+
+/// What the stages said in a span that ends with this tick, and whether the trial is over.
+fn advance(session: &mut Session, base: &[&str], tick: u64) -> (Option<Vec<String>>, bool) {
+    if base.contains(&PAGE) {
+        act(session, tick);
+    }
+    let output = session.step(false).unwrap().output;
+    let over = base.first().is_some_and(|kind| kind.starts_with('@')) && tick == 8500;
+    (output.span.map(|span| span.fields), output.finished || over)
+}
+
+fn start(assignments: &[&str]) -> Result<Session, String> {
+    let values: Vec<&str> = assignments.iter().copied().filter(|text| !text.starts_with('@')).collect();
+    let config = |method| TrialConfig::new(method, 1, Setup::named("still").unwrap());
+    let text = |error: &dyn std::fmt::Display| error.to_string();
+    if assignments.contains(&ARMBAND) {
+        let mut config = config(MethodName::A);
+        config.emg = Some(MODEL.config.clone());
+        let config = config.with_values(&values).map_err(|e| text(&e))?;
+        let worn = trial::Armband {
+            trained: &MODEL,
+            samples: Box::new(DyingArmband { emg: generator(2), lacking: 0 }),
+        };
+        let arm = Arm::of(&config).map_err(|e| text(&e))?;
+        return Ok(trial::live_with(&arm, config, Some(worn)).map_err(|e| text(&e))?.session);
+    }
+    if assignments.contains(&PAGE) {
+        let config = config(MethodName::A).with_values(&values).map_err(|e| text(&e))?;
+        return Ok(trial::live(config).map_err(|e| text(&e))?.session);
+    }
+    usual(&values)
+}
+
+/// A simulated participant before the box.
+fn usual(values: &[&str]) -> Result<Session, String> {
+    let mut config = TrialConfig::new(MethodName::D, 1, Setup::named("seated").unwrap());
+    config.limit_secs = 30.0;
+    config.emg = Some(EmgConfig::default());
     config.participant = Some(Default::default());
-    let config = config.with_values(assignments).map_err(|e| e.to_string())?;
+    let config = config.with_values(values).map_err(|e| e.to_string())?;
     Ok(trial::simulated(config, &EmgSource::Synthetic).map_err(|e| e.to_string())?.session)
 }
 
-fn verdict(before: &[&str], changed: &str) -> String {
-    let mut with = before.to_vec();
-    with.push(changed);
-    let mut other = match session(&with) {
-        Ok(session) => session,
-        Err(reason) => return format!("refused: {reason}"),
+/// Somebody turns a joint by the page, whose word stops now and then, and leans by a jump that a tracker sees.
+fn act(session: &mut Session, tick: u64) {
+    let gesture = match tick {
+        1000..2000 => None,
+        0..1000 | 2200..3000 => Some(Gesture::WristExtension),
+        3000..4400 => Some(Gesture::WristFlexion),
+        4700..5400 | 6600..7000 => Some(Gesture::HandClose),
+        5400..5900 | 7000..7100 => Some(Gesture::HandOpen),
+        6300..6500 | 7100..7500 => Some(Gesture::WristExtension),
+        _ => Some(Gesture::NoMotion),
     };
-    let mut usual = session(before).unwrap();
-    loop {
-        let (a, b) = (usual.step(false).unwrap().output, other.step(false).unwrap().output);
-        let fields = |span: &Option<SpanDigest>| span.as_ref().map(|span| span.fields.clone());
-        if fields(&a.span) != fields(&b.span) || a.finished != b.finished {
-            return format!("differs at {}", usual.testbed().now().0);
+    if let Some(gesture) = gesture.filter(|_| tick % 10 == 0) {
+        session.person().command(InputSource::Page, gesture);
+        session.person().hear(InputSource::Page);
+    }
+    if tick % 10 == 0 && !(3500..4300).contains(&tick) {
+        let jump = if tick < 500 { 0.0 } else { 0.2 };
+        // Noise of the tracker: what repeats to the bit is frozen.
+        let noise = 1e-6 * (tick % 7) as f64;
+        let turn = nalgebra::UnitQuaternion::from_scaled_axis(Vector::z() * (2.0 * jump));
+        let at = nalgebra::Translation3::new(-0.6 + jump + noise, -0.18, 1.445);
+        session.person().track_shoulder(Pose::from_parts(at, turn));
+    }
+}
+
+fn generator(seed: u64) -> SyntheticEmg {
+    SyntheticEmg::new(&SyntheticModel::shipped().unwrap(), 1000.0, 8, 1.0, stream(seed, "test")).unwrap()
+}
+
+static MODEL: LazyLock<EmgModel> = LazyLock::new(|| {
+    let mut emg = generator(1);
+    let mut take = |gesture| -> Vec<EmgSample> {
+        let mut codes = || emg.next(gesture).iter().copied().collect();
+        (0..6000).map(|counter| EmgSample { counter, channels: codes() }).collect()
+    };
+    let recordings = Gesture::ALL.map(|gesture| (gesture, take(gesture)));
+    let slices: Vec<(Gesture, &[EmgSample])> = recordings.iter().map(|(g, s)| (*g, s.as_slice())).collect();
+    let rails = Some([-1000.0, 1000.0]);
+    let liveness = proact_emg::LivenessConfig { rails, ..Default::default() };
+    let config = EmgConfig { liveness, ..EmgConfig::default() };
+    let mut model = EmgModel::train(&config, &[0.0; 8], &slices).unwrap();
+    model.config.liveness = model.liveness(rails);
+    model
+});
+
+/// A wrist that stays flexed under an armband that dies once a second, each time otherwise.
+struct DyingArmband {
+    emg: SyntheticEmg,
+    /// Samples that were never made.
+    lacking: u64,
+}
+
+impl ports::EmgSource for DyingArmband {
+    fn sample_at(&mut self, now: SimTime, _intended: Gesture) -> ArrayVec<EmgSample, 8> {
+        let mut channels: ArrayVec<f64, 8> = self.emg.next(Gesture::WristFlexion).iter().copied().collect();
+        let (second, millis) = (now.0 / 1000, now.0 % 1000);
+        let phase = 0.1 * std::f64::consts::PI * millis as f64;
+        let number = millis as f64;
+        match second {
+            _ if millis < 500 => {}
+            1 => channels.iter_mut().zip(1..).for_each(|(v, c)| *v = (number % 50.0 - 25.0) * f64::from(c)),
+            2 => channels[3] = 0.0,
+            3 => channels[3] = 1000.0,
+            4 => channels[3] = 40.0 * (0.1 * phase).sin(),
+            5 if millis % 2 == 0 => return ArrayVec::new(),
+            6 => return ArrayVec::new(),
+            7 if millis % 2 == 0 => {
+                self.lacking += 1;
+                return ArrayVec::new();
+            }
+            _ => {}
         }
-        if a.finished {
-            return "SAME".to_owned();
-        }
+        let counter = now.0 - self.lacking;
+        [EmgSample { counter, channels: channels.into_iter().collect() }].into_iter().collect()
     }
 }

@@ -144,7 +144,9 @@ fn a_changed_input_is_reported_with_its_span_and_its_stage() -> Outcome {
             touched = true;
         }
     })?;
-    let divergence = replay_trial(&changed, ReplayOptions::default())?.divergence.ok_or("a changed input must be noticed")?;
+    let divergence = replay_trial(&changed, ReplayOptions::default())?
+        .divergence
+        .ok_or("a changed input must be noticed")?;
     assert_eq!((divergence.from, divergence.to), (SimTime(2301), SimTime(2400)));
     assert_eq!(divergence.fields.first().map(String::as_str), Some("input.emg"));
 
@@ -161,7 +163,9 @@ fn a_changed_input_is_reported_with_its_span_and_its_stage() -> Outcome {
         }
     })?;
     let planned_at = planned_at.ok_or("the trial has a plan")?;
-    let divergence = replay_trial(&changed, ReplayOptions::default())?.divergence.ok_or("a changed plan must be noticed")?;
+    let divergence = replay_trial(&changed, ReplayOptions::default())?
+        .divergence
+        .ok_or("a changed plan must be noticed")?;
     assert!(
         (divergence.from..=divergence.to).contains(&planned_at),
         "{divergence:?}, plan at {planned_at:?}"
@@ -182,7 +186,8 @@ fn a_damaged_log_another_format_and_a_lost_classifier_are_each_told() -> Outcome
     let mut damaged = intact.clone();
     damaged[offset] ^= 0x10;
     fs::write(&log, &damaged)?;
-    let error = replay_trial(&dir, ReplayOptions::default()).expect_err("a damaged log must not pass").to_string();
+    let error =
+        replay_trial(&dir, ReplayOptions::default()).expect_err("a damaged log must not pass").to_string();
     let reported: usize = error
         .split(|c: char| !c.is_ascii_digit())
         .filter_map(|word| word.parse().ok())
@@ -194,14 +199,16 @@ fn a_damaged_log_another_format_and_a_lost_classifier_are_each_told() -> Outcome
     let mut earlier = intact.clone();
     earlier[8..12].copy_from_slice(&2_u32.to_le_bytes());
     fs::write(&log, &earlier)?;
-    let error = replay_trial(&dir, ReplayOptions::default()).expect_err("another format must not pass").to_string();
-    for part in ["record of format 2", "replays format 3", "proact 0.1.0 at commit"] {
+    let error =
+        replay_trial(&dir, ReplayOptions::default()).expect_err("another format must not pass").to_string();
+    for part in ["record of format 2", "replays format 4", "proact 0.1.0 at commit"] {
         assert!(error.contains(part), "{error}");
     }
 
     fs::write(&log, &intact)?;
     fs::remove_file(dir.join("classifier.json"))?;
-    let error = replay_trial(&dir, ReplayOptions::default()).expect_err("without its classifier a trial cannot be recomputed");
+    let error = replay_trial(&dir, ReplayOptions::default())
+        .expect_err("without its classifier a trial cannot be recomputed");
     assert!(error.to_string().contains("classifier.json"), "{error}");
     Ok(())
 }

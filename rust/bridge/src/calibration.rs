@@ -63,7 +63,8 @@ impl CalibrationServer {
             commands: Mutex::default(),
         });
         let router = router(Arc::clone(&shared));
-        let server = Server::start(options.serve("calibration-page"), router, |_| {}, std::future::pending())?;
+        let server =
+            Server::start(options.serve("calibration-page"), router, |_| {}, std::future::pending())?;
         Ok(CalibrationServer { shared, server })
     }
 

@@ -120,9 +120,12 @@ async fn another_machine_needs_the_token() {
     // From an address that is not loopback, this machine is another one.
     let (authority, rest) = url.trim_start_matches("http://").split_once('/').unwrap();
     assert_eq!(rest, "?token=long-secret");
-    for (target, status) in
-        [("/", "401"), ("/calibration", "401"), ("/?token=long-wrong!", "401"), ("/?token=long-secret", "200")]
-    {
+    for (target, status) in [
+        ("/", "401"),
+        ("/calibration", "401"),
+        ("/?token=long-wrong!", "401"),
+        ("/?token=long-secret", "200"),
+    ] {
         let answer = ask(authority, target).await;
         assert!(answer.starts_with(&format!("HTTP/1.1 {status}")), "{target}: {answer}");
     }

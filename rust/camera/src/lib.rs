@@ -266,13 +266,14 @@ pub fn png(width: u32, height: u32, rgb: &[u8]) -> Vec<u8> {
 mod tests {
     use super::*;
     use proact_types::{
-        BlockId, CollisionShape, Gesture, HandView, Joint, JointKind, JointLimits, Link, PlannerView, SimTime,
-        TargetView,
+        BlockId, CollisionShape, Gesture, HandView, Joint, JointKind, JointLimits, Link, PlannerView,
+        SimTime, TargetView,
     };
 
     /// A beam that hangs from a joint at the base: 12 cm wide and 60 cm long.
     fn arm() -> ArmModel {
-        let link = |name: &str, collisions| Link { name: name.into(), inertial: None, collisions, visuals: vec![] };
+        let link =
+            |name: &str, collisions| Link { name: name.into(), inertial: None, collisions, visuals: vec![] };
         let beam = Shape::Box { size: [0.12, 0.12, 0.6] };
         let shape = CollisionShape { pose: Pose::translation(0.0, 0.0, -0.3), shape: beam };
         ArmModel {

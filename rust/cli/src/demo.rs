@@ -13,7 +13,7 @@ use proact_app::{
 };
 use proact_bridge::{PageContent, PageOptions, PageServer};
 use proact_devices::EmgSource;
-use proact_emg::EmgModel;
+use proact_emg::{EmgConfig, EmgModel};
 use proact_testbed::{Session, TrialConfig};
 use std::{
     error::Error,
@@ -116,7 +116,7 @@ pub(crate) fn demo(args: &DemoArgs) -> Result<bool, Box<dyn Error>> {
     let trained = args.how.trained()?;
     let emg = match &trained {
         _ if !args.trial.sets_emg() => None,
-        Some(model) => Some(model.settings(None)?),
+        Some(model) => Some(EmgConfig { liveness: model.liveness(None), ..model.config.clone() }),
         None => Some(proact_devices::default_config(&source)?),
     };
     let (arm, config) = args.trial.config("seated", emg)?;

@@ -71,10 +71,11 @@ pub(crate) fn command(args: &ServeArgs) -> Result<bool, Box<dyn Error>> {
     let mut server: Option<PageServer> = None;
     let mut person: Option<Person> = None;
     loop {
-        let emg = armband.as_ref().map(|armband| armband.model().settings(None)).transpose()?;
+        let emg = armband.as_ref().map(|armband| armband.model().config.clone());
         let (arm, config) = asked.config("still", emg)?;
         let seed = config.seed;
-        let worn = armband.as_ref().map(|armband| Armband { trained: armband.model(), samples: armband.port() });
+        let worn =
+            armband.as_ref().map(|armband| Armband { trained: armband.model(), samples: armband.port() });
         let Assembly { session, classifier, plans, .. } = trial::live_with(&arm, config, worn)?;
         let config = session.testbed().config().clone();
         let dir = match (&args.out, args.no_record) {
@@ -83,9 +84,7 @@ pub(crate) fn command(args: &ServeArgs) -> Result<bool, Box<dyn Error>> {
             (None, _) => Some(default_dir(&config)),
         };
         let recorder = match &dir {
-            Some(dir) => {
-                Some(Recorder::create(dir, &config, &arm, classifier.as_ref())?.with_plans(plans)?)
-            }
+            Some(dir) => Some(Recorder::create(dir, &config, &arm, classifier.as_ref())?.with_plans(plans)?),
             None => None,
         };
         let content = PageContent {

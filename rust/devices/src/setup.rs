@@ -156,7 +156,11 @@ pub fn prepare_model(
     let centring =
         if model.centring.iter().all(|level| *level == 0.0) { Vec::new() } else { model.centring.clone() };
     let classifier = model.classifier.clone();
-    let config = model.settings(config)?;
+    let config = match config {
+        Some(asked) => asked.clone(),
+        None => EmgConfig { liveness: model.liveness(None), ..model.config.clone() },
+    };
+    model.check_settings(&config)?;
     Ok(EmgSetup { classifier, config, centring, ..setup })
 }
 

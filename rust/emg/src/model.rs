@@ -126,14 +126,12 @@ impl EmgModel {
         LivenessConfig { rails, noise_floors: floors.unwrap_or_default(), ..self.config.liveness.clone() }
     }
 
-    /// The settings with which the model is used: `asked`, or those of its training. How decisions are made of classes may
-    /// be asked for otherwise; what the classifier was trained with may not.
+    /// Whether the model may be used with these settings. How decisions are made of classes may differ from its training;
+    /// what the classifier was trained with may not.
     ///
     /// # Errors
     /// [`EmgError::TrainedOtherwise`] naming the first setting that would need another training.
-    pub fn settings(&self, asked: Option<&EmgConfig>) -> Result<EmgConfig, EmgError> {
-        let own = EmgConfig { liveness: self.liveness(None), ..self.config.clone() };
-        let Some(asked) = asked else { return Ok(own) };
+    pub fn check_settings(&self, asked: &EmgConfig) -> Result<(), EmgError> {
         let of = |config: &EmgConfig| {
             [
                 ("emg.rate_hz", config.rate_hz.to_string()),
@@ -147,9 +145,9 @@ impl EmgModel {
                 ("emg.wamp_threshold", config.wamp_threshold.to_string()),
             ]
         };
-        match of(asked).into_iter().zip(of(&own)).find(|(asked, trained)| asked != trained) {
+        match of(asked).into_iter().zip(of(&self.config)).find(|(asked, trained)| asked != trained) {
             Some(((key, asked), (_, trained))) => Err(EmgError::TrainedOtherwise { key, asked, trained }),
-            None => Ok(asked.clone()),
+            None => Ok(()),
         }
     }
 

@@ -87,8 +87,10 @@ impl Access {
         let peer = visitor.peer.to_canonical();
         let (local, listed) = (peer.is_loopback(), self.lists(peer));
         let in_address = self.is_token(words_of(visitor.query, "token"));
-        let shown = in_address || self.is_token(visitor.authorization.and_then(|v| v.strip_prefix("Bearer ")));
-        let kept = visitor.cookies.split(';').filter_map(|pair| pair.trim().strip_prefix(COOKIE)?.strip_prefix('='));
+        let shown =
+            in_address || self.is_token(visitor.authorization.and_then(|v| v.strip_prefix("Bearer ")));
+        let kept =
+            visitor.cookies.split(';').filter_map(|pair| pair.trim().strip_prefix(COOKIE)?.strip_prefix('='));
         let known = shown || self.is_token(kept);
         if !(local || listed || known) {
             return Err(Refusal::Unknown(format!(
@@ -242,7 +244,10 @@ mod tests {
                 let result = access().admit(pages, &visitor);
                 assert_eq!(result.is_ok(), admitted, "{pages:?} {visitor:?}: {result:?}");
                 if let Err(reason) = result {
-                    assert!(matches!(&reason, Refusal::Unknown(text) if text.contains("--allow 192.168.1.21")), "{reason:?}");
+                    assert!(
+                        matches!(&reason, Refusal::Unknown(text) if text.contains("--allow 192.168.1.21")),
+                        "{reason:?}"
+                    );
                 }
                 let closed = Access { token: None, ..access() }.admit(pages, &visitor);
                 assert!(closed.is_err() || peer != STRANGER, "there is no token to know: {visitor:?}");
@@ -324,7 +329,8 @@ mod tests {
     fn a_token_that_the_browser_keeps_does_not_vouch_for_the_page_that_runs_in_it() {
         let cookies = format!("{COOKIE}={TOKEN}");
         for pages in [Own, OfThisHost] {
-            let foreign = Visitor { cookies: &cookies, ..page(STRANGER, "http://evil.example", "lab:8090", "") };
+            let foreign =
+                Visitor { cookies: &cookies, ..page(STRANGER, "http://evil.example", "lab:8090", "") };
             assert!(matches!(access().admit(pages, &foreign), Err(Refusal::Foreign(_))), "{pages:?}");
         }
     }

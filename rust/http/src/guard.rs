@@ -56,7 +56,8 @@ pub(crate) async fn admit(
 
 fn judge(guard: &Guard, peer: Peer, request: &Request) -> Result<Admission, Refusal> {
     let headers = request.headers();
-    let websocket = headers.get(header::UPGRADE).is_some_and(|to| to.as_bytes().eq_ignore_ascii_case(b"websocket"));
+    let websocket =
+        headers.get(header::UPGRADE).is_some_and(|to| to.as_bytes().eq_ignore_ascii_case(b"websocket"));
     // RFC 6455, 4.2.1: sixteen bytes in base64.
     let key = headers.get(header::SEC_WEBSOCKET_KEY).map(|key| BASE64.decode(key.as_bytes()));
     if websocket && !matches!(key, Some(Ok(key)) if key.len() == 16) {

@@ -109,11 +109,8 @@ impl Server {
             false => None,
         };
         let (scheme, token) = (if options.https { "https" } else { "http" }, options.access.token.clone());
-        let guard = Guard {
-            access: Arc::new(options.access),
-            pages: options.pages,
-            refused: Arc::new(refused),
-        };
+        let guard =
+            Guard { access: Arc::new(options.access), pages: options.pages, refused: Arc::new(refused) };
         let router = router.layer(middleware::from_fn_with_state(guard, guard::admit));
         let (stop, stopped) = oneshot::channel();
         let thread = std::thread::Builder::new()

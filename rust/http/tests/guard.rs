@@ -111,7 +111,10 @@ fn a_taken_port_is_named_with_how_to_choose_another_and_the_next_one_used_if_all
     let start_bare = |options| Server::start(options, Router::new(), |_| {}, std::future::pending());
     let error = start_bare(taken.clone()).err().unwrap();
     assert!(matches!(error, ServeError::PortTaken { .. }), "{error}");
-    assert!(error.to_string().contains(&format!("port {port}")) && error.to_string().contains("--port"), "{error}");
+    assert!(
+        error.to_string().contains(&format!("port {port}")) && error.to_string().contains("--port"),
+        "{error}"
+    );
     let next = start_bare(Options { further_ports: 20, ..taken.clone() }).unwrap();
     assert_ne!(next.address(), first.address());
     // Free again at once.

@@ -50,11 +50,8 @@ impl IntentModel for Filtered {
             (possible[i] && p > 0.0).then(|| p.ln())
         });
 
-        let seen = if gaze.valid {
-            log_likelihood(gaze, &scene.centres, self.options.sigma).ok()
-        } else {
-            None
-        };
+        let seen =
+            if gaze.valid { log_likelihood(gaze, &scene.centres, self.options.sigma).ok() } else { None };
         let weight = (millis / self.options.look_ms).min(1.0);
         let updated = seen.and_then(|seen| {
             let elsewhere = self.options.elsewhere;
@@ -119,8 +116,7 @@ mod tests {
 
     #[test]
     fn the_rate_of_the_tracker_hardly_matters() {
-        let ask =
-            |period| watch(&mut Filtered::new(IntentOptions::default()), 0, 1200, period, &look(2))[2];
+        let ask = |period| watch(&mut Filtered::new(IntentOptions::default()), 0, 1200, period, &look(2))[2];
         assert!((ask(10) - ask(40)).abs() < 0.01, "{} {}", ask(10), ask(40));
     }
 

@@ -129,10 +129,7 @@ mod tests {
     fn names_survive_their_text_and_unknown_ones_are_refused_with_what_there_is() {
         for name in IntentModelName::ALL {
             assert_eq!(name.to_string().parse(), Ok(name));
-            assert_eq!(
-                name.build(&IntentOptions::default()).expect("defaults are allowed").name(),
-                name
-            );
+            assert_eq!(name.build(&IntentOptions::default()).expect("defaults are allowed").name(), name);
         }
         let error = "mind_reading".parse::<IntentModelName>().expect_err("no such model");
         assert_eq!(

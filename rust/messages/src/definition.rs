@@ -4,8 +4,7 @@ use md5::{Digest, Md5};
 use std::{collections::BTreeMap, ops::RangeInclusive, sync::Arc};
 
 /// Between the definitions in a text with dependencies.
-const RULE: &str =
-    "================================================================================";
+const RULE: &str = "================================================================================";
 
 /// A message type of ROS 1.
 #[derive(Debug, PartialEq)]

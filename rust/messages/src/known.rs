@@ -7,9 +7,8 @@ use std::{
 };
 
 /// The types of `messages.txt`.
-static KNOWN: LazyLock<BTreeMap<String, Arc<MessageType>>> = LazyLock::new(|| {
-    read_table(include_str!("messages.txt")).expect("the table is tested line by line")
-});
+static KNOWN: LazyLock<BTreeMap<String, Arc<MessageType>>> =
+    LazyLock::new(|| read_table(include_str!("messages.txt")).expect("the table is tested line by line"));
 
 /// A table with a type in each line; a type stands below those that it needs.
 fn read_table(table: &str) -> Result<BTreeMap<String, Arc<MessageType>>, DefinitionError> {

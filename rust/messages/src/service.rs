@@ -66,7 +66,11 @@ mod tests {
                 "---\nbool success   # it went well\nstring message\n",
                 "937c9679a518e3a18d831e57125ea522",
             ),
-            ("std_srvs/SetBool", "bool data\n---\nbool success\nstring message\n", "09fb03525b03e7ea1fd3992bafd87e16"),
+            (
+                "std_srvs/SetBool",
+                "bool data\n---\nbool success\nstring message\n",
+                "09fb03525b03e7ea1fd3992bafd87e16",
+            ),
         ] {
             assert_eq!(ServiceType::load(name, text, &known).unwrap().md5(), sum, "{name}");
         }

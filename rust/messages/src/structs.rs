@@ -48,12 +48,12 @@ impl<'de> Deserializer<'de> for Value {
             Value::Uint(value) => visitor.visit_u64(value),
             Value::Float(value) => visitor.visit_f64(value),
             Value::Text(value) => visitor.visit_string(value),
-            Value::Time(t) => visitor.visit_map(MapDeserializer::new(
-                [("secs", t.secs), ("nsecs", t.nsecs)].into_iter(),
-            )),
-            Value::Duration(t) => visitor.visit_map(MapDeserializer::new(
-                [("secs", t.secs), ("nsecs", t.nsecs)].into_iter(),
-            )),
+            Value::Time(t) => {
+                visitor.visit_map(MapDeserializer::new([("secs", t.secs), ("nsecs", t.nsecs)].into_iter()))
+            }
+            Value::Duration(t) => {
+                visitor.visit_map(MapDeserializer::new([("secs", t.secs), ("nsecs", t.nsecs)].into_iter()))
+            }
             Value::Bytes(bytes) => visitor.visit_seq(SeqDeserializer::new(bytes.into_iter())),
             Value::Floats(values) => visitor.visit_seq(SeqDeserializer::new(values.into_iter())),
             Value::List(values) => visitor.visit_seq(SeqDeserializer::new(values.into_iter())),
@@ -135,7 +135,8 @@ mod tests {
 
     #[test]
     fn a_struct_that_does_not_agree_with_the_definition_is_not_written() {
-        let (bool, point) = (known_type("std_msgs/Bool").unwrap(), known_type("geometry_msgs/Point").unwrap());
+        let (bool, point) =
+            (known_type("std_msgs/Bool").unwrap(), known_type("geometry_msgs/Point").unwrap());
         #[derive(Serialize)]
         struct Swapped {
             y: f64,

@@ -56,7 +56,9 @@ impl Value {
     /// The field of a message, or none.
     pub fn get(&self, name: &str) -> Option<&Value> {
         match self {
-            Value::Message(fields) => fields.iter().find(|(field, _)| &**field == name).map(|(_, value)| value),
+            Value::Message(fields) => {
+                fields.iter().find(|(field, _)| &**field == name).map(|(_, value)| value)
+            }
             _ => None,
         }
     }

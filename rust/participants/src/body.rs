@@ -68,10 +68,18 @@ impl Body {
             }
         }
         if !(0.1..=1000.0).contains(&self.speed_max_deg_per_s) {
-            return refused("setup.body.speed_max_deg_per_s", self.speed_max_deg_per_s.to_string(), "0.1 to 1000");
+            return refused(
+                "setup.body.speed_max_deg_per_s",
+                self.speed_max_deg_per_s.to_string(),
+                "0.1 to 1000",
+            );
         }
         if !self.reach_deg.iter().all(|degrees| degrees.abs() <= 90.0) {
-            return refused("setup.body.reach_deg", format!("{:?}", self.reach_deg), "three angles of -90 to 90");
+            return refused(
+                "setup.body.reach_deg",
+                format!("{:?}", self.reach_deg),
+                "three angles of -90 to 90",
+            );
         }
         Ok(())
     }

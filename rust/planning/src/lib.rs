@@ -47,7 +47,5 @@ pub use person::{Person, person_obstacles};
 pub use proact_testbed::{PlannerName, PlannerOptions, SearchLimits};
 pub use reasons::five_words;
 pub use scene::CollisionScene;
-pub use search::{
-    CancelFlag, MeshObstacle, PlainOutcome, Roadmap, SearchEffort, SearchOutcome,
-};
+pub use search::{CancelFlag, MeshObstacle, PlainOutcome, Roadmap, SearchEffort, SearchOutcome};
 pub use worker::{PlanLog, PlanWorker};

@@ -1,12 +1,10 @@
 //! The safe side of the bridge: a collision scene and the search in it.
 
-use crate::{PlannerName, SearchLimits};
 use crate::bridge::ffi;
 use crate::error::{PlanningError, check};
-use crate::search::{
-    CancelFlag, MeshObstacle, PlainOutcome, Roadmap, SearchEffort, SearchOutcome,
-};
+use crate::search::{CancelFlag, MeshObstacle, PlainOutcome, Roadmap, SearchEffort, SearchOutcome};
 use crate::state_check::StateCheck;
+use crate::{PlannerName, SearchLimits};
 use proact_types::{ArmModel, AttachedObject, JointKind, Obstacle, Pose, Shape};
 use std::collections::BTreeMap;
 
@@ -401,7 +399,12 @@ impl CollisionScene {
                 equal_steps: Some(equal_steps),
                 ..SearchLimits::default()
             };
-            ffi::search_plainly(&self.inner, start, &flat, &search_row(planner, &NO_PARAMETERS, seed, &limits))?
+            ffi::search_plainly(
+                &self.inner,
+                start,
+                &flat,
+                &search_row(planner, &NO_PARAMETERS, seed, &limits),
+            )?
         };
         Ok(PlainOutcome {
             path: row.path.chunks_exact(self.joint_count).map(<[f64]>::to_vec).collect(),

@@ -379,11 +379,11 @@ fn options_that_make_no_sense_are_refused_by_name() {
         ArmPlanner::new(model.clone(), kinematics, options).err().expect("refused").to_string()
     };
     let text = refused(PlannerOptions { max_velocity: 0.0, ..Default::default() });
-    assert_eq!(text, "option max_velocity = 0, expected a number above zero");
+    assert_eq!(text, "planner.max_velocity = 0, expected more than 0 and at most 100");
     let text = refused(PlannerOptions { padding: f64::NAN, ..Default::default() });
-    assert_eq!(text, "option padding = NaN, expected a number not below zero");
+    assert_eq!(text, "planner.padding = NaN, expected 0 to 100");
     let text = refused(PlannerOptions { tilt: 2.0, ..Default::default() });
-    assert!(text.starts_with("option tilt = 2"), "{text}");
+    assert!(text.starts_with("planner.tilt = 2"), "{text}");
 }
 
 #[test]
@@ -436,8 +436,7 @@ fn unknown_planners_and_parameters_are_refused_with_those_that_there_are() {
     let known = "RRTConnect, BiTRRT, LBKPIECE1, RRTstar, PRM, AnytimePathShortening";
     assert_eq!(text, format!("planner is \"RRTConect\", expected one of {known}"));
     let model = model();
-    let options =
-        PlannerOptions { parameters: [("rnage".into(), "1".into())].into(), ..Default::default() };
+    let options = PlannerOptions { parameters: [("rnage".into(), "1".into())].into(), ..Default::default() };
     let error =
         ArmPlanner::new(model.clone(), Box::new(kinematics(&model)), options).err().unwrap().to_string();
     assert!(error.contains("no parameter \"rnage\", expected one of ") && error.contains("range"), "{error}");

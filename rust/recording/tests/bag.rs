@@ -5,8 +5,7 @@ use proact_messages::known_type;
 use proact_recording::{
     RecordingError, TrialBag,
     bag::{
-        BAG_EPOCH_SECS,
-        Message,
+        BAG_EPOCH_SECS, Message,
         messages::{
             Bool, Clock, Float64, GazeboGraspEvent, Int8, JointState, JointTrajectory, Log, ModelStates,
             Text, TfMessage, Vector3Stamped,

@@ -1,10 +1,7 @@
 //! The port through which the server knows topics and services: [`TopicBus`].
 
 use crate::png;
-use axum::{
-    body::Bytes,
-    extract::ws::Utf8Bytes,
-};
+use axum::{body::Bytes, extract::ws::Utf8Bytes};
 use ciborium::Value as Cbor;
 use proact_messages::{MessageType, Value, known_type, plain_name};
 use serde::Serialize;

@@ -205,7 +205,10 @@ pub(crate) mod tests {
 
     #[test]
     fn a_pinch_between_thumb_and_finger_attaches_after_its_time() {
-        assert_eq!(ticks_to_attach(&pinch(), HandState::Closing), Some(OpposingGrasp::DEFAULT.hold_ms as usize));
+        assert_eq!(
+            ticks_to_attach(&pinch(), HandState::Closing),
+            Some(OpposingGrasp::DEFAULT.hold_ms as usize)
+        );
     }
 
     #[test]

@@ -227,7 +227,10 @@ mod tests {
         }
         let mut one_side = state(0.0, Some((1.0, 1.0)), false);
         one_side.contacts[1].normal = Vector::new(0.5, 1.0, 0.0).normalize();
-        assert_eq!(ticks(&mut OriginalGraspRule::new(OriginalGrasp::DEFAULT, &hand()), &one_side, 5000), None);
+        assert_eq!(
+            ticks(&mut OriginalGraspRule::new(OriginalGrasp::DEFAULT, &hand()), &one_side, 5000),
+            None
+        );
     }
 
     #[test]

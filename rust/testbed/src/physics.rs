@@ -57,8 +57,18 @@ impl PhysicsConfig {
         within("physics.original_grasp.balance", original.balance, 0.0..=1.0, "0 to 1")?;
         within("physics.original_grasp.grip_count", original.grip_count.into(), 0.0..=1e3, "0 to 1000")?;
         within("physics.original_grasp.max_count", original.max_count.into(), 1.0..=1e3, "1 to 1000")?;
-        within("physics.original_grasp.release_distance_m", original.release_distance_m, 0.0..=1.0, "0 to 1")?;
-        within("physics.original_grasp.pressing_distance_m", original.pressing_distance_m, 0.0..=1.0, "0 to 1")
+        within(
+            "physics.original_grasp.release_distance_m",
+            original.release_distance_m,
+            0.0..=1.0,
+            "0 to 1",
+        )?;
+        within(
+            "physics.original_grasp.pressing_distance_m",
+            original.pressing_distance_m,
+            0.0..=1.0,
+            "0 to 1",
+        )
     }
 }
 

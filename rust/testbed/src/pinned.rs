@@ -23,11 +23,17 @@ impl Pinned {
     ///
     /// # Errors
     /// [`ConfigError::OtherName`] or [`ConfigError::OtherContent`] if another one is meant.
-    pub fn pin(&mut self, kind: &'static str, name: &str, content: &impl Serialize) -> Result<(), ConfigError> {
+    pub fn pin(
+        &mut self,
+        kind: &'static str,
+        name: &str,
+        content: &impl Serialize,
+    ) -> Result<(), ConfigError> {
         if self.name != name {
             return Err(ConfigError::OtherName { kind, expected: self.name.clone(), got: name.to_owned() });
         }
-        let text = serde_json::to_vec(content).map_err(|e| ConfigError::Text(format!("{kind} {name}: {e}")))?;
+        let text =
+            serde_json::to_vec(content).map_err(|e| ConfigError::Text(format!("{kind} {name}: {e}")))?;
         let got = blake3::hash(&text).to_hex().to_string();
         match &self.hash {
             Some(expected) if *expected != got => Err(ConfigError::OtherContent {

@@ -133,9 +133,8 @@ impl PlannerOptions {
     /// # Errors
     /// [`ConfigError::Value`] naming the first bad one.
     pub fn check(&self) -> Result<(), ConfigError> {
-        let refused = |key, got: f64, expected| {
-            Err(ConfigError::Value { key, got: got.to_string(), expected })
-        };
+        let refused =
+            |key, got: f64, expected| Err(ConfigError::Value { key, got: got.to_string(), expected });
         for (key, value) in [
             ("planner.max_velocity", self.max_velocity),
             ("planner.max_acceleration", self.max_acceleration),
@@ -163,17 +162,15 @@ impl PlannerOptions {
                 return refused(key, value, "0 to 100");
             }
         }
-        for (key, count, least) in
-            [("planner.goals", self.goals, 1), ("planner.postures", self.postures, 0)]
+        for (key, count, least) in [("planner.goals", self.goals, 1), ("planner.postures", self.postures, 0)]
         {
             if !(least..=1000).contains(&count) {
                 return refused(key, count as f64, if least == 0 { "0 to 1000" } else { "1 to 1000" });
             }
         }
-        for (key, bound) in [
-            ("planner.deadline_secs", self.deadline_secs),
-            ("planner.search.max_secs", self.search.max_secs),
-        ] {
+        for (key, bound) in
+            [("planner.deadline_secs", self.deadline_secs), ("planner.search.max_secs", self.search.max_secs)]
+        {
             if let Some(value) = bound.filter(|secs| !(1e-3..=3600.0).contains(secs)) {
                 return refused(key, value, "0.001 to 3600 s, or none");
             }

@@ -156,11 +156,8 @@ impl Bench {
     pub(super) fn beside_long_searches(&mut self) -> Result<Vec<BenchFigure>, Box<dyn Error>> {
         let search =
             SearchLimits { max_iterations: u32::MAX, max_secs: Some(LONG_SECS), ..SearchLimits::default() };
-        let anytime = PlannerOptions {
-            name: PlannerName::AnytimePathShortening,
-            search,
-            ..PlannerOptions::default()
-        };
+        let anytime =
+            PlannerOptions { name: PlannerName::AnytimePathShortening, search, ..PlannerOptions::default() };
         let mut anytime = super::planner(&self.model, anytime)?;
         // By [anytime, other seeds], [length, duration].
         let mut ratios: [[Vec<f64>; 2]; 2] = Default::default();

@@ -118,14 +118,18 @@ mod tests {
 
     #[test]
     fn a_value_of_another_type_is_refused_with_its_place() {
-        let kind = MessageType::from_text("a/B", "Point[] points\n====\nMSG: a/Point\nfloat64 x\nint8[2] n").unwrap();
+        let kind = MessageType::from_text("a/B", "Point[] points\n====\nMSG: a/Point\nfloat64 x\nint8[2] n")
+            .unwrap();
         let point = |name: &str, x: Value, n: Value| Value::Message(vec![(name.into(), x), ("n".into(), n)]);
         let whole = |point: Value| Value::Message(vec![("points".into(), Value::List(vec![point]))]);
         let two = || Value::List(vec![Value::Int(1), Value::Int(2)]);
         assert!(kind.to_bytes(&whole(point("x", Value::Float(1.0), two()))).is_ok());
         for (value, message) in [
             (whole(point("x", Value::Bool(true), two())), "a/B.points[0].x is true, expected float64"),
-            (whole(point("y", Value::Float(1.0), two())), "a/B.points[0].y is the field \"y\", expected \"x\""),
+            (
+                whole(point("y", Value::Float(1.0), two())),
+                "a/B.points[0].y is the field \"y\", expected \"x\"",
+            ),
             (
                 whole(point("x", Value::Float(1.0), Value::List(vec![]))),
                 "a/B.points[0].n is an array of 0, expected int8[2]",

@@ -50,7 +50,12 @@ static DURATION: LazyLock<Vec<Field>> = LazyLock::new(|| parts_of("int32"));
 
 fn parts_of(whole: &str) -> Vec<Field> {
     let kind = Kind::Int { bits: 32, signed: whole == "int32" };
-    let part = |name: &str| Field { name: name.into(), kind: kind.clone(), count: Count::One, written: whole.into() };
+    let part = |name: &str| Field {
+        name: name.into(),
+        kind: kind.clone(),
+        count: Count::One,
+        written: whole.into(),
+    };
     vec![part("secs"), part("nsecs")]
 }
 
@@ -222,7 +227,11 @@ impl<'a> Serializer for Slot<'a> {
         self.refuse(name)
     }
 
-    fn serialize_newtype_struct<T: Serialize + ?Sized>(self, _: &'static str, value: &T) -> Result<(), WireError> {
+    fn serialize_newtype_struct<T: Serialize + ?Sized>(
+        self,
+        _: &'static str,
+        value: &T,
+    ) -> Result<(), WireError> {
         value.serialize(self)
     }
 
@@ -247,7 +256,11 @@ impl<'a> Serializer for Slot<'a> {
         self.elements(length)
     }
 
-    fn serialize_tuple_struct(self, name: &'static str, _: usize) -> Result<Self::SerializeTupleStruct, WireError> {
+    fn serialize_tuple_struct(
+        self,
+        name: &'static str,
+        _: usize,
+    ) -> Result<Self::SerializeTupleStruct, WireError> {
         self.refuse(name)
     }
 
@@ -355,7 +368,11 @@ impl SerializeStruct for Parts<'_> {
     type Ok = ();
     type Error = WireError;
 
-    fn serialize_field<T: Serialize + ?Sized>(&mut self, name: &'static str, value: &T) -> Result<(), WireError> {
+    fn serialize_field<T: Serialize + ?Sized>(
+        &mut self,
+        name: &'static str,
+        value: &T,
+    ) -> Result<(), WireError> {
         let field = self.named(name)?;
         self.put(field, value)
     }
@@ -380,7 +397,9 @@ impl SerializeMap for Parts<'_> {
     }
 
     fn serialize_value<T: Serialize + ?Sized>(&mut self, value: &T) -> Result<(), WireError> {
-        let Some(field) = self.fields.get(self.next) else { return Err(WireError::custom("a value without a key")) };
+        let Some(field) = self.fields.get(self.next) else {
+            return Err(WireError::custom("a value without a key"));
+        };
         self.put(field, value)
     }
 

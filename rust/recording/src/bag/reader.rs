@@ -57,7 +57,9 @@ fn kind_of(connection: &Connection<'_>) -> Result<Arc<MessageType>, String> {
     let found = text.map_err(|error| error.to_string())?;
     match found.md5() == sum {
         true => Ok(found),
-        false => Err(format!("the bag's definition of {} has not the checksum {sum} that it gives", found.name)),
+        false => {
+            Err(format!("the bag's definition of {} has not the checksum {sum} that it gives", found.name))
+        }
     }
 }
 

@@ -163,11 +163,8 @@ impl BagWriter {
         put_field(&mut header, "message_definition", kind.text().as_bytes());
         put_field(&mut header, "callerid", b"/proact");
         put_field(&mut header, "latching", if latched { b"1" } else { b"0" });
-        let fields = [
-            ("op", vec![OP_CONNECTION]),
-            ("conn", number(count(id))),
-            ("topic", topic.as_bytes().to_vec()),
-        ];
+        let fields =
+            [("op", vec![OP_CONNECTION]), ("conn", number(count(id))), ("topic", topic.as_bytes().to_vec())];
         let mut record = Vec::new();
         put_record(&mut record, &fields, &header);
         self.chunk.extend_from_slice(&record);

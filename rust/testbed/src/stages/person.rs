@@ -249,7 +249,8 @@ impl PersonStage {
 
 /// One step of a tracked shoulder on its way.
 fn toward(motion: &MotionConfig, now: &Pose, asked: &Pose) -> Pose {
-    let (furthest, most) = (motion.shoulder_m_per_s * TRACKING_SECS, motion.shoulder_rad_per_s * TRACKING_SECS);
+    let (furthest, most) =
+        (motion.shoulder_m_per_s * TRACKING_SECS, motion.shoulder_rad_per_s * TRACKING_SECS);
     let way = (asked.translation.vector - now.translation.vector).norm();
     let turn = now.rotation.angle_to(&asked.rotation);
     let share = (furthest / way.max(1e-12)).min(most / turn.max(1e-12)).min(1.0);

@@ -213,12 +213,7 @@ impl Relay {
     ///
     /// # Errors
     /// One sentence.
-    pub fn serve(
-        &self,
-        name: &str,
-        kind: ServiceType,
-        handler: Arc<Handler>,
-    ) -> Result<RawService, String> {
+    pub fn serve(&self, name: &str, kind: ServiceType, handler: Arc<Handler>) -> Result<RawService, String> {
         RawService::serve(&self.addresses, name, kind, handler)
     }
 }

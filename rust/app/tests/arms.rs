@@ -1,0 +1,113 @@
+//! A lab's own arm in a trial: chosen by its folder, stored in the record, refused when it is another one.
+#![allow(clippy::disallowed_methods, clippy::unwrap_used)] // A test of files.
+
+use proact_app::{Arm, Recorder, ReplayOptions, replay_trial, trial};
+use proact_description::{MPL_RIGHT_ARM_SRDF, MPL_RIGHT_ARM_URDF};
+use proact_devices::EmgSource;
+use proact_testbed::{MethodName, Setup, TrialConfig};
+use std::{fs, path::Path};
+
+const MESHES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../ros1_ws/src/proact_description/meshes");
+
+/// The shipped arm under another name and with a heavier forearm, in a folder.
+fn own_arm(folder: &Path) {
+    fs::create_dir_all(folder.join("meshes")).unwrap();
+    for mesh in fs::read_dir(MESHES).unwrap() {
+        let mesh = mesh.unwrap();
+        fs::copy(mesh.path(), folder.join("meshes").join(mesh.file_name())).unwrap();
+    }
+    let urdf = MPL_RIGHT_ARM_URDF.replace("<robot name=\"mpl_right_arm\">", "<robot name=\"lab_arm\">");
+    let (before, after) = urdf.split_once("<mass value=\"").unwrap();
+    let (mass, after) = after.split_once('"').unwrap();
+    let heavier = 1.5 * mass.parse::<f64>().unwrap();
+    fs::write(folder.join("lab_arm.urdf"), format!("{before}<mass value=\"{heavier}\"{after}")).unwrap();
+    let srdf = MPL_RIGHT_ARM_SRDF.replace("<robot name=\"mpl_right_arm\">", "<robot name=\"lab_arm\">");
+    fs::write(folder.join("lab_arm.srdf"), srdf).unwrap();
+}
+
+fn record(arm: &Arm, dir: &Path) -> String {
+    let mut config = TrialConfig::new(MethodName::D, 1, Setup::named("still").unwrap());
+    (config.arm, config.limit_secs) = (arm.pinned(), 8.0);
+    let assembled = trial::simulated_with(arm, config, &EmgSource::Synthetic, None).unwrap();
+    let trial::Assembly { mut session, classifier, arm, .. } = assembled;
+    let used = session.testbed().config().clone();
+    let mut recorder = Recorder::create(dir, &used, &arm, classifier.as_ref()).unwrap();
+    loop {
+        let step = session.step(false).unwrap();
+        recorder.write(&step, session.testbed().plant().state()).unwrap();
+        if step.output.finished {
+            break;
+        }
+    }
+    recorder.finish(&session.result()).unwrap();
+    session.testbed().digest()
+}
+
+#[test]
+fn a_labs_own_arm_is_recorded_with_the_trial_and_another_one_is_refused_by_name() {
+    let place = tempfile::tempdir().unwrap();
+    let (folder, dir) = (place.path().join("arm"), place.path().join("trial"));
+    own_arm(&folder);
+    let digest = record(&Arm::named(folder.to_str().unwrap()).unwrap(), &dir);
+    let shipped = record(&Arm::named("mpl_right_arm").unwrap(), &place.path().join("shipped"));
+    assert_ne!(digest, shipped);
+    assert!(!place.path().join("shipped/arm.urdf").exists(), "the program has it");
+
+    // The folder may be gone: the record has what it needs.
+    fs::remove_dir_all(&folder).unwrap();
+    let replayed = replay_trial(&dir, ReplayOptions::default()).unwrap();
+    assert!(replayed.agrees && replayed.digest == digest, "{replayed:?}");
+
+    let urdf = dir.join("arm.urdf");
+    let text = fs::read_to_string(&urdf).unwrap();
+    let refusal = |text: &str| {
+        fs::write(&urdf, text).unwrap();
+        replay_trial(&dir, ReplayOptions::default()).unwrap_err().to_string()
+    };
+    let (before, after) = text.split_once("<mass value=\"").unwrap();
+    let other = refusal(&format!("{before}<mass value=\"1{after}"));
+    assert!(other.starts_with("arm \"lab_arm\" is another one here (hash "), "{other}");
+    let renamed = refusal(&text.replace("<robot name=\"lab_arm\">", "<robot name=\"an_arm\">"));
+    assert!(renamed.contains("\"an_arm\"") || renamed.contains("lab_arm"), "{renamed}");
+    fs::remove_file(&urdf).unwrap();
+    let gone = replay_trial(&dir, ReplayOptions::default()).unwrap_err().to_string();
+    assert!(
+        gone.contains("lab_arm") && gone.contains("arm.urdf") && gone.contains("mpl_right_arm"),
+        "{gone}"
+    );
+}
+
+#[test]
+fn an_arm_that_cannot_be_used_is_told_in_one_sentence_with_what_there_is() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path().join("arm");
+    let refusal = |name: &str| {
+        let error = Arm::named(name).unwrap_err().to_string();
+        assert!(!error.contains('\n'), "{error}");
+        error
+    };
+    let unknown = refusal("mpl_arm");
+    assert_eq!(
+        unknown,
+        "arm \"mpl_arm\" is unknown; expected mpl_right_arm, mpl_left_arm, or a folder with a URDF file"
+    );
+    fs::create_dir(&folder).unwrap();
+    let name = folder.to_str().unwrap();
+    assert!(refusal(name).ends_with("has 0 files *.urdf, expected one"));
+    own_arm(&folder);
+    let missing = fs::read_dir(folder.join("meshes")).unwrap().next().unwrap().unwrap();
+    fs::remove_file(missing.path()).unwrap();
+    let error = refusal(name);
+    let file = missing.file_name().into_string().unwrap();
+    assert!(
+        error.contains(&file) && error.contains("which is not there") && error.contains(".stl, "),
+        "{error}"
+    );
+    own_arm(&folder);
+    fs::write(folder.join("other.urdf"), "<robot/>").unwrap();
+    assert!(refusal(name).ends_with("has 2 files *.urdf, expected one"));
+    fs::remove_file(folder.join("other.urdf")).unwrap();
+    fs::write(folder.join("lab_arm.urdf"), "<robot name=\"lab_arm\"").unwrap();
+    let error = Arm::named(name).unwrap_err().to_string();
+    assert!(error.contains(name), "{error}");
+}
