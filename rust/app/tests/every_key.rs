@@ -292,11 +292,11 @@ fn act(session: &mut Session, tick: u64) {
         6300..6500 | 7100..7500 => Some(Gesture::WristExtension),
         _ => Some(Gesture::NoMotion),
     };
-    if let Some(gesture) = gesture.filter(|_| tick % 10 == 0) {
+    if let Some(gesture) = gesture.filter(|_| tick.is_multiple_of(10)) {
         session.person().command(InputSource::Page, gesture);
         session.person().hear(InputSource::Page);
     }
-    if tick % 10 == 0 && !(3500..4300).contains(&tick) {
+    if tick.is_multiple_of(10) && !(3500..4300).contains(&tick) {
         let jump = if tick < 500 { 0.0 } else { 0.2 };
         // Noise of the tracker: what repeats to the bit is frozen.
         let noise = 1e-6 * (tick % 7) as f64;
