@@ -63,6 +63,14 @@ pub enum ConfigError {
         /// What was given.
         got: String,
     },
+    /// A key that does not exist, or a value that it cannot have.
+    #[error("cannot set {got}: {reason}")]
+    Assigned {
+        /// What was given.
+        got: String,
+        /// Why not, and what there is.
+        reason: String,
+    },
     /// A value is outside its range.
     #[error("{key} = {got}, expected {expected}")]
     Value {
@@ -393,7 +401,15 @@ impl TrialConfig {
                 table.insert(name.to_owned(), value);
             }
         }
-        Self::from_toml(&whole.to_string())
+        let text = whole.to_string();
+        let config: Self = toml::from_str(&text).map_err(|error| {
+            // Where it stands in a text that nobody has seen tells nothing; which assignment it is does.
+            let reason = error.message().replace('`', "");
+            let given = assignments.iter().map(AsRef::as_ref);
+            ConfigError::Assigned { got: given.collect::<Vec<&str>>().join(", "), reason }
+        })?;
+        config.check()?;
+        Ok(config)
     }
 
     /// Options of the intent model. Methods but D leave the task out.
@@ -516,6 +532,9 @@ mod tests {
         let text = config().to_toml().expect("writes");
         let error = TrialConfig::from_toml(&format!("colour = 3\n{text}")).expect_err("an unknown key");
         assert!(error.to_string().contains("colour"), "{error}");
+        let error = config().with_values(&["planner.nme=PRM"]).expect_err("an unknown key").to_string();
+        assert!(error.starts_with("cannot set planner.nme=PRM: unknown field nme, expected one of "), "{error}");
+        assert!(!error.contains('\n'), "{error}");
         let error = TrialConfig::from_toml(&text.replace("limit_secs = 300.0", "limit_secs = -1.0"));
         assert!(matches!(error, Err(ConfigError::Value { key: "limit_secs", .. })), "{error:?}");
     }
