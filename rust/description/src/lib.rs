@@ -14,6 +14,7 @@
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod assemble;
+mod bounds;
 // The generated half of the bridge is unsafe; what is written by hand here is signatures.
 #[allow(unsafe_code)]
 mod bridge;

@@ -1,6 +1,7 @@
 //! What can be told from the text alone: where it is malformed, what it refers to in vain, and what urdfdom
 //! would fill in or skip without a word.
 
+use crate::bounds::{LONGEST_TEXT, MOST_LINKS};
 use crate::finding::{Finding, Findings, Severity, joint as joint_place, link as link_place, list};
 use roxmltree::{Document, Node};
 use std::{collections::BTreeSet, f64::consts::FRAC_PI_2};
@@ -17,6 +18,12 @@ const JOINT_PARTS: &[&str] =
 
 /// Looks at the text of a URDF file. False if it is no use to hand it on.
 pub(crate) fn urdf(text: &str, findings: &mut Findings) -> bool {
+    if text.len() > LONGEST_TEXT {
+        let expected = format!("at most {LONGEST_TEXT} bytes");
+        let remedy = "Give the description alone; meshes are files of their own.";
+        findings.error("URDF", "the text is too long", format!("{} bytes", text.len()), expected, remedy);
+        return false;
+    }
     let document = match Document::parse(text) {
         Ok(document) => document,
         Err(error) => {
@@ -49,6 +56,13 @@ pub(crate) fn urdf(text: &str, findings: &mut Findings) -> bool {
             "plain URDF",
             "Expand it first: xacro FILE > expanded.urdf",
         );
+        return false;
+    }
+    let links = robot.children().filter(|node| node.has_tag_name("link")).count();
+    if links > MOST_LINKS {
+        let expected = format!("at most {MOST_LINKS}");
+        let remedy = "Give the arm alone, without the room that it stands in.";
+        findings.error("URDF", "there are too many links", links, expected, remedy);
         return false;
     }
     references(robot, findings);
@@ -165,9 +179,9 @@ pub(crate) fn locate(text: &str, findings: &mut [Finding]) {
             "joint" => joint_place(name),
             _ => continue,
         };
-        let line = document.text_pos_at(node.range().start).row;
         for finding in findings.iter_mut().filter(|f| f.line.is_none() && f.place == place) {
-            finding.line = Some(line);
+            // Counts the lines before it: only where somebody asks.
+            finding.line = Some(document.text_pos_at(node.range().start).row);
         }
     }
 }

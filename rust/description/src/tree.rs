@@ -1,6 +1,9 @@
 //! From urdfdom's links and joints to an ordered tree, each part judged on the way.
 
 use crate::{
+    bounds::{
+        DEEPEST, FASTEST, HEAVIEST, LARGEST_ANGLE, LIGHTEST, LONGEST, MOST_INERTIA, SHORTEST, STRONGEST, at_most,
+    },
     bridge::ffi::{RawJoint, RawLink, RawPose, RawRobot, RawShape, RawShapeKind},
     finding::{Findings, joint as joint_place, link as link_place, list},
 };
@@ -70,8 +73,27 @@ pub(crate) fn build(raw: &RawRobot, findings: &mut Findings) -> Tree {
             "Cut the loop at one joint and hang its child on the rest of the tree.",
         );
     }
+    check_depth(&tree, findings);
     warn_about_weightless_ends(&tree, findings);
     tree
+}
+
+/// A chain of more joints than any arm has.
+fn check_depth(tree: &Tree, findings: &mut Findings) {
+    let mut depths = vec![0_usize; tree.links.len()];
+    for joint in &tree.joints {
+        // Parents stand before their children.
+        depths[joint.child] = depths[joint.parent] + 1;
+    }
+    if let Some(link) = depths.iter().position(|depth| *depth > DEEPEST) {
+        findings.error(
+            link_place(&tree.links[link].name),
+            "too many joints lie between it and the base",
+            depths[link],
+            format!("at most {DEEPEST}"),
+            "Leave out links that are fixed to another one.",
+        );
+    }
 }
 
 /// A moving part without mass cannot be simulated; kinematics does without.
@@ -110,6 +132,9 @@ fn pose(raw: &RawPose, place: &str, findings: &mut Findings) -> Pose {
             "Correct the origin.",
         );
         return Pose::identity();
+    }
+    for value in raw.position {
+        at_most(LONGEST, "m", "a coordinate of an origin", value, place, findings);
     }
     Pose::from_parts(Translation3::new(x, y, z), UnitQuaternion::from_quaternion(quaternion))
 }
@@ -163,6 +188,15 @@ fn inertial(raw: &RawLink, place: &str, findings: &mut Findings) -> Inertial {
             "Weigh the part, or remove its <inertial> if the link is only a frame.",
         );
     }
+    at_most(HEAVIEST, "kg", "the mass", raw.mass, place, findings);
+    if raw.mass > 0.0 && raw.mass < LIGHTEST {
+        let (got, expected) = (format!("{:e} kg", raw.mass), format!("at least {LIGHTEST:e} kg"));
+        let remedy = "Remove its <inertial> if the link is only a frame.";
+        findings.error(place, "the mass is too small to be simulated", got, expected, remedy);
+    }
+    for value in raw.inertia {
+        at_most(MOST_INERTIA, "kg m^2", "a moment of inertia", value, place, findings);
+    }
     let [ixx, ixy, ixz, iyy, iyz, izz] = raw.inertia;
     let tensor = Matrix3::new(ixx, ixy, ixz, ixy, iyy, iyz, ixz, iyz, izz);
     if raw.inertia.iter().all(|v| v.is_finite()) {
@@ -211,6 +245,14 @@ fn primitive(raw: &RawShape, place: &str, findings: &mut Findings) -> Option<Sha
             "finite lengths above zero",
             "Correct the shape, or remove it.",
         );
+    }
+    for &length in &lengths {
+        at_most(LONGEST, "m", &format!("a size of a {kind}"), length, place, findings);
+        if length > 0.0 && length < SHORTEST {
+            let (got, expected) = (format!("{length:e} m"), format!("at least {SHORTEST:e} m"));
+            let remedy = "Check the unit: metres.";
+            findings.error(place, format!("a {kind} is too small to touch anything"), got, expected, remedy);
+        }
     }
     Some(shape)
 }
@@ -290,6 +332,10 @@ fn limits(raw: &RawJoint, place: &str, findings: &mut Findings) -> JointLimits {
             "Make the joint fixed unless its place in joint vectors is wanted.",
         );
     }
+    at_most(LARGEST_ANGLE, "rad", "the lower limit", lower, place, findings);
+    at_most(LARGEST_ANGLE, "rad", "the upper limit", upper, place, findings);
+    at_most(FASTEST, "rad/s", "the velocity limit", velocity, place, findings);
+    at_most(STRONGEST, "N m", "the effort limit", effort, place, findings);
     for (name, value, unit) in [("velocity", velocity, "rad/s"), ("effort", effort, "N m")] {
         let (problem, got) = (format!("the {name} limit is not above zero"), format!("{value} {unit}"));
         let remedy = format!("Give the highest {name} of the joint.");
@@ -316,5 +362,6 @@ fn loss(value: f64, name: &str, place: &str, findings: &mut Findings) -> f64 {
         let expected = "a finite number, zero or above";
         findings.error(place, format!("the {name} is not usable"), value, expected, "Correct <dynamics>.");
     }
+    at_most(STRONGEST, "in SI units", &format!("the {name}"), value, place, findings);
     value
 }

@@ -267,3 +267,39 @@ fn a_part_of_the_arm_can_be_chosen_and_a_wrong_choice_is_refused() {
     let error = proact_description::select_chain(&model, "pelvis", tip).unwrap_err().to_string();
     assert!(error.contains("pelvis") && error.contains("base_link"), "{error}");
 }
+
+#[test]
+fn what_is_larger_or_smaller_than_any_arm_is_refused_with_the_bound() {
+    let at = |metres: &str| format!("{ENDS}<origin xyz='{metres} 0 0'/>{AXIS}{LIMIT}");
+    for metres in ["1e20", "4e9", "-10.1"] {
+        refused(&with_joint(&at(metres)), &["joint \"elbow\" (line 1)", "coordinate of an origin", "at most 10 m"]);
+    }
+    assert!(parse_urdf(&with_joint(&at("9.9"))).is_ok());
+    let weight = |kg: &str| with_link(&format!("{}{COLLISION}", INERTIAL.replace("mass value='1'", kg)));
+    refused(&weight("mass value='1e308'"), &["link \"hand\"", "the mass is larger", "at most 1000 kg"]);
+    refused(&weight("mass value='1e-300'"), &["too small to be simulated", "at least 1e-9 kg"]);
+    let spread = INERTIAL.replace("ixx='1'", "ixx='1e9'").replace("iyy='1'", "iyy='1e9'");
+    refused(&with_link(&format!("{spread}{COLLISION}")), &["moment of inertia", "at most 100000 kg m^2"]);
+    let ball = |m: &str| with_link(&format!("{INERTIAL}{}", COLLISION.replace("0.1", m)));
+    refused(&ball("11"), &["a size of a sphere", "at most 10 m"]);
+    refused(&ball("1e-9"), &["a sphere is too small", "at least 1e-6 m"]);
+    let limit = |from: &str, to: &str| with_joint(&format!("{ENDS}{AXIS}{}", LIMIT.replace(from, to)));
+    refused(&limit("upper='1'", "upper='1e9'"), &["the upper limit", "at most 100 rad"]);
+    refused(&limit("velocity='1'", "velocity='1e9'"), &["the velocity limit", "at most 1000 rad/s"]);
+    refused(&limit("effort='1'", "effort='1e9'"), &["the effort limit", "at most 1000000 N m"]);
+}
+
+#[test]
+fn chains_and_trees_that_are_too_long_are_refused_before_anything_recurses_through_them() {
+    let chain = |count: usize| {
+        let links: String = (0..count).map(|k| format!("<link name='l{k}'/>")).collect();
+        let joint = |k: usize| {
+            format!("<joint name='j{k}' type='fixed'><parent link='l{k}'/><child link='l{}'/></joint>", k + 1)
+        };
+        let joints: String = (0..count - 1).map(joint).collect();
+        format!("<robot name='chain'>{links}{joints}</robot>")
+    };
+    refused(&chain(50_000), &["there are too many links", "got 50000", "at most 200"]);
+    refused(&chain(150), &["too many joints lie between it and the base", "got 101", "at most 100"]);
+    refused(&" ".repeat(17 << 20), &["the text is too long", "at most 16777216 bytes"]);
+}
