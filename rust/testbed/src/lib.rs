@@ -23,7 +23,7 @@ pub use digest::{Digest, Divergence, Field, FieldDigest, SPAN_TICKS, SpanDigest,
 pub use grasp::{Grasp, GraspAction};
 pub use grasp_original::OriginalGraspRule;
 pub use motion::{ArmMotion, BaseMotion, HandMotion};
-pub use physics::{GraspRuleName, JointControl, MassSet, PhysicsConfig};
+pub use physics::{Engine, GraspRuleName, JointControl, MassSet, PhysicsConfig};
 pub use plans::plan_request;
 pub use session::{LoggedPlans, Session, Step, TrialResult, replay};
 pub use stages::{FeedbackCue, GazeFilter, PersonParts};
