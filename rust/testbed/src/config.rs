@@ -213,7 +213,7 @@ impl TrialConfig {
     }
 
     /// The same with the profile called `name`: `default`, or `original`, which brings the original's spread of
-    /// gaze, its change of colour, its joint controllers and its grasp rule along.
+    /// gaze, its change of colour, its engine, its joint controllers and its grasp rule along.
     ///
     /// # Errors
     /// [`ConfigError::Control`] for any other name.

@@ -20,9 +20,9 @@ pub struct PhysicsConfig {
 }
 
 impl PhysicsConfig {
-    /// What the published code has.
+    /// What the published code has: Gazebo moved its arm by ODE.
     pub const ORIGINAL: Self = Self {
-        engine: Engine::Reduced,
+        engine: Engine::Ode,
         mass_set: MassSet::Description,
         joint_control: JointControl::OriginalGains,
         grasp_rule: GraspRuleName::Original,
