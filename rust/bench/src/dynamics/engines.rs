@@ -1,7 +1,7 @@
 //! The two engines beside each other: a trial of each method in both, then the commands of one trial to both.
 
 use super::trial::{Call, Recorded, SEED, record};
-use super::{BenchFigure, Cost};
+use super::{BenchFigure, Cost, quantile};
 use proact_dynamics::{DynamicsOptions, Engine};
 use proact_testbed::{
     MethodName, PhysicsConfig, Setup, TrialConfig,
@@ -41,8 +41,8 @@ fn blocks_apart(a: &PlantState, b: &PlantState) -> f64 {
 /// What the commands of one trial do in both engines.
 #[derive(Debug, Default)]
 struct Same {
-    /// Largest difference of an arm angle, rad.
-    arm: f64,
+    /// Difference of the arm angle that differs most in a tick, rad: median, 99 % of ticks, largest.
+    arm: [f64; 3],
     /// Root mean square of the difference of all hand angles, rad.
     hand: f64,
     /// Root mean square of the arm's torques in `reduced`, and of the difference, N m.
@@ -60,6 +60,7 @@ fn same_commands(trial: &Recorded) -> Result<Same, PlantError> {
     let hand = trial.model.moving_count() - arm;
     let mut same = Same::default();
     let mut pressed: Vec<[f64; 2]> = Vec::new();
+    let mut arm_apart = Vec::new();
     let (mut squares, mut ticks, mut grasps) = ([0.0; 3], 0.0, 0.0);
     for call in &trial.calls {
         match call {
@@ -69,7 +70,7 @@ fn same_commands(trial: &Recorded) -> Result<Same, PlantError> {
                 }
                 let [reduced, ode] = plants.each_ref().map(Plant::state);
                 let angle = |k: usize| reduced.position[k] - ode.position[k];
-                same.arm = (0..arm).map(|k| angle(k).abs()).fold(same.arm, f64::max);
+                arm_apart.push((0..arm).map(|k| angle(k).abs()).fold(0.0, f64::max));
                 squares[0] += (arm..arm + hand).map(|k| angle(k).powi(2)).sum::<f64>();
                 squares[1] += reduced.effort[..arm].iter().map(|effort| effort.powi(2)).sum::<f64>();
                 squares[2] += (0..arm).map(|k| (reduced.effort[k] - ode.effort[k]).powi(2)).sum::<f64>();
@@ -91,6 +92,7 @@ fn same_commands(trial: &Recorded) -> Result<Same, PlantError> {
             Call::Release => plants.iter_mut().for_each(Plant::release),
         }
     }
+    same.arm = [0.5, 0.99, 1.0].map(|share| quantile(&arm_apart, share));
     same.hand = (squares[0] / ticks / hand as f64).sqrt();
     same.efforts = [squares[1], squares[2]].map(|sum| (sum / ticks / arm as f64).sqrt());
     same.forces = same.forces.map(|sum| sum / f64::max(grasps, 1.0));
@@ -110,7 +112,7 @@ pub(super) fn engines(figures: &mut Vec<BenchFigure>) -> Result<(), Box<dyn Erro
             });
         };
         let note = format!("seed {SEED}, seated, each engine its own trial");
-        let on_target = [&reduced, &ode].map(|trial| f64::from(trial.result.on_target as u32));
+        let on_target = [&reduced, &ode].map(|trial| f64::from(trial.result.on_target));
         add("blocks on target", "1", on_target[0], Some(on_target[1]), &note);
         let seconds = [&reduced, &ode].map(|trial| trial.result.sim_seconds);
         add("length", "s", seconds[0], Some(seconds[1]), &note);
@@ -121,7 +123,9 @@ pub(super) fn engines(figures: &mut Vec<BenchFigure>) -> Result<(), Box<dyn Erro
 
         let same = same_commands(&reduced)?;
         let note = "the commands of the trial in reduced to both";
-        add("arm angles apart, largest", "rad", same.arm, None, note);
+        for (which, angle) in ["median", "99 %", "largest"].into_iter().zip(same.arm) {
+            add(&format!("arm angles apart, {which}"), "rad", angle, None, note);
+        }
         add("hand angles apart, root mean square", "rad", same.hand, None, note);
         let note_efforts = format!("{note}; the torques themselves {:.3} N m", same.efforts[0]);
         add("arm torques apart, root mean square", "N m", same.efforts[1], None, &note_efforts);
