@@ -14,33 +14,34 @@ fn main() {
     build
         .file("src/adapter.cpp")
         .include(core.join("include"))
+        .include(core.join("src"))
         .std("c++17")
         // The C++ tests are compiled with the same level: results must agree bit for bit.
         .opt_level(2)
         .flag("-ffp-contract=off");
     for source in [
         "arm",
-        "arm_bodies",
         "arm_joints",
-        "arm_tree",
         "block_bodies",
         "body_bits",
         "collisions",
         "contact_joints",
         "contact_points",
-        "engaged_blocks",
+        "engines/ode/ode_arm",
+        "engines/reduced/arm_tree",
+        "engines/reduced/engaged_blocks",
+        "engines/reduced/near_links",
+        "engines/reduced/reduced_arm",
+        "engines/reduced/velocity_problem",
         "geoms",
         "joint_control",
         "link_groups",
         "model",
         "moving_base",
-        "near_links",
         "ode_runtime",
         "ode_world",
-        "reduced_arm",
         "simulation",
         "snapshot",
-        "velocity_problem",
         "world",
     ] {
         build.file(core.join("src").join(source).with_extension("cpp"));

@@ -77,15 +77,15 @@ Shape convert(const urdf::Geometry& geometry) {
   return out;
 }
 
-const char* kind_name(int type) {
+JointKind kind_of(int type) {
   switch (type) {
-    case urdf::Joint::FIXED: return "fixed";
-    case urdf::Joint::REVOLUTE: return "revolute";
-    case urdf::Joint::CONTINUOUS: return "continuous";
-    case urdf::Joint::PRISMATIC: return "prismatic";
-    case urdf::Joint::PLANAR: return "planar";
-    case urdf::Joint::FLOATING: return "floating";
-    default: return "unknown";
+    case urdf::Joint::FIXED: return JointKind::fixed;
+    case urdf::Joint::REVOLUTE: return JointKind::revolute;
+    case urdf::Joint::CONTINUOUS: return JointKind::continuous;
+    case urdf::Joint::PRISMATIC: return JointKind::prismatic;
+    case urdf::Joint::PLANAR: return JointKind::planar;
+    case urdf::Joint::FLOATING: return JointKind::floating;
+    default: return JointKind::unknown;
   }
 }
 
@@ -116,7 +116,7 @@ Link convert(const urdf::Link& link) {
 Joint convert(const urdf::Joint& joint) {
   Joint out;
   out.name = joint.name;
-  out.kind = kind_name(joint.type);
+  out.kind = kind_of(joint.type);
   out.parent = joint.parent_link_name;
   out.child = joint.child_link_name;
   out.origin = convert(joint.parent_to_joint_origin_transform);

@@ -13,6 +13,7 @@ namespace {
 
 using proact::description::read_urdf;
 using proact::description::Robot;
+using proact::description::JointKind;
 using proact::description::ShapeKind;
 
 int failures = 0;
@@ -60,7 +61,7 @@ void every_field_arrives() {
   check(std::abs(hand.collisions[0].pose.quaternion[0] - std::sqrt(0.5)) < 1e-15, "turned by pi/2 about x");
 
   const auto& elbow = robot.joints.at(0);
-  check(elbow.kind == "revolute" && elbow.parent == "base" && elbow.child == "hand", "joint ends");
+  check(elbow.kind == JointKind::revolute && elbow.parent == "base" && elbow.child == "hand", "joint ends");
   check(elbow.limits == std::array<double, 4>{{-1.0, 2.0, 3.0, 4.0}}, "limits in order");
   check(elbow.damping == 0.5 && elbow.friction == 0.25, "dynamics");
   check(!elbow.mimics, "no mimic");

@@ -1,4 +1,4 @@
-// The arm in a simulation, whichever equations it obeys.
+// The arm in a simulation, whichever engine moves it: engines/reduced or engines/ode.
 #pragma once
 
 #include "arm_joints.hpp"
@@ -7,6 +7,7 @@
 #include "carrying.hpp"
 #include "collisions.hpp"
 #include "contact_joints.hpp"
+#include "frame_motion.hpp"
 #include "geoms.hpp"
 #include "joint_control.hpp"
 #include "link_groups.hpp"
@@ -78,7 +79,7 @@ class Arm {
   LinkGroups links_;
 };
 
-/// The arm that the model's options ask for.
+/// The arm in the engine that the model's options ask for.
 std::unique_ptr<Arm> make_arm(const ArmSurroundings& surroundings);
 
 }  // namespace proact::dynamics

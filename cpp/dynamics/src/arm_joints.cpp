@@ -15,7 +15,7 @@ constexpr double immovable_range = 1e-9;
 
 }  // namespace
 
-bool movable(const Joint& joint) { return !joint.fixed && joint.upper - joint.lower >= immovable_range; }
+bool movable(const Joint& joint) { return joint.kind == JointKind::revolute && joint.upper - joint.lower >= immovable_range; }
 
 ArmJoints::ArmJoints(const Model& model) : model_(model), moving_of_joint_(model.joints.size(), no_index) {
   const std::size_t joints = model.moving.size();

@@ -1,7 +1,6 @@
 // The block that the hand carries, if it carries one.
 #pragma once
 
-#include "arm_tree.hpp"
 #include "proact/dynamics/world.hpp"
 
 #include <cstddef>
@@ -12,7 +11,7 @@ namespace proact::dynamics {
 class Carrying {
  public:
   explicit Carrying(const Options& options)
-      : joined_by_ode_(options.arm == ArmEquations::bodies && !options.merge_carried) {}
+      : joined_by_ode_(options.engine == Engine::ode && !options.merge_carried) {}
 
   const std::optional<Attachment>& attached() const { return attached_; }
   bool carries(std::size_t block) const { return attached_ && attached_->block == block; }

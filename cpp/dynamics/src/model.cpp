@@ -79,7 +79,7 @@ void check_joints(const Model& model) {
     const std::string what = "joint \"" + joint.name + "\"";
     if (joint.parent > k) refuse(what, ": the parent link ", joint.parent, " does not stand before the child");
     check_pose(what, joint.origin);
-    if (joint.fixed) continue;
+    if (joint.kind == JointKind::fixed) continue;
     if (!is_finite(joint.axis) || std::fabs(norm(joint.axis) - 1.0) > 1e-6) refuse(what, ": the axis is not a unit vector");
     const bool endless = joint.lower == -infinity && joint.upper == infinity;
     if (!endless && !(std::fabs(joint.lower) <= widest_angle && std::fabs(joint.upper) <= widest_angle)) {
@@ -93,9 +93,6 @@ void check_joints(const Model& model) {
     check_number(what + ": friction", joint.friction, 0.0);
     check_number(what + ": proportional gain", joint.proportional_gain, 0.0);
     check_number(what + ": derivative gain", joint.derivative_gain, 0.0);
-    if (joint.proportional_gain > 0.0 && model.options.arm != ArmEquations::reduced) {
-      refuse(what, " is driven by gains, which needs the arm in joint angles: ODE's bodies follow the position control only");
-    }
     if (model.links[k + 1].mass <= 0.0) {
       refuse("link \"", model.links[k + 1].name, "\" is moved by a joint but its mass is ", model.links[k + 1].mass,
              " kg, expected above 0");
@@ -106,9 +103,9 @@ void check_joints(const Model& model) {
 void check_moving(const Model& model) {
   std::vector<bool> seen(model.joints.size(), false);
   std::size_t free_joints = 0;
-  for (const Joint& joint : model.joints) free_joints += joint.fixed ? 0U : 1U;
+  for (const Joint& joint : model.joints) free_joints += joint.kind == JointKind::fixed ? 0U : 1U;
   for (const std::size_t joint : model.moving) {
-    if (joint >= model.joints.size() || model.joints[joint].fixed || seen[joint]) {
+    if (joint >= model.joints.size() || model.joints[joint].kind == JointKind::fixed || seen[joint]) {
       refuse("the list of moving joints names joint ", joint, " wrongly: unknown, fixed or named twice");
     }
     seen[joint] = true;
@@ -162,8 +159,8 @@ void validate(const Model& model) {
     refuse("position gain ", options.position_gain, " per second overshoots, at most ", 1.0 / tick_secs);
   }
   check_number("speed of commands to gains", options.gains_command_speed, 0.0);
-  if (!options.merge_carried && options.arm != ArmEquations::bodies) {
-    refuse("a carried block of its own needs the arm as ODE's bodies: the arm in joint angles always merges it");
+  if (!options.merge_carried && options.engine != Engine::ode) {
+    refuse("a carried block with a body of its own needs the engine ode: the engine reduced always merges it");
   }
   check_number("rolling resistance", options.rolling_resistance, 0.0);
   check_number("base speed", options.base_speed, 0.0);

@@ -1,7 +1,8 @@
 // The base of the arm, which goes where it is told unless that is too far.
 #pragma once
 
-#include "arm_tree.hpp"
+#include "frame_motion.hpp"
+#include "proact/dynamics/model.hpp"
 
 namespace proact::dynamics {
 

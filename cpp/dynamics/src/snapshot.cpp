@@ -121,7 +121,7 @@ class Reader {
 /// Bodies of ODE that the arm consists of while the joints `held` are rigid.
 std::size_t arm_bodies(const Model& model, const std::vector<bool>& held) {
   // The arm in joint angles has none.
-  if (model.options.arm == ArmEquations::reduced) return 0;
+  if (model.options.engine == Engine::reduced) return 0;
   std::size_t bodies = 1;
   for (std::size_t k = 0; k < held.size(); ++k) {
     if (movable(model.joints[model.moving[k]]) && !held[k]) ++bodies;

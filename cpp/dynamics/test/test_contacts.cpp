@@ -106,7 +106,7 @@ Model gripper(const Quat& along) {
   for (const double side : {1.0, -1.0}) {
     Link finger{side > 0 ? "left" : "right", 0.05, {{0, 0, -0.05}, {}}, {1e-4, 0, 0, 1e-4, 0, 1e-5}, {}};
     finger.collisions.push_back({{{0, 0, -0.1}, about_axis({1, 0, 0}, side * touching) * along}, {ShapeKind::cylinder, {0.0075, 0.03, 0.0}}});
-    model.joints.push_back({finger.name, false, 0, {{0, side * 0.06, 0}, {}}, {-side, 0, 0}, -0.5, 1.0, 2.0, side > 0 ? 2.0 : 0.4, 0.001, 0.0});
+    model.joints.push_back({finger.name, JointKind::revolute, 0, {{0, side * 0.06, 0}, {}}, {-side, 0, 0}, -0.5, 1.0, 2.0, side > 0 ? 2.0 : 0.4, 0.001, 0.0});
     model.links.push_back(finger);
     model.moving.push_back(model.moving.size());
     model.positions.push_back(0.0);

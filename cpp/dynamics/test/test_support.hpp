@@ -43,7 +43,7 @@ inline Model chain(std::size_t count) {
     link.collisions.push_back({{{0.05, 0.0, 0.0}, {0.0, std::sqrt(0.5), 0.0, std::sqrt(0.5)}},
                                {ShapeKind::cylinder, {0.01, 0.09, 0.0}}});
     model.links.push_back(link);
-    Joint joint{"joint" + std::to_string(k), false, k, {}, {0, 1, 0}, -2.0, 2.0, 2.0, 5.0, 0.01, 0.0};
+    Joint joint{"joint" + std::to_string(k), JointKind::revolute, k, {}, {0, 1, 0}, -2.0, 2.0, 2.0, 5.0, 0.01, 0.0};
     if (k > 0) joint.origin.position.x = 0.1;
     model.joints.push_back(joint);
     model.moving.push_back(k);

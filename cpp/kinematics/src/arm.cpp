@@ -49,7 +49,8 @@ KDL::Tree with_carried(KDL::Tree tree, const std::optional<KDL::Segment>& carrie
 std::vector<double> chain_limits(const ArmDescription& description, double LinkDescription::*bound) {
   std::vector<double> limits;
   for (std::size_t link = description.tip; link != description.base; link = description.links[link].parent) {
-    if (description.links[link].revolute) limits.push_back(description.links[link].*bound);
+    const LinkDescription& carried = description.links[link];
+    if (carried.kind == JointKind::revolute) limits.push_back(carried.*bound);
   }
   std::reverse(limits.begin(), limits.end());
   return limits;

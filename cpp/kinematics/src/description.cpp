@@ -52,7 +52,7 @@ KDL::RigidBodyInertia to_kdl(const Inertial& inertial) {
 KDL::Segment make_segment(const LinkDescription& link) {
   const KDL::Frame parent_from_link = to_kdl(link.origin);
   KDL::Joint joint(link.joint, KDL::Joint::None);
-  if (link.revolute) {
+  if (link.kind == JointKind::revolute) {
     // KDL turns a joint in the parent frame, so origin and axis are expressed there.
     const KDL::Vector axis(link.axis[0], link.axis[1], link.axis[2]);
     joint = KDL::Joint(link.joint, parent_from_link.p, parent_from_link.M * axis, KDL::Joint::RotAxis);
@@ -73,7 +73,7 @@ void check(const ArmDescription& description) {
                                                std::to_string(links[k].inertial.mass) + " kg is negative");
     if (k == 0) continue;
     require(links[k].parent < k, "link " + quoted(links[k].name) + " stands before its parent");
-    if (links[k].revolute) {
+    if (links[k].kind == JointKind::revolute) {
       check_joint(links[k]);
       ++revolute;
     }
@@ -81,12 +81,12 @@ void check(const ArmDescription& description) {
 
   std::set<std::size_t> moving;
   for (const std::size_t link : description.moving) {
-    require(link > 0 && link < links.size() && links[link].revolute,
+    require(link > 0 && link < links.size() && links[link].kind == JointKind::revolute,
             "moving joint list: entry " + std::to_string(link) + " is no revolute joint");
     require(moving.insert(link).second, "joint " + quoted(links[link].joint) + " is listed twice as moving");
   }
   for (std::size_t k = 1; k < links.size(); ++k) {
-    require(!links[k].revolute || moving.count(k) == 1,
+    require(links[k].kind == JointKind::fixed || moving.count(k) == 1,
             "joint " + quoted(links[k].joint) + " is revolute but belongs to no group");
   }
   require(revolute > 0, "the arm has no revolute joint");

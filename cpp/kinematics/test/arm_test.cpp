@@ -35,7 +35,7 @@ kin::LinkDescription link(const std::string& name, std::size_t parent, double le
   description.name = name;
   description.parent = parent;
   description.joint = name + "_joint";
-  description.revolute = true;
+  description.kind = kin::JointKind::revolute;
   description.origin.position = {0.0, 0.0, -length};
   description.axis = axis;
   description.lower = -2.0;

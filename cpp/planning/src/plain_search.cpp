@@ -80,7 +80,8 @@ class PlainWorld {
       const Eigen::Vector3d axis(joint.axis[0], joint.axis[1], joint.axis[2]);
       world_from_link_[joint.child] =
           world_from_link_[joint.parent] *
-          (joint.revolute ? turned(parent_from_child_[j], axis.normalized(), angle) : parent_from_child_[j]);
+          (joint.kind == JointKind::revolute ? turned(parent_from_child_[j], axis.normalized(), angle)
+                                             : parent_from_child_[j]);
     }
     for (Part& part : parts_) {
       part.object->setTransform(to_fcl(Transform(world_from_link_[part.link] * part.link_from_shape)));

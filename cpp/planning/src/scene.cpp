@@ -35,12 +35,12 @@ Scene::Scene(const Arm& arm) : arm_(arm), hand_(arm.hand.size(), 0.0) {
     const std::string& name = arm_.links[joint.child].name;
     const Eigen::Isometry3d pose = transform_of(joint.pose, name);
     const Vector axis(joint.axis[0], joint.axis[1], joint.axis[2]);
-    if (joint.revolute && !(axis.norm() > 1e-9)) {
+    if (joint.kind == JointKind::revolute && !(axis.norm() > 1e-9)) {
       throw std::invalid_argument("joint to \"" + name + "\": the axis has no direction");
     }
     const std::size_t position = arm_position[j];
     if (position < chain_.size()) {
-      if (!joint.revolute || body_of_link_[joint.parent] != position) {
+      if (joint.kind != JointKind::revolute || body_of_link_[joint.parent] != position) {
         throw std::invalid_argument("joint to \"" + name + "\": the arm joints must be one unbroken revolute chain");
       }
       if (!(joint.lower < joint.upper)) {
@@ -49,7 +49,7 @@ Scene::Scene(const Arm& arm) : arm_(arm), hand_(arm.hand.size(), 0.0) {
       body_of_link_[joint.child] = position + 1;
       chain_[position] = {pose, axis.normalized(), joint.lower, joint.upper};
     } else {
-      if (joint.revolute && !is_hand[j]) {
+      if (joint.kind == JointKind::revolute && !is_hand[j]) {
         throw std::invalid_argument("joint to \"" + name + "\": moving joints must belong to the arm or the hand");
       }
       body_of_link_[joint.child] = body_of_link_[joint.parent];
@@ -172,7 +172,8 @@ void Scene::place_hand() {
       chain_[body - 1].parent_from_joint = body_from_link[joint.parent] * pose;
     } else {
       const Vector axis(joint.axis[0], joint.axis[1], joint.axis[2]);
-      const Transform parent_from_link = joint.revolute ? turned(pose, axis.normalized(), angle[j]) : pose;
+      const bool turns = joint.kind == JointKind::revolute;
+      const Transform parent_from_link = turns ? turned(pose, axis.normalized(), angle[j]) : pose;
       body_from_link[joint.child] = body_from_link[joint.parent] * parent_from_link;
     }
   }

@@ -57,7 +57,7 @@ Arm planar_arm() {
     Joint joint;
     joint.parent = k;
     joint.child = k + 1;
-    joint.revolute = true;
+    joint.kind = JointKind::revolute;
     if (k > 0) joint.pose.position = {0.3, 0.0, 0.0};
     joint.lower = -2.5;
     joint.upper = 2.5;

@@ -95,6 +95,7 @@ const CASES: &[(&str, &str, &[&str])] = &[
     ("participant.reaction_ms", "400", &[]),
     ("participant.relax_ms", "600", &[]),
     ("participant.timing_spread", "0.3", &[A]),
+    ("physics.engine", "ode", &[]),
     ("physics.grasp_rule", "original", &[]),
     ("physics.joint_control", "original_gains", &[]),
     ("physics.mass_set", "real_limb", &[]),

@@ -34,8 +34,13 @@ fn digest(seed: u64) -> Outcome<String> {
 
 /// Records a trial into `dir`.
 fn record(seed: u64, dir: &Path) -> Outcome {
+    record_of(config(seed)?, dir)
+}
+
+/// Records the trial of `config` into `dir`.
+fn record_of(config: TrialConfig, dir: &Path) -> Outcome {
     let trial::Assembly { mut session, classifier, arm, plans } =
-        trial::simulated(config(seed)?, &EmgSource::Synthetic)?;
+        trial::simulated(config, &EmgSource::Synthetic)?;
     let config = session.testbed().config().clone();
     let mut recorder = Recorder::create(dir, &config, &arm, classifier.as_ref())?.with_plans(plans)?;
     loop {
@@ -90,6 +95,20 @@ fn a_recorded_trial_replays_to_the_same_digest() -> Outcome {
     assert!(replayed.agrees && replayed.finished, "{replayed:?}");
     assert_eq!(replayed.spans, (LIMIT_SECS * 10.0) as usize);
     assert_eq!(replayed.digest, replayed.recorded);
+    Ok(())
+}
+
+#[test]
+fn a_trial_in_the_engine_ode_is_recorded_as_such_and_replays_in_it() -> Outcome {
+    let place = tempfile::tempdir()?;
+    let dir = place.path().join("trial");
+    record_of(config(3)?.with_values(&["physics.engine=ode"])?, &dir)?;
+    assert!(fs::read_to_string(dir.join("config.toml"))?.contains("engine = \"ode\""));
+    let replayed = replay_trial(&dir, false)?;
+    assert!(replayed.agrees && replayed.finished, "{replayed:?}");
+    let other = place.path().join("other");
+    record(3, &other)?;
+    assert_ne!(replay_trial(&other, false)?.digest, replayed.digest, "the other engine moves otherwise");
     Ok(())
 }
 

@@ -1,12 +1,13 @@
 //! `proact bench dynamics`: what a tick of physics costs, phase by phase and over a whole trial.
 
+mod engines;
 mod mujoco;
 mod trial;
 
 use crate::{BenchFigure, BenchReport, quantile};
 use mujoco::{MuJoCo, Run};
 use nalgebra::UnitQuaternion;
-use proact_dynamics::{ArmEquations, DynamicsOptions, OdePlant};
+use proact_dynamics::{DynamicsOptions, Engine, OdePlant};
 use proact_testbed::ports::{Plant, PlantError};
 use proact_types::{
     ArmModel, Block, BlockId, PlantCommand, Pose, Scene, SceneObject, Shape, TICK_SECS, Vector, joints, zeros,
@@ -17,7 +18,8 @@ use std::{error::Error, time::Instant};
 const TABLE: f64 = 1.015;
 
 /// Physics of a method-D trial: phases built by hand, then every call of a real trial repeated on a fresh plant, with
-/// our settings, with every joint free, and with ODE's iterative solver at Gazebo's fifty iterations. About a minute.
+/// our settings, with every joint free, and with ODE's iterative solver at Gazebo's fifty iterations; then a trial of each
+/// method in both engines. About two minutes.
 ///
 /// # Errors
 /// A trial that cannot be put together or physics that fails.
@@ -25,9 +27,10 @@ pub fn dynamics() -> Result<BenchReport, Box<dyn Error>> {
     let mut figures = Vec::new();
     let peer = MuJoCo::find();
     phases(&mut figures, peer.as_ref().ok())?;
-    let recorded = trial::record()?;
+    let recorded = trial::record_d()?;
     trial::whole_trial(&recorded, peer.as_ref(), &mut figures)?;
     extra_blocks(&mut figures, peer.as_ref().ok())?;
+    engines::engines(&mut figures)?;
     Ok(BenchReport { stage: "dynamics".to_owned(), figures })
 }
 
@@ -135,7 +138,7 @@ fn phases(figures: &mut Vec<BenchFigure>, peer: Option<&MuJoCo>) -> Result<(), B
         &Run { free: arm, commands: swinging.iter().collect(), ..run.clone() },
         figures,
     )?;
-    let mut plant = OdePlant::new(&model, &scene, &open, &above, bodies(true))?;
+    let mut plant = OdePlant::new(&model, &scene, &open, &above, in_ode(true))?;
     plain("hand merged and moving", &mut plant, &swinging, figures)?;
 
     // Closing, with and without merging what stands still, then a pinch that lasts, then lifting.
@@ -154,7 +157,7 @@ fn phases(figures: &mut Vec<BenchFigure>, peer: Option<&MuJoCo>) -> Result<(), B
             summarize("27 joints free with a pinch", &cost, 8.0, "", figures);
             let both = closing.iter().chain(&pinch).collect();
             compare("27 joints free with a pinch", peer, &Run { commands: both, ..run.clone() }, figures)?;
-            let mut plant = OdePlant::new(&model, &scene, &open, &base, bodies(false))?;
+            let mut plant = OdePlant::new(&model, &scene, &open, &base, in_ode(false))?;
             play(&mut plant, &closing)?;
             plain("27 joints free with a pinch", &mut plant, &pinch, figures)?;
             continue;
@@ -172,7 +175,7 @@ fn phases(figures: &mut Vec<BenchFigure>, peer: Option<&MuJoCo>) -> Result<(), B
         let events = vec![(closing.len(), Some(0))];
         compare("carrying", peer, &Run { commands, events, ..run.clone() }, figures)?;
 
-        let mut plant = OdePlant::new(&model, &scene, &open, &base, bodies(true))?;
+        let mut plant = OdePlant::new(&model, &scene, &open, &base, in_ode(true))?;
         plain("hand closing on a block", &mut plant, &closing, figures)?;
         plant.attach(0, model.tip)?;
         plain("carrying", &mut plant, &lifting, figures)?;
@@ -180,12 +183,12 @@ fn phases(figures: &mut Vec<BenchFigure>, peer: Option<&MuJoCo>) -> Result<(), B
     Ok(())
 }
 
-/// The arm as bodies of ODE.
-fn bodies(hold_still_hand: bool) -> DynamicsOptions {
-    DynamicsOptions { arm: ArmEquations::Bodies, hold_still_hand, ..DynamicsOptions::default() }
+/// The engine `ode`.
+fn in_ode(hold_still_hand: bool) -> DynamicsOptions {
+    DynamicsOptions { engine: Engine::Ode, hold_still_hand, ..DynamicsOptions::default() }
 }
 
-/// The speed of `plant`, which is one of ODE's bodies, under the same commands.
+/// The speed of `plant`, whose engine is `ode`, under the same commands.
 fn plain(
     name: &str,
     plant: &mut OdePlant,
@@ -193,7 +196,7 @@ fn plain(
     figures: &mut Vec<BenchFigure>,
 ) -> Result<(), PlantError> {
     let cost = Cost::of(|| play(plant, commands))?;
-    figures.push(BenchFigure::alone(&format!("{name}, as ODE's bodies"), cost.speed(), "x", ""));
+    figures.push(BenchFigure::alone(&format!("{name}, engine ode"), cost.speed(), "x", ""));
     Ok(())
 }
 

@@ -1,4 +1,4 @@
-//! The committed digests of a dozen short trials: a change of the arithmetic anywhere between EMG and task is noticed,
+//! The committed digests of sixteen short trials: a change of the arithmetic anywhere between EMG and task is noticed,
 //! and named by trial, span, stage and field. `tests/digests/README.md` says what to do then.
 #![allow(clippy::disallowed_methods)] // A test of files and of the program.
 
@@ -28,7 +28,7 @@ fn the_trials_have_their_committed_digests() -> Outcome {
     let (store, platform) = (Store::of(&repository()), Platform::here());
     let run: Vec<TrialDigest> =
         store.trials()?.iter().map(TrialEntry::run).collect::<Result<_, Box<dyn Error>>>()?;
-    assert_eq!(run.len(), 12, "a dozen trials");
+    assert_eq!(run.len(), 16, "trials of the list");
     let outcomes = store.outcomes()?;
 
     let Some(committed) = store.digests(&platform)? else {

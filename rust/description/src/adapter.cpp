@@ -1,7 +1,6 @@
 #include "adapter.hpp"
 
 #include "proact-description/src/bridge.rs.h"
-#include "proact/description/robot.hpp"
 
 #include <string>
 
@@ -16,12 +15,7 @@ RawPose pose(const Pose& from) { return RawPose{from.position, from.quaternion};
 
 RawShape shape(const Shape& from) {
   RawShape out;
-  switch (from.kind) {
-    case ShapeKind::box: out.kind = RawShapeKind::Box; break;
-    case ShapeKind::cylinder: out.kind = RawShapeKind::Cylinder; break;
-    case ShapeKind::sphere: out.kind = RawShapeKind::Sphere; break;
-    case ShapeKind::mesh: out.kind = RawShapeKind::Mesh; break;
-  }
+  out.kind = from.kind;
   out.size = from.size;
   out.file = string(from.file);
   return out;
@@ -42,7 +36,7 @@ RawRobot read(rust::Str text) {
     out.links.push_back(std::move(raw));
   }
   for (const Joint& joint : robot.joints) {
-    out.joints.push_back(RawJoint{string(joint.name), string(joint.kind), string(joint.parent), string(joint.child),
+    out.joints.push_back(RawJoint{string(joint.name), joint.kind, string(joint.parent), string(joint.child),
                                   pose(joint.origin), joint.axis, joint.has_limits, joint.limits, joint.damping,
                                   joint.friction, joint.mimics});
   }

@@ -1,6 +1,7 @@
 // What cxx sees: the core's values as shared structs.
 #pragma once
 
+#include "proact/description/robot.hpp"
 #include "rust/cxx.h"
 
 namespace proact::description {

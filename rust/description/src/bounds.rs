@@ -27,14 +27,7 @@ pub(crate) const FASTEST: f64 = 1000.0;
 pub(crate) const STRONGEST: f64 = 1e6;
 
 /// Notes it if `value` is larger than `most` either way; what is not finite is somebody else's matter.
-pub(crate) fn at_most(
-    most: f64,
-    unit: &str,
-    what: &str,
-    value: f64,
-    place: &str,
-    findings: &mut Findings,
-) {
+pub(crate) fn at_most(most: f64, unit: &str, what: &str, value: f64, place: &str, findings: &mut Findings) {
     if value.is_finite() && value.abs() > most {
         findings.error(
             place,

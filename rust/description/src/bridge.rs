@@ -9,17 +9,43 @@ pub(crate) mod ffi {
         quaternion: [f64; 4],
     }
 
+    /// `ShapeKind` of `robot.hpp`.
+    #[repr(u8)]
     #[derive(Clone, Copy, Debug)]
-    enum RawShapeKind {
+    enum ShapeKind {
+        #[cxx_name = "box"]
         Box,
+        #[cxx_name = "cylinder"]
         Cylinder,
+        #[cxx_name = "sphere"]
         Sphere,
+        #[cxx_name = "mesh"]
         Mesh,
+    }
+
+    /// `JointKind` of `robot.hpp`.
+    #[repr(u8)]
+    #[derive(Clone, Copy, Debug)]
+    enum JointKind {
+        #[cxx_name = "fixed"]
+        Fixed,
+        #[cxx_name = "revolute"]
+        Revolute,
+        #[cxx_name = "continuous"]
+        Continuous,
+        #[cxx_name = "prismatic"]
+        Prismatic,
+        #[cxx_name = "planar"]
+        Planar,
+        #[cxx_name = "floating"]
+        Floating,
+        #[cxx_name = "unknown"]
+        Unknown,
     }
 
     #[derive(Clone, Debug)]
     struct RawShape {
-        kind: RawShapeKind,
+        kind: ShapeKind,
         /// Box: sides; cylinder: radius, length; sphere: radius; mesh: scale.
         size: [f64; 3],
         file: String,
@@ -53,7 +79,7 @@ pub(crate) mod ffi {
     #[derive(Clone, Debug)]
     struct RawJoint {
         name: String,
-        kind: String,
+        kind: JointKind,
         parent: String,
         child: String,
         origin: RawPose,
@@ -77,6 +103,10 @@ pub(crate) mod ffi {
 
     unsafe extern "C++" {
         include!("proact-description/src/adapter.hpp");
+
+        // Declared in `robot.hpp`; cxx checks that the names stand for the same numbers.
+        type ShapeKind;
+        type JointKind;
 
         /// Fails with everything that urdfdom logged.
         fn read(text: &str) -> Result<RawRobot>;

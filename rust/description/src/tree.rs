@@ -2,9 +2,12 @@
 
 use crate::{
     bounds::{
-        DEEPEST, FASTEST, HEAVIEST, LARGEST_ANGLE, LIGHTEST, LONGEST, MOST_INERTIA, SHORTEST, STRONGEST, at_most,
+        DEEPEST, FASTEST, HEAVIEST, LARGEST_ANGLE, LIGHTEST, LONGEST, MOST_INERTIA, SHORTEST, STRONGEST,
+        at_most,
     },
-    bridge::ffi::{RawJoint, RawLink, RawPose, RawRobot, RawShape, RawShapeKind},
+    bridge::ffi::{
+        JointKind as RawJointKind, RawJoint, RawLink, RawPose, RawRobot, RawShape, ShapeKind as RawShapeKind,
+    },
     finding::{Findings, joint as joint_place, link as link_place, list},
 };
 use nalgebra::{Matrix3, Quaternion, Translation3, UnitQuaternion};
@@ -257,17 +260,36 @@ fn primitive(raw: &RawShape, place: &str, findings: &mut Findings) -> Option<Sha
     Some(shape)
 }
 
+/// As URDF spells it.
+fn urdf_name(kind: RawJointKind) -> &'static str {
+    match kind {
+        RawJointKind::Fixed => "fixed",
+        RawJointKind::Revolute => "revolute",
+        RawJointKind::Continuous => "continuous",
+        RawJointKind::Prismatic => "prismatic",
+        RawJointKind::Planar => "planar",
+        RawJointKind::Floating => "floating",
+        _ => "unknown",
+    }
+}
+
 fn joint(raw: &RawJoint, parent: usize, child: usize, findings: &mut Findings) -> Joint {
     let place = joint_place(&raw.name);
-    let kind = match raw.kind.as_str() {
-        "fixed" => JointKind::Fixed,
-        "revolute" => JointKind::Revolute,
+    let kind = match raw.kind {
+        RawJointKind::Fixed => JointKind::Fixed,
+        RawJointKind::Revolute => JointKind::Revolute,
         other => {
             let remedy = match other {
-                "continuous" => "Make it revolute and give it limits, such as -pi to pi.",
+                RawJointKind::Continuous => "Make it revolute and give it limits, such as -pi to pi.",
                 _ => "Make it fixed, or model the part with revolute joints.",
             };
-            findings.error(&place, "the type is not supported", other, "revolute or fixed", remedy);
+            findings.error(
+                &place,
+                "the type is not supported",
+                urdf_name(other),
+                "revolute or fixed",
+                remedy,
+            );
             JointKind::Fixed
         }
     };

@@ -272,7 +272,10 @@ fn a_part_of_the_arm_can_be_chosen_and_a_wrong_choice_is_refused() {
 fn what_is_larger_or_smaller_than_any_arm_is_refused_with_the_bound() {
     let at = |metres: &str| format!("{ENDS}<origin xyz='{metres} 0 0'/>{AXIS}{LIMIT}");
     for metres in ["1e20", "4e9", "-10.1"] {
-        refused(&with_joint(&at(metres)), &["joint \"elbow\" (line 1)", "coordinate of an origin", "at most 10 m"]);
+        refused(
+            &with_joint(&at(metres)),
+            &["joint \"elbow\" (line 1)", "coordinate of an origin", "at most 10 m"],
+        );
     }
     assert!(parse_urdf(&with_joint(&at("9.9"))).is_ok());
     let weight = |kg: &str| with_link(&format!("{}{COLLISION}", INERTIAL.replace("mass value='1'", kg)));

@@ -3,7 +3,6 @@
 #include "proact-dynamics/src/bridge.rs.h"
 
 #include <algorithm>
-#include <stdexcept>
 #include <string>
 
 namespace proact::dynamics {
@@ -26,10 +25,7 @@ void write(const Vec3& v, double* out) {
   out[2] = v.z;
 }
 
-Shape to_shape(std::uint8_t kind, In size) {
-  if (kind > 3) throw std::invalid_argument("shape kind " + std::to_string(kind) + ", expected 0 to 3");
-  return {static_cast<ShapeKind>(kind), {size[0], size[1], size[2]}};
-}
+Shape to_shape(ShapeKind kind, In size) { return {kind, {size[0], size[1], size[2]}}; }
 
 }  // namespace
 
@@ -37,9 +33,9 @@ std::unique_ptr<Model> new_model(const Settings& settings, In world_from_base) {
   auto model = std::make_unique<Model>();
   Options& options = model->options;
   options.gravity = to_vec(settings.gravity.data());
-  options.arm = settings.arm_of_bodies ? ArmEquations::bodies : ArmEquations::reduced;
-  options.solver = settings.iterations == 0 ? Solver::direct : Solver::iterative;
-  options.iterations = settings.iterations == 0 ? options.iterations : static_cast<int>(settings.iterations);
+  options.engine = settings.engine;
+  options.solver = settings.solver;
+  options.iterations = static_cast<int>(settings.iterations);
   options.seed = settings.seed;
   options.position_gain = settings.position_gain;
   options.hold_still_hand = settings.hold_still_hand;
@@ -60,12 +56,12 @@ void add_link(Model& model, rust::Str name, double mass, In inertial, In inertia
   model.links.push_back(link);
 }
 
-void add_collision(Model& model, std::uint8_t kind, In size, In pose) {
+void add_collision(Model& model, ShapeKind kind, In size, In pose) {
   model.links.back().collisions.push_back({to_pose(pose), to_shape(kind, size)});
 }
 
-void add_joint(Model& model, rust::Str name, bool fixed, std::size_t parent, In origin, In axis, In numbers) {
-  model.joints.push_back({std::string(name), fixed, parent, to_pose(origin), to_vec(axis.data()), numbers[0],
+void add_joint(Model& model, rust::Str name, JointKind kind, std::size_t parent, In origin, In axis, In numbers) {
+  model.joints.push_back({std::string(name), kind, parent, to_pose(origin), to_vec(axis.data()), numbers[0],
                           numbers[1], numbers[2], numbers[3], numbers[4], numbers[5], numbers[6], numbers[7]});
 }
 
@@ -75,11 +71,11 @@ void set_moving(Model& model, rust::Slice<const std::size_t> joints, std::size_t
   model.positions.assign(positions.begin(), positions.end());
 }
 
-void add_fixed(Model& model, rust::Str name, std::uint8_t kind, In size, In pose, double friction) {
+void add_fixed(Model& model, rust::Str name, ShapeKind kind, In size, In pose, double friction) {
   model.fixed.push_back({std::string(name), to_shape(kind, size), to_pose(pose), friction});
 }
 
-void add_block(Model& model, rust::Str name, std::uint8_t kind, In size, In pose, In numbers) {
+void add_block(Model& model, rust::Str name, ShapeKind kind, In size, In pose, In numbers) {
   model.blocks.push_back(
       {std::string(name), to_shape(kind, size), numbers[0], numbers[1], numbers[2], to_pose(pose)});
 }

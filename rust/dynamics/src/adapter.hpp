@@ -19,11 +19,11 @@ using Out = rust::Slice<double>;
 
 std::unique_ptr<Model> new_model(const Settings& settings, In world_from_base);
 void add_link(Model& model, rust::Str name, double mass, In inertial, In inertia);
-void add_collision(Model& model, std::uint8_t kind, In size, In pose);
-void add_joint(Model& model, rust::Str name, bool fixed, std::size_t parent, In origin, In axis, In numbers);
+void add_collision(Model& model, ShapeKind kind, In size, In pose);
+void add_joint(Model& model, rust::Str name, JointKind kind, std::size_t parent, In origin, In axis, In numbers);
 void set_moving(Model& model, rust::Slice<const std::size_t> joints, std::size_t arm_count, In positions);
-void add_fixed(Model& model, rust::Str name, std::uint8_t kind, In size, In pose, double friction);
-void add_block(Model& model, rust::Str name, std::uint8_t kind, In size, In pose, In numbers);
+void add_fixed(Model& model, rust::Str name, ShapeKind kind, In size, In pose, double friction);
+void add_block(Model& model, rust::Str name, ShapeKind kind, In size, In pose, In numbers);
 std::unique_ptr<World> new_world(const Model& model);
 
 void step_world(World& world, In position, In velocity, In world_from_base);

@@ -14,12 +14,52 @@ pub(crate) mod ffi {
         force: f64,
     }
 
+    /// Who moves the arm: `Engine` of `model.hpp`.
+    #[repr(u8)]
+    enum Engine {
+        #[cxx_name = "reduced"]
+        Reduced,
+        #[cxx_name = "ode"]
+        Ode,
+    }
+
+    /// `Solver` of `model.hpp`.
+    #[repr(u8)]
+    enum Solver {
+        #[cxx_name = "direct"]
+        Direct,
+        #[cxx_name = "iterative"]
+        Iterative,
+    }
+
+    /// `ShapeKind` of `model.hpp`.
+    #[repr(u8)]
+    enum ShapeKind {
+        #[cxx_name = "box"]
+        Box,
+        #[cxx_name = "sphere"]
+        Sphere,
+        #[cxx_name = "cylinder"]
+        Cylinder,
+        #[cxx_name = "capsule"]
+        Capsule,
+    }
+
+    /// `JointKind` of `model.hpp`.
+    #[repr(u8)]
+    enum JointKind {
+        #[cxx_name = "fixed"]
+        Fixed,
+        #[cxx_name = "revolute"]
+        Revolute,
+    }
+
     /// The settings of `Options`.
     struct Settings {
         gravity: [f64; 3],
-        /// The arm as bodies of ODE instead of in joint angles.
-        arm_of_bodies: bool,
-        /// Zero: the direct solver.
+        engine: Engine,
+        solver: Solver,
+        /// Of the iterative solver.
         iterations: u32,
         seed: u64,
         position_gain: f64,
@@ -33,17 +73,23 @@ pub(crate) mod ffi {
     unsafe extern "C++" {
         include!("proact-dynamics/src/adapter.hpp");
 
+        // Declared in `model.hpp`; cxx checks that the names stand for the same numbers.
+        type Engine;
+        type Solver;
+        type ShapeKind;
+        type JointKind;
+
         type Model;
         type World;
 
         fn new_model(settings: &Settings, world_from_base: &[f64]) -> UniquePtr<Model>;
         fn add_link(model: Pin<&mut Model>, name: &str, mass: f64, inertial: &[f64], inertia: &[f64]);
-        fn add_collision(model: Pin<&mut Model>, kind: u8, size: &[f64], pose: &[f64]) -> Result<()>;
+        fn add_collision(model: Pin<&mut Model>, kind: ShapeKind, size: &[f64], pose: &[f64]);
         /// `numbers`: lower, upper, velocity, effort, damping, friction, proportional and derivative gain.
         fn add_joint(
             model: Pin<&mut Model>,
             name: &str,
-            fixed: bool,
+            kind: JointKind,
             parent: usize,
             origin: &[f64],
             axis: &[f64],
@@ -53,20 +99,20 @@ pub(crate) mod ffi {
         fn add_fixed(
             model: Pin<&mut Model>,
             name: &str,
-            kind: u8,
+            kind: ShapeKind,
             size: &[f64],
             pose: &[f64],
             friction: f64,
-        ) -> Result<()>;
+        );
         /// `numbers`: mass, friction, finger friction.
         fn add_block(
             model: Pin<&mut Model>,
             name: &str,
-            kind: u8,
+            kind: ShapeKind,
             size: &[f64],
             pose: &[f64],
             numbers: &[f64],
-        ) -> Result<()>;
+        );
         fn new_world(model: &Model) -> Result<UniquePtr<World>>;
 
         fn step_world(

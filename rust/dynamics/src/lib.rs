@@ -8,7 +8,7 @@
 //! process. A plant stays in the thread that made it (it is neither `Send` nor `Sync`), because ODE keeps data
 //! for each thread.
 //!
-//! How it is kept fast: the arm moves in joint angles ([`ArmEquations`]), hand joints whose command has stood still and
+//! How it is kept fast: the arm moves in joint angles ([`Engine::Reduced`]), hand joints whose command has stood still and
 //! been reached become rigid, a carried block shares the body of the link that holds it, resting blocks sleep. On one
 //! core of two a tick took 2 us with a still hand, 10 us while the hand closes on a block, and 15 us with 27 free joints
 //! and a pinch (`cargo run --release -p proact-dynamics --example tick_times`).
@@ -39,6 +39,6 @@ mod plant;
 mod snapshot;
 
 pub use bench::{TickTimes, bench_ticks};
-pub use plant::{ArmEquations, DynamicsOptions, OdePlant, Solver};
-pub use proact_testbed::{JointControl, MassSet};
+pub use plant::{DynamicsOptions, OdePlant, Solver};
+pub use proact_testbed::{Engine, JointControl, MassSet};
 pub use snapshot::Snapshot;

@@ -3,7 +3,7 @@ use crate::gains;
 use crate::snapshot::{Snapshot, fingerprint};
 use arrayvec::ArrayVec;
 use proact_testbed::{
-    JointControl, MassSet, PhysicsConfig,
+    Engine, JointControl, MassSet, PhysicsConfig,
     ports::{Plant, PlantError},
 };
 use proact_types::{
@@ -27,26 +27,14 @@ pub enum Solver {
     },
 }
 
-/// How the arm moves.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum ArmEquations {
-    /// In joint angles, solved together with the blocks that the arm touches. Joints cannot come apart, energy is kept to
-    /// second order, and free fingers cost little.
-    #[default]
-    Reduced,
-    /// A body of ODE for each link, held together by ODE's hinges: the plain way, for comparison. Loses energy
-    /// when nothing drives it.
-    Bodies,
-}
-
 /// Settings of the physics.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DynamicsOptions {
     /// m/s^2, world axes.
     pub gravity: Vector,
-    /// The arm's equations.
-    pub arm: ArmEquations,
-    /// ODE's solver: for all that ODE moves, which is everything with [`ArmEquations::Bodies`] and otherwise the
+    /// Who moves the arm and what it touches.
+    pub engine: Engine,
+    /// ODE's solver: for all that ODE moves, which is everything with [`Engine::Ode`] and otherwise the
     /// blocks that do not hang together with the arm.
     pub solver: Solver,
     /// How heavy the arm is.
@@ -60,7 +48,7 @@ pub struct DynamicsOptions {
     /// Blocks at rest cost nothing until something touches them.
     pub sleep: bool,
     /// A carried block shares the body of the link that holds it. False: a fixed joint of ODE holds it, which needs
-    /// [`ArmEquations::Bodies`].
+    /// [`Engine::Ode`].
     pub merge_carried: bool,
     /// A base that is told to move faster than this between two ticks stays where it is, m/s, until a command within
     /// reach of that place comes: [`PlantState::base_held`]. The joints follow their commands all the while.
@@ -72,7 +60,8 @@ pub struct DynamicsOptions {
 impl DynamicsOptions {
     /// The defaults with what a trial's configuration chooses.
     pub fn of(physics: &PhysicsConfig) -> Self {
-        Self { mass_set: physics.mass_set, control: physics.joint_control, ..Self::default() }
+        let PhysicsConfig { engine, mass_set, joint_control: control, .. } = *physics;
+        Self { engine, mass_set, control, ..Self::default() }
     }
 }
 
@@ -80,7 +69,7 @@ impl Default for DynamicsOptions {
     fn default() -> Self {
         Self {
             gravity: Vector::new(0.0, 0.0, -9.80665),
-            arm: ArmEquations::Reduced,
+            engine: Engine::Reduced,
             solver: Solver::Direct,
             mass_set: MassSet::Description,
             position_gain: 200.0,
@@ -94,7 +83,7 @@ impl Default for DynamicsOptions {
     }
 }
 
-/// Arm, box and blocks in ODE.
+/// Arm, box and blocks: the arm as [`DynamicsOptions::engine`] says, all else in ODE.
 ///
 /// Determinism: see the crate. Frames and units: those of [`PlantState`]. After a step that failed inside ODE
 /// ([`PlantError::Library`]) every further step fails too; the state stays readable.
@@ -330,12 +319,12 @@ fn to_pose(n: &[f64]) -> Pose {
     )
 }
 
-fn from_shape(shape: &Shape) -> (u8, [f64; 3]) {
+fn from_shape(shape: &Shape) -> (ffi::ShapeKind, [f64; 3]) {
     match *shape {
-        Shape::Box { size } => (0, size),
-        Shape::Sphere { radius } => (1, [radius, 0.0, 0.0]),
-        Shape::Cylinder { radius, length } => (2, [radius, length, 0.0]),
-        Shape::Capsule { radius, length } => (3, [radius, length, 0.0]),
+        Shape::Box { size } => (ffi::ShapeKind::Box, size),
+        Shape::Sphere { radius } => (ffi::ShapeKind::Sphere, [radius, 0.0, 0.0]),
+        Shape::Cylinder { radius, length } => (ffi::ShapeKind::Cylinder, [radius, length, 0.0]),
+        Shape::Capsule { radius, length } => (ffi::ShapeKind::Capsule, [radius, length, 0.0]),
     }
 }
 
@@ -347,13 +336,17 @@ fn describe(
     world_from_base: &Pose,
     options: &DynamicsOptions,
 ) -> Result<cxx::UniquePtr<ffi::Model>, PlantError> {
-    let (iterations, seed) = match options.solver {
-        Solver::Direct => (0, 0),
-        Solver::Iterative { iterations, seed } => (iterations, seed),
+    let (solver, iterations, seed) = match options.solver {
+        Solver::Direct => (ffi::Solver::Direct, 1, 0),
+        Solver::Iterative { iterations, seed } => (ffi::Solver::Iterative, iterations, seed),
     };
     let settings = ffi::Settings {
         gravity: options.gravity.into(),
-        arm_of_bodies: options.arm == ArmEquations::Bodies,
+        engine: match options.engine {
+            Engine::Reduced => ffi::Engine::Reduced,
+            Engine::Ode => ffi::Engine::Ode,
+        },
+        solver,
         iterations,
         seed: seed.into(),
         position_gain: options.position_gain,
@@ -382,8 +375,7 @@ fn describe(
         ffi::add_link(described.pin_mut(), &link.name, mass, &from_pose(&pose), &inertia);
         for collision in &link.collisions {
             let (kind, size) = from_shape(&collision.shape);
-            ffi::add_collision(described.pin_mut(), kind, &size, &from_pose(&collision.pose))
-                .map_err(library)?;
+            ffi::add_collision(described.pin_mut(), kind, &size, &from_pose(&collision.pose));
         }
     }
     for (index, joint) in model.joints.iter().enumerate() {
@@ -417,25 +409,26 @@ fn describe(
             proportional,
             derivative,
         ];
-        let fixed = joint.kind == JointKind::Fixed;
+        let kind = match joint.kind {
+            JointKind::Fixed => ffi::JointKind::Fixed,
+            JointKind::Revolute => ffi::JointKind::Revolute,
+        };
         let axis: [f64; 3] = joint.axis.into();
         let origin = from_pose(&joint.origin);
-        ffi::add_joint(described.pin_mut(), &joint.name, fixed, joint.parent, &origin, &axis, &numbers);
+        ffi::add_joint(described.pin_mut(), &joint.name, kind, joint.parent, &origin, &axis, &numbers);
     }
     let moving: Vec<usize> = model.moving().collect();
     ffi::set_moving(described.pin_mut(), &moving, model.arm_count(), initial_positions);
     for object in &scene.fixed {
         let (kind, size) = from_shape(&object.shape);
         let pose = from_pose(&object.pose);
-        ffi::add_fixed(described.pin_mut(), &object.name, kind, &size, &pose, object.friction)
-            .map_err(library)?;
+        ffi::add_fixed(described.pin_mut(), &object.name, kind, &size, &pose, object.friction);
     }
     for block in &scene.blocks {
         let (kind, size) = from_shape(&block.shape);
         let numbers = [block.mass, block.friction, block.friction_finger];
         let pose = from_pose(&block.pose);
-        ffi::add_block(described.pin_mut(), block.id.name(), kind, &size, &pose, &numbers)
-            .map_err(library)?;
+        ffi::add_block(described.pin_mut(), block.id.name(), kind, &size, &pose, &numbers);
     }
     Ok(described)
 }

@@ -9,7 +9,7 @@ mod common;
 use common::{
     HEIGHT, START, TABLE, bare_table, block, grasp_base, move_hand, plant_with, positions, standing,
 };
-use proact_dynamics::{ArmEquations, DynamicsOptions, Solver};
+use proact_dynamics::{DynamicsOptions, Engine, Solver};
 use proact_testbed::ports::Plant;
 use proact_types::{BlockId, PlantState, Pose};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -57,14 +57,14 @@ fn bits(state: &PlantState, out: &mut Vec<u64>) {
 
 #[test]
 fn a_run_is_the_same_bit_for_bit_alone_and_beside_another_plant() {
-    for (arm, solver) in [
-        (ArmEquations::Reduced, Solver::Direct),
-        (ArmEquations::Bodies, Solver::Direct),
-        (ArmEquations::Bodies, Solver::Iterative { iterations: 30, seed: 7 }),
+    for (engine, solver) in [
+        (Engine::Reduced, Solver::Direct),
+        (Engine::Ode, Solver::Direct),
+        (Engine::Ode, Solver::Iterative { iterations: 30, seed: 7 }),
     ] {
-        let options = DynamicsOptions { arm, solver, ..DynamicsOptions::default() };
+        let options = DynamicsOptions { engine, solver, ..DynamicsOptions::default() };
         let alone = story(options, 700);
-        assert!(alone == story(options, 700), "{arm:?}, {solver:?}: a second run differs");
+        assert!(alone == story(options, 700), "{engine:?}, {solver:?}: a second run differs");
         let stop = AtomicBool::new(false);
         std::thread::scope(|scope| {
             scope.spawn(|| {
@@ -74,7 +74,7 @@ fn a_run_is_the_same_bit_for_bit_alone_and_beside_another_plant() {
             });
             let beside: Vec<bool> = (0..3).map(|_| story(options, 700) == alone).collect();
             stop.store(true, Ordering::Relaxed);
-            assert_eq!(beside, [true; 3], "{arm:?}, {solver:?}: a run beside another plant differs");
+            assert_eq!(beside, [true; 3], "{engine:?}, {solver:?}: a run beside another plant differs");
         });
     }
 }
@@ -82,7 +82,7 @@ fn a_run_is_the_same_bit_for_bit_alone_and_beside_another_plant() {
 #[test]
 fn another_seed_of_the_iterative_solver_gives_another_run() {
     let with = |seed| DynamicsOptions {
-        arm: ArmEquations::Bodies,
+        engine: Engine::Ode,
         solver: Solver::Iterative { iterations: 30, seed },
         ..DynamicsOptions::default()
     };

@@ -8,15 +8,17 @@ mod common;
 use common::{
     START, bare_table, box_scene, grasp_base, move_hand, plant_with, positions, run, standing, stay, still,
 };
-use proact_dynamics::{ArmEquations, DynamicsOptions, JointControl, OdePlant};
+use proact_dynamics::{DynamicsOptions, Engine, JointControl, OdePlant};
 use proact_testbed::{GraspAction, OriginalGraspRule, ports::Plant};
 use proact_types::BlockId;
 
 /// How far the hand stands to its thumb's side, metres.
 const SHIFT: f64 = 0.004;
 
-fn gains() -> DynamicsOptions {
-    DynamicsOptions { control: JointControl::OriginalGains, ..DynamicsOptions::default() }
+const ENGINES: [Engine; 2] = [Engine::Reduced, Engine::Ode];
+
+fn gains(engine: Engine) -> DynamicsOptions {
+    DynamicsOptions { engine, control: JointControl::OriginalGains, ..DynamicsOptions::default() }
 }
 
 #[test]
@@ -27,39 +29,53 @@ fn the_arm_sags_until_its_gains_bear_its_weight() {
     let mut exact = plant_with(&box_scene(), &still(), DynamicsOptions::default());
     run(&mut exact, &stay(&start, still()), 500);
     let weight = exact.state().effort.clone();
-    let mut plant = plant_with(&box_scene(), &still(), gains());
-    run(&mut plant, &stay(&start, still()), 4000);
-    let state = plant.state();
-    let mut deepest = 0.0_f64;
-    for k in 0..7 {
-        let (sag, effort) = (start[k] - state.position[k], state.effort[k]);
-        assert!((effort - 100.0 * sag).abs() < 2e-3, "joint {k}: {effort} N m at {sag} rad");
-        assert!((effort - weight[k]).abs() < 0.05, "joint {k}: {effort} N m, the weight is {}", weight[k]);
-        deepest = deepest.max(sag.abs());
+    for engine in ENGINES {
+        let mut plant = plant_with(&box_scene(), &still(), gains(engine));
+        run(&mut plant, &stay(&start, still()), 4000);
+        let state = plant.state();
+        let mut deepest = 0.0_f64;
+        for k in 0..7 {
+            let (sag, effort) = (start[k] - state.position[k], state.effort[k]);
+            assert!((effort - 100.0 * sag).abs() < 2e-3, "{engine:?}, joint {k}: {effort} N m at {sag} rad");
+            assert!(
+                (effort - weight[k]).abs() < 0.05,
+                "{engine:?}, joint {k}: {effort} N m of {}",
+                weight[k]
+            );
+            deepest = deepest.max(sag.abs());
+        }
+        println!("{engine:?}: a joint sags by {deepest:.4} rad");
+        assert!(deepest > 5e-3, "{engine:?}: an arm without feed-forward sags: {deepest} rad");
     }
-    println!("a joint sags by {deepest:.4} rad");
-    assert!(deepest > 5e-3, "an arm without feed-forward sags: {deepest} rad");
 }
 
 #[test]
 fn a_command_that_leaps_is_followed_at_half_a_radian_a_second() {
     let model = proact_description::mpl_right_arm();
     let start = positions(&model, &START, "open");
-    let mut plant = plant_with(&box_scene(), &still(), gains());
-    run(&mut plant, &stay(&start, still()), 2000);
-    let before = plant.state().position[0];
-    let mut leap = start.clone();
-    leap[0] += 0.4;
-    run(&mut plant, &stay(&leap, still()), 400);
-    let way = plant.state().position[0] - before;
-    assert!((way - 0.2).abs() < 0.02, "{way} rad in 0.4 s");
-    run(&mut plant, &stay(&leap, still()), 2000);
-    let way = plant.state().position[0] - before;
-    assert!((way - 0.4).abs() < 0.02, "{way} rad in the end");
+    for engine in ENGINES {
+        let mut plant = plant_with(&box_scene(), &still(), gains(engine));
+        run(&mut plant, &stay(&start, still()), 2000);
+        let before = plant.state().position[0];
+        let mut leap = start.clone();
+        leap[0] += 0.4;
+        run(&mut plant, &stay(&leap, still()), 400);
+        let way = plant.state().position[0] - before;
+        assert!((way - 0.2).abs() < 0.02, "{engine:?}: {way} rad in 0.4 s");
+        run(&mut plant, &stay(&leap, still()), 2000);
+        let way = plant.state().position[0] - before;
+        assert!((way - 0.4).abs() < 0.02, "{engine:?}: {way} rad in the end");
+    }
 }
 
 #[test]
 fn the_original_rule_takes_a_block_with_the_original_gains_and_lets_it_go() {
+    for engine in ENGINES {
+        take_and_let_go(engine);
+    }
+}
+
+fn take_and_let_go(engine: Engine) {
     let model = proact_description::mpl_right_arm();
     let open = positions(&model, &START, "open");
     let closed = positions(&model, &START, "closed");
@@ -67,7 +83,7 @@ fn the_original_rule_takes_a_block_with_the_original_gains_and_lets_it_go() {
     // Such fingers are too weak to push the block against the thumb: it must be between them.
     base.translation.y -= SHIFT;
     let scene = bare_table(vec![standing(BlockId::Red1, 0.0, 0.0)]);
-    let mut plant = plant_with(&scene, &base, gains());
+    let mut plant = plant_with(&scene, &base, gains(engine));
     let mut rule = OriginalGraspRule::new(proact_testbed::OriginalGrasp::DEFAULT, &model);
     let mut act = |plant: &mut OdePlant| {
         let action = rule.step(&model, plant.state());
@@ -87,7 +103,7 @@ fn the_original_rule_takes_a_block_with_the_original_gains_and_lets_it_go() {
         }
     }
     let taken = taken.expect("the original rule takes the block");
-    println!("taken after {taken} ms");
+    println!("{engine:?}: taken after {taken} ms");
     assert!(taken > 1250, "five checks at 4 Hz");
     for _ in 0..2000 {
         plant.step(&stay(&closed, base)).unwrap();
@@ -98,25 +114,22 @@ fn the_original_rule_takes_a_block_with_the_original_gains_and_lets_it_go() {
         act(&mut plant) == Some(GraspAction::Release)
     });
     let released = released.expect("an open hand lets go");
-    println!("let go after {released} ms");
+    println!("{engine:?}: let go after {released} ms");
     assert!((750..3000).contains(&released), "{released} ms");
     assert!(plant.state().attached.is_none());
 }
 
 #[test]
-fn an_arm_without_a_row_in_the_originals_table_is_refused() {
+fn an_arm_without_a_row_in_the_originals_table_is_refused_and_so_is_what_an_engine_cannot_do() {
     let mut model = proact_description::mpl_right_arm();
     let start = positions(&model, &START, "open");
     let first = model.arm[0];
     model.joints[first].name = "joint_1".to_owned();
-    let refused = OdePlant::new(&model, &box_scene(), &start, &still(), gains());
+    let refused = OdePlant::new(&model, &box_scene(), &start, &still(), gains(Engine::Reduced));
     let text = refused.err().expect("is refused").to_string();
     assert!(text.contains("\"joint_1\" has no gains"), "{text}");
-    let bodies = DynamicsOptions { arm: ArmEquations::Bodies, ..gains() };
-    let refused = OdePlant::new(&proact_description::mpl_right_arm(), &box_scene(), &start, &still(), bodies);
-    assert!(refused.err().expect("is refused").to_string().contains("needs the arm in joint angles"));
     let carried = DynamicsOptions { merge_carried: false, ..DynamicsOptions::default() };
     let model = proact_description::mpl_right_arm();
     let refused = OdePlant::new(&model, &box_scene(), &start, &still(), carried);
-    assert!(refused.err().expect("is refused").to_string().contains("always merges it"));
+    assert!(refused.err().expect("is refused").to_string().contains("needs the engine ode"));
 }

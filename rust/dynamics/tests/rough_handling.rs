@@ -5,7 +5,8 @@
 
 mod common;
 
-use common::{START, box_scene, plant, positions, stay, still};
+use common::{START, box_scene, plant_with, positions, stay, still};
+use proact_dynamics::{DynamicsOptions, Engine};
 use proact_testbed::ports::Plant;
 
 /// Numbers in [0, 1) that look random (a linear congruential generator, so that the run is the same everywhere).
@@ -20,11 +21,21 @@ impl Numbers {
 
 #[test]
 fn a_minute_of_sweeping_through_box_and_blocks_stays_finite_and_slow() {
+    sweep(Engine::Reduced);
+}
+
+#[test]
+fn a_minute_of_sweeping_in_the_engine_ode_stays_finite_and_slow() {
+    sweep(Engine::Ode);
+}
+
+fn sweep(engine: Engine) {
     let model = proact_description::mpl_right_arm();
     let open = positions(&model, &START, "open");
     let closed = positions(&model, &START, "closed");
     let limits: Vec<_> = model.moving().map(|joint| model.joints[joint].limits).collect();
-    let mut plant = plant(&box_scene(), &still());
+    let options = DynamicsOptions { engine, ..DynamicsOptions::default() };
+    let mut plant = plant_with(&box_scene(), &still(), options);
     let mut numbers = Numbers(1);
     let mut command = stay(&open, still());
     let (mut target, mut fastest, mut touched, mut lowest) = (open.clone(), 0.0_f64, 0, f64::INFINITY);

@@ -8,7 +8,7 @@ mod common;
 
 use common::{START, bare_table, box_scene, grasp_base, move_hand, plant_at, positions, standing};
 use nalgebra::{Quaternion, UnitQuaternion};
-use proact_dynamics::{ArmEquations, DynamicsOptions, OdePlant};
+use proact_dynamics::{DynamicsOptions, Engine, OdePlant};
 use proact_testbed::ports::Plant;
 use proact_types::{
     ArmModel, Block, BlockId, Inertial, Joint, JointKind, JointLimits, Link, PlantCommand, PlantState, Pose,
@@ -52,6 +52,8 @@ fn compile(name: &str, core: &[PathBuf]) -> PathBuf {
     let output = Command::new("g++")
         .args(["-std=c++17", "-O2", "-ffp-contract=off", "-I"])
         .arg(root.join("cpp/dynamics/include"))
+        .arg("-I")
+        .arg(root.join("cpp/dynamics/src"))
         .arg(root.join("tests/side_by_side/dynamics").join(name).with_extension("cpp"))
         .args(core)
         .args(["-lode", "-o"])
@@ -143,7 +145,7 @@ fn a_chain_and_a_falling_block_match_raw_ode_bit_for_bit() {
         ..bare_table(vec![])
     };
     let base = Pose::translation(0.0, 0.0, 2.0);
-    let options = DynamicsOptions { arm: ArmEquations::Bodies, sleep: false, ..DynamicsOptions::default() };
+    let options = DynamicsOptions { engine: Engine::Ode, sleep: false, ..DynamicsOptions::default() };
     let mut plant = OdePlant::new(&chain(), &scene, &[0.0; 7], &base, options).unwrap();
     let command = PlantCommand { position: zeros(7), velocity: zeros(7), world_from_base: base };
     let mut digest = Digest::new();
@@ -315,8 +317,9 @@ fn the_full_scene_matches_the_core_without_rust_bit_for_bit() {
     assert!(touched > 100, "fingers touched the block in {touched} ticks");
 
     let core = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../cpp/dynamics/src");
-    let sources: Vec<PathBuf> = std::fs::read_dir(core)
-        .unwrap()
+    let sources: Vec<PathBuf> = [core.clone(), core.join("engines/reduced"), core.join("engines/ode")]
+        .iter()
+        .flat_map(|folder| std::fs::read_dir(folder).unwrap())
         .map(|entry| entry.unwrap().path())
         .filter(|path| path.extension().is_some_and(|extension| extension == "cpp"))
         .collect();

@@ -9,7 +9,7 @@ use common::{
     START, bare_table, box_scene, grasp_base, move_hand, plant, plant_at, plant_with, positions, standing,
     stay, still,
 };
-use proact_dynamics::{ArmEquations, DynamicsOptions, OdePlant, Snapshot, Solver};
+use proact_dynamics::{DynamicsOptions, Engine, JointControl, OdePlant, Snapshot, Solver};
 use proact_testbed::ports::Plant;
 use proact_types::{BlockId, PlantCommand, PlantState};
 
@@ -64,10 +64,15 @@ fn swing(from: &[f64], ticks: std::ops::Range<u32>, hand: bool) -> Vec<PlantComm
 fn a_restored_run_without_contact_agrees_for_a_thousand_ticks_bit_for_bit() {
     let model = proact_description::mpl_right_arm();
     let start = positions(&model, &START, "open");
-    for hand in [false, true] {
-        let mut plant = plant(&box_scene(), &still());
-        states(&mut plant, &swing(&start, 1..700, hand));
-        check(&mut plant, &mut common::plant(&box_scene(), &still()), &swing(&start, 700..1700, hand));
+    for (engine, hand) in
+        [(Engine::Reduced, false), (Engine::Reduced, true), (Engine::Ode, false), (Engine::Ode, true)]
+    {
+        for control in [JointControl::FeedForward, JointControl::OriginalGains] {
+            let options = DynamicsOptions { engine, control, ..DynamicsOptions::default() };
+            let [mut plant, mut fresh] = [0; 2].map(|_| plant_with(&box_scene(), &still(), options));
+            states(&mut plant, &swing(&start, 1..700, hand));
+            check(&mut plant, &mut fresh, &swing(&start, 700..1700, hand));
+        }
     }
 }
 
@@ -78,12 +83,12 @@ fn a_restored_pinch_and_carry_agrees_for_hundreds_of_ticks_bit_for_bit() {
     let closed = positions(&model, &START, "closed");
     let base = grasp_base(&model, &open);
     let scene = bare_table(vec![standing(BlockId::Red1, 0.0, 0.0), standing(BlockId::Red2, 0.3, 0.2)]);
-    for (arm, solver) in [
-        (ArmEquations::Reduced, Solver::Direct),
-        (ArmEquations::Bodies, Solver::Direct),
-        (ArmEquations::Bodies, Solver::Iterative { iterations: 30, seed: 3 }),
+    for (engine, solver) in [
+        (Engine::Reduced, Solver::Direct),
+        (Engine::Ode, Solver::Direct),
+        (Engine::Ode, Solver::Iterative { iterations: 30, seed: 3 }),
     ] {
-        let options = DynamicsOptions { arm, solver, ..DynamicsOptions::default() };
+        let options = DynamicsOptions { engine, solver, ..DynamicsOptions::default() };
         let mut plant = plant_with(&scene, &base, options);
         let mut fresh = plant_with(&scene, &base, options);
         let mut commands = move_hand(&open, &closed, base, 900);

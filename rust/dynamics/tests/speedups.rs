@@ -9,7 +9,7 @@ mod common;
 use common::{
     START, bare_table, box_scene, grasp_base, move_hand, plant_with, positions, run, standing, stay, still,
 };
-use proact_dynamics::{ArmEquations, DynamicsOptions, OdePlant, Solver};
+use proact_dynamics::{DynamicsOptions, Engine, OdePlant, Solver};
 use proact_testbed::ports::Plant;
 use proact_types::{ArmModel, BlockId, PlantState, Point};
 
@@ -45,7 +45,7 @@ fn differences(a: &PlantState, b: &PlantState) -> (f64, [f64; 2]) {
 fn taking_a_block_with_each_economy_ends_where_the_plain_full_simulation_ends() {
     let ours = DynamicsOptions::default();
     let plain = DynamicsOptions {
-        arm: ArmEquations::Bodies,
+        engine: Engine::Ode,
         hold_still_hand: false,
         sleep: false,
         merge_carried: false,
@@ -55,7 +55,7 @@ fn taking_a_block_with_each_economy_ends_where_the_plain_full_simulation_ends() 
     let cases = [
         (
             "joint angles",
-            DynamicsOptions { arm: ArmEquations::Reduced, merge_carried: true, ..plain },
+            DynamicsOptions { engine: Engine::Reduced, merge_carried: true, ..plain },
             1e-7,
             3e-3,
         ),

@@ -26,7 +26,7 @@ ArmDescription from_raw(const RawArm& raw) {
     description.name = std::string(link.name);
     description.parent = link.parent;
     description.joint = std::string(link.joint);
-    description.revolute = link.revolute;
+    description.kind = link.kind;
     description.origin = from_raw(link.origin);
     description.axis = link.axis;
     description.lower = link.lower;

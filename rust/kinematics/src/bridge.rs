@@ -2,12 +2,21 @@
 
 #[cxx::bridge(namespace = "proact::kinematics")]
 pub(crate) mod ffi {
+    /// `JointKind` of `description.hpp`.
+    #[repr(u8)]
+    enum JointKind {
+        #[cxx_name = "fixed"]
+        Fixed,
+        #[cxx_name = "revolute"]
+        Revolute,
+    }
+
     /// A link with the joint that carries it; poses are x, y, z and a quaternion x, y, z, w.
     struct RawLink {
         name: String,
         parent: usize,
         joint: String,
-        revolute: bool,
+        kind: JointKind,
         origin: [f64; 7],
         axis: [f64; 3],
         lower: f64,
@@ -26,6 +35,9 @@ pub(crate) mod ffi {
 
     unsafe extern "C++" {
         include!("proact-kinematics/src/adapter.hpp");
+
+        // Declared in `description.hpp`; cxx checks that the names stand for the same numbers.
+        type JointKind;
 
         type Arm;
 

@@ -282,7 +282,10 @@ fn to_raw(model: &ArmModel, base: usize, tip: usize) -> Result<ffi::RawArm, Kine
             name: link.name.clone(),
             parent: joint.map_or(0, |j| j.parent),
             joint: joint.map_or_else(String::new, |j| j.name.clone()),
-            revolute: joint.is_some_and(|j| j.kind == JointKind::Revolute),
+            kind: match joint.map(|j| j.kind) {
+                Some(JointKind::Revolute) => ffi::JointKind::Revolute,
+                Some(JointKind::Fixed) | None => ffi::JointKind::Fixed,
+            },
             origin: to_raw_pose(&joint.map_or_else(Pose::identity, |j| j.origin)),
             axis: joint.map_or([0.0, 0.0, 1.0], |j| j.axis.into()),
             lower: joint.map_or(0.0, |j| j.limits.lower),

@@ -16,8 +16,7 @@ Pose pose_of(const std::array<double, 7>& row) {
 }
 
 PlacedShape placed_of(const ShapeRow& row) {
-  constexpr std::array<ShapeKind, 4> kinds{ShapeKind::box, ShapeKind::sphere, ShapeKind::cylinder, ShapeKind::capsule};
-  return {{kinds.at(row.kind), row.size, nullptr}, pose_of(row.pose)};
+  return {{row.kind, row.size, nullptr}, pose_of(row.pose)};
 }
 
 Resolution resolution_of(const SearchRow& search) {
@@ -25,10 +24,8 @@ Resolution resolution_of(const SearchRow& search) {
 }
 
 JointQuery query_of(const SearchRow& search) {
-  constexpr std::array<PlannerKind, 6> kinds{PlannerKind::rrt_connect, PlannerKind::bitrrt, PlannerKind::lbkpiece1,
-                                             PlannerKind::rrt_star, PlannerKind::prm, PlannerKind::anytime};
   JointQuery query;
-  query.planner = kinds.at(search.planner);
+  query.planner = search.planner;
   for (std::size_t k = 0; k + 1 < search.parameters.size(); k += 2) {
     query.parameters.emplace_back(std::string(search.parameters[k]), std::string(search.parameters[k + 1]));
   }
@@ -67,8 +64,7 @@ JointQuery query_between(const Scene& scene, rust::Slice<const double> start, ru
 }
 
 PlanRow row_of(const JointPlan& plan) {
-  return {static_cast<std::uint8_t>(plan.status), plan.goal, flat(plan.path), plan.iterations, plan.state_checks,
-          plan.seconds, plan.timed_out};
+  return {plan.status, plan.goal, flat(plan.path), plan.iterations, plan.state_checks, plan.seconds, plan.timed_out};
 }
 
 }  // namespace
@@ -83,7 +79,7 @@ void add_link(Arm& arm, rust::Str name, rust::Slice<const ShapeRow> shapes) {
 }
 
 void add_joint(Arm& arm, const JointRow& row) {
-  arm.joints.push_back({row.parent, row.child, row.revolute, pose_of(row.pose), row.axis, row.lower, row.upper});
+  arm.joints.push_back({row.parent, row.child, row.kind, pose_of(row.pose), row.axis, row.lower, row.upper});
 }
 
 void set_groups(Arm& arm, rust::Slice<const std::size_t> chain, rust::Slice<const std::size_t> hand, std::size_t tip) {

@@ -1,4 +1,4 @@
-//! Signatures only. Everything that can throw returns `Result`.
+//! Signatures and plain values only. Everything that can throw returns `Result`.
 
 use crate::state_check::StateCheck;
 
@@ -12,9 +12,64 @@ pub(crate) mod ffi {
         pose: [f64; 7],
     }
 
-    /// A shape and where it is: kind 0 box, 1 sphere, 2 cylinder, 3 capsule; pose is x, y, z, quaternion x, y, z, w.
+    /// Shapes without a mesh, of `model.hpp`.
+    #[repr(u8)]
+    enum ShapeKind {
+        #[cxx_name = "box"]
+        Box,
+        #[cxx_name = "sphere"]
+        Sphere,
+        #[cxx_name = "cylinder"]
+        Cylinder,
+        #[cxx_name = "capsule"]
+        Capsule,
+    }
+
+    /// `JointKind` of `model.hpp`.
+    #[repr(u8)]
+    enum JointKind {
+        #[cxx_name = "fixed"]
+        Fixed,
+        #[cxx_name = "revolute"]
+        Revolute,
+    }
+
+    /// `PlannerKind` of `joint_planner.hpp`.
+    #[repr(u8)]
+    enum PlannerKind {
+        #[cxx_name = "rrt_connect"]
+        RrtConnect,
+        #[cxx_name = "bitrrt"]
+        BiTrrt,
+        #[cxx_name = "lbkpiece1"]
+        LbKpiece1,
+        #[cxx_name = "rrt_star"]
+        RrtStar,
+        #[cxx_name = "prm"]
+        Prm,
+        #[cxx_name = "anytime"]
+        Anytime,
+    }
+
+    /// `JointPlanStatus` of `joint_planner.hpp`.
+    #[repr(u8)]
+    #[derive(Debug)]
+    enum JointPlanStatus {
+        #[cxx_name = "solved"]
+        Solved,
+        #[cxx_name = "no_plan"]
+        NoPlan,
+        #[cxx_name = "start_in_collision"]
+        StartInCollision,
+        #[cxx_name = "goals_in_collision"]
+        GoalsInCollision,
+        #[cxx_name = "cancelled"]
+        Cancelled,
+    }
+
+    /// A shape and where it is; pose is x, y, z, quaternion x, y, z, w.
     struct ShapeRow {
-        kind: u8,
+        kind: ShapeKind,
         size: [f64; 3],
         pose: [f64; 7],
     }
@@ -23,7 +78,7 @@ pub(crate) mod ffi {
     struct JointRow {
         parent: usize,
         child: usize,
-        revolute: bool,
+        kind: JointKind,
         pose: [f64; 7],
         axis: [f64; 3],
         lower: f64,
@@ -42,11 +97,10 @@ pub(crate) mod ffi {
         edges: Vec<usize>,
     }
 
-    /// What steers and bounds one search. Planner 0 is RRTConnect, 1 BiTRRT, 2 LBKPIECE1, 3 RRT*, 4 PRM, 5 anytime
-    /// shortening; its parameters are names and values in turns.
+    /// What steers and bounds one search; the planner's parameters are names and values in turns.
     struct SearchRow {
         seed: u64,
-        planner: u8,
+        planner: PlannerKind,
         parameters: Vec<String>,
         equal_steps: f64,
         max_iterations: u32,
@@ -58,10 +112,9 @@ pub(crate) mod ffi {
         step_metres: f64,
     }
 
-    /// A plan: status 0 solved, 1 no plan, 2 start in collision, 3 goals in collision, 4 cancelled; the path is
-    /// row-major, one row of arm angles a point.
+    /// A plan; the path is row-major, one row of arm angles a point.
     struct PlanRow {
-        status: u8,
+        status: JointPlanStatus,
         goal: usize,
         path: Vec<f64>,
         iterations: u64,
@@ -85,6 +138,12 @@ pub(crate) mod ffi {
 
     unsafe extern "C++" {
         include!("proact-planning/src/adapter.hpp");
+
+        // Declared in the core's headers; cxx checks that the names stand for the same numbers.
+        type ShapeKind;
+        type JointKind;
+        type PlannerKind;
+        type JointPlanStatus;
 
         type Arm;
         fn new_arm() -> UniquePtr<Arm>;

@@ -45,7 +45,10 @@ impl CollisionScene {
             let row = ffi::JointRow {
                 parent: joint.parent,
                 child: joint.child,
-                revolute: joint.kind == JointKind::Revolute,
+                kind: match joint.kind {
+                    JointKind::Fixed => ffi::JointKind::Fixed,
+                    JointKind::Revolute => ffi::JointKind::Revolute,
+                },
                 pose: pose_row(&joint.origin),
                 axis: joint.axis.into(),
                 lower: joint.limits.lower,
@@ -361,15 +364,15 @@ impl CollisionScene {
         self.effort.search_secs += row.seconds;
         self.effort.timed_out |= row.timed_out;
         match row.status {
-            0 => Ok(SearchOutcome::Solved {
+            ffi::JointPlanStatus::Solved => Ok(SearchOutcome::Solved {
                 path: row.path.chunks_exact(self.joint_count).map(<[f64]>::to_vec).collect(),
                 goal: row.goal,
             }),
-            1 => Ok(SearchOutcome::NoPlan),
-            2 => Ok(SearchOutcome::StartInCollision),
-            3 => Ok(SearchOutcome::GoalsInCollision),
-            4 => Ok(SearchOutcome::Cancelled),
-            other => Err(PlanningError::Scene(format!("unknown plan status {other}"))),
+            ffi::JointPlanStatus::NoPlan => Ok(SearchOutcome::NoPlan),
+            ffi::JointPlanStatus::StartInCollision => Ok(SearchOutcome::StartInCollision),
+            ffi::JointPlanStatus::GoalsInCollision => Ok(SearchOutcome::GoalsInCollision),
+            ffi::JointPlanStatus::Cancelled => Ok(SearchOutcome::Cancelled),
+            other => Err(PlanningError::Scene(format!("unknown plan status {other:?}"))),
         }
     }
 
@@ -422,10 +425,10 @@ fn pose_row(pose: &Pose) -> [f64; 7] {
 
 fn shape_row(shape: &Shape, pose: &Pose) -> ffi::ShapeRow {
     let (kind, size) = match *shape {
-        Shape::Box { size } => (0, size),
-        Shape::Sphere { radius } => (1, [radius, 0.0, 0.0]),
-        Shape::Cylinder { radius, length } => (2, [radius, length, 0.0]),
-        Shape::Capsule { radius, length } => (3, [radius, length, 0.0]),
+        Shape::Box { size } => (ffi::ShapeKind::Box, size),
+        Shape::Sphere { radius } => (ffi::ShapeKind::Sphere, [radius, 0.0, 0.0]),
+        Shape::Cylinder { radius, length } => (ffi::ShapeKind::Cylinder, [radius, length, 0.0]),
+        Shape::Capsule { radius, length } => (ffi::ShapeKind::Capsule, [radius, length, 0.0]),
     };
     ffi::ShapeRow { kind, size, pose: pose_row(pose) }
 }
@@ -446,7 +449,14 @@ fn search_row(
 ) -> ffi::SearchRow {
     ffi::SearchRow {
         seed,
-        planner: planner as u8,
+        planner: match planner {
+            PlannerName::RrtConnect => ffi::PlannerKind::RrtConnect,
+            PlannerName::BiTrrt => ffi::PlannerKind::BiTrrt,
+            PlannerName::LbKpiece1 => ffi::PlannerKind::LbKpiece1,
+            PlannerName::RrtStar => ffi::PlannerKind::RrtStar,
+            PlannerName::Prm => ffi::PlannerKind::Prm,
+            PlannerName::AnytimePathShortening => ffi::PlannerKind::Anytime,
+        },
         parameters: parameters.iter().flat_map(|(name, value)| [name.clone(), value.clone()]).collect(),
         equal_steps: limits.equal_steps.unwrap_or(0.0),
         max_iterations: limits.max_iterations,

@@ -348,7 +348,7 @@ impl TrialConfig {
     }
 
     /// The same with the profile called `name`: `default`, or `original`, which brings the original's spread of
-    /// gaze, its change of colour, its joint controllers and its grasp rule along.
+    /// gaze, its change of colour, its engine, its joint controllers and its grasp rule along.
     ///
     /// # Errors
     /// [`ConfigError::Control`] for any other name.
@@ -474,7 +474,7 @@ impl TrialConfig {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::MassSet;
+    use crate::{Engine, MassSet};
 
     fn config() -> TrialConfig {
         TrialConfig::new(MethodName::D, 3, Setup::named("seated").expect("ships"))
@@ -525,6 +525,18 @@ mod tests {
     }
 
     #[test]
+    fn the_engine_is_part_of_the_text_unless_it_is_the_default_and_an_unknown_one_is_told_which_there_are() {
+        let text = config().to_toml().expect("writes");
+        assert!(!text.contains("engine"), "records from before there was a choice replay: {text}");
+        let ode = config().with_values(&["physics.engine=ode"]).expect("is known");
+        assert_eq!(ode.physics.engine, Engine::Ode);
+        assert_eq!(TrialConfig::from_toml(&ode.to_toml().expect("writes")), Ok(ode));
+        assert_eq!(config().with_values(&["physics.engine=reduced"]), Ok(config()));
+        let refused = config().with_values(&["physics.engine=bullet"]).expect_err("unknown").to_string();
+        assert!(refused.contains("unknown variant `bullet`, expected `reduced` or `ode`"), "{refused}");
+    }
+
+    #[test]
     fn unknown_names_and_keys_and_values_out_of_range_are_refused_with_what_is_expected() {
         let error = "E".parse::<MethodName>().expect_err("no method E");
         assert_eq!(error.to_string(), "method \"E\" is unknown; expected one of A, B, C, D");
@@ -533,7 +545,10 @@ mod tests {
         let error = TrialConfig::from_toml(&format!("colour = 3\n{text}")).expect_err("an unknown key");
         assert!(error.to_string().contains("colour"), "{error}");
         let error = config().with_values(&["planner.nme=PRM"]).expect_err("an unknown key").to_string();
-        assert!(error.starts_with("cannot set planner.nme=PRM: unknown field nme, expected one of "), "{error}");
+        assert!(
+            error.starts_with("cannot set planner.nme=PRM: unknown field nme, expected one of "),
+            "{error}"
+        );
         assert!(!error.contains('\n'), "{error}");
         let error = TrialConfig::from_toml(&text.replace("limit_secs = 300.0", "limit_secs = -1.0"));
         assert!(matches!(error, Err(ConfigError::Value { key: "limit_secs", .. })), "{error:?}");

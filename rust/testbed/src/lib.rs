@@ -25,7 +25,9 @@ pub use digest::{Digest, Divergence, Field, FieldDigest, SPAN_TICKS, SpanDigest,
 pub use grasp::{Grasp, GraspAction};
 pub use grasp_original::OriginalGraspRule;
 pub use motion::{ArmMotion, BaseMotion, HandMotion, MotionConfig};
-pub use physics::{GraspRuleName, JointControl, MassSet, OpposingGrasp, OriginalGrasp, PhysicsConfig};
+pub use physics::{
+    Engine, GraspRuleName, JointControl, MassSet, OpposingGrasp, OriginalGrasp, PhysicsConfig,
+};
 pub use pinned::Pinned;
 pub use planner::{PlannerName, PlannerOptions, SearchLimits};
 pub use plans::plan_request;

@@ -5,6 +5,9 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PhysicsConfig {
+    /// Who moves the arm and what it touches.
+    #[serde(default)]
+    pub engine: Engine,
     /// How heavy the arm is.
     #[serde(default)]
     pub mass_set: MassSet,
@@ -23,8 +26,9 @@ pub struct PhysicsConfig {
 }
 
 impl PhysicsConfig {
-    /// What the published code has.
+    /// What the published code has: Gazebo moved its arm by ODE.
     pub const ORIGINAL: Self = Self {
+        engine: Engine::Ode,
         mass_set: MassSet::Description,
         joint_control: JointControl::OriginalGains,
         grasp_rule: GraspRuleName::Original,
@@ -143,6 +147,19 @@ impl Default for OriginalGrasp {
     fn default() -> Self {
         Self::DEFAULT
     }
+}
+
+/// Who moves the arm and what it touches: `"reduced"` or `"ode"`. Blocks that do not hang together with the arm by
+/// contacts are ODE's in both, and so is the search for contacts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Engine {
+    /// Ours, in joint angles, solved together with the blocks that the arm touches. Joints cannot come apart, energy is
+    /// kept to second order, and free fingers cost little.
+    #[default]
+    Reduced,
+    /// ODE's: a body for each link, held together by hinges, as in Gazebo. Loses energy when nothing drives it.
+    Ode,
 }
 
 /// How heavy the arm is: `"description"`, `"real_limb"` or `{ scaled = 2.5 }`. Each factor is on masses, inertias and

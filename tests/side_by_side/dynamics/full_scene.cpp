@@ -62,7 +62,7 @@ Model read_model() {
   for (std::size_t joints = count(); joints > 0; --joints) {
     Joint joint;
     joint.name = word();
-    joint.fixed = number() != 0.0;
+    joint.kind = number() != 0.0 ? JointKind::fixed : JointKind::revolute;
     joint.parent = count();
     joint.origin = pose();
     joint.axis = vec();

@@ -1,4 +1,4 @@
-//! Committed digests: a dozen short trials whose field hashes lie in `tests/digests`, one file a platform, so that a
+//! Committed digests: sixteen short trials whose field hashes lie in `tests/digests`, one file a platform, so that a
 //! change of the arithmetic is noticed and named. `proact bless` writes them.
 
 mod bless;

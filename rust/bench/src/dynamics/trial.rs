@@ -1,16 +1,16 @@
-//! A whole trial of method D, repeated on a fresh plant.
+//! Whole trials as their plants saw them, and one of method D repeated on a fresh plant.
 
 use super::mujoco::{MuJoCo, Run};
 use super::{Cost, compare, summarize, timed};
 use crate::{BenchFigure, quantile};
+use proact_app::trial::{participant, planner};
 use proact_devices::{EmgSource, GazeSource};
-use proact_dynamics::{ArmEquations, DynamicsOptions, OdePlant, Solver};
+use proact_dynamics::{DynamicsOptions, Engine, OdePlant, Solver};
 use proact_kinematics::Kinematics;
-use proact_participants::{ParticipantOptions, SelectingParticipant};
-use proact_planning::{ArmPlanner, PlanWorker, PlannerOptions};
+use proact_participants::ParticipantOptions;
 use proact_tasks::BoxAndBlocks;
 use proact_testbed::{
-    MethodName, Parts, PersonParts, Session, Setup, Testbed, TrialConfig,
+    MethodName, Parts, PersonParts, Session, Setup, Testbed, TrialConfig, TrialResult,
     ports::{Plant, PlantError},
 };
 use proact_types::{ArmModel, PlantCommand, PlantState, Pose, Scene, TICK_SECS};
@@ -23,7 +23,7 @@ use std::{
 };
 
 /// Seed of the trial that is measured.
-const SEED: u64 = 1;
+pub(super) const SEED: u64 = 1;
 /// Runs of the whole trial by our settings; the fastest counts, since a shared machine only ever adds time.
 const ROUNDS: usize = 3;
 /// The plain full simulation is an order of magnitude slower: its share of the trial is this long, seconds.
@@ -33,7 +33,7 @@ const PACED_SECS: f64 = 20.0;
 
 /// What a plant was asked to do.
 #[derive(Clone, Debug)]
-enum Call {
+pub(super) enum Call {
     Step(Box<PlantCommand>),
     Attach(usize, usize),
     Release,
@@ -68,16 +68,17 @@ impl Plant for Listed {
 
 /// A trial as its plant saw it.
 pub(super) struct Recorded {
-    model: Arc<ArmModel>,
+    pub(super) model: Arc<ArmModel>,
     scene: Scene,
     initial: Vec<f64>,
     base: Pose,
-    calls: Vec<Call>,
-    last: PlantState,
+    pub(super) calls: Vec<Call>,
+    pub(super) last: PlantState,
+    pub(super) result: TrialResult,
 }
 
 impl Recorded {
-    fn plant(&self, options: DynamicsOptions) -> Result<OdePlant, PlantError> {
+    pub(super) fn plant(&self, options: DynamicsOptions) -> Result<OdePlant, PlantError> {
         OdePlant::new(&self.model, &self.scene, &self.initial, &self.base, options)
     }
 
@@ -96,7 +97,7 @@ impl Recorded {
     }
 
     /// Repeats the calls of the first `ticks` ticks on `plant`; seconds of each step.
-    fn repeat(&self, plant: &mut OdePlant, ticks: usize) -> Result<Vec<f64>, PlantError> {
+    pub(super) fn repeat(&self, plant: &mut OdePlant, ticks: usize) -> Result<Vec<f64>, PlantError> {
         let mut times = Vec::with_capacity(self.calls.len().min(ticks));
         for call in &self.calls {
             match call {
@@ -110,42 +111,43 @@ impl Recorded {
     }
 }
 
-/// Runs one trial of method D and lists what its plant was asked.
-pub(super) fn record() -> Result<Recorded, Box<dyn Error>> {
-    let mut config = TrialConfig::new(MethodName::D, SEED, Setup::named("seated")?);
+/// Runs the trial of method D that is measured.
+pub(super) fn record_d() -> Result<Recorded, Box<dyn Error>> {
+    record(TrialConfig::new(MethodName::D, SEED, Setup::named("seated")?))
+}
+
+/// Runs one trial with a simulated participant and lists what its plant was asked.
+pub(super) fn record(mut config: TrialConfig) -> Result<Recorded, Box<dyn Error>> {
     let prepared = proact_devices::prepare(&EmgSource::Synthetic, config.seed)?;
     config.emg = Some(prepared.config);
     config.gesture_source = prepared.label;
     let options = *config.participant.get_or_insert_with(ParticipantOptions::default);
-    let task = BoxAndBlocks::new(config.arrangement);
-    let scene = task.scene().clone();
-    let participant = SelectingParticipant::new(options, config.setup.body, &scene, config.seed);
-    let gaze = GazeSource::new(1.5, config.seed)?;
+    let scene = BoxAndBlocks::new(config.arrangement).scene().clone();
     let model = Arc::new(proact_description::mpl_right_arm());
+    let participant = participant(&config, options, &model)?;
+    let gaze = GazeSource::new(options.gaze_error_deg, config.seed)?;
     let initial = [model.pose("arm", "start")?, model.pose("hand", "open")?].concat();
     let base = config.setup.body.shoulder_pose(&Default::default());
-    let planner =
-        ArmPlanner::new(model.clone(), Box::new(Kinematics::new(&model)?), PlannerOptions::default())?;
     let calls = Rc::new(RefCell::new(Vec::new()));
-    let plant = OdePlant::new(&model, &scene, &initial, &base, DynamicsOptions::default())?;
+    let plant = OdePlant::new(&model, &scene, &initial, &base, DynamicsOptions::of(&config.physics))?;
     let parts = Parts {
         model: model.clone(),
         kinematics: Box::new(Kinematics::new(&model)?),
         plant: Box::new(Listed { plant, calls: calls.clone() }),
-        plans: Box::new(PlanWorker::new(planner)),
+        plans: Box::new(planner(&model, &config)?),
         classifier: Some(prepared.classifier),
         process: None,
     };
     let person = PersonParts {
-        participant: Some(Box::new(participant)),
+        participant: Some(participant),
         emg: Some(Box::new(prepared.feed)),
         gaze: Some(Box::new(gaze)),
     };
     let mut session = Session::new(Testbed::new(config, parts)?, person);
     while !session.step(false)?.output.finished {}
     let last = session.testbed().plant().state().clone();
-    let calls = calls.take();
-    Ok(Recorded { model, scene, initial, base, calls, last })
+    let (calls, result) = (calls.take(), session.result());
+    Ok(Recorded { model, scene, initial, base, calls, last, result })
 }
 
 pub(super) fn whole_trial(
@@ -181,7 +183,7 @@ pub(super) fn whole_trial(
     // The others get the first part of the trial: with other settings the same calls end elsewhere, but the load is
     // the same kind.
     let ticks = (PLAIN_SECS / TICK_SECS) as usize;
-    let plain = DynamicsOptions { arm: ArmEquations::Bodies, hold_still_hand: false, sleep: false, ..ours };
+    let plain = DynamicsOptions { engine: Engine::Ode, hold_still_hand: false, sleep: false, ..ours };
     let gazebo = DynamicsOptions { solver: Solver::Iterative { iterations: 50, seed: 1 }, ..plain };
     let note = format!("first {PLAIN_SECS} s of the trial");
     for (name, options) in
@@ -242,7 +244,7 @@ mod tests {
 
     #[test]
     fn a_repeated_trial_ends_in_the_same_state_to_the_last_bit() {
-        let trial = record().unwrap();
+        let trial = record_d().unwrap();
         let mut plant = trial.plant(DynamicsOptions::default()).unwrap();
         let times = trial.repeat(&mut plant, usize::MAX).unwrap();
         assert!(times.len() > 10_000, "{} ticks", times.len());

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -13,7 +14,7 @@ struct Pose {
   std::array<double, 4> quaternion{{0.0, 0.0, 0.0, 1.0}};
 };
 
-enum class ShapeKind { box, cylinder, sphere, mesh };
+enum class ShapeKind : std::uint8_t { box, cylinder, sphere, mesh };
 
 struct Shape {
   ShapeKind kind{};
@@ -46,10 +47,12 @@ struct Link {
   std::vector<Visual> visuals;
 };
 
+/// Those of URDF; `unknown` where urdfdom understood none.
+enum class JointKind : std::uint8_t { fixed, revolute, continuous, prismatic, planar, floating, unknown };
+
 struct Joint {
   std::string name;
-  /// As URDF spells it: fixed, revolute, continuous, prismatic, planar, floating.
-  std::string kind;
+  JointKind kind = JointKind::unknown;
   std::string parent;
   std::string child;
   Pose origin;

@@ -5,6 +5,7 @@
 
 #include <array>
 #include <cstddef>
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -13,7 +14,7 @@ namespace proact::dynamics {
 /// Length of one tick, seconds.
 constexpr double tick_secs = 1e-3;
 
-enum class ShapeKind { box, sphere, cylinder, capsule };
+enum class ShapeKind : std::uint8_t { box, sphere, cylinder, capsule };
 
 /// A convex shape centred in its own frame, axis along z.
 /// size: box, full sides x y z; sphere, radius; cylinder and capsule, radius and length (without round ends).
@@ -35,10 +36,12 @@ struct Link {
   std::vector<Collision> collisions;
 };
 
+enum class JointKind : std::uint8_t { fixed, revolute };
+
 /// Joint k moves link k + 1; a parent stands before its children.
 struct Joint {
   std::string name;
-  bool fixed = true;
+  JointKind kind = JointKind::fixed;
   std::size_t parent = 0;
   Pose origin;  ///< parent_from_child at angle zero
   Vec3 axis;    ///< unit, in the child frame
@@ -49,7 +52,7 @@ struct Joint {
   double damping = 0.0;   ///< N m s/rad
   double friction = 0.0;  ///< N m
   /// N m/rad. Above zero the joint is driven by these two gains alone, without feed-forward and without the effort
-  /// limit, which needs ArmEquations::reduced; zero: by the position control.
+  /// limit; zero: by the position control.
   double proportional_gain = 0.0;
   double derivative_gain = 0.0;  ///< N m s/rad
 };
@@ -70,18 +73,19 @@ struct Block {
   Pose pose;                     ///< world_from_block at the start
 };
 
-enum class Solver {
+enum class Solver : std::uint8_t {
   direct,    ///< dWorldStep: exact, depends on nothing but the state
   iterative  ///< dWorldQuickStep: approximate; its generator is process-wide, so worlds take turns
 };
 
-enum class ArmEquations {
-  reduced,  ///< in joint angles: joints cannot come apart, and cost grows little with their number
-  bodies    ///< a body of ODE for each link, held together by ODE's hinges: the plain way, for comparison
+/// Who moves the arm and what it touches. Blocks that do not hang together with the arm are ODE's in both.
+enum class Engine : std::uint8_t {
+  reduced,  ///< ours, in joint angles (engines/reduced): joints cannot come apart, and cost grows little with their number
+  ode       ///< a body of ODE for each link, held together by ODE's hinges, as in Gazebo (engines/ode)
 };
 
 struct Options {
-  ArmEquations arm = ArmEquations::reduced;
+  Engine engine = Engine::reduced;
   Vec3 gravity{0.0, 0.0, -9.80665};
   Solver solver = Solver::direct;
   int iterations = 50;     ///< of the iterative solver
@@ -114,7 +118,7 @@ struct Options {
   /// Resting blocks fall asleep.
   bool sleep = true;
   /// A carried block shares the body of the link that holds it; else ODE holds it there by a fixed joint, which only
-  /// ArmEquations::bodies can do.
+  /// Engine::ode can do.
   bool merge_carried = true;
 };
 

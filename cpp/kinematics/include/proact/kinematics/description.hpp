@@ -7,6 +7,7 @@
 
 #include <array>
 #include <cstddef>
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -28,6 +29,8 @@ struct Inertial {
   std::array<double, 6> inertia{};
 };
 
+enum class JointKind : std::uint8_t { fixed, revolute };
+
 /// A link with the joint that carries it.
 struct LinkDescription {
   std::string name;
@@ -35,8 +38,7 @@ struct LinkDescription {
   std::size_t parent = 0;
   /// Name of the joint between parent and link.
   std::string joint;
-  /// Revolute, or fixed.
-  bool revolute = false;
+  JointKind kind = JointKind::fixed;
   /// parent_from_link at angle zero.
   Pose origin;
   /// Axis in the joint frame; its length does not matter.

@@ -37,7 +37,7 @@ struct Resolution {
 
 /// Planners of OMPL. RRTConnect is the default, LBKPIECE1 was the original's. Anytime shortening is RRTConnect again and
 /// again until the iterations are spent: the paths are shortened and the best parts of all put together.
-enum class PlannerKind { rrt_connect, bitrrt, lbkpiece1, rrt_star, prm, anytime };
+enum class PlannerKind : std::uint8_t { rrt_connect, bitrrt, lbkpiece1, rrt_star, prm, anytime };
 
 /// Arm angles, and which of them a straight motion joins: grown once among things that stay where they are, and
 /// begun with wherever they stand.
@@ -73,7 +73,7 @@ struct JointQuery {
   std::function<bool(const double*)> accepts;
 };
 
-enum class JointPlanStatus { solved, no_plan, start_in_collision, goals_in_collision, cancelled };
+enum class JointPlanStatus : std::uint8_t { solved, no_plan, start_in_collision, goals_in_collision, cancelled };
 
 struct JointPlan {
   JointPlanStatus status = JointPlanStatus::no_plan;

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <utility>
@@ -16,7 +17,7 @@ struct Pose {
   std::array<double, 4> quaternion{0.0, 0.0, 0.0, 1.0};
 };
 
-enum class ShapeKind { box, sphere, cylinder, capsule, mesh };
+enum class ShapeKind : std::uint8_t { box, sphere, cylinder, capsule, mesh };
 
 /// Triangles over vertices, metres. Its surface collides; what is wholly inside does not touch it.
 struct Mesh {
@@ -43,11 +44,13 @@ struct Link {
   std::vector<PlacedShape> shapes;
 };
 
+enum class JointKind : std::uint8_t { fixed, revolute };
+
 /// A joint; `pose` is parent_from_child at angle zero, `axis` a direction in the joint frame.
 struct Joint {
   std::size_t parent = 0;
   std::size_t child = 0;
-  bool revolute = false;
+  JointKind kind = JointKind::fixed;
   Pose pose;
   std::array<double, 3> axis{0.0, 0.0, 1.0};
   double lower = 0.0;

@@ -1,7 +1,7 @@
 // The velocities at the end of a tick of the arm and of the blocks that hang together with it by contacts.
 #pragma once
 
-#include "arm_tree.hpp"
+#include "engines/reduced/arm_tree.hpp"
 
 #include <array>
 #include <cstddef>
@@ -20,6 +20,11 @@ namespace proact::dynamics {
 /// For a given width of friction these speeds are the minimum of a smooth convex function, found by Newton's method with
 /// a search along each step; the widths are repeated until they settle. The result depends on nothing but the numbers
 /// given.
+///
+/// Coulomb's friction as a fixed point of problems with given friction, each solved by a semi-smooth Newton method:
+/// K. Kunisch and G. Stadler (ESAIM: M2AN 39, 2005). Soft contacts as a convex function of the speeds: E. Todorov,
+/// Convex and analytically-invertible dynamics with contacts and constraints (ICRA 2014). Theirs are of continua and of
+/// true friction cones; ours of rigid bodies and of ODE's laws.
 class VelocityProblem {
  public:
   struct Hinge {

@@ -1,4 +1,4 @@
-#include "arm_bodies.hpp"
+#include "engines/ode/ode_arm.hpp"
 
 #include <algorithm>
 #include <iterator>
@@ -36,7 +36,7 @@ double turning_ease(dBodyID body, const Vec3& axis) {
 
 }  // namespace
 
-ArmBodies::ArmBodies(const ArmSurroundings& surroundings)
+OdeArm::OdeArm(const ArmSurroundings& surroundings)
     : Arm(surroundings.model.links.size()),
       model_(surroundings.model),
       world_(surroundings.world),
@@ -47,10 +47,11 @@ ArmBodies::ArmBodies(const ArmSurroundings& surroundings)
       carrying_(surroundings.carrying),
       geoms_(surroundings.geoms),
       contact_joints_(surroundings.contact_joints),
-      motions_(surroundings.model.links.size()) {}
+      motions_(surroundings.model.links.size()),
+      hanging_(surroundings.blocks.count(), false) {}
 
 /// Finds poses and twists of all links at `positions` and the present speeds. Expects that of the base.
-void ArmBodies::place_links(const std::vector<double>& positions) {
+void OdeArm::place_links(const std::vector<double>& positions) {
   for (std::size_t k = 0; k < model_.joints.size(); ++k) {
     const Joint& joint = model_.joints[k];
     const FrameMotion& parent = motions_[joint.parent];
@@ -65,7 +66,7 @@ void ArmBodies::place_links(const std::vector<double>& positions) {
   }
 }
 
-void ArmBodies::place_bodies() {
+void OdeArm::place_bodies() {
   for (std::size_t body = 0; body < bodies_.size(); ++body) {
     const std::size_t root = links_.root_of(body);
     set_body_pose(bodies_[body], motions_[root].pose * inverse(links_.body_from_link(root)));
@@ -74,7 +75,7 @@ void ArmBodies::place_bodies() {
 
 /// Gives each body the mass of its links and of a carried block, and finds body_from_link(). ODE's bodies have
 /// their origin in the centre of mass; their axes are those of the first link. Expects motions_.
-void ArmBodies::set_masses() {
+void OdeArm::set_masses() {
   for (std::size_t body = 0; body < links_.body_count(); ++body) {
     const Pose root_from_world = inverse(motions_[links_.root_of(body)].pose);
     dMass total;
@@ -106,7 +107,7 @@ void ArmBodies::set_masses() {
 }
 
 /// Adds the carried block to the mass of a body that it is part of.
-void ArmBodies::add_carried_mass(std::size_t body, dMass& total) const {
+void OdeArm::add_carried_mass(std::size_t body, dMass& total) const {
   if (!carrying_.merged()) return;
   const Attachment& attachment = *carrying_.attached();
   if (links_.body_of(attachment.link) != body) return;
@@ -122,7 +123,7 @@ void ArmBodies::add_carried_mass(std::size_t body, dMass& total) const {
 }
 
 /// Expects the bodies placed with all free joints at angle zero, so that ODE's angles are the model's.
-void ArmBodies::make_hinges() {
+void OdeArm::make_hinges() {
   hinges_.clear();
   for (std::size_t k = 0; k < model_.joints.size(); ++k) {
     if (joints_.rigid(k)) continue;
@@ -144,7 +145,7 @@ void ArmBodies::make_hinges() {
 }
 
 /// Hangs the arm's and the blocks' shapes on their bodies.
-void ArmBodies::hang_geoms() {
+void OdeArm::hang_geoms() {
   for (const Geom& geom : geoms_.links) {
     geom.hang(bodies_[links_.body_of(geom.owner)], links_.body_from_link(geom.owner) * geom.owner_from_shape);
   }
@@ -161,7 +162,7 @@ void ArmBodies::hang_geoms() {
 
 /// Gives a carried block that has a body of its own a fixed joint. ODE takes the present places for those to keep, so the
 /// block is put for a moment where it belongs.
-void ArmBodies::hold_carried_block() {
+void OdeArm::hold_carried_block() {
   if (!carrying_.apart()) return;
   const Attachment& attachment = *carrying_.attached();
   const dBodyID block = blocks_.body(attachment.block);
@@ -174,7 +175,7 @@ void ArmBodies::hold_carried_block() {
   set_body_pose(block, present);
 }
 
-void ArmBodies::build_at(const Pose& world_from_base) {
+void OdeArm::build_at(const Pose& world_from_base) {
   built_base_ = world_from_base;
   const std::vector<dBodyID> old_bodies = bodies_;
   for (const Hinge& hinge : hinges_) dJointDestroy(hinge.joint);
@@ -219,32 +220,64 @@ void ArmBodies::build_at(const Pose& world_from_base) {
   for (const dBodyID body : old_bodies) dBodyDestroy(body);
 }
 
+/// A motor at its speed yields by the world's softness; one that is driven by gains by their inverse, which makes ODE
+/// solve for their torque at the end of the tick: torque - slope * speed.
+void OdeArm::set_motor(dJointID hinge, const Motor& motor) const {
+  const bool gains = motor.slope > 0.0;
+  dJointSetHingeParam(hinge, dParamVel, gains ? motor.torque / motor.slope : motor.speed);
+  dJointSetHingeParam(hinge, dParamFMax, gains ? dInfinity : motor.limit);
+  dJointSetHingeParam(hinge, dParamCFM, gains ? 1.0 / motor.slope : model_.options.joint_cfm);
+}
+
 /// Damping and friction act as they do at the end of the tick (implicit Euler, of each joint by itself): taken from
 /// its start, they would shake light fingers that no control holds ever faster.
-void ArmBodies::drive(const double* position, const double* velocity) {
+void OdeArm::drive(const double* position, const double* velocity) {
   const FrameMotion base = base_.motion();
   set_body_velocity(bodies_[0], base.linear, base.angular);
   for (const Hinge& hinge : hinges_) {
     const std::size_t k = hinge.moving;
     const Motor motor = control_.motor(k, position[k], velocity[k]);
-    dJointSetHingeParam(hinge.joint, dParamVel, motor.speed);
-    dJointSetHingeParam(hinge.joint, dParamFMax, motor.limit);
-    const double torque = -motor.rubbing * joints_.velocities()[k] / (1.0 + tick_secs * motor.rubbing / hinge.inertia);
+    set_motor(hinge.joint, motor);
+    const double rubbing = motor.rubbing - motor.slope;
+    const double torque = -rubbing * joints_.velocities()[k] / (1.0 + tick_secs * rubbing / hinge.inertia);
     dJointAddHingeTorque(hinge.joint, torque);
   }
 }
 
-void ArmBodies::place_geoms() {
+void OdeArm::place_geoms() {
   Geoms::update(geoms_.links);
   Geoms::update(geoms_.blocks);
 }
 
-bool ArmBodies::push(Collisions& collisions) {
+/// Blocks that hang together with the arm by contacts stay awake: ODE wakes them, but one that the arm pushes slowly
+/// would be put to sleep again in each tick, and lose its speed there.
+void OdeArm::keep_awake(const std::vector<Touch>& touches) {
+  std::fill(hanging_.begin(), hanging_.end(), false);
+  const auto moves = [&](const Side& side) {
+    return side.block == no_index ? side.body != nullptr : static_cast<bool>(hanging_[side.block]);
+  };
+  const auto hang = [&](const Side& side) {
+    if (side.block == no_index || hanging_[side.block]) return false;
+    hanging_[side.block] = true;
+    blocks_.keep_awake(side.block);
+    return true;
+  };
+  for (bool grown = true; grown;) {
+    grown = false;
+    for (const Touch& touch : touches) {
+      if (moves(touch.first)) grown = hang(touch.second) || grown;
+      if (moves(touch.second)) grown = hang(touch.first) || grown;
+    }
+  }
+}
+
+bool OdeArm::push(Collisions& collisions) {
+  keep_awake(collisions.touches());
   for (const Touch& touch : collisions.touches()) contact_joints_.push(touch);
   return true;
 }
 
-void ArmBodies::finish() {
+void OdeArm::finish() {
   // Takes away the rounding of ODE's own integration, so that it cannot add up.
   set_body_pose(bodies_[0], base_.pose());
   joints_.clear_efforts();
@@ -262,22 +295,22 @@ void ArmBodies::finish() {
   }
 }
 
-FrameMotion ArmBodies::motion(std::size_t body) const {
+FrameMotion OdeArm::motion(std::size_t body) const {
   const dBodyID id = bodies_[body];
   return {body_pose(id), linear_velocity(id), angular_velocity(id)};
 }
 
-bool ArmBodies::all_finite() const {
+bool OdeArm::all_finite() const {
   return std::all_of(bodies_.begin(), bodies_.end(), [](dBodyID body) { return is_finite(body); });
 }
 
-Arm::State ArmBodies::state() const {
+Arm::State OdeArm::state() const {
   State state{built_base_, std::vector<int>(model_.moving.size(), 0), {}};
   for (const dBodyID body : bodies_) state.bodies.push_back(BodyBits::of(body));
   return state;
 }
 
-void ArmBodies::restore(const State& state) {
+void OdeArm::restore(const State& state) {
   // Where the base was when the bodies were last built decides how their shape was rounded. Their places are saved
   // beside the angles, because they carry the small errors of ODE's joints.
   build_at(state.built_base);

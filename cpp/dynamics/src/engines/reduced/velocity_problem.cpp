@@ -1,4 +1,4 @@
-#include "velocity_problem.hpp"
+#include "engines/reduced/velocity_problem.hpp"
 
 #include "proact/dynamics/model.hpp"
 

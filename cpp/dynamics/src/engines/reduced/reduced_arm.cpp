@@ -1,4 +1,4 @@
-#include "reduced_arm.hpp"
+#include "engines/reduced/reduced_arm.hpp"
 
 #include <algorithm>
 #include <cmath>

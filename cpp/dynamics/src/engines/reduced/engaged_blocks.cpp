@@ -1,4 +1,4 @@
-#include "engaged_blocks.hpp"
+#include "engines/reduced/engaged_blocks.hpp"
 
 #include <algorithm>
 #include <iterator>

@@ -4,7 +4,7 @@
 #include "block_bodies.hpp"
 #include "contact_joints.hpp"
 #include "touch.hpp"
-#include "velocity_problem.hpp"
+#include "engines/reduced/velocity_problem.hpp"
 
 #include <cstddef>
 #include <vector>

@@ -1,4 +1,4 @@
-#include "near_links.hpp"
+#include "engines/reduced/near_links.hpp"
 
 #include "no_index.hpp"
 

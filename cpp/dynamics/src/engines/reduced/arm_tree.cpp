@@ -1,4 +1,4 @@
-#include "arm_tree.hpp"
+#include "engines/reduced/arm_tree.hpp"
 
 #include <algorithm>
 

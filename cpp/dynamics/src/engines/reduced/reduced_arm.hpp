@@ -1,11 +1,31 @@
-// The arm in joint angles. What it touches is solved together with it.
+// The engine `reduced`: the arm in joint angles, solved together with the blocks that hang together with it by contacts.
+//
+// Frames. W is `world`, z up, and vectors are in its axes unless a name says otherwise. B is the base, which goes where it
+// is told. A body is a set of links that rigid joints hold together; its frame is that of its first link, whose hinge
+// turns it against its parent. A contact has its normal n, from the second side into the first, and two tangents across.
+//
+// Equations of a tick of length h. Unknown are the speeds v at its end, of the hinges and of the engaged blocks (linear,
+// then angular); M is the mass matrix, C what inverse dynamics gives for zero accelerations, J the contacts' Jacobian:
+//
+//   q_half = q + h/2 v_start,   M (v - v_start) = h (motors - damping - C) + J^T impulses,   q_end = q_half + h/2 v.
+//
+// Where the parts come from:
+// - half a tick of drift, velocities with contacts at the middle, the other half: the time stepping of J. J. Moreau,
+//   Unilateral contact and dry friction in finite freedom dynamics (CISM 302, 1988);
+// - impulses and velocities instead of forces and accelerations: D. E. Stewart and J. C. Trinkle (Int. J. Numer. Methods
+//   Eng. 39, 1996), M. Anitescu and F. A. Potra (Nonlinear Dynamics 14, 1997);
+// - inverse dynamics by Newton and Euler: J. Y. S. Luh, M. W. Walker and R. P. C. Paul (J. Dyn. Sys. Meas. Control 102,
+//   1980), as R. Featherstone, Rigid Body Dynamics Algorithms (2008), 5.3 (arm_tree);
+// - mass matrix of composite rigid bodies: M. W. Walker and D. E. Orin (J. Dyn. Sys. Meas. Control 104, 1982), as
+//   Featherstone 6.2 (arm_tree);
+// - contacts and motors: see velocity_problem.
 #pragma once
 
 #include "arm.hpp"
-#include "arm_tree.hpp"
-#include "engaged_blocks.hpp"
-#include "near_links.hpp"
-#include "velocity_problem.hpp"
+#include "engines/reduced/arm_tree.hpp"
+#include "engines/reduced/engaged_blocks.hpp"
+#include "engines/reduced/near_links.hpp"
+#include "engines/reduced/velocity_problem.hpp"
 
 #include <array>
 #include <cstddef>

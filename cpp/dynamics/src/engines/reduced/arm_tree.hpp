@@ -2,6 +2,7 @@
 // apart. Vectors are in world axes unless a name says otherwise.
 #pragma once
 
+#include "frame_motion.hpp"
 #include "proact/dynamics/model.hpp"
 
 #include <cstddef>
@@ -31,23 +32,8 @@ Symmetric rotated(const Quat& q, const Symmetric& m);
 /// Inertia of `mass` at `r` about the origin.
 Symmetric point_inertia(double mass, const Vec3& r);
 
-/// Place and twist of a frame; linear is that of its origin.
-struct FrameMotion {
-  Pose pose;
-  Vec3 linear;
-  Vec3 angular;
-};
-
 /// Where a frame is after `secs` at a constant twist.
 Pose moved(const Pose& pose, const Vec3& linear, const Vec3& angular, double secs);
-
-/// How the base moves: its twist, and what its velocity gains in a second.
-struct BaseMotion {
-  Vec3 linear;
-  Vec3 angular;
-  Vec3 linear_acceleration;
-  Vec3 angular_acceleration;
-};
 
 class ArmTree {
  public:

@@ -1,7 +1,7 @@
 // The shapes of the arm in joint angles, moved by hand as far as they are near anything they could touch.
 #pragma once
 
-#include "arm_tree.hpp"
+#include "engines/reduced/arm_tree.hpp"
 #include "geoms.hpp"
 #include "link_groups.hpp"
 

@@ -1,4 +1,15 @@
-// The arm as rigid bodies of ODE, held together by ODE's hinges.
+// The engine `ode`: the arm as rigid bodies of ODE, held together by ODE's hinges and solved by dWorldStep together with
+// all blocks, as Gazebo does for the original.
+//
+// Frames. W is `world`, z up. B is the base, a kinematic body whose origin is that of the base link. A body is a set of links
+// that rigid joints hold together; ODE has its origin in its centre of mass, its axes are those of its first link
+// (LinkGroups::body_from_link). A hinge's anchor is the origin of the child link, its axis the joint's; its angle is the
+// model's, because hinges are made with all free joints at zero.
+//
+// ODE's equations: Lagrange multipliers on velocities after D. E. Stewart and J. C. Trinkle (Int. J. Numer. Methods Eng.
+// 39, 1996) and M. Anitescu and F. A. Potra (Nonlinear Dynamics 14, 1997), softened by ERP and CFM; the linear
+// complementarity problem with friction by Dantzig's method after D. Baraff, Fast contact force computation for
+// nonpenetrating rigid bodies (SIGGRAPH 1994); then semi-implicit Euler, of first order.
 #pragma once
 
 #include "arm.hpp"
@@ -8,9 +19,9 @@
 
 namespace proact::dynamics {
 
-class ArmBodies final : public Arm {
+class OdeArm final : public Arm {
  public:
-  explicit ArmBodies(const ArmSurroundings& surroundings);
+  explicit OdeArm(const ArmSurroundings& surroundings);
 
   void build() override { build_at(base_.pose()); }
   void drive(const double* position, const double* velocity) override;
@@ -38,15 +49,17 @@ class ArmBodies final : public Arm {
   void set_masses();
   void add_carried_mass(std::size_t body, dMass& total) const;
   void make_hinges();
+  void set_motor(dJointID hinge, const Motor& motor) const;
   void hold_carried_block();
   void hang_geoms();
+  void keep_awake(const std::vector<Touch>& touches);
 
   const Model& model_;
   dWorldID world_;
   const MovingBase& base_;
   ArmJoints& joints_;
   JointControl& control_;
-  const BlockBodies& blocks_;
+  BlockBodies& blocks_;
   const Carrying& carrying_;
   Geoms& geoms_;
   ContactJoints& contact_joints_;
@@ -57,6 +70,7 @@ class ArmBodies final : public Arm {
   dJointID holding_ = nullptr;         ///< holds the carried block, if it has a body of its own
   Pose built_base_;                    ///< the base when the bodies were last built
   std::vector<FrameMotion> motions_;   ///< by link, scratch
+  std::vector<bool> hanging_;          ///< by block, scratch: hangs together with the arm by contacts in this tick
 };
 
 }  // namespace proact::dynamics
