@@ -19,7 +19,8 @@ use axum::{
     routing::get,
     serve::ListenerExt,
 };
-use proact_types::{ArmModel, DisplayFrame, Scene};
+use proact_arm::ArmModel;
+use proact_types::{DisplayFrame, Scene};
 use serde::{Deserialize, Serialize};
 use std::{
     net::{IpAddr, Ipv4Addr, SocketAddr},

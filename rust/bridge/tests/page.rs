@@ -5,6 +5,7 @@
 
 use futures_util::{SinkExt, StreamExt};
 use nalgebra::{Isometry3, Point3, Vector3};
+use proact_arm::*;
 use proact_bridge::{
     BridgeError, ClientInput, PageContent, PageOptions, PageServer, RecordedTrial, Signals, StudyAction,
     TrialStatus,

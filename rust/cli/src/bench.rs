@@ -2,8 +2,9 @@
 
 use crate::query::scattered;
 use nalgebra::DMatrix;
+use proact_arm::ArmModel;
 use proact_kinematics::{ArmKinematics, IkOutcome, Kinematics, KinematicsError, time_raw_kdl};
-use proact_types::{ArmModel, JointVector, Pose, zeros};
+use proact_types::{JointVector, Pose, zeros};
 use serde::Serialize;
 use std::hint::black_box;
 use std::time::Instant;

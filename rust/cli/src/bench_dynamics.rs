@@ -6,10 +6,11 @@ mod trial;
 use crate::bench::{BenchFigure, BenchReport, quantile};
 use mujoco::{MuJoCo, Run};
 use nalgebra::UnitQuaternion;
+use proact_arm::ArmModel;
 use proact_dynamics::{ArmEquations, DynamicsOptions, OdePlant};
 use proact_testbed::ports::{Plant, PlantError};
 use proact_types::{
-    ArmModel, Block, BlockId, PlantCommand, Pose, Scene, SceneObject, Shape, TICK_SECS, Vector, joints, zeros,
+    Block, BlockId, PlantCommand, Pose, Scene, SceneObject, Shape, TICK_SECS, Vector, joints, zeros,
 };
 use std::{error::Error, time::Instant};
 

@@ -1,8 +1,9 @@
+use proact_arm::ArmModel;
 use proact_emg::Classifier;
 use proact_planning::PlanLog;
 use proact_recording::{RecordingError, TrialBag, TrialHeader, TrialWriter};
 use proact_testbed::{Step, TrialConfig, TrialResult};
-use proact_types::{ArmModel, PlantState, SimTime};
+use proact_types::{PlantState, SimTime};
 use std::{
     fs,
     io::{self, Write},

@@ -5,9 +5,8 @@
 
 use crate::ports::{ArmKinematics, IkOutcome, KinematicsError};
 use nalgebra::{DMatrix, DVector, Unit, UnitQuaternion, Vector3};
-use proact_types::{
-    ArmModel, Joint, JointKind, JointLimits, JointVector, Link, NamedPose, Point, Pose, Vector, joints,
-};
+use proact_arm::{ArmModel, Joint, JointKind, JointLimits, Link, NamedPose};
+use proact_types::{JointVector, Point, Pose, Vector, joints};
 use std::sync::Arc;
 
 /// Where the arm of [`test_arm`] starts a trial, as in the original, rad.

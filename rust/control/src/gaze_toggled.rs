@@ -4,9 +4,10 @@ use crate::{
     ToggleLocksProfile,
 };
 use nalgebra::{Quaternion, Unit, UnitQuaternion, Vector3};
+use proact_arm::ArmModel;
 use proact_types::{
-    ArmModel, BlockId, EventKind, Gesture, PlanGoal, PlanReply, PlanStatus, PlannerView, Point, Pose,
-    SimTime, TargetView,
+    BlockId, EventKind, Gesture, PlanGoal, PlanReply, PlanStatus, PlannerView, Point, Pose, SimTime,
+    TargetView,
 };
 use std::f64::consts::FRAC_PI_2;
 

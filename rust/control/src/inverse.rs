@@ -2,7 +2,8 @@
 
 use crate::{DampedProfile, JointSubset, MoorePenroseProfile};
 use nalgebra::{DMatrix, Matrix6, Vector3, Vector6};
-use proact_types::{JointLimits, JointVector, zeros};
+use proact_arm::JointLimits;
+use proact_types::{JointVector, zeros};
 
 /// As far as a joint is looked ahead when a motion is judged by whether it leads into a singularity, seconds.
 const LOOK_AHEAD_SECS: f64 = 0.02;

@@ -5,7 +5,8 @@ use crate::{
     semantics::{Group, Member, Semantics},
     tree::Tree,
 };
-use proact_types::{ArmModel, JointKind, MAX_JOINTS, NamedPose, Vector};
+use proact_arm::{ArmModel, JointKind, NamedPose};
+use proact_types::{MAX_JOINTS, Vector};
 
 /// The model, if nothing fatal was found on the way.
 pub(crate) fn assemble(

@@ -34,7 +34,7 @@ pub use report::{Report, Summary, check};
 pub use write::{to_srdf, to_urdf};
 
 use finding::Findings;
-use proact_types::{ArmModel, Link};
+use proact_arm::{ArmModel, Link};
 use std::path::Path;
 
 /// The MPL right arm, as URDF.
@@ -141,7 +141,7 @@ pub fn select_chain(model: &ArmModel, base: &str, tip: &str) -> Result<ArmModel,
         joints.push(joint);
     }
     let moving = |old: &[usize]| -> Vec<usize> { old.iter().map(|&j| new_index(j + 1) - 1).collect() };
-    let revolute = |j: &usize| model.joints[*j].kind == proact_types::JointKind::Revolute;
+    let revolute = |j: &usize| model.joints[*j].kind == proact_arm::JointKind::Revolute;
     let arm: Vec<usize> = path.iter().copied().filter(revolute).collect();
     let hand: Vec<usize> = if tip_index == model.tip {
         model.hand.clone()

@@ -1,7 +1,7 @@
 //! Bad input and the embedded arm.
 
 use super::*;
-use proact_types::JointKind;
+use proact_arm::JointKind;
 
 #[test]
 fn the_embedded_right_arm_is_read_in_the_order_that_everyone_relies_on() {

@@ -1,7 +1,8 @@
 //! Writing a model as URDF and SRDF text.
 
 use nalgebra::UnitQuaternion;
-use proact_types::{ArmModel, Joint, JointKind, Link, Pose, Shape, VisualGeometry};
+use proact_arm::{ArmModel, Joint, JointKind, Link, VisualGeometry};
+use proact_types::{Pose, Shape};
 use std::fmt::Write;
 
 /// Decimals of angles and directions: finer than a double holds near pi, coarse enough to hide the last bits

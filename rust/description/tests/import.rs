@@ -2,8 +2,8 @@
 #![allow(clippy::unwrap_used, clippy::disallowed_methods)]
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use proact_arm::{ArmModel, JointKind};
 use proact_description::{Severity, check, import, mpl_right_arm, parse, to_srdf, to_urdf};
-use proact_types::{ArmModel, JointKind};
 use std::path::PathBuf;
 
 /// The SDF file rounds poses to six digits.

@@ -2,10 +2,10 @@
 #![allow(clippy::unwrap_used)]
 
 use nalgebra::{Isometry3, Matrix4, Translation3, UnitQuaternion, Vector4};
+use proact_arm::{ArmModel, VisualGeometry};
 use proact_description::{
     MPL_LEFT_ARM_SRDF, MPL_LEFT_ARM_URDF, MPL_RIGHT_ARM_URDF, mirror, mpl_left_arm, mpl_right_arm,
 };
-use proact_types::{ArmModel, VisualGeometry};
 use proptest::prelude::*;
 
 /// Sums of a few dozen products of numbers below one.

@@ -8,11 +8,11 @@ mod common;
 
 use common::{START, bare_table, box_scene, grasp_base, move_hand, plant_at, positions, standing};
 use nalgebra::{Quaternion, UnitQuaternion};
+use proact_arm::{ArmModel, Inertial, Joint, JointKind, JointLimits, Link};
 use proact_dynamics::{ArmEquations, DynamicsOptions, OdePlant};
 use proact_testbed::ports::Plant;
 use proact_types::{
-    ArmModel, Block, BlockId, Inertial, Joint, JointKind, JointLimits, Link, PlantCommand, PlantState, Pose,
-    Scene, SceneObject, Shape, Vector, zeros,
+    Block, BlockId, PlantCommand, PlantState, Pose, Scene, SceneObject, Shape, Vector, zeros,
 };
 use std::fmt::Write as _;
 use std::io::Write as _;

@@ -5,7 +5,8 @@ mod ways;
 
 use arrayvec::ArrayVec;
 use nalgebra::{DMatrix, DVector, Translation3, Unit, UnitQuaternion};
-use proact_types::{ArmModel, JointVector, Point, Pose, Shape, Vector};
+use proact_arm::ArmModel;
+use proact_types::{JointVector, Point, Pose, Shape, Vector};
 use std::sync::Arc;
 
 pub(crate) use ways::{Conditions, Turn, back_is_shorter, made};
@@ -242,7 +243,7 @@ fn bulges(model: &ArmModel) -> Vec<Bulge> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proact_types::{CollisionShape, Joint, JointKind, JointLimits, Link};
+    use proact_arm::{CollisionShape, Joint, JointKind, JointLimits, Link};
 
     /// Three joints about z, y, y with links of 0.3 m along x.
     pub(super) fn arm() -> ArmSense {

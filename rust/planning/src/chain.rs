@@ -5,8 +5,9 @@
 
 use crate::PlanningError;
 use nalgebra::{Matrix3, Rotation3, Unit, Vector6};
+use proact_arm::{ArmModel, JointKind};
 use proact_control::ports::ArmKinematics;
-use proact_types::{ArmModel, JointKind, Pose, Vector};
+use proact_types::{Pose, Vector};
 
 /// One arm joint: what lies before it, and its axis.
 struct Joint {

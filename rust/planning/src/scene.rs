@@ -7,7 +7,8 @@ use crate::search::{
     CancelFlag, MeshObstacle, PlainOutcome, Roadmap, SearchEffort, SearchLimits, SearchOutcome,
 };
 use crate::state_check::StateCheck;
-use proact_types::{ArmModel, AttachedObject, JointKind, Obstacle, Pose, Shape};
+use proact_arm::{ArmModel, JointKind};
+use proact_types::{AttachedObject, Obstacle, Pose, Shape};
 
 /// An arm among obstacles: FCL tells what touches, OMPL finds ways.
 ///

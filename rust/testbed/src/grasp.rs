@@ -1,6 +1,7 @@
 use crate::{GraspRuleName, OriginalGraspRule};
+use proact_arm::ArmModel;
 use proact_control::HandCommand;
-use proact_types::{ArmModel, Contact, HandState, JointVector, PlantState, joints};
+use proact_types::{Contact, HandState, JointVector, PlantState, joints};
 
 /// Two contacts hold a block when their normals are further apart than this, rad (the original: 100 degrees).
 const OPPOSING: f64 = 100.0 * std::f64::consts::PI / 180.0;
@@ -164,7 +165,8 @@ impl GraspRule {
 pub(crate) mod tests {
     use super::*;
     use nalgebra::Isometry3;
-    use proact_types::{Joint, JointKind, JointLimits, Link, Point, Vector};
+    use proact_arm::{Joint, JointKind, JointLimits, Link};
+    use proact_types::{Point, Vector};
 
     /// A hand of the given links, and joints about z from a parent (second) to a child.
     pub(crate) fn link_names_and_joints(links: &[&str], joints: &[(usize, usize)]) -> ArmModel {

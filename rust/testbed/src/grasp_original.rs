@@ -1,7 +1,8 @@
 //! The original's grasp rule, for comparisons.
 
 use crate::GraspAction;
-use proact_types::{ArmModel, PlantState, Point, Pose, Vector};
+use proact_arm::ArmModel;
+use proact_types::{PlantState, Point, Pose, Vector};
 
 /// Ticks from one check to the next: 4 Hz. (The original's are of wall time.)
 const CHECK_TICKS: u32 = 250;

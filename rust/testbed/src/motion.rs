@@ -2,8 +2,9 @@
 //! of the plant.
 
 use nalgebra::UnitQuaternion;
+use proact_arm::{ArmModel, JointLimits};
 use proact_control::{HandCommand, MotionCommand, MotionState};
-use proact_types::{ArmModel, JointLimits, JointVector, Pose, TICK_SECS, Trajectory, joints};
+use proact_types::{JointVector, Pose, TICK_SECS, Trajectory, joints};
 
 /// Highest speed of the hand joints, rad/s (assumed; the original's 0.5 rad/s makes a grasp take two seconds).
 const HAND_SPEED: f64 = 2.0;

@@ -10,7 +10,8 @@ mod ray;
 pub(crate) use http::{picture, picture_json};
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
-use proact_types::{ArmModel, BlockColour, DisplayFrame, Point, Pose, Scene, Shape, Vector, VisualGeometry};
+use proact_arm::{ArmModel, VisualGeometry};
+use proact_types::{BlockColour, DisplayFrame, Point, Pose, Scene, Shape, Vector};
 use serde::Deserialize;
 
 /// Nothing nearer is seen, metres.

@@ -7,7 +7,8 @@ use super::{
     value::Value,
 };
 use crate::camera::{Camera, Picture, Studio, View};
-use proact_types::{ArmModel, DisplayFrame, Scene};
+use proact_arm::ArmModel;
+use proact_types::{DisplayFrame, Scene};
 use serde_json::{Value as Json, json};
 use std::{
     f64::consts::FRAC_PI_3,

@@ -13,7 +13,8 @@ use super::{
     value::{Time, Value},
 };
 use nalgebra::{Translation3, UnitQuaternion};
-use proact_types::{ArmModel, DisplayFrame, EventKind, HandState, Point, Pose};
+use proact_arm::ArmModel;
+use proact_types::{DisplayFrame, EventKind, HandState, Point, Pose};
 use serde_json::json;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 

@@ -3,6 +3,7 @@
 use super::mujoco::{MuJoCo, Run};
 use super::{Cost, compare, summarize, timed};
 use crate::bench::{BenchFigure, quantile};
+use proact_arm::ArmModel;
 use proact_devices::{EmgSource, GazeSource};
 use proact_dynamics::{ArmEquations, DynamicsOptions, OdePlant, Solver};
 use proact_kinematics::Kinematics;
@@ -13,7 +14,7 @@ use proact_testbed::{
     MethodName, Parts, PersonParts, Session, Setup, Testbed, TrialConfig,
     ports::{Plant, PlantError},
 };
-use proact_types::{ArmModel, PlantCommand, PlantState, Pose, Scene, TICK_SECS};
+use proact_types::{PlantCommand, PlantState, Pose, Scene, TICK_SECS};
 use std::{
     cell::RefCell,
     error::Error,

@@ -5,7 +5,8 @@ use parry3d_f64::bounding_volume::{Aabb, BoundingVolume};
 use parry3d_f64::math::{Pose as ParryPose, Rotation, Vector as ParryVector};
 use parry3d_f64::query::intersection_test;
 use parry3d_f64::shape::{Ball, Capsule, Cuboid, Cylinder, Shape as ParryShape};
-use proact_types::{ArmModel, JointKind, PlanGoal, PlanRequest, Pose, Shape, Trajectory};
+use proact_arm::{ArmModel, JointKind};
+use proact_types::{PlanGoal, PlanRequest, Pose, Shape, Trajectory};
 use std::error::Error;
 use std::sync::Arc;
 

@@ -5,13 +5,14 @@
 
 use super::{BLOCK, BLOCK_HEIGHT, CLUTTER};
 use nalgebra::{Translation3, UnitQuaternion};
+use proact_arm::ArmModel;
 use proact_kinematics::{ArmKinematics, IkOutcome, Kinematics};
 use proact_planning::{CollisionScene, PlannerOptions};
 use proact_tasks::{PlaceRegion, TABLE_TOP, fixed_objects};
 use proact_testbed::Setup;
 use proact_types::{
-    ArmModel, AttachedObject, BlockId, JointVector, Obstacle, PlanGoal, PlanRequest, Point, Pose,
-    TrunkPosture, Vector, joints,
+    AttachedObject, BlockId, JointVector, Obstacle, PlanGoal, PlanRequest, Point, Pose, TrunkPosture, Vector,
+    joints,
 };
 use std::{error::Error, sync::Arc};
 

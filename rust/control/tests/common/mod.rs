@@ -1,6 +1,7 @@
 //! A rig that carries out what a method asks for, with the doubles of the ports.
 #![allow(dead_code)] // Each test program uses its part.
 
+use proact_arm::{ArmModel, JointLimits};
 pub use proact_control::doubles::START;
 use proact_control::doubles::{SerialKinematics, test_arm};
 use proact_control::ports::ArmKinematics;
@@ -8,8 +9,8 @@ use proact_control::{
     ControlInput, ControlMethod, ControlOutput, HandCommand, MotionCommand, MotionState, Profile, build,
 };
 use proact_types::{
-    ArmModel, BlockId, Gesture, HandState, HandView, JointLimits, JointVector, PlanReply, PlanStatus,
-    PlannerView, Point, Pose, SimTime, Stop, Target, Trajectory, TrajectoryPoint, joints,
+    BlockId, Gesture, HandState, HandView, JointVector, PlanReply, PlanStatus, PlannerView, Point, Pose,
+    SimTime, Stop, Target, Trajectory, TrajectoryPoint, joints,
 };
 use std::sync::Arc;
 

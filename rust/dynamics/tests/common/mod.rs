@@ -3,11 +3,12 @@
 #![allow(dead_code)] // each test program uses a part
 
 use nalgebra::UnitQuaternion;
+use proact_arm::ArmModel;
 use proact_dynamics::{DynamicsOptions, OdePlant};
 use proact_testbed::ports::{Plant, PlantError};
 use proact_types::{
-    ArmModel, Block, BlockId, Contact, JointVector, PlantCommand, Point, Pose, Scene, SceneObject, Shape,
-    TICK_SECS, Target, Vector, joints, zeros,
+    Block, BlockId, Contact, JointVector, PlantCommand, Point, Pose, Scene, SceneObject, Shape, TICK_SECS,
+    Target, Vector, joints, zeros,
 };
 
 /// Height of the table top, metres.

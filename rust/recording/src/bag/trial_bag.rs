@@ -35,9 +35,10 @@ use super::{
 };
 use crate::RecordingError;
 use nalgebra::{Unit, UnitQuaternion};
+use proact_arm::{ArmModel, Joint, JointKind};
 use proact_types::{
-    ArmModel, BlockId, DisplayFrame, Event, EventKind, GazeSample, Gesture, HandState, Joint, JointKind,
-    PlanReply, PlantState, Pose, SimTime,
+    BlockId, DisplayFrame, Event, EventKind, GazeSample, Gesture, HandState, PlanReply, PlantState, Pose,
+    SimTime,
 };
 use std::{
     f64::consts::{PI, TAU},

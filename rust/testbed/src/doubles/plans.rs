@@ -1,11 +1,12 @@
 use crate::ports::PlanService;
+use proact_arm::ArmModel;
 use proact_control::{
     doubles::SerialKinematics,
     ports::{ArmKinematics, IkOutcome},
 };
 use proact_types::{
-    ArmModel, JointVector, PlanGoal, PlanReply, PlanRequest, PlanStatus, Point, Pose, Trajectory,
-    TrajectoryPoint, Vector, zeros,
+    JointVector, PlanGoal, PlanReply, PlanRequest, PlanStatus, Point, Pose, Trajectory, TrajectoryPoint,
+    Vector, zeros,
 };
 use std::{cell::RefCell, rc::Rc, sync::Arc};
 

@@ -1,8 +1,8 @@
 use crate::ports::{Plant, PlantError};
 use arrayvec::ArrayVec;
+use proact_arm::ArmModel;
 use proact_types::{
-    ArmModel, BodyState, Contact, PlantCommand, PlantState, Point, Pose, Scene, Shape, TICK_SECS, Vector,
-    joints, zeros,
+    BodyState, Contact, PlantCommand, PlantState, Point, Pose, Scene, Shape, TICK_SECS, Vector, joints, zeros,
 };
 use std::sync::Arc;
 

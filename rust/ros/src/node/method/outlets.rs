@@ -14,9 +14,10 @@ use crate::{
         wire::{self, MethodShown},
     },
 };
+use proact_arm::ArmModel;
 use proact_control::HandCommand;
 use proact_testbed::stages::MethodOutput;
-use proact_types::{ArmModel, EventKind, PlanRequest, Pose, SimTime};
+use proact_types::{EventKind, PlanRequest, Pose, SimTime};
 use rosrust::{Publisher, error::Result};
 
 /// The method's topics.

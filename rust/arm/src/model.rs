@@ -1,5 +1,5 @@
-use crate::{MAX_JOINTS, Pose, Shape, Vector};
 use nalgebra::{Unit, UnitQuaternion};
+use proact_types::{MAX_JOINTS, Pose, Shape, Vector};
 use serde::{Deserialize, Serialize};
 
 /// The arm: immutable, shared by kinematics, planning, dynamics and display.
