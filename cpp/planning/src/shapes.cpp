@@ -60,8 +60,9 @@ std::shared_ptr<fcl::CollisionGeometryd> tree_of(const Mesh& mesh) {
 }  // namespace
 
 Eigen::Isometry3d transform_of(const Pose& pose, const std::string& name) {
-  Eigen::Quaterniond rotation(pose.quaternion[3], pose.quaternion[0], pose.quaternion[1], pose.quaternion[2]);
-  const Vector position(pose.position[0], pose.position[1], pose.position[2]);
+  const auto& [p, q] = pose;
+  Eigen::Quaterniond rotation(q.w, q.x, q.y, q.z);
+  const Vector position(p.x, p.y, p.z);
   if (!position.allFinite() || !(std::abs(rotation.norm() - 1.0) < 1e-6)) {
     throw std::invalid_argument("\"" + name + "\": the pose needs a finite position and a unit quaternion");
   }
