@@ -12,7 +12,6 @@ use proact_types::{
     BlockId, Gesture, HandState, HandView, JointVector, PlanReply, PlanStatus, PlannerView, Point, Pose,
     SimTime, Stop, Target, Trajectory, TrajectoryPoint, joints,
 };
-use std::sync::Arc;
 
 pub const BLOCKS: [Point; 4] = [
     Point::new(-0.08, -0.2, 1.04),
@@ -64,7 +63,7 @@ impl Rig {
     pub fn with(method: Box<dyn ControlMethod>) -> Self {
         Self {
             method,
-            kinematics: SerialKinematics::new(Arc::new(model())),
+            kinematics: SerialKinematics::new(&model()),
             q: joints(&START),
             lag: [0.0; 7],
             gesture: Gesture::NoMotion,

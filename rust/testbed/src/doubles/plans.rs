@@ -46,7 +46,7 @@ pub struct InstantPlans {
 impl InstantPlans {
     /// Plans for `model`.
     pub fn new(model: Arc<ArmModel>) -> Self {
-        let kinematics = SerialKinematics::new(model.clone());
+        let kinematics = SerialKinematics::new(&model);
         Self { model, kinematics, calls: PlanCalls::default(), reply: None, late_by: 0, left: 0 }
     }
 
