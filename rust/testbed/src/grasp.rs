@@ -82,22 +82,16 @@ impl Grasp {
 /// contact of digits instead of shapes, and with release as soon as the hand opens.
 #[derive(Clone, Debug)]
 struct GraspRule {
-    /// Digit of each link, counted by the first joint after the tip; none for arm and palm.
+    /// Of each link, as [`ArmModel::digits`].
     digit: Vec<Option<usize>>,
     candidate: Option<usize>,
     held_millis: u32,
 }
 
 impl GraspRule {
-    /// The rule for the hand of `model`: each branch below the tip is a digit.
+    /// The rule for the hand of `model`.
     fn new(model: &ArmModel) -> Self {
-        let mut digit = vec![None; model.links.len()];
-        for joint in &model.joints {
-            // Parents stand before their children, so the parent's digit is known.
-            digit[joint.child] =
-                if joint.parent == model.tip { Some(joint.child) } else { digit[joint.parent] };
-        }
-        Self { digit, candidate: None, held_millis: 0 }
+        Self { digit: model.digits(), candidate: None, held_millis: 0 }
     }
 
     /// One tick: contacts of this tick, the hand, the block that is attached, and whether the fingers have opened
