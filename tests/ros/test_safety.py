@@ -18,13 +18,17 @@ import rospy  # noqa: E402
 from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
 from gazebo_msgs.srv import GetModelState  # noqa: E402
 from geometry_msgs.msg import PoseStamped, Vector3, Vector3Stamped  # noqa: E402
-from proact_msgs.msg import EmgSamples, View  # noqa: E402
+from proact_msgs.msg import EmgSamples, Frame, View  # noqa: E402
 from rosgraph_msgs.msg import Clock  # noqa: E402
 from sensor_msgs.msg import JointState, Joy  # noqa: E402
 from std_msgs.msg import Header, String  # noqa: E402
 from std_srvs.srv import Empty  # noqa: E402
 
 ARM = ["mpl_right_arm__" + n for n in "shoulder humerus elbow forearm wristy wristx wristz".split()]
+# In typed messages a name is its place in Gesture::ALL, InputSource::ALL or StopCause::ALL of proact_types.
+GESTURES = "hand_close hand_open no_motion wrist_extension wrist_flexion".split()
+SOURCES = "armband gesture_topic page eye_tracker shoulder_tracker limb_tracker stage".split()
+CAUSES = "silent closed frozen flat railed noiseless lossy wrong_rate lost".split()
 # From the first value that is missing or wrong to the arm at rest, simulated ms.
 LIMIT = 250
 # Gaze may rest for a second before.
@@ -103,12 +107,12 @@ class Clocked:
 class Safety(unittest.TestCase):
     """Nodes that move the arm, and what is seen of them."""
 
-    method, nodes, view_topic = "A", (), "/proact/method"
+    method, nodes, view_topic, view_type = "A", (), "/proact/method", View
 
     @classmethod
     def setUpClass(cls):
         cls.states = graph.Inbox("/mpl_right_arm/joint_states", JointState, keep=20000)
-        cls.view = graph.Inbox(cls.view_topic, View, keep=20000)
+        cls.view = graph.Inbox(cls.view_topic, cls.view_type, keep=20000)
         cls.diagnostics = graph.Inbox("/diagnostics", DiagnosticArray, keep=100)
         cls.start()
         first = cls.states.wait()
@@ -125,6 +129,17 @@ class Safety(unittest.TestCase):
         cls.stop()
         for inbox in (cls.states, cls.view, cls.diagnostics):
             inbox.subscriber.unregister()
+
+    @staticmethod
+    def gesture(message):
+        """The name of the gesture in a view."""
+        return json.loads(message.json)["gesture"]
+
+    @staticmethod
+    def stopped(message):
+        """Which source died and how, in a view; none while the arm may move."""
+        stop = json.loads(message.json)["stop"]
+        return stop and (stop["source"], stop["cause"])
 
     @classmethod
     def stop(cls):
@@ -145,7 +160,7 @@ class Safety(unittest.TestCase):
         try:
             self.states.wait(lambda m: speed(m) > MOVES[self.method])
         except AssertionError as error:
-            raise AssertionError(f"{error}; the last view is {self.view.messages[-1].json}") from error
+            raise AssertionError(f"{error}; the last view is {self.view.messages[-1]}") from error
 
     def wait_for_rest(self):
         self.states.clear()
@@ -171,15 +186,11 @@ class Safety(unittest.TestCase):
         self.assertEqual(self.moved_after(begin), 0)
 
     def wait_for_stop(self, source, *causes):
-        def stopped(message):
-            stop = json.loads(message.json)["stop"]
-            return stop and stop["source"] == source and stop["cause"] in causes
-
-        self.view.wait(stopped)
+        self.view.wait(lambda m: self.stopped(m) in [(source, cause) for cause in causes])
 
     def wait_for_release(self):
         self.view.clear()
-        self.view.wait(lambda m: json.loads(m.json)["stop"] is None)
+        self.view.wait(lambda m: self.stopped(m) is None)
 
     def wait_for_diagnosis(self, kind, text):
         def told(message):
@@ -230,7 +241,7 @@ class GestureTopic:
                 # A gesture that is held all the time does not start the arm.
                 self.view.clear()
                 living.say("wrist_extension")
-                self.view.wait(lambda m: json.loads(m.json)["gesture"] == "wrist_extension")
+                self.view.wait(lambda m: self.gesture(m) == "wrist_extension")
                 self.check_held()
                 living.say("no_motion")
                 self.wait_for_release()
@@ -269,7 +280,7 @@ class GestureTopicOfMethod(GestureTopic, Safety):
             pushed = 0.0
             self.wait_for_release()
             self.wait_until(self.now() + 500)
-            self.assertIsNone(json.loads(self.view.messages[-1].json)["stop"])
+            self.assertIsNone(self.stopped(self.view.messages[-1]))
             pushed = 1.0
             self.wait_for_motion()
             pushed = None
@@ -319,7 +330,15 @@ class GestureTopicOfMethod(GestureTopic, Safety):
 
 
 class GestureTopicOfTestbed(GestureTopic, Safety):
-    nodes, view_topic = ("testbed --live",), "/proact/frame"
+    nodes, view_topic, view_type = ("testbed --live",), "/proact/frame", Frame
+
+    @staticmethod
+    def gesture(message):
+        return GESTURES[message.view.gesture]
+
+    @staticmethod
+    def stopped(message):
+        return next(((SOURCES[stop.source], CAUSES[stop.cause]) for stop in message.view.stop), None)
 
 
 class Armband(Safety):

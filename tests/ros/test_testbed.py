@@ -16,11 +16,13 @@ GRAPH = graph.Graph()
 import rosbag  # noqa: E402
 import rospy  # noqa: E402
 from geometry_msgs.msg import Vector3Stamped  # noqa: E402
-from proact_msgs.msg import View  # noqa: E402
+from proact_msgs.msg import Frame  # noqa: E402
 from rosgraph_msgs.msg import Clock, Log  # noqa: E402
 from sensor_msgs.msg import JointState  # noqa: E402
 from std_msgs.msg import String  # noqa: E402
 
+# Its place in proact_types::Gesture::ALL.
+WRIST_EXTENSION = 3
 SHOTS = os.path.join(graph.ROOT, "build", "ros")
 
 
@@ -88,13 +90,13 @@ class Testbed(unittest.TestCase):
                 gesture = "wrist_extension" if 40 <= k < 160 else "no_motion"
                 bag.write("/emg", String(data=gesture), t)
         frames = graph.Inbox("/mpl_right_arm/joint_states", JointState)
-        gestures = graph.Inbox("/proact/frame", View)
+        gestures = graph.Inbox("/proact/frame", Frame)
         log = graph.Inbox("/rosout", Log, keep=1000)
         node = GRAPH.node("testbed", "--live", "--method", "A", "--setup", "still", "_stay:=true")
         gestures.wait_count(5)
         first = dict(zip(frames.messages[0].name, frames.messages[0].position))
         player = GRAPH.spawn(["/usr/bin/rosbag", "play", "-q", "--wait-for-subscribers", path], "play.log")
-        gestures.wait(lambda m: json.loads(m.json)["gesture"] == "wrist_extension")
+        gestures.wait(lambda m: m.view.gesture == WRIST_EXTENSION)
         moved = lambda m: abs(dict(zip(m.name, m.position))["mpl_right_arm__shoulder"] - first["mpl_right_arm__shoulder"])
         frames.wait(lambda m: moved(m) > 0.1)
         graph.until(lambda: player.poll() is not None, "the end of the bag")

@@ -18,13 +18,5 @@ start serve --method D --seed 1 --setup still --no-record
 node "$here/../page/run.mjs" --url "$address" --out "$output/interactive" --mode interactive
 stop
 
-# The calibration page, with a simulated person at the armband.
-node "$here/../page/calibrate.mjs" --program "$proact" --out "$output/calibrate"
-
-# A trial by the model that was made there: keys are prompts, the armband's EMG is recognised, and that moves the arm.
-start serve --method D --seed 1 --setup still --no-record --emg-source synthetic --emg-model "$output/calibrate/model.json"
-node "$here/../page/run.mjs" --url "$address" --out "$output/armband" --mode interactive
-stop
-
 # The page outlives the program: it comes back when the program does.
 node "$here/../page/run.mjs" --mode restart --program "$proact" --out "$output/restart"

@@ -47,3 +47,10 @@ stop
 start replay "$output/trials/seed1/trial.bag" --page
 look bag
 stop
+
+# The calibration page with a simulated person at the armband, and a trial by the model that was made there: keys are
+# prompts, the armband's EMG is recognised, and that moves the arm.
+node "$here/../page/calibrate.mjs" --program "$proact" --out "$output/calibrate"
+start serve --method D --seed 1 --setup still --no-record --emg-source synthetic --emg-model "$output/calibrate/model.json"
+node "$here/../page/run.mjs" --url "$address" --out "$output/armband" --mode interactive
+stop

@@ -7,6 +7,7 @@
 #![allow(clippy::disallowed_methods)]
 
 use nalgebra::{Translation3, UnitQuaternion};
+use proact_arm::ArmModel;
 use proact_bridge::{ClientInput, PageContent, PageOptions, PageServer};
 use proact_tasks::{Arrangement, BoxAndBlocks};
 use proact_types::*;

@@ -1,18 +1,10 @@
 use crate::{
-    analyze::AnalyzeArgs,
-    bench,
-    bench_planning::PlanningBench,
-    demo::DemoArgs,
-    digests::{BlessArgs, bless},
-    doctor,
-    emg::EmgCommand,
-    model::ModelCommand,
-    query,
-    query::QueryOptions,
-    replay::ReplayArgs,
-    serve::ServeArgs,
+    analyze::AnalyzeArgs, bless::BlessArgs, demo::DemoArgs, doctor, emg::EmgCommand, model::ModelCommand,
+    replay::ReplayArgs, serve::ServeArgs,
 };
 use clap::{Args, Parser, Subcommand};
+use proact_app::query::{self, QueryOptions};
+use proact_bench::PlanningBench;
 use std::{
     error::Error,
     io::{stdin, stdout},
@@ -20,8 +12,6 @@ use std::{
     process::ExitCode,
 };
 
-/// Ticks of the chain bench for each method: 400 windows.
-const CHAIN_TICKS: u64 = 20_000;
 /// Problems of the planning bench.
 const PLANNING_PROBLEMS: usize = 1000;
 
@@ -102,7 +92,7 @@ struct QueryArgs {
 #[command(after_help = "Example:\n  proact bench kinematics --json")]
 struct BenchArgs {
     /// What to measure
-    #[arg(value_parser = ["bridge", "chain", "emg", "kinematics", "dynamics", "planning", "ros", "safety", "start"])]
+    #[arg(value_parser = proact_bench::STAGES)]
     stage: String,
     /// One JSON object on standard output
     #[arg(long)]
@@ -116,6 +106,12 @@ struct BenchArgs {
     /// How long the stage planning searches, in seconds, before a goal counts as out of reach
     #[arg(long, value_name = "SECONDS", default_value_t = 30.0)]
     settle: f64,
+}
+
+impl BenchArgs {
+    fn problems(&self) -> PlanningBench {
+        PlanningBench::new(self.seed, self.problems.unwrap_or(PLANNING_PROBLEMS), Some(self.settle))
+    }
 }
 
 /// Parses the command line and runs it. The exit code is 0 only on success.
@@ -143,30 +139,7 @@ fn run(command: Command) -> Result<bool, Box<dyn Error>> {
         }
         Command::Model { json, command } => crate::model::run(&command, json),
         Command::Bench(args) => {
-            let report = match args.stage.as_str() {
-                "bridge" => crate::bench_bridge::bridge()?,
-                "emg" => crate::bench_emg::emg()?,
-                "kinematics" => bench::kinematics()?,
-                "dynamics" => crate::bench_dynamics::dynamics()?,
-                "planning" => {
-                    let problems = args.problems.unwrap_or(PLANNING_PROBLEMS);
-                    let what = PlanningBench::new(args.seed, problems, Some(args.settle));
-                    crate::bench_planning::planning(what)?
-                }
-                #[cfg(feature = "ros")]
-                "ros" => crate::bench_ros::ros()?,
-                #[cfg(not(feature = "ros"))]
-                "ros" => {
-                    return Err(
-                        "this build knows no ROS; ./proact ros-binary FILE builds a program that does, then \
-                                FILE bench ros"
-                            .into(),
-                    );
-                }
-                "safety" => crate::bench_safety::safety()?,
-                "chain" => crate::bench_chain::chain(CHAIN_TICKS)?,
-                _ => crate::bench_start::start()?,
-            };
+            let report = proact_bench::run(&args.stage, args.problems())?;
             if args.json {
                 println!("{}", serde_json::to_string(&report)?);
             } else {
@@ -176,7 +149,7 @@ fn run(command: Command) -> Result<bool, Box<dyn Error>> {
         }
         Command::Analyze(args) => crate::analyze::command(&args),
         Command::Node(args) => crate::node::command(&args),
-        Command::Bless(args) => bless(&args),
+        Command::Bless(args) => crate::bless::command(&args),
         Command::Doctor { json } => Ok(doctor::run(json)?),
     }
 }

@@ -1,13 +1,10 @@
 //! `proact emg`: what labs compare with their own tools, and live streams.
 
 mod band;
-mod centred;
-mod lab_streaming;
-mod live;
 mod page;
 mod screen;
 mod simulate;
-mod source;
+mod source_args;
 mod stream;
 mod test;
 mod train;
@@ -65,9 +62,6 @@ pub enum EmgCommand {
     )]
     Simulate(simulate::SimulateArgs),
 }
-
-pub(crate) use live::LiveArmband;
-pub(crate) use source::read_model_file;
 
 /// How a stream is cut into windows, and what is computed from them.
 #[derive(Debug, Args)]

@@ -1,7 +1,8 @@
 //! `proact node`: stages as nodes on a ROS 1 graph.
 
-use crate::{rosbridge::RosbridgeArgs, trial_args::TrialArgs};
+use crate::{rosbridge_args::RosbridgeArgs, trial_args::TrialArgs};
 use clap::{Args, ValueEnum};
+use std::error::Error;
 
 /// Arguments of `proact node`.
 #[derive(Debug, Args)]
@@ -57,100 +58,33 @@ fn ros_word(text: &str) -> Result<String, String> {
     }
 }
 
+/// Runs the node until the graph ends it.
 #[cfg(not(feature = "ros"))]
-pub(crate) fn command(args: &NodeArgs) -> Result<bool, Box<dyn std::error::Error>> {
+pub(crate) fn command(args: &NodeArgs) -> Result<bool, Box<dyn Error>> {
     // The launcher builds what the node needs; only the bare program of another build gets here.
-    Err(format!("node {:?} cannot run: {NO_ROS}", args.name).into())
+    Err(format!("node {:?} cannot run: {}", args.name, proact_app::NO_ROS).into())
 }
 
-/// What a build without the feature says.
-#[cfg(not(feature = "ros"))]
-pub(crate) const NO_ROS: &str = "this build knows no ROS; build it with: cargo build --release -p proact-cli --features ros \
-                                 (docs/ros1.md names the packages that this needs)";
-
+/// Runs the node until the graph ends it.
 #[cfg(feature = "ros")]
-pub(crate) use on_graph::command;
-
-#[cfg(feature = "ros")]
-mod on_graph {
-    use super::{NodeArgs, NodeName};
-    use crate::{method_process, trial};
-    use proact_devices::{EmgSource, GazeSource};
-    use proact_kinematics::Kinematics;
-    use proact_ros::node::{self, IntentParts, MethodParts, ParticipantParts, SimParts, TaskParts};
-    use proact_tasks::BoxAndBlocks;
-    use proact_testbed::{
-        PersonParts, TrialConfig,
-        stages::{EmgStage, IntentStage, MethodStage, PersonStage},
-    };
-    use proact_types::SimTime;
-    use std::{error::Error, sync::Arc};
-
-    pub(crate) fn command(args: &NodeArgs) -> Result<bool, Box<dyn Error>> {
-        let config = args.trial.config("seated")?;
-        // In real time a plan that is late takes effect when it comes; in lock-step it is waited for.
-        let wait_for_plans = args.words.iter().any(|word| word == "_lockstep:=true");
-        let config = TrialConfig { wait_for_plans, ..config };
-        let model = Arc::new(proact_description::mpl_right_arm());
-        match args.name {
-            NodeName::Sim => {
-                let base = config.setup.body.shoulder_pose(&Default::default());
-                let task = task(&config);
-                let (arm, scene, physics) = (model.clone(), task.scene().clone(), config.physics);
-                let factory = Box::new(move || trial::plant(&arm, &scene, &base, &physics));
-                let kinematics = Box::new(Kinematics::new(&model)?);
-                node::run_sim(SimParts { config, model, task, factory, kinematics })?;
-            }
-            NodeName::Testbed => {
-                let live = args.live;
-                let config = TrialConfig { wait_for_plans: false, ..config };
-                let assembly = if live {
-                    trial::live(config)?
-                } else {
-                    trial::simulated(config, &EmgSource::Synthetic)?
-                };
-                let result = node::run_testbed(assembly.session, !live)?;
-                println!("{}", serde_json::to_string(&result)?);
-            }
-            NodeName::Emg => {
-                let setup = proact_devices::prepare(&EmgSource::Synthetic, config.seed)?;
-                let config = TrialConfig { emg: Some(setup.config), emg_centring: setup.centring, ..config };
-                node::run_emg(EmgStage::new(&config, Some(setup.classifier))?)?;
-            }
-            NodeName::Intent => {
-                let stage = IntentStage::new(&config, model.clone())?;
-                let kinematics = Box::new(Kinematics::new(&model)?);
-                node::run_intent(IntentParts { stage, kinematics, moving: model.moving_count() })?;
-            }
-            NodeName::Method => {
-                let kinematics = Box::new(Kinematics::new(&model)?);
-                let plans = Box::new(trial::planner(&model, &config)?);
-                let (scene, process) = (task(&config).scene().clone(), method_process::start(&config)?);
-                let stage = MethodStage::new(&config, model.clone(), scene, plans, process)?;
-                node::run_method(MethodParts { stage, method: config.method, model, kinematics })?;
-            }
-            NodeName::Task => {
-                let (task, kinematics) = (task(&config), Box::new(Kinematics::new(&model)?));
-                node::run_task(TaskParts { config, model, task, kinematics })?;
-            }
-            NodeName::Participant => {
-                let options = config.participant.unwrap_or_default();
-                let person = PersonParts {
-                    participant: Some(trial::participant(&config, options, &model)?),
-                    emg: Some(Box::new(proact_devices::prepare(&EmgSource::Synthetic, config.seed)?.feed)),
-                    gaze: Some(Box::new(GazeSource::new(trial::GAZE_ERROR_DEG, config.seed)?)),
-                };
-                let stage = PersonStage::new(person, config.setup.body, model.arm_count());
-                let joints = (model.arm_count(), model.moving_count());
-                node::run_participant(ParticipantParts { stage, joints })?;
-            }
-            NodeName::Rosbridge => args.rosbridge.relay()?,
-            NodeName::Meter => println!("{}", serde_json::to_string(&node::run_meter()?)?),
+pub(crate) fn command(args: &NodeArgs) -> Result<bool, Box<dyn Error>> {
+    use proact_app::nodes;
+    let mut config = args.trial.config("seated")?;
+    // In real time a plan that is late takes effect when it comes; in lock-step it is waited for.
+    config.wait_for_plans = args.words.iter().any(|word| word == "_lockstep:=true");
+    match args.name {
+        NodeName::Sim => nodes::sim(config)?,
+        NodeName::Testbed => {
+            let result = nodes::testbed(config, args.live)?;
+            println!("{}", serde_json::to_string(&result)?);
         }
-        Ok(true)
+        NodeName::Emg => nodes::emg(config)?,
+        NodeName::Intent => nodes::intent(&config)?,
+        NodeName::Method => nodes::method(&config)?,
+        NodeName::Task => nodes::task(config)?,
+        NodeName::Participant => nodes::participant(&config)?,
+        NodeName::Rosbridge => args.rosbridge.relay()?,
+        NodeName::Meter => println!("{}", serde_json::to_string(&nodes::meter()?)?),
     }
-
-    fn task(config: &TrialConfig) -> BoxAndBlocks {
-        BoxAndBlocks::new(config.arrangement).with_limit(SimTime::from_secs(config.limit_secs))
-    }
+    Ok(true)
 }

@@ -1,23 +1,20 @@
 use crate::{
-    demo::{announce, interrupt_flag, print_result},
-    experimenter::{Experimenter, store_gaze_check},
-    pace::Pace,
-    person::{Person, PersonArgs, drive_by_page},
-    record::{Recorder, default_dir},
-    trial::{self, Assembly},
+    announce::{announce, print_result},
+    interrupt::interrupt_flag,
+    person_args::PersonArgs,
     trial_args::TrialArgs,
 };
 use clap::Args;
-use proact_bridge::{ClientInput, GazeCheck, PageContent, PageOptions, PageServer};
+use proact_app::{
+    Ended, LiveArmband, LiveTrial, Person, Recorder, default_dir,
+    trial::{self, Assembly},
+};
+use proact_bridge::{PageContent, PageOptions, PageServer};
 use proact_intent::GazeOffset;
-use proact_testbed::{MethodName, Session};
-use proact_types::SimTime;
 use std::{
     error::Error,
     net::{IpAddr, Ipv4Addr},
-    path::{Path, PathBuf},
-    sync::atomic::{AtomicBool, Ordering},
-    time::{Duration, Instant},
+    path::PathBuf,
 };
 
 /// Arguments of `proact serve`.
@@ -63,19 +60,11 @@ pub(crate) struct ServeArgs {
     person: PersonArgs,
 }
 
-/// Why a live trial ended.
-enum Ended {
-    Finished,
-    Aborted,
-    Restart { method: Option<MethodName>, again: bool },
-    Interrupted,
-}
-
 pub(crate) fn command(args: &ServeArgs) -> Result<bool, Box<dyn Error>> {
     let mut asked = args.trial.clone();
     let interrupted = interrupt_flag()?;
     let armband = match (&args.emg_source, &args.emg_model) {
-        (Some(source), Some(model)) => Some(crate::emg::LiveArmband::open(source, model)?),
+        (Some(source), Some(model)) => Some(LiveArmband::open(source, model)?),
         _ => None,
     };
     let mut gaze_offset = GazeOffset::default();
@@ -84,7 +73,7 @@ pub(crate) fn command(args: &ServeArgs) -> Result<bool, Box<dyn Error>> {
     loop {
         let config = asked.config("still")?;
         let seed = config.seed;
-        let Assembly { mut session, model, classifier, plans } = match &armband {
+        let Assembly { session, model, classifier, plans } = match &armband {
             Some(armband) => trial::live_with_armband(config, armband.model(), armband.port())?,
             None => trial::live(config)?,
         };
@@ -94,7 +83,7 @@ pub(crate) fn command(args: &ServeArgs) -> Result<bool, Box<dyn Error>> {
             (Some(out), _) => Some(free_dir(out.join(format!("seed{seed}")))),
             (None, _) => Some(default_dir(&config)),
         };
-        let mut recorder = match &dir {
+        let recorder = match &dir {
             Some(dir) => {
                 Some(Recorder::create(dir, &config, &model, classifier.as_ref())?.with_plans(plans)?)
             }
@@ -127,21 +116,19 @@ pub(crate) fn command(args: &ServeArgs) -> Result<bool, Box<dyn Error>> {
             }
             none => none.insert(args.person.open(&session)?),
         };
-        let start = Instant::now();
-        session.person().set_gaze_offset(gaze_offset);
-        let mut ended = live_trial(
-            &mut session,
-            &mut recorder,
-            dir.as_deref(),
+        let mut trial = LiveTrial {
+            session,
+            recorder,
+            dir,
             page,
             person,
-            &mut gaze_offset,
-            &interrupted,
-        )?;
-        finish(&session, recorder, dir.as_deref(), start)?;
+            gaze_offset: &mut gaze_offset,
+            interrupted: &interrupted,
+        };
+        let (mut ended, result) = trial.run()?;
+        print_result(&result);
         if matches!(ended, Ended::Finished | Ended::Aborted) {
-            let now = session.testbed().now();
-            ended = wait_for_restart(dir.as_deref(), now, page, &mut gaze_offset, &interrupted)?;
+            ended = trial.wait_for_restart()?;
         }
         let Ended::Restart { method: wanted, again } = ended else { break };
         asked = asked.next(wanted, again);
@@ -188,117 +175,4 @@ fn free_dir(dir: PathBuf) -> PathBuf {
     let numbered = |k: u32| PathBuf::from(format!("{}-{k}", dir.display()));
     let names = std::iter::once(dir.clone()).chain((2..).map(numbered));
     names.into_iter().find(|name| !name.exists()).unwrap_or(dir)
-}
-
-/// What a page's choice of method means.
-fn restart(method: Option<char>, again: bool) -> Result<Ended, Box<dyn Error>> {
-    let method = method.map(|name| name.to_string().parse::<MethodName>()).transpose()?;
-    Ok(Ended::Restart { method, again })
-}
-
-/// Records a gaze check. The error that a calibration found comes on top of what is taken off already.
-fn take_gaze_check(
-    dir: Option<&Path>,
-    now: SimTime,
-    check: &GazeCheck,
-    gaze_offset: &mut GazeOffset,
-) -> std::io::Result<()> {
-    if let Some([left, up]) = check.correction_deg {
-        *gaze_offset += GazeOffset { left: left.to_radians(), up: up.to_radians() };
-    }
-    store_gaze_check(dir, now, check)
-}
-
-/// Runs one trial in real time on what the page sends.
-fn live_trial(
-    session: &mut Session,
-    recorder: &mut Option<Recorder>,
-    dir: Option<&Path>,
-    page: &PageServer,
-    person: &mut Person,
-    gaze_offset: &mut GazeOffset,
-    interrupted: &AtomicBool,
-) -> Result<Ended, Box<dyn Error>> {
-    let mut pace = Pace::new();
-    let mut experimenter = Experimenter::new(page, session.testbed().config(), dir, person.gaze_source());
-    let mut ending = None;
-    loop {
-        let now = session.testbed().now();
-        if session.testbed().frame_is_due() || now.0 == 0 {
-            let mut inputs = page.drain_inputs();
-            inputs.extend(experimenter.wait_while_paused(&mut pace, interrupted));
-            for input in drive_by_page(page, inputs, session) {
-                match input {
-                    ClientInput::Restart { method, again } => ending = Some(restart(method, again)?),
-                    ClientInput::Study(action) if experimenter.act(action) => ending = Some(Ended::Aborted),
-                    ClientInput::GazeCheck(check) => {
-                        take_gaze_check(dir, now, &check, gaze_offset)?;
-                        session.person().set_gaze_offset(*gaze_offset);
-                    }
-                    // A refused action; the person's inputs have been taken.
-                    _ => {}
-                }
-            }
-            person.drive(session)?;
-            if interrupted.load(Ordering::Relaxed) {
-                ending = Some(Ended::Interrupted);
-            }
-        }
-        // The tick that ends a trial closes its digest.
-        let began = Instant::now();
-        let step = session.step(ending.is_some())?;
-        experimenter.take(&step, began.elapsed());
-        if let Some(recorder) = recorder {
-            recorder.write(&step, session.testbed().plant().state())?;
-        }
-        if let Some(frame) = &step.frame {
-            page.publish(frame);
-        }
-        person.show(&step);
-        if step.output.finished && ending.is_none() {
-            return Ok(Ended::Finished);
-        }
-        if let Some(ended) = ending.take() {
-            return Ok(ended);
-        }
-        pace.tick();
-    }
-}
-
-fn finish(
-    session: &Session,
-    recorder: Option<Recorder>,
-    dir: Option<&Path>,
-    start: Instant,
-) -> Result<(), Box<dyn Error>> {
-    let mut result = session.result();
-    result.wall_seconds = start.elapsed().as_secs_f64();
-    result.real_time_factor = result.sim_seconds / result.wall_seconds.max(1e-9);
-    result.trial_dir = dir.map(|d| d.display().to_string());
-    if let Some(recorder) = recorder {
-        recorder.finish(&result)?;
-    }
-    print_result(&result);
-    Ok(())
-}
-
-/// Keeps the last frame on the page until the person asks for a new trial or the command is ended.
-fn wait_for_restart(
-    dir: Option<&Path>,
-    now: SimTime,
-    page: &PageServer,
-    gaze_offset: &mut GazeOffset,
-    interrupted: &AtomicBool,
-) -> Result<Ended, Box<dyn Error>> {
-    while !interrupted.load(Ordering::Relaxed) {
-        for input in page.drain_inputs() {
-            match input {
-                ClientInput::Restart { method, again } => return restart(method, again),
-                ClientInput::GazeCheck(check) => take_gaze_check(dir, now, &check, gaze_offset)?,
-                _ => {}
-            }
-        }
-        std::thread::sleep(Duration::from_millis(20));
-    }
-    Ok(Ended::Interrupted)
 }

@@ -2,7 +2,7 @@
 //! and named by trial, span, stage and field. `tests/digests/README.md` says what to do then.
 #![allow(clippy::disallowed_methods)] // A test of files and of the program.
 
-use proact_cli::digests::{Platform, Store, TrialDigest, TrialEntry, differences, outcome_complaints};
+use proact_app::digests::{Platform, Store, TrialDigest, TrialEntry, differences, outcome_complaints};
 use std::{
     error::Error,
     fs,

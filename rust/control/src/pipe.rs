@@ -123,7 +123,7 @@ impl<P: MethodProcess> PipeMethod<P> {
     }
 }
 
-/// Commands that fit the arm; the others are errors of the process.
+/// Commands that fit the arm, and a target that fits the blocks; the others are errors of the process.
 fn check(answer: &OutputLine, count: usize) -> Result<(), String> {
     let fits = |what: &str, values: &[f64]| match values.iter().position(|value| !value.is_finite()) {
         Some(index) => Err(format!("{what} {index} is {}, expected a finite number", values[index])),
@@ -132,6 +132,12 @@ fn check(answer: &OutputLine, count: usize) -> Result<(), String> {
         }
         None => Ok(()),
     };
+    if let Some(target) = &answer.target {
+        let (got, blocks) = (target.posterior.len(), BlockId::ALL.len());
+        if got != 0 && got != blocks {
+            return Err(format!("posterior: got {got} values, expected none or {blocks}"));
+        }
+    }
     match &answer.motion {
         Some(MotionCommand::Velocity(values)) => fits("velocity", values),
         Some(MotionCommand::Goto(values)) => fits("goto", values),

@@ -62,6 +62,10 @@ fn without_an_answer_that_is_a_command_the_arm_holds_and_the_reason_is_shown() {
         (Ok("{\"time\":NOW,\"motion\":{\"velocity\":[0.1]}}"), "got 1 values, the arm has 7 joints"),
         (Ok("{\"time\":NOW,\"motion\":{\"velocity\":[null,0,0,0,0,0,0]}}"), "null"),
         (
+            Ok("{\"time\":NOW,\"target\":{\"locked\":false,\"posterior\":[0.5,0.5]}}"),
+            "posterior: got 2 values, expected none or 4",
+        ),
+        (
             Ok(
                 "{\"time\":NOW,\"plan\":{\"request\":{\"goal\":\"pick\",\"block\":\"green1\",\"centre\":[0,0,1]}}}",
             ),

@@ -24,6 +24,7 @@ rosrust::rosmsg_include!(
     proact_msgs / Command,
     proact_msgs / Decision,
     proact_msgs / EmgSamples,
+    proact_msgs / Frame,
     proact_msgs / Intent,
     proact_msgs / Person,
     proact_msgs / State,

@@ -72,6 +72,12 @@ pub enum HandState {
     Opening,
 }
 
+impl HandState {
+    /// All of them, in the order of their numbers.
+    pub const ALL: [HandState; 4] =
+        [HandState::Open, HandState::Closing, HandState::Closed, HandState::Opening];
+}
+
 /// What is seen of the hand.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct HandView {
@@ -137,4 +143,16 @@ pub enum PlannerView {
         /// One sentence.
         reason: String,
     },
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn states_of_the_hand_stand_at_their_numbers() {
+        for (place, state) in HandState::ALL.into_iter().enumerate() {
+            assert_eq!(state as usize, place, "{state:?}");
+        }
+    }
 }

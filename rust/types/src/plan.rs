@@ -94,6 +94,20 @@ pub enum PlanStatus {
     Cancelled,
 }
 
+impl PlanStatus {
+    /// All of them, in the order of their numbers.
+    pub const ALL: [PlanStatus; 8] = [
+        PlanStatus::Ok,
+        PlanStatus::Intermediate,
+        PlanStatus::NoPlan,
+        PlanStatus::Unreachable,
+        PlanStatus::StartInCollision,
+        PlanStatus::GoalInCollision,
+        PlanStatus::Invalid,
+        PlanStatus::Cancelled,
+    ];
+}
+
 /// One point of a trajectory.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TrajectoryPoint {
@@ -168,6 +182,13 @@ mod tests {
         let point =
             |time_secs, q: f64, qd: f64| TrajectoryPoint { time_secs, q: joints(&[q]), qd: joints(&[qd]) };
         Trajectory { points: vec![point(0.0, 0.0, 0.0), point(1.0, 0.5, 0.8), point(2.0, 1.0, 0.0)] }
+    }
+
+    #[test]
+    fn the_ways_in_which_a_plan_ends_stand_at_their_numbers() {
+        for (place, status) in PlanStatus::ALL.into_iter().enumerate() {
+            assert_eq!(status as usize, place, "{status:?}");
+        }
     }
 
     #[test]

@@ -122,6 +122,21 @@ pub enum StopCause {
     Lost,
 }
 
+impl StopCause {
+    /// All of them, in the order of their numbers.
+    pub const ALL: [StopCause; 9] = [
+        StopCause::Silent,
+        StopCause::Closed,
+        StopCause::Frozen,
+        StopCause::Flat,
+        StopCause::Railed,
+        StopCause::Noiseless,
+        StopCause::Lossy,
+        StopCause::WrongRate,
+        StopCause::Lost,
+    ];
+}
+
 /// The arm must stand still, and why.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Stop {
@@ -133,4 +148,22 @@ pub struct Stop {
     pub since: SimTime,
     /// As shown: what happened, and what to do if the source is back.
     pub reason: String,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sources_signs_and_causes_stand_at_their_numbers() {
+        for (place, source) in InputSource::ALL.into_iter().enumerate() {
+            assert_eq!(source.index(), place, "{source}");
+        }
+        for (place, kind) in SignKind::ALL.into_iter().enumerate() {
+            assert_eq!(kind as usize, place, "{kind:?}");
+        }
+        for (place, cause) in StopCause::ALL.into_iter().enumerate() {
+            assert_eq!(cause as usize, place, "{cause:?}");
+        }
+    }
 }

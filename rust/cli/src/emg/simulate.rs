@@ -1,18 +1,18 @@
 //! `proact emg simulate`: an armband without an armband.
 
-use super::{
-    lab_streaming::{self, Published},
-    source::REACTION,
-};
 use clap::Args;
+use proact_app::{
+    Held,
+    lab_streaming::{self, Published},
+    wearer_codes,
+};
 use proact_devices::{
     EmgFeed, Recordings, SourceInfo, SyntheticEmg, SyntheticModel,
-    gforce::{CodeSource, Prompted, Simulator, SimulatorOptions, serve},
+    gforce::{Prompted, Simulator, SimulatorOptions, serve},
     stream,
 };
-use proact_types::{EmgSample, Gesture, SimTime};
+use proact_types::Gesture;
 use std::{
-    collections::VecDeque,
     error::Error,
     io::Write,
     net::TcpListener,
@@ -83,13 +83,6 @@ pub struct SimulateArgs {
     seconds: Option<f64>,
 }
 
-/// A gesture, and how long it is held.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Held {
-    gesture: Gesture,
-    secs: f64,
-}
-
 /// `hand_close:2`.
 fn parse_held(text: &str) -> Result<Held, String> {
     let (name, secs) = text.split_once(':').unwrap_or((text, "2"));
@@ -98,19 +91,6 @@ fn parse_held(text: &str) -> Result<Held, String> {
         Ok(secs) if secs.is_finite() && secs > 0.0 => Ok(Held { gesture, secs }),
         _ => Err(format!("{text:?} holds {name} for {secs:?}, expected seconds above zero, as in {name}:2")),
     }
-}
-
-/// The gesture at a time; the list begins again when it is over.
-pub(crate) fn gesture_at(held: &[Held], secs: f64) -> Gesture {
-    let whole: f64 = held.iter().map(|h| h.secs).sum();
-    let mut left = secs % whole;
-    for Held { gesture, secs } in held {
-        if left < *secs {
-            return *gesture;
-        }
-        left -= secs;
-    }
-    Gesture::NoMotion
 }
 
 /// Serves until the time is over or the process is stopped.
@@ -143,7 +123,7 @@ pub(super) fn run(args: &SimulateArgs, json: bool) -> Result<(), Box<dyn Error>>
         ..SimulatorOptions::flawless(rate_hz as u16, channels)
     };
     let prompted = Prompted::default();
-    let codes = codes(feed, rate_hz, args.gestures.clone(), prompted.clone());
+    let codes = wearer_codes(feed, rate_hz, args.gestures.clone(), prompted.clone());
     let mut simulator = Simulator::new(options, codes)?.with_prompts(prompted);
     let listener = TcpListener::bind(("127.0.0.1", args.port))
         .map_err(|e| format!("port {} cannot be used: {e}; --port 0 takes a free one", args.port))?;
@@ -201,7 +181,7 @@ fn publish(
             "{channels} channels at {rate_hz} Hz are the stream {name:?} of the lab streaming layer\nproact emg stream --source lsl:{name}"
         ),
     )?;
-    let mut codes = codes(feed, rate_hz, args.gestures.clone(), Prompted::default());
+    let mut codes = wearer_codes(feed, rate_hz, args.gestures.clone(), Prompted::default());
     let stop = stop_after(args.seconds);
     lab_streaming::serve(&mut published, &mut codes, rate_hz, (args.loss, args.seed), &stop)
 }
@@ -245,55 +225,13 @@ fn feed(args: &SimulateArgs) -> Result<(EmgFeed, f64, usize), Box<dyn Error>> {
     Ok((feed, recordings.rate_hz, recordings.channels))
 }
 
-/// One sample a call, with the gesture of its time, or that of the newest prompt once somebody prompts: the simulated
-/// person follows it a little later.
-fn codes(mut feed: EmgFeed, rate_hz: f64, held: Vec<Held>, prompted: Prompted) -> CodeSource {
-    let reaction = REACTION.as_millis() as u64;
-    let mut ready: VecDeque<EmgSample> = VecDeque::new();
-    let (mut tick, mut asked, mut made) = (0, None, Gesture::NoMotion);
-    Box::new(move || {
-        loop {
-            if let Some(sample) = ready.pop_front() {
-                return sample.channels;
-            }
-            let intended = match prompted.get() {
-                None => gesture_at(&held, tick as f64 / 1000.0),
-                Some(gesture) => {
-                    let (of, since) = *asked.get_or_insert((gesture, tick));
-                    if of != gesture {
-                        asked = Some((gesture, tick));
-                    } else if tick - since >= reaction {
-                        made = gesture;
-                    }
-                    made
-                }
-            };
-            // The feed's time is that of its samples: no sample comes early and none is skipped.
-            ready.extend(feed.sample_at(SimTime(tick), intended));
-            debug_assert!(rate_hz <= 1000.0);
-            tick += 1;
-        }
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn gestures_are_held_in_turn_and_begin_again() {
-        let held = ["no_motion:1", "hand_close:2.5"].map(|text| parse_held(text).unwrap());
-        let at = |secs| gesture_at(&held, secs);
-        assert_eq!(
-            [0.0, 0.99, 1.0, 3.49].map(at),
-            [Gesture::NoMotion, Gesture::NoMotion, Gesture::HandClose, Gesture::HandClose]
-        );
-        assert_eq!([3.5, 4.6].map(at), [Gesture::NoMotion, Gesture::HandClose]);
-        assert_eq!(parse_held("hand_open").map(|h| h.secs), Ok(2.0));
-    }
-
-    #[test]
     fn gestures_without_a_name_or_a_time_are_refused() {
+        assert_eq!(parse_held("hand_open"), Ok(Held { gesture: Gesture::HandOpen, secs: 2.0 }));
         assert!(parse_held("fist:2").unwrap_err().contains("hand_close"));
         assert!(parse_held("hand_close:0").unwrap_err().contains("seconds above zero"));
         assert!(parse_held("hand_close:NaN").unwrap_err().contains("seconds above zero"));

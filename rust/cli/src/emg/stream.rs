@@ -1,13 +1,16 @@
 //! `proact emg stream`: a live source, recognised and shown.
 
 use super::{
-    centred::CentredStream,
-    lab_streaming::Published,
-    source::{SourceArgs, SourceName, open, read_model},
+    source_args::SourceArgs,
     view::{Glance, View},
 };
 use crate::emg::WindowArgs;
 use clap::Args;
+use proact_app::{
+    CentredStream, SourceName,
+    lab_streaming::Published,
+    source::{open, read_model},
+};
 use proact_devices::{
     EmgRecorder, LibEmgOutput, LibEmgReceiver, LibEmgSender, Recording, Recordings, SampleSource,
     SourceEvent, SourceInfo, SyntheticEmg, SyntheticModel, stream,
@@ -81,7 +84,7 @@ pub(super) fn run(args: &StreamArgs, json: bool) -> Result<(), Box<dyn Error>> {
     if let SourceName::LibEmgUdp(port) = args.source.source {
         return classes(args, port, &mut out, &stop);
     }
-    let source = open(&args.source, args.window.rate)?;
+    let source = open(&args.source.source, &args.source.options(), args.window.rate)?;
     samples(args, source, &mut out, &stop)
 }
 
@@ -188,7 +191,7 @@ fn samples(
 ) -> Result<(), Box<dyn Error>> {
     let info = source.info().clone();
     let (model, label) = model(args, &info)?;
-    let mut stream = CentredStream::new(source, &args.source, &model);
+    let mut stream = CentredStream::new(source, args.source.zero, &model);
     let mut pipeline = EmgPipeline::new(&model.config, model.classifier.clone())?;
     // Rails are those of all channels: the narrowest range after centring.
     let rails = info.rails.map(|(low, high)| {

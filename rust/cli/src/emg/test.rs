@@ -1,15 +1,12 @@
 //! `proact emg test`: can this person use this model?
 
-use super::{
-    centred::CentredStream,
-    page::PageScreen,
-    screen::bar,
-    source::{SourceArgs, SourceName, open, read_model},
-    train::PageArgs,
-    write_whole,
-};
+use super::{page::PageScreen, screen::bar, source_args::SourceArgs, train::PageArgs, write_whole};
 use clap::{Args, ValueEnum};
 use indicatif::ProgressBar;
+use proact_app::{
+    CentredStream, SourceName,
+    source::{open, read_model},
+};
 use proact_devices::{SourceEvent, stream};
 use proact_emg::{
     Adaptation, AdaptationConfig, CursorConfig, CursorEvent, CursorTest, EmgOutput, EmgPipeline, HoldConfig,
@@ -101,11 +98,11 @@ pub(super) fn run(args: &TestArgs, json: bool) -> Result<(), Box<dyn Error>> {
     let handler = stop.clone();
     // A second handler in one process, as in tests, is refused and not needed.
     let _ = ctrlc::set_handler(move || handler.store(true, Ordering::Relaxed));
-    let source = open(&args.source, args.rate)?;
+    let source = open(&args.source.source, &args.source.options(), args.rate)?;
     let info = source.info().clone();
     let model = read_model(&args.model, &info)?;
     let pipeline = EmgPipeline::new(&model.config, model.classifier.clone())?;
-    let stream = CentredStream::new(source, &args.source, &model);
+    let stream = CentredStream::new(source, args.source.zero, &model);
     let adaptation =
         args.adapt.as_ref().map(|_| Adaptation::new(AdaptationConfig::default(), &model)).transpose()?;
     let mut live = Live { stream, pipeline, adaptation, in_force: Gesture::NoMotion, effort: 0.0, stop };

@@ -3,11 +3,15 @@
 use super::{
     band,
     screen::{Choice, Screen, open_screen},
-    source::{SourceArgs, SourceName, open, read_model},
+    source_args::SourceArgs,
     write_whole,
 };
 use crate::emg::WindowArgs;
 use clap::Args;
+use proact_app::{
+    SourceName,
+    source::{open, read_model},
+};
 use proact_devices::{EmgPacket, Recording, Recordings, SampleSource, SourceEvent, SourceInfo};
 use proact_emg::{
     Calibration, CalibrationConfig, CalibrationEvent, CalibrationReport, EmgModel, Phase, QualityConfig,
@@ -169,7 +173,7 @@ enum Feed {
 
 impl Training {
     fn live(args: &TrainArgs, json: bool, stop: Arc<AtomicBool>) -> Result<Training, Box<dyn Error>> {
-        let source = open(&args.source, args.window.rate)?;
+        let source = open(&args.source.source, &args.source.options(), args.window.rate)?;
         let info = source.info().clone();
         let config = calibration(args, &info)?;
         let screen = open_screen(&args.page, json, &info.name)?;

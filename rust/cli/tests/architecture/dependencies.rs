@@ -1,4 +1,5 @@
-//! The dependency rule: types <- arm <- logic <- testbed <- (native, devices, recording, bridge, ros) <- cli.
+//! The dependency rule: types <- arm <- logic <- testbed <- (native, devices, recording, bridge, ros) <- app <- bench
+//! <- cli.
 
 use crate::workspace::{Kind, Workspace, load};
 
@@ -39,7 +40,9 @@ fn layer(package: &str) -> Option<u8> {
         "proact-testbed" => 3,
         "proact-description" | "proact-kinematics" | "proact-planning" | "proact-dynamics"
         | "proact-devices" | "proact-recording" | "proact-bridge" | "proact-ros" => 4,
-        "proact-cli" => 5,
+        "proact-app" => 5,
+        "proact-bench" => 6,
+        "proact-cli" => 7,
         _ => return None,
     })
 }

@@ -86,6 +86,17 @@ fn the_architecture_lists_exactly_the_crates_of_the_workspace() {
     assert_eq!(listed, crates, "left: ARCHITECTURE.md, right: the workspace");
 }
 
+#[test]
+fn every_crate_has_a_readme_of_a_few_lines_with_its_name() {
+    for name in load().members.into_keys() {
+        let folder = name.strip_prefix("proact-").expect("crates are called proact-<folder>");
+        let text = read(&format!("rust/{folder}/README.md"));
+        assert!(text.starts_with(&format!("# {name}: ")), "rust/{folder}/README.md begins with another name");
+        let lines = text.lines().count();
+        assert!((5..40).contains(&lines), "rust/{folder}/README.md has {lines} lines");
+    }
+}
+
 /// Words in backquotes that can only be the name of a test: a sentence of several words.
 fn test_names_in(document: &str) -> BTreeSet<String> {
     let sentence = |word: &&str| {
@@ -131,7 +142,9 @@ fn sentences_are_taken_for_tests_and_other_words_are_not() {
 #[test]
 fn links_between_documents_lead_somewhere() {
     let mut checked = 0;
-    for document in ["README.md", "ARCHITECTURE.md", "docs/user_guide.md", "docs/differences.md"] {
+    for document in
+        ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "docs/user_guide.md", "docs/differences.md"]
+    {
         let folder = root().join(document).parent().expect("a file lies in a folder").to_path_buf();
         for part in read(document).split("](").skip(1) {
             let target = part.split([')', '#']).next().unwrap_or_default();

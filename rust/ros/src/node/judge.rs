@@ -8,7 +8,7 @@ use super::{
 use crate::{
     frames::WORLD,
     messages::{
-        proact_msgs::{State, View},
+        proact_msgs::{Frame, State, View},
         std_msgs::String as Text,
     },
 };
@@ -46,12 +46,12 @@ pub(super) struct Judge {
     pub shown: Option<MethodShown>,
     pub head: Pose,
     state: Publisher<State>,
-    frame: Publisher<View>,
+    frame: Publisher<Frame>,
     cues: Publisher<View>,
     score: Publisher<Text>,
     result: Publisher<Text>,
     /// Said last, to be said again in lock-step.
-    said: Option<(State, Option<View>)>,
+    said: Option<(State, Option<Frame>)>,
 }
 
 /// The world after a tick.
@@ -111,7 +111,8 @@ impl Judge {
         let timed: Vec<Event> = events.iter().map(|kind| Event { time: now, kind: kind.clone() }).collect();
         self.display.note(&timed);
         for cue in self.feedback.step(now, &timed) {
-            self.cues.send(view(now, serde_json::to_string(&cue).unwrap_or_default()))?;
+            let json = serde_json::to_string(&cue).unwrap_or_default();
+            self.cues.send(View { header: convert::header(now, WORLD), json })?;
         }
         if judged {
             let outcomes = self.task.results(&moved.world.blocks);
@@ -166,7 +167,7 @@ impl Judge {
     }
 
     /// None before the method has shown anything.
-    fn draw(&mut self, now: SimTime, moved: &Moved<'_>, task: &TaskState) -> Option<View> {
+    fn draw(&mut self, now: SimTime, moved: &Moved<'_>, task: &TaskState) -> Option<Frame> {
         let shown = self.shown.as_ref()?;
         let gesture = EmgStageOutput {
             gesture: shown.gesture,
@@ -185,11 +186,6 @@ impl Judge {
             task,
             world_from_head: self.head,
         };
-        let frame = self.display.step(now, input, self.kinematics.as_mut()).ok()?;
-        Some(view(now, serde_json::to_string(&frame).ok()?))
+        self.display.step(now, input, self.kinematics.as_mut()).ok().map(|frame| wire::frame(&frame))
     }
-}
-
-fn view(now: SimTime, json: String) -> View {
-    View { header: convert::header(now, WORLD), json }
 }

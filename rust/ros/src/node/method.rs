@@ -8,7 +8,7 @@ use super::{
     Graph, NodeError,
     graph::Jobs,
     stage::{self, Common, Stage, Tagged},
-    wire::{Instant, MethodShown},
+    wire::{self, Instant, MethodShown},
 };
 use arm::ArmOutlet;
 use inputs::Heard;
@@ -154,7 +154,7 @@ impl Stage for MethodNode {
         let Some((output, events)) = &self.said else { return Ok(()) };
         let shown = self.shown();
         let (now, stamp) = (self.common.now(), self.common.stamp());
-        self.out.command(now, stamp, output, self.commands, shown.as_ref(), events)
+        self.out.command(wire::command(now, stamp, output, self.commands, shown.as_ref(), events))
     }
 }
 
@@ -221,7 +221,7 @@ impl MethodNode {
         if lockstep || output.stepped || !events.is_empty() {
             // Before the original's topics, which listeners that know the typed message pass over.
             let shown = self.shown().filter(|_| due);
-            self.out.command(now, stamp, &output, self.commands, shown.as_ref(), &events)?;
+            self.out.command(wire::command(now, stamp, &output, self.commands, shown.as_ref(), &events))?;
         }
         if let (Some(command), Some(instant)) = (&output.motion, self.state.get()) {
             let arm = self.parts.model.arm_count();

@@ -11,7 +11,7 @@ use crate::{
     frames::WORLD,
     messages::{
         geometry_msgs::{PoseStamped, Vector3Stamped},
-        proact_msgs::{EmgSamples, Person, State, View},
+        proact_msgs::{EmgSamples, Frame, Person, State},
     },
 };
 use proact_testbed::stages::{PersonInput, PersonStage};
@@ -73,10 +73,11 @@ pub fn run_participant(parts: ParticipantParts) -> Result<(), NodeError> {
             Err(reason) => node.common.faults.refuse("state", &reason),
         }
     })?;
-    let _frame = graph.listen("proact/frame", 10, &jobs, |node: &mut ParticipantNode, message: View| {
-        match serde_json::from_str::<DisplayFrame>(&message.json) {
+    let _frame = graph.listen("proact/frame", 10, &jobs, |node: &mut ParticipantNode, message: Frame| {
+        let (arm, moving) = node.parts.joints;
+        match wire::read_frame(&message, arm, moving) {
             Ok(frame) => node.see(&frame),
-            Err(error) => node.common.faults.refuse("frame", &error.to_string()),
+            Err(reason) => node.common.faults.refuse("frame", &reason),
         }
     })?;
     stage::run(graph, &jobs, &mut node)

@@ -4,7 +4,7 @@ use super::{
     Graph, NodeError, convert,
     graph::{Jobs, Pace, parameter},
     outlets::{Outlets, View},
-    plan_request,
+    plan_request, wire,
 };
 use crate::{
     compat::{Compat, Quirk, UnknownQuirk},
@@ -12,6 +12,7 @@ use crate::{
     messages::{
         geometry_msgs::{PoseStamped, Vector3Stamped},
         moveit_msgs::MotionPlanRequest,
+        proact_msgs::Frame,
         std_msgs::{Bool, Int8, String as Text},
         std_srvs::{Empty, EmptyRes},
         trajectory_msgs::JointTrajectory,
@@ -47,7 +48,7 @@ struct Topics {
     place: Publisher<PoseStamped>,
     request: Publisher<MotionPlanRequest>,
     command: Publisher<JointTrajectory>,
-    frame: Publisher<crate::messages::proact_msgs::View>,
+    frame: Publisher<Frame>,
     result: Publisher<Text>,
 }
 
@@ -275,10 +276,7 @@ fn publish(
 
 fn show(frame: &DisplayFrame, topics: &Topics, seen: &mut Seen) -> rosrust::error::Result<()> {
     if topics.frame.subscriber_count() > 0 {
-        topics.frame.send(crate::messages::proact_msgs::View {
-            header: convert::header(frame.time, WORLD),
-            json: serde_json::to_string(frame).unwrap_or_default(),
-        })?;
+        topics.frame.send(wire::frame(frame))?;
     }
     if let Some(mode) = &frame.mode
         && seen.mode != Some(mode.number)

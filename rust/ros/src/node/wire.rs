@@ -1,5 +1,7 @@
 //! Inputs and outputs of the stages as messages of proact_msgs, and back without the loss of a bit.
 
+mod display;
+
 use super::convert;
 use crate::messages::{
     geometry_msgs,
@@ -9,58 +11,19 @@ use nalgebra::{Quaternion, UnitQuaternion};
 use proact_control::{HandCommand, MotionCommand, MotionState};
 use proact_emg::EmgOutput;
 use proact_tasks::TaskState;
-use proact_testbed::stages::{
-    ActuationOutput, EmgStageOutput, GazeHeard, IntentOutput, MethodOutput, MethodView,
-};
+use proact_testbed::stages::{ActuationOutput, EmgStageOutput, GazeHeard, IntentOutput, MethodOutput};
 use proact_types::{
     BlockColour, BlockId, BodyState, EmgSample, EventKind, GazeSample, Gesture, HandState, HandView,
-    InputSign, InputSource, JointVector, ModeView, PlannerView, PlantCommand, PlantState, Point, Pose,
-    SignKind, SimTime, Stop, TargetView, TickInput, Trajectory, TrajectoryPoint, Vector,
+    InputSign, InputSource, JointVector, PlantCommand, PlantState, Point, Pose, SignKind, SimTime, TickInput,
+    Trajectory, TrajectoryPoint, Vector,
 };
-use serde::{Deserialize, Serialize, de::DeserializeOwned};
+use serde::{Serialize, de::DeserializeOwned};
+
+pub use display::MethodShown;
+pub(super) use display::{frame, read_frame};
 
 /// Why a message is not taken: one sentence.
 pub(super) type Refused = String;
-
-/// What there is to see of the method: the JSON on `/proact/method` and in `Command`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct MethodShown {
-    /// Name of the method, such as `D`.
-    pub method: String,
-    /// Gesture that it acts on.
-    pub gesture: Gesture,
-    /// Probability of that gesture, 0 to 1.
-    pub confidence: f64,
-    /// How hard it is made, 0 to 1.
-    pub effort: f64,
-    /// The hand as the method sees it.
-    pub hand: HandView,
-    /// Gaze as measured.
-    pub gaze: Option<GazeSample>,
-    /// Why the arm must stand still; none while it need not.
-    pub stop: Option<Stop>,
-    /// Selection marker.
-    pub target: TargetView,
-    /// Planner and motion.
-    pub planner: PlannerView,
-    /// Joint or axis of the movement gestures.
-    pub mode: Option<ModeView>,
-    /// Arm angles at the end of the path that is followed, rad.
-    pub goal: Option<JointVector>,
-}
-
-impl MethodShown {
-    /// The part of it that is the method's own.
-    pub(super) fn view(&self) -> MethodView {
-        MethodView {
-            name: self.method.clone(),
-            target: self.target.clone(),
-            planner: self.planner.clone(),
-            mode: self.mode.clone(),
-            stop: self.stop.clone(),
-        }
-    }
-}
 
 fn finite(what: &str, values: &[f64]) -> Result<(), Refused> {
     match values.iter().find(|value| !value.is_finite()) {
@@ -87,6 +50,15 @@ fn maybe<T: Copy>(what: &str, all: &[T], place: i8) -> Result<Option<T>, Refused
     usize::try_from(place).ok().map(|place| placed(what, all, place)).transpose()
 }
 
+/// The value of an array that holds none or one.
+fn none_or_one<'a, T>(what: &str, values: &'a [T]) -> Result<Option<&'a T>, Refused> {
+    match values {
+        [] => Ok(None),
+        [value] => Ok(Some(value)),
+        _ => Err(format!("{what} has {} values, expected none or one", values.len())),
+    }
+}
+
 fn place_of(index: Option<usize>) -> i8 {
     index.map_or(-1, |index| index as i8)
 }
@@ -99,15 +71,15 @@ fn tick_of(at: Option<SimTime>) -> i64 {
     at.map_or(-1, |at| at.0 as i64)
 }
 
-fn texts(events: &[EventKind]) -> Vec<String> {
-    events.iter().filter_map(|kind| serde_json::to_string(kind).ok()).collect()
+fn texts<T: Serialize>(events: &[T]) -> Vec<String> {
+    events.iter().filter_map(|event| serde_json::to_string(event).ok()).collect()
 }
 
 fn json<T: DeserializeOwned>(what: &str, text: &str) -> Result<T, Refused> {
     serde_json::from_str(text).map_err(|error| format!("{what}: {error}"))
 }
 
-fn events(texts: &[String]) -> Result<Vec<EventKind>, Refused> {
+fn events<T: DeserializeOwned>(texts: &[String]) -> Result<Vec<T>, Refused> {
     texts.iter().map(|text| json("an event", text)).collect()
 }
 
@@ -171,8 +143,8 @@ pub(super) fn read_person(message: &Person) -> Result<(TickInput, Pose), Refused
         input.emg.try_push(sample).map_err(|_| format!("{samples} EMG samples are too many for a tick"))?;
     }
     input.gesture = maybe("gesture", &Gesture::ALL, message.gesture)?;
-    input.gaze = message.gaze.first().map(read_gaze);
-    input.shoulder = message.shoulder.first().map(exact_pose).transpose()?;
+    input.gaze = none_or_one("gaze", &message.gaze)?.map(read_gaze);
+    input.shoulder = none_or_one("the shoulder", &message.shoulder)?.map(exact_pose).transpose()?;
     if !message.limb.is_empty() {
         input.limb = Some(joints("the limb", &message.limb)?);
     }
@@ -279,7 +251,7 @@ pub(super) fn read_intent(message: &Intent) -> Result<IntentOutput, Refused> {
         posterior: message.posterior.as_slice().try_into().map_err(|_| four())?,
         highlight: maybe("highlight", &BlockId::ALL, message.highlight)?,
         place,
-        gaze: message.gaze.first().map(read_gaze),
+        gaze: none_or_one("gaze", &message.gaze)?.map(read_gaze),
         seen_at: at(message.seen_at),
         events: events(&message.events)?,
     })
@@ -304,7 +276,7 @@ pub(super) fn command(
             Some(HandCommand::Open) => 1,
             Some(HandCommand::Close) => 2,
         },
-        view: shown.and_then(|shown| serde_json::to_string(shown).ok()).unwrap_or_default(),
+        view: shown.map(display::method_view).into_iter().collect(),
         events: texts(events),
         ..Command::default()
     };
@@ -380,11 +352,10 @@ pub(super) fn read_command(message: &Command, arm: usize) -> Result<Asked, Refus
         2 => Some(HandCommand::Close),
         other => return Err(format!("hand is {other}, expected 0, 1 or 2")),
     };
-    let shown = (!message.view.is_empty()).then(|| json("view", &message.view)).transpose()?;
+    let view = none_or_one("view", &message.view)?;
+    let shown = view.map(|view| display::read_method_view(view, arm)).transpose()?;
     Ok(Asked { motion, number: message.number, hand, shown, events: events(&message.events)? })
 }
-
-const HAND: [HandState; 4] = [HandState::Open, HandState::Closing, HandState::Closed, HandState::Opening];
 
 /// The world, actuation and task after a tick.
 #[derive(Clone)]
@@ -428,7 +399,7 @@ pub(super) fn state(
         twists: world.blocks.iter().map(twist).collect(),
         attached: place_of(world.attached.map(|(block, _)| block)),
         attached_at: convert::pose(&world.attached.map_or(Pose::identity(), |(_, pose)| pose)),
-        hand: HAND.iter().position(|state| *state == hand.state).unwrap_or(0) as u8,
+        hand: hand.state as u8,
         target: actuation.command.position.to_vec(),
         target_velocity: actuation.command.velocity.to_vec(),
         target_base: convert::pose(&actuation.command.world_from_base),
@@ -514,7 +485,8 @@ pub(super) fn read_state(message: &State, moving: usize) -> Result<Instant, Refu
         on_target: message.on_target,
         finished: message.finished,
     };
-    let hand = HandView { state: placed("hand", &HAND, usize::from(message.hand))?, holds: attached };
+    let state = placed("hand", &HandState::ALL, usize::from(message.hand))?;
+    let hand = HandView { state, holds: attached };
     Ok(Instant { acted_on: message.acted_on, world, hand, actuation, task, frame: message.frame })
 }
 

@@ -9,15 +9,11 @@ use crate::{
         proact_msgs::{Command, View},
         std_msgs::{Bool, Int8, String as Text},
     },
-    node::{
-        Graph, NodeError, convert, plan_request,
-        wire::{self, MethodShown},
-    },
+    node::{Graph, NodeError, convert, plan_request, wire::MethodShown},
 };
 use proact_arm::ArmModel;
 use proact_control::HandCommand;
-use proact_testbed::stages::MethodOutput;
-use proact_types::{EventKind, PlanRequest, Pose, SimTime};
+use proact_types::{PlanRequest, Pose, SimTime};
 use rosrust::{Publisher, error::Result};
 
 /// The method's topics.
@@ -66,16 +62,8 @@ impl Outlets {
     }
 
     /// Says what the method asks for, in full.
-    pub(super) fn command(
-        &self,
-        tick: SimTime,
-        stamp: SimTime,
-        output: &MethodOutput,
-        number: u64,
-        shown: Option<&MethodShown>,
-        events: &[EventKind],
-    ) -> Result<()> {
-        self.command.send(wire::command(tick, stamp, output, number, shown, events))
+    pub(super) fn command(&self, command: Command) -> Result<()> {
+        self.command.send(command)
     }
 
     /// Sends the hand a goal.

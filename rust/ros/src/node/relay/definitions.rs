@@ -236,13 +236,14 @@ mod tests {
 
     #[test]
     fn checksums_are_those_of_the_compiled_types() {
-        use crate::messages::{diagnostic_msgs, gazebo_msgs, sensor_msgs, visualization_msgs};
+        use crate::messages::{diagnostic_msgs, gazebo_msgs, proact_msgs, sensor_msgs, visualization_msgs};
         fn check<M: Message>() {
             let found = compiled().message(&M::msg_type()).unwrap();
             assert_eq!(found.md5, M::md5sum(), "{}", found.name);
         }
         check::<diagnostic_msgs::DiagnosticArray>();
         check::<gazebo_msgs::ModelStates>();
+        check::<proact_msgs::Frame>();
         check::<sensor_msgs::JointState>();
         check::<visualization_msgs::MarkerArray>();
         fn serve<S: ServicePair>() {

@@ -1,15 +1,15 @@
 use super::*;
 use proact_types::{StopCause, zeros};
 
-const AWKWARD: [f64; 4] = [0.1 + 0.2, -0.0, 5e-324, 1.0 / 3.0];
+pub(super) const AWKWARD: [f64; 4] = [0.1 + 0.2, -0.0, 5e-324, 1.0 / 3.0];
 
 /// Not of unit length in the last bits, as integration leaves it.
-fn pose() -> Pose {
+pub(super) fn pose() -> Pose {
     let rotation = UnitQuaternion::new_unchecked(Quaternion::new(0.5, 0.5, 0.5, 0.5 + 1e-12));
     Pose::from_parts(nalgebra::Translation3::new(AWKWARD[0], AWKWARD[1], AWKWARD[2]), rotation)
 }
 
-fn bits(pose: &Pose) -> Vec<u64> {
+pub(super) fn bits(pose: &Pose) -> Vec<u64> {
     let values = pose.translation.vector.iter().chain(pose.rotation.coords.iter());
     values.map(|value| value.to_bits()).collect()
 }
@@ -83,6 +83,9 @@ fn what_a_person_gives_comes_back_and_ragged_samples_are_refused() {
     let mut message = person(SimTime(3), SimTime(3), &input, &pose());
     let (back, head) = read_person(&message).unwrap();
     assert_eq!((back, bits(&head)), (input, bits(&pose())));
+    message.shoulder.extend(message.shoulder.clone());
+    assert!(read_person(&message).err().unwrap().contains("the shoulder has 2 values"));
+    message.shoulder.pop();
     message.samples.pop();
     assert!(read_person(&message).err().unwrap().contains("7 values for 2 EMG samples"));
     message.counters.clear();

@@ -1,0 +1,204 @@
+//! An armband in a live trial: samples come on a thread of their own and go into the ticks.
+
+use crate::source::{SourceName, SourceOptions, open, read_model};
+use arrayvec::ArrayVec;
+use proact_devices::{EmgPacket, SampleSource, SourceEvent};
+use proact_emg::EmgModel;
+use proact_testbed::ports::EmgSource;
+use proact_types::{EmgSample, Gesture, SimTime};
+use std::{
+    error::Error,
+    path::Path,
+    sync::{
+        Arc, Mutex,
+        atomic::{AtomicBool, AtomicU64, Ordering},
+        mpsc::{Receiver, Sender, SyncSender, TrySendError, channel, sync_channel},
+    },
+    thread::JoinHandle,
+    time::Duration,
+};
+
+/// Samples that may wait; those beyond are lost and leave a gap in the counter. Four seconds at 1 kHz.
+const WAITING: usize = 4096;
+
+/// The stream of an armband, shared by the trials of a session. Its loss is told on standard error; the trial itself sees a
+/// silence, which stops the arm.
+pub struct LiveArmband {
+    samples: Arc<Mutex<Receiver<EmgSample>>>,
+    prompts: Sender<Gesture>,
+    received: Arc<AtomicU64>,
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+    model: EmgModel,
+}
+
+impl LiveArmband {
+    /// Opens the source and reads its model.
+    ///
+    /// # Errors
+    /// A source that cannot be opened, or a model that does not fit it.
+    pub fn open(source: &str, model: &Path) -> Result<LiveArmband, Box<dyn Error>> {
+        let source = open(&source.parse::<SourceName>()?, &SourceOptions::default(), None)?;
+        let model = read_model(model, source.info())?;
+        Ok(Self::start(source, model))
+    }
+
+    /// Samples begin to come from `source`, which `model` fits.
+    pub fn start(mut source: Box<dyn SampleSource>, mut model: EmgModel) -> LiveArmband {
+        let rails = source.info().rails.map(|(low, high)| [low, high]);
+        model.config.liveness = model.liveness(rails);
+        let (sender, samples) = sync_channel(WAITING);
+        let (prompts, prompted) = channel();
+        let stop = Arc::new(AtomicBool::new(false));
+        let stopped = stop.clone();
+        let received = Arc::new(AtomicU64::new(0));
+        let counted = received.clone();
+        let thread = std::thread::spawn(move || {
+            let mut packet = EmgPacket::default();
+            while !stopped.load(Ordering::Relaxed) {
+                if let Some(gesture) = prompted.try_iter().last() {
+                    source.prompt(gesture);
+                }
+                match source.poll(Duration::from_millis(20), &mut packet) {
+                    Ok(SourceEvent::Packet) => {
+                        if !hand_on(&sender, &packet) {
+                            return;
+                        }
+                        counted.fetch_add(packet.samples.len() as u64, Ordering::Release);
+                    }
+                    Ok(SourceEvent::Lost { reason }) => eprintln!("armband lost: {reason}"),
+                    Ok(SourceEvent::Restored) => eprintln!("armband found again"),
+                    Ok(SourceEvent::Nothing) => {}
+                    Ok(SourceEvent::Ended) => return eprintln!("the EMG source has ended"),
+                    Err(error) => return eprintln!("armband: {error}"),
+                }
+            }
+        });
+        let samples = Arc::new(Mutex::new(samples));
+        LiveArmband { samples, prompts, received, stop, thread: Some(thread), model }
+    }
+
+    /// Samples that have arrived since the start.
+    pub fn received(&self) -> u64 {
+        self.received.load(Ordering::Acquire)
+    }
+
+    /// The model.
+    pub fn model(&self) -> &EmgModel {
+        &self.model
+    }
+
+    /// The armband of the next trial, from now on.
+    pub fn port(&self) -> Box<dyn EmgSource> {
+        let port = ArmbandPort {
+            samples: self.samples.clone(),
+            prompts: self.prompts.clone(),
+            intended: Gesture::NoMotion,
+        };
+        // What came before the trial is none of it.
+        port.drain(usize::MAX);
+        Box::new(port)
+    }
+}
+
+impl Drop for LiveArmband {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+/// False if nobody listens any more.
+fn hand_on(sender: &SyncSender<EmgSample>, packet: &EmgPacket) -> bool {
+    packet.samples.iter().all(|sample| match sender.try_send(sample.clone()) {
+        Ok(()) | Err(TrySendError::Full(_)) => true,
+        Err(TrySendError::Disconnected(_)) => false,
+    })
+}
+
+struct ArmbandPort {
+    samples: Arc<Mutex<Receiver<EmgSample>>>,
+    prompts: Sender<Gesture>,
+    intended: Gesture,
+}
+
+impl ArmbandPort {
+    fn drain(&self, most: usize) -> ArrayVec<EmgSample, 8> {
+        let samples = self.samples.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        let mut out = ArrayVec::new();
+        for sample in samples.try_iter().take(most) {
+            // More than fit are only asked for to be thrown away.
+            let _ = out.try_push(sample);
+        }
+        out
+    }
+}
+
+impl EmgSource for ArmbandPort {
+    /// What has arrived, at most eight a tick. The keys of the page are prompts for simulated people; armbands on people
+    /// take no notice.
+    fn sample_at(&mut self, _now: SimTime, intended: Gesture) -> ArrayVec<EmgSample, 8> {
+        if intended != self.intended {
+            self.intended = intended;
+            // An error means that the source has ended, which has been told.
+            let _ = self.prompts.send(intended);
+        }
+        self.drain(8)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proact_devices::{Pacing, PersonSource};
+    use proact_emg::{Calibration, CalibrationConfig, EmgConfig, Phase};
+
+    /// A model of the generator, from its own samples.
+    fn model() -> EmgModel {
+        let source = proact_devices::EmgSource::Synthetic;
+        let mut person = PersonSource::new(&source, Pacing::FlatOut, Duration::ZERO, 1).unwrap();
+        let config = CalibrationConfig { emg: EmgConfig::default(), ..CalibrationConfig::default() };
+        let mut session = Calibration::new(config).unwrap();
+        let mut packet = EmgPacket::default();
+        while session.phase() != Phase::Reviewing {
+            if let Phase::Preparing { prompt, .. } = session.phase() {
+                person.prompt(prompt.gesture);
+            }
+            person.poll(Duration::ZERO, &mut packet).unwrap();
+            session.step(SimTime(packet.received.as_millis() as u64), &packet.samples).unwrap();
+        }
+        session.finish().unwrap()
+    }
+
+    #[test]
+    fn samples_come_in_order_and_a_trial_gets_none_from_before_it() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("model.json");
+        std::fs::write(&path, model().to_json().unwrap()).unwrap();
+        let armband = LiveArmband::open("synthetic", &path).unwrap();
+        let mut port = armband.port();
+        let mut counters = Vec::new();
+        while counters.len() < 100 {
+            let taken = port.sample_at(SimTime(0), Gesture::NoMotion);
+            assert!(taken.len() <= 8);
+            counters.extend(taken.iter().map(|s| s.counter));
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        assert!(counters.windows(2).all(|w| w[1] == w[0] + 1), "{counters:?}");
+        let last = *counters.last().unwrap();
+        // Between two trials samples pile up; the next trial does not see them.
+        std::thread::sleep(Duration::from_millis(100));
+        let mut next = armband.port();
+        let first = loop {
+            if let Some(sample) = next.sample_at(SimTime(0), Gesture::NoMotion).first() {
+                break sample.counter;
+            }
+        };
+        assert!(first > last + 16, "{first} after {last}");
+        let error =
+            LiveArmband::open("synthetic", Path::new("/nowhere")).map(|_| ()).unwrap_err().to_string();
+        assert!(error.contains("cannot read /nowhere"), "{error}");
+    }
+}

@@ -1,0 +1,284 @@
+//! What of this machine works for ProACT, and what to do about the rest.
+//!
+//! Every line is found out at the moment of asking: libraries from the memory map of this very process, ports by
+//! binding them, the working directory by writing into it. Nothing is changed; what is written is removed.
+
+use std::env;
+use std::fs;
+use std::io::Write;
+use std::net::{TcpListener, TcpStream, ToSocketAddrs};
+use std::path::Path;
+use std::time::Duration;
+
+use crate::libraries::{LIBRARIES, loaded_libraries, output_of};
+use serde::Serialize;
+
+/// Port of the page. When it is taken the program uses the next free one.
+const PAGE_PORT: u16 = 8090;
+/// Port of rosbridge, used only when asked for.
+const ROSBRIDGE_PORT: u16 = 9090;
+/// A ROS master on the same network answers within milliseconds; a filtered port never does.
+const MASTER_TIMEOUT: Duration = Duration::from_millis(500);
+
+/// Programs that build ProACT: name, and what it is for.
+const BUILD_TOOLS: [(&str, &str); 6] = [
+    ("cargo", "builds the program"),
+    ("rustc", "builds the program"),
+    ("g++", "builds the C++ cores"),
+    ("pkg-config", "finds the C++ libraries"),
+    ("node", "bundles the page"),
+    ("npm", "fetches the page's libraries"),
+];
+
+/// Browsers in the order in which they are looked for; the last opens whatever the desktop prefers.
+const BROWSERS: [&str; 6] =
+    ["chromium", "google-chrome", "chromium-browser", "firefox", "firefox-esr", "xdg-open"];
+
+/// How one line of the report came out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Status {
+    /// Works.
+    Ok,
+    /// Something optional is missing, or the program will do it in another way.
+    Warn,
+    /// The program cannot do its work.
+    Fail,
+}
+
+/// One line of the report.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Check {
+    /// What was looked at.
+    pub name: String,
+    /// How it came out.
+    pub status: Status,
+    /// What was found.
+    pub found: String,
+    /// What to do about it; empty when there is nothing to do.
+    pub advice: String,
+}
+
+impl Check {
+    pub(crate) fn ok(name: impl Into<String>, found: impl Into<String>) -> Self {
+        Self { name: name.into(), status: Status::Ok, found: found.into(), advice: String::new() }
+    }
+
+    pub(crate) fn warn(name: impl Into<String>, found: impl Into<String>, advice: impl Into<String>) -> Self {
+        Self { name: name.into(), status: Status::Warn, found: found.into(), advice: advice.into() }
+    }
+
+    pub(crate) fn fail(name: impl Into<String>, found: impl Into<String>, advice: impl Into<String>) -> Self {
+        Self { name: name.into(), status: Status::Fail, found: found.into(), advice: advice.into() }
+    }
+}
+
+/// Makes every check, in the order of the report.
+pub fn examine() -> Vec<Check> {
+    let mut checks = vec![machine()];
+    checks.extend(libraries());
+    checks.extend(build_tools());
+    checks.push(browser());
+    checks.push(display());
+    checks.push(port("page port", PAGE_PORT, "the page takes the next free port and prints it"));
+    checks.push(port("rosbridge port", ROSBRIDGE_PORT, "end that program before asking for rosbridge"));
+    checks.push(writable(Path::new(".")));
+    checks.push(Check::ok("EMG", "synthetic generator; recordings with --emg DIR"));
+    checks.push(ros_master(env::var("ROS_MASTER_URI").ok().as_deref()));
+    checks
+}
+
+/// Cores of the machine; one physics loop, one planner and one page want two of them.
+fn machine() -> Check {
+    let program = format!("proact {} on {}", env!("CARGO_PKG_VERSION"), env::consts::ARCH);
+    match std::thread::available_parallelism().map(usize::from) {
+        Ok(1) => {
+            Check::warn("program", format!("{program}, 1 core"), "a live trial may fall behind on one core")
+        }
+        Ok(cores) => Check::ok("program", format!("{program}, {cores} cores")),
+        Err(_) => Check::ok("program", program),
+    }
+}
+
+// --- Libraries ----------------------------------------------------------------------------------------------
+
+fn libraries() -> Vec<Check> {
+    let (loaded, versions) = loaded_libraries();
+    let mut checks: Vec<Check> = LIBRARIES
+        .iter()
+        .zip(&loaded)
+        .map(|((name, file, package), path)| match path {
+            Some(path) => {
+                let file_name = path.file_name().unwrap_or_default().to_string_lossy();
+                let version = versions.get(path).map_or("not from a Debian package", String::as_str);
+                Check::ok(*name, format!("{version} ({file_name})"))
+            }
+            None => Check::warn(
+                *name,
+                format!("no {file} in this program"),
+                format!("build with the feature \"native\"; on Debian it needs {package}"),
+            ),
+        })
+        .collect();
+    // Eigen is headers only: what counts is what is there for the next build.
+    checks.push(match output_of("pkg-config", &["--modversion", "eigen3"]) {
+        Some(version) => Check::ok("Eigen", format!("{version} (headers)")),
+        None => Check::warn(
+            "Eigen",
+            "no headers",
+            "needed only for building; on Debian: apt-get install libeigen3-dev",
+        ),
+    });
+    checks
+}
+
+// --- Programs -----------------------------------------------------------------------------------------------
+
+fn build_tools() -> Vec<Check> {
+    BUILD_TOOLS
+        .iter()
+        .map(|(tool, purpose)| match output_of(tool, &["--version"]) {
+            Some(version) => Check::ok(*tool, version),
+            None => Check::warn(
+                *tool,
+                "not found",
+                format!("needed only for building ({purpose}); ./proact installs it on Debian"),
+            ),
+        })
+        .collect()
+}
+
+fn browser() -> Check {
+    match BROWSERS.iter().find(|name| on_path(name)) {
+        Some(name) => Check::ok("browser", *name),
+        None => Check::warn(
+            "browser",
+            "none found",
+            "open the printed address in a browser, on this machine or through a tunnel",
+        ),
+    }
+}
+
+fn on_path(program: &str) -> bool {
+    env::var_os("PATH")
+        .is_some_and(|path| env::split_paths(&path).any(|folder| folder.join(program).is_file()))
+}
+
+fn display() -> Check {
+    let set = |name: &str| env::var(name).ok().filter(|value| !value.is_empty());
+    match (set("WAYLAND_DISPLAY"), set("DISPLAY")) {
+        (Some(wayland), _) => Check::ok("display", wayland),
+        (None, Some(x11)) => Check::ok("display", x11),
+        (None, None) => Check::warn(
+            "display",
+            "none",
+            "no browser can be opened here; --headless needs none, and the page works remotely",
+        ),
+    }
+}
+
+// --- Network and files --------------------------------------------------------------------------------------
+
+/// Whether a port of this machine can be bound. The listener is dropped at once, which frees it again.
+fn port(name: &str, number: u16, when_taken: &str) -> Check {
+    match TcpListener::bind(("127.0.0.1", number)) {
+        Ok(_) => Check::ok(name, format!("{number} is free")),
+        Err(error) => Check::warn(name, format!("{number} cannot be used: {error}"), when_taken),
+    }
+}
+
+/// Whether a file can be made in the folder, where trials are written unless `--out` says otherwise.
+fn writable(folder: &Path) -> Check {
+    let shown = folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf()).display().to_string();
+    // The process number keeps two doctors in one folder apart.
+    let probe = folder.join(format!(".proact-doctor-{}", std::process::id()));
+    let written = fs::OpenOptions::new()
+        .write(true)
+        .create_new(true)
+        .open(&probe)
+        .and_then(|mut file| file.write_all(b"proact"))
+        .and_then(|()| fs::remove_file(&probe));
+    match written {
+        Ok(()) => Check::ok("working directory", format!("{shown} can be written to")),
+        Err(error) => Check::fail(
+            "working directory",
+            format!("{shown}: {error}"),
+            "trials cannot be written here: change to another folder, or give --out DIR",
+        ),
+    }
+}
+
+/// Whether the ROS master that the environment names answers. ROS is optional, so this never fails.
+fn ros_master(uri: Option<&str>) -> Check {
+    let Some(uri) = uri.filter(|uri| !uri.is_empty()) else {
+        return Check::ok("ROS master", "none named by ROS_MASTER_URI; none is needed");
+    };
+    // The form is http://host:port/ with an optional slash.
+    let address = uri.trim_start_matches("http://").trim_end_matches('/');
+    let sockets = match address.to_socket_addrs() {
+        Ok(sockets) => sockets,
+        Err(error) => {
+            return Check::warn(
+                "ROS master",
+                format!("ROS_MASTER_URI=\"{uri}\": {error}"),
+                "expected the form http://HOST:PORT; unset it if ROS is not used",
+            );
+        }
+    };
+    for socket in sockets {
+        if TcpStream::connect_timeout(&socket, MASTER_TIMEOUT).is_ok() {
+            return Check::ok("ROS master", format!("{uri} answers"));
+        }
+    }
+    Check::warn(
+        "ROS master",
+        format!("{uri} does not answer"),
+        "start roscore if ROS is used; nothing else needs it",
+    )
+}
+
+// --- Writing ------------------------------------------------------------------------------------------------
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_taken_port_is_a_warning_and_a_free_one_is_not() {
+        let holder = TcpListener::bind(("127.0.0.1", 0)).expect("some port is free");
+        let number = holder.local_addr().expect("it is bound").port();
+        assert_eq!(port("p", number, "do this").status, Status::Warn);
+        drop(holder);
+        assert_eq!(port("p", number, "do this").status, Status::Ok);
+    }
+
+    #[test]
+    fn a_folder_that_cannot_be_written_to_fails_with_advice() {
+        let folder = tempfile::tempdir().expect("a folder can be made");
+        assert_eq!(writable(folder.path()).status, Status::Ok);
+        let left = fs::read_dir(folder.path()).expect("it can be read").count();
+        assert_eq!(left, 0, "the probe must be removed");
+
+        let check = writable(&folder.path().join("missing"));
+        assert_eq!(check.status, Status::Fail);
+        assert!(check.advice.contains("--out"), "{}", check.advice);
+    }
+
+    #[test]
+    fn a_master_that_is_not_named_is_not_needed() {
+        assert_eq!(ros_master(None).status, Status::Ok);
+        assert_eq!(ros_master(Some("")).status, Status::Ok);
+    }
+
+    #[test]
+    fn a_master_is_asked_at_the_address_that_the_environment_names() {
+        let master = TcpListener::bind(("127.0.0.1", 0)).expect("some port is free");
+        let uri = format!("http://127.0.0.1:{}/", master.local_addr().expect("it is bound").port());
+        assert_eq!(ros_master(Some(&uri)).status, Status::Ok);
+        drop(master);
+        assert_eq!(ros_master(Some(&uri)).status, Status::Warn);
+        let malformed = ros_master(Some("nonsense"));
+        assert_eq!(malformed.status, Status::Warn);
+        assert!(malformed.advice.contains("http://HOST:PORT"), "{}", malformed.advice);
+    }
+}

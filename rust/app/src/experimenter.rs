@@ -1,0 +1,204 @@
+//! What the experimenter's page gets from a trial that runs in real time, and what its buttons do.
+
+use crate::pace::Pace;
+use proact_bridge::{ClientInput, GazeCheck, PageServer, Signals, StudyAction, TrialStatus};
+use proact_emg::{Light, QualityConfig, QualityMonitor};
+use proact_testbed::{Step, TrialConfig};
+use proact_types::SimTime;
+use std::{
+    fs::OpenOptions,
+    io::Write,
+    path::Path,
+    sync::atomic::{AtomicBool, Ordering},
+    time::{Duration, Instant},
+};
+
+/// From one message of signals to the next.
+const SIGNAL_PERIOD: Duration = Duration::from_millis(100);
+/// Rates are counted over this long.
+const RATE_PERIOD: Duration = Duration::from_secs(1);
+/// Most EMG samples in one message: a third of a second at 1 kHz.
+const MAX_SAMPLES: usize = 330;
+/// Gaze checks of a trial, one JSON object a line.
+const GAZE_CHECK_FILE: &str = "gaze_checks.jsonl";
+
+/// A trial's side of the experimenter's page.
+pub struct Experimenter<'a> {
+    page: &'a PageServer,
+    status: TrialStatus,
+    signals: Signals,
+    quality: Option<QualityMonitor>,
+    sent: Instant,
+    sent_time: SimTime,
+    ticks: u32,
+    busy: Duration,
+    busiest: Duration,
+    seen_gaze: Option<SimTime>,
+    counted: Counted,
+}
+
+/// Samples since the last count.
+struct Counted {
+    since: Instant,
+    gaze: u32,
+    tracking: u32,
+}
+
+impl<'a> Experimenter<'a> {
+    /// Announces a trial, recorded in `dir` if anywhere, in which `gaze_source` gives gaze instead of the page.
+    pub fn new(
+        page: &'a PageServer,
+        config: &TrialConfig,
+        dir: Option<&Path>,
+        gaze_source: Option<&str>,
+    ) -> Self {
+        let status = TrialStatus {
+            can_pause: true,
+            seed: config.seed,
+            record: dir.map(|dir| dir.display().to_string()),
+            gaze_source: gaze_source.map(str::to_owned),
+            ..TrialStatus::default()
+        };
+        page.set_status(&status);
+        let emg = config.emg.as_ref();
+        let monitor = |rate, channels| QualityMonitor::new(QualityConfig::default(), rate, channels, &[]);
+        Self {
+            page,
+            status,
+            signals: Signals { emg_rate_hz: emg.map_or(0.0, |emg| emg.rate_hz), ..Signals::default() },
+            quality: emg.map(|emg| monitor(emg.rate_hz, emg.channels)),
+            sent: Instant::now(),
+            sent_time: SimTime(0),
+            ticks: 0,
+            busy: Duration::ZERO,
+            busiest: Duration::ZERO,
+            seen_gaze: None,
+            counted: Counted { since: Instant::now(), gaze: 0, tracking: 0 },
+        }
+    }
+
+    /// Does what a button asks. True if the trial is to end.
+    pub fn act(&mut self, action: StudyAction) -> bool {
+        match action {
+            StudyAction::Pause => self.status.paused = true,
+            StudyAction::Resume => self.status.paused = false,
+            StudyAction::CheckGaze => self.status.gaze_checks += 1,
+            StudyAction::CalibrateGaze => self.status.gaze_calibrations += 1,
+            StudyAction::Abort => (self.status.aborted, self.status.paused) = (true, false),
+        }
+        self.page.set_status(&self.status);
+        self.status.aborted
+    }
+
+    /// While paused, waits for inputs and hands them on; simulated time stands still, so that the record knows
+    /// nothing of it. Other inputs than these are dropped.
+    pub fn wait_while_paused(&mut self, pace: &mut Pace, interrupted: &AtomicBool) -> Vec<ClientInput> {
+        let mut kept = Vec::new();
+        let paused = self.status.paused;
+        while self.status.paused && kept.is_empty() && !interrupted.load(Ordering::Relaxed) {
+            std::thread::sleep(Duration::from_millis(10));
+            for input in self.page.drain_inputs() {
+                match input {
+                    ClientInput::Study(action) if !self.act(action) => {}
+                    ClientInput::Study(_) | ClientInput::Restart { .. } => kept.push(input),
+                    _ => {}
+                }
+            }
+        }
+        if paused {
+            *pace = Pace::new();
+            self.sent = Instant::now();
+        }
+        kept
+    }
+
+    /// Takes in one tick that took `spent` to compute, and tells the page when it is time.
+    pub fn take(&mut self, step: &Step, spent: Duration) {
+        self.ticks += 1;
+        self.busy += spent;
+        self.busiest = self.busiest.max(spent);
+        for sample in &step.input.emg {
+            if let Some(quality) = &mut self.quality {
+                quality.push(step.time, sample);
+            }
+            if self.signals.emg.len() < MAX_SAMPLES {
+                self.signals.emg.push(sample.channels.to_vec());
+            }
+        }
+        if let Some(gaze) = &step.input.gaze {
+            self.counted.gaze += 1;
+            if gaze.valid {
+                self.seen_gaze = Some(step.time);
+            }
+        }
+        self.counted.tracking += u32::from(step.input.shoulder.is_some());
+        let now = Instant::now();
+        if now.duration_since(self.sent) >= SIGNAL_PERIOD {
+            self.tell(now, step.time);
+        }
+    }
+
+    fn tell(&mut self, now: Instant, time: SimTime) {
+        let real = now.duration_since(self.sent).as_secs_f64();
+        let since = now.duration_since(self.counted.since);
+        if since >= RATE_PERIOD {
+            self.signals.gaze_hz = f64::from(self.counted.gaze) / since.as_secs_f64();
+            self.signals.tracking_hz = f64::from(self.counted.tracking) / since.as_secs_f64();
+            self.counted = Counted { since: now, gaze: 0, tracking: 0 };
+        }
+        let signals = &mut self.signals;
+        signals.time = time;
+        signals.pace = time.millis_since(self.sent_time) as f64 * 1e-3 / real.max(1e-9);
+        signals.tick_mean_us = self.busy.as_secs_f64() * 1e6 / f64::from(self.ticks.max(1));
+        signals.tick_max_us = self.busiest.as_secs_f64() * 1e6;
+        signals.gaze_age_ms = self.seen_gaze.map(|seen| time.millis_since(seen));
+        signals.pages = self.page.client_count();
+        if let Some(quality) = &self.quality {
+            let light = |light| {
+                match light {
+                    Light::Green => "green",
+                    Light::Amber => "amber",
+                    Light::Red => "red",
+                }
+                .to_owned()
+            };
+            let fault = |fault| serde_json::to_value(fault).ok()?.as_str().map(str::to_owned);
+            signals.lights = quality.channels().iter().map(|channel| light(channel.light)).collect();
+            signals.faults = quality.channels().iter().map(|channel| channel.fault.and_then(fault)).collect();
+            signals.emg_lost_share = quality.stream().lost_share;
+        }
+        self.page.publish_signals(signals);
+        signals.emg.clear();
+        (self.sent, self.sent_time) = (now, time);
+        (self.ticks, self.busy, self.busiest) = (0, Duration::ZERO, Duration::ZERO);
+    }
+}
+
+/// Adds a gaze check to the record of a trial; without a record it is only shown.
+pub fn store_gaze_check(dir: Option<&Path>, time: SimTime, check: &GazeCheck) -> std::io::Result<()> {
+    let Some(dir) = dir else { return Ok(()) };
+    let mut line = serde_json::json!({ "time": time, "check": check }).to_string();
+    line.push('\n');
+    OpenOptions::new().create(true).append(true).open(dir.join(GAZE_CHECK_FILE))?.write_all(line.as_bytes())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gaze_checks_are_added_to_the_record_line_by_line() {
+        let dir = tempfile::tempdir().unwrap();
+        let check = GazeCheck { source: "mouse".into(), points: vec![], correction_deg: None };
+        store_gaze_check(Some(dir.path()), SimTime(5), &check).unwrap();
+        store_gaze_check(Some(dir.path()), SimTime(9), &check).unwrap();
+        store_gaze_check(None, SimTime(9), &check).unwrap();
+        let text = std::fs::read_to_string(dir.path().join(GAZE_CHECK_FILE)).unwrap();
+        let times: Vec<serde_json::Value> = text
+            .lines()
+            .map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap()["time"].clone())
+            .collect();
+        assert_eq!(times, [5, 9]);
+        assert!(store_gaze_check(Some(&dir.path().join("missing")), SimTime(1), &check).is_err());
+    }
+}

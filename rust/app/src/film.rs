@@ -1,0 +1,85 @@
+//! A recorded trial as it was displayed, to be scrubbed and compared on a page.
+
+use crate::replay::{Opened, open_trial};
+use proact_bridge::{PageContent, RecordedTrial};
+use proact_recording::read_result;
+use proact_testbed::{SpanDigest, Testbed, TrialResult, first_divergence};
+use proact_types::{DisplayFrame, Event, Pose, SimTime, TickInput};
+use std::{error::Error, path::Path};
+
+/// Of the 60 frames of a second every second one is kept: the page interpolates between them.
+const KEPT: u64 = 2;
+
+/// A trial as it was displayed, from its configuration and input log.
+pub fn recompute(dir: &Path) -> Result<RecordedTrial, Box<dyn Error>> {
+    let Opened { record, config, mut testbed, recorded, .. } = open_trial(dir, false)?;
+    let last = recorded.last().ok_or("the record holds no complete span: there is nothing to show")?.tick;
+    let body = config.setup.body;
+    let upright = Default::default();
+    // The head sits on the trunk as the shoulder does.
+    let shoulder_from_head = body.shoulder_pose(&upright).inv_mul(&body.head_pose(&upright));
+    let mut inputs = record.inputs()?;
+    let mut next = inputs.next().transpose()?;
+    let mut film = Film { frames: Vec::new(), events: Vec::new(), count: 0 };
+    let mut spans: Vec<SpanDigest> = Vec::new();
+    for tick in 1..=last.0 {
+        let mut input = TickInput::default();
+        while let Some(entry) = next.take_if(|entry| entry.tick.0 <= tick) {
+            input = entry.input;
+            next = inputs.next().transpose()?;
+        }
+        let output = testbed.tick(&input, tick == last.0)?;
+        spans.extend(output.span);
+        if testbed.frame_is_due() || tick == last.0 {
+            film.take(&mut testbed, &shoulder_from_head, tick == last.0)?;
+        }
+    }
+    let result = read_result::<TrialResult>(dir).ok();
+    let content = PageContent {
+        title: format!("Method {}", config.method_label()),
+        setup: config.setup.name.clone(),
+        arm: testbed.model().as_ref().clone(),
+        scene: testbed.task().scene().clone(),
+        interactive: false,
+        lean: false,
+    };
+    Ok(RecordedTrial {
+        name: dir.file_name().unwrap_or(dir.as_os_str()).to_string_lossy().into_owned(),
+        method: config.method_label(),
+        setup: config.setup.name.clone(),
+        seed: Some(config.seed),
+        seconds: SimTime(last.0).as_secs(),
+        on_target: testbed.task().state().on_target,
+        content,
+        agrees: Some(first_divergence(&recorded, &spans).is_none()),
+        finished: result.is_some(),
+        frames: film.frames,
+    })
+}
+
+/// The frames that are kept.
+struct Film {
+    frames: Vec<DisplayFrame>,
+    /// Of frames that were left out.
+    events: Vec<Event>,
+    count: u64,
+}
+
+impl Film {
+    fn take(
+        &mut self,
+        testbed: &mut Testbed,
+        shoulder_from_head: &Pose,
+        last: bool,
+    ) -> Result<(), Box<dyn Error>> {
+        let head = testbed.plant().state().world_from_base * shoulder_from_head;
+        let mut frame = testbed.frame(head)?;
+        self.events.append(&mut frame.events);
+        self.count += 1;
+        if self.count % KEPT == 1 || last {
+            frame.events = std::mem::take(&mut self.events);
+            self.frames.push(frame);
+        }
+        Ok(())
+    }
+}

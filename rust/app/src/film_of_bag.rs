@@ -1,0 +1,515 @@
+//! A bag on the replay page: one of the original lab's, or our own.
+//!
+//! Shown is what the bag says, not what a simulation makes of it: arm joints and blocks at 30 Hz, gaze, gesture,
+//! selection and grasp. Which blocks are on target is judged by our task from their poses. The head is the headset's
+//! own, put into `world` by the frames in the bag; without these it is where the eye is and looks where the eye looks.
+
+use proact_arm::ArmModel;
+use proact_bridge::{PageContent, RecordedTrial};
+use proact_recording::{
+    RecordingError,
+    bag::{BagMessage, messages as ros, read_bag},
+};
+use proact_tasks::{Arrangement, BoxAndBlocks};
+use proact_types::{
+    BlockId, BodyState, DisplayFrame, Event, EventKind, GazeSample, Gesture, HandState, HandView,
+    PlannerView, Point, Pose, SimTime, TargetView, Vector, zeros,
+};
+use std::{collections::HashMap, error::Error, path::Path};
+
+/// From one frame to the next, milliseconds.
+const PERIOD_MS: u64 = 33;
+/// Gaze older than this is not shown, milliseconds.
+const GAZE_MS: u64 = 200;
+/// Name of the arm in `/gazebo/model_states`.
+const ARM_MODEL: &str = "mpl_right_arm";
+/// The headset's world among the frames of `/tf`.
+const HEADSET_WORLD: &str = "hololens_world_test";
+
+/// Reads the bag at `path` as it would have been displayed.
+///
+/// # Errors
+/// A file that is no bag, or holds neither joints nor blocks under the original's names.
+pub fn read(path: &Path, arm: &ArmModel) -> Result<RecordedTrial, Box<dyn Error>> {
+    let mut film = Film::new(arm, method_of(path));
+    read_bag(path, |message| film.take(message))?;
+    if !film.joints_seen && !film.blocks_seen {
+        film.topics.sort();
+        return Err(format!(
+            "the bag holds neither /mpl_right_arm/wrapped_joint_states nor /gazebo/model_states, which are shown; its \
+             topics: {}",
+            film.topics.join(", ")
+        )
+        .into());
+    }
+    film.keep();
+    let content = PageContent {
+        title: "Bag".to_owned(),
+        setup: "bag".to_owned(),
+        arm: arm.clone(),
+        scene: film.task.scene().clone(),
+        interactive: false,
+        lean: false,
+    };
+    Ok(RecordedTrial {
+        name: path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned(),
+        method: film.frame.method.clone(),
+        setup: "bag".to_owned(),
+        seed: None,
+        seconds: film.frame.time.as_secs(),
+        on_target: film.task.state().on_target,
+        content,
+        agrees: None,
+        finished: true,
+        frames: film.frames,
+    })
+}
+
+/// The original calls its bags `participant1-mode4-trial2-..`: modes 1 to 4 are methods A to D.
+fn method_of(path: &Path) -> String {
+    let name = path.file_stem().unwrap_or_default().to_string_lossy();
+    let mode = name.split_once("mode").and_then(|(_, rest)| rest.chars().next());
+    match mode {
+        Some(digit @ '1'..='4') => ["A", "B", "C", "D"][digit as usize - '1' as usize].to_owned(),
+        _ => "?".to_owned(),
+    }
+}
+
+/// What has been read so far.
+struct Film<'a> {
+    arm: &'a ArmModel,
+    /// Place in the joint vector of each joint.
+    joints: HashMap<&'a str, usize>,
+    task: BoxAndBlocks,
+    bodies: [BodyState; 4],
+    /// The instant as it stands.
+    frame: DisplayFrame,
+    eye: Option<Point>,
+    world_from_headset: Option<Pose>,
+    /// The head has a pose of its own.
+    head_seen: bool,
+    looked: Option<SimTime>,
+    first_ns: Option<u64>,
+    due: SimTime,
+    joints_seen: bool,
+    blocks_seen: bool,
+    topics: Vec<String>,
+    frames: Vec<DisplayFrame>,
+}
+
+impl<'a> Film<'a> {
+    fn new(arm: &'a ArmModel, method: String) -> Self {
+        let joints =
+            arm.moving().enumerate().map(|(n, joint)| (arm.joints[joint].name.as_str(), n)).collect();
+        let no_arrangement = Arrangement::all().next().expect("there are arrangements");
+        let task = BoxAndBlocks::new(no_arrangement).with_limit(SimTime(u64::MAX));
+        let resting = |n: usize| BodyState {
+            pose: task.scene().blocks[n].pose,
+            linear: Vector::zeros(),
+            angular: Vector::zeros(),
+        };
+        let bodies = std::array::from_fn(resting);
+        let frame = DisplayFrame {
+            time: SimTime(0),
+            method,
+            joints: zeros(arm.moving_count()),
+            world_from_base: Pose::identity(),
+            world_from_tip: Pose::identity(),
+            world_from_head: Pose::identity(),
+            blocks: bodies.iter().map(|body: &BodyState| body.pose).collect(),
+            hand: HandView::default(),
+            gaze: None,
+            target: TargetView::default(),
+            planner: PlannerView::Idle,
+            goal: None,
+            mode: None,
+            stop: None,
+            gesture: Gesture::NoMotion,
+            confidence: 1.0,
+            effort: 0.0,
+            emg_source: "bag".to_owned(),
+            time_left_secs: BoxAndBlocks::LIMIT_SECS,
+            next_block: None,
+            on_target: 0,
+            finished: false,
+            events: Vec::new(),
+        };
+        Film {
+            arm,
+            joints,
+            task,
+            bodies,
+            frame,
+            eye: None,
+            world_from_headset: None,
+            head_seen: false,
+            looked: None,
+            first_ns: None,
+            due: SimTime(0),
+            joints_seen: false,
+            blocks_seen: false,
+            topics: Vec::new(),
+            frames: Vec::new(),
+        }
+    }
+
+    fn take(&mut self, message: &BagMessage<'_>) -> Result<(), RecordingError> {
+        let first = *self.first_ns.get_or_insert(message.time_ns);
+        // A recorder on another machine may step back a little.
+        let now = SimTime(message.time_ns.saturating_sub(first) / 1_000_000).max(self.frame.time);
+        self.frame.time = now;
+        if !self.topics.iter().any(|topic| topic == message.topic) {
+            self.topics.push(message.topic.to_owned());
+        }
+        match message.topic {
+            "/mpl_right_arm/wrapped_joint_states" => {
+                if let Some(state) = message.decode::<ros::JointState>()? {
+                    self.turn(&state);
+                }
+            }
+            "/gazebo/model_states" => {
+                if let Some(models) = message.decode::<ros::ModelStates>()? {
+                    self.place(&models);
+                }
+            }
+            "/gaze_position_ros" => {
+                if let Some(eye) = message.decode::<ros::Vector3Stamped>()? {
+                    self.eye = Some(Point::from(vector(&eye.vector)));
+                }
+            }
+            "/gaze_direction_ros" => {
+                if let Some(gaze) = message.decode::<ros::Vector3Stamped>()? {
+                    self.look(&vector(&gaze.vector));
+                }
+            }
+            "/tf" | "/tf_static" => {
+                if let Some(frames) = message.decode::<ros::TfMessage>()? {
+                    self.tie(&frames);
+                }
+            }
+            "/hololens/head" => {
+                if let Some(head) = message.decode::<ros::PoseStamped>()? {
+                    let head = pose_of(&head.pose).zip(self.world_from_headset);
+                    self.hold_head(head.map(|(head, world)| world * head));
+                }
+            }
+            // Ours says so; the original's has no frame, and a wrong turn.
+            "/hololens_unity_camera_pose_ros" => {
+                if let Some(head) = message.decode::<ros::PoseStamped>()? {
+                    self.hold_head(pose_of(&head.pose).filter(|_| head.header.frame_id == "world"));
+                }
+            }
+            "/emg" => {
+                if let Some(text) = message.decode::<ros::Text>()? {
+                    let known = Gesture::ALL.into_iter().find(|gesture| gesture.ros_name() == text.data);
+                    self.frame.gesture = known.unwrap_or(Gesture::NoMotion);
+                }
+            }
+            "/current_block" => {
+                if let Some(text) = message.decode::<ros::Text>()? {
+                    self.frame.target.block = block_named(&text.data);
+                }
+            }
+            "/selection_frozen" => {
+                if let Some(frozen) = message.decode::<ros::Bool>()? {
+                    self.frame.target.locked = frozen.data;
+                }
+            }
+            "/place_location_selected" => {
+                if let Some(place) = message.decode::<ros::PoseStamped>()? {
+                    // The original's is in the headset's world, whatever it says.
+                    let ours = place.header.frame_id == "world";
+                    let world = if ours { Some(Pose::identity()) } else { self.world_from_headset };
+                    let p = &place.pose.position;
+                    self.frame.target.place = world.map(|world| world * Point::new(p.x, p.y, p.z));
+                }
+            }
+            "/success" => {
+                if let Some(closed) = message.decode::<ros::Bool>()? {
+                    self.frame.hand.state = if closed.data { HandState::Closed } else { HandState::Open };
+                }
+            }
+            "/grasp_event_republisher/grasp_events" => {
+                if let Some(event) = message.decode::<ros::GazeboGraspEvent>()? {
+                    self.grasp(&event);
+                }
+            }
+            _ => {}
+        }
+        if now >= self.due {
+            self.keep();
+            self.due = now.plus_millis(PERIOD_MS);
+        }
+        Ok(())
+    }
+
+    fn turn(&mut self, state: &ros::JointState) {
+        for (name, angle) in state.name.iter().zip(&state.position) {
+            if let Some(&place) = self.joints.get(name.as_str())
+                && angle.is_finite()
+            {
+                self.frame.joints[place] = *angle;
+                self.joints_seen = true;
+            }
+        }
+    }
+
+    fn place(&mut self, models: &ros::ModelStates) {
+        for ((name, pose), twist) in models.name.iter().zip(&models.pose).zip(&models.twist) {
+            let Some(pose) = pose_of(pose) else { continue };
+            if name == ARM_MODEL {
+                self.frame.world_from_base = pose;
+            } else if let Some(block) = block_named(name) {
+                let (linear, angular) = (vector(&twist.linear), vector(&twist.angular));
+                self.bodies[block.index()] = BodyState { pose, linear, angular };
+                self.blocks_seen = true;
+            }
+        }
+    }
+
+    /// Learns where the headset's world is.
+    fn tie(&mut self, frames: &ros::TfMessage) {
+        let of_headset = |frame: &&ros::TransformStamped| {
+            frame.child_frame_id.trim_start_matches('/') == HEADSET_WORLD
+                && frame.header.frame_id.trim_start_matches('/') == "world"
+        };
+        let Some(frame) = frames.transforms.iter().rfind(of_headset) else { return };
+        let ros::Vector3 { x, y, z } = frame.transform.translation;
+        let orientation = frame.transform.rotation.clone();
+        let pose = pose_of(&ros::Pose { position: ros::Point { x, y, z }, orientation });
+        self.world_from_headset = pose.or(self.world_from_headset);
+    }
+
+    fn hold_head(&mut self, world_from_head: Option<Pose>) {
+        if let Some(pose) = world_from_head {
+            self.frame.world_from_head = pose;
+            self.head_seen = true;
+        }
+    }
+
+    fn look(&mut self, direction: &Vector) {
+        let Some(origin) = self.eye else { return };
+        let Some(direction) = direction.try_normalize(1e-9).filter(|d| d.iter().all(|x| x.is_finite()))
+        else {
+            return;
+        };
+        self.frame.gaze = Some(GazeSample { origin, direction, valid: true });
+        self.looked = Some(self.frame.time);
+        if self.head_seen {
+            return;
+        }
+        let left = Vector::z().cross(&direction).try_normalize(1e-9).unwrap_or(Vector::y());
+        let axes = nalgebra::Matrix3::from_columns(&[direction, left, direction.cross(&left)]);
+        let turn = nalgebra::Rotation3::from_matrix_unchecked(axes);
+        self.frame.world_from_head =
+            Pose::from_parts(origin.coords.into(), nalgebra::UnitQuaternion::from_rotation_matrix(&turn));
+    }
+
+    fn grasp(&mut self, event: &ros::GazeboGraspEvent) {
+        let Some(block) = event.object.split("::").find_map(block_named) else { return };
+        self.frame.hand.holds = event.attached.then_some(block);
+        let kind = if event.attached {
+            EventKind::BlockAttached { block }
+        } else {
+            EventKind::BlockReleased { block }
+        };
+        self.frame.events.push(Event { time: self.frame.time, kind });
+    }
+
+    /// Keeps the instant as a frame.
+    fn keep(&mut self) {
+        let frame = &mut self.frame;
+        let step = self.task.step(frame.time, &self.bodies, frame.hand.holds);
+        frame.events.extend(step.events.into_iter().map(|kind| Event { time: frame.time, kind }));
+        frame.blocks = self.bodies.iter().map(|body| body.pose).collect();
+        frame.world_from_tip = frame.world_from_base * self.arm.link_poses(&frame.joints)[self.arm.tip];
+        frame.gaze =
+            frame.gaze.filter(|_| self.looked.is_some_and(|then| frame.time.millis_since(then) <= GAZE_MS));
+        frame.time_left_secs = BoxAndBlocks::LIMIT_SECS - frame.time.as_secs();
+        (frame.next_block, frame.on_target) = (self.task.state().next, self.task.state().on_target);
+        self.frames.push(frame.clone());
+        frame.events.clear();
+    }
+}
+
+fn vector(v: &ros::Vector3) -> Vector {
+    Vector::new(v.x, v.y, v.z)
+}
+
+/// None if it is no pose.
+fn pose_of(pose: &ros::Pose) -> Option<Pose> {
+    let (p, q) = (&pose.position, &pose.orientation);
+    let turn = nalgebra::Quaternion::new(q.w, q.x, q.y, q.z);
+    let turn = nalgebra::UnitQuaternion::try_new(turn, 1e-6)?;
+    let pose = Pose::from_parts(nalgebra::Translation3::new(p.x, p.y, p.z), turn);
+    pose.to_homogeneous().iter().all(|x| x.is_finite()).then_some(pose)
+}
+
+fn block_named(name: &str) -> Option<BlockId> {
+    BlockId::ALL.into_iter().find(|block| block.ros_name() == name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proact_description::mpl_right_arm;
+    use proact_recording::bag::{
+        BagWriter,
+        message::{Message, Time},
+    };
+
+    /// A bag as the original's recorder writes it: receipt times of a wall clock, many topics, one of them unknown.
+    struct Lab(BagWriter);
+
+    impl Lab {
+        fn write<M: Message>(&mut self, topic: &str, ms: u32, message: &M) {
+            let time = Time { secs: 1_600_000_000 + ms / 1000, nsecs: ms % 1000 * 1_000_000 };
+            self.0.write(topic, time, message, false).unwrap();
+        }
+
+        fn models(&mut self, ms: u32, red1: [f64; 3]) {
+            let pose = |[x, y, z]: [f64; 3]| ros::Pose {
+                position: ros::Point { x, y, z },
+                orientation: ros::Quaternion { w: 1.0, ..Default::default() },
+            };
+            let models = ros::ModelStates {
+                name: vec!["ground_plane".into(), "mpl_right_arm".into(), "redcylinder1".into()],
+                pose: vec![pose([0.0; 3]), pose([-0.4, 0.1, 1.5]), pose(red1)],
+                twist: vec![ros::Twist::default(); 3],
+            };
+            self.write("/gazebo/model_states", ms, &models);
+        }
+    }
+
+    fn stamped(frame: &str, position: [f64; 3]) -> ros::PoseStamped {
+        let [x, y, z] = position;
+        ros::PoseStamped {
+            header: ros::Header { frame_id: frame.to_owned(), ..Default::default() },
+            pose: ros::Pose {
+                position: ros::Point { x, y, z },
+                orientation: ros::Quaternion { w: 1.0, ..Default::default() },
+            },
+        }
+    }
+
+    #[test]
+    fn the_head_is_the_headsets_own_where_the_bag_ties_its_world_to_ours() {
+        // The headset's world stands at (-1, 0.2, 1.5) in ours, turned left by a quarter.
+        let half = std::f64::consts::FRAC_1_SQRT_2;
+        let tie = ros::TfMessage {
+            transforms: vec![ros::TransformStamped {
+                header: ros::Header { frame_id: "world".to_owned(), ..Default::default() },
+                child_frame_id: HEADSET_WORLD.to_owned(),
+                transform: ros::Transform {
+                    translation: ros::Vector3 { x: -1.0, y: 0.2, z: 1.5 },
+                    rotation: ros::Quaternion { z: half, w: half, ..Default::default() },
+                },
+            }],
+        };
+        let last_of = |tied: bool| {
+            let dir = tempfile::tempdir().unwrap();
+            let path = dir.path().join("head.bag");
+            let mut lab = Lab(BagWriter::create(&path).unwrap());
+            lab.models(0, [0.05, -0.2, 1.2]);
+            if tied {
+                lab.write("/tf", 1, &tie);
+            }
+            lab.write("/hololens/head", 2, &stamped("Unity", [0.3, 0.0, 0.1]));
+            lab.write("/place_location_selected", 2, &stamped("ROSworld", [1.0, 0.0, -0.5]));
+            // The original's, without a frame: not believed.
+            lab.write("/hololens_unity_camera_pose_ros", 3, &stamped("", [9.0, 9.0, 9.0]));
+            let eye = ros::Vector3 { x: 0.5, y: 0.5, z: 1.0 };
+            let ahead = ros::Vector3 { x: 0.0, y: -1.0, z: 0.0 };
+            for (topic, vector) in [("/gaze_position_ros", eye), ("/gaze_direction_ros", ahead)] {
+                lab.write(topic, 4, &ros::Vector3Stamped { vector, ..Default::default() });
+            }
+            lab.0.finish().unwrap();
+            read(&path, &mpl_right_arm()).unwrap().frames.last().unwrap().clone()
+        };
+        let DisplayFrame { world_from_head: tied, target, .. } = last_of(true);
+        assert!((target.place.unwrap() - Point::new(-1.0, 1.2, 1.0)).norm() < 1e-12, "{target:?}");
+        assert!((tied.translation.vector - Vector::new(-1.0, 0.5, 1.6)).norm() < 1e-12, "{tied}");
+        assert!((tied.rotation * Vector::x() - Vector::y()).norm() < 1e-12, "{tied}");
+        let DisplayFrame { world_from_head: loose, target, .. } = last_of(false);
+        assert_eq!(target.place, None);
+        assert!((loose.translation.vector - Vector::new(0.5, 0.5, 1.0)).norm() < 1e-12, "{loose}");
+        assert!((loose.rotation * Vector::x() + Vector::y()).norm() < 1e-12, "{loose}");
+    }
+
+    fn text(data: &str) -> ros::Text {
+        ros::Text { data: data.to_owned() }
+    }
+
+    #[test]
+    fn a_labs_bag_shows_where_arm_and_blocks_were_and_what_was_done() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("participant1-mode4-trial2-2021.bag");
+        let mut lab = Lab(BagWriter::create(&path).unwrap());
+        let arm = mpl_right_arm();
+        let elbow = arm.joints[arm.arm[3]].name.clone();
+        let target =
+            proact_tasks::BoxAndBlocks::new(Arrangement::all().next().unwrap()).scene().targets[0].centre;
+        let resting = [target.x, target.y, target.z + 0.025];
+        for ms in (0..4000).step_by(20) {
+            let lifted = if ms < 2000 { [0.05, -0.2, 1.2] } else { resting };
+            lab.models(ms, lifted);
+            let state = ros::JointState {
+                name: vec!["not_ours".into(), elbow.clone()],
+                position: vec![9.0, f64::from(ms) * 1e-3],
+                ..Default::default()
+            };
+            lab.write("/mpl_right_arm/wrapped_joint_states", ms, &state);
+            lab.write("/something_else", ms, &text("x"));
+        }
+        lab.write("/emg", 3990, &text("wrist_flexion"));
+        lab.write("/current_block", 3991, &text("bluecylinder2"));
+        let object = "redcylinder1::link::collision".to_owned();
+        let grasp = ros::GazeboGraspEvent { arm: "a".into(), object, attached: true };
+        lab.write("/grasp_event_republisher/grasp_events", 3992, &grasp);
+        lab.0.finish().unwrap();
+
+        let trial = read(&path, &arm).unwrap();
+        assert_eq!((trial.method.as_str(), trial.agrees, trial.seed), ("D", None, None));
+        assert!((trial.seconds - 3.992).abs() < 1e-9, "{}", trial.seconds);
+        assert!((100..130).contains(&trial.frames.len()), "30 a second: {}", trial.frames.len());
+        let last = trial.frames.last().unwrap();
+        assert!((last.joints[3] - 3.98).abs() < 1e-9, "{:?}", last.joints);
+        assert_eq!(last.world_from_base.translation.vector, Vector::new(-0.4, 0.1, 1.5));
+        assert_eq!(last.blocks[0].translation.vector, Vector::from(resting));
+        assert_eq!(trial.frames[0].blocks[0].translation.vector, Vector::new(0.05, -0.2, 1.2));
+        assert_eq!((last.gesture, last.target.block), (Gesture::WristFlexion, Some(BlockId::Blue2)));
+        assert_eq!(last.hand.holds, Some(BlockId::Red1));
+        assert!(last.events.iter().any(|e| e.kind == EventKind::BlockAttached { block: BlockId::Red1 }));
+    }
+
+    #[test]
+    fn a_bag_of_something_else_says_what_it_holds_and_another_file_is_refused() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("camera.bag");
+        let mut lab = Lab(BagWriter::create(&path).unwrap());
+        lab.write("/chatter", 0, &text("hello"));
+        lab.0.finish().unwrap();
+        let error = read(&path, &mpl_right_arm()).unwrap_err().to_string();
+        assert!(error.contains("/chatter") && error.contains("/gazebo/model_states"), "{error}");
+        let cut = dir.path().join("cut.bag");
+        let bytes = std::fs::read(&path).unwrap();
+        for length in [0, 5, 20, 4100, bytes.len() / 2, bytes.len() - 30] {
+            std::fs::write(&cut, &bytes[..length.min(bytes.len())]).unwrap();
+            let error = read(&cut, &mpl_right_arm()).unwrap_err().to_string();
+            assert!(error.contains("cut.bag") || error.contains("neither"), "{length}: {error}");
+        }
+        assert!(read(&dir.path().join("missing.bag"), &mpl_right_arm()).is_err());
+    }
+
+    #[test]
+    fn the_originals_file_names_tell_the_method() {
+        for (name, method) in [
+            ("participant3-mode1-trial2-2021.bag", "A"),
+            ("participant3-mode4-trial2.bag", "D"),
+            ("trial.bag", "?"),
+            ("mode9.bag", "?"),
+        ] {
+            assert_eq!(method_of(Path::new(name)), method, "{name}");
+        }
+    }
+}

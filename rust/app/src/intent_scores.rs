@@ -1,0 +1,316 @@
+//! What the models of intent are worth on recorded trials.
+//!
+//! A trial directory holds inputs, not outputs: the places of the blocks are recomputed by a replay, and the replay
+//! must have the recorded digest, or they would not be those that the person saw.
+
+use crate::{replay::read_classifier, trial};
+use proact_analysis::{Episode, Forecast, Score, score};
+use proact_control::ports::ArmKinematics;
+use proact_intent::{Candidates, IntentModelName, IntentModelOptions, Posterior};
+use proact_kinematics::Kinematics;
+use proact_recording::{INPUTS_FILE, Trial};
+use proact_testbed::{SpanDigest, Testbed, TrialConfig, first_divergence};
+use proact_types::{BlockId, EventKind, GazeSample, Point, SimTime, TickInput};
+use serde::Serialize;
+use std::{
+    error::Error,
+    fmt, fs,
+    path::{Path, PathBuf},
+};
+
+/// A model that has nothing to say keeps its last word for this long, ms, as the highlight on the page does.
+const KEPT_MILLIS: u64 = 500;
+
+/// What the models of intent are worth on some trials.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct IntentReport {
+    /// Trials that were used.
+    pub trials: Vec<TrialUsed>,
+    /// Trials that could not be used.
+    pub skipped: Vec<TrialSkipped>,
+    /// Picks in them.
+    pub picks: usize,
+    /// One entry a model.
+    pub models: Vec<ModelScore>,
+}
+
+/// A trial that was used.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct TrialUsed {
+    /// Where it is.
+    pub dir: PathBuf,
+    /// Control method.
+    pub method: String,
+    /// Set-up.
+    pub setup: String,
+    /// Seed.
+    pub seed: u64,
+    /// Blocks that were picked, in order.
+    pub picked: Vec<BlockId>,
+    /// Options of the models for this trial.
+    pub options: IntentModelOptions,
+}
+
+/// A trial that could not be used.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct TrialSkipped {
+    /// Where it is.
+    pub dir: PathBuf,
+    /// Why.
+    pub reason: String,
+}
+
+/// Score of one model.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ModelScore {
+    /// Which model.
+    pub model: IntentModelName,
+    /// Its score.
+    #[serde(flatten)]
+    pub score: Score,
+}
+
+impl fmt::Display for IntentReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{} picks in {} trials", self.picks, self.trials.len())?;
+        writeln!(
+            f,
+            "{:<12} {:>8} {:>7} {:>9} {:>11} {:>21} {:>6} {:>11}",
+            "model",
+            "log loss",
+            "Brier",
+            "accuracy",
+            "calibration",
+            "correct after, ms",
+            "never",
+            "flips/pick"
+        )?;
+        for ModelScore { model, score } in &self.models {
+            let millis = |value: Option<f64>| value.map_or("-".to_owned(), |v| format!("{v:.0}"));
+            let time = &score.time_to_correct_ms;
+            let time = format!("{} ({} to {})", millis(time.median), millis(time.lower), millis(time.upper));
+            writeln!(
+                f,
+                "{model:<12} {:>8.3} {:>7.3} {:>7.1} % {:>11.3} {time:>21} {:>6} {:>11.1}",
+                score.log_loss,
+                score.brier,
+                100.0 * score.accuracy,
+                score.expected_calibration_error,
+                score.never_correct,
+                score.flips_per_episode
+            )?;
+        }
+        writeln!(
+            f,
+            "Each pick weighs the same. Log loss in nats (guessing among four: 1.386), calibration as expected \
+             calibration error, time as median (quartiles) from the start of the pick."
+        )?;
+        for TrialSkipped { dir, reason } in &self.skipped {
+            writeln!(f, "skipped {}: {reason}", dir.display())?;
+        }
+        Ok(())
+    }
+}
+
+/// One gaze sample with what was known when it came.
+type Sample = (SimTime, GazeSample, Candidates);
+
+/// From the start of the trial, or a release, until a block is attached.
+struct Pick {
+    start: SimTime,
+    truth: BlockId,
+    samples: Vec<Sample>,
+}
+
+/// Scores every model on the trials in `dir`, itself a trial directory or a folder of them. `options` for all
+/// trials; without them spread and weights are those of each trial. `progress` hears how many trials are done of how
+/// many, and which one is next.
+///
+/// Deterministic: trials are used in the order of their names.
+///
+/// # Errors
+/// No trial in `dir`, or none with a pick that could be used.
+pub fn intent(
+    dir: &Path,
+    options: Option<&IntentModelOptions>,
+    mut progress: impl FnMut(usize, usize, &Path),
+) -> Result<IntentReport, Box<dyn Error>> {
+    let dirs = trial_dirs(dir)?;
+    let count = dirs.len();
+    let (mut trials, mut skipped) = (Vec::new(), Vec::new());
+    let mut episodes = IntentModelName::ALL.map(|_| Vec::new());
+    for (number, dir) in dirs.into_iter().enumerate() {
+        progress(number, count, &dir);
+        match picks(&dir) {
+            Ok((config, picks)) => {
+                let options = options
+                    .copied()
+                    .unwrap_or(IntentModelOptions { intent: config.intent, ..Default::default() });
+                for (name, episodes) in IntentModelName::ALL.into_iter().zip(&mut episodes) {
+                    episodes.extend(forecast(name, &options, &picks)?);
+                }
+                trials.push(TrialUsed {
+                    dir,
+                    method: config.method_label(),
+                    setup: config.setup.name,
+                    seed: config.seed,
+                    picked: picks.iter().map(|pick| pick.truth).collect(),
+                    options,
+                });
+            }
+            Err(error) => skipped.push(TrialSkipped { dir, reason: error.to_string() }),
+        }
+    }
+
+    let picks = episodes[0].len();
+    if picks == 0 {
+        let reasons: String =
+            skipped.iter().map(|s| format!("\n  {}: {}", s.dir.display(), s.reason)).collect();
+        return Err(
+            format!("no pick to score: no block was picked in {} trials{reasons}", trials.len()).into()
+        );
+    }
+    let models = IntentModelName::ALL
+        .into_iter()
+        .zip(&episodes)
+        .map(|(model, episodes)| Ok(ModelScore { model, score: score(episodes)? }))
+        .collect::<Result<_, proact_analysis::AnalysisError>>()?;
+    Ok(IntentReport { trials, skipped, picks, models })
+}
+
+/// `dir` if it is a trial, or else the trials in it, by name.
+fn trial_dirs(dir: &Path) -> Result<Vec<PathBuf>, Box<dyn Error>> {
+    if dir.join(INPUTS_FILE).exists() {
+        return Ok(vec![dir.to_owned()]);
+    }
+    let entries = fs::read_dir(dir).map_err(|e| format!("{}: {e}", dir.display()))?;
+    let mut found = Vec::new();
+    for entry in entries {
+        let path = entry?.path();
+        if path.join(INPUTS_FILE).exists() {
+            found.push(path);
+        }
+    }
+    if found.is_empty() {
+        return Err(format!(
+            "{} is no trial and holds none: expected {INPUTS_FILE} in it or in its folders",
+            dir.display()
+        )
+        .into());
+    }
+    found.sort();
+    Ok(found)
+}
+
+/// Recomputes the trial in `dir` up to its last grasp: what was seen during each pick.
+fn picks(dir: &Path) -> Result<(TrialConfig, Vec<Pick>), Box<dyn Error>> {
+    let record = Trial::open(dir)?;
+    let config = TrialConfig::from_toml(&record.header().config_toml)?;
+    let attached = |kind: &EventKind| matches!(kind, EventKind::BlockAttached { .. });
+    let Some(last_grasp) = record.events()?.iter().filter(|e| attached(&e.kind)).map(|e| e.time).next_back()
+    else {
+        return Ok((config, Vec::new()));
+    };
+    let recorded: Vec<SpanDigest> = record.digests()?;
+    // Whole spans only: what lies behind the last one cannot be checked.
+    let count = recorded.iter().take_while(|span| span.tick < last_grasp).count() + 1;
+    let recorded = &recorded[..count.min(recorded.len())];
+    let end = recorded.last().ok_or("the record holds no complete span: its replay cannot be checked")?.tick;
+
+    let mut testbed = trial::replayed(config.clone(), read_classifier(dir, &config)?)?;
+    let mut kinematics = Kinematics::new(testbed.model())?;
+    let mut inputs = record.inputs()?;
+    let mut next = inputs.next().transpose()?;
+    let mut spans = Vec::new();
+    let mut picks = Vec::new();
+    let (mut start, mut samples) = (SimTime(0), Vec::new());
+    for tick in 1..=end.0 {
+        let mut input = TickInput::default();
+        if let Some(entry) = next.take_if(|entry| entry.tick.0 <= tick) {
+            input = entry.input;
+            next = inputs.next().transpose()?;
+        }
+        // Before the tick: what its own inference will work on.
+        if let Some(gaze) = input.gaze
+            && testbed.plant().state().attached.is_none()
+        {
+            samples.push((SimTime(tick), gaze, candidates(&testbed, &mut kinematics)?));
+        }
+        let output = testbed.tick(&input, tick == end.0)?;
+        spans.extend(output.span);
+        for event in output.events {
+            match event.kind {
+                EventKind::BlockAttached { block } => {
+                    let samples = std::mem::take(&mut samples);
+                    // Without a single gaze sample there is nothing to judge a model by.
+                    if !samples.is_empty() {
+                        picks.push(Pick { start, truth: block, samples });
+                    }
+                }
+                EventKind::BlockReleased { .. } => {
+                    start = event.time;
+                    samples.clear();
+                }
+                _ => {}
+            }
+        }
+    }
+    if let Some(difference) = first_divergence(recorded, &spans) {
+        return Err(format!(
+            "its replay differs from the record between {:.3} s and {:.3} s, first in {}: analyze it with the version \
+             of the program that recorded it",
+            difference.from.as_secs(),
+            difference.to.as_secs(),
+            difference.fields.join(", ")
+        )
+        .into());
+    }
+    Ok((config, picks))
+}
+
+/// The scene as the models see it now.
+fn candidates(testbed: &Testbed, kinematics: &mut Kinematics) -> Result<Candidates, Box<dyn Error>> {
+    let state = testbed.plant().state();
+    let model = testbed.model();
+    let base_from_tip = kinematics.forward(&state.position[..model.arm_count()])?;
+    let task = testbed.task().state();
+    Ok(Candidates {
+        centres: std::array::from_fn(|k| Point::from(state.blocks[k].pose.translation.vector)),
+        pickable: task.pickable,
+        last_released: task.last_released,
+        tip: Some(state.world_from_base * base_from_tip * Point::from(model.grasp_centre)),
+    })
+}
+
+/// What the model called `name` says during the picks of one trial.
+fn forecast(
+    name: IntentModelName,
+    options: &IntentModelOptions,
+    picks: &[Pick],
+) -> Result<Vec<Episode>, Box<dyn Error>> {
+    let mut model = name.build(options)?;
+    let mut episodes = Vec::new();
+    for pick in picks {
+        let mut last: Option<(SimTime, Posterior)> = None;
+        let mut forecasts = Vec::with_capacity(pick.samples.len());
+        for (time, gaze, scene) in &pick.samples {
+            if let Some(posterior) = model.observe(*time, gaze, scene) {
+                last = Some((*time, posterior));
+            }
+            let kept = last.filter(|(said, _)| time.millis_since(*said) <= KEPT_MILLIS);
+            let posterior = kept.map_or_else(|| no_opinion(scene), |(_, posterior)| posterior);
+            forecasts.push(Forecast { time: *time, probabilities: posterior.to_vec() });
+        }
+        episodes.push(Episode { start: pick.start, truth: pick.truth.index(), forecasts });
+    }
+    Ok(episodes)
+}
+
+/// The same for every block that can be picked; for all of them if none can.
+fn no_opinion(scene: &Candidates) -> Posterior {
+    let count = scene.pickable.iter().filter(|p| **p).count();
+    if count == 0 {
+        return [0.25; 4];
+    }
+    scene.pickable.map(|p| if p { 1.0 / count as f64 } else { 0.0 })
+}

@@ -1,0 +1,106 @@
+//! Lab streaming layer: streams of other programs as a source, ours published. Needs the feature `lsl`.
+
+#[cfg(not(feature = "lsl"))]
+use proact_devices::{DeviceError, SourceInfo};
+use proact_devices::{EmgPacket, SampleSource, gforce::CodeSource, stream};
+use proact_types::EmgSample;
+#[cfg(not(feature = "lsl"))]
+use proact_types::Gesture;
+use rand::RngExt;
+use std::{
+    error::Error,
+    sync::atomic::{AtomicBool, Ordering},
+    time::{Duration, Instant},
+};
+
+/// Opens the stream of that name, or the only one of type EMG.
+///
+/// # Errors
+/// No such stream, one that cannot be used, or a program built without the feature.
+#[cfg(feature = "lsl")]
+pub fn open(name: &str) -> Result<Box<dyn SampleSource>, Box<dyn Error>> {
+    let name = Some(name).filter(|name| !name.is_empty());
+    Ok(Box::new(proact_devices::LslSource::open(name)?))
+}
+
+/// Never opens anything.
+///
+/// # Errors
+/// A program built without the feature.
+#[cfg(not(feature = "lsl"))]
+pub fn open(_name: &str) -> Result<Box<dyn SampleSource>, Box<dyn Error>> {
+    Err(NOT_BUILT_IN.into())
+}
+
+#[cfg(not(feature = "lsl"))]
+const NOT_BUILT_IN: &str = "this proact was built without the lab streaming layer; set PROACT_FEATURES=lsl for \
+                            ./proact, or build with --features lsl; both need cmake and a C++ compiler";
+
+/// What `--lsl NAME` publishes.
+#[cfg(feature = "lsl")]
+pub use proact_devices::LslOutlet as Published;
+
+/// Without the feature there is never one.
+#[cfg(not(feature = "lsl"))]
+pub enum Published {}
+
+#[cfg(not(feature = "lsl"))]
+impl Published {
+    /// Never opens anything.
+    ///
+    /// # Errors
+    /// A program built without the feature.
+    pub fn open(_name: &str, _info: &SourceInfo) -> Result<Published, Box<dyn Error>> {
+        Err(NOT_BUILT_IN.into())
+    }
+
+    /// Publishes samples.
+    ///
+    /// # Errors
+    /// Never.
+    pub fn packet(&mut self, _packet: &EmgPacket) -> Result<(), DeviceError> {
+        match *self {}
+    }
+
+    /// Publishes a decision.
+    ///
+    /// # Errors
+    /// Never.
+    pub fn decision(&mut self, _gesture: Gesture, _counter: Option<u64>) -> Result<(), DeviceError> {
+        match *self {}
+    }
+}
+
+/// Publishes simulated samples in packets of 16 by the clock until told to stop; the share `loss` of packets is lost.
+///
+/// # Errors
+/// A share that is none, or liblsl refuses a packet.
+pub fn serve(
+    published: &mut Published,
+    codes: &mut CodeSource,
+    rate_hz: f64,
+    (loss, seed): (f64, u64),
+    stop: &AtomicBool,
+) -> Result<(), Box<dyn Error>> {
+    const PACKET: u64 = 16;
+    if !(0.0..=1.0).contains(&loss) {
+        return Err(format!("--loss is {loss}, expected a share from 0 to 1").into());
+    }
+    let mut faults = stream(seed, "emg/simulate/lsl");
+    let mut packet = EmgPacket::default();
+    let begin = Instant::now();
+    let mut counter = 0;
+    while !stop.load(Ordering::Relaxed) {
+        packet.samples.clear();
+        packet
+            .samples
+            .extend((counter..counter + PACKET).map(|counter| EmgSample { counter, channels: codes() }));
+        counter += PACKET;
+        let due = Duration::from_secs_f64(counter as f64 / rate_hz);
+        std::thread::sleep(due.saturating_sub(begin.elapsed()));
+        if faults.random::<f64>() >= loss {
+            published.packet(&packet)?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,55 @@
+//! A trial from its configuration to its record, for the command, the nodes and the tests alike.
+//!
+//! This is where the parts meet: it chooses the libraries, opens devices and pages, and keeps real time. What a trial *is*
+//! lives in `proact-testbed`.
+#![allow(clippy::disallowed_methods)] // Here are the clock, the threads and the files that stages lack.
+#![cfg_attr(test, allow(clippy::unwrap_used))]
+
+mod armband;
+mod centred;
+pub mod digests;
+pub mod doctor;
+mod experimenter;
+pub mod film;
+pub mod film_of_bag;
+pub mod intent_scores;
+pub mod lab_streaming;
+pub mod libraries;
+mod limb;
+mod live;
+pub mod method_process;
+#[cfg(feature = "ros")]
+pub mod nodes;
+mod pace;
+mod person;
+pub mod query;
+mod record;
+mod replay;
+#[cfg(feature = "ros")]
+mod ros_bus;
+mod rosbridge;
+mod run;
+pub mod source;
+pub mod trial;
+mod wearer;
+
+pub use armband::LiveArmband;
+pub use centred::CentredStream;
+pub use experimenter::Experimenter;
+pub use limb::{LimbError, LimbReceiver};
+pub use live::{Ended, LiveTrial};
+pub use pace::Pace;
+pub use person::{EyeTracker, Feedback, Person, drive_by_page};
+pub use record::{Recorder, RecorderError, default_dir};
+pub use replay::{Replanned, Replayed, replay_trial};
+#[cfg(feature = "ros")]
+pub use rosbridge::relay;
+pub use rosbridge::{Rosbridge, RosbridgePlace, drive_by_topics};
+pub use run::{Audience, run_to_end};
+pub use source::{SourceName, SourceOptions};
+pub use wearer::{Held, wearer_codes};
+
+/// What a build without the feature `ros` says.
+#[cfg(not(feature = "ros"))]
+pub const NO_ROS: &str = "this build knows no ROS; build it with: cargo build --release -p proact-cli --features ros \
+                          (docs/ros1.md names the packages that this needs)";

@@ -1,0 +1,150 @@
+//! A trial that a person drives in real time.
+
+use crate::{
+    Experimenter, Pace, Person, Recorder, experimenter::store_gaze_check, person::drive_by_page, run::finish,
+};
+use proact_bridge::{ClientInput, GazeCheck, PageServer};
+use proact_intent::GazeOffset;
+use proact_testbed::{MethodName, Session, TrialResult};
+use std::{
+    error::Error,
+    path::PathBuf,
+    sync::atomic::{AtomicBool, Ordering},
+    time::{Duration, Instant},
+};
+
+/// Why a live trial ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ended {
+    /// By the task: all blocks are settled, or time is up.
+    Finished,
+    /// By the experimenter.
+    Aborted,
+    /// By the page, for another trial.
+    Restart {
+        /// By this method, if the page chose one.
+        method: Option<MethodName>,
+        /// With the same blocks.
+        again: bool,
+    },
+    /// By Ctrl-C.
+    Interrupted,
+}
+
+/// A trial before a person, its page and its record.
+pub struct LiveTrial<'a> {
+    /// The trial.
+    pub session: Session,
+    /// What writes it down, if it is recorded.
+    pub recorder: Option<Recorder>,
+    /// Where it is recorded.
+    pub dir: Option<PathBuf>,
+    /// What the person sees.
+    pub page: &'a PageServer,
+    /// What the person has connected.
+    pub person: &'a mut Person,
+    /// Taken off every gaze; what a calibration finds comes on top.
+    pub gaze_offset: &'a mut GazeOffset,
+    /// Raised by Ctrl-C.
+    pub interrupted: &'a AtomicBool,
+}
+
+impl LiveTrial<'_> {
+    /// Runs to the end, and closes the record.
+    ///
+    /// # Errors
+    /// A native library, a device or the disk refuses.
+    pub fn run(&mut self) -> Result<(Ended, TrialResult), Box<dyn Error>> {
+        let start = Instant::now();
+        self.session.person().set_gaze_offset(*self.gaze_offset);
+        let ended = self.drive()?;
+        Ok((ended, finish(&self.session, self.recorder.take(), self.dir.as_deref(), start)?))
+    }
+
+    /// Ticks in real time on what the page and the person's devices send.
+    fn drive(&mut self) -> Result<Ended, Box<dyn Error>> {
+        let mut pace = Pace::new();
+        let mut experimenter = Experimenter::new(
+            self.page,
+            self.session.testbed().config(),
+            self.dir.as_deref(),
+            self.person.gaze_source(),
+        );
+        let mut ending = None;
+        loop {
+            if self.session.testbed().frame_is_due() || self.session.testbed().now().0 == 0 {
+                let inputs = self.page.drain_inputs().into_iter();
+                let inputs =
+                    inputs.chain(experimenter.wait_while_paused(&mut pace, self.interrupted)).collect();
+                for input in drive_by_page(self.page, inputs, &mut self.session) {
+                    match input {
+                        ClientInput::Restart { method, again } => ending = Some(restart(method, again)?),
+                        ClientInput::Study(action) if experimenter.act(action) => {
+                            ending = Some(Ended::Aborted);
+                        }
+                        ClientInput::GazeCheck(check) => {
+                            self.take_gaze_check(&check)?;
+                            self.session.person().set_gaze_offset(*self.gaze_offset);
+                        }
+                        // A refused action; the person's inputs have been taken.
+                        _ => {}
+                    }
+                }
+                self.person.drive(&mut self.session)?;
+                if self.interrupted.load(Ordering::Relaxed) {
+                    ending = Some(Ended::Interrupted);
+                }
+            }
+            // The tick that ends a trial closes its digest.
+            let began = Instant::now();
+            let step = self.session.step(ending.is_some())?;
+            experimenter.take(&step, began.elapsed());
+            if let Some(recorder) = &mut self.recorder {
+                recorder.write(&step, self.session.testbed().plant().state())?;
+            }
+            if let Some(frame) = &step.frame {
+                self.page.publish(frame);
+            }
+            self.person.show(&step);
+            if step.output.finished && ending.is_none() {
+                return Ok(Ended::Finished);
+            }
+            if let Some(ended) = ending.take() {
+                return Ok(ended);
+            }
+            pace.tick();
+        }
+    }
+
+    /// Keeps the last frame on the page until the person asks for a new trial or the command is ended.
+    ///
+    /// # Errors
+    /// A page that asks for a method that does not exist, or the disk refuses.
+    pub fn wait_for_restart(&mut self) -> Result<Ended, Box<dyn Error>> {
+        while !self.interrupted.load(Ordering::Relaxed) {
+            for input in self.page.drain_inputs() {
+                match input {
+                    ClientInput::Restart { method, again } => return restart(method, again),
+                    ClientInput::GazeCheck(check) => self.take_gaze_check(&check)?,
+                    _ => {}
+                }
+            }
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        Ok(Ended::Interrupted)
+    }
+
+    /// Records a gaze check. The error that a calibration found comes on top of what is taken off already.
+    fn take_gaze_check(&mut self, check: &GazeCheck) -> std::io::Result<()> {
+        if let Some([left, up]) = check.correction_deg {
+            *self.gaze_offset += GazeOffset { left: left.to_radians(), up: up.to_radians() };
+        }
+        store_gaze_check(self.dir.as_deref(), self.session.testbed().now(), check)
+    }
+}
+
+/// What a page's choice of method means.
+fn restart(method: Option<char>, again: bool) -> Result<Ended, Box<dyn Error>> {
+    let method = method.map(|name| name.to_string().parse::<MethodName>()).transpose()?;
+    Ok(Ended::Restart { method, again })
+}

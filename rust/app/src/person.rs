@@ -1,0 +1,149 @@
+//! What connects a person to a trial beside the page: an eye tracker, a tracked limb, and something to hear or feel.
+
+use crate::{LimbReceiver, Rosbridge};
+use proact_bridge::{ClientInput, PageServer};
+use proact_devices::{DeviceError, FeedbackSink, GazeFrame, GazeTracker, SentGaze, UdpFeedback};
+use proact_testbed::{FeedbackCue, Session, Step};
+use proact_types::{GazeSample, InputSource};
+use std::error::Error;
+
+/// Sends the cues of a trial, as long as that works.
+pub struct Feedback(Option<UdpFeedback>);
+
+impl Feedback {
+    /// Cues go to `address` as `HOST:PORT`; nowhere if it is none.
+    ///
+    /// # Errors
+    /// An address that is none.
+    pub fn open(address: Option<&str>) -> Result<Self, DeviceError> {
+        Ok(Self(address.map(UdpFeedback::connect).transpose()?))
+    }
+
+    /// Begins the cues of a tick.
+    pub fn begin(&mut self, cues: &[FeedbackCue]) {
+        for cue in cues {
+            let Some(sink) = &mut self.0 else { return };
+            if let Err(error) = sink.begin(cue) {
+                eprintln!("no more feedback: {error}");
+                self.0 = None;
+            }
+        }
+    }
+}
+
+/// What a person who drives has connected.
+pub struct Person {
+    tracker: Option<EyeTracker>,
+    limb: Option<LimbReceiver>,
+    /// Why the limb was refused last.
+    limb_refused: Option<String>,
+    feedback: Feedback,
+    rosbridge: Option<Rosbridge>,
+}
+
+impl Person {
+    /// A person with `tracker`, `limb` and `rosbridge` where there are such, whose cues go to `feedback`.
+    pub fn new(
+        tracker: Option<Box<dyn GazeTracker>>,
+        limb: Option<LimbReceiver>,
+        feedback: Feedback,
+        rosbridge: Option<Rosbridge>,
+    ) -> Self {
+        Self { tracker: tracker.map(EyeTracker::new), limb, limb_refused: None, feedback, rosbridge }
+    }
+
+    /// What gives gaze instead of the page; none if nothing does.
+    pub fn gaze_source(&self) -> Option<&'static str> {
+        self.tracker.as_ref().map(|_| "eye tracker")
+    }
+
+    /// Another trial begins.
+    pub fn restart(&self, session: &Session) {
+        if let Some(rosbridge) = &self.rosbridge {
+            rosbridge.restart(session);
+        }
+    }
+
+    /// Hands over what came in. Of several sources of gaze the eye tracker counts.
+    pub fn drive(&mut self, session: &mut Session) -> Result<(), Box<dyn Error>> {
+        if let Some(rosbridge) = &self.rosbridge {
+            rosbridge.drive(session);
+        }
+        if let Some(limb) = &mut self.limb {
+            let refused = limb.drive(session).err().map(|error| error.to_string());
+            // A stream of broken datagrams is said once, and the limb stays where it was.
+            if let Some(reason) = refused.as_ref().filter(|_| refused != self.limb_refused) {
+                eprintln!("{reason}");
+            }
+            self.limb_refused = refused.or(self.limb_refused.take());
+        }
+        if let Some(tracker) = &mut self.tracker {
+            tracker.drive(session)?;
+        }
+        Ok(())
+    }
+
+    /// Publishes an instant, and begins the cues of a tick.
+    pub fn show(&mut self, step: &Step) {
+        self.feedback.begin(&step.output.cues);
+        if let (Some(rosbridge), Some(frame)) = (&self.rosbridge, &step.frame) {
+            rosbridge.publish(frame);
+        }
+    }
+}
+
+/// Hands what the page in control brought, `inputs`, to a person's trial. What is not the person's comes back.
+pub fn drive_by_page(page: &PageServer, inputs: Vec<ClientInput>, session: &mut Session) -> Vec<ClientInput> {
+    let mut others = Vec::new();
+    for input in inputs {
+        match input {
+            ClientInput::Gesture(gesture) => session.person().command(InputSource::Page, gesture),
+            ClientInput::Gaze { origin, direction, measured } => {
+                let gaze = GazeSample { origin, direction, valid: true };
+                if measured { session.person().look(gaze) } else { session.person().point(gaze) }
+            }
+            ClientInput::Trunk(posture) => session.person().lean(posture),
+            ClientInput::Head(pose) => session.person().track_head(pose),
+            ClientInput::Disconnected => session.person().close(InputSource::Page),
+            other => others.push(other),
+        }
+    }
+    if page.take_heard() {
+        session.person().hear(InputSource::Page);
+    }
+    others
+}
+
+/// An eye tracker, and what it sent last.
+pub struct EyeTracker {
+    tracker: Box<dyn GazeTracker>,
+    last: Option<SentGaze>,
+}
+
+impl EyeTracker {
+    /// What `tracker` sends.
+    pub fn new(tracker: Box<dyn GazeTracker>) -> Self {
+        Self { tracker, last: None }
+    }
+
+    /// Hands the newest sample to a person's trial. False if none came.
+    pub fn drive(&mut self, session: &mut Session) -> Result<bool, DeviceError> {
+        let Some(sent) = self.tracker.latest()? else { return Ok(false) };
+        let GazeSample { origin, direction, valid } = sent.sample;
+        let gaze = match sent.frame {
+            GazeFrame::World => sent.sample,
+            GazeFrame::Head => {
+                let head = session.head();
+                GazeSample { origin: head * origin, direction: head.rotation * direction, valid }
+            }
+        };
+        // Compared as sent: a frozen ray would move in the world with the head.
+        let repeats = self.last.replace(sent) == Some(sent);
+        if repeats && valid {
+            session.person().look_again(gaze)
+        } else {
+            session.person().look(gaze)
+        }
+        Ok(true)
+    }
+}

@@ -1,0 +1,79 @@
+//! Who wears a simulated armband.
+
+use crate::source::REACTION;
+use proact_devices::{
+    EmgFeed,
+    gforce::{CodeSource, Prompted},
+};
+use proact_types::{EmgSample, Gesture, SimTime};
+use std::collections::VecDeque;
+
+/// A gesture, and how long it is held.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Held {
+    /// The gesture.
+    pub gesture: Gesture,
+    /// How long, seconds; above zero.
+    pub secs: f64,
+}
+
+/// The gesture at a time; the list begins again when it is over.
+fn gesture_at(held: &[Held], secs: f64) -> Gesture {
+    let whole: f64 = held.iter().map(|h| h.secs).sum();
+    let mut left = secs % whole;
+    for Held { gesture, secs } in held {
+        if left < *secs {
+            return *gesture;
+        }
+        left -= secs;
+    }
+    Gesture::NoMotion
+}
+
+/// One sample a call, with the gesture of its time, or that of the newest prompt once somebody prompts: the simulated
+/// person follows it a little later.
+pub fn wearer_codes(mut feed: EmgFeed, rate_hz: f64, held: Vec<Held>, prompted: Prompted) -> CodeSource {
+    let reaction = REACTION.as_millis() as u64;
+    let mut ready: VecDeque<EmgSample> = VecDeque::new();
+    let (mut tick, mut asked, mut made) = (0, None, Gesture::NoMotion);
+    Box::new(move || {
+        loop {
+            if let Some(sample) = ready.pop_front() {
+                return sample.channels;
+            }
+            let intended = match prompted.get() {
+                None => gesture_at(&held, tick as f64 / 1000.0),
+                Some(gesture) => {
+                    let (of, since) = *asked.get_or_insert((gesture, tick));
+                    if of != gesture {
+                        asked = Some((gesture, tick));
+                    } else if tick - since >= reaction {
+                        made = gesture;
+                    }
+                    made
+                }
+            };
+            // The feed's time is that of its samples: no sample comes early and none is skipped.
+            ready.extend(feed.sample_at(SimTime(tick), intended));
+            debug_assert!(rate_hz <= 1000.0);
+            tick += 1;
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gestures_are_held_in_turn_and_begin_again() {
+        let held = [(Gesture::NoMotion, 1.0), (Gesture::HandClose, 2.5)]
+            .map(|(gesture, secs)| Held { gesture, secs });
+        let at = |secs| gesture_at(&held, secs);
+        assert_eq!(
+            [0.0, 0.99, 1.0, 3.49].map(at),
+            [Gesture::NoMotion, Gesture::NoMotion, Gesture::HandClose, Gesture::HandClose]
+        );
+        assert_eq!([3.5, 4.6].map(at), [Gesture::NoMotion, Gesture::HandClose]);
+    }
+}

@@ -1,0 +1,103 @@
+//! A trained model in trials: raw codes of an armband, gaps and silences on the record, replay.
+#![allow(clippy::unwrap_used, clippy::disallowed_methods)] // A test of files and processes.
+
+use arrayvec::ArrayVec;
+use proact_app::{Recorder, replay_trial, trial};
+use proact_devices::{EmgSource, SyntheticEmg, SyntheticModel, stream};
+use proact_emg::{EmgConfig, EmgModel};
+use proact_testbed::{MethodName, Setup, TrialConfig, ports};
+use proact_types::{EmgSample, EventKind, Gesture, InputSource, SimTime, StopCause};
+
+const ZERO: f64 = 128.0;
+const TICKS: u64 = 3500;
+
+fn generator(seed: u64) -> SyntheticEmg {
+    SyntheticEmg::new(&SyntheticModel::shipped().unwrap(), 1000.0, 8, 1.0, stream(seed, "test")).unwrap()
+}
+
+/// Trained on codes about `zero`.
+fn model(zero: f64) -> EmgModel {
+    let mut emg = generator(1);
+    let mut take = |gesture| -> Vec<EmgSample> {
+        let mut codes = || emg.next(gesture).iter().map(|v| (v + zero).round()).collect();
+        (0..6000).map(|counter| EmgSample { counter, channels: codes() }).collect()
+    };
+    let recordings = Gesture::ALL.map(|gesture| (gesture, take(gesture)));
+    let slices: Vec<(Gesture, &[EmgSample])> = recordings.iter().map(|(g, s)| (*g, s.as_slice())).collect();
+    EmgModel::train(&EmgConfig::default(), &[zero; 8], &slices).unwrap()
+}
+
+/// Raw codes: a closed hand until the link is lost at 1.5 s, still closed when it is back at 2 s, relaxed from 2.5 s.
+struct Armband(SyntheticEmg);
+
+impl ports::EmgSource for Armband {
+    fn sample_at(&mut self, now: SimTime, _intended: Gesture) -> ArrayVec<EmgSample, 8> {
+        let gesture = match now.0 {
+            500..2500 => Gesture::HandClose,
+            _ => Gesture::NoMotion,
+        };
+        let channels = self.0.next(gesture).iter().map(|v| (v + ZERO).round()).collect();
+        let lost = (1500..2000).contains(&now.0);
+        (!lost).then_some(EmgSample { counter: now.0, channels }).into_iter().collect()
+    }
+}
+
+fn config() -> TrialConfig {
+    TrialConfig::new(MethodName::D, 1, Setup::named("still").unwrap())
+}
+
+#[test]
+fn an_armbands_gaps_and_silences_are_on_the_record_and_the_trial_replays_from_raw_codes() {
+    let dir = tempfile::tempdir().unwrap();
+    let dir = dir.path().join("trial");
+    let armband = Box::new(Armband(generator(2)));
+    let trial::Assembly { mut session, classifier, model: arm, .. } =
+        trial::live_with_armband(config(), &model(ZERO), armband).unwrap();
+    let used = session.testbed().config().clone();
+    let mut recorder = Recorder::create(&dir, &used, &arm, classifier.as_ref()).unwrap();
+    let mut told = Vec::new();
+    for tick in 1..=TICKS {
+        let step = session.step(tick == TICKS).unwrap();
+        recorder.write(&step, session.testbed().plant().state()).unwrap();
+        told.extend(step.output.events);
+    }
+    recorder.finish(&session.result()).unwrap();
+
+    let at = |wanted: fn(&EventKind) -> bool| -> Vec<u64> {
+        told.iter().filter(|e| wanted(&e.kind)).map(|e| e.time.0).collect()
+    };
+    let closed = at(|k| matches!(k, EventKind::GestureChanged { gesture: Gesture::HandClose }));
+    assert!(
+        closed.len() == 1 && (500..1000).contains(&closed[0]),
+        "a closed hand must not come back: {told:?}"
+    );
+    let stale = at(|k| {
+        matches!(k, EventKind::Stopped { source: InputSource::Armband, cause: StopCause::Silent, .. })
+    });
+    assert!(stale.len() == 1 && (1650..1760).contains(&stale[0]), "{told:?}");
+    let gaps = at(|k| matches!(k, EventKind::EmgGap { gaps: 1, .. }));
+    assert_eq!(gaps, [2000]);
+    let rearmed = at(|k| *k == EventKind::Rearmed);
+    assert!(rearmed.len() == 1 && rearmed[0] > 2600, "{told:?}");
+
+    let events = std::fs::read_to_string(dir.join("config.toml")).unwrap();
+    assert!(events.contains("emg_centring"), "{events}");
+    let replayed = replay_trial(&dir, false).unwrap();
+    assert!(replayed.agrees, "{replayed:?}");
+}
+
+#[test]
+fn a_model_that_fits_drives_a_simulated_trial_and_one_of_raw_codes_is_refused() {
+    let fits = model(0.0);
+    let mut session = trial::simulated_with(config(), &EmgSource::Synthetic, Some(&fits)).unwrap().session;
+    let mut changes = 0;
+    for _ in 0..8000 {
+        let step = session.step(false).unwrap();
+        changes +=
+            step.output.events.iter().filter(|e| matches!(e.kind, EventKind::GestureChanged { .. })).count();
+    }
+    assert!(changes >= 2, "the participant's gestures are recognised");
+    let refused = trial::simulated_with(config(), &EmgSource::Synthetic, Some(&model(ZERO)));
+    let error = refused.map(|_| ()).unwrap_err().to_string();
+    assert!(error.contains("does not fit") && error.contains("rests at"), "{error}");
+}

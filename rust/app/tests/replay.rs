@@ -1,0 +1,205 @@
+//! Determinism and replay on the real stack: KDL, OMPL, ODE, the classifier and the simulated participant.
+//!
+//! Trials here are cut short at 15 simulated seconds: long enough to select, plan, grasp and lift a block.
+#![allow(clippy::disallowed_methods)] // A test of files and processes.
+
+use proact_app::{Recorder, replay_trial, trial};
+use proact_devices::EmgSource;
+use proact_recording::{InputLog, InputRecord, Trial, TrialWriter};
+use proact_testbed::{MethodName, Setup, SpanDigest, TrialConfig};
+use proact_types::{SimTime, TickInput};
+use std::{
+    error::Error,
+    fs,
+    path::{Path, PathBuf},
+};
+
+const LIMIT_SECS: f64 = 15.0;
+
+type Outcome<T = ()> = Result<T, Box<dyn Error>>;
+
+fn config(seed: u64) -> Outcome<TrialConfig> {
+    let config = TrialConfig::new(MethodName::D, seed, Setup::named("seated")?);
+    Ok(TrialConfig { limit_secs: LIMIT_SECS, ..config })
+}
+
+/// Runs a trial to its end without recording; its digest.
+fn digest(seed: u64) -> Outcome<String> {
+    let mut session = trial::simulated(config(seed)?, &EmgSource::Synthetic)?.session;
+    while !session.step(false)?.output.finished {}
+    Ok(session.testbed().digest())
+}
+
+/// Records a trial into `dir`.
+fn record(seed: u64, dir: &Path) -> Outcome {
+    let trial::Assembly { mut session, classifier, model, plans } =
+        trial::simulated(config(seed)?, &EmgSource::Synthetic)?;
+    let config = session.testbed().config().clone();
+    let mut recorder = Recorder::create(dir, &config, &model, classifier.as_ref())?.with_plans(plans)?;
+    loop {
+        let step = session.step(false)?;
+        recorder.write(&step, session.testbed().plant().state())?;
+        if step.output.finished {
+            recorder.finish(&session.result())?;
+            return Ok(());
+        }
+    }
+}
+
+/// A copy of the trial in `from` whose inputs went through `change`.
+fn altered(from: &Path, to: &Path, mut change: impl FnMut(SimTime, &mut TickInput)) -> Outcome {
+    let original = Trial::open(from)?;
+    let mut writer = TrialWriter::create(to, original.header())?;
+    fs::copy(from.join("classifier.json"), to.join("classifier.json"))?;
+    for record in InputLog::open(from)? {
+        let InputRecord { tick, mut input, .. } = record?;
+        change(tick, &mut input);
+        writer.write_input(tick, &input)?;
+    }
+    let spans = original.digests::<SpanDigest>()?;
+    let end = spans.last().map_or(SimTime(0), |span| span.tick);
+    for span in &spans {
+        writer.write_digest(span)?;
+    }
+    writer.finish(end, &serde_json::json!({}))?;
+    Ok(())
+}
+
+#[test]
+fn the_same_seed_gives_the_same_digest_alone_and_beside_another_trial_and_another_seed_another() -> Outcome {
+    let alone = digest(1)?;
+    let beside = |seed| std::thread::spawn(move || digest(seed).map_err(|e| e.to_string()));
+    let (first, second) = (beside(1), beside(2));
+    let join = |thread: std::thread::JoinHandle<Result<String, String>>| {
+        thread.join().map_err(|_| "a trial panicked")?.map_err(Box::<dyn Error>::from)
+    };
+    let (first, second) = (join(first)?, join(second)?);
+    assert_eq!(first, alone, "the neighbour must not be felt");
+    assert_ne!(second, alone);
+    Ok(())
+}
+
+#[test]
+fn a_recorded_trial_replays_to_the_same_digest() -> Outcome {
+    let place = tempfile::tempdir()?;
+    let dir = place.path().join("trial");
+    record(3, &dir)?;
+    let replayed = replay_trial(&dir, false)?;
+    assert!(replayed.agrees && replayed.finished, "{replayed:?}");
+    assert_eq!(replayed.spans, (LIMIT_SECS * 10.0) as usize);
+    assert_eq!(replayed.digest, replayed.recorded);
+    Ok(())
+}
+
+#[test]
+fn planning_again_gives_the_recorded_plans_and_notices_a_changed_one() -> Outcome {
+    let place = tempfile::tempdir()?;
+    let dir = place.path().join("trial");
+    record(3, &dir)?;
+    let again = replay_trial(&dir, true)?;
+    assert!(again.agrees, "{again:?}");
+    let plans = again.replanned.ok_or("it was asked for")?;
+    assert!(plans.equal > 0 && plans.different.is_empty(), "{plans:?}");
+    // What each took stands beside the record.
+    let log = fs::read_to_string(dir.join("plans.jsonl"))?;
+    assert!(log.lines().count() >= plans.equal, "{log}");
+    for line in log.lines() {
+        let effort: serde_json::Value = serde_json::from_str(line)?;
+        assert!(effort["wall_secs"].as_f64().is_some_and(|secs| secs > 0.0), "{effort}");
+        assert_eq!(effort["timed_out"], false, "a batch is bounded by iterations: {effort}");
+    }
+
+    let changed = place.path().join("changed");
+    let mut first = None;
+    altered(&dir, &changed, |_, input| {
+        if let (None, Some(plan)) = (first, &mut input.plan)
+            && let Some(point) = plan.trajectory.points.get_mut(1)
+        {
+            point.q[0] = point.q[0].next_up();
+            first = Some(plan.id);
+        }
+    })?;
+    let different = replay_trial(&changed, true)?.replanned.ok_or("it was asked for")?.different;
+    assert_eq!(different.first().copied(), first, "{different:?}");
+    Ok(())
+}
+
+#[test]
+fn a_changed_input_is_reported_with_its_span_and_its_stage() -> Outcome {
+    let place = tempfile::tempdir()?;
+    let dir = place.path().join("trial");
+    record(3, &dir)?;
+
+    // One EMG count at 2.345 s, by the smallest amount that a number can change.
+    let changed = place.path().join("emg");
+    let mut touched = false;
+    altered(&dir, &changed, |tick, input| {
+        if tick.0 >= 2345
+            && !touched
+            && let Some(sample) = input.emg.first_mut()
+        {
+            sample.channels[0] = sample.channels[0].next_up();
+            touched = true;
+        }
+    })?;
+    let divergence = replay_trial(&changed, false)?.divergence.ok_or("a changed input must be noticed")?;
+    assert_eq!((divergence.from, divergence.to), (SimTime(2301), SimTime(2400)));
+    assert_eq!(divergence.fields.first().map(String::as_str), Some("input.emg"));
+
+    // A plan that arrives bent: found by the plan itself and by everything that follows from it.
+    let changed = place.path().join("plan");
+    let mut planned_at = None;
+    altered(&dir, &changed, |tick, input| {
+        if planned_at.is_none()
+            && let Some(plan) = &mut input.plan
+            && let Some(point) = plan.trajectory.points.last_mut()
+        {
+            point.q[3] += 0.01;
+            planned_at = Some(tick);
+        }
+    })?;
+    let planned_at = planned_at.ok_or("the trial has a plan")?;
+    let divergence = replay_trial(&changed, false)?.divergence.ok_or("a changed plan must be noticed")?;
+    assert!(
+        (divergence.from..=divergence.to).contains(&planned_at),
+        "{divergence:?}, plan at {planned_at:?}"
+    );
+    assert!(divergence.fields.contains(&"input.plan".to_owned()), "{divergence:?}");
+    Ok(())
+}
+
+#[test]
+fn a_damaged_log_another_format_and_a_lost_classifier_are_each_told() -> Outcome {
+    let place = tempfile::tempdir()?;
+    let dir = place.path().join("trial");
+    record(3, &dir)?;
+    let log: PathBuf = dir.join("inputs.log");
+    let intact = fs::read(&log)?;
+
+    let offset = intact.len() / 2;
+    let mut damaged = intact.clone();
+    damaged[offset] ^= 0x10;
+    fs::write(&log, &damaged)?;
+    let error = replay_trial(&dir, false).expect_err("a damaged log must not pass").to_string();
+    let reported: usize = error
+        .split(|c: char| !c.is_ascii_digit())
+        .filter_map(|word| word.parse().ok())
+        .find(|&at: &usize| at <= offset && offset - at < 10_000)
+        .ok_or_else(|| format!("no offset near {offset} in: {error}"))?;
+    assert!(reported <= offset, "{error}");
+
+    // A record of an earlier format says which program replays it.
+    let mut earlier = intact.clone();
+    earlier[8..12].copy_from_slice(&2_u32.to_le_bytes());
+    fs::write(&log, &earlier)?;
+    let error = replay_trial(&dir, false).expect_err("another format must not pass").to_string();
+    for part in ["record of format 2", "replays format 3", "proact 0.1.0 at commit"] {
+        assert!(error.contains(part), "{error}");
+    }
+
+    fs::write(&log, &intact)?;
+    fs::remove_file(dir.join("classifier.json"))?;
+    let error = replay_trial(&dir, false).expect_err("without its classifier a trial cannot be recomputed");
+    assert!(error.to_string().contains("classifier.json"), "{error}");
+    Ok(())
+}

@@ -1,0 +1,336 @@
+//! `proact bench dynamics`: what a tick of physics costs, phase by phase and over a whole trial.
+
+mod mujoco;
+mod trial;
+
+use crate::{BenchFigure, BenchReport, quantile};
+use mujoco::{MuJoCo, Run};
+use nalgebra::UnitQuaternion;
+use proact_arm::ArmModel;
+use proact_dynamics::{ArmEquations, DynamicsOptions, OdePlant};
+use proact_testbed::ports::{Plant, PlantError};
+use proact_types::{
+    Block, BlockId, PlantCommand, Pose, Scene, SceneObject, Shape, TICK_SECS, Vector, joints, zeros,
+};
+use std::{error::Error, time::Instant};
+
+/// Height of the table top in the phases, metres.
+const TABLE: f64 = 1.015;
+
+/// Physics of a method-D trial: phases built by hand, then every call of a real trial repeated on a fresh plant, with
+/// our settings, with every joint free, and with ODE's iterative solver at Gazebo's fifty iterations. About a minute.
+///
+/// # Errors
+/// A trial that cannot be put together or physics that fails.
+pub fn dynamics() -> Result<BenchReport, Box<dyn Error>> {
+    let mut figures = Vec::new();
+    let peer = MuJoCo::find();
+    phases(&mut figures, peer.as_ref().ok())?;
+    let recorded = trial::record()?;
+    trial::whole_trial(&recorded, peer.as_ref(), &mut figures)?;
+    extra_blocks(&mut figures, peer.as_ref().ok())?;
+    Ok(BenchReport { stage: "dynamics".to_owned(), figures })
+}
+
+/// Puts what MuJoCo needs for the same run beside our figures called `name`.
+fn compare(
+    name: &str,
+    peer: Option<&MuJoCo>,
+    run: &Run<'_>,
+    figures: &mut [BenchFigure],
+) -> Result<(), Box<dyn Error>> {
+    let Some(peer) = peer else { return Ok(()) };
+    for cost in peer.measure(std::slice::from_ref(run))? {
+        for figure in figures.iter_mut() {
+            let value = if figure.name == format!("{name}, times real time") {
+                cost.speed
+            } else if figure.name == format!("{name}, tick, median") {
+                1e6 * cost.median_tick
+            } else {
+                continue;
+            };
+            (figure.peer, figure.peer_value) = (Some(peer.name.clone()), Some(value));
+        }
+    }
+    Ok(())
+}
+
+/// The arm beside up to 150 blocks that lie around, asleep and awake.
+fn extra_blocks(figures: &mut Vec<BenchFigure>, peer: Option<&MuJoCo>) -> Result<(), Box<dyn Error>> {
+    let model = proact_description::mpl_right_arm();
+    let open: Vec<f64> = [model.pose("arm", "start")?, model.pose("hand", "open")?].concat();
+    let base = Pose::translation(0.0, 0.0, 3.0);
+    let commands = &swing(&model, &open, base)[..1000];
+    for sleep in [true, false] {
+        let mut first = 0.0;
+        for count in [4_u32, 50, 150] {
+            let mut scene = table_with_a_block();
+            scene.fixed[0].shape = Shape::Box { size: [4.0, 4.0, 0.03] };
+            let block = scene.blocks[0].clone();
+            scene.blocks = (0..count)
+                .map(|k| {
+                    let pose =
+                        Pose::translation(0.1 * f64::from(k % 16), 0.1 * f64::from(k / 16), TABLE + 0.025);
+                    Block { pose, ..block.clone() }
+                })
+                .collect();
+            let options = DynamicsOptions { sleep, ..DynamicsOptions::default() };
+            let mut plant = OdePlant::new(&model, &scene, &open, &base, options)?;
+            let cost = Cost::of(|| play(&mut plant, commands))?;
+            let micros = 1e6 * cost.core / cost.ticks.len() as f64;
+            let state = if sleep { "asleep" } else { "awake" };
+            let name = format!("{count} blocks {state}, tick, mean");
+            figures.push(BenchFigure::alone(&name, micros, "us", ""));
+            if count == 4 {
+                first = micros;
+            } else {
+                let each = (micros - first) / f64::from(count - 4);
+                let name = format!("each further block of {count}, {state}");
+                figures.push(BenchFigure::alone(&name, each, "us", "of a tick"));
+            }
+            if let (Some(peer), false) = (peer, sleep) {
+                let run = Run {
+                    model: &model,
+                    scene: &scene,
+                    start: &open,
+                    free: (0..model.arm_count()).collect(),
+                    commands: commands[..200].iter().collect(),
+                    events: vec![],
+                };
+                for cost in peer.measure(&[run])? {
+                    let value = 1e6 * TICK_SECS / cost.speed;
+                    let figure = figures
+                        .iter_mut()
+                        .find(|figure| figure.name.starts_with(&format!("{count} blocks awake")));
+                    if let Some(figure) = figure {
+                        (figure.peer, figure.peer_value) = (Some(peer.name.clone()), Some(value));
+                    }
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Hand merged and moving, hand closing, every joint free with a pinch, carrying.
+fn phases(figures: &mut Vec<BenchFigure>, peer: Option<&MuJoCo>) -> Result<(), Box<dyn Error>> {
+    let model = proact_description::mpl_right_arm();
+    let open: Vec<f64> = [model.pose("arm", "start")?, model.pose("hand", "open")?].concat();
+    let closed: Vec<f64> = [model.pose("arm", "start")?, model.pose("hand", "closed")?].concat();
+    let base = around_the_block(&model, &open)?;
+    let scene = table_with_a_block();
+
+    // The arm swings above the table.
+    let above = Pose::translation(0.0, 0.0, 0.3) * base;
+    let mut plant = OdePlant::new(&model, &scene, &open, &above, DynamicsOptions::default())?;
+    let swinging = swing(&model, &open, above);
+    let cost = Cost::of(|| play(&mut plant, &swinging))?;
+    summarize("hand merged and moving", &cost, 80.0, "", figures);
+    let run =
+        Run { model: &model, scene: &scene, start: &open, free: vec![], commands: vec![], events: vec![] };
+    let (arm, all): (Vec<_>, Vec<_>) =
+        ((0..model.arm_count()).collect(), (0..model.moving_count()).collect());
+    compare(
+        "hand merged and moving",
+        peer,
+        &Run { free: arm, commands: swinging.iter().collect(), ..run.clone() },
+        figures,
+    )?;
+    let mut plant = OdePlant::new(&model, &scene, &open, &above, bodies(true))?;
+    plain("hand merged and moving", &mut plant, &swinging, figures)?;
+
+    // Closing, with and without merging what stands still, then a pinch that lasts, then lifting.
+    let closing = close(&model, &open, &closed, base);
+    let pinch = vec![stay(&closed, base); 2000];
+    let run = Run { free: all, ..run };
+    for merged in [true, false] {
+        let options = DynamicsOptions { hold_still_hand: merged, ..DynamicsOptions::default() };
+        let mut plant = OdePlant::new(&model, &scene, &open, &base, options)?;
+        let cost = Cost::of(|| play(&mut plant, &closing))?;
+        if plant.state().contacts.is_empty() {
+            return Err("the closing hand missed the block".into());
+        }
+        if !merged {
+            let cost = Cost::of(|| play(&mut plant, &pinch))?;
+            summarize("27 joints free with a pinch", &cost, 8.0, "", figures);
+            let both = closing.iter().chain(&pinch).collect();
+            compare("27 joints free with a pinch", peer, &Run { commands: both, ..run.clone() }, figures)?;
+            let mut plant = OdePlant::new(&model, &scene, &open, &base, bodies(false))?;
+            play(&mut plant, &closing)?;
+            plain("27 joints free with a pinch", &mut plant, &pinch, figures)?;
+            continue;
+        }
+        summarize("hand closing on a block", &cost, 20.0, "", figures);
+        let alone = closing.iter().collect();
+        compare("hand closing on a block", peer, &Run { commands: alone, ..run.clone() }, figures)?;
+
+        plant.attach(0, model.tip)?;
+        let held = plant.state().position.clone();
+        let lifting = lift(&held, base);
+        let cost = Cost::of(|| play(&mut plant, &lifting))?;
+        summarize("carrying", &cost, 80.0, "", figures);
+        let commands = closing.iter().chain(&lifting).collect();
+        let events = vec![(closing.len(), Some(0))];
+        compare("carrying", peer, &Run { commands, events, ..run.clone() }, figures)?;
+
+        let mut plant = OdePlant::new(&model, &scene, &open, &base, bodies(true))?;
+        plain("hand closing on a block", &mut plant, &closing, figures)?;
+        plant.attach(0, model.tip)?;
+        plain("carrying", &mut plant, &lifting, figures)?;
+    }
+    Ok(())
+}
+
+/// The arm as bodies of ODE.
+fn bodies(hold_still_hand: bool) -> DynamicsOptions {
+    DynamicsOptions { arm: ArmEquations::Bodies, hold_still_hand, ..DynamicsOptions::default() }
+}
+
+/// The speed of `plant`, which is one of ODE's bodies, under the same commands.
+fn plain(
+    name: &str,
+    plant: &mut OdePlant,
+    commands: &[PlantCommand],
+    figures: &mut Vec<BenchFigure>,
+) -> Result<(), PlantError> {
+    let cost = Cost::of(|| play(plant, commands))?;
+    figures.push(BenchFigure::alone(&format!("{name}, as ODE's bodies"), cost.speed(), "x", ""));
+    Ok(())
+}
+
+/// Four seconds in which the joints of the arm swing by 0.1 rad.
+fn swing(model: &ArmModel, start: &[f64], base: Pose) -> Vec<PlantCommand> {
+    let at = |tick: u32| {
+        let time = f64::from(tick) * TICK_SECS;
+        let mut command = stay(start, base);
+        for k in 0..model.arm_count() {
+            let way = if k == 4 { -0.1 } else { 0.1 };
+            command.position[k] += way * (1.0 - time.cos());
+            command.velocity[k] = way * time.sin();
+        }
+        command
+    };
+    (1..=4000).map(at).collect()
+}
+
+/// The hand closes at 2 rad/s, in 0.6 s with what stands in its way.
+fn close(model: &ArmModel, open: &[f64], closed: &[f64], base: Pose) -> Vec<PlantCommand> {
+    let mut command = stay(open, base);
+    let mut next = || {
+        for (k, closed) in closed.iter().enumerate().skip(model.arm_count()) {
+            let way = (closed - command.position[k]).clamp(-2e-3, 2e-3);
+            command.position[k] += way;
+            command.velocity[k] = way / TICK_SECS;
+        }
+        command.clone()
+    };
+    (0..600).map(|_| next()).collect()
+}
+
+/// The base rises by 0.1 m in two seconds.
+fn lift(held: &[f64], base: Pose) -> Vec<PlantCommand> {
+    (1..=2000).map(|tick| stay(held, Pose::translation(0.0, 0.0, 5e-5 * f64::from(tick)) * base)).collect()
+}
+
+fn play(plant: &mut OdePlant, commands: &[PlantCommand]) -> Result<Vec<f64>, PlantError> {
+    commands.iter().map(|command| timed(plant, command)).collect()
+}
+
+/// A block that stands at the origin of a table.
+fn table_with_a_block() -> Scene {
+    let slab = SceneObject {
+        name: "slab".to_owned(),
+        shape: Shape::Box { size: [1.0, 1.0, 0.03] },
+        pose: Pose::translation(0.0, 0.0, TABLE - 0.015),
+        friction: 0.4,
+    };
+    let block = Block {
+        id: BlockId::Red1,
+        shape: Shape::Cylinder { radius: 0.025, length: 0.05 },
+        mass: 0.1,
+        friction: 0.4,
+        friction_finger: 0.8,
+        pose: Pose::translation(0.0, 0.0, TABLE + 0.025),
+    };
+    Scene { fixed: vec![slab], blocks: vec![block], targets: Vec::new(), table_height: TABLE }
+}
+
+/// The base at which the hand is around the block of [`table_with_a_block`], fingers ahead and 25.6 degrees down.
+fn around_the_block(model: &ArmModel, positions: &[f64]) -> Result<Pose, PlantError> {
+    let nothing = Scene { fixed: Vec::new(), blocks: Vec::new(), ..table_with_a_block() };
+    let probe = OdePlant::new(model, &nothing, positions, &Pose::identity(), DynamicsOptions::default())?;
+    let rotation = UnitQuaternion::from_euler_angles(25.6_f64.to_radians(), -1.0_f64.to_radians(), 0.0);
+    let block = Vector::new(0.0, 0.0, TABLE + 0.025);
+    let world_from_tip = Pose::from_parts((block - rotation * model.grasp_centre).into(), rotation);
+    Ok(world_from_tip * probe.link_pose(model.tip)?.inverse())
+}
+
+fn stay(positions: &[f64], base: Pose) -> PlantCommand {
+    PlantCommand { position: joints(positions), velocity: zeros(positions.len()), world_from_base: base }
+}
+
+/// Seconds that this thread has spent on a core: what others on the machine take is not in it. `None` where the kernel
+/// does not tell.
+fn core_secs() -> Option<f64> {
+    let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
+    Some(text.split_whitespace().next()?.parse::<f64>().ok()? * 1e-9)
+}
+
+/// What some ticks cost.
+#[derive(Clone, Debug, Default)]
+struct Cost {
+    /// Seconds of each tick by the wall clock.
+    ticks: Vec<f64>,
+    /// Seconds of all together on the core, or by the wall clock where the kernel does not tell.
+    core: f64,
+}
+
+impl Cost {
+    /// Of the steps that `run` takes.
+    fn of<E>(run: impl FnOnce() -> Result<Vec<f64>, E>) -> Result<Self, E> {
+        let before = core_secs();
+        let ticks = run()?;
+        let core = before.zip(core_secs()).map_or_else(|| total(&ticks), |(before, after)| after - before);
+        Ok(Self { ticks, core })
+    }
+
+    /// Simulated seconds in a second of one core.
+    fn speed(&self) -> f64 {
+        self.ticks.len() as f64 * TICK_SECS / self.core
+    }
+}
+
+/// Seconds of one step.
+fn timed(plant: &mut OdePlant, command: &PlantCommand) -> Result<f64, PlantError> {
+    let begin = Instant::now();
+    plant.step(command)?;
+    Ok(begin.elapsed().as_secs_f64())
+}
+
+fn total(times: &[f64]) -> f64 {
+    times.iter().sum()
+}
+
+fn summarize(name: &str, cost: &Cost, goal: f64, note: &str, figures: &mut Vec<BenchFigure>) {
+    for (what, share) in [("median", 0.5), ("99 %", 0.99), ("99.9 %", 0.999), ("worst", 1.0)] {
+        let value = quantile(&cost.ticks, share) * 1e6;
+        figures.push(BenchFigure::alone(&format!("{name}, tick, {what}"), value, "us", ""));
+    }
+    let separator = if note.is_empty() { "" } else { "; " };
+    let note = format!("goal: at least {goal}{separator}{note}");
+    figures.push(BenchFigure::alone(&format!("{name}, times real time"), cost.speed(), "x", &note));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_phase_reports_a_speed() {
+        let mut figures = Vec::new();
+        phases(&mut figures, None).unwrap();
+        let speeds: Vec<&BenchFigure> = figures.iter().filter(|figure| figure.unit == "x").collect();
+        assert_eq!(speeds.len(), 8);
+        assert!(speeds.iter().all(|figure| figure.value.is_finite() && figure.value > 0.0));
+    }
+}

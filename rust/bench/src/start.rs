@@ -1,0 +1,58 @@
+use crate::{BenchFigure, BenchReport, quantile};
+use proact_app::trial::{self, Assembly};
+use proact_bridge::{PageContent, PageOptions, PageServer};
+use proact_devices::EmgSource;
+use proact_testbed::{MethodName, Setup, TrialConfig};
+use std::{error::Error, process::Command, time::Instant};
+
+/// Starts measured. The worst of twenty stands for what a visitor may meet.
+const ROUNDS: usize = 20;
+
+/// From nothing to the first display frame on a page that is up: what a visitor waits for after the build.
+///
+/// # Errors
+/// A trial that cannot be put together, or no free port.
+pub(crate) fn start() -> Result<BenchReport, Box<dyn Error>> {
+    let mut process = Vec::new();
+    let mut frame = Vec::new();
+    let program = std::env::current_exe()?;
+    for _ in 0..ROUNDS {
+        let begin = Instant::now();
+        Command::new(&program).arg("--version").output()?;
+        process.push(begin.elapsed().as_secs_f64() * 1e3);
+
+        let begin = Instant::now();
+        first_frame()?;
+        frame.push(begin.elapsed().as_secs_f64() * 1e3);
+    }
+    let mut figures = Vec::new();
+    for (name, share) in [("median", 0.5), ("99 %", 0.99), ("worst", 1.0)] {
+        let note = if share == 1.0 { "goal: under 2000" } else { "" };
+        let value = quantile(&process, share) + quantile(&frame, share);
+        figures.push(BenchFigure::alone(&format!("command to first frame, {name}"), value, "ms", note));
+    }
+    let note = "process start and libraries alone";
+    figures.push(BenchFigure::alone("process, median", quantile(&process, 0.5), "ms", note));
+    Ok(BenchReport { stage: "start".to_owned(), figures })
+}
+
+/// Trains, assembles, serves and runs to the first frame, as `demo` does.
+fn first_frame() -> Result<(), Box<dyn Error>> {
+    let config = TrialConfig::new(MethodName::D, 1, Setup::named("seated")?);
+    let Assembly { mut session, model, .. } = trial::simulated(config, &EmgSource::Synthetic)?;
+    let content = PageContent {
+        title: "bench".to_owned(),
+        setup: "seated".to_owned(),
+        arm: model.as_ref().clone(),
+        scene: session.testbed().task().scene().clone(),
+        interactive: false,
+        lean: false,
+    };
+    let server = PageServer::start(PageOptions { port: 0, ..PageOptions::default() }, content)?;
+    loop {
+        if let Some(frame) = session.step(false)?.frame {
+            server.publish(&frame);
+            return Ok(());
+        }
+    }
+}

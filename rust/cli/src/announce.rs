@@ -1,0 +1,46 @@
+//! What a command tells of its pages and its trials.
+
+use proact_bridge::PageServer;
+use proact_testbed::TrialResult;
+
+/// Prints the address of a page of this server, and opens it in a browser if there is a screen to open it on. The
+/// empty path is the participant's page.
+pub(crate) fn announce(server: &PageServer, path: &str, open_browser: bool) {
+    let url = format!("{}{path}", server.url());
+    eprintln!("page: {url}");
+    if path.is_empty() {
+        eprintln!("experimenter: {url}experimenter, read-only: {url}spectator");
+    }
+    let screen = ["DISPLAY", "WAYLAND_DISPLAY"].iter().any(|name| std::env::var_os(name).is_some());
+    if open_browser && screen {
+        // The address is printed; a browser that does not start is no reason to stop.
+        let _ = open::that_detached(url);
+    }
+}
+
+/// A trial's result for reading.
+pub(crate) fn print_result(result: &TrialResult) {
+    println!(
+        "method {}, set-up {}, seed {}, arrangement {}, gestures: {}",
+        result.method, result.setup, result.seed, result.arrangement, result.gesture_source
+    );
+    for block in &result.outcomes {
+        let seconds = |s: Option<f64>| s.map_or("   -  ".to_owned(), |s| format!("{s:5.1} s"));
+        println!(
+            "  {:6} {:20} pick {}  place {}  {:4.0} mm from target",
+            block.block.name(),
+            format!("{:?}", block.outcome),
+            seconds(block.pick_s),
+            seconds(block.place_s),
+            block.distance_m * 1e3
+        );
+    }
+    println!(
+        "{} of 4 on target in {:.1} s, computed in {:.1} s ({:.1} times real time)",
+        result.on_target, result.sim_seconds, result.wall_seconds, result.real_time_factor
+    );
+    println!("digest {}", result.digest);
+    if let Some(dir) = &result.trial_dir {
+        println!("recorded in {dir}; check it with: proact replay {dir}");
+    }
+}

@@ -1,0 +1,47 @@
+//! Where samples come from, on the command line of every command that takes a live stream.
+
+use clap::Args;
+use proact_app::{SourceName, SourceOptions};
+
+/// Options of a source.
+#[derive(Debug, Args)]
+pub struct SourceArgs {
+    /// gforce-sim://HOST:PORT, ble or ble:NAME, lsl or lsl:NAME, file:FOLDER, file:FILE.csv|.edf, synthetic, person:FOLDER, keys, libemg-udp:PORT.
+    ///
+    /// `synthetic` and `person:FOLDER` are simulated people who make what is prompted, with generated EMG or that of
+    /// recordings. `keys`: W, S, A and D in the terminal are gestures, space relaxes.
+    #[arg(long)]
+    pub(super) source: SourceName,
+    /// Repetition that file:FOLDER plays and person:FOLDER makes.
+    #[arg(long, default_value_t = 2)]
+    pub(super) rep: u32,
+    /// Play files and simulated people as fast as they can be read.
+    #[arg(long)]
+    pub(super) flat_out: bool,
+    /// The code of zero volts. Default: that of the model if it was trained on raw codes; else what the maker says,
+    /// 128 at 8 bit, 2048 at 12 bit; 0 for files. Training: the median at rest.
+    #[arg(long)]
+    pub(super) zero: Option<f64>,
+    /// Bits of the armband's converter: 8 up to 1000 Hz, 12 up to 500 Hz.
+    #[arg(long, default_value_t = 8)]
+    bits: u8,
+    /// Bytes of a packet: 128 waits 16 ms at 1000 Hz, 32 waits 4 ms.
+    #[arg(long, default_value_t = 128)]
+    packet: u8,
+    /// Seed of simulated people and of the order of prompts.
+    #[arg(long, default_value_t = 0)]
+    pub(super) seed: u64,
+}
+
+impl SourceArgs {
+    /// What they say, beside the name.
+    pub(super) fn options(&self) -> SourceOptions {
+        SourceOptions {
+            rep: self.rep,
+            flat_out: self.flat_out,
+            bits: self.bits,
+            packet_bytes: self.packet,
+            seed: self.seed,
+        }
+    }
+}

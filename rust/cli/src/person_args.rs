@@ -1,0 +1,67 @@
+//! What a person may have connected to a trial beside the page, on the command line.
+
+use crate::rosbridge_args::RosbridgeArgs;
+use clap::Args;
+use proact_app::{Feedback, LimbReceiver, Person};
+#[cfg(feature = "lsl")]
+use proact_devices::LslGaze;
+use proact_devices::{DeviceError, GazeReceiver, GazeTracker};
+use proact_testbed::Session;
+use std::error::Error;
+
+/// Where cues go.
+#[derive(Debug, Args)]
+pub(crate) struct FeedbackArgs {
+    /// Send sound and vibration cues as JSON datagrams, for a program that drives an actuator
+    #[arg(long, value_name = "HOST:PORT")]
+    feedback: Option<String>,
+}
+
+impl FeedbackArgs {
+    pub(crate) fn open(&self) -> Result<Feedback, DeviceError> {
+        Feedback::open(self.feedback.as_deref())
+    }
+}
+
+/// What a person who drives may have connected.
+#[derive(Debug, Args)]
+pub(crate) struct PersonArgs {
+    /// Take gaze from an eye tracker's program over UDP, on port 25040 unless another is given
+    #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "25040")]
+    gaze_udp: Option<u16>,
+    /// Take gaze from an eye tracker's stream of the lab streaming layer: its name, or the only one of type Gaze
+    #[cfg(feature = "lsl")]
+    #[arg(long, value_name = "NAME", num_args = 0..=1, conflicts_with = "gaze_udp")]
+    gaze_lsl: Option<Option<String>>,
+    /// Follow a tracked limb that a program sends over UDP as {"angles": [..]}, on port 25041 unless another is given
+    #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "25041")]
+    limb_udp: Option<u16>,
+    #[command(flatten)]
+    feedback: FeedbackArgs,
+    #[command(flatten)]
+    rosbridge: RosbridgeArgs,
+}
+
+impl PersonArgs {
+    pub(crate) fn open(&self, session: &Session) -> Result<Person, Box<dyn Error>> {
+        let tracker = self.tracker()?;
+        let limb = self.limb_udp.map(LimbReceiver::bind).transpose()?;
+        if let Some(limb) = &limb {
+            eprintln!("limb: UDP {}", limb.address()?);
+        }
+        Ok(Person::new(tracker, limb, self.feedback.open()?, self.rosbridge.open(session)?))
+    }
+
+    fn tracker(&self) -> Result<Option<Box<dyn GazeTracker>>, Box<dyn Error>> {
+        #[cfg(feature = "lsl")]
+        if let Some(name) = &self.gaze_lsl {
+            let tracker = LslGaze::open(name.as_deref())?;
+            eprintln!("gaze: {}, lab streaming layer", tracker.name());
+            return Ok(Some(Box::new(tracker)));
+        }
+        let Some(port) = self.gaze_udp else { return Ok(None) };
+        let tracker = GazeReceiver::bind(port)?;
+        eprintln!("gaze: UDP {}", tracker.address()?);
+        Ok(Some(Box::new(tracker)))
+    }
+}

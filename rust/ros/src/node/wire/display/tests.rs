@@ -1,0 +1,242 @@
+use super::*;
+use crate::{
+    messages::proact_msgs::{Command, Frame},
+    node::wire::{
+        command, read_command,
+        tests::{AWKWARD, bits, pose},
+    },
+};
+use proact_testbed::stages::MethodOutput;
+use proact_types::{Event, EventKind, Pose, Vector};
+use rosrust::RosMsg;
+
+const ARM: usize = 4;
+const MOVING: usize = 5;
+
+/// None of what may be missing.
+fn bare() -> MethodShown {
+    MethodShown {
+        method: "A".to_owned(),
+        gesture: Gesture::NoMotion,
+        confidence: 1.0,
+        effort: 0.0,
+        hand: HandView::default(),
+        gaze: None,
+        stop: None,
+        target: TargetView::default(),
+        planner: PlannerView::Idle,
+        mode: None,
+        goal: None,
+    }
+}
+
+/// All of what may be missing.
+fn full() -> MethodShown {
+    MethodShown {
+        method: "outside".to_owned(),
+        gesture: Gesture::WristFlexion,
+        confidence: AWKWARD[0],
+        effort: AWKWARD[1],
+        hand: HandView { state: HandState::Opening, holds: Some(BlockId::Blue2) },
+        gaze: Some(GazeSample {
+            origin: Point::new(AWKWARD[0], AWKWARD[1], AWKWARD[2]),
+            direction: Vector::new(AWKWARD[3], -3.0, f64::MAX),
+            valid: true,
+        }),
+        stop: Some(Stop {
+            source: InputSource::Stage,
+            cause: StopCause::Lost,
+            since: SimTime(u64::MAX),
+            reason: "the eye is lost \"again\"\n".to_owned(),
+        }),
+        target: TargetView {
+            block: Some(BlockId::Red1),
+            place: Some(Point::new(AWKWARD[1], AWKWARD[2], AWKWARD[3])),
+            locked: true,
+            posterior: AWKWARD.to_vec(),
+        },
+        planner: PlannerView::Executing { progress: AWKWARD[3], intermediate: true },
+        mode: Some(mode_view(Some(AWKWARD[2]))),
+        goal: Some(proact_types::joints(&AWKWARD)),
+    }
+}
+
+fn mode_view(next_in_secs: Option<f64>) -> ModeView {
+    let directions = ["flexion".to_owned(), "extension".to_owned()];
+    ModeView { number: 12, name: "elbow flexion".to_owned(), directions, we_sign: -1, next_in_secs }
+}
+
+fn drawn(shown: MethodShown) -> DisplayFrame {
+    let kind = EventKind::BaseHeld { distance: AWKWARD[0] };
+    DisplayFrame {
+        time: SimTime(17),
+        method: shown.method,
+        joints: [AWKWARD[3], AWKWARD[0], AWKWARD[1], AWKWARD[2], 0.1].into_iter().collect(),
+        world_from_base: pose(),
+        world_from_tip: pose() * Pose::translation(0.1, 0.2, 0.3),
+        world_from_head: pose(),
+        blocks: vec![pose(); 4],
+        hand: shown.hand,
+        gaze: shown.gaze,
+        target: shown.target,
+        planner: shown.planner,
+        goal: shown.goal,
+        mode: shown.mode,
+        stop: shown.stop,
+        gesture: shown.gesture,
+        confidence: shown.confidence,
+        effort: shown.effort,
+        emg_source: "synthetic".to_owned(),
+        time_left_secs: AWKWARD[0],
+        next_block: Some(BlockId::Blue1),
+        on_target: 3,
+        finished: true,
+        events: vec![Event { time: SimTime(9), kind }, Event { time: SimTime(16), kind: EventKind::Rearmed }],
+    }
+}
+
+/// The message as it arrives over a connection, and its bytes.
+fn sent<M: RosMsg>(message: &M) -> (M, Vec<u8>) {
+    let bytes = message.encode_vec().unwrap();
+    (M::decode_slice(&bytes).unwrap(), bytes)
+}
+
+/// Equality alone would take -0.0 for 0.0: the bytes of what comes back are compared, too.
+fn assert_view_comes_back(shown: &MethodShown) {
+    let said = command(SimTime(9), SimTime(9), &MethodOutput::default(), 0, Some(shown), &[]);
+    let (came, bytes) = sent(&said);
+    let back = read_command(&came, ARM).unwrap().shown.unwrap();
+    assert_eq!(&back, shown);
+    let again: Command = command(SimTime(9), SimTime(9), &MethodOutput::default(), 0, Some(&back), &[]);
+    assert_eq!(sent(&again).1, bytes, "{shown:?}");
+}
+
+#[test]
+fn what_there_is_to_see_of_a_method_comes_back_bit_for_bit_with_and_without_its_options() {
+    for shown in [bare(), full()] {
+        assert_view_comes_back(&shown);
+    }
+    assert_view_comes_back(&MethodShown { mode: Some(mode_view(None)), ..bare() });
+    let none = command(SimTime(9), SimTime(9), &MethodOutput::default(), 0, None, &[]);
+    assert_eq!(read_command(&none, ARM).unwrap().shown, None);
+}
+
+#[test]
+fn every_state_of_hand_and_planner_and_every_stop_come_back() {
+    for state in HandState::ALL {
+        assert_view_comes_back(&MethodShown { hand: HandView { state, holds: None }, ..bare() });
+    }
+    let failed = |status| PlannerView::Failed { status, reason: "no way was found".to_owned() };
+    let ways = [false, true].into_iter().flat_map(|intermediate| {
+        [PlannerView::Executing { progress: 0.3, intermediate }, PlannerView::Arrived { intermediate }]
+    });
+    let planners = [PlannerView::Idle, PlannerView::Planning].into_iter().chain(ways);
+    for planner in planners.chain(PlanStatus::ALL.map(failed)) {
+        assert_view_comes_back(&MethodShown { planner, ..bare() });
+    }
+    for source in InputSource::ALL {
+        for cause in StopCause::ALL {
+            let stop = Stop { source, cause, since: SimTime(3), reason: "it died".to_owned() };
+            assert_view_comes_back(&MethodShown { stop: Some(stop), ..bare() });
+        }
+    }
+}
+
+#[test]
+fn a_frame_comes_back_bit_for_bit_and_its_quaternions_are_not_made_unit() {
+    let plain = DisplayFrame { next_block: None, finished: false, events: vec![], ..drawn(bare()) };
+    for shown in [plain, drawn(full())] {
+        let (came, bytes) = sent(&frame(&shown));
+        let back = read_frame(&came, ARM, MOVING).unwrap();
+        assert_eq!(back, shown);
+        assert_eq!(sent(&frame(&back)).1, bytes);
+        for (back, shown) in [
+            (&back.world_from_base, &shown.world_from_base),
+            (&back.world_from_tip, &shown.world_from_tip),
+            (&back.world_from_head, &shown.world_from_head),
+            (&back.blocks[3], &shown.blocks[3]),
+        ] {
+            assert_eq!(bits(back), bits(shown));
+            assert!((back.rotation.coords.norm() - 1.0).abs() > 1e-13, "the test asks for one that is off");
+        }
+    }
+}
+
+/// The sentence with which a spoilt frame is refused.
+fn refusal(spoil: impl FnOnce(&mut Frame)) -> String {
+    let mut message = frame(&drawn(full()));
+    spoil(&mut message);
+    read_frame(&message, ARM, MOVING).unwrap_err()
+}
+
+#[test]
+fn a_frame_of_another_arm_or_with_a_list_of_another_length_is_refused() {
+    let message = frame(&drawn(full()));
+    assert_eq!(read_frame(&message, ARM, 27).unwrap_err(), "joints has 5 values, expected 27");
+    assert_eq!(read_frame(&message, 7, MOVING).unwrap_err(), "goal has 4 values, expected none or 7");
+    assert_eq!(refusal(|m| m.blocks.truncate(3)), "3 blocks, expected 4");
+    let posterior = refusal(|m| m.view.target.posterior.truncate(1));
+    assert_eq!(posterior, "the target's posterior has 1 values, expected none or 4");
+    let twice = refusal(|m| m.view.stop.extend(m.view.stop.clone()));
+    assert_eq!(twice, "stop has 2 values, expected none or one");
+    for sentence in [
+        refusal(|m| m.view.gaze.extend(m.view.gaze.clone())),
+        refusal(|m| m.view.mode.extend(m.view.mode.clone())),
+        refusal(|m| m.view.mode[0].next_in_secs.push(1.0)),
+        refusal(|m| m.view.target.place.extend(m.view.target.place.clone())),
+    ] {
+        assert!(sentence.ends_with("has 2 values, expected none or one"), "{sentence}");
+    }
+    let mut twice = Command { view: vec![message.view.clone(), message.view], ..Command::default() };
+    let refused = read_command(&twice, ARM).err().unwrap();
+    assert_eq!(refused, "view has 2 values, expected none or one");
+    twice.view.pop();
+    assert!(read_command(&twice, ARM).is_ok());
+}
+
+#[test]
+fn a_frame_with_a_place_out_of_range_is_refused() {
+    for (sentence, expected) in [
+        (refusal(|m| m.view.gesture = 5), "gesture is 5, expected less than 5"),
+        (refusal(|m| m.view.hand = 4), "hand is 4, expected less than 4"),
+        (refusal(|m| m.view.holds = 4), "the block in the hand is 4, expected less than 4"),
+        (refusal(|m| m.view.target.block = 4), "the target's block is 4, expected less than 4"),
+        (refusal(|m| m.next_block = 4), "next_block is 4, expected less than 4"),
+        (refusal(|m| m.view.stop[0].source = 7), "the stop's source is 7, expected less than 7"),
+        (refusal(|m| m.view.stop[0].cause = 9), "the stop's cause is 9, expected less than 9"),
+        (refusal(|m| m.view.planner.state = 5), "the planner's state is 5, expected 0 to 4"),
+        (
+            refusal(|m| (m.view.planner.state, m.view.planner.status) = (Planner::FAILED, 8)),
+            "the planner's status is 8, expected less than 8",
+        ),
+    ] {
+        assert_eq!(sentence, expected);
+    }
+    assert!(refusal(|m| m.events.push("{}".to_owned())).starts_with("an event: "));
+}
+
+#[test]
+fn a_frame_with_a_number_that_is_not_finite_is_refused_and_a_gaze_may_hold_anything() {
+    for (sentence, what) in [
+        (refusal(|m| m.view.confidence = f64::NAN), "the confidence"),
+        (refusal(|m| m.view.effort = f64::NAN), "the effort"),
+        (refusal(|m| m.view.goal[0] = f64::NAN), "goal"),
+        (refusal(|m| m.view.target.place[0].z = f64::NAN), "the target's place"),
+        (refusal(|m| m.view.target.posterior[2] = f64::NAN), "the target's posterior"),
+        (refusal(|m| m.view.planner.progress = f64::NAN), "the planner's progress"),
+        (refusal(|m| m.view.mode[0].next_in_secs[0] = f64::NAN), "the mode's next_in_secs"),
+        (refusal(|m| m.joints[4] = f64::NAN), "joints"),
+        (refusal(|m| m.time_left_secs = f64::NAN), "time_left_secs"),
+        (refusal(|m| m.base.position.x = f64::NAN), "a pose"),
+        (refusal(|m| m.tip.orientation.w = f64::NAN), "a pose"),
+        (refusal(|m| m.head.position.y = f64::NAN), "a pose"),
+        (refusal(|m| m.blocks[1].position.z = f64::NAN), "a pose"),
+    ] {
+        assert_eq!(sentence, format!("{what} holds NaN, expected finite numbers"));
+    }
+    let mut blind = drawn(full());
+    blind.gaze =
+        Some(GazeSample { origin: Point::origin(), direction: Vector::z() * f64::NAN, valid: false });
+    let back = read_frame(&frame(&blind), ARM, MOVING).unwrap();
+    assert!(back.gaze.unwrap().direction.z.is_nan());
+}
