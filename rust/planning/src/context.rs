@@ -6,7 +6,7 @@ use crate::failure::Failure;
 use crate::problem::Problem;
 use crate::reach::Limits;
 use crate::{CancelFlag, CollisionScene, MeshObstacle, PlannerOptions, PlanningError, SearchLimits};
-use proact_arm::ArmModel;
+use proact_arm::{ArmModel, JointLimits};
 use proact_control::ports::ArmKinematics;
 use proact_types::{AttachedObject, Obstacle, Pose};
 use rand_chacha::ChaCha8Rng;
@@ -88,9 +88,7 @@ impl PlanningContext {
             });
         }
         let chain = Chain::new(&model, &mut *kinematics)?;
-        let arm = || model.arm.iter().map(|&j| &model.joints[j].limits);
-        let limits =
-            Limits { lower: arm().map(|l| l.lower).collect(), upper: arm().map(|l| l.upper).collect() };
+        let limits = Limits(model.arm.iter().map(|&j| model.joints[j].limits).collect());
         let [attempt, ..] = Attempt::all(&options);
         Ok(Self {
             model,
@@ -181,8 +179,8 @@ impl PlanningContext {
         let mut unit = || (random.next_u64() >> 11) as f64 / (1_u64 << 53) as f64;
         let mut postures = vec![from.to_vec()];
         while postures.len() < count {
-            let draw = |(low, high): (&f64, &f64)| low + (high - low) * unit();
-            postures.push(self.limits.lower.iter().zip(&self.limits.upper).map(draw).collect());
+            let draw = |limits: &JointLimits| limits.lower + (limits.upper - limits.lower) * unit();
+            postures.push(self.limits.0.iter().map(draw).collect());
         }
         postures
     }

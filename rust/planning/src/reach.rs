@@ -6,9 +6,9 @@
 //! Letters: p the point, a the axis, t their targets; all in the base frame.
 
 use crate::chain::Chain;
-use arrayvec::ArrayVec;
-use nalgebra::{Matrix3, Matrix6, Rotation3, Vector6};
-use proact_types::{MAX_JOINTS, Point, Vector};
+use nalgebra::{Matrix3, Rotation3, Vector6};
+use proact_arm::{Columns, JointLimits, damped_step_within};
+use proact_types::{Point, Vector};
 
 /// What the hand should do: a point of it is brought to `target` while an axis of it points along `direction`.
 #[derive(Clone, Copy, Debug)]
@@ -27,10 +27,7 @@ pub(crate) struct Reach {
 
 /// Joint limits of the arm, rad.
 #[derive(Clone, Debug)]
-pub(crate) struct Limits {
-    pub lower: Vec<f64>,
-    pub upper: Vec<f64>,
-}
+pub(crate) struct Limits(pub Vec<JointLimits>);
 
 /// Distance from the target at which the point has arrived, metres.
 const POSITION_TOLERANCE: f64 = 2e-5;
@@ -49,25 +46,26 @@ const MAX_STEP: f64 = 0.35;
 impl Limits {
     /// `q` with every angle inside its limits.
     pub fn clamp(&self, q: &[f64]) -> Vec<f64> {
-        q.iter().enumerate().map(|(k, v)| v.clamp(self.lower[k], self.upper[k])).collect()
+        q.iter().zip(&self.0).map(|(v, limits)| v.clamp(limits.lower, limits.upper)).collect()
     }
 
     /// True if every angle is inside its limits, but for `slack`.
     pub fn contain(&self, q: &[f64], slack: f64) -> bool {
-        q.iter().enumerate().all(|(k, v)| *v >= self.lower[k] - slack && *v <= self.upper[k] + slack)
+        q.iter().zip(&self.0).all(|(v, limits)| *v >= limits.lower - slack && *v <= limits.upper + slack)
     }
 
     /// Smallest distance from a limit, as a share of the joint's range: 0 at a limit, 0.5 in the middle.
     pub fn margin(&self, q: &[f64]) -> f64 {
-        let share =
-            |k: usize| (q[k] - self.lower[k]).min(self.upper[k] - q[k]) / (self.upper[k] - self.lower[k]);
-        (0..q.len()).map(share).fold(0.5, f64::min)
+        let share = |(v, limits): (&f64, &JointLimits)| {
+            (v - limits.lower).min(limits.upper - v) / (limits.upper - limits.lower)
+        };
+        q.iter().zip(&self.0).map(share).fold(0.5, f64::min)
     }
 }
 
 /// Arm angles within the limits that do what `reach` asks, near `seed`; none if the search does not arrive.
 ///
-/// Damped least squares (Nakamura and Hanafusa, 1986) with joints frozen at the limits that they push against.
+/// By damped least squares.
 pub(crate) fn solve(chain: &mut Chain, limits: &Limits, reach: &Reach, seed: &[f64]) -> Option<Vec<f64>> {
     let mut q = limits.clamp(seed);
     let mut marked = f64::INFINITY;
@@ -95,7 +93,7 @@ pub(crate) fn solve(chain: &mut Chain, limits: &Limits, reach: &Reach, seed: &[f
             marked = error.norm();
         }
         let free_axis = if reach.orientation.is_some() { Vector::zeros() } else { reach.direction };
-        let task: Task = (0..q.len())
+        let mut task: Columns = (0..q.len())
             .map(|k| {
                 let mut column = chain.column(k, &p);
                 let w: Vector = column.fixed_rows::<3>(3).into();
@@ -104,13 +102,12 @@ pub(crate) fn solve(chain: &mut Chain, limits: &Limits, reach: &Reach, seed: &[f
                 column
             })
             .collect();
-        step(&mut q, limits, &task, &error);
+        // Far from the target the linear model is poor, near it damping only slows the end.
+        let damping = 1e-7 + 0.02 * error.norm_squared();
+        damped_step_within(&mut q, &limits.0, &mut task, &error, damping, MAX_STEP);
     }
     None
 }
-
-/// One column a joint: motion of the point, then turning, but for that about a free axis, weighted.
-type Task = ArrayVec<Vector6<f64>, MAX_JOINTS>;
 
 /// Rotation vector that turns the unit vector `a` onto the unit vector `t` the short way.
 fn turn_onto(a: &Vector, t: &Vector) -> Vector {
@@ -124,39 +121,6 @@ fn turn_onto(a: &Vector, t: &Vector) -> Vector {
         // Opposite: any axis across will do.
         let across = if t.x.abs() < 0.9 { Vector::x() } else { Vector::y() };
         t.cross(&across).normalize() * std::f64::consts::PI
-    }
-}
-
-/// One damped step; joints that would leave their limits are frozen and the rest solved again.
-fn step(q: &mut [f64], limits: &Limits, task: &[Vector6<f64>], error: &Vector6<f64>) {
-    // Far from the target the linear model is poor, near it damping only slows the end.
-    let damping = 1e-7 + 0.02 * error.norm_squared();
-    let mut frozen = [false; MAX_JOINTS];
-    for _ in 0..q.len() {
-        let mut normal = Matrix6::identity() * damping;
-        for k in (0..q.len()).filter(|k| !frozen[*k]) {
-            normal.ger(1.0, &task[k], &task[k], 1.0);
-        }
-        let Some(cholesky) = normal.cholesky() else { return };
-        let y = cholesky.solve(error);
-        let mut dq: ArrayVec<f64, MAX_JOINTS> =
-            (0..q.len()).map(|k| if frozen[k] { 0.0 } else { task[k].dot(&y) }).collect();
-        let longest = dq.iter().fold(0.0_f64, |m, d| m.max(d.abs()));
-        if longest > MAX_STEP {
-            dq.iter_mut().for_each(|d| *d *= MAX_STEP / longest);
-        }
-        let blocked = (0..q.len())
-            .filter(|&k| !frozen[k])
-            .find(|&k| (q[k] >= limits.upper[k] && dq[k] > 0.0) || (q[k] <= limits.lower[k] && dq[k] < 0.0));
-        match blocked {
-            Some(k) => frozen[k] = true,
-            None => {
-                for k in 0..q.len() {
-                    q[k] = (q[k] + dq[k]).clamp(limits.lower[k], limits.upper[k]);
-                }
-                return;
-            }
-        }
     }
 }
 
