@@ -80,7 +80,7 @@ impl Intermediate {
                 let reach = Reach { point, axis: *axis, target, direction: problem.up, orientation: None };
                 for posture in &postures {
                     context.go_on()?;
-                    let found = reach::solve(&mut context.chain, &context.limits, &reach, posture);
+                    let found = reach::solve(&context.chain, &context.limits, &reach, posture);
                     let Some(q) = found else { continue };
                     if !ways.iter().any(|w| same(&w.points[0], &q)) && context.scene.is_free(&q)? {
                         ways.push(Way { cost: cost(&context.limits, from, &q, *off), points: vec![q] });

@@ -126,7 +126,7 @@ impl Leaving {
                 orientation: None,
             };
             let along = direction * wanted.max(LONGEST_LEAVE);
-            let line = reach::line(&mut context.chain, &context.limits, &reach, &along, &problem.start);
+            let line = reach::line(&context.chain, &context.limits, &reach, &along, &problem.start);
             let (free, covered) = grazes.clear_part(context, &line, wanted)?;
             let better = best.as_ref().is_none_or(|b| free.len() > b.len());
             if !free.is_empty() && better {

@@ -5,9 +5,8 @@
 //!
 //! Letters: p the point, a the axis, t their targets; all in the base frame.
 
-use crate::chain::Chain;
-use nalgebra::{Matrix3, Rotation3, Vector6};
-use proact_arm::{Columns, JointLimits, damped_step_within};
+use nalgebra::{UnitQuaternion, Vector6};
+use proact_arm::{Chain, ChainPoses, JointLimits, damped_step_within};
 use proact_types::{Point, Vector};
 
 /// What the hand should do: a point of it is brought to `target` while an axis of it points along `direction`.
@@ -22,7 +21,7 @@ pub(crate) struct Reach {
     /// Where the axis should point, unit vector, base frame.
     pub direction: Vector,
     /// The whole orientation of the tip, base frame, where the turn about the axis is not free.
-    pub orientation: Option<Matrix3<f64>>,
+    pub orientation: Option<UnitQuaternion<f64>>,
 }
 
 /// Joint limits of the arm, rad.
@@ -66,18 +65,17 @@ impl Limits {
 /// Arm angles within the limits that do what `reach` asks, near `seed`; none if the search does not arrive.
 ///
 /// By damped least squares.
-pub(crate) fn solve(chain: &mut Chain, limits: &Limits, reach: &Reach, seed: &[f64]) -> Option<Vec<f64>> {
+pub(crate) fn solve(chain: &Chain, limits: &Limits, reach: &Reach, seed: &[f64]) -> Option<Vec<f64>> {
     let mut q = limits.clamp(seed);
+    let mut poses = ChainPoses::default();
     let mut marked = f64::INFINITY;
     for iteration in 0..MAX_ITERATIONS {
-        let (rotation, position) = chain.forward(&q);
-        let p = position + rotation * reach.point.coords;
-        let off = reach.target.coords - p;
+        chain.place(&q, &mut poses);
+        let p = poses.tip * reach.point;
+        let off = reach.target - p;
         let turn = match reach.orientation {
-            Some(orientation) => {
-                Rotation3::from_matrix_unchecked(orientation * rotation.transpose()).scaled_axis()
-            }
-            None => turn_onto(&(rotation * reach.axis), &reach.direction),
+            Some(orientation) => (orientation * poses.tip.rotation.inverse()).scaled_axis(),
+            None => turn_onto(&(poses.tip.rotation * reach.axis), &reach.direction),
         };
         if off.norm() < POSITION_TOLERANCE && turn.norm() < AXIS_TOLERANCE {
             return Some(q);
@@ -93,15 +91,12 @@ pub(crate) fn solve(chain: &mut Chain, limits: &Limits, reach: &Reach, seed: &[f
             marked = error.norm();
         }
         let free_axis = if reach.orientation.is_some() { Vector::zeros() } else { reach.direction };
-        let mut task: Columns = (0..q.len())
-            .map(|k| {
-                let mut column = chain.column(k, &p);
-                let w: Vector = column.fixed_rows::<3>(3).into();
-                let counted = AXIS_WEIGHT * (w - free_axis * free_axis.dot(&w));
-                column.fixed_rows_mut::<3>(3).copy_from(&counted);
-                column
-            })
-            .collect();
+        let mut task = chain.jacobian(&poses, &p);
+        for column in &mut task {
+            let w: Vector = column.fixed_rows::<3>(3).into();
+            let counted = AXIS_WEIGHT * (w - free_axis * free_axis.dot(&w));
+            column.fixed_rows_mut::<3>(3).copy_from(&counted);
+        }
         // Far from the target the linear model is poor, near it damping only slows the end.
         let damping = 1e-7 + 0.02 * error.norm_squared();
         damped_step_within(&mut q, &limits.0, &mut task, &error, damping, MAX_STEP);
@@ -133,7 +128,7 @@ const LINE_JUMP: f64 = 0.25;
 /// must already do what `reach` asks. The hand keeps its whole orientation as long as the arm can, then only its
 /// axis. Ends where the arm cannot follow: the share covered is `points.len() - 1` of [`line_steps`].
 pub(crate) fn line(
-    chain: &mut Chain,
+    chain: &Chain,
     limits: &Limits,
     reach: &Reach,
     along: &Vector,
@@ -141,7 +136,7 @@ pub(crate) fn line(
 ) -> Vec<Vec<f64>> {
     let steps = line_steps(along.norm());
     let mut points = vec![start.to_vec()];
-    let mut orientation = Some(chain.forward(start).0);
+    let mut orientation = Some(chain.forward(start).rotation);
     for k in 1..=steps {
         let target = reach.target + along * (k as f64 / steps as f64);
         let from = &points[points.len() - 1];
