@@ -206,16 +206,22 @@ impl ArmModel {
     /// Forward kinematics: writes `world_from_link` of all links, in their order, at angles of the moving joints, rad;
     /// zero for those left out. Allocates only where `poses` has too little room.
     pub fn place_links(&self, world_from_base: &Pose, angles: &[f64], poses: &mut Vec<Pose>) {
+        self.place_from(0, world_from_base, angles, poses);
+    }
+
+    /// As [`ArmModel::place_links`], with the link `first` at `pose`. The poses of links that do not hang on it mean
+    /// nothing.
+    pub(crate) fn place_from(&self, first: usize, pose: &Pose, angles: &[f64], poses: &mut Vec<Pose>) {
         poses.clear();
         poses.resize(self.links.len(), Pose::identity());
-        poses[0] = *world_from_base;
         // Each link first waits with the turn of its joint.
         for (joint, angle) in self.moving().zip(angles) {
             let joint = &self.joints[joint];
             poses[joint.child].rotation = joint.turn(*angle);
         }
-        // Joints are sorted by child, and parents stand before their children.
-        for joint in &self.joints {
+        poses[first] = *pose;
+        // Joint k moves link k + 1, and parents stand before their children.
+        for joint in &self.joints[first..] {
             poses[joint.child] = poses[joint.parent] * joint.origin * poses[joint.child].rotation;
         }
     }
