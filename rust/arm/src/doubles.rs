@@ -27,6 +27,7 @@ pub fn three_joints() -> ArmModel {
         poses: vec![],
         allowed_collisions: vec![],
         grasp_centre: Vector::zeros(),
+        grasp: Default::default(),
     }
 }
 

@@ -1,11 +1,47 @@
 //! What hangs on the tip.
 
 use crate::ArmModel;
-use proact_types::{Point, Pose};
+use proact_types::{Point, Pose, Vector};
+use serde::{Deserialize, Serialize};
 
 /// The last bone of a finger has this share of the length of the one before it. Assumed: a description says where joints
 /// are, not where fingers end.
 const LAST_BONE: f64 = 0.8;
+
+/// How the hand grips what stands upright, from above: with its grasp centre ([`ArmModel::grasp_centre`]) in the middle of
+/// the object, rolled about x of the tip's frame and leaning about y. Planner and simulated participants go by it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Grasp {
+    /// Roll at which the fingers close best, rad: at zero z of the tip's frame is up.
+    pub roll: f64,
+    /// Smallest and largest roll at which they close, rad.
+    pub roll_range: [f64; 2],
+    /// Largest lean, both ways, rad.
+    pub lean: f64,
+    /// An object whose centre is this near to the grasp centre is between the fingers, metres.
+    pub opening: f64,
+    /// Where the open hand may come off an object other than straight up: a direction in the tip's frame, of any length.
+    pub withdrawal: Vector,
+}
+
+impl Default for Grasp {
+    /// That of the MPL right hand, for a hand whose description does not say. The original's fixed grasp orientation has a
+    /// roll of 25.6 degrees; the rest is assumed.
+    fn default() -> Self {
+        Self {
+            roll: 25.6_f64.to_radians(),
+            roll_range: [-10_f64.to_radians(), 60_f64.to_radians()],
+            lean: 15_f64.to_radians(),
+            opening: 0.07,
+            withdrawal: Vector::new(0.0, 1.0, 1.0),
+        }
+    }
+}
+
+/// The axis of the tip's frame that points up when the hand is rolled and leans by so much, rad; unit length.
+pub fn upright_axis(roll: f64, lean: f64) -> Vector {
+    Vector::new(-lean.sin(), lean.cos() * roll.sin(), lean.cos() * roll.cos())
+}
 
 impl ArmModel {
     /// For each link the digit that it belongs to, named by the digit's first link: each branch behind the tip is one.
@@ -43,6 +79,16 @@ impl ArmModel {
 mod tests {
     use super::*;
     use crate::{Joint, Link, doubles::three_joints};
+    use nalgebra::UnitQuaternion;
+
+    #[test]
+    fn a_hand_that_is_rolled_and_leans_has_its_upright_axis_up() {
+        let (roll, lean) = (0.4, -0.2);
+        let turned = UnitQuaternion::from_axis_angle(&Vector::x_axis(), roll) * upright_axis(roll, lean);
+        assert!((turned - Vector::new(-lean.sin(), 0.0, lean.cos())).norm() < 1e-12, "{turned}");
+        let upright = UnitQuaternion::from_axis_angle(&Vector::y_axis(), lean) * turned;
+        assert!((upright - Vector::z()).norm() < 1e-12, "{upright}");
+    }
 
     #[test]
     fn the_points_of_a_finger_bend_with_it_and_do_not_move_with_the_arm() {

@@ -25,6 +25,7 @@ mod model;
 
 pub use chain::{Chain, ChainPoses, Columns};
 pub use damped::{damped_step, damped_step_within};
+pub use hand::{Grasp, upright_axis};
 pub use model::{
     ArmModel, ArmModelError, CollisionShape, Inertial, Joint, JointKind, JointLimits, Link, NamedPose,
     Visual, VisualGeometry,

@@ -1,3 +1,4 @@
+use crate::Grasp;
 use nalgebra::{Unit, UnitQuaternion};
 use proact_types::{MAX_JOINTS, Pose, Shape, Vector};
 use serde::{Deserialize, Serialize};
@@ -26,6 +27,9 @@ pub struct ArmModel {
     pub allowed_collisions: Vec<(usize, usize)>,
     /// Where the centre of a grasped object lies, in the tip's frame, metres.
     pub grasp_centre: Vector,
+    /// How the hand grips from above.
+    #[serde(default)]
+    pub grasp: Grasp,
 }
 
 /// A rigid link.

@@ -52,6 +52,7 @@ fn content(interactive: bool) -> PageContent {
         poses: vec![],
         allowed_collisions: vec![],
         grasp_centre: Vector::zeros(),
+        grasp: Default::default(),
     };
     let scene = Scene { fixed: vec![], blocks: vec![], targets: vec![], table_height: 1.015 };
     PageContent { title: "test".into(), setup: "still".into(), arm, scene, interactive, lean: false }

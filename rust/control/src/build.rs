@@ -18,7 +18,8 @@ pub const METHODS: [&str; 4] = ["A", "B", "C", "D"];
 /// ```
 /// # fn main() -> Result<(), proact_control::ControlError> {
 /// # let model = proact_arm::ArmModel { name: "none".into(), links: vec![], joints: vec![], arm: vec![],
-/// #     hand: vec![], tip: 0, poses: vec![], allowed_collisions: vec![], grasp_centre: Default::default() };
+/// #     hand: vec![], tip: 0, poses: vec![], allowed_collisions: vec![], grasp_centre: Default::default(),
+/// #     grasp: Default::default() };
 /// let profile = proact_control::Profile::named("default")?;
 /// let method = proact_control::build("D", &profile, &model)?;
 /// assert_eq!(method.name(), "D");

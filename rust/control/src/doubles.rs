@@ -47,6 +47,7 @@ pub fn test_arm() -> ArmModel {
         poses: Vec::new(),
         allowed_collisions: Vec::new(),
         grasp_centre: Vector::zeros(),
+        grasp: Default::default(),
     };
     for (k, (name, xyz, yaw, axis, lower, upper)) in ARM.into_iter().enumerate() {
         model.links.push(link(name));

@@ -35,6 +35,7 @@ pub(crate) fn assemble(
         poses: Vec::new(),
         allowed_collisions: Vec::new(),
         grasp_centre: Vector::zeros(),
+        grasp: Default::default(),
     };
     match semantics {
         Some(semantics) => apply(&mut model, &semantics, findings),
@@ -120,6 +121,7 @@ fn apply(model: &mut ArmModel, semantics: &Semantics, findings: &mut Findings) {
         }
         model.grasp_centre = Vector::from(*centre);
     }
+    model.grasp = semantics.grasp.unwrap_or_default();
 }
 
 /// Arm group, hand group, and the name of the tip link.

@@ -110,7 +110,7 @@ pub fn load(urdf: &Path, srdf: Option<&Path>) -> Result<ArmModel, DescriptionErr
 /// The part of `model` that hangs on link `base`, with the arm ending at link `tip`.
 ///
 /// Joints of the chain are the arm; those that hang on the tip are the hand; the rest are left out with their
-/// links. Poses, and the grasp centre, stay only if arm, hand and tip are unchanged.
+/// links. Poses, the grasp centre and the grasp stay only if arm, hand and tip are unchanged.
 ///
 /// # Errors
 /// [`DescriptionError::Unknown`] for a link that does not exist, [`DescriptionError::NoChain`] if `tip` does not
@@ -153,6 +153,7 @@ pub fn select_chain(model: &ArmModel, base: &str, tip: &str) -> Result<ArmModel,
         name: model.name.clone(),
         poses: if same { model.poses.clone() } else { Vec::new() },
         grasp_centre: if same { model.grasp_centre } else { proact_types::Vector::zeros() },
+        grasp: if same { model.grasp } else { Default::default() },
         allowed_collisions: model
             .allowed_collisions
             .iter()

@@ -1,7 +1,7 @@
 //! The left arm is the right arm in the mirror.
 #![allow(clippy::unwrap_used)]
 
-use nalgebra::{Matrix4, Vector4};
+use nalgebra::{Matrix4, Vector3, Vector4};
 use proact_arm::VisualGeometry;
 use proact_description::{
     MPL_LEFT_ARM_SRDF, MPL_LEFT_ARM_URDF, MPL_RIGHT_ARM_URDF, mirror, mpl_left_arm, mpl_right_arm,
@@ -52,6 +52,10 @@ fn mass_limits_and_poses_stay_while_inertia_shapes_and_grasp_centre_are_mirrored
     assert_eq!(left.poses, right.poses);
     assert_eq!(left.allowed_collisions, right.allowed_collisions);
     assert_eq!(left.grasp_centre.y, -right.grasp_centre.y);
+    let [low, high] = right.grasp.roll_range;
+    assert_eq!((left.grasp.roll, left.grasp.roll_range), (-right.grasp.roll, [-high, -low]));
+    let withdrawal = right.grasp.withdrawal;
+    assert_eq!(left.grasp.withdrawal, Vector3::new(withdrawal.x, -withdrawal.y, withdrawal.z));
     for (l, r) in left.joints.iter().zip(&right.joints) {
         assert_eq!(l.limits, r.limits);
     }

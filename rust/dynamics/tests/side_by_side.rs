@@ -118,6 +118,7 @@ fn chain() -> ArmModel {
         poses: vec![],
         allowed_collisions: vec![],
         grasp_centre: Vector::zeros(),
+        grasp: Default::default(),
     }
 }
 

@@ -5,7 +5,7 @@ mod ways;
 
 use arrayvec::ArrayVec;
 use nalgebra::{UnitQuaternion, Vector6};
-use proact_arm::{ArmModel, Chain, ChainPoses, damped_step};
+use proact_arm::{ArmModel, Chain, ChainPoses, damped_step, upright_axis};
 use proact_types::{JointVector, Point, Pose, Shape, Vector};
 use std::sync::Arc;
 
@@ -106,6 +106,11 @@ impl ArmSense {
     /// Where a grasped block's middle is, in the tip's frame.
     pub(crate) fn grasp_centre(&self) -> Point {
         Point::from(self.model.grasp_centre)
+    }
+
+    /// The axis of the tip's frame that is up when the fingers close around a standing block; unit length.
+    pub(crate) fn grasp_axis(&self) -> Vector {
+        upright_axis(self.model.grasp.roll, 0.0)
     }
 
     /// How the arm stands at the angles `q`.

@@ -52,8 +52,8 @@ impl ArmPlanner {
         let context = PlanningContext::new(model, kinematics, options)?;
         Ok(Self {
             leaving: Leaving::new(&context.options),
-            ways: WaysToGoal::new(&context.options),
-            intermediate: Intermediate::new(&context.options),
+            ways: WaysToGoal::new(&context.model.grasp, &context.options),
+            intermediate: Intermediate::new(&context.model.grasp, &context.options),
             smoother: Smoother::new(&context.model, &context.options),
             effort: PlanEffort::default(),
             context,

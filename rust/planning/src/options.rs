@@ -25,13 +25,6 @@ pub struct PlannerOptions {
     pub graze_depth: f64,
     /// Free space under an object when it is let go. Assumed.
     pub place_gap: f64,
-    /// Preferred roll of the hand about its x axis when it grips from above. The original's fixed grasp
-    /// orientation has 25.6 degrees.
-    pub tilt: f64,
-    /// Smallest and largest roll that is tried. Assumed.
-    pub tilt_range: [f64; 2],
-    /// Largest sideways lean of the hand about its y axis that is tried, both ways. Assumed.
-    pub lateral: f64,
     /// Largest angle between a placed object's axis and the vertical: it tips onto its base. Assumed.
     pub place_tilt: f64,
     /// A place that cannot be reached may be missed by this much toward the arm. Assumed: a third of the radius
@@ -66,9 +59,6 @@ impl Default for PlannerOptions {
             retreat_height: 0.07,
             graze_depth: 0.012,
             place_gap: 0.0015,
-            tilt: 25.6_f64.to_radians(),
-            tilt_range: [-10_f64.to_radians(), 60_f64.to_radians()],
-            lateral: 15_f64.to_radians(),
             place_tilt: 12_f64.to_radians(),
             place_tolerance: 0.016,
             postures: 8,
@@ -120,7 +110,6 @@ impl PlannerOptions {
             ("contact_padding", self.contact_padding),
             ("graze_depth", self.graze_depth),
             ("place_gap", self.place_gap),
-            ("lateral", self.lateral),
             ("place_tilt", self.place_tilt),
         ];
         let refused = |name, value, expected| Err(PlanningError::Option { name, value, expected });
@@ -143,10 +132,6 @@ impl PlannerOptions {
             if !(value.is_finite() && value >= 0.0) {
                 return refused(name, value, "a number not below zero");
             }
-        }
-        let [low, high] = self.tilt_range;
-        if !(low <= self.tilt && self.tilt <= high && low.is_finite() && high.is_finite()) {
-            return refused("tilt", self.tilt, "an angle within tilt_range");
         }
         crate::scene::check_planner(self.planner, &self.planner_parameters)
     }

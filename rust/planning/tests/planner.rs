@@ -382,8 +382,6 @@ fn options_that_make_no_sense_are_refused_by_name() {
     assert_eq!(text, "option max_velocity = 0, expected a number above zero");
     let text = refused(PlannerOptions { padding: f64::NAN, ..Default::default() });
     assert_eq!(text, "option padding = NaN, expected a number not below zero");
-    let text = refused(PlannerOptions { tilt: 2.0, ..Default::default() });
-    assert!(text.starts_with("option tilt = 2"), "{text}");
 }
 
 #[test]

@@ -65,6 +65,7 @@ fn arm() -> ArmModel {
         poses: Vec::new(),
         allowed_collisions: Vec::new(),
         grasp_centre: Vector::zeros(),
+        grasp: Default::default(),
     }
 }
 

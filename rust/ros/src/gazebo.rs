@@ -196,6 +196,7 @@ mod tests {
             poses: vec![],
             allowed_collisions: vec![],
             grasp_centre: Vector::zeros(),
+            grasp: Default::default(),
         });
         let task = BoxAndBlocks::new(Arrangement::numbered(1).expect("there are 24"));
         GazeboWorld::new(model, task.scene(), Pose::translation(-0.39, 0.12, 1.5))

@@ -187,6 +187,7 @@ pub(crate) mod tests {
             poses: vec![],
             allowed_collisions: vec![],
             grasp_centre: Vector::zeros(),
+            grasp: Default::default(),
         }
     }
 
