@@ -353,10 +353,7 @@ fn block_named(name: &str) -> Option<BlockId> {
 mod tests {
     use super::*;
     use proact_description::mpl_right_arm;
-    use proact_recording::bag::{
-        BagWriter,
-        message::{Message, Time},
-    };
+    use proact_recording::bag::{BagWriter, Message, Time};
 
     /// A bag as the original's recorder writes it: receipt times of a wall clock, many topics, one of them unknown.
     struct Lab(BagWriter);

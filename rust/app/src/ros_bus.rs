@@ -1,12 +1,11 @@
 //! rosbridge with a ROS graph behind it: what clients publish, offer and call reaches the graph, and the graph reaches
 //! them.
 
-use proact_bridge::rosbridge::{
-    BusError, Graph, LocalBus, MemberId, MessageType, Reply, ServiceInfo, ServiceProvider, TopicBus,
-    TopicMessage, TopicSink, TopicType, Value, known_type, plain_name,
-};
-use proact_ros::node::relay::{
-    Definition, Handler, RawIncoming, RawPublisher, RawService, RawSubscriber, Relay, ServiceDefinition,
+use proact_messages::{MessageType, ServiceType, Time, known_type, plain_name};
+use proact_ros::node::relay::{Handler, RawIncoming, RawPublisher, RawService, RawSubscriber, Relay};
+use proact_rosbridge::{
+    BusError, Graph, LocalBus, MemberId, Reply, ServiceInfo, ServiceProvider, TopicBus, TopicMessage,
+    TopicSink, TopicType,
 };
 use serde_json::{Map, Value as Json};
 use std::{
@@ -95,8 +94,8 @@ impl RosBus {
         if let Some(known) = lock(&self.types).get(&name) {
             return known.clone();
         }
-        let found = self.relay.definitions().message(&name);
-        let found = found.and_then(|definition| fields_of(&definition).ok()).or_else(|| known_type(&name));
+        let found = self.relay.definitions().message(&name).map(|definition| definition.kind);
+        let found = found.or_else(|| known_type(&name));
         lock(&self.types).insert(name, found.clone());
         found
     }
@@ -123,9 +122,8 @@ impl RosBus {
     ) -> Option<Arc<(RawPublisher, Arc<MessageType>)>> {
         let name = plain_name(type_name);
         let definition = self.relay.definitions().message(&name)?;
-        let fields = self.fields(&name)?;
         match self.relay.publish(topic, &definition, latch) {
-            Ok(publisher) => Some(Arc::new((publisher, fields))),
+            Ok(publisher) => Some(Arc::new((publisher, definition.kind))),
             Err(error) => {
                 self.relay.refuse("rosbridge", &error.to_string());
                 None
@@ -205,37 +203,32 @@ impl Known {
     }
 }
 
-fn fields_of(definition: &Definition) -> Result<Arc<MessageType>, String> {
-    MessageType::from_text(&definition.name, &definition.text).map_err(|e| e.to_string())
-}
-
-fn now() -> proact_bridge::rosbridge::Time {
+fn now() -> Time {
     let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    proact_bridge::rosbridge::Time { secs: since.as_secs() as u32, nsecs: since.subsec_nanos() }
+    Time { secs: since.as_secs() as u32, nsecs: since.subsec_nanos() }
 }
 
 /// Values as bytes; those that are given in order get their names.
-fn encode(definition: &Definition, json: Json) -> Result<Vec<u8>, String> {
-    let fields = fields_of(definition)?;
+fn encode(kind: &Arc<MessageType>, json: Json) -> Result<Vec<u8>, String> {
     let named = match json {
-        Json::Array(values) if values.len() <= fields.fields.len() => {
-            let names = fields.fields.iter().map(|field| field.name.clone());
+        Json::Array(values) if values.len() <= kind.fields.len() => {
+            let names = kind.fields.iter().map(|field| field.name.to_string());
             Json::Object(names.zip(values).collect())
         }
         Json::Null => Json::Object(Map::new()),
         other => other,
     };
-    let value: Value = fields.read(named, now()).map_err(|e| e.to_string())?;
-    fields.to_bytes(&value).map_err(|e| e.to_string())
+    let value = kind.read(named, now()).map_err(|e| e.to_string())?;
+    kind.to_bytes(&value).map_err(|e| e.to_string())
 }
 
-fn decode(definition: &Definition, bytes: &[u8]) -> Result<Json, String> {
-    let value = fields_of(definition)?.from_bytes(bytes).map_err(|e| e.to_string())?;
+fn decode(kind: &MessageType, bytes: &[u8]) -> Result<Json, String> {
+    let value = kind.from_bytes(bytes).map_err(|e| e.to_string())?;
     serde_json::to_value(value).map_err(|e| e.to_string())
 }
 
 /// A client's service for the graph.
-fn handler(kind: ServiceDefinition, provider: Arc<dyn ServiceProvider>) -> Arc<Handler> {
+fn handler(kind: ServiceType, provider: Arc<dyn ServiceProvider>) -> Arc<Handler> {
     Arc::new(move |request: &[u8]| {
         let arguments = decode(&kind.request, request)?;
         let (answered, answer) = sync_channel(1);

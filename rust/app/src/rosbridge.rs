@@ -1,7 +1,8 @@
 //! A trial on rosbridge, for the original headset app and any other client.
 
-use proact_bridge::rosbridge::{
-    Access, CameraTopics, HeadsetInput, HeadsetTopics, LocalBus, RosbridgeOptions, RosbridgeServer, TopicBus,
+use proact_http::Access;
+use proact_rosbridge::{
+    CameraTopics, HeadsetInput, HeadsetTopics, LocalBus, RosbridgeOptions, RosbridgeServer, TopicBus,
 };
 use proact_testbed::Session;
 use proact_types::{DisplayFrame, InputSource};

@@ -8,10 +8,8 @@ mod load;
 use crate::{BenchFigure, BenchReport, quantile};
 pub(crate) use load::Link;
 use load::{Lateness, cpu_of_this_thread, cpu_of_threads, follow};
-use proact_bridge::{
-    PageContent, PageOptions, PageServer,
-    rosbridge::{HeadsetTopics, LocalBus, RosbridgeOptions, RosbridgeServer, TopicBus},
-};
+use proact_bridge::{PageContent, PageOptions, PageServer};
+use proact_rosbridge::{HeadsetTopics, LocalBus, RosbridgeOptions, RosbridgeServer, TopicBus};
 use proact_types::{DisplayFrame, SimTime};
 use serde_json::json;
 use std::{

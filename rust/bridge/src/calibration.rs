@@ -3,30 +3,21 @@
 //! Addresses: `/` the page, `/calibration` the WebSocket. From the server: whatever is published, one JSON object a
 //! message, the newest only; a page that reads slowly misses some. From the page: [`CalibrationCommand`]s.
 
-use crate::{
-    BridgeError, PageOptions,
-    access::{Access, refuse_strangers},
-    assets,
-    server::{Place, listen},
-};
+use crate::{BridgeError, PageOptions, assets};
 use axum::{
     Router,
     extract::{
         Path, State,
         ws::{Message, Utf8Bytes, WebSocket, WebSocketUpgrade},
     },
-    middleware,
     response::Response,
     routing::get,
 };
+use proact_http::Server;
 use proact_types::Gesture;
 use serde::{Deserialize, Serialize};
-use std::{
-    net::SocketAddr,
-    sync::{Arc, Mutex, PoisonError},
-    thread::JoinHandle,
-};
-use tokio::sync::{oneshot, watch};
+use std::sync::{Arc, Mutex, PoisonError};
+use tokio::sync::watch;
 
 /// What the buttons of the page ask for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
@@ -58,9 +49,7 @@ struct Shared {
 /// Serves the calibration page in a thread of its own until it is dropped.
 pub struct CalibrationServer {
     shared: Arc<Shared>,
-    place: Place,
-    stop: Option<oneshot::Sender<()>>,
-    thread: Option<JoinHandle<()>>,
+    server: Server,
 }
 
 impl CalibrationServer {
@@ -73,41 +62,20 @@ impl CalibrationServer {
             newest: watch::Sender::new(Utf8Bytes::from_static("{\"type\":\"nothing\"}")),
             commands: Mutex::default(),
         });
-        let thread_failed = |source| BridgeError::Thread { source };
-        let runtime =
-            tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(thread_failed)?;
-        let listener = {
-            let _inside = runtime.enter();
-            listen(&options)?
-        };
-        let address = listener
-            .local_addr()
-            .map_err(|source| BridgeError::Listen { address: (options.bind, options.port).into(), source })?;
-        let (stop, stopped) = oneshot::channel();
-        let router = router(Arc::clone(&shared), Access::new(&options))
-            .into_make_service_with_connect_info::<SocketAddr>();
-        let thread = std::thread::Builder::new().name("calibration-page".to_owned()).spawn(move || {
-            runtime.block_on(async move {
-                tokio::select! {
-                    // Ends only with the process; the owner ends it by the other.
-                    _ = axum::serve(listener, router) => {}
-                    _ = stopped => {}
-                }
-            });
-        });
-        let thread = thread.map_err(thread_failed)?;
-        let place = Place::new(&options, address);
-        Ok(CalibrationServer { shared, place, stop: Some(stop), thread: Some(thread) })
+        let router = router(Arc::clone(&shared));
+        let server =
+            Server::start(options.serve("calibration-page"), router, |_| {}, std::future::pending())?;
+        Ok(CalibrationServer { shared, server })
     }
 
     /// The address to open in a browser.
     pub fn url(&self) -> String {
-        self.place.url()
+        self.server.url()
     }
 
     /// The address for other machines, with the token that lets them in; none if they cannot connect.
     pub fn remote_url(&self) -> Option<String> {
-        self.place.remote_url()
+        self.server.remote_url()
     }
 
     /// Shows an object on all pages, in place of the one before. Never blocks.
@@ -124,25 +92,12 @@ impl CalibrationServer {
     }
 }
 
-impl Drop for CalibrationServer {
-    fn drop(&mut self) {
-        if let Some(stop) = self.stop.take() {
-            // An error means that the thread has ended already.
-            let _ = stop.send(());
-        }
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
-    }
-}
-
-fn router(shared: Arc<Shared>, access: Access) -> Router {
+fn router(shared: Arc<Shared>) -> Router {
     Router::new()
         .route("/", get(|| async { assets::page("calibrate.html") }))
         .route("/{*path}", get(|Path(path): Path<String>| async move { assets::page(&path) }))
         .route("/healthz", get(|| async { "ok\n" }))
         .route("/calibration", get(connect))
-        .layer(middleware::from_fn_with_state(Arc::new(access), refuse_strangers))
         .with_state(shared)
 }
 

@@ -6,7 +6,8 @@
 //!
 //! Addresses: `/` the participant's page, `/experimenter` and `/spectator`, `/replay`; `/api/content` arm and scene,
 //! `/api/trials` and `/api/trials/<number>` recorded trials, `/meshes/<file>` the arm's meshes, `/live` the
-//! WebSocket (protocol: [`live`]), `/camera.png` and `/camera.json` what a simulated [`camera`] sees, `/healthz`.
+//! WebSocket (protocol: [`live`]), `/camera.png` and `/camera.json` what a simulated [camera](proact_camera) sees,
+//! `/healthz`. Who may connect is [`proact_http`]'s rule.
 //!
 //! It uses the real clock and threads. It does not compute anything of the trial, knows no ROS and reads no
 //! files: page and meshes are embedded when the crate is built.
@@ -31,20 +32,17 @@
 #![allow(clippy::disallowed_methods)]
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
-mod access;
 mod assets;
 mod calibration;
-pub mod camera;
+mod camera;
 mod error;
 mod feed;
 mod gaze_check;
 mod input;
 pub mod live;
 mod pilot;
-pub mod rosbridge;
 mod server;
 mod signals;
-mod tls;
 mod trials;
 
 pub use calibration::{CalibrationCommand, CalibrationServer};

@@ -1,12 +1,8 @@
 use crate::{
-    BridgeError, ClientInput, RecordedTrial, Signals, TrialStatus,
-    access::{self, Access},
-    assets, camera,
-    camera::Studio,
+    BridgeError, ClientInput, RecordedTrial, Signals, TrialStatus, assets, camera,
     feed::{Feed, ServerMessage},
     live::{self, Role},
     pilot::{ClientId, Pilot},
-    tls::{self, TlsListener},
     trials::StoredTrials,
 };
 use axum::{
@@ -14,36 +10,29 @@ use axum::{
     body::Bytes,
     extract::{Path, Query, State, ws::WebSocketUpgrade},
     http::{StatusCode, header},
-    middleware,
     response::{IntoResponse, Response},
     routing::get,
-    serve::ListenerExt,
 };
 use proact_arm::ArmModel;
+use proact_camera::Studio;
+use proact_http::{Access, Options, Pages, Server};
 use proact_types::{DisplayFrame, Scene};
 use serde::{Deserialize, Serialize};
 use std::{
-    net::{IpAddr, Ipv4Addr, SocketAddr},
+    net::{IpAddr, Ipv4Addr},
     sync::{
         Arc, Mutex, MutexGuard, PoisonError,
         atomic::{AtomicU64, AtomicUsize, Ordering},
     },
-    thread::JoinHandle,
     time::{Duration, Instant},
 };
-use tokio::{
-    net::{TcpListener, TcpSocket},
-    runtime::Runtime,
-    sync::{Semaphore, oneshot, watch},
-};
-use tokio_rustls::TlsAcceptor;
+use tokio::sync::{Semaphore, watch};
 
 /// How many ports after the first one are tried.
 const PORTS_TRIED: u16 = 20;
 /// Most pages at once; further ones are refused with 503.
 const MAX_CLIENTS: usize = 64;
-/// What the system may hold back for one connection, bytes: about 20 frames, a third of a second. With the
-/// system's own choice of megabytes a slow client would see the world many seconds late.
+/// What the system may hold back for one connection, bytes: about 20 frames, a third of a second.
 const SEND_BUFFER_BYTES: u32 = 64 * 1024;
 /// How often it is checked whether the driving client fell silent.
 const WATCHDOG_PERIOD: Duration = Duration::from_millis(50);
@@ -75,6 +64,25 @@ impl Default for PageOptions {
             https: false,
             token: None,
             allowed: Vec::new(),
+        }
+    }
+}
+
+impl PageOptions {
+    /// As a server in a thread of that name takes them.
+    pub(crate) fn serve(self, name: &'static str) -> Options {
+        // Where only this machine can connect nobody needs a token, and none makes up for a wrong host name.
+        let token = self.token.filter(|_| !self.bind.is_loopback());
+        Options {
+            name,
+            port: self.port,
+            further_ports: if self.allow_next { PORTS_TRIED } else { 0 },
+            port_option: "--port",
+            bind: self.bind,
+            https: self.https,
+            access: Access { allowed: self.allowed, token },
+            pages: Pages::Own,
+            send_buffer_bytes: SEND_BUFFER_BYTES,
         }
     }
 }
@@ -153,18 +161,15 @@ impl Shared {
 /// The page's web server. Runs in its own thread until it is dropped.
 pub struct PageServer {
     shared: Arc<Shared>,
-    place: Place,
-    stop: Option<oneshot::Sender<()>>,
-    thread: Option<JoinHandle<()>>,
+    server: Server,
 }
 
 impl PageServer {
     /// Listens and begins to serve.
     ///
     /// # Errors
-    /// [`BridgeError::PortTaken`] or [`BridgeError::NoFreePort`] if somebody else listens there,
-    /// [`BridgeError::Listen`] if the address is not ours or not allowed, [`BridgeError::Content`] if arm and
-    /// scene do not fit together, [`BridgeError::Thread`] if the system has no thread left.
+    /// [`BridgeError::Serve`] if the port is taken, the address is not ours, or the system refuses otherwise,
+    /// [`BridgeError::Content`] if arm and scene do not fit together.
     pub fn start(options: PageOptions, page: PageContent) -> Result<PageServer, BridgeError> {
         let shared = Arc::new(Shared {
             feed: watch::Sender::new(Feed::default()),
@@ -176,41 +181,20 @@ impl PageServer {
             trials: Mutex::default(),
             one_picture: Semaphore::new(1),
         });
-        let runtime = tokio::runtime::Builder::new_current_thread()
-            .enable_all()
-            .build()
-            .map_err(|source| BridgeError::Thread { source })?;
-        let listener = {
-            let _inside = runtime.enter();
-            listen(&options)?
-        };
-        let tls = match options.https {
-            true => Some(
-                tls::acceptor(advertised(options.bind)).map_err(|what| BridgeError::Certificate { what })?,
-            ),
-            false => None,
-        };
-        let address = listener
-            .local_addr()
-            .map_err(|source| BridgeError::Listen { address: (options.bind, options.port).into(), source })?;
-        let (stop, stopped) = oneshot::channel();
-        let place = Place::new(&options, address);
-        let (for_thread, access) = (Arc::clone(&shared), Access::new(&options));
-        let thread = std::thread::Builder::new()
-            .name("page-server".to_owned())
-            .spawn(move || run(runtime, listener, tls, for_thread, access, stopped))
-            .map_err(|source| BridgeError::Thread { source })?;
-        Ok(PageServer { shared, place, stop: Some(stop), thread: Some(thread) })
+        let (router, watchdog) = (router(Arc::clone(&shared)), watch_silence(Arc::clone(&shared)));
+        // Whoever is refused is told so by the browser.
+        let server = Server::start(options.serve("page-server"), router, |_| {}, watchdog)?;
+        Ok(PageServer { shared, server })
     }
 
     /// The address to open in a browser.
     pub fn url(&self) -> String {
-        self.place.url()
+        self.server.url()
     }
 
     /// The address for other machines, with the token that lets them in; none if they cannot connect.
     pub fn remote_url(&self) -> Option<String> {
-        self.place.remote_url()
+        self.server.remote_url()
     }
 
     /// Hands a frame to all pages. Never blocks on them; a page that is still busy with an older one gets the
@@ -269,18 +253,6 @@ impl PageServer {
     }
 }
 
-impl Drop for PageServer {
-    fn drop(&mut self) {
-        if let Some(stop) = self.stop.take() {
-            // An error means that the thread has ended already.
-            let _ = stop.send(());
-        }
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
-    }
-}
-
 /// Checks what the page relies on and writes it out once for all clients.
 fn store(page: &PageContent) -> Result<StoredContent, BridgeError> {
     let refuse = |what: String| Err(BridgeError::Content { what });
@@ -309,117 +281,7 @@ fn store(page: &PageContent) -> Result<StoredContent, BridgeError> {
     Ok(StoredContent { json, interactive: page.interactive, studio })
 }
 
-/// Where a server is found, and with what.
-pub(crate) struct Place {
-    scheme: &'static str,
-    address: SocketAddr,
-    token: Option<String>,
-}
-
-impl Place {
-    /// Of a server with these options that listens on `address`.
-    pub(crate) fn new(options: &PageOptions, address: SocketAddr) -> Place {
-        let scheme = if options.https { "https" } else { "http" };
-        Place { scheme, address, token: options.token.clone() }
-    }
-
-    /// What a browser on this machine opens.
-    pub(crate) fn url(&self) -> String {
-        let ip = match self.address.ip() {
-            // "All addresses" is none that a browser could open.
-            ip if ip.is_unspecified() => IpAddr::V4(Ipv4Addr::LOCALHOST),
-            ip => ip,
-        };
-        format!("{}://{}/", self.scheme, SocketAddr::new(ip, self.address.port()))
-    }
-
-    /// What a browser on another machine opens; none if it cannot connect.
-    pub(crate) fn remote_url(&self) -> Option<String> {
-        let ip = advertised(self.address.ip());
-        let token = self.token.as_ref()?;
-        let authority = SocketAddr::new(ip, self.address.port());
-        (!ip.is_loopback()).then(|| format!("{}://{authority}/?token={token}", self.scheme))
-    }
-}
-
-/// The address that other machines reach `bind` at: for "all addresses", the one of the way out.
-fn advertised(bind: IpAddr) -> IpAddr {
-    if !bind.is_unspecified() {
-        return bind;
-    }
-    // Nothing is sent: connecting a datagram socket only chooses the way. The address is one set aside for examples.
-    let way_out = std::net::UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0)).and_then(|socket| {
-        socket.connect((Ipv4Addr::new(192, 0, 2, 1), 9))?;
-        socket.local_addr()
-    });
-    way_out.map_or(Ipv4Addr::LOCALHOST.into(), |address| address.ip())
-}
-
-pub(crate) fn listen(options: &PageOptions) -> Result<TcpListener, BridgeError> {
-    let last = if options.allow_next { options.port.saturating_add(PORTS_TRIED) } else { options.port };
-    for port in options.port..=last {
-        let address = SocketAddr::new(options.bind, port);
-        match listen_at(address) {
-            Ok(listener) => return Ok(listener),
-            Err(error) if error.kind() == std::io::ErrorKind::AddrInUse => {}
-            Err(source) => return Err(BridgeError::Listen { address, source }),
-        }
-    }
-    let (first, address) = (options.port, options.bind);
-    Err(if options.allow_next {
-        BridgeError::NoFreePort { first, last, address }
-    } else {
-        BridgeError::PortTaken { port: first, address }
-    })
-}
-
-fn listen_at(address: SocketAddr) -> std::io::Result<TcpListener> {
-    let socket = if address.is_ipv4() { TcpSocket::new_v4()? } else { TcpSocket::new_v6()? };
-    // A restarted server gets its port back at once, although old connections still linger.
-    socket.set_reuseaddr(true)?;
-    // Connections inherit it.
-    socket.set_send_buffer_size(SEND_BUFFER_BYTES)?;
-    socket.bind(address)?;
-    socket.listen(128)
-}
-
-/// The server's thread.
-fn run(
-    runtime: Runtime,
-    listener: TcpListener,
-    tls: Option<TlsAcceptor>,
-    shared: Arc<Shared>,
-    access: Access,
-    stopped: oneshot::Receiver<()>,
-) {
-    let router = router(Arc::clone(&shared), access).into_make_service_with_connect_info::<SocketAddr>();
-    runtime.block_on(async move {
-        let serving = async {
-            match tls {
-                Some(acceptor) => {
-                    // Its tap does nothing but have the peer's address handed on.
-                    axum::serve(TlsListener::start(listener, acceptor).tap_io(|_| ()), router).await
-                }
-                None => {
-                    let listener = listener.tap_io(|stream| {
-                        // Small messages must not wait for each other. Failing is no reason to refuse the client.
-                        let _ = stream.set_nodelay(true);
-                    });
-                    axum::serve(listener, router).await
-                }
-            }
-        };
-        tokio::select! {
-            // Both end only with the process; the owner ends them by the third.
-            _ = serving => {}
-            () = watch_silence(&shared) => {}
-            _ = stopped => {}
-        }
-    });
-    // Dropping the runtime ends all connections.
-}
-
-async fn watch_silence(shared: &Shared) {
+async fn watch_silence(shared: Arc<Shared>) {
     let mut ticks = tokio::time::interval(WATCHDOG_PERIOD);
     loop {
         ticks.tick().await;
@@ -427,7 +289,7 @@ async fn watch_silence(shared: &Shared) {
     }
 }
 
-fn router(shared: Arc<Shared>, access: Access) -> Router {
+fn router(shared: Arc<Shared>) -> Router {
     Router::new()
         .route("/", get(|| async { assets::page("") }))
         .route("/{*path}", get(|Path(path): Path<String>| async move { assets::page(&path) }))
@@ -439,7 +301,6 @@ fn router(shared: Arc<Shared>, access: Access) -> Router {
         .route("/camera.json", get(camera::picture_json))
         .route("/api/trials", get(trials))
         .route("/api/trials/{number}", get(trial))
-        .layer(middleware::from_fn_with_state(Arc::new(access), access::refuse_strangers))
         .with_state(shared)
 }
 

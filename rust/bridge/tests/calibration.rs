@@ -109,7 +109,7 @@ async fn another_machine_needs_the_token() {
     let options = PageOptions {
         port: 0,
         bind: Ipv4Addr::UNSPECIFIED.into(),
-        token: Some("secret".to_owned()),
+        token: Some("long-secret".to_owned()),
         ..PageOptions::default()
     };
     let server = CalibrationServer::start(options).unwrap();
@@ -119,10 +119,13 @@ async fn another_machine_needs_the_token() {
     };
     // From an address that is not loopback, this machine is another one.
     let (authority, rest) = url.trim_start_matches("http://").split_once('/').unwrap();
-    assert_eq!(rest, "?token=secret");
-    for (target, status) in
-        [("/", "401"), ("/calibration", "401"), ("/?token=wrong!", "401"), ("/?token=secret", "200")]
-    {
+    assert_eq!(rest, "?token=long-secret");
+    for (target, status) in [
+        ("/", "401"),
+        ("/calibration", "401"),
+        ("/?token=long-wrong!", "401"),
+        ("/?token=long-secret", "200"),
+    ] {
         let answer = ask(authority, target).await;
         assert!(answer.starts_with(&format!("HTTP/1.1 {status}")), "{target}: {answer}");
     }

@@ -10,6 +10,7 @@ use proact_bridge::{
     BridgeError, ClientInput, PageContent, PageOptions, PageServer, RecordedTrial, Signals, StudyAction,
     TrialStatus,
 };
+use proact_http::ServeError;
 use proact_types::*;
 use serde_json::Value;
 use std::{
@@ -401,7 +402,7 @@ fn a_taken_port_is_named_and_the_next_one_used_if_allowed() {
     let port: u16 = authority(&first).rsplit(':').next().unwrap().parse().unwrap();
     let taken = PageOptions { port, ..options() };
     match PageServer::start(taken.clone(), content(true)) {
-        Err(error @ BridgeError::PortTaken { .. }) => {
+        Err(error @ BridgeError::Serve(ServeError::PortTaken { .. })) => {
             let text = error.to_string();
             assert!(text.contains(&format!("port {port}")) && text.contains("--port"), "{text}");
         }
@@ -476,7 +477,7 @@ async fn recorded_trials_are_listed_and_served_by_number() {
 
 #[test]
 fn other_machines_get_an_address_with_the_token_and_only_if_they_can_connect() {
-    let token = Some("secret".to_owned());
+    let token = Some("long-secret".to_owned());
     let local = PageServer::start(PageOptions { token: token.clone(), ..options() }, content(true)).unwrap();
     assert_eq!(local.remote_url(), None);
     let bind = Ipv4Addr::UNSPECIFIED.into();
@@ -485,7 +486,7 @@ fn other_machines_get_an_address_with_the_token_and_only_if_they_can_connect() {
     assert!(open.url().starts_with("https://127.0.0.1:"), "{}", open.url());
     // None on a machine without a network.
     if let Some(url) = open.remote_url() {
-        assert!(url.starts_with("https://") && url.ends_with("/?token=secret"), "{url}");
+        assert!(url.starts_with("https://") && url.ends_with("/?token=long-secret"), "{url}");
     }
 }
 

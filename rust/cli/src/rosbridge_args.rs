@@ -2,7 +2,7 @@
 
 use clap::Args;
 use proact_app::{Rosbridge, RosbridgePlace};
-use proact_bridge::rosbridge::Access;
+use proact_http::Access;
 use proact_testbed::Session;
 use std::{error::Error, net::IpAddr};
 

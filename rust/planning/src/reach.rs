@@ -62,9 +62,8 @@ impl Limits {
     }
 }
 
-/// Arm angles within the limits that do what `reach` asks, near `seed`; none if the search does not arrive.
-///
-/// By damped least squares.
+/// Arm angles within the limits that do what `reach` asks, near `seed`, by damped least squares; none if the search does
+/// not arrive.
 pub(crate) fn solve(chain: &Chain, limits: &Limits, reach: &Reach, seed: &[f64]) -> Option<Vec<f64>> {
     let mut q = limits.clamp(seed);
     let mut poses = ChainPoses::default();

@@ -15,7 +15,7 @@
 //! program that replays it.
 //!
 //! This crate writes and reads files. It has no clock, no threads and no randomness: equal trials give equal
-//! files, byte for byte. It depends on `types` alone.
+//! files, byte for byte. It depends on `types` and `messages` alone.
 //!
 //! ```
 //! use proact_recording::{InputLog, TrialHeader, TrialWriter, read_result};

@@ -2,11 +2,11 @@
 #![allow(clippy::unwrap_used, clippy::disallowed_methods)]
 
 use proact_arm::{ArmModel, Joint, JointKind, JointLimits, Link};
+use proact_messages::known_type;
 use proact_recording::{
     RecordingError, TrialBag,
     bag::{
-        BAG_EPOCH_SECS,
-        message::Message,
+        BAG_EPOCH_SECS, Message,
         messages::{
             Bool, Clock, Float64, GazeboGraspEvent, Int8, JointState, JointTrajectory, Log, ModelStates,
             Text, TfMessage, Vector3Stamped,
@@ -237,7 +237,7 @@ fn read_bag(path: &Path) -> Topics {
 fn last<M: Message>(topics: &Topics, topic: &str) -> M {
     let (type_name, messages) = &topics[topic];
     assert_eq!(type_name, M::TYPE);
-    M::from_bytes(&messages.last().unwrap().1).unwrap()
+    known_type(M::TYPE).unwrap().from_bytes(&messages.last().unwrap().1).unwrap().into_struct().unwrap()
 }
 
 #[test]
@@ -305,7 +305,7 @@ fn a_trials_bag_holds_the_trial() {
     let end = &command.points[1].time_from_start;
     assert_eq!((end.secs, end.nsecs), (1, 250_000_000));
     let log: Log = last(&topics, "/rosout");
-    assert_eq!((log.name.as_str(), log.msg.as_str(), log.level.0), ("start-stop", "Stop", 2));
+    assert_eq!((log.name.as_str(), log.msg.as_str(), log.level), ("start-stop", "Stop", 2));
     let models: ModelStates = last(&topics, "/gazebo/model_states");
     assert_eq!(models.name[..2], ["mpl_right_arm", "redcylinder1"]);
     assert_eq!(models.twist[1].angular.z, SECONDS as f64);
@@ -444,7 +444,8 @@ fn the_python_check_refuses_a_wrong_sum() {
     let place = tempfile::tempdir().unwrap();
     let path = finished_bag(place.path());
     let mut bytes = fs::read(&path).unwrap();
-    let sum = Bool::md5_sum();
+    let kind = known_type(Bool::TYPE).unwrap();
+    let sum = kind.md5();
     let found: Vec<usize> =
         (0..bytes.len() - 32).filter(|at| bytes[*at..].starts_with(sum.as_bytes())).collect();
     for at in found {

@@ -3,10 +3,8 @@
 use super::{Death, Device, Outcome, wait_for};
 use crate::bridge::Link;
 use proact_app::{drive_by_page, drive_by_topics, trial};
-use proact_bridge::{
-    PageContent, PageOptions, PageServer,
-    rosbridge::{HeadsetTopics, LocalBus, RosbridgeOptions, RosbridgeServer, TopicBus},
-};
+use proact_bridge::{PageContent, PageOptions, PageServer};
+use proact_rosbridge::{HeadsetTopics, LocalBus, RosbridgeOptions, RosbridgeServer, TopicBus};
 use proact_testbed::{MethodName, Session, Setup, TrialConfig};
 use proact_types::{Gesture, InputSource};
 use serde_json::json;

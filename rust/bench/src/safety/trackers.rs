@@ -3,8 +3,8 @@
 use super::{Death, Device, Outcome, wait_for};
 use crate::bridge::Link;
 use proact_app::{EyeTracker, LimbReceiver, drive_by_topics, query::scattered, trial};
-use proact_bridge::rosbridge::{HeadsetTopics, LocalBus, RosbridgeOptions, RosbridgeServer, TopicBus};
 use proact_devices::GazeReceiver;
+use proact_rosbridge::{HeadsetTopics, LocalBus, RosbridgeOptions, RosbridgeServer, TopicBus};
 use proact_testbed::{MethodName, Session, Setup, TrialConfig};
 use proact_types::{Gesture, InputSource, Pose};
 use serde_json::json;

@@ -30,11 +30,11 @@
 
 use super::{
     BagWriter,
-    message::{Byte, Duration, Message, Time},
-    messages as ros,
+    messages::{self as ros, Message},
 };
 use crate::RecordingError;
 use proact_arm::{ArmModel, Joint, JointKind};
+use proact_messages::{Duration, Time};
 use proact_types::{
     BlockId, DisplayFrame, Event, EventKind, GazeSample, Gesture, HandState, PlanReply, PlantState, Pose,
     SimTime,
@@ -54,7 +54,7 @@ const WORLD: &str = "world";
 /// Name of the arm's model in the original's Gazebo world.
 const ARM_MODEL: &str = "mpl_right_arm";
 /// `rosgraph_msgs/Log.INFO`.
-const INFO: Byte = Byte(2);
+const INFO: i8 = 2;
 const BLOCK_POSE_TOPICS: [&str; 4] =
     ["/red_block1_pose_msg", "/red_block2_pose_msg", "/blue_block1_pose_msg", "/blue_block2_pose_msg"];
 

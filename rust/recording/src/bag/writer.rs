@@ -1,10 +1,12 @@
-use super::message::{Field, Message, Time};
+use super::messages::Message;
 use crate::RecordingError;
+use proact_messages::{MessageType, Time, known_type};
 use std::{
     collections::BTreeMap,
     fs::{self, File},
     io::{Seek, SeekFrom, Write},
     path::{Path, PathBuf},
+    sync::Arc,
 };
 
 // Record kinds and sizes: ROS wiki, Bags/Format/2.0.
@@ -26,7 +28,7 @@ const CHUNK_BYTES: usize = 768 * 1024;
 struct Connection {
     /// The record, which is repeated in the index section.
     record: Vec<u8>,
-    type_name: &'static str,
+    kind: Arc<MessageType>,
     /// Time and offset of each message in the open chunk.
     index: Vec<(Time, u32)>,
 }
@@ -92,7 +94,8 @@ impl BagWriter {
     /// Times need not ascend, but readers are quickest when they do.
     ///
     /// # Errors
-    /// [`RecordingError::WrongType`] if the topic carries another type; [`RecordingError::Io`].
+    /// [`RecordingError::WrongType`] if the topic carries another type; [`RecordingError::Encode`] if the struct is not
+    /// what its definition says; [`RecordingError::Io`].
     pub fn write<M: Message>(
         &mut self,
         topic: &str,
@@ -102,20 +105,22 @@ impl BagWriter {
     ) -> Result<(), RecordingError> {
         let id = match self.by_topic.get(topic) {
             Some(id) => *id,
-            None => self.connect::<M>(topic, latched),
+            None => {
+                let kind = known_type(M::TYPE).ok_or("it is not in the codec's table");
+                self.connect(topic, kind.map_err(RecordingError::encode(M::TYPE))?, latched)
+            }
         };
         let connection = &mut self.connections[id];
-        if connection.type_name != M::TYPE {
+        if connection.kind.name != M::TYPE {
             return Err(RecordingError::WrongType {
                 topic: topic.to_owned(),
                 got: M::TYPE,
-                expected: connection.type_name.to_owned(),
+                expected: connection.kind.name.clone(),
             });
         }
+        let data = connection.kind.to_bytes(message).map_err(RecordingError::encode(M::TYPE))?;
         connection.index.push((time, count(self.chunk.len())));
-        let mut data = Vec::new();
-        message.encode(&mut data);
-        let fields = [("op", vec![OP_MESSAGE]), ("conn", bytes_of(&count(id))), ("time", bytes_of(&time))];
+        let fields = [("op", vec![OP_MESSAGE]), ("conn", number(count(id))), ("time", bytes_of(time))];
         put_record(&mut self.chunk, &fields, &data);
         if self.chunk.len() >= CHUNK_BYTES {
             self.close_chunk()?;
@@ -149,24 +154,21 @@ impl BagWriter {
     }
 
     /// Declares a topic, in the open chunk.
-    fn connect<M: Message>(&mut self, topic: &str, latched: bool) -> usize {
+    fn connect(&mut self, topic: &str, kind: Arc<MessageType>, latched: bool) -> usize {
         let id = self.connections.len();
         let mut header = Vec::new();
         put_field(&mut header, "topic", topic.as_bytes());
-        put_field(&mut header, "type", M::TYPE.as_bytes());
-        put_field(&mut header, "md5sum", M::md5_sum().as_bytes());
-        put_field(&mut header, "message_definition", M::definition().as_bytes());
+        put_field(&mut header, "type", kind.name.as_bytes());
+        put_field(&mut header, "md5sum", kind.md5().as_bytes());
+        put_field(&mut header, "message_definition", kind.text().as_bytes());
         put_field(&mut header, "callerid", b"/proact");
         put_field(&mut header, "latching", if latched { b"1" } else { b"0" });
-        let fields = [
-            ("op", vec![OP_CONNECTION]),
-            ("conn", bytes_of(&count(id))),
-            ("topic", topic.as_bytes().to_vec()),
-        ];
+        let fields =
+            [("op", vec![OP_CONNECTION]), ("conn", number(count(id))), ("topic", topic.as_bytes().to_vec())];
         let mut record = Vec::new();
         put_record(&mut record, &fields, &header);
         self.chunk.extend_from_slice(&record);
-        self.connections.push(Connection { record, type_name: M::TYPE, index: Vec::new() });
+        self.connections.push(Connection { record, kind, index: Vec::new() });
         self.by_topic.insert(topic.to_owned(), id);
         id
     }
@@ -190,15 +192,15 @@ impl BagWriter {
             connection.index.sort_by_key(|(time, _)| *time);
             let mut entries = Vec::new();
             for (time, offset) in &connection.index {
-                time.encode(&mut entries);
-                offset.encode(&mut entries);
+                entries.extend(bytes_of(*time));
+                entries.extend(offset.to_le_bytes());
             }
             let (id, messages) = (count(id), count(connection.index.len()));
             let fields = [
                 ("op", vec![OP_INDEX]),
-                ("ver", bytes_of(&1_u32)),
-                ("conn", bytes_of(&id)),
-                ("count", bytes_of(&messages)),
+                ("ver", number(1)),
+                ("conn", number(id)),
+                ("count", number(messages)),
             ];
             put_record(&mut index, &fields, &entries);
             info.counts.push((id, messages));
@@ -208,7 +210,7 @@ impl BagWriter {
         let fields = [
             ("op", vec![OP_CHUNK]),
             ("compression", b"none".to_vec()),
-            ("size", bytes_of(&count(self.chunk.len()))),
+            ("size", number(count(self.chunk.len()))),
         ];
         put_record(&mut chunk, &fields, &self.chunk);
         self.chunk.clear();
@@ -228,16 +230,16 @@ impl ChunkInfo {
     fn put_record(&self, out: &mut Vec<u8>) {
         let mut counts = Vec::new();
         for (connection, messages) in &self.counts {
-            connection.encode(&mut counts);
-            messages.encode(&mut counts);
+            counts.extend(connection.to_le_bytes());
+            counts.extend(messages.to_le_bytes());
         }
         let fields = [
             ("op", vec![OP_CHUNK_INFO]),
-            ("ver", bytes_of(&1_u32)),
+            ("ver", number(1)),
             ("chunk_pos", self.position.to_le_bytes().to_vec()),
-            ("start_time", bytes_of(&self.start)),
-            ("end_time", bytes_of(&self.end)),
-            ("count", bytes_of(&count(self.counts.len()))),
+            ("start_time", bytes_of(self.start)),
+            ("end_time", bytes_of(self.end)),
+            ("count", number(count(self.counts.len()))),
         ];
         put_record(out, &fields, &counts);
     }
@@ -248,8 +250,8 @@ fn bag_header(index_position: u64, connections: u32, chunks: u32) -> Vec<u8> {
     let fields = [
         ("op", vec![OP_BAG_HEADER]),
         ("index_pos", index_position.to_le_bytes().to_vec()),
-        ("conn_count", bytes_of(&connections)),
-        ("chunk_count", bytes_of(&chunks)),
+        ("conn_count", number(connections)),
+        ("chunk_count", number(chunks)),
     ];
     let mut bare = Vec::new();
     put_record(&mut bare, &fields, &[]);
@@ -266,24 +268,26 @@ fn put_record(out: &mut Vec<u8>, fields: &[(&str, Vec<u8>)], data: &[u8]) {
     for (name, value) in fields {
         put_field(&mut header, name, value);
     }
-    count(header.len()).encode(out);
+    out.extend(count(header.len()).to_le_bytes());
     out.extend_from_slice(&header);
-    count(data.len()).encode(out);
+    out.extend(count(data.len()).to_le_bytes());
     out.extend_from_slice(data);
 }
 
 /// A field of a header: its length, its name, `=`, its value.
 fn put_field(out: &mut Vec<u8>, name: &str, value: &[u8]) {
-    count(name.len() + 1 + value.len()).encode(out);
+    out.extend(count(name.len() + 1 + value.len()).to_le_bytes());
     out.extend_from_slice(name.as_bytes());
     out.push(b'=');
     out.extend_from_slice(value);
 }
 
-fn bytes_of<F: Field>(value: &F) -> Vec<u8> {
-    let mut bytes = Vec::new();
-    value.encode(&mut bytes);
-    bytes
+fn number(value: u32) -> Vec<u8> {
+    value.to_le_bytes().to_vec()
+}
+
+fn bytes_of(time: Time) -> Vec<u8> {
+    [time.secs, time.nsecs].into_iter().flat_map(u32::to_le_bytes).collect()
 }
 
 fn count(value: usize) -> u32 {

@@ -1,39 +1,23 @@
 //! Message definitions where the program runs: those of installed packages, and those that it was compiled with.
 
-use md5::{Digest, Md5};
+use proact_messages::{MessageType, ServiceType};
 use std::{
     collections::BTreeMap,
     env, fs,
     path::{Path, PathBuf},
+    sync::Arc,
 };
 
-/// Definitions nest at most this deep.
-const DEEPEST: usize = 32;
 /// What the program was compiled with.
 const COMPILED: &str = include_str!(concat!(env!("OUT_DIR"), "/share/definitions.txt"));
 
 /// A message type as connections announce it.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Definition {
-    /// Such as `std_msgs/String`.
-    pub name: String,
-    /// ROS's checksum over it and what it contains.
-    pub md5: String,
+    /// The type.
+    pub kind: Arc<MessageType>,
     /// Its text, then those of the types that it needs, each after a line of `=` and `MSG: name`.
     pub text: String,
-}
-
-/// A service type.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct ServiceDefinition {
-    /// Such as `std_srvs/Empty`.
-    pub name: String,
-    /// ROS's checksum over request and response.
-    pub md5: String,
-    /// What is asked.
-    pub request: Definition,
-    /// What is answered.
-    pub response: Definition,
 }
 
 /// Where definitions are looked for.
@@ -65,41 +49,17 @@ impl Definitions {
         Self { folders, compiled: parts.collect() }
     }
 
-    /// The message type of that name; none if it, or one that it needs, is nowhere.
+    /// The message type of that name; none if it, or one that it needs, is nowhere or cannot be read.
     pub fn message(&self, name: &str) -> Option<Definition> {
-        self.define(name, &self.source("msg", name)?)
+        let (own, source) = (self.source("msg", name)?, |needed: &str| self.source("msg", needed));
+        let kind = MessageType::load(name, &own, &source).ok()?;
+        let text = kind.text_with(&own, &source);
+        Some(Definition { kind, text })
     }
 
     /// The service type of that name.
-    pub fn service(&self, name: &str) -> Option<ServiceDefinition> {
-        let source = self.source("srv", name)?;
-        let (mut halves, mut half) = ([String::new(), String::new()], 0);
-        for line in source.lines() {
-            if line.trim() == "---" {
-                half = 1;
-            } else {
-                halves[half] += line;
-                halves[half].push('\n');
-            }
-        }
-        let mut both = Md5::new();
-        for text in &halves {
-            both.update(self.checksum_text(name, text, 0)?);
-        }
-        let request = self.define(&format!("{name}Request"), &halves[0])?;
-        let response = self.define(&format!("{name}Response"), &halves[1])?;
-        Some(ServiceDefinition { name: name.to_owned(), md5: hexadecimal(both), request, response })
-    }
-
-    fn define(&self, name: &str, source: &str) -> Option<Definition> {
-        let md5 = hexadecimal(Md5::new_with_prefix(self.checksum_text(name, source, 0)?));
-        let mut text = source.trim_end().to_owned() + "\n";
-        let mut needed = Vec::new();
-        self.collect(name, source, &mut needed, 0)?;
-        for (inner, source) in needed {
-            text += &format!("{}\nMSG: {inner}\n{}\n", "=".repeat(80), source.trim_end());
-        }
-        Some(Definition { name: name.to_owned(), md5, text })
+    pub fn service(&self, name: &str) -> Option<ServiceType> {
+        ServiceType::load(name, &self.source("srv", name)?, &|needed| self.source("msg", needed)).ok()
     }
 
     /// The text of a definition: the first package of its name that has it, then what was compiled in.
@@ -125,103 +85,6 @@ impl Definitions {
         });
         installed.or_else(|| Some((*self.compiled.get(&*format!("{package}/{kind}/{short}"))?).to_owned()))
     }
-
-    /// What ROS's checksum is made of: constants, then fields, with checksums for the types of messages.
-    fn checksum_text(&self, name: &str, source: &str, depth: usize) -> Option<String> {
-        if depth > DEEPEST {
-            return None;
-        }
-        let (mut constants, mut fields) = (Vec::new(), Vec::new());
-        for line in source.lines() {
-            match Line::read(name, line)? {
-                Line::Nothing => {}
-                Line::Constant(text) => constants.push(text),
-                Line::Field { kind, array, field, message: None } => {
-                    fields.push(format!("{kind}{array} {field}"))
-                }
-                Line::Field { field, message: Some(inner), .. } => {
-                    let text = self.checksum_text(&inner, &self.source("msg", &inner)?, depth + 1)?;
-                    fields.push(format!("{} {field}", hexadecimal(Md5::new_with_prefix(text))));
-                }
-            }
-        }
-        constants.extend(fields);
-        Some(constants.join("\n"))
-    }
-
-    /// The types that a definition needs, each once.
-    fn collect(
-        &self,
-        name: &str,
-        source: &str,
-        found: &mut Vec<(String, String)>,
-        depth: usize,
-    ) -> Option<()> {
-        if depth > DEEPEST {
-            return None;
-        }
-        for line in source.lines() {
-            if let Line::Field { message: Some(inner), .. } = Line::read(name, line)?
-                && !found.iter().any(|(known, _)| *known == inner)
-            {
-                let source = self.source("msg", &inner)?;
-                found.push((inner.clone(), source.clone()));
-                self.collect(&inner, &source, found, depth + 1)?;
-            }
-        }
-        Some(())
-    }
-}
-
-/// A line of a definition.
-enum Line {
-    Nothing,
-    /// As it enters the checksum.
-    Constant(String),
-    Field {
-        kind: String,
-        /// `[]`, `[4]` or nothing.
-        array: String,
-        field: String,
-        /// The full name of its type, if that is a message.
-        message: Option<String>,
-    },
-}
-
-impl Line {
-    fn read(of: &str, line: &str) -> Option<Line> {
-        let plain = line.split('#').next().unwrap_or_default().trim();
-        if plain.is_empty() {
-            return Some(Line::Nothing);
-        }
-        let (kind, rest) = plain.split_once([' ', '\t'])?;
-        if rest.contains('=') {
-            // The value of a text goes to the end of the line, `#` and all.
-            let whole = if kind == "string" { line.trim() } else { plain };
-            let (declared, value) = whole.split_once('=')?;
-            let name = declared.split_whitespace().nth(1)?;
-            return Some(Line::Constant(format!("{kind} {name}={}", value.trim())));
-        }
-        let (kind, array) = kind.find('[').map_or((kind, ""), |at| kind.split_at(at));
-        let package = of.split('/').next().unwrap_or_default();
-        let message = match kind {
-            "bool" | "byte" | "char" | "int8" | "uint8" | "int16" | "uint16" | "int32" | "uint32"
-            | "int64" | "uint64" | "float32" | "float64" | "string" | "time" | "duration" => None,
-            "Header" => Some("std_msgs/Header".to_owned()),
-            full if full.contains('/') => Some(full.to_owned()),
-            local => Some(format!("{package}/{local}")),
-        };
-        Some(Line::Field {
-            kind: kind.to_owned(),
-            array: array.to_owned(),
-            field: rest.trim().to_owned(),
-            message,
-        })
-    }
-}
-
-fn hexadecimal(sum: Md5) -> String {
-    sum.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 #[cfg(test)]
@@ -239,7 +102,10 @@ mod tests {
         use crate::messages::{diagnostic_msgs, gazebo_msgs, proact_msgs, sensor_msgs, visualization_msgs};
         fn check<M: Message>() {
             let found = compiled().message(&M::msg_type()).unwrap();
-            assert_eq!(found.md5, M::md5sum(), "{}", found.name);
+            assert_eq!(found.kind.md5(), M::md5sum(), "{}", found.kind.name);
+            // What other nodes make of the text is the same type.
+            let again = MessageType::from_text(&found.kind.name, &found.text).unwrap();
+            assert_eq!(again, found.kind);
         }
         check::<diagnostic_msgs::DiagnosticArray>();
         check::<gazebo_msgs::ModelStates>();
@@ -248,7 +114,7 @@ mod tests {
         check::<visualization_msgs::MarkerArray>();
         fn serve<S: ServicePair>() {
             let found = compiled().service(&S::msg_type()).unwrap();
-            assert_eq!(found.md5, S::md5sum(), "{}", found.name);
+            assert_eq!(found.md5(), S::md5sum(), "{}", found.name);
         }
         serve::<crate::messages::std_srvs::Empty>();
         serve::<crate::messages::gazebo_msgs::GetModelState>();
@@ -264,7 +130,7 @@ mod tests {
         let found = Definitions::within(vec![folder.join("src")]).message("lab_msgs/Dose").unwrap();
         assert!(found.text.contains("MSG: std_msgs/Header\n"), "{}", found.text);
         // By genmsg, for the same file.
-        assert_eq!(found.md5, "136e9e3d26e764c419656eec175a6928");
+        assert_eq!(found.kind.md5(), "136e9e3d26e764c419656eec175a6928");
         fs::remove_dir_all(&folder).unwrap();
     }
 

@@ -3,10 +3,11 @@
 mod definitions;
 mod services;
 
-pub use definitions::{Definition, Definitions, ServiceDefinition};
+pub use definitions::{Definition, Definitions};
 pub use services::{Handler, RawService};
 
 use super::{Graph, NodeError, master::Addresses};
+use proact_messages::ServiceType;
 use rosrust::{Publisher, RawMessage, RawMessageDescription, Subscriber, SubscriptionHandler};
 use std::{
     collections::{BTreeMap, HashMap},
@@ -162,8 +163,8 @@ impl Relay {
     pub fn publish(&self, topic: &str, kind: &Definition, latched: bool) -> Result<RawPublisher, NodeError> {
         let description = RawMessageDescription {
             msg_definition: kind.text.clone(),
-            md5sum: kind.md5.clone(),
-            msg_type: kind.name.clone(),
+            md5sum: kind.kind.md5().to_owned(),
+            msg_type: kind.kind.name.clone(),
         };
         let mut publisher = rosrust::publish_with_description(topic, QUEUE, description)
             .map_err(super::graph::setup(topic))?;
@@ -201,7 +202,7 @@ impl Relay {
     pub fn call(
         &self,
         service: &str,
-        kind: &ServiceDefinition,
+        kind: &ServiceType,
         request: &[u8],
         deadline: Instant,
     ) -> Result<Vec<u8>, String> {
@@ -212,12 +213,7 @@ impl Relay {
     ///
     /// # Errors
     /// One sentence.
-    pub fn serve(
-        &self,
-        name: &str,
-        kind: ServiceDefinition,
-        handler: Arc<Handler>,
-    ) -> Result<RawService, String> {
+    pub fn serve(&self, name: &str, kind: ServiceType, handler: Arc<Handler>) -> Result<RawService, String> {
         RawService::serve(&self.addresses, name, kind, handler)
     }
 }

@@ -1,7 +1,7 @@
 //! ROS's services over TCP with types that are known only at run time; rosrust's need a compiled type.
 
 use super::super::master::{self, Addresses};
-use super::definitions::ServiceDefinition;
+use proact_messages::ServiceType;
 use std::{
     collections::BTreeMap,
     io::{self, Read, Write},
@@ -98,7 +98,7 @@ pub(super) fn type_of(addresses: &Addresses, service: &str) -> Result<String, St
 pub(super) fn call(
     addresses: &Addresses,
     service: &str,
-    kind: &ServiceDefinition,
+    kind: &ServiceType,
     request: &[u8],
     deadline: Instant,
 ) -> Result<Vec<u8>, String> {
@@ -107,7 +107,7 @@ pub(super) fn call(
     let mut stream = connect(addresses, service, left.max(Duration::from_millis(1)))?;
     let failed = |e: io::Error| format!("service {service} did not answer: {e}");
     let words =
-        [("callerid", &*addresses.name), ("service", service), ("md5sum", &kind.md5), ("type", &kind.name)];
+        [("callerid", &*addresses.name), ("service", service), ("md5sum", kind.md5()), ("type", &kind.name)];
     let hello = send_words(&mut stream, &words).and_then(|()| receive_words(&mut stream)).map_err(failed)?;
     if let Some(error) = hello.get("error") {
         return Err(format!("service {service}: {error}"));
@@ -133,7 +133,7 @@ impl RawService {
     pub(super) fn serve(
         addresses: &Addresses,
         name: &str,
-        kind: ServiceDefinition,
+        kind: ServiceType,
         handler: Arc<Handler>,
     ) -> Result<Self, String> {
         let failed = |e: io::Error| format!("service {name}: {e}");
@@ -187,22 +187,22 @@ fn attend(
     mut stream: TcpStream,
     service: &str,
     caller: &str,
-    kind: &ServiceDefinition,
+    kind: &ServiceType,
     handler: &Handler,
 ) -> io::Result<()> {
     stream.set_nodelay(true)?;
     stream.set_read_timeout(Some(HANDSHAKE))?;
     let asked = receive_words(&mut stream)?;
     let sum = asked.get("md5sum").map_or("*", String::as_str);
-    if sum != "*" && sum != kind.md5 {
-        let error = format!("{service} is {} with the sum {}, got {sum}", kind.name, kind.md5);
+    if sum != "*" && sum != kind.md5() {
+        let error = format!("{service} is {} with the sum {}, got {sum}", kind.name, kind.md5());
         return send_words(&mut stream, &[("error", &error)]);
     }
     send_words(
         &mut stream,
         &[
             ("callerid", caller),
-            ("md5sum", &kind.md5),
+            ("md5sum", kind.md5()),
             ("type", &kind.name),
             ("request_type", &kind.request.name),
             ("response_type", &kind.response.name),

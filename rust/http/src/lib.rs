@@ -1,0 +1,40 @@
+//! What the page's server and rosbridge's share: the rule who may connect, ports, certificates, and the thread that
+//! serves. WebSockets are axum's in both.
+//!
+//! A [`Server`] serves a router of axum's in a thread of its own until it is dropped. Nothing of the router is reached
+//! but through [`Access`]: this machine comes in, others with the token or from a list, and no page of another site.
+//!
+//! It uses the real clock, threads and sockets. It knows nothing of trials, topics or pages.
+//!
+//! ```no_run
+//! use axum::{Router, routing::get};
+//! use proact_http::{Options, Pages, Server};
+//! let options = Options {
+//!     name: "hello",
+//!     port: 8090,
+//!     further_ports: 20,
+//!     port_option: "--port",
+//!     bind: std::net::Ipv4Addr::LOCALHOST.into(),
+//!     https: false,
+//!     access: Default::default(),
+//!     pages: Pages::Own,
+//!     send_buffer_bytes: 64 * 1024,
+//! };
+//! let router = Router::new().route("/", get(|| async { "hello\n" }));
+//! let server = Server::start(options, router, |refusal| eprintln!("{refusal}"), std::future::pending())?;
+//! println!("open {}", server.url());
+//! # Ok::<(), proact_http::ServeError>(())
+//! ```
+// A web server lives by the real clock and in a thread of its own.
+#![allow(clippy::disallowed_methods)]
+#![cfg_attr(test, allow(clippy::unwrap_used))]
+
+mod access;
+mod error;
+mod guard;
+mod server;
+mod tls;
+
+pub use access::{Access, Pages};
+pub use error::ServeError;
+pub use server::{Options, Peer, Server};

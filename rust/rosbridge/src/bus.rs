@@ -1,0 +1,317 @@
+//! The port through which the server knows topics and services: [`TopicBus`].
+
+use crate::png;
+use axum::{body::Bytes, extract::ws::Utf8Bytes};
+use ciborium::Value as Cbor;
+use proact_messages::{MessageType, Value, known_type, plain_name};
+use serde::Serialize;
+use serde_json::Value as Json;
+use std::{
+    collections::BTreeMap,
+    sync::{Arc, OnceLock},
+    time::Instant,
+};
+
+/// Somebody on the bus: a client of rosbridge, the trial, a ROS node.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct MemberId(pub u64);
+
+/// Topics and services of one process, or of a whole ROS graph.
+///
+/// Order does not matter: a topic may be subscribed to before anybody publishes it. Messages of one publisher
+/// arrive in their order. Nothing here blocks on a receiver.
+pub trait TopicBus: Send + Sync {
+    /// A new member with a name, such as `/proact`.
+    fn join(&self, name: &str) -> MemberId;
+
+    /// The member goes, with all its topics, subscriptions and services. Calls that it has not answered fail.
+    fn leave(&self, member: MemberId);
+
+    /// The member will publish on a topic. With `latch`, who subscribes later gets the last message at once.
+    ///
+    /// # Errors
+    /// [`BusError::TypeConflict`], [`BusError::BadName`], [`BusError::TooMany`].
+    fn advertise(&self, member: MemberId, topic: &str, type_name: &str, latch: bool) -> Result<(), BusError>;
+
+    /// The member publishes there no more.
+    ///
+    /// # Errors
+    /// [`BusError::NotAdvertised`].
+    fn unadvertise(&self, member: MemberId, topic: &str) -> Result<(), BusError>;
+
+    /// The type of a topic, once somebody has named it.
+    fn topic_type(&self, topic: &str) -> Option<TopicType>;
+
+    /// Hands out messages of one instant together.
+    fn publish(&self, messages: &[Arc<TopicMessage>]);
+
+    /// Has the member's sink get what is published from now on, and the last message of a latched topic. Without
+    /// `type_name` the publisher decides. A second call replaces the first.
+    ///
+    /// # Errors
+    /// [`BusError::TypeConflict`], [`BusError::BadName`], [`BusError::TooMany`].
+    fn subscribe(
+        &self,
+        member: MemberId,
+        topic: &str,
+        type_name: Option<&str>,
+        sink: Arc<dyn TopicSink>,
+    ) -> Result<(), BusError>;
+
+    /// Ends a subscription.
+    ///
+    /// # Errors
+    /// [`BusError::NotSubscribed`].
+    fn unsubscribe(&self, member: MemberId, topic: &str) -> Result<(), BusError>;
+
+    /// Offers a service; one of the same name is replaced, as in ROS.
+    ///
+    /// # Errors
+    /// [`BusError::BadName`], [`BusError::TooMany`].
+    fn advertise_service(
+        &self,
+        member: MemberId,
+        service: &str,
+        type_name: &str,
+        provider: Arc<dyn ServiceProvider>,
+    ) -> Result<(), BusError>;
+
+    /// Takes a service back.
+    ///
+    /// # Errors
+    /// [`BusError::NoService`] if the member does not offer it.
+    fn unadvertise_service(&self, member: MemberId, service: &str) -> Result<(), BusError>;
+
+    /// Calls a service; the answer comes through `reply`, a failure too.
+    fn call_service(&self, service: &str, arguments: Json, reply: Reply);
+
+    /// Who publishes, subscribes and offers what.
+    fn graph(&self) -> Graph;
+}
+
+/// What a topic carries.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TopicType {
+    /// Such as `std_msgs/String`.
+    pub name: String,
+    /// Its fields; without them messages are handed on unchecked.
+    pub definition: Option<Arc<MessageType>>,
+}
+
+impl TopicType {
+    /// The type of that name in either spelling, with its fields if they are known.
+    pub fn named(name: &str) -> Self {
+        TopicType { name: plain_name(name), definition: known_type(name) }
+    }
+}
+
+/// Takes the messages of a subscription. Must not block and must not call the bus.
+pub trait TopicSink: Send + Sync {
+    /// One message. Those of one instant come one after the other, then [`TopicSink::wake`].
+    fn deliver(&self, message: &Arc<TopicMessage>);
+
+    /// The messages of an instant are complete.
+    fn wake(&self);
+}
+
+/// Answers service calls. Must not block.
+pub trait ServiceProvider: Send + Sync {
+    /// Begins to answer; the reply may be given later.
+    fn call(&self, arguments: Json, reply: Reply);
+}
+
+/// The way back of a service call. Dropped without an answer, it tells the caller so.
+pub struct Reply {
+    to: Option<Answer>,
+    deadline: Option<Instant>,
+}
+
+type Answer = Box<dyn FnOnce(Result<Json, String>) + Send>;
+
+impl Reply {
+    /// A reply that ends in `to`: the values, or one sentence of what went wrong.
+    pub fn new(to: impl FnOnce(Result<Json, String>) + Send + 'static) -> Self {
+        Reply { to: Some(Box::new(to)), deadline: None }
+    }
+
+    /// The caller waits no longer than until then.
+    pub fn within(mut self, deadline: Instant) -> Self {
+        self.deadline = Some(deadline);
+        self
+    }
+
+    /// Until when the caller waits.
+    pub fn deadline(&self) -> Option<Instant> {
+        self.deadline
+    }
+
+    /// Answers.
+    pub fn answer(mut self, result: Result<Json, String>) {
+        if let Some(to) = self.to.take() {
+            to(result);
+        }
+    }
+}
+
+impl Drop for Reply {
+    fn drop(&mut self) {
+        if let Some(to) = self.to.take() {
+            to(Err("the provider of the service went away without an answer".to_owned()));
+        }
+    }
+}
+
+/// A message on its way, with each of its written forms made at most once for all receivers.
+#[derive(Debug)]
+pub struct TopicMessage {
+    /// The topic.
+    pub topic: Arc<str>,
+    /// The type's fields, if they are known.
+    pub definition: Option<Arc<MessageType>>,
+    /// The content.
+    pub value: Value,
+    text: OnceLock<Utf8Bytes>,
+    png: OnceLock<Utf8Bytes>,
+    cbor: OnceLock<Bytes>,
+}
+
+#[derive(Serialize)]
+struct Publish<'a> {
+    op: &'static str,
+    topic: &'a str,
+    msg: &'a Value,
+}
+
+impl TopicMessage {
+    /// A message; `value` has been read with `definition`, or built field by field in its order.
+    pub fn new(topic: impl Into<Arc<str>>, definition: Option<Arc<MessageType>>, value: Value) -> Arc<Self> {
+        let (text, png, cbor) = (OnceLock::new(), OnceLock::new(), OnceLock::new());
+        Arc::new(TopicMessage { topic: topic.into(), definition, value, text, png, cbor })
+    }
+
+    /// The same message under another name of its topic.
+    pub(crate) fn renamed(&self, topic: &Arc<str>) -> Arc<Self> {
+        TopicMessage::new(Arc::clone(topic), self.definition.clone(), self.value.clone())
+    }
+
+    /// `{"op":"publish","topic":..,"msg":..}`.
+    pub fn text(&self) -> &Utf8Bytes {
+        self.text.get_or_init(|| {
+            serde_json::to_string(&Publish { op: "publish", topic: &self.topic, msg: &self.value })
+                .expect("plain values with string keys always serialise; what is not finite becomes null")
+                .into()
+        })
+    }
+
+    /// The text as a picture: `{"op":"png","data":..}`.
+    pub fn png(&self) -> &Utf8Bytes {
+        self.png.get_or_init(|| png::envelope(self.text()).into())
+    }
+
+    /// The same as CBOR.
+    pub fn cbor(&self) -> &Bytes {
+        self.cbor.get_or_init(|| {
+            let map = Cbor::Map(vec![
+                (Cbor::from("op"), Cbor::from("publish")),
+                (Cbor::from("topic"), Cbor::from(&*self.topic)),
+                (Cbor::from("msg"), self.value.to_cbor(self.definition.as_deref())),
+            ]);
+            let mut bytes = Vec::new();
+            ciborium::into_writer(&map, &mut bytes)
+                .expect("a vector takes every byte and the values are plain data");
+            bytes.into()
+        })
+    }
+}
+
+/// Who does what on a bus, by name.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Graph {
+    /// Topics.
+    pub topics: BTreeMap<String, TopicInfo>,
+    /// Services.
+    pub services: BTreeMap<String, ServiceInfo>,
+    /// Names of all members.
+    pub members: Vec<String>,
+}
+
+/// A topic in a [`Graph`].
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TopicInfo {
+    /// Its type; empty while nobody has named it.
+    pub type_name: String,
+    /// Names of the members that publish.
+    pub publishers: Vec<String>,
+    /// Names of the members that subscribe.
+    pub subscribers: Vec<String>,
+}
+
+/// A service in a [`Graph`].
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ServiceInfo {
+    /// Its type.
+    pub type_name: String,
+    /// Name of the member that offers it.
+    pub provider: String,
+}
+
+/// What a bus refuses.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum BusError {
+    /// A topic has one type.
+    #[error("topic {topic} has the type {has}, got {got}; use that type or another topic")]
+    TypeConflict {
+        /// The topic.
+        topic: String,
+        /// Its type.
+        has: String,
+        /// The type asked for.
+        got: String,
+    },
+    /// Not a name of a topic or service.
+    #[error("{what} name {name:?} is not allowed; expected 1 to 255 visible ASCII characters")]
+    BadName {
+        /// `topic`, `type` or `service`.
+        what: &'static str,
+        /// The name, shortened.
+        name: String,
+    },
+    /// The table is full.
+    #[error("there are {limit} {what} already, no more are taken; give some up first")]
+    TooMany {
+        /// `topics` or `services`.
+        what: &'static str,
+        /// How many are allowed.
+        limit: usize,
+    },
+    /// Nothing to take back.
+    #[error("topic {topic} is not advertised by this client")]
+    NotAdvertised {
+        /// The topic.
+        topic: String,
+    },
+    /// Nothing to end.
+    #[error("topic {topic} is not subscribed to by this client")]
+    NotSubscribed {
+        /// The topic.
+        topic: String,
+    },
+    /// No such service, or not this member's.
+    #[error("service {service} is not offered by this client")]
+    NoService {
+        /// The service.
+        service: String,
+    },
+}
+
+/// Checks a name of a topic, type or service.
+///
+/// # Errors
+/// [`BusError::BadName`].
+pub fn check_name(what: &'static str, name: &str) -> Result<(), BusError> {
+    if (1..=255).contains(&name.len()) && name.bytes().all(|byte| byte.is_ascii_graphic()) {
+        return Ok(());
+    }
+    Err(BusError::BadName { what, name: name.chars().take(60).collect() })
+}

@@ -1,0 +1,291 @@
+//! The trial under the topics of the original headset app, and the app's gaze, head and gestures.
+//!
+//! Published at each [`HeadsetTopics::publish`], all of one instant and with its stamp (trial time): poses as
+//! `geometry_msgs/PoseStamped` in the frame `hololens_world_test`, which is the app's world in ROS axes (x ahead,
+//! y left, z up); joint states sorted by name, wrapped to (-pi, pi]; marker and place. On change, and latched for
+//! who comes late: `/mode`, `/selection_frozen`, `/grasp_status`. On change only: `/success`.
+
+use crate::{
+    bus::{BusError, MemberId, TopicBus, TopicMessage, TopicSink},
+    headset_input::Inbox,
+    services::Answering,
+};
+use nalgebra::{Translation3, UnitQuaternion};
+use proact_arm::ArmModel;
+use proact_messages::{MessageType, Time, Value, known_type};
+use proact_types::{DisplayFrame, EventKind, HandState, Point, Pose};
+use serde_json::json;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+pub use crate::headset_input::HeadsetInput;
+
+/// Topics of the blocks in [`BlockId::ALL`] order.
+const BLOCK_TOPICS: [&str; 4] =
+    ["/red_block1_pose_msg", "/red_block2_pose_msg", "/blue_block1_pose_msg", "/blue_block2_pose_msg"];
+/// Topics that keep their last message for who comes late.
+const LATCHED: [(&str, &str); 3] =
+    [("/mode", "std_msgs/Int8"), ("/selection_frozen", "std_msgs/Bool"), ("/grasp_status", "std_msgs/Bool")];
+const POSE: &str = "geometry_msgs/PoseStamped";
+const TEXT: &str = "std_msgs/String";
+const BOOL: &str = "std_msgs/Bool";
+/// The app's world, and the frame of all poses.
+const FRAME: &str = "hololens_world_test";
+/// Longest way from the head's place at the start of the trial that a tracked head or shoulder is believed, metres.
+const MAX_WAY: f64 = 3.0;
+
+/// A trial's topics on a bus.
+pub struct HeadsetTopics {
+    bus: Arc<dyn TopicBus>,
+    member: MemberId,
+    /// Names of the moving joints, each with its place in the frame's joint vector, sorted by name.
+    joints: Vec<(String, usize)>,
+    inbox: Arc<Inbox>,
+    sent: Mutex<Sent>,
+}
+
+/// What has been said already.
+#[derive(Default)]
+struct Sent {
+    sequence: u32,
+    mode: Option<u8>,
+    frozen: Option<bool>,
+    hand: Option<HandState>,
+}
+
+impl HeadsetTopics {
+    /// Joins the bus as `/proact`, advertises all topics, subscribes to the app's, and offers `/fix_world`.
+    ///
+    /// `world_from_head` is the head's pose at the start: the app's world begins there, level, looking where the
+    /// head looks. `/fix_world` sets it anew from where the app says that the head is.
+    ///
+    /// # Errors
+    /// [`BusError`] if somebody else uses these topics for other types.
+    pub fn new(
+        bus: Arc<dyn TopicBus>,
+        arm: &ArmModel,
+        world_from_head: Pose,
+    ) -> Result<HeadsetTopics, BusError> {
+        let member = bus.join("/proact");
+        let mut joints: Vec<(String, usize)> =
+            arm.moving().enumerate().map(|(place, joint)| (arm.joints[joint].name.clone(), place)).collect();
+        joints.sort();
+        let inbox = Arc::new(Inbox::new(world_from_head, MAX_WAY));
+        let topics = HeadsetTopics { bus, member, joints, inbox, sent: Mutex::default() };
+        topics.open()?;
+        Ok(topics)
+    }
+
+    fn open(&self) -> Result<(), BusError> {
+        for (topic, kind) in LATCHED {
+            self.bus.advertise(self.member, topic, kind, true)?;
+        }
+        for topic in ["/rosworld_pose_msg", "/mpl_right_arm/base_pose", "/place_location_selected"] {
+            self.bus.advertise(self.member, topic, POSE, false)?;
+        }
+        for topic in BLOCK_TOPICS {
+            self.bus.advertise(self.member, topic, POSE, false)?;
+        }
+        let joints = "/mpl_right_arm/wrapped_joint_states";
+        self.bus.advertise(self.member, joints, "sensor_msgs/JointState", false)?;
+        self.bus.advertise(self.member, "/current_block", TEXT, false)?;
+        self.bus.advertise(self.member, "/success", BOOL, false)?;
+        for (topic, kind) in Inbox::TOPICS {
+            let sink: Arc<dyn TopicSink> = Arc::<Inbox>::clone(&self.inbox);
+            self.bus.subscribe(self.member, topic, Some(kind), sink)?;
+        }
+        let inbox = Arc::clone(&self.inbox);
+        let fix_world = move |_: &serde_json::Value| {
+            let pose = inbox.fix_world()?;
+            let (p, q) = (pose.translation.vector, pose.rotation);
+            Ok(json!({"x": p.x, "y": p.y, "z": p.z, "qx": q.i, "qy": q.j, "qz": q.k, "qw": q.w}))
+        };
+        let provider = Arc::new(Answering(fix_world));
+        self.bus.advertise_service(self.member, "/fix_world", "shoulder_localization/fixWorld", provider)?;
+        self.bus.publish(&[self.boolean("/grasp_status", false)]);
+        Ok(())
+    }
+
+    /// Another trial begins: the head is there now. The app's world stays where it is.
+    pub fn restart(&self, world_from_head: Pose) {
+        self.inbox.restart(world_from_head);
+        let mut sent = self.sent();
+        *sent = Sent { sequence: sent.sequence, ..Sent::default() };
+        drop(sent);
+        self.bus.publish(&[self.boolean("/grasp_status", false)]);
+    }
+
+    /// Publishes an instant.
+    pub fn publish(&self, frame: &DisplayFrame) {
+        let unity_from_world = self.inbox.world_from_unity().inverse();
+        let mut sent = self.sent();
+        sent.sequence = sent.sequence.wrapping_add(1);
+        let header = header(sent.sequence, time_of(frame));
+        let pose = |topic: &str, world_from_thing: &Pose| {
+            stamped_pose(topic, &header, &(unity_from_world * world_from_thing))
+        };
+        let mut messages = vec![
+            pose("/rosworld_pose_msg", &Pose::identity()),
+            pose("/mpl_right_arm/base_pose", &frame.world_from_base),
+        ];
+        messages.extend(BLOCK_TOPICS.iter().zip(&frame.blocks).map(|(topic, block)| pose(topic, block)));
+        messages.push(self.joint_states(&header, frame));
+        if let Some(place) = &frame.target.place {
+            // The app wants the disc level in its own world, as the original sent it.
+            let place: Point = unity_from_world * place;
+            let level = Pose::from_parts(Translation3::from(place.coords), UnitQuaternion::identity());
+            messages.push(stamped_pose("/place_location_selected", &header, &level));
+        }
+        if let (Some(block), None) = (frame.target.block, frame.hand.holds) {
+            messages.push(text("/current_block", block.ros_name()));
+        }
+        self.changes(frame, &mut sent, &mut messages);
+        drop(sent);
+        self.bus.publish(&messages);
+    }
+
+    /// What is only said when it changes.
+    fn changes(&self, frame: &DisplayFrame, sent: &mut Sent, messages: &mut Vec<Arc<TopicMessage>>) {
+        for event in &frame.events {
+            match event.kind {
+                EventKind::BlockAttached { .. } => messages.push(self.boolean("/grasp_status", true)),
+                EventKind::BlockReleased { .. } => messages.push(self.boolean("/grasp_status", false)),
+                _ => {}
+            }
+        }
+        let mode = frame.mode.as_ref().map(|mode| mode.number);
+        if let Some(number) = mode
+            && sent.mode != mode
+        {
+            messages.push(single("/mode", "std_msgs/Int8", Value::Int(number.into())));
+            sent.mode = mode;
+        }
+        let frozen = Some(frame.target.locked);
+        if sent.frozen != frozen {
+            messages.push(self.boolean("/selection_frozen", frame.target.locked));
+            sent.frozen = frozen;
+        }
+        // The original says so when a hand command returns: true for a close, false for an open.
+        match (sent.hand, frame.hand.state) {
+            (Some(before), now @ (HandState::Closed | HandState::Open)) if before != now => {
+                messages.push(self.boolean("/success", now == HandState::Closed));
+            }
+            _ => {}
+        }
+        sent.hand = Some(frame.hand.state);
+    }
+
+    /// What the app and other clients brought since the last call, oldest first.
+    pub fn drain_inputs(&self) -> Vec<HeadsetInput> {
+        self.inbox.drain(std::time::Instant::now())
+    }
+
+    fn sent(&self) -> MutexGuard<'_, Sent> {
+        // No code that holds the lock can panic half way through a change.
+        self.sent.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn boolean(&self, topic: &str, value: bool) -> Arc<TopicMessage> {
+        single(topic, BOOL, Value::Bool(value))
+    }
+
+    fn joint_states(&self, header: &Value, frame: &DisplayFrame) -> Arc<TopicMessage> {
+        let name = |(name, _): &(String, usize)| Value::Text(name.clone());
+        let angle =
+            |(_, place): &(String, usize)| wrapped(frame.joints.get(*place).copied().unwrap_or(f64::NAN));
+        let fields = [
+            ("header", header.clone()),
+            ("name", Value::List(self.joints.iter().map(name).collect())),
+            ("position", Value::Floats(self.joints.iter().map(angle).collect())),
+            ("velocity", Value::Floats(Vec::new())),
+            ("effort", Value::Floats(Vec::new())),
+        ];
+        let kind = known_type("sensor_msgs/JointState");
+        TopicMessage::new("/mpl_right_arm/wrapped_joint_states", kind, named(fields))
+    }
+}
+
+impl Drop for HeadsetTopics {
+    fn drop(&mut self) {
+        self.bus.leave(self.member);
+    }
+}
+
+/// An angle in (-pi, pi].
+fn wrapped(angle: f64) -> f64 {
+    use std::f64::consts::{PI, TAU};
+    let turned = (angle + PI).rem_euclid(TAU) - PI;
+    if turned == -PI { PI } else { turned }
+}
+
+pub(super) fn time_of(frame: &DisplayFrame) -> Time {
+    let ticks = frame.time.0;
+    // Ticks are milliseconds; a trial is minutes long.
+    Time { secs: (ticks / 1000) as u32, nsecs: (ticks % 1000) as u32 * 1_000_000 }
+}
+
+pub(super) fn named<const N: usize>(fields: [(&str, Value); N]) -> Value {
+    Value::Message(fields.into_iter().map(|(name, value)| (name.into(), value)).collect())
+}
+
+fn header(sequence: u32, stamp: Time) -> Value {
+    named([
+        ("seq", Value::Uint(sequence.into())),
+        ("stamp", Value::Time(stamp)),
+        ("frame_id", Value::Text(FRAME.to_owned())),
+    ])
+}
+
+fn single(topic: &str, type_name: &str, data: Value) -> Arc<TopicMessage> {
+    let kind: Option<Arc<MessageType>> = known_type(type_name);
+    TopicMessage::new(topic, kind, named([("data", data)]))
+}
+
+fn text(topic: &str, data: &str) -> Arc<TopicMessage> {
+    single(topic, TEXT, Value::Text(data.to_owned()))
+}
+
+pub(super) fn stamped_pose(topic: &str, header: &Value, pose: &Pose) -> Arc<TopicMessage> {
+    let (p, q) = (pose.translation.vector, pose.rotation);
+    let number = Value::Float;
+    let position = named([("x", number(p.x)), ("y", number(p.y)), ("z", number(p.z))]);
+    let orientation = named([("x", number(q.i)), ("y", number(q.j)), ("z", number(q.k)), ("w", number(q.w))]);
+    let content = named([("position", position), ("orientation", orientation)]);
+    TopicMessage::new(topic, known_type(POSE), named([("header", header.clone()), ("pose", content)]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proact_types::BlockId;
+
+    #[test]
+    fn angles_are_wrapped_into_one_turn() {
+        use std::f64::consts::PI;
+        for (angle, expected) in
+            [(0.0, 0.0), (PI, PI), (-PI, PI), (3.5 * PI, -0.5 * PI), (-1.25 * PI, 0.75 * PI)]
+        {
+            assert!((wrapped(angle) - expected).abs() < 1e-12, "{angle}");
+        }
+    }
+
+    #[test]
+    fn every_message_agrees_with_its_definition() {
+        let header = header(1, Time { secs: 2, nsecs: 3 });
+        let pose = Pose::translation(1.0, 2.0, 3.0);
+        for message in
+            [stamped_pose("/a", &header, &pose), text("/b", "x"), single("/c", BOOL, Value::Bool(true))]
+        {
+            let json = serde_json::to_value(&message.value).unwrap();
+            let kind = message.definition.clone().unwrap();
+            assert_eq!(kind.read(json, Time::default()).unwrap(), message.value);
+        }
+    }
+
+    #[test]
+    fn the_blocks_have_a_topic_each_in_their_order() {
+        for (block, topic) in BlockId::ALL.iter().zip(BLOCK_TOPICS) {
+            let name = topic.trim_start_matches('/').replace("_block", "").replace("_pose_msg", "");
+            assert_eq!(name, block.name());
+        }
+    }
+}

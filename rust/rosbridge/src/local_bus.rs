@@ -1,0 +1,265 @@
+//! Topics and services inside this process.
+
+use crate::bus::{
+    BusError, Graph, MemberId, Reply, ServiceInfo, ServiceProvider, TopicBus, TopicInfo, TopicMessage,
+    TopicSink, TopicType, check_name,
+};
+use serde_json::Value as Json;
+use std::{
+    collections::{BTreeMap, HashMap},
+    sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard},
+};
+
+/// Most topics, and most services, that may exist at a time.
+const MAX_NAMES: usize = 20_000;
+
+/// A [`TopicBus`] within one process.
+#[derive(Default)]
+pub struct LocalBus {
+    state: RwLock<State>,
+}
+
+#[derive(Default)]
+struct State {
+    next_member: u64,
+    members: BTreeMap<MemberId, String>,
+    topics: HashMap<String, Topic>,
+    services: HashMap<String, Service>,
+}
+
+#[derive(Default)]
+struct Topic {
+    kind: Option<TopicType>,
+    /// Who publishes, and whether latched.
+    publishers: BTreeMap<MemberId, bool>,
+    subscribers: BTreeMap<MemberId, Arc<dyn TopicSink>>,
+    last: Mutex<Option<Arc<TopicMessage>>>,
+}
+
+struct Service {
+    member: MemberId,
+    type_name: String,
+    provider: Arc<dyn ServiceProvider>,
+}
+
+impl LocalBus {
+    /// A bus without members.
+    pub fn new() -> Arc<Self> {
+        Arc::new(Self::default())
+    }
+
+    fn read(&self) -> RwLockReadGuard<'_, State> {
+        // No code that holds the lock can panic half way through a change.
+        self.state.read().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn write(&self) -> RwLockWriteGuard<'_, State> {
+        self.state.write().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl State {
+    /// The topic, made if need be, with its type settled.
+    fn topic(&mut self, name: &str, type_name: Option<&str>) -> Result<&mut Topic, BusError> {
+        check_name("topic", name)?;
+        if let Some(type_name) = type_name {
+            check_name("type", type_name)?;
+        }
+        if !self.topics.contains_key(name) && self.topics.len() >= MAX_NAMES {
+            return Err(BusError::TooMany { what: "topics", limit: MAX_NAMES });
+        }
+        let topic = self.topics.entry(name.to_owned()).or_default();
+        if let Some(asked) = type_name.map(TopicType::named) {
+            match &topic.kind {
+                Some(kind) if kind.name != asked.name => {
+                    let (topic, has, got) = (name.to_owned(), kind.name.clone(), asked.name);
+                    return Err(BusError::TypeConflict { topic, has, got });
+                }
+                Some(_) => {}
+                None => topic.kind = Some(asked),
+            }
+        }
+        Ok(topic)
+    }
+
+    /// Forgets a topic that nobody has to do with any more.
+    fn tidy(&mut self, name: &str) {
+        if self.topics.get(name).is_some_and(Topic::idle) {
+            self.topics.remove(name);
+        }
+    }
+}
+
+impl Topic {
+    fn idle(&self) -> bool {
+        self.publishers.is_empty() && self.subscribers.is_empty()
+    }
+
+    fn last(&self) -> MutexGuard<'_, Option<Arc<TopicMessage>>> {
+        self.last.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn drop_publisher(&mut self, member: MemberId) -> bool {
+        let found = self.publishers.remove(&member).is_some();
+        if !self.publishers.values().any(|latch| *latch) {
+            *self.last() = None;
+        }
+        found
+    }
+}
+
+impl TopicBus for LocalBus {
+    fn join(&self, name: &str) -> MemberId {
+        let mut state = self.write();
+        state.next_member += 1;
+        let member = MemberId(state.next_member);
+        state.members.insert(member, name.to_owned());
+        member
+    }
+
+    fn leave(&self, member: MemberId) {
+        let mut state = self.write();
+        state.members.remove(&member);
+        for topic in state.topics.values_mut() {
+            topic.drop_publisher(member);
+            topic.subscribers.remove(&member);
+        }
+        state.topics.retain(|_, topic| !topic.idle());
+        let services = std::mem::take(&mut state.services);
+        let (gone, kept) = services.into_iter().partition(|(_, service)| service.member == member);
+        state.services = kept;
+        drop(state);
+        // Outside the lock: the end of a provider answers the calls that wait for it.
+        drop::<HashMap<_, _>>(gone);
+    }
+
+    fn advertise(&self, member: MemberId, topic: &str, type_name: &str, latch: bool) -> Result<(), BusError> {
+        let mut state = self.write();
+        let entry = state.topic(topic, Some(type_name));
+        let result = entry.map(|entry| {
+            entry.publishers.insert(member, latch);
+        });
+        state.tidy(topic);
+        result
+    }
+
+    fn unadvertise(&self, member: MemberId, topic: &str) -> Result<(), BusError> {
+        let mut state = self.write();
+        let found = state.topics.get_mut(topic).is_some_and(|entry| entry.drop_publisher(member));
+        state.tidy(topic);
+        if found { Ok(()) } else { Err(BusError::NotAdvertised { topic: topic.to_owned() }) }
+    }
+
+    fn topic_type(&self, topic: &str) -> Option<TopicType> {
+        self.read().topics.get(topic)?.kind.clone()
+    }
+
+    fn publish(&self, messages: &[Arc<TopicMessage>]) {
+        let state = self.read();
+        let mut reached: Vec<&Arc<dyn TopicSink>> = Vec::new();
+        for message in messages {
+            let Some(topic) = state.topics.get(&*message.topic) else { continue };
+            if topic.publishers.values().any(|latch| *latch) {
+                *topic.last() = Some(Arc::clone(message));
+            }
+            for sink in topic.subscribers.values() {
+                sink.deliver(message);
+                if !reached.iter().any(|other| Arc::ptr_eq(other, sink)) {
+                    reached.push(sink);
+                }
+            }
+        }
+        for sink in reached {
+            sink.wake();
+        }
+    }
+
+    fn subscribe(
+        &self,
+        member: MemberId,
+        topic: &str,
+        type_name: Option<&str>,
+        sink: Arc<dyn TopicSink>,
+    ) -> Result<(), BusError> {
+        let mut state = self.write();
+        let entry = state.topic(topic, type_name);
+        let result = entry.map(|entry| {
+            if let Some(last) = &*entry.last() {
+                sink.deliver(last);
+                sink.wake();
+            }
+            entry.subscribers.insert(member, sink);
+        });
+        state.tidy(topic);
+        result
+    }
+
+    fn unsubscribe(&self, member: MemberId, topic: &str) -> Result<(), BusError> {
+        let mut state = self.write();
+        let entry = state.topics.get_mut(topic);
+        let found = entry.is_some_and(|entry| entry.subscribers.remove(&member).is_some());
+        state.tidy(topic);
+        if found { Ok(()) } else { Err(BusError::NotSubscribed { topic: topic.to_owned() }) }
+    }
+
+    fn advertise_service(
+        &self,
+        member: MemberId,
+        service: &str,
+        type_name: &str,
+        provider: Arc<dyn ServiceProvider>,
+    ) -> Result<(), BusError> {
+        check_name("service", service)?;
+        check_name("type", type_name)?;
+        let mut state = self.write();
+        if !state.services.contains_key(service) && state.services.len() >= MAX_NAMES {
+            return Err(BusError::TooMany { what: "services", limit: MAX_NAMES });
+        }
+        let entry = Service { member, type_name: type_name.to_owned(), provider };
+        let replaced = state.services.insert(service.to_owned(), entry);
+        drop(state);
+        drop(replaced);
+        Ok(())
+    }
+
+    fn unadvertise_service(&self, member: MemberId, service: &str) -> Result<(), BusError> {
+        let mut state = self.write();
+        if state.services.get(service).is_none_or(|entry| entry.member != member) {
+            return Err(BusError::NoService { service: service.to_owned() });
+        }
+        let removed = state.services.remove(service);
+        drop(state);
+        drop(removed);
+        Ok(())
+    }
+
+    fn call_service(&self, service: &str, arguments: Json, reply: Reply) {
+        let provider = self.read().services.get(service).map(|entry| Arc::clone(&entry.provider));
+        match provider {
+            Some(provider) => provider.call(arguments, reply),
+            None => reply.answer(Err(format!("service {service} is offered by nobody"))),
+        }
+    }
+
+    fn graph(&self) -> Graph {
+        let state = self.read();
+        let name = |member: &MemberId| state.members.get(member).cloned().unwrap_or_default();
+        let topics = state.topics.iter().map(|(topic, entry)| {
+            let info = TopicInfo {
+                type_name: entry.kind.as_ref().map(|kind| kind.name.clone()).unwrap_or_default(),
+                publishers: entry.publishers.keys().map(name).collect(),
+                subscribers: entry.subscribers.keys().map(name).collect(),
+            };
+            (topic.clone(), info)
+        });
+        let services = state.services.iter().map(|(service, entry)| {
+            let info = ServiceInfo { type_name: entry.type_name.clone(), provider: name(&entry.member) };
+            (service.clone(), info)
+        });
+        Graph {
+            topics: topics.collect(),
+            services: services.collect(),
+            members: state.members.values().cloned().collect(),
+        }
+    }
+}

@@ -1,0 +1,192 @@
+//! The server: a router that makes every request a client of the bus.
+
+use crate::{RosbridgeError, bus::MemberId, bus::TopicBus, connection, rosapi};
+use axum::{
+    Extension, Router,
+    extract::{State, ws::WebSocketUpgrade},
+    http::StatusCode,
+    response::{IntoResponse, Response},
+    routing::any,
+};
+use proact_http::{Access, Options, Pages, Peer, Server};
+use proact_messages::Time;
+use std::{
+    collections::VecDeque,
+    net::{IpAddr, Ipv4Addr, SocketAddr},
+    sync::{
+        Arc, Mutex, PoisonError,
+        atomic::{AtomicUsize, Ordering},
+    },
+    time::{SystemTime, UNIX_EPOCH},
+};
+
+/// Most clients at once.
+const MAX_CLIENTS: usize = 64;
+/// What the system may hold back for one connection, bytes. With its own choice of megabytes a slow client would
+/// get messages many seconds late instead of losing old ones.
+const SEND_BUFFER_BYTES: u32 = 256 * 1024;
+/// Written to the system at least this often while a batch is on its way, bytes.
+const WRITE_BUFFER_BYTES: usize = 64 * 1024;
+/// Notices kept for an owner that does not fetch them.
+const MAX_NOTICES: usize = 200;
+
+/// Where to serve, and for whom.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RosbridgeOptions {
+    /// TCP port; zero lets the system choose.
+    pub port: u16,
+    /// Address to listen on. On a loopback address only this machine can connect.
+    pub bind: IpAddr,
+    /// Who may connect from other machines.
+    pub access: Access,
+}
+
+impl Default for RosbridgeOptions {
+    /// Port 9090, this machine only.
+    fn default() -> Self {
+        RosbridgeOptions { port: 9090, bind: Ipv4Addr::LOCALHOST.into(), access: Access::default() }
+    }
+}
+
+/// What all connections share.
+pub(super) struct Shared {
+    pub(super) bus: Arc<dyn TopicBus>,
+    clients: AtomicUsize,
+    notices: Mutex<VecDeque<String>>,
+}
+
+impl Shared {
+    /// Tells the owner something; the oldest is forgotten if nobody asks.
+    pub(super) fn notice(&self, text: String) {
+        // Clients' words are printed on a terminal: no control characters, and no more than one reads.
+        let text: String = text.chars().take(300).map(|c| if c.is_control() { '?' } else { c }).collect();
+        // No code that holds the lock can panic half way through a change.
+        let mut notices = self.notices.lock().unwrap_or_else(PoisonError::into_inner);
+        if notices.len() == MAX_NOTICES {
+            notices.pop_front();
+        }
+        notices.push_back(text);
+    }
+}
+
+/// The rosbridge server. Runs in its own thread until it is dropped.
+pub struct RosbridgeServer {
+    shared: Arc<Shared>,
+    member: MemberId,
+    // Some until it is dropped: the clients go first, rosapi's services after them.
+    server: Option<Server>,
+    address: SocketAddr,
+}
+
+impl RosbridgeServer {
+    /// Listens and begins to serve the topics and services of `bus`, and those of rosapi.
+    ///
+    /// # Errors
+    /// [`RosbridgeError::Serve`] if the port is taken, the address is not ours, or other machines could connect and nothing
+    /// says which; [`RosbridgeError::Bus`] if the bus is full.
+    pub fn start(options: RosbridgeOptions, bus: Arc<dyn TopicBus>) -> Result<Self, RosbridgeError> {
+        let RosbridgeOptions { port, bind, access } = options;
+        let shared = Arc::new(Shared {
+            bus: Arc::clone(&bus),
+            clients: AtomicUsize::new(0),
+            notices: Mutex::default(),
+        });
+        let options = Options {
+            name: "rosbridge",
+            port,
+            further_ports: 0,
+            port_option: "--rosbridge PORT",
+            bind,
+            https: false,
+            access,
+            // The page of a trial is one of another port.
+            pages: Pages::OfThisHost,
+            send_buffer_bytes: SEND_BUFFER_BYTES,
+        };
+        let router = Router::new().fallback(any(connect)).with_state(Arc::clone(&shared));
+        let for_refusals = Arc::clone(&shared);
+        let member = bus.join("/rosapi");
+        let started = rosapi::offer(&bus, member, wall_clock).map_err(RosbridgeError::from).and_then(|()| {
+            let refused = move |reason| for_refusals.notice(reason);
+            Ok(Server::start(options, router, refused, std::future::pending())?)
+        });
+        match started {
+            Ok(server) => {
+                let address = server.address();
+                Ok(RosbridgeServer { shared, member, server: Some(server), address })
+            }
+            Err(error) => {
+                bus.leave(member);
+                Err(error)
+            }
+        }
+    }
+
+    /// Where it listens.
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// Number of clients that are connected.
+    pub fn client_count(&self) -> usize {
+        self.shared.clients.load(Ordering::Relaxed)
+    }
+
+    /// What happened since the last call, one line each: clients that came, went or were refused, and the first
+    /// mistake of each.
+    pub fn drain_notices(&self) -> Vec<String> {
+        self.shared.notices.lock().unwrap_or_else(PoisonError::into_inner).drain(..).collect()
+    }
+}
+
+impl Drop for RosbridgeServer {
+    fn drop(&mut self) {
+        drop(self.server.take());
+        self.shared.bus.leave(self.member);
+    }
+}
+
+/// The time of day, for stamps that clients leave out.
+pub(super) fn wall_clock() -> Time {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    // ROS 1 counts seconds in 32 bits, until 2106.
+    Time { secs: u32::try_from(since.as_secs()).unwrap_or(u32::MAX), nsecs: since.subsec_nanos() }
+}
+
+/// Counts a client for as long as it lives.
+struct Count(Arc<Shared>);
+
+impl Count {
+    /// None if there are as many as are allowed.
+    fn up(shared: &Arc<Shared>) -> Option<Self> {
+        let before = shared.clients.fetch_add(1, Ordering::Relaxed);
+        let count = Count(Arc::clone(shared));
+        (before < MAX_CLIENTS).then_some(count)
+    }
+}
+
+impl Drop for Count {
+    fn drop(&mut self) {
+        self.0.clients.fetch_sub(1, Ordering::Relaxed);
+    }
+}
+
+/// Any path will do, as with other rosbridges.
+async fn connect(
+    State(shared): State<Arc<Shared>>,
+    Extension(peer): Extension<Peer>,
+    upgrade: WebSocketUpgrade,
+) -> Response {
+    let Some(count) = Count::up(&shared) else {
+        let reason = format!("{MAX_CLIENTS} clients are connected already\n");
+        return (StatusCode::SERVICE_UNAVAILABLE, reason).into_response();
+    };
+    upgrade
+        .max_message_size(connection::MAX_MESSAGE_BYTES)
+        .max_frame_size(connection::MAX_MESSAGE_BYTES)
+        .write_buffer_size(WRITE_BUFFER_BYTES)
+        .on_upgrade(async move |socket| {
+            connection::serve(socket, peer.0, &shared).await;
+            drop(count);
+        })
+}

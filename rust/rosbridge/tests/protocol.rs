@@ -1,0 +1,275 @@
+//! The rosbridge server over real sockets: what clients may do in any order, and what they may do wrong.
+#![allow(clippy::unwrap_used, clippy::disallowed_methods)]
+
+mod common;
+
+use common::{Client, server, texts};
+use serde_json::{Value as Json, json};
+use tokio_tungstenite::tungstenite::Message;
+
+const TEXT: &str = "std_msgs/String";
+
+#[test]
+fn a_subscription_before_the_first_publisher_gets_every_message_in_order() {
+    let (server, _bus) = server();
+    let (mut reader, mut writer) = (Client::connect(&server), Client::connect(&server));
+    reader.subscribe("/chat");
+    assert_eq!(reader.settle(), Vec::<Json>::new());
+    writer.advertise("/chat", TEXT);
+    for n in 0..1000 {
+        writer.publish("/chat", json!({"data": n.to_string()}));
+    }
+    writer.settle();
+    let got = texts(&reader.settle(), "/chat");
+    assert_eq!(got, (0..1000).map(|n| n.to_string()).collect::<Vec<_>>());
+    reader.send(json!({"op": "unsubscribe", "topic": "/chat"}));
+    reader.settle();
+    writer.publish("/chat", json!({"data": "more"}));
+    writer.settle();
+    assert_eq!(reader.settle(), Vec::<Json>::new());
+}
+
+#[test]
+fn a_name_without_its_first_slash_is_the_same_topic_and_comes_back_as_it_was_called() {
+    let (server, _bus) = server();
+    let mut client = Client::connect(&server);
+    client.advertise("/chat", TEXT);
+    client.subscribe("chat");
+    client.publish("chat", json!({"data": "x"}));
+    assert_eq!(client.next()["topic"], "chat");
+    client.send(json!({"op": "call_service", "service": "rosapi/topics"}));
+    let answer = client.next();
+    assert_eq!(answer["service"], "rosapi/topics");
+    assert_eq!(answer["values"]["topics"], json!(["/chat"]));
+    client.send(json!({"op": "advertise_service", "service": "add", "type": "my_pkg/Add"}));
+    client.send(json!({"op": "call_service", "service": "/add", "id": 1}));
+    let call = client.next();
+    assert_eq!(call["service"], "add");
+    client.send(
+        json!({"op": "service_response", "service": "add", "id": call["id"], "values": {}, "result": true}),
+    );
+    assert_eq!(client.next()["result"], true);
+}
+
+#[test]
+fn a_latched_message_waits_for_who_comes_late_until_its_publisher_leaves() {
+    let (server, _bus) = server();
+    let mut writer = Client::connect(&server);
+    writer.send(json!({"op": "advertise", "topic": "/map", "type": TEXT, "latch": true}));
+    writer.publish("/map", json!({"data": "old"}));
+    writer.publish("/map", json!({"data": "new"}));
+    writer.settle();
+    let mut reader = Client::connect(&server);
+    reader.subscribe("/map");
+    assert_eq!(texts(&reader.settle(), "/map"), ["new"]);
+    writer.send(json!({"op": "unadvertise", "topic": "/map"}));
+    writer.settle();
+    let mut late = Client::connect(&server);
+    late.subscribe("/map");
+    assert_eq!(late.settle(), Vec::<Json>::new());
+}
+
+#[test]
+fn every_mistake_is_answered_with_what_was_expected_and_the_connection_lives_on() {
+    let (server, _bus) = server();
+    let mut client = Client::connect(&server);
+    client.advertise("/n", "std_msgs/Int8");
+    for (text, part) in [
+        ("", "EOF"),
+        ("{", "EOF"),
+        ("nonsense", "expected"),
+        ("[1,2]", "it is an array, expected an object"),
+        ("null", "it is null"),
+        ("\"publish\"", "it is a text"),
+        ("{}", "\"op\" is missing"),
+        (r#"{"op":5}"#, "\"op\" is a number, expected a text"),
+        (r#"{"op":"fly"}"#, "unknown op \"fly\", expected advertise"),
+        (r#"{"op":"publish"}"#, "\"topic\" is missing"),
+        (r#"{"op":"publish","topic":"/unknown","msg":{}}"#, "advertise it first"),
+        (
+            r#"{"op":"publish","topic":"/n","msg":{"data":128}}"#,
+            "data is 128, expected a whole number that fits int8",
+        ),
+        (r#"{"op":"publish","topic":"/n","msg":{"data":"x"}}"#, "data is \"x\""),
+        (
+            r#"{"op":"publish","topic":"/n","msg":{"dat":1}}"#,
+            "dat is 1, expected only the fields of std_msgs/Int8",
+        ),
+        (r#"{"op":"publish","topic":"/n","msg":[1]}"#, "expected an object (std_msgs/Int8)"),
+        (
+            r#"{"op":"advertise","topic":"/n","type":"std_msgs/String"}"#,
+            "has the type std_msgs/Int8, got std_msgs/String",
+        ),
+        (r#"{"op":"advertise","topic":"with space","type":"std_msgs/String"}"#, "not allowed"),
+        (r#"{"op":"subscribe","topic":7}"#, "\"topic\" is a number"),
+        (r#"{"op":"subscribe","topic":"/n","type":"std_msgs/Bool"}"#, "got std_msgs/Bool"),
+        (r#"{"op":"subscribe","topic":"/n","compression":"zip"}"#, "expected none, png or cbor"),
+        (r#"{"op":"subscribe","topic":"/n","throttle_rate":-1}"#, "not negative"),
+        (r#"{"op":"unsubscribe","topic":"/n"}"#, "not subscribed"),
+        (r#"{"op":"unadvertise","topic":"/m"}"#, "not advertised"),
+        (r#"{"op":"unadvertise_service","service":"/s"}"#, "not offered"),
+        (r#"{"op":"service_response","service":"/s","id":"x","values":{}}"#, "no call"),
+        (r#"{"op":"fragment","id":"f","data":"x","num":0}"#, "\"total\""),
+        (r#"{"op":"set_level","level":"loud"}"#, "expected none, error, warning or info"),
+    ] {
+        client.0.send(Message::text(text)).unwrap();
+        let status = client.next();
+        assert_eq!((&status["op"], &status["level"]), (&json!("status"), &json!("error")), "{text}");
+        assert!(status["msg"].as_str().unwrap().contains(part), "{text}: {status}");
+    }
+    for bytes in [&b"\xff\xfe\x00"[..], &[0; 100], b"{\"op\":\"\xc3\"}"] {
+        client.0.send(Message::binary(bytes.to_vec())).unwrap();
+        assert_eq!(client.next()["op"], "status");
+    }
+    let deep = "[".repeat(100_000);
+    client.0.send(Message::text(deep)).unwrap();
+    assert!(client.next()["msg"].as_str().unwrap().contains("recursion"));
+    client.send(json!({"op": "subscribe", "id": "mine", "topic": 1}));
+    assert_eq!(client.next()["id"], "mine");
+    client.send(json!({"op": "set_level", "level": "none"}));
+    client.send(json!({"op": "fly"}));
+    assert_eq!(client.settle(), Vec::<Json>::new());
+    let notices = server.drain_notices().join("\n");
+    assert_eq!(notices.matches("further ones").count(), 1, "{notices}");
+}
+
+#[test]
+fn pieces_in_any_order_and_of_several_messages_are_put_together() {
+    let (server, _bus) = server();
+    let mut client = Client::connect(&server);
+    client.advertise("/chat", TEXT);
+    client.subscribe("/chat");
+    let piece = |id: &str, num: usize, text: &str| {
+        let parts: Vec<&str> = text.split_inclusive(['a', 'e', ' ']).collect();
+        json!({"op": "fragment", "id": id, "num": num, "total": parts.len(), "data": parts[num]})
+    };
+    let message = |data: &str| json!({"op": "publish", "topic": "/chat", "msg": {"data": data}}).to_string();
+    let (one, two) = (message("the first message"), message("the second"));
+    let count = |text: &str| text.split_inclusive(['a', 'e', ' ']).count();
+    for n in (0..count(&one).max(count(&two))).rev() {
+        for (id, text) in [("1", &one), ("2", &two)] {
+            if n < count(text) {
+                client.send(piece(id, n, text));
+            }
+        }
+    }
+    let mut got = texts(&client.settle(), "/chat");
+    got.sort();
+    assert_eq!(got, ["the first message", "the second"]);
+    for _ in 0..2 {
+        // Pieces within pieces, and nonsense within pieces.
+        client.send(json!({"op": "fragment", "id": "x", "num": 0, "total": 1, "data": piece("1", 0, "ab").to_string()}));
+        assert_eq!(client.next()["level"], "error");
+        client.send(json!({"op": "fragment", "id": "x", "num": 0, "total": 1, "data": "nonsense"}));
+        assert_eq!(client.next()["level"], "error");
+    }
+}
+
+#[test]
+fn long_messages_come_in_pieces_of_the_size_asked_for() {
+    let (server, _bus) = server();
+    let mut client = Client::connect(&server);
+    client.advertise("/chat", TEXT);
+    client.send(json!({"op": "subscribe", "topic": "/chat", "fragment_size": 30}));
+    let text = "häufig über Öfen ".repeat(20);
+    client.publish("/chat", json!({"data": text}));
+    let mut pieces = client.settle();
+    assert!(pieces.len() > 10);
+    pieces.sort_by_key(|piece| piece["num"].as_u64());
+    let whole: String = pieces.iter().map(|piece| piece["data"].as_str().unwrap()).collect();
+    assert!(
+        pieces.iter().all(|piece| piece["op"] == "fragment" && piece["data"].as_str().unwrap().len() <= 30)
+    );
+    assert_eq!(serde_json::from_str::<Json>(&whole).unwrap()["msg"]["data"], text);
+}
+
+#[test]
+fn a_service_is_answered_by_the_client_that_offers_it() {
+    let (server, _bus) = server();
+    let (mut provider, mut caller) = (Client::connect(&server), Client::connect(&server));
+    provider.send(json!({"op": "advertise_service", "service": "/add", "type": "my_pkg/Add"}));
+    provider.settle();
+    for n in 0..3 {
+        caller.send(json!({"op": "call_service", "id": n, "service": "/add", "args": {"a": n, "b": 1}}));
+    }
+    let calls: Vec<Json> = (0..3).map(|_| provider.next()).collect();
+    // Answers may come in any order.
+    for call in calls.iter().rev() {
+        let sum = call["args"]["a"].as_i64().unwrap() + 1;
+        provider.send(json!({
+            "op": "service_response", "id": call["id"], "service": "/add", "values": {"sum": sum}, "result": true,
+        }));
+    }
+    for n in (0..3).rev() {
+        let answer = caller.next();
+        assert_eq!(
+            answer,
+            json!({
+                "op": "service_response", "id": n, "service": "/add", "values": {"sum": n + 1}, "result": true,
+            })
+        );
+    }
+    caller.send(json!({"op": "call_service", "id": "x", "service": "/add", "args": [1, 2]}));
+    let call = provider.next();
+    assert_eq!(call["args"], json!([1, 2]));
+    provider.send(json!({
+        "op": "service_response", "id": call["id"], "service": "/add", "values": "not today", "result": false,
+    }));
+    let answer = caller.next();
+    assert_eq!((&answer["result"], &answer["values"]), (&json!(false), &json!("not today")));
+}
+
+#[test]
+fn calls_of_a_service_that_vanishes_or_never_was_fail_at_once() {
+    let (server, _bus) = server();
+    let (mut provider, mut caller) = (Client::connect(&server), Client::connect(&server));
+    provider.send(json!({"op": "advertise_service", "service": "/gone", "type": "my_pkg/Gone"}));
+    provider.settle();
+    caller.send(json!({"op": "call_service", "id": 1, "service": "/gone"}));
+    assert_eq!(provider.next()["op"], "call_service");
+    drop(provider);
+    let answer = caller.next();
+    assert_eq!((&answer["id"], &answer["result"]), (&json!(1), &json!(false)));
+    assert!(answer["values"].as_str().unwrap().contains("went away"));
+    caller.send(json!({"op": "call_service", "id": 2, "service": "/gone"}));
+    let answer = caller.next();
+    assert!(answer["values"].as_str().unwrap().contains("offered by nobody"), "{answer}");
+}
+
+#[test]
+fn a_service_that_does_not_answer_fails_after_the_time_asked_for() {
+    let (server, _bus) = server();
+    let mut client = Client::connect(&server);
+    client.send(json!({"op": "advertise_service", "service": "/slow", "type": "my_pkg/Slow"}));
+    client.send(json!({"op": "call_service", "id": 1, "service": "/slow", "timeout": 0.01}));
+    assert_eq!(client.next()["op"], "call_service");
+    assert!(client.next()["values"].as_str().unwrap().contains("no answer in time"));
+}
+
+#[test]
+fn rosapi_tells_what_there_is() {
+    let (server, _bus) = server();
+    let mut client = Client::connect(&server);
+    client.advertise("/chat", TEXT);
+    client.subscribe("/chat");
+    let mut call = |name: &str, args: Json| {
+        client.send(json!({"op": "call_service", "service": format!("/rosapi/{name}"), "args": args}));
+        let answer = client.next();
+        assert_eq!(answer["result"], true, "{answer}");
+        answer["values"].clone()
+    };
+    assert_eq!(call("topics", json!({})), json!({"topics": ["/chat"], "types": [TEXT]}));
+    assert_eq!(call("topic_type", json!({"topic": "/chat"}))["type"], TEXT);
+    assert_eq!(call("topic_type", json!({"topic": "/none"}))["type"], "");
+    assert_eq!(call("topics_for_type", json!({"type": TEXT}))["topics"], json!(["/chat"]));
+    assert_eq!(call("publishers", json!(["/chat"]))["publishers"].as_array().unwrap().len(), 1);
+    assert!(call("services", json!({}))["services"].as_array().unwrap().contains(&json!("/rosapi/topics")));
+    assert_eq!(call("service_type", json!({"service": "/rosapi/topics"}))["type"], "rosapi/Topics");
+    let details = call("message_details", json!({"type": "geometry_msgs/PoseStamped"}));
+    assert_eq!(details["typedefs"][0]["fieldnames"], json!(["header", "pose"]));
+    assert_eq!(call("has_param", json!({"name": "/a"}))["exists"], false);
+    call("set_param", json!({"name": "/a", "value": "[1,2]"}));
+    assert_eq!(call("get_param", json!({"name": "/a"}))["value"], "[1,2]");
+    assert_eq!(call("get_param_names", json!({}))["names"], json!(["/a"]));
+    call("delete_param", json!({"name": "/a"}));
+}
