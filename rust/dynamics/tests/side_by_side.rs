@@ -52,6 +52,8 @@ fn compile(name: &str, core: &[PathBuf]) -> PathBuf {
     let output = Command::new("g++")
         .args(["-std=c++17", "-O2", "-ffp-contract=off", "-I"])
         .arg(root.join("cpp/dynamics/include"))
+        .arg("-I")
+        .arg(root.join("cpp/common/include"))
         .arg(root.join("tests/side_by_side/dynamics").join(name).with_extension("cpp"))
         .args(core)
         .args(["-lode", "-o"])
