@@ -15,6 +15,7 @@ fn main() {
         .file("src/adapter.cpp")
         .file(core.join("src/robot.cpp"))
         .include(core.join("include"))
+        .include(core.join("../common/include"))
         .std("c++17")
         .opt_level(2)
         .flag("-ffp-contract=off"); // results must not depend on the compiler's choice of fused operations
@@ -27,7 +28,7 @@ fn main() {
     for watched in ["src/bridge.rs", "src/adapter.cpp", "src/adapter.hpp"] {
         println!("cargo:rerun-if-changed={watched}");
     }
-    for folder in ["include", "src"] {
+    for folder in ["include", "src", "../common"] {
         println!("cargo:rerun-if-changed={}", core.join(folder).display());
     }
 }

@@ -15,6 +15,7 @@ fn main() {
         .file("src/adapter.cpp")
         .include(core.join("include"))
         .include(core.join("src"))
+        .include(core.join("../common/include"))
         .std("c++17")
         // The C++ tests are compiled with the same level: results must agree bit for bit.
         .opt_level(2)
@@ -54,7 +55,7 @@ fn main() {
     for watched in ["src/bridge.rs", "src/adapter.cpp", "src/adapter.hpp"] {
         println!("cargo:rerun-if-changed={watched}");
     }
-    for folder in ["include", "src"] {
+    for folder in ["include", "src", "../common"] {
         println!("cargo:rerun-if-changed={}", core.join(folder).display());
     }
 }

@@ -18,6 +18,7 @@ fn main() {
     // The flags are those of cmake/ProactWarnings.cmake, so that both builds compute the same bits.
     build
         .include(core.join("include"))
+        .include(core.join("../common/include"))
         .std("c++17")
         .opt_level(2)
         .flag("-ffp-contract=off")
@@ -34,7 +35,9 @@ fn main() {
     for watched in ["src/bridge.rs", "src/adapter.cpp", "src/adapter.hpp"] {
         println!("cargo:rerun-if-changed={watched}");
     }
-    println!("cargo:rerun-if-changed={}", core.display());
+    for folder in [".", "../common"] {
+        println!("cargo:rerun-if-changed={}", core.join(folder).display());
+    }
 }
 
 /// Include folders of a Debian library, linking it on the way.

@@ -43,9 +43,8 @@ class LogCapture {
 std::array<double, 3> convert(const urdf::Vector3& v) { return {{v.x, v.y, v.z}}; }
 
 Pose convert(const urdf::Pose& pose) {
-  Pose out;
-  out.position = convert(pose.position);
-  pose.rotation.getQuaternion(out.quaternion[0], out.quaternion[1], out.quaternion[2], out.quaternion[3]);
+  Pose out{{pose.position.x, pose.position.y, pose.position.z}, {}};
+  pose.rotation.getQuaternion(out.rotation.x, out.rotation.y, out.rotation.z, out.rotation.w);
   return out;
 }
 

@@ -56,9 +56,9 @@ void every_field_arrives() {
   const auto& hand = robot.links.at(1);
   check(hand.name == "hand" && hand.has_inertial && hand.mass == 2.0, "mass");
   check(hand.inertia == std::array<double, 6>{{1.0, 0.1, 0.2, 3.0, 0.4, 5.0}}, "inertia in order");
-  check(hand.inertial_pose.position[2] == 0.5, "centre of mass");
+  check(hand.inertial_pose.position.z == 0.5, "centre of mass");
   check(hand.collisions.size() == 1 && hand.collisions[0].shape.kind == ShapeKind::cylinder, "a cylinder");
-  check(std::abs(hand.collisions[0].pose.quaternion[0] - std::sqrt(0.5)) < 1e-15, "turned by pi/2 about x");
+  check(std::abs(hand.collisions[0].pose.rotation.x - std::sqrt(0.5)) < 1e-15, "turned by pi/2 about x");
 
   const auto& elbow = robot.joints.at(0);
   check(elbow.kind == JointKind::revolute && elbow.parent == "base" && elbow.child == "hand", "joint ends");

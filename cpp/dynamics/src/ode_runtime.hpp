@@ -1,7 +1,7 @@
 // Process-wide and per-thread state of ODE, and owners for its handles.
 #pragma once
 
-#include "proact/dynamics/geometry.hpp"
+#include "proact/geometry.hpp"
 
 #include <ode/ode.h>
 

@@ -43,6 +43,7 @@ extern "C" int pthread_mutex_lock(pthread_mutex_t* mutex) {
   return real(mutex);
 }
 
+using namespace proact;
 using namespace proact::dynamics;
 using namespace proact::dynamics::testing;
 

@@ -7,6 +7,7 @@
 #include <limits>
 #include <utility>
 
+using namespace proact;
 using namespace proact::dynamics;
 using namespace proact::dynamics::testing;
 

@@ -28,14 +28,13 @@ void check_joint(const LinkDescription& link) {
 }  // namespace
 
 KDL::Frame to_kdl(const Pose& pose) {
-  const auto& [x, y, z, w] = pose.quaternion;
-  return KDL::Frame(KDL::Rotation::Quaternion(x, y, z, w),
-                    KDL::Vector(pose.position[0], pose.position[1], pose.position[2]));
+  const auto& [p, q] = pose;
+  return KDL::Frame(KDL::Rotation::Quaternion(q.x, q.y, q.z, q.w), KDL::Vector(p.x, p.y, p.z));
 }
 
 Pose from_kdl(const KDL::Frame& frame) {
   Pose pose{{frame.p.x(), frame.p.y(), frame.p.z()}, {}};
-  frame.M.GetQuaternion(pose.quaternion[0], pose.quaternion[1], pose.quaternion[2], pose.quaternion[3]);
+  frame.M.GetQuaternion(pose.rotation.x, pose.rotation.y, pose.rotation.z, pose.rotation.w);
   return pose;
 }
 

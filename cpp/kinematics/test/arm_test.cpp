@@ -70,37 +70,35 @@ kin::ArmDescription spatial_arm() {
 void forward_kinematics_adds_the_lengths_of_a_hanging_arm() {
   kin::Arm arm(spatial_arm());
   const std::vector<double> q(7, 0.0);
-  const kin::Pose tip = arm.forward(q.data());
-  expect(std::abs(tip.position[2] + 0.57) < 1e-15, "the tip hangs 0.57 m below the base");
-  std::vector<kin::Pose> poses(arm.link_count());
+  const proact::Pose tip = arm.forward(q.data());
+  expect(std::abs(tip.position.z + 0.57) < 1e-15, "the tip hangs 0.57 m below the base");
+  std::vector<proact::Pose> poses(arm.link_count());
   const std::vector<double> all(9, 0.0);
   arm.link_poses(all.data(), poses.data());
-  expect(std::abs(poses[9].position[2] + 0.63) < 1e-15, "the index finger is 0.06 m further");
+  expect(std::abs(poses[9].position.z + 0.63) < 1e-15, "the index finger is 0.06 m further");
 }
 
 void a_bent_index_finger_moves_the_index_and_not_the_thumb() {
   kin::Arm arm(spatial_arm());
   std::vector<double> q(9, 0.0);
-  std::vector<kin::Pose> poses(arm.link_count());
+  std::vector<proact::Pose> poses(arm.link_count());
   q[7] = 1.0;  // the seventh value after the arm is the index, although the thumb's link stands first
   arm.link_poses(q.data(), poses.data());
-  expect(std::abs(poses[9].quaternion[0] - std::sin(0.5)) < 1e-15, "the index has turned by 1 rad");
-  expect(poses[8].quaternion[0] == 0.0, "the thumb has not");
+  expect(std::abs(poses[9].rotation.x - std::sin(0.5)) < 1e-15, "the index has turned by 1 rad");
+  expect(poses[8].rotation.x == 0.0, "the thumb has not");
 }
 
 void inverse_kinematics_reaches_what_forward_kinematics_made() {
   kin::Arm arm(spatial_arm());
   const std::vector<double> made{0.5, -0.4, 0.3, -1.2, 0.6, 0.2, -0.5};
   const std::vector<double> seed(7, 0.0);
-  const kin::Pose target = arm.forward(made.data());
+  const proact::Pose target = arm.forward(made.data());
   std::vector<double> q(7);
   expect(arm.inverse(target, seed.data(), q.data()), "a reachable target is reached");
-  const kin::Pose reached = arm.forward(q.data());
-  for (std::size_t k = 0; k < 3; ++k) {
-    expect(std::abs(reached.position[k] - target.position[k]) < 2e-8, "the position is met");
-  }
-  kin::Pose far = target;
-  far.position[0] = 2.0;
+  const proact::Pose reached = arm.forward(q.data());
+  expect(proact::norm(reached.position - target.position) < 2e-8, "the position is met");
+  proact::Pose far = target;
+  far.position.x = 2.0;
   expect(!arm.inverse(far, seed.data(), q.data()), "a target 2 m away is not reached");
   expect(arm.inverse_all(target, 40, 1).size() >= 2 * 7, "several solutions are found");
   expect(arm.inverse_all(target, 40, 1) == arm.inverse_all(target, 40, 1), "the same seed gives the same answer");

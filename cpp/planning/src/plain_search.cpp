@@ -24,13 +24,12 @@ namespace og = ompl::geometric;
 
 namespace {
 
-using Transform = Eigen::Isometry3d;
 /// One shape of the arm or of what it carries.
 struct Part {
   std::size_t link = 0;
   std::size_t owner = 0;
   std::size_t body = 0;
-  Transform link_from_shape = Transform::Identity();
+  Pose link_from_shape;
   Solid solid;
   std::unique_ptr<fcl::CollisionObjectd> object;
 };
@@ -39,7 +38,7 @@ struct Part {
 class PlainWorld {
  public:
   explicit PlainWorld(const Scene& scene) : arm_(scene.arm()), content_(scene.content()) {
-    base_ = transform_of(content_.base, "base");
+    base_ = checked(content_.base, "base");
     body_of_link_.assign(arm_.links.size(), 0);
     arm_position_.assign(arm_.joints.size(), arm_.arm.size());
     for (std::size_t k = 0; k < arm_.arm.size(); ++k) arm_position_[arm_.arm[k]] = k;
@@ -47,7 +46,7 @@ class PlainWorld {
     for (std::size_t k = 0; k < arm_.hand.size(); ++k) hand_angle_[arm_.hand[k]] = content_.hand[k];
     for (std::size_t j = 0; j < arm_.joints.size(); ++j) {
       const Joint& joint = arm_.joints[j];
-      parent_from_child_.push_back(transform_of(joint.pose, arm_.links[joint.child].name));
+      parent_from_child_.push_back(checked(joint.pose, arm_.links[joint.child].name));
       const bool opens = arm_position_[j] < arm_.arm.size();
       body_of_link_[joint.child] = opens ? arm_position_[j] + 1 : body_of_link_[joint.parent];
     }
@@ -77,14 +76,12 @@ class PlainWorld {
       const Joint& joint = arm_.joints[j];
       const bool moves = arm_position_[j] < arm_.arm.size();
       const double angle = moves ? q[arm_position_[j]] : hand_angle_[j];
-      const Eigen::Vector3d axis(joint.axis[0], joint.axis[1], joint.axis[2]);
-      world_from_link_[joint.child] =
-          world_from_link_[joint.parent] *
-          (joint.kind == JointKind::revolute ? turned(parent_from_child_[j], axis.normalized(), angle)
-                                             : parent_from_child_[j]);
+      const Pose at_zero = world_from_link_[joint.parent] * parent_from_child_[j];
+      const Vec3 axis{joint.axis[0], joint.axis[1], joint.axis[2]};
+      world_from_link_[joint.child] = joint.kind == JointKind::revolute ? turned(at_zero, normalized(axis), angle) : at_zero;
     }
     for (Part& part : parts_) {
-      part.object->setTransform(to_fcl(Transform(world_from_link_[part.link] * part.link_from_shape)));
+      part.object->setTransform(to_fcl(to_transform(world_from_link_[part.link] * part.link_from_shape)));
       part.object->computeAABB();
     }
     arm_tree_.update();
@@ -105,9 +102,9 @@ class PlainWorld {
     part.link = link;
     part.owner = owner;
     part.body = body_of_link_[link];
-    part.link_from_shape = transform_of(placed.pose, name);
+    part.link_from_shape = checked(placed.pose, name);
     part.solid = make_solid(placed.shape, 0.0, name);
-    part.object = std::make_unique<fcl::CollisionObjectd>(part.solid.geometry, to_fcl(Transform::Identity()));
+    part.object = std::make_unique<fcl::CollisionObjectd>(part.solid.geometry, to_fcl(to_transform(Pose{})));
     parts_.push_back(std::move(part));
   }
 
@@ -137,12 +134,12 @@ class PlainWorld {
 
   Arm arm_;
   SceneContent content_;
-  Transform base_ = Transform::Identity();
+  Pose base_;
   std::vector<std::size_t> body_of_link_;
   std::vector<std::size_t> arm_position_;
   std::vector<double> hand_angle_;
-  std::vector<Transform> parent_from_child_;
-  std::vector<Transform> world_from_link_;
+  std::vector<Pose> parent_from_child_;
+  std::vector<Pose> world_from_link_;
   std::vector<char> allowed_;
   std::vector<Part> parts_;
   std::vector<std::unique_ptr<fcl::CollisionObjectd>> obstacles_;

@@ -33,9 +33,9 @@ Scene::Scene(const Arm& arm) : arm_(arm), hand_(arm.hand.size(), 0.0) {
     }
     placed[joint.child] = true;
     const std::string& name = arm_.links[joint.child].name;
-    const Eigen::Isometry3d pose = transform_of(joint.pose, name);
-    const Vector axis(joint.axis[0], joint.axis[1], joint.axis[2]);
-    if (joint.kind == JointKind::revolute && !(axis.norm() > 1e-9)) {
+    const Pose pose = checked(joint.pose, name);
+    const Vec3 axis{joint.axis[0], joint.axis[1], joint.axis[2]};
+    if (joint.kind == JointKind::revolute && !(norm(axis) > 1e-9)) {
       throw std::invalid_argument("joint to \"" + name + "\": the axis has no direction");
     }
     const std::size_t position = arm_position[j];
@@ -47,7 +47,7 @@ Scene::Scene(const Arm& arm) : arm_(arm), hand_(arm.hand.size(), 0.0) {
         throw std::invalid_argument("joint to \"" + name + "\": the lower limit must be below the upper one");
       }
       body_of_link_[joint.child] = position + 1;
-      chain_[position] = {pose, axis.normalized(), joint.lower, joint.upper};
+      chain_[position] = {pose, normalized(axis), joint.lower, joint.upper};
     } else {
       if (joint.kind == JointKind::revolute && !is_hand[j]) {
         throw std::invalid_argument("joint to \"" + name + "\": moving joints must belong to the arm or the hand");
@@ -77,7 +77,7 @@ Scene::Scene(const Arm& arm) : arm_(arm), hand_(arm.hand.size(), 0.0) {
 }
 
 void Scene::set_base(const Pose& world_from_base) {
-  world_from_base_ = transform_of(world_from_base, "base");
+  world_from_base_ = checked(world_from_base, "base");
   base_ = world_from_base;
 }
 
@@ -162,25 +162,24 @@ void Scene::place_hand() {
   for (std::size_t k = 0; k < hand_.size(); ++k) angle[arm_.hand[k]] = hand_[k];
   std::vector<bool> opens_body(arm_.joints.size(), false);
   for (const std::size_t joint : arm_.arm) opens_body[joint] = true;
-  std::vector<Transform> body_from_link(arm_.links.size(), Transform::Identity());
+  std::vector<Pose> body_from_link(arm_.links.size());
   for (std::size_t j = 0; j < arm_.joints.size(); ++j) {
     const Joint& joint = arm_.joints[j];
-    const Transform pose = transform_of(joint.pose, arm_.links[joint.child].name);
+    const Pose pose = checked(joint.pose, arm_.links[joint.child].name);
     if (opens_body[j]) {
       // The chain is driven from the frame of the parent body, so a fixed joint on the way goes into it.
       const std::size_t body = body_of_link_[joint.child];
       chain_[body - 1].parent_from_joint = body_from_link[joint.parent] * pose;
     } else {
-      const Vector axis(joint.axis[0], joint.axis[1], joint.axis[2]);
-      const bool turns = joint.kind == JointKind::revolute;
-      const Transform parent_from_link = turns ? turned(pose, axis.normalized(), angle[j]) : pose;
-      body_from_link[joint.child] = body_from_link[joint.parent] * parent_from_link;
+      const Pose at_zero = body_from_link[joint.parent] * pose;
+      const Vec3 axis{joint.axis[0], joint.axis[1], joint.axis[2]};
+      body_from_link[joint.child] = joint.kind == JointKind::revolute ? turned(at_zero, normalized(axis), angle[j]) : at_zero;
     }
   }
   for (Body& body : bodies_) {
     for (Member& member : body.members) {
       const std::size_t link = member.owner < arm_.links.size() ? member.owner : arm_.tip;
-      member.body_from_shape = body_from_link[link] * member.link_from_shape;
+      member.body_from_shape = to_transform(body_from_link[link]) * member.link_from_shape;
     }
   }
   update_radii();
@@ -219,7 +218,7 @@ void Scene::update_radii() {
   for (std::size_t j = 0; j < chain_.size(); ++j) {
     double length = 0.0;
     for (std::size_t b = j + 1; b < bodies_.size(); ++b) {
-      if (b > j + 1) length += chain_[b - 1].parent_from_joint.translation().norm();
+      if (b > j + 1) length += norm(chain_[b - 1].parent_from_joint.position);
       lever_[j * bodies_.size() + b] = length + bodies_[b].radius;
     }
   }

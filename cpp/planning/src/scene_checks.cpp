@@ -134,10 +134,11 @@ double Scene::travel(const double* dq) const {
 }
 
 void Scene::pose_bodies(const double* q) {
-  bodies_[0].world_from_body = world_from_base_;
+  Pose pose = world_from_base_;
+  bodies_[0].world_from_body = to_transform(pose);
   for (std::size_t k = 0; k < chain_.size(); ++k) {
-    bodies_[k + 1].world_from_body =
-        bodies_[k].world_from_body * turned(chain_[k].parent_from_joint, chain_[k].axis, q[k]);
+    pose = turned(pose * chain_[k].parent_from_joint, chain_[k].axis, q[k]);
+    bodies_[k + 1].world_from_body = to_transform(pose);
   }
   for (Body& body : bodies_) {
     body.centre = body.world_from_body * body.body_centre;
@@ -174,7 +175,8 @@ void Scene::set_speeds(const double* dq, double span) {
     for (std::size_t a = b; a-- > 0;) {
       // Joint a turns body a + 1 about an axis through that body's origin, and all bodies beyond it.
       const Transform& child = bodies_[a + 1].world_from_body;
-      const Vector axis = child.linear() * chain_[a].axis;
+      const Vec3& own = chain_[a].axis;
+      const Vector axis = child.linear() * Vector(own.x, own.y, own.z);
       const double farther = a + 1 < b ? any_speed_[(a + 1) * bodies + b] * span : 0.0;
       const double arm = axis.cross(bodies_[b].centre - child.translation()).norm() + bodies_[b].ball + farther;
       const double lever = lever_[a * bodies + b];

@@ -59,17 +59,21 @@ std::shared_ptr<fcl::CollisionGeometryd> tree_of(const Mesh& mesh) {
 
 }  // namespace
 
-Eigen::Isometry3d transform_of(const Pose& pose, const std::string& name) {
-  Eigen::Quaterniond rotation(pose.quaternion[3], pose.quaternion[0], pose.quaternion[1], pose.quaternion[2]);
-  const Vector position(pose.position[0], pose.position[1], pose.position[2]);
-  if (!position.allFinite() || !(std::abs(rotation.norm() - 1.0) < 1e-6)) {
+Eigen::Isometry3d to_transform(const Pose& pose) {
+  const auto& [p, q] = pose;
+  Eigen::Isometry3d result = Eigen::Isometry3d::Identity();
+  result.linear() = Eigen::Quaterniond(q.w, q.x, q.y, q.z).toRotationMatrix();
+  result.translation() = Vector(p.x, p.y, p.z);
+  return result;
+}
+
+Pose checked(const Pose& pose, const std::string& name) {
+  const auto& [p, q] = pose;
+  const double length = std::sqrt(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w);
+  if (!is_finite(p) || !(std::abs(length - 1.0) < 1e-6)) {
     throw std::invalid_argument("\"" + name + "\": the pose needs a finite position and a unit quaternion");
   }
-  rotation.normalize();
-  Eigen::Isometry3d result = Eigen::Isometry3d::Identity();
-  result.linear() = rotation.toRotationMatrix();
-  result.translation() = position;
-  return result;
+  return {p, normalized(q)};
 }
 
 void require_extent(const Shape& shape, const std::string& name) {
@@ -175,12 +179,6 @@ bool touch(const Solid& a, const Eigen::Isometry3d& a_pose, const Solid& b, cons
   static const fcl::DistanceRequestd near;
   fcl::DistanceResultd apart;
   return fcl::distance(a.geometry.get(), to_fcl(a_pose), b.geometry.get(), to_fcl(b_pose), near, apart) < margin;
-}
-
-Eigen::Isometry3d turned(const Eigen::Isometry3d& parent_from_joint, const Eigen::Vector3d& axis, double angle) {
-  Eigen::Isometry3d result = parent_from_joint;
-  result.linear() = parent_from_joint.linear() * Eigen::AngleAxisd(angle, axis).toRotationMatrix();
-  return result;
 }
 
 }  // namespace proact::planning

@@ -7,9 +7,15 @@
 
 namespace proact::planning {
 
-/// The transform of a pose. Throws std::invalid_argument naming `name` for a position that is not finite or a
-/// quaternion whose length is not one.
-Eigen::Isometry3d transform_of(const Pose& pose, const std::string& name);
+/// A pose as FCL's shapes are placed by it.
+Eigen::Isometry3d to_transform(const Pose& pose);
+
+/// `pose` with a quaternion of length one. Throws std::invalid_argument naming `name` for a position that is not finite or
+/// a quaternion whose length is not near one.
+Pose checked(const Pose& pose, const std::string& name);
+
+/// The transform of a pose that may be refused, as by `checked`.
+inline Eigen::Isometry3d transform_of(const Pose& pose, const std::string& name) { return to_transform(checked(pose, name)); }
 
 /// Throws std::invalid_argument naming `name` if the shape has no extent, or is a mesh that makes no sense.
 void require_extent(const Shape& shape, const std::string& name);
@@ -34,8 +40,5 @@ inline double distance(const Eigen::Vector3d& point, const Box& box) {
 
 /// True if the two shapes touch, by FCL.
 bool touch(const Solid& a, const Eigen::Isometry3d& a_pose, const Solid& b, const Eigen::Isometry3d& b_pose);
-
-/// `parent_from_joint` turned by `angle` about the unit axis.
-Eigen::Isometry3d turned(const Eigen::Isometry3d& parent_from_joint, const Eigen::Vector3d& axis, double angle);
 
 }  // namespace proact::planning

@@ -70,7 +70,7 @@ Arm planar_arm() {
   return arm;
 }
 
-Object box(const std::string& name, std::array<double, 3> size, std::array<double, 3> centre) {
+Object box(const std::string& name, std::array<double, 3> size, const proact::Vec3& centre) {
   Object object;
   object.name = name;
   object.placed.shape = {ShapeKind::box, size};

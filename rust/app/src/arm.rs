@@ -1,11 +1,11 @@
 //! The arm of a trial: one that ships with the program, or a lab's own from its folder.
 
+use proact_arm::{ArmModel, VisualGeometry};
 use proact_description::{
     DescriptionError, MPL_LEFT_ARM_SRDF, MPL_LEFT_ARM_URDF, MPL_RIGHT_ARM_SRDF, MPL_RIGHT_ARM_URDF, parse,
     parse_urdf,
 };
 use proact_testbed::{Pinned, TrialConfig};
-use proact_types::{ArmModel, VisualGeometry};
 use std::{
     fs, io,
     path::{Path, PathBuf},

@@ -4,6 +4,7 @@
 //! selection and grasp. Which blocks are on target is judged by our task from their poses. The head is the headset's
 //! own, put into `world` by the frames in the bag; without these it is where the eye is and looks where the eye looks.
 
+use proact_arm::ArmModel;
 use proact_bridge::{PageContent, RecordedTrial};
 use proact_recording::{
     RecordingError,
@@ -11,7 +12,7 @@ use proact_recording::{
 };
 use proact_tasks::{Arrangement, BoxAndBlocks};
 use proact_types::{
-    ArmModel, BlockId, BodyState, DisplayFrame, Event, EventKind, GazeSample, Gesture, HandState, HandView,
+    BlockId, BodyState, DisplayFrame, Event, EventKind, GazeSample, Gesture, HandState, HandView,
     PlannerView, Point, Pose, SimTime, TargetView, Vector, zeros,
 };
 use std::{collections::HashMap, error::Error, path::Path};

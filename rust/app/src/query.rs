@@ -30,10 +30,11 @@
 mod scene;
 
 use nalgebra::{Quaternion, Translation3, UnitQuaternion, Vector3};
+use proact_arm::ArmModel;
 use proact_description::DescriptionError;
 use proact_kinematics::{ArmKinematics, IkOutcome, Kinematics, KinematicsError};
 use proact_planning::{ArmPlanner, PlannerName, PlannerOptions, Roadmap, five_words};
-use proact_types::{ArmModel, JointVector, PlanGoal, PlanRequest, Pose, Vector, joints, zeros};
+use proact_types::{JointVector, PlanGoal, PlanRequest, Pose, Vector, joints, zeros};
 use scene::{SceneAsked, ShapeText, attached};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};

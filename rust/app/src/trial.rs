@@ -4,6 +4,7 @@ use crate::{
     arm::{Arm, ArmError},
     method_process,
 };
+use proact_arm::ArmModel;
 use proact_control::{JointSubset, ports::MethodProcess};
 use proact_devices::{EmgFeed, EmgSetup, EmgSource, GazeSource};
 use proact_dynamics::{DynamicsOptions, OdePlant};
@@ -17,7 +18,7 @@ use proact_testbed::{
     TrialConfig,
     ports::{EmgSource as EmgPort, PlanService, Plant, PlantError},
 };
-use proact_types::{ArmModel, PlanReply, PlanRequest, Pose, Scene};
+use proact_types::{PlanReply, PlanRequest, Pose, Scene};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 

@@ -119,7 +119,6 @@ const CASES: &[(&str, &str, &[&str])] = &[
     ("planner.search.equal_steps", "0.5", &[]),
     ("planner.search.max_iterations", "1", &[]),
     ("planner.search.max_secs", "0.001", &[]),
-    ("planner.tilt_range", "[0.44, 0.45]", &[UPRIGHT]),
     ("profile.blend.share", "0.9", &[B, "profile.blend={}"]),
     ("profile.blend.speed_m_per_s", "0.2", &[B, "profile.blend={}"]),
     ("profile.blend.above_m", "0.3", &[B, "profile.blend={}"]),

@@ -104,11 +104,15 @@ fn a_trial_in_the_engine_ode_is_recorded_as_such_and_replays_in_it() -> Outcome 
     let dir = place.path().join("trial");
     record_of(config(3)?.with_values(&["physics.engine=ode"])?, &dir)?;
     assert!(fs::read_to_string(dir.join("config.toml"))?.contains("engine = \"ode\""));
-    let replayed = replay_trial(&dir, false)?;
+    let replayed = replay_trial(&dir, ReplayOptions::default())?;
     assert!(replayed.agrees && replayed.finished, "{replayed:?}");
     let other = place.path().join("other");
     record(3, &other)?;
-    assert_ne!(replay_trial(&other, false)?.digest, replayed.digest, "the other engine moves otherwise");
+    assert_ne!(
+        replay_trial(&other, ReplayOptions::default())?.digest,
+        replayed.digest,
+        "the other engine moves otherwise"
+    );
     Ok(())
 }
 

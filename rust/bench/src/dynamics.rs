@@ -7,10 +7,11 @@ mod trial;
 use crate::{BenchFigure, BenchReport, quantile};
 use mujoco::{MuJoCo, Run};
 use nalgebra::UnitQuaternion;
+use proact_arm::ArmModel;
 use proact_dynamics::{DynamicsOptions, Engine, OdePlant};
 use proact_testbed::ports::{Plant, PlantError};
 use proact_types::{
-    ArmModel, Block, BlockId, PlantCommand, Pose, Scene, SceneObject, Shape, TICK_SECS, Vector, joints, zeros,
+    Block, BlockId, PlantCommand, Pose, Scene, SceneObject, Shape, TICK_SECS, Vector, joints, zeros,
 };
 use std::{error::Error, time::Instant};
 
@@ -257,11 +258,11 @@ fn table_with_a_block() -> Scene {
     Scene { fixed: vec![slab], blocks: vec![block], targets: Vec::new(), table_height: TABLE }
 }
 
-/// The base at which the hand is around the block of [`table_with_a_block`], fingers ahead and 25.6 degrees down.
+/// The base at which the hand is around the block of [`table_with_a_block`], fingers ahead and rolled as it grips.
 fn around_the_block(model: &ArmModel, positions: &[f64]) -> Result<Pose, PlantError> {
     let nothing = Scene { fixed: Vec::new(), blocks: Vec::new(), ..table_with_a_block() };
     let probe = OdePlant::new(model, &nothing, positions, &Pose::identity(), DynamicsOptions::default())?;
-    let rotation = UnitQuaternion::from_euler_angles(25.6_f64.to_radians(), -1.0_f64.to_radians(), 0.0);
+    let rotation = UnitQuaternion::from_euler_angles(model.grasp.roll, -1.0_f64.to_radians(), 0.0);
     let block = Vector::new(0.0, 0.0, TABLE + 0.025);
     let world_from_tip = Pose::from_parts((block - rotation * model.grasp_centre).into(), rotation);
     Ok(world_from_tip * probe.link_pose(model.tip)?.inverse())

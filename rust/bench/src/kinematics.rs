@@ -1,8 +1,9 @@
 use crate::{BenchFigure, BenchReport, quantile};
 use nalgebra::DMatrix;
 use proact_app::query::scattered;
+use proact_arm::ArmModel;
 use proact_kinematics::{ArmKinematics, IkOutcome, Kinematics, KinematicsError, time_raw_kdl};
-use proact_types::{ArmModel, JointVector, Pose, zeros};
+use proact_types::{JointVector, Pose, zeros};
 use std::{hint::black_box, time::Instant};
 
 /// Rounds in which bridge and peer take turns, so that both see the same moods of the machine.

@@ -8,10 +8,11 @@ mod searches;
 use crate::{BenchFigure, BenchReport, quantile};
 use independent::{Contact, Independent};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use proact_arm::ArmModel;
 use proact_kinematics::Kinematics;
 use proact_planning::{ArmPlanner, CancelFlag, CollisionScene, PlannerOptions, SearchLimits, SearchOutcome};
 use proact_testbed::Setup;
-use proact_types::{ArmModel, JointVector, PlanRequest, PlanStatus, Shape, Trajectory, TrunkPosture};
+use proact_types::{JointVector, PlanRequest, PlanStatus, Shape, Trajectory, TrunkPosture};
 use problems::{Drawer, Kind, Problem, Random, obstacles};
 use std::{collections::BTreeSet, error::Error, io::IsTerminal, sync::Arc, time::Instant};
 

@@ -7,6 +7,7 @@
 #![allow(clippy::disallowed_methods)]
 
 use nalgebra::{Translation3, UnitQuaternion};
+use proact_arm::ArmModel;
 use proact_bridge::{ClientInput, PageContent, PageOptions, PageServer};
 use proact_tasks::{Arrangement, BoxAndBlocks};
 use proact_types::*;
@@ -176,12 +177,6 @@ impl Script {
     }
 
     fn base_from_tip(&self, joints: &[f64]) -> Pose {
-        let mut poses = vec![Pose::identity(); self.arm.links.len()];
-        for (k, joint) in self.arm.joints.iter().enumerate() {
-            let angle = self.arm.moving().position(|moving| moving == k).map_or(0.0, |index| joints[index]);
-            let turn = UnitQuaternion::from_scaled_axis(joint.axis * angle);
-            poses[joint.child] = poses[joint.parent] * joint.origin * turn;
-        }
-        poses[self.arm.tip]
+        self.arm.link_poses(joints)[self.arm.tip]
     }
 }

@@ -13,7 +13,7 @@
 //! files: page and meshes are embedded when the crate is built.
 //!
 //! ```no_run
-//! # fn example(arm: proact_types::ArmModel, scene: proact_types::Scene, frame: proact_types::DisplayFrame)
+//! # fn example(arm: proact_arm::ArmModel, scene: proact_types::Scene, frame: proact_types::DisplayFrame)
 //! #     -> Result<(), proact_bridge::BridgeError> {
 //! use proact_bridge::{PageContent, PageOptions, PageServer};
 //! let server = PageServer::start(

@@ -13,9 +13,10 @@ use axum::{
     response::{IntoResponse, Response},
     routing::get,
 };
+use proact_arm::ArmModel;
 use proact_camera::Studio;
 use proact_http::{Access, Options, Pages, Server};
-use proact_types::{ArmModel, DisplayFrame, Scene};
+use proact_types::{DisplayFrame, Scene};
 use serde::{Deserialize, Serialize};
 use std::{
     net::{IpAddr, Ipv4Addr},

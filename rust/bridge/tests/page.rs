@@ -5,6 +5,7 @@
 
 use futures_util::{SinkExt, StreamExt};
 use nalgebra::{Isometry3, Point3, Vector3};
+use proact_arm::*;
 use proact_bridge::{
     BridgeError, ClientInput, PageContent, PageOptions, PageServer, RecordedTrial, Signals, StudyAction,
     TrialStatus,
@@ -52,6 +53,7 @@ fn content(interactive: bool) -> PageContent {
         poses: vec![],
         allowed_collisions: vec![],
         grasp_centre: Vector::zeros(),
+        grasp: Default::default(),
     };
     let scene = Scene { fixed: vec![], blocks: vec![], targets: vec![], table_height: 1.015 };
     PageContent { title: "test".into(), setup: "still".into(), arm, scene, interactive, lean: false }

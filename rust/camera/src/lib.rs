@@ -8,7 +8,7 @@
 //!
 //! ```
 //! use proact_camera::{Studio, View};
-//! # fn example(arm: proact_types::ArmModel, scene: proact_types::Scene, frame: proact_types::DisplayFrame) {
+//! # fn example(arm: proact_arm::ArmModel, scene: proact_types::Scene, frame: proact_types::DisplayFrame) {
 //! let studio = Studio::new(&arm, &scene);
 //! let camera = studio.camera(View::Head, &frame, [640, 480], 60f64.to_radians());
 //! let picture = studio.take(&frame, &camera);
@@ -20,7 +20,8 @@
 mod ray;
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
-use proact_types::{ArmModel, BlockColour, DisplayFrame, Point, Pose, Scene, Shape, Vector, VisualGeometry};
+use proact_arm::{ArmModel, VisualGeometry};
+use proact_types::{BlockColour, DisplayFrame, Point, Pose, Scene, Shape, Vector};
 use serde::Deserialize;
 
 /// Nothing nearer is seen, metres.
@@ -265,10 +266,8 @@ pub fn png(width: u32, height: u32, rgb: &[u8]) -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proact_types::{
-        BlockId, CollisionShape, Gesture, HandView, Joint, JointKind, JointLimits, Link, PlannerView,
-        SimTime, TargetView,
-    };
+    use proact_arm::{CollisionShape, Joint, JointKind, JointLimits, Link};
+    use proact_types::{BlockId, Gesture, HandView, PlannerView, SimTime, TargetView};
 
     /// A beam that hangs from a joint at the base: 12 cm wide and 60 cm long.
     fn arm() -> ArmModel {
@@ -296,6 +295,7 @@ mod tests {
             poses: vec![],
             allowed_collisions: vec![],
             grasp_centre: Vector::zeros(),
+            grasp: Default::default(),
         }
     }
 

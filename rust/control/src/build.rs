@@ -3,7 +3,7 @@ use crate::{
     Blend, ControlError, ControlMethod, DeadMan, EndEffectorJog, FollowsLimb, GazeAssisted,
     GazeAssistedProfile, GazeToggled, Guide, JointJog, JointSubset, Limited, PipeMethod, Profile,
 };
-use proact_types::ArmModel;
+use proact_arm::ArmModel;
 
 /// The methods that [`build`] knows.
 pub const METHODS: [&str; 4] = ["A", "B", "C", "D"];
@@ -17,8 +17,9 @@ pub const METHODS: [&str; 4] = ["A", "B", "C", "D"];
 ///
 /// ```
 /// # fn main() -> Result<(), proact_control::ControlError> {
-/// # let model = proact_types::ArmModel { name: "none".into(), links: vec![], joints: vec![], arm: vec![],
-/// #     hand: vec![], tip: 0, poses: vec![], allowed_collisions: vec![], grasp_centre: Default::default() };
+/// # let model = proact_arm::ArmModel { name: "none".into(), links: vec![], joints: vec![], arm: vec![],
+/// #     hand: vec![], tip: 0, poses: vec![], allowed_collisions: vec![], grasp_centre: Default::default(),
+/// #     grasp: Default::default() };
 /// let profile = proact_control::Profile::named("default")?;
 /// let method = proact_control::build("D", &profile, &model)?;
 /// assert_eq!(method.name(), "D");

@@ -6,9 +6,8 @@ use crate::{
     JointSubset, MotionCommand, Profile, STEP_SECS,
 };
 use nalgebra::Vector6;
-use proact_types::{
-    ArmModel, Gesture, JointLimits, JointVector, ModeView, PlannerView, SimTime, TargetView, joints, zeros,
-};
+use proact_arm::{ArmModel, JointLimits};
+use proact_types::{Gesture, JointVector, ModeView, PlannerView, SimTime, TargetView, joints, zeros};
 
 /// `/mode` of the first axis; A's joints have the numbers before it.
 const FIRST_MODE: u8 = 7;

@@ -3,10 +3,11 @@ use crate::{
     ControlInput, ControlMethod, ControlOutput, HandCommand, MotionCommand, MotionState, PlanCommand,
     ToggleLocksProfile,
 };
-use nalgebra::{Quaternion, Unit, UnitQuaternion, Vector3};
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use proact_arm::{ArmModel, Chain, ChainPoses};
 use proact_types::{
-    ArmModel, BlockId, EventKind, Gesture, PlanGoal, PlanReply, PlanStatus, PlannerView, Point, Pose,
-    SimTime, TargetView,
+    BlockId, EventKind, Gesture, PlanGoal, PlanReply, PlanStatus, PlannerView, Point, Pose, SimTime,
+    TargetView,
 };
 use std::f64::consts::FRAC_PI_2;
 
@@ -25,8 +26,7 @@ use std::f64::consts::FRAC_PI_2;
 pub struct GazeToggled {
     name: String,
     rules: ToggleLocksProfile,
-    /// The fixed and moving joints from the base to the second arm joint: the original's shoulder point.
-    to_shoulder: Vec<Segment>,
+    chain: Chain,
     gesture: Gesture,
     holds: Option<BlockId>,
     closed: bool,
@@ -36,15 +36,6 @@ pub struct GazeToggled {
     place: Point,
     drive: Drive,
     target: TargetView,
-}
-
-/// A joint on the way to the shoulder.
-#[derive(Clone, Copy, Debug)]
-struct Segment {
-    origin: Pose,
-    axis: Vector3<f64>,
-    /// Position among the arm joints; none if it does not move or stays.
-    joint: Option<usize>,
 }
 
 #[derive(Clone, Debug)]
@@ -59,20 +50,10 @@ enum Drive {
 impl GazeToggled {
     /// A method called `name` for the arm `model`.
     pub fn new(name: &str, rules: ToggleLocksProfile, model: &ArmModel) -> Self {
-        // From the second arm joint back to the base.
-        let mut to_shoulder = Vec::new();
-        let mut next = model.arm.get(1).copied();
-        while let Some(joint) = next.and_then(|index| model.joints.get(index)) {
-            let position = model.arm.iter().position(|&arm| Some(arm) == next);
-            let axis = joint.axis;
-            to_shoulder.push(Segment { origin: joint.origin, axis, joint: position });
-            next = model.joints.iter().position(|other| other.child == joint.parent);
-        }
-        to_shoulder.reverse();
         Self {
             name: name.to_owned(),
             rules,
-            to_shoulder,
+            chain: Chain::new(model),
             gesture: Gesture::NoMotion,
             holds: None,
             closed: false,
@@ -85,15 +66,11 @@ impl GazeToggled {
         }
     }
 
-    /// Origin of the second arm joint's link in `world`.
+    /// Origin of the second arm joint's link in `world`: the original's shoulder point.
     fn shoulder(&self, input: &ControlInput<'_>) -> Point {
-        let turn = |segment: &Segment| {
-            let angle = segment.joint.and_then(|joint| input.measured.get(joint)).copied().unwrap_or(0.0);
-            let axis = Unit::try_new(segment.axis, 1e-12).map_or(Vector3::zeros(), Unit::into_inner);
-            segment.origin * UnitQuaternion::from_scaled_axis(axis * angle)
-        };
-        let base_from_shoulder = self.to_shoulder.iter().fold(Pose::identity(), |pose, s| pose * turn(s));
-        input.world_from_base * base_from_shoulder * Point::origin()
+        let mut poses = ChainPoses::default();
+        self.chain.place(input.measured, &mut poses);
+        input.world_from_base * poses.links.get(1).map_or(Point::origin(), |link| link * Point::origin())
     }
 
     /// The hand's heading by which a two-link arm reaches `point` from `shoulder`; NaN where it does not.

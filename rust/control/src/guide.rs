@@ -5,7 +5,8 @@ use crate::{
     MotionCommand, Profile, STEP_SECS,
 };
 use nalgebra::Vector6;
-use proact_types::{ArmModel, JointLimits, JointVector, PlannerView, Point, SimTime, TargetView, Vector};
+use proact_arm::{ArmModel, JointLimits};
+use proact_types::{JointVector, PlannerView, Point, SimTime, TargetView, Vector};
 
 /// Closer to its goal than this the assistant no longer moves the hand, metres.
 const THERE: f64 = 0.01;

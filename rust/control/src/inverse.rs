@@ -1,8 +1,9 @@
 //! From a displacement of the hand to one of the joints.
 
 use crate::{DampedProfile, JointSubset, MoorePenroseProfile};
-use nalgebra::{DMatrix, Matrix6, Vector3, Vector6};
-use proact_types::{JointLimits, JointVector, zeros};
+use nalgebra::{DMatrix, Vector3, Vector6};
+use proact_arm::{Columns, JointLimits, damped_step};
+use proact_types::JointVector;
 
 /// As far as a joint is looked ahead when a motion is judged by whether it leads into a singularity, seconds.
 const LOOK_AHEAD_SECS: f64 = 0.02;
@@ -135,26 +136,22 @@ impl Damped<'_> {
         commanded: &[f64],
         horizon: f64,
     ) -> Result<JointVector, String> {
-        let mut rows = weighted(jacobian, self.profile.length_m);
+        let rows = weighted(jacobian, self.profile.length_m);
+        let mut columns: Columns =
+            rows.column_iter().map(|column| column.fixed_rows::<6>(0).into_owned()).collect();
         let mut asked = *twist;
         asked.fixed_rows_mut::<3>(0).unscale_mut(self.profile.length_m);
         loop {
-            let mut normal = Matrix6::zeros();
-            normal.copy_from(&(&rows * rows.transpose()));
-            normal += Matrix6::identity() * damping.max(LEAST_DAMPING);
-            let forces = normal.cholesky().map(|factors| factors.solve(&asked));
-            let Some(forces) = forces.filter(|forces| forces.iter().all(|f| f.is_finite())) else {
+            let speeds = damped_step(&columns, &asked, damping.max(LEAST_DAMPING));
+            let Some(speeds) = speeds.filter(|speeds| speeds.iter().all(|speed| speed.is_finite())) else {
                 return Err(NEAR_SINGULAR.to_owned());
             };
-            let mut speeds = zeros(rows.ncols());
             let mut leaves = false;
-            for (joint, speed) in speeds.iter_mut().enumerate() {
-                let column = rows.column(joint);
-                *speed = (0..6).map(|row| column[row] * forces[row]).sum();
+            for (joint, speed) in speeds.iter().enumerate() {
                 let next = commanded[joint] + *speed * horizon;
                 let limits = &self.limits[joint];
                 if (next > limits.upper && *speed > 0.0) || (next < limits.lower && *speed < 0.0) {
-                    rows.column_mut(joint).fill(0.0);
+                    columns[joint].fill(0.0);
                     leaves = true;
                 }
             }

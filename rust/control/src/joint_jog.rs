@@ -4,9 +4,8 @@ use crate::ports::ArmKinematics;
 use crate::{
     ControlError, ControlInput, ControlMethod, ControlOutput, JointSubset, MotionCommand, Profile, STEP_SECS,
 };
-use proact_types::{
-    ArmModel, Gesture, JointLimits, JointVector, ModeView, PlannerView, SimTime, TargetView, joints, zeros,
-};
+use proact_arm::{ArmModel, JointLimits};
+use proact_types::{Gesture, JointVector, ModeView, PlannerView, SimTime, TargetView, joints, zeros};
 
 /// Method A: HO cycles through the joints, WE and WF move the selected one, HC toggles the hand (ProACT,
 /// arXiv:2407.05025, "Direct joint control").

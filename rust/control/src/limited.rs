@@ -1,8 +1,7 @@
 use crate::ports::ArmKinematics;
 use crate::{ControlInput, ControlMethod, ControlOutput, LimiterProfile, MotionCommand, STEP_SECS};
-use proact_types::{
-    ArmModel, JointLimits, JointVector, ModeView, PlannerView, SimTime, TargetView, Trajectory, zeros,
-};
+use proact_arm::{ArmModel, JointLimits};
+use proact_types::{JointVector, ModeView, PlannerView, SimTime, TargetView, Trajectory, zeros};
 
 /// Longest time between two steps that speeds may change for, seconds: a late step must not let the arm jump.
 const LONGEST_STEP_SECS: f64 = 0.02;

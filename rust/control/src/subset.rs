@@ -1,6 +1,7 @@
 use crate::ports::ArmKinematics;
 use crate::{ControlError, ControlInput, ControlMethod, ControlOutput, MotionCommand, Profile, STEP_SECS};
-use proact_types::{ArmModel, JointLimits, ModeView, PlannerView, SimTime, TargetView};
+use proact_arm::{ArmModel, JointLimits};
+use proact_types::{ModeView, PlannerView, SimTime, TargetView};
 
 /// A joint this near its goal has reached it, rad.
 const THERE: f64 = 1e-9;

@@ -11,7 +11,10 @@ namespace {
 // urdfdom hands on the bytes of the file; what is not UTF-8 must not abort the conversion.
 rust::String string(const std::string& text) { return rust::String::lossy(text); }
 
-RawPose pose(const Pose& from) { return RawPose{from.position, from.quaternion}; }
+RawPose pose(const Pose& from) {
+  const auto& [p, q] = from;
+  return RawPose{{p.x, p.y, p.z}, {q.x, q.y, q.z, q.w}};
+}
 
 RawShape shape(const Shape& from) {
   RawShape out;

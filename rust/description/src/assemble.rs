@@ -5,7 +5,8 @@ use crate::{
     semantics::{Group, Member, Semantics},
     tree::Tree,
 };
-use proact_types::{ArmModel, JointKind, MAX_JOINTS, NamedPose, Vector};
+use proact_arm::{ArmModel, JointKind, NamedPose};
+use proact_types::{MAX_JOINTS, Vector};
 
 /// The model, if nothing fatal was found on the way.
 pub(crate) fn assemble(
@@ -34,6 +35,7 @@ pub(crate) fn assemble(
         poses: Vec::new(),
         allowed_collisions: Vec::new(),
         grasp_centre: Vector::zeros(),
+        grasp: Default::default(),
     };
     match semantics {
         Some(semantics) => apply(&mut model, &semantics, findings),
@@ -119,6 +121,7 @@ fn apply(model: &mut ArmModel, semantics: &Semantics, findings: &mut Findings) {
         }
         model.grasp_centre = Vector::from(*centre);
     }
+    model.grasp = semantics.grasp.unwrap_or_default();
 }
 
 /// Arm group, hand group, and the name of the tip link.

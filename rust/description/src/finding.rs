@@ -84,7 +84,7 @@ pub enum DescriptionError {
     },
     /// A name that is looked up does not exist.
     #[error(transparent)]
-    Unknown(#[from] proact_types::ArmModelError),
+    Unknown(#[from] proact_arm::ArmModelError),
 }
 
 fn listed(findings: &[Finding]) -> String {

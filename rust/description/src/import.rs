@@ -5,7 +5,7 @@ use crate::{
     finding::{Findings, Severity},
     sdf, write,
 };
-use proact_types::ArmModel;
+use proact_arm::ArmModel;
 
 /// What [`import`] made.
 #[derive(Clone, Debug)]

@@ -35,7 +35,7 @@ pub use report::{Report, Summary, check};
 pub use write::{to_srdf, to_urdf};
 
 use finding::Findings;
-use proact_types::{ArmModel, Link};
+use proact_arm::{ArmModel, Link};
 use std::path::Path;
 
 /// The MPL right arm, as URDF.
@@ -111,7 +111,7 @@ pub fn load(urdf: &Path, srdf: Option<&Path>) -> Result<ArmModel, DescriptionErr
 /// The part of `model` that hangs on link `base`, with the arm ending at link `tip`.
 ///
 /// Joints of the chain are the arm; those that hang on the tip are the hand; the rest are left out with their
-/// links. Poses, and the grasp centre, stay only if arm, hand and tip are unchanged.
+/// links. Poses, the grasp centre and the grasp stay only if arm, hand and tip are unchanged.
 ///
 /// # Errors
 /// [`DescriptionError::Unknown`] for a link that does not exist, [`DescriptionError::NoChain`] if `tip` does not
@@ -142,7 +142,7 @@ pub fn select_chain(model: &ArmModel, base: &str, tip: &str) -> Result<ArmModel,
         joints.push(joint);
     }
     let moving = |old: &[usize]| -> Vec<usize> { old.iter().map(|&j| new_index(j + 1) - 1).collect() };
-    let revolute = |j: &usize| model.joints[*j].kind == proact_types::JointKind::Revolute;
+    let revolute = |j: &usize| model.joints[*j].kind == proact_arm::JointKind::Revolute;
     let arm: Vec<usize> = path.iter().copied().filter(revolute).collect();
     let hand: Vec<usize> = if tip_index == model.tip {
         model.hand.clone()
@@ -154,6 +154,7 @@ pub fn select_chain(model: &ArmModel, base: &str, tip: &str) -> Result<ArmModel,
         name: model.name.clone(),
         poses: if same { model.poses.clone() } else { Vec::new() },
         grasp_centre: if same { model.grasp_centre } else { proact_types::Vector::zeros() },
+        grasp: if same { model.grasp } else { Default::default() },
         allowed_collisions: model
             .allowed_collisions
             .iter()

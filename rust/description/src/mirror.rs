@@ -97,6 +97,17 @@ fn edit(node: Node<'_, '_>, edits: &mut Vec<(Range<usize>, String)>, findings: &
         }
         "axis" => flip("xyz", [true, false, true]),
         "grasp_centre" => flip("xyz", [false, true, false]),
+        "grasp" => {
+            flip("withdrawal", [false, true, false]);
+            if let Some(value) = node.attribute_node("roll") {
+                edits.push((value.range_value(), negated(value.value())));
+            }
+            // From the other end, so that the smaller one stays first.
+            if let Some(value) = node.attribute_node("roll_range") {
+                let range: Vec<String> = value.value().split_whitespace().rev().map(negated).collect();
+                edits.push((value.range_value(), range.join(" ")));
+            }
+        }
         "mesh" => {
             flip("scale", [false, true, false]);
             if let (None, Some(file)) = (node.attribute("scale"), node.attribute_node("filename")) {

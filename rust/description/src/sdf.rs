@@ -10,10 +10,8 @@ use crate::{
     semantics::{number, vector},
 };
 use nalgebra::{Translation3, UnitQuaternion};
-use proact_types::{
-    CollisionShape, Inertial, Joint, JointKind, JointLimits, Link, Pose, Shape, Vector, Visual,
-    VisualGeometry,
-};
+use proact_arm::{CollisionShape, Inertial, Joint, JointKind, JointLimits, Link, Visual, VisualGeometry};
+use proact_types::{Pose, Shape, Vector};
 use roxmltree::{Document, Node};
 
 /// SDF's way of saying that a joint has no limit, rad.

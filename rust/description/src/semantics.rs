@@ -1,9 +1,12 @@
 //! Reading SRDF: groups, named poses, the pairs of links that may touch, and the grasp centre.
 //!
 //! Debian has no SRDF parser, so the few elements that matter here are read directly. `end_effector` says which
-//! group is the hand, which the arm, and at which link the arm ends. `grasp_centre` is ProACT's own element.
+//! group is the hand, which the arm, and at which link the arm ends. `grasp_centre` and `grasp` are ProACT's
+//! own elements.
 
 use crate::finding::Findings;
+use proact_arm::Grasp;
+use proact_types::Vector;
 use roxmltree::{Document, Node};
 
 /// What an SRDF file says, not yet compared with the URDF.
@@ -14,6 +17,7 @@ pub(crate) struct Semantics {
     pub(crate) states: Vec<State>,
     pub(crate) allowed: Vec<(String, String)>,
     pub(crate) grasp_centre: Option<(String, [f64; 3])>,
+    pub(crate) grasp: Option<Grasp>,
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -90,6 +94,7 @@ pub(crate) fn read(text: &str, findings: &mut Findings) -> Semantics {
                     }
                 }
             }
+            "grasp" => out.grasp = read_grasp(node, findings).or(out.grasp),
             // virtual_joint, passive_joint, link_sphere_approximation: of no meaning here.
             _ => {}
         }
@@ -162,6 +167,49 @@ fn read_state(node: Node<'_, '_>, findings: &mut Findings, out: &mut Semantics) 
 }
 
 /// The attribute called `key`; its lack is an error finding.
+fn read_grasp(node: Node<'_, '_>, findings: &mut Findings) -> Option<Grasp> {
+    let mut numbers = |key: &str, count: usize| {
+        let text = need(node, key, findings)?;
+        let numbers: Option<Vec<f64>> = text.split_whitespace().map(number).collect();
+        let numbers = numbers.filter(|numbers| numbers.len() == count);
+        if numbers.is_none() {
+            findings.error(
+                place(node),
+                format!("{key} cannot be read"),
+                format!("\"{text}\""),
+                format!("{count} finite numbers, radians or metres"),
+                "Write the numbers with spaces between.",
+            );
+        }
+        numbers
+    };
+    let (roll, range) = (numbers("roll", 1)?, numbers("roll_range", 2)?);
+    let (lean, opening) = (numbers("lean", 1)?, numbers("opening", 1)?);
+    let withdrawal = Vector::from_row_slice(&numbers("withdrawal", 3)?);
+    let grasp = Grasp {
+        roll: roll[0],
+        roll_range: [range[0], range[1]],
+        lean: lean[0],
+        opening: opening[0],
+        withdrawal,
+    };
+    let mut demand = |holds: bool, what: &str, got: f64, expected: &str| {
+        if !holds {
+            findings.error(place(node), what, got.to_string(), expected, "Correct the number.");
+        }
+    };
+    demand(
+        range[0] <= roll[0] && roll[0] <= range[1],
+        "roll is out of its range",
+        roll[0],
+        "an angle within roll_range",
+    );
+    demand(grasp.lean >= 0.0, "lean is negative", grasp.lean, "the largest lean, rad");
+    demand(grasp.opening > 0.0, "opening is not positive", grasp.opening, "metres");
+    demand(withdrawal.norm() > 0.0, "withdrawal has no direction", withdrawal.norm(), "a vector");
+    Some(grasp)
+}
+
 fn need(node: Node<'_, '_>, key: &str, findings: &mut Findings) -> Option<String> {
     let value = node.attribute(key).filter(|v| !v.trim().is_empty()).map(str::to_owned);
     if value.is_none() {

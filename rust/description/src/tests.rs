@@ -1,7 +1,7 @@
 //! Bad input and the embedded arm.
 
 use super::*;
-use proact_types::JointKind;
+use proact_arm::JointKind;
 
 #[test]
 fn the_embedded_right_arm_is_read_in_the_order_that_everyone_relies_on() {
@@ -18,6 +18,7 @@ fn the_embedded_right_arm_is_read_in_the_order_that_everyone_relies_on() {
     assert_eq!(names[26], "mpl_right_arm__thumb3");
     assert_eq!(arm.links[arm.tip].name, "mpl_right_arm__wristz_link");
     assert!((arm.grasp_centre - proact_types::Vector::new(0.0145, -0.0825, -0.091)).norm() < 1e-15);
+    assert_eq!(arm.grasp, proact_arm::Grasp::default());
     assert_eq!(arm.joints[0].kind, JointKind::Fixed);
     assert_eq!(arm.pose("arm", "start").unwrap()[0], 1.029);
 }

@@ -11,10 +11,8 @@ use crate::{
     finding::{Findings, joint as joint_place, link as link_place, list},
 };
 use nalgebra::{Matrix3, Quaternion, Translation3, UnitQuaternion};
-use proact_types::{
-    CollisionShape, Inertial, Joint, JointKind, JointLimits, Link, Pose, Shape, Vector, Visual,
-    VisualGeometry,
-};
+use proact_arm::{CollisionShape, Inertial, Joint, JointKind, JointLimits, Link, Visual, VisualGeometry};
+use proact_types::{Pose, Shape, Vector};
 use std::collections::BTreeMap;
 
 /// Below this length, metres or none, an axis has no direction.

@@ -1,7 +1,8 @@
 //! Writing a model as URDF and SRDF text.
 
 use nalgebra::UnitQuaternion;
-use proact_types::{ArmModel, Joint, JointKind, Link, Pose, Shape, VisualGeometry};
+use proact_arm::{ArmModel, Grasp, Joint, JointKind, Link, VisualGeometry};
+use proact_types::{Pose, Shape};
 use std::fmt::Write;
 
 /// Decimals of angles and directions: finer than a double holds near pi, coarse enough to hide the last bits
@@ -26,7 +27,7 @@ pub(crate) fn urdf(name: &str, links: &[Link], joints: &[Joint]) -> String {
     out
 }
 
-/// SRDF text of `model`: groups `arm` and `hand`, poses, pairs that may touch, and the grasp centre.
+/// SRDF text of `model`: groups `arm` and `hand`, poses, pairs that may touch, grasp centre and grasp.
 pub fn to_srdf(model: &ArmModel) -> String {
     let mut out = format!("<?xml version=\"1.0\"?>\n<robot name=\"{}\">\n", escaped(&model.name));
     let tip = escaped(&model.links[model.tip].name);
@@ -47,6 +48,15 @@ pub fn to_srdf(model: &ArmModel) -> String {
     line(
         &mut out,
         format_args!("  <grasp_centre link=\"{tip}\" xyz=\"{}\"/>", exact(model.grasp_centre.as_slice())),
+    );
+    let Grasp { roll, roll_range, lean, opening, withdrawal } = &model.grasp;
+    let (range, withdrawal) = (exact(roll_range), exact(withdrawal.as_slice()));
+    line(
+        &mut out,
+        format_args!(
+            "  <grasp roll=\"{roll}\" roll_range=\"{range}\" lean=\"{lean}\" opening=\"{opening}\" \
+             withdrawal=\"{withdrawal}\"/>"
+        ),
     );
     for pose in &model.poses {
         line(

@@ -206,6 +206,9 @@ fn semantics_that_do_not_fit_the_arm_are_refused() {
         "<grasp_centre link=\"base_link\"",
         &["tip"],
     );
+    refused_srdf("roll=\"0.4468042885105484\"", "roll=\"2\"", &["roll is out of its range", "2"]);
+    refused_srdf("lean=\"0.2617993877991494\"", "lean=\"wide\"", &["lean cannot be read", "wide"]);
+    refused_srdf("opening=\"0.07\"", "", &["opening is missing"]);
     refused_srdf(
         "<group name=\"mpl_arm\">",
         "<group name=\"mpl_arm\"><link name=\"x\"/>",

@@ -2,8 +2,8 @@
 #![allow(clippy::unwrap_used, clippy::disallowed_methods)]
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use proact_arm::{ArmModel, JointKind};
 use proact_description::{Severity, check, import, mpl_right_arm, parse, to_srdf, to_urdf};
-use proact_types::{ArmModel, JointKind};
 use std::path::PathBuf;
 
 /// The SDF file rounds poses to six digits.
@@ -184,7 +184,7 @@ fn a_written_arm_is_read_back_as_it_was() {
     let again = parse(&to_urdf(&model), &to_srdf(&model)).unwrap();
     assert_eq!((&again.links.len(), &again.arm, &again.hand), (&model.links.len(), &model.arm, &model.hand));
     assert_eq!((&again.poses, &again.allowed_collisions), (&model.poses, &model.allowed_collisions));
-    assert_eq!(again.grasp_centre, model.grasp_centre);
+    assert_eq!((again.grasp_centre, again.grasp), (model.grasp_centre, model.grasp));
     for (a, b) in again.joints.iter().zip(&model.joints) {
         assert_eq!((&a.name, a.limits, a.axis), (&b.name, b.limits, b.axis));
         assert!(

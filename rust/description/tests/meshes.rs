@@ -11,7 +11,7 @@ mod hand;
 #[path = "../examples/make_meshes/solid.rs"]
 mod solid;
 
-use proact_types::VisualGeometry;
+use proact_arm::VisualGeometry;
 use std::{collections::BTreeSet, path::PathBuf};
 
 /// Most bytes that all meshes together may have: they travel to every page that opens.

@@ -1,31 +1,15 @@
 //! The left arm is the right arm in the mirror.
 #![allow(clippy::unwrap_used)]
 
-use nalgebra::{Isometry3, Matrix4, Translation3, UnitQuaternion, Vector4};
+use nalgebra::{Matrix4, Vector3, Vector4};
+use proact_arm::VisualGeometry;
 use proact_description::{
     MPL_LEFT_ARM_SRDF, MPL_LEFT_ARM_URDF, MPL_RIGHT_ARM_URDF, mirror, mpl_left_arm, mpl_right_arm,
 };
-use proact_types::{ArmModel, VisualGeometry};
 use proptest::prelude::*;
 
 /// Sums of a few dozen products of numbers below one.
 const TOLERANCE: f64 = 1e-14;
-
-/// `base_from_link` of every link, with one angle per moving joint: the textbook recursion, on its own.
-fn forward(model: &ArmModel, angles: &[f64]) -> Vec<Isometry3<f64>> {
-    let mut angle_of = vec![0.0; model.joints.len()];
-    for (joint, angle) in model.moving().zip(angles) {
-        angle_of[joint] = *angle;
-    }
-    let mut base_from = vec![Isometry3::identity()];
-    for (k, joint) in model.joints.iter().enumerate() {
-        let turn = UnitQuaternion::from_scaled_axis(joint.axis * angle_of[k]);
-        base_from.push(
-            base_from[joint.parent] * joint.origin * Isometry3::from_parts(Translation3::identity(), turn),
-        );
-    }
-    base_from
-}
 
 fn reflection() -> Matrix4<f64> {
     Matrix4::from_diagonal(&Vector4::new(1.0, -1.0, 1.0, 1.0))
@@ -45,7 +29,7 @@ proptest! {
                 limits.lower + share * (limits.upper - limits.lower)
             })
             .collect();
-        for (r, l) in forward(&right, &angles).iter().zip(forward(&left, &angles)) {
+        for (r, l) in right.link_poses(&angles).iter().zip(left.link_poses(&angles)) {
             let expected = reflection() * r.to_homogeneous() * reflection();
             prop_assert!((expected - l.to_homogeneous()).amax() < TOLERANCE);
         }
@@ -68,6 +52,10 @@ fn mass_limits_and_poses_stay_while_inertia_shapes_and_grasp_centre_are_mirrored
     assert_eq!(left.poses, right.poses);
     assert_eq!(left.allowed_collisions, right.allowed_collisions);
     assert_eq!(left.grasp_centre.y, -right.grasp_centre.y);
+    let [low, high] = right.grasp.roll_range;
+    assert_eq!((left.grasp.roll, left.grasp.roll_range), (-right.grasp.roll, [-high, -low]));
+    let withdrawal = right.grasp.withdrawal;
+    assert_eq!(left.grasp.withdrawal, Vector3::new(withdrawal.x, -withdrawal.y, withdrawal.z));
     for (l, r) in left.joints.iter().zip(&right.joints) {
         assert_eq!(l.limits, r.limits);
     }

@@ -11,12 +11,9 @@ namespace {
 
 Vec3 to_vec(const double* v) { return {v[0], v[1], v[2]}; }
 
-Pose to_pose(In p) { return {to_vec(p.data()), {p[3], p[4], p[5], p[6]}}; }
-
 void write(const Pose& pose, double* out) {
-  const auto& [p, q] = pose;
-  const double numbers[7] = {p.x, p.y, p.z, q.x, q.y, q.z, q.w};
-  std::copy(std::begin(numbers), std::end(numbers), out);
+  const std::array<double, 7> numbers = numbers_of(pose);
+  std::copy(numbers.begin(), numbers.end(), out);
 }
 
 void write(const Vec3& v, double* out) {
@@ -43,7 +40,7 @@ std::unique_ptr<Model> new_model(const Settings& settings, In world_from_base) {
   options.merge_carried = settings.merge_carried;
   options.base_speed = settings.base_speed;
   options.base_turn_speed = settings.base_turn_speed;
-  model->world_from_base = to_pose(world_from_base);
+  model->world_from_base = pose_of(world_from_base);
   return model;
 }
 
@@ -51,17 +48,17 @@ void add_link(Model& model, rust::Str name, double mass, In inertial, In inertia
   Link link;
   link.name = std::string(name);
   link.mass = mass;
-  link.inertial = to_pose(inertial);
+  link.inertial = pose_of(inertial);
   std::copy(inertia.begin(), inertia.end(), link.inertia.begin());
   model.links.push_back(link);
 }
 
 void add_collision(Model& model, ShapeKind kind, In size, In pose) {
-  model.links.back().collisions.push_back({to_pose(pose), to_shape(kind, size)});
+  model.links.back().collisions.push_back({pose_of(pose), to_shape(kind, size)});
 }
 
 void add_joint(Model& model, rust::Str name, JointKind kind, std::size_t parent, In origin, In axis, In numbers) {
-  model.joints.push_back({std::string(name), kind, parent, to_pose(origin), to_vec(axis.data()), numbers[0],
+  model.joints.push_back({std::string(name), kind, parent, pose_of(origin), to_vec(axis.data()), numbers[0],
                           numbers[1], numbers[2], numbers[3], numbers[4], numbers[5], numbers[6], numbers[7]});
 }
 
@@ -72,18 +69,18 @@ void set_moving(Model& model, rust::Slice<const std::size_t> joints, std::size_t
 }
 
 void add_fixed(Model& model, rust::Str name, ShapeKind kind, In size, In pose, double friction) {
-  model.fixed.push_back({std::string(name), to_shape(kind, size), to_pose(pose), friction});
+  model.fixed.push_back({std::string(name), to_shape(kind, size), pose_of(pose), friction});
 }
 
 void add_block(Model& model, rust::Str name, ShapeKind kind, In size, In pose, In numbers) {
   model.blocks.push_back(
-      {std::string(name), to_shape(kind, size), numbers[0], numbers[1], numbers[2], to_pose(pose)});
+      {std::string(name), to_shape(kind, size), numbers[0], numbers[1], numbers[2], pose_of(pose)});
 }
 
 std::unique_ptr<World> new_world(const Model& model) { return std::make_unique<World>(model); }
 
 void step_world(World& world, In position, In velocity, In world_from_base) {
-  world.step(position.data(), velocity.data(), to_pose(world_from_base));
+  world.step(position.data(), velocity.data(), pose_of(world_from_base));
 }
 
 void read_joints(const World& world, Out position, Out velocity, Out effort) {

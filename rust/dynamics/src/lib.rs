@@ -18,7 +18,7 @@
 //! reports no effort; a base pose takes the arm along whatever stands in the way.
 //!
 //! ```no_run
-//! # fn example(model: &proact_types::ArmModel, scene: &proact_types::Scene, start: &[f64]) -> Result<(), proact_testbed::ports::PlantError> {
+//! # fn example(model: &proact_arm::ArmModel, scene: &proact_types::Scene, start: &[f64]) -> Result<(), proact_testbed::ports::PlantError> {
 //! use proact_dynamics::{DynamicsOptions, OdePlant};
 //! use proact_testbed::ports::Plant;
 //! use proact_types::{PlantCommand, Pose, joints, zeros};

@@ -2,13 +2,13 @@ use crate::bridge::ffi;
 use crate::gains;
 use crate::snapshot::{Snapshot, fingerprint};
 use arrayvec::ArrayVec;
+use proact_arm::{ArmModel, JointKind};
 use proact_testbed::{
     Engine, JointControl, MassSet, PhysicsConfig,
     ports::{Plant, PlantError},
 };
 use proact_types::{
-    ArmModel, BodyState, Contact, JointKind, PlantCommand, PlantState, Point, Pose, Scene, Shape, Vector,
-    joints, zeros,
+    BodyState, Contact, PlantCommand, PlantState, Point, Pose, Scene, Shape, Vector, joints, zeros,
 };
 
 /// How the equations of a tick are solved.

@@ -6,10 +6,11 @@
 mod common;
 
 use common::{START, bare_table, grasp_base, positions, standing, stay, still};
+use proact_arm::ArmModel;
 use proact_dynamics::{DynamicsOptions, Engine, OdePlant};
 use proact_kinematics::Kinematics;
 use proact_testbed::ports::Plant;
-use proact_types::{ArmModel, BlockId, Point, Scene, Vector, zeros};
+use proact_types::{BlockId, Point, Scene, Vector, zeros};
 
 /// The arm without damping, friction, stops and motors.
 fn limp(mut model: ArmModel, damping: f64) -> ArmModel {

@@ -6,9 +6,10 @@
 mod common;
 
 use common::{START, bare_table, box_scene, plant, plant_at, positions, standing, stay, still};
+use proact_arm::ArmModel;
 use proact_dynamics::{DynamicsOptions, MassSet, OdePlant, Solver};
 use proact_testbed::ports::{Plant, PlantError};
-use proact_types::{ArmModel, BlockId, Scene};
+use proact_types::{BlockId, Scene};
 
 fn arm() -> (ArmModel, Vec<f64>) {
     let model = proact_description::mpl_right_arm();

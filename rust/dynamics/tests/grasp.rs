@@ -9,9 +9,10 @@ use common::{
     HEIGHT, START, TABLE, bare_table, close_until_held, grasp_base, move_hand, plant_at, positions, run,
     standing, stay,
 };
+use proact_arm::ArmModel;
 use proact_dynamics::OdePlant;
 use proact_testbed::ports::Plant;
-use proact_types::{ArmModel, BlockId, PlantCommand, Pose};
+use proact_types::{BlockId, PlantCommand, Pose};
 
 /// The hand around a block that stands at the origin, open.
 fn hand_around_a_block(model: &ArmModel) -> (OdePlant, Pose) {

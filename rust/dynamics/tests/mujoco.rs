@@ -8,9 +8,10 @@
 mod common;
 
 use common::{START, bare_table, plant_at, positions, stay, still};
+use proact_arm::ArmModel;
 use proact_dynamics::{DynamicsOptions, Engine, OdePlant};
 use proact_testbed::ports::Plant;
-use proact_types::{ArmModel, PlantCommand, Scene};
+use proact_types::{PlantCommand, Scene};
 use serde_json::{Value, json};
 use std::{
     f64::consts::{PI, TAU},

@@ -8,11 +8,11 @@ mod common;
 
 use common::{START, bare_table, box_scene, grasp_base, move_hand, plant_at, positions, standing};
 use nalgebra::{Quaternion, UnitQuaternion};
+use proact_arm::{ArmModel, Inertial, Joint, JointKind, JointLimits, Link};
 use proact_dynamics::{DynamicsOptions, Engine, OdePlant};
 use proact_testbed::ports::Plant;
 use proact_types::{
-    ArmModel, Block, BlockId, Inertial, Joint, JointKind, JointLimits, Link, PlantCommand, PlantState, Pose,
-    Scene, SceneObject, Shape, Vector, zeros,
+    Block, BlockId, PlantCommand, PlantState, Pose, Scene, SceneObject, Shape, Vector, zeros,
 };
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -54,6 +54,8 @@ fn compile(name: &str, core: &[PathBuf]) -> PathBuf {
         .arg(root.join("cpp/dynamics/include"))
         .arg("-I")
         .arg(root.join("cpp/dynamics/src"))
+        .arg("-I")
+        .arg(root.join("cpp/common/include"))
         .arg(root.join("tests/side_by_side/dynamics").join(name).with_extension("cpp"))
         .args(core)
         .args(["-lode", "-o"])
@@ -120,6 +122,7 @@ fn chain() -> ArmModel {
         poses: vec![],
         allowed_collisions: vec![],
         grasp_centre: Vector::zeros(),
+        grasp: Default::default(),
     }
 }
 

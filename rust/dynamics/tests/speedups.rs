@@ -9,9 +9,10 @@ mod common;
 use common::{
     START, bare_table, box_scene, grasp_base, move_hand, plant_with, positions, run, standing, stay, still,
 };
+use proact_arm::ArmModel;
 use proact_dynamics::{DynamicsOptions, Engine, OdePlant, Solver};
 use proact_testbed::ports::Plant;
-use proact_types::{ArmModel, BlockId, PlantState, Point};
+use proact_types::{BlockId, PlantState, Point};
 
 /// The hand closes on a block, takes it, lifts it by 0.1 m and holds it, beside a block that rests.
 fn take(options: DynamicsOptions) -> PlantState {

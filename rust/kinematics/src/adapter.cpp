@@ -11,14 +11,6 @@ namespace proact::kinematics {
 
 namespace {
 
-Pose from_raw(const Seven& raw) { return {{raw[0], raw[1], raw[2]}, {raw[3], raw[4], raw[5], raw[6]}}; }
-
-template <typename Out>
-void to_raw(const Pose& pose, Out out) {
-  std::copy(pose.quaternion.begin(), pose.quaternion.end(),
-            std::copy(pose.position.begin(), pose.position.end(), out));
-}
-
 ArmDescription from_raw(const RawArm& raw) {
   ArmDescription arm;
   for (const RawLink& link : raw.links) {
@@ -27,11 +19,11 @@ ArmDescription from_raw(const RawArm& raw) {
     description.parent = link.parent;
     description.joint = std::string(link.joint);
     description.kind = link.kind;
-    description.origin = from_raw(link.origin);
+    description.origin = pose_of(link.origin);
     description.axis = link.axis;
     description.lower = link.lower;
     description.upper = link.upper;
-    description.inertial = {link.mass, from_raw(link.inertial_pose), link.inertia};
+    description.inertial = {link.mass, pose_of(link.inertial_pose), link.inertia};
     arm.links.push_back(description);
   }
   arm.moving.assign(raw.moving.begin(), raw.moving.end());
@@ -53,7 +45,7 @@ std::unique_ptr<Arm> new_arm(const RawArm& description) { return std::make_uniqu
 
 std::size_t chain_joint_count(const Arm& arm) { return arm.chain_joint_count(); }
 
-void forward(Arm& arm, rust::Slice<const double> q, Seven& pose) { to_raw(arm.forward(q.data()), pose.begin()); }
+void forward(Arm& arm, rust::Slice<const double> q, Seven& pose) { pose = numbers_of(arm.forward(q.data())); }
 
 void jacobian(Arm& arm, rust::Slice<const double> q, rust::Slice<double> out) {
   arm.jacobian(q.data(), out.data());
@@ -68,8 +60,8 @@ void link_poses(Arm& arm, rust::Slice<const double> q, rust::Slice<double> out) 
   arm.link_poses(q.data(), poses.data());
   double* next = out.data();
   for (const Pose& pose : poses) {
-    to_raw(pose, next);
-    next += 7;
+    const Seven numbers = numbers_of(pose);
+    next = std::copy(numbers.begin(), numbers.end(), next);
   }
 }
 
@@ -80,17 +72,17 @@ void inverse_dynamics(Arm& arm, rust::Slice<const double> q, rust::Slice<const d
 }
 
 void carry(Arm& arm, double mass, const Seven& pose, const std::array<double, 6>& inertia) {
-  arm.carry(Inertial{mass, from_raw(pose), inertia});
+  arm.carry(Inertial{mass, pose_of(pose), inertia});
 }
 
 void carry_nothing(Arm& arm) { arm.carry(std::nullopt); }
 
 bool inverse(Arm& arm, const Seven& target, rust::Slice<const double> seed, rust::Slice<double> out) {
-  return arm.inverse(from_raw(target), seed.data(), out.data());
+  return arm.inverse(pose_of(target), seed.data(), out.data());
 }
 
 rust::Vec<double> inverse_all(Arm& arm, const Seven& target, std::size_t starts, std::uint64_t random_seed) {
-  return to_raw(arm.inverse_all(from_raw(target), starts, random_seed));
+  return to_raw(arm.inverse_all(pose_of(target), starts, random_seed));
 }
 
 rust::Vec<double> time_raw_kdl(const RawArm& description, rust::Slice<const double> q, std::size_t count) {

@@ -1,7 +1,8 @@
 use crate::Kinematics;
 use nalgebra::Rotation3;
+use proact_arm::{ArmModel, Inertial};
 use proact_control::ports::KinematicsError;
-use proact_types::{ArmModel, Inertial, JointVector, Pose, Vector, zeros};
+use proact_types::{JointVector, Pose, Vector, zeros};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::f64::consts::TAU;

@@ -1,7 +1,8 @@
 use crate::bridge::ffi;
 use nalgebra::{DMatrix, Quaternion, Translation3, UnitQuaternion};
+use proact_arm::{ArmModel, Inertial, JointKind};
 use proact_control::ports::{ArmKinematics, IkOutcome, KinematicsError};
-use proact_types::{ArmModel, Inertial, JointKind, JointVector, Pose, Vector, joints, zeros};
+use proact_types::{JointVector, Pose, Vector, joints, zeros};
 
 /// KDL's chain, tree and solvers for one arm.
 ///
@@ -13,7 +14,7 @@ use proact_types::{ArmModel, Inertial, JointKind, JointVector, Pose, Vector, joi
 /// chain get wrong poses (7,358 of 400,000 in a measurement on KDL 1.5.1). Make one per thread.
 ///
 /// ```no_run
-/// # fn demo(model: &proact_types::ArmModel) -> Result<(), Box<dyn std::error::Error>> {
+/// # fn demo(model: &proact_arm::ArmModel) -> Result<(), Box<dyn std::error::Error>> {
 /// use proact_kinematics::{ArmKinematics, Kinematics};
 /// let mut kinematics = Kinematics::new(model)?;
 /// let base_from_tip = kinematics.forward(&[0.0, 0.3, 0.0, 1.2, 0.0, 0.0, 0.0])?;

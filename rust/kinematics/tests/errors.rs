@@ -1,8 +1,9 @@
 //! Every way of being refused, and what the message says; and that nothing is left half done.
 
 use nalgebra::DMatrix;
+use proact_arm::{ArmModel, Inertial};
 use proact_kinematics::{ArmKinematics, Kinematics, KinematicsError, time_raw_kdl};
-use proact_types::{ArmModel, Inertial, Pose, Vector, zeros};
+use proact_types::{Pose, Vector, zeros};
 
 fn model() -> ArmModel {
     proact_description::mpl_right_arm()

@@ -1,8 +1,9 @@
 //! Properties of the MPL arm that hold whatever the numbers, and a few places known from elsewhere.
 
 use nalgebra::{DMatrix, DVector};
+use proact_arm::{ArmModel, Inertial};
 use proact_kinematics::{ArmKinematics, IkOutcome, Kinematics};
-use proact_types::{ArmModel, Inertial, JointVector, Pose, Vector, joints, zeros};
+use proact_types::{JointVector, Pose, Vector, joints, zeros};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 

@@ -1,8 +1,9 @@
 //! Our answers beside those of a pure C++ program on raw KDL, which builds its own tree from the URDF text.
 #![allow(clippy::disallowed_methods)] // the test compiles and runs a program
 
+use proact_arm::ArmModel;
 use proact_kinematics::{ArmKinematics, Kinematics};
-use proact_types::{ArmModel, Vector};
+use proact_types::Vector;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::fmt::Write as _;

@@ -11,9 +11,8 @@ use attitude::Attitude;
 use limb::Limb;
 use modes::ModeCycle;
 use movement::Movements;
-use proact_types::{
-    ArmModel, BlockId, DisplayFrame, Gesture, HandState, Intention, Point, Scene, SimTime, Vector,
-};
+use proact_arm::ArmModel;
+use proact_types::{BlockId, DisplayFrame, Gesture, HandState, Intention, Point, Scene, SimTime, Vector};
 use pulse::Pulse;
 use situation::{Aim, Situation};
 use std::sync::Arc;

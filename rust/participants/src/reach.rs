@@ -4,8 +4,9 @@
 mod ways;
 
 use arrayvec::ArrayVec;
-use nalgebra::{DMatrix, DVector, Translation3, Unit, UnitQuaternion};
-use proact_types::{ArmModel, JointVector, Point, Pose, Shape, Vector};
+use nalgebra::{UnitQuaternion, Vector6};
+use proact_arm::{ArmModel, Chain, ChainPoses, damped_step, upright_axis};
+use proact_types::{JointVector, Point, Pose, Shape, Vector};
 use std::sync::Arc;
 
 pub(crate) use ways::{Conditions, Turn, back_is_shorter, made};
@@ -72,6 +73,7 @@ impl HandGoal {
 #[derive(Clone, Debug)]
 pub(crate) struct ArmSense {
     model: Arc<ArmModel>,
+    chain: Chain,
     forearm: Vec<Bulge>,
 }
 
@@ -97,8 +99,8 @@ pub(crate) struct Stance {
 
 impl ArmSense {
     pub(crate) fn new(model: Arc<ArmModel>) -> Self {
-        let forearm = bulges(&model);
-        Self { model, forearm }
+        let (chain, forearm) = (Chain::new(&model), bulges(&model));
+        Self { model, chain, forearm }
     }
 
     /// Where a grasped block's middle is, in the tip's frame.
@@ -106,107 +108,59 @@ impl ArmSense {
         Point::from(self.model.grasp_centre)
     }
 
-    /// `base_from_tip` at the arm angles `q`, and point and axis of each joint, in the base.
-    fn chain(&self, q: &[f64]) -> (Pose, Vec<(Point, Vector)>) {
-        let mut axes = vec![(Point::origin(), Vector::zeros()); q.len()];
-        let tip = self.walk(q, |k, axis, pose| {
-            axes[k] = (Point::from(pose.translation.vector), pose.rotation * axis);
-        });
-        (tip, axes)
+    /// The axis of the tip's frame that is up when the fingers close around a standing block; unit length.
+    pub(crate) fn grasp_axis(&self) -> Vector {
+        upright_axis(self.model.grasp.roll, 0.0)
     }
 
     /// How the arm stands at the angles `q`.
     pub(crate) fn stance(&self, q: &[f64]) -> Stance {
-        let mut forearm = ArrayVec::new();
-        let tip = self.walk(q, |k, axis, pose| {
-            let turn = UnitQuaternion::from_axis_angle(&Unit::new_normalize(*axis), q[k]);
-            let link = pose * Pose::from_parts(Translation3::identity(), turn);
-            let of_link = self.forearm.iter().filter(|bulge| bulge.joint == k);
-            forearm.extend(of_link.map(|bulge| (link * bulge.at, bulge.radius)));
-        });
-        Stance { tip, forearm }
+        let mut poses = ChainPoses::default();
+        self.chain.place(q, &mut poses);
+        let place = |bulge: &Bulge| (poses.links[bulge.joint] * bulge.at, bulge.radius);
+        Stance { tip: poses.tip, forearm: self.forearm.iter().map(place).collect() }
     }
 
-    /// Goes from the base to the tip; `at` is told each arm joint's position, axis in its own frame, and that frame in
-    /// the base before it turns. Answers `base_from_tip`.
-    fn walk(&self, q: &[f64], mut at: impl FnMut(usize, &Vector, &Pose)) -> Pose {
-        // Links of the way from the base to the tip; joint `link - 1` moves `link`.
-        let mut links = Vec::with_capacity(16);
-        let mut link = self.model.tip;
-        while link > 0 {
-            links.push(link - 1);
-            link = self.model.joints[link - 1].parent;
-        }
-        let mut pose = Pose::identity();
-        for &joint in links.iter().rev() {
-            let described = &self.model.joints[joint];
-            pose *= described.origin;
-            let Some(k) = self.model.arm.iter().position(|&j| j == joint) else { continue };
-            at(k, &described.axis, &pose);
-            let turn = UnitQuaternion::from_axis_angle(&Unit::new_normalize(described.axis), q[k]);
-            pose *= Pose::from_parts(Translation3::identity(), turn);
-        }
-        pose
-    }
-
-    /// Where the joints and tips of the fingers are in the tip's frame at the angles `moving` of all joints.
+    /// Where bones, joints and tips of the fingers are in the tip's frame at the angles `moving` of all joints.
     pub(crate) fn fingers(&self, moving: &[f64]) -> Vec<Point> {
-        let mut poses: Vec<Option<Pose>> = vec![None; self.model.links.len()];
-        poses[self.model.tip] = Some(Pose::identity());
-        let mut points = Vec::new();
-        for (k, joint) in self.model.joints.iter().enumerate() {
-            let Some(parent) = poses[joint.parent] else { continue };
-            let angle = self.model.moving().position(|j| j == k).and_then(|at| moving.get(at));
-            let axis = Unit::new_normalize(joint.axis);
-            let turn =
-                angle.map_or(UnitQuaternion::identity(), |a| UnitQuaternion::from_axis_angle(&axis, *a));
-            let pose = parent * joint.origin * Pose::from_parts(Translation3::identity(), turn);
-            poses[joint.child] = Some(pose);
-            let at = pose.translation.vector;
-            // The middle of a bone counts too; a finger's joints lie one behind the other.
-            points.push(Point::from((at + parent.translation.vector) / 2.0));
-            points.push(Point::from(at));
-            // The last link of a finger is a little shorter than the one before it.
-            if !self.model.joints.iter().any(|next| next.parent == joint.child) {
-                points.push(Point::from(at + (at - parent.translation.vector) * 0.8));
-            }
-        }
-        points
+        self.model.finger_points(moving)
     }
 
     /// `base_from_tip` at the arm angles `q`.
     pub(crate) fn forward(&self, q: &[f64]) -> Pose {
-        self.walk(q, |_, _, _| ())
+        self.chain.forward(q)
     }
 
     /// Arm angles near `from` that bring the hand toward the goal by turning the joints of the set `moved` alone.
     pub(crate) fn inverse(&self, from: &[f64], goal: &HandGoal, moved: u32) -> JointVector {
-        let limits: Vec<_> = self.model.arm.iter().map(|&j| self.model.joints[j].limits).collect();
         let mut q: JointVector = from.iter().copied().collect();
+        let mut poses = ChainPoses::default();
         for _ in 0..STEPS {
-            let (pose, axes) = self.chain(&q);
-            let point = pose * goal.point;
-            let axis = pose.rotation * goal.axis;
+            self.chain.place(&q, &mut poses);
+            let point = poses.tip * goal.point;
+            let axis = poses.tip.rotation * goal.axis;
             let off = goal.target - point;
             let tilt = match &goal.attitude {
-                Some(wanted) => (wanted * pose.rotation.inverse()).scaled_axis(),
+                Some(wanted) => (wanted * poses.tip.rotation.inverse()).scaled_axis(),
                 None => axis.cross(&goal.up),
             } * TILT_WEIGHT;
-            let error = DVector::from_iterator(6, off.iter().chain(tilt.iter()).copied());
-            let mut jacobian = DMatrix::zeros(6, q.len());
-            for (k, (origin, about)) in axes.iter().enumerate().filter(|(k, _)| moved >> k & 1 == 1) {
-                jacobian.fixed_view_mut::<3, 1>(0, k).copy_from(&about.cross(&(point - origin)));
+            let error = Vector6::from_iterator(off.iter().chain(tilt.iter()).copied());
+            let mut columns = self.chain.jacobian(&poses, &point);
+            for (k, column) in columns.iter_mut().enumerate() {
+                if moved >> k & 1 == 0 {
+                    column.fill(0.0);
+                    continue;
+                }
+                let about: Vector = column.fixed_rows::<3>(3).into();
                 let leans = match goal.attitude {
-                    Some(_) => *about,
+                    Some(_) => about,
                     None => goal.up.cross(&about.cross(&axis)),
                 } * TILT_WEIGHT;
-                jacobian.fixed_view_mut::<3, 1>(3, k).copy_from(&leans);
+                column.fixed_rows_mut::<3>(3).copy_from(&leans);
             }
-            let square = &jacobian * jacobian.transpose() + DMatrix::identity(6, 6) * (DAMPING * DAMPING);
-            let Some(solved) = square.cholesky().map(|c| c.solve(&error)) else { break };
-            let step = jacobian.transpose() * solved;
+            let Some(step) = damped_step(&columns, &error, DAMPING * DAMPING) else { break };
             let mut longest = 0.0_f64;
-            for (k, limits) in limits.iter().enumerate() {
+            for (k, limits) in self.chain.limits().iter().enumerate() {
                 let next = (q[k] + step[k].clamp(-STEP_MAX, STEP_MAX)).clamp(limits.lower, limits.upper);
                 longest = longest.max((next - q[k]).abs());
                 q[k] = next;
@@ -242,45 +196,15 @@ fn bulges(model: &ArmModel) -> Vec<Bulge> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proact_types::{CollisionShape, Joint, JointKind, JointLimits, Link};
+    use proact_arm::{CollisionShape, Joint, Link, doubles::three_joints};
 
-    /// Three joints about z, y, y with links of 0.3 m along x.
     pub(super) fn arm() -> ArmSense {
-        let link =
-            |k: usize| Link { name: format!("l{k}"), inertial: None, collisions: vec![], visuals: vec![] };
-        let joint = |k: usize, axis: Vector| Joint {
-            name: format!("j{k}"),
-            kind: JointKind::Revolute,
-            parent: k,
-            child: k + 1,
-            origin: Pose::translation(if k == 0 { 0.0 } else { 0.3 }, 0.0, 0.0),
-            axis,
-            limits: JointLimits { lower: -2.0, upper: 2.0, velocity: 1.0, effort: 1.0 },
-            damping: 0.0,
-            friction: 0.0,
-        };
-        ArmSense::new(Arc::new(ArmModel {
-            name: "arm".into(),
-            links: (0..4).map(link).collect(),
-            joints: vec![joint(0, Vector::z()), joint(1, Vector::y()), joint(2, Vector::y())],
-            arm: vec![0, 1, 2],
-            hand: vec![],
-            tip: 3,
-            poses: vec![],
-            allowed_collisions: vec![],
-            grasp_centre: Vector::zeros(),
-        }))
-    }
-
-    #[test]
-    fn the_hand_is_where_trigonometry_says() {
-        let pose = arm().forward(&[std::f64::consts::FRAC_PI_2, 0.0, 0.5]);
-        assert!((pose.translation.vector - Vector::new(0.0, 0.6, 0.0)).norm() < 1e-12, "{pose}");
+        ArmSense::new(Arc::new(three_joints()))
     }
 
     #[test]
     fn forearm_and_wrist_are_where_the_joints_take_them_and_the_hand_is_not_among_them() {
-        let mut model = (*arm().model).clone();
+        let mut model = three_joints();
         let tube = |length: f64| CollisionShape {
             pose: Pose::rotation(Vector::y() * std::f64::consts::FRAC_PI_2)
                 * Pose::translation(0.0, 0.0, 0.1),

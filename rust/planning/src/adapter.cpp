@@ -11,10 +11,6 @@ namespace proact::planning {
 
 namespace {
 
-Pose pose_of(const std::array<double, 7>& row) {
-  return {{row[0], row[1], row[2]}, {row[3], row[4], row[5], row[6]}};
-}
-
 PlacedShape placed_of(const ShapeRow& row) {
   return {{row.kind, row.size, nullptr}, pose_of(row.pose)};
 }

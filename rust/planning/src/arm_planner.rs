@@ -10,10 +10,9 @@ use crate::problem::Problem;
 use crate::smoothing::Smoother;
 use crate::ways::WaysToGoal;
 use crate::{CancelFlag, MeshObstacle, PlannerOptions, PlanningError, Roadmap, SearchEffort};
+use proact_arm::ArmModel;
 use proact_control::ports::ArmKinematics;
-use proact_types::{
-    ArmModel, AttachedObject, Obstacle, PlanReply, PlanRequest, PlanStatus, Pose, Trajectory,
-};
+use proact_types::{AttachedObject, Obstacle, PlanReply, PlanRequest, PlanStatus, Pose, Trajectory};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -53,8 +52,8 @@ impl ArmPlanner {
         let context = PlanningContext::new(model, kinematics, options)?;
         Ok(Self {
             leaving: Leaving::new(&context.options),
-            ways: WaysToGoal::new(&context.options),
-            intermediate: Intermediate::new(&context.options),
+            ways: WaysToGoal::new(&context.model.grasp, &context.options),
+            intermediate: Intermediate::new(&context.model.grasp, &context.options),
             smoother: Smoother::new(&context.model, &context.options),
             effort: PlanEffort::default(),
             context,

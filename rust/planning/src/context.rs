@@ -1,13 +1,13 @@
 //! What all parts of the planner work with: the arm, the scene about it, the room to keep, and whether to go on.
 
-use crate::chain::Chain;
 use crate::effort::StageCell;
 use crate::failure::Failure;
 use crate::problem::Problem;
 use crate::reach::Limits;
 use crate::{CancelFlag, CollisionScene, MeshObstacle, PlannerOptions, PlanningError, SearchLimits};
+use proact_arm::{ArmModel, Chain, JointLimits};
 use proact_control::ports::ArmKinematics;
-use proact_types::{ArmModel, AttachedObject, Obstacle, Pose};
+use proact_types::{AttachedObject, Obstacle, Pose};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use std::sync::Arc;
@@ -17,6 +17,8 @@ use std::time::Instant;
 pub(crate) struct PlanningContext {
     pub model: Arc<ArmModel>,
     pub kinematics: Box<dyn ArmKinematics + Send>,
+    /// Searching for arm angles asks for its pose and Jacobian some ten thousand times a plan, without a call into a
+    /// library.
     pub chain: Chain,
     pub scene: CollisionScene,
     pub limits: Limits,
@@ -53,6 +55,8 @@ pub(crate) enum Room {
 const BATCHES: [usize; 3] = [3, 6, 35];
 /// Room of the last attempt, metres: what rounding and the search for arm angles may stray.
 const NEXT_TO_NONE: f64 = 2e-5;
+/// Largest difference between the planner's chain and the kinematics library that is rounding, metres and rad.
+const AGREEMENT: f64 = 1e-9;
 /// Finest half step between checked states, metres.
 const SMALLEST_HALF_STEP: f64 = 0.00025;
 
@@ -86,10 +90,9 @@ impl PlanningContext {
                 expected: model.arm.len(),
             });
         }
-        let chain = Chain::new(&model, &mut *kinematics)?;
-        let arm = || model.arm.iter().map(|&j| &model.joints[j].limits);
-        let limits =
-            Limits { lower: arm().map(|l| l.lower).collect(), upper: arm().map(|l| l.upper).collect() };
+        let chain = Chain::new(&model);
+        let limits = Limits(chain.limits().to_vec());
+        check_kinematics(&chain, &limits, &mut *kinematics)?;
         let [attempt, ..] = Attempt::all(&options);
         Ok(Self {
             model,
@@ -180,9 +183,27 @@ impl PlanningContext {
         let mut unit = || (random.next_u64() >> 11) as f64 / (1_u64 << 53) as f64;
         let mut postures = vec![from.to_vec()];
         while postures.len() < count {
-            let draw = |(low, high): (&f64, &f64)| low + (high - low) * unit();
-            postures.push(self.limits.lower.iter().zip(&self.limits.upper).map(draw).collect());
+            let draw = |limits: &JointLimits| limits.lower + (limits.upper - limits.lower) * unit();
+            postures.push(self.limits.0.iter().map(draw).collect());
         }
         postures
     }
+}
+
+/// Refuses kinematics of another arm than `chain`: they must put the tip at the same places.
+fn check_kinematics(
+    chain: &Chain,
+    limits: &Limits,
+    kinematics: &mut dyn ArmKinematics,
+) -> Result<(), PlanningError> {
+    for share in [0.0, 0.3, 1.0] {
+        let q: Vec<f64> = limits.0.iter().map(|l| l.lower + share * (l.upper - l.lower)).collect();
+        let (ours, theirs) = (chain.forward(&q), kinematics.forward(&q)?);
+        let off = (ours.translation.vector - theirs.translation.vector).norm();
+        let agrees = off < AGREEMENT && ours.rotation.angle_to(&theirs.rotation) < AGREEMENT;
+        if !agrees {
+            return Err(PlanningError::Kinematics("they are of another arm than the model".to_owned()));
+        }
+    }
+    Ok(())
 }

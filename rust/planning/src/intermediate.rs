@@ -7,6 +7,7 @@ use crate::problem::Problem;
 use crate::reach::{self, Reach};
 use crate::ways::{Way, cost, grasp_axes, same, sorted};
 use crate::{PlannerOptions, PlanningError};
+use proact_arm::Grasp;
 use proact_control::ports::IkOutcome;
 use proact_types::{PlanGoal, PlanStatus, Point, Pose, Vector};
 
@@ -26,9 +27,9 @@ const USEFUL: f64 = 0.03;
 const ORIENTATIONS: usize = 9;
 
 impl Intermediate {
-    pub fn new(options: &PlannerOptions) -> Self {
+    pub fn new(grasp: &Grasp, options: &PlannerOptions) -> Self {
         Self {
-            grasp_axes: grasp_axes(options),
+            grasp_axes: grasp_axes(grasp),
             postures: options.postures,
             approach_height: options.approach_height,
         }
@@ -80,7 +81,7 @@ impl Intermediate {
                 let reach = Reach { point, axis: *axis, target, direction: problem.up, orientation: None };
                 for posture in &postures {
                     context.go_on()?;
-                    let found = reach::solve(&mut context.chain, &context.limits, &reach, posture);
+                    let found = reach::solve(&context.chain, &context.limits, &reach, posture);
                     let Some(q) = found else { continue };
                     if !ways.iter().any(|w| same(&w.points[0], &q)) && context.scene.is_free(&q)? {
                         ways.push(Way { cost: cost(&context.limits, from, &q, *off), points: vec![q] });

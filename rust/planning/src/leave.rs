@@ -6,6 +6,7 @@ use crate::problem::Problem;
 use crate::reach::{self, Reach};
 use crate::{PlannerOptions, PlanningError};
 use nalgebra::Unit;
+use proact_arm::Grasp;
 use proact_types::{Obstacle, PlanGoal, PlanStatus, Point, Pose, Shape, Vector};
 
 /// Leaves the start. Settings as in [`PlannerOptions`], metres.
@@ -25,8 +26,6 @@ struct Grazes {
     in_hand: Vec<String>,
 }
 
-/// An obstacle whose centre is this close to the grasp centre stands between the fingers, metres.
-const IN_HAND: f64 = 0.07;
 /// A contact this deep is still a touch, metres: what is touched at the start may go on being touched.
 const FINGERTIP_GIVE: f64 = 0.003;
 /// Longest straight way that is tried in order to get clear of contacts at the start, metres.
@@ -93,8 +92,9 @@ impl Leaving {
         let world_from_tip = request.world_from_base * base_from_tip;
         let grasp_centre = Point::from(context.model.grasp_centre);
         let world_grasp = world_from_tip * grasp_centre;
+        let Grasp { opening, withdrawal, .. } = context.model.grasp;
         let is_in_hand = |o: &&Obstacle| {
-            (o.pose.translation.vector - world_grasp.coords).norm() < IN_HAND && thickness(&o.shape) < 0.1
+            (o.pose.translation.vector - world_grasp.coords).norm() < opening && thickness(&o.shape) < 0.1
         };
         let in_hand: Vec<String> = match request.attached {
             Some(_) => Vec::new(),
@@ -117,7 +117,7 @@ impl Leaving {
             None => (grasp_centre, if around_block { self.retreat_height } else { 0.0 }),
         };
         let mut best: Option<Vec<Vec<f64>>> = None;
-        for direction in ways_out(&problem.up, &base_from_tip) {
+        for direction in ways_out(&problem.up, &base_from_tip, &withdrawal) {
             let reach = Reach {
                 point,
                 axis: base_from_tip.rotation.inverse() * problem.up,
@@ -126,7 +126,7 @@ impl Leaving {
                 orientation: None,
             };
             let along = direction * wanted.max(LONGEST_LEAVE);
-            let line = reach::line(&mut context.chain, &context.limits, &reach, &along, &problem.start);
+            let line = reach::line(&context.chain, &context.limits, &reach, &along, &problem.start);
             let (free, covered) = grazes.clear_part(context, &line, wanted)?;
             let better = best.as_ref().is_none_or(|b| free.len() > b.len());
             if !free.is_empty() && better {
@@ -171,12 +171,12 @@ impl Leaving {
 }
 
 /// Directions in which a contact may be left, base frame: straight up first, then up and back towards the
-/// person, then up and off the palm.
-fn ways_out(up: &Vector, base_from_tip: &Pose) -> Vec<Vector> {
+/// person, then up and where the hand comes off best.
+fn ways_out(up: &Vector, base_from_tip: &Pose, withdrawal: &Vector) -> Vec<Vector> {
     let back = -base_from_tip.translation.vector;
     let level = back - up * up.dot(&back);
-    let palm = base_from_tip.rotation * (Vector::z() + Vector::y());
-    [Some(*up), blend(up, &level), blend(up, &palm)].into_iter().flatten().collect()
+    let off = base_from_tip.rotation * withdrawal;
+    [Some(*up), blend(up, &level), blend(up, &off)].into_iter().flatten().collect()
 }
 
 fn blend(up: &Vector, aside: &Vector) -> Option<Vector> {

@@ -19,7 +19,6 @@
 mod arm_planner;
 mod blending;
 mod bridge;
-mod chain;
 mod connection;
 mod context;
 mod effort;

@@ -5,10 +5,9 @@
 //!
 //! Letters: p the point, a the axis, t their targets; all in the base frame.
 
-use crate::chain::Chain;
-use arrayvec::ArrayVec;
-use nalgebra::{Matrix3, Matrix6, Rotation3, Vector6};
-use proact_types::{MAX_JOINTS, Point, Vector};
+use nalgebra::{UnitQuaternion, Vector6};
+use proact_arm::{Chain, ChainPoses, JointLimits, damped_step_within};
+use proact_types::{Point, Vector};
 
 /// What the hand should do: a point of it is brought to `target` while an axis of it points along `direction`.
 #[derive(Clone, Copy, Debug)]
@@ -22,15 +21,12 @@ pub(crate) struct Reach {
     /// Where the axis should point, unit vector, base frame.
     pub direction: Vector,
     /// The whole orientation of the tip, base frame, where the turn about the axis is not free.
-    pub orientation: Option<Matrix3<f64>>,
+    pub orientation: Option<UnitQuaternion<f64>>,
 }
 
 /// Joint limits of the arm, rad.
 #[derive(Clone, Debug)]
-pub(crate) struct Limits {
-    pub lower: Vec<f64>,
-    pub upper: Vec<f64>,
-}
+pub(crate) struct Limits(pub Vec<JointLimits>);
 
 /// Distance from the target at which the point has arrived, metres.
 const POSITION_TOLERANCE: f64 = 2e-5;
@@ -49,37 +45,36 @@ const MAX_STEP: f64 = 0.35;
 impl Limits {
     /// `q` with every angle inside its limits.
     pub fn clamp(&self, q: &[f64]) -> Vec<f64> {
-        q.iter().enumerate().map(|(k, v)| v.clamp(self.lower[k], self.upper[k])).collect()
+        q.iter().zip(&self.0).map(|(v, limits)| v.clamp(limits.lower, limits.upper)).collect()
     }
 
     /// True if every angle is inside its limits, but for `slack`.
     pub fn contain(&self, q: &[f64], slack: f64) -> bool {
-        q.iter().enumerate().all(|(k, v)| *v >= self.lower[k] - slack && *v <= self.upper[k] + slack)
+        q.iter().zip(&self.0).all(|(v, limits)| *v >= limits.lower - slack && *v <= limits.upper + slack)
     }
 
     /// Smallest distance from a limit, as a share of the joint's range: 0 at a limit, 0.5 in the middle.
     pub fn margin(&self, q: &[f64]) -> f64 {
-        let share =
-            |k: usize| (q[k] - self.lower[k]).min(self.upper[k] - q[k]) / (self.upper[k] - self.lower[k]);
-        (0..q.len()).map(share).fold(0.5, f64::min)
+        let share = |(v, limits): (&f64, &JointLimits)| {
+            (v - limits.lower).min(limits.upper - v) / (limits.upper - limits.lower)
+        };
+        q.iter().zip(&self.0).map(share).fold(0.5, f64::min)
     }
 }
 
-/// Arm angles within the limits that do what `reach` asks, near `seed`; none if the search does not arrive.
-///
-/// Damped least squares (Nakamura and Hanafusa, 1986) with joints frozen at the limits that they push against.
-pub(crate) fn solve(chain: &mut Chain, limits: &Limits, reach: &Reach, seed: &[f64]) -> Option<Vec<f64>> {
+/// Arm angles within the limits that do what `reach` asks, near `seed`, by damped least squares; none if the search does
+/// not arrive.
+pub(crate) fn solve(chain: &Chain, limits: &Limits, reach: &Reach, seed: &[f64]) -> Option<Vec<f64>> {
     let mut q = limits.clamp(seed);
+    let mut poses = ChainPoses::default();
     let mut marked = f64::INFINITY;
     for iteration in 0..MAX_ITERATIONS {
-        let (rotation, position) = chain.forward(&q);
-        let p = position + rotation * reach.point.coords;
-        let off = reach.target.coords - p;
+        chain.place(&q, &mut poses);
+        let p = poses.tip * reach.point;
+        let off = reach.target - p;
         let turn = match reach.orientation {
-            Some(orientation) => {
-                Rotation3::from_matrix_unchecked(orientation * rotation.transpose()).scaled_axis()
-            }
-            None => turn_onto(&(rotation * reach.axis), &reach.direction),
+            Some(orientation) => (orientation * poses.tip.rotation.inverse()).scaled_axis(),
+            None => turn_onto(&(poses.tip.rotation * reach.axis), &reach.direction),
         };
         if off.norm() < POSITION_TOLERANCE && turn.norm() < AXIS_TOLERANCE {
             return Some(q);
@@ -95,22 +90,18 @@ pub(crate) fn solve(chain: &mut Chain, limits: &Limits, reach: &Reach, seed: &[f
             marked = error.norm();
         }
         let free_axis = if reach.orientation.is_some() { Vector::zeros() } else { reach.direction };
-        let task: Task = (0..q.len())
-            .map(|k| {
-                let mut column = chain.column(k, &p);
-                let w: Vector = column.fixed_rows::<3>(3).into();
-                let counted = AXIS_WEIGHT * (w - free_axis * free_axis.dot(&w));
-                column.fixed_rows_mut::<3>(3).copy_from(&counted);
-                column
-            })
-            .collect();
-        step(&mut q, limits, &task, &error);
+        let mut task = chain.jacobian(&poses, &p);
+        for column in &mut task {
+            let w: Vector = column.fixed_rows::<3>(3).into();
+            let counted = AXIS_WEIGHT * (w - free_axis * free_axis.dot(&w));
+            column.fixed_rows_mut::<3>(3).copy_from(&counted);
+        }
+        // Far from the target the linear model is poor, near it damping only slows the end.
+        let damping = 1e-7 + 0.02 * error.norm_squared();
+        damped_step_within(&mut q, &limits.0, &mut task, &error, damping, MAX_STEP);
     }
     None
 }
-
-/// One column a joint: motion of the point, then turning, but for that about a free axis, weighted.
-type Task = ArrayVec<Vector6<f64>, MAX_JOINTS>;
 
 /// Rotation vector that turns the unit vector `a` onto the unit vector `t` the short way.
 fn turn_onto(a: &Vector, t: &Vector) -> Vector {
@@ -127,39 +118,6 @@ fn turn_onto(a: &Vector, t: &Vector) -> Vector {
     }
 }
 
-/// One damped step; joints that would leave their limits are frozen and the rest solved again.
-fn step(q: &mut [f64], limits: &Limits, task: &[Vector6<f64>], error: &Vector6<f64>) {
-    // Far from the target the linear model is poor, near it damping only slows the end.
-    let damping = 1e-7 + 0.02 * error.norm_squared();
-    let mut frozen = [false; MAX_JOINTS];
-    for _ in 0..q.len() {
-        let mut normal = Matrix6::identity() * damping;
-        for k in (0..q.len()).filter(|k| !frozen[*k]) {
-            normal.ger(1.0, &task[k], &task[k], 1.0);
-        }
-        let Some(cholesky) = normal.cholesky() else { return };
-        let y = cholesky.solve(error);
-        let mut dq: ArrayVec<f64, MAX_JOINTS> =
-            (0..q.len()).map(|k| if frozen[k] { 0.0 } else { task[k].dot(&y) }).collect();
-        let longest = dq.iter().fold(0.0_f64, |m, d| m.max(d.abs()));
-        if longest > MAX_STEP {
-            dq.iter_mut().for_each(|d| *d *= MAX_STEP / longest);
-        }
-        let blocked = (0..q.len())
-            .filter(|&k| !frozen[k])
-            .find(|&k| (q[k] >= limits.upper[k] && dq[k] > 0.0) || (q[k] <= limits.lower[k] && dq[k] < 0.0));
-        match blocked {
-            Some(k) => frozen[k] = true,
-            None => {
-                for k in 0..q.len() {
-                    q[k] = (q[k] + dq[k]).clamp(limits.lower[k], limits.upper[k]);
-                }
-                return;
-            }
-        }
-    }
-}
-
 /// Length of one step on a straight way, metres.
 const LINE_STEP: f64 = 0.005;
 /// Largest change of any joint in one such step, rad: more is a jump to another posture.
@@ -169,7 +127,7 @@ const LINE_JUMP: f64 = 0.25;
 /// must already do what `reach` asks. The hand keeps its whole orientation as long as the arm can, then only its
 /// axis. Ends where the arm cannot follow: the share covered is `points.len() - 1` of [`line_steps`].
 pub(crate) fn line(
-    chain: &mut Chain,
+    chain: &Chain,
     limits: &Limits,
     reach: &Reach,
     along: &Vector,
@@ -177,7 +135,7 @@ pub(crate) fn line(
 ) -> Vec<Vec<f64>> {
     let steps = line_steps(along.norm());
     let mut points = vec![start.to_vec()];
-    let mut orientation = Some(chain.forward(start).0);
+    let mut orientation = Some(chain.forward(start).rotation);
     for k in 1..=steps {
         let target = reach.target + along * (k as f64 / steps as f64);
         let from = &points[points.len() - 1];

@@ -5,7 +5,8 @@ use crate::error::{PlanningError, check};
 use crate::search::{CancelFlag, MeshObstacle, PlainOutcome, Roadmap, SearchEffort, SearchOutcome};
 use crate::state_check::StateCheck;
 use crate::{PlannerName, SearchLimits};
-use proact_types::{ArmModel, AttachedObject, JointKind, Obstacle, Pose, Shape};
+use proact_arm::{ArmModel, JointKind};
+use proact_types::{AttachedObject, Obstacle, Pose, Shape};
 use std::collections::BTreeMap;
 
 /// A planner as OMPL sets it up.

@@ -66,12 +66,12 @@ impl Seeking<'_> {
             axis: Vector::z(),
             target: Point::from(base_from_tip.translation.vector),
             direction: Vector::z(),
-            orientation: Some(base_from_tip.rotation.to_rotation_matrix().into_inner()),
+            orientation: Some(base_from_tip.rotation),
         };
         for (index, posture) in self.postures.iter().enumerate() {
             self.context.go_on()?;
             // From the first posture KDL tries others too; that is as far as a pose out of reach is worth.
-            let seed = match reach::solve(&mut self.context.chain, &self.context.limits, &reach, posture) {
+            let seed = match reach::solve(&self.context.chain, &self.context.limits, &reach, posture) {
                 Some(near) => near,
                 None if index == 0 => posture.clone(),
                 None => continue,
@@ -100,8 +100,7 @@ impl Seeking<'_> {
         let mut ends: Vec<Vec<f64>> = Vec::new();
         for posture in self.postures {
             self.context.go_on()?;
-            let Some(end) = reach::solve(&mut self.context.chain, &self.context.limits, reach, posture)
-            else {
+            let Some(end) = reach::solve(&self.context.chain, &self.context.limits, reach, posture) else {
                 continue;
             };
             self.tally.reached += 1;
@@ -155,7 +154,7 @@ impl Seeking<'_> {
             return Ok(Err(self.hit_at(end, name_it)?));
         }
         let rise = self.problem.up * self.approach_height;
-        let line = reach::line(&mut self.context.chain, &self.context.limits, reach, &rise, end);
+        let line = reach::line(&self.context.chain, &self.context.limits, reach, &rise, end);
         if line.len() <= reach::line_steps(rise.norm()) {
             return Ok(Err(None));
         }

@@ -5,7 +5,8 @@ use crate::blending::blended;
 use crate::context::{PlanningContext, Room};
 use crate::failure::Failure;
 use crate::timing::{Curve, GRID, MotionLimits, averaged};
-use proact_types::{ArmModel, PlanStatus, Trajectory, TrajectoryPoint};
+use proact_arm::ArmModel;
+use proact_types::{PlanStatus, Trajectory, TrajectoryPoint};
 
 /// Smooths and times paths under the limits of one arm.
 pub(crate) struct Smoother {

@@ -6,6 +6,7 @@ use crate::problem::Problem;
 use crate::reach::{Limits, Reach};
 use crate::seeking::{Entry, Seeking, Tally};
 use crate::{PlannerOptions, PlanningError};
+use proact_arm::{Grasp, upright_axis};
 use proact_types::{AttachedObject, BlockId, PlanGoal, PlanStatus, Point, Pose, Shape, Vector};
 
 /// The last part of a plan: from where the search ends to the goal.
@@ -37,9 +38,9 @@ const TRIES_OUT_OF_REACH: usize = 3;
 const SAME: f64 = 0.08;
 
 impl WaysToGoal {
-    pub fn new(options: &PlannerOptions) -> Self {
+    pub fn new(grasp: &Grasp, options: &PlannerOptions) -> Self {
         Self {
-            grasp_axes: grasp_axes(options),
+            grasp_axes: grasp_axes(grasp),
             postures: options.postures,
             goals: options.goals,
             approach_height: options.approach_height,
@@ -179,19 +180,17 @@ impl WaysToGoal {
 
 /// Axes of the tip's frame that may point up in a grip from above, the preferred one first, each with its
 /// angle to the preferred one: roll about the hand's x, lean about its y.
-pub(crate) fn grasp_axes(options: &PlannerOptions) -> Vec<(Vector, f64)> {
-    let axis =
-        |tilt: f64, lean: f64| Vector::new(-lean.sin(), lean.cos() * tilt.sin(), lean.cos() * tilt.cos());
-    let preferred = axis(options.tilt, 0.0);
-    let [low, high] = options.tilt_range;
+pub(crate) fn grasp_axes(grasp: &Grasp) -> Vec<(Vector, f64)> {
+    let preferred = upright_axis(grasp.roll, 0.0);
+    let [low, high] = grasp.roll_range;
     let mut axes = Vec::new();
     for k in -20..=20 {
-        let tilt = options.tilt + f64::from(k) * TILT_STEP;
-        if tilt < low || tilt > high {
+        let roll = grasp.roll + f64::from(k) * TILT_STEP;
+        if roll < low || roll > high {
             continue;
         }
         for share in [0.0, 0.5, -0.5, 1.0, -1.0] {
-            let a = axis(tilt, share * options.lateral);
+            let a = upright_axis(roll, share * grasp.lean);
             axes.push((a, a.angle(&preferred)));
         }
     }

@@ -1,6 +1,7 @@
 //! Bags: what two independent readers find in a trial's bag, bad input.
 #![allow(clippy::unwrap_used, clippy::disallowed_methods)]
 
+use proact_arm::{ArmModel, Joint, JointKind, JointLimits, Link};
 use proact_messages::known_type;
 use proact_recording::{
     RecordingError, TrialBag,
@@ -13,9 +14,9 @@ use proact_recording::{
     },
 };
 use proact_types::{
-    ArmModel, BlockId, BodyState, DisplayFrame, Event, EventKind, GazeSample, Gesture, HandState, HandView,
-    Joint, JointKind, JointLimits, Link, PlanReply, PlanStatus, PlannerView, PlantState, Point, Pose,
-    SimTime, TargetView, Trajectory, TrajectoryPoint, Vector, joints, zeros,
+    BlockId, BodyState, DisplayFrame, Event, EventKind, GazeSample, Gesture, HandState, HandView, PlanReply,
+    PlanStatus, PlannerView, PlantState, Point, Pose, SimTime, TargetView, Trajectory, TrajectoryPoint,
+    Vector, joints, zeros,
 };
 use rosbag::{ChunkRecord, IndexRecord, MessageRecord, RosBag};
 use std::{
@@ -64,6 +65,7 @@ fn arm() -> ArmModel {
         poses: Vec::new(),
         allowed_collisions: Vec::new(),
         grasp_centre: Vector::zeros(),
+        grasp: Default::default(),
     }
 }
 

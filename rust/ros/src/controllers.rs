@@ -1,8 +1,9 @@
 //! The controllers of ros_control that the original loads: which joints each has, which run, what they ask for.
 
 use crate::trajectory::{Course, Knot, RawPoint, TrajectoryError};
+use proact_arm::{ArmModel, JointLimits};
 use proact_testbed::stages::DrivenJoint;
-use proact_types::{ArmModel, JointLimits, JointVector, SimTime, TICK_SECS};
+use proact_types::{JointVector, SimTime, TICK_SECS};
 
 /// How late a goal may be reached, s (original: `goal_time` 2.0).
 const GOAL_TIME: f64 = 2.0;

@@ -1,8 +1,9 @@
 //! Where every frame of the original's tree is, computed from one instant.
 
 use nalgebra::{Translation3, UnitQuaternion};
+use proact_arm::{ArmModel, JointKind};
 use proact_tasks::TABLE_TOP;
-use proact_types::{ArmModel, BlockId, JointKind, PlantState, Pose};
+use proact_types::{BlockId, PlantState, Pose};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// The frame that everything is in.
@@ -107,7 +108,8 @@ pub fn moving(
 mod tests {
     use super::*;
     use arrayvec::ArrayVec;
-    use proact_types::{BodyState, Joint, JointLimits, Link, Vector, joints, zeros};
+    use proact_arm::{Joint, JointLimits, Link};
+    use proact_types::{BodyState, Vector, joints, zeros};
     use std::collections::BTreeMap;
 
     fn model() -> ArmModel {
@@ -138,6 +140,7 @@ mod tests {
             poses: vec![],
             allowed_collisions: vec![],
             grasp_centre: Vector::zeros(),
+            grasp: Default::default(),
         }
     }
 

@@ -1,6 +1,7 @@
 //! The world as a Gazebo of the original's tells it: joints, base, blocks, the block in the hand.
 
-use proact_types::{ArmModel, BlockId, BodyState, PlantState, Point, Pose, Scene, Vector, zeros};
+use proact_arm::ArmModel;
+use proact_types::{BlockId, BodyState, PlantState, Point, Pose, Scene, Vector, zeros};
 use std::{collections::BTreeMap, sync::Arc};
 
 /// Why a message is not taken; the world is then as it was.
@@ -180,9 +181,9 @@ mod tests {
     use proact_tasks::{Arrangement, BoxAndBlocks};
 
     fn world() -> GazeboWorld {
-        let model = Arc::new(proact_types::ArmModel {
+        let model = Arc::new(proact_arm::ArmModel {
             name: "arm".into(),
-            links: vec![proact_types::Link {
+            links: vec![proact_arm::Link {
                 name: "base_link".into(),
                 inertial: None,
                 collisions: vec![],
@@ -195,6 +196,7 @@ mod tests {
             poses: vec![],
             allowed_collisions: vec![],
             grasp_centre: Vector::zeros(),
+            grasp: Default::default(),
         });
         let task = BoxAndBlocks::new(Arrangement::numbered(1).expect("there are 24"));
         GazeboWorld::new(model, task.scene(), Pose::translation(-0.39, 0.12, 1.5))

@@ -4,9 +4,10 @@ use crate::{
     bus::{BusError, MemberId, Reply, ServiceProvider, TopicBus, TopicMessage},
     headset::{named, stamped_pose, time_of},
 };
+use proact_arm::ArmModel;
 use proact_camera::{Camera, Picture, Studio, View};
 use proact_messages::{Value, known_type};
-use proact_types::{ArmModel, DisplayFrame, Scene};
+use proact_types::{DisplayFrame, Scene};
 use serde_json::{Value as Json, json};
 use std::{
     f64::consts::FRAC_PI_3,

@@ -11,8 +11,9 @@ use crate::{
     services::Answering,
 };
 use nalgebra::{Translation3, UnitQuaternion};
+use proact_arm::ArmModel;
 use proact_messages::{MessageType, Time, Value, known_type};
-use proact_types::{ArmModel, DisplayFrame, EventKind, HandState, Point, Pose};
+use proact_types::{DisplayFrame, EventKind, HandState, Point, Pose};
 use serde_json::json;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 

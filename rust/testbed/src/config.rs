@@ -1,10 +1,10 @@
 use crate::{MotionConfig, PhysicsConfig, Pinned, PlannerOptions};
+use proact_arm::ArmModel;
 use proact_control::{ControlError, OUTSIDE, Profile};
 use proact_emg::EmgConfig;
 use proact_intent::{IntentModelName, IntentOptions};
 use proact_participants::{Body, OutOfRange, ParticipantOptions};
 use proact_tasks::{Arrangement, BoxAndBlocks};
-use proact_types::ArmModel;
 use serde::{Deserialize, Serialize};
 use std::{fmt, str::FromStr};
 

@@ -1,6 +1,7 @@
 use crate::{GraspRuleName, OpposingGrasp, OriginalGraspRule, PhysicsConfig};
+use proact_arm::ArmModel;
 use proact_control::HandCommand;
-use proact_types::{ArmModel, Contact, HandState, JointVector, PlantState, joints};
+use proact_types::{Contact, HandState, JointVector, PlantState, joints};
 
 /// What the rule asks of the plant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -70,22 +71,16 @@ impl Grasp {
 #[derive(Clone, Debug)]
 struct GraspRule {
     options: OpposingGrasp,
-    /// Digit of each link, counted by the first joint after the tip; none for arm and palm.
+    /// Of each link, as [`ArmModel::digits`].
     digit: Vec<Option<usize>>,
     candidate: Option<usize>,
     held_millis: u32,
 }
 
 impl GraspRule {
-    /// The rule for the hand of `model`: each branch below the tip is a digit.
+    /// The rule for the hand of `model`.
     fn new(options: OpposingGrasp, model: &ArmModel) -> Self {
-        let mut digit = vec![None; model.links.len()];
-        for joint in &model.joints {
-            // Parents stand before their children, so the parent's digit is known.
-            digit[joint.child] =
-                if joint.parent == model.tip { Some(joint.child) } else { digit[joint.parent] };
-        }
-        Self { options, digit, candidate: None, held_millis: 0 }
+        Self { options, digit: model.digits(), candidate: None, held_millis: 0 }
     }
 
     /// One tick: contacts of this tick, the hand, the block that is attached, and whether the fingers have opened
@@ -155,7 +150,8 @@ impl GraspRule {
 pub(crate) mod tests {
     use super::*;
     use nalgebra::Isometry3;
-    use proact_types::{Joint, JointKind, JointLimits, Link, Point, Vector};
+    use proact_arm::{Joint, JointKind, JointLimits, Link};
+    use proact_types::{Point, Vector};
 
     /// A hand of the given links, and joints about z from a parent (second) to a child.
     pub(crate) fn link_names_and_joints(links: &[&str], joints: &[(usize, usize)]) -> ArmModel {
@@ -182,6 +178,7 @@ pub(crate) mod tests {
             poses: vec![],
             allowed_collisions: vec![],
             grasp_centre: Vector::zeros(),
+            grasp: Default::default(),
         }
     }
 

@@ -1,7 +1,8 @@
 //! The original's grasp rule, for comparisons.
 
 use crate::{GraspAction, OriginalGrasp};
-use proact_types::{ArmModel, PlantState, Point, Pose, Vector};
+use proact_arm::ArmModel;
+use proact_types::{PlantState, Point, Pose, Vector};
 
 /// Links of the gripper, by the end of their names. The original has left the index out, and the pinky never was in.
 const GRIPPER: [&str; 3] = ["thumb3", "middle3", "ring3"];
@@ -42,6 +43,8 @@ pub struct OriginalGraspRule {
     /// By block.
     counts: Vec<u32>,
     fingers: Vec<Finger>,
+    /// `world_from_link` of every link: scratch.
+    links: Vec<Pose>,
 }
 
 impl OriginalGraspRule {
@@ -52,7 +55,8 @@ impl OriginalGraspRule {
             GRIPPER.iter().any(|part| name.ends_with(part))
         };
         let gripper = (0..model.links.len()).filter(grips).collect();
-        Self { options, gripper, ticks: 0, touches: Vec::new(), counts: Vec::new(), fingers: Vec::new() }
+        let (touches, counts, fingers, links) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        Self { options, gripper, ticks: 0, touches, counts, fingers, links }
     }
 
     /// One tick with the state that the physics left.
@@ -63,18 +67,18 @@ impl OriginalGraspRule {
         if !check && !touched {
             return None;
         }
-        let links = link_poses(model, state);
-        self.gather(state, &links);
+        model.place_links(&state.world_from_base, &state.position, &mut self.links);
+        self.gather(state);
         if !check {
             return None;
         }
         self.ticks = 0;
-        let action = self.check(state, &links);
+        let action = self.check(state);
         self.touches.clear();
         action
     }
 
-    fn gather(&mut self, state: &PlantState, links: &[Pose]) {
+    fn gather(&mut self, state: &PlantState) {
         for contact in state.contacts.iter().filter(|contact| self.gripper.contains(&contact.link)) {
             let (block, link) = (contact.block, contact.link);
             let known = self.touches.iter().position(|touch| touch.block == block && touch.link == link);
@@ -85,26 +89,26 @@ impl OriginalGraspRule {
             }
             let touch = &mut self.touches[index];
             touch.force += contact.normal * contact.force;
-            touch.point += links[link].inverse_transform_point(&contact.point).coords;
+            touch.point += self.links[link].inverse_transform_point(&contact.point).coords;
             touch.points += 1;
         }
     }
 
-    fn check(&mut self, state: &PlantState, links: &[Pose]) -> Option<GraspAction> {
+    fn check(&mut self, state: &PlantState) -> Option<GraspAction> {
         self.counts.resize(state.blocks.len(), 0);
         let attached = state.attached.map(|(block, _)| block);
         for block in 0..state.blocks.len() {
             let gripped =
-                if attached == Some(block) { self.pressed(state, block, links) } else { self.gripped(block) };
+                if attached == Some(block) { self.pressed(state, block) } else { self.gripped(block) };
             let OriginalGrasp { max_count, grip_count, release_distance_m: release, .. } = self.options;
             let count = &mut self.counts[block];
             *count = if gripped { (*count + 1).min(max_count) } else { count.saturating_sub(1) };
             if gripped && *count > grip_count && attached.is_none() {
-                self.hold(state, block, links);
+                self.hold(state, block);
                 return Some(GraspAction::Attach(block));
             }
             let loose = attached == Some(block) && !gripped && *count <= grip_count;
-            if loose && self.recession(state, block, links).any(|metres| metres > release) {
+            if loose && self.recession(state, block).any(|metres| metres > release) {
                 self.counts[block] = 0;
                 self.fingers.clear();
                 return Some(GraspAction::Release);
@@ -131,41 +135,28 @@ impl OriginalGraspRule {
     }
 
     /// Whether two fingers are still where they were when they took the block.
-    fn pressed(&self, state: &PlantState, block: usize, links: &[Pose]) -> bool {
+    fn pressed(&self, state: &PlantState, block: usize) -> bool {
         let pressing = self.options.pressing_distance_m;
-        self.recession(state, block, links).filter(|metres| *metres < pressing).count() >= 2
+        self.recession(state, block).filter(|metres| *metres < pressing).count() >= 2
     }
 
     /// By how much each finger's distance to the block has changed since it was taken, metres.
-    fn recession(&self, state: &PlantState, block: usize, links: &[Pose]) -> impl Iterator<Item = f64> {
+    fn recession(&self, state: &PlantState, block: usize) -> impl Iterator<Item = f64> {
         let centre = Point::from(state.blocks[block].pose.translation.vector);
-        let metres =
-            |finger: &Finger| ((links[finger.link] * finger.point - centre).norm() - finger.distance).abs();
+        let metres = |finger: &Finger| {
+            ((self.links[finger.link] * finger.point - centre).norm() - finger.distance).abs()
+        };
         self.fingers.iter().map(metres).collect::<Vec<_>>().into_iter()
     }
 
-    fn hold(&mut self, state: &PlantState, block: usize, links: &[Pose]) {
+    fn hold(&mut self, state: &PlantState, block: usize) {
         let centre = Point::from(state.blocks[block].pose.translation.vector);
         let finger = |touch: &Touch| {
             let point = Point::from(touch.point / f64::from(touch.points));
-            Finger { link: touch.link, point, distance: (links[touch.link] * point - centre).norm() }
+            Finger { link: touch.link, point, distance: (self.links[touch.link] * point - centre).norm() }
         };
         self.fingers = self.touches.iter().filter(|touch| touch.block == block).map(finger).collect();
     }
-}
-
-/// `world_from_link` of every link.
-fn link_poses(model: &ArmModel, state: &PlantState) -> Vec<Pose> {
-    let mut angles = vec![0.0; model.joints.len()];
-    for (joint, angle) in model.moving().zip(&state.position) {
-        angles[joint] = *angle;
-    }
-    let mut poses = vec![state.world_from_base; model.links.len()];
-    for (joint, angle) in model.joints.iter().zip(angles) {
-        let turn = nalgebra::UnitQuaternion::from_scaled_axis(joint.axis * angle);
-        poses[joint.child] = poses[joint.parent] * joint.origin * turn;
-    }
-    poses
 }
 
 #[cfg(test)]

@@ -3,8 +3,9 @@
 
 use crate::ConfigError;
 use nalgebra::UnitQuaternion;
+use proact_arm::{ArmModel, JointLimits};
 use proact_control::{HandCommand, MotionCommand, MotionState};
-use proact_types::{ArmModel, JointLimits, JointVector, Pose, TICK_SECS, Trajectory, joints};
+use proact_types::{JointVector, Pose, TICK_SECS, Trajectory, joints};
 use serde::{Deserialize, Serialize};
 
 /// Peak over mean speed of a minimum-jerk movement.

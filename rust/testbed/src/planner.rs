@@ -27,13 +27,6 @@ pub struct PlannerOptions {
     pub graze_depth: f64,
     /// Free space under an object when it is let go. Assumed.
     pub place_gap: f64,
-    /// Preferred roll of the hand about its x axis when it grips from above. The original's fixed grasp
-    /// orientation has 25.6 degrees.
-    pub tilt: f64,
-    /// Smallest and largest roll that is tried. Assumed.
-    pub tilt_range: [f64; 2],
-    /// Largest sideways lean of the hand about its y axis that is tried, both ways. Assumed.
-    pub lateral: f64,
     /// Largest angle between a placed object's axis and the vertical: it tips onto its base. Assumed.
     pub place_tilt: f64,
     /// A place that cannot be reached may be missed by this much toward the arm. Assumed: a third of the radius
@@ -68,9 +61,6 @@ impl Default for PlannerOptions {
             retreat_height: 0.07,
             graze_depth: 0.012,
             place_gap: 0.0015,
-            tilt: 25.6_f64.to_radians(),
-            tilt_range: [-10_f64.to_radians(), 60_f64.to_radians()],
-            lateral: 15_f64.to_radians(),
             place_tilt: 12_f64.to_radians(),
             place_tolerance: 0.016,
             postures: 8,
@@ -154,7 +144,6 @@ impl PlannerOptions {
             ("planner.contact_padding", self.contact_padding),
             ("planner.graze_depth", self.graze_depth),
             ("planner.place_gap", self.place_gap),
-            ("planner.lateral", self.lateral),
             ("planner.place_tilt", self.place_tilt),
             ("planner.place_tolerance", self.place_tolerance),
         ] {
@@ -180,10 +169,6 @@ impl PlannerOptions {
         }
         if let Some(share) = self.search.equal_steps.filter(|share| !(1e-4..=1.0).contains(share)) {
             return refused("planner.search.equal_steps", share, "0.0001 to 1, or none");
-        }
-        let [low, high] = self.tilt_range;
-        if !(low <= self.tilt && self.tilt <= high && low.is_finite() && high.is_finite()) {
-            return refused("planner.tilt", self.tilt, "an angle within planner.tilt_range");
         }
         Ok(())
     }

@@ -1,9 +1,10 @@
 //! Plans: asked for with the whole scene, taken when they are due, and dropped when nobody waits for them.
 
 use crate::{TrialConfig, ports::PlanService};
+use proact_arm::ArmModel;
 use proact_types::{
-    ArmModel, AttachedObject, JointVector, Obstacle, PlanGoal, PlanReply, PlanRequest, PlantState, Scene,
-    SimTime, joints,
+    AttachedObject, JointVector, Obstacle, PlanGoal, PlanReply, PlanRequest, PlantState, Scene, SimTime,
+    joints,
 };
 
 /// The plans that a method waits for: at most one.

@@ -7,6 +7,7 @@ use crate::{
         MethodStage, TaskInput, TaskStage, WorldInput, WorldStage,
     },
 };
+use proact_arm::{ArmModel, ArmModelError};
 use proact_control::{
     ControlError, MotionState,
     ports::{ArmKinematics, KinematicsError, MethodProcess},
@@ -14,8 +15,8 @@ use proact_control::{
 use proact_emg::{Classifier, EmgError, EmgOutput};
 use proact_tasks::BoxAndBlocks;
 use proact_types::{
-    ArmModel, ArmModelError, DisplayFrame, Event, EventKind, Gesture, JointVector, MethodAnswer, PlanReply,
-    PlanRequest, Pose, SimTime, Stop, TickInput,
+    DisplayFrame, Event, EventKind, Gesture, JointVector, MethodAnswer, PlanReply, PlanRequest, Pose,
+    SimTime, Stop, TickInput,
 };
 use std::sync::Arc;
 

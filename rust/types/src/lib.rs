@@ -13,7 +13,6 @@
 //! assert_eq!(SimTime::from_secs(0.25), SimTime(250));
 //! ```
 
-mod arm;
 mod display;
 mod event;
 mod gesture;
@@ -25,10 +24,6 @@ mod scene;
 mod time;
 mod world;
 
-pub use arm::{
-    ArmModel, ArmModelError, CollisionShape, Inertial, Joint, JointKind, JointLimits, Link, NamedPose,
-    Visual, VisualGeometry,
-};
 pub use display::{DisplayFrame, HandState, HandView, ModeView, PlannerView, TargetView};
 pub use event::{Event, EventKind};
 pub use gesture::{Gesture, UnknownGesture};

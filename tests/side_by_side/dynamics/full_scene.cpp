@@ -12,6 +12,9 @@
 #include <vector>
 
 using namespace proact::dynamics;
+using proact::Pose;
+using proact::Quat;
+using proact::Vec3;
 
 namespace {
 

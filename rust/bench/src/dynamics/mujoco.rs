@@ -3,7 +3,8 @@
 //! MuJoCo's program is `tests/side_by_side/dynamics/mujoco_arm.py`, run by the Python that `PROACT_PEERS` names; its core
 //! time is that of its step alone, without the Python around it.
 
-use proact_types::{ArmModel, PlantCommand, Pose, Scene, Shape};
+use proact_arm::ArmModel;
+use proact_types::{PlantCommand, Pose, Scene, Shape};
 use serde_json::{Value, json};
 use std::{
     io::Write as _,

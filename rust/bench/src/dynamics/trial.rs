@@ -4,6 +4,7 @@ use super::mujoco::{MuJoCo, Run};
 use super::{Cost, compare, summarize, timed};
 use crate::{BenchFigure, quantile};
 use proact_app::trial::{participant, planner};
+use proact_arm::ArmModel;
 use proact_devices::{EmgSource, GazeSource};
 use proact_dynamics::{DynamicsOptions, Engine, OdePlant, Solver};
 use proact_kinematics::Kinematics;
@@ -13,7 +14,7 @@ use proact_testbed::{
     MethodName, Parts, PersonParts, Session, Setup, Testbed, TrialConfig, TrialResult,
     ports::{Plant, PlantError},
 };
-use proact_types::{ArmModel, PlantCommand, PlantState, Pose, Scene, TICK_SECS};
+use proact_types::{PlantCommand, PlantState, Pose, Scene, TICK_SECS};
 use std::{
     cell::RefCell,
     error::Error,

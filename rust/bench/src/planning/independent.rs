@@ -1,11 +1,12 @@
-//! The judge of every path: link poses by plain matrices and contacts by Parry, so that neither FCL nor KDL has a
+//! The judge of every path: link poses by the arm's own model and contacts by Parry, so that neither FCL nor KDL has a
 //! say in whether what they led to is free.
 
 use parry3d_f64::bounding_volume::{Aabb, BoundingVolume};
 use parry3d_f64::math::{Pose as ParryPose, Rotation, Vector as ParryVector};
 use parry3d_f64::query::intersection_test;
 use parry3d_f64::shape::{Ball, Capsule, Cuboid, Cylinder, Shape as ParryShape};
-use proact_types::{ArmModel, JointKind, PlanGoal, PlanRequest, Pose, Shape, Trajectory};
+use proact_arm::ArmModel;
+use proact_types::{JointVector, PlanGoal, PlanRequest, Pose, Shape, Trajectory};
 use std::error::Error;
 use std::sync::Arc;
 
@@ -84,11 +85,13 @@ impl Independent {
             })
             .collect();
         let mut looked_at: Option<Vec<Pose>> = None;
+        let mut world_from_link = Vec::new();
         let count = (trajectory.duration_secs() / PICK_SECS).ceil() as usize;
         for k in 0..=count {
             let time = k as f64 * PICK_SECS;
             let Some((q, _)) = trajectory.sample(time) else { break };
-            let world_from_link = self.link_poses(request, &q);
+            let angles: JointVector = q.iter().chain(&request.hand).copied().collect();
+            self.model.place_links(&request.world_from_base, &angles, &mut world_from_link);
             let far = looked_at.as_ref().is_none_or(|before| moved(&parts, before, &world_from_link));
             if !far && k != count {
                 continue;
@@ -96,7 +99,7 @@ impl Independent {
             if let Some((a, b)) = self.touching(&parts, &things, &world_from_link)? {
                 return Ok(Some(Contact { time_secs: time, a, b }));
             }
-            looked_at = Some(world_from_link);
+            looked_at = Some(world_from_link.clone());
         }
         Ok(None)
     }
@@ -120,27 +123,6 @@ impl Independent {
         let radius = parry.compute_local_aabb().half_extents().length();
         let (name, body) = (name.to_owned(), self.body_of_link[link]);
         Part { link, name, body, link_from_shape: pose * turn, shape: parry, radius, carried }
-    }
-
-    /// `world_from_link` of every link.
-    fn link_poses(&self, request: &PlanRequest, q: &[f64]) -> Vec<Pose> {
-        let mut angles = vec![0.0; self.model.joints.len()];
-        for (&joint, angle) in self.model.arm.iter().zip(q) {
-            angles[joint] = *angle;
-        }
-        for (&joint, angle) in self.model.hand.iter().zip(&request.hand) {
-            angles[joint] = *angle;
-        }
-        let mut poses = vec![request.world_from_base; self.model.links.len()];
-        for (joint, angle) in self.model.joints.iter().zip(angles) {
-            let mut pose = poses[joint.parent] * joint.origin;
-            if joint.kind == JointKind::Revolute {
-                let axis = nalgebra::Unit::new_normalize(joint.axis);
-                pose.rotation *= nalgebra::UnitQuaternion::from_axis_angle(&axis, angle);
-            }
-            poses[joint.child] = pose;
-        }
-        poses
     }
 
     fn touching(

@@ -5,13 +5,14 @@
 
 use super::{BLOCK, BLOCK_HEIGHT, CLUTTER};
 use nalgebra::{Translation3, UnitQuaternion};
+use proact_arm::{ArmModel, upright_axis};
 use proact_kinematics::{ArmKinematics, IkOutcome, Kinematics};
 use proact_planning::{CollisionScene, PlannerOptions};
 use proact_tasks::{PlaceRegion, TABLE_TOP, fixed_objects};
 use proact_testbed::Setup;
 use proact_types::{
-    ArmModel, AttachedObject, BlockId, JointVector, Obstacle, PlanGoal, PlanRequest, Point, Pose,
-    TrunkPosture, Vector, joints,
+    AttachedObject, BlockId, JointVector, Obstacle, PlanGoal, PlanRequest, Point, Pose, TrunkPosture, Vector,
+    joints,
 };
 use std::{error::Error, sync::Arc};
 
@@ -209,12 +210,12 @@ impl Drawer {
     /// A drawn grip of the first block, at `centre`, from above: the hand can come down straight around the block,
     /// close, and lift it.
     fn grip(&mut self, request: &PlanRequest, centre: &Point) -> Drawn<Grip> {
-        let options = PlannerOptions::default();
+        let grasp = self.model.grasp;
         for _ in 0..GRIPS {
-            let tilt = self.random.between(options.tilt_range[0], options.tilt_range[1]);
-            let lean = self.random.between(-options.lateral, options.lateral);
+            let roll = self.random.between(grasp.roll_range[0], grasp.roll_range[1]);
+            let lean = self.random.between(-grasp.lean, grasp.lean);
             let yaw = self.random.between(-std::f64::consts::PI, std::f64::consts::PI);
-            let axis = Vector::new(-lean.sin(), lean.cos() * tilt.sin(), lean.cos() * tilt.cos()).normalize();
+            let axis = upright_axis(roll, lean).normalize();
             let upright = UnitQuaternion::rotation_between(&axis, &Vector::z()).unwrap_or_default();
             let turn = UnitQuaternion::from_axis_angle(&Vector::z_axis(), yaw) * upright;
             let at = centre - turn * self.model.grasp_centre;

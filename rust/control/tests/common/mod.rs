@@ -1,6 +1,7 @@
 //! A rig that carries out what a method asks for, with the doubles of the ports.
 #![allow(dead_code)] // Each test program uses its part.
 
+use proact_arm::{ArmModel, JointLimits};
 pub use proact_control::doubles::START;
 use proact_control::doubles::{SerialKinematics, test_arm};
 use proact_control::ports::ArmKinematics;
@@ -8,10 +9,9 @@ use proact_control::{
     ControlInput, ControlMethod, ControlOutput, HandCommand, MotionCommand, MotionState, Profile, build,
 };
 use proact_types::{
-    ArmModel, BlockId, Gesture, HandState, HandView, JointLimits, JointVector, PlanReply, PlanStatus,
-    PlannerView, Point, Pose, SimTime, Stop, Target, Trajectory, TrajectoryPoint, joints,
+    BlockId, Gesture, HandState, HandView, JointVector, PlanReply, PlanStatus, PlannerView, Point, Pose,
+    SimTime, Stop, Target, Trajectory, TrajectoryPoint, joints,
 };
-use std::sync::Arc;
 
 pub const BLOCKS: [Point; 4] = [
     Point::new(-0.08, -0.2, 1.04),
@@ -63,7 +63,7 @@ impl Rig {
     pub fn with(method: Box<dyn ControlMethod>) -> Self {
         Self {
             method,
-            kinematics: SerialKinematics::new(Arc::new(model())),
+            kinematics: SerialKinematics::new(&model()),
             q: joints(&START),
             lag: [0.0; 7],
             gesture: Gesture::NoMotion,

@@ -3,11 +3,12 @@
 #![allow(dead_code)] // each test program uses a part
 
 use nalgebra::UnitQuaternion;
+use proact_arm::ArmModel;
 use proact_dynamics::{DynamicsOptions, OdePlant};
 use proact_testbed::ports::{Plant, PlantError};
 use proact_types::{
-    ArmModel, Block, BlockId, Contact, JointVector, PlantCommand, Point, Pose, Scene, SceneObject, Shape,
-    TICK_SECS, Target, Vector, joints, zeros,
+    Block, BlockId, Contact, JointVector, PlantCommand, Point, Pose, Scene, SceneObject, Shape, TICK_SECS,
+    Target, Vector, joints, zeros,
 };
 
 /// Height of the table top, metres.
@@ -150,9 +151,9 @@ pub fn base_that_puts_tip_at(model: &ArmModel, positions: &[f64], world_from_tip
 }
 
 /// The base at which the hand, in `positions`, grasps a block that stands on the table at the origin: fingers ahead
-/// and 25.6 degrees down, grasp centre in the block's centre.
+/// and rolled as it grips, grasp centre in the block's centre.
 pub fn grasp_base(model: &ArmModel, positions: &[f64]) -> Pose {
-    let rotation = UnitQuaternion::from_euler_angles(25.6_f64.to_radians(), -1.0_f64.to_radians(), 0.0);
+    let rotation = UnitQuaternion::from_euler_angles(model.grasp.roll, -1.0_f64.to_radians(), 0.0);
     let block = Vector::new(0.0, 0.0, TABLE + 0.5 * HEIGHT);
     let world_from_tip = Pose::from_parts((block - rotation * model.grasp_centre).into(), rotation);
     base_that_puts_tip_at(model, positions, &world_from_tip)

@@ -16,8 +16,6 @@ const DROP_HEIGHT: f64 = 0.012;
 /// Joint by joint, a metre that hand or block are too high counts as this many: the hand grips a block above its
 /// middle too, and a block may fall a little.
 const HIGH_COUNTS: f64 = 0.6;
-/// Roll of the hand at which its fingers close around a standing block, rad: the original's 25.6 degrees.
-const ROLL: f64 = 25.6 * std::f64::consts::PI / 180.0;
 
 /// What is seen, what is known of the arm and of the scene, and the block that all is about.
 pub(super) struct Situation<'a> {
@@ -60,8 +58,8 @@ impl<'a> Situation<'a> {
 
     /// Where the hand should be at `stage`, leaning toward the shoulder by `lean`, rad.
     pub(super) fn goal_of(&self, stage: Stage, lean: f64) -> HandGoal {
-        let Self { scene, seen, block, .. } = self;
-        let grasp_centre = self.sense.grasp_centre();
+        let Self { sense, scene, seen, block } = self;
+        let grasp_centre = sense.grasp_centre();
         let at = |pose: &Pose| Point::from(pose.translation.vector);
         let by_axis = seen.mode.as_ref().is_some_and(|mode| mode.number >= FIRST_AXIS);
         let standing = at(&seen.blocks[block.index()]);
@@ -93,7 +91,7 @@ impl<'a> Situation<'a> {
         let base_from_world = seen.world_from_base.inverse();
         HandGoal {
             point: held.map_or(grasp_centre, |pose| at(&pose)),
-            axis: held.map_or(Vector::new(0.0, ROLL.sin(), ROLL.cos()), |pose| {
+            axis: held.map_or(sense.grasp_axis(), |pose| {
                 let axis = pose.rotation * Vector::z();
                 // A block stands on either end.
                 if axis.z < 0.0 { -axis } else { axis }

@@ -157,7 +157,7 @@ impl ArmSense {
         let end = made(q, turns);
         let height = |q: &[f64]| goal.up.dot(&(self.forward(q) * goal.point).coords);
         for (joint, lift) in (0..q.len()).flat_map(|joint| LIFTS.map(|lift| (joint, lift))) {
-            let limits = self.model.joints[self.model.arm[joint]].limits;
+            let limits = self.chain.limits()[joint];
             let via = (end[joint] + lift).clamp(limits.lower, limits.upper);
             let first = Turn { joint, to: via, angle: via - q[joint] };
             let last = Turn { joint, to: end[joint], angle: end[joint] - via };

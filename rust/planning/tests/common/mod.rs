@@ -2,12 +2,13 @@
 #![allow(dead_code)]
 
 use nalgebra::UnitQuaternion;
+use proact_arm::ArmModel;
 use proact_kinematics::Kinematics;
 use proact_planning::{ArmPlanner, Person, PlannerOptions, person_obstacles};
 use proact_tasks::{TABLE_TOP, fixed_objects, region_centre};
 use proact_types::{
-    ArmModel, AttachedObject, BlockId, JointVector, Obstacle, PlanGoal, PlanRequest, Point, Pose, Region,
-    Shape, TrunkPosture, Vector, joints,
+    AttachedObject, BlockId, JointVector, Obstacle, PlanGoal, PlanRequest, Point, Pose, Region, Shape,
+    TrunkPosture, Vector, joints,
 };
 use std::sync::{Arc, OnceLock};
 

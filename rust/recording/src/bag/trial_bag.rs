@@ -33,11 +33,11 @@ use super::{
     messages::{self as ros, Message},
 };
 use crate::RecordingError;
-use nalgebra::{Unit, UnitQuaternion};
+use proact_arm::{ArmModel, Joint, JointKind};
 use proact_messages::{Duration, Time};
 use proact_types::{
-    ArmModel, BlockId, DisplayFrame, Event, EventKind, GazeSample, Gesture, HandState, Joint, JointKind,
-    PlanReply, PlantState, Pose, SimTime,
+    BlockId, DisplayFrame, Event, EventKind, GazeSample, Gesture, HandState, PlanReply, PlantState, Pose,
+    SimTime,
 };
 use std::{
     f64::consts::{PI, TAU},
@@ -173,10 +173,7 @@ impl TrialBag {
             .moving
             .iter()
             .zip(&state.position)
-            .map(|((joint, parent, child), angle)| {
-                let turn = UnitQuaternion::from_axis_angle(&Unit::new_normalize(joint.axis), *angle);
-                transform(time, parent, child, &(joint.origin * turn))
-            })
+            .map(|((joint, parent, child), angle)| transform(time, parent, child, &joint.across(*angle)))
             .collect();
         let mut models = ros::ModelStates {
             name: vec![ARM_MODEL.to_owned()],

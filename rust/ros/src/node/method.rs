@@ -13,14 +13,13 @@ use super::{
 use arm::ArmOutlet;
 use inputs::Heard;
 use outlets::Outlets;
+use proact_arm::ArmModel;
 use proact_control::{MotionCommand, MotionState, ports::ArmKinematics};
 use proact_testbed::{
     Field, MethodName,
     stages::{DisplayStage, EmgStageOutput, IntentOutput, MethodInput, MethodOutput, MethodStage},
 };
-use proact_types::{
-    ArmModel, EventKind, Gesture, HandState, InputSign, InputSource, SignKind, SimTime, TickInput,
-};
+use proact_types::{EventKind, Gesture, HandState, InputSign, InputSource, SignKind, SimTime, TickInput};
 use std::{
     collections::{BTreeMap, BTreeSet},
     sync::Arc,

@@ -16,9 +16,10 @@ use crate::{
     },
 };
 use nalgebra::UnitQuaternion;
+use proact_arm::ArmModel;
 use proact_types::{
-    ArmModel, BlockColour, BlockId, Event, EventKind, GazeSample, PlanReply, PlantState, Point, Pose, Scene,
-    Shape, SimTime, Vector,
+    BlockColour, BlockId, Event, EventKind, GazeSample, PlanReply, PlantState, Point, Pose, Scene, Shape,
+    SimTime, Vector,
 };
 use rosrust::{Publisher, error::Result};
 use std::sync::Arc;

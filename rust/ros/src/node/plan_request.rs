@@ -5,7 +5,8 @@ use crate::{
     frames::WORLD,
     messages::{moveit_msgs, sensor_msgs, shape_msgs, std_msgs::Header},
 };
-use proact_types::{ArmModel, PlanGoal, PlanRequest, Point, Pose, Shape, SimTime, Vector};
+use proact_arm::ArmModel;
+use proact_types::{PlanGoal, PlanRequest, Point, Pose, Shape, SimTime, Vector};
 
 /// The arm's group, and the floating joint at its base, as the SRDF names them.
 const GROUP: &str = "mpl_arm";

@@ -33,10 +33,11 @@ use crate::{
     trajectory::RawPoint,
 };
 use goals::{follow_result, grasp_result, own_id, tolerances};
+use proact_arm::ArmModel;
 use proact_control::{HandCommand, MotionCommand, ports::ArmKinematics};
 use proact_tasks::BoxAndBlocks;
 use proact_testbed::{Field, TrialConfig};
-use proact_types::{ArmModel, Event, EventKind, HandView, Pose, SimTime, TickInput};
+use proact_types::{Event, EventKind, HandView, Pose, SimTime, TickInput};
 pub use robot::PlantFactory;
 use robot::{Moved, Robot};
 use rosrust::Publisher;

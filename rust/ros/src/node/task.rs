@@ -21,13 +21,14 @@ use crate::{
         std_msgs::Bool,
     },
 };
+use proact_arm::ArmModel;
 use proact_control::{HandTracker, MotionState, ports::ArmKinematics};
 use proact_tasks::BoxAndBlocks;
 use proact_testbed::{
     TestbedError, TrialConfig,
     stages::{ActuationInput, ActuationOutput, ActuationStage, DrivenJoint},
 };
-use proact_types::{ArmModel, BodyState, EventKind, HandView, SimTime, Vector};
+use proact_types::{BodyState, EventKind, HandView, SimTime, Vector};
 use rosrust::Subscriber;
 use std::sync::Arc;
 

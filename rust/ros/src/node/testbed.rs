@@ -308,7 +308,7 @@ fn show(frame: &DisplayFrame, topics: &Topics, seen: &mut Seen) -> rosrust::erro
 }
 
 /// A plan as the message that a trajectory controller takes.
-pub(super) fn command(model: &proact_types::ArmModel, time: SimTime, reply: &PlanReply) -> JointTrajectory {
+pub(super) fn command(model: &proact_arm::ArmModel, time: SimTime, reply: &PlanReply) -> JointTrajectory {
     let points =
         reply.trajectory.points.iter().map(|p| crate::messages::trajectory_msgs::JointTrajectoryPoint {
             positions: p.q.to_vec(),

@@ -33,7 +33,7 @@ pub fn parts(config: &TrialConfig) -> Parts {
     let scene = BoxAndBlocks::new(config.arrangement).scene().clone();
     let base = config.setup.body.shoulder_pose(&Default::default());
     Parts {
-        kinematics: Box::new(SerialKinematics::new(model.clone())),
+        kinematics: Box::new(SerialKinematics::new(&model)),
         plant: Box::new(KinematicPlant::new(model.clone(), scene, base)),
         plans: Box::new(InstantPlans::new(model.clone())),
         classifier: None,

@@ -1,11 +1,12 @@
 use crate::ports::PlanService;
+use proact_arm::ArmModel;
 use proact_control::{
     doubles::SerialKinematics,
     ports::{ArmKinematics, IkOutcome},
 };
 use proact_types::{
-    ArmModel, JointVector, PlanGoal, PlanReply, PlanRequest, PlanStatus, Point, Pose, Trajectory,
-    TrajectoryPoint, Vector, zeros,
+    JointVector, PlanGoal, PlanReply, PlanRequest, PlanStatus, Point, Pose, Trajectory, TrajectoryPoint,
+    Vector, zeros,
 };
 use std::{cell::RefCell, rc::Rc, sync::Arc};
 
@@ -45,7 +46,7 @@ pub struct InstantPlans {
 impl InstantPlans {
     /// Plans for `model`.
     pub fn new(model: Arc<ArmModel>) -> Self {
-        let kinematics = SerialKinematics::new(model.clone());
+        let kinematics = SerialKinematics::new(&model);
         Self { model, kinematics, calls: PlanCalls::default(), reply: None, late_by: 0, left: 0 }
     }
 

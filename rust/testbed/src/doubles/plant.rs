@@ -1,8 +1,8 @@
 use crate::ports::{Plant, PlantError};
 use arrayvec::ArrayVec;
+use proact_arm::ArmModel;
 use proact_types::{
-    ArmModel, BodyState, Contact, PlantCommand, PlantState, Point, Pose, Scene, Shape, TICK_SECS, Vector,
-    joints, zeros,
+    BodyState, Contact, PlantCommand, PlantState, Point, Pose, Scene, Shape, TICK_SECS, Vector, joints, zeros,
 };
 use std::sync::Arc;
 
@@ -53,8 +53,9 @@ impl KinematicPlant {
 
     /// `world_from_link` of all links.
     fn links(&self) -> Vec<Pose> {
-        let base = self.state.world_from_base;
-        self.model.link_poses(&self.state.position).into_iter().map(|link| base * link).collect()
+        let mut poses = Vec::new();
+        self.model.place_links(&self.state.world_from_base, &self.state.position, &mut poses);
+        poses
     }
 
     /// How far the hand has gone from `open` to `closed`, 0 to 1: the joint that is least far.

@@ -1,6 +1,7 @@
 use crate::{ArmMotion, BaseMotion, HandMotion, TestbedError, TrialConfig};
+use proact_arm::ArmModel;
 use proact_control::{HandCommand, MotionCommand, MotionState};
-use proact_types::{ArmModel, EventKind, JointVector, PlantCommand, PlantState, Pose, SimTime};
+use proact_types::{EventKind, JointVector, PlantCommand, PlantState, Pose, SimTime};
 
 /// From commands to joint targets: the arm's motion, the hand's, and the base that follows the shoulder.
 pub struct ActuationStage {

@@ -1,11 +1,12 @@
 use super::block_centres;
 use crate::{ConfigError, TrialConfig};
+use proact_arm::ArmModel;
 use proact_control::ports::ArmKinematics;
 use proact_intent::{Candidates, IntentModel, IntentOptions, Posterior, table_hit};
 use proact_tasks::{PlaceRegion, TABLE_TOP, TaskState};
 use proact_types::{
-    ArmModel, BlockId, EventKind, GazeSample, InputSign, InputSource, PlantState, Point, SignKind, SimTime,
-    TickInput, Vector,
+    BlockId, EventKind, GazeSample, InputSign, InputSource, PlantState, Point, SignKind, SimTime, TickInput,
+    Vector,
 };
 use std::sync::Arc;
 

@@ -5,13 +5,14 @@ use crate::{
     plans::{PlanBook, plan_request},
     ports::PlanService,
 };
+use proact_arm::ArmModel;
 use proact_control::{
     ControlInput, ControlMethod, ControlOutput, HandCommand, MotionCommand, PlanCommand, SourceWatch,
     ports::{ArmKinematics, MethodProcess},
 };
 use proact_types::{
-    ArmModel, EventKind, Gesture, HandView, InputSign, InputSource, JointVector, MethodAnswer, ModeView,
-    PlanReply, PlanRequest, PlannerView, PlantState, Scene, SignKind, SimTime, Stop, TargetView,
+    EventKind, Gesture, HandView, InputSign, InputSource, JointVector, MethodAnswer, ModeView, PlanReply,
+    PlanRequest, PlannerView, PlantState, Scene, SignKind, SimTime, Stop, TargetView,
 };
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;

@@ -1,7 +1,8 @@
 use crate::{Grasp, GraspAction, TestbedError, TrialConfig, ports::Plant};
+use proact_arm::ArmModel;
 use proact_control::{HandCommand, HandTracker};
 use proact_types::{
-    ArmModel, BlockId, EventKind, HandView, JointVector, PlantCommand, PlantState, Point, SimTime, joints,
+    BlockId, EventKind, HandView, JointVector, PlantCommand, PlantState, Point, SimTime, joints,
 };
 use std::sync::Arc;
 

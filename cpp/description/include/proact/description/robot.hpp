@@ -1,18 +1,14 @@
 // A robot description as plain values, read by urdfdom. Plain C++17: no cxx, no ROS.
 #pragma once
 
+#include "proact/geometry.hpp"
+
 #include <array>
 #include <cstdint>
 #include <string>
 #include <vector>
 
 namespace proact::description {
-
-/// Metres, and a unit quaternion (x, y, z, w).
-struct Pose {
-  std::array<double, 3> position{};
-  std::array<double, 4> quaternion{{0.0, 0.0, 0.0, 1.0}};
-};
 
 enum class ShapeKind : std::uint8_t { box, cylinder, sphere, mesh };
 

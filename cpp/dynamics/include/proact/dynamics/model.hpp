@@ -1,7 +1,7 @@
 // What a World is built from. Plain structs: no ODE, no cxx, no ROS.
 #pragma once
 
-#include "proact/dynamics/geometry.hpp"
+#include "proact/geometry.hpp"
 
 #include <array>
 #include <cstddef>

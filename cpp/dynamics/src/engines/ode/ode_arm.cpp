@@ -59,7 +59,7 @@ void OdeArm::place_links(const std::vector<double>& positions) {
     child.pose = parent.pose * joint.origin;
     child.angular = parent.angular;
     if (const std::size_t moving = joints_.moving_of(k); moving != no_index) {
-      child.pose.rotation = normalized(child.pose.rotation * about_axis(joint.axis, positions[moving]));
+      child.pose = turned(child.pose, joint.axis, positions[moving]);
       child.angular = child.angular + rotate(child.pose.rotation, joint.axis) * joints_.velocities()[moving];
     }
     child.linear = parent.linear + cross(parent.angular, child.pose.position - parent.pose.position);

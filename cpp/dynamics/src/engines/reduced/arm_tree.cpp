@@ -7,10 +7,8 @@ namespace proact::dynamics {
 namespace {
 
 /// `parent` and the hinge give the child's place.
-Pose turned(const Pose& parent, const ArmTree::Body& body, double angle) {
-  Pose pose = parent * body.parent_from_hinge;
-  pose.rotation = normalized(pose.rotation * about_axis(body.axis, angle));
-  return pose;
+Pose behind(const Pose& parent, const ArmTree::Body& body, double angle) {
+  return turned(parent * body.parent_from_hinge, body.axis, angle);
 }
 
 }  // namespace
@@ -49,7 +47,7 @@ void ArmTree::place(const Pose& world_from_base, const std::vector<double>& posi
   for (std::size_t k = 1; k < bodies.size(); ++k) {
     const Body& body = bodies[k];
     Placed& placed = placed_[k];
-    placed.pose = turned(placed_[body.parent].pose, body, positions[body.moving]);
+    placed.pose = behind(placed_[body.parent].pose, body, positions[body.moving]);
     placed.axis = rotate(placed.pose.rotation, body.axis);
     placed.centre = rotate(placed.pose.rotation, body.centre);
     placed.inertia = rotated(placed.pose.rotation, body.inertia);
@@ -62,7 +60,7 @@ FrameMotion ArmTree::motion(std::size_t body, const FrameMotion& base, const std
   const Body& own = bodies[body];
   const FrameMotion parent = motion(own.parent, base, positions, velocities);
   FrameMotion out;
-  out.pose = turned(parent.pose, own, positions[own.moving]);
+  out.pose = behind(parent.pose, own, positions[own.moving]);
   out.angular = parent.angular + rotate(out.pose.rotation, own.axis) * velocities[own.moving];
   out.linear = parent.linear + cross(parent.angular, out.pose.position - parent.pose.position);
   return out;

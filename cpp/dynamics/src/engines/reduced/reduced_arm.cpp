@@ -76,10 +76,7 @@ void ReducedArm::join_links() {
     const Pose from_parent = links_.body_from_link(joint.parent) * joint.origin;
     Pose& pose = links_.body_from_link(k + 1);
     if (joints_.rigid(k)) {
-      pose = from_parent;
-      if (moving != no_index) {
-        pose.rotation = normalized(pose.rotation * about_axis(joint.axis, joints_.positions()[moving]));
-      }
+      pose = moving == no_index ? from_parent : turned(from_parent, joint.axis, joints_.positions()[moving]);
     } else {
       ArmTree::Body& body = tree_.bodies[links_.body_of(k + 1)];
       body.parent = links_.body_of(joint.parent);
@@ -279,13 +276,13 @@ void ReducedArm::add_side(const Side& side, double sign, const std::array<Vec3, 
   if (side.arm != no_index) {
     for (const std::size_t hinge : chains_[side.arm]) {
       const ArmTree::Placed& placed = tree_.placed()[hinge + 1];
-      const Vec3 speed = cross(placed.axis, point - placed.pose.position) * sign;
+      const Vec3 speed = point_velocity(placed.axis, placed.pose.position, point) * sign;
       problem_.columns.push_back({hinge, {dot(speed, directions[0]), dot(speed, directions[1]), dot(speed, directions[2])}});
     }
   } else if (side.block != no_index) {
     const std::size_t first = tree_.hinge_count() + 6 * engaged_.slot(side.block);
-    const Vec3 lever = point - to_vec(dBodyGetPosition(blocks_.body(side.block)));
-    const std::array<Vec3, 3> turns{cross(lever, directions[0]), cross(lever, directions[1]), cross(lever, directions[2])};
+    const Vec3 arm = point - to_vec(dBodyGetPosition(blocks_.body(side.block)));
+    const std::array<Vec3, 3> turns{cross(arm, directions[0]), cross(arm, directions[1]), cross(arm, directions[2])};
     const auto add = [&](std::size_t k, double a, double b, double c) {
       problem_.columns.push_back({first + k, {sign * a, sign * b, sign * c}});
     };

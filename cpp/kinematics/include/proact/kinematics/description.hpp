@@ -1,6 +1,8 @@
 // What an arm is made of, as plain values.
 #pragma once
 
+#include "proact/geometry.hpp"
+
 #include <kdl/frames.hpp>
 #include <kdl/rigidbodyinertia.hpp>
 #include <kdl/segment.hpp>
@@ -12,12 +14,6 @@
 #include <vector>
 
 namespace proact::kinematics {
-
-/// A pose: metres, and a unit quaternion (x, y, z, w).
-struct Pose {
-  std::array<double, 3> position{0.0, 0.0, 0.0};
-  std::array<double, 4> quaternion{0.0, 0.0, 0.0, 1.0};
-};
 
 /// Mass properties.
 struct Inertial {

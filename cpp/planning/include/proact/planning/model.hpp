@@ -1,6 +1,8 @@
 // What a planning scene is built from: plain values, metres and radians. No cxx, no ROS.
 #pragma once
 
+#include "proact/geometry.hpp"
+
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -10,12 +12,6 @@
 #include <vector>
 
 namespace proact::planning {
-
-/// A rigid transform: metres, and a unit quaternion (x, y, z, w).
-struct Pose {
-  std::array<double, 3> position{0.0, 0.0, 0.0};
-  std::array<double, 4> quaternion{0.0, 0.0, 0.0, 1.0};
-};
 
 enum class ShapeKind : std::uint8_t { box, sphere, cylinder, capsule, mesh };
 

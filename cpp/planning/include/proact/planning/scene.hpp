@@ -142,8 +142,8 @@ class Scene {
   };
 
   struct ChainJoint {
-    Transform parent_from_joint = Transform::Identity();
-    Vector axis = Vector::UnitZ();
+    Pose parent_from_joint;
+    Vec3 axis{0.0, 0.0, 1.0};
     double lower = 0.0;
     double upper = 0.0;
   };
@@ -183,7 +183,7 @@ class Scene {
   std::vector<Obstacle> obstacles_;
   std::optional<Object> attached_;
   Pose base_;
-  Transform world_from_base_ = Transform::Identity();
+  Pose world_from_base_;
   double padding_ = 0.0;
   std::vector<double> lever_;         // [joint][body]: metres per radian, in any configuration
   std::vector<double> speed_;         // [body]: metres per unit of t

@@ -10,8 +10,9 @@ use crate::{
     },
     node::{Graph, NodeError, convert},
 };
+use proact_arm::{ArmModel, JointLimits};
 use proact_control::MotionCommand;
-use proact_types::{ArmModel, JointLimits, SimTime};
+use proact_types::SimTime;
 use rosrust::{Publisher, error::Result};
 use std::{
     sync::{

@@ -11,8 +11,9 @@ use crate::{
     },
     node::{Graph, NodeError, convert, plan_request, wire::MethodShown},
 };
+use proact_arm::ArmModel;
 use proact_control::HandCommand;
-use proact_types::{ArmModel, PlanRequest, Pose, SimTime};
+use proact_types::{PlanRequest, Pose, SimTime};
 use rosrust::{Publisher, error::Result};
 
 /// The method's topics.

@@ -2,13 +2,14 @@
 //! trajectories.
 
 use crate::controllers::{Controllers, Ending};
+use proact_arm::ArmModel;
 use proact_control::{HandCommand, MotionCommand};
 use proact_testbed::{
     TestbedError, TrialConfig,
     ports::{Plant, PlantError},
     stages::{ActuationInput, ActuationOutput, ActuationStage, WorldInput, WorldOutput, WorldStage},
 };
-use proact_types::{ArmModel, EventKind, HandState, JointVector, PlantState, Pose, SimTime};
+use proact_types::{EventKind, HandState, JointVector, PlantState, Pose, SimTime};
 use std::sync::Arc;
 
 /// Makes the physics anew: at the start and for each reset.

@@ -1,9 +1,14 @@
-// Vectors, quaternions and poses. Plain C++17: no ODE, no cxx, no ROS.
+// Vectors, quaternions and poses, and what an arm's joints do to them: shared by the C++ cores. Header only; plain C++17:
+// no library, no cxx, no ROS.
+//
+// Metres and radians. A pose is `target_from_source`; twists and Jacobians are linear first, then angular. The crate
+// `arm` is the same in Rust; KDL is the judge of both (cpp/kinematics/test, rust/kinematics/tests).
 #pragma once
 
+#include <array>
 #include <cmath>
 
-namespace proact::dynamics {
+namespace proact {
 
 /// Three numbers: metres, m/s, rad/s or N, as the user says.
 struct Vec3 {
@@ -20,6 +25,7 @@ inline Vec3 cross(const Vec3& a, const Vec3& b) {
   return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
 inline double norm(const Vec3& a) { return std::sqrt(dot(a, a)); }
+inline Vec3 normalized(const Vec3& a) { return a * (1.0 / norm(a)); }
 
 /// A unit quaternion, scalar last.
 struct Quat {
@@ -74,10 +80,29 @@ inline Pose inverse(const Pose& a) {
   return {rotate(back, a.position) * -1.0, back};
 }
 
+/// A link that stands at `pose` while its joint is at zero, turned by `angle`, rad, about the unit vector `axis` of its own
+/// frame. Forward kinematics is `turned(world_from_parent * parent_from_child, axis, angle)`, joint by joint.
+inline Pose turned(const Pose& pose, const Vec3& axis, double angle) {
+  return {pose.position, normalized(pose.rotation * about_axis(axis, angle))};
+}
+/// Velocity of the point `point` per rad/s of a joint at `origin` that turns about the unit vector `axis`, all in one
+/// frame: the linear rows of its column of the geometric Jacobian. The angular ones are the axis.
+inline Vec3 point_velocity(const Vec3& axis, const Vec3& origin, const Vec3& point) { return cross(axis, point - origin); }
+
+/// A pose as it crosses to Rust: position, then quaternion x, y, z, w.
+template <typename Numbers>
+Pose pose_of(const Numbers& n) {
+  return {{n[0], n[1], n[2]}, {n[3], n[4], n[5], n[6]}};
+}
+inline std::array<double, 7> numbers_of(const Pose& pose) {
+  const auto& [p, q] = pose;
+  return {p.x, p.y, p.z, q.x, q.y, q.z, q.w};
+}
+
 inline bool is_finite(const Vec3& v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
 inline bool is_finite(const Quat& q) {
   return std::isfinite(q.x) && std::isfinite(q.y) && std::isfinite(q.z) && std::isfinite(q.w);
 }
 inline bool is_finite(const Pose& p) { return is_finite(p.position) && is_finite(p.rotation); }
 
-}  // namespace proact::dynamics
+}  // namespace proact

@@ -1,5 +1,6 @@
-use crate::{MAX_JOINTS, Pose, Shape, Vector};
+use crate::Grasp;
 use nalgebra::{Unit, UnitQuaternion};
+use proact_types::{MAX_JOINTS, Pose, Shape, Vector};
 use serde::{Deserialize, Serialize};
 
 /// The arm: immutable, shared by kinematics, planning, dynamics and display.
@@ -26,6 +27,9 @@ pub struct ArmModel {
     pub allowed_collisions: Vec<(usize, usize)>,
     /// Where the centre of a grasped object lies, in the tip's frame, metres.
     pub grasp_centre: Vector,
+    /// How the hand grips from above.
+    #[serde(default)]
+    pub grasp: Grasp,
 }
 
 /// A rigid link.
@@ -123,7 +127,11 @@ pub struct Joint {
 impl Joint {
     /// `parent_from_child` at `angle`, rad.
     pub fn across(&self, angle: f64) -> Pose {
-        self.origin * UnitQuaternion::from_axis_angle(&Unit::new_normalize(self.axis), angle)
+        self.origin * self.turn(angle)
+    }
+
+    fn turn(&self, angle: f64) -> UnitQuaternion<f64> {
+        UnitQuaternion::from_axis_angle(&Unit::new_normalize(self.axis), angle)
     }
 }
 
@@ -193,19 +201,33 @@ impl ArmModel {
     }
 
     /// `base_from_link` of all links, in their order, at angles of the moving joints, rad; zero for those left out.
-    ///
-    /// For display: the control loop asks the kinematics library.
     pub fn link_poses(&self, angles: &[f64]) -> Vec<Pose> {
-        let mut angle_of = vec![0.0; self.joints.len()];
-        for (joint, angle) in self.moving().zip(angles) {
-            angle_of[joint] = *angle;
-        }
-        let mut poses = vec![Pose::identity(); self.links.len()];
-        // Joints are sorted by child, and parents stand before their children.
-        for (joint, angle) in self.joints.iter().zip(angle_of) {
-            poses[joint.child] = poses[joint.parent] * joint.across(angle);
-        }
+        let mut poses = Vec::new();
+        self.place_links(&Pose::identity(), angles, &mut poses);
         poses
+    }
+
+    /// Forward kinematics: writes `world_from_link` of all links, in their order, at angles of the moving joints, rad;
+    /// zero for those left out. Allocates only where `poses` has too little room.
+    pub fn place_links(&self, world_from_base: &Pose, angles: &[f64], poses: &mut Vec<Pose>) {
+        self.place_from(0, world_from_base, angles, poses);
+    }
+
+    /// As [`ArmModel::place_links`], with the link `first` at `pose`. The poses of links that do not hang on it mean
+    /// nothing.
+    pub(crate) fn place_from(&self, first: usize, pose: &Pose, angles: &[f64], poses: &mut Vec<Pose>) {
+        poses.clear();
+        poses.resize(self.links.len(), Pose::identity());
+        // Each link first waits with the turn of its joint.
+        for (joint, angle) in self.moving().zip(angles) {
+            let joint = &self.joints[joint];
+            poses[joint.child].rotation = joint.turn(*angle);
+        }
+        poses[first] = *pose;
+        // Joint k moves link k + 1, and parents stand before their children.
+        for joint in &self.joints[first..] {
+            poses[joint.child] = poses[joint.parent] * joint.origin * poses[joint.child].rotation;
+        }
     }
 
     /// Index of the link called `name`.

@@ -1,0 +1,173 @@
+use crate::{ArmModel, JointKind, JointLimits};
+use arrayvec::ArrayVec;
+use nalgebra::{Unit, UnitQuaternion, Vector6};
+use proact_types::{MAX_JOINTS, Point, Pose, Vector};
+
+/// One column for each joint: the twist of a point by a unit of the joint's speed, linear first, base frame; or what a
+/// task counts of it. Lives on the stack.
+pub type Columns = ArrayVec<Vector6<f64>, MAX_JOINTS>;
+
+/// The arm group from the base to the tip. Immutable; where it is at some angles goes into a [`ChainPoses`].
+///
+/// Joints that do not belong to the arm group keep the angle zero. Nothing here allocates after construction.
+#[derive(Clone, Debug)]
+pub struct Chain {
+    hinges: Vec<Hinge>,
+    /// `hinge_from_tip`, behind the last hinge.
+    tip: Pose,
+    limits: Vec<JointLimits>,
+}
+
+/// A moving joint with all that is fixed before it.
+#[derive(Clone, Copy, Debug)]
+struct Hinge {
+    /// From the hinge before, at angle zero.
+    origin: Pose,
+    axis: Unit<Vector>,
+}
+
+impl Hinge {
+    /// Where the link behind the hinge is, for the link before it at `pose`.
+    fn turned(&self, pose: Pose, angle: f64) -> Pose {
+        pose * self.origin * UnitQuaternion::from_axis_angle(&self.axis, angle)
+    }
+}
+
+/// Where the links of a [`Chain`] are, base frame.
+#[derive(Clone, Debug, Default)]
+pub struct ChainPoses {
+    /// Of the link behind each joint, in the order of the chain.
+    pub links: ArrayVec<Pose, MAX_JOINTS>,
+    /// Of the tip.
+    pub tip: Pose,
+}
+
+impl Chain {
+    /// The arm group of `model`.
+    pub fn new(model: &ArmModel) -> Self {
+        let mut path = Vec::new();
+        let mut link = model.tip;
+        while link > 0 {
+            // Joint k moves link k + 1.
+            path.push(link - 1);
+            link = model.joints[link - 1].parent;
+        }
+        let (mut hinges, mut limits, mut fixed) = (Vec::new(), Vec::new(), Pose::identity());
+        for &index in path.iter().rev() {
+            let joint = &model.joints[index];
+            fixed *= joint.origin;
+            if joint.kind == JointKind::Revolute && model.arm.contains(&index) {
+                hinges.push(Hinge { origin: fixed, axis: Unit::new_normalize(joint.axis) });
+                limits.push(joint.limits);
+                fixed = Pose::identity();
+            }
+        }
+        Self { hinges, tip: fixed, limits }
+    }
+
+    /// Number of joints.
+    pub fn joint_count(&self) -> usize {
+        self.hinges.len()
+    }
+
+    /// Limits of the joints, base to tip.
+    pub fn limits(&self) -> &[JointLimits] {
+        &self.limits
+    }
+
+    /// Forward kinematics: writes where the links are at the angles `q` of the arm, rad, base to tip. Further angles, such as
+    /// those of the hand, are ignored.
+    ///
+    /// # Panics
+    /// If `q` has fewer angles than [`Chain::joint_count`].
+    pub fn place(&self, q: &[f64], poses: &mut ChainPoses) {
+        assert!(q.len() >= self.hinges.len(), "an angle for each joint of the chain");
+        let mut pose = Pose::identity();
+        poses.links.clear();
+        for (hinge, angle) in self.hinges.iter().zip(q) {
+            pose = hinge.turned(pose, *angle);
+            poses.links.push(pose);
+        }
+        poses.tip = pose * self.tip;
+    }
+
+    /// `base_from_tip` at the angles `q`, as [`Chain::place`].
+    ///
+    /// # Panics
+    /// As [`Chain::place`].
+    pub fn forward(&self, q: &[f64]) -> Pose {
+        assert!(q.len() >= self.hinges.len(), "an angle for each joint of the chain");
+        let chain = self.hinges.iter().zip(q);
+        chain.fold(Pose::identity(), |pose, (hinge, angle)| hinge.turned(pose, *angle)) * self.tip
+    }
+
+    /// Column of the geometric Jacobian: the twist of the point that is at `point` and moves with the tip, per unit of
+    /// speed of joint `joint`; linear first, base frame. `poses` is where the links are.
+    ///
+    /// # Panics
+    /// If the chain has no such joint.
+    pub fn column(&self, poses: &ChainPoses, joint: usize, point: &Point) -> Vector6<f64> {
+        let link = &poses.links[joint];
+        let axis = link.rotation * self.hinges[joint].axis.into_inner();
+        let linear = axis.cross(&(point.coords - link.translation.vector));
+        Vector6::new(linear.x, linear.y, linear.z, axis.x, axis.y, axis.z)
+    }
+
+    /// The geometric Jacobian at `point`, column by column as [`Chain::column`].
+    pub fn jacobian(&self, poses: &ChainPoses, point: &Point) -> Columns {
+        (0..self.hinges.len()).map(|joint| self.column(poses, joint, point)).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::doubles::{ANGLES, three_joints};
+    use proptest::prelude::*;
+
+    #[test]
+    fn the_hand_is_where_trigonometry_says() {
+        let chain = Chain::new(&three_joints());
+        let tip = chain.forward(&[std::f64::consts::FRAC_PI_2, 0.0, 0.5]);
+        assert!((tip.translation.vector - Vector::new(0.0, 0.6, 0.0)).norm() < 1e-12, "{tip}");
+    }
+
+    proptest! {
+        // Catches a Jacobian with swapped rows, a wrong sign, or a lever to the wrong point.
+        #[test]
+        fn the_jacobian_is_the_derivative_of_a_point_of_the_hand(q in ANGLES, k in 0_usize..3) {
+            const H: f64 = 1e-6;
+            let chain = Chain::new(&three_joints());
+            let in_tip = Point::new(0.1, -0.02, 0.05);
+            let mut poses = ChainPoses::default();
+            chain.place(&q, &mut poses);
+            let column = chain.jacobian(&poses, &(poses.tip * in_tip))[k];
+            let at = |h: f64| {
+                let mut q = q;
+                q[k] += h;
+                chain.forward(&q)
+            };
+            let (before, after) = (at(-H), at(H));
+            let linear = (after * in_tip - before * in_tip) / (2.0 * H);
+            let angular = (after.rotation * before.rotation.inverse()).scaled_axis() / (2.0 * H);
+            prop_assert!((column.fixed_rows::<3>(0) - linear).norm() < 1e-8);
+            prop_assert!((column.fixed_rows::<3>(3) - angular).norm() < 1e-8);
+        }
+
+        #[test]
+        fn chain_and_tree_put_every_link_at_the_same_place(q in ANGLES) {
+            let model = three_joints();
+            let chain = Chain::new(&model);
+            let mut poses = ChainPoses::default();
+            chain.place(&q, &mut poses);
+            let links = model.link_poses(&q);
+            for (&joint, pose) in model.arm.iter().zip(&poses.links) {
+                let off = links[model.joints[joint].child].inv_mul(pose);
+                prop_assert!(off.translation.vector.norm() < 1e-15 && off.rotation.angle() < 1e-15);
+            }
+            prop_assert_eq!(poses.tip, chain.forward(&q));
+            let off = links[model.tip].inv_mul(&poses.tip);
+            prop_assert!(off.translation.vector.norm() < 1e-15 && off.rotation.angle() < 1e-15);
+        }
+    }
+}

@@ -1,0 +1,32 @@
+//! The arm as data, and its mathematics.
+//!
+//! What it does: holds the model of an arm with its hand ([`ArmModel`]); computes where its links are
+//! ([`ArmModel::place_links`], [`Chain`]), the Jacobian of a point of the hand ([`Chain::column`]) and damped
+//! least-squares steps ([`damped_step`]).
+//! What it never does: read files, decide where the arm should go, or judge what touches. Control, planning and
+//! `proact query` ask KDL through `proact-kinematics`; tests there compare the two.
+//!
+//! Pure: no clock, no files, no threads, no randomness. SI and radians; a transform is `target_from_source`; twists and
+//! Jacobians are linear first, then angular.
+//!
+//! ```
+//! use proact_arm::{Chain, ChainPoses, doubles::three_joints};
+//! let chain = Chain::new(&three_joints());
+//! let mut poses = ChainPoses::default();
+//! chain.place(&[0.0, 0.5, -0.5], &mut poses);
+//! assert_eq!(poses.tip, chain.forward(&[0.0, 0.5, -0.5]));
+//! ```
+
+mod chain;
+mod damped;
+pub mod doubles;
+mod hand;
+mod model;
+
+pub use chain::{Chain, ChainPoses, Columns};
+pub use damped::{damped_step, damped_step_within};
+pub use hand::{Grasp, upright_axis};
+pub use model::{
+    ArmModel, ArmModelError, CollisionShape, Inertial, Joint, JointKind, JointLimits, Link, NamedPose,
+    Visual, VisualGeometry,
+};
