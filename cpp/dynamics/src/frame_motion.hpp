@@ -1,7 +1,7 @@
 // How frames move. Vectors in the axes of `world`.
 #pragma once
 
-#include "proact/dynamics/geometry.hpp"
+#include "proact/geometry.hpp"
 
 namespace proact::dynamics {
 
