@@ -4,6 +4,8 @@
 #include <urdf_model/model.h>
 #include <urdf_parser/urdf_parser.h>
 
+#include <cmath>
+#include <map>
 #include <mutex>
 #include <stdexcept>
 
@@ -132,21 +134,64 @@ Joint convert(const urdf::Joint& joint) {
   return out;
 }
 
-}  // namespace
-
-Robot read_urdf(const std::string& text) {
+urdf::ModelInterfaceSharedPtr parse(const std::string& text) {
   // console_bridge keeps one handler for the process, and no lock of its own.
   static std::mutex console_mutex;
   const std::lock_guard<std::mutex> lock(console_mutex);
   const LogCapture capture;
 
-  const urdf::ModelInterfaceSharedPtr model = urdf::parseURDF(text);
+  urdf::ModelInterfaceSharedPtr model = urdf::parseURDF(text);
   if (!model) {
     throw std::runtime_error(capture.text().empty() ? "urdfdom refused the text without a reason" : capture.text());
   }
   // urdfdom drops a shape that it does not know, logs an error and calls the model good.
   if (!capture.text().empty()) throw std::runtime_error(capture.text());
+  return model;
+}
 
+/// Turned by `angle` about `axis`, which need not be a unit vector.
+urdf::Rotation turn(const urdf::Vector3& axis, double angle) {
+  const double length = std::sqrt(axis.x * axis.x + axis.y * axis.y + axis.z * axis.z);
+  const double share = length > 0.0 ? std::sin(angle / 2.0) / length : 0.0;
+  return {axis.x * share, axis.y * share, axis.z * share, std::cos(angle / 2.0)};
+}
+
+urdf::Pose link_pose(const urdf::Link& link, const std::map<std::string, double>& angles) {
+  if (!link.parent_joint) return {};
+  // Neither const nor by reference: urdfdom's sum of vectors is no const function.
+  urdf::Pose parent = link_pose(*link.getParent(), angles);
+  const urdf::Pose& origin = link.parent_joint->parent_to_joint_origin_transform;
+  urdf::Pose out;
+  out.position = parent.position + parent.rotation * origin.position;
+  const auto angle = angles.find(link.parent_joint->name);
+  const bool turns = angle != angles.end() && link.parent_joint->type != urdf::Joint::FIXED;
+  const urdf::Rotation own = turns ? turn(link.parent_joint->axis, angle->second) : urdf::Rotation();
+  out.rotation = parent.rotation * origin.rotation * own;
+  return out;
+}
+
+}  // namespace
+
+std::vector<Pose> link_poses(const std::string& text, const std::vector<std::string>& joints,
+                             const std::vector<double>& angles, const std::vector<std::string>& links) {
+  if (joints.size() != angles.size()) throw std::runtime_error("as many angles as joints are expected");
+  const urdf::ModelInterfaceSharedPtr model = parse(text);
+  std::map<std::string, double> at;
+  for (std::size_t k = 0; k < joints.size(); ++k) {
+    if (!model->getJoint(joints[k])) throw std::runtime_error("there is no joint \"" + joints[k] + "\"");
+    at[joints[k]] = angles[k];
+  }
+  std::vector<Pose> out;
+  for (const std::string& name : links) {
+    const auto link = model->getLink(name);
+    if (!link) throw std::runtime_error("there is no link \"" + name + "\"");
+    out.push_back(convert(link_pose(*link, at)));
+  }
+  return out;
+}
+
+Robot read_urdf(const std::string& text) {
+  const urdf::ModelInterfaceSharedPtr model = parse(text);
   Robot out;
   out.name = model->getName();
   out.root = model->getRoot() ? model->getRoot()->name : std::string();

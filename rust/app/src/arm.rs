@@ -142,21 +142,15 @@ impl Arm {
         Some(Self { model: Arc::new(model), own: None })
     }
 
-    fn in_folder(folder: &Path) -> Result<Self, ArmError> {
-        let urdf = files(folder, "urdf")?;
-        let srdf = files(folder, "srdf")?;
-        let wrong = |ending, count, expected| {
-            Err(ArmError::Files { folder: folder.to_owned(), ending, count, expected })
-        };
-        match (urdf.as_slice(), srdf.as_slice()) {
-            ([urdf], [] | [_]) => {
-                let arm = Self::read(folder, urdf, srdf.first().map(PathBuf::as_path))?;
-                arm.check_meshes(folder)?;
-                Ok(arm)
-            }
-            ([_], srdf) => wrong("srdf", srdf.len(), "one or none"),
-            (urdf, _) => wrong("urdf", urdf.len(), "one"),
-        }
+    /// The arm in `folder`.
+    ///
+    /// # Errors
+    /// [`ArmError`]: not one description, one that cannot be used, a mesh that is missing.
+    pub fn in_folder(folder: &Path) -> Result<Self, ArmError> {
+        let (urdf, srdf) = arm_files(folder)?;
+        let arm = Self::read(folder, &urdf, srdf.as_deref())?;
+        arm.check_meshes(folder)?;
+        Ok(arm)
     }
 
     fn read(place: &Path, urdf: &Path, srdf: Option<&Path>) -> Result<Self, ArmError> {
@@ -214,6 +208,23 @@ impl Arm {
         write(URDF_FILE, &own.urdf)?;
         own.srdf.as_ref().map_or(Ok(()), |srdf| write(SRDF_FILE, srdf))
     }
+}
+
+/// The URDF file of a lab's own arm in `folder`, and its SRDF file if there is one.
+///
+/// # Errors
+/// [`ArmError::Files`] for none or several, [`ArmError::File`] for a folder that cannot be read.
+pub fn arm_files(folder: &Path) -> Result<(PathBuf, Option<PathBuf>), ArmError> {
+    let (mut urdf, mut srdf) = (files(folder, "urdf")?, files(folder, "srdf")?);
+    let wrong =
+        |ending, count, expected| Err(ArmError::Files { folder: folder.to_owned(), ending, count, expected });
+    if urdf.len() != 1 {
+        return wrong("urdf", urdf.len(), "one");
+    }
+    if srdf.len() > 1 {
+        return wrong("srdf", srdf.len(), "one or none");
+    }
+    Ok((urdf.remove(0), srdf.pop()))
 }
 
 /// Files of `folder` with this ending, by name.

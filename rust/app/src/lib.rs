@@ -8,6 +8,7 @@
 mod arm;
 mod armband;
 mod centred;
+pub mod compare;
 pub mod digests;
 pub mod doctor;
 mod experimenter;
@@ -34,7 +35,7 @@ pub mod source;
 pub mod trial;
 mod wearer;
 
-pub use arm::{Arm, ArmError};
+pub use arm::{Arm, ArmError, arm_files};
 pub use armband::LiveArmband;
 pub use centred::CentredStream;
 pub use experimenter::Experimenter;

@@ -1,7 +1,8 @@
 //! `proact model`: judge a description of an arm, or turn a lab's own into one.
 
 use clap::{Args, Subcommand};
-use proact_description::{DescriptionError, Imported, Report, check, import};
+use proact_app::compare::compare;
+use proact_description::{DescriptionError, Imported, Report, check, import, parse, parse_urdf};
 use serde_json::json;
 use std::{
     error::Error,
@@ -14,8 +15,9 @@ use std::{
 pub enum ModelCommand {
     /// Say what is wrong, doubtful or noteworthy about an arm's description
     #[command(after_help = "Examples:\n  proact model check my_arm.urdf\n  \
-        proact model check my_arm.urdf --srdf my_arm.srdf --json\n\n\
-        The exit code is 0 if the description can be used, warnings or not.")]
+        proact model check my_arm.urdf --srdf my_arm.srdf --json\n  \
+        proact model check my_arm --compare\n\n\
+        The exit code is 0 if the description can be used, warnings or not; with --compare, if all agree as well.")]
     Check(CheckArgs),
     /// Turn an arm in URDF, or in Gazebo's SDF, into a checked URDF and SRDF
     #[command(
@@ -30,11 +32,21 @@ pub enum ModelCommand {
 /// Arguments of `proact model check`.
 #[derive(Debug, Args)]
 pub struct CheckArgs {
-    /// URDF file
+    /// URDF file, or the folder of an arm with one URDF, at most one SRDF, and its meshes
+    #[arg(value_name = "FILE|FOLDER")]
     file: PathBuf,
     /// SRDF file with groups and poses; without it they are guessed
     #[arg(long)]
     srdf: Option<PathBuf>,
+    /// Print the largest differences between our arithmetic, KDL, urdfdom and both engines of the physics, and where
+    #[arg(long)]
+    compare: bool,
+    /// Random postures that are compared
+    #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=100_000), requires = "compare")]
+    postures: u32,
+    /// Seed of the postures
+    #[arg(long, default_value_t = 1, requires = "compare")]
+    seed: u64,
 }
 
 /// Arguments of `proact model import`.
@@ -59,17 +71,45 @@ pub struct ImportArgs {
 /// A file that cannot be read or written, named.
 pub fn run(command: &ModelCommand, json: bool) -> Result<bool, Box<dyn Error>> {
     match command {
-        ModelCommand::Check(args) => {
-            let report = check(&read(&args.file)?, args.srdf.as_deref().map(read).transpose()?.as_deref());
-            if json {
-                print_json(&report)?
-            } else {
-                println!("{report}")
-            }
-            Ok(report.usable)
-        }
+        ModelCommand::Check(args) => run_check(args, json),
         ModelCommand::Import(args) => run_import(args, json),
     }
+}
+
+fn run_check(args: &CheckArgs, json: bool) -> Result<bool, Box<dyn Error>> {
+    let (urdf, srdf) = match args.file.is_dir() {
+        true => proact_app::arm_files(&args.file)?,
+        false => (args.file.clone(), None),
+    };
+    let srdf = args.srdf.clone().or(srdf);
+    let (urdf, srdf) = (read(&urdf)?, srdf.as_deref().map(read).transpose()?);
+    let report = check(&urdf, srdf.as_deref());
+    let compared = if args.compare && report.usable {
+        let model = match &srdf {
+            Some(srdf) => parse(&urdf, srdf)?,
+            None => parse_urdf(&urdf)?,
+        };
+        Some(compare(&model, &urdf, args.postures as usize, args.seed)?)
+    } else {
+        None
+    };
+    if json {
+        let mut answer = serde_json::to_value(&report)?;
+        if let Some(compared) = &compared {
+            answer["comparison"] = serde_json::to_value(compared)?;
+        }
+        println!("{answer}");
+    } else {
+        println!("{report}");
+        if let Some(compared) = &compared {
+            println!("{compared}");
+        }
+    }
+    if args.file.is_dir() && report.usable {
+        // What a trial would miss too: the meshes.
+        proact_app::Arm::in_folder(&args.file)?;
+    }
+    Ok(report.usable && compared.is_none_or(|compared| compared.agrees()))
 }
 
 fn run_import(args: &ImportArgs, json: bool) -> Result<bool, Box<dyn Error>> {
@@ -184,7 +224,13 @@ mod tests {
         .unwrap();
         assert!(!run(&import_args(file.clone(), out.clone(), false), false).unwrap());
         assert!(!out.exists());
-        assert!(!run(&ModelCommand::Check(CheckArgs { file, srdf: None }), true).unwrap());
+        assert!(
+            !run(
+                &ModelCommand::Check(CheckArgs { file, srdf: None, compare: false, postures: 1, seed: 1 }),
+                true
+            )
+            .unwrap()
+        );
     }
 
     #[test]
@@ -193,9 +239,31 @@ mod tests {
         let (file, srdf) = (folder.path().join("a.urdf"), folder.path().join("a.srdf"));
         fs::write(&file, MPL_RIGHT_ARM_URDF).unwrap();
         fs::write(&srdf, MPL_RIGHT_ARM_SRDF).unwrap();
-        assert!(run(&ModelCommand::Check(CheckArgs { file, srdf: Some(srdf) }), false).unwrap());
+        assert!(
+            run(
+                &ModelCommand::Check(CheckArgs {
+                    file,
+                    srdf: Some(srdf),
+                    compare: true,
+                    postures: 5,
+                    seed: 1
+                }),
+                false
+            )
+            .unwrap()
+        );
         let missing = folder.path().join("none.urdf");
-        let error = run(&ModelCommand::Check(CheckArgs { file: missing, srdf: None }), false).unwrap_err();
+        let error = run(
+            &ModelCommand::Check(CheckArgs {
+                file: missing,
+                srdf: None,
+                compare: false,
+                postures: 1,
+                seed: 1,
+            }),
+            false,
+        )
+        .unwrap_err();
         assert!(error.to_string().contains("none.urdf"), "{error}");
     }
 

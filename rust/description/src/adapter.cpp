@@ -3,6 +3,7 @@
 #include "proact-description/src/bridge.rs.h"
 
 #include <string>
+#include <vector>
 
 namespace proact::description {
 
@@ -25,6 +26,17 @@ RawShape shape(const Shape& from) {
 }
 
 }  // namespace
+
+rust::Vec<double> link_poses(rust::Str text, const rust::Vec<rust::String>& joints, rust::Slice<const double> angles,
+                             const rust::Vec<rust::String>& links) {
+  const std::vector<std::string> joint_names(joints.begin(), joints.end());
+  const std::vector<std::string> link_names(links.begin(), links.end());
+  rust::Vec<double> out;
+  for (const auto& [p, q] : link_poses(std::string(text), joint_names, {angles.begin(), angles.end()}, link_names)) {
+    for (const double value : {p.x, p.y, p.z, q.x, q.y, q.z, q.w}) out.push_back(value);
+  }
+  return out;
+}
 
 RawRobot read(rust::Str text) {
   const Robot robot = read_urdf(std::string(text));

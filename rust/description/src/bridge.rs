@@ -110,5 +110,13 @@ pub(crate) mod ffi {
 
         /// Fails with everything that urdfdom logged.
         fn read(text: &str) -> Result<RawRobot>;
+
+        /// By urdfdom's own arithmetic: seven numbers for each of `links`. Fails as `read`, and for unknown names.
+        fn link_poses(
+            text: &str,
+            joints: &Vec<String>,
+            angles: &[f64],
+            links: &Vec<String>,
+        ) -> Result<Vec<f64>>;
     }
 }

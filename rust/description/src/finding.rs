@@ -82,6 +82,12 @@ pub enum DescriptionError {
         /// The link asked for as tip.
         tip: String,
     },
+    /// urdfdom refuses, or knows no such part.
+    #[error("urdfdom: {reason}")]
+    Library {
+        /// What it says.
+        reason: String,
+    },
     /// A name that is looked up does not exist.
     #[error(transparent)]
     Unknown(#[from] proact_arm::ArmModelError),

@@ -23,13 +23,15 @@ pub use plans::{InstantPlans, PlanCall, PlanCalls};
 pub use plant::KinematicPlant;
 
 use crate::{Parts, TrialConfig};
+use proact_arm::ArmModel;
 use proact_control::doubles::{SerialKinematics, test_hand};
 use proact_tasks::BoxAndBlocks;
 use std::sync::Arc;
 
-/// The testbed of `config` made of doubles: the arm with two fingers, before box and blocks, without an armband.
+/// The testbed of `config` made of doubles: the arm with two fingers, under the name that the configuration has for its
+/// arm, before box and blocks, without an armband.
 pub fn parts(config: &TrialConfig) -> Parts {
-    let model = Arc::new(test_hand());
+    let model = Arc::new(ArmModel { name: config.arm.name.clone(), ..test_hand() });
     let scene = BoxAndBlocks::new(config.arrangement).scene().clone();
     let base = config.setup.body.shoulder_pose(&Default::default());
     Parts {

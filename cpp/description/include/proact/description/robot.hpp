@@ -78,4 +78,11 @@ struct Robot {
 /// Masses, lengths and limits are passed on as they stand; judging them is the caller's work.
 Robot read_urdf(const std::string& text);
 
+/// Where the links called `links` are, root link's frame, with the joints called `joints` at `angles`, rad, and all others
+/// at zero: by urdfdom's own tree, quaternions and vectors. For comparison with other arithmetic.
+///
+/// Throws std::runtime_error as read_urdf, and for a name that there is not.
+std::vector<Pose> link_poses(const std::string& text, const std::vector<std::string>& joints,
+                             const std::vector<double>& angles, const std::vector<std::string>& links);
+
 }  // namespace proact::description
