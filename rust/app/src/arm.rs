@@ -166,12 +166,13 @@ impl Arm {
         Ok(Self { model: Arc::new(model), own: Some(own) })
     }
 
-    /// Every mesh must be in the folder: `package://NAME/` and `file://` stand for it.
+    /// Every mesh must be in the folder: `package://NAME/`, `model://NAME/` and `file://` stand for it.
     fn check_meshes(&self, folder: &Path) -> Result<(), ArmError> {
         for link in &self.model.links {
             for visual in &link.visuals {
                 let VisualGeometry::Mesh { file, .. } = &visual.geometry else { continue };
-                let below = match file.strip_prefix("package://") {
+                let named = file.strip_prefix("package://").or_else(|| file.strip_prefix("model://"));
+                let below = match named {
                     Some(rest) => rest.split_once('/').map_or(rest, |(_, below)| below),
                     None => file.strip_prefix("file://").unwrap_or(file),
                 };

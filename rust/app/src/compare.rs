@@ -17,8 +17,6 @@ const ROUNDING: f64 = 1e-9;
 /// Share of the largest torque of gravity by which a motion of the physics may miss KDL's equation of motion: the motion of
 /// a whole tick stands for the acceleration at its beginning.
 const MOTION: f64 = 2e-3;
-/// Share of each joint's range from which angles are drawn: at a limit the physics pushes back.
-const RANGE: f64 = 0.9;
 
 /// The largest difference between two who compute the same.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -136,7 +134,7 @@ fn posture(model: &ArmModel, random: &mut ChaCha8Rng) -> Vec<f64> {
     let draw = |joint: usize| {
         let limits = model.joints[joint].limits;
         let (middle, half) = ((limits.lower + limits.upper) / 2.0, (limits.upper - limits.lower) / 2.0);
-        middle + RANGE * half * random.random_range(-1.0..=1.0)
+        middle + half * random.random_range(-1.0..=1.0)
     };
     model.moving().map(draw).collect()
 }
@@ -229,11 +227,15 @@ fn engine_rows(
     ])
 }
 
-/// The arm without damping, friction and motors.
+/// The arm without damping, friction, stops and motors.
 fn limp(model: &ArmModel) -> ArmModel {
     let mut model = model.clone();
     for joint in &mut model.joints {
         (joint.damping, joint.friction, joint.limits.effort) = (0.0, 0.0, 0.0);
+        // A joint that cannot move stays so.
+        if joint.limits.lower < joint.limits.upper {
+            (joint.limits.lower, joint.limits.upper) = (f64::NEG_INFINITY, f64::INFINITY);
+        }
     }
     model
 }
