@@ -157,7 +157,7 @@ mod tests {
 
     /// A model of the generator, from its own samples.
     fn model() -> EmgModel {
-        let source = proact_devices::EmgSource::Synthetic;
+        let source = proact_devices::EmgOrigin::Synthetic;
         let mut person = PersonSource::new(&source, Pacing::FlatOut, Duration::ZERO, 1).unwrap();
         let config = CalibrationConfig { emg: EmgConfig::default(), ..CalibrationConfig::default() };
         let mut session = Calibration::new(config).unwrap();

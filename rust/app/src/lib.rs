@@ -42,7 +42,7 @@ pub use experimenter::Experimenter;
 pub use limb::{LimbError, LimbReceiver};
 pub use live::{Ended, LiveTrial};
 pub use pace::Pace;
-pub use person::{EyeTracker, Feedback, Person, drive_by_page};
+pub use person::{EyeTracker, Feedback, LivePerson, drive_by_page};
 pub use record::{Recorder, RecorderError, default_dir};
 pub use replay::{OtherVersions, Replanned, ReplayOptions, Replayed, replay_trial};
 #[cfg(feature = "ros")]

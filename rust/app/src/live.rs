@@ -1,7 +1,8 @@
 //! A trial that a person drives in real time.
 
 use crate::{
-    Experimenter, Pace, Person, Recorder, experimenter::store_gaze_check, person::drive_by_page, run::finish,
+    Experimenter, LivePerson, Pace, Recorder, experimenter::store_gaze_check, person::drive_by_page,
+    run::finish,
 };
 use proact_bridge::{ClientInput, GazeCheck, PageServer};
 use proact_intent::GazeOffset;
@@ -42,7 +43,7 @@ pub struct LiveTrial<'a> {
     /// What the person sees.
     pub page: &'a PageServer,
     /// What the person has connected.
-    pub person: &'a mut Person,
+    pub person: &'a mut LivePerson,
     /// Taken off every gaze; what a calibration finds comes on top.
     pub gaze_offset: &'a mut GazeOffset,
     /// Raised by Ctrl-C.

@@ -2,7 +2,7 @@
 //! no graph, a part that cannot be made, a message that cannot go out.
 
 use crate::{arm::Arm, method_process, trial};
-use proact_devices::{EmgSource, GazeSource};
+use proact_devices::{EmgOrigin, GazeSource};
 use proact_kinematics::Kinematics;
 pub use proact_ros::node::run_meter as meter;
 use proact_ros::node::{self, IntentParts, MethodParts, ParticipantParts, SimParts, TaskParts};
@@ -39,14 +39,14 @@ pub fn testbed(arm: &Arm, mut config: TrialConfig, live: bool) -> Outcome<TrialR
     let config = config.live();
     let assembly = match live {
         true => trial::live_with(arm, config, None)?,
-        false => trial::simulated_with(arm, config, &EmgSource::Synthetic, None)?,
+        false => trial::simulated_with(arm, config, &EmgOrigin::Synthetic, None)?,
     };
     Ok(node::run_testbed(assembly.session, !live)?)
 }
 
 /// Samples to gestures, by a model of the synthetic armband.
 pub fn emg(mut config: TrialConfig) -> Outcome {
-    let setup = proact_devices::prepare_with(&EmgSource::Synthetic, config.emg.as_ref(), config.seed)?;
+    let setup = proact_devices::prepare_with(&EmgOrigin::Synthetic, config.emg.as_ref(), config.seed)?;
     config.emg = Some(setup.config);
     config.emg_centring = setup.centring;
     Ok(node::run_emg(EmgStage::new(&config, Some(setup.classifier))?)?)
@@ -83,7 +83,7 @@ pub fn participant(arm: &Arm, config: &TrialConfig) -> Outcome {
     let options = config.participant.unwrap_or_default();
     let person = PersonParts {
         participant: Some(trial::participant(config, options, &model)?),
-        emg: Some(Box::new(proact_devices::prepare(&EmgSource::Synthetic, config.seed)?.feed)),
+        emg: Some(Box::new(proact_devices::prepare(&EmgOrigin::Synthetic, config.seed)?.feed)),
         gaze: Some(Box::new(GazeSource::new(options.gaze_error_deg, config.seed)?)),
     };
     let stage = PersonStage::new(person, config.setup.body, config.motion, model.arm_count());

@@ -2,7 +2,7 @@
 
 use crate::{LimbReceiver, Rosbridge};
 use proact_bridge::{ClientInput, PageServer};
-use proact_devices::{DeviceError, FeedbackSink, GazeFrame, GazeTracker, SentGaze, UdpFeedback};
+use proact_devices::{DeviceError, FeedbackSink, GazeDevice, GazeFrame, SentGaze, UdpFeedback};
 use proact_testbed::{FeedbackCue, Session, Step};
 use proact_types::{GazeSample, InputSource};
 use std::error::Error;
@@ -32,7 +32,7 @@ impl Feedback {
 }
 
 /// What a person who drives has connected.
-pub struct Person {
+pub struct LivePerson {
     tracker: Option<EyeTracker>,
     limb: Option<LimbReceiver>,
     /// Why the limb was refused last.
@@ -41,10 +41,10 @@ pub struct Person {
     rosbridge: Option<Rosbridge>,
 }
 
-impl Person {
+impl LivePerson {
     /// A person with `tracker`, `limb` and `rosbridge` where there are such, whose cues go to `feedback`.
     pub fn new(
-        tracker: Option<Box<dyn GazeTracker>>,
+        tracker: Option<Box<dyn GazeDevice>>,
         limb: Option<LimbReceiver>,
         feedback: Feedback,
         rosbridge: Option<Rosbridge>,
@@ -116,13 +116,13 @@ pub fn drive_by_page(page: &PageServer, inputs: Vec<ClientInput>, session: &mut 
 
 /// An eye tracker, and what it sent last.
 pub struct EyeTracker {
-    tracker: Box<dyn GazeTracker>,
+    tracker: Box<dyn GazeDevice>,
     last: Option<SentGaze>,
 }
 
 impl EyeTracker {
     /// What `tracker` sends.
-    pub fn new(tracker: Box<dyn GazeTracker>) -> Self {
+    pub fn new(tracker: Box<dyn GazeDevice>) -> Self {
         Self { tracker, last: None }
     }
 

@@ -80,12 +80,12 @@ pub enum QueryError {
 /// # Errors
 /// [`QueryError`] if the arm cannot be used or a stream breaks. Bad lines are answered, not returned.
 pub fn run(options: QueryOptions, mut input: impl BufRead, mut output: impl Write) -> Result<(), QueryError> {
-    let mut desk = Desk::new(&options)?;
+    let mut handler = QueryHandler::new(&options)?;
     let mut line = Vec::new();
     // Bytes, not text: a line that is not UTF-8 is one more bad line.
     while input.read_until(b'\n', &mut line)? > 0 {
         if !line.trim_ascii().is_empty() {
-            let answer = desk.answer(&line).unwrap_or_else(|error| json!({ "error": error }));
+            let answer = handler.answer(&line).unwrap_or_else(|error| json!({ "error": error }));
             serde_json::to_writer(&mut output, &answer).map_err(std::io::Error::from)?;
             output.write_all(b"\n")?;
             // Whoever asks may wait for the answer before asking on.
@@ -156,13 +156,13 @@ fn no_rotation() -> [f64; 4] {
 }
 
 /// Who answers: the arm, and a planner from the first question that needs one.
-struct Desk {
+struct QueryHandler {
     model: Arc<ArmModel>,
     kinematics: Kinematics,
     planner: Option<ArmPlanner>,
 }
 
-impl Desk {
+impl QueryHandler {
     fn new(options: &QueryOptions) -> Result<Self, QueryError> {
         let mut model = match &options.urdf {
             Some(file) => proact_description::load(file, None)?,

@@ -4,7 +4,7 @@
 use proact_messages::{MessageType, ServiceType, Time, known_type, plain_name};
 use proact_ros::node::relay::{Handler, RawIncoming, RawPublisher, RawService, RawSubscriber, Relay};
 use proact_rosbridge::{
-    BusError, Graph, LocalBus, MemberId, Reply, ServiceInfo, ServiceProvider, TopicBus, TopicMessage,
+    BusError, Graph, LocalBus, MemberId, ServiceInfo, ServiceProvider, ServiceReply, TopicBus, TopicMessage,
     TopicSink, TopicType,
 };
 use serde_json::{Map, Value as Json};
@@ -232,7 +232,7 @@ fn handler(kind: ServiceType, provider: Arc<dyn ServiceProvider>) -> Arc<Handler
     Arc::new(move |request: &[u8]| {
         let arguments = decode(&kind.request, request)?;
         let (answered, answer) = sync_channel(1);
-        let reply = Reply::new(move |result| {
+        let reply = ServiceReply::new(move |result| {
             // The caller may have gone.
             let _ = answered.send(result);
         });
@@ -386,7 +386,7 @@ impl TopicBus for RosBus {
         Ok(())
     }
 
-    fn call_service(&self, service: &str, arguments: Json, reply: Reply) {
+    fn call_service(&self, service: &str, arguments: Json, reply: ServiceReply) {
         if self.read().services.contains_key(service) {
             return self.local.call_service(service, arguments, reply);
         }

@@ -2,7 +2,7 @@
 
 use crate::lab_streaming;
 use proact_devices::{
-    EmgSource, KeyboardSource, Pacing, PersonSource, PlaybackSource, Recordings, SampleSource, SourceInfo,
+    EmgOrigin, KeyboardSource, Pacing, PersonSource, PlaybackSource, Recordings, SampleSource, SourceInfo,
     gforce::{GForce, GForceOptions, TcpConnector},
     read_recorded,
 };
@@ -105,7 +105,7 @@ pub fn open(
     let &SourceOptions { bits, packet_bytes, rep, seed, .. } = options;
     let armband = GForceOptions { rate_hz, bits, packet_bytes, ..GForceOptions::default() };
     let pacing = if options.flat_out { Pacing::FlatOut } else { Pacing::RealTime };
-    let person = |source: &EmgSource| PersonSource::new(source, pacing, REACTION, seed);
+    let person = |source: &EmgOrigin| PersonSource::new(source, pacing, REACTION, seed);
     Ok(match source {
         SourceName::Simulator(address) => {
             Box::new(GForce::open(Box::new(TcpConnector::new(address)), armband)?)
@@ -122,10 +122,10 @@ pub fn open(
             let (gestures, packet) = (recordings.gestures(), packet_of(recordings.rate_hz));
             Box::new(PlaybackSource::of_recordings(&recordings, rep, &gestures, packet, pacing)?)
         }
-        SourceName::Synthetic => Box::new(person(&EmgSource::Synthetic)?),
+        SourceName::Synthetic => Box::new(person(&EmgOrigin::Synthetic)?),
         SourceName::Person(dir) => {
             let recordings = Recordings::open(dir, rate)?;
-            Box::new(person(&EmgSource::Recording {
+            Box::new(person(&EmgOrigin::Recording {
                 dir: dir.clone(),
                 rate_hz: recordings.rate_hz,
                 // The classifier that comes with it is not used; any repetition will do.

@@ -6,7 +6,7 @@ use crate::{
 };
 use proact_arm::ArmModel;
 use proact_control::{JointSubset, ports::MethodProcess};
-use proact_devices::{EmgFeed, EmgSetup, EmgSource, GazeSource};
+use proact_devices::{EmgFeed, EmgOrigin, EmgSetup, GazeSource};
 use proact_dynamics::{DynamicsOptions, OdePlant};
 use proact_emg::{Classifier, EmgError, EmgModel};
 use proact_kinematics::Kinematics;
@@ -71,7 +71,7 @@ pub struct Assembly {
 ///
 /// # Errors
 /// [`AssemblyError`].
-pub fn simulated(config: TrialConfig, emg: &EmgSource) -> Result<Assembly, AssemblyError> {
+pub fn simulated(config: TrialConfig, emg: &EmgOrigin) -> Result<Assembly, AssemblyError> {
     simulated_with(&Arm::of(&config)?, config, emg, None)
 }
 
@@ -82,7 +82,7 @@ pub fn simulated(config: TrialConfig, emg: &EmgSource) -> Result<Assembly, Assem
 pub fn simulated_with(
     arm: &Arm,
     mut config: TrialConfig,
-    emg: &EmgSource,
+    emg: &EmgOrigin,
     trained: Option<&EmgModel>,
 ) -> Result<Assembly, AssemblyError> {
     let EmgSetup { classifier, feed, config: emg_config, centring, label } = match trained {
@@ -180,7 +180,7 @@ pub fn live_with(
 /// [`AssemblyError`].
 pub fn bare(
     config: TrialConfig,
-    emg: &EmgSource,
+    emg: &EmgOrigin,
     around: impl FnOnce(Box<dyn Plant>) -> Box<dyn Plant>,
 ) -> Result<(Testbed, EmgFeed), AssemblyError> {
     let mut config = config.live();

@@ -2,7 +2,7 @@
 #![allow(clippy::disallowed_methods)] // A test of files.
 
 use proact_app::{Recorder, intent_scores, trial};
-use proact_devices::EmgSource;
+use proact_devices::EmgOrigin;
 use proact_intent::{IntentModelName, IntentOptions};
 use proact_testbed::{MethodName, Setup, TrialConfig};
 use proact_types::{BlockId, EventKind};
@@ -14,7 +14,7 @@ type Outcome<T = ()> = Result<T, Box<dyn Error>>;
 fn record_one_pick(dir: &Path) -> Outcome<BlockId> {
     let config = TrialConfig::new(MethodName::D, 1, Setup::named("seated")?);
     let trial::Assembly { mut session, classifier, arm, .. } =
-        trial::simulated(TrialConfig { limit_secs: 120.0, ..config }, &EmgSource::Synthetic)?;
+        trial::simulated(TrialConfig { limit_secs: 120.0, ..config }, &EmgOrigin::Synthetic)?;
     let config = session.testbed().config().clone();
     let mut recorder = Recorder::create(dir, &config, &arm, classifier.as_ref())?;
     let mut grasped = None;

@@ -3,7 +3,7 @@
 
 use proact_app::{Arm, Recorder, ReplayOptions, replay_trial, trial};
 use proact_description::{MPL_RIGHT_ARM_SRDF, MPL_RIGHT_ARM_URDF};
-use proact_devices::EmgSource;
+use proact_devices::EmgOrigin;
 use proact_testbed::{MethodName, Setup, TrialConfig};
 use std::{fs, path::Path};
 
@@ -28,7 +28,7 @@ fn own_arm(folder: &Path) {
 fn record(arm: &Arm, dir: &Path) -> String {
     let mut config = TrialConfig::new(MethodName::D, 1, Setup::named("still").unwrap());
     (config.arm, config.limit_secs) = (arm.pinned(), 8.0);
-    let assembled = trial::simulated_with(arm, config, &EmgSource::Synthetic, None).unwrap();
+    let assembled = trial::simulated_with(arm, config, &EmgOrigin::Synthetic, None).unwrap();
     let trial::Assembly { mut session, classifier, arm, .. } = assembled;
     let used = session.testbed().config().clone();
     let mut recorder = Recorder::create(dir, &used, &arm, classifier.as_ref()).unwrap();

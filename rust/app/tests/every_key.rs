@@ -4,7 +4,7 @@
 
 use arrayvec::ArrayVec;
 use proact_app::{Arm, trial};
-use proact_devices::{EmgSource, SyntheticEmg, SyntheticModel, stream};
+use proact_devices::{EmgOrigin, SyntheticEmg, SyntheticModel, stream};
 use proact_emg::{EmgConfig, EmgModel};
 use proact_testbed::{MethodName, Session, Setup, TrialConfig, ports};
 use proact_types::{EmgSample, Gesture, InputSource, Pose, SimTime, Vector};
@@ -278,7 +278,7 @@ fn usual(values: &[&str]) -> Result<Session, String> {
     config.emg = Some(EmgConfig::default());
     config.participant = Some(Default::default());
     let config = config.with_values(values).map_err(|e| e.to_string())?;
-    Ok(trial::simulated(config, &EmgSource::Synthetic).map_err(|e| e.to_string())?.session)
+    Ok(trial::simulated(config, &EmgOrigin::Synthetic).map_err(|e| e.to_string())?.session)
 }
 
 /// Somebody turns a joint by the page, whose word stops now and then, and leans by a jump that a tracker sees.

@@ -4,7 +4,7 @@
 #![allow(clippy::disallowed_methods)] // A test of files and processes.
 
 use proact_app::{Recorder, ReplayOptions, replay_trial, trial};
-use proact_devices::EmgSource;
+use proact_devices::EmgOrigin;
 use proact_recording::{InputLog, InputRecord, Trial, TrialWriter};
 use proact_testbed::{MethodName, Setup, SpanDigest, TrialConfig};
 use proact_types::{SimTime, TickInput};
@@ -27,7 +27,7 @@ fn config(seed: u64) -> Outcome<TrialConfig> {
 
 /// Runs a trial to its end without recording; its digest.
 fn digest(seed: u64) -> Outcome<String> {
-    let mut session = trial::simulated(config(seed)?, &EmgSource::Synthetic)?.session;
+    let mut session = trial::simulated(config(seed)?, &EmgOrigin::Synthetic)?.session;
     while !session.step(false)?.output.finished {}
     Ok(session.testbed().digest())
 }
@@ -40,7 +40,7 @@ fn record(seed: u64, dir: &Path) -> Outcome {
 /// Records the trial of `config` into `dir`.
 fn record_of(config: TrialConfig, dir: &Path) -> Outcome {
     let trial::Assembly { mut session, classifier, arm, plans } =
-        trial::simulated(config, &EmgSource::Synthetic)?;
+        trial::simulated(config, &EmgOrigin::Synthetic)?;
     let config = session.testbed().config().clone();
     let mut recorder = Recorder::create(dir, &config, &arm, classifier.as_ref())?.with_plans(plans)?;
     loop {

@@ -2,7 +2,7 @@
 //! safeguards, assistant, and what becomes of the posterior.
 
 use proact_app::trial;
-use proact_devices::EmgSource;
+use proact_devices::EmgOrigin;
 use proact_testbed::{MethodName, Session, Setup, TrialConfig};
 use proact_types::{BlockId, DisplayFrame, GazeSample, Gesture, PlannerView, Point, Vector};
 use std::error::Error;
@@ -55,7 +55,7 @@ struct ShortTrial {
 fn short_trial(level: &str) -> Outcome<ShortTrial> {
     let level = format!("profile.level={level}");
     let config = config(MethodName::A, &[&level, "limit_secs=25.0"])?;
-    let mut session = trial::simulated(config, &EmgSource::Synthetic)?.session;
+    let mut session = trial::simulated(config, &EmgOrigin::Synthetic)?.session;
     let start = session.testbed().plant().state().position.clone();
     let (mut way, mut modes, mut limb) = ([0.0_f64; 7], Vec::new(), None);
     loop {

@@ -1,6 +1,6 @@
 use crate::{BenchFigure, BenchReport, quantile};
 use proact_app::{Pace, trial};
-use proact_devices::EmgSource;
+use proact_devices::EmgOrigin;
 use proact_testbed::{
     MethodName, Setup, TrialConfig,
     ports::{Plant, PlantError},
@@ -57,7 +57,7 @@ fn measure(method: MethodName, ticks: u64) -> Result<Vec<f64>, Box<dyn Error>> {
     let handed = Handed::default();
     let noted = handed.clone();
     let (mut testbed, mut feed) =
-        trial::bare(config, &EmgSource::Synthetic, |plant| Box::new(Noting { plant, handed: noted }))?;
+        trial::bare(config, &EmgOrigin::Synthetic, |plant| Box::new(Noting { plant, handed: noted }))?;
     let body = testbed.config().setup.body;
     let (eye, shoulder) = (body.eye, body.shoulder_pose(&Default::default()));
     let mut pace = Pace::new();

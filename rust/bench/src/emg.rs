@@ -1,6 +1,6 @@
 use crate::{BenchFigure, BenchReport, quantile};
 use proact_devices::{
-    EmgPacket, EmgSource, SampleSource, SourceEvent, SyntheticEmg, SyntheticModel,
+    EmgOrigin, EmgPacket, SampleSource, SourceEvent, SyntheticEmg, SyntheticModel,
     gforce::{GForce, GForceOptions, Simulator, SimulatorOptions, TcpConnector, serve},
     prepare, stream,
 };
@@ -36,7 +36,7 @@ const PEER: &str = "LibEMG";
 /// # Errors
 /// Data that no classifier can be trained on, or a link that fails: neither should be.
 pub(crate) fn emg() -> Result<BenchReport, Box<dyn Error>> {
-    let mut setup = prepare(&EmgSource::Synthetic, 1)?;
+    let mut setup = prepare(&EmgOrigin::Synthetic, 1)?;
     let held = |tick: u64| Gesture::ALL[(tick / 2000 % 5) as usize];
     let samples: Vec<EmgSample> =
         (0..1000 * STREAM_SECS).flat_map(|t| setup.feed.sample_at(SimTime(t), held(t))).collect();

@@ -1,7 +1,7 @@
 use crate::{BenchFigure, BenchReport, quantile};
 use proact_app::trial::{self, Assembly};
 use proact_bridge::{PageContent, PageOptions, PageServer};
-use proact_devices::EmgSource;
+use proact_devices::EmgOrigin;
 use proact_testbed::{MethodName, Setup, TrialConfig};
 use std::{error::Error, process::Command, time::Instant};
 
@@ -39,7 +39,7 @@ pub(crate) fn start() -> Result<BenchReport, Box<dyn Error>> {
 /// Trains, assembles, serves and runs to the first frame, as `demo` does.
 fn first_frame() -> Result<(), Box<dyn Error>> {
     let config = TrialConfig::new(MethodName::D, 1, Setup::named("seated")?);
-    let Assembly { mut session, arm, .. } = trial::simulated(config, &EmgSource::Synthetic)?;
+    let Assembly { mut session, arm, .. } = trial::simulated(config, &EmgOrigin::Synthetic)?;
     let content = PageContent {
         title: "bench".to_owned(),
         setup: "seated".to_owned(),

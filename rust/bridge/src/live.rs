@@ -112,8 +112,8 @@ async fn read(
             }
         };
         match parsed {
-            Ok(Parsed::Input(input)) => shared.pilot().accept(client, Instant::now(), Some(input)),
-            Ok(Parsed::Alive) => shared.pilot().accept(client, Instant::now(), None),
+            Ok(Parsed::Input(input)) => shared.input_arbiter().accept(client, Instant::now(), Some(input)),
+            Ok(Parsed::Alive) => shared.input_arbiter().accept(client, Instant::now(), None),
             // As with errors: who does not read gets no answers.
             Ok(Parsed::Ping(id)) => drop(replies.try_send(Reply::Pong(id))),
             Err(reason) => {

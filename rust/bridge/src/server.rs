@@ -1,8 +1,8 @@
 use crate::{
     BridgeError, ClientInput, RecordedTrial, Signals, TrialStatus, assets, camera,
     feed::{Feed, ServerMessage},
+    input_arbiter::{ClientId, InputArbiter},
     live::{self, Role},
-    pilot::{ClientId, Pilot},
     trials::StoredTrials,
 };
 use axum::{
@@ -108,7 +108,7 @@ pub struct PageContent {
 pub(crate) struct Shared {
     pub(crate) feed: watch::Sender<Feed>,
     pub(crate) page_version: String,
-    pilot: Mutex<Pilot>,
+    input_arbiter: Mutex<InputArbiter>,
     content: Mutex<StoredContent>,
     clients: AtomicUsize,
     next_client: AtomicU64,
@@ -133,12 +133,12 @@ impl Shared {
     /// Counts a connection out; if it drove, the arm stops.
     pub(crate) fn leave(&self, client: ClientId) {
         self.clients.fetch_sub(1, Ordering::Relaxed);
-        self.pilot().leave(client);
+        self.input_arbiter().leave(client);
     }
 
-    pub(crate) fn pilot(&self) -> MutexGuard<'_, Pilot> {
+    pub(crate) fn input_arbiter(&self) -> MutexGuard<'_, InputArbiter> {
         // No code that holds these locks can panic half way through a change.
-        self.pilot.lock().unwrap_or_else(PoisonError::into_inner)
+        self.input_arbiter.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     pub(crate) fn interactive(&self) -> bool {
@@ -174,7 +174,7 @@ impl PageServer {
         let shared = Arc::new(Shared {
             feed: watch::Sender::new(Feed::default()),
             page_version: assets::page_version(),
-            pilot: Mutex::default(),
+            input_arbiter: Mutex::default(),
             content: Mutex::new(store(&page)?),
             clients: AtomicUsize::new(0),
             next_client: AtomicU64::new(1),
@@ -218,12 +218,12 @@ impl PageServer {
 
     /// What the person at the page did since the last call, oldest first.
     pub fn drain_inputs(&self) -> Vec<ClientInput> {
-        self.shared.pilot().drain()
+        self.shared.input_arbiter().drain()
     }
 
     /// Whether the client in control said anything since the last call, if only that it is there.
     pub fn take_heard(&self) -> bool {
-        self.shared.pilot().take_heard()
+        self.shared.input_arbiter().take_heard()
     }
 
     /// Shows another arm, scene or trial from now on; open pages fetch it by themselves.
@@ -285,7 +285,7 @@ async fn watch_silence(shared: Arc<Shared>) {
     let mut ticks = tokio::time::interval(WATCHDOG_PERIOD);
     loop {
         ticks.tick().await;
-        shared.pilot().check_silence(Instant::now());
+        shared.input_arbiter().check_silence(Instant::now());
     }
 }
 

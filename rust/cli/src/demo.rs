@@ -12,7 +12,7 @@ use proact_app::{
     trial::{self, Assembly},
 };
 use proact_bridge::{PageContent, PageOptions, PageServer};
-use proact_devices::EmgSource;
+use proact_devices::EmgOrigin;
 use proact_emg::{EmgConfig, EmgModel};
 use proact_testbed::{Session, TrialConfig};
 use std::{
@@ -104,13 +104,13 @@ impl RunHow {
 
 pub(crate) fn demo(args: &DemoArgs) -> Result<bool, Box<dyn Error>> {
     let source = match &args.emg {
-        None => EmgSource::Synthetic,
+        None => EmgOrigin::Synthetic,
         Some(dir) => {
-            let EmgSource::Recording { dir, rate_hz, .. } = EmgSource::recording(dir) else {
+            let EmgOrigin::Recording { dir, rate_hz, .. } = EmgOrigin::recording(dir) else {
                 return Err("a folder of recordings is a recording".into());
             };
             let (train_reps, feed_reps) = (args.emg_train.clone(), args.emg_feed.clone());
-            EmgSource::Recording { dir, rate_hz, train_reps, feed_reps, fill: args.emg_fill.is_some() }
+            EmgOrigin::Recording { dir, rate_hz, train_reps, feed_reps, fill: args.emg_fill.is_some() }
         }
     };
     let trained = args.how.trained()?;
@@ -128,7 +128,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<bool, Box<dyn Error>> {
         format!("cannot read {}: {e}; give a trial configuration (TOML)", args.config.display())
     })?;
     let config = TrialConfig::from_toml(&text).map_err(|e| format!("{}: {e}", args.config.display()))?;
-    let source = args.emg.as_ref().map_or(EmgSource::Synthetic, EmgSource::recording);
+    let source = args.emg.as_ref().map_or(EmgOrigin::Synthetic, EmgOrigin::recording);
     let arm = match &args.arm {
         Some(name) => Arm::named(name)?,
         None => Arm::recorded(args.config.parent().unwrap_or(Path::new(".")), &config)?,
@@ -139,7 +139,7 @@ pub(crate) fn run(args: &RunArgs) -> Result<bool, Box<dyn Error>> {
 fn trial_with(
     arm: &Arm,
     config: TrialConfig,
-    source: &EmgSource,
+    source: &EmgOrigin,
     trained: Option<&EmgModel>,
     how: &RunHow,
 ) -> Result<bool, Box<dyn Error>> {

@@ -2,10 +2,10 @@
 
 use crate::rosbridge_args::RosbridgeArgs;
 use clap::Args;
-use proact_app::{Feedback, LimbReceiver, Person};
+use proact_app::{Feedback, LimbReceiver, LivePerson};
 #[cfg(feature = "lsl")]
 use proact_devices::LslGaze;
-use proact_devices::{DeviceError, GazeReceiver, GazeTracker};
+use proact_devices::{DeviceError, GazeDevice, GazeReceiver};
 use proact_testbed::Session;
 use std::error::Error;
 
@@ -43,16 +43,16 @@ pub(crate) struct PersonArgs {
 }
 
 impl PersonArgs {
-    pub(crate) fn open(&self, session: &Session) -> Result<Person, Box<dyn Error>> {
+    pub(crate) fn open(&self, session: &Session) -> Result<LivePerson, Box<dyn Error>> {
         let tracker = self.tracker()?;
         let limb = self.limb_udp.map(LimbReceiver::bind).transpose()?;
         if let Some(limb) = &limb {
             eprintln!("limb: UDP {}", limb.address()?);
         }
-        Ok(Person::new(tracker, limb, self.feedback.open()?, self.rosbridge.open(session)?))
+        Ok(LivePerson::new(tracker, limb, self.feedback.open()?, self.rosbridge.open(session)?))
     }
 
-    fn tracker(&self) -> Result<Option<Box<dyn GazeTracker>>, Box<dyn Error>> {
+    fn tracker(&self) -> Result<Option<Box<dyn GazeDevice>>, Box<dyn Error>> {
         #[cfg(feature = "lsl")]
         if let Some(name) = &self.gaze_lsl {
             let tracker = LslGaze::open(name.as_deref())?;

@@ -6,7 +6,7 @@ use crate::{
 };
 use clap::Args;
 use proact_app::{
-    Ended, LiveArmband, LiveTrial, Person, Recorder, default_dir,
+    Ended, LiveArmband, LivePerson, LiveTrial, Recorder, default_dir,
     trial::{self, Armband, Assembly},
 };
 use proact_bridge::{PageContent, PageOptions, PageServer};
@@ -69,7 +69,7 @@ pub(crate) fn command(args: &ServeArgs) -> Result<bool, Box<dyn Error>> {
     };
     let mut gaze_offset = GazeOffset::default();
     let mut server: Option<PageServer> = None;
-    let mut person: Option<Person> = None;
+    let mut person: Option<LivePerson> = None;
     loop {
         let emg = armband.as_ref().map(|armband| armband.model().config.clone());
         let (arm, config) = asked.config("still", emg)?;

@@ -6,13 +6,13 @@
 // It measures with the real clock.
 #![allow(clippy::disallowed_methods)]
 
-use proact_devices::{EmgSource, prepare};
+use proact_devices::{EmgOrigin, prepare};
 use proact_emg::{Classifier, EmgConfig, EmgPipeline, SlidingWindow, extract};
 use proact_types::{EmgSample, Gesture, SimTime};
 use std::{error::Error, hint::black_box, time::Instant};
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let mut setup = prepare(&EmgSource::Synthetic, 1)?;
+    let mut setup = prepare(&EmgOrigin::Synthetic, 1)?;
     let intended = |tick: u64| Gesture::ALL[(tick / 2000 % 5) as usize];
     let samples: Vec<EmgSample> =
         (0..200_000).flat_map(|t| setup.feed.sample_at(SimTime(t), intended(t))).collect();

@@ -55,7 +55,7 @@ impl SentGaze {
 }
 
 /// Where an eye tracker's samples come in.
-pub trait GazeTracker: Send {
+pub trait GazeDevice: Send {
     /// The newest sample since the last call; none if none came. Never waits.
     ///
     /// # Errors

@@ -1,4 +1,4 @@
-use crate::{DeviceError, GazeFrame, GazeTracker, SentGaze};
+use crate::{DeviceError, GazeDevice, GazeFrame, SentGaze};
 use serde::Deserialize;
 use std::{
     io,
@@ -116,7 +116,7 @@ impl GazeReceiver {
     }
 }
 
-impl GazeTracker for GazeReceiver {
+impl GazeDevice for GazeReceiver {
     fn latest(&mut self) -> Result<Option<SentGaze>, DeviceError> {
         let mut latest = None;
         let mut bytes = [0; 1024];

@@ -10,11 +10,11 @@
 //! and a [`FeedbackSink`] makes cues heard or felt. Only these know the real clock.
 //!
 //! ```
-//! use proact_devices::{EmgSource, prepare};
+//! use proact_devices::{EmgOrigin, prepare};
 //! use proact_emg::EmgPipeline;
 //! use proact_types::{Gesture, SimTime};
 //!
-//! let mut setup = prepare(&EmgSource::Synthetic, 7)?;
+//! let mut setup = prepare(&EmgOrigin::Synthetic, 7)?;
 //! let mut pipeline = EmgPipeline::new(&setup.config, setup.classifier.clone())?;
 //! let mut gesture = Gesture::NoMotion;
 //! for tick in 0..1000 {
@@ -55,17 +55,17 @@ pub use evaluate::{Evaluation, evaluate};
 pub use feed::EmgFeed;
 pub use feedback::{FeedbackSink, UdpFeedback};
 pub use gaze::GazeSource;
-pub use gaze_tracker::{GazeFrame, GazeTracker, SentGaze};
+pub use gaze_tracker::{GazeDevice, GazeFrame, SentGaze};
 pub use gaze_udp::{GAZE_UDP_PORT, GazeReceiver};
 #[cfg(feature = "lsl")]
 pub use lab_streaming::{LslGaze, LslOutlet, LslSource};
 pub use libemg_udp::{LIBEMG_PORT, LibEmgOutput, LibEmgReceiver, LibEmgSender};
 pub use live::{
-    EmgPacket, Fault, FaultySource, KeyboardSource, Pacing, PersonSource, PlaybackSource, SampleSource,
-    ScriptedEvent, ScriptedSource, SourceClock, SourceCounts, SourceEvent, SourceInfo,
+    EmgPacket, FaultySource, InjectedFault, KeyboardSource, Pacing, PersonSource, PlaybackSource,
+    SampleSource, ScriptedEvent, ScriptedSource, SourceClock, SourceCounts, SourceEvent, SourceInfo,
 };
 pub use random::stream;
 pub use recorder::{EmgRecorder, RecordedStream, read_recorded};
 pub use recording::{ChannelValues, MYO_RATE_HZ, Recording, Recordings, read_samples};
-pub use setup::{EmgSetup, EmgSource, default_config, prepare, prepare_model, prepare_with, train};
+pub use setup::{EmgOrigin, EmgSetup, default_config, prepare, prepare_model, prepare_with, train};
 pub use synthetic::{FittedGesture, SyntheticEmg, SyntheticModel};

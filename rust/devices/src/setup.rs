@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 /// Where a trial's EMG comes from.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
-pub enum EmgSource {
+pub enum EmgOrigin {
     /// Real recordings.
     Recording {
         /// The folder.
@@ -30,10 +30,10 @@ pub enum EmgSource {
     Synthetic,
 }
 
-impl EmgSource {
+impl EmgOrigin {
     /// The recordings in `dir` with default repetitions: train on 0 and 1, feed 2.
-    pub fn recording(dir: impl Into<PathBuf>) -> EmgSource {
-        EmgSource::Recording {
+    pub fn recording(dir: impl Into<PathBuf>) -> EmgOrigin {
+        EmgOrigin::Recording {
             dir: dir.into(),
             rate_hz: myo_rate(),
             train_reps: default_train_reps(),
@@ -74,7 +74,7 @@ pub struct EmgSetup {
 ///
 /// # Errors
 /// As [`prepare_with`].
-pub fn prepare(source: &EmgSource, seed: u64) -> Result<EmgSetup, DeviceError> {
+pub fn prepare(source: &EmgOrigin, seed: u64) -> Result<EmgSetup, DeviceError> {
     prepare_with(source, None, seed)
 }
 
@@ -82,10 +82,10 @@ pub fn prepare(source: &EmgSource, seed: u64) -> Result<EmgSetup, DeviceError> {
 ///
 /// # Errors
 /// A folder that cannot be used.
-pub fn default_config(source: &EmgSource) -> Result<EmgConfig, DeviceError> {
+pub fn default_config(source: &EmgOrigin) -> Result<EmgConfig, DeviceError> {
     let (rate_hz, channels) = match source {
-        EmgSource::Synthetic => (SYNTHETIC_RATE_HZ, SyntheticModel::shipped()?.channels()),
-        EmgSource::Recording { dir, rate_hz, .. } => {
+        EmgOrigin::Synthetic => (SYNTHETIC_RATE_HZ, SyntheticModel::shipped()?.channels()),
+        EmgOrigin::Recording { dir, rate_hz, .. } => {
             let recordings = Recordings::read(dir, *rate_hz)?;
             (recordings.rate_hz, recordings.channels)
         }
@@ -100,12 +100,12 @@ pub fn default_config(source: &EmgSource) -> Result<EmgConfig, DeviceError> {
 /// A folder that cannot be used, a lacking gesture or repetition, settings that cannot work, or another rate or number of
 /// channels than the source has.
 pub fn prepare_with(
-    source: &EmgSource,
+    source: &EmgOrigin,
     config: Option<&EmgConfig>,
     seed: u64,
 ) -> Result<EmgSetup, DeviceError> {
     match source {
-        EmgSource::Synthetic => {
+        EmgOrigin::Synthetic => {
             let recordings = Recordings {
                 path: PathBuf::new(),
                 rate_hz: SYNTHETIC_RATE_HZ,
@@ -114,7 +114,7 @@ pub fn prepare_with(
             };
             finish(recordings, &default_train_reps(), &[], true, "synthetic", config, seed)
         }
-        EmgSource::Recording { dir, rate_hz, train_reps, feed_reps, fill } => {
+        EmgOrigin::Recording { dir, rate_hz, train_reps, feed_reps, fill } => {
             let recordings = Recordings::read(dir, *rate_hz)?;
             let missing = recordings.missing();
             if !missing.is_empty() && !fill {
@@ -132,7 +132,7 @@ pub fn prepare_with(
 /// As [`prepare`], and [`proact_emg::EmgError::DoesNotFit`] if the feed has other channels, another rate or another zero
 /// level than the model, [`proact_emg::EmgError::TrainedOtherwise`] if the settings are not those of its training.
 pub fn prepare_model(
-    source: &EmgSource,
+    source: &EmgOrigin,
     model: &EmgModel,
     config: Option<&EmgConfig>,
     seed: u64,

@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used)]
 
 use proact_devices::{
-    EmgPacket, EmgSource,
+    EmgOrigin, EmgPacket,
     gforce::{EmgParser, cut, protocol::EmgSetting},
     prepare,
 };
@@ -16,7 +16,7 @@ static COUNTED: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
 
 #[test]
 fn bytes_become_gestures_without_allocation_whole_and_in_fragments() {
-    let setup = prepare(&EmgSource::Synthetic, 1).unwrap();
+    let setup = prepare(&EmgOrigin::Synthetic, 1).unwrap();
     for notification_bytes in [244, 20] {
         let notifications: Vec<(u64, Vec<u8>)> = (0..400_u64)
             .flat_map(|number| {

@@ -2,7 +2,7 @@
 // The files are the subject of these tests.
 #![allow(clippy::disallowed_methods)]
 
-use proact_devices::{DeviceError, EmgSource, Recordings, prepare};
+use proact_devices::{DeviceError, EmgOrigin, Recordings, prepare};
 use proact_types::Gesture;
 use std::{fs, path::Path};
 
@@ -129,11 +129,11 @@ fn myo_readings_become_repetitions_with_the_edges_of_each_cue_cut() {
 fn a_folder_that_lacks_gestures_is_refused_with_the_list_or_filled() {
     let dir = folder();
     write_libemg(dir.path(), &[0, 2, 4], "_EMG");
-    let source = |fill| match EmgSource::recording(dir.path()) {
-        EmgSource::Recording { dir, rate_hz, train_reps, feed_reps, .. } => {
-            EmgSource::Recording { dir, rate_hz, train_reps, feed_reps, fill }
+    let source = |fill| match EmgOrigin::recording(dir.path()) {
+        EmgOrigin::Recording { dir, rate_hz, train_reps, feed_reps, .. } => {
+            EmgOrigin::Recording { dir, rate_hz, train_reps, feed_reps, fill }
         }
-        EmgSource::Synthetic => EmgSource::Synthetic,
+        EmgOrigin::Synthetic => EmgOrigin::Synthetic,
     };
     let message = prepare(&source(false), 1).expect_err("two gestures are lacking").to_string();
     assert!(
@@ -153,7 +153,7 @@ fn repetitions_that_do_not_exist_or_are_too_short_are_refused() {
     let dir = folder();
     write_libemg(dir.path(), &[0, 1, 2, 3, 4], "");
     let with = |train: &[u32], feed: &[u32]| {
-        let source = EmgSource::Recording {
+        let source = EmgOrigin::Recording {
             dir: dir.path().to_owned(),
             rate_hz: 200.0,
             train_reps: train.to_vec(),

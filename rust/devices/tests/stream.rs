@@ -1,6 +1,6 @@
 //! Feed, pipeline and gaze together: what a trial sees.
 
-use proact_devices::{EmgSetup, EmgSource, GazeSource, Recordings, SyntheticModel, prepare};
+use proact_devices::{EmgOrigin, EmgSetup, GazeSource, Recordings, SyntheticModel, prepare};
 use proact_emg::EmgPipeline;
 use proact_types::{EmgSample, Gesture, Point, SimTime, Vector};
 use std::path::PathBuf;
@@ -54,7 +54,7 @@ fn samples(setup: &EmgSetup, ticks: u64) -> Vec<EmgSample> {
 #[test]
 fn synthetic_emg_drives_every_gesture_without_any_recording() {
     for seed in 0..5 {
-        let setup = prepare(&EmgSource::Synthetic, seed).expect("no files are needed");
+        let setup = prepare(&EmgOrigin::Synthetic, seed).expect("no files are needed");
         assert_eq!(
             (setup.label.as_str(), setup.config.rate_hz, setup.config.channels),
             ("synthetic", 1000.0, 8)
@@ -67,7 +67,7 @@ fn synthetic_emg_drives_every_gesture_without_any_recording() {
 
 #[test]
 fn the_same_seed_gives_the_same_samples_and_another_seed_others() {
-    let feed = |seed| samples(&prepare(&EmgSource::Synthetic, seed).expect("no files are needed"), 3000);
+    let feed = |seed| samples(&prepare(&EmgOrigin::Synthetic, seed).expect("no files are needed"), 3000);
     assert_eq!(feed(3), feed(3));
     assert_ne!(feed(3), feed(4));
 }
@@ -77,7 +77,7 @@ fn recordings_drive_every_gesture_at_their_true_rate() {
     let Some(dir) = shared() else { return };
     for seed in 0..5 {
         let setup =
-            prepare(&EmgSource::recording(dir.join("libemg_tests_myo")), seed).expect("a good folder");
+            prepare(&EmgOrigin::recording(dir.join("libemg_tests_myo")), seed).expect("a good folder");
         let fed = samples(&setup, 10_000);
         assert_eq!(fed.len(), 2000);
         assert!(fed.iter().zip(0..).all(|(s, k)| s.counter == k), "no gaps");
@@ -90,7 +90,7 @@ fn recordings_drive_every_gesture_at_their_true_rate() {
 #[test]
 fn a_set_without_hand_open_works_when_filled() {
     let Some(dir) = shared() else { return };
-    let source = |fill| EmgSource::Recording {
+    let source = |fill| EmgOrigin::Recording {
         dir: dir.join("myo_readings/12345-1"),
         rate_hz: 200.0,
         train_reps: vec![0, 1],
@@ -121,7 +121,7 @@ fn a_feed_stays_inside_a_recording_until_its_end_and_then_wraps() {
     let Some(dir) = shared() else { return };
     let recordings = Recordings::read(&dir.join("libemg_tests_myo"), 200.0).expect("a good folder");
     let repetition = &recordings.find(Gesture::HandClose, 2).expect("it is there").samples;
-    let setup = prepare(&EmgSource::recording(dir.join("libemg_tests_myo")), 1).expect("a good folder");
+    let setup = prepare(&EmgOrigin::recording(dir.join("libemg_tests_myo")), 1).expect("a good folder");
     let mut feed = setup.feed;
     let fed: Vec<_> = (0..8000).flat_map(|t| feed.sample_at(SimTime(t), Gesture::HandClose)).collect();
     let start = (0..repetition.len())
@@ -135,7 +135,7 @@ fn a_feed_stays_inside_a_recording_until_its_end_and_then_wraps() {
 
 #[test]
 fn late_calls_lose_samples_and_show_it_in_the_counter() {
-    let mut feed = prepare(&EmgSource::Synthetic, 1).expect("no files are needed").feed;
+    let mut feed = prepare(&EmgOrigin::Synthetic, 1).expect("no files are needed").feed;
     assert_eq!(feed.sample_at(SimTime(0), Gesture::NoMotion).len(), 1);
     let counters: Vec<u64> =
         feed.sample_at(SimTime(100), Gesture::NoMotion).iter().map(|s| s.counter).collect();

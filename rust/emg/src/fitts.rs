@@ -1,5 +1,5 @@
 use crate::EmgError;
-use crate::passing::positive;
+use crate::usability_test::positive;
 use proact_types::{Gesture, SimTime};
 use serde::{Deserialize, Serialize};
 

@@ -53,11 +53,11 @@ mod lda;
 mod liveness;
 mod model;
 mod moments;
-mod passing;
 mod pipeline;
 mod quality;
 mod rotation;
 mod spectrum;
+mod usability_test;
 mod window;
 
 pub use adaptation::{Adaptation, AdaptationConfig};
@@ -79,10 +79,10 @@ pub use lda::Lda;
 pub use liveness::{Liveness, LivenessConfig, SignalFault, noise_floors};
 pub use model::{ChannelStatistics, EmgModel, MODEL_FORMAT, StreamFormat};
 pub use moments::Moments;
-pub use passing::{
+pub use pipeline::{EmgOutput, EmgPipeline, StreamEvents, extract, extract_with_amplitudes};
+pub use quality::{ChannelFault, ChannelQuality, Light, QualityConfig, QualityMonitor, StreamQuality};
+pub use rotation::{BandProposal, RollEvidence, RotationReport, check_rotation};
+pub use usability_test::{
     HoldConfig, HoldReport, HoldTest, SequenceConfig, SequenceMistake, SequenceReport, SequenceTest,
 };
-pub use pipeline::{EmgOutput, EmgPipeline, StreamEvents, extract, extract_with_amplitudes};
-pub use quality::{ChannelQuality, Fault, Light, QualityConfig, QualityMonitor, StreamQuality};
-pub use rotation::{BandProposal, RollEvidence, RotationReport, check_rotation};
 pub use window::{SlidingWindow, StreamCounts, WindowView};

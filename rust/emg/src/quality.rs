@@ -33,7 +33,7 @@ impl Light {
 /// What is wrong with a channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Fault {
+pub enum ChannelFault {
     /// Hardly any variance: a dead channel.
     Flat,
     /// At the ends of the range.
@@ -96,7 +96,7 @@ pub struct ChannelQuality {
     /// The verdict.
     pub light: Light,
     /// The worst finding, if the light is not green.
-    pub fault: Option<Fault>,
+    pub fault: Option<ChannelFault>,
     /// Standard deviation, in the stream's unit.
     pub sd: f64,
     /// Share of samples at the rails.
@@ -321,14 +321,14 @@ impl QualityMonitor {
         // Flat is the one below which it gets worse.
         let flat = Light::above(-sd / count, limits.flat.map(|v| -v));
         let findings = [
-            (flat, Fault::Flat),
-            (Light::above(rail_share, limits.railed), Fault::Railed),
-            (lift_off.map_or(Light::Green, |v| Light::above(v, limits.lift_off)), Fault::LiftOff),
-            (drift.map_or(Light::Green, |v| Light::above(v, limits.drift)), Fault::Drift),
+            (flat, ChannelFault::Flat),
+            (Light::above(rail_share, limits.railed), ChannelFault::Railed),
+            (lift_off.map_or(Light::Green, |v| Light::above(v, limits.lift_off)), ChannelFault::LiftOff),
+            (drift.map_or(Light::Green, |v| Light::above(v, limits.drift)), ChannelFault::Drift),
             // A channel that is flat has no hum worth the name.
             (
                 if flat == Light::Green { Light::above(mains_share, limits.mains) } else { Light::Green },
-                Fault::Mains,
+                ChannelFault::Mains,
             ),
         ];
         let light = findings.iter().map(|f| f.0).max().unwrap_or_default();

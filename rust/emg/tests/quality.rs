@@ -1,6 +1,6 @@
 //! The monitor finds faults that are planted in a signal, and none where there is none.
 
-use proact_emg::{ChannelStatistics, Fault, Light, QualityConfig, QualityMonitor};
+use proact_emg::{ChannelFault, ChannelStatistics, Light, QualityConfig, QualityMonitor};
 use proact_types::{EmgSample, SimTime};
 use proptest::prelude::*;
 use std::f64::consts::TAU;
@@ -32,7 +32,7 @@ fn watch(rate: f64, seed: u64, fault: impl Fn(u64, f64, f64) -> f64) -> QualityM
     monitor
 }
 
-fn assert_found(monitor: &QualityMonitor, fault: Option<Fault>, light: Light) {
+fn assert_found(monitor: &QualityMonitor, fault: Option<ChannelFault>, light: Light) {
     for (c, quality) in monitor.channels().iter().enumerate() {
         let expected = if c == BAD { (light, fault) } else { (Light::Green, None) };
         assert_eq!((quality.light, quality.fault), expected, "channel {c}: {quality:?}");
@@ -54,20 +54,20 @@ proptest! {
     ) {
         let seed = u64::from(seed);
         assert_found(&watch(rate, seed, |_, _, v| v), None, Light::Green);
-        assert_found(&watch(rate, seed, |_, _, _| offset), Some(Fault::Flat), Light::Red);
+        assert_found(&watch(rate, seed, |_, _, _| offset), Some(ChannelFault::Flat), Light::Red);
         let drift = if offset < 0.0 { offset - 20.0 } else { offset + 20.0 };
-        assert_found(&watch(rate, seed, |_, _, v| v + drift), Some(Fault::Drift), Light::Red);
+        assert_found(&watch(rate, seed, |_, _, v| v + drift), Some(ChannelFault::Drift), Light::Red);
         let sine = |t: f64| strength * (TAU * hum * t).sin();
         let monitor = watch(rate, seed, |_, t, v| 0.5 * v + sine(t));
         prop_assert_eq!(monitor.channels()[BAD].mains_hz, hum);
-        assert_found(&monitor, Some(Fault::Mains), Light::Red);
+        assert_found(&monitor, Some(ChannelFault::Mains), Light::Red);
         assert_found(
             &watch(rate, seed, |k, _, v| if k % 3 == 0 { 127.0 } else { v - 60.0 }),
-            Some(Fault::Railed),
+            Some(ChannelFault::Railed),
             Light::Red,
         );
         let lifted = |_, t: f64, v: f64| if t > 2.5 { 6.0 * v } else { v };
-        assert_found(&watch(rate, seed, lifted), Some(Fault::LiftOff), Light::Amber);
+        assert_found(&watch(rate, seed, lifted), Some(ChannelFault::LiftOff), Light::Amber);
     }
 
     #[test]

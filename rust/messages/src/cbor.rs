@@ -1,7 +1,7 @@
 //! Messages as CBOR (RFC 8949), with arrays of numbers as typed arrays (RFC 8746), little endian.
 
 use crate::{
-    definition::{Count, Field, Kind, MessageType},
+    definition::{Count, Kind, MessageField, MessageType},
     value::Value,
 };
 use ciborium::Value as Cbor;
@@ -24,7 +24,7 @@ impl Value {
     }
 }
 
-fn entry(value: &Value, field: &Field) -> Cbor {
+fn entry(value: &Value, field: &MessageField) -> Cbor {
     match value {
         Value::Bytes(bytes) => Cbor::Bytes(bytes.clone()),
         Value::Floats(values) => match field.kind {

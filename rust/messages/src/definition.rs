@@ -14,7 +14,7 @@ pub struct MessageType {
     /// Constants, in ROS's order. They are not sent.
     pub constants: Vec<Constant>,
     /// Fields in ROS's order.
-    pub fields: Vec<Field>,
+    pub fields: Vec<MessageField>,
     md5: String,
 }
 
@@ -31,7 +31,7 @@ pub struct Constant {
 
 /// A field of a message.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Field {
+pub struct MessageField {
     /// Name.
     pub name: Arc<str>,
     /// Type of the value, or of each entry of an array.
@@ -217,7 +217,7 @@ impl MessageType {
 
     /// Reads the lines of a definition.
     pub(crate) fn parse(name: &str, text: &str, find: &mut Find<'_>) -> Result<MessageType, DefinitionError> {
-        let (mut constants, mut fields) = (Vec::new(), Vec::<Field>::new());
+        let (mut constants, mut fields) = (Vec::new(), Vec::<MessageField>::new());
         for line in text.lines() {
             let refuse = |reason: &str| DefinitionError {
                 type_name: name.to_owned(),
@@ -264,7 +264,7 @@ impl MessageType {
                     (Kind::Message(find(&full)?), full)
                 }
             };
-            fields.push(Field { name: field.into(), kind, count, written });
+            fields.push(MessageField { name: field.into(), kind, count, written });
         }
         let md5 = hexadecimal(Md5::new_with_prefix(checksum_text(&constants, &fields)));
         Ok(MessageType { name: name.to_owned(), constants, fields, md5 })
@@ -338,7 +338,7 @@ fn full_name(kind: &str, of: &str) -> String {
 }
 
 /// By ROS's rule: the constants, then the fields, with checksums for the types of messages, which lose their brackets.
-fn checksum_text(constants: &[Constant], fields: &[Field]) -> String {
+fn checksum_text(constants: &[Constant], fields: &[MessageField]) -> String {
     let constants = constants.iter().map(|c| format!("{} {}={}", c.kind, c.name, c.value));
     let fields = fields.iter().map(|field| match &field.kind {
         Kind::Message(inner) => format!("{} {}", inner.md5, field.name),

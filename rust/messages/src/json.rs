@@ -1,7 +1,7 @@
 //! Messages from JSON as rosbridge has it.
 
 use crate::{
-    definition::{Count, Field, Kind, MessageType},
+    definition::{Count, Kind, MessageField, MessageType},
     value::{Duration, Time, Value},
 };
 use base64::{Engine, engine::general_purpose::STANDARD as BASE64};
@@ -72,7 +72,7 @@ fn join(path: &str, name: &str) -> String {
     if path.is_empty() { name.to_owned() } else { format!("{path}.{name}") }
 }
 
-impl Field {
+impl MessageField {
     fn read(&self, json: Json, now: Time, path: &str) -> Result<Value, ValueError> {
         let length = match self.count {
             Count::One => return self.kind.read(json, now, || join(path, &self.name)),

@@ -31,7 +31,7 @@ mod structs;
 mod value;
 mod wire;
 
-pub use definition::{Constant, Count, DefinitionError, Field, Kind, MessageType, plain_name};
+pub use definition::{Constant, Count, DefinitionError, Kind, MessageField, MessageType, plain_name};
 pub use json::ValueError;
 pub use known::{known_type, known_types};
 pub use service::ServiceType;

@@ -1,7 +1,7 @@
 //! What a practised person knows of the arm: where the hand goes when a joint turns, and which few joints would
 //! have to turn for the hand to be somewhere. A model in the head, apart from the kinematics that drive the arm.
 
-mod ways;
+mod turn_sequences;
 
 use arrayvec::ArrayVec;
 use nalgebra::{UnitQuaternion, Vector6};
@@ -9,7 +9,7 @@ use proact_arm::{ArmModel, Chain, ChainPoses, damped_step, upright_axis};
 use proact_types::{JointVector, Point, Pose, Shape, Vector};
 use std::sync::Arc;
 
-pub(crate) use ways::{Conditions, Turn, back_is_shorter, made};
+pub(crate) use turn_sequences::{Conditions, Turn, back_is_shorter, made};
 
 /// Position of the elbow among the arm joints: what hangs on it is minded.
 const ELBOW: usize = 3;

@@ -1,5 +1,6 @@
-//! From a request to a reply: the start is left, ways to the goal are found, a search connects the two.
+//! From a request to a reply: the start is left, paths to the goal are found, a search connects the two.
 
+use crate::approach_paths::ApproachPaths;
 use crate::connection::Connection;
 use crate::context::{Attempt, PlanningContext};
 use crate::effort::{PlanEffort, PlanStage, StageCell, thread_cpu_secs};
@@ -8,7 +9,6 @@ use crate::intermediate::Intermediate;
 use crate::leave::Leaving;
 use crate::problem::Problem;
 use crate::smoothing::Smoother;
-use crate::ways::WaysToGoal;
 use crate::{CancelFlag, MeshObstacle, PlannerOptions, PlanningError, Roadmap, SearchEffort};
 use proact_arm::ArmModel;
 use proact_control::ports::ArmKinematics;
@@ -21,7 +21,7 @@ use std::time::{Duration, Instant};
 pub struct ArmPlanner {
     context: PlanningContext,
     leaving: Leaving,
-    ways: WaysToGoal,
+    paths: ApproachPaths,
     intermediate: Intermediate,
     smoother: Smoother,
     effort: PlanEffort,
@@ -52,7 +52,7 @@ impl ArmPlanner {
         let context = PlanningContext::new(model, kinematics, options)?;
         Ok(Self {
             leaving: Leaving::new(&context.options),
-            ways: WaysToGoal::new(&context.model.grasp, &context.options),
+            paths: ApproachPaths::new(&context.model.grasp, &context.options),
             intermediate: Intermediate::new(&context.model.grasp, &context.options),
             smoother: Smoother::new(&context.model, &context.options),
             effort: PlanEffort::default(),
@@ -170,15 +170,15 @@ impl ArmPlanner {
 
     fn solve_inner(&mut self, request: &PlanRequest) -> Result<(Trajectory, Option<String>), Failure> {
         let problem = Problem::accept(&mut self.context, request)?;
-        // Where the usual room is not to be had, a narrower way, looked at more finely, is better than none.
+        // Where the usual clearance is not to be had, a narrower way, looked at more finely, is better than none.
         let mut first: Option<Setback> = None;
         for attempt in Attempt::all(&self.context.options) {
             self.context.attempt = attempt;
-            match self.solve_with_room(&problem) {
+            match self.solve_with_clearance(&problem) {
                 Ok(plan) if plan.1.is_none() || first.is_none() => return Ok(plan),
                 Ok(_) => break,
                 Err(setback) => {
-                    let again = could_do_with_less_room(setback.failure.status);
+                    let again = could_do_with_less_clearance(setback.failure.status);
                     if setback.failure.status == PlanStatus::Cancelled {
                         return Err(setback.failure);
                     }
@@ -201,13 +201,13 @@ impl ArmPlanner {
         }
     }
 
-    fn solve_with_room(&mut self, problem: &Problem) -> Result<(Trajectory, Option<String>), Setback> {
+    fn solve_with_clearance(&mut self, problem: &Problem) -> Result<(Trajectory, Option<String>), Setback> {
         self.context.stage.set(PlanStage::Leaving);
         let mut path = self.leaving.path(&mut self.context, problem)?;
         self.context.stage.set(PlanStage::SeekingGoals);
         let left = path.len() - 1;
         let from = path[left].clone();
-        let (found, shortfall) = match self.way_on(problem, &from) {
+        let (found, shortfall) = match self.path_on(problem, &from) {
             Ok(found) => found,
             Err(failure) => {
                 let moved = from != problem.start && failure.status != PlanStatus::Cancelled;
@@ -222,9 +222,9 @@ impl ArmPlanner {
     }
 
     /// From `from` to the goal, or with the reason for falling short to a point on the way.
-    fn way_on(&mut self, problem: &Problem, from: &[f64]) -> Result<(Connection, Option<String>), Failure> {
-        let failure = match self.ways.find(&mut self.context, problem, from) {
-            Ok(ways) => return Ok((Connection::search(&mut self.context, problem, from, &ways)?, None)),
+    fn path_on(&mut self, problem: &Problem, from: &[f64]) -> Result<(Connection, Option<String>), Failure> {
+        let failure = match self.paths.find(&mut self.context, problem, from) {
+            Ok(paths) => return Ok((Connection::search(&mut self.context, problem, from, &paths)?, None)),
             Err(failure) if failure.status == PlanStatus::Unreachable => failure,
             Err(failure) => return Err(failure),
         };
@@ -236,6 +236,6 @@ impl ArmPlanner {
     }
 }
 
-fn could_do_with_less_room(status: PlanStatus) -> bool {
+fn could_do_with_less_clearance(status: PlanStatus) -> bool {
     matches!(status, PlanStatus::StartInCollision | PlanStatus::GoalInCollision | PlanStatus::NoPlan)
 }

@@ -1,6 +1,6 @@
 //! Corners of a path are rounded, so that the arm need not slow down for them.
 
-use crate::context::{PlanningContext, Room};
+use crate::context::{Clearance, PlanningContext};
 use crate::failure::Failure;
 
 /// Longest piece of a blend that is checked as one straight motion, rad (L2).
@@ -16,7 +16,7 @@ pub(crate) fn blended(
     left: usize,
     entered: usize,
 ) -> Result<(Vec<Vec<f64>>, usize), Failure> {
-    context.set_room(Room::Transit)?;
+    context.set_clearance(Clearance::Transit)?;
     let mut round = path[..=left].to_vec();
     for k in left + 1..entered {
         match blend(context, &path[k - 1], &path[k], &path[k + 1])? {

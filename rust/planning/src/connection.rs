@@ -1,11 +1,11 @@
 //! The search in joint space that connects where the start was left with a way into the goal.
 
 use crate::SearchOutcome;
-use crate::context::{PlanningContext, Room};
+use crate::approach_paths::ApproachPath;
+use crate::context::{Clearance, PlanningContext};
 use crate::effort::PlanStage;
 use crate::failure::Failure;
 use crate::problem::Problem;
-use crate::ways::Way;
 use proact_types::PlanStatus;
 use std::time::Instant;
 
@@ -17,15 +17,15 @@ pub(crate) struct Connection {
 }
 
 impl Connection {
-    /// A path from `from` along one of `ways`, to its end.
+    /// A path from `from` along one of `paths`, to its end.
     pub fn search(
         context: &mut PlanningContext,
         problem: &Problem,
         from: &[f64],
-        ways: &[Way],
+        paths: &[ApproachPath],
     ) -> Result<Self, Failure> {
-        context.set_room(Room::Transit)?;
-        let goals: Vec<Vec<f64>> = ways.iter().map(|w| w.points[0].clone()).collect();
+        context.set_clearance(Clearance::Transit)?;
+        let goals: Vec<Vec<f64>> = paths.iter().map(|w| w.points[0].clone()).collect();
         context.stage.set(PlanStage::Searching);
         let mut limits = context.limits_of_transit();
         if let Some(deadline) = context.deadline {
@@ -37,7 +37,7 @@ impl Connection {
         match context.scene.search_by(planner, parameters, from, &goals, seed, &limits, &context.cancel)? {
             SearchOutcome::Solved { path: mut points, goal } => {
                 let entry = points.len() - 1;
-                points.extend(ways[goal].points.iter().skip(1).cloned());
+                points.extend(paths[goal].points.iter().skip(1).cloned());
                 Ok(Self { points, entry })
             }
             SearchOutcome::NoPlan if context.scene.effort.timed_out => Err(Failure::out_of_time()),

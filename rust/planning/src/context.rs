@@ -1,4 +1,4 @@
-//! What all parts of the planner work with: the arm, the scene about it, the room to keep, and whether to go on.
+//! What all parts of the planner work with: the arm, the scene about it, the clearance to keep, and whether to go on.
 
 use crate::effort::StageCell;
 use crate::failure::Failure;
@@ -36,24 +36,24 @@ pub(crate) struct PlanningContext {
 pub(crate) struct Attempt {
     /// Free space around everything in transit, metres.
     transit: f64,
-    /// Free space on the straight ways, metres.
+    /// Free space on the straight paths, metres.
     contact: f64,
-    /// Batches of postures from which ways to the goal are sought.
+    /// Batches of postures from which paths to the goal are sought.
     pub batches: usize,
 }
 
-/// How much room the next questions to the scene leave.
+/// How much clearance the next questions to the scene leave.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Room {
+pub(crate) enum Clearance {
     /// The full padding, everything is an obstacle.
     Transit,
     /// Close to things that are meant to be approached.
     Contact,
 }
 
-/// Batches of postures with the usual room, a narrow one and next to none.
+/// Batches of postures with the usual clearance, a narrow one and next to none.
 const BATCHES: [usize; 3] = [3, 6, 35];
-/// Room of the last attempt, metres: what rounding and the search for arm angles may stray.
+/// Clearance of the last attempt, metres: what rounding and the search for arm angles may stray.
 const NEXT_TO_NONE: f64 = 2e-5;
 /// Largest difference between the planner's chain and the kinematics library that is rounding, metres and rad.
 const AGREEMENT: f64 = 1e-9;
@@ -61,12 +61,16 @@ const AGREEMENT: f64 = 1e-9;
 const SMALLEST_HALF_STEP: f64 = 0.00025;
 
 impl Attempt {
-    /// The usual room, then a narrow one, then next to none.
+    /// The usual clearance, then a narrow one, then next to none.
     pub fn all(options: &PlannerOptions) -> [Self; 3] {
         let contact = options.contact_padding.min(options.padding);
         let none = contact.min(NEXT_TO_NONE);
-        let rooms = [(options.padding, options.contact_padding), (contact, contact), (none, none)];
-        std::array::from_fn(|k| Self { transit: rooms[k].0, contact: rooms[k].1, batches: BATCHES[k] })
+        let clearances = [(options.padding, options.contact_padding), (contact, contact), (none, none)];
+        std::array::from_fn(|k| Self {
+            transit: clearances[k].0,
+            contact: clearances[k].1,
+            batches: BATCHES[k],
+        })
     }
 }
 
@@ -146,12 +150,12 @@ impl PlanningContext {
         Ok(())
     }
 
-    /// Sets how much room the next questions leave, and withdraws allowed contacts.
-    pub fn set_room(&mut self, room: Room) -> Result<(), PlanningError> {
+    /// Sets how much clearance the next questions leave, and withdraws allowed contacts.
+    pub fn set_clearance(&mut self, clearance: Clearance) -> Result<(), PlanningError> {
         self.scene.forget_allowed_contacts()?;
-        self.scene.set_padding(match room {
-            Room::Transit => self.attempt.transit,
-            Room::Contact => self.attempt.contact,
+        self.scene.set_padding(match clearance {
+            Clearance::Transit => self.attempt.transit,
+            Clearance::Contact => self.attempt.contact,
         })
     }
 
@@ -160,7 +164,7 @@ impl PlanningContext {
         self.limits_with(self.attempt.transit)
     }
 
-    /// Bounds of questions about the straight ways of the present attempt.
+    /// Bounds of questions about the straight paths of the present attempt.
     pub fn limits_of_contact(&self) -> SearchLimits {
         self.limits_with(self.attempt.contact)
     }
@@ -172,7 +176,7 @@ impl PlanningContext {
         SearchLimits { step_metres: usual.step_metres.min(step), ..usual }
     }
 
-    /// True if the present attempt leaves next to no room, so that what is to be run must itself be looked at.
+    /// True if the present attempt leaves next to no clearance, so that what is to be run must itself be looked at.
     pub fn is_tight(&self) -> bool {
         self.attempt.contact <= NEXT_TO_NONE
     }

@@ -1,11 +1,11 @@
 //! When the goal is out of reach: the farthest useful point on the way to it.
 
+use crate::approach_paths::{ApproachPath, cost, grasp_axes, same, sorted};
 use crate::connection::Connection;
-use crate::context::{PlanningContext, Room};
+use crate::context::{Clearance, PlanningContext};
 use crate::failure::Failure;
 use crate::problem::Problem;
 use crate::reach::{self, Reach};
-use crate::ways::{Way, cost, grasp_axes, same, sorted};
 use crate::{PlannerOptions, PlanningError};
 use proact_arm::Grasp;
 use proact_control::ports::IkOutcome;
@@ -75,23 +75,26 @@ impl Intermediate {
             if (target - start).norm() < USEFUL {
                 break;
             }
-            let mut ways: Vec<Way> = Vec::new();
-            context.set_room(Room::Transit)?;
+            let mut paths: Vec<ApproachPath> = Vec::new();
+            context.set_clearance(Clearance::Transit)?;
             for (axis, off) in axes.iter().take(ORIENTATIONS) {
                 let reach = Reach { point, axis: *axis, target, direction: problem.up, orientation: None };
                 for posture in &postures {
                     context.go_on()?;
                     let found = reach::solve(&context.chain, &context.limits, &reach, posture);
                     let Some(q) = found else { continue };
-                    if !ways.iter().any(|w| same(&w.points[0], &q)) && context.scene.is_free(&q)? {
-                        ways.push(Way { cost: cost(&context.limits, from, &q, *off), points: vec![q] });
+                    if !paths.iter().any(|w| same(&w.points[0], &q)) && context.scene.is_free(&q)? {
+                        paths.push(ApproachPath {
+                            cost: cost(&context.limits, from, &q, *off),
+                            points: vec![q],
+                        });
                     }
                 }
-                if !ways.is_empty() {
+                if !paths.is_empty() {
                     break;
                 }
             }
-            if let Some(path) = connect_or_go_on(context, problem, from, ways)? {
+            if let Some(path) = connect_or_go_on(context, problem, from, paths)? {
                 return Ok(path);
             }
         }
@@ -115,21 +118,21 @@ impl Intermediate {
             // Turning half-way round has no shortest direction; the goal's own orientation serves then.
             let rotation = here.rotation.try_slerp(&goal.rotation, share, 1e-9).unwrap_or(goal.rotation);
             let pose = Pose::from_parts(translation.into(), rotation);
-            let mut ways: Vec<Way> = Vec::new();
-            context.set_room(Room::Transit)?;
+            let mut paths: Vec<ApproachPath> = Vec::new();
+            context.set_clearance(Clearance::Transit)?;
             for posture in postures {
                 context.go_on()?;
                 let found = context.kinematics.inverse(&pose, posture).map_err(PlanningError::from)?;
                 let IkOutcome::Solved(q) = found else { continue };
                 let q = q.to_vec();
                 if context.limits.contain(&q, 1e-9)
-                    && !ways.iter().any(|w| same(&w.points[0], &q))
+                    && !paths.iter().any(|w| same(&w.points[0], &q))
                     && context.scene.is_free(&q)?
                 {
-                    ways.push(Way { cost: cost(&context.limits, from, &q, 0.0), points: vec![q] });
+                    paths.push(ApproachPath { cost: cost(&context.limits, from, &q, 0.0), points: vec![q] });
                 }
             }
-            if let Some(path) = connect_or_go_on(context, problem, from, ways)? {
+            if let Some(path) = connect_or_go_on(context, problem, from, paths)? {
                 return Ok(path);
             }
         }
@@ -137,17 +140,17 @@ impl Intermediate {
     }
 }
 
-/// A path to the best of `ways`; none if there is no way or no path, so that a nearer point may be tried.
+/// A path to the best of `paths`; none if there is no way or no path, so that a nearer point may be tried.
 fn connect_or_go_on(
     context: &mut PlanningContext,
     problem: &Problem,
     from: &[f64],
-    ways: Vec<Way>,
+    paths: Vec<ApproachPath>,
 ) -> Result<Option<Connection>, Failure> {
-    if ways.is_empty() {
+    if paths.is_empty() {
         return Ok(None);
     }
-    match Connection::search(context, problem, from, &sorted(ways)) {
+    match Connection::search(context, problem, from, &sorted(paths)) {
         Ok(path) => Ok(Some(path)),
         Err(failure) if failure.status == PlanStatus::NoPlan => Ok(None),
         Err(failure) => Err(failure),

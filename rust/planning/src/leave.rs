@@ -1,6 +1,6 @@
 //! Off the start: what the hand is around or touches is left by a straight way before any search begins.
 
-use crate::context::{PlanningContext, Room};
+use crate::context::{Clearance, PlanningContext};
 use crate::failure::Failure;
 use crate::problem::Problem;
 use crate::reach::{self, Reach};
@@ -57,7 +57,7 @@ impl Grazes {
             if !context.scene.collisions(q)?.iter().all(known) {
                 break;
             }
-            context.set_room(Room::Transit)?;
+            context.set_clearance(Clearance::Transit)?;
             if context.scene.is_free(q)? {
                 clear_at = Some(k);
                 if k as f64 >= enough - 1e-9 {
@@ -86,7 +86,7 @@ impl Leaving {
         if problem.start != path[0] {
             path.push(problem.start.clone());
         }
-        context.set_room(Room::Transit)?;
+        context.set_clearance(Clearance::Transit)?;
         let close = context.scene.collisions(&problem.start)?;
         let base_from_tip = context.kinematics.forward(&problem.start).map_err(PlanningError::from)?;
         let world_from_tip = request.world_from_base * base_from_tip;

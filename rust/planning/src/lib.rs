@@ -1,7 +1,7 @@
 //! Motion planning for an arm among obstacles: OMPL searches, FCL tells what touches.
 //!
 //! [`ArmPlanner`] answers a [`PlanRequest`](proact_types::PlanRequest): it leaves the start (straight up, while
-//! the hand is around or on something), finds ways of entering the goal (a grip from above, an upright place, a
+//! the hand is around or on something), finds paths of entering the goal (a grip from above, an upright place, a
 //! pose, arm angles), connects the two in joint space by RRTConnect or another [`PlannerName`], and times the whole under speed and
 //! acceleration limits. [`PlanWorker`] does so on a thread of its own. [`CollisionScene`] is the layer below.
 //!
@@ -16,6 +16,7 @@
 #![allow(unsafe_code)]
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+mod approach_paths;
 mod arm_planner;
 mod blending;
 mod bridge;
@@ -36,7 +37,6 @@ mod seeking;
 mod smoothing;
 mod state_check;
 mod timing;
-mod ways;
 mod worker;
 
 pub use arm_planner::ArmPlanner;

@@ -1,7 +1,7 @@
 //! Arm angles that bring a point of the hand somewhere and leave the turn about one axis free.
 //!
 //! Grips from above and upright objects do not care about the yaw about the vertical. Leaving it free makes one
-//! search do the work of a sweep over yaw angles, and uses the arm's redundancy on straight ways.
+//! search do the work of a sweep over yaw angles, and uses the arm's redundancy on straight paths.
 //!
 //! Letters: p the point, a the axis, t their targets; all in the base frame.
 

@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 /// A planner as OMPL sets it up.
 const NO_PARAMETERS: BTreeMap<String, String> = BTreeMap::new();
 
-/// An arm among obstacles: FCL tells what touches, OMPL finds ways.
+/// An arm among obstacles: FCL tells what touches, OMPL finds paths.
 ///
 /// Poses are in `world`, metres and radians. Links that keep still against each other during a plan (the links
 /// of the hand, and the base) are not compared with each other.

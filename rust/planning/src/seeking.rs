@@ -1,15 +1,15 @@
-//! The look for ways into a goal from some arm postures: arm angles that do what is asked, and straight ways to them.
+//! The look for paths into a goal from some arm postures: arm angles that do what is asked, and straight paths to them.
 
 use crate::PlanningError;
-use crate::context::{PlanningContext, Room};
+use crate::approach_paths::{ApproachPath, cost, same, sorted};
+use crate::context::{Clearance, PlanningContext};
 use crate::failure::Failure;
 use crate::problem::Problem;
 use crate::reach::{self, Reach};
-use crate::ways::{Way, cost, same, sorted};
 use proact_control::ports::IkOutcome;
 use proact_types::{BlockId, PlanStatus, Point, Pose, Vector};
 
-/// One look for ways into the goal of a request, and what it has met so far.
+/// One look for paths into the goal of a request, and what it has met so far.
 pub(crate) struct Seeking<'a> {
     pub context: &'a mut PlanningContext,
     pub problem: &'a Problem<'a>,
@@ -22,7 +22,7 @@ pub(crate) struct Seeking<'a> {
     pub tally: Tally,
 }
 
-/// What was found on the way to a list of ways, for the reason given when there is none.
+/// What was found on the way to a list of paths, for the reason given when there is none.
 #[derive(Default)]
 pub(crate) struct Tally {
     reached: usize,
@@ -41,26 +41,26 @@ const CRAMPED: f64 = 1.0;
 
 impl Seeking<'_> {
     /// To arm angles, which are themselves the way.
-    pub fn ways_to_joints(&mut self, q: &[f64]) -> Result<Vec<Way>, Failure> {
+    pub fn paths_to_joints(&mut self, q: &[f64]) -> Result<Vec<ApproachPath>, Failure> {
         if !self.context.limits.contain(q, 1e-9) {
             return Err(Failure::new(PlanStatus::Invalid, "The goal is outside the joint limits."));
         }
         let goal = self.context.limits.clamp(q);
-        self.context.set_room(Room::Transit)?;
+        self.context.set_clearance(Clearance::Transit)?;
         match self.context.scene.collisions(&goal)?.first() {
             Some((a, b)) => Err(Failure::new(
                 PlanStatus::GoalInCollision,
                 format!("The arm would touch something at the goal: {a} and {b}."),
             )),
-            None => Ok(vec![Way { points: vec![goal], cost: 0.0 }]),
+            None => Ok(vec![ApproachPath { points: vec![goal], cost: 0.0 }]),
         }
     }
 
     /// To a pose of the tip in the world, without a straight way into it.
-    pub fn ways_to_pose(&mut self, pose: &Pose) -> Result<Vec<Way>, Failure> {
+    pub fn paths_to_pose(&mut self, pose: &Pose) -> Result<Vec<ApproachPath>, Failure> {
         let base_from_tip = self.problem.base_from_world * pose;
-        let mut ways: Vec<Way> = Vec::new();
-        self.context.set_room(Room::Transit)?;
+        let mut paths: Vec<ApproachPath> = Vec::new();
+        self.context.set_clearance(Clearance::Transit)?;
         let reach = Reach {
             point: Point::origin(),
             axis: Vector::z(),
@@ -81,22 +81,22 @@ impl Seeking<'_> {
             let IkOutcome::Solved(q) = outcome else { continue };
             self.tally.reached += 1;
             let q = q.to_vec();
-            if !self.context.limits.contain(&q, 1e-9) || ways.iter().any(|w| same(&w.points[0], &q)) {
+            if !self.context.limits.contain(&q, 1e-9) || paths.iter().any(|w| same(&w.points[0], &q)) {
                 continue;
             }
             match self.context.scene.collisions(&q)?.into_iter().next() {
                 Some(pair) => self.tally.hit = Some(pair),
                 None => {
                     let cost = cost(&self.context.limits, self.from, &q, 0.0);
-                    ways.push(Way { points: vec![q], cost });
+                    paths.push(ApproachPath { points: vec![q], cost });
                 }
             }
         }
-        if ways.is_empty() { Err(self.failure("pose")) } else { Ok(sorted(ways)) }
+        if paths.is_empty() { Err(self.failure("pose")) } else { Ok(sorted(paths)) }
     }
 
-    /// Arm angles that do what `reach` asks, found from the postures, but for those that `ways` end at.
-    pub fn ends(&mut self, reach: &Reach, ways: &[Way]) -> Result<Vec<Vec<f64>>, Failure> {
+    /// Arm angles that do what `reach` asks, found from the postures, but for those that `paths` end at.
+    pub fn ends(&mut self, reach: &Reach, paths: &[ApproachPath]) -> Result<Vec<Vec<f64>>, Failure> {
         let mut ends: Vec<Vec<f64>> = Vec::new();
         for posture in self.postures {
             self.context.go_on()?;
@@ -104,31 +104,31 @@ impl Seeking<'_> {
                 continue;
             };
             self.tally.reached += 1;
-            let known = |w: &Way| same(&w.points[w.points.len() - 1], &end);
-            if !ways.iter().any(known) && !ends.iter().any(|e| same(e, &end)) {
+            let known = |w: &ApproachPath| same(&w.points[w.points.len() - 1], &end);
+            if !paths.iter().any(known) && !ends.iter().any(|e| same(e, &end)) {
                 ends.push(end);
             }
         }
         Ok(ends)
     }
 
-    /// Adds the straight way into `end` to `ways` if it is free. `off` is the angle to the preferred hand
+    /// Adds the straight way into `end` to `paths` if it is free. `off` is the angle to the preferred hand
     /// orientation, rad.
-    pub fn add_way(
+    pub fn add_path(
         &mut self,
         reach: &Reach,
         off: f64,
         end: &[f64],
         entry: Entry,
-        ways: &mut Vec<Way>,
+        paths: &mut Vec<ApproachPath>,
     ) -> Result<bool, Failure> {
         self.context.go_on()?;
-        match self.way_down(reach, end, &entry, self.tally.hit.is_none())? {
+        match self.path_down(reach, end, &entry, self.tally.hit.is_none())? {
             Ok(points) => {
                 let cramped = matches!(entry, Entry::Place) && !self.hand_is_free_after(&entry, end)?;
                 let cost = cost(&self.context.limits, self.from, &points[0], off)
                     + if cramped { CRAMPED } else { 0.0 };
-                ways.push(Way { points, cost });
+                paths.push(ApproachPath { points, cost });
                 Ok(true)
             }
             Err(hit) => {
@@ -141,14 +141,14 @@ impl Seeking<'_> {
     /// The straight way down to `end`, from its top to `end`, if it is free; otherwise what it hits, if that is asked for:
     /// to name it takes longer than to see that there is something.
     #[allow(clippy::type_complexity)]
-    fn way_down(
+    fn path_down(
         &mut self,
         reach: &Reach,
         end: &[f64],
         entry: &Entry,
         name_it: bool,
     ) -> Result<Result<Vec<Vec<f64>>, Option<(String, String)>>, Failure> {
-        self.context.set_room(Room::Contact)?;
+        self.context.set_clearance(Clearance::Contact)?;
         self.allow_entry(entry)?;
         if !self.context.scene.is_free(end)? {
             return Ok(Err(self.hit_at(end, name_it)?));
@@ -167,7 +167,7 @@ impl Seeking<'_> {
         if matches!(entry, Entry::Pick { .. }) && !self.hand_is_free_after(entry, end)? {
             return Ok(Err(None));
         }
-        self.context.set_room(Room::Transit)?;
+        self.context.set_clearance(Clearance::Transit)?;
         let top = &line[line.len() - 1];
         if !self.context.scene.is_free(top)? {
             return Ok(Err(self.hit_at(top, name_it)?));
@@ -199,7 +199,7 @@ impl Seeking<'_> {
         let model = self.context.model.clone();
         let pose = if matches!(entry, Entry::Pick { .. }) { "closed" } else { "open" };
         let Ok(fingers) = model.pose("hand", pose) else { return Ok(true) };
-        self.context.set_room(Room::Contact)?;
+        self.context.set_clearance(Clearance::Contact)?;
         if let Entry::Pick { block, .. } = entry
             && self.problem.request.obstacles.iter().any(|o| o.name == block.name())
         {

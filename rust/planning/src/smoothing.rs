@@ -2,7 +2,7 @@
 
 use crate::PlannerOptions;
 use crate::blending::blended;
-use crate::context::{PlanningContext, Room};
+use crate::context::{Clearance, PlanningContext};
 use crate::failure::Failure;
 use crate::timing::{Curve, GRID, MotionLimits, averaged};
 use proact_arm::ArmModel;
@@ -44,7 +44,7 @@ impl Smoother {
     ) -> Result<Trajectory, Failure> {
         let (path, entered) = &blended(context, path, left, entered)?;
         let entered = *entered;
-        context.set_room(Room::Contact)?;
+        context.set_clearance(Clearance::Contact)?;
         for spacing in SPACINGS {
             context.go_on()?;
             let Some(curve) = Curve::along(path, spacing) else {
@@ -97,7 +97,7 @@ impl Smoother {
     }
 }
 
-/// True if nothing touches from `begin` to `end`, seconds, at every point of the trajectory; with next to no room,
+/// True if nothing touches from `begin` to `end`, seconds, at every point of the trajectory; with next to no clearance,
 /// between them as well.
 fn is_free_between(
     context: &mut PlanningContext,

@@ -15,7 +15,7 @@ use proact_types::{
 };
 use std::cell::RefCell;
 
-/// How deep two shapes may overlap along a plan, metres: the straight ways are checked at steps of 5 mm, and
+/// How deep two shapes may overlap along a plan, metres: the straight paths are checked at steps of 5 mm, and
 /// neighbouring states are at most that far apart.
 const CLOSE_CALL: f64 = 0.001;
 

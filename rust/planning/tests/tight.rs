@@ -1,4 +1,4 @@
-//! Goals with hardly any room, and corners that are rounded.
+//! Goals with hardly any clearance, and corners that are rounded.
 #![allow(clippy::unwrap_used)]
 
 mod common;

@@ -83,7 +83,7 @@ pub trait TopicBus: Send + Sync {
     fn unadvertise_service(&self, member: MemberId, service: &str) -> Result<(), BusError>;
 
     /// Calls a service; the answer comes through `reply`, a failure too.
-    fn call_service(&self, service: &str, arguments: Json, reply: Reply);
+    fn call_service(&self, service: &str, arguments: Json, reply: ServiceReply);
 
     /// Who publishes, subscribes and offers what.
     fn graph(&self) -> Graph;
@@ -117,21 +117,21 @@ pub trait TopicSink: Send + Sync {
 /// Answers service calls. Must not block.
 pub trait ServiceProvider: Send + Sync {
     /// Begins to answer; the reply may be given later.
-    fn call(&self, arguments: Json, reply: Reply);
+    fn call(&self, arguments: Json, reply: ServiceReply);
 }
 
 /// The way back of a service call. Dropped without an answer, it tells the caller so.
-pub struct Reply {
+pub struct ServiceReply {
     to: Option<Answer>,
     deadline: Option<Instant>,
 }
 
 type Answer = Box<dyn FnOnce(Result<Json, String>) + Send>;
 
-impl Reply {
+impl ServiceReply {
     /// A reply that ends in `to`: the values, or one sentence of what went wrong.
     pub fn new(to: impl FnOnce(Result<Json, String>) + Send + 'static) -> Self {
-        Reply { to: Some(Box::new(to)), deadline: None }
+        ServiceReply { to: Some(Box::new(to)), deadline: None }
     }
 
     /// The caller waits no longer than until then.
@@ -153,7 +153,7 @@ impl Reply {
     }
 }
 
-impl Drop for Reply {
+impl Drop for ServiceReply {
     fn drop(&mut self) {
         if let Some(to) = self.to.take() {
             to(Err("the provider of the service went away without an answer".to_owned()));

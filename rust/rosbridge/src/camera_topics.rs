@@ -1,7 +1,7 @@
 //! The simulated camera under topics: a picture whenever somebody asks for one.
 
 use crate::{
-    bus::{BusError, MemberId, Reply, ServiceProvider, TopicBus, TopicMessage},
+    bus::{BusError, MemberId, ServiceProvider, ServiceReply, TopicBus, TopicMessage},
     headset::{named, stamped_pose, time_of},
 };
 use proact_arm::ArmModel;
@@ -39,7 +39,7 @@ pub struct CameraTopics {
     bus: Arc<dyn TopicBus>,
     member: MemberId,
     latest: Arc<Latest>,
-    orders: Option<SyncSender<Reply>>,
+    orders: Option<SyncSender<ServiceReply>>,
     worker: Option<JoinHandle<()>>,
 }
 
@@ -65,7 +65,7 @@ impl CameraTopics {
     pub fn new(bus: Arc<dyn TopicBus>, arm: &ArmModel, scene: &Scene) -> Result<CameraTopics, BusError> {
         let member = bus.join("/proact_camera");
         let latest = Arc::new(Latest::default());
-        let (orders, ordered) = sync_channel::<Reply>(MAX_WAITING);
+        let (orders, ordered) = sync_channel::<ServiceReply>(MAX_WAITING);
         let photographer = Photographer {
             bus: Arc::downgrade(&bus),
             studio: Studio::new(arm, scene),
@@ -106,10 +106,10 @@ impl Drop for CameraTopics {
 }
 
 /// Hands orders to the thread that takes the pictures.
-struct Shutter(SyncSender<Reply>);
+struct Shutter(SyncSender<ServiceReply>);
 
 impl ServiceProvider for Shutter {
-    fn call(&self, _: Json, reply: Reply) {
+    fn call(&self, _: Json, reply: ServiceReply) {
         if let Err(TrySendError::Full(reply) | TrySendError::Disconnected(reply)) = self.0.try_send(reply) {
             let message = format!("{MAX_WAITING} pictures wait to be taken already; ask again");
             reply.answer(Ok(json!({"success": false, "message": message})));

@@ -45,7 +45,7 @@ mod services;
 mod session;
 
 pub use bus::{
-    BusError, Graph, MemberId, Reply, ServiceInfo, ServiceProvider, TopicBus, TopicInfo, TopicMessage,
+    BusError, Graph, MemberId, ServiceInfo, ServiceProvider, ServiceReply, TopicBus, TopicInfo, TopicMessage,
     TopicSink, TopicType, check_name,
 };
 pub use camera_topics::CameraTopics;

@@ -1,7 +1,7 @@
 //! Topics and services inside this process.
 
 use crate::bus::{
-    BusError, Graph, MemberId, Reply, ServiceInfo, ServiceProvider, TopicBus, TopicInfo, TopicMessage,
+    BusError, Graph, MemberId, ServiceInfo, ServiceProvider, ServiceReply, TopicBus, TopicInfo, TopicMessage,
     TopicSink, TopicType, check_name,
 };
 use serde_json::Value as Json;
@@ -233,7 +233,7 @@ impl TopicBus for LocalBus {
         Ok(())
     }
 
-    fn call_service(&self, service: &str, arguments: Json, reply: Reply) {
+    fn call_service(&self, service: &str, arguments: Json, reply: ServiceReply) {
         let provider = self.read().services.get(service).map(|entry| Arc::clone(&entry.provider));
         match provider {
             Some(provider) => provider.call(arguments, reply),

@@ -1,7 +1,7 @@
 //! Services: those that a client offers, and those that a function answers.
 
 use crate::{
-    bus::{Reply, ServiceProvider},
+    bus::{ServiceProvider, ServiceReply},
     outbox::{self, Compression, Outbox},
 };
 use serde_json::{Value as Json, json};
@@ -23,7 +23,7 @@ pub(crate) struct Offered {
 #[derive(Default)]
 struct State {
     services: HashSet<String>,
-    calls: HashMap<String, (String, Reply)>,
+    calls: HashMap<String, (String, ServiceReply)>,
     next: u64,
     closed: bool,
 }
@@ -90,7 +90,7 @@ impl Offered {
     }
 
     /// Keeps a call until it is answered; its id, or the reply if it cannot be kept.
-    fn keep(&self, service: &str, reply: Reply) -> Result<String, (Reply, &'static str)> {
+    fn keep(&self, service: &str, reply: ServiceReply) -> Result<String, (ServiceReply, &'static str)> {
         let mut state = self.lock();
         if state.closed {
             return Err((reply, "went away"));
@@ -124,7 +124,7 @@ impl RemoteProvider {
 }
 
 impl ServiceProvider for RemoteProvider {
-    fn call(&self, arguments: Json, reply: Reply) {
+    fn call(&self, arguments: Json, reply: ServiceReply) {
         match self.offered.keep(&self.service, reply) {
             Ok(id) => {
                 let call =
@@ -147,7 +147,7 @@ pub struct Answering<F>(
 );
 
 impl<F: Fn(&Json) -> Result<Json, String> + Send + Sync> ServiceProvider for Answering<F> {
-    fn call(&self, arguments: Json, reply: Reply) {
+    fn call(&self, arguments: Json, reply: ServiceReply) {
         reply.answer((self.0)(&arguments));
     }
 }

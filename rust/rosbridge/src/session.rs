@@ -1,7 +1,7 @@
 //! The protocol, from one client's view: text in, calls on the bus and answers in its outbox.
 
 use crate::{
-    bus::{MemberId, Reply as ServiceReply, TopicBus, TopicMessage, TopicSink},
+    bus::{MemberId, ServiceReply, TopicBus, TopicMessage, TopicSink},
     fields::{Fields, Level, Refusal, global, kind_of, refuse},
     fragments::Fragments,
     outbox::{Compression, Delivery, Outbox, Reply},

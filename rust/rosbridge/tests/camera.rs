@@ -6,7 +6,7 @@ mod common;
 use common::frame;
 use proact_description::mpl_right_arm;
 use proact_messages::{Time, Value};
-use proact_rosbridge::{CameraTopics, LocalBus, Reply, TopicBus, TopicMessage, TopicSink};
+use proact_rosbridge::{CameraTopics, LocalBus, ServiceReply, TopicBus, TopicMessage, TopicSink};
 use proact_types::{Pose, Scene};
 use serde_json::{Value as Json, json};
 use std::sync::{
@@ -27,7 +27,11 @@ impl TopicSink for Collect {
 
 fn call(bus: &Arc<dyn TopicBus>) -> Json {
     let (send, answer) = channel();
-    bus.call_service("/proact/camera/take", json!({}), Reply::new(move |result| send.send(result).unwrap()));
+    bus.call_service(
+        "/proact/camera/take",
+        json!({}),
+        ServiceReply::new(move |result| send.send(result).unwrap()),
+    );
     answer.recv().unwrap().unwrap()
 }
 

@@ -14,7 +14,7 @@ pub enum GraspAction {
 
 /// When the hand takes a block and lets it go, by the rule that a trial asks for.
 #[derive(Clone, Debug)]
-pub struct Grasp {
+pub struct GraspDetector {
     opposing: GraspRule,
     /// Instead of `opposing`, if the trial asks for it.
     original: Option<OriginalGraspRule>,
@@ -22,7 +22,7 @@ pub struct Grasp {
     taken_at: Option<JointVector>,
 }
 
-impl Grasp {
+impl GraspDetector {
     /// The rule of `physics` for the hand of `model`, which holds nothing.
     pub fn new(physics: &PhysicsConfig, model: &ArmModel) -> Self {
         let original = physics.grasp_rule == GraspRuleName::Original;

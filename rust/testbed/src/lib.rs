@@ -22,7 +22,7 @@ mod tick;
 
 pub use config::{ConfigError, MethodName, MethodProcessConfig, Setup, TrialConfig};
 pub use digest::{Digest, Divergence, Field, FieldDigest, SPAN_TICKS, SpanDigest, first_divergence};
-pub use grasp::{Grasp, GraspAction};
+pub use grasp::{GraspAction, GraspDetector};
 pub use grasp_original::OriginalGraspRule;
 pub use motion::{ArmMotion, BaseMotion, HandMotion, MotionConfig};
 pub use physics::{

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// Stands between a method and its process: notes each answer for the input log, or gives the logged one instead of
 /// asking, which is how a replay runs.
 #[derive(Clone)]
-pub(crate) struct Tap(Arc<Mutex<State>>);
+pub(crate) struct RecorderTap(Arc<Mutex<State>>);
 
 struct State {
     /// None in a replay.
@@ -14,7 +14,7 @@ struct State {
     answer: Option<MethodAnswer>,
 }
 
-impl Tap {
+impl RecorderTap {
     pub(crate) fn new(process: Option<Box<dyn MethodProcess>>) -> Self {
         Self(Arc::new(Mutex::new(State { process, answer: None })))
     }
@@ -26,7 +26,7 @@ impl Tap {
     }
 }
 
-impl MethodProcess for Tap {
+impl MethodProcess for RecorderTap {
     fn ask(&mut self, now: SimTime, line: &str) -> MethodAnswer {
         let mut state = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(logged) = &state.answer {

@@ -1,5 +1,5 @@
 use crate::trial::{self, AssemblyError};
-use proact_devices::EmgSource;
+use proact_devices::EmgOrigin;
 use proact_tasks::Outcome;
 use proact_testbed::{ConfigError, Digest, MethodName, Setup, SpanDigest, TrialConfig};
 use serde::{Deserialize, Serialize};
@@ -38,7 +38,7 @@ impl TrialEntry {
     pub fn run(&self) -> Result<TrialDigest, Box<dyn Error>> {
         let named = |error: &dyn Error| format!("trial {}: {error}", self.name);
         let config = self.config().map_err(|error| named(&error))?;
-        let assembled: Result<_, AssemblyError> = trial::simulated(config, &EmgSource::Synthetic);
+        let assembled: Result<_, AssemblyError> = trial::simulated(config, &EmgOrigin::Synthetic);
         let mut session = assembled.map_err(|error| named(&error))?.session;
         let configuration = session.testbed().config().to_toml()?;
         let mut spans = Vec::new();

@@ -5,7 +5,7 @@ use super::{Cost, compare, summarize, timed};
 use crate::{BenchFigure, quantile};
 use proact_app::trial::{participant, planner};
 use proact_arm::ArmModel;
-use proact_devices::{EmgSource, GazeSource};
+use proact_devices::{EmgOrigin, GazeSource};
 use proact_dynamics::{DynamicsOptions, Engine, OdePlant, Solver};
 use proact_kinematics::Kinematics;
 use proact_participants::ParticipantOptions;
@@ -119,7 +119,7 @@ pub(super) fn record_d() -> Result<Recorded, Box<dyn Error>> {
 
 /// Runs one trial with a simulated participant and lists what its plant was asked.
 pub(super) fn record(mut config: TrialConfig) -> Result<Recorded, Box<dyn Error>> {
-    let prepared = proact_devices::prepare(&EmgSource::Synthetic, config.seed)?;
+    let prepared = proact_devices::prepare(&EmgOrigin::Synthetic, config.seed)?;
     config.emg = Some(prepared.config);
     config.gesture_source = prepared.label;
     let options = *config.participant.get_or_insert_with(ParticipantOptions::default);

@@ -4,7 +4,7 @@
 use super::{Bench, length};
 use crate::{BenchFigure, quantile};
 use proact_app::trial;
-use proact_devices::EmgSource;
+use proact_devices::EmgOrigin;
 use proact_planning::{PlanWorker, PlannerName, PlannerOptions, SearchLimits};
 use proact_testbed::{Setup, TrialConfig, ports::PlanService};
 use proact_types::{PlanRequest, PlanStatus, Trajectory, TrajectoryPoint, joints};
@@ -241,7 +241,7 @@ impl Bench {
 /// The share of a trial's wall time in which the planner works: method D, seated, as fast as it goes.
 pub(super) fn share_of_a_trial() -> Result<BenchFigure, Box<dyn Error>> {
     let config = TrialConfig::new("D".parse()?, 1, Setup::named("seated")?);
-    let trial::Assembly { mut session, plans, .. } = trial::simulated(config, &EmgSource::Synthetic)?;
+    let trial::Assembly { mut session, plans, .. } = trial::simulated(config, &EmgOrigin::Synthetic)?;
     let begin = Instant::now();
     while !session.step(false)?.output.finished {}
     let wall_secs = begin.elapsed().as_secs_f64();

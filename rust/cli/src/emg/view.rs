@@ -1,7 +1,7 @@
 //! What `proact emg stream` shows on a terminal.
 
 use proact_devices::{SourceCounts, SourceInfo};
-use proact_emg::{ChannelQuality, EmgOutput, Fault, Light, StreamQuality};
+use proact_emg::{ChannelFault, ChannelQuality, EmgOutput, Light, StreamQuality};
 use proact_types::{EmgSample, MAX_EMG_CHANNELS};
 use std::{
     io::{self, IsTerminal, Write},
@@ -106,13 +106,13 @@ fn finding(quality: &ChannelQuality) -> String {
 }
 
 /// What is wrong with a channel.
-pub(super) fn fault_text(fault: Fault) -> &'static str {
+pub(super) fn fault_text(fault: ChannelFault) -> &'static str {
     match fault {
-        Fault::Flat => "flat: a dead channel",
-        Fault::Railed => "cut off at the ends of the range",
-        Fault::Drift => "far from where it rested",
-        Fault::Mains => "mains hum",
-        Fault::LiftOff => "louder than any gesture: off the skin?",
+        ChannelFault::Flat => "flat: a dead channel",
+        ChannelFault::Railed => "cut off at the ends of the range",
+        ChannelFault::Drift => "far from where it rested",
+        ChannelFault::Mains => "mains hum",
+        ChannelFault::LiftOff => "louder than any gesture: off the skin?",
     }
 }
 
@@ -183,8 +183,11 @@ mod tests {
             let swing: f64 = if counter % 2 == 0 { 1.0 } else { -1.0 };
             glance.sample(&EmgSample { counter, channels: [0.0, 40.0 * swing].into_iter().collect() });
         }
-        glance.quality[0] =
-            ChannelQuality { light: Light::Red, fault: Some(Fault::Flat), ..ChannelQuality::default() };
+        glance.quality[0] = ChannelQuality {
+            light: Light::Red,
+            fault: Some(ChannelFault::Flat),
+            ..ChannelQuality::default()
+        };
         let text = glance.text();
         let lines: Vec<&str> = text.lines().collect();
         assert!(lines[1].ends_with("0.0  BAD   flat: a dead channel"), "{text}");

@@ -2,6 +2,7 @@
 
 use crate::dependencies::NATIVE;
 use crate::workspace::{files, load, read};
+use std::collections::BTreeMap;
 
 /// A file of more lines than this is named as a warning, of more than the second number as an error. Files that
 /// long have several subjects and are read by nobody as a whole.
@@ -110,4 +111,48 @@ fn no_source_file_is_too_long_to_read() {
             "{path} has {lines} lines, at most {LINES_TO_FAIL} are allowed"
         );
     }
+}
+
+/// The name of the public type or trait that a line declares, if it does.
+fn declares(line: &str) -> Option<&str> {
+    let rest = code_of(line).trim_start().strip_prefix("pub ")?;
+    let kinds = ["struct ", "enum ", "trait ", "type ", "union "];
+    let name = kinds.iter().find_map(|kind| rest.strip_prefix(kind))?;
+    name.split(|c: char| !c.is_alphanumeric() && c != '_').next().filter(|name| !name.is_empty())
+}
+
+#[test]
+fn declarations_are_told_from_uses() {
+    assert_eq!(declares("pub struct Chain {"), Some("Chain"));
+    assert_eq!(declares("    pub trait Plant: Send {"), Some("Plant"));
+    assert_eq!(declares("pub type Posterior = [f64; 4];"), Some("Posterior"));
+    for other in [
+        "pub(crate) struct Chain;",
+        "// pub struct Chain",
+        "struct Chain;",
+        "pub fn chain()",
+        "pub use a::B;",
+    ] {
+        assert_eq!(declares(other), None, "{other}");
+    }
+}
+
+#[test]
+fn one_name_is_one_public_type_in_all_crates() {
+    let mut declared: BTreeMap<&str, BTreeMap<&str, &str>> = BTreeMap::new();
+    let files = files();
+    for (path, text) in files.iter().filter(|(path, _)| path.ends_with(".rs") && path.contains("/src/")) {
+        let Some(name) = path.strip_prefix("rust/").and_then(|rest| rest.split('/').next()) else { continue };
+        let code = text.split("#[cfg(test)]\nmod tests").next().unwrap_or_default();
+        for declaration in code.lines().filter_map(declares) {
+            declared.entry(declaration).or_default().insert(name, path);
+        }
+    }
+    assert!(declared.len() > 100, "the search is broken");
+    let twice: Vec<String> = declared
+        .iter()
+        .filter(|(_, places)| places.len() > 1)
+        .map(|(name, places)| format!("{name}: {}", places.values().copied().collect::<Vec<_>>().join(", ")))
+        .collect();
+    assert!(twice.is_empty(), "one name, one thing; rename all but one of each:\n{}", twice.join("\n"));
 }

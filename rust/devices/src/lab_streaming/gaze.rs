@@ -1,5 +1,5 @@
 use super::{OPEN_SECS, failed, find, reader::Reader, subscribe};
-use crate::{DeviceError, GazeFrame, GazeTracker, SentGaze};
+use crate::{DeviceError, GazeDevice, GazeFrame, SentGaze};
 use lsl::{ChannelFormat, StreamInlet};
 use std::sync::mpsc::TryRecvError;
 
@@ -53,7 +53,7 @@ impl LslGaze {
     }
 }
 
-impl GazeTracker for LslGaze {
+impl GazeDevice for LslGaze {
     fn latest(&mut self) -> Result<Option<SentGaze>, DeviceError> {
         let mut latest = None;
         loop {

@@ -69,7 +69,7 @@ impl SampleSource for ScriptedSource {
 
 /// What a [`FaultySource`] does to the stream of another.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Fault {
+pub enum InjectedFault {
     /// A packet vanishes with this probability.
     Drop(f64),
     /// A packet comes twice with this probability.
@@ -100,7 +100,7 @@ pub enum Fault {
 /// the stream `emg/faults` of the seed.
 pub struct FaultySource<S> {
     inner: S,
-    faults: Vec<Fault>,
+    faults: Vec<InjectedFault>,
     rng: ChaCha8Rng,
     /// Packets that the inner source has given.
     taken: u64,
@@ -112,7 +112,7 @@ pub struct FaultySource<S> {
 
 impl<S: SampleSource> FaultySource<S> {
     /// `inner` with `faults`, applied in their order.
-    pub fn new(inner: S, faults: &[Fault], seed: u64) -> FaultySource<S> {
+    pub fn new(inner: S, faults: &[InjectedFault], seed: u64) -> FaultySource<S> {
         FaultySource {
             inner,
             faults: faults.to_vec(),
@@ -131,26 +131,26 @@ impl<S: SampleSource> FaultySource<S> {
         let (mut copies, mut late, mut lost) = (1, false, false);
         for fault in self.faults.clone() {
             match fault {
-                Fault::Drop(share) => copies = if self.rng.random_bool(share) { 0 } else { copies },
-                Fault::Duplicate(share) => copies += usize::from(self.rng.random_bool(share)),
-                Fault::Reorder(share) => late |= self.rng.random_bool(share),
-                Fault::Truncate(share) if self.rng.random_bool(share) => {
+                InjectedFault::Drop(share) => copies = if self.rng.random_bool(share) { 0 } else { copies },
+                InjectedFault::Duplicate(share) => copies += usize::from(self.rng.random_bool(share)),
+                InjectedFault::Reorder(share) => late |= self.rng.random_bool(share),
+                InjectedFault::Truncate(share) if self.rng.random_bool(share) => {
                     let keep = self.rng.random_range(0..packet.samples.len().max(1));
                     packet.samples.truncate(keep);
                 }
-                Fault::NotANumber(share) if self.rng.random_bool(share) => {
+                InjectedFault::NotANumber(share) if self.rng.random_bool(share) => {
                     if let Some(value) = packet.samples.first_mut().and_then(|s| s.channels.first_mut()) {
                         *value = f64::NAN;
                     }
                 }
-                Fault::Freeze { from } if number >= from => {
+                InjectedFault::Freeze { from } if number >= from => {
                     let held = self.frozen.take().or_else(|| packet.samples.first().cloned());
                     if let Some(held) = &held {
                         packet.samples.iter_mut().for_each(|s| s.channels.clone_from(&held.channels));
                     }
                     self.frozen = held;
                 }
-                Fault::Disconnect { at, polls } if number == at => {
+                InjectedFault::Disconnect { at, polls } if number == at => {
                     self.silence = Some(polls);
                     lost = true;
                 }
@@ -267,19 +267,19 @@ mod tests {
     #[test]
     fn each_fault_does_what_it_says() {
         let run = |fault| drain(&mut FaultySource::new(clean(400), &[fault], 3));
-        let (dropped, ..) = run(Fault::Drop(0.2));
+        let (dropped, ..) = run(InjectedFault::Drop(0.2));
         assert!(dropped.len() < 400 && dropped.is_sorted());
-        let (twice, ..) = run(Fault::Duplicate(0.2));
+        let (twice, ..) = run(InjectedFault::Duplicate(0.2));
         assert!(twice.len() > 400 && twice.windows(2).any(|w| w[1] + 3 == w[0]));
-        let (mixed, ..) = run(Fault::Reorder(0.2));
+        let (mixed, ..) = run(InjectedFault::Reorder(0.2));
         assert!(!mixed.is_sorted());
         let mut sorted = mixed.clone();
         sorted.sort_unstable();
         assert_eq!(sorted, (0..400).collect::<Vec<_>>(), "nothing is lost");
-        let (short, ..) = run(Fault::Truncate(0.2));
+        let (short, ..) = run(InjectedFault::Truncate(0.2));
         assert!(short.len() < 400 && short.is_sorted());
-        assert!(run(Fault::NotANumber(0.2)).2 > 5);
-        let (_, events, _) = run(Fault::Disconnect { at: 5, polls: 3 });
+        assert!(run(InjectedFault::NotANumber(0.2)).2 > 5);
+        let (_, events, _) = run(InjectedFault::Disconnect { at: 5, polls: 3 });
         assert!(matches!(events[0], SourceEvent::Lost { .. }));
         assert_eq!(
             events[1..],
@@ -289,7 +289,7 @@ mod tests {
 
     #[test]
     fn a_frozen_converter_repeats_its_value_while_the_counter_goes_on() {
-        let mut source = FaultySource::new(clean(40), &[Fault::Freeze { from: 2 }], 1);
+        let mut source = FaultySource::new(clean(40), &[InjectedFault::Freeze { from: 2 }], 1);
         let mut packet = EmgPacket::default();
         let mut values = Vec::new();
         while source.poll(Duration::ZERO, &mut packet).unwrap() == SourceEvent::Packet {

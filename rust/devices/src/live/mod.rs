@@ -7,7 +7,7 @@ mod doubles;
 mod person;
 mod playback;
 
-pub use doubles::{Fault, FaultySource, ScriptedEvent, ScriptedSource};
+pub use doubles::{FaultySource, InjectedFault, ScriptedEvent, ScriptedSource};
 pub use person::{KeyboardSource, PersonSource};
 pub use playback::{Pacing, PlaybackSource};
 

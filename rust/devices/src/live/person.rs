@@ -1,5 +1,5 @@
 use super::{EmgPacket, Pacing, SampleSource, SourceCounts, SourceEvent, SourceInfo};
-use crate::{DeviceError, EmgFeed, EmgSource, prepare};
+use crate::{DeviceError, EmgFeed, EmgOrigin, prepare};
 use proact_types::{Gesture, SimTime};
 use std::{
     io::Read,
@@ -36,7 +36,7 @@ impl PersonSource {
     /// # Errors
     /// As [`prepare`].
     pub fn new(
-        source: &EmgSource,
+        source: &EmgOrigin,
         pacing: Pacing,
         reaction: Duration,
         seed: u64,
@@ -125,7 +125,7 @@ impl KeyboardSource {
     /// # Errors
     /// As [`PersonSource::new`].
     pub fn new(mut keys: impl Read + Send + 'static, seed: u64) -> Result<KeyboardSource, DeviceError> {
-        let mut person = PersonSource::new(&EmgSource::Synthetic, Pacing::RealTime, Duration::ZERO, seed)?;
+        let mut person = PersonSource::new(&EmgOrigin::Synthetic, Pacing::RealTime, Duration::ZERO, seed)?;
         person.info.name = "keys".to_owned();
         let (sender, receiver) = channel();
         std::thread::spawn(move || {
@@ -198,7 +198,7 @@ mod tests {
     #[test]
     fn a_person_makes_what_is_prompted_after_the_reaction_time() {
         let reaction = Duration::from_millis(320);
-        let mut person = PersonSource::new(&EmgSource::Synthetic, Pacing::FlatOut, reaction, 3).unwrap();
+        let mut person = PersonSource::new(&EmgOrigin::Synthetic, Pacing::FlatOut, reaction, 3).unwrap();
         let rest = rms(&mut person, 40);
         person.prompt(Gesture::HandClose);
         let reacting = rms(&mut person, 20);

@@ -10,7 +10,7 @@ pub use config::{CalibrationConfig, ZeroLevel};
 pub use score::{CalibrationReport, RepetitionScore, cross_validate};
 
 use crate::model::{centred, median};
-use crate::{ChannelQuality, EmgError, EmgModel, Fault, Light, QualityMonitor, StreamQuality};
+use crate::{ChannelFault, ChannelQuality, EmgError, EmgModel, Light, QualityMonitor, StreamQuality};
 use proact_types::{EmgSample, Gesture, SimTime};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
@@ -67,7 +67,7 @@ pub enum Refusal {
     /// Channels were red.
     Red {
         /// Which, from 0, and why.
-        channels: Vec<(usize, Option<Fault>)>,
+        channels: Vec<(usize, Option<ChannelFault>)>,
         /// The stream as a whole was red: losses or a wrong rate.
         stream: bool,
     },

@@ -1,5 +1,5 @@
 use super::*;
-use crate::{EmgConfig, Fault, StreamFormat};
+use crate::{ChannelFault, EmgConfig, StreamFormat};
 use Gesture::{HandClose, HandOpen, NoMotion};
 
 const RATE: f64 = 200.0;
@@ -135,7 +135,7 @@ fn nothing_is_recorded_while_a_channel_is_dead_and_it_goes_on_when_it_is_not() {
     };
     let events = run(&mut session, 0, 2000, dead);
     assert_eq!(events.len(), 2, "{events:?}");
-    let channels = vec![(2, Some(Fault::Flat))];
+    let channels = vec![(2, Some(ChannelFault::Flat))];
     let first = Prompt { gesture: NoMotion, repetition: 0 };
     assert_eq!(
         events[1],

@@ -2,7 +2,7 @@
 
 use super::WireError;
 use crate::{
-    definition::{Count, Field, Kind, MessageType},
+    definition::{Count, Kind, MessageField, MessageType},
     value::{Duration, Time, Value},
 };
 use std::sync::Arc;
@@ -30,7 +30,7 @@ impl MessageType {
     }
 }
 
-impl Field {
+impl MessageField {
     fn take(&self, from: &mut Reader<'_>) -> Result<Value, WireError> {
         let length = match self.count {
             Count::One => return self.kind.take(from),

@@ -1,7 +1,7 @@
 //! A serialiser of serde's that a definition guides: it writes a [`Value`](crate::Value) or a struct alike.
 
 use super::WireError;
-use crate::definition::{Count, Field, Kind, MessageType};
+use crate::definition::{Count, Kind, MessageField, MessageType};
 use serde::ser::{
     Error, Impossible, Serialize, SerializeMap, SerializeSeq, SerializeStruct, SerializeTuple, Serializer,
 };
@@ -45,12 +45,12 @@ impl Error for WireError {
 }
 
 /// What `time` and `duration` consist of.
-static TIME: LazyLock<Vec<Field>> = LazyLock::new(|| parts_of("uint32"));
-static DURATION: LazyLock<Vec<Field>> = LazyLock::new(|| parts_of("int32"));
+static TIME: LazyLock<Vec<MessageField>> = LazyLock::new(|| parts_of("uint32"));
+static DURATION: LazyLock<Vec<MessageField>> = LazyLock::new(|| parts_of("int32"));
 
-fn parts_of(whole: &str) -> Vec<Field> {
+fn parts_of(whole: &str) -> Vec<MessageField> {
     let kind = Kind::Int { bits: 32, signed: whole == "int32" };
-    let part = |name: &str| Field {
+    let part = |name: &str| MessageField {
         name: name.into(),
         kind: kind.clone(),
         count: Count::One,
@@ -331,14 +331,14 @@ impl SerializeTuple for Elements<'_> {
 
 /// The fields of a message, a time or a duration.
 struct Parts<'a> {
-    fields: &'a [Field],
+    fields: &'a [MessageField],
     next: usize,
     to: &'a mut Vec<u8>,
 }
 
 impl<'a> Parts<'a> {
     /// The next field, if that is its name.
-    fn named(&self, name: &str) -> Result<&'a Field, WireError> {
+    fn named(&self, name: &str) -> Result<&'a MessageField, WireError> {
         let expected = match self.fields.get(self.next) {
             Some(field) if &*field.name == name => return Ok(field),
             Some(field) => format!("{:?}", field.name),
@@ -347,7 +347,7 @@ impl<'a> Parts<'a> {
         Err(WireError::Mismatch { path: name.to_owned(), got: format!("the field {name:?}"), expected })
     }
 
-    fn put<T: Serialize + ?Sized>(&mut self, field: &'a Field, value: &T) -> Result<(), WireError> {
+    fn put<T: Serialize + ?Sized>(&mut self, field: &'a MessageField, value: &T) -> Result<(), WireError> {
         self.next += 1;
         let slot = Slot { kind: &field.kind, count: field.count, to: &mut *self.to };
         value.serialize(slot).map_err(|error| error.within(&field.name))

@@ -1,6 +1,6 @@
 //! actionlib's five topics around a [`GoalList`].
 
-use super::{Graph, NodeError, convert, graph::Jobs};
+use super::{NodeError, RosGraph, convert, graph::Jobs};
 use crate::{
     action::{Admission, Goal, GoalId, GoalList, GoalState},
     messages::{actionlib_msgs, std_msgs},
@@ -34,7 +34,7 @@ fn goal_status(goal: &Goal) -> actionlib_msgs::GoalStatus {
 
 impl<R: Message, F: Message> Action<R, F> {
     /// Sets the server's publishers up under `name`.
-    pub(super) fn new(graph: &Graph, name: &str) -> std::result::Result<Self, NodeError> {
+    pub(super) fn new(graph: &RosGraph, name: &str) -> std::result::Result<Self, NodeError> {
         Ok(Self {
             goals: GoalList::default(),
             status: graph.publish(&format!("{name}/status"), 50, true)?,
@@ -45,7 +45,7 @@ impl<R: Message, F: Message> Action<R, F> {
 
     /// Listens to goals and cancels.
     pub(super) fn listen<G: Message, S: 'static>(
-        graph: &Graph,
+        graph: &RosGraph,
         name: &str,
         jobs: &Jobs<S>,
         goal: impl Fn(&mut S, G, &str) + Send + Sync + 'static,

@@ -1,7 +1,7 @@
 //! `proact node emg`: samples of an armband in, the gesture out.
 
 use super::{
-    Graph, NodeError,
+    NodeError, RosGraph,
     graph::Jobs,
     stage::{self, Common, Stage, Tagged},
     wire,
@@ -36,7 +36,7 @@ struct EmgNode {
 /// # Errors
 /// [`NodeError`].
 pub fn run_emg(stage: EmgStage) -> Result<(), NodeError> {
-    let graph = Graph::join("proact_emg")?;
+    let graph = RosGraph::join("proact_emg")?;
     let mut node = EmgNode {
         common: Common::new(&graph)?,
         stage,

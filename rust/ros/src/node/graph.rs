@@ -90,7 +90,7 @@ fn chain(error: &rosrust::error::Error) -> String {
 pub(super) type Job<S> = Box<dyn FnOnce(&mut S) + Send>;
 
 /// A node on the graph. Dropping it leaves the graph.
-pub struct Graph {
+pub struct RosGraph {
     faults: Arc<Faults>,
     master_restarted: Arc<AtomicBool>,
     ended: Arc<AtomicBool>,
@@ -101,7 +101,7 @@ pub struct Graph {
     flood: u32,
 }
 
-impl Graph {
+impl RosGraph {
     /// Joins the graph as `name`, or as `__name:=` says. roslaunch's other words work as well.
     ///
     /// # Errors
@@ -110,7 +110,7 @@ impl Graph {
         Self::join_with(name, true)
     }
 
-    /// [`Graph::join`]; with `interruptible`, Ctrl-C ends the node.
+    /// [`RosGraph::join`]; with `interruptible`, Ctrl-C ends the node.
     pub(super) fn join_with(name: &str, interruptible: bool) -> Result<Self, NodeError> {
         let uri = master_uri();
         rosrust::try_init_with_options(name, interruptible)
@@ -213,7 +213,7 @@ impl Graph {
         self.listen_at(topic, queue, jobs, move |state: &mut S, message, _, _: &str| take(state, message))
     }
 
-    /// [`Graph::listen`] with the name of the node that sent the message.
+    /// [`RosGraph::listen`] with the name of the node that sent the message.
     ///
     /// # Errors
     /// [`NodeError::Setup`].
@@ -229,7 +229,7 @@ impl Graph {
         })
     }
 
-    /// [`Graph::listen`] with the time at which the message came, and from whom.
+    /// [`RosGraph::listen`] with the time at which the message came, and from whom.
     ///
     /// # Errors
     /// [`NodeError::Setup`].
@@ -293,7 +293,7 @@ impl Graph {
     }
 }
 
-impl Drop for Graph {
+impl Drop for RosGraph {
     fn drop(&mut self) {
         self.stop_watching();
         // Without this the master keeps the node.

@@ -1,7 +1,7 @@
 //! `proact node intent`: gaze and blocks in, the block and the place that are meant out.
 
 use super::{
-    Graph, NodeError, convert,
+    NodeError, RosGraph, convert,
     graph::Jobs,
     stage::{self, Common, Stage, Tagged},
     wire::{self, Instant},
@@ -57,7 +57,7 @@ struct IntentNode {
 /// # Errors
 /// [`NodeError`].
 pub fn run_intent(parts: IntentParts) -> Result<(), NodeError> {
-    let graph = Graph::join("proact_intent")?;
+    let graph = RosGraph::join("proact_intent")?;
     let mut node = IntentNode {
         common: Common::new(&graph)?,
         parts,

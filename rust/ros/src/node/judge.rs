@@ -1,7 +1,7 @@
 //! What follows the world in each tick, whoever moves it: the task, the cues, the display, and what is said of them.
 
 use super::{
-    Graph, NodeError, convert,
+    NodeError, RosGraph, convert,
     testbed::json,
     wire::{self, MethodShown},
 };
@@ -65,7 +65,7 @@ pub(super) struct Moved<'a> {
 
 impl Judge {
     pub(super) fn new(
-        graph: &Graph,
+        graph: &RosGraph,
         config: &TrialConfig,
         task: BoxAndBlocks,
         kinematics: Box<dyn ArmKinematics>,

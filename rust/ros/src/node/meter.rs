@@ -1,7 +1,7 @@
 //! Measures the other nodes from outside, as a node of its own: for `proact bench ros`.
 
 use super::{
-    Graph, NodeError,
+    NodeError, RosGraph,
     graph::{Jobs, parameter},
 };
 use crate::messages::{
@@ -41,7 +41,7 @@ struct Meter {
 /// # Errors
 /// [`NodeError`]; [`NodeError::Setup`] if the method does not answer.
 pub fn run_meter() -> Result<Measured, NodeError> {
-    let graph = Graph::join("proact_meter")?;
+    let graph = RosGraph::join("proact_meter")?;
     let count: i32 = parameter("~count", 200, "how many commands are measured")?;
     let emg: Publisher<Text> = graph.publish("emg", 10, false)?;
     let jobs: Jobs<Meter> = Jobs::default();

@@ -5,7 +5,7 @@ mod inputs;
 mod outlets;
 
 use super::{
-    Graph, NodeError,
+    NodeError, RosGraph,
     graph::Jobs,
     stage::{self, Common, Stage, Tagged},
     wire::{self, Instant, MethodShown},
@@ -71,7 +71,7 @@ struct MethodNode {
 /// # Errors
 /// [`NodeError`].
 pub fn run_method(parts: MethodParts) -> Result<(), NodeError> {
-    let graph = Graph::join("proact_method")?;
+    let graph = RosGraph::join("proact_method")?;
     // Method A commands joint by joint, through controllers of single joints, as the original does.
     let arm_out = ArmOutlet::new(&graph, &parts.model, parts.method == MethodName::A)?;
     let mut node = MethodNode {

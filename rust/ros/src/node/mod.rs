@@ -24,7 +24,7 @@ mod wire;
 
 pub use emg::run_emg;
 pub use faults::Faults;
-pub use graph::{Graph, NodeError};
+pub use graph::{NodeError, RosGraph};
 pub use intent::{IntentParts, run_intent};
 pub use meter::{Measured, run_meter};
 pub use method::{MethodParts, run_method};

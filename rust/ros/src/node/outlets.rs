@@ -1,6 +1,6 @@
 //! What is published of the world, once per instant and all with one stamp.
 
-use super::{Graph, NodeError, convert};
+use super::{NodeError, RosGraph, convert};
 use crate::{
     compat::{Compat, Quirk},
     frames::{self, WORLD},
@@ -61,7 +61,7 @@ impl Outlets {
     /// Sets the publishers up. `links`: whether this node publishes the arm's frames itself; false where
     /// robot_state_publisher does.
     pub(super) fn new(
-        graph: &Graph,
+        graph: &RosGraph,
         model: &Arc<ArmModel>,
         scene: &Scene,
         links: bool,

@@ -2,7 +2,7 @@
 //! eyes and trunk.
 
 use super::{
-    Graph, NodeError, convert,
+    NodeError, RosGraph, convert,
     graph::Jobs,
     stage::{self, Common, Stage, Tagged},
     wire::{self, Instant},
@@ -50,7 +50,7 @@ struct ParticipantNode {
 /// # Errors
 /// [`NodeError`].
 pub fn run_participant(parts: ParticipantParts) -> Result<(), NodeError> {
-    let graph = Graph::join("proact_participant")?;
+    let graph = RosGraph::join("proact_participant")?;
     let mut node = ParticipantNode {
         common: Common::new(&graph)?,
         parts,

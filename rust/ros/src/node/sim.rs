@@ -7,7 +7,7 @@ mod services;
 mod shoulder;
 
 use super::{
-    Graph, NodeError,
+    NodeError, RosGraph,
     actions::{Action, goal_id},
     convert,
     digest::Spans,
@@ -118,7 +118,7 @@ struct Rates {
 /// [`NodeError`].
 pub fn run_sim(parts: SimParts) -> Result<(), NodeError> {
     let SimParts { config, model, task, factory, kinematics } = parts;
-    let mut graph = Graph::join("proact_sim")?;
+    let mut graph = RosGraph::join("proact_sim")?;
     let period = 1000 / rate()?;
     let links: bool = parameter("~publish_links", true, "true or false")?;
     let paused: bool = parameter("~paused", false, "true or false")?;
@@ -168,7 +168,7 @@ pub fn run_sim(parts: SimParts) -> Result<(), NodeError> {
 
 impl SimNode {
     /// Keeps step with the clock on the wall.
-    fn run(&mut self, graph: &Graph, jobs: &Jobs<SimNode>, rates: &Rates) -> Result<(), NodeError> {
+    fn run(&mut self, graph: &RosGraph, jobs: &Jobs<SimNode>, rates: &Rates) -> Result<(), NodeError> {
         let mut pace = Pace::new();
         while graph.is_ok() {
             jobs.run(self);
@@ -185,7 +185,7 @@ impl SimNode {
     /// Goes on with each tick when all have spoken.
     fn run_in_lockstep(
         &mut self,
-        graph: &Graph,
+        graph: &RosGraph,
         jobs: &Jobs<SimNode>,
         rates: &Rates,
     ) -> Result<(), NodeError> {
@@ -217,7 +217,7 @@ impl SimNode {
         Ok(())
     }
 
-    fn look_after(&mut self, graph: &Graph) {
+    fn look_after(&mut self, graph: &RosGraph) {
         if graph.master_restarted() && !self.lockstep {
             self.paused = true;
             rosrust::ros_warn!("{}", super::PAUSED_AFTER_RESTART);

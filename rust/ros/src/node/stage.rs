@@ -6,7 +6,7 @@
 //! it does: whoever joins late asks again in that way.
 
 use super::{
-    Graph, NodeError, convert,
+    NodeError, RosGraph, convert,
     digest::Spans,
     graph::{Jobs, parameter},
 };
@@ -57,7 +57,7 @@ pub(super) struct Common {
 }
 
 impl Common {
-    pub(super) fn new(graph: &Graph) -> Result<Self, NodeError> {
+    pub(super) fn new(graph: &RosGraph) -> Result<Self, NodeError> {
         Ok(Self {
             clock: StageClock::default(),
             faults: graph.faults().clone(),
@@ -138,7 +138,7 @@ impl<T> Tagged<T> {
 }
 
 /// Runs a stage until the graph ends the node.
-pub(super) fn run<S: Stage>(mut graph: Graph, jobs: &Jobs<S>, stage: &mut S) -> Result<(), NodeError> {
+pub(super) fn run<S: Stage>(mut graph: RosGraph, jobs: &Jobs<S>, stage: &mut S) -> Result<(), NodeError> {
     let lockstep = stage.common().lockstep;
     let _clock = if lockstep { None } else { Some(listen_to_clock(&graph, jobs)?) };
     graph.watch_master()?;
@@ -168,7 +168,7 @@ fn step<S: Stage>(stage: &mut S) -> bool {
     true
 }
 
-fn listen_to_clock<S: Stage>(graph: &Graph, jobs: &Jobs<S>) -> Result<rosrust::Subscriber, NodeError> {
+fn listen_to_clock<S: Stage>(graph: &RosGraph, jobs: &Jobs<S>) -> Result<rosrust::Subscriber, NodeError> {
     graph.listen("/clock", 10, jobs, |stage: &mut S, message: Clock| {
         let common = stage.common();
         let ticks = match common.clock.take(convert::tick(&message.clock)) {

@@ -4,7 +4,7 @@
 //! the actuation stage follows the method's commands, and gives way where the arm is not where it should be.
 
 use super::{
-    Graph, NodeError, convert,
+    NodeError, RosGraph, convert,
     graph::Jobs,
     judge::{Judge, Moved},
     outlets::ARM_MODEL,
@@ -73,7 +73,7 @@ struct TaskNode {
 /// [`NodeError`].
 pub fn run_task(parts: TaskParts) -> Result<(), NodeError> {
     let TaskParts { config, model, task, kinematics } = parts;
-    let graph = Graph::join("proact_task")?;
+    let graph = RosGraph::join("proact_task")?;
     let stand_in = ActuationStage::new(&config, &model)?;
     let open = model.pose("hand", "open").map_err(TestbedError::Model)?;
     let base = config.setup.body.shoulder_pose(&Default::default());
@@ -188,7 +188,7 @@ impl TaskNode {
 }
 
 /// Joints, models, and what the hand holds, as the original's Gazebo tells them.
-fn listen_to_world(graph: &Graph, jobs: &Jobs<TaskNode>) -> Result<Vec<Subscriber>, NodeError> {
+fn listen_to_world(graph: &RosGraph, jobs: &Jobs<TaskNode>) -> Result<Vec<Subscriber>, NodeError> {
     Ok(vec![
         graph.listen(
             "mpl_right_arm/wrapped_joint_states",

@@ -1,7 +1,7 @@
 //! `proact node testbed`: the whole testbed in one node, under the original's names.
 
 use super::{
-    Graph, NodeError, convert,
+    NodeError, RosGraph, convert,
     graph::{Jobs, Pace, parameter},
     outlets::{Outlets, View},
     plan_request, wire,
@@ -59,7 +59,7 @@ struct Topics {
 /// # Errors
 /// [`NodeError`].
 pub fn run_testbed(mut session: Session, simulated: bool) -> Result<TrialResult, NodeError> {
-    let mut graph = Graph::join("proact_testbed")?;
+    let mut graph = RosGraph::join("proact_testbed")?;
     let rate = rate()?;
     let links: bool = parameter("~publish_links", true, "true or false")?;
     let stay: bool = parameter("~stay", false, "true or false")?;
@@ -176,7 +176,7 @@ pub(super) fn json(what: &'static str, value: &impl serde::Serialize) -> Result<
     serde_json::to_string(value).map_err(|source| NodeError::Json { what, source })
 }
 
-fn listen(graph: &Graph, jobs: &Jobs<Inbox>) -> Result<Vec<rosrust::Subscriber>, NodeError> {
+fn listen(graph: &RosGraph, jobs: &Jobs<Inbox>) -> Result<Vec<rosrust::Subscriber>, NodeError> {
     let (for_emg, for_gaze) = (graph.faults().clone(), graph.faults().clone());
     let emg = graph.listen("emg", 1, jobs, move |inbox: &mut Inbox, message: Text| {
         match message.data.parse::<Gesture>() {

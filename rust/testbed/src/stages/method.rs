@@ -1,7 +1,7 @@
 use super::{ActuationOutput, EmgStageOutput, GazeHeard, IntentOutput, block_centres};
 use crate::{
     MethodName, TestbedError, TrialConfig,
-    outside::Tap,
+    outside::RecorderTap,
     plans::{PlanBook, plan_request},
     ports::PlanService,
 };
@@ -27,7 +27,7 @@ pub struct MethodStage {
     scene: Scene,
     method: Box<dyn ControlMethod>,
     /// Where the answers of a method in another process pass through.
-    tap: Tap,
+    recorder_tap: RecorderTap,
     watch: SourceWatch,
     plans: PlanBook,
     /// Angles of the person's own limb as tracked last.
@@ -109,17 +109,17 @@ impl MethodStage {
         plans: Box<dyn PlanService>,
         process: Option<Box<dyn MethodProcess>>,
     ) -> Result<Self, TestbedError> {
-        let tap = Tap::new(process);
+        let recorder_tap = RecorderTap::new(process);
         let gazes = matches!(config.method, MethodName::C | MethodName::D);
         let method = match &config.method_process {
-            Some(_) => proact_control::build_outside(tap.clone(), &config.profile, &model)?,
+            Some(_) => proact_control::build_outside(recorder_tap.clone(), &config.profile, &model)?,
             None => proact_control::build(&config.method.to_string(), &config.profile, &model)?,
         };
         Ok(Self {
             model,
             scene,
             method,
-            tap,
+            recorder_tap,
             watch: SourceWatch::new(config.profile.dead_man, gazes),
             plans: PlanBook::new(config, plans),
             limb: None,
@@ -174,9 +174,9 @@ impl MethodStage {
             || stops;
         if output.stepped {
             self.acted_on = gesture;
-            self.tap.exchange(input.answer.clone());
+            self.recorder_tap.exchange(input.answer.clone());
             self.control(now, &input, kinematics, &mut output);
-            output.answer = self.tap.exchange(None);
+            output.answer = self.recorder_tap.exchange(None);
         }
         output
     }

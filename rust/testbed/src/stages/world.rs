@@ -1,4 +1,4 @@
-use crate::{Grasp, GraspAction, TestbedError, TrialConfig, ports::Plant};
+use crate::{GraspAction, GraspDetector, TestbedError, TrialConfig, ports::Plant};
 use proact_arm::ArmModel;
 use proact_control::{HandCommand, HandTracker};
 use proact_types::{
@@ -10,7 +10,7 @@ use std::sync::Arc;
 pub struct WorldStage {
     model: Arc<ArmModel>,
     plant: Box<dyn Plant>,
-    grasp: Grasp,
+    grasp: GraspDetector,
     /// Links of the fingers on the block that is held.
     grasped_by: Vec<String>,
     tracker: HandTracker,
@@ -52,7 +52,7 @@ impl WorldStage {
         plant: Box<dyn Plant>,
     ) -> Result<Self, TestbedError> {
         Ok(Self {
-            grasp: Grasp::new(&config.physics, &model),
+            grasp: GraspDetector::new(&config.physics, &model),
             tracker: HandTracker::new(model.pose("hand", "open")?),
             grasped_by: Vec::new(),
             plant,

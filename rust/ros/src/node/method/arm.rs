@@ -8,7 +8,7 @@ use crate::{
         },
         trajectory_msgs::{JointTrajectory, JointTrajectoryPoint},
     },
-    node::{Graph, NodeError, convert},
+    node::{NodeError, RosGraph, convert},
 };
 use proact_arm::{ArmModel, JointLimits};
 use proact_control::MotionCommand;
@@ -37,7 +37,11 @@ pub(super) struct ArmOutlet {
 }
 
 impl ArmOutlet {
-    pub(super) fn new(graph: &Graph, model: &ArmModel, single: bool) -> std::result::Result<Self, NodeError> {
+    pub(super) fn new(
+        graph: &RosGraph,
+        model: &ArmModel,
+        single: bool,
+    ) -> std::result::Result<Self, NodeError> {
         let publish = |name: &str| graph.publish(&format!("mpl_right_arm/{name}/command"), 1, false);
         let publishers = if single {
             (0..model.arm_count())

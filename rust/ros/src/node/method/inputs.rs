@@ -9,7 +9,7 @@ use crate::{
         sensor_msgs::Joy,
         std_msgs::String as Text,
     },
-    node::{Graph, NodeError, convert, graph::Jobs, stage::Stage, wire},
+    node::{NodeError, RosGraph, convert, graph::Jobs, stage::Stage, wire},
 };
 use proact_emg::EmgOutput;
 use proact_tasks::PlaceRegion;
@@ -137,14 +137,14 @@ impl Heard {
     }
 }
 
-pub(super) fn listen(graph: &Graph, jobs: &Jobs<MethodNode>) -> Result<Vec<Subscriber>, NodeError> {
+pub(super) fn listen(graph: &RosGraph, jobs: &Jobs<MethodNode>) -> Result<Vec<Subscriber>, NodeError> {
     let mut all = listen_to_stages(graph, jobs)?;
     all.extend(listen_to_others(graph, jobs)?);
     Ok(all)
 }
 
 /// What our own stages say, in typed messages.
-fn listen_to_stages(graph: &Graph, jobs: &Jobs<MethodNode>) -> Result<Vec<Subscriber>, NodeError> {
+fn listen_to_stages(graph: &RosGraph, jobs: &Jobs<MethodNode>) -> Result<Vec<Subscriber>, NodeError> {
     Ok(vec![
         graph.listen("proact/state", 100, jobs, |node: &mut MethodNode, m: State| {
             match wire::read_state(&m, node.parts.model.moving_count()) {
@@ -219,7 +219,7 @@ fn listen_to_stages(graph: &Graph, jobs: &Jobs<MethodNode>) -> Result<Vec<Subscr
 }
 
 /// What other people's nodes say, in the original's types.
-fn listen_to_others(graph: &Graph, jobs: &Jobs<MethodNode>) -> Result<Vec<Subscriber>, NodeError> {
+fn listen_to_others(graph: &RosGraph, jobs: &Jobs<MethodNode>) -> Result<Vec<Subscriber>, NodeError> {
     Ok(vec![
         graph.listen_from("emg", 1, jobs, |node: &mut MethodNode, m: Text, caller| {
             if node.common.is_preferred(caller) {

@@ -9,7 +9,7 @@ use crate::{
         proact_msgs::{Command, View},
         std_msgs::{Bool, Int8, String as Text},
     },
-    node::{Graph, NodeError, convert, plan_request, wire::MethodShown},
+    node::{NodeError, RosGraph, convert, plan_request, wire::MethodShown},
 };
 use proact_arm::ArmModel;
 use proact_control::HandCommand;
@@ -32,7 +32,7 @@ pub(super) struct Outlets {
 }
 
 impl Outlets {
-    pub(super) fn new(graph: &Graph) -> std::result::Result<Self, NodeError> {
+    pub(super) fn new(graph: &RosGraph) -> std::result::Result<Self, NodeError> {
         Ok(Self {
             mode: graph.publish("mode", 1, true)?,
             success: graph.publish("success", 1, false)?,

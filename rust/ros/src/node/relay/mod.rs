@@ -6,7 +6,7 @@ mod services;
 pub use definitions::{Definition, Definitions};
 pub use services::{Handler, RawService};
 
-use super::{Graph, NodeError, master::Addresses};
+use super::{NodeError, RosGraph, master::Addresses};
 use proact_messages::ServiceType;
 use rosrust::{Publisher, RawMessage, RawMessageDescription, Subscriber, SubscriptionHandler};
 use std::{
@@ -72,7 +72,7 @@ pub struct Census {
 
 /// A node that passes on what others say.
 pub struct Relay {
-    graph: Graph,
+    graph: RosGraph,
     addresses: Addresses,
     definitions: Definitions,
     census: std::sync::Mutex<Option<(Instant, Census)>>,
@@ -85,7 +85,7 @@ impl Relay {
     /// # Errors
     /// [`NodeError::NoMaster`].
     pub fn join(name: &str, interruptible: bool) -> Result<Self, NodeError> {
-        let mut graph = Graph::join_with(name, interruptible)?;
+        let mut graph = RosGraph::join_with(name, interruptible)?;
         graph.watch_master()?;
         Ok(Self {
             addresses: graph.addresses()?,

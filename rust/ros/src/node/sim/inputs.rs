@@ -12,7 +12,7 @@ use crate::{
         trajectory_msgs::JointTrajectory,
     },
     node::{
-        Graph, NodeError, convert,
+        NodeError, RosGraph, convert,
         graph::Jobs,
         outlets::ARM_MODEL,
         wire::{self, Asked},
@@ -22,7 +22,7 @@ use proact_types::SimTime;
 use rosrust::Subscriber;
 
 pub(super) fn listen(
-    graph: &Graph,
+    graph: &RosGraph,
     jobs: &Jobs<SimNode>,
     node: &SimNode,
 ) -> Result<Vec<Subscriber>, NodeError> {

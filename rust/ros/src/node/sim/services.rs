@@ -13,14 +13,14 @@ use crate::{
         geometry_msgs::Twist,
         std_srvs::{Empty, EmptyRes},
     },
-    node::{Graph, NodeError, graph::Jobs, outlets::ARM_MODEL},
+    node::{NodeError, RosGraph, graph::Jobs, outlets::ARM_MODEL},
 };
 use proact_types::{BlockId, Pose, Vector};
 use rosrust::Service;
 
 const STRICT: i32 = 2;
 
-pub(super) fn serve(graph: &Graph, jobs: &Jobs<SimNode>) -> Result<Vec<Service>, NodeError> {
+pub(super) fn serve(graph: &RosGraph, jobs: &Jobs<SimNode>) -> Result<Vec<Service>, NodeError> {
     let manager = |name: &str| format!("mpl_right_arm/controller_manager/{name}");
     Ok(vec![
         graph.serve::<Empty, _>("gazebo/pause_physics", jobs, |node: &mut SimNode, _| {

@@ -11,7 +11,7 @@ use crate::{
             InteractiveMarkerUpdate, Marker,
         },
     },
-    node::{Graph, NodeError, convert, graph::Jobs},
+    node::{NodeError, RosGraph, convert, graph::Jobs},
 };
 use proact_types::{Pose, SimTime};
 use rosrust::{Publisher, Subscriber, error::Result};
@@ -29,7 +29,7 @@ pub(super) struct ShoulderMarker {
 
 impl ShoulderMarker {
     pub(super) fn new(
-        graph: &Graph,
+        graph: &RosGraph,
         jobs: &Jobs<SimNode>,
         world_from_base: &Pose,
     ) -> std::result::Result<Self, NodeError> {

@@ -11,15 +11,15 @@ use proact_types::{AttachedObject, BlockId, PlanGoal, PlanStatus, Point, Pose, S
 
 /// The last part of a plan: from where the search ends to the goal.
 #[derive(Clone, Debug)]
-pub(crate) struct Way {
+pub(crate) struct ApproachPath {
     /// Arm angles; the first is where the search ends, the last is the goal.
     pub points: Vec<Vec<f64>>,
     /// Lower is better.
     pub cost: f64,
 }
 
-/// Finds ways into a goal. Settings as in [`PlannerOptions`].
-pub(crate) struct WaysToGoal {
+/// Finds paths into a goal. Settings as in [`PlannerOptions`].
+pub(crate) struct ApproachPaths {
     /// Axes of the tip's frame that may point up in a grip, as [`grasp_axes`] gives them.
     grasp_axes: Vec<(Vector, f64)>,
     postures: usize,
@@ -37,7 +37,7 @@ const TRIES_OUT_OF_REACH: usize = 3;
 /// Two arm postures closer than this in every joint are the same, rad.
 const SAME: f64 = 0.08;
 
-impl WaysToGoal {
+impl ApproachPaths {
     pub fn new(grasp: &Grasp, options: &PlannerOptions) -> Self {
         Self {
             grasp_axes: grasp_axes(grasp),
@@ -50,13 +50,13 @@ impl WaysToGoal {
         }
     }
 
-    /// Ways to the goal, best first: from a few postures at a time, until some lead to one.
+    /// Approach paths to the goal, best first: from a few postures at a time, until some lead to one.
     pub fn find(
         &self,
         context: &mut PlanningContext,
         problem: &Problem,
         from: &[f64],
-    ) -> Result<Vec<Way>, Failure> {
+    ) -> Result<Vec<ApproachPath>, Failure> {
         let batch = self.postures + 1;
         let all = context.postures(problem, from, batch * context.attempt.batches);
         let mut first = None;
@@ -70,7 +70,7 @@ impl WaysToGoal {
                 approach_height: self.approach_height,
                 tally: Tally::default(),
             };
-            match self.ways_from(seeking) {
+            match self.paths_from(seeking) {
                 // The arm may reach from other postures, or with an elbow that is out of the way.
                 Err(failure)
                     if matches!(failure.status, PlanStatus::GoalInCollision | PlanStatus::Unreachable) =>
@@ -87,21 +87,21 @@ impl WaysToGoal {
         Err(first.unwrap_or_else(|| Tally::default().failure("goal")))
     }
 
-    fn ways_from(&self, mut seeking: Seeking) -> Result<Vec<Way>, Failure> {
+    fn paths_from(&self, mut seeking: Seeking) -> Result<Vec<ApproachPath>, Failure> {
         match &seeking.problem.request.goal {
-            PlanGoal::Pick { block, centre } => self.ways_to_pick(&mut seeking, *block, centre),
-            PlanGoal::Place { point } => self.ways_to_place(&mut seeking, point),
-            PlanGoal::Joints { q } => seeking.ways_to_joints(q),
-            PlanGoal::TipPose { pose } => seeking.ways_to_pose(pose),
+            PlanGoal::Pick { block, centre } => self.paths_to_pick(&mut seeking, *block, centre),
+            PlanGoal::Place { point } => self.paths_to_place(&mut seeking, point),
+            PlanGoal::Joints { q } => seeking.paths_to_joints(q),
+            PlanGoal::TipPose { pose } => seeking.paths_to_pose(pose),
         }
     }
 
-    fn ways_to_pick(
+    fn paths_to_pick(
         &self,
         seeking: &mut Seeking,
         block: BlockId,
         centre: &Point,
-    ) -> Result<Vec<Way>, Failure> {
+    ) -> Result<Vec<ApproachPath>, Failure> {
         let problem = seeking.problem;
         let target = problem.base_from_world * centre;
         let point = Point::from(seeking.context.model.grasp_centre);
@@ -110,9 +110,9 @@ impl WaysToGoal {
         for &(axis, off) in &self.grasp_axes {
             let reach = Reach { point, axis, target, direction: problem.up, orientation: None };
             for end in seeking.ends(&reach, &clear)? {
-                for (ways, fingers_may_touch) in [(&mut clear, false), (&mut pushing, true)] {
+                for (paths, fingers_may_touch) in [(&mut clear, false), (&mut pushing, true)] {
                     let entry = Entry::Pick { block, fingers_may_touch };
-                    if seeking.add_way(&reach, off, &end, entry, ways)? {
+                    if seeking.add_path(&reach, off, &end, entry, paths)? {
                         break;
                     }
                 }
@@ -121,14 +121,14 @@ impl WaysToGoal {
                 break;
             }
         }
-        let ways = if clear.is_empty() { pushing } else { clear };
-        if !ways.is_empty() {
-            return Ok(sorted(ways));
+        let paths = if clear.is_empty() { pushing } else { clear };
+        if !paths.is_empty() {
+            return Ok(sorted(paths));
         }
         Err(seeking.failure("block"))
     }
 
-    fn ways_to_place(&self, seeking: &mut Seeking, point: &Point) -> Result<Vec<Way>, Failure> {
+    fn paths_to_place(&self, seeking: &mut Seeking, point: &Point) -> Result<Vec<ApproachPath>, Failure> {
         let problem = seeking.problem;
         let Some(object) = &problem.request.attached else {
             return Err(Failure::new(PlanStatus::Invalid, "There is nothing in the hand to place."));
@@ -140,7 +140,7 @@ impl WaysToGoal {
         let mut first = None;
         for share in [0.0, 0.5, 1.0] {
             let nearer = point + homeward * (share * self.place_tolerance);
-            match self.ways_to_place_at(seeking, &nearer, object) {
+            match self.paths_to_place_at(seeking, &nearer, object) {
                 Err(failure) if failure.status == PlanStatus::Unreachable => first = first.or(Some(failure)),
                 other => return other,
             }
@@ -148,14 +148,14 @@ impl WaysToGoal {
         Err(first.unwrap_or_else(|| Tally::default().failure("place")))
     }
 
-    fn ways_to_place_at(
+    fn paths_to_place_at(
         &self,
         seeking: &mut Seeking,
         point: &Point,
         object: &AttachedObject,
-    ) -> Result<Vec<Way>, Failure> {
+    ) -> Result<Vec<ApproachPath>, Failure> {
         let problem = seeking.problem;
-        let mut ways = Vec::new();
+        let mut paths = Vec::new();
         let base_from_tip =
             seeking.context.kinematics.forward(&problem.start).map_err(PlanningError::from)?;
         for (axis, off) in place_axes(object, &base_from_tip, &problem.up, self.place_tilt) {
@@ -167,14 +167,14 @@ impl WaysToGoal {
                 direction: problem.up,
                 orientation: None,
             };
-            for end in seeking.ends(&reach, &ways)? {
-                seeking.add_way(&reach, off, &end, Entry::Place, &mut ways)?;
+            for end in seeking.ends(&reach, &paths)? {
+                seeking.add_path(&reach, off, &end, Entry::Place, &mut paths)?;
             }
-            if ways.len() >= self.goals {
+            if paths.len() >= self.goals {
                 break;
             }
         }
-        if ways.is_empty() { Err(seeking.failure("place")) } else { Ok(sorted(ways)) }
+        if paths.is_empty() { Err(seeking.failure("place")) } else { Ok(sorted(paths)) }
     }
 }
 
@@ -243,7 +243,7 @@ pub(crate) fn same(a: &[f64], b: &[f64]) -> bool {
 }
 
 /// Best first.
-pub(crate) fn sorted(mut ways: Vec<Way>) -> Vec<Way> {
-    ways.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    ways
+pub(crate) fn sorted(mut paths: Vec<ApproachPath>) -> Vec<ApproachPath> {
+    paths.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    paths
 }

@@ -40,14 +40,14 @@ pub(crate) struct Turn {
 }
 
 /// Some joints in the order in which they turn.
-struct Way {
+struct TurnSequence {
     turns: Vec<Turn>,
     secs: f64,
     /// Obstacle in the way, metres.
     blocked: f64,
 }
 
-impl Way {
+impl TurnSequence {
     fn cost(&self) -> f64 {
         self.secs + self.blocked * SECS_PER_METRE
     }
@@ -90,11 +90,11 @@ impl ArmSense {
         let conditions = Conditions { in_the_way: &in_the_way, ..*conditions };
         // A straight way when the whole one is blocked: half of it, a quarter of it.
         let start = here * goal.point;
-        let mut best: Option<Way> = None;
+        let mut best: Option<TurnSequence> = None;
         for share in [1.0, 0.5, 0.25] {
             let goal = HandGoal { target: start + (goal.target - start) * share, ..*goal };
             let way = self.way(q, &goal, &conditions);
-            let clearer = |way: &Way, best: &Way| way.blocked < best.blocked - CLEAR;
+            let clearer = |way: &TurnSequence, best: &TurnSequence| way.blocked < best.blocked - CLEAR;
             if way.as_ref().is_some_and(|way| best.as_ref().is_none_or(|best| clearer(way, best))) {
                 best = way;
             }
@@ -105,7 +105,7 @@ impl ArmSense {
         best.map(|way| way.turns).unwrap_or_default()
     }
 
-    fn way(&self, q: &[f64], goal: &HandGoal, conditions: &Conditions<'_>) -> Option<Way> {
+    fn way(&self, q: &[f64], goal: &HandGoal, conditions: &Conditions<'_>) -> Option<TurnSequence> {
         let short = |pose: &Pose| {
             let (off, tilt) = goal.off(pose);
             let (far, aslant) = ((off - goal.point_done).max(0.0), (tilt - goal.tilt_done).max(0.0));
@@ -128,7 +128,7 @@ impl ArmSense {
             })
             .collect();
         candidates.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let mut best: Option<Way> = None;
+        let mut best: Option<TurnSequence> = None;
         for (secs, turns) in &candidates {
             if best.as_ref().is_some_and(|best| best.cost() <= *secs) {
                 break;
@@ -152,8 +152,8 @@ impl ArmSense {
         goal: &HandGoal,
         (secs, turns): (f64, &[Turn]),
         conditions: &Conditions<'_>,
-        mut best: Option<Way>,
-    ) -> Option<Way> {
+        mut best: Option<TurnSequence>,
+    ) -> Option<TurnSequence> {
         let end = made(q, turns);
         let height = |q: &[f64]| goal.up.dot(&(self.forward(q) * goal.point).coords);
         for (joint, lift) in (0..q.len()).flat_map(|joint| LIFTS.map(|lift| (joint, lift))) {
@@ -188,7 +188,13 @@ impl ArmSense {
 
     /// The turns in the order that is clear of obstacles and needs the fewest changes of mode, to that of the joint
     /// `then` in the end.
-    fn order(&self, q: &[f64], turns: &[Turn], then: Option<usize>, conditions: &Conditions<'_>) -> Way {
+    fn order(
+        &self,
+        q: &[f64],
+        turns: &[Turn],
+        then: Option<usize>,
+        conditions: &Conditions<'_>,
+    ) -> TurnSequence {
         let count = turns.len();
         // From each set of turns already made, by the one made last: seconds, obstacle, and what comes next. From
         // the end backwards.
@@ -228,7 +234,7 @@ impl ArmSense {
             made |= 1 << last;
             ordered.push(turns[last]);
         }
-        Way { turns: ordered, secs, blocked }
+        TurnSequence { turns: ordered, secs, blocked }
     }
 
     /// How much further than now the arm sticks in things on the rest of a turn, metres.

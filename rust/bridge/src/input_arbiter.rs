@@ -26,7 +26,7 @@ struct Driver {
 
 /// The client in control and the queue of its inputs.
 #[derive(Debug, Default)]
-pub(crate) struct Pilot {
+pub(crate) struct InputArbiter {
     driver: Option<Driver>,
     /// The gesture in force, if it is one that moves anything.
     held: Option<Gesture>,
@@ -37,7 +37,7 @@ pub(crate) struct Pilot {
     waiting: Vec<ClientInput>,
 }
 
-impl Pilot {
+impl InputArbiter {
     /// Takes a checked message of `client`; none is a sign of life.
     pub(crate) fn accept(&mut self, client: ClientId, now: Instant, input: Option<ClientInput>) {
         let stops = input == Some(ClientInput::Gesture(Gesture::NoMotion));
@@ -159,117 +159,117 @@ mod tests {
 
     #[test]
     fn a_held_gesture_that_is_repeated_is_handed_on_once() {
-        let (mut pilot, now) = (Pilot::default(), Instant::now());
+        let (mut input_arbiter, now) = (InputArbiter::default(), Instant::now());
         for _ in 0..5 {
-            pilot.accept(1, now, Some(WE));
+            input_arbiter.accept(1, now, Some(WE));
         }
-        pilot.accept(1, now, Some(NM));
-        assert_eq!(pilot.drain(), [WE, NM]);
-        assert_eq!(pilot.drain(), []);
+        input_arbiter.accept(1, now, Some(NM));
+        assert_eq!(input_arbiter.drain(), [WE, NM]);
+        assert_eq!(input_arbiter.drain(), []);
     }
 
     #[test]
     fn a_client_that_vanishes_with_a_held_gesture_stops_the_arm() {
-        let (mut pilot, now) = (Pilot::default(), Instant::now());
-        pilot.accept(1, now, Some(WE));
-        pilot.leave(1);
-        assert_eq!(pilot.drain(), [WE, NM, ClientInput::Disconnected]);
+        let (mut input_arbiter, now) = (InputArbiter::default(), Instant::now());
+        input_arbiter.accept(1, now, Some(WE));
+        input_arbiter.leave(1);
+        assert_eq!(input_arbiter.drain(), [WE, NM, ClientInput::Disconnected]);
     }
 
     #[test]
     fn a_pause_of_the_experimenter_releases_what_is_held_and_takes_nobodys_place() {
-        let (mut pilot, now) = (Pilot::default(), Instant::now());
+        let (mut input_arbiter, now) = (InputArbiter::default(), Instant::now());
         let pause = ClientInput::Study(StudyAction::Pause);
-        pilot.accept(1, now, Some(WE));
-        pilot.accept(2, now, Some(pause.clone()));
-        pilot.accept(1, now, Some(gaze(1.0)));
-        pilot.accept(2, now, Some(gaze(2.0)));
-        assert_eq!(pilot.drain(), [WE, NM, pause, gaze(1.0)]);
+        input_arbiter.accept(1, now, Some(WE));
+        input_arbiter.accept(2, now, Some(pause.clone()));
+        input_arbiter.accept(1, now, Some(gaze(1.0)));
+        input_arbiter.accept(2, now, Some(gaze(2.0)));
+        assert_eq!(input_arbiter.drain(), [WE, NM, pause, gaze(1.0)]);
     }
 
     #[test]
     fn a_spectator_that_leaves_changes_nothing() {
-        let (mut pilot, now) = (Pilot::default(), Instant::now());
-        pilot.accept(1, now, Some(WE));
-        pilot.leave(2);
-        assert_eq!(pilot.drain(), [WE]);
+        let (mut input_arbiter, now) = (InputArbiter::default(), Instant::now());
+        input_arbiter.accept(1, now, Some(WE));
+        input_arbiter.leave(2);
+        assert_eq!(input_arbiter.drain(), [WE]);
     }
 
     #[test]
     fn silence_releases_a_held_gesture_and_a_sign_of_life_keeps_it() {
-        let (mut pilot, start) = (Pilot::default(), Instant::now());
-        pilot.accept(1, start, Some(WE));
-        pilot.check_silence(start + MAX_SILENCE);
-        pilot.accept(1, start + MAX_SILENCE, None);
-        pilot.check_silence(start + 2 * MAX_SILENCE);
-        assert_eq!(pilot.drain(), [WE]);
-        pilot.check_silence(start + 2 * MAX_SILENCE + Duration::from_millis(1));
-        assert_eq!(pilot.drain(), [NM]);
+        let (mut input_arbiter, start) = (InputArbiter::default(), Instant::now());
+        input_arbiter.accept(1, start, Some(WE));
+        input_arbiter.check_silence(start + MAX_SILENCE);
+        input_arbiter.accept(1, start + MAX_SILENCE, None);
+        input_arbiter.check_silence(start + 2 * MAX_SILENCE);
+        assert_eq!(input_arbiter.drain(), [WE]);
+        input_arbiter.check_silence(start + 2 * MAX_SILENCE + Duration::from_millis(1));
+        assert_eq!(input_arbiter.drain(), [NM]);
         // A released gesture is no word of the client.
-        assert!(pilot.take_heard());
-        pilot.check_silence(start + 3 * MAX_SILENCE);
-        assert!(!pilot.take_heard());
+        assert!(input_arbiter.take_heard());
+        input_arbiter.check_silence(start + 3 * MAX_SILENCE);
+        assert!(!input_arbiter.take_heard());
         // Once is enough, and a late sign of life does not press again.
-        pilot.check_silence(start + 9 * MAX_SILENCE);
-        pilot.accept(1, start + 9 * MAX_SILENCE, None);
-        assert_eq!(pilot.drain(), []);
+        input_arbiter.check_silence(start + 9 * MAX_SILENCE);
+        input_arbiter.accept(1, start + 9 * MAX_SILENCE, None);
+        assert_eq!(input_arbiter.drain(), []);
         // That the key is released in the end is news to the testbed.
-        pilot.accept(1, start + 9 * MAX_SILENCE, Some(NM));
-        assert_eq!(pilot.drain(), [NM]);
-        pilot.accept(1, start + 9 * MAX_SILENCE, Some(NM));
-        assert_eq!(pilot.drain(), []);
+        input_arbiter.accept(1, start + 9 * MAX_SILENCE, Some(NM));
+        assert_eq!(input_arbiter.drain(), [NM]);
+        input_arbiter.accept(1, start + 9 * MAX_SILENCE, Some(NM));
+        assert_eq!(input_arbiter.drain(), []);
     }
 
     #[test]
     fn the_gaze_of_a_second_client_is_ignored_until_it_takes_over() {
-        let (mut pilot, now) = (Pilot::default(), Instant::now());
-        pilot.accept(1, now, Some(gaze(1.0)));
-        pilot.accept(2, now, Some(gaze(2.0)));
-        assert_eq!(pilot.drain(), [gaze(1.0)]);
-        pilot.accept(2, now, Some(HC));
-        pilot.accept(2, now, Some(gaze(2.0)));
-        pilot.accept(1, now, Some(gaze(1.0)));
-        assert_eq!(pilot.drain(), [HC, gaze(2.0)]);
+        let (mut input_arbiter, now) = (InputArbiter::default(), Instant::now());
+        input_arbiter.accept(1, now, Some(gaze(1.0)));
+        input_arbiter.accept(2, now, Some(gaze(2.0)));
+        assert_eq!(input_arbiter.drain(), [gaze(1.0)]);
+        input_arbiter.accept(2, now, Some(HC));
+        input_arbiter.accept(2, now, Some(gaze(2.0)));
+        input_arbiter.accept(1, now, Some(gaze(1.0)));
+        assert_eq!(input_arbiter.drain(), [HC, gaze(2.0)]);
         // The first one may come back once the second is silent.
-        pilot.accept(1, now + 2 * MAX_SILENCE, Some(gaze(3.0)));
-        assert_eq!(pilot.drain(), [gaze(3.0)]);
+        input_arbiter.accept(1, now + 2 * MAX_SILENCE, Some(gaze(3.0)));
+        assert_eq!(input_arbiter.drain(), [gaze(3.0)]);
     }
 
     #[test]
     fn a_stop_is_taken_from_everybody() {
-        let (mut pilot, now) = (Pilot::default(), Instant::now());
-        pilot.accept(1, now, Some(WE));
-        pilot.accept(2, now, Some(NM));
-        assert_eq!(pilot.drain(), [WE, NM]);
+        let (mut input_arbiter, now) = (InputArbiter::default(), Instant::now());
+        input_arbiter.accept(1, now, Some(WE));
+        input_arbiter.accept(2, now, Some(NM));
+        assert_eq!(input_arbiter.drain(), [WE, NM]);
     }
 
     #[test]
     fn a_restart_releases_what_is_held_first() {
-        let (mut pilot, now) = (Pilot::default(), Instant::now());
-        pilot.accept(1, now, Some(WE));
+        let (mut input_arbiter, now) = (InputArbiter::default(), Instant::now());
+        input_arbiter.accept(1, now, Some(WE));
         let restart = ClientInput::Restart { method: None, again: false };
-        pilot.accept(1, now, Some(restart.clone()));
-        assert_eq!(pilot.drain(), [WE, NM, restart]);
+        input_arbiter.accept(1, now, Some(restart.clone()));
+        assert_eq!(input_arbiter.drain(), [WE, NM, restart]);
     }
 
     #[test]
     fn of_gaze_samples_in_a_row_the_last_one_is_kept() {
-        let (mut pilot, now) = (Pilot::default(), Instant::now());
+        let (mut input_arbiter, now) = (InputArbiter::default(), Instant::now());
         for x in [1.0, 2.0, 3.0] {
-            pilot.accept(1, now, Some(gaze(x)));
+            input_arbiter.accept(1, now, Some(gaze(x)));
         }
-        pilot.accept(1, now, Some(HC));
-        pilot.accept(1, now, Some(gaze(4.0)));
-        assert_eq!(pilot.drain(), [gaze(3.0), HC, gaze(4.0)]);
+        input_arbiter.accept(1, now, Some(HC));
+        input_arbiter.accept(1, now, Some(gaze(4.0)));
+        assert_eq!(input_arbiter.drain(), [gaze(3.0), HC, gaze(4.0)]);
     }
 
     #[test]
     fn a_testbed_that_never_drains_costs_bounded_memory_and_ends_with_a_stop() {
-        let (mut pilot, now) = (Pilot::default(), Instant::now());
+        let (mut input_arbiter, now) = (InputArbiter::default(), Instant::now());
         for k in 0..10 * MAX_WAITING {
-            pilot.accept(1, now, Some(if k % 2 == 0 { WE } else { HC }));
-            assert!(pilot.waiting.len() <= MAX_WAITING);
+            input_arbiter.accept(1, now, Some(if k % 2 == 0 { WE } else { HC }));
+            assert!(input_arbiter.waiting.len() <= MAX_WAITING);
         }
-        assert_eq!(pilot.drain()[0], NM);
+        assert_eq!(input_arbiter.drain()[0], NM);
     }
 }
