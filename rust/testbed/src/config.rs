@@ -544,6 +544,9 @@ mod tests {
         let text = config().to_toml().expect("writes");
         let error = TrialConfig::from_toml(&format!("colour = 3\n{text}")).expect_err("an unknown key");
         assert!(error.to_string().contains("colour"), "{error}");
+        let other =
+            config().with_values(&["planner.parameters.range=0.4"]).expect("a number is text to OMPL");
+        assert_eq!(other.planner.parameters["range"], "0.4");
         let error = config().with_values(&["planner.nme=PRM"]).expect_err("an unknown key").to_string();
         assert!(
             error.starts_with("cannot set planner.nme=PRM: unknown field nme, expected one of "),

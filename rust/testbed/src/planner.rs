@@ -1,5 +1,5 @@
 use crate::ConfigError;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 use std::{collections::BTreeMap, fmt, str::FromStr};
 
 /// Settings of the planner. Angles in radians, lengths in metres.
@@ -39,7 +39,7 @@ pub struct PlannerOptions {
     /// What searches in joint space.
     pub name: PlannerName,
     /// Its parameters by OMPL's names, such as `goal_bias`, and their values as text.
-    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    #[serde(skip_serializing_if = "BTreeMap::is_empty", deserialize_with = "texts")]
     pub parameters: BTreeMap<String, String>,
     /// Bounds of one search in joint space.
     pub search: SearchLimits,
@@ -114,6 +114,26 @@ impl Default for SearchLimits {
             equal_steps: None,
         }
     }
+}
+
+/// Values as text: OMPL takes nothing else, and people write numbers.
+fn texts<'de, D: Deserializer<'de>>(deserializer: D) -> Result<BTreeMap<String, String>, D::Error> {
+    #[derive(Deserialize)]
+    #[serde(untagged)]
+    enum Written {
+        Text(String),
+        Flag(bool),
+        Whole(i64),
+        Number(f64),
+    }
+    let written = BTreeMap::<String, Written>::deserialize(deserializer)?;
+    let text = |value| match value {
+        Written::Text(text) => text,
+        Written::Flag(flag) => flag.to_string(),
+        Written::Whole(number) => number.to_string(),
+        Written::Number(number) => number.to_string(),
+    };
+    Ok(written.into_iter().map(|(name, value)| (name, text(value))).collect())
 }
 
 impl PlannerOptions {
