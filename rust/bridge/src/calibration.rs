@@ -21,6 +21,7 @@ use tokio::sync::watch;
 
 /// What the buttons of the page ask for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 #[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
 pub enum CalibrationCommand {
     /// The person is ready.

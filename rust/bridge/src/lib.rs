@@ -44,6 +44,8 @@ mod pilot;
 mod server;
 mod signals;
 mod trials;
+#[cfg(all(test, feature = "ts"))]
+mod typescript;
 
 pub use calibration::{CalibrationCommand, CalibrationServer};
 pub use error::BridgeError;

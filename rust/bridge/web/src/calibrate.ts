@@ -3,7 +3,8 @@
 
 import "./calibrate.css";
 import { element, setClass, setText, setWidth } from "./dom";
-import { type Gesture, GESTURE_NAMES, handPicture } from "./hand";
+import type { Gesture } from "./generated/types";
+import { GESTURE_NAMES, handPicture } from "./hand";
 
 type Light = "green" | "amber" | "red";
 
