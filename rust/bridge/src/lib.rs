@@ -34,6 +34,7 @@
 
 mod assets;
 mod calibration;
+mod calibration_screen;
 mod camera;
 mod error;
 mod feed;
@@ -48,6 +49,7 @@ mod trials;
 mod typescript;
 
 pub use calibration::{CalibrationCommand, CalibrationServer};
+pub use calibration_screen::{CalibrationScreen, CalibrationView, ChannelLight, GestureTest};
 pub use error::BridgeError;
 pub use gaze_check::{GazeCheck, GazePoint};
 pub use input::{ClientInput, StudyAction};

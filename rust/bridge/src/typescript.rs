@@ -2,8 +2,8 @@
 //! the same.
 
 use crate::{
-    CalibrationCommand, PageContent, RecordedTrial, feed::ServerMessage, input::ClientMessage, live::Role,
-    trials::TrialSummary,
+    CalibrationCommand, PageContent, RecordedTrial, calibration_screen::CalibrationMessage,
+    feed::ServerMessage, input::ClientMessage, live::Role, trials::TrialSummary,
 };
 use std::{collections::BTreeMap, fs, path::Path};
 use ts_rs::{Config, TS, TypeVisitor};
@@ -46,6 +46,7 @@ fn types() -> String {
     declarations.visit::<Role>();
     declarations.visit::<ServerMessage>();
     declarations.visit::<ClientMessage>();
+    declarations.visit::<CalibrationMessage>();
     declarations.visit::<CalibrationCommand>();
     declarations.by_name.values().fold(HEAD.to_owned(), |file, text| file + "\n" + text + "\n")
 }

@@ -50,6 +50,84 @@ export type CalibrationCommand = { "type": "begin" } | { "type": "proceed" } | {
 /** Which. */
 gesture: Gesture, } | { "type": "finish" };
 
+/** A message to the calibration page. */
+export type CalibrationMessage = { "type": "nothing" } | { "type": "error", message: string, } | CalibrationScreen;
+
+/** How well the repetitions fit each other: each was recognised by a classifier trained on the others. */
+export type CalibrationReport = {
+/** Complete rounds: the fewest repetitions of any gesture. */
+rounds: number,
+/** Share of all windows that were recognised, 0 to 1. It is that of single windows, before the decision rule. */
+accuracy: number,
+/** Windows tested. */
+windows: number,
+/** The gesture of each row and column. */
+classes: Array<Gesture>,
+/** `[true class][recognised class]`, numbers of windows. */
+confusion: Array<Array<number>>,
+/** Share of the windows of each class that were recognised. */
+recall: Array<number>,
+/** By gesture, then repetition. */
+repetitions: Array<RepetitionScore>,
+/** What was asked for is reached. */
+good_enough: boolean, };
+
+/** All that the calibration page shows: a page that reloads loses nothing. */
+export type CalibrationScreen = {
+/** Where the EMG comes from. */
+source: string,
+/** The last sentences to the person, oldest first. */
+messages: Array<string>,
+/** The button that begins was pressed. */
+begun: boolean,
+/** An object with the result at the end; null before. */
+result: Record<string, unknown> | null, } & ({ "type": "calibration",
+/** What the session is doing. */
+phase: Phase,
+/** Complete rounds. */
+rounds: number,
+/** Rounds after which no more are offered. */
+most_rounds: number,
+/** The gestures of a round. */
+gestures: Array<Gesture>,
+/** Share of windows that has to be recognised, 0 to 1. */
+target_accuracy: number,
+/** The electrodes. */
+channels: Array<ChannelLight>,
+/** The stream as a whole. */
+stream: StreamQuality,
+/** On the rounds so far; none before the second. */
+report: CalibrationReport | null,
+/** A round is over, and it waits for a command. */
+reviewing: boolean, } | { "type": "test",
+/** The gesture asked for. */
+prompt: Gesture | null,
+/** The gesture in force. */
+in_force: Gesture, } & ({ "test": "wait", "report": null } | { "test": "sequence", "report": SequenceReport } | { "test": "trial", "report": HoldReport }) | { "type": "cursor",
+/** Where the cursor is. */
+cursor: [number, number],
+/** Centre of the target. */
+target: [number, number],
+/** Diameter of the target. */
+width: number,
+/** Share of the dwell time that is over, 0 to 1. */
+dwelt: number,
+/** The gesture in force. */
+in_force: Gesture,
+/** How hard it is made, 0 to 1. */
+effort: number,
+/** How it goes. */
+report: CursorReport,
+/** The test is over. */
+finished: boolean, } | { "type": "end" });
+
+/** What is shown of an electrode. */
+export type ChannelLight = {
+/** The verdict. */
+light: Light,
+/** What is wrong, for the person; none if nothing is. */
+fault: string | null, };
+
 /** A message of the page on the WebSocket. */
 export type ClientMessage = { "type": "gesture", gesture: Gesture, } | { "type": "gaze", origin: [number, number, number], direction: [number, number, number], measured?: boolean, } | { "type": "trunk", forward: number, lateral: number, axial: number, } | { "type": "head", position: [number, number, number],
 /** x, y, z, w. */
@@ -61,6 +139,23 @@ export type CollisionShape = {
 pose: Pose,
 /** The shape. */
 shape: Shape, };
+
+/** How the cursor test went. */
+export type CursorReport = {
+/** Movements that are over. */
+movements: Array<Movement>,
+/** Share of them that were completed. */
+completion_rate: number,
+/** Mean of difficulty over movement time, completed movements, dwell not counted, bits per second. */
+throughput_bits_per_s: number,
+/** The same with the dwell counted into the time, as some programs report it. */
+throughput_with_dwell_bits_per_s: number,
+/** Mean over completed movements. */
+path_efficiency: number,
+/** Mean over all movements. */
+overshoots: number,
+/** Movements asked for. */
+asked: number, };
 
 /** One consistent instant, as drawn: the page, the headset and the simulated participant all see this and
  * nothing else. */
@@ -172,6 +267,19 @@ state: HandState,
 /** The block in it. */
 holds: BlockId | null, };
 
+/** How the longer trial went. */
+export type HoldReport = {
+/** The share is reached. False until all prompts are over. */
+passed: boolean,
+/** Share of decisions after the reaction time with the prompted gesture in force. */
+accuracy: number,
+/** Decisions counted. */
+decisions: number,
+/** Prompts that are over. */
+prompts: number,
+/** `[prompted][in force]`, decisions, both in [`Gesture::ALL`] order. */
+confusion: [[number, number, number, number, number], [number, number, number, number, number], [number, number, number, number, number], [number, number, number, number, number], [number, number, number, number, number]], };
+
 /** Mass properties of a link. */
 export type Inertial = {
 /** kg, above zero. */
@@ -219,6 +327,9 @@ velocity: number,
 /** Highest effort, N m. */
 effort: number, };
 
+/** A traffic light. */
+export type Light = "green" | "amber" | "red";
+
 /** A rigid link. */
 export type Link = {
 /** Unique name. */
@@ -242,6 +353,24 @@ directions: [string, string],
 we_sign: number,
 /** Seconds until a held HO moves on; none when it is not held. */
 next_in_secs: number | null, };
+
+/** One movement to a target. */
+export type Movement = {
+/** The cursor stayed in the target for the dwell time. */
+completed: boolean,
+/** Distance from the start to the target's centre. */
+distance: number,
+/** Diameter of the target. */
+width: number,
+/** Index of difficulty, `log2(distance / width + 1)`, bits. */
+difficulty_bits: number,
+/** From the moment the target is shown to the last time that the cursor entered it: reaction included, dwell not.
+ * The whole time if it was not completed. */
+movement_secs: number,
+/** Straight line over the way taken, to where the cursor came to rest, 0 to 1; 0 if it was not completed. */
+path_efficiency: number,
+/** Times that the cursor left the target before the dwell was over. */
+overshoots: number, };
 
 /** Joint angles with a name. */
 export type NamedPose = {
@@ -267,6 +396,19 @@ interactive: boolean,
 /** The trunk moves: lean keys are offered. */
 lean: boolean, };
 
+/** What the session is doing. */
+export type Phase = { "name": "blocked",
+/** What comes next. */
+prompt: Prompt, } | { "name": "preparing",
+/** What is asked for. */
+prompt: Prompt,
+/** Seconds until the recording begins. */
+left_secs: number, } | { "name": "recording",
+/** What is asked for. */
+prompt: Prompt,
+/** Share recorded, 0 to 1. */
+share: number, } | { "name": "reviewing" } | { "name": "finished" };
+
 /** How a plan ended. */
 export type PlanStatus = "ok" | "intermediate" | "no_plan" | "unreachable" | "start_in_collision" | "goal_in_collision" | "invalid" | "cancelled";
 
@@ -290,6 +432,13 @@ rotation: [number, number, number, number],
 /** Along x, y, z. */
 translation: [number, number, number], };
 
+/** What the person is asked for. */
+export type Prompt = {
+/** The gesture. */
+gesture: Gesture,
+/** Which repetition of it, from 0. */
+repetition: number, };
+
 /** A recorded trial with everything that its replay shows. */
 export type RecordedTrial = {
 /** Name of its directory. */
@@ -312,6 +461,23 @@ agrees: boolean | null,
 finished: boolean,
 /** What was displayed, times ascending. */
 frames: Array<DisplayFrame>, };
+
+/** What is known of one repetition. */
+export type RepetitionScore = {
+/** What the person was asked for. */
+gesture: Gesture,
+/** Number of the repetition of this gesture, from 0. */
+repetition: number,
+/** Windows in it. */
+windows: number,
+/** Share of its windows that a classifier trained on the other repetitions recognises. */
+recognised: number,
+/** How far its mean lies from that of the other repetitions of the gesture, in standard deviations within the
+ * gestures, root mean square over features. */
+distance: number,
+/** It differs so much from the others that it should be looked at, and better be recorded again. With two
+ * repetitions both are marked: nothing tells which of them is the odd one. */
+outlier: boolean, };
 
 /** What a connection may see and do. */
 export type Role = "participant" | "experimenter" | "spectator";
@@ -337,6 +503,28 @@ shape: Shape,
 pose: Pose,
 /** Coulomb friction coefficient against blocks. */
 friction: number, };
+
+/** A mistake in a sequence. */
+export type SequenceMistake = {
+/** Sequence in which it was made, from 0. */
+attempt: number,
+/** What was asked for. */
+prompt: Gesture,
+/** What came into force instead; none if the time ran out. */
+got: Gesture | null, };
+
+/** How the sequence test went. */
+export type SequenceReport = {
+/** As many sequences as asked for went without a mistake, one after the other. */
+passed: boolean,
+/** Sequences begun. */
+attempts: number,
+/** Sequences without a mistake up to now, in a row. */
+in_a_row: number,
+/** All mistakes. */
+mistakes: Array<SequenceMistake>,
+/** Seconds from each prompt to its gesture, mean over those that came. */
+mean_delay_secs: number, };
 
 /** Messages from the server to the page. */
 export type ServerMessage = { "type": "hello", page_version: string, revision: number, } | { "type": "content", revision: number, } | { "type": "frame" } & DisplayFrame | { "type": "status" } & TrialStatus | { "type": "signals" } & Signals | { "type": "pong", id: number, } | { "type": "events", events: Array<TrialEvent>, } | { "type": "error", message: string, };
@@ -401,6 +589,17 @@ reason: string, };
 
 /** How a source died. */
 export type StopCause = "silent" | "closed" | "frozen" | "flat" | "railed" | "noiseless" | "lossy" | "wrong_rate" | "lost";
+
+/** The stream as a whole. */
+export type StreamQuality = {
+/** The verdict on gaps and rate. */
+light: Light,
+/** Share of samples lost or unusable in the newest second. */
+lost_share: number,
+/** Gaps since the start. */
+gaps: number,
+/** Samples a second by the clock over up to five seconds; none in the first second. */
+rate_hz: number | null, };
 
 /** What the experimenter's page asks of the trial. */
 export type StudyAction = "pause" | "resume" | "abort" | "check_gaze" | "calibrate_gaze";
