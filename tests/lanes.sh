@@ -65,8 +65,10 @@ lane_docker() {
     "$hadolint" "$root"/docker/*Dockerfile
 }
 
+# The page, and whether its types are those of the server.
 lane_web() {
-    build_web && run_npm run check && run_npm test
+    build_web && run_npm run check && run_npm test &&
+        run_cargo test --release --locked -p proact-bridge --features ts --lib typescript
 }
 
 lane_lint() {

@@ -11,6 +11,7 @@ const LAST_BONE: f64 = 0.8;
 /// How the hand grips what stands upright, from above: with its grasp centre ([`ArmModel::grasp_centre`]) in the middle of
 /// the object, rolled about x of the tip's frame and leaning about y. Planner and simulated participants go by it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct Grasp {
     /// Roll at which the fingers close best, rad: at zero z of the tip's frame is up.
     pub roll: f64,
@@ -21,6 +22,7 @@ pub struct Grasp {
     /// An object whose centre is this near to the grasp centre is between the fingers, metres.
     pub opening: f64,
     /// Where the open hand may come off an object other than straight up: a direction in the tip's frame, of any length.
+    #[cfg_attr(feature = "ts", ts(as = "[f64; 3]"))]
     pub withdrawal: Vector,
 }
 

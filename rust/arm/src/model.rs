@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 /// `joints` holds every joint of the tree; vectors of joint values run over [`ArmModel::moving`], arm joints
 /// first, base to tip, then hand joints in the order of the semantic group.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct ArmModel {
     /// Name of the robot.
     pub name: String,
@@ -26,6 +27,7 @@ pub struct ArmModel {
     /// Pairs of link indices that may touch: neighbours, and pairs that overlap by construction.
     pub allowed_collisions: Vec<(usize, usize)>,
     /// Where the centre of a grasped object lies, in the tip's frame, metres.
+    #[cfg_attr(feature = "ts", ts(as = "[f64; 3]"))]
     pub grasp_centre: Vector,
     /// How the hand grips from above.
     #[serde(default)]
@@ -34,6 +36,7 @@ pub struct ArmModel {
 
 /// A rigid link.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct Link {
     /// Unique name.
     pub name: String,
@@ -47,10 +50,12 @@ pub struct Link {
 
 /// Mass properties of a link.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct Inertial {
     /// kg, above zero.
     pub mass: f64,
     /// `link_from_inertial`: the origin is the centre of mass.
+    #[cfg_attr(feature = "ts", ts(as = "proact_types::typescript::Pose"))]
     pub pose: Pose,
     /// ixx, ixy, ixz, iyy, iyz, izz about the centre of mass, in the inertial frame's axes, kg m^2.
     pub inertia: [f64; 6],
@@ -58,8 +63,10 @@ pub struct Inertial {
 
 /// A collision shape of a link.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct CollisionShape {
     /// `link_from_shape`.
+    #[cfg_attr(feature = "ts", ts(as = "proact_types::typescript::Pose"))]
     pub pose: Pose,
     /// The shape.
     pub shape: Shape,
@@ -67,8 +74,10 @@ pub struct CollisionShape {
 
 /// A drawn shape of a link.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct Visual {
     /// `link_from_visual`.
+    #[cfg_attr(feature = "ts", ts(as = "proact_types::typescript::Pose"))]
     pub pose: Pose,
     /// What is drawn.
     pub geometry: VisualGeometry,
@@ -78,6 +87,7 @@ pub struct Visual {
 
 /// What is drawn.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 #[serde(rename_all = "snake_case")]
 pub enum VisualGeometry {
     /// A primitive.
@@ -93,6 +103,7 @@ pub enum VisualGeometry {
 
 /// Kinds of joint that an arm may have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 #[serde(rename_all = "snake_case")]
 pub enum JointKind {
     /// Does not move.
@@ -103,6 +114,7 @@ pub enum JointKind {
 
 /// A joint.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct Joint {
     /// Unique name.
     pub name: String,
@@ -113,8 +125,10 @@ pub struct Joint {
     /// Index of the child link.
     pub child: usize,
     /// `parent_from_child` at angle zero.
+    #[cfg_attr(feature = "ts", ts(as = "proact_types::typescript::Pose"))]
     pub origin: Pose,
     /// Unit axis in the joint frame.
+    #[cfg_attr(feature = "ts", ts(as = "[f64; 3]"))]
     pub axis: Vector,
     /// Limits; zero for a fixed joint.
     pub limits: JointLimits,
@@ -137,6 +151,7 @@ impl Joint {
 
 /// Limits of a joint.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct JointLimits {
     /// Smallest angle, rad.
     pub lower: f64,
@@ -150,6 +165,7 @@ pub struct JointLimits {
 
 /// Joint angles with a name.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct NamedPose {
     /// Such as `open`.
     pub name: String,

@@ -1,9 +1,9 @@
 //! The page that guides an EMG calibration and shows the tests after it: a server of its own, since there is no arm yet.
 //!
-//! Addresses: `/` the page, `/calibration` the WebSocket. From the server: whatever is published, one JSON object a
-//! message, the newest only; a page that reads slowly misses some. From the page: [`CalibrationCommand`]s.
+//! Addresses: `/` the page, `/calibration` the WebSocket. From the server: [`CalibrationScreen`]s, one JSON object
+//! a message, the newest only; a page that reads slowly misses some. From the page: [`CalibrationCommand`]s.
 
-use crate::{BridgeError, PageOptions, assets};
+use crate::{BridgeError, CalibrationScreen, PageOptions, assets, calibration_screen::CalibrationMessage};
 use axum::{
     Router,
     extract::{
@@ -15,12 +15,13 @@ use axum::{
 };
 use proact_http::Server;
 use proact_types::Gesture;
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 use std::sync::{Arc, Mutex, PoisonError};
 use tokio::sync::watch;
 
 /// What the buttons of the page ask for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 #[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
 pub enum CalibrationCommand {
     /// The person is ready.
@@ -59,7 +60,7 @@ impl CalibrationServer {
     /// As [`crate::PageServer::start`].
     pub fn start(options: PageOptions) -> Result<CalibrationServer, BridgeError> {
         let shared = Arc::new(Shared {
-            newest: watch::Sender::new(Utf8Bytes::from_static("{\"type\":\"nothing\"}")),
+            newest: watch::Sender::new(CalibrationMessage::Nothing.to_text().into()),
             commands: Mutex::default(),
         });
         let router = router(Arc::clone(&shared));
@@ -78,12 +79,9 @@ impl CalibrationServer {
         self.server.remote_url()
     }
 
-    /// Shows an object on all pages, in place of the one before. Never blocks.
-    pub fn publish(&self, object: &impl Serialize) {
-        // What cannot be written as JSON is a mistake of this program; the page then keeps what it has.
-        if let Ok(text) = serde_json::to_string(object) {
-            self.shared.newest.send_replace(text.into());
-        }
+    /// Shows a screen on all pages, in place of the one before. Never blocks.
+    pub fn publish(&self, screen: &CalibrationScreen) {
+        self.shared.newest.send_replace(CalibrationMessage::Screen(screen).to_text().into());
     }
 
     /// What the pages asked for since the last call, oldest first.
@@ -126,7 +124,7 @@ async fn serve(mut socket: WebSocket, shared: Arc<Shared>) {
             message = socket.recv() => match message {
                 Some(Ok(Message::Text(text))) => {
                     if let Err(reason) = take(&shared, &text) {
-                        let answer = serde_json::json!({ "type": "error", "message": reason }).to_string();
+                        let answer = CalibrationMessage::Error { message: &reason }.to_text();
                         if socket.send(Message::Text(answer.into())).await.is_err() {
                             return;
                         }

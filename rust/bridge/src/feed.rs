@@ -11,6 +11,7 @@ const MAX_EVENTS: usize = 512;
 
 /// Messages from the server to the page.
 #[derive(Serialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 #[serde(tag = "type", rename_all = "snake_case")]
 pub(crate) enum ServerMessage<'a> {
     /// The first message of each connection.

@@ -9,6 +9,7 @@ const MAX_CORRECTION_DEG: f64 = 20.0;
 
 /// How well a gaze source follows known points, as the page measured it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 #[serde(deny_unknown_fields)]
 pub struct GazeCheck {
     /// What looked: `mouse`, `head`, `hand`, or the name of a tracker.
@@ -22,6 +23,7 @@ pub struct GazeCheck {
 
 /// What was measured while one point was looked at.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 #[serde(deny_unknown_fields)]
 pub struct GazePoint {
     /// Mean angle between gaze and point, degrees; none if no sample was valid.

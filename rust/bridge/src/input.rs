@@ -48,6 +48,7 @@ pub enum ClientInput {
 
 /// What the experimenter's page asks of the trial.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 #[serde(rename_all = "snake_case")]
 pub enum StudyAction {
     /// Simulated time stands still.
@@ -64,6 +65,7 @@ pub enum StudyAction {
 
 /// A message of the page on the WebSocket.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 #[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
 pub(crate) enum ClientMessage {
     Gesture {
@@ -73,6 +75,7 @@ pub(crate) enum ClientMessage {
         origin: [f64; 3],
         direction: [f64; 3],
         #[serde(default)]
+        #[cfg_attr(feature = "ts", ts(as = "Option<bool>", optional))]
         measured: bool,
     },
     Trunk {
@@ -87,8 +90,10 @@ pub(crate) enum ClientMessage {
     },
     Restart {
         #[serde(default)]
+        #[cfg_attr(feature = "ts", ts(optional))]
         method: Option<char>,
         #[serde(default)]
+        #[cfg_attr(feature = "ts", ts(as = "Option<bool>", optional))]
         again: bool,
     },
     Study {

@@ -34,6 +34,7 @@
 
 mod assets;
 mod calibration;
+mod calibration_screen;
 mod camera;
 mod error;
 mod feed;
@@ -44,8 +45,11 @@ pub mod live;
 mod server;
 mod signals;
 mod trials;
+#[cfg(all(test, feature = "ts"))]
+mod typescript;
 
 pub use calibration::{CalibrationCommand, CalibrationServer};
+pub use calibration_screen::{CalibrationScreen, CalibrationView, ChannelLight, GestureTest};
 pub use error::BridgeError;
 pub use gaze_check::{GazeCheck, GazePoint};
 pub use input::{ClientInput, StudyAction};

@@ -40,6 +40,7 @@ const PING_PERIOD: Duration = Duration::from_secs(5);
 
 /// What a connection may see and do.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Role {
     /// Drives, if the page is interactive.

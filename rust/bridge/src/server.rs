@@ -89,6 +89,7 @@ impl PageOptions {
 
 /// What does not change during a trial.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct PageContent {
     /// Shown at the top, such as `demo` or a participant's number.
     pub title: String,

@@ -3,6 +3,7 @@ use serde::Serialize;
 
 /// Whether the trial goes on, and what the record of it is called.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct TrialStatus {
     /// Simulated time stands still.
     pub paused: bool,
@@ -24,6 +25,7 @@ pub struct TrialStatus {
 
 /// What the experimenter watches beside the scene: about ten times a second, the latest only.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct Signals {
     /// The instant of the last sample.
     pub time: SimTime,

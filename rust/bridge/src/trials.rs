@@ -7,6 +7,7 @@ use serde::Serialize;
 
 /// A recorded trial with everything that its replay shows.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct RecordedTrial {
     /// Name of its directory.
     pub name: String,
@@ -32,7 +33,8 @@ pub struct RecordedTrial {
 
 /// What the list says of a trial.
 #[derive(Serialize)]
-struct Summary<'a> {
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
+pub(crate) struct TrialSummary<'a> {
     name: &'a str,
     method: &'a str,
     setup: &'a str,
@@ -52,9 +54,9 @@ pub(crate) struct StoredTrials {
 
 impl StoredTrials {
     pub(crate) fn new(trials: &[RecordedTrial]) -> Result<Self, BridgeError> {
-        let summaries: Vec<Summary> = trials
+        let summaries: Vec<TrialSummary> = trials
             .iter()
-            .map(|trial| Summary {
+            .map(|trial| TrialSummary {
                 name: &trial.name,
                 method: &trial.method,
                 setup: &trial.setup,

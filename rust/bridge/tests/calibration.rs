@@ -2,7 +2,9 @@
 #![allow(clippy::unwrap_used, clippy::disallowed_methods)]
 
 use futures_util::{SinkExt, StreamExt};
-use proact_bridge::{CalibrationCommand, CalibrationServer, PageOptions};
+use proact_bridge::{
+    CalibrationCommand, CalibrationScreen, CalibrationServer, CalibrationView, GestureTest, PageOptions,
+};
 use proact_types::Gesture;
 use serde_json::{Value, json};
 use std::{
@@ -42,11 +44,24 @@ async fn next(client: &mut WebSocketStream<MaybeTlsStream<TcpStream>>) -> Value 
 #[tokio::test]
 async fn a_page_gets_the_newest_object_and_its_buttons_arrive_in_order() {
     let (server, authority) = start();
-    server.publish(&json!({ "type": "calibration", "rounds": 1 }));
+    let screen = |source: &'static str| CalibrationScreen {
+        source,
+        messages: &[],
+        begun: true,
+        result: &Value::Null,
+        view: CalibrationView::Test {
+            test: GestureTest::Wait(()),
+            prompt: None,
+            in_force: Gesture::NoMotion,
+        },
+    };
+    server.publish(&screen("one"));
     let (mut client, _) = connect_async(format!("ws://{authority}/calibration")).await.unwrap();
-    assert_eq!(next(&mut client).await["rounds"], 1);
-    server.publish(&json!({ "type": "calibration", "rounds": 2 }));
-    assert_eq!(next(&mut client).await["rounds"], 2);
+    let expected = json!({ "type": "test", "test": "wait", "report": null, "prompt": null, "in_force": "no_motion",
+        "source": "one", "messages": [], "begun": true, "result": null });
+    assert_eq!(next(&mut client).await, expected);
+    server.publish(&screen("two"));
+    assert_eq!(next(&mut client).await["source"], "two");
     for text in
         [r#"{"type":"begin"}"#, r#"{"type":"record_again","gesture":"hand_open"}"#, r#"{"type":"finish"}"#]
     {

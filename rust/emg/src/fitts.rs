@@ -39,6 +39,7 @@ impl Default for CursorConfig {
 
 /// One movement to a target.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct Movement {
     /// The cursor stayed in the target for the dwell time.
     pub completed: bool,
@@ -59,6 +60,7 @@ pub struct Movement {
 
 /// How the cursor test went.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct CursorReport {
     /// Movements that are over.
     pub movements: Vec<Movement>,

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 /// A traffic light.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 #[serde(rename_all = "snake_case")]
 pub enum Light {
     /// Nothing found.
@@ -113,6 +114,7 @@ pub struct ChannelQuality {
 
 /// The stream as a whole.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct StreamQuality {
     /// The verdict on gaps and rate.
     pub light: Light,

@@ -33,6 +33,7 @@ impl Default for SequenceConfig {
 
 /// A mistake in a sequence.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct SequenceMistake {
     /// Sequence in which it was made, from 0.
     pub attempt: usize,
@@ -44,6 +45,7 @@ pub struct SequenceMistake {
 
 /// How the sequence test went.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct SequenceReport {
     /// As many sequences as asked for went without a mistake, one after the other.
     pub passed: bool,
@@ -210,6 +212,7 @@ impl Default for HoldConfig {
 
 /// How the longer trial went.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct HoldReport {
     /// The share is reached. False until all prompts are over.
     pub passed: bool,

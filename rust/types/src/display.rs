@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 /// One consistent instant, as drawn: the page, the headset and the simulated participant all see this and
 /// nothing else.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct DisplayFrame {
     /// The instant.
     pub time: SimTime,
@@ -12,12 +13,16 @@ pub struct DisplayFrame {
     /// Moving joints of the arm model, in its order, rad.
     pub joints: JointVector,
     /// `world_from_base`.
+    #[cfg_attr(feature = "ts", ts(as = "crate::typescript::Pose"))]
     pub world_from_base: Pose,
     /// `world_from_tip`.
+    #[cfg_attr(feature = "ts", ts(as = "crate::typescript::Pose"))]
     pub world_from_tip: Pose,
     /// `world_from_head`: x ahead, y left, z up; the eye is its origin.
+    #[cfg_attr(feature = "ts", ts(as = "crate::typescript::Pose"))]
     pub world_from_head: Pose,
     /// `world_from_block` in [`BlockId::ALL`] order.
+    #[cfg_attr(feature = "ts", ts(as = "Vec<crate::typescript::Pose>"))]
     pub blocks: Vec<Pose>,
     /// The hand.
     pub hand: HandView,
@@ -59,6 +64,7 @@ pub struct DisplayFrame {
 
 /// The hand's state, from its joints.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 #[serde(rename_all = "snake_case")]
 pub enum HandState {
     /// Wide.
@@ -80,6 +86,7 @@ impl HandState {
 
 /// What is seen of the hand.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct HandView {
     /// Open, closed, or between.
     pub state: HandState,
@@ -89,10 +96,12 @@ pub struct HandView {
 
 /// The selection marker.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct TargetView {
     /// The highlighted block, while the hand is empty.
     pub block: Option<BlockId>,
     /// The place marker on the table top.
+    #[cfg_attr(feature = "ts", ts(as = "Option<[f64; 3]>"))]
     pub place: Option<Point>,
     /// The selection of the current phase (block, or place while a block is held) is locked.
     pub locked: bool,
@@ -102,6 +111,7 @@ pub struct TargetView {
 
 /// The joint or axis that WE and WF move, in methods A and B.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct ModeView {
     /// The number published on `/mode`: 0 to 6 are joints, 7 to 9 translations, 10 to 12 rotations about x, y, z.
     pub number: u8,
@@ -118,6 +128,7 @@ pub struct ModeView {
 
 /// Planner status as shown.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 #[serde(tag = "state", rename_all = "snake_case")]
 pub enum PlannerView {
     /// Nothing to do.

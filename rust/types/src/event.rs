@@ -3,6 +3,9 @@ use serde::{Deserialize, Serialize};
 
 /// Something that happened at one tick.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
+// A browser has an Event of its own.
+#[cfg_attr(feature = "ts", ts(rename = "TrialEvent"))]
 pub struct Event {
     /// When.
     pub time: SimTime,
@@ -13,6 +16,7 @@ pub struct Event {
 
 /// What can happen.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 #[serde(tag = "event", rename_all = "snake_case")]
 pub enum EventKind {
     /// The decision rule changed the gesture in force.
@@ -54,6 +58,7 @@ pub enum EventKind {
         /// Links of fingers that touched it.
         links: Vec<String>,
         /// The block's centre, `world`, m.
+        #[cfg_attr(feature = "ts", ts(as = "[f64; 3]"))]
         place: Point,
     },
     /// The grasp rule let a block go.
@@ -63,6 +68,7 @@ pub enum EventKind {
         /// Links of fingers that touched it when it was taken.
         links: Vec<String>,
         /// The block's centre, `world`, m.
+        #[cfg_attr(feature = "ts", ts(as = "[f64; 3]"))]
         place: Point,
     },
     /// A gaze came in that is not finite or has no direction. It counts as a blink, and so do those that follow it.

@@ -3,6 +3,7 @@ use std::{fmt, str::FromStr};
 
 /// The five hand gestures that the classifier tells apart.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 #[serde(rename_all = "snake_case")]
 pub enum Gesture {
     /// HC: closes the prosthetic hand (toggles it in methods A and B).

@@ -16,10 +16,13 @@ pub struct EmgSample {
 
 /// One gaze measurement.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct GazeSample {
     /// The eye, in `world`.
+    #[cfg_attr(feature = "ts", ts(as = "[f64; 3]"))]
     pub origin: Point,
     /// Where it looks, in `world`; any length above zero.
+    #[cfg_attr(feature = "ts", ts(as = "[f64; 3]"))]
     pub direction: Vector,
     /// False while the tracker has lost the eye or the person blinks.
     pub valid: bool,

@@ -22,6 +22,8 @@ mod plan;
 mod safety;
 mod scene;
 mod time;
+#[cfg(feature = "ts")]
+pub mod typescript;
 mod world;
 
 pub use display::{DisplayFrame, HandState, HandView, ModeView, PlannerView, TargetView};

@@ -4,6 +4,7 @@ use std::fmt;
 
 /// What gives gestures or measurements to a trial, and may die while the arm moves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 #[serde(rename_all = "snake_case")]
 pub enum InputSource {
     /// EMG samples.
@@ -100,6 +101,7 @@ impl SignKind {
 
 /// How a source died.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 #[serde(rename_all = "snake_case")]
 pub enum StopCause {
     /// Nothing comes any more, or nothing that can be used.
@@ -139,6 +141,7 @@ impl StopCause {
 
 /// The arm must stand still, and why.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct Stop {
     /// Who died.
     pub source: InputSource,

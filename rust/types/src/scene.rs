@@ -3,6 +3,7 @@ use serde::{Deserialize, Serialize};
 
 /// A convex shape, metres, centred in its own frame; axes along z.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 #[serde(tag = "type", rename_all = "snake_case")]
 pub enum Shape {
     /// Full side lengths.
@@ -43,6 +44,7 @@ pub enum BlockColour {
 
 /// The four blocks, in the order that all arrays over blocks have: red 1, red 2, blue 1, blue 2.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 #[serde(rename_all = "snake_case")]
 pub enum BlockId {
     /// Red, number 1.
@@ -113,12 +115,14 @@ impl Region {
 
 /// An immovable body of the scene, such as a wall of the box.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct SceneObject {
     /// Unique name.
     pub name: String,
     /// Its shape.
     pub shape: Shape,
     /// `world_from_object`.
+    #[cfg_attr(feature = "ts", ts(as = "crate::typescript::Pose"))]
     pub pose: Pose,
     /// Coulomb friction coefficient against blocks.
     pub friction: f64,
@@ -126,6 +130,7 @@ pub struct SceneObject {
 
 /// A movable block.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct Block {
     /// Which one.
     pub id: BlockId,
@@ -138,20 +143,24 @@ pub struct Block {
     /// Friction against fingers.
     pub friction_finger: f64,
     /// `world_from_block` at the start: resting.
+    #[cfg_attr(feature = "ts", ts(as = "crate::typescript::Pose"))]
     pub pose: Pose,
 }
 
 /// Where a block has to go.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct Target {
     /// The block that belongs here.
     pub block: BlockId,
     /// Centre of the disc on the table top, in `world`.
+    #[cfg_attr(feature = "ts", ts(as = "[f64; 3]"))]
     pub centre: Point,
 }
 
 /// Everything in the room except the arm.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct Scene {
     /// Table, walls, partition, legs, floor.
     pub fixed: Vec<SceneObject>,

@@ -5,6 +5,7 @@ pub const TICK_SECS: f64 = 1e-3;
 
 /// Simulated time since the start of the trial, in whole ticks of 1 ms.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 #[serde(transparent)]
 pub struct SimTime(pub u64);
 

@@ -15,7 +15,7 @@ import {
 import { STLLoader } from "three/addons/loaders/STLLoader.js";
 import { mergeVertices, toCreasedNormals } from "three/addons/utils/BufferGeometryUtils.js";
 import type { DrawnPose } from "./motion";
-import type { ArmModel, Link } from "./protocol";
+import type { ArmModel, Link } from "./generated/types";
 import { place, shapeGeometry } from "./shapes";
 
 /** Edges sharper than this stay sharp, rad. */

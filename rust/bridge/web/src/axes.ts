@@ -4,7 +4,7 @@
 import { ConeGeometry, CylinderGeometry, Group, Mesh, MeshBasicMaterial, TorusGeometry, Vector3 } from "three";
 import type { Arm } from "./arm";
 import type { Drawn } from "./motion";
-import type { Frame } from "./protocol";
+import type { DisplayFrame } from "./generated/types";
 
 /** Numbers of modes: below are joints. */
 const FIRST_TRANSLATION = 7;
@@ -28,7 +28,7 @@ export class AxisDisplay {
     this.root.add(this.triads[0].root, this.triads[1].root, this.ring);
   }
 
-  update(frame: Frame, drawn: Drawn): void {
+  update(frame: DisplayFrame, drawn: Drawn): void {
     const { mode, gesture } = frame;
     this.root.visible = mode !== null && !frame.finished;
     if (!mode) return;

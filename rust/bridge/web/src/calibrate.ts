@@ -3,86 +3,11 @@
 
 import "./calibrate.css";
 import { element, setClass, setText, setWidth } from "./dom";
-import { type Gesture, GESTURE_NAMES, handPicture } from "./hand";
+import type { CalibrationCommand, CalibrationMessage, CalibrationReport, CalibrationScreen, Gesture } from "./generated/types";
+import { GESTURE_NAMES, handPicture } from "./hand";
 
-type Light = "green" | "amber" | "red";
-
-interface Report {
-  rounds: number;
-  accuracy: number;
-  classes: Gesture[];
-  confusion: number[][];
-  recall: number[];
-  repetitions: { gesture: Gesture; repetition: number; recognised: number; outlier: boolean }[];
-  good_enough: boolean;
-}
-
-interface Common {
-  source?: string;
-  messages?: string[];
-  begun?: boolean;
-  result?: Record<string, unknown> | null;
-}
-
-interface Prompt {
-  gesture: Gesture;
-  repetition: number;
-}
-
-type Phase =
-  | { name: "blocked"; prompt: Prompt }
-  | { name: "preparing"; prompt: Prompt; left_secs: number }
-  | { name: "recording"; prompt: Prompt; share: number }
-  | { name: "reviewing" }
-  | { name: "finished" };
-
-interface CalibrationMessage extends Common {
-  type: "calibration";
-  phase: Phase;
-  rounds: number;
-  most_rounds: number;
-  gestures: Gesture[];
-  target_accuracy: number;
-  channels: { light: Light; fault: string | null }[];
-  stream: { light: Light; lost_share: number; rate_hz: number | null };
-  report: Report | null;
-  reviewing: boolean;
-}
-
-interface TestMessage extends Common {
-  type: "test";
-  test: "wait" | "sequence" | "trial";
-  prompt: Gesture | null;
-  in_force: Gesture;
-  report: Record<string, unknown> | null;
-}
-
-interface CursorReport {
-  movements: unknown[];
-  asked: number;
-  completion_rate: number;
-  throughput_bits_per_s: number;
-  path_efficiency: number;
-  overshoots: number;
-}
-
-interface CursorMessage extends Common {
-  type: "cursor";
-  cursor: [number, number];
-  target: [number, number];
-  width: number;
-  dwelt: number;
-  in_force: Gesture;
-  report: CursorReport;
-  finished: boolean;
-}
-
-type Message =
-  | CalibrationMessage
-  | TestMessage
-  | CursorMessage
-  | (Common & { type: "end" | "nothing" })
-  | { type: "error"; message: string };
+/** What there is to show, of one kind. */
+type Screen<Kind extends CalibrationScreen["type"]> = Extract<CalibrationScreen, { type: Kind }>;
 
 const connection = element("span", "muted", "connecting");
 const source = element("span", "muted");
@@ -117,7 +42,7 @@ let shownPicture = "";
 let shownReport = "";
 let shownButtons = "";
 
-function send(message: Record<string, string>): void {
+function send(message: CalibrationCommand): void {
   socket?.send(JSON.stringify(message));
 }
 
@@ -125,22 +50,23 @@ function connect(): void {
   const opened = new WebSocket(`${location.origin.replace("http", "ws")}/calibration`);
   socket = opened;
   opened.addEventListener("open", () => setText(connection, "connected"));
-  opened.addEventListener("message", (event) => show(JSON.parse(String(event.data)) as Message));
+  opened.addEventListener("message", (event) => show(JSON.parse(String(event.data)) as CalibrationMessage));
   opened.addEventListener("close", () => {
     setText(connection, "the program is gone; waiting for it");
     setTimeout(connect, 1000);
   });
 }
 
-function show(message: Message): void {
+function show(message: CalibrationMessage): void {
   // For tests in a browser, as on the main page.
   Object.assign(window, { __calibration: message });
   if (message.type === "error") {
     setText(notes, message.message);
     return;
   }
-  setText(source, message.source ?? "");
-  setText(notes, (message.messages ?? []).join("\n"));
+  if (message.type === "nothing") return;
+  setText(source, message.source);
+  setText(notes, message.messages.join("\n"));
   notes.style.whiteSpace = "pre-line";
   prompt.hidden = message.type === "cursor";
   cursor.hidden = message.type !== "cursor";
@@ -163,7 +89,7 @@ function showPrompt(gesture: Gesture, text: string, share: number, recording: bo
   setWidth(fill, share);
 }
 
-function showCalibration(message: CalibrationMessage): void {
+function showCalibration(message: Screen<"calibration">): void {
   const { phase } = message;
   if (!message.begun) {
     showPrompt("no_motion", "Put the band on and check the electrodes below. Then begin.", 0, false);
@@ -192,7 +118,7 @@ function showCalibration(message: CalibrationMessage): void {
   showButtons(message);
 }
 
-function showReport(report: Report | null, target: number): void {
+function showReport(report: CalibrationReport | null, target: number): void {
   judgement.hidden = report === null;
   const key = JSON.stringify(report);
   if (report === null || key === shownReport) return;
@@ -230,7 +156,7 @@ function setButtons(key: string, make: () => HTMLButtonElement[]): void {
   buttons.replaceChildren(...make());
 }
 
-function showButtons(message: CalibrationMessage): void {
+function showButtons(message: Screen<"calibration">): void {
   if (!message.begun) {
     setButtons("begin", () => [button("Begin", "main", true, () => send({ type: "begin" }))]);
     return;
@@ -245,22 +171,21 @@ function showButtons(message: CalibrationMessage): void {
   ]);
 }
 
-function showTest(message: TestMessage): void {
+function showTest(message: Screen<"test">): void {
   if (message.test === "wait") {
     showPrompt("no_motion", "Gestures will be asked for. Begin when the arm is comfortable.", 0, false);
     setButtons("begin", () => [button("Begin", "main", true, () => send({ type: "begin" }))]);
     return;
   }
   setButtons("none", () => []);
-  const { report } = message;
   const progress =
     message.test === "sequence"
-      ? `${report?.in_a_row ?? 0} sequences in a row without a mistake`
-      : `${report?.prompts ?? 0} prompts, ${(100 * Number(report?.accuracy ?? 0)).toFixed(0)} % right`;
+      ? `${message.report.in_a_row} sequences in a row without a mistake`
+      : `${message.report.prompts} prompts, ${(100 * message.report.accuracy).toFixed(0)} % right`;
   showPrompt(message.prompt ?? "no_motion", `recognised: ${GESTURE_NAMES[message.in_force]}. ${progress}`, 0, false);
 }
 
-function showCursor(message: CursorMessage): void {
+function showCursor(message: Screen<"cursor">): void {
   setButtons("none", () => []);
   const size = Math.round(canvas.clientWidth * devicePixelRatio) || 1;
   if (canvas.width !== size) {
@@ -289,7 +214,7 @@ function showCursor(message: CursorMessage): void {
   );
 }
 
-function showEnd(message: Common): void {
+function showEnd(message: Screen<"end">): void {
   setButtons("none", () => []);
   showPrompt("no_motion", "Done. This page can be closed.", 1, false);
   judgement.hidden = false;
@@ -302,5 +227,6 @@ function showEnd(message: Common): void {
 }
 
 cursor.hidden = true;
+lights.hidden = true;
 judgement.hidden = true;
 connect();

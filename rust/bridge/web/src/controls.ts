@@ -3,7 +3,8 @@
 import { element, setClass, setText } from "./dom";
 import { GAMEPAD_HELP } from "./gamepad";
 import { Holding } from "./holding";
-import { GESTURE_NAMES, type Gesture, type Mode } from "./protocol";
+import type { Gesture, ModeView } from "./generated/types";
+import { GESTURE_NAMES } from "./protocol";
 import { keyName, type ActionKey, type Command, type GestureKey, type LeanKey, type Settings } from "./settings";
 
 type Axis = "forward" | "lateral" | "axial";
@@ -109,7 +110,7 @@ export class Controls {
   }
 
   /** Says on the keys what the gestures do now: with methods A and B, where the selected joint or axis goes. */
-  setEffects(method: string, mode: Mode | null): void {
+  setEffects(method: string, mode: ModeView | null): void {
     const stepwise: Partial<Record<Gesture, string>> = {
       wrist_extension: mode?.directions[0] ?? "move +",
       wrist_flexion: mode?.directions[1] ?? "move −",

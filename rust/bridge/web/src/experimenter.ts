@@ -9,7 +9,8 @@ import { FrameCount } from "./framecount";
 import { METHOD_NAMES, blockName, eventText } from "./hud";
 import { Live } from "./live";
 import { Motion } from "./motion";
-import { GESTURE_NAMES, type Content, type Frame, type Signals, type Status, type Stop, type TrialEvent } from "./protocol";
+import type { DisplayFrame, PageContent, Signals, Stop, TrialEvent, TrialStatus } from "./generated/types";
+import { GESTURE_NAMES } from "./protocol";
 import { Stage, whyNotDrawn } from "./stage";
 import { StopBanner } from "./stopbanner";
 import { Traces } from "./traces";
@@ -59,7 +60,7 @@ function start(): void {
   const count = new FrameCount();
   let interactive = false;
   let lastTime = -1;
-  let status: Status | null = null;
+  let status: TrialStatus | null = null;
 
   const buttons = {
     start: button("New trial", () => live.send({ type: "restart" }), "primary"),
@@ -149,7 +150,7 @@ function start(): void {
     [...cameraBar.children].forEach((node, k) => setClass(node, "now", CAMERA_KINDS[k] === kind));
   }
 
-  function show(content: Content): void {
+  function show(content: PageContent): void {
     stage.show(content);
     interactive = content.interactive;
     setText(setup, `Set-up: ${content.setup}`);
@@ -164,13 +165,13 @@ function start(): void {
     traces.clear();
   }
 
-  function frame(next: Frame): void {
+  function frame(next: DisplayFrame): void {
     if (next.time < lastTime) clearTrial();
     lastTime = next.time;
     motion.push(next, performance.now());
     count.take(next.time);
     addEvents(next.events);
-    showStop(next.stop ?? null);
+    showStop(next.stop);
     setText(method, `Method ${next.method}`);
     for (const node of methods) setClass(node, "now", node.textContent === next.method);
     const left = Math.max(next.time_left_secs, 0);
@@ -223,7 +224,7 @@ function start(): void {
   function addEvents(more: TrialEvent[]): void {
     for (const event of more) {
       events.push(event);
-      const text = event.event === "gesture_changed" && event.gesture ? `Gesture: ${GESTURE_NAMES[event.gesture].name}` : eventText(event);
+      const text = event.event === "gesture_changed" ? `Gesture: ${GESTURE_NAMES[event.gesture].name}` : eventText(event);
       log.prepend(element("li", event.event, element("time", "", (event.time / 1000).toFixed(2)), element("span", "", text)));
     }
     while (log.children.length > LOG_LINES) log.lastElementChild?.remove();

@@ -1,6 +1,7 @@
 // What a gaze source is worth, from samples taken while known points were looked at.
 
-import type { Frame, GazeCheck, Triple } from "./protocol";
+import type { DisplayFrame, GazeCheck } from "./generated/types";
+import type { Triple } from "./protocol";
 
 /** Gaps of this length are blinks, ms. */
 const BLINK_MS = [70, 500] as const;
@@ -15,7 +16,7 @@ export type PointResult = GazeCheck["points"][number];
 /** One display frame's gaze. */
 export interface Look {
   time: number;
-  gaze: Frame["gaze"];
+  gaze: DisplayFrame["gaze"];
 }
 
 /** Judges one point at `target` from the frames that were drawn while it was looked at. */

@@ -3,7 +3,7 @@
 import { Sprite, SpriteMaterial, Vector3 } from "three";
 import { element, setText } from "./dom";
 import { correction, judge, total, type Look, type PointResult } from "./gazecheck";
-import type { Frame, GazeCheck } from "./protocol";
+import type { DisplayFrame, GazeCheck } from "./generated/types";
 import type { Room } from "./room";
 import { drawnTexture } from "./shapes";
 
@@ -77,7 +77,7 @@ export class GazeCheckView {
   }
 
   /** Takes each new frame. */
-  take(frame: Frame): void {
+  take(frame: DisplayFrame): void {
     const point = this.point;
     if (!point) return;
     const elapsed = performance.now() - this.began;

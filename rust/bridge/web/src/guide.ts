@@ -1,7 +1,7 @@
 // The strip that tells a newcomer what to do next with methods C and D. The step follows from the frame alone.
 
 import { element, setClass, setText } from "./dom";
-import type { Frame } from "./protocol";
+import type { DisplayFrame } from "./generated/types";
 import { capitalised, numberOf, colourOf, stopText } from "./protocol";
 
 /** A place marker this near to the target is on it, metres. */
@@ -28,7 +28,7 @@ export interface Advice {
 }
 
 /** What a person has to do now. */
-export function advise(frame: Frame, target: TargetPlace, lean: boolean): Advice {
+export function advise(frame: DisplayFrame, target: TargetPlace, lean: boolean): Advice {
   const { hand, planner, target: selection } = frame;
   if (frame.finished) return { step: null, hint: "The trial is over." };
   if (frame.stop) return { step: null, hint: stopText(frame.stop) };
@@ -89,7 +89,7 @@ export class Guide {
     this.root.hidden = true;
   }
 
-  update(frame: Frame, target: TargetPlace, lean: boolean): void {
+  update(frame: DisplayFrame, target: TargetPlace, lean: boolean): void {
     const stepwise = ["A", "B"].includes(frame.method);
     this.root.hidden = !stepwise && !["C", "D"].includes(frame.method);
     this.list.hidden = stepwise;
@@ -107,7 +107,7 @@ export class Guide {
   }
 
   /** Methods A and B have no selection: the strip says what each gesture does now. */
-  private showMode(frame: Frame): void {
+  private showMode(frame: DisplayFrame): void {
     const thing = frame.method === "A" ? "joint" : "axis";
     const texts: Record<string, string> = {
       hand_open: `next ${thing} (hold: back)`,
@@ -124,7 +124,7 @@ export class Guide {
 }
 
 /** What a person has to do now with methods A and B. */
-export function stepwiseHint(frame: Frame): string {
+export function stepwiseHint(frame: DisplayFrame): string {
   const name = (block: string) => `${block.startsWith("red") ? "red" : "blue"} ${block.slice(-1)}`;
   const moved = capitalised(frame.mode?.name ?? "");
   if (frame.finished) return "The trial is over.";

@@ -1,6 +1,6 @@
 // Pictures of the five gestures of a right hand, seen from the side: forearm, hand and fingers as strokes.
 
-export type Gesture = "hand_close" | "hand_open" | "no_motion" | "wrist_extension" | "wrist_flexion";
+import type { Gesture } from "./generated/types";
 
 export const GESTURE_NAMES: Record<Gesture, string> = {
   hand_close: "Close the hand",

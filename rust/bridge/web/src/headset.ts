@@ -3,7 +3,8 @@
 
 import { Matrix4, Quaternion, Vector3 } from "three";
 import { element } from "./dom";
-import type { Frame, Triple } from "./protocol";
+import type { DisplayFrame } from "./generated/types";
+import type { Triple } from "./protocol";
 import { boardOptions, boardPose } from "./reference";
 import type { GestureKey } from "./settings";
 import type { Stage } from "./stage";
@@ -53,7 +54,7 @@ export class Headset {
   }
 
   /** Called once per picture, before it is drawn. */
-  update(frame: Frame | null, seconds: number): void {
+  update(frame: DisplayFrame | null, seconds: number): void {
     // First of all: a hand must be able to let go while the head is lost.
     this.readButtons();
     const { xr } = this.stage.renderer;

@@ -1,6 +1,6 @@
 // The gestures that are held, and by what. Pure: the time is handed in.
 
-import type { Gesture } from "./protocol";
+import type { Gesture } from "./generated/types";
 
 /**
  * What is read once per picture counts as read for this long after one, ms. Less, and a slow display would let go by

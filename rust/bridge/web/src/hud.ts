@@ -3,17 +3,8 @@
 import { element, setClass, setText, setWidth } from "./dom";
 import { marking, type Marking } from "./marking";
 import { StopBanner } from "./stopbanner";
-import {
-  BLOCKS,
-  GESTURE_NAMES,
-  colourOf,
-  numberOf,
-  type BlockId,
-  type Content,
-  type Frame,
-  type Planner,
-  type TrialEvent,
-} from "./protocol";
+import type { BlockId, DisplayFrame, PageContent, PlannerView, TrialEvent } from "./generated/types";
+import { BLOCKS, colourOf, GESTURE_NAMES, numberOf } from "./protocol";
 
 const MARKING_NAMES: Record<Marking, string> = {
   free: "Free",
@@ -159,7 +150,7 @@ export class Hud {
     );
   }
 
-  setContent(content: Content): void {
+  setContent(content: PageContent): void {
     setText(this.title, content.title);
     setText(this.setup, `Set-up: ${content.setup}`);
     document.title = content.title ? `ProACT · ${content.title}` : "ProACT";
@@ -202,8 +193,8 @@ export class Hud {
 
   addEvents(events: TrialEvent[]): void {
     for (const event of events) {
-      if (event.event === "block_on_target" && event.block) this.onTarget.add(event.block);
-      if (event.event === "block_attached" && event.block) this.onTarget.delete(event.block);
+      if (event.event === "block_on_target") this.onTarget.add(event.block);
+      if (event.event === "block_attached") this.onTarget.delete(event.block);
       // The gesture is on display already; its changes would flood the list.
       if (event.event === "gesture_changed") continue;
       // Contact made and lost say the same.
@@ -222,11 +213,11 @@ export class Hud {
     while (this.events.children.length > EVENTS_SHOWN) this.events.lastElementChild?.remove();
   }
 
-  update(frame: Frame, interactive: boolean): void {
+  update(frame: DisplayFrame, interactive: boolean): void {
     if (frame.time < this.lastTime) this.startTrial();
     this.lastTime = frame.time;
     this.addEvents(frame.events);
-    this.stop.show(frame.stop ?? null);
+    this.stop.show(frame.stop);
     setText(this.method, frame.method);
     setText(this.methodName, METHOD_NAMES[frame.method] ?? "Method");
     this.chooser.hidden = !interactive;
@@ -320,7 +311,7 @@ const FAILED: Record<string, string> = {
   goal_in_collision: "Something is in the way",
 };
 
-function plannerText(planner: Planner, jogs: boolean): { text: string; note: string; share: number | null; kind: string } {
+function plannerText(planner: PlannerView, jogs: boolean): { text: string; note: string; share: number | null; kind: string } {
   switch (planner.state) {
     case "idle":
       return { text: jogs ? "Free" : "Idle", note: "", share: null, kind: "idle" };
@@ -346,7 +337,7 @@ function plannerText(planner: Planner, jogs: boolean): { text: string; note: str
 }
 
 export function eventText(event: TrialEvent): string {
-  const block = event.block ? blockName(event.block) : "";
+  const block = "block" in event && event.block ? blockName(event.block) : "";
   switch (event.event) {
     case "block_attached":
       return `Contact made: ${block}`;
@@ -359,21 +350,21 @@ export function eventText(event: TrialEvent): string {
     case "plan_requested":
       return "Plan asked for";
     case "plan_finished":
-      return `Plan: ${(event.status ?? "").replaceAll("_", " ")}`;
+      return `Plan: ${event.status.replaceAll("_", " ")}`;
     case "motion_stopped":
       return "Motion stopped";
     case "motion_finished":
       return "Motion finished";
     case "block_on_target":
-      return `On target: ${block} (${(100 * (event.distance ?? 0)).toFixed(1)} cm)`;
+      return `On target: ${block} (${(100 * event.distance).toFixed(1)} cm)`;
     case "block_off_target":
       return `Off target: ${block}`;
     case "stopped":
-      return `Stopped: ${event.reason ?? ""}`;
+      return `Stopped: ${event.reason}`;
     case "rearmed":
       return "Relaxed: gestures act again";
     case "base_held":
-      return `Paused: the shoulder jumped by ${(100 * (event.distance ?? 0)).toFixed(0)} cm`;
+      return `Paused: the shoulder jumped by ${(100 * event.distance).toFixed(0)} cm`;
     case "base_follows":
       return "The arm follows the shoulder again";
     case "trial_finished":

@@ -1,6 +1,6 @@
 // The connection to the server: it comes back by itself after a reload, a restart or a lost line.
 
-import type { ClientMessage, Content, Frame, ServerMessage, Signals, Status, TrialEvent } from "./protocol";
+import type { ClientMessage, DisplayFrame, PageContent, Role, ServerMessage, Signals, TrialEvent, TrialStatus } from "./generated/types";
 
 /** Waiting times between attempts, ms; the last one repeats. */
 const BACKOFF_MS = [200, 400, 800, 1500, 3000];
@@ -11,19 +11,16 @@ const PING_MS = 1000;
 export interface LiveHandlers {
   /** What was known of the trial is void: another one, or another server. */
   reset(): void;
-  content(content: Content): void;
-  frame(frame: Frame): void;
+  content(content: PageContent): void;
+  frame(frame: DisplayFrame): void;
   events(events: TrialEvent[]): void;
   connected(connected: boolean): void;
   refused(message: string): void;
-  status?(status: Status): void;
+  status?(status: TrialStatus): void;
   signals?(signals: Signals): void;
   /** Time from a message to its answer, ms. */
   roundTrip?(ms: number): void;
 }
-
-/** What a page may see and do. */
-export type Role = "participant" | "experimenter" | "spectator";
 
 export class Live {
   private socket: WebSocket | null = null;
@@ -113,7 +110,7 @@ export class Live {
     try {
       const answer = await fetch("/api/content", { cache: "no-store" });
       if (!answer.ok) throw new Error(`the server answered ${answer.status}`);
-      const content = (await answer.json()) as Content;
+      const content = (await answer.json()) as PageContent;
       if (wanted === this.contentWanted) this.handlers.content(content);
     } catch {
       window.setTimeout(() => {

@@ -16,7 +16,8 @@ import { Live } from "./live";
 import { Motion } from "./motion";
 import { Panel } from "./panel";
 import { Pointing } from "./pointing";
-import type { BlockId, Content, Frame, Status, Triple } from "./protocol";
+import type { BlockId, DisplayFrame, PageContent, TrialStatus } from "./generated/types";
+import type { Triple } from "./protocol";
 import { load, store, type Settings } from "./settings";
 import { choosePalette, mirrorText } from "./shapes";
 import { Sounds } from "./sounds";
@@ -32,14 +33,14 @@ const overlay = document.getElementById("overlay") as HTMLDivElement;
 
 /** What tests and the curious can look at from the browser's console. */
 interface Debug {
-  frame: Frame | null;
+  frame: DisplayFrame | null;
   framesReceived: number;
   framesDrawn: number;
   framesDropped: number;
   cues: number;
   worn: boolean;
   connected: boolean;
-  content: Content | null;
+  content: PageContent | null;
   camera: CameraKind;
   chooseCamera(kind: CameraKind): void;
   /** Where a block or the target of a block is on the screen, CSS pixels from the window's left top. */
@@ -64,7 +65,7 @@ function start(): void {
   let everConnected = false;
   let cursor: Vector2 | null = null;
   let gazeSource: string | null = null;
-  let asked: Pick<Status, "gaze_checks" | "gaze_calibrations"> | null = null;
+  let asked: Pick<TrialStatus, "gaze_checks" | "gaze_calibrations"> | null = null;
   const shown = { since: performance.now(), received: 0, drawn: 0 };
 
   const debug: Debug = {
@@ -209,7 +210,7 @@ function start(): void {
     hud.say(`Camera: ${CAMERA_NAMES[kind]}${kind === "free" ? " — drag to turn, wheel to zoom" : ""}`);
   }
 
-  function show(content: Content, rebuild = false): void {
+  function show(content: PageContent, rebuild = false): void {
     const first = stage.content === null;
     stage.show(content, rebuild);
     stage.things.add(check.mark, board.root);

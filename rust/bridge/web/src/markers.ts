@@ -18,7 +18,7 @@ import {
   Vector3,
 } from "three";
 import { marking, type Marking } from "./marking";
-import type { Frame, Shape } from "./protocol";
+import type { DisplayFrame, Shape } from "./generated/types";
 import { colourOf } from "./protocol";
 import type { Room } from "./room";
 import { BLOCK_COLOURS, drawnTexture, shapeGeometry } from "./shapes";
@@ -94,7 +94,7 @@ export class Markers {
     for (const part of this.root.children) part.visible = false;
   }
 
-  update(frame: Frame, seconds: number): void {
+  update(frame: DisplayFrame, seconds: number): void {
     const { target, hand } = frame;
     const pulse = 0.5 + 0.5 * Math.sin(4.5 * seconds);
     const state = marking(frame);
@@ -142,7 +142,7 @@ export class Markers {
   }
 
   /** Where the measured gaze meets a block or the table; none if it meets neither. */
-  private gazePoint(frame: Frame): Vector3 | null {
+  private gazePoint(frame: DisplayFrame): Vector3 | null {
     if (!frame.gaze) return null;
     const origin = new Vector3(...frame.gaze.origin);
     const direction = new Vector3(...frame.gaze.direction).normalize();

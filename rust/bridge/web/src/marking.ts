@@ -1,11 +1,11 @@
 // What is known of the selection, which its marker shows.
 
-import type { Frame } from "./protocol";
+import type { DisplayFrame } from "./generated/types";
 
 export type Marking = "free" | "locked" | "reachable" | "unreachable";
 
 /** What is known of the selection: whether it can be reached is known once the planner has answered. */
-export function marking(frame: Frame): Marking {
+export function marking(frame: DisplayFrame): Marking {
   if (!frame.target.locked) return "free";
   const { planner } = frame;
   switch (planner.state) {

@@ -2,7 +2,7 @@
 // in the past and between two frames, so that motion is smooth.
 
 import { Quaternion, Vector3 } from "three";
-import type { Frame, Pose } from "./protocol";
+import type { DisplayFrame, Pose } from "./generated/types";
 
 /** How far behind the latest frame the picture is, ms of trial time: two frames at 60 Hz. */
 const DELAY_MS = 34;
@@ -26,14 +26,14 @@ export interface Drawn {
 }
 
 export class Motion {
-  private frames: Frame[] = [];
+  private frames: DisplayFrame[] = [];
   private playhead = 0;
   private wall: number | null = null;
   /** Trial milliseconds per wall millisecond, as the frames arrive. */
   private rate = 1;
   private arrived: { time: number; wall: number } | null = null;
 
-  get latest(): Frame | null {
+  get latest(): DisplayFrame | null {
     return this.frames[this.frames.length - 1] ?? null;
   }
 
@@ -43,7 +43,7 @@ export class Motion {
     this.rate = 1;
   }
 
-  push(frame: Frame, wallMs: number): void {
+  push(frame: DisplayFrame, wallMs: number): void {
     const latest = this.latest;
     if (latest && frame.time < latest.time) this.clear();
     if (latest && frame.time === latest.time) this.frames.pop();
@@ -83,7 +83,7 @@ export class Motion {
 }
 
 /** What to draw a share of the way from one frame to the next. */
-export function between(from: Frame, to: Frame, share: number): Drawn {
+export function between(from: DisplayFrame, to: DisplayFrame, share: number): Drawn {
   return {
     joints: to.joints.map((angle, k) => {
       const before = from.joints[k] ?? angle;

@@ -1,7 +1,8 @@
 // The settings: keys, colours, cues, side of the arm, and the gaze check.
 
 import { element, setText } from "./dom";
-import { GESTURE_NAMES, type Gesture } from "./protocol";
+import type { Gesture } from "./generated/types";
+import { GESTURE_NAMES } from "./protocol";
 import { COMMANDS, DEFAULT_KEYS, keyName, remap, type Command, type Settings } from "./settings";
 
 const NAMES: Record<string, string> = {

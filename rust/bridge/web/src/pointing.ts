@@ -1,7 +1,7 @@
 // Where the person looks when the mouse is the eye: what you point at is what you look at.
 
 import { Camera, Object3D, Plane, Raycaster, Vector2, Vector3 } from "three";
-import type { BlockId } from "./protocol";
+import type { BlockId } from "./generated/types";
 import type { Room } from "./room";
 
 /** Nothing further than this is looked at, metres. */

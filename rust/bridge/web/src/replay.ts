@@ -4,11 +4,12 @@ import "./style.css";
 import "./desk.css";
 import { CAMERA_KINDS, CAMERA_NAMES, type CameraKind } from "./cameras";
 import { button, element, setClass, setText } from "./dom";
+import type { RecordedTrial, TrialSummary } from "./generated/types";
 import { METHOD_NAMES, blockName, eventText } from "./hud";
 import { GESTURE_NAMES } from "./protocol";
 import { Recorder, compose, saveAs } from "./export";
 import { Stage, whyNotDrawn } from "./stage";
-import { Timeline, type TrialRecord, type TrialSummary } from "./timeline";
+import { Timeline } from "./timeline";
 
 const SPEEDS = [0.25, 0.5, 1, 2, 5, 10];
 /** A step of the arrow keys, ms. */
@@ -60,7 +61,7 @@ class View {
     setText(this.verdict, "Loading …");
     const answer = await fetch(`/api/trials/${number}`);
     if (!answer.ok) throw new Error(`trial ${number}: the server answered ${answer.status}`);
-    const record = (await answer.json()) as TrialRecord;
+    const record = (await answer.json()) as RecordedTrial;
     if (this.wanted !== number) return;
     this.timeline = new Timeline(record);
     this.stage.show(record.content);

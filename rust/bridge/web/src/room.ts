@@ -15,7 +15,8 @@ import {
   Vector3,
 } from "three";
 import type { DrawnPose } from "./motion";
-import { colourOf, numberOf, type BlockId, type Scene, type Shape } from "./protocol";
+import type { BlockId, Scene, Shape } from "./generated/types";
+import { colourOf, numberOf } from "./protocol";
 import { BLOCK_COLOURS, drawnTexture, place, shapeGeometry, writeText } from "./shapes";
 
 /** Radius of the target's disc, metres, as in the original's display. */

@@ -1,6 +1,6 @@
 // What a person has chosen, kept by the browser from visit to visit.
 
-import type { Gesture } from "./protocol";
+import type { Gesture } from "./generated/types";
 
 export type GestureKey = Exclude<Gesture, "no_motion">;
 export type LeanKey = "turn_left" | "ahead" | "turn_right" | "left" | "back" | "right";

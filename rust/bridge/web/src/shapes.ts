@@ -13,7 +13,7 @@ import {
   SRGBColorSpace,
   Texture,
 } from "three";
-import type { Pose, Shape } from "./protocol";
+import type { Pose, Shape } from "./generated/types";
 
 /** Colours of blocks and targets. The second pair differs in brightness too, for every kind of colour blindness
  * (Okabe and Ito's orange and blue). */

@@ -1,6 +1,6 @@
 // What is heard: short tones made here, or spoken words. A browser lets a page sound only after a first touch.
 
-import type { TrialEvent } from "./protocol";
+import type { TrialEvent } from "./generated/types";
 import type { Cues } from "./settings";
 
 /** Notes as [frequency in hertz, start in seconds, length in seconds]. */

@@ -17,7 +17,7 @@ import { AxisDisplay } from "./axes";
 import { Cameras } from "./cameras";
 import { Markers } from "./markers";
 import type { Drawn } from "./motion";
-import type { BlockId, Content, Frame } from "./protocol";
+import type { BlockId, DisplayFrame, PageContent } from "./generated/types";
 import { Room } from "./room";
 import { dispose } from "./shapes";
 
@@ -39,7 +39,7 @@ export class Stage {
   /** Everything that stands in the world; a headset moves it. */
   readonly things = new Group();
   readonly cameras: Cameras;
-  content: Content | null = null;
+  content: PageContent | null = null;
   room: Room | null = null;
   /** Pictures drawn so far. */
   drawn = 0;
@@ -86,7 +86,7 @@ export class Stage {
   }
 
   /** Shows another arm and room. The same ones again stay as they are: nothing flickers. */
-  show(next: Content, rebuild = false): void {
+  show(next: PageContent, rebuild = false): void {
     const same =
       !rebuild &&
       this.content !== null &&
@@ -113,7 +113,7 @@ export class Stage {
   }
 
   /** Draws one picture; false if there is nothing to draw yet. */
-  draw(drawn: Drawn | null, frame: Frame | null, seconds: number, wall: number): boolean {
+  draw(drawn: Drawn | null, frame: DisplayFrame | null, seconds: number, wall: number): boolean {
     const { room, arm, ghost, markers, axes } = this;
     if (!drawn || !frame || !room || !arm || !ghost || !markers || !axes) return false;
     arm.root.visible = true;

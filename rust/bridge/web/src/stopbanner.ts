@@ -1,7 +1,8 @@
 // Why the arm is stopped, where nobody overlooks it.
 
 import { element, setText } from "./dom";
-import { stopText, type Stop } from "./protocol";
+import type { Stop } from "./generated/types";
+import { stopText } from "./protocol";
 
 export const STOPPED = "The arm is stopped";
 

@@ -1,32 +1,12 @@
 // A recorded trial, to be looked at at any instant.
 
 import { between, type Drawn } from "./motion";
-import type { Content, Frame, TrialEvent } from "./protocol";
-
-/** What `/api/trials` lists. */
-export interface TrialSummary {
-  name: string;
-  method: string;
-  setup: string;
-  seed: number | null;
-  seconds: number;
-  on_target: number;
-}
-
-/** What `/api/trials/<number>` gives. */
-export interface TrialRecord extends TrialSummary {
-  content: Content;
-  /** The recomputed trial has the recorded digest. */
-  /** None for a bag, which is not recomputed. */
-  agrees: boolean | null;
-  finished: boolean;
-  frames: Frame[];
-}
+import type { DisplayFrame, RecordedTrial, TrialEvent } from "./generated/types";
 
 export class Timeline {
   readonly events: TrialEvent[];
 
-  constructor(readonly record: TrialRecord) {
+  constructor(readonly record: RecordedTrial) {
     this.events = record.frames.flatMap((frame) => frame.events);
   }
 
@@ -36,7 +16,7 @@ export class Timeline {
   }
 
   /** The frame in force at `time`, and what to draw then; none for a trial without frames. */
-  at(time: number): { frame: Frame; drawn: Drawn } | null {
+  at(time: number): { frame: DisplayFrame; drawn: Drawn } | null {
     const { frames } = this.record;
     if (frames.length === 0) return null;
     let [low, high] = [0, frames.length - 1];

@@ -1,6 +1,6 @@
 // EMG as it comes in: one lane a channel, with its traffic light.
 
-import type { Signals } from "./protocol";
+import type { Signals } from "./generated/types";
 
 /** Length of what is shown, seconds. */
 const SPAN_SECS = 5;

@@ -3,7 +3,7 @@
 import { element, setClass, setText } from "./dom";
 import { advise, type TargetPlace } from "./guide";
 import { blockName } from "./hud";
-import type { BlockId, Frame } from "./protocol";
+import type { BlockId, DisplayFrame } from "./generated/types";
 import { keyName, type GestureKey, type Settings } from "./settings";
 
 interface Lesson {
@@ -137,7 +137,7 @@ export class Tutorial {
   }
 
   update(
-    frame: Frame,
+    frame: DisplayFrame,
     target: TargetPlace,
     lean: boolean,
     project: (what: "block" | "target", id: BlockId) => { x: number; y: number } | null,

@@ -6,12 +6,14 @@ use super::{
     view::fault_text,
 };
 use crate::serve::new_token;
-use proact_bridge::{CalibrationCommand, CalibrationServer, PageOptions};
+use proact_bridge::{
+    CalibrationCommand, CalibrationScreen, CalibrationServer, CalibrationView, ChannelLight, GestureTest,
+    PageOptions,
+};
 use proact_emg::{Calibration, ChannelQuality, CursorTest, Phase};
 use proact_types::Gesture;
-use serde_json::{Value, json};
+use serde_json::Value;
 use std::{
-    collections::VecDeque,
     error::Error,
     time::{Duration, Instant},
 };
@@ -25,7 +27,7 @@ const SENTENCES: usize = 4;
 pub(super) struct PageScreen {
     server: CalibrationServer,
     source: String,
-    said: VecDeque<String>,
+    said: Vec<String>,
     sent: Option<Instant>,
     begun: bool,
     choice: Option<Choice>,
@@ -57,7 +59,7 @@ impl PageScreen {
         Ok(PageScreen {
             server,
             source: source.to_owned(),
-            said: VecDeque::new(),
+            said: Vec::new(),
             sent: None,
             begun: false,
             choice: None,
@@ -83,47 +85,47 @@ impl PageScreen {
         self.begun
     }
 
-    /// Sends a message if one is due, or at once.
-    pub(super) fn publish(&mut self, now: bool, message: impl FnOnce() -> Value) {
+    /// Shows a view if one is due, or at once.
+    fn publish<'a>(&mut self, now: bool, view: impl FnOnce() -> CalibrationView<'a>) {
         if !now && self.sent.is_some_and(|at| at.elapsed() < PERIOD) {
             return;
         }
         self.sent = Some(Instant::now());
-        let mut object = message();
-        object["source"] = json!(self.source);
-        object["messages"] = json!(self.said);
-        object["result"] = self.result.clone();
-        object["begun"] = json!(self.begun);
-        self.server.publish(&object);
+        self.server.publish(&CalibrationScreen {
+            source: &self.source,
+            messages: &self.said,
+            begun: self.begun,
+            result: &self.result,
+            view: view(),
+        });
     }
 
-    /// Shows a test: its name, what is prompted and how it goes.
-    pub(super) fn show_test(
-        &mut self,
-        name: &str,
-        prompt: Option<Gesture>,
-        in_force: Gesture,
-        report: &Value,
-    ) {
-        self.publish(false, || {
-            json!({ "type": "test", "test": name, "prompt": prompt, "in_force": in_force, "report": report })
-        });
+    /// Shows a test: what is prompted and how it goes.
+    pub(super) fn show_test(&mut self, test: GestureTest, prompt: Option<Gesture>, in_force: Gesture) {
+        self.publish(false, || CalibrationView::Test { test, prompt, in_force });
     }
 
     /// Shows the cursor test.
     pub(super) fn show_cursor(&mut self, test: &CursorTest, in_force: Gesture, effort: f64, now: bool) {
         self.publish(now, || {
-            let (centre, width) = test.target();
-            json!({ "type": "cursor", "cursor": test.cursor(), "target": centre, "width": width,
-                "dwelt": test.dwelt(), "in_force": in_force, "effort": effort, "report": test.report(),
-                "finished": test.is_finished() })
+            let (target, width) = test.target();
+            CalibrationView::Cursor {
+                cursor: test.cursor(),
+                target,
+                width,
+                dwelt: test.dwelt(),
+                in_force,
+                effort,
+                report: test.report(),
+                finished: test.is_finished(),
+            }
         });
     }
 
     /// Shows the result and waits a little, so that the page has it before the program ends.
     pub(super) fn end(&mut self, result: &Value) {
         self.result = result.clone();
-        self.publish(true, || json!({ "type": "end" }));
+        self.publish(true, || CalibrationView::End);
         std::thread::sleep(Duration::from_millis(300));
     }
 }
@@ -131,13 +133,13 @@ impl PageScreen {
 impl Screen for PageScreen {
     fn show(&mut self, session: &Calibration) {
         self.listen();
-        self.publish(false, || calibration_message(session));
+        self.publish(false, || calibration_view(session));
     }
 
     fn say(&mut self, text: &str) {
-        self.said.push_back(text.to_owned());
+        self.said.push(text.to_owned());
         if self.said.len() > SENTENCES {
-            self.said.pop_front();
+            self.said.remove(0);
         }
     }
 
@@ -166,18 +168,19 @@ impl Screen for PageScreen {
 }
 
 /// What the page shows of a calibration.
-fn calibration_message(session: &Calibration) -> Value {
+fn calibration_view(session: &Calibration) -> CalibrationView<'_> {
     let config = session.config();
-    json!({
-        "type": "calibration", "phase": session.phase(), "rounds": session.rounds(),
-        "most_rounds": config.most_rounds, "gestures": config.gestures,
-        "target_accuracy": config.target_accuracy,
-        "channels": lights(session.channels()), "stream": session.stream(), "report": session.report(),
-        "reviewing": session.phase() == Phase::Reviewing,
-    })
-}
-
-fn lights(channels: &[ChannelQuality]) -> Vec<Value> {
-    let light = |q: &ChannelQuality| json!({ "light": q.light, "fault": q.fault.map(fault_text) });
-    channels.iter().map(light).collect()
+    let light = |q: &ChannelQuality| ChannelLight { light: q.light, fault: q.fault.map(fault_text) };
+    let phase = session.phase();
+    CalibrationView::Calibration {
+        reviewing: phase == Phase::Reviewing,
+        phase,
+        rounds: session.rounds(),
+        most_rounds: config.most_rounds,
+        gestures: &config.gestures,
+        target_accuracy: config.target_accuracy,
+        channels: session.channels().iter().map(light).collect(),
+        stream: session.stream(),
+        report: session.report(),
+    }
 }

@@ -7,6 +7,7 @@ use proact_app::{
     CentredStream, SourceName,
     source::{open, read_model},
 };
+use proact_bridge::GestureTest;
 use proact_devices::{SourceEvent, stream};
 use proact_emg::{
     Adaptation, AdaptationConfig, CursorConfig, CursorEvent, CursorTest, EmgOutput, EmgPipeline, HoldConfig,
@@ -170,7 +171,7 @@ fn sequence(
         if test.step(live.now(), live.in_force) {
             live.prompt(test.prompt());
         }
-        show.test("sequence", test.prompt(), live.in_force, &json!(test.report()));
+        show.test(GestureTest::Sequence(test.report()), test.prompt(), live.in_force);
     }
     Ok(("sequence", json!(test.report()), test.report().passed))
 }
@@ -199,7 +200,7 @@ fn trial(
         if test.report().decisions > counted {
             live.confirm(test.prompt())?;
         }
-        show.test("trial", test.prompt(), live.in_force, &json!(test.report()));
+        show.test(GestureTest::Trial(test.report()), test.prompt(), live.in_force);
     }
     Ok(("trial", json!(test.report()), test.report().passed))
 }
@@ -327,26 +328,26 @@ impl Show {
             && !page.has_begun()
         {
             live.advance()?;
-            page.show_test("wait", None, live.in_force, &Value::Null);
+            page.show_test(GestureTest::Wait(()), None, live.in_force);
         }
         Ok(())
     }
 
-    fn test(&mut self, name: &'static str, prompt: Option<Gesture>, in_force: Gesture, report: &Value) {
+    fn test(&mut self, test: GestureTest, prompt: Option<Gesture>, in_force: Gesture) {
         if let Some(page) = &mut self.page {
             // What the buttons say is of no use now, but must not pile up.
             page.has_begun();
-            page.show_test(name, prompt, in_force, report);
+            page.show_test(test, prompt, in_force);
         }
         if prompt != self.last {
             self.last = prompt;
             self.bar.set_message(prompt.map_or("", Gesture::ros_name));
         }
-        let (done, all) = match name {
-            "sequence" => (report["in_a_row"].as_u64(), 3),
-            _ => (report["prompts"].as_u64(), 20),
-        };
-        self.progress(name, done.unwrap_or(0), all);
+        match test {
+            GestureTest::Wait(()) => {}
+            GestureTest::Sequence(report) => self.progress("sequence", report.in_a_row as u64, 3),
+            GestureTest::Trial(report) => self.progress("trial", report.prompts as u64, 20),
+        }
     }
 
     fn progress(&mut self, name: &'static str, done: u64, all: u64) {

@@ -17,6 +17,7 @@ use std::collections::VecDeque;
 
 /// What the person is asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct Prompt {
     /// The gesture.
     pub gesture: Gesture,
@@ -26,6 +27,7 @@ pub struct Prompt {
 
 /// What the session is doing.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 #[serde(tag = "name", rename_all = "snake_case")]
 pub enum Phase {
     /// A channel or the stream is red, or no samples come: the prompt waits.

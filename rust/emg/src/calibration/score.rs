@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 /// What is known of one repetition.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct RepetitionScore {
     /// What the person was asked for.
     pub gesture: Gesture,
@@ -24,6 +25,7 @@ pub struct RepetitionScore {
 
 /// How well the repetitions fit each other: each was recognised by a classifier trained on the others.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct CalibrationReport {
     /// Complete rounds: the fewest repetitions of any gesture.
     pub rounds: usize,

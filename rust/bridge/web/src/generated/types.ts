@@ -1,0 +1,712 @@
+// Made from the Rust types by: PROACT_BLESS=1 cargo test --release -p proact-bridge --features ts typescript
+// Metres, rad, frame `world`; quaternions x, y, z, w.
+
+/** The arm: immutable, shared by kinematics, planning, dynamics and display.
+ *
+ * `joints` holds every joint of the tree; vectors of joint values run over [`ArmModel::moving`], arm joints
+ * first, base to tip, then hand joints in the order of the semantic group. */
+export type ArmModel = {
+/** Name of the robot. */
+name: string,
+/** Links; a parent always stands before its children, the first is the base. */
+links: Array<Link>,
+/** Joints, fixed ones included, sorted by child link: joint `k` moves link `k + 1`. */
+joints: Array<Joint>,
+/** Indices into `joints` of the arm group, base to tip. */
+arm: Array<number>,
+/** Indices into `joints` of the hand group (MPL: index, middle, pinky, ring, thumb, each 0 to 3). */
+hand: Array<number>,
+/** Index of the link at which the arm group ends and that carries the hand. */
+tip: number,
+/** Named poses, such as `open` and `closed`. */
+poses: Array<NamedPose>,
+/** Pairs of link indices that may touch: neighbours, and pairs that overlap by construction. */
+allowed_collisions: Array<[number, number]>,
+/** Where the centre of a grasped object lies, in the tip's frame, metres. */
+grasp_centre: [number, number, number],
+/** How the hand grips from above. */
+grasp: Grasp, };
+
+/** A movable block. */
+export type Block = {
+/** Which one. */
+id: BlockId,
+/** Its shape; the origin is the centre of mass. */
+shape: Shape,
+/** Mass, kg, spread evenly. */
+mass: number,
+/** Friction against table, walls and other blocks. */
+friction: number,
+/** Friction against fingers. */
+friction_finger: number,
+/** `world_from_block` at the start: resting. */
+pose: Pose, };
+
+/** The four blocks, in the order that all arrays over blocks have: red 1, red 2, blue 1, blue 2. */
+export type BlockId = "red1" | "red2" | "blue1" | "blue2";
+
+/** What the buttons of the page ask for. */
+export type CalibrationCommand = { "type": "begin" } | { "type": "proceed" } | { "type": "record_again",
+/** Which. */
+gesture: Gesture, } | { "type": "finish" };
+
+/** A message to the calibration page. */
+export type CalibrationMessage = { "type": "nothing" } | { "type": "error", message: string, } | CalibrationScreen;
+
+/** How well the repetitions fit each other: each was recognised by a classifier trained on the others. */
+export type CalibrationReport = {
+/** Complete rounds: the fewest repetitions of any gesture. */
+rounds: number,
+/** Share of all windows that were recognised, 0 to 1. It is that of single windows, before the decision rule. */
+accuracy: number,
+/** Windows tested. */
+windows: number,
+/** The gesture of each row and column. */
+classes: Array<Gesture>,
+/** `[true class][recognised class]`, numbers of windows. */
+confusion: Array<Array<number>>,
+/** Share of the windows of each class that were recognised. */
+recall: Array<number>,
+/** By gesture, then repetition. */
+repetitions: Array<RepetitionScore>,
+/** What was asked for is reached. */
+good_enough: boolean, };
+
+/** All that the calibration page shows: a page that reloads loses nothing. */
+export type CalibrationScreen = {
+/** Where the EMG comes from. */
+source: string,
+/** The last sentences to the person, oldest first. */
+messages: Array<string>,
+/** The button that begins was pressed. */
+begun: boolean,
+/** An object with the result at the end; null before. */
+result: Record<string, unknown> | null, } & ({ "type": "calibration",
+/** What the session is doing. */
+phase: Phase,
+/** Complete rounds. */
+rounds: number,
+/** Rounds after which no more are offered. */
+most_rounds: number,
+/** The gestures of a round. */
+gestures: Array<Gesture>,
+/** Share of windows that has to be recognised, 0 to 1. */
+target_accuracy: number,
+/** The electrodes. */
+channels: Array<ChannelLight>,
+/** The stream as a whole. */
+stream: StreamQuality,
+/** On the rounds so far; none before the second. */
+report: CalibrationReport | null,
+/** A round is over, and it waits for a command. */
+reviewing: boolean, } | { "type": "test",
+/** The gesture asked for. */
+prompt: Gesture | null,
+/** The gesture in force. */
+in_force: Gesture, } & ({ "test": "wait", "report": null } | { "test": "sequence", "report": SequenceReport } | { "test": "trial", "report": HoldReport }) | { "type": "cursor",
+/** Where the cursor is. */
+cursor: [number, number],
+/** Centre of the target. */
+target: [number, number],
+/** Diameter of the target. */
+width: number,
+/** Share of the dwell time that is over, 0 to 1. */
+dwelt: number,
+/** The gesture in force. */
+in_force: Gesture,
+/** How hard it is made, 0 to 1. */
+effort: number,
+/** How it goes. */
+report: CursorReport,
+/** The test is over. */
+finished: boolean, } | { "type": "end" });
+
+/** What is shown of an electrode. */
+export type ChannelLight = {
+/** The verdict. */
+light: Light,
+/** What is wrong, for the person; none if nothing is. */
+fault: string | null, };
+
+/** A message of the page on the WebSocket. */
+export type ClientMessage = { "type": "gesture", gesture: Gesture, } | { "type": "gaze", origin: [number, number, number], direction: [number, number, number], measured?: boolean, } | { "type": "trunk", forward: number, lateral: number, axial: number, } | { "type": "head", position: [number, number, number],
+/** x, y, z, w. */
+quaternion: [number, number, number, number], } | { "type": "restart", method?: string, again?: boolean, } | { "type": "study", action: StudyAction, } | { "type": "gaze_check" } & GazeCheck | { "type": "alive", } | { "type": "ping", id: number, };
+
+/** A collision shape of a link. */
+export type CollisionShape = {
+/** `link_from_shape`. */
+pose: Pose,
+/** The shape. */
+shape: Shape, };
+
+/** How the cursor test went. */
+export type CursorReport = {
+/** Movements that are over. */
+movements: Array<Movement>,
+/** Share of them that were completed. */
+completion_rate: number,
+/** Mean of difficulty over movement time, completed movements, dwell not counted, bits per second. */
+throughput_bits_per_s: number,
+/** The same with the dwell counted into the time, as some programs report it. */
+throughput_with_dwell_bits_per_s: number,
+/** Mean over completed movements. */
+path_efficiency: number,
+/** Mean over all movements. */
+overshoots: number,
+/** Movements asked for. */
+asked: number, };
+
+/** One consistent instant, as drawn: the page, the headset and the simulated participant all see this and
+ * nothing else. */
+export type DisplayFrame = {
+/** The instant. */
+time: SimTime,
+/** Name of the control method, such as `D`. */
+method: string,
+/** Moving joints of the arm model, in its order, rad. */
+joints: Array<number>,
+/** `world_from_base`. */
+world_from_base: Pose,
+/** `world_from_tip`. */
+world_from_tip: Pose,
+/** `world_from_head`: x ahead, y left, z up; the eye is its origin. */
+world_from_head: Pose,
+/** `world_from_block` in [`BlockId::ALL`] order. */
+blocks: Array<Pose>,
+/** The hand. */
+hand: HandView,
+/** Gaze as measured. */
+gaze: GazeSample | null,
+/** Selection marker. */
+target: TargetView,
+/** The planner and the motion. */
+planner: PlannerView,
+/** Arm joints at the end of the plan that is followed, rad; none while no plan is followed. */
+goal: Array<number> | null,
+/** What the next movement gesture moves, for methods that cycle through joints or axes. */
+mode: ModeView | null,
+/** Why the arm must stand still; none while it need not. */
+stop: Stop | null,
+/** Gesture in force, as recognised. */
+gesture: Gesture,
+/** Probability of the recognised class, 0 to 1; one for keys. */
+confidence: number,
+/** How hard the recognised gesture is made, 0 to 1; one for keys. */
+effort: number,
+/** Where the EMG comes from: `recording`, `synthetic`, `keys`. */
+emg_source: string,
+/** Seconds until the time limit. */
+time_left_secs: number,
+/** The block that the prescribed order asks for next. */
+next_block: BlockId | null,
+/** Blocks on target so far. */
+on_target: number,
+/** True when the trial is over. */
+finished: boolean,
+/** Events since the frame before: sounds and log. */
+events: Array<TrialEvent>, };
+
+/** How well a gaze source follows known points, as the page measured it. */
+export type GazeCheck = {
+/** What looked: `mouse`, `head`, `hand`, or the name of a tracker. */
+source: string,
+/** One entry a point, in the order shown. */
+points: Array<GazePoint>,
+/** What is to be taken off the gaze from now on, degrees to the left and upwards; none if it stays as it is. */
+correction_deg: [number, number] | null, };
+
+/** What was measured while one point was looked at. */
+export type GazePoint = {
+/** Mean angle between gaze and point, degrees; none if no sample was valid. */
+accuracy_deg: number | null,
+/** Root mean square angle from one valid sample to the next, degrees; none with fewer than two. */
+precision_deg: number | null,
+/** Mean of gaze minus point, degrees to the left and upwards; none if no sample was valid. */
+offset_deg: [number, number] | null,
+/** Samples that were missing or invalid, 0 to 1. */
+lost_share: number,
+/** Gaps of 70 to 500 ms. */
+blinks: number,
+/** Samples that came. */
+samples: number, };
+
+/** One gaze measurement. */
+export type GazeSample = {
+/** The eye, in `world`. */
+origin: [number, number, number],
+/** Where it looks, in `world`; any length above zero. */
+direction: [number, number, number],
+/** False while the tracker has lost the eye or the person blinks. */
+valid: boolean, };
+
+/** The five hand gestures that the classifier tells apart. */
+export type Gesture = "hand_close" | "hand_open" | "no_motion" | "wrist_extension" | "wrist_flexion";
+
+/** How the hand grips what stands upright, from above: with its grasp centre ([`ArmModel::grasp_centre`]) in the middle of
+ * the object, rolled about x of the tip's frame and leaning about y. Planner and simulated participants go by it. */
+export type Grasp = {
+/** Roll at which the fingers close best, rad: at zero z of the tip's frame is up. */
+roll: number,
+/** Smallest and largest roll at which they close, rad. */
+roll_range: [number, number],
+/** Largest lean, both ways, rad. */
+lean: number,
+/** An object whose centre is this near to the grasp centre is between the fingers, metres. */
+opening: number,
+/** Where the open hand may come off an object other than straight up: a direction in the tip's frame, of any length. */
+withdrawal: [number, number, number], };
+
+/** The hand's state, from its joints. */
+export type HandState = "open" | "closing" | "closed" | "opening";
+
+/** What is seen of the hand. */
+export type HandView = {
+/** Open, closed, or between. */
+state: HandState,
+/** The block in it. */
+holds: BlockId | null, };
+
+/** How the longer trial went. */
+export type HoldReport = {
+/** The share is reached. False until all prompts are over. */
+passed: boolean,
+/** Share of decisions after the reaction time with the prompted gesture in force. */
+accuracy: number,
+/** Decisions counted. */
+decisions: number,
+/** Prompts that are over. */
+prompts: number,
+/** `[prompted][in force]`, decisions, both in [`Gesture::ALL`] order. */
+confusion: [[number, number, number, number, number], [number, number, number, number, number], [number, number, number, number, number], [number, number, number, number, number], [number, number, number, number, number]], };
+
+/** Mass properties of a link. */
+export type Inertial = {
+/** kg, above zero. */
+mass: number,
+/** `link_from_inertial`: the origin is the centre of mass. */
+pose: Pose,
+/** ixx, ixy, ixz, iyy, iyz, izz about the centre of mass, in the inertial frame's axes, kg m^2. */
+inertia: [number, number, number, number, number, number], };
+
+/** What gives gestures or measurements to a trial, and may die while the arm moves. */
+export type InputSource = "armband" | "gesture_topic" | "page" | "eye_tracker" | "shoulder_tracker" | "limb_tracker" | "stage";
+
+/** A joint. */
+export type Joint = {
+/** Unique name. */
+name: string,
+/** Fixed or revolute. */
+kind: JointKind,
+/** Index of the parent link. */
+parent: number,
+/** Index of the child link. */
+child: number,
+/** `parent_from_child` at angle zero. */
+origin: Pose,
+/** Unit axis in the joint frame. */
+axis: [number, number, number],
+/** Limits; zero for a fixed joint. */
+limits: JointLimits,
+/** Viscous damping, N m s/rad. */
+damping: number,
+/** Coulomb friction, N m. */
+friction: number, };
+
+/** Kinds of joint that an arm may have. */
+export type JointKind = "fixed" | "revolute";
+
+/** Limits of a joint. */
+export type JointLimits = {
+/** Smallest angle, rad. */
+lower: number,
+/** Largest angle, rad. */
+upper: number,
+/** Highest speed, rad/s. */
+velocity: number,
+/** Highest effort, N m. */
+effort: number, };
+
+/** A traffic light. */
+export type Light = "green" | "amber" | "red";
+
+/** A rigid link. */
+export type Link = {
+/** Unique name. */
+name: string,
+/** None for frames without mass. */
+inertial: Inertial | null,
+/** Shapes that collide. */
+collisions: Array<CollisionShape>,
+/** Shapes that are drawn. */
+visuals: Array<Visual>, };
+
+/** The joint or axis that WE and WF move, in methods A and B. */
+export type ModeView = {
+/** The number published on `/mode`: 0 to 6 are joints, 7 to 9 translations, 10 to 12 rotations about x, y, z. */
+number: number,
+/** As shown, such as `elbow flexion`. */
+name: string,
+/** What WE does, such as `flexion`, and what WF does. */
+directions: [string, string],
+/** 1 if WE turns the joint or moves the axis in its positive direction, -1 if in the other. */
+we_sign: number,
+/** Seconds until a held HO moves on; none when it is not held. */
+next_in_secs: number | null, };
+
+/** One movement to a target. */
+export type Movement = {
+/** The cursor stayed in the target for the dwell time. */
+completed: boolean,
+/** Distance from the start to the target's centre. */
+distance: number,
+/** Diameter of the target. */
+width: number,
+/** Index of difficulty, `log2(distance / width + 1)`, bits. */
+difficulty_bits: number,
+/** From the moment the target is shown to the last time that the cursor entered it: reaction included, dwell not.
+ * The whole time if it was not completed. */
+movement_secs: number,
+/** Straight line over the way taken, to where the cursor came to rest, 0 to 1; 0 if it was not completed. */
+path_efficiency: number,
+/** Times that the cursor left the target before the dwell was over. */
+overshoots: number, };
+
+/** Joint angles with a name. */
+export type NamedPose = {
+/** Such as `open`. */
+name: string,
+/** Group it belongs to: `arm` or `hand`. */
+group: string,
+/** One angle per joint of the group, rad. */
+angles: Array<number>, };
+
+/** What does not change during a trial. */
+export type PageContent = {
+/** Shown at the top, such as `demo` or a participant's number. */
+title: string,
+/** Name of the set-up, such as `seated`. */
+setup: string,
+/** The arm. */
+arm: ArmModel,
+/** The room. */
+scene: Scene,
+/** The page drives: mouse is gaze, keys are gestures. Otherwise it only shows, and inputs are refused. */
+interactive: boolean,
+/** The trunk moves: lean keys are offered. */
+lean: boolean, };
+
+/** What the session is doing. */
+export type Phase = { "name": "blocked",
+/** What comes next. */
+prompt: Prompt, } | { "name": "preparing",
+/** What is asked for. */
+prompt: Prompt,
+/** Seconds until the recording begins. */
+left_secs: number, } | { "name": "recording",
+/** What is asked for. */
+prompt: Prompt,
+/** Share recorded, 0 to 1. */
+share: number, } | { "name": "reviewing" } | { "name": "finished" };
+
+/** How a plan ended. */
+export type PlanStatus = "ok" | "intermediate" | "no_plan" | "unreachable" | "start_in_collision" | "goal_in_collision" | "invalid" | "cancelled";
+
+/** Planner status as shown. */
+export type PlannerView = { "state": "idle" } | { "state": "planning" } | { "state": "executing",
+/** From 0 to 1. */
+progress: number,
+/** The plan ends at a point on the way. */
+intermediate: boolean, } | { "state": "arrived",
+/** The plan ended at a point on the way. */
+intermediate: boolean, } | { "state": "failed",
+/** Why. */
+status: PlanStatus,
+/** One sentence. */
+reason: string, };
+
+/** A rigid transform, metres. */
+export type Pose = {
+/** Unit quaternion x, y, z, w. */
+rotation: [number, number, number, number],
+/** Along x, y, z. */
+translation: [number, number, number], };
+
+/** What the person is asked for. */
+export type Prompt = {
+/** The gesture. */
+gesture: Gesture,
+/** Which repetition of it, from 0. */
+repetition: number, };
+
+/** A recorded trial with everything that its replay shows. */
+export type RecordedTrial = {
+/** Name of its directory. */
+name: string,
+/** Control method. */
+method: string,
+/** Set-up. */
+setup: string,
+/** Seed; a bag has none. */
+seed: number | null,
+/** Length, simulated seconds. */
+seconds: number,
+/** Blocks on target in the end. */
+on_target: number,
+/** Arm and scene. */
+content: PageContent,
+/** The recomputed trial has the recorded digest; none for a bag, which is not recomputed. */
+agrees: boolean | null,
+/** The record has a result; a trial that crashed has none. */
+finished: boolean,
+/** What was displayed, times ascending. */
+frames: Array<DisplayFrame>, };
+
+/** What is known of one repetition. */
+export type RepetitionScore = {
+/** What the person was asked for. */
+gesture: Gesture,
+/** Number of the repetition of this gesture, from 0. */
+repetition: number,
+/** Windows in it. */
+windows: number,
+/** Share of its windows that a classifier trained on the other repetitions recognises. */
+recognised: number,
+/** How far its mean lies from that of the other repetitions of the gesture, in standard deviations within the
+ * gestures, root mean square over features. */
+distance: number,
+/** It differs so much from the others that it should be looked at, and better be recorded again. With two
+ * repetitions both are marked: nothing tells which of them is the odd one. */
+outlier: boolean, };
+
+/** What a connection may see and do. */
+export type Role = "participant" | "experimenter" | "spectator";
+
+/** Everything in the room except the arm. */
+export type Scene = {
+/** Table, walls, partition, legs, floor. */
+fixed: Array<SceneObject>,
+/** Blocks in [`BlockId::ALL`] order. */
+blocks: Array<Block>,
+/** Targets in [`BlockId::ALL`] order. */
+targets: Array<Target>,
+/** Height of the table top, metres in `world`. */
+table_height: number, };
+
+/** An immovable body of the scene, such as a wall of the box. */
+export type SceneObject = {
+/** Unique name. */
+name: string,
+/** Its shape. */
+shape: Shape,
+/** `world_from_object`. */
+pose: Pose,
+/** Coulomb friction coefficient against blocks. */
+friction: number, };
+
+/** A mistake in a sequence. */
+export type SequenceMistake = {
+/** Sequence in which it was made, from 0. */
+attempt: number,
+/** What was asked for. */
+prompt: Gesture,
+/** What came into force instead; none if the time ran out. */
+got: Gesture | null, };
+
+/** How the sequence test went. */
+export type SequenceReport = {
+/** As many sequences as asked for went without a mistake, one after the other. */
+passed: boolean,
+/** Sequences begun. */
+attempts: number,
+/** Sequences without a mistake up to now, in a row. */
+in_a_row: number,
+/** All mistakes. */
+mistakes: Array<SequenceMistake>,
+/** Seconds from each prompt to its gesture, mean over those that came. */
+mean_delay_secs: number, };
+
+/** Messages from the server to the page. */
+export type ServerMessage = { "type": "hello", page_version: string, revision: number, } | { "type": "content", revision: number, } | { "type": "frame" } & DisplayFrame | { "type": "status" } & TrialStatus | { "type": "signals" } & Signals | { "type": "pong", id: number, } | { "type": "events", events: Array<TrialEvent>, } | { "type": "error", message: string, };
+
+/** A convex shape, metres, centred in its own frame; axes along z. */
+export type Shape = { "type": "box",
+/** Along x, y, z. */
+size: [number, number, number], } | { "type": "sphere",
+/** Radius. */
+radius: number, } | { "type": "cylinder",
+/** Radius. */
+radius: number,
+/** Full length along z, flat ends. */
+length: number, } | { "type": "capsule",
+/** Radius of the tube and of the round ends. */
+radius: number,
+/** Length of the tube without the round ends. */
+length: number, };
+
+/** What the experimenter watches beside the scene: about ten times a second, the latest only. */
+export type Signals = {
+/** The instant of the last sample. */
+time: SimTime,
+/** EMG since the message before, `[n_samples][n_channels]`, in the device's unit; empty without an armband. */
+emg: Array<Array<number>>,
+/** Nominal sampling rate, hertz; zero without an armband. */
+emg_rate_hz: number,
+/** One light a channel: `green`, `yellow`, `red`. */
+lights: Array<string>,
+/** What is wrong with a channel, for each; none if nothing is. */
+faults: Array<string | null>,
+/** Share of samples that were lost, 0 to 1. */
+emg_lost_share: number,
+/** Milliseconds since the last valid gaze; none if there was none yet. */
+gaze_age_ms: number | null,
+/** Gaze samples a second. */
+gaze_hz: number,
+/** Tracked shoulder poses a second. */
+tracking_hz: number,
+/** Mean computing time of a tick of 1 ms, microseconds. */
+tick_mean_us: number,
+/** Longest one since the message before, microseconds. */
+tick_max_us: number,
+/** Simulated over real time since the message before; 1 is in step. */
+pace: number,
+/** Pages connected. */
+pages: number, };
+
+/** Simulated time since the start of the trial, in whole ticks of 1 ms. */
+export type SimTime = number;
+
+/** The arm must stand still, and why. */
+export type Stop = {
+/** Who died. */
+source: InputSource,
+/** How. */
+cause: StopCause,
+/** When that was noticed. */
+since: SimTime,
+/** As shown: what happened, and what to do if the source is back. */
+reason: string, };
+
+/** How a source died. */
+export type StopCause = "silent" | "closed" | "frozen" | "flat" | "railed" | "noiseless" | "lossy" | "wrong_rate" | "lost";
+
+/** The stream as a whole. */
+export type StreamQuality = {
+/** The verdict on gaps and rate. */
+light: Light,
+/** Share of samples lost or unusable in the newest second. */
+lost_share: number,
+/** Gaps since the start. */
+gaps: number,
+/** Samples a second by the clock over up to five seconds; none in the first second. */
+rate_hz: number | null, };
+
+/** What the experimenter's page asks of the trial. */
+export type StudyAction = "pause" | "resume" | "abort" | "check_gaze" | "calibrate_gaze";
+
+/** Where a block has to go. */
+export type Target = {
+/** The block that belongs here. */
+block: BlockId,
+/** Centre of the disc on the table top, in `world`. */
+centre: [number, number, number], };
+
+/** The selection marker. */
+export type TargetView = {
+/** The highlighted block, while the hand is empty. */
+block: BlockId | null,
+/** The place marker on the table top. */
+place: [number, number, number] | null,
+/** The selection of the current phase (block, or place while a block is held) is locked. */
+locked: boolean,
+/** Posterior over blocks in [`BlockId::ALL`] order; empty for methods without inference. */
+posterior: Array<number>, };
+
+/** Something that happened at one tick. */
+export type TrialEvent = {
+/** When. */
+time: SimTime, } & ({ "event": "gesture_changed",
+/** The new one. */
+gesture: Gesture, } | { "event": "emg_gap",
+/** Gaps in the samples. */
+gaps: number,
+/** Samples that could not be used. */
+unusable_samples: number,
+/** Windows left out. */
+rejected_windows: number, } | { "event": "stopped",
+/** Which source. */
+source: InputSource,
+/** How it died. */
+cause: StopCause,
+/** As shown. */
+reason: string, } | { "event": "rearmed" } | { "event": "base_held",
+/** From the base to where it was told to be, metres. */
+distance: number, } | { "event": "base_follows" } | { "event": "grasp_made",
+/** Which block. */
+block: BlockId,
+/** Links of fingers that touched it. */
+links: Array<string>,
+/** The block's centre, `world`, m. */
+place: [number, number, number], } | { "event": "grasp_ended",
+/** Which block. */
+block: BlockId,
+/** Links of fingers that touched it when it was taken. */
+links: Array<string>,
+/** The block's centre, `world`, m. */
+place: [number, number, number], } | { "event": "gaze_unusable" } | { "event": "block_attached",
+/** Which block. */
+block: BlockId, } | { "event": "block_released",
+/** Which block. */
+block: BlockId, } | { "event": "locked",
+/** The block, or none for a place. */
+block: BlockId | null, } | { "event": "unlocked" } | { "event": "plan_requested",
+/** Number of the request in this trial. */
+request: number, } | { "event": "plan_finished",
+/** Number of the request in this trial. */
+request: number,
+/** How it ended. */
+status: PlanStatus, } | { "event": "motion_stopped" } | { "event": "motion_finished" } | { "event": "block_on_target",
+/** Which block. */
+block: BlockId,
+/** Horizontal distance from its target's centre, metres. */
+distance: number, } | { "event": "block_off_target",
+/** Which block. */
+block: BlockId, } | { "event": "trial_finished" });
+
+/** Whether the trial goes on, and what the record of it is called. */
+export type TrialStatus = {
+/** Simulated time stands still. */
+paused: boolean,
+/** The trial was ended before its time. */
+aborted: boolean,
+/** The experimenter's buttons have an effect. */
+can_pause: boolean,
+/** Seed of the trial. */
+seed: number,
+/** Where it is recorded; none if it is not. */
+record: string | null,
+/** What gives gaze instead of the page's mouse and headset, such as an eye tracker; none if nothing does. */
+gaze_source: string | null,
+/** How often the experimenter has asked for a gaze check. With each, the participant's page begins one. */
+gaze_checks: number,
+/** The same for a calibration of the gaze. */
+gaze_calibrations: number, };
+
+/** What the list says of a trial. */
+export type TrialSummary = { name: string, method: string, setup: string, seed: number | null, seconds: number, on_target: number, };
+
+/** A drawn shape of a link. */
+export type Visual = {
+/** `link_from_visual`. */
+pose: Pose,
+/** What is drawn. */
+geometry: VisualGeometry,
+/** Red, green, blue, alpha, 0 to 1. */
+colour: [number, number, number, number], };
+
+/** What is drawn. */
+export type VisualGeometry = { "shape": Shape } | { "mesh": {
+/** Such as `package://proact_description/meshes/palm.stl`. */
+file: string,
+/** Along x, y, z. */
+scale: [number, number, number], } };
