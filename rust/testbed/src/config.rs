@@ -1,107 +1,12 @@
-use crate::{MotionConfig, PhysicsConfig, Pinned, PlannerOptions};
+use crate::{ConfigError, MotionConfig, PhysicsConfig, Pinned, PlannerOptions};
 use proact_arm::ArmModel;
-use proact_control::{ControlError, OUTSIDE, Profile};
+use proact_control::{OUTSIDE, Profile};
 use proact_emg::EmgConfig;
 use proact_intent::{IntentModelName, IntentOptions};
-use proact_participants::{Body, OutOfRange, ParticipantOptions};
+use proact_participants::{Body, ParticipantOptions};
 use proact_tasks::{Arrangement, BoxAndBlocks};
 use serde::{Deserialize, Serialize};
 use std::{fmt, str::FromStr};
-
-/// Why a configuration is refused.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum ConfigError {
-    /// No such method.
-    #[error("method {got:?} is unknown; expected one of {}", MethodName::known())]
-    Method {
-        /// What was asked for.
-        got: String,
-    },
-    /// A part of another name than the trial's.
-    #[error("{kind} is {got:?}, the trial's is {expected:?}")]
-    OtherName {
-        /// `arm` or `task`.
-        kind: &'static str,
-        /// What the trial names.
-        expected: String,
-        /// What was given.
-        got: String,
-    },
-    /// A part of the trial's name with another content.
-    #[error(
-        "{kind} {name:?} is another one here (hash {got}...) than the one that the trial was made with \
-         ({expected}...): take the {kind}, or the program, of that time"
-    )]
-    OtherContent {
-        /// `arm` or `task`.
-        kind: &'static str,
-        /// Its name.
-        name: String,
-        /// Beginning of the recorded hash.
-        expected: String,
-        /// Beginning of the hash of what is here.
-        got: String,
-    },
-    /// No such planner.
-    #[error("planner is \"{got}\", expected one of {known}")]
-    Planner {
-        /// What was asked for.
-        got: String,
-        /// What there is.
-        known: String,
-    },
-    /// No such set-up.
-    #[error("set-up {got:?} is unknown; expected seated or still")]
-    Setup {
-        /// What was asked for.
-        got: String,
-    },
-    /// What should be a key and its value is not.
-    #[error("{got:?} sets nothing; expected KEY=VALUE such as profile.level=below_elbow")]
-    Assignment {
-        /// What was given.
-        got: String,
-    },
-    /// A key that does not exist, or a value that it cannot have.
-    #[error("cannot set {got}: {reason}")]
-    Assigned {
-        /// What was given.
-        got: String,
-        /// Why not, and what there is.
-        reason: String,
-    },
-    /// A value is outside its range.
-    #[error("{key} = {got}, expected {expected}")]
-    Value {
-        /// Such as `limit_secs`.
-        key: &'static str,
-        /// What was given.
-        got: String,
-        /// What is allowed.
-        expected: &'static str,
-    },
-    /// No such profile, or one that does not fit.
-    #[error(transparent)]
-    Control(#[from] ControlError),
-    /// The intent model refuses its options.
-    #[error(transparent)]
-    Intent(#[from] proact_intent::IntentError),
-    /// Settings of who or what has no part in the trial.
-    #[error("{key} is set, but {why}: leave it out")]
-    NoPart {
-        /// Such as `participant`.
-        key: &'static str,
-        /// Why it has no part.
-        why: &'static str,
-    },
-    /// A number of the participant is out of range.
-    #[error(transparent)]
-    Participant(#[from] OutOfRange),
-    /// The text is not a configuration.
-    #[error("the trial configuration is unreadable: {0}")]
-    Text(String),
-}
 
 /// Gestures are given directly, until a source of them is named.
 const KEYS: &str = "keys";
@@ -123,7 +28,7 @@ impl MethodName {
     /// All of them.
     pub const ALL: [MethodName; 4] = [MethodName::A, MethodName::B, MethodName::C, MethodName::D];
 
-    fn known() -> String {
+    pub(crate) fn known() -> String {
         Self::ALL.map(|m| m.to_string()).join(", ")
     }
 }

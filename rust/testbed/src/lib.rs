@@ -5,6 +5,7 @@
 //! of one sample through it.
 
 mod config;
+mod config_error;
 mod digest;
 pub mod doubles;
 mod grasp;
@@ -20,7 +21,8 @@ mod session;
 pub mod stages;
 mod tick;
 
-pub use config::{ConfigError, MethodName, MethodProcessConfig, Setup, TrialConfig};
+pub use config::{MethodName, MethodProcessConfig, Setup, TrialConfig};
+pub use config_error::ConfigError;
 pub use digest::{Digest, Divergence, Field, FieldDigest, SPAN_TICKS, SpanDigest, first_divergence};
 pub use grasp::{GraspAction, GraspDetector};
 pub use grasp_original::OriginalGraspRule;
