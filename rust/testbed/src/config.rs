@@ -272,7 +272,10 @@ impl TrialConfig {
     /// # Errors
     /// Unreadable text, unknown keys, values out of range.
     pub fn from_toml(text: &str) -> Result<Self, ConfigError> {
-        let config: Self = toml::from_str(text).map_err(|e| ConfigError::Text(e.to_string()))?;
+        let config: Self = toml::from_str(text).map_err(|error| {
+            let line = error.span().map_or(1, |span| text[..span.start].matches('\n').count() + 1);
+            ConfigError::Text(format!("line {line}: {}", error.message().replace('`', "")))
+        })?;
         config.check()?;
         Ok(config)
     }
@@ -448,7 +451,10 @@ mod tests {
         assert!(Setup::named("standing").is_err());
         let text = config().to_toml().expect("writes");
         let error = TrialConfig::from_toml(&format!("colour = 3\n{text}")).expect_err("an unknown key");
-        assert!(error.to_string().contains("colour"), "{error}");
+        let expected =
+            "the trial configuration is unreadable: line 1: unknown field colour, expected one of method, ";
+        assert!(error.to_string().starts_with(expected), "{error}");
+        assert!(!error.to_string().contains('\n'), "{error}");
         let other =
             config().with_values(&["planner.parameters.range=0.4"]).expect("a number is text to OMPL");
         assert_eq!(other.planner.parameters["range"], "0.4");
