@@ -53,14 +53,14 @@ kin::ArmDescription random_arm(Draws& draws) {
     link.name = "link" + std::to_string(k);
     link.parent = parents[k];
     link.joint = "joint" + std::to_string(k);
-    link.revolute = k != 0 && k != 8;
+    link.kind = k != 0 && k != 8 ? kin::JointKind::revolute : kin::JointKind::fixed;
     link.origin = {draws.vector(0.2), draws.rotation()};
     const Vec3 axis = draws.vector(1.0);
     const Vec3 unit = axis * (1.0 / proact::norm(axis));
     link.axis = {unit.x, unit.y, unit.z};
     link.lower = -3.0;
     link.upper = 3.0;
-    if (link.revolute) arm.moving.push_back(k);
+    if (link.kind == kin::JointKind::revolute) arm.moving.push_back(k);
     arm.links.push_back(link);
   }
   arm.tip = 8;
@@ -75,7 +75,8 @@ std::vector<Pose> places(const kin::ArmDescription& arm, const std::vector<doubl
     const kin::LinkDescription& link = arm.links[k];
     const Pose pose = poses[link.parent] * link.origin;
     const Vec3 axis{link.axis[0], link.axis[1], link.axis[2]};
-    poses[k] = link.revolute ? proact::turned(pose, axis, q[next++]) : pose;
+    const bool turns = link.kind == kin::JointKind::revolute;
+    poses[k] = turns ? proact::turned(pose, axis, q[next++]) : pose;
   }
   return poses;
 }
