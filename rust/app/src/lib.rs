@@ -32,6 +32,7 @@ mod ros_bus;
 mod rosbridge;
 mod run;
 pub mod source;
+pub mod stream_view;
 pub mod trial;
 mod wearer;
 

@@ -8,7 +8,6 @@ mod source_args;
 mod stream;
 mod test;
 mod train;
-mod view;
 
 use clap::{Args, Subcommand, ValueEnum};
 use proact_devices::{DeviceError, MYO_RATE_HZ, Recording, Recordings, evaluate, read_samples};

@@ -3,9 +3,9 @@
 use super::{
     screen::{Choice, Screen},
     train::PageArgs,
-    view::fault_text,
 };
 use crate::serve::new_token;
+use proact_app::stream_view::fault_text;
 use proact_bridge::{
     CalibrationCommand, CalibrationScreen, CalibrationServer, CalibrationView, ChannelLight, GestureTest,
     PageOptions,

@@ -1,15 +1,13 @@
 //! `proact emg stream`: a live source, recognised and shown.
 
-use super::{
-    source_args::SourceArgs,
-    view::{Glance, View},
-};
+use super::source_args::SourceArgs;
 use crate::emg::WindowArgs;
 use clap::Args;
 use proact_app::{
     CentredStream, SourceName,
     lab_streaming::Published,
     source::{open, read_model},
+    stream_view::{StreamGlance, StreamView},
 };
 use proact_devices::{
     EmgRecorder, LibEmgOutput, LibEmgReceiver, LibEmgSender, Recording, Recordings, SampleSource,
@@ -77,7 +75,8 @@ pub(super) fn run(args: &StreamArgs, json: bool) -> Result<(), Box<dyn Error>> {
     let handler = stop.clone();
     // So that a recording ends well. A second handler in one process, as in tests, is refused and not needed.
     let _ = ctrlc::set_handler(move || handler.store(true, Ordering::Relaxed));
-    let mut out = Output { json, view: View::new(), sender: None, published: None, velocity: args.velocity };
+    let mut out =
+        Output { json, view: StreamView::new(), sender: None, published: None, velocity: args.velocity };
     if let Some(target) = &args.udp {
         out.sender = Some(LibEmgSender::connect(target)?);
     }
@@ -141,7 +140,7 @@ fn check_fit(info: &SourceInfo, rate_hz: f64, channels: usize, trained_on: &str)
 
 struct Output {
     json: bool,
-    view: View,
+    view: StreamView,
     sender: Option<LibEmgSender>,
     published: Option<Published>,
     velocity: bool,
@@ -203,7 +202,7 @@ fn samples(
     let mut light = Light::Green;
     let mut recorder = args.record.as_ref().map(|path| EmgRecorder::create(path, &info)).transpose()?;
     out.published = args.lsl.as_ref().map(|name| Published::open(name, &info)).transpose()?;
-    let mut glance = Glance::new(&info, &label);
+    let mut glance = StreamGlance::new(&info, &label);
     out.line(
         &json!({ "event": "open", "source": info.name, "rate_hz": info.rate_hz, "channels": info.channels,
         "trained_on": label, "zero": stream.zero, "loss_is_counted": info.loss_is_counted }),

@@ -445,7 +445,9 @@ pub(super) fn refusal_text(refusal: &Refusal) -> String {
             let mut parts: Vec<String> = channels
                 .iter()
                 .map(|(channel, fault)| match fault {
-                    Some(fault) => format!("channel {channel} is red ({})", super::view::fault_text(*fault)),
+                    Some(fault) => {
+                        format!("channel {channel} is red ({})", proact_app::stream_view::fault_text(*fault))
+                    }
                     None => format!("channel {channel} is red"),
                 })
                 .collect();

@@ -14,26 +14,31 @@ const SMOOTHING_SECS: f64 = 0.15;
 const BAR: usize = 40;
 
 /// What the stream is doing now.
-pub(super) struct Glance {
+pub struct StreamGlance {
     info: SourceInfo,
     label: String,
     /// Smoothed mean square per channel, and the largest amplitude seen, which scales the bars.
     power: [f64; MAX_EMG_CHANNELS],
     loudest: f64,
-    /// Verdicts per channel and on the stream.
-    pub(super) quality: Vec<ChannelQuality>,
-    pub(super) stream_quality: StreamQuality,
+    /// Verdicts per channel.
+    pub quality: Vec<ChannelQuality>,
+    /// Verdict on the stream.
+    pub stream_quality: StreamQuality,
     received: u64,
     since: Instant,
     rate_hz: f64,
-    pub(super) output: Option<EmgOutput>,
-    pub(super) counts: SourceCounts,
-    pub(super) trouble: Option<String>,
+    /// The newest decision.
+    pub output: Option<EmgOutput>,
+    /// What came and what was lost.
+    pub counts: SourceCounts,
+    /// What the source complains of.
+    pub trouble: Option<String>,
 }
 
-impl Glance {
-    pub(super) fn new(info: &SourceInfo, label: &str) -> Glance {
-        Glance {
+impl StreamGlance {
+    /// Nothing seen yet of the source called `label`.
+    pub fn new(info: &SourceInfo, label: &str) -> StreamGlance {
+        StreamGlance {
             info: info.clone(),
             label: label.to_owned(),
             power: [0.0; MAX_EMG_CHANNELS],
@@ -50,7 +55,7 @@ impl Glance {
     }
 
     /// Takes a centred sample.
-    pub(super) fn sample(&mut self, sample: &EmgSample) {
+    pub fn sample(&mut self, sample: &EmgSample) {
         let share = 1.0 - (-1.0 / (SMOOTHING_SECS * self.info.rate_hz)).exp();
         for (channel, value) in sample.channels.iter().enumerate() {
             self.power[channel] += share * (value * value - self.power[channel]);
@@ -106,7 +111,7 @@ fn finding(quality: &ChannelQuality) -> String {
 }
 
 /// What is wrong with a channel.
-pub(super) fn fault_text(fault: ChannelFault) -> &'static str {
+pub fn fault_text(fault: ChannelFault) -> &'static str {
     match fault {
         ChannelFault::Flat => "flat: a dead channel",
         ChannelFault::Railed => "cut off at the ends of the range",
@@ -125,18 +130,24 @@ fn word(light: Light) -> &'static str {
 }
 
 /// Draws glances: over each other on a terminal, one line a second elsewhere.
-pub(super) struct View {
+pub struct StreamView {
     drawn: Option<Instant>,
     lines: usize,
     terminal: bool,
 }
 
-impl View {
-    pub(super) fn new() -> View {
-        View { drawn: None, lines: 0, terminal: io::stdout().is_terminal() }
+impl StreamView {
+    /// Nothing drawn yet.
+    #[allow(clippy::new_without_default)] // It looks at the terminal.
+    pub fn new() -> StreamView {
+        StreamView { drawn: None, lines: 0, terminal: io::stdout().is_terminal() }
     }
 
-    pub(super) fn show(&mut self, glance: &Glance) -> io::Result<()> {
+    /// Draws over what was drawn before.
+    ///
+    /// # Errors
+    /// Standard output that is gone.
+    pub fn show(&mut self, glance: &StreamGlance) -> io::Result<()> {
         let period = Duration::from_millis(if self.terminal { 100 } else { 1000 });
         if self.drawn.is_some_and(|at| at.elapsed() < period) {
             return Ok(());
@@ -178,7 +189,7 @@ mod tests {
             rails: Some((0.0, 255.0)),
             loss_is_counted: true,
         };
-        let mut glance = Glance::new(&info, "recordings");
+        let mut glance = StreamGlance::new(&info, "recordings");
         for counter in 0..2000_u64 {
             let swing: f64 = if counter % 2 == 0 { 1.0 } else { -1.0 };
             glance.sample(&EmgSample { counter, channels: [0.0, 40.0 * swing].into_iter().collect() });
