@@ -7,6 +7,7 @@ use proact_description::{
 };
 use proact_testbed::{Pinned, TrialConfig};
 use std::{
+    collections::BTreeMap,
     fs, io,
     path::{Path, PathBuf},
     sync::Arc,
@@ -196,18 +197,12 @@ impl Arm {
         Pinned::named(&self.model.name)
     }
 
-    /// Writes the description of a lab's own arm into the directory of a trial, for [`Arm::recorded`].
-    ///
-    /// # Errors
-    /// [`ArmError::File`] when the disk refuses.
-    pub fn store(&self, dir: &Path) -> Result<(), ArmError> {
-        let write = |name: &str, text: &str| {
-            let path = dir.join(name);
-            fs::write(&path, text).map_err(|source| ArmError::File { path, source })
-        };
-        let Some(own) = &self.own else { return Ok(()) };
-        write(URDF_FILE, &own.urdf)?;
-        own.srdf.as_ref().map_or(Ok(()), |srdf| write(SRDF_FILE, srdf))
+    /// The description of a lab's own arm, as the files of a trial that [`Arm::recorded`] reads.
+    pub fn files(&self) -> BTreeMap<String, Vec<u8>> {
+        let Some(own) = &self.own else { return BTreeMap::new() };
+        let srdf = own.srdf.iter().map(|srdf| (SRDF_FILE, srdf));
+        let files = [(URDF_FILE, &own.urdf)].into_iter().chain(srdf);
+        files.map(|(name, text)| (name.to_owned(), text.clone().into_bytes())).collect()
     }
 }
 

@@ -1,6 +1,7 @@
 //! An armband in a live trial: samples come on a thread of their own and go into the ticks.
 
 use crate::source::{SourceName, SourceOptions, open, read_model};
+use crate::tell;
 use arrayvec::ArrayVec;
 use proact_devices::{EmgPacket, SampleSource, SourceEvent};
 use proact_emg::EmgModel;
@@ -66,11 +67,11 @@ impl LiveArmband {
                         }
                         counted.fetch_add(packet.samples.len() as u64, Ordering::Release);
                     }
-                    Ok(SourceEvent::Lost { reason }) => eprintln!("armband lost: {reason}"),
-                    Ok(SourceEvent::Restored) => eprintln!("armband found again"),
+                    Ok(SourceEvent::Lost { reason }) => tell(format_args!("armband lost: {reason}")),
+                    Ok(SourceEvent::Restored) => tell("armband found again"),
                     Ok(SourceEvent::Nothing) => {}
-                    Ok(SourceEvent::Ended) => return eprintln!("the EMG source has ended"),
-                    Err(error) => return eprintln!("armband: {error}"),
+                    Ok(SourceEvent::Ended) => return tell("the EMG source has ended"),
+                    Err(error) => return tell(format_args!("armband: {error}")),
                 }
             }
         });

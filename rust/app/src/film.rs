@@ -1,9 +1,9 @@
 //! A recorded trial as it was displayed, to be scrubbed and compared on a page.
 
-use crate::replay::{Opened, ReplayOptions, open_trial};
+use crate::replay::{Opened, ReplayOptions, never_begun, open_trial};
 use proact_bridge::{PageContent, RecordedTrial};
-use proact_recording::read_result;
-use proact_testbed::{SpanDigest, Testbed, TrialResult, first_divergence};
+use proact_recording::Trial;
+use proact_testbed::{SpanDigest, Testbed, first_divergence};
 use proact_types::{DisplayFrame, Event, Pose, SimTime, TickInput};
 use std::{error::Error, path::Path};
 
@@ -12,8 +12,16 @@ const KEPT: u64 = 2;
 
 /// A trial as it was displayed, from its configuration and input log.
 pub fn recompute(dir: &Path) -> Result<RecordedTrial, Box<dyn Error>> {
-    let Opened { record, config, mut testbed, recorded, .. } = open_trial(dir, ReplayOptions::default())?;
-    let last = recorded.last().ok_or("the record holds no complete span: there is nothing to show")?.tick;
+    if never_begun(&Trial::open(dir)?) {
+        return Err(format!(
+            "{} was interrupted before its first digest: there is nothing to show",
+            dir.display()
+        )
+        .into());
+    }
+    let Opened { record, config, mut testbed, recorded, result, .. } =
+        open_trial(dir, ReplayOptions::default())?;
+    let last = record.end();
     let body = config.setup.body;
     let upright = Default::default();
     // The head sits on the trunk as the shoulder does.
@@ -34,7 +42,6 @@ pub fn recompute(dir: &Path) -> Result<RecordedTrial, Box<dyn Error>> {
             film.take(&mut testbed, &shoulder_from_head, tick == last.0)?;
         }
     }
-    let result = read_result::<TrialResult>(dir).ok();
     let content = PageContent {
         title: format!("Method {}", config.method_label()),
         setup: config.setup.name.clone(),

@@ -4,11 +4,12 @@
 //! selection and grasp. Which blocks are on target is judged by our task from their poses. The head is the headset's
 //! own, put into `world` by the frames in the bag; without these it is where the eye is and looks where the eye looks.
 
+use crate::tell;
 use proact_arm::ArmModel;
 use proact_bridge::{PageContent, RecordedTrial};
 use proact_recording::{
     RecordingError,
-    bag::{BagMessage, messages as ros, read_bag},
+    bag::{BagEnd, BagMessage, messages as ros, read_bag},
 };
 use proact_tasks::{Arrangement, BoxAndBlocks};
 use proact_types::{
@@ -26,13 +27,13 @@ const ARM_MODEL: &str = "mpl_right_arm";
 /// The headset's world among the frames of `/tf`.
 const HEADSET_WORLD: &str = "hololens_world_test";
 
-/// Reads the bag at `path` as it would have been displayed.
+/// Reads the bag at `path` as it would have been displayed, as far as it goes; standard error tells where it is cut off.
 ///
 /// # Errors
 /// A file that is no bag, or holds neither joints nor blocks under the original's names.
 pub fn read(path: &Path, arm: &ArmModel) -> Result<RecordedTrial, Box<dyn Error>> {
     let mut film = Film::new(arm, method_of(path));
-    read_bag(path, |message| film.take(message))?;
+    let end = read_bag(path, |message| film.take(message))?;
     if !film.joints_seen && !film.blocks_seen {
         film.topics.sort();
         return Err(format!(
@@ -51,6 +52,9 @@ pub fn read(path: &Path, arm: &ArmModel) -> Result<RecordedTrial, Box<dyn Error>
         interactive: false,
         lean: false,
     };
+    if end != BagEnd::Whole {
+        tell(format_args!("{}: {end}", path.display()));
+    }
     Ok(RecordedTrial {
         name: path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned(),
         method: film.frame.method.clone(),
@@ -60,7 +64,7 @@ pub fn read(path: &Path, arm: &ArmModel) -> Result<RecordedTrial, Box<dyn Error>
         on_target: film.task.state().on_target,
         content,
         agrees: None,
-        finished: true,
+        finished: end == BagEnd::Whole,
         frames: film.frames,
     })
 }

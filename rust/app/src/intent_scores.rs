@@ -5,7 +5,7 @@
 
 use crate::{
     Arm,
-    replay::{check_versions, read_classifier},
+    replay::{Checked, check_record, never_begun, read_classifier},
     trial,
 };
 use proact_analysis::{Episode, Forecast, Score, score};
@@ -13,7 +13,7 @@ use proact_control::ports::ArmKinematics;
 use proact_intent::{Candidates, IntentModelName, IntentOptions, Posterior};
 use proact_kinematics::Kinematics;
 use proact_recording::{INPUTS_FILE, Trial};
-use proact_testbed::{SpanDigest, Testbed, TrialConfig, first_divergence};
+use proact_testbed::{Testbed, TrialConfig, first_divergence};
 use proact_types::{BlockId, EventKind, GazeSample, Point, SimTime, TickInput};
 use serde::Serialize;
 use std::{
@@ -30,6 +30,8 @@ const KEPT_MILLIS: u64 = 500;
 pub struct IntentReport {
     /// Trials that were used.
     pub trials: Vec<TrialUsed>,
+    /// Trials that were interrupted before their first digest.
+    pub not_begun: Vec<PathBuf>,
     /// Trials that could not be used.
     pub skipped: Vec<TrialSkipped>,
     /// Picks in them.
@@ -53,6 +55,8 @@ pub struct TrialUsed {
     pub picked: Vec<BlockId>,
     /// Options of the models for this trial.
     pub options: IntentOptions,
+    /// Up to where the record goes, seconds, if the trial was interrupted; none if it was brought to its end.
+    pub interrupted: Option<f64>,
 }
 
 /// A trial that could not be used.
@@ -77,6 +81,26 @@ pub struct ModelScore {
 impl fmt::Display for IntentReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "{} picks in {} trials", self.picks, self.trials.len())?;
+        if !self.models.is_empty() {
+            self.write_scores(f)?;
+        }
+        for trial in &self.trials {
+            if let Some(seconds) = trial.interrupted {
+                writeln!(f, "interrupted {}: used up to {seconds:.3} s", trial.dir.display())?;
+            }
+        }
+        for dir in &self.not_begun {
+            writeln!(f, "interrupted {}: before its first digest", dir.display())?;
+        }
+        for TrialSkipped { dir, reason } in &self.skipped {
+            writeln!(f, "skipped {}: {reason}", dir.display())?;
+        }
+        Ok(())
+    }
+}
+
+impl IntentReport {
+    fn write_scores(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             f,
             "{:<12} {:>8} {:>7} {:>9} {:>11} {:>21} {:>6} {:>11}",
@@ -109,9 +133,6 @@ impl fmt::Display for IntentReport {
             "Each pick weighs the same. Log loss in nats (guessing among four: 1.386), calibration as expected \
              calibration error, time as median (quartiles) from the start of the pick."
         )?;
-        for TrialSkipped { dir, reason } in &self.skipped {
-            writeln!(f, "skipped {}: {reason}", dir.display())?;
-        }
         Ok(())
     }
 }
@@ -124,6 +145,14 @@ struct Pick {
     start: SimTime,
     truth: BlockId,
     samples: Vec<Sample>,
+}
+
+/// The picks of a trial.
+struct Picked {
+    config: TrialConfig,
+    /// Up to where the record of an interrupted trial goes, seconds.
+    interrupted: Option<f64>,
+    picks: Vec<Pick>,
 }
 
 /// Scores every model on the trials in `dir`, itself a trial directory or a folder of them. `options` for all
@@ -141,12 +170,13 @@ pub fn intent(
 ) -> Result<IntentReport, Box<dyn Error>> {
     let dirs = trial_dirs(dir)?;
     let count = dirs.len();
-    let (mut trials, mut skipped) = (Vec::new(), Vec::new());
+    let (mut trials, mut skipped, mut not_begun) = (Vec::new(), Vec::new(), Vec::new());
     let mut episodes = IntentModelName::ALL.map(|_| Vec::new());
     for (number, dir) in dirs.into_iter().enumerate() {
         progress(number, count, &dir);
         match picks(&dir) {
-            Ok((config, picks)) => {
+            Ok(None) => not_begun.push(dir),
+            Ok(Some(Picked { config, interrupted, picks })) => {
                 let options = options.copied().unwrap_or(config.intent);
                 for (name, episodes) in IntentModelName::ALL.into_iter().zip(&mut episodes) {
                     episodes.extend(forecast(name, &options, &picks)?);
@@ -158,6 +188,7 @@ pub fn intent(
                     seed: config.seed,
                     picked: picks.iter().map(|pick| pick.truth).collect(),
                     options,
+                    interrupted,
                 });
             }
             Err(error) => skipped.push(TrialSkipped { dir, reason: error.to_string() }),
@@ -165,6 +196,11 @@ pub fn intent(
     }
 
     let picks = episodes[0].len();
+    // That nothing was picked in a trial that was interrupted early is no fault of the record.
+    let early = !not_begun.is_empty() || trials.iter().any(|trial| trial.interrupted.is_some());
+    if picks == 0 && early && skipped.is_empty() {
+        return Ok(IntentReport { trials, not_begun, skipped, picks, models: Vec::new() });
+    }
     if picks == 0 {
         let reasons: String =
             skipped.iter().map(|s| format!("\n  {}: {}", s.dir.display(), s.reason)).collect();
@@ -177,7 +213,7 @@ pub fn intent(
         .zip(&episodes)
         .map(|(model, episodes)| Ok(ModelScore { model, score: score(episodes)? }))
         .collect::<Result<_, proact_analysis::AnalysisError>>()?;
-    Ok(IntentReport { trials, skipped, picks, models })
+    Ok(IntentReport { trials, not_begun, skipped, picks, models })
 }
 
 /// `dir` if it is a trial, or else the trials in it, by name.
@@ -204,17 +240,19 @@ fn trial_dirs(dir: &Path) -> Result<Vec<PathBuf>, Box<dyn Error>> {
     Ok(found)
 }
 
-/// Recomputes the trial in `dir` up to its last grasp: what was seen during each pick.
-fn picks(dir: &Path) -> Result<(TrialConfig, Vec<Pick>), Box<dyn Error>> {
-    let record = Trial::open(dir)?;
-    check_versions(&record.header().versions)?;
-    let config = TrialConfig::from_toml(&record.header().config_toml)?;
+/// Recomputes the trial in `dir` up to its last grasp: what was seen during each pick. None if it was interrupted before
+/// its first digest.
+fn picks(dir: &Path) -> Result<Option<Picked>, Box<dyn Error>> {
+    if never_begun(&Trial::open(dir)?) {
+        return Ok(None);
+    }
+    let Checked { record, config, recorded, .. } = check_record(dir, false)?;
+    let interrupted = (!record.finished()).then(|| record.end().as_secs());
     let attached = |kind: &EventKind| matches!(kind, EventKind::BlockAttached { .. });
     let Some(last_grasp) = record.events()?.iter().filter(|e| attached(&e.kind)).map(|e| e.time).next_back()
     else {
-        return Ok((config, Vec::new()));
+        return Ok(Some(Picked { config, interrupted, picks: Vec::new() }));
     };
-    let recorded: Vec<SpanDigest> = record.digests()?;
     // Whole spans only: what lies behind the last one cannot be checked.
     let count = recorded.iter().take_while(|span| span.tick < last_grasp).count() + 1;
     let recorded = &recorded[..count.min(recorded.len())];
@@ -269,7 +307,7 @@ fn picks(dir: &Path) -> Result<(TrialConfig, Vec<Pick>), Box<dyn Error>> {
         )
         .into());
     }
-    Ok((config, picks))
+    Ok(Some(Picked { config, interrupted, picks }))
 }
 
 /// The scene as the models see it now.

@@ -2,6 +2,8 @@
 //!
 //! This is where the parts meet: it chooses the libraries, opens devices and pages, and keeps real time. What a trial *is*
 //! lives in `proact-testbed`.
+// They panic where the output is closed or full.
+#![deny(clippy::print_stdout, clippy::print_stderr)]
 #![allow(clippy::disallowed_methods)] // Here are the clock, the threads and the files that stages lack.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
@@ -9,7 +11,9 @@ mod arm;
 mod armband;
 mod centred;
 pub mod compare;
+mod console;
 pub mod digests;
+mod disk;
 pub mod doctor;
 mod experimenter;
 pub mod film;
@@ -39,6 +43,7 @@ mod wearer;
 pub use arm::{Arm, ArmError, arm_files};
 pub use armband::LiveArmband;
 pub use centred::CentredStream;
+pub use console::{answer, tell};
 pub use experimenter::Experimenter;
 pub use limb::{LimbError, LimbReceiver};
 pub use live::{Ended, LiveTrial};

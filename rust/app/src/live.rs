@@ -6,7 +6,8 @@ use crate::{
 };
 use proact_bridge::{ClientInput, GazeCheck, PageServer};
 use proact_intent::GazeOffset;
-use proact_testbed::{MethodName, Session, TrialResult};
+use proact_recording::seal;
+use proact_testbed::{MethodName, Session, TrialEnd, TrialResult};
 use std::{
     error::Error,
     path::PathBuf,
@@ -28,7 +29,7 @@ pub enum Ended {
         /// With the same blocks.
         again: bool,
     },
-    /// By Ctrl-C.
+    /// By Ctrl-C or a request to end.
     Interrupted,
 }
 
@@ -46,7 +47,7 @@ pub struct LiveTrial<'a> {
     pub person: &'a mut LivePerson,
     /// Taken off every gaze; what a calibration finds comes on top.
     pub gaze_offset: &'a mut GazeOffset,
-    /// Raised by Ctrl-C.
+    /// Raised by Ctrl-C or a request to end.
     pub interrupted: &'a AtomicBool,
 }
 
@@ -59,7 +60,13 @@ impl LiveTrial<'_> {
         let start = Instant::now();
         self.session.person().set_gaze_offset(*self.gaze_offset);
         let ended = self.drive()?;
-        Ok((ended, finish(&self.session, self.recorder.take(), self.dir.as_deref(), start)?))
+        let end = match ended {
+            Ended::Finished => TrialEnd::Task,
+            Ended::Aborted => TrialEnd::Abort,
+            Ended::Restart { .. } => TrialEnd::Restart,
+            Ended::Interrupted => TrialEnd::Interrupt,
+        };
+        Ok((ended, finish(&self.session, self.recorder.take(), self.dir.as_deref(), start, end)?))
     }
 
     /// Ticks in real time on what the page and the person's devices send.
@@ -126,7 +133,11 @@ impl LiveTrial<'_> {
             for input in self.page.drain_inputs() {
                 match input {
                     ClientInput::Restart { method, again } => return restart(method, again),
-                    ClientInput::GazeCheck(check) => self.take_gaze_check(&check)?,
+                    ClientInput::GazeCheck(check) => {
+                        self.take_gaze_check(&check)?;
+                        // The record was closed already, and now holds more.
+                        self.dir.as_deref().map_or(Ok(()), seal)?;
+                    }
                     _ => {}
                 }
             }

@@ -1,5 +1,6 @@
 //! What connects a person to a trial beside the page: an eye tracker, a tracked limb, and something to hear or feel.
 
+use crate::tell;
 use crate::{LimbReceiver, Rosbridge};
 use proact_bridge::{ClientInput, PageServer};
 use proact_devices::{DeviceError, FeedbackSink, GazeDevice, GazeFrame, SentGaze, UdpFeedback};
@@ -24,7 +25,7 @@ impl Feedback {
         for cue in cues {
             let Some(sink) = &mut self.0 else { return };
             if let Err(error) = sink.begin(cue) {
-                eprintln!("no more feedback: {error}");
+                tell(format_args!("no more feedback: {error}"));
                 self.0 = None;
             }
         }
@@ -73,7 +74,7 @@ impl LivePerson {
             let refused = limb.drive(session).err().map(|error| error.to_string());
             // A stream of broken datagrams is said once, and the limb stays where it was.
             if let Some(reason) = refused.as_ref().filter(|_| refused != self.limb_refused) {
-                eprintln!("{reason}");
+                tell(reason);
             }
             self.limb_refused = refused.or(self.limb_refused.take());
         }

@@ -1,7 +1,7 @@
-use crate::{Arm, ArmError, libraries};
+use crate::{Arm, disk::DiskSync, libraries};
 use proact_emg::Classifier;
 use proact_planning::PlanLog;
-use proact_recording::{RecordingError, TrialBag, TrialHeader, TrialWriter};
+use proact_recording::{FLUSH_TICKS, RecordingError, TrialBag, TrialHeader, TrialWriter};
 use proact_testbed::{Step, TrialConfig, TrialResult};
 use proact_types::{PlantState, SimTime};
 use std::{
@@ -23,9 +23,6 @@ pub enum RecorderError {
     /// The configuration cannot be written as text.
     #[error(transparent)]
     Config(#[from] proact_testbed::ConfigError),
-    /// The description of the arm.
-    #[error(transparent)]
-    Arm(#[from] ArmError),
     /// The plans' log cannot be written.
     #[error("cannot write {path}: {source}")]
     Plans {
@@ -34,12 +31,15 @@ pub enum RecorderError {
         /// Why.
         source: io::Error,
     },
-    /// The classifier cannot be stored.
-    #[error("cannot write {path}: {source}")]
-    Classifier {
-        /// Where.
-        path: PathBuf,
-        /// Why.
+    /// The classifier cannot be written as text.
+    #[error("the classifier cannot be recorded: {0}")]
+    Classifier(#[from] serde_json::Error),
+    /// The disk took what was written and did not keep it.
+    #[error("the disk does not keep the record in {}: {source}", dir.display())]
+    Disk {
+        /// The trial directory.
+        dir: PathBuf,
+        /// What the system said.
         source: io::Error,
     },
 }
@@ -50,12 +50,14 @@ const PLANS_FILE: &str = "plans.jsonl";
 /// Ticks from one joint state in the bag to the next: 50 Hz, as the original's.
 const STATE_TICKS: u64 = 20;
 
-/// Writes a trial as it runs.
+/// Writes a trial as it runs: logs and bag are handed to the operating system every [`FLUSH_TICKS`] ticks, and to the
+/// disk once a second by a thread of its own.
 pub struct Recorder {
     writer: TrialWriter,
     bag: TrialBag,
     end: SimTime,
     plans: Option<PlanFile>,
+    disk: DiskSync,
 }
 
 /// The plans' log as it is written.
@@ -89,21 +91,21 @@ impl Recorder {
         arm: &Arm,
         classifier: Option<&Classifier>,
     ) -> Result<Self, RecorderError> {
+        let mut files = arm.files();
+        if let Some(classifier) = classifier {
+            files.insert(CLASSIFIER_FILE.to_owned(), serde_json::to_vec(classifier)?);
+        }
         let header = TrialHeader {
             config_toml: config.to_toml()?,
             seed: config.seed,
             versions: libraries::versions(),
+            files,
         };
         let writer = TrialWriter::create(dir, &header)?;
-        arm.store(dir)?;
-        if let Some(classifier) = classifier {
-            let path = dir.join(CLASSIFIER_FILE);
-            let text = serde_json::to_vec(classifier).map_err(io::Error::from);
-            text.and_then(|text| fs::write(&path, text))
-                .map_err(|source| RecorderError::Classifier { path, source })?;
-        }
         let bag = TrialBag::create(writer.dir(), arm.model())?;
-        Ok(Self { writer, bag, end: SimTime(0), plans: None })
+        let mut growing = writer.growing_files()?;
+        growing.push(bag.file()?);
+        Ok(Self { writer, bag, end: SimTime(0), plans: None, disk: DiskSync::start(growing) })
     }
 
     /// The same, with what each plan takes beside the record: iterations, time on the clock and on the processor,
@@ -126,10 +128,10 @@ impl Recorder {
     pub fn write(&mut self, step: &Step, state: &PlantState) -> Result<(), RecorderError> {
         let time = step.time;
         self.end = time;
+        self.disk
+            .check()
+            .map_err(|source| RecorderError::Disk { dir: self.writer.dir().to_owned(), source })?;
         self.writer.write_input(time, &step.input)?;
-        if let Some(span) = &step.output.span {
-            self.writer.write_digest(span)?;
-        }
         for event in &step.output.events {
             self.writer.write_event(event)?;
             self.bag.write_event(event)?;
@@ -152,6 +154,13 @@ impl Recorder {
         if let Some(frame) = &step.frame {
             self.bag.write_frame(frame)?;
         }
+        if time.0.is_multiple_of(FLUSH_TICKS) {
+            self.bag.flush()?;
+        }
+        // Last: a digest vouches for what was written before it.
+        if let Some(span) = &step.output.span {
+            self.writer.write_digest(span)?;
+        }
         Ok(())
     }
 
@@ -164,6 +173,7 @@ impl Recorder {
         if let Some(plans) = &mut self.plans {
             plans.write_new()?;
         }
+        self.disk.stop();
         self.bag.finish(self.end)?;
         Ok(self.writer.finish(self.end, result)?)
     }

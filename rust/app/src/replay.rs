@@ -11,12 +11,17 @@ use proact_recording::{RecordingError, Trial, read_result};
 use proact_testbed::{
     Divergence, SpanDigest, Testbed, TestbedError, TrialConfig, TrialResult, first_divergence, replay,
 };
-use proact_types::{PlanReply, PlanStatus};
+use proact_types::{PlanReply, PlanStatus, SimTime};
 use serde::Serialize;
-use std::{collections::BTreeMap, error::Error, fs, path::Path};
+use std::{
+    collections::BTreeMap,
+    error::Error,
+    fs,
+    path::{Path, PathBuf},
+};
 
 /// What a replay found.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Replayed {
     /// Every span agrees.
     pub agrees: bool,
@@ -28,8 +33,10 @@ pub struct Replayed {
     pub recorded: String,
     /// Where they part.
     pub divergence: Option<Divergence>,
-    /// The record has a result; a trial that crashed has none and is replayed as far as it goes.
+    /// The record was closed. One of a trial that was interrupted is replayed up to its last digest.
     pub finished: bool,
+    /// Length of the record, seconds.
+    pub seconds: f64,
     /// What planning again gave; none if it was not asked for.
     pub replanned: Option<Replanned>,
 }
@@ -45,12 +52,28 @@ pub struct Replanned {
     pub not_comparable: Vec<u64>,
 }
 
+/// A trial cannot be recomputed.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 enum ReplayError {
+    /// Its inputs.
     #[error(transparent)]
     Recording(#[from] RecordingError),
+    /// A stage.
     #[error(transparent)]
     Testbed(#[from] TestbedError),
+}
+
+/// Result and logs of a finished record are not of one trial.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "the result in {} is of a trial that ended at {} ms with the digest {}; the logs beside it end at {} ms with {}",
+    dir.display(), result.0, result.1, logs.0, logs.1
+)]
+pub struct OtherResult {
+    dir: PathBuf,
+    result: (u64, String),
+    logs: (u64, String),
 }
 
 /// A recorded trial, ready to be recomputed.
@@ -63,8 +86,10 @@ pub struct Opened {
     pub testbed: Testbed,
     /// What the same requests give now, if that was asked for.
     pub plans: Option<ComparedPlans>,
-    /// The recorded digests, at least one.
+    /// The recorded digests; none if the trial was interrupted before its first.
     pub recorded: Vec<SpanDigest>,
+    /// What the trial ended with, if it did.
+    pub result: Option<TrialResult>,
 }
 
 /// How a trial is replayed.
@@ -99,31 +124,57 @@ pub struct OtherVersions {
     differences: String,
 }
 
-/// Reads the trial in `dir`.
+/// The record of a trial, checked as a whole.
+pub(crate) struct Checked {
+    /// The files.
+    pub record: Trial,
+    /// What the trial depended on.
+    pub config: TrialConfig,
+    /// Its digests.
+    pub recorded: Vec<SpanDigest>,
+    /// What it ended with, if it did.
+    pub result: Option<TrialResult>,
+}
+
+/// Opens the record in `dir`; `other_versions` also takes one of another program or library.
 ///
 /// # Errors
-/// A directory that is no trial, a damaged file (with its offset), a configuration that no longer fits, another arm,
-/// task or version of a library than the trial was recorded with.
-pub fn open_trial(dir: &Path, options: ReplayOptions) -> Result<Opened, Box<dyn Error>> {
-    let ReplayOptions { replan, other_versions } = options;
+/// A directory that is no trial, files that are not as they were recorded, a result of another trial than the logs, a
+/// configuration that no longer fits, other versions.
+pub(crate) fn check_record(dir: &Path, other_versions: bool) -> Result<Checked, Box<dyn Error>> {
     let record = Trial::open(dir)?;
     if !other_versions {
         check_versions(&record.header().versions)?;
     }
     let config = TrialConfig::from_toml(&record.header().config_toml)?;
+    let recorded: Vec<SpanDigest> = record.digests()?;
+    let result = record.finished().then(|| read_result::<TrialResult>(dir)).transpose()?;
+    if let Some(result) = &result {
+        let said = ((result.sim_seconds * 1e3).round() as u64, result.digest.clone());
+        let last = recorded.last().map(|span| span.chain.clone()).unwrap_or_default();
+        let logs = (record.end().0, last);
+        if said != logs {
+            return Err(OtherResult { dir: dir.to_owned(), result: said, logs }.into());
+        }
+    }
+    Ok(Checked { record, config, recorded, result })
+}
+
+/// Reads the trial in `dir`.
+///
+/// # Errors
+/// As [`check_record`]; another arm or task than the trial was recorded with, a classifier that cannot be used.
+pub fn open_trial(dir: &Path, options: ReplayOptions) -> Result<Opened, Box<dyn Error>> {
+    let Checked { record, config, recorded, result } = check_record(dir, options.other_versions)?;
     let arm = Arm::recorded(dir, &config)?;
     let classifier = read_classifier(dir, &config)?;
-    let recorded: Vec<SpanDigest> = record.digests()?;
-    if recorded.is_empty() {
-        return Err("the record holds no complete span: there is nothing to compare".into());
-    }
-    let (testbed, plans) = if replan {
+    let (testbed, plans) = if options.replan {
         let (testbed, plans) = trial::replanned(&arm, config.clone(), classifier)?;
         (testbed, Some(plans))
     } else {
         (trial::replayed(&arm, config.clone(), classifier)?, None)
     };
-    Ok(Opened { record, config, testbed, plans, recorded })
+    Ok(Opened { record, config, testbed, plans, recorded, result })
 }
 
 /// The classifier of the trial in `dir`; none if its gestures came without EMG.
@@ -147,8 +198,10 @@ pub(crate) fn read_classifier(
 /// # Errors
 /// As [`open_trial`].
 pub fn replay_trial(dir: &Path, options: ReplayOptions) -> Result<Replayed, Box<dyn Error>> {
+    if never_begun(&Trial::open(dir)?) {
+        return Ok(Replayed { agrees: true, ..Replayed::default() });
+    }
     let Opened { record, mut testbed, plans, recorded, .. } = open_trial(dir, options)?;
-    let last = recorded.last().ok_or("an opened trial has a digest")?;
     let mut again = Replanned::default();
     let mut logged: Vec<PlanReply> = Vec::new();
     let inputs = record.inputs()?.map(|entry| entry.map(|e| (e.tick, e.input)).map_err(ReplayError::from));
@@ -157,7 +210,7 @@ pub fn replay_trial(dir: &Path, options: ReplayOptions) -> Result<Replayed, Box<
             logged.extend(input.plan.clone());
         }
     });
-    let spans = replay(&mut testbed, inputs, last.tick)?;
+    let spans = replay(&mut testbed, inputs, record.end())?;
     if let Some(plans) = &plans {
         for reply in &logged {
             match plans.reply(reply.id) {
@@ -173,16 +226,21 @@ pub fn replay_trial(dir: &Path, options: ReplayOptions) -> Result<Replayed, Box<
         }
     }
     let divergence = first_divergence(&recorded, &spans);
-    let finished = read_result::<TrialResult>(dir).is_ok();
     Ok(Replayed {
         agrees: divergence.is_none() && again.different.is_empty(),
         spans: spans.len(),
         digest: testbed.digest(),
-        recorded: last.chain.clone(),
+        recorded: recorded.last().map(|span| span.chain.clone()).unwrap_or_default(),
         divergence,
-        finished,
+        finished: record.finished(),
+        seconds: record.end().as_secs(),
         replanned: options.replan.then_some(again),
     })
+}
+
+/// Whether a trial was interrupted before its first digest: there is nothing to recompute, and no fault.
+pub(crate) fn never_begun(record: &Trial) -> bool {
+    !record.finished() && record.end() == SimTime(0)
 }
 
 #[cfg(test)]

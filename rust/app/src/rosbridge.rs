@@ -1,5 +1,6 @@
 //! A trial on rosbridge, for the original headset app and any other client.
 
+use crate::tell;
 use proact_http::Access;
 use proact_rosbridge::{
     CameraTopics, HeadsetInput, HeadsetTopics, LocalBus, RosbridgeOptions, RosbridgeServer, TopicBus,
@@ -55,10 +56,10 @@ pub fn relay(port: Option<u16>, bind: Option<IpAddr>, access: Access) -> Result<
     };
     let place = RosbridgePlace { port, bind, access };
     let server = place.serve(crate::ros_bus::RosBus::new(Arc::clone(&relay)))?;
-    eprintln!("rosbridge: ws://{}/", server.address());
+    tell(format_args!("rosbridge: ws://{}/", server.address()));
     while relay.is_ok() {
         for notice in server.drain_notices() {
-            eprintln!("rosbridge: {notice}");
+            tell(format_args!("rosbridge: {notice}"));
         }
         relay.tell();
         std::thread::sleep(std::time::Duration::from_millis(100));
@@ -106,7 +107,7 @@ impl Rosbridge {
         self.topics.publish(frame);
         self.camera.show(frame);
         for notice in self.server.drain_notices() {
-            eprintln!("rosbridge: {notice}");
+            tell(format_args!("rosbridge: {notice}"));
         }
     }
 

@@ -2,12 +2,12 @@
 
 use crate::{Experimenter, Feedback, Pace, Recorder, Rosbridge};
 use proact_bridge::{ClientInput, PageServer};
-use proact_testbed::{Session, TrialResult};
+use proact_testbed::{Session, TrialEnd, TrialResult};
 use proact_types::DisplayFrame;
 use std::{
     error::Error,
     path::Path,
-    sync::atomic::AtomicBool,
+    sync::atomic::{AtomicBool, Ordering},
     time::{Duration, Instant},
 };
 
@@ -22,6 +22,8 @@ pub struct Audience<'a> {
     pub rosbridge: Option<Rosbridge>,
     /// What is heard or felt.
     pub feedback: Feedback,
+    /// Raised by Ctrl-C or a request to end: the trial then ends with its next tick, and its record is closed.
+    pub interrupted: &'a AtomicBool,
 }
 
 /// Runs a simulated trial: flat out if nobody watches, in real time for the page and for clients of rosbridge. Written to
@@ -36,28 +38,29 @@ pub fn run_to_end(
     dir: Option<&Path>,
     mut on_frame: impl FnMut(&DisplayFrame),
 ) -> Result<TrialResult, Box<dyn Error>> {
-    let page = audience.page;
+    let (page, interrupted) = (audience.page, audience.interrupted);
     if let Some(page) = page {
-        wait_for_page(page);
+        wait_for_page(page, interrupted);
     }
-    let mut live = page.map(|page| {
-        (Pace::new(), Experimenter::new(page, session.testbed().config(), dir, None), AtomicBool::new(false))
-    });
+    let mut live =
+        page.map(|page| (Pace::new(), Experimenter::new(page, session.testbed().config(), dir, None)));
     let mut alone = (page.is_none() && audience.rosbridge.is_some()).then(Pace::new);
     let start = Instant::now();
-    loop {
-        let mut last = false;
-        if let (Some((pace, experimenter, interrupted)), Some(page)) = (&mut live, page) {
+    let ended = loop {
+        let mut ending = interrupted.load(Ordering::Relaxed).then_some(TrialEnd::Interrupt);
+        if let (Some((pace, experimenter)), Some(page)) = (&mut live, page) {
             let mut inputs = page.drain_inputs();
             inputs.extend(experimenter.wait_while_paused(pace, interrupted));
             for input in inputs {
-                if let ClientInput::Study(action) = input {
-                    last |= experimenter.act(action);
+                if let ClientInput::Study(action) = input
+                    && experimenter.act(action)
+                {
+                    ending = Some(TrialEnd::Abort);
                 }
             }
         }
         let began = Instant::now();
-        let step = session.step(last)?;
+        let step = session.step(ending.is_some())?;
         if let Some(recorder) = &mut recorder {
             recorder.write(&step, session.testbed().plant().state())?;
         }
@@ -71,21 +74,23 @@ pub fn run_to_end(
                 rosbridge.publish(frame);
             }
         }
-        if let Some((pace, experimenter, _)) = &mut live {
+        if let Some((pace, experimenter)) = &mut live {
             experimenter.take(&step, began.elapsed());
             pace.tick();
         }
         if let Some(pace) = &mut alone {
             pace.tick();
         }
-        if step.output.finished || last {
-            break;
+        match ending {
+            Some(ended) => break ended,
+            None if step.output.finished => break TrialEnd::Task,
+            None => {}
         }
-    }
-    finish(&session, recorder, dir, start)
+    };
+    finish(&session, recorder, dir, start, ended)
 }
 
-/// The result of a trial that began at `start` on the clock, which closes its record in `dir`.
+/// The result of a trial that began at `start` on the clock and was `ended`, which closes its record in `dir`.
 ///
 /// # Errors
 /// The disk refuses.
@@ -94,8 +99,9 @@ pub(crate) fn finish(
     recorder: Option<Recorder>,
     dir: Option<&Path>,
     start: Instant,
+    ended: TrialEnd,
 ) -> Result<TrialResult, Box<dyn Error>> {
-    let mut result = session.result();
+    let mut result = TrialResult { ended, ..session.result() };
     result.wall_seconds = start.elapsed().as_secs_f64();
     result.real_time_factor = result.sim_seconds / result.wall_seconds.max(1e-9);
     result.trial_dir = dir.map(|d| d.display().to_string());
@@ -106,9 +112,10 @@ pub(crate) fn finish(
 }
 
 /// Gives a browser a moment to come, so that it misses nothing of the trial.
-fn wait_for_page(page: &PageServer) {
+fn wait_for_page(page: &PageServer, interrupted: &AtomicBool) {
     let start = Instant::now();
-    while page.client_count() == 0 && start.elapsed() < PAGE_WAIT {
+    let waits = || start.elapsed() < PAGE_WAIT && !interrupted.load(Ordering::Relaxed);
+    while page.client_count() == 0 && waits() {
         std::thread::sleep(Duration::from_millis(20));
     }
 }

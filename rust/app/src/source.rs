@@ -1,6 +1,7 @@
 //! Where samples come from, for every command that takes a live stream.
 
 use crate::lab_streaming;
+use crate::tell;
 use proact_devices::{
     EmgOrigin, KeyboardSource, Pacing, PersonSource, PlaybackSource, Recordings, SampleSource, SourceInfo,
     gforce::{GForce, GForceOptions, TcpConnector},
@@ -135,7 +136,7 @@ pub fn open(
             })?)
         }
         SourceName::Keys => {
-            eprintln!("keys: W wrist extension, S wrist flexion, A hand close, D hand open, space relaxes");
+            tell("keys: W wrist extension, S wrist flexion, A hand close, D hand open, space relaxes");
             Box::new(KeyboardSource::new(RawKeys::new(), seed)?)
         }
         SourceName::LibEmgUdp(_) => return Err("LibEMG sends classes, not samples".into()),

@@ -5,7 +5,7 @@
 
 use proact_app::{Recorder, ReplayOptions, replay_trial, trial};
 use proact_devices::EmgOrigin;
-use proact_recording::{InputLog, InputRecord, Trial, TrialWriter};
+use proact_recording::{InputRecord, Trial, TrialWriter, read_result};
 use proact_testbed::{MethodName, Setup, SpanDigest, TrialConfig};
 use proact_types::{SimTime, TickInput};
 use std::{
@@ -57,18 +57,22 @@ fn record_of(config: TrialConfig, dir: &Path) -> Outcome {
 fn altered(from: &Path, to: &Path, mut change: impl FnMut(SimTime, &mut TickInput)) -> Outcome {
     let original = Trial::open(from)?;
     let mut writer = TrialWriter::create(to, original.header())?;
-    fs::copy(from.join("classifier.json"), to.join("classifier.json"))?;
-    for record in InputLog::open(from)? {
-        let InputRecord { tick, mut input, .. } = record?;
-        change(tick, &mut input);
-        writer.write_input(tick, &input)?;
+    let mut inputs = original.inputs()?.peekable();
+    for span in original.digests::<SpanDigest>()? {
+        while let Some(record) = inputs.next_if(|r| r.as_ref().is_ok_and(|r| r.tick < span.tick)) {
+            let InputRecord { tick, mut input, .. } = record?;
+            change(tick, &mut input);
+            writer.write_input(tick, &input)?;
+        }
+        let mut last = TickInput::default();
+        if let Some(record) = inputs.next_if(|r| r.as_ref().is_ok_and(|r| r.tick == span.tick)) {
+            last = record?.input;
+            change(span.tick, &mut last);
+        }
+        writer.write_input(span.tick, &last)?;
+        writer.write_digest(&span)?;
     }
-    let spans = original.digests::<SpanDigest>()?;
-    let end = spans.last().map_or(SimTime(0), |span| span.tick);
-    for span in &spans {
-        writer.write_digest(span)?;
-    }
-    writer.finish(end, &serde_json::json!({}))?;
+    writer.finish(original.end(), &read_result::<serde_json::Value>(from)?)?;
     Ok(())
 }
 
@@ -224,7 +228,7 @@ fn a_damaged_log_another_format_and_a_lost_classifier_are_each_told() -> Outcome
     fs::write(&log, &earlier)?;
     let error =
         replay_trial(&dir, ReplayOptions::default()).expect_err("another format must not pass").to_string();
-    for part in ["record of format 2", "replays format 4", "proact 0.1.0 at commit"] {
+    for part in ["record of format 2", "replays format 5", "proact 0.1.0 at commit"] {
         assert!(error.contains(part), "{error}");
     }
 

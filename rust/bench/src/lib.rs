@@ -1,4 +1,6 @@
 //! Figures of each stage, with those of a peer from the same run beside them where there is one.
+// They panic where the output is closed or full.
+#![deny(clippy::print_stdout, clippy::print_stderr)]
 #![allow(clippy::disallowed_methods)] // A bench reads the clock, and starts peers as processes.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 

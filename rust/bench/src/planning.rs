@@ -8,6 +8,7 @@ mod searches;
 use crate::{BenchFigure, BenchReport, quantile};
 use independent::{Contact, Independent};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use proact_app::tell;
 use proact_arm::ArmModel;
 use proact_kinematics::Kinematics;
 use proact_planning::{ArmPlanner, CancelFlag, CollisionScene, PlannerOptions, SearchLimits, SearchOutcome};
@@ -230,7 +231,7 @@ impl Bench {
             answer.reachable = matches!(outcome, SearchOutcome::Solved { .. });
             let verdict = if answer.reachable { "within reach" } else { "out of reach" };
             let (number, kind, said) = (answer.number, answer.kind.name(), &answer.said);
-            eprintln!("{number} {verdict} ({kind}, cluttered: {}): {said}", answer.cluttered);
+            tell(format_args!("{number} {verdict} ({kind}, cluttered: {}): {said}", answer.cluttered));
         }
         Ok(())
     }

@@ -2,6 +2,7 @@
 
 use clap::Args;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use proact_app::answer;
 use proact_app::intent_scores;
 use proact_intent::IntentOptions;
 use std::{
@@ -49,9 +50,9 @@ pub fn command(args: &AnalyzeArgs) -> Result<bool, Box<dyn Error>> {
     })?;
     bar.finish_and_clear();
     if args.json {
-        println!("{}", serde_json::to_string(&report)?);
+        answer(serde_json::to_string(&report)?)?;
     } else {
-        print!("{report}");
+        answer(report.to_string().trim_end())?;
     }
     Ok(report.skipped.is_empty())
 }

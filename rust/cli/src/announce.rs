@@ -1,15 +1,17 @@
 //! What a command tells of its pages and its trials.
 
+use proact_app::{answer, tell};
 use proact_bridge::PageServer;
-use proact_testbed::TrialResult;
+use proact_testbed::{TrialEnd, TrialResult};
+use std::io;
 
 /// Prints the address of a page of this server, and opens it in a browser if there is a screen to open it on. The
 /// empty path is the participant's page.
 pub(crate) fn announce(server: &PageServer, path: &str, open_browser: bool) {
     let url = format!("{}{path}", server.url());
-    eprintln!("page: {url}");
+    tell(format_args!("page: {url}"));
     if path.is_empty() {
-        eprintln!("experimenter: {url}experimenter, read-only: {url}spectator");
+        tell(format_args!("experimenter: {url}experimenter, read-only: {url}spectator"));
     }
     let screen = ["DISPLAY", "WAYLAND_DISPLAY"].iter().any(|name| std::env::var_os(name).is_some());
     if open_browser && screen {
@@ -19,28 +21,38 @@ pub(crate) fn announce(server: &PageServer, path: &str, open_browser: bool) {
 }
 
 /// A trial's result for reading.
-pub(crate) fn print_result(result: &TrialResult) {
-    println!(
+///
+/// # Errors
+/// Standard output is closed or full.
+pub(crate) fn print_result(result: &TrialResult) -> io::Result<()> {
+    answer(format_args!(
         "method {}, set-up {}, seed {}, arrangement {}, gestures: {}",
         result.method, result.setup, result.seed, result.arrangement, result.gesture_source
-    );
+    ))?;
     for block in &result.outcomes {
         let seconds = |s: Option<f64>| s.map_or("   -  ".to_owned(), |s| format!("{s:5.1} s"));
-        println!(
+        answer(format_args!(
             "  {:6} {:20} pick {}  place {}  {:4.0} mm from target",
             block.block.name(),
             format!("{:?}", block.outcome),
             seconds(block.pick_s),
             seconds(block.place_s),
             block.distance_m * 1e3
-        );
+        ))?;
     }
-    println!(
+    answer(format_args!(
         "{} of 4 on target in {:.1} s, computed in {:.1} s ({:.1} times real time)",
         result.on_target, result.sim_seconds, result.wall_seconds, result.real_time_factor
-    );
-    println!("digest {}", result.digest);
-    if let Some(dir) = &result.trial_dir {
-        println!("recorded in {dir}; check it with: proact replay {dir}");
+    ))?;
+    match result.ended {
+        TrialEnd::Task => {}
+        TrialEnd::Abort => answer("ended by the experimenter")?,
+        TrialEnd::Restart => answer("ended for another trial")?,
+        TrialEnd::Interrupt => answer("interrupted")?,
     }
+    answer(format_args!("digest {}", result.digest))?;
+    if let Some(dir) = &result.trial_dir {
+        answer(format_args!("recorded in {dir}; check it with: proact replay {dir}"))?;
+    }
+    Ok(())
 }

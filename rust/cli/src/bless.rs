@@ -1,4 +1,5 @@
 use clap::Args;
+use proact_app::answer;
 use std::{error::Error, path::PathBuf};
 
 /// Arguments of `proact bless`.
@@ -16,6 +17,6 @@ pub(crate) struct BlessArgs {
 
 pub(crate) fn command(args: &BlessArgs) -> Result<bool, Box<dyn Error>> {
     let blessed = proact_app::digests::bless(&args.repository, &args.reason.join(" "))?;
-    println!("{blessed}");
+    answer(&blessed)?;
     Ok(true)
 }

@@ -1,9 +1,11 @@
+use crate::interrupt::outlive_file_limits;
 use crate::{
     analyze::AnalyzeArgs, bless::BlessArgs, demo::DemoArgs, doctor, emg::EmgCommand, model::ModelCommand,
     replay::ReplayArgs, serve::ServeArgs,
 };
 use clap::{Args, Parser, Subcommand};
 use proact_app::query::{self, QueryOptions};
+use proact_app::{answer, tell};
 use proact_bench::PlanningBench;
 use std::{
     error::Error,
@@ -116,11 +118,21 @@ impl BenchArgs {
 
 /// Parses the command line and runs it. The exit code is 0 only on success.
 pub fn main() -> ExitCode {
-    match run(Cli::parse().command) {
+    let command = match Cli::try_parse() {
+        Ok(cli) => cli.command,
+        // Help and version are printed too, and like every answer may find nobody to read them.
+        Err(told) => {
+            return match told.print() {
+                Ok(()) => u8::try_from(told.exit_code()).map_or(ExitCode::FAILURE, ExitCode::from),
+                Err(_) => ExitCode::FAILURE,
+            };
+        }
+    };
+    match outlive_file_limits().map_err(Into::into).and_then(|()| run(command)) {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::FAILURE,
         Err(error) => {
-            eprintln!("proact: {error}");
+            tell(format_args!("proact: {error}"));
             ExitCode::FAILURE
         }
     }
@@ -141,9 +153,9 @@ fn run(command: Command) -> Result<bool, Box<dyn Error>> {
         Command::Bench(args) => {
             let report = proact_bench::run(&args.stage, args.problems())?;
             if args.json {
-                println!("{}", serde_json::to_string(&report)?);
+                answer(serde_json::to_string(&report)?)?;
             } else {
-                print!("{report}");
+                answer(report.to_string().trim_end())?;
             }
             Ok(true)
         }

@@ -1,31 +1,34 @@
 use crate::{
     announce::{announce, print_result},
-    interrupt::wait_for_interrupt,
+    interrupt::{interrupt_flag, wait_for},
     person_args::FeedbackArgs,
     rosbridge_args::RosbridgeArgs,
     trial_args::TrialArgs,
 };
 use clap::Args;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use proact_app::tell;
 use proact_app::{
-    Arm, Audience, Recorder, default_dir, run_to_end,
+    Arm, Audience, Recorder, answer, default_dir, run_to_end,
     trial::{self, Assembly},
 };
 use proact_bridge::{PageContent, PageOptions, PageServer};
 use proact_devices::EmgOrigin;
 use proact_emg::{EmgConfig, EmgModel};
-use proact_testbed::{Session, TrialConfig};
+use proact_testbed::{Session, TrialConfig, TrialEnd};
 use std::{
     error::Error,
     io::IsTerminal,
     path::{Path, PathBuf},
+    sync::atomic::Ordering,
 };
 
 /// Arguments of `proact demo`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  proact demo\n  proact demo --headless --seed 7 --json\n  \
     proact demo --emg recordings/ --emg-train 0,1 --emg-feed 2\n\n\
-    EMG comes from a generator unless --emg names a folder of recordings. `--setup still` keeps the shoulder still.")]
+    EMG comes from a generator unless --emg names a folder of recordings. `--setup still` keeps the shoulder still. \
+    Ctrl-C ends the trial and closes its record; the exit code is then not 0.")]
 pub(crate) struct DemoArgs {
     #[command(flatten)]
     trial: TrialArgs,
@@ -153,22 +156,23 @@ fn trial_with(
     let page = if how.headless { None } else { Some(open_page(&session, how)?) };
     let (rosbridge, feedback) = (how.rosbridge.open(&session)?, how.feedback.open()?);
     let bar = bar(&session, !how.json);
-    let mut audience = Audience { page: page.as_ref(), rosbridge, feedback };
+    let interrupted = interrupt_flag()?;
+    let mut audience = Audience { page: page.as_ref(), rosbridge, feedback, interrupted: &interrupted };
     let result = run_to_end(session, recorder, &mut audience, dir.as_deref(), |frame| {
         bar.set_position(frame.time.0);
         bar.set_message(format!("{} of 4 on target", frame.on_target));
     })?;
     bar.finish_and_clear();
     if how.json {
-        println!("{}", serde_json::to_string(&result)?);
+        answer(serde_json::to_string(&result)?)?;
     } else {
-        print_result(&result);
+        print_result(&result)?;
     }
-    if let Some(page) = page.filter(|_| !how.exit) {
-        eprintln!("the page stays at {} until Ctrl-C", page.url());
-        wait_for_interrupt()?;
+    if let Some(page) = page.filter(|_| !how.exit && !interrupted.load(Ordering::Relaxed)) {
+        tell(format_args!("the page stays at {} until Ctrl-C", page.url()));
+        wait_for(&interrupted);
     }
-    Ok(true)
+    Ok(result.ended != TrialEnd::Interrupt)
 }
 
 fn open_page(session: &Session, how: &RunHow) -> Result<PageServer, Box<dyn Error>> {

@@ -1,5 +1,11 @@
+//! Signals that ask the program to end, and one that is only a full disk by another name.
+
+use signal_hook::{
+    consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ},
+    flag,
+};
 use std::{
-    error::Error,
+    io,
     sync::{
         Arc,
         atomic::{AtomicBool, Ordering},
@@ -7,19 +13,44 @@ use std::{
     time::Duration,
 };
 
-/// Blocks until Ctrl-C or a request to end.
-pub(crate) fn wait_for_interrupt() -> Result<(), Box<dyn Error>> {
-    let ended = interrupt_flag()?;
-    while !ended.load(Ordering::Relaxed) {
+/// Exit code of a program that a second Ctrl-C ended, as shells count: 128 and the signal's number.
+const INTERRUPTED: i32 = 128 + SIGINT;
+
+/// Blocks until the flag is raised.
+pub(crate) fn wait_for(interrupted: &AtomicBool) {
+    while !interrupted.load(Ordering::Relaxed) {
         std::thread::sleep(Duration::from_millis(50));
     }
-    Ok(())
 }
 
-/// A flag that Ctrl-C or a request to end raises.
-pub(crate) fn interrupt_flag() -> Result<Arc<AtomicBool>, Box<dyn Error>> {
-    let ended = Arc::new(AtomicBool::new(false));
-    let flag = ended.clone();
-    ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed))?;
-    Ok(ended)
+/// A flag that Ctrl-C, SIGTERM and the end of the terminal raise, so that records and recordings are closed. A second
+/// Ctrl-C ends the program at once. A program that was started to outlive its terminal, as by `nohup`, does.
+///
+/// # Errors
+/// The system refuses.
+pub(crate) fn interrupt_flag() -> io::Result<Arc<AtomicBool>> {
+    let raised = Arc::new(AtomicBool::new(false));
+    flag::register_conditional_shutdown(SIGINT, INTERRUPTED, Arc::clone(&raised))?;
+    for signal in [SIGINT, SIGTERM, SIGHUP] {
+        if signal != SIGHUP || !ignored(SIGHUP) {
+            flag::register(signal, Arc::clone(&raised))?;
+        }
+    }
+    Ok(raised)
+}
+
+/// Makes a file that reaches its limit (`ulimit -f`) an error of the write, instead of the end of the program.
+///
+/// # Errors
+/// The system refuses.
+pub(crate) fn outlive_file_limits() -> io::Result<()> {
+    flag::register(SIGXFSZ, Arc::default()).map(|_| ())
+}
+
+/// Whether whoever started the program had it ignore a signal.
+fn ignored(signal: i32) -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0);
+    mask & (1 << (signal - 1)) != 0
 }

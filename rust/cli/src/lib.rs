@@ -1,4 +1,6 @@
 //! The `proact` command: arguments, texts and exit codes.
+// They panic where the output is closed or full.
+#![deny(clippy::print_stdout, clippy::print_stderr)]
 #![allow(clippy::disallowed_methods)] // The command has the clock, the threads and the files that stages lack.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 

@@ -1,6 +1,7 @@
 //! `proact model`: judge a description of an arm, or turn a lab's own into one.
 
 use clap::{Args, Subcommand};
+use proact_app::answer;
 use proact_app::compare::compare;
 use proact_description::{DescriptionError, Imported, Report, check, import, parse, parse_urdf};
 use serde_json::json;
@@ -94,15 +95,15 @@ fn run_check(args: &CheckArgs, json: bool) -> Result<bool, Box<dyn Error>> {
         None
     };
     if json {
-        let mut answer = serde_json::to_value(&report)?;
+        let mut object = serde_json::to_value(&report)?;
         if let Some(compared) = &compared {
-            answer["comparison"] = serde_json::to_value(compared)?;
+            object["comparison"] = serde_json::to_value(compared)?;
         }
-        println!("{answer}");
+        answer(&object)?;
     } else {
-        println!("{report}");
+        answer(&report)?;
         if let Some(compared) = &compared {
-            println!("{compared}");
+            answer(compared)?;
         }
     }
     if args.file.is_dir() && report.usable {
@@ -118,12 +119,12 @@ fn run_import(args: &ImportArgs, json: bool) -> Result<bool, Box<dyn Error>> {
         Ok(imported) => {
             let (urdf, srdf) = write(&imported, &args.out, args.force)?;
             if json {
-                let mut answer = serde_json::to_value(&imported.report)?;
-                answer["urdf"] = json!(urdf);
-                answer["srdf"] = json!(srdf);
-                println!("{answer}");
+                let mut object = serde_json::to_value(&imported.report)?;
+                object["urdf"] = json!(urdf);
+                object["srdf"] = json!(srdf);
+                answer(&object)?;
             } else {
-                println!("{}\nwrote {} and {}", imported.report, urdf.display(), srdf.display());
+                answer(format_args!("{}\nwrote {} and {}", imported.report, urdf.display(), srdf.display()))?;
             }
             Ok(true)
         }
@@ -132,7 +133,7 @@ fn run_import(args: &ImportArgs, json: bool) -> Result<bool, Box<dyn Error>> {
             if json {
                 print_json(&report)?
             } else {
-                println!("{report}\nnothing was written")
+                answer(format_args!("{report}\nnothing was written"))?
             }
             Ok(false)
         }
@@ -140,9 +141,8 @@ fn run_import(args: &ImportArgs, json: bool) -> Result<bool, Box<dyn Error>> {
     }
 }
 
-fn print_json(report: &Report) -> Result<(), serde_json::Error> {
-    println!("{}", serde_json::to_string(report)?);
-    Ok(())
+fn print_json(report: &Report) -> Result<(), Box<dyn Error>> {
+    Ok(answer(serde_json::to_string(report)?)?)
 }
 
 fn read(path: &Path) -> Result<String, DescriptionError> {

@@ -77,7 +77,7 @@ pub(crate) fn command(args: &NodeArgs) -> Result<bool, Box<dyn Error>> {
         NodeName::Sim => nodes::sim(&arm, config)?,
         NodeName::Testbed => {
             let result = nodes::testbed(&arm, config, args.live)?;
-            println!("{}", serde_json::to_string(&result)?);
+            proact_app::answer(serde_json::to_string(&result)?)?;
         }
         NodeName::Emg => nodes::emg(config)?,
         NodeName::Intent => nodes::intent(&arm, &config)?,
@@ -85,7 +85,7 @@ pub(crate) fn command(args: &NodeArgs) -> Result<bool, Box<dyn Error>> {
         NodeName::Task => nodes::task(&arm, config)?,
         NodeName::Participant => nodes::participant(&arm, &config)?,
         NodeName::Rosbridge => args.rosbridge.relay()?,
-        NodeName::Meter => println!("{}", serde_json::to_string(&nodes::meter()?)?),
+        NodeName::Meter => proact_app::answer(serde_json::to_string(&nodes::meter()?)?)?,
     }
     Ok(true)
 }

@@ -2,6 +2,7 @@
 
 use crate::rosbridge_args::RosbridgeArgs;
 use clap::Args;
+use proact_app::tell;
 use proact_app::{Feedback, LimbReceiver, LivePerson};
 #[cfg(feature = "lsl")]
 use proact_devices::LslGaze;
@@ -47,7 +48,7 @@ impl PersonArgs {
         let tracker = self.tracker()?;
         let limb = self.limb_udp.map(LimbReceiver::bind).transpose()?;
         if let Some(limb) = &limb {
-            eprintln!("limb: UDP {}", limb.address()?);
+            tell(format_args!("limb: UDP {}", limb.address()?));
         }
         Ok(LivePerson::new(tracker, limb, self.feedback.open()?, self.rosbridge.open(session)?))
     }
@@ -56,12 +57,12 @@ impl PersonArgs {
         #[cfg(feature = "lsl")]
         if let Some(name) = &self.gaze_lsl {
             let tracker = LslGaze::open(name.as_deref())?;
-            eprintln!("gaze: {}, lab streaming layer", tracker.name());
+            tell(format_args!("gaze: {}, lab streaming layer", tracker.name()));
             return Ok(Some(Box::new(tracker)));
         }
         let Some(port) = self.gaze_udp else { return Ok(None) };
         let tracker = GazeReceiver::bind(port)?;
-        eprintln!("gaze: UDP {}", tracker.address()?);
+        tell(format_args!("gaze: UDP {}", tracker.address()?));
         Ok(Some(Box::new(tracker)))
     }
 }

@@ -1,5 +1,6 @@
 use crate::replay_page;
 use clap::Args;
+use proact_app::answer;
 use proact_app::{Replanned, ReplayOptions, replay_trial};
 use proact_testbed::Divergence;
 use std::{error::Error, path::PathBuf};
@@ -9,7 +10,8 @@ use std::{error::Error, path::PathBuf};
 #[command(after_help = "Examples:\n  proact replay trials/D-seated-seed1\n  \
     proact replay trials/A-still-seed1 trials/D-still-seed1 --page\n  \
     proact replay participant1-mode4-trial2.bag --page\n\n\
-    Exit code 0 only if every span of the recomputed trial has the recorded digest.")]
+    A trial that was broken off is recomputed up to its last digest, and called interrupted. Exit code 0 only if every \
+    span of the recomputed trial has the recorded digest. A bag that is cut off is shown as far as it goes.")]
 pub(crate) struct ReplayArgs {
     /// Trial directory; several with --page, and also bags of the original or of any ROS graph with its topics
     #[arg(required = true, value_name = "DIR")]
@@ -52,12 +54,12 @@ pub(crate) fn command(args: &ReplayArgs) -> Result<bool, Box<dyn Error>> {
     let options = ReplayOptions { replan: args.replan, other_versions: args.other_versions };
     let replayed = replay_trial(dir, options)?;
     if args.json {
-        println!("{}", serde_json::to_string(&replayed)?);
+        answer(serde_json::to_string(&replayed)?)?;
         return Ok(replayed.agrees);
     }
     match &replayed.divergence {
-        None => println!("agrees: {} spans, digest {}", replayed.spans, replayed.digest),
-        Some(Divergence { from, to, fields }) => println!(
+        None => answer(format_args!("agrees: {} spans, digest {}", replayed.spans, replayed.digest))?,
+        Some(Divergence { from, to, fields }) => answer(format_args!(
             "DIVERGES between {:.3} s and {:.3} s (ticks {} to {}), first in {}\n  recorded   {}\n  recomputed {}",
             from.as_secs(),
             to.as_secs(),
@@ -66,17 +68,20 @@ pub(crate) fn command(args: &ReplayArgs) -> Result<bool, Box<dyn Error>> {
             fields.join(", "),
             replayed.recorded,
             replayed.digest
-        ),
+        ))?,
     }
     if let Some(Replanned { equal, different, not_comparable }) = &replayed.replanned {
-        println!(
+        answer(format_args!(
             "plans: {equal} equal, {} different {different:?}, {} not comparable {not_comparable:?}",
             different.len(),
             not_comparable.len()
-        );
+        ))?;
     }
     if !replayed.finished {
-        println!("note: the trial has no result; it was replayed as far as it was recorded");
+        answer(format_args!(
+            "interrupted: the record was not closed, and goes up to {:.3} s",
+            replayed.seconds
+        ))?;
     }
     Ok(replayed.agrees)
 }

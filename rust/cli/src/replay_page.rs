@@ -1,6 +1,10 @@
 //! Recorded trials on a page: recomputed from their logs, then served to be scrubbed and compared.
 
-use crate::{announce::announce, interrupt::wait_for_interrupt};
+use crate::{
+    announce::announce,
+    interrupt::{interrupt_flag, wait_for},
+};
+use proact_app::tell;
 use proact_app::{film, film_of_bag};
 use proact_bridge::{PageOptions, PageServer};
 use proact_description::mpl_right_arm;
@@ -11,10 +15,10 @@ pub(crate) fn show(dirs: &[PathBuf], port: u16, open_browser: bool) -> Result<bo
     let mut trials = Vec::new();
     for dir in dirs {
         let trial = if dir.is_file() {
-            eprintln!("reading {}", dir.display());
+            tell(format_args!("reading {}", dir.display()));
             film_of_bag::read(dir, &mpl_right_arm())
         } else {
-            eprintln!("recomputing {}", dir.display());
+            tell(format_args!("recomputing {}", dir.display()));
             film::recompute(dir)
         };
         trials.push(trial.map_err(|error| format!("{}: {error}", dir.display()))?);
@@ -25,6 +29,6 @@ pub(crate) fn show(dirs: &[PathBuf], port: u16, open_browser: bool) -> Result<bo
     let server = PageServer::start(PageOptions { port, ..PageOptions::default() }, first.content.clone())?;
     server.set_trials(&trials)?;
     announce(&server, "replay", open_browser);
-    wait_for_interrupt()?;
+    wait_for(&*interrupt_flag()?);
     Ok(true)
 }

@@ -1,6 +1,7 @@
 //! `--rosbridge`: a trial for the original headset app, and for any other client of rosbridge.
 
 use clap::Args;
+use proact_app::tell;
 use proact_app::{Rosbridge, RosbridgePlace};
 use proact_http::Access;
 use proact_testbed::Session;
@@ -32,7 +33,7 @@ impl RosbridgeArgs {
         let Some(port) = self.rosbridge else { return Ok(None) };
         let place = RosbridgePlace { port, bind: self.rosbridge_bind, access: self.access() };
         let rosbridge = Rosbridge::open(session, place, self.ros)?;
-        eprintln!("rosbridge: ws://{}/", rosbridge.address());
+        tell(format_args!("rosbridge: ws://{}/", rosbridge.address()));
         Ok(Some(rosbridge))
     }
 

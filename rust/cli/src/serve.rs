@@ -5,6 +5,7 @@ use crate::{
     trial_args::TrialArgs,
 };
 use clap::Args;
+use proact_app::tell;
 use proact_app::{
     Ended, LiveArmband, LivePerson, LiveTrial, Recorder, default_dir,
     trial::{self, Armband, Assembly},
@@ -124,7 +125,7 @@ pub(crate) fn command(args: &ServeArgs) -> Result<bool, Box<dyn Error>> {
             interrupted: &interrupted,
         };
         let (mut ended, result) = trial.run()?;
-        print_result(&result);
+        print_result(&result)?;
         if matches!(ended, Ended::Finished | Ended::Aborted) {
             ended = trial.wait_for_restart()?;
         }
@@ -159,11 +160,11 @@ pub(crate) fn new_token(bind: IpAddr) -> Result<Option<String>, Box<dyn Error>> 
 /// Tells how to open the page on another machine, for a headset as a QR code.
 fn announce_remote(server: &PageServer, headset: bool) -> Result<(), Box<dyn Error>> {
     let Some(url) = server.remote_url() else { return Ok(()) };
-    eprintln!("on another machine: {url}");
+    tell(format_args!("on another machine: {url}"));
     if headset {
         let code = qrcode::QrCode::new(&url)?;
-        eprintln!("{}", code.render::<qrcode::render::unicode::Dense1x2>().build());
-        eprintln!("The certificate is made anew at each start: the browser asks once whether to go on.");
+        tell(format_args!("{}", code.render::<qrcode::render::unicode::Dense1x2>().build()));
+        tell("The certificate is made anew at each start: the browser asks once whether to go on.");
     }
     Ok(())
 }

@@ -26,6 +26,8 @@
 //! assert_eq!(gesture, Gesture::HandClose);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
+// They panic where the output is closed or full.
+#![deny(clippy::print_stdout, clippy::print_stderr)]
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 // Reading recordings, and streams by the real clock, is what this crate is for.
 #![allow(clippy::disallowed_methods)]
@@ -66,6 +68,6 @@ pub use live::{
 };
 pub use random::stream;
 pub use recorder::{EmgRecorder, RecordedStream, read_recorded};
-pub use recording::{ChannelValues, MYO_RATE_HZ, Recording, Recordings, read_samples};
+pub use recording::{ChannelValues, MYO_RATE_HZ, Recording, RecordingFolder, Recordings, read_samples};
 pub use setup::{EmgOrigin, EmgSetup, default_config, prepare, prepare_model, prepare_with, train};
 pub use synthetic::{FittedGesture, SyntheticEmg, SyntheticModel};

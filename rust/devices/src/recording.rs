@@ -59,6 +59,61 @@ pub struct Recordings {
     pub items: Vec<Recording>,
 }
 
+/// A folder that recordings are put into one by one: `R_<repetition>_C_<class>.csv` files with `metadata.json` beside
+/// them, which [`Recordings::open`] and LibEMG read.
+#[derive(Clone, Debug)]
+pub struct RecordingFolder {
+    dir: PathBuf,
+}
+
+impl RecordingFolder {
+    /// Makes the folder if it is not there, for recordings of `rate_hz`.
+    ///
+    /// # Errors
+    /// A folder that cannot be written, or one that holds recordings already.
+    pub fn create(dir: &Path, rate_hz: f64) -> Result<Self, DeviceError> {
+        std::fs::create_dir_all(dir).map_err(unwritten(dir))?;
+        let classes: serde_json::Map<String, serde_json::Value> =
+            Gesture::ALL.iter().map(|g| (g.index().to_string(), g.ros_name().into())).collect();
+        let metadata = serde_json::json!({ "rate_hz": rate_hz, "class_map": classes });
+        let path = dir.join("metadata.json");
+        let mut file = std::fs::File::create_new(&path).map_err(unwritten(&path))?;
+        file.write_all(format!("{metadata:#}\n").as_bytes())
+            .and_then(|()| file.sync_all())
+            .map_err(unwritten(&path))?;
+        Ok(Self { dir: dir.to_owned() })
+    }
+
+    /// The folder.
+    pub fn path(&self) -> &Path {
+        &self.dir
+    }
+
+    /// Writes one recording, in one piece and to the disk. It takes the place of one of the same gesture and number.
+    ///
+    /// # Errors
+    /// A file that cannot be written; one that was there before stays then.
+    pub fn keep(&self, item: &Recording) -> Result<(), DeviceError> {
+        let line = |row: &ChannelValues| row.iter().map(f64::to_string).collect::<Vec<_>>().join(",") + "\n";
+        let text: String = item.samples.iter().map(line).collect();
+        let name = format!("R_{}_C_{}.csv", item.repetition, item.gesture.index());
+        let (path, partial) = (self.dir.join(&name), self.dir.join(format!("{name}.partial")));
+        let write = || {
+            let mut file = std::fs::File::create(&partial)?;
+            file.write_all(text.as_bytes())?;
+            file.sync_all()?;
+            std::fs::rename(&partial, &path)
+        };
+        write().map_err(unwritten(&path))
+    }
+}
+
+/// For `map_err`: a file or folder that cannot be written.
+fn unwritten(path: &Path) -> impl FnOnce(std::io::Error) -> DeviceError {
+    let path = path.to_owned();
+    move |source| DeviceError::Write { path, source }
+}
+
 impl Recordings {
     /// [`Recordings::open`] with the rate given.
     ///
@@ -120,33 +175,13 @@ impl Recordings {
         Ok(recordings)
     }
 
-    /// Writes `R_<repetition>_C_<class>.csv` files with `metadata.json` beside them, which [`Recordings::open`] and LibEMG
-    /// read. Makes the folder if it is not there.
+    /// Writes all of them into `dir`, as [`RecordingFolder`] does.
     ///
     /// # Errors
     /// A folder or file that cannot be written; none is replaced.
     pub fn write(&self, dir: &Path) -> Result<(), DeviceError> {
-        let failed = |path: &Path| {
-            let path = path.to_owned();
-            move |source| DeviceError::Write { path, source }
-        };
-        std::fs::create_dir_all(dir).map_err(failed(dir))?;
-        let create = |name: &str, text: &str| {
-            let path = dir.join(name);
-            let mut file = std::fs::File::create_new(&path).map_err(failed(&path))?;
-            file.write_all(text.as_bytes()).and_then(|()| file.sync_all()).map_err(failed(&path))
-        };
-        let classes: serde_json::Map<String, serde_json::Value> =
-            Gesture::ALL.iter().map(|g| (g.index().to_string(), g.ros_name().into())).collect();
-        let metadata = serde_json::json!({ "rate_hz": self.rate_hz, "class_map": classes });
-        create("metadata.json", &format!("{metadata:#}\n"))?;
-        for item in &self.items {
-            let line =
-                |row: &ChannelValues| row.iter().map(f64::to_string).collect::<Vec<_>>().join(",") + "\n";
-            let text: String = item.samples.iter().map(line).collect();
-            create(&format!("R_{}_C_{}.csv", item.repetition, item.gesture.index()), &text)?;
-        }
-        Ok(())
+        let folder = RecordingFolder::create(dir, self.rate_hz)?;
+        self.items.iter().try_for_each(|item| folder.keep(item))
     }
 
     /// Checks that all files have the channels of the first, and no repetition comes twice.

@@ -17,11 +17,12 @@ pub(crate) struct LineWriter {
     file: BufWriter<File>,
     path: PathBuf,
     checked: bool,
+    lines: u64,
 }
 
 impl LineWriter {
     pub(crate) fn new(file: File, path: &Path, checked: bool) -> Self {
-        LineWriter { file: BufWriter::new(file), path: path.to_owned(), checked }
+        LineWriter { file: BufWriter::new(file), path: path.to_owned(), checked, lines: 0 }
     }
 
     pub(crate) fn write<T: Serialize>(&mut self, value: &T) -> Result<(), RecordingError> {
@@ -31,7 +32,18 @@ impl LineWriter {
         } else {
             writeln!(self.file, "{json}")
         };
-        written.map_err(RecordingError::io("write to", &self.path))
+        written.map_err(RecordingError::io("write to", &self.path))?;
+        self.lines += 1;
+        Ok(())
+    }
+
+    /// Lines written so far.
+    pub(crate) fn lines(&self) -> u64 {
+        self.lines
+    }
+
+    pub(crate) fn file(&self) -> Result<File, RecordingError> {
+        self.file.get_ref().try_clone().map_err(RecordingError::io("open once more", &self.path))
     }
 
     pub(crate) fn flush(&mut self) -> Result<(), RecordingError> {
@@ -44,29 +56,53 @@ impl LineWriter {
     }
 }
 
+/// The good lines at the start of a file.
+pub(crate) struct Lines<T> {
+    pub values: Vec<T>,
+    /// Byte at which each starts.
+    pub offsets: Vec<u64>,
+    /// Why it goes no further; none at the end of the file.
+    pub stop: Option<RecordingError>,
+}
+
+impl<T> Lines<T> {
+    /// The first `count` of them.
+    pub(crate) fn first(mut self, count: usize) -> Result<Vec<T>, RecordingError> {
+        match self.stop {
+            Some(error) if self.values.len() < count => Err(error),
+            _ => {
+                self.values.truncate(count);
+                Ok(self.values)
+            }
+        }
+    }
+}
+
 /// Reads such a file whole. These files are small: a five-minute trial has 3,000 digests.
-pub(crate) fn read_lines<T: DeserializeOwned>(path: &Path, checked: bool) -> Result<Vec<T>, RecordingError> {
+pub(crate) fn read_lines<T: DeserializeOwned>(
+    path: &Path,
+    checked: bool,
+) -> Result<Lines<T>, RecordingError> {
     let bytes = std::fs::read(path).map_err(RecordingError::io("read", path))?;
-    let mut values = Vec::new();
+    let mut lines = Lines { values: Vec::new(), offsets: Vec::new(), stop: None };
     let mut offset = 0;
     for line in bytes.split_inclusive(|b| *b == b'\n') {
-        let at = offset as u64;
-        offset += line.len();
         let Some((b'\n', text)) = line.split_last() else {
-            return Err(RecordingError::Truncated {
-                file: path.to_owned(),
-                offset: at,
-                records: values.len() as u64,
-            });
+            let records = lines.values.len() as u64;
+            lines.stop = Some(RecordingError::Truncated { file: path.to_owned(), offset, records });
+            break;
         };
-        let value = parse(text, checked).map_err(|reason| RecordingError::Damaged {
-            file: path.to_owned(),
-            offset: at,
-            reason,
-        })?;
-        values.push(value);
+        match parse(text, checked) {
+            Ok(value) => lines.values.push(value),
+            Err(reason) => {
+                lines.stop = Some(RecordingError::Damaged { file: path.to_owned(), offset, reason });
+                break;
+            }
+        }
+        lines.offsets.push(offset);
+        offset += line.len() as u64;
     }
-    Ok(values)
+    Ok(lines)
 }
 
 fn parse<T: DeserializeOwned>(text: &[u8], checked: bool) -> Result<T, String> {

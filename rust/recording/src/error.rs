@@ -34,12 +34,23 @@ pub enum RecordingError {
     },
     /// The trial was broken off: its process ended before the result was written.
     #[error(
-        "the trial in {} is unfinished: it has inputs but no result.json, so its process ended before the trial did",
+        "the trial in {} is interrupted: it has inputs but no result.json, so its process ended before the trial did",
         dir.display()
     )]
     Unfinished {
         /// The directory.
         dir: PathBuf,
+    },
+    /// Files are not those that were recorded.
+    #[error(
+        "the trial in {} is not as it was recorded: {files}; expected what was written, so take it from a copy",
+        dir.display()
+    )]
+    Changed {
+        /// The directory.
+        dir: PathBuf,
+        /// Which files, and how they differ.
+        files: String,
     },
     /// Bytes are not those that were written.
     #[error("{} is damaged at byte {offset}: {reason}", file.display())]
@@ -65,11 +76,7 @@ pub enum RecordingError {
         records: u64,
     },
     /// A file that is no ROS bag, or a damaged one.
-    #[error(
-        "{} cannot be read as a ROS bag: {reason}; expected one of format 2.0 that was finished: try `rosbag info`, \
-         and `rosbag reindex` if its recorder was killed",
-        file.display()
-    )]
+    #[error("{} cannot be read as a ROS bag: {reason}; expected one of format 2.0: try `rosbag info`", file.display())]
     Bag {
         /// The file.
         file: PathBuf,

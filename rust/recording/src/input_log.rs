@@ -28,8 +28,8 @@ pub(crate) struct LogHeader {
     pub seed: u64,
     /// Versions of program and libraries.
     pub versions: BTreeMap<String, String>,
-    /// CRC-32 of `config.toml`, so that an edited configuration is noticed.
-    pub config_crc32: u32,
+    /// SHA-256 of `config.toml` and of whatever else the trial began with, so that an edited one is noticed.
+    pub files: BTreeMap<String, String>,
 }
 
 /// What is written, borrowed; postcard's encoding is that of [`Record`].
@@ -80,6 +80,7 @@ impl InputLogWriter {
         let mut log =
             InputLogWriter { file: BufWriter::new(file), path: path.to_owned(), last: None, records: 0 };
         let payload = serde_json::to_vec(header).map_err(RecordingError::encode("the log header"))?;
+        // In one piece: a log is not there, or has its head.
         log.put(MAGIC)?;
         log.put(&RECORD_FORMAT.to_le_bytes())?;
         log.put_record(&payload)?;
@@ -98,6 +99,20 @@ impl InputLogWriter {
         }
         self.records += 1;
         self.put_value(&RecordRef::Tick(tick, input))
+    }
+
+    /// Last tick that was handed in, with or without input.
+    pub(crate) fn last_tick(&self) -> SimTime {
+        self.last.unwrap_or(SimTime(0))
+    }
+
+    /// Records written so far.
+    pub(crate) fn records(&self) -> u64 {
+        self.records
+    }
+
+    pub(crate) fn file(&self) -> Result<File, RecordingError> {
+        self.file.get_ref().try_clone().map_err(RecordingError::io("open once more", &self.path))
     }
 
     pub(crate) fn flush(&mut self) -> Result<(), RecordingError> {
@@ -168,7 +183,7 @@ impl InputLog {
         let mut log = InputLog {
             file: BufReader::new(file),
             path,
-            header: LogHeader { seed: 0, versions: BTreeMap::new(), config_crc32: 0 },
+            header: LogHeader { seed: 0, versions: BTreeMap::new(), files: BTreeMap::new() },
             length,
             offset: 0,
             last: None,

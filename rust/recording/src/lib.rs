@@ -5,11 +5,13 @@
 //! | file | content |
 //! |---|---|
 //! | `config.toml` | the whole configuration |
+//! | such as `classifier.json`, `arm.urdf` | what else the trial began with |
 //! | `inputs.log` | format of the record, seed, versions, and all that entered from outside, tick by tick: with the configuration it *is* the trial |
-//! | `digests.log` | the digest chain, one entry per span of ticks |
+//! | `digests.log` | the digest chain, one entry per span of ticks, with the number of inputs and events that it covers |
 //! | `events.jsonl` | what happened, one JSON object a line |
 //! | `trial.bag` | the same trial as a ROS 1 bag |
-//! | `result.json` | the result, written last: without it the trial is unfinished |
+//! | `result.json` | the result |
+//! | `SHA256SUMS` | a hash of each file, written last: without it the trial was interrupted |
 //!
 //! A record has one format number ([`RECORD_FORMAT`]) for all its files. A record of another format is refused with the
 //! program that replays it.
@@ -26,6 +28,8 @@
 //! let mut trial = TrialWriter::create(&dir, &header)?;
 //! let keys = TickInput { gesture: Some(Gesture::WristFlexion), ..Default::default() };
 //! trial.write_input(SimTime(1), &keys)?;
+//! trial.write_input(SimTime(2), &TickInput::default())?;
+//! trial.write_digest(&"a digest of ticks 1 to 2")?;
 //! trial.finish(SimTime(2), &serde_json::json!({"on_target": 4}))?;
 //!
 //! let record = InputLog::open(&dir)?.next().expect("one tick had input")?;
@@ -42,13 +46,17 @@ mod checked_lines;
 mod error;
 mod format;
 mod input_log;
+mod manifest;
 mod trial;
+mod trial_writer;
 
 pub use bag::TrialBag;
 pub use error::RecordingError;
 pub use format::RECORD_FORMAT;
 pub use input_log::{InputLog, InputRecord, LogEnd};
-pub use trial::{FLUSH_TICKS, Trial, TrialHeader, TrialWriter, read_result};
+pub use manifest::seal;
+pub use trial::{Trial, read_result};
+pub use trial_writer::{FLUSH_TICKS, TrialHeader, TrialWriter};
 
 /// Name of the configuration in a trial directory.
 pub const CONFIG_FILE: &str = "config.toml";
@@ -62,3 +70,5 @@ pub const EVENTS_FILE: &str = "events.jsonl";
 pub const BAG_FILE: &str = "trial.bag";
 /// Name of the result.
 pub const RESULT_FILE: &str = "result.json";
+/// Name of the manifest.
+pub const MANIFEST_FILE: &str = "SHA256SUMS";

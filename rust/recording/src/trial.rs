@@ -1,215 +1,124 @@
 use crate::{
-    CONFIG_FILE, DIGESTS_FILE, EVENTS_FILE, INPUTS_FILE, InputLog, RESULT_FILE, RecordingError,
-    checked_lines::{LineWriter, read_lines},
-    input_log::{InputLogWriter, LogHeader},
+    CONFIG_FILE, DIGESTS_FILE, EVENTS_FILE, INPUTS_FILE, InputLog, InputRecord, MANIFEST_FILE, RESULT_FILE,
+    RecordingError, TrialHeader,
+    checked_lines::{Lines, read_lines},
+    input_log::LogHeader,
+    manifest,
+    trial_writer::Acknowledged,
 };
-use proact_types::{Event, EventKind, SimTime, TickInput};
-use serde::{Serialize, de::DeserializeOwned};
+use proact_types::{Event, SimTime};
+use serde::de::{DeserializeOwned, IgnoredAny};
 use std::{
-    collections::BTreeMap,
-    fs::{self, File},
-    io::{ErrorKind, Write},
+    fs,
+    io::ErrorKind,
     path::{Path, PathBuf},
 };
 
-/// Ticks between two hand-overs to the operating system: what a crash of the process can lose.
-pub const FLUSH_TICKS: u64 = 100;
-
-/// What a trial is, besides its inputs.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct TrialHeader {
-    /// The whole configuration, as TOML text.
-    pub config_toml: String,
-    /// Seed of every random stream of the trial.
-    pub seed: u64,
-    /// Versions of program and libraries, by name.
-    pub versions: BTreeMap<String, String>,
-}
-
-/// Writes one trial directory.
+/// A recorded trial, opened for reading: finished, or interrupted and good up to its last digest.
 ///
-/// Logs grow while the trial runs and are handed to the operating system every [`FLUSH_TICKS`] ticks, so a crash
-/// of the process loses at most those. `result.json` comes last and in one piece: a directory without it is
-/// an unfinished trial.
-#[derive(Debug)]
-pub struct TrialWriter {
-    dir: PathBuf,
-    inputs: InputLogWriter,
-    digests: LineWriter,
-    events: LineWriter,
-    last_flush: SimTime,
-}
-
-impl TrialWriter {
-    /// Makes `dir` and the files in it. Call it before anything runs.
-    ///
-    /// # Errors
-    /// [`RecordingError::OutputExists`] if there is something in `dir`; [`RecordingError::Io`] if the place
-    /// cannot be written.
-    /// Nothing that was made is then left behind, but for parent directories.
-    pub fn create(dir: &Path, header: &TrialHeader) -> Result<Self, RecordingError> {
-        let existed = dir.exists();
-        fs::create_dir_all(dir).map_err(RecordingError::io("create the trial directory", dir))?;
-        let mut entries = fs::read_dir(dir).map_err(RecordingError::io("read", dir))?;
-        if entries.next().is_some() {
-            return Err(RecordingError::OutputExists { dir: dir.to_owned() });
-        }
-        Self::create_files(dir, header).inspect_err(|_| {
-            // The first error is the one to report; what cannot be removed stays.
-            for name in [CONFIG_FILE, INPUTS_FILE, DIGESTS_FILE, EVENTS_FILE] {
-                let _ = fs::remove_file(dir.join(name));
-            }
-            if !existed {
-                let _ = fs::remove_dir(dir);
-            }
-        })
-    }
-
-    fn create_files(dir: &Path, header: &TrialHeader) -> Result<Self, RecordingError> {
-        let create = |name: &str| -> Result<(File, PathBuf), RecordingError> {
-            let path = dir.join(name);
-            let file = File::create_new(&path).map_err(RecordingError::io("create", &path))?;
-            Ok((file, path))
-        };
-        let (mut config, config_path) = create(CONFIG_FILE)?;
-        config
-            .write_all(header.config_toml.as_bytes())
-            .and_then(|()| config.sync_all())
-            .map_err(RecordingError::io("write to", &config_path))?;
-        let log_header = LogHeader {
-            seed: header.seed,
-            versions: header.versions.clone(),
-            config_crc32: crc32fast::hash(header.config_toml.as_bytes()),
-        };
-        let (inputs, inputs_path) = create(INPUTS_FILE)?;
-        let (digests, digests_path) = create(DIGESTS_FILE)?;
-        let (events, events_path) = create(EVENTS_FILE)?;
-        Ok(TrialWriter {
-            dir: dir.to_owned(),
-            inputs: InputLogWriter::new(inputs, &inputs_path, &log_header)?,
-            digests: LineWriter::new(digests, &digests_path, true),
-            events: LineWriter::new(events, &events_path, false),
-            last_flush: SimTime(0),
-        })
-    }
-
-    /// The trial directory.
-    pub fn dir(&self) -> &Path {
-        &self.dir
-    }
-
-    /// Records the input of `tick`. Call it every tick, in order; a tick without input takes no space.
-    ///
-    /// Every bit is kept, NaN included: the log says what came in, whatever it was worth.
-    ///
-    /// # Errors
-    /// [`RecordingError::OutOfOrder`], and [`RecordingError::Io`] such as a full disk.
-    pub fn write_input(&mut self, tick: SimTime, input: &TickInput) -> Result<(), RecordingError> {
-        self.inputs.write(tick, input)?;
-        if tick.millis_since(self.last_flush) >= FLUSH_TICKS {
-            self.last_flush = tick;
-            self.flush()?;
-        }
-        Ok(())
-    }
-
-    /// Appends one entry of the digest chain, and hands everything to the operating system: after a crash the
-    /// inputs of every digest are there.
-    ///
-    /// # Errors
-    /// [`RecordingError::Io`]; [`RecordingError::Encode`] if it is no JSON.
-    pub fn write_digest<T: Serialize>(&mut self, digest: &T) -> Result<(), RecordingError> {
-        self.digests.write(digest)?;
-        self.flush()
-    }
-
-    /// Appends one event.
-    ///
-    /// # Errors
-    /// [`RecordingError::NotFinite`], because JSON has no such number; [`RecordingError::Io`].
-    pub fn write_event(&mut self, event: &Event) -> Result<(), RecordingError> {
-        if let EventKind::BlockOnTarget { distance, .. } = event.kind
-            && !distance.is_finite()
-        {
-            let what = "the distance of a block on target";
-            return Err(RecordingError::NotFinite { what, value: distance, time: event.time });
-        }
-        self.events.write(event)
-    }
-
-    /// Ends the trial at its last tick `end`: closes the logs, then writes `result.json` in one piece.
-    /// A bag has to be finished before.
-    ///
-    /// # Errors
-    /// [`RecordingError::Io`], [`RecordingError::Encode`], [`RecordingError::OutOfOrder`] if a later tick was
-    /// written. The trial is then unfinished.
-    pub fn finish<R: Serialize>(self, end: SimTime, result: &R) -> Result<PathBuf, RecordingError> {
-        let mut json = serde_json::to_vec_pretty(result).map_err(RecordingError::encode("the result"))?;
-        json.push(b'\n');
-        self.inputs.finish(end)?;
-        self.digests.finish()?;
-        self.events.finish()?;
-        write_atomically(&self.dir, RESULT_FILE, &json)?;
-        Ok(self.dir)
-    }
-
-    fn flush(&mut self) -> Result<(), RecordingError> {
-        self.inputs.flush()?;
-        self.digests.flush()?;
-        self.events.flush()
-    }
-}
-
-/// Writes a file under a temporary name, to the disk, and only then gives it its name.
-fn write_atomically(dir: &Path, name: &str, bytes: &[u8]) -> Result<(), RecordingError> {
-    let (path, temporary) = (dir.join(name), dir.join(format!("{name}.tmp")));
-    let write = || {
-        let mut file = File::create(&temporary)?;
-        file.write_all(bytes)?;
-        file.sync_all()?;
-        fs::rename(&temporary, &path)?;
-        // The new name is on the disk only when the directory is.
-        File::open(dir)?.sync_all()
-    };
-    write().map_err(|source| {
-        // The first error is the one to report.
-        let _ = fs::remove_file(&temporary);
-        RecordingError::Io { action: "write", path: path.clone(), source }
-    })
-}
-
-/// A trial directory, opened for reading.
+/// A finished one has a manifest, and every file is as the manifest says. Of one without a manifest, whose process ended
+/// before the trial did, counts what its digests vouch for: the inputs and events that the last good line of
+/// `digests.log` counts were written before it. What lies behind is left out.
 #[derive(Clone, Debug)]
 pub struct Trial {
     dir: PathBuf,
     header: TrialHeader,
+    finished: bool,
+    extent: Extent,
+}
+
+/// How much of a record counts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Extent {
+    end: SimTime,
+    digests: usize,
+    inputs: u64,
+    events: u64,
 }
 
 impl Trial {
-    /// Opens the trial in `dir` and checks that its configuration is the one it ran with.
+    /// Opens the trial in `dir` and checks it as a whole.
     ///
     /// # Errors
-    /// [`RecordingError::NotATrial`] if a file is missing; [`RecordingError::Damaged`] if the head of the log or
-    /// the configuration was changed.
+    /// [`RecordingError::NotATrial`] if there is none; [`RecordingError::WrongFormat`] for one of another program;
+    /// [`RecordingError::Changed`] if a file of a finished trial, or one that the trial began with, is not what it was;
+    /// [`RecordingError::Damaged`] if bytes that a digest vouches for cannot be read.
     pub fn open(dir: &Path) -> Result<Self, RecordingError> {
-        let log = InputLog::open(dir)?;
-        let path = dir.join(CONFIG_FILE);
-        let bytes = fs::read(&path).map_err(|source| match source.kind() {
-            ErrorKind::NotFound => RecordingError::NotATrial { dir: dir.to_owned(), missing: CONFIG_FILE },
-            _ => RecordingError::Io { action: "read", path: path.clone(), source },
-        })?;
-        let LogHeader { seed, versions, config_crc32 } = log.header().clone();
-        let damaged = |offset: u64, reason: &str| RecordingError::Damaged {
-            file: path.clone(),
-            offset,
-            reason: reason.to_owned(),
+        let mut log = match InputLog::open(dir) {
+            Ok(log) => log,
+            Err(error) => return Self::about_to_begin(dir, error),
         };
-        if crc32fast::hash(&bytes) != config_crc32 {
-            return Err(damaged(0, "it was changed after the trial began"));
+        let own = [CONFIG_FILE, INPUTS_FILE, DIGESTS_FILE, EVENTS_FILE, RESULT_FILE];
+        let manifest = manifest::check(dir, &own);
+        let finished = !matches!(manifest, Ok(false));
+        let header = read_header(dir, log.header())?;
+        let mut inputs = 0;
+        let mut stop = None;
+        for record in &mut log {
+            match record {
+                Ok(_) => inputs += 1,
+                Err(error) => stop = Some(error),
+            }
         }
-        let config_toml = String::from_utf8(bytes)
-            .map_err(|e| damaged(e.utf8_error().valid_up_to() as u64, "it is not UTF-8 text"))?;
-        Ok(Trial { dir: dir.to_owned(), header: TrialHeader { config_toml, seed, versions } })
+        let digests: Lines<Acknowledged<IgnoredAny>> = read_lines(&dir.join(DIGESTS_FILE), true)?;
+        let events: Lines<Event> = read_lines(&dir.join(EVENTS_FILE), false)?;
+        check_order(&dir.join(DIGESTS_FILE), &digests)?;
+
+        let covered = |line: &Acknowledged<IgnoredAny>| {
+            line.inputs <= inputs && line.events <= events.values.len() as u64
+        };
+        let good = digests.values.iter().take_while(|line| covered(line)).count();
+        // What is cut off is missing; what is damaged was changed, unless no digest vouches for it.
+        let vouched = good < digests.values.len();
+        let damaged = |error: &RecordingError| !matches!(error, RecordingError::Truncated { .. });
+        let stops = [(stop, vouched), (digests.stop, true), (events.stop, vouched)];
+        for (error, counts) in stops {
+            if let Some(error) = error.filter(|error| finished || (counts && damaged(error))) {
+                return Err(error);
+            }
+        }
+        let last = digests.values[..good].last();
+        let extent = last.map_or(Extent::default(), |line| Extent {
+            end: line.tick,
+            digests: good,
+            inputs: line.inputs,
+            events: line.events,
+        });
+        let trial = Trial { dir: dir.to_owned(), header, finished, extent };
+        if finished {
+            let end = log.end().map_or(SimTime(0), |end| end.time);
+            let whole = (end, digests.values.len(), inputs, events.values.len() as u64);
+            if whole != (extent.end, extent.digests, extent.inputs, extent.events) {
+                return Err(trial.inconsistent(end));
+            }
+            // Whatever else is wrong was told before, with its place.
+            manifest?;
+        }
+        Ok(trial)
+    }
+
+    /// The trial in `dir` if its process ended while it made the directory: there is a file for digests, with nothing in it
+    /// yet, and no whole head of an input log.
+    fn about_to_begin(dir: &Path, error: RecordingError) -> Result<Self, RecordingError> {
+        let empty = |name| fs::metadata(dir.join(name)).is_ok_and(|file| file.is_file() && file.len() == 0);
+        let cut = matches!(error, RecordingError::NotATrial { .. } | RecordingError::Truncated { .. });
+        if !cut || !empty(DIGESTS_FILE) || dir.join(MANIFEST_FILE).exists() {
+            return Err(error);
+        }
+        let (dir, header, extent) = (dir.to_owned(), TrialHeader::default(), Extent::default());
+        Ok(Trial { dir, header, finished: false, extent })
+    }
+
+    fn inconsistent(&self, end: SimTime) -> RecordingError {
+        let Extent { end: digested, inputs, events, .. } = self.extent;
+        RecordingError::Changed {
+            dir: self.dir.clone(),
+            files: format!(
+                "{INPUTS_FILE} ends at tick {}, the last line of {DIGESTS_FILE} at tick {} with {inputs} inputs and \
+                 {events} events",
+                end.0, digested.0
+            ),
+        }
     }
 
     /// The trial directory.
@@ -217,34 +126,101 @@ impl Trial {
         &self.dir
     }
 
-    /// Configuration, seed and versions.
+    /// Configuration, seed, versions and the files that the trial began with; all empty if it was interrupted while it was
+    /// about to begin.
     pub fn header(&self) -> &TrialHeader {
         &self.header
     }
 
-    /// The input log, from its first record.
+    /// Whether the trial was brought to its end, and its record closed.
+    pub fn finished(&self) -> bool {
+        self.finished
+    }
+
+    /// Last tick of the record; zero if it was interrupted before its first digest.
+    pub fn end(&self) -> SimTime {
+        self.extent.end
+    }
+
+    /// The inputs up to [`Trial::end`], in ascending order.
     ///
     /// # Errors
     /// As [`InputLog::open`].
-    pub fn inputs(&self) -> Result<InputLog, RecordingError> {
-        InputLog::open(&self.dir)
+    pub fn inputs(
+        &self,
+    ) -> Result<impl Iterator<Item = Result<InputRecord, RecordingError>> + use<>, RecordingError> {
+        let log = (self.extent.inputs > 0).then(|| InputLog::open(&self.dir)).transpose()?;
+        Ok(log.into_iter().flatten().take(usize::try_from(self.extent.inputs).unwrap_or(usize::MAX)))
     }
 
-    /// The digest chain.
+    /// The digest chain up to [`Trial::end`].
     ///
     /// # Errors
-    /// [`RecordingError::Damaged`] or [`RecordingError::Truncated`] with the offset of the line.
+    /// [`RecordingError::Damaged`] with the offset of a line that is no `T`.
     pub fn digests<T: DeserializeOwned>(&self) -> Result<Vec<T>, RecordingError> {
-        read_lines(&self.dir.join(DIGESTS_FILE), true)
+        let lines: Lines<Acknowledged<T>> = read_lines(&self.dir.join(DIGESTS_FILE), true)?;
+        let lines = lines.first(self.extent.digests)?;
+        Ok(lines.into_iter().map(|line| line.digest).collect())
     }
 
-    /// The events.
+    /// The events up to [`Trial::end`].
     ///
     /// # Errors
-    /// [`RecordingError::Damaged`] or [`RecordingError::Truncated`] with the offset of the line.
+    /// [`RecordingError::Damaged`] with the offset of the line.
     pub fn events(&self) -> Result<Vec<Event>, RecordingError> {
-        read_lines(&self.dir.join(EVENTS_FILE), false)
+        if self.extent == Extent::default() {
+            return Ok(Vec::new());
+        }
+        let lines = read_lines(&self.dir.join(EVENTS_FILE), false)?;
+        lines.first(usize::try_from(self.extent.events).unwrap_or(usize::MAX))
     }
+}
+
+/// What the trial began with, which must be what the head of the log says.
+fn read_header(dir: &Path, head: &LogHeader) -> Result<TrialHeader, RecordingError> {
+    let mut files = std::collections::BTreeMap::new();
+    let mut changed = Vec::new();
+    for (name, sum) in &head.files {
+        let path = dir.join(name);
+        match fs::read(&path) {
+            Ok(bytes) if manifest::hash_of(&bytes) == *sum => {
+                files.insert(name.clone(), bytes);
+            }
+            Ok(_) => changed.push(format!("{name} has changed")),
+            Err(error) if error.kind() == ErrorKind::NotFound => changed.push(format!("{name} is missing")),
+            Err(source) => return Err(RecordingError::Io { action: "read", path, source }),
+        }
+    }
+    let config_toml = files.remove(CONFIG_FILE).and_then(|bytes| String::from_utf8(bytes).ok());
+    match config_toml {
+        Some(config_toml) if changed.is_empty() => {
+            Ok(TrialHeader { config_toml, seed: head.seed, versions: head.versions.clone(), files })
+        }
+        _ => {
+            if changed.is_empty() {
+                changed.push(format!("{CONFIG_FILE} is no text"));
+            }
+            Err(RecordingError::Changed { dir: dir.to_owned(), files: changed.join(", ") })
+        }
+    }
+}
+
+/// Each digest is of a later tick than the one before, and counts no less.
+fn check_order(path: &Path, digests: &Lines<Acknowledged<IgnoredAny>>) -> Result<(), RecordingError> {
+    let lines = digests.values.iter().zip(digests.values.iter().skip(1));
+    for (number, (one, next)) in lines.enumerate() {
+        if next.tick <= one.tick || next.inputs < one.inputs || next.events < one.events {
+            return Err(RecordingError::Damaged {
+                file: path.to_owned(),
+                offset: digests.offsets[number + 1],
+                reason: format!(
+                    "the digest of tick {} stands after that of tick {}",
+                    next.tick.0, one.tick.0
+                ),
+            });
+        }
+    }
+    Ok(())
 }
 
 /// The result of the trial in `dir`.

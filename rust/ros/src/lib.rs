@@ -17,6 +17,8 @@
 //! assert_eq!(goals.admit(first, SimTime(0)), Admission::Begin { preempted: None });
 //! ```
 // Nodes live by the real clock and read their environment.
+// They panic where the output is closed or full.
+#![deny(clippy::print_stdout, clippy::print_stderr)]
 #![allow(clippy::disallowed_methods)]
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 

@@ -33,6 +33,6 @@ pub use physics::{
 pub use pinned::Pinned;
 pub use planner::{PlannerName, PlannerOptions, SearchLimits};
 pub use plans::plan_request;
-pub use session::{LoggedPlans, Session, Step, TrialResult, replay};
+pub use session::{LoggedPlans, Session, Step, TrialEnd, TrialResult, replay};
 pub use stages::{FeedbackCue, GazeFilter, PersonParts};
 pub use tick::{Parts, Testbed, TestbedError, TickOutput};

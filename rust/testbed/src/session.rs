@@ -91,8 +91,23 @@ impl Session {
             digest: testbed.digest(),
             trial_dir: None,
             gesture_source: config.gesture_source.clone(),
+            ended: if testbed.task().state().finished { TrialEnd::Task } else { TrialEnd::Interrupt },
         }
     }
+}
+
+/// What ended a trial.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum TrialEnd {
+    /// The task: all blocks are settled, or time is up.
+    Task,
+    /// The experimenter.
+    Abort,
+    /// The wish for another trial.
+    Restart,
+    /// A signal such as that of Ctrl-C.
+    Interrupt,
 }
 
 /// What is known of a trial when it is over.
@@ -122,6 +137,8 @@ pub struct TrialResult {
     pub trial_dir: Option<String>,
     /// Where the gestures came from: `recording`, `synthetic`, `keys`.
     pub gesture_source: String,
+    /// What ended it.
+    pub ended: TrialEnd,
 }
 
 /// Recomputes a trial from its inputs: the digests of all spans up to tick `last`. `inputs` ascend in time; ticks

@@ -6,6 +6,7 @@ use super::{
 };
 use crate::serve::new_token;
 use proact_app::stream_view::fault_text;
+use proact_app::tell;
 use proact_bridge::{
     CalibrationCommand, CalibrationScreen, CalibrationServer, CalibrationView, ChannelLight, GestureTest,
     PageOptions,
@@ -47,9 +48,9 @@ impl PageScreen {
             ..PageOptions::default()
         };
         let server = CalibrationServer::start(options)?;
-        eprintln!("page: {}", server.url());
+        tell(format_args!("page: {}", server.url()));
         if let Some(url) = server.remote_url() {
-            eprintln!("on another machine: {url}");
+            tell(format_args!("on another machine: {url}"));
         }
         let screen = ["DISPLAY", "WAYLAND_DISPLAY"].iter().any(|name| std::env::var_os(name).is_some());
         if screen && !page.no_browser {

@@ -2,6 +2,7 @@
 
 use super::{page::PageScreen, train::PageArgs};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use proact_app::tell;
 use proact_emg::{Calibration, CalibrationReport, Light, Phase};
 use proact_types::Gesture;
 use serde_json::Value;
@@ -124,7 +125,7 @@ impl Screen for Terminal {
         if self.quiet {
             return;
         }
-        self.bar.suspend(|| eprintln!("{text}"));
+        self.bar.suspend(|| tell(text));
     }
 
     fn judged(&mut self, session: &Calibration) {
@@ -160,8 +161,9 @@ impl Screen for Terminal {
                         Ok(Some(Choice::Again(gesture)))
                     }
                     _ => {
-                        self.bar
-                            .suspend(|| eprintln!("{name:?} is neither a gesture of this calibration nor s"));
+                        self.bar.suspend(|| {
+                            tell(format_args!("{name:?} is neither a gesture of this calibration nor s"))
+                        });
                         Ok(None)
                     }
                 },

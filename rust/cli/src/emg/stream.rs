@@ -2,7 +2,9 @@
 
 use super::source_args::SourceArgs;
 use crate::emg::WindowArgs;
+use crate::interrupt::interrupt_flag;
 use clap::Args;
+use proact_app::answer;
 use proact_app::{
     CentredStream, SourceName,
     lab_streaming::Published,
@@ -22,10 +24,7 @@ use std::{
     error::Error,
     io::Write,
     path::PathBuf,
-    sync::{
-        Arc,
-        atomic::{AtomicBool, Ordering},
-    },
+    sync::atomic::{AtomicBool, Ordering},
     time::{Duration, Instant},
 };
 
@@ -71,10 +70,8 @@ pub(super) fn run(args: &StreamArgs, json: bool) -> Result<(), Box<dyn Error>> {
     if args.seconds.is_some_and(|s| !(s.is_finite() && s > 0.0)) {
         return Err("--seconds expects a finite number above zero".into());
     }
-    let stop = Arc::new(AtomicBool::new(false));
-    let handler = stop.clone();
-    // So that a recording ends well. A second handler in one process, as in tests, is refused and not needed.
-    let _ = ctrlc::set_handler(move || handler.store(true, Ordering::Relaxed));
+    // So that a recording ends well.
+    let stop = interrupt_flag()?;
     let mut out =
         Output { json, view: StreamView::new(), sender: None, published: None, velocity: args.velocity };
     if let Some(target) = &args.udp {
@@ -273,15 +270,18 @@ fn samples(
     out.line(&json!({ "event": "end", "recorded_samples": recorded, "link": link, "clock": clock,
         "stream": counts }))?;
     if !out.json {
-        println!("{} packets, {} windows, {} samples lost", link.packets, counts.windows, link.lost_samples);
+        answer(format_args!(
+            "{} packets, {} windows, {} samples lost",
+            link.packets, counts.windows, link.lost_samples
+        ))?;
         if let Some(clock) = clock {
-            println!(
+            answer(format_args!(
                 "sender's clock {:+.6} s to this one (within {:.6}); samples arrive {:.1} ms old, at most {:.1}",
                 clock.offset_secs,
                 clock.uncertainty_secs,
                 1e3 * clock.mean_age_secs,
                 1e3 * clock.worst_age_secs
-            );
+            ))?;
         }
     }
     Ok(())
@@ -332,11 +332,11 @@ fn classes(args: &StreamArgs, port: u16, out: &mut Output, stop: &AtomicBool) ->
         };
         going &= out.decision(now, None, &output)?;
         if !out.json {
-            println!(
+            answer(format_args!(
                 "{:8.2} s  {}",
                 now.as_secs(),
                 if decision.stale { "stale" } else { decision.gesture.ros_name() }
-            );
+            ))?;
         }
     }
     Ok(())

@@ -1,8 +1,10 @@
 //! `proact emg test`: can this person use this model?
 
 use super::{page::PageScreen, screen::bar, source_args::SourceArgs, train::PageArgs, write_whole};
+use crate::interrupt::interrupt_flag;
 use clap::{Args, ValueEnum};
 use indicatif::ProgressBar;
+use proact_app::answer;
 use proact_app::{
     CentredStream, SourceName,
     source::{open, read_model},
@@ -95,10 +97,7 @@ pub(super) fn run(args: &TestArgs, json: bool) -> Result<(), Box<dyn Error>> {
             return Err(format!("{} is there already; name another file with --adapt", out.display()).into());
         }
     }
-    let stop = Arc::new(AtomicBool::new(false));
-    let handler = stop.clone();
-    // A second handler in one process, as in tests, is refused and not needed.
-    let _ = ctrlc::set_handler(move || handler.store(true, Ordering::Relaxed));
+    let stop = interrupt_flag()?;
     let source = open(&args.source.source, &args.source.options(), args.rate)?;
     let info = source.info().clone();
     let model = read_model(&args.model, &info)?;
@@ -142,9 +141,9 @@ pub(super) fn run(args: &TestArgs, json: bool) -> Result<(), Box<dyn Error>> {
         page.end(&result);
     }
     if json {
-        println!("{result}");
+        answer(&result)?;
     } else {
-        print!("{}", text(&result));
+        answer(text(&result).trim_end())?;
     }
     if failed.is_empty() {
         return Ok(());

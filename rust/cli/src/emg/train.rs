@@ -7,12 +7,16 @@ use super::{
     write_whole,
 };
 use crate::emg::WindowArgs;
+use crate::interrupt::interrupt_flag;
 use clap::Args;
+use proact_app::answer;
 use proact_app::{
     SourceName,
     source::{open, read_model},
 };
-use proact_devices::{EmgPacket, Recording, Recordings, SampleSource, SourceEvent, SourceInfo};
+use proact_devices::{
+    EmgPacket, Recording, RecordingFolder, Recordings, SampleSource, SourceEvent, SourceInfo,
+};
 use proact_emg::{
     Calibration, CalibrationConfig, CalibrationEvent, CalibrationReport, EmgModel, Phase, QualityConfig,
     Refusal, RotationReport, ZeroLevel, check_rotation, extract,
@@ -119,10 +123,7 @@ pub(super) fn run(args: &TrainArgs, json: bool) -> Result<(), Box<dyn Error>> {
     if let Some(dir) = &args.save {
         check_empty(dir)?;
     }
-    let stop = Arc::new(AtomicBool::new(false));
-    let handler = stop.clone();
-    // A second handler in one process, as in tests, is refused and not needed.
-    let _ = ctrlc::set_handler(move || handler.store(true, Ordering::Relaxed));
+    let stop = interrupt_flag()?;
     let mut training = match &args.source.source {
         SourceName::File(dir) if dir.is_dir() => Training::of_recordings(args, dir)?,
         SourceName::File(path) => {
@@ -147,7 +148,7 @@ pub(super) fn run(args: &TrainArgs, json: bool) -> Result<(), Box<dyn Error>> {
             return print(&done, json);
         }
     }
-    training.calibrate()?;
+    training.calibrate(args)?;
     training.write(args, json)
 }
 
@@ -163,6 +164,8 @@ struct Training {
     refused: usize,
     band: Option<RotationReport>,
     earlier: Option<EmgModel>,
+    /// Where repetitions go as soon as they are kept.
+    saved: Option<RecordingFolder>,
 }
 
 /// Where the repetitions come from.
@@ -227,6 +230,7 @@ impl Training {
             refused: 0,
             band: None,
             earlier: None,
+            saved: None,
         })
     }
 
@@ -279,10 +283,16 @@ impl Training {
         Ok(())
     }
 
-    fn calibrate(&mut self) -> Result<(), Box<dyn Error>> {
+    fn calibrate(&mut self, args: &TrainArgs) -> Result<(), Box<dyn Error>> {
+        if let Some(dir) = &args.save {
+            self.saved = Some(RecordingFolder::create(dir, self.config.emg.rate_hz)?);
+        }
         if let Feed::Recorded(recordings) = &self.feed {
             for recording in &recordings.items {
                 self.session.add(recording.gesture, recording.numbered().collect())?;
+                if let Some(folder) = &self.saved {
+                    folder.keep(recording)?;
+                }
             }
             return Ok(self.session.review()?);
         }
@@ -323,6 +333,7 @@ impl Training {
                         why = Some(text);
                     }
                     CalibrationEvent::Kept(_) => {
+                        self.save_last()?;
                         kept += 1;
                         progress = Instant::now();
                     }
@@ -360,7 +371,15 @@ impl Training {
     /// Takes what the source brings next.
     fn advance(&mut self) -> Result<Vec<CalibrationEvent>, Box<dyn Error>> {
         if self.stop.load(Ordering::Relaxed) {
-            return Err("stopped before the end; nothing was written".into());
+            return Err(match &self.saved {
+                Some(folder) => format!(
+                    "stopped before the end; no model was written, but {} repetitions are in {}",
+                    self.session.repetitions().len(),
+                    folder.path().display()
+                ),
+                None => "stopped before the end; nothing was written".to_owned(),
+            }
+            .into());
         }
         let Feed::Live { source, begin, now } = &mut self.feed else { return Ok(Vec::new()) };
         let mut packet = EmgPacket::default();
@@ -382,9 +401,6 @@ impl Training {
 
     fn write(mut self, args: &TrainArgs, json: bool) -> Result<(), Box<dyn Error>> {
         let model = self.session.finish()?;
-        if let Some(dir) = &args.save {
-            self.recordings().write(dir)?;
-        }
         write_whole(&args.out, &model.to_json()?)?;
         let object = self.result(args, &model);
         self.screen.done(&object);
@@ -407,17 +423,16 @@ impl Training {
         }
     }
 
-    fn recordings(&self) -> Recordings {
-        let mut counts = [0; Gesture::ALL.len()];
-        let items = self.session.repetitions().iter().map(|r| {
-            let repetition = counts[r.gesture.index()];
-            counts[r.gesture.index()] += 1;
-            let samples = r.samples.iter().map(|s| s.channels.clone()).collect();
-            Recording { repetition, gesture: r.gesture, samples, path: PathBuf::new() }
-        });
-        let items = items.collect();
-        let (rate_hz, channels) = (self.config.emg.rate_hz, self.config.emg.channels);
-        Recordings { path: PathBuf::new(), rate_hz, channels, items }
+    /// Writes the repetition that was kept last, if it is to be saved. One that is recorded again has the number of the one
+    /// that it replaces.
+    fn save_last(&self) -> Result<(), Box<dyn Error>> {
+        let (Some(folder), Some((last, before))) = (&self.saved, self.session.repetitions().split_last())
+        else {
+            return Ok(());
+        };
+        let repetition = u32::try_from(before.iter().filter(|r| r.gesture == last.gesture).count())?;
+        let samples = last.samples.iter().map(|s| s.channels.clone()).collect();
+        Ok(folder.keep(&Recording { repetition, gesture: last.gesture, samples, path: PathBuf::new() })?)
     }
 
     fn result(&self, args: &TrainArgs, model: &EmgModel) -> Value {
@@ -490,11 +505,11 @@ fn check_empty(dir: &Path) -> Result<(), String> {
 
 fn print(object: &Value, json: bool) -> Result<(), Box<dyn Error>> {
     if json {
-        println!("{object}");
+        answer(object)?;
     } else if let Some(text) = object["verdict"].as_str() {
-        println!("{text}; it is in {}", object["model"].as_str().unwrap_or_default());
+        answer(format_args!("{text}; it is in {}", object["model"].as_str().unwrap_or_default()))?;
     } else {
-        println!("the model is in {}", object["model"].as_str().unwrap_or_default());
+        answer(format_args!("the model is in {}", object["model"].as_str().unwrap_or_default()))?;
     }
     Ok(())
 }

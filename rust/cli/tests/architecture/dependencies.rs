@@ -12,7 +12,6 @@ const IMPURE: [&str; 13] = [
     "axum",
     "chrono",
     "crossbeam-channel",
-    "ctrlc",
     "cxx",
     "hyper",
     "indicatif",
@@ -20,6 +19,7 @@ const IMPURE: [&str; 13] = [
     "notify",
     "rayon",
     "rosrust",
+    "signal-hook",
     "socket2",
     "tokio",
 ];

@@ -1,8 +1,24 @@
-use super::messages::Message;
+use super::{
+    messages::Message,
+    records::{
+        Header, NoRecord, OP_BAG_HEADER, OP_CHUNK, OP_CHUNK_INFO, OP_CONNECTION, OP_INDEX, OP_MESSAGE,
+        Record, VERSION_LINE,
+    },
+};
 use crate::RecordingError;
 use proact_messages::{MessageType, known_type};
-use rosbag::{ChunkRecord, MessageRecord, RosBag, record_types::Connection};
-use std::{collections::HashMap, io, path::Path, sync::Arc};
+use std::{
+    collections::{HashMap, hash_map::Entry},
+    fmt,
+    fs::File,
+    io::{BufReader, Read},
+    path::Path,
+    sync::Arc,
+};
+
+/// Longest chunk when it is decompressed, bytes. Recorders close a chunk at 768 KiB unless told otherwise; a message that
+/// is longer makes one of its own.
+const MAX_CHUNK_BYTES: u64 = 256 << 20;
 
 /// A message in a bag.
 #[derive(Clone, Copy, Debug)]
@@ -33,6 +49,34 @@ impl BagMessage<'_> {
     }
 }
 
+/// How a bag ended.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[must_use = "a bag that is cut off lacks messages"]
+pub enum BagEnd {
+    /// As its recorder finished it.
+    Whole,
+    /// Its recorder was killed, or the file was cut: all whole chunks before were read.
+    CutOff {
+        /// Byte behind the last whole chunk.
+        at: u64,
+        /// Messages before.
+        messages: u64,
+    },
+}
+
+impl fmt::Display for BagEnd {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            BagEnd::Whole => f.write_str("the bag is whole"),
+            BagEnd::CutOff { at, messages } => write!(
+                f,
+                "the bag is cut off at byte {at}, so its recorder was killed or the file was cut; the {messages} messages \
+                 before were read. For ROS's own tools mend it with `rosbag reindex`"
+            ),
+        }
+    }
+}
+
 /// What is known of a topic in a bag.
 struct Topic {
     name: String,
@@ -41,20 +85,21 @@ struct Topic {
 }
 
 impl Topic {
-    fn new(connection: &Connection<'_>) -> Self {
-        let (name, type_name) = (connection.topic.to_owned(), connection.tp.to_owned());
-        Topic { name, type_name, kind: kind_of(connection) }
+    /// A connection by its record: the topic's name in the header, the rest in the data.
+    fn new(record: &Record) -> Result<Self, String> {
+        let told = Header::parse(&record.data)?;
+        let type_name = told.text("type")?.to_owned();
+        let kind = kind_of(&type_name, told.text("md5sum")?, told.text("message_definition")?);
+        Ok(Topic { name: record.header.text("topic")?.to_owned(), type_name, kind })
     }
 }
 
 /// The type by the definition in the bag, whose checksum tells whether it is one that is known anyway.
-fn kind_of(connection: &Connection<'_>) -> Result<Arc<MessageType>, String> {
-    let sum: String = connection.md5sum.iter().map(|byte| format!("{byte:02x}")).collect();
-    if let Some(known) = known_type(connection.tp).filter(|known| known.md5() == sum) {
+fn kind_of(type_name: &str, sum: &str, definition: &str) -> Result<Arc<MessageType>, String> {
+    if let Some(known) = known_type(type_name).filter(|known| known.md5() == sum) {
         return Ok(known);
     }
-    let text = MessageType::from_text(connection.tp, connection.message_definition);
-    let found = text.map_err(|error| error.to_string())?;
+    let found = MessageType::from_text(type_name, definition).map_err(|error| error.to_string())?;
     match found.md5() == sum {
         true => Ok(found),
         false => {
@@ -66,40 +111,208 @@ fn kind_of(connection: &Connection<'_>) -> Result<Arc<MessageType>, String> {
 /// Hands each message of the bag at `path` to `take`, in the order of the file: that of recording. Ends with the first
 /// error of `take`. Chunks may be compressed by bz2 or lz4.
 ///
+/// A bag without an index, as a killed recorder leaves it, or one that is cut anywhere is read up to its last whole
+/// chunk. Memory: one chunk.
+///
 /// # Errors
-/// [`RecordingError::Bag`] for a file that is no bag of format 2.0, or is damaged, or has not been finished;
-/// [`RecordingError::Io`]; what `take` says.
+/// [`RecordingError::Bag`] for a file that is no bag of format 2.0, or is damaged; [`RecordingError::Io`]; what `take`
+/// says.
 pub fn read_bag<E: From<RecordingError>>(
     path: &Path,
-    mut take: impl FnMut(&BagMessage<'_>) -> Result<(), E>,
-) -> Result<(), E> {
-    let io = |source| RecordingError::Io { action: "open", path: path.to_owned(), source };
-    let damaged = |reason: &dyn std::fmt::Display| RecordingError::Bag {
-        file: path.to_owned(),
-        reason: reason.to_string(),
-    };
-    let bag = RosBag::new(path).map_err(|error| match error.kind() {
-        io::ErrorKind::InvalidData | io::ErrorKind::UnexpectedEof => damaged(&error),
-        _ => io(error),
-    })?;
-    let mut topics: HashMap<u32, Topic> = HashMap::new();
-    for record in bag.chunk_records() {
-        let ChunkRecord::Chunk(chunk) = record.map_err(|error| damaged(&error))? else { continue };
-        for message in chunk.messages() {
-            match message.map_err(|error| damaged(&error))? {
-                MessageRecord::Connection(connection) => {
-                    topics.entry(connection.id).or_insert_with(|| Topic::new(&connection));
+    take: impl FnMut(&BagMessage<'_>) -> Result<(), E>,
+) -> Result<BagEnd, E> {
+    Reader::open(path)?.read(take)
+}
+
+/// A bag that is being read.
+struct Reader<'a> {
+    path: &'a Path,
+    file: BufReader<File>,
+    length: u64,
+    left: u64,
+    /// Where the index is, and how many connections and chunks it tells of; none if the bag was not finished.
+    index: Option<(u64, u32)>,
+    topics: HashMap<u32, Topic>,
+    messages: u64,
+}
+
+impl<'a> Reader<'a> {
+    fn open(path: &'a Path) -> Result<Self, RecordingError> {
+        let io = |source| RecordingError::Io { action: "open", path: path.to_owned(), source };
+        let file = File::open(path).map_err(io)?;
+        let length = file.metadata().map_err(io)?.len();
+        let topics = HashMap::new();
+        let mut reader = Reader {
+            path,
+            file: BufReader::new(file),
+            length,
+            left: length,
+            index: None,
+            topics,
+            messages: 0,
+        };
+        let mut line = [0; VERSION_LINE.len()];
+        if length < line.len() as u64 || reader.file.read_exact(&mut line).is_err() || line != VERSION_LINE {
+            return Err(reader.damaged(0, "it does not begin as a bag does"));
+        }
+        reader.left -= line.len() as u64;
+        Ok(reader)
+    }
+
+    /// The byte that is read next.
+    fn position(&self) -> u64 {
+        self.length - self.left
+    }
+
+    fn damaged(&self, offset: u64, reason: &str) -> RecordingError {
+        RecordingError::Bag { file: self.path.to_owned(), reason: format!("at byte {offset}, {reason}") }
+    }
+
+    fn read<E: From<RecordingError>>(
+        mut self,
+        mut take: impl FnMut(&BagMessage<'_>) -> Result<(), E>,
+    ) -> Result<BagEnd, E> {
+        let mut whole = self.position();
+        let (mut chunks, mut told) = (0, 0);
+        loop {
+            let start = self.position();
+            let record = match Record::read(&mut self.file, &mut self.left) {
+                Ok(Some(record)) => record,
+                Ok(None) | Err(NoRecord::Cut) => break,
+                Err(NoRecord::Malformed(reason)) => match self.index {
+                    Some(_) => return Err(self.damaged(start, &reason).into()),
+                    // What a killed recorder had begun to write.
+                    None => break,
+                },
+                Err(NoRecord::Io(error)) => return Err(RecordingError::io("read", self.path)(error).into()),
+            };
+            match self.record(&record, &mut take) {
+                Ok(Kind::Head) => whole = self.position(),
+                Ok(Kind::Chunk) => {
+                    chunks += 1;
+                    whole = self.position();
                 }
-                MessageRecord::MessageData(data) => {
-                    let Topic { name: topic, type_name, kind } = topics
-                        .get(&data.conn_id)
-                        .ok_or_else(|| damaged(&format!("no connection has the number {}", data.conn_id)))?;
-                    take(&BagMessage { topic, type_name, time_ns: data.time, kind, bytes: data.data })?;
+                Ok(Kind::ChunkInfo) => told += 1,
+                Ok(Kind::Other) => {}
+                // A recorder writes the size of its chunk when it closes it; until then its messages seem to lie bare.
+                Err(Refused::Malformed(_)) if self.index.is_none() && start > VERSION_LINE.len() as u64 => {
+                    break;
+                }
+                Err(Refused::Malformed(reason)) => return Err(self.damaged(start, &reason).into()),
+                Err(Refused::Taker(error)) => return Err(error),
+            }
+        }
+        let finished = self.index.is_some_and(|(at, expected)| {
+            at <= self.length && (chunks, told) == (expected, expected) && self.left == 0
+        });
+        Ok(if finished { BagEnd::Whole } else { BagEnd::CutOff { at: whole, messages: self.messages } })
+    }
+
+    fn record<E>(
+        &mut self,
+        record: &Record,
+        take: &mut impl FnMut(&BagMessage<'_>) -> Result<(), E>,
+    ) -> Result<Kind, Refused<E>> {
+        let op = record.header.op()?;
+        match op {
+            OP_BAG_HEADER => {
+                let (at, chunks) = (record.header.u64("index_pos")?, record.header.u32("chunk_count")?);
+                self.index = (at > 0).then_some((at, chunks));
+                Ok(Kind::Head)
+            }
+            OP_CHUNK => {
+                self.chunk(&decompress(record)?, take)?;
+                Ok(Kind::Chunk)
+            }
+            OP_INDEX => Ok(Kind::Other),
+            OP_CHUNK_INFO => Ok(Kind::ChunkInfo),
+            OP_CONNECTION if self.index.is_some() => Ok(Kind::Other),
+            _ => Err(Refused::Malformed(format!("there is a record of kind {op}, which has no place there"))),
+        }
+    }
+
+    fn chunk<E>(
+        &mut self,
+        mut bytes: &[u8],
+        take: &mut impl FnMut(&BagMessage<'_>) -> Result<(), E>,
+    ) -> Result<(), Refused<E>> {
+        let mut left = bytes.len() as u64;
+        let mut records = Vec::new();
+        // The whole chunk first: of one that is damaged no message is handed on.
+        loop {
+            match Record::read(&mut bytes, &mut left) {
+                Ok(Some(record)) => records.push(record),
+                Ok(None) => break,
+                Err(NoRecord::Malformed(reason)) => return Err(Refused::Malformed(reason)),
+                Err(NoRecord::Cut | NoRecord::Io(_)) => {
+                    return Err(Refused::Malformed("a chunk ends within a record".to_owned()));
                 }
             }
         }
+        for record in records {
+            let id = record.header.u32("conn")?;
+            match record.header.op()? {
+                OP_CONNECTION => {
+                    if let Entry::Vacant(entry) = self.topics.entry(id) {
+                        entry.insert(Topic::new(&record)?);
+                    }
+                }
+                OP_MESSAGE => {
+                    let Topic { name: topic, type_name, kind } =
+                        self.topics.get(&id).ok_or_else(|| format!("no connection has the number {id}"))?;
+                    let time_ns = record.header.time_ns("time")?;
+                    self.messages += 1;
+                    take(&BagMessage { topic, type_name, time_ns, kind, bytes: &record.data })
+                        .map_err(Refused::Taker)?;
+                }
+                op => return Err(Refused::Malformed(format!("a chunk holds a record of kind {op}"))),
+            }
+        }
+        Ok(())
     }
-    Ok(())
+}
+
+/// What a record was.
+enum Kind {
+    Head,
+    Chunk,
+    ChunkInfo,
+    Other,
+}
+
+/// Why a record was not taken.
+enum Refused<E> {
+    Malformed(String),
+    Taker(E),
+}
+
+impl<E> From<String> for Refused<E> {
+    fn from(reason: String) -> Self {
+        Refused::Malformed(reason)
+    }
+}
+
+/// The content of a chunk.
+fn decompress(record: &Record) -> Result<Vec<u8>, String> {
+    let size = u64::from(record.header.u32("size")?);
+    if size > MAX_CHUNK_BYTES {
+        return Err(format!("a chunk has {size} bytes, expected at most {MAX_CHUNK_BYTES}"));
+    }
+    let kind = record.header.text("compression")?;
+    let data = record.data.as_slice();
+    let mut content = Vec::new();
+    // One byte more than announced tells that there is more.
+    let read = match kind {
+        "none" => data.take(size + 1).read_to_end(&mut content),
+        "bz2" => bzip2::read::BzDecoder::new(data).take(size + 1).read_to_end(&mut content),
+        "lz4" => lz4_flex::frame::FrameDecoder::new(data).take(size + 1).read_to_end(&mut content),
+        other => return Err(format!("a chunk is compressed by {other:?}, expected none, bz2 or lz4")),
+    };
+    read.map_err(|error| format!("a chunk cannot be decompressed by {kind}: {error}"))?;
+    match content.len() as u64 == size {
+        true => Ok(content),
+        false => Err(format!("a chunk has {} bytes, its header says {size}", content.len())),
+    }
 }
 
 #[cfg(test)]
@@ -107,38 +320,24 @@ mod tests {
     use super::*;
     use crate::bag::messages::Bool;
 
-    fn connection<'a>(sum: &str, definition: &'a str) -> Connection<'a> {
-        let byte = |at: usize| u8::from_str_radix(&sum[2 * at..2 * at + 2], 16).unwrap();
-        Connection {
-            id: 0,
-            storage_topic: "/a",
-            topic: "/a",
-            tp: "std_msgs/Bool",
-            md5sum: std::array::from_fn(byte),
-            message_definition: definition,
-            caller_id: "",
-            latching: false,
-        }
-    }
-
-    fn decode(connection: &Connection<'_>, bytes: &[u8]) -> Result<Option<Bool>, RecordingError> {
-        let kind = kind_of(connection);
+    fn decode((sum, definition): (&str, &str), bytes: &[u8]) -> Result<Option<Bool>, RecordingError> {
+        let kind = kind_of("std_msgs/Bool", sum, definition);
         BagMessage { topic: "/a", type_name: "std_msgs/Bool", time_ns: 0, kind: &kind, bytes }.decode()
     }
 
     #[test]
     fn a_message_is_read_by_the_definition_in_its_bag() {
         let usual = known_type("std_msgs/Bool").unwrap();
-        let told = connection(usual.md5(), "");
-        assert_eq!(decode(&told, &[1]).unwrap(), Some(Bool { data: true }));
-        assert!(decode(&told, &[1, 0]).unwrap_err().to_string().contains("left over"));
-        assert!(decode(&told, &[]).unwrap_err().to_string().contains("missing"));
+        let told = (usual.md5(), "");
+        assert_eq!(decode(told, &[1]).unwrap(), Some(Bool { data: true }));
+        assert!(decode(told, &[1, 0]).unwrap_err().to_string().contains("left over"));
+        assert!(decode(told, &[]).unwrap_err().to_string().contains("missing"));
 
         let text = "uint8 sure # a lab's own\nbool data\n";
         let labs = MessageType::from_text("std_msgs/Bool", text).unwrap();
-        assert_eq!(decode(&connection(labs.md5(), text), &[7, 1]).unwrap(), Some(Bool { data: true }));
+        assert_eq!(decode((labs.md5(), text), &[7, 1]).unwrap(), Some(Bool { data: true }));
         let other = MessageType::from_text("std_msgs/Bool", "bool value").unwrap();
-        let error = decode(&connection(other.md5(), "bool value"), &[1]).unwrap_err().to_string();
+        let error = decode((other.md5(), "bool value"), &[1]).unwrap_err().to_string();
         assert!(error.contains("`data`"), "{error}");
     }
 
@@ -149,10 +348,10 @@ mod tests {
             (usual.md5().replace('8', "9"), "bool data", "checksum"),
             ("0".repeat(32), "Nothing data", "std_msgs/Nothing"),
         ] {
-            let kind = kind_of(&connection(&sum, definition));
+            let kind = kind_of("std_msgs/Bool", &sum, definition);
             let message = BagMessage { topic: "/a", type_name: "a/B", time_ns: 0, kind: &kind, bytes: &[] };
             assert_eq!(message.decode::<Bool>().unwrap(), None, "of another type");
-            let error = decode(&connection(&sum, definition), &[1]).unwrap_err().to_string();
+            let error = decode((&sum, definition), &[1]).unwrap_err().to_string();
             assert!(error.contains(part), "{error}");
         }
     }

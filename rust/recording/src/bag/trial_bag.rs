@@ -41,6 +41,7 @@ use proact_types::{
 };
 use std::{
     f64::consts::{PI, TAU},
+    fs::File,
     path::{Path, PathBuf},
 };
 
@@ -281,6 +282,22 @@ impl TrialBag {
         message: &M,
     ) -> Result<(), RecordingError> {
         self.bag.write(topic, bag_time(time), message, false)
+    }
+
+    /// Closes the open chunk, so that all messages so far are in the file, whole.
+    ///
+    /// # Errors
+    /// [`RecordingError::Io`].
+    pub fn flush(&mut self) -> Result<(), RecordingError> {
+        self.bag.flush()
+    }
+
+    /// The file, for whoever hands it to the disk from time to time.
+    ///
+    /// # Errors
+    /// [`RecordingError::Io`].
+    pub fn file(&self) -> Result<File, RecordingError> {
+        self.bag.file()
     }
 
     /// Writes the stop mark, completes the bag and gives it its name.

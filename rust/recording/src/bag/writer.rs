@@ -1,4 +1,10 @@
-use super::messages::Message;
+use super::{
+    messages::Message,
+    records::{
+        OP_BAG_HEADER, OP_CHUNK, OP_CHUNK_INFO, OP_CONNECTION, OP_INDEX, OP_MESSAGE, VERSION_LINE, bytes_of,
+        count, number, put_field, put_record,
+    },
+};
 use crate::RecordingError;
 use proact_messages::{MessageType, Time, known_type};
 use std::{
@@ -9,14 +15,6 @@ use std::{
     sync::Arc,
 };
 
-// Record kinds and sizes: ROS wiki, Bags/Format/2.0.
-const VERSION_LINE: &[u8] = b"#ROSBAG V2.0\n";
-const OP_MESSAGE: u8 = 0x02;
-const OP_BAG_HEADER: u8 = 0x03;
-const OP_INDEX: u8 = 0x04;
-const OP_CHUNK: u8 = 0x05;
-const OP_CHUNK_INFO: u8 = 0x06;
-const OP_CONNECTION: u8 = 0x07;
 /// Size of the bag header's fields and padding together. It is written again in place at the end, and not only
 /// here: `rosbag reindex` and appending write it anew with this size, over what follows if ours were smaller.
 const BAG_HEADER_BYTES: usize = 4096;
@@ -46,8 +44,8 @@ struct ChunkInfo {
 /// Writes a ROS 1 bag, format 2.0, chunks not compressed.
 ///
 /// Until [`BagWriter::finish`] the file has `.active` after its name, as with `rosbag record`. If the process
-/// ends before, `rosbag reindex` recovers all chunks that were complete. Memory: one chunk, plus some bytes for
-/// each chunk written.
+/// ends before, [`read_bag`](super::read_bag) reads what came before the last [`BagWriter::flush`], and `rosbag reindex`
+/// recovers it. Memory: one chunk, plus some bytes for each chunk written.
 #[derive(Debug)]
 pub struct BagWriter {
     file: File,
@@ -126,6 +124,22 @@ impl BagWriter {
             self.close_chunk()?;
         }
         Ok(())
+    }
+
+    /// Closes the open chunk, so that all messages so far are in the file, whole.
+    ///
+    /// # Errors
+    /// [`RecordingError::Io`].
+    pub fn flush(&mut self) -> Result<(), RecordingError> {
+        self.close_chunk()
+    }
+
+    /// The file, for whoever hands it to the disk from time to time.
+    ///
+    /// # Errors
+    /// [`RecordingError::Io`].
+    pub fn file(&self) -> Result<File, RecordingError> {
+        self.file.try_clone().map_err(RecordingError::io("open once more", &self.active))
     }
 
     /// Completes the bag and gives it its name.
@@ -260,36 +274,4 @@ fn bag_header(index_position: u64, connections: u32, chunks: u32) -> Vec<u8> {
     let field_bytes = bare.len() - 8;
     put_record(&mut record, &fields, &vec![b' '; BAG_HEADER_BYTES - field_bytes]);
     record
-}
-
-/// A record: its header's length, the header's fields, the data's length, the data.
-fn put_record(out: &mut Vec<u8>, fields: &[(&str, Vec<u8>)], data: &[u8]) {
-    let mut header = Vec::new();
-    for (name, value) in fields {
-        put_field(&mut header, name, value);
-    }
-    out.extend(count(header.len()).to_le_bytes());
-    out.extend_from_slice(&header);
-    out.extend(count(data.len()).to_le_bytes());
-    out.extend_from_slice(data);
-}
-
-/// A field of a header: its length, its name, `=`, its value.
-fn put_field(out: &mut Vec<u8>, name: &str, value: &[u8]) {
-    out.extend(count(name.len() + 1 + value.len()).to_le_bytes());
-    out.extend_from_slice(name.as_bytes());
-    out.push(b'=');
-    out.extend_from_slice(value);
-}
-
-fn number(value: u32) -> Vec<u8> {
-    value.to_le_bytes().to_vec()
-}
-
-fn bytes_of(time: Time) -> Vec<u8> {
-    [time.secs, time.nsecs].into_iter().flat_map(u32::to_le_bytes).collect()
-}
-
-fn count(value: usize) -> u32 {
-    u32::try_from(value).expect("chunks are closed below 1 MB and messages are far below 4 GB")
 }

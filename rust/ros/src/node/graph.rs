@@ -404,7 +404,9 @@ fn watch(addresses: &Addresses, ended: &AtomicBool, restarted: &AtomicBool) {
                             restarted.store(true, Ordering::Relaxed);
                         }
                         // It may go again while it comes up; the next look tries again.
-                        Err(reason) => eprintln!("registering with the restarted master: {reason}"),
+                        Err(reason) => {
+                            rosrust::ros_warn!("registering with the restarted master: {reason}");
+                        }
                     }
                 }
             }

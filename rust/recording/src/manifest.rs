@@ -1,0 +1,106 @@
+//! `SHA256SUMS`: a hash of every file of a finished record, as `sha256sum -c SHA256SUMS` checks it too.
+
+use crate::{MANIFEST_FILE, RecordingError, trial_writer::write_atomically};
+use sha2::{Digest, Sha256};
+use std::{
+    collections::BTreeMap,
+    fs::{self, File},
+    io::{self, Read},
+    path::Path,
+};
+
+/// Hashes every file in `dir` and writes the hashes down. Written last: what it covers is complete. Folders, and files
+/// whose names `sha256sum` would have to mask, are left out.
+///
+/// # Errors
+/// [`RecordingError::Io`].
+pub fn seal(dir: &Path) -> Result<(), RecordingError> {
+    let mut names = Vec::new();
+    for entry in fs::read_dir(dir).map_err(RecordingError::io("read", dir))? {
+        let entry = entry.map_err(RecordingError::io("read", dir))?;
+        let plain = |name: &String| name != MANIFEST_FILE && !name.contains(['\\', '\n', '\r']);
+        if entry.path().is_file() {
+            names.extend(entry.file_name().into_string().ok().filter(plain));
+        }
+    }
+    names.sort();
+    let mut text = String::new();
+    for name in names {
+        let path = dir.join(&name);
+        let sum = hash(&path).map_err(RecordingError::io("read", &path))?;
+        text += &format!("{sum}  {name}\n");
+    }
+    write_atomically(dir, MANIFEST_FILE, text.as_bytes())
+}
+
+/// Compares the files in `dir` with the manifest. False if there is none.
+///
+/// # Errors
+/// [`RecordingError::Changed`] with every file that is missing or has another hash, or that is in `expected` and the
+/// manifest does not cover; [`RecordingError::Damaged`] if the manifest itself is none.
+pub(crate) fn check(dir: &Path, expected: &[&str]) -> Result<bool, RecordingError> {
+    let path = dir.join(MANIFEST_FILE);
+    let text = match fs::read(&path) {
+        Ok(text) => text,
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(false),
+        Err(error) => return Err(RecordingError::io("read", &path)(error)),
+    };
+    let mut sums = BTreeMap::new();
+    let mut offset = 0;
+    for line in text.split_inclusive(|byte| *byte == b'\n') {
+        let (sum, name) = parse(line).ok_or_else(|| RecordingError::Damaged {
+            file: path.clone(),
+            offset,
+            reason: "expected a hash of 64 hexadecimal digits, two blanks and a name".to_owned(),
+        })?;
+        sums.insert(name, sum);
+        offset += line.len() as u64;
+    }
+    let mut changed: Vec<String> = Vec::new();
+    for (name, sum) in &sums {
+        match hash(&dir.join(name)) {
+            Ok(now) if now == *sum => {}
+            Ok(_) => changed.push(format!("{name} has changed")),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => {
+                changed.push(format!("{name} is missing"))
+            }
+            Err(error) => return Err(RecordingError::io("read", &dir.join(name))(error)),
+        }
+    }
+    let uncovered = expected.iter().filter(|name| !sums.contains_key(**name));
+    changed.extend(uncovered.map(|name| format!("{name} is not in {MANIFEST_FILE}")));
+    match changed.is_empty() {
+        true => Ok(true),
+        false => Err(RecordingError::Changed { dir: dir.to_owned(), files: changed.join(", ") }),
+    }
+}
+
+/// Hash and name of a line. A name is that of a file in the directory itself.
+fn parse(line: &[u8]) -> Option<(&str, &str)> {
+    let line = std::str::from_utf8(line).ok()?.strip_suffix('\n')?;
+    let (sum, name) = line.split_once("  ")?;
+    let hexadecimal =
+        sum.len() == 64 && sum.bytes().all(|b| b.is_ascii_digit() || (b'a'..=b'f').contains(&b));
+    let plain = !name.is_empty() && !name.contains('/') && name != "..";
+    (hexadecimal && plain).then_some((sum, name))
+}
+
+/// SHA-256 of a file, 64 hexadecimal digits.
+fn hash(path: &Path) -> io::Result<String> {
+    let (mut file, mut hasher, mut bytes) = (File::open(path)?, Sha256::new(), vec![0; 1 << 16]);
+    loop {
+        match file.read(&mut bytes)? {
+            0 => return Ok(hex(&hasher.finalize())),
+            count => hasher.update(&bytes[..count]),
+        }
+    }
+}
+
+/// SHA-256 of some bytes, 64 hexadecimal digits.
+pub(crate) fn hash_of(bytes: &[u8]) -> String {
+    hex(&Sha256::digest(bytes))
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}

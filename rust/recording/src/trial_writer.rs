@@ -1,0 +1,222 @@
+use crate::{
+    CONFIG_FILE, DIGESTS_FILE, EVENTS_FILE, INPUTS_FILE, RESULT_FILE, RecordingError,
+    checked_lines::LineWriter,
+    input_log::{InputLogWriter, LogHeader},
+    manifest,
+};
+use proact_types::{Event, EventKind, SimTime, TickInput};
+use serde::{Deserialize, Serialize};
+use std::{
+    collections::BTreeMap,
+    fs::{self, File},
+    io::Write,
+    path::{Path, PathBuf},
+};
+
+/// Ticks between two hand-overs to the operating system: what a crash of the process can lose.
+pub const FLUSH_TICKS: u64 = 100;
+
+/// What a trial is, besides its inputs.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct TrialHeader {
+    /// The whole configuration, as TOML text.
+    pub config_toml: String,
+    /// Seed of every random stream of the trial.
+    pub seed: u64,
+    /// Versions of program and libraries, by name.
+    pub versions: BTreeMap<String, String>,
+    /// What else the trial depends on, as files by name: a trained classifier, the description of an arm.
+    pub files: BTreeMap<String, Vec<u8>>,
+}
+
+/// A line of `digests.log`: a digest, and of how much it can be recomputed. Inputs and events that are counted here were
+/// handed to the operating system before.
+#[derive(Debug, Serialize, Deserialize)]
+pub(crate) struct Acknowledged<T> {
+    /// Last tick that went into the digest.
+    pub tick: SimTime,
+    /// Records of `inputs.log` up to there.
+    pub inputs: u64,
+    /// Lines of `events.jsonl` up to there.
+    pub events: u64,
+    /// The digest.
+    pub digest: T,
+}
+
+/// Writes one trial directory.
+///
+/// Logs grow while the trial runs and are handed to the operating system every [`FLUSH_TICKS`] ticks, so a crash of the
+/// process loses at most those. A digest is handed over after the inputs and the events that it counts. `result.json`
+/// comes when all else is complete, and the manifest, which covers it too, last: a directory without a manifest is an
+/// interrupted trial.
+#[derive(Debug)]
+pub struct TrialWriter {
+    dir: PathBuf,
+    inputs: InputLogWriter,
+    digests: LineWriter,
+    events: LineWriter,
+    last_flush: SimTime,
+}
+
+impl TrialWriter {
+    /// Makes `dir` and the files in it. Call it before anything runs.
+    ///
+    /// # Errors
+    /// [`RecordingError::OutputExists`] if there is something in `dir`; [`RecordingError::Io`] if the place
+    /// cannot be written.
+    /// Nothing that was made is then left behind, but for parent directories.
+    pub fn create(dir: &Path, header: &TrialHeader) -> Result<Self, RecordingError> {
+        let existed = dir.exists();
+        fs::create_dir_all(dir).map_err(RecordingError::io("create the trial directory", dir))?;
+        let mut entries = fs::read_dir(dir).map_err(RecordingError::io("read", dir))?;
+        if entries.next().is_some() {
+            return Err(RecordingError::OutputExists { dir: dir.to_owned() });
+        }
+        Self::create_files(dir, header).inspect_err(|_| {
+            // The first error is the one to report; what cannot be removed stays.
+            let own = header.files.keys().map(String::as_str);
+            for name in [CONFIG_FILE, INPUTS_FILE, DIGESTS_FILE, EVENTS_FILE].into_iter().chain(own) {
+                let _ = fs::remove_file(dir.join(name));
+            }
+            if !existed {
+                let _ = fs::remove_dir(dir);
+            }
+        })
+    }
+
+    fn create_files(dir: &Path, header: &TrialHeader) -> Result<Self, RecordingError> {
+        let create = |name: &str| -> Result<(File, PathBuf), RecordingError> {
+            let path = dir.join(name);
+            let file = File::create_new(&path).map_err(RecordingError::io("create", &path))?;
+            Ok((file, path))
+        };
+        // First: a directory with digests, if none yet, and no input log is of a trial that was about to begin.
+        let (digests, digests_path) = create(DIGESTS_FILE)?;
+        let (events, events_path) = create(EVENTS_FILE)?;
+        // What the trial depends on is on the disk before anything depends on it.
+        let mut files = BTreeMap::new();
+        let own = header.files.iter().map(|(name, bytes)| (name.as_str(), bytes.as_slice()));
+        for (name, bytes) in own.chain([(CONFIG_FILE, header.config_toml.as_bytes())]) {
+            let (mut file, path) = create(name)?;
+            file.write_all(bytes)
+                .and_then(|()| file.sync_all())
+                .map_err(RecordingError::io("write to", &path))?;
+            files.insert(name.to_owned(), manifest::hash_of(bytes));
+        }
+        let log_header = LogHeader { seed: header.seed, versions: header.versions.clone(), files };
+        // Last: a directory with an input log has all that a trial begins with.
+        let (inputs, inputs_path) = create(INPUTS_FILE)?;
+        let inputs = InputLogWriter::new(inputs, &inputs_path, &log_header)?;
+        sync_dir(dir)?;
+        Ok(TrialWriter {
+            dir: dir.to_owned(),
+            inputs,
+            digests: LineWriter::new(digests, &digests_path, true),
+            events: LineWriter::new(events, &events_path, false),
+            last_flush: SimTime(0),
+        })
+    }
+
+    /// The trial directory.
+    pub fn dir(&self) -> &Path {
+        &self.dir
+    }
+
+    /// The files that grow, for whoever hands them to the disk from time to time.
+    ///
+    /// # Errors
+    /// [`RecordingError::Io`].
+    pub fn growing_files(&self) -> Result<Vec<File>, RecordingError> {
+        Ok(vec![self.inputs.file()?, self.events.file()?, self.digests.file()?])
+    }
+
+    /// Records the input of `tick`. Call it every tick, in order; a tick without input takes no space.
+    ///
+    /// Every bit is kept, NaN included: the log says what came in, whatever it was worth.
+    ///
+    /// # Errors
+    /// [`RecordingError::OutOfOrder`], and [`RecordingError::Io`] such as a full disk.
+    pub fn write_input(&mut self, tick: SimTime, input: &TickInput) -> Result<(), RecordingError> {
+        self.inputs.write(tick, input)?;
+        if tick.millis_since(self.last_flush) >= FLUSH_TICKS {
+            self.last_flush = tick;
+            self.flush()?;
+        }
+        Ok(())
+    }
+
+    /// Appends one entry of the digest chain, over all ticks so far, and hands everything to the operating system. Call it
+    /// after the tick's input and events: the entry counts them.
+    ///
+    /// # Errors
+    /// [`RecordingError::Io`]; [`RecordingError::Encode`] if it is no JSON.
+    pub fn write_digest<T: Serialize>(&mut self, digest: &T) -> Result<(), RecordingError> {
+        self.inputs.flush()?;
+        self.events.flush()?;
+        self.digests.write(&Acknowledged {
+            tick: self.inputs.last_tick(),
+            inputs: self.inputs.records(),
+            events: self.events.lines(),
+            digest,
+        })?;
+        self.digests.flush()
+    }
+
+    /// Appends one event.
+    ///
+    /// # Errors
+    /// [`RecordingError::NotFinite`], because JSON has no such number; [`RecordingError::Io`].
+    pub fn write_event(&mut self, event: &Event) -> Result<(), RecordingError> {
+        if let EventKind::BlockOnTarget { distance, .. } = event.kind
+            && !distance.is_finite()
+        {
+            let what = "the distance of a block on target";
+            return Err(RecordingError::NotFinite { what, value: distance, time: event.time });
+        }
+        self.events.write(event)
+    }
+
+    /// Ends the trial at its last tick `end`: closes the logs, writes `result.json` in one piece, then the manifest.
+    /// Every other file of the directory, such as a bag, has to be finished before.
+    ///
+    /// # Errors
+    /// [`RecordingError::Io`], [`RecordingError::Encode`], [`RecordingError::OutOfOrder`] if a later tick was
+    /// written. The trial is then an interrupted one.
+    pub fn finish<R: Serialize>(self, end: SimTime, result: &R) -> Result<PathBuf, RecordingError> {
+        let mut json = serde_json::to_vec_pretty(result).map_err(RecordingError::encode("the result"))?;
+        json.push(b'\n');
+        self.inputs.finish(end)?;
+        self.events.finish()?;
+        self.digests.finish()?;
+        write_atomically(&self.dir, RESULT_FILE, &json)?;
+        manifest::seal(&self.dir)?;
+        Ok(self.dir)
+    }
+
+    fn flush(&mut self) -> Result<(), RecordingError> {
+        self.inputs.flush()?;
+        self.events.flush()
+    }
+}
+
+/// Writes a file under a temporary name, to the disk, and only then gives it its name.
+pub(crate) fn write_atomically(dir: &Path, name: &str, bytes: &[u8]) -> Result<(), RecordingError> {
+    let (path, temporary) = (dir.join(name), dir.join(format!("{name}.tmp")));
+    let write = || {
+        let mut file = File::create(&temporary)?;
+        file.write_all(bytes)?;
+        file.sync_all()?;
+        fs::rename(&temporary, &path)
+    };
+    write().map_err(|source| {
+        // The first error is the one to report.
+        let _ = fs::remove_file(&temporary);
+        RecordingError::Io { action: "write", path, source }
+    })?;
+    sync_dir(dir)
+}
+
+/// A new name is on the disk only when the directory is.
+fn sync_dir(dir: &Path) -> Result<(), RecordingError> {
+    File::open(dir).and_then(|dir| dir.sync_all()).map_err(RecordingError::io("write to", dir))
+}
