@@ -218,14 +218,14 @@ pub fn intent(
 
 /// `dir` if it is a trial, or else the trials in it, by name.
 fn trial_dirs(dir: &Path) -> Result<Vec<PathBuf>, Box<dyn Error>> {
-    if dir.join(INPUTS_FILE).exists() {
+    if Trial::is_in(dir) {
         return Ok(vec![dir.to_owned()]);
     }
     let entries = fs::read_dir(dir).map_err(|e| format!("{}: {e}", dir.display()))?;
     let mut found = Vec::new();
     for entry in entries {
         let path = entry?.path();
-        if path.join(INPUTS_FILE).exists() {
+        if Trial::is_in(&path) {
             found.push(path);
         }
     }

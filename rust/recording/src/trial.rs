@@ -121,6 +121,12 @@ impl Trial {
         }
     }
 
+    /// Whether there is a trial in `dir`, of whatever kind: a log of inputs, or of digests if it was interrupted while its
+    /// directory was made.
+    pub fn is_in(dir: &Path) -> bool {
+        [INPUTS_FILE, DIGESTS_FILE].iter().any(|name| dir.join(name).is_file())
+    }
+
     /// The trial directory.
     pub fn dir(&self) -> &Path {
         &self.dir
