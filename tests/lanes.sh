@@ -5,8 +5,8 @@
 # A lane is a function lane_NAME. It prints what its tools print, answers 0 for passed and 77 for skipped (with
 # the reason as its last line); anything else is a failure. One failing lane does not keep the others from running.
 
-short_lanes="format shell docker web lint cpp rust launcher trial page rosbridge ros"
-long_lanes="seeds planning sanitizers valgrind soak debootstrap focal image pages ros_long ros_safety lsl"
+short_lanes="format shell docker web lint cpp rust launcher trial kill page rosbridge ros"
+long_lanes="seeds planning sanitizers valgrind soak kill_long faults soak_serve debootstrap focal image pages ros_long ros_safety lsl"
 
 # A ROS 1 graph with Debian's own clients, the catkin workspace, rviz on a virtual display.
 ros_test_packages="ros-base python3-roslaunch python3-rosbag python3-rostopic python3-rosnode python3-rosservice
@@ -28,7 +28,9 @@ packages_of() {
         echo cmake libdbus-1-dev
         packages_of lint
         ;;
-    page | pages) echo chromium ;;
+    page | pages | soak_serve) echo chromium ;;
+    kill | kill_long) echo python3 ;;
+    faults) echo python3 faketime ;;
     trial) echo python3 python3-rosbag ;;
     seeds | planning) echo python3 ;;
     ros | ros_long | ros_safety) echo "$ros_packages $ros_test_packages" ;;
@@ -124,6 +126,26 @@ lane_launcher() {
 
 lane_trial() {
     build && sh "$root/tests/scenarios/one_trial.sh" "$binary"
+}
+
+# The program killed at random moments: what is left replays.
+lane_kill() {
+    build && /usr/bin/python3 "$root/tests/scenarios/kill.py" "$binary"
+}
+
+lane_kill_long() {
+    build && /usr/bin/python3 "$root/tests/scenarios/kill.py" "$binary" --points "${PROACT_KILL_POINTS:-200}"
+}
+
+# Full disks, half-open sockets, floods: what must hold then.
+lane_faults() {
+    build && /usr/bin/python3 "$root/tests/scenarios/faults.py" "$binary"
+}
+
+# Trial after trial in a browser, PROACT_SOAK_MINUTES long: nothing grows.
+lane_soak_serve() {
+    build && PATH=$node_folder:$PATH node "$root/tests/page/run.mjs" --mode soak --program "$binary" \
+        --minutes "${PROACT_SOAK_MINUTES:-20}" --out "$root/build/soak"
 }
 
 lane_page() {

@@ -1,14 +1,14 @@
-// Starts and stops `proact serve` for the test that needs to kill it.
+// Starts and stops `proact serve` for the tests that need to kill it or to look at its process.
 
 import { spawn } from "node:child_process";
 import { createServer } from "node:net";
 
 /** Starts `serve` on `port`, or on a free one if that is zero, and waits until it prints its address. */
-export async function startServe(program, port) {
+export async function startServe(program, port, words = ["--no-record"]) {
   const chosen = port || (await freePort());
   const child = spawn(
     program,
-    ["serve", "--no-browser", "--no-record", "--exact-port", "--port", String(chosen)],
+    ["serve", "--no-browser", "--exact-port", "--port", String(chosen), ...words],
     { stdio: ["ignore", "pipe", "pipe"] },
   );
   const ended = new Promise((resolve) => child.once("exit", resolve));
@@ -28,7 +28,7 @@ export async function startServe(program, port) {
     if (child.exitCode === null && child.signalCode === null) child.kill("SIGKILL");
     await ended;
   };
-  return { url, port: chosen, stop };
+  return { url, port: chosen, pid: child.pid, stop };
 }
 
 function freePort() {

@@ -2,6 +2,7 @@
 //
 //   node tests/page/run.mjs --url http://127.0.0.1:8090/ --out build/page [--mode watch|interactive]
 //   node tests/page/run.mjs --mode restart --program target/release/proact --out build/page
+//   node tests/page/run.mjs --mode soak --program target/release/proact --minutes 20 --out build/soak
 //
 // watch: the page connects, the scene changes, every camera draws; with --score the score counts up (a trial
 // with a simulated participant has to run). interactive: moves blocks by mouse and keys with method D until one
@@ -9,6 +10,7 @@
 // headset: enters VR and AR with an emulated device. safety: page and gamepad fall silent or die while the arm moves,
 // beside serve. experimenter: beside a demo. replay: beside a replay of two
 // trials. bag: beside a replay of a bag. restart: starts `serve` itself, kills it, starts it again, and the open page has to come back.
+// soak: starts `serve` itself, and drives trial after trial.
 // Screenshots go to the output folder. Exits 0 only if everything was seen.
 
 import { mkdir, readFile, writeFile } from "node:fs/promises";
@@ -21,6 +23,7 @@ import { jogBlock } from "./jog.mjs";
 import { headset, newcomer } from "./person.mjs";
 import { startServe } from "./program.mjs";
 import { safety } from "./safety.mjs";
+import { soak } from "./soak.mjs";
 
 // playwright-core is installed with the page, whose package.json pins it.
 const require = createRequire(new URL("../../rust/bridge/web/package.json", import.meta.url));
@@ -37,6 +40,7 @@ const { values: options } = parseArgs({
     timeout: { type: "string", default: "240" },
     dist: { type: "string" },
     program: { type: "string" },
+    minutes: { type: "string", default: "20" },
   },
 });
 
@@ -85,7 +89,7 @@ try {
   page.on("requestfailed", (request) => problems.push(`request failed: ${request.url()}`));
   if (options.dist) await serveFrom(page, options.dist);
   page.setDefaultTimeout(60_000);
-  const modes = { watch, interactive: interact, methods, restart, newcomer, headset, safety, experimenter, replay, bag };
+  const modes = { watch, interactive: interact, methods, restart, newcomer, headset, safety, experimenter, replay, bag, soak: (page, tools) => soak(page, { ...tools, ...soakOptions() }) };
   const mode = modes[options.mode];
   if (!mode) throw new Error(`mode ${options.mode} is unknown; expected ${Object.keys(modes).join(", ")}`);
   await mode(page, {
@@ -192,6 +196,11 @@ async function methods(page) {
     }));
     check(count === 1, `method ${method} moves a block to its target in ${seconds.toFixed(0)} s by keys${"CD".includes(method) ? " and mouse" : ""}`);
   }
+}
+
+function soakOptions() {
+  if (!options.program) throw new Error("--mode soak needs --program PATH_OF_PROACT");
+  return { program: options.program, minutes: Number(options.minutes), out: options.out, open };
 }
 
 async function restart(page) {

@@ -1,0 +1,263 @@
+#!/usr/bin/python3
+"""What goes wrong around the program, one fault at a time, and what must hold then.
+
+    tests/scenarios/faults.py PATH_OF_PROACT [NAME...]
+
+Disk full, disk read-only, file limit, clock jump, half-open sockets, slow readers, floods of UDP, one core taken away,
+standard output closed or full. docs/reliability.md has the promises. Faults that this machine cannot be given (no
+user namespaces, no libfaketime) are said to be skipped. Exit code 0 only if all others passed.
+"""
+
+import json
+import os
+import pathlib
+import random
+import resource
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+
+from page_client import Page, Server
+
+proact = pathlib.Path(sys.argv[1]).resolve()
+work = pathlib.Path(tempfile.mkdtemp(prefix="proact-faults-"))
+# Simulated seconds for one of the clock, below which a trial is not being kept up. The machine may have other work.
+LEAST_PACE = 0.5
+# What a server may take more after a fault than before, MB.
+MOST_GROWTH = 30
+
+
+class Skipped(Exception):
+    """This machine cannot be given the fault."""
+
+
+def demand(holds, what):
+    if not holds:
+        raise AssertionError(what)
+
+
+def run(*words, prefix=(), **more):
+    done = subprocess.run([*prefix, proact, *words], capture_output=True, text=True, timeout=120, **more)
+    demand("panicked" not in done.stderr, done.stderr)
+    return done
+
+
+def in_mount(script, options):
+    """Runs a shell script where `$dir` is a file system of its own with these options, and `$proact` the program."""
+    folder = work / "mounted"
+    folder.mkdir(exist_ok=True)
+    mount = f'mount -t tmpfs -o {options} tmpfs "$dir" && {script}'
+    environment = {**os.environ, "dir": str(folder), "proact": str(proact)}
+    probe = subprocess.run(["unshare", "-rm", "sh", "-c", f'mount -t tmpfs tmpfs "{folder}"'], capture_output=True)
+    if probe.returncode != 0:
+        raise Skipped(f"no file system can be mounted here: {probe.stderr.decode().strip()}")
+    done = subprocess.run(
+        ["unshare", "-rm", "sh", "-c", mount], env=environment, capture_output=True, text=True, timeout=120
+    )
+    demand("panicked" not in done.stderr, done.stderr)
+    return done
+
+
+def disk_full():
+    """The trial ends with an error that names the file; what was written before replays."""
+    done = in_mount(
+        '{ "$proact" demo --headless --out "$dir/t"; echo "exit $?"; "$proact" replay "$dir/t"; echo "exit $?"; }', "size=6m"
+    )
+    demand("No space left on device" in done.stderr, done.stderr)
+    codes = [line for line in done.stdout.splitlines() if line.startswith("exit")]
+    demand(codes == ["exit 1", "exit 0"], done.stdout + done.stderr)
+    demand("agrees" in done.stdout and "interrupted" in done.stdout, done.stdout)
+    return done.stdout.splitlines()[-2]
+
+
+def disk_read_only():
+    """Refused before anything runs."""
+    done = in_mount('mount -o remount,ro "$dir" && "$proact" demo --headless --out "$dir/t"; echo "exit $?"', "size=6m")
+    demand("Read-only file system" in done.stderr and "exit 1" in done.stdout, done.stdout + done.stderr)
+    return done.stderr.strip()
+
+
+def file_limit():
+    """`ulimit -f`: as a full disk, and not the end by a signal."""
+    folder = work / "limited"
+    limit = lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (3_000_000, 3_000_000))
+    done = run("demo", "--headless", "--out", folder, preexec_fn=limit)
+    demand(done.returncode == 1 and "File too large" in done.stderr, f"{done.returncode}: {done.stderr}")
+    replayed = run("replay", folder, "--json")
+    demand(replayed.returncode == 0 and json.loads(replayed.stdout)["agrees"], replayed.stderr)
+    return done.stderr.strip()
+
+
+def output_closed():
+    """Standard output that is full or that nobody reads: an exit code and a sentence; the record is whole."""
+    for number, out in enumerate(["/dev/full", "|true"]):
+        folder = work / f"closed{number}"
+        if out == "|true":
+            reader, writer = os.pipe()
+            os.close(reader)
+        else:
+            writer = os.open(out, os.O_WRONLY)
+        done = subprocess.run(
+            [proact, "demo", "--headless", "--out", folder], stdout=writer, stderr=subprocess.PIPE, text=True
+        )
+        os.close(writer)
+        demand(done.returncode == 1 and "cannot write to standard output" in done.stderr, done.stderr)
+        demand("panicked" not in done.stderr, done.stderr)
+        demand(json.loads(run("replay", folder, "--json").stdout)["finished"], f"{folder} is not whole")
+    silent = os.open("/dev/full", os.O_WRONLY)
+    code = subprocess.run([proact, "demo", "--headless", "--no-record"], stdout=subprocess.DEVNULL, stderr=silent)
+    os.close(silent)
+    demand(code.returncode == 0, f"without anybody to tell, the trial ended with {code.returncode}")
+    return done.stderr.strip()
+
+
+class Watched:
+    """A server with a page that drives, and how well it keeps up."""
+
+    def __init__(self, name, *words, **more):
+        self.folder = work / name
+        self.server = Server(proact, random.randint(20000, 30000), self.folder, *words, **more)
+        self.page = Page(self.server.port)
+        self.watch(1)
+        self.memory = self.resident()
+
+    def resident(self):
+        with open(f"/proc/{self.server.process.pid}/status") as status:
+            return next(int(line.split()[1]) // 1024 for line in status if line.startswith("VmRSS"))
+
+    def watch(self, seconds):
+        """Drives for so long; simulated seconds for one of the clock."""
+        begin, first, last = time.monotonic(), None, None
+        gestures = ["wrist_extension", "no_motion"]
+        while time.monotonic() < begin + seconds:
+            self.page.send(type="gesture", gesture=gestures[int(time.monotonic()) % 2])
+            last = self.page.frame()["time"]
+            first = first or (last, time.monotonic())
+        return (last - first[0]) * 1e-3 / (time.monotonic() - first[1])
+
+    def end(self, pace):
+        """Ends it well, and demands what must always hold; a line about it."""
+        memory = self.resident()
+        demand(self.server.stop(signal.SIGTERM) == 0, self.server.said())
+        demand("panicked" not in self.server.said(), self.server.said())
+        for folder in self.folder.iterdir():
+            replayed = json.loads(run("replay", folder, "--json").stdout)
+            demand(replayed["agrees"] and replayed["finished"], f"{folder}: {replayed}")
+        demand(pace > LEAST_PACE, f"the trial went at {pace:.2f} of real time")
+        demand(memory < self.memory + MOST_GROWTH, f"{self.memory} MB before, {memory} MB after")
+        return f"pace {pace:.3f}, {self.memory} MB before, {memory} MB after"
+
+
+def clock_jump():
+    """The clock of the day is set forth and back by an hour: nothing in a trial goes by it."""
+    library = next(pathlib.Path("/usr/lib").glob("*/faketime/libfaketime.so.1"), None)
+    if library is None:
+        raise Skipped("libfaketime is not installed (sudo apt install faketime)")
+    offset = work / "offset"
+    offset.write_text("+0")
+    environment = {
+        **os.environ,
+        "LD_PRELOAD": str(library),
+        "FAKETIME_TIMESTAMP_FILE": str(offset),
+        "FAKETIME_NO_CACHE": "1",
+        "FAKETIME_DONT_FAKE_MONOTONIC": "1",
+    }
+    watched = Watched("clock", env=environment)
+    paces = []
+    for jump in ["+3600", "-7200", "+0"]:
+        offset.write_text(jump)
+        paces.append(watched.watch(2))
+    return watched.end(min(paces))
+
+
+def half_open():
+    """A thousand connections that ask for nothing, and some that ask one byte at a time."""
+    resource.setrlimit(resource.RLIMIT_NOFILE, (4096, resource.getrlimit(resource.RLIMIT_NOFILE)[1]))
+    watched = Watched("half-open")
+    sockets = []
+    for number in range(1000):
+        one = socket.socket()
+        one.settimeout(1)
+        try:
+            one.connect(("127.0.0.1", watched.server.port))
+            one.send(b"G" if number % 2 else b"GET / HTTP/1.1\r\nHost: loc")
+        except OSError:
+            pass
+        sockets.append(one)
+    pace = watched.watch(5)
+    for one in sockets:
+        one.close()
+    time.sleep(0.5)
+    Page(watched.server.port).frame()
+    return watched.end(pace)
+
+
+def slow_readers():
+    """Twenty pages that never read what they are sent."""
+    watched = Watched("slow")
+    slow = [Page(watched.server.port, "spectator", receive_buffer=2048) for _ in range(20)]
+    pace = watched.watch(8)
+    told = watched.end(pace)
+    del slow
+    return told
+
+
+def udp_flood():
+    """Gaze and limb as fast as this machine can send, of every length, with and without sense."""
+    gaze, limb = random.randint(31000, 32000), random.randint(32001, 33000)
+    watched = Watched("flood", "--gaze-udp", str(gaze), "--limb-udp", str(limb))
+    stop = threading.Event()
+    sent = [0]
+
+    def flood():
+        rng, out = random.Random(1), socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        sense = [b'{"origin":[0,0,1.5],"direction":[0.6,0,-0.7]}', b'{"angles":[0,0,0,0.5,0,0,0]}', b"[]", b"{"]
+        while not stop.is_set():
+            data = rng.choice(sense) if rng.random() < 0.5 else rng.randbytes(rng.choice([0, 1, 60, 1400, 60000]))
+            for port in (gaze, limb):
+                out.sendto(data, ("127.0.0.1", port))
+                sent[0] += 1
+
+    threading.Thread(target=flood).start()
+    try:
+        pace = watched.watch(6)
+    finally:
+        stop.set()
+    lines = len(watched.server.said().splitlines())
+    demand(lines < 200, f"{lines} lines were said of {sent[0]} packets")
+    return f"{watched.end(pace)}, {sent[0]} packets, {lines} lines said"
+
+
+def one_core():
+    """Server and a program that never rests on one and the same core."""
+    hog = subprocess.Popen(["taskset", "-c", "0", sys.executable, "-c", "while True: pass"])
+    try:
+        watched = Watched("one-core", prefix=["taskset", "-c", "0"])
+        return watched.end(watched.watch(5))
+    finally:
+        hog.kill()
+
+
+FAULTS = [
+    disk_full, disk_read_only, file_limit, output_closed, clock_jump, half_open, slow_readers, udp_flood, one_core
+]
+wanted = sys.argv[2:]
+failed = False
+for fault in FAULTS:
+    if wanted and fault.__name__ not in wanted:
+        continue
+    try:
+        print(f"ok       {fault.__name__:15} {fault()}", flush=True)
+    except Skipped as reason:
+        print(f"skipped  {fault.__name__:15} {reason}", flush=True)
+    except (AssertionError, ConnectionError, RuntimeError, OSError, subprocess.SubprocessError) as error:
+        failed = True
+        print(f"FAILED   {fault.__name__:15} {type(error).__name__}: {error}; see {work}", flush=True)
+if not failed:
+    shutil.rmtree(work)
+sys.exit(failed)
