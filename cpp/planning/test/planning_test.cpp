@@ -261,6 +261,18 @@ void a_roadmap_is_grown_once_and_begun_with_wherever_things_stand() {
           "every edge of a roadmap is a free motion");
   }
   check(grow_roadmap(scene, query, 300, CancelFlag()).milestones == roadmap.milestones, "a roadmap is repeatable");
+  Scene no_room(planar_arm());
+  Object rock = walls[1];
+  rock.placed.shape = Shape{ShapeKind::box, {50.0, 50.0, 50.0}, {}};
+  no_room.set_obstacles({rock});
+  check(refuses([&] { grow_roadmap(no_room, query, 300, CancelFlag()); }, "0 of 300 milestones"),
+        "a roadmap ends where no state is free");
+  rock.placed.shape.size[0] = 1e154;
+  check(refuses([&] { no_room.set_obstacles({rock}); }, "at most 1000"), "a box of 1e154 m is refused");
+  const std::vector<double> here(scene.joint_count(), 0.0);
+  const std::vector<double> there(scene.joint_count(), 1e15);
+  check(refuses([&] { motion_is_free(scene, here.data(), there.data(), query.resolution); }, "steps of the resolution"),
+        "a motion too long to be halved is refused");
   const auto with = [&](const Roadmap& other) {
     query.planner = PlannerKind::prm;
     query.roadmap = std::make_shared<Roadmap>(other);
