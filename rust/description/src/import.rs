@@ -3,7 +3,7 @@
 use crate::{
     DescriptionError, Finding, Report, check, examine,
     finding::{Findings, Severity},
-    sdf, write,
+    sdf, write, xml,
 };
 use proact_arm::ArmModel;
 
@@ -82,7 +82,9 @@ fn without_preamble<'a>(text: &'a str, findings: &mut Findings) -> &'a str {
 }
 
 fn is_sdf(text: &str) -> bool {
-    roxmltree::Document::parse(text).is_ok_and(|d| d.root_element().has_tag_name("sdf"))
+    // Text that is refused is refused by the reader of URDF, which says why.
+    let document = xml::document(text, "", "", "", &mut Findings::default());
+    document.is_some_and(|d| d.root_element().has_tag_name("sdf"))
 }
 
 /// Fingers are allowed to touch each other and the palm.
