@@ -6,6 +6,7 @@ mod analyze;
 mod announce;
 mod bless;
 mod command;
+mod consent;
 mod demo;
 mod doctor;
 mod emg;
