@@ -220,6 +220,8 @@ impl MessageType {
         for line in text.lines() {
             if let Some(next) = line.trim().strip_prefix("MSG:") {
                 current = next.trim();
+                // A type without fields, such as std_msgs/Empty, has no lines.
+                parts.entry(current).or_default();
             } else if !line.starts_with("====") {
                 let part = parts.entry(current).or_default();
                 part.push_str(line);
