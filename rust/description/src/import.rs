@@ -52,6 +52,10 @@ pub fn import(text: &str, srdf: Option<&str>) -> Result<Imported, DescriptionErr
     let news: Vec<Finding> = more.into_iter().filter(|f| !same_anywhere(f, &report.findings)).collect();
     report.findings.extend(findings.0.into_iter().chain(news));
     report.findings.sort_by_key(|f| f.severity);
+    // Such as a joint without a name, which the model can hold and the text cannot.
+    if !report.usable {
+        return Err(DescriptionError::Invalid { findings: report.findings });
+    }
     Ok(Imported { model, urdf, srdf, report })
 }
 
