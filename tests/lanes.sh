@@ -5,8 +5,8 @@
 # A lane is a function lane_NAME. It prints what its tools print, answers 0 for passed and 77 for skipped (with
 # the reason as its last line); anything else is a failure. One failing lane does not keep the others from running.
 
-short_lanes="format shell docker web lint cpp rust launcher trial kill page rosbridge ros"
-long_lanes="seeds planning sanitizers valgrind soak kill_long faults soak_serve debootstrap focal image pages ros_long ros_safety lsl"
+short_lanes="format shell docker web lint cpp rust launcher trial fuzz kill page rosbridge ros"
+long_lanes="fuzz_long seeds planning sanitizers valgrind soak kill_long faults soak_serve debootstrap focal image pages ros_long ros_safety lsl"
 
 # A ROS 1 graph with Debian's own clients, the catkin workspace, rviz on a virtual display.
 ros_test_packages="ros-base python3-roslaunch python3-rosbag python3-rostopic python3-rosnode python3-rosservice
@@ -146,6 +146,20 @@ lane_faults() {
 lane_soak_serve() {
     build && PATH=$node_folder:$PATH node "$root/tests/page/run.mjs" --mode soak --program "$binary" \
         --minutes "${PROACT_SOAK_MINUTES:-20}" --out "$root/build/soak"
+}
+
+# Every reader beside the corpus, then beside mutations of it: two minutes in all.
+lane_fuzz() {
+    fuzz 4
+}
+
+lane_fuzz_long() {
+    fuzz "${PROACT_FUZZ_SECONDS:-60}"
+}
+
+# So many seconds of mutations for each target.
+fuzz() {
+    build_web && (cd "$root" && run_cargo run --release --locked -p proact-fuzz -- --seconds "$1")
 }
 
 lane_page() {

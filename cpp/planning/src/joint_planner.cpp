@@ -46,6 +46,13 @@ class SeededSimplifier : public og::PathSimplifier {
   }
 };
 
+/// Most steps of the resolution in one motion. From limit to limit the testbed's arm needs some thousands; a motion of
+/// so many would keep the planner busy for most of a second, and one of 1e16 could not be halved any more.
+constexpr double most_steps = 1e5;
+
+/// Most looks for a free state in vain, of up to 20 random states each, after which a roadmap is given up.
+constexpr unsigned int most_looks = 2000;
+
 const double* values(const ob::State* state) { return state->as<ob::RealVectorStateSpace::StateType>()->values; }
 
 /// Checks interior points of a motion whose ends are known to be free.
@@ -60,6 +67,11 @@ class MotionCheck {
     }
     const double steps =
         std::max(std::sqrt(squares) / resolution.radians, scene.travel(difference_.data()) / resolution.metres);
+    // Also refuses NaN, for which every comparison is false.
+    if (!(steps <= most_steps)) {
+      throw std::invalid_argument("a motion needs " + std::to_string(steps) + " steps of the resolution, expected at most " +
+                                  std::to_string(most_steps) + ": the arm, or what it carries, is too long");
+    }
     shortest_ = steps > 0.0 ? 1.0 / steps : 1.0;
   }
 
@@ -368,8 +380,19 @@ Roadmap grow_roadmap(Scene& scene, const JointQuery& query, std::size_t mileston
   // Growing needs no start and no goal, but a definition that could hold them.
   planner.setProblemDefinition(std::make_shared<ob::ProblemDefinition>(information));
   planner.setup();
-  planner.growRoadmap(ob::PlannerTerminationCondition(
-      [&] { return cancel.is_raised() || planner.milestoneCount() >= milestones; }));
+  unsigned int looks = 0;
+  std::size_t before = 0;
+  planner.growRoadmap(ob::PlannerTerminationCondition([&] {
+    const std::size_t count = planner.milestoneCount();
+    looks = count > before ? 0 : looks + 1;
+    before = count;
+    return cancel.is_raised() || count >= milestones || looks > most_looks;
+  }));
+  if (looks > most_looks && before < milestones) {
+    throw std::runtime_error("the roadmap has " + std::to_string(before) + " of " + std::to_string(milestones) +
+                             " milestones, and of the last " + std::to_string(most_looks) +
+                             " looks for a free state none found one: the arm has no room among its obstacles");
+  }
   ob::PlannerData data(information);
   planner.getPlannerData(data);
   Roadmap roadmap;

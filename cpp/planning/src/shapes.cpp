@@ -13,6 +13,10 @@ using Vector = Eigen::Vector3d;
 /// Shapes that shrink below this are kept this thin: FCL needs an extent.
 constexpr double smallest_extent = 1e-4;
 
+/// Nothing that an arm could reach is farther away or longer than this, metres; squares of the largest numbers would
+/// overflow in FCL.
+constexpr double farthest = 1000.0;
+
 std::size_t extents_of(ShapeKind kind) {
   switch (kind) {
     case ShapeKind::box: return 3;
@@ -30,8 +34,9 @@ void require_mesh(const Shape& shape, const std::string& name) {
   }
   for (const auto& vertex : shape.mesh->vertices) {
     for (const double coordinate : vertex) {
-      if (!std::isfinite(coordinate)) {
-        throw std::invalid_argument("\"" + name + "\": a vertex of the mesh is not finite");
+      if (!(std::abs(coordinate) <= farthest)) {
+        throw std::invalid_argument("\"" + name + "\": a vertex of the mesh is at " + std::to_string(coordinate) +
+                                    " m, expected a number of at most 1000 either way");
       }
     }
   }
@@ -70,8 +75,9 @@ Eigen::Isometry3d to_transform(const Pose& pose) {
 Pose checked(const Pose& pose, const std::string& name) {
   const auto& [p, q] = pose;
   const double length = std::sqrt(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w);
-  if (!is_finite(p) || !(std::abs(length - 1.0) < 1e-6)) {
-    throw std::invalid_argument("\"" + name + "\": the pose needs a finite position and a unit quaternion");
+  const bool near = is_finite(p) && std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)}) <= farthest;
+  if (!near || !(std::abs(length - 1.0) < 1e-6)) {
+    throw std::invalid_argument("\"" + name + "\": the pose needs a finite position of at most 1000 m either way and a unit quaternion");
   }
   return {p, normalized(q)};
 }
@@ -79,9 +85,9 @@ Pose checked(const Pose& pose, const std::string& name) {
 void require_extent(const Shape& shape, const std::string& name) {
   if (shape.kind == ShapeKind::mesh) require_mesh(shape, name);
   for (std::size_t k = 0; k < extents_of(shape.kind); ++k) {
-    if (!(shape.size[k] > 0.0) || !std::isfinite(shape.size[k])) {
+    if (!(shape.size[k] > 0.0 && shape.size[k] <= farthest)) {
       throw std::invalid_argument("\"" + name + "\": extent " + std::to_string(k) + " of its shape is " +
-                                  std::to_string(shape.size[k]) + ", expected a length above zero");
+                                  std::to_string(shape.size[k]) + " m, expected a length above zero and at most 1000");
     }
   }
 }

@@ -3,7 +3,7 @@
 use proact_arm::{ArmModel, VisualGeometry};
 use proact_description::{
     DescriptionError, MPL_LEFT_ARM_SRDF, MPL_LEFT_ARM_URDF, MPL_RIGHT_ARM_SRDF, MPL_RIGHT_ARM_URDF, parse,
-    parse_urdf,
+    parse_urdf, read_text,
 };
 use proact_testbed::{Pinned, TrialConfig};
 use std::{
@@ -156,7 +156,7 @@ impl Arm {
 
     fn read(place: &Path, urdf: &Path, srdf: Option<&Path>) -> Result<Self, ArmError> {
         let text = |path: &Path| {
-            fs::read_to_string(path).map_err(|source| ArmError::File { path: path.to_owned(), source })
+            read_text(path).map_err(|source| ArmError::Description { path: path.to_owned(), source })
         };
         let own = Description { urdf: text(urdf)?, srdf: srdf.map(text).transpose()? };
         let model = match &own.srdf {

@@ -258,7 +258,7 @@ fn picks(dir: &Path) -> Result<Option<Picked>, Box<dyn Error>> {
     let recorded = &recorded[..count.min(recorded.len())];
     let end = recorded.last().ok_or("the record holds no complete span: its replay cannot be checked")?.tick;
 
-    let (arm, classifier) = (Arm::recorded(dir, &config)?, read_classifier(dir, &config)?);
+    let (arm, classifier) = (Arm::recorded(dir, &config)?, read_classifier(&record, &config)?);
     let mut testbed = trial::replayed(&arm, config.clone(), classifier)?;
     let mut kinematics = Kinematics::new(testbed.model())?;
     let mut inputs = record.inputs()?;

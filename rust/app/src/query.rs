@@ -34,7 +34,9 @@ use proact_arm::ArmModel;
 use proact_description::DescriptionError;
 use proact_kinematics::{ArmKinematics, IkOutcome, Kinematics, KinematicsError};
 use proact_planning::{ArmPlanner, PlannerName, PlannerOptions, Roadmap, five_words};
-use proact_types::{JointVector, PlanGoal, PlanRequest, Pose, Vector, joints, zeros};
+use proact_types::{
+    JointVector, LineRead, PlanGoal, PlanRequest, Pose, Vector, joints, read_bytes, read_line, zeros,
+};
 use scene::{SceneAsked, ShapeText, attached};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -46,6 +48,10 @@ use std::sync::Arc;
 const GRAVITY: Vector = Vector::new(0.0, 0.0, -9.80665);
 /// Most milestones of a roadmap: beyond it each plan would spend its time on taking the roadmap in.
 const MAX_MILESTONES: usize = 100_000;
+/// Longest question, bytes: a mesh of some ten thousand triangles.
+const LONGEST_LINE: usize = 4 << 20;
+/// Longest file of a roadmap, bytes: twice what the most milestones take.
+const LONGEST_ROADMAP: usize = 256 << 20;
 /// A quaternion whose length is further from one than this is a mistake rather than rounding.
 const QUATERNION_SLACK: f64 = 1e-3;
 
@@ -83,15 +89,23 @@ pub fn run(options: QueryOptions, mut input: impl BufRead, mut output: impl Writ
     let mut handler = QueryHandler::new(&options)?;
     let mut line = Vec::new();
     // Bytes, not text: a line that is not UTF-8 is one more bad line.
-    while input.read_until(b'\n', &mut line)? > 0 {
-        if !line.trim_ascii().is_empty() {
-            let answer = handler.answer(&line).unwrap_or_else(|error| json!({ "error": error }));
+    loop {
+        let answer = match read_line(&mut input, LONGEST_LINE, &mut line)? {
+            LineRead::End => break,
+            LineRead::Whole if line.trim_ascii().is_empty() => None,
+            LineRead::Whole => Some(handler.answer(&line)),
+            LineRead::TooLong => {
+                input.skip_until(b'\n')?;
+                Some(Err(format!("the line has more than {LONGEST_LINE} bytes, expected at most that")))
+            }
+        };
+        if let Some(answer) = answer {
+            let answer = answer.unwrap_or_else(|error| json!({ "error": error }));
             serde_json::to_writer(&mut output, &answer).map_err(std::io::Error::from)?;
             output.write_all(b"\n")?;
             // Whoever asks may wait for the answer before asking on.
             output.flush()?;
         }
-        line.clear();
     }
     Ok(())
 }
@@ -352,7 +366,9 @@ impl QueryHandler {
 }
 
 fn read_roadmap(path: &Path) -> Result<Roadmap, String> {
-    let bytes = std::fs::read(path).map_err(|error| format!("roadmap {}: {error}", path.display()))?;
+    let bytes = std::fs::File::open(path)
+        .and_then(|file| read_bytes(file, LONGEST_ROADMAP))
+        .map_err(|error| format!("roadmap {}: {error}", path.display()))?;
     serde_json::from_slice(&bytes).map_err(|error| {
         format!("roadmap {}: {error}; expected an answer to {{\"op\": \"roadmap\"}}", path.display())
     })

@@ -16,7 +16,6 @@ use serde::Serialize;
 use std::{
     collections::BTreeMap,
     error::Error,
-    fs,
     path::{Path, PathBuf},
 };
 
@@ -167,7 +166,7 @@ pub(crate) fn check_record(dir: &Path, other_versions: bool) -> Result<Checked, 
 pub fn open_trial(dir: &Path, options: ReplayOptions) -> Result<Opened, Box<dyn Error>> {
     let Checked { record, config, recorded, result } = check_record(dir, options.other_versions)?;
     let arm = Arm::recorded(dir, &config)?;
-    let classifier = read_classifier(dir, &config)?;
+    let classifier = read_classifier(&record, &config)?;
     let (testbed, plans) = if options.replan {
         let (testbed, plans) = trial::replanned(&arm, config.clone(), classifier)?;
         (testbed, Some(plans))
@@ -177,19 +176,19 @@ pub fn open_trial(dir: &Path, options: ReplayOptions) -> Result<Opened, Box<dyn 
     Ok(Opened { record, config, testbed, plans, recorded, result })
 }
 
-/// The classifier of the trial in `dir`; none if its gestures came without EMG.
+/// The classifier of a trial; none if its gestures came without EMG.
 pub(crate) fn read_classifier(
-    dir: &Path,
+    record: &Trial,
     config: &TrialConfig,
 ) -> Result<Option<Classifier>, Box<dyn Error>> {
-    let path = dir.join(CLASSIFIER_FILE);
-    match fs::read(&path) {
-        Ok(text) => {
-            let read = serde_json::from_slice(&text);
-            Ok(Some(read.map_err(|e| format!("{} is damaged: {e}", path.display()))?))
+    let place = || record.dir().join(CLASSIFIER_FILE).display().to_string();
+    match record.header().files.get(CLASSIFIER_FILE) {
+        Some(text) => {
+            let read = serde_json::from_slice(text);
+            Ok(Some(read.map_err(|e| format!("{} is damaged: {e}", place()))?))
         }
-        Err(_) if config.emg.is_none() => Ok(None),
-        Err(error) => Err(format!("{}: {error}", path.display()).into()),
+        None if config.emg.is_none() => Ok(None),
+        None => Err(format!("the trial was recorded without {}, which its EMG needs", place()).into()),
     }
 }
 

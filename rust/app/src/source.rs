@@ -209,7 +209,8 @@ pub fn read_model(path: &Path, info: &SourceInfo) -> Result<EmgModel, Box<dyn Er
 /// # Errors
 /// A file that cannot be read, or is no model.
 pub fn read_model_file(path: &Path) -> Result<EmgModel, Box<dyn Error>> {
-    let json = std::fs::read_to_string(path)
+    let json = std::fs::File::open(path)
+        .and_then(|file| proact_types::read_text(file, proact_types::MOST_TEXT_BYTES))
         .map_err(|e| format!("cannot read {}: {e}; proact emg train writes such a file", path.display()))?;
     Ok(EmgModel::from_json(&json).map_err(|e| format!("{}: {e}", path.display()))?)
 }

@@ -59,7 +59,9 @@ pub fn command(args: &AnalyzeArgs) -> Result<bool, Box<dyn Error>> {
 
 fn read_options(path: &Path) -> Result<IntentOptions, Box<dyn Error>> {
     let named = |error: &dyn Error| format!("options of the intent models, {}: {error}", path.display());
-    let text = fs::read_to_string(path).map_err(|e| named(&e))?;
+    let text = fs::File::open(path)
+        .and_then(|file| proact_types::read_text(file, proact_types::MOST_TEXT_BYTES))
+        .map_err(|e| named(&e))?;
     let options: IntentOptions = toml::from_str(&text).map_err(|e| named(&e))?;
     options.check().map_err(|e| named(&e))?;
     Ok(options)

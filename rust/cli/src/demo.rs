@@ -1,5 +1,6 @@
 use crate::{
     announce::{announce, print_result},
+    consent,
     interrupt::{interrupt_flag, wait_for},
     person_args::FeedbackArgs,
     rosbridge_args::RosbridgeArgs,
@@ -16,6 +17,7 @@ use proact_bridge::{PageContent, PageOptions, PageServer};
 use proact_devices::EmgOrigin;
 use proact_emg::{EmgConfig, EmgModel};
 use proact_testbed::{Session, TrialConfig, TrialEnd};
+use proact_types::{MOST_TEXT_BYTES, read_text};
 use std::{
     error::Error,
     io::IsTerminal,
@@ -51,7 +53,8 @@ pub(crate) struct DemoArgs {
 /// Arguments of `proact run`.
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  proact run trial.toml --headless --json\n\n\
-    A configuration is what a trial directory holds as config.toml.")]
+    A configuration is what a trial directory holds as config.toml. One that names a program for its method \
+    (method_process.command) starts it only with --allow-command, or after a yes at the terminal.")]
 pub(crate) struct RunArgs {
     /// Trial configuration
     config: PathBuf,
@@ -61,6 +64,9 @@ pub(crate) struct RunArgs {
     /// The arm, where it neither ships with the program nor lies beside the configuration
     #[arg(long, value_name = "NAME|FOLDER")]
     arm: Option<String>,
+    /// Start the program that the configuration names for its method; without this it is asked for at a terminal
+    #[arg(long)]
+    allow_command: bool,
     #[command(flatten)]
     how: RunHow,
 }
@@ -127,10 +133,12 @@ pub(crate) fn demo(args: &DemoArgs) -> Result<bool, Box<dyn Error>> {
 }
 
 pub(crate) fn run(args: &RunArgs) -> Result<bool, Box<dyn Error>> {
-    let text = std::fs::read_to_string(&args.config).map_err(|e| {
-        format!("cannot read {}: {e}; give a trial configuration (TOML)", args.config.display())
-    })?;
+    let text =
+        std::fs::File::open(&args.config).and_then(|file| read_text(file, MOST_TEXT_BYTES)).map_err(|e| {
+            format!("cannot read {}: {e}; give a trial configuration (TOML)", args.config.display())
+        })?;
     let config = TrialConfig::from_toml(&text).map_err(|e| format!("{}: {e}", args.config.display()))?;
+    consent::to_the_command_of(&config, &args.config.display().to_string(), args.allow_command)?;
     let source = args.emg.as_ref().map_or(EmgOrigin::Synthetic, EmgOrigin::recording);
     let arm = match &args.arm {
         Some(name) => Arm::named(name)?,

@@ -8,6 +8,7 @@ mod analyze;
 mod announce;
 mod bless;
 mod command;
+mod consent;
 mod demo;
 mod doctor;
 mod emg;

@@ -3,7 +3,7 @@
 use clap::{Args, Subcommand};
 use proact_app::answer;
 use proact_app::compare::compare;
-use proact_description::{DescriptionError, Imported, Report, check, import, parse, parse_urdf};
+use proact_description::{DescriptionError, Imported, Report, check, import, parse, parse_urdf, read_text};
 use serde_json::json;
 use std::{
     error::Error,
@@ -83,7 +83,7 @@ fn run_check(args: &CheckArgs, json: bool) -> Result<bool, Box<dyn Error>> {
         false => (args.file.clone(), None),
     };
     let srdf = args.srdf.clone().or(srdf);
-    let (urdf, srdf) = (read(&urdf)?, srdf.as_deref().map(read).transpose()?);
+    let (urdf, srdf) = (read_text(&urdf)?, srdf.as_deref().map(read_text).transpose()?);
     let report = check(&urdf, srdf.as_deref());
     let compared = if args.compare && report.usable {
         let model = match &srdf {
@@ -114,8 +114,8 @@ fn run_check(args: &CheckArgs, json: bool) -> Result<bool, Box<dyn Error>> {
 }
 
 fn run_import(args: &ImportArgs, json: bool) -> Result<bool, Box<dyn Error>> {
-    let srdf = args.srdf.as_deref().map(read).transpose()?;
-    match import(&read(&args.file)?, srdf.as_deref()) {
+    let srdf = args.srdf.as_deref().map(read_text).transpose()?;
+    match import(&read_text(&args.file)?, srdf.as_deref()) {
         Ok(imported) => {
             let (urdf, srdf) = write(&imported, &args.out, args.force)?;
             if json {
@@ -143,10 +143,6 @@ fn run_import(args: &ImportArgs, json: bool) -> Result<bool, Box<dyn Error>> {
 
 fn print_json(report: &Report) -> Result<(), Box<dyn Error>> {
     Ok(answer(serde_json::to_string(report)?)?)
-}
-
-fn read(path: &Path) -> Result<String, DescriptionError> {
-    fs::read_to_string(path).map_err(|source| DescriptionError::Read { path: path.to_owned(), source })
 }
 
 /// Writes both files under other names first, so that a full disk leaves no half of a description.

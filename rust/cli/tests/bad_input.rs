@@ -160,3 +160,38 @@ fn a_bad_description_is_explained_and_the_check_fails() {
     assert!(!output.status.success() && !text.contains("panicked"), "{text}");
     assert_names(&text, &["\"j\"", "\"c\""]);
 }
+
+#[test]
+fn a_configuration_that_names_a_program_does_not_start_it_unasked() {
+    let place = place();
+    let planted = place.path().join("planted");
+    let made = proact(place.path(), &["demo", "--headless", "--set", "limit_secs=0.1", "--out", "made"]);
+    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+    let text = fs::read_to_string(place.path().join("made/config.toml")).expect("a configuration");
+    let section = format!("\n[method_process]\ncommand = [\"touch\", {:?}]\n", planted.display().to_string());
+    fs::write(place.path().join("shared.toml"), text + &section).expect("writes");
+    let error = refused(place.path(), &["run", "shared.toml", "--headless"]);
+    assert_names(&error, &["shared.toml", "\"touch\"", "planted", "--allow-command"]);
+    assert!(!planted.exists());
+    // With the option it is started, and then refused for what it says, which is nothing.
+    proact(place.path(), &["run", "shared.toml", "--headless", "--no-record", "--allow-command"]);
+    assert!(planted.exists());
+}
+
+#[test]
+fn files_and_lines_without_end_are_refused_with_their_bound() {
+    let place = place();
+    let endless = |words: &[&str]| assert_names(&refused(place.path(), words), &["more than", "bytes"]);
+    endless(&["run", "/dev/zero", "--headless"]);
+    endless(&["demo", "--headless", "--emg-model", "/dev/zero"]);
+    endless(&["model", "check", "/dev/zero"]);
+    endless(&["model", "check", "/dev/zero", "--srdf", "/dev/zero"]);
+    endless(&["model", "import", "/dev/zero", "--out", "x"]);
+    endless(&["query", "--urdf", "/dev/zero"]);
+    endless(&["analyze", ".", "--intent", "--options", "/dev/zero"]);
+    endless(&["emg", "features", "--csv", "/dev/zero"]);
+    let recordings = place.path().join("recordings");
+    fs::create_dir(&recordings).expect("a folder");
+    std::os::unix::fs::symlink("/dev/zero", recordings.join("R_0_C_0.csv")).expect("a link");
+    endless(&["emg", "evaluate", "--data", "recordings"]);
+}

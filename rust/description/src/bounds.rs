@@ -4,9 +4,17 @@
 use crate::finding::Findings;
 
 /// Longest text, bytes.
-pub(crate) const LONGEST_TEXT: usize = 16 << 20;
-/// Most links.
+pub(crate) const LONGEST_TEXT: usize = 8 << 20;
+/// Deepest element in an element, and most attributes of one: XML parsers descend once a level, and compare attributes
+/// in pairs.
+pub(crate) const DEEPEST_ELEMENT: usize = 64;
+pub(crate) const MOST_ATTRIBUTES: usize = 100;
+/// Most links, and most joints.
 pub(crate) const MOST_LINKS: usize = 200;
+/// Most shapes of all links together.
+pub(crate) const MOST_SHAPES: usize = 2000;
+/// Most findings that are kept: nobody reads more.
+pub(crate) const MOST_FINDINGS: usize = 500;
 /// Most joints between the base and a link.
 pub(crate) const DEEPEST: usize = 100;
 /// Largest coordinate of an origin and largest size of a shape, metres.

@@ -1,5 +1,6 @@
 //! What is wrong, or doubtful, about a description.
 
+use crate::bounds::MOST_FINDINGS;
 use serde::Serialize;
 use std::{fmt, path::PathBuf};
 
@@ -138,6 +139,10 @@ impl Findings {
         expected: impl Into<String>,
         remedy: impl Into<String>,
     ) {
+        // An error must not get lost behind warnings: it decides.
+        if self.is_full() && (severity != Severity::Error || self.fatal()) {
+            return;
+        }
         self.0.push(Finding {
             severity,
             place: place.into(),
@@ -147,6 +152,11 @@ impl Findings {
             expected: expected.into(),
             remedy: remedy.into(),
         });
+    }
+
+    /// True if no more findings are kept, so that a reader may as well stop.
+    pub(crate) fn is_full(&self) -> bool {
+        self.0.len() >= MOST_FINDINGS
     }
 
     /// True if an error was noted.

@@ -3,7 +3,7 @@
 use crate::{
     DescriptionError, Finding, Report, check, examine,
     finding::{Findings, Severity},
-    sdf, write,
+    sdf, write, xml,
 };
 use proact_arm::ArmModel;
 
@@ -52,6 +52,10 @@ pub fn import(text: &str, srdf: Option<&str>) -> Result<Imported, DescriptionErr
     let news: Vec<Finding> = more.into_iter().filter(|f| !same_anywhere(f, &report.findings)).collect();
     report.findings.extend(findings.0.into_iter().chain(news));
     report.findings.sort_by_key(|f| f.severity);
+    // Such as a joint without a name, which the model can hold and the text cannot.
+    if !report.usable {
+        return Err(DescriptionError::Invalid { findings: report.findings });
+    }
     Ok(Imported { model, urdf, srdf, report })
 }
 
@@ -82,7 +86,9 @@ fn without_preamble<'a>(text: &'a str, findings: &mut Findings) -> &'a str {
 }
 
 fn is_sdf(text: &str) -> bool {
-    roxmltree::Document::parse(text).is_ok_and(|d| d.root_element().has_tag_name("sdf"))
+    // Text that is refused is refused by the reader of URDF, which says why.
+    let document = xml::document(text, "", "", "", &mut Findings::default());
+    document.is_some_and(|d| d.root_element().has_tag_name("sdf"))
 }
 
 /// Fingers are allowed to touch each other and the palm.

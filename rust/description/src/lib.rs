@@ -27,6 +27,7 @@ mod sdf;
 mod semantics;
 mod tree;
 mod write;
+mod xml;
 
 pub use finding::{DescriptionError, Finding, Severity};
 pub use import::{Imported, import};
@@ -192,8 +193,14 @@ pub fn select_chain(model: &ArmModel, base: &str, tip: &str) -> Result<ArmModel,
     })
 }
 
-fn read_text(path: &Path) -> Result<String, DescriptionError> {
-    std::fs::read_to_string(path).map_err(|source| DescriptionError::Read { path: path.to_owned(), source })
+/// The text of a description's file, URDF, SRDF or SDF.
+///
+/// # Errors
+/// [`DescriptionError::Read`] for a file that cannot be read, is no text, or is longer than any description.
+pub fn read_text(path: &Path) -> Result<String, DescriptionError> {
+    std::fs::File::open(path)
+        .and_then(|file| proact_types::read_text(file, bounds::LONGEST_TEXT))
+        .map_err(|source| DescriptionError::Read { path: path.to_owned(), source })
 }
 
 fn parse_either(urdf: &str, srdf: Option<&str>) -> Result<ArmModel, DescriptionError> {

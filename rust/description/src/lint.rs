@@ -1,9 +1,10 @@
 //! What can be told from the text alone: where it is malformed, what it refers to in vain, and what urdfdom
 //! would fill in or skip without a word.
 
-use crate::bounds::{LONGEST_TEXT, MOST_LINKS};
+use crate::bounds::{MOST_LINKS, MOST_SHAPES};
 use crate::finding::{Finding, Findings, Severity, joint as joint_place, link as link_place, list};
-use roxmltree::{Document, Node};
+use crate::xml;
+use roxmltree::Node;
 use std::{collections::BTreeSet, f64::consts::FRAC_PI_2};
 
 /// How near to pi/2, rad, an angle must be to look like a rounded pi/2; 1.57 is 8e-4 away.
@@ -18,23 +19,13 @@ const JOINT_PARTS: &[&str] =
 
 /// Looks at the text of a URDF file. False if it is no use to hand it on.
 pub(crate) fn urdf(text: &str, findings: &mut Findings) -> bool {
-    if text.len() > LONGEST_TEXT {
-        let expected = format!("at most {LONGEST_TEXT} bytes");
-        let remedy = "Give the description alone; meshes are files of their own.";
-        findings.error("URDF", "the text is too long", format!("{} bytes", text.len()), expected, remedy);
+    let remedy = if text.contains("<sdf") {
+        "This looks like SDF: turn it into URDF with `proact model import`."
+    } else {
+        "Correct the file at that place."
+    };
+    let Some(document) = xml::document(text, "URDF", "one robot element", remedy, findings) else {
         return false;
-    }
-    let document = match Document::parse(text) {
-        Ok(document) => document,
-        Err(error) => {
-            let remedy = if text.contains("<sdf") {
-                "This looks like SDF: turn it into URDF with `proact model import`."
-            } else {
-                "Correct the file at that place."
-            };
-            findings.error("URDF", "the text is not well-formed XML", error, "one robot element", remedy);
-            return false;
-        }
     };
     let robot = document.root_element();
     if robot.tag_name().name() != "robot" {
@@ -58,11 +49,7 @@ pub(crate) fn urdf(text: &str, findings: &mut Findings) -> bool {
         );
         return false;
     }
-    let links = robot.children().filter(|node| node.has_tag_name("link")).count();
-    if links > MOST_LINKS {
-        let expected = format!("at most {MOST_LINKS}");
-        let remedy = "Give the arm alone, without the room that it stands in.";
-        findings.error("URDF", "there are too many links", links, expected, remedy);
+    if has_too_many_parts(robot, "URDF", findings) {
         return false;
     }
     references(robot, findings);
@@ -70,6 +57,22 @@ pub(crate) fn urdf(text: &str, findings: &mut Findings) -> bool {
         part(node, findings);
     }
     rounded_angles(robot, findings);
+    true
+}
+
+/// Whether `robot`, or SDF's `model`, has more parts than any arm: what follows looks at them in pairs.
+pub(crate) fn has_too_many_parts(robot: Node<'_, '_>, file: &str, findings: &mut Findings) -> bool {
+    let shape = |node: &Node<'_, '_>| node.has_tag_name("collision") || node.has_tag_name("visual");
+    let counts = [
+        ("links", robot.children().filter(|node| node.has_tag_name("link")).count(), MOST_LINKS),
+        ("joints", robot.children().filter(|node| node.has_tag_name("joint")).count(), MOST_LINKS),
+        ("shapes", robot.descendants().filter(shape).count(), MOST_SHAPES),
+    ];
+    let Some((what, count, most)) = counts.into_iter().find(|(_, count, most)| count > most) else {
+        return false;
+    };
+    let remedy = "Give the arm alone, without the room that it stands in.";
+    findings.error(file, format!("there are too many {what}"), count, format!("at most {most}"), remedy);
     true
 }
 
@@ -171,7 +174,7 @@ fn rounded_angles(robot: Node<'_, '_>, findings: &mut Findings) {
 
 /// Fills in the lines of links and joints that findings are about.
 pub(crate) fn locate(text: &str, findings: &mut [Finding]) {
-    let Ok(document) = Document::parse(text) else { return };
+    let Some(document) = xml::document(text, "", "", "", &mut Findings::default()) else { return };
     for node in document.root_element().children().filter(Node::is_element) {
         let Some(name) = node.attribute("name") else { continue };
         let place = match node.tag_name().name() {
@@ -181,7 +184,7 @@ pub(crate) fn locate(text: &str, findings: &mut [Finding]) {
         };
         for finding in findings.iter_mut().filter(|f| f.line.is_none() && f.place == place) {
             // Counts the lines before it: only where somebody asks.
-            finding.line = Some(document.text_pos_at(node.range().start).row);
+            finding.line = Some(xml::line_of(node));
         }
     }
 }

@@ -7,8 +7,11 @@
 //!
 //! Works on the text, so that no digit changes. Comments are dropped: what they say about sides would be wrong.
 
-use crate::finding::{DescriptionError, Findings};
-use roxmltree::{Document, Node};
+use crate::{
+    finding::{DescriptionError, Findings},
+    xml,
+};
+use roxmltree::Node;
 use std::ops::Range;
 
 /// Attributes that hold names of links and joints.
@@ -32,13 +35,9 @@ const NAME_ATTRIBUTES: &[&str] = &[
 /// [`DescriptionError::Invalid`] if the text is not XML, or a number in it cannot be read.
 pub fn mirror(text: &str) -> Result<String, DescriptionError> {
     let mut findings = Findings::default();
-    let document = match Document::parse(text) {
-        Ok(document) => document,
-        Err(error) => {
-            let remedy = "Correct the file at that place.";
-            findings.error("description", "the text is not well-formed XML", error, "URDF or SRDF", remedy);
-            return Err(DescriptionError::Invalid { findings: findings.0 });
-        }
+    let remedy = "Correct the file at that place.";
+    let Some(document) = xml::document(text, "description", "URDF or SRDF", remedy, &mut findings) else {
+        return Err(DescriptionError::Invalid { findings: findings.0 });
     };
     let mut edits = Vec::new();
     for node in document.descendants() {
@@ -82,7 +81,7 @@ fn edit(node: Node<'_, '_>, edits: &mut Vec<(Range<usize>, String)>, findings: &
         match flipped(value.value(), signs) {
             Some(text) => edits.push((value.range_value(), text)),
             None => findings.error(
-                format!("<{tag}> at line {}", node.document().text_pos_at(node.range().start).row),
+                format!("<{tag}> at line {}", xml::line_of(node)),
                 format!("{attribute} cannot be mirrored"),
                 format!("\"{}\"", value.value()),
                 "three finite numbers",

@@ -7,12 +7,14 @@
 
 use crate::{
     finding::{Findings, Severity, joint as joint_place, link as link_place, list},
+    lint,
     semantics::{number, vector},
+    xml,
 };
 use nalgebra::{Translation3, UnitQuaternion};
 use proact_arm::{CollisionShape, Inertial, Joint, JointKind, JointLimits, Link, Visual, VisualGeometry};
 use proact_types::{Pose, Shape, Vector};
-use roxmltree::{Document, Node};
+use roxmltree::Node;
 
 /// SDF's way of saying that a joint has no limit, rad.
 const UNLIMITED: f64 = 1e16;
@@ -35,14 +37,8 @@ struct Placed {
 
 /// Reads the first model of an SDF text; what cannot be converted becomes a finding.
 pub(crate) fn read(text: &str, findings: &mut Findings) -> Option<Parts> {
-    let document = match Document::parse(text) {
-        Ok(document) => document,
-        Err(error) => {
-            let remedy = "Correct the file at that place.";
-            findings.error("SDF", "the text is not well-formed XML", error, "one sdf element", remedy);
-            return None;
-        }
-    };
+    let remedy = "Correct the file at that place.";
+    let document = xml::document(text, "SDF", "one sdf element", remedy, findings)?;
     let sdf = document.root_element();
     let version = sdf.attribute("version").and_then(number);
     let models: Vec<Node<'_, '_>> = sdf.descendants().filter(|n| n.has_tag_name("model")).collect();
@@ -56,6 +52,9 @@ pub(crate) fn read(text: &str, findings: &mut Findings) -> Option<Parts> {
         );
         return None;
     };
+    if lint::has_too_many_parts(*model, "SDF", findings) {
+        return None;
+    }
     say_what_is_left_out(*model, findings);
 
     let name = model.attribute("name").unwrap_or("arm").to_owned();

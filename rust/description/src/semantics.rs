@@ -4,10 +4,10 @@
 //! group is the hand, which the arm, and at which link the arm ends. `grasp_centre` and `grasp` are ProACT's
 //! own elements.
 
-use crate::finding::Findings;
+use crate::{finding::Findings, xml};
 use proact_arm::Grasp;
 use proact_types::Vector;
-use roxmltree::{Document, Node};
+use roxmltree::Node;
 
 /// What an SRDF file says, not yet compared with the URDF.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -50,13 +50,9 @@ pub(crate) struct State {
 /// Reads SRDF text; what cannot be understood becomes an error finding.
 pub(crate) fn read(text: &str, findings: &mut Findings) -> Semantics {
     let mut out = Semantics::default();
-    let document = match Document::parse(text) {
-        Ok(document) => document,
-        Err(error) => {
-            let remedy = "Correct the SRDF file at that place.";
-            findings.error("SRDF", "the text is not well-formed XML", error, "one robot element", remedy);
-            return out;
-        }
+    let remedy = "Correct the SRDF file at that place.";
+    let Some(document) = xml::document(text, "SRDF", "one robot element", remedy, findings) else {
+        return out;
     };
     let robot = document.root_element();
     if robot.tag_name().name() != "robot" {
@@ -71,6 +67,9 @@ pub(crate) fn read(text: &str, findings: &mut Findings) -> Semantics {
         return out;
     }
     for node in robot.children().filter(Node::is_element) {
+        if findings.is_full() {
+            break;
+        }
         match node.tag_name().name() {
             "group" => read_group(node, findings, &mut out),
             "end_effector" => read_end_effector(node, findings, &mut out),
@@ -225,8 +224,7 @@ fn need(node: Node<'_, '_>, key: &str, findings: &mut Findings) -> Option<String
 }
 
 fn place(node: Node<'_, '_>) -> String {
-    let line = node.document().text_pos_at(node.range().start).row;
-    format!("SRDF <{}> at line {line}", node.tag_name().name())
+    format!("SRDF <{}> at line {}", node.tag_name().name(), xml::line_of(node))
 }
 
 /// A finite number, or nothing.

@@ -1,7 +1,9 @@
 //! Descriptions that cannot be used are refused with what was wrong, what was there, and what to do.
 #![allow(clippy::unwrap_used, clippy::disallowed_methods)]
 
-use proact_description::{DescriptionError, MPL_RIGHT_ARM_SRDF, MPL_RIGHT_ARM_URDF, load, parse, parse_urdf};
+use proact_description::{
+    DescriptionError, MPL_RIGHT_ARM_SRDF, MPL_RIGHT_ARM_URDF, check, import, load, mirror, parse, parse_urdf,
+};
 use std::path::Path;
 
 const INERTIAL: &str =
@@ -307,5 +309,34 @@ fn chains_and_trees_that_are_too_long_are_refused_before_anything_recurses_throu
     };
     refused(&chain(50_000), &["there are too many links", "got 50000", "at most 200"]);
     refused(&chain(150), &["too many joints lie between it and the base", "got 101", "at most 100"]);
-    refused(&" ".repeat(17 << 20), &["the text is too long", "at most 16777216 bytes"]);
+    refused(&" ".repeat(9 << 20), &["the text is too long", "at most 8388608 bytes"]);
+    let joints = "<joint name='j' type='fixed'><parent link='a'/><child link='b'/></joint>".repeat(10_000);
+    refused(
+        &format!("<robot name='r'>{joints}</robot>"),
+        &["there are too many joints", "got 10000", "at most 200"],
+    );
+    let shapes = COLLISION.repeat(3000);
+    refused(&with_link(&shapes), &["there are too many shapes", "at most 2000"]);
+}
+
+#[test]
+fn elements_in_elements_and_attributes_without_end_are_refused_before_a_parser_descends() {
+    let deep = format!("<robot name='r'>{}{}</robot>", "<x>".repeat(100_000), "</x>".repeat(100_000));
+    refused(&deep, &["elements stand too deep in each other", "got 100001", "at most 64"]);
+    assert!(parse(MPL_RIGHT_ARM_URDF, &deep).is_err(), "an SRDF as well");
+    assert!(import(&deep.replace("robot", "sdf"), None).is_err(), "and an SDF");
+    assert!(mirror(&deep).is_err());
+    let attributes: String = (0..100_000).map(|k| format!(" a{k}=''")).collect();
+    let wide = format!("<robot name='r'{attributes}/>");
+    refused(&wide, &["an element has too many attributes", "at most 100"]);
+}
+
+#[test]
+fn a_thousandfold_mistake_is_said_some_hundred_times_and_still_is_an_error() {
+    let skipped = "<x/>\n".repeat(100_000);
+    let warnings = check(&arm(&skipped, "revolute", &format!("{ENDS}{AXIS}")), None);
+    assert_eq!(warnings.findings.len(), 501, "the error that follows the warnings is kept");
+    assert!(!warnings.usable);
+    let srdf = format!("<robot name='r'>{}</robot>", "<disable_collisions/>\n".repeat(100_000));
+    assert_eq!(check(MPL_RIGHT_ARM_URDF, Some(&srdf)).findings.len(), 500);
 }

@@ -254,3 +254,10 @@ fn every_number_of_our_arm_is_the_sources_but_for_the_noted_corrections() {
         }
     }
 }
+
+#[test]
+fn an_arm_that_cannot_be_written_down_is_not_imported() {
+    let nameless = include_str!("../../../tests/fuzz/corpus/sdf/joint_without_a_name.sdf");
+    let error = import(nameless, None).expect_err("its joint has no name").to_string();
+    assert!(error.contains("the attribute name is missing"), "{error}");
+}

@@ -1,5 +1,5 @@
 use crate::DeviceError;
-use proact_types::Gesture;
+use proact_types::{Gesture, MOST_TEXT_BYTES, read_text};
 use serde_json::Value;
 use std::{collections::BTreeMap, io::ErrorKind, path::Path};
 
@@ -26,7 +26,7 @@ impl Metadata {
         let mut metadata = Metadata::default();
         for name in FILES {
             let path = dir.join(name);
-            let text = match std::fs::read_to_string(&path) {
+            let text = match std::fs::File::open(&path).and_then(|file| read_text(file, MOST_TEXT_BYTES)) {
                 Ok(text) => text,
                 Err(error) if error.kind() == ErrorKind::NotFound => continue,
                 Err(source) => return Err(DeviceError::Read { path, source }),

@@ -1,8 +1,9 @@
 use crate::{DeviceError, metadata::Metadata};
 use arrayvec::ArrayVec;
-use proact_types::{EmgSample, Gesture, MAX_EMG_CHANNELS};
+use proact_types::{EmgSample, Gesture, LineRead, MAX_EMG_CHANNELS, read_line};
 use std::{
-    io::Write,
+    fs::File,
+    io::{BufReader, Error, ErrorKind, Write},
     path::{Path, PathBuf},
 };
 
@@ -11,6 +12,11 @@ pub type ChannelValues = ArrayVec<f64, MAX_EMG_CHANNELS>;
 
 /// Rate of the Myo armband, with which the freely licensed recordings were made.
 pub const MYO_RATE_HZ: f64 = 200.0;
+
+/// Longest row of a file, bytes; 64 channels with all digits take a fortieth.
+const LONGEST_ROW: usize = 64 << 10;
+/// Most rows of a file: a quarter of an hour at 4 kHz, five hours at 200 Hz.
+const MOST_ROWS: usize = 4_000_000;
 
 /// How recordings lie in a folder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -333,11 +339,28 @@ pub fn read_samples(path: &Path) -> Result<Vec<ChannelValues>, DeviceError> {
 
 /// Rows of numbers separated by commas, all of one length. `expected` columns, or those of the first row.
 fn read_rows(path: &Path, expected: Option<usize>) -> Result<Vec<ChannelValues>, DeviceError> {
-    let text = std::fs::read_to_string(path)
-        .map_err(|source| DeviceError::Read { path: path.to_owned(), source })?;
+    let failed = |source| DeviceError::Read { path: path.to_owned(), source };
+    let mut file = BufReader::new(File::open(path).map_err(failed)?);
     let mut columns = expected;
     let mut rows = Vec::new();
-    for (line, row) in text.lines().zip(1..) {
+    let mut line = Vec::new();
+    for row in 1.. {
+        match read_line(&mut file, LONGEST_ROW, &mut line).map_err(failed)? {
+            LineRead::End => break,
+            LineRead::Whole if rows.len() == MOST_ROWS => {
+                return Err(too_large(path, format!("it has more than {MOST_ROWS} rows")));
+            }
+            LineRead::Whole => {}
+            LineRead::TooLong => {
+                return Err(too_large(path, format!("row {row} has more than {LONGEST_ROW} bytes")));
+            }
+        }
+        let line = std::str::from_utf8(&line).map_err(|_| {
+            failed(Error::new(
+                ErrorKind::InvalidData,
+                format!("row {row} is not UTF-8 text, expected numbers"),
+            ))
+        })?;
         if line.trim().is_empty() {
             continue;
         }
@@ -368,4 +391,9 @@ fn read_rows(path: &Path, expected: Option<usize>) -> Result<Vec<ChannelValues>,
         return Err(DeviceError::EmptyFile { path: path.to_owned() });
     }
     Ok(rows)
+}
+
+fn too_large(path: &Path, reason: String) -> DeviceError {
+    let reason = format!("{reason}, expected at most that: one row of numbers a sample");
+    DeviceError::Read { path: path.to_owned(), source: Error::new(ErrorKind::FileTooLarge, reason) }
 }

@@ -1,10 +1,19 @@
 //! Message types as data: what fields and constants a type has, in ROS's order, and ROS's checksum over them.
 
 use md5::{Digest, Md5};
-use std::{collections::BTreeMap, ops::RangeInclusive, sync::Arc};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    ops::RangeInclusive,
+    sync::Arc,
+};
 
 /// Between the definitions in a text with dependencies.
 const RULE: &str = "================================================================================";
+
+/// Deepest type in a type: whatever reads or writes a message descends as deep.
+const DEEPEST: usize = 32;
+/// Most messages, fields and values in a message whose arrays of any length are empty: such a message is made of every type.
+pub(crate) const MOST_PARTS: usize = 1_000_000;
 
 /// A message type of ROS 1.
 #[derive(Debug, PartialEq)]
@@ -16,6 +25,8 @@ pub struct MessageType {
     /// Fields in ROS's order.
     pub fields: Vec<MessageField>,
     md5: String,
+    /// Messages, fields and values in a message whose arrays of any length are empty.
+    parts: usize,
 }
 
 /// A constant of a message type.
@@ -160,20 +171,21 @@ impl MessageType {
         text: &str,
         source: &dyn Fn(&str) -> Option<String>,
     ) -> Result<Arc<MessageType>, DefinitionError> {
-        Self::load_within(name, text, source, &mut Vec::new()).map(Arc::new)
+        Self::load_within(name, text, source, &mut Vec::new(), &mut BTreeMap::new()).map(Arc::new)
     }
 
-    /// `above` are the types that contain it.
+    /// `above` are the types that contain it, `known` those that were read before: each is read once, however many contain
+    /// it.
     pub(crate) fn load_within(
         name: &str,
         text: &str,
         source: &dyn Fn(&str) -> Option<String>,
         above: &mut Vec<String>,
+        known: &mut BTreeMap<String, Arc<MessageType>>,
     ) -> Result<MessageType, DefinitionError> {
         above.push(name.to_owned());
-        let mut inner: BTreeMap<String, Arc<MessageType>> = BTreeMap::new();
         let mut find = |needed: &str| {
-            if let Some(known) = inner.get(needed) {
+            if let Some(known) = known.get(needed) {
                 return Ok(Arc::clone(known));
             }
             let refuse = |reason: &str| DefinitionError {
@@ -184,9 +196,12 @@ impl MessageType {
             if above.iter().any(|outer| outer == needed) {
                 return Err(refuse("it contains itself"));
             }
+            if above.len() > DEEPEST {
+                return Err(refuse("the types stand too deep in each other"));
+            }
             let text = source(needed).ok_or_else(|| refuse("its definition is not there"))?;
-            let found = Arc::new(Self::load_within(needed, &text, source, above)?);
-            inner.insert(needed.to_owned(), Arc::clone(&found));
+            let found = Arc::new(Self::load_within(needed, &text, source, above, known)?);
+            known.insert(needed.to_owned(), Arc::clone(&found));
             Ok(found)
         };
         let parsed = Self::parse(name, text, &mut find);
@@ -205,6 +220,8 @@ impl MessageType {
         for line in text.lines() {
             if let Some(next) = line.trim().strip_prefix("MSG:") {
                 current = next.trim();
+                // A type without fields, such as std_msgs/Empty, has no lines.
+                parts.entry(current).or_default();
             } else if !line.starts_with("====") {
                 let part = parts.entry(current).or_default();
                 part.push_str(line);
@@ -218,6 +235,8 @@ impl MessageType {
     /// Reads the lines of a definition.
     pub(crate) fn parse(name: &str, text: &str, find: &mut Find<'_>) -> Result<MessageType, DefinitionError> {
         let (mut constants, mut fields) = (Vec::new(), Vec::<MessageField>::new());
+        // The message itself is one; what reads a message counts alike.
+        let (mut names, mut parts) = (BTreeSet::new(), 1_usize);
         for line in text.lines() {
             let refuse = |reason: &str| DefinitionError {
                 type_name: name.to_owned(),
@@ -254,7 +273,7 @@ impl MessageType {
                     (kind, Count::Exactly(length.ok_or_else(|| refuse("no length between the brackets"))?))
                 }
             };
-            if fields.iter().any(|other| &*other.name == field) {
+            if !names.insert(field) {
                 return Err(refuse("the name is there twice"));
             }
             let (kind, written) = match Kind::primitive(kind) {
@@ -264,10 +283,20 @@ impl MessageType {
                     (Kind::Message(find(&full)?), full)
                 }
             };
+            let of_one = if let Kind::Message(inner) = &kind { inner.parts } else { 1 };
+            let nested = match count {
+                Count::One => of_one,
+                Count::Any => 0,
+                Count::Exactly(length) => of_one.saturating_mul(length),
+            };
+            parts = parts.saturating_add(nested).saturating_add(1);
+            if parts > MOST_PARTS {
+                return Err(refuse("with it an empty message has more than a million values"));
+            }
             fields.push(MessageField { name: field.into(), kind, count, written });
         }
         let md5 = hexadecimal(Md5::new_with_prefix(checksum_text(&constants, &fields)));
-        Ok(MessageType { name: name.to_owned(), constants, fields, md5 })
+        Ok(MessageType { name: name.to_owned(), constants, fields, md5, parts })
     }
 
     /// ROS's checksum over the type and those that it needs, in hexadecimal.
@@ -405,6 +434,28 @@ mod tests {
             let error = MessageType::from_text("a/B", line).unwrap_err().to_string();
             assert!(error.contains(reason) && error.contains("a/B"), "{line:?}: {error}");
         }
+    }
+
+    #[test]
+    fn types_that_announce_more_than_memory_holds_are_refused() {
+        let refused = |text: &str| MessageType::from_text("a/B", text).unwrap_err().to_string();
+        assert!(refused("float64[4294967295] x").contains("more than a million values"));
+        let nested = |n: usize| format!("{RULE}\nMSG: a/T{n}\nT{}[500] t\n", n + 1);
+        let text = format!("T0 t\n{}{}{RULE}\nMSG: a/T2\nbool x\n", nested(0), nested(1));
+        assert!(MessageType::from_text("a/B", &text).is_ok(), "a quarter of a million times one");
+        assert!(refused(&text.replace("bool x", "bool x\nbool y")).contains("more than a million values"));
+        let deep: String = (0..1000).map(|n| format!("{RULE}\nMSG: a/T{n}\nT{} t\n", n + 1)).collect();
+        assert!(refused(&format!("T0 t\n{deep}")).contains("too deep in each other"));
+    }
+
+    #[test]
+    fn a_type_that_many_others_contain_is_read_once() {
+        // Each contains all that follow: read anew for each, they would be two to the power of thirty.
+        let fields = |from: usize| (from..30).map(|n| format!("T{n}[] t{n}\n")).collect::<String>();
+        let types: String =
+            (0..30).map(|n| format!("{RULE}\nMSG: a/T{n}\nbool x\n{}", fields(n + 1))).collect();
+        let kind = MessageType::from_text("a/B", &(fields(0) + &types)).unwrap();
+        assert_eq!(kind.needs().len(), 30);
     }
 
     #[test]

@@ -379,9 +379,9 @@ fn options_that_make_no_sense_are_refused_by_name() {
         ArmPlanner::new(model.clone(), kinematics, options).err().expect("refused").to_string()
     };
     let text = refused(PlannerOptions { max_velocity: 0.0, ..Default::default() });
-    assert_eq!(text, "planner.max_velocity = 0, expected more than 0 and at most 100");
+    assert_eq!(text, "planner.max_velocity = 0, expected 0.01 to 100");
     let text = refused(PlannerOptions { padding: f64::NAN, ..Default::default() });
-    assert_eq!(text, "planner.padding = NaN, expected 0 to 100");
+    assert_eq!(text, "planner.padding = NaN, expected 0 to 1");
 }
 
 #[test]

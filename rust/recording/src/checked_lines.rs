@@ -3,7 +3,10 @@
 //! A damaged digest must not pass for a trial that diverged, hence the checksum: eight hexadecimal digits of
 //! the CRC-32 of the JSON text, a blank, the JSON text.
 
-use crate::RecordingError;
+use crate::{
+    RecordingError,
+    files::{self, MOST_LOG_BYTES},
+};
 use serde::{Serialize, de::DeserializeOwned};
 use std::{
     fs::File,
@@ -83,7 +86,7 @@ pub(crate) fn read_lines<T: DeserializeOwned>(
     path: &Path,
     checked: bool,
 ) -> Result<Lines<T>, RecordingError> {
-    let bytes = std::fs::read(path).map_err(RecordingError::io("read", path))?;
+    let bytes = files::read(path, MOST_LOG_BYTES).map_err(RecordingError::io("read", path))?;
     let mut lines = Lines { values: Vec::new(), offsets: Vec::new(), stop: None };
     let mut offset = 0;
     for line in bytes.split_inclusive(|b| *b == b'\n') {

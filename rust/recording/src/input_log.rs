@@ -6,7 +6,7 @@
 //! header as JSON, every other one a [`Record`] in postcard's encoding, which keeps every bit of a float. The
 //! last one is the end mark: a log without it was broken off.
 
-use crate::{RECORD_FORMAT, RecordingError, format};
+use crate::{RECORD_FORMAT, RecordingError, files, format};
 use proact_types::{SimTime, TickInput};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::{
@@ -20,6 +20,8 @@ const MAGIC: &[u8; 8] = b"PROACTIN";
 /// Bytes of a record around its payload: length, complement, CRC-32.
 const LENGTH_BYTES: u64 = 8;
 const CHECKSUM_BYTES: u64 = 4;
+/// Longest payload, bytes. A tick's input has some hundred, with a plan some hundred thousand.
+const MOST_RECORD_BYTES: u32 = 64 << 20;
 
 /// First record of the log.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -173,7 +175,7 @@ impl InputLog {
     /// or [`RecordingError::Truncated`] if its head is not that of one.
     pub fn open(dir: &Path) -> Result<Self, RecordingError> {
         let path = dir.join(crate::INPUTS_FILE);
-        let file = File::open(&path).map_err(|source| match source.kind() {
+        let file = files::open(&path).map_err(|source| match source.kind() {
             std::io::ErrorKind::NotFound => {
                 RecordingError::NotATrial { dir: dir.to_owned(), missing: crate::INPUTS_FILE }
             }
@@ -258,6 +260,10 @@ impl InputLog {
         let length = u32::from_le_bytes([a, b, c, d]);
         if u32::from_le_bytes([e, f, g, h]) != !length {
             return Err(self.damaged(start, "the record's length does not match its complement"));
+        }
+        if length > MOST_RECORD_BYTES {
+            let reason = format!("a record has {length} bytes, expected at most {MOST_RECORD_BYTES}");
+            return Err(self.damaged(start, &reason));
         }
         // Compare with what is left before any memory is asked for.
         if self.length - self.offset < u64::from(length) + CHECKSUM_BYTES {

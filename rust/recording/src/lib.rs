@@ -44,6 +44,7 @@
 pub mod bag;
 mod checked_lines;
 mod error;
+mod files;
 mod format;
 mod input_log;
 mod manifest;

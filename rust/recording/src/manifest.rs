@@ -1,10 +1,11 @@
 //! `SHA256SUMS`: a hash of every file of a finished record, as `sha256sum -c SHA256SUMS` checks it too.
 
-use crate::{MANIFEST_FILE, RecordingError, trial_writer::write_atomically};
+use crate::{MANIFEST_FILE, RecordingError, files, trial_writer::write_atomically};
+use proact_types::MOST_TEXT_BYTES;
 use sha2::{Digest, Sha256};
 use std::{
     collections::BTreeMap,
-    fs::{self, File},
+    fs,
     io::{self, Read},
     path::Path,
 };
@@ -40,7 +41,7 @@ pub fn seal(dir: &Path) -> Result<(), RecordingError> {
 /// manifest does not cover; [`RecordingError::Damaged`] if the manifest itself is none.
 pub(crate) fn check(dir: &Path, expected: &[&str]) -> Result<bool, RecordingError> {
     let path = dir.join(MANIFEST_FILE);
-    let text = match fs::read(&path) {
+    let text = match files::read(&path, MOST_TEXT_BYTES) {
         Ok(text) => text,
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(false),
         Err(error) => return Err(RecordingError::io("read", &path)(error)),
@@ -87,7 +88,7 @@ fn parse(line: &[u8]) -> Option<(&str, &str)> {
 
 /// SHA-256 of a file, 64 hexadecimal digits.
 fn hash(path: &Path) -> io::Result<String> {
-    let (mut file, mut hasher, mut bytes) = (File::open(path)?, Sha256::new(), vec![0; 1 << 16]);
+    let (mut file, mut hasher, mut bytes) = (files::open(path)?, Sha256::new(), vec![0; 1 << 16]);
     loop {
         match file.read(&mut bytes)? {
             0 => return Ok(hex(&hasher.finalize())),

@@ -2,11 +2,12 @@ use crate::{
     CONFIG_FILE, DIGESTS_FILE, EVENTS_FILE, INPUTS_FILE, InputLog, InputRecord, MANIFEST_FILE, RESULT_FILE,
     RecordingError, TrialHeader,
     checked_lines::{Lines, read_lines},
+    files,
     input_log::LogHeader,
     manifest,
     trial_writer::Acknowledged,
 };
-use proact_types::{Event, SimTime};
+use proact_types::{Event, MOST_TEXT_BYTES, SimTime};
 use serde::de::{DeserializeOwned, IgnoredAny};
 use std::{
     fs,
@@ -188,7 +189,7 @@ fn read_header(dir: &Path, head: &LogHeader) -> Result<TrialHeader, RecordingErr
     let mut changed = Vec::new();
     for (name, sum) in &head.files {
         let path = dir.join(name);
-        match fs::read(&path) {
+        match files::read(&path, MOST_TEXT_BYTES) {
             Ok(bytes) if manifest::hash_of(&bytes) == *sum => {
                 files.insert(name.clone(), bytes);
             }
@@ -236,7 +237,7 @@ fn check_order(path: &Path, digests: &Lines<Acknowledged<IgnoredAny>>) -> Result
 /// [`RecordingError::Damaged`] if the file is not what it should be.
 pub fn read_result<R: DeserializeOwned>(dir: &Path) -> Result<R, RecordingError> {
     let path = dir.join(RESULT_FILE);
-    let bytes = fs::read(&path).map_err(|source| match source.kind() {
+    let bytes = files::read(&path, MOST_TEXT_BYTES).map_err(|source| match source.kind() {
         ErrorKind::NotFound if dir.join(INPUTS_FILE).exists() => {
             RecordingError::Unfinished { dir: dir.to_owned() }
         }

@@ -143,7 +143,7 @@ fn what_is_no_bag_and_what_is_damaged_is_refused_with_the_byte() {
     let path = place.path().join("some.bag");
     fs::write(&path, "#ROSBAG V1.2\n").unwrap();
     assert!(read(&path).unwrap_err().to_string().contains("does not begin as a bag does"));
-    assert!(matches!(read(Path::new("/dev/zero")), Err(RecordingError::Bag { .. })));
+    assert!(matches!(read(Path::new("/dev/zero")), Err(RecordingError::Io { .. })));
     assert!(matches!(read(&place.path().join("none.bag")), Err(RecordingError::Io { .. })));
 
     let bytes = fs::read(finished(place.path())).unwrap();

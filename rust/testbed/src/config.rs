@@ -11,6 +11,9 @@ use std::{fmt, str::FromStr};
 /// Gestures are given directly, until a source of them is named.
 const KEYS: &str = "keys";
 
+/// Most words of a key of the configuration; there are four in `profile.end_effector_jog.inverse.kind`.
+const DEEPEST_KEY: usize = 8;
+
 /// The control methods there are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum MethodName {
@@ -292,6 +295,9 @@ impl TrialConfig {
             let wrong = || ConfigError::Assignment { got: assignment.to_owned() };
             let (key, value) = assignment.split_once('=').ok_or_else(wrong)?;
             let (key, value_text) = (key.trim(), value.trim());
+            if key.split('.').count() > DEEPEST_KEY {
+                return Err(wrong());
+            }
             // A bare word is text; anything else is what TOML says.
             let read = |text: &str| toml::from_str::<toml::Table>(&format!("value = {text}")).ok();
             let value = read(value_text).and_then(|mut table| table.remove("value"));
@@ -372,6 +378,12 @@ impl TrialConfig {
         self.profile.check()?;
         self.intent.check()?;
         self.setup.body.check()?;
+        if let Some(level) = self.emg_centring.iter().find(|level| !level.is_finite()) {
+            return bad("emg_centring", level.to_string(), "finite numbers");
+        }
+        if let Some(emg) = &self.emg {
+            emg.check()?;
+        }
         if let Some(participant) = &self.participant {
             participant.check()?;
         }
@@ -458,6 +470,16 @@ mod tests {
         let other =
             config().with_values(&["planner.parameters.range=0.4"]).expect("a number is text to OMPL");
         assert_eq!(other.planner.parameters["range"], "0.4");
+        let deep = format!("setup{}=1", ".body".repeat(20_000));
+        let error = config().with_values(&[deep]).expect_err("no such key").to_string();
+        assert!(error.contains("sets nothing"), "{error}");
+        let emg = TrialConfig { emg: Some(EmgConfig::default()), ..config() };
+        for assignment in ["emg_centring=[nan]", "emg.rate_hz=nan", "emg.liveness.noise_floors=[nan]"] {
+            assert!(
+                emg.with_values(&[assignment]).is_err(),
+                "{assignment} makes a configuration that equals no other"
+            );
+        }
         let error = config().with_values(&["planner.nme=PRM"]).expect_err("an unknown key").to_string();
         assert!(
             error.starts_with("cannot set planner.nme=PRM: unknown field nme, expected one of "),

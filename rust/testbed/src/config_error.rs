@@ -81,6 +81,9 @@ pub enum ConfigError {
     /// The intent model refuses its options.
     #[error(transparent)]
     Intent(#[from] proact_intent::IntentError),
+    /// The EMG stage refuses its settings.
+    #[error(transparent)]
+    Emg(#[from] proact_emg::EmgError),
     /// Settings of who or what has no part in the trial.
     #[error("{key} is set, but {why}: leave it out")]
     NoPart {

@@ -145,30 +145,26 @@ impl PlannerOptions {
     pub fn check(&self) -> Result<(), ConfigError> {
         let refused =
             |key, got: f64, expected| Err(ConfigError::Value { key, got: got.to_string(), expected });
-        for (key, value) in [
-            ("planner.max_velocity", self.max_velocity),
-            ("planner.max_acceleration", self.max_acceleration),
-            ("planner.approach_height", self.approach_height),
-            ("planner.lift_height", self.lift_height),
-            ("planner.retreat_height", self.retreat_height),
-            ("planner.search.range_rad", self.search.range_rad),
-            ("planner.search.step_rad", self.search.step_rad),
-            ("planner.search.step_metres", self.search.step_metres),
+        // The least of each is far below any use: with less, a path would have more points than memory holds.
+        let search = &self.search;
+        for (key, value, range, expected) in [
+            ("planner.max_velocity", self.max_velocity, 0.01..=100.0, "0.01 to 100"),
+            ("planner.max_acceleration", self.max_acceleration, 0.01..=100.0, "0.01 to 100"),
+            ("planner.approach_height", self.approach_height, 0.001..=2.0, "0.001 to 2"),
+            ("planner.lift_height", self.lift_height, 0.001..=2.0, "0.001 to 2"),
+            ("planner.retreat_height", self.retreat_height, 0.001..=2.0, "0.001 to 2"),
+            ("planner.search.range_rad", search.range_rad, 0.001..=100.0, "0.001 to 100"),
+            ("planner.search.step_rad", search.step_rad, 0.001..=100.0, "0.001 to 100"),
+            ("planner.search.step_metres", search.step_metres, 0.0001..=100.0, "0.0001 to 100"),
+            ("planner.padding", self.padding, 0.0..=1.0, "0 to 1"),
+            ("planner.contact_padding", self.contact_padding, 0.0..=1.0, "0 to 1"),
+            ("planner.graze_depth", self.graze_depth, 0.0..=1.0, "0 to 1"),
+            ("planner.place_gap", self.place_gap, 0.0..=1.0, "0 to 1"),
+            ("planner.place_tilt", self.place_tilt, 0.0..=3.2, "0 to 3.2"),
+            ("planner.place_tolerance", self.place_tolerance, 0.0..=1.0, "0 to 1"),
         ] {
-            if !(value > 0.0 && value <= 100.0) {
-                return refused(key, value, "more than 0 and at most 100");
-            }
-        }
-        for (key, value) in [
-            ("planner.padding", self.padding),
-            ("planner.contact_padding", self.contact_padding),
-            ("planner.graze_depth", self.graze_depth),
-            ("planner.place_gap", self.place_gap),
-            ("planner.place_tilt", self.place_tilt),
-            ("planner.place_tolerance", self.place_tolerance),
-        ] {
-            if !(0.0..=100.0).contains(&value) {
-                return refused(key, value, "0 to 100");
+            if !range.contains(&value) {
+                return refused(key, value, expected);
             }
         }
         for (key, count, least) in [("planner.goals", self.goals, 1), ("planner.postures", self.postures, 0)]
@@ -177,6 +173,18 @@ impl PlannerOptions {
                 return refused(key, count as f64, if least == 0 { "0 to 1000" } else { "1 to 1000" });
             }
         }
+        for (key, count, most, expected) in [
+            ("planner.search.more_searches", search.more_searches, 1000, "at most 1000"),
+            ("planner.search.shortcuts", search.shortcuts, 100_000, "at most 100000"),
+        ] {
+            if count > most {
+                return refused(key, f64::from(count), expected);
+            }
+        }
+        if search.max_iterations > 1_000_000 && search.max_secs.is_none() {
+            let expected = "at most 1000000 without planner.search.max_secs";
+            return refused("planner.search.max_iterations", f64::from(search.max_iterations), expected);
+        }
         for (key, bound) in
             [("planner.deadline_secs", self.deadline_secs), ("planner.search.max_secs", self.search.max_secs)]
         {
@@ -184,8 +192,8 @@ impl PlannerOptions {
                 return refused(key, value, "0.001 to 3600 s, or none");
             }
         }
-        if self.max_jerk.is_nan() || self.max_jerk <= 0.0 {
-            return refused("planner.max_jerk", self.max_jerk, "a number above zero, or inf");
+        if self.max_jerk.is_nan() || self.max_jerk < 0.01 {
+            return refused("planner.max_jerk", self.max_jerk, "0.01 or more, or inf");
         }
         if let Some(share) = self.search.equal_steps.filter(|share| !(1e-4..=1.0).contains(share)) {
             return refused("planner.search.equal_steps", share, "0.0001 to 1, or none");

@@ -13,6 +13,7 @@
 //! assert_eq!(SimTime::from_secs(0.25), SimTime(250));
 //! ```
 
+mod bounded;
 mod display;
 mod event;
 mod gesture;
@@ -26,6 +27,7 @@ mod time;
 pub mod typescript;
 mod world;
 
+pub use bounded::{LineRead, MOST_RECORDING_BYTES, MOST_TEXT_BYTES, read_bytes, read_line, read_text};
 pub use display::{DisplayFrame, HandState, HandView, ModeView, PlannerView, TargetView};
 pub use event::{Event, EventKind};
 pub use gesture::{Gesture, UnknownGesture};

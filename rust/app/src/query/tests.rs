@@ -254,3 +254,39 @@ fn another_chain_and_another_arm_can_be_chosen() {
     let missing = QueryOptions { urdf: Some(folder.path().join("none.urdf")), ..Default::default() };
     assert!(run(missing, "".as_bytes(), Vec::new()).unwrap_err().to_string().contains("none.urdf"));
 }
+
+#[test]
+fn a_line_that_is_too_long_is_answered_without_being_kept_and_the_stream_goes_on() {
+    use std::io::{BufReader, Read};
+    let long = std::io::repeat(b'[').take(100 << 20);
+    let good = format!("\n{}\n", json!({ "op": "fk", "q": BENT }));
+    let mut output = Vec::new();
+    run(QueryOptions::default(), BufReader::new(long.chain(good.as_bytes())), &mut output).unwrap();
+    let output = String::from_utf8(output).unwrap();
+    let mut lines = output.lines();
+    assert!(lines.next().unwrap().contains("the line has more than 4194304 bytes"), "{output}");
+    assert!(lines.next().unwrap().contains("position"), "{output}");
+}
+
+#[test]
+fn a_roadmap_ends_where_no_state_is_free() {
+    let roadmap = |shape: Value| {
+        let scene = json!([{ "name": "rock", "shape": shape, "position": [0, 0, 0] }]);
+        answer(json!({ "op": "roadmap", "milestones": 50, "scene": scene }))["error"].to_string()
+    };
+    let inside = roadmap(json!({ "type": "box", "size": [10, 10, 10] }));
+    assert!(inside.contains("0 of 50 milestones") && inside.contains("no room"), "{inside}");
+    let huge = roadmap(json!({ "type": "cylinder", "radius": 1e154, "length": 1e154 }));
+    assert!(huge.contains("rock") && huge.contains("at most 1000"), "{huge}");
+}
+
+#[test]
+fn a_plan_with_something_far_out_in_the_hand_is_answered() {
+    for metres in [900.0, 4.294967296e9, 1e20, 1e200] {
+        let far =
+            json!([{ "shape": { "type": "box", "size": [0.1, 0.1, 0.1] }, "position": [metres, 0, 0] }]);
+        let line = json!({ "op": "plan", "start": STRAIGHT, "goal_q": vec![0.1; 7], "scene": "empty", "attached": far });
+        let answer = answer(line).to_string();
+        assert!(answer.contains("\"status\"") || answer.contains("\"error\""), "{metres}: {answer}");
+    }
+}

@@ -4,13 +4,16 @@ use super::{page::PageScreen, train::PageArgs};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use proact_app::tell;
 use proact_emg::{Calibration, CalibrationReport, Light, Phase};
-use proact_types::Gesture;
+use proact_types::{Gesture, LineRead, read_line};
 use serde_json::Value;
 use std::{
     error::Error,
-    io::{BufRead, IsTerminal, stderr, stdin},
+    io::{IsTerminal, stderr, stdin},
     sync::mpsc::{Receiver, TryRecvError, channel},
 };
+
+/// Longest line that a person types, bytes.
+const LONGEST_LINE: usize = 1000;
 
 /// What to do after a round.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -64,8 +67,10 @@ pub(super) fn open_screen(
 fn lines() -> Receiver<String> {
     let (sender, receiver) = channel();
     std::thread::spawn(move || {
-        for line in stdin().lock().lines().map_while(Result::ok) {
-            if sender.send(line).is_err() {
+        let (mut input, mut line) = (stdin().lock(), Vec::new());
+        // What nobody types counts as an empty line.
+        while read_line(&mut input, LONGEST_LINE, &mut line).is_ok_and(|read| read != LineRead::End) {
+            if sender.send(String::from_utf8_lossy(&line).trim_end().to_owned()).is_err() {
                 return;
             }
         }

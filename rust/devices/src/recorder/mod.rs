@@ -4,7 +4,7 @@ mod csv;
 mod edf;
 
 use crate::{DeviceError, EmgPacket, SourceInfo};
-use proact_types::EmgSample;
+use proact_types::{EmgSample, MOST_RECORDING_BYTES, read_bytes};
 use std::{
     fs::{File, OpenOptions},
     io::{self, BufWriter},
@@ -86,7 +86,9 @@ impl EmgRecorder {
 /// # Errors
 /// A file of another kind, or one with damage: what stands where is said.
 pub fn read_recorded(path: &Path) -> Result<RecordedStream, DeviceError> {
-    let bytes = std::fs::read(path).map_err(|source| DeviceError::Read { path: path.to_owned(), source })?;
+    let bytes = File::open(path)
+        .and_then(|file| read_bytes(file, MOST_RECORDING_BYTES))
+        .map_err(|source| DeviceError::Read { path: path.to_owned(), source })?;
     let read = match path.extension().and_then(|e| e.to_str()) {
         Some("csv") => csv::read(&bytes),
         Some("edf") => edf::read(&bytes),

@@ -29,6 +29,12 @@ pub enum WireError {
         /// The field.
         path: String,
     },
+    /// More messages in the message than could be meant.
+    #[error("{path} holds more messages without a byte of their own than are taken")]
+    TooMany {
+        /// The field.
+        path: String,
+    },
     /// A value of another type than the field.
     #[error("{path} is {got}, expected {expected}")]
     Mismatch {
@@ -47,6 +53,7 @@ impl WireError {
         let (WireError::TooShort { path, .. }
         | WireError::LeftOver { path, .. }
         | WireError::NotText { path }
+        | WireError::TooMany { path }
         | WireError::Mismatch { path, .. }) = &mut self;
         let dot = if path.is_empty() || path.starts_with('[') { "" } else { "." };
         *path = format!("{outer}{dot}{path}");
@@ -58,6 +65,23 @@ impl WireError {
 mod tests {
     use crate::{MessageType, Time, Value, WireError, known_type, known_types};
     use serde_json::json;
+
+    #[test]
+    fn messages_without_a_byte_are_read_up_to_a_number_of_them() {
+        let kind = MessageType::from_text(
+            "a/B",
+            "C[3] c\n====\nMSG: a/C\nstd_msgs/Empty e\n====\nMSG: std_msgs/Empty\n",
+        );
+        let kind = kind.unwrap();
+        let value = kind.empty(Time::default());
+        assert_eq!(kind.from_bytes(&kind.to_bytes(&value).unwrap()), Ok(value));
+        let any = MessageType::from_text(
+            "a/B",
+            "C[] c\n====\nMSG: a/C\nstd_msgs/Empty[1000] e\n====\nMSG: std_msgs/Empty\n",
+        );
+        let refused = any.unwrap().from_bytes(&4_000_000_000_u32.to_le_bytes());
+        assert!(matches!(refused, Err(WireError::TooMany { .. })), "{refused:?}");
+    }
 
     #[test]
     fn a_message_is_laid_out_field_by_field() {

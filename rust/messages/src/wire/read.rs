@@ -2,7 +2,7 @@
 
 use super::WireError;
 use crate::{
-    definition::{Count, Kind, MessageField, MessageType},
+    definition::{Count, Kind, MOST_PARTS, MessageField, MessageType},
     value::{Duration, Time, Value},
 };
 use std::sync::Arc;
@@ -13,7 +13,7 @@ impl MessageType {
     /// # Errors
     /// [`WireError`] but for [`WireError::Mismatch`].
     pub fn from_bytes(&self, bytes: &[u8]) -> Result<Value, WireError> {
-        let mut from = Reader { rest: bytes };
+        let mut from = Reader { rest: bytes, parts: MOST_PARTS + bytes.len() };
         let value = self.take(&mut from).map_err(|error| error.within(&self.name))?;
         match from.rest.len() {
             0 => Ok(value),
@@ -22,6 +22,9 @@ impl MessageType {
     }
 
     fn take(&self, from: &mut Reader<'_>) -> Result<Value, WireError> {
+        // Messages without fields take no bytes, so that the bytes alone do not bound how many there are.
+        let left = from.parts.checked_sub(1 + self.fields.len());
+        from.parts = left.ok_or_else(|| WireError::TooMany { path: String::new() })?;
         let fields = self.fields.iter().map(|field| {
             let value = field.take(from).map_err(|error| error.within(&field.name))?;
             Ok((Arc::clone(&field.name), value))
@@ -37,8 +40,9 @@ impl MessageField {
             Count::Any => from.length()?,
             Count::Exactly(length) => length,
         };
-        // An entry has a byte at least; so a length that lies cannot ask for memory.
-        if length > from.rest.len() {
+        // An entry has a byte at least; so a length that lies cannot ask for memory. Messages without fields have none, but
+        // are counted.
+        if length > from.rest.len() && !matches!(self.kind, Kind::Message(_)) {
             return Err(WireError::TooShort { path: String::new(), missing: length - from.rest.len() });
         }
         let mut entries = |size: usize| from.take(length.saturating_mul(size));
@@ -101,6 +105,8 @@ impl Kind {
 
 struct Reader<'a> {
     rest: &'a [u8],
+    /// Messages and fields that may still come.
+    parts: usize,
 }
 
 impl<'a> Reader<'a> {

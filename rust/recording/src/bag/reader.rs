@@ -1,11 +1,11 @@
 use super::{
     messages::Message,
     records::{
-        Header, NoRecord, OP_BAG_HEADER, OP_CHUNK, OP_CHUNK_INFO, OP_CONNECTION, OP_INDEX, OP_MESSAGE,
-        Record, VERSION_LINE,
+        Header, MOST_BYTES, NoRecord, OP_BAG_HEADER, OP_CHUNK, OP_CHUNK_INFO, OP_CONNECTION, OP_INDEX,
+        OP_MESSAGE, Record, VERSION_LINE,
     },
 };
-use crate::RecordingError;
+use crate::{RecordingError, files};
 use proact_messages::{MessageType, known_type};
 use std::{
     collections::{HashMap, hash_map::Entry},
@@ -15,10 +15,6 @@ use std::{
     path::Path,
     sync::Arc,
 };
-
-/// Longest chunk when it is decompressed, bytes. Recorders close a chunk at 768 KiB unless told otherwise; a message that
-/// is longer makes one of its own.
-const MAX_CHUNK_BYTES: u64 = 256 << 20;
 
 /// A message in a bag.
 #[derive(Clone, Copy, Debug)]
@@ -139,7 +135,7 @@ struct Reader<'a> {
 impl<'a> Reader<'a> {
     fn open(path: &'a Path) -> Result<Self, RecordingError> {
         let io = |source| RecordingError::Io { action: "open", path: path.to_owned(), source };
-        let file = File::open(path).map_err(io)?;
+        let file = files::open(path).map_err(io)?;
         let length = file.metadata().map_err(io)?.len();
         let topics = HashMap::new();
         let mut reader = Reader {
@@ -295,8 +291,8 @@ impl<E> From<String> for Refused<E> {
 /// The content of a chunk.
 fn decompress(record: &Record) -> Result<Vec<u8>, String> {
     let size = u64::from(record.header.u32("size")?);
-    if size > MAX_CHUNK_BYTES {
-        return Err(format!("a chunk has {size} bytes, expected at most {MAX_CHUNK_BYTES}"));
+    if size > u64::from(MOST_BYTES) {
+        return Err(format!("a chunk has {size} bytes, expected at most {MOST_BYTES}"));
     }
     let kind = record.header.text("compression")?;
     let data = record.data.as_slice();

@@ -14,6 +14,10 @@ pub(super) const OP_CHUNK: u8 = 0x05;
 pub(super) const OP_CHUNK_INFO: u8 = 0x06;
 pub(super) const OP_CONNECTION: u8 = 0x07;
 
+/// Longest header or data of a record, bytes. Recorders close a chunk at 768 KiB unless told otherwise; a message that is
+/// longer makes one of its own.
+pub(super) const MOST_BYTES: u32 = 256 << 20;
+
 /// A record to be written.
 pub(super) fn put_record(out: &mut Vec<u8>, fields: &[(&str, Vec<u8>)], data: &[u8]) {
     let mut header = Vec::new();
@@ -95,6 +99,11 @@ fn block(input: &mut impl Read, left: &mut u64) -> Result<Vec<u8>, NoRecord> {
     };
     let length = take(4)?;
     let length = u32::from_le_bytes([length[0], length[1], length[2], length[3]]);
+    if length > MOST_BYTES {
+        return Err(NoRecord::Malformed(format!(
+            "a record has {length} bytes, expected at most {MOST_BYTES}"
+        )));
+    }
     take(length as usize)
 }
 

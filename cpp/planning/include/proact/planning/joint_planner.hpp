@@ -89,13 +89,14 @@ struct JointPlan {
   bool timed_out = false;
 };
 
-/// True if the straight joint motion from a to b is free, both ends included.
+/// True if the straight joint motion from a to b is free, both ends included. Throws std::invalid_argument for a motion
+/// of more steps of the resolution than any arm's.
 bool motion_is_free(Scene& scene, const double* a, const double* b, const Resolution& resolution);
 
 /// A roadmap of so many milestones that are free in the scene as it is now, by OMPL's PRM: of the query only the seed,
 /// the resolution and the further condition count. Fewer milestones if the flag was raised.
 ///
-/// Throws std::invalid_argument as plan_joint does.
+/// Throws std::invalid_argument as plan_joint does, std::runtime_error if no more states are free.
 Roadmap grow_roadmap(Scene& scene, const JointQuery& query, std::size_t milestones, const CancelFlag& cancel);
 
 /// A free path from the start to one of the goals.
@@ -105,8 +106,8 @@ Roadmap grow_roadmap(Scene& scene, const JointQuery& query, std::size_t mileston
 /// every generator of RRTConnect has its own seed derived from the query's. The other planners draw from
 /// generators out of reach: they run alone in the process, after OMPL's own source has been seeded.
 ///
-/// Throws std::invalid_argument for wrong lengths, values that are not finite, joints outside the limits, and
-/// parameters that the planner does not know.
+/// Throws std::invalid_argument for wrong lengths, values that are not finite, joints outside the limits,
+/// parameters that the planner does not know, and motions too long to be looked at.
 JointPlan plan_joint(Scene& scene, const JointQuery& query, const CancelFlag& cancel);
 
 /// Throws std::invalid_argument if the query's planner does not know one of its parameters, naming those that it

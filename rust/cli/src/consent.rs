@@ -1,0 +1,84 @@
+//! A shared file may name a program; whoever runs the file decides whether it is started.
+
+use proact_testbed::TrialConfig;
+use proact_types::{LineRead, read_line};
+use std::{
+    error::Error,
+    io::{self, BufRead, IsTerminal, Write},
+};
+
+/// Longest answer that is looked at, bytes.
+const LONGEST_ANSWER: usize = 1000;
+
+/// Whether the program that `config`, from `file`, names for its method may be started: if `allowed` on the command
+/// line, or if somebody at the terminal says yes.
+///
+/// # Errors
+/// Nobody consented; the command is shown.
+pub(crate) fn to_the_command_of(
+    config: &TrialConfig,
+    file: &str,
+    allowed: bool,
+) -> Result<(), Box<dyn Error>> {
+    let Some(process) = config.method_process.as_ref().filter(|_| !allowed) else { return Ok(()) };
+    let command = shown(&process.command);
+    if io::stdin().is_terminal() && io::stderr().is_terminal() {
+        asked(file, &command, &mut io::stdin().lock(), &mut io::stderr())
+    } else {
+        Err(refusal(file, &command).into())
+    }
+}
+
+/// The words as they reach the program; what a terminal would act upon is spelt out.
+fn shown(command: &[String]) -> String {
+    command.iter().map(|word| format!("{word:?}")).collect::<Vec<_>>().join(" ")
+}
+
+fn refusal(file: &str, command: &str) -> String {
+    format!(
+        "{file} would start the program {command} (method_process.command), with all rights that you have: read it, \
+         then add --allow-command, or take the section out of the file"
+    )
+}
+
+fn asked(
+    file: &str,
+    command: &str,
+    answers: &mut impl BufRead,
+    terminal: &mut impl Write,
+) -> Result<(), Box<dyn Error>> {
+    write!(
+        terminal,
+        "{file} starts this program, with all rights that you have:\n  {command}\nStart it? [y/N] "
+    )?;
+    terminal.flush()?;
+    let mut line = Vec::new();
+    let read = read_line(answers, LONGEST_ANSWER, &mut line)?;
+    let yes = line.trim_ascii().eq_ignore_ascii_case(b"y") || line.trim_ascii().eq_ignore_ascii_case(b"yes");
+    if read == LineRead::Whole && yes { Ok(()) } else { Err(refusal(file, command).into()) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_yes_starts_the_command_and_it_is_shown_without_control_characters() {
+        let command = shown(&["sh".to_owned(), "-c".to_owned(), "\x1b[2Jrm".to_owned()]);
+        assert_eq!(command, "\"sh\" \"-c\" \"\\u{1b}[2Jrm\"");
+        for (answer, consents) in [
+            ("y\n", true),
+            ("YES\n", true),
+            ("", false),
+            ("\n", false),
+            ("n\n", false),
+            ("yesterday\n", false),
+        ] {
+            let mut terminal = Vec::new();
+            let asked = asked("x.toml", &command, &mut answer.as_bytes(), &mut terminal);
+            assert_eq!(asked.is_ok(), consents, "{answer:?}");
+            let text = String::from_utf8(terminal).unwrap();
+            assert!(text.contains(&command) && text.ends_with("[y/N] "), "{text}");
+        }
+    }
+}

@@ -1,0 +1,137 @@
+//! XML of strangers. Parsers descend once a level and compare every attribute with every other, so depth and numbers are
+//! looked at before they are called.
+
+use crate::{
+    bounds::{DEEPEST_ELEMENT, LONGEST_TEXT, MOST_ATTRIBUTES},
+    finding::Findings,
+};
+use roxmltree::{Document, Node};
+
+/// The document of `text`, or a finding of `file`, such as `URDF`, that says why there is none.
+///
+/// `expected` and `remedy` are for text that is not well-formed.
+pub(crate) fn document<'a>(
+    text: &'a str,
+    file: &str,
+    expected: &str,
+    remedy: &str,
+    findings: &mut Findings,
+) -> Option<Document<'a>> {
+    let mut refuse = |problem: &str, got: String, most: usize, unit: &str, remedy: &str| {
+        findings.error(file, problem, got, format!("at most {most}{unit}"), remedy);
+        None
+    };
+    if text.len() > LONGEST_TEXT {
+        let got = format!("{} bytes", text.len());
+        let remedy = "Give the description alone; meshes are files of their own.";
+        return refuse("the text is too long", got, LONGEST_TEXT, " bytes", remedy);
+    }
+    let extent = extent(text);
+    if extent.depth > DEEPEST_ELEMENT {
+        let got = extent.depth.to_string();
+        let remedy = "Write the parts one beside the other.";
+        return refuse("elements stand too deep in each other", got, DEEPEST_ELEMENT, "", remedy);
+    }
+    if extent.attributes > MOST_ATTRIBUTES {
+        let got = extent.attributes.to_string();
+        return refuse(
+            "an element has too many attributes",
+            got,
+            MOST_ATTRIBUTES,
+            "",
+            "Leave out what URDF does not know.",
+        );
+    }
+    match Document::parse(text) {
+        Ok(document) => Some(document),
+        Err(error) => {
+            findings.error(file, "the text is not well-formed XML", error, expected, remedy);
+            None
+        }
+    }
+}
+
+/// The line on which `node` begins.
+pub(crate) fn line_of(node: Node<'_, '_>) -> u32 {
+    let before = &node.document().input_text().as_bytes()[..node.range().start];
+    1 + before.iter().map(|byte| u32::from(*byte == b'\n')).sum::<u32>()
+}
+
+/// How deep the elements stand in each other, and how many attributes one of them has at most.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Extent {
+    depth: usize,
+    attributes: usize,
+}
+
+/// Goes from tag to tag. Where the text is malformed it may miscount, but a parser comes no farther than there.
+fn extent(text: &str) -> Extent {
+    let mut most = Extent::default();
+    let mut depth = 0_usize;
+    let mut rest = text;
+    while let Some(at) = rest.find('<') {
+        rest = &rest[at..];
+        let skipped = [("<!--", "-->"), ("<![CDATA[", "]]>"), ("<?", "?>"), ("<!", ">")]
+            .into_iter()
+            .find(|(begin, _)| rest.starts_with(begin));
+        if let Some((begin, end)) = skipped {
+            let Some(over) = rest[begin.len()..].find(end) else { break };
+            rest = &rest[begin.len() + over + end.len()..];
+            continue;
+        }
+        let Some(tag) = Tag::at(rest) else { break };
+        rest = &rest[tag.length..];
+        most.attributes = most.attributes.max(tag.attributes);
+        if tag.closes {
+            depth = depth.saturating_sub(1);
+        } else {
+            most.depth = most.depth.max(depth + 1);
+            depth += usize::from(!tag.is_empty);
+        }
+    }
+    most
+}
+
+/// One tag, from `<` to `>`.
+struct Tag {
+    length: usize,
+    attributes: usize,
+    closes: bool,
+    is_empty: bool,
+}
+
+impl Tag {
+    /// The tag with which `text` begins; none if it does not end.
+    fn at(text: &str) -> Option<Tag> {
+        let mut quote = None;
+        let mut attributes = 0;
+        for (at, byte) in text.bytes().enumerate() {
+            match (quote, byte) {
+                (None, b'"' | b'\'') => quote = Some(byte),
+                (Some(open), _) if open == byte => quote = None,
+                (None, b'=') => attributes += 1,
+                (None, b'>') => {
+                    let (closes, is_empty) = (text.starts_with("</"), text[..at].ends_with('/'));
+                    return Some(Tag { length: at + 1, attributes, closes, is_empty });
+                }
+                _ => {}
+            }
+        }
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn depth_and_attributes_are_counted_past_comments_quotes_and_declarations() {
+        let text =
+            "<?xml version=\"1.0\"?><!-- <a><b> --><a x='>' y=\"/>\"><b/><c><![CDATA[<d>]]></c></a><e/>";
+        assert_eq!(extent(text), Extent { depth: 2, attributes: 2 });
+        assert_eq!(extent("<a><b><c>"), Extent { depth: 3, attributes: 0 });
+        assert_eq!(extent("<a"), Extent::default());
+        assert_eq!(extent("</a></a><b>"), Extent { depth: 1, attributes: 0 });
+    }
+}

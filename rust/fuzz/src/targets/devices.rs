@@ -1,0 +1,176 @@
+//! What armbands, eye trackers and folders of recordings say.
+
+use super::{Run, text};
+use proact_devices::{
+    EmgPacket, EmgRecorder, LibEmgOutput, MYO_RATE_HZ, Recordings, SentGaze, SourceInfo,
+    gforce::{
+        EmgParser, GattLink, SocketLink,
+        protocol::{Command, EmgCapability, EmgSetting, Reply},
+    },
+    read_recorded, read_samples,
+};
+use proact_emg::{EmgConfig, EmgModel};
+use proact_types::{EmgSample, Gesture};
+use std::{fs, io::Write, os::unix::net::UnixStream, path::Path, time::Duration};
+
+/// The input is a file of that name in a folder of good ones.
+fn beside_good_recordings(scratch: &Path, name: &'static str) -> Run {
+    let folder = scratch.join("recordings");
+    fs::create_dir_all(&folder).expect("the scratch folder takes folders");
+    for class in 0..5 {
+        let rows: String = (0..200).map(|row| format!("{},{}\n", (row * 7 + class) % 13, row % 5)).collect();
+        for repetition in 0..3 {
+            let path = folder.join(format!("R_{repetition}_C_{class}.csv"));
+            fs::write(path, &rows).expect("the scratch folder takes files");
+        }
+    }
+    Box::new(move |bytes| {
+        let path = folder.join(name);
+        fs::write(&path, bytes).expect("the scratch folder takes files");
+        if name.ends_with(".csv") {
+            let _ = read_samples(&path);
+        }
+        let _ = Recordings::open(&folder, None);
+        let _ = Recordings::read(&folder, MYO_RATE_HZ);
+    })
+}
+
+pub(super) fn csv(scratch: &Path) -> Run {
+    beside_good_recordings(scratch, "R_0_C_0.csv")
+}
+
+pub(super) fn metadata(scratch: &Path) -> Run {
+    beside_good_recordings(scratch, "metadata.json")
+}
+
+/// A model that is taken classifies windows, too.
+pub(super) fn model(_: &Path) -> Run {
+    Box::new(|bytes| {
+        let Some(Ok(model)) = text(bytes).map(EmgModel::from_json) else { return };
+        let written = model.to_json();
+        assert!(
+            written.is_ok_and(|json| EmgModel::from_json(&json).is_ok()),
+            "a model that was read can be written"
+        );
+    })
+}
+
+fn recorded(scratch: &Path, name: &str) -> Run {
+    let path = scratch.join(name);
+    Box::new(move |bytes| {
+        fs::write(&path, bytes).expect("the scratch folder takes files");
+        let _ = read_recorded(&path);
+    })
+}
+
+pub(super) fn stream_csv(scratch: &Path) -> Run {
+    recorded(scratch, "stream.csv")
+}
+
+pub(super) fn stream_edf(scratch: &Path) -> Run {
+    recorded(scratch, "stream.edf")
+}
+
+pub(super) fn udp_gaze(_: &Path) -> Run {
+    Box::new(|bytes| {
+        if let Ok(gaze) = SentGaze::parse(bytes) {
+            assert!(SentGaze::parse(&gaze.to_bytes()).is_ok(), "what was read can be sent on");
+        }
+    })
+}
+
+pub(super) fn udp_libemg(_: &Path) -> Run {
+    Box::new(|bytes| {
+        if let Ok(output) = LibEmgOutput::parse(bytes) {
+            assert!(LibEmgOutput::parse(output.to_message().as_bytes()).is_ok());
+        }
+    })
+}
+
+/// Every notification is read as each thing that an armband says.
+pub(super) fn gforce(_: &Path) -> Run {
+    Box::new(|bytes| {
+        let setting = EmgSetting { rate_hz: 500, channel_mask: 0xff, packet_bytes: 128, bits: 8 };
+        for ids in [false, true] {
+            let mut parser = EmgParser::new(setting, ids).expect("a setting that works");
+            let mut packet = EmgPacket::default();
+            let mut rest = bytes;
+            for number in 0.. {
+                let [length, more @ ..] = rest else { break };
+                let (notification, behind) = more.split_at(usize::from(*length).min(more.len()));
+                rest = behind;
+                parser.push(notification, Duration::from_millis(32 * number), &mut packet);
+                let _ = (Command::from_bytes(notification), Reply::from_bytes(notification));
+                let _ = EmgCapability::from_bytes(notification);
+                if let Ok(setting) = EmgSetting::from_bytes(notification) {
+                    let _ = parser.restart(setting, ids);
+                }
+            }
+        }
+    })
+}
+
+pub(super) fn gforce_socket(_: &Path) -> Run {
+    Box::new(|bytes| {
+        let (ours, mut theirs) = UnixStream::pair().expect("a pair of sockets");
+        let mut link = SocketLink::new(ours);
+        // No more than a socket takes at once: nobody reads beside us.
+        for chunk in bytes.chunks(32 << 10) {
+            theirs.write_all(chunk).expect("there is room");
+            let mut frame = Vec::new();
+            while let Ok(Some(_)) = link.next_notification(Duration::ZERO, &mut frame) {}
+        }
+    })
+}
+
+/// A stream of four channels with a gap, as our own recorder writes it.
+fn recorded_seed(scratch: &Path, name: &str) -> Vec<Vec<u8>> {
+    let info = SourceInfo {
+        name: "seed".to_owned(),
+        rate_hz: 500.0,
+        channels: 4,
+        packet_samples: 8,
+        zero: 0.0,
+        rails: None,
+        loss_is_counted: true,
+    };
+    let path = scratch.join(name);
+    let mut recorder = EmgRecorder::create(&path, &info).expect("the scratch folder takes files");
+    for first in [0, 8, 40, 48] {
+        let sample = |counter: u64| EmgSample {
+            counter,
+            channels: (0..4).map(|c| (counter * 3 + c) as f64).collect(),
+        };
+        let packet = EmgPacket { samples: (first..first + 8).map(sample).collect(), ..EmgPacket::default() };
+        recorder.packet(&packet).expect("the disk takes it");
+    }
+    recorder.finish().expect("the disk takes it");
+    vec![fs::read(path).expect("it was just written")]
+}
+
+pub(super) fn stream_csv_seeds(scratch: &Path) -> Vec<Vec<u8>> {
+    recorded_seed(scratch, "seed.csv")
+}
+
+pub(super) fn stream_edf_seeds(scratch: &Path) -> Vec<Vec<u8>> {
+    recorded_seed(scratch, "seed.edf")
+}
+
+/// A model trained on five loudnesses.
+pub(super) fn model_seeds(_: &Path) -> Vec<Vec<u8>> {
+    let take = |loudness: usize| -> Vec<EmgSample> {
+        let value = |counter: usize, channel: usize| ((counter * (7 + channel)) % 23) as f64 - 11.0;
+        let sample = |counter: usize| EmgSample {
+            counter: counter as u64,
+            channels: (0..8).map(|c| (1 + (loudness + c) % 5) as f64 * value(counter, c)).collect(),
+        };
+        (0..3000).map(sample).collect()
+    };
+    let takes: Vec<(Gesture, Vec<EmgSample>)> =
+        Gesture::ALL.into_iter().zip(0..).map(|(g, l)| (g, take(l))).collect();
+    let slices: Vec<(Gesture, &[EmgSample])> =
+        takes.iter().map(|(gesture, take)| (*gesture, take.as_slice())).collect();
+    let model =
+        EmgModel::train(&EmgConfig::default(), &[0.0; 8], &slices).expect("five gestures that differ");
+    vec![model.to_json().expect("a model can be written").into_bytes()]
+}

@@ -1,0 +1,45 @@
+//! ROS messages and their definitions.
+
+use super::{Run, text};
+use proact_messages::{MessageType, Time, known_types};
+use std::{path::Path, sync::Arc};
+
+/// A definition as a connection or a bag carries it; with it an empty message is made, written and read.
+pub(super) fn definition(_: &Path) -> Run {
+    Box::new(|bytes| {
+        let Some(Ok(kind)) = text(bytes).map(|text| MessageType::from_text("lab_msgs/Fuzz", text)) else {
+            return;
+        };
+        assert!(!kind.md5().is_empty());
+        let value = kind.empty(Time::default());
+        let Ok(written) = kind.to_bytes(&value) else { return };
+        assert_eq!(kind.from_bytes(&written).as_ref(), Ok(&value), "{}", kind.text());
+    })
+}
+
+/// What is read from bytes is written as the same bytes again.
+pub(super) fn bytes(_: &Path) -> Run {
+    let kinds: Vec<&Arc<MessageType>> = known_types().collect();
+    Box::new(move |bytes| {
+        let [number, message @ ..] = bytes else { return };
+        let kind = kinds[usize::from(*number) % kinds.len()];
+        let Ok(value) = kind.from_bytes(message) else { return };
+        let written = kind.to_bytes(&value).expect("a value that was read can be written");
+        let again = kind.from_bytes(&written).expect("and read again");
+        // Compared as bytes: what is not a number does not equal itself.
+        assert_eq!(kind.to_bytes(&again).ok().as_ref(), Some(&written), "{}", kind.name);
+        let _ = serde_json::to_string(&value);
+        let _ = value.to_cbor(Some(kind));
+    })
+}
+
+pub(super) fn json(_: &Path) -> Run {
+    Box::new(|bytes| {
+        let Some((name, json)) = text(bytes).and_then(|text| text.split_once('\n')) else { return };
+        let Some(kind) = known_types().find(|kind| kind.name == name) else { return };
+        let Ok(json) = serde_json::from_str(json) else { return };
+        let Ok(value) = kind.read(json, Time::default()) else { return };
+        let written = kind.to_bytes(&value).expect("a value that was read can be written");
+        kind.from_bytes(&written).expect("and read again");
+    })
+}
