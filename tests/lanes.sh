@@ -154,7 +154,7 @@ lane_fuzz() {
 }
 
 lane_fuzz_long() {
-    fuzz "${PROACT_FUZZ_SECONDS:-60}"
+    fuzz "${PROACT_FUZZ_SECONDS:-20}"
 }
 
 # So many seconds of mutations for each target.

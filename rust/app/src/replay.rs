@@ -146,6 +146,11 @@ pub(crate) fn check_record(dir: &Path, other_versions: bool) -> Result<Checked, 
         check_versions(&record.header().versions)?;
     }
     let config = TrialConfig::from_toml(&record.header().config_toml)?;
+    let limit = SimTime::from_secs(config.limit_secs);
+    if record.end() > limit {
+        let (end, limit) = (record.end().as_secs(), limit.as_secs());
+        return Err(format!("the record ends at {end:.3} s, and its trial lasted {limit:.3} s at most").into());
+    }
     let recorded: Vec<SpanDigest> = record.digests()?;
     let result = record.finished().then(|| read_result::<TrialResult>(dir)).transpose()?;
     if let Some(result) = &result {

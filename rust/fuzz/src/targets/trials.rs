@@ -2,14 +2,17 @@
 //! so that they always have the format of this program.
 
 use super::{Run, text};
-use proact_app::{Recorder, ReplayOptions, film_of_bag, replay_trial, trial};
+use proact_app::{LimbReceiver, Recorder, ReplayOptions, film_of_bag, replay_trial, trial};
 use proact_description::mpl_right_arm;
 use proact_devices::EmgOrigin;
-use proact_recording::{InputRecord, RecordingError, Trial, TrialHeader, TrialWriter, read_result};
+use proact_recording::{
+    InputRecord, MANIFEST_FILE, RecordingError, Trial, TrialHeader, TrialWriter, read_result, seal,
+};
 use proact_testbed::{MethodName, Setup, SpanDigest, TrialConfig, TrialResult};
 use proact_types::{MOST_TEXT_BYTES, SimTime, read_bytes};
 use std::{
     fs::{self, File},
+    net::UdpSocket,
     path::{Path, PathBuf},
 };
 
@@ -65,6 +68,7 @@ seeds! {
     events_seeds: "events.jsonl",
     result_seeds: "result.json",
     classifier_seeds: "classifier.json",
+    manifest_seeds: "SHA256SUMS",
     bag_seeds: "trial.bag",
 }
 
@@ -81,10 +85,11 @@ fn read_all(dir: &Path) {
     let _ = replay_trial(dir, ReplayOptions { replan: false, other_versions: true });
 }
 
-/// The input is the file `name` of a record that is whole otherwise.
+/// The input is the file `name` of a record whose trial was interrupted, so that no manifest stands before its readers.
 fn file_of_record(scratch: &Path, name: &'static str) -> Run {
     let dir = scratch.join("record");
     record(&dir);
+    fs::remove_file(dir.join(MANIFEST_FILE)).expect("a finished record has one");
     Box::new(move |bytes| {
         fs::write(dir.join(name), bytes).expect("the scratch folder takes files");
         read_all(&dir);
@@ -103,44 +108,76 @@ pub(super) fn events_file(scratch: &Path) -> Run {
     file_of_record(scratch, "events.jsonl")
 }
 
+/// The input is the result of a record whose manifest covers it.
 pub(super) fn result_file(scratch: &Path) -> Run {
-    file_of_record(scratch, "result.json")
+    let dir = scratch.join("record");
+    record(&dir);
+    Box::new(move |bytes| {
+        fs::write(dir.join("result.json"), bytes).expect("the scratch folder takes files");
+        seal(&dir).expect("the disk takes it");
+        read_all(&dir);
+    })
 }
 
-pub(super) fn classifier_file(scratch: &Path) -> Run {
-    file_of_record(scratch, "classifier.json")
+pub(super) fn manifest_file(scratch: &Path) -> Run {
+    let dir = scratch.join("record");
+    record(&dir);
+    Box::new(move |bytes| {
+        fs::write(dir.join(MANIFEST_FILE), bytes).expect("the scratch folder takes files");
+        read_all(&dir);
+    })
 }
 
-pub(super) fn arm_file(scratch: &Path) -> Run {
-    file_of_record(scratch, "arm.urdf")
-}
-
-/// The input is the configuration of a record that our own writer puts together around it: its checksums hold.
-pub(super) fn config_file(scratch: &Path) -> Run {
+/// The input is what a trial begins with, in a record that our own writer puts together around it: its hashes hold.
+fn head_of_record(scratch: &Path, put: fn(&mut TrialHeader, &[u8])) -> Run {
     let dir = scratch.join("record");
     record(&dir);
     let whole = Trial::open(&dir).expect("it was just made");
     let inputs: Result<Vec<InputRecord>, RecordingError> =
         whole.inputs().expect("it was just made").collect();
-    let (inputs, digests) =
-        (inputs.expect("it is whole"), whole.digests::<SpanDigest>().expect("it is whole"));
-    let classifier = fs::read(dir.join("classifier.json")).expect("it is there");
+    let inputs = inputs.expect("it is whole");
+    let digests: Vec<SpanDigest> = whole.digests().expect("it is whole");
     let made = scratch.join("made");
     Box::new(move |bytes| {
-        let Some(text) = text(bytes) else { return };
         let _ = fs::remove_dir_all(&made);
-        let header = TrialHeader { config_toml: text.to_owned(), seed: 1, ..TrialHeader::default() };
+        let mut header = whole.header().clone();
+        put(&mut header, bytes);
         let mut writer = TrialWriter::create(&made, &header).expect("the scratch folder takes a record");
-        for input in &inputs {
-            writer.write_input(input.tick, &input.input).expect("the disk takes it");
+        let (mut inputs, mut digests) = (inputs.iter().peekable(), digests.iter().peekable());
+        for tick in (1..=whole.end().0).map(SimTime) {
+            let input = inputs.next_if(|record| record.tick == tick).map(|record| record.input.clone());
+            writer.write_input(tick, &input.unwrap_or_default()).expect("the disk takes it");
+            if let Some(digest) = digests.next_if(|digest| digest.tick == tick) {
+                writer.write_digest(digest).expect("the disk takes it");
+            }
         }
-        for digest in &digests {
-            writer.write_digest(digest).expect("the disk takes it");
-        }
-        fs::write(made.join("classifier.json"), &classifier).expect("the disk takes it");
-        writer.finish(SimTime::from_secs(RECORD_SECS), &0).expect("the disk takes it");
+        // Without its end, so that the result stands before nothing.
+        drop(writer);
         read_all(&made);
     })
+}
+
+pub(super) fn config_file(scratch: &Path) -> Run {
+    head_of_record(scratch, |header, bytes| header.config_toml = String::from_utf8_lossy(bytes).into_owned())
+}
+
+pub(super) fn classifier_file(scratch: &Path) -> Run {
+    head_of_record(scratch, |header, bytes| {
+        drop(header.files.insert("classifier.json".to_owned(), bytes.to_vec()))
+    })
+}
+
+pub(super) fn arm_file(scratch: &Path) -> Run {
+    head_of_record(scratch, |header, bytes| drop(header.files.insert("arm.urdf".to_owned(), bytes.to_vec())))
+}
+
+/// Makes the lines of `digests.log` whole again: the CRC-32 before each.
+pub(super) fn mend_digests(bytes: &mut [u8]) {
+    for line in bytes.split_mut(|byte| *byte == b'\n') {
+        if let Some((sum, text)) = line.split_at_mut_checked(9) {
+            sum.copy_from_slice(format!("{:08x} ", crc32fast::hash(text)).as_bytes());
+        }
+    }
 }
 
 /// Makes the frames of `inputs.log` whole again: length, its complement and CRC-32 around each payload.
@@ -188,6 +225,22 @@ pub(super) fn bag(scratch: &Path) -> Run {
     })
 }
 
+/// Sent as it would be, to a trial that follows a limb.
+pub(super) fn udp_limb(_: &Path) -> Run {
+    let config =
+        usual(RECORD_SECS).with_values(&["profile.level=below_elbow"]).expect("a level that there is");
+    let mut session = trial::live(config).expect("the usual trial can be made").session;
+    let mut receiver = LimbReceiver::bind(0).expect("there is a free port");
+    let sender = UdpSocket::bind("127.0.0.1:0").expect("there is another");
+    sender.connect(receiver.address().expect("it is bound")).expect("it is there");
+    Box::new(move |bytes| {
+        // Longer ones than a datagram do not leave this machine.
+        if sender.send(bytes).is_ok() {
+            let _ = receiver.drive(&mut session);
+        }
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -204,13 +257,17 @@ mod tests {
         log[first + 9] ^= 1;
         mend_log(&mut log);
         let dir = scratch.path().join("seed");
+        fs::remove_file(dir.join(MANIFEST_FILE)).expect("a finished record has one");
         fs::write(dir.join("inputs.log"), &log).expect("writes");
-        let read: Vec<_> = Trial::open(&dir).expect("opens").inputs().expect("opens").collect();
-        let error = read.first().and_then(|record| record.as_ref().err()).map(ToString::to_string);
-        assert!(
-            !error.is_some_and(|error| error.contains("checksum") || error.contains("CRC")),
-            "{:?}",
-            read.first()
-        );
+        let error = Trial::open(&dir).err().map(|error| error.to_string());
+        assert!(!error.as_ref().is_some_and(|error| error.contains("checksum")), "{error:?}");
+        // A digest of another number, too.
+        let mut digests = digests_seeds(scratch.path()).remove(0);
+        let at = digests.windows(7).position(|w| w == b"\"chain\"").expect("a digest has a chain") + 10;
+        digests[at] ^= 1;
+        mend_digests(&mut digests);
+        fs::write(dir.join("digests.log"), &digests).expect("writes");
+        let error = Trial::open(&dir).err().map(|error| error.to_string());
+        assert!(!error.as_ref().is_some_and(|error| error.contains("checksum")), "{error:?}");
     }
 }
