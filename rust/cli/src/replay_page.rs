@@ -24,7 +24,7 @@ pub(crate) fn show(dirs: &[PathBuf], port: u16, open_browser: bool) -> Result<bo
     };
     let server = PageServer::start(PageOptions { port, ..PageOptions::default() }, first.content.clone())?;
     server.set_trials(&trials)?;
-    announce(&server, "replay", open_browser);
+    announce(&server, "replay", open_browser, false);
     wait_for_interrupt()?;
     Ok(true)
 }

@@ -13,12 +13,10 @@ use futures_util::{
     SinkExt, StreamExt,
     stream::{SplitSink, SplitStream},
 };
+use proact_http::Pulse;
 use std::{
     net::SocketAddr,
-    sync::{
-        Mutex, PoisonError,
-        atomic::{AtomicU64, Ordering},
-    },
+    sync::atomic::{AtomicU64, Ordering},
     time::{Duration, Instant},
 };
 use tokio::time;
@@ -27,9 +25,6 @@ pub(super) use crate::session::MAX_MESSAGE_BYTES;
 
 /// A client that takes no byte for so long is gone or hopeless.
 const SEND_TIMEOUT: Duration = Duration::from_secs(30);
-/// How often a client is asked whether it still is there, and how long it may be silent.
-const PING_PERIOD: Duration = Duration::from_secs(10);
-const MAX_SILENCE: Duration = Duration::from_secs(35);
 /// How often overdue service calls are looked for.
 const CHORE_PERIOD: Duration = Duration::from_millis(250);
 /// A client that sends more than this many messages in a second is read no faster.
@@ -51,11 +46,11 @@ pub(super) async fn serve(socket: WebSocket, peer: SocketAddr, shared: &Shared) 
     let (outbox, offered) =
         (std::sync::Arc::clone(session.outbox()), std::sync::Arc::clone(session.offered()));
     let (mut sink, incoming) = socket.split();
-    let heard = Mutex::new(Instant::now());
+    let pulse = Pulse::new(shared.limits);
     // Reading and writing are apart: a stop must come in while a slow line is still busy with old messages.
     let reason = tokio::select! {
-        reason = read(incoming, &mut session, &heard, &name, shared) => reason,
-        reason = write(&mut sink, &outbox, &offered, &heard) => reason,
+        reason = read(incoming, &mut session, &pulse, &name, shared) => reason,
+        reason = write(&mut sink, &outbox, &offered, &pulse) => reason,
     };
     drop(session);
     // The standard allows 123 bytes; the texts are ASCII.
@@ -79,7 +74,7 @@ type Reason = Option<&'static str>;
 async fn read(
     mut incoming: Incoming,
     session: &mut Session,
-    heard: &Mutex<Instant>,
+    pulse: &Pulse,
     name: &str,
     shared: &Shared,
 ) -> Reason {
@@ -93,7 +88,7 @@ async fn read(
             None => return None,
         };
         let now = Instant::now();
-        *heard.lock().unwrap_or_else(PoisonError::into_inner) = now;
+        pulse.beat();
         let bytes = match &message {
             Message::Text(text) => text.as_bytes(),
             Message::Binary(bytes) => bytes,
@@ -118,10 +113,10 @@ async fn read(
     }
 }
 
-async fn write(sink: &mut Sink, outbox: &Outbox, offered: &Offered, heard: &Mutex<Instant>) -> Reason {
+async fn write(sink: &mut Sink, outbox: &Outbox, offered: &Offered, pulse: &Pulse) -> Reason {
     const LOST: Reason = Some("it takes no more data");
     let mut pieces = 0;
-    let mut ping = time::interval_at(time::Instant::now() + PING_PERIOD, PING_PERIOD);
+    let mut ping = pulse.pings();
     let mut chores = time::interval(CHORE_PERIOD);
     chores.set_missed_tick_behavior(time::MissedTickBehavior::Delay);
     loop {
@@ -132,8 +127,7 @@ async fn write(sink: &mut Sink, outbox: &Outbox, offered: &Offered, heard: &Mute
                 continue;
             }
             _ = ping.tick() => {
-                let silence = heard.lock().unwrap_or_else(PoisonError::into_inner).elapsed();
-                if silence > MAX_SILENCE {
+                if pulse.is_lost() {
                     return Some("it has been silent for too long");
                 }
                 if send(sink.send(Message::Ping(Default::default()))).await.is_err() {

@@ -8,7 +8,7 @@ use axum::{
     response::{IntoResponse, Response},
     routing::any,
 };
-use proact_http::{Access, Options, Pages, Peer, Server};
+use proact_http::{Access, Limits, Options, Pages, Peer, Server};
 use proact_messages::Time;
 use std::{
     collections::VecDeque,
@@ -39,17 +39,25 @@ pub struct RosbridgeOptions {
     pub bind: IpAddr,
     /// Who may connect from other machines.
     pub access: Access,
+    /// How long a connection may dawdle, and how many there may be.
+    pub limits: Limits,
 }
 
 impl Default for RosbridgeOptions {
     /// Port 9090, this machine only.
     fn default() -> Self {
-        RosbridgeOptions { port: 9090, bind: Ipv4Addr::LOCALHOST.into(), access: Access::default() }
+        RosbridgeOptions {
+            port: 9090,
+            bind: Ipv4Addr::LOCALHOST.into(),
+            access: Access::default(),
+            limits: Limits::default(),
+        }
     }
 }
 
 /// What all connections share.
 pub(super) struct Shared {
+    pub(super) limits: Limits,
     pub(super) bus: Arc<dyn TopicBus>,
     clients: AtomicUsize,
     notices: Mutex<VecDeque<String>>,
@@ -85,8 +93,9 @@ impl RosbridgeServer {
     /// [`RosbridgeError::Serve`] if the port is taken, the address is not ours, or other machines could connect and nothing
     /// says which; [`RosbridgeError::Bus`] if the bus is full.
     pub fn start(options: RosbridgeOptions, bus: Arc<dyn TopicBus>) -> Result<Self, RosbridgeError> {
-        let RosbridgeOptions { port, bind, access } = options;
+        let RosbridgeOptions { port, bind, access, limits } = options;
         let shared = Arc::new(Shared {
+            limits,
             bus: Arc::clone(&bus),
             clients: AtomicUsize::new(0),
             notices: Mutex::default(),
@@ -102,6 +111,7 @@ impl RosbridgeServer {
             // The page of a trial is one of another port.
             pages: Pages::OfThisHost,
             send_buffer_bytes: SEND_BUFFER_BYTES,
+            limits,
         };
         let router = Router::new().fallback(any(connect)).with_state(Arc::clone(&shared));
         let for_refusals = Arc::clone(&shared);
@@ -186,7 +196,7 @@ async fn connect(
         .max_frame_size(connection::MAX_MESSAGE_BYTES)
         .write_buffer_size(WRITE_BUFFER_BYTES)
         .on_upgrade(async move |socket| {
-            connection::serve(socket, peer.0, &shared).await;
+            connection::serve(socket, peer.address, &shared).await;
             drop(count);
         })
 }
