@@ -4,6 +4,7 @@ use crate::source::{SourceName, SourceOptions, open, read_model};
 use arrayvec::ArrayVec;
 use proact_devices::{EmgPacket, SampleSource, SourceEvent};
 use proact_emg::EmgModel;
+use proact_http::Repeats;
 use proact_testbed::ports::EmgSource;
 use proact_types::{EmgSample, Gesture, SimTime};
 use std::{
@@ -15,7 +16,7 @@ use std::{
         mpsc::{Receiver, Sender, SyncSender, TrySendError, channel, sync_channel},
     },
     thread::JoinHandle,
-    time::Duration,
+    time::{Duration, Instant},
 };
 
 /// Samples that may wait; those beyond are lost and leave a gap in the counter. Four seconds at 1 kHz.
@@ -55,7 +56,10 @@ impl LiveArmband {
         let counted = received.clone();
         let thread = std::thread::spawn(move || {
             let mut packet = EmgPacket::default();
+            // A band at the edge of its radio's reach is lost and found many times.
+            let mut repeats = Repeats::default();
             while !stopped.load(Ordering::Relaxed) {
+                say(repeats.due(Instant::now()));
                 if let Some(gesture) = prompted.try_iter().last() {
                     source.prompt(gesture);
                 }
@@ -66,8 +70,12 @@ impl LiveArmband {
                         }
                         counted.fetch_add(packet.samples.len() as u64, Ordering::Release);
                     }
-                    Ok(SourceEvent::Lost { reason }) => eprintln!("armband lost: {reason}"),
-                    Ok(SourceEvent::Restored) => eprintln!("armband found again"),
+                    Ok(SourceEvent::Lost { reason }) => {
+                        say(repeats.tell("lost", format!("armband lost: {reason}"), Instant::now()));
+                    }
+                    Ok(SourceEvent::Restored) => {
+                        say(repeats.tell("found", "armband found again".to_owned(), Instant::now()));
+                    }
                     Ok(SourceEvent::Nothing) => {}
                     Ok(SourceEvent::Ended) => return eprintln!("the EMG source has ended"),
                     Err(error) => return eprintln!("armband: {error}"),
@@ -98,6 +106,13 @@ impl LiveArmband {
         // What came before the trial is none of it.
         port.drain(usize::MAX);
         Box::new(port)
+    }
+}
+
+/// Prints what there is to say.
+fn say(texts: impl IntoIterator<Item = String>) {
+    for text in texts {
+        eprintln!("{text}");
     }
 }
 

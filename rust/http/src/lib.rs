@@ -36,6 +36,7 @@ mod connections;
 mod error;
 mod guard;
 mod pulse;
+mod repeats;
 mod server;
 mod tls;
 
@@ -43,4 +44,5 @@ pub use access::{Access, Listed, Pages, Right};
 pub use connections::Limits;
 pub use error::ServeError;
 pub use pulse::Pulse;
+pub use repeats::Repeats;
 pub use server::{Options, Peer, Server};

@@ -41,7 +41,7 @@ static NEXT_CLIENT: AtomicU64 = AtomicU64::new(1);
 /// Serves one client until it goes or is given up.
 pub(super) async fn serve(socket: WebSocket, peer: SocketAddr, shared: &Shared) {
     let name = format!("/rosbridge_client_{}", NEXT_CLIENT.fetch_add(1, Ordering::Relaxed));
-    shared.notice(format!("{name} connected from {peer}"));
+    shared.notice("connected", format!("{name} connected from {peer}"));
     let mut session = Session::new(std::sync::Arc::clone(&shared.bus), &name);
     let (outbox, offered) =
         (std::sync::Arc::clone(session.outbox()), std::sync::Arc::clone(session.offered()));
@@ -62,10 +62,10 @@ pub(super) async fn serve(socket: WebSocket, peer: SocketAddr, shared: &Shared) 
         0 => String::new(),
         dropped => format!("; it read too slowly for {dropped} messages"),
     };
-    shared.notice(format!(
-        "{name} is gone{}{dropped}",
-        reason.map(|text| format!(": {text}")).unwrap_or_default()
-    ));
+    shared.notice(
+        "gone",
+        format!("{name} is gone{}{dropped}", reason.map(|text| format!(": {text}")).unwrap_or_default()),
+    );
 }
 
 /// Why a connection ends; none if the client wanted it.
@@ -97,7 +97,8 @@ async fn read(
         };
         let result = session.handle(bytes, Now { instant: now, time: wall_clock() });
         if !noticed && let Some(mistake) = session.first_mistake() {
-            shared.notice(format!("{name}: {mistake} (further ones are answered and not reported)"));
+            shared
+                .notice("mistake", format!("{name}: {mistake} (further ones are answered and not reported)"));
             noticed = true;
         }
         if result.is_err() {

@@ -167,3 +167,22 @@ fn a_client_that_never_answers_a_ping_is_dropped() {
     }
     drop(asleep);
 }
+
+#[test]
+fn a_crowd_that_is_refused_is_told_of_once_and_counted() {
+    let (server, _bus) = server();
+    for _ in 0..300 {
+        let mut stream = TcpStream::connect(server.address()).unwrap();
+        write!(
+            stream,
+            "GET / HTTP/1.1\r\nHost: localhost\r\nOrigin: http://evil.example\r\nConnection: close\r\n\r\n"
+        )
+        .unwrap();
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).unwrap();
+        assert!(answer.starts_with("HTTP/1.1 403"), "{answer}");
+    }
+    let notices = server.drain_notices();
+    // The second would be a count, on a machine so slow that it took ten seconds.
+    assert!((1..=2).contains(&notices.len()) && notices[0].contains("evil.example"), "{notices:?}");
+}
