@@ -6,7 +6,7 @@
 # the reason as its last line); anything else is a failure. One failing lane does not keep the others from running.
 
 short_lanes="format shell docker web lint cpp rust launcher trial fuzz kill page rosbridge ros"
-long_lanes="fuzz_long seeds planning sanitizers valgrind soak kill_long faults soak_serve debootstrap focal image pages ros_long ros_safety lsl"
+long_lanes="deny fuzz_long seeds planning sanitizers valgrind soak kill_long faults soak_serve debootstrap focal image pages ros_long ros_safety lsl"
 
 # A ROS 1 graph with Debian's own clients, the catkin workspace, rviz on a virtual display.
 ros_test_packages="ros-base python3-roslaunch python3-rosbag python3-rostopic python3-rosnode python3-rosservice
@@ -76,6 +76,28 @@ lane_web() {
 lane_lint() {
     build_web &&
         run_cargo clippy --release --locked --workspace ${features:+--features "proact-cli/$features"} --all-targets -- -D warnings
+}
+
+# Licences, banned crates and where crates come from, for all features; advisories where a database is on the machine. Long,
+# because cargo-deny is built once, which takes minutes; then seconds.
+lane_deny() {
+    deny=$(command -v cargo-deny) || deny=$root/build/cargo-deny/bin/cargo-deny
+    # Without its default features it needs no OpenSSL and fetches nothing, which is left to whoever keeps the database.
+    if ! "$deny" --version >/dev/null 2>&1 &&
+        ! run_cargo install --locked --version 0.20.2 --no-default-features --root "$root/build/cargo-deny" cargo-deny; then
+        echo "skipped: cargo-deny is not on this machine and cannot be built from crates.io"
+        return 77
+    fi
+    (cd "$root" && "$deny" --offline check --hide-inclusion-graph licenses bans sources) || return 1
+    database=${PROACT_ADVISORY_DB:-${CARGO_HOME:-$HOME/.cargo}/advisory-dbs}
+    if [ ! -d "$database" ]; then
+        echo "advisories were not looked at: there is no database in $database; put the one of"
+        echo "rustsec.org there with cargo deny fetch, or name another folder in PROACT_ADVISORY_DB"
+        return
+    fi
+    mkdir -p "$root/build/cargo-deny"
+    sed "s|^\[advisories\]|&\ndb-path = \"$database\"|" "$root/deny.toml" >"$root/build/cargo-deny/deny.toml"
+    (cd "$root" && "$deny" --offline --config "$root/build/cargo-deny/deny.toml" check --hide-inclusion-graph advisories)
 }
 
 lane_cpp() {

@@ -3,17 +3,20 @@
 import { spawn } from "node:child_process";
 import { createServer } from "node:net";
 
-/** Starts `serve` on `port`, or on a free one if that is zero, and waits until it prints its address. */
-export async function startServe(program, port, words = ["--no-record"]) {
+/**
+ * Starts `serve` on `port`, or on a free one if that is zero, with more words and variables, and waits until it prints its
+ * address.
+ */
+export async function startServe(program, port, words = ["--no-record"], variables = {}) {
   const chosen = port || (await freePort());
   const child = spawn(
     program,
     ["serve", "--no-browser", "--exact-port", "--port", String(chosen), ...words],
-    { stdio: ["ignore", "pipe", "pipe"] },
+    { env: { ...process.env, ...variables }, stdio: ["ignore", "pipe", "pipe"] },
   );
   const ended = new Promise((resolve) => child.once("exit", resolve));
+  let text = "";
   const url = await new Promise((resolve, reject) => {
-    let text = "";
     const read = (data) => {
       text += data;
       const found = /https?:\/\/[0-9.:]+\//.exec(text);
@@ -28,7 +31,7 @@ export async function startServe(program, port, words = ["--no-record"]) {
     if (child.exitCode === null && child.signalCode === null) child.kill("SIGKILL");
     await ended;
   };
-  return { url, port: chosen, pid: child.pid, stop };
+  return { url, port: chosen, pid: child.pid, stop, text: () => text };
 }
 
 function freePort() {

@@ -9,7 +9,7 @@
 // is on target. methods: one block with each of --methods. newcomer: tutorial, settings, gamepad, gaze check.
 // headset: enters VR and AR with an emulated device. safety: page and gamepad fall silent or die while the arm moves,
 // beside serve. experimenter: beside a demo. replay: beside a replay of two
-// trials. bag: beside a replay of a bag. restart: starts `serve` itself, kills it, starts it again, and the open page has to come back.
+// trials. bag: beside a replay of a bag. access: starts `serve --bind` itself; who gets in. restart: starts `serve` itself, kills it, starts it again, and the open page has to come back.
 // soak: starts `serve` itself, and drives trial after trial.
 // Screenshots go to the output folder. Exits 0 only if everything was seen.
 
@@ -17,6 +17,7 @@ import { mkdir, readFile, writeFile } from "node:fs/promises";
 import { existsSync } from "node:fs";
 import { createRequire } from "node:module";
 import { parseArgs } from "node:util";
+import { access } from "./access.mjs";
 import { driveBlocks } from "./drive.mjs";
 import { bag, experimenter, replay } from "./desk.mjs";
 import { jogBlock } from "./jog.mjs";
@@ -57,6 +58,8 @@ const FLAGS = [
   "--disable-sync",
   "--no-first-run",
   "--disable-quic",
+  // For --mode access: another site's name that leads to this machine.
+  "--host-resolver-rules=MAP evil.example 127.0.0.1",
   // A page whose files are replaced (--dist) would not count as local.
   "--disable-features=LocalNetworkAccessChecks",
 ];
@@ -89,7 +92,7 @@ try {
   page.on("requestfailed", (request) => problems.push(`request failed: ${request.url()}`));
   if (options.dist) await serveFrom(page, options.dist);
   page.setDefaultTimeout(60_000);
-  const modes = { watch, interactive: interact, methods, restart, newcomer, headset, safety, experimenter, replay, bag, soak: (page, tools) => soak(page, { ...tools, ...soakOptions() }) };
+  const modes = { watch, interactive: interact, methods, restart, access, newcomer, headset, safety, experimenter, replay, bag, soak: (page, tools) => soak(page, { ...tools, ...soakOptions() }) };
   const mode = modes[options.mode];
   if (!mode) throw new Error(`mode ${options.mode} is unknown; expected ${Object.keys(modes).join(", ")}`);
   await mode(page, {
@@ -97,6 +100,8 @@ try {
     limitMs,
     check,
     screenshot: (name) => screenshot(page, name),
+    program: options.program,
+    problems,
     emulator: require.resolve("iwer/build/iwer.min.js"),
     /** Keeps a downloaded file in the output folder; its bytes. */
     async keep(file, name) {

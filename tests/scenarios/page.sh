@@ -18,5 +18,8 @@ start serve --method D --seed 1 --setup still --no-record
 node "$here/../page/run.mjs" --url "$address" --out "$output/interactive" --mode interactive
 stop
 
+# Where other machines can connect: who gets in.
+node "$here/../page/run.mjs" --mode access --program "$proact" --out "$output/access"
+
 # The page outlives the program: it comes back when the program does.
 node "$here/../page/run.mjs" --mode restart --program "$proact" --out "$output/restart"

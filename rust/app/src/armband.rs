@@ -5,6 +5,7 @@ use crate::tell;
 use arrayvec::ArrayVec;
 use proact_devices::{EmgPacket, SampleSource, SourceEvent};
 use proact_emg::EmgModel;
+use proact_http::Repeats;
 use proact_testbed::ports::EmgSource;
 use proact_types::{EmgSample, Gesture, SimTime};
 use std::{
@@ -16,7 +17,7 @@ use std::{
         mpsc::{Receiver, Sender, SyncSender, TrySendError, channel, sync_channel},
     },
     thread::JoinHandle,
-    time::Duration,
+    time::{Duration, Instant},
 };
 
 /// Samples that may wait; those beyond are lost and leave a gap in the counter. Four seconds at 1 kHz.
@@ -56,7 +57,10 @@ impl LiveArmband {
         let counted = received.clone();
         let thread = std::thread::spawn(move || {
             let mut packet = EmgPacket::default();
+            // A band at the edge of its radio's reach is lost and found many times.
+            let mut repeats = Repeats::default();
             while !stopped.load(Ordering::Relaxed) {
+                say(repeats.due(Instant::now()));
                 if let Some(gesture) = prompted.try_iter().last() {
                     source.prompt(gesture);
                 }
@@ -67,8 +71,12 @@ impl LiveArmband {
                         }
                         counted.fetch_add(packet.samples.len() as u64, Ordering::Release);
                     }
-                    Ok(SourceEvent::Lost { reason }) => tell(format_args!("armband lost: {reason}")),
-                    Ok(SourceEvent::Restored) => tell("armband found again"),
+                    Ok(SourceEvent::Lost { reason }) => {
+                        say(repeats.tell("lost", format!("armband lost: {reason}"), Instant::now()));
+                    }
+                    Ok(SourceEvent::Restored) => {
+                        say(repeats.tell("found", "armband found again".to_owned(), Instant::now()));
+                    }
                     Ok(SourceEvent::Nothing) => {}
                     Ok(SourceEvent::Ended) => return tell("the EMG source has ended"),
                     Err(error) => return tell(format_args!("armband: {error}")),
@@ -99,6 +107,13 @@ impl LiveArmband {
         // What came before the trial is none of it.
         port.drain(usize::MAX);
         Box::new(port)
+    }
+}
+
+/// Prints what there is to say.
+fn say(texts: impl IntoIterator<Item = String>) {
+    for text in texts {
+        tell(text);
     }
 }
 

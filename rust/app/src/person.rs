@@ -4,9 +4,10 @@ use crate::tell;
 use crate::{LimbReceiver, Rosbridge};
 use proact_bridge::{ClientInput, PageServer};
 use proact_devices::{DeviceError, FeedbackSink, GazeDevice, GazeFrame, SentGaze, UdpFeedback};
+use proact_http::Repeats;
 use proact_testbed::{FeedbackCue, Session, Step};
 use proact_types::{GazeSample, InputSource};
-use std::error::Error;
+use std::{error::Error, time::Instant};
 
 /// Sends the cues of a trial, as long as that works.
 pub struct Feedback(Option<UdpFeedback>);
@@ -36,8 +37,8 @@ impl Feedback {
 pub struct LivePerson {
     tracker: Option<EyeTracker>,
     limb: Option<LimbReceiver>,
-    /// Why the limb was refused last.
-    limb_refused: Option<String>,
+    /// Why the limb was refused.
+    limb_refused: Repeats,
     feedback: Feedback,
     rosbridge: Option<Rosbridge>,
 }
@@ -50,7 +51,13 @@ impl LivePerson {
         feedback: Feedback,
         rosbridge: Option<Rosbridge>,
     ) -> Self {
-        Self { tracker: tracker.map(EyeTracker::new), limb, limb_refused: None, feedback, rosbridge }
+        Self {
+            tracker: tracker.map(EyeTracker::new),
+            limb,
+            limb_refused: Repeats::default(),
+            feedback,
+            rosbridge,
+        }
     }
 
     /// What gives gaze instead of the page; none if nothing does.
@@ -71,12 +78,12 @@ impl LivePerson {
             rosbridge.drive(session);
         }
         if let Some(limb) = &mut self.limb {
-            let refused = limb.drive(session).err().map(|error| error.to_string());
-            // A stream of broken datagrams is said once, and the limb stays where it was.
-            if let Some(reason) = refused.as_ref().filter(|_| refused != self.limb_refused) {
+            // A stream of broken datagrams is said once and counted, and the limb stays where it was.
+            if let Err(error) = limb.drive(session)
+                && let Some(reason) = self.limb_refused.tell("limb", error.to_string(), Instant::now())
+            {
                 tell(reason);
             }
-            self.limb_refused = refused.or(self.limb_refused.take());
         }
         if let Some(tracker) = &mut self.tracker {
             tracker.drive(session)?;

@@ -149,7 +149,9 @@ pub(crate) fn check_record(dir: &Path, other_versions: bool) -> Result<Checked, 
     let limit = SimTime::from_secs(config.limit_secs);
     if record.end() > limit {
         let (end, limit) = (record.end().as_secs(), limit.as_secs());
-        return Err(format!("the record ends at {end:.3} s, and its trial lasted {limit:.3} s at most").into());
+        return Err(
+            format!("the record ends at {end:.3} s, and its trial lasted {limit:.3} s at most").into()
+        );
     }
     let recorded: Vec<SpanDigest> = record.digests()?;
     let result = record.finished().then(|| read_result::<TrialResult>(dir)).transpose()?;

@@ -9,7 +9,7 @@ use proact_testbed::Session;
 use proact_types::{DisplayFrame, InputSource};
 use std::{
     error::Error,
-    net::{IpAddr, Ipv4Addr, SocketAddr},
+    net::{IpAddr, SocketAddr},
     sync::Arc,
 };
 
@@ -18,8 +18,8 @@ use std::{
 pub struct RosbridgePlace {
     /// TCP port.
     pub port: u16,
-    /// Address to listen on; if none, this machine's alone, or all where `access` lets others in.
-    pub bind: Option<IpAddr>,
+    /// Address to listen on.
+    pub bind: IpAddr,
     /// Who may come.
     pub access: Access,
 }
@@ -27,10 +27,9 @@ pub struct RosbridgePlace {
 impl RosbridgePlace {
     /// Serves a bus.
     fn serve(self, bus: Arc<dyn TopicBus>) -> Result<RosbridgeServer, Box<dyn Error>> {
-        let anybody = !self.access.allowed.is_empty() || self.access.token.is_some();
-        let all: IpAddr = if anybody { Ipv4Addr::UNSPECIFIED.into() } else { Ipv4Addr::LOCALHOST.into() };
-        let bind = self.bind.unwrap_or(all);
-        Ok(RosbridgeServer::start(RosbridgeOptions { port: self.port, bind, access: self.access }, bus)?)
+        let RosbridgePlace { port, bind, access } = self;
+        let options = RosbridgeOptions { port, bind, access, ..RosbridgeOptions::default() };
+        Ok(RosbridgeServer::start(options, bus)?)
     }
 }
 
@@ -48,7 +47,7 @@ pub struct Rosbridge {
 /// # Errors
 /// No graph, or a place that cannot be served.
 #[cfg(feature = "ros")]
-pub fn relay(port: Option<u16>, bind: Option<IpAddr>, access: Access) -> Result<(), Box<dyn Error>> {
+pub fn relay(port: Option<u16>, bind: IpAddr, access: Access) -> Result<(), Box<dyn Error>> {
     let relay = Arc::new(proact_ros::node::relay::Relay::join("proact_rosbridge", true)?);
     let port = match port {
         Some(port) => port,

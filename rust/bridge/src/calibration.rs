@@ -5,19 +5,26 @@
 
 use crate::{BridgeError, CalibrationScreen, PageOptions, assets, calibration_screen::CalibrationMessage};
 use axum::{
-    Router,
+    Extension, Router,
     extract::{
         Path, State,
         ws::{Message, Utf8Bytes, WebSocket, WebSocketUpgrade},
     },
-    response::Response,
+    http::StatusCode,
+    response::{IntoResponse, Response},
     routing::get,
 };
-use proact_http::Server;
+use proact_http::{Limits, Pulse, Right, Server};
 use proact_types::Gesture;
 use serde::Deserialize;
-use std::sync::{Arc, Mutex, PoisonError};
-use tokio::sync::watch;
+use std::{
+    sync::{Arc, Mutex, PoisonError},
+    time::Duration,
+};
+use tokio::{
+    sync::{Semaphore, watch},
+    time,
+};
 
 /// What the buttons of the page ask for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
@@ -41,8 +48,15 @@ pub enum CalibrationCommand {
 const MAX_MESSAGE_BYTES: usize = 1024;
 /// Commands kept until they are asked for; a page that sends more is broken.
 const MAX_COMMANDS: usize = 64;
+/// Most pages at once; further ones are refused with 503.
+const MAX_CLIENTS: usize = 16;
+/// A page that takes no byte for so long is gone or hopeless.
+const SEND_TIMEOUT: Duration = Duration::from_secs(10);
 
 struct Shared {
+    limits: Limits,
+    /// One permit for each page that may connect still.
+    places: Arc<Semaphore>,
     newest: watch::Sender<Utf8Bytes>,
     commands: Mutex<Vec<CalibrationCommand>>,
 }
@@ -60,6 +74,8 @@ impl CalibrationServer {
     /// As [`crate::PageServer::start`].
     pub fn start(options: PageOptions) -> Result<CalibrationServer, BridgeError> {
         let shared = Arc::new(Shared {
+            limits: options.limits,
+            places: Arc::new(Semaphore::new(MAX_CLIENTS)),
             newest: watch::Sender::new(CalibrationMessage::Nothing.to_text().into()),
             commands: Mutex::default(),
         });
@@ -69,9 +85,14 @@ impl CalibrationServer {
         Ok(CalibrationServer { shared, server })
     }
 
-    /// The address to open in a browser.
+    /// Where it is served, without the token.
     pub fn url(&self) -> String {
         self.server.url()
+    }
+
+    /// The address to open in a browser on this machine, with the token if there is one.
+    pub fn page_url(&self) -> String {
+        self.server.page_url("")
     }
 
     /// The address for other machines, with the token that lets them in; none if they cannot connect.
@@ -99,45 +120,67 @@ fn router(shared: Arc<Shared>) -> Router {
         .with_state(shared)
 }
 
-async fn connect(State(shared): State<Arc<Shared>>, upgrade: WebSocketUpgrade) -> Response {
-    upgrade
-        .max_message_size(MAX_MESSAGE_BYTES)
-        .max_frame_size(MAX_MESSAGE_BYTES)
-        .on_upgrade(move |socket| serve(socket, shared))
+async fn connect(
+    State(shared): State<Arc<Shared>>,
+    Extension(right): Extension<Right>,
+    upgrade: WebSocketUpgrade,
+) -> Response {
+    let Ok(place) = Arc::clone(&shared.places).try_acquire_owned() else {
+        return (StatusCode::SERVICE_UNAVAILABLE, format!("{MAX_CLIENTS} pages are connected already\n"))
+            .into_response();
+    };
+    upgrade.max_message_size(MAX_MESSAGE_BYTES).max_frame_size(MAX_MESSAGE_BYTES).on_upgrade(
+        async move |socket| {
+            serve(socket, shared, right).await;
+            drop(place);
+        },
+    )
 }
 
 /// One page: sends the newest object whenever there is one, takes commands.
-async fn serve(mut socket: WebSocket, shared: Arc<Shared>) {
+async fn serve(mut socket: WebSocket, shared: Arc<Shared>, right: Right) {
     let mut newest = shared.newest.subscribe();
     newest.mark_changed();
+    let pulse = Pulse::new(shared.limits);
+    let mut pings = pulse.pings();
     loop {
-        tokio::select! {
+        let answer = tokio::select! {
             changed = newest.changed() => {
                 if changed.is_err() {
                     return;
                 }
-                let text = newest.borrow_and_update().clone();
-                if socket.send(Message::Text(text)).await.is_err() {
-                    return;
+                Message::Text(newest.borrow_and_update().clone())
+            }
+            message = socket.recv() => {
+                pulse.beat();
+                match message {
+                    Some(Ok(Message::Text(text))) => match take(&shared, right, &text) {
+                        Ok(()) => continue,
+                        Err(reason) => {
+                            Message::Text(CalibrationMessage::Error { message: &reason }.to_text().into())
+                        }
+                    },
+                    Some(Ok(Message::Close(_)) | Err(_)) | None => return,
+                    Some(Ok(_)) => continue,
                 }
             }
-            message = socket.recv() => match message {
-                Some(Ok(Message::Text(text))) => {
-                    if let Err(reason) = take(&shared, &text) {
-                        let answer = CalibrationMessage::Error { message: &reason }.to_text();
-                        if socket.send(Message::Text(answer.into())).await.is_err() {
-                            return;
-                        }
-                    }
-                }
-                Some(Ok(Message::Close(_)) | Err(_)) | None => return,
-                Some(Ok(_)) => {}
+            _ = pings.tick() => match pulse.is_lost() {
+                true => return,
+                false => Message::Ping(Default::default()),
             },
+        };
+        if !matches!(time::timeout(SEND_TIMEOUT, socket.send(answer)).await, Ok(Ok(()))) {
+            return;
         }
     }
 }
 
-fn take(shared: &Shared, text: &str) -> Result<(), String> {
+fn take(shared: &Shared, right: Right, text: &str) -> Result<(), String> {
+    if right < Right::Act {
+        return Err(
+            "message ignored: this machine may only watch; open the address with the token".to_owned()
+        );
+    }
     let command = serde_json::from_str(text).map_err(|error| {
         format!("message ignored: {error}; expected a JSON object with type begin, proceed, record_again or finish")
     })?;

@@ -13,7 +13,8 @@
 //!
 //! `/live?role=experimenter` also gets `signals` with the fields of [`Signals`](crate::Signals), and may send
 //! `study {action}` (`pause`, `resume`, `abort`, `check_gaze`) and `restart` even where the page is not interactive.
-//! `/live?role=spectator` gets the same and may send nothing but `ping`.
+//! `/live?role=spectator` gets the same and may send nothing but `ping`. So may whoever has no right to
+//! [act](proact_http::Right), whatever the role.
 
 use crate::{
     feed::{Feed, ServerMessage},
@@ -25,6 +26,7 @@ use futures_util::{
     SinkExt, StreamExt,
     stream::{SplitSink, SplitStream},
 };
+use proact_http::{Pulse, Right};
 use serde::Deserialize;
 use std::{sync::Arc, time::Duration, time::Instant};
 use tokio::{sync::mpsc, sync::watch, time};
@@ -35,8 +37,6 @@ pub(crate) const MAX_MESSAGE_BYTES: usize = 4096;
 const MAX_BAD_MESSAGES: usize = 100;
 /// A client that takes no byte for so long is gone or hopeless.
 const SEND_TIMEOUT: Duration = Duration::from_secs(10);
-/// Without frames a ping finds out whether the client still is there.
-const PING_PERIOD: Duration = Duration::from_secs(5);
 
 /// What a connection may see and do.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
@@ -54,8 +54,12 @@ pub(crate) enum Role {
 
 impl Role {
     /// Whether `input` may come from it.
-    fn may(self, input: &ClientInput, interactive: bool) -> Result<(), &'static str> {
+    fn may(self, input: &ClientInput, right: Right, interactive: bool) -> Result<(), &'static str> {
         match (self, input) {
+            _ if right < Right::Act => Err(
+                "message ignored: this machine may only watch; open the address with the token, or start proact with \
+                 --page-allow ADDRESS=act",
+            ),
             (Role::Spectator, _) => Err("message ignored: a spectator only watches"),
             (Role::Experimenter, ClientInput::Study(_) | ClientInput::Restart { .. }) => Ok(()),
             (_, ClientInput::Study(_)) => {
@@ -70,61 +74,71 @@ impl Role {
 type Outgoing = SplitSink<WebSocket, Message>;
 
 /// Serves one connection until it ends.
-pub(crate) async fn serve(socket: WebSocket, shared: Arc<Shared>, role: Role) {
+pub(crate) async fn serve(socket: WebSocket, shared: Arc<Shared>, role: Role, right: Right) {
     let client = shared.enter();
     let (outgoing, incoming) = socket.split();
     // Reading and writing are apart: a stop must come in while a slow line is still busy with a frame.
     // Few replies are kept: a client that floods us with errors and does not read gets no more of them.
     let (replies, reply_queue) = mpsc::channel(8);
     let updates = shared.feed.subscribe();
-    let version = shared.page_version.clone();
+    let pulse = Pulse::new(shared.limits);
+    let reader = Reader { client, role, right, shared: &shared, pulse: &pulse };
     tokio::select! {
-        () = read(incoming, client, role, &shared, replies) => {}
-        () = write(outgoing, role, updates, reply_queue, version) => {}
+        () = reader.read(incoming, replies) => {}
+        () = write(outgoing, role, updates, reply_queue, &shared.page_version, &pulse) => {}
     }
     shared.leave(client);
 }
 
-async fn read(
-    mut incoming: SplitStream<WebSocket>,
+/// Whose messages are read, and what they may bring.
+struct Reader<'a> {
     client: u64,
     role: Role,
-    shared: &Shared,
-    replies: mpsc::Sender<Reply>,
-) {
-    let mut bad_messages = 0;
-    while let Some(message) = incoming.next().await {
-        let parsed = match message {
-            Ok(Message::Text(text)) => input::parse(&text).and_then(|parsed| match &parsed {
-                Parsed::Input(input) => {
-                    role.may(input, shared.interactive()).map(|()| parsed).map_err(str::to_owned)
+    right: Right,
+    shared: &'a Shared,
+    pulse: &'a Pulse,
+}
+
+impl Reader<'_> {
+    async fn read(self, mut incoming: SplitStream<WebSocket>, replies: mpsc::Sender<Reply>) {
+        let Reader { client, role, right, shared, pulse } = self;
+        let mut bad_messages = 0;
+        while let Some(message) = incoming.next().await {
+            pulse.beat();
+            let parsed = match message {
+                Ok(Message::Text(text)) => input::parse(&text).and_then(|parsed| match &parsed {
+                    Parsed::Input(input) => {
+                        role.may(input, right, shared.interactive()).map(|()| parsed).map_err(str::to_owned)
+                    }
+                    Parsed::Alive | Parsed::Ping(_) => Ok(parsed),
+                }),
+                Ok(Message::Binary(data)) => {
+                    Err(format!("message ignored: got {} binary bytes, expected JSON text", data.len()))
                 }
-                Parsed::Alive | Parsed::Ping(_) => Ok(parsed),
-            }),
-            Ok(Message::Binary(data)) => {
-                Err(format!("message ignored: got {} binary bytes, expected JSON text", data.len()))
-            }
-            Ok(Message::Ping(_) | Message::Pong(_)) => continue,
-            Ok(Message::Close(_)) => return,
-            Err(error) => {
-                // Too long, not UTF-8, or the line is dead; the protocol cannot go on after any of them.
-                let reason = format!("connection closed: {error}");
-                return end(replies, close_code::SIZE, reason).await;
-            }
-        };
-        match parsed {
-            Ok(Parsed::Input(input)) => shared.input_arbiter().accept(client, Instant::now(), Some(input)),
-            Ok(Parsed::Alive) => shared.input_arbiter().accept(client, Instant::now(), None),
-            // As with errors: who does not read gets no answers.
-            Ok(Parsed::Ping(id)) => drop(replies.try_send(Reply::Pong(id))),
-            Err(reason) => {
-                bad_messages += 1;
-                if bad_messages == MAX_BAD_MESSAGES {
-                    let reason = format!("connection closed after {bad_messages} malformed messages");
-                    return end(replies, close_code::POLICY, reason).await;
+                Ok(Message::Ping(_) | Message::Pong(_)) => continue,
+                Ok(Message::Close(_)) => return,
+                Err(error) => {
+                    // Too long, not UTF-8, or the line is dead; the protocol cannot go on after any of them.
+                    let reason = format!("connection closed: {error}");
+                    return end(replies, close_code::SIZE, reason).await;
                 }
-                // A full queue means that the client does not read: it has enough answers.
-                let _ = replies.try_send(Reply::Error(reason));
+            };
+            match parsed {
+                Ok(Parsed::Input(input)) => {
+                    shared.input_arbiter().accept(client, Instant::now(), Some(input))
+                }
+                Ok(Parsed::Alive) => shared.input_arbiter().accept(client, Instant::now(), None),
+                // As with errors: who does not read gets no answers.
+                Ok(Parsed::Ping(id)) => drop(replies.try_send(Reply::Pong(id))),
+                Err(reason) => {
+                    bad_messages += 1;
+                    if bad_messages == MAX_BAD_MESSAGES {
+                        let reason = format!("connection closed after {bad_messages} malformed messages");
+                        return end(replies, close_code::POLICY, reason).await;
+                    }
+                    // A full queue means that the client does not read: it has enough answers.
+                    let _ = replies.try_send(Reply::Error(reason));
+                }
             }
         }
     }
@@ -152,12 +166,13 @@ async fn write(
     role: Role,
     mut updates: watch::Receiver<Feed>,
     mut replies: mpsc::Receiver<Reply>,
-    page_version: String,
+    page_version: &str,
+    pulse: &Pulse,
 ) {
-    let mut ping = time::interval_at(time::Instant::now() + PING_PERIOD, PING_PERIOD);
+    let mut ping = pulse.pings();
     // A client that comes late is told the whole trial's events: its score and list are then right.
     let mut seen = Seen { revision: updates.borrow().revision, ..Seen::default() };
-    let hello = ServerMessage::Hello { page_version: &page_version, revision: seen.revision }.to_text();
+    let hello = ServerMessage::Hello { page_version, revision: seen.revision }.to_text();
     if send(&mut outgoing, Message::Text(hello)).await.is_err() {
         return;
     }
@@ -186,7 +201,10 @@ async fn write(
                 let messages = seen.news(&updates.borrow_and_update(), role);
                 send_all(&mut outgoing, messages).await
             }
-            _ = ping.tick() => send(&mut outgoing, Message::Ping(Default::default())).await,
+            _ = ping.tick() => match pulse.is_lost() {
+                true => Err(Lost),
+                false => send(&mut outgoing, Message::Ping(Default::default())).await,
+            },
         };
         if sent.is_err() {
             return;

@@ -6,7 +6,7 @@ use crate::{
     trials::StoredTrials,
 };
 use axum::{
-    Router,
+    Extension, Router,
     body::Bytes,
     extract::{Path, Query, State, ws::WebSocketUpgrade},
     http::{StatusCode, header},
@@ -15,7 +15,7 @@ use axum::{
 };
 use proact_arm::ArmModel;
 use proact_camera::Studio;
-use proact_http::{Access, Options, Pages, Server};
+use proact_http::{Access, Limits, Options, Pages, Right, Server};
 use proact_types::{DisplayFrame, Scene};
 use serde::{Deserialize, Serialize};
 use std::{
@@ -48,10 +48,10 @@ pub struct PageOptions {
     pub bind: IpAddr,
     /// Serve HTTPS with a certificate of our own making.
     pub https: bool,
-    /// What other machines have to show, in the address as `?token=`; none lets only listed ones in.
-    pub token: Option<String>,
-    /// Machines that need no token.
-    pub allowed: Vec<IpAddr>,
+    /// Who may connect.
+    pub access: Access,
+    /// How long a connection may dawdle, and how many there may be.
+    pub limits: Limits,
 }
 
 impl Default for PageOptions {
@@ -62,8 +62,8 @@ impl Default for PageOptions {
             allow_next: true,
             bind: Ipv4Addr::LOCALHOST.into(),
             https: false,
-            token: None,
-            allowed: Vec::new(),
+            access: Access::default(),
+            limits: Limits::default(),
         }
     }
 }
@@ -71,8 +71,6 @@ impl Default for PageOptions {
 impl PageOptions {
     /// As a server in a thread of that name takes them.
     pub(crate) fn serve(self, name: &'static str) -> Options {
-        // Where only this machine can connect nobody needs a token, and none makes up for a wrong host name.
-        let token = self.token.filter(|_| !self.bind.is_loopback());
         Options {
             name,
             port: self.port,
@@ -80,9 +78,10 @@ impl PageOptions {
             port_option: "--port",
             bind: self.bind,
             https: self.https,
-            access: Access { allowed: self.allowed, token },
+            access: self.access,
             pages: Pages::Own,
             send_buffer_bytes: SEND_BUFFER_BYTES,
+            limits: self.limits,
         }
     }
 }
@@ -111,6 +110,9 @@ pub(crate) struct Shared {
     pub(crate) page_version: String,
     input_arbiter: Mutex<InputArbiter>,
     content: Mutex<StoredContent>,
+    pub(crate) limits: Limits,
+    /// One permit for each page that may connect still.
+    places: Arc<Semaphore>,
     clients: AtomicUsize,
     next_client: AtomicU64,
     trials: Mutex<StoredTrials>,
@@ -177,6 +179,8 @@ impl PageServer {
             page_version: assets::page_version(),
             input_arbiter: Mutex::default(),
             content: Mutex::new(store(&page)?),
+            limits: options.limits,
+            places: Arc::new(Semaphore::new(MAX_CLIENTS)),
             clients: AtomicUsize::new(0),
             next_client: AtomicU64::new(1),
             trials: Mutex::default(),
@@ -188,9 +192,14 @@ impl PageServer {
         Ok(PageServer { shared, server })
     }
 
-    /// The address to open in a browser.
+    /// Where it is served, without the token.
     pub fn url(&self) -> String {
         self.server.url()
+    }
+
+    /// The address to open in a browser on this machine, of the page at `path`, with the token if there is one.
+    pub fn page_url(&self, path: &str) -> String {
+        self.server.page_url(path)
     }
 
     /// The address for other machines, with the token that lets them in; none if they cannot connect.
@@ -342,17 +351,22 @@ struct Connection {
 
 async fn connect(
     State(shared): State<Arc<Shared>>,
+    Extension(right): Extension<Right>,
     Query(connection): Query<Connection>,
     upgrade: WebSocketUpgrade,
 ) -> Response {
-    if shared.clients.load(Ordering::Relaxed) >= MAX_CLIENTS {
+    // Taken here and not when the page begins to talk: a crowd must not slip in between.
+    let Ok(place) = Arc::clone(&shared.places).try_acquire_owned() else {
         return (StatusCode::SERVICE_UNAVAILABLE, format!("{MAX_CLIENTS} pages are connected already\n"))
             .into_response();
-    }
+    };
     upgrade
         .max_message_size(live::MAX_MESSAGE_BYTES)
         .max_frame_size(live::MAX_MESSAGE_BYTES)
         // Written at once, or the "latest" frame would wait behind older ones.
         .write_buffer_size(0)
-        .on_upgrade(move |socket| live::serve(socket, shared, connection.role))
+        .on_upgrade(async move |socket| {
+            live::serve(socket, shared, connection.role, right).await;
+            drop(place);
+        })
 }

@@ -5,6 +5,7 @@ use futures_util::{SinkExt, StreamExt};
 use proact_bridge::{
     CalibrationCommand, CalibrationScreen, CalibrationServer, CalibrationView, GestureTest, PageOptions,
 };
+use proact_http::{Access, Limits, Listed, Right};
 use proact_types::Gesture;
 use serde_json::{Value, json};
 use std::{
@@ -124,7 +125,7 @@ async fn another_machine_needs_the_token() {
     let options = PageOptions {
         port: 0,
         bind: Ipv4Addr::UNSPECIFIED.into(),
-        token: Some("long-secret".to_owned()),
+        access: Access { token: Some("long-secret".to_owned()), ..Access::default() },
         ..PageOptions::default()
     };
     let server = CalibrationServer::start(options).unwrap();
@@ -139,9 +140,43 @@ async fn another_machine_needs_the_token() {
         ("/", "401"),
         ("/calibration", "401"),
         ("/?token=long-wrong!", "401"),
-        ("/?token=long-secret", "200"),
+        ("/?token=long-secret", "303"),
+        ("/healthz?token=long-secret", "200"),
     ] {
         let answer = ask(authority, target).await;
         assert!(answer.starts_with(&format!("HTTP/1.1 {status}")), "{target}: {answer}");
     }
+}
+
+#[tokio::test]
+async fn a_machine_that_may_only_watch_presses_no_buttons() {
+    let listed = vec![Listed { address: Ipv4Addr::LOCALHOST.into(), right: Right::Watch }];
+    let access = Access { listed, token: Some("long-secret".to_owned()), ..Access::default() };
+    let options = PageOptions { port: 0, access, ..PageOptions::default() };
+    let server = CalibrationServer::start(options).unwrap();
+    let authority = server.url().trim_start_matches("http://").trim_end_matches('/').to_owned();
+    let (mut client, _) = connect_async(format!("ws://{authority}/calibration")).await.unwrap();
+    assert_eq!(next(&mut client).await["type"], "nothing");
+    client.send(Message::text(r#"{"type":"begin"}"#)).await.unwrap();
+    let answer = next(&mut client).await;
+    assert!(answer["message"].as_str().unwrap().contains("may only watch"), "{answer}");
+    assert!(server.drain().is_empty());
+}
+
+#[tokio::test]
+async fn a_page_that_never_answers_a_ping_is_dropped() {
+    let limits = Limits { silence: Duration::from_millis(250), ..Limits::default() };
+    let server = CalibrationServer::start(PageOptions { port: 0, limits, ..PageOptions::default() }).unwrap();
+    let authority = server.url().trim_start_matches("http://").trim_end_matches('/').to_owned();
+    let request = format!(
+        "GET /calibration HTTP/1.1\r\nHost: {authority}\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n\
+         Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n"
+    );
+    let mut stream = TcpStream::connect(&authority).await.unwrap();
+    stream.write_all(request.as_bytes()).await.unwrap();
+    // All that comes until the server hangs up: reading alone answers no ping.
+    let mut all = Vec::new();
+    let ended = tokio::time::timeout(LIMIT, stream.read_to_end(&mut all)).await;
+    assert!(ended.is_ok(), "a page that is silent stays for ever");
+    assert!(all.starts_with(b"HTTP/1.1 101"));
 }

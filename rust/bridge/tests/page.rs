@@ -3,147 +3,26 @@
 
 #![allow(clippy::unwrap_used, clippy::disallowed_methods)]
 
+mod common;
+
+use common::*;
 use futures_util::{SinkExt, StreamExt};
-use nalgebra::{Isometry3, Point3, Vector3};
-use proact_arm::*;
+use nalgebra::{Point3, Vector3};
 use proact_bridge::{
-    BridgeError, ClientInput, PageContent, PageOptions, PageServer, RecordedTrial, Signals, StudyAction,
-    TrialStatus,
+    BridgeError, ClientInput, PageOptions, PageServer, RecordedTrial, Signals, StudyAction, TrialStatus,
 };
 use proact_http::ServeError;
 use proact_types::*;
 use serde_json::Value;
-use std::{
-    net::Ipv4Addr,
-    time::{Duration, Instant},
-};
+use std::time::Instant;
 use tokio::{
     io::{AsyncReadExt, AsyncWriteExt},
     net::TcpStream,
 };
 use tokio_tungstenite::{
-    MaybeTlsStream, WebSocketStream, connect_async,
+    connect_async,
     tungstenite::{self, Message, client::IntoClientRequest},
 };
-
-/// Only a hanging server takes so long.
-const LIMIT: Duration = Duration::from_secs(20);
-
-type Client = WebSocketStream<MaybeTlsStream<TcpStream>>;
-
-fn content(interactive: bool) -> PageContent {
-    let link = |name: &str| Link { name: name.into(), inertial: None, collisions: vec![], visuals: vec![] };
-    let arm = ArmModel {
-        name: "two_links".into(),
-        links: vec![link("base"), link("tip")],
-        joints: vec![Joint {
-            name: "elbow".into(),
-            kind: JointKind::Revolute,
-            parent: 0,
-            child: 1,
-            origin: Pose::identity(),
-            axis: Vector::z(),
-            limits: JointLimits::default(),
-            damping: 0.0,
-            friction: 0.0,
-        }],
-        arm: vec![0],
-        hand: vec![],
-        tip: 1,
-        poses: vec![],
-        allowed_collisions: vec![],
-        grasp_centre: Vector::zeros(),
-        grasp: Default::default(),
-    };
-    let scene = Scene { fixed: vec![], blocks: vec![], targets: vec![], table_height: 1.015 };
-    PageContent { title: "test".into(), setup: "still".into(), arm, scene, interactive, lean: false }
-}
-
-fn frame(tick: u64) -> DisplayFrame {
-    DisplayFrame {
-        time: SimTime(tick),
-        method: "D".into(),
-        joints: joints(&[0.5]),
-        world_from_base: Isometry3::identity(),
-        world_from_tip: Isometry3::identity(),
-        world_from_head: Isometry3::identity(),
-        blocks: vec![],
-        hand: HandView::default(),
-        gaze: None,
-        target: TargetView::default(),
-        planner: PlannerView::Idle,
-        mode: None,
-        stop: None,
-        gesture: Gesture::NoMotion,
-        confidence: 1.0,
-        effort: 0.5,
-        emg_source: "keys".into(),
-        time_left_secs: 300.0,
-        goal: None,
-        next_block: Some(BlockId::Red1),
-        on_target: 0,
-        finished: false,
-        events: vec![],
-    }
-}
-
-fn options() -> PageOptions {
-    PageOptions { port: 0, allow_next: false, ..PageOptions::default() }
-}
-
-fn start(interactive: bool) -> PageServer {
-    PageServer::start(options(), content(interactive)).unwrap()
-}
-
-fn authority(server: &PageServer) -> String {
-    server.url().trim_start_matches("http://").trim_end_matches('/').to_owned()
-}
-
-async fn connect(server: &PageServer) -> Client {
-    let (mut client, _) = connect_async(format!("ws://{}/live", authority(server))).await.unwrap();
-    let hello = next(&mut client).await;
-    assert_eq!(hello["type"], "hello");
-    client
-}
-
-async fn connect_as(server: &PageServer, role: &str) -> Client {
-    let url = format!("ws://{}/live?role={role}", authority(server));
-    let (mut client, _) = connect_async(url).await.unwrap();
-    assert_eq!(next(&mut client).await["type"], "hello");
-    client
-}
-
-/// The next text message.
-async fn next(client: &mut Client) -> Value {
-    let message =
-        tokio::time::timeout(LIMIT, client.next()).await.expect("no answer in time").unwrap().unwrap();
-    serde_json::from_str(message.to_text().unwrap()).unwrap()
-}
-
-/// The next message of this type; others are skipped.
-async fn next_of(client: &mut Client, kind: &str) -> Value {
-    loop {
-        let message = next(client).await;
-        if message["type"] == kind {
-            return message;
-        }
-    }
-}
-
-async fn say(client: &mut Client, text: &str) {
-    client.send(Message::text(text)).await.unwrap();
-}
-
-/// Waits until the server has handed out `count` inputs.
-async fn inputs(server: &PageServer, count: usize) -> Vec<ClientInput> {
-    let (mut got, start) = (Vec::new(), Instant::now());
-    while got.len() < count {
-        assert!(start.elapsed() < LIMIT, "{count} inputs expected, got {got:?}");
-        got.extend(server.drain_inputs());
-        tokio::task::yield_now().await;
-    }
-    got
-}
 
 async fn get(server: &PageServer, path: &str) -> String {
     let authority = authority(server);
@@ -473,21 +352,6 @@ async fn recorded_trials_are_listed_and_served_by_number() {
     assert_eq!(json["frames"][1]["time"], 50);
     let missing = get(&server, "/api/trials/1").await;
     assert!(missing.starts_with("HTTP/1.1 404") && missing.contains("below 1"), "{missing}");
-}
-
-#[test]
-fn other_machines_get_an_address_with_the_token_and_only_if_they_can_connect() {
-    let token = Some("long-secret".to_owned());
-    let local = PageServer::start(PageOptions { token: token.clone(), ..options() }, content(true)).unwrap();
-    assert_eq!(local.remote_url(), None);
-    let bind = Ipv4Addr::UNSPECIFIED.into();
-    let open =
-        PageServer::start(PageOptions { token, bind, https: true, ..options() }, content(true)).unwrap();
-    assert!(open.url().starts_with("https://127.0.0.1:"), "{}", open.url());
-    // None on a machine without a network.
-    if let Some(url) = open.remote_url() {
-        assert!(url.starts_with("https://") && url.ends_with("/?token=long-secret"), "{url}");
-    }
 }
 
 #[test]

@@ -6,17 +6,26 @@ use proact_testbed::{TrialEnd, TrialResult};
 use std::io;
 
 /// Prints the address of a page of this server, and opens it in a browser if there is a screen to open it on. The
-/// empty path is the participant's page.
-pub(crate) fn announce(server: &PageServer, path: &str, open_browser: bool) {
-    let url = format!("{}{path}", server.url());
-    tell(format_args!("page: {url}"));
+/// empty path is the participant's page. A `secret` token is one that was given, and is not printed.
+pub(crate) fn announce(server: &PageServer, path: &str, open_browser: bool, secret: bool) {
+    let url = server.page_url(path);
+    let page = |path| printed(&server.page_url(path), secret);
+    tell(format_args!("page: {}", page(path)));
     if path.is_empty() {
-        tell(format_args!("experimenter: {url}experimenter, read-only: {url}spectator"));
+        tell(format_args!("experimenter: {}, read-only: {}", page("experimenter"), page("spectator")));
     }
     let screen = ["DISPLAY", "WAYLAND_DISPLAY"].iter().any(|name| std::env::var_os(name).is_some());
     if open_browser && screen {
         // The address is printed; a browser that does not start is no reason to stop.
         let _ = open::that_detached(url);
+    }
+}
+
+/// An address as it is printed: terminals are watched and logs are kept, so that a secret token is left out.
+pub(crate) fn printed(url: &str, secret: bool) -> String {
+    match url.split_once("?token=") {
+        Some((page, _)) if secret => format!("{page}?token=YOUR_TOKEN"),
+        _ => url.to_owned(),
     }
 }
 

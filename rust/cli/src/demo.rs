@@ -194,8 +194,10 @@ fn open_page(session: &Session, how: &RunHow) -> Result<PageServer, Box<dyn Erro
         interactive: false,
         lean: false,
     };
-    let server = PageServer::start(PageOptions { port: how.port, ..PageOptions::default() }, content)?;
-    announce(&server, "", !how.no_browser);
+    let options = PageOptions { port: how.port, ..PageOptions::default() };
+    let (access, secret) = how.rosbridge.access.page_access(options.bind, vec![])?;
+    let server = PageServer::start(PageOptions { access, ..options }, content)?;
+    announce(&server, "", !how.no_browser, secret);
     Ok(server)
 }
 

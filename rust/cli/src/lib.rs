@@ -4,6 +4,7 @@
 #![allow(clippy::disallowed_methods)] // The command has the clock, the threads and the files that stages lack.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+mod access_args;
 mod analyze;
 mod announce;
 mod bless;

@@ -40,7 +40,7 @@ pub(crate) struct PersonArgs {
     #[command(flatten)]
     feedback: FeedbackArgs,
     #[command(flatten)]
-    rosbridge: RosbridgeArgs,
+    pub(crate) rosbridge: RosbridgeArgs,
 }
 
 impl PersonArgs {

@@ -28,7 +28,7 @@ pub(crate) fn show(dirs: &[PathBuf], port: u16, open_browser: bool) -> Result<bo
     };
     let server = PageServer::start(PageOptions { port, ..PageOptions::default() }, first.content.clone())?;
     server.set_trials(&trials)?;
-    announce(&server, "replay", open_browser);
+    announce(&server, "replay", open_browser, false);
     wait_for(&*interrupt_flag()?);
     Ok(true)
 }

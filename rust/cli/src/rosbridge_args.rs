@@ -1,11 +1,15 @@
 //! `--rosbridge`: a trial for the original headset app, and for any other client of rosbridge.
 
+use crate::access_args::AccessArgs;
 use clap::Args;
 use proact_app::tell;
 use proact_app::{Rosbridge, RosbridgePlace};
-use proact_http::Access;
+use proact_http::{Access, Listed, Right};
 use proact_testbed::Session;
-use std::{error::Error, net::IpAddr};
+use std::{
+    error::Error,
+    net::{IpAddr, Ipv4Addr},
+};
 
 /// Where rosbridge is served, and for whom.
 #[derive(Debug, Args)]
@@ -16,12 +20,12 @@ pub(crate) struct RosbridgeArgs {
     /// Address to serve rosbridge on; this machine only, or all addresses with --allow or --token
     #[arg(long, value_name = "ADDRESS", requires = "rosbridge")]
     rosbridge_bind: Option<IpAddr>,
-    /// Another machine that may connect to rosbridge without a token, such as a headset; may be repeated
+    /// Another machine that may connect to rosbridge and act without a token, such as a headset; may be repeated
     #[arg(long, value_name = "ADDRESS", requires = "rosbridge")]
     allow: Vec<IpAddr>,
-    /// What any other machine must send to connect to rosbridge: ws://host:port/?token=..
-    #[arg(long, value_name = "TOKEN", requires = "rosbridge")]
-    token: Option<String>,
+    /// For page and rosbridge alike
+    #[command(flatten)]
+    pub(crate) access: AccessArgs,
     /// Join the ROS graph as the node /proact: its topics and services and those of the clients become the same
     #[arg(long, requires = "rosbridge")]
     ros: bool,
@@ -31,7 +35,7 @@ impl RosbridgeArgs {
     /// Begins to serve if it is asked for, and prints the address.
     pub(crate) fn open(&self, session: &Session) -> Result<Option<Rosbridge>, Box<dyn Error>> {
         let Some(port) = self.rosbridge else { return Ok(None) };
-        let place = RosbridgePlace { port, bind: self.rosbridge_bind, access: self.access() };
+        let place = RosbridgePlace { port, bind: self.bind(), access: self.rosbridge_access()? };
         let rosbridge = Rosbridge::open(session, place, self.ros)?;
         tell(format_args!("rosbridge: ws://{}/", rosbridge.address()));
         Ok(Some(rosbridge))
@@ -40,10 +44,19 @@ impl RosbridgeArgs {
     /// `proact node rosbridge`: nothing but the graph, until it ends the node.
     #[cfg(feature = "ros")]
     pub(crate) fn relay(&self) -> Result<(), Box<dyn Error>> {
-        proact_app::relay(self.rosbridge, self.rosbridge_bind, self.access())
+        proact_app::relay(self.rosbridge, self.bind(), self.rosbridge_access()?)
     }
 
-    fn access(&self) -> Access {
-        Access { allowed: self.allow.clone(), token: self.token.clone() }
+    /// A token in the environment alone opens nothing: somebody has to ask for it.
+    fn bind(&self) -> IpAddr {
+        let others = !self.allow.is_empty() || self.access.asks_for_token();
+        let all = if others { Ipv4Addr::UNSPECIFIED } else { Ipv4Addr::LOCALHOST };
+        self.rosbridge_bind.unwrap_or(all.into())
+    }
+
+    /// Every client of rosbridge can act, and the original app can send no token: a listed machine may.
+    fn rosbridge_access(&self) -> Result<Access, Box<dyn Error>> {
+        let may_act = |&address| Listed { address, right: Right::Act };
+        self.access.access(self.allow.iter().map(may_act).collect())
     }
 }

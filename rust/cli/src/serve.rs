@@ -1,5 +1,6 @@
 use crate::{
-    announce::{announce, print_result},
+    access_args::listed,
+    announce::{announce, print_result, printed},
     interrupt::interrupt_flag,
     person_args::PersonArgs,
     trial_args::TrialArgs,
@@ -11,6 +12,7 @@ use proact_app::{
     trial::{self, Armband, Assembly},
 };
 use proact_bridge::{PageContent, PageOptions, PageServer};
+use proact_http::Listed;
 use proact_intent::GazeOffset;
 use std::{
     error::Error,
@@ -22,7 +24,8 @@ use std::{
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  proact serve\n  proact serve --setup seated --port 8100\n  \
     proact serve --rosbridge --allow 192.168.1.20\n  \
-    proact serve --headset\n\n\
+    proact serve --headset\n  \
+    proact serve --bind 0.0.0.0 --token-file ~/.proact_token --host-name testbed.example.org\n\n\
     Mouse is gaze; keys are gestures and are shown on the page. R starts a new trial. Ctrl-C ends.")]
 pub(crate) struct ServeArgs {
     #[command(flatten)]
@@ -33,12 +36,12 @@ pub(crate) struct ServeArgs {
     /// Fail if the port is taken instead of trying the next ones
     #[arg(long)]
     exact_port: bool,
-    /// Address to listen on; other machines need the token that is printed then
+    /// Address to listen on; where other machines can connect, everybody needs the token that is printed then
     #[arg(long, default_value = "127.0.0.1")]
     bind: IpAddr,
-    /// Machine that needs no token for the page; may be repeated
-    #[arg(long, value_name = "ADDRESS")]
-    page_allow: Vec<IpAddr>,
+    /// Machine that needs no token to watch the page, with =act to drive and end trials too; may be repeated
+    #[arg(long, value_name = "ADDRESS[=act]", value_parser = listed)]
+    page_allow: Vec<Listed>,
     /// For a headset: HTTPS on all addresses, and a QR code to open the page with
     #[arg(long)]
     headset: bool,
@@ -102,9 +105,10 @@ pub(crate) fn command(args: &ServeArgs) -> Result<bool, Box<dyn Error>> {
                 server
             }
             none => {
-                let started = none.insert(PageServer::start(page_options(args)?, content)?);
-                announce(started, "", !args.no_browser);
-                announce_remote(started, args.headset)?;
+                let (options, secret) = page_options(args)?;
+                let started = none.insert(PageServer::start(options, content)?);
+                announce(started, "", !args.no_browser, secret);
+                announce_remote(started, args.headset, secret)?;
                 started
             }
         };
@@ -135,32 +139,20 @@ pub(crate) fn command(args: &ServeArgs) -> Result<bool, Box<dyn Error>> {
     Ok(true)
 }
 
-fn page_options(args: &ServeArgs) -> Result<PageOptions, Box<dyn Error>> {
+/// Where and for whom the page is served, and whether its token is one that was given.
+fn page_options(args: &ServeArgs) -> Result<(PageOptions, bool), Box<dyn Error>> {
     let bind = if args.headset { Ipv4Addr::UNSPECIFIED.into() } else { args.bind };
-    Ok(PageOptions {
-        port: args.port,
-        allow_next: !args.exact_port,
-        bind,
-        https: args.headset,
-        token: new_token(bind)?,
-        allowed: args.page_allow.clone(),
-    })
-}
-
-/// A secret for a page that other machines can reach.
-pub(crate) fn new_token(bind: IpAddr) -> Result<Option<String>, Box<dyn Error>> {
-    if bind.is_loopback() {
-        return Ok(None);
-    }
-    let mut secret = [0; 16];
-    getrandom::fill(&mut secret).map_err(|error| format!("the system gives no random numbers: {error}"))?;
-    Ok(Some(secret.iter().map(|byte| format!("{byte:02x}")).collect()))
+    let (access, given) = args.person.rosbridge.access.page_access(bind, args.page_allow.clone())?;
+    let allow_next = !args.exact_port;
+    let options =
+        PageOptions { port: args.port, allow_next, bind, https: args.headset, access, ..Default::default() };
+    Ok((options, given))
 }
 
 /// Tells how to open the page on another machine, for a headset as a QR code.
-fn announce_remote(server: &PageServer, headset: bool) -> Result<(), Box<dyn Error>> {
+fn announce_remote(server: &PageServer, headset: bool, secret: bool) -> Result<(), Box<dyn Error>> {
     let Some(url) = server.remote_url() else { return Ok(()) };
-    tell(format_args!("on another machine: {url}"));
+    tell(format_args!("on another machine: {}", printed(&url, secret)));
     if headset {
         let code = qrcode::QrCode::new(&url)?;
         tell(format_args!("{}", code.render::<qrcode::render::unicode::Dense1x2>().build()));

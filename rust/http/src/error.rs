@@ -54,6 +54,14 @@ pub enum ServeError {
         /// How long it is.
         length: usize,
     },
+    /// A name that no browser would send.
+    #[error(
+        "the host name {name:?} cannot be one; expected a name or an address without port, such as lab.example.org"
+    )]
+    HostName {
+        /// What was given.
+        name: String,
+    },
     /// The certificate for HTTPS cannot be made.
     #[error("cannot make a certificate for HTTPS: {what}")]
     Certificate {

@@ -1,17 +1,22 @@
-//! The rule in front of a router: nothing is reached but through [`Access`].
+//! The rule in front of a router: nothing is reached but through [`Access`](crate::Access), and no answer goes out without
+//! what keeps browsers from misusing it.
 
 use crate::{
-    access::{Access, Admission, COOKIE, Pages, Refusal, Visitor},
+    access::{Admission, Refusal, Right, Rule, Visitor, foreign_host},
+    connections::Place,
     server::Peer,
 };
 use axum::{
     extract::{Request, State},
-    http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header},
+    http::{HeaderMap, HeaderName, HeaderValue, StatusCode, Uri, header},
     middleware::Next,
     response::{IntoResponse, Response},
 };
 use base64::{Engine, engine::general_purpose::STANDARD as BASE64};
 use std::sync::Arc;
+
+/// In the address of a page: the token was in it before.
+const ENTERED: &str = "entered";
 
 /// Told of everybody who is turned away, in a sentence.
 type Refused = dyn Fn(String) + Send + Sync;
@@ -19,8 +24,8 @@ type Refused = dyn Fn(String) + Send + Sync;
 /// The rule, and who is told of those that it turns away.
 #[derive(Clone)]
 pub(crate) struct Guard {
-    pub(crate) access: Arc<Access>,
-    pub(crate) pages: Pages,
+    pub(crate) rule: Arc<Rule>,
+    pub(crate) https: bool,
     pub(crate) refused: Arc<Refused>,
 }
 
@@ -28,33 +33,122 @@ pub(crate) struct Guard {
 pub(crate) async fn admit(
     State(guard): State<Guard>,
     axum::Extension(peer): axum::Extension<Peer>,
-    request: Request,
+    axum::Extension(place): axum::Extension<Arc<Place>>,
+    mut request: Request,
     next: Next,
 ) -> Response {
-    match judge(&guard, peer, &request) {
-        Ok(Admission::Welcome) => next.run(request).await,
-        Ok(Admission::Remember(token)) => {
-            let mut response = next.run(request).await;
-            let cookie = format!("{COOKIE}={token}; Path=/; HttpOnly; SameSite=Strict");
-            if response.status().is_success()
-                && let Ok(cookie) = HeaderValue::from_str(&cookie)
-            {
-                response.headers_mut().insert(header::SET_COOKIE, cookie);
+    let policy = content_policy(request.headers());
+    let entered = request.uri().query().is_some_and(|query| query.split('&').any(|pair| pair == ENTERED));
+    let mut response = match judge(&guard.rule, peer, &request) {
+        Ok(admission) => {
+            place.is_welcome();
+            let (uri, host) = (request.uri().clone(), request.headers().get(header::HOST).cloned());
+            request.extensions_mut().insert::<Right>(admission.right);
+            let response = next.run(request).await;
+            match is_page(&response) {
+                true if admission.token_in_address => enter(&guard, admission, &uri, host.as_ref()),
+                true if entered => go_on(&uri),
+                _ => response,
             }
-            response
         }
-        Err(refusal) => {
-            let (status, reason) = match refusal {
-                Refusal::Unknown(reason) => (StatusCode::UNAUTHORIZED, reason),
-                Refusal::Foreign(reason) => (StatusCode::FORBIDDEN, reason),
-            };
-            (guard.refused)(format!("refused {}: {reason}", peer.0));
-            (status, reason + "\n").into_response()
-        }
-    }
+        Err(_) if entered => go_on(request.uri()),
+        Err(refusal) => turn_away(&guard, peer, refusal),
+    };
+    secure(response.headers_mut(), policy);
+    response
 }
 
-fn judge(guard: &Guard, peer: Peer, request: &Request) -> Result<Admission, Refusal> {
+fn turn_away(guard: &Guard, peer: Peer, refusal: Refusal) -> Response {
+    let (status, reason) = match refusal {
+        Refusal::Unknown(reason) => (StatusCode::UNAUTHORIZED, reason),
+        Refusal::Foreign(reason) => (StatusCode::FORBIDDEN, reason),
+    };
+    (guard.refused)(format!("refused {}: {reason}", peer.address.ip()));
+    (status, reason + "\n").into_response()
+}
+
+/// A page was asked for with the token in its address: the browser keeps the token in a cookie, and asks again without it,
+/// so that the token stays in no address bar and no history.
+fn enter(guard: &Guard, admission: Admission, uri: &Uri, host: Option<&HeaderValue>) -> Response {
+    if !admission.host_is_ours {
+        // The page itself would be refused next.
+        let host = host.and_then(|host| host.to_str().ok()).unwrap_or_default();
+        return match foreign_host(host) {
+            Refusal::Foreign(reason) | Refusal::Unknown(reason) => {
+                (StatusCode::FORBIDDEN, reason + "\n").into_response()
+            }
+        };
+    }
+    let secret = guard.rule.access.token.as_deref().unwrap_or_default();
+    let secure = if guard.https { "; Secure" } else { "" };
+    let cookie = format!("{}={secret}; Path=/; HttpOnly; SameSite=Strict{secure}", guard.rule.cookie);
+    let headers = [
+        (header::SET_COOKIE, cookie),
+        (header::LOCATION, with_mark(&without_token(uri))),
+        (header::CACHE_CONTROL, "no-store".to_owned()),
+    ];
+    (StatusCode::SEE_OTHER, headers).into_response()
+}
+
+/// Second step of [`enter`]: a page of ours asks again, for the address without the mark. A browser that came by a link from
+/// another site follows the first step, and even loads again, without the cookie, since the other site is what asks.
+fn go_on(uri: &Uri) -> Response {
+    let refresh = format!("0; url={}", without_token(uri));
+    let headers = [
+        (header::REFRESH, refresh),
+        (header::CONTENT_TYPE, "text/html".to_owned()),
+        (header::CACHE_CONTROL, "no-store".to_owned()),
+    ];
+    (headers, "").into_response()
+}
+
+fn with_mark(address: &str) -> String {
+    let sign = if address.contains('?') { '&' } else { '?' };
+    format!("{address}{sign}{ENTERED}")
+}
+
+/// The same address on this server without the token and the mark.
+fn without_token(uri: &Uri) -> String {
+    // Two slashes in front would name another server.
+    let path = uri.path().trim_start_matches('/');
+    let pairs = uri.query().unwrap_or_default().split('&');
+    let rest: Vec<&str> =
+        pairs.filter(|pair| !pair.is_empty() && !pair.starts_with("token=") && *pair != ENTERED).collect();
+    if rest.is_empty() { format!("/{path}") } else { format!("/{path}?{}", rest.join("&")) }
+}
+
+fn is_page(response: &Response) -> bool {
+    let kind = response.headers().get(header::CONTENT_TYPE).map(HeaderValue::as_bytes).unwrap_or_default();
+    response.status().is_success() && kind.starts_with(b"text/html")
+}
+
+/// What a page of ours may do: load what this server sends, and talk to it. Nothing is inline, nothing is evaluated, nobody
+/// frames it. The WebSocket is named because browsers before 2022 do not count it as `'self'`.
+fn content_policy(headers: &HeaderMap) -> HeaderValue {
+    let host = headers.get(header::HOST).and_then(|host| host.to_str().ok()).unwrap_or_default();
+    let plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-._:[]".contains(&byte);
+    let sockets = match !host.is_empty() && host.bytes().all(plain) {
+        true => format!(" ws://{host} wss://{host}"),
+        false => String::new(),
+    };
+    let policy = format!(
+        "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'{sockets}; \
+         base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    );
+    HeaderValue::from_str(&policy).unwrap_or(HeaderValue::from_static("default-src 'none'"))
+}
+
+/// What every answer says to browsers.
+fn secure(headers: &mut HeaderMap, policy: HeaderValue) {
+    headers.insert(header::CONTENT_SECURITY_POLICY, policy);
+    headers.insert(header::X_FRAME_OPTIONS, HeaderValue::from_static("DENY"));
+    headers.insert(header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
+    headers.insert(header::REFERRER_POLICY, HeaderValue::from_static("no-referrer"));
+    let ours_only = HeaderValue::from_static("same-origin");
+    headers.insert(HeaderName::from_static("cross-origin-resource-policy"), ours_only);
+}
+
+fn judge(rule: &Rule, peer: Peer, request: &Request) -> Result<Admission, Refusal> {
     let headers = request.headers();
     let websocket =
         headers.get(header::UPGRADE).is_some_and(|to| to.as_bytes().eq_ignore_ascii_case(b"websocket"));
@@ -64,16 +158,16 @@ fn judge(guard: &Guard, peer: Peer, request: &Request) -> Result<Admission, Refu
         return Err(Refusal::Foreign("the key of the WebSocket is not 16 bytes in base64".to_owned()));
     }
     let cookies: Vec<&str> = headers.get_all(header::COOKIE).iter().filter_map(|v| v.to_str().ok()).collect();
-    let visitor = Visitor {
-        peer: peer.0.ip(),
+    rule.admit(&Visitor {
+        peer: peer.address.ip(),
+        at: peer.at,
         host: only(headers, header::HOST)?,
         origin: only(headers, header::ORIGIN)?,
         query: request.uri().query(),
         authorization: headers.get(header::AUTHORIZATION).and_then(|value| value.to_str().ok()),
         cookies: &cookies.join(";"),
         websocket,
-    };
-    guard.access.admit(guard.pages, &visitor)
+    })
 }
 
 /// A header that may be there once. One of strange bytes must not pass for a missing one, nor the first of two for both.

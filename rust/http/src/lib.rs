@@ -2,7 +2,8 @@
 //! serves. WebSockets are axum's in both.
 //!
 //! A [`Server`] serves a router of axum's in a thread of its own until it is dropped. Nothing of the router is reached
-//! but through [`Access`]: this machine comes in, others with the token or from a list, and no page of another site.
+//! but through [`Access`]: with the token or from a list, without a token from this machine alone, and by no page of another
+//! site. Who dawdles, or holds many connections, is dropped and keeps nobody else out ([`Limits`]).
 //!
 //! It uses the real clock, threads and sockets. It knows nothing of trials, topics or pages.
 //!
@@ -19,6 +20,7 @@
 //!     access: Default::default(),
 //!     pages: Pages::Own,
 //!     send_buffer_bytes: 64 * 1024,
+//!     limits: Default::default(),
 //! };
 //! let router = Router::new().route("/", get(|| async { "hello\n" }));
 //! let server = Server::start(options, router, |refusal| eprintln!("{refusal}"), std::future::pending())?;
@@ -30,11 +32,17 @@
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod access;
+mod connections;
 mod error;
 mod guard;
+mod pulse;
+mod repeats;
 mod server;
 mod tls;
 
-pub use access::{Access, Pages};
+pub use access::{Access, Listed, Pages, Right};
+pub use connections::Limits;
 pub use error::ServeError;
+pub use pulse::Pulse;
+pub use repeats::Repeats;
 pub use server::{Options, Peer, Server};

@@ -1,7 +1,9 @@
 //! A router in a thread of its own, behind the rule.
 
 use crate::{
-    Access, Pages, ServeError,
+    Access, Limits, Pages, ServeError,
+    access::{Rule, machine_name},
+    connections::{Connections, Unstalled},
     guard::{self, Guard},
     tls,
 };
@@ -21,19 +23,17 @@ use tokio::{
     io::{AsyncRead, AsyncWrite},
     net::{TcpListener, TcpSocket, TcpStream},
     runtime::Runtime,
-    sync::{Semaphore, oneshot},
+    sync::oneshot,
     time,
 };
 use tokio_rustls::TlsAcceptor;
 
-/// Connections that ask for something, or are about to; further ones wait. WebSockets do not count.
-const MAX_CONNECTIONS: usize = 256;
-/// A client that has not finished its TLS handshake by then is dropped.
-const TLS_TIMEOUT: Duration = Duration::from_secs(10);
-/// A connection on which no whole request comes for so long is closed.
-const REQUEST_TIMEOUT: Duration = Duration::from_secs(10);
 /// Until the next try where the system has no handles left: some come free when clients go.
 const NO_HANDLES: Duration = Duration::from_millis(100);
+
+/// The answer to whom there is no room for.
+const FULL: &[u8] = b"HTTP/1.1 503 Service Unavailable\r\nConnection: close\r\nContent-Length: 31\r\n\r\n\
+    too many connections, try again";
 
 /// Where to serve, and for whom.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -57,14 +57,18 @@ pub struct Options {
     /// What the system may hold back for one connection, bytes. With its own choice of megabytes a slow client would get
     /// everything many seconds late.
     pub send_buffer_bytes: u32,
+    /// How long a connection may dawdle, and how many there may be.
+    pub limits: Limits,
 }
 
-/// The other end of a connection, as handlers get it in an [`Extension`].
+/// The ends of a connection, as handlers get them in an [`Extension`].
 #[derive(Clone, Copy, Debug)]
-pub struct Peer(
-    /// Its address.
-    pub SocketAddr,
-);
+pub struct Peer {
+    /// The other end.
+    pub address: SocketAddr,
+    /// The address of ours at which it came in.
+    pub at: IpAddr,
+}
 
 /// A server. Runs in its own thread until it is dropped.
 pub struct Server {
@@ -82,7 +86,7 @@ impl Server {
     /// # Errors
     /// [`ServeError::PortTaken`] or [`ServeError::NoFreePort`] if somebody else listens there, [`ServeError::Listen`] if the
     /// address is not ours or not allowed, [`ServeError::Unguarded`] if other machines could connect and nothing says
-    /// which, [`ServeError::Token`], [`ServeError::Certificate`], [`ServeError::Thread`].
+    /// which, [`ServeError::Token`], [`ServeError::HostName`], [`ServeError::Certificate`], [`ServeError::Thread`].
     pub fn start(
         options: Options,
         router: Router,
@@ -109,13 +113,14 @@ impl Server {
             false => None,
         };
         let (scheme, token) = (if options.https { "https" } else { "http" }, options.access.token.clone());
-        let guard =
-            Guard { access: Arc::new(options.access), pages: options.pages, refused: Arc::new(refused) };
+        let rule = Rule::new(options.access, options.pages, address.port(), machine_name());
+        let guard = Guard { rule: Arc::new(rule), https: options.https, refused: Arc::new(refused) };
         let router = router.layer(middleware::from_fn_with_state(guard, guard::admit));
+        let door = Door { tls, router, limits: options.limits };
         let (stop, stopped) = oneshot::channel();
         let thread = std::thread::Builder::new()
             .name(name.to_owned())
-            .spawn(move || run(&runtime, accept(listener, tls, router), beside, stopped))
+            .spawn(move || run(&runtime, accept(listener, door), beside, stopped))
             .map_err(thread_failed)?;
         Ok(Server { scheme, address, token, stop: Some(stop), thread: Some(thread) })
     }
@@ -125,7 +130,7 @@ impl Server {
         self.address
     }
 
-    /// What a browser on this machine opens.
+    /// Where a browser on this machine finds it, without the token.
     pub fn url(&self) -> String {
         let ip = match self.address.ip() {
             // "All addresses" is none that a browser could open.
@@ -133,6 +138,12 @@ impl Server {
             ip => ip,
         };
         format!("{}://{}/", self.scheme, SocketAddr::new(ip, self.address.port()))
+    }
+
+    /// What a browser on this machine opens to see the page at `path`, with the token if there is one.
+    pub fn page_url(&self, path: &str) -> String {
+        let token = self.token.as_ref().map(|token| format!("?token={token}")).unwrap_or_default();
+        format!("{}{path}{token}", self.url())
     }
 
     /// What a browser on another machine opens, with the token that lets it in; none if it cannot connect.
@@ -219,40 +230,64 @@ fn run(
     // Dropping the runtime ends all connections.
 }
 
-async fn accept(listener: TcpListener, tls: Option<TlsAcceptor>, router: Router) {
-    let slots = Arc::new(Semaphore::new(MAX_CONNECTIONS));
-    // Nobody closes the semaphore.
-    while let Ok(slot) = Arc::clone(&slots).acquire_owned().await {
-        let Ok((stream, peer)) = listener.accept().await else {
+/// What every connection comes to.
+#[derive(Clone)]
+struct Door {
+    tls: Option<TlsAcceptor>,
+    router: Router,
+    limits: Limits,
+}
+
+async fn accept(listener: TcpListener, door: Door) {
+    let connections = Connections::new(door.limits);
+    loop {
+        let Ok((stream, address)) = listener.accept().await else {
             time::sleep(NO_HANDLES).await;
             continue;
         };
-        let (tls, router) = (tls.clone(), router.clone().layer(Extension(Peer(peer))));
+        let Ok(at) = stream.local_addr() else { continue };
+        let Some(place) = connections.enter(address.ip().to_canonical()) else {
+            // What fits into the system's buffer goes out; nobody waits for the rest, and TLS clients see the end only.
+            let _ = stream.try_write(FULL);
+            continue;
+        };
+        let peer = Peer { address, at: at.ip() };
+        let mut door = door.clone();
+        door.router = door.router.layer(Extension(peer)).layer(Extension(Arc::clone(&place)));
         tokio::spawn(async move {
-            let _slot = slot;
-            attend(stream, tls, router).await;
+            tokio::select! {
+                () = attend(stream, door) => {}
+                () = place.lost() => {}
+            }
+            place.leave();
         });
     }
 }
 
 /// Answers the requests of one connection until it ends or becomes a WebSocket.
-async fn attend(stream: TcpStream, tls: Option<TlsAcceptor>, router: Router) {
+async fn attend(stream: TcpStream, door: Door) {
     // Small messages must not wait for each other. Failing is no reason to refuse the client.
     let _ = stream.set_nodelay(true);
+    let Door { tls, router, limits } = door;
+    let stream = Unstalled::new(stream, limits.stall);
     match tls {
-        None => requests(stream, router).await,
+        None => requests(stream, router, limits).await,
         Some(acceptor) => {
-            if let Ok(Ok(stream)) = time::timeout(TLS_TIMEOUT, acceptor.accept(stream)).await {
-                requests(stream, router).await;
+            if let Ok(Ok(stream)) = time::timeout(limits.request, acceptor.accept(stream)).await {
+                requests(stream, router, limits).await;
             }
         }
     }
 }
 
-async fn requests(stream: impl AsyncRead + AsyncWrite + Send + Unpin + 'static, router: Router) {
+async fn requests(
+    stream: impl AsyncRead + AsyncWrite + Send + Unpin + 'static,
+    router: Router,
+    limits: Limits,
+) {
     let connection = http1::Builder::new()
         .timer(TokioTimer::new())
-        .header_read_timeout(REQUEST_TIMEOUT)
+        .header_read_timeout(limits.request)
         .serve_connection(TokioIo::new(stream), TowerToHyperService::new(router))
         .with_upgrades();
     // It ends with an error when the client breaks off, which is the client's matter.

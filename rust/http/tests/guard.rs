@@ -1,51 +1,26 @@
 //! What stands before every address of a router, over real sockets.
 #![allow(clippy::unwrap_used, clippy::disallowed_methods)]
 
-use axum::{Router, routing::get};
-use proact_http::{Access, Options, Pages, ServeError, Server};
+mod common;
+
+use axum::{Router, response::Html, routing::get};
+use common::{ask, options, status};
+use proact_http::{Access, Listed, Options, Pages, Right, ServeError, Server};
 use std::{
-    io::{Read, Write},
-    net::{Ipv4Addr, TcpStream},
+    net::Ipv4Addr,
     sync::mpsc::{Receiver, channel},
 };
 
 const TOKEN: &str = "a-token-of-some-length";
 
-fn options(pages: Pages) -> Options {
-    Options {
-        name: "test",
-        port: 0,
-        further_ports: 0,
-        port_option: "--port",
-        bind: Ipv4Addr::LOCALHOST.into(),
-        https: false,
-        access: Access { allowed: vec![], token: Some(TOKEN.to_owned()) },
-        pages,
-        send_buffer_bytes: 64 * 1024,
-    }
-}
-
 fn start(options: Options) -> (Server, Receiver<String>) {
     let router = Router::new()
         .route("/", get(|| async { "hello" }))
+        .route("/page", get(|| async { Html("hello") }))
         .fallback(|| async { (axum::http::StatusCode::NOT_FOUND, "elsewhere") });
     let (send, refusals) = channel();
     let refused = move |reason| send.send(reason).unwrap();
     (Server::start(options, router, refused, std::future::pending()).unwrap(), refusals)
-}
-
-/// The whole answer to a request for `path` with these lines of a head.
-fn ask(server: &Server, path: &str, lines: &[&str]) -> String {
-    let mut stream = TcpStream::connect(server.address()).unwrap();
-    let head = lines.iter().map(|line| format!("{line}\r\n")).collect::<String>();
-    write!(stream, "GET {path} HTTP/1.1\r\nConnection: close\r\n{head}\r\n").unwrap();
-    let mut answer = String::new();
-    stream.read_to_string(&mut answer).unwrap();
-    answer
-}
-
-fn status(answer: &str) -> &str {
-    answer.split(' ').nth(1).unwrap()
 }
 
 #[test]
@@ -92,15 +67,80 @@ fn the_key_of_a_websocket_has_sixteen_bytes() {
     }
 }
 
+fn with_token() -> Options {
+    Options { access: Access { token: Some(TOKEN.to_owned()), ..Access::default() }, ..options(Pages::Own) }
+}
+
 #[test]
-fn a_browser_keeps_the_token_only_where_it_found_something() {
-    let (server, _refusals) = start(options(Pages::Own));
-    let answer = ask(&server, &format!("/?token={TOKEN}"), &["Host: localhost"]);
-    let cookie = format!("set-cookie: proact_token={TOKEN}; Path=/; HttpOnly; SameSite=Strict");
-    assert!(answer.contains(&cookie), "{answer}");
-    for path in [format!("/nowhere?token={TOKEN}"), "/?token=wrong".to_owned(), "/".to_owned()] {
-        assert!(!ask(&server, &path, &["Host: localhost"]).contains("set-cookie"), "{path}");
+fn a_browser_that_opens_a_page_with_the_token_keeps_it_and_is_sent_to_the_address_without_it() {
+    let (server, _refusals) = start(with_token());
+    let cookie = format!("proact_token_{}={TOKEN}", server.address().port());
+    for (path, without) in
+        [(format!("/page?token={TOKEN}"), "/page"), (format!("/page?a=b&token={TOKEN}&c=d"), "/page?a=b&c=d")]
+    {
+        let answer = ask(&server, &path, &["Host: localhost"]);
+        assert_eq!(status(&answer), "303", "{answer}");
+        let marked = format!("{without}{}entered", if without.contains('?') { '&' } else { '?' });
+        assert!(answer.contains(&format!("location: {marked}\r\n")), "{answer}");
+        // Whether the browser sends the cookie here depends on who had the link.
+        for cookie in ["", &format!("Cookie: {cookie}")] {
+            let lines = ["Host: localhost", cookie];
+            let answer = ask(&server, &marked, &lines[..1 + usize::from(!cookie.is_empty())]);
+            assert!(answer.contains(&format!("refresh: 0; url={without}\r\n")), "{answer}");
+            assert!(status(&answer) == "200" && !answer.contains("hello"), "{answer}");
+        }
+        let kept = format!("set-cookie: {cookie}; Path=/; HttpOnly; SameSite=Strict\r\n");
+        assert!(answer.contains(&kept) && answer.contains("cache-control: no-store"), "{answer}");
+        assert!(!answer.contains("hello"), "{answer}");
+        assert_eq!(status(&ask(&server, without, &["Host: localhost", &format!("Cookie: {cookie}")])), "200");
     }
+    // What is no page is for programs, which keep nothing.
+    for (path, found) in [
+        (format!("/?token={TOKEN}"), "200"),
+        (format!("/nowhere?token={TOKEN}"), "404"),
+        ("/page?token=wrong".to_owned(), "401"),
+        ("/page".to_owned(), "401"),
+    ] {
+        let answer = ask(&server, &path, &["Host: localhost"]);
+        assert_eq!(status(&answer), found, "{path}");
+        assert!(!answer.contains("set-cookie"), "{path}");
+    }
+    // Under a name that is not ours the page would be refused next.
+    let foreign = ask(&server, &format!("/page?token={TOKEN}"), &["Host: lab.example.org"]);
+    assert!(status(&foreign) == "403" && foreign.contains("--host-name lab.example.org"), "{foreign}");
+}
+
+#[test]
+fn the_cookie_of_one_server_is_nothing_to_another_on_the_same_host() {
+    let ((first, _refusals), (second, _others)) = (start(with_token()), start(with_token()));
+    let cookie = format!("Cookie: proact_token_{}={TOKEN}", first.address().port());
+    assert_eq!(status(&ask(&first, "/", &["Host: localhost", &cookie])), "200");
+    assert_eq!(status(&ask(&second, "/", &["Host: localhost", &cookie])), "401");
+}
+
+#[test]
+fn every_answer_keeps_browsers_from_framing_sniffing_and_telling_where_they_were() {
+    let (server, _refusals) = start(with_token());
+    let host = format!("localhost:{}", server.address().port());
+    for path in
+        ["/".to_owned(), format!("/page?token={TOKEN}"), format!("/?token={TOKEN}"), "/nowhere".to_owned()]
+    {
+        let answer = ask(&server, &path, &[&format!("Host: {host}")]);
+        for line in [
+            "x-frame-options: DENY\r\n",
+            "x-content-type-options: nosniff\r\n",
+            "referrer-policy: no-referrer\r\n",
+            "cross-origin-resource-policy: same-origin\r\n",
+            "content-security-policy: default-src 'none'; script-src 'self'; ",
+            "frame-ancestors 'none'\r\n",
+            &format!("connect-src 'self' ws://{host} wss://{host};"),
+        ] {
+            assert!(answer.contains(line), "{path}: {line} in {answer}");
+        }
+    }
+    // Nobody writes rules of their own into ours.
+    let answer = ask(&server, "/", &["Host: a; script-src *"]);
+    assert!(answer.contains("connect-src 'self'; ") && !answer.contains("script-src *;"), "{answer}");
 }
 
 #[test]
@@ -133,6 +173,11 @@ fn listening_for_others_needs_somebody_who_may_come() {
         open(Access { token: Some("short".to_owned()), ..Access::default() }),
         Err(ServeError::Token { .. })
     ));
-    let server = open(Access { allowed: vec!["10.0.0.1".parse().unwrap()], token: None }).unwrap();
+    assert!(matches!(
+        open(Access { host_names: vec!["a b".to_owned()], ..Access::default() }),
+        Err(ServeError::HostName { .. })
+    ));
+    let listed = Listed { address: "10.0.0.1".parse().unwrap(), right: Right::Act };
+    let server = open(Access { listed: vec![listed], ..Access::default() }).unwrap();
     assert_eq!(server.remote_url(), None, "there is no token to give away");
 }

@@ -13,12 +13,10 @@ use futures_util::{
     SinkExt, StreamExt,
     stream::{SplitSink, SplitStream},
 };
+use proact_http::Pulse;
 use std::{
     net::SocketAddr,
-    sync::{
-        Mutex, PoisonError,
-        atomic::{AtomicU64, Ordering},
-    },
+    sync::atomic::{AtomicU64, Ordering},
     time::{Duration, Instant},
 };
 use tokio::time;
@@ -27,9 +25,6 @@ pub(super) use crate::session::MAX_MESSAGE_BYTES;
 
 /// A client that takes no byte for so long is gone or hopeless.
 const SEND_TIMEOUT: Duration = Duration::from_secs(30);
-/// How often a client is asked whether it still is there, and how long it may be silent.
-const PING_PERIOD: Duration = Duration::from_secs(10);
-const MAX_SILENCE: Duration = Duration::from_secs(35);
 /// How often overdue service calls are looked for.
 const CHORE_PERIOD: Duration = Duration::from_millis(250);
 /// A client that sends more than this many messages in a second is read no faster.
@@ -46,16 +41,16 @@ static NEXT_CLIENT: AtomicU64 = AtomicU64::new(1);
 /// Serves one client until it goes or is given up.
 pub(super) async fn serve(socket: WebSocket, peer: SocketAddr, shared: &Shared) {
     let name = format!("/rosbridge_client_{}", NEXT_CLIENT.fetch_add(1, Ordering::Relaxed));
-    shared.notice(format!("{name} connected from {peer}"));
+    shared.notice("connected", format!("{name} connected from {peer}"));
     let mut session = Session::new(std::sync::Arc::clone(&shared.bus), &name);
     let (outbox, offered) =
         (std::sync::Arc::clone(session.outbox()), std::sync::Arc::clone(session.offered()));
     let (mut sink, incoming) = socket.split();
-    let heard = Mutex::new(Instant::now());
+    let pulse = Pulse::new(shared.limits);
     // Reading and writing are apart: a stop must come in while a slow line is still busy with old messages.
     let reason = tokio::select! {
-        reason = read(incoming, &mut session, &heard, &name, shared) => reason,
-        reason = write(&mut sink, &outbox, &offered, &heard) => reason,
+        reason = read(incoming, &mut session, &pulse, &name, shared) => reason,
+        reason = write(&mut sink, &outbox, &offered, &pulse) => reason,
     };
     drop(session);
     // The standard allows 123 bytes; the texts are ASCII.
@@ -67,10 +62,10 @@ pub(super) async fn serve(socket: WebSocket, peer: SocketAddr, shared: &Shared) 
         0 => String::new(),
         dropped => format!("; it read too slowly for {dropped} messages"),
     };
-    shared.notice(format!(
-        "{name} is gone{}{dropped}",
-        reason.map(|text| format!(": {text}")).unwrap_or_default()
-    ));
+    shared.notice(
+        "gone",
+        format!("{name} is gone{}{dropped}", reason.map(|text| format!(": {text}")).unwrap_or_default()),
+    );
 }
 
 /// Why a connection ends; none if the client wanted it.
@@ -79,7 +74,7 @@ type Reason = Option<&'static str>;
 async fn read(
     mut incoming: Incoming,
     session: &mut Session,
-    heard: &Mutex<Instant>,
+    pulse: &Pulse,
     name: &str,
     shared: &Shared,
 ) -> Reason {
@@ -93,7 +88,7 @@ async fn read(
             None => return None,
         };
         let now = Instant::now();
-        *heard.lock().unwrap_or_else(PoisonError::into_inner) = now;
+        pulse.beat();
         let bytes = match &message {
             Message::Text(text) => text.as_bytes(),
             Message::Binary(bytes) => bytes,
@@ -102,7 +97,8 @@ async fn read(
         };
         let result = session.handle(bytes, Now { instant: now, time: wall_clock() });
         if !noticed && let Some(mistake) = session.first_mistake() {
-            shared.notice(format!("{name}: {mistake} (further ones are answered and not reported)"));
+            shared
+                .notice("mistake", format!("{name}: {mistake} (further ones are answered and not reported)"));
             noticed = true;
         }
         if result.is_err() {
@@ -118,10 +114,10 @@ async fn read(
     }
 }
 
-async fn write(sink: &mut Sink, outbox: &Outbox, offered: &Offered, heard: &Mutex<Instant>) -> Reason {
+async fn write(sink: &mut Sink, outbox: &Outbox, offered: &Offered, pulse: &Pulse) -> Reason {
     const LOST: Reason = Some("it takes no more data");
     let mut pieces = 0;
-    let mut ping = time::interval_at(time::Instant::now() + PING_PERIOD, PING_PERIOD);
+    let mut ping = pulse.pings();
     let mut chores = time::interval(CHORE_PERIOD);
     chores.set_missed_tick_behavior(time::MissedTickBehavior::Delay);
     loop {
@@ -132,8 +128,7 @@ async fn write(sink: &mut Sink, outbox: &Outbox, offered: &Offered, heard: &Mute
                 continue;
             }
             _ = ping.tick() => {
-                let silence = heard.lock().unwrap_or_else(PoisonError::into_inner).elapsed();
-                if silence > MAX_SILENCE {
+                if pulse.is_lost() {
                     return Some("it has been silent for too long");
                 }
                 if send(sink.send(Message::Ping(Default::default()))).await.is_err() {

@@ -8,7 +8,7 @@ use axum::{
     response::{IntoResponse, Response},
     routing::any,
 };
-use proact_http::{Access, Options, Pages, Peer, Server};
+use proact_http::{Access, Limits, Options, Pages, Peer, Repeats, Server};
 use proact_messages::Time;
 use std::{
     collections::VecDeque,
@@ -17,7 +17,7 @@ use std::{
         Arc, Mutex, PoisonError,
         atomic::{AtomicUsize, Ordering},
     },
-    time::{SystemTime, UNIX_EPOCH},
+    time::{Instant, SystemTime, UNIX_EPOCH},
 };
 
 /// Most clients at once.
@@ -39,33 +39,57 @@ pub struct RosbridgeOptions {
     pub bind: IpAddr,
     /// Who may connect from other machines.
     pub access: Access,
+    /// How long a connection may dawdle, and how many there may be.
+    pub limits: Limits,
 }
 
 impl Default for RosbridgeOptions {
     /// Port 9090, this machine only.
     fn default() -> Self {
-        RosbridgeOptions { port: 9090, bind: Ipv4Addr::LOCALHOST.into(), access: Access::default() }
+        RosbridgeOptions {
+            port: 9090,
+            bind: Ipv4Addr::LOCALHOST.into(),
+            access: Access::default(),
+            limits: Limits::default(),
+        }
     }
 }
 
 /// What all connections share.
 pub(super) struct Shared {
+    pub(super) limits: Limits,
     pub(super) bus: Arc<dyn TopicBus>,
     clients: AtomicUsize,
-    notices: Mutex<VecDeque<String>>,
+    notices: Mutex<Notices>,
+}
+
+/// What the owner is told.
+#[derive(Default)]
+struct Notices {
+    repeats: Repeats,
+    waiting: VecDeque<String>,
+}
+
+impl Notices {
+    /// The oldest is forgotten if nobody asks.
+    fn add(&mut self, text: String) {
+        if self.waiting.len() == MAX_NOTICES {
+            self.waiting.pop_front();
+        }
+        self.waiting.push_back(text);
+    }
 }
 
 impl Shared {
-    /// Tells the owner something; the oldest is forgotten if nobody asks.
-    pub(super) fn notice(&self, text: String) {
+    /// Tells the owner something; of what happens again and again, the first and the count.
+    pub(super) fn notice(&self, kind: &'static str, text: String) {
         // Clients' words are printed on a terminal: no control characters, and no more than one reads.
         let text: String = text.chars().take(300).map(|c| if c.is_control() { '?' } else { c }).collect();
         // No code that holds the lock can panic half way through a change.
         let mut notices = self.notices.lock().unwrap_or_else(PoisonError::into_inner);
-        if notices.len() == MAX_NOTICES {
-            notices.pop_front();
+        if let Some(text) = notices.repeats.tell(kind, text, Instant::now()) {
+            notices.add(text);
         }
-        notices.push_back(text);
     }
 }
 
@@ -85,8 +109,9 @@ impl RosbridgeServer {
     /// [`RosbridgeError::Serve`] if the port is taken, the address is not ours, or other machines could connect and nothing
     /// says which; [`RosbridgeError::Bus`] if the bus is full.
     pub fn start(options: RosbridgeOptions, bus: Arc<dyn TopicBus>) -> Result<Self, RosbridgeError> {
-        let RosbridgeOptions { port, bind, access } = options;
+        let RosbridgeOptions { port, bind, access, limits } = options;
         let shared = Arc::new(Shared {
+            limits,
             bus: Arc::clone(&bus),
             clients: AtomicUsize::new(0),
             notices: Mutex::default(),
@@ -102,12 +127,13 @@ impl RosbridgeServer {
             // The page of a trial is one of another port.
             pages: Pages::OfThisHost,
             send_buffer_bytes: SEND_BUFFER_BYTES,
+            limits,
         };
         let router = Router::new().fallback(any(connect)).with_state(Arc::clone(&shared));
         let for_refusals = Arc::clone(&shared);
         let member = bus.join("/rosapi");
         let started = rosapi::offer(&bus, member, wall_clock).map_err(RosbridgeError::from).and_then(|()| {
-            let refused = move |reason| for_refusals.notice(reason);
+            let refused = move |reason| for_refusals.notice("refused", reason);
             Ok(Server::start(options, router, refused, std::future::pending())?)
         });
         match started {
@@ -133,9 +159,13 @@ impl RosbridgeServer {
     }
 
     /// What happened since the last call, one line each: clients that came, went or were refused, and the first
-    /// mistake of each.
+    /// mistake of each. Where there are many of a kind, they are counted ([`Repeats`]).
     pub fn drain_notices(&self) -> Vec<String> {
-        self.shared.notices.lock().unwrap_or_else(PoisonError::into_inner).drain(..).collect()
+        let mut notices = self.shared.notices.lock().unwrap_or_else(PoisonError::into_inner);
+        for text in notices.repeats.due(Instant::now()) {
+            notices.add(text);
+        }
+        notices.waiting.drain(..).collect()
     }
 }
 
@@ -186,7 +216,7 @@ async fn connect(
         .max_frame_size(connection::MAX_MESSAGE_BYTES)
         .write_buffer_size(WRITE_BUFFER_BYTES)
         .on_upgrade(async move |socket| {
-            connection::serve(socket, peer.0, &shared).await;
+            connection::serve(socket, peer.address, &shared).await;
             drop(count);
         })
 }

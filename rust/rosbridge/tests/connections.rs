@@ -4,7 +4,7 @@
 mod common;
 
 use common::{Client, server, texts};
-use proact_http::{Access, ServeError};
+use proact_http::{Access, Limits, Listed, Right, ServeError};
 use proact_messages::{Time, known_type};
 use proact_rosbridge::{LocalBus, RosbridgeError, RosbridgeOptions, RosbridgeServer, TopicMessage};
 use serde_json::json;
@@ -12,6 +12,7 @@ use std::{
     io::{Read, Write},
     net::{Ipv4Addr, TcpStream},
     sync::Arc,
+    time::{Duration, Instant},
 };
 use tokio_tungstenite::tungstenite::connect;
 
@@ -100,13 +101,15 @@ fn foreign_pages_are_refused_and_listening_for_others_needs_a_guard() {
     assert!(ask("null").unwrap_err().to_string().contains("403"));
 
     let open = |access: Access| {
-        let options = RosbridgeOptions { port: 0, bind: Ipv4Addr::UNSPECIFIED.into(), access };
+        let bind = Ipv4Addr::UNSPECIFIED.into();
+        let options = RosbridgeOptions { port: 0, bind, access, ..RosbridgeOptions::default() };
         RosbridgeServer::start(options, Arc::clone(&bus))
     };
     assert!(matches!(open(Access::default()), Err(RosbridgeError::Serve(ServeError::Unguarded { .. }))));
-    assert!(open(Access { allowed: vec!["10.0.0.1".parse().unwrap()], token: None }).is_ok());
+    let listed = Listed { address: "10.0.0.1".parse().unwrap(), right: Right::Act };
+    assert!(open(Access { listed: vec![listed], ..Access::default() }).is_ok());
     assert!(matches!(
-        open(Access { allowed: vec![], token: Some("short".to_owned()) }),
+        open(Access { token: Some("short".to_owned()), ..Access::default() }),
         Err(RosbridgeError::Serve(ServeError::Token { .. }))
     ));
     let taken = RosbridgeOptions { port, ..RosbridgeOptions::default() };
@@ -129,4 +132,57 @@ fn a_client_too_many_is_told_so_and_comes_in_when_another_has_gone() {
     while gone.0.read().is_ok() {}
     // Its place is free before the server hangs up.
     Client::connect(&server).settle();
+}
+
+#[test]
+fn where_there_is_a_token_programs_on_this_machine_show_it_or_are_listed() {
+    let start = |listed| {
+        let access = Access { listed, token: Some("a-long-secret".to_owned()), ..Access::default() };
+        let options = RosbridgeOptions { port: 0, access, ..RosbridgeOptions::default() };
+        RosbridgeServer::start(options, LocalBus::new()).unwrap()
+    };
+    let server = start(vec![]);
+    let refused = connect(format!("ws://{}/", server.address())).unwrap_err().to_string();
+    assert!(refused.contains("401"), "{refused}");
+    assert!(connect(format!("ws://{}/?token=a-long-secret", server.address())).is_ok());
+    let here = |right| Listed { address: Ipv4Addr::LOCALHOST.into(), right };
+    let server = start(vec![here(Right::Act)]);
+    assert!(connect(format!("ws://{}/", server.address())).is_ok());
+    let server = start(vec![here(Right::Watch)]);
+    let refused = connect(format!("ws://{}/", server.address())).unwrap_err().to_string();
+    assert!(refused.contains("403"), "{refused}");
+}
+
+#[test]
+fn a_client_that_never_answers_a_ping_is_dropped() {
+    let limits = Limits { silence: Duration::from_millis(250), ..Limits::default() };
+    let options = RosbridgeOptions { port: 0, limits, ..RosbridgeOptions::default() };
+    let server = RosbridgeServer::start(options, LocalBus::new()).unwrap();
+    // It says nothing and reads nothing, but holds the line.
+    let asleep = Client::connect(&server);
+    let begin = Instant::now();
+    while server.client_count() > 0 {
+        assert!(begin.elapsed() < Duration::from_secs(20), "a client that is silent stays for ever");
+        std::thread::yield_now();
+    }
+    drop(asleep);
+}
+
+#[test]
+fn a_crowd_that_is_refused_is_told_of_once_and_counted() {
+    let (server, _bus) = server();
+    for _ in 0..300 {
+        let mut stream = TcpStream::connect(server.address()).unwrap();
+        write!(
+            stream,
+            "GET / HTTP/1.1\r\nHost: localhost\r\nOrigin: http://evil.example\r\nConnection: close\r\n\r\n"
+        )
+        .unwrap();
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).unwrap();
+        assert!(answer.starts_with("HTTP/1.1 403"), "{answer}");
+    }
+    let notices = server.drain_notices();
+    // The second would be a count, on a machine so slow that it took ten seconds.
+    assert!((1..=2).contains(&notices.len()) && notices[0].contains("evil.example"), "{notices:?}");
 }

@@ -4,7 +4,7 @@ use super::{
     screen::{Choice, Screen},
     train::PageArgs,
 };
-use crate::serve::new_token;
+use crate::announce::printed;
 use proact_app::stream_view::fault_text;
 use proact_app::tell;
 use proact_bridge::{
@@ -41,21 +41,17 @@ impl PageScreen {
     /// # Errors
     /// No port, or no thread.
     pub(super) fn open(page: &PageArgs, source: &str) -> Result<PageScreen, Box<dyn Error>> {
-        let options = PageOptions {
-            port: page.port,
-            bind: page.bind,
-            token: new_token(page.bind)?,
-            ..PageOptions::default()
-        };
+        let (access, secret) = page.access.page_access(page.bind, vec![])?;
+        let options = PageOptions { port: page.port, bind: page.bind, access, ..PageOptions::default() };
         let server = CalibrationServer::start(options)?;
-        tell(format_args!("page: {}", server.url()));
+        tell(format_args!("page: {}", printed(&server.page_url(), secret)));
         if let Some(url) = server.remote_url() {
-            tell(format_args!("on another machine: {url}"));
+            tell(format_args!("on another machine: {}", printed(&url, secret)));
         }
         let screen = ["DISPLAY", "WAYLAND_DISPLAY"].iter().any(|name| std::env::var_os(name).is_some());
         if screen && !page.no_browser {
             // The address is printed; a browser that does not start is no reason to stop.
-            let _ = open::that_detached(server.url());
+            let _ = open::that_detached(server.page_url());
         }
         Ok(PageScreen {
             server,

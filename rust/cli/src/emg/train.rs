@@ -6,8 +6,7 @@ use super::{
     source_args::SourceArgs,
     write_whole,
 };
-use crate::emg::WindowArgs;
-use crate::interrupt::interrupt_flag;
+use crate::{access_args::AccessArgs, emg::WindowArgs, interrupt::interrupt_flag};
 use clap::Args;
 use proact_app::answer;
 use proact_app::{
@@ -90,12 +89,14 @@ pub struct PageArgs {
     /// Port of the page, or the next free one.
     #[arg(long, default_value_t = 8090, requires = "page")]
     pub(super) port: u16,
-    /// Address to listen on; other machines need the token that is printed then.
+    /// Address to listen on; where other machines can connect, everybody needs the token that is printed then.
     #[arg(long, default_value = "127.0.0.1", requires = "page")]
     pub(super) bind: IpAddr,
     /// Print the address of the page, open nothing.
     #[arg(long, requires = "page")]
     pub(super) no_browser: bool,
+    #[command(flatten)]
+    pub(super) access: AccessArgs,
 }
 
 /// Repetitions refused in a row after which somebody has to look at the band.

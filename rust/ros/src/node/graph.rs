@@ -384,6 +384,8 @@ impl Pace {
 fn watch(addresses: &Addresses, ended: &AtomicBool, restarted: &AtomicBool) {
     let mut pid = master::master_pid(addresses).ok();
     let mut known: Option<Registrations> = None;
+    // Why it failed last: said when it changes, and not twice a second while the master is coming up.
+    let mut failed = None;
     static REFRESH: AtomicU64 = AtomicU64::new(0);
     while !ended.load(Ordering::Relaxed) && rosrust::is_ok() {
         match master::master_pid(addresses) {
@@ -404,8 +406,10 @@ fn watch(addresses: &Addresses, ended: &AtomicBool, restarted: &AtomicBool) {
                             restarted.store(true, Ordering::Relaxed);
                         }
                         // It may go again while it comes up; the next look tries again.
+                        Err(reason) if failed.as_ref() == Some(&reason) => {}
                         Err(reason) => {
                             rosrust::ros_warn!("registering with the restarted master: {reason}");
+                            failed = Some(reason);
                         }
                     }
                 }

@@ -137,10 +137,12 @@ impl RawService {
         handler: Arc<Handler>,
     ) -> Result<Self, String> {
         let failed = |e: io::Error| format!("service {name}: {e}");
-        // As rosrust's own listeners: reachable for whoever reaches the node.
-        let listener = TcpListener::bind(("0.0.0.0", 0)).map_err(failed)?;
+        // As rosrust's own listeners: on this machine alone if the node is one of this machine, else for whoever reaches it.
+        let host = addresses.slave.host();
+        let here = host == "localhost" || host.starts_with("127.");
+        let listener =
+            TcpListener::bind((if here { host.as_str() } else { "0.0.0.0" }, 0)).map_err(failed)?;
         let port = listener.local_addr().map_err(failed)?.port();
-        let host = addresses.slave.host_str().unwrap_or("127.0.0.1");
         let uri = format!("rosrpc://{host}:{port}");
         let ended = Arc::new(AtomicBool::new(false));
         let (seen, service, caller) = (ended.clone(), name.to_owned(), addresses.name.clone());
