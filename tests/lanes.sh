@@ -172,7 +172,7 @@ lane_soak_serve() {
 
 # Every reader beside the corpus, then beside mutations of it: two minutes in all.
 lane_fuzz() {
-    fuzz 4
+    fuzz 3
 }
 
 lane_fuzz_long() {

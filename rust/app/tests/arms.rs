@@ -60,21 +60,32 @@ fn a_labs_own_arm_is_recorded_with_the_trial_and_another_one_is_refused_by_name(
 
     let urdf = dir.join("arm.urdf");
     let text = fs::read_to_string(&urdf).unwrap();
+    let config = TrialConfig::from_toml(&fs::read_to_string(dir.join("config.toml")).unwrap()).unwrap();
+    let folder = place.path().join("other");
+    fs::create_dir(&folder).unwrap();
+    fs::copy(dir.join("arm.srdf"), folder.join("arm.srdf")).unwrap();
     let refusal = |text: &str| {
-        fs::write(&urdf, text).unwrap();
-        replay_trial(&dir, ReplayOptions::default()).unwrap_err().to_string()
+        fs::write(folder.join("arm.urdf"), text).unwrap();
+        let arm = Arm::recorded(&folder, &config).map_err(|error| error.to_string());
+        arm.and_then(|arm| trial::replayed(&arm, config.clone(), None).map_err(|error| error.to_string()))
+            .err()
+            .unwrap()
     };
     let (before, after) = text.split_once("<mass value=\"").unwrap();
     let other = refusal(&format!("{before}<mass value=\"1{after}"));
     assert!(other.starts_with("arm \"lab_arm\" is another one here (hash "), "{other}");
     let renamed = refusal(&text.replace("<robot name=\"lab_arm\">", "<robot name=\"an_arm\">"));
     assert!(renamed.contains("\"an_arm\"") || renamed.contains("lab_arm"), "{renamed}");
-    fs::remove_file(&urdf).unwrap();
-    let gone = replay_trial(&dir, ReplayOptions::default()).unwrap_err().to_string();
+    fs::remove_file(folder.join("arm.urdf")).unwrap();
+    let gone = Arm::recorded(&folder, &config).unwrap_err().to_string();
     assert!(
         gone.contains("lab_arm") && gone.contains("arm.urdf") && gone.contains("mpl_right_arm"),
         "{gone}"
     );
+    // In the record itself, whatever it is now.
+    fs::remove_file(&urdf).unwrap();
+    let gone = replay_trial(&dir, ReplayOptions::default()).unwrap_err().to_string();
+    assert!(gone.contains("arm.urdf is missing"), "{gone}");
 }
 
 #[test]

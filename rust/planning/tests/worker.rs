@@ -54,8 +54,9 @@ fn two_workers_side_by_side_give_the_replies_of_one_alone_whatever_was_asked_bef
 
 /// A goal to which no way leads, and a worker that would search for it for ever.
 fn endless() -> (PlanWorker, PlanRequest) {
+    // The time is no bound that a test would see, but more iterations than a million need one.
     let search = |max_iterations| PlannerOptions {
-        search: SearchLimits { max_iterations, ..SearchLimits::default() },
+        search: SearchLimits { max_iterations, max_secs: Some(3600.0), ..SearchLimits::default() },
         ..PlannerOptions::default()
     };
     let mut planner = planner(search(100));

@@ -41,7 +41,7 @@ const RESERVED: [(&str, &[&str]); 9] = [
     ("hyper-util", &[SHARED_BY_SERVERS]),
     ("tokio-rustls", &[SHARED_BY_SERVERS]),
     ("tokio-tungstenite", &["proact-bench"]),
-    (STAND_IN, &["proact-ros"]),
+    (STAND_IN, &["proact-ros", "proact-fuzz"]),
 ];
 
 /// The layer of a crate; a crate may depend on lower layers only.

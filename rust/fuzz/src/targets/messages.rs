@@ -1,8 +1,9 @@
-//! ROS messages and their definitions.
+//! ROS messages and their definitions, and the calls between nodes and their master.
 
 use super::{Run, text};
 use proact_messages::{MessageType, Time, known_types};
 use std::{path::Path, sync::Arc};
+use xml_rpc::text::{read_call, read_response, write_call, write_response};
 
 /// A definition as a connection or a bag carries it; with it an empty message is made, written and read.
 pub(super) fn definition(_: &Path) -> Run {
@@ -41,5 +42,24 @@ pub(super) fn json(_: &Path) -> Run {
         let Ok(value) = kind.read(json, Time::default()) else { return };
         let written = kind.to_bytes(&value).expect("a value that was read can be written");
         kind.from_bytes(&written).expect("and read again");
+    })
+}
+
+/// A call as a node's server reads it; what was read can be sent on.
+pub(super) fn xml_rpc_call(_: &Path) -> Run {
+    Box::new(|bytes| {
+        let Some(Ok((name, params))) = text(bytes).map(read_call) else { return };
+        let sent = write_call(&name, &params);
+        let (again, params) = read_call(&sent).expect("what was written can be read");
+        assert_eq!(write_call(&again, &params), sent);
+    })
+}
+
+/// What a master or another node answers.
+pub(super) fn xml_rpc_answer(_: &Path) -> Run {
+    Box::new(|bytes| {
+        let Some(Ok(answer)) = text(bytes).map(read_response) else { return };
+        let sent = write_response(&answer);
+        assert_eq!(write_response(&read_response(&sent).expect("what was written can be read")), sent);
     })
 }

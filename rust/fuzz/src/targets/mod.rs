@@ -82,6 +82,8 @@ const ALL: &[Target] = &[
     Target::new("ros_definition", "a message's definition, and an empty message of it", messages::definition),
     Target::new("ros_bytes", "a ROS message: number of its type, bytes", messages::bytes),
     Target::new("ros_json", "a ROS message: its type, a line break, JSON", messages::json),
+    Target::new("xml_rpc_call", "a call to a ROS node", messages::xml_rpc_call),
+    Target::new("xml_rpc_answer", "what a ROS master answers", messages::xml_rpc_answer),
     Target { is_planted: true, ..Target::new("planted_panic", "panics", planted::panic) },
     Target { is_planted: true, ..Target::new("planted_thread", "panics in a thread", planted::thread) },
     Target { is_planted: true, ..Target::new("planted_stack", "overflows the stack", planted::stack) },
