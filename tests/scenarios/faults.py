@@ -189,6 +189,8 @@ def half_open():
         except OSError:
             pass
         sockets.append(one)
+    # What was drawn while they connected comes first.
+    watched.watch(1)
     pace = watched.watch(5)
     for one in sockets:
         one.close()
