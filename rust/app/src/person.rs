@@ -1,7 +1,6 @@
 //! What connects a person to a trial beside the page: an eye tracker, a tracked limb, and something to hear or feel.
 
-use crate::tell;
-use crate::{LimbReceiver, Rosbridge};
+use crate::{LimbReceiver, Rosbridge, tell};
 use proact_bridge::{ClientInput, PageServer};
 use proact_devices::{DeviceError, FeedbackSink, GazeDevice, GazeFrame, SentGaze, UdpFeedback};
 use proact_http::Repeats;

@@ -1,7 +1,6 @@
 //! Where samples come from, for every command that takes a live stream.
 
-use crate::lab_streaming;
-use crate::tell;
+use crate::{lab_streaming, tell};
 use proact_devices::{
     EmgOrigin, KeyboardSource, Pacing, PersonSource, PlaybackSource, Recordings, SampleSource, SourceInfo,
     gforce::{GForce, GForceOptions, TcpConnector},

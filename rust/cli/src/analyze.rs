@@ -2,8 +2,7 @@
 
 use clap::Args;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use proact_app::answer;
-use proact_app::intent_scores;
+use proact_app::{answer, intent_scores};
 use proact_intent::IntentOptions;
 use std::{
     error::Error,

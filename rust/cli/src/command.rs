@@ -1,7 +1,6 @@
-use crate::interrupt::outlive_file_limits;
 use crate::{
-    analyze::AnalyzeArgs, bless::BlessArgs, demo::DemoArgs, doctor, emg::EmgCommand, model::ModelCommand,
-    replay::ReplayArgs, serve::ServeArgs,
+    analyze::AnalyzeArgs, bless::BlessArgs, demo::DemoArgs, doctor, emg::EmgCommand,
+    interrupt::outlive_file_limits, model::ModelCommand, replay::ReplayArgs, serve::ServeArgs,
 };
 use clap::{Args, Parser, Subcommand};
 use proact_app::query::{self, QueryOptions};

@@ -8,9 +8,8 @@ use crate::{
 };
 use clap::Args;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use proact_app::tell;
 use proact_app::{
-    Arm, Audience, Recorder, answer, default_dir, run_to_end,
+    Arm, Audience, Recorder, answer, default_dir, run_to_end, tell,
     trial::{self, Assembly},
 };
 use proact_bridge::{PageContent, PageOptions, PageServer};

@@ -1,8 +1,7 @@
 //! `proact model`: judge a description of an arm, or turn a lab's own into one.
 
 use clap::{Args, Subcommand};
-use proact_app::answer;
-use proact_app::compare::compare;
+use proact_app::{answer, compare::compare};
 use proact_description::{DescriptionError, Imported, Report, check, import, parse, parse_urdf, read_text};
 use serde_json::json;
 use std::{

@@ -2,8 +2,7 @@
 
 use crate::rosbridge_args::RosbridgeArgs;
 use clap::Args;
-use proact_app::tell;
-use proact_app::{Feedback, LimbReceiver, LivePerson};
+use proact_app::{Feedback, LimbReceiver, LivePerson, tell};
 #[cfg(feature = "lsl")]
 use proact_devices::LslGaze;
 use proact_devices::{DeviceError, GazeDevice, GazeReceiver};

@@ -1,7 +1,6 @@
 use crate::replay_page;
 use clap::Args;
-use proact_app::answer;
-use proact_app::{Replanned, ReplayOptions, replay_trial};
+use proact_app::{Replanned, ReplayOptions, answer, replay_trial, tell};
 use proact_testbed::Divergence;
 use std::{error::Error, path::PathBuf};
 
@@ -53,7 +52,12 @@ pub(crate) fn command(args: &ReplayArgs) -> Result<bool, Box<dyn Error>> {
     }
     let options = ReplayOptions { replan: args.replan, other_versions: args.other_versions };
     let replayed = replay_trial(dir, options)?;
+    let interrupted =
+        format!("interrupted: the record was not closed, and goes up to {:.3} s", replayed.seconds);
     if args.json {
+        if !replayed.finished {
+            tell(interrupted);
+        }
         answer(serde_json::to_string(&replayed)?)?;
         return Ok(replayed.agrees);
     }
@@ -78,10 +82,7 @@ pub(crate) fn command(args: &ReplayArgs) -> Result<bool, Box<dyn Error>> {
         ))?;
     }
     if !replayed.finished {
-        answer(format_args!(
-            "interrupted: the record was not closed, and goes up to {:.3} s",
-            replayed.seconds
-        ))?;
+        answer(interrupted)?;
     }
     Ok(replayed.agrees)
 }

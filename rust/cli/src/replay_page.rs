@@ -4,8 +4,7 @@ use crate::{
     announce::announce,
     interrupt::{interrupt_flag, wait_for},
 };
-use proact_app::tell;
-use proact_app::{film, film_of_bag};
+use proact_app::{film, film_of_bag, tell};
 use proact_bridge::{PageOptions, PageServer};
 use proact_description::mpl_right_arm;
 use std::{error::Error, path::PathBuf};

@@ -2,8 +2,7 @@
 
 use crate::access_args::AccessArgs;
 use clap::Args;
-use proact_app::tell;
-use proact_app::{Rosbridge, RosbridgePlace};
+use proact_app::{Rosbridge, RosbridgePlace, tell};
 use proact_http::{Access, Listed, Right};
 use proact_testbed::Session;
 use std::{

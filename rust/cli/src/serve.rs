@@ -6,9 +6,8 @@ use crate::{
     trial_args::TrialArgs,
 };
 use clap::Args;
-use proact_app::tell;
 use proact_app::{
-    Ended, LiveArmband, LivePerson, LiveTrial, Recorder, default_dir,
+    Ended, LiveArmband, LivePerson, LiveTrial, Recorder, default_dir, tell,
     trial::{self, Armband, Assembly},
 };
 use proact_bridge::{PageContent, PageOptions, PageServer};

@@ -54,6 +54,11 @@ pub(crate) fn check(dir: &Path, expected: &[&str]) -> Result<bool, RecordingErro
             offset,
             reason: "expected a hash of 64 hexadecimal digits, two blanks and a name".to_owned(),
         })?;
+        // As it is written: each name once, in order.
+        if sums.last_key_value().is_some_and(|(last, _)| *last >= name) {
+            let reason = format!("{name} stands after a name that comes later, or twice");
+            return Err(RecordingError::Damaged { file: path, offset, reason });
+        }
         sums.insert(name, sum);
         offset += line.len() as u64;
     }

@@ -237,7 +237,28 @@ fn a_manifest_that_was_made_anew_over_a_shortened_log_is_refused_all_the_same() 
     fs::write(dir.join(MANIFEST_FILE), without).unwrap();
     let error = Trial::open(&dir).unwrap_err().to_string();
     assert!(error.contains("events.jsonl is not in SHA256SUMS"), "{error}");
-    for none in ["", "0\n", &manifest[1..], &manifest.replace("  ", " "), &manifest.replace("  ", "  ../")] {
+    // Without it the trial counts as interrupted, and its logs must be whole all the same: there is a result.
+    fs::remove_file(dir.join(MANIFEST_FILE)).unwrap();
+    assert_eq!(
+        Trial::open(&dir).map(|trial| (trial.finished(), trial.end())).unwrap(),
+        (false, SimTime(600))
+    );
+    let lines = fs::read_to_string(&path).unwrap();
+    fs::write(&path, lines.split_inclusive('\n').take(3).collect::<String>()).unwrap();
+    assert!(matches!(Trial::open(&dir), Err(RecordingError::Changed { .. })));
+    fs::write(&path, lines).unwrap();
+
+    let doubled = manifest.repeat(2);
+    let reversed: String = manifest.split_inclusive('\n').rev().collect();
+    for none in [
+        &doubled,
+        &reversed,
+        "",
+        "0\n",
+        &manifest[1..],
+        &manifest.replace("  ", " "),
+        &manifest.replace("  ", "  ../"),
+    ] {
         fs::write(dir.join(MANIFEST_FILE), none).unwrap();
         assert!(Trial::open(&dir).is_err(), "{none:?}");
     }

@@ -5,8 +5,7 @@ use super::{
     train::PageArgs,
 };
 use crate::announce::printed;
-use proact_app::stream_view::fault_text;
-use proact_app::tell;
+use proact_app::{stream_view::fault_text, tell};
 use proact_bridge::{
     CalibrationCommand, CalibrationScreen, CalibrationServer, CalibrationView, ChannelLight, GestureTest,
     PageOptions,

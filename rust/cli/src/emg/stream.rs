@@ -1,12 +1,10 @@
 //! `proact emg stream`: a live source, recognised and shown.
 
 use super::source_args::SourceArgs;
-use crate::emg::WindowArgs;
-use crate::interrupt::interrupt_flag;
+use crate::{emg::WindowArgs, interrupt::interrupt_flag};
 use clap::Args;
-use proact_app::answer;
 use proact_app::{
-    CentredStream, SourceName,
+    CentredStream, SourceName, answer,
     lab_streaming::Published,
     source::{open, read_model},
     stream_view::{StreamGlance, StreamView},

@@ -4,9 +4,8 @@ use super::{page::PageScreen, screen::bar, source_args::SourceArgs, train::PageA
 use crate::interrupt::interrupt_flag;
 use clap::{Args, ValueEnum};
 use indicatif::ProgressBar;
-use proact_app::answer;
 use proact_app::{
-    CentredStream, SourceName,
+    CentredStream, SourceName, answer,
     source::{open, read_model},
 };
 use proact_bridge::GestureTest;

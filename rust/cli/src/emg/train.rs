@@ -8,9 +8,8 @@ use super::{
 };
 use crate::{access_args::AccessArgs, emg::WindowArgs, interrupt::interrupt_flag};
 use clap::Args;
-use proact_app::answer;
 use proact_app::{
-    SourceName,
+    SourceName, answer,
     source::{open, read_model},
 };
 use proact_devices::{
