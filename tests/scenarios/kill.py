@@ -106,7 +106,8 @@ def check_record(folder, ended_well, shown=()):
             for event in frame["events"]:
                 demand(event["time"] > end or event in recorded, f"{folder} lacks {event}, which was shown")
     for bag in folder.glob("trial.bag*"):
-        last = last_message_ms(bag)
+        # Before the first digest a bag has nothing but its head.
+        last = last_message_ms(bag) if end else 0
         demand(last >= end - LOST_MS, f"{bag} ends at {last} ms, the digests at {end} ms")
     return end
 
@@ -158,8 +159,11 @@ def train(number, rng):
         demand(json.loads(model.read_text()), f"{model} is not whole")
         demand(len(rows) == 2 * gestures, f"{model} is there and {len(rows)} repetitions")
     if len(rows) >= 2 * gestures and not model.exists():
-        again = ["emg", "train", "--source", f"file:{folder}", "--out", work / f"again{number}.json"]
-        subprocess.run([options.proact, *again, "--json"], check=True, capture_output=True)
+        # Whether it is a good one is not the question here.
+        again = work / f"again{number}.json"
+        train = ["emg", "train", "--source", f"file:{folder}", "--out", again]
+        subprocess.run([options.proact, *train, "--json"], capture_output=True)
+        demand(again.exists(), f"no model can be trained on {folder}")
     return len(rows)
 
 
