@@ -181,7 +181,10 @@ lane_fuzz_long() {
 
 # So many seconds of mutations for each target.
 fuzz() {
-    build_web && (cd "$root" && run_cargo run --release --locked -p proact-fuzz -- --seconds "$1")
+    # With the program, so that both share what is compiled.
+    build_web &&
+        run_cargo build --release --locked -p proact-cli -p proact-fuzz ${features:+--features "proact-cli/$features"} &&
+        (cd "$root" && "$CARGO_TARGET_DIR/release/proact-fuzz" --seconds "$1")
 }
 
 lane_page() {

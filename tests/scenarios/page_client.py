@@ -75,13 +75,14 @@ class Page:
 
 
 class Server:
-    """`proact serve` on a port of its own, in a process group of its own."""
+    """`proact serve` on a port of its own, in a process group of its own. Records go to the folder `out`, what it says to
+    `out.log` beside that."""
 
     def __init__(self, proact, port, out, *words, env=None, prefix=()):
         command = [*prefix, str(proact), "serve", "--no-browser", "--exact-port", "--port", str(port)]
-        command += ["--out", str(out)] if out else ["--no-record"]
+        command += ["--out", str(out)]
         self.port = port
-        self.log = open(f"{out or '/tmp/proact'}.log", "w+")
+        self.log = open(f"{out}.log", "w+")
         self.process = subprocess.Popen(
             [*command, *words], stdout=self.log, stderr=self.log, env=env, start_new_session=True
         )
