@@ -103,11 +103,6 @@ impl InputLogWriter {
         self.put_value(&RecordRef::Tick(tick, input))
     }
 
-    /// Last tick that was handed in, with or without input.
-    pub(crate) fn last_tick(&self) -> SimTime {
-        self.last.unwrap_or(SimTime(0))
-    }
-
     /// Records written so far.
     pub(crate) fn records(&self) -> u64 {
         self.records

@@ -29,7 +29,7 @@
 //! let keys = TickInput { gesture: Some(Gesture::WristFlexion), ..Default::default() };
 //! trial.write_input(SimTime(1), &keys)?;
 //! trial.write_input(SimTime(2), &TickInput::default())?;
-//! trial.write_digest(&"a digest of ticks 1 to 2")?;
+//! trial.write_digest(&serde_json::json!({"tick": 2, "hash": "9f86d081"}))?;
 //! trial.finish(SimTime(2), &serde_json::json!({"on_target": 4}))?;
 //!
 //! let record = InputLog::open(&dir)?.next().expect("one tick had input")?;

@@ -5,10 +5,10 @@ use crate::{
     files,
     input_log::LogHeader,
     manifest,
-    trial_writer::Acknowledged,
+    trial_writer::Coverage,
 };
 use proact_types::{Event, MOST_TEXT_BYTES, SimTime};
-use serde::de::{DeserializeOwned, IgnoredAny};
+use serde::de::DeserializeOwned;
 use std::{
     fs,
     io::ErrorKind,
@@ -61,13 +61,11 @@ impl Trial {
                 Err(error) => stop = Some(error),
             }
         }
-        let digests: Lines<Acknowledged<IgnoredAny>> = read_lines(&dir.join(DIGESTS_FILE), true)?;
+        let digests: Lines<Coverage> = read_lines(&dir.join(DIGESTS_FILE), true)?;
         let events: Lines<Event> = read_lines(&dir.join(EVENTS_FILE), false)?;
         check_order(&dir.join(DIGESTS_FILE), &digests)?;
 
-        let covered = |line: &Acknowledged<IgnoredAny>| {
-            line.inputs <= inputs && line.events <= events.values.len() as u64
-        };
+        let covered = |line: &Coverage| line.inputs <= inputs && line.events <= events.values.len() as u64;
         let good = digests.values.iter().take_while(|line| covered(line)).count();
         // What is cut off is missing; what is damaged was changed, unless no digest vouches for it.
         let vouched = good < digests.values.len();
@@ -166,9 +164,7 @@ impl Trial {
     /// # Errors
     /// [`RecordingError::Damaged`] with the offset of a line that is no `T`.
     pub fn digests<T: DeserializeOwned>(&self) -> Result<Vec<T>, RecordingError> {
-        let lines: Lines<Acknowledged<T>> = read_lines(&self.dir.join(DIGESTS_FILE), true)?;
-        let lines = lines.first(self.extent.digests)?;
-        Ok(lines.into_iter().map(|line| line.digest).collect())
+        read_lines(&self.dir.join(DIGESTS_FILE), true)?.first(self.extent.digests)
     }
 
     /// The events up to [`Trial::end`].
@@ -214,7 +210,7 @@ fn read_header(dir: &Path, head: &LogHeader) -> Result<TrialHeader, RecordingErr
 }
 
 /// Each digest is of a later tick than the one before, and counts no less.
-fn check_order(path: &Path, digests: &Lines<Acknowledged<IgnoredAny>>) -> Result<(), RecordingError> {
+fn check_order(path: &Path, digests: &Lines<Coverage>) -> Result<(), RecordingError> {
     let lines = digests.values.iter().zip(digests.values.iter().skip(1));
     for (number, (one, next)) in lines.enumerate() {
         if next.tick <= one.tick || next.inputs < one.inputs || next.events < one.events {

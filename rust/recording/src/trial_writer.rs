@@ -31,16 +31,23 @@ pub struct TrialHeader {
 
 /// A line of `digests.log`: a digest, and of how much it can be recomputed. Inputs and events that are counted here were
 /// handed to the operating system before.
-#[derive(Debug, Serialize, Deserialize)]
-pub(crate) struct Acknowledged<T> {
+#[derive(Debug, Serialize)]
+struct Acknowledged<'a, T> {
+    #[serde(flatten)]
+    digest: &'a T,
+    inputs: u64,
+    events: u64,
+}
+
+/// What every such line says, whatever the digest.
+#[derive(Debug, Deserialize)]
+pub(crate) struct Coverage {
     /// Last tick that went into the digest.
     pub tick: SimTime,
     /// Records of `inputs.log` up to there.
     pub inputs: u64,
     /// Lines of `events.jsonl` up to there.
     pub events: u64,
-    /// The digest.
-    pub digest: T,
 }
 
 /// Writes one trial directory.
@@ -146,19 +153,16 @@ impl TrialWriter {
     }
 
     /// Appends one entry of the digest chain, over all ticks so far, and hands everything to the operating system. Call it
-    /// after the tick's input and events: the entry counts them.
+    /// after the tick's input and events: the entry counts them. A digest is a struct with the field `tick`, the last tick
+    /// that went into it.
     ///
     /// # Errors
     /// [`RecordingError::Io`]; [`RecordingError::Encode`] if it is no JSON.
     pub fn write_digest<T: Serialize>(&mut self, digest: &T) -> Result<(), RecordingError> {
         self.inputs.flush()?;
         self.events.flush()?;
-        self.digests.write(&Acknowledged {
-            tick: self.inputs.last_tick(),
-            inputs: self.inputs.records(),
-            events: self.events.lines(),
-            digest,
-        })?;
+        let (inputs, events) = (self.inputs.records(), self.events.lines());
+        self.digests.write(&Acknowledged { digest, inputs, events })?;
         self.digests.flush()
     }
 
