@@ -9,10 +9,12 @@ import { createServer } from "node:net";
  */
 export async function startServe(program, port, words = ["--no-record"], variables = {}) {
   const chosen = port || (await freePort());
+  // In a session of its own, as from another terminal: the system shares its processors between sessions, and Chromium
+  // takes all that it can get to draw.
   const child = spawn(
     program,
     ["serve", "--no-browser", "--exact-port", "--port", String(chosen), ...words],
-    { env: { ...process.env, ...variables }, stdio: ["ignore", "pipe", "pipe"] },
+    { env: { ...process.env, ...variables }, stdio: ["ignore", "pipe", "pipe"], detached: true },
   );
   const ended = new Promise((resolve) => child.once("exit", resolve));
   let text = "";
