@@ -2,7 +2,7 @@
 """An example method in another process: WE carries the hand towards the block that you look at, WF back up, HC and HO
 work the hand.
 
-    proact serve --method C --method-command "python3 docs/methods/follow_gaze.py"
+    proact serve --method docs/methods/follow_gaze.toml
 
 Each line of standard input is one control step as a JSON object, each line of standard output answers one. Keep
 standard output for answers; what you print for yourself goes to standard error.
@@ -30,7 +30,7 @@ def toward_block(step):
     """Velocity of the hand toward the point over the block in view, base axes, m/s; none when it is there."""
     if step["highlight"] is None:
         return None
-    block = step["blocks"][["red1", "red2", "blue1", "blue2"].index(step["highlight"])]
+    block = step["objects"][step["highlight"]]
     base = step["world_from_base"]
     goal = [block[0], block[1], block[2] + ABOVE]
     goal = rotate_back(base["rotation"], [g - t for g, t in zip(goal, base["translation"])])
@@ -54,7 +54,7 @@ for line in sys.stdin:
     step = json.loads(line)
     gesture, changed, last = step["gesture"], step["gesture"] != last, step["gesture"]
     linear = {"wrist_extension": toward_block(step), "wrist_flexion": LIFT}.get(gesture)
-    answer = {"time": step["time"], "target": {"block": step["highlight"], "locked": False, "posterior": []}}
+    answer = {"time": step["time"], "target": {"object": step["highlight"], "locked": False, "posterior": []}}
     # A method that moves says so at every step; whatever is no motion is a stop.
     answer["motion"] = {"velocity": joint_speeds(linear, step["jacobian"])} if linear else "hold"
     if changed and gesture in ("hand_close", "hand_open"):

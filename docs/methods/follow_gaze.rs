@@ -5,8 +5,8 @@
 
 use nalgebra::Vector6;
 use proact_control::ports::ArmKinematics;
-use proact_control::{ControlInput, ControlMethod, ControlOutput, HandCommand, MotionCommand};
-use proact_types::{Gesture, JointVector, PlannerView, SimTime, TargetView, Vector};
+use proact_control::{ControlInput, ControlMethod, ControlOutput, HandCommand, MotionCommand, Shown};
+use proact_types::{Gesture, JointVector, SimTime, TargetView, Vector};
 
 /// Speed of the hand, m/s.
 const SPEED: f64 = 0.1;
@@ -16,24 +16,20 @@ const ABOVE: f64 = 0.15;
 /// Moves straight towards the block in view, without a plan.
 #[derive(Clone, Debug, Default)]
 pub struct FollowGaze {
-    target: TargetView,
     last: Gesture,
 }
 
 impl ControlMethod for FollowGaze {
-    fn name(&self) -> &str {
-        "follow_gaze"
-    }
-
     fn step(
         &mut self,
         _now: SimTime,
         input: &ControlInput<'_>,
         arm: &mut dyn ArmKinematics,
     ) -> ControlOutput {
-        self.target.block = input.highlight;
+        let target = TargetView { object: input.highlight, ..TargetView::default() };
         let changed = std::mem::replace(&mut self.last, input.gesture) != input.gesture;
-        let mut output = ControlOutput::default();
+        let mut output =
+            ControlOutput { shown: Shown { target, ..Shown::default() }, ..ControlOutput::default() };
         match input.gesture {
             Gesture::HandClose if changed => output.hand = Some(HandCommand::Close),
             Gesture::HandOpen if changed => output.hand = Some(HandCommand::Open),
@@ -48,19 +44,11 @@ impl ControlMethod for FollowGaze {
         output.motion = Some(speeds.map_or(MotionCommand::Hold, MotionCommand::Velocity));
         output
     }
-
-    fn target(&self) -> TargetView {
-        self.target.clone()
-    }
-
-    fn planner(&self) -> PlannerView {
-        PlannerView::Idle
-    }
 }
 
 /// Joint speeds towards the point over the block that is looked at, slower near it.
 fn toward_block(input: &ControlInput<'_>, arm: &mut dyn ArmKinematics) -> Option<JointVector> {
-    let goal = input.blocks[input.highlight?.index()] + Vector::z() * ABOVE;
+    let goal = input.objects[input.highlight?.index()] + Vector::z() * ABOVE;
     let base_from_tip = arm.forward(input.measured).ok()?;
     let away = input.world_from_base.inverse_transform_point(&goal).coords - base_from_tip.translation.vector;
     joint_speeds(away.cap_magnitude(SPEED), input, arm)

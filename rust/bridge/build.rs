@@ -5,7 +5,6 @@ use std::path::Path;
 
 fn main() {
     println!("cargo:rerun-if-changed=web/dist");
-    println!("cargo:rerun-if-changed=../../ros1_ws/src/proact_description/meshes");
     println!("cargo:rerun-if-changed=build.rs");
     for file in [
         "web/dist/index.html",

@@ -25,6 +25,8 @@ fn main() {
     }
     build.compile("proact_description");
 
+    // Built in by rust-embed.
+    println!("cargo:rerun-if-changed=../../ros1_ws/src/proact_description/arms");
     for watched in ["src/bridge.rs", "src/adapter.cpp", "src/adapter.hpp"] {
         println!("cargo:rerun-if-changed={watched}");
     }

@@ -34,9 +34,9 @@ function look(page) {
     const { frame } = window.__proact;
     return {
       time: frame.time,
-      onTarget: frame.on_target,
+      onTarget: frame.score,
       finished: frame.finished,
-      next: frame.next_block,
+      next: frame.next,
       hand: frame.hand,
       target: frame.target,
       planner: frame.planner,
@@ -47,8 +47,8 @@ function look(page) {
 /** What the guide's strip would say. */
 function choose(page, { next, hand, target, planner }) {
   const there = planner.state === "arrived" && !planner.intermediate;
-  if (hand.holds) {
-    if (there && target.locked) return { name: "release", act: () => hold(page, "hand_open", () => !window.__proact.frame.hand.holds) };
+  if (hand.holds !== null) {
+    if (there && target.locked) return { name: "release", act: () => hold(page, "hand_open", () => window.__proact.frame.hand.holds === null) };
     if (target.locked) return { name: "carry", act: () => carry(page) };
     return { name: `place ${hand.holds}`, act: () => lookAndLock(page, "target", hand.holds) };
   }
@@ -59,7 +59,7 @@ function choose(page, { next, hand, target, planner }) {
     return { name: "grip", act: () => hold(page, "hand_close", () => window.__proact.frame.hand.holds !== null) };
   }
   if (target.locked) return { name: "reach", act: () => carry(page) };
-  return { name: `look ${next}`, act: () => lookAndLock(page, "block", next) };
+  return { name: `look ${next}`, act: () => lookAndLock(page, "object", next) };
 }
 
 /** Points at it, waits for the highlight to come, and locks. */
@@ -71,8 +71,8 @@ async function lookAndLock(page, what, id) {
     .waitForFunction(
       ([what, id]) => {
         const { frame, content } = window.__proact;
-        if (what === "block") return frame.target.block === id;
-        const goal = content.scene.targets.find((target) => target.block === id).centre;
+        if (what === "object") return frame.target.object === id;
+        const goal = content.scene.targets.find((target) => target.object === id).centre;
         const place = frame.target.place;
         return place !== null && Math.hypot(place[0] - goal[0], place[1] - goal[1]) < 0.03;
       },

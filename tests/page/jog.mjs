@@ -7,6 +7,12 @@ import { chooseLean, obstacles, turns } from "./ways.mjs";
 const KEYS = { wrist_extension: "KeyW", wrist_flexion: "KeyS", hand_close: "KeyA", hand_open: "KeyD" };
 /** Numbers of modes from which axes are moved instead of joints. */
 const FIRST_AXIS = 7;
+
+/** Joints from 0, axes to go along from 7, axes to turn about from 10. */
+function numberOf({ moves: { joint, translation, rotation } }) {
+  return joint ?? (translation !== undefined ? FIRST_AXIS + translation : FIRST_AXIS + 3 + rotation);
+}
+
 /** Speeds of the default profile: rad/s, m/s, rad/s. */
 const SPEED = { joint: 0.4, slide: 0.08, turn: 0.4 };
 /** What is left below this is not worth another movement: rad, m, rad. */
@@ -37,11 +43,11 @@ class Lost extends Error {}
 /** Moves the block that comes next to its target, in as many attempts as there is time for. */
 export async function jogBlock(page, { limitMs, log }) {
   const end = Date.now() + limitMs;
-  const { on_target: before } = await look(page);
+  const { score: before } = await look(page);
   for (;;) {
     try {
       await attempt(page, end, log);
-      const counts = (before) => window.__proact.frame.on_target > before;
+      const counts = (before) => window.__proact.frame.score > before;
       await page.waitForFunction(counts, before, { timeout: 8_000, polling: 20 });
       return;
     } catch (error) {
@@ -55,13 +61,13 @@ export async function jogBlock(page, { limitMs, log }) {
 async function attempt(page, end, log) {
   const { arm, scene } = await page.evaluate(() => window.__proact.content);
   const start = await look(page);
-  const block = start.hand.holds ?? start.next_block;
-  if (!block) throw new Error("no block is left to be moved");
-  const index = scene.blocks.findIndex(({ id }) => id === block);
-  const target = scene.targets.find((candidate) => candidate.block === block).centre;
+  const block = start.hand.holds ?? start.next;
+  if (block === null) throw new Error("no block is left to be moved");
+  const index = block;
+  const target = scene.targets.find((candidate) => candidate.object === block).centre;
   const high = (point, height) => [point[0], point[1], scene.table_height + height];
 
-  const byJoint = start.mode.number < FIRST_AXIS;
+  const byJoint = numberOf(start.mode) < FIRST_AXIS;
   /** Brings the hand, or the block in it, to a place in the world; `loosely`: near it, and tilted as it comes. */
   let lean = 0;
   /** Leans the hand, joint by joint, so that the fingers have room at a place. */
@@ -89,8 +95,8 @@ async function attempt(page, end, log) {
       if (Date.now() > end) throw new Error(`${block} not moved in time; the last step was: ${name}`);
     }
   };
-  const at = (seen) => seen.blocks[index].translation;
-  if (!start.hand.holds) {
+  const at = (seen) => seen.objects[index].translation;
+  if (start.hand.holds === null) {
     if (start.hand.state === "closed") {
       // Closed on nothing, down where the block was.
       await tap(page, "hand_close");
@@ -126,7 +132,7 @@ function look(page) {
  */
 function goalOf(arm, seen, index, place, lean = 0) {
   const base = reach.inverse(seen.world_from_base);
-  const held = seen.hand.holds ? reach.compose(reach.inverse(seen.world_from_tip), seen.blocks[index]) : null;
+  const held = seen.hand.holds !== null ? reach.compose(reach.inverse(seen.world_from_tip), seen.objects[index]) : null;
   let axis = held ? reach.turn(held.rotation, [0, 0, 1]) : [0, Math.sin(ROLL), Math.cos(ROLL)];
   // A block stands on either end.
   if (reach.turn(seen.world_from_tip.rotation, axis)[2] < 0) axis = reach.scale(axis, -1);
@@ -146,7 +152,7 @@ async function joints(page, { arm, scene, seen, goal, block, refused }) {
   const { off, tilt } = reach.off(arm, q, goal);
   if (off <= goal.pointDone && tilt <= goal.tiltDone) return false;
   const way = turns(arm, q, goal, {
-    mode: seen.mode.number,
+    mode: numberOf(seen.mode),
     depth: obstacles(arm, scene, seen, block),
     refused: (turn) => refused.some(({ joint, up }) => joint === turn.joint && up === turn.angle > 0),
   });
@@ -199,7 +205,7 @@ async function axes(page, arm, index, place, order) {
 async function choose(page, number) {
   for (let step = 0; step < 14; step++) {
     const { mode } = await look(page);
-    if (mode.number === number) return;
+    if (numberOf(mode) === number) return;
     await tap(page, "hand_open");
   }
   throw new Error(`mode ${number} does not come up`);

@@ -25,7 +25,7 @@ export async function newcomer(page, { url, check, screenshot }) {
   await page.locator(".lesson:not([hidden])").waitFor();
   check((await page.textContent(".lesson b")) === "Look at the block", "the tutorial begins with a look");
   await screenshot("tutorial");
-  const block = await page.evaluate(() => window.__proact.project("block", window.__proact.frame.next_block));
+  const block = await page.evaluate(() => window.__proact.project("object", window.__proact.frame.next));
   await page.mouse.move(block.x, block.y);
   await page.waitForFunction(() => document.querySelector(".lesson b")?.textContent === "Lock it");
   check(true, "and goes on when the block is looked at");

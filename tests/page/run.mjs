@@ -158,7 +158,7 @@ async function watch(page) {
   await ready(page);
   check(true, "the page survives a reload");
   if (options.score) {
-    await page.waitForFunction(() => window.__proact.frame.on_target >= 1, null, { timeout: limitMs });
+    await page.waitForFunction(() => window.__proact.frame.score >= 1, null, { timeout: limitMs });
     const text = await page.textContent(".count");
     check(/^[1-4] \/ 4$/.test(text ?? ""), `the score counts: ${text}`);
     await screenshot(page, "score");
@@ -175,7 +175,7 @@ async function interact(page) {
     log: (text) => console.log(`    ${text}`),
     screenshot: (name) => screenshot(page, name),
   });
-  const onTarget = await page.evaluate(() => window.__proact.frame.on_target);
+  const onTarget = await page.evaluate(() => window.__proact.frame.score);
   check(onTarget >= Number(options.blocks), `${onTarget} blocks on target by mouse and keys`);
   await screenshot(page, "on-target");
 }
@@ -197,7 +197,7 @@ async function methods(page) {
     }
     const { seconds, count } = await page.evaluate(() => ({
       seconds: window.__proact.frame.time / 1000,
-      count: window.__proact.frame.on_target,
+      count: window.__proact.frame.score,
     }));
     check(count === 1, `method ${method} moves a block to its target in ${seconds.toFixed(0)} s by keys${"CD".includes(method) ? " and mouse" : ""}`);
   }

@@ -255,10 +255,10 @@ async function checkBanner(page, check, reason, who = "the page") {
 /** Taps HO until the elbow is the joint that WE moves. */
 async function selectElbow(page) {
   for (let taps = 0; taps < 30; taps++) {
-    const now = await page.evaluate(() => window.__proact.frame.mode.number);
+    const now = await page.evaluate(() => JSON.stringify(window.__proact.frame.mode.moves));
     if (now === ELBOW) return;
     await page.keyboard.press("KeyD", { delay: 150 });
-    const next = (before) => window.__proact.frame.gesture === "no_motion" && window.__proact.frame.mode.number !== before;
+    const next = (before) => window.__proact.frame.gesture === "no_motion" && JSON.stringify(window.__proact.frame.mode.moves) !== before;
     await page.waitForFunction(next, now, { timeout: 2_000 }).catch(() => {});
   }
   throw new Error("the elbow could not be selected by HO");

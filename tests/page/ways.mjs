@@ -156,9 +156,9 @@ export function chooseLean(arm, q, goalOf, depth) {
 /** How far the fingers, and the block in them, are in something for the hand at a base_from_tip, metres. */
 export function obstacles(arm, scene, seen, block) {
   const points = fingers(arm, seen.joints);
-  const held = scene.blocks.findIndex(({ id }) => id === seen.hand.holds);
+  const held = seen.hand.holds ?? -1;
   if (held >= 0) {
-    const tipFromBlock = reach.compose(reach.inverse(seen.world_from_tip), seen.blocks[held]);
+    const tipFromBlock = reach.compose(reach.inverse(seen.world_from_tip), seen.objects[held]);
     for (const [x, y] of [[1, 0], [-1, 0], [0, 1], [0, -1]]) {
       for (const z of [1, -1]) points.push(reach.apply(tipFromBlock, [x * BLOCK, y * BLOCK, z * BLOCK]));
     }
@@ -174,9 +174,9 @@ export function obstacles(arm, scene, seen, block) {
       const aside = (value, k) => half[k] + AIR.things - Math.abs(value - at[k]);
       most = Math.max(most, Math.min(over, aside(x, 0), aside(y, 1)));
     }
-    seen.blocks.forEach(({ translation: at }, k) => {
+    seen.objects.forEach(({ translation: at }, k) => {
       if (k === held) return;
-      const air = scene.blocks[k].id === block ? AIR.block : AIR.things;
+      const air = k === block ? AIR.block : AIR.things;
       most = Math.max(most, Math.min(BLOCK + air - Math.hypot(x - at[0], y - at[1]), at[2] + BLOCK + air - z));
     });
     return most;

@@ -15,7 +15,7 @@ NODES = ["sim", "emg", "intent", "method", "participant"]
 SPAN = 100
 FIELDS = ["input.emg", "input.gesture", "input.gaze", "input.shoulder", "input.limb", "input.plan", "input.method",
           "emg.decision", "intent.posterior", "control.commands", "motion.targets", "dynamics.joints",
-          "dynamics.blocks", "task.state"]
+          "dynamics.objects", "task.state"]
 # A lock-step of five processes takes about as long as the time that it simulates; a busy machine, several times that.
 PATIENCE = 20.0
 OUTSIDE = os.path.join(graph.ROOT, "docs", "methods", "follow_gaze.py")

@@ -206,7 +206,7 @@ class Faults(unittest.TestCase):
         self.wait_for_motion()
         # A subscriber of the new master gets the latched score: the same blocks are where they were.
         again = graph.Inbox("/proact/score", String, keep=10)
-        settled = lambda text: {b["block"]: b["outcome"] for b in json.loads(text) if b["place_s"] is not None}
+        settled = lambda text: {b["block"]: b["outcome"] for b in json.loads(text)["outcomes"] if b["place_s"] is not None}
         self.assertLessEqual(settled(told).items(), settled(again.wait().data).items())
         self.assertEqual({n: p.pid for n, p in self.nodes.processes.items() if p.poll() is None}, pids)
 
@@ -239,6 +239,34 @@ class Replaced(unittest.TestCase):
         finally:
             nodes.stop()
 
+    def test_a_method_of_a_toml_file_drives_the_arm_as_a_node(self):
+        """`docs/methods/follow_gaze.toml` in the place of the built-in methods: it asks for no plan, and moves."""
+        states = graph.Inbox("/mpl_right_arm/joint_states", JointState, keep=200)
+        view = graph.Inbox("/proact/method", View, keep=200)
+        emg = rospy.Publisher("/emg", String, queue_size=1)
+        block = rospy.Publisher("/block_id", String, queue_size=1)
+        method = os.path.join(graph.ROOT, "docs", "methods", "follow_gaze.toml")
+        nodes = Nodes("--method", method, "--setup", "still", leave_out=("emg", "intent", "participant"))
+        try:
+            for publisher in (emg, block):
+                graph.until(lambda: publisher.get_num_connections() == 1, "the method as subscriber")
+            states.wait_count(1)
+
+            def speed():
+                message = states.messages[-1]
+                return max(abs(message.velocity[message.name.index(joint)]) for joint in ARM)
+
+            def make(gesture, true, what):
+                graph.until(lambda: (block.publish("bluecylinder2"), emg.publish(gesture), true())[2], what)
+
+            make("no_motion", lambda: view.messages and json.loads(view.messages[-1].json)["target"]["object"] == 3,
+                 "the block in view shown by the method")
+            self.assertLess(speed(), 0.02)
+            make("wrist_extension", lambda: speed() > 0.1, "the hand on its way to the block")
+            make("no_motion", lambda: speed() < 0.02, "the arm stopped")
+        finally:
+            nodes.stop()
+
     def test_foreign_intent_and_gestures_make_method_c_plan(self):
         view = graph.Inbox("/proact/method", View, keep=200)
         emg = rospy.Publisher("/emg", String, queue_size=1)
@@ -258,7 +286,7 @@ class Replaced(unittest.TestCase):
 
                 graph.until(tried, what)
 
-            make("no_motion", lambda v: v["target"]["block"] == "blue2", "blue 2 highlighted")
+            make("no_motion", lambda v: v["target"]["object"] == 3, "blue 2 highlighted")
             make("wrist_flexion", lambda v: v["target"]["locked"], "blue 2 locked")
             make("wrist_extension", lambda v: v["planner"]["state"] == "executing", "a plan that is followed")
             self.check_request(requests.wait())
@@ -364,8 +392,8 @@ class Played(unittest.TestCase):
             self.assertIn("geometry_msgs/Vector3Stamped", info)
             player = GRAPH.spawn(["/usr/bin/rosbag", "play", "-q", "--wait-for-subscribers", path], "play.log")
             shown = lambda true: view.wait(lambda m: true(json.loads(m.json)))
-            shown(lambda v: v["target"]["block"] == "red1" and not v["target"]["locked"])
-            shown(lambda v: v["target"]["block"] == "red1" and v["target"]["locked"])
+            shown(lambda v: v["target"]["object"] == 0 and not v["target"]["locked"])
+            shown(lambda v: v["target"]["object"] == 0 and v["target"]["locked"])
             shown(lambda v: v["planner"]["state"] == "executing")
             shown(lambda v: v["planner"]["state"] == "arrived")
             shown(lambda v: v["hand"]["state"] == "closing")

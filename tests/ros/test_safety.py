@@ -462,7 +462,7 @@ class Gaze(Safety):
         self.word, self.eye = "no_motion", "live"
         person = Clocked(look)
         try:
-            shown(lambda v: v["target"]["block"] == "red1")
+            shown(lambda v: v["target"]["object"] == 0)
             self.word = "wrist_flexion"
             shown(lambda v: v["target"]["locked"])
             for case in ("frozen", "silent"):

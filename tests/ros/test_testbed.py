@@ -111,7 +111,7 @@ class Testbed(unittest.TestCase):
         os.makedirs(SHOTS, exist_ok=True)
         src = os.path.join(graph.ROOT, "ros1_ws", "src")
         GRAPH.env["ROS_PACKAGE_PATH"] = src + ":/usr/share"
-        urdf = open(os.path.join(src, "proact_description", "urdf", "mpl_right_arm.urdf")).read()
+        urdf = open(os.path.join(src, "proact_description", "arms", "mpl_right", "arm.urdf")).read()
         rospy.set_param("/robot_description", urdf)
         rospy.set_param("/use_sim_time", True)
         publisher = GRAPH.spawn(

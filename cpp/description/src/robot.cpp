@@ -122,7 +122,11 @@ Joint convert(const urdf::Joint& joint) {
   out.child = joint.child_link_name;
   out.origin = convert(joint.parent_to_joint_origin_transform);
   out.axis = convert(joint.axis);
-  out.mimics = joint.mimic != nullptr;
+  if (joint.mimic) {
+    out.mimic_joint = joint.mimic->joint_name;
+    out.mimic_multiplier = joint.mimic->multiplier;
+    out.mimic_offset = joint.mimic->offset;
+  }
   if (joint.limits) {
     out.has_limits = true;
     out.limits = {{joint.limits->lower, joint.limits->upper, joint.limits->velocity, joint.limits->effort}};

@@ -64,7 +64,7 @@ void every_field_arrives() {
   check(elbow.kind == JointKind::revolute && elbow.parent == "base" && elbow.child == "hand", "joint ends");
   check(elbow.limits == std::array<double, 4>{{-1.0, 2.0, 3.0, 4.0}}, "limits in order");
   check(elbow.damping == 0.5 && elbow.friction == 0.25, "dynamics");
-  check(!elbow.mimics, "no mimic");
+  check(elbow.mimic_joint.empty(), "no mimic");
 }
 
 void refusals_carry_urdfdoms_reason() {

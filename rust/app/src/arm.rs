@@ -1,34 +1,33 @@
 //! The arm of a trial: one that ships with the program, or a lab's own from its folder.
 
-use proact_arm::{ArmModel, VisualGeometry};
-use proact_description::{
-    DescriptionError, MPL_LEFT_ARM_SRDF, MPL_LEFT_ARM_URDF, MPL_RIGHT_ARM_SRDF, MPL_RIGHT_ARM_URDF, parse,
-    parse_urdf, read_text,
-};
+use proact_arm::ArmModel;
+use proact_bridge::MeshFile;
+use proact_description::{ArmFolder, DescriptionError, FolderError, addresses, read_text};
 use proact_testbed::{Pinned, TrialConfig};
 use std::{
+    borrow::Cow,
     collections::BTreeMap,
     fs, io,
     path::{Path, PathBuf},
     sync::Arc,
 };
 
-/// The arms that ship with the program: name, URDF, SRDF.
-const SHIPPED: [(&str, &str, &str); 2] = [
-    ("mpl_right_arm", MPL_RIGHT_ARM_URDF, MPL_RIGHT_ARM_SRDF),
-    ("mpl_left_arm", MPL_LEFT_ARM_URDF, MPL_LEFT_ARM_SRDF),
-];
-
 /// A lab's own arm in the directory of a trial.
 const URDF_FILE: &str = "arm.urdf";
 const SRDF_FILE: &str = "arm.srdf";
+const SETTINGS_FILE: &str = "arm.toml";
+/// Its meshes there, numbered in the order of their addresses: a trial's directory has no folders in it.
+const MESH_FILE: &str = "arm.mesh.";
+
+/// Poses that every trial needs: group, name.
+const POSES: [(&str, &str); 3] = [("arm", "start"), ("hand", "open"), ("hand", "closed")];
 
 /// Why there is no arm.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ArmError {
     /// Neither an arm that ships with the program nor a folder.
-    #[error("arm {got:?} is unknown; expected {}, or a folder with a URDF file", SHIPPED.map(|(name, ..)| name).join(", "))]
+    #[error("arm {got:?} is unknown; expected {}, or a folder with a URDF file", shipped())]
     Unknown {
         /// What was asked for.
         got: String,
@@ -36,40 +35,32 @@ pub enum ArmError {
     /// A record of an arm that did not ship with the program, without its description.
     #[error(
         "the trial was made with arm {name:?}, which does not ship with this program, and its directory has no \
-         {URDF_FILE}; expected {}, or that file", SHIPPED.map(|(name, ..)| name).join(", ")
+         {URDF_FILE}; expected {}, or that file",
+        shipped()
     )]
     NotRecorded {
         /// The arm's name.
         name: String,
     },
-    /// A folder with no description, or with several.
-    #[error("{} has {count} files *.{ending}, expected {expected}", folder.display())]
-    Files {
-        /// The folder.
-        folder: PathBuf,
-        /// `urdf` or `srdf`.
-        ending: &'static str,
-        /// How many there are.
-        count: usize,
-        /// How many there may be.
-        expected: &'static str,
-    },
-    /// A mesh that the description names is not there.
+    /// The folder.
+    #[error(transparent)]
+    Folder(#[from] FolderError),
+    /// A pose that a trial needs is not in the description.
     #[error(
-        "{}: link {link} has the mesh {file}, which is not there; expected it at {}, where \
-         there {}", folder.display(), expected.display(), neighbours(expected)
+        "arm {arm:?} has no pose {pose:?} of the {group}; expected <group_state name=\"{pose}\"> for that group in its \
+         SRDF file, beside: {known}"
     )]
-    Mesh {
-        /// The arm's folder.
-        folder: PathBuf,
-        /// Which link.
-        link: String,
-        /// As the description says.
-        file: String,
-        /// Where it was looked for.
-        expected: PathBuf,
+    Pose {
+        /// The arm.
+        arm: String,
+        /// Name of the pose.
+        pose: &'static str,
+        /// `arm` or `hand`.
+        group: &'static str,
+        /// Poses that there are.
+        known: String,
     },
-    /// A file that cannot be read or written.
+    /// A file of a record that cannot be read.
     #[error("{}: {source}", path.display())]
     File {
         /// Which.
@@ -87,27 +78,28 @@ pub enum ArmError {
     },
 }
 
-/// An arm, and the description that it was read from where it is a lab's own.
+/// The names there are, for errors.
+fn shipped() -> String {
+    ArmFolder::shipped_names().join(", ")
+}
+
+/// An arm and the folder that it was read from.
 #[derive(Clone, Debug)]
 pub struct Arm {
     model: Arc<ArmModel>,
-    own: Option<Description>,
-}
-
-/// Texts of URDF and SRDF.
-#[derive(Clone, Debug, PartialEq, Eq)]
-struct Description {
-    urdf: String,
-    srdf: Option<String>,
+    folder: Arc<ArmFolder>,
+    hash: String,
+    /// It ships with the program.
+    shipped: bool,
 }
 
 impl Arm {
     /// The arm called `name` of those that ship with the program, or else the one in the folder `name`.
     ///
     /// # Errors
-    /// [`ArmError`]: no such arm, a folder that does not hold just one, a mesh that is missing.
+    /// [`ArmError`]: no such arm, a folder that does not hold just one, a mesh or a pose that is missing.
     pub fn named(name: &str) -> Result<Self, ArmError> {
-        match Self::shipped(name) {
+        match Self::shipped(name)? {
             Some(arm) => Ok(arm),
             None if Path::new(name).is_dir() => Self::in_folder(Path::new(name)),
             None => Err(ArmError::Unknown { got: name.to_owned() }),
@@ -120,7 +112,7 @@ impl Arm {
     /// [`ArmError::Unknown`].
     pub fn of(config: &TrialConfig) -> Result<Self, ArmError> {
         let name = &config.arm.name;
-        Self::shipped(name).ok_or_else(|| ArmError::Unknown { got: name.clone() })
+        Self::shipped(name)?.ok_or_else(|| ArmError::Unknown { got: name.clone() })
     }
 
     /// The arm of the trial that is recorded in `dir`. Whether it is the one that the trial was made with is seen when
@@ -129,62 +121,58 @@ impl Arm {
     /// # Errors
     /// [`ArmError`].
     pub fn recorded(dir: &Path, config: &TrialConfig) -> Result<Self, ArmError> {
-        let (urdf, srdf) = (dir.join(URDF_FILE), dir.join(SRDF_FILE));
-        if urdf.is_file() {
-            return Self::read(dir, &urdf, srdf.is_file().then_some(&*srdf));
-        }
         let name = &config.arm.name;
-        Self::shipped(name).ok_or_else(|| ArmError::NotRecorded { name: name.clone() })
+        if !dir.join(URDF_FILE).is_file() {
+            return Self::shipped(name)?.ok_or_else(|| ArmError::NotRecorded { name: name.clone() });
+        }
+        let text = |file: &str| {
+            let path = dir.join(file);
+            read_text(&path).map_err(|source| ArmError::Description { path, source })
+        };
+        let optional = |file: &str| dir.join(file).is_file().then(|| text(file)).transpose();
+        let mut folder = ArmFolder {
+            name: name.clone(),
+            urdf: text(URDF_FILE)?,
+            srdf: optional(SRDF_FILE)?,
+            settings: optional(SETTINGS_FILE)?,
+            meshes: BTreeMap::new(),
+        };
+        let model = folder.model();
+        let model = model.map_err(|source| ArmError::Description { path: dir.to_owned(), source })?;
+        for (number, address) in addresses(&model).into_keys().enumerate() {
+            let path = dir.join(format!("{MESH_FILE}{number}"));
+            let bytes = fs::read(&path).map_err(|source| ArmError::File { path, source })?;
+            folder.meshes.insert(address, Cow::Owned(bytes));
+        }
+        Self::from_folder(folder, dir, false)
     }
 
-    fn shipped(name: &str) -> Option<Self> {
-        let (_, urdf, srdf) = SHIPPED.iter().find(|(shipped, ..)| *shipped == name)?;
-        let model = parse(urdf, srdf).expect("tests read the embedded descriptions");
-        Some(Self { model: Arc::new(model), own: None })
+    fn shipped(name: &str) -> Result<Option<Self>, ArmError> {
+        let folder = ArmFolder::shipped(name);
+        folder.map(|folder| Self::from_folder(folder, Path::new(name), true)).transpose()
     }
 
     /// The arm in `folder`.
     ///
     /// # Errors
-    /// [`ArmError`]: not one description, one that cannot be used, a mesh that is missing.
+    /// [`ArmError`]: not one description, one that cannot be used, a mesh or a pose that is missing.
     pub fn in_folder(folder: &Path) -> Result<Self, ArmError> {
-        let (urdf, srdf) = arm_files(folder)?;
-        let arm = Self::read(folder, &urdf, srdf.as_deref())?;
-        arm.check_meshes(folder)?;
-        Ok(arm)
+        Self::from_folder(ArmFolder::read(folder)?, folder, false)
     }
 
-    fn read(place: &Path, urdf: &Path, srdf: Option<&Path>) -> Result<Self, ArmError> {
-        let text = |path: &Path| {
-            read_text(path).map_err(|source| ArmError::Description { path: path.to_owned(), source })
-        };
-        let own = Description { urdf: text(urdf)?, srdf: srdf.map(text).transpose()? };
-        let model = match &own.srdf {
-            Some(srdf) => parse(&own.urdf, srdf),
-            None => parse_urdf(&own.urdf),
-        };
+    fn from_folder(folder: ArmFolder, place: &Path, shipped: bool) -> Result<Self, ArmError> {
+        let model = folder.model();
         let model = model.map_err(|source| ArmError::Description { path: place.to_owned(), source })?;
-        Ok(Self { model: Arc::new(model), own: Some(own) })
-    }
-
-    /// Every mesh must be in the folder: `package://NAME/`, `model://NAME/` and `file://` stand for it.
-    fn check_meshes(&self, folder: &Path) -> Result<(), ArmError> {
-        for link in &self.model.links {
-            for visual in &link.visuals {
-                let VisualGeometry::Mesh { file, .. } = &visual.geometry else { continue };
-                let named = file.strip_prefix("package://").or_else(|| file.strip_prefix("model://"));
-                let below = match named {
-                    Some(rest) => rest.split_once('/').map_or(rest, |(_, below)| below),
-                    None => file.strip_prefix("file://").unwrap_or(file),
-                };
-                let expected = folder.join(below);
-                if !expected.is_file() {
-                    let (folder, link, file) = (folder.to_owned(), link.name.clone(), file.clone());
-                    return Err(ArmError::Mesh { folder, link, file, expected });
-                }
+        for (group, pose) in POSES {
+            if model.pose(group, pose).is_err() {
+                let names: Vec<String> =
+                    model.poses.iter().map(|pose| format!("{} ({})", pose.name, pose.group)).collect();
+                let known = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
+                return Err(ArmError::Pose { arm: folder.name, pose, group, known });
             }
         }
-        Ok(())
+        let hash = folder.hash();
+        Ok(Self { model: Arc::new(model), folder: Arc::new(folder), hash, shipped })
     }
 
     /// The arm.
@@ -192,60 +180,44 @@ impl Arm {
         &self.model
     }
 
-    /// What a configuration calls it.
+    /// Its files.
+    pub fn folder(&self) -> &Arc<ArmFolder> {
+        &self.folder
+    }
+
+    /// What a configuration calls it, with the hash of its folder.
     pub fn pinned(&self) -> Pinned {
-        Pinned::named(&self.model.name)
+        Pinned { name: self.folder.name.clone(), hash: Some(self.hash.clone()) }
     }
 
-    /// The description of a lab's own arm, as the files of a trial that [`Arm::recorded`] reads.
-    pub fn files(&self) -> BTreeMap<String, Vec<u8>> {
-        let Some(own) = &self.own else { return BTreeMap::new() };
-        let srdf = own.srdf.iter().map(|srdf| (SRDF_FILE, srdf));
-        let files = [(URDF_FILE, &own.urdf)].into_iter().chain(srdf);
-        files.map(|(name, text)| (name.to_owned(), text.clone().into_bytes())).collect()
-    }
-}
-
-/// The URDF file of a lab's own arm in `folder`, and its SRDF file if there is one.
-///
-/// # Errors
-/// [`ArmError::Files`] for none or several, [`ArmError::File`] for a folder that cannot be read.
-pub fn arm_files(folder: &Path) -> Result<(PathBuf, Option<PathBuf>), ArmError> {
-    let (mut urdf, mut srdf) = (files(folder, "urdf")?, files(folder, "srdf")?);
-    let wrong =
-        |ending, count, expected| Err(ArmError::Files { folder: folder.to_owned(), ending, count, expected });
-    if urdf.len() != 1 {
-        return wrong("urdf", urdf.len(), "one");
-    }
-    if srdf.len() > 1 {
-        return wrong("srdf", srdf.len(), "one or none");
-    }
-    Ok((urdf.remove(0), srdf.pop()))
-}
-
-/// Files of `folder` with this ending, by name.
-fn files(folder: &Path, ending: &str) -> Result<Vec<PathBuf>, ArmError> {
-    let failed = |source| ArmError::File { path: folder.to_owned(), source };
-    let entries = fs::read_dir(folder).map_err(failed)?;
-    let mut found = Vec::new();
-    for entry in entries {
-        let path = entry.map_err(failed)?.path();
-        if path.extension().is_some_and(|e| e == ending) {
-            found.push(path);
+    /// Writes the arm's present name over a former one in `config`.
+    pub(crate) fn rename(&self, config: &mut TrialConfig) {
+        if self.shipped && self.folder.aliases().contains(&config.arm.name) {
+            config.arm.name.clone_from(&self.folder.name);
         }
     }
-    found.sort();
-    Ok(found)
-}
 
-/// What there is where a file was expected.
-fn neighbours(expected: &Path) -> String {
-    let folder = expected.parent().unwrap_or(Path::new("."));
-    let Ok(entries) = fs::read_dir(folder) else { return "is no such folder".to_owned() };
-    let mut names: Vec<String> =
-        entries.flatten().map(|entry| entry.file_name().to_string_lossy().into_owned()).collect();
-    names.sort();
-    let more = if names.len() > 8 { ", ..." } else { "" };
-    names.truncate(8);
-    if names.is_empty() { "is nothing".to_owned() } else { format!("is {}{more}", names.join(", ")) }
+    /// What the page draws it with.
+    pub fn meshes(&self) -> Vec<MeshFile> {
+        let file = |(address, bytes): (&String, &Cow<'_, [u8]>)| MeshFile {
+            address: address.clone(),
+            id: proact_description::mesh_id(bytes),
+            bytes: Arc::from(bytes.as_ref()),
+        };
+        self.folder.meshes.iter().map(file).collect()
+    }
+
+    /// The folder of a lab's own arm, as the files of a trial that [`Arm::recorded`] reads.
+    pub fn files(&self) -> BTreeMap<String, Vec<u8>> {
+        let ArmFolder { urdf, srdf, settings, meshes, .. } = &*self.folder;
+        if self.shipped {
+            return BTreeMap::new();
+        }
+        let texts = [(URDF_FILE, Some(urdf)), (SRDF_FILE, srdf.as_ref()), (SETTINGS_FILE, settings.as_ref())];
+        let texts =
+            texts.into_iter().filter_map(|(name, text)| Some((name.to_owned(), text?.clone().into_bytes())));
+        let number =
+            |(number, bytes): (usize, &Cow<'_, [u8]>)| (format!("{MESH_FILE}{number}"), bytes.to_vec());
+        texts.chain(meshes.values().enumerate().map(number)).collect()
+    }
 }

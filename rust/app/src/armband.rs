@@ -1,13 +1,13 @@
 //! An armband in a live trial: samples come on a thread of their own and go into the ticks.
 
-use crate::source::{SourceName, SourceOptions, open, read_model};
+use crate::source::read_model;
 use crate::tell;
 use arrayvec::ArrayVec;
-use proact_devices::{EmgPacket, SampleSource, SourceEvent};
+use proact_devices::{EmgPacket, SampleSource, SourceEvent, SourceName, SourceOptions, SourceRegistry};
 use proact_emg::EmgModel;
 use proact_http::Repeats;
 use proact_testbed::ports::EmgSource;
-use proact_types::{EmgSample, Gesture, SimTime};
+use proact_types::{EmgSample, Gesture, GestureCommands, GestureName, SimTime};
 use std::{
     error::Error,
     path::Path,
@@ -27,7 +27,7 @@ const WAITING: usize = 4096;
 /// silence, which stops the arm.
 pub struct LiveArmband {
     samples: Arc<Mutex<Receiver<EmgSample>>>,
-    prompts: Sender<Gesture>,
+    prompts: Sender<GestureName>,
     received: Arc<AtomicU64>,
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
@@ -35,12 +35,16 @@ pub struct LiveArmband {
 }
 
 impl LiveArmband {
-    /// Opens the source and reads its model.
+    /// Opens the source, one of `sources`, and reads its model.
     ///
     /// # Errors
     /// A source that cannot be opened, or a model that does not fit it.
-    pub fn open(source: &str, model: &Path) -> Result<LiveArmband, Box<dyn Error>> {
-        let source = open(&source.parse::<SourceName>()?, &SourceOptions::default(), None)?;
+    pub fn open(
+        sources: &SourceRegistry,
+        source: &SourceName,
+        model: &Path,
+    ) -> Result<LiveArmband, Box<dyn Error>> {
+        let source = sources.open(source, &SourceOptions::default())?;
         let model = read_model(model, source.info())?;
         Ok(Self::start(source, model))
     }
@@ -97,12 +101,13 @@ impl LiveArmband {
         &self.model
     }
 
-    /// The armband of the next trial, from now on.
-    pub fn port(&self) -> Box<dyn EmgSource> {
+    /// The armband of the next trial, from now on. Simulated people who wear it give commands as `commands` says.
+    pub fn port(&self, commands: GestureCommands) -> Box<dyn EmgSource> {
         let port = ArmbandPort {
             samples: self.samples.clone(),
             prompts: self.prompts.clone(),
             intended: Gesture::NoMotion,
+            commands,
         };
         // What came before the trial is none of it.
         port.drain(usize::MAX);
@@ -136,8 +141,9 @@ fn hand_on(sender: &SyncSender<EmgSample>, packet: &EmgPacket) -> bool {
 
 struct ArmbandPort {
     samples: Arc<Mutex<Receiver<EmgSample>>>,
-    prompts: Sender<Gesture>,
+    prompts: Sender<GestureName>,
     intended: Gesture,
+    commands: GestureCommands,
 }
 
 impl ArmbandPort {
@@ -159,7 +165,7 @@ impl EmgSource for ArmbandPort {
         if intended != self.intended {
             self.intended = intended;
             // An error means that the source has ended, which has been told.
-            let _ = self.prompts.send(intended);
+            let _ = self.prompts.send(self.commands.gesture_for(intended));
         }
         self.drain(8)
     }
@@ -170,6 +176,7 @@ mod tests {
     use super::*;
     use proact_devices::{Pacing, PersonSource};
     use proact_emg::{Calibration, CalibrationConfig, EmgConfig, Phase};
+    use std::collections::BTreeMap;
 
     /// A model of the generator, from its own samples.
     fn model() -> EmgModel {
@@ -193,8 +200,17 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("model.json");
         std::fs::write(&path, model().to_json().unwrap()).unwrap();
-        let armband = LiveArmband::open("synthetic", &path).unwrap();
-        let mut port = armband.port();
+        let armband =
+            LiveArmband::open(&SourceRegistry::standard(), &"synthetic".parse().unwrap(), &path).unwrap();
+        let commands = || {
+            GestureCommands::new(
+                &Gesture::ALL.map(GestureName::from),
+                GestureName::default(),
+                &BTreeMap::new(),
+            )
+            .unwrap()
+        };
+        let mut port = armband.port(commands());
         let mut counters = Vec::new();
         while counters.len() < 100 {
             let taken = port.sample_at(SimTime(0), Gesture::NoMotion);
@@ -206,15 +222,21 @@ mod tests {
         let last = *counters.last().unwrap();
         // Between two trials samples pile up; the next trial does not see them.
         std::thread::sleep(Duration::from_millis(100));
-        let mut next = armband.port();
+        let mut next = armband.port(commands());
         let first = loop {
             if let Some(sample) = next.sample_at(SimTime(0), Gesture::NoMotion).first() {
                 break sample.counter;
             }
         };
         assert!(first > last + 16, "{first} after {last}");
-        let error =
-            LiveArmband::open("synthetic", Path::new("/nowhere")).map(|_| ()).unwrap_err().to_string();
+        let error = LiveArmband::open(
+            &SourceRegistry::standard(),
+            &"synthetic".parse().unwrap(),
+            Path::new("/nowhere"),
+        )
+        .map(|_| ())
+        .unwrap_err()
+        .to_string();
         assert!(error.contains("cannot read /nowhere"), "{error}");
     }
 }

@@ -194,7 +194,7 @@ fn engine_rows(
     angles: &[Vec<f64>],
 ) -> Result<[Difference; 2], Box<dyn std::error::Error>> {
     let options = DynamicsOptions { engine, hold_still_hand: false, ..DynamicsOptions::default() };
-    let nothing = Scene { fixed: Vec::new(), blocks: Vec::new(), targets: Vec::new(), table_height: 0.0 };
+    let nothing = Scene::default();
     let (base, rest) = (Pose::identity(), zeros(model.moving_count()));
     let limp = limp(model);
     let mut place = Most::new("m", ROUNDING);

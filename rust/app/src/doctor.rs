@@ -10,7 +10,10 @@ use std::net::{TcpListener, TcpStream, ToSocketAddrs};
 use std::path::Path;
 use std::time::Duration;
 
-use crate::libraries::{LIBRARIES, loaded_libraries, output_of};
+use crate::{
+    Registry,
+    libraries::{LIBRARIES, loaded_libraries, output_of},
+};
 use serde::Serialize;
 
 /// Port of the page. When it is taken the program uses the next free one.
@@ -73,8 +76,8 @@ impl Check {
     }
 }
 
-/// Makes every check, in the order of the report.
-pub fn examine() -> Vec<Check> {
+/// Makes every check, in the order of the report, with what `registry` offers.
+pub fn examine(registry: &Registry) -> Vec<Check> {
     let mut checks = vec![machine()];
     checks.extend(libraries());
     checks.extend(build_tools());
@@ -83,9 +86,16 @@ pub fn examine() -> Vec<Check> {
     checks.push(port("page port", PAGE_PORT, "the page takes the next free port and prints it"));
     checks.push(port("rosbridge port", ROSBRIDGE_PORT, "end that program before asking for rosbridge"));
     checks.push(writable(Path::new(".")));
-    checks.push(Check::ok("EMG", "synthetic generator; recordings with --emg DIR"));
+    checks.push(Check::ok("methods", registry.methods.names().join(", ")));
+    checks.push(Check::ok("EMG", registry.sources.forms()));
+    checks.push(Check::ok("feedback", sinks(registry)));
     checks.push(ros_master(env::var("ROS_MASTER_URI").ok().as_deref()));
     checks
+}
+
+fn sinks(registry: &Registry) -> String {
+    let forms = registry.sinks.iter().map(|sink| format!("{}{}", sink.scheme, sink.address));
+    forms.collect::<Vec<_>>().join(", ")
 }
 
 /// Cores of the machine; one physics loop, one planner and one page want two of them.

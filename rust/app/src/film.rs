@@ -2,6 +2,7 @@
 
 use crate::replay::{Opened, ReplayOptions, never_begun, open_trial};
 use proact_bridge::{PageContent, RecordedTrial};
+use proact_control::MethodRegistry;
 use proact_recording::Trial;
 use proact_testbed::{SpanDigest, Testbed, first_divergence};
 use proact_types::{DisplayFrame, Event, Pose, SimTime, TickInput};
@@ -11,7 +12,7 @@ use std::{error::Error, path::Path};
 const KEPT: u64 = 2;
 
 /// A trial as it was displayed, from its configuration and input log.
-pub fn recompute(dir: &Path) -> Result<RecordedTrial, Box<dyn Error>> {
+pub fn recompute(methods: &MethodRegistry, dir: &Path) -> Result<RecordedTrial, Box<dyn Error>> {
     if never_begun(&Trial::open(dir)?) {
         return Err(format!(
             "{} was interrupted before its first digest: there is nothing to show",
@@ -19,8 +20,8 @@ pub fn recompute(dir: &Path) -> Result<RecordedTrial, Box<dyn Error>> {
         )
         .into());
     }
-    let Opened { record, config, mut testbed, recorded, result, .. } =
-        open_trial(dir, ReplayOptions::default())?;
+    let Opened { record, config, arm, mut testbed, recorded, result, .. } =
+        open_trial(dir, &ReplayOptions { methods: methods.clone(), ..ReplayOptions::default() })?;
     let last = record.end();
     let body = config.setup.body;
     let upright = Default::default();
@@ -46,9 +47,13 @@ pub fn recompute(dir: &Path) -> Result<RecordedTrial, Box<dyn Error>> {
         title: format!("Method {}", config.method_label()),
         setup: config.setup.name.clone(),
         arm: testbed.model().as_ref().clone(),
+        meshes: arm.meshes(),
         scene: testbed.task().scene().clone(),
+        briefing: testbed.task().briefing().clone(),
         interactive: false,
         lean: false,
+        method: testbed.method().clone(),
+        methods: vec![],
     };
     Ok(RecordedTrial {
         name: dir.file_name().unwrap_or(dir.as_os_str()).to_string_lossy().into_owned(),
@@ -56,7 +61,7 @@ pub fn recompute(dir: &Path) -> Result<RecordedTrial, Box<dyn Error>> {
         setup: config.setup.name.clone(),
         seed: Some(config.seed),
         seconds: SimTime(last.0).as_secs(),
-        on_target: testbed.task().state().on_target,
+        score: testbed.task().state().score,
         content,
         agrees: Some(first_divergence(&recorded, &spans).is_none()),
         finished: result.is_some(),

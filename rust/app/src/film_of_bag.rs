@@ -4,17 +4,20 @@
 //! selection and grasp. Which blocks are on target is judged by our task from their poses. The head is the headset's
 //! own, put into `world` by the frames in the bag; without these it is where the eye is and looks where the eye looks.
 
-use crate::tell;
+use crate::{Arm, tell};
 use proact_arm::ArmModel;
 use proact_bridge::{PageContent, RecordedTrial};
+use proact_control::MethodRegistry;
+use proact_messages::original;
+use proact_messages::original::{ARM_MODEL, topic};
 use proact_recording::{
     RecordingError,
     bag::{BagEnd, BagMessage, messages as ros, read_bag},
 };
-use proact_tasks::{Arrangement, BoxAndBlocks};
+use proact_tasks::{DEFAULT_TASK, Task, TaskChoice, TaskInput};
 use proact_types::{
-    BlockId, BodyState, DisplayFrame, Event, EventKind, GazeSample, Gesture, HandState, HandView,
-    PlannerView, Point, Pose, SimTime, TargetView, Vector, zeros,
+    BodyState, DisplayFrame, Event, EventKind, GazeSample, Gesture, GestureName, HandState, HandView, Object,
+    ObjectId, PlannerView, Point, Pose, SimTime, TargetView, Vector, zeros,
 };
 use std::{collections::HashMap, error::Error, path::Path};
 
@@ -22,8 +25,6 @@ use std::{collections::HashMap, error::Error, path::Path};
 const PERIOD_MS: u64 = 33;
 /// Gaze older than this is not shown, milliseconds.
 const GAZE_MS: u64 = 200;
-/// Name of the arm in `/gazebo/model_states`.
-const ARM_MODEL: &str = "mpl_right_arm";
 /// The headset's world among the frames of `/tf`.
 const HEADSET_WORLD: &str = "hololens_world_test";
 
@@ -31,14 +32,15 @@ const HEADSET_WORLD: &str = "hololens_world_test";
 ///
 /// # Errors
 /// A file that is no bag, or holds neither joints nor blocks under the original's names.
-pub fn read(path: &Path, arm: &ArmModel) -> Result<RecordedTrial, Box<dyn Error>> {
-    let mut film = Film::new(arm, method_of(path));
+pub fn read(path: &Path, arm: &Arm) -> Result<RecordedTrial, Box<dyn Error>> {
+    let mut film = Film::new(arm.model(), method_of(path));
     let end = read_bag(path, |message| film.take(message))?;
     if !film.joints_seen && !film.blocks_seen {
         film.topics.sort();
         return Err(format!(
-            "the bag holds neither /mpl_right_arm/wrapped_joint_states nor /gazebo/model_states, which are shown; its \
-             topics: {}",
+            "the bag holds neither {} nor {}, which are shown; its topics: {}",
+            topic::WRAPPED_JOINT_STATES,
+            topic::MODEL_STATES,
             film.topics.join(", ")
         )
         .into());
@@ -47,10 +49,17 @@ pub fn read(path: &Path, arm: &ArmModel) -> Result<RecordedTrial, Box<dyn Error>
     let content = PageContent {
         title: "Bag".to_owned(),
         setup: "bag".to_owned(),
-        arm: arm.clone(),
+        arm: arm.model().as_ref().clone(),
+        meshes: arm.meshes(),
         scene: film.task.scene().clone(),
+        briefing: film.task.briefing().clone(),
         interactive: false,
         lean: false,
+        method: MethodRegistry::standard()
+            .get(&film.frame.method)
+            .map(|entry| entry.info().clone())
+            .unwrap_or_default(),
+        methods: vec![],
     };
     if end != BagEnd::Whole {
         tell(format_args!("{}: {end}", path.display()));
@@ -61,7 +70,7 @@ pub fn read(path: &Path, arm: &ArmModel) -> Result<RecordedTrial, Box<dyn Error>
         setup: "bag".to_owned(),
         seed: None,
         seconds: film.frame.time.as_secs(),
-        on_target: film.task.state().on_target,
+        score: film.task.state().score,
         content,
         agrees: None,
         finished: end == BagEnd::Whole,
@@ -79,13 +88,17 @@ fn method_of(path: &Path) -> String {
     }
 }
 
+/// A trial of the original takes so long, seconds; a bag may hold more than a trial.
+const TRIAL_SECS: f64 = 300.0;
+const LONGEST_SECS: f64 = 3600.0;
+
 /// What has been read so far.
 struct Film<'a> {
     arm: &'a ArmModel,
     /// Place in the joint vector of each joint.
     joints: HashMap<&'a str, usize>,
-    task: BoxAndBlocks,
-    bodies: [BodyState; 4],
+    task: Box<dyn Task>,
+    bodies: Vec<BodyState>,
     /// The instant as it stands.
     frame: DisplayFrame,
     eye: Option<Point>,
@@ -105,14 +118,15 @@ impl<'a> Film<'a> {
     fn new(arm: &'a ArmModel, method: String) -> Self {
         let joints =
             arm.moving().enumerate().map(|(n, joint)| (arm.joints[joint].name.as_str(), n)).collect();
-        let no_arrangement = Arrangement::all().next().expect("there are arrangements");
-        let task = BoxAndBlocks::new(no_arrangement).with_limit(SimTime(u64::MAX));
-        let resting = |n: usize| BodyState {
-            pose: task.scene().blocks[n].pose,
+        let task =
+            TaskChoice::named(DEFAULT_TASK, 0).and_then(|task| task.build_within(false, Some(LONGEST_SECS)));
+        let task = task.expect("the default task ships with the program and is tested there");
+        let resting = |object: &Object| BodyState {
+            pose: object.pose,
             linear: Vector::zeros(),
             angular: Vector::zeros(),
         };
-        let bodies = std::array::from_fn(resting);
+        let bodies: Vec<BodyState> = task.scene().objects.iter().map(resting).collect();
         let frame = DisplayFrame {
             time: SimTime(0),
             method,
@@ -120,7 +134,7 @@ impl<'a> Film<'a> {
             world_from_base: Pose::identity(),
             world_from_tip: Pose::identity(),
             world_from_head: Pose::identity(),
-            blocks: bodies.iter().map(|body: &BodyState| body.pose).collect(),
+            objects: bodies.iter().map(|body: &BodyState| body.pose).collect(),
             hand: HandView::default(),
             gaze: None,
             target: TargetView::default(),
@@ -129,14 +143,17 @@ impl<'a> Film<'a> {
             mode: None,
             stop: None,
             gesture: Gesture::NoMotion,
+            recognised: GestureName::default(),
             confidence: 1.0,
             effort: 0.0,
             emg_source: "bag".to_owned(),
-            time_left_secs: BoxAndBlocks::LIMIT_SECS,
-            next_block: None,
-            on_target: 0,
+            time_left_secs: TRIAL_SECS,
+            next: None,
+            score: 0,
             finished: false,
             events: Vec::new(),
+            contacts: Vec::new(),
+            feedback: Vec::new(),
         };
         Film {
             arm,
@@ -166,22 +183,22 @@ impl<'a> Film<'a> {
             self.topics.push(message.topic.to_owned());
         }
         match message.topic {
-            "/mpl_right_arm/wrapped_joint_states" => {
+            topic::WRAPPED_JOINT_STATES => {
                 if let Some(state) = message.decode::<ros::JointState>()? {
                     self.turn(&state);
                 }
             }
-            "/gazebo/model_states" => {
+            topic::MODEL_STATES => {
                 if let Some(models) = message.decode::<ros::ModelStates>()? {
                     self.place(&models);
                 }
             }
-            "/gaze_position_ros" => {
+            topic::GAZE_POSITION_ROS => {
                 if let Some(eye) = message.decode::<ros::Vector3Stamped>()? {
                     self.eye = Some(Point::from(vector(&eye.vector)));
                 }
             }
-            "/gaze_direction_ros" => {
+            topic::GAZE_DIRECTION_ROS => {
                 if let Some(gaze) = message.decode::<ros::Vector3Stamped>()? {
                     self.look(&vector(&gaze.vector));
                 }
@@ -191,35 +208,35 @@ impl<'a> Film<'a> {
                     self.tie(&frames);
                 }
             }
-            "/hololens/head" => {
+            topic::HEAD => {
                 if let Some(head) = message.decode::<ros::PoseStamped>()? {
                     let head = pose_of(&head.pose).zip(self.world_from_headset);
                     self.hold_head(head.map(|(head, world)| world * head));
                 }
             }
             // Ours says so; the original's has no frame, and a wrong turn.
-            "/hololens_unity_camera_pose_ros" => {
+            topic::HEAD_ROS => {
                 if let Some(head) = message.decode::<ros::PoseStamped>()? {
                     self.hold_head(pose_of(&head.pose).filter(|_| head.header.frame_id == "world"));
                 }
             }
-            "/emg" => {
+            topic::EMG => {
                 if let Some(text) = message.decode::<ros::Text>()? {
                     let known = Gesture::ALL.into_iter().find(|gesture| gesture.ros_name() == text.data);
                     self.frame.gesture = known.unwrap_or(Gesture::NoMotion);
                 }
             }
-            "/current_block" => {
+            topic::CURRENT_BLOCK => {
                 if let Some(text) = message.decode::<ros::Text>()? {
-                    self.frame.target.block = block_named(&text.data);
+                    self.frame.target.object = self.object_named(&text.data);
                 }
             }
-            "/selection_frozen" => {
+            topic::SELECTION_FROZEN => {
                 if let Some(frozen) = message.decode::<ros::Bool>()? {
                     self.frame.target.locked = frozen.data;
                 }
             }
-            "/place_location_selected" => {
+            topic::PLACE_LOCATION => {
                 if let Some(place) = message.decode::<ros::PoseStamped>()? {
                     // The original's is in the headset's world, whatever it says.
                     let ours = place.header.frame_id == "world";
@@ -228,12 +245,12 @@ impl<'a> Film<'a> {
                     self.frame.target.place = world.map(|world| world * Point::new(p.x, p.y, p.z));
                 }
             }
-            "/success" => {
+            topic::SUCCESS => {
                 if let Some(closed) = message.decode::<ros::Bool>()? {
                     self.frame.hand.state = if closed.data { HandState::Closed } else { HandState::Open };
                 }
             }
-            "/grasp_event_republisher/grasp_events" => {
+            topic::GRASP_EVENTS => {
                 if let Some(event) = message.decode::<ros::GazeboGraspEvent>()? {
                     self.grasp(&event);
                 }
@@ -263,7 +280,7 @@ impl<'a> Film<'a> {
             let Some(pose) = pose_of(pose) else { continue };
             if name == ARM_MODEL {
                 self.frame.world_from_base = pose;
-            } else if let Some(block) = block_named(name) {
+            } else if let Some(block) = self.object_named(name) {
                 let (linear, angular) = (vector(&twist.linear), vector(&twist.angular));
                 self.bodies[block.index()] = BodyState { pose, linear, angular };
                 self.blocks_seen = true;
@@ -310,27 +327,33 @@ impl<'a> Film<'a> {
     }
 
     fn grasp(&mut self, event: &ros::GazeboGraspEvent) {
-        let Some(block) = event.object.split("::").find_map(block_named) else { return };
+        let model = original::model_of_collision(&event.object);
+        let Some(block) = self.object_named(model) else { return };
         self.frame.hand.holds = event.attached.then_some(block);
         let kind = if event.attached {
-            EventKind::BlockAttached { block }
+            EventKind::ObjectAttached { object: block }
         } else {
-            EventKind::BlockReleased { block }
+            EventKind::ObjectReleased { object: block }
         };
         self.frame.events.push(Event { time: self.frame.time, kind });
+    }
+
+    fn object_named(&self, ros_name: &str) -> Option<ObjectId> {
+        self.task.scene().objects.iter().position(|object| object.ros_name == ros_name).map(ObjectId::new)
     }
 
     /// Keeps the instant as a frame.
     fn keep(&mut self) {
         let frame = &mut self.frame;
-        let step = self.task.step(frame.time, &self.bodies, frame.hand.holds);
-        frame.events.extend(step.events.into_iter().map(|kind| Event { time: frame.time, kind }));
-        frame.blocks = self.bodies.iter().map(|body| body.pose).collect();
+        let seen = TaskInput { objects: &self.bodies, held: frame.hand.holds, fingertips: &[] };
+        let events = self.task.step(frame.time, &seen);
+        frame.events.extend(events.into_iter().map(|kind| Event { time: frame.time, kind }));
+        frame.objects = self.bodies.iter().map(|body| body.pose).collect();
         frame.world_from_tip = frame.world_from_base * self.arm.link_poses(&frame.joints)[self.arm.tip];
         frame.gaze =
             frame.gaze.filter(|_| self.looked.is_some_and(|then| frame.time.millis_since(then) <= GAZE_MS));
-        frame.time_left_secs = BoxAndBlocks::LIMIT_SECS - frame.time.as_secs();
-        (frame.next_block, frame.on_target) = (self.task.state().next, self.task.state().on_target);
+        frame.time_left_secs = TRIAL_SECS - frame.time.as_secs();
+        (frame.next, frame.score) = (self.task.state().next, self.task.state().score);
         self.frames.push(frame.clone());
         frame.events.clear();
     }
@@ -349,15 +372,14 @@ fn pose_of(pose: &ros::Pose) -> Option<Pose> {
     pose.to_homogeneous().iter().all(|x| x.is_finite()).then_some(pose)
 }
 
-fn block_named(name: &str) -> Option<BlockId> {
-    BlockId::ALL.into_iter().find(|block| block.ros_name() == name)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proact_description::mpl_right_arm;
     use proact_recording::bag::{BagWriter, Message, Time};
+
+    fn arm() -> Arm {
+        Arm::named("mpl_right").unwrap()
+    }
 
     /// A bag as the original's recorder writes it: receipt times of a wall clock, many topics, one of them unknown.
     struct Lab(BagWriter);
@@ -425,7 +447,7 @@ mod tests {
                 lab.write(topic, 4, &ros::Vector3Stamped { vector, ..Default::default() });
             }
             lab.0.finish().unwrap();
-            read(&path, &mpl_right_arm()).unwrap().frames.last().unwrap().clone()
+            read(&path, &arm()).unwrap().frames.last().unwrap().clone()
         };
         let DisplayFrame { world_from_head: tied, target, .. } = last_of(true);
         assert!((target.place.unwrap() - Point::new(-1.0, 1.2, 1.0)).norm() < 1e-12, "{target:?}");
@@ -446,10 +468,10 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("participant1-mode4-trial2-2021.bag");
         let mut lab = Lab(BagWriter::create(&path).unwrap());
-        let arm = mpl_right_arm();
-        let elbow = arm.joints[arm.arm[3]].name.clone();
+        let arm = arm();
+        let elbow = arm.model().joints[arm.model().arm[3]].name.clone();
         let target =
-            proact_tasks::BoxAndBlocks::new(Arrangement::all().next().unwrap()).scene().targets[0].centre;
+            TaskChoice::named(DEFAULT_TASK, 1).unwrap().build(false).unwrap().scene().targets[0].centre;
         let resting = [target.x, target.y, target.z + 0.025];
         for ms in (0..4000).step_by(20) {
             let lifted = if ms < 2000 { [0.05, -0.2, 1.2] } else { resting };
@@ -476,11 +498,11 @@ mod tests {
         let last = trial.frames.last().unwrap();
         assert!((last.joints[3] - 3.98).abs() < 1e-9, "{:?}", last.joints);
         assert_eq!(last.world_from_base.translation.vector, Vector::new(-0.4, 0.1, 1.5));
-        assert_eq!(last.blocks[0].translation.vector, Vector::from(resting));
-        assert_eq!(trial.frames[0].blocks[0].translation.vector, Vector::new(0.05, -0.2, 1.2));
-        assert_eq!((last.gesture, last.target.block), (Gesture::WristFlexion, Some(BlockId::Blue2)));
-        assert_eq!(last.hand.holds, Some(BlockId::Red1));
-        assert!(last.events.iter().any(|e| e.kind == EventKind::BlockAttached { block: BlockId::Red1 }));
+        assert_eq!(last.objects[0].translation.vector, Vector::from(resting));
+        assert_eq!(trial.frames[0].objects[0].translation.vector, Vector::new(0.05, -0.2, 1.2));
+        assert_eq!((last.gesture, last.target.object), (Gesture::WristFlexion, Some(ObjectId(3))));
+        assert_eq!(last.hand.holds, Some(ObjectId(0)));
+        assert!(last.events.iter().any(|e| e.kind == EventKind::ObjectAttached { object: ObjectId(0) }));
     }
 
     #[test]
@@ -490,16 +512,16 @@ mod tests {
         let mut lab = Lab(BagWriter::create(&path).unwrap());
         lab.write("/chatter", 0, &text("hello"));
         lab.0.finish().unwrap();
-        let error = read(&path, &mpl_right_arm()).unwrap_err().to_string();
+        let error = read(&path, &arm()).unwrap_err().to_string();
         assert!(error.contains("/chatter") && error.contains("/gazebo/model_states"), "{error}");
         let cut = dir.path().join("cut.bag");
         let bytes = std::fs::read(&path).unwrap();
         for length in [0, 5, 20, 4100, bytes.len() / 2, bytes.len() - 30] {
             std::fs::write(&cut, &bytes[..length.min(bytes.len())]).unwrap();
-            let error = read(&cut, &mpl_right_arm()).unwrap_err().to_string();
+            let error = read(&cut, &arm()).unwrap_err().to_string();
             assert!(error.contains("cut.bag") || error.contains("neither"), "{length}: {error}");
         }
-        assert!(read(&dir.path().join("missing.bag"), &mpl_right_arm()).is_err());
+        assert!(read(&dir.path().join("missing.bag"), &arm()).is_err());
     }
 
     #[test]

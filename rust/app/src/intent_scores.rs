@@ -9,12 +9,13 @@ use crate::{
     trial,
 };
 use proact_analysis::{Episode, Forecast, Score, score};
+use proact_control::MethodRegistry;
 use proact_control::ports::ArmKinematics;
 use proact_intent::{Candidates, IntentModelName, IntentOptions, Posterior};
 use proact_kinematics::Kinematics;
 use proact_recording::{INPUTS_FILE, Trial};
-use proact_testbed::{Testbed, TrialConfig, first_divergence};
-use proact_types::{BlockId, EventKind, GazeSample, Point, SimTime, TickInput};
+use proact_testbed::{GraspChoice, Testbed, TrialConfig, first_divergence};
+use proact_types::{EventKind, GazeSample, ObjectId, Point, Scene, SimTime, TickInput};
 use serde::Serialize;
 use std::{
     error::Error,
@@ -51,8 +52,8 @@ pub struct TrialUsed {
     pub setup: String,
     /// Seed.
     pub seed: u64,
-    /// Blocks that were picked, in order.
-    pub picked: Vec<BlockId>,
+    /// Names of the objects that were picked, in order.
+    pub picked: Vec<String>,
     /// Options of the models for this trial.
     pub options: IntentOptions,
     /// Up to where the record goes, seconds, if the trial was interrupted; none if it was brought to its end.
@@ -143,13 +144,14 @@ type Sample = (SimTime, GazeSample, Candidates);
 /// From the start of the trial, or a release, until a block is attached.
 struct Pick {
     start: SimTime,
-    truth: BlockId,
+    truth: ObjectId,
     samples: Vec<Sample>,
 }
 
 /// The picks of a trial.
 struct Picked {
     config: TrialConfig,
+    scene: Scene,
     /// Up to where the record of an interrupted trial goes, seconds.
     interrupted: Option<f64>,
     picks: Vec<Pick>,
@@ -164,6 +166,7 @@ struct Picked {
 /// # Errors
 /// No trial in `dir`, or none with a pick that could be used.
 pub fn intent(
+    methods: &MethodRegistry,
     dir: &Path,
     options: Option<&IntentOptions>,
     mut progress: impl FnMut(usize, usize, &Path),
@@ -174,9 +177,9 @@ pub fn intent(
     let mut episodes = IntentModelName::ALL.map(|_| Vec::new());
     for (number, dir) in dirs.into_iter().enumerate() {
         progress(number, count, &dir);
-        match picks(&dir) {
+        match picks(methods, &dir) {
             Ok(None) => not_begun.push(dir),
-            Ok(Some(Picked { config, interrupted, picks })) => {
+            Ok(Some(Picked { config, scene, interrupted, picks })) => {
                 let options = options.copied().unwrap_or(config.intent);
                 for (name, episodes) in IntentModelName::ALL.into_iter().zip(&mut episodes) {
                     episodes.extend(forecast(name, &options, &picks)?);
@@ -186,7 +189,7 @@ pub fn intent(
                     method: config.method_label(),
                     setup: config.setup.name,
                     seed: config.seed,
-                    picked: picks.iter().map(|pick| pick.truth).collect(),
+                    picked: picks.iter().map(|pick| scene.name(pick.truth)).collect(),
                     options,
                     interrupted,
                 });
@@ -242,16 +245,17 @@ fn trial_dirs(dir: &Path) -> Result<Vec<PathBuf>, Box<dyn Error>> {
 
 /// Recomputes the trial in `dir` up to its last grasp: what was seen during each pick. None if it was interrupted before
 /// its first digest.
-fn picks(dir: &Path) -> Result<Option<Picked>, Box<dyn Error>> {
+fn picks(methods: &MethodRegistry, dir: &Path) -> Result<Option<Picked>, Box<dyn Error>> {
     if never_begun(&Trial::open(dir)?) {
         return Ok(None);
     }
     let Checked { record, config, recorded, .. } = check_record(dir, false)?;
     let interrupted = (!record.finished()).then(|| record.end().as_secs());
-    let attached = |kind: &EventKind| matches!(kind, EventKind::BlockAttached { .. });
+    let attached = |kind: &EventKind| matches!(kind, EventKind::ObjectAttached { .. });
     let Some(last_grasp) = record.events()?.iter().filter(|e| attached(&e.kind)).map(|e| e.time).next_back()
     else {
-        return Ok(Some(Picked { config, interrupted, picks: Vec::new() }));
+        let scene = Arm::recorded(dir, &config).map(|arm| config.build_task(arm.model()))??.scene().clone();
+        return Ok(Some(Picked { config, scene, interrupted, picks: Vec::new() }));
     };
     // Whole spans only: what lies behind the last one cannot be checked.
     let count = recorded.iter().take_while(|span| span.tick < last_grasp).count() + 1;
@@ -259,7 +263,7 @@ fn picks(dir: &Path) -> Result<Option<Picked>, Box<dyn Error>> {
     let end = recorded.last().ok_or("the record holds no complete span: its replay cannot be checked")?.tick;
 
     let (arm, classifier) = (Arm::recorded(dir, &config)?, read_classifier(&record, &config)?);
-    let mut testbed = trial::replayed(&arm, config.clone(), classifier)?;
+    let mut testbed = trial::replayed(methods, &arm, config.clone(), classifier)?;
     let mut kinematics = Kinematics::new(testbed.model())?;
     let mut inputs = record.inputs()?;
     let mut next = inputs.next().transpose()?;
@@ -282,14 +286,14 @@ fn picks(dir: &Path) -> Result<Option<Picked>, Box<dyn Error>> {
         spans.extend(output.span);
         for event in output.events {
             match event.kind {
-                EventKind::BlockAttached { block } => {
+                EventKind::ObjectAttached { object: block } => {
                     let samples = std::mem::take(&mut samples);
                     // Without a single gaze sample there is nothing to judge a model by.
                     if !samples.is_empty() {
                         picks.push(Pick { start, truth: block, samples });
                     }
                 }
-                EventKind::BlockReleased { .. } => {
+                EventKind::ObjectReleased { .. } => {
                     start = event.time;
                     samples.clear();
                 }
@@ -307,7 +311,8 @@ fn picks(dir: &Path) -> Result<Option<Picked>, Box<dyn Error>> {
         )
         .into());
     }
-    Ok(Some(Picked { config, interrupted, picks }))
+    let scene = testbed.task().scene().clone();
+    Ok(Some(Picked { config, scene, interrupted, picks }))
 }
 
 /// The scene as the models see it now.
@@ -316,11 +321,14 @@ fn candidates(testbed: &Testbed, kinematics: &mut Kinematics) -> Result<Candidat
     let model = testbed.model();
     let base_from_tip = kinematics.forward(&state.position[..model.arm_count()])?;
     let task = testbed.task().state();
+    let grasps = GraspChoice::new(model, testbed.task().scene())?;
+    let held = state.attached.and_then(|(object, _)| grasps.centre_of(object));
+    let centre = held.or_else(|| grasps.centre(state)).ok_or("the scene has no objects")?;
     Ok(Candidates {
-        centres: std::array::from_fn(|k| Point::from(state.blocks[k].pose.translation.vector)),
-        pickable: task.pickable,
-        last_released: task.last_released,
-        tip: Some(state.world_from_base * base_from_tip * Point::from(model.grasp_centre)),
+        centres: state.objects.iter().map(|object| Point::from(object.pose.translation.vector)).collect(),
+        pickable: (0..state.objects.len()).map(|k| task.candidates.contains(ObjectId::new(k))).collect(),
+        context: Some(task.context),
+        tip: Some(state.world_from_base * base_from_tip * centre),
     })
 }
 
@@ -339,20 +347,20 @@ fn forecast(
             if let Some(posterior) = model.observe(*time, gaze, scene) {
                 last = Some((*time, posterior));
             }
-            let kept = last.filter(|(said, _)| time.millis_since(*said) <= KEPT_MILLIS);
-            let posterior = kept.map_or_else(|| no_opinion(scene), |(_, posterior)| posterior);
-            forecasts.push(Forecast { time: *time, probabilities: posterior.to_vec() });
+            let kept = last.as_ref().filter(|(said, _)| time.millis_since(*said) <= KEPT_MILLIS);
+            let probabilities = kept.map_or_else(|| no_opinion(scene), |(_, posterior)| posterior.clone());
+            forecasts.push(Forecast { time: *time, probabilities });
         }
         episodes.push(Episode { start: pick.start, truth: pick.truth.index(), forecasts });
     }
     Ok(episodes)
 }
 
-/// The same for every block that can be picked; for all of them if none can.
+/// The same for every object that can be picked; for all of them if none can.
 fn no_opinion(scene: &Candidates) -> Posterior {
-    let count = scene.pickable.iter().filter(|p| **p).count();
+    let (all, count) = (scene.pickable.len(), scene.pickable.iter().filter(|p| **p).count());
     if count == 0 {
-        return [0.25; 4];
+        return vec![1.0 / all as f64; all];
     }
-    scene.pickable.map(|p| if p { 1.0 / count as f64 } else { 0.0 })
+    scene.pickable.iter().map(|p| if *p { 1.0 / count as f64 } else { 0.0 }).collect()
 }

@@ -2,39 +2,16 @@
 
 #[cfg(not(feature = "lsl"))]
 use proact_devices::{DeviceError, SourceInfo};
-use proact_devices::{EmgPacket, SampleSource, gforce::CodeSource, stream};
+use proact_devices::{EmgPacket, gforce::CodeSource, stream};
 use proact_types::EmgSample;
 #[cfg(not(feature = "lsl"))]
-use proact_types::Gesture;
+use proact_types::GestureName;
 use rand::RngExt;
 use std::{
     error::Error,
     sync::atomic::{AtomicBool, Ordering},
     time::{Duration, Instant},
 };
-
-/// Opens the stream of that name, or the only one of type EMG.
-///
-/// # Errors
-/// No such stream, one that cannot be used, or a program built without the feature.
-#[cfg(feature = "lsl")]
-pub fn open(name: &str) -> Result<Box<dyn SampleSource>, Box<dyn Error>> {
-    let name = Some(name).filter(|name| !name.is_empty());
-    Ok(Box::new(proact_devices::LslSource::open(name)?))
-}
-
-/// Never opens anything.
-///
-/// # Errors
-/// A program built without the feature.
-#[cfg(not(feature = "lsl"))]
-pub fn open(_name: &str) -> Result<Box<dyn SampleSource>, Box<dyn Error>> {
-    Err(NOT_BUILT_IN.into())
-}
-
-#[cfg(not(feature = "lsl"))]
-const NOT_BUILT_IN: &str = "this proact was built without the lab streaming layer; set PROACT_FEATURES=lsl for \
-                            ./proact, or build with --features lsl; both need cmake and a C++ compiler";
 
 /// What `--lsl NAME` publishes.
 #[cfg(feature = "lsl")]
@@ -51,7 +28,7 @@ impl Published {
     /// # Errors
     /// A program built without the feature.
     pub fn open(_name: &str, _info: &SourceInfo) -> Result<Published, Box<dyn Error>> {
-        Err(NOT_BUILT_IN.into())
+        Err(proact_devices::NO_LSL.into())
     }
 
     /// Publishes samples.
@@ -66,7 +43,7 @@ impl Published {
     ///
     /// # Errors
     /// Never.
-    pub fn decision(&mut self, _gesture: Gesture, _counter: Option<u64>) -> Result<(), DeviceError> {
+    pub fn decision(&mut self, _gesture: GestureName, _counter: Option<u64>) -> Result<(), DeviceError> {
         match *self {}
     }
 }

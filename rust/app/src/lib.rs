@@ -30,6 +30,7 @@ mod pace;
 mod person;
 pub mod query;
 mod record;
+mod registry;
 mod replay;
 #[cfg(feature = "ros")]
 mod ros_bus;
@@ -40,7 +41,7 @@ pub mod stream_view;
 pub mod trial;
 mod wearer;
 
-pub use arm::{Arm, ArmError, arm_files};
+pub use arm::{Arm, ArmError};
 pub use armband::LiveArmband;
 pub use centred::CentredStream;
 pub use console::{answer, tell};
@@ -48,14 +49,14 @@ pub use experimenter::Experimenter;
 pub use limb::{LimbError, LimbReceiver};
 pub use live::{Ended, LiveTrial};
 pub use pace::Pace;
-pub use person::{EyeTracker, Feedback, LivePerson, drive_by_page};
+pub use person::{EyeTracker, LivePerson, drive_by_page};
 pub use record::{Recorder, RecorderError, default_dir};
+pub use registry::Registry;
 pub use replay::{OtherVersions, Replanned, ReplayOptions, Replayed, replay_trial};
 #[cfg(feature = "ros")]
 pub use rosbridge::relay;
 pub use rosbridge::{Rosbridge, RosbridgePlace, drive_by_topics};
 pub use run::{Audience, run_to_end};
-pub use source::{SourceName, SourceOptions};
 pub use wearer::{Held, wearer_codes};
 
 /// What a build without the feature `ros` says.

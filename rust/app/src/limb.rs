@@ -90,11 +90,11 @@ impl LimbReceiver {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proact_testbed::{MethodName, Setup, TrialConfig};
+    use proact_testbed::{Setup, TrialConfig};
 
     #[test]
     fn a_limb_that_is_sent_is_followed_and_what_is_no_limb_is_refused() {
-        let config = TrialConfig::new(MethodName::A, 1, Setup::named("still").unwrap());
+        let config = TrialConfig::new("A", 1, Setup::named("still").unwrap());
         let config = config.with_values(&["profile.level=below_elbow"]).unwrap();
         let mut session = crate::trial::live(config).unwrap().session;
         let mut receiver = LimbReceiver::bind(0).unwrap();

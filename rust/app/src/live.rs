@@ -7,7 +7,7 @@ use crate::{
 use proact_bridge::{ClientInput, GazeCheck, PageServer};
 use proact_intent::GazeOffset;
 use proact_recording::seal;
-use proact_testbed::{MethodName, Session, TrialEnd, TrialResult};
+use proact_testbed::{Session, TrialEnd, TrialResult};
 use std::{
     error::Error,
     path::PathBuf,
@@ -16,7 +16,7 @@ use std::{
 };
 
 /// Why a live trial ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Ended {
     /// By the task: all blocks are settled, or time is up.
     Finished,
@@ -25,7 +25,7 @@ pub enum Ended {
     /// By the page, for another trial.
     Restart {
         /// By this method, if the page chose one.
-        method: Option<MethodName>,
+        method: Option<String>,
         /// With the same blocks.
         again: bool,
     },
@@ -60,7 +60,7 @@ impl LiveTrial<'_> {
         let start = Instant::now();
         self.session.person().set_gaze_offset(*self.gaze_offset);
         let ended = self.drive()?;
-        let end = match ended {
+        let end = match &ended {
             Ended::Finished => TrialEnd::Task,
             Ended::Aborted => TrialEnd::Abort,
             Ended::Restart { .. } => TrialEnd::Restart,
@@ -86,7 +86,9 @@ impl LiveTrial<'_> {
                     inputs.chain(experimenter.wait_while_paused(&mut pace, self.interrupted)).collect();
                 for input in drive_by_page(self.page, inputs, &mut self.session) {
                     match input {
-                        ClientInput::Restart { method, again } => ending = Some(restart(method, again)?),
+                        ClientInput::Restart { method, again } => {
+                            ending = Some(Ended::Restart { method, again })
+                        }
                         ClientInput::Study(action) if experimenter.act(action) => {
                             ending = Some(Ended::Aborted);
                         }
@@ -127,12 +129,12 @@ impl LiveTrial<'_> {
     /// Keeps the last frame on the page until the person asks for a new trial or the command is ended.
     ///
     /// # Errors
-    /// A page that asks for a method that does not exist, or the disk refuses.
+    /// The disk refuses.
     pub fn wait_for_restart(&mut self) -> Result<Ended, Box<dyn Error>> {
         while !self.interrupted.load(Ordering::Relaxed) {
             for input in self.page.drain_inputs() {
                 match input {
-                    ClientInput::Restart { method, again } => return restart(method, again),
+                    ClientInput::Restart { method, again } => return Ok(Ended::Restart { method, again }),
                     ClientInput::GazeCheck(check) => {
                         self.take_gaze_check(&check)?;
                         // The record was closed already, and now holds more.
@@ -153,10 +155,4 @@ impl LiveTrial<'_> {
         }
         store_gaze_check(self.dir.as_deref(), self.session.testbed().now(), check)
     }
-}
-
-/// What a page's choice of method means.
-fn restart(method: Option<char>, again: bool) -> Result<Ended, Box<dyn Error>> {
-    let method = method.map(|name| name.to_string().parse::<MethodName>()).transpose()?;
-    Ok(Ended::Restart { method, again })
 }

@@ -1,11 +1,12 @@
 //! A control method in another process: started here, asked line by line, ended with the trial.
 
-use proact_control::ports::MethodProcess;
-use proact_testbed::{MethodProcessConfig, TrialConfig};
-use proact_types::{MethodAnswer, SimTime};
+use proact_control::{ControlError, MethodEntry, MethodProgram, ports::MethodProcess};
+use proact_types::{MOST_TEXT_BYTES, MethodAnswer, SimTime, read_text};
 use serde::Deserialize;
 use std::{
+    fs::File,
     io::{BufRead, BufReader, Read, Write},
+    path::{Path, PathBuf},
     process::{Child, ChildStdin, ChildStdout, Command, Stdio},
     sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel},
     thread,
@@ -27,6 +28,48 @@ pub struct MethodProcessError {
     source: std::io::Error,
 }
 
+/// Why the file of an outside method is of no use.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum MethodFileError {
+    /// The disk refuses.
+    #[error("cannot read {}: {source}; give the file of a method (TOML, docs/methods)", path.display())]
+    Unreadable {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// It is not the file of a method.
+    #[error("{}: {source}", path.display())]
+    Content {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: ControlError,
+    },
+}
+
+/// The outside method that the file at `path` describes. Words of its command that begin with `./` are files beside it.
+///
+/// # Errors
+/// [`MethodFileError`].
+pub fn read_method_file(path: &Path) -> Result<MethodEntry, MethodFileError> {
+    let unreadable = |source| MethodFileError::Unreadable { path: path.to_owned(), source };
+    let text = File::open(path).and_then(|file| read_text(file, MOST_TEXT_BYTES)).map_err(unreadable)?;
+    let entry = MethodEntry::from_toml(&text)
+        .map_err(|source| MethodFileError::Content { path: path.to_owned(), source })?;
+    let Some(program) = entry.program() else { return Ok(entry) };
+    let folder = std::path::absolute(path).map_err(unreadable)?;
+    let folder = folder.parent().unwrap_or(Path::new("."));
+    let beside = |word: &String| match word.strip_prefix("./") {
+        Some(file) => folder.join(file).display().to_string(),
+        None => word.clone(),
+    };
+    let command = program.command.iter().map(beside).collect();
+    Ok(MethodEntry::outside(entry.info().clone(), MethodProgram { command, ..program.clone() }))
+}
+
 /// The process, with a thread for each direction, so that no step waits longer than it may.
 struct Running {
     child: Child,
@@ -35,12 +78,15 @@ struct Running {
     patience: Duration,
 }
 
-/// Starts the process that `config` names for its method, if it names one.
+/// Starts the program that `method` is, if it is one. A live trial does not wait `for_each_answer`.
 ///
 /// # Errors
 /// If the program cannot be started.
-pub fn start(config: &TrialConfig) -> Result<Option<Box<dyn MethodProcess>>, MethodProcessError> {
-    let Some(MethodProcessConfig { command, deadline_ms }) = &config.method_process else { return Ok(None) };
+pub fn start(
+    method: &MethodEntry,
+    for_each_answer: bool,
+) -> Result<Option<Box<dyn MethodProcess>>, MethodProcessError> {
+    let Some(MethodProgram { command, deadline_ms, .. }) = method.program() else { return Ok(None) };
     let failed = |source| MethodProcessError { command: command.clone(), source };
     let (program, arguments) =
         command.split_first().ok_or_else(|| failed(std::io::ErrorKind::InvalidInput.into()))?;
@@ -56,7 +102,7 @@ pub fn start(config: &TrialConfig) -> Result<Option<Box<dyn MethodProcess>>, Met
         thread::spawn(move || write(input, &to_write));
         thread::spawn(move || read(output, &heard));
     }
-    let patience = if config.wait_for_plans { BATCH_PATIENCE } else { Duration::from_millis(*deadline_ms) };
+    let patience = if for_each_answer { BATCH_PATIENCE } else { Duration::from_millis(*deadline_ms) };
     Ok(Some(Box::new(Running { child, lines: Some(lines), answers, patience })))
 }
 

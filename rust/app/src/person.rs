@@ -2,34 +2,15 @@
 
 use crate::{LimbReceiver, Rosbridge, tell};
 use proact_bridge::{ClientInput, PageServer};
-use proact_devices::{DeviceError, FeedbackSink, GazeDevice, GazeFrame, SentGaze, UdpFeedback};
+use proact_devices::{DeviceError, FeedbackSinks, GazeDevice, GazeFrame, SentGaze};
 use proact_http::Repeats;
-use proact_testbed::{FeedbackCue, Session, Step};
-use proact_types::{GazeSample, InputSource};
+use proact_testbed::{Session, Step};
+use proact_types::{FeedbackCue, GazeSample, InputSource};
 use std::{error::Error, time::Instant};
 
-/// Sends the cues of a trial, as long as that works.
-pub struct Feedback(Option<UdpFeedback>);
-
-impl Feedback {
-    /// Cues go to `address` as `HOST:PORT`; nowhere if it is none.
-    ///
-    /// # Errors
-    /// An address that is none.
-    pub fn open(address: Option<&str>) -> Result<Self, DeviceError> {
-        Ok(Self(address.map(UdpFeedback::connect).transpose()?))
-    }
-
-    /// Begins the cues of a tick.
-    pub fn begin(&mut self, cues: &[FeedbackCue]) {
-        for cue in cues {
-            let Some(sink) = &mut self.0 else { return };
-            if let Err(error) = sink.begin(cue) {
-                tell(format_args!("no more feedback: {error}"));
-                self.0 = None;
-            }
-        }
-    }
+/// Hands cues to what makes them heard or felt, and tells what becomes of it.
+pub fn give_feedback(sinks: &mut FeedbackSinks, cues: &[FeedbackCue]) {
+    sinks.give(cues).into_iter().for_each(tell);
 }
 
 /// What a person who drives has connected.
@@ -38,7 +19,7 @@ pub struct LivePerson {
     limb: Option<LimbReceiver>,
     /// Why the limb was refused.
     limb_refused: Repeats,
-    feedback: Feedback,
+    feedback: FeedbackSinks,
     rosbridge: Option<Rosbridge>,
 }
 
@@ -47,7 +28,7 @@ impl LivePerson {
     pub fn new(
         tracker: Option<Box<dyn GazeDevice>>,
         limb: Option<LimbReceiver>,
-        feedback: Feedback,
+        feedback: FeedbackSinks,
         rosbridge: Option<Rosbridge>,
     ) -> Self {
         Self {
@@ -65,10 +46,11 @@ impl LivePerson {
     }
 
     /// Another trial begins.
-    pub fn restart(&self, session: &Session) {
-        if let Some(rosbridge) = &self.rosbridge {
-            rosbridge.restart(session);
-        }
+    ///
+    /// # Errors
+    /// As [`Rosbridge::restart`].
+    pub fn restart(&self, session: &Session) -> Result<(), Box<dyn Error>> {
+        self.rosbridge.as_ref().map_or(Ok(()), |rosbridge| rosbridge.restart(session))
     }
 
     /// Hands over what came in. Of several sources of gaze the eye tracker counts.
@@ -92,7 +74,7 @@ impl LivePerson {
 
     /// Publishes an instant, and begins the cues of a tick.
     pub fn show(&mut self, step: &Step) {
-        self.feedback.begin(&step.output.cues);
+        give_feedback(&mut self.feedback, &step.output.cues);
         if let (Some(rosbridge), Some(frame)) = (&self.rosbridge, &step.frame) {
             rosbridge.publish(frame);
         }

@@ -308,7 +308,9 @@ impl QueryHandler {
             start: joint_vector("start", &question.start)?,
             hand: joint_vector("hand", &self.hand(question.hand)?)?,
             goal,
+            picked: None,
             obstacles: scene.obstacles,
+            held: Vec::new(),
             attached: attached(&question.attached)?,
             seed: question.seed,
         };

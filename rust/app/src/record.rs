@@ -102,7 +102,8 @@ impl Recorder {
             files,
         };
         let writer = TrialWriter::create(dir, &header)?;
-        let bag = TrialBag::create(writer.dir(), arm.model())?;
+        let task = config.build_task(arm.model())?;
+        let bag = TrialBag::create(writer.dir(), arm.model(), task.scene())?;
         let mut growing = writer.growing_files()?;
         growing.push(bag.file()?);
         Ok(Self { writer, bag, end: SimTime(0), plans: None, disk: DiskSync::start(growing) })
@@ -136,8 +137,11 @@ impl Recorder {
             self.writer.write_event(event)?;
             self.bag.write_event(event)?;
         }
-        if let Some(decision) = step.output.emg.filter(|decision| decision.published) {
-            self.bag.write_emg(time, decision.gesture)?;
+        for cue in &step.output.cues {
+            self.bag.write_cue(cue)?;
+        }
+        if let Some(command) = step.output.message {
+            self.bag.write_emg(time, command)?;
         }
         if let Some(gaze) = &step.input.gaze {
             self.bag.write_gaze(time, gaze)?;

@@ -6,6 +6,7 @@ use crate::{
     record::CLASSIFIER_FILE,
     trial::{self, ComparedPlans},
 };
+use proact_control::MethodRegistry;
 use proact_emg::Classifier;
 use proact_recording::{RecordingError, Trial, read_result};
 use proact_testbed::{
@@ -81,6 +82,8 @@ pub struct Opened {
     pub record: Trial,
     /// What the trial depended on.
     pub config: TrialConfig,
+    /// Its arm.
+    pub arm: Arm,
     /// At time zero; it takes its plans from the log.
     pub testbed: Testbed,
     /// What the same requests give now, if that was asked for.
@@ -92,12 +95,14 @@ pub struct Opened {
 }
 
 /// How a trial is replayed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default)]
 pub struct ReplayOptions {
     /// Compute its plans again beside the recorded ones, which otherwise come from the log.
     pub replan: bool,
     /// Although this program, or a library, has another version than the one that the trial was recorded with.
     pub other_versions: bool,
+    /// The methods among which a configuration names one; at first those that ship with the program.
+    pub methods: MethodRegistry,
 }
 
 /// Refuses a record of other versions than those that are here.
@@ -170,17 +175,17 @@ pub(crate) fn check_record(dir: &Path, other_versions: bool) -> Result<Checked, 
 ///
 /// # Errors
 /// As [`check_record`]; another arm or task than the trial was recorded with, a classifier that cannot be used.
-pub fn open_trial(dir: &Path, options: ReplayOptions) -> Result<Opened, Box<dyn Error>> {
+pub fn open_trial(dir: &Path, options: &ReplayOptions) -> Result<Opened, Box<dyn Error>> {
     let Checked { record, config, recorded, result } = check_record(dir, options.other_versions)?;
     let arm = Arm::recorded(dir, &config)?;
     let classifier = read_classifier(&record, &config)?;
     let (testbed, plans) = if options.replan {
-        let (testbed, plans) = trial::replanned(&arm, config.clone(), classifier)?;
+        let (testbed, plans) = trial::replanned(&options.methods, &arm, config.clone(), classifier)?;
         (testbed, Some(plans))
     } else {
-        (trial::replayed(&arm, config.clone(), classifier)?, None)
+        (trial::replayed(&options.methods, &arm, config.clone(), classifier)?, None)
     };
-    Ok(Opened { record, config, testbed, plans, recorded, result })
+    Ok(Opened { record, config, arm, testbed, plans, recorded, result })
 }
 
 /// The classifier of a trial; none if its gestures came without EMG.
@@ -207,7 +212,7 @@ pub fn replay_trial(dir: &Path, options: ReplayOptions) -> Result<Replayed, Box<
     if never_begun(&Trial::open(dir)?) {
         return Ok(Replayed { agrees: true, ..Replayed::default() });
     }
-    let Opened { record, mut testbed, plans, recorded, .. } = open_trial(dir, options)?;
+    let Opened { record, mut testbed, plans, recorded, .. } = open_trial(dir, &options)?;
     let mut again = Replanned::default();
     let mut logged: Vec<PlanReply> = Vec::new();
     let inputs = record.inputs()?.map(|entry| entry.map(|e| (e.tick, e.input)).map_err(ReplayError::from));

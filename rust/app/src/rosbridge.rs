@@ -86,7 +86,8 @@ impl Rosbridge {
     pub fn open(session: &Session, place: RosbridgePlace, ros: bool) -> Result<Self, Box<dyn Error>> {
         let bus: Arc<dyn TopicBus> = if ros { graph()? } else { LocalBus::new() };
         let testbed = session.testbed();
-        let topics = HeadsetTopics::new(Arc::clone(&bus), testbed.model(), session.head())?;
+        let topics =
+            HeadsetTopics::new(Arc::clone(&bus), testbed.model(), testbed.task().scene(), session.head())?;
         let camera = CameraTopics::new(Arc::clone(&bus), testbed.model(), testbed.task().scene())?;
         Ok(Self { topics, camera, server: place.serve(bus)? })
     }
@@ -97,8 +98,11 @@ impl Rosbridge {
     }
 
     /// Another trial begins.
-    pub fn restart(&self, session: &Session) {
-        self.topics.restart(session.head());
+    ///
+    /// # Errors
+    /// Somebody else uses the topic of an object for another type.
+    pub fn restart(&self, session: &Session) -> Result<(), Box<dyn Error>> {
+        Ok(self.topics.restart(session.testbed().task().scene(), session.head())?)
     }
 
     /// Publishes an instant, and prints what happened to the clients.

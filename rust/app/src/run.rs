@@ -1,7 +1,8 @@
 //! A trial with a simulated participant, from its first tick to its record.
 
-use crate::{Experimenter, Feedback, Pace, Recorder, Rosbridge};
+use crate::{Experimenter, Pace, Recorder, Rosbridge, person::give_feedback};
 use proact_bridge::{ClientInput, PageServer};
+use proact_devices::FeedbackSinks;
 use proact_testbed::{Session, TrialEnd, TrialResult};
 use proact_types::DisplayFrame;
 use std::{
@@ -21,7 +22,7 @@ pub struct Audience<'a> {
     /// Clients of rosbridge, if they are served.
     pub rosbridge: Option<Rosbridge>,
     /// What is heard or felt.
-    pub feedback: Feedback,
+    pub feedback: FeedbackSinks,
     /// Raised by Ctrl-C or a request to end: the trial then ends with its next tick, and its record is closed.
     pub interrupted: &'a AtomicBool,
 }
@@ -64,7 +65,7 @@ pub fn run_to_end(
         if let Some(recorder) = &mut recorder {
             recorder.write(&step, session.testbed().plant().state())?;
         }
-        audience.feedback.begin(&step.output.cues);
+        give_feedback(&mut audience.feedback, &step.output.cues);
         if let Some(frame) = &step.frame {
             on_frame(frame);
             if let Some(page) = page {

@@ -82,8 +82,8 @@ impl StreamGlance {
             Some(output) if output.stale => "no motion: no usable samples\n".to_owned(),
             Some(output) => format!(
                 "{:<16} newest window {:<16} confidence {:3.0} %  effort {:3.0} %\n",
-                output.gesture.ros_name(),
-                output.window_class.ros_name(),
+                output.gesture,
+                output.window_class,
                 100.0 * output.confidence,
                 100.0 * output.effort
             ),
@@ -155,7 +155,7 @@ impl StreamView {
         self.drawn = Some(Instant::now());
         let mut out = io::stdout().lock();
         if !self.terminal {
-            let gesture = glance.output.map_or("waiting", |o| o.gesture.ros_name());
+            let gesture = glance.output.as_ref().map_or("waiting", |o| o.gesture.as_str());
             return writeln!(
                 out,
                 "{gesture}  {:.0} samples/s  lost {}",

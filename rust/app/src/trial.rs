@@ -2,23 +2,21 @@
 
 use crate::{
     arm::{Arm, ArmError},
-    method_process,
+    method_process, tell,
 };
-use proact_arm::ArmModel;
-use proact_control::{JointSubset, ports::MethodProcess};
+use proact_arm::{ArmModel, Side};
+use proact_control::{JointSubset, MethodRegistry, ports::MethodProcess};
 use proact_devices::{EmgFeed, EmgOrigin, EmgSetup, GazeSource};
 use proact_dynamics::{DynamicsOptions, OdePlant};
 use proact_emg::{Classifier, EmgError, EmgModel};
 use proact_kinematics::Kinematics;
 use proact_participants::{JoggingParticipant, Participant, ParticipantOptions, SelectingParticipant};
 use proact_planning::{ArmPlanner, Person, PlanLog, PlanWorker};
-use proact_tasks::BoxAndBlocks;
 use proact_testbed::{
-    ConfigError, LoggedPlans, MethodName, Parts, PersonParts, PhysicsConfig, Session, Testbed, TestbedError,
-    TrialConfig,
+    ConfigError, LoggedPlans, Parts, PersonParts, PhysicsConfig, Session, Testbed, TestbedError, TrialConfig,
     ports::{EmgSource as EmgPort, PlanService, Plant, PlantError},
 };
-use proact_types::{PlanReply, PlanRequest, Pose, Scene};
+use proact_types::{GestureCommands, GestureTableError, MethodStyle, PlanReply, PlanRequest, Pose, Scene};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -38,6 +36,9 @@ pub enum AssemblyError {
     /// The arm.
     #[error(transparent)]
     Arm(#[from] ArmError),
+    /// Gestures and commands that do not go together.
+    #[error("profile: {0}")]
+    Gestures(#[from] GestureTableError),
     /// Settings that the EMG model does not take.
     #[error(transparent)]
     Emg(#[from] EmgError),
@@ -67,19 +68,20 @@ pub struct Assembly {
     pub plans: PlanLog,
 }
 
-/// A trial with a simulated participant whose gestures come through `emg`, with an arm that ships with the program.
+/// A trial with a simulated participant whose gestures come through `emg`, with arm and methods that ship with the program.
 ///
 /// # Errors
 /// [`AssemblyError`].
 pub fn simulated(config: TrialConfig, emg: &EmgOrigin) -> Result<Assembly, AssemblyError> {
-    simulated_with(&Arm::of(&config)?, config, emg, None)
+    simulated_with(&MethodRegistry::standard(), &Arm::of(&config)?, config, emg, None)
 }
 
-/// [`simulated`] with `arm`, and with a model that was trained before, if one is given.
+/// [`simulated`] with `methods` and `arm`, and with a model that was trained before, if one is given.
 ///
 /// # Errors
 /// [`AssemblyError`]; a model that does not fit the EMG says why.
 pub fn simulated_with(
+    methods: &MethodRegistry,
     arm: &Arm,
     mut config: TrialConfig,
     emg: &EmgOrigin,
@@ -93,9 +95,10 @@ pub fn simulated_with(
     config.centred_by(centring)?;
     config.gestures_from(&label)?;
     let options = *config.participant.get_or_insert_with(ParticipantOptions::default);
-    let participant = participant(&config, options, arm.model())?;
+    let feed = feed.with_commands(commands(&config, &classifier)?);
+    let participant = participant(methods, &config, options, arm.model())?;
     let gaze = GazeSource::new(options.gaze_error_deg, config.seed)?;
-    let (testbed, plans) = testbed(arm, config, Some(classifier.clone()))?;
+    let (testbed, plans) = testbed(methods, arm, config, Some(classifier.clone()))?;
     let session = Session::new(
         testbed,
         PersonParts { participant: Some(participant), emg: Some(Box::new(feed)), gaze: Some(Box::new(gaze)) },
@@ -103,24 +106,39 @@ pub fn simulated_with(
     Ok(Assembly { session, classifier: Some(classifier), arm: arm.clone(), plans })
 }
 
-/// The simulated participant of a trial.
+/// What the gestures of `classifier` are to the method of a trial. What has no use is told once.
+fn commands(config: &TrialConfig, classifier: &Classifier) -> Result<GestureCommands, AssemblyError> {
+    let rest = config.emg.as_ref().map_or_else(Default::default, |emg| emg.rest);
+    let commands = config.gesture_commands(rest, classifier)?;
+    if let Some(remark) = commands.remark() {
+        tell(remark);
+    }
+    Ok(commands)
+}
+
+/// The simulated participant of a trial, who drives by the style of its method.
 ///
 /// # Errors
-/// A profile whose joints do not fit the arm.
+/// A method that does not exist, a profile whose joints do not fit the arm.
 pub fn participant(
+    methods: &MethodRegistry,
     config: &TrialConfig,
     options: ParticipantOptions,
     model: &Arc<ArmModel>,
 ) -> Result<Box<dyn Participant>, AssemblyError> {
-    let task = BoxAndBlocks::new(config.arrangement);
-    let (body, scene, seed) = (config.setup.body, task.scene(), config.seed);
-    Ok(match config.method {
-        MethodName::A | MethodName::B => {
-            let driven = JointSubset::new(&config.profile, model).map_err(ConfigError::from)?;
-            let own = (0..model.arm_count()).filter(|&joint| !driven.contains(joint)).collect();
-            Box::new(JoggingParticipant::new(options, body, scene, model.clone(), seed).with_limb(own))
+    let task = config.build_task(model)?;
+    let (body, scene, briefing, seed) = (config.setup.body, task.scene(), task.briefing(), config.seed);
+    let driven = JointSubset::new(&config.profile, model).map_err(ConfigError::from)?;
+    let own = (0..model.arm_count()).filter(|&joint| !driven.contains(joint)).collect();
+    Ok(match config.method_entry(methods)?.info().style {
+        MethodStyle::Jogging => {
+            let person = JoggingParticipant::new(options, body, scene, briefing, model.clone(), seed);
+            Box::new(person.with_limb(own))
         }
-        MethodName::C | MethodName::D => Box::new(SelectingParticipant::new(options, body, scene, seed)),
+        MethodStyle::Selecting => {
+            let person = SelectingParticipant::new(options, body, scene, briefing, seed);
+            Box::new(person.with_limb(scene, model.clone(), own))
+        }
     })
 }
 
@@ -132,20 +150,21 @@ pub struct Armband<'a> {
     pub samples: Box<dyn EmgPort>,
 }
 
-/// A trial that a person at the page drives: gestures from keys, gaze from the mouse. With an arm that ships with the
-/// program.
+/// A trial that a person at the page drives: gestures from keys, gaze from the mouse. With arm and methods that
+/// ship with the program.
 ///
 /// # Errors
 /// [`AssemblyError`].
 pub fn live(config: TrialConfig) -> Result<Assembly, AssemblyError> {
-    live_with(&Arm::of(&config)?, config, None)
+    live_with(&MethodRegistry::standard(), &Arm::of(&config)?, config, None)
 }
 
-/// [`live`] with `arm`, and with gestures from muscles if there is an armband.
+/// [`live`] with `methods` and `arm`, and with gestures from muscles if there is an armband.
 ///
 /// # Errors
 /// [`AssemblyError`]; settings of who or what has no part in the trial.
 pub fn live_with(
+    methods: &MethodRegistry,
     arm: &Arm,
     config: TrialConfig,
     armband: Option<Armband<'_>>,
@@ -159,6 +178,7 @@ pub fn live_with(
             trained.check_settings(config.emg.get_or_insert_with(|| trained.config.clone()))?;
             config.centred_by(trained.centring.clone())?;
             config.gestures_from("armband")?;
+            commands(&config, &trained.classifier)?;
             (Some(samples), Some(trained.classifier.clone()))
         }
         None => {
@@ -169,7 +189,7 @@ pub fn live_with(
             (None, None)
         }
     };
-    let (testbed, plans) = testbed(arm, config, classifier.clone())?;
+    let (testbed, plans) = testbed(methods, arm, config, classifier.clone())?;
     let session = Session::new(testbed, PersonParts { emg: samples, ..PersonParts::default() });
     Ok(Assembly { session, classifier, arm: arm.clone(), plans })
 }
@@ -188,10 +208,12 @@ pub fn bare(
         proact_devices::prepare_with(emg, config.emg.as_ref(), config.seed)?;
     config.emg = Some(emg_config);
     config.gestures_from(&label)?;
+    let feed = feed.with_commands(commands(&config, &classifier)?);
     let arm = Arm::of(&config)?;
     let plans = Box::new(planner(arm.model(), &config)?);
-    let process = method_process::start(&config)?;
-    Ok((testbed_around(&arm, config, plans, Some(classifier), process, around)?, feed))
+    let methods = MethodRegistry::standard();
+    let process = process(&methods, &config)?;
+    Ok((testbed_around(&methods, &arm, config, plans, Some(classifier), process, around)?, feed))
 }
 
 /// A testbed that takes its plans from the log.
@@ -199,11 +221,12 @@ pub fn bare(
 /// # Errors
 /// [`AssemblyError`].
 pub fn replayed(
+    methods: &MethodRegistry,
     arm: &Arm,
     config: TrialConfig,
     classifier: Option<Classifier>,
 ) -> Result<Testbed, AssemblyError> {
-    testbed_around(arm, config, Box::new(LoggedPlans), classifier, None, |plant| plant)
+    testbed_around(methods, arm, config, Box::new(LoggedPlans), classifier, None, |plant| plant)
 }
 
 /// A testbed that takes its plans from the log, and plans that are computed again beside it.
@@ -211,6 +234,7 @@ pub fn replayed(
 /// # Errors
 /// [`AssemblyError`].
 pub fn replanned(
+    methods: &MethodRegistry,
     arm: &Arm,
     config: TrialConfig,
     classifier: Option<Classifier>,
@@ -218,7 +242,7 @@ pub fn replanned(
     let worker = planner(arm.model(), &config)?;
     let plans = ComparedPlans { log: worker.log(), replies: Arc::default() };
     let asked = AskedAgain { worker, replies: plans.replies.clone() };
-    let testbed = testbed_around(arm, config, Box::new(asked), classifier, None, |plant| plant)?;
+    let testbed = testbed_around(methods, arm, config, Box::new(asked), classifier, None, |plant| plant)?;
     Ok((testbed, plans))
 }
 
@@ -269,7 +293,11 @@ pub fn planner(model: &Arc<ArmModel>, config: &TrialConfig) -> Result<PlanWorker
     let planner = ArmPlanner::new(model.clone(), Box::new(kinematics), config.planner.clone())?;
     // Who can lean sits; the still shoulder is that of somebody who stands.
     let seated = config.setup.body.forward_max_deg > 0.0;
-    Ok(PlanWorker::new(planner).around(if seated { Person::SEATED } else { Person::STANDING }))
+    let person = if seated { Person::SEATED } else { Person::STANDING };
+    let person = if model.side == Side::Left { person.mirrored() } else { person };
+    let worker = PlanWorker::new(planner);
+    // An arm that stands by itself has nobody behind its base; who sits beside it is out of its reach by the set-up.
+    Ok(if model.settings.stand.is_some() { worker } else { worker.around(person) })
 }
 
 /// Physics with the arm at its start pose, an open hand, and the blocks of `scene`.
@@ -286,18 +314,28 @@ pub fn plant(
 
 /// The testbed of a trial that plans, and what its plans take.
 fn testbed(
+    methods: &MethodRegistry,
     arm: &Arm,
     config: TrialConfig,
     classifier: Option<Classifier>,
 ) -> Result<(Testbed, PlanLog), AssemblyError> {
     let worker = planner(arm.model(), &config)?;
     let plans = worker.log();
-    let process = method_process::start(&config)?;
-    let testbed = testbed_around(arm, config, Box::new(worker), classifier, process, |plant| plant)?;
+    let process = process(methods, &config)?;
+    let testbed = testbed_around(methods, arm, config, Box::new(worker), classifier, process, |plant| plant)?;
     Ok((testbed, plans))
 }
 
+/// The process of the trial's method, started, if it has one.
+fn process(
+    methods: &MethodRegistry,
+    config: &TrialConfig,
+) -> Result<Option<Box<dyn MethodProcess>>, AssemblyError> {
+    Ok(method_process::start(&config.method_entry(methods)?, config.wait_for_plans)?)
+}
+
 fn testbed_around(
+    methods: &MethodRegistry,
     arm: &Arm,
     config: TrialConfig,
     plans: Box<dyn PlanService>,
@@ -305,12 +343,17 @@ fn testbed_around(
     process: Option<Box<dyn MethodProcess>>,
     around: impl FnOnce(Box<dyn Plant>) -> Box<dyn Plant>,
 ) -> Result<Testbed, AssemblyError> {
-    let (model, task) = (arm.model(), BoxAndBlocks::new(config.arrangement));
+    let mut config = config;
+    arm.rename(&mut config);
+    let model = arm.model();
+    let task = config.build_task(model)?;
     let base = config.setup.body.shoulder_pose(&Default::default());
     let parts = Parts {
+        arm: arm.pinned(),
         model: model.clone(),
         kinematics: Box::new(Kinematics::new(model)?),
         plant: around(plant(model, task.scene(), &base, &config.physics)?),
+        methods: methods.clone(),
         plans,
         classifier,
         process,

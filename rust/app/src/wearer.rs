@@ -1,24 +1,23 @@
 //! Who wears a simulated armband.
 
-use crate::source::REACTION;
 use proact_devices::{
-    EmgFeed,
+    EmgFeed, REACTION,
     gforce::{CodeSource, Prompted},
 };
-use proact_types::{EmgSample, Gesture, SimTime};
+use proact_types::{EmgSample, Gesture, GestureName, SimTime};
 use std::collections::VecDeque;
 
 /// A gesture, and how long it is held.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Held {
     /// The gesture.
-    pub gesture: Gesture,
+    pub gesture: GestureName,
     /// How long, seconds; above zero.
     pub secs: f64,
 }
 
 /// The gesture at a time; the list begins again when it is over.
-fn gesture_at(held: &[Held], secs: f64) -> Gesture {
+fn gesture_at(held: &[Held], secs: f64, rest: GestureName) -> GestureName {
     let whole: f64 = held.iter().map(|h| h.secs).sum();
     let mut left = secs % whole;
     for Held { gesture, secs } in held {
@@ -27,7 +26,7 @@ fn gesture_at(held: &[Held], secs: f64) -> Gesture {
         }
         left -= secs;
     }
-    Gesture::NoMotion
+    rest
 }
 
 /// One sample a call, with the gesture of its time, or that of the newest prompt once somebody prompts: the simulated
@@ -35,14 +34,15 @@ fn gesture_at(held: &[Held], secs: f64) -> Gesture {
 pub fn wearer_codes(mut feed: EmgFeed, rate_hz: f64, held: Vec<Held>, prompted: Prompted) -> CodeSource {
     let reaction = REACTION.as_millis() as u64;
     let mut ready: VecDeque<EmgSample> = VecDeque::new();
-    let (mut tick, mut asked, mut made) = (0, None, Gesture::NoMotion);
+    let rest = feed.gesture_for(Gesture::NoMotion);
+    let (mut tick, mut asked, mut made) = (0, None, rest);
     Box::new(move || {
         loop {
             if let Some(sample) = ready.pop_front() {
                 return sample.channels;
             }
             let intended = match prompted.get() {
-                None => gesture_at(&held, tick as f64 / 1000.0),
+                None => gesture_at(&held, tick as f64 / 1000.0, rest),
                 Some(gesture) => {
                     let (of, since) = *asked.get_or_insert((gesture, tick));
                     if of != gesture {
@@ -68,8 +68,8 @@ mod tests {
     #[test]
     fn gestures_are_held_in_turn_and_begin_again() {
         let held = [(Gesture::NoMotion, 1.0), (Gesture::HandClose, 2.5)]
-            .map(|(gesture, secs)| Held { gesture, secs });
-        let at = |secs| gesture_at(&held, secs);
+            .map(|(gesture, secs)| Held { gesture: gesture.into(), secs });
+        let at = |secs| gesture_at(&held, secs, GestureName::default());
         assert_eq!(
             [0.0, 0.99, 1.0, 3.49].map(at),
             [Gesture::NoMotion, Gesture::NoMotion, Gesture::HandClose, Gesture::HandClose]

@@ -2,17 +2,18 @@
 #![allow(clippy::disallowed_methods)] // A test of files.
 
 use proact_app::{Recorder, intent_scores, trial};
+use proact_control::MethodRegistry;
 use proact_devices::EmgOrigin;
 use proact_intent::{IntentModelName, IntentOptions};
-use proact_testbed::{MethodName, Setup, TrialConfig};
-use proact_types::{BlockId, EventKind};
+use proact_testbed::{Setup, TrialConfig};
+use proact_types::EventKind;
 use std::{error::Error, fs, path::Path};
 
 type Outcome<T = ()> = Result<T, Box<dyn Error>>;
 
-/// Records a trial into `dir` that ends right after the first grasp; the block.
-fn record_one_pick(dir: &Path) -> Outcome<BlockId> {
-    let config = TrialConfig::new(MethodName::D, 1, Setup::named("seated")?);
+/// Records a trial into `dir` that ends right after the first grasp; the name of the block.
+fn record_one_pick(dir: &Path) -> Outcome<String> {
+    let config = TrialConfig::new("D", 1, Setup::named("seated")?);
     let trial::Assembly { mut session, classifier, arm, .. } =
         trial::simulated(TrialConfig { limit_secs: 120.0, ..config }, &EmgOrigin::Synthetic)?;
     let config = session.testbed().config().clone();
@@ -23,10 +24,10 @@ fn record_one_pick(dir: &Path) -> Outcome<BlockId> {
         recorder.write(&step, session.testbed().plant().state())?;
         if let Some(block) = grasped {
             recorder.finish(&session.result())?;
-            return Ok(block);
+            return Ok(session.testbed().task().scene().name(block));
         }
         grasped = step.output.events.iter().find_map(|event| match event.kind {
-            EventKind::BlockAttached { block } => Some(block),
+            EventKind::ObjectAttached { object: block } => Some(block),
             _ => None,
         });
         if step.output.finished {
@@ -41,7 +42,7 @@ fn a_recorded_pick_is_scored_the_same_alone_and_in_a_folder_and_what_is_damaged_
     let dir = place.path().join("trial");
     let block = record_one_pick(&dir)?;
 
-    let alone = intent_scores::intent(&dir, None, |_, _, _| {})?;
+    let alone = intent_scores::intent(&MethodRegistry::standard(), &dir, None, |_, _, _| {})?;
     assert_eq!((alone.picks, alone.trials.len(), alone.skipped.len()), (1, 1, 0));
     assert_eq!(alone.trials[0].picked, [block]);
     let names: Vec<IntentModelName> = alone.models.iter().map(|m| m.model).collect();
@@ -68,7 +69,7 @@ fn a_recorded_pick_is_scored_the_same_alone_and_in_a_folder_and_what_is_damaged_
     }
     let text = fs::read_to_string(damaged.join("config.toml"))?;
     fs::write(damaged.join("config.toml"), text.replace("sigma = 0.03", "sigma = 0.04"))?;
-    let folder = intent_scores::intent(place.path(), None, |_, _, _| {})?;
+    let folder = intent_scores::intent(&MethodRegistry::standard(), place.path(), None, |_, _, _| {})?;
     assert_eq!(folder.models, alone.models);
     assert_eq!(folder.skipped.len(), 1);
     assert_eq!(folder.skipped[0].dir, damaged);
@@ -76,7 +77,7 @@ fn a_recorded_pick_is_scored_the_same_alone_and_in_a_folder_and_what_is_damaged_
 
     // Options reach the models.
     let wide = IntentOptions { sigma: 5.0, weight_other: 0.25, ..Default::default() };
-    let wide = intent_scores::intent(&dir, Some(&wide), |_, _, _| {})?;
+    let wide = intent_scores::intent(&MethodRegistry::standard(), &dir, Some(&wide), |_, _, _| {})?;
     assert!((wide.models[2].score.log_loss - chance).abs() < 0.01, "nothing is known: {:?}", wide.models[2]);
 
     // What people and machines read.
@@ -92,11 +93,13 @@ fn a_recorded_pick_is_scored_the_same_alone_and_in_a_folder_and_what_is_damaged_
 #[test]
 fn a_folder_without_trials_is_refused_with_what_was_expected() -> Outcome {
     let place = tempfile::tempdir()?;
-    let error =
-        intent_scores::intent(place.path(), None, |_, _, _| {}).expect_err("nothing is there").to_string();
+    let error = intent_scores::intent(&MethodRegistry::standard(), place.path(), None, |_, _, _| {})
+        .expect_err("nothing is there")
+        .to_string();
     assert!(error.contains("inputs.log"), "{error}");
     let error =
-        intent_scores::intent(&place.path().join("nowhere"), None, |_, _, _| {}).expect_err("no such folder");
+        intent_scores::intent(&MethodRegistry::standard(), &place.path().join("nowhere"), None, |_, _, _| {})
+            .expect_err("no such folder");
     assert!(error.to_string().contains("nowhere"), "{error}");
     Ok(())
 }

@@ -2,12 +2,14 @@
 #![allow(clippy::disallowed_methods, clippy::unwrap_used)] // A test of files.
 
 use proact_app::{Arm, Recorder, ReplayOptions, replay_trial, trial};
+use proact_control::MethodRegistry;
 use proact_description::{MPL_RIGHT_ARM_SRDF, MPL_RIGHT_ARM_URDF};
 use proact_devices::EmgOrigin;
-use proact_testbed::{MethodName, Setup, TrialConfig};
+use proact_testbed::{Setup, TrialConfig};
 use std::{fs, path::Path};
 
-const MESHES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../ros1_ws/src/proact_description/meshes");
+const MESHES: &str =
+    concat!(env!("CARGO_MANIFEST_DIR"), "/../../ros1_ws/src/proact_description/arms/mpl_right/meshes");
 
 /// The shipped arm under another name and with a heavier forearm, in a folder.
 fn own_arm(folder: &Path) {
@@ -26,9 +28,14 @@ fn own_arm(folder: &Path) {
 }
 
 fn record(arm: &Arm, dir: &Path) -> String {
-    let mut config = TrialConfig::new(MethodName::D, 1, Setup::named("still").unwrap());
+    let mut config = TrialConfig::new("D", 1, Setup::named("still").unwrap());
     (config.arm, config.limit_secs) = (arm.pinned(), 8.0);
-    let assembled = trial::simulated_with(arm, config, &EmgOrigin::Synthetic, None).unwrap();
+    record_of(arm, config, dir)
+}
+
+fn record_of(arm: &Arm, config: TrialConfig, dir: &Path) -> String {
+    let assembled =
+        trial::simulated_with(&MethodRegistry::standard(), arm, config, &EmgOrigin::Synthetic, None).unwrap();
     let trial::Assembly { mut session, classifier, arm, .. } = assembled;
     let used = session.testbed().config().clone();
     let mut recorder = Recorder::create(dir, &used, &arm, classifier.as_ref()).unwrap();
@@ -49,7 +56,7 @@ fn a_labs_own_arm_is_recorded_with_the_trial_and_another_one_is_refused_by_name(
     let (folder, dir) = (place.path().join("arm"), place.path().join("trial"));
     own_arm(&folder);
     let digest = record(&Arm::named(folder.to_str().unwrap()).unwrap(), &dir);
-    let shipped = record(&Arm::named("mpl_right_arm").unwrap(), &place.path().join("shipped"));
+    let shipped = record(&Arm::named("mpl_right").unwrap(), &place.path().join("shipped"));
     assert_ne!(digest, shipped);
     assert!(!place.path().join("shipped/arm.urdf").exists(), "the program has it");
 
@@ -63,29 +70,95 @@ fn a_labs_own_arm_is_recorded_with_the_trial_and_another_one_is_refused_by_name(
     let config = TrialConfig::from_toml(&fs::read_to_string(dir.join("config.toml")).unwrap()).unwrap();
     let folder = place.path().join("other");
     fs::create_dir(&folder).unwrap();
-    fs::copy(dir.join("arm.srdf"), folder.join("arm.srdf")).unwrap();
+    for file in fs::read_dir(&dir).unwrap().map(Result::unwrap) {
+        if file.file_name().to_str().unwrap().starts_with("arm.") {
+            fs::copy(file.path(), folder.join(file.file_name())).unwrap();
+        }
+    }
     let refusal = |text: &str| {
         fs::write(folder.join("arm.urdf"), text).unwrap();
         let arm = Arm::recorded(&folder, &config).map_err(|error| error.to_string());
-        arm.and_then(|arm| trial::replayed(&arm, config.clone(), None).map_err(|error| error.to_string()))
-            .err()
-            .unwrap()
+        arm.and_then(|arm| {
+            trial::replayed(&MethodRegistry::standard(), &arm, config.clone(), None)
+                .map_err(|error| error.to_string())
+        })
+        .err()
+        .unwrap()
     };
     let (before, after) = text.split_once("<mass value=\"").unwrap();
     let other = refusal(&format!("{before}<mass value=\"1{after}"));
-    assert!(other.starts_with("arm \"lab_arm\" is another one here (hash "), "{other}");
+    assert!(other.starts_with("arm \"arm\" is another one here (hash "), "{other}");
     let renamed = refusal(&text.replace("<robot name=\"lab_arm\">", "<robot name=\"an_arm\">"));
-    assert!(renamed.contains("\"an_arm\"") || renamed.contains("lab_arm"), "{renamed}");
+    assert!(renamed.contains("another one here"), "{renamed}");
     fs::remove_file(folder.join("arm.urdf")).unwrap();
     let gone = Arm::recorded(&folder, &config).unwrap_err().to_string();
     assert!(
-        gone.contains("lab_arm") && gone.contains("arm.urdf") && gone.contains("mpl_right_arm"),
+        gone.contains("arm \"arm\"") && gone.contains("arm.urdf") && gone.contains("mpl_right"),
         "{gone}"
     );
     // In the record itself, whatever it is now.
     fs::remove_file(&urdf).unwrap();
     let gone = replay_trial(&dir, ReplayOptions::default()).unwrap_err().to_string();
     assert!(gone.contains("arm.urdf is missing"), "{gone}");
+}
+
+/// Runs eight seconds of a trial with every method and replays them.
+fn every_method(name: &str) {
+    let place = tempfile::tempdir().unwrap();
+    for method in ["A", "B", "C", "D"] {
+        let arm = Arm::named(name).unwrap();
+        let dir = place.path().join(method);
+        let config = TrialConfig::new(method, 1, Setup::named("still").unwrap());
+        let mut config = config.with_arm(arm.pinned(), arm.model());
+        config.limit_secs = 8.0;
+        let digest = record_of(&arm, config, &dir);
+        let replayed = replay_trial(&dir, ReplayOptions::default()).unwrap();
+        assert!(replayed.agrees && replayed.finished && replayed.digest == digest, "{method}: {replayed:?}");
+        assert!(!dir.join("arm.urdf").exists(), "the program has it");
+    }
+}
+
+#[test]
+fn a_left_arm_runs_with_every_method_and_replays() {
+    every_method("mpl_left");
+}
+
+#[test]
+fn an_arm_with_another_hand_that_stands_by_itself_runs_with_every_method_and_replays() {
+    every_method("wam");
+}
+
+#[test]
+fn an_arm_in_a_set_up_for_the_other_side_is_refused() {
+    let arm = Arm::named("mpl_left").unwrap();
+    let right = TrialConfig::new("D", 1, Setup::named("still").unwrap());
+    let left = right.clone().with_arm(arm.pinned(), arm.model());
+    assert_eq!(left.setup.body.shoulder.y, -right.setup.body.shoulder.y);
+    let config = TrialConfig { setup: right.setup, ..left };
+    let error = trial::replayed(&MethodRegistry::standard(), &arm, config, None).err().unwrap().to_string();
+    assert!(error.contains("is a left arm and the set-up is for a right one"), "{error}");
+}
+
+#[test]
+fn a_former_name_is_understood_and_the_record_says_the_present_one() {
+    let arm = Arm::named("mpl_right_arm").unwrap();
+    let mut config = TrialConfig::new("D", 1, Setup::named("still").unwrap());
+    (config.arm.name, config.arm.hash) = ("mpl_right_arm".to_owned(), None);
+    let testbed = trial::replayed(&MethodRegistry::standard(), &arm, config, None).unwrap();
+    assert_eq!(testbed.config().arm, arm.pinned());
+    assert_eq!(arm.pinned().name, "mpl_right");
+}
+
+#[test]
+fn an_arm_without_a_pose_is_refused_in_one_sentence_with_those_that_there_are() {
+    let place = tempfile::tempdir().unwrap();
+    own_arm(place.path());
+    let file = place.path().join("lab_arm.srdf");
+    let text = fs::read_to_string(&file).unwrap();
+    fs::write(&file, text.replace("name=\"closed\"", "name=\"shut\"")).unwrap();
+    let error = Arm::in_folder(place.path()).unwrap_err().to_string();
+    assert!(error.contains("has no pose \"closed\" of the hand") && error.contains("shut (hand)"), "{error}");
+    assert!(!error.contains('\n'), "{error}");
 }
 
 #[test]
@@ -100,7 +173,7 @@ fn an_arm_that_cannot_be_used_is_told_in_one_sentence_with_what_there_is() {
     let unknown = refusal("mpl_arm");
     assert_eq!(
         unknown,
-        "arm \"mpl_arm\" is unknown; expected mpl_right_arm, mpl_left_arm, or a folder with a URDF file"
+        "arm \"mpl_arm\" is unknown; expected mpl_left, mpl_right, wam, or a folder with a URDF file"
     );
     fs::create_dir(&folder).unwrap();
     let name = folder.to_str().unwrap();

@@ -3,9 +3,10 @@
 
 use arrayvec::ArrayVec;
 use proact_app::{Arm, Recorder, ReplayOptions, replay_trial, trial};
+use proact_control::MethodRegistry;
 use proact_devices::{EmgOrigin, SyntheticEmg, SyntheticModel, stream};
 use proact_emg::{EmgConfig, EmgModel};
-use proact_testbed::{MethodName, Setup, TrialConfig, ports};
+use proact_testbed::{Setup, TrialConfig, ports};
 use proact_types::{EmgSample, EventKind, Gesture, InputSource, SimTime, StopCause};
 
 const ZERO: f64 = 128.0;
@@ -47,7 +48,7 @@ fn arm() -> Arm {
 }
 
 fn config() -> TrialConfig {
-    TrialConfig::new(MethodName::D, 1, Setup::named("still").unwrap())
+    TrialConfig::new("D", 1, Setup::named("still").unwrap())
 }
 
 #[test]
@@ -58,7 +59,7 @@ fn an_armbands_gaps_and_silences_are_on_the_record_and_the_trial_replays_from_ra
     let model = model(ZERO);
     let worn = trial::Armband { trained: &model, samples: armband };
     let trial::Assembly { mut session, classifier, arm, .. } =
-        trial::live_with(&arm(), config(), Some(worn)).unwrap();
+        trial::live_with(&MethodRegistry::standard(), &arm(), config(), Some(worn)).unwrap();
     let used = session.testbed().config().clone();
     let mut recorder = Recorder::create(&dir, &used, &arm, classifier.as_ref()).unwrap();
     let mut told = Vec::new();
@@ -95,8 +96,15 @@ fn an_armbands_gaps_and_silences_are_on_the_record_and_the_trial_replays_from_ra
 #[test]
 fn a_model_that_fits_drives_a_simulated_trial_and_one_of_raw_codes_is_refused() {
     let fits = model(0.0);
-    let mut session =
-        trial::simulated_with(&arm(), config(), &EmgOrigin::Synthetic, Some(&fits)).unwrap().session;
+    let mut session = trial::simulated_with(
+        &MethodRegistry::standard(),
+        &arm(),
+        config(),
+        &EmgOrigin::Synthetic,
+        Some(&fits),
+    )
+    .unwrap()
+    .session;
     let mut changes = 0;
     for _ in 0..8000 {
         let step = session.step(false).unwrap();
@@ -104,7 +112,13 @@ fn a_model_that_fits_drives_a_simulated_trial_and_one_of_raw_codes_is_refused() 
             step.output.events.iter().filter(|e| matches!(e.kind, EventKind::GestureChanged { .. })).count();
     }
     assert!(changes >= 2, "the participant's gestures are recognised");
-    let refused = trial::simulated_with(&arm(), config(), &EmgOrigin::Synthetic, Some(&model(ZERO)));
+    let refused = trial::simulated_with(
+        &MethodRegistry::standard(),
+        &arm(),
+        config(),
+        &EmgOrigin::Synthetic,
+        Some(&model(ZERO)),
+    );
     let error = refused.map(|_| ()).unwrap_err().to_string();
     assert!(error.contains("does not fit") && error.contains("rests at"), "{error}");
 }
@@ -117,7 +131,7 @@ fn a_trained_model_takes_settings_of_the_decision_and_refuses_those_of_its_train
         let mut asked = EmgConfig { liveness: fits.liveness(None), ..fits.config.clone() };
         change(&mut asked);
         config.emg = Some(asked);
-        trial::simulated_with(&arm(), config, &EmgOrigin::Synthetic, Some(&fits))
+        trial::simulated_with(&MethodRegistry::standard(), &arm(), config, &EmgOrigin::Synthetic, Some(&fits))
     };
     let slower = start(&|emg| emg.required = 12.try_into().unwrap()).unwrap();
     assert_eq!(slower.session.testbed().config().emg.as_ref().unwrap().required.get(), 12);

@@ -4,9 +4,10 @@
 
 use arrayvec::ArrayVec;
 use proact_app::{Arm, trial};
+use proact_control::MethodRegistry;
 use proact_devices::{EmgOrigin, SyntheticEmg, SyntheticModel, stream};
 use proact_emg::{EmgConfig, EmgModel};
-use proact_testbed::{MethodName, Session, Setup, TrialConfig, ports};
+use proact_testbed::{Session, Setup, TrialConfig, ports};
 use proact_types::{EmgSample, Gesture, InputSource, Pose, SimTime, Vector};
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -54,8 +55,7 @@ const PAGE: &str = "@page";
 #[rustfmt::skip]
 const CASES: &[(&str, &str, &[&str])] = &[
     ("arm.hash", "00", &[]),
-    ("arm.name", "mpl_left_arm", &[]),
-    ("arrangement", "[\"FL\", \"NM\", \"NL\", \"FM\"]", &[]),
+    ("arm.name", "mpl_left", &[]),
     ("emg.features", "LS4", &[]),
     ("emg.first_output_acts", "true", &[ARMBAND]),
     ("emg.liveness.flat_ms", "250", &[ARMBAND, "emg.liveness.noise_share=0.0"]),
@@ -147,7 +147,11 @@ const CASES: &[(&str, &str, &[&str])] = &[
     ("profile.jog.open_after_close_ms", "900", &[PAGE, A]),
     ("profile.jog.pace", "message", &[]),
     ("profile.joint_jog.cycle", "[\"wristz\", \"elbow\"]", &[A]),
-    ("profile.joint_jog.joints", "[]", &[A]),
+    (
+        "profile.joint_jog.joints",
+        "[{ joint = \"shoulder\", name = \"other way\", we = \"-\", wf = \"+\", we_sign = -1 }]",
+        &[A],
+    ),
     ("profile.joint_jog.speed_rad_per_s", "0.2", &[A]),
     ("profile.joint_jog.starts_closed", "true", &[A]),
     ("profile.joint_jog.step_rad", "0.01", &[A, BY_MESSAGE]),
@@ -163,6 +167,8 @@ const CASES: &[(&str, &str, &[&str])] = &[
     ("setup.body.lateral_max_deg", "5.0", &[]),
     ("setup.body.reach_deg", "[20.0, -10.0, 20.0]", &[]),
     ("setup.body.shoulder", "[-0.6, -0.18, 1.4]", &[]),
+    ("setup.side", "left", &[]),
+    ("task.arrangement", "[\"FL\", \"NM\", \"NL\", \"FM\"]", &[]),
     ("task.hash", "00", &[]),
     ("task.name", "nine_holes", &[]),
 ];
@@ -251,7 +257,7 @@ fn start(assignments: &[&str]) -> Result<Session, String> {
     let config = |method| TrialConfig::new(method, 1, Setup::named("still").unwrap());
     let text = |error: &dyn std::fmt::Display| error.to_string();
     if assignments.contains(&ARMBAND) {
-        let mut config = config(MethodName::A);
+        let mut config = config("A");
         config.emg = Some(MODEL.config.clone());
         let config = config.with_values(&values).map_err(|e| text(&e))?;
         let worn = trial::Armband {
@@ -259,10 +265,12 @@ fn start(assignments: &[&str]) -> Result<Session, String> {
             samples: Box::new(DyingArmband { emg: generator(2), lacking: 0 }),
         };
         let arm = Arm::of(&config).map_err(|e| text(&e))?;
-        return Ok(trial::live_with(&arm, config, Some(worn)).map_err(|e| text(&e))?.session);
+        return Ok(trial::live_with(&MethodRegistry::standard(), &arm, config, Some(worn))
+            .map_err(|e| text(&e))?
+            .session);
     }
     if assignments.contains(&PAGE) {
-        let config = config(MethodName::A).with_values(&values).map_err(|e| text(&e))?;
+        let config = config("A").with_values(&values).map_err(|e| text(&e))?;
         return Ok(trial::live(config).map_err(|e| text(&e))?.session);
     }
     usual(&values)
@@ -270,7 +278,7 @@ fn start(assignments: &[&str]) -> Result<Session, String> {
 
 /// A simulated participant before the box.
 fn usual(values: &[&str]) -> Result<Session, String> {
-    let mut config = TrialConfig::new(MethodName::D, 1, Setup::named("seated").unwrap());
+    let mut config = TrialConfig::new("D", 1, Setup::named("seated").unwrap());
     config.limit_secs = 30.0;
     config.emg = Some(EmgConfig::default());
     config.participant = Some(Default::default());

@@ -5,7 +5,7 @@
 use proact_app::trial;
 use proact_devices::EmgOrigin;
 use proact_emg::EmgConfig;
-use proact_testbed::{MethodName, Setup, TrialConfig};
+use proact_testbed::{Setup, TrialConfig};
 use std::{
     panic::{AssertUnwindSafe, catch_unwind},
     sync::{
@@ -34,7 +34,7 @@ const BASES: [&[&str]; 4] = [
 ];
 
 fn config(assignments: &[&str]) -> Result<TrialConfig, String> {
-    let mut config = TrialConfig::new(MethodName::D, 1, Setup::named("seated").unwrap());
+    let mut config = TrialConfig::new("D", 1, Setup::named("seated").unwrap());
     config.limit_secs = 30.0;
     config.emg = Some(EmgConfig::default());
     config.participant = Some(Default::default());

@@ -3,9 +3,10 @@
 #![allow(clippy::disallowed_methods)] // A test of files.
 
 use proact_app::{Recorder, ReplayOptions, Replayed, intent_scores, replay_trial, trial};
+use proact_control::MethodRegistry;
 use proact_devices::EmgOrigin;
 use proact_recording::{DIGESTS_FILE, EVENTS_FILE, INPUTS_FILE, RESULT_FILE, Trial, seal};
-use proact_testbed::{MethodName, SPAN_TICKS, Setup, TrialConfig};
+use proact_testbed::{SPAN_TICKS, Setup, TrialConfig};
 use std::{
     collections::BTreeMap,
     error::Error,
@@ -20,7 +21,7 @@ type Outcome<T = ()> = Result<T, Box<dyn Error>>;
 
 /// Records the first `ticks` of a trial into `dir`; `close` brings it to an end, otherwise its process is killed.
 fn record(seed: u64, dir: &Path, ticks: u64, close: bool) -> Outcome {
-    let config = TrialConfig::new(MethodName::D, seed, Setup::named("seated")?);
+    let config = TrialConfig::new("D", seed, Setup::named("seated")?);
     let trial::Assembly { mut session, classifier, arm, plans } =
         trial::simulated(config, &EmgOrigin::Synthetic)?;
     let config = session.testbed().config().clone();
@@ -59,7 +60,7 @@ fn a_killed_trial_is_replayed_and_analyzed_up_to_its_last_digest() -> Outcome {
     assert!(replayed.agrees && !replayed.finished, "{replayed:?}");
     assert_eq!(replayed.spans as u64, TICKS / SPAN_TICKS);
     assert_eq!(replayed.seconds, (TICKS - TICKS % SPAN_TICKS) as f64 * 1e-3);
-    let report = intent_scores::intent(&dir, None, |_, _, _| {})?;
+    let report = intent_scores::intent(&MethodRegistry::standard(), &dir, None, |_, _, _| {})?;
     assert_eq!((report.picks, report.skipped.len()), (1, 0), "{report}");
     assert_eq!(report.trials[0].interrupted, Some(replayed.seconds));
     assert!(report.to_string().contains("interrupted"), "{report}");
@@ -69,13 +70,13 @@ fn a_killed_trial_is_replayed_and_analyzed_up_to_its_last_digest() -> Outcome {
     let digests = fs::read_to_string(early.join(DIGESTS_FILE))?;
     fs::write(early.join(DIGESTS_FILE), digests.split_inclusive('\n').take(3).collect::<String>())?;
     assert_eq!(replay(&early)?.seconds, 0.3);
-    assert_eq!(intent_scores::intent(&early, None, |_, _, _| {})?.picks, 0);
+    assert_eq!(intent_scores::intent(&MethodRegistry::standard(), &early, None, |_, _, _| {})?.picks, 0);
     fs::write(early.join(DIGESTS_FILE), "")?;
     for length in [fs::metadata(early.join(INPUTS_FILE))?.len(), 30] {
         fs::File::options().write(true).open(early.join(INPUTS_FILE))?.set_len(length)?;
         let replayed = replay(&early)?;
         assert!(replayed.agrees && !replayed.finished && replayed.seconds == 0.0, "{replayed:?}");
-        let report = intent_scores::intent(&early, None, |_, _, _| {})?;
+        let report = intent_scores::intent(&MethodRegistry::standard(), &early, None, |_, _, _| {})?;
         assert_eq!((report.not_begun.len(), report.skipped.len()), (1, 0), "{report}");
     }
     Ok(())
@@ -131,7 +132,8 @@ fn a_result_of_another_trial_is_refused_by_replay_and_analysis_alike() -> Outcom
         }
         let error = replay(&mixed).expect_err("a result of another trial").to_string();
         assert!(error.contains(part), "{error}");
-        let error = intent_scores::intent(&mixed, None, |_, _, _| {}).expect_err("nothing else is there");
+        let error = intent_scores::intent(&MethodRegistry::standard(), &mixed, None, |_, _, _| {})
+            .expect_err("nothing else is there");
         assert!(error.to_string().contains(part), "{error}");
     }
 

@@ -2,7 +2,8 @@
 #![allow(clippy::disallowed_methods)] // A test of files and processes.
 
 use proact_app::{Recorder, ReplayOptions, replay_trial, trial};
-use proact_testbed::{MethodName, MethodProcessConfig, Session, Setup, TrialConfig};
+use proact_control::MethodProgram;
+use proact_testbed::{Session, Setup, TrialConfig};
 use proact_types::{DisplayFrame, GazeSample, Gesture, PlannerView, Point};
 use std::{error::Error, path::Path};
 
@@ -13,8 +14,8 @@ const EXAMPLE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/methods/f
 /// A trial of at most four seconds whose method is `command`.
 fn config(command: &[&str], deadline_ms: u64) -> Outcome<TrialConfig> {
     let command = command.iter().map(|&word| word.to_owned()).collect();
-    let config = TrialConfig::new(MethodName::C, 1, Setup::named("still")?);
-    let process = MethodProcessConfig { deadline_ms, ..MethodProcessConfig::new(command) };
+    let config = TrialConfig::new("C", 1, Setup::named("still")?);
+    let process = MethodProgram { deadline_ms, ..MethodProgram::new(command) };
     Ok(TrialConfig { limit_secs: 4.0, method_process: Some(process), ..config })
 }
 
@@ -27,7 +28,7 @@ fn run(config: TrialConfig, dir: Option<&Path>) -> Outcome<(Vec<DisplayFrame>, S
     let mut frames = Vec::new();
     session.person().act(Gesture::WristExtension);
     loop {
-        let (block, origin) = (session.testbed().plant().state().blocks[0].pose, session.head().translation);
+        let (block, origin) = (session.testbed().plant().state().objects[0].pose, session.head().translation);
         let direction = block.translation.vector - origin.vector;
         session.person().point(GazeSample { origin: Point::from(origin.vector), direction, valid: true });
         let step = session.step(false)?;
@@ -47,7 +48,7 @@ fn run(config: TrialConfig, dir: Option<&Path>) -> Outcome<(Vec<DisplayFrame>, S
 
 /// How far the hand is from the point over the first block where the example stops, metres.
 fn away(frame: &DisplayFrame) -> f64 {
-    let tip = frame.world_from_tip.translation.vector - frame.blocks[0].translation.vector;
+    let tip = frame.world_from_tip.translation.vector - frame.objects[0].translation.vector;
     (tip - proact_types::Vector::new(0.0, 0.0, 0.15)).norm()
 }
 

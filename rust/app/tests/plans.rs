@@ -4,10 +4,9 @@
 
 use proact_dynamics::{DynamicsOptions, OdePlant};
 use proact_kinematics::Kinematics;
-use proact_tasks::BoxAndBlocks;
-use proact_testbed::{MethodName, Parts, Setup, Testbed, TickOutput, TrialConfig, ports::PlanService};
+use proact_testbed::{Parts, Setup, Testbed, TickOutput, TrialConfig, ports::PlanService};
 use proact_types::{
-    BlockId, EventKind, GazeSample, Gesture, InputSign, InputSource, PlanReply, PlanRequest, PlanStatus,
+    EventKind, GazeSample, Gesture, InputSign, InputSource, ObjectId, PlanReply, PlanRequest, PlanStatus,
     PlannerView, Point, Pose, SignKind, TickInput, Trajectory, TrajectoryPoint, Vector, joints,
 };
 use std::{
@@ -71,10 +70,10 @@ struct Trial {
 
 impl Trial {
     fn new() -> Outcome<Self> {
-        let config = TrialConfig::new(MethodName::D, 1, Setup::named("still")?);
+        let config = TrialConfig::new("D", 1, Setup::named("still")?);
         let config = TrialConfig { wait_for_plans: false, ..config };
         let model = Arc::new(proact_description::mpl_right_arm());
-        let task = BoxAndBlocks::new(config.arrangement);
+        let task = config.build_task(&model)?;
         let body = config.setup.body;
         let base = body.shoulder_pose(&Default::default());
         let initial: Vec<f64> =
@@ -82,8 +81,10 @@ impl Trial {
         let plant = OdePlant::new(&model, task.scene(), &initial, &base, DynamicsOptions::default())?;
         let asked = Asked::default();
         let parts = Parts {
+            arm: config.arm.clone(),
             kinematics: Box::new(Kinematics::new(&model)?),
             plant: Box::new(plant),
+            methods: proact_control::MethodRegistry::standard(),
             plans: Box::new(asked.clone()),
             classifier: None,
             process: None,
@@ -99,7 +100,7 @@ impl Trial {
         let mut input = TickInput { gesture: Some(gesture), ..first };
         for tick in 0..ms {
             if tick % 10 == 0 {
-                let red = self.testbed.plant().state().blocks[0].pose.translation.vector;
+                let red = self.testbed.plant().state().objects[0].pose.translation.vector;
                 let direction = self.looks_at.unwrap_or(red - self.eye.coords);
                 input.gaze = Some(GazeSample { origin: self.eye, direction, valid: true });
                 // As a mouse does, which may rest.
@@ -167,9 +168,11 @@ fn defect_29_every_request_carries_the_whole_scene_after_hand_commands_too() -> 
     let at = |name: &str| -> Option<Pose> {
         request.obstacles.iter().find(|obstacle| obstacle.name == name).map(|obstacle| obstacle.pose)
     };
-    for (block, body) in BlockId::ALL.iter().zip(&trial.testbed.plant().state().blocks) {
-        let pose = at(block.name()).ok_or(block.name())?;
-        assert!((pose.translation.vector - body.pose.translation.vector).norm() < 1e-3, "{}", block.name());
+    let blocks = &trial.testbed.task().scene().objects;
+    assert_eq!(blocks.len(), trial.testbed.plant().state().objects.len());
+    for (block, body) in blocks.iter().zip(&trial.testbed.plant().state().objects) {
+        let pose = at(&block.name).ok_or(&*block.name)?;
+        assert!((pose.translation.vector - body.pose.translation.vector).norm() < 1e-3, "{}", block.name);
     }
     for object in &trial.testbed.task().scene().fixed {
         assert_eq!(at(&object.name), Some(object.pose), "{}", object.name);
@@ -188,18 +191,18 @@ fn a_gaze_that_is_no_number_or_has_no_direction_is_a_blink_on_the_record_and_the
             outputs.iter().flat_map(|output| &output.events).map(|event| &event.kind).collect();
         assert_eq!(events, [&EventKind::GazeUnusable], "said once, {broken:?}");
         let frame = trial.testbed.frame(Pose::identity())?;
-        assert_eq!(frame.target.block, None, "what is not looked at any more goes out");
+        assert_eq!(frame.target.object, None, "what is not looked at any more goes out");
         assert!(frame.gaze.is_some_and(|gaze| !gaze.valid && gaze.direction.norm() > 0.5));
         trial.looks_at = None;
         trial.make(Gesture::NoMotion, TickInput::default(), 100)?;
-        assert_eq!(trial.testbed.frame(Pose::identity())?.target.block, Some(BlockId::Red1));
+        assert_eq!(trial.testbed.frame(Pose::identity())?.target.object, Some(ObjectId(0)));
     }
     // A gaze from behind meets no block and selects none.
     let mut trial = Trial::new()?;
     trial.looks_at = Some(-Vector::x());
     trial.make(Gesture::WristExtension, TickInput::default(), 200)?;
     let frame = trial.testbed.frame(Pose::identity())?;
-    assert_eq!(frame.target.block, None);
+    assert_eq!(frame.target.object, None);
     assert!(trial.asked.last().is_none());
     assert!(
         matches!(&frame.planner, PlannerView::Failed { reason, .. } if reason.contains("look at a block")),

@@ -6,7 +6,7 @@
 use proact_app::{Recorder, ReplayOptions, replay_trial, trial};
 use proact_devices::EmgOrigin;
 use proact_recording::{InputRecord, Trial, TrialWriter, read_result};
-use proact_testbed::{MethodName, Setup, SpanDigest, TrialConfig};
+use proact_testbed::{Setup, SpanDigest, TrialConfig};
 use proact_types::{SimTime, TickInput};
 use std::{
     error::Error,
@@ -14,14 +14,16 @@ use std::{
     path::{Path, PathBuf},
 };
 
-const REPLAN: ReplayOptions = ReplayOptions { replan: true, other_versions: false };
+fn replan() -> ReplayOptions {
+    ReplayOptions { replan: true, ..ReplayOptions::default() }
+}
 
 const LIMIT_SECS: f64 = 15.0;
 
 type Outcome<T = ()> = Result<T, Box<dyn Error>>;
 
 fn config(seed: u64) -> Outcome<TrialConfig> {
-    let config = TrialConfig::new(MethodName::D, seed, Setup::named("seated")?);
+    let config = TrialConfig::new("D", seed, Setup::named("seated")?);
     Ok(TrialConfig { limit_secs: LIMIT_SECS, ..config })
 }
 
@@ -125,7 +127,7 @@ fn planning_again_gives_the_recorded_plans_and_notices_a_changed_one() -> Outcom
     let place = tempfile::tempdir()?;
     let dir = place.path().join("trial");
     record(3, &dir)?;
-    let again = replay_trial(&dir, REPLAN)?;
+    let again = replay_trial(&dir, replan())?;
     assert!(again.agrees, "{again:?}");
     let plans = again.replanned.ok_or("it was asked for")?;
     assert!(plans.equal > 0 && plans.different.is_empty(), "{plans:?}");
@@ -148,7 +150,7 @@ fn planning_again_gives_the_recorded_plans_and_notices_a_changed_one() -> Outcom
             first = Some(plan.id);
         }
     })?;
-    let different = replay_trial(&changed, REPLAN)?.replanned.ok_or("it was asked for")?.different;
+    let different = replay_trial(&changed, replan())?.replanned.ok_or("it was asked for")?.different;
     assert_eq!(different.first().copied(), first, "{different:?}");
     Ok(())
 }
@@ -228,7 +230,7 @@ fn a_damaged_log_another_format_and_a_lost_classifier_are_each_told() -> Outcome
     fs::write(&log, &earlier)?;
     let error =
         replay_trial(&dir, ReplayOptions::default()).expect_err("another format must not pass").to_string();
-    for part in ["record of format 2", "replays format 5", "proact 0.1.0 at commit"] {
+    for part in ["record of format 2", "replays format 6", "proact 0.1.0 at commit"] {
         assert!(error.contains(part), "{error}");
     }
 

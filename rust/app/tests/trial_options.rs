@@ -3,8 +3,10 @@
 
 use proact_app::trial;
 use proact_devices::EmgOrigin;
-use proact_testbed::{MethodName, Session, Setup, TrialConfig};
-use proact_types::{BlockId, DisplayFrame, GazeSample, Gesture, PlannerView, Point, Vector};
+use proact_testbed::{Session, Setup, TrialConfig};
+use proact_types::{
+    DisplayFrame, GazeSample, Gesture, Moves, ObjectId, PlanReply, PlanStatus, PlannerView, Point, Vector,
+};
 use std::error::Error;
 
 type Outcome<T = ()> = Result<T, Box<dyn Error>>;
@@ -13,18 +15,18 @@ type Outcome<T = ()> = Result<T, Box<dyn Error>>;
 const FROM_ELBOW: std::ops::Range<usize> = 3..7;
 const WRIST: std::ops::Range<usize> = 4..7;
 
-fn config(method: MethodName, values: &[&str]) -> Outcome<TrialConfig> {
+fn config(method: &str, values: &[&str]) -> Outcome<TrialConfig> {
     Ok(TrialConfig::new(method, 1, Setup::named("still")?).with_values(values)?)
 }
 
 /// A live trial with the values of the configuration changed.
-fn live(method: MethodName, values: &[&str]) -> Outcome<Session> {
+fn live(method: &str, values: &[&str]) -> Outcome<Session> {
     Ok(trial::live(config(method, values)?)?.session)
 }
 
 /// Where a block stands.
-fn block(session: &Session, block: BlockId) -> Vector {
-    session.testbed().plant().state().blocks[block.index()].pose.translation.vector
+fn block(session: &Session, block: ObjectId) -> Vector {
+    session.testbed().plant().state().objects[block.index()].pose.translation.vector
 }
 
 /// Makes a gesture for `ms`, looking at `point` if there is one; the last frame.
@@ -54,7 +56,7 @@ struct ShortTrial {
 
 fn short_trial(level: &str) -> Outcome<ShortTrial> {
     let level = format!("profile.level={level}");
-    let config = config(MethodName::A, &[&level, "limit_secs=25.0"])?;
+    let config = config("A", &[&level, "limit_secs=25.0"])?;
     let mut session = trial::simulated(config, &EmgOrigin::Synthetic)?.session;
     let start = session.testbed().plant().state().position.clone();
     let (mut way, mut modes, mut limb) = ([0.0_f64; 7], Vec::new(), None);
@@ -62,7 +64,12 @@ fn short_trial(level: &str) -> Outcome<ShortTrial> {
         let step = session.step(false)?;
         let state = session.testbed().plant().state();
         way.iter_mut().enumerate().for_each(|(k, way)| *way = way.max((state.position[k] - start[k]).abs()));
-        modes.extend(step.frame.as_ref().and_then(|frame| frame.mode.as_ref()).map(|mode| mode.number));
+        modes.extend(step.frame.as_ref().and_then(|frame| frame.mode.as_ref()).map(
+            |mode| match mode.moves {
+                Moves::Joint(joint) => joint,
+                other => panic!("method A moves joints, not {other:?}"),
+            },
+        ));
         limb = step.input.limb.map(|limb| limb.to_vec()).or(limb);
         if step.output.finished {
             modes.sort_unstable();
@@ -104,9 +111,46 @@ fn below_the_elbow_shoulder_and_elbow_follow_the_limb_and_the_method_has_the_wri
     Ok(())
 }
 
+/// Runs `D` with a simulated participant of this level; plans and digest.
+fn planned_trial(level: &str) -> Outcome<(Vec<PlanReply>, String, bool)> {
+    let config = config("D", &[&format!("profile.level={level}"), "limit_secs=40.0"])?;
+    let mut session = trial::simulated(config, &EmgOrigin::Synthetic)?.session;
+    let (mut plans, mut limb) = (Vec::new(), false);
+    loop {
+        let step = session.step(false)?;
+        limb |= step.input.limb.is_some();
+        plans.extend(step.output.plan);
+        if step.output.finished {
+            return Ok((plans, session.testbed().digest(), limb));
+        }
+    }
+}
+
+#[test]
+fn c_and_d_plan_for_the_joints_that_the_prosthesis_has() -> Outcome {
+    for (level, driven) in [("above_elbow", FROM_ELBOW), ("below_elbow", WRIST)] {
+        let (plans, digest, limb) = planned_trial(level)?;
+        assert!(limb, "{level}: the person moves the limb");
+        assert!(!plans.is_empty(), "{level}: the person asks for plans");
+        for plan in &plans {
+            assert_ne!(plan.status, PlanStatus::Invalid, "{level}: {}", plan.reason);
+            let Some(first) = plan.trajectory.points.first() else { continue };
+            for point in &plan.trajectory.points {
+                assert_eq!(
+                    point.q[..driven.start],
+                    first.q[..driven.start],
+                    "{level}: the limb is not moved"
+                );
+            }
+        }
+        assert_eq!(planned_trial(level)?.1, digest, "{level}: the same trial again");
+    }
+    Ok(())
+}
+
 #[test]
 fn a_persons_tracked_limb_is_followed_while_the_method_turns_the_wrist() -> Outcome {
-    let mut session = live(MethodName::A, &["profile.level=below_elbow"])?;
+    let mut session = live("A", &["profile.level=below_elbow"])?;
     let start = session.testbed().plant().state().position.clone();
     let mut limb = start[..7].to_vec();
     limb[3] += 0.3;
@@ -128,7 +172,7 @@ fn a_persons_tracked_limb_is_followed_while_the_method_turns_the_wrist() -> Outc
 #[test]
 fn the_limiter_and_its_acceleration_are_options() -> Outcome {
     let speed_after_100_ms = |values: &[&str]| -> Outcome<f64> {
-        let mut session = live(MethodName::A, values)?;
+        let mut session = live("A", values)?;
         make(&mut session, Gesture::WristExtension, None, 100)?;
         Ok(session.testbed().plant().state().velocity[0].abs())
     };
@@ -141,8 +185,8 @@ fn the_limiter_and_its_acceleration_are_options() -> Outcome {
 #[test]
 fn the_dead_man_and_its_times_are_options() -> Outcome {
     let refusal = |values: &[&str]| -> Outcome<bool> {
-        let mut session = live(MethodName::D, values)?;
-        let red = block(&session, BlockId::Red1);
+        let mut session = live("D", values)?;
+        let red = block(&session, ObjectId(0));
         make(&mut session, Gesture::NoMotion, Some(red), 100)?;
         let frame = make(&mut session, Gesture::WristExtension, None, 450)?;
         Ok(
@@ -157,8 +201,8 @@ fn the_dead_man_and_its_times_are_options() -> Outcome {
 #[test]
 fn an_assistant_that_shares_the_speeds_is_an_option_of_methods_a_and_b() -> Outcome {
     let aside = |values: &[&str]| -> Outcome<f64> {
-        let mut session = live(MethodName::B, values)?;
-        let place = session.testbed().plant().state().blocks[0].pose.translation.vector;
+        let mut session = live("B", values)?;
+        let place = session.testbed().plant().state().objects[0].pose.translation.vector;
         let before = make(&mut session, Gesture::NoMotion, Some(place), 50)?;
         let after = make(&mut session, Gesture::WristExtension, Some(place), 1000)?;
         let tip = |frame: &DisplayFrame| frame.world_from_tip.translation.vector;
@@ -167,36 +211,36 @@ fn an_assistant_that_shares_the_speeds_is_an_option_of_methods_a_and_b() -> Outc
     };
     let (alone, helped) = (aside(&[])?, aside(&["profile.blend.share=0.5"])?);
     assert!(alone.abs() < 0.01 && helped > 0.015, "{alone} m alone, {helped} m with the assistant");
-    let error = live(MethodName::D, &["profile.blend.share=0.5"]).err().ok_or("D plans")?.to_string();
+    let error = live("D", &["profile.blend.share=0.5"]).err().ok_or("D plans")?.to_string();
     assert!(error.contains("profile.blend"), "{error}");
-    let error = config(MethodName::B, &["profile.blend.share=1.5"]).expect_err("over one").to_string();
+    let error = config("B", &["profile.blend.share=1.5"]).expect_err("over one").to_string();
     assert!(error.contains("blend.share"), "{error}");
     Ok(())
 }
 
 /// Looks for a second at the first red block, then for `ms` at a point on the way to the other red one.
-fn highlight_after(values: &[&str], share: f64, ms: u64) -> Outcome<Option<BlockId>> {
-    let mut session = live(MethodName::D, values)?;
-    let (first, second) = (block(&session, BlockId::Red1), block(&session, BlockId::Red2));
+fn highlight_after(values: &[&str], share: f64, ms: u64) -> Outcome<Option<ObjectId>> {
+    let mut session = live("D", values)?;
+    let (first, second) = (block(&session, ObjectId(0)), block(&session, ObjectId(1)));
     let frame = make(&mut session, Gesture::NoMotion, Some(first), 1000)?;
-    assert_eq!(frame.target.block, Some(BlockId::Red1));
+    assert_eq!(frame.target.object, Some(ObjectId(0)));
     let point = first + (second - first) * share;
-    Ok(make(&mut session, Gesture::NoMotion, Some(point), ms)?.target.block)
+    Ok(make(&mut session, Gesture::NoMotion, Some(point), ms)?.target.object)
 }
 
 #[test]
 fn the_filtered_model_is_an_option_and_does_not_follow_a_glance() -> Outcome {
-    assert_eq!(highlight_after(&[], 1.0, 60)?, Some(BlockId::Red2));
-    assert_eq!(highlight_after(&["intent_model=filtered"], 1.0, 60)?, Some(BlockId::Red1));
-    assert_eq!(highlight_after(&["intent_model=filtered"], 1.0, 1500)?, Some(BlockId::Red2));
+    assert_eq!(highlight_after(&[], 1.0, 60)?, Some(ObjectId(1)));
+    assert_eq!(highlight_after(&["intent_model=filtered"], 1.0, 60)?, Some(ObjectId(0)));
+    assert_eq!(highlight_after(&["intent_model=filtered"], 1.0, 1500)?, Some(ObjectId(1)));
     Ok(())
 }
 
 #[test]
 fn hysteresis_is_an_option_and_keeps_the_highlight_on_a_look_between_two_blocks() -> Outcome {
-    assert_eq!(highlight_after(&[], 0.55, 200)?, Some(BlockId::Red2));
-    assert_eq!(highlight_after(&["intent.hysteresis=20.0"], 0.55, 200)?, Some(BlockId::Red1));
-    assert_eq!(highlight_after(&["intent.hysteresis=20.0"], 1.0, 200)?, Some(BlockId::Red2));
+    assert_eq!(highlight_after(&[], 0.55, 200)?, Some(ObjectId(1)));
+    assert_eq!(highlight_after(&["intent.hysteresis=20.0"], 0.55, 200)?, Some(ObjectId(0)));
+    assert_eq!(highlight_after(&["intent.hysteresis=20.0"], 1.0, 200)?, Some(ObjectId(1)));
     Ok(())
 }
 
@@ -207,11 +251,13 @@ fn values_that_set_nothing_or_something_unknown_are_refused_with_what_was_given(
         ("limit_secs.x=1", "KEY=VALUE"),
         ("colour=red", "colour"),
         ("limit_secs=-1.0", "limit_secs"),
-        ("profile.level=knee", "knee"),
         ("intent_model=guess", "guess"),
     ] {
-        let error = config(MethodName::A, &[value]).expect_err(value).to_string();
+        let error = config("A", &[value]).expect_err(value).to_string();
         assert!(error.contains(expected), "{value}: {error}");
     }
+    // Which levels there are is the arm's to say.
+    let error = live("A", &["profile.level=knee"]).err().ok_or("a level that no arm has")?.to_string();
+    assert!(error.contains("knee") && error.contains("below_elbow"), "{error}");
     Ok(())
 }

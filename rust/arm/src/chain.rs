@@ -1,4 +1,4 @@
-use crate::{ArmModel, JointKind, JointLimits};
+use crate::{ArmModel, JointLimits};
 use arrayvec::ArrayVec;
 use nalgebra::{Unit, UnitQuaternion, Vector6};
 use proact_types::{MAX_JOINTS, Point, Pose, Vector};
@@ -56,7 +56,7 @@ impl Chain {
         for &index in path.iter().rev() {
             let joint = &model.joints[index];
             fixed *= joint.origin;
-            if joint.kind == JointKind::Revolute && model.arm.contains(&index) {
+            if joint.kind.moves() && model.arm.contains(&index) {
                 hinges.push(Hinge { origin: fixed, axis: Unit::new_normalize(joint.axis) });
                 limits.push(joint.limits);
                 fixed = Pose::identity();

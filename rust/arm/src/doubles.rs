@@ -26,8 +26,7 @@ pub fn three_joints() -> ArmModel {
         tip: 3,
         poses: vec![],
         allowed_collisions: vec![],
-        grasp_centre: Vector::zeros(),
-        grasp: Default::default(),
+        ..Default::default()
     }
 }
 

@@ -1,42 +1,81 @@
 //! What hangs on the tip.
 
-use crate::ArmModel;
-use proact_types::{Point, Pose, Vector};
+use crate::{ArmModel, Mimic};
+use proact_types::{PlanRequest, Point, Pose, Vector};
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 
 /// The last bone of a finger has this share of the length of the one before it. Assumed: a description says where joints
 /// are, not where fingers end.
 const LAST_BONE: f64 = 0.8;
 
-/// How the hand grips what stands upright, from above: with its grasp centre ([`ArmModel::grasp_centre`]) in the middle of
-/// the object, rolled about x of the tip's frame and leaning about y. Planner and simulated participants go by it.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+/// How the hand grips what stands upright and is so wide, from above: with the grasp's centre in the middle of the object,
+/// rolled about x of the tip's frame and leaning about y. Hand, planner and simulated participants go by it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct Grasp {
+    /// Widths of the objects that it holds, metres: the smallest and the largest.
+    pub widths: [f64; 2],
+    /// Where the centre of a grasped object lies, in the tip's frame, metres.
+    #[cfg_attr(feature = "ts", ts(as = "[f64; 3]"))]
+    pub centre: Vector,
+    /// Pose of the hand before it closes: room for the object, and no wider than its neighbours allow.
+    pub open_pose: Cow<'static, str>,
+    /// Pose of the hand that it closes to; the object stops it on the way.
+    pub closed_pose: Cow<'static, str>,
+    /// Where the digits close in one direction: this direction in the tip's frame, of any length. A box is then gripped
+    /// by two of its faces where the arm can.
+    #[cfg_attr(feature = "ts", ts(as = "Option<[f64; 3]>"))]
+    pub closing: Option<Vector>,
     /// Roll at which the fingers close best, rad: at zero z of the tip's frame is up.
     pub roll: f64,
     /// Smallest and largest roll at which they close, rad.
     pub roll_range: [f64; 2],
     /// Largest lean, both ways, rad.
     pub lean: f64,
-    /// An object whose centre is this near to the grasp centre is between the fingers, metres.
+    /// An object whose centre is this near to the grasp's is between the fingers, metres.
     pub opening: f64,
     /// Where the open hand may come off an object other than straight up: a direction in the tip's frame, of any length.
     #[cfg_attr(feature = "ts", ts(as = "[f64; 3]"))]
     pub withdrawal: Vector,
 }
 
+/// The hand pose that stands for open, where a grasp does not say.
+pub const OPEN_POSE: &str = "open";
+/// The hand pose that stands for closed, where a grasp does not say.
+pub const CLOSED_POSE: &str = "closed";
+
+/// The grasp of a hand whose description has none. The angles are those of the MPL right hand: the original's fixed grasp
+/// orientation has a roll of 25.6 degrees; the rest is assumed.
+static UNDESCRIBED: Grasp = Grasp {
+    widths: [0.0, 1.0],
+    centre: Vector::new(0.0, 0.0, 0.0),
+    open_pose: Cow::Borrowed(OPEN_POSE),
+    closed_pose: Cow::Borrowed(CLOSED_POSE),
+    closing: None,
+    roll: 25.6_f64.to_radians(),
+    roll_range: [-10_f64.to_radians(), 60_f64.to_radians()],
+    lean: 15_f64.to_radians(),
+    opening: 0.07,
+    withdrawal: Vector::new(0.0, 1.0, 1.0),
+};
+
 impl Default for Grasp {
-    /// That of the MPL right hand, for a hand whose description does not say. The original's fixed grasp orientation has a
-    /// roll of 25.6 degrees; the rest is assumed.
+    /// That of a hand whose description does not say: for objects of any width.
     fn default() -> Self {
-        Self {
-            roll: 25.6_f64.to_radians(),
-            roll_range: [-10_f64.to_radians(), 60_f64.to_radians()],
-            lean: 15_f64.to_radians(),
-            opening: 0.07,
-            withdrawal: Vector::new(0.0, 1.0, 1.0),
-        }
+        UNDESCRIBED.clone()
+    }
+}
+
+impl Grasp {
+    /// True if it is meant for objects of this width, metres.
+    pub fn holds(&self, width: f64) -> bool {
+        self.short_of(width) == 0.0
+    }
+
+    /// How much wider or narrower its objects are at least, metres.
+    fn short_of(&self, width: f64) -> f64 {
+        (self.widths[0] - width).max(width - self.widths[1]).max(0.0)
     }
 }
 
@@ -45,7 +84,59 @@ pub fn upright_axis(roll: f64, lean: f64) -> Vector {
     Vector::new(-lean.sin(), lean.cos() * roll.sin(), lean.cos() * roll.cos())
 }
 
+/// Which hand joints follow which, by their places among the hand joints.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Couplings(Vec<Coupling>);
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Coupling {
+    joint: usize,
+    master: usize,
+    multiplier: f64,
+    offset: f64,
+}
+
+impl Couplings {
+    /// Puts the joints that follow others where their masters take them, rad and rad/s.
+    ///
+    /// # Panics
+    /// If there are fewer values than hand joints.
+    pub fn follow(&self, position: &mut [f64], velocity: &mut [f64]) {
+        for Coupling { joint, master, multiplier, offset } in &self.0 {
+            position[*joint] = multiplier * position[*master] + offset;
+            velocity[*joint] = multiplier * velocity[*master];
+        }
+    }
+}
+
 impl ArmModel {
+    /// Which hand joints follow which.
+    pub fn couplings(&self) -> Couplings {
+        let place = |joint: usize| self.hand.iter().position(|&own| own == joint);
+        let coupling = |mimic: &Mimic| {
+            let (joint, master) = place(mimic.joint).zip(place(mimic.master))?;
+            Some(Coupling { joint, master, multiplier: mimic.multiplier, offset: mimic.offset })
+        };
+        Couplings(self.mimics.iter().filter_map(coupling).collect())
+    }
+
+    /// The grasp for an object of this width, metres ([`proact_types::Shape::grip_width`]): the first that is meant for it;
+    /// where none is, the one whose objects are nearest in width, of which [`Grasp::holds`] is false.
+    pub fn grasp_for(&self, width: f64) -> &Grasp {
+        let nearer = |a: &&Grasp, b: &&Grasp| a.short_of(width).total_cmp(&b.short_of(width));
+        self.grasps.iter().min_by(nearer).unwrap_or(&UNDESCRIBED)
+    }
+
+    /// The grasp for what `request` picks or carries; that for the widest objects where it is about none.
+    pub fn grasp_of(&self, request: &PlanRequest) -> &Grasp {
+        request.grip_width().map_or_else(|| self.widest_grasp(), |width| self.grasp_for(width))
+    }
+
+    /// The grasp for the widest objects: where nothing is known of an object.
+    pub fn widest_grasp(&self) -> &Grasp {
+        self.grasps.last().unwrap_or(&UNDESCRIBED)
+    }
+
     /// For each link the digit that it belongs to, named by the digit's first link: each branch behind the tip is one.
     /// None for arm and palm.
     pub fn digits(&self) -> Vec<Option<usize>> {
@@ -90,6 +181,22 @@ mod tests {
         assert!((turned - Vector::new(-lean.sin(), 0.0, lean.cos())).norm() < 1e-12, "{turned}");
         let upright = UnitQuaternion::from_axis_angle(&Vector::y_axis(), lean) * turned;
         assert!((upright - Vector::z()).norm() < 1e-12, "{upright}");
+    }
+
+    #[test]
+    fn the_grasp_is_that_of_the_objects_width_and_otherwise_the_nearest() {
+        let grasp = |low: f64, high: f64| Grasp { widths: [low, high], ..Grasp::default() };
+        let mut model = three_joints();
+        assert_eq!(model.grasp_for(0.05), &Grasp::default(), "a hand that is not described");
+        model.grasps = vec![grasp(0.02, 0.03), grasp(0.046, 0.1)];
+        for (width, low) in
+            [(0.025, 0.02), (0.05, 0.046), (0.001, 0.02), (0.035, 0.02), (0.04, 0.046), (1.0, 0.046)]
+        {
+            let found = model.grasp_for(width);
+            assert_eq!(found.widths[0], low, "{width} m");
+            assert_eq!(found.holds(width), width == 0.025 || width == 0.05);
+        }
+        assert_eq!(model.widest_grasp(), &model.grasps[1]);
     }
 
     #[test]

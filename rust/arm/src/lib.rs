@@ -22,11 +22,15 @@ mod damped;
 pub mod doubles;
 mod hand;
 mod model;
+mod pinch;
+mod settings;
 
 pub use chain::{Chain, ChainPoses, Columns};
 pub use damped::{damped_step, damped_step_within};
-pub use hand::{Grasp, upright_axis};
+pub use hand::{CLOSED_POSE, Couplings, Grasp, OPEN_POSE, upright_axis};
 pub use model::{
-    ArmModel, ArmModelError, CollisionShape, Inertial, Joint, JointKind, JointLimits, Link, NamedPose,
-    Visual, VisualGeometry,
+    ArmModel, ArmModelError, CollisionShape, Inertial, Joint, JointKind, JointLimits, Link, Mimic, NamedPose,
+    Side, Visual, VisualGeometry,
 };
+pub use pinch::{Pinch, PinchError, find_pinch};
+pub use settings::{ArmSettings, JointEntry, JointGains, Stand, is_named};

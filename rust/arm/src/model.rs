@@ -1,4 +1,4 @@
-use crate::Grasp;
+use crate::{ArmSettings, Grasp};
 use nalgebra::{Unit, UnitQuaternion};
 use proact_types::{MAX_JOINTS, Pose, Shape, Vector};
 use serde::{Deserialize, Serialize};
@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 ///
 /// `joints` holds every joint of the tree; vectors of joint values run over [`ArmModel::moving`], arm joints
 /// first, base to tip, then hand joints in the order of the semantic group.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct ArmModel {
     /// Name of the robot.
@@ -18,20 +18,50 @@ pub struct ArmModel {
     pub joints: Vec<Joint>,
     /// Indices into `joints` of the arm group, base to tip.
     pub arm: Vec<usize>,
-    /// Indices into `joints` of the hand group (MPL: index, middle, pinky, ring, thumb, each 0 to 3).
+    /// Indices into `joints` of the hand group in the order of the semantic group.
     pub hand: Vec<usize>,
+    /// Hand joints that follow others. Each has its place in the vectors of joint values, and a motor of its own that is
+    /// told the master's angle: what stops one of the two does not stop the other.
+    #[serde(default)]
+    pub mimics: Vec<Mimic>,
     /// Index of the link at which the arm group ends and that carries the hand.
     pub tip: usize,
     /// Named poses, such as `open` and `closed`.
     pub poses: Vec<NamedPose>,
     /// Pairs of link indices that may touch: neighbours, and pairs that overlap by construction.
     pub allowed_collisions: Vec<(usize, usize)>,
-    /// Where the centre of a grasped object lies, in the tip's frame, metres.
-    #[cfg_attr(feature = "ts", ts(as = "[f64; 3]"))]
-    pub grasp_centre: Vector,
-    /// How the hand grips from above.
+    /// How the hand grips from above, objects of ascending width.
     #[serde(default)]
-    pub grasp: Grasp,
+    pub grasps: Vec<Grasp>,
+    /// Whose arm it is.
+    #[serde(default)]
+    pub side: Side,
+    /// How it is shown and driven.
+    #[serde(default)]
+    pub settings: ArmSettings,
+}
+
+/// The wearer's side that an arm belongs to. Where a left arm differs from a right one, the world is mirrored across the
+/// wearer's sagittal plane, x and z of `world`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
+#[serde(rename_all = "snake_case")]
+pub enum Side {
+    /// The right shoulder, at negative y of the wearer.
+    #[default]
+    Right,
+    /// The left shoulder, at positive y of the wearer.
+    Left,
+}
+
+impl Side {
+    /// Factor of a coordinate along y that is given for a right arm: 1 or -1.
+    pub fn sign(self) -> f64 {
+        match self {
+            Self::Right => 1.0,
+            Self::Left => -1.0,
+        }
+    }
 }
 
 /// A rigid link.
@@ -110,6 +140,30 @@ pub enum JointKind {
     Fixed,
     /// Turns about its axis, with limits.
     Revolute,
+    /// Turns about its axis for ever. Its limits are [`JointLimits::ENDLESS`] either way: angles are counted on over whole
+    /// turns, and only a planner takes those a turn apart for the same.
+    Continuous,
+}
+
+impl JointKind {
+    /// False for what is fixed.
+    pub fn moves(self) -> bool {
+        self != Self::Fixed
+    }
+}
+
+/// A joint that another one takes along.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
+pub struct Mimic {
+    /// Index into `joints` of the joint that follows.
+    pub joint: usize,
+    /// Index into `joints` of the joint that it follows.
+    pub master: usize,
+    /// The follower's angle per angle of the master.
+    pub multiplier: f64,
+    /// The follower's angle where the master's is zero, rad.
+    pub offset: f64,
 }
 
 /// A joint.
@@ -118,7 +172,7 @@ pub enum JointKind {
 pub struct Joint {
     /// Unique name.
     pub name: String,
-    /// Fixed or revolute.
+    /// How it moves.
     pub kind: JointKind,
     /// Index of the parent link.
     pub parent: usize,
@@ -147,6 +201,11 @@ impl Joint {
     fn turn(&self, angle: f64) -> UnitQuaternion<f64> {
         UnitQuaternion::from_axis_angle(&Unit::new_normalize(self.axis), angle)
     }
+}
+
+impl JointLimits {
+    /// How far a continuous joint turns either way, rad: a hundred turns.
+    pub const ENDLESS: f64 = 200.0 * std::f64::consts::PI;
 }
 
 /// Limits of a joint.
@@ -272,6 +331,29 @@ impl ArmModel {
             .find(|p| p.group == group && p.name == name)
             .map(|p| p.angles.as_slice())
             .ok_or_else(|| self.unknown("pose", name))
+    }
+
+    /// The same arm with some of its arm joints held: `held` says which, by their positions in the arm group, and at which
+    /// angles, rad. They are fixed joints then, and named poses of the arm are without them. Positions that the arm does
+    /// not have are left out.
+    pub fn holding(&self, held: &[(usize, f64)]) -> Self {
+        let mut model = self.clone();
+        for &(position, angle) in held {
+            let Some(&joint) = self.arm.get(position) else { continue };
+            let joint = &mut model.joints[joint];
+            joint.origin = joint.across(angle);
+            joint.kind = JointKind::Fixed;
+            joint.limits = JointLimits::default();
+        }
+        let stays = |position: usize| !held.iter().any(|(of, _)| *of == position);
+        let kept = |angles: &[f64]| {
+            angles.iter().enumerate().filter(|(k, _)| stays(*k)).map(|(_, angle)| *angle).collect()
+        };
+        model.arm = (0..self.arm.len()).filter(|k| stays(*k)).map(|k| self.arm[k]).collect();
+        for pose in model.poses.iter_mut().filter(|pose| pose.group == "arm") {
+            pose.angles = kept(&pose.angles);
+        }
+        model
     }
 
     fn unknown(&self, kind: &'static str, name: &str) -> ArmModelError {

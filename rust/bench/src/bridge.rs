@@ -96,8 +96,8 @@ fn scene_figures(figures: &mut Vec<BenchFigure>, name: &str, late: &Lateness, co
 
 /// A frame of a real trial's start.
 fn first_frame() -> Outcome<(DisplayFrame, PageContent)> {
-    use proact_testbed::{MethodName, Setup, TrialConfig};
-    let config = TrialConfig::new(MethodName::D, 1, Setup::named("still")?);
+    use proact_testbed::{Setup, TrialConfig};
+    let config = TrialConfig::new("D", 1, Setup::named("still")?);
     let assembly = proact_app::trial::live(config)?;
     let mut session = assembly.session;
     let frame = loop {
@@ -106,9 +106,24 @@ fn first_frame() -> Outcome<(DisplayFrame, PageContent)> {
         }
     };
     let scene = session.testbed().task().scene().clone();
+    let briefing = session.testbed().task().briefing().clone();
     let arm = assembly.arm.model().as_ref().clone();
     let (title, setup) = ("bench".to_owned(), "still".to_owned());
-    Ok((frame, PageContent { title, setup, arm, scene, interactive: false, lean: false }))
+    Ok((
+        frame,
+        PageContent {
+            title,
+            setup,
+            arm,
+            meshes: Vec::new(),
+            scene,
+            briefing,
+            interactive: false,
+            lean: false,
+            method: Default::default(),
+            methods: vec![],
+        },
+    ))
 }
 
 /// Publishes [`FRAMES`] frames at 60 Hz; when each was, by its number.
@@ -144,7 +159,7 @@ fn page_scene() -> Outcome<(Lateness, f64)> {
 fn app_scene(readers: usize, stuck: usize) -> Outcome<(Lateness, f64)> {
     let (mut frame, content) = first_frame()?;
     let (server, bus) = serve()?;
-    let topics = HeadsetTopics::new(Arc::clone(&bus), &content.arm, frame.world_from_head)?;
+    let topics = HeadsetTopics::new(Arc::clone(&bus), &content.arm, &content.scene, frame.world_from_head)?;
     let address = format!("ws://{}/", server.address());
     let subscribed = || -> Outcome<Link> {
         let mut link = Link::open(&address)?;

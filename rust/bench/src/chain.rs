@@ -1,8 +1,9 @@
 use crate::{BenchFigure, BenchReport, quantile};
 use proact_app::{Pace, trial};
+use proact_control::MethodRegistry;
 use proact_devices::EmgOrigin;
 use proact_testbed::{
-    MethodName, Setup, TrialConfig,
+    Setup, TrialConfig,
     ports::{Plant, PlantError},
 };
 use proact_types::{
@@ -38,7 +39,7 @@ const TRACKING_TICKS: u64 = 10;
 pub(crate) fn chain(ticks: u64) -> Result<BenchReport, Box<dyn Error>> {
     let mut figures = Vec::new();
     let mut all = Vec::new();
-    for method in MethodName::ALL {
+    for method in MethodRegistry::standard().names() {
         let times = measure(method, ticks)?;
         for (name, share) in [("median", 0.5), ("99 %", 0.99), ("worst", 1.0)] {
             let name = format!("method {method}, packet to joint target, {name}");
@@ -52,7 +53,7 @@ pub(crate) fn chain(ticks: u64) -> Result<BenchReport, Box<dyn Error>> {
 }
 
 /// Microseconds from the last sample of each window to the target that the plant is handed.
-fn measure(method: MethodName, ticks: u64) -> Result<Vec<f64>, Box<dyn Error>> {
+fn measure(method: &str, ticks: u64) -> Result<Vec<f64>, Box<dyn Error>> {
     let config = TrialConfig::new(method, 1, Setup::named("still")?);
     let handed = Handed::default();
     let noted = handed.clone();
@@ -66,7 +67,7 @@ fn measure(method: MethodName, ticks: u64) -> Result<Vec<f64>, Box<dyn Error>> {
         pace.tick();
         let now = SimTime(tick);
         let gesture = GESTURES[(tick / GESTURE_TICKS) as usize % GESTURES.len()];
-        let blocks = &testbed.plant().state().blocks;
+        let blocks = &testbed.plant().state().objects;
         let looked_at = blocks[(tick / (4 * GESTURE_TICKS)) as usize % blocks.len()].pose.translation.vector;
         let gaze = GazeSample { origin: eye, direction: looked_at - eye.coords, valid: true };
         let input = TickInput {

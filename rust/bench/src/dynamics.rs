@@ -10,9 +10,7 @@ use nalgebra::UnitQuaternion;
 use proact_arm::ArmModel;
 use proact_dynamics::{DynamicsOptions, Engine, OdePlant};
 use proact_testbed::ports::{Plant, PlantError};
-use proact_types::{
-    Block, BlockId, PlantCommand, Pose, Scene, SceneObject, Shape, TICK_SECS, Vector, joints, zeros,
-};
+use proact_types::{Object, PlantCommand, Pose, Scene, SceneObject, Shape, TICK_SECS, Vector, joints, zeros};
 use std::{error::Error, time::Instant};
 
 /// Height of the table top in the phases, metres.
@@ -69,12 +67,12 @@ fn extra_blocks(figures: &mut Vec<BenchFigure>, peer: Option<&MuJoCo>) -> Result
         for count in [4_u32, 50, 150] {
             let mut scene = table_with_a_block();
             scene.fixed[0].shape = Shape::Box { size: [4.0, 4.0, 0.03] };
-            let block = scene.blocks[0].clone();
-            scene.blocks = (0..count)
+            let block = scene.objects[0].clone();
+            scene.objects = (0..count)
                 .map(|k| {
                     let pose =
                         Pose::translation(0.1 * f64::from(k % 16), 0.1 * f64::from(k / 16), TABLE + 0.025);
-                    Block { pose, ..block.clone() }
+                    Object { name: format!("block{k}"), pose, ..block.clone() }
                 })
                 .collect();
             let options = DynamicsOptions { sleep, ..DynamicsOptions::default() };
@@ -247,24 +245,18 @@ fn table_with_a_block() -> Scene {
         pose: Pose::translation(0.0, 0.0, TABLE - 0.015),
         friction: 0.4,
     };
-    let block = Block {
-        id: BlockId::Red1,
-        shape: Shape::Cylinder { radius: 0.025, length: 0.05 },
-        mass: 0.1,
-        friction: 0.4,
-        friction_finger: 0.8,
-        pose: Pose::translation(0.0, 0.0, TABLE + 0.025),
-    };
-    Scene { fixed: vec![slab], blocks: vec![block], targets: Vec::new(), table_height: TABLE }
+    let shape = Shape::Cylinder { radius: 0.025, length: 0.05 };
+    let block = Object::plain("red1", shape, 0.1, Pose::translation(0.0, 0.0, TABLE + 0.025));
+    Scene { fixed: vec![slab], objects: vec![block], table_height: TABLE, ..Scene::default() }
 }
 
 /// The base at which the hand is around the block of [`table_with_a_block`], fingers ahead and rolled as it grips.
 fn around_the_block(model: &ArmModel, positions: &[f64]) -> Result<Pose, PlantError> {
-    let nothing = Scene { fixed: Vec::new(), blocks: Vec::new(), ..table_with_a_block() };
+    let nothing = Scene { table_height: TABLE, ..Scene::default() };
     let probe = OdePlant::new(model, &nothing, positions, &Pose::identity(), DynamicsOptions::default())?;
-    let rotation = UnitQuaternion::from_euler_angles(model.grasp.roll, -1.0_f64.to_radians(), 0.0);
+    let rotation = UnitQuaternion::from_euler_angles(model.widest_grasp().roll, -1.0_f64.to_radians(), 0.0);
     let block = Vector::new(0.0, 0.0, TABLE + 0.025);
-    let world_from_tip = Pose::from_parts((block - rotation * model.grasp_centre).into(), rotation);
+    let world_from_tip = Pose::from_parts((block - rotation * model.widest_grasp().centre).into(), rotation);
     Ok(world_from_tip * probe.link_pose(model.tip)?.inverse())
 }
 

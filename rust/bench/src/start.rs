@@ -2,7 +2,7 @@ use crate::{BenchFigure, BenchReport, quantile};
 use proact_app::trial::{self, Assembly};
 use proact_bridge::{PageContent, PageOptions, PageServer};
 use proact_devices::EmgOrigin;
-use proact_testbed::{MethodName, Setup, TrialConfig};
+use proact_testbed::{Setup, TrialConfig};
 use std::{error::Error, process::Command, time::Instant};
 
 /// Starts measured. The worst of twenty stands for what a visitor may meet.
@@ -38,15 +38,19 @@ pub(crate) fn start() -> Result<BenchReport, Box<dyn Error>> {
 
 /// Trains, assembles, serves and runs to the first frame, as `demo` does.
 fn first_frame() -> Result<(), Box<dyn Error>> {
-    let config = TrialConfig::new(MethodName::D, 1, Setup::named("seated")?);
+    let config = TrialConfig::new("D", 1, Setup::named("seated")?);
     let Assembly { mut session, arm, .. } = trial::simulated(config, &EmgOrigin::Synthetic)?;
     let content = PageContent {
         title: "bench".to_owned(),
         setup: "seated".to_owned(),
         arm: arm.model().as_ref().clone(),
+        meshes: arm.meshes(),
         scene: session.testbed().task().scene().clone(),
+        briefing: session.testbed().task().briefing().clone(),
         interactive: false,
         lean: false,
+        method: Default::default(),
+        methods: vec![],
     };
     let server = PageServer::start(PageOptions { port: 0, ..PageOptions::default() }, content)?;
     loop {

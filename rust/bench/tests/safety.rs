@@ -7,7 +7,7 @@
 
 use proact_app::{Recorder, ReplayOptions, replay_trial, trial};
 use proact_bench::safety::{Case, Death, StopTime, cases, measure};
-use proact_testbed::{MethodName, Setup, TrialConfig};
+use proact_testbed::{Setup, TrialConfig};
 use proact_types::{GazeSample, Gesture, InputSource, Point, StopCause, Vector};
 
 /// Runs the cases of a source; what each gave.
@@ -86,7 +86,7 @@ fn a_tracked_limb_or_shoulder_that_dies_holds_the_arm_and_is_named() {
 fn a_stop_is_on_the_record_with_its_reason_and_a_replay_stops_where_the_trial_did() {
     let dir = tempfile::tempdir().unwrap();
     let dir = dir.path().join("trial");
-    let config = TrialConfig::new(MethodName::A, 1, Setup::named("still").unwrap());
+    let config = TrialConfig::new("A", 1, Setup::named("still").unwrap());
     let trial::Assembly { mut session, arm, .. } = trial::live(config).unwrap();
     let config = session.testbed().config().clone();
     let mut recorder = Recorder::create(&dir, &config, &arm, None).unwrap();
@@ -111,7 +111,7 @@ fn a_stop_is_on_the_record_with_its_reason_and_a_replay_stops_where_the_trial_di
 #[test]
 fn a_mouse_that_rests_may_do_so_and_an_eye_that_does_may_not() {
     let stops = |measured: bool| {
-        let config = TrialConfig::new(MethodName::D, 1, Setup::named("still").unwrap());
+        let config = TrialConfig::new("D", 1, Setup::named("still").unwrap());
         let mut session = trial::live(config).unwrap().session;
         let ray = GazeSample {
             origin: Point::new(-0.5, 0.0, 1.6),

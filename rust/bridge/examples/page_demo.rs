@@ -8,10 +8,22 @@
 
 use nalgebra::{Translation3, UnitQuaternion};
 use proact_arm::ArmModel;
-use proact_bridge::{ClientInput, PageContent, PageOptions, PageServer};
-use proact_tasks::{Arrangement, BoxAndBlocks};
+use proact_bridge::{ClientInput, MeshFile, PageContent, PageOptions, PageServer};
+use proact_description::{ArmFolder, mesh_id};
+use proact_tasks::{Arrangement, TaskChoice};
 use proact_types::*;
 use std::time::{Duration, Instant};
+
+/// The meshes of the arm.
+fn meshes() -> Vec<MeshFile> {
+    let folder = ArmFolder::shipped("mpl_right").expect("ships with the program");
+    let file = |(address, bytes): (String, std::borrow::Cow<'static, [u8]>)| MeshFile {
+        address,
+        id: mesh_id(&bytes),
+        bytes: bytes.into_owned().into(),
+    };
+    folder.meshes.into_iter().map(file).collect()
+}
 
 /// Length of the script, seconds.
 const LOOP_SECS: f64 = 16.0;
@@ -21,14 +33,20 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let port = arguments.next().map_or(Ok(8090), |text| text.parse())?;
     let setup = arguments.next().unwrap_or_else(|| "still".to_owned());
     let arm = proact_description::mpl_right_arm();
-    let scene = BoxAndBlocks::new(Arrangement::numbered(9)?).scene().clone();
+    let arrangement = Some(Arrangement::numbered(9)?);
+    let task = TaskChoice { arrangement, ..TaskChoice::named("modified_bbt", 1)? }.build(false)?;
+    let scene = task.scene().clone();
     let content = PageContent {
         title: "page demo".to_owned(),
         setup: setup.clone(),
         arm: arm.clone(),
+        meshes: meshes(),
         scene: scene.clone(),
+        briefing: task.briefing().clone(),
         interactive: true,
         lean: setup == "seated",
+        method: Default::default(),
+        methods: vec![],
     };
     let server = PageServer::start(PageOptions { port, ..PageOptions::default() }, content)?;
     println!("{}", server.url());
@@ -77,7 +95,7 @@ impl Script {
         };
         let (reach, carry, back) = (ramp(2.0, 5.0), ramp(7.0, 10.0), ramp(12.5, 15.0));
         let grip = ramp(5.2, 6.5) - ramp(11.0, 12.3);
-        let holds = (6.3..11.3).contains(&t).then_some(BlockId::Red1);
+        let holds = (6.3..11.3).contains(&t).then_some(ObjectId(0));
         let start = [1.029, -0.161, 0.1291, 1.029, 1.57, 0.0174, 0.1006];
         let q: Vec<f64> = (0..7)
             .map(|k| {
@@ -95,9 +113,10 @@ impl Script {
             UnitQuaternion::from_euler_angles(0.0, sway, sway),
         );
         let tip = base * self.base_from_tip(&joints);
-        let mut blocks: Vec<Pose> = self.scene.blocks.iter().map(|block| block.pose).collect();
+        let mut blocks: Vec<Pose> = self.scene.objects.iter().map(|block| block.pose).collect();
         if holds.is_some() {
-            blocks[0].translation = Translation3::from((tip * Point::from(self.arm.grasp_centre)).coords);
+            blocks[0].translation =
+                Translation3::from((tip * Point::from(self.arm.widest_grasp().centre)).coords);
         } else if t > 11.3 {
             blocks[0].translation.vector =
                 self.scene.targets[0].centre.coords + Vector::new(0.01, 0.0, 0.025);
@@ -125,7 +144,7 @@ impl Script {
             world_from_base: base,
             world_from_tip: tip,
             world_from_head: Pose::translation(eye.x, eye.y, eye.z),
-            blocks,
+            objects: blocks,
             hand: HandView {
                 state: match grip {
                     g if g < 0.05 => HandState::Open,
@@ -137,7 +156,7 @@ impl Script {
             },
             gaze: self.gaze.or(Some(GazeSample { origin: eye, direction: looks_at - eye, valid: true })),
             target: TargetView {
-                block: (t > 0.6 && holds.is_none()).then_some(BlockId::Red1),
+                object: (t > 0.6 && holds.is_none()).then_some(ObjectId(0)),
                 place: holds.map(|_| self.scene.targets[0].centre + Vector::new(0.004, 0.006, 0.0)),
                 locked,
                 posterior: vec![0.7, 0.1, 0.15, 0.05],
@@ -146,29 +165,32 @@ impl Script {
             mode: None,
             stop: None,
             gesture: self.gesture,
+            recognised: self.gesture.into(),
             confidence: 0.87,
             effort: 0.5,
             emg_source: "keys".to_owned(),
             time_left_secs: 300.0 - secs % 300.0,
             goal: None,
-            next_block: Some(if t > 12.0 { BlockId::Blue1 } else { BlockId::Red1 }),
-            on_target: u32::from(t > 12.0),
+            next: Some(if t > 12.0 { ObjectId(2) } else { ObjectId(0) }),
+            score: u32::from(t > 12.0),
             finished: false,
             events: self.events(secs, t),
+            contacts: Vec::new(),
+            feedback: Vec::new(),
         }
     }
 
     /// The events of the sixtieth of a second before now.
     fn events(&self, secs: f64, t: f64) -> Vec<Event> {
-        let block = BlockId::Red1;
+        let block = ObjectId(0);
         [
-            (1.5, EventKind::Locked { block: Some(block) }),
+            (1.5, EventKind::Locked { object: Some(block) }),
             (2.0, EventKind::PlanRequested { request: 1 }),
             (2.3, EventKind::PlanFinished { request: 1, status: PlanStatus::Ok }),
             (5.0, EventKind::MotionFinished),
-            (6.3, EventKind::BlockAttached { block }),
-            (11.3, EventKind::BlockReleased { block }),
-            (12.0, EventKind::BlockOnTarget { block, distance: 0.01 }),
+            (6.3, EventKind::ObjectAttached { object: block }),
+            (11.3, EventKind::ObjectReleased { object: block }),
+            (12.0, EventKind::ObjectOnTarget { object: block, distance: 0.01 }),
         ]
         .into_iter()
         .filter(|(at, _)| (t - 1.0 / 60.0..t).contains(at))

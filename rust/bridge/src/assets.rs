@@ -1,4 +1,4 @@
-//! What is built into the binary: the page and the arm's meshes.
+//! What is built into the binary: the page.
 
 use axum::{
     body::Body,
@@ -12,12 +12,6 @@ use rust_embed::{EmbeddedFile, RustEmbed};
 #[folder = "web/dist/"]
 struct Page;
 
-/// The arm's own meshes. A description without meshes is drawn from its primitive shapes.
-#[derive(RustEmbed)]
-#[folder = "../../ros1_ws/src/proact_description/meshes/"]
-#[allow_missing = true]
-struct Meshes;
-
 /// A file of the page. The empty path is its first page, and a name without an ending is the page of that name.
 pub(crate) fn page(path: &str) -> Response {
     let html = match path {
@@ -30,11 +24,6 @@ pub(crate) fn page(path: &str) -> Response {
         None if !path.contains('.') => respond(Page::get(&html), &html),
         file => respond(file, path),
     }
-}
-
-/// A mesh by its path below the description's `meshes` folder.
-pub(crate) fn mesh(path: &str) -> Response {
-    respond(Meshes::get(path), path)
 }
 
 /// Changes whenever a script changes: a browser that still runs an older one reloads itself.
@@ -67,7 +56,6 @@ fn content_type(path: &str) -> &'static str {
         Some("css") => "text/css; charset=utf-8",
         Some("svg") => "image/svg+xml",
         Some("json" | "map") => "application/json",
-        Some("stl") => "model/stl",
         _ => "application/octet-stream",
     }
 }
@@ -99,7 +87,6 @@ mod tests {
     fn an_unknown_file_and_a_way_out_of_the_folder_are_not_found() {
         for path in ["nothing.js", "../Cargo.toml", "/etc/passwd", "a/../../build.rs"] {
             assert_eq!(page(path).status(), StatusCode::NOT_FOUND, "{path}");
-            assert_eq!(mesh(path).status(), StatusCode::NOT_FOUND, "{path}");
         }
     }
 }

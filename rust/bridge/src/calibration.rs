@@ -15,7 +15,7 @@ use axum::{
     routing::get,
 };
 use proact_http::{Limits, Pulse, Right, Server};
-use proact_types::Gesture;
+use proact_types::GestureName;
 use serde::Deserialize;
 use std::{
     sync::{Arc, Mutex, PoisonError},
@@ -38,7 +38,7 @@ pub enum CalibrationCommand {
     /// This gesture again.
     RecordAgain {
         /// Which.
-        gesture: Gesture,
+        gesture: GestureName,
     },
     /// Train with what there is.
     Finish,

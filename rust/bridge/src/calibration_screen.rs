@@ -1,7 +1,7 @@
 //! What the calibration page shows.
 
 use proact_emg::{CalibrationReport, CursorReport, HoldReport, Light, Phase, SequenceReport, StreamQuality};
-use proact_types::Gesture;
+use proact_types::GestureName;
 use serde::Serialize;
 use serde_json::Value;
 
@@ -60,7 +60,7 @@ pub enum CalibrationView<'a> {
         /// Rounds after which no more are offered.
         most_rounds: usize,
         /// The gestures of a round.
-        gestures: &'a [Gesture],
+        gestures: &'a [GestureName],
         /// Share of windows that has to be recognised, 0 to 1.
         target_accuracy: f64,
         /// The electrodes.
@@ -78,9 +78,9 @@ pub enum CalibrationView<'a> {
         #[serde(flatten)]
         test: GestureTest<'a>,
         /// The gesture asked for.
-        prompt: Option<Gesture>,
+        prompt: Option<GestureName>,
         /// The gesture in force.
-        in_force: Gesture,
+        in_force: GestureName,
     },
     /// A cursor is steered into targets. Places in units of half the picture: x to the right, y up, -1 to 1.
     Cursor {
@@ -93,7 +93,7 @@ pub enum CalibrationView<'a> {
         /// Share of the dwell time that is over, 0 to 1.
         dwelt: f64,
         /// The gesture in force.
-        in_force: Gesture,
+        in_force: GestureName,
         /// How hard it is made, 0 to 1.
         effort: f64,
         /// How it goes.

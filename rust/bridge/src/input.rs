@@ -10,9 +10,6 @@ const MAX_DISTANCE: f64 = 100.0;
 /// Largest trunk angle taken over, rad. A bound on nonsense: the body model has its own, tighter limits.
 const MAX_TRUNK_ANGLE: f64 = std::f64::consts::FRAC_PI_2;
 
-/// Names of the control methods that a page may ask for.
-const METHODS: [char; 4] = ['A', 'B', 'C', 'D'];
-
 /// What the person at the page does. All numbers are finite and within sane bounds.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ClientInput {
@@ -33,8 +30,9 @@ pub enum ClientInput {
     Head(Pose),
     /// Begin a new trial.
     Restart {
-        /// With this method, `A` to `D`; none for the same one.
-        method: Option<char>,
+        /// With the method of this name, one of [`PageContent::methods`](crate::PageContent::methods); none for the same
+        /// one.
+        method: Option<String>,
         /// With the same seed, so that the blocks stand where they stood at the start of this one.
         again: bool,
     },
@@ -91,7 +89,7 @@ pub(crate) enum ClientMessage {
     Restart {
         #[serde(default)]
         #[cfg_attr(feature = "ts", ts(optional))]
-        method: Option<char>,
+        method: Option<String>,
         #[serde(default)]
         #[cfg_attr(feature = "ts", ts(as = "Option<bool>", optional))]
         again: bool,
@@ -147,10 +145,7 @@ pub(crate) fn parse(text: &str) -> Result<Parsed, String> {
             }
             Ok(Parsed::Input(ClientInput::Trunk(TrunkPosture { forward, lateral, axial })))
         }
-        ClientMessage::Restart { method, again } => match method.filter(|name| !METHODS.contains(name)) {
-            Some(name) => Err(format!("message ignored: method is {name:?}, expected one of {METHODS:?}")),
-            None => Ok(Parsed::Input(ClientInput::Restart { method, again })),
-        },
+        ClientMessage::Restart { method, again } => Ok(Parsed::Input(ClientInput::Restart { method, again })),
         ClientMessage::Study { action } => Ok(Parsed::Input(ClientInput::Study(action))),
         ClientMessage::GazeCheck(check) => {
             check.check().map_err(|reason| format!("message ignored: {reason}"))?;
@@ -227,7 +222,7 @@ mod tests {
             (r#"{"type":"restart"}"#, Some(ClientInput::Restart { method: None, again: false })),
             (
                 r#"{"type":"restart","method":"B","again":true}"#,
-                Some(ClientInput::Restart { method: Some('B'), again: true }),
+                Some(ClientInput::Restart { method: Some("B".to_owned()), again: true }),
             ),
             (r#"{"type":"study","action":"pause"}"#, Some(ClientInput::Study(StudyAction::Pause))),
             (
@@ -267,8 +262,6 @@ mod tests {
             (r#"{"type":"gaze","origin":[0,0,1],"direction":[1e300,1e300,0]}"#, "above zero"),
             (r#"{"type":"trunk","forward":9,"lateral":0,"axial":0}"#, "trunk forward is 9"),
             (r#"{"type":"restart","extra":1}"#, "unknown field"),
-            (r#"{"type":"restart","method":"Z"}"#, "method is 'Z'"),
-            (r#"{"type":"restart","method":"AB"}"#, "expected a character"),
             (r#"{"type":"study","action":"fly"}"#, "unknown variant"),
             (r#"{"type":"head","position":[1,2,3],"quaternion":[0,0,0,2]}"#, "of length 1"),
             (r#"{"type":"head","position":[1,2,1e9],"quaternion":[0,0,0,1]}"#, "up to 100 m"),

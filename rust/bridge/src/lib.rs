@@ -5,20 +5,21 @@
 //! in doubt the arm stops: a client that holds a gesture and vanishes or falls silent releases it.
 //!
 //! Addresses: `/` the participant's page, `/experimenter` and `/spectator`, `/replay`; `/api/content` arm and scene,
-//! `/api/trials` and `/api/trials/<number>` recorded trials, `/meshes/<file>` the arm's meshes, `/live` the
+//! `/api/trials` and `/api/trials/<number>` recorded trials, `/meshes/<id>` the arm's meshes, `/live` the
 //! WebSocket (protocol: [`live`]), `/camera.png` and `/camera.json` what a simulated [camera](proact_camera) sees,
 //! `/healthz`. Who may connect is [`proact_http`]'s rule.
 //!
 //! It uses the real clock and threads. It does not compute anything of the trial, knows no ROS and reads no
-//! files: page and meshes are embedded when the crate is built.
+//! files: the page is embedded when the crate is built, meshes come with the content.
 //!
 //! ```no_run
-//! # fn example(arm: proact_arm::ArmModel, scene: proact_types::Scene, frame: proact_types::DisplayFrame)
+//! # fn example(arm: proact_arm::ArmModel, scene: proact_types::Scene, briefing: proact_types::Briefing, frame: proact_types::DisplayFrame)
 //! #     -> Result<(), proact_bridge::BridgeError> {
 //! use proact_bridge::{PageContent, PageOptions, PageServer};
 //! let server = PageServer::start(
 //!     PageOptions::default(),
-//!     PageContent { title: "demo".into(), setup: "still".into(), arm, scene, interactive: true, lean: false },
+//!     PageContent { title: "demo".into(), setup: "still".into(), arm, meshes: vec![], scene, briefing,
+//!         interactive: true, lean: false, method: Default::default(), methods: vec![] },
 //! )?;
 //! println!("open {}", server.url());
 //! server.publish(&frame);
@@ -42,6 +43,7 @@ mod gaze_check;
 mod input;
 mod input_arbiter;
 pub mod live;
+mod meshes;
 mod server;
 mod signals;
 mod trials;
@@ -53,6 +55,7 @@ pub use calibration_screen::{CalibrationScreen, CalibrationView, ChannelLight, G
 pub use error::BridgeError;
 pub use gaze_check::{GazeCheck, GazePoint};
 pub use input::{ClientInput, StudyAction};
+pub use meshes::MeshFile;
 pub use server::{PageContent, PageOptions, PageServer};
 pub use signals::{Signals, TrialStatus};
 pub use trials::RecordedTrial;

@@ -107,9 +107,11 @@ impl Reader<'_> {
             pulse.beat();
             let parsed = match message {
                 Ok(Message::Text(text)) => input::parse(&text).and_then(|parsed| match &parsed {
-                    Parsed::Input(input) => {
-                        role.may(input, right, shared.interactive()).map(|()| parsed).map_err(str::to_owned)
-                    }
+                    Parsed::Input(input) => role
+                        .may(input, right, shared.interactive())
+                        .map_err(str::to_owned)
+                        .and_then(|()| shared.offers(input))
+                        .map(|()| parsed),
                     Parsed::Alive | Parsed::Ping(_) => Ok(parsed),
                 }),
                 Ok(Message::Binary(data)) => {

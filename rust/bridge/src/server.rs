@@ -3,6 +3,7 @@ use crate::{
     feed::{Feed, ServerMessage},
     input_arbiter::{ClientId, InputArbiter},
     live::{self, Role},
+    meshes::{self, MeshFile, MeshesById},
     trials::StoredTrials,
 };
 use axum::{
@@ -16,7 +17,7 @@ use axum::{
 use proact_arm::ArmModel;
 use proact_camera::Studio;
 use proact_http::{Access, Limits, Options, Pages, Right, Server};
-use proact_types::{DisplayFrame, Scene};
+use proact_types::{Briefing, DisplayFrame, MOST_METHOD_NAME_BYTES, MethodInfo, Scene};
 use serde::{Deserialize, Serialize};
 use std::{
     net::{IpAddr, Ipv4Addr},
@@ -96,12 +97,20 @@ pub struct PageContent {
     pub setup: String,
     /// The arm.
     pub arm: ArmModel,
+    /// Its meshes, as far as they are there; a link whose mesh is not is drawn by its collision shapes.
+    pub meshes: Vec<MeshFile>,
     /// The room.
     pub scene: Scene,
+    /// What the person is told of the task.
+    pub briefing: Briefing,
     /// The page drives: mouse is gaze, keys are gestures. Otherwise it only shows, and inputs are refused.
     pub interactive: bool,
     /// The trunk moves: lean keys are offered.
     pub lean: bool,
+    /// The control method of the trial.
+    pub method: MethodInfo,
+    /// The methods by which another trial may begin.
+    pub methods: Vec<MethodInfo>,
 }
 
 /// State shared by the owner's thread and the server's.
@@ -123,6 +132,8 @@ pub(crate) struct Shared {
 struct StoredContent {
     json: String,
     interactive: bool,
+    methods: Vec<String>,
+    meshes: MeshesById,
     studio: Arc<Studio>,
 }
 
@@ -146,6 +157,17 @@ impl Shared {
 
     pub(crate) fn interactive(&self) -> bool {
         self.content().interactive
+    }
+
+    /// Whether `input` asks for nothing but what there is.
+    pub(crate) fn offers(&self, input: &ClientInput) -> Result<(), String> {
+        let ClientInput::Restart { method: Some(name), .. } = input else { return Ok(()) };
+        let known = &self.content().methods;
+        if known.contains(name) {
+            return Ok(());
+        }
+        let name: String = name.chars().take(MOST_METHOD_NAME_BYTES).collect();
+        Err(format!("message ignored: method is {name:?}, expected one of {}", known.join(", ")))
     }
 
     pub(crate) fn studio(&self) -> Arc<Studio> {
@@ -281,14 +303,16 @@ fn store(page: &PageContent) -> Result<StoredContent, BridgeError> {
     if let Some(joint) = page.arm.moving().find(|&joint| joint >= joints) {
         return refuse(format!("moving joint {joint} does not exist, the arm has {joints} joints"));
     }
-    let (blocks, targets) = (page.scene.blocks.len(), page.scene.targets.len());
-    if blocks != targets {
-        return refuse(format!("the scene has {blocks} blocks and {targets} targets, expected as many"));
+    let objects = page.scene.objects.len();
+    if let Some(target) = page.scene.targets.iter().find(|target| target.object.index() >= objects) {
+        return refuse(format!("a target is for object {}, the scene has {objects}", target.object.0));
     }
     let json =
         serde_json::to_string(page).map_err(|error| BridgeError::Content { what: error.to_string() })?;
     let studio = Arc::new(Studio::new(&page.arm, &page.scene));
-    Ok(StoredContent { json, interactive: page.interactive, studio })
+    let methods = page.methods.iter().map(|method| method.name.clone()).collect();
+    let meshes = meshes::by_id(&page.meshes);
+    Ok(StoredContent { json, interactive: page.interactive, methods, meshes, studio })
 }
 
 async fn watch_silence(shared: Arc<Shared>) {
@@ -303,7 +327,7 @@ fn router(shared: Arc<Shared>) -> Router {
     Router::new()
         .route("/", get(|| async { assets::page("") }))
         .route("/{*path}", get(|Path(path): Path<String>| async move { assets::page(&path) }))
-        .route("/meshes/{*path}", get(|Path(path): Path<String>| async move { assets::mesh(&path) }))
+        .route("/meshes/{id}", get(mesh))
         .route("/healthz", get(|| async { "ok\n" }))
         .route("/api/content", get(content))
         .route("/live", get(connect))
@@ -317,6 +341,11 @@ fn router(shared: Arc<Shared>) -> Router {
 async fn content(State(shared): State<Arc<Shared>>) -> Response {
     let content = shared.content().json.clone();
     json(content.into())
+}
+
+async fn mesh(State(shared): State<Arc<Shared>>, Path(id): Path<String>) -> Response {
+    let shown = shared.content().meshes.get(&id).cloned();
+    meshes::respond(shown.or_else(|| shared.trials().meshes.get(&id).cloned()), &id)
 }
 
 async fn trials(State(shared): State<Arc<Shared>>) -> Response {

@@ -1,6 +1,9 @@
 //! Recorded trials that the replay page looks at.
 
-use crate::{BridgeError, PageContent};
+use crate::{
+    BridgeError, PageContent,
+    meshes::{self, MeshesById},
+};
 use axum::body::Bytes;
 use proact_types::DisplayFrame;
 use serde::Serialize;
@@ -19,8 +22,8 @@ pub struct RecordedTrial {
     pub seed: Option<u64>,
     /// Length, simulated seconds.
     pub seconds: f64,
-    /// Blocks on target in the end.
-    pub on_target: u32,
+    /// What the task counted in the end.
+    pub score: u32,
     /// Arm and scene.
     pub content: PageContent,
     /// The recomputed trial has the recorded digest; none for a bag, which is not recomputed.
@@ -40,7 +43,7 @@ pub(crate) struct TrialSummary<'a> {
     setup: &'a str,
     seed: Option<u64>,
     seconds: f64,
-    on_target: u32,
+    score: u32,
 }
 
 /// Trials written out once for all pages.
@@ -50,6 +53,8 @@ pub(crate) struct StoredTrials {
     pub(crate) list: Bytes,
     /// Each trial as JSON.
     pub(crate) trials: Vec<Bytes>,
+    /// What their arms are drawn with.
+    pub(crate) meshes: MeshesById,
 }
 
 impl StoredTrials {
@@ -62,7 +67,7 @@ impl StoredTrials {
                 setup: &trial.setup,
                 seed: trial.seed,
                 seconds: trial.seconds,
-                on_target: trial.on_target,
+                score: trial.score,
             })
             .collect();
         let failed = |error: serde_json::Error| BridgeError::Content { what: error.to_string() };
@@ -72,6 +77,7 @@ impl StoredTrials {
                 .iter()
                 .map(|trial| serde_json::to_vec(trial).map(Bytes::from).map_err(failed))
                 .collect::<Result<_, _>>()?,
+            meshes: meshes::by_id(trials.iter().flat_map(|trial| &trial.content.meshes)),
         })
     }
 }

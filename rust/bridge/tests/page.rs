@@ -339,7 +339,7 @@ async fn recorded_trials_are_listed_and_served_by_number() {
         setup: "still".into(),
         seed: Some(1),
         seconds: 2.0,
-        on_target: 1,
+        score: 1,
         content: content(false),
         agrees: Some(true),
         finished: true,

@@ -21,7 +21,7 @@ mod ray;
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 use proact_arm::{ArmModel, VisualGeometry};
-use proact_types::{BlockColour, DisplayFrame, Point, Pose, Scene, Shape, Vector};
+use proact_types::{DisplayFrame, Point, Pose, Scene, Shape, Vector};
 use serde::Deserialize;
 
 /// Nothing nearer is seen, metres.
@@ -92,8 +92,8 @@ struct Body {
 enum Place {
     /// `world_from_shape`.
     Room(Pose),
-    /// Which block.
-    Block(usize),
+    /// Which object.
+    Object(usize),
     /// Which link, and `link_from_shape`.
     Link(usize, Pose),
 }
@@ -113,13 +113,10 @@ impl Studio {
             place: Place::Room(object.pose),
             colour: if object.name.starts_with("table") { [0.76, 0.64, 0.5] } else { [0.62, 0.62, 0.6] },
         });
-        let blocks = scene.blocks.iter().enumerate().map(|(n, block)| Body {
+        let blocks = scene.objects.iter().enumerate().map(|(n, block)| Body {
             shape: block.shape,
-            place: Place::Block(n),
-            colour: match block.id.colour() {
-                BlockColour::Red => [0.8, 0.15, 0.12],
-                BlockColour::Blue => [0.1, 0.25, 0.8],
-            },
+            place: Place::Object(n),
+            colour: block.colour,
         });
         let mut bodies: Vec<Body> = fixed.chain(blocks).collect();
         for (index, link) in arm.links.iter().enumerate() {
@@ -140,8 +137,8 @@ impl Studio {
             }));
         }
         let sum: Vector = scene.targets.iter().map(|target| target.centre.coords).sum();
-        let starts: Vector = scene.blocks.iter().map(|block| block.pose.translation.vector).sum();
-        let count = (scene.targets.len() + scene.blocks.len()).max(1) as f64;
+        let starts: Vector = scene.objects.iter().map(|block| block.pose.translation.vector).sum();
+        let count = (scene.targets.len() + scene.objects.len()).max(1) as f64;
         let mut table_centre = Point::from((sum + starts) / count);
         table_centre.z = scene.table_height;
         Studio { arm: arm.clone(), bodies, table_centre }
@@ -158,7 +155,7 @@ impl Studio {
         Camera { world_from_camera, width, height, vertical_fov }
     }
 
-    /// Takes a picture of an instant. What `frame` leaves out, such as a block, is not seen.
+    /// Takes a picture of an instant. What `frame` leaves out, such as an object, is not seen.
     pub fn take(&self, frame: &DisplayFrame, camera: &Camera) -> Picture {
         let pixels = camera.width as usize * camera.height as usize;
         let background = BACKGROUND.map(byte);
@@ -168,7 +165,7 @@ impl Studio {
         for body in &self.bodies {
             let world_from_shape = match &body.place {
                 Place::Room(pose) => Some(*pose),
-                Place::Block(n) => frame.blocks.get(*n).copied(),
+                Place::Object(n) => frame.objects.get(*n).copied(),
                 Place::Link(n, pose) => Some(frame.world_from_base * base_from_link[*n] * pose),
             };
             if let Some(world_from_shape) = world_from_shape {
@@ -267,7 +264,7 @@ pub fn png(width: u32, height: u32, rgb: &[u8]) -> Vec<u8> {
 mod tests {
     use super::*;
     use proact_arm::{CollisionShape, Joint, JointKind, JointLimits, Link};
-    use proact_types::{BlockId, Gesture, HandView, PlannerView, SimTime, TargetView};
+    use proact_types::{Gesture, HandView, PlannerView, SimTime, TargetView};
 
     /// A beam that hangs from a joint at the base: 12 cm wide and 60 cm long.
     fn arm() -> ArmModel {
@@ -294,8 +291,7 @@ mod tests {
             tip: 1,
             poses: vec![],
             allowed_collisions: vec![],
-            grasp_centre: Vector::zeros(),
-            grasp: Default::default(),
+            ..Default::default()
         }
     }
 
@@ -308,7 +304,7 @@ mod tests {
             world_from_base: Pose::identity(),
             world_from_tip: Pose::identity(),
             world_from_head: Pose::translation(2.0, 0.1, 1.5),
-            blocks: vec![Pose::translation(2.8, 0.0, 1.3)],
+            objects: vec![Pose::translation(2.8, 0.0, 1.3)],
             hand: HandView::default(),
             gaze: None,
             target: TargetView::default(),
@@ -316,28 +312,28 @@ mod tests {
             mode: None,
             stop: None,
             gesture: Gesture::NoMotion,
+            recognised: Gesture::NoMotion.into(),
             confidence: 1.0,
             effort: 0.0,
             emg_source: "keys".to_owned(),
             time_left_secs: 1.0,
             goal: None,
-            next_block: None,
-            on_target: 0,
+            next: None,
+            score: 0,
             finished: false,
             events: Vec::new(),
+            contacts: Vec::new(),
+            feedback: Vec::new(),
         }
     }
 
     fn studio() -> Studio {
-        let block = proact_types::Block {
-            id: BlockId::Red1,
-            shape: Shape::Sphere { radius: 0.05 },
-            mass: 0.1,
-            friction: 0.4,
-            friction_finger: 0.4,
-            pose: Pose::translation(2.8, 0.0, 1.3),
+        let shape = Shape::Sphere { radius: 0.05 };
+        let ball = proact_types::Object {
+            colour: [0.784, 0.267, 0.173],
+            ..proact_types::Object::plain("ball", shape, 0.1, Pose::translation(2.8, 0.0, 1.3))
         };
-        let scene = Scene { fixed: vec![], blocks: vec![block], targets: vec![], table_height: 1.3 };
+        let scene = Scene { objects: vec![ball], table_height: 1.3, ..Scene::default() };
         Studio::new(&arm(), &scene)
     }
 
@@ -381,13 +377,13 @@ mod tests {
         assert_eq!(red(&studio.take(&frame, &camera(&[2.0, 0.1, 1.5], -1.0, 1.0))), 0, "the ball is behind");
         // The arm, at the origin, stands before a ball that is moved behind it.
         let camera = camera(&[1.0, 0.0, -0.3], -1.0, 0.6);
-        frame.blocks[0] = Pose::translation(-0.2, 0.0, -0.3);
+        frame.objects[0] = Pose::translation(-0.2, 0.0, -0.3);
         let hidden = red(&studio.take(&frame, &camera));
-        frame.blocks[0] = Pose::translation(0.2, 0.0, -0.3);
+        frame.objects[0] = Pose::translation(0.2, 0.0, -0.3);
         let whole = red(&studio.take(&frame, &camera));
         assert!(hidden < whole / 2, "{hidden} pixels behind the arm, {whole} before it");
         // The arm is raised out of the way.
-        frame.blocks[0] = Pose::translation(-0.2, 0.0, -0.3);
+        frame.objects[0] = Pose::translation(-0.2, 0.0, -0.3);
         frame.joints[0] = std::f64::consts::FRAC_PI_2;
         let free = red(&studio.take(&frame, &camera));
         assert!(free > whole / 3, "{free} pixels past the raised arm, {whole} before the hanging one");
@@ -396,7 +392,7 @@ mod tests {
     #[test]
     fn a_camera_within_a_body_or_an_instant_with_little_in_it_is_no_fault() {
         let (studio, mut frame) = (studio(), frame());
-        frame.world_from_head = frame.blocks[0];
+        frame.world_from_head = frame.objects[0];
         frame.joints.clear();
         let camera = studio.camera(View::Overhead, &frame, [16, 16], 1.0);
         let down = camera.world_from_camera * Vector::new(0.1, 0.2, 0.3);
@@ -407,7 +403,7 @@ mod tests {
         let eye = studio.camera(View::Head, &frame, [16, 16], 1.0).world_from_camera.translation.vector;
         assert_eq!(eye, frame.world_from_head.translation.vector);
         studio.take(&frame, &studio.camera(View::Head, &frame, [16, 16], 1.0));
-        frame.blocks.clear();
+        frame.objects.clear();
         studio.take(&frame, &camera);
     }
 }

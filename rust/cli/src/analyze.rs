@@ -3,6 +3,7 @@
 use clap::Args;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use proact_app::{answer, intent_scores};
+use proact_control::MethodRegistry;
 use proact_intent::IntentOptions;
 use std::{
     error::Error,
@@ -18,7 +19,7 @@ use std::{
     A pick lasts from the start of the trial, or a release, until a block is attached: that block is what was meant. \
     Every model gets the recorded gaze and the recomputed places of the blocks. Exit code 0 only if every trial could \
     be used.")]
-pub struct AnalyzeArgs {
+pub(crate) struct AnalyzeArgs {
     /// Trial directory, or a folder of trial directories
     dir: PathBuf,
     /// Score the models of intent: loss, calibration, time to correct
@@ -36,13 +37,13 @@ pub struct AnalyzeArgs {
 ///
 /// # Errors
 /// No trial there, none of use, unreadable options.
-pub fn command(args: &AnalyzeArgs) -> Result<bool, Box<dyn Error>> {
+pub(crate) fn command(methods: &MethodRegistry, args: &AnalyzeArgs) -> Result<bool, Box<dyn Error>> {
     if !args.intent {
         return Err("say what to analyze: --intent is what there is".into());
     }
     let options = args.options.as_deref().map(read_options).transpose()?;
     let bar = bar(!args.json);
-    let report = intent_scores::intent(&args.dir, options.as_ref(), |done, all, dir| {
+    let report = intent_scores::intent(methods, &args.dir, options.as_ref(), |done, all, dir| {
         bar.set_length(all as u64);
         bar.set_position(done as u64);
         bar.set_message(dir.display().to_string());

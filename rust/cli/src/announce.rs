@@ -35,23 +35,18 @@ pub(crate) fn printed(url: &str, secret: bool) -> String {
 /// Standard output is closed or full.
 pub(crate) fn print_result(result: &TrialResult) -> io::Result<()> {
     answer(format_args!(
-        "method {}, set-up {}, seed {}, arrangement {}, gestures: {}",
-        result.method, result.setup, result.seed, result.arrangement, result.gesture_source
+        "method {}, task {}, arm {}, set-up {}, seed {}, gestures: {}",
+        result.method, result.task, result.arm, result.setup, result.seed, result.gesture_source
     ))?;
-    for block in &result.outcomes {
-        let seconds = |s: Option<f64>| s.map_or("   -  ".to_owned(), |s| format!("{s:5.1} s"));
-        answer(format_args!(
-            "  {:6} {:20} pick {}  place {}  {:4.0} mm from target",
-            block.block.name(),
-            format!("{:?}", block.outcome),
-            seconds(block.pick_s),
-            seconds(block.place_s),
-            block.distance_m * 1e3
-        ))?;
+    if let Some(arrangement) = result.beside.get("arrangement") {
+        answer(format_args!("arrangement {arrangement}"))?;
+    }
+    for line in &result.lines {
+        answer(format_args!("  {line}"))?;
     }
     answer(format_args!(
-        "{} of 4 on target in {:.1} s, computed in {:.1} s ({:.1} times real time)",
-        result.on_target, result.sim_seconds, result.wall_seconds, result.real_time_factor
+        "{} {} in {:.1} s, computed in {:.1} s ({:.1} times real time)",
+        result.score, result.score_name, result.sim_seconds, result.wall_seconds, result.real_time_factor
     ))?;
     match result.ended {
         TrialEnd::Task => {}

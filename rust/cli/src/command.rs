@@ -1,11 +1,15 @@
 use crate::{
     analyze::AnalyzeArgs, bless::BlessArgs, demo::DemoArgs, doctor, emg::EmgCommand,
-    interrupt::outlive_file_limits, model::ModelCommand, replay::ReplayArgs, serve::ServeArgs,
+    interrupt::outlive_file_limits, method_files, model::ModelCommand, replay::ReplayArgs, serve::ServeArgs,
 };
-use clap::{Args, Parser, Subcommand};
+use clap::{
+    Args, CommandFactory, FromArgMatches, Parser, Subcommand,
+    builder::{PossibleValue, PossibleValuesParser},
+};
 use proact_app::query::{self, QueryOptions};
-use proact_app::{answer, tell};
+use proact_app::{Registry, answer, tell};
 use proact_bench::PlanningBench;
+use proact_types::MethodInfo;
 use std::{
     error::Error,
     io::{stdin, stdout},
@@ -115,10 +119,36 @@ impl BenchArgs {
     }
 }
 
-/// Parses the command line and runs it. The exit code is 0 only on success.
-pub fn main() -> ExitCode {
-    let command = match Cli::try_parse() {
-        Ok(cli) => cli.command,
+/// The whole command with what `registry` has to choose from: parses the command line and runs it. The exit code is 0 only on success.
+///
+/// A laboratory's own program is this with its own method added:
+///
+/// ```no_run
+/// use proact_control::{JointJog, MethodEntry, MethodRegistry};
+/// use proact_types::MethodInfo;
+///
+/// fn main() -> std::process::ExitCode {
+///     let info = MethodInfo { name: "mine".into(), title: "my own".into(), ..MethodInfo::default() };
+///     let mine = MethodEntry::new(info, |profile, arm, joints| Ok(Box::new(JointJog::new(profile, arm, joints)?)));
+///     proact_cli::run(MethodRegistry::standard().with(mine).expect("a name of its own"))
+/// }
+/// ```
+pub fn run(registry: impl Into<Registry>) -> ExitCode {
+    let mut registry = registry.into();
+    let words = match method_files::taken_from(registry.methods, std::env::args_os().collect()) {
+        Ok((methods, words)) => {
+            registry.methods = methods;
+            words
+        }
+        Err(error) => {
+            tell(format_args!("proact: {error}"));
+            return ExitCode::FAILURE;
+        }
+    };
+    let mut cli = offering(&registry);
+    let parsed = cli.try_get_matches_from_mut(words).and_then(|words| Cli::from_arg_matches(&words));
+    let command = match parsed {
+        Ok(parsed) => parsed.command,
         // Help and version are printed too, and like every answer may find nobody to read them.
         Err(told) => {
             return match told.print() {
@@ -127,7 +157,7 @@ pub fn main() -> ExitCode {
             };
         }
     };
-    match outlive_file_limits().map_err(Into::into).and_then(|()| run(command)) {
+    match outlive_file_limits().map_err(Into::into).and_then(|()| act(&registry, command)) {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::FAILURE,
         Err(error) => {
@@ -137,13 +167,50 @@ pub fn main() -> ExitCode {
     }
 }
 
-fn run(command: Command) -> Result<bool, Box<dyn Error>> {
+/// The command line with what `registry` has wherever something can be chosen.
+fn offering(registry: &Registry) -> clap::Command {
+    let value = |info: &MethodInfo| PossibleValue::new(info.name.clone()).help(info.title.clone());
+    let methods: Vec<PossibleValue> =
+        registry.methods.entries().iter().map(|entry| value(entry.info())).collect();
+    let listed = |what: &str, lines: Vec<(String, &str)>| {
+        lines.iter().fold(what.to_owned(), |text, (form, help)| format!("{text}\n  {form}: {help}"))
+    };
+    let source = |what: &str| {
+        let lines = registry.sources.schemes().iter().map(|scheme| (scheme.form(), scheme.help));
+        listed(what, lines.collect())
+    };
+    let sinks = registry.sinks.iter().map(|sink| (format!("{}{}", sink.scheme, sink.address), sink.help));
+    let sinks = listed("Where cues go, to be heard or felt; may be repeated:", sinks.collect());
+    let cli = ["demo", "serve", "node"].into_iter().fold(Cli::command(), |cli, name| {
+        let methods = methods.clone();
+        cli.mut_subcommand(name, |command| {
+            command.mut_arg("method", |arg| arg.value_parser(PossibleValuesParser::new(methods)))
+        })
+    });
+    let cli = ["demo", "run", "serve"].into_iter().fold(cli, |cli, name| {
+        let sinks = sinks.clone();
+        cli.mut_subcommand(name, |command| command.mut_arg("feedback", |arg| arg.help(sinks)))
+    });
+    let cli = cli.mut_subcommand("serve", |command| {
+        command.mut_arg("emg_source", |arg| {
+            arg.help(source("Gestures from an armband instead of keys, one of:"))
+        })
+    });
+    cli.mut_subcommand("emg", |emg| {
+        ["train", "test", "stream"].into_iter().fold(emg, |emg, name| {
+            let text = source("Where samples come from, one of:");
+            emg.mut_subcommand(name, |command| command.mut_arg("source", |arg| arg.help(text)))
+        })
+    })
+}
+
+fn act(registry: &Registry, command: Command) -> Result<bool, Box<dyn Error>> {
     match command {
-        Command::Demo(args) => crate::demo::demo(&args),
-        Command::Run(args) => crate::demo::run(&args),
-        Command::Replay(args) => crate::replay::command(&args),
-        Command::Serve(args) => crate::serve::command(&args),
-        Command::Emg { json, command } => crate::emg::run(&command, json).map(|()| true),
+        Command::Demo(args) => crate::demo::demo(registry, &args),
+        Command::Run(args) => crate::demo::run(registry, &args),
+        Command::Replay(args) => crate::replay::command(&registry.methods, &args),
+        Command::Serve(args) => crate::serve::command(registry, &args),
+        Command::Emg { json, command } => crate::emg::run(&registry.sources, &command, json).map(|()| true),
         Command::Query(QueryArgs { urdf, base, tip }) => {
             query::run(QueryOptions { urdf, base, tip }, stdin().lock(), stdout().lock())?;
             Ok(true)
@@ -158,9 +225,9 @@ fn run(command: Command) -> Result<bool, Box<dyn Error>> {
             }
             Ok(true)
         }
-        Command::Analyze(args) => crate::analyze::command(&args),
-        Command::Node(args) => crate::node::command(&args),
+        Command::Analyze(args) => crate::analyze::command(&registry.methods, &args),
+        Command::Node(args) => crate::node::command(registry, &args),
         Command::Bless(args) => crate::bless::command(&args),
-        Command::Doctor { json } => Ok(doctor::run(json)?),
+        Command::Doctor { json } => Ok(doctor::run(registry, json)?),
     }
 }

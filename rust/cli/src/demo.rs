@@ -9,7 +9,7 @@ use crate::{
 use clap::Args;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use proact_app::{
-    Arm, Audience, Recorder, answer, default_dir, run_to_end, tell,
+    Arm, Audience, Recorder, Registry, answer, default_dir, run_to_end, tell,
     trial::{self, Assembly},
 };
 use proact_bridge::{PageContent, PageOptions, PageServer};
@@ -60,7 +60,8 @@ pub(crate) struct RunArgs {
     /// Folder of EMG recordings; a generator without it
     #[arg(long, value_name = "DIR")]
     emg: Option<PathBuf>,
-    /// The arm, where it neither ships with the program nor lies beside the configuration
+    /// Another arm than the configuration's, or its folder where it neither ships with the program nor lies beside the
+    /// configuration
     #[arg(long, value_name = "NAME|FOLDER")]
     arm: Option<String>,
     /// Start the program that the configuration names for its method; without this it is asked for at a terminal
@@ -110,7 +111,7 @@ impl RunHow {
     }
 }
 
-pub(crate) fn demo(args: &DemoArgs) -> Result<bool, Box<dyn Error>> {
+pub(crate) fn demo(registry: &Registry, args: &DemoArgs) -> Result<bool, Box<dyn Error>> {
     let source = match &args.emg {
         None => EmgOrigin::Synthetic,
         Some(dir) => {
@@ -127,11 +128,11 @@ pub(crate) fn demo(args: &DemoArgs) -> Result<bool, Box<dyn Error>> {
         Some(model) => Some(EmgConfig { liveness: model.liveness(None), ..model.config.clone() }),
         None => Some(proact_devices::default_config(&source)?),
     };
-    let (arm, config) = args.trial.config("seated", emg)?;
-    trial_with(&arm, config, &source, trained.as_ref(), &args.how)
+    let (arm, config) = args.trial.config(&registry.methods, "seated", emg)?;
+    trial_with(registry, &arm, config, &source, trained.as_ref(), &args.how)
 }
 
-pub(crate) fn run(args: &RunArgs) -> Result<bool, Box<dyn Error>> {
+pub(crate) fn run(registry: &Registry, args: &RunArgs) -> Result<bool, Box<dyn Error>> {
     let text =
         std::fs::File::open(&args.config).and_then(|file| read_text(file, MOST_TEXT_BYTES)).map_err(|e| {
             format!("cannot read {}: {e}; give a trial configuration (TOML)", args.config.display())
@@ -139,35 +140,44 @@ pub(crate) fn run(args: &RunArgs) -> Result<bool, Box<dyn Error>> {
     let config = TrialConfig::from_toml(&text).map_err(|e| format!("{}: {e}", args.config.display()))?;
     consent::to_the_command_of(&config, &args.config.display().to_string(), args.allow_command)?;
     let source = args.emg.as_ref().map_or(EmgOrigin::Synthetic, EmgOrigin::recording);
-    let arm = match &args.arm {
-        Some(name) => Arm::named(name)?,
-        None => Arm::recorded(args.config.parent().unwrap_or(Path::new(".")), &config)?,
+    let (arm, config) = match &args.arm {
+        Some(name) => {
+            let arm = Arm::named(name)?;
+            let other = arm.pinned().name != config.arm.name;
+            // An arm of that name must be the one that is meant; another one brings its own set-up.
+            let config = if other { config.with_arm(arm.pinned(), arm.model()) } else { config };
+            (arm, config)
+        }
+        None => (Arm::recorded(args.config.parent().unwrap_or(Path::new(".")), &config)?, config),
     };
-    trial_with(&arm, config, &source, args.how.trained()?.as_ref(), &args.how)
+    trial_with(registry, &arm, config, &source, args.how.trained()?.as_ref(), &args.how)
 }
 
 fn trial_with(
+    registry: &Registry,
     arm: &Arm,
     config: TrialConfig,
     source: &EmgOrigin,
     trained: Option<&EmgModel>,
     how: &RunHow,
 ) -> Result<bool, Box<dyn Error>> {
-    let Assembly { session, classifier, plans, .. } = trial::simulated_with(arm, config, source, trained)?;
+    let Assembly { session, classifier, plans, .. } =
+        trial::simulated_with(&registry.methods, arm, config, source, trained)?;
     let config = session.testbed().config().clone();
     let dir = (!how.no_record).then(|| how.out.clone().unwrap_or_else(|| default_dir(&config)));
     let recorder = match &dir {
         Some(dir) => Some(Recorder::create(dir, &config, arm, classifier.as_ref())?.with_plans(plans)?),
         None => None,
     };
-    let page = if how.headless { None } else { Some(open_page(&session, how)?) };
-    let (rosbridge, feedback) = (how.rosbridge.open(&session)?, how.feedback.open()?);
+    let page = if how.headless { None } else { Some(open_page(registry, &session, arm, how)?) };
+    let (rosbridge, feedback) = (how.rosbridge.open(&session)?, how.feedback.open(&registry.sinks)?);
     let bar = bar(&session, !how.json);
+    let score_name = session.testbed().task().briefing().score_name.clone();
     let interrupted = interrupt_flag()?;
     let mut audience = Audience { page: page.as_ref(), rosbridge, feedback, interrupted: &interrupted };
     let result = run_to_end(session, recorder, &mut audience, dir.as_deref(), |frame| {
         bar.set_position(frame.time.0);
-        bar.set_message(format!("{} of 4 on target", frame.on_target));
+        bar.set_message(format!("{} {score_name}", frame.score));
     })?;
     bar.finish_and_clear();
     if how.json {
@@ -182,16 +192,25 @@ fn trial_with(
     Ok(result.ended != TrialEnd::Interrupt)
 }
 
-fn open_page(session: &Session, how: &RunHow) -> Result<PageServer, Box<dyn Error>> {
+fn open_page(
+    registry: &Registry,
+    session: &Session,
+    arm: &Arm,
+    how: &RunHow,
+) -> Result<PageServer, Box<dyn Error>> {
     let testbed = session.testbed();
     let config = testbed.config();
     let content = PageContent {
         title: format!("Method {}, simulated participant", config.method_label()),
         setup: config.setup.name.clone(),
         arm: testbed.model().as_ref().clone(),
+        meshes: arm.meshes(),
         scene: testbed.task().scene().clone(),
+        briefing: testbed.task().briefing().clone(),
         interactive: false,
         lean: false,
+        method: testbed.method().clone(),
+        methods: registry.methods.infos(),
     };
     let options = PageOptions { port: how.port, ..PageOptions::default() };
     let (access, secret) = how.rosbridge.access.page_access(options.bind, vec![])?;
@@ -201,7 +220,7 @@ fn open_page(session: &Session, how: &RunHow) -> Result<PageServer, Box<dyn Erro
 }
 
 fn bar(session: &Session, visible: bool) -> ProgressBar {
-    let limit = session.testbed().task().limit().0;
+    let limit = (session.testbed().config().limit_secs * 1e3) as u64;
     let target = if visible && std::io::stderr().is_terminal() {
         ProgressDrawTarget::stderr()
     } else {

@@ -7,7 +7,10 @@
 //!                         -> give rosbridge another port, or end that program
 //! ```
 
-use proact_app::doctor::{Check, Status, examine};
+use proact_app::{
+    Registry,
+    doctor::{Check, Status, examine},
+};
 use serde::Serialize;
 use std::io::{self, Write};
 
@@ -18,8 +21,8 @@ use std::io::{self, Write};
 ///
 /// # Errors
 /// Standard output cannot be written to.
-pub fn run(json: bool) -> io::Result<bool> {
-    let checks = examine();
+pub(crate) fn run(registry: &Registry, json: bool) -> io::Result<bool> {
+    let checks = examine(registry);
     let healthy = checks.iter().all(|check| check.status != Status::Fail);
     let mut out = io::stdout().lock();
     if json {

@@ -10,9 +10,11 @@ mod test;
 mod train;
 
 use clap::{Args, Subcommand, ValueEnum};
-use proact_devices::{DeviceError, MYO_RATE_HZ, Recording, Recordings, evaluate, read_samples};
+use proact_devices::{
+    DeviceError, MYO_RATE_HZ, Recording, Recordings, SourceRegistry, evaluate, read_samples,
+};
 use proact_emg::{EmgConfig, FeatureSet, FeatureVector, WindowLength};
-use proact_types::Gesture;
+use proact_types::GestureName;
 use std::{
     error::Error,
     fs::File,
@@ -141,7 +143,7 @@ pub struct FeaturesArgs {
 ///
 /// # Errors
 /// Recordings that cannot be used, settings that cannot work, or output that cannot be written.
-pub fn run(command: &EmgCommand, json: bool) -> Result<(), Box<dyn Error>> {
+pub(crate) fn run(sources: &SourceRegistry, command: &EmgCommand, json: bool) -> Result<(), Box<dyn Error>> {
     let text = match command {
         EmgCommand::Evaluate(args) => evaluation(args, json)?,
         EmgCommand::Features(args) => {
@@ -151,9 +153,9 @@ pub fn run(command: &EmgCommand, json: bool) -> Result<(), Box<dyn Error>> {
             }
             text
         }
-        EmgCommand::Train(args) => return train::run(args, json),
-        EmgCommand::Test(args) => return test::run(args, json),
-        EmgCommand::Stream(args) => return stream::run(args, json),
+        EmgCommand::Train(args) => return train::run(sources, args, json),
+        EmgCommand::Test(args) => return test::run(sources, args, json),
+        EmgCommand::Stream(args) => return stream::run(sources, args, json),
         EmgCommand::Simulate(args) => return simulate::run(args, json),
     };
     match io::stdout().lock().write_all(text.as_bytes()) {
@@ -178,7 +180,7 @@ fn evaluation(args: &EvaluateArgs, json: bool) -> Result<String, Box<dyn Error>>
     );
     for (gesture, row) in result.classes.iter().zip(&result.confusion) {
         let counts: String = row.iter().map(|count| format!("{count:>6}")).collect();
-        text += &format!("{:<16}{counts}\n", gesture.ros_name());
+        text += &format!("{gesture:<16}{counts}\n");
     }
     Ok(text)
 }
@@ -191,7 +193,7 @@ fn features(args: &FeaturesArgs, json: bool) -> Result<String, Box<dyn Error>> {
             let config = args.window.config(rate_hz, samples.first().map_or(0, |s| s.len()))?;
             // Repetition and gesture have no bearing on features.
             let recording =
-                Recording { repetition: 0, gesture: Gesture::NoMotion, samples, path: path.clone() };
+                Recording { repetition: 0, gesture: GestureName::default(), samples, path: path.clone() };
             (config.clone(), recording.windows(&config)?)
         }
         (None, Some(dir)) => {
@@ -344,7 +346,7 @@ mod tests {
         let line =
             format!("features --window 20 --increment 10 --unit samples --header --out {}", out.display());
         let command = with_data(&line, dir.path());
-        run(&command, false).expect("a good folder");
+        run(&SourceRegistry::standard(), &command, false).expect("a good folder");
         let text = io::read_to_string(File::open(&out).expect("written")).expect("text");
         let lines: Vec<&str> = text.lines().collect();
         assert_eq!(lines.len(), 1 + 3 * 2 * 5);
@@ -374,7 +376,11 @@ mod tests {
         let dir = recordings();
         assert!(parse("features").is_err(), "neither folder nor file");
         assert!(parse("evaluate --data x --features XYZ").is_err_and(|e| e.to_string().contains("HTD")));
-        let message = |line: &str| run(&with_data(line, dir.path()), true).expect_err("refused").to_string();
+        let message = |line: &str| {
+            run(&SourceRegistry::standard(), &with_data(line, dir.path()), true)
+                .expect_err("refused")
+                .to_string()
+        };
         assert!(
             message("evaluate --unit samples --window 20.5")
                 .contains("20.5 samples, expected a whole number")

@@ -14,6 +14,7 @@ mod demo;
 mod doctor;
 mod emg;
 mod interrupt;
+mod method_files;
 mod model;
 mod node;
 mod person_args;
@@ -23,4 +24,4 @@ mod rosbridge_args;
 mod serve;
 mod trial_args;
 
-pub use command::main;
+pub use command::run;

@@ -1,5 +1,5 @@
 //! The `proact` command: see [`proact_cli`].
 
 fn main() -> std::process::ExitCode {
-    proact_cli::main()
+    proact_cli::run(proact_control::MethodRegistry::standard())
 }

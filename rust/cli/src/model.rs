@@ -2,7 +2,11 @@
 
 use clap::{Args, Subcommand};
 use proact_app::{answer, compare::compare};
-use proact_description::{DescriptionError, Imported, Report, check, import, parse, parse_urdf, read_text};
+use proact_arm::{Grasp, Pinch, PinchError, find_pinch};
+use proact_description::{
+    ArmFolder, DescriptionError, Imported, Report, check, collect_meshes, import, parse, parse_urdf,
+    read_text, settings_text, to_urdf, with_pinch,
+};
 use serde_json::json;
 use std::{
     error::Error,
@@ -19,21 +23,28 @@ pub enum ModelCommand {
         proact model check my_arm --compare\n\n\
         The exit code is 0 if the description can be used, warnings or not; with --compare, if all agree as well.")]
     Check(CheckArgs),
-    /// Turn an arm in URDF, or in Gazebo's SDF, into a checked URDF and SRDF
+    /// Turn an arm in URDF, or in Gazebo's SDF, into a checked folder: URDF, SRDF, settings and meshes
     #[command(
         after_help = "Examples:\n  proact model import gazebo_models/my_arm/model.sdf --out my_arm\n  \
-        proact query --urdf my_arm/my_arm.urdf\n\n\
+        proact query --urdf my_arm/arm.urdf\n\n\
         Nothing is written unless the result can be used. Without --srdf the arm ends where the tree of links \
-        branches, and all beyond is the hand; edit the SRDF file to change that."
+        branches, and all beyond is the hand; edit the SRDF file to change that, and to add the poses start, open and closed that \
+        a trial needs."
     )]
     Import(ImportArgs),
+    /// Find how the hand of an arm pinches objects of one width, and store it with the hand
+    #[command(after_help = "Examples:\n  proact model grasps my_arm --width 25\n  \
+        proact model grasps my_arm --width 25 --friction 0.6 --write\n\n\
+        Two digits on opposite faces, from above, by the shapes of the model; docs/grasps.md says how. \
+        With --write the grasp and its two hand poses go into the arm's SRDF file. The exit code is 1 if none is found.")]
+    Grasps(GraspsArgs),
 }
 
 /// Arguments of `proact model check`.
 #[derive(Debug, Args)]
 pub struct CheckArgs {
-    /// URDF file, or the folder of an arm with one URDF, at most one SRDF, and its meshes
-    #[arg(value_name = "FILE|FOLDER")]
+    /// URDF file, the folder of an arm, or the name of one that ships with the program
+    #[arg(value_name = "FILE|FOLDER|NAME")]
     file: PathBuf,
     /// SRDF file with groups and poses; without it they are guessed
     #[arg(long)]
@@ -65,6 +76,26 @@ pub struct ImportArgs {
     force: bool,
 }
 
+/// Arguments of `proact model grasps`.
+#[derive(Debug, Args)]
+pub struct GraspsArgs {
+    /// Folder of an arm, or its URDF file
+    #[arg(value_name = "FILE|FOLDER")]
+    arm: PathBuf,
+    /// SRDF file with groups and poses, if it is not in the folder
+    #[arg(long)]
+    srdf: Option<PathBuf>,
+    /// Width of the object, a cube, in millimetres
+    #[arg(long, value_name = "MM")]
+    width: f64,
+    /// Coefficient of friction between fingers and object
+    #[arg(long, default_value_t = 0.8)]
+    friction: f64,
+    /// Put the grasp into the SRDF file
+    #[arg(long)]
+    write: bool,
+}
+
 /// Runs the command; false if the description cannot be used. Prints to standard output.
 ///
 /// # Errors
@@ -73,16 +104,23 @@ pub fn run(command: &ModelCommand, json: bool) -> Result<bool, Box<dyn Error>> {
     match command {
         ModelCommand::Check(args) => run_check(args, json),
         ModelCommand::Import(args) => run_import(args, json),
+        ModelCommand::Grasps(args) => run_grasps(args, json),
     }
 }
 
 fn run_check(args: &CheckArgs, json: bool) -> Result<bool, Box<dyn Error>> {
-    let (urdf, srdf) = match args.file.is_dir() {
-        true => proact_app::arm_files(&args.file)?,
-        false => (args.file.clone(), None),
+    let shipped = args.file.to_str().filter(|_| !args.file.exists()).and_then(ArmFolder::shipped);
+    let (urdf, srdf) = match &shipped {
+        Some(folder) => (folder.urdf.clone(), folder.srdf.clone()),
+        None => {
+            let (urdf, srdf) = match args.file.is_dir() {
+                true => proact_description::arm_files(&args.file)?,
+                false => (args.file.clone(), None),
+            };
+            let srdf = args.srdf.clone().or(srdf);
+            (read_text(&urdf)?, srdf.as_deref().map(read_text).transpose()?)
+        }
     };
-    let srdf = args.srdf.clone().or(srdf);
-    let (urdf, srdf) = (read_text(&urdf)?, srdf.as_deref().map(read_text).transpose()?);
     let report = check(&urdf, srdf.as_deref());
     let compared = if args.compare && report.usable {
         let model = match &srdf {
@@ -106,7 +144,7 @@ fn run_check(args: &CheckArgs, json: bool) -> Result<bool, Box<dyn Error>> {
         }
     }
     if args.file.is_dir() && report.usable {
-        // What a trial would miss too: the meshes.
+        // What a trial would miss too: meshes, poses, and what the settings name.
         proact_app::Arm::in_folder(&args.file)?;
     }
     Ok(report.usable && compared.is_none_or(|compared| compared.agrees()))
@@ -116,14 +154,25 @@ fn run_import(args: &ImportArgs, json: bool) -> Result<bool, Box<dyn Error>> {
     let srdf = args.srdf.as_deref().map(read_text).transpose()?;
     match import(&read_text(&args.file)?, srdf.as_deref()) {
         Ok(imported) => {
-            let (urdf, srdf) = write(&imported, &args.out, args.force)?;
+            let (files, missing) = write(&imported, &args.file, &args.out, args.force)?;
             if json {
                 let mut object = serde_json::to_value(&imported.report)?;
-                object["urdf"] = json!(urdf);
-                object["srdf"] = json!(srdf);
+                object["urdf"] = json!(files[0]);
+                object["srdf"] = json!(files[1]);
+                object["settings"] = json!(files[2]);
+                object["missing_meshes"] = json!(missing);
                 answer(&object)?;
             } else {
-                answer(format_args!("{}\nwrote {} and {}", imported.report, urdf.display(), srdf.display()))?;
+                answer(format_args!("{}", imported.report))?;
+                for address in missing {
+                    answer(format_args!(
+                        "mesh {address} is not beside {}; its link is drawn by its collision shapes",
+                        args.file.display()
+                    ))?;
+                }
+                let meshes = files.len() - 3;
+                let [urdf, srdf, settings] = [0, 1, 2].map(|file| files[file].display());
+                answer(format_args!("wrote {urdf}, {srdf}, {settings} and {meshes} meshes"))?;
             }
             Ok(true)
         }
@@ -140,48 +189,142 @@ fn run_import(args: &ImportArgs, json: bool) -> Result<bool, Box<dyn Error>> {
     }
 }
 
+fn run_grasps(args: &GraspsArgs, json: bool) -> Result<bool, Box<dyn Error>> {
+    let (urdf, srdf) = match args.arm.is_dir() {
+        true => proact_description::arm_files(&args.arm)?,
+        false => (args.arm.clone(), None),
+    };
+    let path = args.srdf.clone().or(srdf).ok_or_else(|| {
+        let arm = args.arm.display();
+        format!("{arm} has no SRDF file, which says what the hand is: give one with --srdf")
+    })?;
+    let srdf = read_text(&path)?;
+    let model = parse(&read_text(&urdf)?, &srdf)?;
+    let pinch = match find_pinch(&model, args.width / 1e3, args.friction) {
+        Ok(pinch) => pinch,
+        Err(error @ PinchError::NotFound { .. }) => {
+            if json {
+                answer(json!({ "found": false, "reason": error.to_string() }))?
+            } else {
+                answer(&error)?
+            }
+            return Ok(false);
+        }
+        Err(error) => return Err(error.into()),
+    };
+    if args.write {
+        let text = with_pinch(&srdf, &model, &pinch, &note(&pinch, args))?;
+        // What is written must be what can be read.
+        parse(&read_text(&urdf)?, &text)?;
+        let part = path.with_extension("srdf.part");
+        fs::write(&part, text)
+            .and_then(|()| fs::rename(&part, &path))
+            .map_err(|error| format!("cannot write {}: {error}", path.display()))?;
+    }
+    if json {
+        answer(json!({
+            "found": true, "width_m": args.width / 1e3, "friction": args.friction, "digits": pinch.digits,
+            "angle_rad": pinch.angle, "cone_rad": pinch.cone, "gap_closed_m": pinch.gaps[0],
+            "gap_open_m": pinch.gaps[1], "table_air_m": pinch.table_air, "reach_m": pinch.reach,
+            "grasp": pinch.grasp, "written": args.write.then_some(&path),
+        }))?;
+    } else {
+        answer(note(&pinch, args))?;
+        let Grasp { centre, roll, roll_range, lean, .. } = &pinch.grasp;
+        let degrees = f64::to_degrees;
+        answer(format_args!(
+            "centre {:.1} {:.1} {:.1} mm in the tip's frame; roll {:.0} degrees ({:.0} to {:.0}), lean up to {:.0}",
+            1e3 * centre.x,
+            1e3 * centre.y,
+            1e3 * centre.z,
+            degrees(*roll),
+            degrees(roll_range[0]),
+            degrees(roll_range[1]),
+            degrees(*lean)
+        ))?;
+        answer(match args.write {
+            true => format!("wrote {}", path.display()),
+            false => "nothing was written: --write stores it with the hand".to_owned(),
+        })?;
+    }
+    Ok(true)
+}
+
+/// What was found, in one paragraph.
+fn note(pinch: &Pinch, args: &GraspsArgs) -> String {
+    format!(
+        "Found by proact model grasps for a cube of {} mm and a friction of {}: {} against {}, line through the contacts \
+         {:.1} degrees off the faces' normals (cone of friction: {:.1}), {:.1} mm between the digits when closed and {:.1} \
+         before, {:.1} mm above the table, {:.0} mm beyond the object's faces when open and {:.0} mm beside its middle.",
+        args.width,
+        args.friction,
+        pinch.digits[0],
+        pinch.digits[1],
+        pinch.angle.to_degrees(),
+        pinch.cone.to_degrees(),
+        1e3 * pinch.gaps[0],
+        1e3 * pinch.gaps[1],
+        1e3 * pinch.table_air,
+        1e3 * pinch.reach[0],
+        1e3 * pinch.reach[1]
+    )
+}
+
 fn print_json(report: &Report) -> Result<(), Box<dyn Error>> {
     Ok(answer(serde_json::to_string(report)?)?)
 }
 
-/// Writes both files under other names first, so that a full disk leaves no half of a description.
-fn write(imported: &Imported, folder: &Path, force: bool) -> Result<(PathBuf, PathBuf), Box<dyn Error>> {
+/// Writes the arm's folder: descriptions, settings and meshes; what was written, and the meshes that were not found. The
+/// files have other names until all of them are there, so that a full disk leaves no half of an arm.
+fn write(
+    imported: &Imported,
+    file: &Path,
+    folder: &Path,
+    force: bool,
+) -> Result<(Vec<PathBuf>, Vec<String>), Box<dyn Error>> {
     // The robot's name comes from a file; only harmless characters may reach the file system.
     let harmless = |c: char| if c.is_ascii_alphanumeric() || "_-".contains(c) { c } else { '_' };
     let name: String = imported.model.name.chars().map(harmless).collect();
     let failed = |path: &Path, error: std::io::Error| {
         format!("cannot write {}: {error}. Choose another folder with --out", path.display())
     };
+    let mut model = imported.model.clone();
+    let (meshes, missing) = collect_meshes(&mut model, &name, file);
+    let mut files = vec![
+        ("arm.urdf".to_owned(), to_urdf(&model).into_bytes()),
+        ("arm.srdf".to_owned(), imported.srdf.clone().into_bytes()),
+        ("arm.toml".to_owned(), settings_text(&model).into_bytes()),
+    ];
+    files.extend(meshes.into_iter().map(|(name, bytes)| (format!("meshes/{name}"), bytes)));
     let made_folder = !folder.exists();
-    fs::create_dir_all(folder).map_err(|error| failed(folder, error))?;
-    let paths = [folder.join(format!("{name}.urdf")), folder.join(format!("{name}.srdf"))];
-    if let Some(taken) = paths.iter().find(|path| path.exists() && !force) {
+    let deepest = if files.len() > 3 { folder.join("meshes") } else { folder.to_owned() };
+    fs::create_dir_all(&deepest).map_err(|error| failed(folder, error))?;
+    let path = |(name, _): &(String, Vec<u8>)| folder.join(name);
+    let part = |(name, _): &(String, Vec<u8>)| folder.join(format!("{name}.part"));
+    if let Some(taken) = files.iter().map(path).find(|path| path.exists() && !force) {
         let taken = taken.display();
         return Err(
             format!("{taken} exists already. Add --force to replace it, or choose another --out").into()
         );
     }
-    let parts = ["urdf.part", "srdf.part"].map(|ending| folder.join(format!("{name}.{ending}")));
-    let written = parts
+    let written = files
         .iter()
-        .zip([&imported.urdf, &imported.srdf])
-        .try_for_each(|(part, text)| fs::write(part, text).map_err(|error| failed(part, error)));
+        .try_for_each(|file| fs::write(part(file), &file.1).map_err(|error| failed(&part(file), error)));
     let placed = written.and_then(|()| {
-        parts
-            .iter()
-            .zip(&paths)
-            .try_for_each(|(part, path)| fs::rename(part, path).map_err(|error| failed(path, error)))
+        files.iter().try_for_each(|file| {
+            fs::rename(part(file), path(file)).map_err(|error| failed(&path(file), error))
+        })
     });
     if let Err(error) = placed {
         // What is left over says nothing to anyone; the error that matters is the first.
-        parts.iter().for_each(|part| drop(fs::remove_file(part)));
+        files.iter().for_each(|file| drop(fs::remove_file(part(file))));
         if made_folder {
+            drop(fs::remove_dir(&deepest));
             drop(fs::remove_dir(folder));
         }
         return Err(error.into());
     }
-    let [urdf, srdf] = paths;
-    Ok((urdf, srdf))
+    Ok((files.iter().map(path).collect(), missing))
 }
 
 #[cfg(test)]
@@ -199,13 +342,36 @@ mod tests {
         let (file, out) = (folder.path().join("a.urdf"), folder.path().join("out"));
         fs::write(&file, MPL_RIGHT_ARM_URDF).unwrap();
         assert!(run(&import_args(file.clone(), out.clone(), false), false).unwrap());
-        let (urdf, srdf) = (out.join("mpl_right_arm.urdf"), out.join("mpl_right_arm.srdf"));
+        let (urdf, srdf) = (out.join("arm.urdf"), out.join("arm.srdf"));
         assert_eq!(load(&urdf, Some(&srdf)).unwrap().moving_count(), 27);
-        assert_eq!(fs::read_dir(&out).unwrap().count(), 2, "no part file is left");
+        assert_eq!(
+            fs::read_dir(&out).unwrap().count(),
+            3,
+            "no part file is left, and its meshes are nowhere"
+        );
+        let folder = ArmFolder::read(&out).unwrap();
+        assert_eq!((folder.meshes.len(), folder.model().unwrap().settings.joints.len()), (0, 7));
 
         let error = run(&import_args(file.clone(), out.clone(), false), false).unwrap_err().to_string();
         assert!(error.contains("exists already") && error.contains("--force"), "{error}");
         assert!(run(&import_args(file, out, true), true).unwrap());
+    }
+
+    #[test]
+    fn an_imported_arm_takes_its_meshes_along() {
+        let folder = tempfile::tempdir().unwrap();
+        let shipped =
+            concat!(env!("CARGO_MANIFEST_DIR"), "/../../ros1_ws/src/proact_description/arms/mpl_right");
+        let out = folder.path().join("out");
+        assert!(run(&import_args(Path::new(shipped).join("arm.urdf"), out.clone(), false), false).unwrap());
+        let arm = ArmFolder::read(&out).unwrap();
+        let original = ArmFolder::shipped("mpl_right").unwrap();
+        assert!(!arm.meshes.is_empty() && arm.meshes.len() == original.meshes.len());
+        let ids = |folder: &ArmFolder| -> std::collections::BTreeSet<String> {
+            folder.meshes.values().map(|bytes| proact_description::mesh_id(bytes)).collect()
+        };
+        assert_eq!(ids(&arm), ids(&original));
+        assert!(arm.meshes.keys().all(|address| address.starts_with("package://mpl_right_arm/meshes/")));
     }
 
     #[test]

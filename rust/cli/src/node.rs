@@ -2,6 +2,7 @@
 
 use crate::{rosbridge_args::RosbridgeArgs, trial_args::TrialArgs};
 use clap::{Args, ValueEnum};
+use proact_app::Registry;
 use std::error::Error;
 
 /// Arguments of `proact node`.
@@ -60,30 +61,30 @@ fn ros_word(text: &str) -> Result<String, String> {
 
 /// Runs the node until the graph ends it.
 #[cfg(not(feature = "ros"))]
-pub(crate) fn command(args: &NodeArgs) -> Result<bool, Box<dyn Error>> {
+pub(crate) fn command(_registry: &Registry, args: &NodeArgs) -> Result<bool, Box<dyn Error>> {
     // The launcher builds what the node needs; only the bare program of another build gets here.
     Err(format!("node {:?} cannot run: {}", args.name, proact_app::NO_ROS).into())
 }
 
 /// Runs the node until the graph ends it.
 #[cfg(feature = "ros")]
-pub(crate) fn command(args: &NodeArgs) -> Result<bool, Box<dyn Error>> {
+pub(crate) fn command(registry: &Registry, args: &NodeArgs) -> Result<bool, Box<dyn Error>> {
     use proact_app::nodes;
-    let (arm, config) = args.trial.config("seated", None)?;
+    let (arm, config) = args.trial.config(&registry.methods, "seated", None)?;
     // In real time a plan that is late takes effect when it comes; in lock-step it is waited for.
     let lockstep = args.words.iter().any(|word| word == "_lockstep:=true");
     let config = if lockstep { config } else { config.live() };
     match args.name {
         NodeName::Sim => nodes::sim(&arm, config)?,
         NodeName::Testbed => {
-            let result = nodes::testbed(&arm, config, args.live)?;
+            let result = nodes::testbed(&registry.methods, &arm, config, args.live)?;
             proact_app::answer(serde_json::to_string(&result)?)?;
         }
         NodeName::Emg => nodes::emg(config)?,
-        NodeName::Intent => nodes::intent(&arm, &config)?,
-        NodeName::Method => nodes::method(&arm, &config)?,
+        NodeName::Intent => nodes::intent(&registry.methods, &arm, &config)?,
+        NodeName::Method => nodes::method(&registry.methods, &arm, &config)?,
         NodeName::Task => nodes::task(&arm, config)?,
-        NodeName::Participant => nodes::participant(&arm, &config)?,
+        NodeName::Participant => nodes::participant(&registry.methods, &arm, &config)?,
         NodeName::Rosbridge => args.rosbridge.relay()?,
         NodeName::Meter => proact_app::answer(serde_json::to_string(&nodes::meter()?)?)?,
     }

@@ -2,24 +2,24 @@
 
 use crate::rosbridge_args::RosbridgeArgs;
 use clap::Args;
-use proact_app::{Feedback, LimbReceiver, LivePerson, tell};
+use proact_app::{LimbReceiver, LivePerson, tell};
 #[cfg(feature = "lsl")]
 use proact_devices::LslGaze;
-use proact_devices::{DeviceError, GazeDevice, GazeReceiver};
+use proact_devices::{DeviceError, FeedbackSinks, GazeDevice, GazeReceiver, SinkScheme};
 use proact_testbed::Session;
 use std::error::Error;
 
 /// Where cues go.
 #[derive(Debug, Args)]
 pub(crate) struct FeedbackArgs {
-    /// Send sound and vibration cues as JSON datagrams, for a program that drives an actuator
-    #[arg(long, value_name = "HOST:PORT")]
-    feedback: Option<String>,
+    /// Where cues go, to be heard or felt; may be repeated
+    #[arg(long, value_name = "SINK")]
+    feedback: Vec<String>,
 }
 
 impl FeedbackArgs {
-    pub(crate) fn open(&self) -> Result<Feedback, DeviceError> {
-        Feedback::open(self.feedback.as_deref())
+    pub(crate) fn open(&self, sinks: &[SinkScheme]) -> Result<FeedbackSinks, DeviceError> {
+        FeedbackSinks::open(sinks, &self.feedback)
     }
 }
 
@@ -43,13 +43,13 @@ pub(crate) struct PersonArgs {
 }
 
 impl PersonArgs {
-    pub(crate) fn open(&self, session: &Session) -> Result<LivePerson, Box<dyn Error>> {
+    pub(crate) fn open(&self, sinks: &[SinkScheme], session: &Session) -> Result<LivePerson, Box<dyn Error>> {
         let tracker = self.tracker()?;
         let limb = self.limb_udp.map(LimbReceiver::bind).transpose()?;
         if let Some(limb) = &limb {
             tell(format_args!("limb: UDP {}", limb.address()?));
         }
-        Ok(LivePerson::new(tracker, limb, self.feedback.open()?, self.rosbridge.open(session)?))
+        Ok(LivePerson::new(tracker, limb, self.feedback.open(sinks)?, self.rosbridge.open(session)?))
     }
 
     fn tracker(&self) -> Result<Option<Box<dyn GazeDevice>>, Box<dyn Error>> {

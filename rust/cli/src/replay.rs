@@ -1,6 +1,7 @@
 use crate::replay_page;
 use clap::Args;
 use proact_app::{Replanned, ReplayOptions, answer, replay_trial, tell};
+use proact_control::MethodRegistry;
 use proact_testbed::Divergence;
 use std::{error::Error, path::PathBuf};
 
@@ -35,9 +36,9 @@ pub(crate) struct ReplayArgs {
     other_versions: bool,
 }
 
-pub(crate) fn command(args: &ReplayArgs) -> Result<bool, Box<dyn Error>> {
+pub(crate) fn command(methods: &MethodRegistry, args: &ReplayArgs) -> Result<bool, Box<dyn Error>> {
     if args.page {
-        return replay_page::show(&args.dirs, args.port, !args.no_browser);
+        return replay_page::show(methods, &args.dirs, args.port, !args.no_browser);
     }
     let [dir] = args.dirs.as_slice() else {
         let count = args.dirs.len();
@@ -50,7 +51,8 @@ pub(crate) fn command(args: &ReplayArgs) -> Result<bool, Box<dyn Error>> {
         )
         .into());
     }
-    let options = ReplayOptions { replan: args.replan, other_versions: args.other_versions };
+    let options =
+        ReplayOptions { replan: args.replan, other_versions: args.other_versions, methods: methods.clone() };
     let replayed = replay_trial(dir, options)?;
     let interrupted =
         format!("interrupted: the record was not closed, and goes up to {:.3} s", replayed.seconds);

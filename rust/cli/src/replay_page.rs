@@ -4,21 +4,27 @@ use crate::{
     announce::announce,
     interrupt::{interrupt_flag, wait_for},
 };
-use proact_app::{film, film_of_bag, tell};
+use proact_app::{Arm, film, film_of_bag, tell};
 use proact_bridge::{PageOptions, PageServer};
-use proact_description::mpl_right_arm;
+use proact_control::MethodRegistry;
+use proact_testbed::TrialConfig;
 use std::{error::Error, path::PathBuf};
 
 /// Recomputes the trials in `dirs`, reads those that are bags, and serves them until Ctrl-C.
-pub(crate) fn show(dirs: &[PathBuf], port: u16, open_browser: bool) -> Result<bool, Box<dyn Error>> {
+pub(crate) fn show(
+    methods: &MethodRegistry,
+    dirs: &[PathBuf],
+    port: u16,
+    open_browser: bool,
+) -> Result<bool, Box<dyn Error>> {
     let mut trials = Vec::new();
     for dir in dirs {
         let trial = if dir.is_file() {
             tell(format_args!("reading {}", dir.display()));
-            film_of_bag::read(dir, &mpl_right_arm())
+            film_of_bag::read(dir, &Arm::named(TrialConfig::DEFAULT_ARM)?)
         } else {
             tell(format_args!("recomputing {}", dir.display()));
-            film::recompute(dir)
+            film::recompute(methods, dir)
         };
         trials.push(trial.map_err(|error| format!("{}: {error}", dir.display()))?);
     }

@@ -7,10 +7,11 @@ use crate::{
 };
 use clap::Args;
 use proact_app::{
-    Ended, LiveArmband, LivePerson, LiveTrial, Recorder, default_dir, tell,
+    Ended, LiveArmband, LivePerson, LiveTrial, Recorder, Registry, default_dir, tell,
     trial::{self, Armband, Assembly},
 };
 use proact_bridge::{PageContent, PageOptions, PageServer};
+use proact_devices::SourceName;
 use proact_http::Listed;
 use proact_intent::GazeOffset;
 use std::{
@@ -52,7 +53,7 @@ pub(crate) struct ServeArgs {
     no_record: bool,
     /// Gestures from an armband instead of keys: a source as for `proact emg stream`
     #[arg(long, value_name = "SOURCE", requires = "emg_model")]
-    emg_source: Option<String>,
+    emg_source: Option<SourceName>,
     /// Model of the armband, as `proact emg train` writes it
     #[arg(long, value_name = "FILE", requires = "emg_source")]
     emg_model: Option<PathBuf>,
@@ -63,11 +64,11 @@ pub(crate) struct ServeArgs {
     person: PersonArgs,
 }
 
-pub(crate) fn command(args: &ServeArgs) -> Result<bool, Box<dyn Error>> {
+pub(crate) fn command(registry: &Registry, args: &ServeArgs) -> Result<bool, Box<dyn Error>> {
     let mut asked = args.trial.clone();
     let interrupted = interrupt_flag()?;
     let armband = match (&args.emg_source, &args.emg_model) {
-        (Some(source), Some(model)) => Some(LiveArmband::open(source, model)?),
+        (Some(source), Some(model)) => Some(LiveArmband::open(&registry.sources, source, model)?),
         _ => None,
     };
     let mut gaze_offset = GazeOffset::default();
@@ -75,11 +76,18 @@ pub(crate) fn command(args: &ServeArgs) -> Result<bool, Box<dyn Error>> {
     let mut person: Option<LivePerson> = None;
     loop {
         let emg = armband.as_ref().map(|armband| armband.model().config.clone());
-        let (arm, config) = asked.config("still", emg)?;
+        let (arm, config) = asked.config(&registry.methods, "still", emg)?;
         let seed = config.seed;
-        let worn =
-            armband.as_ref().map(|armband| Armband { trained: armband.model(), samples: armband.port() });
-        let Assembly { session, classifier, plans, .. } = trial::live_with(&arm, config, worn)?;
+        let worn = match &armband {
+            Some(armband) => {
+                let trained = armband.model();
+                let commands = config.gesture_commands(trained.config.rest, &trained.classifier)?;
+                Some(Armband { trained, samples: armband.port(commands) })
+            }
+            None => None,
+        };
+        let Assembly { session, classifier, plans, .. } =
+            trial::live_with(&registry.methods, &arm, config, worn)?;
         let config = session.testbed().config().clone();
         let dir = match (&args.out, args.no_record) {
             (_, true) => None,
@@ -94,9 +102,13 @@ pub(crate) fn command(args: &ServeArgs) -> Result<bool, Box<dyn Error>> {
             title: format!("Method {}", config.method_label()),
             setup: config.setup.name.clone(),
             arm: arm.model().as_ref().clone(),
+            meshes: arm.meshes(),
             scene: session.testbed().task().scene().clone(),
+            briefing: session.testbed().task().briefing().clone(),
             interactive: true,
             lean: config.setup.body.forward_max_deg > 0.0,
+            method: session.testbed().method().clone(),
+            methods: registry.methods.infos(),
         };
         let page = match &mut server {
             Some(server) => {
@@ -113,10 +125,10 @@ pub(crate) fn command(args: &ServeArgs) -> Result<bool, Box<dyn Error>> {
         };
         let person = match &mut person {
             Some(person) => {
-                person.restart(&session);
+                person.restart(&session)?;
                 person
             }
-            none => none.insert(args.person.open(&session)?),
+            none => none.insert(args.person.open(&registry.sinks, &session)?),
         };
         let mut trial = LiveTrial {
             session,

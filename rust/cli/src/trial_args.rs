@@ -2,21 +2,23 @@
 
 use clap::Args;
 use proact_app::Arm;
+use proact_control::{MethodProgram, MethodRegistry};
 use proact_emg::EmgConfig;
-use proact_tasks::Arrangement;
-use proact_testbed::{MethodName, MethodProcessConfig, Setup, TrialConfig};
-use std::error::Error;
+use proact_tasks::{DEFAULT_TASK, SHIPPED, TaskChoice};
+use proact_testbed::{Setup, TrialConfig};
+use proact_types::MOST_TEXT_BYTES;
+use std::{error::Error, fs, io, path::Path};
 
 /// What a trial is, on the command line.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct TrialArgs {
-    /// Control method: A joint by joint, B end-effector, C gaze, D gaze and context
-    #[arg(long, default_value = "D")]
-    method: MethodName,
+    /// Control method by its name, or the TOML file of an outside one (docs/methods)
+    #[arg(long, value_name = "NAME|FILE", default_value = "D")]
+    method: String,
     /// How the methods behave: default, or original for the numbers of the first testbed
     #[arg(long, default_value = "default")]
     profile: String,
-    /// The arm: mpl_right_arm, mpl_left_arm, or a folder with the URDF and SRDF of one's own (docs/arms.md)
+    /// The arm: one that ships with the program, such as mpl_left, or the folder of one's own (docs/arms.md)
     #[arg(long, value_name = "NAME|FOLDER", default_value = TrialConfig::DEFAULT_ARM)]
     arm: String,
     /// Seed of every random stream of the trial; in serve, each restart counts it up
@@ -25,9 +27,15 @@ pub(crate) struct TrialArgs {
     /// Where person and box are: seated or still; by default seated, in serve still
     #[arg(long)]
     setup: Option<String>,
-    /// Where the blocks stand: red1,red2,blue1,blue2 such as FL,NM,NL,FM; by default from the seed
+    /// The task: modified_bbt, targeted_bbt, bbt, or a file that describes one (docs/extending.md)
+    #[arg(long, value_name = "NAME|FILE", default_value = DEFAULT_TASK)]
+    task: String,
+    /// Seconds after which the trial ends; by default what the task says
+    #[arg(long, value_name = "SECONDS")]
+    limit: Option<f64>,
+    /// Where the blocks of modified_bbt stand: red1,red2,blue1,blue2 such as FL,NM,NL,FM; by default from the seed
     #[arg(long)]
-    arrangement: Option<Arrangement>,
+    arrangement: Option<String>,
     /// Another program in the place of the method; it reads and writes JSON lines (docs/methods)
     #[arg(long, value_name = "PROGRAM ARGS")]
     method_command: Option<String>,
@@ -37,30 +45,51 @@ pub(crate) struct TrialArgs {
 }
 
 impl TrialArgs {
-    /// The arm and the configuration, in the set-up `default_setup` unless another was asked for. `emg` are the settings
+    /// The arm and the configuration, by one of `methods`, in the set-up `default_setup` unless another was asked for. `emg` are the settings
     /// of the EMG stage that assignments begin with.
     ///
     /// # Errors
     /// Names that do not exist, values out of range, an arm that cannot be used.
     pub(crate) fn config(
         &self,
+        methods: &MethodRegistry,
         default_setup: &str,
         emg: Option<EmgConfig>,
     ) -> Result<(Arm, TrialConfig), Box<dyn Error>> {
         let arm = Arm::named(&self.arm)?;
         let setup = Setup::named(self.setup.as_deref().unwrap_or(default_setup))?;
-        let mut config = TrialConfig::new(self.method, self.seed, setup).with_profile(&self.profile)?;
-        config.arrangement = self.arrangement.unwrap_or(config.arrangement);
-        config.method_process = self
-            .method_command
-            .as_ref()
-            .map(|command| MethodProcessConfig::new(command.split_whitespace().map(str::to_owned).collect()));
-        config.arm = arm.pinned();
+        let config = TrialConfig::new(&self.method, self.seed, setup).by(methods.get(&self.method)?);
+        let config = config.with_profile(&self.profile)?.with_task(self.task()?)?;
+        let mut config = config.with_arm(arm.pinned(), arm.model());
+        config.limit_secs = self.limit.unwrap_or(config.limit_secs);
+        if let Some(command) = &self.method_command {
+            let words = command.split_whitespace().map(str::to_owned).collect();
+            config.method_process = Some(MethodProgram::new(words));
+        }
         if self.sets_emg() {
             config.emg = emg;
         }
         config.check()?;
-        Ok((arm, config.with_values(&self.set)?))
+        let config = config.with_values(&self.set)?;
+        config.method_entry(methods)?;
+        Ok((arm, config))
+    }
+
+    /// The task that ships under this name, or the one in the file.
+    fn task(&self) -> Result<TaskChoice, Box<dyn Error>> {
+        let shipped = SHIPPED.iter().any(|(name, _)| *name == self.task);
+        let mut task = if shipped || !Path::new(&self.task).is_file() {
+            TaskChoice::named(&self.task, self.seed)?
+        } else {
+            let failed = |error: io::Error| format!("{}: {error}", self.task);
+            let file = fs::File::open(&self.task).map_err(failed)?;
+            let text = proact_types::read_text(file, MOST_TEXT_BYTES).map_err(failed)?;
+            TaskChoice::from_text(text).map_err(|error| format!("{}: {error}", self.task))?
+        };
+        if let Some(arrangement) = &self.arrangement {
+            task.arrange(arrangement)?;
+        }
+        Ok(task)
     }
 
     /// Whether a setting of the EMG stage is asked for.
@@ -71,7 +100,7 @@ impl TrialArgs {
     /// What is asked for when a page begins another trial: by `method` if it chose one, with the same blocks `again`
     /// or those of the next seed. There is one method at a time: one that the page chose takes the place of another
     /// program.
-    pub(crate) fn next(self, method: Option<MethodName>, again: bool) -> Self {
+    pub(crate) fn next(self, method: Option<String>, again: bool) -> Self {
         let method_command = self.method_command.filter(|_| method.is_none());
         let (method, seed) = (method.unwrap_or(self.method), self.seed + u64::from(!again));
         Self { method, seed, method_command, ..self }
@@ -85,23 +114,29 @@ mod tests {
     #[test]
     fn of_two_methods_one_has_the_say_and_the_record_tells_which() -> Result<(), Box<dyn Error>> {
         let asked = TrialArgs {
-            method: MethodName::A,
+            method: "A".to_owned(),
             profile: "default".into(),
             arm: TrialConfig::DEFAULT_ARM.into(),
             seed: 5,
             setup: None,
+            task: DEFAULT_TASK.into(),
+            limit: None,
             arrangement: None,
             method_command: Some("python3 method.py".into()),
             set: vec![],
         };
         // A program stands in the place of the method that was named beside it.
-        let config = asked.config("still", None)?.1;
+        let config = asked.config(&MethodRegistry::standard(), "still", None)?.1;
         let process = config.method_process.clone().expect("a program was named");
         assert_eq!(process.command, ["python3", "method.py"]);
         assert_ne!(config.method_label(), "A");
         // It stays when the page begins anew, and leaves when the page chooses a method.
-        assert_eq!(asked.clone().next(None, true).config("still", None)?.1, config);
-        let chosen = asked.next(Some(MethodName::B), false).config("still", None)?.1;
+        assert_eq!(
+            asked.clone().next(None, true).config(&MethodRegistry::standard(), "still", None)?.1,
+            config
+        );
+        let chosen =
+            asked.next(Some("B".to_owned()), false).config(&MethodRegistry::standard(), "still", None)?.1;
         assert_eq!((chosen.method_process, chosen.method.to_string(), chosen.seed), (None, "B".into(), 6));
         assert!(config.to_toml()?.contains("method.py"));
         Ok(())

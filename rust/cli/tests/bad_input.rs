@@ -57,7 +57,7 @@ fn assert_names(error: &str, words: &[&str]) {
 fn unknown_method_set_up_and_arrangement_are_refused_with_what_there_is() {
     let place = place();
     let demo = |option, value| refused(place.path(), &["demo", "--headless", option, value]);
-    assert_names(&demo("--method", "X"), &["\"X\"", "A, B, C, D"]);
+    assert_names(&demo("--method", "X"), &["'X'", "A, B, C, D"]);
     assert_names(&demo("--setup", "standing"), &["\"standing\"", "seated", "still"]);
     assert_names(&demo("--arrangement", "FL,FL,NM,NL"), &["two blocks", "FL"]);
     assert_names(&demo("--seed", "minus"), &["minus"]);

@@ -147,7 +147,7 @@ fn a_source_that_cannot_be_is_refused_with_what_there_is() {
         assert!(!output.status.success() && output.stdout.is_empty());
         String::from_utf8(output.stderr).unwrap()
     };
-    assert!(refused(&["--source", "usb"]).contains("expected gforce-sim://HOST:PORT"));
+    assert!(refused(&["--source", "usb"]).contains("expected one of gforce-sim://HOST:PORT"));
     assert!(refused(&["--source", "gforce-sim://127.0.0.1:1"]).contains("nothing answers at 127.0.0.1:1"));
     assert!(refused(&["--source", "file:/nowhere"]).contains("cannot read /nowhere"));
     if !cfg!(feature = "ble") {

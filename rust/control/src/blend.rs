@@ -1,6 +1,6 @@
 use crate::ports::ArmKinematics;
 use crate::{ControlInput, ControlMethod, ControlOutput, MotionCommand};
-use proact_types::{ModeView, PlannerView, SimTime, TargetView};
+use proact_types::SimTime;
 
 /// Mixes the speeds that a person asks for with those of an assistant.
 ///
@@ -21,10 +21,6 @@ impl<U: ControlMethod, A: ControlMethod> Blend<U, A> {
 }
 
 impl<U: ControlMethod, A: ControlMethod> ControlMethod for Blend<U, A> {
-    fn name(&self) -> &str {
-        self.user.name()
-    }
-
     fn step(
         &mut self,
         now: SimTime,
@@ -43,17 +39,5 @@ impl<U: ControlMethod, A: ControlMethod> ControlMethod for Blend<U, A> {
             }
         }
         output
-    }
-
-    fn mode(&self) -> Option<ModeView> {
-        self.user.mode()
-    }
-
-    fn target(&self) -> TargetView {
-        self.user.target()
-    }
-
-    fn planner(&self) -> PlannerView {
-        self.user.planner()
     }
 }

@@ -1,56 +1,38 @@
 use crate::method::refused;
 use crate::ports::ArmKinematics;
 use crate::{ControlInput, ControlMethod, ControlOutput, MotionCommand};
-use proact_types::{Gesture, ModeView, PlannerView, SimTime, TargetView};
+use proact_types::{Gesture, SimTime};
 
 /// Stops the arm while [`ControlInput::stop`] says so: the method sees NM, and the arm holds whatever it says.
 #[derive(Clone, Debug)]
 pub struct DeadMan<M> {
     method: M,
-    refusal: Option<String>,
+    /// In the step before.
+    stopped: bool,
 }
 
 impl<M: ControlMethod> DeadMan<M> {
     /// Around `method`.
     pub fn new(method: M) -> Self {
-        Self { method, refusal: None }
+        Self { method, stopped: false }
     }
 }
 
 impl<M: ControlMethod> ControlMethod for DeadMan<M> {
-    fn name(&self) -> &str {
-        self.method.name()
-    }
-
     fn step(
         &mut self,
         now: SimTime,
         input: &ControlInput<'_>,
         kinematics: &mut dyn ArmKinematics,
     ) -> ControlOutput {
-        let held = self.refusal.take().is_some();
+        let held = std::mem::replace(&mut self.stopped, input.stop.is_some());
         let Some(stop) = input.stop else { return self.method.step(now, input, kinematics) };
-        self.refusal = Some(stop.reason.clone());
         let relaxed = ControlInput { gesture: Gesture::NoMotion, message: None, ..input.clone() };
         let mut output = self.method.step(now, &relaxed, kinematics);
         // Said once: a goal that an earlier message set would otherwise still be approached.
         let moves = output.motion.take().is_some() || !held;
         output.motion = moves.then_some(MotionCommand::Hold);
+        output.shown.planner = refused(&stop.reason);
         output
-    }
-
-    fn mode(&self) -> Option<ModeView> {
-        self.method.mode()
-    }
-
-    fn target(&self) -> TargetView {
-        self.method.target()
-    }
-
-    fn planner(&self) -> PlannerView {
-        match &self.refusal {
-            Some(reason) => refused(reason),
-            None => self.method.planner(),
-        }
     }
 }

@@ -26,6 +26,9 @@ const ARM: [Row; 7] = [
     ("wristz", [0.00018, -0.03, -0.00209], 0.0, [1.0, 0.0, 0.0], -1.04, 1.04),
 ];
 
+/// How its joints are shown and driven.
+const SETTINGS: &str = include_str!("../../../ros1_ws/src/proact_description/arms/mpl_right/arm.toml");
+
 /// The fingers of [`test_hand`]: name, origin at the tip, and the axis about which each closes.
 const FINGERS: [(&str, [f64; 3], [f64; 3]); 2] =
     [("thumb", [-0.03, -0.06, -0.03], [0.0, 1.0, 0.0]), ("finger", [0.03, -0.06, -0.03], [0.0, -1.0, 0.0])];
@@ -46,8 +49,8 @@ pub fn test_arm() -> ArmModel {
         tip: ARM.len() + 1,
         poses: Vec::new(),
         allowed_collisions: Vec::new(),
-        grasp_centre: Vector::zeros(),
-        grasp: Default::default(),
+        settings: toml::from_str(SETTINGS).expect("the arm's settings are tested where they are read"),
+        ..Default::default()
     };
     for (k, (name, xyz, yaw, axis, lower, upper)) in ARM.into_iter().enumerate() {
         model.links.push(link(name));
@@ -84,7 +87,8 @@ pub fn test_hand() -> ArmModel {
         pose("hand", "closed", &[FINGER_CLOSED; 2]),
     ];
     // As in the MPL's description.
-    model.grasp_centre = Vector::new(0.0145, -0.0825, -0.091);
+    model.grasps =
+        vec![proact_arm::Grasp { centre: Vector::new(0.0145, -0.0825, -0.091), ..Default::default() }];
     model
 }
 

@@ -7,10 +7,7 @@ use crate::{
 };
 use nalgebra::Vector6;
 use proact_arm::{ArmModel, JointLimits};
-use proact_types::{Gesture, JointVector, ModeView, PlannerView, SimTime, TargetView, joints, zeros};
-
-/// `/mode` of the first axis; A's joints have the numbers before it.
-const FIRST_MODE: u8 = 7;
+use proact_types::{Gesture, JointVector, ModeView, Moves, SimTime, joints, zeros};
 
 /// Method B: HO cycles through the axes of the arm's base, WE and WF move the hand along or turn it about the
 /// selected one, HC toggles the hand (ProACT, arXiv:2407.05025, "Direct end-effector control").
@@ -34,9 +31,12 @@ impl EndEffectorJog {
     pub fn new(profile: &Profile, model: &ArmModel, subset: &JointSubset) -> Self {
         let settings = profile.end_effector_jog.clone();
         let views = settings.axes.iter().map(|entry| {
-            let turns = if entry.motion == AxisMotion::Rotate { 3 } else { 0 };
+            let axis = entry.axis as u8;
             ModeView {
-                number: FIRST_MODE + turns + entry.axis as u8,
+                moves: match entry.motion {
+                    AxisMotion::Translate => Moves::Translation(axis),
+                    AxisMotion::Rotate => Moves::Rotation(axis),
+                },
                 name: entry.name.clone(),
                 directions: [entry.we.clone(), entry.wf.clone()],
                 we_sign: entry.we_sign,
@@ -106,10 +106,6 @@ impl EndEffectorJog {
 }
 
 impl ControlMethod for EndEffectorJog {
-    fn name(&self) -> &str {
-        "B"
-    }
-
     fn step(
         &mut self,
         now: SimTime,
@@ -158,19 +154,8 @@ impl ControlMethod for EndEffectorJog {
                 })
             }
         };
-        ControlOutput { motion, hand, ..ControlOutput::default() }
-    }
-
-    fn mode(&self) -> Option<ModeView> {
-        self.jog.mode()
-    }
-
-    fn target(&self) -> TargetView {
-        TargetView::default()
-    }
-
-    fn planner(&self) -> PlannerView {
-        self.jog.planner(self.refusal.as_deref())
+        let shown = self.jog.shown(self.refusal.as_deref());
+        ControlOutput { motion, hand, shown, ..ControlOutput::default() }
     }
 }
 

@@ -1,11 +1,12 @@
 use crate::jog::Confirm;
 use crate::ports::ArmKinematics;
 use crate::{
-    ControlInput, ControlMethod, ControlOutput, HandCommand, LockOnceProfile, MotionCommand, MotionState,
-    PlanCommand,
+    ControlInput, ControlMethod, ControlOutput, HandCommand, JointSubset, LockOnceProfile, MotionCommand,
+    MotionState, PlanCommand, Shown,
 };
+use proact_arm::{ArmModel, Chain, ChainPoses};
 use proact_types::{
-    BlockId, EventKind, Gesture, HandState, PlanGoal, PlanReply, PlanStatus, PlannerView, Point, Pose,
+    Gesture, HandState, MethodEvent, ObjectId, PlanGoal, PlanReply, PlanStatus, PlannerView, Point, Pose,
     SimTime, TargetView,
 };
 
@@ -31,11 +32,10 @@ const WORTHWHILE_SECS: f64 = 0.3;
 /// was asked for; a look at another block changes it only after the next release of WE.
 #[derive(Clone, Debug)]
 pub struct GazeAssisted {
-    name: String,
     rules: LockOnceProfile,
     confirm: Confirm,
     gesture: Gesture,
-    holds: Option<BlockId>,
+    holds: Option<ObjectId>,
     lock: Option<Selection>,
     drive: Drive,
     /// Where the block stood for which the plan was asked.
@@ -43,7 +43,8 @@ pub struct GazeAssisted {
     /// Intermediate goals reached one after the other from one base.
     intermediates: u32,
     last_base: Option<Pose>,
-    target: TargetView,
+    /// Of part of an arm: the whole arm, and the position of the last joint that the person's own limb has.
+    limb: Option<(Chain, usize)>,
     /// Seconds in which a second HO opens the hand.
     confirm_in_secs: Option<f64>,
 }
@@ -51,7 +52,7 @@ pub struct GazeAssisted {
 /// What a plan leads to.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Selection {
-    Block(BlockId),
+    Block(ObjectId),
     Place(Point),
 }
 
@@ -71,15 +72,9 @@ enum Drive {
 }
 
 impl GazeAssisted {
-    /// A method called `name` with the default profile's numbers, an empty hand and nothing selected.
-    pub fn new(name: &str) -> Self {
-        Self::with(name, LockOnceProfile::default())
-    }
-
-    /// A method called `name`, with an empty hand and nothing selected.
-    pub fn with(name: &str, rules: LockOnceProfile) -> Self {
+    /// A method with an empty hand and nothing selected.
+    pub fn new(rules: LockOnceProfile) -> Self {
         Self {
-            name: name.to_owned(),
             rules,
             confirm: Confirm::new(rules.confirm_open_ms),
             gesture: Gesture::NoMotion,
@@ -89,18 +84,37 @@ impl GazeAssisted {
             planned_for: None,
             intermediates: 0,
             last_base: None,
-            target: TargetView::default(),
+            limb: None,
             confirm_in_secs: None,
         }
+    }
+
+    /// The same for the joints of `subset` of `model`: plans are for where the person's own limb holds them, and void once
+    /// it has moved as far as a base may.
+    pub fn on_limb(mut self, subset: &JointSubset, model: &ArmModel) -> Self {
+        let last = (0..model.arm_count()).rev().find(|joint| !subset.contains(*joint));
+        self.limb = last.map(|joint| (Chain::new(model), joint));
+        self
+    }
+
+    /// Where what the method drives begins: at the shoulder, or at the end of the person's own limb. In `world`.
+    fn base(&self, input: &ControlInput<'_>) -> Pose {
+        let Some((chain, last)) =
+            self.limb.as_ref().filter(|(chain, _)| chain.joint_count() == input.measured.len())
+        else {
+            return input.world_from_base;
+        };
+        let mut poses = ChainPoses::default();
+        chain.place(input.measured, &mut poses);
+        input.world_from_base * poses.links[*last]
     }
 
     /// Where WE would put the block down: where the gaze is, or the free target near it.
     fn place(&self, input: &ControlInput<'_>) -> Point {
         let apart = |a: &Point, b: &Point| (a.xy() - b.xy()).norm();
-        let others = BlockId::ALL.into_iter().filter(|block| Some(*block) != self.holds);
-        let taken = |centre: &Point| {
-            others.clone().any(|block| apart(&input.blocks[block.index()], centre) < OCCUPIED)
-        };
+        let held = self.holds.map(ObjectId::index);
+        let others = || input.objects.iter().enumerate().filter(|(k, _)| Some(*k) != held);
+        let taken = |centre: &Point| others().any(|(_, object)| apart(object, centre) < OCCUPIED);
         let free = input.targets.iter().map(|target| target.centre).filter(|centre| !taken(centre));
         let nearest = free.min_by(|a, b| apart(a, &input.place).total_cmp(&apart(b, &input.place)));
         nearest.filter(|centre| apart(centre, &input.place) < self.rules.snap_radius_m).unwrap_or(input.place)
@@ -116,14 +130,14 @@ impl GazeAssisted {
 
     fn toggle_lock(&mut self, input: &ControlInput<'_>, output: &mut ControlOutput) {
         if self.lock.take().is_some() {
-            output.events.push(EventKind::Unlocked);
+            output.events.push(MethodEvent::Unlocked);
         } else if let Some(selection) = self.selection(input) {
             self.lock = Some(selection);
             let block = match selection {
                 Selection::Block(block) => Some(block),
                 Selection::Place(_) => None,
             };
-            output.events.push(EventKind::Locked { block });
+            output.events.push(MethodEvent::Locked { object: block });
         }
     }
 
@@ -133,7 +147,7 @@ impl GazeAssisted {
             Drive::Planning { .. } => output.plan = Some(PlanCommand::Cancel),
             Drive::Following { .. } => {
                 output.motion = Some(MotionCommand::Hold);
-                output.events.push(EventKind::MotionStopped);
+                output.events.push(MethodEvent::MotionStopped);
             }
             // What was reached or refused stays on display until the next command.
             Drive::Idle | Drive::Arrived { .. } | Drive::Failed { .. } => return,
@@ -142,7 +156,7 @@ impl GazeAssisted {
     }
 
     fn request(&mut self, input: &ControlInput<'_>, output: &mut ControlOutput) {
-        let base = input.world_from_base;
+        let base = self.base(input);
         let refuse =
             |reason: &str| Drive::Failed { base, status: PlanStatus::Invalid, reason: reason.to_owned() };
         if self.holds.is_none() && input.hand.state == HandState::Opening {
@@ -157,11 +171,11 @@ impl GazeAssisted {
             return;
         };
         let goal = match selection {
-            Selection::Block(block) => PlanGoal::Pick { block, centre: input.blocks[block.index()] },
+            Selection::Block(block) => PlanGoal::Pick { object: block, centre: input.objects[block.index()] },
             Selection::Place(point) => PlanGoal::Place { point },
         };
         self.planned_for = match selection {
-            Selection::Block(block) => Some(input.blocks[block.index()]),
+            Selection::Block(block) => Some(input.objects[block.index()]),
             Selection::Place(_) => None,
         };
         output.plan = Some(PlanCommand::Request(goal));
@@ -175,7 +189,7 @@ impl GazeAssisted {
         };
         let (Selection::Block(block), Some(was)) = (selection, self.planned_for) else { return false };
         // Written so that a place that is no number counts as gone.
-        let stays = (input.blocks[block.index()] - was).norm() <= OCCUPIED;
+        let stays = (input.objects[block.index()] - was).norm() <= OCCUPIED;
         !stays
     }
 
@@ -208,10 +222,11 @@ impl GazeAssisted {
             self.take_plan(reply, output);
             return;
         }
+        let here = self.base(input);
         match &mut self.drive {
             Drive::Idle if base_still => self.request(input, output),
             Drive::Idle | Drive::Planning { .. } => {}
-            Drive::Following { base, .. } if moved(&self.rules, base, &input.world_from_base) => {
+            Drive::Following { base, .. } if moved(&self.rules, base, &here) => {
                 self.stop(output);
             }
             Drive::Following { base, intermediate, progress, .. } => match input.motion {
@@ -219,18 +234,18 @@ impl GazeAssisted {
                 MotionState::Finished
                     if *intermediate && self.intermediates < self.rules.most_intermediates =>
                 {
-                    output.events.push(EventKind::MotionFinished);
+                    output.events.push(MethodEvent::MotionFinished);
                     self.intermediates += 1;
                     self.drive = Drive::Idle;
                 }
                 MotionState::Finished => {
-                    output.events.push(EventKind::MotionFinished);
+                    output.events.push(MethodEvent::MotionFinished);
                     self.drive = Drive::Arrived { base: *base, intermediate: *intermediate };
                 }
                 MotionState::Holding => {}
             },
             Drive::Arrived { base, intermediate: true } | Drive::Failed { base, .. } => {
-                if moved(&self.rules, base, &input.world_from_base) && base_still {
+                if moved(&self.rules, base, &here) && base_still {
                     self.intermediates = 0;
                     self.request(input, output);
                 }
@@ -241,10 +256,6 @@ impl GazeAssisted {
 }
 
 impl ControlMethod for GazeAssisted {
-    fn name(&self) -> &str {
-        &self.name
-    }
-
     fn step(
         &mut self,
         now: SimTime,
@@ -252,8 +263,9 @@ impl ControlMethod for GazeAssisted {
         _kinematics: &mut dyn ArmKinematics,
     ) -> ControlOutput {
         let mut output = ControlOutput::default();
-        let base_still = self.last_base.replace(input.world_from_base).is_some_and(|last| {
-            let step = last.inv_mul(&input.world_from_base);
+        let base = self.base(input);
+        let base_still = self.last_base.replace(base).is_some_and(|last| {
+            let step = last.inv_mul(&base);
             step.translation.vector.norm() < BASE_STILL.0 && step.rotation.angle() < BASE_STILL.1
         });
 
@@ -261,7 +273,7 @@ impl ControlMethod for GazeAssisted {
         if input.hand.holds != self.holds {
             self.holds = input.hand.holds;
             if self.lock.take().is_some() {
-                output.events.push(EventKind::Unlocked);
+                output.events.push(MethodEvent::Unlocked);
             }
             self.stop(&mut output);
             self.drive = Drive::Idle;
@@ -290,14 +302,12 @@ impl ControlMethod for GazeAssisted {
         }
 
         self.confirm_in_secs = self.confirm.waits_secs(now);
-        self.target = self.view(input);
+        output.shown = Shown { mode: None, target: self.view(input), planner: self.planner() };
         output
     }
+}
 
-    fn target(&self) -> TargetView {
-        self.target.clone()
-    }
-
+impl GazeAssisted {
     fn planner(&self) -> PlannerView {
         match &self.drive {
             Drive::Idle => match self.confirm_in_secs {
@@ -329,7 +339,7 @@ impl GazeAssisted {
         };
         let shown = self.lock.or(driven).or_else(|| self.selection(input));
         TargetView {
-            block: match shown {
+            object: match shown {
                 Some(Selection::Block(block)) => Some(block),
                 _ => None,
             },

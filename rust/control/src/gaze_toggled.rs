@@ -1,12 +1,12 @@
 use crate::ports::ArmKinematics;
 use crate::{
-    ControlInput, ControlMethod, ControlOutput, HandCommand, MotionCommand, MotionState, PlanCommand,
+    ControlInput, ControlMethod, ControlOutput, HandCommand, MotionCommand, MotionState, PlanCommand, Shown,
     ToggleLocksProfile,
 };
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use proact_arm::{ArmModel, Chain, ChainPoses};
 use proact_types::{
-    BlockId, EventKind, Gesture, PlanGoal, PlanReply, PlanStatus, PlannerView, Point, Pose, SimTime,
+    Gesture, MethodEvent, ObjectId, PlanGoal, PlanReply, PlanStatus, PlannerView, Point, Pose, SimTime,
     TargetView,
 };
 use std::f64::consts::FRAC_PI_2;
@@ -14,7 +14,7 @@ use std::f64::consts::FRAC_PI_2;
 /// Methods C and D as the original's `pick_place.cpp` has them, for comparisons.
 ///
 /// Kept: gestures act when they change; WF toggles a lock for blocks and one for places, the latter on from the
-/// start with the origin of `world`; WE goes to what was locked last (red 1 before that); NM alone stops; the hand's
+/// start with the origin of `world`; WE goes to what was locked last (the first object before that); NM alone stops; the hand's
 /// state is what was commanded, and losing a block commands the hand open; goals come from a two-link arm of wrong
 /// lengths, without approach or descent; the end of an intermediate plan ends the motion.
 ///
@@ -24,18 +24,16 @@ use std::f64::consts::FRAC_PI_2;
 /// in the making alone, as the motion. The sequence of fall-back goals is the planner's.
 #[derive(Clone, Debug)]
 pub struct GazeToggled {
-    name: String,
     rules: ToggleLocksProfile,
     chain: Chain,
     gesture: Gesture,
-    holds: Option<BlockId>,
+    holds: Option<ObjectId>,
     closed: bool,
     pick_locked: bool,
     place_locked: bool,
-    block: BlockId,
+    block: ObjectId,
     place: Point,
     drive: Drive,
-    target: TargetView,
 }
 
 #[derive(Clone, Debug)]
@@ -48,10 +46,9 @@ enum Drive {
 }
 
 impl GazeToggled {
-    /// A method called `name` for the arm `model`.
-    pub fn new(name: &str, rules: ToggleLocksProfile, model: &ArmModel) -> Self {
+    /// A method for the arm `model`.
+    pub fn new(rules: ToggleLocksProfile, model: &ArmModel) -> Self {
         Self {
-            name: name.to_owned(),
             rules,
             chain: Chain::new(model),
             gesture: Gesture::NoMotion,
@@ -59,10 +56,9 @@ impl GazeToggled {
             closed: false,
             pick_locked: false,
             place_locked: true,
-            block: BlockId::Red1,
+            block: ObjectId(0),
             place: Point::origin(),
             drive: Drive::Idle,
-            target: TargetView::default(),
         }
     }
 
@@ -117,11 +113,11 @@ impl GazeToggled {
     ) {
         let shoulder = self.shoulder(input);
         let pose = match self.holds {
-            None => Ok(self.pick_pose(&input.blocks[self.block.index()], &shoulder)),
+            None => Ok(self.pick_pose(&input.objects[self.block.index()], &shoulder)),
             Some(held) => {
                 kinematics.forward(input.measured).map_err(|e| e.to_string()).map(|base_from_tip| {
                     let world_from_tip = input.world_from_base * base_from_tip;
-                    let tip_from_block = world_from_tip.inverse_transform_point(&input.blocks[held.index()]);
+                    let tip_from_block = world_from_tip.inverse_transform_point(&input.objects[held.index()]);
                     self.place_pose(&self.place, &shoulder, &tip_from_block.coords)
                 })
             }
@@ -180,7 +176,11 @@ impl GazeToggled {
                         (self.place_locked, None)
                     }
                 };
-                output.events.push(if lock { EventKind::Locked { block } } else { EventKind::Unlocked });
+                output.events.push(if lock {
+                    MethodEvent::Locked { object: block }
+                } else {
+                    MethodEvent::Unlocked
+                });
             }
             Gesture::WristExtension => self.request(input, kinematics, output),
             Gesture::NoMotion => {
@@ -188,7 +188,7 @@ impl GazeToggled {
                     Drive::Planning => output.plan = Some(PlanCommand::Cancel),
                     Drive::Following { .. } => {
                         output.motion = Some(MotionCommand::Hold);
-                        output.events.push(EventKind::MotionStopped);
+                        output.events.push(MethodEvent::MotionStopped);
                     }
                     _ => return,
                 }
@@ -207,7 +207,7 @@ impl GazeToggled {
             match input.motion {
                 MotionState::Following(now) => *progress = now,
                 MotionState::Finished => {
-                    output.events.push(EventKind::MotionFinished);
+                    output.events.push(MethodEvent::MotionFinished);
                     self.drive = Drive::Arrived { intermediate: *intermediate };
                 }
                 MotionState::Holding => {}
@@ -228,10 +228,6 @@ impl GazeToggled {
 }
 
 impl ControlMethod for GazeToggled {
-    fn name(&self) -> &str {
-        &self.name
-    }
-
     fn step(
         &mut self,
         _now: SimTime,
@@ -245,19 +241,18 @@ impl ControlMethod for GazeToggled {
             self.act(input, kinematics, &mut output);
         }
         let live = if self.pick_locked { Some(self.block) } else { input.highlight };
-        self.target = TargetView {
-            block: live.filter(|_| self.holds.is_none()),
+        let target = TargetView {
+            object: live.filter(|_| self.holds.is_none()),
             place: Some(if self.place_locked { self.place } else { input.place }),
             locked: if self.holds.is_some() { self.place_locked } else { self.pick_locked },
             posterior: input.posterior.to_vec(),
         };
+        output.shown = Shown { mode: None, target, planner: self.planner() };
         output
     }
+}
 
-    fn target(&self) -> TargetView {
-        self.target.clone()
-    }
-
+impl GazeToggled {
     fn planner(&self) -> PlannerView {
         match &self.drive {
             Drive::Idle => PlannerView::Idle,

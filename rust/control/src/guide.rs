@@ -6,7 +6,7 @@ use crate::{
 };
 use nalgebra::Vector6;
 use proact_arm::{ArmModel, JointLimits};
-use proact_types::{JointVector, PlannerView, Point, SimTime, TargetView, Vector};
+use proact_types::{JointVector, Point, SimTime, Vector};
 
 /// Closer to its goal than this the assistant no longer moves the hand, metres.
 const THERE: f64 = 0.01;
@@ -14,7 +14,7 @@ const THERE: f64 = 0.01;
 /// The assistant of [`crate::Blend`]: moves the grasp centre straight toward the point over the block that the gaze
 /// selects, or over the place while a block is held, without turning the hand. It never acts alone.
 ///
-/// Known weakness: it minds joint limits and singularities, not what stands in the way.
+/// Known weaknesses: the grasp centre is that of the hand's widest grasp, because a method is not told of shapes; it minds joint limits and singularities, not what stands in the way.
 #[derive(Clone, Debug)]
 pub struct Guide {
     speed: f64,
@@ -32,7 +32,7 @@ impl Guide {
         Self {
             speed: blend.speed_m_per_s,
             above: blend.above_m,
-            grasp_centre: Point::from(model.grasp_centre),
+            grasp_centre: Point::from(model.widest_grasp().centre),
             inverse: match profile.end_effector_jog.inverse {
                 InverseProfile::Damped(damped) => Some(damped),
                 InverseProfile::MoorePenrose(_) => None,
@@ -45,7 +45,7 @@ impl Guide {
     fn speeds(&self, input: &ControlInput<'_>, kinematics: &mut dyn ArmKinematics) -> Option<JointVector> {
         let below = match (input.hand.holds, input.highlight) {
             (Some(_), _) => input.place,
-            (None, block) => input.blocks[block?.index()],
+            (None, block) => input.objects[block?.index()],
         };
         let goal = input.world_from_base.inverse_transform_point(&(below + Vector::z() * self.above));
         let away = goal - kinematics.forward(input.measured).ok()? * self.grasp_centre;
@@ -61,10 +61,6 @@ impl Guide {
 }
 
 impl ControlMethod for Guide {
-    fn name(&self) -> &str {
-        "guide"
-    }
-
     fn step(
         &mut self,
         _now: SimTime,
@@ -74,13 +70,5 @@ impl ControlMethod for Guide {
         let fits = input.commanded.len() == self.limits.len() && input.measured.len() == self.limits.len();
         let speeds = if fits { self.speeds(input, kinematics) } else { None };
         ControlOutput { motion: speeds.map(MotionCommand::Velocity), ..ControlOutput::default() }
-    }
-
-    fn target(&self) -> TargetView {
-        TargetView::default()
-    }
-
-    fn planner(&self) -> PlannerView {
-        PlannerView::Idle
     }
 }

@@ -1,6 +1,6 @@
 use crate::method::refused;
-use crate::{ControlInput, HandCommand, JogProfile, MotionCommand};
-use proact_types::{Gesture, HandState, ModeView, PlannerView, SimTime, joints};
+use crate::{ControlInput, HandCommand, JogProfile, MotionCommand, Shown};
+use proact_types::{Gesture, HandState, ModeView, PlannerView, SimTime, TargetView, joints};
 
 /// From gestures to motion, modes and hand: what methods A and B share.
 ///
@@ -68,8 +68,12 @@ impl Jog {
         self.selected
     }
 
-    /// The selected mode as shown.
-    pub(crate) fn mode(&self) -> Option<ModeView> {
+    /// The selected mode, and `refusal` if there is one.
+    pub(crate) fn shown(&self, refusal: Option<&str>) -> Shown {
+        Shown { mode: self.mode(), target: TargetView::default(), planner: self.planner(refusal) }
+    }
+
+    fn mode(&self) -> Option<ModeView> {
         let next_in_secs = match &self.pace {
             Pace::Time(pace) => pace.next_in_secs,
             Pace::Message(_) => None,
@@ -78,7 +82,7 @@ impl Jog {
     }
 
     /// Shows `refusal` if there is one, else that opening the hand waits for a second HC.
-    pub(crate) fn planner(&self, refusal: Option<&str>) -> PlannerView {
+    fn planner(&self, refusal: Option<&str>) -> PlannerView {
         let waits = match &self.pace {
             Pace::Time(pace) => {
                 pace.confirm_in_secs.map(|secs| format!("HC again within {secs:.1} s opens the hand"))

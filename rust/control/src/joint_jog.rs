@@ -4,8 +4,8 @@ use crate::ports::ArmKinematics;
 use crate::{
     ControlError, ControlInput, ControlMethod, ControlOutput, JointSubset, MotionCommand, Profile, STEP_SECS,
 };
-use proact_arm::{ArmModel, JointLimits};
-use proact_types::{Gesture, JointVector, ModeView, PlannerView, SimTime, TargetView, joints, zeros};
+use proact_arm::{ArmModel, JointLimits, is_named};
+use proact_types::{Gesture, JointVector, ModeView, Moves, SimTime, joints, zeros};
 
 /// Method A: HO cycles through the joints, WE and WF move the selected one, HC toggles the hand (ProACT,
 /// arXiv:2407.05025, "Direct joint control").
@@ -44,21 +44,26 @@ impl JointJog {
     /// [`ControlError::Name`] for a joint in `joint_jog.cycle` that is not driven.
     pub fn new(profile: &Profile, model: &ArmModel, subset: &JointSubset) -> Result<Self, ControlError> {
         let settings = &profile.joint_jog;
-        let cycle: Vec<usize> = match settings.cycle.as_slice() {
-            [] => subset.driven().to_vec(),
-            names => names.iter().map(|name| subset.find(model, name)).collect::<Result<_, _>>()?,
+        let own = &model.settings;
+        let find = |name: &String| subset.find(model, name);
+        let cycle: Vec<usize> = match (settings.cycle.as_slice(), own.cycle.as_slice()) {
+            ([], []) => subset.driven().to_vec(),
+            // The arm's own order, of those joints that the prosthesis has.
+            ([], names) => names.iter().filter_map(|name| find(name).ok()).collect(),
+            (names, _) => names.iter().map(find).collect::<Result<_, _>>()?,
         };
         let mut modes = Vec::new();
         let mut views = Vec::new();
         for joint in cycle {
             let full = &model.joints[model.arm[joint]].name;
-            let entry = settings.joints.iter().find(|entry| JointSubset::is_named(full, &entry.joint));
+            let mut entries = settings.joints.iter().chain(&own.joints);
+            let entry = entries.find(|entry| is_named(full, &entry.joint));
             let (name, we, wf, sign) = match entry {
                 Some(entry) => (&*entry.name, &*entry.we, &*entry.wf, entry.we_sign),
                 None => (&**full, "+", "-", 1),
             };
             views.push(ModeView {
-                number: joint as u8,
+                moves: Moves::Joint(joint as u8),
                 name: name.to_owned(),
                 directions: [we.to_owned(), wf.to_owned()],
                 we_sign: sign,
@@ -118,10 +123,6 @@ impl JointJog {
 }
 
 impl ControlMethod for JointJog {
-    fn name(&self) -> &str {
-        "A"
-    }
-
     fn step(
         &mut self,
         now: SimTime,
@@ -141,18 +142,7 @@ impl ControlMethod for JointJog {
             JogMotion::Speed(sign) => Some(self.velocity(sign, input)),
             JogMotion::Step { sign, repeated } => self.goal(sign, repeated, input),
         };
-        ControlOutput { motion, hand: hand.or(first), ..ControlOutput::default() }
-    }
-
-    fn mode(&self) -> Option<ModeView> {
-        self.jog.mode()
-    }
-
-    fn target(&self) -> TargetView {
-        TargetView::default()
-    }
-
-    fn planner(&self) -> PlannerView {
-        self.jog.planner(self.refusal.as_deref())
+        let shown = self.jog.shown(self.refusal.as_deref());
+        ControlOutput { motion, hand: hand.or(first), shown, ..ControlOutput::default() }
     }
 }

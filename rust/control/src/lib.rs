@@ -20,11 +20,12 @@ mod method;
 mod pipe;
 pub mod ports;
 mod profile;
+mod registry;
 mod subset;
 mod watch;
 
 pub use blend::Blend;
-pub use build::{METHODS, build, build_outside};
+pub use build::build;
 pub use dead_man::DeadMan;
 pub use end_effector_jog::EndEffectorJog;
 pub use gaze_assisted::GazeAssisted;
@@ -34,14 +35,15 @@ pub use hand::HandTracker;
 pub use joint_jog::JointJog;
 pub use limited::Limited;
 pub use method::{
-    ControlInput, ControlMethod, ControlOutput, HandCommand, MotionCommand, MotionState, PlanCommand,
+    ControlInput, ControlMethod, ControlOutput, HandCommand, MotionCommand, MotionState, PlanCommand, Shown,
 };
-pub use pipe::{InputLine, OUTSIDE, OutputLine, PipeMethod};
+pub use pipe::{InputLine, OutputLine, PipeMethod};
 pub use profile::{
     Axis, AxisEntry, AxisMotion, BlendProfile, ControlError, DampedProfile, DeadManProfile,
-    EndEffectorJogProfile, GazeAssistedProfile, InverseProfile, JogProfile, JointEntry, JointJogProfile,
-    LimiterProfile, LockOnceProfile, MoorePenroseProfile, Profile, ToggleLocksProfile,
+    EndEffectorJogProfile, GazeAssistedProfile, InverseProfile, JogProfile, JointJogProfile, LimiterProfile,
+    LockOnceProfile, MoorePenroseProfile, Profile, ToggleLocksProfile,
 };
+pub use registry::{MakeMethod, MethodEntry, MethodProgram, MethodRegistry, OUTSIDE};
 pub use subset::{FollowsLimb, JointSubset};
 pub use watch::SourceWatch;
 

@@ -1,7 +1,7 @@
 use crate::ports::ArmKinematics;
 use crate::{ControlInput, ControlMethod, ControlOutput, LimiterProfile, MotionCommand, STEP_SECS};
 use proact_arm::{ArmModel, JointLimits};
-use proact_types::{JointVector, ModeView, PlannerView, SimTime, TargetView, Trajectory, zeros};
+use proact_types::{JointVector, SimTime, Trajectory, zeros};
 
 /// Longest time between two steps that speeds may change for, seconds: a late step must not let the arm jump.
 const LONGEST_STEP_SECS: f64 = 0.02;
@@ -117,10 +117,6 @@ fn brake(room: f64, acceleration: f64) -> f64 {
 }
 
 impl<M: ControlMethod> ControlMethod for Limited<M> {
-    fn name(&self) -> &str {
-        self.method.name()
-    }
-
     fn step(
         &mut self,
         now: SimTime,
@@ -161,17 +157,5 @@ impl<M: ControlMethod> ControlMethod for Limited<M> {
             self.toward(&asked, input.commanded, secs)
         });
         output
-    }
-
-    fn mode(&self) -> Option<ModeView> {
-        self.method.mode()
-    }
-
-    fn target(&self) -> TargetView {
-        self.method.target()
-    }
-
-    fn planner(&self) -> PlannerView {
-        self.method.planner()
     }
 }

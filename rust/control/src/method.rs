@@ -1,28 +1,30 @@
 use crate::ports::ArmKinematics;
 use proact_types::{
-    BlockId, EventKind, Gesture, HandView, JointVector, ModeView, PlanGoal, PlanReply, PlanStatus,
-    PlannerView, Point, Pose, SimTime, Stop, Target, TargetView, Trajectory,
+    Gesture, GestureName, HandView, JointVector, MethodEvent, ModeView, ObjectId, PlanGoal, PlanReply,
+    PlanStatus, PlannerView, Point, Pose, SimTime, Stop, Target, TargetView, Trajectory,
 };
 use serde::{Deserialize, Serialize};
 
 /// What a method sees at one control step.
 #[derive(Clone, Debug)]
 pub struct ControlInput<'a> {
-    /// Gesture in force.
+    /// Command in force.
     pub gesture: Gesture,
+    /// The gesture that gives it, as the EMG model calls it; that of the command's name for keys.
+    pub recognised: GestureName,
     /// The gesture that the EMG stage published in this tick; none between its messages.
     pub message: Option<Gesture>,
     /// Angles of the arm joints as measured, rad.
     pub measured: &'a [f64],
     /// Angles of the arm joints as asked of the position control, rad.
     pub commanded: &'a [f64],
-    /// Block with the highest posterior; none when no block is in question.
-    pub highlight: Option<BlockId>,
-    /// Centres of the blocks in `world`, `BlockId::ALL` order.
-    pub blocks: &'a [Point; 4],
-    /// Posterior over blocks, for the display; empty without inference.
+    /// Object with the highest posterior; none when none is in question.
+    pub highlight: Option<ObjectId>,
+    /// Centres of the objects in `world`, in the order of the scene.
+    pub objects: &'a [Point],
+    /// Posterior over objects, for the display; empty without inference.
     pub posterior: &'a [f64],
-    /// Where the gaze would put a block down, on the table top, in `world`.
+    /// Where the gaze would put an object down, on the table top, in `world`.
     pub place: Point,
     /// The hand, from its joints and from contact.
     pub hand: HandView,
@@ -32,7 +34,7 @@ pub struct ControlInput<'a> {
     pub plan: Option<&'a PlanReply>,
     /// What the trajectory controller does.
     pub motion: MotionState,
-    /// Where blocks should go; a place may snap to them.
+    /// Where objects should go; a place may snap to them.
     pub targets: &'a [Target],
     /// Angles of the person's own limb in the arm's joints, rad, for joints that the prosthesis does not have; none
     /// where the whole arm is lost or nothing tracks it.
@@ -69,8 +71,28 @@ pub struct ControlOutput {
     pub hand: Option<HandCommand>,
     /// For the planner.
     pub plan: Option<PlanCommand>,
-    /// What happened.
-    pub events: Vec<EventKind>,
+    /// What happened to the method.
+    pub events: Vec<MethodEvent>,
+    /// What is to be seen of it until the next step.
+    pub shown: Shown,
+}
+
+/// What is to be seen of a method. It moves nothing.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Shown {
+    /// What the movement gestures move, for methods that cycle through joints or axes.
+    pub mode: Option<ModeView>,
+    /// The selection marker.
+    pub target: TargetView,
+    /// What the planner does, or why nothing moves.
+    pub planner: PlannerView,
+}
+
+impl Default for Shown {
+    fn default() -> Self {
+        Self { mode: None, target: TargetView::default(), planner: PlannerView::Idle }
+    }
 }
 
 /// A command for the arm.
@@ -117,34 +139,16 @@ pub(crate) fn refused(reason: &str) -> PlannerView {
 ///
 /// Deterministic: the same inputs at the same times give the same outputs.
 pub trait ControlMethod: Send {
-    /// Name shown to the participant and written to the record, such as `D`.
-    fn name(&self) -> &str;
-
-    /// Advances to `now`. `kinematics` is that of the arm, base to tip.
+    /// Advances to `now`. `kinematics` is that of the arm, base to tip. Whoever wraps a method changes what it gave.
     fn step(
         &mut self,
         now: SimTime,
         input: &ControlInput<'_>,
         kinematics: &mut dyn ArmKinematics,
     ) -> ControlOutput;
-
-    /// What the movement gestures move, for methods that cycle through joints or axes.
-    fn mode(&self) -> Option<ModeView> {
-        None
-    }
-
-    /// The selection marker after the last step.
-    fn target(&self) -> TargetView;
-
-    /// The planner's state after the last step.
-    fn planner(&self) -> PlannerView;
 }
 
 impl<M: ControlMethod + ?Sized> ControlMethod for Box<M> {
-    fn name(&self) -> &str {
-        (**self).name()
-    }
-
     fn step(
         &mut self,
         now: SimTime,
@@ -152,17 +156,5 @@ impl<M: ControlMethod + ?Sized> ControlMethod for Box<M> {
         kinematics: &mut dyn ArmKinematics,
     ) -> ControlOutput {
         (**self).step(now, input, kinematics)
-    }
-
-    fn mode(&self) -> Option<ModeView> {
-        (**self).mode()
-    }
-
-    fn target(&self) -> TargetView {
-        (**self).target()
-    }
-
-    fn planner(&self) -> PlannerView {
-        (**self).planner()
     }
 }

@@ -1,16 +1,13 @@
 use crate::method::refused;
 use crate::ports::{ArmKinematics, MethodProcess};
 use crate::{
-    ControlInput, ControlMethod, ControlOutput, HandCommand, MotionCommand, MotionState, PlanCommand,
+    ControlInput, ControlMethod, ControlOutput, HandCommand, MotionCommand, MotionState, PlanCommand, Shown,
 };
 use proact_types::{
-    BlockId, EventKind, Gesture, HandView, JointVector, ModeView, PlanReply, PlannerView, Point, Pose,
-    SimTime, Target, TargetView, joints,
+    Gesture, GestureName, HandView, JointVector, MOST_METHOD_TEXT_BYTES, MethodEvent, ModeView, ObjectId,
+    PlanGoal, PlanReply, PlannerView, Point, Pose, SimTime, Target, TargetView, joints,
 };
 use serde::{Deserialize, Serialize};
-
-/// What an outside method is called.
-pub const OUTSIDE: &str = "outside";
 
 /// One line to the outside process: what a method sees at one control step.
 ///
@@ -22,6 +19,9 @@ pub struct InputLine {
     pub time: SimTime,
     /// [`ControlInput::gesture`].
     pub gesture: Gesture,
+    /// [`ControlInput::recognised`].
+    #[serde(default)]
+    pub recognised: GestureName,
     /// [`ControlInput::message`].
     pub message: Option<Gesture>,
     /// [`ControlInput::measured`].
@@ -29,9 +29,9 @@ pub struct InputLine {
     /// [`ControlInput::commanded`].
     pub commanded: JointVector,
     /// [`ControlInput::highlight`].
-    pub highlight: Option<BlockId>,
-    /// [`ControlInput::blocks`].
-    pub blocks: [Point; 4],
+    pub highlight: Option<ObjectId>,
+    /// [`ControlInput::objects`].
+    pub objects: Vec<Point>,
     /// [`ControlInput::posterior`].
     pub posterior: Vec<f64>,
     /// [`ControlInput::place`].
@@ -75,9 +75,9 @@ pub struct OutputLine {
     /// For the planner.
     #[serde(default)]
     pub plan: Option<PlanCommand>,
-    /// What happened.
+    /// What happened to the method.
     #[serde(default)]
-    pub events: Vec<EventKind>,
+    pub events: Vec<MethodEvent>,
     /// Shown until the next answer that has one.
     #[serde(default)]
     pub mode: Option<ModeView>,
@@ -93,20 +93,18 @@ pub struct OutputLine {
 /// from it.
 ///
 /// While the answer to the present line is missing, broken or not understood, the arm holds and
-/// [`ControlMethod::planner`] says why. Nothing is started here; deterministic as far as the process is.
+/// [`Shown::planner`] says why. Nothing is started here; deterministic as far as the process is.
 #[derive(Debug)]
 pub struct PipeMethod<P> {
     process: P,
-    mode: Option<ModeView>,
-    target: TargetView,
-    planner: PlannerView,
-    refusal: Option<String>,
+    /// As the process said last.
+    shown: Shown,
 }
 
 impl<P: MethodProcess> PipeMethod<P> {
     /// Speaks to `process`.
     pub fn new(process: P) -> Self {
-        Self { process, mode: None, target: TargetView::default(), planner: PlannerView::Idle, refusal: None }
+        Self { process, shown: Shown::default() }
     }
 
     fn ask(&mut self, line: &InputLine, joints: usize) -> Result<OutputLine, String> {
@@ -118,13 +116,13 @@ impl<P: MethodProcess> PipeMethod<P> {
             let (got, asked) = (parsed.time.0, line.time.0);
             return Err(format!("the process answered {got} at {asked}, which was not asked"));
         }
-        check(&parsed, joints)?;
+        check(&parsed, joints, line.objects.len())?;
         Ok(parsed)
     }
 }
 
-/// Commands that fit the arm, and a target that fits the blocks; the others are errors of the process.
-fn check(answer: &OutputLine, count: usize) -> Result<(), String> {
+/// Commands that fit the arm, and a target that fits the objects; the others are errors of the process.
+fn check(answer: &OutputLine, count: usize, objects: usize) -> Result<(), String> {
     let fits = |what: &str, values: &[f64]| match values.iter().position(|value| !value.is_finite()) {
         Some(index) => Err(format!("{what} {index} is {}, expected a finite number", values[index])),
         None if values.len() != count => {
@@ -133,10 +131,26 @@ fn check(answer: &OutputLine, count: usize) -> Result<(), String> {
         None => Ok(()),
     };
     if let Some(target) = &answer.target {
-        let (got, blocks) = (target.posterior.len(), BlockId::ALL.len());
-        if got != 0 && got != blocks {
-            return Err(format!("posterior: got {got} values, expected none or {blocks}"));
+        let got = target.posterior.len();
+        if got != 0 && got != objects {
+            return Err(format!("posterior: got {got} values, expected none or {objects}"));
         }
+        if let Some(object) = target.object.filter(|object| object.index() >= objects) {
+            return Err(format!("target: got object {}, there are {objects}, counted from 0", object.0));
+        }
+    }
+    for event in &answer.events {
+        let MethodEvent::Note { text } = event else { continue };
+        if text.len() > MOST_METHOD_TEXT_BYTES || text.chars().any(char::is_control) {
+            return Err(format!(
+                "note {text:?}: expected at most {MOST_METHOD_TEXT_BYTES} bytes without control characters"
+            ));
+        }
+    }
+    if let Some(PlanCommand::Request(PlanGoal::Pick { object, .. })) = &answer.plan
+        && object.index() >= objects
+    {
+        return Err(format!("plan: got object {}, there are {objects}, counted from 0", object.0));
     }
     match &answer.motion {
         Some(MotionCommand::Velocity(values)) => fits("velocity", values),
@@ -149,10 +163,6 @@ fn check(answer: &OutputLine, count: usize) -> Result<(), String> {
 }
 
 impl<P: MethodProcess> ControlMethod for PipeMethod<P> {
-    fn name(&self) -> &str {
-        OUTSIDE
-    }
-
     fn step(
         &mut self,
         now: SimTime,
@@ -165,11 +175,12 @@ impl<P: MethodProcess> ControlMethod for PipeMethod<P> {
         let line = InputLine {
             time: now,
             gesture: input.gesture,
+            recognised: input.recognised,
             message: input.message,
             measured: joints(input.measured),
             commanded: joints(input.commanded),
             highlight: input.highlight,
-            blocks: *input.blocks,
+            objects: input.objects.to_vec(),
             posterior: input.posterior.to_vec(),
             place: input.place,
             hand: input.hand,
@@ -186,32 +197,18 @@ impl<P: MethodProcess> ControlMethod for PipeMethod<P> {
         };
         match self.ask(&line, input.commanded.len()) {
             Ok(answer) => {
-                self.refusal = None;
-                self.mode = answer.mode.or(self.mode.take());
-                self.target = answer.target.unwrap_or_else(|| std::mem::take(&mut self.target));
-                self.planner = answer.planner.unwrap_or_else(|| self.planner.clone());
-                let OutputLine { motion, hand, plan, events, .. } = answer;
-                ControlOutput { motion, hand, plan, events }
+                let OutputLine { time: _, motion, hand, plan, events, mode, target, planner } = answer;
+                let shown = &mut self.shown;
+                shown.mode = mode.or(shown.mode.take());
+                shown.target = target.unwrap_or_else(|| std::mem::take(&mut shown.target));
+                shown.planner = planner.unwrap_or_else(|| shown.planner.clone());
+                ControlOutput { motion, hand, plan, events, shown: shown.clone() }
             }
-            Err(reason) => {
-                self.refusal = Some(reason);
-                ControlOutput { motion: Some(MotionCommand::Hold), ..ControlOutput::default() }
-            }
-        }
-    }
-
-    fn mode(&self) -> Option<ModeView> {
-        self.mode.clone()
-    }
-
-    fn target(&self) -> TargetView {
-        self.target.clone()
-    }
-
-    fn planner(&self) -> PlannerView {
-        match &self.refusal {
-            Some(reason) => refused(reason),
-            None => self.planner.clone(),
+            Err(reason) => ControlOutput {
+                motion: Some(MotionCommand::Hold),
+                shown: Shown { planner: refused(&reason), ..self.shown.clone() },
+                ..ControlOutput::default()
+            },
         }
     }
 }

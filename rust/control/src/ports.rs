@@ -11,6 +11,16 @@ pub trait MethodProcess: Send {
     fn ask(&mut self, now: SimTime, line: &str) -> MethodAnswer;
 }
 
+/// Stands where no method asks a process.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct NoProcess;
+
+impl MethodProcess for NoProcess {
+    fn ask(&mut self, _now: SimTime, _line: &str) -> MethodAnswer {
+        Err("there is no process to ask".to_owned())
+    }
+}
+
 /// Why a kinematic question could not be answered.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]

@@ -1,5 +1,7 @@
 //! What the methods do, as data: the numbers and the choices between rules.
 
+use proact_arm::JointEntry;
+use proact_types::{Gesture, GestureName};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -14,6 +16,45 @@ pub enum ControlError {
         got: String,
         /// What there is.
         known: String,
+    },
+    /// There is a method of this name already.
+    #[error("method {got:?} exists already, among {known}: give yours another name")]
+    MethodTwice {
+        /// The name.
+        got: String,
+        /// What there is.
+        known: String,
+    },
+    /// A name or a text of a method cannot be shown.
+    #[error("method: {key} = {got:?}, expected {expected}")]
+    MethodText {
+        /// Such as `name`.
+        key: &'static str,
+        /// What was given.
+        got: String,
+        /// What is allowed.
+        expected: &'static str,
+    },
+    /// The text is not the file of a method.
+    #[error("the method file is unreadable: {0}")]
+    MethodFile(String),
+    /// A number or a word of an outside method cannot be.
+    #[error("method_process.{key} = {got}, expected {expected}")]
+    Program {
+        /// Such as `deadline_ms`.
+        key: &'static str,
+        /// What was given.
+        got: String,
+        /// What is allowed.
+        expected: &'static str,
+    },
+    /// The program of a trial is another method.
+    #[error("method is {method:?}, but method_process.info is that of {program:?}: give both the same name")]
+    OtherProgram {
+        /// What the trial names.
+        method: String,
+        /// What its program is called.
+        program: String,
     },
     /// No such profile.
     #[error("profile {got:?} is unknown; expected default, original, or the text of one")]
@@ -60,10 +101,16 @@ pub enum ControlError {
 pub struct Profile {
     /// Written to the record.
     pub name: String,
-    /// Which of `levels` is in force.
+    /// Which level of limb loss is in force: one of `levels`, or of the arm's.
     pub level: String,
-    /// Joints that a method drives, by level of limb loss; empty is every arm joint.
+    /// Joints that a method drives, by level of limb loss, in the place of the arm's own list of that level; an empty list
+    /// is every arm joint.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub levels: BTreeMap<String, Vec<String>>,
+    /// What the gestures of the EMG model are to the methods. A gesture without an entry is the command of its own name,
+    /// or nothing.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub gestures: BTreeMap<GestureName, Gesture>,
     /// Methods A and B: from gestures to steps.
     pub jog: JogProfile,
     /// Method A.
@@ -109,7 +156,8 @@ pub enum JogProfile {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct JointJogProfile {
-    /// Joints cycled through, in this order; empty is every driven joint, base to tip.
+    /// Joints cycled through, in this order, in the place of the arm's own; empty is the arm's.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub cycle: Vec<String>,
     /// Speed of the selected joint, rad/s, where the pace is `time`.
     pub speed_rad_per_s: f64,
@@ -120,24 +168,10 @@ pub struct JointJogProfile {
     pub drift_limit_rad: f64,
     /// The hand closes at the start while the method believes it open (the original).
     pub starts_closed: bool,
-    /// How joints are shown and which way they go. Joints without an entry go by their own name.
+    /// How joints are shown and which way they go, in the place of the arm's own entries for them. Joints with neither
+    /// go by their own name.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub joints: Vec<JointEntry>,
-}
-
-/// How a joint is shown.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct JointEntry {
-    /// The joint's name in the model, or what follows its last `__`.
-    pub joint: String,
-    /// As shown.
-    pub name: String,
-    /// What WE does, as shown.
-    pub we: String,
-    /// What WF does, as shown.
-    pub wf: String,
-    /// Sign of the joint's motion for WE: 1 or -1.
-    pub we_sign: i8,
 }
 
 /// Method B.
@@ -364,8 +398,7 @@ impl Profile {
     /// Reads a profile and checks its numbers.
     ///
     /// # Errors
-    /// [`ControlError::Text`] with the line, [`ControlError::Value`] for numbers out of range,
-    /// [`ControlError::Name`] for a level that is not in the list.
+    /// [`ControlError::Text`] with the line, [`ControlError::Value`] for numbers out of range.
     pub fn from_toml(text: &str) -> Result<Self, ControlError> {
         let profile: Self = toml::from_str(text).map_err(|e| ControlError::Text(e.to_string()))?;
         profile.check()?;
@@ -461,10 +494,6 @@ impl Profile {
                 got: 0.0,
                 expected: "at least 1",
             });
-        }
-        if !self.levels.contains_key(&self.level) {
-            let known = self.levels.keys().cloned().collect::<Vec<_>>().join(", ");
-            return Err(ControlError::Name { kind: "level", got: self.level.clone(), known });
         }
         Ok(())
     }

@@ -1,10 +1,15 @@
 use crate::ports::ArmKinematics;
-use crate::{ControlError, ControlInput, ControlMethod, ControlOutput, MotionCommand, Profile, STEP_SECS};
-use proact_arm::{ArmModel, JointLimits};
-use proact_types::{ModeView, PlannerView, SimTime, TargetView};
+use crate::{
+    ControlError, ControlInput, ControlMethod, ControlOutput, MotionCommand, MotionState, Profile, STEP_SECS,
+};
+use proact_arm::{ArmModel, JointLimits, is_named};
+use proact_types::{SimTime, Trajectory};
+use std::collections::BTreeSet;
 
 /// A joint this near its goal has reached it, rad.
 const THERE: f64 = 1e-9;
+/// The level of limb loss at which nothing is left of the limb: every arm has it.
+const WHOLE_ARM: &str = "shoulder";
 
 /// The arm joints that a method drives; the person's own limb has the others.
 #[derive(Clone, Debug, PartialEq)]
@@ -17,15 +22,23 @@ impl JointSubset {
     /// The joints of the profile's level, base to tip.
     ///
     /// # Errors
-    /// [`ControlError::Name`] for a level that is not in the list or a joint that the arm does not have.
+    /// [`ControlError::Name`] for a level that neither profile nor arm has, or a joint that the arm does not have.
     pub fn new(profile: &Profile, model: &ArmModel) -> Result<Self, ControlError> {
         let count = model.arm_count();
         let all = Self { driven: (0..count).collect(), count };
-        let names = profile.levels.get(&profile.level).ok_or_else(|| ControlError::Name {
-            kind: "level",
-            got: profile.level.clone(),
-            known: profile.levels.keys().cloned().collect::<Vec<_>>().join(", "),
-        })?;
+        let (own, arms) = (&profile.levels, &model.settings.levels);
+        let names = own.get(&profile.level).or_else(|| arms.get(&profile.level));
+        let known = own.keys().chain(arms.keys());
+        let names = match names {
+            Some(names) => names.as_slice(),
+            // An arm that says nothing of levels is worn as a whole.
+            None if profile.level == WHOLE_ARM => &[],
+            None => {
+                let known: BTreeSet<&str> = known.map(String::as_str).chain([WHOLE_ARM]).collect();
+                let known = Vec::from_iter(known).join(", ");
+                return Err(ControlError::Name { kind: "level", got: profile.level.clone(), known });
+            }
+        };
         if names.is_empty() {
             return Ok(all);
         }
@@ -53,20 +66,16 @@ impl JointSubset {
     /// Position of the driven joint called `name`.
     pub(crate) fn find(&self, model: &ArmModel, name: &str) -> Result<usize, ControlError> {
         let full = |joint: usize| &*model.joints[model.arm[joint]].name;
-        self.driven.iter().copied().find(|&joint| Self::is_named(full(joint), name)).ok_or_else(|| {
+        self.driven.iter().copied().find(|&joint| is_named(full(joint), name)).ok_or_else(|| {
             let known = self.driven.iter().map(|&joint| full(joint)).collect::<Vec<_>>().join(", ");
             ControlError::Name { kind: "joint", got: name.to_owned(), known }
         })
     }
-
-    /// True if `name` is the joint's full name or what follows its last `__`: `mpl_right_arm__elbow` is `elbow`.
-    pub(crate) fn is_named(full: &str, name: &str) -> bool {
-        full == name || full.rsplit("__").next() == Some(name)
-    }
 }
 
 /// Lets the joints that a method does not drive follow the person's own limb, at most at their speed limits. What
-/// the method asks of those joints is dropped. Without a tracked limb they stay where they are.
+/// the method asks of those joints is dropped. Without a tracked limb they stay where they are. A path is followed on the
+/// driven joints alone, and the method is told how far, as if actuation did.
 #[derive(Clone, Debug)]
 pub struct FollowsLimb<M> {
     method: M,
@@ -74,6 +83,10 @@ pub struct FollowsLimb<M> {
     limits: Vec<JointLimits>,
     /// Where the method sent its joints, while they are on their way.
     goal: Option<Vec<f64>>,
+    /// The path that the driven joints follow, and since when.
+    path: Option<(Trajectory, SimTime)>,
+    /// The path before has been followed to its end.
+    finished: bool,
     /// True while joints of the limb move.
     following: bool,
 }
@@ -82,27 +95,58 @@ impl<M: ControlMethod> FollowsLimb<M> {
     /// Around `method`, which drives the joints of `subset`.
     pub fn new(method: M, subset: JointSubset, model: &ArmModel) -> Self {
         let limits = model.arm.iter().map(|&j| model.joints[j].limits).collect();
-        Self { method, subset, limits, goal: None, following: false }
+        Self { method, subset, limits, goal: None, path: None, finished: false, following: false }
+    }
+}
+
+impl<M> FollowsLimb<M> {
+    /// What the arm does as far as the method has to do with it: the path is followed here, not by actuation.
+    fn motion(&self, now: SimTime, actuation: MotionState) -> MotionState {
+        match &self.path {
+            Some((path, since)) => {
+                let secs = now.millis_since(*since) as f64 * 1e-3;
+                MotionState::Following((secs / path.duration_secs().max(STEP_SECS)).min(1.0))
+            }
+            None if self.finished => MotionState::Finished,
+            None => actuation,
+        }
     }
 }
 
 impl<M: ControlMethod> ControlMethod for FollowsLimb<M> {
-    fn name(&self) -> &str {
-        self.method.name()
-    }
-
     fn step(
         &mut self,
         now: SimTime,
         input: &ControlInput<'_>,
         kinematics: &mut dyn ArmKinematics,
     ) -> ControlOutput {
+        let input = &ControlInput { motion: self.motion(now, input.motion), ..input.clone() };
         let mut output = self.method.step(now, input, kinematics);
         let asked = output.motion.take();
         match &asked {
             Some(MotionCommand::Goto(goal)) => self.goal = Some(goal.to_vec()),
             Some(_) => self.goal = None,
             None => {}
+        }
+        match &asked {
+            Some(MotionCommand::Follow(path)) => self.path = Some((path.clone(), now)),
+            Some(_) => self.path = None,
+            None => {}
+        }
+        if asked.is_some() {
+            self.finished = false;
+        }
+        // Nothing moves while a source is dead.
+        if input.stop.is_some() && self.path.take().is_some() {
+            self.goal = None;
+        }
+        if let Some((path, since)) = &self.path {
+            let secs = now.millis_since(*since) as f64 * 1e-3;
+            self.goal = path.sample(secs + STEP_SECS).map(|(angles, _)| angles.to_vec());
+            if secs >= path.duration_secs() {
+                self.path = None;
+                self.finished = true;
+            }
         }
         let commanded = input.commanded;
         let toward = |goal: Option<&f64>, joint: usize| {
@@ -135,17 +179,5 @@ impl<M: ControlMethod> ControlMethod for FollowsLimb<M> {
             None => None,
         };
         output
-    }
-
-    fn mode(&self) -> Option<ModeView> {
-        self.method.mode()
-    }
-
-    fn target(&self) -> TargetView {
-        self.method.target()
-    }
-
-    fn planner(&self) -> PlannerView {
-        self.method.planner()
     }
 }

@@ -7,7 +7,7 @@ mod common;
 
 use common::{BLOCKS, Rig, reply};
 use proact_control::{ControlOutput, MotionCommand, PlanCommand};
-use proact_types::{BlockId, Gesture, HandState, HandView, PlanStatus, Pose};
+use proact_types::{Gesture, HandState, HandView, ObjectId, PlanStatus, Pose};
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -29,7 +29,7 @@ fn play(rig: &mut Rig, gesture: Gesture, ms: u64, trace: &mut Vec<Value>) {
 
 /// A line for each step with a command, and for each change of what is shown.
 fn note(rig: &Rig, output: &ControlOutput, shown: &mut Value, trace: &mut Vec<Value>) {
-    if *output != ControlOutput::default() {
+    if (ControlOutput { shown: Default::default(), ..output.clone() }) != ControlOutput::default() {
         let mut line = json!({ "t": rig.now });
         let mut put = |key: &str, value: Value| {
             if !value.is_null() && value != json!([]) {
@@ -49,13 +49,13 @@ fn note(rig: &Rig, output: &ControlOutput, shown: &mut Value, trace: &mut Vec<Va
         put("events", serde_json::to_value(&output.events).expect("plain data"));
         trace.push(line);
     }
-    let mode = rig.method.mode().map(|mode| (mode.number, mode.name));
-    let target = rig.method.target();
-    let planner = match rig.method.planner() {
+    let mode = rig.shown.mode.clone().map(|mode| (common::number(mode.moves), mode.name));
+    let target = rig.shown.target.clone();
+    let planner = match rig.shown.planner.clone() {
         proact_types::PlannerView::Executing { intermediate, .. } => json!({ "executing": intermediate }),
         other => serde_json::to_value(other).expect("plain data"),
     };
-    let now = json!({ "mode": mode, "block": target.block, "place": target.place, "locked": target.locked,
+    let now = json!({ "mode": mode, "object": target.object, "place": target.place, "locked": target.locked,
         "planner": planner });
     if now != *shown {
         trace.push(json!({ "t": rig.now, "shown": now }));
@@ -92,7 +92,7 @@ fn gaze(rig: &mut Rig, trace: &mut Vec<Value>) {
     use Gesture::{HandClose, HandOpen, NoMotion, WristExtension, WristFlexion};
     play(rig, NoMotion, 50, trace);
     play(rig, WristFlexion, 50, trace);
-    rig.highlight = Some(BlockId::Blue2);
+    rig.highlight = Some(ObjectId(3));
     play(rig, NoMotion, 50, trace);
     // A pick by way of an intermediate goal.
     play(rig, WristExtension, 40, trace);
@@ -101,7 +101,7 @@ fn gaze(rig: &mut Rig, trace: &mut Vec<Value>) {
     rig.plan = Some(reply(PlanStatus::Ok, 0.4));
     play(rig, WristExtension, 1200, trace);
     play(rig, HandClose, 100, trace);
-    rig.hand = HandView { state: HandState::Closed, holds: Some(BlockId::Red1) };
+    rig.hand = HandView { state: HandState::Closed, holds: Some(ObjectId(0)) };
     // Placing: the lock, a plan that is stopped, one whose base moves, one that fails.
     play(rig, NoMotion, 50, trace);
     play(rig, WristFlexion, 50, trace);
@@ -233,7 +233,7 @@ fn the_original_picks_where_its_formulas_say() {
     let mut rig = Rig::new("C", "original");
     let outputs = rig.make(Gesture::WristExtension, 10);
     let Some(PlanCommand::Request(proact_types::PlanGoal::TipPose { pose })) = &outputs[0].plan else {
-        panic!("a pose of the wrist was expected: {:?}", rig.method.planner())
+        panic!("a pose of the wrist was expected: {:?}", rig.shown.planner.clone())
     };
     // Origin of the second joint: the base's, then 0.12058 m along the first axis, which is -y of the base, and
     // 1.64 mm turned with the shoulder.

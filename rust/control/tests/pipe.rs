@@ -3,10 +3,12 @@ mod common;
 
 use common::{Rig, model};
 use proact_control::{
-    HandCommand, InputLine, MotionCommand, OutputLine, PipeMethod, Profile, build_outside,
+    HandCommand, InputLine, MethodEntry, MethodProgram, MotionCommand, OutputLine, PipeMethod, Profile,
     ports::MethodProcess,
 };
-use proact_types::{Gesture, InputSource, MethodAnswer, PlannerView, SimTime, Stop, StopCause, joints};
+use proact_types::{
+    Gesture, InputSource, MethodAnswer, MethodInfo, PlannerView, SimTime, Stop, StopCause, joints,
+};
 use std::sync::{Arc, Mutex};
 
 /// Says the same at every step, and keeps the last line that it was asked.
@@ -46,7 +48,7 @@ fn an_answer_is_carried_out_and_the_process_sees_the_step() {
     rig.gesture = Gesture::WristExtension;
     let outputs = rig.run(10);
     assert_eq!((&outputs[0].motion, outputs[0].hand), (&answer.motion, answer.hand));
-    assert_eq!(rig.method.planner(), PlannerView::Planning);
+    assert_eq!(rig.shown.planner, PlannerView::Planning);
     let line: InputLine = serde_json::from_str(&script.asked.lock().expect("one thread")).expect("an object");
     assert_eq!((line.time, line.gesture), (SimTime(10), Gesture::WristExtension));
     assert_eq!(line.measured.as_slice(), common::START);
@@ -66,10 +68,20 @@ fn without_an_answer_that_is_a_command_the_arm_holds_and_the_reason_is_shown() {
             "posterior: got 2 values, expected none or 4",
         ),
         (
-            Ok(
-                "{\"time\":NOW,\"plan\":{\"request\":{\"goal\":\"pick\",\"block\":\"green1\",\"centre\":[0,0,1]}}}",
-            ),
-            "unknown variant `green1`",
+            Ok("{\"time\":NOW,\"plan\":{\"request\":{\"goal\":\"pick\",\"object\":4,\"centre\":[0,0,1]}}}"),
+            "plan: got object 4, there are 4, counted from 0",
+        ),
+        (
+            Ok("{\"time\":NOW,\"target\":{\"object\":7,\"locked\":false,\"posterior\":[]}}"),
+            "target: got object 7, there are 4, counted from 0",
+        ),
+        (
+            Ok("{\"time\":NOW,\"events\":[{\"event\":\"trial_finished\"}]}"),
+            "unknown variant `trial_finished`",
+        ),
+        (
+            Ok("{\"time\":NOW,\"events\":[{\"event\":\"note\",\"text\":\"\\u0007\"}]}"),
+            "without control characters",
         ),
         (Ok("{\"time\":99}"), "answered 99 at 10, which was not asked"),
         (Ok("\u{fffd}"), "expected value"),
@@ -85,7 +97,8 @@ fn the_safeguards_of_the_profile_are_around_an_outside_method_too() {
     let fast = "{\"time\":NOW,\"motion\":{\"velocity\":[9,9,9,9,9,9,9]}}".to_owned();
     let script = Script { answer: Some(Ok(fast)), ..Script::default() };
     let profile = Profile::named("default").expect("ships");
-    let mut rig = Rig::with(build_outside(script, &profile, &model()).expect("the profile fits"));
+    let outside = MethodEntry::outside(MethodInfo::default(), MethodProgram::new(vec!["script".to_owned()]));
+    let mut rig = Rig::with(outside.build(&profile, &model(), script).expect("the profile fits"));
     let Some(MotionCommand::Velocity(speeds)) = rig.run(10)[0].motion.clone() else { panic!("it moves") };
     assert!(speeds.iter().all(|speed| *speed < 0.1), "ramped up: {speeds:?}");
     let (source, cause, since) = (InputSource::Armband, StopCause::Silent, SimTime(0));

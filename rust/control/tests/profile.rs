@@ -3,8 +3,8 @@ mod common;
 
 use Gesture::{HandClose, HandOpen, NoMotion, WristExtension, WristFlexion};
 use common::{Rig, model, reply};
-use proact_control::{ControlError, HandCommand, MotionCommand, Profile, build};
-use proact_types::{BlockId, EventKind, Gesture, HandState, HandView, PlanStatus, PlannerView, Point};
+use proact_control::{ControlError, HandCommand, JointSubset, MotionCommand, Profile, build};
+use proact_types::{Gesture, HandState, HandView, MethodEvent, ObjectId, PlanStatus, PlannerView, Point};
 
 #[test]
 fn profiles_survive_being_written_and_read_again() {
@@ -29,7 +29,6 @@ fn unknown_names_keys_and_numbers_out_of_range_are_refused_by_name() {
         ("kind = \"damped\"", "kind = \"magic\"", "magic"),
         ("drift_limit_rad", "drift_limit", "drift_limit"),
         ("emg_ms", "emg_secs", "emg_secs"),
-        ("level = \"shoulder\"", "level = \"knee\"", "knee"),
         ("we_sign = -1", "we_sign = 2", "we_sign = 2"),
         ("acceleration_rad_per_s2 = 4.0", "acceleration_rad_per_s2 = nan", "acceleration_rad_per_s2 = NaN"),
         ("damping = 0.05", "damping = -1.0", "inverse.damping = -1"),
@@ -41,9 +40,13 @@ fn unknown_names_keys_and_numbers_out_of_range_are_refused_by_name() {
         assert!(error.contains(expected), "{to} gave {error}");
     }
     assert!(matches!(Profile::from_toml(""), Err(ControlError::Text(_))));
+    // Which levels there are is the arm's to say.
+    let knee = Profile { level: "knee".to_owned(), ..default };
+    let error = JointSubset::new(&knee, &model()).expect_err("no such level").to_string();
+    assert!(error.contains("knee") && error.contains("shoulder"), "{error}");
 }
 
-fn events(rig: &mut Rig, gesture: Gesture) -> Vec<EventKind> {
+fn events(rig: &mut Rig, gesture: Gesture) -> Vec<MethodEvent> {
     rig.make(gesture, 50).into_iter().flat_map(|output| output.events).collect()
 }
 
@@ -51,19 +54,19 @@ fn events(rig: &mut Rig, gesture: Gesture) -> Vec<EventKind> {
 fn original_locks_are_toggles_that_outlive_the_block_and_the_place_lock_starts_on() {
     let mut rig = Rig::new("D", "original");
     rig.run(10);
-    assert_eq!(rig.method.target().place, Some(Point::origin()));
-    assert_eq!(events(&mut rig, WristFlexion), [EventKind::Locked { block: Some(BlockId::Red1) }]);
-    rig.hand = HandView { state: HandState::Closed, holds: Some(BlockId::Red1) };
+    assert_eq!(rig.shown.target.place, Some(Point::origin()));
+    assert_eq!(events(&mut rig, WristFlexion), [MethodEvent::Locked { object: Some(ObjectId(0)) }]);
+    rig.hand = HandView { state: HandState::Closed, holds: Some(ObjectId(0)) };
     rig.make(NoMotion, 50);
-    assert!(rig.method.target().locked, "the place is locked before it was chosen");
-    assert_eq!(events(&mut rig, WristFlexion), [EventKind::Unlocked]);
+    assert!(rig.shown.target.locked, "the place is locked before it was chosen");
+    assert_eq!(events(&mut rig, WristFlexion), [MethodEvent::Unlocked]);
     rig.make(NoMotion, 50);
-    assert_eq!(events(&mut rig, WristFlexion), [EventKind::Locked { block: None }]);
-    assert_eq!(rig.method.target().place, Some(rig.place));
+    assert_eq!(events(&mut rig, WristFlexion), [MethodEvent::Locked { object: None }]);
+    assert_eq!(rig.shown.target.place, Some(rig.place));
     rig.hand.holds = None;
-    rig.highlight = Some(BlockId::Blue1);
+    rig.highlight = Some(ObjectId(2));
     rig.make(NoMotion, 50);
-    assert_eq!(rig.method.target().block, Some(BlockId::Red1), "the lock of the first block is still on");
+    assert_eq!(rig.shown.target.object, Some(ObjectId(0)), "the lock of the first block is still on");
 }
 
 #[test]
@@ -74,7 +77,7 @@ fn original_stops_for_no_motion_only_and_a_late_plan_moves_nothing() {
         rig.plan = Some(reply(PlanStatus::Ok, 0.4));
         rig.run(100);
         rig.make(gesture, 100);
-        assert!(matches!(rig.method.planner(), PlannerView::Executing { .. }), "{gesture}");
+        assert!(matches!(rig.shown.planner, PlannerView::Executing { .. }), "{gesture}");
         assert_eq!(rig.make(NoMotion, 10)[0].motion, Some(MotionCommand::Hold));
         rig.plan = Some(reply(PlanStatus::Ok, 0.4));
         assert_eq!(rig.run(10)[0].motion, None);
@@ -84,21 +87,21 @@ fn original_stops_for_no_motion_only_and_a_late_plan_moves_nothing() {
 #[test]
 fn original_goes_to_what_was_locked_last_and_says_when_its_two_links_do_not_reach() {
     let mut rig = Rig::new("C", "original");
-    rig.highlight = Some(BlockId::Blue2);
+    rig.highlight = Some(ObjectId(3));
     rig.make(WristExtension, 10);
-    let red = rig.method.planner();
+    let red = rig.shown.planner.clone();
     assert_eq!(red, PlannerView::Planning);
     let mut far = Rig::new("C", "original");
     far.base.translation.x -= 2.0;
     assert_eq!(far.make(WristExtension, 10)[0].plan, None);
-    assert!(matches!(far.method.planner(), PlannerView::Failed { status: PlanStatus::Unreachable, .. }));
+    assert!(matches!(far.shown.planner, PlannerView::Failed { status: PlanStatus::Unreachable, .. }));
 }
 
 #[test]
 fn original_losing_a_block_opens_the_hand_and_the_next_fist_closes_it() {
     let mut rig = Rig::new("D", "original");
     rig.make(HandClose, 50);
-    rig.hand = HandView { state: HandState::Closed, holds: Some(BlockId::Red1) };
+    rig.hand = HandView { state: HandState::Closed, holds: Some(ObjectId(0)) };
     rig.make(NoMotion, 50);
     rig.hand.holds = None;
     assert_eq!(rig.run(10)[0].hand, Some(HandCommand::Open));

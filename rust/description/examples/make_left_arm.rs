@@ -10,8 +10,8 @@ use std::{error::Error, path::Path};
 fn main() -> Result<(), Box<dyn Error>> {
     let package = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../ros1_ws/src/proact_description");
     let (urdf, srdf) = proact_description::left_arm_texts()?;
-    std::fs::write(package.join("urdf/mpl_left_arm.urdf"), urdf)?;
-    std::fs::write(package.join("srdf/mpl_left_arm.srdf"), srdf)?;
-    println!("wrote mpl_left_arm.urdf and mpl_left_arm.srdf under {}", package.display());
+    std::fs::write(package.join("arms/mpl_left/arm.urdf"), urdf)?;
+    std::fs::write(package.join("arms/mpl_left/arm.srdf"), srdf)?;
+    println!("wrote the arm.urdf and arm.srdf of mpl_left under {}", package.display());
     Ok(())
 }

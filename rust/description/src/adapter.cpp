@@ -53,7 +53,8 @@ RawRobot read(rust::Str text) {
   for (const Joint& joint : robot.joints) {
     out.joints.push_back(RawJoint{string(joint.name), joint.kind, string(joint.parent), string(joint.child),
                                   pose(joint.origin), joint.axis, joint.has_limits, joint.limits, joint.damping,
-                                  joint.friction, joint.mimics});
+                                  joint.friction, string(joint.mimic_joint),
+                                  {joint.mimic_multiplier, joint.mimic_offset}});
   }
   return out;
 }

@@ -2,10 +2,10 @@
 
 use crate::{
     finding::{Findings, joint as joint_place, link as link_place, list},
-    semantics::{Group, Member, Semantics},
+    semantics::{GraspText, Group, Member, Semantics},
     tree::Tree,
 };
-use proact_arm::{ArmModel, JointKind, NamedPose};
+use proact_arm::{ArmModel, CLOSED_POSE, Grasp, NamedPose, OPEN_POSE};
 use proact_types::{MAX_JOINTS, Vector};
 
 /// The model, if nothing fatal was found on the way.
@@ -15,7 +15,7 @@ pub(crate) fn assemble(
     semantics: Option<Semantics>,
     findings: &mut Findings,
 ) -> Option<ArmModel> {
-    let moving = tree.joints.iter().filter(|j| j.kind == JointKind::Revolute).count();
+    let moving = tree.joints.iter().filter(|j| j.kind.moves()).count();
     if moving == 0 || moving > MAX_JOINTS {
         findings.error(
             format!("robot \"{name}\""),
@@ -29,13 +29,13 @@ pub(crate) fn assemble(
         name: name.to_owned(),
         links: tree.links,
         joints: tree.joints,
+        mimics: tree.mimics,
         arm: Vec::new(),
         hand: Vec::new(),
         tip: 0,
         poses: Vec::new(),
         allowed_collisions: Vec::new(),
-        grasp_centre: Vector::zeros(),
-        grasp: Default::default(),
+        ..Default::default()
     };
     match semantics {
         Some(semantics) => apply(&mut model, &semantics, findings),
@@ -60,7 +60,7 @@ pub(crate) fn chain(model: &ArmModel, base: usize, tip: usize) -> Option<Vec<usi
 }
 
 fn revolute(model: &ArmModel, joints: impl IntoIterator<Item = usize>) -> Vec<usize> {
-    joints.into_iter().filter(|&j| model.joints[j].kind == JointKind::Revolute).collect()
+    joints.into_iter().filter(|&j| model.joints[j].kind.moves()).collect()
 }
 
 /// Without an SRDF file: the arm runs from the base to the first link at which the tree branches, or to its end;
@@ -109,19 +109,56 @@ fn apply(model: &mut ArmModel, semantics: &Semantics, findings: &mut Findings) {
             ),
         }
     }
-    if let Some((link, centre)) = &semantics.grasp_centre {
-        if model.links[model.tip].name != *link {
+    if let Some((link, _)) = &semantics.grasp_centre
+        && model.links[model.tip].name != *link
+    {
+        findings.error(
+            "grasp_centre",
+            "it is given in another link than the tip",
+            link,
+            model.links[model.tip].name.clone(),
+            "Express the point in the frame of the end effector's parent link.",
+        );
+    }
+    add_grasps(model, semantics, findings);
+}
+
+/// The grasps, narrow objects first: their hand poses must exist.
+fn add_grasps(model: &mut ArmModel, semantics: &Semantics, findings: &mut Findings) {
+    let common =
+        semantics.grasp_centre.as_ref().map_or_else(Vector::zeros, |(_, centre)| Vector::from(*centre));
+    for GraspText { grasp, has_centre, place } in &semantics.grasps {
+        let centre = if *has_centre { grasp.centre } else { common };
+        // A hand that is described has these two poses or cannot be used in a trial; that is said there.
+        for pose in [&grasp.open_pose, &grasp.closed_pose] {
+            let usual = [OPEN_POSE, CLOSED_POSE].contains(&&**pose);
+            if let (false, Err(error)) = (usual, model.pose("hand", pose)) {
+                findings.error(
+                    place.clone(),
+                    "its hand pose does not exist",
+                    pose.to_string(),
+                    error.to_string(),
+                    "Add a group_state of this name for the hand, or name another one.",
+                );
+            }
+        }
+        model.grasps.push(Grasp { centre, ..grasp.clone() });
+    }
+    if model.grasps.is_empty() {
+        model.grasps.push(Grasp { centre: common, ..Grasp::default() });
+    }
+    model.grasps.sort_by(|a, b| a.widths[0].total_cmp(&b.widths[0]));
+    for pair in model.grasps.windows(2) {
+        if pair[0].widths[1] > pair[1].widths[0] {
             findings.error(
-                "grasp_centre",
-                "it is given in another link than the tip",
-                link,
-                model.links[model.tip].name.clone(),
-                "Express the point in the frame of the end effector's parent link.",
+                "grasp",
+                "two grasps are for objects of the same width",
+                format!("up to {} and from {} m", pair[0].widths[1], pair[1].widths[0]),
+                "ranges that do not overlap",
+                "Narrow one of the widths.",
             );
         }
-        model.grasp_centre = Vector::from(*centre);
     }
-    model.grasp = semantics.grasp.unwrap_or_default();
 }
 
 /// Arm group, hand group, and the name of the tip link.
@@ -199,13 +236,25 @@ fn members(model: &ArmModel, group: &Group, findings: &mut Findings) -> Vec<usiz
 fn check_groups(model: &ArmModel, arm: &str, findings: &mut Findings) {
     for (index, joint) in model.joints.iter().enumerate() {
         let uses = model.arm.iter().chain(&model.hand).filter(|&&j| j == index).count();
-        if joint.kind == JointKind::Revolute && uses != 1 {
+        if joint.kind.moves() && uses != 1 {
             findings.error(
                 joint_place(&joint.name),
                 "the joint must belong to one group, once",
                 format!("{uses} places in arm and hand"),
                 "1",
                 "List each moving joint once, either in the arm's group or in the hand's, or make it fixed.",
+            );
+        }
+    }
+    for mimic in &model.mimics {
+        if [mimic.joint, mimic.master].iter().any(|joint| !model.hand.contains(joint)) {
+            let got = format!("it follows {}", joint_place(&model.joints[mimic.master].name));
+            findings.error(
+                joint_place(&model.joints[mimic.joint].name),
+                "a joint of the arm cannot be coupled",
+                got,
+                "two joints of the hand",
+                "List both joints in the hand's group, or remove <mimic>.",
             );
         }
     }
@@ -249,12 +298,12 @@ fn add_pose(
     let mut angles = Vec::new();
     for &j in joints {
         let joint = &model.joints[j];
-        let Some((_, angle)) = state.values.iter().find(|(name, _)| *name == joint.name) else {
+        let Some(angle) = angle(model, j, &state.values) else {
             let remedy = "Give an angle for every joint of the group.";
             findings.error(&place, "an angle is missing", "nothing", joint_place(&joint.name), remedy);
             return;
         };
-        if *angle < joint.limits.lower || *angle > joint.limits.upper {
+        if angle < joint.limits.lower || angle > joint.limits.upper {
             findings.warning(
                 &place,
                 format!("the angle of {} is out of its limits", joint_place(&joint.name)),
@@ -263,9 +312,21 @@ fn add_pose(
                 "Correct the pose; a program that moves there will stop at the limit.",
             );
         }
-        angles.push(*angle);
+        angles.push(angle);
     }
     model.poses.push(NamedPose { name: state.name.clone(), group: role.to_owned(), angles });
+}
+
+/// The angle of a joint among those of a pose, rad: what its master's makes it if it follows one, else its own.
+fn angle(model: &ArmModel, joint: usize, values: &[(String, f64)]) -> Option<f64> {
+    let given = |joint: usize| {
+        values.iter().find(|(name, _)| *name == model.joints[joint].name).map(|(_, angle)| *angle)
+    };
+    let follow = || {
+        let mimic = model.mimics.iter().find(|mimic| mimic.joint == joint)?;
+        Some(mimic.multiplier * given(mimic.master)? + mimic.offset)
+    };
+    follow().or_else(|| given(joint))
 }
 
 /// Neighbours touch at their joint. Every pair appears once, smaller index first, in order.

@@ -89,7 +89,10 @@ pub(crate) mod ffi {
         limits: [f64; 4],
         damping: f64,
         friction: f64,
-        mimics: bool,
+        /// The joint that it follows; empty if it follows none.
+        mimic_joint: String,
+        /// Multiplier, offset.
+        mimic: [f64; 2],
     }
 
     /// Links and joints in alphabetical order.

@@ -89,6 +89,14 @@ pub enum DescriptionError {
         /// What it says.
         reason: String,
     },
+    /// What the folder's settings say does not fit the arm.
+    #[error("{file}: {problem}")]
+    Settings {
+        /// The file.
+        file: &'static str,
+        /// What was got, and what was expected.
+        problem: String,
+    },
     /// A name that is looked up does not exist.
     #[error(transparent)]
     Unknown(#[from] proact_arm::ArmModelError),

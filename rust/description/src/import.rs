@@ -32,7 +32,7 @@ pub fn import(text: &str, srdf: Option<&str>) -> Result<Imported, DescriptionErr
     let text = without_preamble(text, &mut findings);
     let urdf = if is_sdf(text) {
         match sdf::read(text, &mut findings) {
-            Some(parts) if !findings.fatal() => write::urdf(&parts.name, &parts.links, &parts.joints),
+            Some(parts) if !findings.fatal() => write::urdf(&parts.name, &parts.links, &parts.joints, &[]),
             _ => return Err(DescriptionError::Invalid { findings: findings.0 }),
         }
     } else {

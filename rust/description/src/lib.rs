@@ -19,17 +19,22 @@ mod bounds;
 #[allow(unsafe_code)]
 mod bridge;
 mod finding;
+mod folder;
+mod grasps;
 mod import;
 mod lint;
 mod mirror;
 mod report;
 mod sdf;
 mod semantics;
+mod settings;
 mod tree;
 mod write;
 mod xml;
 
 pub use finding::{DescriptionError, Finding, Severity};
+pub use folder::{ArmFolder, FolderError, addresses, arm_files, collect_meshes, mesh_id, settings_text};
+pub use grasps::with_pinch;
 pub use import::{Imported, import};
 pub use mirror::mirror;
 pub use report::{Report, Summary, check};
@@ -37,33 +42,47 @@ pub use write::{to_srdf, to_urdf};
 
 use finding::Findings;
 use nalgebra::{Quaternion, Translation3, UnitQuaternion};
-use proact_arm::{ArmModel, Link};
+use proact_arm::{ArmModel, Link, Mimic};
 use proact_types::Pose;
 use std::path::Path;
 
 /// The MPL right arm, as URDF.
 pub const MPL_RIGHT_ARM_URDF: &str =
-    include_str!("../../../ros1_ws/src/proact_description/urdf/mpl_right_arm.urdf");
+    include_str!("../../../ros1_ws/src/proact_description/arms/mpl_right/arm.urdf");
 /// Groups, poses and allowed collisions of the MPL right arm, as SRDF.
 pub const MPL_RIGHT_ARM_SRDF: &str =
-    include_str!("../../../ros1_ws/src/proact_description/srdf/mpl_right_arm.srdf");
+    include_str!("../../../ros1_ws/src/proact_description/arms/mpl_right/arm.srdf");
 
 /// The mirror image of [`MPL_RIGHT_ARM_URDF`].
 pub const MPL_LEFT_ARM_URDF: &str =
-    include_str!("../../../ros1_ws/src/proact_description/urdf/mpl_left_arm.urdf");
+    include_str!("../../../ros1_ws/src/proact_description/arms/mpl_left/arm.urdf");
 /// The mirror image of [`MPL_RIGHT_ARM_SRDF`].
 pub const MPL_LEFT_ARM_SRDF: &str =
-    include_str!("../../../ros1_ws/src/proact_description/srdf/mpl_left_arm.srdf");
+    include_str!("../../../ros1_ws/src/proact_description/arms/mpl_left/arm.srdf");
 
-/// The MPL left arm: the mirror image of [`mpl_right_arm`], tip `mpl_left_arm__wristz_link`.
+/// The MPL left arm: the mirror image of [`mpl_right_arm`].
 pub fn mpl_left_arm() -> ArmModel {
-    parse(MPL_LEFT_ARM_URDF, MPL_LEFT_ARM_SRDF).expect("a test reads the embedded description")
+    shipped("mpl_left")
+}
+
+/// The MPL right arm: 7 arm and 20 hand joints, base `base_link`.
+pub fn mpl_right_arm() -> ArmModel {
+    shipped("mpl_right")
+}
+
+/// The arm of that name that ships with the program.
+///
+/// # Panics
+/// If there is none.
+fn shipped(name: &str) -> ArmModel {
+    let folder = ArmFolder::shipped(name).expect("ships with the program");
+    folder.model().expect("a test reads the shipped descriptions")
 }
 
 /// URDF and SRDF of the left arm, made anew from the right one, with a line that says so.
 ///
 /// # Errors
-/// As [`mirror`]; never for the embedded right arm.
+/// As [`mirror`]; never for the right arm.
 pub fn left_arm_texts() -> Result<(String, String), DescriptionError> {
     const DECLARATION: &str = "<?xml version=\"1.0\"?>\n";
     let made = |text: &str, source: &str| -> Result<String, DescriptionError> {
@@ -74,12 +93,7 @@ pub fn left_arm_texts() -> Result<(String, String), DescriptionError> {
         let body = mirrored.strip_prefix(DECLARATION).unwrap_or(&mirrored);
         Ok(format!("{DECLARATION}{note}\n{body}"))
     };
-    Ok((made(MPL_RIGHT_ARM_URDF, "mpl_right_arm.urdf")?, made(MPL_RIGHT_ARM_SRDF, "mpl_right_arm.srdf")?))
-}
-
-/// The MPL right arm: 7 arm and 20 hand joints, base `base_link`, tip `mpl_right_arm__wristz_link`.
-pub fn mpl_right_arm() -> ArmModel {
-    parse(MPL_RIGHT_ARM_URDF, MPL_RIGHT_ARM_SRDF).expect("a test reads the embedded description")
+    Ok((made(MPL_RIGHT_ARM_URDF, "mpl_right/arm.urdf")?, made(MPL_RIGHT_ARM_SRDF, "mpl_right/arm.srdf")?))
 }
 
 /// Reads a description from the texts of its URDF and SRDF files.
@@ -135,7 +149,7 @@ pub fn load(urdf: &Path, srdf: Option<&Path>) -> Result<ArmModel, DescriptionErr
 /// The part of `model` that hangs on link `base`, with the arm ending at link `tip`.
 ///
 /// Joints of the chain are the arm; those that hang on the tip are the hand; the rest are left out with their
-/// links. Poses, the grasp centre and the grasp stay only if arm, hand and tip are unchanged.
+/// links. Poses and grasps stay only if arm, hand and tip are unchanged.
 ///
 /// # Errors
 /// [`DescriptionError::Unknown`] for a link that does not exist, [`DescriptionError::NoChain`] if `tip` does not
@@ -166,7 +180,7 @@ pub fn select_chain(model: &ArmModel, base: &str, tip: &str) -> Result<ArmModel,
         joints.push(joint);
     }
     let moving = |old: &[usize]| -> Vec<usize> { old.iter().map(|&j| new_index(j + 1) - 1).collect() };
-    let revolute = |j: &usize| model.joints[*j].kind == proact_arm::JointKind::Revolute;
+    let revolute = |j: &usize| model.joints[*j].kind.moves();
     let arm: Vec<usize> = path.iter().copied().filter(revolute).collect();
     let hand: Vec<usize> = if tip_index == model.tip {
         model.hand.clone()
@@ -174,11 +188,20 @@ pub fn select_chain(model: &ArmModel, base: &str, tip: &str) -> Result<ArmModel,
         kept.iter().filter(|&&l| l > tip_index && below_tip(l)).map(|&l| l - 1).filter(revolute).collect()
     };
     let same = arm == model.arm && tip_index == model.tip;
+    let kept_joint = |joint: usize| kept.contains(&(joint + 1));
+    let mimics = model.mimics.iter().filter(|m| kept_joint(m.joint) && kept_joint(m.master));
+    let mimics = mimics.map(|m| Mimic {
+        joint: new_index(m.joint + 1) - 1,
+        master: new_index(m.master + 1) - 1,
+        ..*m
+    });
     Ok(ArmModel {
         name: model.name.clone(),
+        mimics: mimics.collect(),
         poses: if same { model.poses.clone() } else { Vec::new() },
-        grasp_centre: if same { model.grasp_centre } else { proact_types::Vector::zeros() },
-        grasp: if same { model.grasp } else { Default::default() },
+        grasps: if same { model.grasps.clone() } else { Vec::new() },
+        side: model.side,
+        settings: model.settings.clone(),
         allowed_collisions: model
             .allowed_collisions
             .iter()

@@ -97,7 +97,9 @@ fn edit(node: Node<'_, '_>, edits: &mut Vec<(Range<usize>, String)>, findings: &
         "axis" => flip("xyz", [true, false, true]),
         "grasp_centre" => flip("xyz", [false, true, false]),
         "grasp" => {
-            flip("withdrawal", [false, true, false]);
+            for vector in ["withdrawal", "centre", "closing"] {
+                flip(vector, [false, true, false]);
+            }
             if let Some(value) = node.attribute_node("roll") {
                 edits.push((value.range_value(), negated(value.value())));
             }

@@ -2,7 +2,7 @@
 //!
 //! Debian has no SRDF parser, so the few elements that matter here are read directly. `end_effector` says which
 //! group is the hand, which the arm, and at which link the arm ends. `grasp_centre` and `grasp` are ProACT's
-//! own elements.
+//! own elements; there is a `grasp` for each range of widths of objects.
 
 use crate::{finding::Findings, xml};
 use proact_arm::Grasp;
@@ -17,7 +17,16 @@ pub(crate) struct Semantics {
     pub(crate) states: Vec<State>,
     pub(crate) allowed: Vec<(String, String)>,
     pub(crate) grasp_centre: Option<(String, [f64; 3])>,
-    pub(crate) grasp: Option<Grasp>,
+    /// As written: where no centre is given, it is that of `grasp_centre`.
+    pub(crate) grasps: Vec<GraspText>,
+}
+
+/// A grasp, whose parts may stand elsewhere.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct GraspText {
+    pub(crate) grasp: Grasp,
+    pub(crate) has_centre: bool,
+    pub(crate) place: String,
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -93,7 +102,7 @@ pub(crate) fn read(text: &str, findings: &mut Findings) -> Semantics {
                     }
                 }
             }
-            "grasp" => out.grasp = read_grasp(node, findings).or(out.grasp),
+            "grasp" => out.grasps.extend(read_grasp(node, findings)),
             // virtual_joint, passive_joint, link_sphere_approximation: of no meaning here.
             _ => {}
         }
@@ -165,8 +174,7 @@ fn read_state(node: Node<'_, '_>, findings: &mut Findings, out: &mut Semantics) 
     out.states.push(State { name, group, values });
 }
 
-/// The attribute called `key`; its lack is an error finding.
-fn read_grasp(node: Node<'_, '_>, findings: &mut Findings) -> Option<Grasp> {
+fn read_grasp(node: Node<'_, '_>, findings: &mut Findings) -> Option<GraspText> {
     let mut numbers = |key: &str, count: usize| {
         let text = need(node, key, findings)?;
         let numbers: Option<Vec<f64>> = text.split_whitespace().map(number).collect();
@@ -185,12 +193,31 @@ fn read_grasp(node: Node<'_, '_>, findings: &mut Findings) -> Option<Grasp> {
     let (roll, range) = (numbers("roll", 1)?, numbers("roll_range", 2)?);
     let (lean, opening) = (numbers("lean", 1)?, numbers("opening", 1)?);
     let withdrawal = Vector::from_row_slice(&numbers("withdrawal", 3)?);
+    // What a hand with one grasp need not say.
+    let mut grasp = Grasp::default();
+    let has_centre = node.has_attribute("centre");
+    if has_centre {
+        grasp.centre = Vector::from_row_slice(&numbers("centre", 3)?);
+    }
+    if node.has_attribute("widths") {
+        let widths = numbers("widths", 2)?;
+        grasp.widths = [widths[0], widths[1]];
+    }
+    if node.has_attribute("closing") {
+        grasp.closing = Some(Vector::from_row_slice(&numbers("closing", 3)?));
+    }
+    for (key, pose) in [("open", &mut grasp.open_pose), ("closed", &mut grasp.closed_pose)] {
+        if let Some(name) = node.attribute(key) {
+            *pose = name.to_owned().into();
+        }
+    }
     let grasp = Grasp {
         roll: roll[0],
         roll_range: [range[0], range[1]],
         lean: lean[0],
         opening: opening[0],
         withdrawal,
+        ..grasp
     };
     let mut demand = |holds: bool, what: &str, got: f64, expected: &str| {
         if !holds {
@@ -206,9 +233,19 @@ fn read_grasp(node: Node<'_, '_>, findings: &mut Findings) -> Option<Grasp> {
     demand(grasp.lean >= 0.0, "lean is negative", grasp.lean, "the largest lean, rad");
     demand(grasp.opening > 0.0, "opening is not positive", grasp.opening, "metres");
     demand(withdrawal.norm() > 0.0, "withdrawal has no direction", withdrawal.norm(), "a vector");
-    Some(grasp)
+    let [narrow, wide] = grasp.widths;
+    demand(
+        narrow >= 0.0 && narrow < wide,
+        "widths do not ascend from zero",
+        narrow,
+        "smallest and largest, metres",
+    );
+    let closing = grasp.closing.map_or(1.0, |closing| closing.norm());
+    demand(closing > 0.0, "closing has no direction", closing, "a vector, or no such attribute");
+    Some(GraspText { grasp, has_centre, place: place(node) })
 }
 
+/// The attribute called `key`; its lack is an error finding.
 fn need(node: Node<'_, '_>, key: &str, findings: &mut Findings) -> Option<String> {
     let value = node.attribute(key).filter(|v| !v.trim().is_empty()).map(str::to_owned);
     if value.is_none() {

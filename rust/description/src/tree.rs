@@ -11,7 +11,9 @@ use crate::{
     finding::{Findings, joint as joint_place, link as link_place, list},
 };
 use nalgebra::{Matrix3, Quaternion, Translation3, UnitQuaternion};
-use proact_arm::{CollisionShape, Inertial, Joint, JointKind, JointLimits, Link, Visual, VisualGeometry};
+use proact_arm::{
+    CollisionShape, Inertial, Joint, JointKind, JointLimits, Link, Mimic, Visual, VisualGeometry,
+};
 use proact_types::{Pose, Shape, Vector};
 use std::collections::BTreeMap;
 
@@ -26,6 +28,7 @@ const PLACEHOLDER_EFFORT: f64 = 5000.0;
 pub(crate) struct Tree {
     pub(crate) links: Vec<Link>,
     pub(crate) joints: Vec<Joint>,
+    pub(crate) mimics: Vec<Mimic>,
 }
 
 /// Orders the parts depth first, siblings by the joint's name, and judges each of them.
@@ -47,7 +50,7 @@ pub(crate) fn build(raw: &RawRobot, findings: &mut Findings) -> Tree {
     }
 
     let by_name: BTreeMap<&str, &RawLink> = raw.links.iter().map(|l| (l.name.as_str(), l)).collect();
-    let mut tree = Tree { links: Vec::new(), joints: Vec::new() };
+    let mut tree = Tree { links: Vec::new(), joints: Vec::new(), mimics: Vec::new() };
     let mut reached: BTreeMap<&str, usize> = BTreeMap::new();
     let mut todo: Vec<(Option<&RawJoint>, &str)> = vec![(None, &raw.root)];
     while let Some((joint, name)) = todo.pop() {
@@ -74,6 +77,7 @@ pub(crate) fn build(raw: &RawRobot, findings: &mut Findings) -> Tree {
             "Cut the loop at one joint and hang its child on the rest of the tree.",
         );
     }
+    tree.mimics = mimics(raw, &tree.joints, findings);
     check_depth(&tree, findings);
     warn_about_weightless_ends(&tree, findings);
     tree
@@ -99,7 +103,7 @@ fn check_depth(tree: &Tree, findings: &mut Findings) {
 
 /// A moving part without mass cannot be simulated; kinematics does without.
 fn warn_about_weightless_ends(tree: &Tree, findings: &mut Findings) {
-    for joint in tree.joints.iter().filter(|j| j.kind == JointKind::Revolute) {
+    for joint in tree.joints.iter().filter(|j| j.kind.moves()) {
         // The rigid body that the joint moves: its link and all that is fixed to it. Parents come first.
         let mut body = vec![joint.child];
         for fixed in tree.joints.iter().filter(|j| j.kind == JointKind::Fixed) {
@@ -276,26 +280,19 @@ fn joint(raw: &RawJoint, parent: usize, child: usize, findings: &mut Findings) -
     let kind = match raw.kind {
         RawJointKind::Fixed => JointKind::Fixed,
         RawJointKind::Revolute => JointKind::Revolute,
+        RawJointKind::Continuous => JointKind::Continuous,
         other => {
-            let remedy = match other {
-                RawJointKind::Continuous => "Make it revolute and give it limits, such as -pi to pi.",
-                _ => "Make it fixed, or model the part with revolute joints.",
-            };
             findings.error(
                 &place,
                 "the type is not supported",
                 urdf_name(other),
-                "revolute or fixed",
-                remedy,
+                "revolute, continuous or fixed",
+                "Make it fixed, or model the part with revolute joints.",
             );
             JointKind::Fixed
         }
     };
-    if raw.mimics {
-        let remedy = "Remove <mimic> and list the joint in the hand's group.";
-        findings.error(&place, "coupled joints are not supported", "<mimic>", "a joint of its own", remedy);
-    }
-    let moves = kind == JointKind::Revolute;
+    let moves = kind.moves();
     Joint {
         name: raw.name.clone(),
         kind,
@@ -303,7 +300,7 @@ fn joint(raw: &RawJoint, parent: usize, child: usize, findings: &mut Findings) -
         child,
         origin: pose(&raw.origin, &place, findings),
         axis: if moves { axis(raw, &place, findings) } else { Vector::x() },
-        limits: if moves { limits(raw, &place, findings) } else { JointLimits::default() },
+        limits: if moves { limits(raw, kind, &place, findings) } else { JointLimits::default() },
         damping: loss(raw.damping, "damping", &place, findings),
         friction: loss(raw.friction, "friction", &place, findings),
     }
@@ -325,15 +322,56 @@ fn axis(raw: &RawJoint, place: &str, findings: &mut Findings) -> Vector {
     axis.normalize()
 }
 
-fn limits(raw: &RawJoint, place: &str, findings: &mut Findings) -> JointLimits {
-    let [lower, upper, velocity, effort] = raw.limits;
+/// The joints that follow others, with their masters.
+fn mimics(raw: &RawRobot, joints: &[Joint], findings: &mut Findings) -> Vec<Mimic> {
+    let mut mimics = Vec::new();
+    for follower in raw.joints.iter().filter(|joint| !joint.mimic_joint.is_empty()) {
+        let place = joint_place(&follower.name);
+        let index = |name: &str| joints.iter().position(|joint| joint.name == name && joint.kind.moves());
+        let follows =
+            |name: &str| raw.joints.iter().any(|joint| joint.name == name && !joint.mimic_joint.is_empty());
+        let [multiplier, offset] = follower.mimic;
+        let master = index(&follower.mimic_joint).filter(|_| !follows(&follower.mimic_joint));
+        let (Some(joint), Some(master)) = (index(&follower.name), master) else {
+            findings.error(
+                place,
+                "the joint that it follows is none",
+                format!("<mimic joint=\"{}\">", follower.mimic_joint),
+                "a joint that moves and follows no other",
+                "Name the joint that leads, or remove <mimic>.",
+            );
+            continue;
+        };
+        if !(multiplier.is_finite() && offset.is_finite() && multiplier != 0.0) {
+            let (got, remedy) = (format!("multiplier {multiplier}, offset {offset}"), "Correct <mimic>.");
+            findings.error(
+                place,
+                "the coupling is not usable",
+                got,
+                "finite numbers, the multiplier not zero",
+                remedy,
+            );
+            continue;
+        }
+        at_most(LARGEST_ANGLE, "", "the multiplier of <mimic>", multiplier, &place, findings);
+        at_most(LARGEST_ANGLE, "rad", "the offset of <mimic>", offset, &place, findings);
+        mimics.push(Mimic { joint, master, multiplier, offset });
+    }
+    mimics
+}
+
+fn limits(raw: &RawJoint, kind: JointKind, place: &str, findings: &mut Findings) -> JointLimits {
+    let [mut lower, mut upper, velocity, effort] = raw.limits;
+    if kind == JointKind::Continuous {
+        (lower, upper) = (-1.0, 1.0);
+    }
     if !raw.has_limits || raw.limits.iter().any(|v| !v.is_finite()) {
         findings.error(
             place,
             "the limits are not usable",
             format!("lower {lower}, upper {upper}, velocity {velocity}, effort {effort}"),
             "four finite numbers",
-            "Give <limit lower upper velocity effort>.",
+            "Give <limit lower upper velocity effort>; velocity and effort alone for a continuous joint.",
         );
     } else if lower > upper {
         findings.error(
@@ -373,6 +411,9 @@ fn limits(raw: &RawJoint, place: &str, findings: &mut Findings) -> JointLimits {
             format!("below {PLACEHOLDER_EFFORT} N m"),
             "Give what the motor can do, or three times the largest static torque.",
         );
+    }
+    if kind == JointKind::Continuous {
+        (lower, upper) = (-JointLimits::ENDLESS, JointLimits::ENDLESS);
     }
     JointLimits { lower, upper, velocity, effort }
 }

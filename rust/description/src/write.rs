@@ -1,7 +1,7 @@
 //! Writing a model as URDF and SRDF text.
 
 use nalgebra::UnitQuaternion;
-use proact_arm::{ArmModel, Grasp, Joint, JointKind, Link, VisualGeometry};
+use proact_arm::{ArmModel, Grasp, Joint, JointKind, Link, Mimic, VisualGeometry};
 use proact_types::{Pose, Shape};
 use std::fmt::Write;
 
@@ -11,23 +11,24 @@ const DECIMALS: usize = 14;
 
 /// URDF text of `model`. Reading it back gives the same model up to rounding in the last digits of rotations.
 pub fn to_urdf(model: &ArmModel) -> String {
-    urdf(&model.name, &model.links, &model.joints)
+    urdf(&model.name, &model.links, &model.joints, &model.mimics)
 }
 
 /// URDF text of links and joints whose `parent` and `child` index into `links`.
-pub(crate) fn urdf(name: &str, links: &[Link], joints: &[Joint]) -> String {
+pub(crate) fn urdf(name: &str, links: &[Link], joints: &[Joint], mimics: &[Mimic]) -> String {
     let mut out = format!("<?xml version=\"1.0\"?>\n<robot name=\"{}\">\n", escaped(name));
     for link in links {
         write_link(&mut out, link);
     }
-    for joint in joints {
-        write_joint(&mut out, joint, links);
+    for (index, joint) in joints.iter().enumerate() {
+        let mimic = mimics.iter().find(|mimic| mimic.joint == index);
+        write_joint(&mut out, joint, links, mimic.map(|mimic| (&*joints[mimic.master].name, mimic)));
     }
     out.push_str("</robot>\n");
     out
 }
 
-/// SRDF text of `model`: groups `arm` and `hand`, poses, pairs that may touch, grasp centre and grasp.
+/// SRDF text of `model`: groups `arm` and `hand`, poses, pairs that may touch, and grasps.
 pub fn to_srdf(model: &ArmModel) -> String {
     let mut out = format!("<?xml version=\"1.0\"?>\n<robot name=\"{}\">\n", escaped(&model.name));
     let tip = escaped(&model.links[model.tip].name);
@@ -45,19 +46,9 @@ pub fn to_srdf(model: &ArmModel) -> String {
         let effector = "<end_effector name=\"hand\" group=\"hand\" parent_group=\"arm\"";
         line(&mut out, format_args!("  {effector} parent_link=\"{tip}\"/>"));
     }
-    line(
-        &mut out,
-        format_args!("  <grasp_centre link=\"{tip}\" xyz=\"{}\"/>", exact(model.grasp_centre.as_slice())),
-    );
-    let Grasp { roll, roll_range, lean, opening, withdrawal } = &model.grasp;
-    let (range, withdrawal) = (exact(roll_range), exact(withdrawal.as_slice()));
-    line(
-        &mut out,
-        format_args!(
-            "  <grasp roll=\"{roll}\" roll_range=\"{range}\" lean=\"{lean}\" opening=\"{opening}\" \
-             withdrawal=\"{withdrawal}\"/>"
-        ),
-    );
+    for grasp in &model.grasps {
+        line(&mut out, format_args!("  {}", grasp_element(grasp)));
+    }
     for pose in &model.poses {
         line(
             &mut out,
@@ -76,6 +67,22 @@ pub fn to_srdf(model: &ArmModel) -> String {
     }
     out.push_str("</robot>\n");
     out
+}
+
+/// A grasp as an SRDF element.
+pub(crate) fn grasp_element(grasp: &Grasp) -> String {
+    let Grasp { widths, centre, open_pose, closed_pose, roll, lean, opening, .. } = grasp;
+    let (widths, centre, range) = (exact(widths), exact(centre.as_slice()), exact(&grasp.roll_range));
+    let (open, closed) = (escaped(open_pose), escaped(closed_pose));
+    let closing = grasp
+        .closing
+        .map(|closing| format!("closing=\"{}\" ", exact(closing.as_slice())))
+        .unwrap_or_default();
+    let withdrawal = exact(grasp.withdrawal.as_slice());
+    format!(
+        "<grasp widths=\"{widths}\" centre=\"{centre}\" open=\"{open}\" closed=\"{closed}\" {closing}\
+         roll=\"{roll}\" roll_range=\"{range}\" lean=\"{lean}\" opening=\"{opening}\" withdrawal=\"{withdrawal}\"/>"
+    )
 }
 
 fn line(out: &mut String, text: std::fmt::Arguments<'_>) {
@@ -127,13 +134,17 @@ fn write_link(out: &mut String, link: &Link) {
     line(out, format_args!("  </link>"));
 }
 
-fn write_joint(out: &mut String, joint: &Joint, links: &[Link]) {
-    let kind = if joint.kind == JointKind::Fixed { "fixed" } else { "revolute" };
+fn write_joint(out: &mut String, joint: &Joint, links: &[Link], mimic: Option<(&str, &Mimic)>) {
+    let kind = match joint.kind {
+        JointKind::Fixed => "fixed",
+        JointKind::Revolute => "revolute",
+        JointKind::Continuous => "continuous",
+    };
     line(out, format_args!("  <joint name=\"{}\" type=\"{kind}\">", escaped(&joint.name)));
     line(out, format_args!("    {}", origin(&joint.origin)));
     line(out, format_args!("    <parent link=\"{}\"/>", escaped(&links[joint.parent].name)));
     line(out, format_args!("    <child link=\"{}\"/>", escaped(&links[joint.child].name)));
-    if joint.kind == JointKind::Revolute {
+    if joint.kind.moves() {
         let l = joint.limits;
         line(out, format_args!("    <axis xyz=\"{}\"/>", rounded(joint.axis.as_slice())));
         line(
@@ -147,6 +158,15 @@ fn write_joint(out: &mut String, joint: &Joint, links: &[Link]) {
             out,
             format_args!("    <dynamics damping=\"{}\" friction=\"{}\"/>", joint.damping, joint.friction),
         );
+        if let Some((master, Mimic { multiplier, offset, .. })) = mimic {
+            let master = escaped(master);
+            line(
+                out,
+                format_args!(
+                    "    <mimic joint=\"{master}\" multiplier=\"{multiplier}\" offset=\"{offset}\"/>"
+                ),
+            );
+        }
     }
     line(out, format_args!("  </joint>"));
 }

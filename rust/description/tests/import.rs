@@ -184,7 +184,7 @@ fn a_written_arm_is_read_back_as_it_was() {
     let again = parse(&to_urdf(&model), &to_srdf(&model)).unwrap();
     assert_eq!((&again.links.len(), &again.arm, &again.hand), (&model.links.len(), &model.arm, &model.hand));
     assert_eq!((&again.poses, &again.allowed_collisions), (&model.poses, &model.allowed_collisions));
-    assert_eq!((again.grasp_centre, again.grasp), (model.grasp_centre, model.grasp));
+    assert_eq!(again.grasps, model.grasps);
     for (a, b) in again.joints.iter().zip(&model.joints) {
         assert_eq!((&a.name, a.limits, a.axis), (&b.name, b.limits, b.axis));
         assert!(

@@ -18,7 +18,10 @@ use std::{collections::BTreeSet, path::PathBuf};
 const BUDGET: usize = 700_000;
 
 fn folder() -> PathBuf {
-    PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../ros1_ws/src/proact_description/meshes"))
+    PathBuf::from(concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../ros1_ws/src/proact_description/arms/mpl_right/meshes"
+    ))
 }
 
 fn made() -> Vec<(&'static str, Vec<u8>)> {
@@ -68,7 +71,7 @@ fn every_mesh_is_closed_and_faces_outwards() {
 
 #[test]
 fn the_description_uses_every_mesh_and_no_other() {
-    let prefix = "package://proact_description/meshes/";
+    let prefix = "package://proact_description/arms/mpl_right/meshes/";
     let model = proact_description::mpl_right_arm();
     let used: BTreeSet<String> = model
         .links

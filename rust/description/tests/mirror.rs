@@ -2,9 +2,10 @@
 #![allow(clippy::unwrap_used)]
 
 use nalgebra::{Matrix4, Vector3, Vector4};
-use proact_arm::VisualGeometry;
+use proact_arm::{Side, VisualGeometry};
 use proact_description::{
-    MPL_LEFT_ARM_SRDF, MPL_LEFT_ARM_URDF, MPL_RIGHT_ARM_URDF, mirror, mpl_left_arm, mpl_right_arm,
+    MPL_LEFT_ARM_SRDF, MPL_LEFT_ARM_URDF, MPL_RIGHT_ARM_SRDF, MPL_RIGHT_ARM_URDF, mirror, mpl_left_arm,
+    mpl_right_arm, parse,
 };
 use proptest::prelude::*;
 
@@ -40,22 +41,31 @@ proptest! {
 fn the_committed_left_arm_is_what_the_program_makes() {
     let (urdf, srdf) = proact_description::left_arm_texts().unwrap();
     let how = "cargo run --release -p proact-description --example make_left_arm";
-    assert!(urdf == MPL_LEFT_ARM_URDF, "mpl_left_arm.urdf differs: {how}");
-    assert!(srdf == MPL_LEFT_ARM_SRDF, "mpl_left_arm.srdf differs: {how}");
+    assert!(urdf == MPL_LEFT_ARM_URDF, "mpl_left/arm.urdf differs: {how}");
+    assert!(srdf == MPL_LEFT_ARM_SRDF, "mpl_left/arm.srdf differs: {how}");
 }
 
 #[test]
 fn mass_limits_and_poses_stay_while_inertia_shapes_and_grasp_centre_are_mirrored() {
     let (right, left) = (mpl_right_arm(), mpl_left_arm());
+    assert_eq!((right.side, left.side), (Side::Right, Side::Left));
+    assert_eq!(left.settings.joints, right.settings.joints);
+    assert_eq!(left.settings.levels, right.settings.levels);
+    assert_eq!(left.settings.controllers, right.settings.controllers);
     assert_eq!(left.links[left.tip].name, "mpl_left_arm__wristz_link");
     assert!(left.links.iter().skip(1).all(|l| l.name.starts_with("mpl_left_arm__")));
     assert_eq!(left.poses, right.poses);
     assert_eq!(left.allowed_collisions, right.allowed_collisions);
-    assert_eq!(left.grasp_centre.y, -right.grasp_centre.y);
-    let [low, high] = right.grasp.roll_range;
-    assert_eq!((left.grasp.roll, left.grasp.roll_range), (-right.grasp.roll, [-high, -low]));
-    let withdrawal = right.grasp.withdrawal;
-    assert_eq!(left.grasp.withdrawal, Vector3::new(withdrawal.x, -withdrawal.y, withdrawal.z));
+    assert_eq!(left.grasps.len(), right.grasps.len());
+    let mirrored = |v: Vector3<f64>| Vector3::new(v.x, -v.y, v.z);
+    for (left, right) in left.grasps.iter().zip(&right.grasps) {
+        assert_eq!(left.centre, mirrored(right.centre));
+        let [low, high] = right.roll_range;
+        assert_eq!((left.roll, left.roll_range), (-right.roll, [-high, -low]));
+        assert_eq!(left.withdrawal, mirrored(right.withdrawal));
+        assert_eq!(left.closing, right.closing.map(mirrored));
+        assert_eq!((&left.open_pose, left.widths), (&right.open_pose, right.widths));
+    }
     for (l, r) in left.joints.iter().zip(&right.joints) {
         assert_eq!(l.limits, r.limits);
     }
@@ -83,8 +93,8 @@ fn mass_limits_and_poses_stay_while_inertia_shapes_and_grasp_centre_are_mirrored
 #[test]
 fn mirroring_twice_gives_the_same_arm() {
     let twice = mirror(&mirror(MPL_RIGHT_ARM_URDF).unwrap()).unwrap();
-    let model = proact_description::parse(&twice, proact_description::MPL_RIGHT_ARM_SRDF).unwrap();
-    assert_eq!(model, mpl_right_arm());
+    let read = |urdf: &str| parse(urdf, MPL_RIGHT_ARM_SRDF).unwrap();
+    assert_eq!(read(&twice), read(MPL_RIGHT_ARM_URDF));
 }
 
 #[test]

@@ -1,6 +1,6 @@
 use crate::gforce::GForceError;
 use proact_emg::EmgError;
-use proact_types::Gesture;
+use proact_types::{Gesture, GestureName, GestureTableError};
 use std::path::PathBuf;
 
 /// Why a source could not be made.
@@ -41,29 +41,37 @@ pub enum DeviceError {
         /// Names of the folders in it that hold recordings.
         sessions: Vec<String>,
     },
-    /// A class number beyond the five gestures.
+    /// A class number without a gesture.
     #[error(
-        "{}: class {class} is unknown; expected 0 hand_close, 1 hand_open, 2 no_motion, 3 wrist_extension or \
-         4 wrist_flexion", path.display()
+        "{}: class {class} has no name; known are {known}; metadata.json beside the recordings names all classes, as \
+         {{\"class_map\": {{\"0\": \"fist\", \"1\": \"relax\"}}, \"rest\": \"relax\"}}", path.display()
     )]
     UnknownClass {
         /// The file.
         path: PathBuf,
         /// The number in its name.
         class: u32,
+        /// Numbers and names that there are.
+        known: String,
     },
-    /// A class with a name that is none of the five gestures.
-    #[error(
-        "{}: class {class} is called {name:?} by the folder's metadata; expected hand_close, hand_open, no_motion, \
-         wrist_extension or wrist_flexion", path.display()
-    )]
-    ClassName {
-        /// The file.
+    /// A recording of a gesture that its folder does not list.
+    #[error("{} is not for recordings of {gesture}", path.display())]
+    NotListed {
+        /// The folder.
         path: PathBuf,
-        /// The number in its name.
-        class: u32,
-        /// As named.
-        name: String,
+        /// The gesture.
+        gesture: GestureName,
+    },
+    /// Gestures without any recording that nothing else can make.
+    #[error(
+        "{} has no recording of {}, and synthetic EMG has figures for {} only: record it",
+        path.display(), names(missing), names(&Gesture::ALL.map(GestureName::from))
+    )]
+    NoFigures {
+        /// The folder.
+        path: PathBuf,
+        /// Which are lacking.
+        missing: Vec<GestureName>,
     },
     /// A file about the recordings that cannot be used.
     #[error("{}: {reason}", path.display())]
@@ -102,7 +110,7 @@ pub enum DeviceError {
         /// Which repetition.
         repetition: u32,
         /// Which gesture.
-        gesture: Gesture,
+        gesture: GestureName,
     },
     /// A row with another number of columns.
     #[error("{}, row {row}: {got} columns, expected {expected}", path.display())]
@@ -155,7 +163,7 @@ pub enum DeviceError {
         /// The folder.
         path: PathBuf,
         /// Which are lacking.
-        missing: Vec<Gesture>,
+        missing: Vec<GestureName>,
     },
     /// A repetition that was asked for is not there.
     #[error("no repetition {repetition} of {gesture}; there are {}", numbers(available))]
@@ -163,7 +171,7 @@ pub enum DeviceError {
         /// As asked for.
         repetition: u32,
         /// Of this gesture.
-        gesture: Gesture,
+        gesture: GestureName,
         /// Those that exist.
         available: Vec<u32>,
     },
@@ -245,9 +253,11 @@ pub enum DeviceError {
     },
     /// A datagram that is none of LibEMG's messages.
     #[error(
-        "got the message {text:?}, expected \"class\" or \"class velocity\", class -1 to 4, velocity 0 to 1"
+        "got the message {text:?}, expected \"class\" or \"class velocity\", class -1 to {most}, velocity 0 to 1"
     )]
     LibEmgMessage {
+        /// The highest class that is known.
+        most: usize,
         /// What came, at most 40 bytes.
         text: String,
     },
@@ -276,16 +286,43 @@ pub enum DeviceError {
         /// What is wrong with it.
         reason: String,
     },
+    /// No such kind of source.
+    #[error("source {got:?} is unknown; expected one of {known}")]
+    UnknownSource {
+        /// What was asked for.
+        got: String,
+        /// What there is.
+        known: String,
+    },
+    /// A source of samples cannot be used.
+    #[error("source {name}: {reason}")]
+    Source {
+        /// Which one.
+        name: String,
+        /// Why not.
+        reason: String,
+    },
+    /// What makes cues heard or felt cannot be used.
+    #[error("feedback {sink}: {reason}")]
+    Sink {
+        /// Which one.
+        sink: String,
+        /// Why not.
+        reason: String,
+    },
     /// An armband cannot be used.
     #[error(transparent)]
     GForce(#[from] GForceError),
+    /// Gestures and commands that do not go together.
+    #[error(transparent)]
+    Gestures(#[from] GestureTableError),
     /// The classifier cannot be trained on these recordings, or the settings cannot work.
     #[error("EMG: {0}")]
     Emg(#[from] EmgError),
 }
 
-fn names(gestures: &[Gesture]) -> String {
-    gestures.iter().map(|g| g.ros_name()).collect::<Vec<_>>().join(", ")
+fn names(gestures: &[GestureName]) -> String {
+    gestures.iter().map(GestureName::as_str).collect::<Vec<_>>().join(", ")
 }
 
 fn numbers(values: &[u32]) -> String {

@@ -1,6 +1,6 @@
 use crate::{DeviceError, Recordings, train};
 use proact_emg::EmgConfig;
-use proact_types::Gesture;
+use proact_types::GestureName;
 use serde::Serialize;
 
 /// How well a classifier recognises repetitions that it was not trained on, window by window, with no decision
@@ -16,7 +16,7 @@ pub struct Evaluation {
     /// `[true class][recognised class]`, numbers of windows.
     pub confusion: Vec<Vec<usize>>,
     /// The gesture of each row and column.
-    pub classes: Vec<Gesture>,
+    pub classes: Vec<GestureName>,
 }
 
 /// Trains on some repetitions of all gestures in `recordings` and tests on others.
@@ -34,14 +34,11 @@ pub fn evaluate(
     }
     let classifier = train(recordings, train_reps, config)?;
     let classes = classifier.gestures().to_vec();
-    let column = |gesture: Gesture| classes.iter().position(|g| *g == gesture);
     let mut confusion = vec![vec![0; classes.len()]; classes.len()];
     for &rep in test_reps {
         for (row, &gesture) in classes.iter().enumerate() {
             for window in recordings.find(gesture, rep)?.windows(config)? {
-                if let Some(column) = column(classifier.predict(&window)?.class) {
-                    confusion[row][column] += 1;
-                }
+                confusion[row][classifier.predict(&window)?.place] += 1;
             }
         }
     }

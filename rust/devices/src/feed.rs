@@ -1,8 +1,9 @@
 use crate::{ChannelValues, DeviceError, Recordings, SyntheticEmg, stream};
 use arrayvec::ArrayVec;
-use proact_types::{EmgSample, Gesture, SimTime};
+use proact_types::{EmgSample, Gesture, GestureCommands, GestureName, SimTime};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
+use std::collections::BTreeMap;
 
 /// What the armband sends while a person makes the gestures that they intend.
 ///
@@ -17,13 +18,26 @@ pub struct EmgFeed {
     rate_hz: f64,
     /// Counter of the next sample.
     next: u64,
-    /// Repetitions to feed, in [`Gesture::ALL`] order.
-    recorded: [Vec<Vec<ChannelValues>>; 5],
+    /// Gestures that were recorded, and their repetitions to feed.
+    recorded: Vec<(GestureName, Vec<Vec<ChannelValues>>)>,
+    /// What the person makes to give a command.
+    commands: GestureCommands,
     synthetic: Option<SyntheticEmg>,
     rng: ChaCha8Rng,
-    intended: Option<Gesture>,
+    intended: Option<Made>,
     /// Repetition and sample to be fed next.
     at: (usize, usize),
+}
+
+/// Where the samples of a gesture come from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Made {
+    /// The place among those that were recorded.
+    Recorded(usize),
+    /// The generator.
+    Synthetic(Gesture),
+    /// Nobody can make it.
+    Nowhere,
 }
 
 impl EmgFeed {
@@ -31,7 +45,7 @@ impl EmgFeed {
     /// from the stream `emg/feed` of `seed`.
     ///
     /// # Errors
-    /// No repetitions, one that does not exist, or a gesture that neither has.
+    /// No repetitions, one that does not exist, or a gesture that neither has; the generator makes the five alone.
     pub fn new(
         recordings: &Recordings,
         reps: &[u32],
@@ -42,19 +56,22 @@ impl EmgFeed {
         if synthetic.is_none() && !missing.is_empty() {
             return Err(DeviceError::MissingGestures { path: recordings.path.clone(), missing });
         }
+        can_be_made(recordings)?;
         if reps.is_empty() && !recordings.items.is_empty() {
             return Err(DeviceError::NoRepetitions { purpose: "feed" });
         }
-        let mut recorded: [Vec<Vec<ChannelValues>>; 5] = Default::default();
+        let mut recorded = Vec::new();
         for gesture in recordings.gestures() {
-            for &rep in reps {
-                recorded[gesture.index()].push(recordings.find(gesture, rep)?.samples.clone());
-            }
+            let samples = |rep: &u32| Ok(recordings.find(gesture, *rep)?.samples.clone());
+            recorded.push((gesture, reps.iter().map(samples).collect::<Result<_, DeviceError>>()?));
         }
+        let known: Vec<GestureName> = recordings.gestures().into_iter().chain(recordings.missing()).collect();
+        let commands = GestureCommands::new(&known, recordings.rest, &BTreeMap::new())?;
         Ok(EmgFeed {
             rate_hz: recordings.rate_hz,
             next: 0,
             recorded,
+            commands,
             synthetic,
             rng: stream(seed, "emg/feed"),
             intended: None,
@@ -67,10 +84,21 @@ impl EmgFeed {
         self.rate_hz
     }
 
+    /// The same feed of a person who gives commands by other gestures than those of their names.
+    pub fn with_commands(mut self, commands: GestureCommands) -> EmgFeed {
+        self.commands = commands;
+        self
+    }
+
+    /// What the person makes to give `command`.
+    pub fn gesture_for(&self, command: Gesture) -> GestureName {
+        self.commands.gesture_for(command)
+    }
+
     /// The samples that arrive in the tick `now` of a person who makes `intended`, oldest first. Call it every
     /// tick: when more than eight samples are due, the older ones are lost and leave a gap in the counter.
     /// Does not allocate.
-    pub fn sample_at(&mut self, now: SimTime, intended: Gesture) -> ArrayVec<EmgSample, 8> {
+    pub fn sample_at(&mut self, now: SimTime, intended: impl Into<GestureName>) -> ArrayVec<EmgSample, 8> {
         let mut samples = ArrayVec::new();
         // Counted from the start, so that rates that do not divide 1000 do not drift. The small share makes a
         // product that should be whole, such as 3 ticks at 333.333.. Hz, not fall below.
@@ -79,44 +107,71 @@ impl EmgFeed {
             return samples;
         }
         self.next = self.next.max(due.saturating_sub(samples.capacity() as u64));
-        self.turn_to(intended);
+        let made = self.made(intended.into());
+        self.turn_to(made);
         while self.next < due {
-            let channels = self.next_values(intended);
+            let channels = self.next_values(made);
             samples.push(EmgSample { counter: self.next, channels });
             self.next += 1;
         }
         samples
     }
 
+    /// Where the samples of `gesture` come from; a gesture that is nowhere is made as rest.
+    fn made(&self, gesture: GestureName) -> Made {
+        let source = |gesture: GestureName| match self.recorded.binary_search_by_key(&gesture, |(of, _)| *of)
+        {
+            Ok(place) => Some(Made::Recorded(place)),
+            Err(_) => gesture.namesake().filter(|_| self.synthetic.is_some()).map(Made::Synthetic),
+        };
+        source(gesture)
+            .or_else(|| source(self.commands.gesture_for(Gesture::NoMotion)))
+            .unwrap_or(Made::Nowhere)
+    }
+
     /// Chooses where a new intention begins.
-    fn turn_to(&mut self, intended: Gesture) {
+    fn turn_to(&mut self, intended: Made) {
         if self.intended == Some(intended) {
             return;
         }
         self.intended = Some(intended);
-        let repetitions = &self.recorded[intended.index()];
-        if !repetitions.is_empty() {
+        if let Made::Recorded(place) = intended {
+            let repetitions = &self.recorded[place].1;
             let repetition = self.rng.random_range(0..repetitions.len());
             let half = repetitions[repetition].len().div_ceil(2);
             self.at = (repetition, self.rng.random_range(0..half));
         }
     }
 
-    fn next_values(&mut self, intended: Gesture) -> ChannelValues {
-        let repetitions = &self.recorded[intended.index()];
-        let (repetition, sample) = self.at;
-        match (repetitions.get(repetition).and_then(|r| r.get(sample)), &mut self.synthetic) {
-            (Some(values), _) => {
+    fn next_values(&mut self, intended: Made) -> ChannelValues {
+        match (intended, &mut self.synthetic) {
+            (Made::Recorded(place), _) => {
+                let repetitions = &self.recorded[place].1;
+                let (repetition, sample) = self.at;
+                let values = repetitions[repetition][sample].clone();
                 self.at = if sample + 1 < repetitions[repetition].len() {
                     (repetition, sample + 1)
                 } else {
                     ((repetition + 1) % repetitions.len(), 0)
                 };
-                values.clone()
+                values
             }
-            (None, Some(synthetic)) => synthetic.next(intended),
-            // The constructor leaves no gesture without a source.
-            (None, None) => ChannelValues::new(),
+            (Made::Synthetic(gesture), Some(synthetic)) => synthetic.next(gesture),
+            // The constructor leaves no feed without a source.
+            _ => ChannelValues::new(),
         }
     }
+}
+
+/// Whether the generator could make what is missing.
+///
+/// # Errors
+/// [`DeviceError::NoFigures`] for what it could not.
+pub(crate) fn can_be_made(recordings: &Recordings) -> Result<(), DeviceError> {
+    let missing: Vec<GestureName> =
+        recordings.missing().into_iter().filter(|gesture| gesture.namesake().is_none()).collect();
+    if missing.is_empty() {
+        return Ok(());
+    }
+    Err(DeviceError::NoFigures { path: recordings.path.clone(), missing })
 }

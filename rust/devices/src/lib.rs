@@ -7,7 +7,8 @@
 //! the feature `ble`, which needs libdbus-1-dev on Linux), streams of the lab streaming layer (feature `lsl`, which builds
 //! liblsl), recordings played as if live, and doubles with faults for tests. [`EmgRecorder`] keeps them;
 //! [`LibEmgReceiver`] and [`LibEmgSender`] speak with LibEMG's programs. [`GazeReceiver`] takes an eye tracker's samples,
-//! and a [`FeedbackSink`] makes cues heard or felt. Only these know the real clock.
+//! and a [`FeedbackSink`] makes cues heard or felt. What there is of both is found by its scheme: [`SourceRegistry`],
+//! [`SINK_SCHEMES`]. Only these know the real clock.
 //!
 //! ```
 //! use proact_devices::{EmgOrigin, prepare};
@@ -16,7 +17,7 @@
 //!
 //! let mut setup = prepare(&EmgOrigin::Synthetic, 7)?;
 //! let mut pipeline = EmgPipeline::new(&setup.config, setup.classifier.clone())?;
-//! let mut gesture = Gesture::NoMotion;
+//! let mut gesture = Gesture::NoMotion.into();
 //! for tick in 0..1000 {
 //!     let samples = setup.feed.sample_at(SimTime(tick), Gesture::HandClose);
 //!     if let Some(output) = pipeline.step(SimTime(tick), &samples) {
@@ -31,6 +32,11 @@
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 // Reading recordings, and streams by the real clock, is what this crate is for.
 #![allow(clippy::disallowed_methods)]
+
+/// What a build without the feature `lsl` says.
+#[cfg(not(feature = "lsl"))]
+pub const NO_LSL: &str = "this proact was built without the lab streaming layer; set PROACT_FEATURES=lsl for ./proact, or build with \
+     --features lsl; both need cmake and a C++ compiler";
 
 mod error;
 mod evaluate;
@@ -50,12 +56,16 @@ mod random;
 mod recorder;
 mod recording;
 mod setup;
+mod sources;
 mod synthetic;
 
 pub use error::DeviceError;
 pub use evaluate::{Evaluation, evaluate};
 pub use feed::EmgFeed;
-pub use feedback::{FeedbackSink, UdpFeedback};
+pub use feedback::{
+    FeedbackSink, FeedbackSinks, OpenSink, SINK_SCHEMES, SinkScheme, UdpFeedback, VibrationDevice,
+    VibrationDriver, VibrationLine,
+};
 pub use gaze::GazeSource;
 pub use gaze_tracker::{GazeDevice, GazeFrame, SentGaze};
 pub use gaze_udp::{GAZE_UDP_PORT, GazeReceiver};
@@ -70,4 +80,5 @@ pub use random::stream;
 pub use recorder::{EmgRecorder, RecordedStream, read_recorded};
 pub use recording::{ChannelValues, MYO_RATE_HZ, Recording, RecordingFolder, Recordings, read_samples};
 pub use setup::{EmgOrigin, EmgSetup, default_config, prepare, prepare_model, prepare_with, train};
+pub use sources::{Address, OpenSource, REACTION, SourceName, SourceOptions, SourceRegistry, SourceScheme};
 pub use synthetic::{FittedGesture, SyntheticEmg, SyntheticModel};

@@ -1,15 +1,21 @@
 use crate::DeviceError;
-use proact_types::{Gesture, MOST_TEXT_BYTES, read_text};
+use proact_types::{Gesture, GestureName, MAX_GESTURES, MOST_TEXT_BYTES, read_text};
 use serde_json::Value;
-use std::{collections::BTreeMap, io::ErrorKind, path::Path};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    io::ErrorKind,
+    path::Path,
+};
 
 /// What a folder of LibEMG says about its recordings.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Metadata {
     /// Samples per second.
     pub rate_hz: Option<f64>,
-    /// Name of each class number; none if the folder does not say.
-    pub classes: Option<BTreeMap<u32, String>>,
+    /// Gesture of each class number; none if the folder does not say.
+    pub classes: Option<BTreeMap<u32, GestureName>>,
+    /// The gesture of a relaxed hand; none if the folder does not say.
+    pub rest: Option<GestureName>,
 }
 
 /// Files that say something: our own and LibEMG 0's, then LibEMG 2's.
@@ -34,6 +40,13 @@ impl Metadata {
             let read = Metadata::parse(&text).map_err(|reason| DeviceError::Metadata { path, reason })?;
             metadata.rate_hz = metadata.rate_hz.or(read.rate_hz);
             metadata.classes = metadata.classes.or(read.classes);
+            metadata.rest = metadata.rest.or(read.rest);
+            let known = metadata.gestures();
+            if let Some(rest) = metadata.rest.filter(|rest| !known.contains(rest)) {
+                let known = known.iter().map(GestureName::as_str).collect::<Vec<_>>().join(", ");
+                let reason = format!("rest is {rest}, expected one of the gestures: {known}");
+                return Err(DeviceError::Metadata { path: dir.join(name), reason });
+            }
         }
         Ok(metadata)
     }
@@ -50,43 +63,78 @@ impl Metadata {
             }
         };
         let named = |(class, name): (Option<u32>, &Value)| match (class, name.as_str()) {
-            (Some(class), Some(name)) => Ok((class, name.to_owned())),
+            (Some(class), Some(name)) => Ok((class, gesture_called(name)?)),
             _ => Err(format!("a class is called {name}, expected class numbers with names")),
         };
-        let classes = match (object.get("class_map"), object.get("classes")) {
-            (Some(Value::Object(map)), _) => Some(
-                map.iter()
-                    .map(|(class, name)| (class.parse().ok(), name))
-                    .map(named)
-                    .collect::<Result<_, _>>()?,
-            ),
-            (None, Some(Value::Array(names))) => {
-                Some((0..).map(Some).zip(names).map(named).collect::<Result<_, _>>()?)
+        let classes: Option<BTreeMap<u32, GestureName>> =
+            match (object.get("class_map"), object.get("classes")) {
+                (Some(Value::Object(map)), _) => Some(
+                    map.iter()
+                        .map(|(class, name)| (class.parse().ok(), name))
+                        .map(named)
+                        .collect::<Result<_, _>>()?,
+                ),
+                (None, Some(Value::Array(names))) => {
+                    Some((0..).map(Some).zip(names).map(named).collect::<Result<_, _>>()?)
+                }
+                (None, None) => None,
+                (Some(other), _) | (None, Some(other)) => {
+                    return Err(format!("the classes are {other}, expected numbers with names"));
+                }
+            };
+        if let Some(classes) = &classes {
+            let distinct: BTreeSet<&GestureName> = classes.values().collect();
+            if distinct.len() < classes.len() {
+                return Err("two classes have the same name, expected each once".to_owned());
             }
-            (None, None) => None,
-            (Some(other), _) | (None, Some(other)) => {
-                return Err(format!("the classes are {other}, expected numbers with names"));
+            if classes.len() > MAX_GESTURES {
+                return Err(format!("there are {} classes, expected at most {MAX_GESTURES}", classes.len()));
             }
+        }
+        let rest = match object.get("rest") {
+            None => None,
+            Some(Value::String(name)) => Some(gesture_called(name)?),
+            Some(other) => return Err(format!("rest is {other}, expected the name of a gesture")),
         };
-        Ok(Metadata { rate_hz, classes })
+        Ok(Metadata { rate_hz, classes, rest })
     }
 
-    /// The gesture of a class number: by its name if the folder names it, else in [`Gesture::ALL`] order.
+    /// The gesture of a class number: by its name if the folder names it, else the command in the place of
+    /// [`Gesture::ALL`].
     ///
     /// # Errors
-    /// A number without a gesture, or a name that is none of the five.
-    pub(crate) fn gesture(&self, path: &Path, class: u32) -> Result<Gesture, DeviceError> {
-        let unknown = || DeviceError::UnknownClass { path: path.to_owned(), class };
-        let Some(classes) = &self.classes else {
-            return usize::try_from(class)
-                .ok()
-                .and_then(|k| Gesture::ALL.get(k).copied())
-                .ok_or_else(unknown);
+    /// A number without a gesture.
+    pub(crate) fn gesture(&self, path: &Path, class: u32) -> Result<GestureName, DeviceError> {
+        let found = match &self.classes {
+            Some(classes) => classes.get(&class).copied(),
+            None => Gesture::ALL.get(class as usize).copied().map(GestureName::from),
         };
-        let name = classes.get(&class).ok_or_else(unknown)?;
-        let plain = name.trim().to_lowercase().replace([' ', '-'], "_");
-        let known = if plain == "rest" { Ok(Gesture::NoMotion) } else { plain.parse() };
-        known.map_err(|_| DeviceError::ClassName { path: path.to_owned(), class, name: name.clone() })
+        found.ok_or_else(|| {
+            let numbered = |(class, name): (u32, GestureName)| format!("{class} {name}");
+            let known: Vec<String> = match &self.classes {
+                Some(classes) => classes.iter().map(|(class, name)| numbered((*class, *name))).collect(),
+                None => (0..).zip(Gesture::ALL.map(GestureName::from)).map(numbered).collect(),
+            };
+            DeviceError::UnknownClass { path: path.to_owned(), class, known: known.join(", ") }
+        })
+    }
+
+    /// The gestures of the folder, in alphabetical order: those that it names, else the five.
+    pub(crate) fn gestures(&self) -> Vec<GestureName> {
+        let Some(classes) = &self.classes else { return Gesture::ALL.map(GestureName::from).into() };
+        classes.values().copied().collect::<BTreeSet<_>>().into_iter().collect()
+    }
+}
+
+/// The gesture that a folder calls `name`: the five in any spelling, all others as they stand.
+fn gesture_called(name: &str) -> Result<GestureName, String> {
+    let plain = name.trim().to_lowercase().replace([' ', '-'], "_");
+    if plain == "rest" {
+        return Ok(Gesture::NoMotion.into());
+    }
+    match plain.parse::<Gesture>() {
+        Ok(known) => Ok(known.into()),
+        Err(_) => name.trim().parse().map_err(|error: proact_types::BadGestureName| error.to_string()),
     }
 }
 
@@ -106,8 +154,26 @@ mod tests {
         let gesture = |class| metadata.gesture(Path::new("R_0_C_0.csv"), class);
         assert_eq!(gesture(0).unwrap(), Gesture::HandOpen);
         assert_eq!(gesture(1).unwrap(), Gesture::NoMotion);
-        assert!(gesture(2).unwrap_err().to_string().contains("class 2 is called \"Pinch\""));
-        assert!(gesture(3).unwrap_err().to_string().contains("class 3 is unknown"));
+        assert_eq!(gesture(2).unwrap().as_str(), "Pinch");
+        let error = gesture(3).unwrap_err().to_string();
+        assert!(
+            error.contains("class 3 has no name; known are 0 hand_open, 1 no_motion, 2 Pinch"),
+            "{error}"
+        );
+        assert_eq!(
+            metadata.gestures().iter().map(|g| g.as_str()).collect::<Vec<_>>(),
+            ["Pinch", "hand_open", "no_motion"]
+        );
+        std::fs::write(dir.path().join("metadata.json"), r#"{"rest": "Point"}"#).unwrap();
+        let error = Metadata::read(dir.path()).unwrap_err().to_string();
+        assert!(error.contains("rest is Point, expected one of the gestures: hand_close"), "{error}");
+        std::fs::remove_file(dir.path().join("metadata.json")).unwrap();
+        std::fs::write(
+            dir.path().join("collection_details.json"),
+            r#"{"classes": ["Open", "Lax"], "rest": "Lax"}"#,
+        )
+        .unwrap();
+        assert_eq!(Metadata::read(dir.path()).unwrap().rest.unwrap().as_str(), "Lax");
     }
 
     #[test]
@@ -127,6 +193,10 @@ mod tests {
             (r#"{"classes": 5}"#, "the classes are 5"),
             (r#"{"class_map": {"x": "rest"}}"#, "expected class numbers"),
             (r#"{"class_map": {"0": 7}}"#, "a class is called 7"),
+            (r#"{"class_map": {"0": ""}}"#, "expected 1 to 64 bytes"),
+            (r#"{"classes": ["fist", "a\u0007b"]}"#, "expected 1 to 64 bytes"),
+            (r#"{"classes": ["No motion", "rest"]}"#, "two classes have the same name"),
+            (r#"{"classes": ["fist"], "rest": 3}"#, "rest is 3, expected the name"),
         ] {
             let error = Metadata::parse(text).unwrap_err();
             assert!(error.contains(why), "{text}: {error}");

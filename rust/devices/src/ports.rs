@@ -7,7 +7,8 @@ use proact_types::{EmgSample, GazeSample, Gesture, Point, SimTime, Vector};
 
 impl EmgSource for EmgFeed {
     fn sample_at(&mut self, now: SimTime, intended: Gesture) -> ArrayVec<EmgSample, 8> {
-        EmgFeed::sample_at(self, now, intended)
+        let gesture = self.gesture_for(intended);
+        EmgFeed::sample_at(self, now, gesture)
     }
 }
 

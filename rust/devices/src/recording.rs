@@ -1,7 +1,8 @@
 use crate::{DeviceError, metadata::Metadata};
 use arrayvec::ArrayVec;
-use proact_types::{EmgSample, Gesture, LineRead, MAX_EMG_CHANNELS, read_line};
+use proact_types::{EmgSample, Gesture, GestureName, LineRead, MAX_EMG_CHANNELS, read_line};
 use std::{
+    collections::BTreeSet,
     fs::File,
     io::{BufReader, Error, ErrorKind, Write},
     path::{Path, PathBuf},
@@ -22,7 +23,7 @@ const MOST_ROWS: usize = 4_000_000;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Layout {
     /// `R_<repetition>_C_<class>.csv` or `R_<repetition>_C_<class>_EMG.csv`, one column a channel; class numbers
-    /// in the order of [`Gesture::ALL`].
+    /// by the folder's metadata, else in the order of [`Gesture::ALL`].
     LibEmg,
     /// `0.txt` (rest), `1.txt` (wrist flexion), `2.txt` (wrist extension), `7.txt` (hand close): 8 channels and
     /// the label that was shown. There is no hand-open class.
@@ -35,7 +36,7 @@ pub struct Recording {
     /// Number of the repetition, from 0.
     pub repetition: u32,
     /// What the person did.
-    pub gesture: Gesture,
+    pub gesture: GestureName,
     /// `[samples][channels]`, without gaps.
     pub samples: Vec<ChannelValues>,
     /// Where it was read from.
@@ -61,6 +62,10 @@ pub struct Recordings {
     pub rate_hz: f64,
     /// Channels of every sample.
     pub channels: usize,
+    /// The gestures that there should be, in alphabetical order: those that the folder names, else the five.
+    pub expected: Vec<GestureName>,
+    /// The gesture of a relaxed hand.
+    pub rest: GestureName,
     /// Sorted by repetition, then gesture.
     pub items: Vec<Recording>,
 }
@@ -70,24 +75,40 @@ pub struct Recordings {
 #[derive(Clone, Debug)]
 pub struct RecordingFolder {
     dir: PathBuf,
+    /// In the order of their class numbers.
+    gestures: Vec<GestureName>,
 }
 
 impl RecordingFolder {
-    /// Makes the folder if it is not there, for recordings of `rate_hz`.
+    /// Makes the folder if it is not there, for recordings of `rate_hz` of `gestures`, whose class numbers are in
+    /// alphabetical order; `rest` is that of a relaxed hand.
     ///
     /// # Errors
     /// A folder that cannot be written, or one that holds recordings already.
-    pub fn create(dir: &Path, rate_hz: f64) -> Result<Self, DeviceError> {
+    pub fn create(
+        dir: &Path,
+        rate_hz: f64,
+        gestures: &[GestureName],
+        rest: GestureName,
+    ) -> Result<Self, DeviceError> {
         std::fs::create_dir_all(dir).map_err(unwritten(dir))?;
-        let classes: serde_json::Map<String, serde_json::Value> =
-            Gesture::ALL.iter().map(|g| (g.index().to_string(), g.ros_name().into())).collect();
-        let metadata = serde_json::json!({ "rate_hz": rate_hz, "class_map": classes });
+        let gestures: Vec<GestureName> =
+            gestures.iter().copied().collect::<BTreeSet<_>>().into_iter().collect();
+        let named = gestures
+            .iter()
+            .zip(0..)
+            .map(|(gesture, class): (_, usize)| (class.to_string(), gesture.as_str().into()));
+        let classes: serde_json::Map<String, serde_json::Value> = named.collect();
+        let mut metadata = serde_json::json!({ "rate_hz": rate_hz, "class_map": classes });
+        if rest != GestureName::default() {
+            metadata["rest"] = rest.as_str().into();
+        }
         let path = dir.join("metadata.json");
         let mut file = std::fs::File::create_new(&path).map_err(unwritten(&path))?;
         file.write_all(format!("{metadata:#}\n").as_bytes())
             .and_then(|()| file.sync_all())
             .map_err(unwritten(&path))?;
-        Ok(Self { dir: dir.to_owned() })
+        Ok(Self { dir: dir.to_owned(), gestures })
     }
 
     /// The folder.
@@ -98,11 +119,15 @@ impl RecordingFolder {
     /// Writes one recording, in one piece and to the disk. It takes the place of one of the same gesture and number.
     ///
     /// # Errors
-    /// A file that cannot be written; one that was there before stays then.
+    /// A gesture that the folder is not for, or a file that cannot be written; one that was there before stays then.
     pub fn keep(&self, item: &Recording) -> Result<(), DeviceError> {
+        let class = self
+            .gestures
+            .binary_search(&item.gesture)
+            .map_err(|_| DeviceError::NotListed { path: self.dir.clone(), gesture: item.gesture })?;
         let line = |row: &ChannelValues| row.iter().map(f64::to_string).collect::<Vec<_>>().join(",") + "\n";
         let text: String = item.samples.iter().map(line).collect();
-        let name = format!("R_{}_C_{}.csv", item.repetition, item.gesture.index());
+        let name = format!("R_{}_C_{class}.csv", item.repetition);
         let (path, partial) = (self.dir.join(&name), self.dir.join(format!("{name}.partial")));
         let write = || {
             let mut file = std::fs::File::create(&partial)?;
@@ -169,14 +194,15 @@ impl Recordings {
                 for (label, gesture) in MYO_LABELS {
                     let name = format!("{label}.txt");
                     if names.contains(&name) {
-                        items.extend(read_myo_readings(&dir.join(name), label, gesture, rate_hz)?);
+                        items.extend(read_myo_readings(&dir.join(name), label, gesture.into(), rate_hz)?);
                     }
                 }
             }
             None => return Err(no_layout(dir, &names)),
         }
         items.sort_by_key(|r| (r.repetition, r.gesture));
-        let mut recordings = Recordings { path: dir.to_owned(), rate_hz, channels: 0, items };
+        let (expected, rest) = (metadata.gestures(), metadata.rest.unwrap_or_default());
+        let mut recordings = Recordings { path: dir.to_owned(), rate_hz, channels: 0, expected, rest, items };
         recordings.check_items()?;
         Ok(recordings)
     }
@@ -186,7 +212,7 @@ impl Recordings {
     /// # Errors
     /// A folder or file that cannot be written; none is replaced.
     pub fn write(&self, dir: &Path) -> Result<(), DeviceError> {
-        let folder = RecordingFolder::create(dir, self.rate_hz)?;
+        let folder = RecordingFolder::create(dir, self.rate_hz, &self.expected, self.rest)?;
         self.items.iter().try_for_each(|item| folder.keep(item))
     }
 
@@ -212,7 +238,8 @@ impl Recordings {
     ///
     /// # Errors
     /// [`DeviceError::MissingRepetition`] with those that exist.
-    pub fn find(&self, gesture: Gesture, repetition: u32) -> Result<&Recording, DeviceError> {
+    pub fn find(&self, gesture: impl Into<GestureName>, repetition: u32) -> Result<&Recording, DeviceError> {
+        let gesture = gesture.into();
         let of_gesture = || self.items.iter().filter(|r| r.gesture == gesture);
         of_gesture().find(|r| r.repetition == repetition).ok_or_else(|| DeviceError::MissingRepetition {
             repetition,
@@ -221,15 +248,15 @@ impl Recordings {
         })
     }
 
-    /// The gestures of which there is at least one recording, in [`Gesture::ALL`] order.
-    pub fn gestures(&self) -> Vec<Gesture> {
-        Gesture::ALL.into_iter().filter(|g| self.items.iter().any(|r| r.gesture == *g)).collect()
+    /// The gestures of which there is at least one recording, in alphabetical order.
+    pub fn gestures(&self) -> Vec<GestureName> {
+        self.items.iter().map(|r| r.gesture).collect::<BTreeSet<_>>().into_iter().collect()
     }
 
-    /// The gestures of which there is none.
-    pub fn missing(&self) -> Vec<Gesture> {
+    /// Those of the gestures that there should be of which there is none.
+    pub fn missing(&self) -> Vec<GestureName> {
         let there = self.gestures();
-        Gesture::ALL.into_iter().filter(|g| !there.contains(g)).collect()
+        self.expected.iter().copied().filter(|g| !there.contains(g)).collect()
     }
 }
 
@@ -297,7 +324,7 @@ fn parse_name(name: &str) -> Option<(u32, u32)> {
 fn read_myo_readings(
     path: &Path,
     label: u32,
-    gesture: Gesture,
+    gesture: GestureName,
     rate_hz: f64,
 ) -> Result<Vec<Recording>, DeviceError> {
     let rows = read_rows(path, Some(MYO_CHANNELS + 1))?;

@@ -1,6 +1,7 @@
+use crate::feed::can_be_made;
 use crate::{DeviceError, EmgFeed, MYO_RATE_HZ, Recording, Recordings, SyntheticEmg, SyntheticModel, stream};
 use proact_emg::{Classifier, EmgConfig, EmgModel, StreamFormat, extract, noise_floors};
-use proact_types::{EmgSample, Gesture, SimTime};
+use proact_types::{EmgSample, Gesture, GestureName, SimTime};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -58,7 +59,7 @@ fn default_feed_reps() -> Vec<u32> {
 /// A trained classifier, and the stream that it will see.
 #[derive(Clone, Debug)]
 pub struct EmgSetup {
-    /// Trained on all five gestures.
+    /// Trained on all gestures of the source.
     pub classifier: Classifier,
     /// The armband during the trial.
     pub feed: EmgFeed,
@@ -78,19 +79,21 @@ pub fn prepare(source: &EmgOrigin, seed: u64) -> Result<EmgSetup, DeviceError> {
     prepare_with(source, None, seed)
 }
 
-/// Default settings for the stream of `source`: its rate and channels.
+/// Default settings for the stream of `source`: its rate, channels and rest gesture.
 ///
 /// # Errors
 /// A folder that cannot be used.
 pub fn default_config(source: &EmgOrigin) -> Result<EmgConfig, DeviceError> {
-    let (rate_hz, channels) = match source {
-        EmgOrigin::Synthetic => (SYNTHETIC_RATE_HZ, SyntheticModel::shipped()?.channels()),
+    let (rate_hz, channels, rest) = match source {
+        EmgOrigin::Synthetic => {
+            (SYNTHETIC_RATE_HZ, SyntheticModel::shipped()?.channels(), GestureName::default())
+        }
         EmgOrigin::Recording { dir, rate_hz, .. } => {
             let recordings = Recordings::read(dir, *rate_hz)?;
-            (recordings.rate_hz, recordings.channels)
+            (recordings.rate_hz, recordings.channels, recordings.rest)
         }
     };
-    Ok(EmgConfig { rate_hz, channels, ..EmgConfig::default() })
+    Ok(EmgConfig { rate_hz, channels, rest, ..EmgConfig::default() })
 }
 
 /// Reads or generates the recordings of `source`, trains the classifier, and opens the feed; with default settings if
@@ -110,6 +113,8 @@ pub fn prepare_with(
                 path: PathBuf::new(),
                 rate_hz: SYNTHETIC_RATE_HZ,
                 channels: SyntheticModel::shipped()?.channels(),
+                expected: Gesture::ALL.map(GestureName::from).into(),
+                rest: GestureName::default(),
                 items: Vec::new(),
             };
             finish(recordings, &default_train_reps(), &[], true, "synthetic", config, seed)
@@ -143,7 +148,7 @@ pub fn prepare_model(
     let mut probe = setup.feed.clone();
     let mut rest = vec![Vec::new(); channels];
     for tick in 0..REST_MILLIS {
-        for sample in probe.sample_at(SimTime(tick), Gesture::NoMotion) {
+        for sample in probe.sample_at(SimTime(tick), probe.gesture_for(Gesture::NoMotion)) {
             rest.iter_mut().zip(&sample.channels).for_each(|(values, value)| values.push(*value));
         }
     }
@@ -181,8 +186,8 @@ fn finish(
     config: Option<&EmgConfig>,
     seed: u64,
 ) -> Result<EmgSetup, DeviceError> {
-    let (rate_hz, channels) = (recordings.rate_hz, recordings.channels);
-    let mut config = config.cloned().unwrap_or(EmgConfig { rate_hz, channels, ..EmgConfig::default() });
+    let (rate_hz, channels, rest) = (recordings.rate_hz, recordings.channels, recordings.rest);
+    let mut config = config.cloned().unwrap_or(EmgConfig { rate_hz, channels, rest, ..EmgConfig::default() });
     if (config.rate_hz, config.channels) != (rate_hz, channels) {
         return Err(DeviceError::OtherStream {
             asked: (config.rate_hz, config.channels),
@@ -193,7 +198,7 @@ fn finish(
     let feed = EmgFeed::new(&recordings, feed_reps, filling, seed)?;
     if synthetic {
         let mut generator = generator(&recordings, seed, "emg/synthetic/train")?;
-        fill(&mut recordings, train_reps, &mut generator);
+        fill(&mut recordings, train_reps, &mut generator)?;
     }
     let classifier = train(&recordings, train_reps, &config)?;
     if config.liveness.noise_floors.is_empty() {
@@ -206,18 +211,20 @@ fn finish(
 /// the gestures that were recorded.
 fn generator(recordings: &Recordings, seed: u64, name: &str) -> Result<SyntheticEmg, DeviceError> {
     let model = SyntheticModel::shipped()?;
-    let gestures = recordings.gestures();
+    // What only the recordings have says nothing about the ratio.
+    let gestures: Vec<Gesture> =
+        recordings.gestures().into_iter().filter_map(GestureName::namesake).collect();
     let mean =
         |of: &dyn Fn(Gesture) -> f64| gestures.iter().map(|g| of(*g)).sum::<f64>() / gestures.len() as f64;
     let scale = if gestures.is_empty() {
         1.0
     } else {
-        mean(&|g| recorded_rms(recordings, g)) / mean(&|g| model.rms(g))
+        mean(&|g| recorded_rms(recordings, g.into())) / mean(&|g| model.rms(g))
     };
     SyntheticEmg::new(&model, recordings.rate_hz, recordings.channels, scale, stream(seed, name))
 }
 
-fn recorded_rms(recordings: &Recordings, gesture: Gesture) -> f64 {
+fn recorded_rms(recordings: &Recordings, gesture: GestureName) -> f64 {
     let of_gesture = recordings.items.iter().filter(|r| r.gesture == gesture);
     let (mut sum, mut count) = (0.0, 0_u64);
     for value in of_gesture.flat_map(|r| r.samples.iter().flatten()) {
@@ -228,18 +235,23 @@ fn recorded_rms(recordings: &Recordings, gesture: Gesture) -> f64 {
 }
 
 /// Adds synthetic repetitions `reps` of all gestures that were not recorded.
-fn fill(recordings: &mut Recordings, reps: &[u32], generator: &mut SyntheticEmg) {
+///
+/// # Errors
+/// A gesture that the generator has no figures for.
+fn fill(recordings: &mut Recordings, reps: &[u32], generator: &mut SyntheticEmg) -> Result<(), DeviceError> {
+    can_be_made(recordings)?;
     let samples = (SYNTHETIC_SECS * recordings.rate_hz).round() as usize;
-    for gesture in recordings.missing() {
+    for gesture in recordings.missing().into_iter().filter_map(GestureName::namesake) {
         for &repetition in reps {
             recordings.items.push(Recording {
                 repetition,
-                gesture,
+                gesture: gesture.into(),
                 samples: (0..samples).map(|_| generator.next(gesture)).collect(),
                 path: Path::new("synthetic").to_owned(),
             });
         }
     }
+    Ok(())
 }
 
 /// How quiet the channels are in the repetitions that the classifier is trained on.

@@ -1,6 +1,6 @@
 use crate::{ChannelValues, DeviceError, Recordings};
 use nalgebra::DMatrix;
-use proact_types::Gesture;
+use proact_types::{Gesture, GestureName};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
@@ -54,14 +54,14 @@ impl SyntheticModel {
         })
     }
 
-    /// Fits the figures to repetitions `reps` of every gesture in `recordings`. The covariance is that of all
+    /// Fits the figures to repetitions `reps` of those of the five gestures that are in `recordings`. The covariance is that of all
     /// samples about their mean, to two decimals; the fluctuation to three.
     ///
     /// # Errors
     /// A repetition that does not exist, or less than two seconds of a gesture.
     pub fn fit(recordings: &Recordings, reps: &[u32], origin: &str) -> Result<SyntheticModel, DeviceError> {
         let mut gestures = Vec::new();
-        for gesture in recordings.gestures() {
+        for gesture in recordings.gestures().into_iter().filter_map(GestureName::namesake) {
             let mut samples: Vec<ChannelValues> = Vec::new();
             for &rep in reps {
                 samples.extend(recordings.find(gesture, rep)?.samples.iter().cloned());
@@ -125,6 +125,8 @@ fn fit_gesture(gesture: Gesture, samples: &[ChannelValues], block: usize) -> Fit
 
 /// A stream of synthetic EMG: Gaussian noise with a muscle's spectrum, mixed so that the channels have the fitted
 /// covariance of the gesture, with a slowly fluctuating amplitude.
+///
+/// There are figures for the five gestures of the paper only: what other gestures look like is not made up.
 ///
 /// Known weaknesses: one person and one position of the band; no fatigue, no motion artefacts, no mains hum; the
 /// transition from gesture to gesture is a ramp of the mixing matrix, not a movement.

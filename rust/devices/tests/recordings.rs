@@ -42,7 +42,7 @@ fn both_spellings_of_libemg_names_are_read_and_other_files_left_alone() {
         write(dir.path(), "R_0_C_x.csv", "not a recording");
         let recordings = Recordings::read(dir.path(), 200.0).expect("a good folder");
         assert_eq!((recordings.items.len(), recordings.channels), (15, 2));
-        assert_eq!(recordings.missing(), []);
+        assert!(recordings.missing().is_empty());
         let third = recordings.find(Gesture::WristFlexion, 2).expect("it is there");
         assert_eq!(third.samples.len(), 60);
     }
@@ -86,7 +86,7 @@ fn a_bad_file_is_named_with_row_column_and_text() {
 
     let dir = folder();
     write(dir.path(), "R_0_C_7.csv", "1,2\n");
-    assert!(error(dir.path()).contains("class 7 is unknown; expected 0 hand_close"));
+    assert!(error(dir.path()).contains("class 7 has no name; known are 0 hand_close"));
     let dir = folder();
     write(dir.path(), "R_0_C_1.csv", "1,2\n");
     write(dir.path(), "R_0_C_1_EMG.csv", "1,2\n");

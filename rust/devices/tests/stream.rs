@@ -2,7 +2,7 @@
 
 use proact_devices::{EmgOrigin, EmgSetup, GazeSource, Recordings, SyntheticModel, prepare};
 use proact_emg::EmgPipeline;
-use proact_types::{EmgSample, Gesture, Point, SimTime, Vector};
+use proact_types::{EmgSample, Gesture, GestureName, Point, SimTime, Vector};
 use std::path::PathBuf;
 
 /// The data folder beside the repository, or none with a message.
@@ -23,7 +23,7 @@ fn share_right(setup: &EmgSetup) -> f64 {
     let mut pipeline =
         EmgPipeline::new(&setup.config, setup.classifier.clone()).expect("settings and classifier fit");
     let (mut right, mut all, mut tick) = (0_u32, 0_u32, 0);
-    let mut in_force = Gesture::NoMotion;
+    let mut in_force = GestureName::default();
     for round in 0..10 {
         for gesture in Gesture::ALL {
             let intended = if round % 2 == 0 { gesture } else { Gesture::NoMotion };

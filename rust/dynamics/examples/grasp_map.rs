@@ -13,7 +13,7 @@ use common::{
 };
 use nalgebra::UnitQuaternion;
 use proact_testbed::ports::{Plant, PlantError};
-use proact_types::{BlockId, Pose, Vector};
+use proact_types::{ObjectId, Pose, Vector};
 
 fn main() -> Result<(), PlantError> {
     let model = proact_description::mpl_right_arm();
@@ -22,16 +22,16 @@ fn main() -> Result<(), PlantError> {
     let grasp = |tilt_degrees: f64, shift: Vector| {
         let rotation =
             UnitQuaternion::from_euler_angles(f64::to_radians(tilt_degrees), f64::to_radians(-1.0), 0.0);
-        let tip = Pose::from_parts((block + shift - rotation * model.grasp_centre).into(), rotation);
+        let tip = Pose::from_parts((block + shift - rotation * model.widest_grasp().centre).into(), rotation);
         let base = base_that_puts_tip_at(&model, &open, &tip);
-        let result = plant_at(&model, &bare_table(vec![standing(BlockId::Red1, 0.0, 0.0)]), &open, &base);
+        let result = plant_at(&model, &bare_table(vec![standing(ObjectId(0), 0.0, 0.0)]), &open, &base);
         let mut plant = match result {
             Ok(plant) => plant,
             Err(PlantError::Model(reason)) => return Ok(format!("impossible: {reason}")),
             Err(error) => return Err(error),
         };
         let holding = close_until_held(&mut plant, &model, &base, 800)?;
-        let state = plant.state().blocks[0];
+        let state = plant.state().objects[0];
         let moved = (state.pose.translation.vector - block) * 1e3;
         let tilt = (state.pose.rotation * Vector::z()).angle(&Vector::z()).to_degrees();
         let moved =

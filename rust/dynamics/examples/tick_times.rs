@@ -11,7 +11,7 @@ use common::{
 };
 use proact_dynamics::{DynamicsOptions, OdePlant, Solver, bench_ticks};
 use proact_testbed::ports::{Plant, PlantError};
-use proact_types::{BlockId, PlantCommand};
+use proact_types::{ObjectId, PlantCommand};
 use std::time::Instant;
 
 fn main() -> Result<(), PlantError> {
@@ -53,7 +53,7 @@ fn report_phases(name: &str, options: DynamicsOptions) -> Result<(), PlantError>
     // The hand closes on a block and presses.
     let base = grasp_base(&model, &start);
     let closed = positions(&model, &START, "closed");
-    let mut plant = plant_with(&bare_table(vec![standing(BlockId::Red1, 0.0, 0.0)]), &base, options);
+    let mut plant = plant_with(&bare_table(vec![standing(ObjectId(0), 0.0, 0.0)]), &base, options);
     let commands: Vec<PlantCommand> = move_hand(&start, &closed, base, 600);
     report("  hand closing on a block", &mut plant, commands)?;
     println!(

@@ -34,7 +34,6 @@ mod bench;
 // cxx writes the unsafe code of the bridge; all that can throw is declared `Result`.
 #[allow(unsafe_code)]
 mod bridge;
-mod gains;
 mod plant;
 mod snapshot;
 

@@ -1,5 +1,4 @@
 use crate::bridge::ffi;
-use crate::gains;
 use crate::snapshot::{Snapshot, fingerprint};
 use arrayvec::ArrayVec;
 use proact_arm::{ArmModel, JointKind};
@@ -128,14 +127,14 @@ impl OdePlant {
             return Err(PlantError::Model(format!("mass factor {factor}, expected above 0")));
         }
         let mut blocks = ArrayVec::new();
-        if scene.blocks.len() > blocks.capacity() {
+        if scene.objects.len() > blocks.capacity() {
             return Err(PlantError::Model(format!(
                 "{} blocks, at most {} are supported",
-                scene.blocks.len(),
+                scene.objects.len(),
                 blocks.capacity()
             )));
         }
-        blocks.extend(scene.blocks.iter().map(|block| at_rest(block.pose)));
+        blocks.extend(scene.objects.iter().map(|block| at_rest(block.pose)));
 
         let described = describe(model, scene, initial_positions, world_from_base, &options)?;
         let described = described.as_ref().ok_or_else(|| PlantError::Library("no memory".to_owned()))?;
@@ -148,7 +147,7 @@ impl OdePlant {
                 effort: zeros(joint_count),
                 world_from_base: *world_from_base,
                 base_held: false,
-                blocks,
+                objects: blocks,
                 attached: None,
                 contacts: ArrayVec::new(),
             },
@@ -215,7 +214,7 @@ impl OdePlant {
     fn read_state(&mut self) -> Result<(), PlantError> {
         let state = &mut self.state;
         ffi::read_joints(&self.world, &mut state.position, &mut state.velocity, &mut state.effort);
-        for (index, block) in state.blocks.iter_mut().enumerate() {
+        for (index, block) in state.objects.iter_mut().enumerate() {
             let mut numbers = [0.0; 13];
             ffi::read_block(&self.world, index, &mut numbers).map_err(library)?;
             *block = BodyState {
@@ -229,7 +228,7 @@ impl OdePlant {
         for index in 0..ffi::contact_count(&self.world).min(state.contacts.capacity()) {
             let contact = ffi::read_contact(&self.world, index).map_err(library)?;
             state.contacts.push(Contact {
-                block: contact.block,
+                object: contact.block,
                 link: contact.link,
                 point: Point::from(contact.point),
                 normal: Vector::from(contact.normal),
@@ -392,26 +391,27 @@ fn describe(
         let (proportional, derivative) = match options.control {
             JointControl::FeedForward => (0.0, 0.0),
             JointControl::OriginalGains if joint.kind == JointKind::Fixed => (0.0, 0.0),
-            JointControl::OriginalGains => gains::original(&joint.name).ok_or_else(|| {
-                PlantError::Model(format!(
-                    "joint {:?} has no gains in the original's table, which is of the MPL arm only; expected the control feed_forward",
-                    joint.name
-                ))
-            })?,
+            JointControl::OriginalGains => {
+                let gains = model.settings.gains(&joint.name).ok_or_else(|| {
+                    PlantError::Model(format!(
+                        "joint {:?} has no gains among the controllers of its arm.toml; expected them there, or the \
+                         control feed_forward",
+                        joint.name
+                    ))
+                })?;
+                (gains.p, gains.d)
+            }
         };
-        let numbers = [
-            limits.lower,
-            limits.upper,
-            limits.velocity,
-            effort,
-            joint.damping,
-            joint.friction,
-            proportional,
-            derivative,
-        ];
+        let (lower, upper) = match joint.kind {
+            // No stops: the solvers know none beyond half a turn.
+            JointKind::Continuous => (f64::NEG_INFINITY, f64::INFINITY),
+            JointKind::Fixed | JointKind::Revolute => (limits.lower, limits.upper),
+        };
+        let numbers =
+            [lower, upper, limits.velocity, effort, joint.damping, joint.friction, proportional, derivative];
         let kind = match joint.kind {
             JointKind::Fixed => ffi::JointKind::Fixed,
-            JointKind::Revolute => ffi::JointKind::Revolute,
+            JointKind::Revolute | JointKind::Continuous => ffi::JointKind::Revolute,
         };
         let axis: [f64; 3] = joint.axis.into();
         let origin = from_pose(&joint.origin);
@@ -424,11 +424,11 @@ fn describe(
         let pose = from_pose(&object.pose);
         ffi::add_fixed(described.pin_mut(), &object.name, kind, &size, &pose, object.friction);
     }
-    for block in &scene.blocks {
+    for block in &scene.objects {
         let (kind, size) = from_shape(&block.shape);
         let numbers = [block.mass, block.friction, block.friction_finger];
         let pose = from_pose(&block.pose);
-        ffi::add_block(described.pin_mut(), block.id.name(), kind, &size, &pose, &numbers);
+        ffi::add_block(described.pin_mut(), &block.name, kind, &size, &pose, &numbers);
     }
     Ok(described)
 }

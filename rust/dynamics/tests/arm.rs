@@ -141,7 +141,7 @@ fn a_base_that_is_told_to_jump_stays_and_kicks_nothing() {
     assert!(moved < 1e-5, "the wrist moved by {moved} m");
     let fastest = plant.state().velocity.iter().fold(0.0_f64, |most, speed| most.max(speed.abs()));
     assert!(fastest < 1e-4, "a joint was kicked to {fastest} rad/s");
-    for (a, b) in plant.state().blocks.iter().zip(&before.blocks) {
+    for (a, b) in plant.state().objects.iter().zip(&before.objects) {
         assert!((a.pose.translation.vector - b.pose.translation.vector).norm() < 1e-6);
     }
     // A turn is a jump too; a command within reach is followed at once.

@@ -11,7 +11,7 @@ use common::{
 };
 use proact_dynamics::{DynamicsOptions, Engine, Solver};
 use proact_testbed::ports::Plant;
-use proact_types::{BlockId, PlantState, Pose};
+use proact_types::{ObjectId, PlantState, Pose};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// The hand closes on a block, takes it, lifts it and lets it go, beside a tumbling block.
@@ -21,7 +21,7 @@ fn story(options: DynamicsOptions, ticks: usize) -> Vec<u64> {
     let closed = positions(&model, &START, "closed");
     let mut base = grasp_base(&model, &open);
     let tumbling = Pose::new([0.3, 0.2, TABLE + 3.0 * HEIGHT].into(), [0.5, 0.3, 0.0].into());
-    let scene = bare_table(vec![standing(BlockId::Red1, 0.0, 0.0), block(BlockId::Red2, tumbling)]);
+    let scene = bare_table(vec![standing(ObjectId(0), 0.0, 0.0), block(ObjectId(1), tumbling)]);
     let mut plant = plant_with(&scene, &base, options);
     let mut digest = Vec::new();
     for (tick, mut command) in move_hand(&open, &closed, base, ticks).into_iter().enumerate() {
@@ -43,7 +43,7 @@ fn bits(state: &PlantState, out: &mut Vec<u64>) {
     add(&state.position);
     add(&state.velocity);
     add(&state.effort);
-    for block in &state.blocks {
+    for block in &state.objects {
         add(block.pose.translation.vector.as_slice());
         add(block.pose.rotation.coords.as_slice());
         add(block.linear.as_slice());

@@ -10,7 +10,7 @@ use proact_arm::ArmModel;
 use proact_dynamics::{DynamicsOptions, Engine, OdePlant};
 use proact_kinematics::Kinematics;
 use proact_testbed::ports::Plant;
-use proact_types::{BlockId, Point, Scene, Vector, zeros};
+use proact_types::{ObjectId, Point, Scene, Vector, zeros};
 
 /// The arm without damping, friction, stops and motors.
 fn limp(mut model: ArmModel, damping: f64) -> ArmModel {
@@ -185,7 +185,7 @@ fn joints_come_apart_by_less_than_a_tenth_of_a_millimetre_at_half_a_radian_a_sec
     let cases = [Engine::Reduced, Engine::Ode].map(|engine| [(engine, true), (engine, false)]);
     for (engine, hold_still_hand) in cases.into_iter().flatten() {
         let options = DynamicsOptions { engine, hold_still_hand, ..DynamicsOptions::default() };
-        let scene = bare_table(vec![standing(BlockId::Red1, 0.0, 0.0)]);
+        let scene = bare_table(vec![standing(ObjectId(0), 0.0, 0.0)]);
         let mut plant = OdePlant::new(&model, &scene, &open, &base, options).unwrap();
         plant.attach(0, model.tip).unwrap();
         let mut worst = 0.0_f64;

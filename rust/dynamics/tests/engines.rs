@@ -10,7 +10,7 @@ use common::{
 };
 use proact_dynamics::{DynamicsOptions, Engine, OdePlant};
 use proact_testbed::ports::Plant;
-use proact_types::{BlockId, PlantCommand, PlantState, Pose};
+use proact_types::{ObjectId, PlantCommand, PlantState, Pose};
 
 /// A plant with its hand open, once in each engine.
 fn both(scene: &proact_types::Scene, base: &Pose) -> [OdePlant; 2] {
@@ -84,7 +84,7 @@ fn a_closing_hand_presses_and_moves_a_block_alike_in_both_engines() {
     let open = positions(&model, &START, "open");
     let closed = positions(&model, &START, "closed");
     let base = grasp_base(&model, &open);
-    let mut plants = both(&bare_table(vec![standing(BlockId::Red1, 0.0, 0.0)]), &base);
+    let mut plants = both(&bare_table(vec![standing(ObjectId(0), 0.0, 0.0)]), &base);
     let (mut pinches, mut count) = ([Pinch::default(), Pinch::default()], 0.0);
     for (tick, command) in move_hand(&open, &closed, base, 1200).iter().enumerate() {
         let states = step(&mut plants, command);
@@ -103,7 +103,7 @@ fn a_closing_hand_presses_and_moves_a_block_alike_in_both_engines() {
         pinch.thumb /= count;
         pinch.fingers /= count;
     }
-    let [a, b] = [0, 1].map(|k| plants[k].state().blocks[0].pose.translation.vector);
+    let [a, b] = [0, 1].map(|k| plants[k].state().objects[0].pose.translation.vector);
     let [reduced, ode] = &pinches;
     println!("{reduced:?} and {ode:?} N, blocks {:.1e} m apart", (a - b).norm());
     for (mine, theirs) in [(reduced.thumb, ode.thumb), (reduced.fingers, ode.fingers)] {
@@ -119,7 +119,7 @@ fn a_block_that_is_carried_and_put_down_ends_in_the_same_place_in_both_engines()
     let open = positions(&model, &START, "open");
     let closed = positions(&model, &START, "closed");
     let start = grasp_base(&model, &open);
-    let mut plants = both(&bare_table(vec![standing(BlockId::Red1, 0.0, 0.0)]), &start);
+    let mut plants = both(&bare_table(vec![standing(ObjectId(0), 0.0, 0.0)]), &start);
     for command in move_hand(&open, &closed, start, 400) {
         step(&mut plants, &command);
     }
@@ -145,7 +145,7 @@ fn a_block_that_is_carried_and_put_down_ends_in_the_same_place_in_both_engines()
     for command in move_hand(&held, &open, base, 1500) {
         step(&mut plants, &command);
     }
-    let [a, b] = [0, 1].map(|k| plants[k].state().blocks[0]);
+    let [a, b] = [0, 1].map(|k| plants[k].state().objects[0]);
     let moved = (a.pose.translation.vector - start.translation.vector).norm();
     let between = (a.pose.translation.vector - b.pose.translation.vector).norm();
     println!("put down at {:?} and {:?}", a.pose.translation.vector, b.pose.translation.vector);
@@ -159,7 +159,7 @@ fn a_block_that_is_pushed_slowly_moves_alike_in_both_engines_though_it_slept() {
     let model = proact_description::mpl_right_arm();
     let open = positions(&model, &START, "open");
     let mut base = grasp_base(&model, &open);
-    let mut plants = both(&bare_table(vec![standing(BlockId::Red1, 0.0, 0.0)]), &base);
+    let mut plants = both(&bare_table(vec![standing(ObjectId(0), 0.0, 0.0)]), &base);
     for _ in 0..600 {
         step(&mut plants, &stay(&open, base));
     }
@@ -170,13 +170,13 @@ fn a_block_that_is_pushed_slowly_moves_alike_in_both_engines_though_it_slept() {
         base.translation.y += 2e-5;
         step(&mut plants, &stay(&open, base));
     }
-    let start = plants.each_ref().map(|plant| plant.state().blocks[0].pose.translation.y);
+    let start = plants.each_ref().map(|plant| plant.state().objects[0].pose.translation.y);
     // Half a millimetre a second is below the speed at which a block that nothing touches falls asleep.
     for _ in 0..20_000 {
         base.translation.y += 5e-7;
         step(&mut plants, &stay(&open, base));
     }
-    let end = plants.each_ref().map(|plant| plant.state().blocks[0].pose.translation.y);
+    let end = plants.each_ref().map(|plant| plant.state().objects[0].pose.translation.y);
     println!("{start:?} m to {end:?} m");
     for (start, end) in start.iter().zip(end) {
         assert!(end - start > 8e-3, "swept by {} m", end - start);

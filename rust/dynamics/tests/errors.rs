@@ -9,7 +9,7 @@ use common::{START, bare_table, box_scene, plant, plant_at, positions, standing,
 use proact_arm::ArmModel;
 use proact_dynamics::{DynamicsOptions, MassSet, OdePlant, Solver};
 use proact_testbed::ports::{Plant, PlantError};
-use proact_types::{BlockId, Scene};
+use proact_types::{ObjectId, Scene};
 
 fn arm() -> (ArmModel, Vec<f64>) {
     let model = proact_description::mpl_right_arm();
@@ -62,13 +62,13 @@ fn start_angles_are_checked() {
 #[test]
 fn a_block_inside_the_table_or_another_block_is_refused() {
     let (model, start) = arm();
-    let mut scene = bare_table(vec![standing(BlockId::Red1, 0.0, 0.0)]);
-    scene.blocks[0].pose.translation.z -= 0.01;
+    let mut scene = bare_table(vec![standing(ObjectId(0), 0.0, 0.0)]);
+    scene.objects[0].pose.translation.z -= 0.01;
     assert!(refusal(&model, &scene, &start).contains("block \"red1\" starts 10.0"));
-    let scene = bare_table(vec![standing(BlockId::Red1, 0.0, 0.0), standing(BlockId::Blue1, 0.03, 0.0)]);
+    let scene = bare_table(vec![standing(ObjectId(0), 0.0, 0.0), standing(ObjectId(2), 0.03, 0.0)]);
     assert!(refusal(&model, &scene, &start).contains("inside block \"blue1\""));
-    let mut scene = bare_table(vec![standing(BlockId::Red1, 0.0, 0.0)]);
-    scene.blocks[0].mass = f64::INFINITY;
+    let mut scene = bare_table(vec![standing(ObjectId(0), 0.0, 0.0)]);
+    scene.objects[0].mass = f64::INFINITY;
     assert!(refusal(&model, &scene, &start).contains("mass is inf kg"));
 }
 

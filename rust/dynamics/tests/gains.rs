@@ -10,7 +10,7 @@ use common::{
 };
 use proact_dynamics::{DynamicsOptions, Engine, JointControl, OdePlant};
 use proact_testbed::{GraspAction, OriginalGraspRule, ports::Plant};
-use proact_types::BlockId;
+use proact_types::ObjectId;
 
 /// How far the hand stands to its thumb's side, metres.
 const SHIFT: f64 = 0.004;
@@ -82,7 +82,7 @@ fn take_and_let_go(engine: Engine) {
     let mut base = grasp_base(&model, &open);
     // Such fingers are too weak to push the block against the thumb: it must be between them.
     base.translation.y -= SHIFT;
-    let scene = bare_table(vec![standing(BlockId::Red1, 0.0, 0.0)]);
+    let scene = bare_table(vec![standing(ObjectId(0), 0.0, 0.0)]);
     let mut plant = plant_with(&scene, &base, gains(engine));
     let mut rule = OriginalGraspRule::new(proact_testbed::OriginalGrasp::DEFAULT, &model);
     let mut act = |plant: &mut OdePlant| {

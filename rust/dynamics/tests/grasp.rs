@@ -12,13 +12,13 @@ use common::{
 use proact_arm::ArmModel;
 use proact_dynamics::OdePlant;
 use proact_testbed::ports::Plant;
-use proact_types::{BlockId, PlantCommand, Pose};
+use proact_types::{ObjectId, PlantCommand, Pose};
 
 /// The hand around a block that stands at the origin, open.
 fn hand_around_a_block(model: &ArmModel) -> (OdePlant, Pose) {
     let open = positions(model, &START, "open");
     let base = grasp_base(model, &open);
-    let scene = bare_table(vec![standing(BlockId::Red1, 0.0, 0.0)]);
+    let scene = bare_table(vec![standing(ObjectId(0), 0.0, 0.0)]);
     (plant_at(model, &scene, &open, &base).unwrap(), base)
 }
 
@@ -36,7 +36,7 @@ fn thumb_and_a_finger_oppose_each_other_on_a_block_without_kicking_it() {
     let (mut plant, base) = hand_around_a_block(&model);
     let holding = close_until_held(&mut plant, &model, &base, 800).unwrap().expect("the block is held");
     assert!(holding.degrees > 120.0, "{holding:?}");
-    let block = plant.state().blocks[0];
+    let block = plant.state().objects[0];
     assert!(block.pose.translation.vector.xy().norm() < 0.006, "{:?}", block.pose.translation);
     assert!((block.pose.translation.z - TABLE - 0.5 * HEIGHT).abs() < 1e-3);
     assert_eq!(plant.solver_complaints(), 0);
@@ -52,7 +52,7 @@ fn an_attached_block_is_lifted_and_falls_back_when_released() {
     let model = proact_description::mpl_right_arm();
     let (mut plant, mut base) = hand_around_a_block(&model);
     close_until_held(&mut plant, &model, &base, 800).unwrap().expect("the block is held");
-    let before = plant.state().blocks[0];
+    let before = plant.state().objects[0];
     plant.attach(0, model.tip).unwrap();
     let (block, tip_from_block) = plant.state().attached.expect("attached");
     assert_eq!(block, 0);
@@ -62,22 +62,22 @@ fn an_attached_block_is_lifted_and_falls_back_when_released() {
 
     let grip = plant.state().position.to_vec();
     plant.step(&stay(&grip, base)).unwrap();
-    let jerk = plant.state().blocks[0].pose.translation.vector - before.pose.translation.vector;
+    let jerk = plant.state().objects[0].pose.translation.vector - before.pose.translation.vector;
     assert!(jerk.norm() < 1e-4, "attaching moved the block by {} m", jerk.norm());
     lift(&mut plant, &grip, &mut base, 0.1, 500);
-    let lifted = plant.state().blocks[0].pose.translation.z - before.pose.translation.z;
+    let lifted = plant.state().objects[0].pose.translation.z - before.pose.translation.z;
     assert!((lifted - 0.1).abs() < 1e-3, "lifted by {lifted} m");
     assert!(plant.state().contacts.is_empty(), "a carried block touches no link");
 
     run(&mut plant, &stay(&grip, base), 100);
-    let still = plant.state().blocks[0];
+    let still = plant.state().objects[0];
     assert!(still.linear.norm() < 1e-6);
     plant.release();
     assert!(plant.state().attached.is_none());
     let open = positions(&model, &START, "open");
     let commands = move_hand(&grip, &open, base, 1500);
     plant.step(&commands[0]).unwrap();
-    let speed = plant.state().blocks[0].linear.norm();
+    let speed = plant.state().objects[0].linear.norm();
     assert!(
         speed < 0.011,
         "fingers that overlap a released block must not throw it, it flies at {speed} m/s"
@@ -85,7 +85,7 @@ fn an_attached_block_is_lifted_and_falls_back_when_released() {
     for command in &commands[1..] {
         plant.step(command).unwrap();
     }
-    let fallen = plant.state().blocks[0];
+    let fallen = plant.state().objects[0];
     assert!(fallen.pose.translation.z < TABLE + 0.03, "the block lies on the table: {:?}", fallen.pose);
     assert!(fallen.pose.translation.vector.xy().norm() < 0.05, "near where it was let go: {:?}", fallen.pose);
 }
@@ -96,7 +96,7 @@ fn a_carried_block_loads_the_arm() {
     let open = positions(&model, &START, "open");
     let base = grasp_base(&model, &open);
     let shoulder = |with_block: bool| {
-        let scene = bare_table(vec![standing(BlockId::Red1, 0.0, 0.0)]);
+        let scene = bare_table(vec![standing(ObjectId(0), 0.0, 0.0)]);
         let mut plant = plant_at(&model, &scene, &open, &base).unwrap();
         if with_block {
             plant.attach(0, model.tip).unwrap();
@@ -117,12 +117,12 @@ fn a_finger_pushes_a_block_that_sleeps() {
     let (mut plant, mut base) = hand_around_a_block(&model);
     let open = positions(&model, &START, "open");
     run(&mut plant, &stay(&open, base), 600);
-    let start = plant.state().blocks[0];
+    let start = plant.state().objects[0];
     assert_eq!(start.linear.norm(), 0.0, "a resting block sleeps");
     for _ in 0..1000 {
         base.translation.y += 8e-5;
         plant.step(&PlantCommand { world_from_base: base, ..stay(&open, base) }).unwrap();
     }
-    let pushed = plant.state().blocks[0].pose.translation.y - start.pose.translation.y;
+    let pushed = plant.state().objects[0].pose.translation.y - start.pose.translation.y;
     assert!(pushed > 0.02, "the hand swept the block by {pushed} m");
 }

@@ -59,7 +59,7 @@ fn sweep(engine: Engine) {
             plant.release();
             // Only a block that is near: a far one would swing through the room.
             let tip = plant.link_pose(model.tip).unwrap().translation.vector;
-            if (plant.state().blocks[block].pose.translation.vector - tip).norm() < 0.2 {
+            if (plant.state().objects[block].pose.translation.vector - tip).norm() < 0.2 {
                 plant.attach(block, model.tip).unwrap();
             }
         }
@@ -74,7 +74,7 @@ fn sweep(engine: Engine) {
         plant.step(&command).unwrap_or_else(|error| panic!("tick {tick}: {error}"));
         let state = plant.state();
         touched += usize::from(!state.contacts.is_empty());
-        for block in &state.blocks {
+        for block in &state.objects {
             fastest = fastest.max(block.linear.norm());
             lowest = lowest.min(block.pose.translation.z);
         }

@@ -12,7 +12,7 @@ use proact_arm::{ArmModel, Inertial, Joint, JointKind, JointLimits, Link};
 use proact_dynamics::{DynamicsOptions, Engine, OdePlant};
 use proact_testbed::ports::Plant;
 use proact_types::{
-    Block, BlockId, PlantCommand, PlantState, Pose, Scene, SceneObject, Shape, Vector, zeros,
+    Object, ObjectId, PlantCommand, PlantState, Pose, Scene, SceneObject, Shape, Vector, zeros,
 };
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -36,7 +36,7 @@ impl Digest {
     }
 
     fn add_blocks(&mut self, state: &PlantState) {
-        for block in &state.blocks {
+        for block in &state.objects {
             self.add(block.pose.translation.vector.as_slice());
             self.add(block.pose.rotation.coords.as_slice());
             self.add(block.linear.as_slice());
@@ -121,8 +121,7 @@ fn chain() -> ArmModel {
         tip: 7,
         poses: vec![],
         allowed_collisions: vec![],
-        grasp_centre: Vector::zeros(),
-        grasp: Default::default(),
+        ..Default::default()
     }
 }
 
@@ -137,14 +136,12 @@ fn a_chain_and_a_falling_block_match_raw_ode_bit_for_bit() {
             pose: Pose::from_parts([0.0, 0.0, -0.0625].into(), slope),
             friction: 0.4,
         }],
-        blocks: vec![Block {
-            id: BlockId::Red1,
-            shape: Shape::Box { size: [0.0625, 0.0625, 0.125] },
-            mass: 0.125,
-            friction: 0.4,
-            friction_finger: 0.8,
-            pose: Pose::from_parts([3.0, 0.0, 0.25].into(), tilted),
-        }],
+        objects: vec![Object::plain(
+            "red1",
+            Shape::Box { size: [0.0625, 0.0625, 0.125] },
+            0.125,
+            Pose::from_parts([3.0, 0.0, 0.25].into(), tilted),
+        )],
         ..bare_table(vec![])
     };
     let base = Pose::translation(0.0, 0.0, 2.0);
@@ -163,7 +160,7 @@ fn a_chain_and_a_falling_block_match_raw_ode_bit_for_bit() {
     let state = plant.state();
     assert!(state.position[0].abs() > 0.5, "the chain swings");
     assert!(state.position.iter().all(|angle| angle.abs() < 3.0), "and meets no stop: {:?}", state.position);
-    assert!(state.blocks[0].pose.translation.z < 0.2, "the block has fallen");
+    assert!(state.objects[0].pose.translation.z < 0.2, "the block has fallen");
     compare(&lines, &run(&compile("raw_ode", &[]), ""));
 }
 
@@ -241,9 +238,9 @@ impl Text {
             self.pose(&object.pose);
             self.numbers(&[object.friction]);
         }
-        self.count(scene.blocks.len());
-        for block in &scene.blocks {
-            self.word(block.id.name());
+        self.count(scene.objects.len());
+        for block in &scene.objects {
+            self.word(&block.name);
             self.shape(&block.shape);
             self.numbers(&[block.mass, block.friction, block.friction_finger]);
             self.pose(&block.pose);
@@ -272,10 +269,10 @@ fn the_full_scene_matches_the_core_without_rust_bit_for_bit() {
     }
     scene.fixed.push(bare_table(vec![]).fixed.swap_remove(0));
     scene.fixed.retain(|object| object.name != "slab" || object.pose.translation.x == 0.0);
-    for (block, place) in scene.blocks.iter_mut().zip([(0.0, 0.0), (0.3, 0.1), (0.3, 0.2), (0.2, -0.3)]) {
-        *block = standing(block.id, place.0, place.1);
+    for (k, (x, y)) in [(0.0, 0.0), (0.3, 0.1), (0.3, 0.2), (0.2, -0.3)].into_iter().enumerate() {
+        scene.objects[k] = standing(ObjectId::new(k), x, y);
     }
-    scene.blocks[2].pose.translation.z += 0.1;
+    scene.objects[2].pose.translation.z += 0.1;
 
     let mut plant = plant_at(&model, &scene, &open, &base).unwrap();
     let mut text = Text(String::new());

@@ -11,7 +11,7 @@ use common::{
 };
 use proact_dynamics::{DynamicsOptions, Engine, JointControl, OdePlant, Snapshot, Solver};
 use proact_testbed::ports::Plant;
-use proact_types::{BlockId, PlantCommand, PlantState};
+use proact_types::{ObjectId, PlantCommand, PlantState};
 
 /// Steps through `commands`; the states.
 fn states(plant: &mut OdePlant, commands: &[PlantCommand]) -> Vec<PlantState> {
@@ -82,7 +82,7 @@ fn a_restored_pinch_and_carry_agrees_for_hundreds_of_ticks_bit_for_bit() {
     let open = positions(&model, &START, "open");
     let closed = positions(&model, &START, "closed");
     let base = grasp_base(&model, &open);
-    let scene = bare_table(vec![standing(BlockId::Red1, 0.0, 0.0), standing(BlockId::Red2, 0.3, 0.2)]);
+    let scene = bare_table(vec![standing(ObjectId(0), 0.0, 0.0), standing(ObjectId(1), 0.3, 0.2)]);
     for (engine, solver) in [
         (Engine::Reduced, Solver::Direct),
         (Engine::Ode, Solver::Direct),

@@ -12,7 +12,7 @@ use common::{
 use proact_arm::ArmModel;
 use proact_dynamics::{DynamicsOptions, Engine, OdePlant, Solver};
 use proact_testbed::ports::Plant;
-use proact_types::{BlockId, PlantState, Point};
+use proact_types::{ObjectId, PlantState, Point};
 
 /// The hand closes on a block, takes it, lifts it by 0.1 m and holds it, beside a block that rests.
 fn take(options: DynamicsOptions) -> PlantState {
@@ -20,7 +20,7 @@ fn take(options: DynamicsOptions) -> PlantState {
     let open = positions(&model, &START, "open");
     let closed = positions(&model, &START, "closed");
     let mut base = grasp_base(&model, &open);
-    let scene = bare_table(vec![standing(BlockId::Red1, 0.0, 0.0), standing(BlockId::Red2, 0.3, 0.2)]);
+    let scene = bare_table(vec![standing(ObjectId(0), 0.0, 0.0), standing(ObjectId(1), 0.3, 0.2)]);
     let mut plant = plant_with(&scene, &base, options);
     for command in move_hand(&open, &closed, base, 350) {
         plant.step(&command).unwrap();
@@ -38,7 +38,8 @@ fn take(options: DynamicsOptions) -> PlantState {
 /// Largest difference of arm angles (rad) and of the places of the blocks (m).
 fn differences(a: &PlantState, b: &PlantState) -> (f64, [f64; 2]) {
     let arm = (0..7).map(|k| (a.position[k] - b.position[k]).abs()).fold(0.0, f64::max);
-    let place = |k: usize| (a.blocks[k].pose.translation.vector - b.blocks[k].pose.translation.vector).norm();
+    let place =
+        |k: usize| (a.objects[k].pose.translation.vector - b.objects[k].pose.translation.vector).norm();
     (arm, [place(0), place(1)])
 }
 
@@ -96,7 +97,7 @@ fn energy(model: &ArmModel, plant: &OdePlant) -> f64 {
             Some(9.80665 * inertial.mass * centre.z)
         })
         .sum();
-    let blocks = plant.state().blocks.iter();
+    let blocks = plant.state().objects.iter();
     links
         + blocks.map(|b| 0.1 * (9.80665 * b.pose.translation.z + 0.5 * b.linear.norm_squared())).sum::<f64>()
 }
@@ -145,7 +146,7 @@ fn soak(seconds: u32) {
     let grown = resident_bytes().saturating_sub(memory);
     println!("{seconds} s: {grown} bytes more in memory than after half a minute");
     assert!(grown < 1 << 20, "{grown} bytes leaked in {seconds} s");
-    for (a, b) in plant.state().blocks.iter().zip(&rest.blocks) {
+    for (a, b) in plant.state().objects.iter().zip(&rest.objects) {
         let crept = (a.pose.translation.vector - b.pose.translation.vector).norm();
         assert!(crept < 1e-4, "a block crept {crept} m in {seconds} s");
     }

@@ -7,13 +7,12 @@ mod common;
 
 use proact_dynamics::{DynamicsOptions, OdePlant};
 use proact_kinematics::Kinematics;
-use proact_tasks::BoxAndBlocks;
-use proact_testbed::{LoggedPlans, MassSet, MethodName, Parts, PhysicsConfig, Setup, Testbed, TrialConfig};
+use proact_testbed::{LoggedPlans, MassSet, Parts, PhysicsConfig, Setup, Testbed, TrialConfig};
 use proact_types::{Event, EventKind, Gesture, Pose, TickInput, Vector};
 use std::sync::Arc;
 
 fn config() -> TrialConfig {
-    TrialConfig::new(MethodName::A, 1, Setup::named("still").unwrap())
+    TrialConfig::new("A", 1, Setup::named("still").unwrap())
 }
 
 fn testbed(config: TrialConfig, base: Option<Pose>) -> Testbed {
@@ -21,11 +20,13 @@ fn testbed(config: TrialConfig, base: Option<Pose>) -> Testbed {
     let start = [model.pose("arm", "start").unwrap(), model.pose("hand", "open").unwrap()].concat();
     let base = base.unwrap_or_else(|| config.setup.body.shoulder_pose(&Default::default()));
     let options = DynamicsOptions::of(&config.physics);
-    let task = BoxAndBlocks::new(config.arrangement);
+    let task = config.build_task(&model).unwrap();
     let plant = OdePlant::new(&model, task.scene(), &start, &base, options).unwrap();
     let parts = Parts {
+        arm: config.arm.clone(),
         kinematics: Box::new(Kinematics::new(&model).unwrap()),
         plant: Box::new(plant),
+        methods: proact_control::MethodRegistry::standard(),
         plans: Box::new(LoggedPlans),
         classifier: None,
         model,
@@ -81,7 +82,7 @@ fn a_shoulder_that_jumps_pauses_the_arm_until_it_is_back() {
         (still.position[0] - held.position[0]).abs() < 1e-6,
         "the joint stands still while the base waits"
     );
-    for (a, b) in still.blocks.iter().zip(&moving.blocks) {
+    for (a, b) in still.objects.iter().zip(&moving.objects) {
         assert!((a.pose.translation.vector - b.pose.translation.vector).norm() < 1e-6, "no block was kicked");
     }
     let frozen = still.position[0];
@@ -113,7 +114,7 @@ fn a_grasp_names_block_fingers_and_place_and_ends_within_100_ms_of_opening() {
     let model = proact_description::mpl_right_arm();
     let open = common::positions(&model, &common::START, "open");
     // The hand around the first block.
-    let block = BoxAndBlocks::new(config.arrangement).scene().blocks[0].pose.translation.vector;
+    let block = config.build_task(&model).unwrap().scene().objects[0].pose.translation.vector;
     let mut base = common::grasp_base(&model, &open);
     base.translation.vector += Vector::new(block.x, block.y, 0.0);
     let mut testbed = testbed(config, Some(base));
@@ -121,11 +122,11 @@ fn a_grasp_names_block_fingers_and_place_and_ends_within_100_ms_of_opening() {
     assert!(!testbed.plant().state().base_held, "tracking has arrived");
     let events = run(&mut testbed, 2500, base, Some(Gesture::HandClose));
     let made = events.iter().find_map(|event| match &event.kind {
-        EventKind::GraspMade { block, links, place } => Some((*block, links.clone(), *place, event.time)),
+        EventKind::GraspMade { object, links, place } => Some((*object, links.clone(), *place, event.time)),
         _ => None,
     });
     let (id, links, place, at) = made.unwrap_or_else(|| panic!("the hand takes the block: {events:?}"));
-    assert_eq!(id, proact_types::BlockId::ALL[0]);
+    assert_eq!(id, proact_types::ObjectId(0));
     assert!(links.iter().any(|link| link.contains("thumb")) && links.len() >= 2, "{links:?}");
     assert!((place.coords - block).norm() < 0.01, "{place} beside {block}");
     println!("{} ms: {id:?} by {links:?}", at.0);

@@ -1,6 +1,6 @@
 use crate::moments::Moments;
 use crate::{Classifier, EmgError, EmgModel};
-use proact_types::Gesture;
+use proact_types::GestureName;
 use serde::{Deserialize, Serialize};
 
 /// How a classifier follows its user.
@@ -64,12 +64,11 @@ impl Adaptation {
     ///
     /// # Errors
     /// Wrong number of features, values that are not finite, or a gesture that was not trained; nothing changes then.
-    pub fn confirm(&mut self, gesture: Gesture, features: &[f64]) -> Result<bool, EmgError> {
+    pub fn confirm(&mut self, gesture: impl Into<GestureName>, features: &[f64]) -> Result<bool, EmgError> {
         let prediction = self.classifier.predict(features)?;
-        let gestures = self.classifier.gestures();
-        let class = gestures.iter().position(|g| *g == gesture).ok_or(EmgError::NotTrained(gesture))?;
-        let doubted = prediction.posterior[gesture.index()] <= self.config.confidence;
-        if self.frozen || prediction.class != gesture || doubted {
+        let class = self.classifier.place(gesture.into())?;
+        let doubted = prediction.posterior[class] <= self.config.confidence;
+        if self.frozen || prediction.place != class || doubted {
             return Ok(false);
         }
         let mut moments = self.moments.clone();

@@ -1,10 +1,12 @@
 use crate::lda::softmax;
 use crate::{EmgConfig, EmgError, FeatureSet, Lda};
+use arrayvec::ArrayVec;
 use nalgebra::DMatrix;
-use proact_types::{Gesture, MAX_EMG_CHANNELS};
+use proact_types::{GestureName, MAX_EMG_CHANNELS, MAX_GESTURES};
 use serde::{Deserialize, Serialize};
 
-const GESTURES: usize = Gesture::ALL.len();
+/// Probability of each gesture of a classifier, in the order of [`Classifier::gestures`].
+pub type ClassPosterior = ArrayVec<f64, MAX_GESTURES>;
 
 /// Range of the summed MAV of one gesture over which the effort runs from 0 to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -16,12 +18,21 @@ pub struct EffortScale {
 }
 
 /// What the classifier says about one window.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Prediction {
-    /// The most probable gesture, the first in [`Gesture::ALL`] of equals.
-    pub class: Gesture,
-    /// Probability per gesture in [`Gesture::ALL`] order; zero for gestures that were not trained.
-    pub posterior: [f64; GESTURES],
+    /// The most probable gesture, the first of equals.
+    pub class: GestureName,
+    /// Its place in [`Classifier::gestures`].
+    pub place: usize,
+    /// Probability of each gesture, in the order of [`Classifier::gestures`].
+    pub posterior: ClassPosterior,
+}
+
+impl Prediction {
+    /// Probability of the most probable gesture.
+    pub fn confidence(&self) -> f64 {
+        self.posterior[self.place]
+    }
 }
 
 /// Linear discriminant analysis over gestures, with the effort scale of each gesture.
@@ -30,8 +41,8 @@ pub struct Classifier {
     features: FeatureSet,
     channels: usize,
     lda: Lda,
-    /// The gesture of each class of the LDA, in [`Gesture::ALL`] order.
-    gestures: Vec<Gesture>,
+    /// The gesture of each class of the LDA, in alphabetical order, as LibEMG's.
+    gestures: Vec<GestureName>,
     /// Per class of the LDA; empty if amplitudes were not known.
     efforts: Vec<EffortScale>,
 }
@@ -41,11 +52,12 @@ impl Classifier {
     /// MAV; with a set that lacks it use [`Classifier::train_with_amplitudes`], else efforts are zero.
     ///
     /// # Errors
-    /// Lengths that do not fit the settings, values that are not finite, or fewer than two gestures.
-    pub fn train<F: AsRef<[f64]>>(
+    /// Lengths that do not fit the settings, values that are not finite, fewer than two gestures or more than
+    /// [`MAX_GESTURES`].
+    pub fn train<F: AsRef<[f64]>, G: Copy + Into<GestureName>>(
         config: &EmgConfig,
         windows: &[F],
-        labels: &[Gesture],
+        labels: &[G],
     ) -> Result<Classifier, EmgError> {
         let amplitude = |w: &F| {
             let whole = w.as_ref().len() == config.features.count(config.channels);
@@ -59,10 +71,10 @@ impl Classifier {
     ///
     /// # Errors
     /// As [`Classifier::train`], and if there are not as many amplitudes as windows.
-    pub fn train_with_amplitudes<F: AsRef<[f64]>>(
+    pub fn train_with_amplitudes<F: AsRef<[f64]>, G: Copy + Into<GestureName>>(
         config: &EmgConfig,
         windows: &[F],
-        labels: &[Gesture],
+        labels: &[G],
         amplitudes: &[f64],
     ) -> Result<Classifier, EmgError> {
         if amplitudes.len() != windows.len() {
@@ -71,10 +83,10 @@ impl Classifier {
         Self::fit(config, windows, labels, Some(amplitudes))
     }
 
-    fn fit<F: AsRef<[f64]>>(
+    fn fit<F: AsRef<[f64]>, G: Copy + Into<GestureName>>(
         config: &EmgConfig,
         windows: &[F],
-        labels: &[Gesture],
+        labels: &[G],
         amplitudes: Option<&[f64]>,
     ) -> Result<Classifier, EmgError> {
         config.check()?;
@@ -85,9 +97,13 @@ impl Classifier {
         if let Some(window) = windows.iter().find(|w| w.as_ref().len() != expected) {
             return Err(EmgError::FeatureCount { got: window.as_ref().len(), expected });
         }
-        let gestures: Vec<Gesture> = Gesture::ALL.into_iter().filter(|g| labels.contains(g)).collect();
+        let labels: Vec<GestureName> = labels.iter().map(|label| (*label).into()).collect();
+        let gestures = distinct(labels.iter().copied());
+        if gestures.len() > MAX_GESTURES {
+            return Err(EmgError::TooManyClasses { got: gestures.len() });
+        }
         let classes: Vec<usize> =
-            labels.iter().filter_map(|label| gestures.iter().position(|g| g == label)).collect();
+            labels.iter().filter_map(|label| gestures.binary_search(label).ok()).collect();
         let samples = DMatrix::from_row_iterator(
             windows.len(),
             expected,
@@ -145,14 +161,14 @@ impl Classifier {
             && (1..=MAX_EMG_CHANNELS).contains(&self.channels)
             && self.lda.features() == self.features.count(self.channels)
             && self.lda.classes() == classes
-            && self.gestures.is_sorted_by_key(|g| g.index())
-            && self.gestures.windows(2).all(|pair| pair[0] != pair[1])
+            && classes <= MAX_GESTURES
+            && self.gestures.windows(2).all(|pair| pair[0] < pair[1])
             && (self.efforts.is_empty() || self.efforts.len() == classes)
             && finite
     }
 
-    /// The gestures that it tells apart, in [`Gesture::ALL`] order.
-    pub fn gestures(&self) -> &[Gesture] {
+    /// The gestures that it tells apart, in alphabetical order.
+    pub fn gestures(&self) -> &[GestureName] {
         &self.gestures
     }
 
@@ -170,20 +186,15 @@ impl Classifier {
         if features.len() != expected {
             return Err(EmgError::FeatureCount { got: features.len(), expected });
         }
-        let mut values = [0.0; GESTURES];
-        let values = &mut values[..self.gestures.len()];
-        self.lda.decide(features, values);
+        let mut values: ClassPosterior = self.gestures.iter().map(|_| 0.0).collect();
+        self.lda.decide(features, &mut values);
         if !values.iter().all(|v| v.is_finite()) {
             let index = features.iter().position(|v| !v.is_finite()).unwrap_or(0);
             return Err(EmgError::NotFinite { window: 0, index, value: features[index] });
         }
         let best = (1..values.len()).fold(0, |best, k| if values[k] > values[best] { k } else { best });
-        softmax(values);
-        let mut posterior = [0.0; GESTURES];
-        for (gesture, probability) in self.gestures.iter().zip(values) {
-            posterior[gesture.index()] = *probability;
-        }
-        Ok(Prediction { class: self.gestures[best], posterior })
+        softmax(&mut values);
+        Ok(Prediction { class: self.gestures[best], place: best, posterior: values })
     }
 
     /// How hard `gesture` is performed, 0 to 1: the summed MAV of the window between the gesture's limits, which
@@ -192,21 +203,21 @@ impl Classifier {
     ///
     /// # Errors
     /// If the gesture was not trained, the feature vector has another length, or there is no MAV in it.
-    pub fn effort(&self, gesture: Gesture, features: &[f64]) -> Result<f64, EmgError> {
+    pub fn effort(&self, gesture: impl Into<GestureName>, features: &[f64]) -> Result<f64, EmgError> {
         let expected = self.lda.features();
         if features.len() != expected {
             return Err(EmgError::FeatureCount { got: features.len(), expected });
         }
         let amplitude = self.features.amplitude(features, self.channels);
-        self.effort_of(gesture, amplitude.ok_or_else(|| self.no_scale())?)
+        self.effort_of(gesture.into(), amplitude.ok_or_else(|| self.no_scale())?)
     }
 
     /// [`Classifier::effort`] of a window whose [`crate::WindowView::amplitude`] is known.
     ///
     /// # Errors
     /// If the gesture was not trained, or amplitudes were not known at training.
-    pub fn effort_of(&self, gesture: Gesture, amplitude: f64) -> Result<f64, EmgError> {
-        let class = self.gestures.iter().position(|g| *g == gesture).ok_or(EmgError::NotTrained(gesture))?;
+    pub fn effort_of(&self, gesture: GestureName, amplitude: f64) -> Result<f64, EmgError> {
+        let class = self.place(gesture)?;
         let EffortScale { low, high } = *self.efforts.get(class).ok_or_else(|| self.no_scale())?;
         // All training windows alike: any contraction that strong is full effort.
         let effort =
@@ -214,14 +225,28 @@ impl Classifier {
         Ok(effort.clamp(0.0, 1.0))
     }
 
+    /// Place of `gesture` in [`Classifier::gestures`].
+    ///
+    /// # Errors
+    /// [`EmgError::NotTrained`].
+    pub fn place(&self, gesture: GestureName) -> Result<usize, EmgError> {
+        self.gestures.binary_search(&gesture).map_err(|_| EmgError::NotTrained(gesture))
+    }
+
     fn no_scale(&self) -> EmgError {
         EmgError::NoEffortScale { features: self.features.to_string() }
     }
 }
 
+/// Each of `gestures` once, in alphabetical order.
+pub(crate) fn distinct(gestures: impl Iterator<Item = GestureName>) -> Vec<GestureName> {
+    gestures.collect::<std::collections::BTreeSet<_>>().into_iter().collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proact_types::Gesture;
 
     fn config() -> EmgConfig {
         EmgConfig { channels: 1, ..EmgConfig::default() }
@@ -240,14 +265,14 @@ mod tests {
     }
 
     #[test]
-    fn gestures_that_were_not_trained_have_no_probability() {
+    fn the_posterior_is_over_the_gestures_that_were_trained() {
         let (windows, labels) = data();
         let classifier = Classifier::train(&config(), &windows, &labels).expect("good data");
         assert_eq!(classifier.gestures(), [Gesture::NoMotion, Gesture::WristFlexion]);
         let prediction = classifier.predict(&windows[0]).expect("good window");
         assert_eq!(prediction.class, Gesture::WristFlexion);
-        assert_eq!(prediction.posterior[..2], [0.0, 0.0]);
-        assert_eq!(prediction.posterior[3], 0.0);
+        assert_eq!(prediction.posterior.len(), 2);
+        assert!(prediction.posterior[1] > prediction.posterior[0]);
         assert!((prediction.posterior.iter().sum::<f64>() - 1.0).abs() < 1e-15);
         let effort = |k: usize| classifier.effort(Gesture::WristFlexion, &windows[k]).expect("trained");
         assert!((0..20).any(|k| effort(k) == 0.0) && (0..20).any(|k| effort(k) == 1.0));

@@ -1,5 +1,5 @@
 use crate::{EmgError, FeatureSet, LivenessConfig};
-use proact_types::MAX_EMG_CHANNELS;
+use proact_types::{GestureName, MAX_EMG_CHANNELS};
 use serde::{Deserialize, Serialize};
 use std::num::NonZeroU32;
 
@@ -95,7 +95,7 @@ pub struct EmgConfig {
     /// [`DEFAULT_REJECTION`].
     pub rejection: Option<f64>,
     /// The most frequent of so many newest classes, fewer at the start, goes to the rule; rejected windows vote too,
-    /// and of equals the first in [`proact_types::Gesture::ALL`] order wins, rejected before all. Default off; LibEMG's
+    /// and of equals the first by name wins, rejected before all. Default off; LibEMG's
     /// value is [`DEFAULT_MAJORITY`], the largest possible [`LARGEST_MAJORITY`].
     pub majority: Option<NonZeroU32>,
     /// When messages go out. Default: hold, as the original program.
@@ -110,6 +110,14 @@ pub struct EmgConfig {
     pub max_age_millis: u64,
     /// What else makes the stream stale: samples that no living arm gives.
     pub liveness: LivenessConfig,
+    /// The gesture of a relaxed hand: it stops the arm, and after a silence only it lets gestures through again. Default
+    /// `no_motion`.
+    #[serde(skip_serializing_if = "is_no_motion")]
+    pub rest: GestureName,
+}
+
+fn is_no_motion(rest: &GestureName) -> bool {
+    *rest == GestureName::default()
 }
 
 impl Default for EmgConfig {
@@ -131,6 +139,7 @@ impl Default for EmgConfig {
             first_output_acts: false,
             max_age_millis: 200,
             liveness: LivenessConfig::default(),
+            rest: GestureName::default(),
         }
     }
 }

@@ -1,14 +1,14 @@
 use crate::{EmgConfig, LARGEST_MAJORITY, RuleKind};
 use arrayvec::ArrayVec;
-use proact_types::{Gesture, SimTime};
+use proact_types::{GestureName, SimTime};
 use std::num::NonZeroU32;
 
 /// The most frequent of the newest classes, LibEMG's majority vote: fewer votes at the start; rejected windows (none)
-/// vote too; of equals the first in [`Gesture::ALL`] order wins, rejected before all.
+/// vote too; of equals the first by name wins, rejected before all.
 #[derive(Clone, Debug)]
 pub struct MajorityVote {
     votes: usize,
-    newest: ArrayVec<Option<Gesture>, { LARGEST_MAJORITY as usize }>,
+    newest: ArrayVec<Option<GestureName>, { LARGEST_MAJORITY as usize }>,
 }
 
 impl MajorityVote {
@@ -18,17 +18,18 @@ impl MajorityVote {
     }
 
     /// Takes the class of a window, or none if it was rejected; returns the winner.
-    pub fn push(&mut self, class: Option<Gesture>) -> Option<Gesture> {
+    pub fn push(&mut self, class: Option<GestureName>) -> Option<GestureName> {
         if self.newest.len() == self.votes {
             self.newest.remove(0);
         }
         self.newest.push(class);
         let count = |candidate| self.newest.iter().filter(|vote| **vote == candidate).count();
         let mut winner = (None, count(None));
-        for candidate in Gesture::ALL.map(Some) {
-            let votes = count(candidate);
-            if votes > winner.1 {
-                winner = (candidate, votes);
+        for candidate in self.newest.iter().filter(|vote| vote.is_some()) {
+            let votes = count(*candidate);
+            // None is the least of all, so it keeps its place among equals.
+            if votes > winner.1 || (votes == winner.1 && *candidate < winner.0) {
+                winner = (*candidate, votes);
             }
         }
         winner.0
@@ -44,7 +45,7 @@ impl MajorityVote {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Decision {
     /// The gesture in force.
-    pub gesture: Gesture,
+    pub gesture: GestureName,
     /// A message goes out: always under [`RuleKind::Hold`], on a full run of equal classes under
     /// [`RuleKind::Strict`], always when the stream became stale.
     pub published: bool,
@@ -64,9 +65,10 @@ pub struct DecisionRule {
     required: u32,
     first_output_acts: bool,
     max_age_millis: u64,
-    held: Gesture,
+    rest: GestureName,
+    held: GestureName,
     /// Class of the present run; none while windows are rejected.
-    candidate: Option<Gesture>,
+    candidate: Option<GestureName>,
     streak: u32,
     outputs: u32,
     /// Time of the last output, or of the first step before there was one.
@@ -78,15 +80,16 @@ pub struct DecisionRule {
 }
 
 impl DecisionRule {
-    /// A rule that starts at [`Gesture::NoMotion`]; age counts from the first step.
+    /// A rule that starts at [`EmgConfig::rest`]; age counts from the first step.
     pub fn new(config: &EmgConfig) -> Self {
         DecisionRule {
             kind: config.rule,
             required: config.required.get(),
             first_output_acts: config.first_output_acts,
             max_age_millis: config.max_age_millis,
-            held: Gesture::NoMotion,
-            candidate: Some(Gesture::NoMotion),
+            rest: config.rest,
+            held: config.rest,
+            candidate: Some(config.rest),
             streak: 0,
             outputs: 0,
             last_output_at: None,
@@ -97,7 +100,7 @@ impl DecisionRule {
 
     /// Advances to `now` with the classifier's output at that time, if there was one. None while nothing is due;
     /// a silence is reported once, when it exceeds the allowed age.
-    pub fn step(&mut self, now: SimTime, output: Option<Gesture>) -> Option<Decision> {
+    pub fn step(&mut self, now: SimTime, output: Option<GestureName>) -> Option<Decision> {
         match output {
             Some(output) => Some(self.decide(now, Some(output))),
             None => self.check_age(now),
@@ -113,11 +116,11 @@ impl DecisionRule {
     /// The stream is not that of a living arm: the arm must stop. Some if that is news, until the next output.
     pub fn fail(&mut self) -> Option<Decision> {
         let news = !self.stale;
-        self.held = Gesture::NoMotion;
+        self.held = self.rest;
         self.streak = 0;
         self.armed = false;
         self.stale = true;
-        news.then_some(Decision { gesture: Gesture::NoMotion, published: true, stale: true })
+        news.then_some(Decision { gesture: self.rest, published: true, stale: true })
     }
 
     /// True from the moment in which the stream became stale to the next output.
@@ -130,7 +133,7 @@ impl DecisionRule {
         !self.armed
     }
 
-    fn decide(&mut self, now: SimTime, output: Option<Gesture>) -> Decision {
+    fn decide(&mut self, now: SimTime, output: Option<GestureName>) -> Decision {
         // The silence may have ended in the very tick in which it became too long.
         self.check_age(now);
         self.last_output_at = Some(now);
@@ -142,8 +145,8 @@ impl DecisionRule {
         let needed = if self.first_output_acts { self.required.min(self.outputs) } else { self.required };
         let unanimous = self.streak >= needed;
         if unanimous {
-            self.armed |= output == Some(Gesture::NoMotion);
-            self.held = output.filter(|_| self.armed).unwrap_or(Gesture::NoMotion);
+            self.armed |= output == Some(self.rest);
+            self.held = output.filter(|_| self.armed).unwrap_or(self.rest);
         }
         let published = self.kind == RuleKind::Hold || unanimous;
         Decision { gesture: self.held, published, stale: false }
@@ -161,7 +164,7 @@ impl DecisionRule {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use Gesture::{NoMotion, WristExtension, WristFlexion};
+    use proact_types::Gesture::{self, NoMotion, WristExtension, WristFlexion};
 
     const INCREMENT_MILLIS: u64 = 50;
 
@@ -169,13 +172,13 @@ mod tests {
         DecisionRule::new(&EmgConfig::default())
     }
 
-    fn feed(rule: &mut DecisionRule, from: u64, outputs: &[Gesture]) -> Vec<Gesture> {
+    fn feed(rule: &mut DecisionRule, from: u64, outputs: &[Gesture]) -> Vec<GestureName> {
         outputs
             .iter()
             .enumerate()
             .map(|(k, &g)| {
                 let now = SimTime(from + k as u64 * INCREMENT_MILLIS);
-                rule.step(now, Some(g)).expect("every output gives a decision").gesture
+                rule.step(now, Some(g.into())).expect("every output gives a decision").gesture
             })
             .collect()
     }
@@ -208,20 +211,23 @@ mod tests {
         feed(&mut rule, 0, &[WristExtension; 2]);
         assert_eq!(rule.reject(SimTime(100)).gesture, NoMotion);
         assert_eq!(feed(&mut rule, 150, &[WristExtension; 3]), [NoMotion, NoMotion, WristExtension]);
-        let held: Vec<Gesture> = (0..3).map(|k: u64| rule.reject(SimTime(300 + k * 50)).gesture).collect();
+        let held: Vec<GestureName> =
+            (0..3).map(|k: u64| rule.reject(SimTime(300 + k * 50)).gesture).collect();
         assert_eq!(held, [WristExtension, WristExtension, NoMotion]);
         assert_eq!(rule.step(SimTime(500), None), None, "rejected windows are no silence");
     }
 
     #[test]
     fn the_most_frequent_of_the_newest_classes_wins_and_ties_go_to_the_first() {
-        let mut vote = MajorityVote::new(NonZeroU32::new(3).expect("three"));
-        assert_eq!(vote.push(Some(WristFlexion)), Some(WristFlexion));
-        assert_eq!(vote.push(Some(WristExtension)), Some(WristExtension), "one each: the first in order");
-        assert_eq!(vote.push(None), None, "one each: rejected before all");
-        assert_eq!(vote.push(None), None);
-        assert_eq!(vote.push(Some(NoMotion)), None);
-        assert_eq!(vote.push(Some(NoMotion)), Some(NoMotion));
+        let mut votes = MajorityVote::new(NonZeroU32::new(3).expect("three"));
+        let mut vote =
+            |class: Option<Gesture>| votes.push(class.map(Into::into)).and_then(GestureName::namesake);
+        assert_eq!(vote(Some(WristFlexion)), Some(WristFlexion));
+        assert_eq!(vote(Some(WristExtension)), Some(WristExtension), "one each: the first in order");
+        assert_eq!(vote(None), None, "one each: rejected before all");
+        assert_eq!(vote(None), None);
+        assert_eq!(vote(Some(NoMotion)), None);
+        assert_eq!(vote(Some(NoMotion)), Some(NoMotion));
     }
 
     #[test]
@@ -231,7 +237,7 @@ mod tests {
         let sent: Vec<bool> = outputs
             .iter()
             .zip(0..)
-            .map(|(&g, k)| rule.step(SimTime(k * 50), Some(g)).expect("a decision").published)
+            .map(|(&g, k)| rule.step(SimTime(k * 50), Some(g.into())).expect("a decision").published)
             .collect();
         assert_eq!(sent, [false, false, true, false, false]);
     }
@@ -241,13 +247,13 @@ mod tests {
         let mut rule = rule();
         feed(&mut rule, 0, &[WristExtension; 3]);
         assert_eq!(rule.step(SimTime(300), None), None, "exactly at the limit is not yet stale");
-        let stale = Decision { gesture: NoMotion, published: true, stale: true };
+        let stale = Decision { gesture: NoMotion.into(), published: true, stale: true };
         assert_eq!(rule.step(SimTime(301), None), Some(stale));
         assert_eq!(rule.step(SimTime(302), None), None, "a silence is reported once");
 
         assert_eq!(feed(&mut rule, 350, &[WristExtension; 4]), [NoMotion; 4]);
         feed(&mut rule, 550, &[NoMotion; 3]);
-        assert_eq!(feed(&mut rule, 700, &[WristExtension; 3]).last(), Some(&WristExtension));
+        assert_eq!(feed(&mut rule, 700, &[WristExtension; 3]).last(), Some(&WristExtension.into()));
     }
 
     #[test]

@@ -1,6 +1,6 @@
 use crate::WindowLength;
 use crate::feature_set::known_names;
-use proact_types::{Gesture, MAX_EMG_CHANNELS};
+use proact_types::{GestureName, MAX_EMG_CHANNELS, MAX_GESTURES};
 
 /// What can be wrong with settings, training data or features.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -74,6 +74,23 @@ pub enum EmgError {
         /// Different gestures.
         got: usize,
     },
+    /// More gestures than a classifier takes.
+    #[error("training data has {got} different gestures, a classifier tells at most {MAX_GESTURES} apart")]
+    TooManyClasses {
+        /// Different gestures.
+        got: usize,
+    },
+    /// Nothing would stop the arm.
+    #[error(
+        "the rest gesture is {rest}, which the model does not know; it has {}: name one of them as the setting rest",
+        names(known)
+    )]
+    NoRest {
+        /// The rest gesture of the settings.
+        rest: GestureName,
+        /// The gestures of the classifier.
+        known: Vec<GestureName>,
+    },
     /// The covariance within the classes cannot be estimated.
     #[error("training data has {windows} windows of {classes} gestures, at least {} are needed", classes + 1)]
     TooFewWindows {
@@ -118,7 +135,7 @@ pub enum EmgError {
     },
     /// A gesture that the classifier was not trained on.
     #[error("the classifier was not trained on {0}")]
-    NotTrained(Gesture),
+    NotTrained(GestureName),
     /// A feature or group that does not exist.
     #[error("{name:?} is no EMG feature or group; known are {}", known_names())]
     UnknownFeature {
@@ -178,7 +195,7 @@ pub enum EmgError {
     #[error("{gesture} has {got} repetitions, at least 2 are needed to test each on the others")]
     TooFewRepetitions {
         /// Which gesture.
-        gesture: Gesture,
+        gesture: GestureName,
         /// Its repetitions.
         got: usize,
     },
@@ -186,7 +203,7 @@ pub enum EmgError {
     #[error("{gesture} is asked for twice in a round, expected each gesture once")]
     RepeatedGesture {
         /// Which gesture.
-        gesture: Gesture,
+        gesture: GestureName,
     },
     /// A repetition with a gap.
     #[error("the repetition has sample {next} after {after}, expected no gap")]
@@ -200,7 +217,7 @@ pub enum EmgError {
     #[error("the repetition of {gesture} has {got} samples, expected at least {expected}, one window")]
     ShortRepetition {
         /// Which gesture.
-        gesture: Gesture,
+        gesture: GestureName,
         /// Its samples.
         got: usize,
         /// Samples of a window.
@@ -212,4 +229,8 @@ pub enum EmgError {
         /// Different gestures other than no motion.
         got: usize,
     },
+}
+
+fn names(gestures: &[GestureName]) -> String {
+    gestures.iter().map(GestureName::as_str).collect::<Vec<_>>().join(", ")
 }

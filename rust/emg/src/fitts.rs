@@ -1,6 +1,6 @@
 use crate::EmgError;
 use crate::usability_test::positive;
-use proact_types::{Gesture, SimTime};
+use proact_types::{Gesture, GestureName, SimTime};
 use serde::{Deserialize, Serialize};
 
 /// How the cursor test is done. Lengths are in half heights of the field, whose corners are at -1 and 1.
@@ -21,10 +21,14 @@ pub struct CursorConfig {
     pub least_effort: f64,
     /// Speed goes with the effort; otherwise it is always the full one. Default true.
     pub proportional: bool,
+    /// The gestures that move the cursor right, left, up and down. Default: wrist extension, wrist flexion, hand open, hand
+    /// close.
+    pub steering: [GestureName; 4],
 }
 
 impl Default for CursorConfig {
     fn default() -> Self {
+        use Gesture::{HandClose, HandOpen, WristExtension, WristFlexion};
         CursorConfig {
             targets: 9,
             rings: vec![[0.8, 0.5], [1.2, 0.3], [1.5, 0.2]],
@@ -33,6 +37,7 @@ impl Default for CursorConfig {
             full_speed: 0.5,
             least_effort: 0.2,
             proportional: true,
+            steering: [WristExtension, WristFlexion, HandOpen, HandClose].map(GestureName::from),
         }
     }
 }
@@ -88,7 +93,7 @@ pub enum CursorEvent {
 }
 
 /// The multi-directional pointing test of ISO 9241-411: targets on a ring, one after the other across it, steered by
-/// gestures: wrist extension right, wrist flexion left, hand open up, hand close down.
+/// four gestures, one for each direction.
 ///
 /// The cursor goes on from where the last movement ended; distances are measured from there. Known weakness: one
 /// gesture at a time moves one axis, so the best path to a diagonal target has an efficiency of 0.71.
@@ -148,7 +153,13 @@ impl CursorTest {
 
     /// Advances to `now` with the gesture that has been in force since the last step, and its effort, 0 to 1. An
     /// effort that is no number counts as none.
-    pub fn step(&mut self, now: SimTime, gesture: Gesture, effort: f64) -> Option<CursorEvent> {
+    pub fn step(
+        &mut self,
+        now: SimTime,
+        gesture: impl Into<GestureName>,
+        effort: f64,
+    ) -> Option<CursorEvent> {
+        let gesture = gesture.into();
         if self.is_finished() {
             return None;
         }
@@ -199,14 +210,11 @@ impl CursorTest {
         Some(CursorEvent::Moved(movement))
     }
 
-    fn steer(&mut self, gesture: Gesture, effort: f64, secs: f64) {
-        let (axis, sign) = match gesture {
-            Gesture::WristExtension => (0, 1.0),
-            Gesture::WristFlexion => (0, -1.0),
-            Gesture::HandOpen => (1, 1.0),
-            Gesture::HandClose => (1, -1.0),
-            Gesture::NoMotion => return,
+    fn steer(&mut self, gesture: GestureName, effort: f64, secs: f64) {
+        let Some(direction) = self.config.steering.iter().position(|steers| *steers == gesture) else {
+            return;
         };
+        let (axis, sign) = [(0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0)][direction];
         let share = if self.config.proportional {
             // The larger of NaN and a number is the number.
             effort.max(self.config.least_effort).min(1.0)

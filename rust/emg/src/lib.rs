@@ -65,7 +65,7 @@ pub use calibration::{
     Calibration, CalibrationConfig, CalibrationEvent, CalibrationReport, Phase, Prompt, Refusal, Repetition,
     RepetitionScore, ZeroLevel, cross_validate,
 };
-pub use classifier::{Classifier, EffortScale, Prediction};
+pub use classifier::{ClassPosterior, Classifier, EffortScale, Prediction};
 pub use config::{
     DEFAULT_MAJORITY, DEFAULT_REJECTION, EmgConfig, LARGEST_MAJORITY, LdaNormalisation, Priors, RuleKind,
     WindowLength,

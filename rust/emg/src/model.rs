@@ -1,6 +1,6 @@
 use crate::moments::Moments;
 use crate::{Classifier, EmgConfig, EmgError, LivenessConfig, extract_with_amplitudes, noise_floors};
-use proact_types::{EmgSample, Gesture};
+use proact_types::{EmgSample, GestureName};
 use serde::{Deserialize, Serialize};
 
 /// Format of model files that this version writes and reads.
@@ -61,10 +61,10 @@ impl EmgModel {
     ///
     /// # Errors
     /// What [`extract_with_amplitudes`] and [`Classifier::train`] refuse, or another number of zero levels than channels.
-    pub fn train(
+    pub fn train<G: Copy + Into<GestureName>>(
         config: &EmgConfig,
         centring: &[f64],
-        recordings: &[(Gesture, &[EmgSample])],
+        recordings: &[(G, &[EmgSample])],
     ) -> Result<EmgModel, EmgError> {
         if centring.len() != config.channels || !centring.iter().all(|v| v.is_finite()) {
             return Err(EmgError::ModelFile {
@@ -79,15 +79,16 @@ impl EmgModel {
         let mut channels = vec![ChannelStatistics::default(); config.channels];
         let mut rest = vec![Vec::new(); config.channels];
         for (gesture, samples) in recordings {
+            let gesture: GestureName = (*gesture).into();
             let centred: Vec<EmgSample> = samples.iter().map(|s| centred(s, centring)).collect();
             let (vectors, sums) = extract_with_amplitudes(config, &centred)?;
             windows.extend(vectors);
             amplitudes.extend(sums);
-            labels.resize(windows.len(), *gesture);
+            labels.resize(windows.len(), gesture);
             for (c, statistics) in channels.iter_mut().enumerate() {
                 let values: Vec<f64> = centred.iter().map(|s| s.channels[c]).collect();
                 statistics.largest_sd = statistics.largest_sd.max(mean_and_sd(&values).1);
-                if *gesture == Gesture::NoMotion {
+                if gesture == config.rest {
                     rest[c].extend(values);
                 }
             }
@@ -106,8 +107,8 @@ impl EmgModel {
             statistics.noise_floor = Some(floor);
         }
         let classifier = Classifier::train_with_amplitudes(config, &windows, &labels, &amplitudes)?;
-        let class = |gesture| classifier.gestures().iter().position(|g| g == gesture);
-        let classes: Vec<usize> = labels.iter().filter_map(class).collect();
+        let classes: Vec<usize> =
+            labels.iter().map(|gesture| classifier.place(*gesture)).collect::<Result<_, _>>()?;
         Ok(EmgModel {
             format: MODEL_FORMAT,
             program: env!("CARGO_PKG_VERSION").to_owned(),
@@ -143,6 +144,7 @@ impl EmgModel {
                 ("emg.priors", format!("{:?}", config.priors)),
                 ("emg.ssc_threshold", config.ssc_threshold.to_string()),
                 ("emg.wamp_threshold", config.wamp_threshold.to_string()),
+                ("emg.rest", config.rest.to_string()),
             ]
         };
         match of(asked).into_iter().zip(of(&self.config)).find(|(asked, trained)| asked != trained) {

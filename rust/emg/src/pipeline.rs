@@ -1,27 +1,29 @@
 use crate::{
-    Classifier, Decision, DecisionRule, EmgConfig, EmgError, FeatureExtractor, FeatureVector, Liveness,
-    MajorityVote, SignalFault, SlidingWindow, StreamCounts, WindowView,
+    ClassPosterior, Classifier, Decision, DecisionRule, EmgConfig, EmgError, FeatureExtractor, FeatureVector,
+    Liveness, MajorityVote, SignalFault, SlidingWindow, StreamCounts, WindowView,
 };
 use arrayvec::ArrayVec;
-use proact_types::{EmgSample, Gesture, MAX_EMG_CHANNELS, SimTime};
+use proact_types::{EmgSample, GestureName, MAX_EMG_CHANNELS, SimTime};
 
 /// What the EMG stage says at the end of a window, or when the stream became stale.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct EmgOutput {
     /// The gesture in force.
-    pub gesture: Gesture,
+    pub gesture: GestureName,
+    /// Its place in [`Classifier::gestures`].
+    pub place: usize,
     /// A message goes out: see [`crate::RuleKind`].
     pub published: bool,
-    /// The class of the newest window alone; no motion when stale.
-    pub window_class: Gesture,
-    /// Probability per gesture in [`Gesture::ALL`] order; all zero when stale.
-    pub posterior: [f64; 5],
+    /// The class of the newest window alone; rest when stale.
+    pub window_class: GestureName,
+    /// Probability of each gesture in the order of [`Classifier::gestures`]; all zero when stale.
+    pub posterior: ClassPosterior,
     /// Probability of `window_class`; zero when stale.
     pub confidence: f64,
     /// What went to the decision rule: `window_class`, none if it was rejected, or the winner of the majority vote.
     /// None when stale.
-    pub class: Option<Gesture>,
-    /// How hard `class` is performed, 0 to 1; zero for no motion, when rejected and when stale.
+    pub class: Option<GestureName>,
+    /// How hard `class` is performed, 0 to 1; zero for rest, when rejected and when stale.
     pub effort: f64,
     /// No window came for longer than the allowed age.
     pub stale: bool,
@@ -59,6 +61,7 @@ pub struct EmgPipeline {
     liveness: Liveness,
     window: SlidingWindow,
     classifier: Classifier,
+    rest: GestureName,
     rule: DecisionRule,
     overflows: u64,
     /// Of the newest window.
@@ -71,7 +74,8 @@ impl EmgPipeline {
     /// A pipeline at the start of a stream.
     ///
     /// # Errors
-    /// Settings that cannot work, or a classifier that was trained on another number of channels.
+    /// Settings that cannot work, a classifier that was trained on another number of channels, or one that does not know
+    /// the rest gesture of the settings.
     pub fn new(config: &EmgConfig, classifier: Classifier) -> Result<Self, EmgError> {
         if classifier.channels() != config.channels {
             return Err(EmgError::ClassifierChannels {
@@ -85,6 +89,9 @@ impl EmgPipeline {
                 reason: "lengths or values of the classifier are wrong".to_owned(),
             });
         }
+        if classifier.place(config.rest).is_err() {
+            return Err(EmgError::NoRest { rest: config.rest, known: classifier.gestures().to_vec() });
+        }
         // The classifier knows its features, whatever the settings say.
         let config = &EmgConfig { features: classifier.features(), ..config.clone() };
         Ok(EmgPipeline {
@@ -95,6 +102,7 @@ impl EmgPipeline {
             liveness: Liveness::new(&config.liveness, config.rate_hz, config.channels)?,
             window: SlidingWindow::new(config)?,
             rule: DecisionRule::new(config),
+            rest: config.rest,
             classifier,
             overflows: 0,
             newest: FeatureVector::new(),
@@ -135,7 +143,7 @@ impl EmgPipeline {
             };
             if !self.liveness.push(sample) {
                 self.window.spoil();
-                output = self.rule.fail().map(stale_output).or(output);
+                output = self.rule.fail().map(|decision| self.stale(decision)).or(output);
             }
             let Some(window) = self.window.push(sample) else { continue };
             let features = self.features.compute(&window);
@@ -145,7 +153,7 @@ impl EmgPipeline {
                 continue;
             };
             self.newest = features;
-            let confidence = prediction.posterior[prediction.class.index()];
+            let confidence = prediction.confidence();
             // A rejection needs more than the threshold: LibEMG compares strictly.
             let kept = self.rejection.is_none_or(|threshold| confidence > threshold);
             let mut class = kept.then_some(prediction.class);
@@ -160,11 +168,14 @@ impl EmgPipeline {
                 None => self.rule.reject(now),
             };
             let effort = match class {
-                None | Some(Gesture::NoMotion) => 0.0,
-                Some(class) => self.classifier.effort_of(class, window.amplitude()).unwrap_or(0.0),
+                Some(class) if class != self.rest => {
+                    self.classifier.effort_of(class, window.amplitude()).unwrap_or(0.0)
+                }
+                _ => 0.0,
             };
             output = Some(EmgOutput {
                 gesture: decision.gesture,
+                place: self.classifier.place(decision.gesture).unwrap_or_default(),
                 published: decision.published,
                 window_class: prediction.class,
                 posterior: prediction.posterior,
@@ -175,16 +186,16 @@ impl EmgPipeline {
             });
         }
         if output.is_none() {
-            output = self.rule.step(now, None).map(stale_output);
+            output = self.rule.step(now, None).map(|decision| self.stale(decision));
         }
-        if let (Some(EmgOutput { stale: true, .. }), Some(vote)) = (output, &mut self.vote) {
+        if let (Some(EmgOutput { stale: true, .. }), Some(vote)) = (&output, &mut self.vote) {
             // Votes from before a silence say nothing about the hand now.
             vote.clear();
         }
         self.events = StreamEvents {
             counts: self.counts().since(before),
             // A silence that ended within this step disarms too.
-            stale: output.is_some_and(|o| o.stale) || (!disarmed && self.rule.is_disarmed()),
+            stale: output.as_ref().is_some_and(|o| o.stale) || (!disarmed && self.rule.is_disarmed()),
             rearmed: disarmed && !self.rule.is_disarmed(),
         };
         output
@@ -214,6 +225,21 @@ impl EmgPipeline {
         Ok(())
     }
 
+    /// What is said when the stream became stale.
+    fn stale(&self, decision: Decision) -> EmgOutput {
+        EmgOutput {
+            gesture: decision.gesture,
+            place: self.classifier.place(decision.gesture).unwrap_or_default(),
+            published: decision.published,
+            window_class: self.rest,
+            posterior: self.classifier.gestures().iter().map(|_| 0.0).collect(),
+            confidence: 0.0,
+            class: None,
+            effort: 0.0,
+            stale: decision.stale,
+        }
+    }
+
     /// Why the stream is stale; none while it is not.
     pub fn fault(&self) -> Option<SignalFault> {
         let silent = self.rule.is_stale().then_some(SignalFault::Silent);
@@ -236,19 +262,6 @@ impl EmgPipeline {
         counts.windows -= self.overflows;
         counts.rejected_windows += self.overflows;
         counts
-    }
-}
-
-fn stale_output(decision: Decision) -> EmgOutput {
-    EmgOutput {
-        gesture: decision.gesture,
-        published: decision.published,
-        window_class: Gesture::NoMotion,
-        posterior: [0.0; 5],
-        confidence: 0.0,
-        class: None,
-        effort: 0.0,
-        stale: decision.stale,
     }
 }
 
@@ -308,6 +321,7 @@ fn each_window<'a>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proact_types::Gesture;
 
     fn config() -> EmgConfig {
         EmgConfig { channels: 2, rate_hz: 200.0, ..EmgConfig::default() }
@@ -366,12 +380,12 @@ mod tests {
 
         let silent = run(&mut pipeline, 400, 600, 20.0, true);
         assert_eq!(silent.len(), 1, "{silent:?}");
-        let (at, out) = silent[0];
-        assert_eq!((at, out.stale, out.gesture), (395 + 201, true, Gesture::NoMotion));
+        let (at, out) = &silent[0];
+        assert_eq!((*at, out.stale, out.gesture), (395 + 201, true, Gesture::NoMotion.into()));
 
         let held_through = run(&mut pipeline, 1000, 500, 20.0, false);
         assert!(held_through.iter().all(|(_, out)| out.gesture == Gesture::NoMotion), "{held_through:?}");
-        assert_eq!(held_through.last().map(|(_, out)| out.window_class), Some(Gesture::HandClose));
+        assert_eq!(held_through.last().map(|(_, out)| out.window_class), Some(Gesture::HandClose.into()));
         assert_eq!(pipeline.counts().gaps, 1);
         assert!(!pipeline.events().is_eventful());
 
@@ -380,7 +394,7 @@ mod tests {
         gapped.step(SimTime(1905), &[sample(390, 1.0)]);
         assert_eq!((gapped.events().counts.gaps, gapped.events().counts.rejected_windows), (1, 1));
         let rearmed = run(&mut pipeline, 1900, 400, 20.0, false);
-        assert_eq!(rearmed.last().map(|(_, out)| out.gesture), Some(Gesture::HandClose));
+        assert_eq!(rearmed.last().map(|(_, out)| out.gesture), Some(Gesture::HandClose.into()));
     }
 
     #[test]

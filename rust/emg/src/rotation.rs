@@ -1,5 +1,6 @@
+use crate::classifier::distinct;
 use crate::{Classifier, EmgError, FeatureVector};
-use proact_types::Gesture;
+use proact_types::GestureName;
 use serde::{Deserialize, Serialize};
 
 /// What speaks for one position of the band.
@@ -44,25 +45,22 @@ const LEAST_ACCURACY: f64 = 0.6;
 const LEAST_MARGIN: f64 = 1.0;
 
 /// Tries every position of the band around the arm on windows of gestures that the person was asked for, at least two
-/// different ones besides no motion, which looks alike at every position and is left out, and says which fits the model best. The channels must be evenly spaced around the arm.
+/// different ones besides `rest`, which looks alike at every position and is left out, and says which fits the model best. The channels must be evenly spaced around the arm.
 ///
 /// Whole channels only: a turn by half a channel is half wrong at both neighbours, and then the margin is small.
 ///
 /// # Errors
-/// Fewer than two gestures besides no motion, a gesture that was not trained, or windows that the classifier refuses.
-pub fn check_rotation(
+/// Fewer than two gestures besides `rest`, a gesture that was not trained, or windows that the classifier refuses.
+pub fn check_rotation<G: Copy + Into<GestureName>>(
     classifier: &Classifier,
-    windows: &[(Gesture, FeatureVector)],
+    rest: GestureName,
+    windows: &[(G, FeatureVector)],
 ) -> Result<RotationReport, EmgError> {
-    let asked: Vec<Gesture> = Gesture::ALL
-        .into_iter()
-        .filter(|g| *g != Gesture::NoMotion && windows.iter().any(|(of, _)| of == g))
-        .collect();
+    let windows: Vec<(GestureName, &FeatureVector)> =
+        windows.iter().map(|(of, w)| ((*of).into(), w)).collect();
+    let asked = distinct(windows.iter().map(|(of, _)| *of).filter(|of| *of != rest));
     if asked.len() < 2 {
         return Err(EmgError::BandEvidence { got: asked.len() });
-    }
-    if let Some(unknown) = asked.iter().find(|g| !classifier.gestures().contains(g)) {
-        return Err(EmgError::NotTrained(*unknown));
     }
     let (set, channels) = (classifier.features(), classifier.channels());
     let expected = set.count(channels);
@@ -74,13 +72,14 @@ pub fn check_rotation(
     for shift in 0..channels {
         let (mut accuracy, mut log_probability) = (0.0, 0.0);
         for gesture in &asked {
+            let place = classifier.place(*gesture)?;
             let of_gesture = || windows.iter().filter(|(of, _)| of == gesture);
             let share = 1.0 / (asked.len() * of_gesture().count()) as f64;
             for (_, window) in of_gesture() {
                 set.roll(window, channels, shift, &mut rolled);
                 let prediction = classifier.predict(&rolled)?;
                 accuracy += if prediction.class == *gesture { share } else { 0.0 };
-                let probability = prediction.posterior[gesture.index()];
+                let probability = prediction.posterior[place];
                 log_probability += share * probability.ln().max(LEAST_LOG_PROBABILITY);
             }
         }

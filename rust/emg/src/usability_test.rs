@@ -1,5 +1,6 @@
 use crate::EmgError;
-use proact_types::{Gesture, SimTime};
+use crate::calibration::moving;
+use proact_types::{Gesture, GestureName, SimTime};
 use serde::{Deserialize, Serialize};
 
 /// How the sequence test is done.
@@ -7,7 +8,9 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields, default)]
 pub struct SequenceConfig {
     /// The prescribed order.
-    pub order: Vec<Gesture>,
+    pub order: Vec<GestureName>,
+    /// The gesture of a relaxed hand, which is no mistake on the way. Default `no_motion`.
+    pub rest: GestureName,
     /// Sequences without a mistake, one after the other, that pass. Default 3 (ProACT, arXiv:2407.05025, Study 2).
     pub in_a_row: usize,
     /// Sequences after which the test is failed. Default 12: four times as many as are needed.
@@ -20,9 +23,16 @@ pub struct SequenceConfig {
 
 impl Default for SequenceConfig {
     fn default() -> Self {
-        use Gesture::{HandClose, HandOpen, NoMotion, WristExtension, WristFlexion};
+        SequenceConfig::of(&Gesture::ALL.map(GestureName::from), GestureName::default())
+    }
+}
+
+impl SequenceConfig {
+    /// The default test of the gestures of a model: all that move, then `rest`.
+    pub fn of(gestures: &[GestureName], rest: GestureName) -> SequenceConfig {
         SequenceConfig {
-            order: vec![HandClose, HandOpen, WristFlexion, WristExtension, NoMotion],
+            order: moving(gestures, rest).chain([rest]).collect(),
+            rest,
             in_a_row: 3,
             attempts: 12,
             limit_secs: 5.0,
@@ -38,9 +48,9 @@ pub struct SequenceMistake {
     /// Sequence in which it was made, from 0.
     pub attempt: usize,
     /// What was asked for.
-    pub prompt: Gesture,
+    pub prompt: GestureName,
     /// What came into force instead; none if the time ran out.
-    pub got: Option<Gesture>,
+    pub got: Option<GestureName>,
 }
 
 /// How the sequence test went.
@@ -69,7 +79,7 @@ pub struct SequenceTest {
     config: SequenceConfig,
     report: SequenceReport,
     at: usize,
-    before: Gesture,
+    before: GestureName,
     asked: Option<SimTime>,
     reached: Option<SimTime>,
     delays: Vec<f64>,
@@ -93,10 +103,10 @@ impl SequenceTest {
         positive("limit_secs", config.limit_secs)?;
         positive("hold_secs", config.hold_secs)?;
         Ok(SequenceTest {
+            before: config.rest,
             config,
             report: SequenceReport::default(),
             at: 0,
-            before: Gesture::NoMotion,
             asked: None,
             reached: None,
             delays: Vec::new(),
@@ -105,7 +115,8 @@ impl SequenceTest {
     }
 
     /// Takes the gesture that is in force at `now`. True if the prompt changed, or the test ended.
-    pub fn step(&mut self, now: SimTime, in_force: Gesture) -> bool {
+    pub fn step(&mut self, now: SimTime, in_force: impl Into<GestureName>) -> bool {
+        let in_force = in_force.into();
         if self.finished {
             return false;
         }
@@ -124,14 +135,14 @@ impl SequenceTest {
                 self.report.mean_delay_secs = self.delays.iter().sum::<f64>() / self.delays.len() as f64;
                 false
             }
-            None if in_force != self.before && in_force != Gesture::NoMotion => {
+            None if in_force != self.before && in_force != self.config.rest => {
                 self.mistake(now, Some(in_force))
             }
             None if secs(asked) > self.config.limit_secs => self.mistake(now, None),
             None => {
                 // Once the hand has relaxed, the gesture before must not come back.
-                if in_force == Gesture::NoMotion {
-                    self.before = Gesture::NoMotion;
+                if in_force == self.config.rest {
+                    self.before = self.config.rest;
                 }
                 false
             }
@@ -154,7 +165,7 @@ impl SequenceTest {
         true
     }
 
-    fn mistake(&mut self, now: SimTime, got: Option<Gesture>) -> bool {
+    fn mistake(&mut self, now: SimTime, got: Option<GestureName>) -> bool {
         let (attempt, prompt) = (self.report.attempts - 1, self.config.order[self.at]);
         self.report.mistakes.push(SequenceMistake { attempt, prompt, got });
         self.report.in_a_row = 0;
@@ -174,7 +185,7 @@ impl SequenceTest {
     }
 
     /// What the person is asked for; none before the first step and after the end.
-    pub fn prompt(&self) -> Option<Gesture> {
+    pub fn prompt(&self) -> Option<GestureName> {
         (self.asked.is_some() && !self.finished).then(|| self.config.order[self.at])
     }
 
@@ -193,8 +204,10 @@ impl SequenceTest {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct HoldConfig {
+    /// The gestures of the model.
+    pub gestures: Vec<GestureName>,
     /// Prompts, one after the other; shuffle them, so that nobody learns the order.
-    pub prompts: Vec<Gesture>,
+    pub prompts: Vec<GestureName>,
     /// Length of each, seconds. Default 3.
     pub hold_secs: f64,
     /// Seconds after each prompt that do not count: the time to read it and to move. Default 1.
@@ -205,8 +218,9 @@ pub struct HoldConfig {
 
 impl Default for HoldConfig {
     fn default() -> Self {
-        let prompts = std::iter::repeat_n(Gesture::ALL, 4).flatten().collect();
-        HoldConfig { prompts, hold_secs: 3.0, reaction_secs: 1.0, target: 0.75 }
+        let gestures: Vec<GestureName> = Gesture::ALL.map(GestureName::from).into();
+        let prompts = std::iter::repeat_n(&gestures, 4).flatten().copied().collect();
+        HoldConfig { gestures, prompts, hold_secs: 3.0, reaction_secs: 1.0, target: 0.75 }
     }
 }
 
@@ -222,12 +236,14 @@ pub struct HoldReport {
     pub decisions: u64,
     /// Prompts that are over.
     pub prompts: usize,
-    /// `[prompted][in force]`, decisions, both in [`Gesture::ALL`] order.
-    pub confusion: [[u64; 5]; 5],
+    /// The gesture of each row and column.
+    pub classes: Vec<GestureName>,
+    /// `[prompted][in force]`, decisions.
+    pub confusion: Vec<Vec<u64>>,
 }
 
 /// The longer trial: gestures are prompted one after the other, each is held, and the share of decisions that are right
-/// counts. A stale stream counts as no motion, since it stops the arm.
+/// counts. A stale stream counts as rest, since it stops the arm.
 #[derive(Clone, Debug)]
 pub struct HoldTest {
     config: HoldConfig,
@@ -239,10 +255,13 @@ impl HoldTest {
     /// A trial before its first prompt.
     ///
     /// # Errors
-    /// No prompts, times that are not above zero, or a reaction time as long as a prompt.
+    /// No prompts, one that is none of the gestures, times that are not above zero, or a reaction time as long as a prompt.
     pub fn new(config: HoldConfig) -> Result<HoldTest, EmgError> {
         if config.prompts.is_empty() {
             return Err(EmgError::Threshold { name: "prompts", value: 0.0, expected: "at least 1" });
+        }
+        if let Some(unknown) = config.prompts.iter().find(|prompt| !config.gestures.contains(prompt)) {
+            return Err(EmgError::NotTrained(*unknown));
         }
         positive("hold_secs", config.hold_secs)?;
         if !(0.0..config.hold_secs).contains(&config.reaction_secs) {
@@ -252,12 +271,18 @@ impl HoldTest {
         if !(0.0..=1.0).contains(&config.target) {
             return Err(EmgError::Threshold { name: "target", value: config.target, expected: "0 to 1" });
         }
-        Ok(HoldTest { config, report: HoldReport::default(), begun: None })
+        let classes = config.gestures.clone();
+        let confusion = vec![vec![0; classes.len()]; classes.len()];
+        Ok(HoldTest {
+            config,
+            report: HoldReport { classes, confusion, ..HoldReport::default() },
+            begun: None,
+        })
     }
 
     /// Advances to `now`, with the gesture in force if there was a decision. True if the prompt changed, or the trial
     /// ended.
-    pub fn step(&mut self, now: SimTime, decided: Option<Gesture>) -> bool {
+    pub fn step<G: Into<GestureName>>(&mut self, now: SimTime, decided: Option<G>) -> bool {
         let Some(prompt) = self.config.prompts.get(self.report.prompts).copied() else { return false };
         let Some(begun) = self.begun else {
             self.begun = Some(now);
@@ -272,16 +297,20 @@ impl HoldTest {
             return true;
         }
         if let Some(gesture) = decided.filter(|_| secs >= self.config.reaction_secs) {
-            self.report.confusion[prompt.index()][gesture.index()] += 1;
+            let gesture = gesture.into();
+            let place = |of: GestureName| self.config.gestures.iter().position(|known| *known == of);
+            if let (Some(row), Some(column)) = (place(prompt), place(gesture)) {
+                self.report.confusion[row][column] += 1;
+            }
             self.report.decisions += 1;
-            let right: u64 = (0..5).map(|k| self.report.confusion[k][k]).sum();
+            let right: u64 = (0..self.report.classes.len()).map(|k| self.report.confusion[k][k]).sum();
             self.report.accuracy = right as f64 / self.report.decisions as f64;
         }
         false
     }
 
     /// What the person is asked for; none before the first step and after the end.
-    pub fn prompt(&self) -> Option<Gesture> {
+    pub fn prompt(&self) -> Option<GestureName> {
         self.begun.and_then(|_| self.config.prompts.get(self.report.prompts).copied())
     }
 
@@ -309,8 +338,8 @@ mod tests {
     use Gesture::{HandClose, HandOpen, NoMotion, WristFlexion};
 
     /// Steps every 50 ms; the person makes `act(prompt)`, in force 300 ms after the prompt.
-    fn run(test: &mut SequenceTest, mut act: impl FnMut(usize, Gesture) -> Gesture) {
-        let (mut since, mut in_force, mut prompts) = (0, NoMotion, 0);
+    fn run(test: &mut SequenceTest, mut act: impl FnMut(usize, GestureName) -> GestureName) {
+        let (mut since, mut in_force, mut prompts) = (0, GestureName::default(), 0);
         for k in 0..10_000_u64 {
             if test.is_finished() {
                 return;
@@ -342,9 +371,9 @@ mod tests {
     fn one_wrong_gesture_begins_the_count_anew() {
         let mut test = SequenceTest::new(SequenceConfig::default()).expect("good");
         // The seventh prompt is the second of the second sequence: hand open.
-        run(&mut test, |k, prompt| if k == 6 { WristFlexion } else { prompt });
+        run(&mut test, |k, prompt| if k == 6 { WristFlexion.into() } else { prompt });
         let report = test.report();
-        let mistake = SequenceMistake { attempt: 1, prompt: HandOpen, got: Some(WristFlexion) };
+        let mistake = SequenceMistake { attempt: 1, prompt: HandOpen.into(), got: Some(WristFlexion.into()) };
         assert_eq!((report.passed, report.attempts, report.mistakes.as_slice()), (true, 5, &[mistake][..]));
     }
 
@@ -352,16 +381,16 @@ mod tests {
     fn a_gesture_that_never_comes_fails_after_the_last_attempt() {
         let config = SequenceConfig { attempts: 4, ..SequenceConfig::default() };
         let mut test = SequenceTest::new(config).expect("good");
-        run(&mut test, |_, _| NoMotion);
+        run(&mut test, |_, _| NoMotion.into());
         let report = test.report();
         assert!(!report.passed && test.is_finished());
         assert_eq!(report.mistakes.len(), 4);
-        assert!(report.mistakes.iter().all(|m| (m.prompt, m.got) == (HandClose, None)), "{report:?}");
+        assert!(report.mistakes.iter().all(|m| (m.prompt, m.got) == (HandClose.into(), None)), "{report:?}");
     }
 
     #[test]
     fn the_longer_trial_counts_decisions_after_the_reaction_time() {
-        let prompts = vec![HandClose, HandOpen, NoMotion, HandClose];
+        let prompts = [HandClose, HandOpen, NoMotion, HandClose].map(GestureName::from).into();
         let config = HoldConfig { prompts, ..HoldConfig::default() };
         let mut test = HoldTest::new(config).expect("good");
         for k in 0..400_u64 {
@@ -375,12 +404,38 @@ mod tests {
     }
 
     #[test]
+    fn a_model_of_any_gestures_is_tested_in_its_own_order_with_its_own_rest() {
+        let names: Vec<GestureName> =
+            ["fist", "hand_open", "point", "relax", "wave"].map(|n| n.parse().expect("a name")).into();
+        let config = SequenceConfig::of(&names, names[3]);
+        assert_eq!(config.order, [names[1], names[0], names[2], names[4], names[3]]);
+        let mut test = SequenceTest::new(config).expect("good");
+        run(&mut test, |_, prompt| prompt);
+        assert!(test.report().passed, "{:?}", test.report());
+        let config = HoldConfig {
+            gestures: names.clone(),
+            prompts: vec![names[0], names[4]],
+            ..HoldConfig::default()
+        };
+        let mut test = HoldTest::new(config).expect("good");
+        for k in 0..200_u64 {
+            test.step(SimTime(50 * k), Some(names[4]));
+        }
+        assert_eq!(
+            (test.report().accuracy, test.report().confusion[0][4], test.report().confusion[4][4]),
+            (0.5, 40, 40)
+        );
+    }
+
+    #[test]
     fn tests_that_cannot_work_are_refused() {
         let order = SequenceConfig { order: vec![], ..SequenceConfig::default() };
         assert!(SequenceTest::new(order).is_err_and(|e| e.to_string().contains("at least 1")));
         let limit = SequenceConfig { limit_secs: f64::NAN, ..SequenceConfig::default() };
         assert!(SequenceTest::new(limit).is_err_and(|e| e.to_string().contains("NaN")));
         let reaction = HoldConfig { reaction_secs: 3.0, ..HoldConfig::default() };
+        let unknown = HoldConfig { gestures: vec![HandClose.into()], ..HoldConfig::default() };
+        assert!(HoldTest::new(unknown).is_err_and(|e| e.to_string().contains("not trained on hand_open")));
         assert!(HoldTest::new(reaction).is_err_and(|e| e.to_string().contains("less than hold_secs")));
     }
 }

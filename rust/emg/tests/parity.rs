@@ -11,7 +11,7 @@ use proact_emg::{
     Classifier, DEFAULT_MAJORITY, DEFAULT_REJECTION, DecisionRule, EmgConfig, EmgPipeline, FeatureSet,
     FeatureVector, Lda, LdaNormalisation, MajorityVote, Priors, RuleKind, WindowLength, extract,
 };
-use proact_types::{EmgSample, Gesture, SimTime};
+use proact_types::{EmgSample, Gesture, GestureName, SimTime};
 use std::{
     fs::File,
     io::{BufReader, Read},
@@ -208,7 +208,7 @@ fn classifier_gives_libemgs_classes_probabilities_and_velocities() {
     let (_, velocities) = reference.doubles("velocity");
     for (k, window) in test.iter().enumerate() {
         let prediction = classifier.predict(window).expect("good window");
-        assert_eq!(prediction.class.index() as i64, predicted[k], "window {k}");
+        assert_eq!(prediction.place as i64, predicted[k], "window {k}");
         for (got, expected) in prediction.posterior.iter().zip(&probabilities[k]) {
             assert!((got - expected).abs() <= PROBABILITY_ABSOLUTE, "window {k}");
         }
@@ -248,10 +248,10 @@ fn three_equal_classes_act_as_in_the_original_program_and_as_in_the_paper() {
             let mut rule = DecisionRule::new(config);
             let mut last_published = NOTHING;
             let step = |(class, k): (&i64, u64)| {
-                let output = Gesture::ALL[*class as usize];
+                let output = Gesture::ALL[*class as usize].into();
                 let decision = rule.step(SimTime(k * 50), Some(output)).expect("a decision");
                 if decision.published {
-                    last_published = decision.gesture.index() as i64;
+                    last_published = decision.gesture.namesake().map_or(NOTHING, |g| g.index() as i64);
                 }
                 last_published
             };
@@ -273,10 +273,12 @@ fn rejection_and_majority_vote_are_libemgs() {
             (reference.integers("rejected_090"), reference.integers("majority5_online"));
         assert_eq!(majority, reference.integers("majority5_offline"));
         let mut vote = MajorityVote::new(NonZeroU32::new(DEFAULT_MAJORITY).expect("five"));
-        let index = |class: Option<Gesture>| class.map_or(-1, |g| g.index() as i64);
+        let index = |class: Option<GestureName>| {
+            class.and_then(GestureName::namesake).map_or(-1, |g| g.index() as i64)
+        };
         let mut refusals = 0;
         for k in 0..predicted.len() {
-            let predicted = Gesture::ALL[predicted[k] as usize];
+            let predicted = GestureName::from(Gesture::ALL[predicted[k] as usize]);
             let kept = (confidences[k] > DEFAULT_REJECTION).then_some(predicted);
             refusals += usize::from(kept.is_none());
             assert_eq!(index(kept), rejected[k], "{file} window {k}");
@@ -307,7 +309,7 @@ fn the_pipeline_rejects_at_the_threshold_of_libemg() {
             let output = pipeline.step(SimTime(sample.counter * 5), &[sample]);
             classes.extend(output.map(|o| {
                 assert!(o.class.is_some() || o.effort == 0.0);
-                o.class.map_or(-1, |g| g.index() as i64)
+                o.class.and_then(GestureName::namesake).map_or(-1, |g| g.index() as i64)
             }));
         }
     }

@@ -31,7 +31,7 @@ proptest! {
         let prediction = classifier.predict(&window).expect("finite window");
         prop_assert!((prediction.posterior.iter().sum::<f64>() - 1.0).abs() < 1e-12);
         let largest = prediction.posterior.iter().copied().fold(0.0, f64::max);
-        prop_assert_eq!(prediction.posterior[prediction.class.index()], largest);
+        prop_assert_eq!(prediction.confidence(), largest);
     }
 
     #[test]
@@ -50,8 +50,8 @@ proptest! {
         for (a, b) in windows.iter().zip(&changed) {
             let (a, b) = (plain.predict(a).expect("finite"), other.predict(b).expect("finite"));
             // Rounding may decide between classes that are equally probable.
-            let runner_up = a.posterior.iter().enumerate().filter(|(k, _)| *k != a.class.index());
-            let margin = a.posterior[a.class.index()] - runner_up.map(|(_, p)| *p).fold(0.0, f64::max);
+            let runner_up = a.posterior.iter().enumerate().filter(|(k, _)| *k != a.place);
+            let margin = a.confidence() - runner_up.map(|(_, p)| *p).fold(0.0, f64::max);
             prop_assert!(a.class == b.class || margin < 1e-6, "{a:?} {b:?}");
         }
     }

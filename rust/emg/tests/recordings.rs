@@ -65,7 +65,8 @@ fn a_band_that_was_turned_is_found_from_two_gestures_whatever_the_turn() {
     let two = [Gesture::WristExtension, Gesture::WristFlexion];
     for shift in 0..8 {
         let turned = repetition(2, shift).expect("found before");
-        let report = check_rotation(&model.classifier, &windows(&turned, &two)).expect("good windows");
+        let report = check_rotation(&model.classifier, model.config.rest, &windows(&turned, &two))
+            .expect("good windows");
         let expected = if shift == 0 { BandProposal::Keep } else { BandProposal::Roll(shift) };
         assert_eq!(report.proposal, expected, "{report:?}");
         println!("turn {shift}: margin {:.2}, best {:?}", report.margin, report.ranked[0]);
@@ -78,7 +79,7 @@ fn the_repetition_taken_with_a_turned_band_becomes_usable_by_the_proposal() {
     let turned = repetition(3, 0).expect("found before");
     let all = windows(&turned, &Gesture::ALL);
     let two = windows(&turned, &[Gesture::HandOpen, Gesture::WristFlexion]);
-    let report = check_rotation(&model.classifier, &two).expect("good windows");
+    let report = check_rotation(&model.classifier, model.config.rest, &two).expect("good windows");
     let best = report.ranked[0].shift;
     let rolled: Vec<_> = all
         .iter()
@@ -186,8 +187,8 @@ fn raw_codes_with_zero_levels_give_the_model_of_the_centred_stream() {
     let (centred, model) = (train(&recordings, 0.0), train(&raw, 128.0));
     assert_eq!(model.classifier, centred.classifier);
     assert_eq!(model.centred(&raw[0].1[7]), recordings[0].1[7]);
-    assert!(EmgModel::train(&config(), &[0.0; 3], &[]).is_err());
-    assert!(EmgModel::train(&config(), &[0.0; 8], &[]).is_err());
+    assert!(EmgModel::train::<Gesture>(&config(), &[0.0; 3], &[]).is_err());
+    assert!(EmgModel::train::<Gesture>(&config(), &[0.0; 8], &[]).is_err());
 }
 
 #[test]
@@ -237,7 +238,7 @@ fn no_pair_of_gestures_proposes_a_wrong_turn_and_rest_is_no_evidence() {
     let (straight, turned) = (repetition(2, 0).expect("found"), repetition(3, 0).expect("found"));
     let moving: Vec<Gesture> = Gesture::ALL.into_iter().filter(|g| *g != Gesture::NoMotion).collect();
     let check = |recordings: &Recordings, pair: &[Gesture]| {
-        check_rotation(&model.classifier, &windows(recordings, pair))
+        check_rotation(&model.classifier, model.config.rest, &windows(recordings, pair))
     };
     let mut found = 0;
     for (k, a) in moving.iter().enumerate() {

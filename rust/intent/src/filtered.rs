@@ -2,9 +2,9 @@ use crate::{
     Candidates, IntentModel, IntentModelName, IntentOptions, Posterior,
     posterior::{log_likelihood, normalised},
 };
-use proact_types::{BlockColour, GazeSample, SimTime};
+use proact_types::{GazeSample, SimTime};
 
-/// A hidden Markov model over goals. The goal is one of the blocks; with the rate `switching_per_s` it is drawn
+/// A hidden Markov model over goals. The goal is one of the objects; with the rate `switching_per_s` it is drawn
 /// anew from the task's prior. Between samples dt apart
 ///
 /// predict: p_i <- e^(-rate dt) p_i + (1 - e^(-rate dt)) prior_i
@@ -19,10 +19,10 @@ pub(crate) struct Filtered {
     belief: Option<Belief>,
 }
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 struct Belief {
     at: SimTime,
-    last_released: Option<BlockColour>,
+    selection: Option<u32>,
     probability: Posterior,
 }
 
@@ -40,32 +40,34 @@ impl IntentModel for Filtered {
     fn observe(&mut self, now: SimTime, gaze: &GazeSample, scene: &Candidates) -> Option<Posterior> {
         let prior = scene.prior(&self.options)?;
         // A release that changes what is due begins a new selection.
-        let belief = self.belief.filter(|b| b.last_released == scene.last_released);
-        let millis = belief.map_or(0.0, |b| now.millis_since(b.at) as f64);
+        let belief = self.belief.take().filter(|b| b.selection == scene.selection());
+        let millis = belief.as_ref().map_or(0.0, |b| now.millis_since(b.at) as f64);
         let stay = (-self.options.switching_per_s * millis * 1e-3).exp();
-        let held = belief.map_or(prior, |b| b.probability);
+        let held = belief.map_or_else(|| prior.clone(), |b| b.probability);
         let possible = scene.possible();
-        let predicted: [Option<f64>; 4] = std::array::from_fn(|i| {
+        let predict = |i: usize| {
             let p = stay * held[i] + (1.0 - stay) * prior[i];
             (possible[i] && p > 0.0).then(|| p.ln())
-        });
+        };
+        let predicted: Vec<Option<f64>> = (0..prior.len()).map(predict).collect();
 
         let seen =
             if gaze.valid { log_likelihood(gaze, &scene.centres, self.options.sigma).ok() } else { None };
         let weight = (millis / self.options.look_ms).min(1.0);
         let updated = seen.and_then(|seen| {
             let elsewhere = self.options.elsewhere;
-            normalised(std::array::from_fn(|i| {
-                // A block behind the eye has the likelihood of one that is not looked at.
+            normalised((0..seen.len()).map(|i| {
+                // An object behind the eye has the likelihood of one that is not looked at.
                 let near = seen[i].map_or(0.0, f64::exp);
                 let log = ((1.0 - elsewhere) * near + elsewhere).ln();
                 // Zero times minus infinity is no number: no duration, no evidence.
                 predicted[i].map(|p| if weight > 0.0 { p + weight * log } else { p })
             }))
         });
-        // Without evidence, or when the evidence excludes all blocks, the prediction stands.
-        let probability = updated.or_else(|| normalised(predicted)).unwrap_or(prior);
-        self.belief = Some(Belief { at: now, last_released: scene.last_released, probability });
+        // Without evidence, or when the evidence excludes all objects, the prediction stands.
+        let probability = updated.or_else(|| normalised(predicted.into_iter())).unwrap_or(prior);
+        self.belief =
+            Some(Belief { at: now, selection: scene.selection(), probability: probability.clone() });
         Some(probability)
     }
 }
@@ -74,28 +76,26 @@ impl IntentModel for Filtered {
 mod tests {
     use super::*;
     use crate::assert_close;
-    use proact_types::{Point, Vector};
+    use proact_types::{ObjectId, ObjectSet, Point, TaskContext, Vector};
 
-    const SCENE: Candidates = Candidates {
-        centres: [
-            Point::new(1.0, 0.0, 0.0),
-            Point::new(1.0, 0.5, 0.0),
-            Point::new(1.0, -0.1, 0.0),
-            Point::new(1.0, -0.5, 0.0),
-        ],
-        pickable: [true; 4],
-        last_released: None,
-        tip: None,
-    };
+    /// Two red ones, which are due, and two blue ones.
+    fn scene() -> Candidates {
+        Candidates {
+            centres: [0.0, 0.5, -0.1, -0.5].map(|y| Point::new(1.0, y, 0.0)).to_vec(),
+            pickable: vec![true; 4],
+            context: Some(TaskContext { due: ObjectSet::first(2), number: 0 }),
+            tip: None,
+        }
+    }
 
     fn look(at: usize) -> GazeSample {
-        GazeSample { origin: Point::origin(), direction: SCENE.centres[at].coords, valid: true }
+        GazeSample { origin: Point::origin(), direction: scene().centres[at].coords, valid: true }
     }
 
     fn watch(model: &mut Filtered, from: u64, millis: u64, period: u64, gaze: &GazeSample) -> Posterior {
-        let mut last = [0.0; 4];
+        let mut last = Vec::new();
         for t in (from..=from + millis).step_by(period as usize) {
-            last = model.observe(SimTime(t), gaze, &SCENE).expect("blocks to pick");
+            last = model.observe(SimTime(t), gaze, &scene()).expect("blocks to pick");
         }
         last
     }
@@ -135,11 +135,12 @@ mod tests {
         let blink = GazeSample { valid: false, direction: Vector::zeros(), ..look(0) };
         let after = watch(&mut model, 1520, 200, 20, &blink);
         assert!(after[2] < sure[2] && after[2] > 0.8, "{sure:?} {after:?}");
-        let long = model.observe(SimTime(60_000), &blink, &SCENE).expect("blocks to pick");
+        let long = model.observe(SimTime(60_000), &blink, &scene()).expect("blocks to pick");
         assert!((long[0] - 0.375).abs() < 1e-6 && (long[2] - 0.125).abs() < 1e-6, "{long:?}");
 
         watch(&mut model, 60_020, 1500, 20, &look(2));
-        let next = Candidates { last_released: Some(BlockColour::Red), ..SCENE };
+        let blue = [2, 3].map(ObjectId::new).into_iter().collect();
+        let next = Candidates { context: Some(TaskContext { due: blue, number: 1 }), ..scene() };
         let p = model.observe(SimTime(61_600), &look(2), &next).expect("blocks to pick");
         assert_close(Some(p), [0.125, 0.125, 0.375, 0.375]);
     }

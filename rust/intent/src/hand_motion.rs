@@ -1,5 +1,5 @@
 use crate::{Candidates, IntentModel, IntentModelName, IntentOptions, Posterior, posterior::normalised};
-use proact_types::{BlockColour, GazeSample, Point, SimTime};
+use proact_types::{GazeSample, Point, SimTime};
 
 /// Without an observation for this long the hand has been about something else, ms.
 const AWAY_MILLIS: u64 = 1000;
@@ -19,7 +19,7 @@ const AWAY_MILLIS: u64 = 1000;
 pub(crate) struct HandMotion {
     options: IntentOptions,
     start: Option<Point>,
-    last: Option<(SimTime, Option<BlockColour>)>,
+    last: Option<(SimTime, Option<u32>)>,
 }
 
 impl HandMotion {
@@ -34,21 +34,21 @@ impl IntentModel for HandMotion {
     }
 
     fn observe(&mut self, now: SimTime, _gaze: &GazeSample, scene: &Candidates) -> Option<Posterior> {
-        let goes_on = self.last.is_some_and(|(at, released)| {
-            released == scene.last_released && now.millis_since(at) <= AWAY_MILLIS
+        let goes_on = self.last.is_some_and(|(at, selection)| {
+            selection == scene.selection() && now.millis_since(at) <= AWAY_MILLIS
         });
         if !goes_on {
             self.start = None;
         }
-        self.last = Some((now, scene.last_released));
+        self.last = Some((now, scene.selection()));
         let prior = scene.prior(&self.options)?;
         let Some(tip) = scene.tip.filter(|tip| tip.coords.iter().all(|v| v.is_finite())) else {
             return Some(prior);
         };
         let start = *self.start.get_or_insert(tip);
-        normalised(std::array::from_fn(|i| {
-            let gained = (start - scene.centres[i]).norm() - (tip - scene.centres[i]).norm();
-            (prior[i] > 0.0).then(|| prior[i].ln() + self.options.straightness_per_m * gained)
+        normalised(prior.iter().zip(&scene.centres).map(|(prior, centre)| {
+            let gained = (start - centre).norm() - (tip - centre).norm();
+            (*prior > 0.0).then(|| prior.ln() + self.options.straightness_per_m * gained)
         }))
     }
 }
@@ -57,18 +57,18 @@ impl IntentModel for HandMotion {
 mod tests {
     use super::*;
     use crate::assert_close;
-    use proact_types::Vector;
+    use proact_types::{ObjectId, ObjectSet, TaskContext, Vector};
 
     fn scene(tip: Option<Point>) -> Candidates {
         Candidates {
-            centres: [
+            centres: vec![
                 Point::new(1.0, 0.0, 0.0),
                 Point::new(-1.0, 0.0, 0.0),
                 Point::new(0.0, 1.0, 0.0),
                 Point::new(0.0, -1.0, 0.0),
             ],
-            pickable: [true; 4],
-            last_released: None,
+            pickable: vec![true; 4],
+            context: Some(TaskContext { due: ObjectSet::first(2), number: 0 }),
             tip,
         }
     }
@@ -97,11 +97,13 @@ mod tests {
         assert!(model.observe(SimTime(20), &GAZE, &moved).expect("blocks")[0] > 0.9);
         assert_eq!(
             model.observe(SimTime(40), &GAZE, &scene(Some(Point::new(f64::NAN, 0.0, 0.0)))),
-            Some([0.375, 0.375, 0.125, 0.125])
+            Some(vec![0.375, 0.375, 0.125, 0.125])
         );
         let paused = model.observe(SimTime(5000), &GAZE, &moved).expect("blocks");
         assert_close(Some(paused), [0.375, 0.375, 0.125, 0.125]);
-        let released = Candidates { last_released: Some(BlockColour::Red), ..scene(Some(Point::origin())) };
+        let blue = [2, 3].map(ObjectId::new).into_iter().collect();
+        let context = Some(TaskContext { due: blue, number: 1 });
+        let released = Candidates { context, ..scene(Some(Point::origin())) };
         assert_close(model.observe(SimTime(5020), &GAZE, &released), [0.125, 0.125, 0.375, 0.375]);
     }
 }

@@ -1,4 +1,4 @@
-//! Intent: which block a person means, and which place.
+//! Intent: which object a person means, and which place.
 //!
 //! Pure: a gaze measurement and the state of the task in, a posterior out. Depends on the vocabulary alone; has no
 //! clock, no files and no randomness. [`posterior`] is the paper's formula for one sample. [`IntentModel`] is the
@@ -6,12 +6,12 @@
 //!
 //! ```
 //! use proact_intent::{Candidates, IntentModelName, IntentOptions};
-//! use proact_types::{GazeSample, Point, SimTime};
+//! use proact_types::{GazeSample, ObjectSet, Point, SimTime, TaskContext};
 //! let mut model = "filtered".parse::<IntentModelName>()?.build(&IntentOptions::default())?;
 //! let scene = Candidates {
-//!     centres: [0.1, -0.1, 0.2, -0.2].map(|y| Point::new(0.6, y, -0.5)),
-//!     pickable: [true; 4],
-//!     last_released: None,
+//!     centres: [0.1, -0.1, 0.2, -0.2].map(|y| Point::new(0.6, y, -0.5)).to_vec(),
+//!     pickable: vec![true; 4],
+//!     context: Some(TaskContext { due: ObjectSet::first(2), number: 0 }),
 //!     tip: None,
 //! };
 //! let looking_at_red1 = GazeSample { origin: Point::origin(), direction: scene.centres[0].coords, valid: true };
@@ -19,7 +19,7 @@
 //! for frame in 0..60 {
 //!     posterior = model.observe(SimTime(frame * 17), &looking_at_red1, &scene);
 //! }
-//! assert!(posterior.expect("there are blocks to pick")[0] > 0.9);
+//! assert!(posterior.expect("there are objects to pick")[0] > 0.9);
 //! # Ok::<(), proact_intent::IntentError>(())
 //! ```
 
@@ -34,10 +34,10 @@ mod single;
 pub use gaze_offset::GazeOffset;
 pub use model::{Candidates, IntentModel, IntentModelName};
 pub use place::table_hit;
-pub use posterior::{IntentError, IntentOptions, Posterior, TaskPrior, posterior};
+pub use posterior::{IntentError, IntentOptions, Posterior, posterior, prior_weights};
 
 #[cfg(test)]
-fn assert_close(got: Option<Posterior>, expected: Posterior) {
-    let close = got.is_some_and(|got| (0..4).all(|i| (got[i] - expected[i]).abs() < 1e-12));
+fn assert_close(got: Option<Posterior>, expected: [f64; 4]) {
+    let close = got.as_ref().is_some_and(|got| (0..4).all(|i| (got[i] - expected[i]).abs() < 1e-12));
     assert!(close, "{got:?}, expected {expected:?}");
 }

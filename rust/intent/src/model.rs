@@ -1,57 +1,67 @@
 use crate::{
-    IntentError, IntentOptions, Posterior, TaskPrior,
+    IntentError, IntentOptions, Posterior,
     filtered::Filtered,
     hand_motion::HandMotion,
+    prior_weights,
     single::{Single, SingleKind},
 };
-use proact_types::{BlockColour, GazeSample, Point, SimTime};
+use proact_types::{GazeSample, Point, SimTime, TaskContext};
 use serde::{Deserialize, Serialize};
 use std::{fmt, str::FromStr};
 
-/// What a model knows besides the gaze.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// What a model knows besides the gaze. Lists have the order of the scene.
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Candidates {
-    /// Block centres in `world`, `BlockId::ALL` order. A block whose centre is not finite is left out.
-    pub centres: [Point; 4],
-    /// Blocks that may be meant; the others get zero.
-    pub pickable: [bool; 4],
-    /// Colour of the block released last; none before the first.
-    pub last_released: Option<BlockColour>,
-    /// The point of the hand that will meet the block (centre of the grasp), in `world`; none if it is not known.
+    /// Centres of the objects in `world`. One whose centre is not finite is left out.
+    pub centres: Vec<Point>,
+    /// Objects that may be meant; the others get zero.
+    pub pickable: Vec<bool>,
+    /// What the task asks for; none where nothing is known of it. Where all objects are due it has no say (method C), but its
+    /// number counts.
+    pub context: Option<TaskContext>,
+    /// The point of the hand that will meet the object (centre of the grasp), in `world`; none if it is not known.
     pub tip: Option<Point>,
 }
 
 impl Candidates {
-    /// Blocks that may be meant and whose place is known.
-    pub(crate) fn possible(&self) -> [bool; 4] {
-        std::array::from_fn(|i| self.pickable[i] && self.centres[i].coords.iter().all(|v| v.is_finite()))
+    /// Objects that may be meant and whose place is known.
+    pub(crate) fn possible(&self) -> Vec<bool> {
+        let known = |centre: &Point| centre.coords.iter().all(|v| v.is_finite());
+        self.pickable.iter().zip(&self.centres).map(|(pickable, centre)| *pickable && known(centre)).collect()
     }
 
-    /// What the task says, over the blocks that may be meant; none if there are none.
+    /// What the task says, over the objects that may be meant; none if there are none.
     pub(crate) fn prior(&self, options: &IntentOptions) -> Option<Posterior> {
-        let weights = TaskPrior::Colour { last_released: self.last_released }.weights(options);
-        let possible = self.possible();
-        let weights: Posterior = std::array::from_fn(|i| if possible[i] { weights[i] } else { 0.0 });
+        let mut weights = prior_weights(self.centres.len(), self.context.as_ref(), options);
+        for (weight, possible) in weights.iter_mut().zip(self.possible()) {
+            *weight = if possible { *weight } else { 0.0 };
+        }
         let sum: f64 = weights.iter().sum();
-        (sum > 0.0).then(|| weights.map(|w| w / sum))
+        weights.iter_mut().for_each(|w| *w /= sum);
+        (sum > 0.0).then_some(weights)
+    }
+
+    /// The number of the task's context: another one begins a new selection.
+    pub(crate) fn selection(&self) -> Option<u32> {
+        self.context.map(|context| context.number)
     }
 }
 
-/// A model of which block a person means, fed with the gaze as it is measured.
+/// A model of which object a person means, fed with the gaze as it is measured.
 ///
 /// Call [`observe`](IntentModel::observe) with every gaze sample while the hand is empty, in the order of time.
-/// Blinks belong to the stream (`valid: false`). A model that remembers begins anew when the colour released last
-/// changes; otherwise it forgets by itself over the time that nothing is observed.
+/// Blinks belong to the stream (`valid: false`). A model that remembers begins anew when the task's context
+/// changes its number; otherwise it forgets by itself over the time that nothing is observed.
 ///
-/// Deterministic: the calls since the model was built decide what it answers. What it answers for a block does
-/// not depend on where the block stands in the arrays.
+/// Deterministic: the calls since the model was built decide what it answers. What it answers for an object does
+/// not depend on where the object stands in the lists.
 pub trait IntentModel: Send {
     /// Which model it is.
     fn name(&self) -> IntentModelName;
 
-    /// Takes in the sample of tick `now`. The posterior over blocks, in `BlockId::ALL` order, sums to one; blocks
+    /// Takes in the sample of tick `now`. The posterior over objects sums to one; those
     /// that may not be meant get zero. `None` if the sample tells this model nothing (a blink, a gaze that is no
-    /// number or meets no block, nothing to pick): what was known before stands.
+    /// number or meets no object, nothing to pick): what was known before stands.
     fn observe(&mut self, now: SimTime, gaze: &GazeSample, scene: &Candidates) -> Option<Posterior>;
 }
 

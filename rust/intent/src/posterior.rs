@@ -1,9 +1,9 @@
 use nalgebra::Unit;
-use proact_types::{BlockColour, BlockId, GazeSample, Point};
+use proact_types::{GazeSample, ObjectId, Point, TaskContext};
 use serde::{Deserialize, Serialize};
 
-/// Probability of each block being meant, in `BlockId::ALL` order; sums to one.
-pub type Posterior = [f64; 4];
+/// Probability of each object being meant, in the order of the scene; sums to one.
+pub type Posterior = Vec<f64>;
 
 /// Parameters of all models; each reads those that concern it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -15,8 +15,9 @@ pub struct IntentOptions {
     /// lose to a neighbour of the other colour that is closer than 8.4 degrees; at 0.03 the limit is 2.5 degrees
     /// (measured with the error of a tracker in `docs/intent.md`).
     pub sigma: f64,
-    /// Probability, before gaze, of the two blocks of the colour that is not due, each (paper, table "Probability
-    /// weighting": 0.125; the colour that is due has 0.375). At 0.25 the task has no say, which is method C.
+    /// Half of the probability, before gaze, of all objects together that the task does not ask for (paper, table
+    /// "Probability weighting": 0.125 for each of the two blocks of the colour that is not due; 0.375 for each of the
+    /// others). At 0.25 the task has no say over as many due as other objects.
     pub weight_other: f64,
     /// The posterior of another block must exceed that of the highlighted one by this factor before the
     /// highlight moves. One means that the best one always wins, as in the paper.
@@ -71,41 +72,22 @@ impl IntentOptions {
         within("elsewhere", self.elsewhere, 0.0..=1.0, "0 to 1")?;
         within("straightness_per_m", self.straightness_per_m, 0.0..=1e4, "0 to 10000")
     }
-
-    /// The colour that counts as released last, where a block of the colour `held` is in the hand and one of the
-    /// colour `released` was released last.
-    pub fn last_colour(
-        &self,
-        held: Option<BlockColour>,
-        released: Option<BlockColour>,
-    ) -> Option<BlockColour> {
-        held.filter(|_| self.changes_at_grasp).or(released)
-    }
 }
 
-/// What the task says about the next block, before any gaze.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum TaskPrior {
-    /// Nothing: method C.
-    Uniform,
-    /// The colour of the block released last makes the other colour due; red is due at the start: method D.
-    Colour {
-        /// Colour of the block released last.
-        last_released: Option<BlockColour>,
-    },
-}
-
-impl TaskPrior {
-    /// Probability of each block (ProACT, arXiv:2407.05025, table of p(a|s) conditioned on previous colour).
-    pub fn weights(self, options: &IntentOptions) -> Posterior {
-        let TaskPrior::Colour { last_released } = self else { return [0.25; 4] };
-        let due = match last_released {
-            Some(BlockColour::Red) => BlockColour::Blue,
-            Some(BlockColour::Blue) | None => BlockColour::Red,
-        };
-        BlockId::ALL
-            .map(|b| if b.colour() == due { 0.5 - options.weight_other } else { options.weight_other })
+/// What the task says about the next object, before any gaze: probability of each of `count` objects. Without a
+/// `context` nothing, which is method C; with one, the objects that are due share `1 - 2 weight_other`, and the others the
+/// rest (ProACT, arXiv:2407.05025, table of p(a|s) conditioned on previous colour). Where none is due, or all are, the task
+/// has no say.
+pub fn prior_weights(count: usize, context: Option<&TaskContext>, options: &IntentOptions) -> Posterior {
+    let due = |k: usize| context.is_some_and(|context| context.due.contains(ObjectId::new(k)));
+    let is_due: Vec<bool> = (0..count).map(due).collect();
+    let dues = is_due.iter().filter(|due| **due).count();
+    if dues == 0 || dues == count {
+        return vec![1.0 / count as f64; count];
     }
+    let all_others = 2.0 * options.weight_other;
+    let (each_due, each_other) = ((1.0 - all_others) / dues as f64, all_others / (count - dues) as f64);
+    is_due.into_iter().map(|due| if due { each_due } else { each_other }).collect()
 }
 
 /// Why there is no posterior.
@@ -140,38 +122,39 @@ pub enum IntentError {
     },
 }
 
-/// Posterior over blocks (ProACT, arXiv:2407.05025, Bayes' rule with a Gaussian likelihood in the image plane).
+/// Posterior over objects (ProACT, arXiv:2407.05025, Bayes' rule with a Gaussian likelihood in the image plane).
 ///
-/// `centres`: block centres in `world`, `BlockId::ALL` order. `candidates`: blocks that may be meant; the others
-/// get zero, as do blocks behind the eye. `None` when no candidate is in front of the eye.
+/// `centres`: their centres in `world`. `candidates`: those that may be meant; the others get zero, as do objects behind
+/// the eye. `None` when no candidate is in front of the eye. All three have the order of the scene.
 ///
-/// The likelihood of block i is exp(-x_i^2 / 2 sigma^2), x_i = tan of the angle between the gaze and the line to
-/// the block: its distance from the gaze in a plane at unit distance. Computed as logarithms, so that a gaze far
-/// from all blocks still ranks them (the original underflows to zero and picks red 1).
+/// The likelihood of object i is exp(-x_i^2 / 2 sigma^2), x_i = tan of the angle between the gaze and the line to
+/// the object: its distance from the gaze in a plane at unit distance. Computed as logarithms, so that a gaze far
+/// from all objects still ranks them (the original underflows to zero and picks red 1).
 ///
 /// # Errors
 /// [`IntentError::Gaze`] if the gaze is not finite or has no direction.
 pub fn posterior(
     gaze: &GazeSample,
-    centres: &[Point; 4],
-    candidates: &[bool; 4],
-    prior: &Posterior,
+    centres: &[Point],
+    candidates: &[bool],
+    prior: &[f64],
     options: &IntentOptions,
 ) -> Result<Option<Posterior>, IntentError> {
     let likelihood = log_likelihood(gaze, centres, options.sigma)?;
-    Ok(normalised(std::array::from_fn(|i| {
+    let score = |(i, likelihood): (usize, Option<f64>)| {
         let possible = candidates[i] && prior[i] > 0.0;
-        likelihood[i].filter(|_| possible).map(|score| prior[i].ln() + score)
-    })))
+        likelihood.filter(|_| possible).map(|score| prior[i].ln() + score)
+    };
+    Ok(normalised(likelihood.into_iter().enumerate().map(score)))
 }
 
-/// Logarithm of the likelihood of the gaze for each block, up to a constant; none for a block that is behind the
+/// Logarithm of the likelihood of the gaze for each object, up to a constant; none for one that is behind the
 /// eye or whose place is not known.
 pub(crate) fn log_likelihood(
     gaze: &GazeSample,
-    centres: &[Point; 4],
+    centres: &[Point],
     sigma: f64,
-) -> Result<[Option<f64>; 4], IntentError> {
+) -> Result<Vec<Option<f64>>, IntentError> {
     let bad = |what, value: String| IntentError::Gaze { what, value };
     if !gaze.origin.coords.iter().all(|v| v.is_finite()) {
         return Err(bad("origin", format!("{:?}", gaze.origin.coords.as_slice())));
@@ -180,7 +163,7 @@ pub(crate) fn log_likelihood(
         return Err(bad("direction", format!("{:?}", gaze.direction.as_slice())));
     }
     let direction = Unit::new_normalize(gaze.direction);
-    Ok(centres.map(|centre| {
+    let score = |centre: &Point| {
         let to_block = centre - gaze.origin;
         let ahead = to_block.dot(&direction);
         if ahead.is_nan() || ahead <= 1e-9 {
@@ -188,23 +171,25 @@ pub(crate) fn log_likelihood(
         }
         let distance = (to_block - direction.into_inner() * ahead).norm() / ahead;
         Some(-0.5 * (distance / sigma).powi(2))
-    }))
+    };
+    Ok(centres.iter().map(score).collect())
 }
 
-/// Probabilities from logarithms of weights. Blocks without one, or with one that is not finite, get zero; none
-/// if no block is left.
-pub(crate) fn normalised(scores: [Option<f64>; 4]) -> Option<Posterior> {
-    let scores = scores.map(|score| score.filter(|s| s.is_finite()));
+/// Probabilities from logarithms of weights. Objects without one, or with one that is not finite, get zero; none
+/// if none is left.
+pub(crate) fn normalised(scores: impl Iterator<Item = Option<f64>>) -> Option<Posterior> {
+    let scores: Vec<Option<f64>> = scores.map(|score| score.filter(|s| s.is_finite())).collect();
     let best = scores.iter().flatten().copied().reduce(f64::max)?;
-    let weights = scores.map(|s| s.map_or(0.0, |s| (s - best).exp()));
+    let mut weights: Posterior = scores.iter().map(|s| s.map_or(0.0, |s| (s - best).exp())).collect();
     let sum: f64 = weights.iter().sum();
-    Some(weights.map(|w| w / sum))
+    weights.iter_mut().for_each(|w| *w /= sum);
+    Some(weights)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proact_types::Vector;
+    use proact_types::{ObjectSet, Vector};
 
     const CENTRES: [Point; 4] = [
         Point::new(0.6, 0.1, -0.5),
@@ -217,48 +202,51 @@ mod tests {
         GazeSample { origin: Point::origin(), direction, valid: true }
     }
 
-    fn ask(gaze: &GazeSample, prior: TaskPrior) -> Posterior {
+    /// Red comes first.
+    fn red_is_due() -> TaskContext {
+        TaskContext { due: ObjectSet::first(2), number: 0 }
+    }
+
+    fn blue_is_due() -> TaskContext {
+        TaskContext { due: [2, 3].map(ObjectId::new).into_iter().collect(), number: 1 }
+    }
+
+    fn ask(gaze: &GazeSample, context: Option<TaskContext>) -> Posterior {
         let options = IntentOptions::default();
-        posterior(gaze, &CENTRES, &[true; 4], &prior.weights(&options), &options)
-            .expect("a finite gaze")
-            .expect("blocks ahead")
+        let prior = prior_weights(4, context.as_ref(), &options);
+        posterior(gaze, &CENTRES, &[true; 4], &prior, &options).expect("a finite gaze").expect("blocks ahead")
     }
 
     #[test]
     fn the_posterior_sums_to_one_and_prefers_the_block_looked_at() {
         for (i, centre) in CENTRES.iter().enumerate() {
-            let p = ask(&look(centre.coords * 3.0), TaskPrior::Uniform);
+            let p = ask(&look(centre.coords * 3.0), None);
             assert!((p.iter().sum::<f64>() - 1.0).abs() < 1e-12);
             assert!((0..4).all(|k| k == i || p[k] < p[i]), "{p:?}");
         }
     }
 
     #[test]
-    fn the_colour_changes_at_the_release_and_in_the_original_when_a_block_is_taken_too() {
-        let (red, blue) = (Some(BlockColour::Red), Some(BlockColour::Blue));
-        let default = IntentOptions::default();
-        assert_eq!([default.last_colour(red, None), default.last_colour(red, blue)], [None, blue]);
-        let original = IntentOptions { changes_at_grasp: true, ..default };
-        assert_eq!([original.last_colour(red, None), original.last_colour(red, blue)], [red, red]);
-        assert_eq!(original.last_colour(None, blue), blue);
-    }
-
-    #[test]
     fn the_colour_that_is_due_weighs_three_times_as_much() {
         let between = look(Vector::new(0.7, 0.0, -0.5));
         let options = IntentOptions::default();
-        let weights = TaskPrior::Colour { last_released: Some(BlockColour::Red) }.weights(&options);
+        let weights = prior_weights(4, Some(&blue_is_due()), &options);
         assert_eq!(weights, [0.125, 0.125, 0.375, 0.375]);
-        assert_eq!(TaskPrior::Colour { last_released: None }.weights(&options), [0.375, 0.375, 0.125, 0.125]);
-        let red_due = ask(&between, TaskPrior::Colour { last_released: Some(BlockColour::Blue) });
-        let uniform = ask(&between, TaskPrior::Uniform);
+        assert_eq!(prior_weights(4, Some(&red_is_due()), &options), [0.375, 0.375, 0.125, 0.125]);
+        // One of sixteen is due: it has three quarters, the others share the rest.
+        let one = TaskContext { due: ObjectSet::first(1), number: 1 };
+        let of_sixteen = prior_weights(16, Some(&one), &options);
+        assert_eq!((of_sixteen[0], of_sixteen[15]), (0.75, 0.25 / 15.0));
+        assert_eq!(prior_weights(2, Some(&red_is_due()), &options), [0.5, 0.5], "all are due");
+        let red_due = ask(&between, Some(red_is_due()));
+        let uniform = ask(&between, None);
         assert!((red_due[0] / red_due[2] - 3.0 * uniform[0] / uniform[2]).abs() < 1e-9);
     }
 
     #[test]
     fn blocks_behind_the_eye_and_excluded_blocks_get_nothing() {
         let options = IntentOptions::default();
-        let prior = TaskPrior::Uniform.weights(&options);
+        let prior = prior_weights(4, None, &options);
         let away = look(Vector::new(-1.0, 0.0, 0.0));
         assert_eq!(posterior(&away, &CENTRES, &[true; 4], &prior, &options), Ok(None));
         let p = posterior(&look(CENTRES[0].coords), &CENTRES, &[false, true, true, true], &prior, &options)
@@ -270,7 +258,7 @@ mod tests {
 
     #[test]
     fn a_gaze_far_from_every_block_still_ranks_them() {
-        let p = ask(&look(Vector::new(0.02, 1.0, 0.0)), TaskPrior::Uniform);
+        let p = ask(&look(Vector::new(0.02, 1.0, 0.0)), None);
         assert!((p.iter().sum::<f64>() - 1.0).abs() < 1e-12 && p.iter().all(|v| v.is_finite()));
         assert!(p[0] + p[2] > 0.99, "the left blocks are nearer to a gaze to the left: {p:?}");
     }
@@ -288,7 +276,7 @@ mod tests {
     fn a_straight_look_at_a_block_that_is_not_due_wins_from_two_and_a_half_degrees() {
         // Numbers of the documentation: at sigma 0.03 a same-distance neighbour 2.5 degrees away no longer wins.
         let options = IntentOptions::default();
-        let prior = TaskPrior::Colour { last_released: Some(BlockColour::Red) }.weights(&options);
+        let prior = prior_weights(4, Some(&blue_is_due()), &options);
         for (degrees, wins) in [(2.6_f64, true), (2.4, false)] {
             let angle = degrees.to_radians();
             let far = Point::new(-1.0, 0.0, 0.0);

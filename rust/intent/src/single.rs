@@ -1,4 +1,4 @@
-use crate::{Candidates, IntentModel, IntentModelName, IntentOptions, Posterior, TaskPrior, posterior};
+use crate::{Candidates, IntentModel, IntentModelName, IntentOptions, Posterior, posterior, prior_weights};
 use proact_types::{GazeSample, SimTime};
 
 /// What a model without memory looks at.
@@ -32,15 +32,15 @@ impl IntentModel for Single {
     }
 
     fn observe(&mut self, _now: SimTime, gaze: &GazeSample, scene: &Candidates) -> Option<Posterior> {
-        let prior = match self.kind {
+        let context = match self.kind {
             SingleKind::PriorOnly => return scene.prior(&self.options),
-            SingleKind::GazeOnly => TaskPrior::Uniform,
-            SingleKind::Product => TaskPrior::Colour { last_released: scene.last_released },
+            SingleKind::GazeOnly => None,
+            SingleKind::Product => scene.context.as_ref(),
         };
         if !gaze.valid {
             return None;
         }
-        let weights = prior.weights(&self.options);
+        let weights = prior_weights(scene.centres.len(), context, &self.options);
         // A gaze that is no number tells nothing, as a blink does.
         posterior(gaze, &scene.centres, &scene.possible(), &weights, &self.options).ok().flatten()
     }

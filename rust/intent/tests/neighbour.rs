@@ -2,8 +2,8 @@
 //! colour is due (ProACT, arXiv:2407.05025, footnote to the table of weights: after a drop "the system still allows"
 //! it), and for which spread and weights. The tables stand in `docs/intent.md`, which must agree.
 
-use proact_intent::{IntentOptions, TaskPrior, posterior};
-use proact_types::{BlockColour, GazeSample, Point, Vector};
+use proact_intent::{IntentOptions, posterior, prior_weights};
+use proact_types::{GazeSample, ObjectId, Point, TaskContext, Vector};
 use rand_chacha::{ChaCha8Rng, rand_core::SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use std::fmt::Write;
@@ -45,7 +45,8 @@ fn selected(options: &IntentOptions, degrees: f64, looked_at: LookedAt, error_ra
     let aside = Vector::z().cross(&straight);
     let direction = straight + aside * error_rad[0].tan() + Vector::z() * error_rad[1].tan();
     let gaze = GazeSample { origin: Point::origin(), direction, valid: true };
-    let prior = TaskPrior::Colour { last_released: Some(BlockColour::Red) }.weights(options);
+    let blue_is_due = TaskContext { due: [2, 3].map(ObjectId).into_iter().collect(), number: 1 };
+    let prior = prior_weights(centres.len(), Some(&blue_is_due), options);
     let p = posterior(&gaze, &centres, &[true; 4], &prior, options)
         .expect("a finite gaze")
         .expect("two blocks ahead");

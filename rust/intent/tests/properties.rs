@@ -1,11 +1,14 @@
 //! What holds for every intent model and every input.
 
 use proact_intent::{Candidates, IntentModel, IntentModelName, IntentOptions, Posterior};
-use proact_types::{BlockColour, BlockId, GazeSample, Point, SimTime, Vector};
+use proact_types::{GazeSample, ObjectId, ObjectSet, Point, SimTime, TaskContext, Vector};
 use proptest::{prelude::*, sample::select};
 
-/// Sums of four numbers in another order, over a few hundred samples.
+/// Sums of some numbers in another order, over a few hundred samples.
 const ROUNDING: f64 = 1e-9;
+
+/// Most objects of a scene in these tests.
+const MOST: usize = 17;
 
 /// A coordinate that now and then is not a number.
 fn coordinate() -> impl Strategy<Value = f64> {
@@ -24,17 +27,24 @@ fn gaze() -> impl Strategy<Value = GazeSample> {
     })
 }
 
-fn colour() -> impl Strategy<Value = Option<BlockColour>> {
-    select(vec![None, Some(BlockColour::Red), Some(BlockColour::Blue)])
+fn set(due: &[bool]) -> ObjectSet {
+    (0..due.len()).filter(|k| due[*k]).map(ObjectId::new).collect()
 }
 
-fn scene() -> impl Strategy<Value = Candidates> {
-    let four = || [vector(), vector(), vector(), vector()];
-    (four(), any::<[bool; 4]>(), colour(), prop::option::of(vector())).prop_map(
-        |(centres, pickable, last_released, tip)| Candidates {
-            centres: centres.map(Point::from),
+/// What the task asks for among `count` objects: none, some or all of them.
+fn context(count: usize) -> impl Strategy<Value = Option<TaskContext>> {
+    let due = prop::collection::vec(any::<bool>(), count);
+    prop::option::of((due, 0_u32..3).prop_map(|(due, number)| TaskContext { due: set(&due), number }))
+}
+
+fn scene(count: usize) -> impl Strategy<Value = Candidates> {
+    let centres = prop::collection::vec(vector().prop_map(Point::from), count);
+    let pickable = prop::collection::vec(any::<bool>(), count);
+    (centres, pickable, context(count), prop::option::of(vector())).prop_map(
+        |(centres, pickable, context, tip)| Candidates {
+            centres,
             pickable,
-            last_released,
+            context,
             tip: tip.map(Point::from),
         },
     )
@@ -57,16 +67,25 @@ fn options() -> impl Strategy<Value = IntentOptions> {
 /// Milliseconds since the sample before, gaze, scene.
 type Stream = Vec<(u64, GazeSample, Candidates)>;
 
-/// Samples over one scene that changes now and then.
-fn stream() -> impl Strategy<Value = Stream> {
-    prop::collection::vec((scene(), prop::collection::vec((0_u64..1500, gaze()), 1..12)), 1..4).prop_map(
+/// Samples over one scene of `count` objects that changes now and then.
+fn stream_of(count: usize) -> impl Strategy<Value = Stream> {
+    prop::collection::vec((scene(count), prop::collection::vec((0_u64..1500, gaze()), 1..12)), 1..4).prop_map(
         |parts| {
             parts
                 .into_iter()
-                .flat_map(|(scene, looks)| looks.into_iter().map(move |(dt, gaze)| (dt, gaze, scene)))
+                .flat_map(|(scene, looks)| looks.into_iter().map(move |(dt, gaze)| (dt, gaze, scene.clone())))
                 .collect()
         },
     )
+}
+
+fn stream() -> impl Strategy<Value = Stream> {
+    (1..=MOST).prop_flat_map(stream_of)
+}
+
+/// Samples, and the same objects in another order: the place in the first order of each in the second.
+fn renumbering() -> impl Strategy<Value = (Stream, Vec<usize>)> {
+    (1..=MOST).prop_flat_map(|count| (stream_of(count), Just((0..count).collect::<Vec<_>>()).prop_shuffle()))
 }
 
 fn run(name: IntentModelName, options: &IntentOptions, stream: &Stream) -> Vec<Option<Posterior>> {
@@ -81,35 +100,30 @@ fn run(name: IntentModelName, options: &IntentOptions, stream: &Stream) -> Vec<O
         .collect()
 }
 
-/// Renumbers the blocks: swaps the two reds, the two blues, and the colours.
-fn renumbered(scene: &Candidates, from: [usize; 4]) -> Candidates {
-    let other = |colour| match colour {
-        BlockColour::Red => BlockColour::Blue,
-        BlockColour::Blue => BlockColour::Red,
+/// The same scene with its objects in another order.
+fn renumbered(scene: &Candidates, from: &[usize]) -> Candidates {
+    let due = |context: TaskContext| {
+        let due: Vec<bool> = from.iter().map(|k| context.due.contains(ObjectId::new(*k))).collect();
+        TaskContext { due: set(&due), ..context }
     };
-    let swapped = BlockId::ALL[from[0]].colour() == BlockColour::Blue;
-    // Red is due at the start, as after a blue block.
-    let released = scene.last_released.unwrap_or(BlockColour::Blue);
     Candidates {
-        centres: from.map(|k| scene.centres[k]),
-        pickable: from.map(|k| scene.pickable[k]),
-        last_released: Some(if swapped { other(released) } else { released }),
+        centres: from.iter().map(|k| scene.centres[*k]).collect(),
+        pickable: from.iter().map(|k| scene.pickable[*k]).collect(),
+        context: scene.context.map(due),
         tip: scene.tip,
     }
 }
 
-const RENUMBERINGS: [[usize; 4]; 7] =
-    [[1, 0, 2, 3], [0, 1, 3, 2], [1, 0, 3, 2], [2, 3, 0, 1], [3, 2, 0, 1], [2, 3, 1, 0], [3, 2, 1, 0]];
-
 proptest! {
     #[test]
-    fn every_posterior_sums_to_one_and_gives_nothing_to_blocks_that_cannot_be_meant(
+    fn every_posterior_sums_to_one_and_gives_nothing_to_objects_that_cannot_be_meant(
         name in select(IntentModelName::ALL.to_vec()),
         options in options(),
         stream in stream(),
     ) {
         for (answer, (_, _, scene)) in run(name, &options, &stream).iter().zip(&stream) {
             let Some(p) = answer else { continue };
+            prop_assert_eq!(p.len(), scene.centres.len(), "{}", name);
             prop_assert!((p.iter().sum::<f64>() - 1.0).abs() < ROUNDING, "{name}: {p:?}");
             for (i, value) in p.iter().enumerate() {
                 prop_assert!(value.is_finite() && *value >= 0.0, "{name}: {p:?}");
@@ -120,20 +134,17 @@ proptest! {
     }
 
     #[test]
-    fn no_posterior_depends_on_the_order_of_the_blocks(
+    fn no_posterior_depends_on_the_order_of_the_objects(
         name in select(IntentModelName::ALL.to_vec()),
         options in options(),
-        stream in stream(),
-        from in select(RENUMBERINGS.to_vec()),
+        (stream, from) in renumbering(),
     ) {
-        // "None" and "blue" mean the same prior, but the change from one to the other begins a new selection.
-        let named: Stream = stream.iter().map(|(dt, g, s)| (*dt, *g, renumbered(s, [0, 1, 2, 3]))).collect();
-        let other: Stream = named.iter().map(|(dt, g, s)| (*dt, *g, renumbered(s, from))).collect();
-        let answers = run(name, &options, &named);
+        let other: Stream = stream.iter().map(|(dt, g, s)| (*dt, *g, renumbered(s, &from))).collect();
+        let answers = run(name, &options, &stream);
         for (a, b) in answers.iter().zip(run(name, &options, &other)) {
-            let expected = a.map(|p| from.map(|k| p[k]));
-            let close = match (expected, b) {
-                (Some(e), Some(b)) => (0..4).all(|i| (e[i] - b[i]).abs() < ROUNDING),
+            let expected: Option<Posterior> = a.as_ref().map(|p| from.iter().map(|k| p[*k]).collect());
+            let close = match (&expected, &b) {
+                (Some(e), Some(b)) => e.len() == b.len() && e.iter().zip(b).all(|(e, b)| (e - b).abs() < ROUNDING),
                 (e, b) => e == b,
             };
             prop_assert!(close, "{name}: {expected:?}, renumbered {b:?}");
@@ -146,27 +157,27 @@ proptest! {
         options in options(),
         stream in stream(),
     ) {
-        let bits = |run: Vec<Option<Posterior>>| -> Vec<Option<[u64; 4]>> {
-            run.into_iter().map(|p| p.map(|p| p.map(f64::to_bits))).collect()
+        let bits = |run: Vec<Option<Posterior>>| -> Vec<Option<Vec<u64>>> {
+            run.into_iter().map(|p| p.map(|p| p.into_iter().map(f64::to_bits).collect())).collect()
         };
         prop_assert_eq!(bits(run(name, &options, &stream)), bits(run(name, &options, &stream)));
     }
 }
 
-const SCENE: Candidates = Candidates {
-    centres: [
-        Point::new(0.6, 0.1, -0.5),
-        Point::new(0.6, -0.1, -0.5),
-        Point::new(0.8, 0.1, -0.5),
-        Point::new(0.8, -0.1, -0.5),
-    ],
-    pickable: [true; 4],
-    last_released: None,
-    tip: None,
-};
+/// Two objects that are due before two that are not.
+fn two_rows() -> Candidates {
+    Candidates {
+        centres: [[0.6, 0.1], [0.6, -0.1], [0.8, 0.1], [0.8, -0.1]]
+            .map(|[x, y]| Point::new(x, y, -0.5))
+            .to_vec(),
+        pickable: vec![true; 4],
+        context: Some(TaskContext { due: ObjectSet::first(2), number: 0 }),
+        tip: None,
+    }
+}
 
 fn ask(name: IntentModelName, gaze: &GazeSample) -> Option<Posterior> {
-    name.build(&IntentOptions::default()).expect("defaults").observe(SimTime(20), gaze, &SCENE)
+    name.build(&IntentOptions::default()).expect("defaults").observe(SimTime(20), gaze, &two_rows())
 }
 
 #[test]
@@ -199,7 +210,7 @@ fn with_nothing_to_pick_every_model_is_silent() {
     let gaze = GazeSample { origin: Point::origin(), direction: Vector::x(), valid: true };
     for name in IntentModelName::ALL {
         let mut model = name.build(&IntentOptions::default()).expect("defaults");
-        let nothing = Candidates { pickable: [false; 4], ..SCENE };
+        let nothing = Candidates { pickable: vec![false; 4], ..two_rows() };
         assert_eq!(model.observe(SimTime(20), &gaze, &nothing), None, "{name}");
     }
 }

@@ -129,7 +129,7 @@ struct Search {
 impl Search {
     fn new(model: &ArmModel, options: &EffortOptions) -> Result<Self, KinematicsError> {
         let mut kinematics = Kinematics::new(model)?;
-        let pose = Pose::from_parts(model.grasp_centre.into(), nalgebra::UnitQuaternion::identity());
+        let pose = Pose::from_parts(model.widest_grasp().centre.into(), nalgebra::UnitQuaternion::identity());
         // At rest the shape of the body does not matter, only its weight.
         kinematics.carry(Some(&Inertial { mass: options.carried_kg, pose, inertia: [0.0; 6] }))?;
         let mut ranges: Vec<(f64, f64)> = model

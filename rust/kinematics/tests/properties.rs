@@ -164,7 +164,7 @@ fn torque_at_rest_is_the_gradient_of_potential_energy() {
     let (model, mut kinematics) = arm();
     let block = Inertial {
         mass: 0.1,
-        pose: Pose::from_parts(model.grasp_centre.into(), nalgebra::UnitQuaternion::identity()),
+        pose: Pose::from_parts(model.widest_grasp().centre.into(), nalgebra::UnitQuaternion::identity()),
         inertia: [4e-5, 0.0, 0.0, 4e-5, 0.0, 4e-5],
     };
     let mut random = ChaCha8Rng::seed_from_u64(7);

@@ -26,6 +26,7 @@ mod cbor;
 mod definition;
 mod json;
 mod known;
+pub mod original;
 mod service;
 mod structs;
 mod value;

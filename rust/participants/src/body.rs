@@ -84,6 +84,26 @@ impl Body {
         Ok(())
     }
 
+    /// The same body with the arm on its other side: mirrored across the plane of x and z.
+    pub fn mirrored(&self) -> Self {
+        let across = |point: Point| Point::new(point.x, -point.y, point.z);
+        let [forward, lateral, axial] = self.reach_deg;
+        Self {
+            hip: across(self.hip),
+            shoulder: across(self.shoulder),
+            eye: across(self.eye),
+            // Adding zero turns -0 into 0.
+            reach_deg: [forward, 0.0 - lateral, 0.0 - axial],
+            ..*self
+        }
+    }
+
+    /// The same body beside an arm whose base stands at `base`, `world`, metres. It keeps still: leaning moves no arm.
+    pub fn beside(&self, base: Point) -> Self {
+        let (forward_max_deg, lateral_max_deg, axial_max_deg) = (0.0, 0.0, 0.0);
+        Self { shoulder: base, forward_max_deg, lateral_max_deg, axial_max_deg, reach_deg: [0.0; 3], ..*self }
+    }
+
     /// The nearest posture that this body can take; not-a-number becomes upright.
     pub fn limit(&self, posture: TrunkPosture) -> TrunkPosture {
         let within = |value: f64, low: f64, high: f64| {
@@ -234,6 +254,18 @@ pub(crate) mod tests {
         assert!((last.forward - 35.0_f64.to_radians()).abs() < 1e-12, "limited to what the body can do");
         assert!((last.axial + 0.3).abs() < 1e-12);
         assert!(fastest <= 60.0_f64.to_radians() * 1.001, "{} degrees/s", fastest.to_degrees());
+    }
+
+    #[test]
+    fn a_mirrored_body_moves_its_shoulder_as_in_a_mirror() {
+        let (right, left) = (body(), body().mirrored());
+        let posture = TrunkPosture { forward: 0.3, lateral: -0.2, axial: 0.4 };
+        let other = TrunkPosture { lateral: 0.2, axial: -0.4, ..posture };
+        let (a, b) = (right.shoulder_pose(&posture), left.shoulder_pose(&other));
+        let (a, b) = (a.translation.vector, b.translation.vector);
+        assert!((a - Vector::new(b.x, -b.y, b.z)).norm() < 1e-12, "{a} {b}");
+        assert_eq!(left.reach_deg, [24.0, 18.0, -28.0]);
+        assert_eq!(left.mirrored(), right);
     }
 
     #[test]

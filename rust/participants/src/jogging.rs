@@ -6,20 +6,23 @@ mod obstacles;
 mod pulse;
 mod situation;
 
-use crate::{Body, Participant, ParticipantOptions, habits::Habits, reach::ArmSense};
+use crate::{Body, Participant, ParticipantOptions, choice::Choice, habits::Habits, reach::ArmSense};
 use attitude::Attitude;
 use limb::Limb;
 use modes::ModeCycle;
 use movement::Movements;
 use proact_arm::ArmModel;
-use proact_types::{BlockId, DisplayFrame, Gesture, HandState, Intention, Point, Scene, SimTime, Vector};
+use proact_types::{
+    Briefing, DisplayFrame, Gesture, HandState, Intention, ModeView, Moves, ObjectId, Point, Scene, SimTime,
+    Vector,
+};
 use pulse::Pulse;
 use situation::{Aim, Situation};
 use std::sync::Arc;
 
-/// Numbers of `/mode` from which axes of the hand are moved instead of joints, and how many there are of each.
-const FIRST_AXIS: u8 = 7;
-const JOINTS: u8 = 7;
+/// Modes are thought of as numbers: joints of the arm from 0, axes of the hand from here, three to go along and three to
+/// turn about.
+const FIRST_AXIS: u8 = 64;
 const AXES: u8 = 6;
 /// After a movement the arm is watched for this long before the next decision, ms.
 const WATCH_MILLIS: u64 = 450;
@@ -29,8 +32,8 @@ const FALL_HEIGHT: f64 = 0.04;
 const GRIP_HEIGHT: f64 = 0.03;
 /// Closing on nothing for this long means that the block was missed, ms.
 const MISSED_MILLIS: u64 = 900;
-/// Half of a block's height, and its radius, metres.
-const BLOCK: f64 = 0.025;
+/// After so many times that the arm got stuck another object is taken, where the person may choose.
+const GIVES_UP_AFTER: usize = 6;
 
 /// A participant who jogs joint by joint or axis by axis, methods A and B.
 ///
@@ -47,8 +50,9 @@ pub struct JoggingParticipant {
     habits: Habits,
     sense: ArmSense,
     scene: Scene,
+    choice: Choice,
     stage: Stage,
-    block: Option<BlockId>,
+    block: Option<ObjectId>,
     /// How often the arm got stuck with this block.
     stuck: usize,
     /// The arm is watched until then.
@@ -62,6 +66,15 @@ pub struct JoggingParticipant {
     pulse: Option<Pulse>,
     modes: ModeCycle,
     limb: Limb,
+}
+
+/// The number that a mode is thought of by.
+fn number_of(mode: &ModeView) -> u8 {
+    match mode.moves {
+        Moves::Joint(joint) => joint,
+        Moves::Translation(axis) => FIRST_AXIS + axis,
+        Moves::Rotation(axis) => FIRST_AXIS + AXES / 2 + axis,
+    }
 }
 
 /// The way of one block.
@@ -88,18 +101,20 @@ enum Stage {
 }
 
 impl JoggingParticipant {
-    /// A participant with `body` before `scene` who knows the arm `model`.
+    /// A participant with `body` before `scene` who was told `briefing` and knows the arm `model`.
     pub fn new(
         options: ParticipantOptions,
         body: Body,
         scene: &Scene,
+        briefing: &Briefing,
         model: Arc<ArmModel>,
         seed: u64,
     ) -> Self {
         Self {
             habits: Habits::new(options, body, scene.table_height, seed),
-            sense: ArmSense::new(model),
+            sense: ArmSense::new(model.clone()),
             scene: scene.clone(),
+            choice: Choice::new(scene, briefing),
             stage: Stage::Above,
             block: None,
             stuck: 0,
@@ -109,7 +124,7 @@ impl JoggingParticipant {
             attitude: Attitude::new(),
             movements: Movements::default(),
             pulse: None,
-            modes: ModeCycle::new(&[]),
+            modes: ModeCycle::new(model.arm_count(), &[]),
             limb: Limb::default(),
         }
     }
@@ -117,7 +132,7 @@ impl JoggingParticipant {
     /// The same with a limb of which the joints `own` of the arm, by their positions in it, are left: the method does
     /// not drive these.
     pub fn with_limb(mut self, own: Vec<usize>) -> Self {
-        self.modes = ModeCycle::new(&own);
+        self.modes = ModeCycle::new(self.sense.joints(), &own);
         self.limb = Limb::new(own);
         self
     }
@@ -125,7 +140,8 @@ impl JoggingParticipant {
     fn decide(&mut self, now: SimTime, seen: &DisplayFrame) -> Gesture {
         self.keep_up(seen);
         let Some(block) = self.block else { return Gesture::NoMotion };
-        let situation = Situation { sense: &self.sense, scene: &self.scene, seen, block };
+        let target = self.choice.place(block, seen);
+        let situation = Situation { sense: &self.sense, scene: &self.scene, seen, block, target };
         self.attitude.choose(&situation, self.stuck);
         match self.stage {
             Stage::Grip => return self.grip(now, seen),
@@ -143,7 +159,7 @@ impl JoggingParticipant {
         if let Some(gesture) = self.pulse_on(now, seen) {
             return gesture;
         }
-        let Some(mode) = seen.mode.as_ref().map(|mode| mode.number) else { return Gesture::NoMotion };
+        let Some(mode) = seen.mode.as_ref().map(number_of) else { return Gesture::NoMotion };
         if let Some(gesture) = self.modes.go_on(now, mode, &self.habits) {
             return gesture;
         }
@@ -173,18 +189,25 @@ impl JoggingParticipant {
             }
             None if holding && self.stage != Stage::Release => {
                 // It slipped away: begin again from above.
-                self.block = seen.next_block;
+                self.block = self.choose(seen);
                 self.enter(Stage::Retreat);
             }
             _ => {}
         }
-        if seen.hand.holds.is_none() && self.block != seen.next_block && !holding {
-            self.block = seen.next_block;
+        let next = if seen.hand.holds.is_none() && !holding { Some(self.choose(seen)) } else { None };
+        if let Some(next) = next.filter(|next| self.block != *next) {
+            self.block = next;
             self.stuck = 0;
             if self.stage != Stage::Retreat {
                 self.enter(Stage::Above);
             }
         }
+    }
+
+    /// The object to take next.
+    fn choose(&mut self, seen: &DisplayFrame) -> Option<ObjectId> {
+        self.choice.put_down();
+        self.choice.next(seen)
     }
 
     fn enter(&mut self, stage: Stage) {
@@ -215,11 +238,12 @@ impl JoggingParticipant {
         };
     }
 
-    fn next_movement(&mut self, now: SimTime, seen: &DisplayFrame, mode: u8, block: BlockId) -> Gesture {
+    fn next_movement(&mut self, now: SimTime, seen: &DisplayFrame, mode: u8, block: ObjectId) -> Gesture {
         if self.habits.gesture() == Gesture::HandOpen {
             return Gesture::NoMotion;
         }
-        let situation = Situation { sense: &self.sense, scene: &self.scene, seen, block };
+        let target = self.choice.place(block, seen);
+        let situation = Situation { sense: &self.sense, scene: &self.scene, seen, block, target };
         if let Some(pulse) = self.pulse.take() {
             self.movements.judge(&pulse, &situation);
         }
@@ -271,25 +295,33 @@ impl JoggingParticipant {
     /// No movement is left that would help: lets go if that is near enough, else goes up and tries another attitude
     /// of the hand, now and then another posture too.
     fn stuck(&mut self, seen: &DisplayFrame) {
-        let height =
-            |block: BlockId| seen.blocks[block.index()].translation.z - self.scene.table_height - BLOCK;
+        let shape = |block: ObjectId| self.scene.objects[block.index()].shape;
+        let height = |block: ObjectId| {
+            let at = seen.objects[block.index()].translation.z;
+            at - self.scene.table_height - shape(block).half_height()
+        };
         if self.stage == Stage::Lower && seen.hand.holds.is_some_and(|block| height(block) < FALL_HEIGHT) {
             self.enter(Stage::Release);
             return;
         }
-        let centre = seen.world_from_tip * self.sense.grasp_centre();
-        let over = |block: BlockId| centre.coords - seen.blocks[block.index()].translation.vector;
-        let gripped = |off: Vector| off.z < GRIP_HEIGHT && off.xy().norm() < 0.6 * BLOCK;
-        if self.stage == Stage::Down
-            && !self.gripped_high
-            && self.block.is_some_and(|block| gripped(over(block)))
-        {
+        let over = |block: ObjectId| {
+            let centre = seen.world_from_tip * self.sense.grasp_centre(shape(block).grip_width());
+            centre.coords - seen.objects[block.index()].translation.vector
+        };
+        let gripped = |block: ObjectId| {
+            let off = over(block);
+            off.z < GRIP_HEIGHT && off.xy().norm() < 0.6 * shape(block).half_width()
+        };
+        if self.stage == Stage::Down && !self.gripped_high && self.block.is_some_and(gripped) {
             self.gripped_high = true;
             self.enter(Stage::Grip);
             return;
         }
         self.gripped_high = false;
         self.stuck += 1;
+        if self.stuck.is_multiple_of(GIVES_UP_AFTER) && seen.hand.holds.is_none() {
+            self.choice.give_up();
+        }
         if self.stuck.is_multiple_of(3) {
             self.habits.lean_to_reach((self.stuck / 3) as u32, false);
         }
@@ -325,8 +357,8 @@ impl Participant for JoggingParticipant {
         let wanted = self.decide(now, &seen);
         self.habits.make(now, seen.stop.is_some(), wanted);
         let looked_at = match self.block {
-            Some(block) if seen.hand.holds.is_some() => self.scene.targets[block.index()].centre,
-            Some(block) => Point::from(frame.blocks[block.index()].translation.vector),
+            Some(block) if seen.hand.holds.is_some() => self.choice.place(block, &seen),
+            Some(block) => Point::from(frame.objects[block.index()].translation.vector),
             None => Point::new(0.0, 0.0, self.scene.table_height),
         };
         let eye = frame.world_from_head.translation.vector;

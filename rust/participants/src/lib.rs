@@ -8,6 +8,9 @@
 //! [`Intention`]: proact_types::Intention
 
 mod body;
+mod choice;
+#[cfg(test)]
+mod doubles;
 mod habits;
 mod jogging;
 mod reach;

@@ -103,14 +103,25 @@ impl ArmSense {
         Self { model, chain, forearm }
     }
 
-    /// Where a grasped block's middle is, in the tip's frame.
-    pub(crate) fn grasp_centre(&self) -> Point {
-        Point::from(self.model.grasp_centre)
+    /// Joints of the arm.
+    pub(crate) fn joint_count(&self) -> usize {
+        self.chain.joint_count()
     }
 
-    /// The axis of the tip's frame that is up when the fingers close around a standing block; unit length.
-    pub(crate) fn grasp_axis(&self) -> Vector {
-        upright_axis(self.model.grasp.roll, 0.0)
+    /// Where the middle of a grasped object of `width` is, metres, in the tip's frame.
+    pub(crate) fn grasp_centre(&self, width: f64) -> Point {
+        Point::from(self.model.grasp_for(width).centre)
+    }
+
+    /// The axis of the tip's frame that is up when the fingers close around a standing object of `width`, metres; unit
+    /// length.
+    pub(crate) fn grasp_axis(&self, width: f64) -> Vector {
+        upright_axis(self.model.grasp_for(width).roll, 0.0)
+    }
+
+    /// How many joints the arm has.
+    pub(crate) fn joints(&self) -> usize {
+        self.model.arm_count()
     }
 
     /// How the arm stands at the angles `q`.

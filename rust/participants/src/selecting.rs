@@ -1,7 +1,13 @@
-use crate::{Body, Participant, ParticipantOptions, habits::Habits};
+mod limb;
+
+use crate::{Body, Participant, ParticipantOptions, choice::Choice, habits::Habits};
+use limb::{Errand, OwnLimb};
+use proact_arm::ArmModel;
 use proact_types::{
-    BlockId, DisplayFrame, Gesture, HandState, Intention, PlannerView, Point, Scene, SimTime, Vector,
+    Briefing, DisplayFrame, Gesture, HandState, Intention, ObjectId, PlannerView, Point, Scene, SimTime,
+    Vector,
 };
+use std::sync::Arc;
 
 /// A gaze correction never exceeds this, metres: people look at what they mean.
 const CORRECTION_MAX: f64 = 0.06;
@@ -9,6 +15,8 @@ const CORRECTION_MAX: f64 = 0.06;
 const MISSED_MILLIS: u64 = 900;
 /// Holding WE without any movement for this long means that another posture is needed.
 const STUCK_MILLIS: u64 = 1500;
+/// After so many postures in vain another object is taken, where the person may choose.
+const GIVES_UP_AFTER: u32 = 3;
 /// A gesture that nothing answers for this long was not noticed: the arm forgot it, or waits for a relaxed hand.
 const UNNOTICED_MILLIS: u64 = 2500;
 /// The hand then rests this long before it tries again: long enough that any decision rule sees it.
@@ -21,7 +29,10 @@ const REST_MILLIS: u64 = 600;
 /// It is no evidence about people: its habits were chosen, not fitted.
 pub struct SelectingParticipant {
     habits: Habits,
-    scene: Scene,
+    choice: Choice,
+    /// The scene, and what is left of the person's own limb, where that is a part of the arm.
+    own: Option<(Scene, OwnLimb)>,
+    table_height: f64,
     goal: Option<Goal>,
     /// Where the eye rests relative to what it looks at, metres in `world`.
     correction: Vector,
@@ -40,16 +51,24 @@ pub struct SelectingParticipant {
 /// What the participant is about.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Goal {
-    Pick(BlockId),
-    Place(BlockId),
+    Pick(ObjectId),
+    Place(ObjectId),
 }
 
 impl SelectingParticipant {
-    /// A participant with `body` before `scene`.
-    pub fn new(options: ParticipantOptions, body: Body, scene: &Scene, seed: u64) -> Self {
+    /// A participant with `body` before `scene` who was told `briefing`.
+    pub fn new(
+        options: ParticipantOptions,
+        body: Body,
+        scene: &Scene,
+        briefing: &Briefing,
+        seed: u64,
+    ) -> Self {
         Self {
             habits: Habits::new(options, body, scene.table_height, seed),
-            scene: scene.clone(),
+            choice: Choice::new(scene, briefing),
+            own: None,
+            table_height: scene.table_height,
             goal: None,
             correction: Vector::zeros(),
             corrected_at: SimTime(0),
@@ -64,10 +83,22 @@ impl SelectingParticipant {
         }
     }
 
+    /// The same with a limb of which the joints `own` of the arm `model`, by their positions in it, are left: the method
+    /// does not move them, and the person brings the hand near.
+    pub fn with_limb(mut self, scene: &Scene, model: Arc<ArmModel>, own: Vec<usize>) -> Self {
+        if !own.is_empty() {
+            self.own = Some((scene.clone(), OwnLimb::new(model, own)));
+        }
+        self
+    }
+
     fn decide(&mut self, now: SimTime, seen: &DisplayFrame) -> Gesture {
-        let goal = match (seen.hand.holds, seen.next_block) {
-            (Some(block), _) => Some(Goal::Place(block)),
-            (None, next) => next.map(Goal::Pick),
+        let goal = match seen.hand.holds {
+            Some(block) => Some(Goal::Place(block)),
+            None => {
+                self.choice.put_down();
+                self.choice.next(seen).map(Goal::Pick)
+            }
         };
         if goal != self.goal {
             self.goal = goal;
@@ -77,6 +108,25 @@ impl SelectingParticipant {
             self.stuck_since = None;
             self.attempt = 0;
             self.habits.lean_to_reach(0, false);
+            if let Some((_, limb)) = &mut self.own {
+                limb.begin();
+            }
+        }
+        let errand = match goal {
+            _ if self.reached => None,
+            // The hand must be open before it goes down around something.
+            Some(Goal::Pick(object)) => {
+                (seen.hand.state == HandState::Open).then_some(Errand { object, place: None })
+            }
+            Some(Goal::Place(object)) => {
+                Some(Errand { object, place: Some(self.choice.place(object, seen)) })
+            }
+            None => None,
+        };
+        if let (Some((scene, limb)), Some(errand)) = (&mut self.own, errand)
+            && !limb.bring(now, scene, seen, errand)
+        {
+            return Gesture::NoMotion;
         }
         match goal {
             None => Gesture::NoMotion,
@@ -85,7 +135,7 @@ impl SelectingParticipant {
         }
     }
 
-    fn pick(&mut self, now: SimTime, seen: &DisplayFrame, block: BlockId) -> Gesture {
+    fn pick(&mut self, now: SimTime, seen: &DisplayFrame, block: ObjectId) -> Gesture {
         if self.reached {
             return self.grip(now, seen);
         }
@@ -94,7 +144,7 @@ impl SelectingParticipant {
             HandState::Opening => return Gesture::NoMotion,
             HandState::Closing | HandState::Closed => return Gesture::HandOpen,
         }
-        let right = seen.target.block == Some(block);
+        let right = seen.target.object == Some(block);
         if !right {
             self.look_away_from(now, seen, block);
         }
@@ -104,11 +154,11 @@ impl SelectingParticipant {
         self.approach(now, seen)
     }
 
-    fn place(&mut self, now: SimTime, seen: &DisplayFrame, block: BlockId) -> Gesture {
+    fn place(&mut self, now: SimTime, seen: &DisplayFrame, block: ObjectId) -> Gesture {
         if self.reached {
             return Gesture::HandOpen;
         }
-        let target = self.scene.targets[block.index()].centre;
+        let target = self.choice.place(block, seen);
         let error = seen.target.place.map_or(Vector::repeat(1.0), |marker| target - marker);
         let tolerance = self.habits.options.place_tolerance_m * if seen.target.locked { 2.0 } else { 1.0 };
         let right = error.norm() < tolerance;
@@ -167,6 +217,15 @@ impl SelectingParticipant {
         } else if now.millis_since(*self.stuck_since.get_or_insert(now)) > STUCK_MILLIS {
             self.stuck_since = None;
             self.attempt += 1;
+            // A person whose own limb has brought the hand there tries what it can do as it is.
+            if self.own.is_some() {
+                self.reached = true;
+                self.closed_since = None;
+                return Gesture::NoMotion;
+            }
+            if self.attempt.is_multiple_of(GIVES_UP_AFTER) {
+                self.choice.give_up();
+            }
             self.habits.lean_to_reach(self.attempt, true);
         }
         Gesture::WristExtension
@@ -200,7 +259,11 @@ impl SelectingParticipant {
         if seen.hand.state == HandState::Closed {
             let since = *self.closed_since.get_or_insert(now);
             if now.millis_since(since) > MISSED_MILLIS {
+                self.choice.give_up();
                 self.reached = false;
+                if let Some((_, limb)) = &mut self.own {
+                    limb.begin();
+                }
                 return Gesture::HandOpen;
             }
         }
@@ -208,28 +271,28 @@ impl SelectingParticipant {
     }
 
     /// Shifts the gaze to the far side of the block that is meant, away from the one that lights up.
-    fn look_away_from(&mut self, now: SimTime, seen: &DisplayFrame, block: BlockId) {
-        let Some(wrong) = seen.target.block else { return };
+    fn look_away_from(&mut self, now: SimTime, seen: &DisplayFrame, block: ObjectId) {
+        let Some(wrong) = seen.target.object else { return };
         if seen.target.locked || now.millis_since(self.corrected_at) < self.habits.options.reaction_ms + 400 {
             return;
         }
         self.corrected_at = now;
-        let position = |b: BlockId| seen.blocks[b.index()].translation.vector;
+        let position = |b: ObjectId| seen.objects[b.index()].translation.vector;
         let away = (position(block) - position(wrong)).try_normalize(1e-6).unwrap_or_else(Vector::x);
         self.correction = (self.correction + away * 0.015).cap_magnitude(CORRECTION_MAX);
     }
 
-    fn looked_at(&self, frame: &DisplayFrame) -> Point {
+    fn looked_at(&mut self, frame: &DisplayFrame) -> Point {
         match self.goal {
             Some(goal) => self.place_of(goal, frame),
-            None => Point::new(0.0, 0.0, self.scene.table_height),
+            None => Point::new(0.0, 0.0, self.table_height),
         }
     }
 
-    fn place_of(&self, goal: Goal, frame: &DisplayFrame) -> Point {
+    fn place_of(&mut self, goal: Goal, frame: &DisplayFrame) -> Point {
         match goal {
-            Goal::Pick(block) => Point::from(frame.blocks[block.index()].translation.vector),
-            Goal::Place(block) => self.scene.targets[block.index()].centre,
+            Goal::Pick(block) => Point::from(frame.objects[block.index()].translation.vector),
+            Goal::Place(block) => self.choice.place(block, frame),
         }
     }
 }
@@ -248,7 +311,7 @@ impl Participant for SelectingParticipant {
             gaze_direction: (looked_at.coords - eye).try_normalize(1e-9).unwrap_or_else(Vector::x),
             eyes_open: self.habits.eyes_open(now),
             trunk: self.habits.posture(),
-            limb: None,
+            limb: self.own.as_ref().and_then(|(_, limb)| limb.to()),
         }
     }
 }

@@ -7,10 +7,10 @@
 #[path = "../tests/common/mod.rs"]
 mod common;
 
-use common::{model, pick, planner, still, target};
+use common::{Region, model, pick, planner, still, target};
 use proact_planning::{PlanWorker, PlannerOptions};
 use proact_testbed::ports::PlanService;
-use proact_types::{PlanStatus, Region};
+use proact_types::PlanStatus;
 use std::time::{Duration, Instant};
 
 fn main() {

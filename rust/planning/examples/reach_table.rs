@@ -3,6 +3,9 @@
 //!     cargo run --release -p proact-planning --example reach_table -- still
 //!     cargo run --release -p proact-planning --example reach_table -- seated
 //!     cargo run --release -p proact-planning --example reach_table -- seated 24 -18 28
+//!     cargo run --release -p proact-planning --example reach_table -- wam
+//!
+//! The last is any arm that stands by itself, where it stands or at the x, y, z that follow.
 //!
 //! Without a lean (forward, lateral, axial, degrees) a grid of leans is tried with one seed each, otherwise
 //! twenty seeds.
@@ -12,15 +15,24 @@
 #[path = "../tests/common/mod.rs"]
 mod common;
 
-use common::{model, pick, place, planner, seated, still, target, with_person};
-use proact_planning::{Person, PlannerOptions};
-use proact_types::{PlanReply, Pose, Region, TrunkPosture};
+use common::{Region, model, pick, place, seated, still, target, with_person};
+use proact_planning::{ArmPlanner, Person, PlannerOptions};
+use proact_types::{PlanReply, Pose, TrunkPosture};
 use std::time::Instant;
 
 fn main() {
     let mode = std::env::args().nth(1).unwrap_or_else(|| "still".to_owned());
-    let model = model();
-    let mut planner = planner(PlannerOptions::default());
+    let (model, kinematics) = match proact_description::ArmFolder::shipped(&mode) {
+        Some(folder) => {
+            let model = std::sync::Arc::new(folder.model().expect("what ships can be read"));
+            let kinematics = common::kinematics(&model);
+            (model, kinematics)
+        }
+        None => (model(), common::kinematics(&model())),
+    };
+    let options = PlannerOptions::default();
+    let mut planner =
+        ArmPlanner::new(model.clone(), Box::new(kinematics), options).expect("the arm can be planned for");
     // With PERSON set, the one who wears the arm stands or sits in the way.
     let person =
         std::env::var_os("PERSON").map(|_| if mode == "still" { Person::STANDING } else { Person::SEATED });
@@ -33,9 +45,15 @@ fn main() {
         let reply = planner.solve(request);
         (reply, begin.elapsed().as_secs_f64() * 1e3)
     };
-    let asked: Vec<f64> = std::env::args().skip(2).filter_map(|text| text.parse().ok()).collect();
+    let mut asked: Vec<f64> = std::env::args().skip(2).filter_map(|text| text.parse().ok()).collect();
+    if let (Some(stand), []) = (model.settings.stand, asked.as_slice()) {
+        asked.extend(stand.xyz.iter());
+    }
     let bases: Vec<(String, Pose)> = match (mode.as_str(), asked.as_slice()) {
         ("still", _) => vec![("still".to_owned(), still())],
+        (_, &[x, y, z]) if model.settings.stand.is_some() => {
+            vec![(format!("{x} {y} {z}"), Pose::translation(x, y, z))]
+        }
         (_, &[forward, lateral, axial]) => vec![named(lean(forward, lateral, axial))],
         _ => leans().into_iter().map(named).collect(),
     };

@@ -1,13 +1,14 @@
 //! Where a goal can be entered: arm angles above it and the straight way from there to it.
 
 use crate::context::PlanningContext;
+use crate::facing::faced;
 use crate::failure::Failure;
 use crate::problem::Problem;
 use crate::reach::{Limits, Reach};
 use crate::seeking::{Entry, Seeking, Tally};
 use crate::{PlannerOptions, PlanningError};
 use proact_arm::{Grasp, upright_axis};
-use proact_types::{AttachedObject, BlockId, PlanGoal, PlanStatus, Point, Pose, Shape, Vector};
+use proact_types::{AttachedObject, PlanGoal, PlanStatus, Point, Pose, Shape, Vector};
 
 /// The last part of a plan: from where the search ends to the goal.
 #[derive(Clone, Debug)]
@@ -20,8 +21,6 @@ pub(crate) struct ApproachPath {
 
 /// Finds paths into a goal. Settings as in [`PlannerOptions`].
 pub(crate) struct ApproachPaths {
-    /// Axes of the tip's frame that may point up in a grip, as [`grasp_axes`] gives them.
-    grasp_axes: Vec<(Vector, f64)>,
     postures: usize,
     goals: usize,
     approach_height: f64,
@@ -38,9 +37,8 @@ const TRIES_OUT_OF_REACH: usize = 3;
 const SAME: f64 = 0.08;
 
 impl ApproachPaths {
-    pub fn new(grasp: &Grasp, options: &PlannerOptions) -> Self {
+    pub fn new(options: &PlannerOptions) -> Self {
         Self {
-            grasp_axes: grasp_axes(grasp),
             postures: options.postures,
             goals: options.goals,
             approach_height: options.approach_height,
@@ -89,30 +87,40 @@ impl ApproachPaths {
 
     fn paths_from(&self, mut seeking: Seeking) -> Result<Vec<ApproachPath>, Failure> {
         match &seeking.problem.request.goal {
-            PlanGoal::Pick { block, centre } => self.paths_to_pick(&mut seeking, *block, centre),
+            PlanGoal::Pick { centre, .. } => self.paths_to_pick(&mut seeking, centre),
             PlanGoal::Place { point } => self.paths_to_place(&mut seeking, point),
             PlanGoal::Joints { q } => seeking.paths_to_joints(q),
             PlanGoal::TipPose { pose } => seeking.paths_to_pose(pose),
         }
     }
 
-    fn paths_to_pick(
-        &self,
-        seeking: &mut Seeking,
-        block: BlockId,
-        centre: &Point,
-    ) -> Result<Vec<ApproachPath>, Failure> {
+    fn paths_to_pick(&self, seeking: &mut Seeking, centre: &Point) -> Result<Vec<ApproachPath>, Failure> {
         let problem = seeking.problem;
         let target = problem.base_from_world * centre;
-        let point = Point::from(seeking.context.model.grasp_centre);
+        let point = Point::from(problem.grasp.centre);
         // A hand that clears the block on its way down is best; one whose fingers push it a little will do.
         let (mut clear, mut pushing) = (Vec::new(), Vec::new());
-        for &(axis, off) in &self.grasp_axes {
-            let reach = Reach { point, axis, target, direction: problem.up, orientation: None };
+        for (axis, off) in grasp_axes(&problem.grasp) {
+            let reach = Reach {
+                point,
+                axis,
+                target,
+                direction: problem.up,
+                orientation: None,
+                slack: seeking.context.slack,
+            };
             for end in seeking.ends(&reach, &clear)? {
-                for (paths, fingers_may_touch) in [(&mut clear, false), (&mut pushing, true)] {
-                    let entry = Entry::Pick { block, fingers_may_touch };
-                    if seeking.add_path(&reach, off, &end, entry, paths)? {
+                for (end, turned_off) in faced(seeking.context, problem, &reach, &end) {
+                    let off = off + turned_off;
+                    let mut found = false;
+                    for (paths, fingers_may_touch) in [(&mut clear, false), (&mut pushing, true)] {
+                        let entry = Entry::Pick { fingers_may_touch };
+                        found = seeking.add_path(&reach, off, &end, entry, paths)?;
+                        if found {
+                            break;
+                        }
+                    }
+                    if found {
                         break;
                     }
                 }
@@ -166,6 +174,7 @@ impl ApproachPaths {
                 target: problem.base_from_world * (point + Vector::z() * height),
                 direction: problem.up,
                 orientation: None,
+                slack: seeking.context.slack,
             };
             for end in seeking.ends(&reach, &paths)? {
                 seeking.add_path(&reach, off, &end, Entry::Place, &mut paths)?;
@@ -184,8 +193,10 @@ pub(crate) fn grasp_axes(grasp: &Grasp) -> Vec<(Vector, f64)> {
     let preferred = upright_axis(grasp.roll, 0.0);
     let [low, high] = grasp.roll_range;
     let mut axes = Vec::new();
+    // A narrow range has its ends tried.
+    let step = TILT_STEP.min((high - grasp.roll).max(grasp.roll - low));
     for k in -20..=20 {
-        let roll = grasp.roll + f64::from(k) * TILT_STEP;
+        let roll = grasp.roll + f64::from(k) * step;
         if roll < low || roll > high {
             continue;
         }

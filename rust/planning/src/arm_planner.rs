@@ -4,9 +4,11 @@ use crate::approach_paths::ApproachPaths;
 use crate::connection::Connection;
 use crate::context::{Attempt, PlanningContext};
 use crate::effort::{PlanEffort, PlanStage, StageCell, thread_cpu_secs};
+use crate::endless::EndlessJoints;
 use crate::failure::Failure;
 use crate::intermediate::Intermediate;
 use crate::leave::Leaving;
+use crate::part::solve_part;
 use crate::problem::Problem;
 use crate::smoothing::Smoother;
 use crate::{CancelFlag, MeshObstacle, PlannerOptions, PlanningError, Roadmap, SearchEffort};
@@ -19,12 +21,13 @@ use std::time::{Duration, Instant};
 /// Plans motions of one arm: what it holds depends on nothing but the model and the options, so equal requests
 /// get equal replies, bit for bit, whatever was asked before and whatever other threads do.
 pub struct ArmPlanner {
-    context: PlanningContext,
+    pub(crate) context: PlanningContext,
     leaving: Leaving,
     paths: ApproachPaths,
     intermediate: Intermediate,
     smoother: Smoother,
     effort: PlanEffort,
+    endless: EndlessJoints,
 }
 
 /// A failure, and how far the arm could still go: off what it was on or around.
@@ -49,13 +52,15 @@ impl ArmPlanner {
         kinematics: Box<dyn ArmKinematics + Send>,
         options: PlannerOptions,
     ) -> Result<Self, PlanningError> {
+        let (endless, model) = EndlessJoints::of(model);
         let context = PlanningContext::new(model, kinematics, options)?;
         Ok(Self {
             leaving: Leaving::new(&context.options),
-            paths: ApproachPaths::new(&context.model.grasp, &context.options),
-            intermediate: Intermediate::new(&context.model.grasp, &context.options),
+            paths: ApproachPaths::new(&context.options),
+            intermediate: Intermediate::new(&context.options),
             smoother: Smoother::new(&context.model, &context.options),
             effort: PlanEffort::default(),
+            endless,
             context,
         })
     }
@@ -144,7 +149,14 @@ impl ArmPlanner {
         self.context.deadline =
             self.context.options.deadline_secs.map(|secs| begin + Duration::from_secs_f64(secs));
         self.context.scene.effort = SearchEffort::default();
-        let reply = self.reply(request);
+        let reply = match self.endless.near_zero(request) {
+            Some((near, taken)) => {
+                let mut reply = self.reply(&near);
+                EndlessJoints::put_back(&mut reply, &taken);
+                reply
+            }
+            None => self.reply(request),
+        };
         self.context.stage.set(PlanStage::Idle);
         let timed_out = self.context.is_out_of_time();
         self.effort = PlanEffort {
@@ -160,6 +172,11 @@ impl ArmPlanner {
     }
 
     fn reply(&mut self, request: &PlanRequest) -> PlanReply {
+        if request.held.is_empty() { self.answer(request) } else { solve_part(self, request) }
+    }
+
+    /// The answer to a request that holds no joint.
+    pub(crate) fn answer(&mut self, request: &PlanRequest) -> PlanReply {
         let (status, trajectory, reason) = match self.solve_inner(request) {
             Ok((path, None)) => (PlanStatus::Ok, path, String::new()),
             Ok((path, Some(reason))) => (PlanStatus::Intermediate, path, reason),

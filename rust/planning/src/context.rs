@@ -2,6 +2,7 @@
 
 use crate::effort::StageCell;
 use crate::failure::Failure;
+use crate::part::Slack;
 use crate::problem::Problem;
 use crate::reach::Limits;
 use crate::{CancelFlag, CollisionScene, MeshObstacle, PlannerOptions, PlanningError, SearchLimits};
@@ -29,6 +30,8 @@ pub(crate) struct PlanningContext {
     pub deadline: Option<Instant>,
     pub stage: StageCell,
     meshes: Vec<MeshObstacle>,
+    /// How far off a goal the hand may be: of part of an arm.
+    pub slack: Option<Slack>,
 }
 
 /// What one attempt at a request keeps to.
@@ -110,6 +113,7 @@ impl PlanningContext {
             deadline: None,
             stage: StageCell::default(),
             meshes: Vec::new(),
+            slack: None,
         })
     }
 
@@ -148,6 +152,11 @@ impl PlanningContext {
         self.scene.set_obstacles_and_meshes(&[], &meshes)?;
         self.meshes = meshes;
         Ok(())
+    }
+
+    /// Meshes that stand in the way of every request.
+    pub fn meshes(&self) -> &[MeshObstacle] {
+        &self.meshes
     }
 
     /// Sets how much clearance the next questions leave, and withdraws allowed contacts.

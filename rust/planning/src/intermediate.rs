@@ -7,14 +7,11 @@ use crate::failure::Failure;
 use crate::problem::Problem;
 use crate::reach::{self, Reach};
 use crate::{PlannerOptions, PlanningError};
-use proact_arm::Grasp;
 use proact_control::ports::IkOutcome;
 use proact_types::{PlanGoal, PlanStatus, Point, Pose, Vector};
 
 /// Finds points on the way to a goal that is out of reach. Settings as in [`PlannerOptions`].
 pub(crate) struct Intermediate {
-    /// Axes of the tip's frame that may point up while nothing is held, as [`grasp_axes`] gives them.
-    grasp_axes: Vec<(Vector, f64)>,
     postures: usize,
     approach_height: f64,
 }
@@ -27,12 +24,8 @@ const USEFUL: f64 = 0.03;
 const ORIENTATIONS: usize = 9;
 
 impl Intermediate {
-    pub fn new(grasp: &Grasp, options: &PlannerOptions) -> Self {
-        Self {
-            grasp_axes: grasp_axes(grasp),
-            postures: options.postures,
-            approach_height: options.approach_height,
-        }
+    pub fn new(options: &PlannerOptions) -> Self {
+        Self { postures: options.postures, approach_height: options.approach_height }
     }
 
     /// A path to the farthest point on the way at which the arm can be.
@@ -57,7 +50,7 @@ impl Intermediate {
                     &postures,
                 );
             }
-            PlanGoal::Pick { centre, .. } => (Point::from(context.model.grasp_centre), *centre),
+            PlanGoal::Pick { centre, .. } => (Point::from(problem.grasp.centre), *centre),
             PlanGoal::Place { point } => {
                 let object = problem.request.attached.as_ref().ok_or_else(none)?;
                 (Point::from(object.tip_from_object.translation.vector), *point)
@@ -68,7 +61,7 @@ impl Intermediate {
         let start = here * point;
         let axes = match &problem.request.attached {
             Some(_) => vec![(here.rotation.inverse() * problem.up, 0.0)],
-            None => self.grasp_axes.clone(),
+            None => grasp_axes(&problem.grasp),
         };
         for share in SHARES {
             let target = start + (above - start) * share;
@@ -78,7 +71,14 @@ impl Intermediate {
             let mut paths: Vec<ApproachPath> = Vec::new();
             context.set_clearance(Clearance::Transit)?;
             for (axis, off) in axes.iter().take(ORIENTATIONS) {
-                let reach = Reach { point, axis: *axis, target, direction: problem.up, orientation: None };
+                let reach = Reach {
+                    point,
+                    axis: *axis,
+                    target,
+                    direction: problem.up,
+                    orientation: None,
+                    slack: context.slack,
+                };
                 for posture in &postures {
                     context.go_on()?;
                     let found = reach::solve(&context.chain, &context.limits, &reach, posture);

@@ -90,11 +90,11 @@ impl Leaving {
         let close = context.scene.collisions(&problem.start)?;
         let base_from_tip = context.kinematics.forward(&problem.start).map_err(PlanningError::from)?;
         let world_from_tip = request.world_from_base * base_from_tip;
-        let grasp_centre = Point::from(context.model.grasp_centre);
+        let Grasp { centre, opening, withdrawal, .. } = &problem.grasp;
+        let grasp_centre = Point::from(*centre);
         let world_grasp = world_from_tip * grasp_centre;
-        let Grasp { opening, withdrawal, .. } = context.model.grasp;
         let is_in_hand = |o: &&Obstacle| {
-            (o.pose.translation.vector - world_grasp.coords).norm() < opening && thickness(&o.shape) < 0.1
+            (o.pose.translation.vector - world_grasp.coords).norm() < *opening && thickness(&o.shape) < 0.1
         };
         let in_hand: Vec<String> = match request.attached {
             Some(_) => Vec::new(),
@@ -117,13 +117,14 @@ impl Leaving {
             None => (grasp_centre, if around_block { self.retreat_height } else { 0.0 }),
         };
         let mut best: Option<Vec<Vec<f64>>> = None;
-        for direction in ways_out(&problem.up, &base_from_tip, &withdrawal) {
+        for direction in ways_out(&problem.up, &base_from_tip, withdrawal) {
             let reach = Reach {
                 point,
                 axis: base_from_tip.rotation.inverse() * problem.up,
                 target: base_from_tip * point,
                 direction: problem.up,
                 orientation: None,
+                slack: context.slack,
             };
             let along = direction * wanted.max(LONGEST_LEAVE);
             let line = reach::line(&context.chain, &context.limits, &reach, &along, &problem.start);

@@ -51,6 +51,12 @@ impl Person {
         hip_offset: 0.097,
         seated: true,
     };
+    /// The same person with the arm on the left.
+    pub fn mirrored(&self) -> Self {
+        let across = |v: Vector| Vector::new(v.x, -v.y, v.z);
+        Self { hip: across(self.hip), head: across(self.head), ..*self }
+    }
+
     /// The same person standing.
     pub const STANDING: Person = Person { seated: false, ..Self::SEATED };
 }

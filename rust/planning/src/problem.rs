@@ -3,6 +3,7 @@
 use crate::context::PlanningContext;
 use crate::error::check;
 use crate::failure::Failure;
+use proact_arm::Grasp;
 use proact_types::{PlanGoal, PlanRequest, PlanStatus, Pose, Vector};
 
 /// A request in the planner's own terms.
@@ -13,10 +14,12 @@ pub(crate) struct Problem<'a> {
     pub start: Vec<f64>,
     /// Straight up, base frame.
     pub up: Vector,
+    /// How the hand grips what is picked or carried.
+    pub grasp: Grasp,
 }
 
 /// Largest overshoot of a joint limit at the start that is taken for noise of the measurement, rad.
-const LIMIT_SLACK: f64 = 0.05;
+pub(crate) const LIMIT_SLACK: f64 = 0.05;
 
 impl<'a> Problem<'a> {
     /// Checks the request and puts its scene up.
@@ -55,6 +58,7 @@ impl<'a> Problem<'a> {
         }
         let base_from_world = request.world_from_base.inverse();
         let up = base_from_world.rotation * Vector::z();
-        Ok(Self { request, base_from_world, start: context.limits.clamp(&request.start), up })
+        let grasp = context.model.grasp_of(request).clone();
+        Ok(Self { request, base_from_world, start: context.limits.clamp(&request.start), up, grasp })
     }
 }

@@ -5,6 +5,7 @@
 //!
 //! Letters: p the point, a the axis, t their targets; all in the base frame.
 
+use crate::part::Slack;
 use nalgebra::{UnitQuaternion, Vector6};
 use proact_arm::{Chain, ChainPoses, JointLimits, damped_step_within};
 use proact_types::{Point, Vector};
@@ -22,6 +23,8 @@ pub(crate) struct Reach {
     pub direction: Vector,
     /// The whole orientation of the tip, base frame, where the turn about the axis is not free.
     pub orientation: Option<UnitQuaternion<f64>>,
+    /// How far off both may be; none where they have to be met. Not with an orientation.
+    pub slack: Option<Slack>,
 }
 
 /// Joint limits of the arm, rad.
@@ -65,6 +68,9 @@ impl Limits {
 /// Arm angles within the limits that do what `reach` asks, near `seed`, by damped least squares; none if the search does
 /// not arrive.
 pub(crate) fn solve(chain: &Chain, limits: &Limits, reach: &Reach, seed: &[f64]) -> Option<Vec<f64>> {
+    if let (Some(slack), None) = (reach.slack, reach.orientation) {
+        return solve_within(chain, limits, reach, slack, seed);
+    }
     let mut q = limits.clamp(seed);
     let mut poses = ChainPoses::default();
     let mut marked = f64::INFINITY;
@@ -101,6 +107,50 @@ pub(crate) fn solve(chain: &Chain, limits: &Limits, reach: &Reach, seed: &[f64])
         damped_step_within(&mut q, &limits.0, &mut task, &error, damping, MAX_STEP);
     }
     None
+}
+
+/// As [`solve`] for part of an arm: as near as it gets, if that is within `slack`. What is within its slack pulls no more.
+fn solve_within(
+    chain: &Chain,
+    limits: &Limits,
+    reach: &Reach,
+    slack: Slack,
+    seed: &[f64],
+) -> Option<Vec<f64>> {
+    let mut q = limits.clamp(seed);
+    let mut poses = ChainPoses::default();
+    let mut best: Option<(f64, Vec<f64>)> = None;
+    for _ in 0..MAX_ITERATIONS {
+        chain.place(&q, &mut poses);
+        let p = poses.tip * reach.point;
+        let off = reach.target - p;
+        let turn = turn_onto(&(poses.tip.rotation * reach.axis), &reach.direction);
+        if off.norm() < slack.point
+            && turn.norm() < slack.axis
+            && best.as_ref().is_none_or(|b| off.norm() < b.0)
+        {
+            best = Some((off.norm(), q.clone()));
+        }
+        if best.is_some() && off.norm() < POSITION_TOLERANCE {
+            break;
+        }
+        // Beyond the slack alone the axis counts, so that the point is met as well as can be.
+        let beyond = (turn.norm() - 0.9 * slack.axis).max(0.0);
+        let turn = turn.try_normalize(1e-12).unwrap_or_default() * beyond;
+        let axis_weight = if beyond > 0.0 { AXIS_WEIGHT } else { 0.0 };
+        let mut error = Vector6::zeros();
+        error.fixed_rows_mut::<3>(0).copy_from(&off);
+        error.fixed_rows_mut::<3>(3).copy_from(&(axis_weight * turn));
+        let mut task = chain.jacobian(&poses, &p);
+        for column in &mut task {
+            let w: Vector = column.fixed_rows::<3>(3).into();
+            let counted = axis_weight * (w - reach.direction * reach.direction.dot(&w));
+            column.fixed_rows_mut::<3>(3).copy_from(&counted);
+        }
+        let damping = 1e-5 + 0.02 * error.norm_squared();
+        damped_step_within(&mut q, &limits.0, &mut task, &error, damping, MAX_STEP);
+    }
+    best.map(|(_, q)| q)
 }
 
 /// Rotation vector that turns the unit vector `a` onto the unit vector `t` the short way.

@@ -48,7 +48,7 @@ impl CollisionScene {
                 child: joint.child,
                 kind: match joint.kind {
                     JointKind::Fixed => ffi::JointKind::Fixed,
-                    JointKind::Revolute => ffi::JointKind::Revolute,
+                    JointKind::Revolute | JointKind::Continuous => ffi::JointKind::Revolute,
                 },
                 pose: pose_row(&joint.origin),
                 axis: joint.axis.into(),

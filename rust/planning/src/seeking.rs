@@ -7,7 +7,7 @@ use crate::failure::Failure;
 use crate::problem::Problem;
 use crate::reach::{self, Reach};
 use proact_control::ports::IkOutcome;
-use proact_types::{BlockId, PlanStatus, Point, Pose, Vector};
+use proact_types::{PlanStatus, Point, Pose, Vector};
 
 /// One look for paths into the goal of a request, and what it has met so far.
 pub(crate) struct Seeking<'a> {
@@ -32,7 +32,7 @@ pub(crate) struct Tally {
 /// What is done at the end of a way.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Entry {
-    Pick { block: BlockId, fingers_may_touch: bool },
+    Pick { fingers_may_touch: bool },
     Place,
 }
 
@@ -67,6 +67,7 @@ impl Seeking<'_> {
             target: Point::from(base_from_tip.translation.vector),
             direction: Vector::z(),
             orientation: Some(base_from_tip.rotation),
+            slack: None,
         };
         for (index, posture) in self.postures.iter().enumerate() {
             self.context.go_on()?;
@@ -153,11 +154,14 @@ impl Seeking<'_> {
         if !self.context.scene.is_free(end)? {
             return Ok(Err(self.hit_at(end, name_it)?));
         }
-        let rise = self.problem.up * self.approach_height;
-        let line = reach::line(&self.context.chain, &self.context.limits, reach, &rise, end);
-        if line.len() <= reach::line_steps(rise.norm()) {
-            return Ok(Err(None));
-        }
+        // Part of an arm cannot go far straight down.
+        let shares: &[f64] = if self.context.slack.is_some() { &[1.0, 0.5, 0.25] } else { &[1.0] };
+        let lines = shares.iter().find_map(|share| {
+            let rise = self.problem.up * (share * self.approach_height);
+            let line = reach::line(&self.context.chain, &self.context.limits, reach, &rise, end);
+            (line.len() > reach::line_steps(rise.norm())).then_some(line)
+        });
+        let Some(line) = lines else { return Ok(Err(None)) };
         let search = self.context.limits_of_contact();
         for pair in line.windows(2) {
             if !self.context.scene.motion_is_free(&pair[0], &pair[1], &search)? {
@@ -181,29 +185,36 @@ impl Seeking<'_> {
 
     /// Contacts that are part of the purpose: at the end of a pick the fingers may touch the block.
     fn allow_entry(&mut self, entry: &Entry) -> Result<(), Failure> {
-        if let Entry::Pick { block, fingers_may_touch: true } = entry {
+        if let Entry::Pick { fingers_may_touch: true } = entry
+            && let Some(picked) = self.picked()
+        {
             let model = self.context.model.clone();
-            if self.problem.request.obstacles.iter().any(|o| o.name == block.name()) {
-                for (k, link) in model.links.iter().enumerate() {
-                    if k != model.tip {
-                        self.context.scene.allow_contact(&link.name, block.name())?;
-                    }
+            for (k, link) in model.links.iter().enumerate() {
+                if k != model.tip {
+                    self.context.scene.allow_contact(&link.name, &picked)?;
                 }
             }
         }
         Ok(())
     }
 
+    /// The name of the object that is to be picked, if it is among the obstacles.
+    fn picked(&self) -> Option<String> {
+        let request = &self.problem.request;
+        request.picked.clone().filter(|picked| request.obstacles.iter().any(|o| o.name == *picked))
+    }
+
     /// True if nothing is touched at `end` once the hand has closed around the block, or opened to let go of it.
     fn hand_is_free_after(&mut self, entry: &Entry, end: &[f64]) -> Result<bool, Failure> {
         let model = self.context.model.clone();
-        let pose = if matches!(entry, Entry::Pick { .. }) { "closed" } else { "open" };
+        let grasp = &self.problem.grasp;
+        let pose = if matches!(entry, Entry::Pick { .. }) { &grasp.closed_pose } else { &grasp.open_pose };
         let Ok(fingers) = model.pose("hand", pose) else { return Ok(true) };
         self.context.set_clearance(Clearance::Contact)?;
-        if let Entry::Pick { block, .. } = entry
-            && self.problem.request.obstacles.iter().any(|o| o.name == block.name())
+        if let Entry::Pick { .. } = entry
+            && let Some(picked) = self.picked()
         {
-            self.allow_hand(block.name())?;
+            self.allow_hand(&picked)?;
         }
         self.context.scene.set_hand(fingers)?;
         let free = self.context.scene.is_free(end)?;

@@ -5,7 +5,7 @@ mod common;
 
 use common::*;
 use proact_planning::{CollisionScene, Person, PlannerOptions, person_obstacles};
-use proact_types::{PlanGoal, PlanStatus, Point, Pose, Region, TrunkPosture, joints};
+use proact_types::{PlanGoal, PlanStatus, Point, Pose, TrunkPosture, joints};
 
 /// From here the set-up `seated` reaches everything.
 fn leaning() -> Pose {

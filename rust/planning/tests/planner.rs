@@ -10,8 +10,8 @@ use proact_planning::{
     SearchLimits, SearchOutcome,
 };
 use proact_types::{
-    BlockId, PlanGoal, PlanReply, PlanRequest, PlanStatus, Point, Pose, Region, Shape, Trajectory,
-    TrunkPosture, Vector, joints,
+    ObjectId, PlanGoal, PlanReply, PlanRequest, PlanStatus, Point, Pose, Shape, Trajectory, TrunkPosture,
+    Vector, joints,
 };
 use std::cell::RefCell;
 
@@ -89,7 +89,7 @@ fn every_block_is_gripped_from_above_and_put_down_upright_on_every_target_withou
             let reply = planner.solve(&request);
             assert_eq!((reply.status, reply.reason.as_str()), (PlanStatus::Ok, ""), "pick {region:?}");
             let q = end(&reply);
-            let gripped = tip(&request, &q) * Point::from(model.grasp_centre);
+            let gripped = tip(&request, &q) * Point::from(model.widest_grasp().centre);
             assert!((gripped - block_centre(region)).norm() < 1e-4, "the grasp centre is at the block");
             assert_eq!(contacts_on_the_way(&mut checker, &request, &reply), [], "pick {region:?}");
 
@@ -134,14 +134,14 @@ fn after_letting_go_the_open_hand_leaves_a_standing_block_straight_up() {
 
         let mut request = pick(&model, still(), Region::FL, seed);
         request.start = joints(&end(&placed));
-        let moved = BlockId::ALL[Region::NM as usize].name();
+        let moved = block_name(Region::NM);
         request.obstacles.iter_mut().find(|o| o.name == moved).unwrap().pose = block;
         let reply = planner.solve(&request);
         assert_eq!((reply.status, reply.reason.as_str()), (PlanStatus::Ok, ""));
         // While the grasp centre is less than 4 cm above the block's, it keeps within a finger's width of the axis.
         let path: Vec<Point> = samples(&reply.trajectory, 0.01)
             .iter()
-            .map(|q| tip(&request, q) * Point::from(model.grasp_centre))
+            .map(|q| tip(&request, q) * Point::from(model.widest_grasp().centre))
             .collect();
         let low: Vec<_> = path.iter().take_while(|p| p.z < block.translation.z + 0.04).collect();
         assert!(low.len() > 5 && low.len() < path.len());
@@ -212,15 +212,16 @@ fn a_block_out_of_reach_gives_a_way_towards_it_that_stays_above_the_table() {
     let reply = planner.solve(&request);
     assert_eq!(reply.status, PlanStatus::Intermediate);
     assert_eq!(reply.reason, "The block is out of the hand's reach.");
-    let distance =
-        |q: &[f64]| (tip(&request, q) * Point::from(model.grasp_centre) - block_centre(Region::FL)).norm();
+    let distance = |q: &[f64]| {
+        (tip(&request, q) * Point::from(model.widest_grasp().centre) - block_centre(Region::FL)).norm()
+    };
     assert!(distance(&end(&reply)) < distance(&request.start) - 0.03, "it brings the hand closer");
     for q in samples(&reply.trajectory, 0.02) {
         assert!(tip(&request, &q).translation.z > 1.015);
     }
 
     let mut away = pick(&model, base, Region::FL, 1);
-    away.goal = PlanGoal::Pick { block: BlockId::Red1, centre: Point::new(0.0, 0.0, -50.0) };
+    away.goal = PlanGoal::Pick { object: ObjectId(0), centre: Point::new(0.0, 0.0, -50.0) };
     let reply = planner.solve(&away);
     assert_eq!(reply.status, PlanStatus::Unreachable);
     assert!(reply.trajectory.points.is_empty());
@@ -340,7 +341,7 @@ fn a_malformed_request_is_answered_as_invalid_with_what_was_wrong() {
     assert!(ask(&|r| r.obstacles[0].shape = Shape::Sphere { radius: 0.0 }).contains("\"table\": extent 0"));
     assert!(ask(&|r| r.obstacles[1].pose.translation.y = f64::NAN).contains("\"partition\""));
     assert!(ask(&|r| r.obstacles[1].name = "table".to_owned()).contains("two obstacles"));
-    let nowhere = PlanGoal::Pick { block: BlockId::Red1, centre: Point::new(f64::NAN, 0.0, 0.0) };
+    let nowhere = PlanGoal::Pick { object: ObjectId(0), centre: Point::new(f64::NAN, 0.0, 0.0) };
     assert!(ask(&|r| r.goal = nowhere.clone()).starts_with("block centre 0 is NaN"));
     assert!(ask(&|r| r.goal = PlanGoal::Place { point: Point::origin() }).contains("nothing in the hand"));
     assert_eq!(ask(&|r| r.goal = PlanGoal::Joints { q: joints(&[0.0; 3]) }), "goal has 3 values, expected 7");

@@ -7,7 +7,7 @@ mod common;
 use common::*;
 use proact_arm::{ArmModel, JointKind};
 use proact_planning::{CancelFlag, CollisionScene, PlannerOptions, SearchLimits, SearchOutcome};
-use proact_types::{Obstacle, Pose, Region, Shape};
+use proact_types::{Obstacle, Pose, Shape};
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};

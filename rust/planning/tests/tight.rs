@@ -5,7 +5,7 @@ mod common;
 
 use common::*;
 use proact_planning::{PlannerOptions, SearchLimits};
-use proact_types::{Obstacle, PlanGoal, PlanRequest, PlanStatus, Pose, Region, Shape, joints};
+use proact_types::{Obstacle, PlanGoal, PlanRequest, PlanStatus, Pose, Shape, joints};
 
 /// A ball that comes this close to the hand along a line, metres.
 const HAIR: f64 = 2e-4;

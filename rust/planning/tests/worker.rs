@@ -6,7 +6,7 @@ mod common;
 use common::*;
 use proact_planning::{PlanWorker, PlannerOptions, SearchLimits};
 use proact_testbed::ports::PlanService;
-use proact_types::{PlanReply, PlanRequest, PlanStatus, Region, joints};
+use proact_types::{PlanReply, PlanRequest, PlanStatus, joints};
 
 fn worker() -> PlanWorker {
     PlanWorker::new(planner(PlannerOptions::default()))

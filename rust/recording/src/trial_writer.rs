@@ -171,7 +171,7 @@ impl TrialWriter {
     /// # Errors
     /// [`RecordingError::NotFinite`], because JSON has no such number; [`RecordingError::Io`].
     pub fn write_event(&mut self, event: &Event) -> Result<(), RecordingError> {
-        if let EventKind::BlockOnTarget { distance, .. } = event.kind
+        if let EventKind::ObjectOnTarget { distance, .. } = event.kind
             && !distance.is_finite()
         {
             let what = "the distance of a block on target";

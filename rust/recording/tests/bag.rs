@@ -14,9 +14,9 @@ use proact_recording::{
     },
 };
 use proact_types::{
-    BlockId, BodyState, DisplayFrame, Event, EventKind, GazeSample, Gesture, HandState, HandView, PlanReply,
-    PlanStatus, PlannerView, PlantState, Point, Pose, SimTime, TargetView, Trajectory, TrajectoryPoint,
-    Vector, joints, zeros,
+    BodyState, DisplayFrame, Event, EventKind, GazeSample, Gesture, HandState, HandView, Object, ObjectId,
+    PlanReply, PlanStatus, PlannerView, PlantState, Point, Pose, Scene, Shape, SimTime, TargetView,
+    Trajectory, TrajectoryPoint, Vector, joints, zeros,
 };
 use rosbag::{ChunkRecord, IndexRecord, MessageRecord, RosBag};
 use std::{
@@ -64,9 +64,16 @@ fn arm() -> ArmModel {
         tip: 3,
         poses: Vec::new(),
         allowed_collisions: Vec::new(),
-        grasp_centre: Vector::zeros(),
-        grasp: Default::default(),
+        ..Default::default()
     }
+}
+
+/// Four blocks under the original's names.
+fn scene() -> Scene {
+    let names = ["redcylinder1", "redcylinder2", "bluecylinder1", "bluecylinder2"];
+    let shape = Shape::Cylinder { radius: 0.025, length: 0.05 };
+    let block = |name| Object::plain(name, shape, 0.1, Pose::identity());
+    Scene { objects: names.map(block).to_vec(), ..Scene::default() }
 }
 
 fn frame(time: SimTime) -> DisplayFrame {
@@ -79,14 +86,14 @@ fn frame(time: SimTime) -> DisplayFrame {
         world_from_base: Pose::new(Vector::new(-0.39 + 0.01 * secs, 0.12, 1.5), Vector::new(1.57, 0.0, 0.0)),
         world_from_tip: Pose::identity(),
         world_from_head: Pose::translation(-0.5, 0.0, 1.7),
-        blocks: (0..4).map(|k| Pose::translation(0.058, -0.2 + 0.01 * f64::from(k), 1.04)).collect(),
+        objects: (0..4).map(|k| Pose::translation(0.058, -0.2 + 0.01 * f64::from(k), 1.04)).collect(),
         hand: HandView {
             state: if holding { HandState::Closed } else { HandState::Open },
-            holds: holding.then_some(BlockId::Blue1),
+            holds: holding.then_some(ObjectId(2)),
         },
         gaze: None,
         target: TargetView {
-            block: Some(BlockId::Red2),
+            object: Some(ObjectId(1)),
             place: holding.then(|| Point::new(0.058, 0.2083, 1.015)),
             locked: false,
             posterior: vec![0.1, 0.2, 0.6, 0.1],
@@ -95,15 +102,18 @@ fn frame(time: SimTime) -> DisplayFrame {
         mode: None,
         stop: None,
         gesture: Gesture::NoMotion,
+        recognised: Gesture::NoMotion.into(),
         confidence: 1.0,
         effort: 0.5,
         emg_source: "keys".to_owned(),
         time_left_secs: 300.0 - secs,
         goal: None,
-        next_block: Some(BlockId::Red1),
-        on_target: 0,
+        next: Some(ObjectId(0)),
+        score: 0,
         finished: false,
         events: Vec::new(),
+        contacts: Vec::new(),
+        feedback: Vec::new(),
     }
 }
 
@@ -119,7 +129,7 @@ fn state(time: SimTime) -> PlantState {
         effort: joints(&[10.0, 20.0, 30.0]),
         world_from_base: frame(time).world_from_base,
         base_held: false,
-        blocks: [body; 4].into_iter().collect(),
+        objects: [body; 4].into_iter().collect(),
         attached: None,
         contacts: Default::default(),
     }
@@ -151,15 +161,15 @@ fn write_trial(bag: &mut TrialBag) {
             };
             bag.write_gaze(now, &gaze).unwrap();
         }
-        let block = BlockId::Blue1;
+        let block = ObjectId(2);
         let kinds = match tick {
-            4_000 => vec![EventKind::Locked { block: Some(block) }],
+            4_000 => vec![EventKind::Locked { object: Some(block) }],
             5_000 => {
                 bag.write_plan(now, &plan()).unwrap();
                 vec![EventKind::PlanFinished { request: 1, status: PlanStatus::Ok }]
             }
-            10_001 => vec![EventKind::BlockAttached { block }, EventKind::Unlocked],
-            15_000 => vec![EventKind::BlockReleased { block }],
+            10_001 => vec![EventKind::ObjectAttached { object: block }, EventKind::Unlocked],
+            15_000 => vec![EventKind::ObjectReleased { object: block }],
             _ => vec![],
         };
         for kind in kinds {
@@ -169,7 +179,7 @@ fn write_trial(bag: &mut TrialBag) {
 }
 
 fn finished_bag(dir: &Path) -> PathBuf {
-    let mut bag = TrialBag::create(dir, &arm()).unwrap();
+    let mut bag = TrialBag::create(dir, &arm(), &scene()).unwrap();
     write_trial(&mut bag);
     bag.finish(LAST_TICK).unwrap()
 }
@@ -335,19 +345,19 @@ fn equal_trials_give_equal_bags() {
 #[test]
 fn malformed_frames_states_and_plans_are_refused_whole() {
     let place = tempfile::tempdir().unwrap();
-    let mut bag = TrialBag::create(place.path(), &arm()).unwrap();
+    let mut bag = TrialBag::create(place.path(), &arm(), &scene()).unwrap();
     let now = SimTime(17);
     let not_finite = |r: Result<(), RecordingError>| matches!(r, Err(RecordingError::NotFinite { .. }));
     let wrong_length = |r: Result<(), RecordingError>| matches!(r, Err(RecordingError::WrongLength { .. }));
 
     let mut bad = frame(now);
-    bad.blocks[2].translation.x = f64::NAN;
+    bad.objects[2].translation.x = f64::NAN;
     assert!(not_finite(bag.write_frame(&bad)));
     bad = frame(now);
     bad.target.place = Some(Point::new(0.0, f64::INFINITY, 0.0));
     assert!(not_finite(bag.write_frame(&bad)));
     bad = frame(now);
-    bad.blocks.clear();
+    bad.objects.clear();
     assert!(wrong_length(bag.write_frame(&bad)));
 
     let mut bad = state(now);
@@ -357,7 +367,7 @@ fn malformed_frames_states_and_plans_are_refused_whole() {
     bad.velocity.pop();
     assert!(wrong_length(bag.write_state(now, &bad)));
     bad = state(now);
-    bad.blocks.pop();
+    bad.objects.pop();
     assert!(wrong_length(bag.write_state(now, &bad)));
 
     let blind = GazeSample { origin: Point::origin(), direction: Vector::zeros(), valid: true };
@@ -381,7 +391,7 @@ fn malformed_frames_states_and_plans_are_refused_whole() {
 #[test]
 fn a_topic_keeps_its_type() {
     let place = tempfile::tempdir().unwrap();
-    let mut bag = TrialBag::create(place.path(), &arm()).unwrap();
+    let mut bag = TrialBag::create(place.path(), &arm(), &scene()).unwrap();
     bag.write("/mode", SimTime(1), &Int8 { data: 3 }).unwrap();
     let error = bag.write("/mode", SimTime(2), &Float64 { data: 3.0 }).unwrap_err();
     assert_eq!(
@@ -395,10 +405,10 @@ fn no_bag_is_overwritten_and_none_is_begun_where_nothing_can_be_written() {
     let place = tempfile::tempdir().unwrap();
     let path = finished_bag(place.path());
     let before = fs::read(&path).unwrap();
-    let error = TrialBag::create(place.path(), &arm()).unwrap_err();
+    let error = TrialBag::create(place.path(), &arm(), &scene()).unwrap_err();
     assert!(error.to_string().contains("trial.bag"), "{error}");
     assert!(before == fs::read(&path).unwrap());
-    assert!(TrialBag::create(&path, &arm()).is_err());
+    assert!(TrialBag::create(&path, &arm(), &scene()).is_err());
 }
 
 /// Runs a program of Debian's with Debian's Python; none, with a word on the console, if it is not there.
@@ -460,7 +470,7 @@ fn the_python_check_refuses_a_wrong_sum() {
 #[test]
 fn a_bag_that_was_broken_off_is_recovered_by_rosbag_reindex() {
     let place = tempfile::tempdir().unwrap();
-    let mut bag = TrialBag::create(place.path(), &arm()).unwrap();
+    let mut bag = TrialBag::create(place.path(), &arm(), &scene()).unwrap();
     write_trial(&mut bag);
     // A crash runs no destructor: the open chunk is gone.
     std::mem::forget(bag);

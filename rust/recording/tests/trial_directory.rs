@@ -8,7 +8,7 @@ use proact_recording::{
     FLUSH_TICKS, INPUTS_FILE, InputLog, InputRecord, LogEnd, RESULT_FILE, RecordingError, Trial, TrialWriter,
     read_result,
 };
-use proact_types::{BlockId, EmgSample, Event, EventKind, Pose, SimTime, TickInput, Vector};
+use proact_types::{EmgSample, Event, EventKind, ObjectId, Pose, SimTime, TickInput, Vector};
 use std::{fs, path::Path};
 
 fn read_inputs(dir: &Path) -> (Vec<InputRecord>, Result<Option<LogEnd>, RecordingError>) {
@@ -117,7 +117,7 @@ fn a_damaged_head_is_refused() {
         InputLog::open(&dir).unwrap_err()
     };
     assert!(matches!(open_with(0), RecordingError::Damaged { offset: 0, .. }));
-    assert!(matches!(open_with(8), RecordingError::WrongFormat { got: 4, expected: 5, .. }));
+    assert!(matches!(open_with(8), RecordingError::WrongFormat { got: 7, expected: 6, .. }));
     assert!(matches!(open_with(30), RecordingError::Damaged { offset: 12, .. }));
     fs::write(&file, []).unwrap();
     assert!(matches!(InputLog::open(&dir), Err(RecordingError::Truncated { offset: 0, records: 0, .. })));
@@ -212,7 +212,7 @@ fn a_place_that_cannot_be_written_is_an_error_before_anything_runs() {
 fn an_event_that_json_cannot_hold_is_refused() {
     let place = tempfile::tempdir().unwrap();
     let mut trial = TrialWriter::create(&place.path().join("trial"), &header()).unwrap();
-    let kind = EventKind::BlockOnTarget { block: BlockId::Red1, distance: f64::NAN };
+    let kind = EventKind::ObjectOnTarget { object: ObjectId(0), distance: f64::NAN };
     let error = trial.write_event(&Event { time: SimTime(250), kind }).unwrap_err();
     assert!(error.to_string().contains("NaN at 0.25 s"), "{error}");
 }

@@ -2,8 +2,7 @@
 
 use nalgebra::{Translation3, UnitQuaternion};
 use proact_arm::{ArmModel, JointKind};
-use proact_tasks::TABLE_TOP;
-use proact_types::{BlockId, PlantState, Pose};
+use proact_types::{PlantState, Pose, Scene};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// The frame that everything is in.
@@ -36,7 +35,7 @@ pub fn wrap(angle: f64) -> f64 {
 ///
 /// The original's motion capture gives `optitrack_world` with y up. Here it stands over the box's centre on the
 /// floor, and the board [`BOARD_TO_BOX`] in front of the box at the height of the table.
-pub fn fixed(model: &ArmModel, links: bool) -> Vec<Frame> {
+pub fn fixed(model: &ArmModel, scene: &Scene, links: bool) -> Vec<Frame> {
     let mut frames = Vec::new();
     if links {
         for joint in model.joints.iter().filter(|j| j.kind == JointKind::Fixed) {
@@ -45,7 +44,7 @@ pub fn fixed(model: &ArmModel, links: bool) -> Vec<Frame> {
     }
     let tag = clipboard_from_tag();
     frames.push(frame("Clipboard_filtered", "tabletag_ros", tag));
-    frames.push(frame("tabletag_ros", WORLD, Pose::translation(BOARD_TO_BOX, 0.0, -TABLE_TOP)));
+    frames.push(frame("tabletag_ros", WORLD, Pose::translation(BOARD_TO_BOX, 0.0, -scene.table_height)));
     frames.push(frame(WORLD, "table", turn(0.0, 0.0, FRAC_PI_2)));
     if let Some(base) = model.links.first() {
         frames.push(frame("Shoulderpad", &base.name, Pose::identity()));
@@ -67,17 +66,19 @@ fn optitrack_from_world() -> Pose {
     turn(-FRAC_PI_2, 0.0, 0.0)
 }
 
-/// Frames of one instant: what motion capture tracks, the headset's world, the blocks and, with `links`, the arm.
+/// Frames of one instant: what motion capture tracks, the headset's world, the objects and, with `links`, the arm.
 /// `world_from_head` is left out when nobody tracks the head.
 pub fn moving(
     model: &ArmModel,
+    scene: &Scene,
     state: &PlantState,
     world_from_head: Option<&Pose>,
     links: bool,
 ) -> Vec<Frame> {
     let tracked = optitrack_from_world();
     let shoulder = tracked * state.world_from_base;
-    let board = tracked * (clipboard_from_tag() * Pose::translation(BOARD_TO_BOX, 0.0, -TABLE_TOP)).inverse();
+    let board = tracked
+        * (clipboard_from_tag() * Pose::translation(BOARD_TO_BOX, 0.0, -scene.table_height)).inverse();
     let mut frames = vec![
         frame("optitrack_world", "Clipboard", board),
         frame("optitrack_world", "Clipboard_filtered", board),
@@ -91,8 +92,8 @@ pub fn moving(
         frames.push(frame("HololensSG", "hololens_unity_camera", Pose::identity()));
         frames.push(frame("HololensSG", "hololens_world_mocap", head.inverse()));
     }
-    for (id, body) in BlockId::ALL.iter().zip(&state.blocks) {
-        frames.push(frame(WORLD, id.ros_name(), body.pose));
+    for (object, body) in scene.objects.iter().zip(&state.objects) {
+        frames.push(frame(WORLD, &object.ros_name, body.pose));
     }
     if links {
         for (index, angle) in model.moving().zip(&state.position) {
@@ -109,7 +110,7 @@ mod tests {
     use super::*;
     use arrayvec::ArrayVec;
     use proact_arm::{Joint, JointLimits, Link};
-    use proact_types::{BodyState, Vector, joints, zeros};
+    use proact_types::{BodyState, Object, Shape, Vector, joints, zeros};
     use std::collections::BTreeMap;
 
     fn model() -> ArmModel {
@@ -139,9 +140,15 @@ mod tests {
             tip: 3,
             poses: vec![],
             allowed_collisions: vec![],
-            grasp_centre: Vector::zeros(),
-            grasp: Default::default(),
+            ..Default::default()
         }
+    }
+
+    fn scene() -> Scene {
+        let names = ["redcylinder1", "redcylinder2", "bluecylinder1", "bluecylinder2"];
+        let shape = Shape::Cylinder { radius: 0.025, length: 0.05 };
+        let block = |name| Object::plain(name, shape, 0.1, Pose::identity());
+        Scene { objects: names.map(block).to_vec(), table_height: 1.015, ..Scene::default() }
     }
 
     fn state() -> PlantState {
@@ -159,7 +166,7 @@ mod tests {
                 UnitQuaternion::from_euler_angles(0.1, 0.2, 0.3),
             ),
             base_held: false,
-            blocks: (0..4).map(body).collect(),
+            objects: (0..4).map(body).collect(),
             attached: None,
             contacts: ArrayVec::new(),
         }
@@ -167,10 +174,10 @@ mod tests {
 
     #[test]
     fn the_frames_form_one_tree_and_lead_from_the_world_to_links_head_and_blocks() {
-        let (model, state) = (model(), state());
+        let (model, scene, state) = (model(), scene(), state());
         let head = Pose::translation(-0.5, 0.0, 1.8);
-        let mut frames = fixed(&model, true);
-        frames.extend(moving(&model, &state, Some(&head), true));
+        let mut frames = fixed(&model, &scene, true);
+        frames.extend(moving(&model, &scene, &state, Some(&head), true));
         let mut tree: BTreeMap<String, (String, Pose)> = BTreeMap::new();
         for f in frames {
             let before = tree.insert(f.child.clone(), (f.parent, f.pose));
@@ -193,7 +200,7 @@ mod tests {
         };
         near("base_link", state.world_from_base);
         near("HololensSG", head);
-        near("bluecylinder2", state.blocks[3].pose);
+        near("bluecylinder2", state.objects[3].pose);
         near("lower", state.world_from_base * model.link_poses(&state.position)[3]);
         for name in tree.keys() {
             in_root(name);

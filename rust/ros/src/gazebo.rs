@@ -1,7 +1,8 @@
 //! The world as a Gazebo of the original's tells it: joints, base, blocks, the block in the hand.
 
 use proact_arm::ArmModel;
-use proact_types::{BlockId, BodyState, PlantState, Point, Pose, Scene, Vector, zeros};
+use proact_messages::original;
+use proact_types::{BodyState, ObjectId, PlantState, Point, Pose, Scene, Vector, zeros};
 use std::{collections::BTreeMap, sync::Arc};
 
 /// Why a message is not taken; the world is then as it was.
@@ -41,6 +42,8 @@ pub enum WorldError {
 pub struct GazeboWorld {
     model: Arc<ArmModel>,
     joints: BTreeMap<String, usize>,
+    /// Names of the objects' models, in the order of the scene.
+    objects: Vec<String>,
     state: PlantState,
     joints_seen: bool,
     bodies_seen: bool,
@@ -58,12 +61,13 @@ impl GazeboWorld {
             velocity: zeros(count),
             effort: zeros(count),
             world_from_base,
-            blocks: scene.blocks.iter().map(|block| still(block.pose)).collect(),
+            objects: scene.objects.iter().map(|object| still(object.pose)).collect(),
             attached: None,
             contacts: Default::default(),
             base_held: false,
         };
-        Self { model, joints, state, joints_seen: false, bodies_seen: false }
+        let objects = scene.objects.iter().map(|object| object.ros_name.clone()).collect();
+        Self { model, joints, objects, state, joints_seen: false, bodies_seen: false }
     }
 
     /// Joints and bodies have both been seen.
@@ -82,8 +86,8 @@ impl GazeboWorld {
     }
 
     /// The block in the hand.
-    pub fn held(&self) -> Option<BlockId> {
-        self.state.attached.and_then(|(block, _)| BlockId::ALL.get(block).copied())
+    pub fn held(&self) -> Option<ObjectId> {
+        self.state.attached.map(|(object, _)| ObjectId::new(object))
     }
 
     fn world_from_tip(&self) -> Pose {
@@ -91,7 +95,7 @@ impl GazeboWorld {
     }
 
     fn grasp_centre(&self) -> Point {
-        self.world_from_tip() * Point::from(self.model.grasp_centre)
+        self.world_from_tip() * Point::from(self.model.widest_grasp().centre)
     }
 
     /// Angles (rad) and speeds (rad/s; may be empty) by joint name. Joints that are not named keep theirs.
@@ -135,15 +139,21 @@ impl GazeboWorld {
 
     /// A body by its name in Gazebo. Names of other models are passed over: a lab has more than our blocks.
     pub fn take_body(&mut self, name: &str, body: BodyState) {
-        if let Some(k) = BlockId::ALL.iter().position(|id| id.ros_name() == name) {
-            self.state.blocks[k] = body;
+        if let Some(k) = self.objects.iter().position(|object| object == name) {
+            self.state.objects[k] = body;
             self.bodies_seen = true;
         }
     }
 
+    /// The object of a grasp event's collision name.
+    pub fn object_of_collision(&self, collision: &str) -> Option<ObjectId> {
+        let model = original::model_of_collision(collision);
+        self.objects.iter().position(|object| object == model).map(ObjectId::new)
+    }
+
     /// The hand took or let go `block`.
-    pub fn take_grasp(&mut self, block: BlockId, attached: bool) {
-        let pose = self.world_from_tip().inv_mul(&self.state.blocks[block.index()].pose);
+    pub fn take_grasp(&mut self, block: ObjectId, attached: bool) {
+        let pose = self.world_from_tip().inv_mul(&self.state.objects[block.index()].pose);
         self.state.attached = attached.then_some((block.index(), pose));
     }
 
@@ -154,8 +164,9 @@ impl GazeboWorld {
             self.state.attached = None;
         } else if self.state.attached.is_none() && self.is_complete() {
             let hand = self.grasp_centre().coords;
-            let far = |id: &BlockId| (self.state.blocks[id.index()].pose.translation.vector - hand).norm();
-            if let Some(nearest) = BlockId::ALL.into_iter().min_by(|a, b| far(a).total_cmp(&far(b))) {
+            let far = |id: &ObjectId| (self.state.objects[id.index()].pose.translation.vector - hand).norm();
+            let all = (0..self.objects.len()).map(ObjectId::new);
+            if let Some(nearest) = all.min_by(|a, b| far(a).total_cmp(&far(b))) {
                 self.take_grasp(nearest, true);
             }
         }
@@ -169,16 +180,10 @@ impl GazeboWorld {
     }
 }
 
-/// The block of a grasp event's collision name, `model::link::collision`.
-pub fn block_of_collision(object: &str) -> Option<BlockId> {
-    let model = object.split("::").next().unwrap_or_default();
-    BlockId::ALL.into_iter().find(|id| id.ros_name() == model)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proact_tasks::{Arrangement, BoxAndBlocks};
+    use proact_tasks::TaskChoice;
 
     fn world() -> GazeboWorld {
         let model = Arc::new(proact_arm::ArmModel {
@@ -195,10 +200,9 @@ mod tests {
             tip: 0,
             poses: vec![],
             allowed_collisions: vec![],
-            grasp_centre: Vector::zeros(),
-            grasp: Default::default(),
+            ..Default::default()
         });
-        let task = BoxAndBlocks::new(Arrangement::numbered(1).expect("there are 24"));
+        let task = TaskChoice::named("modified_bbt", 1).and_then(|task| task.build(false)).expect("ships");
         GazeboWorld::new(model, task.scene(), Pose::translation(-0.39, 0.12, 1.5))
     }
 
@@ -228,17 +232,15 @@ mod tests {
         world.take_body("bluecylinder1", at);
         world.take_body("teapot", at);
         world.take_grasp_status(true);
-        assert_eq!(world.held().map(BlockId::ros_name), Some("bluecylinder1"));
+        assert_eq!(world.held(), Some(ObjectId(2)));
         world.take_grasp_status(false);
         assert_eq!(world.held(), None);
     }
 
     #[test]
-    fn collision_names_lead_to_blocks() {
-        assert_eq!(
-            block_of_collision("redcylinder2::link::collision").map(BlockId::ros_name),
-            Some("redcylinder2")
-        );
-        assert_eq!(block_of_collision(""), None);
+    fn collision_names_lead_to_objects() {
+        let world = world();
+        assert_eq!(world.object_of_collision("redcylinder2::link::collision"), Some(ObjectId(1)));
+        assert_eq!(world.object_of_collision("table::link::collision"), None);
     }
 }

@@ -12,19 +12,20 @@ use crate::{
 };
 use nalgebra::{Translation3, UnitQuaternion};
 use proact_arm::ArmModel;
-use proact_messages::{MessageType, Time, Value, known_type};
-use proact_types::{DisplayFrame, EventKind, HandState, Point, Pose};
+use proact_messages::original::topic;
+use proact_messages::{MessageType, Time, Value, known_type, original};
+use proact_types::{DisplayFrame, EventKind, HandState, Object, Point, Pose, Scene};
 use serde_json::json;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 pub use crate::headset_input::HeadsetInput;
 
-/// Topics of the blocks in [`BlockId::ALL`] order.
-const BLOCK_TOPICS: [&str; 4] =
-    ["/red_block1_pose_msg", "/red_block2_pose_msg", "/blue_block1_pose_msg", "/blue_block2_pose_msg"];
 /// Topics that keep their last message for who comes late.
-const LATCHED: [(&str, &str); 3] =
-    [("/mode", "std_msgs/Int8"), ("/selection_frozen", "std_msgs/Bool"), ("/grasp_status", "std_msgs/Bool")];
+const LATCHED: [(&str, &str); 3] = [
+    (topic::MODE, "std_msgs/Int8"),
+    (topic::SELECTION_FROZEN, "std_msgs/Bool"),
+    (topic::GRASP_STATUS, "std_msgs/Bool"),
+];
 const POSE: &str = "geometry_msgs/PoseStamped";
 const TEXT: &str = "std_msgs/String";
 const BOOL: &str = "std_msgs/Bool";
@@ -39,6 +40,8 @@ pub struct HeadsetTopics {
     member: MemberId,
     /// Names of the moving joints, each with its place in the frame's joint vector, sorted by name.
     joints: Vec<(String, usize)>,
+    /// Names of the objects' models, and topics of their poses, in the order of the scene.
+    objects: Mutex<Vec<(String, String)>>,
     inbox: Arc<Inbox>,
     sent: Mutex<Sent>,
 }
@@ -63,6 +66,7 @@ impl HeadsetTopics {
     pub fn new(
         bus: Arc<dyn TopicBus>,
         arm: &ArmModel,
+        scene: &Scene,
         world_from_head: Pose,
     ) -> Result<HeadsetTopics, BusError> {
         let member = bus.join("/proact");
@@ -70,8 +74,10 @@ impl HeadsetTopics {
             arm.moving().enumerate().map(|(place, joint)| (arm.joints[joint].name.clone(), place)).collect();
         joints.sort();
         let inbox = Arc::new(Inbox::new(world_from_head, MAX_WAY));
-        let topics = HeadsetTopics { bus, member, joints, inbox, sent: Mutex::default() };
+        let topics =
+            HeadsetTopics { bus, member, joints, objects: Mutex::default(), inbox, sent: Mutex::default() };
         topics.open()?;
+        topics.show_objects(scene)?;
         Ok(topics)
     }
 
@@ -79,16 +85,13 @@ impl HeadsetTopics {
         for (topic, kind) in LATCHED {
             self.bus.advertise(self.member, topic, kind, true)?;
         }
-        for topic in ["/rosworld_pose_msg", "/mpl_right_arm/base_pose", "/place_location_selected"] {
+        for topic in [topic::WORLD_POSE, topic::BASE_POSE, topic::PLACE_LOCATION] {
             self.bus.advertise(self.member, topic, POSE, false)?;
         }
-        for topic in BLOCK_TOPICS {
-            self.bus.advertise(self.member, topic, POSE, false)?;
-        }
-        let joints = "/mpl_right_arm/wrapped_joint_states";
+        let joints = topic::WRAPPED_JOINT_STATES;
         self.bus.advertise(self.member, joints, "sensor_msgs/JointState", false)?;
-        self.bus.advertise(self.member, "/current_block", TEXT, false)?;
-        self.bus.advertise(self.member, "/success", BOOL, false)?;
+        self.bus.advertise(self.member, topic::CURRENT_BLOCK, TEXT, false)?;
+        self.bus.advertise(self.member, topic::SUCCESS, BOOL, false)?;
         for (topic, kind) in Inbox::TOPICS {
             let sink: Arc<dyn TopicSink> = Arc::<Inbox>::clone(&self.inbox);
             self.bus.subscribe(self.member, topic, Some(kind), sink)?;
@@ -101,17 +104,34 @@ impl HeadsetTopics {
         };
         let provider = Arc::new(Answering(fix_world));
         self.bus.advertise_service(self.member, "/fix_world", "shoulder_localization/fixWorld", provider)?;
-        self.bus.publish(&[self.boolean("/grasp_status", false)]);
+        self.bus.publish(&[self.boolean(topic::GRASP_STATUS, false)]);
         Ok(())
     }
 
-    /// Another trial begins: the head is there now. The app's world stays where it is.
-    pub fn restart(&self, world_from_head: Pose) {
+    /// These objects are there from now on.
+    fn show_objects(&self, scene: &Scene) -> Result<(), BusError> {
+        let named =
+            |object: &Object| (object.ros_name.clone(), original::object_pose_topic(&object.ros_name));
+        let objects: Vec<(String, String)> = scene.objects.iter().map(named).collect();
+        for (_, topic) in &objects {
+            self.bus.advertise(self.member, topic, POSE, false)?;
+        }
+        *self.objects.lock().unwrap_or_else(PoisonError::into_inner) = objects;
+        Ok(())
+    }
+
+    /// Another trial begins before `scene`: the head is there now. The app's world stays where it is.
+    ///
+    /// # Errors
+    /// [`BusError`] if somebody else uses the topic of an object for another type.
+    pub fn restart(&self, scene: &Scene, world_from_head: Pose) -> Result<(), BusError> {
+        self.show_objects(scene)?;
         self.inbox.restart(world_from_head);
         let mut sent = self.sent();
         *sent = Sent { sequence: sent.sequence, ..Sent::default() };
         drop(sent);
-        self.bus.publish(&[self.boolean("/grasp_status", false)]);
+        self.bus.publish(&[self.boolean(topic::GRASP_STATUS, false)]);
+        Ok(())
     }
 
     /// Publishes an instant.
@@ -123,20 +143,20 @@ impl HeadsetTopics {
         let pose = |topic: &str, world_from_thing: &Pose| {
             stamped_pose(topic, &header, &(unity_from_world * world_from_thing))
         };
-        let mut messages = vec![
-            pose("/rosworld_pose_msg", &Pose::identity()),
-            pose("/mpl_right_arm/base_pose", &frame.world_from_base),
-        ];
-        messages.extend(BLOCK_TOPICS.iter().zip(&frame.blocks).map(|(topic, block)| pose(topic, block)));
+        let mut messages =
+            vec![pose(topic::WORLD_POSE, &Pose::identity()), pose(topic::BASE_POSE, &frame.world_from_base)];
+        let objects = self.objects.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        messages.extend(objects.iter().zip(&frame.objects).map(|((_, topic), object)| pose(topic, object)));
         messages.push(self.joint_states(&header, frame));
         if let Some(place) = &frame.target.place {
             // The app wants the disc level in its own world, as the original sent it.
             let place: Point = unity_from_world * place;
             let level = Pose::from_parts(Translation3::from(place.coords), UnitQuaternion::identity());
-            messages.push(stamped_pose("/place_location_selected", &header, &level));
+            messages.push(stamped_pose(topic::PLACE_LOCATION, &header, &level));
         }
-        if let (Some(block), None) = (frame.target.block, frame.hand.holds) {
-            messages.push(text("/current_block", block.ros_name()));
+        let marked = frame.target.object.filter(|_| frame.hand.holds.is_none());
+        if let Some((name, _)) = marked.and_then(|object| objects.get(object.index())) {
+            messages.push(text(topic::CURRENT_BLOCK, name));
         }
         self.changes(frame, &mut sent, &mut messages);
         drop(sent);
@@ -147,27 +167,27 @@ impl HeadsetTopics {
     fn changes(&self, frame: &DisplayFrame, sent: &mut Sent, messages: &mut Vec<Arc<TopicMessage>>) {
         for event in &frame.events {
             match event.kind {
-                EventKind::BlockAttached { .. } => messages.push(self.boolean("/grasp_status", true)),
-                EventKind::BlockReleased { .. } => messages.push(self.boolean("/grasp_status", false)),
+                EventKind::ObjectAttached { .. } => messages.push(self.boolean(topic::GRASP_STATUS, true)),
+                EventKind::ObjectReleased { .. } => messages.push(self.boolean(topic::GRASP_STATUS, false)),
                 _ => {}
             }
         }
-        let mode = frame.mode.as_ref().map(|mode| mode.number);
+        let mode = frame.mode.as_ref().map(|mode| original::mode_number(mode.moves));
         if let Some(number) = mode
             && sent.mode != mode
         {
-            messages.push(single("/mode", "std_msgs/Int8", Value::Int(number.into())));
+            messages.push(single(topic::MODE, "std_msgs/Int8", Value::Int(number.into())));
             sent.mode = mode;
         }
         let frozen = Some(frame.target.locked);
         if sent.frozen != frozen {
-            messages.push(self.boolean("/selection_frozen", frame.target.locked));
+            messages.push(self.boolean(topic::SELECTION_FROZEN, frame.target.locked));
             sent.frozen = frozen;
         }
         // The original says so when a hand command returns: true for a close, false for an open.
         match (sent.hand, frame.hand.state) {
             (Some(before), now @ (HandState::Closed | HandState::Open)) if before != now => {
-                messages.push(self.boolean("/success", now == HandState::Closed));
+                messages.push(self.boolean(topic::SUCCESS, now == HandState::Closed));
             }
             _ => {}
         }
@@ -200,7 +220,7 @@ impl HeadsetTopics {
             ("effort", Value::Floats(Vec::new())),
         ];
         let kind = known_type("sensor_msgs/JointState");
-        TopicMessage::new("/mpl_right_arm/wrapped_joint_states", kind, named(fields))
+        TopicMessage::new(topic::WRAPPED_JOINT_STATES, kind, named(fields))
     }
 }
 
@@ -256,7 +276,6 @@ pub(super) fn stamped_pose(topic: &str, header: &Value, pose: &Pose) -> Arc<Topi
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proact_types::BlockId;
 
     #[test]
     fn angles_are_wrapped_into_one_turn() {
@@ -278,14 +297,6 @@ mod tests {
             let json = serde_json::to_value(&message.value).unwrap();
             let kind = message.definition.clone().unwrap();
             assert_eq!(kind.read(json, Time::default()).unwrap(), message.value);
-        }
-    }
-
-    #[test]
-    fn the_blocks_have_a_topic_each_in_their_order() {
-        for (block, topic) in BlockId::ALL.iter().zip(BLOCK_TOPICS) {
-            let name = topic.trim_start_matches('/').replace("_block", "").replace("_pose_msg", "");
-            assert_eq!(name, block.name());
         }
     }
 }

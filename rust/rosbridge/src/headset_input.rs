@@ -3,6 +3,7 @@
 use crate::bus::{TopicMessage, TopicSink};
 use nalgebra::{Quaternion, Translation3, UnitQuaternion};
 use proact_messages::Value;
+use proact_messages::original::topic;
 use proact_types::{GazeSample, Gesture, Point, Pose, Vector};
 use std::{
     sync::{Arc, Mutex, MutexGuard, PoisonError},
@@ -52,12 +53,12 @@ struct State {
 impl Inbox {
     /// Topics that are listened to, with their types.
     pub(super) const TOPICS: [(&'static str, &'static str); 5] = [
-        ("/gaze_position", "geometry_msgs/Vector3Stamped"),
-        ("/gaze_direction", "geometry_msgs/Vector3Stamped"),
-        ("/hololens/head", "geometry_msgs/PoseStamped"),
+        (topic::GAZE_POSITION, "geometry_msgs/Vector3Stamped"),
+        (topic::GAZE_DIRECTION, "geometry_msgs/Vector3Stamped"),
+        (topic::HEAD, "geometry_msgs/PoseStamped"),
         // How the original's own tracking moves the arm's base: a pose in the simulation's world.
-        ("/gazebo/set_link_state", "gazebo_msgs/LinkState"),
-        ("/emg", "std_msgs/String"),
+        (topic::SET_LINK_STATE, "gazebo_msgs/LinkState"),
+        (topic::EMG, "std_msgs/String"),
     ];
 
     pub(super) fn new(world_from_head: Pose, max_way: f64) -> Self {
@@ -113,12 +114,12 @@ impl Inbox {
     fn take(&self, topic: &str, value: &Value, now: Instant) {
         let mut state = self.lock();
         match topic {
-            "/gaze_position" => {
+            topic::GAZE_POSITION => {
                 let eye = value.get("vector").and_then(vector);
                 state.eye = eye.map(|eye| (now, state.world_from_unity * Point::from(eye)));
             }
-            "/gaze_direction" => state.look(value, now),
-            "/hololens/head" => {
+            topic::GAZE_DIRECTION => state.look(value, now),
+            topic::HEAD => {
                 let Some(head) = value.get("pose").and_then(pose) else { return };
                 state.unity_from_head = Some(head);
                 let head = state.world_from_unity * head;
@@ -126,7 +127,7 @@ impl Inbox {
                     state.push(HeadsetInput::Head(head));
                 }
             }
-            "/gazebo/set_link_state" => {
+            topic::SET_LINK_STATE => {
                 let name = value.get("link_name").and_then(Value::as_text).unwrap_or_default();
                 let frame = value.get("reference_frame").and_then(Value::as_text).unwrap_or_default();
                 let Some(shoulder) = value.get("pose").and_then(pose) else { return };
@@ -135,7 +136,7 @@ impl Inbox {
                     state.push(HeadsetInput::Shoulder(shoulder));
                 }
             }
-            "/emg" => {
+            topic::EMG => {
                 let text = value.get("data").and_then(Value::as_text).unwrap_or_default();
                 let Ok(gesture) = text.parse::<Gesture>() else { return };
                 let before = state.gesture.replace((now, gesture)).map(|(_, before)| before);

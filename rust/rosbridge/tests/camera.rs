@@ -38,7 +38,7 @@ fn call(bus: &Arc<dyn TopicBus>) -> Json {
 #[test]
 fn each_call_publishes_one_picture_whose_messages_agree_with_their_definitions() {
     let bus: Arc<dyn TopicBus> = LocalBus::new();
-    let scene = Scene { fixed: vec![], blocks: vec![], targets: vec![], table_height: 1.0 };
+    let scene = Scene { table_height: 1.0, ..Scene::default() };
     let camera = CameraTopics::new(Arc::clone(&bus), &mpl_right_arm(), &scene).unwrap();
     let (send, received) = channel();
     let sink = Arc::new(Collect(Mutex::new(send)));

@@ -4,10 +4,10 @@
 
 mod common;
 
-use common::{Client, frame, server};
+use common::{Client, frame, scene, server};
 use nalgebra::{Point3, Quaternion, Translation3, UnitQuaternion};
 use proact_rosbridge::{HeadsetInput, HeadsetTopics};
-use proact_types::{BlockId, Event, EventKind, Gesture, HandState, ModeView, Point, Pose, SimTime, Vector};
+use proact_types::{Event, EventKind, Gesture, HandState, ModeView, ObjectId, Point, Pose, SimTime, Vector};
 use serde_json::{Value as Json, json};
 use std::{collections::BTreeMap, sync::Arc};
 
@@ -98,7 +98,7 @@ fn the_app_gets_one_consistent_instant_with_absolute_poses_in_its_own_world() {
     handshake(&mut app);
     app.settle();
     let arm = proact_description::mpl_right_arm();
-    let topics = HeadsetTopics::new(Arc::clone(&bus), &arm, head()).unwrap();
+    let topics = HeadsetTopics::new(Arc::clone(&bus), &arm, &scene(), head()).unwrap();
     let shown = frame(head());
     topics.publish(&shown);
     let got = read_frame(&mut app, "/current_block");
@@ -110,14 +110,14 @@ fn the_app_gets_one_consistent_instant_with_absolute_poses_in_its_own_world() {
     assert!(close(&in_unity("/rosworld_pose_msg"), &world_from_unity.inverse()));
     let world = |topic: &str| world_from_unity * in_unity(topic);
     assert!(close(&world("/mpl_right_arm/base_pose"), &shown.world_from_base));
-    for (topic, block) in IN[2..6].iter().zip(&shown.blocks) {
+    for (topic, block) in IN[2..6].iter().zip(&shown.objects) {
         assert!(close(&world(topic.0), block), "{}", topic.0);
     }
     let place = in_unity("/place_location_selected");
     assert!(place.rotation.angle() < 1e-12, "the disc lies level in the app's world");
     let place = world_from_unity * Point::from(place.translation.vector);
     assert!((place - shown.target.place.unwrap()).norm() < 1e-9);
-    assert_eq!(got["/current_block"]["data"], BlockId::Blue2.ros_name());
+    assert_eq!(got["/current_block"]["data"], "bluecylinder2");
 
     // One instant: every stamp is the frame's.
     for (topic, message) in got.iter().filter(|(_, message)| message.get("header").is_some()) {
@@ -143,11 +143,16 @@ fn the_app_gets_one_consistent_instant_with_absolute_poses_in_its_own_world() {
 fn what_happened_before_the_app_came_is_told_at_once_and_changes_once_each() {
     let (server, bus) = server();
     let arm = proact_description::mpl_right_arm();
-    let topics = HeadsetTopics::new(Arc::clone(&bus), &arm, head()).unwrap();
+    let topics = HeadsetTopics::new(Arc::clone(&bus), &arm, &scene(), head()).unwrap();
     let mut shown = frame(head());
     let directions = ["flexion".to_owned(), "extension".to_owned()];
-    shown.mode =
-        Some(ModeView { number: 8, name: "y".to_owned(), directions, we_sign: -1, next_in_secs: None });
+    shown.mode = Some(ModeView {
+        moves: proact_types::Moves::Translation(1),
+        name: "y".to_owned(),
+        directions,
+        we_sign: -1,
+        next_in_secs: None,
+    });
     shown.target.locked = true;
     topics.publish(&shown);
 
@@ -164,8 +169,8 @@ fn what_happened_before_the_app_came_is_told_at_once_and_changes_once_each() {
     assert!(!before.contains_key("/success"));
 
     shown.hand.state = HandState::Closed;
-    shown.events = vec![Event { time: SimTime(1), kind: EventKind::BlockAttached { block: BlockId::Red1 } }];
-    shown.hand.holds = Some(BlockId::Red1);
+    shown.events = vec![Event { time: SimTime(1), kind: EventKind::ObjectAttached { object: ObjectId(0) } }];
+    shown.hand.holds = Some(ObjectId(0));
     topics.publish(&shown);
     let got = read_frame(&mut app, "/success");
     assert_eq!(got["/grasp_status"]["data"], true);
@@ -178,7 +183,7 @@ fn what_happened_before_the_app_came_is_told_at_once_and_changes_once_each() {
 fn gaze_and_head_of_the_app_and_a_classifiers_gestures_reach_the_trial() {
     let (server, bus) = server();
     let arm = proact_description::mpl_right_arm();
-    let topics = HeadsetTopics::new(Arc::clone(&bus), &arm, head()).unwrap();
+    let topics = HeadsetTopics::new(Arc::clone(&bus), &arm, &scene(), head()).unwrap();
     let mut app = Client::connect(&server);
     handshake(&mut app);
     let header = json!({"seq": 1, "stamp": {"secs": 1_700_000_000, "nsecs": 5_000_000}, "frame_id": ""});

@@ -1,6 +1,23 @@
-use proact_types::Region;
 use serde::{Deserialize, Serialize};
 use std::{fmt, str::FromStr};
+
+/// The four places on each side of the box: near or far from the person, medial or lateral.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+pub enum Region {
+    /// Far, lateral.
+    FL,
+    /// Far, medial.
+    FM,
+    /// Near, lateral.
+    NL,
+    /// Near, medial.
+    NM,
+}
+
+impl Region {
+    /// All four.
+    pub const ALL: [Region; 4] = [Region::FL, Region::FM, Region::NL, Region::NM];
+}
 
 /// Where the four blocks stand at the start: red 1, red 2, blue 1, blue 2.
 ///
@@ -52,7 +69,17 @@ impl Arrangement {
         number.checked_sub(1).and_then(|k| Self::all().nth(k)).ok_or(ArrangementError::Number { got: number })
     }
 
-    /// Place of each block, in `BlockId::ALL` order.
+    /// One that follows from a trial's seed.
+    pub fn by_seed(seed: u64) -> Self {
+        // SplitMix64's finaliser spreads neighbouring seeds over the 24 arrangements.
+        let mut z = seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        let number = ((z ^ (z >> 31)) % 24) as usize + 1;
+        Self::numbered(number).expect("a number from 1 to 24")
+    }
+
+    /// Place of each block: red 1, red 2, blue 1, blue 2.
     pub fn regions(self) -> [Region; 4] {
         self.0
     }
@@ -109,6 +136,12 @@ mod tests {
             let places: HashSet<Region> = arrangement.regions().into_iter().collect();
             assert_eq!(places.len(), 4, "{arrangement}");
         }
+    }
+
+    #[test]
+    fn seeds_spread_over_the_arrangements() {
+        let used: HashSet<Arrangement> = (0..200).map(Arrangement::by_seed).collect();
+        assert_eq!(used.len(), 24);
     }
 
     #[test]

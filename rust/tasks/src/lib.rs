@@ -1,20 +1,32 @@
-//! Tasks: what stands where, what counts, and when it is over.
+//! Tasks: what stands where, what a person is told, what counts, and when it is over.
 //!
-//! Pure: geometry and rules as functions of simulated time and block poses. Depends on the vocabulary alone.
+//! Pure: geometry and rules as functions of simulated time and the poses of objects. A task is text: those that ship
+//! with the program are files in `data/` (the modified box-and-blocks test also has an arrangement), and a lab's own is
+//! another such file ([`TaskFile`]). The rules by which a task counts are types that implement [`Task`].
 //!
 //! ```
-//! use proact_tasks::{Arrangement, BoxAndBlocks};
-//! assert_eq!(Arrangement::all().count(), 24);
-//! let task = BoxAndBlocks::new(Arrangement::numbered(1).expect("1 to 24"));
-//! assert_eq!(task.scene().blocks.len(), 4);
+//! use proact_tasks::{Task, TaskChoice};
+//! let task = TaskChoice::named("modified_bbt", 1)?.build(false)?;
+//! assert_eq!(task.scene().objects.len(), 4);
+//! # Ok::<(), proact_tasks::TaskError>(())
 //! ```
 
+mod across;
 mod arrangement;
-mod box_and_blocks;
-mod geometry;
+mod choice;
+mod file;
+mod modified_bbt;
 mod outcome;
+mod scene;
+mod targets;
+mod task;
 
+pub use across::Across;
 pub use arrangement::{Arrangement, ArrangementError};
-pub use box_and_blocks::{BoxAndBlocks, TaskState, TaskStep};
-pub use geometry::{PlaceRegion, TABLE_TOP, fixed_objects, region_centre};
-pub use outcome::{BlockResult, Outcome, TARGET_RADIUS};
+pub use choice::{DEFAULT_TASK, SHIPPED, TaskChoice};
+pub use file::{Rules, TaskError, TaskFile};
+pub use modified_bbt::ModifiedBbt;
+pub use outcome::{ObjectResult, Outcome};
+pub use scene::SceneFile;
+pub use targets::Targets;
+pub use task::{Task, TaskInput, TaskResult, TaskState};

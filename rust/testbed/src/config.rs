@@ -1,12 +1,13 @@
-use crate::{ConfigError, MotionConfig, PhysicsConfig, Pinned, PlannerOptions};
-use proact_arm::ArmModel;
-use proact_control::{OUTSIDE, Profile};
-use proact_emg::EmgConfig;
+use crate::{ConfigError, FeedbackMapping, MotionConfig, PhysicsConfig, Pinned, PlannerOptions};
+use proact_arm::{ArmModel, Side};
+use proact_control::{MethodEntry, MethodProgram, MethodRegistry, OUTSIDE, Profile};
+use proact_emg::{Classifier, EmgConfig};
 use proact_intent::{IntentModelName, IntentOptions};
 use proact_participants::{Body, ParticipantOptions};
-use proact_tasks::{Arrangement, BoxAndBlocks};
+use proact_tasks::{DEFAULT_TASK, Task, TaskChoice};
+use proact_types::{GestureCommands, GestureName, GestureTableError};
 use serde::{Deserialize, Serialize};
-use std::{fmt, str::FromStr};
+use std::borrow::Cow;
 
 /// Gestures are given directly, until a source of them is named.
 const KEYS: &str = "keys";
@@ -14,44 +15,9 @@ const KEYS: &str = "keys";
 /// Most words of a key of the configuration; there are four in `profile.end_effector_jog.inverse.kind`.
 const DEEPEST_KEY: usize = 8;
 
-/// The control methods there are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-pub enum MethodName {
-    /// Joint by joint.
-    A,
-    /// End-effector, axis by axis.
-    B,
-    /// Gaze-selected targets with motion planning.
-    C,
-    /// The same with the task's order as context.
-    D,
-}
-
-impl MethodName {
-    /// All of them.
-    pub const ALL: [MethodName; 4] = [MethodName::A, MethodName::B, MethodName::C, MethodName::D];
-
-    pub(crate) fn known() -> String {
-        Self::ALL.map(|m| m.to_string()).join(", ")
-    }
-}
-
-impl fmt::Display for MethodName {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{self:?}")
-    }
-}
-
-impl FromStr for MethodName {
-    type Err = ConfigError;
-
-    fn from_str(text: &str) -> Result<Self, ConfigError> {
-        Self::ALL
-            .into_iter()
-            .find(|m| m.to_string() == text)
-            .ok_or_else(|| ConfigError::Method { got: text.to_owned() })
-    }
-}
+/// Where the blocks start: the key of the modified box-and-blocks test, and that of older configurations.
+const ARRANGEMENT: &str = "arrangement";
+const ARRANGEMENT_IN_TASK: &str = "task.arrangement";
 
 /// Where person and box are.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -61,6 +27,13 @@ pub struct Setup {
     pub name: String,
     /// The person.
     pub body: Body,
+    /// The side that the person wears the arm on, and that the box is set up for.
+    #[serde(default, skip_serializing_if = "is_right")]
+    pub side: Side,
+}
+
+fn is_right(side: &Side) -> bool {
+    *side == Side::Right
 }
 
 impl Setup {
@@ -76,41 +49,36 @@ impl Setup {
         };
         toml::from_str(text).map_err(|e| ConfigError::Text(e.to_string()))
     }
+
+    /// The same for whoever uses the arm `model`: mirrored if it belongs to the other side, and with the base where the arm
+    /// stands if nobody wears it.
+    pub fn with_arm(mut self, model: &ArmModel) -> Self {
+        if self.side != model.side {
+            (self.side, self.body) = (model.side, self.body.mirrored());
+        }
+        if let Some(stand) = &model.settings.stand {
+            self.body = self.body.beside(stand.xyz);
+        }
+        self
+    }
 }
 
-/// A control method in another process, which speaks JSON lines (`docs/methods`).
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct MethodProcessConfig {
-    /// The program and its arguments. A trial that is run starts it; a replay does not.
-    pub command: Vec<String>,
-    /// A live step without an answer after this time holds the arm, milliseconds. A batch waits for each answer.
-    #[serde(default = "MethodProcessConfig::default_deadline")]
-    pub deadline_ms: u64,
+fn yes() -> bool {
+    true
 }
 
-impl MethodProcessConfig {
-    /// `command` with the default deadline.
-    pub fn new(command: Vec<String>) -> Self {
-        Self { command, deadline_ms: Self::default_deadline() }
-    }
-
-    /// A control step is due every 10 ms; the rest of the tick needs its time too.
-    fn default_deadline() -> u64 {
-        5
-    }
+fn is_standard(feedback: &[FeedbackMapping]) -> bool {
+    feedback == FeedbackMapping::standard()
 }
 
 /// Everything that a trial depends on, apart from its inputs. Written to the trial directory as `config.toml`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TrialConfig {
-    /// Control method.
-    pub method: MethodName,
+    /// Name of the control method, by which the registry has it.
+    pub method: String,
     /// Every random stream of the trial is derived from it.
     pub seed: u64,
-    /// Where the blocks stand at the start.
-    pub arrangement: Arrangement,
     /// Time limit, seconds (paper: 300).
     pub limit_secs: f64,
     /// From a plan request to its effect, milliseconds.
@@ -121,6 +89,9 @@ pub struct TrialConfig {
     pub place_filter_ms: u64,
     /// Where the gestures come from, as shown: `recording`, `synthetic`, `keys`.
     pub gesture_source: String,
+    /// Whether there is gaze in this trial. Without it no gaze enters, and a method that needs it is refused.
+    #[serde(default = "yes", skip_serializing_if = "Clone::clone")]
+    pub gaze: bool,
     /// Zero level of each EMG channel, subtracted before anything else; empty for a stream that is centred.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub emg_centring: Vec<f64>,
@@ -132,7 +103,7 @@ pub struct TrialConfig {
     pub arm: Pinned,
     /// The task.
     #[serde(default = "TrialConfig::default_task")]
-    pub task: Pinned,
+    pub task: TaskChoice,
     /// The arm's weight, its control, and the grasp rule.
     #[serde(default)]
     pub physics: PhysicsConfig,
@@ -144,10 +115,13 @@ pub struct TrialConfig {
     pub planner: PlannerOptions,
     /// Where person and box are.
     pub setup: Setup,
-    /// Another process drives the arm in the place of `method`, which says no more than what the posterior knows and
-    /// how a simulated participant acts.
+    /// The program that is the method, if it is an outside one. One without `info` stands in the place of `method`, which
+    /// then says no more than what the posterior knows and how a simulated participant acts.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub method_process: Option<MethodProcessConfig>,
+    pub method_process: Option<MethodProgram>,
+    /// From what happens to what the person is to hear and feel.
+    #[serde(default = "FeedbackMapping::standard", skip_serializing_if = "is_standard")]
+    pub feedback: Vec<FeedbackMapping>,
     /// How the methods behave.
     pub profile: Profile,
     /// Inference of what the person means.
@@ -160,56 +134,96 @@ pub struct TrialConfig {
 
 impl TrialConfig {
     /// The default configuration for `method`, `seed` and `setup`; the arrangement follows from the seed.
-    pub fn new(method: MethodName, seed: u64, setup: Setup) -> Self {
-        // SplitMix64's finaliser spreads neighbouring seeds over the 24 arrangements.
-        let mut z = seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        let number = ((z ^ (z >> 31)) % 24) as usize + 1;
+    pub fn new(method: &str, seed: u64, setup: Setup) -> Self {
         let profile = Profile::named("default").expect("ships with the program and is tested there");
         Self {
-            method,
+            method: method.to_owned(),
             seed,
             profile,
-            arrangement: Arrangement::numbered(number).expect("a number from 1 to 24"),
             limit_secs: 300.0,
             plan_latency_ms: 50,
             wait_for_plans: true,
             place_filter_ms: 150,
             gesture_source: KEYS.to_owned(),
+            gaze: true,
             emg_centring: Vec::new(),
             intent_model: IntentModelName::default(),
             arm: Self::default_arm(),
-            task: Self::default_task(),
+            task: TaskChoice::named(DEFAULT_TASK, seed).expect("ships with the program and is tested there"),
             physics: PhysicsConfig::default(),
             motion: MotionConfig::default(),
             planner: PlannerOptions::default(),
             setup,
             method_process: None,
+            feedback: FeedbackMapping::standard(),
             intent: IntentOptions::default(),
             emg: None,
             participant: None,
         }
     }
 
+    /// The same with the arm `model`, which is called `arm`, and the set-up for it.
+    pub fn with_arm(mut self, arm: Pinned, model: &ArmModel) -> Self {
+        self.setup = self.setup.with_arm(model);
+        Self { arm, ..self }
+    }
+
+    /// Refuses an arm that the set-up is not for.
+    ///
+    /// # Errors
+    /// [`ConfigError::Side`].
+    pub(crate) fn check_side(&self, model: &ArmModel) -> Result<(), ConfigError> {
+        if self.setup.side == model.side {
+            return Ok(());
+        }
+        let word = |side| if side == Side::Right { "right" } else { "left" };
+        let (arm, side, got) = (self.arm.name.clone(), word(model.side), word(self.setup.side));
+        Err(ConfigError::Side { arm, side, got })
+    }
+
     /// The name of the arm unless another one is asked for.
-    pub const DEFAULT_ARM: &str = "mpl_right_arm";
+    pub const DEFAULT_ARM: &str = "mpl_right";
 
     fn default_arm() -> Pinned {
         Pinned::named(Self::DEFAULT_ARM)
     }
 
-    fn default_task() -> Pinned {
-        Pinned::named(BoxAndBlocks::NAME)
+    /// A configuration that says nothing of its task: the modified test, in its first arrangement.
+    fn default_task() -> TaskChoice {
+        let mut task =
+            TaskChoice::named(DEFAULT_TASK, 0).expect("ships with the program and is tested there");
+        task.arrangement = None;
+        task
     }
 
-    /// Takes `model` for the arm, and the task that there is.
+    /// The same with another task, whose limit it takes.
+    ///
+    /// # Errors
+    /// [`ConfigError::Task`].
+    pub fn with_task(mut self, task: TaskChoice) -> Result<Self, ConfigError> {
+        self.limit_secs = task.limit_secs()?;
+        self.task = task;
+        Ok(self)
+    }
+
+    /// The task, for the arm `model`.
+    ///
+    /// # Errors
+    /// [`ConfigError::Task`].
+    pub fn build_task(&self, model: &ArmModel) -> Result<Box<dyn Task>, ConfigError> {
+        Ok(self.task.build_within(model.side == Side::Left, Some(self.limit_secs))?)
+    }
+
+    /// Takes `arm` for the arm, and the task as it is here.
     ///
     /// # Errors
     /// [`ConfigError::OtherName`], [`ConfigError::OtherContent`].
-    pub(crate) fn pin(&mut self, model: &ArmModel) -> Result<(), ConfigError> {
-        self.arm.pin("arm", &model.name, model)?;
-        self.task.pin("task", BoxAndBlocks::NAME, &BoxAndBlocks::content())
+    pub(crate) fn pin(&mut self, arm: &Pinned) -> Result<(), ConfigError> {
+        self.arm.take("arm", arm)?;
+        let mut task = Pinned { name: self.task.name.clone(), hash: self.task.hash.take() };
+        task.pin("task", &self.task.name, &self.task.content()?)?;
+        self.task.hash = task.hash;
+        Ok(())
     }
 
     /// The same for a trial that goes by the clock: a late plan acts when it comes, and none may be later than
@@ -237,6 +251,18 @@ impl TrialConfig {
         }
         self.emg_centring = levels;
         Ok(())
+    }
+
+    /// What the gestures of `classifier`, of which `rest` is that of a relaxed hand, are to the method.
+    ///
+    /// # Errors
+    /// A table of the profile that does not fit them.
+    pub fn gesture_commands(
+        &self,
+        rest: GestureName,
+        classifier: &Classifier,
+    ) -> Result<GestureCommands, GestureTableError> {
+        GestureCommands::new(classifier.gestures(), rest, &self.profile.gestures)
     }
 
     /// Where the gestures of the trial come from, as shown.
@@ -275,9 +301,16 @@ impl TrialConfig {
     /// # Errors
     /// Unreadable text, unknown keys, values out of range.
     pub fn from_toml(text: &str) -> Result<Self, ConfigError> {
-        let config: Self = toml::from_str(text).map_err(|error| {
-            let line = error.span().map_or(1, |span| text[..span.start].matches('\n').count() + 1);
-            ConfigError::Text(format!("line {line}: {}", error.message().replace('`', "")))
+        let read = with_arrangement_in_task(text);
+        let config: Self = toml::from_str(&read).map_err(|error| {
+            let start = error.span().map_or(0, |span| span.start);
+            let number = read[..start].matches('\n').count();
+            // Lines of a text that was put in order are numbered otherwise than those of the file.
+            let place = match &read {
+                Cow::Borrowed(_) => format!("line {}", number + 1),
+                Cow::Owned(read) => read.lines().nth(number).unwrap_or_default().trim().to_owned(),
+            };
+            ConfigError::Text(format!("{place}: {}", error.message().replace('`', "")))
         })?;
         config.check()?;
         Ok(config)
@@ -295,6 +328,7 @@ impl TrialConfig {
             let wrong = || ConfigError::Assignment { got: assignment.to_owned() };
             let (key, value) = assignment.split_once('=').ok_or_else(wrong)?;
             let (key, value_text) = (key.trim(), value.trim());
+            let key = if key == ARRANGEMENT { ARRANGEMENT_IN_TASK } else { key };
             if key.split('.').count() > DEEPEST_KEY {
                 return Err(wrong());
             }
@@ -326,15 +360,30 @@ impl TrialConfig {
         Ok(config)
     }
 
-    /// Options of the intent model. Methods but D leave the task out.
-    pub fn intent_options(&self) -> IntentOptions {
-        let weight_other = if self.method == MethodName::D { self.intent.weight_other } else { 0.25 };
-        IntentOptions { weight_other, ..self.intent }
+    /// Takes the method that `entry` is.
+    #[must_use]
+    pub fn by(self, entry: &MethodEntry) -> Self {
+        Self { method: entry.info().name.clone(), method_process: entry.program().cloned(), ..self }
+    }
+
+    /// The control method of the trial, among `methods` or as the configuration itself describes it.
+    ///
+    /// # Errors
+    /// No such method; one that needs what the trial has not.
+    pub fn method_entry(&self, methods: &MethodRegistry) -> Result<MethodEntry, ConfigError> {
+        let entry = methods.of(&self.method, self.method_process.as_ref())?;
+        if entry.needs().gaze && !self.gaze {
+            return Err(ConfigError::NoGaze { method: self.method.clone() });
+        }
+        Ok(entry)
     }
 
     /// What the method is called in results and records.
     pub fn method_label(&self) -> String {
-        if self.method_process.is_some() { OUTSIDE.to_owned() } else { self.method.to_string() }
+        match &self.method_process {
+            Some(MethodProgram { info: None, .. }) => OUTSIDE.to_owned(),
+            _ => self.method.clone(),
+        }
     }
 
     /// The text that [`TrialConfig::from_toml`] reads.
@@ -360,21 +409,12 @@ impl TrialConfig {
         if self.place_filter_ms > 10_000 {
             return bad("place_filter_ms", self.place_filter_ms.to_string(), "0 to 10000");
         }
+        self.task.build_within(false, Some(self.limit_secs))?;
         self.physics.check()?;
         self.motion.check()?;
         self.planner.check()?;
-        if let Some(process) = &self.method_process {
-            if process.command.first().is_none_or(|program| program.is_empty()) {
-                return bad(
-                    "method_process.command",
-                    format!("{:?}", process.command),
-                    "a program's name first",
-                );
-            }
-            if !(1..=1000).contains(&process.deadline_ms) {
-                return bad("method_process.deadline_ms", process.deadline_ms.to_string(), "1 to 1000");
-            }
-        }
+        self.method_process.as_ref().map_or(Ok(()), MethodProgram::check)?;
+        FeedbackMapping::check(&self.feedback)?;
         self.profile.check()?;
         self.intent.check()?;
         self.setup.body.check()?;
@@ -391,13 +431,24 @@ impl TrialConfig {
     }
 }
 
+/// `text` with a key `arrangement` at its top, as older configurations have it, as that of the task.
+fn with_arrangement_in_task(text: &str) -> Cow<'_, str> {
+    let Ok(mut table) = toml::from_str::<toml::Table>(text) else { return Cow::Borrowed(text) };
+    let Some(arrangement) = table.remove(ARRANGEMENT) else { return Cow::Borrowed(text) };
+    let task = table.entry("task").or_insert_with(|| toml::Value::Table(toml::Table::new()));
+    let Some(task) = task.as_table_mut() else { return Cow::Borrowed(text) };
+    task.entry("name").or_insert_with(|| toml::Value::String(DEFAULT_TASK.to_owned()));
+    task.insert(ARRANGEMENT.to_owned(), arrangement);
+    Cow::Owned(table.to_string())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::{Engine, MassSet};
 
     fn config() -> TrialConfig {
-        TrialConfig::new(MethodName::D, 3, Setup::named("seated").expect("ships"))
+        TrialConfig::new("D", 3, Setup::named("seated").expect("ships"))
     }
 
     #[test]
@@ -409,6 +460,17 @@ mod tests {
     }
 
     #[test]
+    fn an_error_in_a_text_with_its_arrangement_at_the_top_shows_the_line_itself() {
+        let error = |text: &str| TrialConfig::from_toml(text).expect_err("a wrong value").to_string();
+        // The wrong line stands last, and the text that is read is longer than the file.
+        let top = "seed = 1\nmethod = \"D\"\narrangement = [\"NL\", \"NM\", \"FM\", \"FL\"]\n";
+        let told = error(&format!("{top}[physics]\nengine = 3\n"));
+        assert!(told.contains("engine = 3: "), "{told}");
+        let told = error("seed = 1\nmethod = 7.5\n");
+        assert!(told.contains("line 2: "), "{told}");
+    }
+
+    #[test]
     fn the_intent_model_is_part_of_the_configuration_and_older_ones_mean_the_product() {
         let text = config().to_toml().expect("writes");
         let line = "intent_model = \"product\"\n";
@@ -416,9 +478,6 @@ mod tests {
         let filtered = TrialConfig::from_toml(&text.replace(line, "intent_model = \"filtered\"\n"));
         assert_eq!(filtered.expect("reads").intent_model, IntentModelName::Filtered);
         assert!(TrialConfig::from_toml(&text.replace(line, "intent_model = \"guess\"\n")).is_err());
-        assert_eq!(config().intent_options(), config().intent);
-        let c = TrialConfig { method: MethodName::C, ..config() };
-        assert_eq!(c.intent_options().weight_other, 0.25, "C knows nothing of the task");
     }
 
     #[test]
@@ -458,7 +517,8 @@ mod tests {
 
     #[test]
     fn unknown_names_and_keys_and_values_out_of_range_are_refused_with_what_is_expected() {
-        let error = "E".parse::<MethodName>().expect_err("no method E");
+        let unknown = TrialConfig { method: "E".to_owned(), ..config() };
+        let error = unknown.method_entry(&MethodRegistry::standard()).expect_err("no method E");
         assert_eq!(error.to_string(), "method \"E\" is unknown; expected one of A, B, C, D");
         assert!(Setup::named("standing").is_err());
         let text = config().to_toml().expect("writes");
@@ -491,9 +551,29 @@ mod tests {
     }
 
     #[test]
-    fn seeds_spread_over_the_arrangements() {
-        let used: std::collections::HashSet<_> =
-            (0..200).map(|seed| TrialConfig::new(MethodName::D, seed, config().setup).arrangement).collect();
-        assert_eq!(used.len(), 24);
+    fn without_gaze_a_method_that_needs_it_is_refused_and_the_others_are_not() {
+        let methods = MethodRegistry::standard();
+        let blind = config().with_values(&["gaze=false"]).expect("is a key");
+        let error = blind.method_entry(&methods).expect_err("D gazes").to_string();
+        assert!(error.starts_with("method \"D\" needs gaze, and this trial has none"), "{error}");
+        assert!(TrialConfig { method: "A".to_owned(), ..blind }.method_entry(&methods).is_ok());
+        assert!(!config().to_toml().expect("writes").contains("gaze = true"), "records stay what they were");
+    }
+
+    #[test]
+    fn an_outside_method_is_part_of_the_text_and_one_of_an_older_record_keeps_its_meaning() {
+        let file = "name = \"nod\"\ntitle = \"by nodding\"\ncommand = [\"nod\"]\nneeds = { prior = true }\n";
+        let entry = MethodEntry::from_toml(file).expect("reads");
+        let config = config().by(&entry);
+        let read = TrialConfig::from_toml(&config.to_toml().expect("writes")).expect("reads");
+        assert_eq!(read, config);
+        let methods = MethodRegistry::standard();
+        assert_eq!(read.method_entry(&methods).expect("describes it").info(), entry.info());
+        assert_eq!(read.method_label(), "nod");
+        let text =
+            format!("{}\n[method_process]\ncommand = [\"old\"]\n", self::config().to_toml().expect("writes"));
+        let old = TrialConfig::from_toml(&text).expect("reads");
+        assert_eq!((old.method.as_str(), old.method_label().as_str()), ("D", "outside"));
+        assert!(old.method_entry(&methods).expect("D is known").needs().prior);
     }
 }

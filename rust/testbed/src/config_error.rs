@@ -1,4 +1,3 @@
-use crate::MethodName;
 use proact_control::ControlError;
 use proact_participants::OutOfRange;
 
@@ -6,11 +5,14 @@ use proact_participants::OutOfRange;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ConfigError {
-    /// No such method.
-    #[error("method {got:?} is unknown; expected one of {}", MethodName::known())]
-    Method {
-        /// What was asked for.
-        got: String,
+    /// A method that needs gaze, in a trial without it.
+    #[error(
+        "method {method:?} needs gaze, and this trial has none (gaze = false): give it a source of gaze, or choose a method \
+         that does without"
+    )]
+    NoGaze {
+        /// The method.
+        method: String,
     },
     /// A part of another name than the trial's.
     #[error("{kind} is {got:?}, the trial's is {expected:?}")]
@@ -36,6 +38,19 @@ pub enum ConfigError {
         expected: String,
         /// Beginning of the hash of what is here.
         got: String,
+    },
+    /// A right arm in a set-up for a left one, or the other way round.
+    #[error(
+        "arm {arm:?} is a {side} arm and the set-up is for a {got} one; expected setup.side = \"{side}\" with the body \
+         mirrored, as `proact demo --arm` makes it"
+    )]
+    Side {
+        /// The arm.
+        arm: String,
+        /// Its side.
+        side: &'static str,
+        /// The side of the set-up.
+        got: &'static str,
     },
     /// No such planner.
     #[error("planner is \"{got}\", expected one of {known}")]
@@ -75,9 +90,12 @@ pub enum ConfigError {
         /// What is allowed.
         expected: &'static str,
     },
-    /// No such profile, or one that does not fit.
+    /// No such profile or method, or two that do not fit.
     #[error(transparent)]
     Control(#[from] ControlError),
+    /// The task.
+    #[error(transparent)]
+    Task(#[from] proact_tasks::TaskError),
     /// The intent model refuses its options.
     #[error(transparent)]
     Intent(#[from] proact_intent::IntentError),

@@ -6,7 +6,7 @@
 use crate::stages::{ActuationOutput, EmgStageOutput, IntentOutput, MethodOutput};
 use blake3::Hasher;
 use proact_tasks::TaskState;
-use proact_types::{BlockId, PlantState, Pose, SimTime, Stop, TickInput, Vector};
+use proact_types::{ObjectId, PlantState, Pose, SimTime, Stop, TickInput, Vector};
 use serde::{Deserialize, Serialize};
 
 /// Ticks in a span.
@@ -31,7 +31,7 @@ pub enum Field {
     InputMethod,
     /// Decisions of the EMG stage.
     Emg,
-    /// Posterior over blocks, and the place point.
+    /// Posterior over objects, and the place point.
     Intent,
     /// Commands of the control method.
     Control,
@@ -39,7 +39,7 @@ pub enum Field {
     Motion,
     /// Joint angles and speeds.
     Joints,
-    /// Poses and speeds of the blocks, and what is attached.
+    /// Poses and speeds of the objects, and what is attached.
     Blocks,
     /// State of the task.
     Task,
@@ -79,7 +79,7 @@ impl Field {
             "control.commands",
             "motion.targets",
             "dynamics.joints",
-            "dynamics.blocks",
+            "dynamics.objects",
             "task.state",
         ][self as usize]
     }
@@ -147,7 +147,7 @@ impl Digest {
     pub fn gesture(&mut self, output: &EmgStageOutput) {
         if let Some(decision) = &output.decision {
             let mut field = self.field(Field::Emg);
-            field.word(decision.gesture.index() as u64).numbers(&decision.posterior);
+            field.word(decision.place as u64).numbers(&decision.posterior);
         }
     }
 
@@ -190,21 +190,23 @@ impl Digest {
         self.field(Field::Motion).numbers(&command.position).pose(&command.world_from_base);
     }
 
-    /// The world after its step, and the block that was attached while the physics moved.
+    /// The world after its step, and the object that was attached while the physics moved.
     pub fn world(&mut self, state: &PlantState, carried: Option<usize>) {
         self.field(Field::Joints).numbers(&state.position).numbers(&state.velocity);
         let mut field = self.field(Field::Blocks);
-        for body in &state.blocks {
+        for body in &state.objects {
             field.pose(&body.pose).vector(&body.linear).vector(&body.angular);
         }
         field.word(carried.map_or(u64::MAX, |block| block as u64));
     }
 
-    /// The task, with the block in the hand.
-    pub fn task(&mut self, state: &TaskState, held: Option<BlockId>) {
+    /// The task, with the object in the hand.
+    pub fn task(&mut self, state: &TaskState, held: Option<ObjectId>) {
         let mut field = self.field(Field::Task);
-        field.word(u64::from(state.on_target)).word(state.next.map_or(9, |b| b.index() as u64));
-        field.word(held.map_or(9, |b| b.index() as u64)).word(u64::from(state.finished));
+        // None is 9, so that what comes after 8 moves up by one.
+        let place = |object: Option<ObjectId>| object.map_or(9, |id| u64::from(id.0) + u64::from(id.0 >= 9));
+        field.word(u64::from(state.score)).word(place(state.next));
+        field.word(place(held)).word(u64::from(state.finished));
     }
 
     /// Ends tick `now`; the span's digest if it closes one. `last` closes it early, at the end of a trial.

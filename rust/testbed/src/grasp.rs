@@ -120,7 +120,7 @@ impl GraspRule {
     /// Names of the digits' links that touch a block.
     fn fingers_on(&self, model: &ArmModel, contacts: &[Contact], block: usize) -> Vec<String> {
         let touches = |link: &usize| {
-            self.digit[*link].is_some() && contacts.iter().any(|c| c.block == block && c.link == *link)
+            self.digit[*link].is_some() && contacts.iter().any(|c| c.object == block && c.link == *link)
         };
         (0..model.links.len()).filter(touches).map(|link| model.links[link].name.clone()).collect()
     }
@@ -132,7 +132,7 @@ impl GraspRule {
         let opposing = |a: &Contact, b: &Contact| {
             let digits = (self.digit[a.link], self.digit[b.link]);
             let (weak, strong) = (a.force.min(b.force), a.force.max(b.force));
-            a.block == b.block
+            a.object == b.object
                 && digits.0.is_some()
                 && digits.1.is_some()
                 && digits.0 != digits.1
@@ -141,7 +141,7 @@ impl GraspRule {
                 && a.normal.angle(&b.normal) > least_angle
         };
         let pair =
-            |(k, a): (usize, &Contact)| contacts[k + 1..].iter().any(|b| opposing(a, b)).then_some(a.block);
+            |(k, a): (usize, &Contact)| contacts[k + 1..].iter().any(|b| opposing(a, b)).then_some(a.object);
         contacts.iter().enumerate().find_map(pair)
     }
 }
@@ -177,8 +177,7 @@ pub(crate) mod tests {
             tip: 0,
             poses: vec![],
             allowed_collisions: vec![],
-            grasp_centre: Vector::zeros(),
-            grasp: Default::default(),
+            ..Default::default()
         }
     }
 
@@ -188,7 +187,7 @@ pub(crate) mod tests {
     }
 
     fn contact(link: usize, normal: Vector) -> Contact {
-        Contact { block: 2, link, point: Point::origin(), normal, force: 1.0 }
+        Contact { object: 2, link, point: Point::origin(), normal, force: 1.0 }
     }
 
     fn pinch() -> [Contact; 2] {

@@ -1,11 +1,9 @@
 //! The original's grasp rule, for comparisons.
 
 use crate::{GraspAction, OriginalGrasp};
-use proact_arm::ArmModel;
+use proact_arm::{ArmModel, is_named};
 use proact_types::{PlantState, Point, Pose, Vector};
 
-/// Links of the gripper, by the end of their names. The original has left the index out, and the pinky never was in.
-const GRIPPER: [&str; 3] = ["thumb3", "middle3", "ring3"];
 /// What a link did to a block since the last check.
 #[derive(Clone, Copy, Debug)]
 struct Touch {
@@ -48,11 +46,13 @@ pub struct OriginalGraspRule {
 }
 
 impl OriginalGraspRule {
-    /// The rule for the hand of `model`, whose gripper links are found by their names.
+    /// The rule for the hand of `model`: the links that its settings name, or all digits if they name none. (The original
+    /// has left its index out, and the pinky never was in.)
     pub fn new(options: OriginalGrasp, model: &ArmModel) -> Self {
-        let grips = |link: &usize| {
-            let name = model.links[*link].name.trim_end_matches("_link");
-            GRIPPER.iter().any(|part| name.ends_with(part))
+        let (names, digits) = (&model.settings.gripper, model.digits());
+        let grips = |link: &usize| match names.as_slice() {
+            [] => digits[*link].is_some(),
+            names => names.iter().any(|name| is_named(&model.links[*link].name, name)),
         };
         let gripper = (0..model.links.len()).filter(grips).collect();
         let (touches, counts, fingers, links) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
@@ -80,7 +80,7 @@ impl OriginalGraspRule {
 
     fn gather(&mut self, state: &PlantState) {
         for contact in state.contacts.iter().filter(|contact| self.gripper.contains(&contact.link)) {
-            let (block, link) = (contact.block, contact.link);
+            let (block, link) = (contact.object, contact.link);
             let known = self.touches.iter().position(|touch| touch.block == block && touch.link == link);
             let index = known.unwrap_or(self.touches.len());
             if known.is_none() {
@@ -95,9 +95,9 @@ impl OriginalGraspRule {
     }
 
     fn check(&mut self, state: &PlantState) -> Option<GraspAction> {
-        self.counts.resize(state.blocks.len(), 0);
+        self.counts.resize(state.objects.len(), 0);
         let attached = state.attached.map(|(block, _)| block);
-        for block in 0..state.blocks.len() {
+        for block in 0..state.objects.len() {
             let gripped =
                 if attached == Some(block) { self.pressed(state, block) } else { self.gripped(block) };
             let OriginalGrasp { max_count, grip_count, release_distance_m: release, .. } = self.options;
@@ -142,7 +142,7 @@ impl OriginalGraspRule {
 
     /// By how much each finger's distance to the block has changed since it was taken, metres.
     fn recession(&self, state: &PlantState, block: usize) -> impl Iterator<Item = f64> {
-        let centre = Point::from(state.blocks[block].pose.translation.vector);
+        let centre = Point::from(state.objects[block].pose.translation.vector);
         let metres = |finger: &Finger| {
             ((self.links[finger.link] * finger.point - centre).norm() - finger.distance).abs()
         };
@@ -150,7 +150,7 @@ impl OriginalGraspRule {
     }
 
     fn hold(&mut self, state: &PlantState, block: usize) {
-        let centre = Point::from(state.blocks[block].pose.translation.vector);
+        let centre = Point::from(state.objects[block].pose.translation.vector);
         let finger = |touch: &Touch| {
             let point = Point::from(touch.point / f64::from(touch.points));
             Finger { link: touch.link, point, distance: (self.links[touch.link] * point - centre).norm() }
@@ -179,7 +179,7 @@ mod tests {
             angular: Vector::zeros(),
         };
         let contact = |link: usize, side: f64, force: f64| Contact {
-            block: 0,
+            object: 0,
             link,
             point: Point::new(0.1, 0.025 * side, 0.0),
             normal: Vector::y() * -side,
@@ -192,7 +192,7 @@ mod tests {
             effort: zeros(2),
             world_from_base: Isometry3::identity(),
             base_held: false,
-            blocks: std::iter::once(block).collect(),
+            objects: std::iter::once(block).collect(),
             attached: attached.then(|| (0, Isometry3::identity())),
             contacts: contacts.into_iter().flatten().collect(),
         }

@@ -3,8 +3,8 @@
 
 use crate::ConfigError;
 use nalgebra::UnitQuaternion;
-use proact_arm::{ArmModel, JointLimits};
-use proact_control::{HandCommand, MotionCommand, MotionState};
+use proact_arm::{ArmModel, Couplings, JointLimits};
+use proact_control::{MotionCommand, MotionState};
 use proact_types::{JointVector, Pose, TICK_SECS, Trajectory, joints};
 use serde::{Deserialize, Serialize};
 
@@ -199,8 +199,6 @@ impl ArmMotion {
 #[derive(Clone, Debug)]
 pub struct HandMotion {
     speed: f64,
-    open: JointVector,
-    closed: JointVector,
     from: JointVector,
     to: JointVector,
     position: JointVector,
@@ -211,16 +209,14 @@ pub struct HandMotion {
 
 impl HandMotion {
     /// A hand that rests at `open`, rad, and moves at `speed` at most, rad/s.
-    pub fn new(open: &[f64], closed: &[f64], speed: f64) -> Self {
+    pub fn new(open: &[f64], speed: f64) -> Self {
         let open = joints(open);
         Self {
-            closed: joints(closed),
             speed,
             from: open.clone(),
             to: open.clone(),
-            position: open.clone(),
             velocity: open.iter().map(|_| 0.0).collect(),
-            open,
+            position: open,
             elapsed_ticks: 0,
             duration_ticks: 0,
         }
@@ -241,13 +237,15 @@ impl HandMotion {
         self.elapsed_ticks < self.duration_ticks
     }
 
-    /// Sets off to one of the two poses, from where it is.
-    pub fn apply(&mut self, command: HandCommand) {
+    /// Where it goes, or went last, rad.
+    pub fn goal(&self) -> &JointVector {
+        &self.to
+    }
+
+    /// Sets off to these angles, rad, from where it is.
+    pub fn go_to(&mut self, angles: &JointVector) {
         self.from = self.position.clone();
-        self.to = match command {
-            HandCommand::Open => self.open.clone(),
-            HandCommand::Close => self.closed.clone(),
-        };
+        self.to = angles.clone();
         let travel = self.from.iter().zip(&self.to).fold(0.0_f64, |m, (a, b)| m.max((a - b).abs()));
         self.elapsed_ticks = 0;
         self.duration_ticks = (travel * PEAK_OVER_MEAN / self.speed / TICK_SECS).ceil() as u64;
@@ -261,12 +259,14 @@ impl HandMotion {
         self.elapsed_ticks = 0;
     }
 
-    /// Somebody else drives one joint in this tick: what was commanded is given up.
-    pub fn drive(&mut self, joint: usize, position: f64, velocity: f64) {
+    /// Somebody else drives one joint in this tick: what was commanded is given up. Joints that follow others go where
+    /// these are.
+    pub fn drive(&mut self, couplings: &Couplings, joint: usize, position: f64, velocity: f64) {
         self.duration_ticks = 0;
         self.elapsed_ticks = 0;
         self.position[joint] = position;
         self.velocity[joint] = velocity;
+        couplings.follow(&mut self.position, &mut self.velocity);
     }
 
     /// Advances by one tick.
@@ -384,8 +384,8 @@ mod tests {
 
     #[test]
     fn the_hand_arrives_at_rest_within_its_speed() {
-        let mut hand = HandMotion::new(&[0.0, 0.3], &[0.6, 0.3], 2.0);
-        hand.apply(HandCommand::Close);
+        let mut hand = HandMotion::new(&[0.0, 0.3], 2.0);
+        hand.go_to(&joints(&[0.6, 0.3]));
         let mut fastest: f64 = 0.0;
         while hand.moving() {
             hand.step();

@@ -19,6 +19,30 @@ impl Pinned {
         Self { name: name.to_owned(), hash: None }
     }
 
+    /// Takes `given` for what is meant, by name and, where both have one, by hash. `kind` is said in errors: `arm`.
+    ///
+    /// # Errors
+    /// As [`Pinned::pin`].
+    pub fn take(&mut self, kind: &'static str, given: &Pinned) -> Result<(), ConfigError> {
+        if self.name != given.name {
+            let (expected, got) = (self.name.clone(), given.name.clone());
+            return Err(ConfigError::OtherName { kind, expected, got });
+        }
+        match (&self.hash, &given.hash) {
+            (Some(expected), Some(got)) if expected != got => Err(ConfigError::OtherContent {
+                kind,
+                name: given.name.clone(),
+                expected: short(expected),
+                got: short(got),
+            }),
+            (None, Some(_)) => {
+                self.hash.clone_from(&given.hash);
+                Ok(())
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// Takes `content`, which is called `name`, for what is meant. `kind` is said in errors: `arm`, `task`.
     ///
     /// # Errors
@@ -29,24 +53,10 @@ impl Pinned {
         name: &str,
         content: &impl Serialize,
     ) -> Result<(), ConfigError> {
-        if self.name != name {
-            return Err(ConfigError::OtherName { kind, expected: self.name.clone(), got: name.to_owned() });
-        }
         let text =
             serde_json::to_vec(content).map_err(|e| ConfigError::Text(format!("{kind} {name}: {e}")))?;
-        let got = blake3::hash(&text).to_hex().to_string();
-        match &self.hash {
-            Some(expected) if *expected != got => Err(ConfigError::OtherContent {
-                kind,
-                name: name.to_owned(),
-                expected: short(expected),
-                got: short(&got),
-            }),
-            _ => {
-                self.hash = Some(got);
-                Ok(())
-            }
-        }
+        let hash = Some(blake3::hash(&text).to_hex().to_string());
+        self.take(kind, &Pinned { name: name.to_owned(), hash })
     }
 }
 

@@ -85,22 +85,28 @@ pub fn plan_request(
     let held = state.attached.map(|(block, _)| block);
     let mut obstacles: Vec<Obstacle> =
         scene.fixed.iter().map(|o| Obstacle { name: o.name.clone(), shape: o.shape, pose: o.pose }).collect();
-    for (k, block) in scene.blocks.iter().enumerate().filter(|(k, _)| Some(*k) != held) {
-        let pose = state.blocks[k].pose;
-        obstacles.push(Obstacle { name: block.id.name().to_owned(), shape: block.shape, pose });
+    for (k, block) in scene.objects.iter().enumerate().filter(|(k, _)| Some(*k) != held) {
+        let pose = state.objects[k].pose;
+        obstacles.push(Obstacle { name: block.name.clone(), shape: block.shape, pose });
     }
     let attached = state.attached.map(|(k, tip_from_object)| AttachedObject {
-        name: scene.blocks[k].id.name().to_owned(),
-        shape: scene.blocks[k].shape,
+        name: scene.objects[k].name.clone(),
+        shape: scene.objects[k].shape,
         tip_from_object,
     });
+    let picked = match &goal {
+        PlanGoal::Pick { object, .. } => Some(scene.name(*object)),
+        _ => None,
+    };
     PlanRequest {
         id,
         world_from_base: state.world_from_base,
         start,
         hand: joints(&state.position[model.arm_count()..]),
         goal,
+        picked,
         obstacles,
+        held: Vec::new(),
         attached,
         // Requests of one trial differ, and so do trials.
         seed: seed.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(id),

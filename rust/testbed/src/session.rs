@@ -3,9 +3,10 @@ use crate::{
     ports::PlanService,
     stages::{PersonInput, PersonParts, PersonStage},
 };
-use proact_tasks::{Arrangement, BlockResult};
+use proact_tasks::TaskResult;
 use proact_types::{DisplayFrame, PlanReply, PlanRequest, PlanStatus, Pose, SimTime, TickInput, Trajectory};
 use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
 
 /// One tick of a session.
 #[derive(Debug)]
@@ -61,6 +62,9 @@ impl Session {
         let time = SimTime(testbed.now().0 + 1);
         let arm = &testbed.plant().state().position[..testbed.model().arm_count()];
         let mut input = self.person.step(time, PersonInput { arm, gesture: testbed.gesture() });
+        if !testbed.config().gaze {
+            input.gaze = None;
+        }
         let output = testbed.tick(&input, last)?;
         input.plan = output.plan.clone();
         input.method = output.method.clone();
@@ -77,14 +81,20 @@ impl Session {
     pub fn result(&self) -> TrialResult {
         let testbed = &self.testbed;
         let config = testbed.config();
-        let outcomes = testbed.task().results(&testbed.plant().state().blocks);
+        let TaskResult { score, result, beside, lines } =
+            testbed.task().result(&testbed.plant().state().objects);
         TrialResult {
             method: config.method_label(),
             seed: config.seed,
             setup: config.setup.name.clone(),
-            arrangement: config.arrangement,
-            on_target: testbed.task().state().on_target,
-            outcomes,
+            task: config.task.name.clone(),
+            arm: config.arm.name.clone(),
+            arm_hash: config.arm.hash.clone().unwrap_or_default(),
+            score,
+            score_name: testbed.task().briefing().score_name.clone(),
+            result,
+            beside,
+            lines,
             sim_seconds: testbed.now().as_secs(),
             wall_seconds: 0.0,
             real_time_factor: 0.0,
@@ -100,7 +110,7 @@ impl Session {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum TrialEnd {
-    /// The task: all blocks are settled, or time is up.
+    /// The task: all is done, or time is up.
     Task,
     /// The experimenter.
     Abort,
@@ -119,12 +129,24 @@ pub struct TrialResult {
     pub seed: u64,
     /// Set-up.
     pub setup: String,
-    /// Where red 1, red 2, blue 1, blue 2 stood at the start.
-    pub arrangement: Arrangement,
-    /// Blocks on target, 0 to 4.
-    pub on_target: u32,
-    /// One entry per block in the prescribed order.
-    pub outcomes: Vec<BlockResult>,
+    /// The task.
+    pub task: String,
+    /// The arm.
+    pub arm: String,
+    /// BLAKE3 of the arm, 64 hexadecimal digits.
+    pub arm_hash: String,
+    /// What counts in the task.
+    pub score: f64,
+    /// What the score is, such as `blocks on target`.
+    pub score_name: String,
+    /// What the task counts, by name.
+    pub result: Map<String, Value>,
+    /// Keys of its own that a task puts beside these: `arrangement`, `on_target`, `outcomes` of the modified test.
+    #[serde(flatten)]
+    pub beside: Map<String, Value>,
+    /// The result for a reader.
+    #[serde(skip)]
+    pub lines: Vec<String>,
     /// Length of the trial, simulated seconds.
     pub sim_seconds: f64,
     /// Length of the computation, seconds.

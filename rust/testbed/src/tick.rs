@@ -1,22 +1,22 @@
 use crate::{
-    ConfigError, Digest, FeedbackCue, SpanDigest, TrialConfig,
+    ConfigError, Digest, Pinned, SpanDigest, TrialConfig,
     ports::{PlanService, Plant, PlantError},
     stages::{
         ActuationInput, ActuationOutput, ActuationStage, DisplayInput, DisplayStage, EmgStage, EmgStageInput,
-        EmgStageOutput, FeedbackStage, GazeMeasurement, IntentInput, IntentOutput, IntentStage, MethodInput,
-        MethodStage, TaskInput, TaskStage, WorldInput, WorldStage,
+        EmgStageOutput, FeedbackInput, FeedbackStage, GazeMeasurement, IntentInput, IntentOutput,
+        IntentStage, MethodInput, MethodStage, TaskStage, TaskStageInput, WorldInput, WorldStage,
     },
 };
 use proact_arm::{ArmModel, ArmModelError};
 use proact_control::{
-    ControlError, MotionState,
+    ControlError, MethodRegistry, MotionState,
     ports::{ArmKinematics, KinematicsError, MethodProcess},
 };
 use proact_emg::{Classifier, EmgError, EmgOutput};
-use proact_tasks::BoxAndBlocks;
+use proact_tasks::Task;
 use proact_types::{
-    DisplayFrame, Event, EventKind, Gesture, JointVector, MethodAnswer, PlanReply, PlanRequest, Pose,
-    SimTime, Stop, TickInput,
+    DisplayFrame, Event, EventKind, FeedbackCue, Gesture, GestureTableError, JointVector, MethodAnswer,
+    MethodInfo, PlanReply, PlanRequest, Pose, SimTime, Stop, TickInput,
 };
 use std::sync::Arc;
 
@@ -33,6 +33,9 @@ pub enum TestbedError {
     /// The method refused its profile or the arm.
     #[error("control: {0}")]
     Control(#[from] ControlError),
+    /// Gestures and commands that do not go together.
+    #[error("profile: {0}")]
+    Gestures(#[from] GestureTableError),
     /// The EMG stage refused its set-up.
     #[error("EMG: {0}")]
     Emg(#[from] EmgError),
@@ -69,6 +72,8 @@ pub enum TestbedError {
 
 /// What the testbed is made of.
 pub struct Parts {
+    /// What the arm is called, and the hash of its folder.
+    pub arm: Pinned,
     /// The arm.
     pub model: Arc<ArmModel>,
     /// Its kinematics, base to tip.
@@ -77,6 +82,8 @@ pub struct Parts {
     pub plant: Box<dyn Plant>,
     /// Motion plans.
     pub plans: Box<dyn PlanService>,
+    /// The methods among which the configuration names one.
+    pub methods: MethodRegistry,
     /// Trained classifier; none when gestures come from keys.
     pub classifier: Option<Classifier>,
     /// The process that the configuration names for its method; none in a replay.
@@ -94,6 +101,8 @@ pub struct TickOutput {
     pub method: Option<MethodAnswer>,
     /// A window of EMG ended, or the stream became stale.
     pub emg: Option<EmgOutput>,
+    /// The command that the EMG stage published.
+    pub message: Option<Gesture>,
     /// What happened.
     pub events: Vec<Event>,
     /// What is to be heard and felt.
@@ -122,6 +131,7 @@ pub struct Testbed {
     feedback: FeedbackStage,
     display: DisplayStage,
     digest: Digest,
+    method_info: MethodInfo,
     now: SimTime,
     /// What the stages said in the last tick.
     said: Said,
@@ -137,18 +147,20 @@ struct Said {
 }
 
 impl Testbed {
-    /// A testbed at time zero. `plant` must hold the arm at its pose `start` with an open hand, and the blocks
-    /// of `BoxAndBlocks::new(config.arrangement)`.
+    /// A testbed at time zero. `plant` must hold the arm at its pose `start` with an open hand, and the objects
+    /// of [`TrialConfig::build_task`].
     ///
     /// # Errors
     /// A configuration that does not fit, another arm or task than it names, an arm without the poses `start`, `open`
     /// and `closed`.
     pub fn new(mut config: TrialConfig, parts: Parts) -> Result<Self, TestbedError> {
         config.check()?;
-        let Parts { model, kinematics, plant, plans, classifier, process } = parts;
-        config.pin(&model)?;
-        let task = BoxAndBlocks::new(config.arrangement).with_limit(SimTime::from_secs(config.limit_secs));
-        let actuation = ActuationStage::new(&config, &model)?;
+        let Parts { arm, model, kinematics, plant, plans, methods, classifier, process } = parts;
+        config.pin(&arm)?;
+        config.check_side(&model)?;
+        let method = config.method_entry(&methods)?;
+        let task = config.build_task(&model)?;
+        let actuation = ActuationStage::new(&config, &model, task.scene())?;
         let said = Said {
             gesture: EmgStageOutput::default(),
             intent: IntentOutput::default(),
@@ -157,14 +169,15 @@ impl Testbed {
         };
         Ok(Self {
             emg: EmgStage::new(&config, classifier)?,
-            intent: IntentStage::new(&config, model.clone())?,
-            method: MethodStage::new(&config, model.clone(), task.scene().clone(), plans, process)?,
+            intent: IntentStage::new(&config, method.needs(), model.clone(), task.scene())?,
+            method: MethodStage::new(&config, &method, model.clone(), task.scene().clone(), plans, process)?,
             actuation,
-            world: WorldStage::new(&config, model.clone(), plant)?,
-            task: TaskStage::new(task),
-            feedback: FeedbackStage,
-            display: DisplayStage::new(&config),
+            world: WorldStage::new(&config, model.clone(), task.scene(), plant)?,
+            task: TaskStage::new(task, model.clone()),
+            feedback: FeedbackStage::new(&config, &model),
+            display: DisplayStage::new(&config, &model),
             digest: Digest::new(&config.to_toml()?),
+            method_info: method.info().clone(),
             now: SimTime(0),
             said,
             config,
@@ -183,13 +196,18 @@ impl Testbed {
         &self.config
     }
 
+    /// What is told of the method.
+    pub fn method(&self) -> &MethodInfo {
+        &self.method_info
+    }
+
     /// The arm.
     pub fn model(&self) -> &Arc<ArmModel> {
         &self.model
     }
 
     /// The task.
-    pub fn task(&self) -> &BoxAndBlocks {
+    pub fn task(&self) -> &dyn Task {
         self.task.task()
     }
 
@@ -281,14 +299,15 @@ impl Testbed {
         note(world.events);
         self.digest.world(self.world.state(), world.carried);
 
-        let judged = TaskInput { blocks: &self.world.state().blocks, held: world.hand.holds };
+        let judged = TaskStageInput { world: self.world.state(), held: world.hand.holds };
         let task = self.task.step(now, judged);
         note(task.events);
         self.digest.task(&task.state, world.hand.holds);
 
-        output.cues = self.feedback.step(now, &output.events);
-        self.display.note(&output.events);
-        output.emg = gesture.decision;
+        let contacts = &self.world.state().contacts;
+        output.cues = self.feedback.step(now, FeedbackInput { events: &output.events, contacts });
+        self.display.note(&output.events, &output.cues);
+        (output.emg, output.message) = (gesture.decision.clone(), gesture.message);
         (output.request, output.plan, output.method) = (method.request, method.plan, method.answer);
         output.finished = task.state.finished;
         output.span = self.digest.end_tick(now, last || output.finished);

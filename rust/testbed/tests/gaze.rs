@@ -3,10 +3,7 @@
 mod common;
 
 use common::{Outcome, Run, config, stare};
-use proact_testbed::{
-    MethodName,
-    doubles::{GazeFault, ScriptedGaze},
-};
+use proact_testbed::doubles::{GazeFault, ScriptedGaze};
 use proact_types::{EventKind, Gesture, InputSource, StopCause};
 
 /// A highlight outlives the eye by this, ms, and a frame of the display.
@@ -18,7 +15,7 @@ const DEAD_BY: std::ops::RangeInclusive<u64> = 993..=1001;
 fn run(fault: GazeFault, fault_ms: u64) -> Outcome<Run> {
     let script = vec![(0, Gesture::NoMotion), (2000, Gesture::WristExtension)];
     let gaze = ScriptedGaze::default().with_fault(3000..3000 + fault_ms, fault);
-    Run::of(&mut stare(config(MethodName::C, 60.0), script, gaze)?, 6000)
+    Run::of(&mut stare(config("C", 60.0), script, gaze)?, 6000)
 }
 
 fn stops(run: &Run) -> Vec<(u64, InputSource, StopCause)> {
@@ -67,7 +64,7 @@ fn without_an_eye_nothing_is_highlighted_after_half_a_second_and_with_it_the_blo
     for fault in [GazeFault::Blink, GazeFault::NotANumber, GazeFault::Silent] {
         // At rest: what the arm moves to stays shown.
         let gaze = ScriptedGaze::default().with_fault(3000..3900, fault);
-        let run = Run::of(&mut stare(config(MethodName::C, 60.0), vec![], gaze)?, 6000)?;
+        let run = Run::of(&mut stare(config("C", 60.0), vec![], gaze)?, 6000)?;
         let lost = run.highlighted(3000, None).ok_or("it stays")?;
         assert!(LOST_BY.contains(&(lost - 3000)), "{fault:?}: lost at {lost} ms");
         let back = run.highlighted(lost, Some(0)).ok_or("it stays away")?;

@@ -5,7 +5,7 @@ mod common;
 use common::{Outcome, Run, config, replayed, stare_with};
 use proact_control::doubles::test_hand;
 use proact_testbed::{
-    MethodName, Parts, TrialConfig,
+    Parts, TrialConfig,
     doubles::{self, InstantPlans, PlanCall, PlanCalls, ScriptedGaze},
     first_divergence,
 };
@@ -17,7 +17,7 @@ const LATENCY_MS: u64 = 50;
 
 /// A look at a block, WE from 1 s on until `until`, plans `late_by` polls; a trial that waits for plans or does not.
 fn run(waits: bool, late_by: u32, until: u64) -> Outcome<(TrialConfig, Run, PlanCalls)> {
-    let config = TrialConfig { wait_for_plans: waits, ..config(MethodName::C, 60.0) };
+    let config = TrialConfig { wait_for_plans: waits, ..config("C", 60.0) };
     let plans = InstantPlans::new(Arc::new(test_hand())).late_by(late_by);
     let calls = plans.calls();
     let parts = Parts { plans: Box::new(plans), ..doubles::parts(&config) };

@@ -3,12 +3,12 @@
 mod common;
 
 use common::{Outcome, Run, config};
-use proact_testbed::{MethodName, PersonParts, Session, Testbed, TestbedError, doubles};
+use proact_testbed::{PersonParts, Session, Testbed, TestbedError, doubles};
 use proact_types::{
     EventKind, Gesture, InputSource, JointVector, Pose, StopCause, TickInput, Vector, joints,
 };
 
-fn testbed(method: MethodName) -> Outcome<Testbed> {
+fn testbed(method: &str) -> Outcome<Testbed> {
     let config = config(method, 60.0);
     let parts = doubles::parts(&config);
     Ok(Testbed::new(config, parts)?)
@@ -17,7 +17,7 @@ fn testbed(method: MethodName) -> Outcome<Testbed> {
 // Catches a limb of another arm, or one that is no number, on its way into the joints.
 #[test]
 fn a_tracked_limb_that_does_not_fit_is_refused_with_what_was_expected() -> Outcome {
-    let mut session = Session::new(testbed(MethodName::A)?, PersonParts::default());
+    let mut session = Session::new(testbed("A")?, PersonParts::default());
     for wrong in [&[0.0; 3][..], &[f64::NAN; 7], &[]] {
         let refused = session.person().track_limb(wrong);
         assert!(matches!(refused, Err(TestbedError::Limb { expected: 7, .. })), "{wrong:?}: {refused:?}");
@@ -32,7 +32,7 @@ fn a_tracked_limb_that_does_not_fit_is_refused_with_what_was_expected() -> Outco
     // The same by way of a log.
     for wrong in [joints(&[0.0; 3]), joints(&[f64::INFINITY; 7])] {
         let input = TickInput { limb: Some(wrong), ..TickInput::default() };
-        let refused = testbed(MethodName::A)?.tick(&input, false);
+        let refused = testbed("A")?.tick(&input, false);
         assert!(matches!(refused, Err(TestbedError::Input { what: "tracked limb", .. })), "{refused:?}");
     }
     Ok(())
@@ -80,7 +80,7 @@ const FINGER: usize = 7;
 // Catches a tracker's jump that hurls the arm, and a hand that goes on closing on its own.
 #[test]
 fn a_shoulder_that_jumps_pauses_base_arm_and_hand_until_it_is_back() -> Outcome {
-    let mut testbed = testbed(MethodName::A)?;
+    let mut testbed = testbed("A")?;
     let home = testbed.plant().state().world_from_base;
     // The hand closes, and meanwhile the first joint turns.
     Course::of(&mut testbed, gesture(Gesture::HandClose), 100)?;
@@ -104,7 +104,7 @@ fn a_shoulder_that_jumps_pauses_base_arm_and_hand_until_it_is_back() -> Outcome 
 // Catches a pause at every movement of the shoulder.
 #[test]
 fn a_shoulder_that_moves_as_people_do_is_followed() -> Outcome {
-    let mut testbed = testbed(MethodName::A)?;
+    let mut testbed = testbed("A")?;
     let home = testbed.plant().state().world_from_base;
     for step in 1..=20 {
         let pose = Pose::translation(0.0, 0.005 * f64::from(step), 0.0) * home;
@@ -119,7 +119,7 @@ fn a_shoulder_that_moves_as_people_do_is_followed() -> Outcome {
 // Catches an arm that goes on when the page that held a gesture has died, and one that starts again by itself.
 #[test]
 fn the_arm_stops_when_its_page_dies_and_goes_on_after_a_relaxed_gesture() -> Outcome {
-    let mut session = Session::new(testbed(MethodName::A)?, PersonParts::default());
+    let mut session = Session::new(testbed("A")?, PersonParts::default());
     let page = InputSource::Page;
     // A page that gives a gesture is there.
     let say = |session: &mut Session, gesture| {

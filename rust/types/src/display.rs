@@ -1,4 +1,7 @@
-use crate::{BlockId, Event, GazeSample, Gesture, JointVector, PlanStatus, Point, Pose, SimTime, Stop};
+use crate::{
+    ContactView, Event, FeedbackCue, GazeSample, Gesture, GestureName, JointVector, ObjectId, PlanStatus,
+    Point, Pose, SimTime, Stop,
+};
 use serde::{Deserialize, Serialize};
 
 /// One consistent instant, as drawn: the page, the headset and the simulated participant all see this and
@@ -21,9 +24,9 @@ pub struct DisplayFrame {
     /// `world_from_head`: x ahead, y left, z up; the eye is its origin.
     #[cfg_attr(feature = "ts", ts(as = "crate::typescript::Pose"))]
     pub world_from_head: Pose,
-    /// `world_from_block` in [`BlockId::ALL`] order.
+    /// `world_from_object` of all objects of the scene.
     #[cfg_attr(feature = "ts", ts(as = "Vec<crate::typescript::Pose>"))]
-    pub blocks: Vec<Pose>,
+    pub objects: Vec<Pose>,
     /// The hand.
     pub hand: HandView,
     /// Gaze as measured.
@@ -41,8 +44,11 @@ pub struct DisplayFrame {
     /// Why the arm must stand still; none while it need not.
     #[serde(default)]
     pub stop: Option<Stop>,
-    /// Gesture in force, as recognised.
+    /// Command in force, from the gesture that was recognised.
     pub gesture: Gesture,
+    /// The gesture in force by its own name, as the EMG model calls it; that of the command for keys.
+    #[serde(default)]
+    pub recognised: GestureName,
     /// Probability of the recognised class, 0 to 1; one for keys.
     pub confidence: f64,
     /// How hard the recognised gesture is made, 0 to 1; one for keys.
@@ -52,14 +58,20 @@ pub struct DisplayFrame {
     pub emg_source: String,
     /// Seconds until the time limit.
     pub time_left_secs: f64,
-    /// The block that the prescribed order asks for next.
-    pub next_block: Option<BlockId>,
-    /// Blocks on target so far.
-    pub on_target: u32,
+    /// The object that the task asks for next.
+    pub next: Option<ObjectId>,
+    /// What the task counts, so far.
+    pub score: u32,
     /// True when the trial is over.
     pub finished: bool,
-    /// Events since the frame before: sounds and log.
+    /// Events since the frame before: the log.
     pub events: Vec<Event>,
+    /// Links that touch blocks.
+    #[serde(default)]
+    pub contacts: Vec<ContactView>,
+    /// What was to be heard and felt since the frame before.
+    #[serde(default)]
+    pub feedback: Vec<FeedbackCue>,
 }
 
 /// The hand's state, from its joints.
@@ -72,7 +84,7 @@ pub enum HandState {
     Open,
     /// On its way to closed.
     Closing,
-    /// Closed, or stopped by a block.
+    /// Closed, or stopped by an object.
     Closed,
     /// On its way to open.
     Opening,
@@ -90,31 +102,44 @@ impl HandState {
 pub struct HandView {
     /// Open, closed, or between.
     pub state: HandState,
-    /// The block in it.
-    pub holds: Option<BlockId>,
+    /// The object in it.
+    pub holds: Option<ObjectId>,
 }
 
 /// The selection marker.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct TargetView {
-    /// The highlighted block, while the hand is empty.
-    pub block: Option<BlockId>,
+    /// The highlighted object, while the hand is empty.
+    pub object: Option<ObjectId>,
     /// The place marker on the table top.
     #[cfg_attr(feature = "ts", ts(as = "Option<[f64; 3]>"))]
     pub place: Option<Point>,
-    /// The selection of the current phase (block, or place while a block is held) is locked.
+    /// The selection of the current phase (object, or place while an object is held) is locked.
     pub locked: bool,
-    /// Posterior over blocks in [`BlockId::ALL`] order; empty for methods without inference.
+    /// Posterior over the objects of the scene; empty for methods without inference.
     pub posterior: Vec<f64>,
+}
+
+/// What the movement gestures move.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
+#[serde(rename_all = "snake_case")]
+pub enum Moves {
+    /// The joint at this place of the arm, from 0 at the base.
+    Joint(u8),
+    /// The hand along an axis of the base: 0 x, 1 y, 2 z.
+    Translation(u8),
+    /// The hand about such an axis.
+    Rotation(u8),
 }
 
 /// The joint or axis that WE and WF move, in methods A and B.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct ModeView {
-    /// The number published on `/mode`: 0 to 6 are joints, 7 to 9 translations, 10 to 12 rotations about x, y, z.
-    pub number: u8,
+    /// What is moved.
+    pub moves: Moves,
     /// As shown, such as `elbow flexion`.
     pub name: String,
     /// What WE does, such as `flexion`, and what WF does.

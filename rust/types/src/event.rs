@@ -1,4 +1,4 @@
-use crate::{BlockId, Gesture, InputSource, PlanStatus, Point, SimTime, StopCause};
+use crate::{Gesture, InputSource, ObjectId, PlanStatus, Point, SimTime, StopCause};
 use serde::{Deserialize, Serialize};
 
 /// Something that happened at one tick.
@@ -12,6 +12,25 @@ pub struct Event {
     /// What.
     #[serde(flatten)]
     pub kind: EventKind,
+}
+
+/// Why a hand that closed holds nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
+#[serde(rename_all = "snake_case")]
+pub enum GraspFault {
+    /// The hand has no grasp for an object of this width.
+    NoGrasp,
+    /// Nothing was between the digits.
+    Nothing,
+    /// The digits closed without touching the object.
+    NotTouched,
+    /// One digit alone touched it.
+    OneDigit,
+    /// Two digits or more touch it, but none presses against another one, or too weakly.
+    NotOpposing,
+    /// Two digits or more touched it, and it slipped out.
+    Slipped,
 }
 
 /// What can happen.
@@ -51,42 +70,49 @@ pub enum EventKind {
     },
     /// The base follows the shoulder again, and arm and hand go on.
     BaseFollows,
-    /// The grasp rule took a block.
+    /// The grasp rule took an object.
     GraspMade {
-        /// Which block.
-        block: BlockId,
+        /// Which object.
+        object: ObjectId,
         /// Links of fingers that touched it.
         links: Vec<String>,
-        /// The block's centre, `world`, m.
+        /// The object's centre, `world`, m.
         #[cfg_attr(feature = "ts", ts(as = "[f64; 3]"))]
         place: Point,
     },
-    /// The grasp rule let a block go.
+    /// The grasp rule let an object go.
     GraspEnded {
-        /// Which block.
-        block: BlockId,
+        /// Which object.
+        object: ObjectId,
         /// Links of fingers that touched it when it was taken.
         links: Vec<String>,
-        /// The block's centre, `world`, m.
+        /// The object's centre, `world`, m.
         #[cfg_attr(feature = "ts", ts(as = "[f64; 3]"))]
         place: Point,
+    },
+    /// The hand closed and holds nothing.
+    GraspFailed {
+        /// The object that it closed on; none if nothing was near.
+        object: Option<ObjectId>,
+        /// Why.
+        reason: GraspFault,
     },
     /// A gaze came in that is not finite or has no direction. It counts as a blink, and so do those that follow it.
     GazeUnusable,
-    /// The hand took hold of a block ("contact made").
-    BlockAttached {
-        /// Which block.
-        block: BlockId,
+    /// The hand took hold of an object ("contact made").
+    ObjectAttached {
+        /// Which object.
+        object: ObjectId,
     },
-    /// The hand let go of a block ("contact lost").
-    BlockReleased {
-        /// Which block.
-        block: BlockId,
+    /// The hand let go of an object ("contact lost").
+    ObjectReleased {
+        /// Which object.
+        object: ObjectId,
     },
-    /// The selection of a block or a place was locked.
+    /// The selection of an object or a place was locked.
     Locked {
-        /// The block, or none for a place.
-        block: Option<BlockId>,
+        /// The object, or none for a place.
+        object: Option<ObjectId>,
     },
     /// The lock was taken off.
     Unlocked,
@@ -102,22 +128,34 @@ pub enum EventKind {
         /// How it ended.
         status: PlanStatus,
     },
+    /// The control method says something of its own.
+    MethodNote {
+        /// What it says.
+        text: String,
+    },
     /// The arm stopped before the end of its trajectory.
     MotionStopped,
     /// The trajectory was followed to its end.
     MotionFinished,
-    /// A block came to rest and counts.
-    BlockOnTarget {
-        /// Which block.
-        block: BlockId,
+    /// An object came to rest and counts.
+    ObjectOnTarget {
+        /// Which object.
+        object: ObjectId,
         /// Horizontal distance from its target's centre, metres.
         distance: f64,
     },
-    /// A block came to rest somewhere else.
-    BlockOffTarget {
-        /// Which block.
-        block: BlockId,
+    /// An object came to rest somewhere else.
+    ObjectOffTarget {
+        /// Which object.
+        object: ObjectId,
     },
+    /// An object was carried across the partition and counts.
+    ObjectCrossed {
+        /// Which object.
+        object: ObjectId,
+    },
+    /// Practice is over: from now on it counts.
+    PracticeFinished,
     /// The trial is over.
     TrialFinished,
 }

@@ -1,7 +1,10 @@
 use serde::{Deserialize, Serialize};
 use std::{fmt, str::FromStr};
 
-/// The five hand gestures that the classifier tells apart.
+/// What a control method can be told by hand: its commands, named after the gestures that give them in the paper.
+///
+/// The gestures that an EMG model tells apart are its own ([`crate::GestureName`]);
+/// [`crate::GestureCommands`] makes commands of them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 #[serde(rename_all = "snake_case")]

@@ -12,32 +12,45 @@
 //! assert_eq!(Gesture::WristExtension.ros_name(), "wrist_extension");
 //! assert_eq!(SimTime::from_secs(0.25), SimTime(250));
 //! ```
+#![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod bounded;
 mod display;
 mod event;
+mod feedback;
 mod gesture;
+mod gesture_commands;
+mod gesture_name;
 mod input;
 mod intention;
+mod method;
 mod plan;
 mod safety;
 mod scene;
+mod task;
 mod time;
 #[cfg(feature = "ts")]
 pub mod typescript;
 mod world;
 
 pub use bounded::{LineRead, MOST_RECORDING_BYTES, MOST_TEXT_BYTES, read_bytes, read_line, read_text};
-pub use display::{DisplayFrame, HandState, HandView, ModeView, PlannerView, TargetView};
-pub use event::{Event, EventKind};
+pub use display::{DisplayFrame, HandState, HandView, ModeView, Moves, PlannerView, TargetView};
+pub use event::{Event, EventKind, GraspFault};
+pub use feedback::{ContactView, Cue, Digit, FeedbackCue, Tone, Vibration};
 pub use gesture::{Gesture, UnknownGesture};
+pub use gesture_commands::{GestureCommands, GestureTableError};
+pub use gesture_name::{BadGestureName, GestureName, MAX_GESTURES};
 pub use input::{EmgSample, GazeSample, MAX_EMG_CHANNELS, MAX_SIGNS, MethodAnswer, TickInput};
 pub use intention::{Intention, TrunkPosture};
+pub use method::{
+    MOST_METHOD_NAME_BYTES, MOST_METHOD_TEXT_BYTES, MethodEvent, MethodHelp, MethodInfo, MethodStyle, Needs,
+};
 pub use plan::{
     AttachedObject, Obstacle, PlanGoal, PlanReply, PlanRequest, PlanStatus, Trajectory, TrajectoryPoint,
 };
 pub use safety::{InputSign, InputSource, SignKind, Stop, StopCause};
-pub use scene::{Block, BlockColour, BlockId, Region, Scene, SceneObject, Shape, Target};
+pub use scene::{MAX_OBJECTS, Object, ObjectId, ObjectSet, PlaceRegion, Scene, SceneObject, Shape, Target};
+pub use task::{Briefing, Destination, Order, TaskContext};
 pub use time::{SimTime, TICK_SECS};
 pub use world::{BodyState, Contact, PlantCommand, PlantState};
 

@@ -1,4 +1,4 @@
-use crate::{BlockId, JointVector, Point, Pose, Shape};
+use crate::{JointVector, ObjectId, Point, Pose, Shape};
 use serde::{Deserialize, Serialize};
 
 /// An obstacle of one plan.
@@ -12,7 +12,7 @@ pub struct Obstacle {
     pub pose: Pose,
 }
 
-/// A block in the hand: it moves with the tip and collides as part of the arm.
+/// An object in the hand: it moves with the tip and collides as part of the arm.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AttachedObject {
     /// Its name.
@@ -27,10 +27,10 @@ pub struct AttachedObject {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "goal", rename_all = "snake_case")]
 pub enum PlanGoal {
-    /// Around the block with an open hand, from a pre-grasp pose and straight down.
+    /// Around the object with an open hand, from a pre-grasp pose and straight down.
     Pick {
-        /// Which block; it is among the obstacles under its name until the descent.
-        block: BlockId,
+        /// Which object.
+        object: ObjectId,
         /// Its centre, in `world`.
         centre: Point,
     },
@@ -64,12 +64,34 @@ pub struct PlanRequest {
     pub hand: JointVector,
     /// What to reach.
     pub goal: PlanGoal,
+    /// Under which name the object of a pick is among the obstacles; none for other goals.
+    #[serde(default)]
+    pub picked: Option<String>,
     /// Everything to keep clear of.
     pub obstacles: Vec<Obstacle>,
-    /// The block in the hand.
+    /// The object in the hand.
     pub attached: Option<AttachedObject>,
+    /// Arm joints that stay at their angles of `start`, by position, ascending: those of the person's own limb. The plan
+    /// moves the others.
+    #[serde(default)]
+    pub held: Vec<usize>,
     /// Seeds every random choice of the answer.
     pub seed: u64,
+}
+
+impl PlanRequest {
+    /// Width of the object that the hand is about, metres: that is picked, or in the hand. None if there is none, or what
+    /// is picked is not among the obstacles.
+    pub fn grip_width(&self) -> Option<f64> {
+        let shape = match &self.goal {
+            PlanGoal::Pick { .. } => {
+                let picked = self.picked.as_deref()?;
+                self.obstacles.iter().find(|o| o.name == picked).map(|o| o.shape)
+            }
+            _ => self.attached.as_ref().map(|object| object.shape),
+        };
+        shape.map(|shape| shape.grip_width())
+    }
 }
 
 /// How a plan ended.

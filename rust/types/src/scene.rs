@@ -32,85 +32,88 @@ pub enum Shape {
     },
 }
 
-/// Colours of the blocks.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum BlockColour {
-    /// First of the two colours in the prescribed order.
-    Red,
-    /// Second.
-    Blue,
-}
+/// Most objects that a scene may have.
+pub const MAX_OBJECTS: usize = 192;
 
-/// The four blocks, in the order that all arrays over blocks have: red 1, red 2, blue 1, blue 2.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+/// A movable object of the scene, by its place in [`Scene::objects`]. All arrays over objects have that order.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
-#[serde(rename_all = "snake_case")]
-pub enum BlockId {
-    /// Red, number 1.
-    Red1,
-    /// Red, number 2.
-    Red2,
-    /// Blue, number 1.
-    Blue1,
-    /// Blue, number 2.
-    Blue2,
-}
+#[serde(transparent)]
+pub struct ObjectId(pub u16);
 
-impl BlockId {
-    /// All four in array order.
-    pub const ALL: [BlockId; 4] = [BlockId::Red1, BlockId::Red2, BlockId::Blue1, BlockId::Blue2];
-    /// The order in which the task asks for them.
-    pub const PRESCRIBED_ORDER: [BlockId; 4] = [BlockId::Red1, BlockId::Blue1, BlockId::Red2, BlockId::Blue2];
+impl ObjectId {
+    /// The object at `index` of [`Scene::objects`].
+    ///
+    /// # Panics
+    /// If `index` is not below [`MAX_OBJECTS`]; scenes with more objects are refused when they are made.
+    pub fn new(index: usize) -> Self {
+        assert!(index < MAX_OBJECTS, "object {index}, a scene has at most {MAX_OBJECTS}");
+        Self(index as u16)
+    }
 
-    /// Position in [`BlockId::ALL`].
+    /// Its place in [`Scene::objects`].
     pub fn index(self) -> usize {
-        self as usize
-    }
-
-    /// Its colour.
-    pub fn colour(self) -> BlockColour {
-        match self {
-            BlockId::Red1 | BlockId::Red2 => BlockColour::Red,
-            BlockId::Blue1 | BlockId::Blue2 => BlockColour::Blue,
-        }
-    }
-
-    /// The number painted on it.
-    pub fn number(self) -> u8 {
-        match self {
-            BlockId::Red1 | BlockId::Blue1 => 1,
-            BlockId::Red2 | BlockId::Blue2 => 2,
-        }
-    }
-
-    /// Name in results: `red1`, `red2`, `blue1`, `blue2`.
-    pub fn name(self) -> &'static str {
-        ["red1", "red2", "blue1", "blue2"][self.index()]
-    }
-
-    /// Name of the original's model and tf frame: `redcylinder1` and so on.
-    pub fn ros_name(self) -> &'static str {
-        ["redcylinder1", "redcylinder2", "bluecylinder1", "bluecylinder2"][self.index()]
+        usize::from(self.0)
     }
 }
 
-/// The four places on each side of the box: near or far from the person, medial or lateral.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
-pub enum Region {
-    /// Far, lateral.
-    FL,
-    /// Far, medial.
-    FM,
-    /// Near, lateral.
-    NL,
-    /// Near, medial.
-    NM,
+/// Some of the objects of a scene.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(from = "Vec<ObjectId>", into = "Vec<ObjectId>")]
+pub struct ObjectSet([u64; MAX_OBJECTS / 64]);
+
+impl ObjectSet {
+    /// The first `count` objects.
+    pub fn first(count: usize) -> Self {
+        (0..count).map(ObjectId::new).collect()
+    }
+
+    /// True if `object` is one of them.
+    pub fn contains(&self, object: ObjectId) -> bool {
+        self.0.get(object.index() / 64).is_some_and(|word| word >> (object.index() % 64) & 1 == 1)
+    }
+
+    /// Takes `object` in. One that no scene can have is left out.
+    pub fn insert(&mut self, object: ObjectId) {
+        if let Some(word) = self.0.get_mut(object.index() / 64) {
+            *word |= 1 << (object.index() % 64);
+        }
+    }
+
+    /// How many they are.
+    pub fn len(&self) -> usize {
+        self.0.iter().map(|word| word.count_ones() as usize).sum()
+    }
+
+    /// True if they are none.
+    pub fn is_empty(&self) -> bool {
+        self.0 == [0; MAX_OBJECTS / 64]
+    }
+
+    /// They, in the order of the scene.
+    pub fn iter(&self) -> impl Iterator<Item = ObjectId> + '_ {
+        (0..MAX_OBJECTS).map(ObjectId::new).filter(|object| self.contains(*object))
+    }
 }
 
-impl Region {
-    /// All four.
-    pub const ALL: [Region; 4] = [Region::FL, Region::FM, Region::NL, Region::NM];
+impl FromIterator<ObjectId> for ObjectSet {
+    fn from_iter<I: IntoIterator<Item = ObjectId>>(objects: I) -> Self {
+        let mut set = Self::default();
+        objects.into_iter().for_each(|object| set.insert(object));
+        set
+    }
+}
+
+impl From<Vec<ObjectId>> for ObjectSet {
+    fn from(objects: Vec<ObjectId>) -> Self {
+        objects.into_iter().collect()
+    }
+}
+
+impl From<ObjectSet> for Vec<ObjectId> {
+    fn from(set: ObjectSet) -> Self {
+        set.iter().collect()
+    }
 }
 
 /// An immovable body of the scene, such as a wall of the box.
@@ -128,46 +131,174 @@ pub struct SceneObject {
     pub friction: f64,
 }
 
-/// A movable block.
+/// A movable object.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
-pub struct Block {
-    /// Which one.
-    pub id: BlockId,
+#[cfg_attr(feature = "ts", ts(rename = "SceneThing"))]
+pub struct Object {
+    /// Unique name in results and plans, such as `red1`.
+    pub name: String,
+    /// What is painted on it; empty for nothing.
+    pub label: String,
+    /// Red, green, blue, 0 to 1 (sRGB).
+    pub colour: [f64; 3],
+    /// Name of its model and tf frame on a ROS graph.
+    pub ros_name: String,
     /// Its shape; the origin is the centre of mass.
     pub shape: Shape,
     /// Mass, kg, spread evenly.
     pub mass: f64,
-    /// Friction against table, walls and other blocks.
+    /// Friction against table, walls and other objects.
     pub friction: f64,
     /// Friction against fingers.
     pub friction_finger: f64,
-    /// `world_from_block` at the start: resting.
+    /// `world_from_object` at the start: resting.
     #[cfg_attr(feature = "ts", ts(as = "crate::typescript::Pose"))]
     pub pose: Pose,
 }
 
-/// Where a block has to go.
+impl Object {
+    /// An object with the friction of the modified box-and-blocks test: 0.4 against the table, 0.8 against fingers.
+    pub fn plain(name: &str, shape: Shape, mass: f64, pose: Pose) -> Self {
+        Self {
+            name: name.to_owned(),
+            label: String::new(),
+            colour: [0.5; 3],
+            ros_name: name.to_owned(),
+            shape,
+            mass,
+            friction: 0.4,
+            friction_finger: 0.8,
+            pose,
+        }
+    }
+}
+
+/// Where an object has to go.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct Target {
-    /// The block that belongs here.
-    pub block: BlockId,
+    /// The object that belongs here.
+    pub object: ObjectId,
     /// Centre of the disc on the table top, in `world`.
     #[cfg_attr(feature = "ts", ts(as = "[f64; 3]"))]
     pub centre: Point,
+    /// Radius of the disc, metres: an object counts with its centre above it.
+    pub radius: f64,
+}
+
+/// The part of the table top on which an object may be put down, along the axes of `world`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
+#[serde(deny_unknown_fields)]
+pub struct PlaceRegion {
+    /// Smallest x and y, metres.
+    pub min: [f64; 2],
+    /// Largest x and y, metres.
+    pub max: [f64; 2],
+}
+
+impl PlaceRegion {
+    /// The point of the region nearest to `point`, at `height`.
+    pub fn clamp(&self, point: &Point, height: f64) -> Point {
+        Point::new(point.x.clamp(self.min[0], self.max[0]), point.y.clamp(self.min[1], self.max[1]), height)
+    }
+
+    /// Its middle, at `height`.
+    pub fn centre(&self, height: f64) -> Point {
+        Point::new((self.min[0] + self.max[0]) / 2.0, (self.min[1] + self.max[1]) / 2.0, height)
+    }
 }
 
 /// Everything in the room except the arm.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct Scene {
     /// Table, walls, partition, legs, floor.
     pub fixed: Vec<SceneObject>,
-    /// Blocks in [`BlockId::ALL`] order.
-    pub blocks: Vec<Block>,
-    /// Targets in [`BlockId::ALL`] order.
+    /// What can be moved.
+    pub objects: Vec<Object>,
+    /// Where objects belong; some may have no such place.
     pub targets: Vec<Target>,
+    /// Where objects may be put down.
+    pub put_down: PlaceRegion,
     /// Height of the table top, metres in `world`.
     pub table_height: f64,
+}
+
+impl Scene {
+    /// Its objects' ids, in their order.
+    pub fn ids(&self) -> impl ExactSizeIterator<Item = ObjectId> + Clone + use<> {
+        (0..self.objects.len()).map(ObjectId::new)
+    }
+
+    /// The object called `name`.
+    pub fn named(&self, name: &str) -> Option<ObjectId> {
+        self.objects.iter().position(|object| object.name == name).map(ObjectId::new)
+    }
+
+    /// The name of `object`; `object 7` for one that the scene does not have.
+    pub fn name(&self, object: ObjectId) -> String {
+        let known = self.objects.get(object.index()).map(|object| object.name.clone());
+        known.unwrap_or_else(|| format!("object {}", object.0))
+    }
+
+    /// Where `object` belongs; none if it has no place of its own.
+    pub fn target(&self, object: ObjectId) -> Option<&Target> {
+        self.targets.iter().find(|target| target.object == object)
+    }
+}
+
+impl Shape {
+    /// Half of its height where it stands upright, metres.
+    pub fn half_height(&self) -> f64 {
+        match *self {
+            Shape::Box { size } => size[2] / 2.0,
+            Shape::Sphere { radius } => radius,
+            Shape::Cylinder { length, .. } => length / 2.0,
+            Shape::Capsule { radius, length } => length / 2.0 + radius,
+        }
+    }
+
+    /// How far it reaches from its axis where it stands upright, metres: the narrowest side of a box counts.
+    pub fn half_width(&self) -> f64 {
+        match *self {
+            Shape::Box { size } => size[0].min(size[1]) / 2.0,
+            Shape::Sphere { radius } | Shape::Cylinder { radius, .. } | Shape::Capsule { radius, .. } => {
+                radius
+            }
+        }
+    }
+
+    /// Least width that fingers close on while it stands upright, metres.
+    pub fn grip_width(&self) -> f64 {
+        2.0 * self.half_width()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_set_holds_what_was_put_in_in_the_order_of_the_scene_and_survives_its_text() {
+        let set: ObjectSet = [70, 3, 191, 3].map(ObjectId::new).into_iter().collect();
+        assert_eq!(set.iter().map(ObjectId::index).collect::<Vec<_>>(), [3, 70, 191]);
+        assert_eq!((set.len(), ObjectSet::first(4).len(), ObjectSet::default().is_empty()), (3, 4, true));
+        assert!(
+            set.contains(ObjectId(70)) && !set.contains(ObjectId(71)) && !set.contains(ObjectId(u16::MAX))
+        );
+        let text = serde_json::to_string(&set).expect("writes");
+        assert_eq!(text, "[3,70,191]");
+        assert_eq!(serde_json::from_str::<ObjectSet>(&text).expect("reads"), set);
+    }
+
+    #[test]
+    fn defect_44_a_place_outside_the_region_goes_to_its_nearest_point() {
+        let region = PlaceRegion { min: [-0.125, 0.0275], max: [0.125, 0.275] };
+        let inside = Point::new(0.05, 0.2, 1.0);
+        assert_eq!(region.clamp(&inside, 1.0), inside);
+        assert_eq!(region.clamp(&Point::new(9.0, 0.1, 1.0), 1.0), Point::new(0.125, 0.1, 1.0));
+        assert_eq!(region.clamp(&Point::new(-9.0, -9.0, 2.0), 1.0), Point::new(-0.125, 0.0275, 1.0));
+    }
 }

@@ -1,4 +1,4 @@
-use crate::{JointVector, Point, Pose, Vector};
+use crate::{JointVector, MAX_OBJECTS, Point, Pose, Vector};
 use arrayvec::ArrayVec;
 use serde::{Deserialize, Serialize};
 
@@ -13,18 +13,18 @@ pub struct BodyState {
     pub angular: Vector,
 }
 
-/// A block touched by a link of the arm during the last tick.
+/// An object touched by a link of the arm during the last tick.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Contact {
-    /// Index of the block in `Scene::blocks`.
-    pub block: usize,
+    /// Index of the object in `Scene::objects`.
+    pub object: usize,
     /// Index of the link in `ArmModel::links`.
     pub link: usize,
     /// Where, in `world`.
     pub point: Point,
-    /// Unit vector from the link into the block, `world`.
+    /// Unit vector from the link into the object, `world`.
     pub normal: Vector,
-    /// Normal force on the block, N, not negative.
+    /// Normal force on the object, N, not negative.
     pub force: f64,
 }
 
@@ -52,10 +52,10 @@ pub struct PlantState {
     pub world_from_base: Pose,
     /// The base stood still in the last tick, because it was told to jump.
     pub base_held: bool,
-    /// Blocks in `Scene::blocks` order.
-    pub blocks: ArrayVec<BodyState, 160>,
-    /// The attached block, as an index, and `link_from_block` in the link that holds it.
+    /// Objects in `Scene::objects` order.
+    pub objects: ArrayVec<BodyState, MAX_OBJECTS>,
+    /// The attached object, as an index, and `link_from_object` in the link that holds it.
     pub attached: Option<(usize, Pose)>,
-    /// Contacts between links and blocks in the last tick.
+    /// Contacts between links and objects in the last tick.
     pub contacts: ArrayVec<Contact, 64>,
 }

@@ -1,8 +1,8 @@
 use crate::trial::{self, AssemblyError};
 use proact_devices::EmgOrigin;
-use proact_tasks::Outcome;
-use proact_testbed::{ConfigError, Digest, MethodName, Setup, SpanDigest, TrialConfig};
+use proact_testbed::{ConfigError, Digest, Setup, SpanDigest, TrialConfig};
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 use std::error::Error;
 
 /// A trial of the list, on the command line of `proact demo --headless`.
@@ -11,7 +11,7 @@ use std::error::Error;
 pub struct TrialEntry {
     /// Its name in files and messages: no blanks.
     pub name: String,
-    method: MethodName,
+    method: String,
     setup: String,
     #[serde(default = "TrialEntry::default_profile")]
     profile: String,
@@ -27,7 +27,7 @@ impl TrialEntry {
 
     fn config(&self) -> Result<TrialConfig, ConfigError> {
         let setup = Setup::named(&self.setup)?;
-        let config = TrialConfig::new(self.method, self.seed, setup).with_profile(&self.profile)?;
+        let config = TrialConfig::new(&self.method, self.seed, setup).with_profile(&self.profile)?;
         config.with_values(&self.set)
     }
 
@@ -50,22 +50,31 @@ impl TrialEntry {
             }
         }
         let testbed = session.testbed();
-        let blocks = &testbed.plant().state().blocks;
-        let block_end = |result: proact_tasks::BlockResult| BlockEnd {
-            name: result.block.name().to_owned(),
-            outcome: result.outcome,
-            place_mm: {
-                let place = blocks[result.block.index()].pose.translation.vector;
-                std::array::from_fn(|k| (place[k] * 1e3).round() as i64)
-            },
-        };
+        let blocks = &testbed.plant().state().objects;
+        let scene = testbed.task().scene();
         let result = session.result();
+        // What the task says of each object, in its order; of one that says nothing, all objects in theirs.
+        let told = result.result.get("outcomes").and_then(Value::as_array).into_iter().flatten();
+        let word = |line: &Value, key| line.get(key).and_then(Value::as_str).unwrap_or("-").to_owned();
+        let mut lines: Vec<(String, String)> =
+            told.map(|line| (word(line, "block"), word(line, "outcome"))).collect();
+        if lines.is_empty() {
+            lines = scene.ids().map(|id| (scene.name(id), "-".to_owned())).collect();
+        }
+        let block_end = |(name, outcome): (String, String)| BlockEnd {
+            place_mm: scene.named(&name).map_or([0; 3], |id| {
+                let place = blocks[id.index()].pose.translation.vector;
+                std::array::from_fn(|k| (place[k] * 1e3).round() as i64)
+            }),
+            name,
+            outcome,
+        };
         Ok(TrialDigest {
             outcome: TrialOutcome {
                 trial: self.name.clone(),
                 ticks: testbed.now().0,
-                on_target: result.on_target,
-                blocks: result.outcomes.into_iter().map(block_end).collect(),
+                on_target: result.score as u32,
+                blocks: lines.into_iter().map(block_end).collect(),
             },
             configuration: Digest::new(&configuration).value()[..16].to_owned(),
             spans,
@@ -92,9 +101,9 @@ pub struct TrialOutcome {
     pub trial: String,
     /// Its length, ms.
     pub ticks: u64,
-    /// Blocks on target.
+    /// What the task counts.
     pub on_target: u32,
-    /// The blocks in the prescribed order.
+    /// The objects in the order of the task.
     pub blocks: Vec<BlockEnd>,
 }
 
@@ -105,7 +114,7 @@ pub struct BlockEnd {
     /// Such as `red1`.
     pub name: String,
     /// What became of it.
-    pub outcome: Outcome,
+    pub outcome: String,
     /// Its centre, `world`, millimetres.
     pub place_mm: [i64; 3],
 }

@@ -2,7 +2,7 @@
 
 use super::{PoseText, no_rotation, pose, text};
 use proact_planning::MeshObstacle;
-use proact_tasks::{Arrangement, BoxAndBlocks};
+use proact_tasks::{DEFAULT_TASK, TaskChoice};
 use proact_testbed::Setup;
 use proact_types::{AttachedObject, Obstacle, Pose, Shape};
 use serde::Deserialize;
@@ -72,10 +72,13 @@ fn named_scene(name: &str) -> Result<(Vec<Obstacle>, Pose), String> {
             return Err(format!("scene is \"{name}\", expected box, clutter, empty or a list of shapes"));
         }
     };
-    let scene = BoxAndBlocks::new(Arrangement::numbered(1).map_err(text)?).scene().clone();
+    let mut task = TaskChoice::named(DEFAULT_TASK, 0).map_err(text)?;
+    // The first arrangement, whatever a seed would choose.
+    task.arrangement = None;
+    let scene = task.build(false).map_err(text)?.scene().clone();
     let fixed = scene.fixed.into_iter().map(|o| Obstacle { name: o.name, shape: o.shape, pose: o.pose });
-    let movable = scene.blocks.into_iter().filter(|_| blocks).map(|block| Obstacle {
-        name: block.id.name().to_owned(),
+    let movable = scene.objects.into_iter().filter(|_| blocks).map(|block| Obstacle {
+        name: block.name,
         shape: block.shape,
         pose: block.pose,
     });

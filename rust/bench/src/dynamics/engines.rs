@@ -2,9 +2,10 @@
 
 use super::trial::{Call, Recorded, SEED, record};
 use super::{BenchFigure, Cost, quantile};
+use proact_control::MethodRegistry;
 use proact_dynamics::{DynamicsOptions, Engine};
 use proact_testbed::{
-    MethodName, PhysicsConfig, Setup, TrialConfig,
+    PhysicsConfig, Setup, TrialConfig,
     ports::{Plant, PlantError},
 };
 use proact_types::{PlantState, TICK_SECS};
@@ -17,7 +18,7 @@ fn options(engine: Engine) -> DynamicsOptions {
     DynamicsOptions { engine, ..DynamicsOptions::default() }
 }
 
-fn trial(method: MethodName, engine: Engine) -> Result<Recorded, Box<dyn Error>> {
+fn trial(method: &str, engine: Engine) -> Result<Recorded, Box<dyn Error>> {
     let physics = PhysicsConfig { engine, ..PhysicsConfig::default() };
     record(TrialConfig { physics, ..TrialConfig::new(method, SEED, Setup::named("seated")?) })
 }
@@ -34,7 +35,7 @@ fn speed(trial: &Recorded, engine: Engine) -> Result<f64, Box<dyn Error>> {
 
 /// Largest distance between the places of a block in two states, metres.
 fn blocks_apart(a: &PlantState, b: &PlantState) -> f64 {
-    let places = a.blocks.iter().zip(&b.blocks);
+    let places = a.objects.iter().zip(&b.objects);
     places.map(|(a, b)| (a.pose.translation.vector - b.pose.translation.vector).norm()).fold(0.0, f64::max)
 }
 
@@ -102,7 +103,7 @@ fn same_commands(trial: &Recorded) -> Result<Same, PlantError> {
 
 /// Times, angles, forces, and where blocks end, for the four methods.
 pub(super) fn engines(figures: &mut Vec<BenchFigure>) -> Result<(), Box<dyn Error>> {
-    for method in MethodName::ALL {
+    for method in MethodRegistry::standard().names() {
         let (reduced, ode) = (trial(method, Engine::Reduced)?, trial(method, Engine::Ode)?);
         let mut add = |what: &str, unit: &str, value: f64, peer: Option<f64>, note: &str| {
             let figure = BenchFigure::alone(&format!("engines, {method}, {what}"), value, unit, note);
@@ -112,7 +113,7 @@ pub(super) fn engines(figures: &mut Vec<BenchFigure>) -> Result<(), Box<dyn Erro
             });
         };
         let note = format!("seed {SEED}, seated, each engine its own trial");
-        let on_target = [&reduced, &ode].map(|trial| f64::from(trial.result.on_target));
+        let on_target = [&reduced, &ode].map(|trial| trial.result.score);
         add("blocks on target", "1", on_target[0], Some(on_target[1]), &note);
         let seconds = [&reduced, &ode].map(|trial| trial.result.sim_seconds);
         add("length", "s", seconds[0], Some(seconds[1]), &note);

@@ -127,7 +127,7 @@ fn problem(run: &Run<'_>, commands: &Path) -> Value {
     let fixed: Vec<Value> =
         run.scene.fixed.iter().map(|object| thing(&object.shape, &object.pose, 0.0)).collect();
     let blocks: Vec<Value> =
-        run.scene.blocks.iter().map(|block| thing(&block.shape, &block.pose, block.mass)).collect();
+        run.scene.objects.iter().map(|block| thing(&block.shape, &block.pose, block.mass)).collect();
     let events: Vec<Value> = run
         .events
         .iter()

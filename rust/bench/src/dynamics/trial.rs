@@ -9,9 +9,8 @@ use proact_devices::{EmgOrigin, GazeSource};
 use proact_dynamics::{DynamicsOptions, Engine, OdePlant, Solver};
 use proact_kinematics::Kinematics;
 use proact_participants::ParticipantOptions;
-use proact_tasks::BoxAndBlocks;
 use proact_testbed::{
-    MethodName, Parts, PersonParts, Session, Setup, Testbed, TrialConfig, TrialResult,
+    Parts, PersonParts, Session, Setup, Testbed, TrialConfig, TrialResult,
     ports::{Plant, PlantError},
 };
 use proact_types::{PlantCommand, PlantState, Pose, Scene, TICK_SECS};
@@ -114,7 +113,7 @@ impl Recorded {
 
 /// Runs the trial of method D that is measured.
 pub(super) fn record_d() -> Result<Recorded, Box<dyn Error>> {
-    record(TrialConfig::new(MethodName::D, SEED, Setup::named("seated")?))
+    record(TrialConfig::new("D", SEED, Setup::named("seated")?))
 }
 
 /// Runs one trial with a simulated participant and lists what its plant was asked.
@@ -123,18 +122,20 @@ pub(super) fn record(mut config: TrialConfig) -> Result<Recorded, Box<dyn Error>
     config.emg = Some(prepared.config);
     config.gesture_source = prepared.label;
     let options = *config.participant.get_or_insert_with(ParticipantOptions::default);
-    let scene = BoxAndBlocks::new(config.arrangement).scene().clone();
     let model = Arc::new(proact_description::mpl_right_arm());
-    let participant = participant(&config, options, &model)?;
+    let scene = config.build_task(&model)?.scene().clone();
+    let participant = participant(&proact_control::MethodRegistry::standard(), &config, options, &model)?;
     let gaze = GazeSource::new(options.gaze_error_deg, config.seed)?;
     let initial = [model.pose("arm", "start")?, model.pose("hand", "open")?].concat();
     let base = config.setup.body.shoulder_pose(&Default::default());
     let calls = Rc::new(RefCell::new(Vec::new()));
     let plant = OdePlant::new(&model, &scene, &initial, &base, DynamicsOptions::of(&config.physics))?;
     let parts = Parts {
+        arm: config.arm.clone(),
         model: model.clone(),
         kinematics: Box::new(Kinematics::new(&model)?),
         plant: Box::new(Listed { plant, calls: calls.clone() }),
+        methods: proact_control::MethodRegistry::standard(),
         plans: Box::new(planner(&model, &config)?),
         classifier: Some(prepared.classifier),
         process: None,

@@ -71,7 +71,7 @@ impl Independent {
     ) -> Result<Option<Contact>, Box<dyn Error>> {
         let parts = self.parts(request);
         let gripped = match &request.goal {
-            PlanGoal::Pick { block, .. } => Some(block.name()),
+            PlanGoal::Pick { .. } => request.picked.as_deref(),
             _ => None,
         };
         let things: Vec<Thing> = request

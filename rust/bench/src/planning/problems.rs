@@ -8,11 +8,11 @@ use nalgebra::{Translation3, UnitQuaternion};
 use proact_arm::{ArmModel, upright_axis};
 use proact_kinematics::{ArmKinematics, IkOutcome, Kinematics};
 use proact_planning::{CollisionScene, PlannerOptions};
-use proact_tasks::{PlaceRegion, TABLE_TOP, fixed_objects};
+use proact_tasks::{DEFAULT_TASK, TaskChoice};
 use proact_testbed::Setup;
 use proact_types::{
-    AttachedObject, BlockId, JointVector, Obstacle, PlanGoal, PlanRequest, Point, Pose, TrunkPosture, Vector,
-    joints,
+    AttachedObject, JointVector, ObjectId, Obstacle, PlaceRegion, PlanGoal, PlanRequest, Point, Pose, Scene,
+    TrunkPosture, Vector, joints,
 };
 use std::{error::Error, sync::Arc};
 
@@ -24,6 +24,8 @@ const GRIPS: usize = 40;
 const STARTS: usize = 8;
 /// Least distance of further blocks from the first one, which is gripped, metres.
 const ROOM_TO_GRIP: f64 = 0.075;
+/// Names of the first blocks.
+const BLOCKS: [&str; 4] = ["red1", "red2", "blue1", "blue2"];
 /// Heights above a grip at which the arm must still be free, metres.
 const LIFTS: [f64; 4] = [0.02, 0.04, 0.06, 0.08];
 /// Largest change of a joint between two of these, rad.
@@ -91,6 +93,7 @@ pub(super) struct Drawer {
     kinematics: Kinematics,
     scene: CollisionScene,
     setups: [Setup; 2],
+    box_scene: Scene,
     seed: u64,
     random: Random,
 }
@@ -104,6 +107,7 @@ impl Drawer {
             setups: [Setup::named("still")?, Setup::named("seated")?],
             random: Random(seed),
             seed,
+            box_scene: box_scene(),
             model,
         })
     }
@@ -122,14 +126,16 @@ impl Drawer {
     }
 
     fn draw(&mut self, kind: Kind, cluttered: bool) -> Drawn<(PlanRequest, [JointVector; 2])> {
-        let blocks = self.blocks(if cluttered { CLUTTER } else { BlockId::ALL.len() });
+        let blocks = self.blocks(if cluttered { CLUTTER } else { BLOCKS.len() });
         let mut request = PlanRequest {
             id: 1,
             world_from_base: self.base(),
             start: JointVector::new(),
             hand: joints(self.model.pose("hand", "open")?),
-            goal: PlanGoal::Pick { block: BlockId::Red1, centre: blocks[0] },
+            goal: PlanGoal::Pick { object: ObjectId(0), centre: blocks[0] },
+            picked: Some(BLOCKS[0].to_owned()),
             obstacles: obstacles(&blocks),
+            held: Vec::new(),
             attached: None,
             seed: self.random.next(),
         };
@@ -140,7 +146,7 @@ impl Drawer {
             return Ok(Some((request, [start, grip.over])));
         }
         let Some(grip) = self.grip(&request, &blocks[0])? else { return Ok(None) };
-        request.obstacles.retain(|o| o.name != BlockId::Red1.name());
+        request.obstacles.retain(|o| o.name != BLOCKS[0]);
         request.hand = joints(self.model.pose("hand", "closed")?);
         (request.start, request.attached) = (grip.at, Some(grip.attached));
         for _ in 0..DRAWS {
@@ -210,7 +216,7 @@ impl Drawer {
     /// A drawn grip of the first block, at `centre`, from above: the hand can come down straight around the block,
     /// close, and lift it.
     fn grip(&mut self, request: &PlanRequest, centre: &Point) -> Drawn<Grip> {
-        let grasp = self.model.grasp;
+        let grasp = self.model.grasp_for(BLOCK.grip_width()).clone();
         for _ in 0..GRIPS {
             let roll = self.random.between(grasp.roll_range[0], grasp.roll_range[1]);
             let lean = self.random.between(-grasp.lean, grasp.lean);
@@ -218,15 +224,15 @@ impl Drawer {
             let axis = upright_axis(roll, lean).normalize();
             let upright = UnitQuaternion::rotation_between(&axis, &Vector::z()).unwrap_or_default();
             let turn = UnitQuaternion::from_axis_angle(&Vector::z_axis(), yaw) * upright;
-            let at = centre - turn * self.model.grasp_centre;
+            let at = centre - turn * grasp.centre;
             let tip = Pose::from_parts(at.coords.into(), turn);
             let object = Pose::translation(centre.x, centre.y, centre.z);
             let attached = AttachedObject {
-                name: BlockId::Red1.name().to_owned(),
+                name: BLOCKS[0].to_owned(),
                 shape: BLOCK,
                 tip_from_object: tip.inverse() * object,
             };
-            self.put_up(request, "closed", Some(&attached))?;
+            self.put_up(request, &grasp.closed_pose, Some(&attached))?;
             let Some((at, over)) = self.raised(request, &tip, &LIFTS)? else { continue };
             // The open hand goes the same way.
             self.put_up(request, "open", None)?;
@@ -289,7 +295,7 @@ impl Drawer {
             let (apart, y_max) = if centres.len() < 4 { (0.1, -0.045) } else { (0.06, 0.265) };
             let x = self.random.between(-0.115, 0.115);
             let y = self.random.between(-0.26, y_max);
-            let centre = Point::new(x, y, TABLE_TOP + BLOCK_HEIGHT / 2.0);
+            let centre = Point::new(x, y, self.box_scene.table_height + BLOCK_HEIGHT / 2.0);
             let clear = y.abs() > 0.035
                 && centres.iter().all(|c| (c - centre).norm() > apart)
                 && centres.first().is_none_or(|c| (c - centre).norm() > ROOM_TO_GRIP);
@@ -309,14 +315,11 @@ impl Drawer {
 
     /// A place on the table with room for a block, on the side of the targets.
     fn spot(&mut self, blocks: &[Point]) -> Point {
-        let PlaceRegion { min, max } = PlaceRegion::DEFAULT;
+        let (PlaceRegion { min, max }, table) = (self.box_scene.put_down, self.box_scene.table_height);
         let mut best = (f64::NEG_INFINITY, Point::origin());
         for _ in 0..200 {
-            let point = Point::new(
-                self.random.between(min[0], max[0]),
-                self.random.between(min[1], max[1]),
-                TABLE_TOP,
-            );
+            let point =
+                Point::new(self.random.between(min[0], max[0]), self.random.between(min[1], max[1]), table);
             let room = blocks.iter().map(|b| (b - point).xy().norm()).fold(f64::INFINITY, f64::min);
             if room > 0.1 {
                 return point;
@@ -351,11 +354,18 @@ fn from_block(blocks: &[Point], tip: &Pose) -> Pose {
     Pose::translation(blocks[0].x, blocks[0].y, blocks[0].z).inverse() * tip
 }
 
+/// The box of the task that the figures are for.
+fn box_scene() -> Scene {
+    let task = TaskChoice::named(DEFAULT_TASK, 0).and_then(|task| task.build(false));
+    task.expect("the default task ships with the program and is tested there").scene().clone()
+}
+
 /// The fixed objects, and blocks at `centres`; the first four have the task's names.
 pub(super) fn obstacles(centres: &[Point]) -> Vec<Obstacle> {
-    let fixed = fixed_objects().into_iter().map(|o| Obstacle { name: o.name, shape: o.shape, pose: o.pose });
+    let fixed =
+        box_scene().fixed.into_iter().map(|o| Obstacle { name: o.name, shape: o.shape, pose: o.pose });
     let blocks = centres.iter().enumerate().map(|(k, c)| Obstacle {
-        name: BlockId::ALL.get(k).map_or_else(|| format!("block_{k}"), |id| id.name().to_owned()),
+        name: BLOCKS.get(k).map_or_else(|| format!("block_{k}"), |name| (*name).to_owned()),
         shape: BLOCK,
         pose: Pose::translation(c.x, c.y, c.z),
     });

@@ -240,7 +240,7 @@ impl Bench {
 
 /// The share of a trial's wall time in which the planner works: method D, seated, as fast as it goes.
 pub(super) fn share_of_a_trial() -> Result<BenchFigure, Box<dyn Error>> {
-    let config = TrialConfig::new("D".parse()?, 1, Setup::named("seated")?);
+    let config = TrialConfig::new("D", 1, Setup::named("seated")?);
     let trial::Assembly { mut session, plans, .. } = trial::simulated(config, &EmgOrigin::Synthetic)?;
     let begin = Instant::now();
     while !session.step(false)?.output.finished {}

@@ -2,6 +2,7 @@
 
 use super::{Death, Device, Outcome, PATIENCE, wait_for};
 use proact_app::{Arm, LiveArmband, trial};
+use proact_control::MethodRegistry;
 use proact_devices::{
     SyntheticEmg, SyntheticModel,
     gforce::{
@@ -11,7 +12,7 @@ use proact_devices::{
     stream,
 };
 use proact_emg::{EmgConfig, EmgModel};
-use proact_testbed::{MethodName, Session, Setup, TrialConfig};
+use proact_testbed::{Session, Setup, TrialConfig};
 use proact_types::{EmgSample, Gesture};
 use std::{
     net::{TcpListener, TcpStream},
@@ -49,9 +50,11 @@ pub(super) fn device(death: Death) -> Outcome<(Session, Box<dyn Device>)> {
     });
     let source = GForce::open(Box::new(TcpConnector::new(address)), GForceOptions::default())?;
     let armband = LiveArmband::start(Box::new(source), model()?);
-    let config = TrialConfig::new(MethodName::A, 1, Setup::named("still")?);
-    let worn = trial::Armband { trained: armband.model(), samples: armband.port() };
-    let session = trial::live_with(&Arm::of(&config)?, config, Some(worn))?.session;
+    let config = TrialConfig::new("A", 1, Setup::named("still")?);
+    let commands = config.gesture_commands(EmgConfig::default().rest, &armband.model().classifier)?;
+    let worn = trial::Armband { trained: armband.model(), samples: armband.port(commands) };
+    let session =
+        trial::live_with(&MethodRegistry::standard(), &Arm::of(&config)?, config, Some(worn))?.session;
     let near = Near { orders, answers, armband, gesture, expected: 0, first_bad: None };
     Ok((session, Box::new(near)))
 }

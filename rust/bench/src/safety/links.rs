@@ -5,7 +5,7 @@ use crate::bridge::Link;
 use proact_app::{drive_by_page, drive_by_topics, trial};
 use proact_bridge::{PageContent, PageOptions, PageServer};
 use proact_rosbridge::{HeadsetTopics, LocalBus, RosbridgeOptions, RosbridgeServer, TopicBus};
-use proact_testbed::{MethodName, Session, Setup, TrialConfig};
+use proact_testbed::{Session, Setup, TrialConfig};
 use proact_types::{Gesture, InputSource};
 use serde_json::json;
 use std::sync::Arc;
@@ -16,7 +16,7 @@ const TOPIC_TICKS: u64 = 50;
 
 /// A trial of method A by keys, and who presses them.
 pub(super) fn device(source: InputSource, death: Death) -> Outcome<(Session, Box<dyn Device>)> {
-    let config = TrialConfig::new(MethodName::A, 1, Setup::named("still")?);
+    let config = TrialConfig::new("A", 1, Setup::named("still")?);
     let session = trial::live(config)?.session;
     let device: Box<dyn Device> = match source {
         InputSource::Page => Box::new(Page::new(&session, death)?),
@@ -59,9 +59,13 @@ impl Page {
             title: "bench".to_owned(),
             setup: testbed.config().setup.name.clone(),
             arm: testbed.model().as_ref().clone(),
+            meshes: vec![],
             scene: testbed.task().scene().clone(),
+            briefing: testbed.task().briefing().clone(),
             interactive: true,
             lean: false,
+            method: Default::default(),
+            methods: vec![],
         };
         let server = PageServer::start(PageOptions { port: 0, ..PageOptions::default() }, content)?;
         let link = Some(Self::connect(&server)?);
@@ -129,7 +133,12 @@ struct Topic {
 impl Topic {
     fn new(session: &Session, death: Death) -> Outcome<Self> {
         let bus: Arc<dyn TopicBus> = LocalBus::new();
-        let topics = HeadsetTopics::new(bus.clone(), session.testbed().model(), session.head())?;
+        let topics = HeadsetTopics::new(
+            bus.clone(),
+            session.testbed().model(),
+            session.testbed().task().scene(),
+            session.head(),
+        )?;
         let server =
             RosbridgeServer::start(RosbridgeOptions { port: 0, ..RosbridgeOptions::default() }, bus)?;
         let link = Some(Self::connect(&server)?);

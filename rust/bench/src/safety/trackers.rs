@@ -5,7 +5,7 @@ use crate::bridge::Link;
 use proact_app::{EyeTracker, LimbReceiver, drive_by_topics, query::scattered, trial};
 use proact_devices::GazeReceiver;
 use proact_rosbridge::{HeadsetTopics, LocalBus, RosbridgeOptions, RosbridgeServer, TopicBus};
-use proact_testbed::{MethodName, Session, Setup, TrialConfig};
+use proact_testbed::{Session, Setup, TrialConfig};
 use proact_types::{Gesture, InputSource, Pose};
 use serde_json::json;
 use std::{
@@ -19,7 +19,7 @@ const BODY_TICKS: u64 = 10;
 
 /// A trial whose gestures come from nowhere that can die, and a tracker that can.
 pub(super) fn device(source: InputSource, death: Death) -> Outcome<(Session, Box<dyn Device>)> {
-    let method = if source == InputSource::EyeTracker { MethodName::D } else { MethodName::A };
+    let method = if source == InputSource::EyeTracker { "D" } else { "A" };
     let mut config = TrialConfig::new(method, 1, Setup::named("still")?);
     if source == InputSource::LimbTracker {
         config = config.with_values(&["profile.level=below_elbow"])?;
@@ -117,7 +117,7 @@ impl Tracker for Eye {
     /// A look at the first block from where the head is, with the noise of an eye.
     fn measure(&mut self, session: &mut Session, number: u64) -> Outcome<()> {
         let eye = session.head().translation.vector;
-        let block = session.testbed().task().scene().blocks[0].pose.translation.vector;
+        let block = session.testbed().task().scene().objects[0].pose.translation.vector;
         let mut direction = block - eye;
         direction.iter_mut().enumerate().for_each(|(k, value)| *value += 0.002 * noise(number, k));
         let (origin, direction): ([f64; 3], [f64; 3]) = (eye.into(), direction.into());
@@ -194,7 +194,12 @@ struct Shoulder {
 impl Shoulder {
     fn new(session: &Session) -> Outcome<Self> {
         let bus: Arc<dyn TopicBus> = LocalBus::new();
-        let topics = HeadsetTopics::new(bus.clone(), session.testbed().model(), session.head())?;
+        let topics = HeadsetTopics::new(
+            bus.clone(),
+            session.testbed().model(),
+            session.testbed().task().scene(),
+            session.head(),
+        )?;
         let server =
             RosbridgeServer::start(RosbridgeOptions { port: 0, ..RosbridgeOptions::default() }, bus)?;
         let start = session.testbed().plant().state().world_from_base;

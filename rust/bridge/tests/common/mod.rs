@@ -37,11 +37,31 @@ pub fn content(interactive: bool) -> PageContent {
         tip: 1,
         poses: vec![],
         allowed_collisions: vec![],
-        grasp_centre: Vector::zeros(),
-        grasp: Default::default(),
+        ..Default::default()
     };
-    let scene = Scene { fixed: vec![], blocks: vec![], targets: vec![], table_height: 1.015 };
-    PageContent { title: "test".into(), setup: "still".into(), arm, scene, interactive, lean: false }
+    let scene = Scene { table_height: 1.015, ..Scene::default() };
+    let briefing = Briefing {
+        title: "Modified box and blocks".into(),
+        text: "Carry each block to its target.".into(),
+        order: Order::Prescribed,
+        destination: Destination::OwnTarget,
+        score_name: "blocks on target".into(),
+        most: Some(4),
+        practice_secs: 0.0,
+        limit_secs: 300.0,
+    };
+    PageContent {
+        title: "test".into(),
+        setup: "still".into(),
+        arm,
+        meshes: vec![],
+        scene,
+        briefing,
+        interactive,
+        lean: false,
+        method: Default::default(),
+        methods: vec![],
+    }
 }
 
 pub fn frame(tick: u64) -> DisplayFrame {
@@ -52,7 +72,7 @@ pub fn frame(tick: u64) -> DisplayFrame {
         world_from_base: Isometry3::identity(),
         world_from_tip: Isometry3::identity(),
         world_from_head: Isometry3::identity(),
-        blocks: vec![],
+        objects: vec![],
         hand: HandView::default(),
         gaze: None,
         target: TargetView::default(),
@@ -60,15 +80,18 @@ pub fn frame(tick: u64) -> DisplayFrame {
         mode: None,
         stop: None,
         gesture: Gesture::NoMotion,
+        recognised: Gesture::NoMotion.into(),
         confidence: 1.0,
         effort: 0.5,
         emg_source: "keys".into(),
         time_left_secs: 300.0,
         goal: None,
-        next_block: Some(BlockId::Red1),
-        on_target: 0,
+        next: Some(ObjectId(0)),
+        score: 0,
         finished: false,
         events: vec![],
+        contacts: Vec::new(),
+        feedback: Vec::new(),
     }
 }
 

@@ -15,7 +15,7 @@ import {
 import { STLLoader } from "three/addons/loaders/STLLoader.js";
 import { mergeVertices, toCreasedNormals } from "three/addons/utils/BufferGeometryUtils.js";
 import type { DrawnPose } from "./motion";
-import type { ArmModel, Link } from "./generated/types";
+import type { ArmModel, Link, MeshFile } from "./generated/types";
 import { place, shapeGeometry } from "./shapes";
 
 /** Edges sharper than this stay sharp, rad. */
@@ -28,14 +28,14 @@ export class Meshes {
   private readonly loader = new STLLoader();
   private readonly geometries = new Map<string, Promise<BufferGeometry>>();
 
-  geometry(file: string): Promise<BufferGeometry> {
-    let geometry = this.geometries.get(file);
+  geometry(id: string): Promise<BufferGeometry> {
+    let geometry = this.geometries.get(id);
     if (!geometry) {
       geometry = this.loader
-        .loadAsync(meshAddress(file))
+        .loadAsync(`/meshes/${encodeURIComponent(id)}`)
         // Smooth where the surface is; shared corners are computed once.
         .then((loaded) => mergeVertices(toCreasedNormals(loaded, CREASE_RAD)));
-      this.geometries.set(file, geometry);
+      this.geometries.set(id, geometry);
     }
     return geometry;
   }
@@ -56,6 +56,7 @@ export class Arm {
   /** `ghost` draws the hand alone, to be seen through. */
   constructor(
     private readonly model: ArmModel,
+    private readonly files: MeshFile[],
     private readonly meshes: Meshes,
     private readonly failed: (message: string) => void,
     private readonly look: "solid" | "ghost" = "solid",
@@ -107,16 +108,22 @@ export class Arm {
         continue;
       }
       const { file, scale } = visual.geometry.mesh;
-      this.meshes.geometry(file).then(
+      const missing = () => {
+        this.failed(`mesh ${file} is missing; its link is drawn by its collision shapes`);
+        this.dressBare(group, link);
+      };
+      const id = this.files.find(({ address }) => address === file)?.id;
+      if (id === undefined) {
+        missing();
+        continue;
+      }
+      this.meshes.geometry(id).then(
         (geometry) => {
           const mesh = new Mesh(geometry, material);
           mesh.scale.set(...scale);
           this.attach(group, mesh, visual.pose);
         },
-        () => {
-          this.failed(`mesh ${file} is missing; its link is drawn by its collision shapes`);
-          this.dressBare(group, link);
-        },
+        missing,
       );
     }
     if (link.visuals.length === 0) this.dressBare(group, link);
@@ -156,10 +163,4 @@ export class Arm {
     }
     return material;
   }
-}
-
-/** Meshes are served below /meshes by what follows `meshes/` in the description. */
-function meshAddress(file: string): string {
-  const inside = file.split("/meshes/").pop() ?? file;
-  return `/meshes/${inside.split("/").map(encodeURIComponent).join("/")}`;
 }

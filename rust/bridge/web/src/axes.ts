@@ -4,11 +4,8 @@
 import { ConeGeometry, CylinderGeometry, Group, Mesh, MeshBasicMaterial, TorusGeometry, Vector3 } from "three";
 import type { Arm } from "./arm";
 import type { Drawn } from "./motion";
-import type { DisplayFrame } from "./generated/types";
+import type { DisplayFrame, Moves } from "./generated/types";
 
-/** Numbers of modes: below are joints. */
-const FIRST_TRANSLATION = 7;
-const FIRST_ROTATION = 10;
 /** Length of an axis at the shoulder and at the hand, metres. */
 const LENGTH = 0.22;
 const HAND_SHARE = 0.7;
@@ -34,11 +31,12 @@ export class AxisDisplay {
     if (!mode) return;
     const sign = mode.we_sign < 0 ? -1 : 1;
     const moves = gesture === "wrist_extension" ? sign : gesture === "wrist_flexion" ? -sign : 0;
-    const joint = mode.number < FIRST_TRANSLATION;
+    const chosenMove = mode.moves;
+    const joint = "joint" in chosenMove;
     for (const triad of this.triads) triad.root.visible = !joint;
     this.ring.visible = joint;
     if (joint) {
-      const chosen = this.arm.joint(mode.number);
+      const chosen = this.arm.joint(chosenMove.joint);
       this.ring.visible = chosen !== undefined;
       if (!chosen) return;
       chosen.turn.getWorldPosition(this.place);
@@ -52,7 +50,7 @@ export class AxisDisplay {
     this.triads[1].root.position.copy(drawn.tip.position);
     for (const triad of this.triads) {
       triad.root.quaternion.copy(drawn.base.rotation);
-      triad.choose(mode.number, moves === 0 ? sign : moves, moves !== 0);
+      triad.choose(chosenMove, moves === 0 ? sign : moves, moves !== 0);
     }
   }
 }
@@ -73,9 +71,9 @@ class Triad {
     this.root.add(this.chosen, this.turn);
   }
 
-  choose(number: number, sign: number, moving: boolean): void {
-    const turns = number >= FIRST_ROTATION;
-    const axis = number - (turns ? FIRST_ROTATION : FIRST_TRANSLATION);
+  choose(what: Exclude<Moves, { joint: number }>, sign: number, moving: boolean): void {
+    const turns = "rotation" in what;
+    const axis = turns ? what.rotation : what.translation;
     const direction = new Vector3().setComponent(axis, sign);
     this.arrows.forEach((line, k) => (line.visible = turns || k !== axis));
     this.chosen.visible = !turns;

@@ -3,8 +3,8 @@
 
 import "./calibrate.css";
 import { element, setClass, setText, setWidth } from "./dom";
-import type { CalibrationCommand, CalibrationMessage, CalibrationReport, CalibrationScreen, Gesture } from "./generated/types";
-import { GESTURE_NAMES, handPicture } from "./hand";
+import type { CalibrationCommand, CalibrationMessage, CalibrationReport, CalibrationScreen, GestureName } from "./generated/types";
+import { gestureText, handPicture } from "./hand";
 
 /** What there is to show, of one kind. */
 type Screen<Kind extends CalibrationScreen["type"]> = Extract<CalibrationScreen, { type: Kind }>;
@@ -78,12 +78,12 @@ function show(message: CalibrationMessage): void {
   else if (message.type === "end") showEnd(message);
 }
 
-function showPrompt(gesture: Gesture, text: string, share: number, recording: boolean): void {
+function showPrompt(gesture: GestureName, text: string, share: number, recording: boolean): void {
   if (shownPicture !== gesture) {
     shownPicture = gesture;
     picture.replaceChildren(handPicture(gesture));
   }
-  setText(name, GESTURE_NAMES[gesture]);
+  setText(name, gestureText(gesture));
   setText(count, text);
   setClass(bar, "recording", recording);
   setWidth(fill, share);
@@ -124,16 +124,16 @@ function showReport(report: CalibrationReport | null, target: number): void {
   if (report === null || key === shownReport) return;
   shownReport = key;
   const percent = (share: number) => `${(100 * share).toFixed(1)} %`;
-  const head = element("tr", "", element("th", "", "asked"), ...report.classes.map((g) => element("th", "", GESTURE_NAMES[g])));
+  const head = element("tr", "", element("th", "", "asked"), ...report.classes.map((g) => element("th", "", gestureText(g))));
   head.append(element("th", "", "recognised"));
   const rows = report.classes.map((gesture, row) => {
     const cells = (report.confusion[row] ?? []).map((n) => element("td", "", String(n)));
-    return element("tr", "", element("th", "", GESTURE_NAMES[gesture]), ...cells, element("td", "", percent(report.recall[row] ?? 0)));
+    return element("tr", "", element("th", "", gestureText(gesture)), ...cells, element("td", "", percent(report.recall[row] ?? 0)));
   });
   const verdict = report.good_enough ? "good enough" : `the aim is ${percent(target)}`;
   const warnings = report.repetitions
     .filter((r) => r.outlier)
-    .map((r) => element("p", "warning", `Repetition ${r.repetition + 1} of “${GESTURE_NAMES[r.gesture]}” differs from the others: record it again?`));
+    .map((r) => element("p", "warning", `Repetition ${r.repetition + 1} of “${gestureText(r.gesture)}” differs from the others: record it again?`));
   judged.replaceChildren(
     element("h2", "accuracy", `Round ${report.rounds}: ${percent(report.accuracy)} recognised, ${verdict}`),
     ...warnings,
@@ -166,7 +166,7 @@ function showButtons(message: Screen<"calibration">): void {
     button("Another round", report?.good_enough ? "" : "main", reviewing && rounds < most, () => send({ type: "proceed" })),
     button("Stop and save the model", report?.good_enough ? "main" : "", reviewing, () => send({ type: "finish" })),
     ...message.gestures.map((gesture) =>
-      button(`Again: ${GESTURE_NAMES[gesture]}`, "", reviewing, () => send({ type: "record_again", gesture })),
+      button(`Again: ${gestureText(gesture)}`, "", reviewing, () => send({ type: "record_again", gesture })),
     ),
   ]);
 }
@@ -182,7 +182,7 @@ function showTest(message: Screen<"test">): void {
     message.test === "sequence"
       ? `${message.report.in_a_row} sequences in a row without a mistake`
       : `${message.report.prompts} prompts, ${(100 * message.report.accuracy).toFixed(0)} % right`;
-  showPrompt(message.prompt ?? "no_motion", `recognised: ${GESTURE_NAMES[message.in_force]}. ${progress}`, 0, false);
+  showPrompt(message.prompt ?? "no_motion", `recognised: ${gestureText(message.in_force)}. ${progress}`, 0, false);
 }
 
 function showCursor(message: Screen<"cursor">): void {
@@ -210,7 +210,7 @@ function showCursor(message: Screen<"cursor">): void {
     figures,
     `${report.movements.length} of ${report.asked} targets; ${report.throughput_bits_per_s.toFixed(2)} bit/s, path ` +
       `${(100 * report.path_efficiency).toFixed(0)} %, ${report.overshoots.toFixed(2)} overshoots, ` +
-      `${(100 * report.completion_rate).toFixed(0)} % completed; recognised: ${GESTURE_NAMES[message.in_force]}`,
+      `${(100 * report.completion_rate).toFixed(0)} % completed; recognised: ${gestureText(message.in_force)}`,
   );
 }
 

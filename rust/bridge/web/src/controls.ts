@@ -3,7 +3,7 @@
 import { element, setClass, setText } from "./dom";
 import { GAMEPAD_HELP } from "./gamepad";
 import { Holding } from "./holding";
-import type { Gesture, ModeView } from "./generated/types";
+import type { Gesture, MethodHelp, ModeView } from "./generated/types";
 import { GESTURE_NAMES } from "./protocol";
 import { keyName, type ActionKey, type Command, type GestureKey, type LeanKey, type Settings } from "./settings";
 
@@ -109,17 +109,15 @@ export class Controls {
     this.showPosture();
   }
 
-  /** Says on the keys what the gestures do now: with methods A and B, where the selected joint or axis goes. */
-  setEffects(method: string, mode: ModeView | null): void {
-    const stepwise: Partial<Record<Gesture, string>> = {
-      wrist_extension: mode?.directions[0] ?? "move +",
-      wrist_flexion: mode?.directions[1] ?? "move −",
-      hand_close: "close / open",
-      hand_open: method === "A" ? "next joint" : "next axis",
+  /** Says on the keys what the gestures do now: where the selected joint or axis goes, else what the method says. */
+  setEffects(help: MethodHelp | undefined, mode: ModeView | null): void {
+    const moves: Partial<Record<Gesture, string | undefined>> = {
+      wrist_extension: mode?.directions[0],
+      wrist_flexion: mode?.directions[1],
     };
     for (const { gesture, effect } of GESTURES) {
       const label = this.buttons.get(gesture)?.querySelector("span");
-      if (label) setText(label, (["A", "B"].includes(method) ? stepwise[gesture] : undefined) ?? effect);
+      if (label) setText(label, moves[gesture] || help?.[gesture] || effect);
     }
   }
 

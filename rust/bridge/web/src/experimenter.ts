@@ -6,7 +6,8 @@ import "./desk.css";
 import { CAMERA_KINDS, CAMERA_NAMES } from "./cameras";
 import { button, element, setClass, setText } from "./dom";
 import { FrameCount } from "./framecount";
-import { METHOD_NAMES, blockName, eventText } from "./hud";
+import { eventText, scoreText } from "./hud";
+import { objectName } from "./objects";
 import { Live } from "./live";
 import { Motion } from "./motion";
 import type { DisplayFrame, PageContent, Signals, Stop, TrialEvent, TrialStatus } from "./generated/types";
@@ -65,16 +66,15 @@ function start(): void {
   const buttons = {
     start: button("New trial", () => live.send({ type: "restart" }), "primary"),
     pause: button("Pause", () => live.send({ type: "study", action: status?.paused ? "resume" : "pause" })),
-    reset: button("Reset blocks", () => live.send({ type: "restart", again: true })),
+    reset: button("Reset objects", () => live.send({ type: "restart", again: true })),
     check: button("Check gaze", () => live.send({ type: "study", action: "check_gaze" })),
     calibrate: button("Recalibrate gaze", () => live.send({ type: "study", action: "calibrate_gaze" })),
     abort: button("End trial", () => live.send({ type: "study", action: "abort" }), "danger"),
   };
-  buttons.reset.title = "A new trial with the blocks where they stood at the start of this one";
+  buttons.reset.title = "A new trial with the objects where they stood at the start of this one";
   buttons.check.title = "The participant's page shows five points to look at, and stores how well gaze followed them";
   buttons.calibrate.title = "The same five points; the error that they agree on is taken off the gaze from then on";
-  const methods = ["A", "B", "C", "D"].map((name) => button(name, () => live.send({ type: "restart", method: name })));
-  methods.forEach((node) => (node.title = `New trial with method ${node.textContent}: ${METHOD_NAMES[node.textContent ?? ""]}`));
+  const methods = element("div", "methodrow");
   const cameraBar = element("div", "camerabar", ...CAMERA_KINDS.map((kind) => button(CAMERA_NAMES[kind], () => chooseCamera(kind))));
   const pane = (title: string, classes: string, ...children: HTMLElement[]) =>
     element("section", `pane ${classes}`, element("h2", "", title), ...children);
@@ -99,7 +99,7 @@ function start(): void {
         "side",
         spectator
           ? null
-          : pane("Trial", "", element("div", "methodrow", ...methods), element("div", "actionsgrid", ...Object.values(buttons))),
+          : pane("Trial", "", methods, element("div", "actionsgrid", ...Object.values(buttons))),
         pane("State", "", trial.root),
         pane("Rates and latencies", "", rates.root),
       ),
@@ -154,7 +154,15 @@ function start(): void {
     stage.show(content);
     interactive = content.interactive;
     setText(setup, `Set-up: ${content.setup}`);
-    for (const node of [buttons.start, buttons.reset, ...methods]) node.disabled = !interactive;
+    methods.replaceChildren(
+      ...content.methods.map(({ name, title }) => {
+        const choice = button(name, () => live.send({ type: "restart", method: name }));
+        choice.title = `New trial with method ${name}: ${title}`;
+        choice.disabled = !interactive;
+        return choice;
+      }),
+    );
+    for (const node of [buttons.start, buttons.reset]) node.disabled = !interactive;
   }
 
   function clearTrial(): void {
@@ -173,17 +181,19 @@ function start(): void {
     addEvents(next.events);
     showStop(next.stop);
     setText(method, `Method ${next.method}`);
-    for (const node of methods) setClass(node, "now", node.textContent === next.method);
+    for (const node of methods.children) setClass(node as HTMLElement, "now", node.textContent === next.method);
     const left = Math.max(next.time_left_secs, 0);
     const clock = `${Math.floor(left / 60)}:${String(Math.floor(left % 60)).padStart(2, "0")}`;
-    setText(overview, `${clock} left · ${next.on_target} of ${next.blocks.length} on target`);
-    trial.set("Gesture", `${GESTURE_NAMES[next.gesture].name}, ${Math.round(100 * next.confidence)} %, effort ${Math.round(100 * next.effort)} %`);
+    setText(overview, `${clock} left · ${scoreText(next.score, stage.content?.briefing)}`);
+    const { name } = GESTURE_NAMES[next.gesture];
+    const recognised = next.recognised === next.gesture ? name : `${next.recognised}: ${name}`;
+    trial.set("Gesture", `${recognised}, ${Math.round(100 * next.confidence)} %, effort ${Math.round(100 * next.effort)} %`);
     trial.set("Source", next.emg_source);
-    trial.set("Selection", next.target.block ? `${blockName(next.target.block)}${next.target.locked ? ", locked" : ""}` : "–");
+    trial.set("Selection", next.target.object !== null ? `${objectName(next.target.object)}${next.target.locked ? ", locked" : ""}` : "–");
     trial.set("Moves", next.mode?.name ?? "–");
-    trial.set("Hand", next.hand.holds ? `holds ${blockName(next.hand.holds)}` : next.hand.state);
+    trial.set("Hand", next.hand.holds !== null ? `holds ${objectName(next.hand.holds)}` : next.hand.state);
     trial.set("Planner", next.planner.state === "failed" ? next.planner.reason || "failed" : next.planner.state);
-    trial.set("Next block", next.next_block ? blockName(next.next_block) : "–");
+    trial.set("Next", next.next !== null ? objectName(next.next) : "–");
     showStatus(next.finished);
   }
 

@@ -1,14 +1,24 @@
-// Pictures of the five gestures of a right hand, seen from the side: forearm, hand and fingers as strokes.
+// Pictures of the five gestures of a right hand, seen from the side: forearm, hand and fingers as strokes. Other gestures
+// that a model tells apart have their name in place of a picture.
 
-import type { Gesture } from "./generated/types";
+import type { Gesture, GestureName } from "./generated/types";
 
-export const GESTURE_NAMES: Record<Gesture, string> = {
+const NAMES: Record<Gesture, string> = {
   hand_close: "Close the hand",
   hand_open: "Open the hand",
   no_motion: "Relax",
   wrist_extension: "Bend the wrist back",
   wrist_flexion: "Bend the wrist in",
 };
+
+function isDrawn(gesture: GestureName): gesture is Gesture {
+  return Object.hasOwn(NAMES, gesture);
+}
+
+/** What the person is told to do. */
+export function gestureText(gesture: GestureName): string {
+  return isDrawn(gesture) ? NAMES[gesture] : gesture.replaceAll("_", " ");
+}
 
 /** Angle of the hand at the wrist in degrees (back is up), and how far the fingers are spread and closed, 0 to 1. */
 const POSES: Record<Gesture, { wrist: number; spread: number; closed: number }> = {
@@ -20,9 +30,15 @@ const POSES: Record<Gesture, { wrist: number; spread: number; closed: number }> 
 };
 
 /** An SVG of the gesture; it is labelled, so that it is read aloud too. */
-export function handPicture(gesture: Gesture): SVGSVGElement {
+export function handPicture(gesture: GestureName): SVGSVGElement {
+  const svg = make("svg", { viewBox: "0 0 240 160", role: "img", "aria-label": gestureText(gesture) });
+  if (!isDrawn(gesture)) {
+    const text = make("text", { x: 120, y: 88, "text-anchor": "middle", "font-size": 22, fill: "#e8b48a" });
+    text.textContent = gestureText(gesture);
+    svg.append(text);
+    return svg;
+  }
   const { wrist, spread, closed } = POSES[gesture];
-  const svg = make("svg", { viewBox: "0 0 240 160", role: "img", "aria-label": GESTURE_NAMES[gesture] });
   svg.append(line(10, 80, 110, 80, 34));
   const hand = make("g", { transform: `rotate(${wrist} 110 80)` });
   hand.append(line(112, 80, 150, 80, 42));

@@ -3,8 +3,9 @@
 import { element, setClass, setText, setWidth } from "./dom";
 import { marking, type Marking } from "./marking";
 import { StopBanner } from "./stopbanner";
-import type { BlockId, DisplayFrame, PageContent, PlannerView, TrialEvent } from "./generated/types";
-import { BLOCKS, colourOf, GESTURE_NAMES, numberOf } from "./protocol";
+import type { Briefing, DisplayFrame, GraspFault, MethodInfo, ObjectId, PageContent, PlannerView, TrialEvent } from "./generated/types";
+import { objectColour, objectLabel, objectName } from "./objects";
+import { capitalised, GESTURE_NAMES } from "./protocol";
 
 const MARKING_NAMES: Record<Marking, string> = {
   free: "Free",
@@ -12,17 +13,13 @@ const MARKING_NAMES: Record<Marking, string> = {
   reachable: "Reachable",
   unreachable: "Out of reach",
 };
-export const METHOD_NAMES: Record<string, string> = {
-  A: "Joint control",
-  B: "End-point control",
-  C: "Gaze",
-  D: "Gaze and task context",
-};
 const EMG_NAMES: Record<string, string> = {
   recording: "EMG: recording",
   synthetic: "EMG: synthetic",
   keys: "Gestures: keys",
 };
+/** More objects than these have no pips of their own. */
+const MOST_PIPS = 16;
 /** Lines of the event list. */
 const EVENTS_SHOWN = 6;
 
@@ -38,7 +35,10 @@ export class Hud {
   private readonly methodName = element("span", "methodname");
   private readonly clock = element("span", "clock", "–:––");
   private readonly count = element("span", "count");
-  private readonly pips = BLOCKS.map((block) => element("i", `pip ${colourOf(block)}`, numberOf(block)));
+  private readonly pipRow = element("div", "pips");
+  private pips: HTMLElement[] = [];
+  private briefing: Briefing | undefined;
+  private readonly scoreLabel = element("span", "label", "On target");
   private readonly next = element("span", "next");
   private readonly link = element("span", "link");
   private readonly rate = element("span", "rate");
@@ -68,20 +68,10 @@ export class Hud {
   private readonly toast = element("div", "toast");
   private readonly over = element("div", "over card");
   private readonly pause = element("div", "over card", "Paused by the experimenter");
-  private readonly methods = ["A", "B", "C", "D"].map((name) => {
-    const button = element("button", "methodbutton", name);
-    button.type = "button";
-    button.title = `New trial with method ${name}: ${METHOD_NAMES[name] ?? ""}`;
-    button.setAttribute("aria-label", button.title);
-    button.addEventListener("click", () => {
-      button.blur();
-      this.chosen(name);
-    });
-    return button;
-  });
-  private readonly chooser = element("div", "chooser", ...this.methods);
+  private readonly chooser = element("div", "chooser");
+  private titles: Record<string, string> = {};
   private readonly settingsButton = element("button", "cog", "Settings");
-  private readonly onTarget = new Set<BlockId>();
+  private readonly onTarget = new Set<ObjectId>();
   private lastTime = -1;
   private toastTimer = 0;
 
@@ -121,8 +111,8 @@ export class Hud {
           "div",
           "card score",
           element("div", "clockbox", element("span", "label", "Time left"), this.clock),
-          element("div", "blocks", element("span", "label", "On target"), this.count),
-          element("div", "pips", ...this.pips),
+          element("div", "blocks", this.scoreLabel, this.count),
+          this.pipRow,
           this.next,
         ),
         element("div", "card connection", this.link, this.rate, this.corner),
@@ -153,7 +143,32 @@ export class Hud {
   setContent(content: PageContent): void {
     setText(this.title, content.title);
     setText(this.setup, `Set-up: ${content.setup}`);
+    this.briefing = content.briefing;
+    this.setup.title = content.briefing.text;
+    setText(this.scoreLabel, capitalised(content.briefing.score_name));
+    const count = content.scene.objects.length;
+    this.pips = Array.from({ length: count <= MOST_PIPS ? count : 0 }, (_, id) => {
+      const pip = element("i", "pip", objectLabel(id));
+      pip.style.setProperty("--pip", objectColour(id));
+      return pip;
+    });
+    this.pipRow.replaceChildren(...this.pips);
+    const known = [content.method, ...content.methods];
+    this.titles = Object.fromEntries(known.map(({ name, title }) => [name, title]));
+    this.chooser.replaceChildren(...content.methods.map((method) => this.choice(method)));
     document.title = content.title ? `ProACT · ${content.title}` : "ProACT";
+  }
+
+  private choice({ name, title }: MethodInfo): HTMLElement {
+    const button = element("button", "methodbutton", name);
+    button.type = "button";
+    button.title = `New trial with method ${name}: ${title}`;
+    button.setAttribute("aria-label", button.title);
+    button.addEventListener("click", () => {
+      button.blur();
+      this.chosen(name);
+    });
+    return button;
   }
 
   setConnected(connected: boolean, ever: boolean): void {
@@ -193,8 +208,8 @@ export class Hud {
 
   addEvents(events: TrialEvent[]): void {
     for (const event of events) {
-      if (event.event === "block_on_target") this.onTarget.add(event.block);
-      if (event.event === "block_attached") this.onTarget.delete(event.block);
+      if (event.event === "object_on_target" || event.event === "object_crossed") this.onTarget.add(event.object);
+      if (event.event === "object_attached") this.onTarget.delete(event.object);
       // The gesture is on display already; its changes would flood the list.
       if (event.event === "gesture_changed") continue;
       // Contact made and lost say the same.
@@ -219,27 +234,28 @@ export class Hud {
     this.addEvents(frame.events);
     this.stop.show(frame.stop);
     setText(this.method, frame.method);
-    setText(this.methodName, METHOD_NAMES[frame.method] ?? "Method");
+    setText(this.methodName, this.titles[frame.method] ?? "Method");
     this.chooser.hidden = !interactive;
     this.method.hidden = interactive;
-    for (const button of this.methods) setClass(button, "now", button.textContent === frame.method);
+    for (const button of this.chooser.children) setClass(button as HTMLElement, "now", button.textContent === frame.method);
     setText(this.source, EMG_NAMES[frame.emg_source] ?? frame.emg_source);
     setClass(this.source, "warn", frame.emg_source === "synthetic");
 
     const left = Math.max(frame.time_left_secs, 0);
     setText(this.clock, `${Math.floor(left / 60)}:${String(Math.floor(left % 60)).padStart(2, "0")}`);
     setClass(this.clock, "late", left < 30);
-    setText(this.count, `${frame.on_target} / ${frame.blocks.length}`);
-    BLOCKS.forEach((block, k) => {
-      const pip = this.pips[k];
-      if (!pip) return;
-      setClass(pip, "done", this.onTarget.has(block));
-      setClass(pip, "wanted", frame.next_block === block && !frame.finished);
+    const most = this.briefing?.most ?? null;
+    setText(this.count, most === null ? `${frame.score}` : `${frame.score} / ${most}`);
+    this.pips.forEach((pip, id) => {
+      setClass(pip, "done", this.onTarget.has(id));
+      setClass(pip, "wanted", frame.next === id && !frame.finished);
     });
-    setText(this.next, frame.next_block ? `Next: ${blockName(frame.next_block)}` : "All blocks moved");
+    const free = this.briefing?.order === "any" ? "Any object" : "All moved";
+    setText(this.next, frame.next !== null ? `Next: ${objectName(frame.next)}` : free);
 
     const gesture = GESTURE_NAMES[frame.gesture];
-    setText(this.gesture, gesture.name);
+    // A gesture of the model's own says what was made, the short form what it does.
+    setText(this.gesture, frame.recognised === frame.gesture ? gesture.name : frame.recognised.replaceAll("_", " "));
     setText(this.gestureShort, gesture.short);
     setClass(this.gestureShort, "active", frame.gesture !== "no_motion");
     setWidth(this.confidence, frame.confidence);
@@ -258,17 +274,18 @@ export class Hud {
     }
 
     const { target, hand } = frame;
-    const something = hand.holds ? target.place !== null : target.block !== null;
+    const held = hand.holds !== null;
+    const something = held ? target.place !== null : target.object !== null;
     setText(
       this.selection,
-      hand.holds ? (something ? "Place" : "No place") : target.block ? blockName(target.block) : "Nothing",
+      held ? (something ? "Place" : "No place") : target.object !== null ? objectName(target.object) : "Nothing",
     );
     const state = marking(frame);
     setText(this.lock, MARKING_NAMES[state]);
     this.lock.dataset["state"] = state;
     this.lock.hidden = !something;
     const states = { open: "Open", closing: "Closing …", closed: "Closed", opening: "Opening …" };
-    setText(this.hand, hand.holds ? `Holds ${blockName(hand.holds)}` : states[hand.state]);
+    setText(this.hand, hand.holds !== null ? `Holds ${objectName(hand.holds)}` : states[hand.state]);
 
     const jogs = frame.mode !== null;
     const { text, note, share, kind } = plannerText(frame.planner, jogs);
@@ -283,7 +300,7 @@ export class Hud {
 
     this.over.hidden = !frame.finished;
     if (frame.finished) {
-      const result = `${frame.on_target} of ${frame.blocks.length} blocks on target`;
+      const result = scoreText(frame.score, this.briefing);
       const more = interactive ? "Press R for a new trial" : "";
       setText(this.over, [`Trial over`, result, more].filter(Boolean).join(" · "));
     }
@@ -298,9 +315,11 @@ export class Hud {
   }
 }
 
-export function blockName(block: BlockId): string {
-  const colour = colourOf(block);
-  return `${colour[0]?.toUpperCase()}${colour.slice(1)} ${numberOf(block)}`;
+/** What the task counts, such as "2 of 4 blocks on target". */
+export function scoreText(score: number, briefing: Briefing | undefined): string {
+  const most = briefing?.most ?? null;
+  const name = briefing?.score_name ?? "";
+  return most === null ? `${score} ${name}` : `${score} of ${most} ${name}`;
 }
 
 /** How a plan failed, in at most five words (those of the planner's `five_words`); the reason stands below. */
@@ -336,13 +355,24 @@ function plannerText(planner: PlannerView, jogs: boolean): { text: string; note:
   }
 }
 
+const GRASP_FAULTS: Record<GraspFault, string> = {
+  no_grasp: "the hand has no grasp for this width",
+  nothing: "nothing was between the fingers",
+  not_touched: "the fingers did not touch it",
+  one_digit: "one finger alone touched it",
+  not_opposing: "the fingers do not press against each other",
+  slipped: "it slipped out of the fingers",
+};
+
 export function eventText(event: TrialEvent): string {
-  const block = "block" in event && event.block ? blockName(event.block) : "";
+  const block = "object" in event && event.object !== null ? objectName(event.object) : "";
   switch (event.event) {
-    case "block_attached":
+    case "object_attached":
       return `Contact made: ${block}`;
-    case "block_released":
+    case "object_released":
       return `Contact lost: ${block}`;
+    case "grasp_failed":
+      return `Not held${block ? `: ${block}` : ""}, ${GRASP_FAULTS[event.reason]}`;
     case "locked":
       return block ? `Locked: ${block}` : "Place locked";
     case "unlocked":
@@ -351,14 +381,20 @@ export function eventText(event: TrialEvent): string {
       return "Plan asked for";
     case "plan_finished":
       return `Plan: ${event.status.replaceAll("_", " ")}`;
+    case "method_note":
+      return event.text;
     case "motion_stopped":
       return "Motion stopped";
     case "motion_finished":
       return "Motion finished";
-    case "block_on_target":
+    case "object_on_target":
       return `On target: ${block} (${(100 * event.distance).toFixed(1)} cm)`;
-    case "block_off_target":
+    case "object_off_target":
       return `Off target: ${block}`;
+    case "object_crossed":
+      return `Crossed: ${block}`;
+    case "practice_finished":
+      return "Practice is over: from now on it counts";
     case "stopped":
       return `Stopped: ${event.reason}`;
     case "rearmed":

@@ -11,15 +11,16 @@ import { GazeCheckView } from "./gazecheckview";
 import { Board } from "./board";
 import { Guide, advise, stepwiseHint } from "./guide";
 import { Headset } from "./headset";
-import { Hud } from "./hud";
+import { Hud, scoreText } from "./hud";
 import { Live } from "./live";
 import { Motion } from "./motion";
 import { Panel } from "./panel";
 import { Pointing } from "./pointing";
-import type { BlockId, DisplayFrame, PageContent, TrialStatus } from "./generated/types";
+import type { ObjectId, DisplayFrame, MethodInfo, PageContent, TrialStatus } from "./generated/types";
 import type { Triple } from "./protocol";
 import { load, store, type Settings } from "./settings";
-import { choosePalette, mirrorText } from "./shapes";
+import { choosePalette } from "./objects";
+import { mirrorText } from "./shapes";
 import { Sounds } from "./sounds";
 import { Stage, whyNotDrawn } from "./stage";
 import { STOPPED } from "./stopbanner";
@@ -43,8 +44,8 @@ interface Debug {
   content: PageContent | null;
   camera: CameraKind;
   chooseCamera(kind: CameraKind): void;
-  /** Where a block or the target of a block is on the screen, CSS pixels from the window's left top. */
-  project(what: "block" | "target", id: BlockId): { x: number; y: number } | null;
+  /** Where an object or its target is on the screen, CSS pixels from the window's left top. */
+  project(what: "object" | "target", id: ObjectId): { x: number; y: number } | null;
   /** Where the point of the gaze check is on the screen. */
   gazePoint(): { x: number; y: number } | null;
   /** Middle of the table top in `world`, metres. */
@@ -138,12 +139,13 @@ function start(): void {
       debug.frame = frame;
       debug.framesReceived = count.received;
       debug.framesDropped = count.dropped;
-      sounds.take(frame.events);
+      sounds.take(frame);
       debug.cues = sounds.given;
       hud.update(frame, interactive());
-      controls.setEffects(frame.method, frame.mode);
+      const method = methodOf(stage.content, frame);
+      controls.setEffects(method?.help, frame.mode);
       const lean = stage.content?.lean ?? false;
-      guide.update(frame, targetPlace, lean);
+      guide.update(frame, targetPlace, lean, method);
       tutorial.update(frame, targetPlace, lean, debug.project);
       guide.root.hidden ||= tutorial.running;
       check.take(frame);
@@ -189,8 +191,8 @@ function start(): void {
   hud.setConnected(false, false);
   applyMirror();
 
-  function targetPlace(block: string): { x: number; y: number } | null {
-    const target = stage.room?.targets.find((candidate) => candidate.block === block);
+  function targetPlace(object: ObjectId): { x: number; y: number } | null {
+    const target = stage.room?.targets.find((candidate) => candidate.object === object);
     return target ? { x: target.centre.x, y: target.centre.y } : null;
   }
 
@@ -199,9 +201,9 @@ function start(): void {
     if (stage.room && interactive()) check.start(stage.room, source, calibrates);
   }
 
-  /** What the gaze passes: with a block in hand, or in a gaze check, only the table counts. */
-  function heldOrNone(): BlockId | null {
-    return check.active ? "red1" : (motion.latest?.hand.holds ?? null);
+  /** What the gaze passes: with an object in hand, or in a gaze check, only the table counts. */
+  function heldOrNone(): ObjectId | null {
+    return check.active ? 0 : (motion.latest?.hand.holds ?? null);
   }
 
   function chooseCamera(kind: CameraKind): void {
@@ -217,6 +219,7 @@ function start(): void {
     if (stage.room) board.place(stage.room);
     debug.content = content;
     hud.setContent(content);
+    tutorial.setMethods(content.methods);
     controls.setMode(content.interactive, content.lean);
     canvas.classList.toggle("gaze", content.interactive);
     // Newcomers are asked once; a page that says so, never.
@@ -266,7 +269,7 @@ function start(): void {
     headset.update(frame, seconds);
     if (frame) {
       const left = Math.max(Math.round(frame.time_left_secs), 0);
-      const score = `Method ${frame.method} · ${frame.on_target} of ${frame.blocks.length} on target · ${left} s left`;
+      const score = `Method ${frame.method} · ${scoreText(frame.score, stage.content?.briefing)} · ${left} s left`;
       const hint = frame.mode ? stepwiseHint(frame) : advise(frame, targetPlace, stage.content?.lean ?? false).hint;
       board.show(frame.stop ? STOPPED : score, hint, headset.worn);
     }
@@ -299,4 +302,9 @@ try {
   start();
 } catch (error) {
   overlay.append(element("div", "banner", whyNotDrawn(error)));
+}
+
+/** What is told of the method by which the frame was made. */
+function methodOf(content: PageContent | null, frame: DisplayFrame): MethodInfo | undefined {
+  return content ? [content.method, ...content.methods].find(({ name }) => name === frame.method) : undefined;
 }

@@ -1,4 +1,4 @@
-// What the method and the eyes do: highlight, place marker, gaze point, and which block comes next.
+// What the method and the eyes do: highlight, place marker, gaze point, and which object comes next.
 
 import {
   BoxGeometry,
@@ -19,9 +19,9 @@ import {
 } from "three";
 import { marking, type Marking } from "./marking";
 import type { DisplayFrame, Shape } from "./generated/types";
-import { colourOf } from "./protocol";
+import { objectColour } from "./objects";
 import type { Room } from "./room";
-import { BLOCK_COLOURS, drawnTexture, shapeGeometry } from "./shapes";
+import { drawnTexture, shapeGeometry } from "./shapes";
 
 /** The states differ in brightness and in form, not in hue alone. */
 export const FREE = new Color("#ffe98a");
@@ -52,13 +52,16 @@ export class Markers {
   });
   private readonly placeCross: Mesh;
   private readonly gaze: Sprite;
+  /** Above an object's middle the pointer to it, metres. */
+  private readonly above: number;
   private readonly next: Mesh;
   private readonly nextMaterial = new MeshBasicMaterial({ transparent: true, opacity: 0.9 });
   private readonly ray = new Raycaster();
 
   constructor(private readonly room: Room) {
-    const shape: Shape = room.blocks[0]?.shape ?? { type: "cylinder", radius: 0.025, length: 0.05 };
-    const [radius, height] = shape.type === "cylinder" ? [shape.radius, shape.length] : [0.025, 0.05];
+    const shape: Shape = room.objects[0]?.shape ?? { type: "cylinder", radius: 0.025, length: 0.05 };
+    const [radius, height] = outline(shape);
+    this.above = height / 2 + 0.03;
     // Open at both ends: the number on top stays readable.
     this.shell = new Mesh(
       new CylinderGeometry(radius * 1.16, radius * 1.16, height * 1.04, 64, 1, true).rotateX(Math.PI / 2),
@@ -100,8 +103,8 @@ export class Markers {
     const state = marking(frame);
     const colour = COLOURS[state];
 
-    // The highlighted block.
-    const block = target.block && !hand.holds ? this.room.block(target.block) : undefined;
+    // The highlighted object.
+    const block = target.object !== null && hand.holds === null ? this.room.object(target.object) : undefined;
     this.shell.visible = block !== undefined;
     if (block) {
       this.shell.position.copy(block.position);
@@ -131,28 +134,42 @@ export class Markers {
     this.gaze.visible = point !== null;
     if (point) this.gaze.position.copy(point);
 
-    // The block that the task asks for next, while the hand is free for it.
-    const next = frame.next_block && !hand.holds ? this.room.block(frame.next_block) : undefined;
-    this.next.visible = next !== undefined && frame.next_block !== target.block;
-    if (next && frame.next_block) {
+    // The object that the task asks for next, while the hand is free for it.
+    const next = frame.next !== null && hand.holds === null ? this.room.object(frame.next) : undefined;
+    this.next.visible = next !== undefined && frame.next !== target.object;
+    if (next && frame.next !== null) {
       this.next.position.copy(next.position);
-      this.next.position.z += 0.055 + 0.008 * pulse;
-      this.nextMaterial.color.set(BLOCK_COLOURS[colourOf(frame.next_block)]);
+      this.next.position.z += this.above + 0.008 * pulse;
+      this.nextMaterial.color.set(objectColour(frame.next));
     }
   }
 
-  /** Where the measured gaze meets a block or the table; none if it meets neither. */
+  /** Where the measured gaze meets an object or the table; none if it meets neither. */
   private gazePoint(frame: DisplayFrame): Vector3 | null {
     if (!frame.gaze) return null;
     const origin = new Vector3(...frame.gaze.origin);
     const direction = new Vector3(...frame.gaze.direction).normalize();
     this.ray.set(origin, direction);
-    const bodies: Object3D[] = this.room.blocks.map((block) => block.body);
+    const bodies: Object3D[] = this.room.objects.map((object) => object.body);
     const hit = this.ray.intersectObjects(bodies, false)[0];
     if (hit) return hit.point;
     const fall = (this.room.tableHeight - origin.z) / direction.z;
     if (!(fall > 0 && fall < 3)) return null;
     return origin.addScaledVector(direction, fall);
+  }
+}
+
+/** Radius of an upright shape, that of a box to its corners, and its height. */
+function outline(shape: Shape): [number, number] {
+  switch (shape.type) {
+    case "box":
+      return [Math.hypot(shape.size[0], shape.size[1]) / 2, shape.size[2]];
+    case "sphere":
+      return [shape.radius, 2 * shape.radius];
+    case "cylinder":
+      return [shape.radius, shape.length];
+    case "capsule":
+      return [shape.radius, shape.length + 2 * shape.radius];
   }
 }
 

@@ -22,7 +22,7 @@ export interface Drawn {
   base: DrawnPose;
   tip: DrawnPose;
   head: DrawnPose;
-  blocks: DrawnPose[];
+  objects: DrawnPose[];
 }
 
 export class Motion {
@@ -92,7 +92,7 @@ export function between(from: DisplayFrame, to: DisplayFrame, share: number): Dr
     base: poseBetween(from.world_from_base, to.world_from_base, share),
     tip: poseBetween(from.world_from_tip, to.world_from_tip, share),
     head: poseBetween(from.world_from_head, to.world_from_head, share),
-    blocks: to.blocks.map((pose, k) => poseBetween(from.blocks[k] ?? pose, pose, share)),
+    objects: to.objects.map((pose, k) => poseBetween(from.objects[k] ?? pose, pose, share)),
   };
 }
 

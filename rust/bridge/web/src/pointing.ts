@@ -1,7 +1,7 @@
 // Where the person looks when the mouse is the eye: what you point at is what you look at.
 
 import { Camera, Object3D, Plane, Raycaster, Vector2, Vector3 } from "three";
-import type { BlockId } from "./generated/types";
+import type { ObjectId } from "./generated/types";
 import type { Room } from "./room";
 
 /** Nothing further than this is looked at, metres. */
@@ -11,23 +11,23 @@ export class Pointing {
   private readonly ray = new Raycaster();
 
   /**
-   * The point in `world` under the cursor (device coordinates, -1 to 1): on a block, else on the plane of the
-   * table top. Arm, walls and a carried block are looked through, or nothing behind them could be chosen.
+   * The point in `world` under the cursor (device coordinates, -1 to 1): on an object, else on the plane of the
+   * table top. Arm, walls and a carried object are looked through, or nothing behind them could be chosen.
    */
-  point(cursor: Vector2, camera: Camera, room: Room, holds: BlockId | null): Vector3 {
+  point(cursor: Vector2, camera: Camera, room: Room, holds: ObjectId | null): Vector3 {
     this.ray.setFromCamera(cursor, camera);
     return this.meet(room, holds);
   }
 
   /** The same along any ray: a headset's. */
-  along(origin: Vector3, direction: Vector3, room: Room, holds: BlockId | null): Vector3 {
+  along(origin: Vector3, direction: Vector3, room: Room, holds: ObjectId | null): Vector3 {
     this.ray.set(origin, direction);
     return this.meet(room, holds);
   }
 
-  private meet(room: Room, holds: BlockId | null): Vector3 {
-    if (!holds) {
-      const bodies: Object3D[] = room.blocks.map((block) => block.body);
+  private meet(room: Room, holds: ObjectId | null): Vector3 {
+    if (holds === null) {
+      const bodies: Object3D[] = room.objects.map((object) => object.body);
       const hit = this.ray.intersectObjects(bodies, false)[0];
       if (hit) return hit.point;
     }

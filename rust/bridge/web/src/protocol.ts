@@ -1,11 +1,9 @@
 // What the page says of the types that the server gives it.
 
-import type { BlockId, Gesture, Stop } from "./generated/types";
+import type { Gesture, Stop } from "./generated/types";
 
 /** x, y, z. */
 export type Triple = [number, number, number];
-
-export const BLOCKS: readonly BlockId[] = ["red1", "red2", "blue1", "blue2"];
 
 export const GESTURE_NAMES: Record<Gesture, { short: string; name: string }> = {
   wrist_extension: { short: "WE", name: "Wrist extension" },
@@ -22,12 +20,4 @@ export function stopText({ reason }: Pick<Stop, "reason">): string {
 
 export function capitalised(text: string): string {
   return `${text.slice(0, 1).toUpperCase()}${text.slice(1)}`;
-}
-
-export function colourOf(block: BlockId): "red" | "blue" {
-  return block.startsWith("red") ? "red" : "blue";
-}
-
-export function numberOf(block: BlockId): string {
-  return block.slice(-1);
 }

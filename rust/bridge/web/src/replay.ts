@@ -5,7 +5,8 @@ import "./desk.css";
 import { CAMERA_KINDS, CAMERA_NAMES, type CameraKind } from "./cameras";
 import { button, element, setClass, setText } from "./dom";
 import type { RecordedTrial, TrialSummary } from "./generated/types";
-import { METHOD_NAMES, blockName, eventText } from "./hud";
+import { eventText, scoreText } from "./hud";
+import { objectName } from "./objects";
 import { GESTURE_NAMES } from "./protocol";
 import { Recorder, compose, saveAs } from "./export";
 import { Stage, whyNotDrawn } from "./stage";
@@ -72,8 +73,8 @@ class View {
     setClass(this.verdict, "off", record.agrees === false);
     const fact = (name: string, value: string) => element("span", "", `${name} `, element("b", "", value));
     this.facts.replaceChildren(
-      fact("Method", `${record.method} · ${METHOD_NAMES[record.method] ?? ""}`),
-      fact("On target", `${record.on_target} of ${record.content.scene.blocks.length}`),
+      fact("Method", `${record.method} · ${record.content.method.title}`),
+      fact("Score", scoreText(record.score, record.content.briefing)),
       fact("Length", `${(this.timeline.end / 1000).toFixed(1)} s${record.finished ? "" : ", unfinished"}`),
     );
     this.loaded();
@@ -101,11 +102,11 @@ class View {
     const { frame, drawn } = now;
     this.stage.draw(drawn, frame, seconds, wall);
     const event = this.timeline?.lastEvent(time);
-    const target = frame.target.block ? blockName(frame.target.block) : "nothing";
+    const target = frame.target.object !== null ? objectName(frame.target.object) : "nothing";
     const parts = [
       GESTURE_NAMES[frame.gesture].name,
       frame.mode ? `moves ${frame.mode.name}` : `selects ${target}${frame.target.locked ? ", locked" : ""}`,
-      frame.hand.holds ? `holds ${blockName(frame.hand.holds)}` : `hand ${frame.hand.state}`,
+      frame.hand.holds !== null ? `holds ${objectName(frame.hand.holds)}` : `hand ${frame.hand.state}`,
       frame.mode ? "" : `planner ${frame.planner.state}`,
       frame.stop ? `stopped: ${frame.stop.reason}` : "",
       event ? `last: ${eventText(event)}` : "",

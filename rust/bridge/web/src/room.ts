@@ -1,4 +1,4 @@
-// Everything except the arm: table, walls, partition, numbered blocks, targets.
+// Everything except the arm: what is fixed, objects, targets.
 
 import {
   CanvasTexture,
@@ -15,21 +15,19 @@ import {
   Vector3,
 } from "three";
 import type { DrawnPose } from "./motion";
-import type { BlockId, Scene, Shape } from "./generated/types";
-import { colourOf, numberOf } from "./protocol";
-import { BLOCK_COLOURS, drawnTexture, place, shapeGeometry, writeText } from "./shapes";
+import type { ObjectId, Scene, Shape } from "./generated/types";
+import { knowObjects, objectColour, objectLabel } from "./objects";
+import { drawnTexture, place, shapeGeometry, writeText } from "./shapes";
 
-/** Radius of the target's disc, metres, as in the original's display. */
-const TARGET_RADIUS = 0.03;
-/** A block counts within this distance of the target's centre, metres. */
-const SUCCESS_RADIUS = 0.05;
+/** The disc has this share of the radius in which an object counts, as in the original's display. */
+const DISC = 0.6;
 /** Height of flat things above the table, metres: enough for the depth buffer, too little to see. */
 const LIFT = 0.0006;
 
 export class Room {
   readonly root = new Group();
-  readonly blocks: { id: BlockId; group: Group; body: Mesh; shape: Shape }[] = [];
-  readonly targets: { block: BlockId; centre: Vector3; group: Group; glow: MeshBasicMaterial }[] = [];
+  readonly objects: { id: ObjectId; group: Group; body: Mesh; shape: Shape }[] = [];
+  readonly targets: { object: ObjectId; centre: Vector3; group: Group; glow: MeshBasicMaterial }[] = [];
   readonly tableHeight: number;
   /** Middle of the table top. */
   readonly centre: Vector3;
@@ -37,6 +35,7 @@ export class Room {
   readonly half: { x: number; y: number };
 
   constructor(scene: Scene) {
+    knowObjects(scene);
     this.tableHeight = scene.table_height;
     const table = scene.fixed.find((object) => object.name === "table" && object.shape.type === "box");
     const middle = table?.pose.translation ?? [0, 0, scene.table_height];
@@ -44,17 +43,17 @@ export class Room {
     const size = table?.shape.type === "box" ? table.shape.size : [0.4, 0.6, 0.03];
     this.half = { x: (size[0] ?? 0.4) / 2, y: (size[1] ?? 0.6) / 2 };
     for (const object of scene.fixed) this.root.add(fixed(object));
-    for (const block of scene.blocks) {
-      const { group, body } = numberedBlock(block.id, block.shape);
-      place(group, block.pose);
-      this.blocks.push({ id: block.id, group, body, shape: block.shape });
+    scene.objects.forEach(({ shape, pose }, id) => {
+      const { group, body } = labelled(id, shape);
+      place(group, pose);
+      this.objects.push({ id, group, body, shape });
       this.root.add(group);
-    }
+    });
     for (const target of scene.targets) {
-      const { group, glow } = targetDisc(target.block);
+      const { group, glow } = targetDisc(target.object, target.radius);
       const centre = new Vector3(...target.centre);
       group.position.copy(centre);
-      this.targets.push({ block: target.block, centre, group, glow });
+      this.targets.push({ object: target.object, centre, group, glow });
       this.root.add(group);
     }
   }
@@ -64,23 +63,23 @@ export class Room {
     for (const part of this.root.children) if (part.name === "floor") part.visible = on;
   }
 
-  update(blocks: DrawnPose[], holds: BlockId | null, seconds: number): void {
-    this.blocks.forEach(({ group }, k) => {
-      const pose = blocks[k];
+  update(objects: DrawnPose[], holds: ObjectId | null, seconds: number): void {
+    this.objects.forEach(({ group }, k) => {
+      const pose = objects[k];
       if (!pose) return;
       group.position.copy(pose.position);
       group.quaternion.copy(pose.rotation);
     });
-    for (const { block, glow } of this.targets) {
-      // The target of the carried block calls for it.
-      glow.opacity = block === holds ? 0.5 + 0.2 * Math.sin(5 * seconds) : 0.16;
+    for (const { object, glow } of this.targets) {
+      // The target of the carried object calls for it.
+      glow.opacity = object === holds ? 0.5 + 0.2 * Math.sin(5 * seconds) : 0.16;
       // And is seen through the arm, which often is in the way.
-      glow.depthTest = block !== holds;
+      glow.depthTest = object !== holds;
     }
   }
 
-  block(id: BlockId): Group | undefined {
-    return this.blocks.find((block) => block.id === id)?.group;
+  object(id: ObjectId): Group | undefined {
+    return this.objects[id]?.group;
   }
 }
 
@@ -159,16 +158,16 @@ function floor(height: number): Object3D {
   return group;
 }
 
-function numberedBlock(id: BlockId, shape: Shape): { group: Group; body: Mesh } {
+function labelled(id: ObjectId, shape: Shape): { group: Group; body: Mesh } {
   const group = new Group();
-  const colour = BLOCK_COLOURS[colourOf(id)];
+  const colour = objectColour(id);
   const body = new Mesh(shapeGeometry(shape), new MeshStandardMaterial({ color: colour, roughness: 0.42 }));
   body.castShadow = true;
   body.receiveShadow = true;
   group.add(body);
   const radius = shape.type === "cylinder" ? shape.radius : shape.type === "box" ? shape.size[0] / 2 : 0;
   const height = shape.type === "cylinder" ? shape.length : shape.type === "box" ? shape.size[2] : 0;
-  if (radius > 0) {
+  if (radius > 0 && objectLabel(id) !== "") {
     const label = drawnTexture((context) => {
       context.fillStyle = colour;
       context.fillRect(-1, -1, 2, 2);
@@ -177,10 +176,10 @@ function numberedBlock(id: BlockId, shape: Shape): { group: Group; body: Mesh } 
       context.beginPath();
       context.arc(0, 0, 0.9, 0, 2 * Math.PI);
       context.stroke();
-      writeText(context, numberOf(id), 1.3, "#ffffff");
+      writeText(context, objectLabel(id), textHeight(objectLabel(id), 1.3), "#ffffff");
     });
     const material = new MeshStandardMaterial({ map: label, roughness: 0.5 });
-    // On top and underneath: a block may have tipped over. The person looks along x, so x is up in the text.
+    // On top and underneath: it may have tipped over. The person looks along x, so x is up in the text.
     for (const side of [1, -1]) {
       const disc = new Mesh(new CircleGeometry(0.86 * radius, 48), material);
       disc.position.z = side * (height / 2 + 0.0003);
@@ -193,9 +192,15 @@ function numberedBlock(id: BlockId, shape: Shape): { group: Group; body: Mesh } 
   return { group, body };
 }
 
-function targetDisc(block: BlockId): { group: Group; glow: MeshBasicMaterial } {
+/** Two figures need a smaller letter than one. */
+function textHeight(text: string, one: number): number {
+  return text.length > 1 ? one / (0.35 + 0.55 * text.length) : one;
+}
+
+function targetDisc(id: ObjectId, success: number): { group: Group; glow: MeshBasicMaterial } {
   const group = new Group();
-  const colour = BLOCK_COLOURS[colourOf(block)];
+  const colour = objectColour(id);
+  const radius = DISC * success;
   const face = drawnTexture((context) => {
     context.fillStyle = "#fbf8f2";
     context.beginPath();
@@ -206,17 +211,17 @@ function targetDisc(block: BlockId): { group: Group; glow: MeshBasicMaterial } {
     context.beginPath();
     context.arc(0, 0, 0.89, 0, 2 * Math.PI);
     context.stroke();
-    writeText(context, numberOf(block), 1.05, colour);
+    writeText(context, objectLabel(id), textHeight(objectLabel(id), 1.05), colour);
   });
   const disc = new Mesh(
-    new CircleGeometry(TARGET_RADIUS, 64),
+    new CircleGeometry(radius, 64),
     new MeshStandardMaterial({ map: face, transparent: true, roughness: 0.9 }),
   );
   disc.rotation.z = -Math.PI / 2;
   disc.position.z = LIFT;
   disc.receiveShadow = true;
   const glow = new MeshBasicMaterial({ color: colour, transparent: true, opacity: 0.16, depthWrite: false });
-  const ring = new Mesh(new RingGeometry(TARGET_RADIUS + 0.002, SUCCESS_RADIUS, 64), glow);
+  const ring = new Mesh(new RingGeometry(radius + 0.002, success, 64), glow);
   ring.position.z = LIFT / 2;
   group.add(disc, ring);
   return { group, glow };

@@ -15,22 +15,6 @@ import {
 } from "three";
 import type { Pose, Shape } from "./generated/types";
 
-/** Colours of blocks and targets. The second pair differs in brightness too, for every kind of colour blindness
- * (Okabe and Ito's orange and blue). */
-const PALETTES = {
-  standard: { red: "#c8442c", blue: "#2264b8" },
-  "colour-blind": { red: "#e69f00", blue: "#0b4f8a" },
-} as const;
-
-/** The colours in use. */
-export const BLOCK_COLOURS: { red: string; blue: string } = { ...PALETTES.standard };
-
-/** Takes effect on what is made from now on. */
-export function choosePalette(palette: keyof typeof PALETTES): void {
-  Object.assign(BLOCK_COLOURS, PALETTES[palette]);
-  document.documentElement.dataset["palette"] = palette;
-}
-
 let mirrored = false;
 
 /** Text is drawn mirrored from now on, for a scene that is shown mirrored. */

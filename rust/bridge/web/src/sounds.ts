@@ -1,6 +1,6 @@
 // What is heard: short tones made here, or spoken words. A browser lets a page sound only after a first touch.
 
-import type { TrialEvent } from "./generated/types";
+import type { Cue as Occasion, DisplayFrame, FeedbackCue, Tone, TrialEvent } from "./generated/types";
 import type { Cues } from "./settings";
 
 /** Notes as [frequency in hertz, start in seconds, length in seconds]. */
@@ -10,21 +10,21 @@ interface Cue {
   words: string;
 }
 
-/** Rising for what is gained, falling for what is lost. */
+/** What the testbed's own cues are in words. Those that go on are heard as tones only. */
+export const SPOKEN: Partial<Record<Occasion, string>> = {
+  contact_made: "contact",
+  contact_lost: "contact lost",
+  on_target: "on target",
+  off_target: "off target",
+};
+
+/** The page's own sounds: what is locked, planned and over. What hand and blocks do is the testbed's to say. */
 export function cueOf(event: TrialEvent): Cue | null {
   switch (event.event) {
-    case "block_attached":
-      return { notes: [[523, 0, 0.12], [784, 0.09, 0.2]], words: "contact" };
-    case "block_released":
-      return { notes: [[784, 0, 0.12], [523, 0.09, 0.2]], words: "contact lost" };
     case "locked":
       return { notes: [[1175, 0, 0.06]], words: "locked" };
     case "unlocked":
       return { notes: [[880, 0, 0.06]], words: "free" };
-    case "block_on_target":
-      return { notes: [[523, 0, 0.12], [659, 0.1, 0.12], [1047, 0.2, 0.3]], words: "on target" };
-    case "block_off_target":
-      return { notes: [[330, 0, 0.15], [262, 0.14, 0.25]], words: "off target" };
     case "plan_finished":
       return event.status === "ok" || event.status === "intermediate" || event.status === "cancelled"
         ? null
@@ -41,6 +41,7 @@ export class Sounds {
   /** Cues given so far. */
   given = 0;
   private context: AudioContext | null = null;
+  private held: { tone: OscillatorNode; volume: GainNode; until: number } | null = null;
 
   constructor() {
     const wake = () => {
@@ -50,13 +51,29 @@ export class Sounds {
     for (const touch of ["pointerdown", "keydown"] as const) window.addEventListener(touch, wake);
   }
 
-  take(events: TrialEvent[]): void {
-    for (const event of events) {
-      const cue = this.cues === "off" ? null : cueOf(event);
+  take(frame: DisplayFrame): void {
+    if (this.cues === "off") return;
+    for (const event of frame.events) {
+      const cue = cueOf(event);
       if (!cue) continue;
       this.given += 1;
       if (this.cues === "speech") this.speak(cue.words);
       else this.play(cue.notes);
+    }
+    for (const cue of frame.feedback) this.give(cue);
+  }
+
+  /** A cue of the testbed. */
+  private give({ cue, sound }: FeedbackCue): void {
+    const words = SPOKEN[cue];
+    if (this.cues === "speech" && words) {
+      this.given += 1;
+      this.speak(words);
+    } else if (cue === "grip") {
+      this.hold(sound);
+    } else if (sound) {
+      this.given += 1;
+      this.glide(sound);
     }
   }
 
@@ -70,18 +87,59 @@ export class Sounds {
     const context = this.context;
     if (!context || context.state !== "running") return;
     for (const [hertz, start, seconds] of notes) {
-      const tone = context.createOscillator();
-      const volume = context.createGain();
-      tone.type = "triangle";
-      tone.frequency.value = hertz;
+      const { tone, volume } = voice(context, hertz);
       const from = context.currentTime + start;
       // Soft edges: a tone that is cut off clicks.
       volume.gain.setValueAtTime(0, from);
       volume.gain.linearRampToValueAtTime(0.16, from + 0.012);
       volume.gain.exponentialRampToValueAtTime(0.001, from + seconds);
-      tone.connect(volume).connect(context.destination);
       tone.start(from);
       tone.stop(from + seconds + 0.02);
     }
   }
+
+  private glide({ hz: [from, to], ms }: Tone): void {
+    const context = this.context;
+    if (!context || context.state !== "running") return;
+    const now = context.currentTime;
+    const { tone, volume } = voice(context, from);
+    tone.frequency.linearRampToValueAtTime(to, now + ms / 1000);
+    volume.gain.setValueAtTime(0, now);
+    volume.gain.linearRampToValueAtTime(0.16, now + 0.012);
+    volume.gain.exponentialRampToValueAtTime(0.001, now + ms / 1000 + 0.05);
+    tone.start(now);
+    tone.stop(now + ms / 1000 + 0.07);
+  }
+
+  /** A tone that goes on until the next one, or for as long as it says. */
+  private hold(sound: Tone | null): void {
+    const context = this.context;
+    if (!context || context.state !== "running") return;
+    const now = context.currentTime;
+    if (this.held === null || this.held.until < now) {
+      if (!sound) return;
+      const held = { ...voice(context, sound.hz[0]), until: 0 };
+      held.volume.gain.setValueAtTime(0, now);
+      held.tone.start(now);
+      this.held = held;
+    }
+    const { tone, volume } = this.held;
+    const ms = sound ? sound.ms : 0;
+    if (sound) tone.frequency.setTargetAtTime(sound.hz[1], now, 0.01);
+    this.held.until = now + ms / 1000;
+    volume.gain.cancelScheduledValues(now);
+    volume.gain.setTargetAtTime(sound ? 0.06 : 0, now, 0.01);
+    volume.gain.setTargetAtTime(0, this.held.until, 0.01);
+    // A later stop takes the place of this one.
+    tone.stop(this.held.until + 0.1);
+  }
+}
+
+function voice(context: AudioContext, hertz: number): { tone: OscillatorNode; volume: GainNode } {
+  const tone = context.createOscillator();
+  const volume = context.createGain();
+  tone.type = "triangle";
+  tone.frequency.value = hertz;
+  tone.connect(volume).connect(context.destination);
+  return { tone, volume };
 }

@@ -17,7 +17,7 @@ import { AxisDisplay } from "./axes";
 import { Cameras } from "./cameras";
 import { Markers } from "./markers";
 import type { Drawn } from "./motion";
-import type { BlockId, DisplayFrame, PageContent } from "./generated/types";
+import type { DisplayFrame, ObjectId, PageContent } from "./generated/types";
 import { Room } from "./room";
 import { dispose } from "./shapes";
 
@@ -32,6 +32,11 @@ const QUALITY = [
 ] as const;
 
 const parameters = new URLSearchParams(location.search);
+
+/** What is drawn of a page's content. */
+function pictured({ arm, meshes, scene }: PageContent): string {
+  return JSON.stringify([arm, meshes, scene]);
+}
 
 export class Stage {
   readonly renderer: WebGLRenderer;
@@ -90,20 +95,20 @@ export class Stage {
     const same =
       !rebuild &&
       this.content !== null &&
-      JSON.stringify([this.content.arm, this.content.scene]) === JSON.stringify([next.arm, next.scene]);
+      pictured(this.content) === pictured(next);
     this.content = next;
     if (same) return;
     for (const old of [...this.things.children]) dispose(old);
     this.meshes.forget();
     this.room = new Room(next.scene);
     const failed = (message: string) => console.warn(`ProACT: ${message}`);
-    this.arm = new Arm(next.arm, this.meshes, failed);
-    this.ghost = new Arm(next.arm, this.meshes, failed, "ghost");
+    this.arm = new Arm(next.arm, next.meshes, this.meshes, failed);
+    this.ghost = new Arm(next.arm, next.meshes, this.meshes, failed, "ghost");
     // No frame, no pose: they appear with the first one.
     this.arm.root.visible = this.ghost.root.visible = false;
     this.markers = new Markers(this.room);
     this.axes = new AxisDisplay(this.arm);
-    this.cameras.side = next.arm.name.includes("left") ? 1 : -1;
+    this.cameras.side = next.arm.side === "left" ? 1 : -1;
     this.things.add(this.room.root, this.arm.root, this.ghost.root, this.markers.root, this.axes.root);
     const { centre } = this.room;
     this.sun.position.copy(centre).add(new Vector3(-0.55, -0.75, 1.9));
@@ -120,7 +125,7 @@ export class Stage {
     arm.update(drawn.base, drawn.joints);
     ghost.root.visible = frame.goal !== null && frame.goal !== undefined;
     if (frame.goal) ghost.update(drawn.base, [...frame.goal, ...drawn.joints.slice(frame.goal.length)]);
-    room.update(drawn.blocks, frame.hand.holds, wall / 1000);
+    room.update(drawn.objects, frame.hand.holds, wall / 1000);
     markers.update(frame, wall / 1000);
     axes.update(frame, drawn);
     this.cameras.update(drawn, room, seconds);
@@ -130,12 +135,12 @@ export class Stage {
     return true;
   }
 
-  /** Where a block or the target of a block is on the screen, CSS pixels from the window's left top. */
-  project(what: "block" | "target", id: BlockId, mirrored = false): { x: number; y: number } | null {
+  /** Where an object or its target is on the screen, CSS pixels from the window's left top. */
+  project(what: "object" | "target", id: ObjectId, mirrored = false): { x: number; y: number } | null {
     const point =
-      what === "block"
-        ? this.room?.block(id)?.position.clone()
-        : this.room?.targets.find((target) => target.block === id)?.centre.clone();
+      what === "object"
+        ? this.room?.object(id)?.position.clone()
+        : this.room?.targets.find((target) => target.object === id)?.centre.clone();
     if (!point) return null;
     const seen = point.project(this.cameras.camera);
     const bounds = this.canvas.getBoundingClientRect();

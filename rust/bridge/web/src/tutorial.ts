@@ -2,8 +2,8 @@
 
 import { element, setClass, setText } from "./dom";
 import { advise, type TargetPlace } from "./guide";
-import { blockName } from "./hud";
-import type { BlockId, DisplayFrame } from "./generated/types";
+import { objectName } from "./objects";
+import type { DisplayFrame, MethodInfo, ObjectId } from "./generated/types";
 import { keyName, type GestureKey, type Settings } from "./settings";
 
 interface Lesson {
@@ -32,6 +32,16 @@ export interface TutorialHandlers {
   ended(): void;
 }
 
+function lessonButton(label: string, classes: string, act: () => void): HTMLElement {
+  const node = element("button", classes, label);
+  node.type = "button";
+  node.addEventListener("click", () => {
+    act();
+    node.blur();
+  });
+  return node;
+}
+
 export class Tutorial {
   readonly root = element("div", "tutorial");
   private readonly welcome: HTMLElement;
@@ -45,20 +55,13 @@ export class Tutorial {
   private readonly pointer = element("div", "pointer", "▼");
   private readonly done: HTMLElement;
   private active = false;
+  /** Name of the method that the lessons are about. */
+  private taught: string | undefined;
 
   constructor(
     private readonly handlers: TutorialHandlers,
     private keys: Settings["keys"],
   ) {
-    const button = (label: string, classes: string, act: () => void) => {
-      const node = element("button", classes, label);
-      node.type = "button";
-      node.addEventListener("click", () => {
-        act();
-        node.blur();
-      });
-      return node;
-    };
     this.welcome = element(
       "div",
       "dialog welcome",
@@ -72,38 +75,35 @@ export class Tutorial {
       element(
         "div",
         "buttons",
-        button("Show me how (1 minute)", "primary", () => this.start()),
-        button("I know how", "plain", () => this.end()),
+        lessonButton("Show me how (1 minute)", "primary", () => this.start()),
+        lessonButton("I know how", "plain", () => this.end()),
       ),
     );
-    this.done = element(
-      "div",
-      "dialog welcome",
-      element("h2", "", "You moved a block"),
-      element("p", "", "That was method D: gaze and task context. The other methods ask for more of you and assume less:"),
-      element(
-        "div",
-        "choices",
-        ...[
-          ["A", "Joint by joint"],
-          ["B", "The hand along axes"],
-          ["C", "Gaze alone"],
-        ].map(([method, text]) =>
-          button(`${method} · ${text}`, "plain", () => {
-            this.end();
-            this.handlers.choose(method ?? "D");
-          }),
-        ),
-      ),
-      element("div", "buttons", button("Go on with D", "primary", () => this.end())),
-    );
+    this.done = element("div", "dialog welcome");
     this.card.append(
-      element("div", "lessonhead", this.number, this.title, element("span", "dots", ...this.dots), button("Skip", "plain", () => this.end())),
+      element("div", "lessonhead", this.number, this.title, element("span", "dots", ...this.dots), lessonButton("Skip", "plain", () => this.end())),
       element("p", "lessontext", this.text, " ", this.key),
       this.hint,
     );
     this.welcome.hidden = this.card.hidden = this.done.hidden = this.pointer.hidden = true;
     this.root.append(this.card, this.pointer, this.welcome, this.done);
+  }
+
+  /** The methods that there are. The lessons are those of the one that selects and knows the task. */
+  setMethods(methods: MethodInfo[]): void {
+    const selecting = methods.filter(({ style }) => style === "selecting");
+    this.taught = (selecting.find(({ needs }) => needs.prior) ?? selecting[0])?.name;
+    const choice = ({ name, title }: MethodInfo) =>
+      lessonButton(`${name} · ${title}`, "plain", () => {
+        this.end();
+        this.handlers.choose(name);
+      });
+    this.done.replaceChildren(
+      element("h2", "", "You moved a block"),
+      element("p", "", `That was method ${this.taught}: gaze and task context. The other methods ask for more of you and assume less:`),
+      element("div", "choices", ...methods.filter(({ name }) => name !== this.taught).map(choice)),
+      element("div", "buttons", lessonButton(`Go on with ${this.taught}`, "primary", () => this.end())),
+    );
   }
 
   /** True while the lessons run, and the guide's strip would say the same twice. */
@@ -125,9 +125,10 @@ export class Tutorial {
   }
 
   start(): void {
+    if (this.taught === undefined) return;
     this.welcome.hidden = this.done.hidden = true;
     this.active = true;
-    this.handlers.choose("D");
+    this.handlers.choose(this.taught);
   }
 
   private end(): void {
@@ -140,10 +141,10 @@ export class Tutorial {
     frame: DisplayFrame,
     target: TargetPlace,
     lean: boolean,
-    project: (what: "block" | "target", id: BlockId) => { x: number; y: number } | null,
+    project: (what: "object" | "target", id: ObjectId) => { x: number; y: number } | null,
   ): void {
-    if (!this.active || frame.method !== "D") return;
-    if (frame.on_target > 0) {
+    if (!this.active || frame.method !== this.taught) return;
+    if (frame.score > 0) {
       this.active = false;
       this.card.hidden = this.pointer.hidden = true;
       this.done.hidden = false;
@@ -152,7 +153,7 @@ export class Tutorial {
     const { step, hint } = advise(frame, target, lean);
     const lesson = LESSONS[step ?? -1];
     this.card.hidden = false;
-    const block = frame.hand.holds ?? frame.next_block;
+    const block = frame.hand.holds ?? frame.next;
     setText(this.number, step === null ? "!" : String(step + 1));
     setText(this.title, lesson ? lesson.title : "One moment");
     setText(this.text, lesson ? lesson.text : hint);
@@ -160,12 +161,12 @@ export class Tutorial {
     this.key.hidden = !code;
     if (code) setText(this.key, lesson?.hold ? `hold ${keyName(code)}` : keyName(code));
     const stuck = frame.planner.state === "failed" || (frame.planner.state === "arrived" && frame.planner.intermediate);
-    setText(this.hint, stuck && lesson ? hint : block && step === 0 ? `Next is ${blockName(block)}.` : "");
+    setText(this.hint, stuck && lesson ? hint : block !== null && step === 0 ? `Next is ${objectName(block)}.` : "");
     this.dots.forEach((dot, k) => {
       setClass(dot, "now", k === step);
       setClass(dot, "past", step !== null && k < step);
     });
-    const at = block && step !== null && [0, 1, 4, 5].includes(step) ? project(step < 4 ? "block" : "target", block) : null;
+    const at = block !== null && step !== null && [0, 1, 4, 5].includes(step) ? project(step < 4 ? "object" : "target", block) : null;
     this.pointer.hidden = at === null;
     if (at) this.pointer.style.transform = `translate(${Math.round(at.x)}px, ${Math.round(at.y)}px)`;
   }

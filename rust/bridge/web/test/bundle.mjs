@@ -1,11 +1,15 @@
-// Loads a module of the page in Node: bundled by the same bundler, without a browser.
+// Loads modules of the page in Node, as one: bundled by the same bundler, without a browser.
 
 import { build } from "esbuild";
 import { fileURLToPath } from "node:url";
 
-export async function load(name) {
+export async function load(...names) {
   const result = await build({
-    entryPoints: [fileURLToPath(new URL(`../src/${name}.ts`, import.meta.url))],
+    stdin: {
+      contents: names.map((name) => `export * from "./${name}";`).join("\n"),
+      resolveDir: fileURLToPath(new URL("../src", import.meta.url)),
+      loader: "ts",
+    },
     bundle: true,
     write: false,
     format: "esm",

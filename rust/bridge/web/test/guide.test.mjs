@@ -4,40 +4,41 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { load } from "./bundle.mjs";
 
-const { STEPS, advise, stepwiseHint } = await load("guide");
+const { STEPS, advise, knowObjects, stepwiseHint } = await load("guide", "objects");
+knowObjects({ objects: ["red1", "red2", "blue1", "blue2"].map((name) => ({ name })) });
 const target = () => ({ x: 0.05, y: 0.2 });
 
 function frame(changes = {}) {
   return {
     finished: false,
-    next_block: "red1",
+    next: 0,
     hand: { state: "open", holds: null },
-    target: { block: null, place: null, locked: false, posterior: [] },
+    target: { object: null, place: null, locked: false, posterior: [] },
     planner: { state: "idle" },
     ...changes,
   };
 }
 
 const arrived = { state: "arrived", intermediate: false };
-const locked = { block: "red1", place: null, locked: true };
-const holding = { state: "closed", holds: "red1" };
+const locked = { object: 0, place: null, locked: true };
+const holding = { state: "closed", holds: 0 };
 
 test("a transfer walks through all eight steps in order", () => {
   const situations = [
     frame(),
-    frame({ target: { block: "red1", place: null, locked: false } }),
+    frame({ target: { object: 0, place: null, locked: false } }),
     frame({ target: locked }),
     frame({ target: locked, planner: arrived }),
-    frame({ hand: holding, target: { block: null, place: [0.1, 0.05, 1], locked: false } }),
-    frame({ hand: holding, target: { block: null, place: [0.05, 0.19, 1], locked: false } }),
-    frame({ hand: holding, target: { block: null, place: [0.05, 0.19, 1], locked: true } }),
-    frame({ hand: holding, target: { block: null, place: [0.05, 0.19, 1], locked: true }, planner: arrived }),
+    frame({ hand: holding, target: { object: null, place: [0.1, 0.05, 1], locked: false } }),
+    frame({ hand: holding, target: { object: null, place: [0.05, 0.19, 1], locked: false } }),
+    frame({ hand: holding, target: { object: null, place: [0.05, 0.19, 1], locked: true } }),
+    frame({ hand: holding, target: { object: null, place: [0.05, 0.19, 1], locked: true }, planner: arrived }),
   ];
   assert.deepEqual(situations.map((now) => advise(now, target, false).step), STEPS.map((_, k) => k));
 });
 
 test("another block than the one that is next is not to be locked", () => {
-  const advice = advise(frame({ target: { block: "blue2", place: null, locked: false } }), target, false);
+  const advice = advise(frame({ target: { object: 3, place: null, locked: false } }), target, false);
   assert.equal(advice.step, 0);
   assert.match(advice.hint, /red 1/);
 });

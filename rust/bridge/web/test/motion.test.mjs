@@ -9,7 +9,7 @@ const still = { rotation: [0, 0, 0, 1], translation: [0, 0, 0] };
 
 function frame(time, x = time / 1000) {
   const pose = { rotation: [0, 0, 0, 1], translation: [x, 0, 0] };
-  return { time, joints: [x], world_from_base: pose, world_from_tip: still, world_from_head: still, blocks: [pose] };
+  return { time, joints: [x], world_from_base: pose, world_from_tip: still, world_from_head: still, objects: [pose] };
 }
 
 /** Frames at 60 Hz whose arrival jitters by up to a frame; pictures every 7 ms. Returns the drawn positions. */
@@ -25,7 +25,7 @@ function play(seconds) {
     }
     if (wall % 7 === 0) {
       const now = motion.at(wall);
-      if (now) drawn.push({ wall, x: now.joints[0], block: now.blocks[0].position.x });
+      if (now) drawn.push({ wall, x: now.joints[0], block: now.objects[0].position.x });
     }
   }
   return drawn;

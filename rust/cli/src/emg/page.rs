@@ -11,7 +11,7 @@ use proact_bridge::{
     PageOptions,
 };
 use proact_emg::{Calibration, ChannelQuality, CursorTest, Phase};
-use proact_types::Gesture;
+use proact_types::GestureName;
 use serde_json::Value;
 use std::{
     error::Error,
@@ -97,12 +97,17 @@ impl PageScreen {
     }
 
     /// Shows a test: what is prompted and how it goes.
-    pub(super) fn show_test(&mut self, test: GestureTest, prompt: Option<Gesture>, in_force: Gesture) {
+    pub(super) fn show_test(
+        &mut self,
+        test: GestureTest,
+        prompt: Option<GestureName>,
+        in_force: GestureName,
+    ) {
         self.publish(false, || CalibrationView::Test { test, prompt, in_force });
     }
 
     /// Shows the cursor test.
-    pub(super) fn show_cursor(&mut self, test: &CursorTest, in_force: Gesture, effort: f64, now: bool) {
+    pub(super) fn show_cursor(&mut self, test: &CursorTest, in_force: GestureName, effort: f64, now: bool) {
         self.publish(now, || {
             let (target, width) = test.target();
             CalibrationView::Cursor {

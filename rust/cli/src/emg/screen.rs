@@ -4,7 +4,7 @@ use super::{page::PageScreen, train::PageArgs};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use proact_app::tell;
 use proact_emg::{Calibration, CalibrationReport, Light, Phase};
-use proact_types::{Gesture, LineRead, read_line};
+use proact_types::{GestureName, LineRead, read_line};
 use serde_json::Value;
 use std::{
     error::Error,
@@ -21,7 +21,7 @@ pub(super) enum Choice {
     /// Another round.
     Proceed,
     /// This gesture again.
-    Again(Gesture),
+    Again(GestureName),
     /// Train and be done.
     Stop,
 }
@@ -104,13 +104,13 @@ impl Screen for Terminal {
     fn show(&mut self, session: &Calibration) {
         let (prefix, share, message) = match session.phase() {
             Phase::Blocked { prompt } => {
-                (prompt.gesture.ros_name(), 0.0, "waiting for good channels".to_owned())
+                (prompt.gesture.to_string(), 0.0, "waiting for good channels".to_owned())
             }
             Phase::Preparing { prompt, left_secs } => {
-                (prompt.gesture.ros_name(), 0.0, format!("make it now, recording in {left_secs:.1} s"))
+                (prompt.gesture.to_string(), 0.0, format!("make it now, recording in {left_secs:.1} s"))
             }
-            Phase::Recording { prompt, share } => (prompt.gesture.ros_name(), share, "hold".to_owned()),
-            Phase::Reviewing | Phase::Finished => ("relax", 0.0, String::new()),
+            Phase::Recording { prompt, share } => (prompt.gesture.to_string(), share, "hold".to_owned()),
+            Phase::Reviewing | Phase::Finished => ("relax".to_owned(), 0.0, String::new()),
         };
         let lights: String = session
             .channels()
@@ -187,7 +187,7 @@ pub(super) fn report_text(report: &CalibrationReport) -> String {
     );
     for ((gesture, row), recall) in report.classes.iter().zip(&report.confusion).zip(&report.recall) {
         let counts: String = row.iter().map(|count| format!("{count:>6}")).collect();
-        text += &format!("  {:<16}{counts}   {:5.1} %\n", gesture.ros_name(), 100.0 * recall);
+        text += &format!("  {:<16}{counts}   {:5.1} %\n", gesture, 100.0 * recall);
     }
     for outlier in report.outliers() {
         text += &format!(

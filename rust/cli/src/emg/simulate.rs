@@ -11,7 +11,7 @@ use proact_devices::{
     gforce::{Prompted, Simulator, SimulatorOptions, serve},
     stream,
 };
-use proact_types::Gesture;
+use proact_types::{Gesture, GestureName};
 use std::{
     error::Error,
     io::Write,
@@ -86,7 +86,7 @@ pub struct SimulateArgs {
 /// `hand_close:2`.
 fn parse_held(text: &str) -> Result<Held, String> {
     let (name, secs) = text.split_once(':').unwrap_or((text, "2"));
-    let gesture = name.parse::<Gesture>().map_err(|e| e.to_string())?;
+    let gesture = name.parse::<GestureName>().map_err(|e| e.to_string())?;
     match secs.parse::<f64>() {
         Ok(secs) if secs.is_finite() && secs > 0.0 => Ok(Held { gesture, secs }),
         _ => Err(format!("{text:?} holds {name} for {secs:?}, expected seconds above zero, as in {name}:2")),
@@ -202,7 +202,16 @@ fn feed(args: &SimulateArgs) -> Result<(EmgFeed, f64, usize), Box<dyn Error>> {
         let channels = model.channels();
         let generator =
             SyntheticEmg::new(&model, rate_hz, channels, 1.0, stream(args.seed, "emg/synthetic/feed"))?;
-        let none = Recordings { path: PathBuf::new(), rate_hz, channels, items: Vec::new() };
+        if let Some(held) = args.gestures.iter().find(|held| held.gesture.namesake().is_none()) {
+            let five = Gesture::ALL.map(Gesture::ros_name).join(", ");
+            return Err(format!(
+                "synthetic EMG makes no {}, only {five}; name recordings of it with --data",
+                held.gesture
+            )
+            .into());
+        }
+        let (expected, rest) = (Gesture::ALL.map(GestureName::from).into(), GestureName::default());
+        let none = Recordings { path: PathBuf::new(), rate_hz, channels, expected, rest, items: Vec::new() };
         return Ok((EmgFeed::new(&none, &[], Some(generator), args.seed)?, rate_hz, channels));
     };
     let recordings = Recordings::open(dir, args.rate)?;
@@ -214,6 +223,9 @@ fn feed(args: &SimulateArgs) -> Result<(EmgFeed, f64, usize), Box<dyn Error>> {
     // Gestures that are not asked for need not be there; the feed wants each, so they are left out of its sight.
     let mut needed = recordings.clone();
     needed.items.retain(|item| args.gestures.iter().any(|h| h.gesture == item.gesture));
+    needed
+        .expected
+        .retain(|name| name.namesake().is_some() || needed.items.iter().any(|i| i.gesture == *name));
     let filling = SyntheticEmg::new(
         &SyntheticModel::shipped()?,
         recordings.rate_hz,
@@ -231,8 +243,8 @@ mod tests {
 
     #[test]
     fn gestures_without_a_name_or_a_time_are_refused() {
-        assert_eq!(parse_held("hand_open"), Ok(Held { gesture: Gesture::HandOpen, secs: 2.0 }));
-        assert!(parse_held("fist:2").unwrap_err().contains("hand_close"));
+        assert_eq!(parse_held("hand_open"), Ok(Held { gesture: Gesture::HandOpen.into(), secs: 2.0 }));
+        assert!(parse_held(":2").unwrap_err().contains("name of a gesture"));
         assert!(parse_held("hand_close:0").unwrap_err().contains("seconds above zero"));
         assert!(parse_held("hand_close:NaN").unwrap_err().contains("seconds above zero"));
     }

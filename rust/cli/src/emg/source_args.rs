@@ -1,15 +1,13 @@
 //! Where samples come from, on the command line of every command that takes a live stream.
 
 use clap::Args;
-use proact_app::{SourceName, SourceOptions};
+use proact_app::tell;
+use proact_devices::{DeviceError, SampleSource, SourceName, SourceOptions, SourceRegistry};
 
 /// Options of a source.
 #[derive(Debug, Args)]
 pub struct SourceArgs {
-    /// gforce-sim://HOST:PORT, ble or ble:NAME, lsl or lsl:NAME, file:FOLDER, file:FILE.csv|.edf, synthetic, person:FOLDER, keys, libemg-udp:PORT.
-    ///
-    /// `synthetic` and `person:FOLDER` are simulated people who make what is prompted, with generated EMG or that of
-    /// recordings. `keys`: W, S, A and D in the terminal are gestures, space relaxes.
+    /// Where samples come from.
     #[arg(long)]
     pub(super) source: SourceName,
     /// Repetition that file:FOLDER plays and person:FOLDER makes.
@@ -34,14 +32,32 @@ pub struct SourceArgs {
 }
 
 impl SourceArgs {
+    /// Opens the source at `rate` hertz, if one is asked for.
+    ///
+    /// # Errors
+    /// A source that does not exist or cannot be opened, a rate that cannot be.
+    pub(super) fn open(
+        &self,
+        sources: &SourceRegistry,
+        rate: Option<f64>,
+    ) -> Result<Box<dyn SampleSource>, DeviceError> {
+        let options = self.options().at_rate(rate)?;
+        let help = sources.find(&self.source)?.help;
+        if self.source.scheme() == "keys" {
+            tell(help);
+        }
+        sources.open(&self.source, &options)
+    }
+
     /// What they say, beside the name.
-    pub(super) fn options(&self) -> SourceOptions {
+    fn options(&self) -> SourceOptions {
         SourceOptions {
             rep: self.rep,
             flat_out: self.flat_out,
             bits: self.bits,
             packet_bytes: self.packet,
             seed: self.seed,
+            rate_hz: None,
         }
     }
 }

@@ -4,19 +4,19 @@ use super::source_args::SourceArgs;
 use crate::{emg::WindowArgs, interrupt::interrupt_flag};
 use clap::Args;
 use proact_app::{
-    CentredStream, SourceName, answer,
+    CentredStream, answer,
     lab_streaming::Published,
-    source::{open, read_model},
+    source::read_model,
     stream_view::{StreamGlance, StreamView},
 };
 use proact_devices::{
     EmgRecorder, LibEmgOutput, LibEmgReceiver, LibEmgSender, Recording, Recordings, SampleSource,
-    SourceEvent, SourceInfo, SyntheticEmg, SyntheticModel, stream,
+    SourceEvent, SourceInfo, SourceRegistry, SyntheticEmg, SyntheticModel, stream,
 };
 use proact_emg::{
-    DecisionRule, EmgConfig, EmgModel, EmgOutput, EmgPipeline, Light, QualityConfig, QualityMonitor,
+    DecisionRule, EmgConfig, EmgError, EmgModel, EmgOutput, EmgPipeline, Light, QualityConfig, QualityMonitor,
 };
-use proact_types::{EmgSample, Gesture, SimTime};
+use proact_types::{EmgSample, Gesture, GestureName, MAX_GESTURES, SimTime};
 use serde_json::json;
 use std::{
     error::Error,
@@ -40,6 +40,17 @@ pub struct StreamArgs {
     /// Repetitions to train on.
     #[arg(long, value_delimiter = ',', default_value = "0,1")]
     train_reps: Vec<u32>,
+    /// Gestures of the classes that libemg-udp sends, in the order of their numbers.
+    #[arg(
+        long,
+        value_delimiter = ',',
+        value_name = "NAMES",
+        default_value = "hand_close,hand_open,no_motion,wrist_extension,wrist_flexion"
+    )]
+    classes: Vec<GestureName>,
+    /// Which of --classes is the relaxed hand, that stops the arm.
+    #[arg(long, value_name = "NAME", default_value = "no_motion")]
+    rest: GestureName,
     /// Keep the raw codes with the device's time: a new .csv or .edf file.
     #[arg(long)]
     record: Option<PathBuf>,
@@ -64,7 +75,7 @@ pub struct StreamArgs {
 ///
 /// # Errors
 /// A source that cannot be opened, a model that does not fit it, or a file that cannot be written.
-pub(super) fn run(args: &StreamArgs, json: bool) -> Result<(), Box<dyn Error>> {
+pub(super) fn run(sources: &SourceRegistry, args: &StreamArgs, json: bool) -> Result<(), Box<dyn Error>> {
     if args.seconds.is_some_and(|s| !(s.is_finite() && s > 0.0)) {
         return Err("--seconds expects a finite number above zero".into());
     }
@@ -75,10 +86,10 @@ pub(super) fn run(args: &StreamArgs, json: bool) -> Result<(), Box<dyn Error>> {
     if let Some(target) = &args.udp {
         out.sender = Some(LibEmgSender::connect(target)?);
     }
-    if let SourceName::LibEmgUdp(port) = args.source.source {
+    if let Some(port) = args.source.source.classes_port() {
         return classes(args, port, &mut out, &stop);
     }
-    let source = open(&args.source.source, &args.source.options(), args.window.rate)?;
+    let source = args.source.open(sources, args.window.rate)?;
     samples(args, source, &mut out, &stop)
 }
 
@@ -87,7 +98,7 @@ fn model(args: &StreamArgs, info: &SourceInfo) -> Result<(EmgModel, String), Box
     if let Some(path) = &args.model {
         return Ok((read_model(path, info)?, path.display().to_string()));
     }
-    let config = args.window.live_config(info.rate_hz, info.channels)?;
+    let mut config = args.window.live_config(info.rate_hz, info.channels)?;
     let (recordings, reps, label) = match &args.data {
         Some(dir) => {
             (Recordings::open(dir, args.window.rate)?, args.train_reps.clone(), dir.display().to_string())
@@ -98,13 +109,14 @@ fn model(args: &StreamArgs, info: &SourceInfo) -> Result<(EmgModel, String), Box
     if reps.is_empty() {
         return Err("no repetitions to train on were named, expected at least one, such as 0".into());
     }
-    let mut samples: Vec<(Gesture, Vec<EmgSample>)> = Vec::new();
+    config.rest = recordings.rest;
+    let mut samples: Vec<(GestureName, Vec<EmgSample>)> = Vec::new();
     for &rep in &reps {
         for gesture in recordings.gestures() {
             samples.push((gesture, recordings.find(gesture, rep)?.numbered().collect()));
         }
     }
-    let slices: Vec<(Gesture, &[EmgSample])> = samples.iter().map(|(g, s)| (*g, s.as_slice())).collect();
+    let slices: Vec<(GestureName, &[EmgSample])> = samples.iter().map(|(g, s)| (*g, s.as_slice())).collect();
     Ok((EmgModel::train(&config, &vec![0.0; config.channels], &slices)?, label))
 }
 
@@ -113,14 +125,15 @@ fn synthetic() -> Result<Recordings, Box<dyn Error>> {
     let (model, rate_hz, secs) = (SyntheticModel::shipped()?, 1000.0, 6.0);
     let channels = model.channels();
     let mut generator = SyntheticEmg::new(&model, rate_hz, channels, 1.0, stream(0, "emg/synthetic/train"))?;
-    let mut record = |gesture| Recording {
+    let mut record = |gesture: Gesture| Recording {
         repetition: 0,
-        gesture,
+        gesture: gesture.into(),
         samples: (0..(secs * rate_hz) as usize).map(|_| generator.next(gesture)).collect(),
         path: "synthetic".into(),
     };
     let items = Gesture::ALL.map(&mut record).into();
-    Ok(Recordings { path: "synthetic".into(), rate_hz, channels, items })
+    let (expected, rest) = (Gesture::ALL.map(GestureName::from).into(), GestureName::default());
+    Ok(Recordings { path: "synthetic".into(), rate_hz, channels, expected, rest, items })
 }
 
 fn check_fit(info: &SourceInfo, rate_hz: f64, channels: usize, trained_on: &str) -> Result<(), String> {
@@ -164,7 +177,7 @@ impl Output {
             // The effort is that of the newest class; the gesture in force may be another.
             let effort = if out.class == Some(out.gesture) { out.effort } else { 0.0 };
             let velocity = self.velocity.then_some(effort);
-            sender.send(LibEmgOutput { gesture: Some(out.gesture), velocity })?;
+            sender.send(LibEmgOutput { class: Some(out.place), velocity })?;
         }
         if let Some(published) = &mut self.published {
             published.decision(out.gesture, counter)?;
@@ -233,8 +246,8 @@ fn samples(
                         }
                     }
                     if let Some(output) = pipeline.step(now, std::slice::from_ref(sample)) {
-                        glance.output = Some(output);
                         going &= out.decision(now, Some(sample.counter), &output)?;
+                        glance.output = Some(output);
                     }
                 }
             }
@@ -253,8 +266,8 @@ fn samples(
                     _ => {}
                 }
                 if let Some(output) = pipeline.step(now, &[]) {
-                    glance.output = Some(output);
                     going &= out.decision(now, None, &output)?;
+                    glance.output = Some(output);
                 }
             }
         }
@@ -290,10 +303,17 @@ fn classes(args: &StreamArgs, port: u16, out: &mut Output, stop: &AtomicBool) ->
     if args.record.is_some() || args.lsl.is_some() {
         return Err("LibEMG sends classes, not samples: there is nothing to --record or to publish".into());
     }
-    let mut receiver = LibEmgReceiver::bind(port)?;
+    let (gestures, rest) = (&args.classes, args.rest);
+    if !gestures.contains(&rest) {
+        return Err(EmgError::NoRest { rest, known: gestures.clone() }.into());
+    }
+    if gestures.len() > MAX_GESTURES {
+        return Err(EmgError::TooManyClasses { got: gestures.len() }.into());
+    }
+    let mut receiver = LibEmgReceiver::bind(port, gestures.len())?;
     let address = receiver.address()?.to_string();
     out.line(&json!({ "event": "open", "source": format!("LibEMG at {address}") }))?;
-    let mut rule = DecisionRule::new(&EmgConfig::default());
+    let mut rule = DecisionRule::new(&EmgConfig { rest, ..EmgConfig::default() });
     let begin = Instant::now();
     let mut going = true;
     while going && !stop.load(Ordering::Relaxed) {
@@ -311,18 +331,19 @@ fn classes(args: &StreamArgs, port: u16, out: &mut Output, stop: &AtomicBool) ->
         };
         let now = SimTime(begin.elapsed().as_millis() as u64);
         // What LibEMG rejects breaks a run of equal classes, and a full run of rejections stops the arm.
-        let class = received.and_then(|r| r.gesture);
+        let class = received.and_then(|r| r.class).map(|class| gestures[class]);
         let decided = match (received, class) {
             (Some(_), None) => Some(rule.reject(now)),
             _ => rule.step(now, class),
         };
         let Some(decision) = decided else { continue };
-        let window_class = class.unwrap_or(Gesture::NoMotion);
+        let window_class = class.unwrap_or(rest);
         let output = EmgOutput {
             gesture: decision.gesture,
+            place: gestures.iter().position(|g| *g == decision.gesture).unwrap_or_default(),
             published: decision.published,
             window_class,
-            posterior: [0.0; 5],
+            posterior: gestures.iter().map(|_| 0.0).collect(),
             confidence: 0.0,
             class,
             effort: received.and_then(|r| r.velocity).unwrap_or(0.0),
@@ -333,7 +354,7 @@ fn classes(args: &StreamArgs, port: u16, out: &mut Output, stop: &AtomicBool) ->
             answer(format_args!(
                 "{:8.2} s  {}",
                 now.as_secs(),
-                if decision.stale { "stale" } else { decision.gesture.ros_name() }
+                if decision.stale { "stale" } else { decision.gesture.as_str() }
             ))?;
         }
     }

@@ -4,17 +4,14 @@ use super::{page::PageScreen, screen::bar, source_args::SourceArgs, train::PageA
 use crate::interrupt::interrupt_flag;
 use clap::{Args, ValueEnum};
 use indicatif::ProgressBar;
-use proact_app::{
-    CentredStream, SourceName, answer,
-    source::{open, read_model},
-};
+use proact_app::{CentredStream, answer, source::read_model};
 use proact_bridge::GestureTest;
-use proact_devices::{SourceEvent, stream};
+use proact_devices::{SourceEvent, SourceRegistry, stream};
 use proact_emg::{
     Adaptation, AdaptationConfig, CursorConfig, CursorEvent, CursorTest, EmgOutput, EmgPipeline, HoldConfig,
     HoldTest, SequenceConfig, SequenceTest,
 };
-use proact_types::{Gesture, SimTime};
+use proact_types::{GestureName, SimTime};
 use rand::seq::SliceRandom;
 use serde_json::{Value, json};
 use std::{
@@ -58,6 +55,15 @@ pub struct TestArgs {
     /// Seconds in a target that complete a movement of the cursor test; they are not counted into its time.
     #[arg(long, default_value_t = 1.0)]
     dwell: f64,
+    /// Gestures that move the cursor right, left, up and down.
+    #[arg(
+        long,
+        value_delimiter = ',',
+        num_args = 4,
+        value_name = "NAMES",
+        default_value = "wrist_extension,wrist_flexion,hand_open,hand_close"
+    )]
+    steering: Vec<GestureName>,
     /// The cursor always moves at full speed, whatever the effort.
     #[arg(long)]
     constant_speed: bool,
@@ -84,8 +90,8 @@ pub enum TestName {
 ///
 /// # Errors
 /// A source or model that cannot be used, or a test that is failed.
-pub(super) fn run(args: &TestArgs, json: bool) -> Result<(), Box<dyn Error>> {
-    if let SourceName::File(path) = &args.source.source {
+pub(super) fn run(sources: &SourceRegistry, args: &TestArgs, json: bool) -> Result<(), Box<dyn Error>> {
+    if let Some(path) = args.source.source.file() {
         return Err(format!("file:{} makes no gestures that are asked for; a recording can act as a person with person:FOLDER", path.display()).into());
     }
     if let Some(out) = &args.adapt {
@@ -97,14 +103,25 @@ pub(super) fn run(args: &TestArgs, json: bool) -> Result<(), Box<dyn Error>> {
         }
     }
     let stop = interrupt_flag()?;
-    let source = open(&args.source.source, &args.source.options(), args.rate)?;
+    let source = args.source.open(sources, args.rate)?;
     let info = source.info().clone();
     let model = read_model(&args.model, &info)?;
     let pipeline = EmgPipeline::new(&model.config, model.classifier.clone())?;
     let stream = CentredStream::new(source, args.source.zero, &model);
     let adaptation =
         args.adapt.as_ref().map(|_| Adaptation::new(AdaptationConfig::default(), &model)).transpose()?;
-    let mut live = Live { stream, pipeline, adaptation, in_force: Gesture::NoMotion, effort: 0.0, stop };
+    let (gestures, rest) = (model.classifier.gestures().to_vec(), model.config.rest);
+    if args.tests.contains(&TestName::Cursor)
+        && let Some(unknown) = args.steering.iter().find(|gesture| !gestures.contains(gesture))
+    {
+        let known: Vec<&str> = gestures.iter().map(GestureName::as_str).collect();
+        return Err(format!(
+            "the model has no {unknown} to move the cursor with; name four of its gestures with --steering: {}",
+            known.join(", ")
+        )
+        .into());
+    }
+    let mut live = Live { stream, pipeline, adaptation, gestures, rest, in_force: rest, effort: 0.0, stop };
     let mut show = Show {
         page: None,
         bar: bar(!json && !args.page.page, 1, "{prefix:10} {bar:30} {pos} of {len}  {msg}"),
@@ -162,7 +179,7 @@ fn sequence(
     let mut test = SequenceTest::new(SequenceConfig {
         in_a_row: args.in_a_row.into(),
         attempts: args.attempts.into(),
-        ..SequenceConfig::default()
+        ..SequenceConfig::of(&live.gestures, live.rest)
     })?;
     while !test.is_finished() {
         live.advance()?;
@@ -182,13 +199,18 @@ fn trial(
     let mut rng = stream(args.source.seed, "emg/test/prompts");
     let mut prompts = Vec::new();
     while prompts.len() < usize::from(args.prompts) {
-        // Each gesture once in five prompts, in an order that nobody can learn.
-        let mut five = Gesture::ALL;
-        five.shuffle(&mut rng);
-        prompts.extend(five);
+        // Each gesture once in a round of prompts, in an order that nobody can learn.
+        let mut round = live.gestures.clone();
+        round.shuffle(&mut rng);
+        prompts.extend(round);
     }
     prompts.truncate(args.prompts.into());
-    let mut test = HoldTest::new(HoldConfig { prompts, target: args.target, ..HoldConfig::default() })?;
+    let mut test = HoldTest::new(HoldConfig {
+        gestures: live.gestures.clone(),
+        prompts,
+        target: args.target,
+        ..HoldConfig::default()
+    })?;
     while !test.is_finished() {
         let decided = live.advance()?.map(|output| output.gesture);
         let counted = test.report().decisions;
@@ -208,7 +230,9 @@ fn cursor(
     live: &mut Live,
     show: &mut Show,
 ) -> Result<(&'static str, Value, bool), Box<dyn Error>> {
+    let steering = args.steering.as_slice().try_into().map_err(|_| "--steering expects four gestures")?;
     let mut test = CursorTest::new(CursorConfig {
+        steering,
         targets: args.targets.into(),
         dwell_secs: args.dwell,
         proportional: !args.constant_speed,
@@ -219,7 +243,7 @@ fn cursor(
         let decided = live.advance()?;
         let event = test.step(live.now(), live.in_force, live.effort);
         if decided.is_some()
-            && let Some(wanted) = person.wants(&test, live.now())
+            && let Some(wanted) = person.wants(&test, live.now(), live.rest)
         {
             live.prompt(Some(wanted));
         }
@@ -236,7 +260,7 @@ fn cursor(
 /// way from intention to cursor takes. People see the cursor instead.
 #[derive(Default)]
 struct Steering {
-    wanted: Option<Gesture>,
+    wanted: Option<GestureName>,
     before: Option<(SimTime, [f64; 2])>,
 }
 
@@ -245,7 +269,8 @@ const LAG_SECS: f64 = 0.5;
 
 impl Steering {
     /// The gesture to make from now on, if it is another one.
-    fn wants(&mut self, test: &CursorTest, now: SimTime) -> Option<Gesture> {
+    fn wants(&mut self, test: &CursorTest, now: SimTime, rest: GestureName) -> Option<GestureName> {
+        let [right, left, up, down] = test.config().steering;
         let ([x, y], (target, width)) = (test.cursor(), test.target());
         let speed = self.before.map_or([0.0; 2], |(then, [bx, by])| {
             let secs = (now.millis_since(then) as f64 / 1000.0).max(1e-3);
@@ -255,11 +280,11 @@ impl Steering {
         let off = [target[0] - x - LAG_SECS * speed[0], target[1] - y - LAG_SECS * speed[1]];
         let reach = 0.3 * width;
         let wanted = match off {
-            [dx, _] if dx > reach => Gesture::WristExtension,
-            [dx, _] if dx < -reach => Gesture::WristFlexion,
-            [_, dy] if dy > reach => Gesture::HandOpen,
-            [_, dy] if dy < -reach => Gesture::HandClose,
-            _ => Gesture::NoMotion,
+            [dx, _] if dx > reach => right,
+            [dx, _] if dx < -reach => left,
+            [_, dy] if dy > reach => up,
+            [_, dy] if dy < -reach => down,
+            _ => rest,
         };
         (self.wanted.replace(wanted) != Some(wanted)).then_some(wanted)
     }
@@ -270,7 +295,10 @@ struct Live {
     stream: CentredStream,
     pipeline: EmgPipeline,
     adaptation: Option<Adaptation>,
-    in_force: Gesture,
+    /// Those of the model, and which of them is the relaxed hand.
+    gestures: Vec<GestureName>,
+    rest: GestureName,
+    in_force: GestureName,
     effort: f64,
     stop: Arc<AtomicBool>,
 }
@@ -294,7 +322,7 @@ impl Live {
     }
 
     /// The newest window is one of `gesture`, which was asked for long enough ago.
-    fn confirm(&mut self, gesture: Option<Gesture>) -> Result<(), Box<dyn Error>> {
+    fn confirm(&mut self, gesture: Option<GestureName>) -> Result<(), Box<dyn Error>> {
         if let (Some(adaptation), Some(gesture)) = (&mut self.adaptation, gesture)
             && adaptation.confirm(gesture, self.pipeline.features())?
         {
@@ -307,8 +335,8 @@ impl Live {
         self.stream.now
     }
 
-    fn prompt(&mut self, gesture: Option<Gesture>) {
-        self.stream.source.prompt(gesture.unwrap_or(Gesture::NoMotion));
+    fn prompt(&mut self, gesture: Option<GestureName>) {
+        self.stream.source.prompt(gesture.unwrap_or(self.rest));
     }
 }
 
@@ -316,7 +344,7 @@ impl Live {
 struct Show {
     page: Option<PageScreen>,
     bar: ProgressBar,
-    last: Option<Gesture>,
+    last: Option<GestureName>,
 }
 
 impl Show {
@@ -331,7 +359,7 @@ impl Show {
         Ok(())
     }
 
-    fn test(&mut self, test: GestureTest, prompt: Option<Gesture>, in_force: Gesture) {
+    fn test(&mut self, test: GestureTest, prompt: Option<GestureName>, in_force: GestureName) {
         if let Some(page) = &mut self.page {
             // What the buttons say is of no use now, but must not pile up.
             page.has_begun();
@@ -339,7 +367,7 @@ impl Show {
         }
         if prompt != self.last {
             self.last = prompt;
-            self.bar.set_message(prompt.map_or("", Gesture::ros_name));
+            self.bar.set_message(prompt.map_or(String::new(), String::from));
         }
         match test {
             GestureTest::Wait(()) => {}

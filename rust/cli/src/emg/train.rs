@@ -8,18 +8,15 @@ use super::{
 };
 use crate::{access_args::AccessArgs, emg::WindowArgs, interrupt::interrupt_flag};
 use clap::Args;
-use proact_app::{
-    SourceName, answer,
-    source::{open, read_model},
-};
+use proact_app::{answer, source::read_model};
 use proact_devices::{
-    EmgPacket, Recording, RecordingFolder, Recordings, SampleSource, SourceEvent, SourceInfo,
+    EmgPacket, Recording, RecordingFolder, Recordings, SampleSource, SourceEvent, SourceInfo, SourceRegistry,
 };
 use proact_emg::{
-    Calibration, CalibrationConfig, CalibrationEvent, CalibrationReport, EmgModel, Phase, QualityConfig,
-    Refusal, RotationReport, ZeroLevel, check_rotation, extract,
+    Calibration, CalibrationConfig, CalibrationEvent, CalibrationReport, EmgConfig, EmgError, EmgModel,
+    Phase, QualityConfig, Refusal, RotationReport, ZeroLevel, check_rotation, extract,
 };
-use proact_types::{EmgSample, Gesture, SimTime};
+use proact_types::{EmgSample, Gesture, GestureName, SimTime};
 use serde_json::{Value, json};
 use std::{
     error::Error,
@@ -46,6 +43,12 @@ pub struct TrainArgs {
     /// Folder for the recordings, in LibEMG's layout; a new or empty one.
     #[arg(long, value_name = "DIR")]
     save: Option<PathBuf>,
+    /// Gestures to train, by any names; a folder of recordings says itself which it has. Default: the five of the paper.
+    #[arg(long, value_delimiter = ',', value_name = "NAMES")]
+    gestures: Vec<GestureName>,
+    /// Which of them is the relaxed hand, that stops the arm. Default: no_motion, or what the folder says.
+    #[arg(long, value_name = "NAME")]
+    rest: Option<GestureName>,
     /// Repetitions of file:FOLDER to use. Default: all.
     #[arg(long, value_delimiter = ',')]
     reps: Vec<u32>,
@@ -100,15 +103,23 @@ pub struct PageArgs {
 
 /// Repetitions refused in a row after which somebody has to look at the band.
 const MOST_REFUSALS: usize = 6;
-/// The two gestures of the band check: they use opposite sides of the forearm.
-const CHECK_GESTURES: [Gesture; 2] = [Gesture::WristFlexion, Gesture::WristExtension];
+/// The two gestures of the band check by `model`: where it knows them those of the wrist, which use opposite sides of the
+/// forearm, else its first two.
+fn check_gestures(model: &EmgModel) -> Vec<GestureName> {
+    let known = model.classifier.gestures();
+    let wrist = [Gesture::WristFlexion, Gesture::WristExtension].map(GestureName::from);
+    if wrist.iter().all(|gesture| known.contains(gesture)) {
+        return wrist.into();
+    }
+    known.iter().copied().filter(|gesture| *gesture != model.config.rest).take(2).collect()
+}
 
 /// Guides, trains, writes.
 ///
 /// # Errors
 /// A source or a place that cannot be used, a band that is red or turned, an accuracy that is not reached: the model is
 /// written all the same then, and so are the recordings.
-pub(super) fn run(args: &TrainArgs, json: bool) -> Result<(), Box<dyn Error>> {
+pub(super) fn run(sources: &SourceRegistry, args: &TrainArgs, json: bool) -> Result<(), Box<dyn Error>> {
     if !(args.patience.is_finite() && args.patience > 0.0) {
         return Err(format!("--patience is {}, expected seconds above zero", args.patience).into());
     }
@@ -124,20 +135,21 @@ pub(super) fn run(args: &TrainArgs, json: bool) -> Result<(), Box<dyn Error>> {
         check_empty(dir)?;
     }
     let stop = interrupt_flag()?;
-    let mut training = match &args.source.source {
-        SourceName::File(dir) if dir.is_dir() => Training::of_recordings(args, dir)?,
-        SourceName::File(path) => {
+    sources.find(&args.source.source)?;
+    let mut training = match (args.source.source.scheme(), args.source.source.file()) {
+        (_, Some(dir)) if dir.is_dir() => Training::of_recordings(args, dir)?,
+        (_, Some(path)) => {
             return Err(format!(
                 "{} does not say which gesture is made when; name a folder of recordings",
                 path.display()
             )
             .into());
         }
-        SourceName::Keys => return Err("keys are no person: train on --source synthetic instead".into()),
-        SourceName::LibEmgUdp(_) => {
+        ("keys", _) => return Err("keys are no person: train on --source synthetic instead".into()),
+        ("libemg-udp", _) => {
             return Err("LibEMG sends classes, not samples: there is nothing to train on".into());
         }
-        _ => Training::live(args, json, stop)?,
+        _ => Training::live(sources, args, json, stop)?,
     };
     training.wait_until_ready()?;
     training.check_band(args)?;
@@ -175,17 +187,30 @@ enum Feed {
 }
 
 impl Training {
-    fn live(args: &TrainArgs, json: bool, stop: Arc<AtomicBool>) -> Result<Training, Box<dyn Error>> {
-        let source = open(&args.source.source, &args.source.options(), args.window.rate)?;
+    fn live(
+        sources: &SourceRegistry,
+        args: &TrainArgs,
+        json: bool,
+        stop: Arc<AtomicBool>,
+    ) -> Result<Training, Box<dyn Error>> {
+        let source = args.source.open(sources, args.window.rate)?;
         let info = source.info().clone();
-        let config = calibration(args, &info)?;
+        let five = Gesture::ALL.map(GestureName::from);
+        let gestures = if args.gestures.is_empty() { &five[..] } else { &args.gestures };
+        let config = calibration(args, &info, gestures, args.rest.unwrap_or_default())?;
         let screen = open_screen(&args.page, json, &info.name)?;
         let feed = Feed::Live { source, begin: Instant::now(), now: SimTime(0) };
         Training::new(args, info, config, feed, screen, stop)
     }
 
     fn of_recordings(args: &TrainArgs, dir: &Path) -> Result<Training, Box<dyn Error>> {
+        if !args.gestures.is_empty() {
+            return Err(
+                "a folder of recordings says itself which gestures it has; leave --gestures out".into()
+            );
+        }
         let mut recordings = Recordings::open(dir, args.window.rate)?;
+        let rest = args.rest.unwrap_or(recordings.rest);
         for &rep in &args.reps {
             for gesture in recordings.gestures() {
                 recordings.find(gesture, rep)?;
@@ -193,7 +218,7 @@ impl Training {
         }
         recordings.items.retain(|r| args.reps.is_empty() || args.reps.contains(&r.repetition));
         // In the order of the prompts, so that saved recordings give the model of their session to the last digit.
-        let order = CalibrationConfig::default().gestures;
+        let order = CalibrationConfig::round(&recordings.gestures(), rest);
         recordings.items.sort_by_key(|r| (r.repetition, order.iter().position(|g| *g == r.gesture)));
         let info = SourceInfo {
             name: dir.display().to_string(),
@@ -204,7 +229,7 @@ impl Training {
             rails: None,
             loss_is_counted: true,
         };
-        let config = CalibrationConfig { gestures: recordings.gestures(), ..calibration(args, &info)? };
+        let config = calibration(args, &info, &recordings.gestures(), rest)?;
         let screen = open_screen(&PageArgs { page: false, ..args.page.clone() }, true, &info.name)?;
         Training::new(args, info, config, Feed::Recorded(recordings), screen, Arc::default())
     }
@@ -238,16 +263,17 @@ impl Training {
     fn check_band(&mut self, args: &TrainArgs) -> Result<(), Box<dyn Error>> {
         let Some(path) = &args.check else { return Ok(()) };
         let model = read_model(path, &self.info)?;
+        let asked = check_gestures(&model);
         let config = CalibrationConfig {
             emg: model.config.clone(),
-            gestures: CHECK_GESTURES.to_vec(),
+            gestures: asked.clone(),
             most_rounds: 1,
             ..self.config.clone()
         };
         self.session = Calibration::new(config)?;
         match &self.feed {
             Feed::Recorded(recordings) => {
-                for gesture in CHECK_GESTURES {
+                for gesture in asked {
                     let newest = recordings.items.iter().rfind(|r| r.gesture == gesture);
                     let newest = newest.ok_or_else(|| {
                         format!("{} has no {gesture}, which the band check needs", recordings.path.display())
@@ -266,7 +292,7 @@ impl Training {
             let vectors = extract(&model.config, &centred)?;
             windows.extend(vectors.into_iter().map(|v| (repetition.gesture, v)));
         }
-        self.band = Some(check_rotation(&model.classifier, &windows)?);
+        self.band = Some(check_rotation(&model.classifier, model.config.rest, &windows)?);
         self.earlier = Some(model);
         self.session = Calibration::new(self.config.clone())?;
         Ok(())
@@ -285,7 +311,12 @@ impl Training {
 
     fn calibrate(&mut self, args: &TrainArgs) -> Result<(), Box<dyn Error>> {
         if let Some(dir) = &args.save {
-            self.saved = Some(RecordingFolder::create(dir, self.config.emg.rate_hz)?);
+            self.saved = Some(RecordingFolder::create(
+                dir,
+                self.config.emg.rate_hz,
+                &self.config.gestures,
+                self.config.emg.rest,
+            )?);
         }
         if let Feed::Recorded(recordings) = &self.feed {
             for recording in &recordings.items {
@@ -347,7 +378,7 @@ impl Training {
                 return Err(format!("nothing could be recorded for {:.0} s after {kept} repetitions: {why}; training refuses red channels", progress.elapsed().as_secs_f64()).into());
             }
         }
-        self.prompt(Gesture::NoMotion);
+        self.prompt(self.config.emg.rest);
         Ok(())
     }
 
@@ -362,7 +393,7 @@ impl Training {
         }
     }
 
-    fn prompt(&mut self, gesture: Gesture) {
+    fn prompt(&mut self, gesture: GestureName) {
         if let Feed::Live { source, .. } = &mut self.feed {
             source.prompt(gesture);
         }
@@ -474,12 +505,21 @@ pub(super) fn refusal_text(refusal: &Refusal) -> String {
     }
 }
 
-fn calibration(args: &TrainArgs, info: &SourceInfo) -> Result<CalibrationConfig, Box<dyn Error>> {
-    let emg = args.window.live_config(info.rate_hz, info.channels)?;
+fn calibration(
+    args: &TrainArgs,
+    info: &SourceInfo,
+    gestures: &[GestureName],
+    rest: GestureName,
+) -> Result<CalibrationConfig, Box<dyn Error>> {
+    if !gestures.contains(&rest) {
+        return Err(EmgError::NoRest { rest, known: gestures.to_vec() }.into());
+    }
+    let emg = EmgConfig { rest, ..args.window.live_config(info.rate_hz, info.channels)? };
     let nominal_zero = args.source.zero.unwrap_or(info.zero);
     let rails = info.rails.map(|(low, high)| [low - nominal_zero, high - nominal_zero]);
     let config = CalibrationConfig {
         emg,
+        gestures: CalibrationConfig::round(gestures, rest),
         repetition_secs: args.secs,
         prepare_secs: args.prepare,
         least_rounds: args.least_rounds.into(),

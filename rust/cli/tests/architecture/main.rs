@@ -11,5 +11,6 @@
 mod dependencies;
 mod documents;
 mod licences;
+mod open_world;
 mod sources;
 mod workspace;

@@ -26,25 +26,27 @@ impl ArmKinematics for NoKinematics {
 /// A world around the method that a test can push about.
 struct Bench {
     method: GazeAssisted,
-    highlight: Option<BlockId>,
+    shown: Shown,
+    highlight: Option<ObjectId>,
     hand: HandView,
     base: Pose,
     motion: MotionState,
     targets: Vec<proact_types::Target>,
-    blocks: [Point; 4],
+    objects: [Point; 4],
     time: u64,
 }
 
 impl Bench {
     fn new() -> Self {
         let mut bench = Self {
-            method: GazeAssisted::new("D"),
-            highlight: Some(BlockId::Red1),
+            method: GazeAssisted::new(LockOnceProfile::default()),
+            shown: Shown::default(),
+            highlight: Some(ObjectId(0)),
             hand: HandView { state: HandState::Open, holds: None },
             base: Pose::identity(),
             motion: MotionState::Holding,
             targets: Vec::new(),
-            blocks: [0.0, 0.1, 0.2, 0.3].map(|x| Point::new(x, -0.1, 1.04)),
+            objects: [0.0, 0.1, 0.2, 0.3].map(|x| Point::new(x, -0.1, 1.04)),
             time: 0,
         };
         bench.step(NoMotion, None);
@@ -56,11 +58,12 @@ impl Bench {
         self.time += 10;
         let input = ControlInput {
             gesture,
+            recognised: gesture.into(),
             message: None,
             measured: &[0.0; 7],
             commanded: &[0.0; 7],
             highlight: self.highlight,
-            blocks: &self.blocks,
+            objects: &self.objects,
             posterior: &[],
             place: PLACE,
             hand: self.hand,
@@ -74,7 +77,9 @@ impl Bench {
             gaze_age_ms: None,
             tracking_age_ms: None,
         };
-        self.method.step(SimTime(self.time), &input, &mut NoKinematics)
+        let output = self.method.step(SimTime(self.time), &input, &mut NoKinematics);
+        self.shown = output.shown.clone();
+        output
     }
 
     /// Holds WE until the arm follows a plan.
@@ -102,7 +107,7 @@ fn every_gesture_but_wrist_extension_stops_a_motion_within_the_step() {
         let mut bench = Bench::new();
         bench.start_motion();
         assert_eq!(bench.step(gesture, None).motion, Some(MotionCommand::Hold), "{gesture}");
-        assert_eq!(bench.method.planner(), PlannerView::Idle);
+        assert_eq!(bench.shown.planner, PlannerView::Idle);
     }
 }
 
@@ -120,16 +125,17 @@ fn every_gesture_but_wrist_extension_cancels_a_plan_and_a_late_plan_moves_nothin
 fn one_wrist_flexion_locks_what_is_highlighted_however_long_it_is_held() {
     let mut bench = Bench::new();
     let output = bench.step(WristFlexion, None);
-    assert_eq!(output.events, [EventKind::Locked { block: Some(BlockId::Red1) }]);
-    bench.highlight = Some(BlockId::Blue2);
+    assert_eq!(output.events, [MethodEvent::Locked { object: Some(ObjectId(0)) }]);
+    bench.highlight = Some(ObjectId(3));
     assert!(bench.step(WristFlexion, None).events.is_empty());
     bench.step(NoMotion, None);
-    assert_eq!(bench.method.target().block, Some(BlockId::Red1));
-    let Some(PlanCommand::Request(PlanGoal::Pick { block, .. })) = bench.step(WristExtension, None).plan
+    assert_eq!(bench.shown.target.object, Some(ObjectId(0)));
+    let Some(PlanCommand::Request(PlanGoal::Pick { object: block, .. })) =
+        bench.step(WristExtension, None).plan
     else {
         panic!("a pick was expected")
     };
-    assert_eq!(block, BlockId::Red1, "the locked block, not the highlighted one");
+    assert_eq!(block, ObjectId(0), "the locked block, not the highlighted one");
 }
 
 #[test]
@@ -137,19 +143,20 @@ fn a_second_wrist_flexion_takes_the_lock_off() {
     let mut bench = Bench::new();
     bench.step(WristFlexion, None);
     bench.step(NoMotion, None);
-    assert_eq!(bench.step(WristFlexion, None).events, [EventKind::Unlocked]);
-    assert!(!bench.method.target().locked);
+    assert_eq!(bench.step(WristFlexion, None).events, [MethodEvent::Unlocked]);
+    assert!(!bench.shown.target.locked);
 }
 
 #[test]
 fn without_a_lock_wrist_extension_acts_on_the_highlight() {
     let mut bench = Bench::new();
-    bench.highlight = Some(BlockId::Blue1);
-    let Some(PlanCommand::Request(PlanGoal::Pick { block, centre })) = bench.step(WristExtension, None).plan
+    bench.highlight = Some(ObjectId(2));
+    let Some(PlanCommand::Request(PlanGoal::Pick { object: block, centre })) =
+        bench.step(WristExtension, None).plan
     else {
         panic!("a pick was expected")
     };
-    assert_eq!((block, centre.x), (BlockId::Blue1, 0.2));
+    assert_eq!((block, centre.x), (ObjectId(2), 0.2));
 }
 
 #[test]
@@ -157,9 +164,9 @@ fn a_lock_ends_with_its_phase_and_the_next_lock_is_the_place() {
     let mut bench = Bench::new();
     bench.step(WristFlexion, None);
     bench.step(HandClose, None);
-    bench.hand = HandView { state: HandState::Closed, holds: Some(BlockId::Red1) };
-    assert_eq!(bench.step(HandClose, None).events, [EventKind::Unlocked]);
-    assert_eq!(bench.step(WristFlexion, None).events, [EventKind::Locked { block: None }]);
+    bench.hand = HandView { state: HandState::Closed, holds: Some(ObjectId(0)) };
+    assert_eq!(bench.step(HandClose, None).events, [MethodEvent::Unlocked]);
+    assert_eq!(bench.step(WristFlexion, None).events, [MethodEvent::Locked { object: None }]);
     let plan = bench.step(WristExtension, None).plan;
     assert_eq!(plan, Some(PlanCommand::Request(PlanGoal::Place { point: PLACE })));
 }
@@ -185,7 +192,7 @@ fn wrist_extension_held_goes_on_from_an_intermediate_goal_until_no_progress_is_l
     bench.step(WristExtension, None);
     assert!(matches!(bench.step(WristExtension, None).plan, Some(PlanCommand::Request(_))));
     bench.step(WristExtension, Some(&reply(PlanStatus::Intermediate, 0.1)));
-    assert_eq!(bench.method.planner(), PlannerView::Arrived { intermediate: true });
+    assert_eq!(bench.shown.planner, PlannerView::Arrived { intermediate: true });
     assert_eq!(
         bench.step(WristExtension, None).plan,
         None,
@@ -209,9 +216,9 @@ fn a_block_taken_away_mid_plan_stops_the_motion_and_is_planned_for_where_it_is()
     for gone in [Point::new(0.0, -0.1, 0.03), Point::new(f64::NAN, -0.1, 1.04)] {
         let mut bench = Bench::new();
         bench.start_motion();
-        bench.blocks[0].x += 0.04;
+        bench.objects[0].x += 0.04;
         assert_eq!(bench.step(WristExtension, None).motion, None, "nudged by less than its diameter");
-        bench.blocks[0] = gone;
+        bench.objects[0] = gone;
         assert_eq!(bench.step(WristExtension, None).motion, Some(MotionCommand::Hold));
         assert!(matches!(bench.step(WristExtension, None).plan, Some(PlanCommand::Request(_))));
     }
@@ -221,7 +228,7 @@ fn a_block_taken_away_mid_plan_stops_the_motion_and_is_planned_for_where_it_is()
 fn a_plan_to_where_the_block_was_is_not_followed() {
     let mut bench = Bench::new();
     bench.step(WristExtension, None);
-    bench.blocks[0].z = 0.03;
+    bench.objects[0].z = 0.03;
     let output = bench.step(WristExtension, Some(&reply(PlanStatus::Ok, 2.0)));
     assert_eq!((output.motion, output.plan), (None, Some(PlanCommand::Cancel)));
 }
@@ -233,7 +240,10 @@ fn a_failed_plan_says_why_and_is_tried_again_only_after_the_base_moved() {
     let mut failed = reply(PlanStatus::Unreachable, 0.0);
     failed.reason = "0.1 m too far".to_owned();
     bench.step(WristExtension, Some(&failed));
-    assert!(matches!(bench.method.planner(), PlannerView::Failed { status: PlanStatus::Unreachable, .. }));
+    assert!(matches!(
+        bench.shown.planner.clone(),
+        PlannerView::Failed { status: PlanStatus::Unreachable, .. }
+    ));
     assert_eq!(bench.step(WristExtension, None).plan, None);
     bench.base = Pose::translation(0.1, 0.0, 0.0);
     bench.step(WristExtension, None);
@@ -245,13 +255,13 @@ fn a_closed_empty_hand_is_refused_with_the_reason() {
     let mut bench = Bench::new();
     bench.hand.state = HandState::Closed;
     assert_eq!(bench.step(WristExtension, None).plan, None);
-    let PlannerView::Failed { reason, .. } = bench.method.planner() else { panic!("refused") };
+    let PlannerView::Failed { reason, .. } = bench.shown.planner.clone() else { panic!("refused") };
     assert!(reason.contains("HO"), "{reason}");
 }
 
 #[test]
 fn the_place_marker_is_there_from_the_start() {
-    assert_eq!(Bench::new().method.target().place, Some(PLACE));
+    assert_eq!(Bench::new().shown.target.place, Some(PLACE));
 }
 
 /// A bench whose hand holds a block, with other rules.
@@ -259,8 +269,8 @@ fn carrying(change: impl Fn(&mut LockOnceProfile)) -> Bench {
     let mut bench = Bench::new();
     let mut rules = LockOnceProfile::default();
     change(&mut rules);
-    bench.method = GazeAssisted::with("D", rules);
-    bench.hand = HandView { state: HandState::Closed, holds: Some(BlockId::Red1) };
+    bench.method = GazeAssisted::new(rules);
+    bench.hand = HandView { state: HandState::Closed, holds: Some(ObjectId(0)) };
     bench.step(NoMotion, None);
     bench
 }
@@ -275,24 +285,28 @@ fn the_default_numbers_are_those_of_the_default_profile() {
 #[test]
 fn a_place_snaps_to_a_free_target_near_it_and_to_no_other() {
     let mut bench = carrying(|rules| rules.snap_radius_m = 0.04);
-    let target = |x: f64| proact_types::Target { block: BlockId::Red1, centre: Point::new(x, 0.2, 1.015) };
+    let target = |x: f64| proact_types::Target {
+        object: ObjectId(0),
+        centre: Point::new(x, 0.2, 1.015),
+        radius: 0.05,
+    };
     bench.targets = vec![target(0.08), target(0.3)];
     bench.step(NoMotion, None);
-    assert_eq!(bench.method.target().place, Some(target(0.08).centre));
+    assert_eq!(bench.shown.target.place, Some(target(0.08).centre));
     bench.targets = vec![target(0.1)];
     bench.step(NoMotion, None);
-    assert_eq!(bench.method.target().place, Some(PLACE), "further than 4 cm");
+    assert_eq!(bench.shown.target.place, Some(PLACE), "further than 4 cm");
     let mut off = carrying(|_| ());
     off.targets = vec![target(0.051)];
     off.step(NoMotion, None);
-    assert_eq!(off.method.target().place, Some(PLACE), "snapping is an option");
+    assert_eq!(off.shown.target.place, Some(PLACE), "snapping is an option");
 }
 
 #[test]
 fn with_double_confirmation_a_held_block_is_let_go_by_the_second_open_within_its_time() {
     let mut bench = carrying(|rules| rules.confirm_open_ms = 2000);
     assert_eq!(bench.step(HandOpen, None).hand, None);
-    let PlannerView::Failed { reason, .. } = bench.method.planner() else {
+    let PlannerView::Failed { reason, .. } = bench.shown.planner.clone() else {
         panic!("the display must say so")
     };
     assert!(reason.contains("HO again within 2.0 s"), "{reason}");

@@ -6,10 +6,11 @@ pub use proact_control::doubles::START;
 use proact_control::doubles::{SerialKinematics, test_arm};
 use proact_control::ports::ArmKinematics;
 use proact_control::{
-    ControlInput, ControlMethod, ControlOutput, HandCommand, MotionCommand, MotionState, Profile, build,
+    ControlInput, ControlMethod, ControlOutput, HandCommand, MotionCommand, MotionState, Profile, Shown,
+    build,
 };
 use proact_types::{
-    BlockId, Gesture, HandState, HandView, JointVector, PlanReply, PlanStatus, PlannerView, Point, Pose,
+    Gesture, HandState, HandView, JointVector, ObjectId, PlanReply, PlanStatus, PlannerView, Point, Pose,
     SimTime, Stop, Target, Trajectory, TrajectoryPoint, joints,
 };
 
@@ -33,6 +34,8 @@ pub fn limits() -> Vec<JointLimits> {
 /// A method on an arm that does exactly what it is asked.
 pub struct Rig {
     pub method: Box<dyn ControlMethod>,
+    /// After the last step.
+    pub shown: Shown,
     pub kinematics: SerialKinematics,
     pub q: JointVector,
     /// What is measured differs from what is asked by this.
@@ -41,7 +44,7 @@ pub struct Rig {
     /// A message of the classifier every so many milliseconds; none for keys.
     pub message_ms: Option<u64>,
     pub hand: HandView,
-    pub highlight: Option<BlockId>,
+    pub highlight: Option<ObjectId>,
     pub place: Point,
     pub targets: Vec<Target>,
     pub limb: Option<Vec<f64>>,
@@ -63,13 +66,14 @@ impl Rig {
     pub fn with(method: Box<dyn ControlMethod>) -> Self {
         Self {
             method,
+            shown: Shown::default(),
             kinematics: SerialKinematics::new(&model()),
             q: joints(&START),
             lag: [0.0; 7],
             gesture: Gesture::NoMotion,
             message_ms: Some(50),
             hand: HandView::default(),
-            highlight: Some(BlockId::Red1),
+            highlight: Some(ObjectId(0)),
             place: Point::new(0.05, 0.2, 1.015),
             targets: Vec::new(),
             limb: None,
@@ -97,11 +101,12 @@ impl Rig {
         let plan = self.plan.take();
         let input = ControlInput {
             gesture: self.gesture,
+            recognised: self.gesture.into(),
             message: message.then_some(self.gesture),
             measured: &measured,
             commanded: &self.q,
             highlight: self.highlight,
-            blocks: &BLOCKS,
+            objects: &BLOCKS,
             posterior: &[0.4, 0.3, 0.2, 0.1],
             place: self.place,
             hand: self.hand,
@@ -116,6 +121,7 @@ impl Rig {
             tracking_age_ms: None,
         };
         let output = self.method.step(SimTime(self.now), &input, &mut self.kinematics);
+        self.shown = output.shown.clone();
         if let Some(command) = &output.motion {
             self.command = command.clone();
             self.since = self.now;
@@ -155,7 +161,7 @@ impl Rig {
 
     /// Why nothing moves, as shown.
     pub fn refusal(&self) -> String {
-        match self.method.planner() {
+        match self.shown.planner.clone() {
             PlannerView::Failed { reason, .. } => reason,
             other => panic!("a refusal was expected, not {other:?}"),
         }
@@ -203,4 +209,14 @@ pub fn reply(status: PlanStatus, turn: f64) -> PlanReply {
         Vec::new()
     };
     PlanReply { id: 1, status, trajectory: Trajectory { points }, reason: String::new() }
+}
+
+/// Joints from 0, translations from 7, rotations from 10, as traces have them.
+pub fn number(moves: proact_types::Moves) -> u8 {
+    use proact_types::Moves::{Joint, Rotation, Translation};
+    match moves {
+        Joint(joint) => joint,
+        Translation(axis) => 7 + axis,
+        Rotation(axis) => 10 + axis,
+    }
 }

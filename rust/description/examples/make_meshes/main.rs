@@ -12,7 +12,8 @@ mod solid;
 use std::{error::Error, path::PathBuf};
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let default = concat!(env!("CARGO_MANIFEST_DIR"), "/../../ros1_ws/src/proact_description/meshes");
+    let default =
+        concat!(env!("CARGO_MANIFEST_DIR"), "/../../ros1_ws/src/proact_description/arms/mpl_right/meshes");
     let folder = std::env::args_os().nth(1).map_or_else(|| PathBuf::from(default), PathBuf::from);
     std::fs::create_dir_all(&folder)?;
     let mut total = 0;

@@ -7,7 +7,7 @@ use super::{
     },
 };
 use crate::{DeviceError, EmgPacket, SampleSource, SourceCounts, SourceEvent, SourceInfo};
-use proact_types::Gesture;
+use proact_types::GestureName;
 use std::time::{Duration, Instant};
 
 /// Why an armband cannot be used although it is connected.
@@ -225,7 +225,7 @@ impl SampleSource for GForce {
         self.parser.counts()
     }
 
-    fn prompt(&mut self, gesture: Gesture) {
+    fn prompt(&mut self, gesture: GestureName) {
         if let State::Streaming { link, .. } = &mut self.state {
             // A link that is lost is noticed by the next poll.
             let _ = link.prompt(gesture);

@@ -1,7 +1,7 @@
 //! What carries the protocol: a radio, or a socket to the simulator.
 
 use super::{protocol::Characteristic, simulator::PROMPT};
-use proact_types::Gesture;
+use proact_types::GestureName;
 use std::{
     io::{self, Read, Write},
     net::TcpStream,
@@ -50,7 +50,7 @@ pub trait GattLink: Send {
     ///
     /// # Errors
     /// The link is lost.
-    fn prompt(&mut self, _gesture: Gesture) -> Result<(), LinkError> {
+    fn prompt(&mut self, _gesture: GestureName) -> Result<(), LinkError> {
         Ok(())
     }
 }
@@ -159,8 +159,8 @@ impl<S: FrameSocket> GattLink for SocketLink<S> {
         self.socket.write_all(&frame).map_err(closed)
     }
 
-    fn prompt(&mut self, gesture: Gesture) -> Result<(), LinkError> {
-        self.write(Characteristic::Command, &[PROMPT, gesture.index() as u8])
+    fn prompt(&mut self, gesture: GestureName) -> Result<(), LinkError> {
+        self.write(Characteristic::Command, &[&[PROMPT], gesture.as_str().as_bytes()].concat())
     }
 
     fn next_notification(

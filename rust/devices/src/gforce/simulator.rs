@@ -5,14 +5,11 @@ use super::{
     },
 };
 use crate::{ChannelValues, DeviceError, stream};
-use proact_types::Gesture;
+use proact_types::GestureName;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use std::{
-    sync::{
-        Arc,
-        atomic::{AtomicUsize, Ordering},
-    },
+    sync::{Arc, Mutex, PoisonError},
     time::Duration,
 };
 
@@ -96,29 +93,22 @@ impl SimulatorOptions {
 /// and clipped, as the converter would; at 12 bit they are sixteen times finer in name only.
 pub type CodeSource = Box<dyn FnMut() -> ChannelValues + Send>;
 
-/// First byte of a write that tells the simulated person what is asked for; the second is the gesture's place in
-/// [`Gesture::ALL`]. No command of the armband has this number, and no radio carries it.
+/// First byte of a write that tells the simulated person what is asked for; the gesture's name follows.
+/// No command of the armband has this number, and no radio carries it.
 pub(crate) const PROMPT: u8 = 0xF0;
 
 /// What the simulated person was asked for last; clones share it.
-#[derive(Clone, Debug)]
-pub struct Prompted(Arc<AtomicUsize>);
-
-impl Default for Prompted {
-    /// Nobody has asked.
-    fn default() -> Self {
-        Prompted(Arc::new(AtomicUsize::new(usize::MAX)))
-    }
-}
+#[derive(Clone, Debug, Default)]
+pub struct Prompted(Arc<Mutex<Option<GestureName>>>);
 
 impl Prompted {
     /// The gesture asked for; none before anybody asks, and after the connection ends.
-    pub fn get(&self) -> Option<Gesture> {
-        Gesture::ALL.get(self.0.load(Ordering::Relaxed)).copied()
+    pub fn get(&self) -> Option<GestureName> {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn set(&self, gesture: Option<Gesture>) {
-        self.0.store(gesture.map_or(usize::MAX, Gesture::index), Ordering::Relaxed);
+    fn set(&self, gesture: Option<GestureName>) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = gesture;
     }
 }
 
@@ -206,8 +196,9 @@ impl Simulator {
     /// Executes what was written to the command characteristic at `now`; the reply's notifications.
     pub fn write(&mut self, bytes: &[u8], now: Duration) -> Vec<Notification> {
         let Some(&opcode) = bytes.first() else { return Vec::new() };
-        if let [PROMPT, number] = *bytes {
-            self.prompted.set(Gesture::ALL.get(usize::from(number)).copied());
+        if let Some(name) = bytes.strip_prefix(&[PROMPT]) {
+            // What is no name is no prompt.
+            self.prompted.set(std::str::from_utf8(name).ok().and_then(|name| name.parse().ok()));
             return Vec::new();
         }
         let (code, body) = match Command::from_bytes(bytes) {

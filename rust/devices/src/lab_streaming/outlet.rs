@@ -1,7 +1,7 @@
 use super::{EMG_TYPE, check_name, failed};
 use crate::{DeviceError, EmgPacket, SourceInfo};
 use lsl::{ChannelFormat, ExPushable, StreamInfo, StreamOutlet};
-use proact_types::Gesture;
+use proact_types::GestureName;
 
 /// Weight of one packet's arrival in the line from sample counter to stamp.
 const LINE_GAIN: f64 = 0.01;
@@ -115,12 +115,12 @@ impl LslOutlet {
     ///
     /// # Errors
     /// liblsl refuses it.
-    pub fn decision(&mut self, gesture: Gesture, counter: Option<u64>) -> Result<(), DeviceError> {
+    pub fn decision(&mut self, gesture: GestureName, counter: Option<u64>) -> Result<(), DeviceError> {
         let stamp = match (counter, self.newest) {
             (Some(counter), Some((newest, end))) => end - newest.saturating_sub(counter) as f64 * self.period,
             _ => lsl::local_clock(),
         };
-        let pushed = self.decisions.push_sample_ex(&vec![gesture.ros_name()], stamp, true);
+        let pushed = self.decisions.push_sample_ex(&vec![gesture.as_str()], stamp, true);
         pushed.map_err(|error| failed(&self.name, error))
     }
 }

@@ -1,6 +1,6 @@
 use super::{EmgPacket, SampleSource, SourceCounts, SourceEvent, SourceInfo};
 use crate::{DeviceError, stream};
-use proact_types::{EmgSample, Gesture};
+use proact_types::{EmgSample, GestureName};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use std::{collections::VecDeque, time::Duration};
@@ -226,7 +226,7 @@ impl<S: SampleSource> SampleSource for FaultySource<S> {
         self.inner.counts()
     }
 
-    fn prompt(&mut self, gesture: Gesture) {
+    fn prompt(&mut self, gesture: GestureName) {
         self.inner.prompt(gesture);
     }
 }

@@ -12,7 +12,7 @@ pub use person::{KeyboardSource, PersonSource};
 pub use playback::{Pacing, PlaybackSource};
 
 use crate::DeviceError;
-use proact_types::{EmgSample, Gesture};
+use proact_types::{EmgSample, GestureName};
 use std::time::Duration;
 
 /// What a stream is, known once it runs.
@@ -90,7 +90,7 @@ pub trait SampleSource: Send {
     }
 
     /// Tells a simulated person what is asked for. Armbands on people, and recordings, take no notice.
-    fn prompt(&mut self, _gesture: Gesture) {}
+    fn prompt(&mut self, _gesture: GestureName) {}
 }
 
 /// A sender's clock beside the host's, and how old samples are when they arrive.

@@ -1,6 +1,6 @@
 use super::{EmgPacket, Pacing, SampleSource, SourceCounts, SourceEvent, SourceInfo};
 use crate::{DeviceError, EmgFeed, EmgOrigin, prepare};
-use proact_types::{Gesture, SimTime};
+use proact_types::{Gesture, GestureName, SimTime};
 use std::{
     io::Read,
     sync::mpsc::{Receiver, channel},
@@ -22,9 +22,9 @@ pub struct PersonSource {
     reaction: Duration,
     /// Milliseconds made so far.
     tick: u64,
-    intended: Gesture,
+    intended: GestureName,
     /// Follows at this tick.
-    next: Option<(u64, Gesture)>,
+    next: Option<(u64, GestureName)>,
     opened: Instant,
     packets: u64,
 }
@@ -55,11 +55,11 @@ impl PersonSource {
         };
         Ok(PersonSource {
             info,
+            intended: setup.feed.gesture_for(Gesture::NoMotion),
             feed: setup.feed,
             pacing,
             reaction,
             tick: 0,
-            intended: Gesture::NoMotion,
             next: None,
             opened: Instant::now(),
             packets: 0,
@@ -104,7 +104,7 @@ impl SampleSource for PersonSource {
         SourceCounts { packets: self.packets, ..SourceCounts::default() }
     }
 
-    fn prompt(&mut self, gesture: Gesture) {
+    fn prompt(&mut self, gesture: GestureName) {
         let follows = self.tick + self.reaction.as_millis() as u64;
         self.next = Some((follows, gesture));
     }
@@ -159,14 +159,14 @@ impl SampleSource for KeyboardSource {
             match self.keys.try_recv() {
                 Ok(key) => {
                     if let Some(gesture) = gesture_of(key) {
-                        self.person.prompt(gesture);
+                        self.person.prompt(gesture.into());
                     }
                 }
                 Err(TryRecvError::Empty) => break,
                 Err(TryRecvError::Disconnected) => {
                     if !self.prompted {
                         self.prompted = true;
-                        self.person.prompt(Gesture::NoMotion);
+                        self.person.prompt(Gesture::NoMotion.into());
                     }
                     break;
                 }
@@ -200,7 +200,7 @@ mod tests {
         let reaction = Duration::from_millis(320);
         let mut person = PersonSource::new(&EmgOrigin::Synthetic, Pacing::FlatOut, reaction, 3).unwrap();
         let rest = rms(&mut person, 40);
-        person.prompt(Gesture::HandClose);
+        person.prompt(Gesture::HandClose.into());
         let reacting = rms(&mut person, 20);
         rms(&mut person, 10);
         let closed = rms(&mut person, 40);

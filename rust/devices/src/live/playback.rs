@@ -1,6 +1,6 @@
 use super::{EmgPacket, SampleSource, SourceCounts, SourceEvent, SourceInfo};
 use crate::{ChannelValues, DeviceError, Recordings};
-use proact_types::{EmgSample, Gesture};
+use proact_types::{EmgSample, GestureName};
 use std::time::{Duration, Instant};
 
 /// How fast a recording is played.
@@ -88,7 +88,7 @@ impl PlaybackSource {
     pub fn of_recordings(
         recordings: &Recordings,
         repetition: u32,
-        gestures: &[Gesture],
+        gestures: &[impl Copy + Into<GestureName>],
         packet_samples: usize,
         pacing: Pacing,
     ) -> Result<PlaybackSource, DeviceError> {

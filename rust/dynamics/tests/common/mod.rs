@@ -7,7 +7,7 @@ use proact_arm::ArmModel;
 use proact_dynamics::{DynamicsOptions, OdePlant};
 use proact_testbed::ports::{Plant, PlantError};
 use proact_types::{
-    Block, BlockId, Contact, JointVector, PlantCommand, Point, Pose, Scene, SceneObject, Shape, TICK_SECS,
+    Contact, JointVector, Object, ObjectId, PlantCommand, Point, Pose, Scene, SceneObject, Shape, TICK_SECS,
     Target, Vector, joints, zeros,
 };
 
@@ -18,21 +18,17 @@ pub const RADIUS: f64 = 0.025;
 /// Height of a block, metres.
 pub const HEIGHT: f64 = 0.05;
 
+/// Names of the blocks, in the order of their numbers.
+pub const NAMES: [&str; 4] = ["red1", "red2", "blue1", "blue2"];
+
 /// A block that stands on the table at x, y.
-pub fn standing(id: BlockId, x: f64, y: f64) -> Block {
+pub fn standing(id: ObjectId, x: f64, y: f64) -> Object {
     block(id, Pose::translation(x, y, TABLE + 0.5 * HEIGHT))
 }
 
 /// A block with its centre at `pose`.
-pub fn block(id: BlockId, pose: Pose) -> Block {
-    Block {
-        id,
-        shape: Shape::Cylinder { radius: RADIUS, length: HEIGHT },
-        mass: 0.1,
-        friction: 0.4,
-        friction_finger: 0.8,
-        pose,
-    }
+pub fn block(id: ObjectId, pose: Pose) -> Object {
+    Object::plain(NAMES[id.index()], Shape::Cylinder { radius: RADIUS, length: HEIGHT }, 0.1, pose)
 }
 
 fn box_at(name: &str, size: [f64; 3], centre: [f64; 3]) -> SceneObject {
@@ -45,15 +41,15 @@ fn box_at(name: &str, size: [f64; 3], centre: [f64; 3]) -> SceneObject {
 }
 
 /// A table without walls, and a floor.
-pub fn bare_table(blocks: Vec<Block>) -> Scene {
+pub fn bare_table(objects: Vec<Object>) -> Scene {
     Scene {
         fixed: vec![
             box_at("slab", [1.0, 1.0, 0.03], [0.0, 0.0, 1.0]),
             box_at("floor", [10.0, 10.0, 0.2], [0.0, 0.0, -0.1]),
         ],
-        blocks,
-        targets: Vec::new(),
+        objects,
         table_height: TABLE,
+        ..Scene::default()
     }
 }
 
@@ -77,16 +73,15 @@ pub fn box_scene() -> Scene {
         });
     }
     let places = [(0.058, -0.2083), (-0.058, -0.092), (-0.058, -0.2083), (0.058, -0.092)];
-    let blocks: Vec<Block> =
-        BlockId::ALL.iter().zip(places).map(|(id, (x, y))| standing(*id, x, y)).collect();
-    let targets = blocks
-        .iter()
-        .map(|b| Target {
-            block: b.id,
-            centre: Point::new(b.pose.translation.x, -b.pose.translation.y, TABLE),
-        })
-        .collect();
-    Scene { fixed, blocks, targets, table_height: TABLE }
+    let ids = (0..4).map(ObjectId::new);
+    let objects = ids.clone().zip(places).map(|(id, (x, y))| standing(id, x, y)).collect();
+    let target = |(object, (x, y)): (ObjectId, (f64, f64))| Target {
+        object,
+        centre: Point::new(x, -y, TABLE),
+        radius: 0.05,
+    };
+    let targets = ids.zip(places).map(target).collect();
+    Scene { fixed, objects, targets, table_height: TABLE, ..Scene::default() }
 }
 
 /// The arm's pose at the start of a trial, rad.
@@ -153,9 +148,9 @@ pub fn base_that_puts_tip_at(model: &ArmModel, positions: &[f64], world_from_tip
 /// The base at which the hand, in `positions`, grasps a block that stands on the table at the origin: fingers ahead
 /// and rolled as it grips, grasp centre in the block's centre.
 pub fn grasp_base(model: &ArmModel, positions: &[f64]) -> Pose {
-    let rotation = UnitQuaternion::from_euler_angles(model.grasp.roll, -1.0_f64.to_radians(), 0.0);
+    let rotation = UnitQuaternion::from_euler_angles(model.widest_grasp().roll, -1.0_f64.to_radians(), 0.0);
     let block = Vector::new(0.0, 0.0, TABLE + 0.5 * HEIGHT);
-    let world_from_tip = Pose::from_parts((block - rotation * model.grasp_centre).into(), rotation);
+    let world_from_tip = Pose::from_parts((block - rotation * model.widest_grasp().centre).into(), rotation);
     base_that_puts_tip_at(model, positions, &world_from_tip)
 }
 
@@ -195,7 +190,7 @@ pub fn close_until_held(
             .filter(|contact| is(contact, &["thumb3"]))
             .flat_map(|thumb| contacts.iter().filter(|c| is(c, &fingers)).map(move |finger| (thumb, finger)))
             .map(|(thumb, finger)| (thumb.normal.angle(&finger.normal).to_degrees(), thumb, finger))
-            .filter(|(degrees, thumb, finger)| *degrees > 100.0 && thumb.block == finger.block)
+            .filter(|(degrees, thumb, finger)| *degrees > 100.0 && thumb.object == finger.object)
             .max_by(|a, b| a.0.total_cmp(&b.0));
         if let Some((degrees, thumb, finger)) = opposing {
             lasted += 1;

@@ -1,5 +1,5 @@
 use crate::{EmgConfig, EmgError, QualityConfig};
-use proact_types::Gesture;
+use proact_types::{Gesture, GestureName, MAX_GESTURES};
 use serde::{Deserialize, Serialize};
 
 /// Where zero is.
@@ -20,7 +20,7 @@ pub struct CalibrationConfig {
     /// The stream, and what is trained on it.
     pub emg: EmgConfig,
     /// Gestures of a round, in the order of the prompts. Default: all five, rest first.
-    pub gestures: Vec<Gesture>,
+    pub gestures: Vec<GestureName>,
     /// Length of a repetition, seconds. Default 3 (ProACT, arXiv:2407.05025).
     pub repetition_secs: f64,
     /// From the prompt to the start of the recording, seconds: the hand should be in the gesture by then. Default 2
@@ -45,10 +45,11 @@ pub struct CalibrationConfig {
 
 impl Default for CalibrationConfig {
     fn default() -> Self {
-        use Gesture::{HandClose, HandOpen, NoMotion, WristExtension, WristFlexion};
+        let emg = EmgConfig::default();
+        let five = Gesture::ALL.map(GestureName::from);
         CalibrationConfig {
-            emg: EmgConfig::default(),
-            gestures: vec![NoMotion, HandClose, HandOpen, WristFlexion, WristExtension],
+            gestures: CalibrationConfig::round(&five, emg.rest),
+            emg,
             repetition_secs: 3.0,
             prepare_secs: 2.0,
             least_rounds: 2,
@@ -63,6 +64,12 @@ impl Default for CalibrationConfig {
 }
 
 impl CalibrationConfig {
+    /// The gestures in the order of a round: rest, then what moves.
+    pub fn round(gestures: &[GestureName], rest: GestureName) -> Vec<GestureName> {
+        let rested = gestures.iter().copied().filter(|gesture| *gesture == rest);
+        rested.chain(moving(gestures, rest)).collect()
+    }
+
     /// Checks every value.
     ///
     /// # Errors
@@ -74,6 +81,9 @@ impl CalibrationConfig {
             if self.gestures[..k].contains(gesture) {
                 return Err(EmgError::RepeatedGesture { gesture: *gesture });
             }
+        }
+        if self.gestures.len() > MAX_GESTURES {
+            return Err(EmgError::TooManyClasses { got: self.gestures.len() });
         }
         if self.gestures.len() < 2 {
             return Err(EmgError::TooFewClasses { got: self.gestures.len() });
@@ -105,4 +115,15 @@ impl CalibrationConfig {
     pub(super) fn samples(&self) -> usize {
         (self.repetition_secs * self.emg.rate_hz).round() as usize
     }
+}
+
+/// The gestures but `rest` in the order in which people are asked for them: the four of the paper as opposite pairs, then
+/// all others as they stand.
+pub(crate) fn moving(gestures: &[GestureName], rest: GestureName) -> impl Iterator<Item = GestureName> {
+    use Gesture::{HandClose, HandOpen, WristExtension, WristFlexion};
+    let pairs = [HandClose, HandOpen, WristFlexion, WristExtension].map(GestureName::from);
+    let known = pairs.into_iter().filter(|gesture| gestures.contains(gesture));
+    let others = gestures.iter().copied().filter(|gesture| !pairs.contains(gesture));
+    let all: Vec<GestureName> = known.chain(others).filter(|gesture| *gesture != rest).collect();
+    all.into_iter()
 }

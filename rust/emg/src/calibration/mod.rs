@@ -6,12 +6,13 @@ mod score;
 #[cfg(test)]
 mod tests;
 
+pub(crate) use config::moving;
 pub use config::{CalibrationConfig, ZeroLevel};
 pub use score::{CalibrationReport, RepetitionScore, cross_validate};
 
 use crate::model::{centred, median};
 use crate::{ChannelFault, ChannelQuality, EmgError, EmgModel, Light, QualityMonitor, StreamQuality};
-use proact_types::{EmgSample, Gesture, SimTime};
+use proact_types::{EmgSample, GestureName, SimTime};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
@@ -20,7 +21,7 @@ use std::collections::VecDeque;
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct Prompt {
     /// The gesture.
-    pub gesture: Gesture,
+    pub gesture: GestureName,
     /// Which repetition of it, from 0.
     pub repetition: usize,
 }
@@ -99,7 +100,7 @@ const SILENCE_MILLIS: u64 = 500;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Repetition {
     /// What the person was asked for.
-    pub gesture: Gesture,
+    pub gesture: GestureName,
     /// Raw codes, counters rising by one.
     pub samples: Vec<EmgSample>,
     /// The worst light; never red.
@@ -116,7 +117,7 @@ pub struct Calibration {
     config: CalibrationConfig,
     quality: QualityMonitor,
     kept: Vec<Repetition>,
-    waiting: VecDeque<Gesture>,
+    waiting: VecDeque<GestureName>,
     state: State,
     /// Time of the newest sample.
     heard: Option<SimTime>,
@@ -284,7 +285,7 @@ impl Calibration {
         }
     }
 
-    fn count(&self, gesture: Gesture) -> usize {
+    fn count(&self, gesture: GestureName) -> usize {
         self.kept.iter().filter(|r| r.gesture == gesture).count()
     }
 
@@ -299,7 +300,7 @@ impl Calibration {
             let samples = r.samples.iter().map(|s| centred(s, &centring)).collect();
             (r.gesture, samples)
         };
-        let repetitions: Vec<(Gesture, Vec<EmgSample>)> = self.kept.iter().map(level).collect();
+        let repetitions: Vec<(GestureName, Vec<EmgSample>)> = self.kept.iter().map(level).collect();
         let mut report = cross_validate(&self.config.emg, &repetitions)?;
         report.good_enough = report.rounds >= self.config.least_rounds
             && report.accuracy >= self.config.target_accuracy
@@ -314,7 +315,7 @@ impl Calibration {
         match self.config.zero {
             ZeroLevel::Fixed(level) => vec![level; channels],
             ZeroLevel::RestMedian => {
-                let at_rest = |r: &&Repetition| r.gesture == Gesture::NoMotion;
+                let at_rest = |r: &&Repetition| r.gesture == self.config.emg.rest;
                 let rested = self.kept.iter().any(|r| at_rest(&r));
                 let samples: Vec<&EmgSample> =
                     self.kept.iter().filter(|r| !rested || at_rest(r)).flat_map(|r| &r.samples).collect();
@@ -331,7 +332,8 @@ impl Calibration {
     ///
     /// # Errors
     /// A gesture that is not asked for, a gap, too few samples for a window, or samples that are unusable.
-    pub fn add(&mut self, gesture: Gesture, samples: Vec<EmgSample>) -> Result<(), EmgError> {
+    pub fn add(&mut self, gesture: impl Into<GestureName>, samples: Vec<EmgSample>) -> Result<(), EmgError> {
+        let gesture = gesture.into();
         if !self.config.gestures.contains(&gesture) {
             return Err(EmgError::NotTrained(gesture));
         }
@@ -374,7 +376,8 @@ impl Calibration {
 
     /// Drops a repetition of a gesture, the newest if none is named, and asks for the gesture again. False unless a
     /// round is being reviewed and there is such a repetition.
-    pub fn record_again(&mut self, gesture: Gesture, repetition: Option<usize>) -> bool {
+    pub fn record_again(&mut self, gesture: impl Into<GestureName>, repetition: Option<usize>) -> bool {
+        let gesture = gesture.into();
         if !matches!(self.state, State::Reviewing) {
             return false;
         }
@@ -395,7 +398,7 @@ impl Calibration {
     /// # Errors
     /// What [`EmgModel::train`] refuses, such as fewer than two gestures; the session goes on then.
     pub fn finish(&mut self) -> Result<EmgModel, EmgError> {
-        let slices: Vec<(Gesture, &[EmgSample])> =
+        let slices: Vec<(GestureName, &[EmgSample])> =
             self.kept.iter().map(|r| (r.gesture, r.samples.as_slice())).collect();
         let model = EmgModel::train(&self.config.emg, &self.centring(), &slices)?;
         self.state = State::Finished;

@@ -1,6 +1,7 @@
+use crate::classifier::distinct;
 use crate::moments::Moments;
 use crate::{Classifier, EmgConfig, EmgError, FeatureVector, extract_with_amplitudes};
-use proact_types::{EmgSample, Gesture};
+use proact_types::{EmgSample, GestureName};
 use serde::{Deserialize, Serialize};
 
 /// What is known of one repetition.
@@ -8,7 +9,7 @@ use serde::{Deserialize, Serialize};
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct RepetitionScore {
     /// What the person was asked for.
-    pub gesture: Gesture,
+    pub gesture: GestureName,
     /// Number of the repetition of this gesture, from 0.
     pub repetition: usize,
     /// Windows in it.
@@ -34,7 +35,7 @@ pub struct CalibrationReport {
     /// Windows tested.
     pub windows: usize,
     /// The gesture of each row and column.
-    pub classes: Vec<Gesture>,
+    pub classes: Vec<GestureName>,
     /// `[true class][recognised class]`, numbers of windows.
     pub confusion: Vec<Vec<usize>>,
     /// Share of the windows of each class that were recognised.
@@ -60,7 +61,7 @@ const OUTLIER_RECOGNISED: f64 = 0.5;
 
 /// Features of one repetition.
 struct Windows {
-    gesture: Gesture,
+    gesture: GestureName,
     repetition: usize,
     vectors: Vec<FeatureVector>,
     amplitudes: Vec<f64>,
@@ -72,25 +73,27 @@ struct Windows {
 ///
 /// # Errors
 /// Fewer than two repetitions of a gesture, or what [`crate::extract`] and [`Classifier::train`] refuse.
-pub fn cross_validate(
+pub fn cross_validate<G: Copy + Into<GestureName>>(
     config: &EmgConfig,
-    repetitions: &[(Gesture, Vec<EmgSample>)],
+    repetitions: &[(G, Vec<EmgSample>)],
 ) -> Result<CalibrationReport, EmgError> {
-    let mut counts = [0; Gesture::ALL.len()];
+    let classes = distinct(repetitions.iter().map(|(gesture, _)| (*gesture).into()));
+    let mut counts = vec![0; classes.len()];
     let mut all = Vec::with_capacity(repetitions.len());
     for (gesture, samples) in repetitions {
+        let gesture: GestureName = (*gesture).into();
         let (vectors, amplitudes) = extract_with_amplitudes(config, samples)?;
-        let repetition = counts[gesture.index()];
-        counts[gesture.index()] += 1;
-        all.push(Windows { gesture: *gesture, repetition, vectors, amplitudes });
+        let Ok(class) = classes.binary_search(&gesture) else { continue };
+        let repetition = counts[class];
+        counts[class] += 1;
+        all.push(Windows { gesture, repetition, vectors, amplitudes });
     }
-    let classes: Vec<Gesture> = Gesture::ALL.into_iter().filter(|g| counts[g.index()] > 0).collect();
-    if let Some(gesture) = classes.iter().find(|g| counts[g.index()] < 2) {
-        return Err(EmgError::TooFewRepetitions { gesture: *gesture, got: counts[gesture.index()] });
+    if let Some((gesture, got)) = classes.iter().zip(&counts).find(|(_, count)| **count < 2) {
+        return Err(EmgError::TooFewRepetitions { gesture: *gesture, got: *got });
     }
     let mut confusion = vec![vec![0; classes.len()]; classes.len()];
     let mut scores = Vec::with_capacity(all.len());
-    for left_out in 0..counts.into_iter().max().unwrap_or(0) {
+    for left_out in 0..counts.iter().copied().max().unwrap_or(0) {
         let (tested, trained): (Vec<&Windows>, Vec<&Windows>) =
             all.iter().partition(|w| w.repetition == left_out);
         let (classifier, moments) = train(config, &classes, &trained)?;
@@ -117,7 +120,7 @@ pub fn cross_validate(
     let correct: usize = (0..classes.len()).map(|k| confusion[k][k]).sum();
     let share = |part: usize, whole: usize| part as f64 / whole.max(1) as f64;
     Ok(CalibrationReport {
-        rounds: classes.iter().map(|g| counts[g.index()]).min().unwrap_or(0),
+        rounds: counts.into_iter().min().unwrap_or(0),
         accuracy: share(correct, windows),
         windows,
         recall: (0..classes.len()).map(|k| share(confusion[k][k], confusion[k].iter().sum())).collect(),
@@ -130,7 +133,7 @@ pub fn cross_validate(
 
 fn train(
     config: &EmgConfig,
-    classes: &[Gesture],
+    classes: &[GestureName],
     trained: &[&Windows],
 ) -> Result<(Classifier, Moments), EmgError> {
     let (mut vectors, mut labels, mut amplitudes) = (Vec::new(), Vec::new(), Vec::new());
@@ -140,7 +143,7 @@ fn train(
         labels.resize(vectors.len(), windows.gesture);
     }
     let classifier = Classifier::train_with_amplitudes(config, &vectors, &labels, &amplitudes)?;
-    let class = |gesture: &Gesture| classes.iter().position(|g| g == gesture);
+    let class = |gesture: &GestureName| classes.iter().position(|g| g == gesture);
     let numbers: Vec<usize> = labels.iter().filter_map(class).collect();
     Ok((classifier, Moments::of(&vectors, &numbers, classes.len())))
 }

@@ -1,6 +1,6 @@
 use super::*;
 use crate::{ChannelFault, EmgConfig, StreamFormat};
-use Gesture::{HandClose, HandOpen, NoMotion};
+use proact_types::Gesture::{self, HandClose, HandOpen, NoMotion};
 
 const RATE: f64 = 200.0;
 const CHANNELS: usize = 3;
@@ -9,7 +9,7 @@ const ZERO: f64 = 128.0;
 fn config() -> CalibrationConfig {
     CalibrationConfig {
         emg: EmgConfig { rate_hz: RATE, channels: CHANNELS, ..EmgConfig::default() },
-        gestures: vec![NoMotion, HandClose, HandOpen],
+        gestures: [NoMotion, HandClose, HandOpen].map(GestureName::from).into(),
         nominal_zero: 120.0,
         ..CalibrationConfig::default()
     }
@@ -24,9 +24,10 @@ fn noise(seed: u64, k: u64) -> f64 {
 }
 
 /// Raw codes of a gesture: each has a muscle of its own.
-fn sample(counter: u64, gesture: Gesture) -> EmgSample {
+fn sample(counter: u64, gesture: impl Into<GestureName>) -> EmgSample {
+    let gesture = gesture.into().namesake();
     let strength = |c: usize| match (gesture, c) {
-        (HandClose, 0) | (HandOpen, 1) => 40.0,
+        (Some(HandClose), 0) | (Some(HandOpen), 1) => 40.0,
         _ => 4.0,
     };
     let channels = (0..CHANNELS).map(|c| (ZERO + strength(c) * noise(c as u64, counter)).round()).collect();
@@ -47,7 +48,7 @@ fn run(
             Phase::Preparing { prompt, .. } | Phase::Recording { prompt, .. } | Phase::Blocked { prompt } => {
                 prompt.gesture
             }
-            Phase::Reviewing | Phase::Finished => NoMotion,
+            Phase::Reviewing | Phase::Finished => NoMotion.into(),
         };
         let sample = spoil(&phase, sample(k, gesture));
         events.extend(session.step(SimTime(5 * k), sample.as_slice()).expect("a round that can be judged"));
@@ -74,7 +75,7 @@ fn session_after(rounds: u64) -> Calibration {
 fn two_rounds_are_prompted_recorded_judged_and_make_a_model_that_fits() {
     let mut session = Calibration::new(config()).expect("good settings");
     let events = run(&mut session, 0, ROUND, |_, s| Some(s));
-    let asked: Vec<Gesture> = events
+    let asked: Vec<GestureName> = events
         .iter()
         .filter_map(|e| match e {
             CalibrationEvent::Prompted(prompt) => Some(prompt.gesture),
@@ -115,7 +116,7 @@ fn a_repetition_with_a_gap_or_a_bad_sample_is_recorded_again() {
             }
             (!due || nan).then_some(s)
         });
-        let first = Prompt { gesture: NoMotion, repetition: 0 };
+        let first = Prompt { gesture: NoMotion.into(), repetition: 0 };
         let lost = if nan { 0 } else { 1 };
         let refused = CalibrationEvent::Refused(first, Refusal::Gap { lost });
         let at = events.iter().position(|e| *e == refused).expect("it is refused");
@@ -136,7 +137,7 @@ fn nothing_is_recorded_while_a_channel_is_dead_and_it_goes_on_when_it_is_not() {
     let events = run(&mut session, 0, 2000, dead);
     assert_eq!(events.len(), 2, "{events:?}");
     let channels = vec![(2, Some(ChannelFault::Flat))];
-    let first = Prompt { gesture: NoMotion, repetition: 0 };
+    let first = Prompt { gesture: NoMotion.into(), repetition: 0 };
     assert_eq!(
         events[1],
         CalibrationEvent::Blocked(first, Refusal::Red { channels: channels.clone(), stream: false })
@@ -176,8 +177,8 @@ fn a_repetition_of_another_gesture_is_an_outlier_and_can_be_recorded_again() {
     });
     let report = session.report().expect("judged").clone();
     assert!(!report.good_enough && report.accuracy < 0.9, "{report:?}");
-    let outliers: Vec<(Gesture, usize)> = report.outliers().map(|r| (r.gesture, r.repetition)).collect();
-    assert_eq!(outliers, [(HandClose, 2)], "{report:?}");
+    let outliers: Vec<(GestureName, usize)> = report.outliers().map(|r| (r.gesture, r.repetition)).collect();
+    assert_eq!(outliers, [(HandClose.into(), 2)], "{report:?}");
 
     assert!(!session.record_again(HandClose, Some(9)), "there is no such repetition");
     assert!(session.record_again(HandClose, None));
@@ -221,7 +222,7 @@ fn settings_that_cannot_work_are_refused() {
     };
     assert!(refused(|c| c.repetition_secs = f64::NAN).contains("NaN"));
     assert!(refused(|c| c.gestures.truncate(1)).contains("1 different gestures"));
-    assert!(refused(|c| c.gestures.push(HandClose)).contains("hand_close is asked for twice"));
+    assert!(refused(|c| c.gestures.push(HandClose.into())).contains("hand_close is asked for twice"));
     assert!(refused(|c| c.target_accuracy = 2.0).contains("0 to 1"));
     assert!(refused(|c| c.most_rounds = 0).contains("most_rounds"));
     let one = cross_validate(&config().emg, &[(NoMotion, (0..600).map(|k| sample(k, NoMotion)).collect())]);

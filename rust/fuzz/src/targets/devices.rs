@@ -81,8 +81,8 @@ pub(super) fn udp_gaze(_: &Path) -> Run {
 
 pub(super) fn udp_libemg(_: &Path) -> Run {
     Box::new(|bytes| {
-        if let Ok(output) = LibEmgOutput::parse(bytes) {
-            assert!(LibEmgOutput::parse(output.to_message().as_bytes()).is_ok());
+        if let Ok(output) = LibEmgOutput::parse(bytes, 5) {
+            assert!(LibEmgOutput::parse(output.to_message().as_bytes(), 5).is_ok());
         }
     })
 }

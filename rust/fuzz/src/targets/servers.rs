@@ -5,7 +5,7 @@ use super::Run;
 use proact_bridge::{PageContent, PageOptions, PageServer};
 use proact_description::mpl_right_arm;
 use proact_rosbridge::{LocalBus, RosbridgeOptions, RosbridgeServer, TopicBus};
-use proact_tasks::{Arrangement, BoxAndBlocks};
+use proact_tasks::{DEFAULT_TASK, TaskChoice};
 use std::{
     io::{Read, Write},
     net::{Shutdown, SocketAddr, TcpStream},
@@ -18,13 +18,18 @@ use std::{
 const PATIENCE: Duration = Duration::from_secs(3);
 
 fn page() -> PageServer {
+    let task = TaskChoice::named(DEFAULT_TASK, 1).and_then(|task| task.build(false)).expect("it ships");
     let content = PageContent {
         title: "fuzz".to_owned(),
         setup: "still".to_owned(),
         arm: mpl_right_arm(),
-        scene: BoxAndBlocks::new(Arrangement::numbered(1).expect("there is one")).scene().clone(),
+        meshes: vec![],
+        scene: task.scene().clone(),
+        briefing: task.briefing().clone(),
         interactive: true,
         lean: true,
+        method: Default::default(),
+        methods: vec![],
     };
     PageServer::start(PageOptions { port: 0, ..PageOptions::default() }, content).expect("a free port")
 }

@@ -2,13 +2,12 @@
 //! so that they always have the format of this program.
 
 use super::{Run, text};
-use proact_app::{LimbReceiver, Recorder, ReplayOptions, film_of_bag, replay_trial, trial};
-use proact_description::mpl_right_arm;
+use proact_app::{Arm, LimbReceiver, Recorder, ReplayOptions, film_of_bag, replay_trial, trial};
 use proact_devices::EmgOrigin;
 use proact_recording::{
     InputRecord, MANIFEST_FILE, RecordingError, Trial, TrialHeader, TrialWriter, read_result, seal,
 };
-use proact_testbed::{MethodName, Setup, SpanDigest, TrialConfig, TrialResult};
+use proact_testbed::{Setup, SpanDigest, TrialConfig, TrialResult};
 use proact_types::{MOST_TEXT_BYTES, SimTime, read_bytes};
 use std::{
     fs::{self, File},
@@ -20,7 +19,7 @@ use std::{
 const RECORD_SECS: f64 = 0.35;
 
 fn usual(seconds: f64) -> TrialConfig {
-    let mut config = TrialConfig::new(MethodName::A, 1, Setup::named("still").expect("ships"));
+    let mut config = TrialConfig::new("A", 1, Setup::named("still").expect("ships"));
     config.limit_secs = seconds;
     config
 }
@@ -82,7 +81,7 @@ fn read_all(dir: &Path) {
         }
     }
     let _ = read_result::<TrialResult>(dir);
-    let _ = replay_trial(dir, ReplayOptions { replan: false, other_versions: true });
+    let _ = replay_trial(dir, ReplayOptions { other_versions: true, ..ReplayOptions::default() });
 }
 
 /// The input is the file `name` of a record whose trial was interrupted, so that no manifest stands before its readers.
@@ -218,7 +217,8 @@ pub(super) fn values(_: &Path) -> Run {
 }
 
 pub(super) fn bag(scratch: &Path) -> Run {
-    let (path, arm): (PathBuf, _) = (scratch.join("x.bag"), mpl_right_arm());
+    let path: PathBuf = scratch.join("x.bag");
+    let arm = Arm::named(TrialConfig::DEFAULT_ARM).expect("ships with the program");
     Box::new(move |bytes| {
         fs::write(&path, bytes).expect("the scratch folder takes files");
         let _ = film_of_bag::read(&path, &arm);

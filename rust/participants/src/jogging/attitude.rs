@@ -1,7 +1,7 @@
 //! How the hand stands at a block, or at its target.
 
 use super::{
-    JOINTS, Stage,
+    Stage,
     movement::ANGULAR_DONE,
     situation::{Aim, Situation},
 };
@@ -67,7 +67,7 @@ impl Attitude {
             for yaw in YAWS {
                 let wanted = UnitQuaternion::from_scaled_axis(goal.up * yaw) * upright;
                 let goal = HandGoal { attitude: Some(wanted), ..goal };
-                let q = sense.inverse(now, &goal, (1 << JOINTS) - 1);
+                let q = sense.inverse(now, &goal, u32::MAX);
                 let pose = sense.forward(&q);
                 let (off, turn) = goal.off(&pose);
                 let stretched = (ELBOW_STRETCHED - q[ELBOW]).max(0.0);

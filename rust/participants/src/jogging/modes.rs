@@ -1,6 +1,6 @@
 //! HO, from one joint or axis to another.
 
-use super::{AXES, FIRST_AXIS, JOINTS};
+use super::{AXES, FIRST_AXIS};
 use crate::{habits::Habits, reach::back_is_shorter};
 use proact_types::{Gesture, SimTime};
 
@@ -31,9 +31,9 @@ struct Turning {
 }
 
 impl ModeCycle {
-    /// The cycle of an arm of which the method does not drive the joints `own`, by their positions in the arm.
-    pub(super) fn new(own: &[usize]) -> Self {
-        let joints = (0..JOINTS).filter(|&joint| !own.contains(&joint.into())).collect();
+    /// The cycle of an arm of `joints` joints of which the method does not drive the joints `own`, by their positions in the arm.
+    pub(super) fn new(joints: usize, own: &[usize]) -> Self {
+        let joints = (0..joints).filter(|joint| !own.contains(joint)).map(|joint| joint as u8).collect();
         Self { joints, turning: None }
     }
 

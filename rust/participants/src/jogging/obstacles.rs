@@ -1,8 +1,7 @@
 //! What stands where the hand would go.
 
-use super::BLOCK;
 use crate::reach::Stance;
-use proact_types::{BlockId, DisplayFrame, Point, Pose, Scene, Shape};
+use proact_types::{DisplayFrame, ObjectId, Point, Pose, Scene, Shape};
 
 /// This much air is kept about what the fingers pass, about the block that they are to take, and over the table,
 /// metres.
@@ -16,7 +15,7 @@ const AIR_FOREARM: f64 = 0.002;
 pub(super) struct Obstacles<'a> {
     scene: &'a Scene,
     seen: &'a DisplayFrame,
-    block: BlockId,
+    block: ObjectId,
     /// In the tip's frame.
     points: Vec<Point>,
 }
@@ -25,12 +24,14 @@ impl<'a> Obstacles<'a> {
     pub(super) fn new(
         scene: &'a Scene,
         seen: &'a DisplayFrame,
-        block: BlockId,
+        block: ObjectId,
         mut points: Vec<Point>,
     ) -> Self {
         if let Some(held) = seen.hand.holds {
-            let tip_from_block = seen.world_from_tip.inv_mul(&seen.blocks[held.index()]);
-            let rim = |x: f64, y: f64, z: f64| tip_from_block * Point::new(x * BLOCK, y * BLOCK, z * BLOCK);
+            let tip_from_block = seen.world_from_tip.inv_mul(&seen.objects[held.index()]);
+            let shape = scene.objects[held.index()].shape;
+            let (wide, high) = (shape.half_width(), shape.half_height());
+            let rim = |x: f64, y: f64, z: f64| tip_from_block * Point::new(x * wide, y * wide, z * high);
             for end in [-1.0, 1.0] {
                 points
                     .extend([(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)].map(|(x, y)| rim(x, y, end)));
@@ -56,7 +57,7 @@ impl<'a> Obstacles<'a> {
 
     /// How far `point` is in something, if so much air is to be kept over the table, about what is fixed, and about
     /// a block.
-    fn depth_of(&self, point: &Point, air_table: f64, air: f64, air_block: impl Fn(BlockId) -> f64) -> f64 {
+    fn depth_of(&self, point: &Point, air_table: f64, air: f64, air_block: impl Fn(ObjectId) -> f64) -> f64 {
         let table = self.scene.table_height;
         let mut most = table + air_table - point.z;
         for object in &self.scene.fixed {
@@ -68,11 +69,13 @@ impl<'a> Obstacles<'a> {
                 most = most.max((top + air - point.z).min(aside(0)).min(aside(1)));
             }
         }
-        for other in BlockId::ALL.into_iter().filter(|&other| Some(other) != self.seen.hand.holds) {
-            let at = self.seen.blocks[other.index()].translation.vector;
+        for other in self.scene.ids().filter(|&other| Some(other) != self.seen.hand.holds) {
+            let at = self.seen.objects[other.index()].translation.vector;
             let air = air_block(other);
             let apart = (point.coords - at).xy().norm();
-            most = most.max((BLOCK + air - apart).min(at.z + BLOCK + air - point.z));
+            let shape = self.scene.objects[other.index()].shape;
+            let aside = shape.half_width() + air - apart;
+            most = most.max(aside.min(at.z + shape.half_height() + air - point.z));
         }
         most
     }

@@ -79,7 +79,7 @@ impl Pulse {
     pub(super) fn fell_short(&self, situation: &Situation) -> bool {
         let (q, tip) = &self.before;
         let base_from_tip = situation.base_from_tip();
-        let grasp_centre = situation.sense.grasp_centre();
+        let grasp_centre = situation.sense.grasp_centre(situation.width());
         let moved = match self.mode {
             joint if joint < FIRST_AXIS => situation.seen.joints[usize::from(joint)] - q[usize::from(joint)],
             axis if axis < FIRST_AXIS + 3 => (base_from_tip * grasp_centre - tip * grasp_centre).norm(),

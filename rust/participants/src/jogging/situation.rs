@@ -1,8 +1,8 @@
 //! What the participant has before the eyes and knows of the arm, and where the hand should go in it.
 
-use super::{BLOCK, FIRST_AXIS, JOINTS, Stage, obstacles::Obstacles};
+use super::{FIRST_AXIS, Stage, obstacles::Obstacles};
 use crate::reach::{ArmSense, HandGoal};
-use proact_types::{BlockId, DisplayFrame, Point, Pose, Scene, Vector};
+use proact_types::{DisplayFrame, Moves, ObjectId, Point, Pose, Scene, Vector};
 
 /// The hand passes over walls and partition with its grasp centre this high above the table, metres.
 const CARRY_HEIGHT: f64 = 0.26;
@@ -22,7 +22,9 @@ pub(super) struct Situation<'a> {
     pub(super) sense: &'a ArmSense,
     pub(super) scene: &'a Scene,
     pub(super) seen: &'a DisplayFrame,
-    pub(super) block: BlockId,
+    pub(super) block: ObjectId,
+    /// Where it goes, on the table top.
+    pub(super) target: Point,
 }
 
 /// Where the hand should go now.
@@ -43,7 +45,12 @@ impl Aim {
 impl<'a> Situation<'a> {
     /// Angles of the arm, rad; none if the display does not show that many.
     pub(super) fn arm_angles(&self) -> Option<&'a [f64]> {
-        self.seen.joints.get(..usize::from(JOINTS))
+        self.seen.joints.get(..self.sense.joints())
+    }
+
+    /// How wide the block is for the fingers, metres.
+    pub(super) fn width(&self) -> f64 {
+        self.scene.objects[self.block.index()].shape.grip_width()
     }
 
     /// Where the hand is.
@@ -58,12 +65,12 @@ impl<'a> Situation<'a> {
 
     /// Where the hand should be at `stage`, leaning toward the shoulder by `lean`, rad.
     pub(super) fn goal_of(&self, stage: Stage, lean: f64) -> HandGoal {
-        let Self { sense, scene, seen, block } = self;
-        let grasp_centre = sense.grasp_centre();
+        let Self { sense, scene, seen, block, target } = self;
+        let half = scene.objects[block.index()].shape.half_height();
+        let grasp_centre = sense.grasp_centre(self.width());
         let at = |pose: &Pose| Point::from(pose.translation.vector);
-        let by_axis = seen.mode.as_ref().is_some_and(|mode| mode.number >= FIRST_AXIS);
-        let standing = at(&seen.blocks[block.index()]);
-        let target = scene.targets[block.index()].centre;
+        let by_axis = seen.mode.as_ref().is_some_and(|mode| !matches!(mode.moves, Moves::Joint(_)));
+        let standing = at(&seen.objects[block.index()]);
         let high = |point: &Point, height: f64| Point::new(point.x, point.y, scene.table_height + height);
         let tip = &seen.world_from_tip;
         let centre = tip * grasp_centre;
@@ -80,18 +87,18 @@ impl<'a> Situation<'a> {
                 let height = CLEAR_HEIGHT.max(centre.z - scene.table_height);
                 (high(&centre, height), 0.05, 3.2)
             }
-            Stage::Carry if by_axis => (high(&target, CARRY_HEIGHT), 0.025, 0.4),
-            Stage::Carry => (high(&target, BLOCK + HOVER_HEIGHT), 0.015, 0.4),
-            Stage::Lower | Stage::Release => (high(&target, BLOCK + DROP_HEIGHT), 0.015, 0.3),
+            Stage::Carry if by_axis => (high(target, CARRY_HEIGHT), 0.025, 0.4),
+            Stage::Carry => (high(target, half + HOVER_HEIGHT), 0.015, 0.4),
+            Stage::Lower | Stage::Release => (high(target, half + DROP_HEIGHT), 0.015, 0.3),
         };
-        let held = seen.hand.holds.map(|b| tip.inv_mul(&seen.blocks[b.index()]));
+        let held = seen.hand.holds.map(|b| tip.inv_mul(&seen.objects[b.index()]));
         let to_shoulder = seen.world_from_base.translation.vector - place.coords;
         let lean = lean.tan();
         let toward = Vector::new(to_shoulder.x, to_shoulder.y, 0.0).try_normalize(1e-6).unwrap_or_default();
         let base_from_world = seen.world_from_base.inverse();
         HandGoal {
             point: held.map_or(grasp_centre, |pose| at(&pose)),
-            axis: held.map_or(sense.grasp_axis(), |pose| {
+            axis: held.map_or(sense.grasp_axis(self.width()), |pose| {
                 let axis = pose.rotation * Vector::z();
                 // A block stands on either end.
                 if axis.z < 0.0 { -axis } else { axis }

@@ -5,12 +5,36 @@ use nalgebra::UnitQuaternion;
 use proact_arm::ArmModel;
 use proact_kinematics::Kinematics;
 use proact_planning::{ArmPlanner, Person, PlannerOptions, person_obstacles};
-use proact_tasks::{TABLE_TOP, fixed_objects, region_centre};
+use proact_tasks::{Arrangement, TaskChoice};
 use proact_types::{
-    AttachedObject, BlockId, JointVector, Obstacle, PlanGoal, PlanRequest, Point, Pose, Region, Shape,
+    AttachedObject, JointVector, ObjectId, Obstacle, PlanGoal, PlanRequest, Point, Pose, Scene, Shape,
     TrunkPosture, Vector, joints,
 };
 use std::sync::{Arc, OnceLock};
+
+/// Places on the start side of the box, with a block each: far or near, lateral or medial.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Region {
+    FL,
+    FM,
+    NL,
+    NM,
+}
+
+impl Region {
+    /// In the order of the blocks that stand there.
+    pub const ALL: [Region; 4] = [Region::FL, Region::FM, Region::NL, Region::NM];
+}
+
+/// The box and its blocks, block `k` in `Region::ALL[k]`.
+pub fn scene() -> &'static Scene {
+    static SCENE: OnceLock<Scene> = OnceLock::new();
+    SCENE.get_or_init(|| {
+        let arrangement = Some(Arrangement::numbered(1).expect("1 to 24"));
+        let choice = TaskChoice { arrangement, ..TaskChoice::named("modified_bbt", 1).expect("it ships") };
+        choice.build(false).expect("a sound task").scene().clone()
+    })
+}
 
 pub const BLOCK: Shape = Shape::Cylinder { radius: 0.025, length: 0.05 };
 
@@ -53,27 +77,27 @@ pub fn with_person(mut request: PlanRequest, person: &Person) -> PlanRequest {
 
 /// Box, table, floor and the four blocks, in their regions or where `at` says.
 pub fn obstacles() -> Vec<Obstacle> {
-    let fixed = fixed_objects().into_iter().map(|o| Obstacle { name: o.name, shape: o.shape, pose: o.pose });
-    let blocks = Region::ALL.into_iter().map(|region| {
-        let centre = block_centre(region);
-        Obstacle {
-            name: BlockId::ALL[region as usize].name().to_owned(),
-            shape: BLOCK,
-            pose: Pose::translation(centre.x, centre.y, centre.z),
-        }
-    });
+    let scene = scene();
+    let fixed = scene.fixed.iter().map(|o| Obstacle { name: o.name.clone(), shape: o.shape, pose: o.pose });
+    let blocks =
+        scene.objects.iter().map(|o| Obstacle { name: o.name.clone(), shape: o.shape, pose: o.pose });
     fixed.chain(blocks).collect()
 }
 
-/// Where the block `Region::ALL[k]` stands at the start: its centre.
+/// The name of the block in `region`.
+pub fn block_name(region: Region) -> String {
+    scene().objects[region as usize].name.clone()
+}
+
+/// Where the block in `region` stands at the start: its centre.
 pub fn block_centre(region: Region) -> Point {
-    region_centre(region) + Vector::z() * 0.025
+    scene().objects[region as usize].pose.translation.vector.into()
 }
 
 /// The mirrored place on the table top.
 pub fn target(region: Region) -> Point {
-    let start = region_centre(region);
-    Point::new(start.x, -start.y, TABLE_TOP)
+    let start = block_centre(region);
+    Point::new(start.x, -start.y, scene().table_height)
 }
 
 pub fn pose_of(model: &ArmModel, group: &str, name: &str) -> JointVector {
@@ -87,8 +111,10 @@ pub fn pick(model: &ArmModel, world_from_base: Pose, region: Region, seed: u64) 
         world_from_base,
         start: pose_of(model, "arm", "start"),
         hand: pose_of(model, "hand", "open"),
-        goal: PlanGoal::Pick { block: BlockId::ALL[region as usize], centre: block_centre(region) },
+        goal: PlanGoal::Pick { object: ObjectId::new(region as usize), centre: block_centre(region) },
+        picked: Some(block_name(region)),
         obstacles: obstacles(),
+        held: Vec::new(),
         attached: None,
         seed,
     }
@@ -104,7 +130,7 @@ pub fn place(
     seed: u64,
 ) -> PlanRequest {
     use proact_kinematics::ArmKinematics;
-    let block = BlockId::ALL[region as usize];
+    let block = block_name(region);
     let tip = world_from_base * kinematics(model).forward(q).expect("angles of a plan");
     let block_pose =
         Pose::translation(block_centre(region).x, block_centre(region).y, block_centre(region).z);
@@ -114,9 +140,11 @@ pub fn place(
         start: joints(q),
         hand: pose_of(model, "hand", "closed"),
         goal: PlanGoal::Place { point: place },
-        obstacles: obstacles().into_iter().filter(|o| o.name != block.name()).collect(),
+        picked: None,
+        held: Vec::new(),
+        obstacles: obstacles().into_iter().filter(|o| o.name != block).collect(),
         attached: Some(AttachedObject {
-            name: block.name().to_owned(),
+            name: block,
             shape: BLOCK,
             tip_from_object: tip.inverse() * block_pose,
         }),

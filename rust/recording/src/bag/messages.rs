@@ -37,6 +37,10 @@ message! {
     Text = "std_msgs/String" { data: String }
 }
 message! {
+    /// `proact_msgs/View`.
+    View = "proact_msgs/View" { header: Header, json: String }
+}
+message! {
     /// `std_msgs/Bool`.
     Bool = "std_msgs/Bool" { data: bool }
 }

@@ -3,11 +3,11 @@
 //! | topic | type | when |
 //! |---|---|---|
 //! | `/clock` | `rosgraph_msgs/Clock` | each frame |
-//! | `/tf` | `tf2_msgs/TFMessage` | each frame: `world` to base and blocks; each state: the moving links |
+//! | `/tf` | `tf2_msgs/TFMessage` | each frame: `world` to base and objects; each state: the moving links |
 //! | `/tf_static` | `tf2_msgs/TFMessage` | once, latched: the fixed links |
 //! | `/mpl_right_arm/wrapped_joint_states` | `sensor_msgs/JointState` | each state (50 Hz), joints by alphabet as in the original |
-//! | `/gazebo/model_states` | `gazebo_msgs/ModelStates` | each state: arm and blocks |
-//! | `/mpl_right_arm/base_pose`, `/red_block1_pose_msg` and so on | `geometry_msgs/PoseStamped` | each frame |
+//! | `/gazebo/model_states` | `gazebo_msgs/ModelStates` | each state: arm and objects |
+//! | `/mpl_right_arm/base_pose`, `/red_block1_pose_msg` and so on, an object each | `geometry_msgs/PoseStamped` | each frame |
 //! | `/hololens_unity_camera_pose_ros` | `geometry_msgs/PoseStamped` | each frame: the head |
 //! | `/current_block` | `std_msgs/String` | each frame with a marked block while the hand is empty |
 //! | `/block_id` | `std_msgs/String` | each frame of a method that infers: the likeliest block |
@@ -15,9 +15,10 @@
 //! | `/success` | `std_msgs/Bool` | the hand has closed (true) or opened (false) |
 //! | `/gaze_position`, `/gaze_direction`, both also with `_ros` | `geometry_msgs/Vector3Stamped` | each valid gaze sample |
 //! | `/emg` | `std_msgs/String` | each decision |
-//! | `/grasp_event_republisher/grasp_events` | `gazebo_grasp_plugin_ros/GazeboGraspEvent` | block attached, released |
+//! | `/grasp_event_republisher/grasp_events` | `gazebo_grasp_plugin_ros/GazeboGraspEvent` | object attached, released |
 //! | `/grasp_status`, `/selection_frozen` | `std_msgs/Bool` | attached or released, locked or unlocked |
 //! | `/mpl_right_arm/arm_controller/command` | `trajectory_msgs/JointTrajectory` | each plan that takes effect |
+//! | `/proact/cues` | `proact_msgs/View` | each thing to hear or feel, as JSON |
 //! | `/rosout` | `rosgraph_msgs/Log` | start and stop of the trial, and every event as JSON |
 //!
 //! **Frames.** Everything is in `world` and says so in its header. In the original, the poses for the headset
@@ -34,10 +35,11 @@ use super::{
 };
 use crate::RecordingError;
 use proact_arm::{ArmModel, Joint, JointKind};
-use proact_messages::{Duration, Time};
+use proact_messages::original::{ARM_MODEL, topic};
+use proact_messages::{Duration, Time, original};
 use proact_types::{
-    BlockId, DisplayFrame, Event, EventKind, GazeSample, Gesture, HandState, PlanReply, PlantState, Pose,
-    SimTime,
+    DisplayFrame, Event, EventKind, FeedbackCue, GazeSample, Gesture, HandState, ObjectId, PlanReply,
+    PlantState, Pose, Scene, SimTime,
 };
 use std::{
     f64::consts::{PI, TAU},
@@ -52,12 +54,8 @@ use std::{
 pub const BAG_EPOCH_SECS: u32 = 1000;
 
 const WORLD: &str = "world";
-/// Name of the arm's model in the original's Gazebo world.
-const ARM_MODEL: &str = "mpl_right_arm";
 /// `rosgraph_msgs/Log.INFO`.
 const INFO: i8 = 2;
-const BLOCK_POSE_TOPICS: [&str; 4] =
-    ["/red_block1_pose_msg", "/red_block2_pose_msg", "/blue_block1_pose_msg", "/blue_block2_pose_msg"];
 
 /// Writes `trial.bag` while the trial runs. Until [`TrialBag::finish`] it is called `trial.bag.active`.
 #[derive(Debug)]
@@ -70,15 +68,17 @@ pub struct TrialBag {
     alphabetical: Vec<usize>,
     /// Names of the arm joints, base to tip.
     arm_joints: Vec<String>,
+    /// Names of the objects' models, and topics of their poses, in the order of the scene.
+    objects: Vec<(String, String)>,
     hand: Option<HandState>,
 }
 
 impl TrialBag {
-    /// Starts `dir/trial.bag` with the start mark and the fixed links of `arm`.
+    /// Starts `dir/trial.bag` with the start mark and the fixed links of `arm`, before the objects of `scene`.
     ///
     /// # Errors
     /// [`RecordingError::Io`] if there is one already or it cannot be written.
-    pub fn create(dir: &Path, arm: &ArmModel) -> Result<Self, RecordingError> {
+    pub fn create(dir: &Path, arm: &ArmModel, scene: &Scene) -> Result<Self, RecordingError> {
         let link = |index: usize| arm.links[index].name.clone();
         let named = |j: &Joint| (j.clone(), link(j.parent), link(j.child));
         let moving: Vec<_> = arm.moving().map(|index| named(&arm.joints[index])).collect();
@@ -90,6 +90,11 @@ impl TrialBag {
             moving,
             alphabetical,
             arm_joints: arm.arm.iter().map(|index| arm.joints[*index].name.clone()).collect(),
+            objects: scene
+                .objects
+                .iter()
+                .map(|object| (object.ros_name.clone(), original::object_pose_topic(&object.ros_name)))
+                .collect(),
             hand: None,
         };
         let start = SimTime(0);
@@ -114,8 +119,8 @@ impl TrialBag {
     /// is then recorded; [`RecordingError::Io`].
     pub fn write_frame(&mut self, frame: &DisplayFrame) -> Result<(), RecordingError> {
         let time = frame.time;
-        check_length("block poses of a frame", frame.blocks.len(), BlockId::ALL.len())?;
-        for pose in [&frame.world_from_base, &frame.world_from_head].into_iter().chain(&frame.blocks) {
+        check_length("object poses of a frame", frame.objects.len(), self.objects.len())?;
+        for pose in [&frame.world_from_base, &frame.world_from_head].into_iter().chain(&frame.objects) {
             check_finite("a pose of a frame", time, pose_values(pose))?;
         }
         if let Some(place) = &frame.target.place {
@@ -123,17 +128,18 @@ impl TrialBag {
         }
 
         self.write("/clock", time, &ros::Clock { clock: bag_time(time) })?;
-        let blocks = BlockId::ALL.iter().zip(&frame.blocks);
+        let objects = self.objects.iter().zip(&frame.objects);
         let transforms = std::iter::once((self.base_link.as_str(), &frame.world_from_base))
-            .chain(blocks.map(|(id, pose)| (id.ros_name(), pose)))
+            .chain(objects.map(|((name, _), pose)| (name.as_str(), pose)))
             .map(|(child, pose)| transform(time, WORLD, child, pose))
             .collect();
         self.write("/tf", time, &ros::TfMessage { transforms })?;
-        self.write_pose("/mpl_right_arm/base_pose", time, &frame.world_from_base)?;
-        for (topic, pose) in BLOCK_POSE_TOPICS.iter().zip(&frame.blocks) {
-            self.write_pose(topic, time, pose)?;
+        self.write_pose(topic::BASE_POSE, time, &frame.world_from_base)?;
+        for (k, pose) in frame.objects.iter().enumerate() {
+            let topic = self.objects[k].1.clone();
+            self.write_pose(&topic, time, pose)?;
         }
-        self.write_pose("/hololens_unity_camera_pose_ros", time, &frame.world_from_head)?;
+        self.write_pose(topic::HEAD_ROS, time, &frame.world_from_head)?;
         self.write_selection(frame)?;
         self.write_hand(time, frame.hand.state)
     }
@@ -155,11 +161,11 @@ impl TrialBag {
             check_length(what, values.len(), self.moving.len())?;
             check_finite(what, time, values.iter().copied())?;
         }
-        check_length("blocks of a state", state.blocks.len(), BlockId::ALL.len())?;
+        check_length("objects of a state", state.objects.len(), self.objects.len())?;
         check_finite("the base pose of a state", time, pose_values(&state.world_from_base))?;
-        for body in &state.blocks {
+        for body in &state.objects {
             let twist = body.linear.iter().chain(&body.angular).copied();
-            check_finite("a block of a state", time, pose_values(&body.pose).chain(twist))?;
+            check_finite("an object of a state", time, pose_values(&body.pose).chain(twist))?;
         }
 
         let ordered = |value: &dyn Fn(usize) -> f64| self.alphabetical.iter().map(|k| value(*k)).collect();
@@ -181,14 +187,14 @@ impl TrialBag {
             pose: vec![(&state.world_from_base).into()],
             twist: vec![ros::Twist::default()],
         };
-        for (id, body) in BlockId::ALL.iter().zip(&state.blocks) {
-            models.name.push(id.ros_name().to_owned());
+        for ((name, _), body) in self.objects.iter().zip(&state.objects) {
+            models.name.push(name.clone());
             models.pose.push((&body.pose).into());
             models.twist.push(ros::Twist { linear: body.linear.into(), angular: body.angular.into() });
         }
-        self.write("/mpl_right_arm/wrapped_joint_states", time, &joints)?;
+        self.write(topic::WRAPPED_JOINT_STATES, time, &joints)?;
         self.write("/tf", time, &ros::TfMessage { transforms })?;
-        self.write("/gazebo/model_states", time, &models)
+        self.write(topic::MODEL_STATES, time, &models)
     }
 
     /// Records a gaze sample. The original's messages have no sign for a lost eye, so a sample that is not
@@ -203,8 +209,8 @@ impl TrialBag {
         let direction = gaze.direction.normalize();
         check_finite("a gaze sample", time, gaze.origin.iter().chain(&direction).copied())?;
         for (topics, vector) in [
-            (["/gaze_position", "/gaze_position_ros"], gaze.origin.coords),
-            (["/gaze_direction", "/gaze_direction_ros"], direction),
+            ([topic::GAZE_POSITION, topic::GAZE_POSITION_ROS], gaze.origin.coords),
+            ([topic::GAZE_DIRECTION, topic::GAZE_DIRECTION_ROS], direction),
         ] {
             for topic in topics {
                 let message = ros::Vector3Stamped { header: header(time, WORLD), vector: vector.into() };
@@ -219,7 +225,7 @@ impl TrialBag {
     /// # Errors
     /// [`RecordingError::Io`].
     pub fn write_emg(&mut self, time: SimTime, gesture: Gesture) -> Result<(), RecordingError> {
-        self.write("/emg", time, &ros::Text { data: gesture.ros_name().to_owned() })
+        self.write(topic::EMG, time, &ros::Text { data: gesture.ros_name().to_owned() })
     }
 
     /// Records a plan that took effect; one without a trajectory leaves nothing but its event.
@@ -249,7 +255,7 @@ impl TrialBag {
         // In the original this header names the base, although joint angles have no frame.
         let header = header(time, &self.base_link);
         let message = ros::JointTrajectory { header, joint_names, points };
-        self.write("/mpl_right_arm/arm_controller/command", time, &message)
+        self.write(topic::ARM_COMMAND, time, &message)
     }
 
     /// Records an event: on its own topic if the original has one, and always on `/rosout`.
@@ -259,16 +265,25 @@ impl TrialBag {
     pub fn write_event(&mut self, event: &Event) -> Result<(), RecordingError> {
         let time = event.time;
         match &event.kind {
-            EventKind::BlockAttached { block } => self.write_grasp(time, *block, true)?,
-            EventKind::BlockReleased { block } => self.write_grasp(time, *block, false)?,
+            EventKind::ObjectAttached { object: block } => self.write_grasp(time, *block, true)?,
+            EventKind::ObjectReleased { object: block } => self.write_grasp(time, *block, false)?,
             EventKind::Locked { .. } => {
-                self.write("/selection_frozen", time, &ros::Bool { data: true })?;
+                self.write(topic::SELECTION_FROZEN, time, &ros::Bool { data: true })?;
             }
-            EventKind::Unlocked => self.write("/selection_frozen", time, &ros::Bool { data: false })?,
+            EventKind::Unlocked => self.write(topic::SELECTION_FROZEN, time, &ros::Bool { data: false })?,
             _ => {}
         }
         let json = serde_json::to_string(&event.kind).map_err(RecordingError::encode("an event"))?;
         self.write_log(time, "proact", json)
+    }
+
+    /// Records what was to be heard or felt.
+    ///
+    /// # Errors
+    /// [`RecordingError::Io`].
+    pub fn write_cue(&mut self, cue: &FeedbackCue) -> Result<(), RecordingError> {
+        let json = serde_json::to_string(cue).map_err(RecordingError::encode("a cue"))?;
+        self.write("/proact/cues", cue.time, &ros::View { header: header(cue.time, WORLD), json })
     }
 
     /// Records a message on a topic of the caller's choice. A topic carries one type.
@@ -313,23 +328,27 @@ impl TrialBag {
         self.write(topic, time, &ros::PoseStamped { header: header(time, WORLD), pose: pose.into() })
     }
 
+    /// The name of an object's model; empty for one that the scene does not have.
+    fn ros_name(&self, object: ObjectId) -> String {
+        self.objects.get(object.index()).map(|(name, _)| name.clone()).unwrap_or_default()
+    }
+
     fn write_selection(&mut self, frame: &DisplayFrame) -> Result<(), RecordingError> {
-        let name = |id: BlockId| ros::Text { data: id.ros_name().to_owned() };
-        if let Some(block) = frame.target.block.filter(|_| frame.hand.holds.is_none()) {
-            self.write("/current_block", frame.time, &name(block))?;
+        if let Some(object) = frame.target.object.filter(|_| frame.hand.holds.is_none()) {
+            self.write(topic::CURRENT_BLOCK, frame.time, &ros::Text { data: self.ros_name(object) })?;
         }
         // The first of equals, so that the choice does not depend on how a maximum is searched.
-        let likeliest = BlockId::ALL
-            .into_iter()
+        let likeliest = (0..self.objects.len())
             .zip(&frame.target.posterior)
             .reduce(|best, next| if next.1 > best.1 { next } else { best });
-        if let Some((block, _)) = likeliest {
-            self.write("/block_id", frame.time, &name(block))?;
+        if let Some((object, _)) = likeliest {
+            let name = self.ros_name(ObjectId::new(object));
+            self.write(topic::BLOCK_ID, frame.time, &ros::Text { data: name })?;
         }
         match frame.target.place {
             Some(place) => {
                 let pose = Pose::translation(place.x, place.y, place.z);
-                self.write_pose("/place_location_selected", frame.time, &pose)
+                self.write_pose(topic::PLACE_LOCATION, frame.time, &pose)
             }
             None => Ok(()),
         }
@@ -340,20 +359,20 @@ impl TrialBag {
         let before = self.hand.replace(state);
         match state {
             _ if before.is_none_or(|b| b == state) => Ok(()),
-            HandState::Closed => self.write("/success", time, &ros::Bool { data: true }),
-            HandState::Open => self.write("/success", time, &ros::Bool { data: false }),
+            HandState::Closed => self.write(topic::SUCCESS, time, &ros::Bool { data: true }),
+            HandState::Open => self.write(topic::SUCCESS, time, &ros::Bool { data: false }),
             HandState::Closing | HandState::Opening => Ok(()),
         }
     }
 
-    fn write_grasp(&mut self, time: SimTime, block: BlockId, attached: bool) -> Result<(), RecordingError> {
+    fn write_grasp(&mut self, time: SimTime, block: ObjectId, attached: bool) -> Result<(), RecordingError> {
         let event = ros::GazeboGraspEvent {
             arm: ARM_MODEL.to_owned(),
-            object: format!("{}::link::collision", block.ros_name()),
+            object: original::collision_name(&self.ros_name(block)),
             attached,
         };
-        self.write("/grasp_event_republisher/grasp_events", time, &event)?;
-        self.write("/grasp_status", time, &ros::Bool { data: attached })
+        self.write(topic::GRASP_EVENTS, time, &event)?;
+        self.write(topic::GRASP_STATUS, time, &ros::Bool { data: attached })
     }
 
     fn write_log(&mut self, time: SimTime, name: &str, msg: String) -> Result<(), RecordingError> {

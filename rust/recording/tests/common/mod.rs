@@ -2,7 +2,7 @@
 
 use proact_recording::{TrialHeader, TrialWriter};
 use proact_types::{
-    BlockId, EmgSample, Event, EventKind, GazeSample, Gesture, PlanReply, PlanStatus, Point, Pose, SimTime,
+    EmgSample, Event, EventKind, GazeSample, Gesture, ObjectId, PlanReply, PlanStatus, Point, Pose, SimTime,
     TickInput, Trajectory, TrajectoryPoint, Vector, joints,
 };
 use serde::{Deserialize, Serialize};
@@ -57,7 +57,7 @@ pub fn input(tick: u64) -> TickInput {
 pub fn event(time: u64) -> Event {
     Event {
         time: SimTime(time),
-        kind: EventKind::BlockOnTarget { block: BlockId::Blue2, distance: 0.1 + 0.2 },
+        kind: EventKind::ObjectOnTarget { object: ObjectId(3), distance: 0.1 + 0.2 },
     }
 }
 

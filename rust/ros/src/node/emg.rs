@@ -11,6 +11,7 @@ use crate::messages::{
     std_msgs::String as Text,
 };
 use arrayvec::ArrayVec;
+use proact_messages::original::relative;
 use proact_testbed::{
     Field,
     stages::{EmgStage, EmgStageInput, EmgStageOutput},
@@ -42,7 +43,7 @@ pub fn run_emg(stage: EmgStage) -> Result<(), NodeError> {
         stage,
         person: Tagged::default(),
         said: None,
-        emg: graph.publish("emg", 10, false)?,
+        emg: graph.publish(relative::EMG, 10, false)?,
         decision: graph.publish("proact/decision", 100, false)?,
     };
     let jobs: Jobs<EmgNode> = Jobs::default();
@@ -97,7 +98,7 @@ impl EmgNode {
         if due || self.common.lockstep {
             self.decision.send(wire::decision(now, self.common.stamp(), &output))?;
         }
-        let stale = output.decision.is_some_and(|decision| decision.stale);
+        let stale = output.decision.as_ref().is_some_and(|decision| decision.stale);
         match output.message.or(stale.then_some(output.gesture)) {
             Some(gesture) => self.emg.send(Text { data: gesture.ros_name().to_owned() }),
             None => Ok(()),

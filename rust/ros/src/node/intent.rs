@@ -1,4 +1,4 @@
-//! `proact node intent`: gaze and blocks in, the block and the place that are meant out.
+//! `proact node intent`: gaze and objects in, the object and the place that are meant out.
 
 use super::{
     NodeError, RosGraph, convert,
@@ -16,12 +16,13 @@ use crate::{
 };
 use proact_control::ports::ArmKinematics;
 use proact_intent::table_hit;
-use proact_tasks::TABLE_TOP;
+use proact_messages::original;
+use proact_messages::original::relative;
 use proact_testbed::{
     Field,
     stages::{GazeMeasurement, IntentInput, IntentOutput, IntentStage},
 };
-use proact_types::{BlockId, GazeSample, Point, SimTime, TickInput, Vector};
+use proact_types::{GazeSample, Point, Scene, SimTime, TickInput, Vector};
 use rosrust::Publisher;
 
 /// What the intent stage is made of.
@@ -30,8 +31,10 @@ pub struct IntentParts {
     pub stage: IntentStage,
     /// The arm's kinematics.
     pub kinematics: Box<dyn ArmKinematics>,
-    /// Moving joints of the arm.
-    pub moving: usize,
+    /// Joints of the arm, objects of the scene.
+    pub counts: wire::Counts,
+    /// The scene.
+    pub scene: Scene,
 }
 
 struct IntentNode {
@@ -58,6 +61,8 @@ struct IntentNode {
 /// [`NodeError`].
 pub fn run_intent(parts: IntentParts) -> Result<(), NodeError> {
     let graph = RosGraph::join("proact_intent")?;
+    let topics = parts.scene.objects.iter().map(|object| original::gaze_distance_topic(&object.name));
+    let distances = topics.map(|topic| graph.publish(&topic, 1, false)).collect::<Result<_, _>>()?;
     let mut node = IntentNode {
         common: Common::new(&graph)?,
         parts,
@@ -66,22 +71,19 @@ pub fn run_intent(parts: IntentParts) -> Result<(), NodeError> {
         person_tick: None,
         position: None,
         said: None,
-        block_id: graph.publish("block_id", 1, false)?,
-        hit: graph.publish("gaze_table_hit_location", 1, false)?,
-        raw_hit: graph.publish("gaze_table_hit_location_logging", 1, false)?,
+        block_id: graph.publish(relative::BLOCK_ID, 1, false)?,
+        hit: graph.publish(relative::GAZE_HIT, 1, false)?,
+        raw_hit: graph.publish(relative::GAZE_HIT_LOGGING, 1, false)?,
         gaze_ros: [
-            graph.publish("gaze_position_ros", 1, false)?,
-            graph.publish("gaze_direction_ros", 1, false)?,
+            graph.publish(relative::GAZE_POSITION_ROS, 1, false)?,
+            graph.publish(relative::GAZE_DIRECTION_ROS, 1, false)?,
         ],
-        distances: ["red1_dist", "red2_dist", "blue1_dist", "blue2_dist"]
-            .iter()
-            .map(|topic| graph.publish(topic, 1, false))
-            .collect::<Result<_, _>>()?,
+        distances,
         intent: graph.publish("proact/intent", 100, false)?,
     };
     let jobs: Jobs<IntentNode> = Jobs::default();
     let _state = graph.listen("proact/state", 100, &jobs, |node: &mut IntentNode, message: State| {
-        match wire::read_state(&message, node.parts.moving) {
+        match wire::read_state(&message, node.parts.counts) {
             Ok(instant) => node.hear_state(SimTime(message.tick), instant),
             Err(reason) => node.common.faults.refuse("state", &reason),
         }
@@ -98,13 +100,17 @@ pub fn run_intent(parts: IntentParts) -> Result<(), NodeError> {
             }
         },
     )?;
-    let _position =
-        graph.listen("gaze_position", 10, &jobs, |node: &mut IntentNode, message: Vector3Stamped| {
+    let _position = graph.listen(
+        relative::GAZE_POSITION,
+        10,
+        &jobs,
+        |node: &mut IntentNode, message: Vector3Stamped| {
             let v = message.vector;
             node.position = Some(Point::new(v.x, v.y, v.z));
-        })?;
+        },
+    )?;
     let _direction = graph.listen_from(
-        "gaze_direction",
+        relative::GAZE_DIRECTION,
         10,
         &jobs,
         |node: &mut IntentNode, message: Vector3Stamped, caller| {
@@ -188,19 +194,20 @@ impl IntentNode {
         let stamp = self.common.stamp();
         let vector =
             |v: &Vector| Vector3Stamped { header: convert::header(stamp, WORLD), vector: convert::vector(v) };
-        if let Some(block) = output.highlight {
-            self.block_id.send(Text { data: block.ros_name().to_owned() })?;
+        let scene = &self.parts.scene;
+        if let Some(object) = output.highlight.and_then(|id| scene.objects.get(id.index())) {
+            self.block_id.send(Text { data: object.ros_name.clone() })?;
         }
         self.hit.send(vector(&output.place.coords))?;
-        if let Some(hit) = table_hit(gaze, TABLE_TOP) {
+        if let Some(hit) = table_hit(gaze, scene.table_height) {
             self.raw_hit.send(vector(&hit.coords))?;
         }
         self.gaze_ros[0].send(vector(&gaze.origin.coords))?;
         self.gaze_ros[1].send(vector(&gaze.direction))?;
         let Some(Instant { world, .. }) = self.state.get() else { return Ok(()) };
-        for (publisher, block) in self.distances.iter().zip(BlockId::ALL) {
+        for (publisher, object) in self.distances.iter().zip(&world.objects) {
             // In a picture at unit distance, as the original has it.
-            let centre = Point::from(world.blocks[block.index()].pose.translation.vector);
+            let centre = Point::from(object.pose.translation.vector);
             let data = gaze.direction.angle(&(centre - gaze.origin)).tan();
             publisher.send(Float64 { data })?;
         }

@@ -12,32 +12,38 @@ use crate::{
         std_msgs::String as Text,
     },
 };
+use proact_arm::ArmModel;
 use proact_control::ports::ArmKinematics;
-use proact_tasks::{Arrangement, BlockResult, BoxAndBlocks, TaskState};
+use proact_tasks::{Task, TaskResult, TaskState};
 use proact_testbed::{
-    TrialConfig,
+    TestbedError, TrialConfig,
     stages::{
-        ActuationOutput, DisplayInput, DisplayStage, EmgStageOutput, FeedbackStage, IntentOutput, TaskInput,
-        TaskStage,
+        ActuationOutput, DisplayInput, DisplayStage, EmgStageOutput, FeedbackInput, FeedbackStage,
+        IntentOutput, TaskStage, TaskStageInput,
     },
 };
 use proact_types::{Event, EventKind, HandView, PlantState, Pose, SimTime};
 use rosrust::{Publisher, error::Result};
 use serde::Serialize;
+use serde_json::{Map, Value};
+use std::sync::Arc;
 
 /// How the trial in this world went: the text on `/proact/result`.
 #[derive(Serialize)]
 struct WorldResult {
-    arrangement: Arrangement,
-    on_target: u32,
-    outcomes: Vec<BlockResult>,
+    task: String,
+    score: f64,
+    score_name: String,
+    result: Map<String, Value>,
+    #[serde(flatten)]
+    beside: Map<String, Value>,
     sim_seconds: f64,
 }
 
 /// Task, feedback and display of a trial.
 pub(super) struct Judge {
     config: TrialConfig,
-    blank: BoxAndBlocks,
+    model: Arc<ArmModel>,
     kinematics: Box<dyn ArmKinematics>,
     task: TaskStage,
     feedback: FeedbackStage,
@@ -67,16 +73,16 @@ impl Judge {
     pub(super) fn new(
         graph: &RosGraph,
         config: &TrialConfig,
-        task: BoxAndBlocks,
+        model: Arc<ArmModel>,
         kinematics: Box<dyn ArmKinematics>,
     ) -> std::result::Result<Self, NodeError> {
         Ok(Self {
             config: config.clone(),
-            blank: task.clone(),
             kinematics,
-            task: TaskStage::new(task),
-            feedback: FeedbackStage,
-            display: DisplayStage::new(config),
+            task: TaskStage::new(config.build_task(&model).map_err(TestbedError::Config)?, model.clone()),
+            feedback: FeedbackStage::new(config, &model),
+            display: DisplayStage::new(config, &model),
+            model,
             shown: None,
             head: config.setup.body.head_pose(&Default::default()),
             state: graph.publish("proact/state", 100, false)?,
@@ -88,13 +94,16 @@ impl Judge {
         })
     }
 
-    pub(super) fn task(&self) -> &BoxAndBlocks {
+    pub(super) fn task(&self) -> &dyn Task {
         self.task.task()
     }
 
     /// The task begins anew.
     pub(super) fn reset(&mut self) {
-        self.task = TaskStage::new(self.blank.clone());
+        // It could be built before.
+        if let Ok(task) = self.config.build_task(&self.model) {
+            self.task = TaskStage::new(task, self.model.clone());
+        }
     }
 
     /// Judges tick `now`. `events` are those of the stages before, and get those of the task.
@@ -104,25 +113,30 @@ impl Judge {
         moved: &Moved<'_>,
         events: &mut Vec<EventKind>,
     ) -> Result<TaskState> {
-        let task = self.task.step(now, TaskInput { blocks: &moved.world.blocks, held: moved.hand.holds });
+        let task = self.task.step(now, TaskStageInput { world: moved.world, held: moved.hand.holds });
         let judged = !task.events.is_empty();
         let finished = task.events.contains(&EventKind::TrialFinished);
         events.extend(task.events);
         let timed: Vec<Event> = events.iter().map(|kind| Event { time: now, kind: kind.clone() }).collect();
-        self.display.note(&timed);
-        for cue in self.feedback.step(now, &timed) {
-            let json = serde_json::to_string(&cue).unwrap_or_default();
+        let contacts = &moved.world.contacts;
+        let cues = self.feedback.step(now, FeedbackInput { events: &timed, contacts });
+        self.display.note(&timed, &cues);
+        for cue in &cues {
+            let json = serde_json::to_string(cue).unwrap_or_default();
             self.cues.send(View { header: convert::header(now, WORLD), json })?;
         }
         if judged {
-            let outcomes = self.task.results(&moved.world.blocks);
-            self.score.send(Text { data: json("the score", &outcomes).unwrap_or_default() })?;
+            let result = self.task.result(&moved.world.objects).result;
+            self.score.send(Text { data: json("the score", &result).unwrap_or_default() })?;
         }
         if finished {
+            let TaskResult { score, result, beside, .. } = self.task.result(&moved.world.objects);
             let result = WorldResult {
-                arrangement: self.config.arrangement,
-                on_target: task.state.on_target,
-                outcomes: self.task.results(&moved.world.blocks),
+                task: self.config.task.name.clone(),
+                score,
+                score_name: self.task.task().briefing().score_name.clone(),
+                result,
+                beside,
                 sim_seconds: now.as_secs(),
             };
             self.result.send(Text { data: json("the result", &result).unwrap_or_default() })?;
@@ -171,6 +185,7 @@ impl Judge {
         let shown = self.shown.as_ref()?;
         let gesture = EmgStageOutput {
             gesture: shown.gesture,
+            recognised: shown.recognised,
             confidence: shown.confidence,
             effort: shown.effort,
             ..EmgStageOutput::default()

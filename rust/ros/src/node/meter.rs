@@ -7,6 +7,7 @@ use super::{
 use crate::messages::{
     sensor_msgs::JointState, std_msgs::String as Text, tf2_msgs::TFMessage, trajectory_msgs::JointTrajectory,
 };
+use proact_messages::original::{ARM_MODEL, relative, topic};
 use proact_types::Gesture;
 use rosrust::Publisher;
 use serde::{Deserialize, Serialize};
@@ -43,7 +44,7 @@ struct Meter {
 pub fn run_meter() -> Result<Measured, NodeError> {
     let graph = RosGraph::join("proact_meter")?;
     let count: i32 = parameter("~count", 200, "how many commands are measured")?;
-    let emg: Publisher<Text> = graph.publish("emg", 10, false)?;
+    let emg: Publisher<Text> = graph.publish(relative::EMG, 10, false)?;
     let jobs: Jobs<Meter> = Jobs::default();
     // Time is taken where the message arrives, before it waits for the loop.
     let since = |last: &mut Option<Instant>, at: Instant, all: &mut Vec<f64>| {
@@ -52,7 +53,7 @@ pub fn run_meter() -> Result<Measured, NodeError> {
         }
     };
     let _command = graph.listen_at(
-        "mpl_right_arm/j0_controller/command",
+        &format!("{ARM_MODEL}/j0_controller/command"),
         10,
         &jobs,
         |meter: &mut Meter, m: JointTrajectory, at, _| {
@@ -64,7 +65,7 @@ pub fn run_meter() -> Result<Measured, NodeError> {
         },
     )?;
     let _states = graph.listen_at(
-        "mpl_right_arm/joint_states",
+        relative::JOINT_STATES,
         100,
         &jobs,
         move |meter: &mut Meter, _: JointState, at, _| {
@@ -94,7 +95,7 @@ pub fn run_meter() -> Result<Measured, NodeError> {
             };
             meter.asked = (gesture != Gesture::NoMotion).then(Instant::now).or(meter.asked);
             emg.send(Text { data: gesture.ros_name().to_owned() })
-                .map_err(|e| NodeError::Setup { what: "/emg".to_owned(), reason: e.to_string() })?;
+                .map_err(|e| NodeError::Setup { what: topic::EMG.to_owned(), reason: e.to_string() })?;
             sent += 1;
             wait_until = Instant::now() + DECISION;
         }

@@ -8,18 +8,20 @@ use super::{
     NodeError, RosGraph,
     graph::Jobs,
     stage::{self, Common, Stage, Tagged},
-    wire::{self, Instant, MethodShown},
+    wire::{self, Counts, Instant, MethodShown},
 };
 use arm::ArmOutlet;
 use inputs::Heard;
 use outlets::Outlets;
 use proact_arm::ArmModel;
-use proact_control::{MotionCommand, MotionState, ports::ArmKinematics};
+use proact_control::{MethodEntry, MotionCommand, MotionState, ports::ArmKinematics};
 use proact_testbed::{
-    Field, MethodName,
+    Field,
     stages::{DisplayStage, EmgStageOutput, IntentOutput, MethodInput, MethodOutput, MethodStage},
 };
-use proact_types::{EventKind, Gesture, HandState, InputSign, InputSource, SignKind, SimTime, TickInput};
+use proact_types::{
+    EventKind, Gesture, HandState, InputSign, InputSource, Scene, SignKind, SimTime, TickInput,
+};
 use std::{
     collections::{BTreeMap, BTreeSet},
     sync::Arc,
@@ -34,16 +36,19 @@ const SETTLING_MS: u64 = 300;
 pub struct MethodParts {
     /// The stage.
     pub stage: MethodStage,
-    /// Its name in the configuration.
-    pub method: MethodName,
+    /// What it was made of.
+    pub method: MethodEntry,
     /// The arm.
     pub model: Arc<ArmModel>,
+    /// What stands where.
+    pub scene: Scene,
     /// The arm's kinematics.
     pub kinematics: Box<dyn ArmKinematics>,
 }
 
 struct MethodNode {
     common: Common,
+    counts: Counts,
     parts: MethodParts,
     state: Tagged<Instant>,
     /// In lock-step: what came of a tick.
@@ -72,8 +77,8 @@ struct MethodNode {
 /// [`NodeError`].
 pub fn run_method(parts: MethodParts) -> Result<(), NodeError> {
     let graph = RosGraph::join("proact_method")?;
-    // Method A commands joint by joint, through controllers of single joints, as the original does.
-    let arm_out = ArmOutlet::new(&graph, &parts.model, parts.method == MethodName::A)?;
+    let arm_out = ArmOutlet::new(&graph, &parts.model, parts.method.single_joints())?;
+    let (heard, counts) = (Heard::new(&parts.scene), Counts::of(&parts.model, &parts.scene));
     let mut node = MethodNode {
         common: Common::new(&graph)?,
         parts,
@@ -81,7 +86,8 @@ pub fn run_method(parts: MethodParts) -> Result<(), NodeError> {
         person: Tagged::default(),
         decision: Tagged::default(),
         intent: Tagged::default(),
-        heard: Heard::new(),
+        heard,
+        counts,
         others: BTreeMap::new(),
         lost: BTreeSet::new(),
         commands: 0,
@@ -138,7 +144,7 @@ impl Stage for MethodNode {
         }
         let due = !self.common.lockstep || DisplayStage::is_due(self.common.now());
         match self.shown().filter(|_| due) {
-            Some(shown) => self.out.show(self.common.stamp(), &shown),
+            Some(shown) => self.out.show(self.common.stamp(), &self.parts.scene, &shown),
             None => Ok(()),
         }
     }
@@ -248,6 +254,7 @@ impl MethodNode {
         Some(MethodShown {
             method: view.name,
             gesture: gesture.gesture,
+            recognised: gesture.recognised,
             confidence: gesture.confidence,
             effort: gesture.effort,
             hand: instant.hand,

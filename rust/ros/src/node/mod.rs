@@ -32,7 +32,7 @@ pub use participant::{ParticipantParts, run_participant};
 pub use sim::{PlantFactory, SimParts, run_sim};
 pub use task::{TaskParts, run_task};
 pub use testbed::run_testbed;
-pub use wire::MethodShown;
+pub use wire::{Counts, MethodShown};
 
 /// Seconds on the graph's clock at the start of a trial. ROS time must be above zero to count as set, and tools
 /// subtract durations from it (tf buffers 10 s), so it starts well above.
@@ -41,8 +41,8 @@ pub const EPOCH_SECS: u32 = 1000;
 /// What a node that stands still after a restart of the master says.
 const PAUSED_AFTER_RESTART: &str = "the master was restarted: paused until /gazebo/unpause_physics is called";
 
-/// True if an event says that a block was taken or let go.
+/// True if an event says that an object was taken or let go.
 fn is_grasp(kind: &proact_types::EventKind) -> bool {
-    use proact_types::EventKind::{BlockAttached, BlockReleased};
-    matches!(kind, BlockAttached { .. } | BlockReleased { .. })
+    use proact_types::EventKind::{ObjectAttached, ObjectReleased};
+    matches!(kind, ObjectAttached { .. } | ObjectReleased { .. })
 }

@@ -17,17 +17,14 @@ use crate::{
 };
 use nalgebra::UnitQuaternion;
 use proact_arm::ArmModel;
+use proact_messages::original;
+use proact_messages::original::{ARM_MODEL, relative};
 use proact_types::{
-    BlockColour, BlockId, Event, EventKind, GazeSample, PlanReply, PlantState, Point, Pose, Scene, Shape,
-    SimTime, Vector,
+    Event, EventKind, GazeSample, ObjectId, PlanReply, PlantState, Point, Pose, Scene, Shape, SimTime, Vector,
 };
 use rosrust::{Publisher, error::Result};
 use std::sync::Arc;
 
-/// Name of the arm's model in the original's Gazebo world.
-pub(super) const ARM_MODEL: &str = "mpl_right_arm";
-const BLOCK_POSE_TOPICS: [&str; 4] =
-    ["red_block1_pose_msg", "red_block2_pose_msg", "blue_block1_pose_msg", "blue_block2_pose_msg"];
 /// Length of the drawn gaze ray, m.
 const GAZE_LENGTH: f64 = 1.2;
 /// Ticks between poses and between constant transforms that the original has ten times a second.
@@ -50,7 +47,7 @@ pub(super) struct Outlets {
     model_states: Publisher<ModelStates>,
     link_states: Publisher<LinkStates>,
     base_pose: Publisher<PoseStamped>,
-    block_poses: Vec<Publisher<PoseStamped>>,
+    object_poses: Vec<Publisher<PoseStamped>>,
     grasp_events: Publisher<GazeboGraspEvent>,
     grasp_status: Publisher<Bool>,
     markers: Publisher<MarkerArray>,
@@ -79,20 +76,22 @@ impl Outlets {
             joint_names,
             clock: graph.publish("/clock", 10, false)?,
             joint_states: [
-                graph.publish("mpl_right_arm/joint_states", 10, false)?,
-                graph.publish("mpl_right_arm/wrapped_joint_states", 10, false)?,
+                graph.publish(relative::JOINT_STATES, 10, false)?,
+                graph.publish(relative::WRAPPED_JOINT_STATES, 10, false)?,
             ],
             tf: graph.publish("/tf", 100, false)?,
             tf_static: graph.publish("/tf_static", 10, true)?,
-            model_states: graph.publish("gazebo/model_states", 10, false)?,
-            link_states: graph.publish("gazebo/link_states", 10, false)?,
-            base_pose: graph.publish("mpl_right_arm/base_pose", 1, false)?,
-            block_poses: BLOCK_POSE_TOPICS
+            model_states: graph.publish(relative::MODEL_STATES, 10, false)?,
+            link_states: graph.publish(relative::LINK_STATES, 10, false)?,
+            base_pose: graph.publish(relative::BASE_POSE, 1, false)?,
+            object_poses: scene
+                .objects
                 .iter()
-                .map(|topic| graph.publish(topic, 1, false))
+                .map(|object| original::object_pose_topic(&object.ros_name))
+                .map(|topic| graph.publish(topic.trim_start_matches('/'), 1, false))
                 .collect::<std::result::Result<_, _>>()?,
-            grasp_events: graph.publish("grasp_event_republisher/grasp_events", 1, false)?,
-            grasp_status: graph.publish("grasp_status", 10, true)?,
+            grasp_events: graph.publish(relative::GRASP_EVENTS, 1, false)?,
+            grasp_status: graph.publish(relative::GRASP_STATUS, 10, true)?,
             markers: graph.publish("proact/markers", 10, false)?,
             box_markers: graph.publish("proact/box", 1, true)?,
         };
@@ -106,7 +105,7 @@ impl Outlets {
     /// What never changes, latched.
     fn still(&self) -> Result<()> {
         let start = SimTime(0);
-        let mut fixed = frames::fixed(&self.model, self.links);
+        let mut fixed = frames::fixed(&self.model, &self.scene, self.links);
         fixed.retain(|frame| !self.is_resent(frame));
         self.tf_static
             .send(TFMessage { transforms: fixed.iter().map(|f| convert::transform(start, f)).collect() })?;
@@ -142,13 +141,14 @@ impl Outlets {
         self.joint_states[0].send(plain)?;
         self.joint_states[1].send(wrapped)?;
 
-        let moving = frames::moving(&self.model, state, head, self.links);
+        let moving = frames::moving(&self.model, &self.scene, state, head, self.links);
         let (resent, moving): (Vec<_>, Vec<_>) = moving.into_iter().partition(|f| self.is_resent(f));
         self.tf
             .send(TFMessage { transforms: moving.iter().map(|f| convert::transform(time, f)).collect() })?;
         let tenth = time.0.is_multiple_of(TENTH);
         if self.compat.has(Quirk::ResentConstants) && tenth {
-            let fixed = frames::fixed(&self.model, self.links).into_iter().filter(|f| self.is_resent(f));
+            let fixed =
+                frames::fixed(&self.model, &self.scene, self.links).into_iter().filter(|f| self.is_resent(f));
             let ahead = time.plus_millis(TENTH);
             let constants = resent.into_iter().chain(fixed);
             let transforms = constants.map(|frame| convert::transform(ahead, &frame)).collect();
@@ -165,7 +165,7 @@ impl Outlets {
         }
         let frame = if self.compat.has(Quirk::BarePoses) { "" } else { WORLD };
         self.base_pose.send(convert::pose_stamped(time, frame, &state.world_from_base))?;
-        for (publisher, body) in self.block_poses.iter().zip(&state.blocks) {
+        for (publisher, body) in self.object_poses.iter().zip(&state.objects) {
             publisher.send(convert::pose_stamped(time, frame, &body.pose))?;
         }
         Ok(())
@@ -177,8 +177,8 @@ impl Outlets {
             pose: vec![convert::pose(&state.world_from_base)],
             twist: vec![Twist::default()],
         };
-        for (id, body) in BlockId::ALL.iter().zip(&state.blocks) {
-            models.name.push(id.ros_name().to_owned());
+        for (object, body) in self.scene.objects.iter().zip(&state.objects) {
+            models.name.push(object.ros_name.clone());
             models.pose.push(convert::pose(&body.pose));
             models.twist.push(Twist {
                 linear: convert::vector(&body.linear),
@@ -207,14 +207,14 @@ impl Outlets {
 
     pub(super) fn grasp(&self, event: &Event) -> Result<()> {
         let (block, attached) = match event.kind {
-            EventKind::BlockAttached { block } => (block, true),
-            EventKind::BlockReleased { block } => (block, false),
+            EventKind::ObjectAttached { object: block } => (block, true),
+            EventKind::ObjectReleased { object: block } => (block, false),
             _ => return Ok(()),
         };
-        let name = block.ros_name();
+        let name = self.scene.objects.get(block.index()).map_or("", |object| &object.ros_name);
         self.grasp_events.send(GazeboGraspEvent {
             arm: ARM_MODEL.to_owned(),
-            object: format!("{name}::link::collision"),
+            object: original::collision_name(name),
             attached,
         })?;
         self.grasp_status.send(Bool { data: attached })
@@ -226,27 +226,30 @@ impl Outlets {
             return Ok(());
         }
         let mut markers = Vec::new();
-        for (k, block) in self.scene.blocks.iter().enumerate() {
-            let pose = state.blocks[k].pose;
-            let tint = match block.id.colour() {
-                BlockColour::Red => colour(0.80, 0.22, 0.20, 1.0),
-                BlockColour::Blue => colour(0.20, 0.38, 0.75, 1.0),
-            };
+        for (k, block) in self.scene.objects.iter().enumerate() {
+            let pose = state.objects[k].pose;
+            let [red, green, blue] = block.colour.map(|part| part as f32);
+            let tint = colour(red, green, blue, 1.0);
             markers.push(shape_marker("blocks", k, &block.shape, &pose, tint));
             let share = view.posterior.get(k).copied().unwrap_or(0.0);
             let above = Pose::translation(pose.translation.x, pose.translation.y, pose.translation.z + 0.06);
             let mut label =
                 marker("posterior", k, Marker::TEXT_VIEW_FACING, &above, colour(1.0, 1.0, 1.0, 1.0));
             label.scale.z = 0.025;
-            label.text = format!("{}  {:.0} %", block.id.name(), 100.0 * share);
+            label.text = format!("{}  {:.0} %", block.name, 100.0 * share);
             if view.posterior.is_empty() {
-                label.text = block.id.name().to_owned();
+                label.text = block.name.clone();
             }
             markers.push(label);
             let mut ring = shape_marker("marked", k, &block.shape, &pose, colour(1.0, 0.85, 0.1, 0.45));
-            (ring.scale.x, ring.scale.y, ring.scale.z) = (0.06, 0.06, 0.054);
-            ring.action =
-                if view.marked == Some(block.id) { Marker::ADD as i32 } else { Marker::DELETE as i32 };
+            // A little larger than the object itself.
+            (ring.scale.x, ring.scale.y, ring.scale.z) =
+                (ring.scale.x + 0.01, ring.scale.y + 0.01, ring.scale.z + 0.004);
+            ring.action = if view.marked == Some(ObjectId::new(k)) {
+                Marker::ADD as i32
+            } else {
+                Marker::DELETE as i32
+            };
             markers.push(ring);
         }
         if let Some(place) = view.place {
@@ -291,7 +294,7 @@ impl Outlets {
 #[derive(Default)]
 pub(super) struct View<'a> {
     pub posterior: &'a [f64],
-    pub marked: Option<BlockId>,
+    pub marked: Option<ObjectId>,
     pub place: Option<Point>,
     pub gaze: Option<GazeSample>,
     pub plan: Option<&'a PlanReply>,

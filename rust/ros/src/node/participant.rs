@@ -5,7 +5,7 @@ use super::{
     NodeError, RosGraph, convert,
     graph::Jobs,
     stage::{self, Common, Stage, Tagged},
-    wire::{self, Instant},
+    wire::{self, Counts, Instant},
 };
 use crate::{
     frames::WORLD,
@@ -14,6 +14,7 @@ use crate::{
         proact_msgs::{EmgSamples, Frame, Person, State},
     },
 };
+use proact_messages::original::relative;
 use proact_testbed::stages::{PersonInput, PersonStage};
 use proact_types::{DisplayFrame, EmgSample, Gesture, Pose, SimTime, TickInput};
 use rosrust::Publisher;
@@ -22,8 +23,8 @@ use rosrust::Publisher;
 pub struct ParticipantParts {
     /// Who sees and acts, with armband, eye tracker and body.
     pub stage: PersonStage,
-    /// Joints of the arm, and moving joints with the hand's.
-    pub joints: (usize, usize),
+    /// Joints of the arm, objects of the scene.
+    pub counts: Counts,
 }
 
 struct ParticipantNode {
@@ -61,21 +62,23 @@ pub fn run_participant(parts: ParticipantParts) -> Result<(), NodeError> {
         samples: vec![],
         said: None,
         emg: graph.publish("proact/emg_samples", 20, false)?,
-        gaze: [graph.publish("gaze_position", 10, false)?, graph.publish("gaze_direction", 10, false)?],
-        shoulder: graph.publish("Shoulderpad_filtered_pose", 1, false)?,
-        head: graph.publish("hololens/head", 1, false)?,
+        gaze: [
+            graph.publish(relative::GAZE_POSITION, 10, false)?,
+            graph.publish(relative::GAZE_DIRECTION, 10, false)?,
+        ],
+        shoulder: graph.publish(relative::SHOULDER, 1, false)?,
+        head: graph.publish(relative::HEAD, 1, false)?,
         person: graph.publish("proact/person", 100, false)?,
     };
     let jobs: Jobs<ParticipantNode> = Jobs::default();
     let _state = graph.listen("proact/state", 100, &jobs, |node: &mut ParticipantNode, message: State| {
-        match wire::read_state(&message, node.parts.joints.1) {
+        match wire::read_state(&message, node.parts.counts) {
             Ok(instant) => node.hear_state(SimTime(message.tick), instant),
             Err(reason) => node.common.faults.refuse("state", &reason),
         }
     })?;
     let _frame = graph.listen("proact/frame", 10, &jobs, |node: &mut ParticipantNode, message: Frame| {
-        let (arm, moving) = node.parts.joints;
-        match wire::read_frame(&message, arm, moving) {
+        match wire::read_frame(&message, node.parts.counts) {
             Ok(frame) => node.see(&frame),
             Err(reason) => node.common.faults.refuse("frame", &reason),
         }
@@ -132,7 +135,7 @@ impl Stage for ParticipantNode {
         let lockstep = self.common.lockstep;
         let began = *self.began.get_or_insert(if lockstep { SimTime(0) } else { now });
         let since = SimTime(now.millis_since(began));
-        let arm = &instant.world.position[..self.parts.joints.0];
+        let arm = &instant.world.position[..self.parts.counts.arm];
         let mut input = self.parts.stage.step(since, PersonInput { arm, gesture: self.gesture });
         let head = self.parts.stage.head();
         if !lockstep {

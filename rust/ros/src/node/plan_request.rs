@@ -85,15 +85,15 @@ fn goal(model: &ArmModel, request: &PlanRequest, stamp: SimTime) -> moveit_msgs:
     let at = |offset: &Vector, point: &Point| vec![position(model, stamp, offset, point)];
     let empty = moveit_msgs::Constraints::default();
     match &request.goal {
-        PlanGoal::Pick { block, centre } => moveit_msgs::Constraints {
-            name: format!("pick {}", block.name()),
-            position_constraints: at(&model.grasp_centre, centre),
+        PlanGoal::Pick { centre, .. } => moveit_msgs::Constraints {
+            name: format!("pick {}", request.picked.as_deref().unwrap_or("an object")),
+            position_constraints: at(&model.grasp_of(request).centre, centre),
             ..empty
         },
         PlanGoal::Place { point } => {
             let (offset, above) = match &request.attached {
                 Some(carried) => (carried.tip_from_object.translation.vector, half_height(carried.shape)),
-                None => (model.grasp_centre, 0.0),
+                None => (model.widest_grasp().centre, 0.0),
             };
             moveit_msgs::Constraints {
                 name: "place".to_owned(),

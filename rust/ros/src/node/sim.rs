@@ -16,7 +16,7 @@ use super::{
     outlets::{Outlets, View},
     stage::{self, Tagged},
     testbed::{compat, rate},
-    wire::Asked,
+    wire::{self, Asked},
 };
 use crate::{
     action::{GoalId, GoalState},
@@ -35,8 +35,8 @@ use crate::{
 use goals::{follow_result, grasp_result, own_id, tolerances};
 use proact_arm::ArmModel;
 use proact_control::{HandCommand, MotionCommand, ports::ArmKinematics};
-use proact_tasks::BoxAndBlocks;
-use proact_testbed::{Field, TrialConfig};
+use proact_messages::original::ARM_MODEL;
+use proact_testbed::{Field, TestbedError, TrialConfig};
 use proact_types::{Event, EventKind, HandView, Pose, SimTime, TickInput};
 pub use robot::PlantFactory;
 use robot::{Moved, Robot};
@@ -71,8 +71,6 @@ pub struct SimParts {
     pub config: TrialConfig,
     /// The arm.
     pub model: Arc<ArmModel>,
-    /// The task.
-    pub task: BoxAndBlocks,
     /// Makes the physics.
     pub factory: PlantFactory,
     /// The arm's kinematics.
@@ -101,6 +99,7 @@ pub(super) struct SimNode {
     person: Tagged<(TickInput, Pose)>,
     command: Tagged<Asked>,
     spans: Option<Spans>,
+    counts: wire::Counts,
 }
 
 /// Publishers that follow the world at a rate of their own.
@@ -117,22 +116,25 @@ struct Rates {
 /// # Errors
 /// [`NodeError`].
 pub fn run_sim(parts: SimParts) -> Result<(), NodeError> {
-    let SimParts { config, model, task, factory, kinematics } = parts;
+    let SimParts { config, model, factory, kinematics } = parts;
+    let task = config.build_task(&model).map_err(TestbedError::Config)?;
+    let counts = wire::Counts::of(&model, task.scene());
     let mut graph = RosGraph::join("proact_sim")?;
     let period = 1000 / rate()?;
     let links: bool = parameter("~publish_links", true, "true or false")?;
     let paused: bool = parameter("~paused", false, "true or false")?;
     let compat = compat()?;
-    let outlets = Outlets::new(&graph, &model, task.scene(), links, compat.clone())?;
-    let controller = |name: &str| format!("mpl_right_arm/{name}");
+    let scene = task.scene().clone();
+    let outlets = Outlets::new(&graph, &model, &scene, links, compat.clone())?;
+    let controller = |name: &str| format!("{ARM_MODEL}/{name}");
     let states: Vec<Publisher<JointTrajectoryControllerState>> = WITH_ACTION
         .iter()
         .map(|name| graph.publish(&format!("{}/state", controller(name)), 1, false))
         .collect::<Result<_, _>>()?;
     let action = |name: &str| format!("{}/follow_joint_trajectory", controller(name));
     let mut node = SimNode {
-        judge: Judge::new(&graph, &config, task, kinematics)?,
-        robot: Robot::new(config, model, factory)?,
+        judge: Judge::new(&graph, &config, model.clone(), kinematics)?,
+        robot: Robot::new(config, model, factory, scene)?,
         now: SimTime(0),
         paused,
         faults: graph.faults().clone(),
@@ -150,6 +152,7 @@ pub fn run_sim(parts: SimParts) -> Result<(), NodeError> {
         person: Tagged::default(),
         command: Tagged::default(),
         spans: Spans::of_parameter()?,
+        counts,
     };
     let jobs: Jobs<SimNode> = Jobs::default();
     let _listening = inputs::listen(&graph, &jobs, &node)?;

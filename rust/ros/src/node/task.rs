@@ -7,12 +7,11 @@ use super::{
     NodeError, RosGraph, convert,
     graph::Jobs,
     judge::{Judge, Moved},
-    outlets::ARM_MODEL,
     stage::{self, Common, Stage},
     wire::{self, Asked},
 };
 use crate::{
-    gazebo::{GazeboWorld, block_of_collision},
+    gazebo::GazeboWorld,
     messages::{
         gazebo_grasp_plugin_ros::GazeboGraspEvent,
         gazebo_msgs::ModelStates,
@@ -23,7 +22,7 @@ use crate::{
 };
 use proact_arm::ArmModel;
 use proact_control::{HandTracker, MotionState, ports::ArmKinematics};
-use proact_tasks::BoxAndBlocks;
+use proact_messages::original::{ARM_MODEL, relative};
 use proact_testbed::{
     TestbedError, TrialConfig,
     stages::{ActuationInput, ActuationOutput, ActuationStage, DrivenJoint},
@@ -45,8 +44,6 @@ pub struct TaskParts {
     pub config: TrialConfig,
     /// The arm.
     pub model: Arc<ArmModel>,
-    /// The task.
-    pub task: BoxAndBlocks,
     /// The arm's kinematics.
     pub kinematics: Box<dyn ArmKinematics>,
 }
@@ -65,6 +62,7 @@ struct TaskNode {
     acted_on: u64,
     commanded_at: SimTime,
     events: Vec<EventKind>,
+    counts: wire::Counts,
 }
 
 /// Judges and shows until the graph ends the node.
@@ -72,15 +70,17 @@ struct TaskNode {
 /// # Errors
 /// [`NodeError`].
 pub fn run_task(parts: TaskParts) -> Result<(), NodeError> {
-    let TaskParts { config, model, task, kinematics } = parts;
+    let TaskParts { config, model, kinematics } = parts;
     let graph = RosGraph::join("proact_task")?;
-    let stand_in = ActuationStage::new(&config, &model)?;
     let open = model.pose("hand", "open").map_err(TestbedError::Model)?;
     let base = config.setup.body.shoulder_pose(&Default::default());
+    let task = config.build_task(&model).map_err(TestbedError::Config)?;
+    let stand_in = ActuationStage::new(&config, &model, task.scene())?;
+    let scene = task.scene().clone();
     let mut node = TaskNode {
         common: Common::new(&graph)?,
-        world: GazeboWorld::new(model.clone(), task.scene(), base),
-        judge: Judge::new(&graph, &config, task, kinematics)?,
+        world: GazeboWorld::new(model.clone(), &scene, base),
+        judge: Judge::new(&graph, &config, model.clone(), kinematics)?,
         tracker: HandTracker::new(open),
         said: stand_in.output(),
         stand_in,
@@ -89,6 +89,7 @@ pub fn run_task(parts: TaskParts) -> Result<(), NodeError> {
         acted_on: 0,
         commanded_at: SimTime(0),
         events: vec![],
+        counts: wire::Counts::of(&model, &scene),
         model,
     };
     let jobs: Jobs<TaskNode> = Jobs::default();
@@ -108,7 +109,7 @@ pub fn run_task(parts: TaskParts) -> Result<(), NodeError> {
             "proact/command",
             100,
             &jobs,
-            |node: &mut TaskNode, m: Command| match wire::read_command(&m, node.model.arm_count()) {
+            |node: &mut TaskNode, m: Command| match wire::read_command(&m, node.counts) {
                 Ok(asked) => node.asked.push(asked),
                 Err(reason) => node.common.faults.refuse("command", &reason),
             },
@@ -190,32 +191,27 @@ impl TaskNode {
 /// Joints, models, and what the hand holds, as the original's Gazebo tells them.
 fn listen_to_world(graph: &RosGraph, jobs: &Jobs<TaskNode>) -> Result<Vec<Subscriber>, NodeError> {
     Ok(vec![
-        graph.listen(
-            "mpl_right_arm/wrapped_joint_states",
-            1,
-            jobs,
-            |node: &mut TaskNode, m: JointState| {
-                let done = node.world.take_joints(&m.name, &m.position, &m.velocity);
-                node.common.note("joint_states", done);
-            },
-        )?,
-        graph.listen("gazebo/model_states", 1, jobs, |node: &mut TaskNode, m: ModelStates| {
+        graph.listen(relative::WRAPPED_JOINT_STATES, 1, jobs, |node: &mut TaskNode, m: JointState| {
+            let done = node.world.take_joints(&m.name, &m.position, &m.velocity);
+            node.common.note("joint_states", done);
+        })?,
+        graph.listen(relative::MODEL_STATES, 1, jobs, |node: &mut TaskNode, m: ModelStates| {
             let done = take_models(&mut node.world, &m);
             node.common.note("model_states", done);
         })?,
         graph.listen(
-            "grasp_event_republisher/grasp_events",
+            relative::GRASP_EVENTS,
             1,
             jobs,
-            |node: &mut TaskNode, m: GazeboGraspEvent| match block_of_collision(&m.object) {
+            |node: &mut TaskNode, m: GazeboGraspEvent| match node.world.object_of_collision(&m.object) {
                 Some(block) => node.world.take_grasp(block, m.attached),
                 None => {
-                    let reason = format!("{:?} is no block's collision", m.object);
+                    let reason = format!("{:?} is no object's collision", m.object);
                     node.common.faults.refuse("grasp_events", &reason);
                 }
             },
         )?,
-        graph.listen("grasp_status", 1, jobs, |node: &mut TaskNode, m: Bool| {
+        graph.listen(relative::GRASP_STATUS, 1, jobs, |node: &mut TaskNode, m: Bool| {
             node.world.take_grasp_status(m.data);
         })?,
     ])

@@ -18,10 +18,12 @@ use crate::{
         trajectory_msgs::JointTrajectory,
     },
 };
+use proact_messages::original;
+use proact_messages::original::relative;
 use proact_testbed::{Session, Step, TrialResult};
 use proact_types::{
-    DisplayFrame, EventKind, GazeSample, Gesture, HandState, InputSource, PlanReply, Point, Pose, SimTime,
-    Vector,
+    DisplayFrame, EventKind, GazeSample, Gesture, HandState, InputSource, PlanReply, Point, Pose, Scene,
+    SimTime, Vector,
 };
 use rosrust::Publisher;
 
@@ -68,23 +70,23 @@ pub fn run_testbed(mut session: Session, simulated: bool) -> Result<TrialResult,
     let shifted_head = compat.has(Quirk::HeadQuaternion);
     let outlets = Outlets::new(&graph, &model, session.testbed().task().scene(), links, compat)?;
     let topics = Topics {
-        emg: graph.publish("emg", 10, false)?,
+        emg: graph.publish(relative::EMG, 10, false)?,
         gaze: [
-            graph.publish("gaze_position", 10, false)?,
-            graph.publish("gaze_direction", 10, false)?,
-            graph.publish("gaze_position_ros", 10, false)?,
-            graph.publish("gaze_direction_ros", 10, false)?,
+            graph.publish(relative::GAZE_POSITION, 10, false)?,
+            graph.publish(relative::GAZE_DIRECTION, 10, false)?,
+            graph.publish(relative::GAZE_POSITION_ROS, 10, false)?,
+            graph.publish(relative::GAZE_DIRECTION_ROS, 10, false)?,
         ],
-        head: graph.publish("hololens_unity_camera_pose_ros", 1, false)?,
+        head: graph.publish(relative::HEAD_ROS, 1, false)?,
         shifted_head,
-        mode: graph.publish("mode", 1, true)?,
-        success: graph.publish("success", 1, false)?,
-        frozen: graph.publish("selection_frozen", 1, false)?,
-        block_id: graph.publish("block_id", 1, false)?,
-        current_block: graph.publish("current_block", 1, false)?,
-        place: graph.publish("place_location_selected", 1, false)?,
-        request: graph.publish("move_group/motion_plan_request", 1, false)?,
-        command: graph.publish("mpl_right_arm/arm_controller/command", 1, false)?,
+        mode: graph.publish(relative::MODE, 1, true)?,
+        success: graph.publish(relative::SUCCESS, 1, false)?,
+        frozen: graph.publish(relative::SELECTION_FROZEN, 1, false)?,
+        block_id: graph.publish(relative::BLOCK_ID, 1, false)?,
+        current_block: graph.publish(relative::CURRENT_BLOCK, 1, false)?,
+        place: graph.publish(relative::PLACE_LOCATION, 1, false)?,
+        request: graph.publish(relative::PLAN_REQUEST, 1, false)?,
+        command: graph.publish(relative::ARM_COMMAND, 1, false)?,
         frame: graph.publish("proact/frame", 2, false)?,
         result: graph.publish("proact/result", 1, true)?,
     };
@@ -178,18 +180,23 @@ pub(super) fn json(what: &'static str, value: &impl serde::Serialize) -> Result<
 
 fn listen(graph: &RosGraph, jobs: &Jobs<Inbox>) -> Result<Vec<rosrust::Subscriber>, NodeError> {
     let (for_emg, for_gaze) = (graph.faults().clone(), graph.faults().clone());
-    let emg = graph.listen("emg", 1, jobs, move |inbox: &mut Inbox, message: Text| {
-        match message.data.parse::<Gesture>() {
-            Ok(gesture) => inbox.gesture = Some(gesture),
-            Err(error) => for_emg.refuse("emg", &error.to_string()),
-        }
+    let emg = graph.listen(relative::EMG, 1, jobs, move |inbox: &mut Inbox, message: Text| match message
+        .data
+        .parse::<Gesture>()
+    {
+        Ok(gesture) => inbox.gesture = Some(gesture),
+        Err(error) => for_emg.refuse("emg", &error.to_string()),
     })?;
-    let position = graph.listen("gaze_position", 1, jobs, |inbox: &mut Inbox, message: Vector3Stamped| {
-        let v = message.vector;
-        inbox.position = Some((message.header.stamp, Point::new(v.x, v.y, v.z)));
-    })?;
-    let direction =
-        graph.listen("gaze_direction", 1, jobs, move |inbox: &mut Inbox, message: Vector3Stamped| {
+    let position =
+        graph.listen(relative::GAZE_POSITION, 1, jobs, |inbox: &mut Inbox, message: Vector3Stamped| {
+            let v = message.vector;
+            inbox.position = Some((message.header.stamp, Point::new(v.x, v.y, v.z)));
+        })?;
+    let direction = graph.listen(
+        relative::GAZE_DIRECTION,
+        1,
+        jobs,
+        move |inbox: &mut Inbox, message: Vector3Stamped| {
             let v = message.vector;
             let direction = Vector::new(v.x, v.y, v.z);
             let Some((_, origin)) = inbox.position else { return };
@@ -198,7 +205,8 @@ fn listen(graph: &RosGraph, jobs: &Jobs<Inbox>) -> Result<Vec<rosrust::Subscribe
                 return for_gaze.refuse("gaze", "a gaze is not finite or has no direction");
             }
             inbox.gaze = Some(GazeSample { origin, direction, valid: true });
-        })?;
+        },
+    )?;
     Ok(vec![emg, position, direction])
 }
 
@@ -233,8 +241,8 @@ fn publish(
         }
         topics.head.send(pose)?;
     }
-    if let Some(decision) = step.output.emg.filter(|d| d.published) {
-        topics.emg.send(Text { data: decision.gesture.ros_name().to_owned() })?;
+    if let Some(command) = step.output.message {
+        topics.emg.send(Text { data: command.ros_name().to_owned() })?;
     }
     if let Some(gaze) = step.input.gaze.filter(|g| g.valid) {
         for (k, publisher) in topics.gaze.iter().enumerate() {
@@ -261,10 +269,10 @@ fn publish(
         *plan = Some(reply.clone());
     }
     if let Some(frame) = &step.frame {
-        show(frame, topics, seen)?;
+        show(frame, testbed.task().scene(), topics, seen)?;
         let view = View {
             posterior: &frame.target.posterior,
-            marked: frame.target.block,
+            marked: frame.target.object,
             place: frame.target.place,
             gaze: frame.gaze,
             plan: plan.as_ref(),
@@ -274,23 +282,25 @@ fn publish(
     Ok(())
 }
 
-fn show(frame: &DisplayFrame, topics: &Topics, seen: &mut Seen) -> rosrust::error::Result<()> {
+fn show(frame: &DisplayFrame, scene: &Scene, topics: &Topics, seen: &mut Seen) -> rosrust::error::Result<()> {
     if topics.frame.subscriber_count() > 0 {
         topics.frame.send(wire::frame(frame))?;
     }
     if let Some(mode) = &frame.mode
-        && seen.mode != Some(mode.number)
+        && seen.mode != Some(original::mode_number(mode.moves))
     {
-        seen.mode = Some(mode.number);
-        topics.mode.send(Int8 { data: mode.number as i8 })?;
+        let number = original::mode_number(mode.moves);
+        seen.mode = Some(number);
+        topics.mode.send(Int8 { data: number as i8 })?;
     }
-    let name = |block: proact_types::BlockId| Text { data: block.ros_name().to_owned() };
-    if let Some(block) = frame.target.block.filter(|_| frame.hand.holds.is_none()) {
-        topics.current_block.send(name(block))?;
+    let objects = &scene.objects;
+    let name = |k: usize| Text { data: objects.get(k).map_or(String::new(), |o| o.ros_name.clone()) };
+    if let Some(object) = frame.target.object.filter(|_| frame.hand.holds.is_none()) {
+        topics.current_block.send(name(object.index()))?;
     }
     let best = frame.target.posterior.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1));
     if let Some((k, _)) = best.filter(|(_, p)| **p > 0.0) {
-        topics.block_id.send(name(proact_types::BlockId::ALL[k]))?;
+        topics.block_id.send(name(k))?;
     }
     if let Some(place) = frame.target.place {
         let pose = Pose::translation(place.x, place.y, place.z);

@@ -8,14 +8,15 @@ use crate::messages::{
     proact_msgs::{Command, Decision, Gaze, Intent, Person, State},
 };
 use nalgebra::{Quaternion, UnitQuaternion};
+use proact_arm::ArmModel;
 use proact_control::{HandCommand, MotionCommand, MotionState};
 use proact_emg::EmgOutput;
 use proact_tasks::TaskState;
 use proact_testbed::stages::{ActuationOutput, EmgStageOutput, GazeHeard, IntentOutput, MethodOutput};
 use proact_types::{
-    BlockColour, BlockId, BodyState, EmgSample, EventKind, GazeSample, Gesture, HandState, HandView,
-    InputSign, InputSource, JointVector, PlantCommand, PlantState, Point, Pose, SignKind, SimTime, TickInput,
-    Trajectory, TrajectoryPoint, Vector,
+    BadGestureName, BodyState, EmgSample, EventKind, GazeSample, Gesture, GestureName, HandState, HandView,
+    InputSign, InputSource, JointVector, MAX_GESTURES, ObjectId, ObjectSet, PlantCommand, PlantState, Point,
+    Pose, Scene, SignKind, SimTime, TaskContext, TickInput, Trajectory, TrajectoryPoint, Vector,
 };
 use serde::{Serialize, de::DeserializeOwned};
 
@@ -50,6 +51,11 @@ fn maybe<T: Copy>(what: &str, all: &[T], place: i8) -> Result<Option<T>, Refused
     usize::try_from(place).ok().map(|place| placed(what, all, place)).transpose()
 }
 
+/// The name of a gesture.
+fn named(text: &str) -> Result<GestureName, Refused> {
+    text.parse().map_err(|error: BadGestureName| error.to_string())
+}
+
 /// The value of an array that holds none or one.
 fn none_or_one<'a, T>(what: &str, values: &'a [T]) -> Result<Option<&'a T>, Refused> {
     match values {
@@ -61,6 +67,49 @@ fn none_or_one<'a, T>(what: &str, values: &'a [T]) -> Result<Option<&'a T>, Refu
 
 fn place_of(index: Option<usize>) -> i8 {
     index.map_or(-1, |index| index as i8)
+}
+
+fn object_place(object: Option<ObjectId>) -> i16 {
+    object.map_or(-1, |object| object.0 as i16)
+}
+
+/// One of `count` objects; none below zero.
+fn read_object(what: &str, place: i16, count: usize) -> Result<Option<ObjectId>, Refused> {
+    let Ok(place) = u16::try_from(place) else { return Ok(None) };
+    if usize::from(place) >= count {
+        return Err(format!("{what} is {place}, expected less than {count}"));
+    }
+    Ok(Some(ObjectId(place)))
+}
+
+fn places(set: &ObjectSet) -> Vec<u16> {
+    set.iter().map(|object| object.0).collect()
+}
+
+fn read_set(what: &str, places: &[u16], count: usize) -> Result<ObjectSet, Refused> {
+    match places.iter().find(|place| usize::from(**place) >= count) {
+        Some(wrong) => Err(format!("{what} holds {wrong}, expected less than {count}")),
+        None => Ok(places.iter().map(|place| ObjectId(*place)).collect()),
+    }
+}
+
+/// How many there are of each, by which a message is judged.
+#[derive(Clone, Copy, Debug)]
+pub struct Counts {
+    /// Joints of the arm.
+    pub arm: usize,
+    /// Moving joints with the hand's.
+    pub moving: usize,
+    /// Objects of the scene.
+    pub objects: usize,
+}
+
+impl Counts {
+    /// Of an arm before a scene.
+    pub fn of(model: &ArmModel, scene: &Scene) -> Self {
+        let objects = scene.objects.len();
+        Self { arm: model.arm_count(), moving: model.moving_count(), objects }
+    }
 }
 
 fn at(tick: i64) -> Option<SimTime> {
@@ -162,6 +211,7 @@ pub(super) fn decision(tick: SimTime, stamp: SimTime, output: &EmgStageOutput) -
         header: convert::header(stamp, ""),
         tick: tick.0,
         gesture: output.gesture.index() as u8,
+        recognised: output.recognised.to_string(),
         message: place_of(output.message.map(Gesture::index)),
         decided_at: tick_of(output.decided_at),
         confidence: output.confidence,
@@ -173,11 +223,12 @@ pub(super) fn decision(tick: SimTime, stamp: SimTime, output: &EmgStageOutput) -
     };
     if let Some(decision) = &output.decision {
         message.decided = true;
-        message.decided_gesture = decision.gesture.index() as u8;
+        message.decided_gesture = decision.gesture.to_string();
+        message.decided_place = decision.place as u8;
         message.published = decision.published;
-        message.window_class = decision.window_class.index() as u8;
+        message.window_class = decision.window_class.to_string();
         message.posterior = decision.posterior.to_vec();
-        message.voted = place_of(decision.class.map(Gesture::index));
+        message.voted = decision.class.map(String::from).unwrap_or_default();
         message.stale = decision.stale;
         message.window_confidence = decision.confidence;
         message.window_effort = decision.effort;
@@ -187,9 +238,9 @@ pub(super) fn decision(tick: SimTime, stamp: SimTime, output: &EmgStageOutput) -
 
 /// What the EMG stage said.
 pub(super) fn read_decision(message: &Decision) -> Result<EmgStageOutput, Refused> {
-    let gesture = |place: u8| placed("gesture", &Gesture::ALL, usize::from(place));
     let mut output = EmgStageOutput {
-        gesture: gesture(message.gesture)?,
+        gesture: placed("gesture", &Gesture::ALL, usize::from(message.gesture))?,
+        recognised: named(&message.recognised)?,
         decision: None,
         message: maybe("message", &Gesture::ALL, message.message)?,
         decided_at: at(message.decided_at),
@@ -203,14 +254,20 @@ pub(super) fn read_decision(message: &Decision) -> Result<EmgStageOutput, Refuse
         output.fault = Some(json("fault", &message.fault)?);
     }
     if message.decided {
-        let five = || format!("posterior has {} values, expected 5", message.posterior.len());
+        let (got, place) = (message.posterior.len(), usize::from(message.decided_place));
+        if got > MAX_GESTURES || place >= got {
+            return Err(format!(
+                "posterior has {got} values, expected more than {place}, at most {MAX_GESTURES}"
+            ));
+        }
         output.decision = Some(EmgOutput {
-            gesture: gesture(message.decided_gesture)?,
+            gesture: named(&message.decided_gesture)?,
+            place,
             published: message.published,
-            window_class: gesture(message.window_class)?,
-            posterior: message.posterior.as_slice().try_into().map_err(|_| five())?,
+            window_class: named(&message.window_class)?,
+            posterior: message.posterior.iter().copied().collect(),
             confidence: message.window_confidence,
-            class: maybe("voted", &Gesture::ALL, message.voted)?,
+            class: Some(message.voted.as_str()).filter(|name| !name.is_empty()).map(named).transpose()?,
             effort: message.window_effort,
             stale: message.stale,
         });
@@ -228,7 +285,7 @@ pub(super) fn intent(tick: SimTime, stamp: SimTime, output: &IntentOutput) -> In
         tick: tick.0,
         heard: heard.map_or(0, |place| place as u8 + 1),
         posterior: output.posterior.to_vec(),
-        highlight: place_of(output.highlight.map(BlockId::index)),
+        highlight: object_place(output.highlight),
         place: convert::point(&output.place),
         gaze: output.gaze.iter().map(gaze).collect(),
         seen_at: tick_of(output.seen_at),
@@ -236,20 +293,24 @@ pub(super) fn intent(tick: SimTime, stamp: SimTime, output: &IntentOutput) -> In
     }
 }
 
-/// What the intent stage said.
-pub(super) fn read_intent(message: &Intent) -> Result<IntentOutput, Refused> {
+/// What the intent stage said of `objects` objects.
+pub(super) fn read_intent(message: &Intent, objects: usize) -> Result<IntentOutput, Refused> {
     let place = Point::new(message.place.x, message.place.y, message.place.z);
     finite("the place", place.coords.as_slice())?;
     finite("the posterior", &message.posterior)?;
-    let four = || format!("posterior has {} values, expected 4", message.posterior.len());
+    // Before the first gaze there is none.
+    let got = message.posterior.len();
+    if got != 0 && got != objects {
+        return Err(format!("posterior has {got} values, expected {objects}"));
+    }
     let heard = match message.heard {
         0 => None,
         place => Some(placed("heard", &HEARD, usize::from(place) - 1)?),
     };
     Ok(IntentOutput {
         heard,
-        posterior: message.posterior.as_slice().try_into().map_err(|_| four())?,
-        highlight: maybe("highlight", &BlockId::ALL, message.highlight)?,
+        posterior: message.posterior.clone(),
+        highlight: read_object("highlight", message.highlight, objects)?,
         place,
         gaze: none_or_one("gaze", &message.gaze)?.map(read_gaze),
         seen_at: at(message.seen_at),
@@ -311,8 +372,9 @@ pub(super) struct Asked {
     pub events: Vec<EventKind>,
 }
 
-/// For an arm of `arm` joints.
-pub(super) fn read_command(message: &Command, arm: usize) -> Result<Asked, Refused> {
+/// What a method asked for.
+pub(super) fn read_command(message: &Command, counts: Counts) -> Result<Asked, Refused> {
+    let arm = counts.arm;
     let each = |what: &str, values: &[f64], points: usize| {
         if values.len() != arm * points {
             return Err(format!("{what} has {} values, expected {points} times {arm}", values.len()));
@@ -353,7 +415,7 @@ pub(super) fn read_command(message: &Command, arm: usize) -> Result<Asked, Refus
         other => return Err(format!("hand is {other}, expected 0, 1 or 2")),
     };
     let view = none_or_one("view", &message.view)?;
-    let shown = view.map(|view| display::read_method_view(view, arm)).transpose()?;
+    let shown = view.map(|view| display::read_method_view(view, counts)).transpose()?;
     Ok(Asked { motion, number: message.number, hand, shown, events: events(&message.events)? })
 }
 
@@ -395,9 +457,9 @@ pub(super) fn state(
         effort: world.effort.to_vec(),
         base: convert::pose(&world.world_from_base),
         base_held: world.base_held,
-        blocks: world.blocks.iter().map(|body| convert::pose(&body.pose)).collect(),
-        twists: world.blocks.iter().map(twist).collect(),
-        attached: place_of(world.attached.map(|(block, _)| block)),
+        objects: world.objects.iter().map(|body| convert::pose(&body.pose)).collect(),
+        twists: world.objects.iter().map(twist).collect(),
+        attached: object_place(world.attached.map(|(object, _)| ObjectId::new(object))),
         attached_at: convert::pose(&world.attached.map_or(Pose::identity(), |(_, pose)| pose)),
         hand: hand.state as u8,
         target: actuation.command.position.to_vec(),
@@ -408,14 +470,13 @@ pub(super) fn state(
         goal: actuation.goal.iter().flatten().copied().collect(),
         hand_moving: actuation.hand_moving,
         paused: actuation.paused,
-        last_released: match task.last_released {
-            None => 0,
-            Some(BlockColour::Red) => 1,
-            Some(BlockColour::Blue) => 2,
-        },
-        pickable: task.pickable.to_vec(),
-        next_block: place_of(task.next.map(BlockId::index)),
-        on_target: task.on_target,
+        candidates: places(&task.candidates),
+        due: places(&task.context.due),
+        context: task.context.number,
+        due_at_grasp: places(&task.context_at_grasp.due),
+        context_at_grasp: task.context_at_grasp.number,
+        next: object_place(task.next),
+        score: task.score,
         finished: task.finished,
         frame: false,
         acted_on: 0,
@@ -423,27 +484,27 @@ pub(super) fn state(
     }
 }
 
-/// For an arm with `moving` joints.
-pub(super) fn read_state(message: &State, moving: usize) -> Result<Instant, Refused> {
+/// The world, actuation and task after a tick.
+pub(super) fn read_state(message: &State, counts: Counts) -> Result<Instant, Refused> {
+    let Counts { moving, objects: count, .. } = counts;
     let all = |what: &str, values: &[f64]| {
         if values.len() != moving {
             return Err(format!("{what} has {} values, expected {moving}", values.len()));
         }
         joints(what, values)
     };
-    let count = BlockId::ALL.len();
-    if message.blocks.len() != count || message.twists.len() != count {
-        let (blocks, twists) = (message.blocks.len(), message.twists.len());
-        return Err(format!("{blocks} blocks and {twists} twists, expected {count}"));
+    if message.objects.len() != count || message.twists.len() != count {
+        let (objects, twists) = (message.objects.len(), message.twists.len());
+        return Err(format!("{objects} objects and {twists} twists, expected {count}"));
     }
-    let mut blocks = arrayvec::ArrayVec::new();
-    for (pose, twist) in message.blocks.iter().zip(&message.twists) {
+    let mut objects = arrayvec::ArrayVec::new();
+    for (pose, twist) in message.objects.iter().zip(&message.twists) {
         let (linear, angular) = (exact_vector(&twist.linear), exact_vector(&twist.angular));
         finite("a twist", linear.as_slice())?;
         finite("a twist", angular.as_slice())?;
-        blocks.push(BodyState { pose: exact_pose(pose)?, linear, angular });
+        objects.push(BodyState { pose: exact_pose(pose)?, linear, angular });
     }
-    let attached = maybe("attached", &BlockId::ALL, message.attached)?;
+    let attached = read_object("attached", message.attached, count)?;
     let attached_at = exact_pose(&message.attached_at)?;
     let world = PlantState {
         position: all("position", &message.position)?,
@@ -451,7 +512,7 @@ pub(super) fn read_state(message: &State, moving: usize) -> Result<Instant, Refu
         effort: joints("effort", &message.effort)?,
         world_from_base: exact_pose(&message.base)?,
         base_held: message.base_held,
-        blocks,
+        objects,
         attached: attached.map(|block| (block.index(), attached_at)),
         contacts: Default::default(),
     };
@@ -472,17 +533,15 @@ pub(super) fn read_state(message: &State, moving: usize) -> Result<Instant, Refu
         paused: message.paused,
         events: vec![],
     };
-    let four = || format!("pickable has {} values, expected {count}", message.pickable.len());
+    let context = |what, due: &[u16], number| {
+        Ok::<_, Refused>(TaskContext { due: read_set(what, due, count)?, number })
+    };
     let task = TaskState {
-        last_released: match message.last_released {
-            0 => None,
-            1 => Some(BlockColour::Red),
-            2 => Some(BlockColour::Blue),
-            other => return Err(format!("last_released is {other}, expected 0 to 2")),
-        },
-        pickable: message.pickable.as_slice().try_into().map_err(|_| four())?,
-        next: maybe("next_block", &BlockId::ALL, message.next_block)?,
-        on_target: message.on_target,
+        candidates: read_set("candidates", &message.candidates, count)?,
+        context: context("due", &message.due, message.context)?,
+        context_at_grasp: context("due_at_grasp", &message.due_at_grasp, message.context_at_grasp)?,
+        next: read_object("next", message.next, count)?,
+        score: message.score,
         finished: message.finished,
     };
     let state = placed("hand", &HandState::ALL, usize::from(message.hand))?;

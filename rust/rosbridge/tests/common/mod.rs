@@ -3,7 +3,9 @@
 
 use nalgebra::{Translation3, UnitQuaternion};
 use proact_rosbridge::{LocalBus, RosbridgeOptions, RosbridgeServer, TopicBus};
-use proact_types::{BlockId, DisplayFrame, HandView, PlannerView, Point, Pose, SimTime, TargetView};
+use proact_types::{
+    DisplayFrame, HandView, Object, ObjectId, PlannerView, Point, Pose, Scene, Shape, SimTime, TargetView,
+};
 use serde_json::{Value as Json, json};
 use std::{net::TcpStream, sync::Arc, time::Duration};
 use tokio_tungstenite::tungstenite::{Message, WebSocket, client};
@@ -84,6 +86,14 @@ pub fn texts(messages: &[Json], topic: &str) -> Vec<String> {
     of_topic.map(|message| message["msg"]["data"].as_str().unwrap().to_owned()).collect()
 }
 
+/// Four blocks under the original's names.
+pub fn scene() -> Scene {
+    let names = ["redcylinder1", "redcylinder2", "bluecylinder1", "bluecylinder2"];
+    let shape = Shape::Cylinder { radius: 0.025, length: 0.05 };
+    let block = |name| Object::plain(name, shape, 0.1, Pose::identity());
+    Scene { objects: names.map(block).to_vec(), table_height: 1.0, ..Scene::default() }
+}
+
 /// An instant of a trial, with the head where `world_from_head` says.
 pub fn frame(world_from_head: Pose) -> DisplayFrame {
     let turn = UnitQuaternion::from_euler_angles(0.1, -0.2, 0.7);
@@ -95,11 +105,11 @@ pub fn frame(world_from_head: Pose) -> DisplayFrame {
         world_from_base: Pose::from_parts(Translation3::new(-0.39, 0.12, 1.5), turn),
         world_from_tip: Pose::identity(),
         world_from_head,
-        blocks,
+        objects: blocks,
         hand: HandView::default(),
         gaze: None,
         target: TargetView {
-            block: Some(BlockId::Blue2),
+            object: Some(ObjectId(3)),
             place: Some(Point::new(0.05, 0.2, 1.015)),
             locked: false,
             posterior: Vec::new(),
@@ -108,14 +118,17 @@ pub fn frame(world_from_head: Pose) -> DisplayFrame {
         mode: None,
         stop: None,
         gesture: proact_types::Gesture::NoMotion,
+        recognised: proact_types::Gesture::NoMotion.into(),
         confidence: 1.0,
         effort: 0.5,
         emg_source: "keys".to_owned(),
         time_left_secs: 100.0,
         goal: None,
-        next_block: None,
-        on_target: 0,
+        next: None,
+        score: 0,
         finished: false,
         events: Vec::new(),
+        contacts: Vec::new(),
+        feedback: Vec::new(),
     }
 }

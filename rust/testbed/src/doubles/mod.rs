@@ -4,9 +4,9 @@
 //! With `proact_control::doubles` they are all that [`Testbed`](crate::Testbed) needs:
 //!
 //! ```
-//! use proact_testbed::{MethodName, Setup, Testbed, TrialConfig, doubles};
+//! use proact_testbed::{Setup, Testbed, TrialConfig, doubles};
 //! use proact_types::{SimTime, TickInput};
-//! let config = TrialConfig::new(MethodName::D, 1, Setup::named("still")?);
+//! let config = TrialConfig::new("D", 1, Setup::named("still")?);
 //! let parts = doubles::parts(&config);
 //! let mut testbed = Testbed::new(config, parts)?;
 //! testbed.tick(&TickInput::default(), false)?;
@@ -23,21 +23,25 @@ pub use plans::{InstantPlans, PlanCall, PlanCalls};
 pub use plant::KinematicPlant;
 
 use crate::{Parts, TrialConfig};
-use proact_arm::ArmModel;
-use proact_control::doubles::{SerialKinematics, test_hand};
-use proact_tasks::BoxAndBlocks;
+use proact_control::{
+    MethodRegistry,
+    doubles::{SerialKinematics, test_hand},
+};
 use std::sync::Arc;
 
 /// The testbed of `config` made of doubles: the arm with two fingers, under the name that the configuration has for its
 /// arm, before box and blocks, without an armband.
 pub fn parts(config: &TrialConfig) -> Parts {
-    let model = Arc::new(ArmModel { name: config.arm.name.clone(), ..test_hand() });
-    let scene = BoxAndBlocks::new(config.arrangement).scene().clone();
+    let model = Arc::new(test_hand());
+    let task = config.task.build(false).expect("the tests' tasks can be built");
+    let scene = task.scene().clone();
     let base = config.setup.body.shoulder_pose(&Default::default());
     Parts {
+        arm: config.arm.clone(),
         kinematics: Box::new(SerialKinematics::new(&model)),
         plant: Box::new(KinematicPlant::new(model.clone(), scene, base)),
         plans: Box::new(InstantPlans::new(model.clone())),
+        methods: MethodRegistry::standard(),
         classifier: None,
         process: None,
         model,

@@ -85,11 +85,11 @@ impl InstantPlans {
             PlanGoal::TipPose { pose } => {
                 return self.kinematics.inverse(&(base_from_world * pose), &request.start);
             }
-            PlanGoal::Pick { centre, .. } => (Point::from(self.model.grasp_centre), *centre),
+            PlanGoal::Pick { centre, .. } => (Point::from(self.model.grasp_of(request).centre), *centre),
             PlanGoal::Place { point } => {
                 let carried =
                     request.attached.as_ref().map(|object| object.tip_from_object.translation.vector);
-                let in_tip = Point::from(carried.unwrap_or(self.model.grasp_centre));
+                let in_tip = Point::from(carried.unwrap_or(self.model.widest_grasp().centre));
                 (in_tip, point + Vector::z() * RELEASE_HEIGHT)
             }
         };

@@ -44,7 +44,7 @@ impl KinematicPlant {
             effort: zeros(initial.len()),
             world_from_base,
             base_held: false,
-            blocks: scene.blocks.iter().map(|block| stands(block.pose)).collect(),
+            objects: scene.objects.iter().map(|block| stands(block.pose)).collect(),
             attached: None,
             contacts: ArrayVec::new(),
         };
@@ -76,7 +76,7 @@ impl KinematicPlant {
             return;
         }
         let tip = self.links()[self.model.tip];
-        let centre = tip * Point::from(self.model.grasp_centre);
+        let centre = tip * Point::from(self.model.widest_grasp().centre);
         let fingers: Vec<usize> = self
             .model
             .joints
@@ -84,7 +84,7 @@ impl KinematicPlant {
             .filter(|joint| joint.parent == self.model.tip)
             .map(|j| j.child)
             .collect();
-        for (block, body) in self.state.blocks.iter().enumerate() {
+        for (block, body) in self.state.objects.iter().enumerate() {
             let place = Point::from(body.pose.translation.vector);
             if (place - centre).norm() > GRASP_RADIUS {
                 continue;
@@ -93,7 +93,7 @@ impl KinematicPlant {
                 let side = if k % 2 == 0 { 1.0 } else { -1.0 };
                 let normal = tip.rotation * Vector::x() * side;
                 let _ = self.state.contacts.try_push(Contact {
-                    block,
+                    object: block,
                     link,
                     point: place,
                     normal,
@@ -106,7 +106,7 @@ impl KinematicPlant {
     /// Where a block that is let go at `pose` comes to stand.
     fn fallen(&self, block: usize, pose: &Pose) -> Pose {
         let place = pose.translation.vector;
-        let half = match self.scene.blocks[block].shape {
+        let half = match self.scene.objects[block].shape {
             Shape::Box { size } => size[2] / 2.0,
             Shape::Sphere { radius } => radius,
             Shape::Cylinder { length, .. } => length / 2.0,
@@ -146,7 +146,7 @@ impl Plant for KinematicPlant {
         state.position = command.position.clone();
         state.velocity = command.velocity.clone();
         if let (Some(link), Some((block, link_from_block))) = (self.holder, self.state.attached) {
-            self.state.blocks[block].pose = self.links()[link] * link_from_block;
+            self.state.objects[block].pose = self.links()[link] * link_from_block;
         }
         self.touch();
         Ok(())
@@ -161,7 +161,7 @@ impl Plant for KinematicPlant {
         if let Some((held, _)) = self.state.attached {
             return refuse(format!("block {held} is attached already"));
         }
-        let Some(body) = self.state.blocks.get(block) else {
+        let Some(body) = self.state.objects.get(block) else {
             return refuse(format!("there is no block {block}"));
         };
         let Some(world_from_link) = self.links().get(link).copied() else {
@@ -175,7 +175,7 @@ impl Plant for KinematicPlant {
     fn release(&mut self) {
         self.holder = None;
         if let Some((block, _)) = self.state.attached.take() {
-            self.state.blocks[block].pose = self.fallen(block, &self.state.blocks[block].pose);
+            self.state.objects[block].pose = self.fallen(block, &self.state.objects[block].pose);
         }
     }
 }

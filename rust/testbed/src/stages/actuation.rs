@@ -1,15 +1,21 @@
-use crate::{ArmMotion, BaseMotion, HandMotion, TestbedError, TrialConfig};
-use proact_arm::ArmModel;
+use crate::{ArmMotion, BaseMotion, GraspChoice, HandMotion, TestbedError, TrialConfig};
+use proact_arm::{ArmModel, Couplings, OPEN_POSE};
 use proact_control::{HandCommand, MotionCommand, MotionState};
-use proact_types::{EventKind, JointVector, PlantCommand, PlantState, Pose, SimTime};
+use proact_types::{EventKind, JointVector, PlantCommand, PlantState, Pose, Scene, SimTime};
 
 /// From commands to joint targets: the arm's motion, the hand's, and the base that follows the shoulder.
 pub struct ActuationStage {
     arm: ArmMotion,
     hand: HandMotion,
+    /// What the hand was told last.
+    told: HandCommand,
+    grasps: GraspChoice,
     base: BaseMotion,
     /// Arm and hand stand still: the base does not follow the shoulder.
     paused: bool,
+    couplings: Couplings,
+    /// Nobody wears the arm: no tracked shoulder moves it.
+    stands: bool,
 }
 
 /// What enters actuation in one tick.
@@ -58,17 +64,22 @@ pub struct ActuationOutput {
 }
 
 impl ActuationStage {
-    /// An arm that holds its pose `start`, with an open hand, at the shoulder of the trial's set-up.
+    /// An arm that holds its pose `start`, with an open hand, at the shoulder of the trial's set-up, among the objects of
+    /// `scene`.
     ///
     /// # Errors
-    /// An arm without the poses `start`, `open` and `closed`.
-    pub fn new(config: &TrialConfig, model: &ArmModel) -> Result<Self, TestbedError> {
-        let (open, closed) = (model.pose("hand", "open")?, model.pose("hand", "closed")?);
+    /// An arm without the poses `start`, `open` and `closed`, or without those that its grasps name.
+    pub fn new(config: &TrialConfig, model: &ArmModel, scene: &Scene) -> Result<Self, TestbedError> {
+        let open = model.pose("hand", OPEN_POSE)?;
         Ok(Self {
             arm: ArmMotion::new(model, model.pose("arm", "start")?),
-            hand: HandMotion::new(open, closed, config.motion.hand_rad_per_s),
+            hand: HandMotion::new(open, config.motion.hand_rad_per_s),
+            told: HandCommand::Open,
+            grasps: GraspChoice::new(model, scene)?,
             base: BaseMotion::new(config.setup.body.shoulder_pose(&Default::default())),
             paused: false,
+            couplings: model.couplings(),
+            stands: model.settings.stand.is_some(),
         })
     }
 
@@ -77,16 +88,14 @@ impl ActuationStage {
         if let Some(fingers) = input.frozen {
             self.hand.freeze(fingers);
         }
-        if let Some(pose) = input.shoulder {
+        if let Some(pose) = input.shoulder.filter(|_| !self.stands) {
             self.base.track(pose);
         }
         self.base.step();
         if let Some(command) = input.motion {
             self.arm.apply(command);
         }
-        if let Some(command) = input.hand {
-            self.hand.apply(command);
-        }
+        self.shape_hand(input.hand, input.world);
         let change = self.watch_base(input.world);
         if !self.paused {
             self.arm.step();
@@ -95,7 +104,7 @@ impl ActuationStage {
             for driven in input.driven {
                 match driven.joint.checked_sub(arm) {
                     None => self.arm.drive(driven.joint, driven.position, driven.velocity),
-                    Some(joint) => self.hand.drive(joint, driven.position, driven.velocity),
+                    Some(joint) => self.hand.drive(&self.couplings, joint, driven.position, driven.velocity),
                 }
             }
         }
@@ -124,6 +133,22 @@ impl ActuationStage {
             hand_moving: self.hand.moving(),
             paused: self.paused,
             events: Vec::new(),
+        }
+    }
+
+    /// Sends the hand to the pose of the grasp for the object that it is about: on a command, and where an open hand comes
+    /// to an object of another grasp.
+    fn shape_hand(&mut self, command: Option<HandCommand>, world: &PlantState) {
+        self.told = command.unwrap_or(self.told);
+        match self.told {
+            HandCommand::Close if command.is_some() => self.hand.go_to(self.grasps.closed(world)),
+            HandCommand::Close => {}
+            HandCommand::Open => {
+                let open = self.grasps.open(world);
+                if command.is_some() || self.hand.goal() != open {
+                    self.hand.go_to(open);
+                }
+            }
         }
     }
 

@@ -1,8 +1,9 @@
 use super::{ActuationOutput, EmgStageOutput, IntentOutput, MethodView};
 use crate::{TestbedError, TrialConfig};
+use proact_arm::ArmModel;
 use proact_control::ports::ArmKinematics;
 use proact_tasks::TaskState;
-use proact_types::{DisplayFrame, Event, HandView, PlantState, Pose, SimTime};
+use proact_types::{ContactView, DisplayFrame, Event, FeedbackCue, HandView, PlantState, Pose, SimTime};
 
 /// From the outputs of all stages to what page, headset and participant see.
 pub struct DisplayStage {
@@ -10,6 +11,9 @@ pub struct DisplayStage {
     gesture_source: String,
     /// Since the frame before.
     events: Vec<Event>,
+    cues: Vec<FeedbackCue>,
+    /// Names of the links.
+    links: Vec<String>,
 }
 
 /// One instant, as the stages say it.
@@ -23,7 +27,7 @@ pub struct DisplayInput<'a> {
     pub method: MethodView,
     /// What is asked of the joints.
     pub actuation: &'a ActuationOutput,
-    /// Joints, base and blocks.
+    /// Joints, base and objects.
     pub world: &'a PlantState,
     /// The hand.
     pub hand: HandView,
@@ -35,11 +39,13 @@ pub struct DisplayInput<'a> {
 
 impl DisplayStage {
     /// The stage of a trial.
-    pub fn new(config: &TrialConfig) -> Self {
+    pub fn new(config: &TrialConfig, model: &ArmModel) -> Self {
         Self {
             limit_secs: config.limit_secs,
             gesture_source: config.gesture_source.clone(),
             events: Vec::new(),
+            cues: Vec::new(),
+            links: model.links.iter().map(|link| link.name.clone()).collect(),
         }
     }
 
@@ -49,9 +55,10 @@ impl DisplayStage {
         now.0 > 0 && frames(now.0) > frames(now.0 - 1)
     }
 
-    /// Events of this tick, which the next frame shows.
-    pub fn note(&mut self, events: &[Event]) {
+    /// Events of this tick, and what was to be heard and felt, which the next frame shows.
+    pub fn note(&mut self, events: &[Event], cues: &[FeedbackCue]) {
         self.events.extend_from_slice(events);
+        self.cues.extend_from_slice(cues);
     }
 
     /// The instant as drawn; events since the frame before go with it. `kinematics` is that of the arm, base to tip.
@@ -74,7 +81,7 @@ impl DisplayStage {
             world_from_base: world.world_from_base,
             world_from_tip: world.world_from_base * base_from_tip,
             world_from_head: input.world_from_head,
-            blocks: world.blocks.iter().map(|body| body.pose).collect(),
+            objects: world.objects.iter().map(|body| body.pose).collect(),
             hand: input.hand,
             gaze: input.intent.gaze,
             target: method.target,
@@ -83,14 +90,31 @@ impl DisplayStage {
             mode: method.mode,
             stop: method.stop,
             gesture: gesture.gesture,
+            recognised: gesture.recognised,
             confidence: gesture.confidence,
             effort: gesture.effort,
             emg_source: self.gesture_source.clone(),
             time_left_secs: (self.limit_secs - now.as_secs()).max(0.0),
-            next_block: task.next,
-            on_target: task.on_target,
+            next: task.next,
+            score: task.score,
             finished: task.finished,
             events: std::mem::take(&mut self.events),
+            contacts: self.contacts(world),
+            feedback: std::mem::take(&mut self.cues),
         })
+    }
+
+    /// The links that touch blocks, each once, in the order of the first contacts.
+    fn contacts(&self, world: &PlantState) -> Vec<ContactView> {
+        let mut forces: Vec<(usize, f64)> = Vec::new();
+        for contact in &world.contacts {
+            match forces.iter_mut().find(|(link, _)| *link == contact.link) {
+                Some((_, force)) => *force += contact.force,
+                None => forces.push((contact.link, contact.force)),
+            }
+        }
+        let named =
+            |(link, force): (usize, f64)| Some(ContactView { link: self.links.get(link)?.clone(), force });
+        forces.into_iter().filter_map(named).collect()
     }
 }

@@ -1,13 +1,13 @@
 use crate::{TestbedError, TrialConfig};
 use proact_emg::{Classifier, EmgOutput, EmgPipeline};
-use proact_types::{EmgSample, EventKind, Gesture, SimTime, StopCause};
+use proact_types::{EmgSample, EventKind, Gesture, GestureCommands, GestureName, SimTime, StopCause};
 
-/// From muscle, or from keys, to the gesture in force.
+/// From muscle, or from keys, to the gesture in force, and the command that it is to the method.
 pub struct EmgStage {
     /// None when gestures are given directly.
-    pipeline: Option<EmgPipeline>,
+    muscles: Option<(EmgPipeline, GestureCommands)>,
     given: Option<Gesture>,
-    recognised: Gesture,
+    recognised: GestureName,
     confidence: f64,
     effort: f64,
     decided_at: Option<SimTime>,
@@ -25,11 +25,13 @@ pub struct EmgStageInput<'a> {
 /// What the EMG stage says in one tick.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EmgStageOutput {
-    /// The gesture in force.
+    /// The command in force.
     pub gesture: Gesture,
+    /// The gesture that gives it, as the model calls it; that of the command's name when it is given directly.
+    pub recognised: GestureName,
     /// A window of EMG ended in this tick, or the stream became stale.
     pub decision: Option<EmgOutput>,
-    /// The gesture that goes out as a message in this tick, for methods that act on messages.
+    /// The command that goes out as a message in this tick, for methods that act on messages.
     pub message: Option<Gesture>,
     /// When there was a decision last; none when gestures are given directly.
     pub decided_at: Option<SimTime>,
@@ -50,6 +52,7 @@ impl Default for EmgStageOutput {
     fn default() -> Self {
         Self {
             gesture: Gesture::NoMotion,
+            recognised: GestureName::default(),
             decision: None,
             message: None,
             decided_at: None,
@@ -66,28 +69,25 @@ impl EmgStage {
     /// The stage of a trial; without a classifier, or settings for one, gestures are given directly.
     ///
     /// # Errors
-    /// Settings that do not fit the classifier.
+    /// Settings that do not fit the classifier, or a table of commands that does not fit its gestures.
     pub fn new(config: &TrialConfig, classifier: Option<Classifier>) -> Result<Self, TestbedError> {
-        let pipeline = match (&config.emg, classifier) {
+        let muscles = match (&config.emg, classifier) {
             (Some(emg), Some(classifier)) => {
-                Some(EmgPipeline::new(emg, classifier)?.with_centring(&config.emg_centring)?)
+                let commands = config.gesture_commands(emg.rest, &classifier)?;
+                Some((EmgPipeline::new(emg, classifier)?.with_centring(&config.emg_centring)?, commands))
             }
             _ => None,
         };
-        Ok(Self {
-            pipeline,
-            given: None,
-            recognised: Gesture::NoMotion,
-            confidence: 0.0,
-            effort: 0.0,
-            decided_at: None,
-        })
+        let recognised =
+            config.emg.as_ref().filter(|_| muscles.is_some()).map_or_else(Default::default, |emg| emg.rest);
+        Ok(Self { muscles, given: None, recognised, confidence: 0.0, effort: 0.0, decided_at: None })
     }
 
     /// One tick, with no samples too: time alone makes a stream stale.
     pub fn step(&mut self, now: SimTime, input: EmgStageInput<'_>) -> EmgStageOutput {
         let mut output = EmgStageOutput::default();
-        if let Some(pipeline) = &mut self.pipeline {
+        let mut acts = None;
+        if let Some((pipeline, commands)) = &mut self.muscles {
             output.decision = pipeline.step(now, input.samples);
             let counts = pipeline.events().counts;
             let (gaps, unusable_samples) = (counts.gaps, counts.unusable_samples);
@@ -97,10 +97,13 @@ impl EmgStage {
             }
             output.fault = pipeline.fault().map(|fault| (fault.cause(), fault.to_string()));
             output.armed = !pipeline.is_disarmed();
+            if let Some(decision) = &output.decision {
+                self.recognised = decision.gesture;
+                output.message = decision.published.then(|| commands.command(decision.gesture));
+            }
+            acts = Some(commands.command(self.recognised));
         }
         if let Some(decision) = &output.decision {
-            self.recognised = decision.gesture;
-            output.message = decision.published.then_some(decision.gesture);
             self.decided_at = Some(now);
             (self.confidence, self.effort) = (decision.confidence, decision.effort);
         }
@@ -108,7 +111,8 @@ impl EmgStage {
             self.given = input.gesture;
             (self.confidence, self.effort) = (1.0, 1.0);
         }
-        output.gesture = self.given.unwrap_or(self.recognised);
+        output.gesture = self.given.or(acts).unwrap_or_default();
+        output.recognised = self.given.map_or(self.recognised, GestureName::from);
         output.decided_at = self.decided_at;
         (output.confidence, output.effort) = (self.confidence, self.effort);
         output

@@ -1,12 +1,12 @@
-use super::block_centres;
-use crate::{ConfigError, TrialConfig};
+use super::object_centres;
+use crate::{ConfigError, GraspChoice, TestbedError, TrialConfig};
 use proact_arm::ArmModel;
 use proact_control::ports::ArmKinematics;
 use proact_intent::{Candidates, IntentModel, IntentOptions, Posterior, table_hit};
-use proact_tasks::{PlaceRegion, TABLE_TOP, TaskState};
+use proact_tasks::TaskState;
 use proact_types::{
-    BlockId, EventKind, GazeSample, InputSign, InputSource, PlantState, Point, SignKind, SimTime, TickInput,
-    Vector,
+    EventKind, GazeSample, InputSign, InputSource, Needs, ObjectId, ObjectSet, PlaceRegion, PlantState,
+    Point, Scene, SignKind, SimTime, TaskContext, TickInput, Vector,
 };
 use std::sync::Arc;
 
@@ -16,10 +16,13 @@ const GAZE_MAX_AGE: u64 = 500;
 /// The tracker's ray is the one before, although it may differ in `world`.
 const AGAIN: InputSign = InputSign { source: InputSource::EyeTracker, kind: SignKind::Repeated };
 
-/// From gaze to what is meant: the posterior over blocks, the highlighted one, and the place on the table.
+/// From gaze to what is meant: the posterior over objects, the highlighted one, and the place on the table.
 pub struct IntentStage {
     model: Arc<ArmModel>,
+    grasps: GraspChoice,
     options: IntentOptions,
+    /// The method asks what the task says.
+    uses_context: bool,
     filter: GazeFilter,
     /// The last gaze was no measurement.
     unusable: bool,
@@ -72,10 +75,10 @@ pub enum GazeHeard {
 pub struct IntentOutput {
     /// What was heard of the eye tracker in this tick; none without a new gaze.
     pub heard: Option<GazeHeard>,
-    /// Probability of each block after the last valid gaze; all zero when it told nothing.
+    /// Probability of each object after the last valid gaze; all zero when it told nothing.
     pub posterior: Posterior,
-    /// The block that is most likely meant; none when the eye was not seen for half a second.
-    pub highlight: Option<BlockId>,
+    /// The object that is most likely meant; none when the eye was not seen for half a second.
+    pub highlight: Option<ObjectId>,
     /// The place marker, on the table top, in `world`.
     pub place: Point,
     /// The last measurement, valid or not.
@@ -87,12 +90,25 @@ pub struct IntentOutput {
 }
 
 impl IntentStage {
-    /// The stage of a trial.
+    /// The stage of a trial before `scene`, by a method that `needs` this.
     ///
     /// # Errors
-    /// Options that the intent model refuses.
-    pub fn new(config: &TrialConfig, model: Arc<ArmModel>) -> Result<Self, ConfigError> {
-        Ok(Self { model, options: config.intent, filter: GazeFilter::new(config)?, unusable: false })
+    /// Options that the intent model refuses, an arm without the poses that its grasps name.
+    pub fn new(
+        config: &TrialConfig,
+        needs: Needs,
+        model: Arc<ArmModel>,
+        scene: &Scene,
+    ) -> Result<Self, TestbedError> {
+        let grasps = GraspChoice::new(&model, scene)?;
+        Ok(Self {
+            model,
+            grasps,
+            options: config.intent,
+            uses_context: needs.prior,
+            filter: GazeFilter::new(config, scene)?,
+            unusable: false,
+        })
     }
 
     /// One tick. `kinematics` is that of the arm, base to tip.
@@ -114,12 +130,20 @@ impl IntentStage {
             let scene = self.candidates(&input, kinematics);
             self.filter.take(now, &sample, &scene);
         }
-        output.posterior = *self.filter.posterior();
+        output.posterior = self.filter.posterior().clone();
         output.highlight = self.filter.highlight(now);
         output.place = self.filter.place();
         output.gaze = self.filter.sample();
         output.seen_at = self.filter.seen_at();
         output
+    }
+
+    /// What the method takes of what the task says: without task context every object is due, and all that counts is when a
+    /// new selection begins.
+    fn context(&self, task: &TaskState, objects: usize) -> TaskContext {
+        let context = if self.options.changes_at_grasp { task.context_at_grasp } else { task.context };
+        let due = if self.uses_context { context.due } else { ObjectSet::first(objects) };
+        TaskContext { due, ..context }
     }
 
     /// The gaze as the model takes it: one that is not finite or has no direction is a blink, and said once.
@@ -134,46 +158,55 @@ impl IntentStage {
         if usable { *gaze } else { blink }
     }
 
+    /// Centre of the grasp of what the hand holds, otherwise of what it is nearest to, in the tip's frame.
+    fn centre(&self, world: &PlantState) -> Point {
+        let held = world.attached.and_then(|(object, _)| self.grasps.centre_of(object));
+        let centre = held.or_else(|| self.grasps.centre(world));
+        centre.unwrap_or_else(|| Point::from(self.model.widest_grasp().centre))
+    }
+
     fn candidates(&self, input: &IntentInput<'_>, kinematics: &mut dyn ArmKinematics) -> Candidates {
         let IntentInput { world, task, .. } = input;
-        let held = world.attached.and_then(|(block, _)| BlockId::ALL.get(block));
         let tip = kinematics.forward(&world.position[..self.model.arm_count()]).ok();
-        let centre = Point::from(self.model.grasp_centre);
         Candidates {
-            centres: block_centres(world),
-            pickable: task.pickable,
-            last_released: self.options.last_colour(held.map(|block| block.colour()), task.last_released),
-            tip: tip.map(|base_from_tip| world.world_from_base * base_from_tip * centre),
+            centres: object_centres(world),
+            pickable: (0..world.objects.len()).map(|k| task.candidates.contains(ObjectId::new(k))).collect(),
+            context: Some(self.context(task, world.objects.len())),
+            tip: tip.map(|base_from_tip| world.world_from_base * base_from_tip * self.centre(world)),
         }
     }
 }
 
-/// Turns gaze samples into the highlighted block and the place marker.
+/// Turns gaze samples into the highlighted object and the place marker.
 pub struct GazeFilter {
     model: Box<dyn IntentModel>,
     hysteresis: f64,
     filter_ms: f64,
+    put_down: PlaceRegion,
+    table_height: f64,
     posterior: Posterior,
-    highlight: Option<BlockId>,
+    highlight: Option<ObjectId>,
     place: Point,
     last: Option<(SimTime, GazeSample)>,
     seen_at: Option<SimTime>,
 }
 
 impl GazeFilter {
-    /// The filter of a trial.
+    /// The filter of a trial before `scene`.
     ///
     /// # Errors
     /// Options that the intent model refuses.
-    pub fn new(config: &TrialConfig) -> Result<Self, ConfigError> {
-        let model = config.intent_model.build(&config.intent_options())?;
+    pub fn new(config: &TrialConfig, scene: &Scene) -> Result<Self, ConfigError> {
+        let model = config.intent_model.build(&config.intent)?;
         Ok(Self {
             model,
             hysteresis: config.intent.hysteresis,
             filter_ms: config.place_filter_ms as f64,
-            posterior: [0.0; 4],
+            put_down: scene.put_down,
+            table_height: scene.table_height,
+            posterior: vec![0.0; scene.objects.len()],
             highlight: None,
-            place: PlaceRegion::DEFAULT.centre(),
+            place: scene.put_down.centre(scene.table_height),
             last: None,
             seen_at: None,
         })
@@ -187,17 +220,20 @@ impl GazeFilter {
         if !gaze.valid {
             return;
         }
-        self.posterior = found.unwrap_or([0.0; 4]);
-        let best = (0..4).fold(0, |best, k| if self.posterior[k] > self.posterior[best] { k } else { best });
+        let count = self.posterior.len();
+        let told = found.is_some();
+        self.posterior = found.unwrap_or_else(|| vec![0.0; count]);
+        let best =
+            (0..count).fold(0, |best, k| if self.posterior[k] > self.posterior[best] { k } else { best });
         let kept = self.highlight.map(|b| self.posterior[b.index()] * self.hysteresis);
-        self.highlight = match (found, kept, self.highlight) {
-            (None, _, _) => None,
-            (Some(_), Some(kept), highlight) if kept >= self.posterior[best] => highlight,
-            (Some(_), _, _) => Some(BlockId::ALL[best]),
+        self.highlight = match (told, kept, self.highlight) {
+            (false, _, _) => None,
+            (true, Some(kept), highlight) if kept >= self.posterior[best] => highlight,
+            (true, _, _) => Some(ObjectId::new(best)),
         };
 
-        if let Some(hit) = table_hit(gaze, TABLE_TOP) {
-            let hit = PlaceRegion::DEFAULT.clamp(&hit);
+        if let Some(hit) = table_hit(gaze, self.table_height) {
+            let hit = self.put_down.clamp(&hit, self.table_height);
             let fresh = self.seen_at.is_none_or(|seen| now.millis_since(seen) > GAZE_MAX_AGE);
             let elapsed = now.millis_since(before) as f64;
             let share = if fresh { 1.0 } else { 1.0 - (-elapsed / self.filter_ms.max(1e-9)).exp() };
@@ -206,13 +242,13 @@ impl GazeFilter {
         self.seen_at = Some(now);
     }
 
-    /// Probability of each block after the last valid gaze; all zero when it told nothing.
+    /// Probability of each object after the last valid gaze; all zero when it told nothing.
     pub fn posterior(&self) -> &Posterior {
         &self.posterior
     }
 
-    /// The block that is most likely meant; none when the eye was not seen for half a second.
-    pub fn highlight(&self, now: SimTime) -> Option<BlockId> {
+    /// The object that is most likely meant; none when the eye was not seen for half a second.
+    pub fn highlight(&self, now: SimTime) -> Option<ObjectId> {
         let fresh = self.seen_at.is_some_and(|seen| now.millis_since(seen) <= GAZE_MAX_AGE);
         self.highlight.filter(|_| fresh)
     }

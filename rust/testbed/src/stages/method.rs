@@ -1,13 +1,14 @@
-use super::{ActuationOutput, EmgStageOutput, GazeHeard, IntentOutput, block_centres};
+use super::{ActuationOutput, EmgStageOutput, GazeHeard, IntentOutput, object_centres};
 use crate::{
-    MethodName, TestbedError, TrialConfig,
+    TestbedError, TrialConfig,
     outside::RecorderTap,
     plans::{PlanBook, plan_request},
     ports::PlanService,
 };
 use proact_arm::ArmModel;
 use proact_control::{
-    ControlInput, ControlMethod, ControlOutput, HandCommand, MotionCommand, PlanCommand, SourceWatch,
+    ControlInput, ControlMethod, ControlOutput, HandCommand, JointSubset, MethodEntry, MotionCommand,
+    PlanCommand, Shown, SourceWatch,
     ports::{ArmKinematics, MethodProcess},
 };
 use proact_types::{
@@ -25,13 +26,18 @@ const CONTROL_TICKS: u64 = 10;
 pub struct MethodStage {
     model: Arc<ArmModel>,
     scene: Scene,
+    name: String,
     method: Box<dyn ControlMethod>,
+    /// What the method's last step gave to be seen.
+    shown: Shown,
     /// Where the answers of a method in another process pass through.
     recorder_tap: RecorderTap,
     watch: SourceWatch,
     plans: PlanBook,
     /// Angles of the person's own limb as tracked last.
     limb: Option<JointVector>,
+    /// Arm joints that the person's own limb has: no plan moves them.
+    held: Vec<usize>,
     acted_on: Gesture,
     tracked_at: Option<SimTime>,
 }
@@ -98,29 +104,31 @@ pub struct MethodView {
 }
 
 impl MethodStage {
-    /// The stage of a trial before `scene`. `process` is that of a method in another process; none in a replay.
+    /// The stage of a trial by `method` before `scene`. `process` is that of a method in another process; none in a replay.
     ///
     /// # Errors
     /// A profile that the method or the arm refuses.
     pub fn new(
         config: &TrialConfig,
+        method: &MethodEntry,
         model: Arc<ArmModel>,
         scene: Scene,
         plans: Box<dyn PlanService>,
         process: Option<Box<dyn MethodProcess>>,
     ) -> Result<Self, TestbedError> {
         let recorder_tap = RecorderTap::new(process);
-        let gazes = matches!(config.method, MethodName::C | MethodName::D);
-        let method = match &config.method_process {
-            Some(_) => proact_control::build_outside(recorder_tap.clone(), &config.profile, &model)?,
-            None => proact_control::build(&config.method.to_string(), &config.profile, &model)?,
-        };
+        let built = method.build(&config.profile, &model, recorder_tap.clone())?;
+        let driven = JointSubset::new(&config.profile, &model)?;
+        let held = (0..model.arm_count()).filter(|joint| !driven.contains(*joint)).collect();
         Ok(Self {
             model,
             scene,
-            method,
+            name: method.info().name.clone(),
+            method: built,
+            held,
+            shown: Shown::default(),
             recorder_tap,
-            watch: SourceWatch::new(config.profile.dead_man, gazes),
+            watch: SourceWatch::new(config.profile.dead_man, method.needs().gaze),
             plans: PlanBook::new(config, plans),
             limb: None,
             acted_on: Gesture::NoMotion,
@@ -136,10 +144,10 @@ impl MethodStage {
     /// What there is to see.
     pub fn view(&self) -> MethodView {
         MethodView {
-            name: self.method.name().to_owned(),
-            target: self.method.target(),
-            planner: self.method.planner(),
-            mode: self.method.mode(),
+            name: self.name.clone(),
+            target: self.shown.target.clone(),
+            planner: self.shown.planner.clone(),
+            mode: self.shown.mode.clone(),
             stop: self.watch.stop().cloned(),
         }
     }
@@ -184,7 +192,7 @@ impl MethodStage {
     /// Whether the sources are alive. Some if the arm must stop now, or may go on: the method must know at once.
     fn watch_sources(&mut self, now: SimTime, input: &MethodInput<'_>) -> Option<EventKind> {
         let watch = &mut self.watch;
-        if input.gesture.decision.is_some_and(|decision| !decision.stale) {
+        if input.gesture.decision.as_ref().is_some_and(|decision| !decision.stale) {
             watch.hear(now, InputSource::Armband, SignKind::Fresh);
         }
         match input.intent.heard {
@@ -213,14 +221,15 @@ impl MethodStage {
         let (world, arm) = (input.world, self.model.arm_count());
         let commanded = &input.actuation.command.position[..arm];
         let age = |at: Option<SimTime>| at.map(|at| now.millis_since(at));
-        let blocks = block_centres(world);
+        let objects = object_centres(world);
         let seen = ControlInput {
             gesture: input.gesture.gesture,
+            recognised: input.gesture.recognised,
             message: input.gesture.message,
             measured: &world.position[..arm],
             commanded,
             highlight: input.intent.highlight,
-            blocks: &blocks,
+            objects: &objects,
             posterior: &input.intent.posterior,
             place: input.intent.place,
             hand: input.hand,
@@ -234,16 +243,18 @@ impl MethodStage {
             gaze_age_ms: age(input.intent.seen_at),
             tracking_age_ms: age(self.tracked_at),
         };
-        let ControlOutput { motion, hand, plan, events } = self.method.step(now, &seen, kinematics);
+        let ControlOutput { motion, hand, plan, events, shown } = self.method.step(now, &seen, kinematics);
         output.said = events.len();
-        output.events.extend(events);
+        output.events.extend(events.into_iter().map(EventKind::from));
+        self.shown = shown;
         (output.motion, output.hand) = (motion, hand);
         match plan {
             Some(PlanCommand::Request(goal)) => {
                 let id = self.plans.next_id();
                 let start = commanded.iter().copied().collect();
                 let seed = self.plans.seed();
-                let request = plan_request(id, &self.model, &self.scene, world, start, goal, seed);
+                let mut request = plan_request(id, &self.model, &self.scene, world, start, goal, seed);
+                request.held = self.held.clone();
                 self.plans.ask(now, request.clone());
                 output.request = Some(Box::new(request));
                 output.events.push(EventKind::PlanRequested { request: id });

@@ -7,12 +7,12 @@
 //! |---|---|---|
 //! | [`PersonStage`] | the display, or what live devices bring | [`TickInput`](proact_types::TickInput) |
 //! | [`EmgStage`] | samples, a gesture given directly | the gesture in force |
-//! | [`IntentStage`] | gaze, blocks, task | posterior, highlighted block, place |
+//! | [`IntentStage`] | gaze, objects, task | posterior, highlighted object, place |
 //! | [`MethodStage`] | gesture, intent, arm and hand | commands for arm and hand, plan requests, stops |
 //! | [`ActuationStage`] | these commands, the tracked shoulder | joint targets, `world_from_base` |
-//! | [`WorldStage`] | joint targets | joints, blocks, the block in the hand |
-//! | [`TaskStage`] | blocks, the block in the hand | the task's state and events |
-//! | [`FeedbackStage`] | events | what is to be heard and felt |
+//! | [`WorldStage`] | joint targets | joints, objects, the object in the hand |
+//! | [`TaskStage`] | objects, hand | the task's state and events |
+//! | [`FeedbackStage`] | events, contact forces | what is to be heard and felt |
 //! | [`DisplayStage`] | all of these | one frame, 60 times a second |
 
 mod actuation;
@@ -30,14 +30,14 @@ use proact_types::{PlantState, Point};
 pub use actuation::{ActuationInput, ActuationOutput, ActuationStage, DrivenJoint};
 pub use display::{DisplayInput, DisplayStage};
 pub use emg::{EmgStage, EmgStageInput, EmgStageOutput};
-pub use feedback::{Cue, FeedbackCue, FeedbackStage, Tone, Vibration};
+pub use feedback::{FeedbackInput, FeedbackStage};
 pub use intent::{GazeFilter, GazeHeard, GazeMeasurement, IntentInput, IntentOutput, IntentStage};
 pub use method::{MethodInput, MethodOutput, MethodStage, MethodView};
 pub use person::{PersonInput, PersonParts, PersonStage};
-pub use task::{TaskInput, TaskOutput, TaskStage};
+pub use task::{TaskOutput, TaskStage, TaskStageInput};
 pub use world::{WorldInput, WorldOutput, WorldStage};
 
-/// Centres of the blocks in `world`, `BlockId::ALL` order.
-fn block_centres(state: &PlantState) -> [Point; 4] {
-    std::array::from_fn(|k| Point::from(state.blocks[k].pose.translation.vector))
+/// Centres of the objects in `world`, in the order of the scene.
+fn object_centres(state: &PlantState) -> Vec<Point> {
+    state.objects.iter().map(|object| Point::from(object.pose.translation.vector)).collect()
 }

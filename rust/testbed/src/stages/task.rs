@@ -1,18 +1,21 @@
-use proact_tasks::{BlockResult, BoxAndBlocks, TaskState};
-use proact_types::{BlockId, BodyState, EventKind, SimTime};
+use proact_arm::ArmModel;
+use proact_tasks::{Task, TaskInput, TaskResult, TaskState};
+use proact_types::{BodyState, EventKind, ObjectId, PlantState, Point, SimTime};
+use std::sync::Arc;
 
-/// The task: judges what happens to the blocks.
+/// The task: judges what happens to the objects.
 pub struct TaskStage {
-    task: BoxAndBlocks,
+    model: Arc<ArmModel>,
+    task: Box<dyn Task>,
 }
 
 /// What enters the task in one tick.
 #[derive(Clone, Copy, Debug)]
-pub struct TaskInput<'a> {
-    /// Blocks in `BlockId::ALL` order.
-    pub blocks: &'a [BodyState],
-    /// The block in the hand.
-    pub held: Option<BlockId>,
+pub struct TaskStageInput<'a> {
+    /// The world after this tick's physics.
+    pub world: &'a PlantState,
+    /// The object in the hand.
+    pub held: Option<ObjectId>,
 }
 
 /// What the task says in one tick.
@@ -25,24 +28,38 @@ pub struct TaskOutput {
 }
 
 impl TaskStage {
-    /// The stage of a trial with `task`.
-    pub fn new(task: BoxAndBlocks) -> Self {
-        Self { task }
+    /// The stage of a trial with `task`, for the arm `model`.
+    pub fn new(task: Box<dyn Task>, model: Arc<ArmModel>) -> Self {
+        Self { model, task }
     }
 
     /// The task.
-    pub fn task(&self) -> &BoxAndBlocks {
-        &self.task
+    pub fn task(&self) -> &dyn Task {
+        self.task.as_ref()
     }
 
     /// One tick.
-    pub fn step(&mut self, now: SimTime, input: TaskInput<'_>) -> TaskOutput {
-        let events = self.task.step(now, input.blocks, input.held).events;
+    pub fn step(&mut self, now: SimTime, input: TaskStageInput<'_>) -> TaskOutput {
+        let TaskStageInput { world, held } = input;
+        let asked = self.task.minds_fingertips() && held.is_some();
+        let fingertips = if asked { fingertips(&self.model, world) } else { Vec::new() };
+        let seen = TaskInput { objects: &world.objects, held, fingertips: &fingertips };
+        let events = self.task.step(now, &seen);
         TaskOutput { state: self.task.state().clone(), events }
     }
 
-    /// One line per block, in the prescribed order, for blocks as they are now.
-    pub fn results(&self, blocks: &[BodyState]) -> Vec<BlockResult> {
-        self.task.results(blocks)
+    /// The result for objects as they are now.
+    pub fn result(&self, objects: &[BodyState]) -> TaskResult {
+        self.task.result(objects)
     }
+}
+
+/// Where the last joint of each digit is, in `world`: the nearest to its tip that a description says for certain.
+fn fingertips(model: &ArmModel, world: &PlantState) -> Vec<Point> {
+    let mut poses = Vec::new();
+    model.place_links(&world.world_from_base, &world.position, &mut poses);
+    let digits = model.digits();
+    let is_last = |link: usize| !model.joints.iter().any(|joint| joint.parent == link);
+    let tips = (0..model.links.len()).filter(|link| digits[*link].is_some() && is_last(*link));
+    tips.map(|link| Point::from(poses[link].translation.vector)).collect()
 }

@@ -1,8 +1,10 @@
-use crate::{GraspAction, GraspDetector, TestbedError, TrialConfig, ports::Plant};
-use proact_arm::ArmModel;
+use crate::{
+    GraspAction, GraspChoice, GraspDetector, TestbedError, TrialConfig, grasp_watch::GraspWatch, ports::Plant,
+};
+use proact_arm::{ArmModel, OPEN_POSE};
 use proact_control::{HandCommand, HandTracker};
 use proact_types::{
-    BlockId, EventKind, HandView, JointVector, PlantCommand, PlantState, Point, SimTime, joints,
+    EventKind, HandView, JointVector, ObjectId, PlantCommand, PlantState, Point, Scene, SimTime, joints,
 };
 use std::sync::Arc;
 
@@ -11,6 +13,8 @@ pub struct WorldStage {
     model: Arc<ArmModel>,
     plant: Box<dyn Plant>,
     grasp: GraspDetector,
+    watch: GraspWatch,
+    choice: GraspChoice,
     /// Links of the fingers on the block that is held.
     grasped_by: Vec<String>,
     tracker: HandTracker,
@@ -42,18 +46,21 @@ pub struct WorldOutput {
 }
 
 impl WorldStage {
-    /// The stage of a trial: `plant` holds the arm at its pose `start` with an open hand.
+    /// The stage of a trial: `plant` holds the arm at its pose `start` with an open hand, among the objects of `scene`.
     ///
     /// # Errors
-    /// An arm without the pose `open`.
+    /// An arm without the poses `open` and `closed`, or without those that its grasps name.
     pub fn new(
         config: &TrialConfig,
         model: Arc<ArmModel>,
+        scene: &Scene,
         plant: Box<dyn Plant>,
     ) -> Result<Self, TestbedError> {
         Ok(Self {
             grasp: GraspDetector::new(&config.physics, &model),
-            tracker: HandTracker::new(model.pose("hand", "open")?),
+            watch: GraspWatch::new(&config.physics, &model),
+            choice: GraspChoice::new(&model, scene)?,
+            tracker: HandTracker::new(model.pose("hand", OPEN_POSE)?),
             grasped_by: Vec::new(),
             plant,
             model,
@@ -72,7 +79,7 @@ impl WorldStage {
 
     /// The hand after the last tick.
     pub fn hand(&self) -> HandView {
-        let holds = self.plant.state().attached.and_then(|(block, _)| BlockId::ALL.get(block).copied());
+        let holds = self.plant.state().attached.map(|(object, _)| ObjectId::new(object));
         HandView { state: self.tracker.state(), holds }
     }
 
@@ -93,26 +100,33 @@ impl WorldStage {
         let hand = self.tracker.step(fingers, &state.velocity[arm..], input.hand_moving);
         let action = self.grasp.step(&self.model, state, hand, self.tracker.command());
         let mut output = WorldOutput { carried, ..WorldOutput::default() };
-        let place = |block: usize| Point::from(state.blocks[block].pose.translation.vector);
+        let place = |block: usize| Point::from(state.objects[block].pose.translation.vector);
         match action {
             Some(GraspAction::Attach(block)) => {
                 self.grasped_by = self.grasp.fingers_on(&self.model, &state.contacts, block);
-                if let Some(id) = BlockId::ALL.get(block).copied() {
-                    let (links, place) = (self.grasped_by.clone(), place(block));
-                    output.events.push(EventKind::GraspMade { block: id, links, place });
-                }
+                let (links, place) = (self.grasped_by.clone(), place(block));
+                output.events.push(EventKind::GraspMade { object: ObjectId::new(block), links, place });
                 output.frozen = Some(joints(fingers));
                 self.plant.attach(block, self.model.tip).map_err(refused)?;
             }
             Some(GraspAction::Release) => {
-                if let Some((block, id)) = carried.and_then(|k| Some((k, *BlockId::ALL.get(k)?))) {
+                if let Some(block) = carried {
                     let (links, place) = (std::mem::take(&mut self.grasped_by), place(block));
-                    output.events.push(EventKind::GraspEnded { block: id, links, place });
+                    output.events.push(EventKind::GraspEnded { object: ObjectId::new(block), links, place });
                 }
                 self.plant.release();
             }
             None => {}
         }
+        let state = self.plant.state();
+        let near = || self.choice.nearest(state);
+        output.events.extend(self.watch.step(
+            input.hand,
+            hand,
+            &state.contacts,
+            state.attached.is_some(),
+            near,
+        ));
         output.hand = self.hand();
         Ok(output)
     }

@@ -3,7 +3,7 @@
 
 use proact_participants::Participant;
 use proact_testbed::{
-    MethodName, Parts, PersonParts, Session, Setup, SpanDigest, Step, Testbed, TestbedError, TrialConfig,
+    Parts, PersonParts, Session, Setup, SpanDigest, Step, Testbed, TestbedError, TrialConfig,
     doubles::{self, ScriptedGaze},
     replay,
 };
@@ -13,7 +13,7 @@ use std::error::Error;
 pub type Outcome<T = ()> = Result<T, Box<dyn Error>>;
 
 /// A trial of `method` before a shoulder that keeps still.
-pub fn config(method: MethodName, limit_secs: f64) -> TrialConfig {
+pub fn config(method: &str, limit_secs: f64) -> TrialConfig {
     let setup = Setup::named("still").expect("ships with the program");
     TrialConfig { limit_secs, ..TrialConfig::new(method, 1, setup) }
 }
@@ -28,7 +28,7 @@ pub struct Starer {
 impl Participant for Starer {
     fn step(&mut self, frame: &DisplayFrame) -> Intention {
         let eye = frame.world_from_head.translation.vector;
-        let looked_at = frame.blocks[self.block].translation.vector;
+        let looked_at = frame.objects[self.block].translation.vector;
         let made = self.script.iter().rev().find(|(from, _)| frame.time.0 >= *from);
         Intention {
             gesture: made.map_or(Gesture::NoMotion, |(_, gesture)| *gesture),
@@ -82,7 +82,8 @@ impl Run {
             run.inputs.push((time, input));
             run.spans.extend(output.span);
             run.events.extend(output.events);
-            run.highlights.extend(frame.map(|frame| (time, frame.target.block.map(|block| block.index()))));
+            run.highlights
+                .extend(frame.map(|frame| (time, frame.target.object.map(|object| object.index()))));
             run.shoulder.push(session.testbed().plant().state().position[0]);
             if output.finished {
                 break;

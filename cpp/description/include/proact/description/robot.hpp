@@ -58,7 +58,11 @@ struct Joint {
   std::array<double, 4> limits{};
   double damping = 0.0;
   double friction = 0.0;
-  bool mimics = false;
+  /// Name of the joint that it follows; empty if it follows none.
+  std::string mimic_joint;
+  /// Its angle is the multiplier times the other's, and the offset more.
+  double mimic_multiplier = 1.0;
+  double mimic_offset = 0.0;
 };
 
 /// Links and joints in alphabetical order: urdfdom does not keep the file's order.

@@ -14,41 +14,66 @@ links: Array<Link>,
 joints: Array<Joint>,
 /** Indices into `joints` of the arm group, base to tip. */
 arm: Array<number>,
-/** Indices into `joints` of the hand group (MPL: index, middle, pinky, ring, thumb, each 0 to 3). */
+/** Indices into `joints` of the hand group in the order of the semantic group. */
 hand: Array<number>,
+/** Hand joints that follow others. Each has its place in the vectors of joint values, and a motor of its own that is
+ * told the master's angle: what stops one of the two does not stop the other. */
+mimics: Array<Mimic>,
 /** Index of the link at which the arm group ends and that carries the hand. */
 tip: number,
 /** Named poses, such as `open` and `closed`. */
 poses: Array<NamedPose>,
 /** Pairs of link indices that may touch: neighbours, and pairs that overlap by construction. */
 allowed_collisions: Array<[number, number]>,
-/** Where the centre of a grasped object lies, in the tip's frame, metres. */
-grasp_centre: [number, number, number],
-/** How the hand grips from above. */
-grasp: Grasp, };
+/** How the hand grips from above, objects of ascending width. */
+grasps: Array<Grasp>,
+/** Whose arm it is. */
+side: Side,
+/** How it is shown and driven. */
+settings: ArmSettings, };
 
-/** A movable block. */
-export type Block = {
-/** Which one. */
-id: BlockId,
-/** Its shape; the origin is the centre of mass. */
-shape: Shape,
-/** Mass, kg, spread evenly. */
-mass: number,
-/** Friction against table, walls and other blocks. */
-friction: number,
-/** Friction against fingers. */
-friction_finger: number,
-/** `world_from_block` at the start: resting. */
-pose: Pose, };
+/** How an arm is shown and driven where the method's profile does not say otherwise: the file `arm.toml` of its folder.
+ *
+ * Joints and links are named in full, or by what follows the last `__` of their names ([`is_named`]). */
+export type ArmSettings = {
+/** As shown to people; empty is the robot's name. */
+title: string,
+/** Arm joints that method A cycles through, in this order; empty is every driven joint, base to tip. */
+cycle: Array<string>,
+/** Arm joints that the prosthesis has, by level of limb loss; an empty list is every arm joint. */
+levels: { [key in string]: Array<string> },
+/** How joints are shown, and which way they go. Joints without an entry go by their own names. */
+joints: Array<JointEntry>,
+/** Gains of the control `original_gains`, by joint. */
+controllers: { [key in string]: JointGains },
+/** Links whose forces on an object the grasp rule `original` counts. */
+gripper: Array<string>,
+/** Where the base stands if nobody wears the arm. */
+stand: Stand | null, };
 
-/** The four blocks, in the order that all arrays over blocks have: red 1, red 2, blue 1, blue 2. */
-export type BlockId = "red1" | "red2" | "blue1" | "blue2";
+/** What a person is told before a trial. It is all that a simulated participant knows of the task. */
+export type Briefing = {
+/** As shown at the top of the page. */
+title: string,
+/** What is said, as plain sentences. */
+text: string,
+/** Which object comes next. */
+order: Order,
+/** Where an object goes. */
+destination: Destination,
+/** What the score counts, such as `blocks on target`. */
+score_name: string,
+/** The highest score there is; none where it is open. */
+most: number | null,
+/** Seconds at the start in which nothing counts. */
+practice_secs: number,
+/** Seconds after which the trial ends, practice included. */
+limit_secs: number, };
 
 /** What the buttons of the page ask for. */
 export type CalibrationCommand = { "type": "begin" } | { "type": "proceed" } | { "type": "record_again",
 /** Which. */
-gesture: Gesture, } | { "type": "finish" };
+gesture: GestureName, } | { "type": "finish" };
 
 /** A message to the calibration page. */
 export type CalibrationMessage = { "type": "nothing" } | { "type": "error", message: string, } | CalibrationScreen;
@@ -62,7 +87,7 @@ accuracy: number,
 /** Windows tested. */
 windows: number,
 /** The gesture of each row and column. */
-classes: Array<Gesture>,
+classes: Array<GestureName>,
 /** `[true class][recognised class]`, numbers of windows. */
 confusion: Array<Array<number>>,
 /** Share of the windows of each class that were recognised. */
@@ -89,7 +114,7 @@ rounds: number,
 /** Rounds after which no more are offered. */
 most_rounds: number,
 /** The gestures of a round. */
-gestures: Array<Gesture>,
+gestures: Array<GestureName>,
 /** Share of windows that has to be recognised, 0 to 1. */
 target_accuracy: number,
 /** The electrodes. */
@@ -101,9 +126,9 @@ report: CalibrationReport | null,
 /** A round is over, and it waits for a command. */
 reviewing: boolean, } | { "type": "test",
 /** The gesture asked for. */
-prompt: Gesture | null,
+prompt: GestureName | null,
 /** The gesture in force. */
-in_force: Gesture, } & ({ "test": "wait", "report": null } | { "test": "sequence", "report": SequenceReport } | { "test": "trial", "report": HoldReport }) | { "type": "cursor",
+in_force: GestureName, } & ({ "test": "wait", "report": null } | { "test": "sequence", "report": SequenceReport } | { "test": "trial", "report": HoldReport }) | { "type": "cursor",
 /** Where the cursor is. */
 cursor: [number, number],
 /** Centre of the target. */
@@ -113,7 +138,7 @@ width: number,
 /** Share of the dwell time that is over, 0 to 1. */
 dwelt: number,
 /** The gesture in force. */
-in_force: Gesture,
+in_force: GestureName,
 /** How hard it is made, 0 to 1. */
 effort: number,
 /** How it goes. */
@@ -140,6 +165,16 @@ pose: Pose,
 /** The shape. */
 shape: Shape, };
 
+/** A link that touches blocks, as shown. */
+export type ContactView = {
+/** Its name. */
+link: string,
+/** The sum of its normal forces on them, N. */
+force: number, };
+
+/** The occasions for a cue. */
+export type Cue = "contact_made" | "contact_lost" | "on_target" | "off_target" | "pressure" | "grip";
+
 /** How the cursor test went. */
 export type CursorReport = {
 /** Movements that are over. */
@@ -157,6 +192,16 @@ overshoots: number,
 /** Movements asked for. */
 asked: number, };
 
+/** Where a person is asked to put an object. */
+export type Destination = "own_target" | "across";
+
+/** A digit of the hand. */
+export type Digit = {
+/** Its place among the hand's digits, from 0, in the order of the description. */
+number: number,
+/** Its first link. */
+link: string, };
+
 /** One consistent instant, as drawn: the page, the headset and the simulated participant all see this and
  * nothing else. */
 export type DisplayFrame = {
@@ -172,8 +217,8 @@ world_from_base: Pose,
 world_from_tip: Pose,
 /** `world_from_head`: x ahead, y left, z up; the eye is its origin. */
 world_from_head: Pose,
-/** `world_from_block` in [`BlockId::ALL`] order. */
-blocks: Array<Pose>,
+/** `world_from_object` of all objects of the scene. */
+objects: Array<Pose>,
 /** The hand. */
 hand: HandView,
 /** Gaze as measured. */
@@ -188,8 +233,10 @@ goal: Array<number> | null,
 mode: ModeView | null,
 /** Why the arm must stand still; none while it need not. */
 stop: Stop | null,
-/** Gesture in force, as recognised. */
+/** Command in force, from the gesture that was recognised. */
 gesture: Gesture,
+/** The gesture in force by its own name, as the EMG model calls it; that of the command for keys. */
+recognised: GestureName,
 /** Probability of the recognised class, 0 to 1; one for keys. */
 confidence: number,
 /** How hard the recognised gesture is made, 0 to 1; one for keys. */
@@ -198,14 +245,31 @@ effort: number,
 emg_source: string,
 /** Seconds until the time limit. */
 time_left_secs: number,
-/** The block that the prescribed order asks for next. */
-next_block: BlockId | null,
-/** Blocks on target so far. */
-on_target: number,
+/** The object that the task asks for next. */
+next: ObjectId | null,
+/** What the task counts, so far. */
+score: number,
 /** True when the trial is over. */
 finished: boolean,
-/** Events since the frame before: sounds and log. */
-events: Array<TrialEvent>, };
+/** Events since the frame before: the log. */
+events: Array<TrialEvent>,
+/** Links that touch blocks. */
+contacts: Array<ContactView>,
+/** What was to be heard and felt since the frame before. */
+feedback: Array<FeedbackCue>, };
+
+/** What a person is to hear and feel, as data: who drives a loudspeaker or a vibrating band decides how. */
+export type FeedbackCue = {
+/** When. */
+time: SimTime,
+/** Why. */
+cue: Cue,
+/** The digit that it is about; none if it is about none alone. */
+digit?: Digit,
+/** What is to be heard. */
+sound: Tone | null,
+/** What is to be felt. */
+vibration: Vibration | null, };
 
 /** How well a gaze source follows known points, as the page measured it. */
 export type GazeCheck = {
@@ -240,22 +304,45 @@ direction: [number, number, number],
 /** False while the tracker has lost the eye or the person blinks. */
 valid: boolean, };
 
-/** The five hand gestures that the classifier tells apart. */
+/** What a control method can be told by hand: its commands, named after the gestures that give them in the paper.
+ *
+ * The gestures that an EMG model tells apart are its own ([`crate::GestureName`]);
+ * [`crate::GestureCommands`] makes commands of them. */
 export type Gesture = "hand_close" | "hand_open" | "no_motion" | "wrist_extension" | "wrist_flexion";
 
-/** How the hand grips what stands upright, from above: with its grasp centre ([`ArmModel::grasp_centre`]) in the middle of
- * the object, rolled about x of the tip's frame and leaning about y. Planner and simulated participants go by it. */
+/** The name of a gesture that an EMG model tells apart: any text, unlike [`Gesture`], which is what a method takes.
+ *
+ * Not empty, at most [`GestureName::MOST_BYTES`] bytes, no control characters, no space at either end. Lives on the
+ * stack, so that the EMG stage can hand it on without an allocation. */
+export type GestureName = string;
+
+/** How the hand grips what stands upright and is so wide, from above: with the grasp's centre in the middle of the object,
+ * rolled about x of the tip's frame and leaning about y. Hand, planner and simulated participants go by it. */
 export type Grasp = {
+/** Widths of the objects that it holds, metres: the smallest and the largest. */
+widths: [number, number],
+/** Where the centre of a grasped object lies, in the tip's frame, metres. */
+centre: [number, number, number],
+/** Pose of the hand before it closes: room for the object, and no wider than its neighbours allow. */
+open_pose: string,
+/** Pose of the hand that it closes to; the object stops it on the way. */
+closed_pose: string,
+/** Where the digits close in one direction: this direction in the tip's frame, of any length. A box is then gripped
+ * by two of its faces where the arm can. */
+closing: [number, number, number] | null,
 /** Roll at which the fingers close best, rad: at zero z of the tip's frame is up. */
 roll: number,
 /** Smallest and largest roll at which they close, rad. */
 roll_range: [number, number],
 /** Largest lean, both ways, rad. */
 lean: number,
-/** An object whose centre is this near to the grasp centre is between the fingers, metres. */
+/** An object whose centre is this near to the grasp's is between the fingers, metres. */
 opening: number,
 /** Where the open hand may come off an object other than straight up: a direction in the tip's frame, of any length. */
 withdrawal: [number, number, number], };
+
+/** Why a hand that closed holds nothing. */
+export type GraspFault = "no_grasp" | "nothing" | "not_touched" | "one_digit" | "not_opposing" | "slipped";
 
 /** The hand's state, from its joints. */
 export type HandState = "open" | "closing" | "closed" | "opening";
@@ -264,8 +351,8 @@ export type HandState = "open" | "closing" | "closed" | "opening";
 export type HandView = {
 /** Open, closed, or between. */
 state: HandState,
-/** The block in it. */
-holds: BlockId | null, };
+/** The object in it. */
+holds: ObjectId | null, };
 
 /** How the longer trial went. */
 export type HoldReport = {
@@ -277,8 +364,10 @@ accuracy: number,
 decisions: number,
 /** Prompts that are over. */
 prompts: number,
-/** `[prompted][in force]`, decisions, both in [`Gesture::ALL`] order. */
-confusion: [[number, number, number, number, number], [number, number, number, number, number], [number, number, number, number, number], [number, number, number, number, number], [number, number, number, number, number]], };
+/** The gesture of each row and column. */
+classes: Array<GestureName>,
+/** `[prompted][in force]`, decisions. */
+confusion: Array<Array<number>>, };
 
 /** Mass properties of a link. */
 export type Inertial = {
@@ -296,7 +385,7 @@ export type InputSource = "armband" | "gesture_topic" | "page" | "eye_tracker" |
 export type Joint = {
 /** Unique name. */
 name: string,
-/** Fixed or revolute. */
+/** How it moves. */
 kind: JointKind,
 /** Index of the parent link. */
 parent: number,
@@ -313,8 +402,28 @@ damping: number,
 /** Coulomb friction, N m. */
 friction: number, };
 
+/** How a joint is shown. */
+export type JointEntry = {
+/** The joint's name in the model, or what follows its last `__`. */
+joint: string,
+/** As shown. */
+name: string,
+/** What WE does, as shown. */
+we: string,
+/** What WF does, as shown. */
+wf: string,
+/** Sign of the joint's motion for WE: 1 or -1. */
+we_sign: number, };
+
+/** Gains of a joint's position controller without feed-forward. */
+export type JointGains = {
+/** Proportional, N m/rad. */
+p: number,
+/** Derivative, N m s/rad. */
+d: number, };
+
 /** Kinds of joint that an arm may have. */
-export type JointKind = "fixed" | "revolute";
+export type JointKind = "fixed" | "revolute" | "continuous";
 
 /** Limits of a joint. */
 export type JointLimits = {
@@ -341,10 +450,57 @@ collisions: Array<CollisionShape>,
 /** Shapes that are drawn. */
 visuals: Array<Visual>, };
 
+/** A mesh of an arm, served as `/meshes/<id>`. A description without meshes is drawn from its primitive shapes. */
+export type MeshFile = {
+/** As the description gives it. */
+address: string,
+/** Hash of the content: two arms may have other meshes at one address. */
+id: string, };
+
+/** What the page says of a method. Empty texts leave the page's own. */
+export type MethodHelp = {
+/** One sentence. */
+summary: string,
+/** What HC does, in a word or two. */
+hand_close: string,
+/** What HO does. */
+hand_open: string,
+/** What WE does. */
+wrist_extension: string,
+/** What WF does. */
+wrist_flexion: string, };
+
+/** What is told of a control method to those who choose it, show it, or act in the place of a person. */
+export type MethodInfo = {
+/** By which it is chosen, and called in results and records, such as `D`: letters, digits, `_` and `-`. */
+name: string,
+/** As shown, such as `gaze and context`. */
+title: string,
+/** What it cannot do without. */
+needs: Needs,
+/** How a person drives it. */
+style: MethodStyle,
+/** What the page says of it. */
+help: MethodHelp, };
+
+/** How a person drives a method. The page's hints and the simulated participant go by it. */
+export type MethodStyle = "jogging" | "selecting";
+
+/** A joint that another one takes along. */
+export type Mimic = {
+/** Index into `joints` of the joint that follows. */
+joint: number,
+/** Index into `joints` of the joint that it follows. */
+master: number,
+/** The follower's angle per angle of the master. */
+multiplier: number,
+/** The follower's angle where the master's is zero, rad. */
+offset: number, };
+
 /** The joint or axis that WE and WF move, in methods A and B. */
 export type ModeView = {
-/** The number published on `/mode`: 0 to 6 are joints, 7 to 9 translations, 10 to 12 rotations about x, y, z. */
-number: number,
+/** What is moved. */
+moves: Moves,
 /** As shown, such as `elbow flexion`. */
 name: string,
 /** What WE does, such as `flexion`, and what WF does. */
@@ -372,6 +528,9 @@ path_efficiency: number,
 /** Times that the cursor left the target before the dwell was over. */
 overshoots: number, };
 
+/** What the movement gestures move. */
+export type Moves = { "joint": number } | { "translation": number } | { "rotation": number };
+
 /** Joint angles with a name. */
 export type NamedPose = {
 /** Such as `open`. */
@@ -381,6 +540,25 @@ group: string,
 /** One angle per joint of the group, rad. */
 angles: Array<number>, };
 
+/** What a method cannot do without. */
+export type Needs = {
+/** Gaze: a trial without a source of it is refused, and the arm stops when the eye tracker dies. */
+gaze: boolean,
+/** The task's context has a say in the posterior. */
+prior: boolean,
+/** It asks for plans. There is no speed to blend then. */
+plans: boolean,
+/** It drives every joint of the arm: a profile whose level leaves joints to the person's limb is refused. */
+whole_arm: boolean,
+/** The tracked limb of the person: a profile whose level leaves no joint to the limb is refused. */
+limb: boolean, };
+
+/** A movable object of the scene, by its place in [`Scene::objects`]. All arrays over objects have that order. */
+export type ObjectId = number;
+
+/** Which object a person is asked for. */
+export type Order = "prescribed" | "any";
+
 /** What does not change during a trial. */
 export type PageContent = {
 /** Shown at the top, such as `demo` or a participant's number. */
@@ -389,12 +567,20 @@ title: string,
 setup: string,
 /** The arm. */
 arm: ArmModel,
+/** Its meshes, as far as they are there; a link whose mesh is not is drawn by its collision shapes. */
+meshes: Array<MeshFile>,
 /** The room. */
 scene: Scene,
+/** What the person is told of the task. */
+briefing: Briefing,
 /** The page drives: mouse is gaze, keys are gestures. Otherwise it only shows, and inputs are refused. */
 interactive: boolean,
 /** The trunk moves: lean keys are offered. */
-lean: boolean, };
+lean: boolean,
+/** The control method of the trial. */
+method: MethodInfo,
+/** The methods by which another trial may begin. */
+methods: Array<MethodInfo>, };
 
 /** What the session is doing. */
 export type Phase = { "name": "blocked",
@@ -408,6 +594,13 @@ left_secs: number, } | { "name": "recording",
 prompt: Prompt,
 /** Share recorded, 0 to 1. */
 share: number, } | { "name": "reviewing" } | { "name": "finished" };
+
+/** The part of the table top on which an object may be put down, along the axes of `world`. */
+export type PlaceRegion = {
+/** Smallest x and y, metres. */
+min: [number, number],
+/** Largest x and y, metres. */
+max: [number, number], };
 
 /** How a plan ended. */
 export type PlanStatus = "ok" | "intermediate" | "no_plan" | "unreachable" | "start_in_collision" | "goal_in_collision" | "invalid" | "cancelled";
@@ -435,7 +628,7 @@ translation: [number, number, number], };
 /** What the person is asked for. */
 export type Prompt = {
 /** The gesture. */
-gesture: Gesture,
+gesture: GestureName,
 /** Which repetition of it, from 0. */
 repetition: number, };
 
@@ -451,8 +644,8 @@ setup: string,
 seed: number | null,
 /** Length, simulated seconds. */
 seconds: number,
-/** Blocks on target in the end. */
-on_target: number,
+/** What the task counted in the end. */
+score: number,
 /** Arm and scene. */
 content: PageContent,
 /** The recomputed trial has the recorded digest; none for a bag, which is not recomputed. */
@@ -465,7 +658,7 @@ frames: Array<DisplayFrame>, };
 /** What is known of one repetition. */
 export type RepetitionScore = {
 /** What the person was asked for. */
-gesture: Gesture,
+gesture: GestureName,
 /** Number of the repetition of this gesture, from 0. */
 repetition: number,
 /** Windows in it. */
@@ -486,10 +679,12 @@ export type Role = "participant" | "experimenter" | "spectator";
 export type Scene = {
 /** Table, walls, partition, legs, floor. */
 fixed: Array<SceneObject>,
-/** Blocks in [`BlockId::ALL`] order. */
-blocks: Array<Block>,
-/** Targets in [`BlockId::ALL`] order. */
+/** What can be moved. */
+objects: Array<SceneThing>,
+/** Where objects belong; some may have no such place. */
 targets: Array<Target>,
+/** Where objects may be put down. */
+put_down: PlaceRegion,
 /** Height of the table top, metres in `world`. */
 table_height: number, };
 
@@ -504,14 +699,35 @@ pose: Pose,
 /** Coulomb friction coefficient against blocks. */
 friction: number, };
 
+/** A movable object. */
+export type SceneThing = {
+/** Unique name in results and plans, such as `red1`. */
+name: string,
+/** What is painted on it; empty for nothing. */
+label: string,
+/** Red, green, blue, 0 to 1 (sRGB). */
+colour: [number, number, number],
+/** Name of its model and tf frame on a ROS graph. */
+ros_name: string,
+/** Its shape; the origin is the centre of mass. */
+shape: Shape,
+/** Mass, kg, spread evenly. */
+mass: number,
+/** Friction against table, walls and other objects. */
+friction: number,
+/** Friction against fingers. */
+friction_finger: number,
+/** `world_from_object` at the start: resting. */
+pose: Pose, };
+
 /** A mistake in a sequence. */
 export type SequenceMistake = {
 /** Sequence in which it was made, from 0. */
 attempt: number,
 /** What was asked for. */
-prompt: Gesture,
+prompt: GestureName,
 /** What came into force instead; none if the time ran out. */
-got: Gesture | null, };
+got: GestureName | null, };
 
 /** How the sequence test went. */
 export type SequenceReport = {
@@ -543,6 +759,10 @@ length: number, } | { "type": "capsule",
 radius: number,
 /** Length of the tube without the round ends. */
 length: number, };
+
+/** The wearer's side that an arm belongs to. Where a left arm differs from a right one, the world is mirrored across the
+ * wearer's sagittal plane, x and z of `world`. */
+export type Side = "right" | "left";
 
 /** What the experimenter watches beside the scene: about ten times a second, the latest only. */
 export type Signals = {
@@ -576,6 +796,11 @@ pages: number, };
 /** Simulated time since the start of the trial, in whole ticks of 1 ms. */
 export type SimTime = number;
 
+/** An arm that stands on something and does not move with a person's trunk. */
+export type Stand = {
+/** Where the base's origin is, `world`, metres. Its axes are those of `world`. */
+xyz: [number, number, number], };
+
 /** The arm must stand still, and why. */
 export type Stop = {
 /** Who died. */
@@ -604,23 +829,32 @@ rate_hz: number | null, };
 /** What the experimenter's page asks of the trial. */
 export type StudyAction = "pause" | "resume" | "abort" | "check_gaze" | "calibrate_gaze";
 
-/** Where a block has to go. */
+/** Where an object has to go. */
 export type Target = {
-/** The block that belongs here. */
-block: BlockId,
+/** The object that belongs here. */
+object: ObjectId,
 /** Centre of the disc on the table top, in `world`. */
-centre: [number, number, number], };
+centre: [number, number, number],
+/** Radius of the disc, metres: an object counts with its centre above it. */
+radius: number, };
 
 /** The selection marker. */
 export type TargetView = {
-/** The highlighted block, while the hand is empty. */
-block: BlockId | null,
+/** The highlighted object, while the hand is empty. */
+object: ObjectId | null,
 /** The place marker on the table top. */
 place: [number, number, number] | null,
-/** The selection of the current phase (block, or place while a block is held) is locked. */
+/** The selection of the current phase (object, or place while an object is held) is locked. */
 locked: boolean,
-/** Posterior over blocks in [`BlockId::ALL`] order; empty for methods without inference. */
+/** Posterior over the objects of the scene; empty for methods without inference. */
 posterior: Array<number>, };
+
+/** A tone. */
+export type Tone = {
+/** Hz at the beginning, and at the end: it glides. */
+hz: [number, number],
+/** Milliseconds. */
+ms: number, };
 
 /** Something that happened at one tick. */
 export type TrialEvent = {
@@ -642,36 +876,44 @@ cause: StopCause,
 reason: string, } | { "event": "rearmed" } | { "event": "base_held",
 /** From the base to where it was told to be, metres. */
 distance: number, } | { "event": "base_follows" } | { "event": "grasp_made",
-/** Which block. */
-block: BlockId,
+/** Which object. */
+object: ObjectId,
 /** Links of fingers that touched it. */
 links: Array<string>,
-/** The block's centre, `world`, m. */
+/** The object's centre, `world`, m. */
 place: [number, number, number], } | { "event": "grasp_ended",
-/** Which block. */
-block: BlockId,
+/** Which object. */
+object: ObjectId,
 /** Links of fingers that touched it when it was taken. */
 links: Array<string>,
-/** The block's centre, `world`, m. */
-place: [number, number, number], } | { "event": "gaze_unusable" } | { "event": "block_attached",
-/** Which block. */
-block: BlockId, } | { "event": "block_released",
-/** Which block. */
-block: BlockId, } | { "event": "locked",
-/** The block, or none for a place. */
-block: BlockId | null, } | { "event": "unlocked" } | { "event": "plan_requested",
+/** The object's centre, `world`, m. */
+place: [number, number, number], } | { "event": "grasp_failed",
+/** The object that it closed on; none if nothing was near. */
+object: ObjectId | null,
+/** Why. */
+reason: GraspFault, } | { "event": "gaze_unusable" } | { "event": "object_attached",
+/** Which object. */
+object: ObjectId, } | { "event": "object_released",
+/** Which object. */
+object: ObjectId, } | { "event": "locked",
+/** The object, or none for a place. */
+object: ObjectId | null, } | { "event": "unlocked" } | { "event": "plan_requested",
 /** Number of the request in this trial. */
 request: number, } | { "event": "plan_finished",
 /** Number of the request in this trial. */
 request: number,
 /** How it ended. */
-status: PlanStatus, } | { "event": "motion_stopped" } | { "event": "motion_finished" } | { "event": "block_on_target",
-/** Which block. */
-block: BlockId,
+status: PlanStatus, } | { "event": "method_note",
+/** What it says. */
+text: string, } | { "event": "motion_stopped" } | { "event": "motion_finished" } | { "event": "object_on_target",
+/** Which object. */
+object: ObjectId,
 /** Horizontal distance from its target's centre, metres. */
-distance: number, } | { "event": "block_off_target",
-/** Which block. */
-block: BlockId, } | { "event": "trial_finished" });
+distance: number, } | { "event": "object_off_target",
+/** Which object. */
+object: ObjectId, } | { "event": "object_crossed",
+/** Which object. */
+object: ObjectId, } | { "event": "practice_finished" } | { "event": "trial_finished" });
 
 /** Whether the trial goes on, and what the record of it is called. */
 export type TrialStatus = {
@@ -693,7 +935,14 @@ gaze_checks: number,
 gaze_calibrations: number, };
 
 /** What the list says of a trial. */
-export type TrialSummary = { name: string, method: string, setup: string, seed: number | null, seconds: number, on_target: number, };
+export type TrialSummary = { name: string, method: string, setup: string, seed: number | null, seconds: number, score: number, };
+
+/** A buzz. */
+export type Vibration = {
+/** 0 to 1. Zero ends the one before. */
+strength: number,
+/** Milliseconds; a later one for the same digit takes its place. */
+ms: number, };
 
 /** A drawn shape of a link. */
 export type Visual = {

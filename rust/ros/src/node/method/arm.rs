@@ -12,6 +12,7 @@ use crate::{
 };
 use proact_arm::{ArmModel, JointLimits};
 use proact_control::MotionCommand;
+use proact_messages::original::ARM_MODEL;
 use proact_types::SimTime;
 use rosrust::{Publisher, error::Result};
 use std::{
@@ -42,7 +43,7 @@ impl ArmOutlet {
         model: &ArmModel,
         single: bool,
     ) -> std::result::Result<Self, NodeError> {
-        let publish = |name: &str| graph.publish(&format!("mpl_right_arm/{name}/command"), 1, false);
+        let publish = |name: &str| graph.publish(&format!("{ARM_MODEL}/{name}/command"), 1, false);
         let publishers = if single {
             (0..model.arm_count())
                 .map(|j| publish(&single_controller(j)))
@@ -160,7 +161,7 @@ fn failed(error: impl std::fmt::Display) -> String {
 }
 
 fn see_to(start: &[String], stop: &[String]) -> std::result::Result<(), String> {
-    let service = |name: &str| format!("mpl_right_arm/controller_manager/{name}");
+    let service = |name: &str| format!("{ARM_MODEL}/controller_manager/{name}");
     let list = rosrust::client::<ListControllers>(&service("list_controllers")).map_err(failed)?;
     let listed = list.req(&ListControllersReq {}).map_err(failed)??.controller;
     let is = |name: &String, state: &str| listed.iter().any(|c| c.name == *name && c.state == state);

@@ -12,14 +12,11 @@ use crate::{
     node::{NodeError, RosGraph, convert, graph::Jobs, stage::Stage, wire},
 };
 use proact_emg::EmgOutput;
-use proact_tasks::PlaceRegion;
-use proact_testbed::{
-    MethodName,
-    stages::{EmgStageOutput, GazeHeard, IntentOutput},
-};
+use proact_messages::original::relative;
+use proact_testbed::stages::{EmgStageOutput, GazeHeard, IntentOutput};
 use proact_types::{
-    BlockId, Gesture, HandState, InputSign, InputSource, JointVector, MAX_SIGNS, Point, Pose, SignKind,
-    SimTime, TickInput,
+    Gesture, HandState, InputSign, InputSource, JointVector, MAX_SIGNS, MethodStyle, ObjectId, Point, Pose,
+    Scene, SignKind, SimTime, TickInput,
 };
 use rosrust::Subscriber;
 use std::collections::VecDeque;
@@ -64,9 +61,10 @@ enum GazeWord {
 }
 
 impl Heard {
-    pub(super) fn new() -> Self {
-        // Before the first gaze the place is the middle of where blocks may be put.
-        let intent = IntentOutput { place: PlaceRegion::DEFAULT.centre(), ..IntentOutput::default() };
+    pub(super) fn new(scene: &Scene) -> Self {
+        // Before the first gaze the place is the middle of where objects may be put.
+        let place = scene.put_down.centre(scene.table_height);
+        let intent = IntentOutput { place, ..IntentOutput::default() };
         Self {
             decisions: VecDeque::new(),
             gesture: EmgStageOutput::default(),
@@ -147,7 +145,7 @@ pub(super) fn listen(graph: &RosGraph, jobs: &Jobs<MethodNode>) -> Result<Vec<Su
 fn listen_to_stages(graph: &RosGraph, jobs: &Jobs<MethodNode>) -> Result<Vec<Subscriber>, NodeError> {
     Ok(vec![
         graph.listen("proact/state", 100, jobs, |node: &mut MethodNode, m: State| {
-            match wire::read_state(&m, node.parts.model.moving_count()) {
+            match wire::read_state(&m, node.counts) {
                 Ok(instant) => {
                     if !node.common.lockstep {
                         // A simulator that was started again counts anew.
@@ -193,7 +191,7 @@ fn listen_to_stages(graph: &RosGraph, jobs: &Jobs<MethodNode>) -> Result<Vec<Sub
         })?,
         graph.listen_from("proact/intent", 100, jobs, |node: &mut MethodNode, m: Intent, caller| {
             node.common.prefer(caller);
-            match wire::read_intent(&m) {
+            match wire::read_intent(&m, node.counts.objects) {
                 Ok(output) if node.common.lockstep => {
                     let new = node.intent.take(SimTime(m.tick), output);
                     node.answer(new);
@@ -221,7 +219,7 @@ fn listen_to_stages(graph: &RosGraph, jobs: &Jobs<MethodNode>) -> Result<Vec<Sub
 /// What other people's nodes say, in the original's types.
 fn listen_to_others(graph: &RosGraph, jobs: &Jobs<MethodNode>) -> Result<Vec<Subscriber>, NodeError> {
     Ok(vec![
-        graph.listen_from("emg", 1, jobs, |node: &mut MethodNode, m: Text, caller| {
+        graph.listen_from(relative::EMG, 1, jobs, |node: &mut MethodNode, m: Text, caller| {
             if node.common.is_preferred(caller) {
                 return;
             }
@@ -233,8 +231,8 @@ fn listen_to_others(graph: &RosGraph, jobs: &Jobs<MethodNode>) -> Result<Vec<Sub
                 Err(error) => node.common.faults.refuse("emg", &error.to_string()),
             }
         })?,
-        graph.listen("joy", 1, jobs, |node: &mut MethodNode, m: Joy| {
-            let gazes = matches!(node.parts.method, MethodName::C | MethodName::D);
+        graph.listen(relative::JOY, 1, jobs, |node: &mut MethodNode, m: Joy| {
+            let gazes = node.parts.method.info().style == MethodStyle::Selecting;
             let closed = matches!(node.hand, HandState::Closed | HandState::Closing);
             let gesture = joy::gesture(&m.axes, &m.buttons, gazes, closed);
             // A joystick at rest repeats itself; it must not talk over the armband.
@@ -245,22 +243,23 @@ fn listen_to_others(graph: &RosGraph, jobs: &Jobs<MethodNode>) -> Result<Vec<Sub
                 node.heard.sign(InputSource::GestureTopic, SignKind::Alive);
             }
         })?,
-        graph.listen_from("block_id", 1, jobs, |node: &mut MethodNode, m: Text, caller| {
+        graph.listen_from(relative::BLOCK_ID, 1, jobs, |node: &mut MethodNode, m: Text, caller| {
             if node.common.is_preferred(caller) {
                 return;
             }
             let now = node.common.now();
-            match BlockId::ALL.into_iter().find(|id| id.ros_name() == m.data) {
+            let mut objects = node.parts.scene.objects.iter();
+            match objects.position(|object| object.ros_name == m.data).map(ObjectId::new) {
                 Some(block) => {
                     node.heard.intent.highlight = Some(block);
                     node.heard.highlighted_at = Some(now);
                     node.heard.hear_gaze(now, GazeWord::Block, &[]);
                 }
-                None => node.common.faults.refuse("block_id", &format!("{:?} is no block", m.data)),
+                None => node.common.faults.refuse("block_id", &format!("{:?} is no object", m.data)),
             }
         })?,
         graph.listen_from(
-            "gaze_table_hit_location",
+            relative::GAZE_HIT,
             1,
             jobs,
             |node: &mut MethodNode, m: Vector3Stamped, caller| {
@@ -276,19 +275,14 @@ fn listen_to_others(graph: &RosGraph, jobs: &Jobs<MethodNode>) -> Result<Vec<Sub
             },
         )?,
         // The simulator judges the pose; here it only counts that it comes and moves.
-        graph.listen_from(
-            "Shoulderpad_filtered_pose",
-            1,
-            jobs,
-            |node: &mut MethodNode, m: PoseStamped, caller| {
-                let pose = convert::read_pose(&m.pose);
-                let Some(pose) = pose.ok().filter(|_| !node.common.is_preferred(caller)) else { return };
-                let repeats = node.heard.shoulder.replace(pose) == Some(pose);
-                node.heard.tracked = true;
-                let kind = if repeats { SignKind::Repeated } else { SignKind::Fresh };
-                node.heard.sign(InputSource::ShoulderTracker, kind);
-            },
-        )?,
+        graph.listen_from(relative::SHOULDER, 1, jobs, |node: &mut MethodNode, m: PoseStamped, caller| {
+            let pose = convert::read_pose(&m.pose);
+            let Some(pose) = pose.ok().filter(|_| !node.common.is_preferred(caller)) else { return };
+            let repeats = node.heard.shoulder.replace(pose) == Some(pose);
+            node.heard.tracked = true;
+            let kind = if repeats { SignKind::Repeated } else { SignKind::Fresh };
+            node.heard.sign(InputSource::ShoulderTracker, kind);
+        })?,
     ])
 }
 
@@ -304,10 +298,12 @@ impl MethodNode {
     /// What our EMG stage says. A change of gesture, and a message, act at once.
     fn decide(&mut self, tick: SimTime, output: EmgStageOutput) {
         // After a restart of the master a connection may be there twice, and every message come twice.
-        if output.decision.is_some()
-            && self.heard.decided.replace((tick, output.decision)) == Some((tick, output.decision))
-        {
-            return;
+        if output.decision.is_some() {
+            let decided = Some((tick, output.decision.clone()));
+            if self.heard.decided == decided {
+                return;
+            }
+            self.heard.decided = decided;
         }
         let acts = output.message.is_some() || output.gesture != self.heard.gesture.gesture;
         let kept = EmgStageOutput { message: None, decision: None, events: vec![], ..output.clone() };
@@ -324,9 +320,16 @@ impl MethodNode {
     fn command(&mut self, gesture: Gesture) {
         let decided_at = Some(self.common.now());
         let (confidence, effort) = (1.0, 1.0);
-        let message = Some(gesture);
-        self.heard.gesture =
-            EmgStageOutput { gesture, message, decided_at, confidence, effort, ..EmgStageOutput::default() };
+        let (message, recognised) = (Some(gesture), gesture.into());
+        self.heard.gesture = EmgStageOutput {
+            gesture,
+            recognised,
+            message,
+            decided_at,
+            confidence,
+            effort,
+            ..EmgStageOutput::default()
+        };
         for kind in [SignKind::Commands, SignKind::Alive] {
             self.heard.sign(InputSource::GestureTopic, kind);
         }

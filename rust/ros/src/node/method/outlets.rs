@@ -13,7 +13,9 @@ use crate::{
 };
 use proact_arm::ArmModel;
 use proact_control::HandCommand;
-use proact_types::{PlanRequest, Pose, SimTime};
+use proact_messages::original;
+use proact_messages::original::relative;
+use proact_types::{PlanRequest, Pose, Scene, SimTime};
 use rosrust::{Publisher, error::Result};
 
 /// The method's topics.
@@ -34,15 +36,15 @@ pub(super) struct Outlets {
 impl Outlets {
     pub(super) fn new(graph: &RosGraph) -> std::result::Result<Self, NodeError> {
         Ok(Self {
-            mode: graph.publish("mode", 1, true)?,
-            success: graph.publish("success", 1, false)?,
-            frozen: graph.publish("selection_frozen", 1, false)?,
-            current_block: graph.publish("current_block", 1, false)?,
-            place: graph.publish("place_location_selected", 1, false)?,
+            mode: graph.publish(relative::MODE, 1, true)?,
+            success: graph.publish(relative::SUCCESS, 1, false)?,
+            frozen: graph.publish(relative::SELECTION_FROZEN, 1, false)?,
+            current_block: graph.publish(relative::CURRENT_BLOCK, 1, false)?,
+            place: graph.publish(relative::PLACE_LOCATION, 1, false)?,
             view: graph.publish("proact/method", 1, false)?,
             command: graph.publish("proact/command", 100, false)?,
-            request: graph.publish("move_group/motion_plan_request", 1, false)?,
-            grasp: graph.publish("grasp/goal", 1, false)?,
+            request: graph.publish(relative::PLAN_REQUEST, 1, false)?,
+            grasp: graph.publish(relative::GRASP_GOAL, 1, false)?,
             goals: 0,
             told_mode: None,
         })
@@ -81,14 +83,15 @@ impl Outlets {
     }
 
     /// Tells what there is to see.
-    pub(super) fn show(&mut self, stamp: SimTime, view: &MethodShown) -> Result<()> {
-        let mode = view.mode.as_ref().map(|mode| mode.number);
+    pub(super) fn show(&mut self, stamp: SimTime, scene: &Scene, view: &MethodShown) -> Result<()> {
+        let mode = view.mode.as_ref().map(|mode| original::mode_number(mode.moves));
         if let Some(number) = mode.filter(|_| mode != self.told_mode) {
             self.told_mode = mode;
             self.mode.send(Int8 { data: number as i8 })?;
         }
-        if let Some(block) = view.target.block.filter(|_| view.hand.holds.is_none()) {
-            self.current_block.send(Text { data: block.ros_name().to_owned() })?;
+        let marked = view.target.object.filter(|_| view.hand.holds.is_none());
+        if let Some(object) = marked.and_then(|id| scene.objects.get(id.index())) {
+            self.current_block.send(Text { data: object.ros_name.clone() })?;
         }
         if let Some(place) = view.target.place {
             let pose = Pose::translation(place.x, place.y, place.z);

@@ -14,10 +14,10 @@ use crate::{
     node::{
         NodeError, RosGraph, convert,
         graph::Jobs,
-        outlets::ARM_MODEL,
         wire::{self, Asked},
     },
 };
+use proact_messages::original::{ARM_MODEL, relative};
 use proact_types::SimTime;
 use rosrust::Subscriber;
 
@@ -29,7 +29,7 @@ pub(super) fn listen(
     let mut all = Vec::new();
     let names: Vec<String> = node.robot.controllers.list().iter().map(|c| c.name().to_owned()).collect();
     for name in names {
-        let topic = format!("mpl_right_arm/{name}/command");
+        let topic = format!("{ARM_MODEL}/{name}/command");
         all.push(graph.listen_from(
             &topic,
             1,
@@ -43,7 +43,7 @@ pub(super) fn listen(
         )?);
     }
     for (k, name) in WITH_ACTION.into_iter().enumerate() {
-        let action = format!("mpl_right_arm/{name}/follow_joint_trajectory");
+        let action = format!("{ARM_MODEL}/{name}/follow_joint_trajectory");
         all.extend(Follow::listen(
             graph,
             &action,
@@ -62,13 +62,13 @@ pub(super) fn listen(
         },
         |node: &mut SimNode, id| node.grasp_cancel(&id),
     )?);
-    all.push(graph.listen("gazebo/set_link_state", 10, jobs, |node: &mut SimNode, link: LinkState| {
+    all.push(graph.listen(relative::SET_LINK_STATE, 10, jobs, |node: &mut SimNode, link: LinkState| {
         if let Err(reason) = node.set_link(&link) {
             node.faults.refuse("pose", &reason);
         }
     })?);
     all.push(graph.listen_from(
-        "Shoulderpad_filtered_pose",
+        relative::SHOULDER,
         1,
         jobs,
         |node: &mut SimNode, m: PoseStamped, caller| {
@@ -94,7 +94,7 @@ pub(super) fn listen(
     })?);
     all.push(graph.listen_from("proact/command", 100, jobs, |node: &mut SimNode, m: Command, caller| {
         node.prefer(caller);
-        match wire::read_command(&m, node.robot.model().arm_count()) {
+        match wire::read_command(&m, node.counts) {
             Ok(asked) if node.lockstep => {
                 node.command.take(SimTime(m.tick), asked);
             }

@@ -9,7 +9,7 @@ use proact_testbed::{
     ports::{Plant, PlantError},
     stages::{ActuationInput, ActuationOutput, ActuationStage, WorldInput, WorldOutput, WorldStage},
 };
-use proact_types::{EventKind, HandState, JointVector, PlantState, Pose, SimTime};
+use proact_types::{EventKind, HandState, JointVector, PlantState, Pose, Scene, SimTime};
 use std::sync::Arc;
 
 /// Makes the physics anew: at the start and for each reset.
@@ -38,6 +38,7 @@ pub(super) struct Robot {
     config: TrialConfig,
     model: Arc<ArmModel>,
     factory: PlantFactory,
+    scene: Scene,
     pub controllers: Controllers,
     actuation: ActuationStage,
     world: WorldStage,
@@ -55,13 +56,14 @@ impl Robot {
         config: TrialConfig,
         model: Arc<ArmModel>,
         factory: PlantFactory,
+        scene: Scene,
     ) -> Result<Self, TestbedError> {
         let plant = factory().map_err(|source| TestbedError::Plant { time: SimTime(0), source })?;
-        let actuation = ActuationStage::new(&config, &model)?;
+        let actuation = ActuationStage::new(&config, &model, &scene)?;
         let said = actuation.output();
         Ok(Self {
             controllers: Controllers::new(&model, &said.command.position),
-            world: WorldStage::new(&config, model.clone(), plant)?,
+            world: WorldStage::new(&config, model.clone(), &scene, plant)?,
             actuation,
             said,
             frozen: None,
@@ -71,6 +73,7 @@ impl Robot {
             config,
             model,
             factory,
+            scene,
         })
     }
 
@@ -113,8 +116,8 @@ impl Robot {
         let plant = (self.factory)().map_err(|source| TestbedError::Plant { time: SimTime(0), source })?;
         // The base is where the shoulder is, not where it was at the start.
         let base = self.said.command.world_from_base;
-        self.world = WorldStage::new(&self.config, self.model.clone(), plant)?;
-        self.actuation = ActuationStage::new(&self.config, &self.model)?;
+        self.world = WorldStage::new(&self.config, self.model.clone(), &self.scene, plant)?;
+        self.actuation = ActuationStage::new(&self.config, &self.model, &self.scene)?;
         self.said = self.actuation.output();
         self.controllers = Controllers::new(&self.model, &self.said.command.position);
         self.frozen = None;

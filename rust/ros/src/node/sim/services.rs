@@ -13,15 +13,16 @@ use crate::{
         geometry_msgs::Twist,
         std_srvs::{Empty, EmptyRes},
     },
-    node::{NodeError, RosGraph, graph::Jobs, outlets::ARM_MODEL},
+    node::{NodeError, RosGraph, graph::Jobs},
 };
-use proact_types::{BlockId, Pose, Vector};
+use proact_messages::original::{ARM_MODEL, relative};
+use proact_types::{Pose, Vector};
 use rosrust::Service;
 
 const STRICT: i32 = 2;
 
 pub(super) fn serve(graph: &RosGraph, jobs: &Jobs<SimNode>) -> Result<Vec<Service>, NodeError> {
-    let manager = |name: &str| format!("mpl_right_arm/controller_manager/{name}");
+    let manager = |name: &str| format!("{ARM_MODEL}/controller_manager/{name}");
     Ok(vec![
         graph.serve::<Empty, _>("gazebo/pause_physics", jobs, |node: &mut SimNode, _| {
             node.paused = true;
@@ -39,7 +40,7 @@ pub(super) fn serve(graph: &RosGraph, jobs: &Jobs<SimNode>) -> Result<Vec<Servic
         graph.serve::<GetModelState, _>("gazebo/get_model_state", jobs, |node: &mut SimNode, request| {
             Ok(node.model_state(&request))
         })?,
-        graph.serve::<SetLinkState, _>("gazebo/set_link_state", jobs, |node: &mut SimNode, request| {
+        graph.serve::<SetLinkState, _>(relative::SET_LINK_STATE, jobs, |node: &mut SimNode, request| {
             let done = node.set_link(&request.link_state);
             Ok(SetLinkStateRes { success: done.is_ok(), status_message: done.err().unwrap_or_default() })
         })?,
@@ -167,8 +168,9 @@ impl SimNode {
         if model == ARM_MODEL {
             return Some((state.world_from_base, Vector::zeros(), Vector::zeros()));
         }
-        let k = BlockId::ALL.iter().position(|id| id.ros_name() == model)?;
-        let body = &state.blocks[k];
+        let mut objects = self.judge.task().scene().objects.iter();
+        let k = objects.position(|object| object.ros_name == model)?;
+        let body = &state.objects[k];
         Some((body.pose, body.linear, body.angular))
     }
 

@@ -1,7 +1,8 @@
 //! What there is to see, of the method and of an instant as it is drawn, as messages and back.
 
 use super::{
-    Refused, events, exact_pose, finite, gaze, joints, maybe, none_or_one, place_of, placed, read_gaze, texts,
+    Counts, Refused, events, exact_pose, finite, gaze, joints, named, none_or_one, object_place, placed,
+    read_gaze, read_object, texts,
 };
 use crate::{
     frames::WORLD,
@@ -10,8 +11,8 @@ use crate::{
 };
 use proact_testbed::stages::MethodView;
 use proact_types::{
-    BlockId, DisplayFrame, GazeSample, Gesture, HandState, HandView, InputSource, JointVector, ModeView,
-    PlanStatus, PlannerView, Point, SimTime, Stop, StopCause, TargetView,
+    DisplayFrame, GazeSample, Gesture, GestureName, HandState, HandView, InputSource, JointVector, ModeView,
+    Moves, PlanStatus, PlannerView, Point, SimTime, Stop, StopCause, TargetView,
 };
 use serde::{Deserialize, Serialize};
 
@@ -20,8 +21,10 @@ use serde::{Deserialize, Serialize};
 pub struct MethodShown {
     /// Name of the method, such as `D`.
     pub method: String,
-    /// Gesture that it acts on.
+    /// Command that it acts on.
     pub gesture: Gesture,
+    /// The gesture that gives it, as the EMG model calls it.
+    pub recognised: GestureName,
     /// Probability of that gesture, 0 to 1.
     pub confidence: f64,
     /// How hard it is made, 0 to 1.
@@ -57,18 +60,18 @@ impl MethodShown {
 
 fn target(view: &TargetView) -> proact_msgs::Target {
     proact_msgs::Target {
-        block: place_of(view.block.map(BlockId::index)),
+        object: object_place(view.object),
         place: view.place.iter().map(convert::point).collect(),
         locked: view.locked,
         posterior: view.posterior.clone(),
     }
 }
 
-fn read_target(message: &proact_msgs::Target) -> Result<TargetView, Refused> {
+fn read_target(message: &proact_msgs::Target, objects: usize) -> Result<TargetView, Refused> {
     finite("the target's posterior", &message.posterior)?;
-    let (got, blocks) = (message.posterior.len(), BlockId::ALL.len());
-    if got != 0 && got != blocks {
-        return Err(format!("the target's posterior has {got} values, expected none or {blocks}"));
+    let got = message.posterior.len();
+    if got != 0 && got != objects {
+        return Err(format!("the target's posterior has {got} values, expected none or {objects}"));
     }
     let place = none_or_one("the target's place", &message.place)?;
     let place = place.map(|place| Point::new(place.x, place.y, place.z));
@@ -76,7 +79,7 @@ fn read_target(message: &proact_msgs::Target) -> Result<TargetView, Refused> {
         finite("the target's place", place.coords.as_slice())?;
     }
     Ok(TargetView {
-        block: maybe("the target's block", &BlockId::ALL, message.block)?,
+        object: read_object("the target's object", message.object, objects)?,
         place,
         locked: message.locked,
         posterior: message.posterior.clone(),
@@ -125,8 +128,14 @@ fn read_planner(message: &Planner) -> Result<PlannerView, Refused> {
 
 fn mode(view: &ModeView) -> proact_msgs::Mode {
     let [extension_does, flexion_does] = view.directions.clone();
+    let (kind, index) = match view.moves {
+        Moves::Joint(index) => (proact_msgs::Mode::JOINT, index),
+        Moves::Translation(index) => (proact_msgs::Mode::TRANSLATION, index),
+        Moves::Rotation(index) => (proact_msgs::Mode::ROTATION, index),
+    };
     proact_msgs::Mode {
-        number: view.number,
+        kind,
+        index,
         name: view.name.clone(),
         extension_does,
         flexion_does,
@@ -138,7 +147,12 @@ fn mode(view: &ModeView) -> proact_msgs::Mode {
 fn read_mode(message: &proact_msgs::Mode) -> Result<ModeView, Refused> {
     finite("the mode's next_in_secs", &message.next_in_secs)?;
     Ok(ModeView {
-        number: message.number,
+        moves: match message.kind {
+            proact_msgs::Mode::JOINT => Moves::Joint(message.index),
+            proact_msgs::Mode::TRANSLATION => Moves::Translation(message.index),
+            proact_msgs::Mode::ROTATION => Moves::Rotation(message.index),
+            other => return Err(format!("the mode's kind is {other}, expected 0 to 2")),
+        },
         name: message.name.clone(),
         directions: [message.extension_does.clone(), message.flexion_does.clone()],
         we_sign: message.extension_sign,
@@ -169,10 +183,11 @@ pub(super) fn method_view(shown: &MethodShown) -> proact_msgs::MethodView {
     proact_msgs::MethodView {
         method: shown.method.clone(),
         gesture: shown.gesture.index() as u8,
+        recognised: shown.recognised.to_string(),
         confidence: shown.confidence,
         effort: shown.effort,
         hand: shown.hand.state as u8,
-        holds: place_of(shown.hand.holds.map(BlockId::index)),
+        holds: object_place(shown.hand.holds),
         gaze: shown.gaze.iter().map(gaze).collect(),
         stop: shown.stop.iter().map(stop).collect(),
         target: target(&shown.target),
@@ -182,11 +197,12 @@ pub(super) fn method_view(shown: &MethodShown) -> proact_msgs::MethodView {
     }
 }
 
-/// What there was to see of the method of an arm of `arm` joints.
+/// What there was to see of the method.
 pub(super) fn read_method_view(
     message: &proact_msgs::MethodView,
-    arm: usize,
+    counts: Counts,
 ) -> Result<MethodShown, Refused> {
+    let Counts { arm, objects, .. } = counts;
     finite("the confidence", &[message.confidence])?;
     finite("the effort", &[message.effort])?;
     if !message.goal.is_empty() && message.goal.len() != arm {
@@ -195,15 +211,16 @@ pub(super) fn read_method_view(
     Ok(MethodShown {
         method: message.method.clone(),
         gesture: placed("gesture", &Gesture::ALL, usize::from(message.gesture))?,
+        recognised: named(&message.recognised)?,
         confidence: message.confidence,
         effort: message.effort,
         hand: HandView {
             state: placed("hand", &HandState::ALL, usize::from(message.hand))?,
-            holds: maybe("the block in the hand", &BlockId::ALL, message.holds)?,
+            holds: read_object("the object in the hand", message.holds, objects)?,
         },
         gaze: none_or_one("gaze", &message.gaze)?.map(read_gaze),
         stop: none_or_one("stop", &message.stop)?.map(read_stop).transpose()?,
-        target: read_target(&message.target)?,
+        target: read_target(&message.target, objects)?,
         planner: read_planner(&message.planner)?,
         mode: none_or_one("mode", &message.mode)?.map(read_mode).transpose()?,
         goal: (!message.goal.is_empty()).then(|| joints("goal", &message.goal)).transpose()?,
@@ -215,6 +232,7 @@ pub(in crate::node) fn frame(frame: &DisplayFrame) -> proact_msgs::Frame {
     let shown = MethodShown {
         method: frame.method.clone(),
         gesture: frame.gesture,
+        recognised: frame.recognised,
         confidence: frame.confidence,
         effort: frame.effort,
         hand: frame.hand,
@@ -233,29 +251,30 @@ pub(in crate::node) fn frame(frame: &DisplayFrame) -> proact_msgs::Frame {
         base: convert::pose(&frame.world_from_base),
         tip: convert::pose(&frame.world_from_tip),
         head: convert::pose(&frame.world_from_head),
-        blocks: frame.blocks.iter().map(convert::pose).collect(),
+        objects: frame.objects.iter().map(convert::pose).collect(),
         emg_source: frame.emg_source.clone(),
         time_left_secs: frame.time_left_secs,
-        next_block: place_of(frame.next_block.map(BlockId::index)),
-        on_target: frame.on_target,
+        next: object_place(frame.next),
+        score: frame.score,
         finished: frame.finished,
         events: texts(&frame.events),
+        contacts: texts(&frame.contacts),
+        feedback: texts(&frame.feedback),
     }
 }
 
-/// The instant as it was drawn, of an arm of `arm` joints with `moving` joints in all.
+/// The instant as it was drawn.
 pub(in crate::node) fn read_frame(
     message: &proact_msgs::Frame,
-    arm: usize,
-    moving: usize,
+    counts: Counts,
 ) -> Result<DisplayFrame, Refused> {
-    let shown = read_method_view(&message.view, arm)?;
+    let Counts { moving, objects, .. } = counts;
+    let shown = read_method_view(&message.view, counts)?;
     if message.joints.len() != moving {
         return Err(format!("joints has {} values, expected {moving}", message.joints.len()));
     }
-    let blocks = BlockId::ALL.len();
-    if message.blocks.len() != blocks {
-        return Err(format!("{} blocks, expected {blocks}", message.blocks.len()));
+    if message.objects.len() != objects {
+        return Err(format!("{} objects, expected {objects}", message.objects.len()));
     }
     finite("time_left_secs", &[message.time_left_secs])?;
     Ok(DisplayFrame {
@@ -265,7 +284,7 @@ pub(in crate::node) fn read_frame(
         world_from_base: exact_pose(&message.base)?,
         world_from_tip: exact_pose(&message.tip)?,
         world_from_head: exact_pose(&message.head)?,
-        blocks: message.blocks.iter().map(exact_pose).collect::<Result<_, _>>()?,
+        objects: message.objects.iter().map(exact_pose).collect::<Result<_, _>>()?,
         hand: shown.hand,
         gaze: shown.gaze,
         target: shown.target,
@@ -274,14 +293,17 @@ pub(in crate::node) fn read_frame(
         mode: shown.mode,
         stop: shown.stop,
         gesture: shown.gesture,
+        recognised: shown.recognised,
         confidence: shown.confidence,
         effort: shown.effort,
         emg_source: message.emg_source.clone(),
         time_left_secs: message.time_left_secs,
-        next_block: maybe("next_block", &BlockId::ALL, message.next_block)?,
-        on_target: message.on_target,
+        next: read_object("next", message.next, objects)?,
+        score: message.score,
         finished: message.finished,
         events: events(&message.events)?,
+        contacts: events(&message.contacts)?,
+        feedback: events(&message.feedback)?,
     })
 }
 

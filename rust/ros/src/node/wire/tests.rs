@@ -1,6 +1,9 @@
 use super::*;
 use proact_types::{StopCause, zeros};
 
+/// Arm and scene of these tests.
+const COUNTS: Counts = Counts { arm: 4, moving: 4, objects: 4 };
+
 pub(super) const AWKWARD: [f64; 4] = [0.1 + 0.2, -0.0, 5e-324, 1.0 / 3.0];
 
 /// Not of unit length in the last bits, as integration leaves it.
@@ -14,6 +17,10 @@ pub(super) fn bits(pose: &Pose) -> Vec<u64> {
     values.map(|value| value.to_bits()).collect()
 }
 
+fn set(objects: &[u16]) -> ObjectSet {
+    objects.iter().map(|object| ObjectId(*object)).collect()
+}
+
 fn instant() -> (PlantState, ActuationOutput, TaskState) {
     let body = BodyState { pose: pose(), linear: Vector::new(0.1, 0.2, 0.3), angular: Vector::z() };
     let world = PlantState {
@@ -22,7 +29,7 @@ fn instant() -> (PlantState, ActuationOutput, TaskState) {
         effort: zeros(4),
         world_from_base: pose(),
         base_held: true,
-        blocks: [body; 4].into_iter().collect(),
+        objects: [body; 4].into_iter().collect(),
         attached: Some((2, pose())),
         contacts: Default::default(),
     };
@@ -40,10 +47,11 @@ fn instant() -> (PlantState, ActuationOutput, TaskState) {
         events: vec![],
     };
     let task = TaskState {
-        last_released: Some(BlockColour::Blue),
-        pickable: [true, false, true, false],
-        next: Some(BlockId::ALL[3]),
-        on_target: 2,
+        candidates: set(&[0, 2]),
+        context: TaskContext { due: set(&[2, 3]), number: 1 },
+        context_at_grasp: TaskContext { due: set(&[0, 1]), number: 3 },
+        next: Some(ObjectId(3)),
+        score: 2,
         finished: false,
     };
     (world, actuation, task)
@@ -52,19 +60,21 @@ fn instant() -> (PlantState, ActuationOutput, TaskState) {
 #[test]
 fn a_state_comes_back_bit_for_bit_and_one_of_another_arm_or_not_finite_is_refused() {
     let (world, actuation, task) = instant();
-    let hand = HandView { state: HandState::Closing, holds: Some(BlockId::ALL[2]) };
+    let hand = HandView { state: HandState::Closing, holds: Some(ObjectId(2)) };
     let message = state(SimTime(7), SimTime(7), &world, hand, &actuation, &task);
-    let back = read_state(&message, 4).unwrap();
+    let back = read_state(&message, COUNTS).unwrap();
     assert_eq!((&back.world, &back.actuation, &back.task, back.hand), (&world, &actuation, &task, hand));
     assert_eq!(bits(&back.world.world_from_base), bits(&pose()));
-    assert_eq!(bits(&back.world.blocks[1].pose), bits(&pose()));
-    assert!(read_state(&message, 5).err().unwrap().contains("4 values, expected 5"));
+    assert_eq!(bits(&back.world.objects[1].pose), bits(&pose()));
+    assert!(
+        read_state(&message, Counts { moving: 5, ..COUNTS }).err().unwrap().contains("4 values, expected 5")
+    );
     let mut bad = message.clone();
     bad.twists[0].linear.x = f64::NAN;
-    assert!(read_state(&bad, 4).err().unwrap().contains("NaN"));
+    assert!(read_state(&bad, COUNTS).err().unwrap().contains("NaN"));
     bad = message.clone();
-    bad.blocks.pop();
-    assert!(read_state(&bad, 4).err().unwrap().contains("3 blocks"));
+    bad.objects.pop();
+    assert!(read_state(&bad, COUNTS).err().unwrap().contains("3 objects"));
 }
 
 #[test]
@@ -95,10 +105,11 @@ fn what_a_person_gives_comes_back_and_ragged_samples_are_refused() {
 #[test]
 fn decisions_intents_and_commands_come_back() {
     let decided = EmgOutput {
-        gesture: Gesture::WristFlexion,
+        gesture: "wave out".parse().unwrap(),
+        place: 3,
         published: true,
-        window_class: Gesture::HandClose,
-        posterior: [0.1, 0.2, 0.3, 0.4, 0.0],
+        window_class: Gesture::HandClose.into(),
+        posterior: [0.1, 0.2, 0.3, 0.4, 0.0, 0.0].into_iter().collect(),
         confidence: 0.4,
         class: None,
         effort: 1.0 / 3.0,
@@ -106,6 +117,7 @@ fn decisions_intents_and_commands_come_back() {
     };
     let said = EmgStageOutput {
         gesture: Gesture::WristFlexion,
+        recognised: "wave out".parse().unwrap(),
         decision: Some(decided),
         message: Some(Gesture::WristFlexion),
         decided_at: Some(SimTime(9)),
@@ -115,18 +127,34 @@ fn decisions_intents_and_commands_come_back() {
         armed: false,
         events: vec![EventKind::EmgGap { gaps: 1, unusable_samples: 0, rejected_windows: 2 }],
     };
-    assert_eq!(read_decision(&decision(SimTime(9), SimTime(9), &said)).unwrap(), said);
+    let mut message = decision(SimTime(9), SimTime(9), &said);
+    assert_eq!(read_decision(&message).unwrap(), said);
+    message.decided_place = 6;
+    assert!(read_decision(&message).unwrap_err().contains("6 values, expected more than 6"));
+    message.recognised.clear();
+    assert!(read_decision(&message).unwrap_err().contains("name of a gesture"));
 
     let meant = IntentOutput {
         heard: Some(GazeHeard::Repeated),
-        posterior: [0.7, 0.1, 0.1, 0.1],
-        highlight: Some(BlockId::ALL[1]),
+        posterior: vec![0.7, 0.1, 0.1, 0.1],
+        highlight: Some(ObjectId(1)),
         place: Point::new(0.1, 0.2, 0.3),
         gaze: None,
         seen_at: None,
         events: vec![EventKind::GazeUnusable],
     };
-    assert_eq!(read_intent(&intent(SimTime(9), SimTime(9), &meant)).unwrap(), meant);
+    let message = intent(SimTime(9), SimTime(9), &meant);
+    assert_eq!(read_intent(&message, 4).unwrap(), meant);
+    let another_scene = read_intent(&message, 3).unwrap_err();
+    assert_eq!(another_scene, "posterior has 4 values, expected 3");
+    let beyond = Intent { highlight: 4, ..message };
+    assert_eq!(read_intent(&beyond, 4).unwrap_err(), "highlight is 4, expected less than 4");
+    let none = IntentOutput { posterior: vec![], highlight: None, ..meant };
+    assert_eq!(
+        read_intent(&intent(SimTime(9), SimTime(9), &none), 4).unwrap(),
+        none,
+        "before the first gaze"
+    );
 
     let point = |time_secs| TrajectoryPoint { time_secs, q: proact_types::joints(&AWKWARD), qd: zeros(4) };
     let path = Trajectory { points: vec![point(0.0), point(0.1 + 0.2)] };
@@ -139,9 +167,9 @@ fn decisions_intents_and_commands_come_back() {
         let hand = Some(HandCommand::Close);
         let output = MethodOutput { motion: Some(motion.clone()), hand, ..MethodOutput::default() };
         let message = command(SimTime(9), SimTime(9), &output, 12, None, &[]);
-        let asked = read_command(&message, 4).unwrap();
+        let asked = read_command(&message, COUNTS).unwrap();
         assert_eq!((asked.motion, asked.number, asked.hand), (Some(motion.clone()), 12, hand));
-        let another_arm = read_command(&message, 3).is_err();
+        let another_arm = read_command(&message, Counts { arm: 3, ..COUNTS }).is_err();
         assert_eq!(another_arm, motion != MotionCommand::Hold);
     }
 }

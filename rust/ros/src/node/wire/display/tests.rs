@@ -7,17 +7,17 @@ use crate::{
     },
 };
 use proact_testbed::stages::MethodOutput;
-use proact_types::{Event, EventKind, Pose, Vector};
+use proact_types::{ContactView, Event, EventKind, ObjectId, Pose, Vector};
 use rosrust::RosMsg;
 
-const ARM: usize = 4;
-const MOVING: usize = 5;
+const COUNTS: Counts = Counts { arm: 4, moving: 5, objects: 4 };
 
 /// None of what may be missing.
 fn bare() -> MethodShown {
     MethodShown {
         method: "A".to_owned(),
         gesture: Gesture::NoMotion,
+        recognised: Gesture::NoMotion.into(),
         confidence: 1.0,
         effort: 0.0,
         hand: HandView::default(),
@@ -35,9 +35,10 @@ fn full() -> MethodShown {
     MethodShown {
         method: "outside".to_owned(),
         gesture: Gesture::WristFlexion,
+        recognised: Gesture::WristFlexion.into(),
         confidence: AWKWARD[0],
         effort: AWKWARD[1],
-        hand: HandView { state: HandState::Opening, holds: Some(BlockId::Blue2) },
+        hand: HandView { state: HandState::Opening, holds: Some(ObjectId(3)) },
         gaze: Some(GazeSample {
             origin: Point::new(AWKWARD[0], AWKWARD[1], AWKWARD[2]),
             direction: Vector::new(AWKWARD[3], -3.0, f64::MAX),
@@ -50,7 +51,7 @@ fn full() -> MethodShown {
             reason: "the eye is lost \"again\"\n".to_owned(),
         }),
         target: TargetView {
-            block: Some(BlockId::Red1),
+            object: Some(ObjectId(0)),
             place: Some(Point::new(AWKWARD[1], AWKWARD[2], AWKWARD[3])),
             locked: true,
             posterior: AWKWARD.to_vec(),
@@ -63,7 +64,13 @@ fn full() -> MethodShown {
 
 fn mode_view(next_in_secs: Option<f64>) -> ModeView {
     let directions = ["flexion".to_owned(), "extension".to_owned()];
-    ModeView { number: 12, name: "elbow flexion".to_owned(), directions, we_sign: -1, next_in_secs }
+    ModeView {
+        moves: proact_types::Moves::Rotation(2),
+        name: "elbow flexion".to_owned(),
+        directions,
+        we_sign: -1,
+        next_in_secs,
+    }
 }
 
 fn drawn(shown: MethodShown) -> DisplayFrame {
@@ -75,8 +82,9 @@ fn drawn(shown: MethodShown) -> DisplayFrame {
         world_from_base: pose(),
         world_from_tip: pose() * Pose::translation(0.1, 0.2, 0.3),
         world_from_head: pose(),
-        blocks: vec![pose(); 4],
+        objects: vec![pose(); 4],
         hand: shown.hand,
+        recognised: shown.recognised,
         gaze: shown.gaze,
         target: shown.target,
         planner: shown.planner,
@@ -88,10 +96,12 @@ fn drawn(shown: MethodShown) -> DisplayFrame {
         effort: shown.effort,
         emg_source: "synthetic".to_owned(),
         time_left_secs: AWKWARD[0],
-        next_block: Some(BlockId::Blue1),
-        on_target: 3,
+        next: Some(ObjectId(2)),
+        score: 3,
         finished: true,
         events: vec![Event { time: SimTime(9), kind }, Event { time: SimTime(16), kind: EventKind::Rearmed }],
+        contacts: vec![ContactView { link: "thumb".to_owned(), force: 1.25 }],
+        feedback: vec![],
     }
 }
 
@@ -105,7 +115,7 @@ fn sent<M: RosMsg>(message: &M) -> (M, Vec<u8>) {
 fn assert_view_comes_back(shown: &MethodShown) {
     let said = command(SimTime(9), SimTime(9), &MethodOutput::default(), 0, Some(shown), &[]);
     let (came, bytes) = sent(&said);
-    let back = read_command(&came, ARM).unwrap().shown.unwrap();
+    let back = read_command(&came, COUNTS).unwrap().shown.unwrap();
     assert_eq!(&back, shown);
     let again: Command = command(SimTime(9), SimTime(9), &MethodOutput::default(), 0, Some(&back), &[]);
     assert_eq!(sent(&again).1, bytes, "{shown:?}");
@@ -118,7 +128,7 @@ fn what_there_is_to_see_of_a_method_comes_back_bit_for_bit_with_and_without_its_
     }
     assert_view_comes_back(&MethodShown { mode: Some(mode_view(None)), ..bare() });
     let none = command(SimTime(9), SimTime(9), &MethodOutput::default(), 0, None, &[]);
-    assert_eq!(read_command(&none, ARM).unwrap().shown, None);
+    assert_eq!(read_command(&none, COUNTS).unwrap().shown, None);
 }
 
 #[test]
@@ -144,17 +154,17 @@ fn every_state_of_hand_and_planner_and_every_stop_come_back() {
 
 #[test]
 fn a_frame_comes_back_bit_for_bit_and_its_quaternions_are_not_made_unit() {
-    let plain = DisplayFrame { next_block: None, finished: false, events: vec![], ..drawn(bare()) };
+    let plain = DisplayFrame { next: None, finished: false, events: vec![], ..drawn(bare()) };
     for shown in [plain, drawn(full())] {
         let (came, bytes) = sent(&frame(&shown));
-        let back = read_frame(&came, ARM, MOVING).unwrap();
+        let back = read_frame(&came, COUNTS).unwrap();
         assert_eq!(back, shown);
         assert_eq!(sent(&frame(&back)).1, bytes);
         for (back, shown) in [
             (&back.world_from_base, &shown.world_from_base),
             (&back.world_from_tip, &shown.world_from_tip),
             (&back.world_from_head, &shown.world_from_head),
-            (&back.blocks[3], &shown.blocks[3]),
+            (&back.objects[3], &shown.objects[3]),
         ] {
             assert_eq!(bits(back), bits(shown));
             assert!((back.rotation.coords.norm() - 1.0).abs() > 1e-13, "the test asks for one that is off");
@@ -166,15 +176,21 @@ fn a_frame_comes_back_bit_for_bit_and_its_quaternions_are_not_made_unit() {
 fn refusal(spoil: impl FnOnce(&mut Frame)) -> String {
     let mut message = frame(&drawn(full()));
     spoil(&mut message);
-    read_frame(&message, ARM, MOVING).unwrap_err()
+    read_frame(&message, COUNTS).unwrap_err()
 }
 
 #[test]
 fn a_frame_of_another_arm_or_with_a_list_of_another_length_is_refused() {
     let message = frame(&drawn(full()));
-    assert_eq!(read_frame(&message, ARM, 27).unwrap_err(), "joints has 5 values, expected 27");
-    assert_eq!(read_frame(&message, 7, MOVING).unwrap_err(), "goal has 4 values, expected none or 7");
-    assert_eq!(refusal(|m| m.blocks.truncate(3)), "3 blocks, expected 4");
+    assert_eq!(
+        read_frame(&message, Counts { moving: 27, ..COUNTS }).unwrap_err(),
+        "joints has 5 values, expected 27"
+    );
+    assert_eq!(
+        read_frame(&message, Counts { arm: 7, ..COUNTS }).unwrap_err(),
+        "goal has 4 values, expected none or 7"
+    );
+    assert_eq!(refusal(|m| m.objects.truncate(3)), "3 objects, expected 4");
     let posterior = refusal(|m| m.view.target.posterior.truncate(1));
     assert_eq!(posterior, "the target's posterior has 1 values, expected none or 4");
     let twice = refusal(|m| m.view.stop.extend(m.view.stop.clone()));
@@ -188,10 +204,10 @@ fn a_frame_of_another_arm_or_with_a_list_of_another_length_is_refused() {
         assert!(sentence.ends_with("has 2 values, expected none or one"), "{sentence}");
     }
     let mut twice = Command { view: vec![message.view.clone(), message.view], ..Command::default() };
-    let refused = read_command(&twice, ARM).err().unwrap();
+    let refused = read_command(&twice, COUNTS).err().unwrap();
     assert_eq!(refused, "view has 2 values, expected none or one");
     twice.view.pop();
-    assert!(read_command(&twice, ARM).is_ok());
+    assert!(read_command(&twice, COUNTS).is_ok());
 }
 
 #[test]
@@ -199,9 +215,9 @@ fn a_frame_with_a_place_out_of_range_is_refused() {
     for (sentence, expected) in [
         (refusal(|m| m.view.gesture = 5), "gesture is 5, expected less than 5"),
         (refusal(|m| m.view.hand = 4), "hand is 4, expected less than 4"),
-        (refusal(|m| m.view.holds = 4), "the block in the hand is 4, expected less than 4"),
-        (refusal(|m| m.view.target.block = 4), "the target's block is 4, expected less than 4"),
-        (refusal(|m| m.next_block = 4), "next_block is 4, expected less than 4"),
+        (refusal(|m| m.view.holds = 4), "the object in the hand is 4, expected less than 4"),
+        (refusal(|m| m.view.target.object = 4), "the target's object is 4, expected less than 4"),
+        (refusal(|m| m.next = 4), "next is 4, expected less than 4"),
         (refusal(|m| m.view.stop[0].source = 7), "the stop's source is 7, expected less than 7"),
         (refusal(|m| m.view.stop[0].cause = 9), "the stop's cause is 9, expected less than 9"),
         (refusal(|m| m.view.planner.state = 5), "the planner's state is 5, expected 0 to 4"),
@@ -230,13 +246,13 @@ fn a_frame_with_a_number_that_is_not_finite_is_refused_and_a_gaze_may_hold_anyth
         (refusal(|m| m.base.position.x = f64::NAN), "a pose"),
         (refusal(|m| m.tip.orientation.w = f64::NAN), "a pose"),
         (refusal(|m| m.head.position.y = f64::NAN), "a pose"),
-        (refusal(|m| m.blocks[1].position.z = f64::NAN), "a pose"),
+        (refusal(|m| m.objects[1].position.z = f64::NAN), "a pose"),
     ] {
         assert_eq!(sentence, format!("{what} holds NaN, expected finite numbers"));
     }
     let mut blind = drawn(full());
     blind.gaze =
         Some(GazeSample { origin: Point::origin(), direction: Vector::z() * f64::NAN, valid: false });
-    let back = read_frame(&frame(&blind), ARM, MOVING).unwrap();
+    let back = read_frame(&frame(&blind), COUNTS).unwrap();
     assert!(back.gaze.unwrap().direction.z.is_nan());
 }

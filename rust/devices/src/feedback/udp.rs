@@ -1,15 +1,7 @@
+use super::FeedbackSink;
 use crate::DeviceError;
-use proact_testbed::FeedbackCue;
+use proact_types::FeedbackCue;
 use std::{io, net::UdpSocket};
-
-/// Something that makes cues heard or felt.
-pub trait FeedbackSink {
-    /// Begins a cue. Must not wait for its end.
-    ///
-    /// # Errors
-    /// If the device cannot be reached; the trial goes on without it.
-    fn begin(&mut self, cue: &FeedbackCue) -> Result<(), DeviceError>;
-}
 
 /// Cues as JSON datagrams, for a program that drives an actuator.
 #[derive(Debug)]
@@ -27,7 +19,6 @@ impl UdpFeedback {
         let failed = |source| DeviceError::Udp { address: target.to_owned(), source };
         let socket = UdpSocket::bind(("0.0.0.0", 0)).map_err(failed)?;
         socket.connect(target).map_err(failed)?;
-        socket.set_nonblocking(true).map_err(failed)?;
         Ok(UdpFeedback { socket, target: target.to_owned() })
     }
 }
@@ -50,8 +41,7 @@ impl FeedbackSink for UdpFeedback {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proact_testbed::stages::FeedbackStage;
-    use proact_types::{BlockId, Event, EventKind, SimTime};
+    use proact_types::{Cue, SimTime, Tone};
     use std::time::Duration;
 
     #[test]
@@ -59,8 +49,9 @@ mod tests {
         let listener = UdpSocket::bind("127.0.0.1:0").unwrap();
         listener.set_read_timeout(Some(Duration::from_secs(5))).unwrap();
         let mut sink = UdpFeedback::connect(&listener.local_addr().unwrap().to_string()).unwrap();
-        let kind = EventKind::BlockReleased { block: BlockId::Blue1 };
-        let cue = FeedbackStage.step(SimTime(1234), &[Event { time: SimTime(1234), kind }])[0];
+        let sound = Some(Tone { hz: [660.0, 440.0], ms: 150 });
+        let cue =
+            FeedbackCue { time: SimTime(1234), cue: Cue::ContactLost, digit: None, sound, vibration: None };
         sink.begin(&cue).unwrap();
         let mut bytes = [0; 512];
         let count = listener.recv(&mut bytes).unwrap();

@@ -1,0 +1,36 @@
+use proact_control::MethodRegistry;
+use proact_devices::{SINK_SCHEMES, SinkScheme, SourceRegistry};
+
+/// What a program offers to choose from: a laboratory's own is this with a line for each thing of its own.
+#[derive(Clone, Debug)]
+pub struct Registry {
+    /// Control methods.
+    pub methods: MethodRegistry,
+    /// Where EMG comes from.
+    pub sources: SourceRegistry,
+    /// Where cues go.
+    pub sinks: Vec<SinkScheme>,
+}
+
+impl Registry {
+    /// What ships with the program.
+    pub fn standard() -> Self {
+        Self {
+            methods: MethodRegistry::standard(),
+            sources: SourceRegistry::standard(),
+            sinks: SINK_SCHEMES.to_vec(),
+        }
+    }
+}
+
+impl Default for Registry {
+    fn default() -> Self {
+        Self::standard()
+    }
+}
+
+impl From<MethodRegistry> for Registry {
+    fn from(methods: MethodRegistry) -> Self {
+        Self { methods, ..Self::standard() }
+    }
+}

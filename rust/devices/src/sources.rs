@@ -1,0 +1,419 @@
+//! Where samples come from: the kinds of sources by their schemes, in one table.
+
+use crate::{
+    DeviceError, EmgOrigin, KeyboardSource, Pacing, PersonSource, PlaybackSource, Recordings, SampleSource,
+    gforce::{GForce, GForceOptions, TcpConnector},
+    read_recorded,
+};
+use std::{
+    fmt,
+    io::{IsTerminal, Read, stdin},
+    path::{Path, PathBuf},
+    process::{Command, Stdio},
+    str::FromStr,
+    time::Duration,
+};
+
+/// How long a simulated person takes from the prompt to the muscle.
+pub const REACTION: Duration = Duration::from_millis(250);
+
+/// How a source is opened.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SourceOptions {
+    /// Repetition that a folder of recordings plays and a simulated person makes.
+    pub rep: u32,
+    /// Files and simulated people as fast as they can be read.
+    pub flat_out: bool,
+    /// Bits of the armband's converter: 8 up to 1000 Hz, 12 up to 500 Hz.
+    pub bits: u8,
+    /// Bytes of the armband's packets.
+    pub packet_bytes: u8,
+    /// Seed of simulated people.
+    pub seed: u64,
+    /// Samples per second, Hz, if one is asked for: a whole number up to 1000.
+    pub rate_hz: Option<u16>,
+}
+
+impl Default for SourceOptions {
+    fn default() -> Self {
+        let GForceOptions { bits, packet_bytes, .. } = GForceOptions::default();
+        Self { rep: 2, flat_out: false, bits, packet_bytes, seed: 0, rate_hz: None }
+    }
+}
+
+impl SourceOptions {
+    /// The same at `rate`, Hz, if one is asked for.
+    ///
+    /// # Errors
+    /// [`DeviceError::Parameter`] for what is no whole number up to 1000.
+    pub fn at_rate(self, rate: Option<f64>) -> Result<Self, DeviceError> {
+        let rate_hz = match rate {
+            Some(rate) if (1.0..=1000.0).contains(&rate) && rate.fract() == 0.0 => Some(rate as u16),
+            Some(value) => {
+                let expected = "a whole number up to 1000";
+                return Err(DeviceError::Parameter { name: "--emg-rate", value, expected });
+            }
+            None => None,
+        };
+        Ok(Self { rate_hz, ..self })
+    }
+
+    fn armband(&self) -> GForceOptions {
+        let &Self { rate_hz, bits, packet_bytes, .. } = self;
+        GForceOptions { rate_hz, bits, packet_bytes, ..GForceOptions::default() }
+    }
+
+    fn pacing(&self) -> Pacing {
+        if self.flat_out { Pacing::FlatOut } else { Pacing::RealTime }
+    }
+
+    fn person(&self, origin: &EmgOrigin) -> Result<Box<dyn SampleSource>, DeviceError> {
+        Ok(Box::new(PersonSource::new(origin, self.pacing(), REACTION, self.seed)?))
+    }
+}
+
+/// A source as it is named: a scheme, and what follows a colon or `://`. Whether there is one of this scheme, its registry
+/// knows.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SourceName(String);
+
+impl SourceName {
+    fn parts(&self) -> (&str, &str) {
+        let text = self.0.as_str();
+        text.split_once("://").or_else(|| text.split_once(':')).unwrap_or((text, ""))
+    }
+
+    /// Such as `file`.
+    pub fn scheme(&self) -> &str {
+        self.parts().0
+    }
+
+    /// What follows the scheme; empty if nothing does.
+    pub fn address(&self) -> &str {
+        self.parts().1
+    }
+
+    /// The file or folder that is played, if the source is one.
+    pub fn file(&self) -> Option<&Path> {
+        (self.scheme() == "file").then(|| Path::new(self.address()))
+    }
+
+    /// The UDP port of LibEMG's classes, if they are the source.
+    pub fn classes_port(&self) -> Option<u16> {
+        (self.scheme() == CLASSES).then(|| self.address().parse().ok()).flatten()
+    }
+}
+
+impl fmt::Display for SourceName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl FromStr for SourceName {
+    type Err = std::convert::Infallible;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        Ok(Self(text.to_owned()))
+    }
+}
+
+/// What follows a scheme.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Address {
+    /// Nothing.
+    None,
+    /// Maybe something, such as `NAME`.
+    Optional(&'static str),
+    /// Something, such as `HOST:PORT`.
+    Needed(&'static str),
+}
+
+/// Opens a source at an address.
+pub type OpenSource = fn(&str, &SourceOptions) -> Result<Box<dyn SampleSource>, DeviceError>;
+
+/// A kind of source.
+#[derive(Clone, Copy, Debug)]
+pub struct SourceScheme {
+    /// What its name begins with, such as `ble`.
+    pub scheme: &'static str,
+    /// What follows a colon or `://`.
+    pub address: Address,
+    /// In a few words.
+    pub help: &'static str,
+    /// How it is opened.
+    pub open: OpenSource,
+}
+
+impl SourceScheme {
+    /// How it is named, such as `ble, ble:NAME`.
+    pub fn form(&self) -> String {
+        let scheme = self.scheme;
+        match self.address {
+            Address::None => scheme.to_owned(),
+            Address::Optional(what) => format!("{scheme}, {scheme}:{what}"),
+            Address::Needed(what) if what.contains(':') => format!("{scheme}://{what}"),
+            Address::Needed(what) => format!("{scheme}:{what}"),
+        }
+    }
+}
+
+/// LibEMG's classes, which are no samples.
+const CLASSES: &str = "libemg-udp";
+
+/// The kinds of sources that there are: a value, which every command that takes a stream is given.
+#[derive(Clone, Debug)]
+pub struct SourceRegistry {
+    schemes: Vec<SourceScheme>,
+}
+
+impl SourceRegistry {
+    /// Those that ship with the program. This is the one place to add another.
+    pub fn standard() -> Self {
+        let scheme = |scheme, address, help, open| SourceScheme { scheme, address, help, open };
+        Self {
+            schemes: vec![
+                scheme(
+                    "gforce-sim",
+                    Address::Needed("HOST:PORT"),
+                    "the gForce armband's simulator",
+                    |address, options| {
+                        Ok(Box::new(GForce::open(Box::new(TcpConnector::new(address)), options.armband())?))
+                    },
+                ),
+                scheme("ble", Address::Optional("NAME"), "a gForce armband over Bluetooth", open_ble),
+                scheme("lsl", Address::Optional("NAME"), "a stream of the lab streaming layer", open_lsl),
+                scheme(
+                    "file",
+                    Address::Needed("PATH"),
+                    "a folder of recordings, or one .csv or .edf file, as if live",
+                    play,
+                ),
+                scheme(
+                    "synthetic",
+                    Address::None,
+                    "a simulated person who makes what is prompted, with generated EMG",
+                    |_, options| options.person(&EmgOrigin::Synthetic),
+                ),
+                scheme(
+                    "person",
+                    Address::Needed("FOLDER"),
+                    "a simulated person with the EMG of a folder of recordings",
+                    person_of_recordings,
+                ),
+                scheme(
+                    "keys",
+                    Address::None,
+                    "keys of the terminal: W wrist extension, S wrist flexion, A hand close, D hand open, space relaxes",
+                    |_, options| Ok(Box::new(KeyboardSource::new(RawKeys::new(), options.seed)?)),
+                ),
+                scheme(CLASSES, Address::Needed("PORT"), "LibEMG's classes, for emg stream", |address, _| {
+                    let reason = match address.parse::<u16>() {
+                        Ok(_) => "LibEMG sends classes, not samples",
+                        Err(_) => "expected a UDP port up to 65535",
+                    };
+                    Err(unusable(&format!("{CLASSES}:{address}"), reason))
+                }),
+            ],
+        }
+    }
+
+    /// The same with one more.
+    ///
+    /// # Errors
+    /// [`DeviceError::Source`] if there is one of its name.
+    pub fn with(mut self, scheme: SourceScheme) -> Result<Self, DeviceError> {
+        if self.schemes.iter().any(|known| known.scheme == scheme.scheme) {
+            return Err(unusable(scheme.scheme, "there is one of this name: give yours another"));
+        }
+        self.schemes.push(scheme);
+        Ok(self)
+    }
+
+    /// All of them, in their order.
+    pub fn schemes(&self) -> &[SourceScheme] {
+        &self.schemes
+    }
+
+    /// How they are named, in one line.
+    pub fn forms(&self) -> String {
+        self.schemes.iter().map(SourceScheme::form).collect::<Vec<_>>().join(", ")
+    }
+
+    /// The kind of the source called `name`.
+    ///
+    /// # Errors
+    /// [`DeviceError::UnknownSource`] with those that there are; an address where none belongs, or none where one does.
+    pub fn find(&self, name: &SourceName) -> Result<&SourceScheme, DeviceError> {
+        let fits = |scheme: &&SourceScheme| {
+            scheme.scheme == name.scheme()
+                && match scheme.address {
+                    Address::None => name.address().is_empty(),
+                    Address::Optional(_) => true,
+                    Address::Needed(_) => !name.address().is_empty(),
+                }
+        };
+        let found = self.schemes.iter().find(fits);
+        found.ok_or_else(|| DeviceError::UnknownSource { got: name.to_string(), known: self.forms() })
+    }
+
+    /// Opens the source called `name`.
+    ///
+    /// # Errors
+    /// As [`SourceRegistry::find`]; what the source says.
+    pub fn open(
+        &self,
+        name: &SourceName,
+        options: &SourceOptions,
+    ) -> Result<Box<dyn SampleSource>, DeviceError> {
+        (self.find(name)?.open)(name.address(), options)
+    }
+}
+
+impl Default for SourceRegistry {
+    fn default() -> Self {
+        Self::standard()
+    }
+}
+
+fn unusable(name: &str, reason: &str) -> DeviceError {
+    DeviceError::Source { name: name.to_owned(), reason: reason.to_owned() }
+}
+
+/// Files are played in packets as long as the armband's.
+fn packet_of(rate_hz: f64) -> usize {
+    ((rate_hz * 0.016).round() as usize).max(1)
+}
+
+fn play(path: &str, options: &SourceOptions) -> Result<Box<dyn SampleSource>, DeviceError> {
+    let (path, pacing) = (Path::new(path), options.pacing());
+    if path.is_file() {
+        let recorded = read_recorded(path)?;
+        let (name, rate) = (path.display().to_string(), recorded.rate_hz);
+        return Ok(Box::new(PlaybackSource::new(&name, recorded.samples, rate, packet_of(rate), pacing)?));
+    }
+    let recordings = Recordings::open(path, options.rate_hz.map(f64::from))?;
+    let (gestures, packet) = (recordings.gestures(), packet_of(recordings.rate_hz));
+    Ok(Box::new(PlaybackSource::of_recordings(&recordings, options.rep, &gestures, packet, pacing)?))
+}
+
+fn person_of_recordings(dir: &str, options: &SourceOptions) -> Result<Box<dyn SampleSource>, DeviceError> {
+    let recordings = Recordings::open(Path::new(dir), options.rate_hz.map(f64::from))?;
+    options.person(&EmgOrigin::Recording {
+        dir: PathBuf::from(dir),
+        rate_hz: recordings.rate_hz,
+        // The classifier that comes with it is not used; any repetition will do.
+        train_reps: vec![options.rep],
+        feed_reps: vec![options.rep],
+        fill: true,
+    })
+}
+
+#[cfg(feature = "ble")]
+fn open_ble(name: &str, options: &SourceOptions) -> Result<Box<dyn SampleSource>, DeviceError> {
+    let connector = crate::gforce::BleConnector::new(name).map_err(crate::gforce::GForceError::from)?;
+    Ok(Box::new(GForce::open(Box::new(connector), options.armband())?))
+}
+
+#[cfg(not(feature = "ble"))]
+fn open_ble(_name: &str, _options: &SourceOptions) -> Result<Box<dyn SampleSource>, DeviceError> {
+    Err(unusable(
+        "ble",
+        "this proact was built without Bluetooth; set PROACT_FEATURES=ble for ./proact, or install libdbus-1-dev and \
+         build with --features ble",
+    ))
+}
+
+#[cfg(feature = "lsl")]
+fn open_lsl(name: &str, _options: &SourceOptions) -> Result<Box<dyn SampleSource>, DeviceError> {
+    Ok(Box::new(crate::LslSource::open(Some(name).filter(|name| !name.is_empty()))?))
+}
+
+#[cfg(not(feature = "lsl"))]
+fn open_lsl(_name: &str, _options: &SourceOptions) -> Result<Box<dyn SampleSource>, DeviceError> {
+    Err(unusable("lsl", crate::NO_LSL))
+}
+
+/// Standard input, key by key where it is a terminal; the terminal is put right again in the end.
+struct RawKeys {
+    terminal: bool,
+}
+
+impl RawKeys {
+    fn new() -> RawKeys {
+        let terminal = stdin().is_terminal() && stty(&["-icanon", "-echo"]);
+        RawKeys { terminal }
+    }
+}
+
+/// Without it a key needs Enter after it, which is no reason to stop.
+fn stty(words: &[&str]) -> bool {
+    let command = Command::new("stty").args(words).stdin(Stdio::inherit()).status();
+    command.is_ok_and(|status| status.success())
+}
+
+impl Read for RawKeys {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        stdin().read(buffer)
+    }
+}
+
+impl Drop for RawKeys {
+    fn drop(&mut self) {
+        if self.terminal {
+            stty(&["icanon", "echo"]);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sources_are_told_by_their_names() {
+        let registry = SourceRegistry::standard();
+        for (text, scheme, address) in [
+            ("gforce-sim://127.0.0.1:7410", "gforce-sim", "127.0.0.1:7410"),
+            ("ble", "ble", ""),
+            ("ble:gForce", "ble", "gForce"),
+            ("lsl", "lsl", ""),
+            ("lsl:my band", "lsl", "my band"),
+            ("file:/a:b", "file", "/a:b"),
+            ("person:recordings", "person", "recordings"),
+            ("synthetic", "synthetic", ""),
+            ("keys", "keys", ""),
+            ("libemg-udp:12346", "libemg-udp", "12346"),
+        ] {
+            let Ok(name) = text.parse::<SourceName>();
+            assert_eq!((registry.find(&name).unwrap().scheme, name.address()), (scheme, address), "{text}");
+        }
+        for wrong in ["", "file:", "person:", "keys:x", "libemg-udp:", "usb", "gforce-sim"] {
+            let Ok(name) = wrong.parse::<SourceName>();
+            let error = registry.find(&name).err().unwrap().to_string();
+            assert!(
+                error.contains("expected one of gforce-sim://HOST:PORT, ble, ble:NAME, "),
+                "{wrong:?}: {error}"
+            );
+        }
+        let Ok(name) = "libemg-udp:70000".parse::<SourceName>();
+        assert_eq!(name.classes_port(), None);
+        let error = registry.open(&name, &SourceOptions::default()).err().unwrap().to_string();
+        assert!(error.contains("up to 65535"), "{error}");
+    }
+
+    #[test]
+    fn a_laboratory_adds_a_kind_of_its_own_and_a_name_is_given_once() {
+        fn open(address: &str, options: &SourceOptions) -> Result<Box<dyn SampleSource>, DeviceError> {
+            assert_eq!(address, "left");
+            options.person(&EmgOrigin::Synthetic)
+        }
+        let mine = SourceScheme { scheme: "myband", address: Address::Needed("ARM"), help: "our own", open };
+        let registry = SourceRegistry::standard().with(mine).unwrap();
+        let Ok(name) = "myband:left".parse::<SourceName>();
+        assert_eq!(registry.open(&name, &SourceOptions::default()).unwrap().info().channels, 8);
+        assert!(registry.forms().ends_with("myband:ARM"), "{}", registry.forms());
+        let error = registry.with(mine).err().unwrap().to_string();
+        assert!(error.contains("myband") && error.contains("give yours another"), "{error}");
+    }
+}

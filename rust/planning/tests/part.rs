@@ -1,0 +1,142 @@
+//! Plans for part of an arm, and picks of small cubes by a hand that closes in one direction.
+
+#![allow(missing_docs)]
+#![allow(clippy::unwrap_used)]
+
+use proact_arm::{ArmModel, Chain};
+use proact_kinematics::Kinematics;
+use proact_planning::{ArmPlanner, PlannerOptions};
+use proact_types::{
+    JointVector, ObjectId, Obstacle, PlanGoal, PlanReply, PlanRequest, PlanStatus, Point, Pose, Shape,
+    Vector, joints,
+};
+use std::sync::Arc;
+
+const TABLE: f64 = 1.015;
+/// Joints of the limb that is left above and below the elbow.
+const ABOVE: [usize; 3] = [0, 1, 2];
+const BELOW: [usize; 4] = [0, 1, 2, 3];
+
+fn model() -> Arc<ArmModel> {
+    Arc::new(proact_description::mpl_right_arm())
+}
+
+fn planner(model: &Arc<ArmModel>) -> ArmPlanner {
+    let kinematics = Box::new(Kinematics::new(model).unwrap());
+    ArmPlanner::new(model.clone(), kinematics, PlannerOptions::default()).unwrap()
+}
+
+/// A pick of `shape`, which stands on a bare table, turned by `yaw`.
+fn pick(model: &ArmModel, shape: Shape, yaw: f64, start: JointVector) -> PlanRequest {
+    let at = Vector::new(-0.058, -0.092, TABLE + shape.half_height());
+    let table = Pose::translation(0.0, 0.0, TABLE - 0.015);
+    let pose = Pose::translation(at.x, at.y, at.z) * Pose::rotation(Vector::z() * yaw);
+    let obstacle = |name: &str, shape, pose| Obstacle { name: name.to_owned(), shape, pose };
+    let open = model.pose("hand", &model.grasp_for(shape.grip_width()).open_pose).unwrap();
+    PlanRequest {
+        id: 1,
+        world_from_base: Pose::translation(-0.39, 0.12, 1.5),
+        start,
+        hand: joints(open),
+        goal: PlanGoal::Pick { object: ObjectId(0), centre: Point::from(at) },
+        picked: Some("thing".to_owned()),
+        obstacles: vec![
+            obstacle("table", Shape::Box { size: [0.31, 0.61, 0.03] }, table),
+            obstacle("thing", shape, pose),
+        ],
+        attached: None,
+        held: Vec::new(),
+        seed: 7,
+    }
+}
+
+const BLOCK: Shape = Shape::Cylinder { radius: 0.025, length: 0.05 };
+
+fn start(model: &ArmModel) -> JointVector {
+    joints(model.pose("arm", "start").unwrap())
+}
+
+fn end(reply: &PlanReply) -> JointVector {
+    reply.trajectory.points.last().unwrap().q.clone()
+}
+
+fn tip(model: &ArmModel, request: &PlanRequest, q: &[f64]) -> Pose {
+    request.world_from_base * Chain::new(model).forward(q)
+}
+
+/// A pick of the block for the part of the arm that is left with `held`: the limb is where it is when a whole arm has
+/// gripped, and the joint after it is bent by so much that the hand is higher.
+fn part_of_a_pick(model: &Arc<ArmModel>, held: &[usize], bend: f64) -> PlanRequest {
+    let whole = pick(model, BLOCK, 0.0, start(model));
+    let reply = planner(model).solve(&whole);
+    assert_eq!(reply.status, PlanStatus::Ok, "{}", reply.reason);
+    let bent = |by: f64| {
+        let mut q = end(&reply);
+        q[held.len()] += by;
+        q
+    };
+    let height = |q: &JointVector| tip(model, &whole, q).translation.z;
+    let [up, down] = [bent(bend), bent(-bend)];
+    let start = if height(&up) > height(&down) { up } else { down };
+    PlanRequest { start, held: held.to_vec(), ..whole }
+}
+
+#[test]
+fn the_joints_of_the_limb_stay_and_the_others_bring_the_hand_to_the_block() {
+    let model = model();
+    for (held, bend) in [(&ABOVE[..], 0.12), (&BELOW, 0.08)] {
+        let request = part_of_a_pick(&model, held, bend);
+        let reply = planner(&model).solve(&request);
+        // With three joints the hand may come no nearer than the table lets it, which is then said.
+        let whole = reply.status == PlanStatus::Ok;
+        assert!(
+            whole || (held == BELOW && reply.status == PlanStatus::Intermediate),
+            "{held:?}: {}",
+            reply.reason
+        );
+        assert_eq!(whole, reply.reason.is_empty());
+        for point in &reply.trajectory.points {
+            for &joint in held {
+                assert_eq!((point.q[joint], point.qd[joint]), (request.start[joint], 0.0));
+            }
+        }
+        let PlanGoal::Pick { centre, .. } = request.goal else { unreachable!() };
+        let tip = tip(&model, &request, &end(&reply));
+        let off = (tip * Point::from(model.grasp_of(&request).centre) - centre).norm();
+        assert!(!whole || off < 0.0121, "the grasp centre is {off} m off, {held:?}");
+        assert_eq!(planner(&model).solve(&request), reply, "the same request, the same plan");
+    }
+}
+
+#[test]
+fn what_part_of_an_arm_does_not_reach_is_said_and_so_are_joints_that_there_are_not() {
+    let model = model();
+    let far = PlanRequest { held: BELOW.to_vec(), ..pick(&model, BLOCK, 0.0, start(&model)) };
+    let reply = planner(&model).solve(&far);
+    assert!(!matches!(reply.status, PlanStatus::Ok | PlanStatus::Invalid), "{reply:?}");
+    assert!(!reply.reason.is_empty());
+    for (held, words) in [(vec![9], "[9] of 7 angles"), ((0..7).collect(), "nothing to plan")] {
+        let reply = planner(&model).solve(&PlanRequest { held, ..far.clone() });
+        assert_eq!(reply.status, PlanStatus::Invalid);
+        assert!(reply.reason.contains(words), "{}", reply.reason);
+    }
+}
+
+#[test]
+fn a_cube_is_gripped_by_two_faces_however_it_stands() {
+    let model = model();
+    let cube = Shape::Box { size: [0.025; 3] };
+    for yaw in [0.0, 0.4, 0.8, 1.2] {
+        let request = pick(&model, cube, yaw, start(&model));
+        let reply = planner(&model).solve(&request);
+        assert_eq!((reply.status, reply.reason.as_str()), (PlanStatus::Ok, ""), "turned by {yaw}");
+        let grasp = model.grasp_of(&request);
+        let tip = tip(&model, &request, &end(&reply));
+        let PlanGoal::Pick { centre, .. } = request.goal else { unreachable!() };
+        assert!((tip * Point::from(grasp.centre) - centre).norm() < 1e-4);
+        let closing = tip.rotation * grasp.closing.unwrap();
+        let off = (closing.y.atan2(closing.x) - yaw).rem_euclid(std::f64::consts::FRAC_PI_2);
+        let off = off.min(std::f64::consts::FRAC_PI_2 - off);
+        assert!(off < 0.03, "the digits close {off} rad off a face, the cube turned by {yaw}");
+    }
+}

@@ -1,0 +1,134 @@
+use crate::{Arrangement, ModifiedBbt, Task, TaskError, TaskFile};
+use serde::{Deserialize, Serialize};
+
+/// The tasks that ship with the program: name, and one line about each.
+pub const SHIPPED: [(&str, &str); 3] = [
+    (ModifiedBbt::NAME, "four blocks, each to its target, in order (paper)"),
+    ("targeted_bbt", "sixteen cubes of 25 mm to their mirrored places, in order, timed"),
+    ("bbt", "as many cubes of 25 mm over the partition as possible in a minute"),
+];
+
+/// The task of a trial unless another one is asked for.
+pub const DEFAULT_TASK: &str = ModifiedBbt::NAME;
+
+const TARGETED_BBT: &str = include_str!("../data/targeted_bbt.toml");
+const BBT: &str = include_str!("../data/bbt.toml");
+
+/// Which task, as a configuration says it: one that ships with the program, or a lab's own with its text.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TaskChoice {
+    /// By which it is found, or which its text has.
+    pub name: String,
+    /// BLAKE3 of its content, 64 hexadecimal digits; none before the trial is put together.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub hash: Option<String>,
+    /// Where the blocks of the modified test stand at the start: red 1, red 2, blue 1, blue 2 in FL, FM, NL, NM.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub arrangement: Option<Arrangement>,
+    /// The text of a lab's own task.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub text: Option<String>,
+}
+
+impl TaskChoice {
+    /// The task called `name` of those that ship with the program; `seed` chooses what it leaves to chance.
+    ///
+    /// # Errors
+    /// [`TaskError::Unknown`] with those that there are.
+    pub fn named(name: &str, seed: u64) -> Result<Self, TaskError> {
+        if !SHIPPED.iter().any(|(known, _)| *known == name) {
+            return Err(TaskError::Unknown { got: name.to_owned(), known: Self::known() });
+        }
+        let arrangement = (name == ModifiedBbt::NAME).then(|| Arrangement::by_seed(seed));
+        Ok(Self { name: name.to_owned(), hash: None, arrangement, text: None })
+    }
+
+    /// A lab's own task.
+    ///
+    /// # Errors
+    /// [`TaskError`]: a text that is no task, or a task that cannot be.
+    pub fn from_text(text: String) -> Result<Self, TaskError> {
+        let file = TaskFile::read(&text)?;
+        if SHIPPED.iter().any(|(known, _)| *known == file.name) {
+            let reason = format!("{:?} ships with the program; expected a name of its own", file.name);
+            return Err(TaskError::Rule { key: "name", reason });
+        }
+        file.build(false)?;
+        Ok(Self { name: file.name, hash: None, arrangement: None, text: Some(text) })
+    }
+
+    /// Another arrangement, such as `FL,NM,NL,FM`.
+    ///
+    /// # Errors
+    /// [`TaskError`]: a text that is none, or a task that has none.
+    pub fn arrange(&mut self, arrangement: &str) -> Result<(), TaskError> {
+        self.arrangement = Some(arrangement.parse()?);
+        self.build(false).map(|_| ())
+    }
+
+    /// Names of the tasks that ship with the program.
+    pub fn known() -> String {
+        SHIPPED.map(|(name, _)| name).join(", ")
+    }
+
+    /// The file of the task as it is without options: what a record is compared with.
+    ///
+    /// # Errors
+    /// [`TaskError`].
+    pub fn content(&self) -> Result<TaskFile, TaskError> {
+        let first = Arrangement::numbered(1)?;
+        match (&self.text, &*self.name) {
+            (Some(text), _) => {
+                let file = TaskFile::read(text)?;
+                if file.name != self.name {
+                    let reason = format!("{:?} in the text, {:?} in the configuration", file.name, self.name);
+                    return Err(TaskError::Rule { key: "name", reason });
+                }
+                Ok(file)
+            }
+            (None, ModifiedBbt::NAME) => ModifiedBbt::file(first),
+            (None, "targeted_bbt") => TaskFile::read(TARGETED_BBT),
+            (None, "bbt") => TaskFile::read(BBT),
+            (None, other) => Err(TaskError::Unknown { got: other.to_owned(), known: Self::known() }),
+        }
+    }
+
+    /// The task; `left`: mirrored, for the left hand.
+    ///
+    /// # Errors
+    /// [`TaskError`]: no such task, a text that is none, an option that the task does not have.
+    pub fn build(&self, left: bool) -> Result<Box<dyn Task>, TaskError> {
+        self.build_within(left, None)
+    }
+
+    /// [`TaskChoice::build`] with another limit of the trial, seconds.
+    ///
+    /// # Errors
+    /// As [`TaskChoice::build`], and for a limit that is none.
+    pub fn build_within(&self, left: bool, limit_secs: Option<f64>) -> Result<Box<dyn Task>, TaskError> {
+        let modified = self.text.is_none() && self.name == ModifiedBbt::NAME;
+        let limit = |mut file: TaskFile| {
+            file.briefing.limit_secs = limit_secs.unwrap_or(file.briefing.limit_secs);
+            file
+        };
+        if modified {
+            let arrangement = self.arrangement.map_or_else(|| Arrangement::numbered(1), Ok)?;
+            let file = limit(ModifiedBbt::file(arrangement)?);
+            return Ok(Box::new(ModifiedBbt::new(&file, arrangement, left)?));
+        }
+        if let Some(arrangement) = &self.arrangement {
+            let (task, got) = (self.name.clone(), format!("arrangement = {arrangement}"));
+            return Err(TaskError::Option { task, got, known: "no arrangement: that is modified_bbt's" });
+        }
+        limit(self.content()?).build(left)
+    }
+
+    /// Seconds after which a trial ends unless it is told otherwise.
+    ///
+    /// # Errors
+    /// As [`TaskChoice::content`].
+    pub fn limit_secs(&self) -> Result<f64, TaskError> {
+        Ok(self.content()?.briefing.limit_secs)
+    }
+}

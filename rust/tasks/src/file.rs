@@ -1,0 +1,209 @@
+use crate::{Across, ArrangementError, SceneFile, Targets, Task};
+use proact_types::{Briefing, Destination, ObjectId, Order, Scene};
+use serde::{Deserialize, Serialize};
+
+/// Why there is no task.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum TaskError {
+    /// Neither a task that ships with the program nor a file.
+    #[error("task {got:?} is unknown; expected {known}, or a TOML file that describes one")]
+    Unknown {
+        /// What was asked for.
+        got: String,
+        /// What there is.
+        known: String,
+    },
+    /// The text is not a task.
+    #[error("the task is unreadable: {0}")]
+    Text(String),
+    /// The scene cannot be.
+    #[error("the task's scene: {0}")]
+    Scene(String),
+    /// The rules cannot be.
+    #[error("the task's {key}: {reason}")]
+    Rule {
+        /// Such as `order`.
+        key: &'static str,
+        /// What was got and expected.
+        reason: String,
+    },
+    /// An option that the task does not have.
+    #[error("task {task:?} has no option {got:?}; expected {known}")]
+    Option {
+        /// The task's name.
+        task: String,
+        /// What was given.
+        got: String,
+        /// What there is.
+        known: &'static str,
+    },
+    /// The arrangement of the modified box-and-blocks test.
+    #[error(transparent)]
+    Arrangement(#[from] ArrangementError),
+}
+
+/// By which rules a task counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Rules {
+    /// Objects that rest on their targets: [`Targets`].
+    Targets,
+    /// Objects whose carrier's fingertips crossed the partition: [`Across`].
+    Across,
+}
+
+/// What tells which object is due, for the prior of method D.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Due {
+    /// Nothing: any object may be.
+    #[default]
+    Any,
+    /// The next one of the order.
+    Next,
+    /// Those of another colour than the one released last; before that, those of the first of the order (paper).
+    OtherColour,
+}
+
+/// A task as text (TOML). Docs: `docs/extending.md`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TaskFile {
+    /// By which it is called in configurations and results.
+    pub name: String,
+    /// How it counts.
+    pub rules: Rules,
+    /// What tells which object is due.
+    #[serde(default)]
+    pub due: Due,
+    /// The prescribed order, by name; that of the scene where it is empty.
+    #[serde(default)]
+    pub order: Vec<String>,
+    /// What a person is told.
+    pub briefing: Briefing,
+    /// What stands where.
+    pub scene: SceneFile,
+}
+
+/// What all objects of a kind have in common, an object's own keys, and a grid's.
+const OF_KIND: [&str; 6] = ["colour", "shape", "mass", "friction", "friction_finger", "target_radius"];
+const OF_OBJECT: [&str; 5] = ["name", "label", "ros_name", "at", "target"];
+const OF_GRID: [&str; 5] = ["name", "count", "pitch", "middle", "mirrored_targets"];
+
+/// Objects and grids share keys, which are read from within them: so that unknown ones are refused here.
+fn check_keys(text: &str) -> Result<(), TaskError> {
+    // What is no TOML is told with its line by who reads it.
+    let Ok(table) = toml::from_str::<toml::Table>(text) else { return Ok(()) };
+    for (list, own) in [("objects", OF_OBJECT), ("grids", OF_GRID)] {
+        let entries = table.get("scene").and_then(|scene| scene.get(list)).and_then(toml::Value::as_array);
+        for entry in entries.into_iter().flatten().filter_map(toml::Value::as_table) {
+            let known = || OF_KIND.iter().chain(&own);
+            if let Some(key) = entry.keys().find(|key| !known().any(|known| known == key)) {
+                let expected: Vec<&str> = known().copied().collect();
+                return Err(TaskError::Text(format!(
+                    "scene.{list}: unknown field {key}, expected one of {}",
+                    expected.join(", ")
+                )));
+            }
+        }
+    }
+    Ok(())
+}
+
+impl TaskFile {
+    /// Reads a task.
+    ///
+    /// # Errors
+    /// [`TaskError::Text`] with the line.
+    pub fn read(text: &str) -> Result<Self, TaskError> {
+        check_keys(text)?;
+        let file: Self = toml::from_str(text).map_err(|error| {
+            let line = error.span().map_or(1, |span| text[..span.start].matches('\n').count() + 1);
+            TaskError::Text(format!("line {line}: {}", error.message().replace('`', "")))
+        })?;
+        if file.name.is_empty() || file.name.len() > 64 || file.name.chars().any(char::is_control) {
+            let reason = format!("{:?}, expected 1 to 64 printable bytes", file.name);
+            return Err(TaskError::Rule { key: "name", reason });
+        }
+        Ok(file)
+    }
+
+    /// The task; `left`: mirrored, for the left hand.
+    ///
+    /// # Errors
+    /// [`TaskError`]: a scene that cannot be, an order that names no object or one twice, times that are no times, an
+    /// object without the target that it needs.
+    pub fn build(&self, left: bool) -> Result<Box<dyn Task>, TaskError> {
+        let (scene, order) = self.checked(left)?;
+        Ok(match self.rules {
+            Rules::Targets => Box::new(Targets::new(self.briefing.clone(), scene, order, self.due)),
+            Rules::Across => Box::new(Across::new(self.briefing.clone(), scene)),
+        })
+    }
+
+    /// The scene, and its objects in the prescribed order.
+    pub(crate) fn checked(&self, left: bool) -> Result<(Scene, Vec<ObjectId>), TaskError> {
+        let wrong = |key, reason| Err(TaskError::Rule { key, reason });
+        let scene = self.scene.scene(left)?;
+        let Briefing { practice_secs, limit_secs, order, destination, .. } = &self.briefing;
+        if !(*limit_secs > 0.0 && *limit_secs <= 3600.0) {
+            return wrong(
+                "briefing.limit_secs",
+                format!("{limit_secs}, expected more than 0 and at most 3600"),
+            );
+        }
+        if !(0.0..*limit_secs).contains(practice_secs) {
+            let reason =
+                format!("{practice_secs}, expected at least 0 and less than limit_secs, {limit_secs}");
+            return wrong("briefing.practice_secs", reason);
+        }
+        let fitting = match self.rules {
+            Rules::Targets => Destination::OwnTarget,
+            Rules::Across => Destination::Across,
+        };
+        if *destination != fitting {
+            let reason = format!("{destination:?}, expected {fitting:?}: that is what these rules count");
+            return wrong("briefing.destination", reason);
+        }
+        if self.rules == Rules::Across
+            && (*order != Order::Any || self.due != Due::Any || !self.order.is_empty())
+        {
+            let reason =
+                "the rules \"across\" know no order; leave order and due out, briefing.order is \"any\"";
+            return wrong("order", reason.to_owned());
+        }
+        if self.rules == Rules::Targets && *practice_secs > 0.0 {
+            return wrong(
+                "briefing.practice_secs",
+                format!("{practice_secs}, the rules \"targets\" have no practice"),
+            );
+        }
+        if let Some(object) =
+            scene.ids().find(|id| self.rules == Rules::Targets && scene.target(*id).is_none())
+        {
+            return wrong(
+                "scene",
+                format!("{:?} has no target, and the rules count targets", scene.name(object)),
+            );
+        }
+        let mut ids = Vec::new();
+        for name in &self.order {
+            let Some(id) = scene.named(name) else {
+                let known: Vec<&str> = scene.objects.iter().map(|object| &*object.name).collect();
+                return wrong("order", format!("{name:?} is no object; expected {}", known.join(", ")));
+            };
+            if ids.contains(&id) {
+                return wrong("order", format!("{name:?} stands there twice"));
+            }
+            ids.push(id);
+        }
+        if ids.is_empty() {
+            ids = scene.ids().collect();
+        } else if ids.len() != scene.objects.len() {
+            let (got, expected) = (ids.len(), scene.objects.len());
+            return wrong("order", format!("{got} names, expected all {expected} objects, or none"));
+        }
+        Ok((scene, ids))
+    }
+}

@@ -1,0 +1,321 @@
+use crate::TaskError;
+use proact_types::{
+    MAX_OBJECTS, Object, ObjectId, PlaceRegion, Point, Pose, Scene, SceneObject, Shape, Target,
+};
+use serde::{Deserialize, Serialize};
+
+/// Objects that stand closer than this at the start overlap, metres.
+const TOUCH: f64 = 1e-4;
+/// Nothing of a scene is further from its origin than this, metres.
+const FURTHEST: f64 = 20.0;
+
+/// A scene as a file has it: lengths in metres, masses in kg, in `world` (x away from the person, y left, z up), for the
+/// right hand: objects start at y < 0.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SceneFile {
+    /// Height of the table top.
+    pub table_height: f64,
+    /// Where objects may be put down.
+    pub put_down: PlaceRegion,
+    /// Table, walls, partition, floor.
+    pub fixed: Vec<FixedFile>,
+    /// Objects, each by itself.
+    #[serde(default)]
+    pub objects: Vec<ObjectFile>,
+    /// Objects in rows and columns, after the others.
+    #[serde(default)]
+    pub grids: Vec<GridFile>,
+}
+
+/// A body that does not move.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FixedFile {
+    /// Unique name.
+    pub name: String,
+    /// Its shape.
+    pub shape: Shape,
+    /// Its middle.
+    pub at: [f64; 3],
+    /// Coulomb friction coefficient.
+    pub friction: f64,
+}
+
+/// What all objects of a kind have in common.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct KindFile {
+    /// Red, green, blue, 0 to 1.
+    pub colour: [f64; 3],
+    /// Standing upright.
+    pub shape: Shape,
+    /// kg.
+    pub mass: f64,
+    /// Friction against table, walls and other objects.
+    pub friction: f64,
+    /// Friction against fingers.
+    pub friction_finger: f64,
+    /// Radius of the target's disc.
+    #[serde(default = "KindFile::default_radius")]
+    pub target_radius: f64,
+}
+
+impl KindFile {
+    fn default_radius() -> f64 {
+        0.05
+    }
+}
+
+/// One object, standing on the table.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ObjectFile {
+    /// Unique name in results.
+    pub name: String,
+    /// What is painted on it.
+    #[serde(default)]
+    pub label: String,
+    /// Name on a ROS graph; that of the object where it is left out.
+    #[serde(default)]
+    pub ros_name: String,
+    /// Where it stands: x, y.
+    pub at: [f64; 2],
+    /// Where it belongs: x, y; none if it has no place of its own.
+    #[serde(default)]
+    pub target: Option<[f64; 2]>,
+    /// The rest.
+    #[serde(flatten)]
+    pub kind: KindFile,
+}
+
+/// Objects in rows (along x, the nearest first) and columns (along y, the most lateral first), numbered row by row from 1.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct GridFile {
+    /// Their names begin with this, and end with the number.
+    pub name: String,
+    /// Rows along x, columns along y.
+    pub count: [usize; 2],
+    /// From one to the next along x and y.
+    pub pitch: [f64; 2],
+    /// The middle of all: x, y.
+    pub middle: [f64; 2],
+    /// Each has its target at its mirror image across the partition.
+    #[serde(default)]
+    pub mirrored_targets: bool,
+    /// The rest.
+    #[serde(flatten)]
+    pub kind: KindFile,
+}
+
+impl GridFile {
+    fn objects(&self) -> Vec<ObjectFile> {
+        let [rows, columns] = self.count;
+        let along = |k: usize, count: usize, pitch: f64| (k as f64 - (count as f64 - 1.0) / 2.0) * pitch;
+        let object = |k: usize| {
+            let x = self.middle[0] + along(k / columns, rows, self.pitch[0]);
+            let y = self.middle[1] + along(k % columns, columns, self.pitch[1]);
+            ObjectFile {
+                name: format!("{}{}", self.name, k + 1),
+                label: (k + 1).to_string(),
+                ros_name: String::new(),
+                at: [x, y],
+                target: self.mirrored_targets.then_some([x, -y]),
+                kind: self.kind.clone(),
+            }
+        };
+        (0..rows * columns).map(object).collect()
+    }
+}
+
+impl SceneFile {
+    /// All objects: the single ones, then those of the grids.
+    fn all(&self) -> Vec<ObjectFile> {
+        let grids = self.grids.iter().flat_map(GridFile::objects);
+        self.objects.iter().cloned().chain(grids).collect()
+    }
+
+    /// The scene; `left`: mirrored in y, for the left hand.
+    ///
+    /// # Errors
+    /// [`TaskError`]: a number that is none or out of range, a name twice, objects that overlap, stand in something or
+    /// nowhere, a target outside the region where things may be put down.
+    pub fn scene(&self, left: bool) -> Result<Scene, TaskError> {
+        let in_grid = |grid: &GridFile| grid.count[0].saturating_mul(grid.count[1]);
+        let got = self.grids.iter().map(in_grid).fold(self.objects.len(), usize::saturating_add);
+        if !(1..=MAX_OBJECTS).contains(&got) {
+            return Err(TaskError::Scene(format!("{got} objects, expected 1 to {MAX_OBJECTS}")));
+        }
+        let files = self.all();
+        self.check_numbers(&files)?;
+        let side = if left { -1.0 } else { 1.0 };
+        let [low, high] = [self.put_down.min, self.put_down.max];
+        let scene = Scene {
+            fixed: self.fixed.iter().map(|body| body.placed(side)).collect(),
+            objects: files.iter().map(|object| object.placed(self.table_height, side)).collect(),
+            targets: files
+                .iter()
+                .enumerate()
+                .filter_map(|(k, object)| {
+                    let [x, y] = object.target?;
+                    let centre = Point::new(x, side * y, self.table_height);
+                    Some(Target { object: ObjectId::new(k), centre, radius: object.kind.target_radius })
+                })
+                .collect(),
+            put_down: if left {
+                PlaceRegion { min: [low[0], -high[1]], max: [high[0], -low[1]] }
+            } else {
+                self.put_down
+            },
+            table_height: self.table_height,
+        };
+        check_places(&scene)?;
+        Ok(scene)
+    }
+
+    fn check_numbers(&self, objects: &[ObjectFile]) -> Result<(), TaskError> {
+        let within = |what: String, got: f64, low: f64, high: f64| {
+            if (low..=high).contains(&got) {
+                return Ok(());
+            }
+            Err(TaskError::Scene(format!("{what} is {got}, expected {low} to {high}")))
+        };
+        within("table_height".to_owned(), self.table_height, 0.0, 3.0)?;
+        let PlaceRegion { min, max } = self.put_down;
+        for k in 0..2 {
+            let what = |end| format!("put_down.{end}[{k}]");
+            within(what("min"), min[k], -FURTHEST, FURTHEST)?;
+            within(what("max"), max[k], min[k], FURTHEST)?;
+        }
+        for body in &self.fixed {
+            let what = |what: &str| format!("{what} of {:?}", body.name);
+            body.at.iter().try_for_each(|at| within(what("at"), *at, -FURTHEST, FURTHEST))?;
+            within(what("friction"), body.friction, 0.0, 10.0)?;
+            shape_lengths(&body.shape)
+                .iter()
+                .try_for_each(|length| within(what("a length"), *length, 1e-4, FURTHEST))?;
+        }
+        for object in objects {
+            let (what, kind) = (|what: &str| format!("{what} of {:?}", object.name), &object.kind);
+            let places = object.at.iter().chain(object.target.iter().flatten());
+            places.into_iter().try_for_each(|at| within(what("at"), *at, -FURTHEST, FURTHEST))?;
+            kind.colour.iter().try_for_each(|part| within(what("colour"), *part, 0.0, 1.0))?;
+            within(what("mass"), kind.mass, 1e-3, 20.0)?;
+            within(what("friction"), kind.friction, 0.0, 10.0)?;
+            within(what("friction_finger"), kind.friction_finger, 0.0, 10.0)?;
+            within(what("target_radius"), kind.target_radius, 1e-3, 1.0)?;
+            shape_lengths(&kind.shape)
+                .iter()
+                .try_for_each(|length| within(what("a length"), *length, 5e-3, 0.5))?;
+        }
+        let names: Vec<&str> =
+            self.fixed.iter().map(|b| &*b.name).chain(objects.iter().map(|o| &*o.name)).collect();
+        for (k, name) in names.iter().enumerate() {
+            if name.is_empty() || name.len() > 64 || name.chars().any(char::is_control) {
+                return Err(TaskError::Scene(format!(
+                    "a body is called {name:?}, expected 1 to 64 printable bytes"
+                )));
+            }
+            if names[..k].contains(name) {
+                return Err(TaskError::Scene(format!(
+                    "two bodies are called {name:?}, expected different names"
+                )));
+            }
+        }
+        Ok(())
+    }
+}
+
+impl FixedFile {
+    fn placed(&self, side: f64) -> SceneObject {
+        let [x, y, z] = self.at;
+        SceneObject {
+            name: self.name.clone(),
+            shape: self.shape,
+            pose: Pose::translation(x, side * y, z),
+            friction: self.friction,
+        }
+    }
+}
+
+impl ObjectFile {
+    fn placed(&self, table: f64, side: f64) -> Object {
+        let ([x, y], kind) = (self.at, &self.kind);
+        Object {
+            name: self.name.clone(),
+            label: self.label.clone(),
+            colour: kind.colour,
+            ros_name: if self.ros_name.is_empty() { self.name.clone() } else { self.ros_name.clone() },
+            shape: kind.shape,
+            mass: kind.mass,
+            friction: kind.friction,
+            friction_finger: kind.friction_finger,
+            pose: Pose::translation(x, side * y, table + kind.shape.half_height()),
+        }
+    }
+}
+
+/// All lengths of a shape, metres.
+fn shape_lengths(shape: &Shape) -> Vec<f64> {
+    match *shape {
+        Shape::Box { size } => size.to_vec(),
+        Shape::Sphere { radius } => vec![radius],
+        Shape::Cylinder { radius, length } | Shape::Capsule { radius, length } => vec![radius, length],
+    }
+}
+
+/// Half of the room that a shape takes along each axis of `world`, upright and unturned, metres.
+fn half_size(shape: &Shape) -> [f64; 3] {
+    match *shape {
+        Shape::Box { size } => size.map(|side| side / 2.0),
+        _ => [shape.half_width(), shape.half_width(), shape.half_height()],
+    }
+}
+
+/// True if the boxes around two upright bodies share room.
+fn overlap(a: (&Shape, &Pose), b: (&Shape, &Pose)) -> bool {
+    let round = |shape: &Shape| !matches!(shape, Shape::Box { .. });
+    let (sizes, apart) = ([half_size(a.0), half_size(b.0)], a.1.translation.vector - b.1.translation.vector);
+    let near = |k: usize| apart[k].abs() < sizes[0][k] + sizes[1][k] - TOUCH;
+    let aside = if round(a.0) && round(b.0) {
+        apart.xy().norm() < sizes[0][0] + sizes[1][0] - TOUCH
+    } else {
+        near(0) && near(1)
+    };
+    aside && near(2)
+}
+
+fn check_places(scene: &Scene) -> Result<(), TaskError> {
+    for (k, object) in scene.objects.iter().enumerate() {
+        let here = (&object.shape, &object.pose);
+        let others = scene.objects[..k].iter().map(|other| (&other.name, &other.shape, &other.pose));
+        let fixed = scene.fixed.iter().map(|body| (&body.name, &body.shape, &body.pose));
+        if let Some((other, ..)) = others.chain(fixed).find(|(_, shape, pose)| overlap(here, (shape, pose))) {
+            let name = &object.name;
+            return Err(TaskError::Scene(format!(
+                "{name:?} overlaps {other:?} at the start; expected room between them"
+            )));
+        }
+        let at = object.pose.translation.vector;
+        let stands = scene.fixed.iter().any(|body| {
+            let (size, below) = (half_size(&body.shape), body.pose.translation.vector);
+            let top = below.z + size[2];
+            let inside = |k: usize| (at[k] - below[k]).abs() <= size[k];
+            inside(0) && inside(1) && (top - scene.table_height).abs() < TOUCH
+        });
+        if !stands {
+            let (name, place) = (&object.name, [at.x, at.y]);
+            return Err(TaskError::Scene(format!(
+                "{name:?} at {place:?} stands on nothing; expected a fixed body whose top is at table_height"
+            )));
+        }
+    }
+    for target in &scene.targets {
+        let PlaceRegion { min, max } = scene.put_down;
+        if (0..2).any(|k| target.centre[k] < min[k] || target.centre[k] > max[k]) {
+            let (name, place) = (scene.name(target.object), [target.centre.x, target.centre.y]);
+            return Err(TaskError::Scene(format!(
+                "the target of {name:?} at {place:?} is out of the box: expected it within put_down, {min:?} to {max:?}"
+            )));
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,56 @@
+use crate::ObjectSet;
+use serde::{Deserialize, Serialize};
+
+/// What a person is told before a trial. It is all that a simulated participant knows of the task.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
+#[serde(deny_unknown_fields)]
+pub struct Briefing {
+    /// As shown at the top of the page.
+    pub title: String,
+    /// What is said, as plain sentences.
+    pub text: String,
+    /// Which object comes next.
+    pub order: Order,
+    /// Where an object goes.
+    pub destination: Destination,
+    /// What the score counts, such as `blocks on target`.
+    pub score_name: String,
+    /// The highest score there is; none where it is open.
+    pub most: Option<u32>,
+    /// Seconds at the start in which nothing counts.
+    pub practice_secs: f64,
+    /// Seconds after which the trial ends, practice included.
+    pub limit_secs: f64,
+}
+
+/// Which object a person is asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
+#[serde(rename_all = "snake_case")]
+pub enum Order {
+    /// The one that the display names as the next.
+    Prescribed,
+    /// Whichever the person likes.
+    Any,
+}
+
+/// Where a person is asked to put an object.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
+#[serde(rename_all = "snake_case")]
+pub enum Destination {
+    /// On its own target.
+    OwnTarget,
+    /// Anywhere across the partition.
+    Across,
+}
+
+/// What the task says about what a person will take next, before any gaze.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct TaskContext {
+    /// Objects that it asks for now.
+    pub due: ObjectSet,
+    /// Changes with what the person has done: a new number begins a new selection.
+    pub number: u32,
+}
