@@ -4,6 +4,7 @@
 //! Pure: time comes in ticks, physics and plans come through [`ports`]. `docs/` and `ARCHITECTURE.md` show the way
 //! of one sample through it.
 
+mod base_motion;
 mod config;
 mod config_error;
 mod digest;
@@ -24,6 +25,7 @@ mod session;
 pub mod stages;
 mod tick;
 
+pub use base_motion::BaseMotion;
 pub use config::{Setup, TrialConfig};
 pub use config_error::ConfigError;
 pub use digest::{Digest, Divergence, Field, FieldDigest, SPAN_TICKS, SpanDigest, first_divergence};
@@ -31,7 +33,7 @@ pub use feedback::{CueEvent, FeedbackMapping};
 pub use grasp::{GraspAction, GraspDetector};
 pub use grasp_choice::{GraspChoice, NearObject};
 pub use grasp_original::OriginalGraspRule;
-pub use motion::{ArmMotion, BaseMotion, HandMotion, MotionConfig};
+pub use motion::{ArmMotion, HandMotion, MotionConfig};
 pub use physics::{
     Engine, GraspRuleName, JointControl, MassSet, OpposingGrasp, OriginalGrasp, PhysicsConfig,
 };

@@ -2,17 +2,13 @@
 //! of the plant.
 
 use crate::ConfigError;
-use nalgebra::UnitQuaternion;
 use proact_arm::{ArmModel, Couplings, JointLimits};
 use proact_control::{MotionCommand, MotionState};
-use proact_types::{JointVector, Pose, TICK_SECS, Trajectory, joints};
+use proact_types::{JointVector, TICK_SECS, Trajectory, joints};
 use serde::{Deserialize, Serialize};
 
 /// Peak over mean speed of a minimum-jerk movement.
 const PEAK_OVER_MEAN: f64 = 1.875;
-/// A tracked shoulder pose arrives at 100 Hz; the base reaches it over this many ticks, without a jump.
-const BASE_TICKS: u32 = 10;
-
 /// A speed command holds for this many ticks: two control steps. Silence stops the arm.
 const VELOCITY_TICKS: u64 = 20;
 
@@ -288,96 +284,6 @@ impl HandMotion {
     }
 }
 
-/// A base that was told to jump waits this long for the shoulder to come back, ms; then it goes to where that is.
-const JUMP_WAIT_TICKS: u32 = 1000;
-/// It goes there at this speed, m/s, and
-const RECOVERY_SPEED: f64 = 0.2;
-/// turns at this one, rad/s.
-const RECOVERY_TURN_SPEED: f64 = 0.5;
-
-/// Carries the base from one tracked pose to the next in a straight line, a step per tick. After a jump, which the plant
-/// refuses, it waits, and in the end goes slowly to where the shoulder has stayed.
-#[derive(Clone, Debug)]
-pub struct BaseMotion {
-    pose: Pose,
-    from: Pose,
-    to: Pose,
-    ticks: u32,
-    /// From `from` to `to`.
-    duration: u32,
-    /// Ticks in which the plant has not followed.
-    refused: u32,
-    recovering: bool,
-}
-
-impl BaseMotion {
-    /// A base that stands at `pose`.
-    pub fn new(pose: Pose) -> Self {
-        let (ticks, duration) = (BASE_TICKS, BASE_TICKS);
-        Self { pose, from: pose, to: pose, ticks, duration, refused: 0, recovering: false }
-    }
-
-    /// `world_from_base` asked for now.
-    pub fn pose(&self) -> Pose {
-        self.pose
-    }
-
-    /// Where it goes.
-    pub(crate) fn goal(&self) -> Pose {
-        self.to
-    }
-
-    /// A new tracked pose; a finite one.
-    pub fn track(&mut self, pose: Pose) {
-        if pose == self.to {
-            return;
-        }
-        self.set_off(pose);
-    }
-
-    fn set_off(&mut self, pose: Pose) {
-        self.from = self.pose;
-        self.to = pose;
-        self.ticks = 0;
-        self.duration = BASE_TICKS;
-        if self.recovering {
-            let way = (self.to.translation.vector - self.from.translation.vector).norm() / RECOVERY_SPEED;
-            let turn = self.from.rotation.angle_to(&self.to.rotation) / RECOVERY_TURN_SPEED;
-            self.duration = BASE_TICKS.max((way.max(turn) / TICK_SECS).ceil() as u32);
-            self.recovering = self.duration > BASE_TICKS;
-        }
-    }
-
-    /// Whether the plant followed in the last tick, and where its base is. True if arm and hand must stand still: the
-    /// base waits after a jump, or is on its way to where the shoulder went.
-    pub fn paused(&mut self, refused: bool, at: Pose) -> bool {
-        self.refused = if refused { self.refused + 1 } else { 0 };
-        if self.refused >= JUMP_WAIT_TICKS {
-            self.refused = 0;
-            self.pose = at;
-            self.recovering = true;
-            self.set_off(self.to);
-        }
-        refused || self.recovering
-    }
-
-    /// Advances by one tick.
-    pub fn step(&mut self) {
-        if self.ticks >= self.duration {
-            self.recovering = false;
-            return;
-        }
-        self.ticks += 1;
-        let s = f64::from(self.ticks) / f64::from(self.duration);
-        let translation = self.from.translation.vector.lerp(&self.to.translation.vector, s);
-        // Tracked poses 10 ms apart are never half a turn apart; were they, the nearer end is taken.
-        let nearer = if s < 0.5 { self.from.rotation } else { self.to.rotation };
-        let rotation: UnitQuaternion<f64> =
-            self.from.rotation.try_slerp(&self.to.rotation, s, 1e-12).unwrap_or(nearer);
-        self.pose = Pose::from_parts(translation.into(), rotation);
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -426,56 +332,5 @@ mod tests {
         assert_eq!(arm.position()[1], 0.9);
         (0..200).for_each(|_| arm.step());
         assert!((arm.position()[0] - 0.1).abs() < 1e-12);
-    }
-
-    /// A plant that follows within reach of where it is.
-    fn follow(base: &mut BaseMotion, at: &mut Pose) -> bool {
-        base.step();
-        let refused = (base.pose().translation.vector - at.translation.vector).norm() > 5e-3;
-        if !refused {
-            *at = base.pose();
-        }
-        base.paused(refused, *at)
-    }
-
-    #[test]
-    fn a_base_that_is_refused_goes_on_when_the_shoulder_is_back() {
-        let (mut base, mut at) = (BaseMotion::new(Pose::identity()), Pose::identity());
-        base.track(Pose::translation(0.3, 0.0, 0.0));
-        let paused = (0..500).filter(|_| follow(&mut base, &mut at)).count();
-        assert_eq!((paused, at), (500, Pose::identity()));
-        base.track(Pose::translation(0.002, 0.0, 0.0));
-        let paused = (0..100).filter(|_| follow(&mut base, &mut at)).count();
-        assert!(paused < 10, "{paused} ticks until it follows");
-        assert!((at.translation.x - 0.002).abs() < 1e-12);
-    }
-
-    #[test]
-    fn a_base_that_is_refused_for_a_second_goes_slowly_to_where_the_shoulder_stays() {
-        let (mut base, mut at) = (BaseMotion::new(Pose::identity()), Pose::identity());
-        let (mut fastest, mut paused) = (0.0_f64, 0);
-        for tick in 0..4000 {
-            // The shoulder trembles, as tracking does.
-            if tick % 10 == 0 {
-                base.track(Pose::translation(0.3 + 1e-4 * f64::from(tick % 3), 0.0, 0.0));
-            }
-            let before = at;
-            paused += u32::from(follow(&mut base, &mut at));
-            fastest = fastest.max((at.translation.vector - before.translation.vector).norm() / TICK_SECS);
-        }
-        assert!((at.translation.x - 0.3).abs() < 1e-3, "{at}");
-        assert!(fastest < 1.01 * RECOVERY_SPEED, "{fastest} m/s");
-        assert!((2400..2600).contains(&paused), "one second of waiting and 1.5 of way: {paused} ms");
-    }
-
-    #[test]
-    fn the_base_moves_in_equal_steps_and_stops() {
-        let mut base = BaseMotion::new(Pose::identity());
-        base.track(Pose::translation(0.01, 0.0, 0.0));
-        for tick in 1..=20_u32 {
-            base.step();
-            let expected = 0.001 * f64::from(tick.min(10));
-            assert!((base.pose().translation.x - expected).abs() < 1e-12);
-        }
     }
 }

@@ -111,6 +111,8 @@ fn a_shoulder_that_moves_as_people_do_is_followed() -> Outcome {
         let course = Course::of(&mut testbed, shoulder(pose), 10)?;
         assert_eq!(course.events, []);
     }
+    let rest = Course::of(&mut testbed, TickInput::default(), 1000)?;
+    assert_eq!(rest.events, []);
     let moved = testbed.plant().state().world_from_base.translation.vector - home.translation.vector;
     assert!((moved - Vector::y() * 0.1).norm() < 1e-9, "{moved}");
     Ok(())

@@ -5,11 +5,16 @@
 use nalgebra::UnitQuaternion;
 use proact_arm::ArmModel;
 use proact_dynamics::{DynamicsOptions, OdePlant};
-use proact_testbed::ports::{Plant, PlantError};
+use proact_kinematics::Kinematics;
+use proact_testbed::{
+    LoggedPlans, Parts, Testbed, TrialConfig,
+    ports::{Plant, PlantError},
+};
 use proact_types::{
     Contact, JointVector, Object, ObjectId, PlantCommand, Point, Pose, Scene, SceneObject, Shape, TICK_SECS,
     Target, Vector, joints, zeros,
 };
+use std::sync::Arc;
 
 /// Height of the table top, metres.
 pub const TABLE: f64 = 1.015;
@@ -217,4 +222,28 @@ pub fn move_hand(from: &[f64], to: &[f64], base: Pose, ticks: usize) -> Vec<Plan
         PlantCommand { position: at.clone(), velocity, world_from_base: base }
     };
     (0..ticks).map(|_| step(&mut at)).collect()
+}
+
+/// A trial on the real physics, whose arm stands at `base`, or at the shoulder of the set-up.
+///
+/// # Panics
+/// A configuration that cannot be built.
+pub fn testbed(config: TrialConfig, base: Option<Pose>) -> Testbed {
+    let model = Arc::new(proact_description::mpl_right_arm());
+    let start = [model.pose("arm", "start").unwrap(), model.pose("hand", "open").unwrap()].concat();
+    let base = base.unwrap_or_else(|| config.setup.body.shoulder_pose(&Default::default()));
+    let options = DynamicsOptions::of(&config.physics);
+    let task = config.build_task(&model).unwrap();
+    let plant = OdePlant::new(&model, task.scene(), &start, &base, options).unwrap();
+    let parts = Parts {
+        arm: config.arm.clone(),
+        kinematics: Box::new(Kinematics::new(&model).unwrap()),
+        plant: Box::new(plant),
+        methods: proact_control::MethodRegistry::standard(),
+        plans: Box::new(LoggedPlans),
+        classifier: None,
+        model,
+        process: None,
+    };
+    Testbed::new(config, parts).unwrap()
 }

@@ -76,7 +76,7 @@ impl ActuationStage {
             hand: HandMotion::new(open, config.motion.hand_rad_per_s),
             told: HandCommand::Open,
             grasps: GraspChoice::new(model, scene)?,
-            base: BaseMotion::new(config.setup.body.shoulder_pose(&Default::default())),
+            base: BaseMotion::new(config.setup.body.shoulder_pose(&Default::default()), &config.motion),
             paused: false,
             couplings: model.couplings(),
             stands: model.settings.stand.is_some(),

@@ -41,8 +41,8 @@ pub struct PersonStage {
     given: Option<Gesture>,
     /// `world_from_head` of a headset, while there is one.
     headset: Option<Pose>,
-    /// Where a tracker has the shoulder, and where it is on its way there.
-    tracked_shoulder: Option<(Pose, Pose)>,
+    /// A tracker's pose of the shoulder that no tick has had yet.
+    tracked_shoulder: Option<Pose>,
     /// Where the person's own limb is, on its way to where it is asked to go.
     limb: Option<JointVector>,
     arm_count: usize,
@@ -153,8 +153,7 @@ impl PersonStage {
 
     /// A tracker saw a live person's shoulder: `world_from_shoulder`, from now on instead of the body model's.
     pub fn track_shoulder(&mut self, world_from_shoulder: Pose) {
-        let now = self.shoulder();
-        self.tracked_shoulder = Some((world_from_shoulder, now));
+        self.tracked_shoulder = Some(world_from_shoulder);
         let repeats = self.measured.0.replace(world_from_shoulder) == Some(world_from_shoulder);
         self.sign(InputSource::ShoulderTracker, if repeats { SignKind::Repeated } else { SignKind::Fresh });
     }
@@ -184,13 +183,6 @@ impl PersonStage {
             *angle += (asked - *angle).clamp(-furthest, furthest);
         }
         Some(limb.clone())
-    }
-
-    fn shoulder(&self) -> Pose {
-        match self.tracked_shoulder {
-            Some((_, now)) => now,
-            None => self.trunk.body().shoulder_pose(&self.trunk.posture()),
-        }
     }
 
     /// The pose of the head now: `world_from_head`.
@@ -229,11 +221,12 @@ impl PersonStage {
             let Intention { gaze_direction, eyes_open, .. } = &self.intention;
             tick.gaze = tracker.sample_at(now, &eye, gaze_direction, *eyes_open);
         }
+        // A real tracker's poses go on as they come.
+        tick.shoulder = self.tracked_shoulder.take();
         if now.0.is_multiple_of(TRACKING_TICKS) {
-            if let Some((asked, now)) = &mut self.tracked_shoulder {
-                *now = toward(&self.motion, now, asked);
+            if self.measured.0.is_none() {
+                tick.shoulder = Some(self.trunk.body().shoulder_pose(&self.trunk.posture()));
             }
-            tick.shoulder = Some(self.shoulder());
             tick.limb = self.move_limb(input.arm);
         }
         tick
@@ -245,15 +238,4 @@ impl PersonStage {
             self.intention = participant.step(frame);
         }
     }
-}
-
-/// One step of a tracked shoulder on its way.
-fn toward(motion: &MotionConfig, now: &Pose, asked: &Pose) -> Pose {
-    let (furthest, most) =
-        (motion.shoulder_m_per_s * TRACKING_SECS, motion.shoulder_rad_per_s * TRACKING_SECS);
-    let way = (asked.translation.vector - now.translation.vector).norm();
-    let turn = now.rotation.angle_to(&asked.rotation);
-    let share = (furthest / way.max(1e-12)).min(most / turn.max(1e-12)).min(1.0);
-    // Between opposite attitudes there is no shortest way; the tracker will not stay there.
-    now.try_lerp_slerp(asked, share, 1e-9).unwrap_or(*now)
 }
