@@ -88,6 +88,11 @@ lane_deny() {
         echo "skipped: cargo-deny is not on this machine and cannot be built from crates.io"
         return 77
     fi
+    # Those of other systems too, which no build here has fetched.
+    if ! run_cargo fetch --locked; then
+        echo "skipped: the crates of all systems cannot be fetched from crates.io"
+        return 77
+    fi
     (cd "$root" && "$deny" --offline check --hide-inclusion-graph licenses bans sources) || return 1
     database=${PROACT_ADVISORY_DB:-${CARGO_HOME:-$HOME/.cargo}/advisory-dbs}
     if [ ! -d "$database" ]; then
