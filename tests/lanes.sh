@@ -6,7 +6,7 @@
 # the reason as its last line); anything else is a failure. One failing lane does not keep the others from running.
 
 short_lanes="format shell docker web lint cpp rust launcher trial fuzz kill page rosbridge ros"
-long_lanes="deny fuzz_long seeds planning sanitizers valgrind soak kill_long faults soak_serve debootstrap focal image pages ros_long ros_safety lsl"
+long_lanes="deny fuzz_long seeds planning sanitizers valgrind soak speeds kill_long faults soak_serve debootstrap focal image pages ros_long ros_safety lsl"
 
 # A ROS 1 graph with Debian's own clients, the catkin workspace, rviz on a virtual display.
 ros_test_packages="ros-base python3-roslaunch python3-rosbag python3-rostopic python3-rosnode python3-rosservice
@@ -126,6 +126,11 @@ lane_valgrind() {
 # Half an hour of simulated use of the physics: nothing creeps, speeds up, gains energy or takes more memory.
 lane_soak() {
     run_cargo test --release --locked -p proact-dynamics --test speedups -- --ignored --nocapture
+}
+
+# A hundred trials of A and B, whose person grinds the hand on walls: no joint goes much faster than it can be asked to.
+lane_speeds() {
+    run_cargo test --release --locked -p proact-app --test speeds -- --ignored --nocapture
 }
 
 # Builds the C++ cores in a folder with the given sanitizers and runs their tests.

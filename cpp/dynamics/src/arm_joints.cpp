@@ -23,6 +23,7 @@ ArmJoints::ArmJoints(const Model& model) : model_(model), moving_of_joint_(model
   state_.positions = model.positions;
   state_.velocities.assign(joints, 0.0);
   state_.efforts.assign(joints, 0.0);
+  state_.borne.assign(joints, 0.0);
   state_.last_command = model.positions;
   state_.held.assign(joints, false);
   state_.still_ticks.assign(joints, 0);
@@ -44,7 +45,7 @@ bool ArmJoints::all_finite() const {
 
 bool ArmJoints::choose_rigid(const double* position, const double* velocity) {
   const Options& options = model_.options;
-  auto& [positions, velocities, efforts, last_command, held, still_ticks] = state_;
+  auto& [positions, velocities, efforts, borne, last_command, held, still_ticks] = state_;
   bool changed = false;
   for (std::size_t k = model_.arm_count; k < model_.moving.size(); ++k) {
     const bool commanded = std::fabs(position[k] - last_command[k]) > 1e-9 || std::fabs(velocity[k]) > 1e-9;
@@ -62,12 +63,15 @@ bool ArmJoints::choose_rigid(const double* position, const double* velocity) {
   return changed;
 }
 
-void ArmJoints::move(std::size_t moving, double position, double velocity, double effort) {
+void ArmJoints::move(std::size_t moving, double position, double velocity, double effort, double borne) {
   state_.positions[moving] = position;
   state_.velocities[moving] = velocity;
   state_.efforts[moving] = effort;
+  state_.borne[moving] = borne;
 }
 
-void ArmJoints::clear_efforts() { std::fill(state_.efforts.begin(), state_.efforts.end(), 0.0); }
+void ArmJoints::clear_efforts() {
+  for (std::size_t k = 0; k < state_.efforts.size(); ++k) clear_effort(k);
+}
 
 }  // namespace proact::dynamics

@@ -17,7 +17,8 @@ class ArmJoints {
   struct State {
     std::vector<double> positions;   ///< rad
     std::vector<double> velocities;  ///< rad/s
-    std::vector<double> efforts;     ///< N m
+    std::vector<double> efforts;     ///< of the motors, N m
+    std::vector<double> borne;       ///< by stops and braking gears, N m
     std::vector<double> last_command;
     std::vector<bool> held;          ///< rigid at present
     std::vector<int> still_ticks;
@@ -28,6 +29,7 @@ class ArmJoints {
   const std::vector<double>& positions() const { return state_.positions; }
   const std::vector<double>& velocities() const { return state_.velocities; }
   const std::vector<double>& efforts() const { return state_.efforts; }
+  const std::vector<double>& borne() const { return state_.borne; }
   const std::vector<bool>& held() const { return state_.held; }
   const State& state() const { return state_; }
   void restore(State state);
@@ -40,8 +42,8 @@ class ArmJoints {
 
   /// Finds which hand joints are at rest; true if that is another set than before.
   bool choose_rigid(const double* position, const double* velocity);
-  void move(std::size_t moving, double position, double velocity, double effort);
-  void clear_effort(std::size_t moving) { state_.efforts[moving] = 0.0; }
+  void move(std::size_t moving, double position, double velocity, double effort, double borne);
+  void clear_effort(std::size_t moving) { state_.efforts[moving] = state_.borne[moving] = 0.0; }
   void clear_efforts();
 
  private:

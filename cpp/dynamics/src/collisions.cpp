@@ -35,9 +35,11 @@ void Collisions::find(const Arm& arm) {
   contacts_.clear();
   touches_.clear();
   find_links_with_fixed(arm);
-  find_blocks_with_fixed(arm);
+  find_blocks_with_fixed(arm, false);
   find_blocks(arm);
   find_blocks_with_links(arm);
+  // Who is touched in its sleep needs what it rests on from the first tick on.
+  find_blocks_with_fixed(arm, true);
 }
 
 /// Adds what find_contacts() has found of a pair that is not listed.
@@ -57,9 +59,15 @@ void Collisions::find_links_with_fixed(const Arm& arm) {
   }
 }
 
-void Collisions::find_blocks_with_fixed(const Arm& arm) {
+bool Collisions::touched(std::size_t block) const {
+  return std::any_of(touches_.begin(), touches_.end(),
+                     [block](const Touch& touch) { return touch.first.block == block || touch.second.block == block; });
+}
+
+/// Of the blocks that are awake, or of those that are touched in their sleep.
+void Collisions::find_blocks_with_fixed(const Arm& arm, bool at_rest) {
   for (const Geom& block : geoms_.blocks) {
-    if (resting(block.owner)) continue;
+    if (resting(block.owner) != at_rest || (at_rest && !touched(block.owner))) continue;
     bool touches = false;
     for (const Geom& fixed : geoms_.fixed) {
       if (apart(block.bounds, fixed.bounds)) continue;

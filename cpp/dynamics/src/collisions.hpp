@@ -39,13 +39,14 @@ class Collisions {
 
  private:
   void find_links_with_fixed(const Arm& arm);
-  void find_blocks_with_fixed(const Arm& arm);
+  void find_blocks_with_fixed(const Arm& arm, bool at_rest);
   void find_blocks(const Arm& arm);
   void find_blocks_with_links(const Arm& arm);
   void add_found(const Side& first, const Side& second, double friction);
   void refuse(const Geom& block, const Geom& other, const std::string& name);
   Side side_of_block(const Arm& arm, std::size_t block) const;
   bool resting(std::size_t block) const;
+  bool touched(std::size_t block) const;
 
   const Model& model_;
   const Geoms& geoms_;

@@ -33,11 +33,18 @@ int JointControl::stop_of(std::size_t moving) const {
   const Joint& own = joint(moving);
   if (const int stop = state_.stop[moving]; stop != 0) {
     const double control = own.proportional_gain > 0.0 ? -stop * gains_torque(moving, 0.0) : own.effort;
-    return -stop * joints_.efforts()[moving] > control ? stop : 0;
+    return -stop * (joints_.efforts()[moving] + joints_.borne()[moving]) > control ? stop : 0;
   }
   const double position = joints_.positions()[moving];
   if (position > own.upper + stop_slack) return 1;
   return position < own.lower - stop_slack ? -1 : 0;
+}
+
+double JointControl::borne(std::size_t moving, double torque) const {
+  if (state_.stop[moving] == 0) return 0.0;
+  const Joint& own = joint(moving);
+  const double motor = own.proportional_gain > 0.0 ? std::fabs(gains_torque(moving, 0.0)) : own.effort;
+  return torque - std::clamp(torque, -motor, motor);
 }
 
 /// Position control as a speed constraint with bounded torque: at the end of the tick the joint has the speed
@@ -57,8 +64,10 @@ Motor JointControl::by_position(std::size_t moving, double position, double velo
   // The command is for the end of the tick: what its own speed covers is no error.
   const double error = target - joints_.positions()[moving] - ahead * tick_secs;
   const double fastest = options.catch_up * own.velocity;
-  return {std::clamp(ahead + options.position_gain * error, -fastest, fastest), stopped ? dInfinity : own.effort,
-          own.damping + own.friction / std::max(std::fabs(joints_.velocities()[moving]), friction_fade), 0.0, 0.0};
+  const double rubbing = own.damping + own.friction / std::max(std::fabs(joints_.velocities()[moving]), friction_fade);
+  return {std::clamp(ahead + options.position_gain * error, -fastest, fastest), stopped ? dInfinity : own.effort, rubbing,
+          0.0, 0.0, options.gear_speed * own.velocity,
+          own.velocity > 0.0 ? options.gear_brake * own.effort / own.velocity : 0.0};
 }
 
 /// Torque of a joint's gains at its present angle while its command moves at `speed` and the joint does not.
@@ -79,6 +88,7 @@ Motor JointControl::by_gains(std::size_t moving, double position) {
   Motor motor = by_position(moving, command, 0.0);
   if (state_.stop[moving] != 0) return motor;
   motor.limit = 0.0;
+  motor.brake = 0.0;
   motor.torque = gains_torque(moving, way / tick_secs);
   motor.slope = own.derivative_gain + own.proportional_gain * tick_secs;
   motor.rubbing += motor.slope;

@@ -14,6 +14,8 @@ struct Motor {
   double rubbing;  ///< torque lost with each unit of the speed: damping, friction, gains, N m s/rad
   double torque;   ///< of the gains at rest, N m
   double slope;    ///< what of rubbing belongs to the gains
+  double fastest;  ///< beyond this speed the gear brakes, rad/s
+  double brake;    ///< torque of the gear for each unit of the speed beyond, N m s/rad
 };
 
 class JointControl {
@@ -26,6 +28,8 @@ class JointControl {
 
   JointControl(const Model& model, const ArmJoints& joints);
 
+  /// What of a torque of joint `moving` its stop bears, since its motor cannot, N m.
+  double borne(std::size_t moving, double torque) const;
   /// Of a tick in which joint `moving` is asked for `position` with speed `velocity`.
   Motor motor(std::size_t moving, double position, double velocity);
 

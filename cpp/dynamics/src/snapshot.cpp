@@ -141,6 +141,7 @@ std::vector<double> to_numbers(const Model& model, const Snapshot& snapshot) {
   out.add_all(joints.positions);
   out.add_all(joints.velocities);
   out.add_all(joints.efforts);
+  out.add_all(joints.borne);
   out.add_all(joints.last_command);
   out.add_all(snapshot.control.gains_command);
   out.add_all(joints.held);
@@ -200,6 +201,7 @@ Snapshot from_numbers(const Model& model, const std::vector<double>& numbers) {
   out.joints.positions = in.numbers(joints);
   out.joints.velocities = in.numbers(joints);
   out.joints.efforts = in.numbers(joints);
+  out.joints.borne = in.numbers(joints);
   out.joints.last_command = in.numbers(joints);
   out.control.gains_command = in.numbers(joints);
   out.joints.held = in.flags(joints);

@@ -30,6 +30,7 @@ void World::step(const double* position, const double* velocity, const Pose& wor
 const std::vector<double>& World::positions() const noexcept { return simulation_->joints().positions(); }
 const std::vector<double>& World::velocities() const noexcept { return simulation_->joints().velocities(); }
 const std::vector<double>& World::efforts() const noexcept { return simulation_->joints().efforts(); }
+const std::vector<double>& World::borne() const noexcept { return simulation_->joints().borne(); }
 const Pose& World::world_from_base() const noexcept { return simulation_->base().pose(); }
 const std::vector<BodyState>& World::blocks() const noexcept { return simulation_->blocks().states(); }
 const std::vector<Contact>& World::contacts() const noexcept { return simulation_->collisions().contacts(); }

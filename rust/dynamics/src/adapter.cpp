@@ -83,10 +83,11 @@ void step_world(World& world, In position, In velocity, In world_from_base) {
   world.step(position.data(), velocity.data(), pose_of(world_from_base));
 }
 
-void read_joints(const World& world, Out position, Out velocity, Out effort) {
+void read_joints(const World& world, Out position, Out velocity, Out effort, Out borne) {
   std::copy(world.positions().begin(), world.positions().end(), position.begin());
   std::copy(world.velocities().begin(), world.velocities().end(), velocity.begin());
   std::copy(world.efforts().begin(), world.efforts().end(), effort.begin());
+  std::copy(world.borne().begin(), world.borne().end(), borne.begin());
 }
 
 void read_block(const World& world, std::size_t block, Out out) {

@@ -121,7 +121,13 @@ pub(crate) mod ffi {
             velocity: &[f64],
             world_from_base: &[f64],
         ) -> Result<()>;
-        fn read_joints(world: &World, position: &mut [f64], velocity: &mut [f64], effort: &mut [f64]);
+        fn read_joints(
+            world: &World,
+            position: &mut [f64],
+            velocity: &mut [f64],
+            effort: &mut [f64],
+            borne: &mut [f64],
+        );
         /// 13 numbers: pose, linear and angular velocity.
         fn read_block(world: &World, block: usize, out: &mut [f64]) -> Result<()>;
         fn contact_count(world: &World) -> usize;

@@ -97,6 +97,7 @@ pub struct OdePlant {
     world: cxx::UniquePtr<ffi::World>,
     state: PlantState,
     joint_count: usize,
+    solved: bool,
     /// Of everything that the plant was made from.
     fingerprint: u64,
 }
@@ -145,6 +146,7 @@ impl OdePlant {
                 position: joints(initial_positions),
                 velocity: zeros(joint_count),
                 effort: zeros(joint_count),
+                stop_effort: zeros(joint_count),
                 world_from_base: *world_from_base,
                 base_held: false,
                 objects: blocks,
@@ -152,6 +154,7 @@ impl OdePlant {
                 contacts: ArrayVec::new(),
             },
             joint_count,
+            solved: true,
             fingerprint: fingerprint(&(model, scene, &options)),
         };
         plant.read_state()?;
@@ -213,7 +216,8 @@ impl OdePlant {
 
     fn read_state(&mut self) -> Result<(), PlantError> {
         let state = &mut self.state;
-        ffi::read_joints(&self.world, &mut state.position, &mut state.velocity, &mut state.effort);
+        let PlantState { position, velocity, effort, stop_effort, .. } = state;
+        ffi::read_joints(&self.world, position, velocity, effort, stop_effort);
         for (index, block) in state.objects.iter_mut().enumerate() {
             let mut numbers = [0.0; 13];
             ffi::read_block(&self.world, index, &mut numbers).map_err(library)?;
@@ -252,8 +256,10 @@ impl Plant for OdePlant {
         check_joints("velocity", &command.velocity, self.joint_count)?;
         check_pose(&command.world_from_base)?;
         let base = from_pose(&command.world_from_base);
+        let complaints = self.solver_complaints();
         ffi::step_world(self.world.pin_mut(), &command.position, &command.velocity, &base)
             .map_err(library)?;
+        self.solved = self.solver_complaints() == complaints;
         if !ffi::base_held(&self.world) {
             self.state.world_from_base = command.world_from_base;
         }
@@ -262,6 +268,10 @@ impl Plant for OdePlant {
 
     fn state(&self) -> &PlantState {
         &self.state
+    }
+
+    fn solved(&self) -> bool {
+        self.solved
     }
 
     fn attach(&mut self, block: usize, link: usize) -> Result<(), PlantError> {

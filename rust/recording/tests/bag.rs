@@ -127,6 +127,7 @@ fn state(time: SimTime) -> PlantState {
         position: joints(&[0.1, 4.0, -0.3]),
         velocity: joints(&[1.0, 2.0, 3.0]),
         effort: joints(&[10.0, 20.0, 30.0]),
+        stop_effort: joints(&[0.0, 0.5, -0.25]),
         world_from_base: frame(time).world_from_base,
         base_held: false,
         objects: [body; 4].into_iter().collect(),
@@ -282,6 +283,7 @@ fn a_trials_bag_holds_the_trial() {
         ("/mpl_right_arm/base_pose", frames),
         ("/mpl_right_arm/wrapped_joint_states", states),
         ("/place_location_selected", holding),
+        ("/proact/stop_efforts", states),
         ("/red_block1_pose_msg", frames),
         ("/red_block2_pose_msg", frames),
         // Start, stop and the five events.
@@ -298,6 +300,8 @@ fn a_trials_bag_holds_the_trial() {
     assert_eq!(joint_states.position, [4.0 - std::f64::consts::TAU, -0.3, 0.1]);
     assert_eq!(joint_states.velocity, [2.0, 3.0, 1.0]);
     assert_eq!(joint_states.effort, [20.0, 30.0, 10.0]);
+    let stops: JointState = last(&topics, "/proact/stop_efforts");
+    assert_eq!((stops.name, stops.effort), (joint_states.name, vec![0.5, -0.25, 0.0]));
     assert_eq!(joint_states.header.stamp.secs, BAG_EPOCH_SECS + SECONDS as u32);
     // tick 19992 is the last frame; 20000 the last state.
     let clock: Clock = last(&topics, "/clock");

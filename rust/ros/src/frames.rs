@@ -161,6 +161,7 @@ mod tests {
             position: joints(&[0.4, -0.7]),
             velocity: zeros(2),
             effort: zeros(2),
+            stop_effort: zeros(2),
             world_from_base: Pose::from_parts(
                 Translation3::new(-0.39, 0.12, 1.5),
                 UnitQuaternion::from_euler_angles(0.1, 0.2, 0.3),

@@ -60,6 +60,7 @@ impl GazeboWorld {
             position: zeros(count),
             velocity: zeros(count),
             effort: zeros(count),
+            stop_effort: zeros(count),
             world_from_base,
             objects: scene.objects.iter().map(|object| still(object.pose)).collect(),
             attached: None,

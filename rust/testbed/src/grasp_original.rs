@@ -190,6 +190,7 @@ mod tests {
             position: joints(&[-angle, angle]),
             velocity: zeros(2),
             effort: zeros(2),
+            stop_effort: zeros(2),
             world_from_base: Isometry3::identity(),
             base_held: false,
             objects: std::iter::once(block).collect(),

@@ -49,6 +49,11 @@ pub trait Plant {
     /// The state after the last step.
     fn state(&self) -> &PlantState;
 
+    /// Whether the last step met the laws of contact; else its state is the solver's last try.
+    fn solved(&self) -> bool {
+        true
+    }
+
     /// Attaches block `block` to link `link` (an index in `ArmModel::links`) rigidly, where it is now.
     ///
     /// # Errors

@@ -102,6 +102,7 @@ impl Session {
             trial_dir: None,
             gesture_source: config.gesture_source.clone(),
             ended: if testbed.task().state().finished { TrialEnd::Task } else { TrialEnd::Interrupt },
+            unsolved_ticks: testbed.unsolved_ticks(),
         }
     }
 }
@@ -161,6 +162,9 @@ pub struct TrialResult {
     pub gesture_source: String,
     /// What ended it.
     pub ended: TrialEnd,
+    /// Ticks in which the physics met the laws of contact inexactly; the event `contacts_unsolved` says when.
+    #[serde(default)]
+    pub unsolved_ticks: u64,
 }
 
 /// Recomputes a trial from its inputs: the digests of all spans up to tick `last`. `inputs` ascend in time; ticks

@@ -211,6 +211,11 @@ impl Testbed {
         self.task.task()
     }
 
+    /// Ticks so far in which the physics met the laws of contact inexactly.
+    pub fn unsolved_ticks(&self) -> u64 {
+        self.world.unsolved_ticks()
+    }
+
     /// The physics.
     pub fn plant(&self) -> &dyn Plant {
         self.world.plant()

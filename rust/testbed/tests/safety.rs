@@ -3,9 +3,13 @@
 mod common;
 
 use common::{Outcome, Run, config};
-use proact_testbed::{PersonParts, Session, Testbed, TestbedError, doubles};
+use proact_testbed::{
+    PersonParts, Session, Testbed, TestbedError, doubles,
+    ports::{Plant, PlantError},
+};
 use proact_types::{
-    EventKind, Gesture, InputSource, JointVector, Pose, StopCause, TickInput, Vector, joints,
+    EventKind, Gesture, InputSource, JointVector, PlantCommand, PlantState, Pose, StopCause, TickInput,
+    Vector, joints,
 };
 
 fn testbed(method: &str) -> Outcome<Testbed> {
@@ -98,6 +102,44 @@ fn a_shoulder_that_jumps_pauses_base_arm_and_hand_until_it_is_back() -> Outcome 
     let back = Course::of(&mut testbed, shoulder(home), 300)?;
     assert!(back.events.contains(&EventKind::BaseFollows), "{:?}", back.events);
     assert!(back.turned(driven) > 0.01 && back.turned(FINGER) > 0.01, "both go on");
+    Ok(())
+}
+
+/// A plant whose solver fails in ticks 5, 6 and 9.
+struct Failing {
+    plant: Box<dyn Plant>,
+    steps: u32,
+}
+
+impl Plant for Failing {
+    fn step(&mut self, command: &PlantCommand) -> Result<(), PlantError> {
+        self.steps += 1;
+        self.plant.step(command)
+    }
+    fn state(&self) -> &PlantState {
+        self.plant.state()
+    }
+    fn solved(&self) -> bool {
+        !matches!(self.steps, 5 | 6 | 9)
+    }
+    fn attach(&mut self, block: usize, link: usize) -> Result<(), PlantError> {
+        self.plant.attach(block, link)
+    }
+    fn release(&mut self) {
+        self.plant.release();
+    }
+}
+
+// Catches physics that are inexact without a word.
+#[test]
+fn contacts_that_are_not_solved_are_said_with_the_tick_and_counted_in_the_result() -> Outcome {
+    let config = config("A", 60.0);
+    let mut parts = doubles::parts(&config);
+    parts.plant = Box::new(Failing { plant: parts.plant, steps: 0 });
+    let mut session = Session::new(Testbed::new(config, parts)?, PersonParts::default());
+    let run = Run::of(&mut session, 20)?;
+    assert_eq!(run.times(|kind| *kind == EventKind::ContactsUnsolved), [5, 9]);
+    assert_eq!(session.result().unsolved_ticks, 3);
     Ok(())
 }
 

@@ -70,6 +70,8 @@ pub enum EventKind {
     },
     /// The base follows the shoulder again, and arm and hand go on.
     BaseFollows,
+    /// From this tick on, until a tick that is not like it, the solver met the laws of contact inexactly.
+    ContactsUnsolved,
     /// The grasp rule took an object.
     GraspMade {
         /// Which object.

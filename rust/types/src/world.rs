@@ -46,8 +46,10 @@ pub struct PlantState {
     pub position: JointVector,
     /// Speed, rad/s.
     pub velocity: JointVector,
-    /// Effort that the position control exerted, N m.
+    /// Torque of the motors, within their limits, N m.
     pub effort: JointVector,
+    /// What the joints' stops, and gears that are turned faster than their motors can, bore beside them, N m.
+    pub stop_effort: JointVector,
     /// `world_from_base`.
     pub world_from_base: Pose,
     /// The base stood still in the last tick, because it was told to jump.

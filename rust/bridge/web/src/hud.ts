@@ -403,6 +403,8 @@ export function eventText(event: TrialEvent): string {
       return `Paused: the shoulder jumped by ${(100 * event.distance).toFixed(0)} cm`;
     case "base_follows":
       return "The arm follows the shoulder again";
+    case "contacts_unsolved":
+      return "The physics is inexact for a moment";
     case "trial_finished":
       return "Trial over";
     default:

@@ -6,6 +6,7 @@
 //! | `/tf` | `tf2_msgs/TFMessage` | each frame: `world` to base and objects; each state: the moving links |
 //! | `/tf_static` | `tf2_msgs/TFMessage` | once, latched: the fixed links |
 //! | `/mpl_right_arm/wrapped_joint_states` | `sensor_msgs/JointState` | each state (50 Hz), joints by alphabet as in the original |
+//! | `/proact/stop_efforts` | `sensor_msgs/JointState` | each state: what stops and braking gears bear beside the motors, N m; the motors' own torques are in the joint states |
 //! | `/gazebo/model_states` | `gazebo_msgs/ModelStates` | each state: arm and objects |
 //! | `/mpl_right_arm/base_pose`, `/red_block1_pose_msg` and so on, an object each | `geometry_msgs/PoseStamped` | each frame |
 //! | `/hololens_unity_camera_pose_ros` | `geometry_msgs/PoseStamped` | each frame: the head |
@@ -146,7 +147,7 @@ impl TrialBag {
 
     /// Records joints, links and models. Call it 50 times a second, as the original's topics run.
     ///
-    /// Positions are wrapped to (-pi, pi] in the joint states, as in the original; velocities and efforts are
+    /// Positions are wrapped to (-pi, pi] in the joint states, as in the original; velocities and motor torques are
     /// those of the simulation. The base is kinematic and has the twist zero in `/gazebo/model_states`.
     ///
     /// # Errors
@@ -157,6 +158,7 @@ impl TrialBag {
             ("joint positions of a state", &state.position),
             ("joint velocities of a state", &state.velocity),
             ("joint efforts of a state", &state.effort),
+            ("stop efforts of a state", &state.stop_effort),
         ] {
             check_length(what, values.len(), self.moving.len())?;
             check_finite(what, time, values.iter().copied())?;
@@ -169,9 +171,17 @@ impl TrialBag {
         }
 
         let ordered = |value: &dyn Fn(usize) -> f64| self.alphabetical.iter().map(|k| value(*k)).collect();
+        let names: Vec<String> = self.alphabetical.iter().map(|k| self.moving[*k].0.name.clone()).collect();
+        let stops = ros::JointState {
+            header: header(time, ""),
+            name: names.clone(),
+            position: Vec::new(),
+            velocity: Vec::new(),
+            effort: ordered(&|k| state.stop_effort[k]),
+        };
         let joints = ros::JointState {
             header: header(time, ""),
-            name: self.alphabetical.iter().map(|k| self.moving[*k].0.name.clone()).collect(),
+            name: names,
             position: ordered(&|k| wrap(state.position[k])),
             velocity: ordered(&|k| state.velocity[k]),
             effort: ordered(&|k| state.effort[k]),
@@ -193,6 +203,7 @@ impl TrialBag {
             models.twist.push(ros::Twist { linear: body.linear.into(), angular: body.angular.into() });
         }
         self.write(topic::WRAPPED_JOINT_STATES, time, &joints)?;
+        self.write("/proact/stop_efforts", time, &stops)?;
         self.write("/tf", time, &ros::TfMessage { transforms })?;
         self.write(topic::MODEL_STATES, time, &models)
     }

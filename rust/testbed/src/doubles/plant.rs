@@ -42,6 +42,7 @@ impl KinematicPlant {
             position: joints(&initial),
             velocity: zeros(initial.len()),
             effort: zeros(initial.len()),
+            stop_effort: zeros(initial.len()),
             world_from_base,
             base_held: false,
             objects: scene.objects.iter().map(|block| stands(block.pose)).collect(),

@@ -18,6 +18,9 @@ pub struct WorldStage {
     /// Links of the fingers on the block that is held.
     grasped_by: Vec<String>,
     tracker: HandTracker,
+    /// Ticks whose contacts were solved inexactly.
+    unsolved_ticks: u64,
+    solved: bool,
 }
 
 /// What enters the world in one tick.
@@ -62,6 +65,8 @@ impl WorldStage {
             choice: GraspChoice::new(&model, scene)?,
             tracker: HandTracker::new(model.pose("hand", OPEN_POSE)?),
             grasped_by: Vec::new(),
+            unsolved_ticks: 0,
+            solved: true,
             plant,
             model,
         })
@@ -75,6 +80,11 @@ impl WorldStage {
     /// Joints, base and blocks after the last tick.
     pub fn state(&self) -> &PlantState {
         self.plant.state()
+    }
+
+    /// Ticks so far in which the physics met the laws of contact inexactly.
+    pub fn unsolved_ticks(&self) -> u64 {
+        self.unsolved_ticks
     }
 
     /// The hand after the last tick.
@@ -100,6 +110,12 @@ impl WorldStage {
         let hand = self.tracker.step(fingers, &state.velocity[arm..], input.hand_moving);
         let action = self.grasp.step(&self.model, state, hand, self.tracker.command());
         let mut output = WorldOutput { carried, ..WorldOutput::default() };
+        let solved = self.plant.solved();
+        self.unsolved_ticks += u64::from(!solved);
+        if self.solved && !solved {
+            output.events.push(EventKind::ContactsUnsolved);
+        }
+        self.solved = solved;
         let place = |block: usize| Point::from(state.objects[block].pose.translation.vector);
         match action {
             Some(GraspAction::Attach(block)) => {

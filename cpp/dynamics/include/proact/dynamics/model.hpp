@@ -94,6 +94,10 @@ struct Options {
   double position_gain = 200.0;
   /// The control may ask for this many times the joint's highest speed, to catch up.
   double catch_up = 1.25;
+  /// A gear is not turned much faster than its motor can: from this many times the joint's highest speed on it brakes a joint
+  /// that contacts turn, in engine reduced, by so many times the motor's limit for each highest speed more.
+  double gear_speed = 1.5;
+  double gear_brake = 40.0;
   /// Commands of joints that are driven by gains are followed no faster than this, rad/s.
   double gains_command_speed = 0.5;
   /// Joints of the hand whose command has been constant and reached for hold_ticks become rigid, until the
@@ -110,6 +114,7 @@ struct Options {
   double contact_cfm = 1e-3;
   double surface_layer = 5e-5;        ///< m, resting contacts keep this overlap
   double correcting_speed = 0.5;      ///< m/s, so that overlap is not thrown apart
+  double arm_correcting_speed = 0.05; ///< the same of the arm in fixed objects, in engine reduced
   double joint_erp = 0.2;
   double joint_cfm = 1e-7;
   /// Of round blocks on fixed objects: decelerating torque over weight and radius. Assumed, as of hard plastic on

@@ -60,6 +60,8 @@ class World {
   const std::vector<double>& velocities() const noexcept;  ///< rad/s
   /// Torque of the position control, N m. A joint at its stop shows the stop's torque, one held rigid zero.
   const std::vector<double>& efforts() const noexcept;
+  /// What stops and braking gears bear beside the motors, N m.
+  const std::vector<double>& borne() const noexcept;
   const Pose& world_from_base() const noexcept;
   /// Whether the base stood still in the last tick because it was told to jump.
   bool base_held() const noexcept;

@@ -291,7 +291,8 @@ void OdeArm::finish() {
     dJointGetHingeAxis(hinge.joint, axis_at);
     const Vec3 lever = to_vec(anchor_at) - to_vec(dBodyGetPosition(dJointGetBody(hinge.joint, 0)));
     const double effort = dot(to_vec(axis_at), to_vec(hinge.feedback.t1) - cross(lever, to_vec(hinge.feedback.f1)));
-    joints_.move(hinge.moving, angle, rate, effort);
+    const double borne = control_.borne(hinge.moving, effort);
+    joints_.move(hinge.moving, angle, rate, effort - borne, borne);
   }
 }
 

@@ -16,6 +16,8 @@ constexpr int most_rounds = 10;
 // A joint is braked beyond this speed, rad/s, two hundred times the fastest that a hand is asked for: limp fingers without
 // stops would whip round by half a radian in a tick, which no tick of 1 ms can follow.
 constexpr double fastest_turn = 400.0;
+// From a joint to where the arm may be held while its base moves, metres.
+constexpr double shortest_lever = 0.05;
 
 /// Two directions across a unit vector.
 std::array<Vec3, 2> across(const Vec3& normal) {
@@ -171,8 +173,9 @@ bool ReducedArm::push(Collisions& collisions) {
     const std::size_t k = moving(i);
     const double speed = problem_.velocity[i];
     const double position = wrapped(model_.joints[model_.moving[k]], halfway_[k] + 0.5 * tick_secs * speed);
-    const double effort = problem_.hinges[i].impulse / tick_secs + motors_[i].torque - motors_[i].slope * speed;
-    joints_.move(k, position, speed, effort);
+    const double torque = problem_.hinges[i].impulse / tick_secs + motors_[i].torque - motors_[i].slope * speed;
+    const double stop = control_.borne(k, torque);
+    joints_.move(k, position, speed, torque - stop, stop + problem_.hinges[i].braked / tick_secs);
     motor_states_[k] = problem_.hinges[i].state;
   }
   engaged_.move(problem_, hinges);
@@ -203,6 +206,7 @@ bool ReducedArm::drive_freely() {
   for (std::size_t i = 0; i < hinges; ++i) {
     problem_.hinges[i].state = 0;
     problem_.hinges[i].impulse = torques_[i] * tick_secs;
+    problem_.hinges[i].braked = 0.0;
   }
   return true;
 }
@@ -235,6 +239,8 @@ void ReducedArm::set_up_hinges() {
     momenta_[i] = 0.0;
     for (std::size_t j = 0; j < hinges; ++j) momenta_[i] += problem_.mass[i * hinges + j] * velocities[moving(j)];
   }
+  // A base that carries the arm into something turns its joints: gears give way to it.
+  const double yielding = norm(base_.motion().linear) / shortest_lever + 2.0 * norm(base_.motion().angular);
   for (std::size_t i = 0; i < hinges; ++i) {
     double& own = problem_.mass[i * hinges + i];
     own *= std::max(1.0, std::fabs(velocities[moving(i)]) / fastest_turn);
@@ -242,6 +248,8 @@ void ReducedArm::set_up_hinges() {
     VelocityProblem::Hinge& hinge = problem_.hinges[i];
     hinge.speed = motors_[i].speed;
     hinge.limit = motors_[i].limit * tick_secs;
+    hinge.fastest = motors_[i].fastest + yielding;
+    hinge.brake = motors_[i].brake * tick_secs;
   }
 }
 
@@ -304,8 +312,10 @@ void ReducedArm::add_contact(const Touch& touch) {
   const std::array<Vec3, 3> directions{touch.point.normal, u, v};
   VelocityProblem::Contact contact;
   contact.friction = touch.friction;
-  contact.speed[0] = std::min(options.contact_erp / tick_secs * std::max(0.0, touch.point.depth - options.surface_layer),
-                              options.correcting_speed);
+  const auto is_fixed = [](const Side& side) { return side.arm == no_index && side.block == no_index; };
+  const bool with_fixed = (first.arm != no_index && is_fixed(second)) || (second.arm != no_index && is_fixed(first));
+  const double fastest = with_fixed ? options.arm_correcting_speed : options.correcting_speed;
+  contact.speed[0] = std::min(options.contact_erp / tick_secs * std::max(0.0, touch.point.depth - options.surface_layer), fastest);
   // What the base does is known.
   const FrameMotion base = base_.motion();
   const Vec3 carried = base.linear + cross(base.angular, point - tree_.placed()[0].pose.position);

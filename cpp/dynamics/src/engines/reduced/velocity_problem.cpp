@@ -33,6 +33,11 @@ double product(const double* a, const double* b, std::size_t count) {
 
 int side_of(double value, double limit) { return value > limit ? 1 : (value < -limit ? -1 : 0); }
 
+/// Impulse of a gear that brakes beyond a speed.
+double braked(const VelocityProblem::Hinge& hinge, double speed) {
+  return hinge.brake * (std::clamp(speed, -hinge.fastest, hinge.fastest) - speed);
+}
+
 /// Impulse of a contact along a row, when the gap is so wide.
 double impulse_of(const VelocityProblem::Contact& contact, std::size_t row, double wanted) {
   return row == 0 ? std::max(0.0, wanted) : std::clamp(wanted, -contact.bound, contact.bound);
@@ -61,9 +66,12 @@ bool VelocityProblem::judge() {
     Hinge& hinge = hinges[k];
     const double wanted = tick_secs / motor_softness * (hinge.speed - velocity[k]);
     const int state = side_of(wanted, hinge.limit);
-    same = same && state == hinge.state;
+    const int braking = side_of(velocity[k], hinge.fastest);
+    same = same && state == hinge.state && braking == hinge.braking;
     hinge.state = state;
+    hinge.braking = braking;
     hinge.impulse = std::clamp(wanted, -hinge.limit, hinge.limit);
+    hinge.braked = braked(hinge, velocity[k]);
   }
   for (Contact& contact : contacts) {
     for (std::size_t row = 0; row < 3; ++row) {
@@ -82,7 +90,7 @@ void VelocityProblem::find_slope() {
   const std::size_t hinge_count = hinges.size();
   slope_.resize(velocity.size());
   for (std::size_t k = 0; k < hinge_count; ++k) {
-    slope_[k] = product(&mass[k * hinge_count], velocity.data(), hinge_count) - hinges[k].momentum - hinges[k].impulse;
+    slope_[k] = product(&mass[k * hinge_count], velocity.data(), hinge_count) - hinges[k].momentum - hinges[k].impulse - hinges[k].braked;
   }
   for (std::size_t b = 0; b < blocks.size(); ++b) {
     const double* const v = &velocity[hinge_count + 6 * b];
@@ -107,6 +115,7 @@ void VelocityProblem::factor() {
   for (std::size_t i = 0; i < hinge_count; ++i) {
     std::copy_n(&mass[i * hinge_count], i + 1, &factors_[i * n]);
     if (hinges[i].state == 0) factors_[i * n + i] += tick_secs / motor_softness;
+    if (hinges[i].braking != 0) factors_[i * n + i] += hinges[i].brake;
   }
   for (std::size_t b = 0; b < blocks.size(); ++b) {
     const std::size_t at = hinge_count + 6 * b;
@@ -174,7 +183,8 @@ double VelocityProblem::slope_along(double way) const {
   double slope = slope_start_ + way * slope_growth_;
   for (std::size_t k = 0; k < hinges.size(); ++k) {
     const double wanted = tick_secs / motor_softness * (hinges[k].speed - velocity[k] - way * step_[k]);
-    slope -= step_[k] * std::clamp(wanted, -hinges[k].limit, hinges[k].limit);
+    const double impulse = std::clamp(wanted, -hinges[k].limit, hinges[k].limit) + braked(hinges[k], velocity[k] + way * step_[k]);
+    slope -= step_[k] * impulse;
   }
   for (const Contact& contact : contacts) {
     for (std::size_t row = 0; row < 3; ++row) {
@@ -194,7 +204,12 @@ double VelocityProblem::find_way() {
     if (way > 0.0 && way < 1.0) kinks_.push_back(way);
   };
   for (std::size_t k = 0; k < hinges.size(); ++k) {
-    if (step_[k] == 0.0 || hinges[k].limit <= 0.0) continue;
+    if (step_[k] == 0.0) continue;
+    if (hinges[k].brake > 0.0) {
+      add(velocity[k], step_[k], hinges[k].fastest);
+      add(velocity[k], step_[k], -hinges[k].fastest);
+    }
+    if (hinges[k].limit <= 0.0) continue;
     const double gap = hinges[k].speed - velocity[k];
     const double bend = hinges[k].limit * motor_softness / tick_secs;
     add(gap, -step_[k], bend);

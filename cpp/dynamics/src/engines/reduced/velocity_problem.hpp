@@ -5,6 +5,7 @@
 
 #include <array>
 #include <cstddef>
+#include <limits>
 #include <vector>
 
 namespace proact::dynamics {
@@ -27,12 +28,17 @@ namespace proact::dynamics {
 /// true friction cones; ours of rigid bodies and of ODE's laws.
 class VelocityProblem {
  public:
+  static constexpr double infinity = std::numeric_limits<double>::infinity();
   struct Hinge {
     double momentum = 0.0;  ///< of the start and of all known torques, kg m^2/s
     double speed = 0.0;     ///< wanted, rad/s
     double limit = 0.0;     ///< of the motor's impulse, N m s
-    int state = 0;          ///< found: 0, or +-1 where the motor gives its limit
-    double impulse = 0.0;   ///< of the motor, found
+    double fastest = infinity;  ///< beyond this speed the gear brakes, rad/s
+    double brake = 0.0;         ///< how much, N m s^2/rad
+    int state = 0;              ///< found: 0, or +-1 where the motor gives its limit
+    int braking = 0;            ///< found: 0, or +-1 where the gear brakes a joint that turns that way
+    double impulse = 0.0;       ///< of the motor, found
+    double braked = 0.0;        ///< impulse of the gear, found
   };
   struct BlockPart {
     double mass = 0.0;

@@ -875,7 +875,7 @@ cause: StopCause,
 /** As shown. */
 reason: string, } | { "event": "rearmed" } | { "event": "base_held",
 /** From the base to where it was told to be, metres. */
-distance: number, } | { "event": "base_follows" } | { "event": "grasp_made",
+distance: number, } | { "event": "base_follows" } | { "event": "contacts_unsolved" } | { "event": "grasp_made",
 /** Which object. */
 object: ObjectId,
 /** Links of fingers that touched it. */

@@ -27,6 +27,7 @@ fn instant() -> (PlantState, ActuationOutput, TaskState) {
         position: proact_types::joints(&AWKWARD),
         velocity: zeros(4),
         effort: zeros(4),
+        stop_effort: zeros(4),
         world_from_base: pose(),
         base_held: true,
         objects: [body; 4].into_iter().collect(),

@@ -1,0 +1,73 @@
+//! No joint goes much faster than it can be asked to, whatever the arm grinds on: trials of A and B, whose person steers the
+//! hand into walls, the partition and blocks.
+#![allow(clippy::unwrap_used)]
+
+use proact_app::{Arm, trial};
+use proact_control::MethodRegistry;
+use proact_devices::EmgOrigin;
+use proact_testbed::{Setup, TrialConfig};
+
+/// The bound in contact: this many times a joint's highest speed. Gears brake from 1.5 times on (docs/dynamics.md).
+const BOUND: f64 = 2.0;
+/// A base slower than this rests, m/s and rad/s; a body that carries the arm into a wall must turn its joints.
+const RESTS: f64 = 0.01;
+/// What it stirred up has passed after so many ticks.
+const PASSES_TICKS: u64 = 100;
+
+/// The highest speed of an arm joint while the base rests, as a share of the joint's highest; its joint and tick.
+fn fastest(method: &str, seed: u64) -> (f64, usize, u64) {
+    let config = TrialConfig::new(method, seed, Setup::named("seated").unwrap());
+    let arm = Arm::of(&config).unwrap();
+    let methods = MethodRegistry::standard();
+    let assembled = trial::simulated_with(&methods, &arm, config, &EmgOrigin::Synthetic, None).unwrap();
+    let trial::Assembly { mut session, .. } = assembled;
+    let model = proact_description::mpl_right_arm();
+    let highest: Vec<f64> = model.arm.iter().map(|&joint| model.joints[joint].limits.velocity).collect();
+    let (mut most, mut moved_at) = ((0.0, 0, 0), 0);
+    let mut base = session.testbed().plant().state().world_from_base;
+    loop {
+        let step = session.step(false).unwrap();
+        let (state, now) = (session.testbed().plant().state(), step.time.0);
+        let way = (state.world_from_base.translation.vector - base.translation.vector).norm();
+        if way + state.world_from_base.rotation.angle_to(&base.rotation) > RESTS * proact_types::TICK_SECS {
+            moved_at = now;
+        }
+        base = state.world_from_base;
+        if now > moved_at + PASSES_TICKS {
+            for (joint, (speed, highest)) in state.velocity.iter().zip(&highest).enumerate() {
+                if speed.abs() / highest > most.0 {
+                    most = (speed.abs() / highest, joint, now);
+                }
+            }
+        }
+        if step.output.finished {
+            return most;
+        }
+    }
+}
+
+fn check(seeds: std::ops::RangeInclusive<u64>) {
+    let mut worst = 0.0_f64;
+    for (method, seed) in
+        ["A", "B"].into_iter().flat_map(|method| seeds.clone().map(move |seed| (method, seed)))
+    {
+        let (share, joint, at) = fastest(method, seed);
+        worst = worst.max(share);
+        assert!(
+            (0.5..BOUND).contains(&share),
+            "method {method}, seed {seed}: joint {joint} at {share:.2} times its highest speed at {at} ms, expected below {BOUND}"
+        );
+    }
+    println!("at most {worst:.2} times a joint's highest speed");
+}
+
+#[test]
+fn no_joint_goes_much_faster_than_it_can_be_asked_to() {
+    check(2..=3);
+}
+
+#[test]
+#[ignore = "minutes: lane speeds"]
+fn no_joint_of_a_hundred_trials_goes_much_faster_than_it_can_be_asked_to() {
+    check(1..=50);
+}
