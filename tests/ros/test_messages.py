@@ -27,6 +27,10 @@ PUBLISHED = {
     "moveit_msgs.msg.CollisionObject": "dbba710596087da521c07564160dfccb",
     "moveit_msgs.msg.MotionPlanRequest": "83f3d7b1d47a538f7659e0de9dae7980",
     "moveit_msgs.msg.RobotState": "968156f4aa4cb4018f1f2293eebcea8f",
+    "gazebo_msgs.srv.GetLinkStateRequest": "7551675c30aaa71f7c288d4864552001",
+    "gazebo_msgs.srv.GetLinkStateResponse": "8ba55ad34f9c072e75c0de57b089753b",
+    "shoulder_localization.srv.fixWorld": "c33bde85c17aa9cf43fdef4f2e837c2f",
+    "shoulder_localization.srv.adjustHeight": "e59cdc9605d309f43ffc7f3b149d0cd2",
     "gazebo_msgs.srv.SetLinkStateRequest": "22a2c757d56911b6f27868159e9a872d",
     "gazebo_msgs.srv.SetLinkStateResponse": "2ec6f3eff0161f4257b808b12bc830c2",
 }

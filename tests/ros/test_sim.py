@@ -18,9 +18,10 @@ GRAPH = graph.Graph()
 import actionlib  # noqa: E402
 import rospy  # noqa: E402
 import tf2_ros  # noqa: E402
-from actionlib_msgs.msg import GoalStatus  # noqa: E402
+from actionlib_msgs.msg import GoalID, GoalStatus  # noqa: E402
 from control_msgs.msg import (  # noqa: E402
-    FollowJointTrajectoryAction, FollowJointTrajectoryGoal, FollowJointTrajectoryResult, JointTolerance,
+    FollowJointTrajectoryAction, FollowJointTrajectoryActionGoal, FollowJointTrajectoryActionResult,
+    FollowJointTrajectoryGoal, FollowJointTrajectoryResult, JointTolerance,
 )
 from controller_manager_msgs.srv import ListControllers, LoadController, SwitchController  # noqa: E402
 from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
@@ -225,6 +226,62 @@ class Simulator(unittest.TestCase):
         self.assertTrue(c.wait_for_result(rospy.Duration(graph.PATIENCE)))
         self.assertEqual((c.get_state(), c.get_result().done), (GoalStatus.PREEMPTED, 0))
         c.send_goal_and_wait(graspGoal(instruct=2), rospy.Duration(graph.PATIENCE))
+
+    def test_a_hand_trajectory_ends_a_grasp_only_when_it_is_valid(self):
+        grasp = client(graspAction, "/grasp")
+        hand = client(name="/mpl_right_arm/hand_controller/follow_joint_trajectory")
+        grasp.send_goal(graspGoal(instruct=1))
+        graph.until(lambda: grasp.get_state() == GoalStatus.ACTIVE, "the hand closing")
+        bad = FollowJointTrajectoryGoal(trajectory=trajectory((1.0, [0.0]), names=["nose"]))
+        self.assertEqual(hand.send_goal_and_wait(bad, rospy.Duration(graph.PATIENCE)), GoalStatus.REJECTED)
+        self.assertTrue(grasp.wait_for_result(rospy.Duration(graph.PATIENCE)))
+        self.assertEqual((grasp.get_state(), grasp.get_result().done), (GoalStatus.SUCCEEDED, 1))
+        grasp.send_goal(graspGoal(instruct=2))
+        graph.until(lambda: grasp.get_state() == GoalStatus.ACTIVE, "the hand opening")
+        now = dict(zip(STATES.messages[-1].name, STATES.messages[-1].position))
+        fingers = [name for name in now if name not in ARM]
+        good = trajectory((0.5, [now[f] for f in fingers]), names=fingers)
+        hand.send_goal(FollowJointTrajectoryGoal(trajectory=good))
+        self.assertTrue(grasp.wait_for_result(rospy.Duration(graph.PATIENCE)))
+        self.assertEqual((grasp.get_state(), grasp.get_result().done), (GoalStatus.PREEMPTED, 0))
+        hand.wait_for_result(rospy.Duration(graph.PATIENCE))
+        grasp.send_goal_and_wait(graspGoal(instruct=2), rospy.Duration(graph.PATIENCE))
+
+    def test_the_same_goal_twice_and_a_goal_behind_its_cancel_leave_the_arm_alone(self):
+        goals = rospy.Publisher(f"{ACTION}/goal", FollowJointTrajectoryActionGoal, queue_size=5)
+        cancels = rospy.Publisher(f"{ACTION}/cancel", GoalID, queue_size=5)
+        results = graph.Inbox(f"{ACTION}/result", FollowJointTrajectoryActionResult)
+        graph.until(lambda: goals.get_num_connections() and cancels.get_num_connections(), "the simulator")
+        target = bent(0.2)
+        twice = FollowJointTrajectoryActionGoal()
+        twice.goal_id.id = "twice"
+        twice.goal.trajectory = trajectory((2.0, target))
+        goals.publish(twice)
+        begun = arm_now()[3]
+        graph.until(lambda: abs(arm_now()[3] - begun) > 0.03, "the arm on its way")
+        goals.publish(twice)
+        late = FollowJointTrajectoryActionGoal()
+        late.goal_id.id = "late"
+        late.goal.trajectory = trajectory((1.0, bent(-0.2)))
+        cancels.publish(GoalID(id="late"))
+        rospy.sleep(0.1)
+        goals.publish(late)
+        ended = lambda name, state: lambda m: (m.status.goal_id.id, m.status.status) == (name, state)
+        results.wait(ended("late", GoalStatus.RECALLED))
+        results.wait(ended("twice", GoalStatus.SUCCEEDED))
+        self.assertLess(abs(arm_now()[3] - target[3]), 0.02)
+
+    def test_a_best_effort_switch_with_a_bad_name_ends_the_goal_of_what_it_stops(self):
+        switch = rospy.ServiceProxy("/mpl_right_arm/controller_manager/switch_controller", SwitchController)
+        c = client()
+        c.send_goal(FollowJointTrajectoryGoal(trajectory=trajectory((3.0, bent(-0.2)))))
+        graph.until(lambda: c.get_state() == GoalStatus.ACTIVE, "the goal")
+        try:
+            self.assertTrue(switch(stop_controllers=["arm_controller", "nonsense"], strictness=1).ok)
+            self.assertTrue(c.wait_for_result(rospy.Duration(graph.PATIENCE)))
+            self.assertEqual(c.get_state(), GoalStatus.ABORTED)
+        finally:
+            switch(start_controllers=["arm_controller"], strictness=1)
 
     def test_controllers_are_loaded_and_switched_as_the_originals_script_does(self):
         services = "/mpl_right_arm/controller_manager/"

@@ -73,13 +73,27 @@ impl GoalList {
         self.goals.iter().find(|g| g.state == GoalState::Active)
     }
 
+    /// Whether a goal of this name would begin: it is not known yet, and no cancel overtook it. What the goal asks for
+    /// is started only then.
+    pub fn would_begin(&self, id: &GoalId) -> bool {
+        !self.knows(id) && !self.overtaken(id)
+    }
+
+    fn knows(&self, id: &GoalId) -> bool {
+        self.goals.iter().any(|g| g.id.id == id.id)
+    }
+
+    fn overtaken(&self, id: &GoalId) -> bool {
+        self.cancelled_ids.iter().any(|(cancelled, _)| *cancelled == id.id)
+            || (id.stamp_ns != 0 && id.stamp_ns <= self.cancelled_before_ns)
+    }
+
     /// A valid goal came in.
     pub fn admit(&mut self, id: GoalId, now: SimTime) -> Admission {
-        if self.goals.iter().any(|g| g.id.id == id.id) {
+        if self.knows(&id) {
             return Admission::Ended(None);
         }
-        let overtaken = self.cancelled_ids.iter().any(|(cancelled, _)| *cancelled == id.id);
-        if overtaken || (id.stamp_ns != 0 && id.stamp_ns <= self.cancelled_before_ns) {
+        if self.overtaken(&id) {
             let text = "cancelled before it began";
             return Admission::Ended(Some(self.add(id, GoalState::Recalled, text, Some(now))));
         }
@@ -153,6 +167,7 @@ mod tests {
             panic!("b begins and a ends")
         };
         assert_eq!((before.id.id.as_str(), before.state), ("a", GoalState::Preempted));
+        assert!(!list.would_begin(&id("b", 2)) && list.would_begin(&id("c", 3)));
         assert_eq!(list.admit(id("b", 2), NOW), Admission::Ended(None));
         assert_eq!(active(&list), Some("b"));
     }
@@ -177,6 +192,7 @@ mod tests {
     fn a_cancel_that_overtakes_its_goal_recalls_it() {
         let mut list = GoalList::default();
         list.cancel(&id("late", 0), NOW);
+        assert!(!list.would_begin(&id("late", 5)));
         let Admission::Ended(Some(goal)) = list.admit(id("late", 5), NOW) else {
             panic!("it does not begin")
         };

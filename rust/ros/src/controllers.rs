@@ -285,16 +285,16 @@ impl Controllers {
     }
 
     /// Stops and starts controllers in one tick. `strict` changes nothing when anything is wrong; otherwise what is
-    /// wrong is left out and named. Answers the names that stopped.
+    /// wrong is left out. Answers the names that stopped, and the first thing that was left out.
     ///
     /// # Errors
-    /// The first thing that is wrong.
+    /// The first thing that is wrong, if `strict`.
     pub fn switch(
         &mut self,
         start: &[String],
         stop: &[String],
         strict: bool,
-    ) -> Result<Vec<String>, SwitchError> {
+    ) -> Result<(Vec<String>, Option<SwitchError>), SwitchError> {
         let before = self.clone();
         let mut first_error = None;
         let mut stopped = Vec::new();
@@ -324,13 +324,11 @@ impl Controllers {
             }
         }
         match first_error {
-            Some(error) => {
-                if strict {
-                    *self = before;
-                }
+            Some(error) if strict => {
+                *self = before;
                 Err(error)
             }
-            None => Ok(stopped),
+            left_out => Ok((stopped, left_out)),
         }
     }
 
@@ -403,5 +401,42 @@ impl Controllers {
             }
         }
         endings
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn controllers() -> Controllers {
+        let one = |name: &str| TrajectoryController {
+            name: name.to_owned(),
+            names: vec![],
+            joints: vec![],
+            desired: vec![],
+            following: None,
+            loaded: true,
+            running: true,
+            drives: false,
+        };
+        let list = vec![one("arm_controller"), one("hand_controller")];
+        Controllers {
+            list,
+            limits: vec![],
+            position: JointVector::default(),
+            velocity: JointVector::default(),
+        }
+    }
+
+    #[test]
+    fn best_effort_tells_what_stopped_beside_what_it_left_out_and_strict_changes_nothing() {
+        let stop = ["arm_controller".to_owned(), "nonsense".to_owned()];
+        let mut all = controllers();
+        assert!(all.switch(&[], &stop, true).is_err());
+        assert!(all.list[0].running);
+        let (stopped, left_out) = all.switch(&[], &stop, false).unwrap();
+        assert_eq!(stopped, ["arm_controller"]);
+        assert!(matches!(left_out, Some(SwitchError::Unknown { name, .. }) if name == "nonsense"));
+        assert!(!all.list[0].running && all.list[1].running);
     }
 }

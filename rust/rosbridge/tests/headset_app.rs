@@ -229,7 +229,7 @@ fn gaze_and_head_of_the_app_and_a_classifiers_gestures_reach_the_trial() {
     assert_eq!(gesture, Gesture::WristFlexion);
 
     // Where the world was fixed is told back, and used from then on.
-    app.send(json!({"op": "call_service", "id": "fix", "service": "/fix_world", "args": {"in": true}}));
+    app.send(json!({"op": "call_service", "id": "fix", "service": "/fix_world", "args": {"fixWorld": true}}));
     let answer = app.next();
     assert_eq!((&answer["op"], &answer["result"]), (&json!("service_response"), &json!(true)));
     topics.publish(&frame(head()));

@@ -317,9 +317,6 @@ impl SimNode {
         tolerances: Option<GoalTolerances>,
     ) -> Result<(), (i32, String)> {
         let now = self.now;
-        if name == "hand_controller" {
-            self.robot.hold_hand();
-        }
         let refused = |reason: String| (-1, reason);
         let controller = self.robot.controllers.get_mut(name).ok_or_else(|| refused("no such".to_owned()))?;
         if !controller.running() {
@@ -330,12 +327,22 @@ impl SimNode {
         let points: Vec<RawPoint> = message.points.iter().map(convert::read_point).collect();
         controller
             .follow(&message.joint_names, &points, begin, tolerances, now)
-            .map_err(|error| (error.code(), error.to_string()))
+            .map_err(|error| (error.code(), error.to_string()))?;
+        if name == "hand_controller" {
+            self.leave_grasp();
+        }
+        Ok(())
     }
 
     fn goal(&mut self, k: usize, message: &FollowJointTrajectoryActionGoal) {
         let (now, goal, name) = (self.now, &message.goal, WITH_ACTION[k]);
         let id = own_id(goal_id(&message.goal_id), now);
+        let newer = follow_result(0, "a newer goal took its place");
+        // The same goal again, or one that its cancel overtook: what the controller does goes on.
+        if !self.follow[k].goals.would_begin(&id) {
+            let sent = self.follow[k].admit(id, now, newer).map(|_| ());
+            return self.note(sent);
+        }
         let names =
             self.robot.controllers.get_mut(name).map(|c| c.joint_names().to_vec()).unwrap_or_default();
         let begun = tolerances(&names, goal).map_err(|reason| (-1, reason)).and_then(|tolerances| {
@@ -345,13 +352,7 @@ impl SimNode {
             self.follow(name, &goal.trajectory, Some(tolerances))
         });
         let sent = match begun {
-            Ok(()) => {
-                self.follow[k].admit(id, now, follow_result(0, "a newer goal took its place")).map(|begins| {
-                    if !begins && let Some(controller) = self.robot.controllers.get_mut(name) {
-                        controller.hold();
-                    }
-                })
-            }
+            Ok(()) => self.follow[k].admit(id, now, newer).map(|_| ()),
             Err((code, reason)) => {
                 self.faults.refuse("trajectory", &format!("{name}: {reason}"));
                 self.follow[k].reject(id, &reason, now, follow_result(code, &reason))

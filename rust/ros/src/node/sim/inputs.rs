@@ -1,7 +1,9 @@
 //! What the simulator listens to: our own stages in typed messages, and other people's in the original's.
 
-use super::{Follow, Grasp, MOST_HEARTBEATS, SimNode, WITH_ACTION};
+use super::{Follow, Grasp, MOST_HEARTBEATS, SimNode, WITH_ACTION, grasp_result};
 use crate::{
+    action::GoalState,
+    compat::Quirk,
     messages::{
         control_msgs::FollowJointTrajectoryActionGoal,
         gazebo_msgs::LinkState,
@@ -144,6 +146,16 @@ impl SimNode {
         if !self.typed.contains(caller) {
             self.typed.insert(caller.to_owned());
         }
+    }
+
+    /// A trajectory has the hand now: the grasp that ran ends with a result.
+    pub(super) fn leave_grasp(&mut self) {
+        self.robot.hold_hand();
+        let succeeds = self.compat.has(Quirk::GraspSucceeds);
+        let state = if succeeds { GoalState::Succeeded } else { GoalState::Preempted };
+        let text = "a trajectory of the hand took its place";
+        let sent = self.grasp.end(state, text, self.now, grasp_result(0));
+        self.note(sent);
     }
 
     /// What our own method asks for.

@@ -93,7 +93,10 @@ impl SimNode {
         };
         let (start, stop) = (plain(&request.start_controllers), plain(&request.stop_controllers));
         match self.robot.controllers.switch(&start, &stop, strict) {
-            Ok(stopped) => {
+            Ok((stopped, left_out)) => {
+                if let Some(error) = left_out {
+                    self.faults.refuse("switch_controller", &error.to_string());
+                }
                 let text = "its controller was stopped";
                 for (k, name) in super::WITH_ACTION.into_iter().enumerate() {
                     if stopped.iter().any(|n| n == name) {
@@ -106,7 +109,7 @@ impl SimNode {
             }
             Err(error) => {
                 self.faults.refuse("switch_controller", &error.to_string());
-                !strict
+                false
             }
         }
     }
