@@ -29,6 +29,8 @@ constexpr double kLongestStep = 0.7;
 // Starts around the seed, with growing radius, and starts all over the range.
 constexpr int kStartsAround = 8;
 constexpr int kStarts = 64;
+// Then starts with about half of the joints at a limit: poses at the limits have basins that others miss.
+constexpr int kStartsAtLimits = 2048;
 constexpr std::uint64_t kStartsSeed = 0x70726f616374;  // any fixed number
 
 /// KDL's own Norm reads lengths below 1e-6 as zero, which is too coarse to end on.
@@ -67,7 +69,7 @@ InverseSolver::InverseSolver(const KDL::Chain& chain, std::vector<double> lower,
 
 bool InverseSolver::solve(const KDL::Frame& target, const double* seed, double* out) {
   random_state_ = kStartsSeed;
-  for (int start = 0; start < kStarts; ++start) {
+  for (int start = 0; start < kStarts + kStartsAtLimits; ++start) {
     for (unsigned int k = 0; k < q_.rows(); ++k) {
       const double range = upper_[k] - lower_[k];
       if (start <= kStartsAround) {
@@ -75,6 +77,9 @@ bool InverseSolver::solve(const KDL::Frame& target, const double* seed, double* 
         q_(k) = std::clamp(seed[k] + radius * (2.0 * uniform() - 1.0), lower_[k], upper_[k]);
       } else {
         q_(k) = lower_[k] + range * uniform();
+        const double at_limit = start < kStarts ? 1.0 : uniform();
+        if (at_limit < 0.25) q_(k) = lower_[k];
+        if (at_limit >= 0.25 && at_limit < 0.5) q_(k) = upper_[k];
       }
     }
     if (descend(target)) {
