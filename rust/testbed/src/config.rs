@@ -324,6 +324,8 @@ impl TrialConfig {
     pub fn with_values<S: AsRef<str>>(&self, assignments: &[S]) -> Result<Self, ConfigError> {
         let mut whole: toml::Table =
             toml::from_str(&self.to_toml()?).map_err(|e| ConfigError::Text(e.to_string()))?;
+        // A text that gave way to a table, as `mass_set` to `mass_set.scaled`: whether it may, the reading below decides.
+        let mut gave_way = None;
         for assignment in assignments.iter().map(AsRef::as_ref) {
             let wrong = || ConfigError::Assignment { got: assignment.to_owned() };
             let (key, value) = assignment.split_once('=').ok_or_else(wrong)?;
@@ -341,6 +343,10 @@ impl TrialConfig {
             let mut table = &mut whole;
             for step in tables.into_iter().flat_map(|tables| tables.split('.')) {
                 let inner = table.entry(step).or_insert_with(|| toml::Value::Table(toml::Table::new()));
+                if inner.is_str() && !value_text.is_empty() {
+                    *inner = toml::Value::Table(toml::Table::new());
+                    gave_way = gave_way.or(Some(assignment));
+                }
                 table = inner.as_table_mut().ok_or_else(wrong)?;
             }
             if value_text.is_empty() {
@@ -351,6 +357,9 @@ impl TrialConfig {
         }
         let text = whole.to_string();
         let config: Self = toml::from_str(&text).map_err(|error| {
+            if let Some(assignment) = gave_way {
+                return ConfigError::Assignment { got: assignment.to_owned() };
+            }
             // Where it stands in a text that nobody has seen tells nothing; which assignment it is does.
             let reason = error.message().replace('`', "");
             let given = assignments.iter().map(AsRef::as_ref);
@@ -501,6 +510,18 @@ mod tests {
         let original = config().with_profile("original").expect("ships");
         assert_eq!(original.physics, PhysicsConfig::ORIGINAL);
         assert!(original.intent.sigma == 0.1 && original.intent.changes_at_grasp);
+    }
+
+    #[test]
+    fn a_value_with_a_number_of_its_own_is_set_by_its_name() {
+        let twice = config().with_values(&["physics.mass_set.scaled=2"]).expect("as in a file");
+        assert_eq!(twice.physics.mass_set, MassSet::Scaled(2.0));
+        let back = twice.with_values(&["physics.mass_set=real_limb"]).expect("a name alone");
+        assert_eq!(back.physics.mass_set, MassSet::RealLimb);
+        for wrong in ["physics.mass_set.scald=2", "method.name=A", "physics.engine.name=ode"] {
+            let error = config().with_values(&[wrong]).expect_err("no such key").to_string();
+            assert!(error.contains(wrong), "{error}");
+        }
     }
 
     #[test]
