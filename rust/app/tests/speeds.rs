@@ -14,9 +14,12 @@ const RESTS: f64 = 0.01;
 /// What it stirred up has passed after so many ticks.
 const PASSES_TICKS: u64 = 100;
 
+fn config(method: &str, seed: u64) -> TrialConfig {
+    TrialConfig::new(method, seed, Setup::named("seated").unwrap())
+}
+
 /// The highest speed of an arm joint while the base rests, as a share of the joint's highest; its joint and tick.
-fn fastest(method: &str, seed: u64) -> (f64, usize, u64) {
-    let config = TrialConfig::new(method, seed, Setup::named("seated").unwrap());
+fn fastest(config: TrialConfig) -> (f64, usize, u64) {
     let arm = Arm::of(&config).unwrap();
     let methods = MethodRegistry::standard();
     let assembled = trial::simulated_with(&methods, &arm, config, &EmgOrigin::Synthetic, None).unwrap();
@@ -51,7 +54,7 @@ fn check(seeds: std::ops::RangeInclusive<u64>) {
     for (method, seed) in
         ["A", "B"].into_iter().flat_map(|method| seeds.clone().map(move |seed| (method, seed)))
     {
-        let (share, joint, at) = fastest(method, seed);
+        let (share, joint, at) = fastest(config(method, seed));
         worst = worst.max(share);
         assert!(
             (0.5..BOUND).contains(&share),
@@ -70,4 +73,26 @@ fn no_joint_goes_much_faster_than_it_can_be_asked_to() {
 #[ignore = "minutes: lane speeds"]
 fn no_joint_of_a_hundred_trials_goes_much_faster_than_it_can_be_asked_to() {
     check(1..=50);
+}
+
+#[test]
+fn masses_at_the_ends_of_their_range_are_usable() {
+    for (control, factor) in
+        [("feed_forward", 0.3), ("feed_forward", 100.0), ("original_gains", 0.01), ("original_gains", 1.0)]
+    {
+        for engine in ["reduced", "ode"] {
+            let set = [
+                format!("physics.joint_control={control}"),
+                format!("physics.mass_set.scaled={factor}"),
+                format!("physics.engine={engine}"),
+                "limit_secs=40".to_owned(),
+            ];
+            let (share, joint, at) = fastest(config("D", 1).with_values(&set).unwrap());
+            let found = format!(
+                "{control}, {factor}, {engine}: joint {joint} at {share:.2} of its highest speed at {at} ms"
+            );
+            println!("{found}");
+            assert!((0.1..BOUND).contains(&share), "{found}");
+        }
+    }
 }

@@ -491,7 +491,7 @@ mod tests {
 
     #[test]
     fn the_physics_is_part_of_the_text_and_a_text_without_it_means_the_default() {
-        for mass_set in [MassSet::Description, MassSet::RealLimb, MassSet::Scaled(2.5)] {
+        for mass_set in [MassSet::Description, MassSet::Scaled(0.25)] {
             let physics = PhysicsConfig { mass_set, ..PhysicsConfig::ORIGINAL };
             let config = TrialConfig { physics, ..config() };
             let text = config.to_toml().expect("writes");
@@ -502,11 +502,15 @@ mod tests {
         let (before, after) = text.split_once("[physics]").expect("is written");
         let (_, after) = after.split_once("\n[").expect("a section follows");
         assert_eq!(TrialConfig::from_toml(&format!("{before}[{after}")), Ok(config()));
-        for factor in [0.0, -1.0, f64::NAN, 1000.0] {
-            let physics = PhysicsConfig { mass_set: MassSet::Scaled(factor), ..PhysicsConfig::default() };
+        let scaled = |factor, physics| PhysicsConfig { mass_set: MassSet::Scaled(factor), ..physics };
+        for factor in [0.0, -1.0, f64::NAN, 0.2, 1000.0] {
+            let physics = scaled(factor, PhysicsConfig::default());
             let refused = TrialConfig { physics, ..config() }.check().expect_err("out of range");
             assert!(refused.to_string().contains("mass_set.scaled"), "{refused}");
         }
+        let heavy = TrialConfig { physics: scaled(2.5, PhysicsConfig::ORIGINAL), ..config() };
+        let refused = heavy.check().expect_err("the arm would fall").to_string();
+        assert!(refused.contains("0.01 to 1 with original_gains"), "{refused}");
         let original = config().with_profile("original").expect("ships");
         assert_eq!(original.physics, PhysicsConfig::ORIGINAL);
         assert!(original.intent.sigma == 0.1 && original.intent.changes_at_grasp);

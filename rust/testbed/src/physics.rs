@@ -49,7 +49,19 @@ impl PhysicsConfig {
             }
             Err(ConfigError::Value { key, got: got.to_string(), expected })
         };
-        within("physics.mass_set.scaled", factor, f64::MIN_POSITIVE..=100.0, "more than 0 and at most 100")?;
+        // Damping, friction and blocks are not scaled: a light arm is too weak for a block, and gains that were chosen for
+        // these masses let heavier ones fall.
+        match self.joint_control {
+            JointControl::FeedForward => {
+                within("physics.mass_set.scaled", factor, 0.3..=100.0, "0.3 to 100")?
+            }
+            JointControl::OriginalGains => within(
+                "physics.mass_set.scaled",
+                factor,
+                0.01..=1.0,
+                "0.01 to 1 with original_gains, which cannot bear more",
+            )?,
+        }
         within("physics.opposing_grasp.least_angle_deg", ours.least_angle_deg, 0.0..=180.0, "0 to 180")?;
         within("physics.opposing_grasp.least_force_n", ours.least_force_n, 0.0..=1e3, "0 to 1000")?;
         within("physics.opposing_grasp.balance", ours.balance, 0.0..=1.0, "0 to 1")?;
