@@ -113,6 +113,7 @@ const CASES: &[(&str, &str, &[&str])] = &[
     ("planner.max_velocity", "0.3", &[]),
     ("planner.name", "BiTRRT", &[]),
     ("planner.parameters.range", "0.1", &[]),
+    ("planner.place_tilt", "0.02", &[]),
     ("planner.search.equal_steps", "0.5", &[]),
     ("planner.search.max_iterations", "1", &[]),
     ("planner.search.max_secs", "0.001", &[]),
@@ -302,11 +303,11 @@ fn act(session: &mut Session, tick: u64) {
         session.person().hear(InputSource::Page);
     }
     if tick.is_multiple_of(10) && !(3500..4300).contains(&tick) {
-        let jump = if tick < 500 { 0.0 } else { 0.2 };
+        let jump = if tick < 500 { 0.0 } else { 0.08 };
         // Noise of the tracker: what repeats to the bit is frozen.
         let noise = 1e-6 * (tick % 7) as f64;
         let turn = nalgebra::UnitQuaternion::from_scaled_axis(Vector::z() * (2.0 * jump));
-        let at = nalgebra::Translation3::new(-0.6 + jump + noise, -0.18, 1.445);
+        let at = nalgebra::Translation3::new(-0.39 + jump + noise, 0.12, 1.5);
         session.person().track_shoulder(Pose::from_parts(at, turn));
     }
 }

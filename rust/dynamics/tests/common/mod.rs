@@ -230,14 +230,18 @@ pub fn move_hand(from: &[f64], to: &[f64], base: Pose, ticks: usize) -> Vec<Plan
 /// A configuration that cannot be built.
 pub fn testbed(config: TrialConfig, base: Option<Pose>) -> Testbed {
     let model = Arc::new(proact_description::mpl_right_arm());
-    let start = [model.pose("arm", "start").unwrap(), model.pose("hand", "open").unwrap()].concat();
+    let start = [
+        model.pose("arm", "start").expect("an arm for trials has poses"),
+        model.pose("hand", "open").expect("an arm for trials has poses"),
+    ]
+    .concat();
     let base = base.unwrap_or_else(|| config.setup.body.shoulder_pose(&Default::default()));
     let options = DynamicsOptions::of(&config.physics);
-    let task = config.build_task(&model).unwrap();
-    let plant = OdePlant::new(&model, task.scene(), &start, &base, options).unwrap();
+    let task = config.build_task(&model).expect("a task that ships");
+    let plant = OdePlant::new(&model, task.scene(), &start, &base, options).expect("a plant of this arm");
     let parts = Parts {
         arm: config.arm.clone(),
-        kinematics: Box::new(Kinematics::new(&model).unwrap()),
+        kinematics: Box::new(Kinematics::new(&model).expect("the arm is usable")),
         plant: Box::new(plant),
         methods: proact_control::MethodRegistry::standard(),
         plans: Box::new(LoggedPlans),
@@ -245,5 +249,5 @@ pub fn testbed(config: TrialConfig, base: Option<Pose>) -> Testbed {
         model,
         process: None,
     };
-    Testbed::new(config, parts).unwrap()
+    Testbed::new(config, parts).expect("a trial of these parts")
 }
