@@ -5,13 +5,27 @@ set -eu
 repository=$(cd "$(dirname "$0")/../.." && pwd)
 work=$(mktemp -d "${TMPDIR:-/tmp}/proact-workspace.XXXXXX")
 trap 'rm -rf "$work"' EXIT
+
+echo "--- the messages alone, as docs/ros1.md has it, with another Python before Debian's"
+mkdir -p "$work/other" "$work/messages/src"
+printf '#!/bin/sh\nexec /usr/bin/python3 -S "$@"\n' >"$work/other/python3"
+chmod +x "$work/other/python3"
+"$repository/ros1_ws/link.sh" "$work/messages/src"
+(cd "$work/messages" && PATH=$work/other:/usr/bin:/bin catkin_make --only-pkg-with-deps proact_msgs \
+    -DPYTHON_EXECUTABLE=/usr/bin/python3 >catkin.log 2>&1) || {
+    tail -n 40 "$work/messages/catkin.log"
+    echo "FAILED: catkin_make of proact_msgs"
+    exit 1
+}
+PYTHONPATH=$work/messages/devel/lib/python3/dist-packages /usr/bin/python3 -c "import proact_msgs.msg"
+
 PATH=/usr/bin:/bin:$PATH
 export PATH ROS_IP=127.0.0.1 ROS_HOME="$work/home"
 
 echo "--- a package of the workspace keeps ours of the same name out"
 mkdir -p "$work/lab/src/control_msgs"
 cp -r "$repository/ros1_ws/src/compat/control_msgs/." "$work/lab/src/control_msgs/"
-sh "$repository/ros1_ws/link.sh" "$work/lab/src"
+"$repository/ros1_ws/link.sh" "$work/lab/src"
 [ ! -e "$work/lab/src/proact/compat/control_msgs" ] || {
     echo "FAILED: two packages are called control_msgs"
     exit 1
@@ -27,7 +41,7 @@ echo "--- catkin_make"
 
 echo "--- catkin build"
 mkdir -p "$work/tools/src"
-sh "$repository/ros1_ws/link.sh" "$work/tools/src"
+"$repository/ros1_ws/link.sh" "$work/tools/src"
 (cd "$work/tools" && catkin config --install >/dev/null && catkin build --no-status -j1 -p1 >catkin.log 2>&1) || {
     tail -n 40 "$work/tools/catkin.log"
     echo "FAILED: catkin build"
@@ -37,7 +51,7 @@ sh "$repository/ros1_ws/link.sh" "$work/tools/src"
 
 echo "--- colcon"
 mkdir -p "$work/colcon/src"
-sh "$repository/ros1_ws/link.sh" "$work/colcon/src"
+"$repository/ros1_ws/link.sh" "$work/colcon/src"
 (cd "$work/colcon" && colcon build --executor sequential >colcon.log 2>&1) || {
     tail -n 40 "$work/colcon/colcon.log"
     echo "FAILED: colcon build"
