@@ -242,17 +242,17 @@ impl MethodRegistry {
                 "Joint control",
                 Needs::default(),
                 MethodStyle::Jogging,
-                jogs("One joint after the other; HO goes to the next.", "joint"),
+                jogs("One joint after the other; hand open goes to the next.", "joint"),
             ),
             |profile, model, subset| Ok(Box::new(JointJog::new(profile, model, subset)?)),
         );
         let b = MethodEntry::new(
             info(
                 "B",
-                "End-point control",
+                "End-effector control",
                 Needs::default(),
                 MethodStyle::Jogging,
-                jogs("The hand along, or about, one axis after the other; HO goes to the next.", "axis"),
+                jogs("The hand along, or about, one axis after the other; hand open goes to the next.", "axis"),
             ),
             |profile, model, subset| Ok(Box::new(EndEffectorJog::new(profile, model, subset))),
         );

@@ -10,7 +10,7 @@ import { keyName, type ActionKey, type Command, type GestureKey, type LeanKey, t
 type Axis = "forward" | "lateral" | "axial";
 
 const GESTURES: { gesture: GestureKey; effect: string }[] = [
-  { gesture: "wrist_extension", effect: "move (hold)" },
+  { gesture: "wrist_extension", effect: "move" },
   { gesture: "hand_close", effect: "close hand" },
   { gesture: "wrist_flexion", effect: "lock" },
   { gesture: "hand_open", effect: "open hand" },
@@ -163,7 +163,7 @@ export class Controls {
         "button",
         `gesture ${gesture}`,
         element("kbd"),
-        element("b", "", `${GESTURE_NAMES[gesture].short} `),
+        element("b", "", GESTURE_NAMES[gesture].name),
         element("span", "", effect),
       );
       button.title = GESTURE_NAMES[gesture].name;

@@ -17,7 +17,7 @@ const DEAD = 0.15;
 /** The gaze crosses half the window in this time with the stick fully out, seconds. */
 const CROSSING_SECS = 0.7;
 
-export const GAMEPAD_HELP = "Gamepad: RT or Y is WE, A is WF, X is HC, B is HO, right stick is gaze";
+export const GAMEPAD_HELP = "Gamepad: right trigger or Y is wrist extension, A wrist flexion, X hand close, B hand open, right stick the gaze";
 
 export interface GamepadHandlers {
   hold(source: string, gesture: GestureKey, down: boolean): void;

@@ -3,9 +3,10 @@
 import { element, setClass, setText, setWidth } from "./dom";
 import { marking, type Marking } from "./marking";
 import { StopBanner } from "./stopbanner";
-import type { Briefing, DisplayFrame, GraspFault, MethodInfo, ObjectId, PageContent, PlannerView, TrialEvent } from "./generated/types";
+import type { Briefing, DisplayFrame, GraspFault, MethodInfo, ObjectId, PageContent, PlannerView, PlanStatus, TrialEvent } from "./generated/types";
 import { objectColour, objectLabel, objectName } from "./objects";
-import { capitalised, GESTURE_NAMES } from "./protocol";
+import { recognisedText } from "./hints";
+import { capitalised } from "./protocol";
 
 const MARKING_NAMES: Record<Marking, string> = {
   free: "Free",
@@ -41,9 +42,7 @@ export class Hud {
   private readonly scoreLabel = element("span", "label", "On target");
   private readonly next = element("span", "next");
   private readonly link = element("span", "link");
-  private readonly rate = element("span", "rate");
   private readonly gesture = element("b", "value");
-  private readonly gestureShort = element("kbd", "");
   private readonly confidence = element("i", "fill");
   private readonly confidenceText = element("span", "small");
   private readonly effort = element("i", "fill");
@@ -59,7 +58,7 @@ export class Hud {
   private readonly nextFill = element("i", "fill");
   private readonly nextBar = element("div", "bar", this.nextFill);
   private readonly selectionRow = element("div", "row");
-  private readonly plannerLabel = element("span", "label", "Planner");
+  private readonly plannerLabel = element("span", "label", "Arm");
   private readonly progress = element("i", "fill");
   private readonly progressBar = element("div", "bar", this.progress);
   private readonly events = element("ol", "events");
@@ -115,13 +114,13 @@ export class Hud {
           this.pipRow,
           this.next,
         ),
-        element("div", "card connection", this.link, this.rate, this.corner),
+        element("div", "card connection", this.link, this.corner),
       ),
       element(
         "aside",
         "card status",
-        row("Gesture", element("div", "line", this.gesture, this.gestureShort)),
-        meter("Sure", this.confidence, this.confidenceText),
+        row("Gesture", this.gesture),
+        meter("Confidence", this.confidence, this.confidenceText),
         meter("Effort", this.effort, this.effortText),
         this.modeBox,
         this.selectionRow,
@@ -184,8 +183,7 @@ export class Hud {
   }
 
   setRate(framesPerSecond: number, drawnPerSecond: number, dropped: number): void {
-    const rates = `${Math.round(framesPerSecond)} Hz in · ${Math.round(drawnPerSecond)} drawn`;
-    setText(this.rate, `${rates} · ${dropped} dropped`);
+    this.link.title = `${Math.round(framesPerSecond)} frames a second received, ${Math.round(drawnPerSecond)} drawn, ${dropped} lost`;
   }
 
   setPaused(paused: boolean): void {
@@ -228,11 +226,12 @@ export class Hud {
     while (this.events.children.length > EVENTS_SHOWN) this.events.lastElementChild?.remove();
   }
 
-  update(frame: DisplayFrame, interactive: boolean): void {
+  /** `way`: what ends a stop, for whoever drives. */
+  update(frame: DisplayFrame, interactive: boolean, way: string): void {
     if (frame.time < this.lastTime) this.startTrial();
     this.lastTime = frame.time;
     this.addEvents(frame.events);
-    this.stop.show(frame.stop);
+    this.stop.show(frame.stop, way);
     setText(this.method, frame.method);
     setText(this.methodName, this.titles[frame.method] ?? "Method");
     this.chooser.hidden = !interactive;
@@ -253,11 +252,8 @@ export class Hud {
     const free = this.briefing?.order === "any" ? "Any object" : "All moved";
     setText(this.next, frame.next !== null ? `Next: ${objectName(frame.next)}` : free);
 
-    const gesture = GESTURE_NAMES[frame.gesture];
-    // A gesture of the model's own says what was made, the short form what it does.
-    setText(this.gesture, frame.recognised === frame.gesture ? gesture.name : frame.recognised.replaceAll("_", " "));
-    setText(this.gestureShort, gesture.short);
-    setClass(this.gestureShort, "active", frame.gesture !== "no_motion");
+    setText(this.gesture, recognisedText(frame));
+    setClass(this.gesture, "active", frame.gesture !== "no_motion");
     setWidth(this.confidence, frame.confidence);
     setText(this.confidenceText, `${Math.round(100 * frame.confidence)} %`);
     setWidth(this.effort, frame.effort);
@@ -268,7 +264,7 @@ export class Hud {
       const { name, directions, next_in_secs } = frame.mode;
       setText(this.mode, name);
       const next = next_in_secs === null ? "" : ` · back in ${next_in_secs.toFixed(1)} s`;
-      setText(this.modeNote, `WE ${directions[0]} · WF ${directions[1]}${next}`);
+      setText(this.modeNote, `Wrist extension: ${directions[0]} · wrist flexion: ${directions[1]}${next}`);
       setClass(this.nextBar, "idle", next_in_secs === null);
       setWidth(this.nextFill, 1 - (next_in_secs ?? 0));
     }
@@ -290,7 +286,6 @@ export class Hud {
     const jogs = frame.mode !== null;
     const { text, note, share, kind } = plannerText(frame.planner, jogs);
     this.selectionRow.hidden = jogs;
-    setText(this.plannerLabel, jogs ? "Motion" : "Planner");
     setText(this.planner, text);
     this.planner.dataset["kind"] = kind;
     setText(this.plannerNote, note);
@@ -333,9 +328,9 @@ const FAILED: Record<string, string> = {
 function plannerText(planner: PlannerView, jogs: boolean): { text: string; note: string; share: number | null; kind: string } {
   switch (planner.state) {
     case "idle":
-      return { text: jogs ? "Free" : "Idle", note: "", share: null, kind: "idle" };
+      return { text: "At rest", note: "", share: null, kind: "idle" };
     case "planning":
-      return { text: "Planning …", note: "", share: null, kind: "busy" };
+      return { text: "Looking for a way …", note: "", share: null, kind: "busy" };
     case "executing":
       return {
         text: "Moving",
@@ -351,9 +346,21 @@ function plannerText(planner: PlannerView, jogs: boolean): { text: string; note:
         kind: planner.intermediate ? "warn" : "good",
       };
     case "failed":
-      return { text: jogs ? "Refused" : (FAILED[planner.status] ?? "No plan"), note: planner.reason || planner.status.replaceAll("_", " "), share: null, kind: "bad" };
+      return { text: jogs ? "Refused" : (FAILED[planner.status] ?? "Not possible now"), note: "", share: null, kind: "bad" };
   }
 }
+
+/** How looking for a way ended, as an event. */
+const PLANNED: Record<PlanStatus, string> = {
+  ok: "A way was found",
+  intermediate: "A way was found, part of the way",
+  no_plan: "No way was found",
+  unreachable: "Out of reach",
+  start_in_collision: "Arm is stuck on something",
+  goal_in_collision: "Something is in the way",
+  invalid: "Not possible now",
+  cancelled: "Stopped looking for a way",
+};
 
 const GRASP_FAULTS: Record<GraspFault, string> = {
   no_grasp: "the hand has no grasp for this width",
@@ -378,9 +385,9 @@ export function eventText(event: TrialEvent): string {
     case "unlocked":
       return "Lock off";
     case "plan_requested":
-      return "Plan asked for";
+      return "Looking for a way";
     case "plan_finished":
-      return `Plan: ${event.status.replaceAll("_", " ")}`;
+      return PLANNED[event.status];
     case "method_note":
       return event.text;
     case "motion_stopped":

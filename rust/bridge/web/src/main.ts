@@ -9,7 +9,8 @@ import { FrameCount } from "./framecount";
 import { GamepadInput } from "./gamepad";
 import { GazeCheckView } from "./gazecheckview";
 import { Board } from "./board";
-import { Guide, advise, stepwiseHint } from "./guide";
+import { Guide } from "./guide";
+import { afterStop, nextThing, type Circumstances } from "./hints";
 import { Headset } from "./headset";
 import { Hud, scoreText } from "./hud";
 import { Live } from "./live";
@@ -18,7 +19,7 @@ import { Panel } from "./panel";
 import { Pointing } from "./pointing";
 import type { ObjectId, DisplayFrame, MethodInfo, PageContent, TrialStatus } from "./generated/types";
 import type { Triple } from "./protocol";
-import { load, store, type Settings } from "./settings";
+import { keyName, load, store, type Settings } from "./settings";
 import { choosePalette } from "./objects";
 import { mirrorText } from "./shapes";
 import { Sounds } from "./sounds";
@@ -141,12 +142,12 @@ function start(): void {
       debug.framesDropped = count.dropped;
       sounds.take(frame);
       debug.cues = sounds.given;
-      hud.update(frame, interactive());
       const method = methodOf(stage.content, frame);
+      const now = circumstances(frame);
+      hud.update(frame, interactive(), frame.stop && interactive() ? afterStop(frame.stop, now) : "");
       controls.setEffects(method?.help, frame.mode);
-      const lean = stage.content?.lean ?? false;
-      guide.update(frame, targetPlace, lean, method);
-      tutorial.update(frame, targetPlace, lean, debug.project);
+      guide.update(frame, method, now);
+      tutorial.update(frame, now, debug.project);
       guide.root.hidden ||= tutorial.running;
       check.take(frame);
     },
@@ -194,6 +195,18 @@ function start(): void {
   function targetPlace(object: ObjectId): { x: number; y: number } | null {
     const target = stage.room?.targets.find((candidate) => candidate.object === object);
     return target ? { x: target.centre.x, y: target.centre.y } : null;
+  }
+
+  /** What a hint has to know. A headset's person has neither mouse nor keys. */
+  function circumstances(frame: DisplayFrame): Circumstances {
+    const keys = interactive() && !headset.worn && ["keys", "synthetic"].includes(frame.emg_source);
+    return {
+      target: targetPlace,
+      lean: stage.content?.lean ?? false,
+      mouse: interactive() && gazeSource === null && !headset.worn,
+      key: (gesture) => (keys ? keyName(settings.keys[gesture][0] ?? "") : ""),
+      drives: interactive(),
+    };
   }
 
   function checkGaze(calibrates = false): void {
@@ -270,8 +283,7 @@ function start(): void {
     if (frame) {
       const left = Math.max(Math.round(frame.time_left_secs), 0);
       const score = `Method ${frame.method} · ${scoreText(frame.score, stage.content?.briefing)} · ${left} s left`;
-      const hint = frame.mode ? stepwiseHint(frame) : advise(frame, targetPlace, stage.content?.lean ?? false).hint;
-      board.show(frame.stop ? STOPPED : score, hint, headset.worn);
+      board.show(frame.stop ? STOPPED : score, nextThing(frame, circumstances(frame)).hint, headset.worn);
     }
     const due = headset.worn || wall - drawnAt >= PICTURE_MS;
     if (due) drawnAt = wall;

@@ -38,13 +38,13 @@ export class Panel {
     this.root.setAttribute("aria-label", "Settings");
     const keys = element("div", "keymap");
     for (const command of COMMANDS) {
-      const gesture = GESTURE_NAMES[command as Gesture] as { name: string; short: string } | undefined;
+      const gesture = GESTURE_NAMES[command as Gesture] as { name: string } | undefined;
       const button = element("button", "keybutton");
       button.type = "button";
       button.dataset["command"] = command;
       button.addEventListener("click", () => this.listen(command));
       this.keyButtons.set(command, button);
-      keys.append(element("span", "", gesture ? `${gesture.name} (${gesture.short})` : (NAMES[command] ?? command)), button);
+      keys.append(element("span", "", gesture ? gesture.name : (NAMES[command] ?? command)), button);
     }
     const reset = this.button("Standard keys", "plain", () => this.change({ keys: structuredClone(DEFAULT_KEYS) }));
     this.root.append(

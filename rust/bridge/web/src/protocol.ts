@@ -5,6 +5,7 @@ import type { Gesture, Stop } from "./generated/types";
 /** x, y, z. */
 export type Triple = [number, number, number];
 
+/** The testbed's short forms come in its messages; a person reads names. */
 export const GESTURE_NAMES: Record<Gesture, { short: string; name: string }> = {
   wrist_extension: { short: "WE", name: "Wrist extension" },
   wrist_flexion: { short: "WF", name: "Wrist flexion" },
@@ -12,6 +13,13 @@ export const GESTURE_NAMES: Record<Gesture, { short: string; name: string }> = {
   hand_open: { short: "HO", name: "Hand open" },
   no_motion: { short: "NM", name: "No motion" },
 };
+
+export function gestureOfCode(code: string): Exclude<Gesture, "no_motion"> | null {
+  for (const gesture of ["wrist_extension", "wrist_flexion", "hand_close", "hand_open"] as const) {
+    if (GESTURE_NAMES[gesture].short === code) return gesture;
+  }
+  return null;
+}
 
 /** Why the arm is stopped, as a sentence on display. */
 export function stopText({ reason }: Pick<Stop, "reason">): string {

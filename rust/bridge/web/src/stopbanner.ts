@@ -1,4 +1,4 @@
-// Why the arm is stopped, where nobody overlooks it.
+// Why the arm is stopped, and the way out of it, where nobody overlooks them.
 
 import { element, setText } from "./dom";
 import type { Stop } from "./generated/types";
@@ -9,15 +9,18 @@ export const STOPPED = "The arm is stopped";
 export class StopBanner {
   readonly root = element("div", "stop-banner");
   private readonly reason = element("span");
+  private readonly way = element("b");
 
   constructor() {
     this.root.setAttribute("role", "alert");
     this.root.hidden = true;
-    this.root.append(element("strong", "", STOPPED), this.reason);
+    this.root.append(element("strong", "", STOPPED), this.reason, this.way);
   }
 
-  show(stop: Stop | null): void {
+  /** `way`: what the person has to do; empty on pages of those who only watch. */
+  show(stop: Stop | null, way = ""): void {
     if (stop) setText(this.reason, stopText(stop));
+    setText(this.way, stop ? way : "");
     this.root.hidden = stop === null;
   }
 }

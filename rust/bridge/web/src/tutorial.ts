@@ -1,7 +1,7 @@
 // Leads a newcomer through moving a block with method D, one step at a time, with a pointer to what is meant.
 
 import { element, setClass, setText } from "./dom";
-import { advise, type TargetPlace } from "./guide";
+import { nextThing, type Circumstances } from "./hints";
 import { objectName } from "./objects";
 import type { DisplayFrame, MethodInfo, ObjectId } from "./generated/types";
 import { keyName, type GestureKey, type Settings } from "./settings";
@@ -16,13 +16,13 @@ interface Lesson {
 /** One for each step of the guide. */
 const LESSONS: Lesson[] = [
   { title: "Look at the block", text: "Your mouse is your gaze. Point at the block under the arrow.", gesture: null },
-  { title: "Lock it", text: "The block that you look at is highlighted. Bend your wrist to lock it: tap", gesture: "wrist_flexion" },
-  { title: "Reach for it", text: "Extend your wrist and the arm moves by itself. Letting go stops it: hold", gesture: "wrist_extension", hold: true },
-  { title: "Grip", text: "The hand is around the block. Close it: tap", gesture: "hand_close" },
+  { title: "Lock it", text: "The block that you look at is highlighted. Wrist flexion locks it:", gesture: "wrist_flexion" },
+  { title: "Reach for it", text: "With wrist extension the arm moves by itself until you let go:", gesture: "wrist_extension", hold: true },
+  { title: "Grip", text: "The hand is around the block. Hand close grips it:", gesture: "hand_close" },
   { title: "Look at the target", text: "Point at the disc with the same number, across the partition.", gesture: null },
-  { title: "Lock the place", text: "The shadow of the block shows where it will go. Lock it: tap", gesture: "wrist_flexion" },
-  { title: "Carry it across", text: "The arm finds its way over the partition: hold", gesture: "wrist_extension", hold: true },
-  { title: "Release", text: "Open the hand and put the block down: tap", gesture: "hand_open" },
+  { title: "Lock the place", text: "The shadow of the block shows where it will go. Wrist flexion locks the place:", gesture: "wrist_flexion" },
+  { title: "Carry it across", text: "The arm finds its way over the partition with wrist extension:", gesture: "wrist_extension", hold: true },
+  { title: "Release", text: "Hand open puts the block down:", gesture: "hand_open" },
 ];
 
 export interface TutorialHandlers {
@@ -139,8 +139,7 @@ export class Tutorial {
 
   update(
     frame: DisplayFrame,
-    target: TargetPlace,
-    lean: boolean,
+    now: Circumstances,
     project: (what: "object" | "target", id: ObjectId) => { x: number; y: number } | null,
   ): void {
     if (!this.active || frame.method !== this.taught) return;
@@ -150,7 +149,7 @@ export class Tutorial {
       this.done.hidden = false;
       return;
     }
-    const { step, hint } = advise(frame, target, lean);
+    const { step, hint } = nextThing(frame, now);
     const lesson = LESSONS[step ?? -1];
     this.card.hidden = false;
     const block = frame.hand.holds ?? frame.next;
@@ -159,7 +158,7 @@ export class Tutorial {
     setText(this.text, lesson ? lesson.text : hint);
     const code = lesson?.gesture ? this.keys[lesson.gesture][0] : undefined;
     this.key.hidden = !code;
-    if (code) setText(this.key, lesson?.hold ? `hold ${keyName(code)}` : keyName(code));
+    if (code) setText(this.key, `${lesson?.hold ? "hold" : "tap"} ${keyName(code)}`);
     const stuck = frame.planner.state === "failed" || (frame.planner.state === "arrived" && frame.planner.intermediate);
     setText(this.hint, stuck && lesson ? hint : block !== null && step === 0 ? `Next is ${objectName(block)}.` : "");
     this.dots.forEach((dot, k) => {
