@@ -252,7 +252,10 @@ impl MethodRegistry {
                 "End-effector control",
                 Needs::default(),
                 MethodStyle::Jogging,
-                jogs("The hand along, or about, one axis after the other; hand open goes to the next.", "axis"),
+                jogs(
+                    "The hand along, or about, one axis after the other; hand open goes to the next.",
+                    "axis",
+                ),
             ),
             |profile, model, subset| Ok(Box::new(EndEffectorJog::new(profile, model, subset))),
         );
