@@ -62,6 +62,8 @@ class Testbed(unittest.TestCase):
         graph.until(lambda: node.poll() is not None, "the node's end")
         self.assertEqual(node.returncode, 0)
         GRAPH.stop(recorder)
+        # rosbag's own process closes the bag after the one that was started has ended.
+        graph.until(lambda: os.path.exists(bag), "the closed bag")
         self.check_bag(bag, topics)
 
     def check_bag(self, path, topics):
