@@ -188,6 +188,7 @@ mod tests {
             zero: 128.0,
             rails: Some((0.0, 255.0)),
             loss_is_counted: true,
+            volts: None,
         };
         let mut glance = StreamGlance::new(&info, "recordings");
         for counter in 0..2000_u64 {

@@ -19,9 +19,11 @@ use std::{
 };
 
 /// Keys that steer nothing, and why.
-const STEERS_NOTHING: [(&str, &str); 13] = [
+const STEERS_NOTHING: [(&str, &str); 15] = [
     ("setup.name", "is shown and recorded"),
     ("profile.name", "is shown and recorded"),
+    ("emg.bridge.longest_ms", "these trials lose no sample; rust/devices/tests/losses.rs tests it"),
+    ("emg.bridge.most_share", "as longest_ms"),
     ("emg.priors", "the generator gives each gesture as many windows; rust/emg tests it"),
     ("planner.graze_depth", "no plan of these trials starts with a graze; rust/planning tests the rule"),
     ("planner.place_tolerance", "no place of these trials is out of reach; no test sets it"),

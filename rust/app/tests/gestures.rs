@@ -160,16 +160,16 @@ fn folders_that_do_not_say_what_a_gesture_is_are_refused() {
         .unwrap_err()
         .to_string()
     };
-    let text = start("{}");
+    let text = start(r#"{"rate_hz": 200}"#);
     assert!(
         text.contains("class 5 has no name; known are 0 hand_close") && text.contains("class_map"),
         "{text}"
     );
-    let text = start(r#"{"classes": ["a", "b", "c", "d", "e", "f", "g"]}"#);
+    let text = start(r#"{"rate_hz": 200, "classes": ["a", "b", "c", "d", "e", "f", "g"]}"#);
     assert!(
         text.contains("the rest gesture is no_motion, which the model does not know; it has a, b"),
         "{text}"
     );
-    let text = start(r#"{"classes": ["a", "b", "no motion", "d", "e", "f", "g", "h"]}"#);
+    let text = start(r#"{"rate_hz": 200, "classes": ["a", "b", "no motion", "d", "e", "f", "g", "h"]}"#);
     assert!(text.contains("no recording of h"), "{text}");
 }

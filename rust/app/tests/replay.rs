@@ -230,7 +230,7 @@ fn a_damaged_log_another_format_and_a_lost_classifier_are_each_told() -> Outcome
     fs::write(&log, &earlier)?;
     let error =
         replay_trial(&dir, ReplayOptions::default()).expect_err("another format must not pass").to_string();
-    for part in ["record of format 2", "replays format 6", "proact 0.1.0 at commit"] {
+    for part in ["record of format 2", "replays format 7", "proact 0.1.0 at commit"] {
         assert!(error.contains(part), "{error}");
     }
 

@@ -36,6 +36,9 @@ pub(crate) struct DemoArgs {
     /// Folder of EMG recordings; a generator without it
     #[arg(long, value_name = "DIR")]
     emg: Option<PathBuf>,
+    /// Samples per second of --emg, where the folder does not say
+    #[arg(long, value_name = "HZ", requires = "emg")]
+    emg_rate: Option<f64>,
     /// Repetitions to train on
     #[arg(long, value_name = "REPS", value_delimiter = ',', default_value = "0,1")]
     emg_train: Vec<u32>,
@@ -60,6 +63,9 @@ pub(crate) struct RunArgs {
     /// Folder of EMG recordings; a generator without it
     #[arg(long, value_name = "DIR")]
     emg: Option<PathBuf>,
+    /// Samples per second of --emg, where the folder does not say
+    #[arg(long, value_name = "HZ", requires = "emg")]
+    emg_rate: Option<f64>,
     /// Another arm than the configuration's, or its folder where it neither ships with the program nor lies beside the
     /// configuration
     #[arg(long, value_name = "NAME|FOLDER")]
@@ -114,13 +120,13 @@ impl RunHow {
 pub(crate) fn demo(registry: &Registry, args: &DemoArgs) -> Result<bool, Box<dyn Error>> {
     let source = match &args.emg {
         None => EmgOrigin::Synthetic,
-        Some(dir) => {
-            let EmgOrigin::Recording { dir, rate_hz, .. } = EmgOrigin::recording(dir) else {
-                return Err("a folder of recordings is a recording".into());
-            };
-            let (train_reps, feed_reps) = (args.emg_train.clone(), args.emg_feed.clone());
-            EmgOrigin::Recording { dir, rate_hz, train_reps, feed_reps, fill: args.emg_fill.is_some() }
-        }
+        Some(dir) => EmgOrigin::Recording {
+            dir: dir.clone(),
+            rate_hz: args.emg_rate,
+            train_reps: args.emg_train.clone(),
+            feed_reps: args.emg_feed.clone(),
+            fill: args.emg_fill.is_some(),
+        },
     };
     let trained = args.how.trained()?;
     let emg = match &trained {
@@ -139,7 +145,10 @@ pub(crate) fn run(registry: &Registry, args: &RunArgs) -> Result<bool, Box<dyn E
         })?;
     let config = TrialConfig::from_toml(&text).map_err(|e| format!("{}: {e}", args.config.display()))?;
     consent::to_the_command_of(&config, &args.config.display().to_string(), args.allow_command)?;
-    let source = args.emg.as_ref().map_or(EmgOrigin::Synthetic, EmgOrigin::recording);
+    let source = args
+        .emg
+        .as_ref()
+        .map_or(EmgOrigin::Synthetic, |dir| EmgOrigin::recording(dir).at_rate(args.emg_rate));
     let (arm, config) = match &args.arm {
         Some(name) => {
             let arm = Arm::named(name)?;

@@ -2,16 +2,19 @@
 
 mod band;
 mod page;
+mod recorded;
 mod screen;
 mod simulate;
 mod source_args;
 mod stream;
 mod test;
 mod train;
+mod train_args;
 
 use clap::{Args, Subcommand, ValueEnum};
+use proact_app::tell;
 use proact_devices::{
-    DeviceError, MYO_RATE_HZ, Recording, Recordings, SourceRegistry, evaluate, read_samples,
+    DeviceError, MYO_RATE_HZ, Recording, Recordings, SampleFile, SourceRegistry, evaluate, read_samples,
 };
 use proact_emg::{EmgConfig, FeatureSet, FeatureVector, WindowLength};
 use proact_types::GestureName;
@@ -76,7 +79,7 @@ pub struct WindowArgs {
     /// Unit of window and increment.
     #[arg(long, value_enum, default_value_t = Unit::Ms)]
     unit: Unit,
-    /// Samples per second, if neither the device nor a file beside the recordings says so; else 200.
+    /// Samples per second, if neither the device nor a file beside the recordings says so.
     #[arg(long = "emg-rate")]
     rate: Option<f64>,
     /// Features or groups by LibEMG's names, as `HTD` or `MAV,RMS,AR4`.
@@ -166,7 +169,7 @@ pub(crate) fn run(sources: &SourceRegistry, command: &EmgCommand, json: bool) ->
 }
 
 fn evaluation(args: &EvaluateArgs, json: bool) -> Result<String, Box<dyn Error>> {
-    let recordings = Recordings::open(&args.data, args.window.rate)?;
+    let recordings = args.window.open(&args.data)?;
     let config = args.window.config(recordings.rate_hz, recordings.channels)?;
     let result = evaluate(&recordings, &args.train_reps, &args.test_reps, &config)?;
     if json {
@@ -188,16 +191,23 @@ fn evaluation(args: &EvaluateArgs, json: bool) -> Result<String, Box<dyn Error>>
 fn features(args: &FeaturesArgs, json: bool) -> Result<String, Box<dyn Error>> {
     let (config, windows) = match (&args.csv, &args.data) {
         (Some(path), _) => {
-            let samples = read_samples(path)?;
-            let rate_hz = args.window.rate.unwrap_or(MYO_RATE_HZ);
-            let config = args.window.config(rate_hz, samples.first().map_or(0, |s| s.len()))?;
+            let SampleFile { samples, notes } = read_samples(path)?;
+            notes.iter().for_each(tell);
+            let channels = samples.first().map_or(0, |s| s.len());
             // Repetition and gesture have no bearing on features.
-            let recording =
-                Recording { repetition: 0, gesture: GestureName::default(), samples, path: path.clone() };
+            let recording = Recording {
+                repetition: 0,
+                gesture: GestureName::default(),
+                samples,
+                bridged: Vec::new(),
+                path: path.clone(),
+            };
+            let rate_hz = args.window.rate_where_it_matters(recording.rate_hz(args.window.rate))?;
+            let config = args.window.config(rate_hz, channels)?;
             (config.clone(), recording.windows(&config)?)
         }
         (None, Some(dir)) => {
-            let recordings = Recordings::open(dir, args.window.rate)?;
+            let recordings = args.window.open(dir)?;
             let config = args.window.config(recordings.rate_hz, recordings.channels)?;
             (config.clone(), windows_of(&recordings, &[&args.train_reps, &args.test_reps], &config)?)
         }
@@ -247,6 +257,34 @@ impl WindowArgs {
         };
         config.check()?;
         Ok(config)
+    }
+
+    /// The recordings in `dir`.
+    ///
+    /// # Errors
+    /// As [`Recordings::open`], though a rate that nobody says is none where nothing depends on it.
+    fn open(&self, dir: &Path) -> Result<Recordings, DeviceError> {
+        let recordings = match Recordings::open(dir, self.rate) {
+            Err(DeviceError::UnknownRate { .. }) if !self.depends_on_rate() => {
+                Recordings::open(dir, Some(MYO_RATE_HZ))
+            }
+            opened => opened,
+        }?;
+        recordings.notes.iter().for_each(tell);
+        Ok(recordings)
+    }
+
+    /// `rate`, or any where it is unknown and nothing depends on it.
+    fn rate_where_it_matters(&self, rate: Result<f64, DeviceError>) -> Result<f64, DeviceError> {
+        match rate {
+            Err(DeviceError::UnknownRate { .. }) if !self.depends_on_rate() => Ok(MYO_RATE_HZ),
+            rate => rate,
+        }
+    }
+
+    /// Whether windows or their features would be others at another rate.
+    fn depends_on_rate(&self) -> bool {
+        self.unit == Unit::Ms || self.features.depends_on_rate()
     }
 
     fn config(&self, rate_hz: f64, channels: usize) -> Result<EmgConfig, Box<dyn Error>> {
@@ -316,6 +354,7 @@ mod tests {
                 File::create(path).and_then(|mut f| f.write_all(text.as_bytes())).expect("writable");
             }
         }
+        std::fs::write(dir.path().join("metadata.json"), r#"{"rate_hz": 200}"#).expect("writable");
         dir
     }
 
@@ -372,6 +411,31 @@ mod tests {
     }
 
     #[test]
+    fn a_rate_that_nobody_says_is_asked_for_only_where_it_matters() {
+        let dir = recordings();
+        std::fs::remove_file(dir.path().join("metadata.json")).expect("it is there");
+        let outcome = |line: &str| match with_data(line, dir.path()) {
+            EmgCommand::Evaluate(args) => evaluation(&args, true).map_err(|e| e.to_string()),
+            EmgCommand::Features(args) => features(&args, true).map_err(|e| e.to_string()),
+            _ => panic!("another command"),
+        };
+        for line in
+            ["evaluate", "features", "features --features MNF --unit samples --window 20 --increment 10"]
+        {
+            let error = outcome(line).expect_err("a rate is needed");
+            assert!(
+                error.contains("does not say its rate") && error.contains("--emg-rate HZ"),
+                "{line}: {error}"
+            );
+        }
+        for line in ["evaluate", "features"] {
+            let samples = outcome(&format!("{line} --unit samples --window 20 --increment 10"));
+            assert_eq!(samples, outcome(&format!("{line} --emg-rate 200")), "{line}");
+            assert!(samples.is_ok(), "{samples:?}");
+        }
+    }
+
+    #[test]
     fn bad_options_and_unwritable_output_are_refused() {
         let dir = recordings();
         assert!(parse("features").is_err(), "neither folder nor file");
@@ -390,6 +454,7 @@ mod tests {
         assert!(
             message("evaluate --test-reps 5").contains("no repetition 5 of hand_close; there are 0, 1, 2")
         );
+        assert!(message("evaluate --test-reps 1,2").contains("repetition 1 is both trained and tested on"));
         let nowhere = dir.path().join("no/such/folder/f.csv");
         assert!(message(&format!("features --out {}", nowhere.display())).contains("cannot write"));
         let folder = dir.path().join("taken");

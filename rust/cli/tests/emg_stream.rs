@@ -35,22 +35,22 @@ const HELD: [(&str, f64); 6] = [
 const WINDOW_SECS: f64 = 0.1;
 
 /// Share of decisions whose newest window is of the gesture held, and the number of decisions.
-fn score(lines: &[Value], rate_hz: f64) -> (f64, usize) {
-    let (mut right, mut all) = (0, 0);
-    for line in lines.iter().filter(|l| l.get("event").is_none() && l["stale"] == false) {
+/// Decisions on windows within the last second of a held gesture, with that gesture.
+fn settled(lines: &[Value], rate_hz: f64) -> Vec<(&Value, &'static str)> {
+    let decisions = lines.iter().filter(|l| l.get("event").is_none() && l["stale"] == false);
+    let gesture = |line: &&Value| {
         let end = (line["sample"].as_f64().unwrap() + 1.0) / rate_hz % 6.0;
         let begin = end - WINDOW_SECS;
-        let Some((gesture, _)) = HELD
-            .iter()
-            .find(|(_, until)| begin < *until)
-            .filter(|(_, until)| begin >= until - 1.0 && end <= *until)
-        else {
-            continue;
-        };
-        all += 1;
-        right += usize::from(line["window_class"] == *gesture);
-    }
-    (f64::from(right as u32) / all as f64, all)
+        let held = HELD.iter().find(|(_, until)| begin < *until);
+        held.filter(|(_, until)| begin >= until - 1.0 && end <= *until).map(|(gesture, _)| *gesture)
+    };
+    decisions.filter_map(|line| Some((line, gesture(&line)?))).collect()
+}
+
+fn score(lines: &[Value], rate_hz: f64) -> (f64, usize) {
+    let settled = settled(lines, rate_hz);
+    let right = settled.iter().filter(|(line, gesture)| line["window_class"] == *gesture).count();
+    (right as f64 / settled.len() as f64, settled.len())
 }
 
 #[test]
@@ -96,8 +96,12 @@ fn a_poor_radio_leaves_gaps_and_no_wrong_classes() {
     assert!(!event(&lines, "gap").is_empty());
     assert!(end["stream"]["rejected_windows"].as_u64() > Some(0), "{end}");
     // With this seed the first packet comes through, so that the counters are the simulator's.
+    // A window over a bridged gap may be of another class, which no motion follows from.
     let (share, decisions) = score(&lines, 1000.0);
-    assert!(decisions > 20 && share > 0.95, "{share} of {decisions}");
+    assert!(decisions > 20 && share > 0.9, "{share} of {decisions}");
+    for (line, held) in settled(&lines, 1000.0) {
+        assert!(line["gesture"] == held || line["gesture"] == "no_motion", "{held} was held: {line}");
+    }
 }
 
 #[test]

@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::{Running, proact};
+use common::{Running, plain, proact};
 use serde_json::Value;
 use std::{
     io::{BufRead, BufReader},
@@ -43,15 +43,19 @@ fn trained(dir: &Path) -> (String, String) {
     (model, recordings)
 }
 
-#[test]
-fn the_simulated_person_follows_the_prompts_over_the_armbands_protocol() {
+/// An armband over its protocol for a minute and a half, and its name as a source.
+fn simulator() -> (Running, String) {
     let mut child =
         proact(&["simulate", "--port", "0", "--seconds", "90"]).stdout(Stdio::piped()).spawn().unwrap();
     let mut line = String::new();
     BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
-    let _running = Running(child);
     let opened: Value = serde_json::from_str(&line).unwrap();
-    let source = format!("gforce-sim://{}", opened["address"].as_str().unwrap());
+    (Running(child), format!("gforce-sim://{}", opened["address"].as_str().unwrap()))
+}
+
+#[test]
+fn the_simulated_person_follows_the_prompts_over_the_armbands_protocol() {
+    let (_running, source) = simulator();
     let dir = tempfile::tempdir().unwrap();
     let model = dir.path().join("model.json");
     let model = model.to_str().unwrap();
@@ -208,6 +212,76 @@ fn a_dead_channel_is_never_trained_on() {
     assert!(!out.exists());
 }
 
+/// Files were trained on unseen: a dead channel of 0.9 accuracy, time stamps as a ninth muscle, one repetition three times.
+#[test]
+fn recordings_are_checked_like_a_live_band_and_judged_for_reading() {
+    let dir = tempfile::tempdir().unwrap();
+    let (_, recordings) = trained(dir.path());
+    let good = Path::new(&recordings);
+    let file = |folder: &Path, rep: u32, class: u32| folder.join(format!("R_{rep}_C_{class}.csv"));
+    let (out, source) = (dir.path().join("m.json"), |folder: &Path| format!("file:{}", folder.display()));
+    let spoilt = |name: &str, change: &dyn Fn(&Path)| {
+        let folder = dir.path().join(name);
+        std::fs::create_dir(&folder).unwrap();
+        for entry in std::fs::read_dir(good).unwrap() {
+            let path = entry.unwrap().path();
+            std::fs::copy(&path, folder.join(path.file_name().unwrap())).unwrap();
+        }
+        change(&folder);
+        folder
+    };
+    let each_row = |folder: &Path, change: &dyn Fn(usize, &str) -> String| {
+        for (rep, class) in (0..2).flat_map(|rep| (0..5).map(move |class| (rep, class))) {
+            let text = std::fs::read_to_string(file(folder, rep, class)).unwrap();
+            let rows: String = text.lines().enumerate().map(|(k, row)| change(k, row) + "\n").collect();
+            std::fs::write(file(folder, rep, class), rows).unwrap();
+        }
+    };
+    let said =
+        |folder: &Path| refused(&["train", "--source", &source(folder), "--out", out.to_str().unwrap()]);
+    let first = |row: &str, value: String| format!("{value},{}", row.split_once(',').unwrap().1);
+    let dead = spoilt("dead", &|f| each_row(f, &|_, row| first(row, "3".to_owned())));
+    let why = said(&dead);
+    assert!(why.contains("channel 0 is red (flat: a dead channel) in 10 of 10 recordings"), "{why}");
+    assert!(!out.exists());
+    let stamps =
+        spoilt("stamps", &|f| each_row(f, &|k, row| first(row, format!("{}", 17.5 + 0.001 * k as f64))));
+    let why = said(&stamps);
+    assert!(why.contains("channel 0 only rises: a column of time stamps"), "{why}");
+    let hum = |k: usize| 4000.0 * (0.1 * std::f64::consts::PI * k as f64).sin();
+    let humming =
+        spoilt("hum", &|f| each_row(f, &|k, row| first(row, format!("{}", hum(k) + (k % 3) as f64))));
+    let why = said(&humming);
+    assert!(why.contains("channel 0 is red (mains hum)"), "{why}");
+    let copied = spoilt("copied", &|f| {
+        std::fs::copy(file(f, 0, 1), file(f, 1, 1)).unwrap();
+    });
+    let why = said(&copied);
+    assert!(
+        why.contains("repetition 1 of hand_open has 3000 of its 3000 samples in common with repetition 0"),
+        "{why}"
+    );
+    let lacking =
+        spoilt("lacking", &|f| (0..2).for_each(|rep| std::fs::remove_file(file(f, rep, 1)).unwrap()));
+    let words = ["train", "--source", &source(&lacking), "--out", out.to_str().unwrap()];
+    let output = proact(&words).output().unwrap();
+    assert!(error(&output).contains("no recording of hand_open"), "{}", error(&output));
+    std::fs::remove_file(&out).unwrap();
+
+    // Who knows what they do trains all the same, and good recordings end with what they are worth.
+    let words = ["train", "--source", &source(&dead), "--accept-faults", "--out", out.to_str().unwrap()];
+    let (object, output) = result(&words);
+    assert!(output.status.success(), "{}", error(&output));
+    assert_eq!(object["faults"][0]["finding"], "flat");
+    std::fs::remove_file(&out).unwrap();
+    let words = ["train", "--source", &source(good), "--out", out.to_str().unwrap()];
+    let output = plain(&words).output().unwrap();
+    let text = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success(), "{}", error(&output));
+    assert!(text.contains("% of windows recognised, leaving one repetition out: good enough"), "{text}");
+    assert!(["hand_close", "no_motion", "the model is in"].iter().all(|word| text.contains(word)), "{text}");
+}
+
 #[test]
 fn a_turned_band_is_found_before_training_and_the_earlier_model_can_be_rolled_to_it() {
     let dir = tempfile::tempdir().unwrap();
@@ -218,34 +292,48 @@ fn a_turned_band_is_found_before_training_and_the_earlier_model_can_be_rolled_to
     let (object, output) = result(&["train", "--source", &source, "--check", &model, "--out", out]);
     assert!(output.status.success(), "{}", error(&output));
     assert_eq!(object["band"]["proposal"], "keep");
-    for entry in std::fs::read_dir(&recordings).unwrap() {
-        let path = entry.unwrap().path();
-        if path.extension().is_some_and(|e| e == "csv") {
-            let text = std::fs::read_to_string(&path).unwrap();
-            let turned = |line: &str| {
-                let mut values: Vec<&str> = line.split(',').collect();
-                values.rotate_right(3);
-                values.join(",") + "\n"
-            };
-            std::fs::write(&path, text.lines().map(turned).collect::<String>()).unwrap();
+    let change = |files: &dyn Fn(&str) -> bool, row: &dyn Fn(&mut Vec<&str>)| {
+        for entry in std::fs::read_dir(&recordings).unwrap() {
+            let path = entry.unwrap().path();
+            let name = path.file_name().unwrap().to_str().unwrap();
+            if name.ends_with(".csv") && files(name) {
+                let text = std::fs::read_to_string(&path).unwrap();
+                let changed = |line: &str| {
+                    let mut values: Vec<&str> = line.split(',').collect();
+                    row(&mut values);
+                    values.join(",") + "\n"
+                };
+                std::fs::write(&path, text.lines().map(changed).collect::<String>()).unwrap();
+            }
         }
-    }
-    let error_text = refused(&["train", "--source", &source, "--check", &model, "--out", out, "--replace"]);
+    };
+    let check = ["train", "--source", &source, "--check", &model, "--out", out, "--replace"];
+    let accepted = [&check[..], &["--accept-roll"]].concat();
+    // Two electrodes that changed places are no turn, and no roll mends them.
+    change(&|_| true, &|row| row.swap(1, 4));
+    let error_text = refused(&accepted);
+    assert!(error_text.contains("channels 1 and 4 have changed places"), "{error_text}");
+    change(&|_| true, &|row| row.swap(1, 4));
+    // What two gestures propose must be better on the others.
+    let wrist = |name: &str| ["R_1_C_3.csv", "R_1_C_4.csv"].contains(&name);
+    change(&wrist, &|row| row.rotate_right(3));
+    let error_text = refused(&accepted);
+    assert!(
+        error_text.contains("not accepted") && error_text.contains("turned by 3 channels"),
+        "{error_text}"
+    );
+    change(&wrist, &|row| row.rotate_left(3));
+    change(&|_| true, &|row| row.rotate_right(3));
+    let error_text = refused(&check);
     assert!(error_text.contains("turned by 3 channels"), "{error_text}");
-    let (object, output) = result(&[
-        "train",
-        "--source",
-        &source,
-        "--check",
-        &model,
-        "--out",
-        out,
-        "--replace",
-        "--accept-roll",
-    ]);
+    let (object, output) = result(&accepted);
     assert!(output.status.success(), "{}", error(&output));
     assert_eq!(object["band"]["proposal"]["roll"], 3);
     let person = format!("person:{recordings}");
+    let live = ["train", "--source", &person, "--rep", "1", "--flat-out", "--secs", "1", "--prepare", "1"];
+    let live = [&live[..], &["--check", &model, "--out", out, "--replace", "--accept-roll"]].concat();
+    let (object, output) = result(&live);
+    assert!(output.status.success() && object["band"]["proposal"]["roll"] == 3, "{}", error(&output));
     let (object, output) = result(&["test", "--model", out, "--source", &person, "--rep", "1", "--flat-out"]);
     assert!(output.status.success() && object["passed"] == true, "{}", error(&output));
     let (_, output) = result(&["test", "--model", &model, "--source", &person, "--rep", "1", "--flat-out"]);
@@ -278,4 +366,61 @@ fn what_cannot_be_trained_on_is_refused_before_anybody_holds_a_gesture() {
         refused(&["test", "--source", "synthetic", "--model", "/nowhere.json"]).contains("proact emg train")
     );
     assert_eq!(std::fs::read_to_string(taken).unwrap(), "{}");
+}
+
+/// Until then a person who had held forty gestures began anew after a power cut.
+#[test]
+fn a_calibration_that_was_killed_goes_on_with_the_repetition_at_which_it_stopped() {
+    let (running, source) = simulator();
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("model.json");
+    let words = |more: &[&'static str]| {
+        let usual = [
+            "train",
+            "--source",
+            &source,
+            "--out",
+            out.to_str().unwrap(),
+            "--secs",
+            "0.6",
+            "--prepare",
+            "0.6",
+        ];
+        usual.iter().map(|w| (*w).to_owned()).chain(more.iter().map(|w| (*w).to_owned())).collect::<Vec<_>>()
+    };
+    let with = |words: &[String]| proact(&words.iter().map(String::as_str).collect::<Vec<_>>());
+    let folder = dir.path().join("model.json.recordings");
+    let kept = || -> Vec<(std::path::PathBuf, String)> {
+        let Ok(entries) = std::fs::read_dir(&folder) else { return Vec::new() };
+        let paths = entries.map(|entry| entry.unwrap().path());
+        let mut kept: Vec<_> = paths
+            .filter(|path| path.extension().is_some_and(|e| e == "csv"))
+            .map(|path| (path.clone(), std::fs::read_to_string(path).unwrap()))
+            .collect();
+        kept.sort();
+        kept
+    };
+    let mut child = Running(with(&words(&[])).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap());
+    let begin = std::time::Instant::now();
+    while kept().len() < 7 {
+        assert!(begin.elapsed().as_secs() < 60, "{} repetitions after a minute", kept().len());
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    // As kill -9 does.
+    child.0.kill().unwrap();
+    child.0.wait().unwrap();
+    let before = kept();
+    assert!((7..10).contains(&before.len()), "{before:?}");
+
+    let output = with(&words(&[])).output().unwrap();
+    assert!(!output.status.success() && error(&output).contains("by --resume "), "{}", error(&output));
+    let mut resume = words(&[]);
+    resume.extend(["--resume".to_owned(), folder.to_str().unwrap().to_owned()]);
+    let (object, output) = result(&resume.iter().map(String::as_str).collect::<Vec<_>>());
+    assert!(output.status.success(), "{}", error(&output));
+    assert_eq!(object["rounds"], 2, "{object}");
+    let after = kept();
+    assert_eq!(after.len(), 10);
+    assert!(before.iter().all(|file| after.contains(file)), "what was kept is not recorded again");
+    drop(running);
 }

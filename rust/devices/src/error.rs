@@ -92,6 +92,15 @@ pub enum DeviceError {
         /// Those of the stream.
         has: (f64, usize),
     },
+    /// Nobody says how fast the recordings are.
+    #[error(
+        "{} does not say its rate, and its samples are not a Myo's (eight signed bytes, 200 Hz): give it with --emg-rate \
+         HZ, or write metadata.json beside the recordings, as {{\"rate_hz\": 1000}}", path.display()
+    )]
+    UnknownRate {
+        /// The folder.
+        path: PathBuf,
+    },
     /// The folder says another rate than was asked for.
     #[error("{} was recorded at {recorded_hz} Hz by its metadata, asked for was {asked_hz} Hz; leave the rate out", path.display())]
     RateDisagrees {
@@ -181,6 +190,15 @@ pub enum DeviceError {
         /// `train on`, `test on` or `feed`.
         purpose: &'static str,
     },
+    /// What is tested was trained on.
+    #[error(
+        "repetition {} is both trained and tested on, which measures nothing: name different ones",
+        numbers(both)
+    )]
+    Overlap {
+        /// Which repetitions.
+        both: Vec<u32>,
+    },
     /// A recording that does not fill one window.
     #[error("{} has {samples} samples, expected at least {window}, one window", path.display())]
     TooShort {
@@ -253,7 +271,8 @@ pub enum DeviceError {
     },
     /// A datagram that is none of LibEMG's messages.
     #[error(
-        "got the message {text:?}, expected \"class\" or \"class velocity\", class -1 to {most}, velocity 0 to 1"
+        "got the message {text:?}, expected \"class\" or \"class velocity\", class -1 to {most}, velocity 0 to 1, or a \
+         probability for each class from 0 to {most}"
     )]
     LibEmgMessage {
         /// The highest class that is known.
@@ -274,6 +293,14 @@ pub enum DeviceError {
     #[error("UDP {address}: {source}")]
     Udp {
         /// Which one.
+        address: String,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// A connection cannot be used.
+    #[error("TCP {address}: {source}")]
+    Tcp {
+        /// To whom.
         address: String,
         /// What the system says.
         source: std::io::Error,

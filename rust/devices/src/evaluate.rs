@@ -22,7 +22,7 @@ pub struct Evaluation {
 /// Trains on some repetitions of all gestures in `recordings` and tests on others.
 ///
 /// # Errors
-/// A repetition that is missing or too short, no repetitions, or data that no classifier can be trained on.
+/// A repetition that is missing, too short, or both trained and tested on, no repetitions, or data that no classifier can be trained on.
 pub fn evaluate(
     recordings: &Recordings,
     train_reps: &[u32],
@@ -31,6 +31,10 @@ pub fn evaluate(
 ) -> Result<Evaluation, DeviceError> {
     if test_reps.is_empty() {
         return Err(DeviceError::NoRepetitions { purpose: "test on" });
+    }
+    let both: Vec<u32> = test_reps.iter().copied().filter(|rep| train_reps.contains(rep)).collect();
+    if !both.is_empty() {
+        return Err(DeviceError::Overlap { both });
     }
     let classifier = train(recordings, train_reps, config)?;
     let classes = classifier.gestures().to_vec();

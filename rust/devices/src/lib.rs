@@ -55,6 +55,8 @@ mod ports;
 mod random;
 mod recorder;
 mod recording;
+mod recording_folder;
+mod sample_file;
 mod setup;
 mod sources;
 mod synthetic;
@@ -76,9 +78,14 @@ pub use live::{
     EmgPacket, FaultySource, InjectedFault, KeyboardSource, Pacing, PersonSource, PlaybackSource,
     SampleSource, ScriptedEvent, ScriptedSource, SourceClock, SourceCounts, SourceEvent, SourceInfo,
 };
+pub use metadata::read_class_map;
 pub use random::stream;
 pub use recorder::{EmgRecorder, RecordedStream, read_recorded};
-pub use recording::{ChannelValues, MYO_RATE_HZ, Recording, RecordingFolder, Recordings, read_samples};
+pub use recording::{ChannelValues, MYO_RATE_HZ, Recording, Recordings};
+pub use recording_folder::RecordingFolder;
+pub use sample_file::{SampleFile, read_samples};
 pub use setup::{EmgOrigin, EmgSetup, default_config, prepare, prepare_model, prepare_with, train};
-pub use sources::{Address, OpenSource, REACTION, SourceName, SourceOptions, SourceRegistry, SourceScheme};
+pub use sources::{
+    Address, ClassesFrom, OpenSource, REACTION, SourceName, SourceOptions, SourceRegistry, SourceScheme,
+};
 pub use synthetic::{FittedGesture, SyntheticEmg, SyntheticModel};

@@ -16,6 +16,8 @@ pub(crate) struct Metadata {
     pub classes: Option<BTreeMap<u32, GestureName>>,
     /// The gesture of a relaxed hand; none if the folder does not say.
     pub rest: Option<GestureName>,
+    /// Per file first row and number of rows that were lost and bridged.
+    bridged: BTreeMap<String, Vec<[usize; 2]>>,
 }
 
 /// Files that say something: our own and LibEMG 0's, then LibEMG 2's.
@@ -41,6 +43,7 @@ impl Metadata {
             metadata.rate_hz = metadata.rate_hz.or(read.rate_hz);
             metadata.classes = metadata.classes.or(read.classes);
             metadata.rest = metadata.rest.or(read.rest);
+            metadata.bridged.extend(read.bridged);
             let known = metadata.gestures();
             if let Some(rest) = metadata.rest.filter(|rest| !known.contains(rest)) {
                 let known = known.iter().map(GestureName::as_str).collect::<Vec<_>>().join(", ");
@@ -96,7 +99,34 @@ impl Metadata {
             Some(Value::String(name)) => Some(gesture_called(name)?),
             Some(other) => return Err(format!("rest is {other}, expected the name of a gesture")),
         };
-        Ok(Metadata { rate_hz, classes, rest })
+        let bridged = match object.get("bridged") {
+            None => BTreeMap::new(),
+            Some(marks) => serde_json::from_value(marks.clone())
+                .map_err(|e| format!("bridged: {e}; expected per file a list of [first row, rows]"))?,
+        };
+        Ok(Metadata { rate_hz, classes, rest, bridged })
+    }
+
+    /// The rows of the file `name` that were lost and bridged: first row, from 0, and number.
+    ///
+    /// # Errors
+    /// Rows that the file of `rows` rows does not have.
+    pub(crate) fn bridged(
+        &self,
+        path: &Path,
+        name: &str,
+        rows: usize,
+    ) -> Result<Vec<[usize; 2]>, DeviceError> {
+        let marks = self.bridged.get(name).cloned().unwrap_or_default();
+        match marks.iter().find(|[first, count]| first.checked_add(*count).is_none_or(|end| end > rows)) {
+            None => Ok(marks),
+            Some([first, count]) => {
+                let reason = format!(
+                    "the metadata says that {count} rows from row {first} were lost, it has {rows} rows"
+                );
+                Err(DeviceError::Metadata { path: path.to_owned(), reason })
+            }
+        }
     }
 
     /// The gesture of a class number: by its name if the folder names it, else the command in the place of
@@ -124,6 +154,21 @@ impl Metadata {
         let Some(classes) = &self.classes else { return Gesture::ALL.map(GestureName::from).into() };
         classes.values().copied().collect::<BTreeSet<_>>().into_iter().collect()
     }
+}
+
+/// The gestures of LibEMG's outputs by the file in which it keeps them, such as `collection_details.json`: an output counts
+/// the classes in the order of their numbers.
+///
+/// # Errors
+/// A file that cannot be read or names no classes.
+pub fn read_class_map(path: &Path) -> Result<Vec<GestureName>, DeviceError> {
+    let text = std::fs::File::open(path)
+        .and_then(|file| read_text(file, MOST_TEXT_BYTES))
+        .map_err(|source| DeviceError::Read { path: path.to_owned(), source })?;
+    let named =
+        Metadata::parse(&text).and_then(|metadata| metadata.classes.ok_or("it names no classes".to_owned()));
+    let named = named.map_err(|reason| DeviceError::Metadata { path: path.to_owned(), reason })?;
+    Ok(named.into_values().collect())
 }
 
 /// The gesture that a folder calls `name`: the five in any spelling, all others as they stand.
@@ -184,6 +229,17 @@ mod tests {
     }
 
     #[test]
+    fn outputs_of_libemg_count_the_classes_in_the_order_of_their_numbers() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("collection_details.json");
+        std::fs::write(&path, r#"{"class_map": {"10": "Pinch", "2": "Rest", "7": "hand open"}}"#).unwrap();
+        let names: Vec<String> = read_class_map(&path).unwrap().iter().map(ToString::to_string).collect();
+        assert_eq!(names, ["no_motion", "hand_open", "Pinch"]);
+        std::fs::write(&path, "{}").unwrap();
+        assert!(read_class_map(&path).unwrap_err().to_string().contains("it names no classes"));
+    }
+
+    #[test]
     fn what_cannot_be_is_refused() {
         for (text, why) in [
             ("[1]", "expected a JSON object"),
@@ -197,6 +253,7 @@ mod tests {
             (r#"{"classes": ["fist", "a\u0007b"]}"#, "expected 1 to 64 bytes"),
             (r#"{"classes": ["No motion", "rest"]}"#, "two classes have the same name"),
             (r#"{"classes": ["fist"], "rest": 3}"#, "rest is 3, expected the name"),
+            (r#"{"bridged": {"R_0_C_0.csv": [[1, -2]]}}"#, "expected per file a list of [first row, rows]"),
         ] {
             let error = Metadata::parse(text).unwrap_err();
             assert!(error.contains(why), "{text}: {error}");

@@ -1,10 +1,12 @@
-use crate::{DeviceError, metadata::Metadata};
+use crate::{
+    DeviceError, RecordingFolder,
+    metadata::Metadata,
+    sample_file::{SampleFile, read_rows, read_samples},
+};
 use arrayvec::ArrayVec;
-use proact_types::{EmgSample, Gesture, GestureName, LineRead, MAX_EMG_CHANNELS, read_line};
+use proact_types::{EmgSample, Gesture, GestureName, MAX_EMG_CHANNELS};
 use std::{
     collections::BTreeSet,
-    fs::File,
-    io::{BufReader, Error, ErrorKind, Write},
     path::{Path, PathBuf},
 };
 
@@ -13,11 +15,6 @@ pub type ChannelValues = ArrayVec<f64, MAX_EMG_CHANNELS>;
 
 /// Rate of the Myo armband, with which the freely licensed recordings were made.
 pub const MYO_RATE_HZ: f64 = 200.0;
-
-/// Longest row of a file, bytes; 64 channels with all digits take a fortieth.
-const LONGEST_ROW: usize = 64 << 10;
-/// Most rows of a file: a quarter of an hour at 4 kHz, five hours at 200 Hz.
-const MOST_ROWS: usize = 4_000_000;
 
 /// How recordings lie in a folder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,17 +36,53 @@ pub struct Recording {
     pub gesture: GestureName,
     /// `[samples][channels]`, without gaps.
     pub samples: Vec<ChannelValues>,
+    /// First row, from 0, and number of rows that were lost: what stands there nobody measured.
+    pub bridged: Vec<[usize; 2]>,
     /// Where it was read from.
     pub path: PathBuf,
 }
 
 impl Recording {
-    /// The samples with counters from 0.
+    /// Samples per second of a file by itself, by the rules of [`Recordings::open`].
+    ///
+    /// # Errors
+    /// Metadata beside it that cannot be used, or a rate that nobody says.
+    pub fn rate_hz(&self, asked_hz: Option<f64>) -> Result<f64, DeviceError> {
+        let beside = Metadata::read(self.path.parent().unwrap_or(Path::new("")))?.rate_hz;
+        let rate_hz = asked_hz.or(beside).or(self.is_of_a_myo().then_some(MYO_RATE_HZ));
+        rate_hz.ok_or_else(|| DeviceError::UnknownRate { path: self.path.clone() })
+    }
+
+    /// Whether its samples are what a Myo gives: eight signed bytes.
+    fn is_of_a_myo(&self) -> bool {
+        let byte = |value: &f64| value.fract() == 0.0 && (-128.0..=127.0).contains(value);
+        self.samples.iter().all(|sample| sample.len() == MYO_CHANNELS && sample.iter().all(byte))
+    }
+
+    /// The samples with counters from 0, which step over those that were lost.
     pub fn numbered(&self) -> impl Iterator<Item = EmgSample> + '_ {
-        self.samples
-            .iter()
-            .zip(0..)
-            .map(|(channels, counter)| EmgSample { counter, channels: channels.clone() })
+        let lost = |row: usize| self.bridged.iter().any(|[first, rows]| row >= *first && row - first < *rows);
+        let measured = self.samples.iter().enumerate().filter(move |(row, _)| !lost(*row));
+        measured.map(|(row, channels)| EmgSample { counter: row as u64, channels: channels.clone() })
+    }
+
+    /// Samples that may have gaps as a recording without: what was lost lies on a straight line, and is marked.
+    pub fn bridging(repetition: u32, gesture: GestureName, samples: &[EmgSample]) -> Recording {
+        let (mut rows, mut bridged): (Vec<ChannelValues>, Vec<[usize; 2]>) = (Vec::new(), Vec::new());
+        for (k, sample) in samples.iter().enumerate() {
+            let before = k.checked_sub(1).map(|k| &samples[k]);
+            let gap = before.map_or(0, |before| sample.counter.saturating_sub(before.counter + 1));
+            if let Some(before) = before.filter(|_| gap > 0) {
+                bridged.push([rows.len(), gap as usize]);
+                for step in 1..=gap {
+                    let share = step as f64 / (gap + 1) as f64;
+                    let line = before.channels.iter().zip(&sample.channels).map(|(a, b)| a + share * (b - a));
+                    rows.push(line.collect());
+                }
+            }
+            rows.push(sample.channels.clone());
+        }
+        Recording { repetition, gesture, samples: rows, bridged, path: PathBuf::new() }
     }
 }
 
@@ -68,81 +101,8 @@ pub struct Recordings {
     pub rest: GestureName,
     /// Sorted by repetition, then gesture.
     pub items: Vec<Recording>,
-}
-
-/// A folder that recordings are put into one by one: `R_<repetition>_C_<class>.csv` files with `metadata.json` beside
-/// them, which [`Recordings::open`] and LibEMG read.
-#[derive(Clone, Debug)]
-pub struct RecordingFolder {
-    dir: PathBuf,
-    /// In the order of their class numbers.
-    gestures: Vec<GestureName>,
-}
-
-impl RecordingFolder {
-    /// Makes the folder if it is not there, for recordings of `rate_hz` of `gestures`, whose class numbers are in
-    /// alphabetical order; `rest` is that of a relaxed hand.
-    ///
-    /// # Errors
-    /// A folder that cannot be written, or one that holds recordings already.
-    pub fn create(
-        dir: &Path,
-        rate_hz: f64,
-        gestures: &[GestureName],
-        rest: GestureName,
-    ) -> Result<Self, DeviceError> {
-        std::fs::create_dir_all(dir).map_err(unwritten(dir))?;
-        let gestures: Vec<GestureName> =
-            gestures.iter().copied().collect::<BTreeSet<_>>().into_iter().collect();
-        let named = gestures
-            .iter()
-            .zip(0..)
-            .map(|(gesture, class): (_, usize)| (class.to_string(), gesture.as_str().into()));
-        let classes: serde_json::Map<String, serde_json::Value> = named.collect();
-        let mut metadata = serde_json::json!({ "rate_hz": rate_hz, "class_map": classes });
-        if rest != GestureName::default() {
-            metadata["rest"] = rest.as_str().into();
-        }
-        let path = dir.join("metadata.json");
-        let mut file = std::fs::File::create_new(&path).map_err(unwritten(&path))?;
-        file.write_all(format!("{metadata:#}\n").as_bytes())
-            .and_then(|()| file.sync_all())
-            .map_err(unwritten(&path))?;
-        Ok(Self { dir: dir.to_owned(), gestures })
-    }
-
-    /// The folder.
-    pub fn path(&self) -> &Path {
-        &self.dir
-    }
-
-    /// Writes one recording, in one piece and to the disk. It takes the place of one of the same gesture and number.
-    ///
-    /// # Errors
-    /// A gesture that the folder is not for, or a file that cannot be written; one that was there before stays then.
-    pub fn keep(&self, item: &Recording) -> Result<(), DeviceError> {
-        let class = self
-            .gestures
-            .binary_search(&item.gesture)
-            .map_err(|_| DeviceError::NotListed { path: self.dir.clone(), gesture: item.gesture })?;
-        let line = |row: &ChannelValues| row.iter().map(f64::to_string).collect::<Vec<_>>().join(",") + "\n";
-        let text: String = item.samples.iter().map(line).collect();
-        let name = format!("R_{}_C_{class}.csv", item.repetition);
-        let (path, partial) = (self.dir.join(&name), self.dir.join(format!("{name}.partial")));
-        let write = || {
-            let mut file = std::fs::File::create(&partial)?;
-            file.write_all(text.as_bytes())?;
-            file.sync_all()?;
-            std::fs::rename(&partial, &path)
-        };
-        write().map_err(unwritten(&path))
-    }
-}
-
-/// For `map_err`: a file or folder that cannot be written.
-fn unwritten(path: &Path) -> impl FnOnce(std::io::Error) -> DeviceError {
-    let path = path.to_owned();
-    move |source| DeviceError::Write { path, source }
+    /// What was odd about the files and was read all the same, one sentence each.
+    pub notes: Vec<String>,
 }
 
 impl Recordings {
@@ -158,43 +118,46 @@ impl Recordings {
     /// myo_readings, `<label>.txt` with the label as ninth column. Files of other names are left alone.
     ///
     /// The rate is not in those files: it is taken from the folder's `metadata.json` or LibEMG 2's
-    /// `collection_details.json`, where classes may have names, too; else as asked for; else [`MYO_RATE_HZ`], as the
-    /// freely licensed sets.
+    /// `collection_details.json`, where classes may have names, too; else as asked for; else it is [`MYO_RATE_HZ`] if the
+    /// files are those of a Myo, which has one rate: the layout of myo_readings, or eight channels of signed bytes.
     ///
     /// # Errors
     /// A missing or empty folder, a folder of several sessions, a file with anything but finite numbers in
-    /// rows of one length, or metadata that cannot be or disagrees; each says where and what.
+    /// rows of one length, metadata that cannot be or disagrees, or a rate that nobody says; each says where and what.
     pub fn open(dir: &Path, asked_hz: Option<f64>) -> Result<Recordings, DeviceError> {
-        let rate_hz = asked_hz.unwrap_or(MYO_RATE_HZ);
-        if !(rate_hz.is_finite() && rate_hz > 0.0) {
+        if let Some(value) = asked_hz.filter(|rate_hz| !(rate_hz.is_finite() && *rate_hz > 0.0)) {
             let expected = "a finite number of samples per second above zero";
-            return Err(DeviceError::Parameter { name: "EMG rate", value: rate_hz, expected });
+            return Err(DeviceError::Parameter { name: "EMG rate", value, expected });
         }
         let names = list(dir)?;
         let metadata = Metadata::read(dir)?;
-        let rate_hz = match (metadata.rate_hz, asked_hz) {
+        let told_hz = match (metadata.rate_hz, asked_hz) {
             (Some(recorded_hz), Some(asked_hz)) if recorded_hz != asked_hz => {
                 return Err(DeviceError::RateDisagrees { path: dir.to_owned(), recorded_hz, asked_hz });
             }
-            (recorded_hz, _) => recorded_hz.unwrap_or(rate_hz),
+            (recorded_hz, asked_hz) => recorded_hz.or(asked_hz),
         };
-        let mut items = Vec::new();
+        let (mut items, mut notes) = (Vec::new(), Vec::new());
         match layout(&names) {
             Some(Layout::LibEmg) => {
                 for name in &names {
                     if let Some((repetition, class)) = parse_name(name) {
                         let path = dir.join(name);
                         let gesture = metadata.gesture(&path, class)?;
-                        let samples = read_samples(&path)?;
-                        items.push(Recording { repetition, gesture, samples, path });
+                        let SampleFile { samples, notes: noted } = read_samples(&path)?;
+                        notes.extend(noted);
+                        let bridged = metadata.bridged(&path, name, samples.len())?;
+                        items.push(Recording { repetition, gesture, samples, bridged, path });
                     }
                 }
             }
             Some(Layout::MyoReadings) => {
+                let rate_hz = told_hz.unwrap_or(MYO_RATE_HZ);
                 for (label, gesture) in MYO_LABELS {
                     let name = format!("{label}.txt");
                     if names.contains(&name) {
-                        items.extend(read_myo_readings(&dir.join(name), label, gesture.into(), rate_hz)?);
+                        let path = dir.join(name);
+                        items.extend(read_myo_readings(&path, label, gesture.into(), rate_hz, &mut notes)?);
                     }
                 }
             }
@@ -202,7 +165,11 @@ impl Recordings {
         }
         items.sort_by_key(|r| (r.repetition, r.gesture));
         let (expected, rest) = (metadata.gestures(), metadata.rest.unwrap_or_default());
-        let mut recordings = Recordings { path: dir.to_owned(), rate_hz, channels: 0, expected, rest, items };
+        let myo = told_hz.is_none() && items.iter().all(Recording::is_of_a_myo);
+        let rate_hz = told_hz.or(myo.then_some(MYO_RATE_HZ));
+        let rate_hz = rate_hz.ok_or_else(|| DeviceError::UnknownRate { path: dir.to_owned() })?;
+        let mut recordings =
+            Recordings { path: dir.to_owned(), rate_hz, channels: 0, expected, rest, items, notes };
         recordings.check_items()?;
         Ok(recordings)
     }
@@ -326,8 +293,10 @@ fn read_myo_readings(
     label: u32,
     gesture: GestureName,
     rate_hz: f64,
+    notes: &mut Vec<String>,
 ) -> Result<Vec<Recording>, DeviceError> {
-    let rows = read_rows(path, Some(MYO_CHANNELS + 1))?;
+    let SampleFile { samples: rows, notes: noted } = read_rows(path, Some(MYO_CHANNELS + 1))?;
+    notes.extend(noted);
     for (row, values) in rows.iter().enumerate() {
         let shown = values[MYO_CHANNELS];
         if shown != 0.0 && shown != f64::from(label) {
@@ -351,76 +320,8 @@ fn read_myo_readings(
         repetition,
         gesture,
         samples: without_label(cue),
+        bridged: Vec::new(),
         path: path.to_owned(),
     };
     Ok(cues.into_iter().zip(0..).map(recording).collect())
-}
-
-/// Reads one file of samples: a row a sample, a column a channel, commas between, no header.
-///
-/// # Errors
-/// A file that cannot be read, is empty, or has anything but finite numbers in rows of one length.
-pub fn read_samples(path: &Path) -> Result<Vec<ChannelValues>, DeviceError> {
-    read_rows(path, None)
-}
-
-/// Rows of numbers separated by commas, all of one length. `expected` columns, or those of the first row.
-fn read_rows(path: &Path, expected: Option<usize>) -> Result<Vec<ChannelValues>, DeviceError> {
-    let failed = |source| DeviceError::Read { path: path.to_owned(), source };
-    let mut file = BufReader::new(File::open(path).map_err(failed)?);
-    let mut columns = expected;
-    let mut rows = Vec::new();
-    let mut line = Vec::new();
-    for row in 1.. {
-        match read_line(&mut file, LONGEST_ROW, &mut line).map_err(failed)? {
-            LineRead::End => break,
-            LineRead::Whole if rows.len() == MOST_ROWS => {
-                return Err(too_large(path, format!("it has more than {MOST_ROWS} rows")));
-            }
-            LineRead::Whole => {}
-            LineRead::TooLong => {
-                return Err(too_large(path, format!("row {row} has more than {LONGEST_ROW} bytes")));
-            }
-        }
-        let line = std::str::from_utf8(&line).map_err(|_| {
-            failed(Error::new(
-                ErrorKind::InvalidData,
-                format!("row {row} is not UTF-8 text, expected numbers"),
-            ))
-        })?;
-        if line.trim().is_empty() {
-            continue;
-        }
-        let got = line.split(',').count();
-        let wanted = *columns.get_or_insert(got);
-        if got != wanted || got > MAX_EMG_CHANNELS {
-            let expected = if got > MAX_EMG_CHANNELS {
-                format!("at most {MAX_EMG_CHANNELS}")
-            } else {
-                wanted.to_string()
-            };
-            return Err(DeviceError::Columns { path: path.to_owned(), row, got, expected });
-        }
-        let mut values = ChannelValues::new();
-        for (text, column) in line.split(',').zip(1..) {
-            let text = text.trim();
-            match text.parse::<f64>() {
-                Ok(value) if value.is_finite() => values.push(value),
-                _ => {
-                    let (path, text) = (path.to_owned(), text.to_owned());
-                    return Err(DeviceError::NotANumber { path, row, column, text });
-                }
-            }
-        }
-        rows.push(values);
-    }
-    if rows.is_empty() {
-        return Err(DeviceError::EmptyFile { path: path.to_owned() });
-    }
-    Ok(rows)
-}
-
-fn too_large(path: &Path, reason: String) -> DeviceError {
-    let reason = format!("{reason}, expected at most that: one row of numbers a sample");
-    DeviceError::Read { path: path.to_owned(), source: Error::new(ErrorKind::FileTooLarge, reason) }
 }

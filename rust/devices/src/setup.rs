@@ -1,5 +1,5 @@
 use crate::feed::can_be_made;
-use crate::{DeviceError, EmgFeed, MYO_RATE_HZ, Recording, Recordings, SyntheticEmg, SyntheticModel, stream};
+use crate::{DeviceError, EmgFeed, Recording, Recordings, SyntheticEmg, SyntheticModel, stream};
 use proact_emg::{Classifier, EmgConfig, EmgModel, StreamFormat, extract, noise_floors};
 use proact_types::{EmgSample, Gesture, GestureName, SimTime};
 use serde::{Deserialize, Serialize};
@@ -13,9 +13,9 @@ pub enum EmgOrigin {
     Recording {
         /// The folder.
         dir: PathBuf,
-        /// Samples per second; the files do not say.
-        #[serde(default = "myo_rate")]
-        rate_hz: f64,
+        /// Samples per second, where the folder does not say.
+        #[serde(default)]
+        rate_hz: Option<f64>,
         /// Repetitions to train on.
         #[serde(default = "default_train_reps")]
         train_reps: Vec<u32>,
@@ -36,16 +36,20 @@ impl EmgOrigin {
     pub fn recording(dir: impl Into<PathBuf>) -> EmgOrigin {
         EmgOrigin::Recording {
             dir: dir.into(),
-            rate_hz: myo_rate(),
+            rate_hz: None,
             train_reps: default_train_reps(),
             feed_reps: default_feed_reps(),
             fill: false,
         }
     }
-}
 
-fn myo_rate() -> f64 {
-    MYO_RATE_HZ
+    /// The same for a folder that does not say its rate, Hz.
+    pub fn at_rate(mut self, asked_hz: Option<f64>) -> EmgOrigin {
+        if let EmgOrigin::Recording { rate_hz, .. } = &mut self {
+            *rate_hz = asked_hz;
+        }
+        self
+    }
 }
 
 fn default_train_reps() -> Vec<u32> {
@@ -89,7 +93,7 @@ pub fn default_config(source: &EmgOrigin) -> Result<EmgConfig, DeviceError> {
             (SYNTHETIC_RATE_HZ, SyntheticModel::shipped()?.channels(), GestureName::default())
         }
         EmgOrigin::Recording { dir, rate_hz, .. } => {
-            let recordings = Recordings::read(dir, *rate_hz)?;
+            let recordings = Recordings::open(dir, *rate_hz)?;
             (recordings.rate_hz, recordings.channels, recordings.rest)
         }
     };
@@ -116,11 +120,12 @@ pub fn prepare_with(
                 expected: Gesture::ALL.map(GestureName::from).into(),
                 rest: GestureName::default(),
                 items: Vec::new(),
+                notes: Vec::new(),
             };
             finish(recordings, &default_train_reps(), &[], true, "synthetic", config, seed)
         }
         EmgOrigin::Recording { dir, rate_hz, train_reps, feed_reps, fill } => {
-            let recordings = Recordings::read(dir, *rate_hz)?;
+            let recordings = Recordings::open(dir, *rate_hz)?;
             let missing = recordings.missing();
             if !missing.is_empty() && !fill {
                 return Err(DeviceError::MissingGestures { path: dir.clone(), missing });
@@ -247,6 +252,7 @@ fn fill(recordings: &mut Recordings, reps: &[u32], generator: &mut SyntheticEmg)
                 repetition,
                 gesture: gesture.into(),
                 samples: (0..samples).map(|_| generator.next(gesture)).collect(),
+                bridged: Vec::new(),
                 path: Path::new("synthetic").to_owned(),
             });
         }

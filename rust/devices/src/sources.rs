@@ -98,9 +98,13 @@ impl SourceName {
         (self.scheme() == "file").then(|| Path::new(self.address()))
     }
 
-    /// The UDP port of LibEMG's classes, if they are the source.
-    pub fn classes_port(&self) -> Option<u16> {
-        (self.scheme() == CLASSES).then(|| self.address().parse().ok()).flatten()
+    /// From where LibEMG's classes come, if they are the source.
+    pub fn classes_from(&self) -> Option<ClassesFrom> {
+        match self.scheme() {
+            CLASSES_UDP => self.address().parse().ok().map(ClassesFrom::Udp),
+            CLASSES_TCP => Some(ClassesFrom::Tcp(self.address().to_owned())),
+            _ => None,
+        }
     }
 }
 
@@ -159,7 +163,19 @@ impl SourceScheme {
 }
 
 /// LibEMG's classes, which are no samples.
-const CLASSES: &str = "libemg-udp";
+const CLASSES_UDP: &str = "libemg-udp";
+const CLASSES_TCP: &str = "libemg-tcp";
+const CLASSES_ONLY: &str = "LibEMG sends classes, not samples: only `emg stream` takes them; samples come from \
+    gforce-sim://HOST:PORT, ble, lsl, file:PATH, synthetic, person:FOLDER or keys";
+
+/// From where LibEMG sends classes.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum ClassesFrom {
+    /// They come to this UDP port.
+    Udp(u16),
+    /// LibEMG waits for a connection at this address.
+    Tcp(String),
+}
 
 /// The kinds of sources that there are: a value, which every command that takes a stream is given.
 #[derive(Clone, Debug)]
@@ -207,13 +223,24 @@ impl SourceRegistry {
                     "keys of the terminal: W wrist extension, S wrist flexion, A hand close, D hand open, space relaxes",
                     |_, options| Ok(Box::new(KeyboardSource::new(RawKeys::new(), options.seed)?)),
                 ),
-                scheme(CLASSES, Address::Needed("PORT"), "LibEMG's classes, for emg stream", |address, _| {
-                    let reason = match address.parse::<u16>() {
-                        Ok(_) => "LibEMG sends classes, not samples",
-                        Err(_) => "expected a UDP port up to 65535",
-                    };
-                    Err(unusable(&format!("{CLASSES}:{address}"), reason))
-                }),
+                scheme(
+                    CLASSES_UDP,
+                    Address::Needed("PORT"),
+                    "LibEMG's classes or probabilities, for emg stream",
+                    |port, _| {
+                        let reason = match port.parse::<u16>() {
+                            Ok(_) => CLASSES_ONLY,
+                            Err(_) => "expected a UDP port up to 65535",
+                        };
+                        Err(unusable(&format!("{CLASSES_UDP}:{port}"), reason))
+                    },
+                ),
+                scheme(
+                    CLASSES_TCP,
+                    Address::Needed("HOST:PORT"),
+                    "the same from a LibEMG with tcp=True",
+                    |address, _| Err(unusable(&format!("{CLASSES_TCP}://{address}"), CLASSES_ONLY)),
+                ),
             ],
         }
     }
@@ -298,10 +325,9 @@ fn play(path: &str, options: &SourceOptions) -> Result<Box<dyn SampleSource>, De
 }
 
 fn person_of_recordings(dir: &str, options: &SourceOptions) -> Result<Box<dyn SampleSource>, DeviceError> {
-    let recordings = Recordings::open(Path::new(dir), options.rate_hz.map(f64::from))?;
     options.person(&EmgOrigin::Recording {
         dir: PathBuf::from(dir),
-        rate_hz: recordings.rate_hz,
+        rate_hz: options.rate_hz.map(f64::from),
         // The classifier that comes with it is not used; any repetition will do.
         train_reps: vec![options.rep],
         feed_reps: vec![options.rep],
@@ -384,6 +410,7 @@ mod tests {
             ("synthetic", "synthetic", ""),
             ("keys", "keys", ""),
             ("libemg-udp:12346", "libemg-udp", "12346"),
+            ("libemg-tcp://127.0.0.1:12346", "libemg-tcp", "127.0.0.1:12346"),
         ] {
             let Ok(name) = text.parse::<SourceName>();
             assert_eq!((registry.find(&name).unwrap().scheme, name.address()), (scheme, address), "{text}");
@@ -397,9 +424,17 @@ mod tests {
             );
         }
         let Ok(name) = "libemg-udp:70000".parse::<SourceName>();
-        assert_eq!(name.classes_port(), None);
+        assert_eq!(name.classes_from(), None);
         let error = registry.open(&name, &SourceOptions::default()).err().unwrap().to_string();
         assert!(error.contains("up to 65535"), "{error}");
+        for classes in ["libemg-udp:12346", "libemg-tcp://127.0.0.1:12346"] {
+            let Ok(name) = classes.parse::<SourceName>();
+            let error = registry.open(&name, &SourceOptions::default()).err().unwrap().to_string();
+            assert!(
+                error.contains("classes, not samples") && error.contains("person:FOLDER or keys"),
+                "{error}"
+            );
+        }
     }
 
     #[test]

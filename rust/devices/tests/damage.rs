@@ -15,6 +15,7 @@ fn info() -> SourceInfo {
         zero: 128.0,
         rails: Some((0.0, 255.0)),
         loss_is_counted: true,
+        volts: None,
     }
 }
 
@@ -53,7 +54,7 @@ proptest! {
             std::fs::write(dir.path().join("metadata.json"), &metadata).unwrap();
         }
         match read_samples(&path) {
-            Ok(samples) => prop_assert!(finite(samples.iter().map(|s| s.as_slice()))),
+            Ok(file) => prop_assert!(finite(file.samples.iter().map(|s| s.as_slice()))),
             Err(error) => prop_assert!(error.to_string().contains("R_0_C_0.csv")),
         }
         match Recordings::open(dir.path(), None) {

@@ -1,9 +1,11 @@
 //! The readers on files made here, good and bad. Every bad file gives an error that names the place.
 // The files are the subject of these tests.
-#![allow(clippy::disallowed_methods)]
+#![allow(clippy::disallowed_methods, clippy::unwrap_used)]
 
-use proact_devices::{DeviceError, EmgOrigin, Recordings, prepare};
-use proact_types::Gesture;
+use proact_devices::{
+    DeviceError, EmgOrigin, Recording, RecordingFolder, Recordings, SourceOptions, SourceRegistry, prepare,
+};
+use proact_types::{EmgSample, Gesture, GestureName};
 use std::{fs, path::Path};
 
 fn write(dir: &Path, name: &str, text: &str) {
@@ -80,9 +82,10 @@ fn a_bad_file_is_named_with_row_column_and_text() {
     assert!(bad("1,2\n3,x4\n").ends_with("R_0_C_1.csv, row 2, column 2: \"x4\", expected a finite number"));
     assert!(bad("1,NaN\n").contains("row 1, column 2: \"NaN\""));
     assert!(bad("1,inf\n").contains("\"inf\""));
-    assert!(bad("1,\n").contains("column 2: \"\""));
+    assert!(bad("1,\n").contains("row 1: 1 columns, expected 2 as in"));
+    assert!(bad("1,,\n").contains("column 2: \"\""));
     assert!(bad("").ends_with("R_0_C_1.csv has no samples"));
-    assert!(bad(&"1,".repeat(20)).contains("21 columns, expected at most 16"));
+    assert!(bad(&"1,".repeat(20)).contains("20 columns, expected at most 16"));
 
     let dir = folder();
     write(dir.path(), "R_0_C_7.csv", "1,2\n");
@@ -129,7 +132,7 @@ fn myo_readings_become_repetitions_with_the_edges_of_each_cue_cut() {
 fn a_folder_that_lacks_gestures_is_refused_with_the_list_or_filled() {
     let dir = folder();
     write_libemg(dir.path(), &[0, 2, 4], "_EMG");
-    let source = |fill| match EmgOrigin::recording(dir.path()) {
+    let source = |fill| match EmgOrigin::recording(dir.path()).at_rate(Some(200.0)) {
         EmgOrigin::Recording { dir, rate_hz, train_reps, feed_reps, .. } => {
             EmgOrigin::Recording { dir, rate_hz, train_reps, feed_reps, fill }
         }
@@ -155,7 +158,7 @@ fn repetitions_that_do_not_exist_or_are_too_short_are_refused() {
     let with = |train: &[u32], feed: &[u32]| {
         let source = EmgOrigin::Recording {
             dir: dir.path().to_owned(),
-            rate_hz: 200.0,
+            rate_hz: Some(200.0),
             train_reps: train.to_vec(),
             feed_reps: feed.to_vec(),
             fill: false,
@@ -169,4 +172,95 @@ fn repetitions_that_do_not_exist_or_are_too_short_are_refused() {
     assert!(with(&[0], &[]).is_err_and(|e| e.contains("to feed")));
     write(dir.path(), "R_0_C_3.csv", &rows(19, 3));
     assert!(with(&[0], &[2]).is_err_and(|e| e.ends_with("has 19 samples, expected at least 20, one window")));
+}
+
+/// Until the rate came from the folder, a trial asked every folder for 200 Hz and refused those that say another.
+#[test]
+fn a_trial_takes_the_rate_that_the_folder_says_or_the_one_asked_for() {
+    let dir = folder();
+    write_libemg(dir.path(), &[0, 1, 2, 3, 4], "");
+    let rate = |asked| {
+        prepare(&EmgOrigin::recording(dir.path()).at_rate(asked), 1)
+            .map(|setup| (setup.config.rate_hz, setup.feed.rate_hz(), setup.config.window_samples().unwrap()))
+            .map_err(|e| e.to_string())
+    };
+    let error = rate(None).expect_err("nobody says the rate");
+    assert!(error.contains("does not say its rate") && error.contains("--emg-rate HZ"), "{error}");
+    assert_eq!(rate(Some(300.0)), Ok((300.0, 300.0, 30)));
+
+    let long = |rep: usize, class: usize| rows(400, 5 * rep + class);
+    for rep in 0..3 {
+        for class in 0..5 {
+            write(dir.path(), &format!("R_{rep}_C_{class}.csv"), &long(rep, class));
+        }
+    }
+    write(dir.path(), "metadata.json", r#"{"rate_hz": 1000}"#);
+    assert_eq!(rate(None), Ok((1000.0, 1000.0, 100)));
+    assert_eq!(rate(Some(1000.0)), Ok((1000.0, 1000.0, 100)));
+    let error = rate(Some(200.0)).expect_err("the folder says another");
+    assert!(error.contains("recorded at 1000 Hz") && error.contains("asked for was 200 Hz"), "{error}");
+    let person = format!("person:{}", dir.path().display()).parse().unwrap();
+    let source = SourceRegistry::standard().open(&person, &SourceOptions::default()).expect("a good folder");
+    assert_eq!(source.info().rate_hz, 1000.0);
+}
+
+#[test]
+fn eight_signed_bytes_are_a_myos_and_have_its_rate() {
+    let dir = folder();
+    let bytes = |from: i64| (0..60).map(|k| format!("{},2,3,4,5,6,7,-8\n", from + k % 5)).collect::<String>();
+    write(dir.path(), "R_0_C_0.csv", &bytes(-128));
+    assert_eq!(Recordings::open(dir.path(), None).expect("a Myo's").rate_hz, 200.0);
+    write(dir.path(), "R_0_C_1.csv", &bytes(124));
+    assert!(matches!(Recordings::open(dir.path(), None), Err(DeviceError::UnknownRate { .. })));
+    assert_eq!(Recordings::open(dir.path(), Some(1000.0)).expect("told").rate_hz, 1000.0);
+}
+
+#[test]
+fn what_was_lost_is_bridged_in_the_file_marked_beside_it_and_never_read_as_measured() {
+    let dir = folder();
+    let at = dir.path().join("kept");
+    let gestures = [Gesture::NoMotion, Gesture::HandClose].map(GestureName::from);
+    let kept = RecordingFolder::create(&at, 200.0, &gestures, Gesture::NoMotion.into()).unwrap();
+    let sample = |counter: u64| EmgSample { counter, channels: [counter as f64, 0.5].into_iter().collect() };
+    let gapped: Vec<EmgSample> =
+        (100..160).filter(|k| !(120..124).contains(k) && *k != 150).map(sample).collect();
+    let item = Recording::bridging(0, Gesture::HandClose.into(), &gapped);
+    assert_eq!((item.samples.len(), &item.bridged), (60, &vec![[20, 4], [50, 1]]));
+    kept.keep(&item).unwrap();
+    let whole: Vec<EmgSample> = (0..60).map(sample).collect();
+    kept.keep(&Recording::bridging(0, Gesture::NoMotion.into(), &whole)).unwrap();
+
+    let read = Recordings::open(&at, None).unwrap();
+    let close = read.find(Gesture::HandClose, 0).unwrap();
+    assert_eq!((&close.samples, &close.bridged), (&item.samples, &item.bridged));
+    let numbered: Vec<EmgSample> = close.numbered().collect();
+    let renumbered: Vec<EmgSample> =
+        gapped.iter().map(|s| EmgSample { counter: s.counter - 100, channels: s.channels.clone() }).collect();
+    assert_eq!(numbered, renumbered);
+    assert_eq!(read.find(Gesture::NoMotion, 0).unwrap().numbered().count(), 60);
+
+    // Recorded again without a loss; the marks go with the file.
+    let again = Recording::bridging(0, Gesture::HandClose.into(), &whole);
+    kept.keep(&again).unwrap();
+    assert_eq!(
+        Recordings::open(&at, None).unwrap().find(Gesture::HandClose, 0).unwrap().numbered().count(),
+        60
+    );
+    let (resumed, known) =
+        RecordingFolder::resume(&at, 200.0, 2, &gestures, Gesture::NoMotion.into()).unwrap();
+    assert_eq!(known.items.len(), 2);
+    resumed.discard(Gesture::HandClose.into(), 0).unwrap();
+    assert_eq!(Recordings::open(&at, None).unwrap().items.len(), 1);
+    let refused = |rate, channels, gestures: &[GestureName]| {
+        RecordingFolder::resume(&at, rate, channels, gestures, Gesture::NoMotion.into())
+            .err()
+            .unwrap()
+            .to_string()
+    };
+    assert!(refused(1000.0, 2, &gestures).contains("recorded at 200 Hz"));
+    assert!(refused(200.0, 3, &gestures).contains("it is for channels 2, this calibration has 3"));
+    assert!(refused(200.0, 2, &gestures[..1]).contains("it is for the gestures hand_close, no_motion"));
+    let marks = r#"{"rate_hz": 200, "bridged": {"R_0_C_1.csv": [[50, 11]]}}"#;
+    write(&at, "metadata.json", marks);
+    assert!(error(&at).contains("11 rows from row 50 were lost, it has 60 rows"));
 }

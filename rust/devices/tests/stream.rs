@@ -92,7 +92,7 @@ fn a_set_without_hand_open_works_when_filled() {
     let Some(dir) = shared() else { return };
     let source = |fill| EmgOrigin::Recording {
         dir: dir.join("myo_readings/12345-1"),
-        rate_hz: 200.0,
+        rate_hz: Some(200.0),
         train_reps: vec![0, 1],
         feed_reps: vec![2],
         fill,

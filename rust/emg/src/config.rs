@@ -110,10 +110,30 @@ pub struct EmgConfig {
     pub max_age_millis: u64,
     /// What else makes the stream stale: samples that no living arm gives.
     pub liveness: LivenessConfig,
+    /// Gaps that are bridged.
+    pub bridge: BridgeConfig,
     /// The gesture of a relaxed hand: it stops the arm, and after a silence only it lets gestures through again. Default
     /// `no_motion`.
     #[serde(skip_serializing_if = "is_no_motion")]
     pub rest: GestureName,
+}
+
+/// How short gaps in a live stream are bridged: lost samples are put on a straight line between their neighbours, and are
+/// known as such. A window with such samples never begins a motion; it confirms one that is in force, or stops it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct BridgeConfig {
+    /// Longest gap that is bridged, ms; 0 bridges none. Default 40: two packets of 16 ms, as the armband sends them.
+    pub longest_ms: u64,
+    /// Share of the samples of a window that may be bridged, at most; the window is spoilt if it is more. Default 0.35:
+    /// two packets in 100 ms.
+    pub most_share: f64,
+}
+
+impl Default for BridgeConfig {
+    fn default() -> Self {
+        BridgeConfig { longest_ms: 40, most_share: 0.35 }
+    }
 }
 
 fn is_no_motion(rest: &GestureName) -> bool {
@@ -139,6 +159,7 @@ impl Default for EmgConfig {
             first_output_acts: false,
             max_age_millis: 200,
             liveness: LivenessConfig::default(),
+            bridge: BridgeConfig::default(),
             rest: GestureName::default(),
         }
     }
@@ -198,6 +219,17 @@ impl EmgConfig {
         if let Some(majority) = self.majority.filter(|m| m.get() > LARGEST_MAJORITY) {
             return refused("majority", f64::from(majority.get()), "1 to 64 votes");
         }
+        if self.bridge.longest_ms > 1000 {
+            return refused(
+                "bridge.longest_ms",
+                self.bridge.longest_ms as f64,
+                "at most 1000, or 0 for none",
+            );
+        }
+        // With more than half of a window made up it says nothing.
+        if !(0.0..=0.5).contains(&self.bridge.most_share) {
+            return refused("bridge.most_share", self.bridge.most_share, "0 to 0.5");
+        }
         self.liveness.check(self.channels)?;
         let increment_millis = 1000.0 * self.increment_samples()? as f64 / self.rate_hz;
         // With a shorter age than the time between two windows the stream would always be stale.
@@ -245,6 +277,12 @@ mod tests {
                 c.features = "TDAR".parse().expect("known");
             })
             .contains("6 with AR4")
+        );
+        assert!(
+            refused(|c| c.bridge.longest_ms = 1001).contains("bridge.longest_ms is 1001, expected at most")
+        );
+        assert!(
+            refused(|c| c.bridge.most_share = 0.6).contains("bridge.most_share is 0.6, expected 0 to 0.5")
         );
         assert!(refused(|c| c.max_age_millis = 49).contains("every 50 ms"));
     }

@@ -70,6 +70,8 @@ pub struct DecisionRule {
     /// Class of the present run; none while windows are rejected.
     candidate: Option<GestureName>,
     streak: u32,
+    /// Windows in a row that contradict the motion in force.
+    doubts: u32,
     outputs: u32,
     /// Time of the last output, or of the first step before there was one.
     last_output_at: Option<SimTime>,
@@ -91,6 +93,7 @@ impl DecisionRule {
             held: config.rest,
             candidate: Some(config.rest),
             streak: 0,
+            doubts: 0,
             outputs: 0,
             last_output_at: None,
             armed: true,
@@ -111,6 +114,32 @@ impl DecisionRule {
     /// windows means that the hand does nothing known, so the arm stops.
     pub fn reject(&mut self, now: SimTime) -> Decision {
         self.decide(now, None)
+    }
+
+    /// Advances to `now` with the class of a window in which lost samples were bridged, none if it was rejected. It
+    /// confirms the motion in force, or counts towards a stop; it never begins a motion, nor lets gestures through again
+    /// after a silence. As many windows in a row as change the gesture, of which one or more were bridged and none is of
+    /// the motion in force, stop it.
+    pub fn bridged(&mut self, now: SimTime, class: Option<GestureName>) -> Decision {
+        let confirms = class == Some(self.held) && self.held != self.rest;
+        if confirms || (self.armed && (class.is_none() || class == Some(self.rest))) {
+            return self.decide(now, class);
+        }
+        self.hear(now);
+        // What runs on is neither broken by a window of the same class nor completed by it.
+        if class != self.candidate {
+            (self.candidate, self.streak) = (class, 0);
+        }
+        self.doubt();
+        Decision { gesture: self.held, published: self.kind == RuleKind::Hold, stale: false }
+    }
+
+    /// A window contradicts the motion in force.
+    fn doubt(&mut self) {
+        self.doubts = self.doubts.saturating_add(1);
+        if self.doubts >= self.required {
+            self.held = self.rest;
+        }
     }
 
     /// The stream is not that of a living arm: the arm must stop. Some if that is news, until the next output.
@@ -134,10 +163,7 @@ impl DecisionRule {
     }
 
     fn decide(&mut self, now: SimTime, output: Option<GestureName>) -> Decision {
-        // The silence may have ended in the very tick in which it became too long.
-        self.check_age(now);
-        self.last_output_at = Some(now);
-        self.stale = false;
+        self.hear(now);
         self.outputs = self.outputs.saturating_add(1);
         self.streak = if output == self.candidate { self.streak.saturating_add(1) } else { 1 };
         self.candidate = output;
@@ -148,8 +174,19 @@ impl DecisionRule {
             self.armed |= output == Some(self.rest);
             self.held = output.filter(|_| self.armed).unwrap_or(self.rest);
         }
+        // A window of the motion in force clears all doubt. Whole windows change it by their own run, so that without a
+        // bridged one between them a doubt has no effect.
+        self.doubts = if output == Some(self.held) { 0 } else { (self.doubts + 1).min(self.required - 1) };
         let published = self.kind == RuleKind::Hold || unanimous;
         Decision { gesture: self.held, published, stale: false }
+    }
+
+    /// An output came at `now`.
+    fn hear(&mut self, now: SimTime) {
+        // The silence may have ended in the very tick in which it became too long.
+        self.check_age(now);
+        self.last_output_at = Some(now);
+        self.stale = false;
     }
 
     fn check_age(&mut self, now: SimTime) -> Option<Decision> {
@@ -215,6 +252,58 @@ mod tests {
             (0..3).map(|k: u64| rule.reject(SimTime(300 + k * 50)).gesture).collect();
         assert_eq!(held, [WristExtension, WristExtension, NoMotion]);
         assert_eq!(rule.step(SimTime(500), None), None, "rejected windows are no silence");
+    }
+
+    #[test]
+    fn a_bridged_window_confirms_or_stops_and_never_begins_a_motion() {
+        let at = |k: u64| SimTime(k * INCREMENT_MILLIS);
+        let (held, other) = (GestureName::from(WristExtension), GestureName::from(WristFlexion));
+        let begin = |bridged: &[bool], class: GestureName| {
+            let mut rule = rule();
+            let gesture = |(k, bridged): (u64, &bool)| match bridged {
+                true => rule.bridged(at(k), Some(class)).gesture,
+                false => rule.decide(at(k), Some(class)).gesture,
+            };
+            (0..).zip(bridged).map(gesture).collect::<Vec<_>>()
+        };
+        assert_eq!(begin(&[true; 20], held), [NoMotion; 20]);
+        // Three whole ones are needed still, and those between them do not break the run.
+        let expected = [NoMotion, NoMotion, NoMotion, WristExtension, WristExtension];
+        assert_eq!(begin(&[false, true, false, false, true], held), expected);
+
+        let moving = || {
+            let mut rule = rule();
+            feed(&mut rule, 0, &[WristExtension; 3]);
+            rule
+        };
+        let bridged = |rule: &mut DecisionRule, classes: &[GestureName]| -> Vec<GestureName> {
+            (3..).zip(classes).map(|(k, class)| rule.bridged(at(k), Some(*class)).gesture).collect()
+        };
+        assert_eq!(bridged(&mut moving(), &[held; 9]), [WristExtension; 9], "held through losses");
+        let stopped = [WristExtension, WristExtension, NoMotion, NoMotion];
+        assert_eq!(bridged(&mut moving(), &[NoMotion.into(); 4]), stopped);
+        assert_eq!(
+            bridged(&mut moving(), &[other; 4]),
+            stopped,
+            "contradicted, so it ends; the other does not begin"
+        );
+        assert_eq!(
+            bridged(&mut moving(), &[other, NoMotion.into(), other, other]),
+            stopped,
+            "whatever contradicts it"
+        );
+        let confirmed = [other, other, held, other, other, held];
+        assert_eq!(bridged(&mut moving(), &confirmed), [WristExtension; 6]);
+
+        // After a silence a relaxed hand has to be seen whole.
+        let mut rule = moving();
+        assert!(rule.step(SimTime(1000), None).is_some_and(|d| d.stale));
+        for k in 0..9 {
+            assert_eq!(rule.bridged(SimTime(1000 + 50 * k), Some(NoMotion.into())).gesture, NoMotion);
+        }
+        assert!(rule.is_disarmed());
+        feed(&mut rule, 1450, &[NoMotion; 3]);
+        assert!(!rule.is_disarmed());
     }
 
     #[test]

@@ -205,8 +205,8 @@ pub enum EmgError {
         /// Which gesture.
         gesture: GestureName,
     },
-    /// A repetition with a gap.
-    #[error("the repetition has sample {next} after {after}, expected no gap")]
+    /// A repetition with too long a gap, too many, or a counter that falls.
+    #[error("the repetition has sample {next} after {after}, expected rising counters and short, rare gaps")]
     Gap {
         /// Counter before the gap.
         after: u64,

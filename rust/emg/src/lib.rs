@@ -55,6 +55,7 @@ mod model;
 mod moments;
 mod pipeline;
 mod quality;
+mod recorded_quality;
 mod rotation;
 mod spectrum;
 mod usability_test;
@@ -67,8 +68,8 @@ pub use calibration::{
 };
 pub use classifier::{ClassPosterior, Classifier, EffortScale, Prediction};
 pub use config::{
-    DEFAULT_MAJORITY, DEFAULT_REJECTION, EmgConfig, LARGEST_MAJORITY, LdaNormalisation, Priors, RuleKind,
-    WindowLength,
+    BridgeConfig, DEFAULT_MAJORITY, DEFAULT_REJECTION, EmgConfig, LARGEST_MAJORITY, LdaNormalisation, Priors,
+    RuleKind, WindowLength,
 };
 pub use decision::{Decision, DecisionRule, MajorityVote};
 pub use error::EmgError;
@@ -81,7 +82,8 @@ pub use model::{ChannelStatistics, EmgModel, MODEL_FORMAT, StreamFormat};
 pub use moments::Moments;
 pub use pipeline::{EmgOutput, EmgPipeline, StreamEvents, extract, extract_with_amplitudes};
 pub use quality::{ChannelFault, ChannelQuality, Light, QualityConfig, QualityMonitor, StreamQuality};
-pub use rotation::{BandProposal, RollEvidence, RotationReport, check_rotation};
+pub use recorded_quality::{RecordedFault, RecordedRepetition, check_recordings};
+pub use rotation::{BandProposal, RollEvidence, RotationReport, accuracy_at, check_rotation};
 pub use usability_test::{
     HoldConfig, HoldReport, HoldTest, SequenceConfig, SequenceMistake, SequenceReport, SequenceTest,
 };

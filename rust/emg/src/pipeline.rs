@@ -1,6 +1,6 @@
 use crate::{
-    ClassPosterior, Classifier, Decision, DecisionRule, EmgConfig, EmgError, FeatureExtractor, FeatureVector,
-    Liveness, MajorityVote, SignalFault, SlidingWindow, StreamCounts, WindowView,
+    BridgeConfig, ClassPosterior, Classifier, Decision, DecisionRule, EmgConfig, EmgError, FeatureExtractor,
+    FeatureVector, Liveness, MajorityVote, SignalFault, SlidingWindow, StreamCounts, WindowView,
 };
 use arrayvec::ArrayVec;
 use proact_types::{EmgSample, GestureName, MAX_EMG_CHANNELS, SimTime};
@@ -152,15 +152,18 @@ impl EmgPipeline {
                 self.overflows += 1;
                 continue;
             };
-            self.newest = features;
+            let bridged = window.bridged() > 0;
+            // Nothing is learnt from samples that nobody measured.
+            self.newest = if bridged { FeatureVector::new() } else { features };
             let confidence = prediction.confidence();
             // A rejection needs more than the threshold: LibEMG compares strictly.
             let kept = self.rejection.is_none_or(|threshold| confidence > threshold);
             let mut class = kept.then_some(prediction.class);
-            if let Some(vote) = &mut self.vote {
+            if let Some(vote) = self.vote.as_mut().filter(|_| !bridged) {
                 class = vote.push(class);
             }
             let decision = match class {
+                class if bridged => self.rule.bridged(now, class),
                 Some(class) => match self.rule.step(now, Some(class)) {
                     Some(decision) => decision,
                     None => continue,
@@ -201,7 +204,8 @@ impl EmgPipeline {
         output
     }
 
-    /// Features of the newest window that was classified, for [`crate::Adaptation::confirm`]; empty before the first.
+    /// Features of the newest window that was classified, for [`crate::Adaptation::confirm`]; empty before the first, and
+    /// if samples of it were lost.
     pub fn features(&self) -> &[f64] {
         &self.newest
     }
@@ -300,7 +304,9 @@ fn each_window<'a>(
     samples: impl IntoIterator<Item = &'a EmgSample>,
     mut take: impl FnMut(&WindowView<'_>, FeatureVector),
 ) -> Result<(), EmgError> {
-    let mut window = SlidingWindow::new(config)?;
+    // Nothing is trained on, or tested with, samples that nobody measured.
+    let whole = BridgeConfig { longest_ms: 0, ..config.bridge };
+    let mut window = SlidingWindow::new(&EmgConfig { bridge: whole, ..config.clone() })?;
     let mut extractor = FeatureExtractor::new(config)?;
     for sample in samples {
         if sample.channels.len() != config.channels || sample.channels.iter().any(|v| !v.is_finite()) {
@@ -391,7 +397,7 @@ mod tests {
 
         run(&mut pipeline, 1500, 400, 1.0, false);
         let mut gapped = pipeline.clone();
-        gapped.step(SimTime(1905), &[sample(390, 1.0)]);
+        gapped.step(SimTime(1950), &[sample(390, 1.0)]);
         assert_eq!((gapped.events().counts.gaps, gapped.events().counts.rejected_windows), (1, 1));
         let rearmed = run(&mut pipeline, 1900, 400, 20.0, false);
         assert_eq!(rearmed.last().map(|(_, out)| out.gesture), Some(Gesture::HandClose.into()));

@@ -20,7 +20,7 @@ pub enum Light {
 
 impl Light {
     /// Amber above the first limit, red above the second.
-    fn above(value: f64, [amber, red]: [f64; 2]) -> Light {
+    pub(crate) fn above(value: f64, [amber, red]: [f64; 2]) -> Light {
         if value > red {
             Light::Red
         } else if value > amber {
@@ -122,7 +122,8 @@ pub struct StreamQuality {
     pub lost_share: f64,
     /// Gaps since the start.
     pub gaps: u64,
-    /// Samples a second by the clock over up to five seconds; none in the first second.
+    /// Samples a second by the device's counter and the host's clock over up to five seconds; none in the first two, and
+    /// in the two after a silence: what had piled up comes in a burst then.
     pub rate_hz: Option<f64>,
 }
 
@@ -148,9 +149,13 @@ pub struct QualityMonitor {
     block_end: u64,
     lost: u64,
     lost_history: [u64; BLOCKS],
-    /// Time and samples received at the ends of the newest blocks.
+    /// Time and samples sent at the ends of the newest blocks, from [`SETTLING_MILLIS`] after the stream began.
     arrivals: ArrayVec<(SimTime, u64), ARRIVALS>,
-    received: u64,
+    /// Samples that came or were lost: a loss is not a slow device.
+    sent: u64,
+    /// When the stream began, or began again after a silence.
+    since: Option<SimTime>,
+    heard: SimTime,
     channels: Vec<ChannelQuality>,
     stream: StreamQuality,
 }
@@ -159,6 +164,12 @@ pub struct QualityMonitor {
 const BLOCKS: usize = 5;
 /// Block ends over which the rate is measured.
 const ARRIVALS: usize = 26;
+/// What came within this time after a start is no measure of the rate: a driver hands out at once what piled up.
+const SETTLING_MILLIS: u64 = 1000;
+/// A silence after which samples pile up in the same way.
+const SILENCE_MILLIS: u64 = 500;
+/// Packets come on time to about so many milliseconds, so that the ends of a block are known no better.
+const PACKET_MILLIS: f64 = 30.0;
 
 #[derive(Clone, Copy, Debug, Default)]
 struct Block {
@@ -208,7 +219,9 @@ impl QualityMonitor {
             lost: 0,
             lost_history: [0; BLOCKS],
             arrivals: ArrayVec::new(),
-            received: 0,
+            sent: 0,
+            since: None,
+            heard: SimTime(0),
             channels: vec![ChannelQuality::default(); channels],
             stream: StreamQuality::default(),
         }
@@ -227,11 +240,18 @@ impl QualityMonitor {
             Some(expected) if sample.counter > expected => {
                 self.stream.gaps += 1;
                 self.lost = self.lost.saturating_add(sample.counter - expected);
+                self.sent = self.sent.saturating_add(sample.counter - expected);
             }
             Some(_) => {}
             None => self.block_end = sample.counter.saturating_add(self.block_samples),
         }
         self.expected = Some(sample.counter.saturating_add(1));
+        if self.since.is_none() || now.millis_since(self.heard) > SILENCE_MILLIS {
+            self.since = Some(now);
+            self.arrivals.clear();
+        }
+        self.heard = now;
+        self.sent = self.sent.saturating_add(1);
         let due = sample.counter >= self.block_end;
         if due {
             self.block_end = sample.counter.saturating_add(self.block_samples);
@@ -239,7 +259,6 @@ impl QualityMonitor {
         }
         let usable = sample.channels.len() == self.running.len();
         if usable && sample.channels.iter().all(|v| v.is_finite()) {
-            self.received += 1;
             for (c, value) in sample.channels.iter().enumerate() {
                 self.running[c].push(*value, self.config.rails);
                 self.hum[c].iter_mut().for_each(|filter| filter.push(*value));
@@ -282,17 +301,21 @@ impl QualityMonitor {
             self.channels[c] = self.judge(c, slot);
         }
 
-        if self.arrivals.is_full() {
-            self.arrivals.remove(0);
+        if self.since.is_some_and(|since| now.millis_since(since) >= SETTLING_MILLIS) {
+            if self.arrivals.is_full() {
+                self.arrivals.remove(0);
+            }
+            self.arrivals.push((now, self.sent));
         }
-        self.arrivals.push((now, self.received));
-        let (first, samples) = self.arrivals[0];
-        let millis = now.millis_since(first);
-        let measured = (millis >= 1000).then(|| (self.received - samples) as f64 * 1000.0 / millis as f64);
-        let lost: u64 = self.lost_history.iter().sum();
+        let span =
+            self.arrivals.first().map(|(first, before)| (now.millis_since(*first), self.sent - before));
+        let span = span.filter(|(millis, _)| *millis >= 1000);
+        let measured = span.map(|(millis, samples)| samples as f64 * 1000.0 / millis as f64);
+        let uncertain = span.map_or(0.0, |(millis, _)| PACKET_MILLIS / millis as f64);
+        let lost = self.lost_history.iter().fold(0_u64, |sum, block| sum.saturating_add(*block));
         let covered = self.history.first().map_or(0.0, |h| h.iter().map(|b| b.samples).sum());
         let lost_share = lost as f64 / (lost as f64 + covered).max(1.0);
-        let off = measured.map_or(0.0, |rate| (rate / self.rate_hz - 1.0).abs());
+        let off = measured.map_or(0.0, |rate| (rate / self.rate_hz - 1.0).abs() - uncertain);
         self.stream = StreamQuality {
             light: Light::above(lost_share, self.config.lost).max(Light::above(off, self.config.rate)),
             lost_share,

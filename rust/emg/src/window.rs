@@ -1,6 +1,7 @@
 use crate::features::FeatureParameters;
 use crate::{EmgConfig, EmgError};
-use proact_types::EmgSample;
+use arrayvec::ArrayVec;
+use proact_types::{EmgSample, MAX_EMG_CHANNELS};
 use serde::{Deserialize, Serialize};
 
 /// What a stream has brought, so far or in one step.
@@ -10,6 +11,9 @@ pub struct StreamCounts {
     pub windows: u64,
     /// Windows that a gap or an unusable sample spoilt.
     pub rejected_windows: u64,
+    /// Whole windows of which some samples were bridged.
+    #[serde(default)]
+    pub bridged_windows: u64,
     /// Gaps in the sample counter.
     pub gaps: u64,
     /// Samples with a NaN, an infinity, or another number of channels.
@@ -26,6 +30,7 @@ impl StreamCounts {
         StreamCounts {
             windows: self.windows - earlier.windows,
             rejected_windows: self.rejected_windows - earlier.rejected_windows,
+            bridged_windows: self.bridged_windows - earlier.bridged_windows,
             gaps: self.gaps - earlier.gaps,
             unusable_samples: self.unusable_samples - earlier.unusable_samples,
             repeated_samples: self.repeated_samples - earlier.repeated_samples,
@@ -35,8 +40,9 @@ impl StreamCounts {
 }
 
 /// Cuts a stream into windows aligned to its sample counter: with W samples a window and an increment of I, window
-/// k ends at the sample whose counter is `first + W - 1 + k I`, whatever happened in between. A window with a gap
-/// or an unusable sample in it is never handed out.
+/// k ends at the sample whose counter is `first + W - 1 + k I`, whatever happened in between. A window with an unusable
+/// sample in it, or with a gap that [`crate::BridgeConfig`] does not bridge, is never handed out; nor is one whose last
+/// sample was lost.
 ///
 /// Storage is allocated at construction only.
 #[derive(Clone, Debug)]
@@ -44,13 +50,18 @@ pub struct SlidingWindow {
     channels: usize,
     length: usize,
     increment: usize,
-    /// `[channel][capacity]`, row-major, so that a window is one slice per channel.
+    /// `[channel][capacity]`, row-major, so that a window is one slice per channel. One more row marks samples that were
+    /// lost and bridged by a one.
     data: Vec<f64>,
     capacity: usize,
     /// Samples in each row.
     filled: usize,
-    /// Usable samples without a gap up to the newest, at most `length`.
+    /// Usable or bridged samples up to the newest, at most `length`.
     run: usize,
+    /// Longest gap that is bridged, samples.
+    longest_gap: u64,
+    /// Bridged samples that a window may have.
+    most_bridged: usize,
     /// Counter expected next; none before the first sample.
     expected: Option<u64>,
     /// Counter of the last sample of the next window.
@@ -67,6 +78,7 @@ pub struct WindowView<'a> {
     capacity: usize,
     start: usize,
     length: usize,
+    bridged: usize,
     parameters: FeatureParameters,
 }
 
@@ -74,6 +86,11 @@ impl WindowView<'_> {
     /// Samples in a channel.
     pub fn length(&self) -> usize {
         self.length
+    }
+
+    /// Samples that were lost, and lie on a straight line between their neighbours.
+    pub fn bridged(&self) -> usize {
+        self.bridged
     }
 
     /// Sum over channels of the mean absolute value, in the stream's unit: the measure of effort.
@@ -115,10 +132,12 @@ impl SlidingWindow {
             channels: config.channels,
             length,
             increment,
-            data: vec![0.0; config.channels * capacity],
+            data: vec![0.0; (config.channels + 1) * capacity],
             capacity,
             filled: 0,
             run: 0,
+            longest_gap: (config.bridge.longest_ms as f64 * config.rate_hz / 1000.0) as u64,
+            most_bridged: (config.bridge.most_share * length as f64) as usize,
             expected: None,
             next_end: 0,
             counts: StreamCounts::default(),
@@ -137,11 +156,10 @@ impl SlidingWindow {
 
     /// Takes the next sample; returns the window that ends with it, if there is one.
     pub fn push(&mut self, sample: &EmgSample) -> Option<WindowView<'_>> {
-        if !self.advance_to(sample.counter) {
-            return None;
-        }
+        let gap = self.advance_to(sample.counter)?;
         if sample.channels.len() == self.channels && sample.channels.iter().all(|v| v.is_finite()) {
-            self.store(&sample.channels);
+            self.bridge(gap, &sample.channels);
+            self.store(&sample.channels, 0.0);
         } else {
             self.counts.unusable_samples += 1;
             self.run = 0;
@@ -150,17 +168,22 @@ impl SlidingWindow {
             return None;
         }
         self.next_end = self.next_end.saturating_add(self.increment as u64);
-        if self.run < self.length {
-            self.counts.rejected_windows += 1;
+        let start = self.filled - self.run.min(self.length);
+        let marks = self.channels * self.capacity;
+        let bridged = self.data[marks + start..marks + self.filled].iter().sum::<f64>() as usize;
+        if self.run < self.length || bridged > self.most_bridged {
+            self.counts.rejected_windows = self.counts.rejected_windows.saturating_add(1);
             return None;
         }
         self.counts.windows += 1;
+        self.counts.bridged_windows += u64::from(bridged > 0);
         Some(WindowView {
             data: &self.data,
             channels: self.channels,
             capacity: self.capacity,
-            start: self.filled - self.length,
+            start,
             length: self.length,
+            bridged,
             parameters: self.parameters,
         })
     }
@@ -170,8 +193,10 @@ impl SlidingWindow {
         self.run = 0;
     }
 
-    /// Compares `counter` with the one expected. False if the sample is to be dropped.
-    fn advance_to(&mut self, counter: u64) -> bool {
+    /// Compares `counter` with the one expected: how many samples are to be bridged before this one. None if it is to be
+    /// dropped.
+    fn advance_to(&mut self, counter: u64) -> Option<u64> {
+        let mut gap = 0;
         let restart = match self.expected {
             None => true,
             Some(expected) if counter < expected => {
@@ -179,7 +204,7 @@ impl SlidingWindow {
                 // the device's counter started anew.
                 if expected - counter <= self.length as u64 {
                     self.counts.repeated_samples += 1;
-                    return false;
+                    return None;
                 }
                 self.counts.restarts += 1;
                 true
@@ -187,7 +212,10 @@ impl SlidingWindow {
             Some(expected) => {
                 if counter > expected {
                     self.counts.gaps += 1;
-                    self.run = 0;
+                    gap = counter - expected;
+                    if gap > self.longest_gap {
+                        (self.run, gap) = (0, 0);
+                    }
                 }
                 false
             }
@@ -199,14 +227,32 @@ impl SlidingWindow {
             // Windows whose end was lost in the gap.
             let increment = self.increment as u64;
             let lost = (counter - self.next_end).div_ceil(increment);
-            self.counts.rejected_windows += lost;
+            self.counts.rejected_windows = self.counts.rejected_windows.saturating_add(lost);
             self.next_end = self.next_end.saturating_add(lost.saturating_mul(increment));
         }
         self.expected = Some(counter.saturating_add(1));
-        true
+        Some(gap)
     }
 
-    fn store(&mut self, values: &[f64]) {
+    /// Puts `gap` lost samples on straight lines from the newest sample to `values`, which follow them. Without a sample
+    /// before them there is no line.
+    fn bridge(&mut self, gap: u64, values: &[f64]) {
+        if gap == 0 || self.run == 0 {
+            return;
+        }
+        let mut before = ArrayVec::<f64, MAX_EMG_CHANNELS>::new();
+        let newest = self.filled - 1;
+        before.extend(self.data.chunks_exact(self.capacity).take(self.channels).map(|row| row[newest]));
+        for k in 1..=gap {
+            let share = k as f64 / (gap + 1) as f64;
+            let line = before.iter().zip(values).map(|(from, to)| from + share * (to - from));
+            let between: ArrayVec<f64, MAX_EMG_CHANNELS> = line.collect();
+            self.store(&between, 1.0);
+        }
+    }
+
+    /// Takes the values of a sample; `mark` is one for one that was bridged.
+    fn store(&mut self, values: &[f64], mark: f64) {
         if self.filled == self.capacity {
             // Keep what the next window may still need.
             let keep = self.length - 1;
@@ -215,7 +261,8 @@ impl SlidingWindow {
             }
             self.filled = keep;
         }
-        for (row, value) in self.data.chunks_exact_mut(self.capacity).zip(values) {
+        let marked = values.iter().chain(std::iter::once(&mark));
+        for (row, value) in self.data.chunks_exact_mut(self.capacity).zip(marked) {
             row[self.filled] = *value;
         }
         self.filled += 1;
@@ -226,13 +273,19 @@ impl SlidingWindow {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::WindowLength;
+    use crate::{BridgeConfig, WindowLength};
 
+    /// One channel at 1 kHz; no gap is bridged.
     fn window(length: u32, increment: u32) -> SlidingWindow {
+        bridging(length, increment, BridgeConfig { longest_ms: 0, ..BridgeConfig::default() })
+    }
+
+    fn bridging(length: u32, increment: u32, bridge: BridgeConfig) -> SlidingWindow {
         SlidingWindow::new(&EmgConfig {
             channels: 1,
             window: WindowLength::Samples(length),
             increment: WindowLength::Samples(increment),
+            bridge,
             ..EmgConfig::default()
         })
         .expect("valid settings")
@@ -276,6 +329,53 @@ mod tests {
         );
         let counts = window.counts();
         assert_eq!((counts.gaps, counts.rejected_windows, counts.windows), (1, 2, 9));
+    }
+
+    #[test]
+    fn a_short_gap_is_bridged_by_a_straight_line_and_marked() {
+        let mut window = bridging(10, 5, BridgeConfig { longest_ms: 3, most_share: 0.3 });
+        let mut seen = Vec::new();
+        // Two samples are lost, then three, then four in a row, and two gaps of two in one window.
+        let counters = (0..12).chain(14..31).chain(34..47).chain(51..72).chain(74..75).chain(77..90);
+        for k in counters {
+            if let Some(view) = window.push(&sample(k, k as f64)) {
+                let values = view.channel(0);
+                assert!(values.windows(2).all(|w| (w[1] - w[0] - 1.0).abs() < 1e-9), "no line: {values:?}");
+                seen.push((k, view.bridged()));
+            }
+        }
+        // 49 was lost itself; 54 and 59 hold the gap of four, 79 two gaps of two, 74 the first of them.
+        assert_eq!(
+            seen,
+            [
+                (9, 0),
+                (14, 2),
+                (19, 2),
+                (24, 0),
+                (29, 0),
+                (34, 3),
+                (39, 3),
+                (44, 0),
+                (64, 0),
+                (69, 0),
+                (74, 2),
+                (84, 2),
+                (89, 0)
+            ]
+        );
+        let counts = window.counts();
+        assert_eq!((counts.gaps, counts.bridged_windows, counts.rejected_windows), (5, 6, 4));
+    }
+
+    #[test]
+    fn a_gap_at_the_start_or_after_an_unusable_sample_has_nothing_before_it_to_bridge_from() {
+        let mut window = bridging(10, 5, BridgeConfig { longest_ms: 5, most_share: 0.5 });
+        let mut ends = Vec::new();
+        for k in (0..12).chain(14..40) {
+            let value = if k == 11 { f64::NAN } else { k as f64 };
+            ends.extend(window.push(&sample(k, value)).map(|view| (k, view.bridged())));
+        }
+        assert_eq!(ends, [(9, 0), (24, 0), (29, 0), (34, 0), (39, 0)]);
     }
 
     #[test]

@@ -107,6 +107,32 @@ fn lost_samples_and_a_wrong_rate_show_on_the_stream() {
     assert!(slow.rate_hz.is_some_and(|rate| (rate - 650.0).abs() < 5.0), "{slow:?}");
 }
 
+/// The light was red for five seconds after a driver had handed out at once what it had kept, and amber for a clean stream:
+/// one second of packets of 16 ms knows its rate to 1.6 %.
+#[test]
+fn a_burst_at_the_start_or_after_a_silence_is_no_rate_and_a_clean_stream_is_green_throughout() {
+    let run = |kept_back: u64, silence: std::ops::Range<u64>| {
+        let mut monitor = QualityMonitor::new(QualityConfig::default(), 1000.0, 1, &[]);
+        let mut worst = Light::Green;
+        for packet in 0..900_u64 {
+            // Sixteen samples come when the last is due; what is due before a packet is let through waits for it.
+            let due = 16 * (packet + 1);
+            let now = if silence.contains(&due) { silence.end } else { due.max(kept_back) };
+            for k in 16 * packet..due {
+                let channels = [10.0 * noise(1, k)].into_iter().collect();
+                monitor.push(SimTime(now), &EmgSample { counter: k, channels });
+                worst = worst.max(monitor.light());
+            }
+        }
+        let rate = monitor.stream().rate_hz.expect("known after 14 s");
+        assert!((rate - 1000.0).abs() < 10.0, "{rate}");
+        worst
+    };
+    assert_eq!(run(0, 0..0), Light::Green);
+    assert_eq!(run(3000, 0..0), Light::Green, "a burst at the start");
+    assert_eq!(run(0, 5000..5900), Light::Green, "a burst after a silence");
+}
+
 #[test]
 fn before_the_first_verdict_everything_is_green_and_nothing_is_claimed() {
     let monitor = QualityMonitor::new(QualityConfig::default(), 1000.0, 3, &[]);

@@ -65,8 +65,7 @@ fn a_band_that_was_turned_is_found_from_two_gestures_whatever_the_turn() {
     let two = [Gesture::WristExtension, Gesture::WristFlexion];
     for shift in 0..8 {
         let turned = repetition(2, shift).expect("found before");
-        let report = check_rotation(&model.classifier, model.config.rest, &windows(&turned, &two))
-            .expect("good windows");
+        let report = check_rotation(&model, &windows(&turned, &two)).expect("good windows");
         let expected = if shift == 0 { BandProposal::Keep } else { BandProposal::Roll(shift) };
         assert_eq!(report.proposal, expected, "{report:?}");
         println!("turn {shift}: margin {:.2}, best {:?}", report.margin, report.ranked[0]);
@@ -79,7 +78,7 @@ fn the_repetition_taken_with_a_turned_band_becomes_usable_by_the_proposal() {
     let turned = repetition(3, 0).expect("found before");
     let all = windows(&turned, &Gesture::ALL);
     let two = windows(&turned, &[Gesture::HandOpen, Gesture::WristFlexion]);
-    let report = check_rotation(&model.classifier, model.config.rest, &two).expect("good windows");
+    let report = check_rotation(&model, &two).expect("good windows");
     let best = report.ranked[0].shift;
     let rolled: Vec<_> = all
         .iter()
@@ -237,9 +236,8 @@ fn no_pair_of_gestures_proposes_a_wrong_turn_and_rest_is_no_evidence() {
     let Some(model) = model(&[0, 1]) else { return };
     let (straight, turned) = (repetition(2, 0).expect("found"), repetition(3, 0).expect("found"));
     let moving: Vec<Gesture> = Gesture::ALL.into_iter().filter(|g| *g != Gesture::NoMotion).collect();
-    let check = |recordings: &Recordings, pair: &[Gesture]| {
-        check_rotation(&model.classifier, model.config.rest, &windows(recordings, pair))
-    };
+    let check =
+        |recordings: &Recordings, pair: &[Gesture]| check_rotation(&model, &windows(recordings, pair));
     let mut found = 0;
     for (k, a) in moving.iter().enumerate() {
         for b in &moving[k + 1..] {
@@ -253,4 +251,20 @@ fn no_pair_of_gestures_proposes_a_wrong_turn_and_rest_is_no_evidence() {
         assert!(error.contains("got 1 gesture besides no motion"), "{error}");
     }
     assert!(found >= 4, "{found} of 6 pairs find the turn");
+}
+
+/// A band check that knew turns alone took two swapped electrodes for a turned band.
+#[test]
+fn two_electrodes_that_changed_places_are_named_and_never_taken_for_a_turn() {
+    let Some(model) = model(&[0, 1]) else { return };
+    let two = [Gesture::WristExtension, Gesture::WristFlexion];
+    let straight = repetition(2, 0).expect("found before");
+    for (a, b) in (0..8).flat_map(|a| (a + 1..8).map(move |b| (a, b))) {
+        let mut swapped = straight.clone();
+        for sample in swapped.iter_mut().flat_map(|(_, samples)| samples) {
+            sample.channels.swap(a, b);
+        }
+        let report = check_rotation(&model, &windows(&swapped, &two)).expect("good windows");
+        assert_eq!(report.proposal, BandProposal::Swap([a, b]), "{report:?}");
+    }
 }

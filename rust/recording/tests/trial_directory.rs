@@ -117,7 +117,7 @@ fn a_damaged_head_is_refused() {
         InputLog::open(&dir).unwrap_err()
     };
     assert!(matches!(open_with(0), RecordingError::Damaged { offset: 0, .. }));
-    assert!(matches!(open_with(8), RecordingError::WrongFormat { got: 7, expected: 6, .. }));
+    assert!(matches!(open_with(8), RecordingError::WrongFormat { got: 6, expected: 7, .. }));
     assert!(matches!(open_with(30), RecordingError::Damaged { offset: 12, .. }));
     fs::write(&file, []).unwrap();
     assert!(matches!(InputLog::open(&dir), Err(RecordingError::Truncated { offset: 0, records: 0, .. })));

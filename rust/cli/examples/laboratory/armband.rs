@@ -46,6 +46,7 @@ impl TextBand {
             zero: 0.0,
             rails: None,
             loss_is_counted: false,
+            volts: None,
         };
         let (input, opened) = (BufReader::new(stream), Instant::now());
         Ok(TextBand { input, line: Vec::new(), info, counts: SourceCounts::default(), next: 0, opened })

@@ -1,16 +1,19 @@
 //! What follows from the band check before a calibration.
 
 use super::write_whole;
-use proact_emg::{BandProposal, EmgModel, RotationReport};
+use proact_emg::{BandProposal, EmgError, EmgModel, FeatureVector, RotationReport, extract};
+use proact_types::{EmgSample, Gesture, GestureName};
 use serde_json::{Value, json};
 use std::{error::Error, path::Path};
 
-/// What follows from the band check; some if there is nothing more to do.
+/// What follows from the band check; `held_out` is the share of windows that did not propose a turn which the model
+/// recognises as it is, and turned. Some if there is nothing more to do.
 pub(super) fn verdict(
     band: &RotationReport,
     earlier: &EmgModel,
     out: &Path,
     accept_roll: bool,
+    held_out: Option<[f64; 2]>,
 ) -> Result<Option<Value>, Box<dyn Error>> {
     let path = out.display();
     let object = |text: &str| json!({ "model": path.to_string(), "band": band, "verdict": text });
@@ -20,6 +23,22 @@ pub(super) fn verdict(
             Ok(Some(object("the band sits as it did: the earlier model is used again")))
         }
         BandProposal::Roll(shift) if accept_roll => {
+            let Some([straight, rolled]) = held_out else {
+                return Err(format!(
+                    "the band is turned by {shift} channels, by two gestures; there are no other recordings to test the \
+                     turned model on, which --accept-roll needs"
+                )
+                .into());
+            };
+            if rolled <= straight {
+                return Err(format!(
+                    "two gestures propose a band that is turned by {shift} channels, but of windows that did not propose \
+                     it the model recognises {:.1} % turned and {:.1} % as it is: not accepted; calibrate anew without --check",
+                    100.0 * rolled,
+                    100.0 * straight
+                )
+                .into());
+            }
             write_whole(out, &earlier.rolled(shift)?.to_json()?)?;
             Ok(Some(object("the band is turned: the earlier model was rolled to it")))
         }
@@ -27,8 +46,15 @@ pub(super) fn verdict(
             "the band is turned by {shift} channels; turn it back and check again, or take it as it sits with --accept-roll"
         )
         .into()),
+        BandProposal::Swap(pair) => Err(swapped(pair).into()),
         BandProposal::Recalibrate => Ok(None),
     }
+}
+
+fn swapped([a, b]: [usize; 2]) -> String {
+    format!(
+        "channels {a} and {b} have changed places: put their electrodes or plugs right and check again, or calibrate anew without --check"
+    )
 }
 
 /// What was found, with its evidence.
@@ -44,8 +70,36 @@ pub(super) fn text(band: &RotationReport) -> String {
     match band.proposal {
         BandProposal::Keep => format!("the band sits as it did ({evidence})"),
         BandProposal::Roll(shift) => format!("the band is turned by {shift} channels ({evidence})"),
+        BandProposal::Swap(pair) => format!("{} ({evidence})", swapped(pair)),
         BandProposal::Recalibrate => {
             format!("the earlier model fits no position of the band ({evidence}): calibrating anew")
         }
     }
+}
+
+/// The two gestures of the band check by `model`: where it knows them those of the wrist, which use opposite sides of the
+/// forearm, else its first two.
+pub(super) fn check_gestures(model: &EmgModel) -> Vec<GestureName> {
+    let known = model.classifier.gestures();
+    let wrist = [Gesture::WristFlexion, Gesture::WristExtension].map(GestureName::from);
+    if wrist.iter().all(|gesture| known.contains(gesture)) {
+        return wrist.into();
+    }
+    known.iter().copied().filter(|gesture| *gesture != model.config.rest).take(2).collect()
+}
+
+/// Windows of raw recordings as `model` sees them.
+///
+/// # Errors
+/// As [`extract`].
+pub(super) fn windows_of(
+    model: &EmgModel,
+    recordings: Vec<(GestureName, Vec<EmgSample>)>,
+) -> Result<Vec<(GestureName, FeatureVector)>, EmgError> {
+    let mut windows = Vec::new();
+    for (gesture, samples) in recordings {
+        let centred: Vec<EmgSample> = samples.iter().map(|s| model.centred(s)).collect();
+        windows.extend(extract(&model.config, &centred)?.into_iter().map(|vector| (gesture, vector)));
+    }
+    Ok(windows)
 }

@@ -2,8 +2,8 @@
 
 use super::{page::PageScreen, train::PageArgs};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use proact_app::tell;
-use proact_emg::{Calibration, CalibrationReport, Light, Phase};
+use proact_app::{stream_view::fault_text, tell};
+use proact_emg::{Calibration, CalibrationReport, Light, Phase, Refusal};
 use proact_types::{GestureName, LineRead, read_line};
 use serde_json::Value;
 use std::{
@@ -198,4 +198,28 @@ pub(super) fn report_text(report: &CalibrationReport) -> String {
         );
     }
     text.trim_end().to_owned()
+}
+
+/// One sentence for the person.
+pub(super) fn refusal_text(refusal: &Refusal) -> String {
+    match refusal {
+        Refusal::Gap { lost: 0 } => "a sample was unusable".to_owned(),
+        Refusal::Gap { lost } => format!("{lost} samples were lost"),
+        Refusal::Silence => "no samples came".to_owned(),
+        Refusal::Red { channels, stream } => {
+            let mut parts: Vec<String> = channels
+                .iter()
+                .map(|(channel, fault)| match fault {
+                    Some(fault) => {
+                        format!("channel {channel} is red ({})", fault_text(*fault))
+                    }
+                    None => format!("channel {channel} is red"),
+                })
+                .collect();
+            if *stream {
+                parts.push("the stream loses samples or has a wrong rate".to_owned());
+            }
+            parts.join(", ")
+        }
+    }
 }

@@ -172,6 +172,7 @@ fn publish(
         zero: 0.0,
         rails: None,
         loss_is_counted: true,
+        volts: None,
     };
     let mut published = Published::open(name, &info)?;
     say(
@@ -211,7 +212,15 @@ fn feed(args: &SimulateArgs) -> Result<(EmgFeed, f64, usize), Box<dyn Error>> {
             .into());
         }
         let (expected, rest) = (Gesture::ALL.map(GestureName::from).into(), GestureName::default());
-        let none = Recordings { path: PathBuf::new(), rate_hz, channels, expected, rest, items: Vec::new() };
+        let none = Recordings {
+            path: PathBuf::new(),
+            rate_hz,
+            channels,
+            expected,
+            rest,
+            items: Vec::new(),
+            notes: Vec::new(),
+        };
         return Ok((EmgFeed::new(&none, &[], Some(generator), args.seed)?, rate_hz, channels));
     };
     let recordings = Recordings::open(dir, args.rate)?;

@@ -10,8 +10,9 @@ use proact_app::{
     stream_view::{StreamGlance, StreamView},
 };
 use proact_devices::{
-    EmgRecorder, LibEmgOutput, LibEmgReceiver, LibEmgSender, Recording, Recordings, SampleSource,
-    SourceEvent, SourceInfo, SourceRegistry, SyntheticEmg, SyntheticModel, stream,
+    ClassesFrom, EmgRecorder, LibEmgOutput, LibEmgReceiver, LibEmgSender, Recording, Recordings,
+    SampleSource, SourceEvent, SourceInfo, SourceRegistry, SyntheticEmg, SyntheticModel, read_class_map,
+    stream,
 };
 use proact_emg::{
     DecisionRule, EmgConfig, EmgError, EmgModel, EmgOutput, EmgPipeline, Light, QualityConfig, QualityMonitor,
@@ -40,7 +41,7 @@ pub struct StreamArgs {
     /// Repetitions to train on.
     #[arg(long, value_delimiter = ',', default_value = "0,1")]
     train_reps: Vec<u32>,
-    /// Gestures of the classes that libemg-udp sends, in the order of their numbers.
+    /// Gestures of the classes that libemg-udp or libemg-tcp sends, in the order of their numbers.
     #[arg(
         long,
         value_delimiter = ',',
@@ -48,6 +49,9 @@ pub struct StreamArgs {
         default_value = "hand_close,hand_open,no_motion,wrist_extension,wrist_flexion"
     )]
     classes: Vec<GestureName>,
+    /// File in which LibEMG keeps the names of its classes, such as collection_details.json, in place of --classes.
+    #[arg(long, value_name = "FILE", conflicts_with = "classes")]
+    class_map: Option<PathBuf>,
     /// Which of --classes is the relaxed hand, that stops the arm.
     #[arg(long, value_name = "NAME", default_value = "no_motion")]
     rest: GestureName,
@@ -86,8 +90,8 @@ pub(super) fn run(sources: &SourceRegistry, args: &StreamArgs, json: bool) -> Re
     if let Some(target) = &args.udp {
         out.sender = Some(LibEmgSender::connect(target)?);
     }
-    if let Some(port) = args.source.source.classes_port() {
-        return classes(args, port, &mut out, &stop);
+    if let Some(from) = args.source.source.classes_from() {
+        return classes(args, &from, &mut out, &stop);
     }
     let source = args.source.open(sources, args.window.rate)?;
     samples(args, source, &mut out, &stop)
@@ -100,9 +104,7 @@ fn model(args: &StreamArgs, info: &SourceInfo) -> Result<(EmgModel, String), Box
     }
     let mut config = args.window.live_config(info.rate_hz, info.channels)?;
     let (recordings, reps, label) = match &args.data {
-        Some(dir) => {
-            (Recordings::open(dir, args.window.rate)?, args.train_reps.clone(), dir.display().to_string())
-        }
+        Some(dir) => (args.window.open(dir)?, args.train_reps.clone(), dir.display().to_string()),
         None => (synthetic()?, vec![0], "synthetic EMG; name recordings with --data".to_owned()),
     };
     check_fit(info, recordings.rate_hz, recordings.channels, &label)?;
@@ -129,11 +131,12 @@ fn synthetic() -> Result<Recordings, Box<dyn Error>> {
         repetition: 0,
         gesture: gesture.into(),
         samples: (0..(secs * rate_hz) as usize).map(|_| generator.next(gesture)).collect(),
+        bridged: Vec::new(),
         path: "synthetic".into(),
     };
     let items = Gesture::ALL.map(&mut record).into();
     let (expected, rest) = (Gesture::ALL.map(GestureName::from).into(), GestureName::default());
-    Ok(Recordings { path: "synthetic".into(), rate_hz, channels, expected, rest, items })
+    Ok(Recordings { path: "synthetic".into(), rate_hz, channels, expected, rest, items, notes: Vec::new() })
 }
 
 fn check_fit(info: &SourceInfo, rate_hz: f64, channels: usize, trained_on: &str) -> Result<(), String> {
@@ -177,7 +180,7 @@ impl Output {
             // The effort is that of the newest class; the gesture in force may be another.
             let effort = if out.class == Some(out.gesture) { out.effort } else { 0.0 };
             let velocity = self.velocity.then_some(effort);
-            sender.send(LibEmgOutput { class: Some(out.place), velocity })?;
+            sender.send(LibEmgOutput { class: Some(out.place), velocity, probability: None })?;
         }
         if let Some(published) = &mut self.published {
             published.decision(out.gesture, counter)?;
@@ -299,18 +302,27 @@ fn samples(
 }
 
 /// Classes of another program instead of samples.
-fn classes(args: &StreamArgs, port: u16, out: &mut Output, stop: &AtomicBool) -> Result<(), Box<dyn Error>> {
+fn classes(
+    args: &StreamArgs,
+    from: &ClassesFrom,
+    out: &mut Output,
+    stop: &AtomicBool,
+) -> Result<(), Box<dyn Error>> {
     if args.record.is_some() || args.lsl.is_some() {
         return Err("LibEMG sends classes, not samples: there is nothing to --record or to publish".into());
     }
-    let (gestures, rest) = (&args.classes, args.rest);
+    let mapped = args.class_map.as_deref().map(read_class_map).transpose()?;
+    let (gestures, rest) = (mapped.as_ref().unwrap_or(&args.classes), args.rest);
     if !gestures.contains(&rest) {
         return Err(EmgError::NoRest { rest, known: gestures.clone() }.into());
     }
     if gestures.len() > MAX_GESTURES {
         return Err(EmgError::TooManyClasses { got: gestures.len() }.into());
     }
-    let mut receiver = LibEmgReceiver::bind(port, gestures.len())?;
+    let mut receiver = match from {
+        ClassesFrom::Udp(port) => LibEmgReceiver::bind(*port, gestures.len())?,
+        ClassesFrom::Tcp(address) => LibEmgReceiver::connect(address, gestures.len())?,
+    };
     let address = receiver.address()?.to_string();
     out.line(&json!({ "event": "open", "source": format!("LibEMG at {address}") }))?;
     let mut rule = DecisionRule::new(&EmgConfig { rest, ..EmgConfig::default() });
@@ -344,7 +356,7 @@ fn classes(args: &StreamArgs, port: u16, out: &mut Output, stop: &AtomicBool) ->
             published: decision.published,
             window_class,
             posterior: gestures.iter().map(|_| 0.0).collect(),
-            confidence: 0.0,
+            confidence: received.and_then(|r| r.probability).unwrap_or(0.0),
             class,
             effort: received.and_then(|r| r.velocity).unwrap_or(0.0),
             stale: decision.stale,
@@ -375,6 +387,7 @@ mod tests {
             zero: 128.0,
             rails: None,
             loss_is_counted: true,
+            volts: None,
         };
         let error = check_fit(&info, 200.0, 8, "recordings/").unwrap_err();
         assert_eq!(

@@ -324,6 +324,7 @@ impl Live {
     /// The newest window is one of `gesture`, which was asked for long enough ago.
     fn confirm(&mut self, gesture: Option<GestureName>) -> Result<(), Box<dyn Error>> {
         if let (Some(adaptation), Some(gesture)) = (&mut self.adaptation, gesture)
+            && !self.pipeline.features().is_empty()
             && adaptation.confirm(gesture, self.pipeline.features())?
         {
             self.pipeline.set_classifier(adaptation.classifier().clone())?;

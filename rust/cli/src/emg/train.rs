@@ -1,27 +1,26 @@
 //! `proact emg train`: a guided calibration, from whatever source, to a model file.
 
+pub use super::train_args::{PageArgs, TrainArgs};
 use super::{
-    band,
-    screen::{Choice, Screen, open_screen},
-    source_args::SourceArgs,
+    band, recorded,
+    screen::{Choice, Screen, open_screen, refusal_text, report_text},
+    train_args::{calibration, check_empty},
     write_whole,
 };
-use crate::{access_args::AccessArgs, emg::WindowArgs, interrupt::interrupt_flag};
-use clap::Args;
-use proact_app::{answer, source::read_model};
+use crate::interrupt::interrupt_flag;
+use proact_app::{answer, source::read_model, tell};
 use proact_devices::{
     EmgPacket, Recording, RecordingFolder, Recordings, SampleSource, SourceEvent, SourceInfo, SourceRegistry,
 };
 use proact_emg::{
-    Calibration, CalibrationConfig, CalibrationEvent, CalibrationReport, EmgConfig, EmgError, EmgModel,
-    Phase, QualityConfig, Refusal, RotationReport, ZeroLevel, check_rotation, extract,
+    BandProposal, Calibration, CalibrationConfig, CalibrationEvent, CalibrationReport, EmgModel, Phase,
+    RecordedFault, RotationReport, accuracy_at, check_rotation,
 };
 use proact_types::{EmgSample, Gesture, GestureName, SimTime};
 use serde_json::{Value, json};
 use std::{
     error::Error,
-    net::IpAddr,
-    path::{Path, PathBuf},
+    path::Path,
     sync::{
         Arc,
         atomic::{AtomicBool, Ordering},
@@ -29,90 +28,8 @@ use std::{
     time::{Duration, Instant},
 };
 
-/// Options of `proact emg train`.
-#[derive(Debug, Args)]
-pub struct TrainArgs {
-    #[command(flatten)]
-    pub(super) source: SourceArgs,
-    /// Where the model goes. An existing file is replaced only with --replace.
-    #[arg(long, default_value = "emg_model.json")]
-    out: PathBuf,
-    /// Replace the model file if there is one.
-    #[arg(long)]
-    replace: bool,
-    /// Folder for the recordings, in LibEMG's layout; a new or empty one.
-    #[arg(long, value_name = "DIR")]
-    save: Option<PathBuf>,
-    /// Gestures to train, by any names; a folder of recordings says itself which it has. Default: the five of the paper.
-    #[arg(long, value_delimiter = ',', value_name = "NAMES")]
-    gestures: Vec<GestureName>,
-    /// Which of them is the relaxed hand, that stops the arm. Default: no_motion, or what the folder says.
-    #[arg(long, value_name = "NAME")]
-    rest: Option<GestureName>,
-    /// Repetitions of file:FOLDER to use. Default: all.
-    #[arg(long, value_delimiter = ',')]
-    reps: Vec<u32>,
-    /// Most rounds; training stops earlier when it is good enough.
-    #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u8).range(2..=100))]
-    rounds: u8,
-    /// Rounds before it can be good enough.
-    #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u8).range(2..=100))]
-    least_rounds: u8,
-    /// Share of windows to be recognised, leaving one repetition out, that is good enough.
-    #[arg(long, default_value_t = 0.9)]
-    target: f64,
-    /// Length of a repetition, seconds.
-    #[arg(long, default_value_t = 3.0)]
-    secs: f64,
-    /// Seconds from the prompt to the recording.
-    #[arg(long, default_value_t = 2.0)]
-    prepare: f64,
-    /// Model of an earlier session: two gestures tell first whether the band sits as it did then.
-    #[arg(long, value_name = "MODEL")]
-    check: Option<PathBuf>,
-    /// If the band check finds the band turned, write the model for the band as it sits, and be done.
-    #[arg(long, requires = "check")]
-    accept_roll: bool,
-    /// Give up when nothing could be recorded for so many seconds.
-    #[arg(long, default_value_t = 60.0)]
-    patience: f64,
-    #[command(flatten)]
-    pub(super) page: PageArgs,
-    #[command(flatten)]
-    pub(super) window: WindowArgs,
-}
-
-/// Options of a page.
-#[derive(Clone, Debug, Args)]
-pub struct PageArgs {
-    /// Guide on a page in the browser instead of in the terminal.
-    #[arg(long)]
-    pub(super) page: bool,
-    /// Port of the page, or the next free one.
-    #[arg(long, default_value_t = 8090, requires = "page")]
-    pub(super) port: u16,
-    /// Address to listen on; where other machines can connect, everybody needs the token that is printed then.
-    #[arg(long, default_value = "127.0.0.1", requires = "page")]
-    pub(super) bind: IpAddr,
-    /// Print the address of the page, open nothing.
-    #[arg(long, requires = "page")]
-    pub(super) no_browser: bool,
-    #[command(flatten)]
-    pub(super) access: AccessArgs,
-}
-
 /// Repetitions refused in a row after which somebody has to look at the band.
 const MOST_REFUSALS: usize = 6;
-/// The two gestures of the band check by `model`: where it knows them those of the wrist, which use opposite sides of the
-/// forearm, else its first two.
-fn check_gestures(model: &EmgModel) -> Vec<GestureName> {
-    let known = model.classifier.gestures();
-    let wrist = [Gesture::WristFlexion, Gesture::WristExtension].map(GestureName::from);
-    if wrist.iter().all(|gesture| known.contains(gesture)) {
-        return wrist.into();
-    }
-    known.iter().copied().filter(|gesture| *gesture != model.config.rest).take(2).collect()
-}
 
 /// Guides, trains, writes.
 ///
@@ -131,12 +48,15 @@ pub(super) fn run(sources: &SourceRegistry, args: &TrainArgs, json: bool) -> Res
         )
         .into());
     }
-    if let Some(dir) = &args.save {
-        check_empty(dir)?;
+    if args.resume.is_none() && (args.save.is_some() || args.source.source.file().is_none()) {
+        check_empty(&args.folder())?;
     }
     let stop = interrupt_flag()?;
     sources.find(&args.source.source)?;
     let mut training = match (args.source.source.scheme(), args.source.source.file()) {
+        (_, Some(dir)) if args.resume.is_some() => {
+            return Err(format!("{} is recorded already: leave --resume out", dir.display()).into());
+        }
         (_, Some(dir)) if dir.is_dir() => Training::of_recordings(args, dir)?,
         (_, Some(path)) => {
             return Err(format!(
@@ -146,7 +66,7 @@ pub(super) fn run(sources: &SourceRegistry, args: &TrainArgs, json: bool) -> Res
             .into());
         }
         ("keys", _) => return Err("keys are no person: train on --source synthetic instead".into()),
-        ("libemg-udp", _) => {
+        ("libemg-udp" | "libemg-tcp", _) => {
             return Err("LibEMG sends classes, not samples: there is nothing to train on".into());
         }
         _ => Training::live(sources, args, json, stop)?,
@@ -155,14 +75,20 @@ pub(super) fn run(sources: &SourceRegistry, args: &TrainArgs, json: bool) -> Res
     training.check_band(args)?;
     if let (Some(report), Some(earlier)) = (&training.band, &training.earlier) {
         training.screen.say(&band::text(report));
-        if let Some(done) = band::verdict(report, earlier, &args.out, args.accept_roll)? {
+        let held_out = training.held_out;
+        if let Some(done) = band::verdict(report, earlier, &args.out, args.accept_roll, held_out)? {
             training.screen.done(&done);
             return print(&done, json);
         }
     }
-    training.calibrate(args)?;
-    training.write(args, json)
+    match training.calibrate(args) {
+        Ok(()) => training.write(args, json),
+        Err(error) => Err(training.stopped(error)),
+    }
 }
+
+/// Recordings, each of one gesture.
+type Takes = Vec<(GestureName, Vec<EmgSample>)>;
 
 /// What is needed for a calibration.
 struct Training {
@@ -175,9 +101,15 @@ struct Training {
     patience: Duration,
     refused: usize,
     band: Option<RotationReport>,
+    /// Share of windows that did not propose a turn which the earlier model recognises as it is, and turned.
+    held_out: Option<[f64; 2]>,
     earlier: Option<EmgModel>,
+    /// What is wrong with recordings.
+    faults: Vec<RecordedFault>,
     /// Where repetitions go as soon as they are kept.
     saved: Option<RecordingFolder>,
+    /// Somebody asked for the recordings.
+    saving: bool,
 }
 
 /// Where the repetitions come from.
@@ -209,7 +141,7 @@ impl Training {
                 "a folder of recordings says itself which gestures it has; leave --gestures out".into()
             );
         }
-        let mut recordings = Recordings::open(dir, args.window.rate)?;
+        let mut recordings = args.window.open(dir)?;
         let rest = args.rest.unwrap_or(recordings.rest);
         for &rep in &args.reps {
             for gesture in recordings.gestures() {
@@ -217,9 +149,7 @@ impl Training {
             }
         }
         recordings.items.retain(|r| args.reps.is_empty() || args.reps.contains(&r.repetition));
-        // In the order of the prompts, so that saved recordings give the model of their session to the last digit.
-        let order = CalibrationConfig::round(&recordings.gestures(), rest);
-        recordings.items.sort_by_key(|r| (r.repetition, order.iter().position(|g| *g == r.gesture)));
+        recorded::in_order_of_prompts(&mut recordings, rest);
         let info = SourceInfo {
             name: dir.display().to_string(),
             rate_hz: recordings.rate_hz,
@@ -228,10 +158,19 @@ impl Training {
             zero: 0.0,
             rails: None,
             loss_is_counted: true,
+            volts: None,
         };
         let config = calibration(args, &info, &recordings.gestures(), rest)?;
+        let faults = recorded::faults(&recordings, &config);
+        if let Some(refusal) = recorded::refusal(&faults).filter(|_| !args.accept_faults) {
+            return Err(refusal.into());
+        }
+        for said in faults.iter().map(recorded::text).chain(recorded::lacking(&recordings)) {
+            tell(said);
+        }
         let screen = open_screen(&PageArgs { page: false, ..args.page.clone() }, true, &info.name)?;
-        Training::new(args, info, config, Feed::Recorded(recordings), screen, Arc::default())
+        let training = Training::new(args, info, config, Feed::Recorded(recordings), screen, Arc::default())?;
+        Ok(Training { faults, ..training })
     }
 
     fn new(
@@ -254,7 +193,10 @@ impl Training {
             patience,
             refused: 0,
             band: None,
+            held_out: None,
             earlier: None,
+            faults: Vec::new(),
+            saving: args.save.is_some() || args.resume.is_some(),
             saved: None,
         })
     }
@@ -263,7 +205,7 @@ impl Training {
     fn check_band(&mut self, args: &TrainArgs) -> Result<(), Box<dyn Error>> {
         let Some(path) = &args.check else { return Ok(()) };
         let model = read_model(path, &self.info)?;
-        let asked = check_gestures(&model);
+        let asked = band::check_gestures(&model);
         let config = CalibrationConfig {
             emg: model.config.clone(),
             gestures: asked.clone(),
@@ -286,16 +228,49 @@ impl Training {
                 self.record_round()?;
             }
         }
-        let mut windows = Vec::new();
-        for repetition in self.session.repetitions() {
-            let centred: Vec<EmgSample> = repetition.samples.iter().map(|s| model.centred(s)).collect();
-            let vectors = extract(&model.config, &centred)?;
-            windows.extend(vectors.into_iter().map(|v| (repetition.gesture, v)));
+        let repetitions = self.session.repetitions().iter().map(|r| (r.gesture, r.samples.clone())).collect();
+        let report = check_rotation(&model, &band::windows_of(&model, repetitions)?)?;
+        if let (BandProposal::Roll(shift), true) = (report.proposal, args.accept_roll) {
+            let others = self.others(&model)?;
+            let windows = band::windows_of(&model, others)?;
+            let at = |shift| accuracy_at(&model.classifier, &windows, shift);
+            self.held_out = if windows.is_empty() { None } else { Some([at(0)?, at(shift)?]) };
         }
-        self.band = Some(check_rotation(&model.classifier, model.config.rest, &windows)?);
+        self.band = Some(report);
         self.earlier = Some(model);
         self.session = Calibration::new(self.config.clone())?;
         Ok(())
+    }
+
+    /// Recordings of the model's gestures beside those that the band check has seen: of a folder all others, else one of
+    /// each gesture, which are recorded now.
+    fn others(&mut self, model: &EmgModel) -> Result<Takes, Box<dyn Error>> {
+        let known = model.classifier.gestures();
+        match &self.feed {
+            Feed::Recorded(recordings) => {
+                let seen = |r: &Recording| {
+                    let newest = recordings.items.iter().rfind(|other| other.gesture == r.gesture);
+                    band::check_gestures(model).contains(&r.gesture)
+                        && newest.is_some_and(|n| n.repetition == r.repetition)
+                };
+                let others = recordings.items.iter().filter(|r| known.contains(&r.gesture) && !seen(r));
+                Ok(others.map(|r| (r.gesture, r.numbered().collect())).collect())
+            }
+            Feed::Live { .. } => {
+                let config = CalibrationConfig {
+                    emg: model.config.clone(),
+                    gestures: CalibrationConfig::round(known, model.config.rest),
+                    most_rounds: 1,
+                    ..self.config.clone()
+                };
+                self.session = Calibration::new(config)?;
+                self.screen.say(
+                    "The band seems turned: each gesture once tells whether the turned model is better.",
+                );
+                self.record_round()?;
+                Ok(self.session.repetitions().iter().map(|r| (r.gesture, r.samples.clone())).collect())
+            }
+        }
     }
 
     /// Shows lights until the person begins.
@@ -310,13 +285,18 @@ impl Training {
     }
 
     fn calibrate(&mut self, args: &TrainArgs) -> Result<(), Box<dyn Error>> {
-        if let Some(dir) = &args.save {
-            self.saved = Some(RecordingFolder::create(
-                dir,
-                self.config.emg.rate_hz,
-                &self.config.gestures,
-                self.config.emg.rest,
-            )?);
+        let emg = &self.config.emg;
+        let (rate_hz, channels, rest) = (emg.rate_hz, emg.channels, emg.rest);
+        let gestures = self.config.gestures.clone();
+        if let Some(dir) = &args.resume {
+            let (folder, mut recordings) = RecordingFolder::resume(dir, rate_hz, channels, &gestures, rest)?;
+            recorded::in_order_of_prompts(&mut recordings, rest);
+            let kept: Vec<_> = recordings.items.iter().map(|r| (r.gesture, r.numbered().collect())).collect();
+            self.screen.say(&format!("{} repetitions are in {}: going on", kept.len(), dir.display()));
+            self.session.resume(kept)?;
+            self.saved = Some(folder);
+        } else if args.save.is_some() || matches!(self.feed, Feed::Live { .. }) {
+            self.saved = Some(RecordingFolder::create(&args.folder(), rate_hz, &gestures, rest)?);
         }
         if let Feed::Recorded(recordings) = &self.feed {
             for recording in &recordings.items {
@@ -335,7 +315,13 @@ impl Training {
                     self.session.proceed();
                 }
                 Choice::Again(gesture) => {
-                    self.session.record_again(gesture, None);
+                    let of_gesture =
+                        self.session.repetitions().iter().filter(|r| r.gesture == gesture).count();
+                    if self.session.record_again(gesture, None)
+                        && let (Some(folder), Some(newest)) = (&self.saved, of_gesture.checked_sub(1))
+                    {
+                        folder.discard(gesture, u32::try_from(newest)?)?;
+                    }
                 }
                 Choice::Stop => return Ok(()),
             }
@@ -402,15 +388,7 @@ impl Training {
     /// Takes what the source brings next.
     fn advance(&mut self) -> Result<Vec<CalibrationEvent>, Box<dyn Error>> {
         if self.stop.load(Ordering::Relaxed) {
-            return Err(match &self.saved {
-                Some(folder) => format!(
-                    "stopped before the end; no model was written, but {} repetitions are in {}",
-                    self.session.repetitions().len(),
-                    folder.path().display()
-                ),
-                None => "stopped before the end; nothing was written".to_owned(),
-            }
-            .into());
+            return Err("stopped before the end".into());
         }
         let Feed::Live { source, begin, now } = &mut self.feed else { return Ok(Vec::new()) };
         let mut packet = EmgPacket::default();
@@ -430,21 +408,60 @@ impl Training {
         Ok(self.session.step(*now, &packet.samples)?)
     }
 
+    /// `error` ended the calibration: where what was recorded is, and how to go on.
+    fn stopped(&self, error: Box<dyn Error>) -> Box<dyn Error> {
+        let Some(folder) = self.saved.as_ref().filter(|_| matches!(self.feed, Feed::Live { .. })) else {
+            return error;
+        };
+        let (kept, dir) = (self.session.repetitions().len(), folder.path().display());
+        if kept == 0 {
+            self.clear();
+            return format!("{error}; nothing was recorded").into();
+        }
+        format!(
+            "{error}; no model was written, but {kept} repetitions are in {dir}: go on with --resume {dir}"
+        )
+        .into()
+    }
+
+    /// What nobody asked to keep goes when it is of no more use.
+    fn clear(&self) {
+        if let Some(folder) = self.saved.as_ref().filter(|_| !self.saving) {
+            // A folder too many is no reason to fail.
+            let _ = std::fs::remove_dir_all(folder.path());
+        }
+    }
+
     fn write(mut self, args: &TrainArgs, json: bool) -> Result<(), Box<dyn Error>> {
-        let model = self.session.finish()?;
-        write_whole(&args.out, &model.to_json()?)?;
+        let model = match self.session.finish() {
+            Ok(model) => model,
+            Err(error) => return Err(self.stopped(error.into())),
+        };
+        write_whole(&args.out, &model.to_json()?).map_err(|error| self.stopped(error.into()))?;
         let object = self.result(args, &model);
         self.screen.done(&object);
+        if let Some(report) = self.session.report().filter(|_| !json) {
+            answer(report_text(report))?;
+        }
         print(&object, json)?;
         match self.session.report() {
-            Some(judged) if judged.good_enough => Ok(()),
+            Some(judged) if judged.good_enough => {
+                self.clear();
+                Ok(())
+            }
             judged => {
                 let accuracy = judged.map_or("was not judged".to_owned(), |r| {
                     format!("{:.1} % of windows recognised", 100.0 * r.accuracy)
                 });
+                let more = match &self.saved {
+                    Some(folder) if matches!(self.feed, Feed::Live { .. }) => {
+                        format!(": go on with --resume {} --replace", folder.path().display())
+                    }
+                    _ => String::new(),
+                };
                 Err(format!(
                     "not good enough: {accuracy}, expected {:.0} % and {:.0} % of each gesture; the model is in {}; \
-                     record more rounds, or the worst gesture again",
+                     record more rounds, or the worst gesture again{more}",
                     100.0 * self.config.target_accuracy,
                     100.0 * self.config.target_recall,
                     args.out.display()
@@ -462,8 +479,7 @@ impl Training {
             return Ok(());
         };
         let repetition = u32::try_from(before.iter().filter(|r| r.gesture == last.gesture).count())?;
-        let samples = last.samples.iter().map(|s| s.channels.clone()).collect();
-        Ok(folder.keep(&Recording { repetition, gesture: last.gesture, samples, path: PathBuf::new() })?)
+        Ok(folder.keep(&Recording::bridging(repetition, last.gesture, &last.samples))?)
     }
 
     fn result(&self, args: &TrainArgs, model: &EmgModel) -> Value {
@@ -475,71 +491,9 @@ impl Training {
             "classes": of(&|r| json!(r.classes)), "confusion": of(&|r| json!(r.confusion)),
             "recall": of(&|r| json!(r.recall)), "repetitions": of(&|r| json!(r.repetitions)),
             "good_enough": judged.is_some_and(|r| r.good_enough), "rounds": self.session.rounds(),
-            "refused": self.refused, "centring": model.centring, "band": self.band,
-            "recordings": args.save.as_ref().map(|dir| dir.display().to_string()),
+            "refused": self.refused, "faults": self.faults, "centring": model.centring, "band": self.band,
+            "recordings": args.resume.as_ref().or(args.save.as_ref()).map(|dir| dir.display().to_string()),
         })
-    }
-}
-
-/// One sentence for the person.
-pub(super) fn refusal_text(refusal: &Refusal) -> String {
-    match refusal {
-        Refusal::Gap { lost: 0 } => "a sample was unusable".to_owned(),
-        Refusal::Gap { lost } => format!("{lost} samples were lost"),
-        Refusal::Silence => "no samples came".to_owned(),
-        Refusal::Red { channels, stream } => {
-            let mut parts: Vec<String> = channels
-                .iter()
-                .map(|(channel, fault)| match fault {
-                    Some(fault) => {
-                        format!("channel {channel} is red ({})", proact_app::stream_view::fault_text(*fault))
-                    }
-                    None => format!("channel {channel} is red"),
-                })
-                .collect();
-            if *stream {
-                parts.push("the stream loses samples or has a wrong rate".to_owned());
-            }
-            parts.join(", ")
-        }
-    }
-}
-
-fn calibration(
-    args: &TrainArgs,
-    info: &SourceInfo,
-    gestures: &[GestureName],
-    rest: GestureName,
-) -> Result<CalibrationConfig, Box<dyn Error>> {
-    if !gestures.contains(&rest) {
-        return Err(EmgError::NoRest { rest, known: gestures.to_vec() }.into());
-    }
-    let emg = EmgConfig { rest, ..args.window.live_config(info.rate_hz, info.channels)? };
-    let nominal_zero = args.source.zero.unwrap_or(info.zero);
-    let rails = info.rails.map(|(low, high)| [low - nominal_zero, high - nominal_zero]);
-    let config = CalibrationConfig {
-        emg,
-        gestures: CalibrationConfig::round(gestures, rest),
-        repetition_secs: args.secs,
-        prepare_secs: args.prepare,
-        least_rounds: args.least_rounds.into(),
-        most_rounds: args.rounds.into(),
-        target_accuracy: args.target,
-        zero: args.source.zero.map_or(ZeroLevel::RestMedian, ZeroLevel::Fixed),
-        nominal_zero,
-        quality: QualityConfig { rails, ..QualityConfig::default() },
-        ..CalibrationConfig::default()
-    };
-    config.check()?;
-    Ok(config)
-}
-
-fn check_empty(dir: &Path) -> Result<(), String> {
-    match std::fs::read_dir(dir).map(|mut entries| entries.next().is_none()) {
-        Ok(true) => Ok(()),
-        Ok(false) => Err(format!("{} is not empty; name a new folder with --save", dir.display())),
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(()),
-        Err(error) => Err(format!("cannot use {}: {error}", dir.display())),
     }
 }
 

@@ -23,6 +23,13 @@ pub fn proact(words: &[&str]) -> Command {
     command
 }
 
+/// `proact emg` as a person calls it, with further words.
+pub fn plain(words: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_proact"));
+    command.arg("emg").args(words).stdin(Stdio::null());
+    command
+}
+
 /// Lines of a stream that ran to its end.
 pub fn stream(words: &[&str]) -> Vec<Value> {
     let output = proact(&[&["stream"], words].concat()).output().unwrap();

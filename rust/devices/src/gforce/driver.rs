@@ -123,6 +123,7 @@ impl GForce {
             zero: setting.zero(),
             rails: Some((0.0, setting.highest())),
             loss_is_counted: ready.ids,
+            volts: Some(setting.volts()),
         };
         let now = Instant::now();
         Ok(GForce {

@@ -245,7 +245,9 @@ mod tests {
     fn data(number: u64, id: Option<u8>) -> Vec<u8> {
         let mut bytes = vec![EMG_DATA];
         bytes.extend(id);
-        bytes.extend((0..16).flat_map(|k| (0..8).map(move |c| code(number * 16 + k, c))));
+        bytes.extend(
+            (0..16).flat_map(|k| (0..8).map(move |c| code(number.wrapping_mul(16).wrapping_add(k), c))),
+        );
         bytes
     }
 

@@ -103,6 +103,11 @@ impl EmgSetting {
         f64::from((1_u16 << self.bits) - 1)
     }
 
+    /// Volts of one code: 2.5 V behind an amplifier of 1200, by LibEMG's driver. Nominal: the maker's own programs disagree.
+    pub fn volts(self) -> f64 {
+        2.5 / 1200.0 / (self.zero() - 1.0)
+    }
+
     /// Seconds from packet to packet.
     pub fn packet_secs(self) -> f64 {
         self.packet_samples() as f64 / f64::from(self.rate_hz)

@@ -205,6 +205,7 @@ fn checked(stream: &StreamInfo) -> Result<SourceInfo, String> {
         zero: 0.0,
         rails: None,
         loss_is_counted: true,
+        volts: None,
     })
 }
 

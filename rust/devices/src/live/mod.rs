@@ -33,6 +33,8 @@ pub struct SourceInfo {
     pub rails: Option<(f64, f64)>,
     /// Losses show in the counter, by the device's own numbering or its time stamps. Without it only silences tell.
     pub loss_is_counted: bool,
+    /// Volts of one code by the maker's word, from `zero`. None where nobody says.
+    pub volts: Option<f64>,
 }
 
 /// Samples that arrived together.

@@ -52,6 +52,7 @@ impl PersonSource {
             zero: 0.0,
             rails: None,
             loss_is_counted: true,
+            volts: None,
         };
         Ok(PersonSource {
             info,

@@ -76,6 +76,7 @@ impl PlaybackSource {
             zero: 0.0,
             rails: None,
             loss_is_counted: true,
+            volts: None,
         };
         let opened = Instant::now();
         Ok(PlaybackSource { info, pacing, samples, at: 0, opened, packets: 0, lost_samples: 0 })

@@ -1,23 +1,25 @@
-//! European Data Format plus (EDF+), as specified at <https://www.edfplus.info/specs>: 16-bit codes, a record a
-//! packet, each with its own time, so that gaps lie between records
-//! (EDF+D). A recording without gaps is marked as such at its end (EDF+C), for programs that read no others.
+//! European Data Format plus (EDF+), as specified at <https://www.edfplus.info/specs>: 16-bit codes, a record a packet,
+//! without interruption (EDF+C), since most programs refuse interrupted files (EDF+D) or read them as if nothing lacked.
+//! Lost samples are [`MISSING`], under an annotation that says so.
 
 use super::{RecordedStream, close};
 use crate::{EmgPacket, SourceInfo};
 use proact_types::{EmgSample, MAX_EMG_CHANNELS};
 use std::{
+    fmt::Write as _,
     fs::File,
     io::{self, BufWriter, Seek, SeekFrom, Write},
     time::{SystemTime, UNIX_EPOCH},
 };
 
-/// Bytes of the annotations of a record: its time, and a word on what is missing.
-const ANNOTATION_BYTES: usize = 64;
-/// Stands for a sample that is missing at the end of a record, where a gap begins within a packet. No code of an
-/// armband is as low.
+/// Bytes of the annotations of a record: its time, and what is missing.
+const ANNOTATION_BYTES: usize = 128;
+/// Stands for a sample that was lost. No code of an armband is as low.
 const MISSING: i16 = i16::MIN;
-/// Place of the kind of EDF+ in the header.
-const KIND_AT: u64 = 192;
+/// A longer gap is none that a file should be filled for.
+const LONGEST_GAP_SECS: f64 = 3600.0;
+/// Says with which sample of the device the file begins.
+const FIRST_SAMPLE: &str = "first sample: ";
 /// Place of the number of records in the header.
 const RECORDS_AT: u64 = 236;
 
@@ -29,12 +31,11 @@ pub(super) struct EdfWriter {
     record_samples: usize,
     /// `[sample][channel]` of the record under way.
     record: Vec<i16>,
-    /// Counter of its first sample.
-    begins: u64,
+    /// Counter of the next sample, none before the first.
+    expected: Option<u64>,
+    /// Annotations that are to go into the next records.
+    notes: Vec<String>,
     records: u64,
-    /// Counter after the last record, and whether all records follow each other, the first within a second.
-    follows: Option<u64>,
-    unbroken: bool,
     unflushed: f64,
 }
 
@@ -50,76 +51,102 @@ impl EdfWriter {
             channels: info.channels,
             record_samples,
             record: Vec::with_capacity(record_samples * info.channels),
-            begins: 0,
+            expected: None,
+            notes: Vec::new(),
             records: 0,
-            follows: None,
-            unbroken: true,
             unflushed: 0.0,
         })
     }
 
     pub(super) fn packet(&mut self, packet: &EmgPacket) -> io::Result<()> {
         for sample in &packet.samples {
-            let filled = self.record.len() / self.channels;
-            if filled > 0 && sample.counter != self.begins + filled as u64 {
-                self.write_record()?;
+            let codes = self.codes(sample)?;
+            match self.expected {
+                None => self.notes.push(note("0", None, &format!("{FIRST_SAMPLE}{}", sample.counter))),
+                Some(expected) => self.fill(expected, sample.counter)?,
             }
-            if self.record.is_empty() {
-                self.begins = sample.counter;
-            }
-            if sample.channels.len() != self.channels {
-                let message = format!(
-                    "sample {} has {} channels, expected {}",
-                    sample.counter,
-                    sample.channels.len(),
-                    self.channels
-                );
-                return Err(io::Error::new(io::ErrorKind::InvalidData, message));
-            }
-            for (value, channel) in sample.channels.iter().zip(0..) {
-                let possible = value.fract() == 0.0 && value.abs() <= f64::from(i16::MAX);
-                if !possible {
-                    let message = format!(
-                        "channel {channel} of sample {} is {value}, EDF+ holds whole numbers from -32767 to 32767; \
-                         record to a .csv file",
-                        sample.counter
-                    );
-                    return Err(io::Error::new(io::ErrorKind::InvalidData, message));
-                }
-                self.record.push(*value as i16);
-            }
-            if self.record.len() == self.record_samples * self.channels {
-                self.write_record()?;
-            }
+            self.expected = Some(sample.counter.saturating_add(1));
+            self.record.extend(codes);
+            self.write_if_whole()?;
         }
         Ok(())
     }
 
+    /// The codes of `sample`, if EDF+ can hold them.
+    fn codes(&self, sample: &EmgSample) -> io::Result<Vec<i16>> {
+        let EmgSample { counter, channels } = sample;
+        if channels.len() != self.channels {
+            let (got, expected) = (channels.len(), self.channels);
+            return Err(invalid(format!("sample {counter} has {got} channels, expected {expected}")));
+        }
+        let possible = |value: f64| value.fract() == 0.0 && value.abs() <= f64::from(i16::MAX);
+        if let Some((channel, value)) = channels.iter().enumerate().find(|(_, value)| !possible(**value)) {
+            return Err(invalid(format!(
+                "channel {channel} of sample {counter} is {value}, EDF+ holds whole numbers from -32767 to 32767; record \
+                 to a .csv file"
+            )));
+        }
+        Ok(channels.iter().map(|value| *value as i16).collect())
+    }
+
+    /// Marks the samples from `expected` to before `counter` as lost.
+    fn fill(&mut self, expected: u64, counter: u64) -> io::Result<()> {
+        let Some(lost) = counter.checked_sub(expected) else {
+            return Err(invalid(format!(
+                "sample {counter} comes after {}; the device began anew: begin another recording",
+                expected - 1
+            )));
+        };
+        if lost == 0 {
+            return Ok(());
+        }
+        let secs = lost as f64 / self.rate_hz;
+        if secs > LONGEST_GAP_SECS {
+            return Err(invalid(format!(
+                "{lost} samples are lost before sample {counter}, {secs:.0} s, expected at most {LONGEST_GAP_SECS} s: \
+                 begin another recording, or record to a .csv file"
+            )));
+        }
+        let onset = self.seconds(self.records * self.record_samples as u64 + self.filled() as u64);
+        // MNE leaves out what is annotated as bad.
+        self.notes.push(note(&onset, Some(secs), &format!("BAD_lost {lost} samples")));
+        for _ in 0..lost {
+            self.record.extend(std::iter::repeat_n(MISSING, self.channels));
+            self.write_if_whole()?;
+        }
+        Ok(())
+    }
+
+    /// Samples in the record under way.
+    fn filled(&self) -> usize {
+        self.record.len() / self.channels
+    }
+
+    fn seconds(&self, samples: u64) -> String {
+        (samples as f64 / self.rate_hz).to_string()
+    }
+
+    fn write_if_whole(&mut self) -> io::Result<()> {
+        if self.filled() == self.record_samples { self.write_record() } else { Ok(()) }
+    }
+
     fn write_record(&mut self) -> io::Result<()> {
-        let filled = self.record.len() / self.channels;
-        let missing = self.record_samples - filled;
         // A signal's samples of a record stand together.
         let mut bytes = Vec::with_capacity(self.record_samples * self.channels * 2 + ANNOTATION_BYTES);
         for channel in 0..self.channels {
-            let codes = self.record.iter().skip(channel).step_by(self.channels).copied();
-            for code in codes.chain(std::iter::repeat_n(MISSING, missing)) {
+            for code in self.record.iter().skip(channel).step_by(self.channels) {
                 bytes.extend(code.to_le_bytes());
             }
         }
-        let onset = self.begins as f64 / self.rate_hz;
-        let mut note = format!("+{onset}\u{14}\u{14}\0");
-        if missing > 0 {
-            note += &format!("+{onset}\u{14}last {missing} missing\u{14}\0");
+        let time = self.seconds(self.records * self.record_samples as u64);
+        let mut annotations = format!("+{time}\u{14}\u{14}\0");
+        while self.notes.first().is_some_and(|note| annotations.len() + note.len() <= ANNOTATION_BYTES) {
+            annotations += &self.notes.remove(0);
         }
-        let mut note = note.into_bytes();
-        note.resize(ANNOTATION_BYTES, 0);
-        bytes.extend(note);
+        let mut annotations = annotations.into_bytes();
+        annotations.resize(ANNOTATION_BYTES, 0);
+        bytes.extend(annotations);
         self.file.write_all(&bytes)?;
-        self.unbroken &= match self.follows {
-            Some(counter) => self.begins == counter,
-            None => onset < 1.0,
-        };
-        self.follows = Some(self.begins + self.record_samples as u64);
         self.record.clear();
         self.records += 1;
         self.unflushed += self.record_samples as f64 / self.rate_hz;
@@ -131,17 +158,31 @@ impl EdfWriter {
     }
 
     pub(super) fn finish(mut self) -> io::Result<()> {
-        if !self.record.is_empty() {
-            self.write_record()?;
+        let missing = (self.record_samples - self.filled()) % self.record_samples;
+        if missing > 0 {
+            let onset = self.seconds(self.records * self.record_samples as u64 + self.filled() as u64);
+            let secs = missing as f64 / self.rate_hz;
+            self.notes.push(note(&onset, Some(secs), "BAD_after the end"));
         }
-        if self.unbroken {
-            self.file.seek(SeekFrom::Start(KIND_AT))?;
-            self.file.write_all(b"EDF+C")?;
+        // Annotations of many short gaps may need a record more.
+        while !self.record.is_empty() || !self.notes.is_empty() {
+            self.record.resize(self.record_samples * self.channels, MISSING);
+            self.write_record()?;
         }
         self.file.seek(SeekFrom::Start(RECORDS_AT))?;
         write!(self.file, "{:<8}", self.records)?;
         close(self.file)
     }
+}
+
+fn invalid(message: String) -> io::Error {
+    io::Error::new(io::ErrorKind::InvalidData, message)
+}
+
+/// A time-stamped annotation.
+fn note(onset: &str, secs: Option<f64>, text: &str) -> String {
+    let duration = secs.map(|secs| format!("\u{15}{secs}")).unwrap_or_default();
+    format!("+{onset}{duration}\u{14}{text}\u{14}\0")
 }
 
 fn header(info: &SourceInfo, record_samples: usize) -> String {
@@ -152,7 +193,7 @@ fn header(info: &SourceInfo, record_samples: usize) -> String {
     let mut field = |value: &str, width: usize| {
         let ascii: String =
             value.chars().map(|c| if c.is_ascii_graphic() || c == ' ' { c } else { '_' }).collect();
-        text += &format!("{:<width$.width$}", ascii);
+        let _ = write!(text, "{ascii:<width$.width$}");
     };
     field("0", 8);
     field("X X X X", 80);
@@ -160,27 +201,39 @@ fn header(info: &SourceInfo, record_samples: usize) -> String {
     field(&date, 8);
     field(&time, 8);
     field(&(256 * (signals + 1)).to_string(), 8);
-    field("EDF+D", 44);
+    field("EDF+C", 44);
     // Not known before the end; readers take it from the length of the file.
     field("-1", 8);
     field(&(record_samples as f64 / info.rate_hz).to_string(), 8);
     field(&signals.to_string(), 4);
+    // Microvolts where the device says what a code is, else codes as they came, without a unit.
+    let physical = |code: i16| match info.volts {
+        Some(volts) => eight((f64::from(code) - info.zero) * volts * 1e6),
+        None => code.to_string(),
+    };
+    let (lowest, highest) = (physical(i16::MIN), physical(i16::MAX));
     let mut fields = |width: usize, signal: &dyn Fn(usize) -> String, annotations: &str| {
         (0..info.channels).for_each(|channel| field(&signal(channel), width));
         field(annotations, width);
     };
     fields(16, &|channel| format!("EMG ch{channel}"), "EDF Annotations");
     fields(80, &|_| info.name.clone(), "");
-    // Codes as they came: physical and digital values are the same, without a unit.
-    fields(8, &|_| String::new(), "");
-    fields(8, &|_| "-32768".to_owned(), "-32768");
-    fields(8, &|_| "32767".to_owned(), "32767");
+    fields(8, &|_| if info.volts.is_some() { "uV" } else { "" }.to_owned(), "");
+    fields(8, &|_| lowest.clone(), "-32768");
+    fields(8, &|_| highest.clone(), "32767");
     fields(8, &|_| "-32768".to_owned(), "-32768");
     fields(8, &|_| "32767".to_owned(), "32767");
     fields(80, &|_| String::new(), "");
     fields(8, &|_| record_samples.to_string(), &(ANNOTATION_BYTES / 2).to_string());
     fields(32, &|_| String::new(), "");
     text
+}
+
+/// `value` in at most eight characters, as exactly as they allow.
+fn eight(value: f64) -> String {
+    let whole = format!("{value:.0}").len();
+    let decimals = 8_usize.saturating_sub(whole + 1).min(6);
+    format!("{value:.decimals$}")
 }
 
 /// The time in UTC as EDF's date, EDF+'s date and EDF's time.
@@ -211,6 +264,14 @@ fn civil(days: u64) -> (u64, u64, u64) {
     (era * 400 + year_of_era + u64::from(month <= 2), month, day)
 }
 
+/// The device's number of the first sample; 0 in files of other programs.
+fn first_sample(notes: &[u8]) -> Result<u64, String> {
+    let texts = notes.split(|b| *b == 0 || *b == 0x14).filter_map(|text| std::str::from_utf8(text).ok());
+    let Some(number) = texts.filter_map(|text| text.strip_prefix(FIRST_SAMPLE)).next() else { return Ok(0) };
+    number.parse().map_err(|_| format!("the annotation {FIRST_SAMPLE:?} says {number:?}, expected a number"))
+}
+
+/// The codes of a file; of interrupted ones (EDF+D) each record has its own time.
 pub(super) fn read(bytes: &[u8]) -> Result<RecordedStream, String> {
     if bytes.len() < 512 {
         return Err(format!("{} bytes, expected a header of at least 512", bytes.len()));
@@ -238,22 +299,25 @@ pub(super) fn read(bytes: &[u8]) -> Result<RecordedStream, String> {
     let rate_hz = if (rate - rate.round()).abs() < 1e-3 { rate.round() } else { rate };
     let mut out = Vec::new();
     let body = bytes.get(256 * (signals + 1)..).unwrap_or_default();
+    let mut first = 0;
     for (record, index) in body.chunks_exact(samples * channels * 2 + annotations).zip(0..) {
         let (codes, notes) = record.split_at(samples * channels * 2);
+        if index == 0 {
+            first = first_sample(notes)?;
+        }
         let onset = notes.split(|b| *b == 0x14).next().and_then(|text| std::str::from_utf8(text).ok());
         let onset = onset.and_then(|text| text.parse::<f64>().ok()).filter(|v| v.is_finite() && *v >= 0.0);
         let onset = onset.ok_or_else(|| format!("record {index} does not say when it begins"))?;
-        let begins = (onset * rate_hz).round() as u64;
+        let begins = ((onset * rate_hz).round() as u64).saturating_add(first);
         let code = |sample: usize, channel: usize| {
             let at = (channel * samples + sample) * 2;
             i16::from_le_bytes([codes[at], codes[at + 1]])
         };
         for (sample, counter) in (0..samples).zip(begins..) {
-            if code(sample, 0) == MISSING {
-                break;
+            if code(sample, 0) != MISSING {
+                let channels = (0..channels).map(|channel| f64::from(code(sample, channel))).collect();
+                out.push(EmgSample { counter, channels });
             }
-            let channels = (0..channels).map(|channel| f64::from(code(sample, channel))).collect();
-            out.push(EmgSample { counter, channels });
         }
     }
     if out.is_empty() {

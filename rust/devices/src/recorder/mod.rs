@@ -1,4 +1,5 @@
-//! Keeps raw codes with the device's time: as a table (CSV) or as EDF+, which every biosignal program reads.
+//! Keeps raw codes with the device's time: as a table (CSV) or as EDF+ without interruptions, which every biosignal program
+//! reads.
 
 mod csv;
 mod edf;
@@ -127,6 +128,7 @@ mod tests {
             zero: 128.0,
             rails: Some((0.0, 255.0)),
             loss_is_counted: true,
+            volts: Some(2.5 / 1200.0 / 127.0),
         }
     }
 
@@ -173,19 +175,41 @@ mod tests {
     }
 
     #[test]
-    fn edf_has_the_header_of_the_standard() {
+    fn edf_has_the_header_of_the_standard_and_no_interruption() {
         let (_, bytes) = round_trip("edf", &packets(&[(0, 16), (16, 16)]));
         let text = |from: usize, length: usize| {
             std::str::from_utf8(&bytes[from..from + length]).unwrap().trim_end().to_owned()
         };
         assert_eq!(text(0, 8), "0");
-        assert_eq!(text(192, 5), "EDF+D");
+        assert_eq!(text(192, 5), "EDF+C");
         assert_eq!(text(184, 8), (256 * 10).to_string());
-        assert_eq!((text(236, 8), text(244, 8), text(252, 4)), ("2".into(), "0.016".into(), "9".into()));
-        assert_eq!(text(256 + 8 * 16, 16), "EDF Annotations");
-        assert_eq!(bytes.len(), 256 * 10 + 2 * (8 * 16 * 2 + 64));
-        let (_, unbroken) = round_trip("edf", &packets(&[(0, 16), (0, 16), (0, 9)]));
-        assert_eq!(&unbroken[192..197], b"EDF+C", "other programs read recordings without gaps");
+        assert_eq!((text(236, 8), text(244, 8), text(252, 4)), ("3".into(), "0.016".into(), "9".into()));
+        assert_eq!((text(256, 16), text(256 + 8 * 16, 16)), ("EMG ch0".into(), "EDF Annotations".into()));
+        // Behind labels and transducers: the unit, and what the codes -32768 and 32767 are in it.
+        let units = 256 + 9 * 96;
+        let ends = [text(units + 72, 8), text(units + 144, 8)].map(|end| end.parse::<f64>().unwrap());
+        assert_eq!(text(units, 8), "uV");
+        let scale = 2.5e6 / 1200.0 / 127.0;
+        assert!(
+            (ends[0] + 32_896.0 * scale).abs() < 1.0 && (ends[1] - 32_639.0 * scale).abs() < 1.0,
+            "{ends:?}"
+        );
+        assert_eq!(bytes.len(), 256 * 10 + 3 * (8 * 16 * 2 + 128));
+        let notes = String::from_utf8_lossy(&bytes[256 * 10..]).into_owned();
+        assert!(notes.contains("+0.016\u{15}0.016\u{14}BAD_lost 16 samples\u{14}"), "{notes}");
+        assert!(notes.contains("first sample: 5"), "{notes}");
+    }
+
+    #[test]
+    fn edf_refuses_a_gap_that_would_fill_the_disk_and_a_counter_that_falls() {
+        let dir = tempfile::tempdir().unwrap();
+        let mut recorder = EmgRecorder::create(&dir.path().join("stream.edf"), &info(8)).unwrap();
+        let packet = |counter| EmgPacket { samples: vec![sample(counter)], ..EmgPacket::default() };
+        recorder.packet(&packet(10)).unwrap();
+        let far = recorder.packet(&packet(1 << 50)).unwrap_err().to_string();
+        assert!(far.contains("expected at most 3600 s"), "{far}");
+        let back = recorder.packet(&packet(3)).unwrap_err().to_string();
+        assert!(back.contains("sample 3 comes after 10"), "{back}");
     }
 
     #[test]

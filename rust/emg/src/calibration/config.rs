@@ -39,6 +39,9 @@ pub struct CalibrationConfig {
     pub zero: ZeroLevel,
     /// The zero level by the device's maker, for the lights before anything has been recorded.
     pub nominal_zero: f64,
+    /// Share of a repetition that may be lost, at most, in gaps no longer than [`crate::BridgeConfig::longest_ms`].
+    /// Default 0.05. Windows with a gap in them are not trained on.
+    pub most_lost: f64,
     /// Limits of the traffic lights; rails are raw codes less the nominal zero.
     pub quality: QualityConfig,
 }
@@ -58,6 +61,7 @@ impl Default for CalibrationConfig {
             target_recall: 0.75,
             zero: ZeroLevel::RestMedian,
             nominal_zero: 0.0,
+            most_lost: 0.05,
             quality: QualityConfig::default(),
         }
     }
@@ -97,9 +101,11 @@ impl CalibrationConfig {
         if self.most_rounds == 0 || self.most_rounds > 100 {
             return refused("most_rounds", self.most_rounds as f64, "1 to 100");
         }
-        for (name, share) in
-            [("target_accuracy", self.target_accuracy), ("target_recall", self.target_recall)]
-        {
+        for (name, share) in [
+            ("target_accuracy", self.target_accuracy),
+            ("target_recall", self.target_recall),
+            ("most_lost", self.most_lost),
+        ] {
             if !(0.0..=1.0).contains(&share) {
                 return refused(name, share, "0 to 1");
             }
@@ -109,6 +115,12 @@ impl CalibrationConfig {
             return refused("repetition_secs", self.repetition_secs, "at least the length of a window");
         }
         Ok(())
+    }
+
+    /// Whether `gap` lost samples in a row, of `lost` in all, are few enough for a repetition of `samples`.
+    pub(super) fn stands(&self, gap: u64, lost: u64, samples: usize) -> bool {
+        let longest = self.emg.bridge.longest_ms as f64 * self.emg.rate_hz / 1000.0;
+        gap as f64 <= longest && lost as f64 <= self.most_lost * samples as f64
     }
 
     /// Samples of a repetition.

@@ -2,116 +2,30 @@
 //! after each round, and makes the model.
 
 mod config;
+mod events;
 mod score;
 #[cfg(test)]
 mod tests;
 
 pub(crate) use config::moving;
 pub use config::{CalibrationConfig, ZeroLevel};
+pub use events::{CalibrationEvent, Phase, Prompt, Refusal, Repetition};
 pub use score::{CalibrationReport, RepetitionScore, cross_validate};
 
 use crate::model::{centred, median};
-use crate::{ChannelFault, ChannelQuality, EmgError, EmgModel, Light, QualityMonitor, StreamQuality};
+use crate::{ChannelQuality, EmgError, EmgModel, Light, QualityMonitor, StreamQuality};
 use proact_types::{EmgSample, GestureName, SimTime};
-use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
-
-/// What the person is asked for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
-pub struct Prompt {
-    /// The gesture.
-    pub gesture: GestureName,
-    /// Which repetition of it, from 0.
-    pub repetition: usize,
-}
-
-/// What the session is doing.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
-#[serde(tag = "name", rename_all = "snake_case")]
-pub enum Phase {
-    /// A channel or the stream is red, or no samples come: the prompt waits.
-    Blocked {
-        /// What comes next.
-        prompt: Prompt,
-    },
-    /// The gesture is shown; the recording begins in so many seconds.
-    Preparing {
-        /// What is asked for.
-        prompt: Prompt,
-        /// Seconds until the recording begins.
-        left_secs: f64,
-    },
-    /// The gesture is being recorded.
-    Recording {
-        /// What is asked for.
-        prompt: Prompt,
-        /// Share recorded, 0 to 1.
-        share: f64,
-    },
-    /// A round is over: look at the report, then proceed, record a gesture again, or finish.
-    Reviewing,
-    /// The model is made.
-    Finished,
-}
-
-/// Why a repetition was not kept.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "reason", rename_all = "snake_case")]
-pub enum Refusal {
-    /// Samples were lost on the way or were unusable.
-    Gap {
-        /// Samples lost; 0 for one with a NaN or another number of channels.
-        lost: u64,
-    },
-    /// Samples stopped coming.
-    Silence,
-    /// Channels were red.
-    Red {
-        /// Which, from 0, and why.
-        channels: Vec<(usize, Option<ChannelFault>)>,
-        /// The stream as a whole was red: losses or a wrong rate.
-        stream: bool,
-    },
-}
-
-/// What happened in a step.
-#[derive(Clone, Debug, PartialEq)]
-pub enum CalibrationEvent {
-    /// The person is asked for a gesture.
-    Prompted(Prompt),
-    /// Recording began.
-    Recording(Prompt),
-    /// The repetition was kept.
-    Kept(Prompt),
-    /// The repetition was not kept, and the same prompt comes again.
-    Refused(Prompt, Refusal),
-    /// The prompt waits: red, or no samples.
-    Blocked(Prompt, Refusal),
-    /// All gestures of a round were recorded. There is a report from the second round on.
-    RoundFinished,
-}
 
 /// Silence after which no prompt goes on, milliseconds.
 const SILENCE_MILLIS: u64 = 500;
 
-/// A repetition that was kept: raw codes, and the worst light while it was recorded.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Repetition {
-    /// What the person was asked for.
-    pub gesture: GestureName,
-    /// Raw codes, counters rising by one.
-    pub samples: Vec<EmgSample>,
-    /// The worst light; never red.
-    pub light: Light,
-}
-
 /// A calibration session: prompts, repetitions, rounds and their reports. It has no clock: time comes in with the
 /// samples, and the same samples at the same times give the same model.
 ///
-/// Recording is paced by the stream's own counter, so that a repetition has exactly as many samples as it should,
-/// whatever the host's clock does. A repetition with a gap, or while which a light was red, is not kept.
+/// Recording is paced by the stream's own counter, so that a repetition is exactly as long as it should be, whatever the
+/// host's clock does. A repetition with a long gap or many lost samples, or while which a light was red, is not kept; the
+/// windows that a short gap touches are not trained on.
 #[derive(Clone, Debug)]
 pub struct Calibration {
     config: CalibrationConfig,
@@ -238,16 +152,25 @@ impl Calibration {
         }
         let usable = sample.channels.len() == self.config.emg.channels
             && sample.channels.iter().all(|v| v.is_finite());
-        if sample.counter != expected || !usable {
-            let lost = sample.counter.saturating_sub(expected);
-            self.refuse(Refusal::Gap { lost }, events);
+        let begin = samples.first().map_or(sample.counter, |s| s.counter);
+        // Up to this sample; a counter that began anew is before its begin.
+        let span = sample.counter.checked_sub(begin);
+        let length = self.config.samples();
+        let gap = sample.counter.saturating_sub(expected);
+        let lost = span.map_or(0, |span| span.saturating_sub(samples.len() as u64));
+        if span.is_none() || sample.counter < expected || !usable || !self.config.stands(gap, lost, length) {
+            self.refuse(Refusal::Gap { lost: if usable { lost } else { 0 } }, events);
             return;
         }
-        samples.push(sample.clone());
+        // The end may lie in a gap.
+        let over = span.is_some_and(|span| span >= length as u64);
+        if !over {
+            samples.push(sample.clone());
+        }
         if *worst == Light::Red {
             let red = self.red();
             self.refuse(red, events);
-        } else if samples.len() == self.config.samples() {
+        } else if over || span.is_some_and(|span| span + 1 == length as u64) {
             let (samples, light) = (std::mem::take(samples), *worst);
             self.kept.push(Repetition { gesture: prompt.gesture, samples, light });
             self.waiting.pop_front();
@@ -343,8 +266,14 @@ impl Calibration {
             let (counter, got) = (bad.counter, bad.channels.len());
             return Err(EmgError::BadSample { counter, channels: got, expected: channels });
         }
-        if let Some(pair) = samples.windows(2).find(|p| p[1].counter != p[0].counter.wrapping_add(1)) {
-            return Err(EmgError::Gap { after: pair[0].counter, next: pair[1].counter });
+        let (mut lost, length) = (0_u64, samples.len());
+        for pair in samples.windows(2) {
+            let (after, next) = (pair[0].counter, pair[1].counter);
+            let gap = next.checked_sub(after).and_then(|step| step.checked_sub(1));
+            lost = lost.saturating_add(gap.unwrap_or(0));
+            if gap.is_none_or(|gap| !self.config.stands(gap, lost, length)) {
+                return Err(EmgError::Gap { after, next });
+            }
         }
         let window = self.config.emg.window_samples()?;
         if samples.len() < window {
@@ -352,6 +281,29 @@ impl Calibration {
         }
         self.kept.push(Repetition { gesture, samples, light: Light::Green });
         Ok(())
+    }
+
+    /// Goes on with a calibration that was interrupted: `kept` is what it had kept, in the order in which it was recorded.
+    /// Asked for next is what its round still lacks; if it lacks nothing, the round is reviewed.
+    ///
+    /// # Errors
+    /// As [`Calibration::add`] and [`Calibration::review`].
+    pub fn resume(&mut self, kept: Vec<(GestureName, Vec<EmgSample>)>) -> Result<(), EmgError> {
+        for (gesture, samples) in kept {
+            self.add(gesture, samples)?;
+        }
+        let round = self.config.gestures.iter().map(|gesture| self.count(*gesture)).max().unwrap_or(0);
+        // One that is lacking from an earlier round was dropped to be recorded again.
+        self.waiting = (0..round)
+            .flat_map(|before| self.config.gestures.iter().map(move |gesture| (before, *gesture)))
+            .filter(|(before, gesture)| self.count(*gesture) <= *before)
+            .map(|(_, gesture)| gesture)
+            .collect();
+        if round == 0 {
+            self.waiting = self.config.gestures.iter().copied().collect();
+        }
+        self.state = State::Next;
+        if self.waiting.is_empty() { self.review() } else { Ok(()) }
     }
 
     /// Ends prompting and judges what there is.
@@ -422,7 +374,7 @@ impl Calibration {
             }
             State::Recording(prompt, samples, _) => Phase::Recording {
                 prompt: *prompt,
-                share: samples.len() as f64 / self.config.samples().max(1) as f64,
+                share: recorded(samples) as f64 / self.config.samples().max(1) as f64,
             },
             State::Reviewing => Phase::Reviewing,
             State::Finished => Phase::Finished,
@@ -462,5 +414,13 @@ impl Calibration {
     /// The settings.
     pub fn config(&self) -> &CalibrationConfig {
         &self.config
+    }
+}
+
+/// Samples from the first to the newest, those that were lost included.
+fn recorded(samples: &[EmgSample]) -> u64 {
+    match (samples.first(), samples.last()) {
+        (Some(first), Some(last)) => last.counter - first.counter + 1,
+        _ => 0,
     }
 }

@@ -133,6 +133,7 @@ fn recorded_seed(scratch: &Path, name: &str) -> Vec<Vec<u8>> {
         zero: 0.0,
         rails: None,
         loss_is_counted: true,
+        volts: None,
     };
     let path = scratch.join(name);
     let mut recorder = EmgRecorder::create(&path, &info).expect("the scratch folder takes files");

@@ -1,0 +1,172 @@
+use crate::{ChannelValues, DeviceError, Recording, Recordings, metadata::Metadata};
+use proact_types::{GestureName, MOST_TEXT_BYTES, read_text};
+use std::{
+    collections::BTreeSet,
+    fs::File,
+    io::{ErrorKind, Write},
+    path::{Path, PathBuf},
+};
+
+/// A folder that recordings are put into one by one: `R_<repetition>_C_<class>.csv` files with `metadata.json` beside
+/// them, which [`Recordings::open`] and LibEMG read.
+#[derive(Clone, Debug)]
+pub struct RecordingFolder {
+    dir: PathBuf,
+    /// In the order of their class numbers.
+    gestures: Vec<GestureName>,
+}
+
+impl RecordingFolder {
+    /// Makes the folder if it is not there, for recordings of `rate_hz` of `gestures`, whose class numbers are in
+    /// alphabetical order; `rest` is that of a relaxed hand.
+    ///
+    /// # Errors
+    /// A folder that cannot be written, or one that holds recordings already.
+    pub fn create(
+        dir: &Path,
+        rate_hz: f64,
+        gestures: &[GestureName],
+        rest: GestureName,
+    ) -> Result<Self, DeviceError> {
+        std::fs::create_dir_all(dir).map_err(unwritten(dir))?;
+        let gestures: Vec<GestureName> =
+            gestures.iter().copied().collect::<BTreeSet<_>>().into_iter().collect();
+        let named = gestures
+            .iter()
+            .zip(0..)
+            .map(|(gesture, class): (_, usize)| (class.to_string(), gesture.as_str().into()));
+        let classes: serde_json::Map<String, serde_json::Value> = named.collect();
+        let mut metadata = serde_json::json!({ "rate_hz": rate_hz, "class_map": classes });
+        if rest != GestureName::default() {
+            metadata["rest"] = rest.as_str().into();
+        }
+        let path = dir.join(METADATA);
+        let mut file = std::fs::File::create_new(&path).map_err(unwritten(&path))?;
+        file.write_all(format!("{metadata:#}\n").as_bytes())
+            .and_then(|()| file.sync_all())
+            .map_err(unwritten(&path))?;
+        Ok(Self { dir: dir.to_owned(), gestures })
+    }
+
+    /// The folder.
+    pub fn path(&self) -> &Path {
+        &self.dir
+    }
+
+    /// Writes one recording, in one piece and to the disk. It takes the place of one of the same gesture and number.
+    ///
+    /// # Errors
+    /// A gesture that the folder is not for, or a file that cannot be written; one that was there before stays then.
+    pub fn keep(&self, item: &Recording) -> Result<(), DeviceError> {
+        let name = self.file_of(item.gesture, item.repetition)?;
+        let line = |row: &ChannelValues| row.iter().map(f64::to_string).collect::<Vec<_>>().join(",") + "\n";
+        let text: String = item.samples.iter().map(line).collect();
+        // First, so that no row is ever taken for a measured one.
+        self.mark(&name, &item.bridged)?;
+        self.replace(&name, &text)
+    }
+
+    /// Removes a recording that is to be made again. That there is none is no error.
+    ///
+    /// # Errors
+    /// A gesture that the folder is not for, or a file that cannot be removed.
+    pub fn discard(&self, gesture: GestureName, repetition: u32) -> Result<(), DeviceError> {
+        let path = self.dir.join(self.file_of(gesture, repetition)?);
+        match std::fs::remove_file(&path) {
+            Err(error) if error.kind() != ErrorKind::NotFound => Err(unwritten(&path)(error)),
+            _ => Ok(()),
+        }
+    }
+
+    /// The folder of a session that was interrupted, to go on with; its recordings.
+    ///
+    /// # Errors
+    /// A folder that cannot be read, or that is for other gestures or another stream.
+    pub fn resume(
+        dir: &Path,
+        rate_hz: f64,
+        channels: usize,
+        gestures: &[GestureName],
+        rest: GestureName,
+    ) -> Result<(Self, Recordings), DeviceError> {
+        let gestures: Vec<GestureName> =
+            gestures.iter().copied().collect::<BTreeSet<_>>().into_iter().collect();
+        let metadata = Metadata::read(dir)?;
+        let differs = |what: &str, has: String, asked: String| DeviceError::Metadata {
+            path: dir.to_owned(),
+            reason: format!("it is for {what} {has}, this calibration has {asked}: name another folder"),
+        };
+        let named =
+            |list: &[GestureName]| list.iter().map(GestureName::as_str).collect::<Vec<_>>().join(", ");
+        let expected = metadata.gestures();
+        if expected != gestures {
+            return Err(differs("the gestures", named(&expected), named(&gestures)));
+        }
+        if metadata.rest.unwrap_or_default() != rest {
+            return Err(differs("rest", metadata.rest.unwrap_or_default().to_string(), rest.to_string()));
+        }
+        let folder = Self { dir: dir.to_owned(), gestures };
+        let recordings = match Recordings::open(dir, Some(rate_hz)) {
+            Ok(recordings) => recordings,
+            // Stopped before the first was kept.
+            Err(DeviceError::NoRecordings { .. }) => {
+                let (path, items) = (dir.to_owned(), Vec::new());
+                return Ok((
+                    folder,
+                    Recordings { path, rate_hz, channels, expected, rest, items, notes: Vec::new() },
+                ));
+            }
+            Err(error) => return Err(error),
+        };
+        if recordings.channels != channels {
+            return Err(differs("channels", recordings.channels.to_string(), channels.to_string()));
+        }
+        Ok((folder, recordings))
+    }
+
+    /// The name of a recording's file.
+    fn file_of(&self, gesture: GestureName, repetition: u32) -> Result<String, DeviceError> {
+        let unlisted = |_| DeviceError::NotListed { path: self.dir.clone(), gesture };
+        let class = self.gestures.binary_search(&gesture).map_err(unlisted)?;
+        Ok(format!("R_{repetition}_C_{class}.csv"))
+    }
+
+    /// Writes into the metadata which rows of a file nobody measured.
+    fn mark(&self, name: &str, bridged: &[[usize; 2]]) -> Result<(), DeviceError> {
+        let path = self.dir.join(METADATA);
+        let text = File::open(&path)
+            .and_then(|file| read_text(file, MOST_TEXT_BYTES))
+            .map_err(|source| DeviceError::Read { path: path.clone(), source })?;
+        let mut metadata: serde_json::Value = serde_json::from_str(&text)
+            .map_err(|error| DeviceError::Metadata { path: path.clone(), reason: error.to_string() })?;
+        if bridged.is_empty() && metadata["bridged"].get(name).is_none() {
+            return Ok(());
+        }
+        if let Some(object) = metadata.as_object_mut() {
+            let marks = object.entry("bridged").or_insert_with(|| serde_json::json!({}));
+            marks[name] = serde_json::json!(bridged);
+        }
+        self.replace(METADATA, &format!("{metadata:#}\n"))
+    }
+
+    /// Puts a whole file in the place of one, on the disk.
+    fn replace(&self, name: &str, text: &str) -> Result<(), DeviceError> {
+        let (path, partial) = (self.dir.join(name), self.dir.join(format!("{name}.partial")));
+        let write = || {
+            let mut file = File::create(&partial)?;
+            file.write_all(text.as_bytes())?;
+            file.sync_all()?;
+            std::fs::rename(&partial, &path)
+        };
+        write().map_err(unwritten(&path))
+    }
+}
+
+/// What stands beside the recordings of a folder.
+const METADATA: &str = "metadata.json";
+
+/// For `map_err`: a file or folder that cannot be written.
+fn unwritten(path: &Path) -> impl FnOnce(std::io::Error) -> DeviceError {
+    let path = path.to_owned();
+    move |source| DeviceError::Write { path, source }
+}
