@@ -8,13 +8,10 @@ fn main() {
     println!("cargo:rerun-if-changed=build.rs");
     for file in [
         "web/dist/index.html",
-        "web/dist/app.js",
-        "web/dist/app.css",
+        "web/dist/index.html.gz",
         "web/dist/experimenter.html",
         "web/dist/replay.html",
         "web/dist/calibrate.html",
-        "web/dist/calibrate.js",
-        "web/dist/calibrate.css",
     ] {
         if !Path::new(file).is_file() {
             // One line each: Cargo prints them as errors of this crate and stops here.

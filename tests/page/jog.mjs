@@ -32,8 +32,8 @@ const OUT = 0.13;
 const HOVER = 0.13;
 const GRIP = 0.027;
 const DROP = 0.036;
-/** Roll of the hand at which its fingers close around a standing block, rad. */
-const ROLL = (25.6 * Math.PI) / 180;
+/** Width of a block, metres. */
+const BLOCK = 0.05;
 /** Corrections of one place before it is good enough. */
 const ROUNDS = 4;
 
@@ -119,7 +119,12 @@ async function attempt(page, end, log) {
 
 /** Where the hand takes a block, in the world. */
 function centreOf(arm, seen) {
-  return reach.apply(seen.world_from_tip, arm.grasp_centre);
+  return reach.apply(seen.world_from_tip, graspOf(arm).centre);
+}
+
+/** How the hand takes a block: the first of its grasps that is wide enough. */
+function graspOf(arm) {
+  return arm.grasps.find(({ widths }) => BLOCK <= widths[1]) ?? arm.grasps.at(-1);
 }
 
 function look(page) {
@@ -133,13 +138,14 @@ function look(page) {
 function goalOf(arm, seen, index, place, lean = 0) {
   const base = reach.inverse(seen.world_from_base);
   const held = seen.hand.holds !== null ? reach.compose(reach.inverse(seen.world_from_tip), seen.objects[index]) : null;
-  let axis = held ? reach.turn(held.rotation, [0, 0, 1]) : [0, Math.sin(ROLL), Math.cos(ROLL)];
+  const { centre, roll } = graspOf(arm);
+  let axis = held ? reach.turn(held.rotation, [0, 0, 1]) : [0, Math.sin(roll), Math.cos(roll)];
   // A block stands on either end.
   if (reach.turn(seen.world_from_tip.rotation, axis)[2] < 0) axis = reach.scale(axis, -1);
   const [x, y] = reach.sub(seen.world_from_base.translation, place);
   const toward = reach.scale([x, y, 0], Math.sin(lean) / Math.max(Math.hypot(x, y), 1e-6));
   return {
-    point: held ? held.translation : arm.grasp_centre,
+    point: held ? held.translation : centre,
     axis,
     target: reach.apply(base, place),
     up: reach.turn(base.rotation, [toward[0], toward[1], Math.cos(lean)]),

@@ -90,7 +90,9 @@ async function askedFor(page, { url, check, screenshot }) {
     await desk.click(`button:text-is("${button}"):enabled`);
     await page.bringToFront();
     await page.waitForFunction(() => window.__proact.gazePoint() !== null);
-    const error = await followPoints(page, 40);
+    // In the part of the window that the scene has, a pixel is more degrees for near points than for far ones: so little that
+    // the five errors still agree.
+    const error = await followPoints(page, 25);
     const verdict = await page.textContent(".gazecheck .verdict");
     await screenshot(`gaze-${button.split(" ")[0].toLowerCase()}`);
     await page.click(".gazecheck button");

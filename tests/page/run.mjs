@@ -8,8 +8,11 @@
 // with a simulated participant has to run). interactive: moves blocks by mouse and keys with method D until one
 // is on target. methods: one block with each of --methods. newcomer: tutorial, settings, gamepad, gaze check.
 // headset: enters VR and AR with an emulated device. safety: page and gamepad fall silent or die while the arm moves,
-// beside serve. experimenter: beside a demo. replay: beside a replay of two
-// trials. bag: beside a replay of a bag. access: starts `serve --bind` itself; who gets in. restart: starts `serve` itself, kills it, starts it again, and the open page has to come back.
+// beside serve. layout: twelve sizes of window, touch, dark. accessibility: WCAG 2.2 AA by axe-core, keyboard alone,
+// mouse alone, one switch. strip: method B by what the strip says. wheel: two pages, one driver. afterwards: result card
+// and what follows, beside a short demo. experimenter: beside a demo. replay: beside a replay of two trials. bag: beside
+// a replay of a bag. access: starts `serve --bind` itself; who gets in. restart: starts `serve` itself, kills it, starts
+// it again, and the open page has to come back.
 // soak: starts `serve` itself, and drives trial after trial.
 // Screenshots go to the output folder. Exits 0 only if everything was seen.
 
@@ -18,13 +21,19 @@ import { existsSync } from "node:fs";
 import { createRequire } from "node:module";
 import { parseArgs } from "node:util";
 import { access } from "./access.mjs";
+import { accessibility } from "./accessibility.mjs";
+import { afterwards } from "./afterwards.mjs";
 import { driveBlocks } from "./drive.mjs";
 import { bag, experimenter, replay } from "./desk.mjs";
 import { jogBlock } from "./jog.mjs";
+import { layout } from "./layout.mjs";
+import { load } from "./load.mjs";
 import { headset, newcomer } from "./person.mjs";
 import { startServe } from "./program.mjs";
 import { safety } from "./safety.mjs";
 import { soak } from "./soak.mjs";
+import { byStrip } from "./strip.mjs";
+import { wheel } from "./wheel.mjs";
 
 // playwright-core is installed with the page, whose package.json pins it.
 const require = createRequire(new URL("../../rust/bridge/web/package.json", import.meta.url));
@@ -92,7 +101,7 @@ try {
   page.on("requestfailed", (request) => problems.push(`request failed: ${request.url()}`));
   if (options.dist) await serveFrom(page, options.dist);
   page.setDefaultTimeout(60_000);
-  const modes = { watch, interactive: interact, methods, restart, access, newcomer, headset, safety, experimenter, replay, bag, soak: (page, tools) => soak(page, { ...tools, ...soakOptions() }) };
+  const modes = { watch, interactive: interact, methods, restart, access, newcomer, headset, safety, experimenter, replay, bag, afterwards, wheel, load, layout, accessibility, strip, soak: (page, tools) => soak(page, { ...tools, ...soakOptions() }) };
   const mode = modes[options.mode];
   if (!mode) throw new Error(`mode ${options.mode} is unknown; expected ${Object.keys(modes).join(", ")}`);
   await mode(page, {
@@ -103,6 +112,7 @@ try {
     program: options.program,
     problems,
     emulator: require.resolve("iwer/build/iwer.min.js"),
+    axe: require.resolve("axe-core/axe.min.js"),
     /** Keeps a downloaded file in the output folder; its bytes. */
     async keep(file, name) {
       await file.saveAs(`${options.out}/${name}`);
@@ -201,6 +211,17 @@ async function methods(page) {
     }));
     check(count === 1, `method ${method} moves a block to its target in ${seconds.toFixed(0)} s by keys${"CD".includes(method) ? " and mouse" : ""}`);
   }
+}
+
+/** What a newcomer needs with method B, who does what the strip says. */
+async function strip(page) {
+  await open(page, options.url, 20);
+  await page.click('.methodbutton:text-is("B")');
+  await page.waitForFunction(() => window.__proact.frame.method === "B" && window.__proact.frame.time < 3_000);
+  await byStrip(page, { limitMs, log: (text) => console.log(`    ${text}`) });
+  const seconds = await page.evaluate(() => window.__proact.frame.time / 1000);
+  await screenshot(page, "strip-B");
+  check(seconds <= 120, `by what the strip says a block reaches its target with method B in ${seconds.toFixed(0)} s`);
 }
 
 function soakOptions() {

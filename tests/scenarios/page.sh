@@ -14,9 +14,20 @@ start demo --method D --seed 1 --no-record
 node "$here/../page/run.mjs" --url "$address" --out "$output/watch" --mode watch --score
 stop
 
+start demo --method D --seed 1 --no-record --limit 8
+node "$here/../page/run.mjs" --url "$address" --out "$output/afterwards" --mode afterwards
+stop
+
 start serve --method D --seed 1 --setup still --no-record
 node "$here/../page/run.mjs" --url "$address" --out "$output/interactive" --mode interactive
 stop
+
+# The first visit's bytes, another page that takes over, windows of all sizes, and people without a mouse, without keys or with one switch.
+for mode in load wheel layout accessibility; do
+    start serve --method D --seed 1 --setup still --no-record
+    node "$here/../page/run.mjs" --url "$address" --out "$output/$mode" --mode "$mode"
+    stop
+done
 
 # Where other machines can connect: who gets in.
 node "$here/../page/run.mjs" --mode access --program "$proact" --out "$output/access"

@@ -24,6 +24,13 @@ look headset
 look methods --methods ABCD --timeout 290
 stop
 
+# Method B by what the page tells, and by nothing else.
+for seed in 1 2 3; do
+    start serve --no-record --seed "$seed"
+    look strip
+    stop
+done
+
 # Joint by joint the arrangement matters most: others too.
 for seed in 2 3 4; do
     start serve --no-record --seed "$seed"

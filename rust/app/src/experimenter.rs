@@ -4,7 +4,7 @@ use crate::pace::Pace;
 use proact_bridge::{ClientInput, GazeCheck, PageServer, Signals, StudyAction, TrialStatus};
 use proact_emg::{Light, QualityConfig, QualityMonitor};
 use proact_testbed::{Step, TrialConfig};
-use proact_types::SimTime;
+use proact_types::{DisplayFrame, Gesture, SimTime};
 use std::{
     fs::OpenOptions,
     io::Write,
@@ -17,6 +17,8 @@ use std::{
 const SIGNAL_PERIOD: Duration = Duration::from_millis(100);
 /// Rates are counted over this long.
 const RATE_PERIOD: Duration = Duration::from_secs(1);
+/// From one frame to the next while time stands still.
+const STILL_PERIOD: Duration = Duration::from_millis(100);
 /// Most EMG samples in one message: a third of a second at 1 kHz.
 const MAX_SAMPLES: usize = 330;
 /// Gaze checks of a trial, one JSON object a line.
@@ -90,26 +92,61 @@ impl<'a> Experimenter<'a> {
         self.status.aborted
     }
 
-    /// While paused, waits for inputs and hands them on; simulated time stands still, so that the record knows
-    /// nothing of it. Other inputs than these are dropped.
-    pub fn wait_while_paused(&mut self, pace: &mut Pace, interrupted: &AtomicBool) -> Vec<ClientInput> {
+    /// From now on time waits for the person's first action.
+    pub fn wait_for_first_action(&mut self) {
+        self.status.waiting = true;
+        self.page.set_status(&self.status);
+    }
+
+    /// Time stands still from now on, because who drives reads a dialog; or it goes on.
+    pub fn hold(&mut self, on: bool) {
+        self.status.held = on;
+        self.page.set_status(&self.status);
+    }
+
+    /// While time stands still, waits for inputs and hands them on; the record knows nothing of it. `shown` is the instant
+    /// on display, which pages go on getting. Other inputs than those that concern the trial, and the first action that
+    /// time waits for, are dropped.
+    pub fn wait_while_still(
+        &mut self,
+        pace: &mut Pace,
+        shown: Option<&DisplayFrame>,
+        interrupted: &AtomicBool,
+    ) -> Vec<ClientInput> {
         let mut kept = Vec::new();
-        let paused = self.status.paused;
-        while self.status.paused && kept.is_empty() && !interrupted.load(Ordering::Relaxed) {
+        let stood = self.stands_still();
+        let mut told = Instant::now();
+        while self.stands_still() && kept.is_empty() && !interrupted.load(Ordering::Relaxed) {
             std::thread::sleep(Duration::from_millis(10));
             for input in self.page.drain_inputs() {
                 match input {
                     ClientInput::Study(action) if !self.act(action) => {}
                     ClientInput::Study(_) | ClientInput::Restart { .. } => kept.push(input),
+                    ClientInput::Hold(on) => self.hold(on),
+                    input if self.status.waiting && !self.status.held && acts(&input) => {
+                        self.status.waiting = false;
+                        self.page.set_status(&self.status);
+                        kept.push(input);
+                    }
+                    // What follows the first action is the trial's.
+                    input if !kept.is_empty() => kept.push(input),
                     _ => {}
                 }
             }
+            if let Some(frame) = shown.filter(|_| told.elapsed() > STILL_PERIOD) {
+                self.page.publish(frame);
+                told = Instant::now();
+            }
         }
-        if paused {
+        if stood {
             *pace = Pace::new();
             self.sent = Instant::now();
         }
         kept
+    }
+
+    fn stands_still(&self) -> bool {
+        self.status.paused || self.status.held || self.status.waiting
     }
 
     /// Takes in one tick that took `spent` to compute, and tells the page when it is time.
@@ -171,6 +208,15 @@ impl<'a> Experimenter<'a> {
         signals.emg.clear();
         (self.sent, self.sent_time) = (now, time);
         (self.ticks, self.busy, self.busiest) = (0, Duration::ZERO, Duration::ZERO);
+    }
+}
+
+/// Whether it is the person's own doing that begins a trial. Letting go of a key is not.
+fn acts(input: &ClientInput) -> bool {
+    match input {
+        ClientInput::Gesture(gesture) => *gesture != Gesture::NoMotion,
+        ClientInput::Gaze { .. } | ClientInput::Trunk(_) | ClientInput::Head(_) => true,
+        _ => false,
     }
 }
 

@@ -32,6 +32,7 @@ pub mod query;
 mod record;
 mod registry;
 mod replay;
+mod result_card;
 #[cfg(feature = "ros")]
 mod ros_bus;
 mod rosbridge;
@@ -53,6 +54,7 @@ pub use person::{EyeTracker, LivePerson, drive_by_page};
 pub use record::{Recorder, RecorderError, default_dir};
 pub use registry::Registry;
 pub use replay::{OtherVersions, Replanned, ReplayOptions, Replayed, replay_trial};
+pub use result_card::{ResultCards, WristPath};
 #[cfg(feature = "ros")]
 pub use rosbridge::relay;
 pub use rosbridge::{Rosbridge, RosbridgePlace, drive_by_topics};

@@ -1,13 +1,14 @@
 //! A trial that a person drives in real time.
 
 use crate::{
-    Experimenter, LivePerson, Pace, Recorder, experimenter::store_gaze_check, person::drive_by_page,
-    run::finish,
+    Experimenter, LivePerson, Pace, Recorder, ResultCards, WristPath, experimenter::store_gaze_check,
+    person::drive_by_page, run::finish,
 };
 use proact_bridge::{ClientInput, GazeCheck, PageServer};
 use proact_intent::GazeOffset;
 use proact_recording::seal;
 use proact_testbed::{Session, TrialEnd, TrialResult};
+use proact_types::DisplayFrame;
 use std::{
     error::Error,
     path::PathBuf,
@@ -47,6 +48,8 @@ pub struct LiveTrial<'a> {
     pub person: &'a mut LivePerson,
     /// Taken off every gaze; what a calibration finds comes on top.
     pub gaze_offset: &'a mut GazeOffset,
+    /// Results of the trials of this page.
+    pub results: &'a mut ResultCards,
     /// Raised by Ctrl-C or a request to end.
     pub interrupted: &'a AtomicBool,
 }
@@ -59,18 +62,23 @@ impl LiveTrial<'_> {
     pub fn run(&mut self) -> Result<(Ended, TrialResult), Box<dyn Error>> {
         let start = Instant::now();
         self.session.person().set_gaze_offset(*self.gaze_offset);
-        let ended = self.drive()?;
+        let mut path = WristPath::default();
+        let ended = self.drive(&mut path)?;
         let end = match &ended {
             Ended::Finished => TrialEnd::Task,
             Ended::Aborted => TrialEnd::Abort,
             Ended::Restart { .. } => TrialEnd::Restart,
             Ended::Interrupted => TrialEnd::Interrupt,
         };
-        Ok((ended, finish(&self.session, self.recorder.take(), self.dir.as_deref(), start, end)?))
+        let result = finish(&self.session, self.recorder.take(), self.dir.as_deref(), start, end)?;
+        let most = self.session.testbed().task().briefing().most;
+        self.results.show(self.page, most, &result, "You", path, &[]);
+        Ok((ended, result))
     }
 
-    /// Ticks in real time on what the page and the person's devices send.
-    fn drive(&mut self) -> Result<Ended, Box<dyn Error>> {
+    /// Ticks in real time on what the page and the person's devices send. Where the page alone drives, time waits at the first
+    /// instant that is displayed until the person acts.
+    fn drive(&mut self, path: &mut WristPath) -> Result<Ended, Box<dyn Error>> {
         let mut pace = Pace::new();
         let mut experimenter = Experimenter::new(
             self.page,
@@ -78,12 +86,14 @@ impl LiveTrial<'_> {
             self.dir.as_deref(),
             self.person.gaze_source(),
         );
-        let mut ending = None;
+        let (mut ending, mut shown, mut began_at_page) = (None, None, !self.waits());
         loop {
             if self.session.testbed().frame_is_due() || self.session.testbed().now().0 == 0 {
-                let inputs = self.page.drain_inputs().into_iter();
-                let inputs =
-                    inputs.chain(experimenter.wait_while_paused(&mut pace, self.interrupted)).collect();
+                let mut inputs = self.page.drain_inputs();
+                if shown.is_some() && !std::mem::replace(&mut began_at_page, true) {
+                    experimenter.wait_for_first_action();
+                }
+                inputs.extend(experimenter.wait_while_still(&mut pace, shown.as_ref(), self.interrupted));
                 for input in drive_by_page(self.page, inputs, &mut self.session) {
                     match input {
                         ClientInput::Restart { method, again } => {
@@ -92,6 +102,7 @@ impl LiveTrial<'_> {
                         ClientInput::Study(action) if experimenter.act(action) => {
                             ending = Some(Ended::Aborted);
                         }
+                        ClientInput::Hold(on) => experimenter.hold(on),
                         ClientInput::GazeCheck(check) => {
                             self.take_gaze_check(&check)?;
                             self.session.person().set_gaze_offset(*self.gaze_offset);
@@ -114,6 +125,9 @@ impl LiveTrial<'_> {
             }
             if let Some(frame) = &step.frame {
                 self.page.publish(frame);
+                path.add(frame);
+                // Shown again while time stands still; what happened in it happened once.
+                shown = Some(DisplayFrame { events: vec![], feedback: vec![], ..frame.clone() });
             }
             self.person.show(&step);
             if step.output.finished && ending.is_none() {
@@ -124,6 +138,11 @@ impl LiveTrial<'_> {
             }
             pace.tick();
         }
+    }
+
+    /// Whether time waits for the first action at the page: where nothing else gives gestures, gaze or angles.
+    fn waits(&self) -> bool {
+        self.session.testbed().config().emg.is_none() && self.person.has_page_alone()
     }
 
     /// Keeps the last frame on the page until the person asks for a new trial or the command is ended.

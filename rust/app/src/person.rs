@@ -45,6 +45,11 @@ impl LivePerson {
         self.tracker.as_ref().map(|_| "eye tracker")
     }
 
+    /// Whether nothing but the page brings what the person does.
+    pub fn has_page_alone(&self) -> bool {
+        self.tracker.is_none() && self.limb.is_none() && self.rosbridge.is_none()
+    }
+
     /// Another trial begins.
     ///
     /// # Errors

@@ -12,8 +12,8 @@ use std::{
     time::{Duration, Instant},
 };
 
-/// A trial that is shown waits so long for its first page.
-const PAGE_WAIT: Duration = Duration::from_secs(3);
+/// A trial that is shown waits so long for a page to draw it.
+const PAGE_WAIT: Duration = Duration::from_secs(10);
 
 /// Who watches a trial.
 pub struct Audience<'a> {
@@ -40,18 +40,16 @@ pub fn run_to_end(
     mut on_frame: impl FnMut(&DisplayFrame),
 ) -> Result<TrialResult, Box<dyn Error>> {
     let (page, interrupted) = (audience.page, audience.interrupted);
-    if let Some(page) = page {
-        wait_for_page(page, interrupted);
-    }
     let mut live =
         page.map(|page| (Pace::new(), Experimenter::new(page, session.testbed().config(), dir, None)));
     let mut alone = (page.is_none() && audience.rosbridge.is_some()).then(Pace::new);
-    let start = Instant::now();
+    let mut start = Instant::now();
+    let mut awaited = page;
     let ended = loop {
         let mut ending = interrupted.load(Ordering::Relaxed).then_some(TrialEnd::Interrupt);
         if let (Some((pace, experimenter)), Some(page)) = (&mut live, page) {
             let mut inputs = page.drain_inputs();
-            inputs.extend(experimenter.wait_while_paused(pace, interrupted));
+            inputs.extend(experimenter.wait_while_still(pace, None, interrupted));
             for input in inputs {
                 if let ClientInput::Study(action) = input
                     && experimenter.act(action)
@@ -70,6 +68,14 @@ pub fn run_to_end(
             on_frame(frame);
             if let Some(page) = page {
                 page.publish(frame);
+            }
+            // The first instant is what a page draws first, and there it waits.
+            if let Some(page) = awaited.take() {
+                wait_for_picture(page, interrupted);
+                start = Instant::now();
+                if let Some((pace, _)) = &mut live {
+                    *pace = Pace::new();
+                }
             }
             if let Some(rosbridge) = &audience.rosbridge {
                 rosbridge.publish(frame);
@@ -112,11 +118,11 @@ pub(crate) fn finish(
     Ok(result)
 }
 
-/// Gives a browser a moment to come, so that it misses nothing of the trial.
-fn wait_for_page(page: &PageServer, interrupted: &AtomicBool) {
+/// Gives a browser a moment to come and to draw, so that it misses nothing of the trial.
+fn wait_for_picture(page: &PageServer, interrupted: &AtomicBool) {
     let start = Instant::now();
     let waits = || start.elapsed() < PAGE_WAIT && !interrupted.load(Ordering::Relaxed);
-    while page.client_count() == 0 && waits() {
+    while !page.has_drawn() && waits() {
         std::thread::sleep(Duration::from_millis(20));
     }
 }

@@ -5,7 +5,7 @@ use crate::{
     method_process, tell,
 };
 use proact_arm::{ArmModel, Side};
-use proact_control::{JointSubset, MethodRegistry, ports::MethodProcess};
+use proact_control::{JogProfile, JogSteps, JointSubset, MethodRegistry, ports::MethodProcess};
 use proact_devices::{EmgFeed, EmgOrigin, EmgSetup, GazeSource};
 use proact_dynamics::{DynamicsOptions, OdePlant};
 use proact_emg::{Classifier, EmgError, EmgModel};
@@ -186,6 +186,10 @@ pub fn live_with(
                 return Err(ConfigError::NoPart { key: "emg", why: "gestures come from keys" }.into());
             }
             config.gestures_from("keys")?;
+            // Keys have no effort by which a person could be careful.
+            if let JogProfile::Time { steps, .. } = &mut config.profile.jog {
+                steps.get_or_insert(JogSteps::KEYS);
+            }
             (None, None)
         }
     };

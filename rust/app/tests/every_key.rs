@@ -42,6 +42,7 @@ const B: &str = "method=B";
 const BY_MESSAGE: &str = "profile.jog={ pace = \"message\", nominal_ms = 50, joint_state_ms = 20 }";
 const PSEUDO_INVERSE: &str =
     "profile.end_effector_jog.inverse={ kind = \"moore_penrose\", condition_limit = 15.0, elbow_index = 3 }";
+const STEPS: &str = "profile.jog.steps={ slow_ms = 250, slow = 0.4, fast_after_ms = 600, fast = 2.0 }";
 const FILTERED: &str = "intent_model=filtered";
 const ORIGINAL_GRASP: &str = "physics.grasp_rule=original";
 /// Somebody who does not lean: places are hard to reach.
@@ -149,6 +150,10 @@ const CASES: &[(&str, &str, &[&str])] = &[
     ("profile.jog.nominal_ms", "100", &[PAGE, A, BY_MESSAGE]),
     ("profile.jog.open_after_close_ms", "900", &[PAGE, A]),
     ("profile.jog.pace", "message", &[]),
+    ("profile.jog.steps.fast", "1.1", &[PAGE, A, STEPS]),
+    ("profile.jog.steps.fast_after_ms", "500", &[PAGE, A, STEPS]),
+    ("profile.jog.steps.slow", "0.2", &[PAGE, A, STEPS]),
+    ("profile.jog.steps.slow_ms", "150", &[PAGE, A, STEPS]),
     ("profile.joint_jog.cycle", "[\"wristz\", \"elbow\"]", &[A]),
     (
         "profile.joint_jog.joints",

@@ -178,7 +178,8 @@ fn the_limiter_and_its_acceleration_are_options() -> Outcome {
     };
     let gentle = speed_after_100_ms(&["profile.limiter.acceleration_rad_per_s2=0.5"])?;
     let none = speed_after_100_ms(&["profile.limiter="])?;
-    assert!(gentle < 0.07 && none > 0.2, "{gentle} and {none} rad/s");
+    // Keys begin with the slow step: 0.4 of 0.4 rad/s.
+    assert!(gentle < 0.07 && none > 0.15, "{gentle} and {none} rad/s");
     Ok(())
 }
 

@@ -1,7 +1,7 @@
 //! What is built into the binary: the page.
 
+use crate::encoding::encoded;
 use axum::{
-    body::Body,
     http::{StatusCode, header},
     response::{IntoResponse, Response},
 };
@@ -12,8 +12,9 @@ use rust_embed::{EmbeddedFile, RustEmbed};
 #[folder = "web/dist/"]
 struct Page;
 
-/// A file of the page. The empty path is its first page, and a name without an ending is the page of that name.
-pub(crate) fn page(path: &str) -> Response {
+/// A file of the page, compressed if `gzip`. The empty path is its first page, and a name without an ending is the page of
+/// that name.
+pub(crate) fn page(path: &str, gzip: bool) -> Response {
     let html = match path {
         "" => "index.html".to_owned(),
         // The same page: what it may do is settled on its connection.
@@ -21,13 +22,14 @@ pub(crate) fn page(path: &str) -> Response {
         name => format!("{name}.html"),
     };
     match Page::get(path) {
-        None if !path.contains('.') => respond(Page::get(&html), &html),
-        file => respond(file, path),
+        None if !path.contains('.') => respond(Page::get(&html), &html, gzip),
+        file => respond(file, path, gzip),
     }
 }
 
 /// Changes whenever a script changes: a browser that still runs an older one reloads itself.
 pub(crate) fn page_version() -> String {
+    // Names hold hashes, but two versions may share a script.
     let mut version = [0_u8; 8];
     for script in Page::iter().filter(|name| name.ends_with(".js")) {
         let hash = Page::get(&script).map(|file| file.metadata.sha256_hash()).unwrap_or_default();
@@ -36,17 +38,28 @@ pub(crate) fn page_version() -> String {
     version.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-fn respond(file: Option<EmbeddedFile>, path: &str) -> Response {
+fn respond(file: Option<EmbeddedFile>, path: &str, gzip: bool) -> Response {
     let Some(file) = file else {
         return (StatusCode::NOT_FOUND, format!("there is no {path} here\n")).into_response();
     };
-    // The same address serves another file after an update, so the browser must ask again each time.
     let headers = [
         (header::CONTENT_TYPE, content_type(path)),
-        (header::CACHE_CONTROL, "no-cache"),
+        (header::CACHE_CONTROL, if hashed(path) { "max-age=31536000, immutable" } else { "no-cache" }),
         (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
     ];
-    (headers, Body::from(file.data.into_owned())).into_response()
+    match Page::get(&format!("{path}.gz")).filter(|_| gzip) {
+        Some(small) => encoded(headers, small.data.into_owned(), true),
+        None => encoded(headers, file.data.into_owned(), false),
+    }
+}
+
+/// Whether the name holds the hash of the content, as the bundler gives it: `app-5QGFAMWX.js`. What has no such name may be
+/// another file after an update, so that the browser asks again each time.
+fn hashed(path: &str) -> bool {
+    let name = path.split('.').next().unwrap_or(path);
+    name.rsplit_once('-').is_some_and(|(_, hash)| {
+        hash.len() == 8 && hash.bytes().all(|byte| byte.is_ascii_uppercase() || byte.is_ascii_digit())
+    })
 }
 
 fn content_type(path: &str) -> &'static str {
@@ -64,29 +77,64 @@ fn content_type(path: &str) -> &'static str {
 mod tests {
     use super::*;
 
+    /// The scripts and styles that the first page names.
+    fn named() -> Vec<String> {
+        let html = Page::get("index.html").unwrap().data;
+        let html = String::from_utf8_lossy(&html).into_owned();
+        let names = html.split('"').filter(|part| part.starts_with("/app-"));
+        names.map(|name| name.trim_start_matches('/').to_owned()).collect()
+    }
+
     #[test]
-    fn the_first_page_is_html_and_names_its_script() {
-        let response = page("");
+    fn the_first_page_is_html_is_asked_for_again_and_names_files_that_are_kept() {
+        let response = page("", false);
         assert_eq!(response.status(), StatusCode::OK);
         assert_eq!(response.headers()[header::CONTENT_TYPE], "text/html; charset=utf-8");
-        let html = Page::get("index.html").unwrap().data;
-        assert!(String::from_utf8_lossy(&html).contains("app.js"));
+        assert_eq!(response.headers()[header::CACHE_CONTROL], "no-cache");
+        let names = named();
+        assert_eq!(names.len(), 2, "{names:?}");
+        for name in names {
+            let response = page(&name, true);
+            assert_eq!(response.status(), StatusCode::OK, "{name}");
+            assert_eq!(response.headers()[header::CONTENT_ENCODING], "gzip", "{name}");
+            assert!(
+                response.headers()[header::CACHE_CONTROL].to_str().unwrap().contains("immutable"),
+                "{name}"
+            );
+            assert!(!page(&name, false).headers().contains_key(header::CONTENT_ENCODING), "{name}");
+        }
+    }
+
+    #[test]
+    fn all_scripts_and_styles_are_small_on_the_line() {
+        let small =
+            |name: &str| Page::get(&format!("{name}.gz")).or_else(|| Page::get(name)).unwrap().data.len();
+        let loaded = Page::iter().filter(|name| name.ends_with(".js") || name.ends_with(".css"));
+        let bytes: usize = loaded.map(|name| small(&name)).sum();
+        // All pages together; with arm and meshes the first load is measured in a browser, tests/page/load.mjs.
+        assert!(bytes < 250_000, "{bytes} bytes");
+    }
+
+    #[test]
+    fn only_names_with_a_hash_are_kept() {
+        assert!(hashed("app-5QGFAMWX.js") && hashed("shared-OPDDIRSV.js.LEGAL.txt"));
+        assert!(!hashed("index.html") && !hashed("reference-board.html") && !hashed("icon.svg"));
     }
 
     #[test]
     fn each_page_has_an_address_without_an_ending() {
         for name in ["experimenter", "spectator", "replay"] {
-            let response = page(name);
+            let response = page(name, false);
             assert_eq!(response.status(), StatusCode::OK, "{name}");
             assert_eq!(response.headers()[header::CONTENT_TYPE], "text/html; charset=utf-8");
         }
-        assert_eq!(page("nothing").status(), StatusCode::NOT_FOUND);
+        assert_eq!(page("nothing", true).status(), StatusCode::NOT_FOUND);
     }
 
     #[test]
     fn an_unknown_file_and_a_way_out_of_the_folder_are_not_found() {
         for path in ["nothing.js", "../Cargo.toml", "/etc/passwd", "a/../../build.rs"] {
-            assert_eq!(page(path).status(), StatusCode::NOT_FOUND, "{path}");
+            assert_eq!(page(path, true).status(), StatusCode::NOT_FOUND, "{path}");
         }
     }
 }

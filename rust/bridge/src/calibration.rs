@@ -3,14 +3,17 @@
 //! Addresses: `/` the page, `/calibration` the WebSocket. From the server: [`CalibrationScreen`]s, one JSON object
 //! a message, the newest only; a page that reads slowly misses some. From the page: [`CalibrationCommand`]s.
 
-use crate::{BridgeError, CalibrationScreen, PageOptions, assets, calibration_screen::CalibrationMessage};
+use crate::{
+    BridgeError, CalibrationScreen, PageOptions, assets, calibration_screen::CalibrationMessage,
+    encoding::takes_gzip,
+};
 use axum::{
     Extension, Router,
     extract::{
         Path, State,
         ws::{Message, Utf8Bytes, WebSocket, WebSocketUpgrade},
     },
-    http::StatusCode,
+    http::{HeaderMap, StatusCode},
     response::{IntoResponse, Response},
     routing::get,
 };
@@ -113,8 +116,13 @@ impl CalibrationServer {
 
 fn router(shared: Arc<Shared>) -> Router {
     Router::new()
-        .route("/", get(|| async { assets::page("calibrate.html") }))
-        .route("/{*path}", get(|Path(path): Path<String>| async move { assets::page(&path) }))
+        .route("/", get(|asked: HeaderMap| async move { assets::page("calibrate.html", takes_gzip(&asked)) }))
+        .route(
+            "/{*path}",
+            get(|Path(path): Path<String>, asked: HeaderMap| async move {
+                assets::page(&path, takes_gzip(&asked))
+            }),
+        )
         .route("/healthz", get(|| async { "ok\n" }))
         .route("/calibration", get(connect))
         .with_state(shared)

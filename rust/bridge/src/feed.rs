@@ -1,6 +1,9 @@
 //! The latest frame and the last events, as every connection sees them.
 
-use crate::signals::{Signals, TrialStatus};
+use crate::{
+    input_arbiter::ClientId,
+    signals::{Signals, TrialStatus},
+};
 use axum::extract::ws::Utf8Bytes;
 use proact_types::{DisplayFrame, Event};
 use serde::Serialize;
@@ -22,6 +25,8 @@ pub(crate) enum ServerMessage<'a> {
     Frame(&'a DisplayFrame),
     /// Paused, or going on.
     Status(&'a TrialStatus),
+    /// Who drives, by name; none if nobody does. `you`: this client does. `may_drive`: it may take over.
+    Driver { name: Option<&'a str>, you: bool, may_drive: bool },
     /// What the experimenter watches beside the scene.
     Signals(&'a Signals),
     /// The answer to `ping`.
@@ -54,6 +59,8 @@ pub(crate) struct Feed {
     pub(crate) latest: Option<Arc<DisplayFrame>>,
     /// The status as a message, and how often it was set; none before the first.
     pub(crate) status: (u64, Option<Utf8Bytes>),
+    /// How often the driver has changed, and who it is.
+    pub(crate) driver: (u64, Option<(ClientId, String)>),
     /// The latest signals as a message, and how many there were.
     pub(crate) signals: (u64, Option<Utf8Bytes>),
     /// The last events, each with the number of its frame.

@@ -3,7 +3,7 @@
 use crate::gaze_check::GazeCheck;
 use nalgebra::{Quaternion, Translation3, UnitQuaternion};
 use proact_types::{Gesture, Point, Pose, TrunkPosture, Vector};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 /// An eye further than this from the origin of `world` is a mistake, metres.
 const MAX_DISTANCE: f64 = 100.0;
@@ -40,6 +40,10 @@ pub enum ClientInput {
     Study(StudyAction),
     /// A gaze check was made.
     GazeCheck(GazeCheck),
+    /// Simulated time stands still from now on, or goes on: the person who drives reads a dialog.
+    Hold(bool),
+    /// What comes after a trial that was shown.
+    After(AfterTrial),
     /// The client in control is gone; a gesture that it held was released before.
     Disconnected,
 }
@@ -59,6 +63,17 @@ pub enum StudyAction {
     CheckGaze,
     /// The same points, and what they tell is taken off the gaze.
     CalibrateGaze,
+}
+
+/// What a person asks for after a trial that was shown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
+#[serde(rename_all = "snake_case")]
+pub enum AfterTrial {
+    /// The same trial once more.
+    WatchAgain,
+    /// To drive the arm.
+    Drive,
 }
 
 /// A message of the page on the WebSocket.
@@ -98,6 +113,22 @@ pub(crate) enum ClientMessage {
         action: StudyAction,
     },
     GazeCheck(GazeCheck),
+    /// A person is here, who is called so; whoever joins first drives.
+    Join {
+        name: String,
+    },
+    /// Drives from now on.
+    TakeOver {},
+    /// The first picture of the trial is on the screen.
+    Drawn {},
+    /// A dialog is open, or no longer.
+    Hold {
+        on: bool,
+    },
+    /// The trial that was shown is over.
+    After {
+        ask: AfterTrial,
+    },
     /// Nothing new, but still there.
     Alive {},
     /// To be answered with a `pong` of the same number.
@@ -111,6 +142,12 @@ pub(crate) enum ClientMessage {
 pub(crate) enum Parsed {
     /// For the testbed.
     Input(ClientInput),
+    /// Who is here.
+    Join(String),
+    /// Drives from now on.
+    TakeOver,
+    /// The page has drawn.
+    Drawn,
     /// A sign of life.
     Alive,
     /// To be answered.
@@ -125,7 +162,7 @@ pub(crate) fn parse(text: &str) -> Result<Parsed, String> {
     let message: ClientMessage = serde_json::from_str(text).map_err(|error| {
         format!(
             "message ignored: {error}; expected a JSON object with type gesture, gaze, trunk, head, restart, study, \
-             gaze_check, alive or ping"
+             gaze_check, join, take_over, drawn, hold, after, alive or ping"
         )
     })?;
     match message {
@@ -151,6 +188,11 @@ pub(crate) fn parse(text: &str) -> Result<Parsed, String> {
             check.check().map_err(|reason| format!("message ignored: {reason}"))?;
             Ok(Parsed::Input(ClientInput::GazeCheck(check)))
         }
+        ClientMessage::Join { name } => Ok(Parsed::Join(name)),
+        ClientMessage::Hold { on } => Ok(Parsed::Input(ClientInput::Hold(on))),
+        ClientMessage::After { ask } => Ok(Parsed::Input(ClientInput::After(ask))),
+        ClientMessage::Drawn {} => Ok(Parsed::Drawn),
+        ClientMessage::TakeOver {} => Ok(Parsed::TakeOver),
         ClientMessage::Alive {} => Ok(Parsed::Alive),
         ClientMessage::Ping { id } => Ok(Parsed::Ping(id)),
     }

@@ -1,16 +1,22 @@
 //! Who is in control, and the inputs that wait for the testbed.
 //!
-//! One client at a time drives: the first to send anything, until another presses a gesture, or sends anything
-//! while the first has been silent. A stop is taken from everybody. Pure: the time is handed in.
+//! One client at a time drives: the first that joins or sends anything, until its connection ends or another says that
+//! it takes over. The others watch. A stop is taken from everybody. Pure: the time is handed in.
 
 use crate::input::{ClientInput, StudyAction};
 use proact_types::Gesture;
-use std::time::{Duration, Instant};
+use std::{
+    collections::BTreeMap,
+    time::{Duration, Instant},
+};
 
-/// A client that holds a gesture and is silent for longer is taken to be gone; another may then take its place. The
-/// page sends a sign of life every 40 ms. It does not bring the gesture back: that takes a new press, or a line that
-/// falters would toggle the lock. The testbed, which is told of each sign, stops the arm much sooner.
+/// A client that holds a gesture and is silent for longer is taken to be gone: its gesture is released. The page sends
+/// a sign of life every 40 ms. It does not bring the gesture back: that takes a new press, or a line that falters would
+/// toggle the lock. The testbed, which is told of each sign, stops the arm much sooner.
 pub(crate) const MAX_SILENCE: Duration = Duration::from_millis(500);
+
+/// Longest name of a page, characters.
+const MAX_NAME_CHARS: usize = 40;
 
 /// Most inputs kept for a testbed that does not drain them: 8 s of gaze at 60 Hz with gestures between.
 const MAX_WAITING: usize = 512;
@@ -28,8 +34,14 @@ struct Driver {
 #[derive(Debug, Default)]
 pub(crate) struct InputArbiter {
     driver: Option<Driver>,
+    /// Grows whenever another client drives, or the one that drives has another name.
+    changes: u64,
+    /// What the clients are called.
+    names: BTreeMap<ClientId, String>,
     /// The gesture in force, if it is one that moves anything.
     held: Option<Gesture>,
+    /// Who drives holds the trial's time: it is released with the wheel.
+    holding: bool,
     /// A gesture was released because the client in control fell silent.
     released: bool,
     /// The client in control said something since that was asked for last.
@@ -38,30 +50,77 @@ pub(crate) struct InputArbiter {
 }
 
 impl InputArbiter {
-    /// Takes a checked message of `client`; none is a sign of life.
-    pub(crate) fn accept(&mut self, client: ClientId, now: Instant, input: Option<ClientInput>) {
-        let stops = input == Some(ClientInput::Gesture(Gesture::NoMotion));
-        if let Some(request @ (ClientInput::Study(_) | ClientInput::GazeCheck(_))) = input {
-            // The experimenter does not drive. Whatever is held ends with a pause or the trial.
-            if request == ClientInput::Study(StudyAction::Pause)
-                || request == ClientInput::Study(StudyAction::Abort)
-            {
-                self.release();
-            }
-            return self.push(request);
-        }
-        let takes_over =
-            matches!(input, Some(ClientInput::Gesture(_) | ClientInput::Restart { .. })) && !stops;
-        let drives = match &self.driver {
-            None => input.is_some() && !stops,
-            Some(driver) => {
-                driver.client == client
-                    || takes_over
-                    || (input.is_some() && now.duration_since(driver.heard) > MAX_SILENCE)
-            }
+    /// Calls `client` by `name`, or by its number where that is empty; a name that another has gets a number.
+    pub(crate) fn name(&mut self, client: ClientId, name: &str) {
+        let clean: String = name.chars().filter(|c| !c.is_control()).take(MAX_NAME_CHARS).collect();
+        let wanted = match clean.trim() {
+            "" => format!("Page {client}"),
+            name => name.to_owned(),
         };
-        if drives {
-            self.driver = Some(Driver { client, heard: now });
+        self.names.remove(&client);
+        let numbered = (2..).map(|k: u32| format!("{wanted} {k}"));
+        let free = |name: &String| !self.names.values().any(|other| other == name);
+        let name = std::iter::once(wanted.clone()).chain(numbered).find(free).unwrap_or(wanted);
+        self.names.insert(client, name);
+        self.changes += u64::from(self.drives(client));
+    }
+
+    /// What `client` is called.
+    pub(crate) fn name_of(&self, client: ClientId) -> String {
+        self.names.get(&client).cloned().unwrap_or_else(|| format!("Page {client}"))
+    }
+
+    /// Gives `client` the wheel if nobody has it.
+    pub(crate) fn join(&mut self, client: ClientId, now: Instant) {
+        if self.driver.is_none() {
+            self.drive(client, now);
+        }
+    }
+
+    /// Gives `client` the wheel, whoever has it. What is held is released: whoever drives now presses anew.
+    pub(crate) fn take_over(&mut self, client: ClientId, now: Instant) {
+        if !self.drives(client) {
+            self.release();
+            self.let_time_go();
+            self.drive(client, now);
+        }
+    }
+
+    /// Who drives, and how often that has changed.
+    pub(crate) fn driver(&self) -> (u64, Option<(ClientId, String)>) {
+        let driver = self.driver.as_ref().map(|driver| (driver.client, self.name_of(driver.client)));
+        (self.changes, driver)
+    }
+
+    fn drives(&self, client: ClientId) -> bool {
+        self.driver.as_ref().is_some_and(|driver| driver.client == client)
+    }
+
+    fn drive(&mut self, client: ClientId, now: Instant) {
+        self.driver = Some(Driver { client, heard: now });
+        self.released = false;
+        self.changes += 1;
+    }
+
+    /// Takes what is the experimenter's to ask, who does not drive. Whatever is held ends with a pause, the trial, or
+    /// another trial.
+    pub(crate) fn command(&mut self, request: ClientInput) {
+        use StudyAction::{Abort, Pause};
+        if matches!(request, ClientInput::Study(Pause | Abort) | ClientInput::Restart { .. }) {
+            self.release();
+        }
+        self.push(request);
+    }
+
+    /// Takes a checked message of `client`; none is a sign of life. False if it was ignored because another drives.
+    pub(crate) fn accept(&mut self, client: ClientId, now: Instant, input: Option<ClientInput>) -> bool {
+        let stops = input == Some(ClientInput::Gesture(Gesture::NoMotion));
+        if self.driver.is_none() && input.is_some() && !stops {
+            self.drive(client, now);
+        }
+        let drives = self.drives(client);
+        if let Some(driver) = self.driver.as_mut().filter(|_| drives) {
+            driver.heard = now;
             self.heard = true;
         }
         match input {
@@ -72,28 +131,31 @@ impl InputArbiter {
                 }
                 self.release();
             }
+            Some(_) if !drives => return false,
             // Only a change is news.
-            Some(ClientInput::Gesture(gesture)) if self.held != Some(gesture) => {
-                self.held = Some(gesture);
-                self.push(ClientInput::Gesture(gesture));
+            Some(ClientInput::Gesture(gesture)) => {
+                let before = self.held.replace(gesture);
+                self.push_if(before != Some(gesture), ClientInput::Gesture(gesture));
             }
-            Some(restart @ ClientInput::Restart { .. }) => {
-                self.release();
-                self.push(restart);
+            Some(request @ (ClientInput::Restart { .. } | ClientInput::Study(_))) => self.command(request),
+            Some(ClientInput::Hold(on)) => {
+                let before = std::mem::replace(&mut self.holding, on);
+                self.push_if(before != on, ClientInput::Hold(on));
             }
-            Some(input @ (ClientInput::Gaze { .. } | ClientInput::Trunk(_) | ClientInput::Head(_)))
-                if drives =>
-            {
-                self.push(input);
-            }
-            _ => {}
+            Some(input) => self.push(input),
+            None => {}
         }
+        true
     }
 
     /// The connection of `client` has ended.
     pub(crate) fn leave(&mut self, client: ClientId) {
-        if self.driver.as_ref().is_some_and(|driver| driver.client == client) {
+        let drove = self.drives(client);
+        self.names.remove(&client);
+        if drove {
             self.driver = None;
+            self.changes += 1;
+            self.let_time_go();
             self.release();
             self.push(ClientInput::Disconnected);
         }
@@ -117,9 +179,21 @@ impl InputArbiter {
         std::mem::take(&mut self.waiting)
     }
 
+    fn let_time_go(&mut self) {
+        if std::mem::take(&mut self.holding) {
+            self.push(ClientInput::Hold(false));
+        }
+    }
+
     fn release(&mut self) {
         if self.held.take().is_some() {
             self.push(ClientInput::Gesture(Gesture::NoMotion));
+        }
+    }
+
+    fn push_if(&mut self, news: bool, input: ClientInput) {
+        if news {
+            self.push(input);
         }
     }
 
@@ -137,6 +211,7 @@ impl InputArbiter {
             // Nobody drains. What has piled up is stale, so it goes, and a stop stands in for it.
             self.waiting.clear();
             self.held = None;
+            self.let_time_go();
             self.waiting.push(ClientInput::Gesture(Gesture::NoMotion));
             return;
         }
@@ -181,7 +256,7 @@ mod tests {
         let (mut input_arbiter, now) = (InputArbiter::default(), Instant::now());
         let pause = ClientInput::Study(StudyAction::Pause);
         input_arbiter.accept(1, now, Some(WE));
-        input_arbiter.accept(2, now, Some(pause.clone()));
+        input_arbiter.command(pause.clone());
         input_arbiter.accept(1, now, Some(gaze(1.0)));
         input_arbiter.accept(2, now, Some(gaze(2.0)));
         assert_eq!(input_arbiter.drain(), [WE, NM, pause, gaze(1.0)]);
@@ -221,18 +296,74 @@ mod tests {
     }
 
     #[test]
-    fn the_gaze_of_a_second_client_is_ignored_until_it_takes_over() {
+    fn a_second_client_only_watches_until_it_takes_over() {
         let (mut input_arbiter, now) = (InputArbiter::default(), Instant::now());
-        input_arbiter.accept(1, now, Some(gaze(1.0)));
-        input_arbiter.accept(2, now, Some(gaze(2.0)));
-        assert_eq!(input_arbiter.drain(), [gaze(1.0)]);
-        input_arbiter.accept(2, now, Some(HC));
-        input_arbiter.accept(2, now, Some(gaze(2.0)));
-        input_arbiter.accept(1, now, Some(gaze(1.0)));
-        assert_eq!(input_arbiter.drain(), [HC, gaze(2.0)]);
-        // The first one may come back once the second is silent.
-        input_arbiter.accept(1, now + 2 * MAX_SILENCE, Some(gaze(3.0)));
-        assert_eq!(input_arbiter.drain(), [gaze(3.0)]);
+        let restart = || ClientInput::Restart { method: None, again: false };
+        input_arbiter.join(1, now);
+        input_arbiter.join(2, now);
+        assert!(input_arbiter.accept(1, now, Some(WE)));
+        // However long the first is silent: who drives is never a matter of chance.
+        let later = now + 9 * MAX_SILENCE;
+        for input in [gaze(2.0), HC, restart()] {
+            assert!(!input_arbiter.accept(2, later, Some(input)));
+        }
+        assert_eq!(input_arbiter.drain(), [WE]);
+        // Whoever takes over begins with a released gesture, and the first watches from then on.
+        input_arbiter.take_over(2, later);
+        assert!(!input_arbiter.accept(1, later, Some(gaze(1.0))));
+        assert!(input_arbiter.accept(2, later, Some(HC)));
+        assert_eq!(input_arbiter.drain(), [NM, HC]);
+        input_arbiter.take_heard();
+        assert!(input_arbiter.accept(1, later, None));
+        assert!(!input_arbiter.take_heard(), "a sign of life of who watches is none of who drives");
+    }
+
+    #[test]
+    fn who_drives_is_told_by_name_and_each_change_is_counted() {
+        let (mut input_arbiter, now) = (InputArbiter::default(), Instant::now());
+        assert_eq!(input_arbiter.driver(), (0, None));
+        input_arbiter.name(1, " Ann\n ");
+        input_arbiter.name(2, "Ann");
+        input_arbiter.name(3, "\u{7}");
+        input_arbiter.name(4, &"x".repeat(99));
+        let names = [1, 2, 3, 4].map(|client| input_arbiter.name_of(client));
+        assert_eq!(names, ["Ann".to_owned(), "Ann 2".to_owned(), "Page 3".to_owned(), "x".repeat(40)]);
+        input_arbiter.join(1, now);
+        assert_eq!(input_arbiter.driver(), (1, Some((1, "Ann".to_owned()))));
+        input_arbiter.take_over(2, now);
+        input_arbiter.take_over(2, now);
+        assert_eq!(input_arbiter.driver(), (2, Some((2, "Ann 2".to_owned()))));
+        input_arbiter.name(2, "Bo");
+        assert_eq!(input_arbiter.driver(), (3, Some((2, "Bo".to_owned()))));
+        input_arbiter.leave(1);
+        assert_eq!(input_arbiter.driver().0, 3);
+        input_arbiter.leave(2);
+        assert_eq!(input_arbiter.driver(), (4, None));
+    }
+
+    #[test]
+    fn time_that_a_dialog_holds_goes_on_when_its_page_gives_up_the_wheel() {
+        let (mut input_arbiter, now) = (InputArbiter::default(), Instant::now());
+        let hold = ClientInput::Hold;
+        for on in [true, true] {
+            input_arbiter.accept(1, now, Some(hold(on)));
+        }
+        input_arbiter.take_over(2, now);
+        assert!(!input_arbiter.accept(1, now, Some(hold(true))));
+        assert_eq!(input_arbiter.drain(), [hold(true), hold(false)]);
+        input_arbiter.accept(2, now, Some(hold(true)));
+        input_arbiter.leave(2);
+        assert_eq!(input_arbiter.drain(), [hold(true), hold(false), ClientInput::Disconnected]);
+    }
+
+    #[test]
+    fn another_trial_for_the_experimenter_leaves_the_wheel_where_it_is() {
+        let (mut input_arbiter, now) = (InputArbiter::default(), Instant::now());
+        let restart = ClientInput::Restart { method: None, again: false };
+        input_arbiter.accept(1, now, Some(WE));
+        input_arbiter.command(restart.clone());
+        assert!(input_arbiter.accept(1, now, Some(gaze(1.0))));
+        assert_eq!(input_arbiter.drain(), [WE, NM, restart, gaze(1.0)]);
     }
 
     #[test]

@@ -4,11 +4,16 @@
 //! [`DisplayFrame`](proact_types::DisplayFrame) at the pace of publishing, the latest only; `events {events}`
 //! with the events of frames that this client missed, at first those of the trial so far; `content {revision}`
 //! when `/api/content` has changed; `status` with the fields of [`TrialStatus`](crate::TrialStatus); `pong {id}`;
-//! `error {message}` when a message of the client was ignored.
+//! `error {message}` when a message of the client was ignored; `driver {name, you, may_drive}` when another client
+//! drives.
+//!
+//! One client drives: the first that says `join {name}` or sends anything, until its connection ends or another says
+//! `take_over`. What the others send is ignored, but for a relaxed gesture: a stop is taken from everybody.
 //!
 //! From the client, if the page is interactive: `gesture {gesture}` at each change, `alive` every 40 ms while
 //! one is held, `gaze {origin, direction, measured}`, `trunk {forward, lateral, axial}`, `head {position, quaternion}`,
-//! `restart {method, again}`, `gaze_check {source, points}`; always `ping {id}`. Metres, rad, frame `world`,
+//! `restart {method, again}`, `gaze_check {source, points}`, `join`, `take_over`, `hold {on}`
+//! while a dialog is open; `after {ask}` when a trial that was shown is over; always `drawn` and `ping {id}`. Metres, rad, frame `world`,
 //! quaternions x, y, z, w. At most 4 KiB each, text only. A hundred malformed messages end the connection.
 //!
 //! `/live?role=experimenter` also gets `signals` with the fields of [`Signals`](crate::Signals), and may send
@@ -19,6 +24,7 @@
 use crate::{
     feed::{Feed, ServerMessage},
     input::{self, ClientInput, Parsed},
+    input_arbiter::ClientId,
     server::Shared,
 };
 use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket, close_code};
@@ -27,6 +33,7 @@ use futures_util::{
     stream::{SplitSink, SplitStream},
 };
 use proact_http::{Pulse, Right};
+use proact_types::Gesture;
 use serde::Deserialize;
 use std::{sync::Arc, time::Duration, time::Instant};
 use tokio::{sync::mpsc, sync::watch, time};
@@ -62,12 +69,26 @@ impl Role {
             ),
             (Role::Spectator, _) => Err("message ignored: a spectator only watches"),
             (Role::Experimenter, ClientInput::Study(_) | ClientInput::Restart { .. }) => Ok(()),
+            // A stop is taken from everybody.
+            (Role::Experimenter, ClientInput::Gesture(Gesture::NoMotion)) if interactive => Ok(()),
+            (Role::Experimenter, _) => Err(DOES_NOT_DRIVE),
             (_, ClientInput::Study(_)) => {
                 Err("message ignored: this is for the experimenter's page, /live?role=experimenter")
             }
+            (_, ClientInput::After(_)) => Ok(()),
             (_, _) if !interactive => Err("message ignored: this page only shows a trial"),
             _ => Ok(()),
         }
+    }
+}
+
+const DOES_NOT_DRIVE: &str = "message ignored: this role does not drive; open the participant's page";
+
+/// Whether a client may drive.
+fn drives(role: Role, right: Right, interactive: bool) -> Result<(), &'static str> {
+    match role {
+        Role::Participant => role.may(&ClientInput::Disconnected, right, interactive),
+        _ => Err(DOES_NOT_DRIVE),
     }
 }
 
@@ -83,9 +104,10 @@ pub(crate) async fn serve(socket: WebSocket, shared: Arc<Shared>, role: Role, ri
     let updates = shared.feed.subscribe();
     let pulse = Pulse::new(shared.limits);
     let reader = Reader { client, role, right, shared: &shared, pulse: &pulse };
+    let writer = Writer { client, role, right, shared: &shared, pulse: &pulse };
     tokio::select! {
         () = reader.read(incoming, replies) => {}
-        () = write(outgoing, role, updates, reply_queue, &shared.page_version, &pulse) => {}
+        () = writer.write(outgoing, updates, reply_queue) => {}
     }
     shared.leave(client);
 }
@@ -112,7 +134,10 @@ impl Reader<'_> {
                         .map_err(str::to_owned)
                         .and_then(|()| shared.offers(input))
                         .map(|()| parsed),
-                    Parsed::Alive | Parsed::Ping(_) => Ok(parsed),
+                    Parsed::TakeOver => {
+                        drives(role, right, shared.interactive()).map(|()| parsed).map_err(str::to_owned)
+                    }
+                    Parsed::Join(_) | Parsed::Drawn | Parsed::Alive | Parsed::Ping(_) => Ok(parsed),
                 }),
                 Ok(Message::Binary(data)) => {
                     Err(format!("message ignored: got {} binary bytes, expected JSON text", data.len()))
@@ -126,10 +151,37 @@ impl Reader<'_> {
                 }
             };
             match parsed {
-                Ok(Parsed::Input(input)) => {
-                    shared.input_arbiter().accept(client, Instant::now(), Some(input))
+                Ok(Parsed::Drawn) => shared.note_drawn(),
+                Ok(Parsed::Input(input @ (ClientInput::Study(_) | ClientInput::After(_)))) => {
+                    shared.arbitrate(|arbiter| arbiter.command(input))
                 }
-                Ok(Parsed::Alive) => shared.input_arbiter().accept(client, Instant::now(), None),
+                Ok(Parsed::Input(input @ ClientInput::Restart { .. })) if role == Role::Experimenter => {
+                    shared.arbitrate(|arbiter| arbiter.command(input))
+                }
+                Ok(Parsed::Input(input)) => {
+                    let asks = !matches!(input, ClientInput::Gaze { .. } | ClientInput::Head(_));
+                    let taken =
+                        shared.arbitrate(|arbiter| arbiter.accept(client, Instant::now(), Some(input)));
+                    if asks && !taken {
+                        let driver =
+                            shared.input_arbiter().driver().1.map_or_else(String::new, |(_, name)| name);
+                        let reason = format!("message ignored: {driver} drives; take_over comes first");
+                        let _ = replies.try_send(Reply::Error(reason));
+                    }
+                }
+                Ok(Parsed::Join(name)) => {
+                    let may = drives(role, right, shared.interactive()).is_ok();
+                    shared.arbitrate(|arbiter| {
+                        arbiter.name(client, &name);
+                        if may {
+                            arbiter.join(client, Instant::now());
+                        }
+                    });
+                }
+                Ok(Parsed::TakeOver) => shared.arbitrate(|arbiter| arbiter.take_over(client, Instant::now())),
+                Ok(Parsed::Alive) => {
+                    shared.arbitrate(|arbiter| arbiter.accept(client, Instant::now(), None));
+                }
                 // As with errors: who does not read gets no answers.
                 Ok(Parsed::Ping(id)) => drop(replies.try_send(Reply::Pong(id))),
                 Err(reason) => {
@@ -163,54 +215,80 @@ async fn end(replies: mpsc::Sender<Reply>, code: u16, mut reason: String) {
     }
 }
 
-async fn write(
-    mut outgoing: Outgoing,
+/// To whom the news go.
+struct Writer<'a> {
+    client: u64,
     role: Role,
-    mut updates: watch::Receiver<Feed>,
-    mut replies: mpsc::Receiver<Reply>,
-    page_version: &str,
-    pulse: &Pulse,
-) {
-    let mut ping = pulse.pings();
-    // A client that comes late is told the whole trial's events: its score and list are then right.
-    let mut seen = Seen { revision: updates.borrow().revision, ..Seen::default() };
-    let hello = ServerMessage::Hello { page_version, revision: seen.revision }.to_text();
-    if send(&mut outgoing, Message::Text(hello)).await.is_err() {
-        return;
-    }
-    updates.mark_changed();
-    loop {
-        let sent = tokio::select! {
-            biased;
-            reply = replies.recv() => match reply {
-                Some(Reply::Pong(id)) => {
-                    send(&mut outgoing, Message::Text(ServerMessage::Pong { id }.to_text())).await
-                }
-                Some(Reply::Error(message)) => {
-                    let text = ServerMessage::Error { message: &message }.to_text();
-                    send(&mut outgoing, Message::Text(text)).await
-                }
-                Some(Reply::Close(frame)) => {
-                    let _ = send(&mut outgoing, Message::Close(Some(frame))).await;
-                    return;
-                }
-                None => return,
-            },
-            changed = updates.changed() => {
-                if changed.is_err() {
-                    return;
-                }
-                let messages = seen.news(&updates.borrow_and_update(), role);
-                send_all(&mut outgoing, messages).await
-            }
-            _ = ping.tick() => match pulse.is_lost() {
-                true => Err(Lost),
-                false => send(&mut outgoing, Message::Ping(Default::default())).await,
-            },
-        };
-        if sent.is_err() {
+    right: Right,
+    shared: &'a Shared,
+    pulse: &'a Pulse,
+}
+
+impl Writer<'_> {
+    async fn write(
+        self,
+        mut outgoing: Outgoing,
+        mut updates: watch::Receiver<Feed>,
+        mut replies: mpsc::Receiver<Reply>,
+    ) {
+        let Writer { role, shared, pulse, .. } = self;
+        let page_version = &shared.page_version;
+        let mut ping = pulse.pings();
+        // A client that comes late is told the whole trial's events: its score and list are then right.
+        let mut seen = Seen { revision: updates.borrow().revision, ..Seen::default() };
+        let hello = ServerMessage::Hello { page_version, revision: seen.revision }.to_text();
+        if send(&mut outgoing, Message::Text(hello)).await.is_err() {
             return;
         }
+        updates.mark_changed();
+        loop {
+            let sent = tokio::select! {
+                biased;
+                reply = replies.recv() => match reply {
+                    Some(Reply::Pong(id)) => {
+                        send(&mut outgoing, Message::Text(ServerMessage::Pong { id }.to_text())).await
+                    }
+                    Some(Reply::Error(message)) => {
+                        let text = ServerMessage::Error { message: &message }.to_text();
+                        send(&mut outgoing, Message::Text(text)).await
+                    }
+                    Some(Reply::Close(frame)) => {
+                        let _ = send(&mut outgoing, Message::Close(Some(frame))).await;
+                        return;
+                    }
+                    None => return,
+                },
+                changed = updates.changed() => {
+                    if changed.is_err() {
+                        return;
+                    }
+                    let (mut messages, driver) = {
+                        let feed = updates.borrow_and_update();
+                        (seen.news(&feed, role), (feed.driver.0 != seen.driver).then(|| feed.driver.clone()))
+                    };
+                    if let Some((changes, driver)) = driver {
+                        seen.driver = changes;
+                        messages.push(self.tell(driver));
+                    }
+                    send_all(&mut outgoing, messages).await
+                }
+                _ = ping.tick() => match pulse.is_lost() {
+                    true => Err(Lost),
+                    false => send(&mut outgoing, Message::Ping(Default::default())).await,
+                },
+            };
+            if sent.is_err() {
+                return;
+            }
+        }
+    }
+
+    /// Who drives, as this client is told.
+    fn tell(&self, driver: Option<(ClientId, String)>) -> Utf8Bytes {
+        let may_drive = drives(self.role, self.right, self.shared.interactive()).is_ok();
+        let you = driver.as_ref().is_some_and(|(client, _)| *client == self.client);
+        let name = driver.as_ref().map(|(_, name)| name.as_str());
+        ServerMessage::Driver { name, you, may_drive }.to_text()
     }
 }
 
@@ -221,6 +299,7 @@ struct Seen {
     sequence: u64,
     status: u64,
     signals: u64,
+    driver: u64,
 }
 
 impl Seen {

@@ -1,5 +1,5 @@
+use crate::encoding::encode;
 use axum::{
-    body::Body,
     http::{StatusCode, header},
     response::{IntoResponse, Response},
 };
@@ -29,7 +29,7 @@ pub(crate) fn by_id<'a>(meshes: impl IntoIterator<Item = &'a MeshFile>) -> Meshe
 }
 
 /// The answer to a page that asks for the mesh `id`.
-pub(crate) fn respond(found: Option<Arc<[u8]>>, id: &str) -> Response {
+pub(crate) fn respond(found: Option<Arc<[u8]>>, id: &str, gzip: bool) -> Response {
     let Some(bytes) = found else {
         return (StatusCode::NOT_FOUND, format!("there is no mesh {id} here\n")).into_response();
     };
@@ -39,5 +39,5 @@ pub(crate) fn respond(found: Option<Arc<[u8]>>, id: &str) -> Response {
         (header::CACHE_CONTROL, "max-age=31536000, immutable"),
         (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
     ];
-    (headers, Body::from(bytes.to_vec())).into_response()
+    encode(headers, &bytes, gzip)
 }

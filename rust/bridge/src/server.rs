@@ -1,5 +1,6 @@
 use crate::{
     BridgeError, ClientInput, RecordedTrial, Signals, TrialStatus, assets, camera,
+    encoding::{encode, takes_gzip},
     feed::{Feed, ServerMessage},
     input_arbiter::{ClientId, InputArbiter},
     live::{self, Role},
@@ -10,7 +11,7 @@ use axum::{
     Extension, Router,
     body::Bytes,
     extract::{Path, Query, State, ws::WebSocketUpgrade},
-    http::{StatusCode, header},
+    http::{HeaderMap, StatusCode, header},
     response::{IntoResponse, Response},
     routing::get,
 };
@@ -23,7 +24,7 @@ use std::{
     net::{IpAddr, Ipv4Addr},
     sync::{
         Arc, Mutex, MutexGuard, PoisonError,
-        atomic::{AtomicU64, AtomicUsize, Ordering},
+        atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering},
     },
     time::{Duration, Instant},
 };
@@ -123,6 +124,8 @@ pub(crate) struct Shared {
     /// One permit for each page that may connect still.
     places: Arc<Semaphore>,
     clients: AtomicUsize,
+    /// A page has drawn.
+    drawn: AtomicBool,
     next_client: AtomicU64,
     trials: Mutex<StoredTrials>,
     /// Pictures are taken one after the other.
@@ -147,12 +150,30 @@ impl Shared {
     /// Counts a connection out; if it drove, the arm stops.
     pub(crate) fn leave(&self, client: ClientId) {
         self.clients.fetch_sub(1, Ordering::Relaxed);
-        self.input_arbiter().leave(client);
+        self.arbitrate(|arbiter| arbiter.leave(client));
+    }
+
+    /// Does something with the arbiter, and tells all pages if another one drives then.
+    pub(crate) fn arbitrate<T>(&self, act: impl FnOnce(&mut InputArbiter) -> T) -> T {
+        let mut arbiter = self.input_arbiter();
+        let before = arbiter.driver().0;
+        let done = act(&mut arbiter);
+        let driver = arbiter.driver();
+        if driver.0 != before {
+            // Under the arbiter's lock, so that no older word comes after a newer one.
+            self.feed.send_modify(|feed| feed.driver = driver);
+        }
+        done
     }
 
     pub(crate) fn input_arbiter(&self) -> MutexGuard<'_, InputArbiter> {
         // No code that holds these locks can panic half way through a change.
         self.input_arbiter.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// A page has the trial's first picture on its screen.
+    pub(crate) fn note_drawn(&self) {
+        self.drawn.store(true, Ordering::Relaxed);
     }
 
     pub(crate) fn interactive(&self) -> bool {
@@ -204,6 +225,7 @@ impl PageServer {
             limits: options.limits,
             places: Arc::new(Semaphore::new(MAX_CLIENTS)),
             clients: AtomicUsize::new(0),
+            drawn: AtomicBool::new(false),
             next_client: AtomicU64::new(1),
             trials: Mutex::default(),
             one_picture: Semaphore::new(1),
@@ -279,6 +301,11 @@ impl PageServer {
         Ok(())
     }
 
+    /// Whether a page has had a picture of the arm on its screen.
+    pub fn has_drawn(&self) -> bool {
+        self.shared.drawn.load(Ordering::Relaxed)
+    }
+
     /// Number of pages that are connected.
     pub fn client_count(&self) -> usize {
         self.shared.clients.load(Ordering::Relaxed)
@@ -325,8 +352,8 @@ async fn watch_silence(shared: Arc<Shared>) {
 
 fn router(shared: Arc<Shared>) -> Router {
     Router::new()
-        .route("/", get(|| async { assets::page("") }))
-        .route("/{*path}", get(|Path(path): Path<String>| async move { assets::page(&path) }))
+        .route("/", get(|asked: HeaderMap| async move { assets::page("", takes_gzip(&asked)) }))
+        .route("/{*path}", get(file))
         .route("/meshes/{id}", get(mesh))
         .route("/healthz", get(|| async { "ok\n" }))
         .route("/api/content", get(content))
@@ -338,14 +365,20 @@ fn router(shared: Arc<Shared>) -> Router {
         .with_state(shared)
 }
 
-async fn content(State(shared): State<Arc<Shared>>) -> Response {
-    let content = shared.content().json.clone();
-    json(content.into())
+async fn file(Path(path): Path<String>, asked: HeaderMap) -> Response {
+    assets::page(&path, takes_gzip(&asked))
 }
 
-async fn mesh(State(shared): State<Arc<Shared>>, Path(id): Path<String>) -> Response {
+async fn content(State(shared): State<Arc<Shared>>, asked: HeaderMap) -> Response {
+    let content = shared.content().json.clone();
+    let headers = [(header::CONTENT_TYPE, "application/json"), (header::CACHE_CONTROL, "no-store")];
+    encode(headers, content.as_bytes(), takes_gzip(&asked))
+}
+
+async fn mesh(State(shared): State<Arc<Shared>>, Path(id): Path<String>, asked: HeaderMap) -> Response {
     let shown = shared.content().meshes.get(&id).cloned();
-    meshes::respond(shown.or_else(|| shared.trials().meshes.get(&id).cloned()), &id)
+    let found = shown.or_else(|| shared.trials().meshes.get(&id).cloned());
+    meshes::respond(found, &id, takes_gzip(&asked))
 }
 
 async fn trials(State(shared): State<Arc<Shared>>) -> Response {

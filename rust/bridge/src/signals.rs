@@ -1,5 +1,6 @@
+use crate::AfterTrial;
 use proact_types::SimTime;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Whether the trial goes on, and what the record of it is called.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -11,6 +12,14 @@ pub struct TrialStatus {
     pub aborted: bool,
     /// The experimenter's buttons have an effect.
     pub can_pause: bool,
+    /// Simulated time has not begun: it waits for the person's first action.
+    pub waiting: bool,
+    /// Simulated time stands still, because who drives reads a dialog.
+    pub held: bool,
+    /// What may be asked for when the trial is over.
+    pub offers: Vec<AfterTrial>,
+    /// Results of this trial, once it is over, and of those before it, the newest first.
+    pub results: Vec<ResultCard>,
     /// Seed of the trial.
     pub seed: u64,
     /// Where it is recorded; none if it is not.
@@ -21,6 +30,46 @@ pub struct TrialStatus {
     pub gaze_checks: u32,
     /// The same for a calibration of the gaze.
     pub gaze_calibrations: u32,
+}
+
+/// How a trial went, for whoever drove or watched.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
+pub struct ResultCard {
+    /// Who drove, such as `You`.
+    pub who: String,
+    /// Name of the method.
+    pub method: String,
+    /// What the task counts.
+    pub score: f64,
+    /// The most that it can be; none if there is no bound.
+    pub most: Option<u32>,
+    /// What the score is, such as `blocks on target`.
+    pub score_name: String,
+    /// Length of the trial, simulated seconds.
+    pub seconds: f64,
+    /// Length of the wrist's path, metres.
+    pub path_m: f64,
+    /// What became of each object, for tasks that tell.
+    pub objects: Vec<ResultLine>,
+}
+
+/// What became of one object, as a line of a [`ResultCard`].
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
+pub struct ResultLine {
+    /// Its name.
+    #[serde(rename(deserialize = "block"))]
+    pub name: String,
+    /// What became of it, such as `on_target`.
+    pub outcome: String,
+    /// Seconds from the release of the one before, or the start, to the first contact; none if it was never held.
+    pub pick_s: Option<f64>,
+    /// Seconds from the last contact to the release; none if it was never released.
+    pub place_s: Option<f64>,
+    /// Horizontal distance from its target at the end, metres.
+    #[serde(rename(deserialize = "distance_m"))]
+    pub error_m: Option<f64>,
 }
 
 /// What the experimenter watches beside the scene: about ten times a second, the latest only.

@@ -37,8 +37,11 @@ async fn get(server: &PageServer, path: &str) -> String {
 #[tokio::test]
 async fn page_content_and_health_are_served() {
     let server = start(true);
-    assert!(get(&server, "/").await.contains("<title>ProACT"));
-    assert!(get(&server, "/app.js").await.starts_with("HTTP/1.1 200"));
+    let first = get(&server, "/").await;
+    assert!(first.contains("<title>ProACT"));
+    // Scripts have the hash of their content in their names.
+    let named = first.split('"').find(|part| part.starts_with("/app-") && part.ends_with(".js")).unwrap();
+    assert!(get(&server, named).await.starts_with("HTTP/1.1 200"));
     assert!(get(&server, "/healthz").await.ends_with("ok\n"));
     assert!(get(&server, "/meshes/no_such.stl").await.starts_with("HTTP/1.1 404"));
     assert!(get(&server, "/..%2fCargo.toml").await.starts_with("HTTP/1.1 404"));
@@ -362,4 +365,53 @@ fn content_that_does_not_fit_together_is_refused() {
         Err(BridgeError::Content { what }) => assert!(what.contains("1 links and 1 joints"), "{what}"),
         other => panic!("expected Content, got {:?}", other.map(|server| server.url())),
     }
+}
+
+#[tokio::test]
+async fn one_page_drives_and_the_others_watch_until_one_takes_over() {
+    let server = start(true);
+    let (mut first, mut second) = (connect(&server).await, connect(&server).await);
+    say(&mut first, r#"{"type":"join","name":"Ann"}"#).await;
+    let told = next_of(&mut first, "driver").await;
+    assert_eq!((told["name"].as_str(), told["you"].as_bool()), (Some("Ann"), Some(true)));
+    say(&mut second, r#"{"type":"join","name":"Bo"}"#).await;
+    let told = next_of(&mut second, "driver").await;
+    assert_eq!(
+        (told["name"].as_str(), told["you"].as_bool(), told["may_drive"].as_bool()),
+        (Some("Ann"), Some(false), Some(true))
+    );
+    // A gesture and a restart of who watches are refused with the driver's name; a relaxed hand is not.
+    say(&mut second, r#"{"type":"gesture","gesture":"wrist_extension"}"#).await;
+    assert!(next_of(&mut second, "error").await["message"].as_str().unwrap().contains("Ann drives"));
+    say(&mut second, r#"{"type":"restart"}"#).await;
+    assert!(next_of(&mut second, "error").await["message"].as_str().unwrap().contains("Ann drives"));
+    say(&mut first, r#"{"type":"gesture","gesture":"hand_close"}"#).await;
+    assert_eq!(inputs(&server, 1).await, [ClientInput::Gesture(Gesture::HandClose)]);
+    say(&mut second, r#"{"type":"take_over"}"#).await;
+    for (client, you) in [(&mut first, false), (&mut second, true)] {
+        let told = next_of(client, "driver").await;
+        assert_eq!((told["name"].as_str(), told["you"].as_bool()), (Some("Bo"), Some(you)));
+    }
+    say(&mut second, r#"{"type":"gesture","gesture":"hand_open"}"#).await;
+    // What the first one held was released when the second took over.
+    let expected = [ClientInput::Gesture(Gesture::NoMotion), ClientInput::Gesture(Gesture::HandOpen)];
+    assert_eq!(inputs(&server, 2).await, expected);
+    drop(second);
+    assert_eq!(next_of(&mut first, "driver").await["name"], serde_json::Value::Null);
+}
+
+#[tokio::test]
+async fn who_only_watches_cannot_take_over() {
+    let server = start(true);
+    for role in ["spectator", "experimenter"] {
+        let mut client = connect_as(&server, role).await;
+        say(&mut client, r#"{"type":"join","name":"Cy"}"#).await;
+        say(&mut client, r#"{"type":"take_over"}"#).await;
+        let refused = next_of(&mut client, "error").await["message"].as_str().unwrap().to_owned();
+        assert!(refused.contains("does not drive"), "{refused}");
+    }
+    let watched = start(false);
+    let mut shown = connect(&watched).await;
+    say(&mut shown, r#"{"type":"take_over"}"#).await;
+    assert!(next_of(&mut shown, "error").await["message"].as_str().unwrap().contains("only shows"));
 }

@@ -1,6 +1,8 @@
 // Bundles the page into dist/, which the Rust crate embeds. `--watch` builds again at each change.
-import { cp, mkdir, rm } from "node:fs/promises";
+import { mkdir, readFile, readdir, rm, writeFile } from "node:fs/promises";
 import { fileURLToPath } from "node:url";
+import { promisify } from "node:util";
+import { gzip } from "node:zlib";
 import * as esbuild from "esbuild";
 
 const root = fileURLToPath(new URL(".", import.meta.url));
@@ -17,23 +19,50 @@ const options = {
   bundle: true,
   // What the pages share is one file.
   splitting: true,
+  // A file whose name holds the hash of its content can be kept by a browser for ever.
+  entryNames: "[name]-[hash]",
   chunkNames: "shared-[hash]",
   minify: true,
   format: "esm",
   target: ["chrome100", "firefox100", "safari15.4"],
   legalComments: "linked",
   logLevel: "warning",
+  metafile: true,
 };
 
 await rm(`${root}dist`, { recursive: true, force: true });
 await mkdir(`${root}dist`, { recursive: true });
-const files = ["index.html", "calibrate.html", "experimenter.html", "reference-board.html", "replay.html", "icon.svg"];
-for (const file of files) {
-  await cp(`${root}src/${file}`, `${root}dist/${file}`);
+const pages = ["index.html", "calibrate.html", "experimenter.html", "reference-board.html", "replay.html"];
+
+/** The pages and the icon, with the hashed names of what was built in them. */
+async function copyPages({ metafile }) {
+  const built = Object.keys(metafile.outputs).map((path) => path.replace(/^dist\//, ""));
+  await writeFile(`${root}dist/icon.svg`, await readFile(`${root}src/icon.svg`));
+  for (const page of pages) {
+    const text = await readFile(`${root}src/${page}`, "utf8");
+    const named = text.replace(/"\/([a-z-]+)\.(js|css)"/g, (_, name, ending) => {
+      const file = built.find((candidate) => new RegExp(`^${name}-[A-Z0-9]+\\.${ending}$`).test(candidate));
+      if (!file) throw new Error(`${page} asks for ${name}.${ending}, which was not built`);
+      return `"/${file}"`;
+    });
+    await writeFile(`${root}dist/${page}`, named);
+  }
 }
+
+/** Each file once more as browsers take it over the line, where that is smaller. */
+async function compress() {
+  for (const name of await readdir(`${root}dist`)) {
+    const plain = await readFile(`${root}dist/${name}`);
+    const small = await promisify(gzip)(plain, { level: 9 });
+    if (small.length < 0.9 * plain.length) await writeFile(`${root}dist/${name}.gz`, small);
+  }
+}
+
 if (process.argv.includes("--watch")) {
-  const context = await esbuild.context({ ...options, minify: false, sourcemap: "inline", logLevel: "info" });
+  const copied = { name: "pages", setup: (build) => build.onEnd(copyPages) };
+  const context = await esbuild.context({ ...options, minify: false, sourcemap: "inline", logLevel: "info", plugins: [copied] });
   await context.watch();
 } else {
-  await esbuild.build(options);
+  await copyPages(await esbuild.build(options));
+  await compress();
 }

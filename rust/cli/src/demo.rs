@@ -1,27 +1,33 @@
 use crate::{
     announce::{announce, print_result},
     consent,
-    interrupt::{interrupt_flag, wait_for},
+    interrupt::interrupt_flag,
     person_args::FeedbackArgs,
     rosbridge_args::RosbridgeArgs,
+    serve::{after_demo, free_dir},
     trial_args::TrialArgs,
 };
 use clap::Args;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use proact_app::{
-    Arm, Audience, Recorder, Registry, answer, default_dir, run_to_end, tell,
+    Arm, Audience, Recorder, Registry, ResultCards, Rosbridge, WristPath, answer, default_dir, run_to_end,
+    tell,
     trial::{self, Assembly},
 };
-use proact_bridge::{PageContent, PageOptions, PageServer};
-use proact_devices::EmgOrigin;
+use proact_bridge::{AfterTrial, ClientInput, PageContent, PageOptions, PageServer};
+use proact_devices::{EmgOrigin, FeedbackSinks};
 use proact_emg::{EmgConfig, EmgModel};
-use proact_testbed::{Session, TrialConfig, TrialEnd};
+use proact_testbed::{Session, TrialConfig, TrialEnd, TrialResult};
 use proact_types::{MOST_TEXT_BYTES, read_text};
 use std::{
     error::Error,
     io::IsTerminal,
     path::{Path, PathBuf},
-    sync::atomic::Ordering,
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+    },
+    time::Duration,
 };
 
 /// Arguments of `proact demo`.
@@ -29,7 +35,8 @@ use std::{
 #[command(after_help = "Examples:\n  proact demo\n  proact demo --headless --seed 7 --json\n  \
     proact demo --emg recordings/ --emg-train 0,1 --emg-feed 2\n\n\
     EMG comes from a generator unless --emg names a folder of recordings. `--setup still` keeps the shoulder still. \
-    Ctrl-C ends the trial and closes its record; the exit code is then not 0.")]
+    The trial begins when a page has drawn it, or after 10 s. Ctrl-C ends the trial and closes its record; the exit code is \
+    then not 0.")]
 pub(crate) struct DemoArgs {
     #[command(flatten)]
     trial: TrialArgs,
@@ -135,7 +142,8 @@ pub(crate) fn demo(registry: &Registry, args: &DemoArgs) -> Result<bool, Box<dyn
         None => Some(proact_devices::default_config(&source)?),
     };
     let (arm, config) = args.trial.config(&registry.methods, "seated", emg)?;
-    trial_with(registry, &arm, config, &source, trained.as_ref(), &args.how)
+    let shown = Shown { arm, config, source, trained };
+    shown.run(registry, Some(&args.trial), &args.how)
 }
 
 pub(crate) fn run(registry: &Registry, args: &RunArgs) -> Result<bool, Box<dyn Error>> {
@@ -159,57 +167,140 @@ pub(crate) fn run(registry: &Registry, args: &RunArgs) -> Result<bool, Box<dyn E
         }
         None => (Arm::recorded(args.config.parent().unwrap_or(Path::new(".")), &config)?, config),
     };
-    trial_with(registry, &arm, config, &source, args.how.trained()?.as_ref(), &args.how)
+    let shown = Shown { arm, config, source, trained: args.how.trained()? };
+    shown.run(registry, None, &args.how)
 }
 
-fn trial_with(
-    registry: &Registry,
-    arm: &Arm,
+/// A trial with a simulated participant.
+struct Shown {
+    arm: Arm,
     config: TrialConfig,
-    source: &EmgOrigin,
-    trained: Option<&EmgModel>,
-    how: &RunHow,
-) -> Result<bool, Box<dyn Error>> {
-    let Assembly { session, classifier, plans, .. } =
-        trial::simulated_with(&registry.methods, arm, config, source, trained)?;
-    let config = session.testbed().config().clone();
-    let dir = (!how.no_record).then(|| how.out.clone().unwrap_or_else(|| default_dir(&config)));
-    let recorder = match &dir {
-        Some(dir) => Some(Recorder::create(dir, &config, arm, classifier.as_ref())?.with_plans(plans)?),
-        None => None,
-    };
-    let page = if how.headless { None } else { Some(open_page(registry, &session, arm, how)?) };
-    let (rosbridge, feedback) = (how.rosbridge.open(&session)?, how.feedback.open(&registry.sinks)?);
-    let bar = bar(&session, !how.json);
-    let score_name = session.testbed().task().briefing().score_name.clone();
-    let interrupted = interrupt_flag()?;
-    let mut audience = Audience { page: page.as_ref(), rosbridge, feedback, interrupted: &interrupted };
-    let result = run_to_end(session, recorder, &mut audience, dir.as_deref(), |frame| {
-        bar.set_position(frame.time.0);
-        bar.set_message(format!("{} {score_name}", frame.score));
-    })?;
-    bar.finish_and_clear();
-    if how.json {
-        answer(serde_json::to_string(&result)?)?;
-    } else {
-        print_result(&result)?;
-    }
-    if let Some(page) = page.filter(|_| !how.exit && !interrupted.load(Ordering::Relaxed)) {
-        tell(format_args!("the page stays at {} until Ctrl-C", page.url()));
-        wait_for(&interrupted);
-    }
-    Ok(result.ended != TrialEnd::Interrupt)
+    source: EmgOrigin,
+    trained: Option<EmgModel>,
 }
 
-fn open_page(
-    registry: &Registry,
-    session: &Session,
-    arm: &Arm,
-    how: &RunHow,
-) -> Result<PageServer, Box<dyn Error>> {
+/// What outlives one showing.
+struct Room {
+    page: Option<PageServer>,
+    around: Option<(Option<Rosbridge>, FeedbackSinks)>,
+    cards: ResultCards,
+    offers: Vec<AfterTrial>,
+    interrupted: Arc<AtomicBool>,
+}
+
+impl Shown {
+    /// Runs it, as often as the page asks for. The page may then ask to drive by what `asked` says, if that is known.
+    fn run(
+        &self,
+        registry: &Registry,
+        asked: Option<&TrialArgs>,
+        how: &RunHow,
+    ) -> Result<bool, Box<dyn Error>> {
+        let mut offers = vec![AfterTrial::WatchAgain];
+        offers.extend(asked.map(|_| AfterTrial::Drive));
+        let cards = ResultCards::default();
+        let mut room = Room { page: None, around: None, cards, offers, interrupted: interrupt_flag()? };
+        loop {
+            let result = self.once(registry, how, &mut room)?;
+            let Room { page, interrupted, .. } = &mut room;
+            let ended = Ok(result.ended != TrialEnd::Interrupt);
+            let Some(shown) = page.as_ref().filter(|_| !how.exit && !interrupted.load(Ordering::Relaxed))
+            else {
+                return ended;
+            };
+            tell(format_args!("the page stays at {} until Ctrl-C", shown.url()));
+            match (wait_for_wish(shown, interrupted), asked) {
+                (None, _) => return ended,
+                (Some(AfterTrial::Drive), Some(asked)) => {
+                    let Some(page) = page.take() else { return ended };
+                    return after_demo(
+                        registry,
+                        asked.clone(),
+                        !how.no_record,
+                        page,
+                        room.cards,
+                        &room.interrupted,
+                    );
+                }
+                (Some(_), _) => {}
+            }
+        }
+    }
+
+    /// Shows it once.
+    fn once(
+        &self,
+        registry: &Registry,
+        how: &RunHow,
+        room: &mut Room,
+    ) -> Result<TrialResult, Box<dyn Error>> {
+        let Shown { arm, config, source, trained } = self;
+        let Assembly { session, classifier, plans, .. } =
+            trial::simulated_with(&registry.methods, arm, config.clone(), source, trained.as_ref())?;
+        let config = session.testbed().config().clone();
+        let dir = (!how.no_record).then(|| how.out.clone().unwrap_or_else(|| default_dir(&config)));
+        // The first time a place that is taken is refused.
+        let dir = if room.page.is_some() { dir.map(free_dir) } else { dir };
+        let recorder = match &dir {
+            Some(dir) => Some(Recorder::create(dir, &config, arm, classifier.as_ref())?.with_plans(plans)?),
+            None => None,
+        };
+        match &room.page {
+            Some(page) => page.set_content(content(registry, &session, arm))?,
+            None if how.headless => {}
+            None => room.page = Some(open_page(registry, &session, arm, how)?),
+        }
+        let (rosbridge, feedback) = match room.around.take() {
+            None => (how.rosbridge.open(&session)?, how.feedback.open(&registry.sinks)?),
+            Some((rosbridge, feedback)) => {
+                rosbridge.as_ref().map_or(Ok(()), |rosbridge| rosbridge.restart(&session))?;
+                (rosbridge, feedback)
+            }
+        };
+        let bar = bar(&session, !how.json);
+        let briefing = session.testbed().task().briefing().clone();
+        let mut path = WristPath::default();
+        let page = room.page.as_ref();
+        let mut audience = Audience { page, rosbridge, feedback, interrupted: &room.interrupted };
+        let result = run_to_end(session, recorder, &mut audience, dir.as_deref(), |frame| {
+            path.add(frame);
+            bar.set_position(frame.time.0);
+            bar.set_message(format!("{} {}", frame.score, briefing.score_name));
+        })?;
+        bar.finish_and_clear();
+        room.around = Some((audience.rosbridge, audience.feedback));
+        if let Some(page) = page {
+            room.cards.show(page, briefing.most, &result, "Simulated participant", path, &room.offers);
+        }
+        if how.json {
+            answer(serde_json::to_string(&result)?)?;
+        } else {
+            print_result(&result)?;
+        }
+        Ok(result)
+    }
+}
+
+/// What the page asks for after a trial; none when the command is ended.
+fn wait_for_wish(page: &PageServer, interrupted: &AtomicBool) -> Option<AfterTrial> {
+    while !interrupted.load(Ordering::Relaxed) {
+        let wish = page.drain_inputs().into_iter().find_map(|input| match input {
+            ClientInput::After(wish) => Some(wish),
+            _ => None,
+        });
+        if wish.is_some() {
+            return wish;
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    None
+}
+
+/// What the page shows of a trial.
+fn content(registry: &Registry, session: &Session, arm: &Arm) -> PageContent {
     let testbed = session.testbed();
     let config = testbed.config();
-    let content = PageContent {
+    PageContent {
         title: format!("Method {}, simulated participant", config.method_label()),
         setup: config.setup.name.clone(),
         arm: testbed.model().as_ref().clone(),
@@ -220,10 +311,18 @@ fn open_page(
         lean: false,
         method: testbed.method().clone(),
         methods: registry.methods.infos(),
-    };
+    }
+}
+
+fn open_page(
+    registry: &Registry,
+    session: &Session,
+    arm: &Arm,
+    how: &RunHow,
+) -> Result<PageServer, Box<dyn Error>> {
     let options = PageOptions { port: how.port, ..PageOptions::default() };
     let (access, secret) = how.rosbridge.access.page_access(options.bind, vec![])?;
-    let server = PageServer::start(PageOptions { access, ..options }, content)?;
+    let server = PageServer::start(PageOptions { access, ..options }, content(registry, session, arm))?;
     announce(&server, "", !how.no_browser, secret);
     Ok(server)
 }

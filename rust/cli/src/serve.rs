@@ -5,9 +5,9 @@ use crate::{
     person_args::PersonArgs,
     trial_args::TrialArgs,
 };
-use clap::Args;
+use clap::{Args, Parser};
 use proact_app::{
-    Ended, LiveArmband, LivePerson, LiveTrial, Recorder, Registry, default_dir, tell,
+    Ended, LiveArmband, LivePerson, LiveTrial, Recorder, Registry, ResultCards, default_dir, tell,
     trial::{self, Armband, Assembly},
 };
 use proact_bridge::{PageContent, PageOptions, PageServer};
@@ -18,6 +18,7 @@ use std::{
     error::Error,
     net::{IpAddr, Ipv4Addr},
     path::PathBuf,
+    sync::atomic::AtomicBool,
 };
 
 /// Arguments of `proact serve`.
@@ -26,7 +27,8 @@ use std::{
     proact serve --rosbridge --allow 192.168.1.20\n  \
     proact serve --headset\n  \
     proact serve --bind 0.0.0.0 --token-file ~/.proact_token --host-name testbed.example.org\n\n\
-    Mouse is gaze; keys are gestures and are shown on the page. R starts a new trial. Ctrl-C ends.")]
+    Mouse is gaze; keys are gestures and are shown on the page. Time begins with the first action at the page. \
+    R starts a new trial. Ctrl-C ends.")]
 pub(crate) struct ServeArgs {
     #[command(flatten)]
     trial: TrialArgs,
@@ -66,14 +68,43 @@ pub(crate) struct ServeArgs {
 }
 
 pub(crate) fn command(registry: &Registry, args: &ServeArgs) -> Result<bool, Box<dyn Error>> {
-    let mut asked = args.trial.clone();
     let interrupted = interrupt_flag()?;
+    drive(registry, args, None, ResultCards::default(), &interrupted)
+}
+
+/// As after `proact serve` without other words than those of `trial`.
+pub(crate) fn after_demo(
+    registry: &Registry,
+    trial: TrialArgs,
+    record: bool,
+    server: PageServer,
+    results: ResultCards,
+    interrupted: &AtomicBool,
+) -> Result<bool, Box<dyn Error>> {
+    #[derive(Parser)]
+    struct Alone {
+        #[command(flatten)]
+        args: ServeArgs,
+    }
+    let mut args = Alone::try_parse_from(["serve"])?.args;
+    (args.trial, args.no_record) = (trial, !record);
+    drive(registry, &args, Some(server), results, interrupted)
+}
+
+/// Trial after trial by the person at the page, on `server` if it is up already.
+fn drive(
+    registry: &Registry,
+    args: &ServeArgs,
+    mut server: Option<PageServer>,
+    mut results: ResultCards,
+    interrupted: &AtomicBool,
+) -> Result<bool, Box<dyn Error>> {
+    let mut asked = args.trial.clone();
     let armband = match (&args.emg_source, &args.emg_model) {
         (Some(source), Some(model)) => Some(LiveArmband::open(&registry.sources, source, model)?),
         _ => None,
     };
     let mut gaze_offset = GazeOffset::default();
-    let mut server: Option<PageServer> = None;
     let mut person: Option<LivePerson> = None;
     loop {
         let emg = armband.as_ref().map(|armband| armband.model().config.clone());
@@ -138,7 +169,8 @@ pub(crate) fn command(registry: &Registry, args: &ServeArgs) -> Result<bool, Box
             page,
             person,
             gaze_offset: &mut gaze_offset,
-            interrupted: &interrupted,
+            results: &mut results,
+            interrupted,
         };
         let (mut ended, result) = trial.run()?;
         print_result(&result)?;
@@ -166,16 +198,60 @@ fn announce_remote(server: &PageServer, headset: bool, secret: bool) -> Result<(
     let Some(url) = server.remote_url() else { return Ok(()) };
     tell(format_args!("on another machine: {}", printed(&url, secret)));
     if headset {
-        let code = qrcode::QrCode::new(&url)?;
-        tell(format_args!("{}", code.render::<qrcode::render::unicode::Dense1x2>().build()));
-        tell("The certificate is made anew at each start: the browser asks once whether to go on.");
+        tell(qr_code(&url)?);
+        tell(
+            "The certificate is our own: the browser asks once whether to go on, and not again at the next start.",
+        );
     }
     Ok(())
 }
 
+/// The QR code of `text` in black on white, whatever the colours of the terminal are: scanners want dark on light.
+fn qr_code(text: &str) -> Result<String, qrcode::types::QrError> {
+    const BLACK_ON_WHITE: &str = "\x1b[38;5;16;48;5;231m";
+    let code = qrcode::QrCode::new(text)?;
+    let picture = code.render::<qrcode::render::unicode::Dense1x2>().build();
+    Ok(picture.lines().map(|line| format!("{BLACK_ON_WHITE}{line}\x1b[0m\n")).collect())
+}
+
 /// `dir`, or the same with a number added if it is taken: the same blocks again are another trial.
-fn free_dir(dir: PathBuf) -> PathBuf {
+pub(crate) fn free_dir(dir: PathBuf) -> PathBuf {
     let numbered = |k: u32| PathBuf::from(format!("{}-{k}", dir.display()));
     let names = std::iter::once(dir.clone()).chain((2..).map(numbered));
     names.into_iter().find(|name| !name.exists()).unwrap_or(dir)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The modules of what is printed, dark ones true, as a scanner sees them on a terminal of any colours.
+    fn seen(printed: &str) -> Result<Vec<Vec<bool>>, String> {
+        let mut rows = Vec::new();
+        for line in printed.lines() {
+            let line = line.strip_prefix("\x1b[38;5;16;48;5;231m").ok_or("no colours of its own")?;
+            let line = line.strip_suffix("\x1b[0m").ok_or("the colours go on")?;
+            let halves: &[fn(char) -> bool] =
+                &[|c| matches!(c, '\u{2580}' | '\u{2588}'), |c| matches!(c, '\u{2584}' | '\u{2588}')];
+            rows.extend(halves.iter().map(|dark| line.chars().map(dark).collect::<Vec<_>>()));
+        }
+        Ok(rows)
+    }
+
+    #[test]
+    fn the_qr_code_is_dark_on_light_with_a_margin_on_any_terminal() -> Result<(), Box<dyn Error>> {
+        let url = "https://192.168.1.20:8090/?token=0123456789abcdef";
+        let rows = seen(&qr_code(url)?)?;
+        let code = qrcode::QrCode::new(url)?;
+        const MARGIN: usize = 4;
+        assert!(rows[..MARGIN].iter().flatten().all(|dark| !dark), "light around it");
+        let width = code.width();
+        for (y, modules) in code.to_colors().chunks(width).enumerate() {
+            for (x, module) in modules.iter().enumerate() {
+                let dark = *module == qrcode::Color::Dark;
+                assert_eq!(rows[y + MARGIN][x + MARGIN], dark, "module {x}, {y}");
+            }
+        }
+        Ok(())
+    }
 }

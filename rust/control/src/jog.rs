@@ -1,5 +1,5 @@
 use crate::method::refused;
-use crate::{ControlInput, HandCommand, JogProfile, MotionCommand, Shown};
+use crate::{ControlInput, HandCommand, JogProfile, JogSteps, MotionCommand, Shown};
 use proact_types::{Gesture, HandState, ModeView, PlannerView, SimTime, TargetView, joints};
 
 /// From gestures to motion, modes and hand: what methods A and B share.
@@ -19,7 +19,7 @@ pub(crate) enum JogMotion {
     None,
     /// The motion gesture is over.
     Stop,
-    /// WE (1) or WF (-1) is held.
+    /// WE (1) or WF (-1) is held: the share of the method's speed, with that sign.
     Speed(f64),
     /// A message WE (1) or WF (-1); `repeated` if the message before was the same.
     Step { sign: f64, repeated: bool },
@@ -35,11 +35,12 @@ impl Jog {
     /// Cycles through `modes`, at least one. `drops_open_after_close`: a message HO straight after HC counts as NM.
     pub(crate) fn new(modes: Vec<ModeView>, profile: &JogProfile, drops_open_after_close: bool) -> Self {
         let pace = match *profile {
-            JogProfile::Time { back_after_ms, open_after_close_ms, confirm_open_ms } => {
+            JogProfile::Time { back_after_ms, open_after_close_ms, confirm_open_ms, steps } => {
                 Pace::Time(TimePace {
                     back_after_ms,
                     open_after_close_ms,
                     confirm: Confirm::new(confirm_open_ms),
+                    steps,
                     gesture: Gesture::NoMotion,
                     before: Gesture::NoMotion,
                     since: SimTime(0),
@@ -133,6 +134,7 @@ struct TimePace {
     back_after_ms: u64,
     open_after_close_ms: u64,
     confirm: Confirm,
+    steps: Option<JogSteps>,
     gesture: Gesture,
     /// The gesture before the present one.
     before: Gesture,
@@ -157,7 +159,10 @@ impl TimePace {
         let hand = (changed && self.gesture == Gesture::HandClose).then(|| self.toggle(now, input)).flatten();
         self.confirm_in_secs = self.confirm.waits_secs(now);
         let motion = match self.gesture {
-            Gesture::WristExtension | Gesture::WristFlexion => JogMotion::Speed(sign(self.gesture)),
+            Gesture::WristExtension | Gesture::WristFlexion => {
+                let share = self.steps.map_or(1.0, |steps| steps.share(now.millis_since(self.since)));
+                JogMotion::Speed(share * sign(self.gesture))
+            }
             _ if changed && moved => JogMotion::Stop,
             _ => JogMotion::None,
         };

@@ -14,6 +14,7 @@ mod guide;
 mod hand;
 mod inverse;
 mod jog;
+mod jog_profile;
 mod joint_jog;
 mod limited;
 mod method;
@@ -32,6 +33,7 @@ pub use gaze_assisted::GazeAssisted;
 pub use gaze_toggled::GazeToggled;
 pub use guide::Guide;
 pub use hand::HandTracker;
+pub use jog_profile::{JogProfile, JogSteps};
 pub use joint_jog::JointJog;
 pub use limited::Limited;
 pub use method::{
@@ -40,7 +42,7 @@ pub use method::{
 pub use pipe::{InputLine, OutputLine, PipeMethod};
 pub use profile::{
     Axis, AxisEntry, AxisMotion, BlendProfile, ControlError, DampedProfile, DeadManProfile,
-    EndEffectorJogProfile, GazeAssistedProfile, InverseProfile, JogProfile, JointJogProfile, LimiterProfile,
+    EndEffectorJogProfile, GazeAssistedProfile, InverseProfile, JointJogProfile, LimiterProfile,
     LockOnceProfile, MoorePenroseProfile, Profile, ToggleLocksProfile,
 };
 pub use registry::{MakeMethod, MethodEntry, MethodProgram, MethodRegistry, OUTSIDE};

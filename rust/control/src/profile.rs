@@ -1,5 +1,6 @@
 //! What the methods do, as data: the numbers and the choices between rules.
 
+use crate::JogProfile;
 use proact_arm::JointEntry;
 use proact_types::{Gesture, GestureName};
 use serde::{Deserialize, Serialize};
@@ -128,28 +129,6 @@ pub struct Profile {
     /// Stop on stale input; none in the original.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dead_man: Option<DeadManProfile>,
-}
-
-/// How methods A and B follow the gestures.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "pace", rename_all = "snake_case", deny_unknown_fields)]
-pub enum JogProfile {
-    /// At a speed, for as long as a gesture is held.
-    Time {
-        /// HO held this long goes back by one from where it began, once in each such span; 0 is never.
-        back_after_ms: u64,
-        /// HO that follows HC directly counts once it has lasted this long.
-        open_after_close_ms: u64,
-        /// With a block in hand, opening is asked for twice within this time; 0 is off.
-        confirm_open_ms: u64,
-    },
-    /// By a step for each message of the classifier (the original).
-    Message {
-        /// Spacing of the messages assumed while none has come: gestures from keys make none.
-        nominal_ms: u64,
-        /// Messages after a change of mode are dropped until the next joint state, one in each such span.
-        joint_state_ms: u64,
-    },
 }
 
 /// Method A.
@@ -428,6 +407,7 @@ impl Profile {
             ("end_effector_jog.step_m", hand.step_m),
             ("end_effector_jog.step_rad", hand.step_rad),
         ];
+        self.jog.check()?;
         match hand.inverse {
             InverseProfile::Damped(damped) => positive.extend([
                 ("end_effector_jog.inverse.length_m", damped.length_m),

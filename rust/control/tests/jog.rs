@@ -5,7 +5,8 @@ use Gesture::{HandClose, HandOpen, NoMotion, WristExtension, WristFlexion};
 use common::{Rig, START, limits, model};
 use proact_control::ports::ArmKinematics;
 use proact_control::{
-    ControlError, DampedProfile, HandCommand, InverseProfile, JogProfile, MotionCommand, Profile, build,
+    ControlError, DampedProfile, HandCommand, InverseProfile, JogProfile, JogSteps, MotionCommand, Profile,
+    build,
 };
 use proact_types::{Gesture, HandState, ObjectId, PlannerView};
 
@@ -360,9 +361,59 @@ fn keys_make_steps_in_the_original_too() {
 }
 
 #[test]
+fn a_tap_is_a_small_step_and_a_long_hold_is_fast_where_the_profile_says_so() {
+    let turned = |steps, millis| {
+        let mut profile = Profile::named("default").expect("embedded");
+        let JogProfile::Time { back_after_ms, open_after_close_ms, confirm_open_ms, .. } = profile.jog else {
+            panic!("by time")
+        };
+        profile.jog = JogProfile::Time { back_after_ms, open_after_close_ms, confirm_open_ms, steps };
+        // Slow enough that no turn ends at the joint's limit.
+        profile.joint_jog.speed_rad_per_s = 0.05;
+        profile.check().expect("steps that make sense");
+        let mut rig = Rig::with(build("A", &profile, &model()).expect("a known method"));
+        rig.run(10);
+        rig.make(WristExtension, millis);
+        rig.q[0] - START[0]
+    };
+    let keys = Some(JogSteps::KEYS);
+    assert!(
+        turned(keys, 150) < 0.6 * turned(None, 150),
+        "{} and {} rad",
+        turned(keys, 150),
+        turned(None, 150)
+    );
+    let fast = turned(keys, 3000) - turned(keys, 2000);
+    let even = turned(None, 3000) - turned(None, 2000);
+    assert!((fast / even - 2.0).abs() < 0.1, "{fast} and {even} rad in a second");
+}
+
+#[test]
+fn steps_that_make_no_sense_are_refused_with_what_was_expected() {
+    let refusal = |steps| {
+        let mut profile = Profile::named("default").expect("embedded");
+        let JogProfile::Time { steps: place, .. } = &mut profile.jog else { panic!("by time") };
+        *place = Some(steps);
+        profile.check().expect_err("steps that make no sense").to_string()
+    };
+    let keys = JogSteps::KEYS;
+    for slow in [0.0, -0.4, 1.1, f64::NAN] {
+        let text = refusal(JogSteps { slow, ..keys });
+        assert!(text.contains("jog.steps.slow") && text.contains("above 0 and at most 1"), "{text}");
+    }
+    for fast in [0.9, 4.1, f64::INFINITY] {
+        let text = refusal(JogSteps { fast, ..keys });
+        assert!(text.contains("jog.steps.fast") && text.contains("1 to 4"), "{text}");
+    }
+    let text = refusal(JogSteps { fast_after_ms: 100, ..keys });
+    assert!(text.contains("jog.steps.fast_after_ms") && text.contains("100"), "{text}");
+}
+
+#[test]
 fn opening_a_hand_that_holds_a_block_can_be_asked_for_twice() {
     let mut profile = Profile::named("default").expect("embedded");
-    profile.jog = JogProfile::Time { back_after_ms: 0, open_after_close_ms: 0, confirm_open_ms: 2000 };
+    profile.jog =
+        JogProfile::Time { back_after_ms: 0, open_after_close_ms: 0, confirm_open_ms: 2000, steps: None };
     let mut rig = Rig::with(build("A", &profile, &model()).expect("a known method"));
     rig.hand = proact_types::HandView { state: HandState::Closed, holds: Some(ObjectId(3)) };
     assert_eq!(hands(&rig.make(HandClose, 100)), []);

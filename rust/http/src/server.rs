@@ -48,7 +48,7 @@ pub struct Options {
     pub port_option: &'static str,
     /// Address to listen on. On a loopback address only this machine can connect.
     pub bind: IpAddr,
-    /// Serve HTTPS with a certificate of our own making.
+    /// Serve HTTPS with a certificate of our own making, which the person's folder for state keeps.
     pub https: bool,
     /// Who may connect.
     pub access: Access,
@@ -109,7 +109,10 @@ impl Server {
             .local_addr()
             .map_err(|source| ServeError::Listen { address: (bind, options.port).into(), source })?;
         let tls = match options.https {
-            true => Some(tls::acceptor(advertised(bind)).map_err(|what| ServeError::Certificate { what })?),
+            true => {
+                let acceptor = tls::acceptor(advertised(bind), tls::kept_folder().as_deref());
+                Some(acceptor.map_err(|what| ServeError::Certificate { what })?)
+            }
             false => None,
         };
         let (scheme, token) = (if options.https { "https" } else { "http" }, options.access.token.clone());

@@ -202,9 +202,9 @@ function showCursor(message: Screen<"cursor">): void {
     context.fill();
   };
   context.clearRect(0, 0, size, size);
-  disc(message.target, message.width / 2, message.dwelt > 0 ? "#2f8f55" : "#1f6fc2");
+  disc(message.target, message.width / 2, message.dwelt > 0 ? "#2f8f55" : "#2a7fd0");
   disc(message.target, (message.width / 2) * message.dwelt, "#3fb76a");
-  disc(message.cursor, 0.025, "#ffffff");
+  disc(message.cursor, 0.025, getComputedStyle(document.body).color);
   const { report } = message;
   setText(
     figures,

@@ -13,11 +13,13 @@ export const CAMERA_NAMES: Record<CameraKind, string> = {
   free: "Free",
 };
 
+/** Opening of the cameras that look from outside, degrees: the box and a raised hand, and not the table's feet. */
+const FOV = 33;
 /** Further off than this from where the head points, the box is turned to, rad: heads tilt, trackers may not. */
 const LOOK_AWAY_RAD = 0.45;
 
 export class Cameras {
-  readonly camera = new PerspectiveCamera(40, 1, 0.02, 30);
+  readonly camera = new PerspectiveCamera(FOV, 1, 0.02, 30);
   /** Carries the camera; a headset's floor stands on it, and it is the world's frame otherwise. */
   readonly rig = new Group();
   /** A headset decides where to look from. */
@@ -53,7 +55,7 @@ export class Cameras {
       this.orbit.target.copy(room.centre);
       this.orbit.update();
     }
-    this.camera.fov = kind === "eyes" ? 58 : 40;
+    this.camera.fov = kind === "eyes" ? 58 : FOV;
     this.camera.updateProjectionMatrix();
   }
 
@@ -61,9 +63,12 @@ export class Cameras {
     return CAMERA_KINDS[(CAMERA_KINDS.indexOf(this.chosen) + 1) % CAMERA_KINDS.length] ?? "shoulder";
   }
 
-  resize(width: number, height: number): void {
-    this.camera.aspect = width / Math.max(height, 1);
-    this.camera.updateProjectionMatrix();
+  /** A picture of this size, CSS pixels, in whose part `free` the scene is to be seen: without it, in the whole. */
+  resize(width: number, height: number, free: DOMRect | null): void {
+    const { left, top, width: across, height: down } = free ?? { left: 0, top: 0, width, height };
+    this.camera.aspect = Math.max(across, 1) / Math.max(down, 1);
+    // The picture goes beyond the free part on all sides, as if that were a window in it.
+    this.camera.setViewOffset(Math.max(across, 1), Math.max(down, 1), -left, -top, Math.max(width, 1), Math.max(height, 1));
   }
 
   update(drawn: Drawn, room: Room, seconds: number): void {

@@ -1,6 +1,6 @@
 // Keys, buttons, mouse and gamepad to gestures, trunk and gaze. The keys are one table, shown on screen from it.
 
-import { element, setClass, setText } from "./dom";
+import { element, giveBack, setClass, setText } from "./dom";
 import { GAMEPAD_HELP } from "./gamepad";
 import { Holding } from "./holding";
 import type { Gesture, MethodHelp, ModeView } from "./generated/types";
@@ -45,6 +45,8 @@ export interface ControlHandlers {
   trunk(posture: { forward: number; lateral: number; axial: number }): void;
   restart(): void;
   camera(): void;
+  /** An arrow key; true if the gaze took it. */
+  arrow(code: string): boolean;
 }
 
 export class Controls {
@@ -188,9 +190,9 @@ export class Controls {
     for (const { command, name } of ACTIONS) {
       const button = element("button", `action ${command}`, element("kbd"), element("span", "", name));
       button.type = "button";
-      button.addEventListener("click", () => {
+      button.addEventListener("click", (event) => {
         this.act(command);
-        button.blur();
+        giveBack(event, button);
       });
       this.buttons.set(command, button);
       actions.append(button);
@@ -212,14 +214,27 @@ export class Controls {
       button.setPointerCapture(event.pointerId);
       changed(true);
     });
-    for (const end of ["pointerup", "pointercancel", "lostpointercapture"] as const) {
+    for (const end of ["pointerup", "pointercancel", "lostpointercapture", "blur"] as const) {
       button.addEventListener(end, () => changed(false));
     }
+    // With the focus on it, Space and Enter press it.
+    const presses = ({ code }: KeyboardEvent) => code === "Space" || code === "Enter";
+    button.addEventListener("keydown", (event) => {
+      if (!presses(event)) return;
+      event.preventDefault();
+      if (!event.repeat) changed(true);
+    });
+    button.addEventListener("keyup", (event) => presses(event) && changed(false));
   }
 
   private key(event: KeyboardEvent, down: boolean): void {
     // Ctrl+R and its like belong to the browser.
     if (down && (this.suspended || event.ctrlKey || event.metaKey || event.altKey)) return;
+    // Arrows move the gaze where that is in the focus.
+    if (event.code.startsWith("Arrow") && this.interactive && down && this.handlers.arrow(event.code)) {
+      event.preventDefault();
+      return;
+    }
     const bound = (command: Command) => this.keys[command].includes(event.code);
     const gesture = GESTURES.find((candidate) => bound(candidate.gesture))?.gesture;
     const lean = LEANS.find((candidate) => bound(candidate.command));
@@ -236,7 +251,8 @@ export class Controls {
     if (action && down) this.act(action);
   }
 
-  private hold(source: string, gesture: Gesture, down: boolean, polled = false): void {
+  /** `source` makes a gesture, or no longer. */
+  hold(source: string, gesture: Gesture, down: boolean, polled = false): void {
     if (down && this.interactive && !this.suspended) this.holding.press(source, gesture, polled);
     else this.holding.release(source);
     this.settle();

@@ -28,13 +28,18 @@ export function setWidth(node: HTMLElement, share: number): void {
   if (node.style.width !== width) node.style.width = width;
 }
 
+/** After a click by mouse the focus is nobody's, so that Space and Enter go on meaning what they do; by key it stays. */
+export function giveBack(click: MouseEvent, node: HTMLElement): void {
+  if (click.detail > 0) node.blur();
+}
+
 /** A button that gives the focus back, so that keys go on meaning gestures. */
 export function button(label: string, act: () => void, classes = ""): HTMLButtonElement {
   const node = element("button", classes, label);
   node.type = "button";
-  node.addEventListener("click", () => {
+  node.addEventListener("click", (event) => {
     act();
-    node.blur();
+    giveBack(event, node);
   });
   return node;
 }

@@ -1,7 +1,7 @@
 // The experimenter's page: the live scene, the signals, the rates, and the buttons of a study. A spectator sees the
 // same without the buttons.
 
-import "./style.css";
+import "./theme.css";
 import "./desk.css";
 import { CAMERA_KINDS, CAMERA_NAMES } from "./cameras";
 import { button, element, setClass, setText } from "./dom";

@@ -23,6 +23,7 @@ export class Guide {
   constructor() {
     this.root.append(this.list, this.modes, this.hint);
     this.root.setAttribute("aria-label", "What to do next");
+    this.hint.setAttribute("aria-live", "polite");
     this.root.hidden = true;
   }
 

@@ -1,6 +1,7 @@
 // The one next thing to do, for every state that a frame can show. Pure.
 
 import type { DisplayFrame, GestureName, InputSource, ObjectId, PlannerView, Stop } from "./generated/types";
+import type { Aim } from "./aim";
 import { plainName } from "./objects";
 import { capitalised, gestureOfCode, GESTURE_NAMES } from "./protocol";
 import type { GestureKey } from "./settings";
@@ -34,6 +35,8 @@ export interface Circumstances {
   key(gesture: GestureKey): string;
   /** The page drives. */
   drives: boolean;
+  /** Where the hand has to go, for methods that move one joint or axis after the other. */
+  aim: Aim | null;
 }
 
 export interface Advice {
@@ -176,12 +179,52 @@ function jogging(frame: DisplayFrame, now: Circumstances): Advice {
   }
   if (hand.holds !== null) {
     const block = plainName(hand.holds);
+    if (hand.state !== "opening" && now.aim) {
+      const way = along(frame, now);
+      if (way) return advice(way);
+    }
     return advice(hand.state === "opening" ? "Wait: the hand opens." : `Carry ${block} over the partition and lower it; ${close} lets go.`);
   }
   if (hand.state === "closing") return advice("Wait: the hand closes.");
   if (hand.state === "closed") return advice(`The hand is closed around nothing: ${close} opens it.`);
   if (hand.state === "opening") return advice("Wait: the hand opens.");
-  return advice(`Bring the hand around ${wanted(frame)}; ${close} grips.`);
+  return advice(along(frame, now) ?? `Bring the hand around ${wanted(frame)}; ${close} grips.`);
+}
+
+/** The next way with axes; with joints the distances alone are told. */
+function along(frame: DisplayFrame, now: Circumstances): string | null {
+  const { aim } = now;
+  const moves = frame.mode?.moves;
+  if (!aim || !frame.mode || !moves || "joint" in moves) return null;
+  const close = capitalised(named("hand_close", now));
+  const block = plainName(aim.object);
+  if (!aim.next) return frame.hand.holds === null ? `${close} grips ${block}.` : `${close} lets go of ${block}.`;
+  const { kind, axis, amount } = aim.next;
+  const [chosen, turns] = "rotation" in moves ? [moves.rotation, true] : [moves.translation, false];
+  if (chosen !== axis || turns !== (kind === "turn")) {
+    return `${capitalised(named("hand_open", now))} until "${AXES[kind][axis]}" is chosen.`;
+  }
+  const extends_ = amount * (frame.mode.we_sign < 0 ? -1 : 1) > 0;
+  const gesture = named(extends_ ? "wrist_extension" : "wrist_flexion", now);
+  const direction = frame.mode.directions[extends_ ? 0 : 1];
+  const far = kind === "turn" ? `${Math.round((Math.abs(amount) * 180) / Math.PI)}°` : `${Math.max(Math.round(100 * Math.abs(amount)), 1)} cm`;
+  return `Hold ${gesture}: ${far} ${direction}.`;
+}
+
+/** As the profile calls the axes. */
+const AXES = {
+  slide: ["translation along x", "translation along y", "translation along z"],
+  turn: ["rotation about x", "rotation about y", "rotation about z"],
+} as const;
+
+/** How far the hand, or the block in it, is from where it has to go: `12 cm forward, 3 cm right, 21 cm down`. */
+export function distances({ off }: Aim): string {
+  const words: [string, string][] = [["forward", "backward"], ["left", "right"], ["up", "down"]];
+  const parts = words.map(([plus, minus], k) => {
+    const cm = Math.round(100 * (off[k] ?? 0));
+    return cm === 0 ? "" : `${Math.abs(cm)} cm ${cm > 0 ? plus : minus}`;
+  });
+  return parts.filter(Boolean).join(", ") || "there";
 }
 
 /** A gesture of the model's own says what was made, else the command's name. */

@@ -1,11 +1,12 @@
 // The heads-up display: everything that is not seen in the scene.
 
-import { element, setClass, setText, setWidth } from "./dom";
+import { element, giveBack, setClass, setText, setWidth } from "./dom";
 import { marking, type Marking } from "./marking";
 import { StopBanner } from "./stopbanner";
-import type { Briefing, DisplayFrame, GraspFault, MethodInfo, ObjectId, PageContent, PlannerView, PlanStatus, TrialEvent } from "./generated/types";
-import { objectColour, objectLabel, objectName } from "./objects";
-import { recognisedText } from "./hints";
+import type { Briefing, DisplayFrame, GraspFault, MethodInfo, ObjectId, PageContent, PlannerView, PlanStatus, TrialEvent, TrialStatus } from "./generated/types";
+import { objectColour, objectLabel, objectName, plainName } from "./objects";
+import type { Aim } from "./aim";
+import { distances, recognisedText } from "./hints";
 import { capitalised } from "./protocol";
 
 const MARKING_NAMES: Record<Marking, string> = {
@@ -24,10 +25,34 @@ const MOST_PIPS = 16;
 /** Lines of the event list. */
 const EVENTS_SHOWN = 6;
 
+/** Events that are told to a screen reader: those that change what one has to do. */
+const HEARD = new Set<TrialEvent["event"]>([
+  "locked",
+  "unlocked",
+  "plan_finished",
+  "motion_finished",
+  "object_attached",
+  "object_released",
+  "grasp_failed",
+  "object_on_target",
+  "object_off_target",
+  "object_crossed",
+  "trial_finished",
+  "rearmed",
+]);
+
+/** There is room for all cards beside the scene; as in layout.css. */
+const ROOMY = "(min-width: 1000px) and (min-height: 560px)";
+
 export class Hud {
   readonly root = element("div", "hud");
-  readonly bottom = element("div", "bottom");
-  /** Buttons at the top right. */
+  /** Where the scene is, which no card covers. */
+  readonly view = element("div", "view");
+  /** The cards at both sides; in a small window one after the other. */
+  readonly left = element("div", "left");
+  readonly right = element("div", "right");
+  private readonly folds: HTMLDetailsElement[] = [];
+  /** Buttons of the page itself. */
   readonly corner = element("div", "corner");
   private readonly title = element("span", "title");
   private readonly setup = element("span", "chip");
@@ -55,6 +80,9 @@ export class Hud {
   private readonly mode = element("b", "value");
   private readonly modeNote = element("p", "note");
   private readonly modeBox = element("div", "modebox");
+  private readonly aimLabel = element("span", "label");
+  private readonly aim = element("b", "value");
+  private readonly aimRow = element("div", "row");
   private readonly nextFill = element("i", "fill");
   private readonly nextBar = element("div", "bar", this.nextFill);
   private readonly selectionRow = element("div", "row");
@@ -62,11 +90,14 @@ export class Hud {
   private readonly progress = element("i", "fill");
   private readonly progressBar = element("div", "bar", this.progress);
   private readonly events = element("ol", "events");
+  /** What happens, for those who do not see it. */
+  private readonly heard = element("div", "only-heard");
   private readonly stop = new StopBanner();
   private readonly banner = element("div", "banner");
   private readonly toast = element("div", "toast");
   private readonly over = element("div", "over card");
-  private readonly pause = element("div", "over card", "Paused by the experimenter");
+  private readonly pause = element("div", "over card");
+  private readonly clockLabel = element("span", "label", "Time left");
   private readonly chooser = element("div", "chooser");
   private titles: Record<string, string> = {};
   private readonly settingsButton = element("button", "cog", "Settings");
@@ -76,67 +107,70 @@ export class Hud {
 
   constructor(
     private readonly chosen: (method: string) => void,
+    wheel: HTMLElement,
     settings: () => void,
   ) {
     this.settingsButton.type = "button";
-    this.settingsButton.addEventListener("click", () => {
-      this.settingsButton.blur();
-      settings();
-    });
+    this.settingsButton.addEventListener("click", settings);
     this.corner.append(this.settingsButton);
     this.pause.hidden = true;
     const row = (label: string, ...children: HTMLElement[]) =>
       element("div", "row", element("span", "label", label), ...children);
     const meter = (label: string, fill: HTMLElement, text: HTMLElement) =>
       element("div", "meter", element("span", "label", label), element("div", "bar", fill), text);
-    this.modeBox.append(row("Moves", this.mode), this.modeNote, this.nextBar);
+    this.aimRow.append(this.aimLabel, this.aim);
+    this.modeBox.append(row("Moves", this.mode), this.modeNote, this.nextBar, this.aimRow);
     this.selectionRow.append(element("span", "label", "Selection"), element("div", "line", this.selection, this.lock));
+    this.heard.setAttribute("aria-live", "polite");
+    this.toast.setAttribute("role", "status");
     this.link.setAttribute("role", "status");
     this.banner.setAttribute("role", "alert");
     this.banner.hidden = this.toast.hidden = this.over.hidden = true;
+    const brand = this.fold("brand", element("div", "logo", element("strong", "", "ProACT"), this.title), element("div", "methodline", this.method, this.methodName), this.chooser, element("div", "chips", this.setup, this.source));
+    const status = this.fold(
+      "status",
+      "Arm and hand",
+      row("Gesture", this.gesture),
+      meter("Confidence", this.confidence, this.confidenceText),
+      meter("Effort", this.effort, this.effortText),
+      this.modeBox,
+      this.selectionRow,
+      row("Hand", this.hand),
+      element("div", "row", this.plannerLabel, this.planner),
+      this.progressBar,
+      this.plannerNote,
+    );
+    const log = this.fold("log", "Events", this.events);
+    this.left.append(brand, log);
+    this.right.append(element("div", "card connection", this.link, wheel, this.corner), status);
+    this.view.append(this.stop.root, this.over, this.pause, this.toast);
     this.root.append(
       element(
         "header",
-        "top",
-        element(
-          "div",
-          "card brand",
-          element("div", "logo", element("strong", "", "ProACT"), this.title),
-          element("div", "methodline", this.method, this.methodName),
-          this.chooser,
-          element("div", "chips", this.setup, this.source),
-        ),
-        element(
-          "div",
-          "card score",
-          element("div", "clockbox", element("span", "label", "Time left"), this.clock),
-          element("div", "blocks", this.scoreLabel, this.count),
-          this.pipRow,
-          this.next,
-        ),
-        element("div", "card connection", this.link, this.corner),
+        "top card score",
+        element("div", "clockbox", this.clockLabel, this.clock),
+        element("div", "blocks", this.scoreLabel, this.count),
+        this.pipRow,
+        this.next,
       ),
-      element(
-        "aside",
-        "card status",
-        row("Gesture", this.gesture),
-        meter("Confidence", this.confidence, this.confidenceText),
-        meter("Effort", this.effort, this.effortText),
-        this.modeBox,
-        this.selectionRow,
-        row("Hand", this.hand),
-        element("div", "row", this.plannerLabel, this.planner),
-        this.progressBar,
-        this.plannerNote,
-      ),
-      element("div", "card log", element("span", "label", "Events"), this.events),
-      this.bottom,
-      this.stop.root,
-      this.over,
-      this.pause,
+      this.view,
+      element("div", "cards", this.left, this.right),
       this.banner,
-      this.toast,
+      this.heard,
     );
+    // Open where there is room for it, folded where there is not.
+    const roomy = window.matchMedia(ROOMY);
+    const fits = () => this.folds.forEach((fold) => (fold.open = roomy.matches));
+    roomy.addEventListener("change", fits);
+    fits();
+  }
+
+  /** A card that can be folded up to its title. */
+  private fold(classes: string, title: string | HTMLElement, ...children: HTMLElement[]): HTMLElement {
+    const summary = element("summary", "", typeof title === "string" ? element("span", "label", title) : title);
+    const card = element("details", `card ${classes}`, summary, ...children);
+    this.folds.push(card);
+    return card;
   }
 
   setContent(content: PageContent): void {
@@ -163,8 +197,8 @@ export class Hud {
     button.type = "button";
     button.title = `New trial with method ${name}: ${title}`;
     button.setAttribute("aria-label", button.title);
-    button.addEventListener("click", () => {
-      button.blur();
+    button.addEventListener("click", (event) => {
+      giveBack(event, button);
       this.chosen(name);
     });
     return button;
@@ -186,8 +220,12 @@ export class Hud {
     this.link.title = `${Math.round(framesPerSecond)} frames a second received, ${Math.round(drawnPerSecond)} drawn, ${dropped} lost`;
   }
 
-  setPaused(paused: boolean): void {
-    this.pause.hidden = !paused;
+  /** What the clock does, and why it stands still. */
+  setStatus({ paused, held, waiting }: TrialStatus, drives: boolean): void {
+    this.pause.hidden = !paused && !(held && !drives);
+    setText(this.pause, paused ? "Paused by the experimenter" : "Paused: who drives reads a dialog");
+    setText(this.clockLabel, waiting ? "Starts with you" : held ? "Paused" : "Time left");
+    setClass(this.clock, "waits", waiting || held);
   }
 
   say(message: string): void {
@@ -221,13 +259,14 @@ export class Hud {
         element("span", "", eventText(event)),
       );
       this.events.prepend(line);
+      if (HEARD.has(event.event)) setText(this.heard, eventText(event));
     }
     // The newest on top; a screen holds only so many.
     while (this.events.children.length > EVENTS_SHOWN) this.events.lastElementChild?.remove();
   }
 
   /** `way`: what ends a stop, for whoever drives. */
-  update(frame: DisplayFrame, interactive: boolean, way: string): void {
+  update(frame: DisplayFrame, interactive: boolean, way: string, aim: Aim | null): void {
     if (frame.time < this.lastTime) this.startTrial();
     this.lastTime = frame.time;
     this.addEvents(frame.events);
@@ -259,6 +298,11 @@ export class Hud {
     setWidth(this.effort, frame.effort);
     setText(this.effortText, `${Math.round(100 * frame.effort)} %`);
 
+    this.aimRow.hidden = aim === null || frame.mode === null;
+    if (aim) {
+      setText(this.aimLabel, `To ${frame.hand.holds !== null ? "the target of " : ""}${plainName(aim.object)}`);
+      setText(this.aim, distances(aim));
+    }
     this.modeBox.hidden = frame.mode === null;
     if (frame.mode) {
       const { name, directions, next_in_secs } = frame.mode;

@@ -1,5 +1,6 @@
 // The connection to the server: it comes back by itself after a reload, a restart or a lost line.
 
+import type { Driver } from "./wheel";
 import type { ClientMessage, DisplayFrame, PageContent, Role, ServerMessage, Signals, TrialEvent, TrialStatus } from "./generated/types";
 
 /** Waiting times between attempts, ms; the last one repeats. */
@@ -16,6 +17,8 @@ export interface LiveHandlers {
   events(events: TrialEvent[]): void;
   connected(connected: boolean): void;
   refused(message: string): void;
+  /** Another client drives, or nobody. */
+  driver?(driver: Driver): void;
   status?(status: TrialStatus): void;
   signals?(signals: Signals): void;
   /** Time from a message to its answer, ms. */
@@ -88,6 +91,9 @@ export class Live {
         break;
       case "events":
         this.handlers.events(message.events);
+        break;
+      case "driver":
+        this.handlers.driver?.(message);
         break;
       case "status":
         this.handlers.status?.(message);

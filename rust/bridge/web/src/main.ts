@@ -1,6 +1,9 @@
 // The participant's page: scene, display and controls around one live connection.
 
+import "./theme.css";
+import "./layout.css";
 import "./style.css";
+import "./dialogs.css";
 import { Vector2, Vector3 } from "three";
 import { CAMERA_NAMES, type CameraKind } from "./cameras";
 import { Controls } from "./controls";
@@ -8,12 +11,15 @@ import { element } from "./dom";
 import { FrameCount } from "./framecount";
 import { GamepadInput } from "./gamepad";
 import { GazeCheckView } from "./gazecheckview";
+import { Access } from "./access";
+import { aim } from "./aim";
 import { Board } from "./board";
 import { Guide } from "./guide";
 import { afterStop, nextThing, type Circumstances } from "./hints";
 import { Headset } from "./headset";
 import { Hud, scoreText } from "./hud";
 import { Live } from "./live";
+import { Marks, type Place } from "./marks";
 import { Motion } from "./motion";
 import { Panel } from "./panel";
 import { Pointing } from "./pointing";
@@ -22,16 +28,20 @@ import type { Triple } from "./protocol";
 import { keyName, load, store, type Settings } from "./settings";
 import { choosePalette } from "./objects";
 import { mirrorText } from "./shapes";
+import { ResultView } from "./result";
 import { Sounds } from "./sounds";
 import { Stage, whyNotDrawn } from "./stage";
 import { STOPPED } from "./stopbanner";
 import { Tutorial } from "./tutorial";
+import { ownName, Wheel, type Driver } from "./wheel";
 
 const parameters = new URLSearchParams(location.search);
 /** Pictures are at least this far apart, ms: `?pictures=N` asks for at most N a second. */
 const PICTURE_MS = 1000 / (Number(parameters.get("pictures")) || Infinity);
+/** A connection of a page that is gone ends within so long, ms. */
+const RELOAD_MS = 3000;
 const canvas = document.getElementById("scene") as HTMLCanvasElement;
-const overlay = document.getElementById("overlay") as HTMLDivElement;
+const overlay = document.getElementById("overlay") as HTMLElement;
 
 /** What tests and the curious can look at from the browser's console. */
 interface Debug {
@@ -91,20 +101,37 @@ function start(): void {
   };
   (window as unknown as { __proact: Debug }).__proact = debug;
 
-  const interactive = () => stage.content?.interactive ?? false;
+  let trial: TrialStatus | null = null;
+  /** The person did something since the trial began: from then on the mouse is the gaze. */
+  let acted = false;
+  /** This page holds the trial's time. */
+  let held = false;
+  /** The server knows that a picture of the trial is on the screen. */
+  let drawn = false;
+  let greeted = false;
+  let driver: Driver | null = null;
+  let connectedAt = 0;
+  /** The page may drive, and does. */
+  const interactive = () => (stage.content?.interactive ?? false) && (driver?.you ?? false);
   const controls = new Controls(
     {
-      gesture: (gesture) => interactive() && live.send({ type: "gesture", gesture }),
+      gesture(gesture) {
+        if (!interactive()) return;
+        acted ||= gesture !== "no_motion";
+        live.send({ type: "gesture", gesture });
+      },
       alive: () => live.send({ type: "alive" }),
       unread: () => hud.say("The controller was not read for a moment: let go, then press again"),
       trunk: (posture) => live.send({ type: "trunk", ...posture }),
       restart: () => live.send({ type: "restart" }),
       camera: () => chooseCamera(cameras.next()),
+      arrow: (code) => marks.key(code),
     },
     settings.keys,
   );
   const chooseMethod = (method: string) => live.send({ type: "restart", method });
-  const hud = new Hud(chooseMethod, () => panel.toggle());
+  const wheel = new Wheel(() => live.send({ type: "take_over" }));
+  const hud = new Hud(chooseMethod, wheel.root, () => panel.toggle());
   const tutorial = new Tutorial({ choose: chooseMethod, ended: () => change({ ...settings, welcomed: true }) }, settings.keys);
   const check = new GazeCheckView((result) => live.send({ type: "gaze_check", ...result }));
   const panel = new Panel(settings, {
@@ -116,10 +143,11 @@ function start(): void {
   const gamepad = new GamepadInput({
     hold: (source, gesture, down) => controls.holdPolled(source, gesture, down),
     look(x, y) {
+      acted = true;
       cursor ??= new Vector2();
       cursor.set(Math.min(Math.max(cursor.x + x, -1), 1), Math.min(Math.max(cursor.y + y, -1), 1));
     },
-    restart: () => live.send({ type: "restart" }),
+    restart: () => interactive() && live.send({ type: "restart" }),
     camera: () => chooseCamera(cameras.next()),
     found(name) {
       controls.showGamepad();
@@ -132,6 +160,7 @@ function start(): void {
       motion.clear();
       count.restart();
       hud.startTrial();
+      acted = false;
     },
     content: (content) => show(content),
     frame(frame) {
@@ -142,27 +171,41 @@ function start(): void {
       debug.framesDropped = count.dropped;
       sounds.take(frame);
       debug.cues = sounds.given;
-      const method = methodOf(stage.content, frame);
-      const now = circumstances(frame);
-      hud.update(frame, interactive(), frame.stop && interactive() ? afterStop(frame.stop, now) : "");
-      controls.setEffects(method?.help, frame.mode);
-      guide.update(frame, method, now);
-      tutorial.update(frame, now, debug.project);
-      guide.root.hidden ||= tutorial.running;
+      present(frame);
       check.take(frame);
     },
     events(events) {
       hud.addEvents(events);
     },
     status(status) {
-      hud.setPaused(status.paused);
+      trial = status;
+      hud.setStatus(status, interactive());
+      result.show(status, motion.latest?.finished ?? false, interactive());
       gazeSource = status.gaze_source;
       // What was asked for before this page came is over.
       if (asked && status.gaze_checks > asked.gaze_checks) checkGaze();
       if (asked && status.gaze_calibrations > asked.gaze_calibrations) checkGaze(true);
       asked = status;
     },
+    driver(next) {
+      const before = driver;
+      driver = next;
+      wheel.show(next);
+      if (before?.you && !next.you && next.name !== null) hud.say(`${next.name} has taken over`);
+      if (!next.you) check.stop();
+      // Another driver's dialogs let time go; a new name alone does not.
+      if (before?.you !== next.you) held = false;
+      // A page that was loaded again comes before its old connection is gone.
+      if (next.name === null && next.may_drive && performance.now() - connectedAt < RELOAD_MS) join();
+      if (stage.content) drives(stage.content);
+    },
     connected(connected) {
+      connectedAt = performance.now();
+      if (!connected) {
+        driver = null;
+        held = drawn = false;
+        wheel.hide();
+      }
       everConnected ||= connected;
       debug.connected = connected;
       hud.setConnected(connected, everConnected);
@@ -171,10 +214,32 @@ function start(): void {
     refused: (message) => console.warn(`ProACT: ${message}`),
   });
   const board = new Board();
+  const marks = new Marks(
+    () => (acted = true),
+    () => access.lock(),
+    () => settings.leftArm,
+  );
+  const access: Access = new Access(
+    canvas,
+    marks,
+    {
+      hold: (source, gesture, down) => controls.hold(source, gesture, down),
+      restart: () => live.send({ type: "restart" }),
+      drives: () => interactive() && !controls.suspended,
+      turns: () => cameras.kind === "free",
+      looks,
+      places,
+    },
+    settings,
+  );
+  const result = new ResultView(
+    (ask) => live.send({ type: "after", ask }),
+    (again) => live.send({ type: "restart", again }),
+  );
   const headset = new Headset(
     stage,
     {
-      head: (position, quaternion) => interactive() && live.send({ type: "head", position, quaternion }),
+      head: (position, quaternion) => interactive() && !controls.suspended && live.send({ type: "head", position, quaternion }),
       ray(origin, direction, head) {
         if (!stage.room || !interactive()) return;
         const point = pointing.along(origin, direction, stage.room, heldOrNone());
@@ -187,14 +252,30 @@ function start(): void {
     overlay,
   );
   hud.corner.append(headset.root);
-  overlay.append(hud.root, tutorial.root, check.root, panel.root);
-  hud.bottom.append(guide.root, controls.root);
+  hud.view.append(access.root);
+  overlay.append(marks.root, hud.root, tutorial.root, check.root, result.root, panel.root);
+  hud.right.append(controls.root);
+  hud.right.after(guide.root);
+  hud.view.append(tutorial.card);
+  new ResizeObserver(() => stage.fit(hud.view.getBoundingClientRect(), settings.leftArm)).observe(hud.view);
   hud.setConnected(false, false);
   applyMirror();
 
   function targetPlace(object: ObjectId): { x: number; y: number } | null {
     const target = stage.room?.targets.find((candidate) => candidate.object === object);
     return target ? { x: target.centre.x, y: target.centre.y } : null;
+  }
+
+  /** Everything that is told of an instant beside the scene. */
+  function present(frame: DisplayFrame): void {
+    const method = methodOf(stage.content, frame);
+    const now = circumstances(frame);
+    hud.update(frame, interactive(), frame.stop && interactive() ? afterStop(frame.stop, now) : "", now.aim);
+    controls.setEffects(method?.help, frame.mode);
+    guide.update(frame, method, now);
+    tutorial.update(frame, now, debug.project);
+    guide.root.hidden ||= tutorial.running;
+    if (trial) result.show(trial, frame.finished, interactive());
   }
 
   /** What a hint has to know. A headset's person has neither mouse nor keys. */
@@ -206,7 +287,26 @@ function start(): void {
       mouse: interactive() && gazeSource === null && !headset.worn,
       key: (gesture) => (keys ? keyName(settings.keys[gesture][0] ?? "") : ""),
       drives: interactive(),
+      aim: frame.mode && stage.content ? aim(frame, stage.content.arm, stage.content.scene) : null,
     };
+  }
+
+  function looks(): boolean {
+    const now = motion.latest && methodOf(stage.content, motion.latest);
+    return now ? now.style === "selecting" : false;
+  }
+
+  /** What one may want to look at, the likeliest first: with an object in hand its target, else what is next. */
+  function places(): Place[] {
+    const frame = motion.latest;
+    if (!frame || !stage.room) return [];
+    const { holds } = frame.hand;
+    const likeliest = holds ?? frame.next;
+    const all: Place[] =
+      holds !== null
+        ? stage.room.targets.map(({ object }) => ({ what: "target", id: object }))
+        : stage.room.objects.map(({ id }) => ({ what: "object", id }));
+    return [...all.filter(({ id }) => id === likeliest), ...all.filter(({ id }) => id !== likeliest)];
   }
 
   function checkGaze(calibrates = false): void {
@@ -226,35 +326,67 @@ function start(): void {
   }
 
   function show(content: PageContent, rebuild = false): void {
-    const first = stage.content === null;
     stage.show(content, rebuild);
     stage.things.add(check.mark, board.root);
-    if (stage.room) board.place(stage.room);
+    if (stage.room) {
+      board.place(stage.room);
+      marks.show(stage.room);
+    }
     debug.content = content;
     hud.setContent(content);
     tutorial.setMethods(content.methods);
-    controls.setMode(content.interactive, content.lean);
-    canvas.classList.toggle("gaze", content.interactive);
-    // Newcomers are asked once; a page that says so, never.
-    if (first && content.interactive && !settings.welcomed && parameters.get("tutorial") !== "0") tutorial.greet();
+    if (content.interactive && driver === null) join();
+    drives(content);
+    // Names and titles are known only now; what happened was told before.
+    if (motion.latest) present({ ...motion.latest, events: [] });
+  }
+
+  /** While a dialog is open, keys and mouse are its own and the trial's time stands still. */
+  function reading(open: boolean): void {
+    if (open && !controls.suspended) {
+      controls.releaseAll();
+      access.letGo();
+    }
+    controls.suspended = open;
+    if (open === held || !interactive()) return;
+    held = open;
+    live.send({ type: "hold", on: open });
+  }
+
+  function join(): void {
+    live.send({ type: "join", name: settings.name || ownName(navigator.userAgent) });
+  }
+
+  /** Whoever does not drive has neither keys nor gaze here. */
+  function drives(content: PageContent): void {
+    controls.setMode(interactive(), content.lean);
+    canvas.classList.toggle("gaze", interactive());
+    // Newcomers who drive are asked once; a page that says so, never.
+    if (!interactive() || greeted) return;
+    greeted = true;
+    if (!settings.welcomed && parameters.get("tutorial") !== "0") tutorial.greet();
   }
 
   function change(next: Settings): void {
+    const renamed = next.name !== settings.name;
     const rebuild = next.palette !== settings.palette || next.leftArm !== settings.leftArm;
     settings = next;
     store(settings);
     controls.setKeys(settings.keys);
+    access.change(settings);
     tutorial.setKeys(settings.keys);
     sounds.cues = settings.cues;
     choosePalette(settings.palette);
     mirrorText(settings.leftArm);
     applyMirror();
+    if (renamed && stage.content?.interactive) join();
     if (rebuild && stage.content) show(stage.content, true);
   }
 
   function applyMirror(): void {
     canvas.classList.toggle("mirrored", settings.leftArm);
     controls.mirrored = settings.leftArm;
+    stage.fit(hud.view.getBoundingClientRect(), settings.leftArm);
     sounds.cues = settings.cues;
   }
 
@@ -263,6 +395,8 @@ function start(): void {
   function look(event: PointerEvent): void {
     // Over a card the eyes stay where they were.
     if (event.target !== canvas) return;
+    acted = true;
+    marks.leave();
     cursor ??= new Vector2();
     const x = (event.clientX / window.innerWidth) * 2 - 1;
     cursor.set(settings.leftArm ? -x : x, 1 - (event.clientY / window.innerHeight) * 2);
@@ -273,9 +407,10 @@ function start(): void {
   function draw(wall: number): void {
     const seconds = Math.max((wall - before) / 1000, 0);
     before = wall;
-    controls.suspended = panel.open || tutorial.asking;
+    reading(panel.open || tutorial.asking);
     controls.update(seconds);
     gamepad.update(seconds);
+    access.update(wall);
     const frame = motion.latest;
     const { room } = stage;
     check.update();
@@ -290,9 +425,16 @@ function start(): void {
     if (due && stage.draw(motion.at(wall), frame, seconds, wall)) {
       debug.framesDrawn = stage.drawn;
       debug.worn = headset.worn;
-      if (frame && room && interactive() && cursor && !headset.worn) {
+      if (!drawn && frame && live.open) {
+        drawn = true;
+        live.send({ type: "drawn" });
+      }
+      marks.follow(debug.project);
+      const looked = marks.point();
+      if (frame && room && interactive() && (cursor || looked) && acted && !controls.suspended && !headset.worn) {
         const eye = new Vector3(...frame.world_from_head.translation);
-        const direction = pointing.point(cursor, cameras.camera, room, heldOrNone()).sub(eye).normalize();
+        const at = looked ?? pointing.point(cursor ?? new Vector2(), cameras.camera, room, heldOrNone());
+        const direction = at.sub(eye).normalize();
         live.send({ type: "gaze", origin: eye.toArray(), direction: direction.toArray() });
       }
     }

@@ -1,9 +1,11 @@
 // The settings: keys, colours, cues, side of the arm, and the gaze check.
 
-import { element, setText } from "./dom";
+import { Dialog } from "./dialog";
+import { button, element, setText } from "./dom";
 import type { Gesture } from "./generated/types";
 import { GESTURE_NAMES } from "./protocol";
-import { COMMANDS, DEFAULT_KEYS, keyName, remap, type Command, type Settings } from "./settings";
+import { COMMANDS, DEFAULT_KEYS, DWELLS_MS, keyName, MOST_NAME, SCANS_MS, remap, type Command, type Settings } from "./settings";
+import { ownName } from "./wheel";
 
 const NAMES: Record<string, string> = {
   turn_left: "Turn left",
@@ -17,6 +19,10 @@ const NAMES: Record<string, string> = {
   restart: "New trial",
 };
 
+function timeText(ms: number): string {
+  return ms === 0 ? "off" : `${(ms / 1000).toFixed(1)} s`;
+}
+
 export interface PanelHandlers {
   changed(settings: Settings): void;
   gazeCheck(): void;
@@ -25,7 +31,8 @@ export interface PanelHandlers {
 }
 
 export class Panel {
-  readonly root = element("div", "dialog settings");
+  readonly root: HTMLElement;
+  private readonly dialog: Dialog;
   private readonly keyButtons = new Map<Command, HTMLButtonElement>();
   private listening: Command | null = null;
 
@@ -33,22 +40,22 @@ export class Panel {
     private settings: Settings,
     private readonly handlers: PanelHandlers,
   ) {
-    this.root.hidden = true;
-    this.root.setAttribute("role", "dialog");
-    this.root.setAttribute("aria-label", "Settings");
+    const title = element("h2", "", "Settings");
+    this.dialog = new Dialog("settings", title, () => this.close());
+    this.root = this.dialog.root;
     const keys = element("div", "keymap");
     for (const command of COMMANDS) {
       const gesture = GESTURE_NAMES[command as Gesture] as { name: string } | undefined;
-      const button = element("button", "keybutton");
-      button.type = "button";
-      button.dataset["command"] = command;
-      button.addEventListener("click", () => this.listen(command));
-      this.keyButtons.set(command, button);
-      keys.append(element("span", "", gesture ? gesture.name : (NAMES[command] ?? command)), button);
+      const node = element("button", "keybutton");
+      node.type = "button";
+      node.dataset["command"] = command;
+      node.addEventListener("click", () => this.listen(command));
+      this.keyButtons.set(command, node);
+      keys.append(element("span", "", gesture ? gesture.name : (NAMES[command] ?? command)), node);
     }
-    const reset = this.button("Standard keys", "plain", () => this.change({ keys: structuredClone(DEFAULT_KEYS) }));
+    const reset = button("Standard keys", () => this.change({ keys: structuredClone(DEFAULT_KEYS) }), "plain");
     this.root.append(
-      element("div", "dialoghead", element("h2", "", "Settings"), this.button("Close", "plain close", () => this.close())),
+      element("div", "dialoghead", title, button("Close", () => this.close(), "plain close")),
       element(
         "div",
         "columns",
@@ -64,31 +71,52 @@ export class Panel {
           this.choice("Arm", ["right", "left (mirrored)"], settings.leftArm ? "left (mirrored)" : "right", (side) =>
             this.change({ leftArm: side !== "right" }),
           ),
+          element("h3", "", "Without keys"),
+          this.choice("Mouse buttons and wheel make gestures", ["on", "off"], settings.mouseGestures ? "on" : "off", (on) =>
+            this.change({ mouseGestures: on === "on" }),
+          ),
+          element("p", "note", "On the scene: left wrist extension, right wrist flexion; wheel towards you hand close, away hand open."),
+          this.choice("Resting the pointer acts", DWELLS_MS.map(timeText), timeText(settings.dwellMs), (time) =>
+            this.change({ dwellMs: DWELLS_MS.find((each) => timeText(each) === time) ?? 0 }),
+          ),
+          this.choice("One switch (Space, Enter or a click)", SCANS_MS.map(timeText), timeText(settings.scanMs), (time) =>
+            this.change({ scanMs: SCANS_MS.find((each) => timeText(each) === time) ?? 0 }),
+          ),
+          element("h3", "", "Driver"),
+          this.nameField(),
           element("h3", "", "Gaze"),
-          this.button("Check the gaze (five points)", "plain wide", () => {
-            this.close();
-            this.handlers.gazeCheck();
-          }),
-          this.button("Calibrate the gaze (five points)", "plain wide", () => {
-            this.close();
-            this.handlers.gazeCalibration();
-          }),
+          button(
+            "Check the gaze (five points)",
+            () => {
+              this.close();
+              this.handlers.gazeCheck();
+            },
+            "plain wide",
+          ),
+          button(
+            "Calibrate the gaze (five points)",
+            () => {
+              this.close();
+              this.handlers.gazeCalibration();
+            },
+            "plain wide",
+          ),
           element("h3", "", "Help"),
-          this.button("Show me how to move a block", "plain wide", () => {
-            this.close();
-            this.handlers.tutorial();
-          }),
+          button(
+            "Show me how to move a block",
+            () => {
+              this.close();
+              this.handlers.tutorial();
+            },
+            "plain wide",
+          ),
         ),
       ),
     );
     window.addEventListener(
       "keydown",
       (event) => {
-        if (this.root.hidden) return;
-        if (!this.listening) {
-          if (event.code === "Escape") this.close();
-          return;
-        }
+        if (!this.open || !this.listening) return;
         event.preventDefault();
         event.stopPropagation();
         const command = this.listening;
@@ -102,17 +130,18 @@ export class Panel {
   }
 
   get open(): boolean {
-    return !this.root.hidden;
+    return this.dialog.open;
   }
 
   toggle(): void {
-    this.root.hidden = !this.root.hidden;
+    if (this.open) this.close();
+    else this.dialog.show();
     this.listening = null;
     this.show();
   }
 
   private close(): void {
-    this.root.hidden = true;
+    this.dialog.close();
     this.listening = null;
   }
 
@@ -134,24 +163,23 @@ export class Panel {
     }
   }
 
-  private button(label: string, classes: string, act: () => void): HTMLButtonElement {
-    const node = element("button", classes, label);
-    node.type = "button";
-    node.addEventListener("click", () => {
-      act();
-      // Or the next key press would click again.
-      node.blur();
-    });
-    return node;
+  private nameField(): HTMLElement {
+    const field = element("input");
+    field.type = "text";
+    field.name = "name";
+    field.maxLength = MOST_NAME;
+    field.value = this.settings.name;
+    field.placeholder = ownName(navigator.userAgent);
+    field.addEventListener("change", () => this.change({ name: field.value.trim() }));
+    return element("label", "choice", element("span", "", "Your name, as others see it"), field);
   }
 
   private choice(label: string, options: string[], chosen: string, changed: (value: string) => void): HTMLElement {
     const select = element("select", "", ...options.map((option) => element("option", "", option)));
     select.value = chosen;
-    select.name = label.toLowerCase();
+    select.name = label.toLowerCase().split(" ")[0] ?? "";
     select.addEventListener("change", () => {
       changed(select.value);
-      select.blur();
     });
     return element("label", "choice", element("span", "", label), select);
   }

@@ -1,6 +1,6 @@
 // Recorded trials: scrub, play, put two side by side, save a picture or a video.
 
-import "./style.css";
+import "./theme.css";
 import "./desk.css";
 import { CAMERA_KINDS, CAMERA_NAMES, type CameraKind } from "./cameras";
 import { button, element, setClass, setText } from "./dom";

@@ -19,6 +19,14 @@ export interface Settings {
   leftArm: boolean;
   /** The tutorial was done or skipped. */
   welcomed: boolean;
+  /** On the scene the mouse's buttons and wheel make gestures. */
+  mouseGestures: boolean;
+  /** A pointer that rests for so long makes a gesture, ms; zero if it never does. */
+  dwellMs: number;
+  /** Choices are offered to a single switch for so long each, ms; zero without one. */
+  scanMs: number;
+  /** What the others see when this page drives; empty for the name of the browser. */
+  name: string;
 }
 
 export const DEFAULT_KEYS: Settings["keys"] = {
@@ -39,6 +47,16 @@ export const DEFAULT_KEYS: Settings["keys"] = {
 export const COMMANDS = Object.keys(DEFAULT_KEYS) as Command[];
 
 const PLACE = "proact.settings";
+/** Longest name, characters. */
+export const MOST_NAME = 40;
+
+/** Times that may be chosen, ms. */
+export const DWELLS_MS = [0, 600, 1000, 1600];
+export const SCANS_MS = [0, 800, 1500, 2500];
+
+function chosenOf(times: number[], stored: unknown): number {
+  return times.find((time) => time === stored) ?? 0;
+}
 
 /** What was stored, with everything that is missing or malformed taken from the defaults. */
 export function readSettings(text: string | null): Settings {
@@ -61,6 +79,10 @@ export function readSettings(text: string | null): Settings {
     cues: stored.cues === "speech" || stored.cues === "off" ? stored.cues : "chimes",
     leftArm: stored.leftArm === true,
     welcomed: stored.welcomed === true,
+    mouseGestures: stored.mouseGestures !== false,
+    dwellMs: chosenOf(DWELLS_MS, stored.dwellMs),
+    scanMs: chosenOf(SCANS_MS, stored.scanMs),
+    name: typeof stored.name === "string" ? stored.name.slice(0, MOST_NAME) : "",
   };
 }
 

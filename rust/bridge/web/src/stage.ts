@@ -13,11 +13,13 @@ import {
 } from "three";
 import { RoomEnvironment } from "three/addons/environments/RoomEnvironment.js";
 import { Arm, Meshes } from "./arm";
+import { aim } from "./aim";
 import { AxisDisplay } from "./axes";
 import { Cameras } from "./cameras";
 import { Markers } from "./markers";
 import type { Drawn } from "./motion";
 import type { DisplayFrame, ObjectId, PageContent } from "./generated/types";
+import { Plumb } from "./plumb";
 import { Room } from "./room";
 import { dispose } from "./shapes";
 
@@ -52,6 +54,7 @@ export class Stage {
   private ghost: Arm | null = null;
   private markers: Markers | null = null;
   private axes: AxisDisplay | null = null;
+  private plumb: Plumb | null = null;
   private readonly meshes = new Meshes();
   private readonly sun = new DirectionalLight("#fff4e2", 2.3);
   private readonly fill = new DirectionalLight("#dbe9ff", 0.55);
@@ -59,6 +62,7 @@ export class Stage {
   private readonly surroundings;
   private quality = Math.min(Math.max(Number(parameters.get("quality") ?? 0) || 0, 0), QUALITY.length - 1);
   private slowSeconds = 0;
+  private free: DOMRect | null = null;
 
   constructor(
     readonly canvas: HTMLCanvasElement,
@@ -109,7 +113,8 @@ export class Stage {
     this.markers = new Markers(this.room);
     this.axes = new AxisDisplay(this.arm);
     this.cameras.side = next.arm.side === "left" ? 1 : -1;
-    this.things.add(this.room.root, this.arm.root, this.ghost.root, this.markers.root, this.axes.root);
+    this.plumb = new Plumb();
+    this.things.add(this.room.root, this.arm.root, this.ghost.root, this.markers.root, this.axes.root, this.plumb.root);
     const { centre } = this.room;
     this.sun.position.copy(centre).add(new Vector3(-0.55, -0.75, 1.9));
     this.sun.target.position.copy(centre);
@@ -128,6 +133,8 @@ export class Stage {
     room.update(drawn.objects, frame.hand.holds, wall / 1000);
     markers.update(frame, wall / 1000);
     axes.update(frame, drawn);
+    const aimed = frame.mode && !frame.finished && this.content ? aim(frame, this.content.arm, this.content.scene) : null;
+    this.plumb?.update(aimed, room.tableHeight);
     this.cameras.update(drawn, room, seconds);
     this.cameras.camera.updateMatrixWorld();
     this.renderer.render(this.world, this.cameras.camera);
@@ -153,7 +160,15 @@ export class Stage {
   resize(): void {
     const { clientWidth, clientHeight } = this.canvas;
     this.renderer.setSize(clientWidth, clientHeight, false);
-    this.cameras.resize(clientWidth, clientHeight);
+    this.cameras.resize(clientWidth, clientHeight, this.free);
+  }
+
+  /** The scene is to be seen in this part of the window; what is left of the canvas shows what lies around. */
+  fit(free: DOMRect, mirrored: boolean): void {
+    const canvas = this.canvas.getBoundingClientRect();
+    const left = mirrored ? canvas.right - free.right : free.left - canvas.left;
+    this.free = new DOMRect(left, free.top - canvas.top, free.width, free.height);
+    this.resize();
   }
 
   /** To be told once a second how many pictures were drawn in it. */

@@ -1,6 +1,7 @@
 // Leads a newcomer through moving a block with method D, one step at a time, with a pointer to what is meant.
 
-import { element, setClass, setText } from "./dom";
+import { Dialog } from "./dialog";
+import { button, element, setClass, setText } from "./dom";
 import { nextThing, type Circumstances } from "./hints";
 import { objectName } from "./objects";
 import type { DisplayFrame, MethodInfo, ObjectId } from "./generated/types";
@@ -32,20 +33,10 @@ export interface TutorialHandlers {
   ended(): void;
 }
 
-function lessonButton(label: string, classes: string, act: () => void): HTMLElement {
-  const node = element("button", classes, label);
-  node.type = "button";
-  node.addEventListener("click", () => {
-    act();
-    node.blur();
-  });
-  return node;
-}
-
 export class Tutorial {
   readonly root = element("div", "tutorial");
-  private readonly welcome: HTMLElement;
-  private readonly card = element("div", "card lesson");
+  private readonly welcome: Dialog;
+  readonly card = element("div", "card lesson");
   private readonly number = element("span", "lessonnumber");
   private readonly title = element("b");
   private readonly text = element("span");
@@ -53,7 +44,8 @@ export class Tutorial {
   private readonly hint = element("p", "note");
   private readonly dots = LESSONS.map(() => element("i"));
   private readonly pointer = element("div", "pointer", "▼");
-  private readonly done: HTMLElement;
+  private readonly done: Dialog;
+  private readonly doneTitle = element("h2", "", "You moved a block");
   private active = false;
   /** Name of the method that the lessons are about. */
   private taught: string | undefined;
@@ -62,10 +54,10 @@ export class Tutorial {
     private readonly handlers: TutorialHandlers,
     private keys: Settings["keys"],
   ) {
-    this.welcome = element(
-      "div",
-      "dialog welcome",
-      element("h2", "", "Drive a prosthetic arm"),
+    const title = element("h2", "", "Drive a prosthetic arm");
+    this.welcome = new Dialog("welcome", title, () => this.end());
+    this.welcome.root.append(
+      title,
       element(
         "p",
         "",
@@ -75,18 +67,18 @@ export class Tutorial {
       element(
         "div",
         "buttons",
-        lessonButton("Show me how (1 minute)", "primary", () => this.start()),
-        lessonButton("I know how", "plain", () => this.end()),
+        button("Show me how (1 minute)", () => this.start(), "primary"),
+        button("I know how", () => this.end(), "plain"),
       ),
     );
-    this.done = element("div", "dialog welcome");
+    this.done = new Dialog("welcome", this.doneTitle, () => this.end());
     this.card.append(
-      element("div", "lessonhead", this.number, this.title, element("span", "dots", ...this.dots), lessonButton("Skip", "plain", () => this.end())),
+      element("div", "lessonhead", this.number, this.title, element("span", "dots", ...this.dots), button("Skip", () => this.end(), "plain")),
       element("p", "lessontext", this.text, " ", this.key),
       this.hint,
     );
-    this.welcome.hidden = this.card.hidden = this.done.hidden = this.pointer.hidden = true;
-    this.root.append(this.card, this.pointer, this.welcome, this.done);
+    this.card.hidden = this.pointer.hidden = true;
+    this.root.append(this.pointer, this.welcome.root, this.done.root);
   }
 
   /** The methods that there are. The lessons are those of the one that selects and knows the task. */
@@ -94,15 +86,19 @@ export class Tutorial {
     const selecting = methods.filter(({ style }) => style === "selecting");
     this.taught = (selecting.find(({ needs }) => needs.prior) ?? selecting[0])?.name;
     const choice = ({ name, title }: MethodInfo) =>
-      lessonButton(`${name} · ${title}`, "plain", () => {
-        this.end();
-        this.handlers.choose(name);
-      });
-    this.done.replaceChildren(
-      element("h2", "", "You moved a block"),
+      button(
+        `${name} · ${title}`,
+        () => {
+          this.end();
+          this.handlers.choose(name);
+        },
+        "plain",
+      );
+    this.done.root.replaceChildren(
+      this.doneTitle,
       element("p", "", `That was method ${this.taught}: gaze and task context. The other methods ask for more of you and assume less:`),
       element("div", "choices", ...methods.filter(({ name }) => name !== this.taught).map(choice)),
-      element("div", "buttons", lessonButton(`Go on with ${this.taught}`, "primary", () => this.end())),
+      element("div", "buttons", button(`Go on with ${this.taught}`, () => this.end(), "primary")),
     );
   }
 
@@ -113,7 +109,7 @@ export class Tutorial {
 
   /** True while a dialogue waits for an answer. */
   get asking(): boolean {
-    return !this.welcome.hidden || !this.done.hidden;
+    return this.welcome.open || this.done.open;
   }
 
   setKeys(keys: Settings["keys"]): void {
@@ -121,19 +117,22 @@ export class Tutorial {
   }
 
   greet(): void {
-    this.welcome.hidden = false;
+    this.welcome.show();
   }
 
   start(): void {
     if (this.taught === undefined) return;
-    this.welcome.hidden = this.done.hidden = true;
+    this.welcome.close();
+    this.done.close();
     this.active = true;
     this.handlers.choose(this.taught);
   }
 
   private end(): void {
     this.active = false;
-    this.welcome.hidden = this.done.hidden = this.card.hidden = this.pointer.hidden = true;
+    this.welcome.close();
+    this.done.close();
+    this.card.hidden = this.pointer.hidden = true;
     this.handlers.ended();
   }
 
@@ -146,7 +145,7 @@ export class Tutorial {
     if (frame.score > 0) {
       this.active = false;
       this.card.hidden = this.pointer.hidden = true;
-      this.done.hidden = false;
+      this.done.show();
       return;
     }
     const { step, hint } = nextThing(frame, now);

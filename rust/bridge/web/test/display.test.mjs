@@ -95,3 +95,18 @@ test("a calibration takes off the error that the points agree on, and nothing el
   assert.match(correction(points((at) => at + 16)), /off by 16.0°/);
   assert.match(correction(points((at) => 1.5 * at)), /differ by 10.0°/);
 });
+
+const { ownName, wheelText } = await load("wheel");
+
+test("a page says by name who drives, and has a name of its own", () => {
+  assert.equal(wheelText({ name: "Ann", you: true, may_drive: true }), "You drive");
+  assert.equal(wheelText({ name: "Ann", you: false, may_drive: true }), "Ann drives. You watch.");
+  assert.equal(wheelText({ name: null, you: false, may_drive: true }), "Nobody drives");
+  const agents = {
+    "Mozilla/5.0 (X11; Linux x86_64) AppleWebKit/537.36 (KHTML, like Gecko) Chrome/149.0.0.0 Safari/537.36": "Chrome on Linux",
+    "Mozilla/5.0 (Android 14; Mobile; rv:140.0) Gecko/140.0 Firefox/140.0": "Firefox on Android",
+    "Mozilla/5.0 (Macintosh; Intel Mac OS X 10_15_7) AppleWebKit/605.1.15 (KHTML, like Gecko) Version/18.5 Safari/605.1.15": "Safari on macOS",
+    "something else": "A page",
+  };
+  for (const [agent, name] of Object.entries(agents)) assert.equal(ownName(agent), name);
+});

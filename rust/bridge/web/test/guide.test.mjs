@@ -8,7 +8,7 @@ const { STEPS, nextThing, knowObjects } = await load("hints", "objects");
 knowObjects({ objects: ["red1", "red2", "blue1", "blue2"].map((name) => ({ name })) });
 
 const KEYS = { wrist_extension: "W", wrist_flexion: "S", hand_close: "A", hand_open: "D" };
-const page = { target: () => ({ x: 0.05, y: 0.2 }), lean: false, mouse: true, key: (gesture) => KEYS[gesture], drives: true };
+const page = { target: () => ({ x: 0.05, y: 0.2 }), lean: false, mouse: true, key: (gesture) => KEYS[gesture], drives: true, aim: null };
 const seated = { ...page, lean: true };
 const muscles = { ...page, mouse: false, key: () => "" };
 

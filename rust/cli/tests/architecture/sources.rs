@@ -100,8 +100,9 @@ fn machine_paths_are_told_from_relative_ones() {
 #[test]
 fn no_source_file_is_too_long_to_read() {
     for (path, text) in files() {
-        let source =
-            [".rs", ".cpp", ".hpp", ".ts", ".mjs", ".py", ".sh"].iter().any(|end| path.ends_with(end));
+        // What a program writes is read by none.
+        let source = !path.contains("/generated/")
+            && [".rs", ".cpp", ".hpp", ".ts", ".mjs", ".py", ".sh"].iter().any(|end| path.ends_with(end));
         let lines = text.lines().count();
         if source && lines > LINES_TO_WARN {
             println!("warning: {path} has {lines} lines, more than {LINES_TO_WARN}: split it by subject");

@@ -1,6 +1,9 @@
 // Made from the Rust types by: PROACT_BLESS=1 cargo test --release -p proact-bridge --features ts typescript
 // Metres, rad, frame `world`; quaternions x, y, z, w.
 
+/** What a person asks for after a trial that was shown. */
+export type AfterTrial = "watch_again" | "drive";
+
 /** The arm: immutable, shared by kinematics, planning, dynamics and display.
  *
  * `joints` holds every joint of the tree; vectors of joint values run over [`ArmModel::moving`], arm joints
@@ -156,7 +159,7 @@ fault: string | null, };
 /** A message of the page on the WebSocket. */
 export type ClientMessage = { "type": "gesture", gesture: Gesture, } | { "type": "gaze", origin: [number, number, number], direction: [number, number, number], measured?: boolean, } | { "type": "trunk", forward: number, lateral: number, axial: number, } | { "type": "head", position: [number, number, number],
 /** x, y, z, w. */
-quaternion: [number, number, number, number], } | { "type": "restart", method?: string, again?: boolean, } | { "type": "study", action: StudyAction, } | { "type": "gaze_check" } & GazeCheck | { "type": "alive", } | { "type": "ping", id: number, };
+quaternion: [number, number, number, number], } | { "type": "restart", method?: string, again?: boolean, } | { "type": "study", action: StudyAction, } | { "type": "gaze_check" } & GazeCheck | { "type": "join", name: string, } | { "type": "take_over", } | { "type": "drawn", } | { "type": "hold", on: boolean, } | { "type": "after", ask: AfterTrial, } | { "type": "alive", } | { "type": "ping", id: number, };
 
 /** A collision shape of a link. */
 export type CollisionShape = {
@@ -672,6 +675,38 @@ distance: number,
  * repetitions both are marked: nothing tells which of them is the odd one. */
 outlier: boolean, };
 
+/** How a trial went, for whoever drove or watched. */
+export type ResultCard = {
+/** Who drove, such as `You`. */
+who: string,
+/** Name of the method. */
+method: string,
+/** What the task counts. */
+score: number,
+/** The most that it can be; none if there is no bound. */
+most: number | null,
+/** What the score is, such as `blocks on target`. */
+score_name: string,
+/** Length of the trial, simulated seconds. */
+seconds: number,
+/** Length of the wrist's path, metres. */
+path_m: number,
+/** What became of each object, for tasks that tell. */
+objects: Array<ResultLine>, };
+
+/** What became of one object, as a line of a [`ResultCard`]. */
+export type ResultLine = {
+/** Its name. */
+name: string,
+/** What became of it, such as `on_target`. */
+outcome: string,
+/** Seconds from the release of the one before, or the start, to the first contact; none if it was never held. */
+pick_s: number | null,
+/** Seconds from the last contact to the release; none if it was never released. */
+place_s: number | null,
+/** Horizontal distance from its target at the end, metres. */
+error_m: number | null, };
+
 /** What a connection may see and do. */
 export type Role = "participant" | "experimenter" | "spectator";
 
@@ -743,7 +778,7 @@ mistakes: Array<SequenceMistake>,
 mean_delay_secs: number, };
 
 /** Messages from the server to the page. */
-export type ServerMessage = { "type": "hello", page_version: string, revision: number, } | { "type": "content", revision: number, } | { "type": "frame" } & DisplayFrame | { "type": "status" } & TrialStatus | { "type": "signals" } & Signals | { "type": "pong", id: number, } | { "type": "events", events: Array<TrialEvent>, } | { "type": "error", message: string, };
+export type ServerMessage = { "type": "hello", page_version: string, revision: number, } | { "type": "content", revision: number, } | { "type": "frame" } & DisplayFrame | { "type": "status" } & TrialStatus | { "type": "driver", name: string | null, you: boolean, may_drive: boolean, } | { "type": "signals" } & Signals | { "type": "pong", id: number, } | { "type": "events", events: Array<TrialEvent>, } | { "type": "error", message: string, };
 
 /** A convex shape, metres, centred in its own frame; axes along z. */
 export type Shape = { "type": "box",
@@ -823,7 +858,8 @@ light: Light,
 lost_share: number,
 /** Gaps since the start. */
 gaps: number,
-/** Samples a second by the clock over up to five seconds; none in the first second. */
+/** Samples a second by the device's counter and the host's clock over up to five seconds; none in the first two, and
+ * in the two after a silence: what had piled up comes in a burst then. */
 rate_hz: number | null, };
 
 /** What the experimenter's page asks of the trial. */
@@ -923,6 +959,14 @@ paused: boolean,
 aborted: boolean,
 /** The experimenter's buttons have an effect. */
 can_pause: boolean,
+/** Simulated time has not begun: it waits for the person's first action. */
+waiting: boolean,
+/** Simulated time stands still, because who drives reads a dialog. */
+held: boolean,
+/** What may be asked for when the trial is over. */
+offers: Array<AfterTrial>,
+/** Results of this trial, once it is over, and of those before it, the newest first. */
+results: Array<ResultCard>,
 /** Seed of the trial. */
 seed: number,
 /** Where it is recorded; none if it is not. */

@@ -1,0 +1,112 @@
+//! How a trial went, as the page shows it when the trial is over.
+
+use proact_bridge::{AfterTrial, PageServer, ResultCard, ResultLine, TrialStatus};
+use proact_testbed::{TrialEnd, TrialResult};
+use proact_types::{DisplayFrame, Point};
+
+/// Results that a page compares: this trial and the ones before it.
+const MOST_CARDS: usize = 4;
+
+/// The way that the wrist went, from the instants that are displayed.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct WristPath {
+    last: Option<Point>,
+    metres: f64,
+}
+
+impl WristPath {
+    /// Takes in one instant.
+    pub fn add(&mut self, frame: &DisplayFrame) {
+        let now = Point::from(frame.world_from_tip.translation.vector);
+        self.metres += self.last.replace(now).map_or(0.0, |last| (now - last).norm());
+    }
+
+    /// Its length, metres.
+    pub fn metres(&self) -> f64 {
+        self.metres
+    }
+}
+
+/// The results of the trials that a page has seen, the newest first.
+#[derive(Clone, Debug, Default)]
+pub struct ResultCards {
+    cards: Vec<ResultCard>,
+}
+
+impl ResultCards {
+    /// Adds the `result` of a trial with a score of at most `most` that `who` drove along `path`, and shows it with what may be
+    /// asked for next.
+    /// A trial that was given up for another one is no result.
+    pub fn show(
+        &mut self,
+        page: &PageServer,
+        most: Option<u32>,
+        result: &TrialResult,
+        who: &str,
+        path: WristPath,
+        offers: &[AfterTrial],
+    ) {
+        if matches!(result.ended, TrialEnd::Restart | TrialEnd::Interrupt) {
+            return;
+        }
+        self.cards.insert(0, card(result, who, most, path));
+        self.cards.truncate(MOST_CARDS);
+        page.set_status(&TrialStatus {
+            aborted: result.ended == TrialEnd::Abort,
+            seed: result.seed,
+            record: result.trial_dir.clone(),
+            offers: offers.to_vec(),
+            results: self.cards.clone(),
+            ..TrialStatus::default()
+        });
+    }
+}
+
+fn card(result: &TrialResult, who: &str, most: Option<u32>, path: WristPath) -> ResultCard {
+    let outcomes = result.beside.get("outcomes").cloned().unwrap_or_default();
+    ResultCard {
+        who: who.to_owned(),
+        method: result.method.clone(),
+        score: result.score,
+        most,
+        score_name: result.score_name.clone(),
+        seconds: result.sim_seconds,
+        path_m: path.metres(),
+        // A task that tells of other things has no such list.
+        objects: serde_json::from_value::<Vec<ResultLine>>(outcomes).unwrap_or_default(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::trial::{self, Assembly};
+    use proact_devices::EmgOrigin;
+    use proact_testbed::{Setup, TrialConfig};
+
+    #[test]
+    fn a_card_has_times_errors_and_path_of_the_trial() {
+        let mut config = TrialConfig::new("D", 1, Setup::named("still").unwrap());
+        config.limit_secs = 30.0;
+        let Assembly { mut session, .. } = trial::simulated(config, &EmgOrigin::Synthetic).unwrap();
+        let mut path = WristPath::default();
+        loop {
+            let step = session.step(false).unwrap();
+            step.frame.iter().for_each(|frame| path.add(frame));
+            if step.output.finished {
+                break;
+            }
+        }
+        let result = TrialResult { ended: TrialEnd::Task, ..session.result() };
+        let card = card(&result, "Simulated participant", Some(4), path);
+        assert_eq!((card.score, card.most, card.seconds), (result.score, Some(4), result.sim_seconds));
+        assert!((0.5..60.0).contains(&card.path_m), "{} m", card.path_m);
+        assert_eq!(card.objects.len(), 4);
+        let first = &card.objects[0];
+        assert!(first.name.starts_with("red"), "{first:?}");
+        assert!(
+            card.objects.iter().any(|object| object.pick_s.is_some() && object.error_m.is_some()),
+            "{card:?}"
+        );
+    }
+}

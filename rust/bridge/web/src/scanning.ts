@@ -1,0 +1,100 @@
+// Everything with one switch: choices are offered one after the other, and the switch takes the one that is offered. A gesture
+// that is held goes on until the switch is pressed again. Pure: the time is handed in.
+
+import type { GestureKey } from "./settings";
+
+export type Choice =
+  | { kind: "look" }
+  | { kind: "back" }
+  | { kind: "restart" }
+  | { kind: "gesture"; gesture: GestureKey }
+  | { kind: "place"; place: number };
+
+export type Action =
+  | { act: "none" }
+  | { act: "look"; place: number }
+  | { act: "tap"; gesture: GestureKey }
+  | { act: "hold"; gesture: GestureKey }
+  | { act: "release" }
+  | { act: "restart" };
+
+/** Gestures whose effect lasts as long as they are made. */
+export type Lasts = (gesture: GestureKey) => boolean;
+
+const GESTURES: GestureKey[] = ["wrist_flexion", "wrist_extension", "hand_close", "hand_open"];
+
+export class Scanner {
+  private level: "all" | "places" = "all";
+  private at = 0;
+  private since: number | null = null;
+  private held: GestureKey | null = null;
+
+  constructor(private readonly lasts: Lasts) {}
+
+  /** What is offered, in order. `looks`: the method follows the gaze; `places`: how many there are to look at. */
+  choices(looks: boolean, places: number): Choice[] {
+    if (this.level === "places") {
+      return [...Array.from({ length: places }, (_, place): Choice => ({ kind: "place", place })), { kind: "back" }];
+    }
+    const gestures = GESTURES.map((gesture): Choice => ({ kind: "gesture", gesture }));
+    return [...(looks && places > 0 ? [{ kind: "look" } as const] : []), ...gestures, { kind: "restart" }];
+  }
+
+  /** What is offered now, each for `periodMs`; none while a gesture is held. */
+  offered(nowMs: number, periodMs: number, looks: boolean, places: number): Choice | null {
+    if (this.held) return null;
+    const choices = this.choices(looks, places);
+    this.since ??= nowMs;
+    while (nowMs - this.since >= periodMs) {
+      this.since += periodMs;
+      this.at += 1;
+    }
+    this.at %= choices.length;
+    return choices[this.at] ?? null;
+  }
+
+  /** The switch was pressed. */
+  press(nowMs: number, periodMs: number, looks: boolean, places: number): Action {
+    if (this.held) {
+      this.begin("all", nowMs);
+      this.held = null;
+      return { act: "release" };
+    }
+    const choice = this.offered(nowMs, periodMs, looks, places);
+    switch (choice?.kind) {
+      case "look":
+        this.begin("places", nowMs);
+        return { act: "none" };
+      case "place":
+        // What is looked at is locked next.
+        this.begin("all", nowMs);
+        this.at = 1;
+        return { act: "look", place: choice.place };
+      case "gesture":
+        this.since = nowMs;
+        if (!this.lasts(choice.gesture)) return { act: "tap", gesture: choice.gesture };
+        this.held = choice.gesture;
+        return { act: "hold", gesture: choice.gesture };
+      case "restart":
+        this.begin("all", nowMs);
+        return { act: "restart" };
+      default:
+        this.begin("all", nowMs);
+        return { act: "none" };
+    }
+  }
+
+  /** Lets go without the switch: the window lost the focus, or scanning ended. */
+  reset(): void {
+    this.held = null;
+    this.level = "all";
+    this.at = 0;
+    this.since = null;
+  }
+
+  private begin(level: "all" | "places", nowMs: number): void {
+    this.level = level;
+    this.at = 0;
+    this.since = nowMs;
+  }
+}

@@ -1,0 +1,81 @@
+use crate::ControlError;
+use serde::{Deserialize, Serialize};
+
+/// How methods A and B follow the gestures.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "pace", rename_all = "snake_case", deny_unknown_fields)]
+pub enum JogProfile {
+    /// At a speed, for as long as a gesture is held.
+    Time {
+        /// HO held this long goes back by one from where it began, once in each such span; 0 is never.
+        back_after_ms: u64,
+        /// HO that follows HC directly counts once it has lasted this long.
+        open_after_close_ms: u64,
+        /// With a block in hand, opening is asked for twice within this time; 0 is off.
+        confirm_open_ms: u64,
+        /// A slow and a fast step; without them there is one speed.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        steps: Option<JogSteps>,
+    },
+    /// By a step for each message of the classifier (the original).
+    Message {
+        /// Spacing of the messages assumed while none has come: gestures from keys make none.
+        nominal_ms: u64,
+        /// Messages after a change of mode are dropped until the next joint state, one in each such span.
+        joint_state_ms: u64,
+    },
+}
+
+impl JogProfile {
+    pub(crate) fn check(&self) -> Result<(), ControlError> {
+        match self {
+            JogProfile::Time { steps: Some(steps), .. } => steps.check(),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// How fast methods A and B move while a gesture is held, as shares of the method's speed: slow at first, so that a tap is a
+/// small step, and fast later.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct JogSteps {
+    /// Slow for so long.
+    pub slow_ms: u64,
+    /// Share of the speed until then, above 0 and at most 1.
+    pub slow: f64,
+    /// Fast from here on.
+    pub fast_after_ms: u64,
+    /// Share of the speed from then on, 1 to 4.
+    pub fast: f64,
+}
+
+impl JogSteps {
+    /// For keys, which have no effort. [assumed]: with method B a tap of 0.15 s goes 5 mm, and 0.3 m take 2.4 s instead of
+    /// 3.75 s.
+    pub const KEYS: Self = Self { slow_ms: 250, slow: 0.4, fast_after_ms: 900, fast: 2.0 };
+
+    fn check(&self) -> Result<(), ControlError> {
+        let JogSteps { slow_ms, slow, fast_after_ms, fast } = *self;
+        let refused = |key, got, expected| Err(ControlError::Value { key, got, expected });
+        if !(slow > 0.0 && slow <= 1.0) {
+            return refused("jog.steps.slow", slow, "above 0 and at most 1");
+        }
+        if !(1.0..=4.0).contains(&fast) {
+            return refused("jog.steps.fast", fast, "1 to 4");
+        }
+        if fast_after_ms < slow_ms {
+            return refused("jog.steps.fast_after_ms", fast_after_ms as f64, "at least jog.steps.slow_ms");
+        }
+        Ok(())
+    }
+
+    /// The share of the speed once a gesture has been held for `held_ms`.
+    pub fn share(&self, held_ms: u64) -> f64 {
+        match held_ms {
+            held if held >= self.fast_after_ms => self.fast,
+            held if held < self.slow_ms => self.slow,
+            _ => 1.0,
+        }
+    }
+}
