@@ -386,6 +386,11 @@ impl TopicBus for RosBus {
         Ok(())
     }
 
+    fn knows_service_type(&self, type_name: &str) -> bool {
+        self.local.knows_service_type(type_name)
+            || self.relay.definitions().service(&type_name.replacen("/srv/", "/", 1)).is_some()
+    }
+
     fn call_service(&self, service: &str, arguments: Json, reply: ServiceReply) {
         if self.read().services.contains_key(service) {
             return self.local.call_service(service, arguments, reply);

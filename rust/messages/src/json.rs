@@ -62,6 +62,31 @@ impl MessageType {
         Ok(Value::Message(fields))
     }
 
+    /// The fields that `json` leaves out, by their paths; a header and what is in it are meant to be left out. Entries of
+    /// arrays are not looked into.
+    pub fn left_out(&self, json: &Json) -> Vec<String> {
+        let mut found = Vec::new();
+        self.find_left_out(json, "", &mut found);
+        found
+    }
+
+    fn find_left_out(&self, json: &Json, path: &str, found: &mut Vec<String>) {
+        const HEADER: &str = "std_msgs/Header";
+        let Some(map) = json.as_object().filter(|_| self.name != HEADER) else { return };
+        for field in &self.fields {
+            let inner = match &field.kind {
+                Kind::Message(inner) => Some(inner),
+                _ => None,
+            };
+            match (map.get(&*field.name), inner) {
+                (None, Some(inner)) if inner.name == HEADER => {}
+                (None, _) => found.push(join(path, &field.name)),
+                (Some(json), Some(inner)) => inner.find_left_out(json, &join(path, &field.name), found),
+                (Some(_), None) => {}
+            }
+        }
+    }
+
     /// The message with every field left out.
     pub fn empty(&self, now: Time) -> Value {
         self.read(Json::Object(Map::new()), now).expect("fields that are left out are always allowed")

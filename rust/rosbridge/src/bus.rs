@@ -3,7 +3,7 @@
 use crate::png;
 use axum::{body::Bytes, extract::ws::Utf8Bytes};
 use ciborium::Value as Cbor;
-use proact_messages::{MessageType, Value, known_type, plain_name};
+use proact_messages::{MessageType, Time, Value, known_type, plain_name};
 use serde::Serialize;
 use serde_json::Value as Json;
 use std::{
@@ -82,7 +82,11 @@ pub trait TopicBus: Send + Sync {
     /// [`BusError::NoService`] if the member does not offer it.
     fn unadvertise_service(&self, member: MemberId, service: &str) -> Result<(), BusError>;
 
-    /// Calls a service; the answer comes through `reply`, a failure too.
+    /// Whether the fields of a service type are known, so that calls are checked.
+    fn knows_service_type(&self, type_name: &str) -> bool;
+
+    /// Calls a service; the answer comes through `reply`, a failure too. Arguments are an object, or a list in the order of
+    /// the fields where these are known.
     fn call_service(&self, service: &str, arguments: Json, reply: ServiceReply);
 
     /// Who publishes, subscribes and offers what.
@@ -173,6 +177,7 @@ pub struct TopicMessage {
     text: OnceLock<Utf8Bytes>,
     png: OnceLock<Utf8Bytes>,
     cbor: OnceLock<Bytes>,
+    cbor_raw: OnceLock<Option<Bytes>>,
 }
 
 #[derive(Serialize)]
@@ -185,8 +190,8 @@ struct Publish<'a> {
 impl TopicMessage {
     /// A message; `value` has been read with `definition`, or built field by field in its order.
     pub fn new(topic: impl Into<Arc<str>>, definition: Option<Arc<MessageType>>, value: Value) -> Arc<Self> {
-        let (text, png, cbor) = (OnceLock::new(), OnceLock::new(), OnceLock::new());
-        Arc::new(TopicMessage { topic: topic.into(), definition, value, text, png, cbor })
+        let (text, png, cbor, cbor_raw) = Default::default();
+        Arc::new(TopicMessage { topic: topic.into(), definition, value, text, png, cbor, cbor_raw })
     }
 
     /// The same message under another name of its topic.
@@ -210,17 +215,34 @@ impl TopicMessage {
 
     /// The same as CBOR.
     pub fn cbor(&self) -> &Bytes {
-        self.cbor.get_or_init(|| {
-            let map = Cbor::Map(vec![
-                (Cbor::from("op"), Cbor::from("publish")),
-                (Cbor::from("topic"), Cbor::from(&*self.topic)),
-                (Cbor::from("msg"), self.value.to_cbor(self.definition.as_deref())),
-            ]);
-            let mut bytes = Vec::new();
-            ciborium::into_writer(&map, &mut bytes)
-                .expect("a vector takes every byte and the values are plain data");
-            bytes.into()
-        })
+        self.cbor.get_or_init(|| self.publish_as_cbor(self.value.to_cbor(self.definition.as_deref())))
+    }
+
+    /// As CBOR with `secs`, `nsecs` and `bytes` for content: what `clock` said when this was asked for first, and the
+    /// message as ROS sends it, without its length. None for a type whose fields are not known.
+    pub fn cbor_raw(&self, clock: impl FnOnce() -> Time) -> Option<&Bytes> {
+        let made = self.cbor_raw.get_or_init(|| {
+            let bytes = self.definition.as_ref()?.to_bytes(&self.value).ok()?;
+            let Time { secs, nsecs } = clock();
+            Some(self.publish_as_cbor(Cbor::Map(vec![
+                (Cbor::from("secs"), Cbor::from(secs)),
+                (Cbor::from("nsecs"), Cbor::from(nsecs)),
+                (Cbor::from("bytes"), Cbor::Bytes(bytes)),
+            ])))
+        });
+        made.as_ref()
+    }
+
+    fn publish_as_cbor(&self, msg: Cbor) -> Bytes {
+        let map = Cbor::Map(vec![
+            (Cbor::from("op"), Cbor::from("publish")),
+            (Cbor::from("topic"), Cbor::from(&*self.topic)),
+            (Cbor::from("msg"), msg),
+        ]);
+        let mut bytes = Vec::new();
+        ciborium::into_writer(&map, &mut bytes)
+            .expect("a vector takes every byte and the values are plain data");
+        bytes.into()
     }
 }
 
@@ -277,6 +299,12 @@ pub enum BusError {
         /// The name, shortened.
         name: String,
     },
+    /// Not a name of a type.
+    #[error("type {name:?} is not allowed; expected a package and a name, as std_msgs/String")]
+    BadType {
+        /// The name, shortened.
+        name: String,
+    },
     /// The table is full.
     #[error("there are {limit} {what} already, no more are taken; give some up first")]
     TooMany {
@@ -314,4 +342,20 @@ pub fn check_name(what: &'static str, name: &str) -> Result<(), BusError> {
         return Ok(());
     }
     Err(BusError::BadName { what, name: name.chars().take(60).collect() })
+}
+
+/// Checks the name of a type of messages or services.
+///
+/// # Errors
+/// [`BusError::BadType`].
+pub fn check_type(name: &str) -> Result<(), BusError> {
+    let plain = plain_name(name);
+    let word = |word: &str| {
+        word.starts_with(|c: char| c.is_ascii_alphabetic())
+            && word.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
+    };
+    match plain.split_once('/') {
+        Some((package, short)) if word(package) && word(short) && plain.len() <= 255 => Ok(()),
+        _ => Err(BusError::BadType { name: name.chars().take(60).collect() }),
+    }
 }

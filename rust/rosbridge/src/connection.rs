@@ -176,6 +176,10 @@ fn frames(outgoing: &Outgoing, pieces: &mut u64) -> Vec<Message> {
                 Compression::None => message.text(),
                 Compression::Png => message.png(),
                 Compression::Cbor => return vec![Message::Binary(message.cbor().clone())],
+                // Of a type that nobody knows there are no such bytes; the subscriber was told.
+                Compression::CborRaw => {
+                    return message.cbor_raw(wall_clock).cloned().map(Message::Binary).into_iter().collect();
+                }
             };
             (text.clone(), delivery.fragment_size)
         }

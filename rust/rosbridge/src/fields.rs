@@ -110,9 +110,11 @@ impl Fields {
             None | Some("" | "none") => Ok(Compression::None),
             Some("png") => Ok(Compression::Png),
             Some("cbor") => Ok(Compression::Cbor),
-            Some(other) => {
-                refuse(format!("{}: compression {other:?} is not known, expected none, png or cbor", self.op))
-            }
+            Some("cbor-raw") => Ok(Compression::CborRaw),
+            Some(other) => refuse(format!(
+                "{}: compression {other:?} is not known, expected none, png, cbor or cbor-raw",
+                self.op
+            )),
         }
     }
 }

@@ -39,6 +39,7 @@ mod headset_input;
 mod local_bus;
 mod outbox;
 mod png;
+mod requests;
 mod rosapi;
 mod server;
 mod services;
@@ -46,7 +47,7 @@ mod session;
 
 pub use bus::{
     BusError, Graph, MemberId, ServiceInfo, ServiceProvider, ServiceReply, TopicBus, TopicInfo, TopicMessage,
-    TopicSink, TopicType, check_name,
+    TopicSink, TopicType, check_name, check_type,
 };
 pub use camera_topics::CameraTopics;
 pub use error::RosbridgeError;

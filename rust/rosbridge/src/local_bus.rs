@@ -2,8 +2,10 @@
 
 use crate::bus::{
     BusError, Graph, MemberId, ServiceInfo, ServiceProvider, ServiceReply, TopicBus, TopicInfo, TopicMessage,
-    TopicSink, TopicType, check_name,
+    TopicSink, TopicType, check_name, check_type,
 };
+use crate::requests;
+use proact_messages::MessageType;
 use serde_json::Value as Json;
 use std::{
     collections::{BTreeMap, HashMap},
@@ -39,6 +41,8 @@ struct Topic {
 struct Service {
     member: MemberId,
     type_name: String,
+    /// What is asked, if its fields are known.
+    request: Option<Arc<MessageType>>,
     provider: Arc<dyn ServiceProvider>,
 }
 
@@ -63,7 +67,7 @@ impl State {
     fn topic(&mut self, name: &str, type_name: Option<&str>) -> Result<&mut Topic, BusError> {
         check_name("topic", name)?;
         if let Some(type_name) = type_name {
-            check_name("type", type_name)?;
+            check_type(type_name)?;
         }
         if !self.topics.contains_key(name) && self.topics.len() >= MAX_NAMES {
             return Err(BusError::TooMany { what: "topics", limit: MAX_NAMES });
@@ -210,12 +214,13 @@ impl TopicBus for LocalBus {
         provider: Arc<dyn ServiceProvider>,
     ) -> Result<(), BusError> {
         check_name("service", service)?;
-        check_name("type", type_name)?;
+        check_type(type_name)?;
         let mut state = self.write();
         if !state.services.contains_key(service) && state.services.len() >= MAX_NAMES {
             return Err(BusError::TooMany { what: "services", limit: MAX_NAMES });
         }
-        let entry = Service { member, type_name: type_name.to_owned(), provider };
+        let request = requests::known(type_name);
+        let entry = Service { member, type_name: type_name.to_owned(), request, provider };
         let replaced = state.services.insert(service.to_owned(), entry);
         drop(state);
         drop(replaced);
@@ -233,11 +238,21 @@ impl TopicBus for LocalBus {
         Ok(())
     }
 
+    fn knows_service_type(&self, type_name: &str) -> bool {
+        requests::known(type_name).is_some()
+    }
+
     fn call_service(&self, service: &str, arguments: Json, reply: ServiceReply) {
-        let provider = self.read().services.get(service).map(|entry| Arc::clone(&entry.provider));
-        match provider {
-            Some(provider) => provider.call(arguments, reply),
-            None => reply.answer(Err(format!("service {service} is offered by nobody"))),
+        let state = self.read();
+        let found =
+            state.services.get(service).map(|entry| (entry.request.clone(), Arc::clone(&entry.provider)));
+        drop(state);
+        let Some((request, provider)) = found else {
+            return reply.answer(Err(format!("service {service} is offered by nobody")));
+        };
+        match requests::named(request.as_deref(), arguments) {
+            Ok(arguments) => provider.call(arguments, reply),
+            Err(reason) => reply.answer(Err(format!("call of {service}: {reason}"))),
         }
     }
 

@@ -9,8 +9,9 @@ use std::{
 };
 use tokio::sync::Notify;
 
-/// Most bytes that wait for one client, counted as text. Beyond it the oldest messages are dropped.
-pub(crate) const MAX_WAITING_BYTES: usize = 8 * 1024 * 1024;
+/// Most bytes that wait for one client, counted as text. Beyond it the oldest messages are dropped. Room for the longest
+/// message, which may be longer as it is written here than as it came.
+pub(crate) const MAX_WAITING_BYTES: usize = 16 * 1024 * 1024;
 /// Most answers and status messages that wait for one client: it asks and does not read.
 const MAX_REPLIES: usize = 20_000;
 /// Handed to the writer at a time: more would only wait there instead of here, where it can still be dropped.
@@ -39,6 +40,8 @@ pub(crate) enum Compression {
     Png,
     /// A binary frame.
     Cbor,
+    /// A binary frame with the bytes that ROS sends, and when they came.
+    CborRaw,
 }
 
 /// Something to send.
@@ -380,8 +383,8 @@ mod tests {
             }
             got.extend(numbers(&batch));
         }
-        assert_eq!(got, pairs(&(92..100).map(|n| ("/a", n)).collect::<Vec<_>>()));
-        assert_eq!(outbox.dropped(), 92);
+        assert_eq!(got, pairs(&(84..100).map(|n| ("/a", n)).collect::<Vec<_>>()));
+        assert_eq!(outbox.dropped(), 84);
         assert_eq!(outbox.lock().bytes, 0);
     }
 

@@ -1,7 +1,7 @@
 //! Messages as PNG pictures, rosbridge's compression: the text's bytes are the colours, line feeds fill it up.
 
 use base64::{Engine, engine::general_purpose::STANDARD as BASE64};
-use proact_camera::png;
+use std::io::Cursor;
 
 /// A text as `{"op":"png","data":..}`.
 pub(crate) fn envelope(text: &str) -> String {
@@ -16,7 +16,34 @@ fn picture(bytes: &[u8]) -> Vec<u8> {
     let mut data = bytes.to_vec();
     data.resize(width * height * 3, b'\n');
     // Sizes are below 2^32 because messages are limited to a few megabytes.
-    png(width as u32, height as u32, &data)
+    proact_camera::png(width as u32, height as u32, &data)
+}
+
+/// The text in a client's picture, in base64: its colours, which may end in line feeds.
+///
+/// # Errors
+/// One sentence: no base64, no picture, or one that holds more than `most` bytes.
+pub(crate) fn text(base64: &str, most: usize) -> Result<Vec<u8>, String> {
+    let picture = BASE64.decode(base64).map_err(|error| format!("\"data\" is no base64: {error}"))?;
+    // A small file may hold a huge picture.
+    let limits = png::Limits { bytes: 2 * most };
+    let broken = |error: png::DecodingError| format!("\"data\" is no picture: {error}");
+    let mut reader =
+        png::Decoder::new_with_limits(Cursor::new(picture), limits).read_info().map_err(broken)?;
+    let (kind, depth) = reader.output_color_type();
+    if kind != png::ColorType::Rgb || depth != png::BitDepth::Eight {
+        return Err(format!("the picture is {kind:?} of {depth:?} bits, expected Rgb of Eight"));
+    }
+    let held = reader.output_buffer_size().filter(|held| *held <= most + 64 * 1024);
+    let held = held.ok_or_else(|| format!("the picture holds more than {most} bytes"))?;
+    let mut data = vec![0; held];
+    reader.next_frame(&mut data).map_err(broken)?;
+    let end = data.iter().rposition(|byte| *byte != b'\n').map_or(0, |last| last + 1);
+    data.truncate(end);
+    if data.len() > most {
+        return Err(format!("the picture holds {} bytes, expected at most {most}", data.len()));
+    }
+    Ok(data)
 }
 
 #[cfg(test)]
@@ -27,11 +54,22 @@ mod tests {
     fn a_text_of_any_length_comes_back_out_of_its_picture() {
         for length in [0, 1, 2, 3, 4, 100, 1000, 4096, 70_001] {
             let text: String = (0..length).map(|n| char::from(b' ' + (n % 90) as u8)).collect();
-            let bytes = picture(text.as_bytes());
-            let mut reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().unwrap();
-            let mut data = vec![0; reader.output_buffer_size().unwrap()];
-            reader.next_frame(&mut data).unwrap();
-            assert_eq!(String::from_utf8(data).unwrap().trim_end_matches('\n'), text);
+            let base64 = BASE64.encode(picture(text.as_bytes()));
+            assert_eq!(String::from_utf8(super::text(&base64, 100_000).unwrap()).unwrap(), text);
         }
+    }
+
+    #[test]
+    fn what_is_no_picture_or_too_large_a_one_is_refused() {
+        let refused = |data: &str, most| super::text(data, most).unwrap_err();
+        assert!(refused("no base64!", 100).contains("no base64"));
+        assert!(refused(&BASE64.encode("no picture"), 100).contains("no picture"));
+        // A megabyte of the same byte is a kilobyte of picture.
+        let bomb = BASE64.encode(picture(&vec![b'x'; 1_000_000]));
+        assert!(
+            bomb.len() < 20_000 && refused(&bomb, 100_000).contains("more than 100000"),
+            "{}",
+            bomb.len()
+        );
     }
 }

@@ -217,15 +217,10 @@ const PARAMETER_QUESTIONS: [(&str, ParameterQuestion); 5] = [
     }),
 ];
 
-/// A text among the arguments; clients send them by name or in order.
+/// A text among the arguments.
 fn text<'a>(arguments: &'a Json, name: &str) -> Result<&'a str, String> {
-    let found = match arguments {
-        Json::Array(values) => match (name, &values[..]) {
-            ("value", [_, value, ..]) => Some(value),
-            (_, [first, ..]) => Some(first),
-            _ => None,
-        },
-        named => named.get(name),
-    };
-    found.and_then(Json::as_str).ok_or_else(|| format!("expected the argument {name:?}, a text"))
+    arguments
+        .get(name)
+        .and_then(Json::as_str)
+        .ok_or_else(|| format!("expected the argument {name:?}, a text"))
 }

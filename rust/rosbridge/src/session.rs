@@ -1,10 +1,11 @@
 //! The protocol, from one client's view: text in, calls on the bus and answers in its outbox.
 
 use crate::{
-    bus::{MemberId, ServiceReply, TopicBus, TopicMessage, TopicSink},
+    bus::{BusError, MemberId, ServiceReply, TopicBus, TopicMessage, TopicSink},
     fields::{Fields, Level, Refusal, global, kind_of, refuse},
     fragments::Fragments,
     outbox::{Compression, Delivery, Outbox, Reply},
+    png,
     services::{Offered, RemoteProvider},
 };
 use proact_messages::{Time, Value, plain_name};
@@ -29,7 +30,7 @@ const CALL_TIMEOUT: Duration = Duration::from_secs(30);
 const MAX_CALL_TIMEOUT: f64 = 3600.0;
 
 const OPERATIONS: &str = "advertise, unadvertise, publish, subscribe, unsubscribe, call_service, \
-    advertise_service, unadvertise_service, service_response, fragment or set_level";
+    advertise_service, unadvertise_service, service_response, fragment, png or set_level";
 
 /// One client.
 pub(crate) struct Session {
@@ -42,6 +43,10 @@ pub(crate) struct Session {
     offered: Arc<Offered>,
     fragments: Fragments,
     level: Level,
+    /// What is to be said of the message at hand although it is obeyed.
+    remarks: Vec<Refusal>,
+    /// Topics on which the client was told that it leaves fields out.
+    partial: BTreeSet<String>,
     mistakes: u32,
     first_mistake: Option<String>,
 }
@@ -71,6 +76,8 @@ impl Session {
             offered: Arc::default(),
             fragments: Fragments::default(),
             level: Level::Error,
+            remarks: Vec::new(),
+            partial: BTreeSet::new(),
             mistakes: 0,
             first_mistake: None,
         }
@@ -91,21 +98,28 @@ impl Session {
     /// # Errors
     /// [`TooManyMistakes`] once there were too many mistakes.
     pub(crate) fn handle(&mut self, bytes: &[u8], now: Now) -> Result<(), TooManyMistakes> {
-        let result = match serde_json::from_slice(bytes) {
+        let (id, result) = match serde_json::from_slice(bytes) {
             Ok(json) => self.obey(json, now, true),
-            Err(error) => Err((
+            Err(error) => (
                 None,
-                Refusal(
-                    Level::Error,
-                    format!("message ignored: {error}; expected a JSON object of at most 128 levels"),
-                ),
-            )),
+                refuse(format!("message ignored: {error}; expected a JSON object of at most 128 levels")),
+            ),
         };
-        let Err((id, Refusal(level, text))) = result else { return Ok(()) };
+        for Refusal(level, text) in std::mem::take(&mut self.remarks) {
+            self.status(level, id.clone(), text);
+        }
+        let Err(Refusal(level, text)) = result else { return Ok(()) };
         self.first_mistake.get_or_insert_with(|| text.clone());
         self.status(level, id, text);
         self.mistakes += 1;
         if self.mistakes > MAX_MISTAKES { Err(TooManyMistakes) } else { Ok(()) }
+    }
+
+    /// Has something said of the message at hand, if the client wants to hear it.
+    fn remark(&mut self, level: Level, text: impl FnOnce() -> String) {
+        if level >= self.level {
+            self.remarks.push(Refusal(level, text()));
+        }
     }
 
     /// What the client got wrong first.
@@ -137,11 +151,14 @@ impl Session {
         self.outbox.reply(Reply { text: json.to_string().into(), fragment_size, compression });
     }
 
-    fn obey(&mut self, json: Json, now: Now, whole: bool) -> Result<(), (Option<Json>, Refusal)> {
+    /// The id of the message, and whether it was obeyed.
+    fn obey(&mut self, json: Json, now: Now, whole: bool) -> (Option<Json>, Result<(), Refusal>) {
         let Json::Object(map) = json else {
             let kind = kind_of(&json);
-            let text = format!("message ignored: it is {kind}, expected an object with the key \"op\"");
-            return Err((None, Refusal(Level::Error, text)));
+            return (
+                None,
+                refuse(format!("message ignored: it is {kind}, expected an object with the key \"op\"")),
+            );
         };
         let id = map.get("id").filter(|id| id.is_string() || id.is_number()).cloned();
         let mut message = Fields { map, op: String::new() };
@@ -159,6 +176,7 @@ impl Session {
                 "unadvertise_service" => self.unadvertise_service(message),
                 "set_level" | "status_level" => self.set_level(message),
                 "fragment" if whole => self.fragment(message, now),
+                "png" if whole => self.picture(message, now),
                 "auth" => Err(Refusal(
                     Level::Warning,
                     "auth is not used here: give the token in the address, ws://host:port/?token=.."
@@ -168,7 +186,27 @@ impl Session {
                 other => refuse(format!("unknown op {other:?}, expected {OPERATIONS}")),
             }
         });
-        result.map_err(|refusal| (id, refusal))
+        (id, result)
+    }
+
+    /// A message as a picture, whole or in pieces.
+    fn picture(&mut self, mut message: Fields, now: Now) -> Result<(), Refusal> {
+        let id = message.id()?.unwrap_or_default();
+        let (number, total) = (message.count("num")?, message.count("total")?);
+        let mut data = message.text("data")?;
+        if let (Some(number), Some(total)) = (number, total) {
+            let whole = self.fragments.take(&format!("png {id}"), number, total, data, now.instant);
+            match whole.map_err(|text| Refusal(Level::Error, format!("png: {text}")))? {
+                None => return Ok(()),
+                Some(whole) => data = whole,
+            }
+        }
+        let text = png::text(&data, MAX_MESSAGE_BYTES)
+            .map_err(|text| Refusal(Level::Error, format!("png: {text}")))?;
+        match serde_json::from_slice(&text) {
+            Ok(json) => self.obey(json, now, false).1,
+            Err(error) => refuse(format!("png: the picture holds no JSON: {error}")),
+        }
     }
 
     /// A piece; the whole message is obeyed once it is complete. Its own id then is in the answer.
@@ -184,7 +222,7 @@ impl Session {
             None => Ok(()),
             Some(text) => match serde_json::from_str(&text) {
                 // Pieces within pieces are not taken.
-                Ok(json) => self.obey(json, now, false).map_err(|(_, refusal)| refusal),
+                Ok(json) => self.obey(json, now, false).1,
                 Err(error) => {
                     refuse(format!("fragment: the message {id:?} is put together and not JSON: {error}"))
                 }
@@ -199,10 +237,25 @@ impl Session {
         };
         let json = message.map.remove("msg").unwrap_or_else(|| Json::Object(Map::new()));
         let value = match &kind.definition {
-            Some(definition) => match definition.read(json, now.time) {
-                Ok(value) => value,
-                Err(error) => return refuse(format!("publish on {topic}: {error}")),
-            },
+            Some(definition) => {
+                if self.level <= Level::Warning && !self.partial.contains(&topic) {
+                    let missing = definition.left_out(&json);
+                    if !missing.is_empty() {
+                        self.partial.insert(topic.clone());
+                        self.remark(Level::Warning, || {
+                            format!(
+                                "publish on {topic}: {} left out of {}, filled with zero, empty or false; said once",
+                                missing.join(", "),
+                                definition.name
+                            )
+                        });
+                    }
+                }
+                match definition.read(json, now.time) {
+                    Ok(value) => value,
+                    Err(error) => return refuse(format!("publish on {topic}: {error}")),
+                }
+            }
             None if json.is_object() => Value::Opaque(json),
             None => {
                 let got = kind_of(&json);
@@ -247,6 +300,22 @@ impl Session {
         {
             return refuse(format!("subscribe: topic {topic} has the type {}, got {asked}", kind.name));
         }
+        match self.bus.topic_type(&topic) {
+            None => self.remark(Level::Warning, || {
+                format!(
+                    "subscribe: nobody has named the type of {topic} yet; messages come once somebody does"
+                )
+            }),
+            Some(kind) if delivery.compression == Compression::CborRaw && kind.definition.is_none() => {
+                self.remark(Level::Warning, || {
+                    format!(
+                        "subscribe: the fields of {} are not known here, so {topic} cannot come as cbor-raw",
+                        kind.name
+                    )
+                });
+            }
+            Some(kind) => self.remark(Level::Info, || format!("subscribe: {topic}, {}", kind.name)),
+        }
         self.subscribed.entry(topic.clone()).or_default().insert(id, delivery);
         self.settle(&topic);
         Ok(())
@@ -289,6 +358,7 @@ impl Session {
         self.subscribed.remove(&topic);
         self.bus.unsubscribe(self.member, &topic)?;
         self.outbox.remove(&topic);
+        self.remark(Level::Info, || format!("unsubscribe: {topic}"));
         Ok(())
     }
 
@@ -304,6 +374,12 @@ impl Session {
             ));
         }
         self.bus.advertise(self.member, &topic, &type_name, latch)?;
+        match self.bus.topic_type(&topic).and_then(|kind| kind.definition) {
+            Some(kind) => self.remark(Level::Info, || format!("advertise: {topic}, {}", kind.name)),
+            None => self.remark(Level::Warning, || {
+                format!("advertise: the fields of {type_name} are not known here; messages on {topic} go on unchecked")
+            }),
+        }
         self.advertised.entry(topic).or_default().insert(id);
         Ok(())
     }
@@ -317,7 +393,15 @@ impl Session {
             }
         }
         self.advertised.remove(&topic);
-        Ok(self.bus.unadvertise(self.member, &topic)?)
+        match self.bus.unadvertise(self.member, &topic) {
+            Ok(()) => self.remark(Level::Info, || format!("unadvertise: {topic}")),
+            // As the protocol has it: nothing is wrong afterwards.
+            Err(error @ BusError::NotAdvertised { .. }) => {
+                self.remark(Level::Warning, || format!("unadvertise: {error}"));
+            }
+            Err(error) => return Err(error.into()),
+        }
+        Ok(())
     }
 
     fn call_service(&mut self, mut message: Fields, now: Now) -> Result<(), Refusal> {
@@ -361,6 +445,12 @@ impl Session {
         let result = self.bus.advertise_service(self.member, &service, &type_name, Arc::new(provider));
         if result.is_err() {
             self.offered.remove(&service);
+        } else if self.bus.knows_service_type(&type_name) {
+            self.remark(Level::Info, || format!("advertise_service: {service}, {type_name}"));
+        } else {
+            self.remark(Level::Warning, || {
+                format!("advertise_service: the fields of {type_name} are not known here; calls of {service} go on unchecked")
+            });
         }
         Ok(result?)
     }
@@ -369,6 +459,9 @@ impl Session {
         let service = message.name("service")?;
         let result = self.bus.unadvertise_service(self.member, &service);
         self.offered.remove(&service);
+        if result.is_ok() {
+            self.remark(Level::Info, || format!("unadvertise_service: {service}"));
+        }
         Ok(result?)
     }
 
@@ -401,6 +494,7 @@ impl Session {
             "none" => Level::Silent,
             other => return refuse(format!("set_level: {other:?}, expected none, error, warning or info")),
         };
+        self.remark(Level::Info, || "set_level: what is obeyed is said from now on".to_owned());
         Ok(())
     }
 }

@@ -65,6 +65,71 @@ fn png_and_cbor_of_every_type_hold_what_the_text_holds() {
     }
 }
 
+#[test]
+fn cbor_raw_of_every_type_holds_the_bytes_that_ros_sends() {
+    let (server, bus) = server();
+    let mut client = Client::connect(&server);
+    let samples = samples();
+    let writer = bus.join("/writer");
+    for (kind, message) in &samples {
+        bus.advertise(writer, &message.topic, kind, false).unwrap();
+        client.send(json!({"op": "subscribe", "topic": &*message.topic, "compression": "cbor-raw"}));
+    }
+    client.settle();
+    for (kind, message) in &samples {
+        bus.publish(std::slice::from_ref(message));
+        let Message::Binary(bytes) = client.frame() else {
+            panic!("{kind}: cbor-raw comes as a binary frame")
+        };
+        let decoded: ciborium::Value = ciborium::from_reader(&bytes[..]).unwrap();
+        let of = |map: &ciborium::Value, name: &str| {
+            let pairs = map.as_map().unwrap();
+            pairs.iter().find(|(key, _)| key.as_text() == Some(name)).unwrap().1.clone()
+        };
+        assert_eq!(of(&decoded, "op").as_text(), Some("publish"));
+        assert_eq!(of(&decoded, "topic").as_text(), Some(&*message.topic));
+        let msg = of(&decoded, "msg");
+        let definition = message.definition.as_ref().unwrap();
+        let back = definition.from_bytes(of(&msg, "bytes").as_bytes().unwrap()).unwrap();
+        assert_eq!(back, message.value, "{kind}");
+        assert!(of(&msg, "secs").as_integer().unwrap() > 1_600_000_000.into());
+        assert!(of(&msg, "nsecs").as_integer().unwrap() < 1_000_000_000.into());
+    }
+    // A text by hand: its length, then its letters.
+    client.advertise("/hello", "std_msgs/String");
+    client.send(json!({"op": "subscribe", "topic": "/hello", "compression": "cbor-raw"}));
+    client.publish("/hello", json!({"data": "hi"}));
+    let Message::Binary(bytes) = client.frame() else { panic!("a binary frame") };
+    assert!(bytes.windows(6).any(|six| six == [2, 0, 0, 0, b'h', b'i']), "{bytes:?}");
+}
+
+#[test]
+fn a_client_may_send_pictures_whole_or_in_pieces() {
+    use base64::{Engine, engine::general_purpose::STANDARD};
+    let (server, _bus) = server();
+    let mut client = Client::connect(&server);
+    client.advertise("/chat", "std_msgs/String");
+    client.subscribe("/chat");
+    let picture = |text: &str| {
+        let publish = json!({"op": "publish", "topic": "/chat", "msg": {"data": text}}).to_string();
+        let mut data = publish.into_bytes();
+        data.resize(data.len().div_ceil(3) * 3, b'\n');
+        let mut file = Vec::new();
+        let mut encoder = png::Encoder::new(&mut file, (data.len() / 3) as u32, 1);
+        encoder.set_color(png::ColorType::Rgb);
+        encoder.write_header().unwrap().write_image_data(&data).unwrap();
+        STANDARD.encode(file)
+    };
+    client.send(json!({"op": "png", "data": picture("whole")}));
+    assert_eq!(client.next()["msg"]["data"], "whole");
+    let base64 = picture(&"in pieces ".repeat(50));
+    let (first, second) = base64.split_at(base64.len() / 2);
+    for (num, data) in [(1, second), (0, first)] {
+        client.send(json!({"op": "png", "id": "p", "num": num, "total": 2, "data": data}));
+    }
+    assert!(client.next()["msg"]["data"].as_str().unwrap().starts_with("in pieces"));
+}
+
 fn text_of_picture(base64: &str) -> Json {
     use base64::{Engine, engine::general_purpose::STANDARD};
     let bytes = STANDARD.decode(base64).unwrap();

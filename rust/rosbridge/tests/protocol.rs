@@ -101,12 +101,16 @@ fn every_mistake_is_answered_with_what_was_expected_and_the_connection_lives_on(
             "has the type std_msgs/Int8, got std_msgs/String",
         ),
         (r#"{"op":"advertise","topic":"with space","type":"std_msgs/String"}"#, "not allowed"),
+        (r#"{"op":"advertise","topic":"/m","type":"String"}"#, "expected a package and a name"),
+        (r#"{"op":"advertise","topic":"/m","type":"std_msgs/"}"#, "expected a package and a name"),
+        (r#"{"op":"advertise_service","service":"/m","type":"a b/c"}"#, "expected a package and a name"),
+        (r#"{"op":"png","data":"?"}"#, "no base64"),
+        (r#"{"op":"png","data":"AAAA"}"#, "no picture"),
         (r#"{"op":"subscribe","topic":7}"#, "\"topic\" is a number"),
         (r#"{"op":"subscribe","topic":"/n","type":"std_msgs/Bool"}"#, "got std_msgs/Bool"),
-        (r#"{"op":"subscribe","topic":"/n","compression":"zip"}"#, "expected none, png or cbor"),
+        (r#"{"op":"subscribe","topic":"/n","compression":"zip"}"#, "expected none, png, cbor or cbor-raw"),
         (r#"{"op":"subscribe","topic":"/n","throttle_rate":-1}"#, "not negative"),
         (r#"{"op":"unsubscribe","topic":"/n"}"#, "not subscribed"),
-        (r#"{"op":"unadvertise","topic":"/m"}"#, "not advertised"),
         (r#"{"op":"unadvertise_service","service":"/s"}"#, "not offered"),
         (r#"{"op":"service_response","service":"/s","id":"x","values":{}}"#, "no call"),
         (r#"{"op":"fragment","id":"f","data":"x","num":0}"#, "\"total\""),
@@ -131,6 +135,145 @@ fn every_mistake_is_answered_with_what_was_expected_and_the_connection_lives_on(
     assert_eq!(client.settle(), Vec::<Json>::new());
     let notices = server.drain_notices().join("\n");
     assert_eq!(notices.matches("further ones").count(), 1, "{notices}");
+}
+
+/// What is obeyed is remarked on where the client wants to hear it, and only there.
+#[test]
+fn warnings_and_information_come_at_the_level_asked_for() {
+    let (server, _bus) = server();
+    let own = json!({"op": "advertise_service", "service": "/s", "type": "lab_msgs/Dose"});
+    let messages = [
+        (json!({"op": "set_level", "level": "info"}), "info", "set_level"),
+        (
+            json!({"op": "subscribe", "topic": "/later", "id": "x"}),
+            "warning",
+            "nobody has named the type of /later",
+        ),
+        (
+            json!({"op": "advertise", "topic": "/p", "type": "geometry_msgs/PointStamped"}),
+            "info",
+            "advertise: /p",
+        ),
+        (json!({"op": "subscribe", "topic": "/p"}), "info", "subscribe: /p, geometry_msgs/PointStamped"),
+        (
+            json!({"op": "advertise", "topic": "/own", "type": "lab_msgs/Dose"}),
+            "warning",
+            "lab_msgs/Dose are not known",
+        ),
+        (
+            json!({"op": "subscribe", "topic": "/own", "compression": "cbor-raw"}),
+            "warning",
+            "cannot come as cbor-raw",
+        ),
+        (own.clone(), "warning", "lab_msgs/Dose are not known"),
+        (
+            json!({"op": "advertise_service", "service": "/t", "type": "std_srvs/Trigger"}),
+            "info",
+            "std_srvs/Trigger",
+        ),
+        (json!({"op": "unadvertise_service", "service": "/t"}), "info", "/t"),
+        (json!({"op": "unadvertise", "topic": "/never"}), "warning", "not advertised"),
+        (json!({"op": "unsubscribe", "topic": "/later"}), "info", "/later"),
+    ];
+    let mut client = Client::connect(&server);
+    for (message, level, part) in &messages {
+        client.send(message.clone());
+        let status = client.next();
+        assert_eq!(
+            (&status["op"], &status["level"]),
+            (&json!("status"), &json!(level)),
+            "{message}: {status}"
+        );
+        assert!(status["msg"].as_str().unwrap().contains(part), "{message}: {status}");
+        assert_eq!(status["id"], message["id"]);
+    }
+    // A header may be left out without a word; of other fields it is said once.
+    client.publish("/p", json!({"point": {"x": 1.0, "y": 2.0, "z": 3.0}}));
+    assert_eq!(client.next()["op"], "publish");
+    for said in [true, false] {
+        client.publish("/p", json!({"point": {"x": 1.0}}));
+        let mut heard = vec![client.next()];
+        if said {
+            heard.push(client.next());
+        }
+        let status = heard.iter().find(|message| message["op"] == "status");
+        assert_eq!(status.is_some(), said, "{heard:?}");
+        if let Some(status) = status {
+            assert!(status["msg"].as_str().unwrap().contains("point.y, point.z left out"), "{status}");
+        }
+        assert!(heard.iter().any(|message| message["msg"]["point"] == json!({"x": 1.0, "y": 0.0, "z": 0.0})));
+    }
+    let mut quiet = Client::connect(&server);
+    for (message, ..) in &messages[1..] {
+        quiet.send(message.clone());
+    }
+    assert!(
+        quiet.settle().iter().all(|heard| heard["op"] != "status"),
+        "errors alone are said unless asked for"
+    );
+}
+
+#[test]
+fn arguments_of_a_service_come_by_name_or_in_order_and_wrong_ones_are_refused() {
+    let (server, _bus) = server();
+    let mut provider = Client::connect(&server);
+    provider.send(json!({"op": "advertise_service", "service": "/arm", "type": "std_srvs/SetBool"}));
+    provider.settle();
+    let mut caller = Client::connect(&server);
+    let call = |args: Json| json!({"op": "call_service", "service": "/arm", "id": "c", "args": args});
+    for (args, expected) in
+        [(json!([true]), true), (json!({"data": true}), true), (json!([]), false), (json!({}), false)]
+    {
+        caller.send(call(args.clone()));
+        let asked = provider.next();
+        assert_eq!(asked["args"], json!({"data": expected}), "{args}");
+        provider.send(json!({
+            "op": "service_response", "service": "/arm", "id": asked["id"], "result": true,
+            "values": {"success": true, "message": ""},
+        }));
+        assert_eq!(caller.next()["result"], true, "{args}");
+    }
+    for (args, part) in [
+        (json!([true, 1]), "got 2 arguments, expected at most 1"),
+        (json!({"dat": true}), "only the fields of std_srvs/SetBoolRequest"),
+        (json!({"data": "x"}), "data is"),
+        (json!("x"), "expected an object or a list"),
+        (json!(7), "expected an object or a list"),
+    ] {
+        caller.send(call(args.clone()));
+        let response = caller.next();
+        assert_eq!((&response["op"], &response["id"]), (&json!("service_response"), &json!("c")), "{args}");
+        assert_eq!(response["result"], false, "{args}");
+        assert!(response["values"].as_str().unwrap().contains(part), "{args}: {response}");
+    }
+    assert_eq!(provider.settle(), Vec::<Json>::new(), "a refused call reaches nobody");
+    caller.send(json!({"op": "call_service", "service": "/rosapi/set_param", "args": ["/a", "5"]}));
+    assert_eq!(caller.next()["result"], true);
+    caller.send(json!({"op": "call_service", "service": "/rosapi/get_param", "args": ["/a"]}));
+    assert_eq!(caller.next()["values"]["value"], "5");
+}
+
+#[test]
+fn the_longest_message_allowed_goes_through_and_one_byte_more_does_not() {
+    const LONGEST: usize = 8 * 1024 * 1024;
+    let (server, _bus) = server();
+    let mut reader = Client::connect(&server);
+    reader.send(json!({"op": "subscribe", "topic": "/long", "type": TEXT}));
+    reader.settle();
+    let mut writer = Client::connect(&server);
+    writer.advertise("/long", TEXT);
+    writer.settle();
+    let frame = |letters: usize| {
+        json!({"op": "publish", "topic": "/long", "msg": {"data": "x".repeat(letters)}}).to_string()
+    };
+    let letters = LONGEST - frame(0).len();
+    writer.0.send(Message::text(frame(letters))).unwrap();
+    assert_eq!(reader.next()["msg"]["data"].as_str().unwrap().len(), letters);
+    // The server hangs up while the message is still on its way.
+    let _ = writer.0.send(Message::text(frame(letters + 1)));
+    while let Ok(message) = writer.0.read() {
+        assert!(message.is_close() || !message.is_text(), "{message:?}");
+    }
 }
 
 #[test]
