@@ -85,11 +85,13 @@ impl HeadsetTopics {
         for (topic, kind) in LATCHED {
             self.bus.advertise(self.member, topic, kind, true)?;
         }
-        for topic in [topic::WORLD_POSE, topic::BASE_POSE, topic::PLACE_LOCATION] {
-            self.bus.advertise(self.member, topic, POSE, false)?;
+        // Who comes between two trials sees how the last one ended.
+        for topic in [topic::WORLD_POSE, topic::BASE_POSE] {
+            self.bus.advertise(self.member, topic, POSE, true)?;
         }
         let joints = topic::WRAPPED_JOINT_STATES;
-        self.bus.advertise(self.member, joints, "sensor_msgs/JointState", false)?;
+        self.bus.advertise(self.member, joints, "sensor_msgs/JointState", true)?;
+        self.bus.advertise(self.member, topic::PLACE_LOCATION, POSE, false)?;
         self.bus.advertise(self.member, topic::CURRENT_BLOCK, TEXT, false)?;
         self.bus.advertise(self.member, topic::SUCCESS, BOOL, false)?;
         for (topic, kind) in Inbox::TOPICS {
@@ -114,9 +116,15 @@ impl HeadsetTopics {
             |object: &Object| (object.ros_name.clone(), original::object_pose_topic(&object.ros_name));
         let objects: Vec<(String, String)> = scene.objects.iter().map(named).collect();
         for (_, topic) in &objects {
-            self.bus.advertise(self.member, topic, POSE, false)?;
+            self.bus.advertise(self.member, topic, POSE, true)?;
         }
-        *self.objects.lock().unwrap_or_else(PoisonError::into_inner) = objects;
+        let mut shown = self.objects.lock().unwrap_or_else(PoisonError::into_inner);
+        let before = std::mem::replace(&mut *shown, objects.clone());
+        drop(shown);
+        // What lay on the table of an earlier trial is nowhere now.
+        for (_, topic) in before.iter().filter(|old| !objects.contains(old)) {
+            self.bus.unadvertise(self.member, topic)?;
+        }
         Ok(())
     }
 

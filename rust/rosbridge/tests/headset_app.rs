@@ -244,3 +244,32 @@ fn gaze_and_head_of_the_app_and_a_classifiers_gestures_reach_the_trial() {
     );
     assert!(close(&unity_from_world.inverse(), &told));
 }
+
+/// Between two trials nothing is published.
+#[test]
+fn who_comes_after_the_end_of_a_trial_gets_its_last_state() {
+    let (server, bus) = server();
+    let arm = proact_description::mpl_right_arm();
+    let topics = HeadsetTopics::new(Arc::clone(&bus), &arm, &scene(), head()).unwrap();
+    let shown = frame(head());
+    topics.publish(&shown);
+    let mut late = Client::connect(&server);
+    handshake(&mut late);
+    let came: Vec<String> =
+        late.settle().iter().map(|message| message["topic"].as_str().unwrap().to_owned()).collect();
+    for (topic, _) in &IN[..7] {
+        assert_eq!(came.iter().filter(|came| came == topic).count(), 1, "{topic}: {came:?}");
+    }
+    // Blocks that the next trial has not are nowhere.
+    let mut fewer = scene();
+    fewer.objects.truncate(1);
+    topics.restart(&fewer, head()).unwrap();
+    let mut later = Client::connect(&server);
+    later.send(json!({"op": "subscribe", "topic": "/blue_block2_pose_msg"}));
+    later.send(json!({"op": "subscribe", "topic": "/red_block1_pose_msg"}));
+    let came = later.settle();
+    assert!(
+        came.iter().all(|message| message["topic"] == "/red_block1_pose_msg") && came.len() == 1,
+        "{came:?}"
+    );
+}
