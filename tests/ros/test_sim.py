@@ -122,6 +122,35 @@ class Simulator(unittest.TestCase):
         models.subscriber.unregister()
         links.subscriber.unregister()
 
+    def test_who_comes_later_lives_on_simulated_time(self):
+        self.assertIs(rospy.get_param("/use_sim_time"), True)
+        code = ("import rospy; rospy.init_node('late'); rospy.sleep(0.1); "
+                "print(rospy.get_time() < 1e6)")
+        late = subprocess.run(["/usr/bin/python3", "-c", code], env=GRAPH.env, capture_output=True, text=True,
+                              timeout=graph.PATIENCE)
+        self.assertEqual(late.stdout.strip(), "True", late.stderr)
+
+    def test_a_goal_with_a_stamp_ahead_waits_for_it(self):
+        clock = graph.Inbox("/clock", Clock, keep=10)
+        clock.wait_count(1)
+        c, goal = client(), FollowJointTrajectoryGoal(trajectory=trajectory((0.5, bent(0.2))))
+        begun = clock.messages[-1].clock
+        goal.trajectory.header.stamp = begun + rospy.Duration(1.0)
+        before = arm_now()[3]
+        c.send_goal(goal)
+        clock.wait(lambda m: m.clock > begun + rospy.Duration(0.7))
+        self.assertLess(abs(arm_now()[3] - before), 0.01, "it has not begun")
+        self.assertTrue(c.wait_for_result(rospy.Duration(graph.PATIENCE)))
+        self.assertEqual(c.get_state(), GoalStatus.SUCCEEDED, c.get_goal_status_text())
+        self.assertGreaterEqual(clock.messages[-1].clock, begun + rospy.Duration(1.4))
+        self.assertAlmostEqual(arm_now()[3], before + 0.2, delta=0.02)
+        # A stamp of the wall's clock.
+        goal.trajectory.header.stamp = rospy.Time.from_sec(time.time())
+        c.send_goal(goal)
+        self.assertTrue(c.wait_for_result(rospy.Duration(graph.PATIENCE)))
+        self.assertEqual(c.get_state(), GoalStatus.REJECTED)
+        self.assertIn("/use_sim_time", c.get_goal_status_text())
+
     def test_a_trajectory_goal_is_followed_with_feedback_and_succeeds(self):
         c, feedback = client(), []
         target = bent(0.2)
@@ -435,6 +464,21 @@ class TheEnd(unittest.TestCase):
     def test_zzz_the_node_leaves_the_graph_when_it_is_asked_to_end(self):
         self.assertEqual(GRAPH.stop(SIM), 0, open(SIM.log).read()[-2000:])
         graph.until(lambda: "/proact_sim" not in GRAPH.nodes(), "the node gone from the master")
+
+    def test_zzzy_a_node_that_lives_on_simulated_time_leaves_the_graph_too(self):
+        rospy.set_param("/use_sim_time", True)
+        sim = GRAPH.node("sim", "--setup", "still")
+        graph.until(lambda: "/proact_sim" in GRAPH.nodes(), "the node at the master")
+        graph.Inbox("/clock", Clock).wait_count(1)
+        self.assertEqual(GRAPH.stop(sim), 0, open(sim.log).read()[-2000:])
+        graph.until(lambda: "/proact_sim" not in GRAPH.nodes(), "the node gone from the master")
+        self.assertIs(rospy.get_param("/use_sim_time"), True, "who did not set it leaves it")
+        rospy.delete_param("/use_sim_time")
+        sim = GRAPH.node("sim", "--setup", "still")
+        graph.until(lambda: rospy.has_param("/use_sim_time"), "the parameter")
+        graph.Inbox("/clock", Clock).wait_count(1)
+        self.assertEqual(GRAPH.stop(sim), 0, open(sim.log).read()[-2000:])
+        self.assertFalse(rospy.has_param("/use_sim_time"), "who set it takes it away")
 
     def test_zzzz_a_trial_ends_when_the_time_of_its_configuration_is_up(self):
         result = graph.Inbox("/proact/result", String)

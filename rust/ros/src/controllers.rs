@@ -10,6 +10,9 @@ const GOAL_TIME: f64 = 2.0;
 /// How far from its end a goal may end when it says nothing itself, rad (assumed; the original sets none).
 const GOAL_TOLERANCE: f64 = 0.05;
 
+/// A trajectory may wait so long for its stamp, s.
+const LONGEST_WAIT: f64 = 60.0;
+
 /// How far a joint may be off.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Tolerance {
@@ -17,6 +20,8 @@ pub struct Tolerance {
     pub position: f64,
     /// rad/s; zero checks nothing.
     pub velocity: f64,
+    /// rad/s^2, by what the speed changed within the last tick; zero checks nothing.
+    pub acceleration: f64,
 }
 
 /// What an action asks beside its trajectory.
@@ -35,7 +40,7 @@ impl GoalTolerances {
     pub fn defaults(joints: usize) -> Self {
         Self {
             path: vec![Tolerance::default(); joints],
-            goal: vec![Tolerance { position: GOAL_TOLERANCE, velocity: 0.0 }; joints],
+            goal: vec![Tolerance { position: GOAL_TOLERANCE, ..Tolerance::default() }; joints],
             goal_time_secs: GOAL_TIME,
         }
     }
@@ -60,6 +65,17 @@ struct Following {
     tolerances: Option<GoalTolerances>,
 }
 
+impl Following {
+    /// What it asks for at `time`; none without points.
+    fn at(&self, time: SimTime) -> Option<Vec<Knot>> {
+        self.course.sample(time.millis_since(self.began) as f64 * TICK_SECS)
+    }
+}
+
+fn still(knot: &Knot) -> Knot {
+    Knot { position: knot.position, velocity: Some(0.0), acceleration: Some(0.0) }
+}
+
 /// A position controller for some of the joints.
 #[derive(Clone, Debug)]
 pub struct TrajectoryController {
@@ -73,6 +89,10 @@ pub struct TrajectoryController {
     drives: bool,
     desired: Vec<Knot>,
     following: Option<Following>,
+    /// A trajectory that waits for its stamp; what there is goes on until then.
+    next: Option<Following>,
+    /// Measured speeds of its joints at the last step, rad/s.
+    before: Option<(SimTime, Vec<f64>)>,
 }
 
 impl TrajectoryController {
@@ -101,8 +121,8 @@ impl TrajectoryController {
         &self.desired
     }
 
-    /// Begins a trajectory in place of whatever it does. One without points holds. `begin_secs` as in
-    /// [`Course::new`].
+    /// Begins a trajectory in place of whatever it does: now, or when its stamp comes, until when it goes on with what it
+    /// does. One without points holds. `begin_secs` as in [`Course::new`].
     ///
     /// # Errors
     /// [`TrajectoryError`]; the controller then goes on with what it did.
@@ -119,25 +139,46 @@ impl TrajectoryController {
             self.drives = true;
             return Ok(());
         }
-        let course = Course::new(&self.names, named, points, begin_secs, &self.desired)?;
-        self.following = Some(Following { course, began: now, tolerances });
+        if begin_secs > LONGEST_WAIT {
+            return Err(TrajectoryError::Future { ahead: begin_secs, most: LONGEST_WAIT });
+        }
+        if begin_secs < TICK_SECS {
+            let course = Course::new(&self.names, named, points, begin_secs, &self.desired)?;
+            self.following = Some(Following { course, began: now, tolerances });
+            self.next = None;
+        } else {
+            let began = SimTime(now.0 + (begin_secs / TICK_SECS).round() as u64);
+            let then = self.following.as_ref().and_then(|following| following.at(began));
+            let start = then.unwrap_or_else(|| self.desired.iter().map(still).collect());
+            let course = Course::new(&self.names, named, points, 0.0, &start)?;
+            // The goal whose trajectory goes on until then is over: it is no more judged.
+            if let Some(following) = &mut self.following {
+                following.tolerances = None;
+            }
+            self.next = Some(Following { course, began, tolerances });
+        }
         self.drives = true;
         Ok(())
     }
 
     /// Stops where it asks to be now.
     pub fn hold(&mut self) {
-        self.following = None;
+        (self.following, self.next) = (None, None);
         for knot in &mut self.desired {
-            *knot = Knot { position: knot.position, velocity: Some(0.0), acceleration: Some(0.0) };
+            *knot = still(knot);
         }
     }
 
     /// Advances to `now`; answers when the trajectory of a goal has ended.
     fn step(&mut self, now: SimTime, position: &[f64], velocity: &[f64]) -> Option<Ending> {
+        if self.next.as_ref().is_some_and(|next| next.began <= now) {
+            self.following = self.next.take();
+        }
+        let measured: Vec<f64> = self.joints.iter().map(|joint| velocity[*joint]).collect();
+        let before = self.before.replace((now, measured));
         let following = self.following.as_ref()?;
         let elapsed = now.millis_since(following.began) as f64 * TICK_SECS;
-        if let Some(desired) = following.course.sample(elapsed) {
+        if let Some(desired) = following.at(now) {
             self.desired = desired;
         }
         let over = elapsed - following.course.duration_secs();
@@ -152,9 +193,18 @@ impl TrajectoryController {
                 let knot = &self.desired[k];
                 let by = (knot.position - position[*joint]).abs();
                 let speed = (knot.velocity.unwrap_or(0.0) - velocity[*joint]).abs();
+                // After a pause nobody knows.
+                let known = before.as_ref().filter(|(at, _)| now.millis_since(*at) == 1);
+                let pull = known.map_or(0.0, |(_, before)| {
+                    let measured = (velocity[*joint] - before[k]) / TICK_SECS;
+                    (knot.acceleration.unwrap_or(0.0) - measured).abs()
+                });
                 let bad = (limit.position > 0.0 && by > limit.position)
-                    || (limit.velocity > 0.0 && speed > limit.velocity);
-                bad.then(|| format!("{} is {by:.4} rad and {speed:.4} rad/s off", self.names[k]))
+                    || (limit.velocity > 0.0 && speed > limit.velocity)
+                    || (limit.acceleration > 0.0 && pull > limit.acceleration);
+                bad.then(|| {
+                    format!("{} is {by:.4} rad, {speed:.4} rad/s and {pull:.3} rad/s^2 off", self.names[k])
+                })
             })
         };
         let ending = if over < 0.0 {
@@ -233,6 +283,8 @@ impl Controllers {
             running: loaded,
             drives: false,
             following: None,
+            next: None,
+            before: None,
         };
         let arm = model.arm_count();
         let mut list = vec![
@@ -415,6 +467,8 @@ mod tests {
             joints: vec![],
             desired: vec![],
             following: None,
+            next: None,
+            before: None,
             loaded: true,
             running: true,
             drives: false,
@@ -438,5 +492,98 @@ mod tests {
         assert_eq!(stopped, ["arm_controller"]);
         assert!(matches!(left_out, Some(SwitchError::Unknown { name, .. }) if name == "nonsense"));
         assert!(!all.list[0].running && all.list[1].running);
+    }
+
+    /// One joint that is where it is asked to be, but for what `measured` makes of position and speed.
+    fn run(
+        controller: &mut TrajectoryController,
+        ticks: std::ops::RangeInclusive<u64>,
+        measured: impl Fn(u64, Knot) -> (f64, f64),
+    ) -> Vec<(u64, f64, Option<Ending>)> {
+        let mut seen = Vec::new();
+        for tick in ticks {
+            let asked = controller.desired[0];
+            let (position, velocity) = measured(tick, asked);
+            let ending = controller.step(SimTime(tick), &[position], &[velocity]);
+            seen.push((tick, controller.desired[0].position, ending));
+        }
+        seen
+    }
+
+    fn elbow() -> TrajectoryController {
+        let mut controller = controllers().list.remove(0);
+        controller.names = vec!["elbow".to_owned()];
+        controller.joints = vec![0];
+        controller.desired = vec![Knot { position: 0.0, velocity: Some(0.0), acceleration: Some(0.0) }];
+        controller
+    }
+
+    fn to(position: f64, time_secs: f64) -> RawPoint {
+        RawPoint { positions: vec![position], velocities: vec![0.0], time_secs, ..RawPoint::default() }
+    }
+
+    fn as_asked(_: u64, asked: Knot) -> (f64, f64) {
+        (asked.position, asked.velocity.unwrap_or(0.0))
+    }
+
+    #[test]
+    fn a_trajectory_with_a_stamp_ahead_waits_for_it_and_what_there_is_goes_on() {
+        let named = ["elbow".to_owned()];
+        let goal = || Some(GoalTolerances::defaults(1));
+        let mut waiting = elbow();
+        waiting.follow(&named, &[to(1.0, 1.0)], 0.5, goal(), SimTime(0)).unwrap();
+        let seen = run(&mut waiting, 1..=1600, as_asked);
+        assert!(
+            seen.iter().all(|(tick, asked, _)| (*tick <= 500) == (*asked == 0.0)),
+            "it waits, then moves"
+        );
+        let ended: Vec<u64> = seen.iter().filter(|(_, _, e)| e.is_some()).map(|(tick, ..)| *tick).collect();
+        assert_eq!(ended.first(), Some(&1500), "half a second later than without a stamp");
+
+        // A second one that begins half way through the first takes over there, without a step.
+        let mut busy = elbow();
+        busy.follow(&named, &[to(1.0, 1.0)], 0.0, goal(), SimTime(0)).unwrap();
+        run(&mut busy, 1..=100, as_asked);
+        busy.follow(&named, &[to(0.0, 1.0)], 0.4, goal(), SimTime(100)).unwrap();
+        let seen = run(&mut busy, 101..=1600, as_asked);
+        let largest = seen.windows(2).map(|pair| (pair[1].1 - pair[0].1).abs()).fold(0.0, f64::max);
+        assert!(largest < 0.003, "a step of {largest} rad");
+        let highest = seen.iter().max_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
+        assert!(highest.0 > 500 && highest.1 > 0.5 && highest.1 < 0.9, "{highest:?}");
+        let ended: Vec<u64> = seen.iter().filter(|(_, _, e)| e.is_some()).map(|(tick, ..)| *tick).collect();
+        assert_eq!(ended, [1500], "the goal that it took the place of is judged no more");
+
+        // A stamp of another clock is refused with the way out, and a hold forgets what waits.
+        let error = busy.follow(&named, &[to(1.0, 1.0)], 1.7e9, goal(), SimTime(1600)).unwrap_err();
+        assert!(error.to_string().contains("/use_sim_time"), "{error}");
+        busy.follow(&named, &[to(1.0, 1.0)], 0.2, goal(), SimTime(1600)).unwrap();
+        busy.hold();
+        assert!(
+            run(&mut busy, 1601..=2500, as_asked).iter().all(|(_, asked, e)| *asked < 0.01 && e.is_none())
+        );
+    }
+
+    #[test]
+    fn a_joint_that_is_jerked_off_its_path_violates_a_tolerance_of_acceleration_alone() {
+        let named = ["elbow".to_owned()];
+        let follow = |acceleration: f64| {
+            let mut controller = elbow();
+            let path = vec![Tolerance { acceleration, ..Tolerance::default() }];
+            let tolerances = GoalTolerances { path, ..GoalTolerances::defaults(1) };
+            controller.follow(&named, &[to(1.0, 2.0)], 0.0, Some(tolerances), SimTime(0)).unwrap();
+            // At 700 ms its speed changes by 0.02 rad/s within a tick, which is 20 rad/s^2.
+            let jerked = |tick: u64, asked: Knot| {
+                let (position, velocity) = as_asked(tick, asked);
+                (position, velocity + if tick == 700 { 0.02 } else { 0.0 })
+            };
+            let seen = run(&mut controller, 1..=1900, jerked);
+            seen.into_iter().find_map(|(tick, _, ending)| Some((tick, ending?)))
+        };
+        assert_eq!(follow(0.0), None, "nothing is asked for");
+        assert_eq!(follow(25.0), None, "it is within");
+        match follow(15.0) {
+            Some((700, Ending::PathViolated(text))) => assert!(text.contains("rad/s^2"), "{text}"),
+            other => panic!("{other:?}"),
+        }
     }
 }

@@ -27,6 +27,7 @@ pub mod clock;
 pub mod compat;
 pub mod controllers;
 pub mod frames;
+pub mod gaze_pairs;
 pub mod gazebo;
 pub mod joy;
 pub mod trajectory;

@@ -46,6 +46,17 @@ pub enum TrajectoryError {
         /// The time before it, s.
         before: f64,
     },
+    /// It begins so late that its stamp is most likely of another clock.
+    #[error(
+        "the trajectory begins in {ahead:.1} s, expected at most {most} s; a node that lives on wall time needs the \
+         parameter /use_sim_time, or a stamp of 0 for now"
+    )]
+    Future {
+        /// From now, s.
+        ahead: f64,
+        /// The longest wait, s.
+        most: f64,
+    },
     /// All of it is over already.
     #[error("the trajectory ended {ago} s before it came")]
     Past {

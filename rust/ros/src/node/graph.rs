@@ -26,6 +26,8 @@ const FLOOD: u32 = 200;
 /// In lock-step nobody is faster than everybody.
 const FLOOD_LOCKSTEP: u32 = 100_000;
 const FLOOD_WINDOW: Duration = Duration::from_millis(100);
+/// Nodes live by `/clock` where it is true.
+const USE_SIM_TIME: &str = "/use_sim_time";
 /// How long a service call may wait for the loop.
 const SERVICE_WAIT: Duration = Duration::from_secs(5);
 
@@ -296,6 +298,10 @@ impl RosGraph {
 impl Drop for RosGraph {
     fn drop(&mut self) {
         self.stop_watching();
+        // What the library has set up for itself, such as its clock with /use_sim_time, it does not take back.
+        if let Ok(addresses) = self.addresses() {
+            master::unregister_topics(&addresses);
+        }
         // Without this the master keeps the node.
         rosrust::shutdown();
     }
@@ -327,6 +333,37 @@ impl<S> Jobs<S> {
     pub fn run_next(&self, state: &mut S, patience: Duration) {
         if let Ok(job) = self.receiver.recv_timeout(patience) {
             job(state);
+        }
+    }
+}
+
+/// The parameter `/use_sim_time`, set for as long as this lives.
+#[derive(Debug)]
+pub(super) struct SimTimeParameter(());
+
+impl SimTimeParameter {
+    /// Sets it where it is unset, since other nodes would live on wall time beside the simulator's `/clock`. Where somebody
+    /// has set it to false it stays, and a warning says what follows.
+    pub(super) fn set() -> Option<SimTimeParameter> {
+        let parameter = rosrust::param(USE_SIM_TIME)?;
+        match parameter.get::<bool>() {
+            Ok(true) => None,
+            Ok(false) => {
+                rosrust::ros_warn!(
+                    "{USE_SIM_TIME} is false: other nodes live on wall time, and stamps of theirs are not the simulator's"
+                );
+                None
+            }
+            Err(_) => parameter.set(&true).ok().map(|()| SimTimeParameter(())),
+        }
+    }
+}
+
+impl Drop for SimTimeParameter {
+    fn drop(&mut self) {
+        // A node that starts after the last simulator would wait for a clock for ever.
+        if let Some(parameter) = rosrust::param(USE_SIM_TIME) {
+            let _ = parameter.delete();
         }
     }
 }

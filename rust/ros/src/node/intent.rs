@@ -8,6 +8,7 @@ use super::{
 };
 use crate::{
     frames::WORLD,
+    gaze_pairs::GazePairs,
     messages::{
         geometry_msgs::Vector3Stamped,
         proact_msgs::{Intent, Person, State},
@@ -45,7 +46,7 @@ struct IntentNode {
     person: Tagged<TickInput>,
     /// In real time: of the newest message.
     person_tick: Option<SimTime>,
-    position: Option<Point>,
+    pairs: GazePairs,
     said: Option<IntentOutput>,
     block_id: Publisher<Text>,
     hit: Publisher<Vector3Stamped>,
@@ -69,7 +70,7 @@ pub fn run_intent(parts: IntentParts) -> Result<(), NodeError> {
         state: Tagged::default(),
         person: Tagged::default(),
         person_tick: None,
-        position: None,
+        pairs: GazePairs::default(),
         said: None,
         block_id: graph.publish(relative::BLOCK_ID, 1, false)?,
         hit: graph.publish(relative::GAZE_HIT, 1, false)?,
@@ -106,7 +107,8 @@ pub fn run_intent(parts: IntentParts) -> Result<(), NodeError> {
         &jobs,
         |node: &mut IntentNode, message: Vector3Stamped| {
             let v = message.vector;
-            node.position = Some(Point::new(v.x, v.y, v.z));
+            let pair = node.pairs.position(message.header.stamp.nanos(), Point::new(v.x, v.y, v.z));
+            node.see(pair);
         },
     )?;
     let _direction = graph.listen_from(
@@ -114,14 +116,12 @@ pub fn run_intent(parts: IntentParts) -> Result<(), NodeError> {
         10,
         &jobs,
         |node: &mut IntentNode, message: Vector3Stamped, caller| {
-            let Some(origin) = node.position.filter(|_| !node.common.is_preferred(caller)) else { return };
-            match gaze(origin, Vector::new(message.vector.x, message.vector.y, message.vector.z)) {
-                Ok(sample) => {
-                    let (points, again) = (false, false);
-                    node.infer_now(Some(GazeMeasurement { sample, points, again }));
-                }
-                Err(reason) => node.common.faults.refuse("gaze", &reason),
+            if node.common.is_preferred(caller) {
+                return;
             }
+            let v = message.vector;
+            let pair = node.pairs.direction(message.header.stamp.nanos(), Vector::new(v.x, v.y, v.z));
+            node.see(pair);
         },
     )?;
     stage::run(graph, &jobs, &mut node)
@@ -166,6 +166,18 @@ impl IntentNode {
         if !take(self) {
             let done = self.repeat();
             self.common.note("publish", done);
+        }
+    }
+
+    /// A gaze from the original's two topics.
+    fn see(&mut self, pair: Option<(Point, Vector)>) {
+        let Some((origin, direction)) = pair else { return };
+        match gaze(origin, direction) {
+            Ok(sample) => {
+                let (points, again) = (false, false);
+                self.infer_now(Some(GazeMeasurement { sample, points, again }));
+            }
+            Err(reason) => self.common.faults.refuse("gaze", &reason),
         }
     }
 

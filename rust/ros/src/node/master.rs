@@ -102,6 +102,19 @@ pub(super) fn renew_topics(addresses: &Addresses, all: &mut Registrations) -> Re
     Ok(())
 }
 
+/// Tells the master that no topic is ours any more. One that is gone knows of none.
+pub(super) fn unregister_topics(addresses: &Addresses) {
+    let mut ours = Registrations::default();
+    if renew_topics(addresses, &mut ours).is_err() {
+        return;
+    }
+    let leave = |method: &str, topic: &str| {
+        let _ = call(&addresses.master, method, &[&*addresses.name, topic, &addresses.slave_text].map(text));
+    };
+    ours.publishers.keys().for_each(|topic| leave("unregisterPublisher", topic));
+    ours.subscribers.keys().for_each(|topic| leave("unregisterSubscriber", topic));
+}
+
 fn name_and_type(topic: &Value) -> Result<(String, String), Failure> {
     match topic {
         Value::Array(pair) => match &pair[..] {

@@ -11,7 +11,7 @@ use super::{
     actions::{Action, goal_id},
     convert,
     digest::Spans,
-    graph::{Jobs, Pace, parameter},
+    graph::{Jobs, Pace, SimTimeParameter, parameter},
     judge::{self, Judge},
     outlets::{Outlets, View},
     stage::{self, Tagged},
@@ -159,6 +159,7 @@ pub fn run_sim(parts: SimParts) -> Result<(), NodeError> {
     let _serving = services::serve(&graph, &jobs)?;
     let shoulder = ShoulderMarker::new(&graph, &jobs, &node.robot.state().world_from_base)?;
     let rates = Rates { period, outlets, states, shoulder };
+    let _sim_time = SimTimeParameter::set();
     graph.watch_master()?;
     if node.lockstep {
         node.run_in_lockstep(&graph, &jobs, &rates)?

@@ -1,14 +1,16 @@
 //! `proact node testbed`: the whole testbed in one node, under the original's names.
 
 use super::{
-    NodeError, RosGraph, convert,
+    Faults, NodeError, RosGraph, convert,
     graph::{Jobs, Pace, parameter},
+    intent,
     outlets::{Outlets, View},
     plan_request, wire,
 };
 use crate::{
     compat::{Compat, Quirk, UnknownQuirk},
     frames::WORLD,
+    gaze_pairs::GazePairs,
     messages::{
         geometry_msgs::{PoseStamped, Vector3Stamped},
         moveit_msgs::MotionPlanRequest,
@@ -31,7 +33,7 @@ use rosrust::Publisher;
 #[derive(Default)]
 struct Inbox {
     gesture: Option<Gesture>,
-    position: Option<(rosrust::Time, Point)>,
+    pairs: GazePairs,
     gaze: Option<GazeSample>,
     paused: bool,
 }
@@ -187,24 +189,32 @@ fn listen(graph: &RosGraph, jobs: &Jobs<Inbox>) -> Result<Vec<rosrust::Subscribe
         Ok(gesture) => inbox.gesture = Some(gesture),
         Err(error) => for_emg.refuse("emg", &error.to_string()),
     })?;
-    let position =
-        graph.listen(relative::GAZE_POSITION, 1, jobs, |inbox: &mut Inbox, message: Vector3Stamped| {
-            let v = message.vector;
-            inbox.position = Some((message.header.stamp, Point::new(v.x, v.y, v.z)));
-        })?;
-    let direction = graph.listen(
-        relative::GAZE_DIRECTION,
-        1,
+    let see = |inbox: &mut Inbox, pair: Option<(Point, Vector)>, faults: &Faults| match pair
+        .map(|(origin, direction)| intent::gaze(origin, direction))
+    {
+        Some(Ok(gaze)) => inbox.gaze = Some(gaze),
+        Some(Err(reason)) => faults.refuse("gaze", &reason),
+        None => {}
+    };
+    let for_position = for_gaze.clone();
+    let position = graph.listen(
+        relative::GAZE_POSITION,
+        10,
         jobs,
         move |inbox: &mut Inbox, message: Vector3Stamped| {
             let v = message.vector;
-            let direction = Vector::new(v.x, v.y, v.z);
-            let Some((_, origin)) = inbox.position else { return };
-            let finite = origin.iter().chain(direction.iter()).all(|v| v.is_finite());
-            if !finite || direction.norm() < 1e-9 {
-                return for_gaze.refuse("gaze", "a gaze is not finite or has no direction");
-            }
-            inbox.gaze = Some(GazeSample { origin, direction, valid: true });
+            let pair = inbox.pairs.position(message.header.stamp.nanos(), Point::new(v.x, v.y, v.z));
+            see(inbox, pair, &for_position);
+        },
+    )?;
+    let direction = graph.listen(
+        relative::GAZE_DIRECTION,
+        10,
+        jobs,
+        move |inbox: &mut Inbox, message: Vector3Stamped| {
+            let v = message.vector;
+            let pair = inbox.pairs.direction(message.header.stamp.nanos(), Vector::new(v.x, v.y, v.z));
+            see(inbox, pair, &for_gaze);
         },
     )?;
     Ok(vec![emg, position, direction])

@@ -51,9 +51,11 @@ pub(super) fn tolerances(
             let k = names.iter().position(|n| *n == tolerance.name).ok_or_else(|| {
                 format!("a tolerance names joint {:?}, which the controller does not have", tolerance.name)
             })?;
-            for (value, into) in
-                [(tolerance.position, &mut into[k].position), (tolerance.velocity, &mut into[k].velocity)]
-            {
+            for (value, into) in [
+                (tolerance.position, &mut into[k].position),
+                (tolerance.velocity, &mut into[k].velocity),
+                (tolerance.acceleration, &mut into[k].acceleration),
+            ] {
                 if !value.is_finite() {
                     return Err(format!("a tolerance of {} is {value}", tolerance.name));
                 }
