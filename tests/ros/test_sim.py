@@ -468,7 +468,8 @@ class TheEnd(unittest.TestCase):
     def test_zzzy_a_node_that_lives_on_simulated_time_leaves_the_graph_too(self):
         def run_and_end():
             sim = GRAPH.node("sim", "--setup", "still")
-            # Its loop answers: it is up, and has heard of the parameter.
+            # Its loop answers. No topic would tell: rospy does not register again with a master that was restarted, so what
+            # this process has listened to before stays silent.
             rospy.wait_for_service("/gazebo/unpause_physics", graph.PATIENCE)
             graph.until(lambda: "/proact_sim" in GRAPH.nodes(), "the node at the master")
             rospy.ServiceProxy("/gazebo/unpause_physics", Empty)()

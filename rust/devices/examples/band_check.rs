@@ -24,8 +24,16 @@ pub struct Tally {
     pub turned: usize,
     /// Those that named the turn.
     pub found: usize,
-    /// A turn, a swap or a band that sits right, where it was otherwise.
+    /// A turn, a swap or a band that sits right, where it was turned or sat right.
     pub wrong: usize,
+    /// Checks with two electrodes swapped.
+    pub swapped: usize,
+    /// Those that named the two.
+    pub named: usize,
+    /// Those that took it for a turned band, or for another swap.
+    pub mistaken: usize,
+    /// Those that found nothing: the two are as strong.
+    pub unseen: usize,
 }
 
 /// Checks all pairs of sessions in `dir`.
@@ -71,11 +79,30 @@ fn check(model: &EmgModel, today: &Recordings, tally: &mut Tally) -> Result<(), 
     let (set, channels) = (model.config.features, today.channels);
     for first in today.items.iter().filter(|r| r.gesture == wrist[0]) {
         let Ok(second) = today.find(wrist[1], first.repetition) else { continue };
-        let mut windows: Vec<(GestureName, FeatureVector)> = Vec::new();
-        for recording in [first, second] {
-            let samples: Vec<EmgSample> = recording.numbered().collect();
-            windows.extend(extract(&model.config, &samples)?.into_iter().map(|w| (recording.gesture, w)));
+        let seen =
+            |swap: Option<(usize, usize)>| -> Result<Vec<(GestureName, FeatureVector)>, Box<dyn Error>> {
+                let mut windows = Vec::new();
+                for recording in [first, second] {
+                    let mut samples: Vec<EmgSample> = recording.numbered().collect();
+                    if let Some((a, b)) = swap {
+                        samples.iter_mut().for_each(|sample| sample.channels.swap(a, b));
+                    }
+                    windows.extend(
+                        extract(&model.config, &samples)?.into_iter().map(|w| (recording.gesture, w)),
+                    );
+                }
+                Ok(windows)
+            };
+        for (a, b) in (0..channels).flat_map(|a| (a + 1..channels).map(move |b| (a, b))) {
+            tally.swapped += 1;
+            match check_rotation(model, &seen(Some((a, b)))?)?.proposal {
+                BandProposal::Swap(pair) if pair == [a, b] => tally.named += 1,
+                BandProposal::Swap(_) | BandProposal::Roll(_) => tally.mistaken += 1,
+                BandProposal::Keep => tally.unseen += 1,
+                BandProposal::Recalibrate => {}
+            }
         }
+        let windows = seen(None)?;
         for turn in 0..channels {
             let turned: Vec<(GestureName, FeatureVector)> = windows
                 .iter()
@@ -114,6 +141,12 @@ fn main() -> Result<(), Box<dyn Error>> {
         share(tally.false_alarms, tally.checks),
         share(tally.found, tally.turned),
         tally.wrong
+    );
+    println!(
+        "two swapped: {:.1} % named, {:.1} % taken for something else, {:.1} % unseen, the others told to calibrate",
+        share(tally.named, tally.swapped),
+        share(tally.mistaken, tally.swapped),
+        share(tally.unseen, tally.swapped)
     );
     Ok(())
 }

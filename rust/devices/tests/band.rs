@@ -22,4 +22,7 @@ fn the_band_of_five_people_is_found_where_it_sits_in_another_session() {
     assert_eq!((tally.checks, tally.wrong), (180, 0), "{tally:?}");
     assert!((tally.false_alarms as f64) < 0.07 * tally.checks as f64, "{tally:?}");
     assert!(tally.found as f64 > 0.9 * tally.turned as f64, "{tally:?}");
+    // Two electrodes that are as strong cannot be told apart; hardly any swap may pass for something else.
+    assert!(tally.named as f64 > 0.65 * tally.swapped as f64, "{tally:?}");
+    assert!((tally.mistaken as f64) < 0.01 * tally.swapped as f64, "{tally:?}");
 }
