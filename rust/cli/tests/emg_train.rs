@@ -7,7 +7,7 @@ use common::{Running, plain, proact};
 use serde_json::Value;
 use std::{
     io::{BufRead, BufReader},
-    path::Path,
+    path::{Path, PathBuf},
     process::{Output, Stdio},
 };
 
@@ -423,4 +423,26 @@ fn a_calibration_that_was_killed_goes_on_with_the_repetition_at_which_it_stopped
     assert_eq!(after.len(), 10);
     assert!(before.iter().all(|file| after.contains(file)), "what was kept is not recorded again");
     drop(running);
+}
+
+/// Strong people drive a converter of eight bits to its ends, and a second of one recording may hum. None of the public sets
+/// is refused for that.
+#[test]
+fn real_recordings_of_people_are_trained_on() {
+    let beside = || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared");
+    let data = std::env::var_os("PROACT_SHARED").map_or_else(beside, PathBuf::from).join("data/emg");
+    if !data.is_dir() {
+        println!("skipped: ../shared not found");
+        return;
+    }
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("model.json");
+    // Each was refused for what a few of its recordings have.
+    for set in ["libemg_tests_myo", "myo_readings/21547-1", "myo_readings/45612-1"] {
+        let source = format!("file:{}", data.join(set).display());
+        let output = proact(&["train", "--source", &source, "--out", out.to_str().unwrap(), "--replace"])
+            .output()
+            .unwrap();
+        assert!(output.status.success(), "{set}: {}", String::from_utf8_lossy(&output.stderr));
+    }
 }

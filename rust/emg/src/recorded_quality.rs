@@ -29,8 +29,8 @@ pub enum RecordedFault {
         light: Light,
         /// Why.
         finding: ChannelFault,
-        /// In so many recordings.
-        recordings: usize,
+        /// In which recordings, gesture and repetition.
+        recordings: Vec<(GestureName, u32)>,
         /// Of so many.
         of: usize,
     },
@@ -60,9 +60,13 @@ pub enum RecordedFault {
 }
 
 impl RecordedFault {
-    /// Red: nothing should be trained on it.
+    /// Red: nothing should be trained on it. A channel that is red in no more than half of the recordings is amber: of strong
+    /// people a strong gesture is cut off, and a second may hum; their recordings are recognised all the same.
     pub fn light(&self) -> Light {
         match self {
+            RecordedFault::Channel { light, recordings, of, .. } if 2 * recordings.len() <= *of => {
+                (*light).min(Light::Amber)
+            }
             RecordedFault::Channel { light, .. } => *light,
             _ => Light::Red,
         }
@@ -104,9 +108,13 @@ pub fn check_recordings(
             (light, Some(fault)) if light >= *clipped => (light, Some(fault)),
             _ => (*clipped, (*clipped != Light::Green).then_some(ChannelFault::Railed)),
         });
-        let found: Vec<_> = found.filter_map(|(light, fault)| Some((light, fault?))).collect();
-        if let Some((light, finding)) = found.iter().copied().max_by_key(|(light, _)| *light) {
-            let recordings = found.iter().filter(|(l, f)| (*l, *f) == (light, finding)).count();
+        let found: Vec<_> = found
+            .zip(recordings)
+            .filter_map(|((light, fault), r)| Some((light, fault?, (r.gesture, r.repetition))))
+            .collect();
+        if let Some((light, finding, _)) = found.iter().copied().max_by_key(|(light, ..)| *light) {
+            let same = found.iter().filter(|(l, f, _)| (*l, *f) == (light, finding));
+            let recordings = same.map(|(.., which)| *which).collect();
             faults.push(RecordedFault::Channel { channel, light, finding, recordings, of: lights.len() });
         }
     }
@@ -313,6 +321,26 @@ mod tests {
         assert_eq!(only(&|t, _| 1000.0 + t), RecordedFault::TimeStamps { channel: 1 });
         let loud = |t: f64, _: f64| (40.0 * noise(7, (t * 200.0).round() as u64)).round();
         assert!(matches!(only(&loud), RecordedFault::Noisy { channel: 1, times } if times > 5.0));
+    }
+
+    #[test]
+    fn a_channel_that_is_red_in_few_recordings_is_told_with_their_names_and_refused_in_most() {
+        let dead_in = |count: usize| {
+            let mut session = session(|_, v| v);
+            for (.., samples) in session.iter_mut().take(count) {
+                samples.iter_mut().for_each(|sample| sample.channels[1] = 3.0);
+            }
+            let mut faults = check(&session);
+            assert_eq!(faults.len(), 1, "{faults:?}");
+            faults.remove(0)
+        };
+        let (one, most) = (dead_in(1), dead_in(4));
+        assert_eq!((one.light(), most.light()), (Light::Amber, Light::Red));
+        let rest = GestureName::from(Gesture::NoMotion);
+        assert!(
+            matches!(&one, RecordedFault::Channel { recordings, of: 6, .. } if *recordings == [(rest, 0)]),
+            "{one:?}"
+        );
     }
 
     #[test]

@@ -5,6 +5,9 @@ use proact_devices::Recordings;
 use proact_emg::{CalibrationConfig, Light, RecordedFault, RecordedRepetition, check_recordings};
 use proact_types::{EmgSample, GestureName};
 
+/// Recordings that a sentence names.
+const NAMED: usize = 4;
+
 /// What is wrong with the recordings, worst first.
 pub(super) fn faults(recordings: &Recordings, config: &CalibrationConfig) -> Vec<RecordedFault> {
     let numbered: Vec<Vec<EmgSample>> = recordings.items.iter().map(|r| r.numbered().collect()).collect();
@@ -35,9 +38,14 @@ pub(super) fn text(fault: &RecordedFault) -> String {
     match fault {
         RecordedFault::Channel { channel, light, finding, recordings, of } => {
             let light = if *light == Light::Red { "red" } else { "amber" };
+            let named =
+                recordings.iter().take(NAMED).map(|(gesture, repetition)| format!("{gesture} {repetition}"));
+            let more = if recordings.len() > NAMED { ", ..." } else { "" };
             format!(
-                "channel {channel} is {light} ({}) in {recordings} of {of} recordings",
-                fault_text(*finding)
+                "channel {channel} is {light} ({}) in {} of {of} recordings: {}{more}",
+                fault_text(*finding),
+                recordings.len(),
+                named.collect::<Vec<_>>().join(", ")
             )
         }
         RecordedFault::Noisy { channel, times } => format!(
