@@ -426,7 +426,7 @@ fn a_calibration_that_was_killed_goes_on_with_the_repetition_at_which_it_stopped
 }
 
 /// Strong people drive a converter of eight bits to its ends, and a second of one recording may hum. None of the public sets
-/// is refused for that.
+/// is refused for that; whether a model is good enough to be used is judged afterwards, by its windows.
 #[test]
 fn real_recordings_of_people_are_trained_on() {
     let beside = || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared");
@@ -436,13 +436,18 @@ fn real_recordings_of_people_are_trained_on() {
         return;
     }
     let dir = tempfile::tempdir().unwrap();
-    let out = dir.path().join("model.json");
-    // Each was refused for what a few of its recordings have.
-    for set in ["libemg_tests_myo", "myo_readings/21547-1", "myo_readings/45612-1"] {
+    // Each was refused for what a few of its recordings have. The first is of somebody new to it: 79.5 % of its windows.
+    for (set, good_enough) in
+        [("libemg_tests_myo", false), ("myo_readings/21547-1", true), ("myo_readings/45612-1", true)]
+    {
         let source = format!("file:{}", data.join(set).display());
+        let out = dir.path().join("model.json");
         let output = proact(&["train", "--source", &source, "--out", out.to_str().unwrap(), "--replace"])
             .output()
             .unwrap();
-        assert!(output.status.success(), "{set}: {}", String::from_utf8_lossy(&output.stderr));
+        let said = error(&output);
+        assert_eq!(output.status.success(), good_enough, "{set}: {said}");
+        assert_eq!(said.contains("not good enough"), !good_enough, "{set}: {said}");
+        std::fs::remove_file(&out).unwrap_or_else(|e| panic!("{set} left no model: {e}; {said}"));
     }
 }
