@@ -17,6 +17,8 @@ pub(crate) struct ApproachPath {
     pub points: Vec<Vec<f64>>,
     /// Lower is better.
     pub cost: f64,
+    /// At its end the fingers touch something on their way open.
+    pub cramped: bool,
 }
 
 /// Finds paths into a goal. Settings as in [`PlannerOptions`].
@@ -33,6 +35,8 @@ pub(crate) struct ApproachPaths {
 const TILT_STEP: f64 = 0.175;
 /// Batches of postures after which a goal that no posture led to counts as out of reach.
 const TRIES_OUT_OF_REACH: usize = 3;
+/// Batches of postures in which a place is sought where the hand can open, if the first places leave no room.
+const TRIES_FOR_ROOM: usize = 3;
 /// Two arm postures closer than this in every joint are the same, rad.
 const SAME: f64 = 0.08;
 
@@ -48,7 +52,8 @@ impl ApproachPaths {
         }
     }
 
-    /// Approach paths to the goal, best first: from a few postures at a time, until some lead to one.
+    /// Approach paths to the goal, best first: from a few postures at a time, until some lead to one, and to a place until one
+    /// leaves the hand room to open.
     pub fn find(
         &self,
         context: &mut PlanningContext,
@@ -59,7 +64,11 @@ impl ApproachPaths {
         let all = context.postures(problem, from, batch * context.attempt.batches);
         let mut first = None;
         let mut reached = false;
+        let mut cramped = Vec::new();
         for (number, postures) in all.chunks(batch).enumerate() {
+            if !cramped.is_empty() && number >= TRIES_FOR_ROOM {
+                break;
+            }
             let seeking = Seeking {
                 context: &mut *context,
                 problem,
@@ -76,11 +85,20 @@ impl ApproachPaths {
                     reached |= failure.status == PlanStatus::GoalInCollision;
                     first = first.or(Some(failure));
                 }
-                other => return other,
+                Ok(paths) if paths.iter().all(|path| path.cramped) => cramped.extend(paths),
+                Ok(mut paths) => {
+                    // Should the search not get to those with room.
+                    paths.append(&mut cramped);
+                    return Ok(sorted(paths));
+                }
+                Err(failure) => return Err(failure),
             }
-            if !reached && number + 1 >= TRIES_OUT_OF_REACH {
+            if !reached && cramped.is_empty() && number + 1 >= TRIES_OUT_OF_REACH {
                 break;
             }
+        }
+        if !cramped.is_empty() {
+            return Ok(sorted(cramped));
         }
         Err(first.unwrap_or_else(|| Tally::default().failure("goal")))
     }
@@ -179,7 +197,7 @@ impl ApproachPaths {
             for end in seeking.ends(&reach, &paths)? {
                 seeking.add_path(&reach, off, &end, Entry::Place, &mut paths)?;
             }
-            if paths.len() >= self.goals {
+            if paths.iter().filter(|path| !path.cramped).count() >= self.goals {
                 break;
             }
         }
@@ -253,8 +271,8 @@ pub(crate) fn same(a: &[f64], b: &[f64]) -> bool {
     a.iter().zip(b).all(|(x, y)| (x - y).abs() < SAME)
 }
 
-/// Best first.
+/// Best first: those that leave the hand room, each kind by its cost.
 pub(crate) fn sorted(mut paths: Vec<ApproachPath>) -> Vec<ApproachPath> {
-    paths.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    paths.sort_by(|a, b| a.cramped.cmp(&b.cramped).then(a.cost.total_cmp(&b.cost)));
     paths
 }

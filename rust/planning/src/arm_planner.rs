@@ -1,6 +1,6 @@
 //! From a request to a reply: the start is left, paths to the goal are found, a search connects the two.
 
-use crate::approach_paths::ApproachPaths;
+use crate::approach_paths::{ApproachPath, ApproachPaths};
 use crate::connection::Connection;
 use crate::context::{Attempt, PlanningContext};
 use crate::effort::{PlanEffort, PlanStage, StageCell, thread_cpu_secs};
@@ -241,7 +241,7 @@ impl ArmPlanner {
     /// From `from` to the goal, or with the reason for falling short to a point on the way.
     fn path_on(&mut self, problem: &Problem, from: &[f64]) -> Result<(Connection, Option<String>), Failure> {
         let failure = match self.paths.find(&mut self.context, problem, from) {
-            Ok(paths) => return Ok((Connection::search(&mut self.context, problem, from, &paths)?, None)),
+            Ok(paths) => return Ok((self.search(problem, from, &paths)?, None)),
             Err(failure) if failure.status == PlanStatus::Unreachable => failure,
             Err(failure) => return Err(failure),
         };
@@ -250,6 +250,23 @@ impl ArmPlanner {
             if other.status == PlanStatus::Cancelled { other } else { failure.clone() }
         })?;
         Ok((way, Some(failure.reason)))
+    }
+
+    /// To one of `paths`, best first: to one where the hand has room to open, if any of these can be got to.
+    fn search(
+        &mut self,
+        problem: &Problem,
+        from: &[f64],
+        paths: &[ApproachPath],
+    ) -> Result<Connection, Failure> {
+        let roomy = paths.partition_point(|path| !path.cramped);
+        if (1..paths.len()).contains(&roomy) {
+            match Connection::search(&mut self.context, problem, from, &paths[..roomy]) {
+                Err(failure) if failure.status == PlanStatus::NoPlan && self.context.go_on().is_ok() => {}
+                other => return other,
+            }
+        }
+        Connection::search(&mut self.context, problem, from, paths)
     }
 }
 

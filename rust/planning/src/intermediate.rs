@@ -87,6 +87,7 @@ impl Intermediate {
                         paths.push(ApproachPath {
                             cost: cost(&context.limits, from, &q, *off),
                             points: vec![q],
+                            cramped: false,
                         });
                     }
                 }
@@ -129,7 +130,8 @@ impl Intermediate {
                     && !paths.iter().any(|w| same(&w.points[0], &q))
                     && context.scene.is_free(&q)?
                 {
-                    paths.push(ApproachPath { cost: cost(&context.limits, from, &q, 0.0), points: vec![q] });
+                    let cost = cost(&context.limits, from, &q, 0.0);
+                    paths.push(ApproachPath { cost, points: vec![q], cramped: false });
                 }
             }
             if let Some(path) = connect_or_go_on(context, problem, from, paths)? {

@@ -36,8 +36,8 @@ pub(crate) enum Entry {
     Place,
 }
 
-/// Cost of a place at which the hand cannot open fully, rad.
-const CRAMPED: f64 = 1.0;
+/// Hands on the way from closed to open that are looked at.
+const SWEEP: usize = 10;
 
 impl Seeking<'_> {
     /// To arm angles, which are themselves the way.
@@ -52,7 +52,7 @@ impl Seeking<'_> {
                 PlanStatus::GoalInCollision,
                 format!("The arm would touch something at the goal: {a} and {b}."),
             )),
-            None => Ok(vec![ApproachPath { points: vec![goal], cost: 0.0 }]),
+            None => Ok(vec![ApproachPath { points: vec![goal], cost: 0.0, cramped: false }]),
         }
     }
 
@@ -89,7 +89,7 @@ impl Seeking<'_> {
                 Some(pair) => self.tally.hit = Some(pair),
                 None => {
                     let cost = cost(&self.context.limits, self.from, &q, 0.0);
-                    paths.push(ApproachPath { points: vec![q], cost });
+                    paths.push(ApproachPath { points: vec![q], cost, cramped: false });
                 }
             }
         }
@@ -127,9 +127,8 @@ impl Seeking<'_> {
         match self.path_down(reach, end, &entry, self.tally.hit.is_none())? {
             Ok(points) => {
                 let cramped = matches!(entry, Entry::Place) && !self.hand_is_free_after(&entry, end)?;
-                let cost = cost(&self.context.limits, self.from, &points[0], off)
-                    + if cramped { CRAMPED } else { 0.0 };
-                paths.push(ApproachPath { points, cost });
+                let cost = cost(&self.context.limits, self.from, &points[0], off);
+                paths.push(ApproachPath { points, cost, cramped });
                 Ok(true)
             }
             Err(hit) => {
@@ -204,22 +203,43 @@ impl Seeking<'_> {
         request.picked.clone().filter(|picked| request.obstacles.iter().any(|o| o.name == *picked))
     }
 
-    /// True if nothing is touched at `end` once the hand has closed around the block, or opened to let go of it.
+    /// True if nothing is touched at `end` once the hand has closed around the block, or on its whole way open when it lets
+    /// go of it.
     fn hand_is_free_after(&mut self, entry: &Entry, end: &[f64]) -> Result<bool, Failure> {
         let model = self.context.model.clone();
-        let grasp = &self.problem.grasp;
-        let pose = if matches!(entry, Entry::Pick { .. }) { &grasp.closed_pose } else { &grasp.open_pose };
+        let (grasp, request) = (&self.problem.grasp, &self.problem.request);
+        let picks = matches!(entry, Entry::Pick { .. });
+        let pose = if picks { &grasp.closed_pose } else { &grasp.open_pose };
         let Ok(fingers) = model.pose("hand", pose) else { return Ok(true) };
         self.context.set_clearance(Clearance::Contact)?;
-        if let Entry::Pick { .. } = entry
-            && let Some(picked) = self.picked()
-        {
+        if picks && let Some(picked) = self.picked() {
             self.allow_hand(&picked)?;
         }
-        self.context.scene.set_hand(fingers)?;
-        let free = self.context.scene.is_free(end)?;
-        self.context.scene.set_hand(&self.problem.request.hand)?;
-        Ok(free)
+        if !picks {
+            self.context.scene.set_attached(None)?;
+        }
+        let free = self.hands_are_free(fingers, if picks { 1 } else { SWEEP }, end);
+        // As it was, whatever came of it.
+        self.context.scene.set_hand(&request.hand)?;
+        if !picks {
+            self.context.scene.set_attached(request.attached.as_ref())?;
+        }
+        free
+    }
+
+    /// True if none of `steps` hands from the present one to `fingers` touches anything at `end`.
+    fn hands_are_free(&mut self, fingers: &[f64], steps: usize, end: &[f64]) -> Result<bool, Failure> {
+        // The last one takes the most room.
+        for step in (1..=steps).rev() {
+            let share = step as f64 / steps as f64;
+            let hand = self.problem.request.hand.iter().zip(fingers);
+            let hand: Vec<f64> = hand.map(|(from, to)| from + share * (to - from)).collect();
+            self.context.scene.set_hand(&hand)?;
+            if !self.context.scene.is_free(end)? {
+                return Ok(false);
+            }
+        }
+        Ok(true)
     }
 
     /// Lets the whole hand and what it carries touch `obstacle`.
