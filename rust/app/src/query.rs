@@ -7,7 +7,7 @@
 //! | `condition` | `q` | `condition` (null when infinite), `sigma`: 6 singular values |
 //! | `inverse_dynamics` | `q`, `qd`, `qdd`, `hand` (default zero) | `tau` of the arm joints, hand's mass included |
 //! | `ik` | `position`, `quaternion`, `seed` | `status`: `ok` or `unreachable`, `q` or null |
-//! | `plan` | `start`, `goal_q` or `goal_pose`, `scene`, `base_pose`, `hand`, `attached`, `seed`, `planner`, `parameters`, `roadmap` | `status`, `path`, `times`, `reason`, `words`, `iterations`, `wall_secs` |
+//! | `plan` | `start`, `goal_q` or `goal_pose`, `scene`, `base_pose`, `hand`, `attached`, `seed`, `planner`, `parameters`, `roadmap` | `status`, `path`, `times`, `reason`, `clearance`, `words`, `iterations`, `wall_secs` |
 //! | `roadmap` | `milestones` (how many), `scene`, `base_pose`, `hand`, `seed` | `milestones`, `edges` |
 //! | `collision` | `q`, `scene`, `base_pose`, `hand` | `collision`, `pairs` |
 //!
@@ -347,6 +347,7 @@ impl QueryHandler {
             "path": path,
             "times": times,
             "reason": reply.reason,
+            "clearance": reply.clearance,
             "words": five_words(reply.status),
             "iterations": effort.iterations,
             "wall_secs": effort.wall_secs,

@@ -40,6 +40,7 @@ impl Asked {
             status: PlanStatus::Ok,
             trajectory: Trajectory { points },
             reason: String::new(),
+            clearance: None,
         })
     }
 }

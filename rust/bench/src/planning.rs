@@ -31,6 +31,11 @@ const SEARCH_EVERY: usize = 48;
 const BLOCK_RADIUS: f64 = 0.025;
 const BLOCK_HEIGHT: f64 = 0.05;
 const BLOCK: Shape = Shape::Cylinder { radius: BLOCK_RADIUS, length: BLOCK_HEIGHT };
+/// So far from either end a path should keep the padding, metres of the tip's path.
+const AWAY: f64 = 0.05;
+/// The padding, and what may be missing between the states at which the planner looks.
+const PADDING_MM: f64 = 5.0;
+const ROUNDING_MM: f64 = 0.2;
 /// Farthest that the arm moves between two checked states where it is found out whether a goal is within reach, metres.
 const SETTLE_STEP: f64 = 0.001;
 
@@ -69,6 +74,8 @@ struct Answer {
     solved: bool,
     /// It leads to the goal, but the independent check finds a contact.
     contact: Option<Contact>,
+    /// Free space away from its ends by the independent check, metres; none if it has no middle.
+    clearance: Option<f64>,
     /// What the reply said otherwise.
     said: String,
     reachable: bool,
@@ -183,6 +190,7 @@ impl Bench {
         let ok = reply.status == PlanStatus::Ok;
         let contact = if ok { self.judge.contact(request, &reply.trajectory)? } else { None };
         let solved = ok && contact.is_none();
+        let clearance = if solved { self.judge.clearance(request, &reply.trajectory, AWAY)? } else { None };
         let (length, duration) = (length(&reply.trajectory), reply.trajectory.duration_secs());
         if solved && number % SEARCH_EVERY == SEARCH_EVERY - 1 {
             self.search_beside_plain_ompl(request, &reply.trajectory, cpu_ms)?;
@@ -200,6 +208,7 @@ impl Bench {
             cpu_ms,
             solved,
             contact,
+            clearance,
             said,
             reachable,
             length,
@@ -297,6 +306,14 @@ impl Bench {
                     "ms",
                     "time until told that it is out of reach",
                 );
+            }
+            let rooms: Vec<f64> = solved.iter().filter_map(|a| a.clearance).map(|c| c * 1e3).collect();
+            if !rooms.is_empty() {
+                let kept = rooms.iter().filter(|room| **room >= PADDING_MM - ROUNDING_MM).count();
+                let note =
+                    "by Parry, every 5 ms, more than 5 cm of the tip's path away from both ends; goal: 1";
+                add("paths that keep 5 mm", kept as f64 / rooms.len() as f64, "1", note);
+                add("clearance there, least", quantile(&rooms, 0.0), "mm", "by Parry");
             }
             if !solved.is_empty() {
                 let lengths: Vec<f64> = solved.iter().map(|a| a.length).collect();

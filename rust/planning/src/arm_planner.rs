@@ -10,11 +10,13 @@ use crate::intermediate::Intermediate;
 use crate::leave::Leaving;
 use crate::part::solve_part;
 use crate::problem::Problem;
-use crate::smoothing::Smoother;
+use crate::route::Route;
+use crate::smoothing::{Smoother, Timed};
+use crate::widening::widened;
 use crate::{CancelFlag, MeshObstacle, PlannerOptions, PlanningError, Roadmap, SearchEffort};
 use proact_arm::ArmModel;
 use proact_control::ports::ArmKinematics;
-use proact_types::{AttachedObject, Obstacle, PlanReply, PlanRequest, PlanStatus, Pose, Trajectory};
+use proact_types::{AttachedObject, Obstacle, PlanReply, PlanRequest, PlanStatus, Pose};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -162,6 +164,7 @@ impl ArmPlanner {
         self.effort = PlanEffort {
             request: request.id,
             status: reply.status,
+            clearance: reply.clearance,
             iterations: self.context.scene.effort.iterations,
             state_checks: self.context.scene.effort.state_checks,
             wall_secs: begin.elapsed().as_secs_f64(),
@@ -177,15 +180,17 @@ impl ArmPlanner {
 
     /// The answer to a request that holds no joint.
     pub(crate) fn answer(&mut self, request: &PlanRequest) -> PlanReply {
-        let (status, trajectory, reason) = match self.solve_inner(request) {
-            Ok((path, None)) => (PlanStatus::Ok, path, String::new()),
-            Ok((path, Some(reason))) => (PlanStatus::Intermediate, path, reason),
-            Err(failure) => (failure.status, Trajectory::default(), failure.reason),
-        };
-        PlanReply { id: request.id, status, trajectory, reason }
+        let id = request.id;
+        match self.solve_inner(request) {
+            Ok((Timed { trajectory, clearance }, shortfall)) => {
+                let status = if shortfall.is_some() { PlanStatus::Intermediate } else { PlanStatus::Ok };
+                PlanReply { id, status, trajectory, reason: shortfall.unwrap_or_default(), clearance }
+            }
+            Err(failure) => PlanReply::without_a_way(id, failure.status, failure.reason),
+        }
     }
 
-    fn solve_inner(&mut self, request: &PlanRequest) -> Result<(Trajectory, Option<String>), Failure> {
+    fn solve_inner(&mut self, request: &PlanRequest) -> Result<(Timed, Option<String>), Failure> {
         let problem = Problem::accept(&mut self.context, request)?;
         // Where the usual clearance is not to be had, a narrower way, looked at more finely, is better than none.
         let mut first: Option<Setback> = None;
@@ -210,15 +215,16 @@ impl ArmPlanner {
         let Some(setback) = first else { return Err(Failure::out_of_time()) };
         match setback.way_out {
             // No way on, but a way out of the box: from up there another base or another try may reach.
-            Some(path) => {
-                let end = path.len() - 1;
-                Ok((self.smoother.timed(&mut self.context, &path, end, end)?, Some(setback.failure.reason)))
+            Some(points) => {
+                let end = points.len() - 1;
+                let route = Route { points, curved: [end, end], searched: self.context.attempt.transit };
+                Ok((self.smoother.timed(&mut self.context, &route, 0.0)?, Some(setback.failure.reason)))
             }
             None => Err(setback.failure),
         }
     }
 
-    fn solve_with_clearance(&mut self, problem: &Problem) -> Result<(Trajectory, Option<String>), Setback> {
+    fn solve_with_clearance(&mut self, problem: &Problem) -> Result<(Timed, Option<String>), Setback> {
         self.context.stage.set(PlanStage::Leaving);
         let mut path = self.leaving.path(&mut self.context, problem)?;
         self.context.stage.set(PlanStage::SeekingGoals);
@@ -233,9 +239,12 @@ impl ArmPlanner {
         };
         let entered = left + found.entry;
         path.extend(found.points.into_iter().skip(1));
-        self.context.go_on()?;
-        self.context.stage.set(PlanStage::Smoothing);
-        Ok((self.smoother.timed(&mut self.context, &path, left, entered)?, shortfall))
+        let route = Route { points: path, curved: [left, entered], searched: self.context.attempt.transit };
+        let (context, smoother) = (&mut self.context, &self.smoother);
+        context.go_on()?;
+        context.stage.set(PlanStage::Smoothing);
+        let timed = smoother.timed(context, &route, 0.0)?;
+        Ok((widened(context, problem, smoother, &route, timed)?, shortfall))
     }
 
     /// From `from` to the goal, or with the reason for falling short to a point on the way.

@@ -1,27 +1,26 @@
 //! Corners of a path are rounded, so that the arm need not slow down for them.
 
-use crate::context::{Clearance, PlanningContext};
+use crate::context::PlanningContext;
 use crate::failure::Failure;
+use crate::route::{Route, distance, mix};
 
 /// Longest piece of a blend that is checked as one straight motion, rad (L2).
 const PIECE: f64 = 0.04;
 /// Shares of the room up to the middle of the next motion that a blend may take, the widest first.
 const SHARES: [f64; 4] = [1.0, 0.5, 0.25, 0.125];
 
-/// `path` with its corners between the points `left` and `entered` replaced by parabolas, as wide as there is
-/// room for; and where the last of the two now stands. A corner without room stays.
-pub(crate) fn blended(
-    context: &mut PlanningContext,
-    path: &[Vec<f64>],
-    left: usize,
-    entered: usize,
-) -> Result<(Vec<Vec<f64>>, usize), Failure> {
-    context.set_clearance(Clearance::Transit)?;
+/// `route` with its corners between the straight ways replaced by parabolas, as wide as there is room for. A corner without
+/// room stays.
+pub(crate) fn blended(context: &mut PlanningContext, route: &Route) -> Result<Route, Failure> {
+    context.keep(route.searched)?;
+    let path = &route.points;
+    let [left, entered] = route.curved;
     let mut round = path[..=left].to_vec();
-    for k in left + 1..entered {
-        match blend(context, &path[k - 1], &path[k], &path[k + 1])? {
+    let corners = if entered > left { path[left..=entered].windows(3) } else { [].windows(3) };
+    for around in corners {
+        match blend(context, around, route.searched)? {
             Some(blend) => round.extend(blend),
-            None => round.push(path[k].clone()),
+            None => round.push(around[1].clone()),
         }
     }
     if entered > left {
@@ -29,19 +28,19 @@ pub(crate) fn blended(
     }
     let end = round.len() - 1;
     round.extend_from_slice(&path[entered + 1..]);
-    Ok((round, end))
+    Ok(Route { points: round, curved: [left, end], searched: route.searched })
 }
 
-/// The widest free blend of the corner between two straight motions; none if no width is free.
+/// The widest blend that keeps `padding` of the corner at the second of three points; none if no width is free.
 fn blend(
     context: &mut PlanningContext,
-    before: &[f64],
-    corner: &[f64],
-    after: &[f64],
+    around: &[Vec<f64>],
+    padding: f64,
 ) -> Result<Option<Vec<Vec<f64>>>, Failure> {
+    let [before, corner, after] = around else { return Ok(None) };
     let lengths = [before, after].map(|end| distance(corner, end));
     let half = 0.5 * lengths[0].min(lengths[1]);
-    let limits = context.limits_of_transit();
+    let limits = context.limits_with(padding);
     'narrower: for share in SHARES {
         let leg = share * half;
         if leg < PIECE {
@@ -68,15 +67,6 @@ fn parabola(from: &[f64], corner: &[f64], to: &[f64], pieces: usize) -> Vec<Vec<
         mix(&mix(from, corner, s), &mix(corner, to, s), s)
     };
     (0..=pieces).map(at).collect()
-}
-
-/// The point a share of the way from `a` to `b`.
-fn mix(a: &[f64], b: &[f64], share: f64) -> Vec<f64> {
-    a.iter().zip(b).map(|(x, y)| x + share * (y - x)).collect()
-}
-
-fn distance(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(x, y)| (x - y) * (x - y)).sum::<f64>().sqrt()
 }
 
 #[cfg(test)]

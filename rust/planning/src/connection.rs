@@ -1,13 +1,12 @@
 //! The search in joint space that connects where the start was left with a way into the goal.
 
-use crate::SearchOutcome;
 use crate::approach_paths::ApproachPath;
 use crate::context::{Clearance, PlanningContext};
 use crate::effort::PlanStage;
 use crate::failure::Failure;
 use crate::problem::Problem;
+use crate::{SearchLimits, SearchOutcome};
 use proact_types::PlanStatus;
-use std::time::Instant;
 
 /// A path from where the start was left to the goal.
 pub(crate) struct Connection {
@@ -27,11 +26,8 @@ impl Connection {
         context.set_clearance(Clearance::Transit)?;
         let goals: Vec<Vec<f64>> = paths.iter().map(|w| w.points[0].clone()).collect();
         context.stage.set(PlanStage::Searching);
-        let mut limits = context.limits_of_transit();
-        if let Some(deadline) = context.deadline {
-            let left = deadline.saturating_duration_since(Instant::now()).as_secs_f64().max(1e-3);
-            limits.max_secs = Some(limits.max_secs.map_or(left, |secs| secs.min(left)));
-        }
+        let usual = context.limits_with(context.attempt.transit);
+        let limits = SearchLimits { max_secs: context.secs_left(), ..usual };
         let seed = problem.request.seed;
         let (planner, parameters) = (context.options.name, &context.options.parameters);
         match context.scene.search_by(planner, parameters, from, &goals, seed, &limits, &context.cancel)? {

@@ -38,9 +38,9 @@ pub(crate) struct PlanningContext {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Attempt {
     /// Free space around everything in transit, metres.
-    transit: f64,
+    pub transit: f64,
     /// Free space on the straight paths, metres.
-    contact: f64,
+    pub contact: f64,
     /// Batches of postures from which paths to the goal are sought.
     pub batches: usize,
 }
@@ -56,6 +56,9 @@ pub(crate) enum Clearance {
 
 /// Batches of postures with the usual clearance, a narrow one and next to none.
 const BATCHES: [usize; 3] = [3, 6, 35];
+/// What is searched for keeps so much more than what is wanted of the trajectory, as a share: rounding the corners and
+/// averaging over time stray from it.
+pub(crate) const FOR_ROUNDING: f64 = 1.1;
 /// Clearance of the last attempt, metres: what rounding and the search for arm angles may stray.
 const NEXT_TO_NONE: f64 = 2e-5;
 /// Largest difference between the planner's chain and the kinematics library that is rounding, metres and rad.
@@ -68,7 +71,8 @@ impl Attempt {
     pub fn all(options: &PlannerOptions) -> [Self; 3] {
         let contact = options.contact_padding.min(options.padding);
         let none = contact.min(NEXT_TO_NONE);
-        let clearances = [(options.padding, options.contact_padding), (contact, contact), (none, none)];
+        let usual = (FOR_ROUNDING * options.padding, options.contact_padding);
+        let clearances = [usual, (contact, contact), (none, none)];
         std::array::from_fn(|k| Self {
             transit: clearances[k].0,
             contact: clearances[k].1,
@@ -161,16 +165,23 @@ impl PlanningContext {
 
     /// Sets how much clearance the next questions leave, and withdraws allowed contacts.
     pub fn set_clearance(&mut self, clearance: Clearance) -> Result<(), PlanningError> {
-        self.scene.forget_allowed_contacts()?;
-        self.scene.set_padding(match clearance {
+        self.keep(match clearance {
             Clearance::Transit => self.attempt.transit,
             Clearance::Contact => self.attempt.contact,
         })
     }
 
-    /// Bounds of questions about motions in transit of the present attempt.
-    pub fn limits_of_transit(&self) -> SearchLimits {
-        self.limits_with(self.attempt.transit)
+    /// The same, with so much free space around everything, metres.
+    pub fn keep(&mut self, padding: f64) -> Result<(), PlanningError> {
+        self.scene.forget_allowed_contacts()?;
+        self.scene.set_padding(padding)
+    }
+
+    /// Bound on the time of the next search, seconds.
+    pub fn secs_left(&self) -> Option<f64> {
+        let left = |deadline: Instant| deadline.saturating_duration_since(Instant::now()).as_secs_f64();
+        let until = self.deadline.map(|deadline| left(deadline).max(1e-3));
+        [until, self.options.search.max_secs].into_iter().flatten().reduce(f64::min)
     }
 
     /// Bounds of questions about the straight paths of the present attempt.
@@ -179,7 +190,7 @@ impl PlanningContext {
     }
 
     /// Bounds of a search that keeps `padding`: what hides between two checked states must not be deeper.
-    fn limits_with(&self, padding: f64) -> SearchLimits {
+    pub fn limits_with(&self, padding: f64) -> SearchLimits {
         let step = 2.0 * padding.max(SMALLEST_HALF_STEP);
         let usual = self.options.search;
         SearchLimits { step_metres: usual.step_metres.min(step), ..usual }

@@ -46,6 +46,8 @@ pub struct PlanEffort {
     pub request: u64,
     /// How it ended.
     pub status: PlanStatus,
+    /// Free space that the plan keeps away from its ends, metres, as in its reply.
+    pub clearance: Option<f64>,
     /// Iterations of the planner, over all its searches.
     pub iterations: u64,
     /// States that these searches looked at.
@@ -65,6 +67,7 @@ impl Default for PlanEffort {
         Self {
             request: 0,
             status,
+            clearance: None,
             iterations: 0,
             state_checks: 0,
             wall_secs: 0.0,

@@ -34,12 +34,14 @@ mod person;
 mod problem;
 mod reach;
 mod reasons;
+mod route;
 mod scene;
 mod search;
 mod seeking;
 mod smoothing;
 mod state_check;
 mod timing;
+mod widening;
 mod worker;
 
 pub use arm_planner::ArmPlanner;

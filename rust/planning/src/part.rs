@@ -9,9 +9,7 @@ use crate::reach::{Limits, Reach, solve};
 use crate::{ArmPlanner, PlanningError};
 use proact_arm::{ArmModel, Chain, ChainPoses};
 use proact_control::ports::{ArmKinematics, IkOutcome, KinematicsError};
-use proact_types::{
-    JointVector, PlanGoal, PlanReply, PlanRequest, PlanStatus, Point, Pose, Trajectory, Vector,
-};
+use proact_types::{JointVector, PlanGoal, PlanReply, PlanRequest, PlanStatus, Point, Pose, Vector};
 use std::sync::Arc;
 
 /// How far off the hand of part of an arm may be, metres and rad.
@@ -30,12 +28,7 @@ impl Slack {
 
 /// The answer to `request`, which holds joints of the arm of `whole`.
 pub(crate) fn solve_part(whole: &ArmPlanner, request: &PlanRequest) -> PlanReply {
-    let refused = |reason: String| PlanReply {
-        id: request.id,
-        status: PlanStatus::Invalid,
-        trajectory: Trajectory::default(),
-        reason,
-    };
+    let refused = |reason: String| PlanReply::without_a_way(request.id, PlanStatus::Invalid, reason);
     let joints = whole.context.model.arm_count();
     if request.start.len() != joints || request.held.iter().any(|joint| *joint >= joints) {
         return refused(format!(

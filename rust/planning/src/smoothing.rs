@@ -4,9 +4,11 @@ use crate::PlannerOptions;
 use crate::blending::blended;
 use crate::context::{Clearance, PlanningContext};
 use crate::failure::Failure;
+use crate::route::{Route, away_from_ends};
 use crate::timing::{Curve, GRID, MotionLimits, averaged};
 use proact_arm::ArmModel;
 use proact_types::{PlanStatus, Trajectory, TrajectoryPoint};
+use std::ops::Range;
 
 /// Smooths and times paths under the limits of one arm.
 pub(crate) struct Smoother {
@@ -33,56 +35,56 @@ impl Smoother {
         Self { limits, window: 2.0 * options.max_acceleration / options.max_jerk }
     }
 
-    /// The path as a trajectory. Between the points `left` and `entered` it was found free with padding; there
-    /// the smoothed curve, which cuts corners, is checked again and drawn closer to the path if need be.
-    pub fn timed(
-        &self,
-        context: &mut PlanningContext,
-        path: &[Vec<f64>],
-        left: usize,
-        entered: usize,
-    ) -> Result<Trajectory, Failure> {
-        let (path, entered) = &blended(context, path, left, entered)?;
-        let entered = *entered;
-        context.set_clearance(Clearance::Contact)?;
+    /// The route as a trajectory. Between its straight ways it was found free with padding; there the smoothed curve, which
+    /// cuts corners, is checked again and drawn closer to the route if need be: until it touches nothing, and until its middle
+    /// keeps `wanted`, metres, if any of the curves does.
+    pub fn timed(&self, context: &mut PlanningContext, route: &Route, wanted: f64) -> Result<Timed, Failure> {
+        let Route { points: path, curved: [left, entered], .. } = &blended(context, route)?;
+        let mut widest: Option<Timed> = None;
         for spacing in SPACINGS {
             context.go_on()?;
             let Some(curve) = Curve::along(path, spacing) else {
                 // Already there: a trajectory of one point says so.
                 let qd = proact_types::zeros(path[0].len());
                 let point = TrajectoryPoint { time_secs: 0.0, q: proact_types::joints(&path[0]), qd };
-                return Ok(Trajectory { points: vec![point] });
+                return Ok(Timed { trajectory: Trajectory { points: vec![point] }, clearance: None });
             };
-            let (from, to) = (curve.path_parameter[left], curve.path_parameter[entered]);
+            let (from, to) = (curve.path_parameter[*left], curve.path_parameter[*entered]);
             // The closest curve strays less from the path than the padding is wide.
             let closest = spacing == SPACINGS[SPACINGS.len() - 1];
-            let mut free = true;
-            for k in 0..=(2.0 * (to - from)) as usize {
-                let [q, _, _] = curve.at(from + 0.5 * k as f64);
-                if !context.scene.is_free(&q)? {
-                    free = false;
-                    break;
-                }
+            if closest && widest.is_some() {
+                // It would be run at a quarter of the acceleration.
+                break;
             }
-            if !free && !closest {
+            if !closest && !is_free_along(context, &curve, from, to)? {
                 continue;
             }
             let (limits, window) = self.motion_limits_of(closest);
             context.go_on()?;
-            let timed = curve.timed(&limits);
-            if window == 0.0 {
-                return Ok(timed);
+            let mut trajectory = curve.timed(&limits);
+            let at = |u: f64| trajectory.points[u as usize * GRID].time_secs;
+            let (begin, end) = (at(from) + window, at(to));
+            if window > 0.0 {
+                context.go_on()?;
+                trajectory = averaged(&trajectory, window);
             }
-            context.go_on()?;
-            let smooth = averaged(&timed, window);
-            let at = |u: f64| timed.points[u as usize * GRID].time_secs;
-            if (closest && !context.is_tight())
-                || is_free_between(context, &smooth, at(from) + window, at(to))?
-            {
-                return Ok(smooth);
+            let room = Room::along(context, &trajectory);
+            let roomy = room.keeps(context, context.options.padding)?;
+            let free = window == 0.0
+                || (closest && !context.is_tight())
+                || is_free_between(context, &trajectory, begin, end, roomy.then_some(&room))?;
+            if free {
+                let clearance = room.clearance(context, roomy)?;
+                let found = Timed { trajectory, clearance };
+                if clearance.is_none_or(|clearance| clearance >= wanted) {
+                    return Ok(found);
+                }
+                if widest.as_ref().is_none_or(|widest| clearance > widest.clearance) {
+                    widest = Some(found);
+                }
             }
         }
-        Err(Failure::new(PlanStatus::Invalid, "The path could not be smoothed."))
+        widest.ok_or_else(|| Failure::new(PlanStatus::Invalid, "The path could not be smoothed."))
     }
 
     /// Limits of the trajectory before it is averaged, and the window for that, s. Beside obstacles that leave no
@@ -97,27 +99,109 @@ impl Smoother {
     }
 }
 
-/// True if nothing touches from `begin` to `end`, seconds, at every point of the trajectory; with next to no clearance,
-/// between them as well.
+/// A trajectory and its clearance, as in the reply to a request.
+pub(crate) struct Timed {
+    pub trajectory: Trajectory,
+    pub clearance: Option<f64>,
+}
+
+/// True if nothing touches the smoothed curve between two of its parameters.
+fn is_free_along(context: &mut PlanningContext, curve: &Curve, from: f64, to: f64) -> Result<bool, Failure> {
+    context.set_clearance(Clearance::Contact)?;
+    for k in 0..=(2.0 * (to - from)) as usize {
+        let [q, _, _] = curve.at(from + 0.5 * k as f64);
+        if !context.scene.is_free(&q)? {
+            return Ok(false);
+        }
+    }
+    Ok(true)
+}
+
+/// True if nothing touches from `begin` to `end`, seconds, at every point of the trajectory but in its middle if that is
+/// `known` to have room; with next to no clearance, between the points as well.
 fn is_free_between(
     context: &mut PlanningContext,
     trajectory: &Trajectory,
     begin: f64,
     end: f64,
+    known: Option<&Room>,
 ) -> Result<bool, Failure> {
+    context.set_clearance(Clearance::Contact)?;
     let limits = context.limits_of_contact();
-    let within = |point: &&TrajectoryPoint| point.time_secs >= begin && point.time_secs <= end;
-    let points: Vec<&TrajectoryPoint> = trajectory.points.iter().filter(within).collect();
-    for pair in points.windows(2) {
+    let points = &trajectory.points;
+    let within = |k: &usize| points[*k].time_secs >= begin && points[*k].time_secs <= end;
+    let checked: Vec<usize> = (0..points.len()).filter(within).collect();
+    for pair in checked.windows(2) {
+        if known.is_some_and(|room| room.middle.contains(&pair[0]) && room.middle.contains(&pair[1])) {
+            continue;
+        }
         context.go_on()?;
+        let (before, here) = (&points[pair[0]].q, &points[pair[1]].q);
         let free = if context.is_tight() {
-            context.scene.motion_is_free(&pair[0].q, &pair[1].q, &limits)?
+            context.scene.motion_is_free(before, here, &limits)?
         } else {
-            context.scene.is_free(&pair[1].q)?
+            context.scene.is_free(here)?
         };
         if !free {
             return Ok(false);
         }
     }
     Ok(true)
+}
+
+/// The middle of a trajectory: its points that are more than [`ENDS`](crate::route::ENDS) away from both ends.
+struct Room<'a> {
+    points: &'a [TrajectoryPoint],
+    middle: Range<usize>,
+}
+
+/// A clearance that is less than usual is measured so finely, metres.
+const MEASURED_TO: f64 = 2e-5;
+
+impl<'a> Room<'a> {
+    fn along(context: &PlanningContext, trajectory: &'a Trajectory) -> Self {
+        let points = &trajectory.points;
+        let states: Vec<&[f64]> = points.iter().map(|point| &*point.q).collect();
+        Self { points, middle: away_from_ends(&context.chain, &states) }
+    }
+
+    /// True if the middle has so much free space around it, metres.
+    fn keeps(&self, context: &mut PlanningContext, padding: f64) -> Result<bool, Failure> {
+        context.keep(padding)?;
+        for point in &self.points[self.middle.clone()] {
+            context.go_on()?;
+            if !context.scene.is_free(&point.q)? {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    /// The free space around the middle, metres: at most the usual padding, which a `roomy` one keeps. None if there is no
+    /// middle.
+    fn clearance(&self, context: &mut PlanningContext, roomy: bool) -> Result<Option<f64>, Failure> {
+        let (mut kept, mut lost) = (0.0, context.options.padding);
+        if self.middle.is_empty() || roomy {
+            return Ok((!self.middle.is_empty()).then_some(lost));
+        }
+        let mut near: Vec<&TrajectoryPoint> = self.points[self.middle.clone()].iter().collect();
+        while lost - kept > MEASURED_TO {
+            context.go_on()?;
+            let padding = 0.5 * (kept + lost);
+            context.keep(padding)?;
+            let mut hit = Vec::new();
+            for &point in &near {
+                if !context.scene.is_free(&point.q)? {
+                    hit.push(point);
+                }
+            }
+            if hit.is_empty() {
+                kept = padding;
+            } else {
+                // The others are farther away.
+                (lost, near) = (padding, hit);
+            }
+        }
+        Ok(Some(kept))
+    }
 }

@@ -6,6 +6,7 @@
 //! under |q'| sqrt(x) <= v and |q' w + q'' x| <= a with w = d2u/dt2, found by one backward and one forward pass
 //! (reachability analysis: Pham and Pham, IEEE T-RO 34(3), 2018). Jerk is limited afterwards, by averaging over time.
 
+use crate::route::distance;
 use proact_types::{Trajectory, TrajectoryPoint, joints};
 
 /// Speed and acceleration limits, one per arm joint.
@@ -273,8 +274,4 @@ pub(crate) fn averaged(trajectory: &Trajectory, window_secs: f64) -> Trajectory 
     points[0].q = first.q.clone();
     points[count].q = last.q.clone();
     Trajectory { points }
-}
-
-fn distance(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(x, y)| (x - y) * (x - y)).sum::<f64>().sqrt()
 }

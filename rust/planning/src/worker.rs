@@ -3,7 +3,7 @@
 use crate::effort::StageCell;
 use crate::{ArmPlanner, CancelFlag, Person, PlanEffort, PlanStage, person_obstacles};
 use proact_testbed::ports::PlanService;
-use proact_types::{PlanReply, PlanRequest, PlanStatus, Trajectory};
+use proact_types::{PlanReply, PlanRequest, PlanStatus};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard};
 use std::thread::JoinHandle;
@@ -133,7 +133,7 @@ fn run(mut planner: ArmPlanner, shared: &Shared) {
 }
 
 fn failed(id: u64, status: PlanStatus, reason: &str) -> PlanReply {
-    PlanReply { id, status, trajectory: Trajectory::default(), reason: reason.to_owned() }
+    PlanReply::without_a_way(id, status, reason)
 }
 
 impl PlanService for PlanWorker {

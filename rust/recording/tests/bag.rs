@@ -139,7 +139,7 @@ fn state(time: SimTime) -> PlantState {
 fn plan() -> PlanReply {
     let point = |time_secs: f64| TrajectoryPoint { time_secs, q: joints(&[0.5, 0.6]), qd: zeros(2) };
     let trajectory = Trajectory { points: vec![point(0.0), point(1.25)] };
-    PlanReply { id: 1, status: PlanStatus::Ok, trajectory, reason: String::new() }
+    PlanReply { id: 1, status: PlanStatus::Ok, trajectory, reason: String::new(), clearance: None }
 }
 
 /// Everything that a trial writes, for `SECONDS` simulated seconds.

@@ -4,7 +4,7 @@ use crate::{
     stages::{PersonInput, PersonParts, PersonStage},
 };
 use proact_tasks::TaskResult;
-use proact_types::{DisplayFrame, PlanReply, PlanRequest, PlanStatus, Pose, SimTime, TickInput, Trajectory};
+use proact_types::{DisplayFrame, PlanReply, PlanRequest, PlanStatus, Pose, SimTime, TickInput};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
@@ -208,12 +208,7 @@ impl PlanService for LoggedPlans {
 
     /// A plan that the log should hold and does not: the digest tells where.
     fn wait(&mut self, id: u64) -> PlanReply {
-        PlanReply {
-            id,
-            status: PlanStatus::Invalid,
-            trajectory: Trajectory::default(),
-            reason: "the log holds no such plan".to_owned(),
-        }
+        PlanReply::without_a_way(id, PlanStatus::Invalid, "the log holds no such plan")
     }
 
     fn cancel(&mut self) {}

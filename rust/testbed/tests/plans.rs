@@ -96,6 +96,7 @@ fn the_answer_to_another_request_moves_nothing() -> Outcome {
         status: PlanStatus::Ok,
         trajectory: Trajectory::default(),
         reason: String::new(),
+        clearance: None,
     };
     let mut inputs = run.inputs.clone();
     inputs[asked as usize + 100].1.plan = Some(stray);

@@ -194,6 +194,17 @@ pub struct PlanReply {
     pub trajectory: Trajectory,
     /// One sentence for the display and the log when there is no full plan; empty otherwise.
     pub reason: String,
+    /// Free space that the way keeps more than 5 cm of the tip's path away from its ends, metres, at most the planner's padding;
+    /// none if it is not that long, or if nobody measured it. Not recorded with the reply: the log of the plans has it.
+    #[serde(skip)]
+    pub clearance: Option<f64>,
+}
+
+impl PlanReply {
+    /// The answer that there is no way.
+    pub fn without_a_way(id: u64, status: PlanStatus, reason: impl Into<String>) -> Self {
+        Self { id, status, trajectory: Trajectory::default(), reason: reason.into(), clearance: None }
+    }
 }
 
 #[cfg(test)]

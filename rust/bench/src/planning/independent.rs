@@ -3,10 +3,10 @@
 
 use parry3d_f64::bounding_volume::{Aabb, BoundingVolume};
 use parry3d_f64::math::{Pose as ParryPose, Rotation, Vector as ParryVector};
-use parry3d_f64::query::intersection_test;
+use parry3d_f64::query::{distance, intersection_test};
 use parry3d_f64::shape::{Ball, Capsule, Cuboid, Cylinder, Shape as ParryShape};
 use proact_arm::ArmModel;
-use proact_types::{JointVector, PlanGoal, PlanRequest, Pose, Shape, Trajectory};
+use proact_types::{JointVector, Obstacle, PlanGoal, PlanRequest, Pose, Shape, Trajectory};
 use std::error::Error;
 use std::sync::Arc;
 
@@ -16,6 +16,10 @@ const STEP_RAD: f64 = 0.5 * std::f64::consts::PI / 180.0;
 /// Time between the states of which the next to look at is chosen, seconds: at 0.5 rad/s in every joint a
 /// fingertip moves a third of a millimetre.
 const PICK_SECS: f64 = 0.0002;
+/// Time between the states at which the clearance is measured, seconds: a fingertip moves by less than 2 mm.
+const CLEARANCE_SECS: f64 = 0.005;
+/// Clearances from this on are not told apart, metres.
+const ROOMY: f64 = 0.02;
 
 /// Two things that touch on the way.
 #[derive(Clone, Debug, PartialEq)]
@@ -74,16 +78,7 @@ impl Independent {
             PlanGoal::Pick { .. } => request.picked.as_deref(),
             _ => None,
         };
-        let things: Vec<Thing> = request
-            .obstacles
-            .iter()
-            .filter(|o| Some(o.name.as_str()) != gripped)
-            .map(|o| {
-                let (shape, turn) = parry_shape(&o.shape);
-                let pose = parry_pose(&(o.pose * turn));
-                Thing { name: o.name.clone(), aabb: shape.compute_aabb(&pose), shape, pose }
-            })
-            .collect();
+        let things = things(request, gripped);
         let mut looked_at: Option<Vec<Pose>> = None;
         let mut world_from_link = Vec::new();
         let count = (trajectory.duration_secs() / PICK_SECS).ceil() as usize;
@@ -102,6 +97,40 @@ impl Independent {
             looked_at = Some(world_from_link.clone());
         }
         Ok(None)
+    }
+
+    /// The smallest distance, metres, of the arm and what it carries from the obstacles, over the states that are more than
+    /// `ends` metres of the tip's path away from both ends; [`ROOMY`] at most. None if there is no such state.
+    pub(super) fn clearance(
+        &self,
+        request: &PlanRequest,
+        trajectory: &Trajectory,
+        ends: f64,
+    ) -> Result<Option<f64>, Box<dyn Error>> {
+        let parts = self.parts(request);
+        let things = things(request, None);
+        let count = (trajectory.duration_secs() / CLEARANCE_SECS).ceil() as usize;
+        let mut states = Vec::with_capacity(count + 1);
+        let mut tip_path = 0.0;
+        for k in 0..=count {
+            let Some((q, _)) = trajectory.sample(k as f64 * CLEARANCE_SECS) else { break };
+            let angles: JointVector = q.iter().chain(&request.hand).copied().collect();
+            let mut world_from_link = Vec::new();
+            self.model.place_links(&request.world_from_base, &angles, &mut world_from_link);
+            let tip = world_from_link[self.model.tip].translation.vector;
+            if let Some((_, before)) = states.last() {
+                let before: &Vec<Pose> = before;
+                tip_path += (tip - before[self.model.tip].translation.vector).norm();
+            }
+            states.push((tip_path, world_from_link));
+        }
+        let away = |at: f64| at > ends && tip_path - at > ends;
+        let mut least = None;
+        for (_, world_from_link) in states.iter().filter(|(at, _)| away(*at)) {
+            let here = room(&parts, &things, world_from_link)?;
+            least = Some(least.map_or(here, |least: f64| least.min(here)));
+        }
+        Ok(least)
     }
 
     fn parts(&self, request: &PlanRequest) -> Vec<Part> {
@@ -165,6 +194,31 @@ impl Independent {
         }
         Ok(None)
     }
+}
+
+/// The obstacles of `request`, but for the one called `gripped`.
+fn things(request: &PlanRequest, gripped: Option<&str>) -> Vec<Thing> {
+    let thing = |o: &Obstacle| {
+        let (shape, turn) = parry_shape(&o.shape);
+        let pose = parry_pose(&(o.pose * turn));
+        Thing { name: o.name.clone(), aabb: shape.compute_aabb(&pose), shape, pose }
+    };
+    request.obstacles.iter().filter(|o| Some(o.name.as_str()) != gripped).map(thing).collect()
+}
+
+/// The smallest distance of a moving part from a thing, metres, [`ROOMY`] at most.
+fn room(parts: &[Part], things: &[Thing], world_from_link: &[Pose]) -> Result<f64, Box<dyn Error>> {
+    let mut least = ROOMY;
+    for part in parts.iter().filter(|part| part.body > 0) {
+        let pose = parry_pose(&(world_from_link[part.link] * part.link_from_shape));
+        let aabb = part.shape.compute_aabb(&pose).loosened(ROOMY);
+        for thing in things.iter().filter(|thing| aabb.intersects(&thing.aabb)) {
+            let apart = distance(&pose, &*part.shape, &thing.pose, &*thing.shape)
+                .map_err(|error| format!("Parry measures no such shapes: {error:?}"))?;
+            least = least.min(apart.distance);
+        }
+    }
+    Ok(least)
 }
 
 /// True if a shape is about to move by a whole step between the two states.

@@ -98,6 +98,7 @@ fn reply(status: PlanStatus, secs: f64) -> PlanReply {
         status,
         trajectory: Trajectory { points: vec![point(0.0), point(secs)] },
         reason: String::new(),
+        clearance: None,
     }
 }
 

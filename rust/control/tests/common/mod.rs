@@ -208,7 +208,7 @@ pub fn reply(status: PlanStatus, turn: f64) -> PlanReply {
     } else {
         Vec::new()
     };
-    PlanReply { id: 1, status, trajectory: Trajectory { points }, reason: String::new() }
+    PlanReply { id: 1, status, trajectory: Trajectory { points }, reason: String::new(), clearance: None }
 }
 
 /// Joints from 0, translations from 7, rotations from 10, as traces have them.

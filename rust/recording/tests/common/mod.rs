@@ -48,6 +48,7 @@ pub fn input(tick: u64) -> TickInput {
                     points: vec![TrajectoryPoint { time_secs: 0.0, q: q.clone(), qd: q }],
                 },
                 reason: "the goal is out of reach".to_owned(),
+                clearance: None,
             });
         }
     }

@@ -67,6 +67,7 @@ impl InstantPlans {
             status,
             trajectory,
             reason: reason.to_owned(),
+            clearance: None,
         };
         match self.goal(request) {
             Ok(IkOutcome::Solved(goal)) => reply(PlanStatus::Ok, self.line(&request.start, goal), ""),
@@ -133,6 +134,5 @@ impl PlanService for InstantPlans {
 }
 
 fn cancelled(id: u64) -> PlanReply {
-    let reason = "the request was cancelled".to_owned();
-    PlanReply { id, status: PlanStatus::Cancelled, trajectory: Trajectory::default(), reason }
+    PlanReply::without_a_way(id, PlanStatus::Cancelled, "the request was cancelled")
 }
