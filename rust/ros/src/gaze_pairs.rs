@@ -30,13 +30,14 @@ impl GazePairs {
     }
 
     /// Takes a direction; a gaze with the position of its own stamp. If that has not come it is waited for, until the next
-    /// direction; where stamps never agree (each message has its own time) the nearest in time is taken from then on.
+    /// direction; where stamps never agree (each message has its own time) the nearest in time is taken from then on, and
+    /// of equally near ones the newest: a stamp that stands still does not bring back an old position.
     pub fn direction(&mut self, stamp: Stamp, direction: Vector) -> Option<(Point, Vector)> {
         if stamp == 0 {
             return self.positions.back().map(|(_, position)| (*position, direction));
         }
         let apart = |(other, _): &&(Stamp, Point)| (other - stamp).abs();
-        let nearest = self.positions.iter().min_by_key(apart).copied();
+        let nearest = self.positions.iter().rev().min_by_key(apart).copied();
         match nearest {
             Some((other, position)) if other == stamp => {
                 self.waiting = None;
@@ -83,6 +84,16 @@ mod tests {
         let mut pairs = GazePairs::default();
         pairs.position(0, at(1.0));
         assert_eq!(pairs.direction(0, to(1.0)), Some((at(1.0), to(1.0))));
+        // A clock that stands still.
+        let mut pairs = GazePairs::default();
+        for x in [1.0, 2.0] {
+            pairs.position(7, at(x));
+            assert_eq!(
+                pairs.direction(7, to(0.0)),
+                Some((at(x), to(0.0))),
+                "of this gaze, not of the one before"
+            );
+        }
         let mut pairs = GazePairs::default();
         let mut seen = 0;
         for k in 1..100 {
