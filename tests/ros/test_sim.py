@@ -26,8 +26,8 @@ from control_msgs.msg import (  # noqa: E402
 from controller_manager_msgs.srv import ListControllers, LoadController, SwitchController  # noqa: E402
 from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
 from gazebo_grasp_plugin_ros.msg import GazeboGraspEvent  # noqa: E402
-from gazebo_msgs.msg import LinkState, LinkStates, ModelStates  # noqa: E402
-from gazebo_msgs.srv import GetModelState, SetLinkState  # noqa: E402
+from gazebo_msgs.msg import LinkState, LinkStates, ModelState, ModelStates  # noqa: E402
+from gazebo_msgs.srv import GetLinkState, GetModelState, SetLinkState, SetModelState, SpawnModel  # noqa: E402
 from geometry_msgs.msg import PoseStamped  # noqa: E402
 from mpl_control.msg import graspAction, graspGoal  # noqa: E402
 from rosgraph_msgs.msg import Clock, Log  # noqa: E402
@@ -334,6 +334,48 @@ class Simulator(unittest.TestCase):
         publisher.publish(trajectory((0.3, [target]), names=[ARM[3]]))
         graph.until(lambda: abs(arm_now()[3] - target) < 0.02, "one joint at its angle")
         self.assertTrue(switch(start_controllers=["arm_controller"], stop_controllers=names, strictness=2).ok)
+
+    def test_a_links_state_is_that_of_tf_and_blocks_are_put_where_gazebos_services_say(self):
+        link = rospy.ServiceProxy("/gazebo/get_link_state", GetLinkState)
+        tip = "mpl_right_arm::mpl_right_arm__wristz_link"
+        answer = link(tip, "world")
+        self.assertTrue(answer.success, answer.status_message)
+        self.assertEqual((answer.link_state.link_name, answer.link_state.reference_frame), (tip, "world"))
+        links = graph.Inbox("/gazebo/link_states", LinkStates, keep=10)
+        told = links.wait(lambda m: tip in m.name)
+        links.subscriber.unregister()
+        expected = told.pose[told.name.index(tip)].position
+        got = answer.link_state.pose.position
+        for axis in "xyz":
+            self.assertAlmostEqual(getattr(got, axis), getattr(expected, axis), delta=2e-3)
+        # Seen from itself it is at the origin, by its name alone too.
+        own = link("mpl_right_arm__wristz_link", tip).link_state.pose
+        self.assertAlmostEqual(abs(own.orientation.w), 1.0, places=9)
+        self.assertFalse(link("mpl_right_arm::teapot", "").success)
+        self.assertFalse(link(tip, "teapot").success)
+
+        get = rospy.ServiceProxy("/gazebo/get_model_state", GetModelState)
+        put = rospy.ServiceProxy("/gazebo/set_model_state", SetModelState)
+        home = get("redcylinder1", "").pose
+        asked = ModelState(model_name="redcylinder1", pose=get("redcylinder1", "").pose, reference_frame="world")
+        asked.pose.position.x, asked.pose.position.y, asked.pose.position.z = 0.0, 0.27, 1.10
+        answer = put(asked)
+        self.assertTrue(answer.success, answer.status_message)
+        graph.until(lambda: abs(get("redcylinder1", "").pose.position.z - 1.04) < 2e-3, "the block fallen to the table")
+        self.assertAlmostEqual(get("redcylinder1", "").pose.position.y, 0.27, delta=0.01)
+        asked.pose.position.z = 1.0
+        self.assertIn("mm inside", put(asked).status_message)
+        self.assertAlmostEqual(get("redcylinder1", "").pose.position.z, 1.04, delta=2e-3)
+        for model, z, expected in (("mpl_right_arm", 2.0, "only redcylinder1"), ("redcylinder1", math.nan, "nan")):
+            asked.model_name, asked.pose.position.z = model, z
+            refused = put(asked)
+            self.assertFalse(refused.success)
+            self.assertIn(expected, refused.status_message.lower())
+        for service in ("spawn_urdf_model", "spawn_sdf_model"):
+            spawn = rospy.ServiceProxy(f"/gazebo/{service}", SpawnModel)
+            self.assertTrue(spawn("redcylinder1", "", "", home, "world").success)
+            self.assertIn("cannot be put", spawn("teapot", "", "", home, "world").status_message)
+        self.assertAlmostEqual(get("redcylinder1", "").pose.position.y, home.position.y, delta=0.01)
 
     def test_the_base_moves_and_gazebos_services_answer(self):
         get = rospy.ServiceProxy("/gazebo/get_model_state", GetModelState)

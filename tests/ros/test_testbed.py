@@ -13,13 +13,18 @@ import graph
 MODULES = os.path.join(graph.message_packages(), "lib")
 GRAPH = graph.Graph()
 
+import actionlib  # noqa: E402
 import rosbag  # noqa: E402
 import rospy  # noqa: E402
+from actionlib_msgs.msg import GoalStatus  # noqa: E402
+from control_msgs.msg import FollowJointTrajectoryAction, FollowJointTrajectoryGoal  # noqa: E402
 from geometry_msgs.msg import Vector3Stamped  # noqa: E402
+from mpl_control.msg import graspAction, graspGoal  # noqa: E402
 from proact_msgs.msg import Frame  # noqa: E402
 from rosgraph_msgs.msg import Clock, Log  # noqa: E402
 from sensor_msgs.msg import JointState  # noqa: E402
 from std_msgs.msg import String  # noqa: E402
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint  # noqa: E402
 
 # Its place in proact_types::Gesture::ALL.
 WRIST_EXTENSION = 3
@@ -106,6 +111,66 @@ class Testbed(unittest.TestCase):
         graph.until(lambda: wrong.get_num_connections() == 1, "the node as subscriber")
         wrong.publish("")
         log.wait(lambda m: "refused (emg)" in m.msg)
+        GRAPH.stop(node)
+
+    def test_goals_of_others_move_arm_and_hand_until_the_method_commands_them(self):
+        states = graph.Inbox("/mpl_right_arm/joint_states", JointState, keep=2000)
+        node = GRAPH.node("testbed", "--live", "--method", "A", "--setup", "still", "_stay:=true")
+        arm = actionlib.SimpleActionClient("/mpl_right_arm/arm_controller/follow_joint_trajectory", FollowJointTrajectoryAction)
+        grasp = actionlib.SimpleActionClient("/grasp", graspAction)
+        patience = rospy.Duration(graph.PATIENCE)
+        self.assertTrue(arm.wait_for_server(patience) and grasp.wait_for_server(patience))
+        states.wait_count(1)
+        joints = ["mpl_right_arm__" + n for n in "shoulder humerus elbow forearm wristy wristx wristz".split()]
+        now = lambda name: dict(zip(states.messages[-1].name, states.messages[-1].position))[name]
+        elbow, finger = "mpl_right_arm__forearm", "mpl_right_arm__middle1"
+
+        def to(by, seconds):
+            positions = [now(name) + (by if name == elbow else 0.0) for name in joints]
+            point = JointTrajectoryPoint(positions=positions, velocities=[0.0] * 7, time_from_start=rospy.Duration(seconds))
+            return FollowJointTrajectoryGoal(trajectory=JointTrajectory(joint_names=list(joints), points=[point]))
+
+        # To its end.
+        start = now(elbow)
+        self.assertEqual(arm.send_goal_and_wait(to(0.2, 1.5), patience), GoalStatus.SUCCEEDED)
+        self.assertAlmostEqual(now(elbow), start + 0.2, delta=0.02)
+        # Cancelled half way, and refused: the arm stays.
+        arm.send_goal(to(0.3, 3.0))
+        states.wait(lambda m: now(elbow) > start + 0.25)
+        arm.cancel_goal()
+        self.assertTrue(arm.wait_for_result(patience))
+        self.assertEqual(arm.get_state(), GoalStatus.PREEMPTED)
+        bad = to(0.1, 1.0)
+        bad.trajectory.joint_names[0] = "nose"
+        self.assertEqual(arm.send_goal_and_wait(bad, patience), GoalStatus.REJECTED)
+        self.assertLess(now(elbow), start + 0.4)
+        # The hand, by the original's action.
+        opened = now(finger)
+        self.assertEqual(grasp.send_goal_and_wait(graspGoal(instruct=1), patience), GoalStatus.SUCCEEDED)
+        self.assertEqual(grasp.get_result().done, 1)
+        self.assertGreater(abs(now(finger) - opened), 0.2)
+        self.assertEqual(grasp.send_goal_and_wait(graspGoal(instruct=2), patience), GoalStatus.SUCCEEDED)
+        self.assertAlmostEqual(now(finger), opened, delta=0.05)
+        # The method commands the arm: the goal is over, and the arm goes where the gesture says.
+        emg = rospy.Publisher("/emg", String, queue_size=1)
+        graph.until(lambda: emg.get_num_connections() == 1, "the node as subscriber")
+        shoulder = now("mpl_right_arm__shoulder")
+        arm.send_goal(to(-0.3, 20.0))
+        graph.until(lambda: arm.get_state() == GoalStatus.ACTIVE, "the goal at work")
+        gesture = String(data="no_motion")
+        frames = graph.Inbox("/proact/frame", Frame)
+        beat = rospy.Timer(rospy.Duration(0.05), lambda _: emg.publish(gesture))
+        try:
+            frames.wait_count(30)
+            gesture.data = "wrist_extension"
+            self.assertTrue(arm.wait_for_result(patience))
+            self.assertEqual(arm.get_state(), GoalStatus.PREEMPTED)
+            self.assertIn("the method", arm.get_goal_status_text())
+            left = now(elbow)
+            states.wait(lambda m: abs(now("mpl_right_arm__shoulder") - shoulder) > 0.1)
+            self.assertAlmostEqual(now(elbow), left, delta=0.01)
+        finally:
+            beat.shutdown()
         GRAPH.stop(node)
 
     @unittest.skipUnless(shutil.which("Xvfb") and shutil.which("rviz"), "no Xvfb or rviz")

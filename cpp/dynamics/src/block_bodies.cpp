@@ -61,6 +61,11 @@ void BlockBodies::put_to_sleep(const Carrying& carrying) {
 
 void BlockBodies::keep_awake(std::size_t block) { until_sleep_[block] = sleep_ticks; }
 
+void BlockBodies::wake(std::size_t block) {
+  dBodyEnable(bodies_[block]);
+  keep_awake(block);
+}
+
 void BlockBodies::resist_rolling(std::size_t block) const {
   const Shape& shape = model_.blocks[block].shape;
   if (shape.kind == ShapeKind::box) return;
@@ -87,8 +92,7 @@ void BlockBodies::set_free(std::size_t block) {
   const BodyState& state = states_[block];
   set_body_pose(body, state.pose);
   set_body_velocity(body, state.linear, state.angular);
-  dBodyEnable(body);
-  keep_awake(block);
+  wake(block);
 }
 
 void BlockBodies::check_finite() const {

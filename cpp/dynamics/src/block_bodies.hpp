@@ -24,6 +24,7 @@ class BlockBodies {
   /// Puts blocks to sleep that have rested long enough. What touches a sleeping block wakes it.
   void put_to_sleep(const Carrying& carrying);
   void keep_awake(std::size_t block);
+  void wake(std::size_t block);
   /// Brakes a round block that lies on something.
   void resist_rolling(std::size_t block) const;
 

@@ -136,7 +136,7 @@ void Collisions::refuse(const Geom& block, const Geom& other, const std::string&
   find_contacts(block.placed(), other.placed(), found_);
   for (std::size_t k = 0; k < found_.count; ++k) {
     if (found_.points[k].depth > allowed_overlap) {
-      throw std::invalid_argument("block \"" + model_.blocks[block.owner].name + "\" starts " +
+      throw std::invalid_argument("block \"" + model_.blocks[block.owner].name + "\" is " +
                                   std::to_string(1e3 * found_.points[k].depth) + " mm inside " + name +
                                   ", at most 1 mm is allowed");
     }
@@ -144,12 +144,15 @@ void Collisions::refuse(const Geom& block, const Geom& other, const std::string&
 }
 
 void Collisions::refuse_overlaps() {
-  for (const Geom& block : geoms_.blocks) {
-    for (const Geom& fixed : geoms_.fixed) refuse(block, fixed, "\"" + model_.fixed[fixed.owner].name + "\"");
-    for (const Geom& link : geoms_.links) refuse(block, link, "link \"" + model_.links[link.owner].name + "\"");
-    for (const Geom& other : geoms_.blocks) {
-      if (other.owner > block.owner) refuse(block, other, "block \"" + model_.blocks[other.owner].name + "\"");
-    }
+  for (std::size_t block = 0; block < geoms_.blocks.size(); ++block) refuse_overlaps_of(block);
+}
+
+void Collisions::refuse_overlaps_of(std::size_t which) {
+  const Geom& block = geoms_.blocks[which];
+  for (const Geom& fixed : geoms_.fixed) refuse(block, fixed, "\"" + model_.fixed[fixed.owner].name + "\"");
+  for (const Geom& link : geoms_.links) refuse(block, link, "link \"" + model_.links[link.owner].name + "\"");
+  for (const Geom& other : geoms_.blocks) {
+    if (other.owner != block.owner) refuse(block, other, "block \"" + model_.blocks[other.owner].name + "\"");
   }
 }
 

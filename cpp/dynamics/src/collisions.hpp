@@ -24,6 +24,8 @@ class Collisions {
   void find(const Arm& arm);
   /// Throws std::invalid_argument if a block overlaps anything. Expects all shapes placed.
   void refuse_overlaps();
+  /// The same for one block.
+  void refuse_overlaps_of(std::size_t block);
   /// From now on a block touches each link only once they have come apart.
   void let_come_apart(std::size_t block);
 

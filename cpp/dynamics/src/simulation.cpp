@@ -104,11 +104,15 @@ Pose World::Simulation::link_pose(std::size_t link) const {
   return arm_->motion(links.body_of(link)).pose * links.body_from_link(link);
 }
 
-void World::Simulation::attach(std::size_t block, std::size_t link) {
-  refuse_failed();
+void World::Simulation::check_block(std::size_t block) const {
   if (block >= blocks_.count()) {
     throw std::invalid_argument("block " + std::to_string(block) + ", there are " + std::to_string(blocks_.count()));
   }
+}
+
+void World::Simulation::attach(std::size_t block, std::size_t link) {
+  refuse_failed();
+  check_block(block);
   if (const auto& attached = carrying_.attached(); attached) {
     throw std::invalid_argument("block \"" + model_.blocks[attached->block].name + "\" is attached already, release it first");
   }
@@ -128,6 +132,31 @@ void World::Simulation::release() {
   carrying_.let_go();
   blocks_.set_free(block);
   arm_->build();
+}
+
+void World::Simulation::place(std::size_t block, const BodyState& state) {
+  refuse_failed();
+  check_block(block);
+  const std::string name = "block \"" + model_.blocks[block].name + "\"";
+  if (!is_finite(state.pose) || !is_finite(state.linear) || !is_finite(state.angular)) {
+    throw std::invalid_argument("the place or the speed of " + name + " is not finite");
+  }
+  if (carrying_.carries(block)) throw std::invalid_argument(name + " is attached, release it first");
+  const BodyBits before = BodyBits::of(blocks_.body(block));
+  set_body_pose(blocks_.body(block), state.pose);
+  arm_->place_geoms();
+  try {
+    collisions_.refuse_overlaps_of(block);
+  } catch (...) {
+    before.put(blocks_.body(block));
+    arm_->place_geoms();
+    throw;
+  }
+  blocks_.set_state(block, state);
+  blocks_.set_free(block);
+  for (std::size_t k = 0; k < blocks_.count(); ++k) {
+    if (!carrying_.carries(k)) blocks_.wake(k);
+  }
 }
 
 std::vector<double> World::Simulation::save() const {

@@ -29,6 +29,7 @@ class World::Simulation {
   void step(const double* position, const double* velocity, const Pose& world_from_base);
   void attach(std::size_t block, std::size_t link);
   void release();
+  void place(std::size_t block, const BodyState& state);
   std::vector<double> save() const;
   void restore(const std::vector<double>& numbers);
   Pose link_pose(std::size_t link) const;
@@ -47,6 +48,7 @@ class World::Simulation {
  private:
   void check_command(const double* position, const double* velocity, const Pose& world_from_base) const;
   void refuse_failed() const;
+  void check_block(std::size_t block) const;
   void advance(const double* position, const double* velocity, const Pose& world_from_base);
   void step_ode();
   void read_blocks();

@@ -38,6 +38,7 @@ const std::optional<Attachment>& World::attached() const noexcept { return simul
 
 void World::attach(std::size_t block, std::size_t link) { simulation_->attach(block, link); }
 void World::release() { simulation_->release(); }
+void World::place(std::size_t block, const BodyState& state) { simulation_->place(block, state); }
 std::vector<double> World::save() const { return simulation_->save(); }
 void World::restore(const std::vector<double>& numbers) { simulation_->restore(numbers); }
 bool World::base_held() const noexcept { return simulation_->base().state().held; }

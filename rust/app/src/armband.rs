@@ -14,7 +14,7 @@ use std::{
     sync::{
         Arc, Mutex,
         atomic::{AtomicBool, AtomicU64, Ordering},
-        mpsc::{Receiver, Sender, SyncSender, TrySendError, channel, sync_channel},
+        mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, TrySendError, channel, sync_channel},
     },
     thread::JoinHandle,
     time::{Duration, Instant},
@@ -22,6 +22,9 @@ use std::{
 
 /// Samples that may wait; those beyond are lost and leave a gap in the counter. Four seconds at 1 kHz.
 const WAITING: usize = 4096;
+
+/// Samples that come within this time of the first make one packet of [`LiveArmband::wait`].
+const TOGETHER: Duration = Duration::from_millis(2);
 
 /// The stream of an armband, shared by the trials of a session. Its loss is told on standard error; the trial itself sees a
 /// silence, which stops the arm.
@@ -99,6 +102,29 @@ impl LiveArmband {
     /// The model.
     pub fn model(&self) -> &EmgModel {
         &self.model
+    }
+
+    /// Waits at most for `patience`; the samples that came since, oldest first, and those that came with them.
+    pub fn wait(&self, patience: Duration) -> Vec<EmgSample> {
+        let samples = self.samples.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        let mut came = Vec::new();
+        let mut end = Instant::now() + patience;
+        loop {
+            match samples.recv_timeout(end.saturating_duration_since(Instant::now())) {
+                Ok(sample) => {
+                    if came.is_empty() {
+                        end = Instant::now() + TOGETHER;
+                    }
+                    came.push(sample);
+                }
+                Err(RecvTimeoutError::Timeout) => return came,
+                Err(RecvTimeoutError::Disconnected) => {
+                    // The source has ended, which has been told; whoever waits again is not to turn in circles.
+                    std::thread::sleep(end.saturating_duration_since(Instant::now()));
+                    return came;
+                }
+            }
+        }
     }
 
     /// The armband of the next trial, from now on. Simulated people who wear it give commands as `commands` says.

@@ -39,7 +39,9 @@ mod rosbridge;
 mod run;
 pub mod source;
 pub mod stream_view;
+pub mod study;
 pub mod trial;
+mod trial_choice;
 mod wearer;
 
 pub use arm::{Arm, ArmError};
@@ -59,6 +61,7 @@ pub use result_card::{ResultCards, WristPath};
 pub use rosbridge::relay;
 pub use rosbridge::{Rosbridge, RosbridgePlace, drive_by_topics};
 pub use run::{Audience, run_to_end};
+pub use trial_choice::{DEFAULT_METHOD, TrialContext, sets_emg, trial_config};
 pub use wearer::{Held, wearer_codes};
 
 /// What a build without the feature `ros` says.

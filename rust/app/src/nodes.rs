@@ -1,12 +1,15 @@
 //! The stages of a trial as nodes on a ROS 1 graph. Each function runs one node until the graph ends it, or an error does:
 //! no graph, a part that cannot be made, a message that cannot go out.
 
-use crate::{arm::Arm, method_process, trial};
+use crate::{arm::Arm, armband::LiveArmband, method_process, trial};
 use proact_control::MethodRegistry;
 use proact_devices::{EmgOrigin, GazeSource};
+use proact_emg::EmgModel;
 use proact_kinematics::Kinematics;
 pub use proact_ros::node::run_meter as meter;
-use proact_ros::node::{self, Counts, IntentParts, MethodParts, ParticipantParts, SimParts, TaskParts};
+use proact_ros::node::{
+    self, Counts, IntentParts, MethodParts, ParticipantParts, SimParts, TaskParts, WaitForSamples,
+};
 use proact_testbed::{
     PersonParts, TrialConfig, TrialResult,
     stages::{EmgStage, IntentStage, MethodStage, PersonStage},
@@ -45,12 +48,26 @@ pub fn testbed(
     Ok(node::run_testbed(assembly.session, !live)?)
 }
 
-/// Samples to gestures, by a model of the synthetic armband.
-pub fn emg(mut config: TrialConfig) -> Outcome {
-    let setup = proact_devices::prepare_with(&EmgOrigin::Synthetic, config.emg.as_ref(), config.seed)?;
-    config.emg = Some(setup.config);
-    config.emg_centring = setup.centring;
-    Ok(node::run_emg(EmgStage::new(&config, Some(setup.classifier))?)?)
+/// Samples to gestures: by a `trained` model, or one of the synthetic armband; of an `armband`, or those that other nodes
+/// publish.
+pub fn emg(mut config: TrialConfig, trained: Option<&EmgModel>, armband: Option<LiveArmband>) -> Outcome {
+    let classifier = match trained {
+        Some(model) => {
+            model.check_settings(config.emg.get_or_insert_with(|| model.config.clone()))?;
+            config.centred_by(model.centring.clone())?;
+            model.classifier.clone()
+        }
+        None => {
+            let setup =
+                proact_devices::prepare_with(&EmgOrigin::Synthetic, config.emg.as_ref(), config.seed)?;
+            config.emg = Some(setup.config);
+            config.emg_centring = setup.centring;
+            setup.classifier
+        }
+    };
+    let stage = EmgStage::new(&config, Some(classifier))?;
+    let wait = armband.map(|armband| -> WaitForSamples { Box::new(move |patience| armband.wait(patience)) });
+    Ok(node::run_emg(stage, wait)?)
 }
 
 /// Gaze and objects to what is meant.

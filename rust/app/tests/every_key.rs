@@ -117,6 +117,7 @@ const CASES: &[(&str, &str, &[&str])] = &[
     ("planner.name", "BiTRRT", &[]),
     ("planner.parameters.range", "0.1", &[]),
     ("planner.place_tilt", "0.02", &[]),
+    ("planner.postures", "1", &[]),
     ("planner.search.equal_steps", "0.5", &[]),
     ("planner.search.max_iterations", "1", &[]),
     ("planner.search.max_secs", "0.001", &[]),

@@ -7,7 +7,8 @@ use proact_testbed::{
     ports::{Plant, PlantError},
 };
 use proact_types::{
-    GazeSample, Gesture, InputSign, InputSource, PlantCommand, PlantState, SignKind, SimTime, TickInput,
+    BodyState, GazeSample, Gesture, InputSign, InputSource, PlantCommand, PlantState, SignKind, SimTime,
+    TickInput,
 };
 use std::{
     error::Error,
@@ -119,6 +120,10 @@ impl Plant for Noting {
 
     fn release(&mut self) {
         self.plant.release();
+    }
+
+    fn place(&mut self, block: usize, body: &BodyState) -> Result<(), PlantError> {
+        self.plant.place(block, body)
     }
 }
 

@@ -1,6 +1,7 @@
 use crate::{
     analyze::AnalyzeArgs, bless::BlessArgs, demo::DemoArgs, doctor, emg::EmgCommand,
     interrupt::outlive_file_limits, method_files, model::ModelCommand, replay::ReplayArgs, serve::ServeArgs,
+    study::StudyCommand,
 };
 use clap::{
     Args, CommandFactory, FromArgMatches, Parser, Subcommand,
@@ -63,6 +64,14 @@ enum Command {
     },
     /// Measure a stage, beside its peer where there is one
     Bench(BenchArgs),
+    /// Plan a study, and see what its plan is worth
+    Study {
+        /// One JSON object on standard output
+        #[arg(long, global = true)]
+        json: bool,
+        #[command(subcommand)]
+        command: StudyCommand,
+    },
     /// Numbers from recorded trials
     Analyze(AnalyzeArgs),
     /// Run a stage, or all of them, as a node on a ROS 1 graph
@@ -224,6 +233,9 @@ fn act(registry: &Registry, command: Command) -> Result<bool, Box<dyn Error>> {
                 answer(report.to_string().trim_end())?;
             }
             Ok(true)
+        }
+        Command::Study { json, command } => {
+            crate::study::run(&registry.methods, &command, json).map(|()| true)
         }
         Command::Analyze(args) => crate::analyze::command(&registry.methods, &args),
         Command::Node(args) => crate::node::command(registry, &args),

@@ -22,6 +22,7 @@ mod replay;
 mod replay_page;
 mod rosbridge_args;
 mod serve;
+mod study;
 mod trial_args;
 
 pub use command::run;

@@ -3,12 +3,14 @@
 use crate::{rosbridge_args::RosbridgeArgs, trial_args::TrialArgs};
 use clap::{Args, ValueEnum};
 use proact_app::Registry;
-use std::error::Error;
+use proact_devices::SourceName;
+use std::{error::Error, path::PathBuf};
 
 /// Arguments of `proact node`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  proact node testbed --method D --seed 3\n  \
-    proact node sim _paused:=true\n  proact node sim __ns:=left emg:=/other/emg\n\n\
+    proact node sim _paused:=true\n  proact node sim __ns:=left emg:=/other/emg\n  \
+    proact node emg --model arm.json --emg-source ble\n  proact node sim _leave_out:=Shoulderpad,hololens_world_test\n\n\
     Words with := are roslaunch's: remaps, __name, __ns and private parameters. docs/ros1.md lists topics, \
     services and parameters. Needs a build with the feature ros.")]
 pub(crate) struct NodeArgs {
@@ -19,6 +21,13 @@ pub(crate) struct NodeArgs {
     /// testbed: no simulated participant; /emg, /gaze_position and /gaze_direction come from other nodes
     #[arg(long)]
     live: bool,
+    /// emg: an armband of one's own, whose samples the node publishes: gforce-sim://HOST:PORT, ble, ble:NAME, lsl, lsl:NAME,
+    /// file:PATH, synthetic or person:FOLDER; by default the samples that other nodes publish
+    #[arg(long, value_name = "SOURCE", requires = "emg_model")]
+    emg_source: Option<SourceName>,
+    /// emg: the model of the armband, as `proact emg train` writes it; by default one of the synthetic armband
+    #[arg(long, visible_alias = "model", value_name = "FILE")]
+    emg_model: Option<PathBuf>,
     #[command(flatten)]
     rosbridge: RosbridgeArgs,
     /// roslaunch's words, such as __name:=arm or _rate:=50
@@ -69,10 +78,31 @@ pub(crate) fn command(_registry: &Registry, args: &NodeArgs) -> Result<bool, Box
 /// Runs the node until the graph ends it.
 #[cfg(feature = "ros")]
 pub(crate) fn command(registry: &Registry, args: &NodeArgs) -> Result<bool, Box<dyn Error>> {
-    use proact_app::nodes;
-    let (arm, config) = args.trial.config(&registry.methods, "seated", None)?;
+    use proact_app::{LiveArmband, nodes, source};
     // In real time a plan that is late takes effect when it comes; in lock-step it is waited for.
     let lockstep = args.words.iter().any(|word| word == "_lockstep:=true");
+    if args.emg_model.is_some() && args.name != NodeName::Emg {
+        return Err("--emg-model is for the node emg, which alone reads muscles; leave it out here".into());
+    }
+    if args.emg_source.is_some() && lockstep {
+        return Err("an armband keeps real time: --emg-source and _lockstep:=true do not go together".into());
+    }
+    let (armband, trained) = match (&args.emg_source, &args.emg_model) {
+        (Some(source), Some(model)) => {
+            let armband = LiveArmband::open(&registry.sources, source, model)?;
+            let trained = armband.model().clone();
+            (Some(armband), Some(trained))
+        }
+        (_, Some(model)) => {
+            let mut trained = source::read_model_file(model)?;
+            // Where another node's samples end is not known.
+            trained.config.liveness = trained.liveness(None);
+            (None, Some(trained))
+        }
+        _ => (None, None),
+    };
+    let settings = trained.as_ref().map(|model| model.config.clone());
+    let (arm, config) = args.trial.config(&registry.methods, "seated", settings)?;
     let config = if lockstep { config } else { config.live() };
     match args.name {
         NodeName::Sim => nodes::sim(&arm, config)?,
@@ -80,7 +110,7 @@ pub(crate) fn command(registry: &Registry, args: &NodeArgs) -> Result<bool, Box<
             let result = nodes::testbed(&registry.methods, &arm, config, args.live)?;
             proact_app::answer(serde_json::to_string(&result)?)?;
         }
-        NodeName::Emg => nodes::emg(config)?,
+        NodeName::Emg => nodes::emg(config, trained.as_ref(), armband)?,
         NodeName::Intent => nodes::intent(&registry.methods, &arm, &config)?,
         NodeName::Method => nodes::method(&registry.methods, &arm, &config)?,
         NodeName::Task => nodes::task(&arm, config)?,

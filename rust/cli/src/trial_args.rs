@@ -1,19 +1,19 @@
 //! The options of a trial, the same for every command that begins one.
 
 use clap::Args;
-use proact_app::Arm;
+use proact_app::{Arm, DEFAULT_METHOD, TrialContext, sets_emg, trial_config};
 use proact_control::{MethodProgram, MethodRegistry};
 use proact_emg::EmgConfig;
-use proact_tasks::{DEFAULT_TASK, SHIPPED, TaskChoice};
-use proact_testbed::{Setup, TrialConfig};
-use proact_types::MOST_TEXT_BYTES;
-use std::{error::Error, fs, io, path::Path};
+use proact_study::TrialChoice;
+use proact_tasks::DEFAULT_TASK;
+use proact_testbed::TrialConfig;
+use std::error::Error;
 
 /// What a trial is, on the command line.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct TrialArgs {
     /// Control method by its name, or the TOML file of an outside one (docs/methods)
-    #[arg(long, value_name = "NAME|FILE", default_value = "D")]
+    #[arg(long, value_name = "NAME|FILE", default_value = DEFAULT_METHOD)]
     method: String,
     /// How the methods behave: default, or original for the numbers of the first testbed
     #[arg(long, default_value = "default")]
@@ -56,45 +56,26 @@ impl TrialArgs {
         default_setup: &str,
         emg: Option<EmgConfig>,
     ) -> Result<(Arm, TrialConfig), Box<dyn Error>> {
-        let arm = Arm::named(&self.arm)?;
-        let setup = Setup::named(self.setup.as_deref().unwrap_or(default_setup))?;
-        let config = TrialConfig::new(&self.method, self.seed, setup).by(methods.get(&self.method)?);
-        let config = config.with_profile(&self.profile)?.with_task(self.task()?)?;
-        let mut config = config.with_arm(arm.pinned(), arm.model());
-        config.limit_secs = self.limit.unwrap_or(config.limit_secs);
-        if let Some(command) = &self.method_command {
-            let words = command.split_whitespace().map(str::to_owned).collect();
-            config.method_process = Some(MethodProgram::new(words));
-        }
-        if self.sets_emg() {
-            config.emg = emg;
-        }
-        config.check()?;
-        let config = config.with_values(&self.set)?;
-        config.method_entry(methods)?;
-        Ok((arm, config))
-    }
-
-    /// The task that ships under this name, or the one in the file.
-    fn task(&self) -> Result<TaskChoice, Box<dyn Error>> {
-        let shipped = SHIPPED.iter().any(|(name, _)| *name == self.task);
-        let mut task = if shipped || !Path::new(&self.task).is_file() {
-            TaskChoice::named(&self.task, self.seed)?
-        } else {
-            let failed = |error: io::Error| format!("{}: {error}", self.task);
-            let file = fs::File::open(&self.task).map_err(failed)?;
-            let text = proact_types::read_text(file, MOST_TEXT_BYTES).map_err(failed)?;
-            TaskChoice::from_text(text).map_err(|error| format!("{}: {error}", self.task))?
+        let choice = TrialChoice {
+            method: Some(self.method.clone()),
+            task: Some(self.task.clone()),
+            arm: Some(self.arm.clone()),
+            setup: self.setup.clone(),
+            profile: Some(self.profile.clone()),
+            limit_secs: self.limit,
+            set: self.set.clone(),
         };
-        if let Some(arrangement) = &self.arrangement {
-            task.arrange(arrangement)?;
-        }
-        Ok(task)
+        let process = self
+            .method_command
+            .as_ref()
+            .map(|command| MethodProgram::new(command.split_whitespace().map(str::to_owned).collect()));
+        let (seed, arrangement) = (self.seed, self.arrangement.as_deref());
+        trial_config(&choice, TrialContext { methods, default_setup, seed, arrangement, process, emg })
     }
 
     /// Whether a setting of the EMG stage is asked for.
     pub(crate) fn sets_emg(&self) -> bool {
-        self.set.iter().any(|assignment| assignment.trim_start().starts_with("emg."))
+        sets_emg(&self.set)
     }
 
     /// What is asked for when a page begins another trial: by `method` if it chose one, with the same blocks `again`

@@ -130,6 +130,11 @@ void attach_block(World& world, std::size_t block, std::size_t link) { world.att
 
 void release_block(World& world) { world.release(); }
 
+void place_block(World& world, std::size_t block, In state) {
+  const double* n = state.data();
+  world.place(block, {pose_of(state), {n[7], n[8], n[9]}, {n[10], n[11], n[12]}});
+}
+
 std::size_t arm_body_count(const World& world) { return world.arm_body_count(); }
 
 std::uint64_t solver_complaints(const World& world) { return world.solver_complaints(); }

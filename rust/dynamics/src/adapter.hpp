@@ -38,6 +38,7 @@ void restore_world(World& world, In numbers);
 void read_link(const World& world, std::size_t link, Out pose);
 void attach_block(World& world, std::size_t block, std::size_t link);
 void release_block(World& world);
+void place_block(World& world, std::size_t block, In state);
 std::size_t arm_body_count(const World& world);
 std::uint64_t solver_complaints(const World& world);
 rust::String last_complaint(const World& world);

@@ -140,6 +140,8 @@ pub(crate) mod ffi {
         fn read_link(world: &World, link: usize, pose: &mut [f64]) -> Result<()>;
         fn attach_block(world: Pin<&mut World>, block: usize, link: usize) -> Result<()>;
         fn release_block(world: Pin<&mut World>) -> Result<()>;
+        /// 13 numbers: pose, linear and angular velocity.
+        fn place_block(world: Pin<&mut World>, block: usize, state: &[f64]) -> Result<()>;
         fn arm_body_count(world: &World) -> usize;
         fn solver_complaints(world: &World) -> u64;
         fn last_complaint(world: &World) -> String;

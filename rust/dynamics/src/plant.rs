@@ -286,6 +286,19 @@ impl Plant for OdePlant {
             self.state.attached = None;
         }
     }
+
+    fn place(&mut self, block: usize, body: &BodyState) -> Result<(), PlantError> {
+        check_pose(&body.pose)?;
+        check_finite("linear", body.linear.as_slice())?;
+        check_finite("angular", body.angular.as_slice())?;
+        let mut numbers = [0.0; 13];
+        numbers[..7].copy_from_slice(&from_pose(&body.pose));
+        numbers[7..10].copy_from_slice(body.linear.as_slice());
+        numbers[10..].copy_from_slice(body.angular.as_slice());
+        ffi::place_block(self.world.pin_mut(), block, &numbers).map_err(library)?;
+        self.state.objects[block] = *body;
+        Ok(())
+    }
 }
 
 fn library(error: cxx::Exception) -> PlantError {

@@ -64,7 +64,7 @@ fn a_block_inside_the_table_or_another_block_is_refused() {
     let (model, start) = arm();
     let mut scene = bare_table(vec![standing(ObjectId(0), 0.0, 0.0)]);
     scene.objects[0].pose.translation.z -= 0.01;
-    assert!(refusal(&model, &scene, &start).contains("block \"red1\" starts 10.0"));
+    assert!(refusal(&model, &scene, &start).contains("block \"red1\" is 10.0"));
     let scene = bare_table(vec![standing(ObjectId(0), 0.0, 0.0), standing(ObjectId(2), 0.03, 0.0)]);
     assert!(refusal(&model, &scene, &start).contains("inside block \"blue1\""));
     let mut scene = bare_table(vec![standing(ObjectId(0), 0.0, 0.0)]);

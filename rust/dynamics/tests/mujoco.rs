@@ -1,104 +1,69 @@
-//! The undriven and the driven arm beside MuJoCo, which builds the same arm from the same URDF by a program of its own.
-//! Skipped without MuJoCo: `./proact peers` gets it.
+//! The arm beside MuJoCo, which builds the same arm from the same URDF by a program of its own: undriven, driven, on a base
+//! that moves, with free fingers, and under given torques. Skipped without MuJoCo: `./proact peers` gets it.
 
 #![allow(missing_docs)]
 #![allow(clippy::unwrap_used)]
 #![allow(clippy::disallowed_methods)] // MuJoCo reads its commands from a file
 
 mod common;
+#[path = "common/mujoco.rs"]
+mod mujoco;
 
 use common::{START, bare_table, plant_at, positions, stay, still};
+use mujoco::{Answer, Drive, MuJoCo, Run};
+use nalgebra::UnitQuaternion;
 use proact_arm::ArmModel;
 use proact_dynamics::{DynamicsOptions, Engine, OdePlant};
 use proact_testbed::ports::Plant;
-use proact_types::{PlantCommand, Scene};
-use serde_json::{Value, json};
-use std::{
-    f64::consts::{PI, TAU},
-    io::Write as _,
-    path::{Path, PathBuf},
-    process::{Command, Stdio},
-};
+use proact_types::{PlantCommand, Pose, Scene};
+use std::f64::consts::{PI, TAU};
 
-/// MuJoCo's step, seconds: ten in a tick, as near to the truth as is needed here.
-const FINE: f64 = 1e-4;
+/// Half a second of falling, in which joints turn by up to two radians; rad. Seven limp joints are chaotic: what two
+/// integrators differ by grows tenfold in a few tenths of a second (found 3e-4; 2e-3 after a second).
+const UNDRIVEN_BOUND: f64 = 1e-3;
+/// The same on a base that sways, whose commanded places are followed in steps of a tick (found 4e-4).
+const UNDRIVEN_SWAY_BOUND: f64 = 3e-3;
+/// Two seconds under the same law of control, rad: MuJoCo's motors are at their limit 0.01 rad/s beside the asked speed, ours
+/// at 1e-7, and the law corrects a speed's error within 5 ms; 0.01 / 200 is what that can leave (found 1e-5).
+const CONTROLLED_BOUND: f64 = 5e-5;
+/// Torques apart, as a share of theirs, root mean squares of all joints: the accelerations of the two differ by one in a
+/// thousand, since ours change in steps of a tick (found 3e-5).
+const EFFORT_SHARE: f64 = 1e-3;
+/// Five seconds under given torques, rad, of an arm that hangs, so that gravity calls it back; what a tick's mean torque
+/// differs from its course adds up in the forearm's turn, the lightest (found 3e-4).
+const TORQUES_BOUND: f64 = 1e-3;
 
-/// The Python that has MuJoCo, if there is one.
-fn python() -> Option<PathBuf> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-    let folder = std::env::var_os("PROACT_PEERS").map_or_else(|| root.join("build/peers"), PathBuf::from);
-    let python = folder.join("bin/python3");
-    let has = Command::new(&python).args(["-c", "import mujoco"]).output();
-    if has.is_ok_and(|output| output.status.success()) {
-        return Some(python);
-    }
-    println!("skipped: no MuJoCo in {}; ./proact peers gets it", folder.display());
-    None
-}
-
-/// How MuJoCo's arm is driven.
-enum Drive<'a> {
-    /// Without limits, damping and motors.
-    Limp { ticks: usize },
-    /// By these torques, each held for a tick.
-    Torques(&'a [Vec<f64>]),
-    /// By motors of bounded torque, under our law of control.
-    Speeds(&'a [PlantCommand]),
-}
-
-/// Joint angles of MuJoCo's arm after every tick.
-fn mujoco(python: &Path, name: &str, start: &[f64], drive: &Drive<'_>) -> Vec<Vec<f64>> {
-    let model = proact_description::mpl_right_arm();
-    let joints: Vec<&str> = model.moving().map(|joint| model.joints[joint].name.as_str()).collect();
-    let fastest: Vec<f64> = model.moving().map(|joint| model.joints[joint].limits.velocity).collect();
-    let base = [-0.39, 0.12, 1.5, 0.0, 0.0, 0.0, 1.0];
-    let row = |position: &[f64], velocity: &[f64]| {
-        let mut numbers = vec![0.0; 2 * joints.len()];
-        numbers[..position.len()].copy_from_slice(position);
-        numbers[joints.len()..][..velocity.len()].copy_from_slice(velocity);
-        numbers.extend(base);
-        numbers
-    };
-    let rows: Vec<Vec<f64>> = match drive {
-        Drive::Limp { ticks } => vec![row(&[], &[]); *ticks],
-        Drive::Torques(torques) => torques.iter().map(|torques| row(torques, &[])).collect(),
-        Drive::Speeds(commands) => commands.iter().map(|c| row(&c.position, &c.velocity)).collect(),
-    };
-    let bytes: Vec<u8> = rows.iter().flatten().flat_map(|number| number.to_ne_bytes()).collect();
-    let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("mujoco_{name}.bin"));
-    std::fs::write(&file, bytes).unwrap();
-    let speeds = matches!(drive, Drive::Speeds(_));
-    let problem = json!([{
-        "urdf": proact_description::MPL_RIGHT_ARM_URDF, "joints": joints, "positions": start, "free": joints[..7],
-        "limp": matches!(drive, Drive::Limp { .. }), "base": base, "step": FINE,
-        // Motors as stiff as ours are too stiff for Runge and Kutta.
-        "integrator": if speeds { "implicitfast" } else { "RK4" }, "drive": if speeds { "speed" } else { "torque" },
-        "fastest": fastest, "commands": file, "every": 1,
-    }]);
-    let script =
-        Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/side_by_side/dynamics/mujoco_arm.py");
-    let mut child = Command::new(python)
-        .arg(script)
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .spawn()
-        .expect("it has just run");
-    child.stdin.take().expect("piped").write_all(problem.to_string().as_bytes()).unwrap();
-    let output = child.wait_with_output().unwrap();
-    assert!(output.status.success(), "mujoco_arm.py failed; its message is above");
-    let answer: Value = serde_json::from_slice(&output.stdout).unwrap();
-    serde_json::from_value(answer[0]["angles"].clone()).unwrap()
-}
-
-/// Largest difference of an arm joint up to a tick, whole turns apart, rad.
+/// Largest difference of a joint up to a tick, whole turns apart, rad.
 fn difference(ours: &[Vec<f64>], theirs: &[Vec<f64>], ticks: usize) -> f64 {
     let apart = |a: f64, b: f64| ((a - b + PI).rem_euclid(TAU) - PI).abs();
     let rows = ours.iter().zip(theirs).take(ticks);
-    rows.flat_map(|(a, b)| (0..7).map(move |k| apart(a[k], b[k]))).fold(0.0, f64::max)
+    rows.flat_map(|(a, b)| a.iter().zip(b).map(move |(a, b)| apart(*a, *b))).fold(0.0, f64::max)
+}
+
+/// Root mean square of the differences over that of `theirs`. The first 50 ms are left out, in which MuJoCo's motors, which
+/// start without a load, sink into it.
+fn share(ours: &[Vec<f64>], theirs: &[Vec<f64>]) -> f64 {
+    let (mut apart, mut all) = (0.0, 0.0);
+    for (a, b) in ours.iter().zip(theirs).skip(50) {
+        for (a, b) in a.iter().zip(b) {
+            apart += (a - b).powi(2);
+            all += b.powi(2);
+        }
+    }
+    (apart / all).sqrt()
 }
 
 fn nothing() -> Scene {
     Scene { fixed: Vec::new(), ..bare_table(Vec::new()) }
+}
+
+/// A shoulder that sways by 5 cm and 0.1 rad, from rest.
+fn swaying(seconds: f64) -> Pose {
+    let way = 0.5 * (1.0 - (TAU * seconds).cos());
+    let still = still();
+    let turn = UnitQuaternion::from_euler_angles(0.1 * way, -0.05 * way, 0.08 * way);
+    let shift = nalgebra::Translation3::new(0.05 * way, -0.04 * way, 0.03 * way);
+    Pose::from_parts(shift * still.translation, turn * still.rotation)
 }
 
 fn limp(mut model: ArmModel) -> ArmModel {
@@ -109,84 +74,157 @@ fn limp(mut model: ArmModel) -> ArmModel {
     model
 }
 
-/// Angles of the limp arm, hand merged, for a second.
-fn fall(start: &[f64], engine: Engine) -> Vec<Vec<f64>> {
+/// Angles and torques of the first `free` joints after each command.
+struct Ours {
+    angles: Vec<Vec<f64>>,
+    efforts: Vec<Vec<f64>>,
+}
+
+fn ours(plant: &mut OdePlant, commands: &[PlantCommand], free: usize) -> Ours {
+    let (mut angles, mut efforts) = (Vec::new(), Vec::new());
+    for command in commands {
+        plant.step(command).unwrap();
+        angles.push(plant.state().position[..free].to_vec());
+        efforts.push(plant.state().effort[..free].to_vec());
+    }
+    Ours { angles, efforts }
+}
+
+fn theirs(mujoco: &MuJoCo, name: &str, start: &[f64], free: usize, drive: Drive<'_>) -> Answer {
+    mujoco.run(&Run { name, start, free, base: still(), scene: &nothing(), block_speeds: &[], drive })
+}
+
+/// The limp arm, hand merged.
+fn fall(start: &[f64], commands: &[PlantCommand], engine: Engine) -> Vec<Vec<f64>> {
     let model = limp(proact_description::mpl_right_arm());
     let options = DynamicsOptions { engine, ..DynamicsOptions::default() };
     let mut plant = OdePlant::new(&model, &nothing(), start, &still(), options).unwrap();
-    let command = stay(start, still());
-    (0..1000)
-        .map(|_| {
-            plant.step(&command).unwrap();
-            plant.state().position.to_vec()
-        })
-        .collect()
+    ours(&mut plant, commands, 7).angles
 }
-
-/// Half a second of falling, in which joints turn by up to two radians; found 3e-4 rad.
-const UNDRIVEN_BOUND: f64 = 1e-3;
-/// A tenth of a second under given torques, rad.
-const TORQUES_BOUND: f64 = 1e-3;
-/// Two seconds under the same law of control, rad.
-const CONTROLLED_BOUND: f64 = 1e-3;
 
 #[test]
 fn an_undriven_arm_falls_as_in_mujoco() {
-    let Some(python) = python() else { return };
+    let Some(mujoco) = MuJoCo::find() else { return };
     let model = proact_description::mpl_right_arm();
     for (name, arm) in [("start", START), ("stretched", [1.2, -0.2, 0.3, 0.2, 0.1, 0.1, 0.1])] {
         let start = positions(&model, &arm, "open");
-        let theirs = mujoco(&python, name, &start, &Drive::Limp { ticks: 1000 });
-        let reduced = fall(&start, Engine::Reduced);
-        let ode = fall(&start, Engine::Ode);
-        for ticks in [250, 500, 1000] {
-            println!(
-                "{name}, {ticks} ms: reduced {:.1e} rad, ode {:.1e} rad",
-                difference(&reduced, &theirs, ticks),
-                difference(&ode, &theirs, ticks)
-            );
+        for (sways, bound) in [(false, UNDRIVEN_BOUND), (true, UNDRIVEN_SWAY_BOUND)] {
+            let base = |tick| if sways { swaying(f64::from(tick) * 1e-3) } else { still() };
+            let commands: Vec<PlantCommand> = (1..=1000).map(|tick| stay(&start, base(tick))).collect();
+            let theirs = theirs(&mujoco, "fall", &start, 7, Drive::Limp(&commands)).angles;
+            let reduced = fall(&start, &commands, Engine::Reduced);
+            let ode = fall(&start, &commands, Engine::Ode);
+            for ticks in [250, 500, 1000] {
+                println!(
+                    "{name}, base sways {sways}, {ticks} ms: reduced {:.1e} rad, ode {:.1e} rad",
+                    difference(&reduced, &theirs, ticks),
+                    difference(&ode, &theirs, ticks)
+                );
+            }
+            assert!(difference(&reduced, &theirs, 500) < bound);
         }
-        // Seven limp joints are chaotic: what differs at first grows tenfold in a few tenths of a second.
-        assert!(difference(&reduced, &theirs, 500) < UNDRIVEN_BOUND);
+    }
+}
+
+/// Commands by which joint k goes to and fro by `way(k)`, at 2 rad/s of phase, on `base`.
+fn to_and_fro(
+    start: &[f64],
+    ticks: u32,
+    way: impl Fn(usize) -> f64,
+    base: impl Fn(f64) -> Pose,
+) -> Vec<PlantCommand> {
+    let command = |tick| {
+        let time = f64::from(tick) * 1e-3;
+        let mut command = stay(start, base(time));
+        for k in 0..start.len() {
+            command.position[k] += way(k) * (1.0 - (2.0 * time).cos());
+            command.velocity[k] = 2.0 * way(k) * (2.0 * time).sin();
+        }
+        command
+    };
+    (1..=ticks).map(command).collect()
+}
+
+fn arm_way(k: usize) -> f64 {
+    match k {
+        4 => -0.1,
+        0..7 => 0.1,
+        _ => 0.0,
     }
 }
 
 #[test]
-fn a_driven_arm_moves_as_in_mujoco() {
-    let Some(python) = python() else { return };
+fn a_driven_arm_moves_with_the_torques_that_it_has_in_mujoco() {
+    let Some(mujoco) = MuJoCo::find() else { return };
     let model = proact_description::mpl_right_arm();
     let start = positions(&model, &START, "open");
-    let commands: Vec<PlantCommand> = (1..=2000)
-        .map(|tick| {
-            let time = f64::from(tick) * 1e-3;
-            let mut command = stay(&start, still());
-            for k in 0..7 {
-                let way = if k == 4 { -0.1 } else { 0.1 };
-                command.position[k] += way * (1.0 - (2.0 * time).cos());
-                command.velocity[k] = 2.0 * way * (2.0 * time).sin();
-            }
-            command
-        })
+    for sways in [false, true] {
+        let commands = to_and_fro(&start, 2000, arm_way, |time| if sways { swaying(time) } else { still() });
+        let mut plant = plant_at(&model, &nothing(), &start, &still()).unwrap();
+        let mine = ours(&mut plant, &commands, 7);
+        let moved = mine.angles.iter().map(|angles| (angles[0] - start[0]).abs()).fold(0.0, f64::max);
+        assert!(moved > 0.15, "the arm moves: {moved} rad");
+        let theirs = theirs(&mujoco, "control", &start, 7, Drive::Speeds(&commands));
+        let apart = difference(&mine.angles, &theirs.angles, 2000);
+        let efforts = share(&mine.efforts, &theirs.efforts);
+        println!("base sways {sways}, 2 s: {apart:.1e} rad, torques {efforts:.1e} of theirs apart");
+        assert!(apart < CONTROLLED_BOUND, "{apart} rad apart");
+        assert!(efforts < EFFORT_SHARE, "torques {efforts} of theirs apart");
+    }
+}
+
+#[test]
+fn free_fingers_move_as_in_mujoco() {
+    let Some(mujoco) = MuJoCo::find() else { return };
+    let model = proact_description::mpl_right_arm();
+    let start = positions(&model, &START, "open");
+    let closed = positions(&model, &START, "closed");
+    let way = |k: usize| 0.4 * (closed[k] - start[k]);
+    let commands = to_and_fro(&start, 2000, way, |_| still());
+    // Joints at rest share a body otherwise, and tell no torques.
+    let options = DynamicsOptions { hold_still_hand: false, ..DynamicsOptions::default() };
+    let mut plant = OdePlant::new(&model, &nothing(), &start, &still(), options).unwrap();
+    let mut mine = ours(&mut plant, &commands, start.len());
+    let moved = (0..start.len()).map(|k| (mine.angles[1500][k] - start[k]).abs()).fold(0.0, f64::max);
+    assert!(moved > 0.5, "the fingers move: {moved} rad");
+    // Joints without a range are none there.
+    let moves: Vec<usize> = model
+        .moving()
+        .enumerate()
+        .filter(|&(_, joint)| model.joints[joint].limits.upper > model.joints[joint].limits.lower)
+        .map(|(k, _)| k)
         .collect();
+    for rows in [&mut mine.angles, &mut mine.efforts] {
+        for row in rows.iter_mut() {
+            *row = moves.iter().map(|&k| row[k]).collect();
+        }
+    }
+    let theirs = theirs(&mujoco, "fingers", &start, start.len(), Drive::Speeds(&commands));
+    let apart = difference(&mine.angles, &theirs.angles, 2000);
+    let only = |rows: &[Vec<f64>]| -> Vec<Vec<f64>> { rows.iter().map(|row| row[7..].to_vec()).collect() };
+    let efforts = share(&only(&mine.efforts), &only(&theirs.efforts));
+    println!(
+        "{} joints, 2 s: {apart:.1e} rad, torques of fingers {efforts:.1e} of theirs apart",
+        moves.len()
+    );
+    assert!(apart < CONTROLLED_BOUND, "{apart} rad apart");
+    assert!(efforts < EFFORT_SHARE, "torques {efforts} of theirs apart");
+}
+
+#[test]
+fn a_hanging_arm_under_given_torques_goes_where_it_goes_in_mujoco() {
+    let Some(mujoco) = MuJoCo::find() else { return };
+    let model = proact_description::mpl_right_arm();
+    // Torques alone hold no arm that stands against gravity; one that hangs comes back.
+    let start = positions(&model, &[-0.3, -0.2, 0.0, 0.2, 0.0, 0.0, 0.0], "open");
+    let commands = to_and_fro(&start, 5000, arm_way, |_| still());
     let mut plant = plant_at(&model, &nothing(), &start, &still()).unwrap();
-    let (mut ours, mut torques) = (Vec::new(), Vec::new());
-    for command in &commands {
-        plant.step(command).unwrap();
-        ours.push(plant.state().position.to_vec());
-        torques.push(plant.state().effort[..7].to_vec());
+    let mine = ours(&mut plant, &commands, 7);
+    let theirs = theirs(&mujoco, "torques", &start, 7, Drive::Torques(&mine.efforts));
+    for ticks in [100, 1000, 5000] {
+        println!("the same torques, {ticks} ms: {:.1e} rad", difference(&mine.angles, &theirs.angles, ticks));
     }
-    let moved = ours.iter().map(|angles| (angles[0] - start[0]).abs()).fold(0.0, f64::max);
+    let moved = mine.angles.iter().map(|angles| (angles[0] - start[0]).abs()).fold(0.0, f64::max);
     assert!(moved > 0.15, "the arm moves: {moved} rad");
-
-    // Torques alone hold no arm that stands against gravity, so that differences grow here as well.
-    let theirs = mujoco(&python, "torques", &start, &Drive::Torques(&torques));
-    for ticks in [100, 300, 1000] {
-        println!("the same torques, {ticks} ms: {:.1e} rad", difference(&ours, &theirs, ticks));
-    }
-    assert!(difference(&ours, &theirs, 100) < TORQUES_BOUND);
-
-    let theirs = mujoco(&python, "control", &start, &Drive::Speeds(&commands));
-    let worst = difference(&ours, &theirs, 2000);
-    println!("the same control, 2 s: {worst:.1e} rad");
-    assert!(worst < CONTROLLED_BOUND, "{worst} rad apart");
+    assert!(difference(&mine.angles, &theirs.angles, 5000) < TORQUES_BOUND);
 }

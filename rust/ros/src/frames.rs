@@ -1,12 +1,18 @@
 //! Where every frame of the original's tree is, computed from one instant.
 
+use arrayvec::ArrayVec;
 use nalgebra::{Translation3, UnitQuaternion};
 use proact_arm::{ArmModel, JointKind};
-use proact_types::{PlantState, Pose, Scene};
-use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use proact_types::{BodyState, PlantState, Pose, Scene, Vector, zeros};
+use std::{
+    collections::BTreeSet,
+    f64::consts::{FRAC_PI_2, PI, TAU},
+};
 
 /// The frame that everything is in.
 pub const WORLD: &str = "world";
+/// The world of the original's headset, frozen at the calibration: its gaze is in it.
+pub const HEADSET_WORLD: &str = "hololens_world_test";
 /// From the reference board to the box, metres along x (the paper's distance for the second study).
 const BOARD_TO_BOX: f64 = 0.6;
 
@@ -85,7 +91,7 @@ pub fn moving(
         frame("optitrack_world", "Shoulderpad", shoulder),
         frame("optitrack_world", "Shoulderpad_filtered", shoulder),
         // The headset's world is not calibrated against anything here, so it equals the world.
-        frame(WORLD, "hololens_world_test", Pose::identity()),
+        frame(WORLD, HEADSET_WORLD, Pose::identity()),
     ];
     if let Some(head) = world_from_head {
         frames.push(frame("optitrack_world", "HololensSG", tracked * head));
@@ -105,12 +111,30 @@ pub fn moving(
     frames
 }
 
+/// The child frames that [`fixed`] and [`moving`] tell of, each of which may be left to somebody else.
+pub fn names(model: &ArmModel, scene: &Scene) -> BTreeSet<String> {
+    let count = model.moving().count();
+    let body = BodyState { pose: Pose::identity(), linear: Vector::zeros(), angular: Vector::zeros() };
+    let anywhere = PlantState {
+        position: zeros(count),
+        velocity: zeros(count),
+        effort: zeros(count),
+        stop_effort: zeros(count),
+        world_from_base: Pose::identity(),
+        base_held: false,
+        objects: scene.objects.iter().map(|_| body).collect(),
+        attached: None,
+        contacts: ArrayVec::new(),
+    };
+    let moving = moving(model, scene, &anywhere, Some(&Pose::identity()), true);
+    fixed(model, scene, true).into_iter().chain(moving).map(|frame| frame.child).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use arrayvec::ArrayVec;
     use proact_arm::{Joint, JointLimits, Link};
-    use proact_types::{BodyState, Object, Shape, Vector, joints, zeros};
+    use proact_types::{Object, Shape, joints};
     use std::collections::BTreeMap;
 
     fn model() -> ArmModel {
@@ -199,6 +223,7 @@ mod tests {
             let off = expected.inverse() * in_world(name);
             assert!(off.translation.vector.norm() < 1e-12 && off.rotation.angle() < 1e-7, "{name}: {off}");
         };
+        assert!(tree.keys().eq(&names(&model, &scene)), "what can be left out is what there is");
         near("base_link", state.world_from_base);
         near("HololensSG", head);
         near("bluecylinder2", state.objects[3].pose);

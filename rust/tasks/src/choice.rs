@@ -67,6 +67,13 @@ impl TaskChoice {
         self.build(false).map(|_| ())
     }
 
+    /// Names of all the ways in which the task's objects can stand at the start, as [`TaskChoice::arrange`] takes them; none where
+    /// there is one way.
+    pub fn arrangements(&self) -> Vec<String> {
+        let any = self.arrangement.is_some();
+        Arrangement::all().filter(|_| any).map(|arrangement| arrangement.to_string()).collect()
+    }
+
     /// Names of the tasks that ship with the program.
     pub fn known() -> String {
         SHIPPED.map(|(name, _)| name).join(", ")

@@ -3,7 +3,8 @@
 
 use arrayvec::ArrayVec;
 use proact_types::{
-    EmgSample, GazeSample, Gesture, PlanReply, PlanRequest, PlantCommand, PlantState, Point, SimTime, Vector,
+    BodyState, EmgSample, GazeSample, Gesture, PlanReply, PlanRequest, PlantCommand, PlantState, Point,
+    SimTime, Vector,
 };
 
 /// Why the physics could not take a step.
@@ -62,6 +63,12 @@ pub trait Plant {
 
     /// Lets go of the attached block; it keeps its velocity. Without one, nothing happens.
     fn release(&mut self);
+
+    /// Puts block `block` somewhere, with a velocity, as the services of a simulator do; no trial does.
+    ///
+    /// # Errors
+    /// If there is no such block, it is attached, a number is not finite, or the place is taken; nothing is changed then.
+    fn place(&mut self, block: usize, body: &BodyState) -> Result<(), PlantError>;
 }
 
 /// Motion plans, computed beside the tick.

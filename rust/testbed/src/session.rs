@@ -1,7 +1,7 @@
 use crate::{
     SpanDigest, Testbed, TestbedError, TickOutput,
     ports::PlanService,
-    stages::{PersonInput, PersonParts, PersonStage},
+    stages::{Driven, PersonInput, PersonParts, PersonStage},
 };
 use proact_tasks::TaskResult;
 use proact_types::{DisplayFrame, PlanReply, PlanRequest, PlanStatus, Pose, SimTime, TickInput};
@@ -51,6 +51,11 @@ impl Session {
     /// The pose of the head now: `world_from_head`.
     pub fn head(&self) -> Pose {
         self.person.head()
+    }
+
+    /// What somebody else's controllers ask for in the next tick; see [`Testbed::drive`].
+    pub fn drive(&mut self, driven: Driven) {
+        self.testbed.drive(driven);
     }
 
     /// Advances by one tick. `last` ends the trial with it.

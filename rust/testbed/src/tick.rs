@@ -2,9 +2,10 @@ use crate::{
     ConfigError, Digest, Pinned, SpanDigest, TrialConfig,
     ports::{PlanService, Plant, PlantError},
     stages::{
-        ActuationInput, ActuationOutput, ActuationStage, DisplayInput, DisplayStage, EmgStage, EmgStageInput,
-        EmgStageOutput, FeedbackInput, FeedbackStage, GazeMeasurement, IntentInput, IntentOutput,
-        IntentStage, MethodInput, MethodStage, TaskStage, TaskStageInput, WorldInput, WorldStage,
+        ActuationInput, ActuationOutput, ActuationStage, DisplayInput, DisplayStage, Driven, EmgStage,
+        EmgStageInput, EmgStageOutput, FeedbackInput, FeedbackStage, GazeMeasurement, IntentInput,
+        IntentOutput, IntentStage, MethodInput, MethodStage, TaskStage, TaskStageInput, WorldInput,
+        WorldStage,
     },
 };
 use proact_arm::{ArmModel, ArmModelError};
@@ -15,8 +16,8 @@ use proact_control::{
 use proact_emg::{Classifier, EmgError, EmgOutput};
 use proact_tasks::Task;
 use proact_types::{
-    DisplayFrame, Event, EventKind, FeedbackCue, Gesture, GestureTableError, JointVector, MethodAnswer,
-    MethodInfo, PlanReply, PlanRequest, Pose, SimTime, Stop, TickInput,
+    DisplayFrame, Event, EventKind, FeedbackCue, Gesture, GestureTableError, HandState, JointVector,
+    MethodAnswer, MethodInfo, PlanReply, PlanRequest, Pose, SimTime, Stop, TickInput,
 };
 use std::sync::Arc;
 
@@ -103,6 +104,10 @@ pub struct TickOutput {
     pub emg: Option<EmgOutput>,
     /// The command that the EMG stage published.
     pub message: Option<Gesture>,
+    /// The method commanded the arm.
+    pub arm_commanded: bool,
+    /// The method commanded the hand.
+    pub hand_commanded: bool,
     /// What happened.
     pub events: Vec<Event>,
     /// What is to be heard and felt.
@@ -133,6 +138,8 @@ pub struct Testbed {
     digest: Digest,
     method_info: MethodInfo,
     now: SimTime,
+    /// For the next tick.
+    driven: Driven,
     /// What the stages said in the last tick.
     said: Said,
 }
@@ -179,6 +186,7 @@ impl Testbed {
             digest: Digest::new(&config.to_toml()?),
             method_info: method.info().clone(),
             now: SimTime(0),
+            driven: Driven::default(),
             said,
             config,
             model,
@@ -241,6 +249,27 @@ impl Testbed {
         self.said.actuation.motion
     }
 
+    /// Angles asked of all moving joints now, rad.
+    pub fn targets(&self) -> &JointVector {
+        &self.said.actuation.command.position
+    }
+
+    /// The hand has arrived where it was told to go, or holds something.
+    pub fn hand_rests(&self) -> bool {
+        let arrived = !self.said.actuation.hand_moving
+            && matches!(self.world.hand().state, HandState::Open | HandState::Closed);
+        self.said.frozen.is_some() || arrived
+    }
+
+    /// What somebody else's controllers ask for in the next tick. Where the method commands arm or hand in that tick, the
+    /// method has them.
+    ///
+    /// It is no input of the trial: no log holds it. The digest tells a trial that was driven from one that was not, and
+    /// nobody replays the former.
+    pub fn drive(&mut self, driven: Driven) {
+        self.driven = driven;
+    }
+
     /// Advances by one millisecond. `last` closes the digest's span early: the trial ends with this tick.
     ///
     /// # Errors
@@ -286,20 +315,28 @@ impl Testbed {
         note(std::mem::take(&mut method.events));
         self.digest.method(&method, self.method.stop());
 
+        let Driven { mut joints, hand, hold_hand } = std::mem::take(&mut self.driven);
+        let arm = self.model.arm_count();
+        (output.arm_commanded, output.hand_commanded) = (method.motion.is_some(), method.hand.is_some());
+        joints.retain(|driven| {
+            !(if driven.joint < arm { output.arm_commanded } else { output.hand_commanded })
+        });
+        let hand = method.hand.or(hand);
+        let held = (hold_hand && hand.is_none())
+            .then(|| self.said.actuation.command.position[arm..].iter().copied().collect::<JointVector>());
         let commanded = ActuationInput {
             shoulder: input.shoulder,
             motion: method.motion,
-            hand: method.hand,
-            frozen: self.said.frozen.as_ref(),
-            driven: &[],
+            hand,
+            frozen: held.as_ref().or(self.said.frozen.as_ref()),
+            driven: &joints,
             world: self.world.state(),
         };
         let mut actuation = self.actuation.step(now, commanded);
         note(std::mem::take(&mut actuation.events));
         self.digest.actuation(&actuation);
 
-        let moved =
-            WorldInput { command: &actuation.command, hand: method.hand, hand_moving: actuation.hand_moving };
+        let moved = WorldInput { command: &actuation.command, hand, hand_moving: actuation.hand_moving };
         let world = self.world.step(now, moved)?;
         note(world.events);
         self.digest.world(self.world.state(), world.carried);

@@ -8,8 +8,8 @@ use proact_testbed::{
     ports::{Plant, PlantError},
 };
 use proact_types::{
-    EventKind, Gesture, InputSource, JointVector, PlantCommand, PlantState, Pose, StopCause, TickInput,
-    Vector, joints,
+    BodyState, EventKind, Gesture, InputSource, JointVector, PlantCommand, PlantState, Pose, StopCause,
+    TickInput, Vector, joints,
 };
 
 fn testbed(method: &str) -> Outcome<Testbed> {
@@ -127,6 +127,9 @@ impl Plant for Failing {
     }
     fn release(&mut self) {
         self.plant.release();
+    }
+    fn place(&mut self, block: usize, body: &BodyState) -> Result<(), PlantError> {
+        self.plant.place(block, body)
     }
 }
 

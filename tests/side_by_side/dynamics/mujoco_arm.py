@@ -13,6 +13,12 @@ import mujoco
 import numpy as np
 
 TICK = 1e-3
+# Of the body that carries the base, kg and kg m^2: what the arm does to it is 1e-6 of what it does to the arm.
+CARRIER = 1e6
+# Of a wheel that drives a joint by friction, kg m^2.
+WHEEL = 10.0
+# Contacts that give way as little as the step lets them, and whose friction is the norm of both tangents.
+HARD = 'solref="0.002 1" solimp="0.95 0.99 0.0001" condim="3"'
 # Who collides with whom: links with the room and with blocks, not with each other.
 LINK, ROOM, BLOCK = 'contype="1" conaffinity="0"', 'contype="2" conaffinity="1"', 'contype="4" conaffinity="7"'
 
@@ -93,7 +99,7 @@ class Arm:
         problem["free"] = [name for name in problem["free"] if name not in fixed]
         self.free = problem["free"]
         self.limp = problem["limp"]
-        self.gain = problem.get("motor_gain", 0.0)
+        self.hard = HARD if problem.get("hard") else ""
         self.motors = []
 
     def body(self, name, place):
@@ -113,7 +119,7 @@ class Arm:
         for collision in link.findall("collision") if not self.limp else []:
             at, turn = origin(collision)
             kind, size = urdf_shape(collision.find("geometry"))
-            more = f'pos="{numbers(at)}" quat="{numbers(quaternion(turn))}" friction="0.8 0.005 0.0001" {LINK}'
+            more = f'pos="{numbers(at)}" quat="{numbers(quaternion(turn))}" friction="0.8 0.005 0.0001" {self.hard} {LINK}'
             text.append(shape(kind, size, more))
         for joint in self.children.get(name, []):
             at, turn = origin(joint)
@@ -148,18 +154,39 @@ def pose(seven):
 
 def build(problem):
     arm = Arm(problem)
-    body = arm.body(arm.root, 'mocap="true" ' + pose(problem["base"]))
+    if problem.get("sways"):
+        # A mocap body has a place and no speed; this one has both.
+        body = arm.body(arm.root, 'pos="0 0 0"')
+        six = [CARRIER, CARRIER, CARRIER, 0.0, 0.0, 0.0]
+        own = f'<freejoint name="base"/><inertial pos="0 0 0" mass="{CARRIER!r}" fullinertia="{numbers(six)}"/>'
+        body = f'<body name="carrier" gravcomp="1" {pose(problem["base"])}>{own}{body}</body>'
+    else:
+        body = arm.body(arm.root, 'mocap="true" ' + pose(problem["base"]))
     text = ['<mujoco><compiler angle="radian" autolimits="false" inertiafromgeom="auto"/>']
-    text.append(f'<option timestep="{problem["step"]!r}" integrator="{problem["integrator"]}" gravity="0 0 -9.80665"/>')
+    # Newton's method fails where friction couples bodies as heavy as a carrier and as light as a finger.
+    cone = 'cone="elliptic" impratio="10" solver="CG" iterations="500" tolerance="1e-12"' if arm.hard else ""
+    text.append(f'<option timestep="{problem["step"]!r}" integrator="{problem["integrator"]}" gravity="0 0 -9.80665" {cone}/>')
     text.append('<size memory="200M"/><worldbody>' + body)
     for thing in problem.get("fixed", []):
-        text.append(shape(thing["kind"], thing["size"], f'{pose(thing["pose"])} friction="0.4 0.005 0.0001" {ROOM}'))
+        text.append(shape(thing["kind"], thing["size"], f'{pose(thing["pose"])} friction="0.4 0.005 0.0001" {arm.hard} {ROOM}'))
     for index, thing in enumerate(problem.get("blocks", [])):
         text.append(f'<body name="block{index}" {pose(thing["pose"])}><freejoint/>')
-        text.append(shape(thing["kind"], thing["size"], f'mass="{thing["mass"]!r}" friction="0.4 0.005 0.0001" {BLOCK}'))
+        text.append(shape(thing["kind"], thing["size"], f'mass="{thing["mass"]!r}" friction="0.4 0.005 0.0001" {arm.hard} {BLOCK}'))
         text.append("</body>")
+    wheels = arm.motors if problem["drive"] == "speed" and arm.hard else []
+    for name, _ in wheels:
+        text.append(f'<body name="wheel_{name}"><joint name="wheel_{name}" type="hinge" axis="0 0 1"/>')
+        text.append(f'<inertial pos="0 0 0" mass="1" diaginertia="{WHEEL!r} {WHEEL!r} {WHEEL!r}"/></body>')
     text.append("</worldbody>")
-    if problem["drive"] == "speed":
+    if wheels:
+        # A motor of bounded torque is a wheel of the asked speed that drags its joint by friction. A velocity actuator at
+        # its bound is explicit, and shakes fingers of some grams.
+        text.append("<tendon>")
+        for name, effort in wheels:
+            text.append(f'<fixed frictionloss="{effort!r}" solreffriction="0.0002 1" solimpfriction="0.99 0.999 0.001">')
+            text.append(f'<joint joint="{name}" coef="1"/><joint joint="wheel_{name}" coef="-1"/></fixed>')
+        text.append("</tendon>")
+    elif problem["drive"] == "speed":
         text.append("<actuator>")
         for name, effort in arm.motors:
             if name not in arm.free:
@@ -188,6 +215,54 @@ def weld(model, data, tip, block):
     data.eq_active[block] = 1
 
 
+def seven_of(row):
+    """Position and scalar-first quaternion of x y z qx qy qz qw."""
+    return row[:3], np.array([row[6], *row[3:6]])
+
+
+class Carrier:
+    """Moves the base as it is commanded: from one tick's pose to the next at a steady speed, as the testbed's does."""
+
+    def __init__(self, model, data):
+        joint = model.joint("base")
+        self.place, self.dof = joint.qposadr[0], joint.dofadr[0]
+        self.before = np.zeros(6)
+        self.data = data
+
+    def set_off(self, target):
+        data, at = self.data, self.place
+        position, rotation = seven_of(target)
+        turn = np.zeros(3)
+        mujoco.mju_subQuat(turn, rotation, data.qpos[at + 3:at + 7])
+        # A free joint's turning speed is in the body's own frame.
+        speed = np.concatenate([(position - data.qpos[at:at + 3]) / TICK, turn / TICK])
+        force = CARRIER * (speed - self.before) / TICK
+        # The speed changes within the tick, by a force, so that the arm feels it; the place is put right at its end.
+        data.qvel[self.dof:self.dof + 6] = self.before
+        data.qfrc_applied[self.dof:self.dof + 6] = force
+        self.before = speed
+
+    def arrive(self, target):
+        data, at = self.data, self.place
+        data.qpos[at:at + 3], data.qpos[at + 3:at + 7] = seven_of(target)
+        data.qvel[self.dof:self.dof + 6] = self.before
+
+
+def block_forces(model, data, links):
+    """Normal forces of links on blocks, N, by link."""
+    found, six = {}, np.zeros(6)
+    for index, contact in enumerate(data.contact):
+        bodies = [model.geom_bodyid[geom] for geom in contact.geom]
+        names = [model.body(body).name for body in bodies]
+        if not any(name.startswith("block") for name in names):
+            continue
+        for name in names:
+            if name in links:
+                mujoco.mj_contactForce(model, data, index, six)
+                found[name] = found.get(name, 0.0) + float(six[0])
+    return found
+
+
 def run(problem):
     model, arm = build(problem)
     data = mujoco.MjData(model)
@@ -196,43 +271,76 @@ def run(problem):
     dofs = np.array([joint.dofadr[0] for joint in joints])
     rows = np.array([problem["joints"].index(name) for name in problem["free"]])
     data.qpos[places] = np.array(problem["positions"])[rows]
+    if "block_speeds" in problem:
+        for index, speed in enumerate(problem["block_speeds"]):
+            start = model.body(f"block{index}").dofadr[0]
+            data.qvel[start:start + 3] = speed
     mujoco.mj_forward(model, data)
     count = len(problem["joints"])
     commands = np.fromfile(problem["commands"]).reshape(-1, 2 * count + 7)
     events = {tick: rest for tick, *rest in problem.get("events", [])}
     substeps = round(TICK / problem["step"])
     order = [name for name, _ in arm.motors]
-    actuators = np.array([problem["free"].index(name) for name in order], dtype=int)
+    driven = problem["drive"] == "speed"
+    wheels = np.array([model.joint(f"wheel_{name}").dofadr[0] for name in order if driven and arm.hard], dtype=int)
+    actuators = np.array([problem["free"].index(name) for name in order if driven], dtype=int)
+    limits = np.array([effort for _, effort in arm.motors if driven])
     fastest = np.array(problem.get("fastest", np.full(count, np.inf)))[rows]
-    angles, times = [], []
+    carrier = Carrier(model, data) if problem.get("sways") else None
+    blocks = [model.body(f"block{index}").id for index in range(len(problem.get("blocks", [])))]
+    answer = {key: [] for key in ("angles", "efforts", "blocks", "forces")}
+    times = []
     for tick, command in enumerate(commands):
         position, velocity, base = command[:count][rows], command[count:2 * count][rows], command[2 * count:]
-        data.mocap_pos[0] = base[:3]
-        data.mocap_quat[0] = [base[6], *base[3:6]]
+        if carrier:
+            carrier.set_off(base)
+        else:
+            data.mocap_pos[0], data.mocap_quat[0] = seven_of(base)
         for kind, *what in [events[tick]] if tick in events else []:
             if kind == "attach":
                 weld(model, data, problem["tip"], what[0])
             else:
                 data.eq_active[:] = 0
-        if problem["drive"] == "speed":
+        if driven:
             error = position - data.qpos[places] - velocity * TICK
-            data.ctrl[:] = np.clip(velocity + 200.0 * error, -1.25 * fastest, 1.25 * fastest)[actuators]
+            speeds = np.clip(velocity + 200.0 * error, -1.25 * fastest, 1.25 * fastest)[actuators]
+            if len(wheels):
+                data.qvel[wheels] = speeds
+            else:
+                data.ctrl[:] = speeds
         else:
             data.qfrc_applied[dofs] = position
+        tells = tick % problem["every"] == problem["every"] - 1
+        torque, forces = np.zeros(len(dofs)), {}
         before = time.thread_time_ns()
         for _ in range(substeps):
             mujoco.mj_step(model, data)
+            if tells and problem.get("tell"):
+                if model.nu:
+                    # What an implicit motor gives is of the speed at the step's end; actuator_force is of its start's.
+                    lag = data.ctrl - data.qvel[dofs][actuators]
+                    torque[actuators] += np.clip(100.0 * limits * lag, -limits, limits) / substeps
+                for name, force in block_forces(model, data, arm.links).items():
+                    forces[name] = forces.get(name, 0.0) + force / substeps
         times.append(1e-9 * (time.thread_time_ns() - before))
-        if tick % problem["every"] == problem["every"] - 1:
-            angles.append(data.qpos[places].tolist())
+        if carrier:
+            carrier.arrive(base)
+        if tells:
+            answer["angles"].append(data.qpos[places].tolist())
+            if problem.get("tell"):
+                answer["efforts"].append(torque.tolist())
+                answer["blocks"].append([[*data.xpos[body], *data.xquat[body][1:], data.xquat[body][0]] for body in blocks])
+                answer["forces"].append(forces)
     if not np.all(np.isfinite(data.qpos)):
         raise SystemExit("MuJoCo's state left the finite numbers")
-    return {
+    warnings = int(sum(warning.number for warning in data.warning))
+    if warnings and problem.get("tell"):
+        raise SystemExit(f"MuJoCo warned {warnings} times")
+    return answer | {
         "version": mujoco.__version__,
-        "angles": angles,
         "core_secs": float(np.sum(times)),
         "median_secs": float(np.median(times)),
-        "warnings": int(sum(warning.number for warning in data.warning)),
+        "warnings": warnings,
     }
 
 

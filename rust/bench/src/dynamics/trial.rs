@@ -13,7 +13,7 @@ use proact_testbed::{
     Parts, PersonParts, Session, Setup, Testbed, TrialConfig, TrialResult,
     ports::{Plant, PlantError},
 };
-use proact_types::{PlantCommand, PlantState, Pose, Scene, TICK_SECS};
+use proact_types::{BodyState, PlantCommand, PlantState, Pose, Scene, TICK_SECS};
 use std::{
     cell::RefCell,
     error::Error,
@@ -63,6 +63,10 @@ impl Plant for Listed {
     fn release(&mut self) {
         self.calls.borrow_mut().push(Call::Release);
         self.plant.release();
+    }
+
+    fn place(&mut self, block: usize, body: &BodyState) -> Result<(), PlantError> {
+        self.plant.place(block, body)
     }
 }
 

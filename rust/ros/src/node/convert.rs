@@ -79,16 +79,25 @@ pub(super) fn bare_transform(pose: &Pose) -> geometry_msgs::Transform {
 
 /// A pose that came in.
 pub(super) fn read_pose(message: &geometry_msgs::Pose) -> Result<Pose, String> {
-    let (p, q) = (&message.position, &message.orientation);
-    let values = [p.x, p.y, p.z, q.x, q.y, q.z, q.w];
-    if let Some(bad) = values.iter().find(|v| !v.is_finite()) {
-        return Err(format!("a pose holds {bad}, expected finite numbers"));
+    let p = &message.position;
+    rigid("pose", [p.x, p.y, p.z], &message.orientation)
+}
+
+/// A transform that came in.
+pub(super) fn read_transform(message: &geometry_msgs::Transform) -> Result<Pose, String> {
+    let t = &message.translation;
+    rigid("transform", [t.x, t.y, t.z], &message.rotation)
+}
+
+fn rigid(what: &str, [x, y, z]: [f64; 3], q: &geometry_msgs::Quaternion) -> Result<Pose, String> {
+    if let Some(bad) = [x, y, z, q.x, q.y, q.z, q.w].iter().find(|v| !v.is_finite()) {
+        return Err(format!("a {what} holds {bad}, expected finite numbers"));
     }
     let rotation = Quaternion::new(q.w, q.x, q.y, q.z);
     if (rotation.norm() - 1.0).abs() > UNIT_TOLERANCE {
         return Err(format!("a quaternion has length {}, expected 1", rotation.norm()));
     }
-    Ok(Pose::from_parts(Translation3::new(p.x, p.y, p.z), UnitQuaternion::from_quaternion(rotation)))
+    Ok(Pose::from_parts(Translation3::new(x, y, z), UnitQuaternion::from_quaternion(rotation)))
 }
 
 pub(super) fn read_point(message: &trajectory_msgs::JointTrajectoryPoint) -> RawPoint {

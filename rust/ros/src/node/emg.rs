@@ -1,4 +1,5 @@
-//! `proact node emg`: samples of an armband in, the gesture out.
+//! `proact node emg`: samples of an armband in, the gesture out. With an armband of its own the node puts its samples on the
+//! graph, where it hears them itself: every sample goes one way, and whoever records the graph has them all.
 
 use super::{
     NodeError, RosGraph,
@@ -8,7 +9,7 @@ use super::{
 };
 use crate::messages::{
     proact_msgs::{Decision, EmgSamples, Person},
-    std_msgs::String as Text,
+    std_msgs::{Header, String as Text},
 };
 use arrayvec::ArrayVec;
 use proact_messages::original::relative;
@@ -18,9 +19,21 @@ use proact_testbed::{
 };
 use proact_types::{EmgSample, EventKind, MAX_EMG_CHANNELS, SimTime, TickInput};
 use rosrust::Publisher;
+use std::{
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+    },
+    thread::JoinHandle,
+    time::Duration,
+};
 
 /// In real time a stage without news says how things are once in so many ticks.
 const TELL_TICKS: u64 = 50;
+
+const EMG_SAMPLES: &str = "proact/emg_samples";
+/// How long the armband is waited for before the node looks whether it has ended.
+const PATIENCE: Duration = Duration::from_millis(20);
 
 struct EmgNode {
     common: Common,
@@ -32,11 +45,14 @@ struct EmgNode {
     decision: Publisher<Decision>,
 }
 
-/// Runs the EMG stage until the graph ends the node.
+/// Waits for samples of an armband at most for so long; those that came, oldest first.
+pub type WaitForSamples = Box<dyn FnMut(Duration) -> Vec<EmgSample> + Send>;
+
+/// Runs the EMG stage until the graph ends the node, with the samples of an `armband` or those that others publish.
 ///
 /// # Errors
 /// [`NodeError`].
-pub fn run_emg(stage: EmgStage) -> Result<(), NodeError> {
+pub fn run_emg(stage: EmgStage, armband: Option<WaitForSamples>) -> Result<(), NodeError> {
     let graph = RosGraph::join("proact_emg")?;
     let mut node = EmgNode {
         common: Common::new(&graph)?,
@@ -47,32 +63,75 @@ pub fn run_emg(stage: EmgStage) -> Result<(), NodeError> {
         decision: graph.publish("proact/decision", 100, false)?,
     };
     let jobs: Jobs<EmgNode> = Jobs::default();
-    let _listening =
-        if node.common.lockstep {
-            graph.listen("proact/person", 100, &jobs, |node: &mut EmgNode, message: Person| {
-                match wire::read_person(&message) {
-                    Ok((input, _)) => {
-                        if !node.person.take(SimTime(message.tick), input) {
-                            let done = node.repeat();
-                            node.common.note("publish", done);
-                        }
-                    }
-                    Err(reason) => node.common.faults.refuse("person", &reason),
-                }
-            })?
-        } else {
-            graph.listen("proact/emg_samples", 20, &jobs, |node: &mut EmgNode, message: EmgSamples| {
-                match samples(&message) {
-                    Ok(samples) => {
-                        let now = node.common.now();
-                        let done = node.take(now, EmgStageInput { samples: &samples, gesture: None });
+    let _listening = if node.common.lockstep {
+        graph.listen("proact/person", 100, &jobs, |node: &mut EmgNode, message: Person| {
+            match wire::read_person(&message) {
+                Ok((input, _)) => {
+                    if !node.person.take(SimTime(message.tick), input) {
+                        let done = node.repeat();
                         node.common.note("publish", done);
                     }
-                    Err(reason) => node.common.faults.refuse("emg_samples", &reason),
                 }
-            })?
-        };
-    stage::run(graph, &jobs, &mut node)
+                Err(reason) => node.common.faults.refuse("person", &reason),
+            }
+        })?
+    } else {
+        graph.listen(EMG_SAMPLES, 20, &jobs, |node: &mut EmgNode, message: EmgSamples| {
+            match samples(&message) {
+                Ok(samples) => {
+                    let now = node.common.now();
+                    let done = node.take(now, EmgStageInput { samples: &samples, gesture: None });
+                    node.common.note("publish", done);
+                }
+                Err(reason) => node.common.faults.refuse("emg_samples", &reason),
+            }
+        })?
+    };
+    let ended = Arc::new(AtomicBool::new(false));
+    let publishing = match armband {
+        Some(wait) => Some(publish_samples(&graph, wait, ended.clone())?),
+        None => None,
+    };
+    let done = stage::run(graph, &jobs, &mut node);
+    ended.store(true, Ordering::Relaxed);
+    if let Some(thread) = publishing {
+        // One that panicked has told so itself.
+        let _ = thread.join();
+    }
+    done
+}
+
+/// Samples of the armband become messages on a thread of their own: it waits for the radio.
+fn publish_samples(
+    graph: &RosGraph,
+    mut wait: WaitForSamples,
+    ended: Arc<AtomicBool>,
+) -> Result<JoinHandle<()>, NodeError> {
+    let publisher: Publisher<EmgSamples> = graph.publish(EMG_SAMPLES, 20, false)?;
+    let faults = graph.faults().clone();
+    Ok(std::thread::spawn(move || {
+        while !ended.load(Ordering::Relaxed) {
+            let samples = wait(PATIENCE);
+            // A message counts on from its first sample: a loss begins another.
+            let follows = |a: &EmgSample, b: &EmgSample| {
+                b.counter == a.counter + 1 && a.channels.len() == b.channels.len()
+            };
+            for run in samples.chunk_by(follows) {
+                if let Err(error) = publisher.send(message(run)) {
+                    faults.refuse("publish", &error.to_string());
+                }
+            }
+        }
+    }))
+}
+
+fn message(samples: &[EmgSample]) -> EmgSamples {
+    EmgSamples {
+        header: Header { seq: 0, stamp: rosrust::now(), frame_id: String::new() },
+        counter: samples.first().map_or(0, |first| first.counter),
+        channels: samples.first().map_or(0, |first| first.channels.len()) as u32,
+        data: samples.iter().flat_map(|sample| sample.channels.iter().copied()).collect(),
+    }
 }
 
 impl EmgNode {

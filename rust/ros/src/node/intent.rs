@@ -1,14 +1,14 @@
 //! `proact node intent`: gaze and objects in, the object and the place that are meant out.
 
 use super::{
-    NodeError, RosGraph, convert,
+    Faults, NodeError, RosGraph, convert,
+    gaze_topics::{self, GazeTopics, Looks},
     graph::Jobs,
     stage::{self, Common, Stage, Tagged},
     wire::{self, Instant},
 };
 use crate::{
     frames::WORLD,
-    gaze_pairs::GazePairs,
     messages::{
         geometry_msgs::Vector3Stamped,
         proact_msgs::{Intent, Person, State},
@@ -25,6 +25,7 @@ use proact_testbed::{
 };
 use proact_types::{GazeSample, Point, Scene, SimTime, TickInput, Vector};
 use rosrust::Publisher;
+use std::sync::Arc;
 
 /// What the intent stage is made of.
 pub struct IntentParts {
@@ -46,7 +47,7 @@ struct IntentNode {
     person: Tagged<TickInput>,
     /// In real time: of the newest message.
     person_tick: Option<SimTime>,
-    pairs: GazePairs,
+    gaze_topics: GazeTopics,
     said: Option<IntentOutput>,
     block_id: Publisher<Text>,
     hit: Publisher<Vector3Stamped>,
@@ -70,7 +71,7 @@ pub fn run_intent(parts: IntentParts) -> Result<(), NodeError> {
         state: Tagged::default(),
         person: Tagged::default(),
         person_tick: None,
-        pairs: GazePairs::default(),
+        gaze_topics: GazeTopics::default(),
         said: None,
         block_id: graph.publish(relative::BLOCK_ID, 1, false)?,
         hit: graph.publish(relative::GAZE_HIT, 1, false)?,
@@ -101,41 +102,26 @@ pub fn run_intent(parts: IntentParts) -> Result<(), NodeError> {
             }
         },
     )?;
-    let _position = graph.listen(
-        relative::GAZE_POSITION,
-        10,
-        &jobs,
-        |node: &mut IntentNode, message: Vector3Stamped| {
-            let v = message.vector;
-            let pair = node.pairs.position(message.header.stamp.nanos(), Point::new(v.x, v.y, v.z));
-            node.see(pair);
-        },
-    )?;
-    let _direction = graph.listen_from(
-        relative::GAZE_DIRECTION,
-        10,
-        &jobs,
-        |node: &mut IntentNode, message: Vector3Stamped, caller| {
-            if node.common.is_preferred(caller) {
-                return;
-            }
-            let v = message.vector;
-            let pair = node.pairs.direction(message.header.stamp.nanos(), Vector::new(v.x, v.y, v.z));
-            node.see(pair);
-        },
-    )?;
+    let _gaze = gaze_topics::listen(&graph, &jobs)?;
     stage::run(graph, &jobs, &mut node)
 }
 
-/// A gaze as it came in; the headset publishes none while it has lost the eye.
-pub(super) fn gaze(origin: Point, direction: Vector) -> Result<GazeSample, String> {
-    let values = || origin.iter().chain(direction.iter());
-    if let Some(bad) = values().find(|v| !v.is_finite()) {
-        return Err(format!("a gaze holds {bad}, expected finite numbers"));
+impl Looks for IntentNode {
+    fn gaze_topics(&mut self) -> &mut GazeTopics {
+        &mut self.gaze_topics
     }
-    match direction.try_normalize(1e-9) {
-        Some(direction) => Ok(GazeSample { origin, direction, valid: true }),
-        None => Err("a gaze has no direction".to_owned()),
+
+    fn faults(&self) -> &Arc<Faults> {
+        &self.common.faults
+    }
+
+    fn look(&mut self, sample: GazeSample) {
+        let (points, again) = (false, false);
+        self.infer_now(Some(GazeMeasurement { sample, points, again }));
+    }
+
+    fn passes_over(&self, caller: &str) -> bool {
+        self.common.is_preferred(caller)
     }
 }
 
@@ -166,18 +152,6 @@ impl IntentNode {
         if !take(self) {
             let done = self.repeat();
             self.common.note("publish", done);
-        }
-    }
-
-    /// A gaze from the original's two topics.
-    fn see(&mut self, pair: Option<(Point, Vector)>) {
-        let Some((origin, direction)) = pair else { return };
-        match gaze(origin, direction) {
-            Ok(sample) => {
-                let (points, again) = (false, false);
-                self.infer_now(Some(GazeMeasurement { sample, points, again }));
-            }
-            Err(reason) => self.common.faults.refuse("gaze", &reason),
         }
     }
 

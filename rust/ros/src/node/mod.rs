@@ -1,11 +1,12 @@
 //! Nodes on a ROS graph: rosrust's callbacks hand jobs to one loop that owns the stage.
 
-mod actions;
+mod arm_actions;
 mod at_once;
 mod convert;
 mod digest;
 mod emg;
 mod faults;
+mod gaze_topics;
 mod graph;
 mod intent;
 mod judge;
@@ -22,7 +23,7 @@ mod task;
 mod testbed;
 mod wire;
 
-pub use emg::run_emg;
+pub use emg::{WaitForSamples, run_emg};
 pub use faults::Faults;
 pub use graph::{NodeError, RosGraph};
 pub use intent::{IntentParts, run_intent};

@@ -1,9 +1,9 @@
 //! What is published of the world, once per instant and all with one stamp.
 
-use super::{NodeError, RosGraph, convert};
+use super::{NodeError, RosGraph, convert, graph::parameter};
 use crate::{
-    compat::{Compat, Quirk},
-    frames::{self, WORLD},
+    compat::{Compat, Quirk, UnknownQuirk},
+    frames::{self, Frame, HEADSET_WORLD, WORLD},
     messages::{
         gazebo_grasp_plugin_ros::GazeboGraspEvent,
         gazebo_msgs::{LinkStates, ModelStates},
@@ -23,21 +23,60 @@ use proact_types::{
     Event, EventKind, GazeSample, ObjectId, PlanReply, PlantState, Point, Pose, Scene, Shape, SimTime, Vector,
 };
 use rosrust::{Publisher, error::Result};
-use std::sync::Arc;
+use std::{collections::BTreeSet, sync::Arc};
 
 /// Length of the drawn gaze ray, m.
 const GAZE_LENGTH: f64 = 1.2;
 /// Ticks between poses and between constant transforms that the original has ten times a second.
 const TENTH: u64 = 100;
 /// Frames that the original's command-line tools kept sending.
-const RESENT: [&str; 2] = [WORLD, "hololens_world_test"];
+const RESENT: [&str; 2] = [WORLD, HEADSET_WORLD];
+
+/// What the node's parameters say of its frames and topics.
+#[derive(Clone)]
+pub(super) struct Choices {
+    /// Whether this node publishes the arm's frames itself; false where robot_state_publisher does.
+    links: bool,
+    /// Frames that somebody else publishes.
+    left_out: BTreeSet<String>,
+    /// Quirks of the original that are on.
+    pub compat: Compat,
+}
+
+impl Choices {
+    /// Reads `~publish_links`, `~leave_out` and `~compat`.
+    ///
+    /// # Errors
+    /// [`NodeError::Setup`] for a word that there is not, [`NodeError::Parameter`] for a value of another type.
+    pub(super) fn of_parameters(model: &ArmModel, scene: &Scene) -> std::result::Result<Self, NodeError> {
+        let expected = "names with commas between them";
+        let text: String = parameter("~leave_out", String::new(), expected)?;
+        let known = frames::names(model, scene);
+        let left_out: BTreeSet<String> =
+            text.split(',').map(str::trim).filter(|name| !name.is_empty()).map(str::to_owned).collect();
+        if let Some(name) = left_out.difference(&known).next() {
+            let known: Vec<&str> = known.iter().map(String::as_str).collect();
+            let reason = format!("there is no frame {name:?}, expected some of {}", known.join(", "));
+            return Err(NodeError::Setup { what: "parameter ~leave_out".to_owned(), reason });
+        }
+        let text: String = parameter("~compat", String::new(), expected)?;
+        let compat = text.parse().map_err(|error: UnknownQuirk| NodeError::Setup {
+            what: "parameter ~compat".to_owned(),
+            reason: error.to_string(),
+        })?;
+        Ok(Self { links: parameter("~publish_links", true, "true or false")?, left_out, compat })
+    }
+
+    fn publishes(&self, frame: &Frame) -> bool {
+        !self.left_out.contains(&frame.child)
+    }
+}
 
 /// Publishers of the world.
 pub(super) struct Outlets {
     model: Arc<ArmModel>,
     scene: Scene,
-    links: bool,
-    compat: Compat,
+    choices: Choices,
     alphabetical: Vec<usize>,
     joint_names: Vec<String>,
     clock: Publisher<Clock>,
@@ -55,14 +94,12 @@ pub(super) struct Outlets {
 }
 
 impl Outlets {
-    /// Sets the publishers up. `links`: whether this node publishes the arm's frames itself; false where
-    /// robot_state_publisher does.
+    /// Sets the publishers up.
     pub(super) fn new(
         graph: &RosGraph,
         model: &Arc<ArmModel>,
         scene: &Scene,
-        links: bool,
-        compat: Compat,
+        choices: Choices,
     ) -> std::result::Result<Self, NodeError> {
         let joint_names: Vec<String> = model.moving().map(|j| model.joints[j].name.clone()).collect();
         let mut alphabetical: Vec<usize> = (0..joint_names.len()).collect();
@@ -70,8 +107,7 @@ impl Outlets {
         let outlets = Self {
             model: model.clone(),
             scene: scene.clone(),
-            links,
-            compat,
+            choices,
             alphabetical,
             joint_names,
             clock: graph.publish("/clock", 10, false)?,
@@ -105,7 +141,7 @@ impl Outlets {
     /// What never changes, latched.
     fn still(&self) -> Result<()> {
         let start = SimTime(0);
-        let mut fixed = frames::fixed(&self.model, &self.scene, self.links);
+        let mut fixed = self.fixed();
         fixed.retain(|frame| !self.is_resent(frame));
         self.tf_static
             .send(TFMessage { transforms: fixed.iter().map(|f| convert::transform(start, f)).collect() })?;
@@ -117,8 +153,14 @@ impl Outlets {
         self.grasp_status.send(Bool { data: false })
     }
 
-    fn is_resent(&self, frame: &frames::Frame) -> bool {
-        self.compat.has(Quirk::ResentConstants) && RESENT.contains(&frame.child.as_str())
+    fn fixed(&self) -> Vec<Frame> {
+        let mut fixed = frames::fixed(&self.model, &self.scene, self.choices.links);
+        fixed.retain(|frame| self.choices.publishes(frame));
+        fixed
+    }
+
+    fn is_resent(&self, frame: &Frame) -> bool {
+        self.choices.compat.has(Quirk::ResentConstants) && RESENT.contains(&frame.child.as_str())
     }
 
     pub(super) fn clock(&self, time: SimTime) -> Result<()> {
@@ -141,14 +183,14 @@ impl Outlets {
         self.joint_states[0].send(plain)?;
         self.joint_states[1].send(wrapped)?;
 
-        let moving = frames::moving(&self.model, &self.scene, state, head, self.links);
+        let mut moving = frames::moving(&self.model, &self.scene, state, head, self.choices.links);
+        moving.retain(|frame| self.choices.publishes(frame));
         let (resent, moving): (Vec<_>, Vec<_>) = moving.into_iter().partition(|f| self.is_resent(f));
         self.tf
             .send(TFMessage { transforms: moving.iter().map(|f| convert::transform(time, f)).collect() })?;
         let tenth = time.0.is_multiple_of(TENTH);
-        if self.compat.has(Quirk::ResentConstants) && tenth {
-            let fixed =
-                frames::fixed(&self.model, &self.scene, self.links).into_iter().filter(|f| self.is_resent(f));
+        if self.choices.compat.has(Quirk::ResentConstants) && tenth {
+            let fixed = self.fixed().into_iter().filter(|f| self.is_resent(f));
             let ahead = time.plus_millis(TENTH);
             let constants = resent.into_iter().chain(fixed);
             let transforms = constants.map(|frame| convert::transform(ahead, &frame)).collect();
@@ -160,10 +202,10 @@ impl Outlets {
         if self.link_states.subscriber_count() > 0 {
             self.link_states.send(self.link_states(state))?;
         }
-        if self.compat.has(Quirk::SlowPoses) && !tenth {
+        if self.choices.compat.has(Quirk::SlowPoses) && !tenth {
             return Ok(());
         }
-        let frame = if self.compat.has(Quirk::BarePoses) { "" } else { WORLD };
+        let frame = if self.choices.compat.has(Quirk::BarePoses) { "" } else { WORLD };
         self.base_pose.send(convert::pose_stamped(time, frame, &state.world_from_base))?;
         for (publisher, body) in self.object_poses.iter().zip(&state.objects) {
             publisher.send(convert::pose_stamped(time, frame, &body.pose))?;

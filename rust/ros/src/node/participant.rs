@@ -113,7 +113,7 @@ impl ParticipantNode {
         let stamp = self.common.stamp();
         if let Some(gaze) = input.gaze.filter(|gaze| gaze.valid) {
             for (publisher, v) in self.gaze.iter().zip([&gaze.origin.coords, &gaze.direction]) {
-                let header = convert::header(stamp, "");
+                let header = convert::header(stamp, WORLD);
                 publisher.send(Vector3Stamped { header, vector: convert::vector(v) })?;
             }
         }

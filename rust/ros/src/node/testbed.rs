@@ -1,16 +1,17 @@
 //! `proact node testbed`: the whole testbed in one node, under the original's names.
 
 use super::{
-    Faults, NodeError, RosGraph, convert,
+    Faults, NodeError, RosGraph,
+    arm_actions::{ArmActions, OffersActions},
+    convert,
+    gaze_topics::{self, GazeTopics, Looks},
     graph::{Jobs, Pace, parameter},
-    intent,
-    outlets::{Outlets, View},
+    outlets::{Choices, Outlets, View},
     plan_request, wire,
 };
 use crate::{
-    compat::{Compat, Quirk, UnknownQuirk},
+    compat::Quirk,
     frames::WORLD,
-    gaze_pairs::GazePairs,
     messages::{
         geometry_msgs::{PoseStamped, Vector3Stamped},
         moveit_msgs::MotionPlanRequest,
@@ -22,20 +23,48 @@ use crate::{
 };
 use proact_messages::original;
 use proact_messages::original::relative;
-use proact_testbed::{Session, Step, TrialResult};
+use proact_testbed::{Session, Step, Testbed, TrialResult};
 use proact_types::{
-    DisplayFrame, EventKind, GazeSample, Gesture, HandState, InputSource, PlanReply, Point, Pose, Scene,
-    SimTime, Vector,
+    DisplayFrame, EventKind, GazeSample, Gesture, HandState, InputSource, PlanReply, Pose, Scene, SimTime,
 };
 use rosrust::Publisher;
+use std::sync::Arc;
 
 /// What the callbacks bring for the next tick.
-#[derive(Default)]
 struct Inbox {
+    faults: Arc<Faults>,
     gesture: Option<Gesture>,
-    pairs: GazePairs,
+    gaze_topics: GazeTopics,
     gaze: Option<GazeSample>,
     paused: bool,
+    actions: ArmActions,
+}
+
+impl Inbox {
+    fn new(faults: Arc<Faults>, actions: ArmActions) -> Self {
+        let gaze_topics = GazeTopics::default();
+        Self { faults, gesture: None, gaze_topics, gaze: None, paused: false, actions }
+    }
+}
+
+impl OffersActions for Inbox {
+    fn actions(&mut self) -> &mut ArmActions {
+        &mut self.actions
+    }
+}
+
+impl Looks for Inbox {
+    fn gaze_topics(&mut self) -> &mut GazeTopics {
+        &mut self.gaze_topics
+    }
+
+    fn faults(&self) -> &Arc<Faults> {
+        &self.faults
+    }
+
+    fn look(&mut self, gaze: GazeSample) {
+        self.gaze = Some(gaze);
+    }
 }
 
 /// The topics of the methods and of the person.
@@ -58,19 +87,19 @@ struct Topics {
 
 /// Runs a trial in real time until it is over or the graph ends the node; answers the trial's result. With
 /// `simulated`, the session's own participant acts; otherwise `/emg`, `/gaze_position` with `/gaze_direction` are
-/// listened to.
+/// listened to. Either way other programs' goals move arm and hand, until the method commands them.
 ///
 /// # Errors
 /// [`NodeError`].
 pub fn run_testbed(mut session: Session, simulated: bool) -> Result<TrialResult, NodeError> {
     let mut graph = RosGraph::join("proact_testbed")?;
     let rate = rate()?;
-    let links: bool = parameter("~publish_links", true, "true or false")?;
     let stay: bool = parameter("~stay", false, "true or false")?;
     let model = session.testbed().model().clone();
-    let compat = compat()?;
-    let shifted_head = compat.has(Quirk::HeadQuaternion);
-    let outlets = Outlets::new(&graph, &model, session.testbed().task().scene(), links, compat)?;
+    let choices = Choices::of_parameters(&model, session.testbed().task().scene())?;
+    let shifted_head = choices.compat.has(Quirk::HeadQuaternion);
+    let actions = ArmActions::new(&graph, &model, session.testbed().targets(), choices.compat.clone())?;
+    let outlets = Outlets::new(&graph, &model, session.testbed().task().scene(), choices)?;
     let topics = Topics {
         emg: graph.publish(relative::EMG, 10, false)?,
         gaze: [
@@ -93,7 +122,10 @@ pub fn run_testbed(mut session: Session, simulated: bool) -> Result<TrialResult,
         result: graph.publish("proact/result", 1, true)?,
     };
     let jobs: Jobs<Inbox> = Jobs::default();
-    let _listening = if simulated { vec![] } else { listen(&graph, &jobs)? };
+    let mut listening = ArmActions::listen(&graph, &jobs)?;
+    if !simulated {
+        listening.extend(listen(&graph, &jobs)?);
+    }
     let pause = |name: &str, paused: bool| {
         graph.serve::<Empty, _>(name, &jobs, move |inbox: &mut Inbox, _| {
             inbox.paused = paused;
@@ -103,7 +135,7 @@ pub fn run_testbed(mut session: Session, simulated: bool) -> Result<TrialResult,
     let _pausing = [pause("gazebo/pause_physics", true)?, pause("gazebo/unpause_physics", false)?];
     graph.watch_master()?;
 
-    let mut inbox = Inbox::default();
+    let mut inbox = Inbox::new(graph.faults().clone(), actions);
     let mut pace = Pace::new();
     let mut plan: Option<PlanReply> = None;
     let mut seen = Seen::default();
@@ -125,7 +157,13 @@ pub fn run_testbed(mut session: Session, simulated: bool) -> Result<TrialResult,
         if let Some(gaze) = inbox.gaze.take() {
             session.person().look(gaze);
         }
+        let next = session.testbed().now().plus_millis(1);
+        session.drive(inbox.actions.ask(next, session.testbed().plant().state()));
         let step = session.step(false)?;
+        let acted = conclude(&mut inbox.actions, &step, session.testbed());
+        if let Err(error) = acted {
+            graph.faults().refuse("publish", &error.to_string());
+        }
         for event in &step.output.events {
             if let EventKind::Stopped { reason, .. } = &event.kind {
                 graph.faults().stop(reason);
@@ -154,6 +192,18 @@ pub fn run_testbed(mut session: Session, simulated: bool) -> Result<TrialResult,
     Ok(session.result())
 }
 
+/// What came of the tick for those whose goals move arm and hand.
+fn conclude(actions: &mut ArmActions, step: &Step, testbed: &Testbed) -> rosrust::error::Result<()> {
+    if step.output.arm_commanded {
+        actions.method_has_arm();
+    }
+    if step.output.hand_commanded {
+        actions.method_has_hand();
+    }
+    actions.told(testbed.targets(), testbed.hand_rests())?;
+    actions.publish(testbed.plant().state())
+}
+
 /// Instants a second: `~rate`, which must divide 1000.
 pub(super) fn rate() -> Result<u64, NodeError> {
     let rate: i32 = parameter("~rate", 100, "a divisor of 1000")?;
@@ -167,57 +217,19 @@ pub(super) fn rate() -> Result<u64, NodeError> {
     Ok(rate as u64)
 }
 
-/// Quirks of the original that are on: `~compat`.
-pub(super) fn compat() -> Result<Compat, NodeError> {
-    let text: String = parameter("~compat", String::new(), "names of quirks with commas between them")?;
-    text.parse().map_err(|error: UnknownQuirk| NodeError::Setup {
-        what: "parameter ~compat".to_owned(),
-        reason: error.to_string(),
-    })
-}
-
 pub(super) fn json(what: &'static str, value: &impl serde::Serialize) -> Result<String, NodeError> {
     serde_json::to_string(value).map_err(|source| NodeError::Json { what, source })
 }
 
 fn listen(graph: &RosGraph, jobs: &Jobs<Inbox>) -> Result<Vec<rosrust::Subscriber>, NodeError> {
-    let (for_emg, for_gaze) = (graph.faults().clone(), graph.faults().clone());
-    let emg = graph.listen(relative::EMG, 1, jobs, move |inbox: &mut Inbox, message: Text| match message
-        .data
-        .parse::<Gesture>()
-    {
-        Ok(gesture) => inbox.gesture = Some(gesture),
-        Err(error) => for_emg.refuse("emg", &error.to_string()),
-    })?;
-    let see = |inbox: &mut Inbox, pair: Option<(Point, Vector)>, faults: &Faults| match pair
-        .map(|(origin, direction)| intent::gaze(origin, direction))
-    {
-        Some(Ok(gaze)) => inbox.gaze = Some(gaze),
-        Some(Err(reason)) => faults.refuse("gaze", &reason),
-        None => {}
-    };
-    let for_position = for_gaze.clone();
-    let position = graph.listen(
-        relative::GAZE_POSITION,
-        10,
-        jobs,
-        move |inbox: &mut Inbox, message: Vector3Stamped| {
-            let v = message.vector;
-            let pair = inbox.pairs.position(message.header.stamp.nanos(), Point::new(v.x, v.y, v.z));
-            see(inbox, pair, &for_position);
-        },
-    )?;
-    let direction = graph.listen(
-        relative::GAZE_DIRECTION,
-        10,
-        jobs,
-        move |inbox: &mut Inbox, message: Vector3Stamped| {
-            let v = message.vector;
-            let pair = inbox.pairs.direction(message.header.stamp.nanos(), Vector::new(v.x, v.y, v.z));
-            see(inbox, pair, &for_gaze);
-        },
-    )?;
-    Ok(vec![emg, position, direction])
+    let mut listening = gaze_topics::listen(graph, jobs)?;
+    listening.push(graph.listen(relative::EMG, 1, jobs, |inbox: &mut Inbox, message: Text| {
+        match message.data.parse::<Gesture>() {
+            Ok(gesture) => inbox.gesture = Some(gesture),
+            Err(error) => inbox.faults.refuse("emg", &error.to_string()),
+        }
+    })?);
+    Ok(listening)
 }
 
 /// What was last told, so that events are told once.

@@ -179,4 +179,17 @@ impl Plant for KinematicPlant {
             self.state.objects[block].pose = self.fallen(block, &self.state.objects[block].pose);
         }
     }
+
+    fn place(&mut self, block: usize, body: &BodyState) -> Result<(), PlantError> {
+        if self.state.attached.is_some_and(|(held, _)| held == block) {
+            return Err(PlantError::Model(format!("block {block} is attached")));
+        }
+        let here = self
+            .state
+            .objects
+            .get_mut(block)
+            .ok_or(PlantError::Model(format!("there is no block {block}")))?;
+        *here = *body;
+        Ok(())
+    }
 }

@@ -46,6 +46,17 @@ pub struct DrivenJoint {
     pub velocity: f64,
 }
 
+/// What somebody else's controllers ask for in one tick, beside the method.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Driven {
+    /// Targets of joints.
+    pub joints: Vec<DrivenJoint>,
+    /// For the hand, in place of the command before.
+    pub hand: Option<HandCommand>,
+    /// The fingers stay where they are asked to be.
+    pub hold_hand: bool,
+}
+
 /// What is asked of the joints in one tick.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ActuationOutput {

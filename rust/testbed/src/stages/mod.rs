@@ -27,7 +27,7 @@ mod world;
 
 use proact_types::{PlantState, Point};
 
-pub use actuation::{ActuationInput, ActuationOutput, ActuationStage, DrivenJoint};
+pub use actuation::{ActuationInput, ActuationOutput, ActuationStage, Driven, DrivenJoint};
 pub use display::{DisplayInput, DisplayStage};
 pub use emg::{EmgStage, EmgStageInput, EmgStageOutput};
 pub use feedback::{FeedbackInput, FeedbackStage};

@@ -1,10 +1,13 @@
 use crate::{
-    GraspAction, GraspChoice, GraspDetector, TestbedError, TrialConfig, grasp_watch::GraspWatch, ports::Plant,
+    GraspAction, GraspChoice, GraspDetector, TestbedError, TrialConfig,
+    grasp_watch::GraspWatch,
+    ports::{Plant, PlantError},
 };
 use proact_arm::{ArmModel, OPEN_POSE};
 use proact_control::{HandCommand, HandTracker};
 use proact_types::{
-    EventKind, HandView, JointVector, ObjectId, PlantCommand, PlantState, Point, Scene, SimTime, joints,
+    BodyState, EventKind, HandView, JointVector, ObjectId, PlantCommand, PlantState, Point, Scene, SimTime,
+    joints,
 };
 use std::sync::Arc;
 
@@ -91,6 +94,14 @@ impl WorldStage {
     pub fn hand(&self) -> HandView {
         let holds = self.plant.state().attached.map(|(object, _)| ObjectId::new(object));
         HandView { state: self.tracker.state(), holds }
+    }
+
+    /// Puts a block somewhere, see [`Plant::place`].
+    ///
+    /// # Errors
+    /// What the physics refuse; the block is then where it was.
+    pub fn place(&mut self, block: usize, body: &BodyState) -> Result<(), PlantError> {
+        self.plant.place(block, body)
     }
 
     /// One step of physics under the joint targets, then the grasp rule.

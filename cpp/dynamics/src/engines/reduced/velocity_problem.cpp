@@ -12,13 +12,20 @@ namespace {
 
 // Three to six steps are usual.
 constexpr int most_steps = 60;
-constexpr int most_widths = 30;
-// From this round on the width of friction goes half the way, lest it swings to and fro.
-constexpr int cautious_widths = 12;
-// Friction has settled when no width changes by more than this share of the largest.
+constexpr int most_bounds = 60;
+// From this round on the bound of friction goes half the way, lest it swings to and fro.
+constexpr int cautious_bounds = 12;
+// Friction has settled when no bound changes by more than this share of the largest.
 constexpr double settled_share = 1e-4;
 // A step that changes no speed by more than this (rad/s, m/s) is none.
 constexpr double still = 1e-12;
+// The same while something slips, whose direction turns a little with each step.
+constexpr double still_slipping = 1e-10;
+// The factors of a step that left no more than this share of the slope along it serve the next one as well.
+constexpr double led_on = 0.1;
+// Along a step the slope is zero when no more than this share of it is left.
+constexpr double found_share = 1e-3;
+constexpr int most_places = 20;
 
 /// Of two rows of numbers. Four sums at once, because each addition waits for the one before it.
 double product(const double* a, const double* b, std::size_t count) {
@@ -38,12 +45,20 @@ double braked(const VelocityProblem::Hinge& hinge, double speed) {
   return hinge.brake * (std::clamp(speed, -hinge.fastest, hinge.fastest) - speed);
 }
 
-/// Impulse of a contact along a row, when the gap is so wide.
-double impulse_of(const VelocityProblem::Contact& contact, std::size_t row, double wanted) {
-  return row == 0 ? std::max(0.0, wanted) : std::clamp(wanted, -contact.bound, contact.bound);
+/// Impulse of a contact whose gap is so wide: along its normal, and against the slip within the bound of friction.
+std::array<double, 3> impulse_of(const VelocityProblem::Contact& contact, const std::array<double, 3>& wanted) {
+  const double sideways = std::sqrt(wanted[1] * wanted[1] + wanted[2] * wanted[2]);
+  const double share = sideways > contact.bound ? contact.bound / sideways : 1.0;
+  return {std::max(0.0, wanted[0]), share * wanted[1], share * wanted[2]};
 }
 
 }  // namespace
+
+std::array<double, 3> VelocityProblem::wanted(const Contact& contact, double way) const {
+  std::array<double, 3> impulse{};
+  for (std::size_t row = 0; row < 3; ++row) impulse[row] = stiffness(row) * (contact.gap[row] + way * contact.change[row]);
+  return impulse;
+}
 
 double VelocityProblem::stiffness(std::size_t row) const {
   return tick_secs / (row == 0 ? normal_softness : friction_softness);
@@ -74,15 +89,20 @@ bool VelocityProblem::judge() {
     hinge.braked = braked(hinge, velocity[k]);
   }
   for (Contact& contact : contacts) {
-    for (std::size_t row = 0; row < 3; ++row) {
-      const double wanted = stiffness(row) * contact.gap[row];
-      const int state = row == 0 ? (wanted > 0.0 ? 0 : -1) : side_of(wanted, contact.bound);
-      same = same && state == contact.state[row];
-      contact.state[row] = state;
-      contact.impulse[row] = impulse_of(contact, row, wanted);
-    }
+    const std::array<double, 3> impulse = wanted(contact, 0.0);
+    const bool touching = impulse[0] > 0.0;
+    const bool slipping = impulse[1] * impulse[1] + impulse[2] * impulse[2] > contact.bound * contact.bound;
+    same = same && touching == contact.touching && slipping == contact.slipping;
+    contact.touching = touching;
+    contact.slipping = slipping;
+    contact.impulse = impulse_of(contact, impulse);
   }
   return same;
+}
+
+/// Whether friction at its bound pushes anything: its direction follows the speeds, so that no step is exact.
+bool VelocityProblem::slips() const {
+  return std::any_of(contacts.begin(), contacts.end(), [](const Contact& contact) { return contact.slipping && contact.bound > 0.0; });
 }
 
 /// Slope of the convex function: what momentum lacks. Expects the impulses.
@@ -107,7 +127,20 @@ void VelocityProblem::find_slope() {
   }
 }
 
-/// Cholesky's factors of the mass matrix with the springs of motors and contacts that are not at a limit.
+/// Adds to factors_ a spring between the two sides of a contact.
+void VelocityProblem::add_spring(const Contact& contact, double strength, const std::array<double, 3>& along) {
+  const auto value = [&](const Column& column) {
+    return along[0] * column.value[0] + along[1] * column.value[1] + along[2] * column.value[2];
+  };
+  for (std::size_t a = contact.first; a < contact.last; ++a) {
+    const double scaled = strength * value(columns[a]);
+    double* const into = &factors_[columns[a].index * velocity.size()];
+    for (std::size_t b = contact.first; b <= a; ++b) into[columns[b].index] += scaled * value(columns[b]);
+  }
+}
+
+/// Cholesky's factors of the mass matrix with the springs of motors and contacts that are not at a limit. Friction at its
+/// bound resists a change of its direction only.
 void VelocityProblem::factor() {
   const std::size_t n = velocity.size();
   const std::size_t hinge_count = hinges.size();
@@ -130,13 +163,13 @@ void VelocityProblem::factor() {
     set(5, 5, inertia.zz);
   }
   for (const Contact& contact : contacts) {
-    for (std::size_t row = 0; row < 3; ++row) {
-      if (contact.state[row] != 0) continue;
-      for (std::size_t a = contact.first; a < contact.last; ++a) {
-        const double scaled = stiffness(row) * columns[a].value[row];
-        double* const into = &factors_[columns[a].index * n];
-        for (std::size_t b = contact.first; b <= a; ++b) into[columns[b].index] += scaled * columns[b].value[row];
-      }
+    if (contact.touching) add_spring(contact, stiffness(0), {1.0, 0.0, 0.0});
+    if (!contact.slipping) {
+      add_spring(contact, stiffness(1), {0.0, 1.0, 0.0});
+      add_spring(contact, stiffness(2), {0.0, 0.0, 1.0});
+    } else if (contact.bound > 0.0) {
+      const double slip = std::sqrt(contact.gap[1] * contact.gap[1] + contact.gap[2] * contact.gap[2]);
+      add_spring(contact, contact.bound / slip, {0.0, -contact.gap[2] / slip, contact.gap[1] / slip});
     }
   }
   for (std::size_t i = 0; i < n; ++i) {
@@ -155,6 +188,7 @@ void VelocityProblem::factor() {
     }
   }
   factored_ = true;
+  exact_ = !slips();
 }
 
 /// Newton's step, and what it does to the gaps.
@@ -178,7 +212,33 @@ void VelocityProblem::find_step() {
   }
 }
 
-/// Slope of the convex function along the step, after so much of it. Expects slope_start_ and slope_growth_.
+/// Goes so much of the step.
+void VelocityProblem::go(double way) {
+  for (std::size_t k = 0; k < velocity.size(); ++k) velocity[k] += way * step_[k];
+}
+
+/// The slope along the step without motors and contacts, which are known at any place along it.
+void VelocityProblem::find_slope_along() {
+  const std::size_t hinge_count = hinges.size();
+  slope_start_ = 0.0;
+  slope_growth_ = 0.0;
+  for (std::size_t k = 0; k < hinge_count; ++k) {
+    const double* const row = &mass[k * hinge_count];
+    slope_start_ += step_[k] * (product(row, velocity.data(), hinge_count) - hinges[k].momentum);
+    slope_growth_ += step_[k] * product(row, step_.data(), hinge_count);
+  }
+  for (std::size_t b = 0; b < blocks.size(); ++b) {
+    const double* const v = &velocity[hinge_count + 6 * b];
+    const double* const d = &step_[hinge_count + 6 * b];
+    const Vec3 linear{d[0], d[1], d[2]};
+    const Vec3 angular{d[3], d[4], d[5]};
+    slope_start_ += dot(linear, Vec3{v[0], v[1], v[2]} * blocks[b].mass - blocks[b].linear_momentum) +
+                    dot(angular, blocks[b].inertia * Vec3{v[3], v[4], v[5]} - blocks[b].angular_momentum);
+    slope_growth_ += blocks[b].mass * dot(linear, linear) + dot(angular, blocks[b].inertia * angular);
+  }
+}
+
+/// Slope of the convex function along the step, after so much of it. Expects find_slope_along().
 double VelocityProblem::slope_along(double way) const {
   double slope = slope_start_ + way * slope_growth_;
   for (std::size_t k = 0; k < hinges.size(); ++k) {
@@ -187,97 +247,110 @@ double VelocityProblem::slope_along(double way) const {
     slope -= step_[k] * impulse;
   }
   for (const Contact& contact : contacts) {
-    for (std::size_t row = 0; row < 3; ++row) {
-      const double wanted = stiffness(row) * (contact.gap[row] + way * contact.change[row]);
-      slope += contact.change[row] * impulse_of(contact, row, wanted);
-    }
+    const std::array<double, 3> impulse = impulse_of(contact, wanted(contact, way));
+    for (std::size_t row = 0; row < 3; ++row) slope += contact.change[row] * impulse[row];
   }
   return slope;
 }
 
-/// Where along the step the slope is zero, exactly: it is a line between the places where somebody comes to or off a
-/// limit. The stretch in which a motor is at no limit can be as short as 1e-8 of the step.
+/// Where along the step the slope is zero. Between the places where somebody comes to or off a limit it is a line, or,
+/// while something slips, a smooth curve. The stretch in which a motor is at no limit can be as short as 1e-8 of the step.
 double VelocityProblem::find_way() {
   kinks_.clear();
-  const auto add = [&](double gap, double change, double at) {
-    const double way = (at - gap) / change;
+  const auto add = [&](double way) {
     if (way > 0.0 && way < 1.0) kinks_.push_back(way);
   };
   for (std::size_t k = 0; k < hinges.size(); ++k) {
     if (step_[k] == 0.0) continue;
     if (hinges[k].brake > 0.0) {
-      add(velocity[k], step_[k], hinges[k].fastest);
-      add(velocity[k], step_[k], -hinges[k].fastest);
+      add((hinges[k].fastest - velocity[k]) / step_[k]);
+      add((-hinges[k].fastest - velocity[k]) / step_[k]);
     }
     if (hinges[k].limit <= 0.0) continue;
     const double gap = hinges[k].speed - velocity[k];
     const double bend = hinges[k].limit * motor_softness / tick_secs;
-    add(gap, -step_[k], bend);
-    add(gap, -step_[k], -bend);
+    add((gap - bend) / step_[k]);
+    add((gap + bend) / step_[k]);
   }
   for (const Contact& contact : contacts) {
-    if (contact.change[0] != 0.0) add(contact.gap[0], contact.change[0], 0.0);
-    for (std::size_t row = 1; row < 3; ++row) {
-      if (contact.change[row] == 0.0 || contact.bound <= 0.0) continue;
-      add(contact.gap[row], contact.change[row], contact.bound / stiffness(row));
-      add(contact.gap[row], contact.change[row], -contact.bound / stiffness(row));
-    }
+    const std::array<double, 3>& gap = contact.gap;
+    const std::array<double, 3>& change = contact.change;
+    if (change[0] != 0.0) add(-gap[0] / change[0]);
+    // Where the slip passes the width within which the contact sticks.
+    const double square = change[1] * change[1] + change[2] * change[2];
+    if (square == 0.0 || contact.bound <= 0.0) continue;
+    const double width = contact.bound / stiffness(1);
+    const double half = (gap[1] * change[1] + gap[2] * change[2]) / square;
+    const double rest = half * half - (gap[1] * gap[1] + gap[2] * gap[2] - width * width) / square;
+    if (rest <= 0.0) continue;
+    add(-half - std::sqrt(rest));
+    add(-half + std::sqrt(rest));
   }
   std::sort(kinks_.begin(), kinks_.end());
   // The first bend beyond the zero, by halving the list.
   kinks_.push_back(1.0);
   const auto beyond = std::partition_point(kinks_.begin(), kinks_.end() - 1, [&](double way) { return slope_along(way) < 0.0; });
-  const double high = *beyond;
-  const double low = beyond == kinks_.begin() ? 0.0 : *(beyond - 1);
-  const double at_low = slope_along(low);
-  const double at_high = slope_along(high);
+  double high = *beyond;
+  double low = beyond == kinks_.begin() ? 0.0 : *(beyond - 1);
+  double at_low = slope_along(low);
+  double at_high = slope_along(high);
   if (at_high <= 0.0 || at_low >= 0.0) return high;
-  return low - at_low * (high - low) / (at_high - at_low);
+  // False position; an end that stays counts half (the Illinois rule), so that both ends come nearer. A line needs one.
+  const double small = found_share * std::fabs(slope_along(0.0));
+  double way = low;
+  for (int place = 0; place < most_places; ++place) {
+    const int before = way > low ? 1 : (place > 0 ? -1 : 0);
+    way = low - at_low * (high - low) / (at_high - at_low);
+    const double slope = slope_along(way);
+    if (std::fabs(slope) <= small) break;
+    if (slope < 0.0) {
+      if (before == -1) at_high *= 0.5;
+      low = way;
+      at_low = slope;
+    } else {
+      if (before == 1) at_low *= 0.5;
+      high = way;
+      at_high = slope;
+    }
+  }
+  return way;
 }
 
-/// The minimum for the present widths of friction; false if it was not reached.
+/// The minimum for the present bounds of friction; false if it was not reached.
 bool VelocityProblem::settle_velocity() {
-  const std::size_t n = velocity.size();
-  const std::size_t hinge_count = hinges.size();
   find_gaps();
   if (!judge()) factored_ = false;
+  find_slope();
+  const auto slope_at_end = [&] { return product(slope_.data(), step_.data(), step_.size()); };
   for (int round = 0; round < most_steps; ++round) {
-    find_slope();
     if (!factored_) factor();
     find_step();
-    const bool tiny = std::all_of(step_.begin(), step_.end(), [](double change) { return std::fabs(change) <= still; });
+    const double small = slips() ? still_slipping : still;
+    const bool tiny = std::all_of(step_.begin(), step_.end(), [small](double change) { return std::fabs(change) <= small; });
+    const double slope = std::fabs(slope_at_end());
 
-    // The whole step first: if nobody comes to or off a limit, it leads to the minimum.
-    for (std::size_t k = 0; k < n; ++k) velocity[k] += step_[k];
+    // The whole step first: if nobody comes to or off a limit and nothing slips, it leads to the minimum.
+    go(1.0);
     find_gaps();
-    if (judge() || tiny) return true;
+    const bool same = judge();
+    if (tiny || (same && exact_ && !slips())) return true;
+    if (slips()) {
+      find_slope();
+      const double left = slope_at_end();
+      const bool leads_on = same && std::fabs(left) <= led_on * slope;
+      if (!leads_on) factored_ = false;
+      if (left <= 0.0 || leads_on) continue;
+    }
     factored_ = false;
 
-    // Back to its start: the slope there without motors and contacts, which are known at any place along it.
-    for (std::size_t k = 0; k < n; ++k) velocity[k] -= step_[k];
-    for (Contact& contact : contacts) {
-      for (std::size_t row = 0; row < 3; ++row) contact.gap[row] -= contact.change[row];
-    }
-    slope_start_ = 0.0;
-    slope_growth_ = 0.0;
-    for (std::size_t k = 0; k < hinge_count; ++k) {
-      const double* const row = &mass[k * hinge_count];
-      slope_start_ += step_[k] * (product(row, velocity.data(), hinge_count) - hinges[k].momentum);
-      slope_growth_ += step_[k] * product(row, step_.data(), hinge_count);
-    }
-    for (std::size_t b = 0; b < blocks.size(); ++b) {
-      const double* const v = &velocity[hinge_count + 6 * b];
-      const double* const d = &step_[hinge_count + 6 * b];
-      const Vec3 linear{d[0], d[1], d[2]};
-      const Vec3 angular{d[3], d[4], d[5]};
-      slope_start_ += dot(linear, Vec3{v[0], v[1], v[2]} * blocks[b].mass - blocks[b].linear_momentum) +
-                      dot(angular, blocks[b].inertia * Vec3{v[3], v[4], v[5]} - blocks[b].angular_momentum);
-      slope_growth_ += blocks[b].mass * dot(linear, linear) + dot(angular, blocks[b].inertia * angular);
-    }
-    const double way = find_way();
-    for (std::size_t k = 0; k < n; ++k) velocity[k] += way * step_[k];
+    // Back, and to the lowest place along the step.
+    go(-1.0);
+    find_gaps();
+    find_slope_along();
+    go(find_way());
     find_gaps();
     judge();
+    find_slope();
   }
   return false;
 }
@@ -285,17 +358,17 @@ bool VelocityProblem::settle_velocity() {
 bool VelocityProblem::solve() {
   find_gaps();
   if (!factored_) {
-    for (Contact& contact : contacts) contact.bound = contact.friction * impulse_of(contact, 0, stiffness(0) * contact.gap[0]);
+    for (Contact& contact : contacts) contact.bound = contact.friction * std::max(0.0, stiffness(0) * contact.gap[0]);
   }
-  for (int round = 0; round < most_widths; ++round) {
+  for (int round = 0; round < most_bounds; ++round) {
     if (!settle_velocity()) return false;
     double largest = 0.0;
     double changed = 0.0;
     for (Contact& contact : contacts) {
-      const double width = contact.friction * contact.impulse[0];
-      largest = std::max(largest, width);
-      changed = std::max(changed, std::fabs(width - contact.bound));
-      contact.bound = round < cautious_widths ? width : 0.5 * (width + contact.bound);
+      const double bound = contact.friction * contact.impulse[0];
+      largest = std::max(largest, bound);
+      changed = std::max(changed, std::fabs(bound - contact.bound));
+      contact.bound = round < cautious_bounds ? bound : 0.5 * (bound + contact.bound);
     }
     if (changed <= settled_share * largest) return true;
   }

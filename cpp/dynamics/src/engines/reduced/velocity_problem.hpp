@@ -15,17 +15,18 @@ namespace proact::dynamics {
 ///   mass * v = momentum + motors + contacts,
 ///
 /// each motor and each contact pushing by what its speed lacks over its softness, within its limits: the laws of ODE's
-/// constraints (manual, "Soft constraints and constraint force mixing"), friction along two tangents each within
-/// friction times the normal force of the same tick.
+/// constraints (manual, "Soft constraints and constraint force mixing"). Friction is Coulomb's: against the slip, and in
+/// any direction within friction times the normal force of the same tick. (ODE has friction along two tangents, each
+/// within that bound, so that what slides aslant of both is braked by up to 1.41 times as much.)
 ///
-/// For a given width of friction these speeds are the minimum of a smooth convex function, found by Newton's method with
-/// a search along each step; the widths are repeated until they settle. The result depends on nothing but the numbers
+/// For given bounds of friction these speeds are the minimum of a smooth convex function, found by Newton's method with
+/// a search along each step; the bounds are repeated until they settle. The result depends on nothing but the numbers
 /// given.
 ///
 /// Coulomb's friction as a fixed point of problems with given friction, each solved by a semi-smooth Newton method:
 /// K. Kunisch and G. Stadler (ESAIM: M2AN 39, 2005). Soft contacts as a convex function of the speeds: E. Todorov,
-/// Convex and analytically-invertible dynamics with contacts and constraints (ICRA 2014). Theirs are of continua and of
-/// true friction cones; ours of rigid bodies and of ODE's laws.
+/// Convex and analytically-invertible dynamics with contacts and constraints (ICRA 2014). Theirs are of continua, and of
+/// cones that let what slides lift off; ours of rigid bodies whose normal forces know nothing of the slip.
 class VelocityProblem {
  public:
   static constexpr double infinity = std::numeric_limits<double>::infinity();
@@ -54,7 +55,8 @@ class VelocityProblem {
     double bound = 0.0;               ///< of friction, N s
     std::array<double, 3> gap{};      ///< speed that lacks
     std::array<double, 3> change{};   ///< of the gap in a step
-    std::array<int, 3> state{};       ///< 0: pushes by its softness; else at a limit
+    bool touching = false;            ///< found: it pushes
+    bool slipping = false;            ///< found: its friction is at the bound
     std::array<double, 3> impulse{};  ///< found
   };
   struct Column {
@@ -81,19 +83,25 @@ class VelocityProblem {
  private:
   bool settle_velocity();
   bool judge();
+  bool slips() const;
   void find_gaps();
   void find_slope();
   void factor();
+  void add_spring(const Contact& contact, double strength, const std::array<double, 3>& along);
   void find_step();
+  void go(double way);
+  void find_slope_along();
   double slope_along(double way) const;
   double find_way();
   double stiffness(std::size_t row) const;
+  std::array<double, 3> wanted(const Contact& contact, double way) const;
 
   std::vector<double> factors_;  ///< lower triangle, square
   std::vector<double> slope_;    ///< of the convex function
   std::vector<double> step_;
   std::vector<double> kinks_;    ///< along the step
   bool factored_ = false;
+  bool exact_ = false;  ///< the factors hold as long as nobody comes to or off a limit
   double slope_start_ = 0.0;  ///< along the step, without motors and contacts
   double slope_growth_ = 0.0;
 };

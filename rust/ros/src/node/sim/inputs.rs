@@ -1,20 +1,18 @@
 //! What the simulator listens to: our own stages in typed messages, and other people's in the original's.
 
-use super::{Follow, Grasp, MOST_HEARTBEATS, SimNode, WITH_ACTION, grasp_result};
+use super::{MOST_HEARTBEATS, SimNode};
 use crate::{
-    action::GoalState,
-    compat::Quirk,
     messages::{
-        control_msgs::FollowJointTrajectoryActionGoal,
         gazebo_msgs::LinkState,
         geometry_msgs::PoseStamped,
-        mpl_control::graspActionGoal,
         proact_msgs::{Command, Person},
         std_msgs::String as Text,
         trajectory_msgs::JointTrajectory,
     },
     node::{
-        NodeError, RosGraph, convert,
+        NodeError, RosGraph,
+        arm_actions::ArmActions,
+        convert,
         graph::Jobs,
         wire::{self, Asked},
     },
@@ -28,8 +26,8 @@ pub(super) fn listen(
     jobs: &Jobs<SimNode>,
     node: &SimNode,
 ) -> Result<Vec<Subscriber>, NodeError> {
-    let mut all = Vec::new();
-    let names: Vec<String> = node.robot.controllers.list().iter().map(|c| c.name().to_owned()).collect();
+    let mut all = ArmActions::listen(graph, jobs)?;
+    let names: Vec<String> = node.actions.controllers.list().iter().map(|c| c.name().to_owned()).collect();
     for name in names {
         let topic = format!("{ARM_MODEL}/{name}/command");
         all.push(graph.listen_from(
@@ -39,31 +37,11 @@ pub(super) fn listen(
             move |node: &mut SimNode, message: JointTrajectory, caller| {
                 // The method says it in full, too.
                 if !node.typed.contains(caller) {
-                    node.command(&name, &message);
+                    node.actions.command(&name, &message);
                 }
             },
         )?);
     }
-    for (k, name) in WITH_ACTION.into_iter().enumerate() {
-        let action = format!("{ARM_MODEL}/{name}/follow_joint_trajectory");
-        all.extend(Follow::listen(
-            graph,
-            &action,
-            jobs,
-            move |node: &mut SimNode, goal: FollowJointTrajectoryActionGoal, _| node.goal(k, &goal),
-            move |node: &mut SimNode, id| node.cancel(k, &id),
-        )?);
-    }
-    all.extend(Grasp::listen(
-        graph,
-        "grasp",
-        jobs,
-        |node: &mut SimNode, goal: graspActionGoal, caller| {
-            let told = node.typed.contains(caller);
-            node.grasp_goal(&goal, told);
-        },
-        |node: &mut SimNode, id| node.grasp_cancel(&id),
-    )?);
     all.push(graph.listen(relative::SET_LINK_STATE, 10, jobs, |node: &mut SimNode, link: LinkState| {
         if let Err(reason) = node.set_link(&link) {
             node.faults.refuse("pose", &reason);
@@ -148,26 +126,16 @@ impl SimNode {
         }
     }
 
-    /// A trajectory has the hand now: the grasp that ran ends with a result.
-    pub(super) fn leave_grasp(&mut self) {
-        self.robot.hold_hand();
-        let succeeds = self.compat.has(Quirk::GraspSucceeds);
-        let state = if succeeds { GoalState::Succeeded } else { GoalState::Preempted };
-        let text = "a trajectory of the hand took its place";
-        let sent = self.grasp.end(state, text, self.now, grasp_result(0));
-        self.note(sent);
-    }
-
     /// What our own method asks for.
     pub(super) fn take_command(&mut self, asked: Asked) {
         if let Some(command) = asked.motion {
             self.robot.command_arm(command);
             self.robot.acted_on = asked.number;
-            self.end_follow(0);
+            self.actions.method_has_arm();
         }
         if let Some(command) = asked.hand {
             self.robot.command_hand(command);
-            self.end_follow(1);
+            self.actions.method_has_hand();
         }
         if asked.shown.is_some() {
             self.judge.shown = asked.shown;

@@ -1,15 +1,13 @@
-//! Arm and hand as the trial's stages move them, and the controllers of ros_control in front for other people's
-//! trajectories.
+//! Arm and hand as the trial's stages move them.
 
-use crate::controllers::{Controllers, Ending};
 use proact_arm::ArmModel;
 use proact_control::{HandCommand, MotionCommand};
 use proact_testbed::{
     TestbedError, TrialConfig,
     ports::{Plant, PlantError},
-    stages::{ActuationInput, ActuationOutput, ActuationStage, WorldInput, WorldOutput, WorldStage},
+    stages::{ActuationInput, ActuationOutput, ActuationStage, Driven, WorldInput, WorldOutput, WorldStage},
 };
-use proact_types::{EventKind, HandState, JointVector, PlantState, Pose, Scene, SimTime};
+use proact_types::{BodyState, EventKind, HandState, JointVector, PlantState, Pose, Scene, SimTime};
 use std::sync::Arc;
 
 /// Makes the physics anew: at the start and for each reset.
@@ -18,10 +16,8 @@ pub type PlantFactory = Box<dyn Fn() -> Result<Box<dyn Plant>, PlantError>>;
 /// What one tick brought.
 #[derive(Default)]
 pub(super) struct Moved {
-    /// Goals' trajectories that ended, by controller.
-    pub endings: Vec<(String, Ending)>,
-    /// The hand has arrived, or stopped at a block, after a command to close or open.
-    pub hand_arrived: bool,
+    /// The hand has arrived where it was told to go, or holds a block.
+    pub hand_rests: bool,
     pub world: WorldOutput,
     pub events: Vec<EventKind>,
 }
@@ -39,7 +35,6 @@ pub(super) struct Robot {
     model: Arc<ArmModel>,
     factory: PlantFactory,
     scene: Scene,
-    pub controllers: Controllers,
     actuation: ActuationStage,
     world: WorldStage,
     pub said: ActuationOutput,
@@ -47,8 +42,6 @@ pub(super) struct Robot {
     asked: Asked,
     /// The number of the method's last command for the arm.
     pub acted_on: u64,
-    /// A command for the hand that has not ended.
-    hand_on_its_way: bool,
 }
 
 impl Robot {
@@ -62,14 +55,12 @@ impl Robot {
         let actuation = ActuationStage::new(&config, &model, &scene)?;
         let said = actuation.output();
         Ok(Self {
-            controllers: Controllers::new(&model, &said.command.position),
             world: WorldStage::new(&config, model.clone(), &scene, plant)?,
             actuation,
             said,
             frozen: None,
             asked: Asked::default(),
             acted_on: 0,
-            hand_on_its_way: false,
             config,
             model,
             factory,
@@ -91,24 +82,19 @@ impl Robot {
         self.asked.shoulder = Some(world_from_base);
     }
 
-    /// A command for the arm, in place of whatever drives it.
+    /// A command for the arm, in place of the one before.
     pub(super) fn command_arm(&mut self, command: MotionCommand) {
-        self.controllers.let_go(0..self.model.arm_count());
         self.asked.motion = Some(command);
     }
 
-    /// A command for the hand, in place of whatever drives it.
+    /// A command for the hand, in place of the one before.
     pub(super) fn command_hand(&mut self, command: HandCommand) {
-        self.controllers.let_go(self.model.arm_count()..self.model.moving_count());
         self.asked.hand = Some(command);
-        self.hand_on_its_way = true;
     }
 
-    /// The fingers stay where they are asked to be; a command for them is given up.
-    pub(super) fn hold_hand(&mut self) {
-        self.asked.hand = None;
-        self.hand_on_its_way = false;
-        self.frozen = Some(proact_types::joints(&self.said.command.position[self.model.arm_count()..]));
+    /// Puts a block somewhere.
+    pub(super) fn place(&mut self, block: usize, body: &BodyState) -> Result<(), PlantError> {
+        self.world.place(block, body)
     }
 
     /// Puts arm and blocks back to the start.
@@ -119,37 +105,34 @@ impl Robot {
         self.world = WorldStage::new(&self.config, self.model.clone(), &self.scene, plant)?;
         self.actuation = ActuationStage::new(&self.config, &self.model, &self.scene)?;
         self.said = self.actuation.output();
-        self.controllers = Controllers::new(&self.model, &self.said.command.position);
         self.frozen = None;
         self.asked = Asked { shoulder: Some(base), ..Asked::default() };
-        self.hand_on_its_way = false;
         Ok(())
     }
 
-    /// Tick `now`.
-    pub(super) fn step(&mut self, now: SimTime) -> Result<Moved, TestbedError> {
-        let state = self.world.state();
-        let endings = self.controllers.step(now, &state.position, &state.velocity);
-        let driven = self.controllers.driven();
+    /// Tick `now`; `driven` is what the controllers ask for in it.
+    pub(super) fn step(&mut self, now: SimTime, driven: Driven) -> Result<Moved, TestbedError> {
+        let Driven { joints, hand: asked, hold_hand } = driven;
         let Asked { motion, hand, shoulder } = std::mem::take(&mut self.asked);
+        let hand = hand.or(asked);
+        if hold_hand && hand.is_none() {
+            self.frozen = Some(proact_types::joints(&self.said.command.position[self.model.arm_count()..]));
+        }
         let input = ActuationInput {
             shoulder,
             motion,
             hand,
             frozen: self.frozen.as_ref(),
-            driven: &driven,
+            driven: &joints,
             world: self.world.state(),
         };
         self.said = self.actuation.step(now, input);
-        self.controllers.follow_targets(&self.said.command.position);
         let input = WorldInput { command: &self.said.command, hand, hand_moving: self.said.hand_moving };
         let world = self.world.step(now, input)?;
         self.frozen = world.frozen.clone();
         let events = self.said.events.iter().chain(&world.events).cloned().collect();
         let at_rest = matches!(world.hand.state, HandState::Open | HandState::Closed);
-        let still = world.frozen.is_some() || (!self.said.hand_moving && at_rest);
-        let hand_arrived = self.hand_on_its_way && still;
-        self.hand_on_its_way &= !hand_arrived;
-        Ok(Moved { endings, hand_arrived, world, events })
+        let hand_rests = world.frozen.is_some() || (!self.said.hand_moving && at_rest);
+        Ok(Moved { hand_rests, world, events })
     }
 }

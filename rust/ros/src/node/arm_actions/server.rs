@@ -1,6 +1,6 @@
 //! actionlib's five topics around a [`GoalList`].
 
-use super::{NodeError, RosGraph, convert, graph::Jobs};
+use crate::node::{NodeError, RosGraph, convert, graph::Jobs};
 use crate::{
     action::{Admission, Goal, GoalId, GoalList, GoalState},
     messages::{actionlib_msgs, std_msgs},

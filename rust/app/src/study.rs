@@ -1,0 +1,140 @@
+//! Studies on disk: a folder with a plan, and what the plan's names mean.
+
+use crate::trial_choice::{TrialContext, trial_config};
+use proact_control::MethodRegistry;
+use proact_study::{Form, Happening, Plan, ProtocolStep, SHIPPED, SHIPPED_FORMS, Schedule};
+use proact_types::MOST_TEXT_BYTES;
+use std::{
+    collections::BTreeMap,
+    error::Error,
+    fs, io,
+    path::{Path, PathBuf},
+};
+
+/// The plan's file in a study's folder.
+pub const PLAN_FILE: &str = "plan.toml";
+/// Where a study's own questionnaires are, in its folder.
+const FORMS_FOLDER: &str = "forms";
+/// Where person and box are in a study that says nothing.
+const DEFAULT_SETUP: &str = "seated";
+
+/// A study in a folder.
+#[derive(Clone, Debug)]
+pub struct Study {
+    /// Its folder.
+    pub folder: PathBuf,
+    /// What is planned.
+    pub plan: Plan,
+    /// Who does what.
+    pub schedule: Schedule,
+    /// Names of the arrangements that the task has.
+    pub arrangements: Vec<String>,
+    /// Questionnaires that the plan asks for, by name.
+    pub forms: BTreeMap<String, Form>,
+}
+
+impl Study {
+    /// Reads a study and resolves every name of its plan: each condition's method, task, arm, profile and values must make a
+    /// trial. `path` is the folder or the plan itself.
+    ///
+    /// # Errors
+    /// What cannot be read, what is wrong with the plan, a condition that makes no trial; with the file's name.
+    pub fn open(path: &Path, methods: &MethodRegistry) -> Result<Self, Box<dyn Error>> {
+        let (folder, file) = if path.is_dir() {
+            (path.to_owned(), path.join(PLAN_FILE))
+        } else {
+            (path.parent().unwrap_or(Path::new(".")).to_owned(), path.to_owned())
+        };
+        let failed = |error: &dyn std::fmt::Display| format!("{}: {error}", file.display());
+        let text = fs::File::open(&file)
+            .and_then(|open| proact_types::read_text(open, MOST_TEXT_BYTES))
+            .map_err(|error| failed(&error))?;
+        let plan = Plan::from_text(&text).map_err(|error| failed(&error))?;
+        let mut arrangements: Option<Vec<String>> = None;
+        for (k, condition) in plan.conditions.iter().enumerate() {
+            let context = TrialContext {
+                methods,
+                default_setup: DEFAULT_SETUP,
+                seed: plan.seed,
+                arrangement: None,
+                process: None,
+                emg: None,
+            };
+            let config = trial_config(&plan.choice(k), context)
+                .map_err(|error| failed(&format!("condition {}: {error}", condition.name)))?
+                .1;
+            // Those that each condition's task has.
+            let own = config.task.arrangements();
+            arrangements = Some(match arrangements {
+                Some(others) => others.into_iter().filter(|name| own.contains(name)).collect(),
+                None => own,
+            });
+        }
+        let arrangements = arrangements.unwrap_or_default();
+        let schedule = plan.schedule(&arrangements).map_err(|error| failed(&error))?;
+        let forms = forms(&folder, &schedule)?;
+        Ok(Self { folder, plan, schedule, arrangements, forms })
+    }
+}
+
+/// The questionnaires of a schedule: the study's own in its folder, or those that ship with the program.
+fn forms(folder: &Path, schedule: &Schedule) -> Result<BTreeMap<String, Form>, Box<dyn Error>> {
+    let mut forms = BTreeMap::new();
+    let named = schedule.sessions.iter().flat_map(|session| &session.happenings).filter_map(|happening| {
+        if let Happening::Step(ProtocolStep::Form { form, .. }) = happening { Some(form) } else { None }
+    });
+    for name in named {
+        if forms.contains_key(name) {
+            continue;
+        }
+        let file = folder.join(FORMS_FOLDER).join(format!("{name}.toml"));
+        let form = if file.is_file() {
+            let failed = |error: &dyn std::fmt::Display| format!("{}: {error}", file.display());
+            let text = fs::File::open(&file)
+                .and_then(|open| proact_types::read_text(open, MOST_TEXT_BYTES))
+                .map_err(|error| failed(&error))?;
+            Form::from_text(&text).map_err(|error| failed(&error))?
+        } else {
+            Form::shipped(name).ok_or_else(|| {
+                let known: Vec<&str> = SHIPPED_FORMS.iter().map(|(name, _)| *name).collect();
+                format!(
+                    "the plan asks for form {name:?}, but there is no {}; with the program come {}",
+                    file.display(),
+                    known.join(", ")
+                )
+            })?
+        };
+        if form.name != *name {
+            return Err(
+                format!("{}: the form is called {:?}, expected {name:?}", file.display(), form.name).into()
+            );
+        }
+        forms.insert(name.clone(), form);
+    }
+    Ok(forms)
+}
+
+/// Writes a new study into a folder of its own, like the one that ships as `like`. The study is called as its folder is.
+///
+/// # Errors
+/// A folder that exists, a name that is none for a study, what cannot be written.
+pub fn new_study(folder: &Path, like: &str) -> Result<PathBuf, Box<dyn Error>> {
+    let Some((name, text)) = SHIPPED.iter().find(|(name, _)| *name == like) else {
+        let known: Vec<&str> = SHIPPED.iter().map(|(name, _)| *name).collect();
+        return Err(
+            format!("no plan {like:?} ships with the program, expected one of {}", known.join(", ")).into()
+        );
+    };
+    let own = folder.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+    let text = text.replacen(&format!("name = \"{name}\""), &format!("name = {own:?}"), 1);
+    Plan::from_text(&text).map_err(|error| format!("{}: {error}", folder.display()))?;
+    fs::create_dir(folder).map_err(|error| match error.kind() {
+        io::ErrorKind::AlreadyExists => {
+            format!("{} exists already; a study has a folder of its own", folder.display())
+        }
+        _ => format!("{}: {error}", folder.display()),
+    })?;
+    let file = folder.join(PLAN_FILE);
+    fs::write(&file, text).map_err(|error| format!("{}: {error}", file.display()))?;
+    Ok(file)
+}

@@ -1,0 +1,83 @@
+//! From names to a trial's configuration, for commands and studies alike.
+
+use crate::Arm;
+use proact_control::{MethodProgram, MethodRegistry};
+use proact_emg::EmgConfig;
+use proact_study::TrialChoice;
+use proact_tasks::{DEFAULT_TASK, SHIPPED, TaskChoice};
+use proact_testbed::{Setup, TrialConfig};
+use proact_types::MOST_TEXT_BYTES;
+use std::{error::Error, fs, io, path::Path};
+
+/// The method of a trial that names none.
+pub const DEFAULT_METHOD: &str = "D";
+const DEFAULT_PROFILE: &str = "default";
+
+/// What a trial's configuration needs beside the choice of names.
+#[derive(Clone, Debug)]
+pub struct TrialContext<'a> {
+    /// Those that can be chosen.
+    pub methods: &'a MethodRegistry,
+    /// Where person and box are unless the choice says so.
+    pub default_setup: &'a str,
+    /// Of every random stream.
+    pub seed: u64,
+    /// Where the blocks stand, such as `FL,NM,NL,FM`; by the seed if left out.
+    pub arrangement: Option<&'a str>,
+    /// A program in the place of the method.
+    pub process: Option<MethodProgram>,
+    /// Settings of the EMG stage that assignments to `emg` begin with.
+    pub emg: Option<EmgConfig>,
+}
+
+/// The arm and the configuration of a trial.
+///
+/// # Errors
+/// Names that do not exist, values out of range, an arm that cannot be used.
+pub fn trial_config(
+    choice: &TrialChoice,
+    context: TrialContext<'_>,
+) -> Result<(Arm, TrialConfig), Box<dyn Error>> {
+    let TrialContext { methods, default_setup, seed, arrangement, process, emg } = context;
+    let or = |name: &Option<String>, default: &str| name.clone().unwrap_or_else(|| default.to_owned());
+    let method = or(&choice.method, DEFAULT_METHOD);
+    let arm = Arm::named(&or(&choice.arm, TrialConfig::DEFAULT_ARM))?;
+    let setup = Setup::named(&or(&choice.setup, default_setup))?;
+    let config = TrialConfig::new(&method, seed, setup).by(methods.get(&method)?);
+    let task = task(&or(&choice.task, DEFAULT_TASK), seed, arrangement)?;
+    let config = config.with_profile(&or(&choice.profile, DEFAULT_PROFILE))?.with_task(task)?;
+    let mut config = config.with_arm(arm.pinned(), arm.model());
+    config.limit_secs = choice.limit_secs.unwrap_or(config.limit_secs);
+    if process.is_some() {
+        config.method_process = process;
+    }
+    if sets_emg(&choice.set) {
+        config.emg = emg;
+    }
+    config.check()?;
+    let config = config.with_values(&choice.set)?;
+    config.method_entry(methods)?;
+    Ok((arm, config))
+}
+
+/// Whether one of these assignments is to a setting of the EMG stage.
+pub fn sets_emg(assignments: &[String]) -> bool {
+    assignments.iter().any(|assignment| assignment.trim_start().starts_with("emg."))
+}
+
+/// The task that ships under this name, or the one in the file.
+fn task(name: &str, seed: u64, arrangement: Option<&str>) -> Result<TaskChoice, Box<dyn Error>> {
+    let shipped = SHIPPED.iter().any(|(other, _)| *other == name);
+    let mut task = if shipped || !Path::new(name).is_file() {
+        TaskChoice::named(name, seed)?
+    } else {
+        let failed = |error: io::Error| format!("{name}: {error}");
+        let file = fs::File::open(name).map_err(failed)?;
+        let text = proact_types::read_text(file, MOST_TEXT_BYTES).map_err(failed)?;
+        TaskChoice::from_text(text).map_err(|error| format!("{name}: {error}"))?
+    };
+    if let Some(arrangement) = arrangement {
+        task.arrange(arrangement)?;
+    }
+    Ok(task)
+}

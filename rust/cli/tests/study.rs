@@ -1,0 +1,101 @@
+//! `proact study` at the command line.
+#![allow(clippy::disallowed_methods)] // A test of files and processes.
+#![allow(clippy::unwrap_used)]
+
+use serde_json::Value;
+use std::{
+    fs,
+    path::Path,
+    process::{Command, Output},
+};
+
+fn proact(dir: &Path, words: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_proact")).args(words).current_dir(dir).output().unwrap()
+}
+
+fn answer(dir: &Path, words: &[&str]) -> String {
+    let output = proact(dir, words);
+    assert!(output.status.success(), "{words:?}: {}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+fn refusal(dir: &Path, words: &[&str]) -> String {
+    let output = proact(dir, words);
+    assert!(!output.status.success() && output.stdout.is_empty(), "{words:?} is refused");
+    let error = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(error.trim_end().lines().count(), 1, "one sentence: {error}");
+    error
+}
+
+#[test]
+fn a_new_study_is_called_as_its_folder_and_its_check_names_every_imbalance() {
+    let dir = tempfile::tempdir().unwrap();
+    let dir = dir.path();
+    for like in ["study1", "study2", "empty"] {
+        let name = format!("my-{like}");
+        answer(dir, &["study", "new", &name, "--like", like]);
+        let report: Value = serde_json::from_str(&answer(dir, &["study", "check", &name, "--json"])).unwrap();
+        assert_eq!(report["name"], name.as_str());
+        let minutes = report["minutes_per_session"].as_object().unwrap();
+        assert!(
+            minutes.values().all(|minutes| (10.0..=120.0).contains(&minutes.as_f64().unwrap())),
+            "{minutes:?}"
+        );
+        let text = answer(dir, &["study", "check", &name]);
+        for imbalance in report["imbalances"].as_array().unwrap() {
+            let (a, b) = (imbalance["factor_a"].as_str().unwrap(), imbalance["factor_b"].as_str().unwrap());
+            assert!(imbalance["size"].as_u64().unwrap() > imbalance["possible"].as_u64().unwrap());
+            assert!(text.contains(&format!("{a} by {b}")), "{a} by {b} is not in\n{text}");
+        }
+        // The schedule is a table with a row for each trial, whose arrangement has commas in it.
+        let table = answer(dir, &["study", "check", &name, "--schedule"]);
+        let mut rows = csv::Reader::from_reader(table.as_bytes());
+        assert_eq!(rows.headers().unwrap().iter().next_back(), Some("seed"));
+        assert_eq!(rows.records().map(Result::unwrap).count() as u64, report["trials"].as_u64().unwrap());
+    }
+    let error = refusal(dir, &["study", "new", "my-empty"]);
+    assert!(error.contains("my-empty exists already"), "{error}");
+    let error = refusal(dir, &["study", "new", "a plan"]);
+    assert!(error.contains("name is \"a plan\", expected 1 to 64 letters"), "{error}");
+    assert!(!dir.join("a plan").exists());
+}
+
+#[test]
+fn a_plan_whose_trials_cannot_be_run_is_refused_by_file_and_condition() {
+    let dir = tempfile::tempdir().unwrap();
+    let dir = dir.path();
+    answer(dir, &["study", "new", "mine"]);
+    let file = dir.join("mine/plan.toml");
+    let plan = fs::read_to_string(&file).unwrap();
+    let d = "trial = { method = \"D\" }";
+    for (from, to, expected) in [
+        (d, "trial = { method = \"Z\" }", "condition D: "),
+        (d, "trial = { method = \"D\", arm = \"no_arm\" }", "condition D: "),
+        (d, "trial = { method = \"D\", set = [\"profile.levle=shoulder\"] }", "condition D: "),
+        (d, "trial = { method = \"D\", task = \"bbt\" }", "arrangements is given, expected nothing"),
+        ("participants = 4", "participants = \"four\"", "participants"),
+        (
+            "{ do = \"demonstrate\", minutes = 5 }",
+            "{ do = \"form\", form = \"mine\", minutes = 5 }",
+            "asks for form \"mine\"",
+        ),
+    ] {
+        fs::write(&file, plan.replace(from, to)).unwrap();
+        let error = proact(dir, &["study", "check", "mine"]);
+        assert!(!error.status.success());
+        let error = String::from_utf8(error.stderr).unwrap();
+        let file = if to.contains("form") { "mine/forms/mine.toml" } else { "mine/plan.toml" };
+        assert!(error.contains(file) && error.contains(expected), "{to}: {error}");
+        assert!(!error.contains("panicked"), "{error}");
+    }
+    // Another task without arrangements is fine where none are asked for.
+    let other = plan.replace("modified_bbt", "bbt").replace("[arrangements]", "[ignored]");
+    fs::write(
+        &file,
+        other.split("[ignored]").next().unwrap().to_owned() + "[[sessions]]\nname = \"1\"\ntrials = 1\n",
+    )
+    .unwrap();
+    answer(dir, &["study", "check", "mine"]);
+    let error = refusal(dir, &["study", "check", "nowhere"]);
+    assert!(error.contains("nowhere"), "{error}");
+}

@@ -1,0 +1,326 @@
+use crate::{Happening, Plan, PlannedTrial, Schedule};
+use serde::Serialize;
+use std::collections::{BTreeMap, BTreeSet};
+
+/// How far a schedule is from balanced, and how long it takes.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Balance {
+    /// Pairs of factors whose levels do not meet equally often, though they could.
+    pub imbalances: Vec<Imbalance>,
+    /// Pairs that are as balanced as the numbers allow.
+    pub balanced: Vec<Imbalance>,
+    /// Factors that tell each other's level: what one does cannot be told from what the other does.
+    pub confounded: Vec<Confounded>,
+    /// How long each session takes at most.
+    pub minutes_per_session: Vec<SessionMinutes>,
+}
+
+/// How often the levels of two factors meet.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Imbalance {
+    /// Such as `condition`.
+    pub factor_a: &'static str,
+    /// Such as `position`.
+    pub factor_b: &'static str,
+    /// Largest less smallest count; where arrangements are one factor, of the arrangement for which that is most, so that one that
+    /// is used often is not held against the other factor.
+    pub size: u64,
+    /// The least size that these numbers allow.
+    pub possible: u64,
+    /// What is counted: `participants`, `trials` or `times`.
+    pub unit: &'static str,
+    /// Where the counts are smallest and largest, for a reader.
+    pub detail: String,
+}
+
+/// Two factors of which the first tells the second.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Confounded {
+    /// Its level tells ..
+    pub factor: &'static str,
+    /// .. that of this one.
+    pub tells: &'static str,
+    /// For a reader.
+    pub detail: String,
+}
+
+/// How long a session takes if every trial lasts until its limit.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SessionMinutes {
+    /// Its name.
+    pub session: String,
+    /// Of the participant for whom it takes longest.
+    pub minutes: f64,
+    /// Trials and what lies between them.
+    pub of_trials: f64,
+    /// How many.
+    pub trials: usize,
+}
+
+/// The limit of a trial whose plan says nothing, seconds: that of the modified box-and-blocks test.
+const USUAL_LIMIT_SECS: f64 = 300.0;
+
+/// The factor of succession.
+const PREVIOUS: &str = "previous condition";
+
+/// A level for a reader; a number alone says little.
+fn said(factor: &str, level: &str) -> String {
+    if level.starts_with(|c: char| c.is_ascii_digit()) {
+        format!("{factor} {level}")
+    } else {
+        level.to_owned()
+    }
+}
+
+/// Counts of meetings of the levels of two factors, all of which are listed.
+struct Crossing {
+    /// As they are told.
+    names: (&'static str, &'static str),
+    /// That of `a`, and that of `b`.
+    factors: (&'static str, &'static str),
+    unit: &'static str,
+    a: Vec<String>,
+    b: Vec<String>,
+    counts: Vec<u64>,
+    /// Meetings that cannot be, such as of a condition with itself.
+    left_out: BTreeSet<usize>,
+    /// Counts are compared within each level of the second factor.
+    within: bool,
+}
+
+impl Crossing {
+    fn new(names: (&'static str, &'static str), unit: &'static str, a: Vec<String>, b: Vec<String>) -> Self {
+        let counts = vec![0; a.len() * b.len()];
+        Self { names, factors: names, unit, a, b, counts, left_out: BTreeSet::new(), within: false }
+    }
+
+    fn meet(&mut self, a: &str, b: &str) {
+        let place = |levels: &[String], level: &str| levels.iter().position(|other| other == level);
+        if let (Some(a), Some(b)) = (place(&self.a, a), place(&self.b, b)) {
+            self.counts[a * self.b.len() + b] += 1;
+        }
+    }
+
+    fn cells(&self) -> impl Iterator<Item = (usize, u64)> {
+        self.counts.iter().copied().enumerate().filter(|(k, _)| !self.left_out.contains(k))
+    }
+
+    /// Cells whose counts are compared with each other.
+    fn compared(&self) -> Vec<Vec<(usize, u64)>> {
+        if !self.within {
+            return vec![self.cells().collect()];
+        }
+        let width = self.b.len();
+        (0..width).map(|b| self.cells().filter(|(k, _)| k % width == b).collect()).collect()
+    }
+
+    fn imbalance(&self) -> Option<Imbalance> {
+        let spread = |cells: &[(usize, u64)]| {
+            let counts = || cells.iter().map(|cell| cell.1);
+            Some((counts().min()?, counts().max()?))
+        };
+        let groups = self.compared();
+        // The first of those with the largest size.
+        let worst =
+            groups.iter().rev().max_by_key(|cells| spread(cells).map(|(least, most)| most - least))?;
+        let (least, most) = spread(worst)?;
+        let even = |cells: &[(usize, u64)]| {
+            cells.iter().map(|cell| cell.1).sum::<u64>().is_multiple_of(cells.len().max(1) as u64)
+        };
+        let possible = u64::from(!groups.iter().all(|cells| even(cells)));
+        let of = |count: u64| {
+            let all: Vec<String> = worst
+                .iter()
+                .filter(|cell| cell.1 == count)
+                .map(|(k, _)| match &self.b[..] {
+                    [_] => self.a[*k].clone(),
+                    b => {
+                        let between = if self.factors.1 == PREVIOUS { "after" } else { "with" };
+                        let (a, b) = (&self.a[k / b.len()], &b[k % b.len()]);
+                        format!("{} {between} {}", said(self.factors.0, a), said(self.factors.1, b))
+                    }
+                })
+                .collect();
+            match &all[..] {
+                [one, two, rest @ ..] if !rest.is_empty() => format!("{one}; {two}; {} more", rest.len()),
+                few => few.join("; "),
+            }
+        };
+        let detail = match (least == most, self.within) {
+            (true, false) => format!("each {most} {}", self.unit),
+            (true, true) => "each as often as the others".to_owned(),
+            _ => format!("{least} {} ({}) to {most} ({})", self.unit, of(least), of(most)),
+        };
+        let (factor_a, factor_b) = self.names;
+        Some(Imbalance { factor_a, factor_b, size: most - least, possible, unit: self.unit, detail })
+    }
+
+    /// Whether each level of the first has met one level of the second alone, of several.
+    fn first_tells(&self) -> bool {
+        let width = self.b.len();
+        let met = |row: usize| (0..width).filter(|b| self.counts[row * width + b] > 0).count();
+        let columns =
+            (0..width).filter(|b| (0..self.a.len()).any(|a| self.counts[a * width + b] > 0)).count();
+        columns > 1 && (0..self.a.len()).all(|row| met(row) <= 1)
+    }
+}
+
+/// Levels in the order of their first appearance.
+fn levels(of: impl Iterator<Item = String>) -> Vec<String> {
+    let mut found = Vec::new();
+    for level in of {
+        if !found.contains(&level) {
+            found.push(level);
+        }
+    }
+    found
+}
+
+/// What a trial has of each factor.
+fn level(trial: &PlannedTrial, factor: &str) -> String {
+    match factor {
+        "condition" => trial.condition.clone(),
+        "position" => trial.position.to_string(),
+        "session" => trial.session.clone(),
+        "participant" => trial.participant.to_string(),
+        "trial" => trial.trial.to_string(),
+        _ => trial.arrangement.clone().unwrap_or_default(),
+    }
+}
+
+/// Pairs of factors that are crossed, trial by trial.
+const TRIAL_PAIRS: &[(&str, &str)] = &[
+    ("condition", "session"),
+    ("condition", "arrangement"),
+    ("participant", "arrangement"),
+    ("position", "arrangement"),
+    ("trial", "arrangement"),
+    ("session", "arrangement"),
+];
+
+/// Pairs of which the first may tell the second.
+const TELLING: &[(&str, &str)] = &[
+    ("condition", "position"),
+    ("position", "condition"),
+    ("condition", "session"),
+    ("session", "condition"),
+    ("participant", "condition"),
+    ("condition", "participant"),
+    ("trial", "arrangement"),
+    ("arrangement", "trial"),
+    ("arrangement", "condition"),
+    ("condition", "arrangement"),
+    ("arrangement", "participant"),
+    ("participant", "arrangement"),
+    ("arrangement", "position"),
+    ("position", "arrangement"),
+    ("arrangement", "session"),
+];
+
+impl Balance {
+    /// Of a plan's own schedule; `arrangements` as it was made with.
+    pub fn of(plan: &Plan, schedule: &Schedule, arrangements: &[String]) -> Self {
+        let trials: Vec<&PlannedTrial> = schedule.trials().collect();
+        let crossing = |a: &'static str, b: &'static str| {
+            let all = |factor: &str| levels(trials.iter().map(|trial| level(trial, factor)));
+            let mut crossing = Crossing::new((a, b), "trials", all(a), all(b));
+            for trial in &trials {
+                crossing.meet(&level(trial, a), &level(trial, b));
+            }
+            crossing
+        };
+        let has_arrangements = plan.arrangements.is_some();
+        let concerns = |pair: &&(&'static str, &'static str)| {
+            has_arrangements || (pair.0 != "arrangement" && pair.1 != "arrangement")
+        };
+        let several_sessions = levels(trials.iter().map(|trial| trial.session.clone())).len() > 1;
+        let mut found = orders(plan, &trials);
+        if has_arrangements {
+            found.push(use_of_arrangements(arrangements, &trials));
+        }
+        for &(a, b) in TRIAL_PAIRS.iter().filter(concerns) {
+            if several_sessions || (a != "session" && b != "session") {
+                let within = b == "arrangement";
+                let names = if within && a != "condition" { (b, a) } else { (a, b) };
+                found.push(Crossing { within, names, ..crossing(a, b) });
+            }
+        }
+        let (imbalances, balanced) =
+            found.iter().filter_map(Crossing::imbalance).partition(|found| found.size > found.possible);
+        let confounded = TELLING
+            .iter()
+            .filter(concerns)
+            .filter(|(a, b)| crossing(a, b).first_tells())
+            .map(|&(factor, tells)| Confounded {
+                factor,
+                tells,
+                detail: format!("each {factor} has one {tells} alone"),
+            })
+            .collect();
+        Self { imbalances, balanced, confounded, minutes_per_session: minutes(plan, schedule) }
+    }
+}
+
+/// Conditions by their place in the participants' orders, and by what they follow.
+fn orders(plan: &Plan, trials: &[&PlannedTrial]) -> Vec<Crossing> {
+    let names: Vec<String> = plan.conditions.iter().map(|condition| condition.name.clone()).collect();
+    let places = (1..=names.len()).map(|place| place.to_string()).collect();
+    let mut by_place = Crossing::new(("condition", "position"), "participants", names.clone(), places);
+    let mut by_succession = Crossing::new(("condition", PREVIOUS), "times", names.clone(), names.clone());
+    by_succession.left_out = (0..names.len()).map(|k| k * names.len() + k).collect();
+    let mut orders: BTreeMap<usize, BTreeMap<usize, &str>> = BTreeMap::new();
+    for trial in trials {
+        orders.entry(trial.participant).or_default().insert(trial.position, &trial.condition);
+    }
+    for order in orders.values() {
+        for (position, condition) in order {
+            by_place.meet(condition, &position.to_string());
+            if let Some(before) = order.get(&(position - 1)) {
+                by_succession.meet(condition, before);
+            }
+        }
+    }
+    if names.len() < 2 {
+        return Vec::new();
+    }
+    vec![by_place, by_succession]
+}
+
+/// How often each of the arrangements that there are is used.
+fn use_of_arrangements(arrangements: &[String], trials: &[&PlannedTrial]) -> Crossing {
+    let any = vec!["any trial".to_owned()];
+    let mut used = Crossing::new(("arrangement", "use"), "trials", arrangements.to_vec(), any);
+    for trial in trials {
+        used.meet(&level(trial, "arrangement"), "any trial");
+    }
+    used
+}
+
+fn minutes(plan: &Plan, schedule: &Schedule) -> Vec<SessionMinutes> {
+    let place = |name: &str| plan.conditions.iter().position(|condition| condition.name == name);
+    let limit = |trial: &PlannedTrial| {
+        let choice = place(&trial.condition).map(|condition| plan.choice(condition));
+        choice.and_then(|choice| choice.limit_secs).unwrap_or(USUAL_LIMIT_SECS) / 60.0
+    };
+    let of_session = |session: &crate::PlannedSession| {
+        let mut longest =
+            SessionMinutes { session: session.name.clone(), minutes: 0.0, of_trials: 0.0, trials: 0 };
+        for visit in schedule.sessions.iter().filter(|visit| visit.session == session.name) {
+            let (mut steps, mut of_trials, mut trials) = (0.0, 0.0, 0);
+            for happening in &visit.happenings {
+                match happening {
+                    Happening::Step(step) => steps += step.minutes(),
+                    Happening::Trial(trial) => {
+                        of_trials += limit(trial) + session.between_trials_minutes;
+                        trials += 1;
+                    }
+                }
+            }
+            if steps + of_trials > longest.minutes {
+                longest = SessionMinutes { minutes: steps + of_trials, of_trials, trials, ..longest };
+            }
+        }
+        longest
+    };
+    plan.sessions.iter().map(of_session).collect()
+}

@@ -1,0 +1,436 @@
+use crate::{Arrangements, ConditionOrder, PlanError, Schedule};
+use serde::{Deserialize, Serialize};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// The plans that ship with the program, by name.
+pub const SHIPPED: &[(&str, &str)] = &[
+    ("study1", include_str!("../data/study1.toml")),
+    ("study2", include_str!("../data/study2.toml")),
+    ("empty", include_str!("../data/empty.toml")),
+];
+
+/// Most people, conditions, and trials in a row that a plan may ask for: more is most likely a slip.
+const MOST_PARTICIPANTS: usize = 10_000;
+pub(crate) const MOST_CONDITIONS: usize = 12;
+const MOST_TRIALS: usize = 1000;
+/// Longest time that a step may take, minutes.
+const LONGEST_STEP: f64 = 480.0;
+
+/// A study, as a person writes it down.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Plan {
+    /// Short, of letters, digits, `-` and `_`: part of the names of files.
+    pub name: String,
+    /// For people.
+    #[serde(default)]
+    pub title: String,
+    /// How many people take part.
+    pub participants: usize,
+    /// Of all that is drawn at random.
+    #[serde(default = "one")]
+    pub seed: u64,
+    /// What all trials have in common.
+    #[serde(default)]
+    pub trial: TrialChoice,
+    /// What is compared.
+    pub conditions: Vec<Condition>,
+    /// In which order each participant meets the conditions.
+    pub order: ConditionOrder,
+    /// Where the blocks stand, for a task that has arrangements.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub arrangements: Option<Arrangements>,
+    /// When what happens, in their order.
+    pub sessions: Vec<PlannedSession>,
+    /// What the experimenter says, by key.
+    #[serde(default)]
+    pub texts: BTreeMap<String, String>,
+}
+
+fn one() -> u64 {
+    1
+}
+
+/// What a trial is, by names; what is left out is as in the plan's `[trial]`, or as the program has it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TrialChoice {
+    /// Control method: a name, or the file of an outside one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub method: Option<String>,
+    /// Task: a name or a file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub task: Option<String>,
+    /// Arm: a name or a folder.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub arm: Option<String>,
+    /// Where person and box are.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub setup: Option<String>,
+    /// How the methods behave.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub profile: Option<String>,
+    /// When a trial ends at the latest, seconds.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub limit_secs: Option<f64>,
+    /// Other values of a trial's configuration, as `profile.level=below_elbow`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub set: Vec<String>,
+}
+
+impl TrialChoice {
+    /// These choices, and those of `common` where these say nothing; what both set, these set.
+    pub fn over(&self, common: &Self) -> Self {
+        let or = |own: &Option<String>, common: &Option<String>| own.clone().or_else(|| common.clone());
+        Self {
+            method: or(&self.method, &common.method),
+            task: or(&self.task, &common.task),
+            arm: or(&self.arm, &common.arm),
+            setup: or(&self.setup, &common.setup),
+            profile: or(&self.profile, &common.profile),
+            limit_secs: self.limit_secs.or(common.limit_secs),
+            set: common.set.iter().chain(&self.set).cloned().collect(),
+        }
+    }
+}
+
+/// One of the things that a study compares.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Condition {
+    /// In the tables.
+    pub name: String,
+    /// What its trials are.
+    #[serde(default)]
+    pub trial: TrialChoice,
+    /// What happens before its first trial.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub begin: Vec<ProtocolStep>,
+    /// What happens after its last trial.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub end: Vec<ProtocolStep>,
+}
+
+/// One visit.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PlannedSession {
+    /// In the tables.
+    pub name: String,
+    /// Days since the session before, fewest and most; none for the first.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub days_after: Option<[u32; 2]>,
+    /// Which of a participant's conditions it has, by their place in the participant's order from 1; all if left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub positions: Option<Vec<usize>>,
+    /// Trials of each of them.
+    #[serde(default)]
+    pub trials: usize,
+    /// What happens first.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub begin: Vec<ProtocolStep>,
+    /// What happens before the first trial of each condition.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub before_condition: Vec<ProtocolStep>,
+    /// What happens after the last trial of each condition.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub after_condition: Vec<ProtocolStep>,
+    /// What happens last.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub end: Vec<ProtocolStep>,
+    /// Breaks between trials of a condition.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub rests: Vec<Rest>,
+    /// From the end of a trial to the next, minutes.
+    #[serde(default = "one_minute")]
+    pub between_trials_minutes: f64,
+    /// The participant sees how much time is left.
+    #[serde(default = "yes")]
+    pub countdown: bool,
+}
+
+fn one_minute() -> f64 {
+    1.0
+}
+
+fn yes() -> bool {
+    true
+}
+
+/// A break within the trials of a condition.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Rest {
+    /// After this trial of the condition, from 1.
+    pub after_trial: usize,
+    /// How long.
+    pub minutes: f64,
+}
+
+/// Something that happens beside the trials.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "do", rename_all = "snake_case", deny_unknown_fields)]
+pub enum ProtocolStep {
+    /// The experimenter says one of the plan's texts.
+    Say {
+        /// Its key.
+        text: String,
+        /// How long that takes.
+        minutes: f64,
+    },
+    /// A questionnaire is answered.
+    Form {
+        /// Its name.
+        form: String,
+        /// How long that takes.
+        minutes: f64,
+    },
+    /// The gestures are trained, then tested.
+    Train {
+        /// How often each gesture is held.
+        repetitions: usize,
+        /// How long each time, seconds.
+        hold_secs: f64,
+        /// How often in a row all gestures must be made in the prescribed sequence without a wrong one; without it the
+        /// experimenter judges.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pass_runs: Option<usize>,
+        /// How long all of it takes.
+        minutes: f64,
+    },
+    /// The gaze is calibrated.
+    CalibrateGaze {
+        /// How long that takes.
+        minutes: f64,
+    },
+    /// The method is shown and tried.
+    Demonstrate {
+        /// How long that takes.
+        minutes: f64,
+    },
+    /// Objects are carried that do not count.
+    Practise {
+        /// How many.
+        transfers: usize,
+        /// How long that takes.
+        minutes: f64,
+    },
+    /// A break.
+    Rest {
+        /// How long.
+        minutes: f64,
+    },
+}
+
+impl ProtocolStep {
+    /// How long it takes.
+    pub fn minutes(&self) -> f64 {
+        match self {
+            ProtocolStep::Say { minutes, .. }
+            | ProtocolStep::Form { minutes, .. }
+            | ProtocolStep::Train { minutes, .. }
+            | ProtocolStep::CalibrateGaze { minutes }
+            | ProtocolStep::Demonstrate { minutes }
+            | ProtocolStep::Practise { minutes, .. }
+            | ProtocolStep::Rest { minutes } => *minutes,
+        }
+    }
+}
+
+impl Plan {
+    /// Reads a plan and checks all of it that can be checked without knowing methods, tasks, arms and forms.
+    ///
+    /// # Errors
+    /// [`PlanError`].
+    pub fn from_text(text: &str) -> Result<Self, PlanError> {
+        let plan: Self = toml::from_str(text).map_err(|error| PlanError::Text(error.to_string()))?;
+        plan.check()?;
+        Ok(plan)
+    }
+
+    /// Who does what. `arrangements` are the names of all that the task has; none for a task without.
+    ///
+    /// # Errors
+    /// Constraints that no order keeps, arrangements that the task does not have.
+    pub fn schedule(&self, arrangements: &[String]) -> Result<Schedule, PlanError> {
+        Schedule::of(self, arrangements)
+    }
+
+    /// Trials of each condition, over all sessions.
+    pub fn trials_of_a_condition(&self) -> usize {
+        self.sessions.iter().map(|session| session.trials).max().unwrap_or(0)
+    }
+
+    /// What the trials of a condition are.
+    pub fn choice(&self, condition: usize) -> TrialChoice {
+        self.conditions[condition].trial.over(&self.trial)
+    }
+
+    pub(crate) fn condition_names(&self) -> String {
+        self.conditions.iter().map(|condition| condition.name.as_str()).collect::<Vec<_>>().join(", ")
+    }
+
+    /// The place of the condition called `name`, of which `place` speaks.
+    pub(crate) fn condition(&self, place: &str, name: &str) -> Result<usize, PlanError> {
+        self.conditions.iter().position(|condition| condition.name == name).ok_or_else(|| {
+            PlanError::Unknown {
+                place: place.to_owned(),
+                what: "condition",
+                got: name.to_owned(),
+                known: self.condition_names(),
+            }
+        })
+    }
+
+    fn check(&self) -> Result<(), PlanError> {
+        let plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+        if self.name.is_empty() || self.name.len() > 64 || !self.name.chars().all(plain) {
+            let expected = "1 to 64 letters, digits, - and _";
+            return Err(PlanError::value("name", format!("{:?}", self.name), expected));
+        }
+        in_range("participants", self.participants, MOST_PARTICIPANTS)?;
+        in_range("the number of conditions", self.conditions.len(), MOST_CONDITIONS)?;
+        distinct("condition", self.conditions.iter().map(|condition| &condition.name))?;
+        distinct("session", self.sessions.iter().map(|session| &session.name))?;
+        self.check_choice("trial", &self.trial)?;
+        for condition in &self.conditions {
+            let place = format!("conditions.{}", condition.name);
+            self.check_choice(&place, &condition.trial)?;
+            if condition.trial.method.is_none() && self.trial.method.is_none() {
+                return Err(PlanError::value(format!("{place}.trial.method"), "nothing", "a method"));
+            }
+            self.check_steps(&place, condition.begin.iter().chain(&condition.end))?;
+        }
+        self.order.check(self)?;
+        self.check_sessions()?;
+        self.arrangements.as_ref().map_or(Ok(()), |arrangements| arrangements.check(self))
+    }
+
+    fn check_choice(&self, place: &str, choice: &TrialChoice) -> Result<(), PlanError> {
+        match choice.limit_secs {
+            Some(limit) if !(limit > 0.0 && limit <= 60.0 * LONGEST_STEP) => Err(PlanError::value(
+                format!("{place}.limit_secs"),
+                limit,
+                format!("more than 0 and at most {}", 60.0 * LONGEST_STEP),
+            )),
+            _ => Ok(()),
+        }
+    }
+
+    fn check_steps<'a>(
+        &self,
+        place: &str,
+        steps: impl Iterator<Item = &'a ProtocolStep>,
+    ) -> Result<(), PlanError> {
+        for step in steps {
+            minutes(place, step.minutes())?;
+            match step {
+                ProtocolStep::Say { text, .. } if !self.texts.contains_key(text) => {
+                    return Err(PlanError::Unknown {
+                        place: place.to_owned(),
+                        what: "text",
+                        got: text.clone(),
+                        known: self.texts.keys().cloned().collect::<Vec<_>>().join(", "),
+                    });
+                }
+                ProtocolStep::Train { repetitions, hold_secs, pass_runs, .. } => {
+                    in_range(&format!("repetitions of a training in {place}"), *repetitions, 100)?;
+                    in_range(&format!("pass_runs of a training in {place}"), pass_runs.unwrap_or(1), 100)?;
+                    if !(*hold_secs >= 0.5 && *hold_secs <= 60.0) {
+                        let key = format!("hold_secs of a training in {place}");
+                        return Err(PlanError::value(key, hold_secs, "0.5 to 60"));
+                    }
+                }
+                ProtocolStep::Practise { transfers, .. } => {
+                    in_range(&format!("transfers of a practice in {place}"), *transfers, 100)?;
+                }
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
+    fn check_sessions(&self) -> Result<(), PlanError> {
+        let mut used = BTreeSet::new();
+        for (index, session) in self.sessions.iter().enumerate() {
+            let place = format!("sessions.{}", session.name);
+            match session.days_after {
+                Some(_) if index == 0 => {
+                    let key = format!("{place}.days_after");
+                    return Err(PlanError::value(key, "given", "nothing: it is the first session"));
+                }
+                Some([fewest, most]) if fewest > most => {
+                    let (key, got) = (format!("{place}.days_after"), format!("{fewest} to {most}"));
+                    return Err(PlanError::value(key, got, "the fewest first"));
+                }
+                _ => {}
+            }
+            if session.trials > MOST_TRIALS {
+                let expected = format!("at most {MOST_TRIALS}");
+                return Err(PlanError::value(format!("{place}.trials"), session.trials, expected));
+            }
+            for position in self.positions(session) {
+                if position < 1 || position > self.conditions.len() || !used.insert(position) {
+                    let expected = format!("1 to {}, each in one session", self.conditions.len());
+                    return Err(PlanError::value(format!("{place}.positions"), position, expected));
+                }
+                if session.trials == 0 {
+                    let expected = "at least 1; a session without trials has positions = []";
+                    return Err(PlanError::value(format!("{place}.trials"), 0, expected));
+                }
+            }
+            minutes(&format!("{place}.between_trials_minutes"), session.between_trials_minutes)?;
+            for rest in &session.rests {
+                minutes(&format!("{place}.rests"), rest.minutes)?;
+                if rest.after_trial < 1 || rest.after_trial >= session.trials {
+                    let expected = format!("1 to {}, so that a trial follows", session.trials.max(1) - 1);
+                    return Err(PlanError::value(
+                        format!("{place}.rests.after_trial"),
+                        rest.after_trial,
+                        expected,
+                    ));
+                }
+            }
+            let steps = [&session.begin, &session.before_condition, &session.after_condition, &session.end];
+            self.check_steps(&place, steps.into_iter().flatten())?;
+        }
+        if used.len() < self.conditions.len() {
+            let left = (1..=self.conditions.len()).find(|position| !used.contains(position)).unwrap_or(0);
+            let got = format!("without place {left} of the order");
+            return Err(PlanError::value("sessions", got, "each place of the order in one of them"));
+        }
+        Ok(())
+    }
+
+    /// Places in a participant's order that a session has, from 1.
+    pub(crate) fn positions(&self, session: &PlannedSession) -> Vec<usize> {
+        session.positions.clone().unwrap_or_else(|| (1..=self.conditions.len()).collect())
+    }
+}
+
+fn in_range(key: &str, got: usize, most: usize) -> Result<(), PlanError> {
+    if (1..=most).contains(&got) {
+        return Ok(());
+    }
+    Err(PlanError::value(key, got, format!("1 to {most}")))
+}
+
+fn minutes(key: &str, got: f64) -> Result<(), PlanError> {
+    if (0.0..=LONGEST_STEP).contains(&got) {
+        return Ok(());
+    }
+    Err(PlanError::value(format!("minutes in {key}"), got, format!("0 to {LONGEST_STEP}")))
+}
+
+fn distinct<'a>(what: &'static str, names: impl Iterator<Item = &'a String>) -> Result<(), PlanError> {
+    let mut seen = BTreeSet::new();
+    for name in names {
+        if name.trim().is_empty() {
+            return Err(PlanError::value(format!("the name of a {what}"), "empty", "a name"));
+        }
+        if !seen.insert(name) {
+            return Err(PlanError::Twice { what, name: name.clone() });
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,114 @@
+use crate::{Plan, PlanError, ProtocolStep};
+use serde::Serialize;
+
+/// A trial that a plan asks for. All numbers count from 1.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PlannedTrial {
+    /// Whose.
+    pub participant: usize,
+    /// In which session.
+    pub session: String,
+    /// Of which condition.
+    pub condition: String,
+    /// Place of the condition in the participant's order.
+    pub position: usize,
+    /// Among the trials of the condition.
+    pub trial: usize,
+    /// Where the blocks stand, by the task's name for it.
+    pub arrangement: Option<String>,
+    /// Of every random stream of the trial.
+    pub seed: u64,
+}
+
+/// What happens in a session, one after the other.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum Happening {
+    /// Something beside the trials.
+    Step(ProtocolStep),
+    /// A trial.
+    Trial(PlannedTrial),
+}
+
+/// One participant's visit.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ScheduledSession {
+    /// Whose, from 1.
+    pub participant: usize,
+    /// Its name in the plan.
+    pub session: String,
+    /// Its parts.
+    pub happenings: Vec<Happening>,
+}
+
+/// Who does what: each participant's sessions, in their order.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Schedule {
+    /// Participant by participant.
+    pub sessions: Vec<ScheduledSession>,
+}
+
+/// SplitMix64's finaliser: seeds that have nothing to do with each other from numbers that have.
+fn mixed(seed: u64, number: u64) -> u64 {
+    let mut z = seed.wrapping_add(number.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    // Files of configuration hold no number beyond this.
+    (z ^ (z >> 31)) >> 1
+}
+
+impl Schedule {
+    pub(crate) fn of(plan: &Plan, pool: &[String]) -> Result<Self, PlanError> {
+        if let Some(arrangements) = &plan.arrangements {
+            arrangements.check_names(pool)?;
+        }
+        let rows = plan.order.rows(plan)?;
+        let mut sessions = Vec::new();
+        for (participant, row) in rows.iter().enumerate() {
+            for session in &plan.sessions {
+                let mut happenings: Vec<Happening> = steps(&session.begin).collect();
+                for position in plan.positions(session) {
+                    let condition = row[position - 1];
+                    let own = &plan.conditions[condition];
+                    happenings.extend(steps(&session.before_condition).chain(steps(&own.begin)));
+                    for trial in 0..session.trials {
+                        let arrangement = plan.arrangements.as_ref().map(|arrangements| {
+                            arrangements.of(plan, pool, participant, position - 1, condition, trial)
+                        });
+                        let numbers = [participant, condition, trial];
+                        happenings.push(Happening::Trial(PlannedTrial {
+                            participant: participant + 1,
+                            session: session.name.clone(),
+                            condition: own.name.clone(),
+                            position,
+                            trial: trial + 1,
+                            arrangement,
+                            seed: numbers.iter().fold(plan.seed, |seed, &number| mixed(seed, number as u64)),
+                        }));
+                        let rests = session.rests.iter().filter(|rest| rest.after_trial == trial + 1);
+                        happenings.extend(
+                            rests.map(|rest| Happening::Step(ProtocolStep::Rest { minutes: rest.minutes })),
+                        );
+                    }
+                    happenings.extend(steps(&own.end).chain(steps(&session.after_condition)));
+                }
+                happenings.extend(steps(&session.end));
+                let session = session.name.clone();
+                sessions.push(ScheduledSession { participant: participant + 1, session, happenings });
+            }
+        }
+        Ok(Self { sessions })
+    }
+
+    /// All trials, in the order in which each participant does them.
+    pub fn trials(&self) -> impl Iterator<Item = &PlannedTrial> {
+        self.sessions.iter().flat_map(|session| &session.happenings).filter_map(|happening| match happening {
+            Happening::Trial(trial) => Some(trial),
+            Happening::Step(_) => None,
+        })
+    }
+}
+
+fn steps(steps: &[ProtocolStep]) -> impl Iterator<Item = Happening> {
+    steps.iter().cloned().map(Happening::Step)
+}
