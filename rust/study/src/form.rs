@@ -105,6 +105,15 @@ pub enum FormItem {
         /// The question.
         text: Texts,
     },
+    /// The person agrees to take part.
+    Consent {
+        /// In the tables.
+        key: String,
+        /// Which text is agreed to; the answer, and with it the tables, say it.
+        version: String,
+        /// What is agreed to.
+        text: Texts,
+    },
     /// Free words.
     Text {
         /// In the tables.
@@ -167,6 +176,7 @@ impl FormItem {
             | FormItem::Choice { key, .. }
             | FormItem::Ranking { key, .. }
             | FormItem::Condition { key, .. }
+            | FormItem::Consent { key, .. }
             | FormItem::Text { key, .. } => key,
         }
     }
@@ -194,13 +204,8 @@ impl Form {
         Self::from_text(text).ok()
     }
 
-    fn wrong(&self, what: String, got: impl ToString, expected: &str) -> FormError {
-        FormError::Value {
-            form: self.name.clone(),
-            what,
-            got: got.to_string(),
-            expected: expected.to_owned(),
-        }
+    pub(crate) fn refused(&self, what: String, got: impl ToString, expected: impl Into<String>) -> FormError {
+        FormError::Value { form: self.name.clone(), what, got: got.to_string(), expected: expected.into() }
     }
 
     fn check(&self) -> Result<(), FormError> {
@@ -209,7 +214,7 @@ impl Form {
             let key = item.key();
             let plain = |c: char| c.is_ascii_alphanumeric() || c == '_';
             if key.is_empty() || !key.chars().all(plain) || !keys.insert(key) {
-                return Err(self.wrong(
+                return Err(self.refused(
                     "a key".to_owned(),
                     format!("{key:?}"),
                     "letters, digits and _, each key once",
@@ -221,7 +226,7 @@ impl Form {
                     let whole = (steps - steps.round()).abs() < 1e-9;
                     if !(*step > 0.0 && (1.0..=1000.0).contains(&steps) && whole) {
                         let got = format!("{least} to {most} by {step}");
-                        return Err(self.wrong(
+                        return Err(self.refused(
                             format!("the scale of {key}"),
                             got,
                             "1 to 1000 whole steps upwards",
@@ -229,17 +234,17 @@ impl Form {
                     }
                 }
                 FormItem::Choice { options, .. } if options.len() < 2 => {
-                    return Err(self.wrong(format!("the options of {key}"), options.len(), "at least 2"));
+                    return Err(self.refused(format!("the options of {key}"), options.len(), "at least 2"));
                 }
                 _ => {}
             }
         }
         if self.items.is_empty() {
-            return Err(self.wrong("the number of items".to_owned(), 0, "at least 1"));
+            return Err(self.refused("the number of items".to_owned(), 0, "at least 1"));
         }
         let scales = self.items.iter().all(|item| matches!(item, FormItem::Scale { .. }));
         if self.scoring != Scoring::Nothing && !scales {
-            return Err(self.wrong(
+            return Err(self.refused(
                 "an item".to_owned(),
                 "no scale",
                 "scales alone, since the form is scored",
@@ -277,7 +282,7 @@ impl Form {
                 let steps = (value - least) / step;
                 if !(value >= *least && value <= *most && (steps - steps.round()).abs() < 1e-9) {
                     let expected = format!("{least} to {most} in steps of {step}");
-                    return Err(self.wrong(format!("the answer to {key}"), value, &expected));
+                    return Err(self.refused(format!("the answer to {key}"), value, &expected));
                 }
             }
             values.push((key.as_str(), value, (least + most) / 2.0));
@@ -334,7 +339,11 @@ impl Form {
                 }
                 Some(other) => {
                     let expected = format!("{first} or {second}");
-                    return Err(self.wrong(format!("the answer to {key}"), format!("{other:?}"), &expected));
+                    return Err(self.refused(
+                        format!("the answer to {key}"),
+                        format!("{other:?}"),
+                        &expected,
+                    ));
                 }
                 None => without.push(key),
             }

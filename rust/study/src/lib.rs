@@ -1,4 +1,5 @@
-//! Studies: what a plan asks for, in which order each participant gets it, and how far that is from balanced.
+//! Studies: what a plan asks for, in which order each participant gets it, how far that is from balanced, and how far a study
+//! has come: [`Progress`] is the sum of the [`StudyEvent`]s of its journal.
 //!
 //! Pure: a plan is text, a schedule follows from the plan alone, every random choice from its seed. Has no clock, no files, no
 //! tasks and no methods: what a trial is made of is [`TrialChoice`], names that whoever runs it resolves.
@@ -17,18 +18,24 @@
 
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+mod answers;
 mod arrangements;
 mod balance;
 mod error;
 mod form;
+mod journal;
 mod order;
 mod plan;
+mod progress;
 mod schedule;
 
+pub use answers::Answer;
 pub use arrangements::Arrangements;
 pub use balance::{Balance, Confounded, Imbalance, SessionMinutes};
 pub use error::PlanError;
 pub use form::{Form, FormError, FormItem, FormOption, FormScore, SHIPPED_FORMS, Scoring, Texts, pair_key};
+pub use journal::{Check, Deviation, Spot, StepOutcome, StudyEvent};
 pub use order::ConditionOrder;
 pub use plan::{Condition, Plan, PlannedSession, ProtocolStep, Rest, SHIPPED, TrialChoice};
+pub use progress::{Progress, ProgressError, StepState};
 pub use schedule::{Happening, PlannedTrial, Schedule, ScheduledSession};

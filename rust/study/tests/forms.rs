@@ -101,6 +101,10 @@ fn answers_beside_their_scale_and_forms_that_cannot_be_are_refused_by_name() {
 #[test]
 fn the_participants_form_asks_for_nothing_that_tells_who_somebody_is() {
     for item in form("participant").items {
-        assert!(matches!(item, FormItem::Choice { .. }), "{} is no choice", item.key());
+        assert!(
+            matches!(item, FormItem::Choice { .. } | FormItem::Consent { .. }),
+            "{} is no choice",
+            item.key()
+        );
     }
 }

@@ -1,0 +1,202 @@
+use crate::Answer;
+use serde::{Deserialize, Serialize};
+
+/// A place in a study: something that happens in a session of a participant.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct Spot {
+    /// Whose, from 1.
+    pub participant: usize,
+    /// Name of the session.
+    pub session: String,
+    /// What of the session, from 1.
+    pub step: usize,
+}
+
+/// How something ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StepOutcome {
+    /// As it should.
+    Done,
+    /// The experimenter ended it.
+    Aborted,
+    /// The program ended before it did: a crash, a full disk, no power.
+    Interrupted,
+    /// It was left out.
+    Skipped,
+}
+
+/// What departs from the plan.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Deviation {
+    /// Done again.
+    Repeated,
+    /// Left out.
+    LeftOut,
+    /// A session was taken up again on another day.
+    SplitOverDays,
+    /// A session on another day than planned.
+    OtherDay,
+    /// Participants in another order than planned.
+    OtherOrder,
+    /// Gestures were trained again within a session.
+    Retrained,
+    /// The gaze was calibrated again within a session.
+    Recalibrated,
+    /// A trial was begun although something was not ready.
+    NotReady,
+    /// The plan was changed after the study had begun.
+    PlanChanged,
+    /// The clock of the machine was set.
+    ClockSet,
+}
+
+impl Deviation {
+    /// As in the tables.
+    pub fn label(self) -> &'static str {
+        match self {
+            Deviation::Repeated => "repeated",
+            Deviation::LeftOut => "left_out",
+            Deviation::SplitOverDays => "split_over_days",
+            Deviation::OtherDay => "other_day",
+            Deviation::OtherOrder => "other_order",
+            Deviation::Retrained => "retrained",
+            Deviation::Recalibrated => "recalibrated",
+            Deviation::NotReady => "not_ready",
+            Deviation::PlanChanged => "plan_changed",
+            Deviation::ClockSet => "clock_set",
+        }
+    }
+}
+
+/// Something that happened in a study. The journal of these events is all that a study knows of itself: what is next, which
+/// trial counts and every table follow from it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+pub enum StudyEvent {
+    /// A program took the study up.
+    RunBegan {
+        /// Participants and answers are simulated.
+        simulated: bool,
+        /// Its version.
+        program: String,
+        /// Hash of the plan.
+        plan: String,
+    },
+    /// A person takes a participant's place in the plan.
+    Enrolled {
+        /// The place, from 1.
+        participant: usize,
+        /// A pseudonym.
+        id: String,
+    },
+    /// What follows is of this day; told once a day in each session, since a session may be split.
+    Visited {
+        /// Whose, from 1.
+        participant: usize,
+        /// Name of the session.
+        session: String,
+        /// Such as `2026-03-01`, where the program runs.
+        day: String,
+    },
+    /// Something begins.
+    StepBegan {
+        /// What.
+        spot: Spot,
+        /// How often it was begun, this time included.
+        attempt: usize,
+        /// Folder of the record within the study's, for a trial.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        record: Option<String>,
+    },
+    /// Something is over.
+    StepEnded {
+        /// What.
+        spot: Spot,
+        /// Which time.
+        attempt: usize,
+        /// How.
+        outcome: StepOutcome,
+    },
+    /// A question was answered; the newest answer counts.
+    Answered {
+        /// The form.
+        spot: Spot,
+        /// Name of the form.
+        form: String,
+        /// Key of the item.
+        item: String,
+        /// What was answered; none to take an answer back.
+        answer: Option<Answer>,
+    },
+    /// What was done so far does not count: it is done again.
+    Repeated {
+        /// What.
+        spot: Spot,
+        /// Why.
+        reason: String,
+    },
+    /// Something departs from the plan.
+    Deviated {
+        /// Where.
+        spot: Spot,
+        /// What.
+        deviation: Deviation,
+        /// Why.
+        reason: String,
+    },
+    /// What the experimenter noted.
+    Noted {
+        /// Where, if a session is under way.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        spot: Option<Spot>,
+        /// The words.
+        text: String,
+    },
+    /// A trial stands still, or goes on.
+    Paused {
+        /// Which.
+        spot: Spot,
+        /// It stands still.
+        on: bool,
+    },
+    /// What was found ready, or not, before a trial.
+    Checked {
+        /// Which trial.
+        spot: Spot,
+        /// The checks.
+        checks: Vec<Check>,
+    },
+}
+
+impl StudyEvent {
+    /// Where it happened, if at some step.
+    pub fn spot(&self) -> Option<&Spot> {
+        match self {
+            StudyEvent::StepBegan { spot, .. }
+            | StudyEvent::StepEnded { spot, .. }
+            | StudyEvent::Answered { spot, .. }
+            | StudyEvent::Repeated { spot, .. }
+            | StudyEvent::Deviated { spot, .. }
+            | StudyEvent::Paused { spot, .. }
+            | StudyEvent::Checked { spot, .. } => Some(spot),
+            StudyEvent::Noted { spot, .. } => spot.as_ref(),
+            StudyEvent::RunBegan { .. } | StudyEvent::Enrolled { .. } | StudyEvent::Visited { .. } => None,
+        }
+    }
+}
+
+/// Whether something is ready.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Check {
+    /// Such as `gestures`.
+    pub name: String,
+    /// It is.
+    pub ready: bool,
+    /// What was found, for the experimenter.
+    pub found: String,
+    /// How old that is, seconds; none where age does not matter.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub age_secs: Option<f64>,
+}
