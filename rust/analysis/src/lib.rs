@@ -17,6 +17,7 @@
 
 mod forecast;
 mod score;
+pub mod table;
 
 pub use forecast::{AnalysisError, Episode, Forecast, brier, log_loss, top_choice};
 pub use score::{Quartiles, ReliabilityBin, Score, score};

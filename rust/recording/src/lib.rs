@@ -16,8 +16,10 @@
 //! A record has one format number ([`RECORD_FORMAT`]) for all its files. A record of another format is refused with the
 //! program that replays it.
 //!
+//! The [`journal`] of a study is one SQLite file beside its trials.
+//!
 //! This crate writes and reads files. It has no clock, no threads and no randomness: equal trials give equal
-//! files, byte for byte. It depends on `types` and `messages` alone.
+//! files, byte for byte.
 //!
 //! ```
 //! use proact_recording::{InputLog, TrialHeader, TrialWriter, read_result};
@@ -47,6 +49,7 @@ mod error;
 mod files;
 mod format;
 mod input_log;
+pub mod journal;
 mod manifest;
 mod trial;
 mod trial_writer;

@@ -1,0 +1,108 @@
+//! Tidy tables: one row an observation, one column a variable, and what each variable is.
+
+/// What a column holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Column {
+    /// Its name.
+    pub name: &'static str,
+    /// Its unit; empty for a name, a text or a count.
+    pub unit: &'static str,
+    /// What it is.
+    pub meaning: &'static str,
+    /// Where it comes from.
+    pub source: &'static str,
+}
+
+/// A value in a table.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Cell {
+    /// There is none.
+    Missing,
+    /// A whole number.
+    Whole(i64),
+    /// A number; one that is not finite is missing.
+    Real(f64),
+    /// Words.
+    Words(String),
+}
+
+impl From<&str> for Cell {
+    fn from(words: &str) -> Self {
+        Cell::Words(words.to_owned())
+    }
+}
+
+impl From<String> for Cell {
+    fn from(words: String) -> Self {
+        Cell::Words(words)
+    }
+}
+
+impl From<f64> for Cell {
+    fn from(number: f64) -> Self {
+        if number.is_finite() { Cell::Real(number) } else { Cell::Missing }
+    }
+}
+
+impl From<bool> for Cell {
+    fn from(yes: bool) -> Self {
+        Cell::Whole(i64::from(yes))
+    }
+}
+
+macro_rules! whole {
+    ($($number:ty),*) => {$(
+        impl From<$number> for Cell {
+            fn from(number: $number) -> Self {
+                i64::try_from(number).map_or(Cell::Missing, Cell::Whole)
+            }
+        }
+    )*};
+}
+whole!(i64, u32, u64, usize);
+
+impl<T: Into<Cell>> From<Option<T>> for Cell {
+    fn from(value: Option<T>) -> Self {
+        value.map_or(Cell::Missing, Into::into)
+    }
+}
+
+impl std::fmt::Display for Cell {
+    fn fmt(&self, to: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Cell::Missing => Ok(()),
+            Cell::Whole(number) => write!(to, "{number}"),
+            Cell::Real(number) => write!(to, "{number}"),
+            Cell::Words(words) => to.write_str(words),
+        }
+    }
+}
+
+/// A table. Every row has a cell for every column.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Table {
+    /// Its name, which is that of its file too.
+    pub name: &'static str,
+    /// What a row is.
+    pub row: &'static str,
+    /// The columns.
+    pub columns: &'static [Column],
+    /// The rows.
+    pub rows: Vec<Vec<Cell>>,
+}
+
+impl Table {
+    /// A table without rows.
+    pub fn new(name: &'static str, row: &'static str, columns: &'static [Column]) -> Self {
+        Self { name, row, columns, rows: Vec::new() }
+    }
+
+    /// Adds a row.
+    ///
+    /// # Panics
+    /// If it has not as many cells as there are columns.
+    pub fn push(&mut self, row: Vec<Cell>) {
+        assert_eq!(row.len(), self.columns.len(), "cells of a row of {}", self.name);
+        self.rows.push(row);
+    }
+}
