@@ -16,6 +16,7 @@
 //! ```
 
 mod forecast;
+pub mod measures;
 mod score;
 pub mod table;
 

@@ -1,7 +1,7 @@
 use crate::{Arm, disk::DiskSync, libraries};
 use proact_emg::Classifier;
 use proact_planning::PlanLog;
-use proact_recording::{FLUSH_TICKS, RecordingError, TrialBag, TrialHeader, TrialWriter};
+use proact_recording::{BAG_FILE, FLUSH_TICKS, RecordingError, TrialBag, TrialHeader, TrialWriter};
 use proact_testbed::{Step, TrialConfig, TrialResult};
 use proact_types::{PlantState, SimTime};
 use std::{
@@ -91,6 +91,20 @@ impl Recorder {
         arm: &Arm,
         classifier: Option<&Classifier>,
     ) -> Result<Self, RecorderError> {
+        Self::create_as(dir, BAG_FILE, config, arm, classifier)
+    }
+
+    /// The same, with a name for the bag.
+    ///
+    /// # Errors
+    /// As [`Recorder::create`].
+    pub fn create_as(
+        dir: &Path,
+        bag: &str,
+        config: &TrialConfig,
+        arm: &Arm,
+        classifier: Option<&Classifier>,
+    ) -> Result<Self, RecorderError> {
         let mut files = arm.files();
         if let Some(classifier) = classifier {
             files.insert(CLASSIFIER_FILE.to_owned(), serde_json::to_vec(classifier)?);
@@ -103,7 +117,7 @@ impl Recorder {
         };
         let writer = TrialWriter::create(dir, &header)?;
         let task = config.build_task(arm.model())?;
-        let bag = TrialBag::create(writer.dir(), arm.model(), task.scene())?;
+        let bag = TrialBag::create(&writer.dir().join(bag), arm.model(), task.scene())?;
         let mut growing = writer.growing_files()?;
         growing.push(bag.file()?);
         Ok(Self { writer, bag, end: SimTime(0), plans: None, disk: DiskSync::start(growing) })

@@ -1,8 +1,16 @@
-//! Studies on disk: a folder with a plan, and what the plan's names mean.
+//! Studies on disk: a folder with a plan, what the plan's names mean, the journal of what happened, and the trials' records.
+
+mod conductor;
+mod rehearsal;
+mod tables;
+
+pub use conductor::{Conductor, Look, STUDY_FILE, StudyError, TRIALS_FOLDER, look, record_name};
+pub use rehearsal::{Rehearsed, rehearse, simulated_trial};
+pub use tables::tables;
 
 use crate::trial_choice::{TrialContext, trial_config};
 use proact_control::MethodRegistry;
-use proact_study::{Form, Happening, Plan, ProtocolStep, SHIPPED, SHIPPED_FORMS, Schedule};
+use proact_study::{Form, Happening, Plan, PlannedStep, ProtocolStep, SHIPPED, SHIPPED_FORMS, Schedule};
 use proact_types::MOST_TEXT_BYTES;
 use std::{
     collections::BTreeMap,
@@ -23,6 +31,8 @@ const DEFAULT_SETUP: &str = "seated";
 pub struct Study {
     /// Its folder.
     pub folder: PathBuf,
+    /// The plan, word for word.
+    pub plan_text: String,
     /// What is planned.
     pub plan: Plan,
     /// Who does what.
@@ -73,7 +83,14 @@ impl Study {
         let arrangements = arrangements.unwrap_or_default();
         let schedule = plan.schedule(&arrangements).map_err(|error| failed(&error))?;
         let forms = forms(&folder, &schedule)?;
-        Ok(Self { folder, plan, schedule, arrangements, forms })
+        Ok(Self { folder, plan_text: text, plan, schedule, arrangements, forms })
+    }
+}
+
+impl Study {
+    /// Names of what is compared.
+    pub fn conditions(&self) -> Vec<String> {
+        self.plan.conditions.iter().map(|condition| condition.name.clone()).collect()
     }
 }
 
@@ -81,7 +98,10 @@ impl Study {
 fn forms(folder: &Path, schedule: &Schedule) -> Result<BTreeMap<String, Form>, Box<dyn Error>> {
     let mut forms = BTreeMap::new();
     let named = schedule.sessions.iter().flat_map(|session| &session.happenings).filter_map(|happening| {
-        if let Happening::Step(ProtocolStep::Form { form, .. }) = happening { Some(form) } else { None }
+        match happening {
+            Happening::Step(PlannedStep { step: ProtocolStep::Form { form, .. }, .. }) => Some(form),
+            _ => None,
+        }
     });
     for name in named {
         if forms.contains_key(name) {

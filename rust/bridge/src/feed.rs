@@ -2,7 +2,9 @@
 
 use crate::{
     input_arbiter::ClientId,
+    live::Role,
     signals::{Signals, TrialStatus},
+    study::{ExperimenterScreen, ParticipantScreen, StudyScreen},
 };
 use axum::extract::ws::Utf8Bytes;
 use proact_types::{DisplayFrame, Event};
@@ -29,6 +31,10 @@ pub(crate) enum ServerMessage<'a> {
     Driver { name: Option<&'a str>, you: bool, may_drive: bool },
     /// What the experimenter watches beside the scene.
     Signals(&'a Signals),
+    /// What a study shows to whoever conducts it.
+    Study(&'a ExperimenterScreen),
+    /// What a study shows to whoever takes part.
+    Participant(&'a ParticipantScreen),
     /// The answer to `ping`.
     Pong { id: u32 },
     /// Events of frames that this client did not get.
@@ -46,6 +52,31 @@ impl ServerMessage<'_> {
     }
 }
 
+/// What a study shows, as messages.
+#[derive(Debug, PartialEq)]
+pub(crate) struct StudyMessages {
+    experimenter: Utf8Bytes,
+    participant: Utf8Bytes,
+}
+
+impl StudyMessages {
+    pub(crate) fn new(screen: &StudyScreen) -> Self {
+        Self {
+            experimenter: ServerMessage::Study(&screen.experimenter).to_text(),
+            participant: ServerMessage::Participant(&screen.participant).to_text(),
+        }
+    }
+
+    /// What a page of this role is told; answers are nothing for spectators.
+    pub(crate) fn of(&self, role: Role) -> Option<Utf8Bytes> {
+        match role {
+            Role::Participant => Some(self.participant.clone()),
+            Role::Experimenter => Some(self.experimenter.clone()),
+            Role::Spectator => None,
+        }
+    }
+}
+
 /// What all connections watch.
 #[derive(Debug, Default)]
 pub(crate) struct Feed {
@@ -59,6 +90,8 @@ pub(crate) struct Feed {
     pub(crate) latest: Option<Arc<DisplayFrame>>,
     /// The status as a message, and how often it was set; none before the first.
     pub(crate) status: (u64, Option<Utf8Bytes>),
+    /// What a study shows, and how often that has changed; none without a study.
+    pub(crate) study: (u64, Option<StudyMessages>),
     /// How often the driver has changed, and who it is.
     pub(crate) driver: (u64, Option<(ClientId, String)>),
     /// The latest signals as a message, and how many there were.

@@ -1,6 +1,9 @@
 //! What a browser may ask for, parsed and checked at the door.
 
-use crate::gaze_check::GazeCheck;
+use crate::{
+    gaze_check::GazeCheck,
+    study::{GivenAnswer, StudyRequest},
+};
 use nalgebra::{Quaternion, Translation3, UnitQuaternion};
 use proact_types::{Gesture, Point, Pose, TrunkPosture, Vector};
 use serde::{Deserialize, Serialize};
@@ -44,6 +47,15 @@ pub enum ClientInput {
     Hold(bool),
     /// What comes after a trial that was shown.
     After(AfterTrial),
+    /// What whoever conducts a study asks for.
+    Conduct(StudyRequest),
+    /// A question of a study was answered.
+    Answer(GivenAnswer),
+    /// The questionnaire at this step of the session is filled in.
+    Submit {
+        /// The step.
+        step: usize,
+    },
     /// The client in control is gone; a gesture that it held was released before.
     Disconnected,
 }
@@ -129,6 +141,12 @@ pub(crate) enum ClientMessage {
     After {
         ask: AfterTrial,
     },
+    /// Of a study.
+    Conduct(StudyRequest),
+    Answer(GivenAnswer),
+    Submit {
+        step: usize,
+    },
     /// Nothing new, but still there.
     Alive {},
     /// To be answered with a `pong` of the same number.
@@ -162,7 +180,7 @@ pub(crate) fn parse(text: &str) -> Result<Parsed, String> {
     let message: ClientMessage = serde_json::from_str(text).map_err(|error| {
         format!(
             "message ignored: {error}; expected a JSON object with type gesture, gaze, trunk, head, restart, study, \
-             gaze_check, join, take_over, drawn, hold, after, alive or ping"
+             gaze_check, join, take_over, drawn, hold, after, conduct, answer, submit, alive or ping"
         )
     })?;
     match message {
@@ -191,6 +209,9 @@ pub(crate) fn parse(text: &str) -> Result<Parsed, String> {
         ClientMessage::Join { name } => Ok(Parsed::Join(name)),
         ClientMessage::Hold { on } => Ok(Parsed::Input(ClientInput::Hold(on))),
         ClientMessage::After { ask } => Ok(Parsed::Input(ClientInput::After(ask))),
+        ClientMessage::Conduct(request) => Ok(Parsed::Input(ClientInput::Conduct(request))),
+        ClientMessage::Answer(given) => Ok(Parsed::Input(ClientInput::Answer(given))),
+        ClientMessage::Submit { step } => Ok(Parsed::Input(ClientInput::Submit { step })),
         ClientMessage::Drawn {} => Ok(Parsed::Drawn),
         ClientMessage::TakeOver {} => Ok(Parsed::TakeOver),
         ClientMessage::Alive {} => Ok(Parsed::Alive),

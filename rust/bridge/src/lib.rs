@@ -47,6 +47,7 @@ pub mod live;
 mod meshes;
 mod server;
 mod signals;
+mod study;
 mod trials;
 #[cfg(all(test, feature = "ts"))]
 mod typescript;
@@ -59,4 +60,9 @@ pub use input::{AfterTrial, ClientInput, StudyAction};
 pub use meshes::MeshFile;
 pub use server::{PageContent, PageOptions, PageServer};
 pub use signals::{ResultCard, ResultLine, Signals, TrialStatus};
+pub use study::{
+    ExperimenterScreen, FormPair, FormScreen, GivenAnswer, NextSession, NowScreen, NowWhat, ParticipantLine,
+    ParticipantScreen, PromptScreen, RefusedAnswer, SessionScreen, StepLine, StudyButton, StudyRequest,
+    StudyScreen,
+};
 pub use trials::RecordedTrial;

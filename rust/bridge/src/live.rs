@@ -14,10 +14,14 @@
 //! one is held, `gaze {origin, direction, measured}`, `trunk {forward, lateral, axial}`, `head {position, quaternion}`,
 //! `restart {method, again}`, `gaze_check {source, points}`, `join`, `take_over`, `hold {on}`
 //! while a dialog is open; `after {ask}` when a trial that was shown is over; always `drawn` and `ping {id}`. Metres, rad, frame `world`,
-//! quaternions x, y, z, w. At most 4 KiB each, text only. A hundred malformed messages end the connection.
+//! quaternions x, y, z, w. At most 64 KiB each, text only. A hundred malformed messages end the connection.
 //!
 //! `/live?role=experimenter` also gets `signals` with the fields of [`Signals`](crate::Signals), and may send
-//! `study {action}` (`pause`, `resume`, `abort`, `check_gaze`) and `restart` even where the page is not interactive.
+//! `study {action}` (`pause`, `resume`, `abort`, `check_gaze`) and `restart` even where the page is not interactive. Of a
+//! study it gets `study` with the fields of [`ExperimenterScreen`](crate::ExperimenterScreen) and sends `conduct {ask}`
+//! ([`StudyRequest`](crate::StudyRequest)); the participant's page gets `participant` with those of
+//! [`ParticipantScreen`](crate::ParticipantScreen). Both send `answer {step, key, answer}` and `submit {step}`; whatever a page
+//! is shown next says what became of it.
 //! `/live?role=spectator` gets the same and may send nothing but `ping`. So may whoever has no right to
 //! [act](proact_http::Right), whatever the role.
 
@@ -38,8 +42,8 @@ use serde::Deserialize;
 use std::{sync::Arc, time::Duration, time::Instant};
 use tokio::{sync::mpsc, sync::watch, time};
 
-/// Longest message taken from a client, bytes. The longest sensible one has about 200.
-pub(crate) const MAX_MESSAGE_BYTES: usize = 4096;
+/// Longest message taken from a client, bytes: the longest answer in free words, each byte written as an escape of six.
+pub(crate) const MAX_MESSAGE_BYTES: usize = 64 * 1024;
 /// Malformed messages that a connection survives.
 const MAX_BAD_MESSAGES: usize = 100;
 /// A client that takes no byte for so long is gone or hopeless.
@@ -68,14 +72,24 @@ impl Role {
                  --page-allow ADDRESS=act",
             ),
             (Role::Spectator, _) => Err("message ignored: a spectator only watches"),
-            (Role::Experimenter, ClientInput::Study(_) | ClientInput::Restart { .. }) => Ok(()),
+            (
+                Role::Experimenter,
+                ClientInput::Study(_)
+                | ClientInput::Restart { .. }
+                | ClientInput::Conduct(_)
+                | ClientInput::Answer(_)
+                | ClientInput::Submit { .. },
+            ) => Ok(()),
             // A stop is taken from everybody.
             (Role::Experimenter, ClientInput::Gesture(Gesture::NoMotion)) if interactive => Ok(()),
             (Role::Experimenter, _) => Err(DOES_NOT_DRIVE),
             (_, ClientInput::Study(_)) => {
                 Err("message ignored: this is for the experimenter's page, /live?role=experimenter")
             }
-            (_, ClientInput::After(_)) => Ok(()),
+            (Role::Participant, ClientInput::Conduct(_)) => {
+                Err("message ignored: this is for the experimenter's page, /live?role=experimenter")
+            }
+            (_, ClientInput::After(_) | ClientInput::Answer(_) | ClientInput::Submit { .. }) => Ok(()),
             (_, _) if !interactive => Err("message ignored: this page only shows a trial"),
             _ => Ok(()),
         }
@@ -152,9 +166,13 @@ impl Reader<'_> {
             };
             match parsed {
                 Ok(Parsed::Drawn) => shared.note_drawn(),
-                Ok(Parsed::Input(input @ (ClientInput::Study(_) | ClientInput::After(_)))) => {
-                    shared.arbitrate(|arbiter| arbiter.command(input))
-                }
+                Ok(Parsed::Input(
+                    input @ (ClientInput::Study(_)
+                    | ClientInput::After(_)
+                    | ClientInput::Conduct(_)
+                    | ClientInput::Answer(_)
+                    | ClientInput::Submit { .. }),
+                )) => shared.arbitrate(|arbiter| arbiter.command(input)),
                 Ok(Parsed::Input(input @ ClientInput::Restart { .. })) if role == Role::Experimenter => {
                     shared.arbitrate(|arbiter| arbiter.command(input))
                 }
@@ -298,14 +316,15 @@ struct Seen {
     revision: u64,
     sequence: u64,
     status: u64,
+    study: u64,
     signals: u64,
     driver: u64,
 }
 
 impl Seen {
-    /// What it has not seen yet, at most five messages.
+    /// What it has not seen yet, at most six messages.
     fn news(&mut self, feed: &Feed, role: Role) -> Vec<Utf8Bytes> {
-        let mut messages = Vec::with_capacity(5);
+        let mut messages = Vec::with_capacity(6);
         if feed.revision != self.revision {
             self.revision = feed.revision;
             messages.push(ServerMessage::Content { revision: feed.revision }.to_text());
@@ -313,6 +332,10 @@ impl Seen {
         if feed.status.0 != self.status {
             self.status = feed.status.0;
             messages.extend(feed.status.1.clone());
+        }
+        if feed.study.0 != self.study {
+            self.study = feed.study.0;
+            messages.extend(feed.study.1.as_ref().and_then(|study| study.of(role)));
         }
         if feed.sequence != self.sequence {
             messages.extend(feed.missed_events(self.sequence));

@@ -1,7 +1,7 @@
 use crate::{
-    BridgeError, ClientInput, RecordedTrial, Signals, TrialStatus, assets, camera,
+    BridgeError, ClientInput, RecordedTrial, Signals, StudyScreen, TrialStatus, assets, camera,
     encoding::{encode, takes_gzip},
-    feed::{Feed, ServerMessage},
+    feed::{Feed, ServerMessage, StudyMessages},
     input_arbiter::{ClientId, InputArbiter},
     live::{self, Role},
     meshes::{self, MeshFile, MeshesById},
@@ -262,6 +262,18 @@ impl PageServer {
     pub fn set_status(&self, status: &TrialStatus) {
         let text = ServerMessage::Status(status).to_text();
         self.shared.feed.send_modify(|feed| feed.status = (feed.status.0 + 1, Some(text)));
+    }
+
+    /// Shows a screen of a study in place of the one before; to pages only if anything on it differs.
+    pub fn publish_study(&self, screen: &StudyScreen) {
+        let messages = StudyMessages::new(screen);
+        self.shared.feed.send_if_modified(|feed| {
+            let news = feed.study.1.as_ref() != Some(&messages);
+            if news {
+                feed.study = (feed.study.0 + 1, Some(messages));
+            }
+            news
+        });
     }
 
     /// Hands signals to the experimenter's pages; the latest only, as with frames.

@@ -4,7 +4,7 @@
 use proact_arm::{ArmModel, Joint, JointKind, JointLimits, Link};
 use proact_messages::known_type;
 use proact_recording::{
-    RecordingError, TrialBag,
+    BAG_FILE, RecordingError, TrialBag,
     bag::{
         BAG_EPOCH_SECS, Message,
         messages::{
@@ -180,7 +180,7 @@ fn write_trial(bag: &mut TrialBag) {
 }
 
 fn finished_bag(dir: &Path) -> PathBuf {
-    let mut bag = TrialBag::create(dir, &arm(), &scene()).unwrap();
+    let mut bag = TrialBag::create(&dir.join(BAG_FILE), &arm(), &scene()).unwrap();
     write_trial(&mut bag);
     bag.finish(LAST_TICK).unwrap()
 }
@@ -349,7 +349,7 @@ fn equal_trials_give_equal_bags() {
 #[test]
 fn malformed_frames_states_and_plans_are_refused_whole() {
     let place = tempfile::tempdir().unwrap();
-    let mut bag = TrialBag::create(place.path(), &arm(), &scene()).unwrap();
+    let mut bag = TrialBag::create(&place.path().join(BAG_FILE), &arm(), &scene()).unwrap();
     let now = SimTime(17);
     let not_finite = |r: Result<(), RecordingError>| matches!(r, Err(RecordingError::NotFinite { .. }));
     let wrong_length = |r: Result<(), RecordingError>| matches!(r, Err(RecordingError::WrongLength { .. }));
@@ -395,7 +395,7 @@ fn malformed_frames_states_and_plans_are_refused_whole() {
 #[test]
 fn a_topic_keeps_its_type() {
     let place = tempfile::tempdir().unwrap();
-    let mut bag = TrialBag::create(place.path(), &arm(), &scene()).unwrap();
+    let mut bag = TrialBag::create(&place.path().join(BAG_FILE), &arm(), &scene()).unwrap();
     bag.write("/mode", SimTime(1), &Int8 { data: 3 }).unwrap();
     let error = bag.write("/mode", SimTime(2), &Float64 { data: 3.0 }).unwrap_err();
     assert_eq!(
@@ -409,7 +409,7 @@ fn no_bag_is_overwritten_and_none_is_begun_where_nothing_can_be_written() {
     let place = tempfile::tempdir().unwrap();
     let path = finished_bag(place.path());
     let before = fs::read(&path).unwrap();
-    let error = TrialBag::create(place.path(), &arm(), &scene()).unwrap_err();
+    let error = TrialBag::create(&place.path().join(BAG_FILE), &arm(), &scene()).unwrap_err();
     assert!(error.to_string().contains("trial.bag"), "{error}");
     assert!(before == fs::read(&path).unwrap());
     assert!(TrialBag::create(&path, &arm(), &scene()).is_err());
@@ -474,7 +474,7 @@ fn the_python_check_refuses_a_wrong_sum() {
 #[test]
 fn a_bag_that_was_broken_off_is_recovered_by_rosbag_reindex() {
     let place = tempfile::tempdir().unwrap();
-    let mut bag = TrialBag::create(place.path(), &arm(), &scene()).unwrap();
+    let mut bag = TrialBag::create(&place.path().join(BAG_FILE), &arm(), &scene()).unwrap();
     write_trial(&mut bag);
     // A crash runs no destructor: the open chunk is gone.
     std::mem::forget(bag);

@@ -9,6 +9,7 @@ const MOST_WORDS: usize = 10_000;
 
 /// What was answered.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 #[serde(untagged)]
 pub enum Answer {
     /// On a scale.

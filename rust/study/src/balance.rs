@@ -309,7 +309,7 @@ fn minutes(plan: &Plan, schedule: &Schedule) -> Vec<SessionMinutes> {
             let (mut steps, mut of_trials, mut trials) = (0.0, 0.0, 0);
             for happening in &visit.happenings {
                 match happening {
-                    Happening::Step(step) => steps += step.minutes(),
+                    Happening::Step(planned) => steps += planned.step.minutes(),
                     Happening::Trial(trial) => {
                         of_trials += limit(trial) + session.between_trials_minutes;
                         trials += 1;

@@ -18,6 +18,7 @@ pub type Texts = BTreeMap<String, String>;
 
 /// A questionnaire: a file of data.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 #[serde(deny_unknown_fields)]
 pub struct Form {
     /// By which a plan names it.
@@ -39,6 +40,7 @@ pub struct Form {
 
 /// How a questionnaire is scored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 #[serde(tag = "by", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Scoring {
     /// It is not.
@@ -57,6 +59,7 @@ pub enum Scoring {
 
 /// Something that is asked.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 pub enum FormItem {
     /// A number between two anchors.
@@ -128,6 +131,7 @@ pub enum FormItem {
 
 /// An answer that can be chosen.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 #[serde(deny_unknown_fields)]
 pub struct FormOption {
     /// In the tables.

@@ -14,6 +14,7 @@ pub struct Spot {
 
 /// How something ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 #[serde(rename_all = "snake_case")]
 pub enum StepOutcome {
     /// As it should.
@@ -28,6 +29,7 @@ pub enum StepOutcome {
 
 /// What departs from the plan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 #[serde(rename_all = "snake_case")]
 pub enum Deviation {
     /// Done again.
@@ -189,6 +191,7 @@ impl StudyEvent {
 
 /// Whether something is ready.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct Check {
     /// Such as `gestures`.
     pub name: String,

@@ -38,4 +38,4 @@ pub use journal::{Check, Deviation, Spot, StepOutcome, StudyEvent};
 pub use order::ConditionOrder;
 pub use plan::{Condition, Plan, PlannedSession, ProtocolStep, Rest, SHIPPED, TrialChoice};
 pub use progress::{Progress, ProgressError, StepState};
-pub use schedule::{Happening, PlannedTrial, Schedule, ScheduledSession};
+pub use schedule::{Happening, PlannedStep, PlannedTrial, Schedule, ScheduledSession};

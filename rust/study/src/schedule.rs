@@ -20,14 +20,59 @@ pub struct PlannedTrial {
     pub seed: u64,
 }
 
+/// Something beside the trials, as a plan has it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PlannedStep {
+    /// What.
+    #[serde(flatten)]
+    pub step: ProtocolStep,
+    /// The condition that it belongs to; none at the beginning and the end of a session.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub condition: Option<String>,
+}
+
 /// What happens in a session, one after the other.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum Happening {
     /// Something beside the trials.
-    Step(ProtocolStep),
+    Step(PlannedStep),
     /// A trial.
     Trial(PlannedTrial),
+}
+
+impl Happening {
+    /// The questionnaire that is answered; none if it is something else.
+    pub fn form(&self) -> Option<&str> {
+        match self {
+            Happening::Step(PlannedStep { step: ProtocolStep::Form { form, .. }, .. }) => Some(form),
+            _ => None,
+        }
+    }
+
+    /// The condition that it belongs to.
+    pub fn condition(&self) -> Option<&str> {
+        match self {
+            Happening::Step(planned) => planned.condition.as_deref(),
+            Happening::Trial(trial) => Some(&trial.condition),
+        }
+    }
+
+    /// In a few words.
+    pub fn label(&self) -> String {
+        match self {
+            Happening::Trial(trial) => format!("trial {} of {}", trial.trial, trial.condition),
+            Happening::Step(planned) => match &planned.step {
+                ProtocolStep::Say { text, .. } => format!("spoken text {text:?}"),
+                ProtocolStep::Form { form, .. } => format!("questionnaire {form}"),
+                ProtocolStep::Train { .. } => "training of the gestures".to_owned(),
+                ProtocolStep::CalibrateGaze { .. } => "calibration of the gaze".to_owned(),
+                ProtocolStep::Demonstrate { .. } => "demonstration".to_owned(),
+                ProtocolStep::Practise { .. } => "practice".to_owned(),
+                ProtocolStep::Rest { .. } => "break".to_owned(),
+            },
+        }
+    }
 }
 
 /// One participant's visit.
@@ -66,11 +111,12 @@ impl Schedule {
         let mut sessions = Vec::new();
         for (participant, row) in rows.iter().enumerate() {
             for session in &plan.sessions {
-                let mut happenings: Vec<Happening> = steps(&session.begin).collect();
+                let mut happenings: Vec<Happening> = steps(&session.begin, None).collect();
                 for position in plan.positions(session) {
                     let condition = row[position - 1];
                     let own = &plan.conditions[condition];
-                    happenings.extend(steps(&session.before_condition).chain(steps(&own.begin)));
+                    let of = Some(&own.name);
+                    happenings.extend(steps(&session.before_condition, of).chain(steps(&own.begin, of)));
                     for trial in 0..session.trials {
                         let arrangement = plan.arrangements.as_ref().map(|arrangements| {
                             arrangements.of(plan, pool, participant, position - 1, condition, trial)
@@ -86,13 +132,13 @@ impl Schedule {
                             seed: numbers.iter().fold(plan.seed, |seed, &number| mixed(seed, number as u64)),
                         }));
                         let rests = session.rests.iter().filter(|rest| rest.after_trial == trial + 1);
-                        happenings.extend(
-                            rests.map(|rest| Happening::Step(ProtocolStep::Rest { minutes: rest.minutes })),
-                        );
+                        let rests: Vec<ProtocolStep> =
+                            rests.map(|rest| ProtocolStep::Rest { minutes: rest.minutes }).collect();
+                        happenings.extend(steps(&rests, of));
                     }
-                    happenings.extend(steps(&own.end).chain(steps(&session.after_condition)));
+                    happenings.extend(steps(&own.end, of).chain(steps(&session.after_condition, of)));
                 }
-                happenings.extend(steps(&session.end));
+                happenings.extend(steps(&session.end, None));
                 let session = session.name.clone();
                 sessions.push(ScheduledSession { participant: participant + 1, session, happenings });
             }
@@ -109,6 +155,7 @@ impl Schedule {
     }
 }
 
-fn steps(steps: &[ProtocolStep]) -> impl Iterator<Item = Happening> {
-    steps.iter().cloned().map(Happening::Step)
+fn steps(steps: &[ProtocolStep], condition: Option<&String>) -> impl Iterator<Item = Happening> {
+    let planned = move |step: &ProtocolStep| PlannedStep { step: step.clone(), condition: condition.cloned() };
+    steps.iter().map(move |step| Happening::Step(planned(step)))
 }

@@ -58,7 +58,7 @@ const WORLD: &str = "world";
 /// `rosgraph_msgs/Log.INFO`.
 const INFO: i8 = 2;
 
-/// Writes `trial.bag` while the trial runs. Until [`TrialBag::finish`] it is called `trial.bag.active`.
+/// Writes a trial's bag while it runs. Until [`TrialBag::finish`] it is called as in the end, with `.active`.
 #[derive(Debug)]
 pub struct TrialBag {
     bag: BagWriter,
@@ -75,18 +75,18 @@ pub struct TrialBag {
 }
 
 impl TrialBag {
-    /// Starts `dir/trial.bag` with the start mark and the fixed links of `arm`, before the objects of `scene`.
+    /// Starts the bag `path` with the start mark and the fixed links of `arm`, before the objects of `scene`.
     ///
     /// # Errors
     /// [`RecordingError::Io`] if there is one already or it cannot be written.
-    pub fn create(dir: &Path, arm: &ArmModel, scene: &Scene) -> Result<Self, RecordingError> {
+    pub fn create(path: &Path, arm: &ArmModel, scene: &Scene) -> Result<Self, RecordingError> {
         let link = |index: usize| arm.links[index].name.clone();
         let named = |j: &Joint| (j.clone(), link(j.parent), link(j.child));
         let moving: Vec<_> = arm.moving().map(|index| named(&arm.joints[index])).collect();
         let mut alphabetical: Vec<usize> = (0..moving.len()).collect();
         alphabetical.sort_by(|a, b| moving[*a].0.name.cmp(&moving[*b].0.name));
         let mut bag = TrialBag {
-            bag: BagWriter::create(&dir.join(crate::BAG_FILE))?,
+            bag: BagWriter::create(path)?,
             base_link: arm.links.first().map(|l| l.name.clone()).unwrap_or_default(),
             moving,
             alphabetical,

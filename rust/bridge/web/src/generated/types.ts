@@ -4,6 +4,9 @@
 /** What a person asks for after a trial that was shown. */
 export type AfterTrial = "watch_again" | "drive";
 
+/** What was answered. */
+export type Answer = number | string | Array<string> | Array<Array<string>>;
+
 /** The arm: immutable, shared by kinematics, planning, dynamics and display.
  *
  * `joints` holds every joint of the tree; vectors of joint values run over [`ArmModel::moving`], arm joints
@@ -156,10 +159,21 @@ light: Light,
 /** What is wrong, for the person; none if nothing is. */
 fault: string | null, };
 
+/** Whether something is ready. */
+export type Check = {
+/** Such as `gestures`. */
+name: string,
+/** It is. */
+ready: boolean,
+/** What was found, for the experimenter. */
+found: string,
+/** How old that is, seconds; none where age does not matter. */
+age_secs?: number | null, };
+
 /** A message of the page on the WebSocket. */
 export type ClientMessage = { "type": "gesture", gesture: Gesture, } | { "type": "gaze", origin: [number, number, number], direction: [number, number, number], measured?: boolean, } | { "type": "trunk", forward: number, lateral: number, axial: number, } | { "type": "head", position: [number, number, number],
 /** x, y, z, w. */
-quaternion: [number, number, number, number], } | { "type": "restart", method?: string, again?: boolean, } | { "type": "study", action: StudyAction, } | { "type": "gaze_check" } & GazeCheck | { "type": "join", name: string, } | { "type": "take_over", } | { "type": "drawn", } | { "type": "hold", on: boolean, } | { "type": "after", ask: AfterTrial, } | { "type": "alive", } | { "type": "ping", id: number, };
+quaternion: [number, number, number, number], } | { "type": "restart", method?: string, again?: boolean, } | { "type": "study", action: StudyAction, } | { "type": "gaze_check" } & GazeCheck | { "type": "join", name: string, } | { "type": "take_over", } | { "type": "drawn", } | { "type": "hold", on: boolean, } | { "type": "after", ask: AfterTrial, } | { "type": "conduct" } & StudyRequest | { "type": "answer" } & GivenAnswer | { "type": "submit", step: number, } | { "type": "alive", } | { "type": "ping", id: number, };
 
 /** A collision shape of a link. */
 export type CollisionShape = {
@@ -197,6 +211,9 @@ asked: number, };
 
 /** Where a person is asked to put an object. */
 export type Destination = "own_target" | "across";
+
+/** What departs from the plan. */
+export type Deviation = "repeated" | "left_out" | "split_over_days" | "other_day" | "other_order" | "retrained" | "recalibrated" | "not_ready" | "plan_changed" | "clock_set";
 
 /** A digit of the hand. */
 export type Digit = {
@@ -261,6 +278,27 @@ contacts: Array<ContactView>,
 /** What was to be heard and felt since the frame before. */
 feedback: Array<FeedbackCue>, };
 
+/** What whoever conducts a study sees. */
+export type ExperimenterScreen = {
+/** Its name. */
+study: string,
+/** For people. */
+title: string,
+/** Trials that are over, and all of the plan. */
+trials: [number, number],
+/** Who takes part. */
+participants: Array<ParticipantLine>,
+/** Whose turn it is; none while a session is under way, and when all are over. */
+next: NextSession | null,
+/** The session under way. */
+session: SessionScreen | null,
+/** What may be asked for now. */
+can: Array<StudyButton>,
+/** What came of the last request, or what was found; empty if there is nothing to say. */
+told: string,
+/** Notes of the session, oldest first. */
+notes: Array<string>, };
+
 /** What a person is to hear and feel, as data: who drives a loudspeaker or a vibrating band decides how. */
 export type FeedbackCue = {
 /** When. */
@@ -273,6 +311,105 @@ digit?: Digit,
 sound: Tone | null,
 /** What is to be felt. */
 vibration: Vibration | null, };
+
+/** A questionnaire: a file of data. */
+export type Form = {
+/** By which a plan names it. */
+name: string,
+/** For people. */
+title: { [key in string]: string },
+/** Where the items come from. */
+source: string,
+/** Under which they may be used. */
+licence: string,
+/** The wording is that of the source, item by item. */
+confirmed: boolean,
+/** How it is scored. */
+scoring: Scoring,
+/** What is asked, in this order. */
+items: Array<FormItem>, };
+
+/** Something that is asked. */
+export type FormItem = { "kind": "scale",
+/** In the tables. */
+key: string,
+/** Its short name; the text if left out. */
+name: { [key in string]: string },
+/** The question. */
+text: { [key in string]: string },
+/** What the lowest number means. */
+low: { [key in string]: string },
+/** What the highest number means. */
+high: { [key in string]: string },
+/** The lowest number. */
+least: number,
+/** The highest number. */
+most: number,
+/** From one number to the next. */
+step: number, } | { "kind": "choice",
+/** In the tables. */
+key: string,
+/** The question. */
+text: { [key in string]: string },
+/** What can be answered. */
+options: Array<FormOption>,
+/** More than one may be chosen. */
+several: boolean, } | { "kind": "ranking",
+/** In the tables. */
+key: string,
+/** The question. */
+text: { [key in string]: string }, } | { "kind": "condition",
+/** In the tables. */
+key: string,
+/** The question. */
+text: { [key in string]: string }, } | { "kind": "consent",
+/** In the tables. */
+key: string,
+/** Which text is agreed to; the answer, and with it the tables, say it. */
+version: string,
+/** What is agreed to. */
+text: { [key in string]: string }, } | { "kind": "text",
+/** In the tables. */
+key: string,
+/** The question. */
+text: { [key in string]: string },
+/** It may be left empty. */
+optional: boolean, };
+
+/** An answer that can be chosen. */
+export type FormOption = {
+/** In the tables. */
+value: string,
+/** For people. */
+text: { [key in string]: string }, };
+
+/** A choice between two items of a questionnaire. */
+export type FormPair = {
+/** Of the choice. */
+key: string,
+/** Key of an item. */
+first: string,
+/** Key of the other one. */
+second: string, };
+
+/** A questionnaire that is being answered. */
+export type FormScreen = {
+/** Which step of the session it is: answers name it. */
+step: number,
+/** What it asks. */
+form: Form,
+/** Pairs of items between which is chosen, with the key of the choice. */
+pairs: Array<FormPair>,
+/** The conditions that it may ask about, as people know them. */
+conditions: Array<string>,
+/** What it is about; none if about the whole session. */
+about: string | null,
+/** Answers that are kept, by key. */
+answers: { [key in string]: Answer },
+/** Keys that have no answer yet and should have one. */
+missing: Array<string>,
+/** The last answer that was refused, and why. */
+refused: RefusedAnswer | null, };
 
 /** How well a gaze source follows known points, as the page measured it. */
 export type GazeCheck = {
@@ -318,6 +455,15 @@ export type Gesture = "hand_close" | "hand_open" | "no_motion" | "wrist_extensio
  * Not empty, at most [`GestureName::MOST_BYTES`] bytes, no control characters, no space at either end. Lives on the
  * stack, so that the EMG stage can hand it on without an allocation. */
 export type GestureName = string;
+
+/** An answer to a question of the questionnaire at `step`; none takes it back. */
+export type GivenAnswer = {
+/** The step of the session. */
+step: number,
+/** Key of the item, or of the choice between two. */
+key: string,
+/** What was answered. */
+answer: Answer | null, };
 
 /** How the hand grips what stands upright and is so wide, from above: with the grasp's centre in the middle of the object,
  * rolled about x of the tip's frame and leaning about y. Hand, planner and simulated participants go by it. */
@@ -556,6 +702,51 @@ whole_arm: boolean,
 /** The tracked limb of the person: a profile whose level leaves no joint to the limb is refused. */
 limb: boolean, };
 
+/** Whose turn it is. */
+export type NextSession = {
+/** Place in the plan. */
+participant: number,
+/** Pseudonym, if somebody has the place. */
+id: string | null,
+/** Name of the session. */
+session: string,
+/** It was begun before. */
+begun: boolean,
+/** What departs from the plan if it goes on today; empty if nothing does. */
+departs: string, };
+
+/** The step that is to be done, or is being done. */
+export type NowScreen = {
+/** Which. */
+step: number,
+/** In a few words. */
+label: string,
+/** It was begun, and goes on. */
+running: boolean,
+/** Since it was begun, seconds. */
+since_secs: number,
+/** What it is. */
+what: NowWhat, };
+
+/** What happens in a session now. */
+export type NowWhat = { "is": "say",
+/** The words. */
+text: string, } | { "is": "form" } & FormScreen | { "is": "train" } & PromptScreen | { "is": "calibrate_gaze",
+/** Mean error of the newest check, degrees; none before the first. */
+error_deg: number | null, } | { "is": "demonstrate", } | { "is": "practise",
+/** Objects that were carried. */
+carried: number,
+/** How many were planned. */
+transfers: number, } | { "is": "rest",
+/** Until its planned end, seconds; zero from then on. */
+left_secs: number, } | { "is": "trial",
+/** What is ready, and what is not. */
+checks: Array<Check>,
+/** Number among the session's trials, and how many there are. */
+number: [number, number],
+/** How the trial before went; empty before the first. */
+before: string, };
+
 /** A movable object of the scene, by its place in [`Scene::objects`]. All arrays over objects have that order. */
 export type ObjectId = number;
 
@@ -584,6 +775,26 @@ lean: boolean,
 method: MethodInfo,
 /** The methods by which another trial may begin. */
 methods: Array<MethodInfo>, };
+
+/** A place in the plan. */
+export type ParticipantLine = {
+/** From 1. */
+participant: number,
+/** Pseudonym; none for a place that nobody has. */
+id: string | null,
+/** Steps that are over, and all, over all sessions. */
+steps: [number, number],
+/** Trials that are over, and all. */
+trials: [number, number], };
+
+/** What a participant sees of a study: what is to be done now, and nothing else. */
+export type ParticipantScreen = { "show": "wait" } | { "show": "listen" } | { "show": "form" } & FormScreen | { "show": "rest",
+/** Until its planned end, seconds; zero from then on. */
+left_secs: number, } | { "show": "train" } & PromptScreen | { "show": "scene",
+/** The time that is left is shown. */
+countdown: boolean,
+/** Above the scene; empty in a trial. */
+title: string, } | { "show": "thanks" };
 
 /** What the session is doing. */
 export type Phase = { "name": "blocked",
@@ -635,6 +846,25 @@ gesture: GestureName,
 /** Which repetition of it, from 0. */
 repetition: number, };
 
+/** A prompt to make a gesture. */
+export type PromptScreen = {
+/** What to make now. */
+gesture: GestureName,
+/** What to do, in a few words. */
+text: string,
+/** Share of the gesture or of the test that is over, 0 to 1. */
+share: number,
+/** Muscles are being recorded. */
+recording: boolean,
+/** What is recognised now; none while nothing is. */
+recognised: GestureName | null,
+/** Sequences in a row without a mistake. */
+in_a_row: number,
+/** How many of them pass; none if the experimenter judges. */
+wanted: number | null,
+/** It is passed, or judged to be. */
+passed: boolean, };
+
 /** A recorded trial with everything that its replay shows. */
 export type RecordedTrial = {
 /** Name of its directory. */
@@ -657,6 +887,13 @@ agrees: boolean | null,
 finished: boolean,
 /** What was displayed, times ascending. */
 frames: Array<DisplayFrame>, };
+
+/** An answer that cannot be. */
+export type RefusedAnswer = {
+/** Of what. */
+key: string,
+/** Why. */
+reason: string, };
 
 /** What is known of one repetition. */
 export type RepetitionScore = {
@@ -755,6 +992,11 @@ friction_finger: number,
 /** `world_from_object` at the start: resting. */
 pose: Pose, };
 
+/** How a questionnaire is scored. */
+export type Scoring = { "by": "nothing" } | { "by": "task_load",
+/** Every pair of items is asked for: which of them contributed more. */
+pairs: boolean, } | { "by": "usability", };
+
 /** A mistake in a sequence. */
 export type SequenceMistake = {
 /** Sequence in which it was made, from 0. */
@@ -778,7 +1020,22 @@ mistakes: Array<SequenceMistake>,
 mean_delay_secs: number, };
 
 /** Messages from the server to the page. */
-export type ServerMessage = { "type": "hello", page_version: string, revision: number, } | { "type": "content", revision: number, } | { "type": "frame" } & DisplayFrame | { "type": "status" } & TrialStatus | { "type": "driver", name: string | null, you: boolean, may_drive: boolean, } | { "type": "signals" } & Signals | { "type": "pong", id: number, } | { "type": "events", events: Array<TrialEvent>, } | { "type": "error", message: string, };
+export type ServerMessage = { "type": "hello", page_version: string, revision: number, } | { "type": "content", revision: number, } | { "type": "frame" } & DisplayFrame | { "type": "status" } & TrialStatus | { "type": "driver", name: string | null, you: boolean, may_drive: boolean, } | { "type": "signals" } & Signals | { "type": "study" } & ExperimenterScreen | { "type": "participant" } & ParticipantScreen | { "type": "pong", id: number, } | { "type": "events", events: Array<TrialEvent>, } | { "type": "error", message: string, };
+
+/** A session under way. */
+export type SessionScreen = {
+/** Place in the plan. */
+participant: number,
+/** Pseudonym. */
+id: string,
+/** Its name. */
+session: string,
+/** What happens in it. */
+steps: Array<StepLine>,
+/** What happens now; none if all of it is over. */
+now: NowScreen | null,
+/** What is left of it takes at most so long by the plan, minutes. */
+minutes_left: number, };
 
 /** A convex shape, metres, centred in its own frame; axes along z. */
 export type Shape = { "type": "box",
@@ -836,6 +1093,24 @@ export type Stand = {
 /** Where the base's origin is, `world`, metres. Its axes are those of `world`. */
 xyz: [number, number, number], };
 
+/** A step of a session. */
+export type StepLine = {
+/** From 1. */
+step: number,
+/** In a few words. */
+label: string,
+/** The condition that it belongs to. */
+condition: string | null,
+/** How it ended; none while it is to be done. */
+outcome: StepOutcome | null,
+/** How often it was begun. */
+attempts: number,
+/** What departs from the plan. */
+deviations: Array<Deviation>, };
+
+/** How something ended. */
+export type StepOutcome = "done" | "aborted" | "interrupted" | "skipped";
+
 /** The arm must stand still, and why. */
 export type Stop = {
 /** Who died. */
@@ -864,6 +1139,28 @@ rate_hz: number | null, };
 
 /** What the experimenter's page asks of the trial. */
 export type StudyAction = "pause" | "resume" | "abort" | "check_gaze" | "calibrate_gaze";
+
+/** What can be asked for, as buttons of the experimenter's page are told. */
+export type StudyButton = "begin" | "next" | "start_anyway" | "skip" | "redo" | "pause" | "abort" | "retrain" | "recalibrate" | "leave";
+
+/** What whoever conducts a study asks for. */
+export type StudyRequest = { "ask": "begin",
+/** The participant; whose turn it is if left out. */
+id?: string,
+/** Somebody new. */
+new?: boolean, } | { "ask": "next", } | { "ask": "start_anyway",
+/** Why. */
+reason: string, } | { "ask": "skip",
+/** Why. */
+reason: string, } | { "ask": "redo",
+/** Why. */
+reason: string, } | { "ask": "retrain",
+/** Why. */
+reason: string, } | { "ask": "recalibrate",
+/** Why. */
+reason: string, } | { "ask": "note",
+/** The words. */
+text: string, } | { "ask": "leave", };
 
 /** Where an object has to go. */
 export type Target = {

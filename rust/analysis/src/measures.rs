@@ -1,0 +1,148 @@
+//! What a person did in a trial, from what was recorded of eyes and shoulder.
+
+use proact_types::{GazeSample, Point, Pose, SimTime, Vector};
+
+/// Faster than this, degrees a second, the eye is on its way: the usual limit between fixations and saccades (Salvucci and
+/// Goldberg 2000, I-VT).
+pub const SACCADE_DEG_PER_SEC: f64 = 100.0;
+/// Shorter than this, milliseconds, the eye did not stay.
+pub const SHORTEST_FIXATION_MS: u64 = 80;
+/// Two gazes further apart than this, milliseconds, say nothing of the way between them.
+const GAP_MS: u64 = 100;
+
+/// Where the eyes went, sample by sample.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct GazeMeasure {
+    /// Samples.
+    pub samples: u64,
+    /// Those in which the tracker saw the eye.
+    pub valid: u64,
+    /// The angle that the gaze went, degrees.
+    pub path_deg: f64,
+    /// Fixations that are over.
+    pub fixations: u64,
+    /// Their lengths together, milliseconds.
+    pub fixated_ms: u64,
+    last: Option<(SimTime, Vector)>,
+    /// When the fixation that goes on began.
+    since: Option<SimTime>,
+}
+
+impl GazeMeasure {
+    /// Takes in the next sample.
+    pub fn push(&mut self, time: SimTime, gaze: &GazeSample) {
+        self.samples += 1;
+        let direction = gaze.direction.try_normalize(1e-9).filter(|d| gaze.valid && d.iter().all(|v| v.is_finite()));
+        let Some(direction) = direction else { return };
+        self.valid += 1;
+        let before = self.last.replace((time, direction));
+        let Some((then, other)) = before.filter(|(then, _)| time.millis_since(*then) <= GAP_MS) else {
+            self.end_fixation(before.map_or(time, |(then, _)| then));
+            self.since = Some(time);
+            return;
+        };
+        let degrees = direction.angle(&other).to_degrees();
+        self.path_deg += degrees;
+        let secs = time.millis_since(then) as f64 * 1e-3;
+        if degrees > SACCADE_DEG_PER_SEC * secs {
+            self.end_fixation(then);
+        } else {
+            self.since.get_or_insert(then);
+        }
+    }
+
+    fn end_fixation(&mut self, at: SimTime) {
+        let lasted = self.since.take().map_or(0, |since| at.millis_since(since));
+        if lasted >= SHORTEST_FIXATION_MS {
+            self.fixations += 1;
+            self.fixated_ms += lasted;
+        }
+    }
+
+    /// Ends the fixation that goes on: the trial, or its phase, is over.
+    pub fn finish(mut self) -> Self {
+        if let Some((time, _)) = self.last {
+            self.end_fixation(time);
+        }
+        self
+    }
+}
+
+/// How far a person moved the shoulder: what a person with a prosthesis does with the trunk instead of the arm.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ShoulderMeasure {
+    /// Length of the shoulder's way, metres.
+    pub path_m: f64,
+    /// Furthest from where it was first, metres.
+    pub range_m: f64,
+    /// Furthest turn from how it was first, degrees.
+    pub turn_deg: f64,
+    first: Option<Pose>,
+    last: Option<Point>,
+}
+
+impl ShoulderMeasure {
+    /// Takes in the next pose, `world_from_shoulder`. One that is not finite is passed over.
+    pub fn push(&mut self, pose: &Pose) {
+        let place = Point::from(pose.translation.vector);
+        if !place.iter().chain(pose.rotation.coords.iter()).all(|v| v.is_finite()) {
+            return;
+        }
+        let first = self.first.get_or_insert(*pose);
+        self.range_m = self.range_m.max((place - Point::from(first.translation.vector)).norm());
+        self.turn_deg = self.turn_deg.max(first.rotation.angle_to(&pose.rotation).to_degrees());
+        self.path_m += self.last.replace(place).map_or(0.0, |last| (place - last).norm());
+    }
+
+    /// Whether there was any pose.
+    pub fn is_known(&self) -> bool {
+        self.first.is_some()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proact_types::Pose;
+
+    fn look(measure: &mut GazeMeasure, millis: u64, degrees: f64) {
+        let (sin, cos) = degrees.to_radians().sin_cos();
+        let gaze =
+            GazeSample { origin: Point::origin(), direction: Vector::new(2.0 * cos, 2.0 * sin, 0.0), valid: true };
+        measure.push(SimTime(millis), &gaze);
+    }
+
+    #[test]
+    fn two_rests_and_a_jump_between_them_are_two_fixations() {
+        let mut measure = GazeMeasure::default();
+        (0..30).for_each(|k| look(&mut measure, 16 * k, 0.01 * k as f64));
+        (30..50).for_each(|k| look(&mut measure, 16 * k, 20.0));
+        let measure = measure.finish();
+        assert_eq!((measure.samples, measure.valid, measure.fixations), (50, 50, 2));
+        assert_eq!(measure.fixated_ms, 16 * 29 + 16 * 19);
+        assert!((measure.path_deg - 20.0).abs() < 1e-6, "{}", measure.path_deg);
+    }
+
+    #[test]
+    fn a_blink_and_a_silence_end_no_way_and_a_glance_is_no_fixation() {
+        let mut measure = GazeMeasure::default();
+        (0..3).for_each(|k| look(&mut measure, 16 * k, 0.0));
+        let blink = GazeSample { origin: Point::origin(), direction: Vector::zeros(), valid: false };
+        measure.push(SimTime(48), &blink);
+        look(&mut measure, 1000, 40.0);
+        let measure = measure.finish();
+        assert_eq!((measure.samples, measure.valid, measure.fixations, measure.path_deg), (5, 4, 0, 0.0));
+    }
+
+    #[test]
+    fn a_shoulder_that_goes_and_returns_went_twice_as_far_as_it_was() {
+        let mut measure = ShoulderMeasure::default();
+        assert!(!measure.is_known());
+        for x in [0.0, 0.1, 0.2, 0.1, 0.0] {
+            measure.push(&Pose::translation(1.0 + x, 0.0, 1.4));
+        }
+        measure.push(&Pose::translation(f64::NAN, 0.0, 0.0));
+        assert!((measure.path_m - 0.4).abs() < 1e-12 && (measure.range_m - 0.2).abs() < 1e-12);
+        assert_eq!(measure.turn_deg, 0.0);
+    }
+}

@@ -1,0 +1,383 @@
+//! A study under way: what happened is in its journal, and what is next follows from that.
+
+use super::{PLAN_FILE, Study};
+use jiff::{Timestamp, Zoned, civil::Date};
+use proact_recording::journal::{Entry, Journal, JournalError};
+use proact_study::{
+    Answer, Deviation, Happening, Plan, PlannedTrial, Progress, ProgressError, Schedule, Spot, StepOutcome,
+    StudyEvent,
+};
+use sha2::{Digest, Sha256};
+use std::path::PathBuf;
+
+/// The study's file in its folder.
+pub const STUDY_FILE: &str = "study.sqlite";
+/// Where the records of its trials are, in its folder.
+pub const TRIALS_FOLDER: &str = "trials";
+/// A clock that is so far behind the last event was set back, milliseconds.
+const CLOCK_SLACK_MS: i64 = 2000;
+
+/// Why a study does not go on.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum StudyError {
+    /// The journal.
+    #[error(transparent)]
+    Journal(#[from] JournalError),
+    /// An event that cannot be.
+    #[error(transparent)]
+    Progress(#[from] ProgressError),
+    /// The plan was changed where something was done already.
+    #[error(
+        "{}: the plan was changed after the study had begun: {what}. Put it back (`proact study export` writes the text that \
+         it began with), or make another study",
+        file.display()
+    )]
+    PlanChanged {
+        /// The plan.
+        file: PathBuf,
+        /// What is otherwise now.
+        what: String,
+    },
+    /// Simulated and real participants do not go into one study.
+    #[error("{} has {has} participants, and this run is {asked}: make another study for it", folder.display())]
+    Mixed {
+        /// The study.
+        folder: PathBuf,
+        /// `simulated` or `real`.
+        has: &'static str,
+        /// `simulated` or `for real ones`.
+        asked: &'static str,
+    },
+    /// There is no such person, or no place for one.
+    #[error("{0}")]
+    Person(String),
+    /// An answer that cannot be.
+    #[error(transparent)]
+    Answer(#[from] proact_study::FormError),
+}
+
+/// A study that goes on: every event is on the disk before it counts.
+#[derive(Debug)]
+pub struct Conductor {
+    /// What is run.
+    pub study: Study,
+    journal: Journal,
+    progress: Progress,
+    last_id: i64,
+    last_at: Option<Timestamp>,
+}
+
+impl Conductor {
+    /// Takes the study up where it stands. What was under way when the last program ended is interrupted: it is done again,
+    /// and answers stay. Says in one sentence each what was found.
+    ///
+    /// # Errors
+    /// [`StudyError`].
+    pub fn take_up(study: Study, simulated: bool) -> Result<(Self, Vec<String>), StudyError> {
+        let journal = Journal::open(&study.folder.join(STUDY_FILE))?;
+        let entries = journal.entries::<StudyEvent>()?;
+        let (before, progress) = fold(&study, &journal, &entries)?;
+        if before.as_ref().is_some_and(|before| before.simulated != simulated) {
+            let folder = study.folder.clone();
+            let (has, asked) = match simulated {
+                true => ("real", "simulated"),
+                false => ("simulated", "for real ones"),
+            };
+            return Err(StudyError::Mixed { folder, has, asked });
+        }
+        let last = entries.last();
+        let last_at = last.and_then(|entry| entry.at.parse().ok());
+        let mut conductor =
+            Self { journal, progress, last_id: last.map_or(0, |entry| entry.id), last_at, study };
+        let text = conductor.study.plan_text.clone();
+        let plan = hash(&text);
+        conductor.journal.keep_text(&plan, PLAN_FILE, &text)?;
+        let program = env!("CARGO_PKG_VERSION").to_owned();
+        conductor.write(StudyEvent::RunBegan { simulated, program, plan: plan.clone() })?;
+        let mut found = Vec::new();
+        for spot in conductor.progress.open() {
+            found.push(conductor.close_interrupted(&spot)?);
+        }
+        if before.is_some_and(|before| before.plan != plan) {
+            found.push("the plan was changed since; what was done already is in it as it was".to_owned());
+            if let Some(spot) = conductor.next() {
+                let reason = "the text of the plan is another one".to_owned();
+                conductor.write(StudyEvent::Deviated { spot, deviation: Deviation::PlanChanged, reason })?;
+            }
+        }
+        Ok((conductor, found))
+    }
+
+    fn close_interrupted(&mut self, spot: &Spot) -> Result<String, StudyError> {
+        let state = self.progress.step(spot);
+        self.end(spot, StepOutcome::Interrupted)?;
+        let what = self.progress.happening(spot).map_or_else(String::new, Happening::label);
+        let then = match state.record {
+            Some(record) => format!("it is done again, and what there is of it stays in {record}"),
+            None => "it goes on where it was".to_owned(),
+        };
+        Ok(format!("{what} of participant {} was interrupted; {then}", self.label(spot.participant)))
+    }
+
+    /// How far it is.
+    pub fn progress(&self) -> &Progress {
+        &self.progress
+    }
+
+    /// Number of the last event.
+    pub fn last_id(&self) -> i64 {
+        self.last_id
+    }
+
+    /// Writes an event to the disk; it then counts. Its number.
+    ///
+    /// # Errors
+    /// An event that cannot be, a disk that refuses; after the latter this conductor is of no use any more.
+    pub fn write(&mut self, event: StudyEvent) -> Result<i64, StudyError> {
+        let now = Timestamp::now();
+        let before = self.last_at.replace(now).map_or(i64::MIN, Timestamp::as_millisecond);
+        let behind_ms = before.saturating_sub(now.as_millisecond());
+        if behind_ms > CLOCK_SLACK_MS
+            && let Some(spot) = event.spot().cloned().or_else(|| self.next())
+        {
+            let reason = format!("the clock is {} s behind the event before", behind_ms / 1000);
+            self.write(StudyEvent::Deviated { spot, deviation: Deviation::ClockSet, reason })?;
+        }
+        self.progress.take(&event)?;
+        self.last_id = self.journal.append(&format!("{now:.3}"), &event)?;
+        Ok(self.last_id)
+    }
+
+    /// The step that is next: of the session that is under way, or of the next in the plan.
+    pub fn next(&self) -> Option<Spot> {
+        let session = self.progress.next_session(self.progress.next_participant()?)?;
+        self.progress.next_step(session)
+    }
+
+    /// The pseudonym of a participant, or the number of a place that nobody has.
+    pub fn label(&self, participant: usize) -> String {
+        self.progress.people().get(&participant).cloned().unwrap_or_else(|| participant.to_string())
+    }
+
+    /// Whose turn it is. Without a pseudonym: whose session is under way, or the next in the plan, who is enrolled as `P` and
+    /// the number if nobody was yet. With one: that person, who takes the next free place if `new`.
+    ///
+    /// # Errors
+    /// A pseudonym that nobody has, or that somebody has who should be new; a person or a study without sessions left.
+    pub fn choose(&mut self, id: Option<&str>, new: bool) -> Result<usize, StudyError> {
+        let refuse = |what: String| Err(StudyError::Person(what));
+        let Some(planned) = self.progress.next_participant() else {
+            return refuse("the study is finished: every session of the plan is over".to_owned());
+        };
+        let participant = match (id, id.and_then(|id| self.progress.place(id))) {
+            (None, _) => planned,
+            (Some(id), Some(_)) if new => {
+                return refuse(format!("participant {id} exists already; leave out --new to go on with them"));
+            }
+            (Some(id), Some(place)) => match self.progress.next_session(place) {
+                Some(_) => place,
+                None => return refuse(format!("participant {id} has no session left")),
+            },
+            (Some(id), None) if !new => {
+                let known: Vec<&str> = self.progress.people().values().map(String::as_str).collect();
+                let known = if known.is_empty() { "nobody".to_owned() } else { known.join(", ") };
+                return refuse(format!(
+                    "there is no participant {id}; known so far: {known}. --new enrols somebody"
+                ));
+            }
+            (Some(_), None) => match self.progress.free_place() {
+                Some(place) => place,
+                None => return refuse("every place of the plan is taken; it says how many there are".to_owned()),
+            },
+        };
+        if !self.progress.people().contains_key(&participant) {
+            let id = id.map_or_else(|| format!("P{participant:02}"), str::to_owned);
+            check_pseudonym(&id)?;
+            self.write(StudyEvent::Enrolled { participant, id })?;
+        }
+        Ok(participant)
+    }
+
+    /// The session of a participant that goes on now, on this day. A session that goes on on another day than it began, or
+    /// that is on another day than planned, departs from the plan; that of a rehearsal does not.
+    ///
+    /// # Errors
+    /// A participant without sessions left, a disk that refuses.
+    pub fn begin_session(&mut self, participant: usize, rehearsal: bool) -> Result<String, StudyError> {
+        let Some(session) = self.progress.next_session(participant) else {
+            let id = self.label(participant);
+            return Err(StudyError::Person(format!("participant {id} has no session left")));
+        };
+        let (name, spot) = (session.session.clone(), self.progress.next_step(session));
+        let today = Zoned::now().date();
+        let day = today.to_string();
+        let before = self.progress.days(participant, &name).last().cloned();
+        if before.as_ref() == Some(&day) {
+            return Ok(name);
+        }
+        let deviation = match &before {
+            Some(before) => {
+                Some((Deviation::SplitOverDays, format!("begun on {before}, taken up again on {day}")))
+            }
+            None => self.off_plan(participant, &name, today).map(|reason| (Deviation::OtherDay, reason)),
+        };
+        self.write(StudyEvent::Visited { participant, session: name.clone(), day })?;
+        if let (Some((deviation, reason)), Some(spot), false) = (deviation, spot, rehearsal) {
+            self.write(StudyEvent::Deviated { spot, deviation, reason })?;
+        }
+        Ok(name)
+    }
+
+    /// In words, if a session that begins on this day is not as many days after the one before as planned.
+    pub fn off_plan(&self, participant: usize, session: &str, today: Date) -> Option<String> {
+        let sessions = &self.study.plan.sessions;
+        let index = sessions.iter().position(|other| other.name == session)?;
+        let [fewest, most] = sessions[index].days_after?;
+        let before = &sessions[index.checked_sub(1)?].name;
+        let last: Date = self.progress.days(participant, before).last()?.parse().ok()?;
+        let days = i64::from(last.until(today).ok()?.get_days());
+        let planned = i64::from(fewest)..=i64::from(most);
+        (!planned.contains(&days))
+            .then(|| format!("{days} days after the session before, {fewest} to {most} were planned"))
+    }
+
+    /// Begins the next attempt at a step, unless one is under way; the folder of its record if it is a trial.
+    ///
+    /// # Errors
+    /// A step that is over, a disk that refuses.
+    pub fn begin(&mut self, spot: &Spot) -> Result<Option<String>, StudyError> {
+        let state = self.progress.step(spot);
+        if state.open {
+            return Ok(state.record);
+        }
+        let attempt = state.attempts + 1;
+        let record = match self.progress.happening(spot) {
+            Some(Happening::Trial(trial)) => {
+                let again = if attempt > 1 { format!("-attempt{attempt}") } else { String::new() };
+                Some(format!("{TRIALS_FOLDER}/{}{again}", record_name(trial)))
+            }
+            _ => None,
+        };
+        self.write(StudyEvent::StepBegan { spot: spot.clone(), attempt, record: record.clone() })?;
+        Ok(record)
+    }
+
+    /// Ends the attempt that is under way.
+    ///
+    /// # Errors
+    /// A step that was not begun, a disk that refuses.
+    pub fn end(&mut self, spot: &Spot, outcome: StepOutcome) -> Result<i64, StudyError> {
+        let attempt = self.progress.step(spot).attempts;
+        self.write(StudyEvent::StepEnded { spot: spot.clone(), attempt, outcome })
+    }
+
+    /// Takes an answer, once it was checked; none takes the answer back.
+    ///
+    /// # Errors
+    /// An answer that cannot be, a step that is no form, a disk that refuses.
+    pub fn answer(&mut self, spot: &Spot, item: &str, answer: Option<Answer>) -> Result<i64, StudyError> {
+        let Some(form) = self.progress.happening(spot).and_then(Happening::form) else {
+            return Err(StudyError::Person(format!(
+                "step {} of this session is no questionnaire",
+                spot.step
+            )));
+        };
+        let form = form.to_owned();
+        if let Some(answer) = &answer {
+            self.study.forms[&form].check_answer(item, answer, &self.study.conditions())?;
+        }
+        self.write(StudyEvent::Answered { spot: spot.clone(), form, item: item.to_owned(), answer })
+    }
+}
+
+/// Name of a trial's folder and of its bag, after the original's.
+pub fn record_name(trial: &PlannedTrial) -> String {
+    let plain = |c: char| if c.is_ascii_alphanumeric() || c == '_' { c } else { '_' };
+    let mode: String = trial.condition.chars().map(plain).collect();
+    format!("participant{}-mode{mode}-trial{}", trial.participant, trial.trial)
+}
+
+/// The runs before.
+#[derive(Clone, Debug)]
+struct Before {
+    simulated: bool,
+    plan: String,
+}
+
+/// What the events of a journal make of the plan as it is now.
+fn fold(
+    study: &Study,
+    journal: &Journal,
+    entries: &[Entry<StudyEvent>],
+) -> Result<(Option<Before>, Progress), StudyError> {
+    let mut before: Option<Before> = None;
+    let mut progress = Progress::new(study.schedule.clone());
+    let changed =
+        |what: String| StudyError::PlanChanged { file: study.folder.join(PLAN_FILE), what };
+    for entry in entries {
+        if let StudyEvent::RunBegan { simulated, plan, .. } = &entry.event
+            && before.as_ref().is_none_or(|before| before.plan != *plan)
+        {
+            // Each event is understood by the plan that it was written under.
+            let schedule = schedule_of(study, journal, plan)?.map_err(&changed)?;
+            progress = progress.changed_to(schedule).map_err(&changed)?;
+            before = Some(Before { simulated: *simulated, plan: plan.clone() });
+        }
+        progress.take(&entry.event)?;
+    }
+    let progress = progress.changed_to(study.schedule.clone()).map_err(changed)?;
+    Ok((before, progress))
+}
+
+/// The schedule of the plan with this hash, whose text the journal keeps.
+fn schedule_of(study: &Study, journal: &Journal, plan: &str) -> Result<Result<Schedule, String>, StudyError> {
+    if plan == hash(&study.plan_text) {
+        return Ok(Ok(study.schedule.clone()));
+    }
+    let text = journal.text(plan)?.unwrap_or_default();
+    let schedule = Plan::from_text(&text).and_then(|plan| plan.schedule(&study.arrangements));
+    Ok(schedule.map_err(|error| format!("the plan that it began with makes no schedule now, {error}")))
+}
+
+/// How far a study is, for who only looks: its progress, its journal, and whether its participants are simulated.
+#[derive(Debug)]
+pub struct Look {
+    /// How far it is.
+    pub progress: Progress,
+    /// What happened.
+    pub entries: Vec<Entry<StudyEvent>>,
+    /// Participants and answers are simulated.
+    pub simulated: bool,
+}
+
+/// Looks at a study, which may be under way.
+///
+/// # Errors
+/// As [`Conductor::take_up`].
+pub fn look(study: &Study) -> Result<Look, StudyError> {
+    let path = study.folder.join(STUDY_FILE);
+    if !path.is_file() {
+        let progress = Progress::new(study.schedule.clone());
+        return Ok(Look { progress, entries: Vec::new(), simulated: false });
+    }
+    let journal = Journal::read(&path)?;
+    let entries = journal.entries::<StudyEvent>()?;
+    let (before, progress) = fold(study, &journal, &entries)?;
+    Ok(Look { progress, entries, simulated: before.is_some_and(|before| before.simulated) })
+}
+
+fn check_pseudonym(id: &str) -> Result<(), StudyError> {
+    let plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+    if !id.is_empty() && id.len() <= 32 && id.chars().all(plain) {
+        return Ok(());
+    }
+    Err(StudyError::Person(format!(
+        "the participant is called {id:?}, expected a pseudonym of 1 to 32 letters, digits, - and _"
+    )))
+}
+
+/// SHA-256 of a text, hexadecimal.
+pub(super) fn hash(text: &str) -> String {
+    Sha256::digest(text.as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect()
+}

@@ -1,0 +1,209 @@
+//! What the columns of the tables are: the codebook.
+
+use proact_analysis::table::Column;
+
+const fn column(
+    name: &'static str,
+    unit: &'static str,
+    meaning: &'static str,
+    source: &'static str,
+) -> Column {
+    Column { name, unit, meaning, source }
+}
+
+const PARTICIPANT: Column = column("participant", "", "place in the plan, from 1", "plan");
+const ID: Column = column("id", "", "pseudonym", "journal");
+const SESSION: Column = column("session", "", "name of the session", "plan");
+const CONDITION: Column = column("condition", "", "what is compared", "plan");
+const TRIAL: Column = column("trial", "", "number among the participant's trials of the condition, from 1", "plan");
+const SIMULATED: Column =
+    column("simulated", "", "1 if participant and answers are simulated, 0 for a person", "journal");
+const DEPARTURES: Column =
+    column("deviations", "", "kinds of departure from the plan, with commas between; see deviations", "journal");
+
+/// The columns that name a trial, then the table's own.
+macro_rules! of_a_trial {
+    ($($own:expr),* $(,)?) => { &[PARTICIPANT, ID, SESSION, CONDITION, TRIAL, $($own),*] };
+}
+
+pub(super) const PARTICIPANTS: &[Column] = &[
+    PARTICIPANT,
+    ID,
+    SIMULATED,
+    column("consent_version", "", "text that was agreed to", "questionnaire"),
+    column("consent_time", "", "when, RFC 3339, UTC", "questionnaire"),
+    column("sessions_over", "", "sessions that are over", "journal"),
+    column("sessions_planned", "", "sessions of the plan", "plan"),
+    column("trials_over", "", "trials that count or were left out", "journal"),
+    column("trials_planned", "", "trials of the plan", "plan"),
+    DEPARTURES,
+];
+
+pub(super) const SESSIONS: &[Column] = &[
+    PARTICIPANT,
+    ID,
+    SESSION,
+    column("began", "", "when its first step began, RFC 3339, UTC", "journal"),
+    column("ended", "", "when its last step ended; empty until it is over", "journal"),
+    column("days", "", "days on which there was something of it, with commas between", "journal"),
+    column("steps_over", "", "steps that are over, trials included", "journal"),
+    column("steps_planned", "", "steps of the plan", "plan"),
+    DEPARTURES,
+];
+
+pub(super) const TRIALS: &[Column] = of_a_trial![
+    column("position", "", "place of the condition in the participant's order, from 1", "plan"),
+    column("arrangement", "", "where the objects stood, by the task's name", "plan"),
+    column("seed", "", "of every random stream of the trial", "plan"),
+    column("method", "", "control method", "record"),
+    column("task", "", "the task", "record"),
+    column("arm", "", "the arm", "record"),
+    column("setup", "", "where person and box were", "record"),
+    column("ended", "", "what ended it: task, abort", "record"),
+    column("attempt", "", "which attempt counts, from 1; all are in attempts", "journal"),
+    column("mark", "", "* where something departed from the plan", "journal"),
+    DEPARTURES,
+    column("score", "", "what counts in the task", "record"),
+    column("score_name", "", "what the score is", "record"),
+    column("seconds", "s", "length of the trial", "record"),
+    column("gesture_source", "", "where the gestures came from", "record"),
+    column("unsolved_ticks", "", "milliseconds in which the physics met the laws of contact inexactly", "record"),
+    column("record", "", "folder of the record, in the study's folder", "journal"),
+    column("digest", "", "digest of the trial: the same for the same inputs", "record"),
+    SIMULATED,
+];
+
+pub(super) const ATTEMPTS: &[Column] = of_a_trial![
+    column("attempt", "", "how often the trial was begun, this time included", "journal"),
+    column("began", "", "RFC 3339, UTC", "journal"),
+    column("ended", "", "RFC 3339, UTC; of an interrupted one, when the next run found it", "journal"),
+    column("outcome", "", "done, aborted, interrupted or skipped", "journal"),
+    column("counts", "", "1 if it is the one in trials", "journal"),
+    column("record", "", "folder of the record, in the study's folder", "journal"),
+];
+
+pub(super) const BLOCKS: &[Column] = of_a_trial![
+    column("block", "", "the object", "record"),
+    column("outcome", "", "what became of it", "record"),
+    column("pick_s", "s", "from the release of the one before, or the start, to the first contact", "record"),
+    column("place_s", "s", "from the last contact to the release", "record"),
+    column("error_mm", "mm", "horizontal distance from its target at the end", "record"),
+];
+
+pub(super) const ACTIONS: &[Column] = of_a_trial![
+    column("time_s", "s", "since the trial's start", "record"),
+    column("action", "", "what was done", "record"),
+    column("object", "", "with which object", "record"),
+    column("detail", "", "the gesture, the reason, how it ended", "record"),
+];
+
+pub(super) const GAZE: &[Column] = of_a_trial![
+    column("phase", "", "empty_hand, or holding an object", "record"),
+    column("seconds", "s", "length of the phase in this trial, all its parts together", "record"),
+    column("samples", "", "samples of the gaze", "record"),
+    column("valid_share", "1", "share of samples in which the tracker saw the eye, 0 to 1", "record"),
+    column("path_deg", "degree", "angle that the gaze went", "computed from the record"),
+    column("fixations", "", "I-VT: slower than 100 degrees/s for at least 80 ms", "computed from the record"),
+    column("fixation_ms", "ms", "mean length of a fixation", "computed from the record"),
+];
+
+pub(super) const COMPENSATION: &[Column] = of_a_trial![
+    column("shoulder_path_m", "m", "length of the shoulder's way; empty if it was not tracked", "computed from the record"),
+    column("shoulder_range_mm", "mm", "furthest from where it was first", "computed from the record"),
+    column("shoulder_turn_deg", "degree", "furthest turn from how it was first", "computed from the record"),
+];
+
+pub(super) const EMG_QUALITY: &[Column] = of_a_trial![
+    column("channel", "", "electrode, from 1", "record"),
+    column("samples", "", "samples of the armband", "record"),
+    column("gaps", "", "gaps in its stream", "computed from the record"),
+    column("lost_share", "1", "mean share of samples lost in a second, 0 to 1", "computed from the record"),
+    column("sd", "unit of the stream", "mean standard deviation over a second", "computed from the record"),
+    column("mains_share", "1", "mean share of the power at the mains frequency, 0 to 1", "computed from the record"),
+    column("amber_share", "1", "share of the time with an amber light, 0 to 1", "computed from the record"),
+    column("red_share", "1", "share of the time with a red light, 0 to 1", "computed from the record"),
+];
+
+pub(super) const DEVIATIONS: &[Column] = &[
+    PARTICIPANT,
+    ID,
+    SESSION,
+    CONDITION,
+    TRIAL,
+    column("step", "", "at which step of the session", "journal"),
+    column("deviation", "", "which kind", "journal"),
+    column("reason", "", "as the experimenter or the program gave it", "journal"),
+    column("at", "", "when it was noted, RFC 3339, UTC", "journal"),
+];
+
+pub(super) const READINESS: &[Column] = of_a_trial![
+    column("check", "", "what was looked at", "journal"),
+    column("ready", "", "1 if it was", "journal"),
+    column("found", "", "what was found", "journal"),
+    column("age_s", "s", "how old that was", "journal"),
+    column("at", "", "RFC 3339, UTC", "journal"),
+];
+
+pub(super) const EVENTS: &[Column] = &[
+    column("event", "", "number of the event, from 1 in the order in which they were written", "journal"),
+    column("at", "", "when it was written, RFC 3339, UTC; by a clock that can be set", "journal"),
+    PARTICIPANT,
+    SESSION,
+    column("step", "", "what of the session, from 1", "journal"),
+    column("kind", "", "what happened", "journal"),
+    column("detail", "", "the rest, as JSON", "journal"),
+];
+
+const ITEM_KEY: [Column; 5] = [
+    PARTICIPANT,
+    ID,
+    SESSION,
+    column("condition", "", "what the questions are about; empty for the whole session", "plan"),
+    column("form", "", "name of the questionnaire", "plan"),
+];
+
+pub(super) const ANSWERS: &[Column] = &[
+    ITEM_KEY[0],
+    ITEM_KEY[1],
+    ITEM_KEY[2],
+    ITEM_KEY[3],
+    ITEM_KEY[4],
+    column("item", "", "key of the question", "questionnaire"),
+    column("answer", "", "the answer; several with commas between, shared places with =; empty if there is none", "journal"),
+    column("at", "", "when it was given, RFC 3339, UTC", "journal"),
+    SIMULATED,
+];
+
+pub(super) const SCORES: &[Column] = &[
+    ITEM_KEY[0],
+    ITEM_KEY[1],
+    ITEM_KEY[2],
+    ITEM_KEY[3],
+    ITEM_KEY[4],
+    column("score", "", "name of the score", "questionnaire"),
+    column("value", "", "the score; empty where too much is missing", "computed from answers"),
+    column("missing", "", "questions without an answer, with commas between", "computed from answers"),
+    SIMULATED,
+];
+
+pub(super) const RAW_GAZE: &[Column] = of_a_trial![
+    column("time_s", "s", "since the trial's start", "record"),
+    column("origin_x", "m", "the eye, in world", "record"),
+    column("origin_y", "m", "the eye, in world", "record"),
+    column("origin_z", "m", "the eye, in world", "record"),
+    column("direction_x", "", "where it looks, in world, of any length", "record"),
+    column("direction_y", "", "where it looks, in world, of any length", "record"),
+    column("direction_z", "", "where it looks, in world, of any length", "record"),
+    column("valid", "", "1 if the tracker saw the eye", "record"),
+];
+
+pub(super) const RAW_SHOULDER: &[Column] = of_a_trial![
+    column("time_s", "s", "since the trial's start", "record"),
+    column("x", "m", "the shoulder, in world", "record"),
+    column("y", "m", "the shoulder, in world", "record"),
+    column("z", "m", "the shoulder, in world", "record"),
+    column("qx", "", "its attitude, a unit quaternion", "record"),
+    column("qy", "", "its attitude, a unit quaternion", "record"),
+    column("qz", "", "its attitude, a unit quaternion", "record"),
+    column("qw", "", "its attitude, a unit quaternion", "record"),
+];
