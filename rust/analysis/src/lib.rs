@@ -18,6 +18,7 @@
 mod forecast;
 pub mod measures;
 mod score;
+pub mod summary;
 pub mod table;
 
 pub use forecast::{AnalysisError, Episode, Forecast, brier, log_loss, top_choice};

@@ -33,7 +33,8 @@ pub struct LiveArmband {
     prompts: Sender<GestureName>,
     received: Arc<AtomicU64>,
     stop: Arc<AtomicBool>,
-    thread: Option<JoinHandle<()>>,
+    /// Gives the source back when it ends.
+    thread: Option<JoinHandle<Box<dyn SampleSource>>>,
     model: EmgModel,
 }
 
@@ -74,7 +75,7 @@ impl LiveArmband {
                 match source.poll(Duration::from_millis(20), &mut packet) {
                     Ok(SourceEvent::Packet) => {
                         if !hand_on(&sender, &packet) {
-                            return;
+                            return source;
                         }
                         counted.fetch_add(packet.samples.len() as u64, Ordering::Release);
                     }
@@ -85,10 +86,17 @@ impl LiveArmband {
                         say(repeats.tell("found", "armband found again".to_owned(), Instant::now()));
                     }
                     Ok(SourceEvent::Nothing) => {}
-                    Ok(SourceEvent::Ended) => return tell("the EMG source has ended"),
-                    Err(error) => return tell(format_args!("armband: {error}")),
+                    Ok(SourceEvent::Ended) => {
+                        tell("the EMG source has ended");
+                        return source;
+                    }
+                    Err(error) => {
+                        tell(format_args!("armband: {error}"));
+                        return source;
+                    }
                 }
             }
+            source
         });
         let samples = Arc::new(Mutex::new(samples));
         LiveArmband { samples, prompts, received, stop, thread: Some(thread), model }
@@ -102,6 +110,18 @@ impl LiveArmband {
     /// The model.
     pub fn model(&self) -> &EmgModel {
         &self.model
+    }
+
+    /// Tells simulated people who wear it what to make.
+    pub fn prompt(&self, gesture: GestureName) {
+        // An error means that the source has ended, which has been told.
+        let _ = self.prompts.send(gesture);
+    }
+
+    /// Ends the stream; its source, for another model. None if its thread panicked.
+    pub fn into_source(mut self) -> Option<Box<dyn SampleSource>> {
+        self.stop.store(true, Ordering::Relaxed);
+        self.thread.take()?.join().ok()
     }
 
     /// Waits at most for `patience`; the samples that came since, oldest first, and those that came with them.

@@ -1,6 +1,6 @@
 //! What the experimenter's page gets from a trial that runs in real time, and what its buttons do.
 
-use crate::pace::Pace;
+use crate::{live::TrialInputs, pace::Pace};
 use proact_bridge::{ClientInput, GazeCheck, PageServer, Signals, StudyAction, TrialStatus};
 use proact_emg::{Light, QualityConfig, QualityMonitor};
 use proact_testbed::{Step, TrialConfig};
@@ -111,6 +111,7 @@ impl<'a> Experimenter<'a> {
         &mut self,
         pace: &mut Pace,
         shown: Option<&DisplayFrame>,
+        inputs: &mut dyn TrialInputs,
         interrupted: &AtomicBool,
     ) -> Vec<ClientInput> {
         let mut kept = Vec::new();
@@ -118,7 +119,7 @@ impl<'a> Experimenter<'a> {
         let mut told = Instant::now();
         while self.stands_still() && kept.is_empty() && !interrupted.load(Ordering::Relaxed) {
             std::thread::sleep(Duration::from_millis(10));
-            for input in self.page.drain_inputs() {
+            for input in inputs.drain() {
                 match input {
                     ClientInput::Study(action) if !self.act(action) => {}
                     ClientInput::Study(_) | ClientInput::Restart { .. } => kept.push(input),

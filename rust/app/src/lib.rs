@@ -50,7 +50,7 @@ pub use centred::CentredStream;
 pub use console::{answer, tell};
 pub use experimenter::Experimenter;
 pub use limb::{LimbError, LimbReceiver};
-pub use live::{Ended, LiveTrial};
+pub use live::{Ended, LiveTrial, TrialInputs};
 pub use pace::Pace;
 pub use person::{EyeTracker, LivePerson, drive_by_page};
 pub use record::{Recorder, RecorderError, default_dir};

@@ -62,6 +62,12 @@ impl LimbReceiver {
         Ok(self.socket.local_addr()?)
     }
 
+    /// Throws away what came since the last call. False if nothing did.
+    pub fn listen(&mut self) -> bool {
+        let mut buffer = [0; 4096];
+        (0..MOST_AT_ONCE).take_while(|_| self.socket.recv(&mut buffer).is_ok()).count() > 0
+    }
+
     /// Hands the newest measurement to the trial. False if none came.
     ///
     /// # Errors

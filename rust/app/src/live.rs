@@ -34,6 +34,20 @@ pub enum Ended {
     Interrupted,
 }
 
+/// Where what concerns a trial comes from: its page, and whoever conducts a study around it.
+pub trait TrialInputs {
+    /// Everything since the last call, oldest first.
+    fn drain(&mut self) -> Vec<ClientInput>;
+    /// This instant is on the page.
+    fn shown(&mut self, _frame: &DisplayFrame) {}
+}
+
+impl TrialInputs for &PageServer {
+    fn drain(&mut self) -> Vec<ClientInput> {
+        self.drain_inputs()
+    }
+}
+
 /// A trial before a person, its page and its record.
 pub struct LiveTrial<'a> {
     /// The trial.
@@ -44,12 +58,14 @@ pub struct LiveTrial<'a> {
     pub dir: Option<PathBuf>,
     /// What the person sees.
     pub page: &'a PageServer,
+    /// What the person and others do.
+    pub inputs: &'a mut dyn TrialInputs,
     /// What the person has connected.
     pub person: &'a mut LivePerson,
     /// Taken off every gaze; what a calibration finds comes on top.
     pub gaze_offset: &'a mut GazeOffset,
-    /// Results of the trials of this page.
-    pub results: &'a mut ResultCards,
+    /// Results of the trials of this page; none where the page is not to show any.
+    pub results: Option<&'a mut ResultCards>,
     /// Raised by Ctrl-C or a request to end.
     pub interrupted: &'a AtomicBool,
 }
@@ -72,7 +88,9 @@ impl LiveTrial<'_> {
         };
         let result = finish(&self.session, self.recorder.take(), self.dir.as_deref(), start, end)?;
         let most = self.session.testbed().task().briefing().most;
-        self.results.show(self.page, most, &result, "You", path, &[]);
+        if let Some(results) = &mut self.results {
+            results.show(self.page, most, &result, "You", path, &[]);
+        }
         Ok((ended, result))
     }
 
@@ -89,11 +107,13 @@ impl LiveTrial<'_> {
         let (mut ending, mut shown, mut began_at_page) = (None, None, !self.waits());
         loop {
             if self.session.testbed().frame_is_due() || self.session.testbed().now().0 == 0 {
-                let mut inputs = self.page.drain_inputs();
+                let mut inputs = self.inputs.drain();
                 if shown.is_some() && !std::mem::replace(&mut began_at_page, true) {
                     experimenter.wait_for_first_action();
                 }
-                inputs.extend(experimenter.wait_while_still(&mut pace, shown.as_ref(), self.interrupted));
+                let still =
+                    experimenter.wait_while_still(&mut pace, shown.as_ref(), self.inputs, self.interrupted);
+                inputs.extend(still);
                 for input in drive_by_page(self.page, inputs, &mut self.session) {
                     match input {
                         ClientInput::Restart { method, again } => {
@@ -125,6 +145,7 @@ impl LiveTrial<'_> {
             }
             if let Some(frame) = &step.frame {
                 self.page.publish(frame);
+                self.inputs.shown(frame);
                 path.add(frame);
                 // Shown again while time stands still; what happened in it happened once.
                 shown = Some(DisplayFrame { events: vec![], feedback: vec![], ..frame.clone() });
@@ -151,7 +172,7 @@ impl LiveTrial<'_> {
     /// The disk refuses.
     pub fn wait_for_restart(&mut self) -> Result<Ended, Box<dyn Error>> {
         while !self.interrupted.load(Ordering::Relaxed) {
-            for input in self.page.drain_inputs() {
+            for input in self.inputs.drain() {
                 match input {
                     ClientInput::Restart { method, again } => return Ok(Ended::Restart { method, again }),
                     ClientInput::GazeCheck(check) => {

@@ -50,6 +50,13 @@ impl LivePerson {
         self.tracker.is_none() && self.limb.is_none() && self.rosbridge.is_none()
     }
 
+    /// Between trials: whether eye tracker and limb sent anything since the last call; none where there is no such. What they sent
+    /// is of no trial.
+    pub fn listen(&mut self) -> [Option<bool>; 2] {
+        let gaze = self.tracker.as_mut().map(|eye| eye.tracker.latest().is_ok_and(|sent| sent.is_some()));
+        [gaze, self.limb.as_mut().map(LimbReceiver::listen)]
+    }
+
     /// Another trial begins.
     ///
     /// # Errors

@@ -1,6 +1,6 @@
 //! A trial with a simulated participant, from its first tick to its record.
 
-use crate::{Experimenter, Pace, Recorder, Rosbridge, person::give_feedback};
+use crate::{Experimenter, Pace, Recorder, Rosbridge, live::TrialInputs, person::give_feedback};
 use proact_bridge::{ClientInput, PageServer};
 use proact_devices::FeedbackSinks;
 use proact_testbed::{Session, TrialEnd, TrialResult};
@@ -19,6 +19,8 @@ const PAGE_WAIT: Duration = Duration::from_secs(10);
 pub struct Audience<'a> {
     /// The page, if there is one.
     pub page: Option<&'a PageServer>,
+    /// What is asked for meanwhile, if not by the page alone.
+    pub inputs: Option<&'a mut dyn TrialInputs>,
     /// Clients of rosbridge, if they are served.
     pub rosbridge: Option<Rosbridge>,
     /// What is heard or felt.
@@ -48,8 +50,13 @@ pub fn run_to_end(
     let ended = loop {
         let mut ending = interrupted.load(Ordering::Relaxed).then_some(TrialEnd::Interrupt);
         if let (Some((pace, experimenter)), Some(page)) = (&mut live, page) {
-            let mut inputs = page.drain_inputs();
-            inputs.extend(experimenter.wait_while_still(pace, None, interrupted));
+            let mut by_page = page;
+            let from: &mut dyn TrialInputs = match &mut audience.inputs {
+                Some(inputs) => *inputs,
+                None => &mut by_page,
+            };
+            let mut inputs = from.drain();
+            inputs.extend(experimenter.wait_while_still(pace, None, from, interrupted));
             for input in inputs {
                 if let ClientInput::Study(action) = input
                     && experimenter.act(action)
@@ -68,6 +75,9 @@ pub fn run_to_end(
             on_frame(frame);
             if let Some(page) = page {
                 page.publish(frame);
+            }
+            if let Some(inputs) = &mut audience.inputs {
+                inputs.shown(frame);
             }
             // The first instant is what a page draws first, and there it waits.
             if let Some(page) = awaited.take() {

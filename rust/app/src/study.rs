@@ -1,14 +1,23 @@
 //! Studies on disk: a folder with a plan, what the plan's names mean, the journal of what happened, and the trials' records.
 
+mod batch;
 mod conductor;
+mod export;
+mod live;
 mod rehearsal;
 mod tables;
+mod worker;
 
 pub use conductor::{Conductor, Look, STUDY_FILE, StudyError, TRIALS_FOLDER, look, record_name};
-pub use rehearsal::{Rehearsed, rehearse, simulated_trial};
+pub use batch::{ConditionSummary, simulate};
+pub use export::{ExportOptions, Exported, archive, export};
+pub use live::{LiveStudy, OnScreen, OpenPerson, StudyEquipment, opening};
+pub use rehearsal::{RehearsalOptions, Rehearsed, rehearse};
 pub use tables::tables;
+pub use worker::{TrialOrder, Worker, WorkerError, simulated_trial, work};
 
 use crate::trial_choice::{TrialContext, trial_config};
+use worker::DEFAULT_SETUP;
 use proact_control::MethodRegistry;
 use proact_study::{Form, Happening, Plan, PlannedStep, ProtocolStep, SHIPPED, SHIPPED_FORMS, Schedule};
 use proact_types::MOST_TEXT_BYTES;
@@ -23,8 +32,6 @@ use std::{
 pub const PLAN_FILE: &str = "plan.toml";
 /// Where a study's own questionnaires are, in its folder.
 const FORMS_FOLDER: &str = "forms";
-/// Where person and box are in a study that says nothing.
-const DEFAULT_SETUP: &str = "seated";
 
 /// A study in a folder.
 #[derive(Clone, Debug)]

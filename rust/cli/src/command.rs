@@ -64,7 +64,9 @@ enum Command {
     },
     /// Measure a stage, beside its peer where there is one
     Bench(BenchArgs),
-    /// Plan a study, and see what its plan is worth
+    /// Run many trials with simulated participants, and sum them up
+    Simulate(crate::simulate::SimulateArgs),
+    /// Plan a study, conduct its sessions, get its tables
     Study {
         /// One JSON object on standard output
         #[arg(long, global = true)]
@@ -235,8 +237,9 @@ fn act(registry: &Registry, command: Command) -> Result<bool, Box<dyn Error>> {
             Ok(true)
         }
         Command::Study { json, command } => {
-            crate::study::run(&registry.methods, &command, json).map(|()| true)
+            crate::study::run(registry, &command, json)
         }
+        Command::Simulate(args) => crate::simulate::command(registry, &args),
         Command::Analyze(args) => crate::analyze::command(&registry.methods, &args),
         Command::Node(args) => crate::node::command(registry, &args),
         Command::Bless(args) => crate::bless::command(&args),

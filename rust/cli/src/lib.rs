@@ -22,6 +22,8 @@ mod replay;
 mod replay_page;
 mod rosbridge_args;
 mod serve;
+mod served_page;
+mod simulate;
 mod study;
 mod trial_args;
 

@@ -1,25 +1,16 @@
 use crate::{
-    access_args::listed,
-    announce::{announce, print_result, printed},
-    interrupt::interrupt_flag,
-    person_args::PersonArgs,
+    announce::print_result, interrupt::interrupt_flag, person_args::PersonArgs, served_page::ServedPageArgs,
     trial_args::TrialArgs,
 };
 use clap::{Args, Parser};
 use proact_app::{
-    Ended, LiveArmband, LivePerson, LiveTrial, Recorder, Registry, ResultCards, default_dir, tell,
+    Ended, LiveArmband, LivePerson, LiveTrial, Recorder, Registry, ResultCards, default_dir,
     trial::{self, Armband, Assembly},
 };
-use proact_bridge::{PageContent, PageOptions, PageServer};
+use proact_bridge::{PageContent, PageServer};
 use proact_devices::SourceName;
-use proact_http::Listed;
 use proact_intent::GazeOffset;
-use std::{
-    error::Error,
-    net::{IpAddr, Ipv4Addr},
-    path::PathBuf,
-    sync::atomic::AtomicBool,
-};
+use std::{error::Error, path::PathBuf, sync::atomic::AtomicBool};
 
 /// Arguments of `proact serve`.
 #[derive(Debug, Args)]
@@ -32,21 +23,8 @@ use std::{
 pub(crate) struct ServeArgs {
     #[command(flatten)]
     trial: TrialArgs,
-    /// Port of the page
-    #[arg(long, default_value_t = 8090)]
-    port: u16,
-    /// Fail if the port is taken instead of trying the next ones
-    #[arg(long)]
-    exact_port: bool,
-    /// Address to listen on; where other machines can connect, everybody needs the token that is printed then
-    #[arg(long, default_value = "127.0.0.1")]
-    bind: IpAddr,
-    /// Machine that needs no token to watch the page, with =act to drive and end trials too; may be repeated
-    #[arg(long, value_name = "ADDRESS[=act]", value_parser = listed)]
-    page_allow: Vec<Listed>,
-    /// For a headset: HTTPS on all addresses, and a QR code to open the page with
-    #[arg(long)]
-    headset: bool,
+    #[command(flatten)]
+    page: ServedPageArgs,
     /// Folder for the records of the trials
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -60,9 +38,6 @@ pub(crate) struct ServeArgs {
     /// Model of the armband, as `proact emg train` writes it
     #[arg(long, value_name = "FILE", requires = "emg_source")]
     emg_model: Option<PathBuf>,
-    /// Print the address of the page, open nothing
-    #[arg(long)]
-    no_browser: bool,
     #[command(flatten)]
     person: PersonArgs,
 }
@@ -148,11 +123,7 @@ fn drive(
                 server
             }
             none => {
-                let (options, secret) = page_options(args)?;
-                let started = none.insert(PageServer::start(options, content)?);
-                announce(started, "", !args.no_browser, secret);
-                announce_remote(started, args.headset, secret)?;
-                started
+                none.insert(args.page.start(&args.person.rosbridge.access, content)?)
             }
         };
         let person = match &mut person {
@@ -162,14 +133,17 @@ fn drive(
             }
             none => none.insert(args.person.open(&registry.sinks, &session)?),
         };
+        let page: &PageServer = page;
+        let mut inputs = page;
         let mut trial = LiveTrial {
             session,
             recorder,
             dir,
             page,
+            inputs: &mut inputs,
             person,
             gaze_offset: &mut gaze_offset,
-            results: &mut results,
+            results: Some(&mut results),
             interrupted,
         };
         let (mut ended, result) = trial.run()?;
@@ -183,75 +157,9 @@ fn drive(
     Ok(true)
 }
 
-/// Where and for whom the page is served, and whether its token is one that was given.
-fn page_options(args: &ServeArgs) -> Result<(PageOptions, bool), Box<dyn Error>> {
-    let bind = if args.headset { Ipv4Addr::UNSPECIFIED.into() } else { args.bind };
-    let (access, given) = args.person.rosbridge.access.page_access(bind, args.page_allow.clone())?;
-    let allow_next = !args.exact_port;
-    let options =
-        PageOptions { port: args.port, allow_next, bind, https: args.headset, access, ..Default::default() };
-    Ok((options, given))
-}
-
-/// Tells how to open the page on another machine, for a headset as a QR code.
-fn announce_remote(server: &PageServer, headset: bool, secret: bool) -> Result<(), Box<dyn Error>> {
-    let Some(url) = server.remote_url() else { return Ok(()) };
-    tell(format_args!("on another machine: {}", printed(&url, secret)));
-    if headset {
-        tell(qr_code(&url)?);
-        tell(
-            "The certificate is our own: the browser asks once whether to go on, and not again at the next start.",
-        );
-    }
-    Ok(())
-}
-
-/// The QR code of `text` in black on white, whatever the colours of the terminal are: scanners want dark on light.
-fn qr_code(text: &str) -> Result<String, qrcode::types::QrError> {
-    const BLACK_ON_WHITE: &str = "\x1b[38;5;16;48;5;231m";
-    let code = qrcode::QrCode::new(text)?;
-    let picture = code.render::<qrcode::render::unicode::Dense1x2>().build();
-    Ok(picture.lines().map(|line| format!("{BLACK_ON_WHITE}{line}\x1b[0m\n")).collect())
-}
-
 /// `dir`, or the same with a number added if it is taken: the same blocks again are another trial.
 pub(crate) fn free_dir(dir: PathBuf) -> PathBuf {
     let numbered = |k: u32| PathBuf::from(format!("{}-{k}", dir.display()));
     let names = std::iter::once(dir.clone()).chain((2..).map(numbered));
     names.into_iter().find(|name| !name.exists()).unwrap_or(dir)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// The modules of what is printed, dark ones true, as a scanner sees them on a terminal of any colours.
-    fn seen(printed: &str) -> Result<Vec<Vec<bool>>, String> {
-        let mut rows = Vec::new();
-        for line in printed.lines() {
-            let line = line.strip_prefix("\x1b[38;5;16;48;5;231m").ok_or("no colours of its own")?;
-            let line = line.strip_suffix("\x1b[0m").ok_or("the colours go on")?;
-            let halves: &[fn(char) -> bool] =
-                &[|c| matches!(c, '\u{2580}' | '\u{2588}'), |c| matches!(c, '\u{2584}' | '\u{2588}')];
-            rows.extend(halves.iter().map(|dark| line.chars().map(dark).collect::<Vec<_>>()));
-        }
-        Ok(rows)
-    }
-
-    #[test]
-    fn the_qr_code_is_dark_on_light_with_a_margin_on_any_terminal() -> Result<(), Box<dyn Error>> {
-        let url = "https://192.168.1.20:8090/?token=0123456789abcdef";
-        let rows = seen(&qr_code(url)?)?;
-        let code = qrcode::QrCode::new(url)?;
-        const MARGIN: usize = 4;
-        assert!(rows[..MARGIN].iter().flatten().all(|dark| !dark), "light around it");
-        let width = code.width();
-        for (y, modules) in code.to_colors().chunks(width).enumerate() {
-            for (x, module) in modules.iter().enumerate() {
-                let dark = *module == qrcode::Color::Dark;
-                assert_eq!(rows[y + MARGIN][x + MARGIN], dark, "module {x}, {y}");
-            }
-        }
-        Ok(())
-    }
 }

@@ -1,14 +1,16 @@
-//! `proact study`: plan a study, and see what its plan is worth.
+//! `proact study`: from a plan to recorded sessions and their tables.
 
-use clap::{Args, Subcommand};
-use proact_app::{
-    answer,
-    study::{Study, new_study},
-};
-use proact_control::MethodRegistry;
-use proact_study::{Balance, Form, Imbalance, SHIPPED};
-use serde_json::{Map, Value, json};
-use std::{error::Error, path::PathBuf};
+mod console;
+mod files;
+mod plan;
+mod run;
+mod status;
+
+use clap::Subcommand;
+use proact_app::Registry;
+use std::error::Error;
+
+pub(crate) use run::worker_command;
 
 /// What to do with a study.
 #[derive(Debug, Subcommand)]
@@ -19,175 +21,56 @@ pub enum StudyCommand {
         study1 and study2 are those of the ProACT paper; empty has two methods, two trials each. docs/studies.md says what \
         can be in a plan."
     )]
-    New(NewArgs),
+    New(plan::NewArgs),
     /// Say who does what, every imbalance with its size, what is confounded, and how long a session takes
     #[command(
         after_help = "Examples:\n  proact study check pilot\n  proact study check pilot --schedule > schedule.csv\n\n\
         An imbalance is no error: the exit code is 0 if the plan can be run."
     )]
-    Check(CheckArgs),
+    Check(plan::CheckArgs),
+    /// Conduct sessions: the experimenter's page and the terminal show where the study is, and either can drive it
+    #[command(
+        after_help = "Examples:\n  proact study run pilot\n  proact study run pilot --participant P07 --new\n  \
+        proact study run pilot --emg-source ble --headset\n  proact study run pilot --simulated\n\n\
+        Whatever ended the last run, this one goes on from the last event on the disk. Ctrl-C ends; a trial under way counts as \
+        interrupted and is done again. With --simulated the exit code is 0 only if the study is finished."
+    )]
+    Run(run::RunArgs),
+    /// Say who is next, and with what
+    #[command(after_help = "Example:\n  proact study next pilot")]
+    Next(status::StatusArgs),
+    /// Say how far a study is, by participant
+    #[command(after_help = "Example:\n  proact study status pilot --json")]
+    Status(status::StatusArgs),
+    /// Write the tables of a study: CSV and SQLite, with a codebook and checksums
+    #[command(
+        after_help = "Examples:\n  proact study export pilot\n  proact study export pilot --raw --out shared/pilot\n\n\
+        Participants are called by their places in the plan unless --keep-ids. Free words are as they were written: read them \
+        before you share them. One row is one observation; codebook.csv says what each column is."
+    )]
+    Export(files::ExportArgs),
+    /// Put a whole study into one zip file: plan, journal, records, models, with checksums
+    #[command(after_help = "Example:\n  proact study archive pilot\n\nWhat was written is read again and compared.")]
+    Archive(files::ArchiveArgs),
+    /// Run trials that come on standard input
+    #[command(hide = true)]
+    Worker,
 }
 
-/// Arguments of `proact study new`.
-#[derive(Debug, Args)]
-pub struct NewArgs {
-    /// Folder of the study; its name is the study's
-    folder: PathBuf,
-    /// Which plan to begin with
-    #[arg(long, default_value = "empty", value_parser = SHIPPED.iter().map(|(name, _)| *name).collect::<Vec<_>>())]
-    like: String,
-}
-
-/// Arguments of `proact study check`.
-#[derive(Debug, Args)]
-pub struct CheckArgs {
-    /// Folder of the study, or its plan
-    #[arg(value_name = "FOLDER|FILE")]
-    study: PathBuf,
-    /// Print all trials instead, as CSV
-    #[arg(long)]
-    schedule: bool,
-}
-
-/// Runs the command. Prints to standard output.
+/// Runs the command. True for success.
 ///
 /// # Errors
-/// A plan that cannot be read or run, by its file's name.
-pub fn run(methods: &MethodRegistry, command: &StudyCommand, json: bool) -> Result<(), Box<dyn Error>> {
+/// A plan that cannot be read or run, by its file's name; what each command says.
+pub fn run(registry: &Registry, command: &StudyCommand, json: bool) -> Result<bool, Box<dyn Error>> {
     match command {
-        StudyCommand::New(args) => {
-            let file = new_study(&args.folder, &args.like)?;
-            if json {
-                return Ok(answer(json!({ "plan": file }).to_string())?);
-            }
-            Ok(answer(format!(
-                "{}\nEdit it, then look at it: proact study check {}",
-                file.display(),
-                args.folder.display()
-            ))?)
-        }
-        StudyCommand::Check(args) => {
-            let study = Study::open(&args.study, methods)?;
-            if args.schedule {
-                return Ok(answer(schedule(&study, json)?.trim_end())?);
-            }
-            let balance = Balance::of(&study.plan, &study.schedule, &study.arrangements);
-            let text = if json { report(&study, &balance)?.to_string() } else { prose(&study, &balance) };
-            Ok(answer(text.trim_end())?)
-        }
+        StudyCommand::New(args) => plan::new(args, json)?,
+        StudyCommand::Check(args) => plan::check(&registry.methods, args, json)?,
+        StudyCommand::Run(args) => return run::command(registry, args, json),
+        StudyCommand::Next(args) => status::next(&registry.methods, args, json)?,
+        StudyCommand::Status(args) => status::status(&registry.methods, args, json)?,
+        StudyCommand::Export(args) => files::export(&registry.methods, args, json)?,
+        StudyCommand::Archive(args) => files::archive(&registry.methods, args, json)?,
+        StudyCommand::Worker => run::work(registry)?,
     }
-}
-
-/// All trials, as CSV or as JSON.
-fn schedule(study: &Study, json: bool) -> Result<String, Box<dyn Error>> {
-    if json {
-        return Ok(serde_json::to_string(&study.schedule)?);
-    }
-    let mut table = csv::Writer::from_writer(Vec::new());
-    for trial in study.schedule.trials() {
-        table.serialize(trial)?;
-    }
-    Ok(String::from_utf8(table.into_inner()?)?)
-}
-
-fn report(study: &Study, balance: &Balance) -> Result<Value, Box<dyn Error>> {
-    let minutes: Map<String, Value> = balance
-        .minutes_per_session
-        .iter()
-        .map(|session| (session.session.clone(), json!(session.minutes)))
-        .collect();
-    Ok(json!({
-        "name": study.plan.name,
-        "participants": study.plan.participants,
-        "conditions": study.plan.conditions.iter().map(|condition| &condition.name).collect::<Vec<_>>(),
-        "trials": study.schedule.trials().count(),
-        "orders": orders(study),
-        "forms": study.forms.values().map(|form| json!({ "name": form.name, "confirmed": form.confirmed })).collect::<Vec<_>>(),
-        "imbalances": balance.imbalances,
-        "balanced": balance.balanced,
-        "confounded": balance.confounded,
-        "minutes_per_session": minutes,
-        "sessions": balance.minutes_per_session,
-    }))
-}
-
-/// Each participant's conditions, in their order.
-fn orders(study: &Study) -> Vec<Vec<String>> {
-    let mut orders = vec![Vec::new(); study.plan.participants];
-    for trial in study.schedule.trials().filter(|trial| trial.trial == 1) {
-        orders[trial.participant - 1].push(trial.condition.clone());
-    }
-    orders
-}
-
-/// Such as `1 session` or `2 sessions`.
-fn counted(count: usize, what: &str) -> String {
-    format!("{count} {what}{}", if count == 1 { "" } else { "s" })
-}
-
-fn prose(study: &Study, balance: &Balance) -> String {
-    let plan = &study.plan;
-    let mut text = String::new();
-    let mut line = |words: String| {
-        text.push_str(&words);
-        text.push('\n');
-    };
-    let title = if plan.title.is_empty() { String::new() } else { format!(": {}", plan.title) };
-    line(format!("{}{title}", plan.name));
-    line(format!(
-        "{}, {}, {} each, {} in all",
-        counted(plan.participants, "participant"),
-        counted(plan.conditions.len(), "condition"),
-        counted(plan.sessions.len(), "session"),
-        counted(study.schedule.trials().count(), "trial")
-    ));
-    line("\nOrder of the conditions".to_owned());
-    let width = plan.conditions.iter().map(|condition| condition.name.chars().count()).max().unwrap_or(1);
-    for (k, order) in orders(study).iter().enumerate() {
-        let cells: Vec<String> = order.iter().map(|name| format!("{name:width$}")).collect();
-        line(format!("  {:>4}  {}", k + 1, cells.join(" ").trim_end()));
-    }
-    let rows = |line: &mut dyn FnMut(String), found: &[Imbalance]| {
-        for Imbalance { factor_a, factor_b, size, unit, detail, .. } in found {
-            line(format!("  {:36} {size:>3} {unit:12} {detail}", format!("{factor_a} by {factor_b}")));
-        }
-    };
-    if balance.imbalances.is_empty() {
-        line("\nNo imbalance: all is as even as these numbers allow".to_owned());
-    } else {
-        line("\nImbalances: largest less smallest count".to_owned());
-        rows(&mut line, &balance.imbalances);
-    }
-    if !balance.balanced.is_empty() {
-        line("\nAs even as these numbers allow".to_owned());
-        rows(&mut line, &balance.balanced);
-    }
-    if !balance.confounded.is_empty() {
-        line("\nConfounded: what one does cannot be told from what the other does".to_owned());
-        for confounded in &balance.confounded {
-            line(format!(
-                "  {:36} {}",
-                format!("{} tells {}", confounded.factor, confounded.tells),
-                confounded.detail
-            ));
-        }
-    }
-    if !study.forms.is_empty() {
-        let named = |form: &Form| match form.confirmed {
-            true => form.name.clone(),
-            false => format!("{} (not the wording of its source)", form.name),
-        };
-        line(format!("\nQuestionnaires: {}", study.forms.values().map(named).collect::<Vec<_>>().join(", ")));
-    }
-    line("\nA session takes at most".to_owned());
-    for session in &balance.minutes_per_session {
-        line(format!(
-            "  {:12} {:>4.0} minutes, {:.0} of them if each of {} lasts until its limit",
-            session.session,
-            session.minutes,
-            session.of_trials,
-            counted(session.trials, "trial")
-        ));
-    }
-    text
+    Ok(true)
 }

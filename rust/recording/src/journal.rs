@@ -237,25 +237,18 @@ impl Journal {
     /// # Errors
     /// [`JournalError`].
     pub fn put_tables(&mut self, tables: &[Table]) -> Result<(), JournalError> {
-        let failed = failed(&self.path);
-        let mut put = || -> rusqlite::Result<()> {
-            let transaction = self.db.transaction()?;
-            for table in tables.iter().filter(|table| !OWN.contains(&table.name)) {
-                let name = quoted(table.name);
-                let columns: Vec<String> = table.columns.iter().map(|column| quoted(column.name)).collect();
-                transaction.execute_batch(&format!(
-                    "DROP TABLE IF EXISTS {name}; CREATE TABLE {name} ({});",
-                    columns.join(", ")
-                ))?;
-                let places = vec!["?"; columns.len()].join(", ");
-                let mut insert = transaction.prepare(&format!("INSERT INTO {name} VALUES ({places})"))?;
-                for row in &table.rows {
-                    insert.execute(rusqlite::params_from_iter(row.iter().map(Value)))?;
-                }
-            }
-            transaction.commit()
-        };
-        put().map_err(failed)
+        put(&mut self.db, tables).map_err(failed(&self.path))
+    }
+
+    /// Writes these tables into the new SQLite file `path`, without a journal.
+    ///
+    /// # Errors
+    /// [`JournalError`], also if `path` exists.
+    pub fn write_tables(path: &Path, tables: &[Table]) -> Result<(), JournalError> {
+        // SQLite opens what is there.
+        File::create_new(path).map_err(|source| JournalError::Io { path: path.to_owned(), source })?;
+        let mut db = Connection::open(path).map_err(failed(path))?;
+        put(&mut db, tables).map_err(failed(path))
     }
 
     /// Copies the whole file, as it is at one moment, to `to`.
@@ -267,6 +260,24 @@ impl Journal {
         self.db.execute("VACUUM INTO ?1", [name.as_ref()]).map_err(failed(to))?;
         Ok(())
     }
+}
+
+fn put(db: &mut Connection, tables: &[Table]) -> rusqlite::Result<()> {
+    let transaction = db.transaction()?;
+    for table in tables.iter().filter(|table| !OWN.contains(&table.name)) {
+        let name = quoted(table.name);
+        let columns: Vec<String> = table.columns.iter().map(|column| quoted(column.name)).collect();
+        transaction.execute_batch(&format!(
+            "DROP TABLE IF EXISTS {name}; CREATE TABLE {name} ({});",
+            columns.join(", ")
+        ))?;
+        let places = vec!["?"; columns.len()].join(", ");
+        let mut insert = transaction.prepare(&format!("INSERT INTO {name} VALUES ({places})"))?;
+        for row in &table.rows {
+            insert.execute(rusqlite::params_from_iter(row.iter().map(Value)))?;
+        }
+    }
+    transaction.commit()
 }
 
 struct Value<'a>(&'a Cell);

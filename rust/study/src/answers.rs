@@ -135,6 +135,11 @@ impl Form {
         self.keys().into_iter().filter(|key| !answers.contains_key(key) && !optional(key)).collect()
     }
 
+    /// Whether the form asks for consent.
+    pub fn asks_for_consent(&self) -> bool {
+        self.items.iter().any(|item| matches!(item, FormItem::Consent { .. }))
+    }
+
     /// Whether the form asks for consent, and it was not given.
     pub fn lacks_consent(&self, answers: &BTreeMap<String, Answer>) -> bool {
         let asks = |item: &&FormItem| matches!(item, FormItem::Consent { .. });

@@ -57,9 +57,6 @@ pub struct SessionMinutes {
     pub trials: usize,
 }
 
-/// The limit of a trial whose plan says nothing, seconds: that of the modified box-and-blocks test.
-const USUAL_LIMIT_SECS: f64 = 300.0;
-
 /// The factor of succession.
 const PREVIOUS: &str = "previous condition";
 
@@ -297,11 +294,7 @@ fn use_of_arrangements(arrangements: &[String], trials: &[&PlannedTrial]) -> Cro
 }
 
 fn minutes(plan: &Plan, schedule: &Schedule) -> Vec<SessionMinutes> {
-    let place = |name: &str| plan.conditions.iter().position(|condition| condition.name == name);
-    let limit = |trial: &PlannedTrial| {
-        let choice = place(&trial.condition).map(|condition| plan.choice(condition));
-        choice.and_then(|choice| choice.limit_secs).unwrap_or(USUAL_LIMIT_SECS) / 60.0
-    };
+    let limit = |trial: &PlannedTrial| plan.limit_secs(trial) / 60.0;
     let of_session = |session: &crate::PlannedSession| {
         let mut longest =
             SessionMinutes { session: session.name.clone(), minutes: 0.0, of_trials: 0.0, trials: 0 };

@@ -163,6 +163,30 @@ pub enum StudyEvent {
         /// It stands still.
         on: bool,
     },
+    /// Gestures were trained or tested.
+    Trained {
+        /// Where.
+        spot: Spot,
+        /// The model's file in the study's folder; none where keys make the gestures.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        model: Option<String>,
+        /// Share of windows that were recognised, leaving one repetition out.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        accuracy: Option<f64>,
+        /// The plan's test was passed; none without one.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        passed: Option<bool>,
+    },
+    /// It was measured how well the gaze follows known points.
+    GazeChecked {
+        /// Where.
+        spot: Spot,
+        /// Mean error, degrees; none if no gaze was valid.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        error_deg: Option<f64>,
+        /// What the points agreed on was taken off.
+        calibrated: bool,
+    },
     /// What was found ready, or not, before a trial.
     Checked {
         /// Which trial.
@@ -182,6 +206,8 @@ impl StudyEvent {
             | StudyEvent::Repeated { spot, .. }
             | StudyEvent::Deviated { spot, .. }
             | StudyEvent::Paused { spot, .. }
+            | StudyEvent::Trained { spot, .. }
+            | StudyEvent::GazeChecked { spot, .. }
             | StudyEvent::Checked { spot, .. } => Some(spot),
             StudyEvent::Noted { spot, .. } => spot.as_ref(),
             StudyEvent::RunBegan { .. } | StudyEvent::Enrolled { .. } | StudyEvent::Visited { .. } => None,

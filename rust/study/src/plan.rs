@@ -1,4 +1,4 @@
-use crate::{Arrangements, ConditionOrder, PlanError, Schedule};
+use crate::{Arrangements, ConditionOrder, PlanError, PlannedTrial, Schedule};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -15,6 +15,9 @@ pub(crate) const MOST_CONDITIONS: usize = 12;
 const MOST_TRIALS: usize = 1000;
 /// Longest time that a step may take, minutes.
 const LONGEST_STEP: f64 = 480.0;
+
+/// The limit of a trial whose plan says nothing, seconds: that of the modified box-and-blocks test.
+const USUAL_LIMIT_SECS: f64 = 300.0;
 
 /// A study, as a person writes it down.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -264,6 +267,12 @@ impl Plan {
     /// What the trials of a condition are.
     pub fn choice(&self, condition: usize) -> TrialChoice {
         self.conditions[condition].trial.over(&self.trial)
+    }
+
+    /// When a trial ends at the latest, seconds.
+    pub fn limit_secs(&self, trial: &PlannedTrial) -> f64 {
+        let condition = self.conditions.iter().position(|own| own.name == trial.condition);
+        condition.and_then(|condition| self.choice(condition).limit_secs).unwrap_or(USUAL_LIMIT_SECS)
     }
 
     pub(crate) fn condition_names(&self) -> String {

@@ -145,6 +145,8 @@ impl Progress {
             StudyEvent::RunBegan { .. }
             | StudyEvent::Noted { .. }
             | StudyEvent::Paused { .. }
+            | StudyEvent::Trained { .. }
+            | StudyEvent::GazeChecked { .. }
             | StudyEvent::Checked { .. } => {}
         }
         Ok(())

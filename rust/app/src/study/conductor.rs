@@ -149,6 +149,12 @@ impl Conductor {
         Ok(self.last_id)
     }
 
+    /// By how much the clock is behind the last event, seconds; none if it is not.
+    pub fn clock_behind_secs(&self) -> Option<f64> {
+        let behind_ms = self.last_at?.as_millisecond().saturating_sub(Timestamp::now().as_millisecond());
+        (behind_ms > CLOCK_SLACK_MS).then_some(behind_ms as f64 * 1e-3)
+    }
+
     /// The step that is next: of the session that is under way, or of the next in the plan.
     pub fn next(&self) -> Option<Spot> {
         let session = self.progress.next_session(self.progress.next_participant()?)?;
@@ -351,18 +357,35 @@ pub struct Look {
     pub simulated: bool,
 }
 
+/// How a study is looked at.
+pub(super) struct LookOptions<'a> {
+    /// Another pseudonym for a participant; none keeps the journal's.
+    pub(super) rename: &'a dyn Fn(usize) -> Option<String>,
+}
+
 /// Looks at a study, which may be under way.
 ///
 /// # Errors
 /// As [`Conductor::take_up`].
 pub fn look(study: &Study) -> Result<Look, StudyError> {
+    look_with(study, &LookOptions { rename: &|_| None })
+}
+
+pub(super) fn look_with(study: &Study, options: &LookOptions<'_>) -> Result<Look, StudyError> {
     let path = study.folder.join(STUDY_FILE);
     if !path.is_file() {
         let progress = Progress::new(study.schedule.clone());
         return Ok(Look { progress, entries: Vec::new(), simulated: false });
     }
     let journal = Journal::read(&path)?;
-    let entries = journal.entries::<StudyEvent>()?;
+    let mut entries = journal.entries::<StudyEvent>()?;
+    for entry in &mut entries {
+        if let StudyEvent::Enrolled { participant, id } = &mut entry.event
+            && let Some(other) = (options.rename)(*participant)
+        {
+            *id = other;
+        }
+    }
     let (before, progress) = fold(study, &journal, &entries)?;
     Ok(Look { progress, entries, simulated: before.is_some_and(|before| before.simulated) })
 }

@@ -3,72 +3,35 @@
 use super::{
     Study,
     conductor::{Conductor, StudyError, record_name},
+    worker::{TrialOrder, Worker, WorkerError},
 };
-use crate::{
-    Audience, Recorder, Registry, run_to_end,
-    trial::{self, Assembly},
-    trial_choice::{TrialContext, trial_config},
-};
-use proact_devices::{EmgOrigin, FeedbackSinks};
-use proact_study::{Happening, PlannedTrial, Spot, StepOutcome};
+use proact_study::{Happening, PlannedTrial, Spot, StepOutcome, StudyEvent};
 use proact_testbed::{TrialEnd, TrialResult};
 use std::{
     error::Error,
-    path::Path,
+    path::PathBuf,
+    process::Command,
     sync::{
         Mutex, MutexGuard, PoisonError,
         atomic::{AtomicBool, Ordering},
     },
 };
 
-/// A trial of a plan with a simulated participant, as fast as it goes; recorded in `dir`, if one is given.
-///
-/// # Errors
-/// A native library or the disk refuses.
-pub fn simulated_trial(
-    study: &Study,
-    registry: &Registry,
-    planned: &PlannedTrial,
-    dir: Option<&Path>,
-    interrupted: &AtomicBool,
-) -> Result<TrialResult, Box<dyn Error>> {
-    let (arm, config) = study.trial(planned, registry)?;
-    let Assembly { session, classifier, plans, .. } =
-        trial::simulated_with(&registry.methods, &arm, config, &EmgOrigin::Synthetic, None)?;
-    let config = session.testbed().config().clone();
-    let recorder = match dir {
-        Some(dir) => {
-            let bag = format!("{}.bag", record_name(planned));
-            let recorder = Recorder::create_as(dir, &bag, &config, &arm, classifier.as_ref())?;
-            Some(recorder.with_plans(plans)?)
-        }
-        None => None,
-    };
-    let mut nobody = Audience { page: None, rosbridge: None, feedback: FeedbackSinks::default(), interrupted };
-    run_to_end(session, recorder, &mut nobody, dir, |_| {})
-}
+/// So often in a row a trial is begun again whose program ended before it did.
+const MOST_LOST: usize = 3;
 
 impl Study {
-    /// The arm and the configuration of a planned trial.
-    ///
-    /// # Errors
-    /// Names of the plan that mean nothing; [`Study::open`] has found them.
-    pub fn trial(
-        &self,
-        planned: &PlannedTrial,
-        registry: &Registry,
-    ) -> Result<(crate::Arm, proact_testbed::TrialConfig), Box<dyn Error>> {
+    /// A planned trial as an order, recorded in `dir`, if one is given.
+    pub fn order(&self, planned: &PlannedTrial, dir: Option<PathBuf>) -> TrialOrder {
         let condition = self.plan.conditions.iter().position(|other| other.name == planned.condition);
-        let choice = self.plan.choice(condition.ok_or("a trial of no condition")?);
-        let context = TrialContext {
-            methods: &registry.methods,
-            default_setup: super::DEFAULT_SETUP,
+        TrialOrder {
+            // A schedule names conditions of its plan alone.
+            choice: condition.map(|condition| self.plan.choice(condition)).unwrap_or_default(),
             seed: planned.seed,
-            arrangement: planned.arrangement.as_deref(),
-            process: None,
-            emg: None,
-        };
-        trial_config(&choice, context)
+            arrangement: planned.arrangement.clone(),
+            dir,
+            bag: format!("{}.bag", record_name(planned)),
+        }
     }
 }
 
@@ -81,27 +44,33 @@ pub enum Rehearsed<'a> {
     Trial(&'a PlannedTrial, &'a TrialResult),
 }
 
-/// Runs all that is left of a study with simulated participants, `jobs` of them at once. True if the study is finished, false
-/// if it was interrupted.
+/// How a rehearsal is run.
+pub struct RehearsalOptions<'a> {
+    /// So many participants at once, each with a program for their trials.
+    pub jobs: usize,
+    /// Starts such a program, which calls [`work`](super::work).
+    pub worker: &'a (dyn Fn() -> Command + Sync),
+    /// Raised by Ctrl-C or a request to end.
+    pub interrupted: &'a AtomicBool,
+}
+
+/// Runs all that is left of a study with simulated participants. True if the study is finished, false if it was interrupted.
 ///
 /// # Errors
 /// The first thing that went wrong; the study can be taken up again.
 pub fn rehearse(
     conductor: Conductor,
-    registry: &Registry,
-    jobs: usize,
-    interrupted: &AtomicBool,
+    options: &RehearsalOptions<'_>,
     tell: impl Fn(Rehearsed<'_>) + Sync,
 ) -> Result<bool, Box<dyn Error>> {
     let people: Vec<usize> = (1..=conductor.study.plan.participants).collect();
     let study = conductor.study.clone();
     let rehearsal = Rehearsal {
         study: &study,
-        registry,
         conductor: Mutex::new(conductor),
         waiting: Mutex::new(people.into_iter()),
         failed: AtomicBool::new(false),
-        interrupted,
+        options,
         tell: &tell,
     };
     let failures: Vec<String> = std::thread::scope(|scope| {
@@ -110,10 +79,10 @@ pub fn rehearse(
             rehearsal.failed.fetch_or(done.is_err(), Ordering::Relaxed);
             done.map_err(|error| error.to_string())
         };
-        let workers: Vec<_> = (0..jobs.max(1)).map(|_| scope.spawn(work)).collect();
+        let workers: Vec<_> = (0..options.jobs.max(1)).map(|_| scope.spawn(work)).collect();
         workers
             .into_iter()
-            .filter_map(|worker| worker.join().unwrap_or_else(|_| Err("a worker panicked".to_owned())).err())
+            .filter_map(|worker| worker.join().unwrap_or_else(|_| Err("a thread panicked".to_owned())).err())
             .collect()
     });
     if let Some(failure) = failures.into_iter().next() {
@@ -125,11 +94,10 @@ pub fn rehearse(
 
 struct Rehearsal<'a, T> {
     study: &'a Study,
-    registry: &'a Registry,
     conductor: Mutex<Conductor>,
     waiting: Mutex<std::vec::IntoIter<usize>>,
     failed: AtomicBool,
-    interrupted: &'a AtomicBool,
+    options: &'a RehearsalOptions<'a>,
     tell: &'a T,
 }
 
@@ -139,7 +107,7 @@ impl<T: Fn(Rehearsed<'_>) + Sync> Rehearsal<'_, T> {
     }
 
     fn stopped(&self) -> bool {
-        self.interrupted.load(Ordering::Relaxed) || self.failed.load(Ordering::Relaxed)
+        self.options.interrupted.load(Ordering::Relaxed) || self.failed.load(Ordering::Relaxed)
     }
 
     /// Does something with the conductor, and tells of every event that it wrote.
@@ -154,15 +122,17 @@ impl<T: Fn(Rehearsed<'_>) + Sync> Rehearsal<'_, T> {
     }
 
     fn work(&self) -> Result<(), Box<dyn Error>> {
+        let mut worker = None;
         loop {
             let next = self.waiting.lock().unwrap_or_else(PoisonError::into_inner).next();
             let Some(participant) = next else { return Ok(()) };
-            self.person(participant)?;
+            self.person(participant, &mut worker)?;
         }
     }
 
     /// All sessions that a participant has left.
-    fn person(&self, participant: usize) -> Result<(), Box<dyn Error>> {
+    fn person(&self, participant: usize, worker: &mut Option<Worker>) -> Result<(), Box<dyn Error>> {
+        let mut lost = 0;
         while !self.stopped() {
             let session = self.acknowledged(|conductor| {
                 if conductor.progress().next_session(participant).is_none() {
@@ -170,7 +140,7 @@ impl<T: Fn(Rehearsed<'_>) + Sync> Rehearsal<'_, T> {
                 }
                 if !conductor.progress().people().contains_key(&participant) {
                     let id = format!("P{participant:02}");
-                    conductor.write(proact_study::StudyEvent::Enrolled { participant, id })?;
+                    conductor.write(StudyEvent::Enrolled { participant, id })?;
                 }
                 conductor.begin_session(participant, true).map(Some)
             })?;
@@ -184,21 +154,45 @@ impl<T: Fn(Rehearsed<'_>) + Sync> Rehearsal<'_, T> {
                         .and_then(|spot| Some((progress.happening(&spot)?.clone(), spot)))
                 };
                 let Some((happening, spot)) = next else { break };
-                self.step(&happening, &spot)?;
+                match self.step(&happening, &spot, worker)? {
+                    None => lost = 0,
+                    Some(_) if lost < MOST_LOST => lost += 1,
+                    Some(error) => return Err(error.into()),
+                }
             }
         }
         Ok(())
     }
 
-    fn step(&self, happening: &Happening, spot: &Spot) -> Result<(), Box<dyn Error>> {
+    /// Does a step; an error if its program was gone, so that it is done again.
+    fn step(
+        &self,
+        happening: &Happening,
+        spot: &Spot,
+        worker: &mut Option<Worker>,
+    ) -> Result<Option<WorkerError>, Box<dyn Error>> {
         let record = self.acknowledged(|conductor| conductor.begin(spot))?;
-        let mut outcome = StepOutcome::Done;
+        let (mut outcome, mut gone) = (StepOutcome::Done, None);
         if let (Happening::Trial(planned), Some(record)) = (happening, &record) {
-            let dir = self.study.folder.join(record);
-            let result = simulated_trial(self.study, self.registry, planned, Some(&dir), self.interrupted)?;
-            (self.tell)(Rehearsed::Trial(planned, &result));
-            if result.ended == TrialEnd::Interrupt {
-                outcome = StepOutcome::Interrupted;
+            let order = self.study.order(planned, Some(self.study.folder.join(record)));
+            if worker.is_none() {
+                *worker = Some(Worker::start(&mut (self.options.worker)())?);
+            }
+            let done = worker.as_mut().map(|worker| worker.run(&order, || self.stopped()));
+            match done.unwrap_or_else(|| Err(WorkerError::Gone { how: "it never began".to_owned() })) {
+                Ok(result) => {
+                    (self.tell)(Rehearsed::Trial(planned, &result));
+                    if result.ended == TrialEnd::Interrupt {
+                        outcome = StepOutcome::Interrupted;
+                    }
+                }
+                Err(error @ WorkerError::Gone { .. }) => {
+                    (*worker, outcome, gone) = (None, StepOutcome::Interrupted, Some(error));
+                }
+                Err(error) => {
+                    self.acknowledged(|conductor| conductor.end(spot, StepOutcome::Interrupted))?;
+                    return Err(error.into());
+                }
             }
         } else if let Some(form) = happening.form() {
             let conditions = self.study.conditions();
@@ -208,6 +202,6 @@ impl<T: Fn(Rehearsed<'_>) + Sync> Rehearsal<'_, T> {
             }
         }
         self.acknowledged(|conductor| conductor.end(spot, outcome))?;
-        Ok(())
+        Ok(gone)
     }
 }

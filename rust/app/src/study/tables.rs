@@ -3,14 +3,11 @@
 mod columns;
 mod trials;
 
-use super::{
-    Study,
-    conductor::{Look, record_name},
-};
+use super::{Study, conductor::Look};
 use proact_analysis::table::{Cell, Table};
 use proact_recording::journal::Entry;
 use proact_study::{
-    Deviation, FormItem, Happening, PlannedTrial, ProtocolStep, Spot, StepOutcome, StudyEvent,
+    Deviation, FormItem, Happening, PlannedTrial, Spot, StepOutcome, StudyEvent,
 };
 use std::{
     collections::{BTreeMap, BTreeSet},

@@ -1,0 +1,192 @@
+//! A study with people: each step of a session as it is due, conducted from the experimenter's page and the terminal alike.
+//!
+//! Every event and answer is on the disk before a page shows it. What is under way when the program ends is interrupted, and the
+//! next run finds it so.
+
+mod readiness;
+mod scenes;
+mod screen;
+mod state;
+mod steps;
+mod training;
+
+use super::conductor::{Conductor, StudyError};
+use crate::{LiveArmband, LivePerson, Registry};
+use proact_bridge::{ClientInput, PageServer, StudyRequest};
+use proact_devices::{SampleSource, SourceName};
+use proact_intent::GazeOffset;
+use proact_study::{Deviation, StepOutcome, StudyEvent};
+use proact_testbed::Session;
+use readiness::Heard;
+pub use scenes::opening;
+pub use state::OnScreen;
+use state::{StudyState, UnderWay, Wish};
+use std::{
+    error::Error,
+    sync::{atomic::AtomicBool, mpsc::Receiver},
+};
+use training::Trained;
+
+/// Opens what a person has connected, for the first session of a trial.
+pub type OpenPerson<'a> = Box<dyn FnMut(&Session) -> Result<LivePerson, Box<dyn Error>> + 'a>;
+
+/// What a participant wears and is tracked by.
+pub struct StudyEquipment<'a> {
+    /// Where muscles come from; keys of the page if left out.
+    pub source: Option<SourceName>,
+    /// The armband with its model, once there is one.
+    pub armband: Option<LiveArmband>,
+    /// Eye tracker, limb, feedback.
+    pub person: Option<LivePerson>,
+    /// Opens them.
+    pub open_person: OpenPerson<'a>,
+}
+
+/// A study with people.
+pub struct LiveStudy<'a> {
+    registry: &'a Registry,
+    state: StudyState<'a>,
+    equipment: StudyEquipment<'a>,
+    gaze_offset: GazeOffset,
+    trained: Option<Trained>,
+    /// A source whose training was broken off.
+    idle_source: Option<Box<dyn SampleSource>>,
+    heard: Heard,
+    /// How the last trial went, in words.
+    before: String,
+}
+
+/// How a step came to its end.
+#[derive(Clone, Debug, PartialEq)]
+enum StepEnd {
+    /// As it should.
+    Done,
+    /// It was ended by the experimenter.
+    Aborted,
+    /// It is left out, for this reason.
+    Skipped(String),
+    /// A trial before it is done again, for this reason.
+    Redone(String),
+    /// The session goes on another time.
+    Left,
+    /// The program ends.
+    Interrupted,
+}
+
+impl<'a> LiveStudy<'a> {
+    /// Takes `conductor` on from where it stands. `console` brings what is asked for at the terminal, which `on_screen` shows what
+    /// pages are shown.
+    pub fn new(
+        registry: &'a Registry,
+        conductor: Conductor,
+        page: &'a PageServer,
+        equipment: StudyEquipment<'a>,
+        console: Option<Receiver<ClientInput>>,
+        on_screen: OnScreen<'a>,
+        interrupted: &'a AtomicBool,
+    ) -> Self {
+        Self {
+            registry,
+            state: StudyState::new(conductor, page, console, on_screen, interrupted),
+            equipment,
+            gaze_offset: GazeOffset::default(),
+            trained: None,
+            idle_source: None,
+            heard: Heard::default(),
+            before: String::new(),
+        }
+    }
+
+    /// Says something to whoever conducts the study.
+    pub fn tell(&mut self, words: String) {
+        self.state.told = words;
+    }
+
+    /// Conducts sessions until the study is finished, which it returns, or the program is asked to end.
+    ///
+    /// # Errors
+    /// A journal or record that cannot be written, a device that fails. Nothing that was shown as done is lost.
+    pub fn run(mut self) -> Result<bool, Box<dyn Error>> {
+        let ended = self.conduct();
+        // What is under way counts as interrupted; a journal that refused to be written is told of, not this.
+        for spot in self.state.conductor.progress().open() {
+            if self.state.conductor.end(&spot, StepOutcome::Interrupted).is_err() {
+                break;
+            }
+        }
+        self.state.under = None;
+        self.state.show();
+        ended?;
+        Ok(self.state.conductor.progress().finished())
+    }
+
+    fn conduct(&mut self) -> Result<(), Box<dyn Error>> {
+        while !self.state.interrupted() {
+            if self.state.under.is_none() {
+                if self.state.conductor.progress().finished() {
+                    return Ok(());
+                }
+                self.choose()?;
+                continue;
+            }
+            match self.next_step() {
+                Some(spot) => self.step(&spot)?,
+                None => self.end_session()?,
+            }
+        }
+        Ok(())
+    }
+
+    fn next_step(&self) -> Option<proact_study::Spot> {
+        let under = self.state.under.as_ref()?;
+        let progress = self.state.conductor.progress();
+        progress.next_step(progress.session(under.participant, &under.session)?)
+    }
+
+    /// Waits until a session is to begin.
+    fn choose(&mut self) -> Result<(), StudyError> {
+        self.state.now = None;
+        while self.state.under.is_none() && !self.state.interrupted() {
+            for wish in self.state.wait()? {
+                if let Wish::Ask(StudyRequest::Begin { id, new }) = wish {
+                    self.begin(id.as_deref().map(str::trim).filter(|id| !id.is_empty()), new)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn begin(&mut self, id: Option<&str>, new: bool) -> Result<(), StudyError> {
+        let planned = self.state.conductor.progress().next_participant();
+        let participant = match self.state.conductor.choose(id, new) {
+            Ok(participant) => participant,
+            Err(error @ StudyError::Journal(_)) => return Err(error),
+            Err(error) => {
+                self.state.told = error.to_string();
+                return Ok(());
+            }
+        };
+        let session = self.state.conductor.begin_session(participant, false)?;
+        self.state.told.clear();
+        self.state.under = Some(UnderWay { participant, session, notes: Vec::new() });
+        // Whoever sat here before has other muscles and other eyes.
+        (self.trained, self.state.gaze, self.gaze_offset) = (None, None, GazeOffset::default());
+        self.before.clear();
+        if let (Some(spot), true) = (self.next_step(), planned != Some(participant)) {
+            let expected = planned.map_or_else(String::new, |planned| self.state.conductor.label(planned));
+            let reason = format!("the plan has {expected} next");
+            self.state.conductor.write(StudyEvent::Deviated { spot, deviation: Deviation::OtherOrder, reason })?;
+        }
+        Ok(())
+    }
+
+    /// All steps are over: thanks, until the next session is asked for.
+    fn end_session(&mut self) -> Result<(), StudyError> {
+        let id = self.state.under.as_ref().map(|under| self.state.conductor.label(under.participant));
+        self.state.told = format!("the session of {} is over", id.unwrap_or_default());
+        self.state.under = None;
+        self.state.now = None;
+        self.state.show();
+        Ok(())
+    }
+}

@@ -1,0 +1,159 @@
+//! What is ready before a trial, each with its age and a verdict, instead of waits.
+
+use super::{LiveStudy, training::Trained};
+use proact_study::{Check, Happening, PlannedStep, ProtocolStep};
+use std::{
+    path::Path,
+    time::{Duration, Instant},
+};
+
+/// A calibrated gaze may be off by so much, degrees: the usual limit for eye trackers in headsets.
+const MOST_GAZE_ERROR_DEG: f64 = 2.0;
+/// What should send all the time and did not for so long is silent.
+const SILENCE: Duration = Duration::from_secs(1);
+/// A trial of five minutes takes about 60 MB; with less than this the disk is as good as full.
+const LEAST_FREE_BYTES: u64 = 1 << 30;
+
+/// When devices were heard last.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Heard {
+    gaze: Option<Instant>,
+    limb: Option<Instant>,
+    /// Samples of the armband so far, and when they were more than before.
+    samples: u64,
+    muscles: Option<Instant>,
+}
+
+fn check(name: &str, ready: bool, found: String, since: Option<Instant>) -> Check {
+    Check { name: name.to_owned(), ready, found, age_secs: since.map(|at| at.elapsed().as_secs_f64().round()) }
+}
+
+impl LiveStudy<'_> {
+    /// What is ready for the next trial, and what is not.
+    pub(super) fn checks(&mut self) -> Vec<Check> {
+        let mut checks = vec![self.page()];
+        checks.push(self.gestures());
+        checks.extend(self.armband_alive());
+        checks.extend(self.gaze());
+        checks.extend(self.trackers());
+        checks.push(disk(&self.state.conductor.study.folder));
+        checks.push(self.clock());
+        checks
+    }
+
+    fn page(&self) -> Check {
+        match self.state.page.client_count() {
+            0 => check("pages", false, "no page is open".to_owned(), None),
+            1 => check("pages", true, "1 page is open".to_owned(), None),
+            pages => check("pages", true, format!("{pages} pages are open"), None),
+        }
+    }
+
+    fn gestures(&self) -> Check {
+        let keys = self.equipment.source.is_none();
+        match &self.trained {
+            _ if !keys && self.equipment.armband.is_none() => {
+                check("gestures", false, "not trained yet".to_owned(), None)
+            }
+            Some(Trained { at, accuracy, passed, model: _ }) => {
+                let accuracy = accuracy.map(|share| format!("{:.1} % of windows recognised", 100.0 * share));
+                let passed_text = match passed {
+                    Some(true) => Some("the test is passed".to_owned()),
+                    Some(false) => Some("the test is not passed".to_owned()),
+                    None => None,
+                };
+                let found: Vec<String> = accuracy.into_iter().chain(passed_text).collect();
+                let found = if found.is_empty() { "trained".to_owned() } else { found.join(", ") };
+                check("gestures", passed.unwrap_or(true), found, Some(*at))
+            }
+            None if keys => check("gestures", true, "keys of the page".to_owned(), None),
+            None => {
+                let planned = self.plans(|step| matches!(step, ProtocolStep::Train { .. }));
+                let found = "a model of an earlier training";
+                check("gestures", !planned, found.to_owned(), None)
+            }
+        }
+    }
+
+    /// Whether the session under way plans such a step.
+    fn plans(&self, wanted: impl Fn(&ProtocolStep) -> bool) -> bool {
+        let Some(under) = &self.state.under else { return false };
+        let session = self.state.conductor.progress().session(under.participant, &under.session);
+        session.is_some_and(|session| {
+            session
+                .happenings
+                .iter()
+                .any(|step| matches!(step, Happening::Step(PlannedStep { step, .. }) if wanted(step)))
+        })
+    }
+
+    fn armband_alive(&mut self) -> Option<Check> {
+        let armband = self.equipment.armband.as_ref()?;
+        let samples = armband.received();
+        if samples > self.heard.samples {
+            (self.heard.samples, self.heard.muscles) = (samples, Some(Instant::now()));
+        }
+        Some(alive("armband", self.heard.muscles))
+    }
+
+    fn gaze(&self) -> Option<Check> {
+        let name = "gaze";
+        match self.state.gaze {
+            Some(gaze) => {
+                let error = gaze.error_deg.map_or("no valid gaze".to_owned(), |error| format!("{error:.1} degrees off"));
+                let found = if gaze.calibrated { format!("calibrated, {error} before") } else { error };
+                let ready = gaze.calibrated || gaze.error_deg.is_some_and(|error| error <= MOST_GAZE_ERROR_DEG);
+                Some(check(name, ready, found, Some(gaze.at)))
+            }
+            None if self.plans(|step| matches!(step, ProtocolStep::CalibrateGaze { .. })) => {
+                Some(check(name, false, "not calibrated in this sitting".to_owned(), None))
+            }
+            None => None,
+        }
+    }
+
+    fn trackers(&mut self) -> Vec<Check> {
+        let Some(person) = &mut self.equipment.person else { return Vec::new() };
+        let [gaze, limb] = person.listen();
+        let mut checks = Vec::new();
+        for (name, sent, heard) in
+            [("eye tracker", gaze, &mut self.heard.gaze), ("limb", limb, &mut self.heard.limb)]
+        {
+            let Some(sent) = sent else { continue };
+            if sent {
+                *heard = Some(Instant::now());
+            }
+            checks.push(alive(name, *heard));
+        }
+        checks
+    }
+
+    fn clock(&self) -> Check {
+        let behind = self.state.conductor.clock_behind_secs();
+        let now = jiff::Zoned::now().strftime("%Y-%m-%d %H:%M").to_string();
+        match behind {
+            Some(secs) => check("clock", false, format!("{now}, {secs:.0} s behind the last event"), None),
+            None => check("clock", true, now, None),
+        }
+    }
+}
+
+/// Whether something that should send all the time does.
+fn alive(name: &str, heard: Option<Instant>) -> Check {
+    match heard {
+        Some(at) if at.elapsed() < SILENCE => check(name, true, "sends".to_owned(), Some(at)),
+        Some(at) => check(name, false, "silent".to_owned(), Some(at)),
+        None => check(name, false, "has sent nothing yet".to_owned(), None),
+    }
+}
+
+fn disk(folder: &Path) -> Check {
+    match nix::sys::statvfs::statvfs(folder) {
+        Ok(disk) => {
+            let free = disk.blocks_available() as u64 * disk.fragment_size() as u64;
+            let found = format!("{:.1} GB free", free as f64 * 1e-9);
+            check("disk", free >= LEAST_FREE_BYTES, found, None)
+        }
+        Err(error) => check("disk", false, error.to_string(), None),
+    }
+}

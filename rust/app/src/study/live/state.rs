@@ -1,0 +1,301 @@
+//! What is under way in a study, who asks for what, and what its pages show of it.
+
+use crate::{
+    TrialInputs,
+    study::conductor::{Conductor, StudyError},
+};
+use proact_bridge::{
+    ClientInput, GivenAnswer, NowWhat, PageServer, ParticipantScreen, RefusedAnswer, StudyAction, StudyButton,
+    StudyRequest, StudyScreen,
+};
+use proact_study::{Spot, StudyEvent};
+use proact_types::{DisplayFrame, EventKind, Gesture};
+use std::{
+    sync::{
+        atomic::{AtomicBool, Ordering},
+        mpsc::Receiver,
+    },
+    time::{Duration, Instant},
+};
+
+/// How often requests are looked at outside trials.
+const LOOK: Duration = Duration::from_millis(20);
+/// Screens go out at least so often: times go on.
+const SCREEN_PERIOD: Duration = Duration::from_millis(500);
+/// Longest note or reason, characters.
+const MOST_WORDS: usize = 2000;
+
+/// Sees each screen, and the number of the last event on the disk.
+pub type OnScreen<'a> = Box<dyn FnMut(&StudyScreen, i64) + 'a>;
+
+/// Whose session is under way.
+#[derive(Clone, Debug)]
+pub(super) struct UnderWay {
+    pub(super) participant: usize,
+    pub(super) session: String,
+    pub(super) notes: Vec<String>,
+}
+
+/// The step that is to be done, or is being done.
+#[derive(Clone, Debug)]
+pub(super) struct Now {
+    pub(super) spot: Spot,
+    pub(super) running: bool,
+    pub(super) since: Instant,
+    pub(super) what: NowWhat,
+    pub(super) participant: ParticipantScreen,
+    pub(super) can: Vec<StudyButton>,
+}
+
+/// What a step has to decide about.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Wish {
+    /// Something that whoever conducts the study asks for.
+    Ask(StudyRequest),
+    /// The questionnaire is filled in.
+    Submit(usize),
+    /// Keys make this gesture from now on.
+    Gesture(Gesture),
+}
+
+pub(super) struct StudyState<'a> {
+    pub(super) conductor: Conductor,
+    pub(super) page: &'a PageServer,
+    pub(super) console: Option<Receiver<ClientInput>>,
+    pub(super) on_screen: OnScreen<'a>,
+    pub(super) interrupted: &'a AtomicBool,
+    pub(super) under: Option<UnderWay>,
+    pub(super) now: Option<Now>,
+    pub(super) told: String,
+    pub(super) refused: Option<RefusedAnswer>,
+    /// The journal cannot be written to any more.
+    pub(super) failed: Option<StudyError>,
+    pub(super) gaze: Option<GazeMeasured>,
+    /// Objects that were let go in the trial or practice under way.
+    pub(super) carried: usize,
+    shown: Instant,
+}
+
+/// How well the gaze follows, and when that was measured.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct GazeMeasured {
+    pub(super) at: Instant,
+    pub(super) error_deg: Option<f64>,
+    pub(super) calibrated: bool,
+}
+
+impl<'a> StudyState<'a> {
+    pub(super) fn new(
+        conductor: Conductor,
+        page: &'a PageServer,
+        console: Option<Receiver<ClientInput>>,
+        on_screen: OnScreen<'a>,
+        interrupted: &'a AtomicBool,
+    ) -> Self {
+        Self {
+            conductor,
+            page,
+            console,
+            on_screen,
+            interrupted,
+            under: None,
+            now: None,
+            told: String::new(),
+            refused: None,
+            failed: None,
+            gaze: None,
+            carried: 0,
+            shown: Instant::now(),
+        }
+    }
+
+    pub(super) fn interrupted(&self) -> bool {
+        self.interrupted.load(Ordering::Relaxed)
+    }
+
+    /// Writes an event; a journal that cannot be written to ends the run.
+    pub(super) fn write(&mut self, event: StudyEvent) {
+        let written = self.conductor.write(event).map(drop);
+        self.keep(written);
+    }
+
+    /// What came of something that wrote to the journal; false if it was refused.
+    pub(super) fn keep(&mut self, written: Result<(), StudyError>) -> bool {
+        match written {
+            Ok(()) => true,
+            Err(StudyError::Journal(error)) => {
+                self.told = error.to_string();
+                self.failed = Some(error.into());
+                false
+            }
+            Err(error) => {
+                self.told = error.to_string();
+                false
+            }
+        }
+    }
+
+    /// Everything that came in since the last call: notes and answers are dealt with, what is not for a trial is left out.
+    fn take(&mut self) -> (Vec<ClientInput>, Vec<Wish>) {
+        let mut came = self.page.drain_inputs();
+        came.extend(self.console.iter().flat_map(Receiver::try_iter));
+        let (mut inputs, mut wishes) = (Vec::new(), Vec::new());
+        for input in came {
+            match input {
+                ClientInput::Conduct(StudyRequest::Note { text }) => self.note(&text),
+                ClientInput::Conduct(request) => wishes.push(Wish::Ask(request)),
+                ClientInput::Answer(given) => self.answer(given),
+                ClientInput::Submit { step } => wishes.push(Wish::Submit(step)),
+                // The plan says which trial is next.
+                ClientInput::Restart { .. } | ClientInput::After(_) => {}
+                input => {
+                    if let ClientInput::Gesture(gesture) = input {
+                        wishes.push(Wish::Gesture(gesture));
+                    }
+                    inputs.push(input);
+                }
+            }
+        }
+        (inputs, wishes)
+    }
+
+    fn note(&mut self, text: &str) {
+        let text = clean(text);
+        if text.is_empty() {
+            return;
+        }
+        let spot = self.now.as_ref().map(|now| now.spot.clone());
+        let event = StudyEvent::Noted { spot, text: text.clone() };
+        let written = self.conductor.write(event).map(drop);
+        if self.keep(written) {
+            self.told = "the note is kept".to_owned();
+            self.under.iter_mut().for_each(|under| under.notes.push(text.clone()));
+        }
+    }
+
+    fn answer(&mut self, GivenAnswer { step, key, answer }: GivenAnswer) {
+        let Some(spot) = self.now.as_ref().map(|now| now.spot.clone()).filter(|spot| spot.step == step) else {
+            self.told = format!("an answer to step {step} came too late and is not kept");
+            return;
+        };
+        match self.conductor.answer(&spot, &key, answer) {
+            Ok(_) => self.refused = None,
+            Err(error @ StudyError::Journal(_)) => drop(self.keep(Err(error))),
+            Err(error) => self.refused = Some(RefusedAnswer { key, reason: error.to_string() }),
+        }
+    }
+
+    /// Waits a moment; what was asked for meanwhile. Shows where the study is.
+    ///
+    /// # Errors
+    /// The journal cannot be written to.
+    pub(super) fn wait(&mut self) -> Result<Vec<Wish>, StudyError> {
+        let (_, wishes) = self.take();
+        match self.failed.take() {
+            Some(error) => Err(error),
+            None => {
+                self.show();
+                std::thread::sleep(LOOK);
+                Ok(wishes)
+            }
+        }
+    }
+
+    /// Shows where the study is. The server keeps to itself what is no news.
+    pub(super) fn show(&mut self) {
+        self.shown = Instant::now();
+        let screen = self.screen();
+        self.page.publish_study(&screen);
+        (self.on_screen)(&screen, self.conductor.last_id());
+    }
+}
+
+/// A note or a reason as it is kept: without control characters, of bounded length.
+pub(super) fn clean(text: &str) -> String {
+    let plain = |c: char| if c.is_control() { ' ' } else { c };
+    text.trim().chars().map(plain).take(MOST_WORDS).collect()
+}
+
+/// What comes in while a trial, a practice or a demonstration goes on.
+pub(super) struct SceneInputs<'s, 'a> {
+    pub(super) state: &'s mut StudyState<'a>,
+    /// "Next" ends it.
+    pub(super) next_ends: bool,
+    /// The participant's page is asked to calibrate the gaze as soon as the scene is there.
+    pub(super) calibrates: bool,
+    /// What is still wanted when it is over.
+    pub(super) left: Option<StudyRequest>,
+}
+
+impl SceneInputs<'_, '_> {
+    fn wish(&mut self, wish: Wish, inputs: &mut Vec<ClientInput>) {
+        match wish {
+            Wish::Ask(StudyRequest::Next {}) if self.next_ends => inputs.push(ClientInput::Study(StudyAction::Abort)),
+            Wish::Ask(request @ (StudyRequest::Skip { .. } | StudyRequest::Leave {})) if self.next_ends => {
+                self.left = Some(request);
+                inputs.push(ClientInput::Study(StudyAction::Abort));
+            }
+            Wish::Ask(StudyRequest::Next {}) => {}
+            Wish::Ask(_) => self.state.told = "the trial goes on: end it first".to_owned(),
+            Wish::Submit(_) | Wish::Gesture(_) => {}
+        }
+    }
+}
+
+impl TrialInputs for SceneInputs<'_, '_> {
+    fn drain(&mut self) -> Vec<ClientInput> {
+        let (mut inputs, wishes) = self.state.take();
+        wishes.into_iter().for_each(|wish| self.wish(wish, &mut inputs));
+        if std::mem::take(&mut self.calibrates) {
+            inputs.push(ClientInput::Study(StudyAction::CalibrateGaze));
+        }
+        let spot = self.state.now.as_ref().map(|now| now.spot.clone());
+        for input in &inputs {
+            match (input, &spot) {
+                (ClientInput::Study(StudyAction::Pause), Some(spot)) => self.state.pause(spot, true),
+                (ClientInput::Study(StudyAction::Resume), Some(spot)) => self.state.pause(spot, false),
+                (ClientInput::GazeCheck(check), Some(spot)) => {
+                    let errors: Vec<f64> = check.points.iter().filter_map(|point| point.accuracy_deg).collect();
+                    let error_deg = (!errors.is_empty()).then(|| errors.iter().sum::<f64>() / errors.len() as f64);
+                    let calibrated = check.correction_deg.is_some();
+                    self.state.gaze = Some(GazeMeasured { at: Instant::now(), error_deg, calibrated });
+                    self.state.write(StudyEvent::GazeChecked { spot: spot.clone(), error_deg, calibrated });
+                }
+                _ => {}
+            }
+        }
+        // What was acknowledged is on the disk; what cannot be any more ends the trial.
+        if self.state.failed.is_some() {
+            inputs.push(ClientInput::Study(StudyAction::Abort));
+        }
+        if !inputs.is_empty() || self.state.shown.elapsed() > SCREEN_PERIOD {
+            self.state.show_scene();
+        }
+        inputs
+    }
+
+    fn shown(&mut self, frame: &DisplayFrame) {
+        let released = |event: &&proact_types::Event| matches!(event.kind, EventKind::ObjectReleased { .. });
+        self.state.carried += frame.events.iter().filter(released).count();
+    }
+}
+
+impl StudyState<'_> {
+    fn pause(&mut self, spot: &Spot, on: bool) {
+        self.write(StudyEvent::Paused { spot: spot.clone(), on });
+    }
+
+    fn show_scene(&mut self) {
+        let (gaze, carried) = (self.gaze, self.carried);
+        if let Some(now) = &mut self.now {
+            match &mut now.what {
+                NowWhat::Practise { carried: shown, .. } => *shown = carried,
+                NowWhat::CalibrateGaze { error_deg } => {
+                    *error_deg = gaze.filter(|gaze| gaze.at >= now.since).and_then(|gaze| gaze.error_deg);
+                }
+                _ => {}
+            }
+        }
+        self.show();
+    }
+}

@@ -1,0 +1,209 @@
+//! Trials with simulated participants in programs of their own: the generators of physics and planner are a process's, so that
+//! trials side by side are processes side by side.
+//!
+//! A worker reads [`TrialOrder`]s from its standard input, one JSON object a line, and writes an answer for each to its standard
+//! output. When its input ends, as it does when whoever ordered is killed, the trial under way ends too, and its record is closed.
+
+use crate::{
+    Audience, Recorder, Registry, run_to_end,
+    trial::{self, Assembly},
+    trial_choice::{TrialContext, trial_config},
+};
+use proact_devices::{EmgOrigin, FeedbackSinks};
+use proact_study::TrialChoice;
+use proact_testbed::TrialResult;
+use proact_types::{LineRead, read_line};
+use serde::{Deserialize, Serialize};
+use std::{
+    error::Error,
+    io::{self, BufRead, Write},
+    path::PathBuf,
+    process::{Child, ChildStdin, Command, Stdio},
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+        mpsc::{Receiver, RecvTimeoutError, channel},
+    },
+    time::Duration,
+};
+
+/// Where person and box are in a trial that says nothing.
+pub(super) const DEFAULT_SETUP: &str = "seated";
+/// Longest line of either side, bytes.
+const LONGEST_LINE: usize = 1 << 20;
+/// How often it is looked whether the trial is to end.
+const LOOK: Duration = Duration::from_millis(50);
+
+/// A trial to be run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TrialOrder {
+    /// What it is made of.
+    pub choice: TrialChoice,
+    /// Of every random stream.
+    pub seed: u64,
+    /// Where the blocks stand; by the seed if left out.
+    pub arrangement: Option<String>,
+    /// Where it is recorded; nowhere if left out.
+    pub dir: Option<PathBuf>,
+    /// Name of the record's bag.
+    pub bag: String,
+}
+
+/// What came of an order.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum Reply {
+    Result(Box<TrialResult>),
+    Error(String),
+}
+
+/// Why there is no result.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum WorkerError {
+    /// The program ended by itself, or was killed: another one may do better.
+    #[error("a program that ran a trial ended before the trial did ({how})")]
+    Gone {
+        /// As the system tells it.
+        how: String,
+    },
+    /// The trial cannot be run.
+    #[error("{0}")]
+    Trial(String),
+}
+
+/// Runs a trial with a simulated participant, as fast as it goes.
+///
+/// # Errors
+/// Names that mean nothing; a native library or the disk refuses.
+pub fn simulated_trial(
+    registry: &Registry,
+    order: &TrialOrder,
+    interrupted: &AtomicBool,
+) -> Result<TrialResult, Box<dyn Error>> {
+    let context = TrialContext {
+        methods: &registry.methods,
+        default_setup: DEFAULT_SETUP,
+        seed: order.seed,
+        arrangement: order.arrangement.as_deref(),
+        process: None,
+        emg: None,
+    };
+    let (arm, config) = trial_config(&order.choice, context)?;
+    let Assembly { session, classifier, plans, .. } =
+        trial::simulated_with(&registry.methods, &arm, config, &EmgOrigin::Synthetic, None)?;
+    let config = session.testbed().config().clone();
+    let recorder = match &order.dir {
+        Some(dir) => {
+            let recorder = Recorder::create_as(dir, &order.bag, &config, &arm, classifier.as_ref())?;
+            Some(recorder.with_plans(plans)?)
+        }
+        None => None,
+    };
+    let mut nobody = Audience { page: None, inputs: None, rosbridge: None, feedback: FeedbackSinks::default(), interrupted };
+    run_to_end(session, recorder, &mut nobody, order.dir.as_deref(), |_| {})
+}
+
+/// Does what is ordered, until `orders` end or `interrupted` is raised, which the end of `orders` does.
+///
+/// # Errors
+/// Nobody reads the answers.
+pub fn work(
+    registry: &Registry,
+    orders: impl BufRead + Send + 'static,
+    answers: &mut impl Write,
+    interrupted: &Arc<AtomicBool>,
+) -> io::Result<()> {
+    let lines = lines_of(orders, Some(Arc::clone(interrupted)));
+    while let Ok(line) = lines.recv() {
+        let order = serde_json::from_str(&line).map_err(Box::<dyn Error>::from);
+        let reply = order.and_then(|order| simulated_trial(registry, &order, interrupted)).map_or_else(
+            |error| Reply::Error(error.to_string()),
+            |result| Reply::Result(Box::new(result)),
+        );
+        serde_json::to_writer(&mut *answers, &reply)?;
+        answers.write_all(b"\n")?;
+        answers.flush()?;
+    }
+    Ok(())
+}
+
+/// Lines as they come, read beside what goes on; their end raises `ended`.
+fn lines_of(mut from: impl BufRead + Send + 'static, ended: Option<Arc<AtomicBool>>) -> Receiver<String> {
+    let (sender, lines) = channel();
+    std::thread::spawn(move || {
+        let mut line = Vec::new();
+        while read_line(&mut from, LONGEST_LINE, &mut line).is_ok_and(|read| read != LineRead::End) {
+            if sender.send(String::from_utf8_lossy(&line).into_owned()).is_err() {
+                break;
+            }
+        }
+        if let Some(ended) = ended {
+            ended.store(true, Ordering::Relaxed);
+        }
+    });
+    lines
+}
+
+/// A program that does what is ordered. It ends when this is dropped.
+#[derive(Debug)]
+pub struct Worker {
+    child: Child,
+    /// Closed to have it end.
+    orders: Option<ChildStdin>,
+    answers: Receiver<String>,
+}
+
+impl Worker {
+    /// Starts `command`, a program that calls [`work`] on its standard input and output.
+    ///
+    /// # Errors
+    /// The system refuses.
+    pub fn start(command: &mut Command) -> io::Result<Self> {
+        let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn()?;
+        let orders = child.stdin.take();
+        let output = child.stdout.take().ok_or_else(|| io::Error::other("the worker has no output"))?;
+        Ok(Self { child, orders, answers: lines_of(io::BufReader::new(output), None) })
+    }
+
+    /// Has a trial run. If `ends` says so meanwhile, the trial ends, its record is closed, and this worker takes no more orders.
+    ///
+    /// # Errors
+    /// [`WorkerError`].
+    pub fn run(&mut self, order: &TrialOrder, ends: impl Fn() -> bool) -> Result<TrialResult, WorkerError> {
+        let mut line = serde_json::to_vec(order).map_err(|error| WorkerError::Trial(error.to_string()))?;
+        line.push(b'\n');
+        let sent = self.orders.as_mut().map(|orders| orders.write_all(&line).and_then(|()| orders.flush()));
+        if !matches!(sent, Some(Ok(()))) {
+            return Err(self.gone());
+        }
+        loop {
+            match self.answers.recv_timeout(LOOK) {
+                Ok(answer) => {
+                    return match serde_json::from_str(&answer) {
+                        Ok(Reply::Result(result)) => Ok(*result),
+                        Ok(Reply::Error(reason)) => Err(WorkerError::Trial(reason)),
+                        Err(error) => Err(WorkerError::Trial(format!("unreadable answer of a trial: {error}"))),
+                    };
+                }
+                Err(RecvTimeoutError::Timeout) if ends() => drop(self.orders.take()),
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => return Err(self.gone()),
+            }
+        }
+    }
+
+    fn gone(&mut self) -> WorkerError {
+        self.orders = None;
+        let how = self.child.wait().map_or_else(|error| error.to_string(), |status| status.to_string());
+        WorkerError::Gone { how }
+    }
+}
+
+impl Drop for Worker {
+    fn drop(&mut self) {
+        self.orders = None;
+        // It ends with its input; one that hangs is no reason to hang here.
+        let _ = self.child.try_wait();
+    }
+}
