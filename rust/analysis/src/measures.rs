@@ -32,7 +32,8 @@ impl GazeMeasure {
     /// Takes in the next sample.
     pub fn push(&mut self, time: SimTime, gaze: &GazeSample) {
         self.samples += 1;
-        let direction = gaze.direction.try_normalize(1e-9).filter(|d| gaze.valid && d.iter().all(|v| v.is_finite()));
+        let direction =
+            gaze.direction.try_normalize(1e-9).filter(|d| gaze.valid && d.iter().all(|v| v.is_finite()));
         let Some(direction) = direction else { return };
         self.valid += 1;
         let before = self.last.replace((time, direction));
@@ -107,8 +108,11 @@ mod tests {
 
     fn look(measure: &mut GazeMeasure, millis: u64, degrees: f64) {
         let (sin, cos) = degrees.to_radians().sin_cos();
-        let gaze =
-            GazeSample { origin: Point::origin(), direction: Vector::new(2.0 * cos, 2.0 * sin, 0.0), valid: true };
+        let gaze = GazeSample {
+            origin: Point::origin(),
+            direction: Vector::new(2.0 * cos, 2.0 * sin, 0.0),
+            valid: true,
+        };
         measure.push(SimTime(millis), &gaze);
     }
 

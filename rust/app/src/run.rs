@@ -46,7 +46,8 @@ pub fn run_to_end(
         page.map(|page| (Pace::new(), Experimenter::new(page, session.testbed().config(), dir, None)));
     let mut alone = (page.is_none() && audience.rosbridge.is_some()).then(Pace::new);
     let mut start = Instant::now();
-    let mut awaited = page;
+    // Whoever conducts a study says when something is shown, and to whom.
+    let mut awaited = page.filter(|_| audience.inputs.is_none());
     let ended = loop {
         let mut ending = interrupted.load(Ordering::Relaxed).then_some(TrialEnd::Interrupt);
         if let (Some((pace, experimenter)), Some(page)) = (&mut live, page) {

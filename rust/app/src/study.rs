@@ -8,8 +8,8 @@ mod rehearsal;
 mod tables;
 mod worker;
 
-pub use conductor::{Conductor, Look, STUDY_FILE, StudyError, TRIALS_FOLDER, look, record_name};
 pub use batch::{ConditionSummary, simulate};
+pub use conductor::{Conductor, Look, STUDY_FILE, StudyError, TRIALS_FOLDER, look, record_name};
 pub use export::{ExportOptions, Exported, archive, export};
 pub use live::{LiveStudy, OnScreen, OpenPerson, StudyEquipment, opening};
 pub use rehearsal::{RehearsalOptions, Rehearsed, rehearse};
@@ -17,7 +17,6 @@ pub use tables::tables;
 pub use worker::{TrialOrder, Worker, WorkerError, simulated_trial, work};
 
 use crate::trial_choice::{TrialContext, trial_config};
-use worker::DEFAULT_SETUP;
 use proact_control::MethodRegistry;
 use proact_study::{Form, Happening, Plan, PlannedStep, ProtocolStep, SHIPPED, SHIPPED_FORMS, Schedule};
 use proact_types::MOST_TEXT_BYTES;
@@ -27,6 +26,7 @@ use std::{
     fs, io,
     path::{Path, PathBuf},
 };
+use worker::DEFAULT_SETUP;
 
 /// The plan's file in a study's folder.
 pub const PLAN_FILE: &str = "plan.toml";

@@ -236,9 +236,7 @@ fn act(registry: &Registry, command: Command) -> Result<bool, Box<dyn Error>> {
             }
             Ok(true)
         }
-        Command::Study { json, command } => {
-            crate::study::run(registry, &command, json)
-        }
+        Command::Study { json, command } => crate::study::run(registry, &command, json),
         Command::Simulate(args) => crate::simulate::command(registry, &args),
         Command::Analyze(args) => crate::analyze::command(&registry.methods, &args),
         Command::Node(args) => crate::node::command(registry, &args),

@@ -261,7 +261,8 @@ impl Shown {
         let briefing = session.testbed().task().briefing().clone();
         let mut path = WristPath::default();
         let page = room.page.as_ref();
-        let mut audience = Audience { page, inputs: None, rosbridge, feedback, interrupted: &room.interrupted };
+        let mut audience =
+            Audience { page, inputs: None, rosbridge, feedback, interrupted: &room.interrupted };
         let result = run_to_end(session, recorder, &mut audience, dir.as_deref(), |frame| {
             path.add(frame);
             bar.set_position(frame.time.0);

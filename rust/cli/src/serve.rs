@@ -122,9 +122,7 @@ fn drive(
                 server.set_content(content)?;
                 server
             }
-            none => {
-                none.insert(args.page.start(&args.person.rosbridge.access, content)?)
-            }
+            none => none.insert(args.page.start(&args.person.rosbridge.access, content)?),
         };
         let person = match &mut person {
             Some(person) => {

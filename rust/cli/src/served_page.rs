@@ -41,12 +41,22 @@ impl ServedPageArgs {
     ///
     /// # Errors
     /// A port or an address that cannot be had, a token that cannot be read.
-    pub(crate) fn start(&self, access: &AccessArgs, content: PageContent) -> Result<PageServer, Box<dyn Error>> {
+    pub(crate) fn start(
+        &self,
+        access: &AccessArgs,
+        content: PageContent,
+    ) -> Result<PageServer, Box<dyn Error>> {
         let bind = if self.headset { Ipv4Addr::UNSPECIFIED.into() } else { self.bind };
         let (access, secret) = access.page_access(bind, self.page_allow.clone())?;
         let allow_next = !self.exact_port;
-        let options =
-            PageOptions { port: self.port, allow_next, bind, https: self.headset, access, ..Default::default() };
+        let options = PageOptions {
+            port: self.port,
+            allow_next,
+            bind,
+            https: self.headset,
+            access,
+            ..Default::default()
+        };
         let server = PageServer::start(options, content)?;
         announce(&server, "", !self.no_browser, secret);
         announce_remote(&server, self.headset, secret)?;

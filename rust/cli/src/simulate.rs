@@ -67,8 +67,11 @@ pub(crate) fn processors() -> usize {
 
 /// A progress bar, if it is to be seen and standard error is a terminal.
 pub(crate) fn bar(length: u64, visible: bool, template: &str) -> ProgressBar {
-    let target =
-        if visible && stderr().is_terminal() { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
+    let target = if visible && stderr().is_terminal() {
+        ProgressDrawTarget::stderr()
+    } else {
+        ProgressDrawTarget::hidden()
+    };
     let bar = ProgressBar::with_draw_target(Some(length), target);
     if let Ok(style) = ProgressStyle::with_template(template) {
         bar.set_style(style);
@@ -84,7 +87,8 @@ pub(crate) fn command(registry: &Registry, args: &SimulateArgs) -> Result<bool, 
         None => of_methods(args),
     };
     let (conditions, orders): (Vec<String>, Vec<TrialOrder>) = ordered.into_iter().unzip();
-    let progress = bar(orders.len() as u64, !args.json, "{elapsed} {bar:40} {pos} of {len} trials, {eta} left  {msg}");
+    let progress =
+        bar(orders.len() as u64, !args.json, "{elapsed} {bar:40} {pos} of {len} trials, {eta} left  {msg}");
     let jobs = args.jobs.map_or_else(processors, usize::from);
     let results = simulate(&orders, jobs, &worker_command, &interrupted, |index, result| {
         progress.set_message(format!("{}: {} {}", conditions[index], result.score, result.score_name));

@@ -50,7 +50,9 @@ pub enum StudyCommand {
     )]
     Export(files::ExportArgs),
     /// Put a whole study into one zip file: plan, journal, records, models, with checksums
-    #[command(after_help = "Example:\n  proact study archive pilot\n\nWhat was written is read again and compared.")]
+    #[command(
+        after_help = "Example:\n  proact study archive pilot\n\nWhat was written is read again and compared."
+    )]
     Archive(files::ArchiveArgs),
     /// Run trials that come on standard input
     #[command(hide = true)]

@@ -192,7 +192,7 @@ pub enum StudyEvent {
         /// Which trial.
         spot: Spot,
         /// The checks.
-        checks: Vec<Check>,
+        checks: Vec<ReadinessCheck>,
     },
 }
 
@@ -218,7 +218,7 @@ impl StudyEvent {
 /// Whether something is ready.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
-pub struct Check {
+pub struct ReadinessCheck {
     /// Such as `gestures`.
     pub name: String,
     /// It is.

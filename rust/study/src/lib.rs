@@ -34,7 +34,7 @@ pub use arrangements::Arrangements;
 pub use balance::{Balance, Confounded, Imbalance, SessionMinutes};
 pub use error::PlanError;
 pub use form::{Form, FormError, FormItem, FormOption, FormScore, SHIPPED_FORMS, Scoring, Texts, pair_key};
-pub use journal::{Check, Deviation, Spot, StepOutcome, StudyEvent};
+pub use journal::{Deviation, ReadinessCheck, Spot, StepOutcome, StudyEvent};
 pub use order::ConditionOrder;
 pub use plan::{Condition, Plan, PlannedSession, ProtocolStep, Rest, SHIPPED, TrialChoice};
 pub use progress::{Progress, ProgressError, StepState};

@@ -156,6 +156,7 @@ impl Schedule {
 }
 
 fn steps(steps: &[ProtocolStep], condition: Option<&String>) -> impl Iterator<Item = Happening> {
-    let planned = move |step: &ProtocolStep| PlannedStep { step: step.clone(), condition: condition.cloned() };
+    let planned =
+        move |step: &ProtocolStep| PlannedStep { step: step.clone(), condition: condition.cloned() };
     steps.iter().map(move |step| Happening::Step(planned(step)))
 }

@@ -1,7 +1,7 @@
 //! Many trials with simulated participants, nothing of them kept but the results.
 
 use super::worker::{TrialOrder, Worker, WorkerError};
-use proact_analysis::summary::Summary;
+use proact_analysis::summary::SampleSummary;
 use proact_testbed::{TrialEnd, TrialResult};
 use serde::Serialize;
 use std::{
@@ -23,7 +23,7 @@ pub struct ConditionSummary {
     pub score_name: String,
     /// Its trials in figures.
     #[serde(flatten)]
-    pub scores: Summary,
+    pub scores: SampleSummary,
 }
 
 /// Runs all `orders`, each of a condition, `jobs` at a time in programs that `worker` starts. The results are in the order of the
@@ -85,12 +85,13 @@ impl ConditionSummary {
             }
         });
         let summary = |name: &String| {
-            let own = || results.iter().filter(|(index, _)| conditions[*index] == *name).map(|(_, result)| result);
+            let own =
+                || results.iter().filter(|(index, _)| conditions[*index] == *name).map(|(_, result)| result);
             let scores: Vec<f64> = own().map(|result| result.score).collect();
             Some(Self {
                 condition: name.clone(),
                 score_name: own().next()?.score_name.clone(),
-                scores: Summary::of(&scores)?,
+                scores: SampleSummary::of(&scores)?,
             })
         };
         names.into_iter().filter_map(summary).collect()

@@ -57,6 +57,19 @@ pub enum StudyError {
     Answer(#[from] proact_study::FormError),
 }
 
+/// What the journal knows of a training.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LastTraining {
+    /// The model's file in the study's folder; none where keys make the gestures.
+    pub model: Option<String>,
+    /// Share of windows that were recognised.
+    pub accuracy: Option<f64>,
+    /// Its test was passed; none without one.
+    pub passed: Option<bool>,
+    /// How long ago, seconds.
+    pub age_secs: f64,
+}
+
 /// A study that goes on: every event is on the disk before it counts.
 #[derive(Debug)]
 pub struct Conductor {
@@ -149,6 +162,28 @@ impl Conductor {
         Ok(self.last_id)
     }
 
+    /// The model of the last training in a session, with how long ago that was, its accuracy and whether its test was passed.
+    ///
+    /// # Errors
+    /// The journal cannot be read.
+    pub fn last_training(
+        &self,
+        participant: usize,
+        session: &str,
+    ) -> Result<Option<LastTraining>, StudyError> {
+        let own = |spot: &Spot| spot.participant == participant && spot.session == session;
+        let found = self.journal.entries::<StudyEvent>()?.into_iter().rev().find_map(
+            |Entry { at, event, .. }| {
+                let StudyEvent::Trained { spot, model, accuracy, passed } = event else { return None };
+                let then: Timestamp = at.parse().ok()?;
+                let age_secs =
+                    (Timestamp::now().as_millisecond() - then.as_millisecond()).max(0) as f64 * 1e-3;
+                own(&spot).then_some(LastTraining { model, accuracy, passed, age_secs })
+            },
+        );
+        Ok(found)
+    }
+
     /// By how much the clock is behind the last event, seconds; none if it is not.
     pub fn clock_behind_secs(&self) -> Option<f64> {
         let behind_ms = self.last_at?.as_millisecond().saturating_sub(Timestamp::now().as_millisecond());
@@ -179,7 +214,7 @@ impl Conductor {
         let participant = match (id, id.and_then(|id| self.progress.place(id))) {
             (None, _) => planned,
             (Some(id), Some(_)) if new => {
-                return refuse(format!("participant {id} exists already; leave out --new to go on with them"));
+                return refuse(format!("participant {id} exists already, and is not new"));
             }
             (Some(id), Some(place)) => match self.progress.next_session(place) {
                 Some(_) => place,
@@ -189,12 +224,14 @@ impl Conductor {
                 let known: Vec<&str> = self.progress.people().values().map(String::as_str).collect();
                 let known = if known.is_empty() { "nobody".to_owned() } else { known.join(", ") };
                 return refuse(format!(
-                    "there is no participant {id}; known so far: {known}. --new enrols somebody"
+                    "there is no participant {id}; known so far: {known}. Somebody who is new has to be called so"
                 ));
             }
             (Some(_), None) => match self.progress.free_place() {
                 Some(place) => place,
-                None => return refuse("every place of the plan is taken; it says how many there are".to_owned()),
+                None => {
+                    return refuse("every place of the plan is taken; it says how many there are".to_owned());
+                }
             },
         };
         if !self.progress.people().contains_key(&participant) {
@@ -319,8 +356,7 @@ fn fold(
 ) -> Result<(Option<Before>, Progress), StudyError> {
     let mut before: Option<Before> = None;
     let mut progress = Progress::new(study.schedule.clone());
-    let changed =
-        |what: String| StudyError::PlanChanged { file: study.folder.join(PLAN_FILE), what };
+    let changed = |what: String| StudyError::PlanChanged { file: study.folder.join(PLAN_FILE), what };
     for entry in entries {
         if let StudyEvent::RunBegan { simulated, plan, .. } = &entry.event
             && before.as_ref().is_none_or(|before| before.plan != *plan)
@@ -332,8 +368,43 @@ fn fold(
         }
         progress.take(&entry.event)?;
     }
-    let progress = progress.changed_to(study.schedule.clone()).map_err(changed)?;
+    let progress = progress.changed_to(study.schedule.clone()).map_err(&changed)?;
+    if let Some(before) = &before {
+        same_conditions(study, journal, &before.plan, &progress)?.map_err(changed)?;
+    }
     Ok((before, progress))
+}
+
+/// Whether the conditions whose trials were begun are still what they were in the plan with this hash.
+fn same_conditions(
+    study: &Study,
+    journal: &Journal,
+    plan: &str,
+    progress: &Progress,
+) -> Result<Result<(), String>, StudyError> {
+    if plan == hash(&study.plan_text) {
+        return Ok(Ok(()));
+    }
+    let Ok(before) = Plan::from_text(&journal.text(plan)?.unwrap_or_default()) else { return Ok(Ok(())) };
+    for session in &progress.schedule().sessions {
+        for (spot, happening) in progress.spots(session).zip(&session.happenings) {
+            let Happening::Trial(trial) = happening else { continue };
+            if progress.step(&spot).attempts == 0 {
+                continue;
+            }
+            let choice = |plan: &Plan| {
+                let condition = plan.conditions.iter().position(|own| own.name == trial.condition);
+                condition.map(|condition| plan.choice(condition))
+            };
+            if choice(&before) != choice(&study.plan) {
+                return Ok(Err(format!(
+                    "trials of {} were run, and are of another kind now",
+                    trial.condition
+                )));
+            }
+        }
+    }
+    Ok(Ok(()))
 }
 
 /// The schedule of the plan with this hash, whose text the journal keeps.

@@ -60,7 +60,8 @@ pub fn export(study: &Study, options: &ExportOptions) -> Result<Exported, Box<dy
     let folder = options.out.clone().unwrap_or_else(|| study.folder.join(TABLES_FOLDER));
     clear(&folder)?;
     let failed = |path: &Path, error: &dyn std::fmt::Display| format!("{}: {error}", path.display());
-    let mut texts = vec![("codebook.csv".to_owned(), codebook(&made)?), ("questions.csv".to_owned(), questions(study)?)];
+    let mut texts =
+        vec![("codebook.csv".to_owned(), codebook(&made)?), ("questions.csv".to_owned(), questions(study)?)];
     for table in &made {
         texts.push((format!("{}.csv", table.name), csv(table)?));
     }
@@ -123,7 +124,14 @@ fn codebook(tables: &[Table]) -> Result<String, Box<dyn Error>> {
     writer.write_record(["table", "row", "column", "unit", "meaning", "source"])?;
     for table in tables {
         for column in table.columns {
-            writer.write_record([table.name, table.row, column.name, column.unit, column.meaning, column.source])?;
+            writer.write_record([
+                table.name,
+                table.row,
+                column.name,
+                column.unit,
+                column.meaning,
+                column.source,
+            ])?;
         }
     }
     Ok(String::from_utf8(writer.into_inner()?)?)
@@ -137,13 +145,31 @@ fn questions(study: &Study) -> Result<String, Box<dyn Error>> {
         for item in &form.items {
             let (kind, text, answers) = asked(item);
             let confirmed = form.confirmed.to_string();
-            writer.write_record([&form.name, item.key(), kind, text, &answers, &form.source, &form.licence, &confirmed])?;
+            writer.write_record([
+                &form.name,
+                item.key(),
+                kind,
+                text,
+                &answers,
+                &form.source,
+                &form.licence,
+                &confirmed,
+            ])?;
         }
         for (first, second) in form.pairs() {
             let (key, answers) = (proact_study::pair_key(first, second), format!("{first} or {second}"));
             let text = "which of the two contributed more";
             let confirmed = form.confirmed.to_string();
-            writer.write_record([&form.name, &key, "pair", text, &answers, &form.source, &form.licence, &confirmed])?;
+            writer.write_record([
+                &form.name,
+                &key,
+                "pair",
+                text,
+                &answers,
+                &form.source,
+                &form.licence,
+                &confirmed,
+            ])?;
         }
     }
     Ok(String::from_utf8(writer.into_inner()?)?)
@@ -161,7 +187,9 @@ fn asked(item: &FormItem) -> (&'static str, &str, String) {
             let kind = if *several { "choice of several" } else { "choice" };
             (kind, told(text), values.join(", "))
         }
-        FormItem::Ranking { text, .. } => ("ranking", told(text), "conditions by place, = between shared places".to_owned()),
+        FormItem::Ranking { text, .. } => {
+            ("ranking", told(text), "conditions by place, = between shared places".to_owned())
+        }
         FormItem::Condition { text, .. } => ("condition", told(text), "a condition".to_owned()),
         FormItem::Consent { text, version, .. } => ("consent", told(text), format!("version {version}")),
         FormItem::Text { text, .. } => ("text", told(text), "free words".to_owned()),
@@ -177,10 +205,12 @@ fn hash(mut from: impl Read) -> io::Result<String> {
     let (mut hash, mut chunk) = (Sha256::new(), vec![0; CHUNK]);
     loop {
         match from.read(&mut chunk)? {
-            0 => return Ok(hash.finalize().iter().fold(String::new(), |mut text, byte| {
-                let _ = write!(text, "{byte:02x}");
-                text
-            })),
+            0 => {
+                return Ok(hash.finalize().iter().fold(String::new(), |mut text, byte| {
+                    let _ = write!(text, "{byte:02x}");
+                    text
+                }));
+            }
             bytes => hash.update(&chunk[..bytes]),
         }
     }
@@ -253,7 +283,8 @@ fn fill(
     let _ = fs::remove_file(&scratch);
     let mut found = files(&study.folder)?;
     let temporary = |name: &str| {
-        name.starts_with(STUDY_FILE) || Path::new(name).file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'))
+        name.starts_with(STUDY_FILE)
+            || Path::new(name).file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'))
     };
     found.retain(|name, path| !temporary(name) && fs::canonicalize(path).ok() != fs::canonicalize(out).ok());
     if study.folder.join(STUDY_FILE).is_file() {
@@ -297,4 +328,3 @@ fn check(out: &Path, hashes: &BTreeMap<String, String>) -> Result<(), Box<dyn Er
     }
     Ok(())
 }
-

@@ -11,7 +11,7 @@ mod steps;
 mod training;
 
 use super::conductor::{Conductor, StudyError};
-use crate::{LiveArmband, LivePerson, Registry};
+use crate::{LiveArmband, LivePerson, Registry, source::read_model};
 use proact_bridge::{ClientInput, PageServer, StudyRequest};
 use proact_devices::{SampleSource, SourceName};
 use proact_intent::GazeOffset;
@@ -24,6 +24,7 @@ use state::{StudyState, UnderWay, Wish};
 use std::{
     error::Error,
     sync::{atomic::AtomicBool, mpsc::Receiver},
+    time::{Duration, Instant},
 };
 use training::Trained;
 
@@ -49,7 +50,9 @@ pub struct LiveStudy<'a> {
     equipment: StudyEquipment<'a>,
     gaze_offset: GazeOffset,
     trained: Option<Trained>,
-    /// A source whose training was broken off.
+    /// For whom the armband's model was trained here; none for a model that was given.
+    fitted: Option<usize>,
+    /// A source that nobody wears a model of.
     idle_source: Option<Box<dyn SampleSource>>,
     heard: Heard,
     /// How the last trial went, in words.
@@ -91,6 +94,7 @@ impl<'a> LiveStudy<'a> {
             equipment,
             gaze_offset: GazeOffset::default(),
             trained: None,
+            fitted: None,
             idle_source: None,
             heard: Heard::default(),
             before: String::new(),
@@ -172,12 +176,45 @@ impl<'a> LiveStudy<'a> {
         // Whoever sat here before has other muscles and other eyes.
         (self.trained, self.state.gaze, self.gaze_offset) = (None, None, GazeOffset::default());
         self.before.clear();
+        if self.fitted.is_some_and(|other| other != participant) {
+            self.fitted = None;
+            self.idle_source = self.equipment.armband.take().and_then(LiveArmband::into_source);
+        }
+        self.remember_training(participant);
         if let (Some(spot), true) = (self.next_step(), planned != Some(participant)) {
             let expected = planned.map_or_else(String::new, |planned| self.state.conductor.label(planned));
             let reason = format!("the plan has {expected} next");
-            self.state.conductor.write(StudyEvent::Deviated { spot, deviation: Deviation::OtherOrder, reason })?;
+            self.state.conductor.write(StudyEvent::Deviated {
+                spot,
+                deviation: Deviation::OtherOrder,
+                reason,
+            })?;
         }
         Ok(())
+    }
+
+    /// What was trained in this session before the program ended is still good: the person has the same muscles.
+    fn remember_training(&mut self, participant: usize) {
+        let Some(session) = self.state.under.as_ref().map(|under| under.session.clone()) else { return };
+        let Ok(Some(last)) = self.state.conductor.last_training(participant, &session) else { return };
+        let Some(at) = Instant::now().checked_sub(Duration::from_secs_f64(last.age_secs)) else { return };
+        if let (Some(_), Some(model)) = (&self.equipment.source, &last.model) {
+            let path = self.state.conductor.study.folder.join(model);
+            let opened = self.source().and_then(|source| {
+                let model = read_model(&path, source.info())?;
+                Ok(LiveArmband::start(source, model))
+            });
+            match opened {
+                Ok(armband) => (self.equipment.armband, self.fitted) = (Some(armband), Some(participant)),
+                // It is trained again then: the check before a trial says so.
+                Err(error) => {
+                    self.state.told = format!("the last model cannot be used: {error}");
+                    return;
+                }
+            }
+        }
+        let (accuracy, passed, model) = (last.accuracy, last.passed, last.model);
+        self.trained = Some(Trained { at, accuracy, passed, model });
     }
 
     /// All steps are over: thanks, until the next session is asked for.

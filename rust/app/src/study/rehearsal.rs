@@ -111,7 +111,10 @@ impl<T: Fn(Rehearsed<'_>) + Sync> Rehearsal<'_, T> {
     }
 
     /// Does something with the conductor, and tells of every event that it wrote.
-    fn acknowledged<R>(&self, act: impl FnOnce(&mut Conductor) -> Result<R, StudyError>) -> Result<R, StudyError> {
+    fn acknowledged<R>(
+        &self,
+        act: impl FnOnce(&mut Conductor) -> Result<R, StudyError>,
+    ) -> Result<R, StudyError> {
         let mut conductor = self.conductor();
         let before = conductor.last_id();
         let done = act(&mut conductor);

@@ -6,9 +6,7 @@ mod trials;
 use super::{Study, conductor::Look};
 use proact_analysis::table::{Cell, Table};
 use proact_recording::journal::Entry;
-use proact_study::{
-    Deviation, FormItem, Happening, PlannedTrial, Spot, StepOutcome, StudyEvent,
-};
+use proact_study::{Deviation, FormItem, Happening, PlannedTrial, Spot, StepOutcome, StudyEvent};
 use std::{
     collections::{BTreeMap, BTreeSet},
     error::Error,
@@ -290,7 +288,9 @@ impl Told<'_> {
         for session in &progress.schedule().sessions {
             for (spot, happening) in progress.spots(session).zip(&session.happenings) {
                 let state = progress.step(&spot);
-                let (Some(name), Some(StepOutcome::Done)) = (happening.form(), state.outcome) else { continue };
+                let (Some(name), Some(StepOutcome::Done)) = (happening.form(), state.outcome) else {
+                    continue;
+                };
                 let form = &self.study.forms[name];
                 let key = || -> Vec<Cell> {
                     vec![

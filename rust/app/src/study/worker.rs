@@ -100,7 +100,13 @@ pub fn simulated_trial(
         }
         None => None,
     };
-    let mut nobody = Audience { page: None, inputs: None, rosbridge: None, feedback: FeedbackSinks::default(), interrupted };
+    let mut nobody = Audience {
+        page: None,
+        inputs: None,
+        rosbridge: None,
+        feedback: FeedbackSinks::default(),
+        interrupted,
+    };
     run_to_end(session, recorder, &mut nobody, order.dir.as_deref(), |_| {})
 }
 
@@ -117,10 +123,9 @@ pub fn work(
     let lines = lines_of(orders, Some(Arc::clone(interrupted)));
     while let Ok(line) = lines.recv() {
         let order = serde_json::from_str(&line).map_err(Box::<dyn Error>::from);
-        let reply = order.and_then(|order| simulated_trial(registry, &order, interrupted)).map_or_else(
-            |error| Reply::Error(error.to_string()),
-            |result| Reply::Result(Box::new(result)),
-        );
+        let reply = order
+            .and_then(|order| simulated_trial(registry, &order, interrupted))
+            .map_or_else(|error| Reply::Error(error.to_string()), |result| Reply::Result(Box::new(result)));
         serde_json::to_writer(&mut *answers, &reply)?;
         answers.write_all(b"\n")?;
         answers.flush()?;
@@ -183,7 +188,9 @@ impl Worker {
                     return match serde_json::from_str(&answer) {
                         Ok(Reply::Result(result)) => Ok(*result),
                         Ok(Reply::Error(reason)) => Err(WorkerError::Trial(reason)),
-                        Err(error) => Err(WorkerError::Trial(format!("unreadable answer of a trial: {error}"))),
+                        Err(error) => {
+                            Err(WorkerError::Trial(format!("unreadable answer of a trial: {error}")))
+                        }
                     };
                 }
                 Err(RecvTimeoutError::Timeout) if ends() => drop(self.orders.take()),

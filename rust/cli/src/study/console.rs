@@ -136,7 +136,8 @@ fn text(screen: &ExperimenterScreen) -> String {
             }
         }
         (None, Some(next)) => {
-            let who = next.id.clone().unwrap_or_else(|| format!("participant {}, who is new", next.participant));
+            let who =
+                next.id.clone().unwrap_or_else(|| format!("participant {}, who is new", next.participant));
             let again = if next.begun { ", which was begun before" } else { "" };
             lines.push(format!("next: {who}, session {}{again}", next.session));
             if !next.departs.is_empty() {
@@ -203,9 +204,10 @@ fn of_form(form: &FormScreen) -> Vec<String> {
             FormItem::Scale { text, low, high, least, most, .. } => {
                 (asked(text), format!("{least} {} to {most} {}", asked(low), asked(high)))
             }
-            FormItem::Choice { text, options, .. } => {
-                (asked(text), options.iter().map(|option| option.value.as_str()).collect::<Vec<_>>().join(", "))
-            }
+            FormItem::Choice { text, options, .. } => (
+                asked(text),
+                options.iter().map(|option| option.value.as_str()).collect::<Vec<_>>().join(", "),
+            ),
             FormItem::Ranking { text, .. } => (asked(text), form.conditions.join(", ")),
             FormItem::Condition { text, .. } => (asked(text), form.conditions.join(", ")),
             FormItem::Consent { text, version, .. } => (asked(text), version.clone()),

@@ -58,7 +58,11 @@ pub(super) fn export(methods: &MethodRegistry, args: &ExportArgs, json: bool) ->
     Ok(())
 }
 
-pub(super) fn archive(methods: &MethodRegistry, args: &ArchiveArgs, json: bool) -> Result<(), Box<dyn Error>> {
+pub(super) fn archive(
+    methods: &MethodRegistry,
+    args: &ArchiveArgs,
+    json: bool,
+) -> Result<(), Box<dyn Error>> {
     let study = Study::open(&args.study, methods)?;
     let out = args.out.clone().unwrap_or_else(|| {
         // A folder given as `.` has no name of its own.

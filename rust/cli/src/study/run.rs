@@ -6,8 +6,8 @@ use clap::Args;
 use proact_app::{
     LiveArmband, Registry, answer,
     study::{
-        Conductor, ExportOptions, LiveStudy, RehearsalOptions, Rehearsed, Study, StudyEquipment, export, opening,
-        rehearse, work as work_on,
+        Conductor, ExportOptions, LiveStudy, RehearsalOptions, Rehearsed, Study, StudyEquipment, export,
+        opening, rehearse, work as work_on,
     },
     tell,
 };
@@ -79,7 +79,10 @@ pub(super) fn command(registry: &Registry, args: &RunArgs, json: bool) -> Result
             "tables": tables.as_ref().map(|t| &t.folder) });
         answer(object.to_string())?;
     } else {
-        answer(format_args!("{over} of {all} trials are over{}", if finished { "; the study is finished" } else { "" }))?;
+        answer(format_args!(
+            "{over} of {all} trials are over{}",
+            if finished { "; the study is finished" } else { "" }
+        ))?;
         if let Some(tables) = tables {
             answer(format_args!("tables: {}", tables.folder.display()))?;
         }
@@ -122,7 +125,10 @@ fn simulated(
         Rehearsed::Acknowledged(id) if args.print_events => print_up_to(id - 1, id),
         Rehearsed::Acknowledged(_) => {}
         Rehearsed::Trial(trial, result) => {
-            bar.set_message(format!("{} {}: {} {}", trial.condition, trial.trial, result.score, result.score_name));
+            bar.set_message(format!(
+                "{} {}: {} {}",
+                trial.condition, trial.trial, result.score, result.score_name
+            ));
             bar.inc(1);
         }
     })?;
@@ -171,7 +177,8 @@ fn live(
             terminal.show(&screen.experimenter);
         }
     });
-    let mut study = LiveStudy::new(registry, conductor, &page, equipment, Some(requests), on_screen, interrupted);
+    let mut study =
+        LiveStudy::new(registry, conductor, &page, equipment, Some(requests), on_screen, interrupted);
     study.tell(found.join("; "));
     study.run()
 }

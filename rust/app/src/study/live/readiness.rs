@@ -1,7 +1,7 @@
 //! What is ready before a trial, each with its age and a verdict, instead of waits.
 
 use super::{LiveStudy, training::Trained};
-use proact_study::{Check, Happening, PlannedStep, ProtocolStep};
+use proact_study::{Happening, PlannedStep, ProtocolStep, ReadinessCheck};
 use std::{
     path::Path,
     time::{Duration, Instant},
@@ -24,13 +24,18 @@ pub(super) struct Heard {
     muscles: Option<Instant>,
 }
 
-fn check(name: &str, ready: bool, found: String, since: Option<Instant>) -> Check {
-    Check { name: name.to_owned(), ready, found, age_secs: since.map(|at| at.elapsed().as_secs_f64().round()) }
+fn check(name: &str, ready: bool, found: String, since: Option<Instant>) -> ReadinessCheck {
+    ReadinessCheck {
+        name: name.to_owned(),
+        ready,
+        found,
+        age_secs: since.map(|at| at.elapsed().as_secs_f64().round()),
+    }
 }
 
 impl LiveStudy<'_> {
     /// What is ready for the next trial, and what is not.
-    pub(super) fn checks(&mut self) -> Vec<Check> {
+    pub(super) fn checks(&mut self) -> Vec<ReadinessCheck> {
         let mut checks = vec![self.page()];
         checks.push(self.gestures());
         checks.extend(self.armband_alive());
@@ -41,7 +46,7 @@ impl LiveStudy<'_> {
         checks
     }
 
-    fn page(&self) -> Check {
+    fn page(&self) -> ReadinessCheck {
         match self.state.page.client_count() {
             0 => check("pages", false, "no page is open".to_owned(), None),
             1 => check("pages", true, "1 page is open".to_owned(), None),
@@ -49,7 +54,7 @@ impl LiveStudy<'_> {
         }
     }
 
-    fn gestures(&self) -> Check {
+    fn gestures(&self) -> ReadinessCheck {
         let keys = self.equipment.source.is_none();
         match &self.trained {
             _ if !keys && self.equipment.armband.is_none() => {
@@ -87,7 +92,7 @@ impl LiveStudy<'_> {
         })
     }
 
-    fn armband_alive(&mut self) -> Option<Check> {
+    fn armband_alive(&mut self) -> Option<ReadinessCheck> {
         let armband = self.equipment.armband.as_ref()?;
         let samples = armband.received();
         if samples > self.heard.samples {
@@ -96,13 +101,16 @@ impl LiveStudy<'_> {
         Some(alive("armband", self.heard.muscles))
     }
 
-    fn gaze(&self) -> Option<Check> {
+    fn gaze(&self) -> Option<ReadinessCheck> {
         let name = "gaze";
         match self.state.gaze {
             Some(gaze) => {
-                let error = gaze.error_deg.map_or("no valid gaze".to_owned(), |error| format!("{error:.1} degrees off"));
+                let error = gaze
+                    .error_deg
+                    .map_or("no valid gaze".to_owned(), |error| format!("{error:.1} degrees off"));
                 let found = if gaze.calibrated { format!("calibrated, {error} before") } else { error };
-                let ready = gaze.calibrated || gaze.error_deg.is_some_and(|error| error <= MOST_GAZE_ERROR_DEG);
+                let ready =
+                    gaze.calibrated || gaze.error_deg.is_some_and(|error| error <= MOST_GAZE_ERROR_DEG);
                 Some(check(name, ready, found, Some(gaze.at)))
             }
             None if self.plans(|step| matches!(step, ProtocolStep::CalibrateGaze { .. })) => {
@@ -112,7 +120,7 @@ impl LiveStudy<'_> {
         }
     }
 
-    fn trackers(&mut self) -> Vec<Check> {
+    fn trackers(&mut self) -> Vec<ReadinessCheck> {
         let Some(person) = &mut self.equipment.person else { return Vec::new() };
         let [gaze, limb] = person.listen();
         let mut checks = Vec::new();
@@ -128,7 +136,7 @@ impl LiveStudy<'_> {
         checks
     }
 
-    fn clock(&self) -> Check {
+    fn clock(&self) -> ReadinessCheck {
         let behind = self.state.conductor.clock_behind_secs();
         let now = jiff::Zoned::now().strftime("%Y-%m-%d %H:%M").to_string();
         match behind {
@@ -139,7 +147,7 @@ impl LiveStudy<'_> {
 }
 
 /// Whether something that should send all the time does.
-fn alive(name: &str, heard: Option<Instant>) -> Check {
+fn alive(name: &str, heard: Option<Instant>) -> ReadinessCheck {
     match heard {
         Some(at) if at.elapsed() < SILENCE => check(name, true, "sends".to_owned(), Some(at)),
         Some(at) => check(name, false, "silent".to_owned(), Some(at)),
@@ -147,7 +155,7 @@ fn alive(name: &str, heard: Option<Instant>) -> Check {
     }
 }
 
-fn disk(folder: &Path) -> Check {
+fn disk(folder: &Path) -> ReadinessCheck {
     match nix::sys::statvfs::statvfs(folder) {
         Ok(disk) => {
             let free = disk.blocks_available() as u64 * disk.fragment_size() as u64;

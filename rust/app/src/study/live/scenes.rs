@@ -113,9 +113,13 @@ impl LiveStudy<'_> {
     pub(super) fn run_trial(&mut self, spot: &Spot, trial: &PlannedTrial) -> Result<StepEnd, Box<dyn Error>> {
         let Some(record) = self.state.conductor.begin(spot)? else { return Ok(StepEnd::Interrupted) };
         let dir = self.state.conductor.study.folder.join(record);
-        let wanted = Wanted { record: Some((dir, format!("{}.bag", record_name(trial)))), ..self.of_trial(trial) };
+        let wanted =
+            Wanted { record: Some((dir, format!("{}.bag", record_name(trial)))), ..self.of_trial(trial) };
         let countdown = self.countdown(&spot.session);
-        self.running(ParticipantScreen::Scene { countdown, title: String::new() }, &[StudyButton::Pause, StudyButton::Abort]);
+        self.running(
+            ParticipantScreen::Scene { countdown, title: String::new() },
+            &[StudyButton::Pause, StudyButton::Abort],
+        );
         let (ended, result, _) = self.drive(&wanted, false, false)?;
         self.before = outcome(&result);
         Ok(match ended {
@@ -133,7 +137,8 @@ impl LiveStudy<'_> {
     /// The step goes on: what the participant sees, and what can be asked for.
     fn running(&mut self, participant: ParticipantScreen, can: &[StudyButton]) {
         if let Some(now) = &mut self.state.now {
-            (now.running, now.since, now.participant, now.can) = (true, Instant::now(), participant, can.to_vec());
+            (now.running, now.since, now.participant, now.can) =
+                (true, Instant::now(), participant, can.to_vec());
         }
         self.state.carried = 0;
         self.state.show();
@@ -150,7 +155,8 @@ impl LiveStudy<'_> {
         condition: Option<&str>,
     ) -> Result<StepEnd, Box<dyn Error>> {
         let plan = &self.state.conductor.study.plan;
-        let condition = plan.conditions.iter().position(|own| Some(own.name.as_str()) == condition).unwrap_or(0);
+        let condition =
+            plan.conditions.iter().position(|own| Some(own.name.as_str()) == condition).unwrap_or(0);
         let mut wanted = Wanted {
             choice: plan.choice(condition),
             // Other blocks than those of any trial.
@@ -240,7 +246,8 @@ impl LiveStudy<'_> {
         )?;
         self.state.page.set_content(content(&session, &arm, false))?;
         let (page, interrupted) = (self.state.page, self.state.interrupted);
-        let mut inputs = SceneInputs { state: &mut self.state, next_ends: true, calibrates: false, left: None };
+        let mut inputs =
+            SceneInputs { state: &mut self.state, next_ends: true, calibrates: false, left: None };
         let mut audience = Audience {
             page: Some(page),
             inputs: Some(&mut inputs),

@@ -5,8 +5,8 @@ use crate::{
     study::conductor::{Conductor, StudyError},
 };
 use proact_bridge::{
-    ClientInput, GivenAnswer, NowWhat, PageServer, ParticipantScreen, RefusedAnswer, StudyAction, StudyButton,
-    StudyRequest, StudyScreen,
+    ClientInput, GivenAnswer, NowWhat, PageServer, ParticipantScreen, RefusedAnswer, StudyAction,
+    StudyButton, StudyRequest, StudyScreen,
 };
 use proact_study::{Spot, StudyEvent};
 use proact_types::{DisplayFrame, EventKind, Gesture};
@@ -20,8 +20,9 @@ use std::{
 
 /// How often requests are looked at outside trials.
 const LOOK: Duration = Duration::from_millis(20);
-/// Screens go out at least so often: times go on.
+/// Screens go out at least so often: times go on. While a prompt moves, more often.
 const SCREEN_PERIOD: Duration = Duration::from_millis(500);
+const PROMPT_PERIOD: Duration = Duration::from_millis(50);
 /// Longest note or reason, characters.
 const MOST_WORDS: usize = 2000;
 
@@ -74,6 +75,8 @@ pub(super) struct StudyState<'a> {
     /// Objects that were let go in the trial or practice under way.
     pub(super) carried: usize,
     shown: Instant,
+    /// There is news to show.
+    pub(super) news: bool,
 }
 
 /// How well the gaze follows, and when that was measured.
@@ -106,6 +109,7 @@ impl<'a> StudyState<'a> {
             gaze: None,
             carried: 0,
             shown: Instant::now(),
+            news: true,
         }
     }
 
@@ -140,12 +144,23 @@ impl<'a> StudyState<'a> {
         let mut came = self.page.drain_inputs();
         came.extend(self.console.iter().flat_map(Receiver::try_iter));
         let (mut inputs, mut wishes) = (Vec::new(), Vec::new());
+        let asks = |input: &ClientInput| {
+            matches!(input, ClientInput::Conduct(_) | ClientInput::Answer(_) | ClientInput::Submit { .. })
+        };
+        self.news |= came.iter().any(asks);
         for input in came {
             match input {
                 ClientInput::Conduct(StudyRequest::Note { text }) => self.note(&text),
-                ClientInput::Conduct(request) => wishes.push(Wish::Ask(request)),
+                ClientInput::Conduct(request) => {
+                    // What came of the request before is old news.
+                    self.told.clear();
+                    wishes.push(Wish::Ask(request));
+                }
                 ClientInput::Answer(given) => self.answer(given),
-                ClientInput::Submit { step } => wishes.push(Wish::Submit(step)),
+                ClientInput::Submit { step } => {
+                    self.told.clear();
+                    wishes.push(Wish::Submit(step));
+                }
                 // The plan says which trial is next.
                 ClientInput::Restart { .. } | ClientInput::After(_) => {}
                 input => {
@@ -174,7 +189,8 @@ impl<'a> StudyState<'a> {
     }
 
     fn answer(&mut self, GivenAnswer { step, key, answer }: GivenAnswer) {
-        let Some(spot) = self.now.as_ref().map(|now| now.spot.clone()).filter(|spot| spot.step == step) else {
+        let Some(spot) = self.now.as_ref().map(|now| now.spot.clone()).filter(|spot| spot.step == step)
+        else {
             self.told = format!("an answer to step {step} came too late and is not kept");
             return;
         };
@@ -194,7 +210,13 @@ impl<'a> StudyState<'a> {
         match self.failed.take() {
             Some(error) => Err(error),
             None => {
-                self.show();
+                let prompts = matches!(self.now, Some(Now { what: NowWhat::Train(_), .. }));
+                let period = if prompts { PROMPT_PERIOD } else { SCREEN_PERIOD };
+                if self.news || self.shown.elapsed() >= period {
+                    self.show();
+                    // What these wishes lead to is news once more.
+                    self.news = !wishes.is_empty();
+                }
                 std::thread::sleep(LOOK);
                 Ok(wishes)
             }
@@ -203,7 +225,7 @@ impl<'a> StudyState<'a> {
 
     /// Shows where the study is. The server keeps to itself what is no news.
     pub(super) fn show(&mut self) {
-        self.shown = Instant::now();
+        (self.shown, self.news) = (Instant::now(), false);
         let screen = self.screen();
         self.page.publish_study(&screen);
         (self.on_screen)(&screen, self.conductor.last_id());
@@ -230,7 +252,9 @@ pub(super) struct SceneInputs<'s, 'a> {
 impl SceneInputs<'_, '_> {
     fn wish(&mut self, wish: Wish, inputs: &mut Vec<ClientInput>) {
         match wish {
-            Wish::Ask(StudyRequest::Next {}) if self.next_ends => inputs.push(ClientInput::Study(StudyAction::Abort)),
+            Wish::Ask(StudyRequest::Next {}) if self.next_ends => {
+                inputs.push(ClientInput::Study(StudyAction::Abort))
+            }
             Wish::Ask(request @ (StudyRequest::Skip { .. } | StudyRequest::Leave {})) if self.next_ends => {
                 self.left = Some(request);
                 inputs.push(ClientInput::Study(StudyAction::Abort));
@@ -255,8 +279,10 @@ impl TrialInputs for SceneInputs<'_, '_> {
                 (ClientInput::Study(StudyAction::Pause), Some(spot)) => self.state.pause(spot, true),
                 (ClientInput::Study(StudyAction::Resume), Some(spot)) => self.state.pause(spot, false),
                 (ClientInput::GazeCheck(check), Some(spot)) => {
-                    let errors: Vec<f64> = check.points.iter().filter_map(|point| point.accuracy_deg).collect();
-                    let error_deg = (!errors.is_empty()).then(|| errors.iter().sum::<f64>() / errors.len() as f64);
+                    let errors: Vec<f64> =
+                        check.points.iter().filter_map(|point| point.accuracy_deg).collect();
+                    let error_deg =
+                        (!errors.is_empty()).then(|| errors.iter().sum::<f64>() / errors.len() as f64);
                     let calibrated = check.correction_deg.is_some();
                     self.state.gaze = Some(GazeMeasured { at: Instant::now(), error_deg, calibrated });
                     self.state.write(StudyEvent::GazeChecked { spot: spot.clone(), error_deg, calibrated });
@@ -268,7 +294,7 @@ impl TrialInputs for SceneInputs<'_, '_> {
         if self.state.failed.is_some() {
             inputs.push(ClientInput::Study(StudyAction::Abort));
         }
-        if !inputs.is_empty() || self.state.shown.elapsed() > SCREEN_PERIOD {
+        if self.state.news || self.state.shown.elapsed() > SCREEN_PERIOD {
             self.state.show_scene();
         }
         inputs

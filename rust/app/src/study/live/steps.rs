@@ -28,7 +28,9 @@ impl LiveStudy<'_> {
         let condition = happening.condition().map(str::to_owned);
         let end = match &happening {
             Happening::Trial(trial) => self.trial(spot, trial)?,
-            Happening::Step(PlannedStep { step, .. }) => self.protocol_step(spot, step, condition.as_deref())?,
+            Happening::Step(PlannedStep { step, .. }) => {
+                self.protocol_step(spot, step, condition.as_deref())?
+            }
         };
         self.end(spot, end)
     }
@@ -121,9 +123,17 @@ impl LiveStudy<'_> {
         can
     }
 
-    fn now(&mut self, spot: &Spot, running: bool, what: NowWhat, participant: ParticipantScreen, own: &[StudyButton]) {
+    fn now(
+        &mut self,
+        spot: &Spot,
+        running: bool,
+        what: NowWhat,
+        participant: ParticipantScreen,
+        own: &[StudyButton],
+    ) {
         let can = self.buttons(own);
         let since = Instant::now();
+        self.state.news = true;
         self.state.now = Some(Now { spot: spot.clone(), running, since, what, participant, can });
     }
 
@@ -201,7 +211,8 @@ impl LiveStudy<'_> {
         self.state.conductor.write(StudyEvent::Deviated { spot: spot.clone(), deviation, reason })?;
         let before = self.state.now.clone();
         if let Some(now) = &mut self.state.now {
-            (now.can, now.running, now.since) = (vec![StudyButton::Next, StudyButton::Leave], true, Instant::now());
+            (now.can, now.running, now.since) =
+                (vec![StudyButton::Next, StudyButton::Leave], true, Instant::now());
         }
         if deviation == Deviation::Retrained {
             self.retrain(spot)?;
@@ -209,12 +220,15 @@ impl LiveStudy<'_> {
             if let Some(now) = &mut self.state.now {
                 now.what = NowWhat::CalibrateGaze { error_deg: None };
             }
-            let condition = self.state.conductor.progress().happening(spot).and_then(|step| {
-                step.condition().map(str::to_owned)
-            });
+            let condition = self
+                .state
+                .conductor
+                .progress()
+                .happening(spot)
+                .and_then(|step| step.condition().map(str::to_owned));
             self.run_scene(spot, Scene::Gaze, condition.as_deref())?;
         }
-        self.state.now = before;
+        (self.state.now, self.state.news) = (before, true);
         Ok(())
     }
 
@@ -238,14 +252,17 @@ impl LiveStudy<'_> {
                     if form.lacks_consent(&answers) {
                         self.state.told = "without consent the session cannot go on".to_owned();
                     } else if let (Wish::Submit(_), Some(first)) = (&wish, missing.first()) {
-                        self.state.told = format!("{} questions have no answer, the first is {first}", missing.len());
+                        self.state.told =
+                            format!("{} questions have no answer, the first is {first}", missing.len());
                     } else {
                         // Whoever conducts the study may go on with what there is; the tables say what is missing.
                         return Ok(StepEnd::Done);
                     }
                 }
                 match self.step_end(&wish, false) {
-                    Some(StepEnd::Skipped(_)) if self.state.conductor.study.forms[&name].asks_for_consent() => {
+                    Some(StepEnd::Skipped(_))
+                        if self.state.conductor.study.forms[&name].asks_for_consent() =>
+                    {
                         self.state.told = "without consent the session cannot go on".to_owned();
                     }
                     Some(end) => return Ok(end),
@@ -257,7 +274,12 @@ impl LiveStudy<'_> {
     }
 
     /// A practice or a demonstration: it begins when it is asked for, unless it was begun already.
-    fn scene_step(&mut self, spot: &Spot, scene: Scene, condition: Option<&str>) -> Result<StepEnd, Box<dyn Error>> {
+    fn scene_step(
+        &mut self,
+        spot: &Spot,
+        scene: Scene,
+        condition: Option<&str>,
+    ) -> Result<StepEnd, Box<dyn Error>> {
         self.now(spot, false, scene.what(), ParticipantScreen::Wait, &[StudyButton::Next]);
         while !self.state.conductor.progress().step(spot).open {
             if self.state.interrupted() {
@@ -320,13 +342,18 @@ impl LiveStudy<'_> {
                     continue;
                 }
                 if !lacking.is_empty() && anyway.is_none() {
-                    self.state.told = format!("not ready: {}; start anyway with a reason", lacking.join(", "));
+                    self.state.told =
+                        format!("not ready: {}; start anyway with a reason", lacking.join(", "));
                     continue;
                 }
                 if let Some(reason) = anyway.filter(|_| !lacking.is_empty()) {
                     let reason = format!("{reason} ({})", lacking.join(", "));
                     let deviation = Deviation::NotReady;
-                    self.state.conductor.write(StudyEvent::Deviated { spot: spot.clone(), deviation, reason })?;
+                    self.state.conductor.write(StudyEvent::Deviated {
+                        spot: spot.clone(),
+                        deviation,
+                        reason,
+                    })?;
                 }
                 self.state.conductor.write(StudyEvent::Checked { spot: spot.clone(), checks })?;
                 return self.run_trial(spot, trial);
@@ -338,7 +365,8 @@ impl LiveStudy<'_> {
     fn number(&self, spot: &Spot) -> [usize; 2] {
         let progress = self.state.conductor.progress();
         let Some(session) = progress.session(spot.participant, &spot.session) else { return [0, 0] };
-        let trials = session.happenings.iter().enumerate().filter(|(_, step)| matches!(step, Happening::Trial(_)));
+        let trials =
+            session.happenings.iter().enumerate().filter(|(_, step)| matches!(step, Happening::Trial(_)));
         let indices: Vec<usize> = trials.map(|(index, _)| index + 1).collect();
         [indices.iter().filter(|index| **index <= spot.step).count(), indices.len()]
     }
@@ -348,7 +376,10 @@ impl LiveStudy<'_> {
         let sessions = &self.state.conductor.progress().schedule().sessions;
         let steps = sessions.iter().flat_map(|session| &session.happenings);
         let planned = steps.filter_map(|happening| match happening {
-            Happening::Step(PlannedStep { step: ProtocolStep::Train { repetitions, hold_secs, pass_runs, .. }, .. }) => {
+            Happening::Step(PlannedStep {
+                step: ProtocolStep::Train { repetitions, hold_secs, pass_runs, .. },
+                ..
+            }) => {
                 Some(TrainingPlan { repetitions: *repetitions, hold_secs: *hold_secs, pass_runs: *pass_runs })
             }
             _ => None,

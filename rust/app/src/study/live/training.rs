@@ -96,7 +96,8 @@ impl LiveStudy<'_> {
         let name = self.free_model_name(spot);
         let folder = self.state.conductor.study.folder.clone();
         let recordings = folder.join(format!("{MODELS_FOLDER}/{name}.recordings"));
-        let kept = RecordingFolder::create(&recordings, config.emg.rate_hz, &config.gestures, config.emg.rest)?;
+        let kept =
+            RecordingFolder::create(&recordings, config.emg.rate_hz, &config.gestures, config.emg.rest)?;
         let (begin, mut now) = (Instant::now(), SimTime(0));
         let mut packet = EmgPacket::default();
         let mut said = String::new();
@@ -151,11 +152,12 @@ impl LiveStudy<'_> {
         write_whole(&folder.join(&file), &model.to_json()?)?;
         trained.model = Some(file);
         self.equipment.armband = Some(LiveArmband::start(source, model));
+        self.fitted = Some(spot.participant);
         Ok(StepEnd::Done)
     }
 
     /// The source of muscles: that of the armband in use, or a new one.
-    fn source(&mut self) -> Result<Box<dyn SampleSource>, Box<dyn Error>> {
+    pub(super) fn source(&mut self) -> Result<Box<dyn SampleSource>, Box<dyn Error>> {
         if let Some(source) = self.idle_source.take() {
             return Ok(source);
         }
@@ -200,7 +202,8 @@ impl LiveStudy<'_> {
                 }
             }
             let passed = test.report().passed;
-            if !passed && test.step(now, in_force)
+            if !passed
+                && test.step(now, in_force)
                 && let (Some(armband), Some(prompt)) = (&self.equipment.armband, test.prompt())
             {
                 armband.prompt(prompt);
@@ -210,7 +213,10 @@ impl LiveStudy<'_> {
             self.prompt(PromptScreen {
                 gesture: test.prompt().filter(|_| !passed).unwrap_or(rest),
                 text: if passed { "Done. Relax." } else { "Make this gesture and hold it" }.to_owned(),
-                share: plan.pass_runs.map_or(0.0, |runs| test.report().in_a_row as f64 / runs as f64).min(1.0),
+                share: plan
+                    .pass_runs
+                    .map_or(0.0, |runs| test.report().in_a_row as f64 / runs as f64)
+                    .min(1.0),
                 recording: false,
                 recognised: Some(in_force),
                 in_a_row: test.report().in_a_row,
@@ -245,7 +251,7 @@ impl LiveStudy<'_> {
         if end != StepEnd::Done {
             self.state.told = "the training was not finished".to_owned();
         }
-        self.state.now = before;
+        (self.state.now, self.state.news) = (before, true);
         Ok(())
     }
 }

@@ -15,11 +15,16 @@ const PARTICIPANT: Column = column("participant", "", "place in the plan, from 1
 const ID: Column = column("id", "", "pseudonym", "journal");
 const SESSION: Column = column("session", "", "name of the session", "plan");
 const CONDITION: Column = column("condition", "", "what is compared", "plan");
-const TRIAL: Column = column("trial", "", "number among the participant's trials of the condition, from 1", "plan");
+const TRIAL: Column =
+    column("trial", "", "number among the participant's trials of the condition, from 1", "plan");
 const SIMULATED: Column =
     column("simulated", "", "1 if participant and answers are simulated, 0 for a person", "journal");
-const DEPARTURES: Column =
-    column("deviations", "", "kinds of departure from the plan, with commas between; see deviations", "journal");
+const DEPARTURES: Column = column(
+    "deviations",
+    "",
+    "kinds of departure from the plan, with commas between; see deviations",
+    "journal",
+);
 
 /// The columns that name a trial, then the table's own.
 macro_rules! of_a_trial {
@@ -67,7 +72,12 @@ pub(super) const TRIALS: &[Column] = of_a_trial![
     column("score_name", "", "what the score is", "record"),
     column("seconds", "s", "length of the trial", "record"),
     column("gesture_source", "", "where the gestures came from", "record"),
-    column("unsolved_ticks", "", "milliseconds in which the physics met the laws of contact inexactly", "record"),
+    column(
+        "unsolved_ticks",
+        "",
+        "milliseconds in which the physics met the laws of contact inexactly",
+        "record"
+    ),
     column("record", "", "folder of the record, in the study's folder", "journal"),
     column("digest", "", "digest of the trial: the same for the same inputs", "record"),
     SIMULATED,
@@ -108,7 +118,12 @@ pub(super) const GAZE: &[Column] = of_a_trial![
 ];
 
 pub(super) const COMPENSATION: &[Column] = of_a_trial![
-    column("shoulder_path_m", "m", "length of the shoulder's way; empty if it was not tracked", "computed from the record"),
+    column(
+        "shoulder_path_m",
+        "m",
+        "length of the shoulder's way; empty if it was not tracked",
+        "computed from the record"
+    ),
     column("shoulder_range_mm", "mm", "furthest from where it was first", "computed from the record"),
     column("shoulder_turn_deg", "degree", "furthest turn from how it was first", "computed from the record"),
 ];
@@ -119,7 +134,12 @@ pub(super) const EMG_QUALITY: &[Column] = of_a_trial![
     column("gaps", "", "gaps in its stream", "computed from the record"),
     column("lost_share", "1", "mean share of samples lost in a second, 0 to 1", "computed from the record"),
     column("sd", "unit of the stream", "mean standard deviation over a second", "computed from the record"),
-    column("mains_share", "1", "mean share of the power at the mains frequency, 0 to 1", "computed from the record"),
+    column(
+        "mains_share",
+        "1",
+        "mean share of the power at the mains frequency, 0 to 1",
+        "computed from the record"
+    ),
     column("amber_share", "1", "share of the time with an amber light, 0 to 1", "computed from the record"),
     column("red_share", "1", "share of the time with a red light, 0 to 1", "computed from the record"),
 ];
@@ -169,7 +189,12 @@ pub(super) const ANSWERS: &[Column] = &[
     ITEM_KEY[3],
     ITEM_KEY[4],
     column("item", "", "key of the question", "questionnaire"),
-    column("answer", "", "the answer; several with commas between, shared places with =; empty if there is none", "journal"),
+    column(
+        "answer",
+        "",
+        "the answer; several with commas between, shared places with =; empty if there is none",
+        "journal",
+    ),
     column("at", "", "when it was given, RFC 3339, UTC", "journal"),
     SIMULATED,
 ];

@@ -29,9 +29,7 @@ pub(super) fn tables(told: &Told<'_>, raw: bool) -> Result<Vec<Table>, Box<dyn E
     };
     for counted in told.counted() {
         let dir = told.study.folder.join(&counted.record);
-        tables
-            .take(told, &counted, raw)
-            .map_err(|error| format!("{}: {error}", dir.display()))?;
+        tables.take(told, &counted, raw).map_err(|error| format!("{}: {error}", dir.display()))?;
     }
     let TrialTables { trials, blocks, actions, gaze, compensation, emg, raw_gaze, raw_shoulder } = tables;
     let mut all = vec![trials, blocks, actions, gaze, compensation, emg];
@@ -94,7 +92,10 @@ impl TrialTables {
             result.task.as_str().into(),
             result.arm.as_str().into(),
             result.setup.as_str().into(),
-            serde_json::to_value(result.ended).ok().and_then(|ended| ended.as_str().map(str::to_owned)).into(),
+            serde_json::to_value(result.ended)
+                .ok()
+                .and_then(|ended| ended.as_str().map(str::to_owned))
+                .into(),
             counted.attempt.into(),
             if departures.is_empty() { Cell::Missing } else { "*".into() },
             departures.into(),
@@ -204,7 +205,8 @@ impl TrialTables {
 }
 
 fn secs(time: SimTime) -> f64 {
-    time.0 as f64 * 1e-3
+    // Divided, so that 18 ms are 0.018 and not a digit more.
+    time.0 as f64 / 1e3
 }
 
 /// A word as it is in files.

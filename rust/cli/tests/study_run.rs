@@ -1,0 +1,209 @@
+//! A study with simulated participants, from its plan to its tables.
+#![allow(clippy::disallowed_methods)] // A test of files and processes.
+#![allow(clippy::unwrap_used)]
+
+use serde_json::Value;
+use std::{
+    collections::BTreeMap,
+    fs,
+    path::Path,
+    process::{Command, Output},
+};
+
+/// Trials of 3 s, in which nobody gets anywhere: what is tested is what is kept of them.
+const PLAN: &str = r#"
+name = "short"
+participants = 3
+[trial]
+limit_secs = 3
+[[conditions]]
+name = "A"
+trial = { method = "A" }
+[[conditions]]
+name = "shared control"
+trial = { method = "D" }
+[order]
+by = "williams"
+[arrangements]
+by = "balanced"
+[[sessions]]
+name = "1"
+trials = 1
+begin = [{ do = "form", form = "participant", minutes = 1 }, { do = "say", text = "welcome", minutes = 1 }]
+after_condition = [{ do = "form", form = "pros_tlx", minutes = 1 }, { do = "form", form = "own", minutes = 1 }]
+end = [{ do = "form", form = "ranking", minutes = 1 }]
+[texts]
+welcome = "Hello."
+"#;
+
+/// A questionnaire of a lab's own, in two languages.
+const OWN_FORM: &str = r#"
+name = "own"
+title = { en = "Our own", de = "Unser eigener" }
+source = "ours"
+licence = "ours"
+confirmed = true
+[[items]]
+kind = "scale"
+key = "trust"
+text = { en = "How far do you trust the arm?", de = "Wie sehr vertrauen Sie dem Arm?" }
+low = { en = "not at all", de = "gar nicht" }
+high = { en = "fully", de = "ganz" }
+least = 1
+most = 5
+step = 1
+"#;
+
+fn proact(dir: &Path, words: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_proact")).args(words).current_dir(dir).output().unwrap()
+}
+
+fn answer(dir: &Path, words: &[&str]) -> String {
+    let output = proact(dir, words);
+    assert!(output.status.success(), "{words:?}: {}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+fn json(dir: &Path, words: &[&str]) -> Value {
+    serde_json::from_str(&answer(dir, words)).unwrap()
+}
+
+fn refusal(dir: &Path, words: &[&str]) -> String {
+    let output = proact(dir, words);
+    assert!(!output.status.success(), "{words:?} is refused");
+    let error = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(error.trim_end().lines().count(), 1, "one sentence: {error}");
+    error
+}
+
+fn study(dir: &Path, name: &str) {
+    answer(dir, &["study", "new", name]);
+    fs::write(dir.join(name).join("plan.toml"), PLAN).unwrap();
+    fs::create_dir(dir.join(name).join("forms")).unwrap();
+    fs::write(dir.join(name).join("forms/own.toml"), OWN_FORM).unwrap();
+}
+
+/// Rows of a table as the columns by name.
+fn table(dir: &Path, name: &str) -> Vec<BTreeMap<String, String>> {
+    let mut reader = csv::Reader::from_path(dir.join(format!("{name}.csv"))).unwrap();
+    let columns = reader.headers().unwrap().clone();
+    let row = |row: csv::StringRecord| {
+        columns.iter().map(str::to_owned).zip(row.iter().map(str::to_owned)).collect()
+    };
+    reader.records().map(|record| row(record.unwrap())).collect()
+}
+
+#[test]
+fn a_simulated_study_has_the_rows_of_its_plan_and_the_digests_of_its_trials_whatever_runs_beside_them() {
+    let dir = tempfile::tempdir().unwrap();
+    let dir = dir.path();
+    study(dir, "one");
+    assert_eq!(json(dir, &["study", "next", "one", "--json"])["participant"], 1);
+    let done = json(dir, &["study", "run", "one", "--simulated", "--jobs", "1", "--json"]);
+    assert_eq!((done["finished"].as_bool(), &done["trials"]), (Some(true), &serde_json::json!([6, 6])));
+    assert_eq!(json(dir, &["study", "next", "one", "--json"]), Value::Null);
+    let status = json(dir, &["study", "status", "one", "--json"]);
+    assert_eq!((&status["finished"], &status["simulated"]), (&Value::Bool(true), &Value::Bool(true)));
+
+    let tables = dir.join("one/tables");
+    let trials = table(&tables, "trials");
+    let keys: Vec<_> =
+        trials.iter().map(|row| (&row["participant"], &row["condition"], &row["trial"])).collect();
+    let all: std::collections::BTreeSet<_> = keys.iter().collect();
+    assert_eq!((keys.len(), all.len()), (6, 6), "{keys:?}");
+    assert!(trials.iter().all(|row| row["simulated"] == "1" && row["ended"] == "task"));
+    assert_eq!(table(&tables, "participants").len(), 3);
+    assert_eq!(table(&tables, "sessions").len(), 3);
+    assert_eq!(table(&tables, "blocks").len(), 24, "four blocks a trial");
+    assert_eq!(table(&tables, "gaze").len(), 12, "two phases a trial");
+    assert_eq!(table(&tables, "compensation").len(), 6);
+    assert_eq!(table(&tables, "emg_quality").len(), 48, "eight channels a trial");
+    // Of each person: consent and facts once, the load of each condition with its pairs, our own, the ranking.
+    let answers = table(&tables, "answers");
+    let of = |form: &str| answers.iter().filter(|row| row["form"] == form).count();
+    assert_eq!((of("pros_tlx"), of("own"), of("ranking")), (3 * 2 * (8 + 28), 6, 9));
+    assert!(answers.iter().all(|row| row["simulated"] == "1" && !row["answer"].is_empty()));
+    let scores = table(&tables, "scores");
+    assert_eq!(scores.len(), 12, "a raw and a weighted load of each condition");
+    assert!(scores.iter().all(|row| row["value"].parse::<f64>().is_ok()));
+    let questions = table(&tables, "questions");
+    assert!(
+        questions
+            .iter()
+            .any(|row| row["item"] == "trust" && row["answers"] == "1 (not at all) to 5 (fully) by 1")
+    );
+
+    // The codebook has every column of every table.
+    let codebook = table(&tables, "codebook");
+    for file in fs::read_dir(&tables).unwrap() {
+        let name = file.unwrap().file_name().into_string().unwrap();
+        let Some(name) = name.strip_suffix(".csv").filter(|name| !["codebook", "questions"].contains(name))
+        else {
+            continue;
+        };
+        let header = fs::read_to_string(tables.join(format!("{name}.csv"))).unwrap();
+        for column in header.lines().next().unwrap().split(',') {
+            let told = codebook.iter().find(|row| row["table"] == name && row["column"] == column);
+            let told = told.unwrap_or_else(|| panic!("the codebook has no {name}.{column}"));
+            assert!(!told["meaning"].is_empty() && !told["source"].is_empty(), "{name}.{column}");
+        }
+    }
+
+    // Another time, two at once: the same trials; and so `simulate` has them.
+    study(dir, "two");
+    answer(dir, &["study", "run", "two", "--simulated", "--jobs", "2", "--json"]);
+    let digests = |tables: &Path| -> Vec<String> {
+        table(tables, "trials").into_iter().map(|mut row| row.remove("digest").unwrap()).collect()
+    };
+    let recorded = digests(&tables);
+    assert_eq!(recorded, digests(&dir.join("two/tables")));
+    let batch = json(dir, &["simulate", "one/plan.toml", "--json", "--jobs", "2"]);
+    let batched: Vec<&str> =
+        batch["digests"].as_array().unwrap().iter().map(|d| d.as_str().unwrap()).collect();
+    // In the tables trials stand in the order of the plan too.
+    assert_eq!(batched, recorded);
+    for condition in ["A", "shared control"] {
+        let figures = &batch["methods"][condition];
+        for key in ["mean", "sd", "min", "max", "median"] {
+            assert!(figures[key].is_number(), "{condition}.{key}: {figures}");
+        }
+        assert_eq!(figures["trials"], 3);
+    }
+    assert!(batch["seeds"].is_array() && batch["wall_seconds"].is_number());
+}
+
+#[test]
+fn what_a_study_cannot_take_is_refused_in_one_sentence() {
+    let dir = tempfile::tempdir().unwrap();
+    let dir = dir.path();
+    study(dir, "one");
+    assert_eq!(json(dir, &["study", "status", "one", "--json"])["trials"], serde_json::json!([0, 6]));
+    let plan = dir.join("one/plan.toml");
+    fs::write(&plan, PLAN.replace("participants = 3", "participants = 1")).unwrap();
+    answer(dir, &["study", "run", "one", "--simulated", "--json"]);
+    let error = refusal(dir, &["study", "run", "one", "--no-browser", "--port", "0"]);
+    assert!(error.contains("has simulated participants"), "{error}");
+    let refused = |changed: String, words: &str| {
+        fs::write(&plan, changed).unwrap();
+        let error = refusal(dir, &["study", "run", "one", "--simulated"]);
+        assert!(error.contains(words), "{error}");
+    };
+    refused(PLAN.replace("method = \"D\"", "method = \"C\""), "trials of shared control were run");
+    refused(PLAN.replace("limit_secs = 3", "limit_secs = 4"), "trials of A were run");
+    refused(PLAN.replace("trials = 1", "trials = 2"), "was done and is another one now");
+    // More participants are no change of what was done.
+    fs::write(&plan, PLAN).unwrap();
+    let done = json(dir, &["study", "status", "one", "--json"]);
+    assert_eq!(done["trials"], serde_json::json!([2, 6]), "{done}");
+    // Nothing that is there is overwritten.
+    fs::create_dir(dir.join("elsewhere")).unwrap();
+    fs::write(dir.join("elsewhere/precious.txt"), "mine").unwrap();
+    let error = refusal(dir, &["study", "export", "one", "--out", "elsewhere"]);
+    assert!(error.contains("is no earlier export"), "{error}");
+    assert!(dir.join("elsewhere/precious.txt").exists());
+    answer(dir, &["study", "archive", "one", "--out", "one.zip"]);
+    let error = refusal(dir, &["study", "archive", "one", "--out", "one.zip"]);
+    assert!(error.contains("exists"), "{error}");
+    let error = refusal(dir, &["simulate", "--methods", "Z"]);
+    assert!(error.contains("Z"), "{error}");
+}
