@@ -5,8 +5,8 @@
 # A lane is a function lane_NAME. It prints what its tools print, answers 0 for passed and 77 for skipped (with
 # the reason as its last line); anything else is a failure. One failing lane does not keep the others from running.
 
-short_lanes="format shell docker web lint cpp rust launcher trial fuzz kill page rosbridge ros"
-long_lanes="deny fuzz_long seeds planning sanitizers valgrind soak speeds kill_long faults soak_serve debootstrap focal image pages ros_long ros_safety lsl"
+short_lanes="format shell docker web lint cpp rust launcher trial fuzz kill study page rosbridge ros"
+long_lanes="deny fuzz_long seeds planning sanitizers valgrind soak speeds kill_long study_long faults soak_serve debootstrap focal image pages ros_long ros_safety lsl"
 
 # A ROS 1 graph with Debian's own clients, the catkin workspace, rviz on a virtual display.
 ros_test_packages="ros-base python3-roslaunch python3-rosbag python3-rostopic python3-rosnode python3-rosservice
@@ -29,7 +29,8 @@ packages_of() {
         packages_of lint
         ;;
     page | pages | soak_serve) echo chromium ;;
-    kill | kill_long) echo python3 ;;
+    kill | kill_long | study_long) echo python3 ;;
+    study) echo python3 faketime ;;
     faults) echo python3 faketime ;;
     trial) echo python3 python3-rosbag ;;
     seeds | planning) echo python3 ;;
@@ -167,6 +168,18 @@ lane_kill() {
 
 lane_kill_long() {
     build && /usr/bin/python3 "$root/tests/scenarios/kill.py" "$binary" --points "${PROACT_KILL_POINTS:-200}"
+}
+
+# A study through its pages' sockets, and one that is killed again and again.
+lane_study() {
+    build && /usr/bin/python3 "$root/tests/scenarios/study_live.py" "$binary" &&
+        /usr/bin/python3 "$root/tests/scenarios/study_kill.py" "$binary"
+}
+
+# More kills, then both of the paper's studies as a whole.
+lane_study_long() {
+    build && /usr/bin/python3 "$root/tests/scenarios/study_kill.py" "$binary" --points "${PROACT_KILL_POINTS:-200}" &&
+        /usr/bin/python3 "$root/tests/scenarios/study_papers.py" "$binary"
 }
 
 # Full disks, half-open sockets, floods: what must hold then.

@@ -30,10 +30,10 @@ export async function accessibility(page, tools) {
   }
 }
 
-/** axe-core on each page and state, in both colours. */
-async function rules(page, { axe, check, url, screenshot }, open) {
+/** Looks at what is on the page with axe-core: `look(what)`. */
+export async function axeLook(page, { axe, check, screenshot }) {
   const source = await readFile(axe, "utf8");
-  const look = async (what) => {
+  return async (what) => {
     // The pages' own policy lets no foreign script in: it comes by way of the debugger.
     await page.evaluate(source);
     const found = await page.evaluate(async (tags) => {
@@ -43,6 +43,12 @@ async function rules(page, { axe, check, url, screenshot }, open) {
     if (found.length > 0) await screenshot(`axe-${what.replaceAll(" ", "-")}`);
     check(found.length === 0, `${what}: ${found.length ? found.join("; ") : "nothing against WCAG 2.2 AA"}`);
   };
+}
+
+/** axe-core on each page and state, in both colours. */
+async function rules(page, tools, open) {
+  const { url } = tools;
+  const look = await axeLook(page, tools);
   await open();
   for (const scheme of ["light", "dark"]) {
     await page.emulateMedia({ colorScheme: scheme });

@@ -16,10 +16,10 @@ const SIZES = [
   [3840, 2160, 100],
 ];
 /** Rounding of the browser's own, CSS pixels. */
-const SLACK = 1.5;
+export const SLACK = 1.5;
 
-/** What is wrong with the layout of the participant's page as it stands; runs in the page. */
-function faults(slack) {
+/** What is wrong with the layout of the participant's page as it stands; runs in the page. There may be no clock or no hint. */
+export function faults({ slack, timed = true, hinted = true }) {
   const found = [];
   const name = (node) => `.${node.className.split(" ").join(".")}`;
   const within = (inner, outer) =>
@@ -70,7 +70,8 @@ function faults(slack) {
       }
     });
   }
-  if (!shown(document.querySelector(".clock")) || !shown(document.querySelector(".hint"))) found.push("no clock or no hint");
+  if (timed && !shown(document.querySelector(".clock"))) found.push("no clock");
+  if (hinted && !shown(document.querySelector(".hint"))) found.push("no hint");
   return found;
 }
 
@@ -86,7 +87,7 @@ export async function layout(page, { url, check, screenshot, limitMs }) {
       await page.setViewportSize({ width: Math.round((100 * width) / zoom), height: Math.round((100 * height) / zoom) });
       // The camera goes to its new place softly.
       await page.waitForTimeout(1500);
-      const found = await page.evaluate(faults, SLACK);
+      const found = await page.evaluate(faults, { slack: SLACK });
       if (found.length > 0) await screenshot(`fault-${width}x${height}-${zoom}`);
       check(found.length === 0, `method ${method}, ${width}x${height} at ${zoom} %: ${found.length ? found.join("; ") : "all in its place"}`);
       if (method === "D") await screenshot(`${width}x${height}-${zoom}`);
@@ -107,7 +108,7 @@ async function unfolded(page, { check, screenshot }) {
   await page.waitForFunction(() => [...document.querySelectorAll("details")].every((card) => !card.open));
   for (const card of ["brand", "status", "log"]) await page.click(`.${card} > summary`);
   await page.waitForTimeout(500);
-  const found = await page.evaluate(faults, SLACK);
+  const found = await page.evaluate(faults, { slack: SLACK });
   await screenshot("unfolded");
   check(found.length === 0, `with all cards unfolded: ${found.join("; ") || "all in its place"}`);
   await page.click('button:text-is("Settings")');

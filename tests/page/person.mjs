@@ -105,8 +105,8 @@ async function askedFor(page, { url, check, screenshot }) {
   await desk.close();
 }
 
-/** An emulated headset: it enters, its head moves the display's head, its hand is the gaze, and it leaves. */
-export async function headset(page, { url, check, screenshot, emulator }) {
+/** The page's browser is a headset's from the next page on: `window.headset`. */
+export async function emulateHeadset(page, emulator) {
   await page.addInitScript({ content: await readFile(emulator, "utf8") });
   await page.addInitScript(() => {
     const device = new IWER.XRDevice(IWER.metaQuest3);
@@ -127,6 +127,11 @@ export async function headset(page, { url, check, screenshot, emulator }) {
     XRFrame.prototype.getImageTrackingResults = () =>
       window.board ? [{ index: 0, trackingState: window.board, imageSpace: device.controllers.left.inputSource.targetRaySpace }] : [];
   });
+}
+
+/** An emulated headset: it enters, its head moves the display's head, its hand is the gaze, and it leaves. */
+export async function headset(page, { url, check, screenshot, emulator }) {
+  await emulateHeadset(page, emulator);
   // The processor draws two pictures here: small ones, or the page is silent for longer than it may be.
   await page.setViewportSize({ width: 900, height: 500 });
   await page.goto(new URL("?quality=3&tutorial=0", url).href);

@@ -1,4 +1,4 @@
-// Starts and stops `proact serve` for the tests that need to kill it or to look at its process.
+// Starts and stops `proact serve` and `proact study run` for the tests that need to kill them or to look at their process.
 
 import { spawn } from "node:child_process";
 import { createServer } from "node:net";
@@ -7,13 +7,22 @@ import { createServer } from "node:net";
  * Starts `serve` on `port`, or on a free one if that is zero, with more words and variables, and waits until it prints its
  * address.
  */
-export async function startServe(program, port, words = ["--no-record"], variables = {}) {
+export function startServe(program, port, words = ["--no-record"], variables = {}) {
+  return start(program, ["serve"], port, words, variables);
+}
+
+/** Starts `study run` of a folder in the same way. */
+export function startStudy(program, folder, words = []) {
+  return start(program, ["study", "run", folder], 0, words, {});
+}
+
+async function start(program, command, port, words, variables) {
   const chosen = port || (await freePort());
   // In a session of its own, as from another terminal: the system shares its processors between sessions, and Chromium
   // takes all that it can get to draw.
   const child = spawn(
     program,
-    ["serve", "--no-browser", "--exact-port", "--port", String(chosen), ...words],
+    [...command, "--no-browser", "--exact-port", "--port", String(chosen), ...words],
     { env: { ...process.env, ...variables }, stdio: ["ignore", "pipe", "pipe"], detached: true },
   );
   const ended = new Promise((resolve) => child.once("exit", resolve));
@@ -27,13 +36,13 @@ export async function startServe(program, port, words = ["--no-record"], variabl
     child.stdout.on("data", read);
     child.stderr.on("data", read);
     child.once("error", reject);
-    child.once("exit", (code) => reject(new Error(`${program} serve ended with ${code} before it served: ${text}`)));
+    child.once("exit", (code) => reject(new Error(`${program} ${command.join(" ")} ended with ${code} before it served: ${text}`)));
   });
-  const stop = async () => {
-    if (child.exitCode === null && child.signalCode === null) child.kill("SIGKILL");
+  const stop = async (signal = "SIGKILL") => {
+    if (child.exitCode === null && child.signalCode === null) child.kill(signal);
     await ended;
   };
-  return { url, port: chosen, pid: child.pid, stop, text: () => text };
+  return { url, port: chosen, pid: child.pid, stop, ended, text: () => text };
 }
 
 function freePort() {

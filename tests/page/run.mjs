@@ -10,9 +10,11 @@
 // headset: enters VR and AR with an emulated device. safety: page and gamepad fall silent or die while the arm moves,
 // beside serve. layout: twelve sizes of window, touch, dark. accessibility: WCAG 2.2 AA by axe-core, keyboard alone,
 // mouse alone, one switch. strip: method B by what the strip says. wheel: two pages, one driver. afterwards: result card
-// and what follows, beside a short demo. experimenter: beside a demo. replay: beside a replay of two trials. bag: beside
-// a replay of a bag. access: starts `serve --bind` itself; who gets in. restart: starts `serve` itself, kills it, starts
-// it again, and the open page has to come back.
+// and what follows, beside a short demo. experimenter: beside a demo. conduct: a study on the experimenter's page, beside
+// serve. study_forms: the same on the participant's page. study: starts `study run` itself, with both pages; --hands
+// keys,mouse,finger: by each of these instead of by keys alone. replay: beside a replay of two trials. bag: beside a replay of a
+// bag. access: starts `serve --bind` itself; who gets in. restart: starts `serve` itself, kills it, starts it again, and the
+// open page has to come back.
 // soak: starts `serve` itself, and drives trial after trial.
 // Screenshots go to the output folder. Exits 0 only if everything was seen.
 
@@ -23,6 +25,7 @@ import { parseArgs } from "node:util";
 import { access } from "./access.mjs";
 import { accessibility } from "./accessibility.mjs";
 import { afterwards } from "./afterwards.mjs";
+import { conduct } from "./conduct.mjs";
 import { driveBlocks } from "./drive.mjs";
 import { bag, experimenter, replay } from "./desk.mjs";
 import { jogBlock } from "./jog.mjs";
@@ -33,6 +36,8 @@ import { startServe } from "./program.mjs";
 import { safety } from "./safety.mjs";
 import { soak } from "./soak.mjs";
 import { byStrip } from "./strip.mjs";
+import { study } from "./study.mjs";
+import { studyForms } from "./study_forms.mjs";
 import { wheel } from "./wheel.mjs";
 
 // playwright-core is installed with the page, whose package.json pins it.
@@ -51,6 +56,8 @@ const { values: options } = parseArgs({
     dist: { type: "string" },
     program: { type: "string" },
     minutes: { type: "string", default: "20" },
+    hands: { type: "string", default: "keys" },
+    pictures: { type: "string" },
   },
 });
 
@@ -93,15 +100,8 @@ const problems = [];
 let page;
 try {
   const context = await browser.newContext({ viewport: { width: 1280, height: 720 }, ignoreHTTPSErrors: true });
-  page = await context.newPage();
-  page.on("pageerror", (error) => problems.push(`page error: ${error.message}`));
-  page.on("console", (message) => {
-    if (message.type() === "error") problems.push(`console: ${message.text()}`);
-  });
-  page.on("requestfailed", (request) => problems.push(`request failed: ${request.url()}`));
-  if (options.dist) await serveFrom(page, options.dist);
-  page.setDefaultTimeout(60_000);
-  const modes = { watch, interactive: interact, methods, restart, access, newcomer, headset, safety, experimenter, replay, bag, afterwards, wheel, load, layout, accessibility, strip, soak: (page, tools) => soak(page, { ...tools, ...soakOptions() }) };
+  page = await pageOf(context);
+  const modes = { watch, interactive: interact, methods, restart, access, newcomer, headset, safety, experimenter, replay, bag, afterwards, wheel, load, layout, conduct, study_forms: studyForms, study, accessibility, strip, soak: (page, tools) => soak(page, { ...tools, ...soakOptions() }) };
   const mode = modes[options.mode];
   if (!mode) throw new Error(`mode ${options.mode} is unknown; expected ${Object.keys(modes).join(", ")}`);
   await mode(page, {
@@ -109,10 +109,15 @@ try {
     limitMs,
     check,
     screenshot: (name) => screenshot(page, name),
+    screenshotOf: screenshot,
+    hands: options.hands.split(","),
+    pictures: options.pictures,
     program: options.program,
     problems,
     emulator: require.resolve("iwer/build/iwer.min.js"),
     axe: require.resolve("axe-core/axe.min.js"),
+    /** A page of another person, with a window or a device of its own. */
+    tab: async (device) => pageOf(await browser.newContext({ ignoreHTTPSErrors: true, ...device })),
     /** Keeps a downloaded file in the output folder; its bytes. */
     async keep(file, name) {
       await file.saveAs(`${options.out}/${name}`);
@@ -129,6 +134,19 @@ try {
   process.exitCode = 1;
 } finally {
   await browser.close();
+}
+
+/** A page whose mistakes are kept in mind. */
+async function pageOf(context) {
+  const opened = await context.newPage();
+  opened.on("pageerror", (error) => problems.push(`page error: ${error.message}`));
+  opened.on("console", (message) => {
+    if (message.type() === "error") problems.push(`console: ${message.text()}`);
+  });
+  opened.on("requestfailed", (request) => problems.push(`request failed: ${request.url()}`));
+  if (options.dist) await serveFrom(opened, options.dist);
+  opened.setDefaultTimeout(60_000);
+  return opened;
 }
 
 async function open(page, url, pictures = 60) {

@@ -22,8 +22,9 @@ start serve --method D --seed 1 --setup still --no-record
 node "$here/../page/run.mjs" --url "$address" --out "$output/interactive" --mode interactive
 stop
 
-# The first visit's bytes, another page that takes over, windows of all sizes, and people without a mouse, without keys or with one switch.
-for mode in load wheel layout accessibility; do
+# The first visit's bytes, another page that takes over, windows of all sizes, people without a mouse, without keys or with one
+# switch, and a study as its experimenter and its participant see it.
+for mode in load wheel layout accessibility conduct study_forms; do
     start serve --method D --seed 1 --setup still --no-record
     node "$here/../page/run.mjs" --url "$address" --out "$output/$mode" --mode "$mode"
     stop
@@ -31,6 +32,9 @@ done
 
 # Where other machines can connect: who gets in.
 node "$here/../page/run.mjs" --mode access --program "$proact" --out "$output/access"
+
+# A study with both of its pages, by the keyboard alone; pages.sh does it by mouse and finger too.
+node "$here/../page/run.mjs" --mode study --program "$proact" --out "$output/study"
 
 # The page outlives the program: it comes back when the program does.
 node "$here/../page/run.mjs" --mode restart --program "$proact" --out "$output/restart"

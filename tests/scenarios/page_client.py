@@ -6,6 +6,7 @@ import os
 import socket
 import struct
 import subprocess
+import threading
 import time
 
 
@@ -14,6 +15,7 @@ class Page:
 
     def __init__(self, port, role="participant", receive_buffer=None):
         self.socket = socket.socket()
+        self.writing = threading.Lock()
         if receive_buffer:
             self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, receive_buffer)
         self.socket.settimeout(5)
@@ -35,11 +37,15 @@ class Page:
             raise ConnectionError(head.decode(errors="replace"))
 
     def send(self, **message):
-        data = json.dumps(message).encode()
+        self._write(0x1, json.dumps(message).encode())
+
+    def _write(self, kind, data):
         mask = os.urandom(4)
         length = bytes([0x80 | len(data)]) if len(data) < 126 else bytes([0x80 | 126]) + struct.pack(">H", len(data))
         masked = bytes(byte ^ mask[k % 4] for k, byte in enumerate(data))
-        self.socket.sendall(b"\x81" + length + mask + masked)
+        # As a whole, whichever thread writes.
+        with self.writing:
+            self.socket.sendall(bytes([0x80 | kind]) + length + mask + masked)
 
     def _take(self, count):
         while len(self.pending) < count:
@@ -59,6 +65,9 @@ class Page:
         elif length == 127:
             length = struct.unpack(">Q", self._take(8))[0]
         data = self._take(length)
+        if kind & 0x0F == 9:
+            # As browsers do by themselves: whoever does not answer is taken to be gone.
+            self._write(0xA, data)
         if kind & 0x0F == 8:
             raise ConnectionError("closed by the server")
         return json.loads(data) if kind & 0x0F == 1 else None

@@ -1,6 +1,6 @@
 #!/bin/sh
 # The pages beside the participant's trial with method D: a page that dies while it holds a gesture, methods A to D by keys and mouse, a newcomer's first visit,
-# an emulated headset, the experimenter and a spectator, the replay of two trials. Lane `pages`.
+# an emulated headset, the experimenter and a spectator, a study with both of its pages, the replay of two trials. Lane `pages`.
 #
 #   tests/scenarios/pages.sh PATH_OF_PROACT OUTPUT_FOLDER
 set -eu
@@ -41,6 +41,9 @@ done
 start demo --method D --seed 1 --no-record
 look experimenter
 stop
+
+# A study with both of its pages; page.sh does it by the keyboard alone.
+node "$here/../page/run.mjs" --mode study --program "$proact" --out "$output/study" --hands mouse,finger
 
 rm -rf "$output/trials"
 for seed in 1 2; do

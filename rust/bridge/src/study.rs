@@ -1,7 +1,7 @@
 //! What the pages of a study show, and what they may ask for. All that there is to show comes with each message, so that a page
 //! that reloads loses nothing; what was answered or asked counts once it comes back.
 
-use proact_study::{Answer, Check, Deviation, Form, StepOutcome};
+use proact_study::{Answer, Deviation, Form, ReadinessCheck, StepOutcome};
 use proact_types::GestureName;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -252,7 +252,7 @@ pub enum NowWhat {
     /// A trial.
     Trial {
         /// What is ready, and what is not.
-        checks: Vec<Check>,
+        checks: Vec<ReadinessCheck>,
         /// Number among the session's trials, and how many there are.
         number: [usize; 2],
         /// How the trial before went; empty before the first.

@@ -130,7 +130,8 @@ impl Journal {
         if !path.is_file() {
             return Err(JournalError::Missing { path: path.to_owned() });
         }
-        let db = Connection::open_with_flags(path, OpenFlags::SQLITE_OPEN_READ_WRITE).map_err(failed(path))?;
+        let db =
+            Connection::open_with_flags(path, OpenFlags::SQLITE_OPEN_READ_WRITE).map_err(failed(path))?;
         db.busy_timeout(BUSY).map_err(failed(path))?;
         let journal = Self { path: path.to_owned(), db, _lock: None };
         journal.check_format()?;
@@ -214,7 +215,10 @@ impl Journal {
     /// [`JournalError`].
     pub fn keep_text(&mut self, hash: &str, name: &str, text: &str) -> Result<(), JournalError> {
         self.db
-            .execute("INSERT OR IGNORE INTO texts (hash, name, text) VALUES (?1, ?2, ?3)", params![hash, name, text])
+            .execute(
+                "INSERT OR IGNORE INTO texts (hash, name, text) VALUES (?1, ?2, ?3)",
+                params![hash, name, text],
+            )
             .map_err(failed(&self.path))?;
         Ok(())
     }
@@ -322,12 +326,18 @@ mod tests {
         let (_dir, path) = place();
         assert!(matches!(Journal::read(&path), Err(JournalError::Missing { .. })));
         let mut journal = Journal::open(&path).unwrap();
-        assert_eq!(journal.append("2026-01-01T00:00:00Z", &json!({"kind": "noted", "text": "one"})).unwrap(), 1);
+        assert_eq!(
+            journal.append("2026-01-01T00:00:00Z", &json!({"kind": "noted", "text": "one"})).unwrap(),
+            1
+        );
         let second = Journal::open(&path).unwrap_err();
         assert!(second.to_string().contains("another program runs this study"), "{second}");
         // Who reads is not kept out, and sees what is newest.
         let reader = Journal::read(&path).unwrap();
-        assert_eq!(journal.append("2025-01-01T00:00:00Z", &json!({"kind": "noted", "text": "two"})).unwrap(), 2);
+        assert_eq!(
+            journal.append("2025-01-01T00:00:00Z", &json!({"kind": "noted", "text": "two"})).unwrap(),
+            2
+        );
         let texts: Vec<String> = reader
             .entries::<Json>()
             .unwrap()

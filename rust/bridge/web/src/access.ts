@@ -19,6 +19,8 @@ export interface AccessHandlers {
   /** Presses or lets go of a gesture. */
   hold(source: string, gesture: Gesture, down: boolean): void;
   restart(): void;
+  /** Another trial may be begun. */
+  restarts(): boolean;
   /** Keys and mouse drive now: no dialog is open, and this page has the wheel. */
   drives(): boolean;
   /** The mouse's buttons turn the scene instead. */
@@ -32,7 +34,10 @@ export interface AccessHandlers {
 export class Access {
   readonly root = element("div", "card scan");
   private readonly offer = element("b");
-  private readonly scanner = new Scanner((gesture) => gesture === "wrist_extension" || (!this.handlers.looks() && gesture === "wrist_flexion"));
+  private readonly scanner = new Scanner(
+    (gesture) => gesture === "wrist_extension" || (!this.handlers.looks() && gesture === "wrist_flexion"),
+    () => this.handlers.restarts(),
+  );
   private turned = 0;
   private rested: { x: number; y: number; since: number; done: boolean; over: EventTarget | null } | null = null;
   private resting: HTMLElement | null = null;

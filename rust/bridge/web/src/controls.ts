@@ -2,6 +2,7 @@
 
 import { element, giveBack, setClass, setText } from "./dom";
 import { GAMEPAD_HELP } from "./gamepad";
+import { gestureText } from "./hand";
 import { Holding } from "./holding";
 import type { Gesture, MethodHelp, ModeView } from "./generated/types";
 import { GESTURE_NAMES } from "./protocol";
@@ -56,6 +57,9 @@ export class Controls {
   private readonly leaning = new Map<string, { axis: Axis; sign: 1 | -1 }>();
   private readonly posture = { forward: 0, lateral: 0, axial: 0 };
   private readonly buttons = new Map<Command, HTMLElement>();
+  private readonly pad = element("div", "pad");
+  /** Where the gestures' buttons are while they are trained. */
+  private lesson: HTMLElement | null = null;
   private readonly readout = element("span", "readout");
   private readonly padHelp = element("p", "mouse pad-help", GAMEPAD_HELP);
   private inForce: Gesture = "no_motion";
@@ -119,8 +123,17 @@ export class Controls {
     };
     for (const { gesture, effect } of GESTURES) {
       const label = this.buttons.get(gesture)?.querySelector("span");
-      if (label) setText(label, moves[gesture] || help?.[gesture] || effect);
+      if (label) setText(label, this.lesson ? gestureText(gesture) : moves[gesture] || help?.[gesture] || effect);
     }
+  }
+
+  /** Lends the gestures' buttons to a screen on which they are trained, in its words; none takes them back. */
+  lend(lesson: HTMLElement | null): void {
+    if (lesson === this.lesson) return;
+    this.lesson = lesson;
+    if (lesson) lesson.append(this.pad);
+    else this.root.querySelector(".leanbox")?.before(this.pad);
+    this.setEffects(undefined, null);
   }
 
   /** Leaning goes on while its key is held; called once per picture, as the gamepad and the headset are read. */
@@ -159,7 +172,7 @@ export class Controls {
   }
 
   private build(): void {
-    const pad = element("div", "pad");
+    const { pad } = this;
     for (const { gesture, effect } of GESTURES) {
       const button = element(
         "button",

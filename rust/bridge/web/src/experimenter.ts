@@ -1,9 +1,12 @@
 // The experimenter's page: the live scene, the signals, the rates, and the buttons of a study. A spectator sees the
-// same without the buttons.
+// same without the buttons. While a study is conducted, its plan decides what comes next, and its pane comes first.
 
 import "./theme.css";
 import "./desk.css";
+import "./dialogs.css";
+import "./form.css";
 import { CAMERA_KINDS, CAMERA_NAMES } from "./cameras";
+import { Conduct } from "./conduct";
 import { button, element, setClass, setText } from "./dom";
 import { FrameCount } from "./framecount";
 import { eventText, scoreText } from "./hud";
@@ -56,6 +59,8 @@ function start(): void {
   const trial = new Figures();
   const rates = new Figures();
   const log = element("ol", "loglist");
+  log.tabIndex = 0;
+  log.setAttribute("aria-label", "Events, the newest first");
   const events: TrialEvent[] = [];
   const motion = new Motion();
   const count = new FrameCount();
@@ -74,47 +79,29 @@ function start(): void {
   buttons.reset.title = "A new trial with the objects where they stood at the start of this one";
   buttons.check.title = "The participant's page shows five points to look at, and stores how well gaze followed them";
   buttons.calibrate.title = "The same five points; the error that they agree on is taken off the gaze from then on";
+  const conduct = new Conduct((message) => live.send(message));
   const methods = element("div", "methodrow");
   const cameraBar = element("div", "camerabar", ...CAMERA_KINDS.map((kind) => button(CAMERA_NAMES[kind], () => chooseCamera(kind))));
   const pane = (title: string, classes: string, ...children: HTMLElement[]) =>
     element("section", `pane ${classes}`, element("h2", "", title), ...children);
+  const actions = spectator ? null : pane("Trial", "", methods, element("div", "actionsgrid", ...Object.values(buttons)));
+  const side = element("div", "side", actions, pane("State", "", trial.root), pane("Rates and latencies", "", rates.root));
+  const logPane = element("section", "pane logpane", element("div", "loghead", element("h2", "", "Events"), button("Save", save)), log);
+  const bar = element(
+    "header",
+    "deskbar",
+    element("div", "logo", element("strong", "", "ProACT"), element("span", "title", spectator ? "Spectator, read-only" : "Experimenter")),
+    method,
+    setup,
+    seed,
+    record,
+    element("span", "push"),
+    link,
+  );
   desk.append(
-    element(
-      "header",
-      "deskbar",
-      element("div", "logo", element("strong", "", "ProACT"), element("span", "title", spectator ? "Spectator, read-only" : "Experimenter")),
-      method,
-      setup,
-      seed,
-      record,
-      element("span", "push"),
-      link,
-    ),
-    element(
-      "div",
-      "experiment",
-      element("section", "pane view", canvas, overview, state, stop.root, cameraBar),
-      element(
-        "div",
-        "side",
-        spectator
-          ? null
-          : pane("Trial", "", methods, element("div", "actionsgrid", ...Object.values(buttons))),
-        pane("State", "", trial.root),
-        pane("Rates and latencies", "", rates.root),
-      ),
-    ),
-    element(
-      "div",
-      "signals",
-      pane("EMG, last 5 s", "traces", traceCanvas, noArmband),
-      element(
-        "section",
-        "pane logpane",
-        element("div", "loghead", element("h2", "", "Events"), button("Save", save)),
-        log,
-      ),
-    ),
+    bar,
+    element("div", "experiment", element("section", "pane view", canvas, overview, state, stop.root, cameraBar), side),
+    element("div", "signals", pane("EMG, last 5 s", "traces", traceCanvas, noArmband), logPane),
   );
   const stage = new Stage(canvas);
   chooseCamera("shoulder");
@@ -134,16 +121,37 @@ function start(): void {
         showStatus();
       },
       signals,
+      study(screen) {
+        beginStudy();
+        conduct.show(screen);
+        showStatus(motion.latest?.finished);
+      },
       connected(connected) {
+        conduct.showConnected(connected);
         setText(link, connected ? "Live" : "Offline");
         setClass(link, "off", !connected);
         setClass(link, "live", connected);
       },
       roundTrip: (ms) => rates.set("Round trip", `${ms.toFixed(1)} ms`, ms > 50),
-      refused: (message) => console.warn(`ProACT: ${message}`),
+      refused(message) {
+        console.warn(`ProACT: ${message}`);
+        conduct.tell(message);
+      },
     },
     spectator ? "spectator" : "experimenter",
   );
+
+  /** Makes room for a study. What its plan decides is not offered beside it. */
+  function beginStudy(): void {
+    if (!actions || desk.classList.contains("study")) return;
+    desk.classList.add("study");
+    actions.remove();
+    conduct.bar.others.prepend(buttons.check);
+    bar.after(conduct.root, conduct.notes.root);
+    // The notes stand where the events were.
+    side.append(logPane);
+    desk.append(...conduct.dialogs);
+  }
 
   function chooseCamera(kind: (typeof CAMERA_KINDS)[number]): void {
     stage.cameras.choose(kind, stage.room);
@@ -212,6 +220,10 @@ function start(): void {
     setClass(buttons.pause, "now", status?.paused ?? false);
     buttons.check.disabled = buttons.calibrate.disabled = !interactive || words !== "Running";
     buttons.pause.disabled = buttons.abort.disabled = finished || !status?.can_pause || status.aborted;
+    // Between the trials of a study nothing runs.
+    const idle = desk.classList.contains("study") && !conduct.sceneRuns;
+    for (const node of [state, overview, seed, record, buttons.check]) node.hidden = idle;
+    conduct.showTrial(words, overview.textContent ?? "", words === "Paused");
     setText(seed, status ? `Seed ${status.seed}` : "");
     setText(record, status ? (status.record ? `Record: ${status.record}` : "Not recorded") : "");
     setClass(record, "warn", status?.record === null);

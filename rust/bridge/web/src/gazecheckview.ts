@@ -1,7 +1,7 @@
 // The five-point gaze check as the participant sees it: a point in the scene, then the next, then the figures.
 
 import { Sprite, SpriteMaterial, Vector3 } from "three";
-import { element, setText } from "./dom";
+import { button, element, setText } from "./dom";
 import { correction, judge, total, type Look, type PointResult } from "./gazecheck";
 import type { DisplayFrame, GazeCheck } from "./generated/types";
 import type { Room } from "./room";
@@ -34,6 +34,11 @@ export class GazeCheckView {
   private looks: Look[] = [];
   private began = 0;
   private running = false;
+  /** The gaze is where the ring is: there is neither a mouse nor an eye tracker. */
+  private follows = false;
+  private last: Vector3 | null = null;
+  /** Whoever takes part in a study need not judge figures: the experimenter has them. */
+  plain = false;
 
   constructor(private readonly finished: (check: GazeCheck) => void) {
     const texture = drawnTexture((context) => {
@@ -63,11 +68,27 @@ export class GazeCheckView {
     return new Vector3(centre.x + share[0] * half.x, centre.y + share[1] * half.y, centre.z);
   }
 
+  /** Where the gaze is of whoever has no mouse. */
+  get followed(): Vector3 | null {
+    if (!this.follows || this.root.hidden) return null;
+    // Until the figures are put away it stays where it was: a gaze that ends stops the arm.
+    this.last = this.point ?? this.last;
+    return this.last;
+  }
+
   /** Begins a check, or with `calibrates` one whose error is taken off the gaze from then on. */
   start(room: Room, source: string, calibrates = false): void {
-    Object.assign(this, { room, source, calibrates, done: [], looks: [], running: true, began: performance.now() });
+    Object.assign(this, { room, source, calibrates, done: [], looks: [], running: true, follows: false, began: performance.now() });
     this.root.hidden = false;
     this.body.replaceChildren(element("p", "", "Look at the ring until it moves on. Keep still."));
+    if (source !== "mouse") return;
+    const follow = button("Without a mouse: let the gaze follow the ring", () => this.follow(), "plain follow");
+    this.body.append(follow);
+    follow.focus({ preventScroll: true });
+  }
+
+  private follow(): void {
+    Object.assign(this, { source: "keys", follows: true, done: [], looks: [], began: performance.now() });
   }
 
   stop(): void {
@@ -120,13 +141,22 @@ export class GazeCheckView {
       ),
     );
     const good = accuracy !== null && accuracy <= GOOD_DEG && lost < 0.2;
-    const close = element("button", "primary", "Done");
-    close.type = "button";
-    close.addEventListener("click", () => this.stop());
+    const close = button("Done", () => this.stop(), "primary");
+    const focused = this.body.contains(document.activeElement);
     const verdict = good
       ? `Good: ${degrees(accuracy)} on average.`
       : `Not good enough to tell neighbouring blocks apart: ${degrees(accuracy)} on average. Check the source and try again.`;
     setText(this.title, `Gaze ${this.calibrates ? "calibration" : "check"}: ${this.source}`);
+    if (this.plain) {
+      const well = Array.isArray(found) || (found === null && good);
+      setText(this.title, well ? "Thank you" : "Please tell the experimenter");
+      this.body.replaceChildren(
+        element("p", well ? "verdict good" : "verdict bad", well ? "Your gaze was measured." : "Your gaze could not be followed well enough."),
+        close,
+      );
+      if (focused) close.focus({ preventScroll: true });
+      return;
+    }
     this.body.replaceChildren(
       Array.isArray(found)
         ? element("p", "verdict good", `Calibrated: ${said(found)} of error are taken off from now on. Check the gaze to see what is left.`)
@@ -142,6 +172,7 @@ export class GazeCheckView {
       element("p", "note", "Stored with the trial, if it is recorded."),
       close,
     );
+    if (focused) close.focus({ preventScroll: true });
   }
 }
 

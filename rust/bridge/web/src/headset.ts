@@ -28,6 +28,8 @@ export interface HeadsetHandlers {
   /** A ray in `world`, as tracked, that stands for the gaze. */
   ray(origin: Vector3, direction: Vector3, head: Vector3): void;
   hold(source: string, gesture: GestureKey, down: boolean): void;
+  /** The trigger of either hand was pressed, or its fingers were pinched. */
+  trigger(): void;
   say(message: string): void;
 }
 
@@ -51,6 +53,11 @@ export class Headset {
 
   get worn(): boolean {
     return this.stage.cameras.worn;
+  }
+
+  /** The page lies over the picture, as on a telephone. */
+  get overlaid(): boolean {
+    return Boolean(this.stage.renderer.xr.getSession()?.domOverlayState);
   }
 
   /** Called once per picture, before it is drawn. */
@@ -136,23 +143,24 @@ export class Headset {
 
   /** Right hand: trigger or pinch WE, lower button WF, upper HO. Left trigger or pinch: HC. */
   private readButtons(): void {
-    const read = new Map<string, { gesture: GestureKey; on: boolean }>();
+    const read = new Map<string, { gesture: GestureKey; button: number; on: boolean }>();
     for (const { handedness, gamepad } of this.sources()) {
       const note = (gesture: GestureKey, button: number) => {
         const source = `headset ${handedness} ${gesture}`;
         // A hand and what it holds may be two sources.
         const on = (gamepad?.buttons[button]?.pressed ?? false) || (read.get(source)?.on ?? false);
-        read.set(source, { gesture, on });
+        read.set(source, { gesture, button, on });
       };
       note(handedness === "left" ? "hand_close" : "wrist_extension", TRIGGER);
       note("wrist_flexion", LOWER);
       note("hand_open", UPPER);
     }
-    for (const [source, { gesture, on }] of read) {
+    for (const [source, { gesture, button, on }] of read) {
       if (this.down.has(source) === on) continue;
       if (on) this.down.set(source, gesture);
       else this.down.delete(source);
       this.handlers.hold(source, gesture, on);
+      if (on && button === TRIGGER) this.handlers.trigger();
     }
     // A hand that is gone lets go. It stays in `down`: a button still pressed when it is back is no new press.
     for (const [source, gesture] of this.down) {

@@ -33,8 +33,8 @@ export interface Circumstances {
   mouse: boolean;
   /** What makes a gesture, such as the key `W`; empty where muscles do. */
   key(gesture: GestureKey): string;
-  /** The page drives. */
-  drives: boolean;
+  /** The page may begin another trial. */
+  restarts: boolean;
   /** Where the hand has to go, for methods that move one joint or axis after the other. */
   aim: Aim | null;
 }
@@ -69,7 +69,7 @@ function of(code: string, now: Circumstances): string {
 
 /** What to do now, whatever the style of the method. */
 export function nextThing(frame: DisplayFrame, now: Circumstances): Advice {
-  if (frame.finished) return { step: null, hint: now.drives ? "The trial is over. Restart begins another." : "The trial is over." };
+  if (frame.finished) return { step: null, hint: now.restarts ? "The trial is over. Restart begins another." : "The trial is over." };
   if (frame.stop) return { step: null, hint: afterStop(frame.stop, now) };
   const asked = confirmation(frame.planner);
   if (asked) return { step: frame.hand.holds !== null && !frame.mode ? 7 : null, hint: `${capitalised(spelled(asked, now))}.` };
@@ -161,7 +161,7 @@ function afterFailure(frame: DisplayFrame, planner: Extract<PlannerView, { state
     no_plan: now.lean ? "Lean a little, and the arm tries again." : again,
     unreachable: now.lean ? "Lean towards it." : other,
     goal_in_collision: other,
-    start_in_collision: now.lean ? "Lean away from it." : "Restart begins another trial.",
+    start_in_collision: now.lean ? "Lean away from it." : now.restarts ? "Restart begins another trial." : "Ask for help.",
     // A method's own refusal says itself what to do.
     invalid: "",
   };

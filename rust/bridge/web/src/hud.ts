@@ -92,8 +92,10 @@ export class Hud {
   private readonly events = element("ol", "events");
   /** What happens, for those who do not see it. */
   private readonly heard = element("div", "only-heard");
+  private readonly sceneTitle = element("h2", "scenetitle card");
   private readonly stop = new StopBanner();
-  private readonly banner = element("div", "banner");
+  /** Why there is nothing new to see; over everything else. */
+  readonly banner = element("div", "banner");
   private readonly toast = element("div", "toast");
   private readonly over = element("div", "over card");
   private readonly pause = element("div", "over card");
@@ -125,7 +127,7 @@ export class Hud {
     this.toast.setAttribute("role", "status");
     this.link.setAttribute("role", "status");
     this.banner.setAttribute("role", "alert");
-    this.banner.hidden = this.toast.hidden = this.over.hidden = true;
+    this.banner.hidden = this.toast.hidden = this.over.hidden = this.sceneTitle.hidden = true;
     const brand = this.fold("brand", element("div", "logo", element("strong", "", "ProACT"), this.title), element("div", "methodline", this.method, this.methodName), this.chooser, element("div", "chips", this.setup, this.source));
     const status = this.fold(
       "status",
@@ -143,7 +145,7 @@ export class Hud {
     const log = this.fold("log", "Events", this.events);
     this.left.append(brand, log);
     this.right.append(element("div", "card connection", this.link, wheel, this.corner), status);
-    this.view.append(this.stop.root, this.over, this.pause, this.toast);
+    this.view.append(this.sceneTitle, this.stop.root, this.over, this.pause, this.toast);
     this.root.append(
       element(
         "header",
@@ -155,7 +157,6 @@ export class Hud {
       ),
       this.view,
       element("div", "cards", this.left, this.right),
-      this.banner,
       this.heard,
     );
     // Open where there is room for it, folded where there is not.
@@ -189,7 +190,6 @@ export class Hud {
     const known = [content.method, ...content.methods];
     this.titles = Object.fromEntries(known.map(({ name, title }) => [name, title]));
     this.chooser.replaceChildren(...content.methods.map((method) => this.choice(method)));
-    document.title = content.title ? `ProACT · ${content.title}` : "ProACT";
   }
 
   private choice({ name, title }: MethodInfo): HTMLElement {
@@ -218,6 +218,12 @@ export class Hud {
 
   setRate(framesPerSecond: number, drawnPerSecond: number, dropped: number): void {
     this.link.title = `${Math.round(framesPerSecond)} frames a second received, ${Math.round(drawnPerSecond)} drawn, ${dropped} lost`;
+  }
+
+  /** What a study calls the scene; empty if nothing. */
+  setSceneTitle(title: string): void {
+    setText(this.sceneTitle, title);
+    this.sceneTitle.hidden = title === "";
   }
 
   /** What the clock does, and why it stands still. */
@@ -265,16 +271,16 @@ export class Hud {
     while (this.events.children.length > EVENTS_SHOWN) this.events.lastElementChild?.remove();
   }
 
-  /** `way`: what ends a stop, for whoever drives. */
-  update(frame: DisplayFrame, interactive: boolean, way: string, aim: Aim | null): void {
+  /** `restarts`: this page may begin another trial. `way`: what ends a stop, for whoever drives. */
+  update(frame: DisplayFrame, restarts: boolean, way: string, aim: Aim | null): void {
     if (frame.time < this.lastTime) this.startTrial();
     this.lastTime = frame.time;
     this.addEvents(frame.events);
     this.stop.show(frame.stop, way);
     setText(this.method, frame.method);
     setText(this.methodName, this.titles[frame.method] ?? "Method");
-    this.chooser.hidden = !interactive;
-    this.method.hidden = interactive;
+    this.chooser.hidden = !restarts;
+    this.method.hidden = restarts;
     for (const button of this.chooser.children) setClass(button as HTMLElement, "now", button.textContent === frame.method);
     setText(this.source, EMG_NAMES[frame.emg_source] ?? frame.emg_source);
     setClass(this.source, "warn", frame.emg_source === "synthetic");
@@ -340,7 +346,7 @@ export class Hud {
     this.over.hidden = !frame.finished;
     if (frame.finished) {
       const result = scoreText(frame.score, this.briefing);
-      const more = interactive ? "Press R for a new trial" : "";
+      const more = restarts ? "Press R for a new trial" : "";
       setText(this.over, [`Trial over`, result, more].filter(Boolean).join(" · "));
     }
   }

@@ -1,17 +1,32 @@
 // The connection to the server: it comes back by itself after a reload, a restart or a lost line.
 
 import type { Driver } from "./wheel";
-import type { ClientMessage, DisplayFrame, PageContent, Role, ServerMessage, Signals, TrialEvent, TrialStatus } from "./generated/types";
+import type {
+  ClientMessage,
+  DisplayFrame,
+  ExperimenterScreen,
+  PageContent,
+  ParticipantScreen,
+  Role,
+  ServerMessage,
+  Signals,
+  TrialEvent,
+  TrialStatus,
+} from "./generated/types";
 
 /** Waiting times between attempts, ms; the last one repeats. */
 const BACKOFF_MS = [200, 400, 800, 1500, 3000];
 const CONTENT_RETRY_MS = 1000;
 /** How often the round trip is measured, ms. */
 const PING_MS = 1000;
+/** What is sent on a stuck line too: a gesture must end in time, and an answer must not get lost. */
+const ALWAYS_SENT = new Set<ClientMessage["type"]>(["gesture", "answer", "submit"]);
 
 export interface LiveHandlers {
   /** What was known of the trial is void: another one, or another server. */
   reset(): void;
+  /** Another trial began: its status counts from zero. */
+  another?(): void;
   content(content: PageContent): void;
   frame(frame: DisplayFrame): void;
   events(events: TrialEvent[]): void;
@@ -21,6 +36,10 @@ export interface LiveHandlers {
   driver?(driver: Driver): void;
   status?(status: TrialStatus): void;
   signals?(signals: Signals): void;
+  /** What a study shows to whoever conducts it. */
+  study?(screen: ExperimenterScreen): void;
+  /** What a study shows to whoever takes part. */
+  participant?(screen: ParticipantScreen): void;
   /** Time from a message to its answer, ms. */
   roundTrip?(ms: number): void;
 }
@@ -49,10 +68,10 @@ export class Live {
     return this.socket?.readyState === WebSocket.OPEN;
   }
 
-  /** Sends if connected. On a stuck line only gestures are sent: where one looked then is worth nothing later. */
+  /** Sends if connected. Most is not sent on a stuck line: where one looked then is worth nothing later. */
   send(message: ClientMessage): void {
     if (this.socket?.readyState !== WebSocket.OPEN) return;
-    if (message.type === "gesture" || this.socket.bufferedAmount < 16_384) this.socket.send(JSON.stringify(message));
+    if (ALWAYS_SENT.has(message.type) || this.socket.bufferedAmount < 16_384) this.socket.send(JSON.stringify(message));
   }
 
   private connect(): void {
@@ -84,6 +103,7 @@ export class Live {
         break;
       case "content":
         this.handlers.reset();
+        this.handlers.another?.();
         void this.fetchContent();
         break;
       case "frame":
@@ -100,6 +120,12 @@ export class Live {
         break;
       case "signals":
         this.handlers.signals?.(message);
+        break;
+      case "study":
+        this.handlers.study?.(message);
+        break;
+      case "participant":
+        this.handlers.participant?.(message);
         break;
       case "pong":
         if (message.id === this.asked.id) this.handlers.roundTrip?.(performance.now() - this.asked.at);

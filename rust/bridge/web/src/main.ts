@@ -4,6 +4,8 @@ import "./theme.css";
 import "./layout.css";
 import "./style.css";
 import "./dialogs.css";
+import "./form.css";
+import "./participant.css";
 import { Vector2, Vector3 } from "three";
 import { CAMERA_NAMES, type CameraKind } from "./cameras";
 import { Controls } from "./controls";
@@ -14,6 +16,7 @@ import { GazeCheckView } from "./gazecheckview";
 import { Access } from "./access";
 import { aim } from "./aim";
 import { Board } from "./board";
+import { FormBoard } from "./formboard";
 import { Guide } from "./guide";
 import { afterStop, nextThing, type Circumstances } from "./hints";
 import { Headset } from "./headset";
@@ -22,6 +25,7 @@ import { Live } from "./live";
 import { Marks, type Place } from "./marks";
 import { Motion } from "./motion";
 import { Panel } from "./panel";
+import { ParticipantView } from "./participantview";
 import { Pointing } from "./pointing";
 import type { ObjectId, DisplayFrame, MethodInfo, PageContent, TrialStatus } from "./generated/types";
 import type { Triple } from "./protocol";
@@ -59,6 +63,8 @@ interface Debug {
   project(what: "object" | "target", id: ObjectId): { x: number; y: number } | null;
   /** Where the point of the gaze check is on the screen. */
   gazePoint(): { x: number; y: number } | null;
+  /** What can be chosen on the headset's board, and where it is as the headset counts, metres. */
+  boardCells(): { label: string; chosen: boolean; at: Triple }[];
   /** Middle of the table top in `world`, metres. */
   tableMiddle(): Triple | null;
 }
@@ -97,6 +103,11 @@ function start(): void {
       const x = settings.leftArm ? -(seen?.x ?? 0) : (seen?.x ?? 0);
       return seen ? { x: ((x + 1) / 2) * window.innerWidth, y: ((1 - seen.y) / 2) * window.innerHeight } : null;
     },
+    boardCells: () =>
+      formBoard.cells.map((cell) => {
+        const at = cameras.rig.worldToLocal(formBoard.pointOf(cell));
+        return { label: cell.label, chosen: cell.chosen, at: at.toArray() };
+      }),
     tableMiddle: () => stage.room?.centre.toArray() ?? null,
   };
   (window as unknown as { __proact: Debug }).__proact = debug;
@@ -113,6 +124,11 @@ function start(): void {
   let connectedAt = 0;
   /** The page may drive, and does. */
   const interactive = () => (stage.content?.interactive ?? false) && (driver?.you ?? false);
+  /** The page may begin another trial. In a study the experimenter does. */
+  const restarts = () => interactive() && !study.active;
+  const restart = (choice: { method?: string; again?: boolean } = {}) => {
+    if (!study.active) live.send({ type: "restart", ...choice });
+  };
   const controls = new Controls(
     {
       gesture(gesture) {
@@ -123,13 +139,13 @@ function start(): void {
       alive: () => live.send({ type: "alive" }),
       unread: () => hud.say("The controller was not read for a moment: let go, then press again"),
       trunk: (posture) => live.send({ type: "trunk", ...posture }),
-      restart: () => live.send({ type: "restart" }),
-      camera: () => chooseCamera(cameras.next()),
+      restart: () => restart(),
+      camera: () => !study.covers && chooseCamera(cameras.next()),
       arrow: (code) => marks.key(code),
     },
     settings.keys,
   );
-  const chooseMethod = (method: string) => live.send({ type: "restart", method });
+  const chooseMethod = (method: string) => restart({ method });
   const wheel = new Wheel(() => live.send({ type: "take_over" }));
   const hud = new Hud(chooseMethod, wheel.root, () => panel.toggle());
   const tutorial = new Tutorial({ choose: chooseMethod, ended: () => change({ ...settings, welcomed: true }) }, settings.keys);
@@ -138,17 +154,24 @@ function start(): void {
     changed: change,
     gazeCheck: () => checkGaze(),
     gazeCalibration: () => checkGaze(true),
-    tutorial: () => interactive() && tutorial.start(),
+    tutorial: () => restarts() && tutorial.start(),
+  });
+  const study = new ParticipantView({
+    answer: (step, key, answer) => live.send({ type: "answer", step, key, answer }),
+    submit: (step) => live.send({ type: "submit", step }),
+    settings: () => panel.toggle(),
+    changed: () => inStudy(),
   });
   const gamepad = new GamepadInput({
     hold: (source, gesture, down) => controls.holdPolled(source, gesture, down),
     look(x, y) {
+      if (study.covers) return;
       acted = true;
       cursor ??= new Vector2();
       cursor.set(Math.min(Math.max(cursor.x + x, -1), 1), Math.min(Math.max(cursor.y + y, -1), 1));
     },
-    restart: () => interactive() && live.send({ type: "restart" }),
-    camera: () => chooseCamera(cameras.next()),
+    restart: () => interactive() && restart(),
+    camera: () => !study.covers && chooseCamera(cameras.next()),
     found(name) {
       controls.showGamepad();
       hud.say(`Gamepad: ${name}`);
@@ -161,6 +184,11 @@ function start(): void {
       count.restart();
       hud.startTrial();
       acted = false;
+    },
+    another() {
+      // What was asked for in the trial before is none of this one's. Its first status may already ask for something.
+      trial = null;
+      asked = { gaze_checks: 0, gaze_calibrations: 0 };
     },
     content: (content) => show(content),
     frame(frame) {
@@ -180,13 +208,11 @@ function start(): void {
     status(status) {
       trial = status;
       hud.setStatus(status, interactive());
-      result.show(status, motion.latest?.finished ?? false, interactive());
+      showResult(status, motion.latest?.finished ?? false);
       gazeSource = status.gaze_source;
-      // What was asked for before this page came is over.
-      if (asked && status.gaze_checks > asked.gaze_checks) checkGaze();
-      if (asked && status.gaze_calibrations > asked.gaze_calibrations) checkGaze(true);
-      asked = status;
+      checkIfAsked(status);
     },
+    participant: (screen) => study.show(screen),
     driver(next) {
       const before = driver;
       driver = next;
@@ -209,11 +235,13 @@ function start(): void {
       everConnected ||= connected;
       debug.connected = connected;
       hud.setConnected(connected, everConnected);
+      study.connected(connected);
       if (!connected) controls.releaseAll();
     },
     refused: (message) => console.warn(`ProACT: ${message}`),
   });
   const board = new Board();
+  const formBoard = new FormBoard(study.form.draft);
   const marks = new Marks(
     () => (acted = true),
     () => access.lock(),
@@ -224,8 +252,9 @@ function start(): void {
     marks,
     {
       hold: (source, gesture, down) => controls.hold(source, gesture, down),
-      restart: () => live.send({ type: "restart" }),
-      drives: () => interactive() && !controls.suspended,
+      restart: () => restart(),
+      restarts: () => !study.active,
+      drives: () => interactive() && !controls.suspended && !study.covers,
       turns: () => cameras.kind === "free",
       looks,
       places,
@@ -234,26 +263,33 @@ function start(): void {
   );
   const result = new ResultView(
     (ask) => live.send({ type: "after", ask }),
-    (again) => live.send({ type: "restart", again }),
+    (again) => restart({ again }),
   );
   const headset = new Headset(
     stage,
     {
-      head: (position, quaternion) => interactive() && !controls.suspended && live.send({ type: "head", position, quaternion }),
+      head: (position, quaternion) => interactive() && !controls.suspended && !study.covers && live.send({ type: "head", position, quaternion }),
       ray(origin, direction, head) {
+        if (study.covers) {
+          if (boarded()) formBoard.aim(origin, direction, performance.now());
+          return;
+        }
         if (!stage.room || !interactive()) return;
         const point = pointing.along(origin, direction, stage.room, heldOrNone());
         const toPoint = point.sub(head).normalize();
         live.send({ type: "gaze", origin: head.toArray(), direction: toPoint.toArray(), measured: true });
       },
       hold: (source, gesture, down) => controls.holdPolled(source, gesture, down),
+      trigger: () => boarded() && formBoard.press(),
       say: (message) => hud.say(message),
     },
     overlay,
   );
   hud.corner.append(headset.root);
   hud.view.append(access.root);
-  overlay.append(marks.root, hud.root, tutorial.root, check.root, result.root, panel.root);
+  overlay.append(marks.root, hud.root, tutorial.root, check.root, result.root, study.root, hud.banner, panel.root);
+  /** What a study's screens lie over. */
+  const behind: HTMLElement[] = [canvas, marks.root, hud.root, tutorial.root, check.root, result.root];
   hud.right.append(controls.root);
   hud.right.after(guide.root);
   hud.view.append(tutorial.card);
@@ -270,25 +306,68 @@ function start(): void {
   function present(frame: DisplayFrame): void {
     const method = methodOf(stage.content, frame);
     const now = circumstances(frame);
-    hud.update(frame, interactive(), frame.stop && interactive() ? afterStop(frame.stop, now) : "", now.aim);
+    hud.update(frame, restarts(), frame.stop && interactive() ? afterStop(frame.stop, now) : "", now.aim);
     controls.setEffects(method?.help, frame.mode);
     guide.update(frame, method, now);
     tutorial.update(frame, now, debug.project);
-    guide.root.hidden ||= tutorial.running;
-    if (trial) result.show(trial, frame.finished, interactive());
+    guide.root.hidden ||= tutorial.running || check.active;
+    if (trial) showResult(trial, frame.finished);
+  }
+
+  /** A participant compares no trials. */
+  function showResult(status: TrialStatus, finished: boolean): void {
+    if (study.active) result.hide();
+    else result.show(status, finished, interactive());
+  }
+
+  /** The title of the page may name the method, which a participant need not know. */
+  function nameTab(): void {
+    const title = study.active ? "" : stage.content?.title;
+    document.title = title ? `ProACT · ${title}` : "ProACT";
+  }
+
+  /** What was asked for before this page came is over. Over the scene there is nothing to look at: it waits. */
+  function checkIfAsked(status: TrialStatus): void {
+    if (asked && study.covers) return;
+    if (asked && status.gaze_checks > asked.gaze_checks) checkGaze();
+    if (asked && status.gaze_calibrations > asked.gaze_calibrations) checkGaze(true);
+    asked = status;
+  }
+
+  /** A study began on this page or ended, or shows something else. */
+  function inStudy(): void {
+    overlay.classList.toggle("in-study", study.active);
+    overlay.classList.toggle("untimed", !study.timed);
+    for (const node of behind) node.inert = study.covers;
+    // A headset is entered from whatever is shown.
+    const corner = study.covers ? study.corner : hud.corner;
+    if (headset.root.parentElement !== corner) corner.append(headset.root);
+    hud.setSceneTitle(study.sceneTitle);
+    nameTab();
+    if (study.active) tutorial.leave();
+    check.plain = study.active;
+    if (study.covers) check.stop();
+    suspend();
+    if (trial) checkIfAsked(trial);
+    if (motion.latest) present({ ...motion.latest, events: [] });
   }
 
   /** What a hint has to know. A headset's person has neither mouse nor keys. */
   function circumstances(frame: DisplayFrame): Circumstances {
-    const keys = interactive() && !headset.worn && ["keys", "synthetic"].includes(frame.emg_source);
+    const keys = interactive() && !headset.worn && byKeys();
     return {
       target: targetPlace,
       lean: stage.content?.lean ?? false,
       mouse: interactive() && gazeSource === null && !headset.worn,
       key: (gesture) => (keys ? keyName(settings.keys[gesture][0] ?? "") : ""),
-      drives: interactive(),
+      restarts: restarts(),
       aim: frame.mode && stage.content ? aim(frame, stage.content.arm, stage.content.scene) : null,
     };
+  }
+
+  /** A study's screens are on the headset's board: their person sees no page. */
+  function boarded(): boolean {
+    return study.covers && headset.worn && !headset.overlaid;
   }
 
   function looks(): boolean {
@@ -327,13 +406,15 @@ function start(): void {
 
   function show(content: PageContent, rebuild = false): void {
     stage.show(content, rebuild);
-    stage.things.add(check.mark, board.root);
+    stage.things.add(check.mark, board.root, formBoard.root);
     if (stage.room) {
       board.place(stage.room);
+      formBoard.stand(stage.room);
       marks.show(stage.room);
     }
     debug.content = content;
     hud.setContent(content);
+    nameTab();
     tutorial.setMethods(content.methods);
     if (content.interactive && driver === null) join();
     drives(content);
@@ -341,13 +422,25 @@ function start(): void {
     if (motion.latest) present({ ...motion.latest, events: [] });
   }
 
-  /** While a dialog is open, keys and mouse are its own and the trial's time stands still. */
-  function reading(open: boolean): void {
-    if (open && !controls.suspended) {
+  /** Gestures come from this page. Before the first scene nobody has said otherwise. */
+  function byKeys(): boolean {
+    return ["keys", "synthetic"].includes(motion.latest?.emg_source ?? "keys");
+  }
+
+  /** While a dialog is open or the scene is covered, keys and mouse have nothing to do with the arm. Gestures are trained all the same. */
+  function suspend(): void {
+    const suspended = panel.open || tutorial.asking || (study.covers && !study.trains);
+    if (suspended && !controls.suspended) {
       controls.releaseAll();
       access.letGo();
     }
-    controls.suspended = open;
+    controls.suspended = suspended;
+  }
+
+  /** While a dialog is open the trial's time stands still. A study's screens come between trials. */
+  function reading(): void {
+    suspend();
+    const open = panel.open || tutorial.asking;
     if (open === held || !interactive()) return;
     held = open;
     live.send({ type: "hold", on: open });
@@ -361,8 +454,8 @@ function start(): void {
   function drives(content: PageContent): void {
     controls.setMode(interactive(), content.lean);
     canvas.classList.toggle("gaze", interactive());
-    // Newcomers who drive are asked once; a page that says so, never.
-    if (!interactive() || greeted) return;
+    // Newcomers who drive are asked once; a page that says so, never, and a participant is told by the experimenter.
+    if (!interactive() || greeted || study.active) return;
     greeted = true;
     if (!settings.welcomed && parameters.get("tutorial") !== "0") tutorial.greet();
   }
@@ -407,7 +500,9 @@ function start(): void {
   function draw(wall: number): void {
     const seconds = Math.max((wall - before) / 1000, 0);
     before = wall;
-    reading(panel.open || tutorial.asking);
+    reading();
+    study.update();
+    controls.lend(study.trains && interactive() && byKeys() ? study.keys : null);
     controls.update(seconds);
     gamepad.update(seconds);
     access.update(wall);
@@ -416,11 +511,12 @@ function start(): void {
     check.update();
     headset.update(frame, seconds);
     if (frame) {
-      const left = Math.max(Math.round(frame.time_left_secs), 0);
-      const score = `Method ${frame.method} · ${scoreText(frame.score, stage.content?.briefing)} · ${left} s left`;
-      board.show(frame.stop ? STOPPED : score, nextThing(frame, circumstances(frame)).hint, headset.worn);
+      board.show(frame.stop ? STOPPED : boardTitle(frame), nextThing(frame, circumstances(frame)).hint, headset.worn && !study.covers);
     }
-    const due = headset.worn || wall - drawnAt >= PICTURE_MS;
+    stage.roomOnly = boarded();
+    formBoard.show(boarded() ? study.screen : null, study.form.language, study.restLeft);
+    // What is covered is not drawn: the server is told of the first picture that can be seen.
+    const due = headset.worn || (wall - drawnAt >= PICTURE_MS && !study.covers);
     if (due) drawnAt = wall;
     if (due && stage.draw(motion.at(wall), frame, seconds, wall)) {
       debug.framesDrawn = stage.drawn;
@@ -430,8 +526,8 @@ function start(): void {
         live.send({ type: "drawn" });
       }
       marks.follow(debug.project);
-      const looked = marks.point();
-      if (frame && room && interactive() && (cursor || looked) && acted && !controls.suspended && !headset.worn) {
+      const looked = check.followed ?? marks.point();
+      if (frame && room && interactive() && (check.followed || (acted && (cursor || looked))) && !controls.suspended && !headset.worn) {
         const eye = new Vector3(...frame.world_from_head.translation);
         const at = looked ?? pointing.point(cursor ?? new Vector2(), cameras.camera, room, heldOrNone());
         const direction = at.sub(eye).normalize();
@@ -439,6 +535,14 @@ function start(): void {
       }
     }
     if (wall - shown.since > 1000) measure(wall);
+  }
+
+  /** The line above the hint on the headset's board. */
+  function boardTitle(frame: DisplayFrame): string {
+    const score = scoreText(frame.score, stage.content?.briefing);
+    const left = `${Math.max(Math.round(frame.time_left_secs), 0)} s left`;
+    const first = study.active ? study.sceneTitle : `Method ${frame.method}`;
+    return [first, score, study.timed ? left : ""].filter(Boolean).join(" · ");
   }
 
   function measure(wall: number): void {

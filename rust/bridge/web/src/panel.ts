@@ -46,12 +46,13 @@ export class Panel {
     const keys = element("div", "keymap");
     for (const command of COMMANDS) {
       const gesture = GESTURE_NAMES[command as Gesture] as { name: string } | undefined;
-      const node = element("button", "keybutton");
+      const hidden = command === "restart" ? "not-in-study" : "";
+      const node = element("button", `keybutton ${hidden}`);
       node.type = "button";
       node.dataset["command"] = command;
       node.addEventListener("click", () => this.listen(command));
       this.keyButtons.set(command, node);
-      keys.append(element("span", "", gesture ? gesture.name : (NAMES[command] ?? command)), node);
+      keys.append(element("span", hidden, gesture ? gesture.name : (NAMES[command] ?? command)), node);
     }
     const reset = button("Standard keys", () => this.change({ keys: structuredClone(DEFAULT_KEYS) }), "plain");
     this.root.append(
@@ -84,14 +85,14 @@ export class Panel {
           ),
           element("h3", "", "Driver"),
           this.nameField(),
-          element("h3", "", "Gaze"),
+          element("h3", "not-in-study", "Gaze"),
           button(
             "Check the gaze (five points)",
             () => {
               this.close();
               this.handlers.gazeCheck();
             },
-            "plain wide",
+            "plain wide not-in-study",
           ),
           button(
             "Calibrate the gaze (five points)",
@@ -99,16 +100,16 @@ export class Panel {
               this.close();
               this.handlers.gazeCalibration();
             },
-            "plain wide",
+            "plain wide not-in-study",
           ),
-          element("h3", "", "Help"),
+          element("h3", "not-in-study", "Help"),
           button(
             "Show me how to move a block",
             () => {
               this.close();
               this.handlers.tutorial();
             },
-            "plain wide",
+            "plain wide not-in-study",
           ),
         ),
       ),

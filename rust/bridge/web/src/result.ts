@@ -86,6 +86,10 @@ export class ResultView {
     if (this.dismissed !== text) this.dialog.show();
   }
 
+  hide(): void {
+    this.dialog.close();
+  }
+
   private fill({ results, offers }: TrialStatus, card: ResultCard, drives: boolean): void {
     setText(this.title, `${summary(card).score} ${card.score_name}`);
     const objects = card.objects.map(({ name, outcome, pick_s, place_s, error_m }) => [

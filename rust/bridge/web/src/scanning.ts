@@ -29,7 +29,11 @@ export class Scanner {
   private since: number | null = null;
   private held: GestureKey | null = null;
 
-  constructor(private readonly lasts: Lasts) {}
+  constructor(
+    private readonly lasts: Lasts,
+    /** Another trial may be begun. */
+    private readonly restarts = () => true,
+  ) {}
 
   /** What is offered, in order. `looks`: the method follows the gaze; `places`: how many there are to look at. */
   choices(looks: boolean, places: number): Choice[] {
@@ -37,7 +41,8 @@ export class Scanner {
       return [...Array.from({ length: places }, (_, place): Choice => ({ kind: "place", place })), { kind: "back" }];
     }
     const gestures = GESTURES.map((gesture): Choice => ({ kind: "gesture", gesture }));
-    return [...(looks && places > 0 ? [{ kind: "look" } as const] : []), ...gestures, { kind: "restart" }];
+    const restart = this.restarts() ? [{ kind: "restart" } as const] : [];
+    return [...(looks && places > 0 ? [{ kind: "look" } as const] : []), ...gestures, ...restart];
   }
 
   /** What is offered now, each for `periodMs`; none while a gesture is held. */

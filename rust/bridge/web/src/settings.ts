@@ -47,6 +47,7 @@ export const DEFAULT_KEYS: Settings["keys"] = {
 export const COMMANDS = Object.keys(DEFAULT_KEYS) as Command[];
 
 const PLACE = "proact.settings";
+const LANGUAGE_PLACE = "proact.language";
 /** Longest name, characters. */
 export const MOST_NAME = 40;
 
@@ -119,5 +120,22 @@ export function store(settings: Settings): void {
     localStorage.setItem(PLACE, JSON.stringify(settings));
   } catch {
     // Then the choice lasts as long as the page.
+  }
+}
+
+/** The language that was chosen for questionnaires; empty if none was. */
+export function loadLanguage(): string {
+  try {
+    return localStorage.getItem(LANGUAGE_PLACE) ?? "";
+  } catch {
+    return "";
+  }
+}
+
+export function storeLanguage(language: string): void {
+  try {
+    localStorage.setItem(LANGUAGE_PLACE, language);
+  } catch {
+    // Then the choice lasts as long as the questionnaire.
   }
 }

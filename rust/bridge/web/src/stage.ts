@@ -50,6 +50,8 @@ export class Stage {
   room: Room | null = null;
   /** Pictures drawn so far. */
   drawn = 0;
+  /** The room is drawn without the arm, which would be in the way of something to read. */
+  roomOnly = false;
   private arm: Arm | null = null;
   private ghost: Arm | null = null;
   private markers: Markers | null = null;
@@ -135,6 +137,10 @@ export class Stage {
     axes.update(frame, drawn);
     const aimed = frame.mode && !frame.finished && this.content ? aim(frame, this.content.arm, this.content.scene) : null;
     this.plumb?.update(aimed, room.tableHeight);
+    markers.root.visible = !this.roomOnly;
+    if (this.roomOnly) {
+      for (const part of [arm, ghost, axes, this.plumb]) if (part) part.root.visible = false;
+    }
     this.cameras.update(drawn, room, seconds);
     this.cameras.camera.updateMatrixWorld();
     this.renderer.render(this.world, this.cameras.camera);

@@ -128,11 +128,16 @@ export class Tutorial {
     this.handlers.choose(this.taught);
   }
 
-  private end(): void {
+  /** Goes away without having been done or skipped. */
+  leave(): void {
     this.active = false;
     this.welcome.close();
     this.done.close();
     this.card.hidden = this.pointer.hidden = true;
+  }
+
+  private end(): void {
+    this.leave();
     this.handlers.ended();
   }
 

@@ -8,7 +8,7 @@ const { STEPS, nextThing, knowObjects } = await load("hints", "objects");
 knowObjects({ objects: ["red1", "red2", "blue1", "blue2"].map((name) => ({ name })) });
 
 const KEYS = { wrist_extension: "W", wrist_flexion: "S", hand_close: "A", hand_open: "D" };
-const page = { target: () => ({ x: 0.05, y: 0.2 }), lean: false, mouse: true, key: (gesture) => KEYS[gesture], drives: true, aim: null };
+const page = { target: () => ({ x: 0.05, y: 0.2 }), lean: false, mouse: true, key: (gesture) => KEYS[gesture], restarts: true, aim: null };
 const seated = { ...page, lean: true };
 const muscles = { ...page, mouse: false, key: () => "" };
 
@@ -112,7 +112,7 @@ const TABLE = [
   [{ stop: stop("limb_tracker", "frozen") }, page, "Move back to where the tracker sees your arm."],
   [{ stop: stop("stage", "lost") }, page, "Start the part of the program that ended."],
   [{ finished: true, stop: stop("page", "silent") }, page, "The trial is over. Restart begins another."],
-  [{ finished: true }, { ...page, drives: false }, "The trial is over."],
+  [{ finished: true }, { ...page, restarts: false }, "The trial is over."],
 ];
 
 test("each state has its hint, which says the one next thing", () => {

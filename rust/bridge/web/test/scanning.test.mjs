@@ -21,6 +21,12 @@ test("choices are offered one after the other and begin again after the last", (
   assert.equal(selecting().offered(0, PERIOD, false, 4).gesture, "wrist_flexion");
 });
 
+test("where no other trial may be begun, none is offered", () => {
+  const scanner = new Scanner(() => false, () => false);
+  assert.ok(!scanner.choices(true, 4).some(({ kind }) => kind === "restart"));
+  assert.ok(selecting().choices(true, 4).some(({ kind }) => kind === "restart"));
+});
+
 test("a look opens the places, and the lock is offered after one was taken", () => {
   const scanner = selecting();
   const press = (now) => scanner.press(now, PERIOD, true, 2);

@@ -26,6 +26,8 @@ const MODELS_FOLDER: &str = "models";
 /// The windows of the paper, milliseconds.
 const WINDOW_MS: f64 = 100.0;
 const INCREMENT_MS: f64 = 50.0;
+/// How long samples are waited for at a time.
+const PATIENCE: Duration = Duration::from_millis(10);
 /// The experimenter ends a test that is not passed, not a number of attempts.
 const ATTEMPTS: usize = 1000;
 
@@ -102,30 +104,39 @@ impl LiveStudy<'_> {
         let mut packet = EmgPacket::default();
         let mut said = String::new();
         loop {
-            let event = source.poll(Duration::from_millis(10), &mut packet)?;
-            now = now.max(SimTime(match event {
-                SourceEvent::Packet => packet.received.as_millis() as u64,
-                _ => begin.elapsed().as_millis() as u64,
-            }));
-            match event {
-                SourceEvent::Ended => return Err("the EMG source ended before the training did".into()),
-                SourceEvent::Lost { reason } => said = format!("The armband is lost: {reason}"),
-                SourceEvent::Restored => said.clear(),
-                _ => {}
-            }
-            for event in session.step(now, &packet.samples)? {
+            // Everything that is there: a source that is read more slowly than it sends looks like one that loses samples.
+            let mut patience = PATIENCE;
+            loop {
+                let event = source.poll(patience, &mut packet)?;
+                now = now.max(SimTime(match event {
+                    SourceEvent::Packet => packet.received.as_millis() as u64,
+                    _ => begin.elapsed().as_millis() as u64,
+                }));
+                let more = matches!(event, SourceEvent::Packet);
                 match event {
-                    CalibrationEvent::Prompted(prompt) => source.prompt(prompt.gesture),
-                    CalibrationEvent::Kept(_) => {
-                        keep_last(&kept, &session)?;
-                        said.clear();
+                    SourceEvent::Ended => return Err("the EMG source ended before the training did".into()),
+                    SourceEvent::Lost { reason } => said = format!("The armband is lost: {reason}"),
+                    SourceEvent::Restored => said.clear(),
+                    SourceEvent::Packet => {}
+                    SourceEvent::Nothing => packet.samples.clear(),
+                }
+                for event in session.step(now, &packet.samples)? {
+                    match event {
+                        CalibrationEvent::Prompted(prompt) => source.prompt(prompt.gesture),
+                        CalibrationEvent::Kept(_) => {
+                            keep_last(&kept, &session)?;
+                            said.clear();
+                        }
+                        CalibrationEvent::Refused(..) => said = "That one was not kept: once more".to_owned(),
+                        _ => {}
                     }
-                    CalibrationEvent::Refused(..) => said = "That one was not kept: once more".to_owned(),
-                    CalibrationEvent::Blocked(..) => said = "Waiting for a good signal".to_owned(),
-                    _ => {}
+                }
+                packet.samples.clear();
+                patience = Duration::ZERO;
+                if !more || session.phase() == Phase::Reviewing {
+                    break;
                 }
             }
-            packet.samples.clear();
             self.prompt(prompt_of(session.phase(), &said, config.emg.rest));
             // What came in while the source was waited for; the source paces this.
             for wish in self.state.wait()? {
@@ -193,6 +204,7 @@ impl LiveStudy<'_> {
         let mut test = SequenceTest::new(config)?;
         let mut pipeline = model.as_ref().map(pipeline).transpose()?;
         let (begin, mut in_force) = (Instant::now(), rest);
+        let mut asked = None;
         loop {
             let now = SimTime(begin.elapsed().as_millis() as u64);
             if let (Some(pipeline), Some(armband)) = (&mut pipeline, &self.equipment.armband) {
@@ -201,31 +213,35 @@ impl LiveStudy<'_> {
                     in_force = output.gesture;
                 }
             }
-            let passed = test.report().passed;
-            if !passed
-                && test.step(now, in_force)
-                && let (Some(armband), Some(prompt)) = (&self.equipment.armband, test.prompt())
-            {
-                armband.prompt(prompt);
+            // After a signal that failed nothing moves until the hand was relaxed, in a trial too: it is asked for.
+            let relaxes = pipeline.as_ref().is_some_and(EmgPipeline::is_disarmed);
+            if !test.report().passed && !relaxes {
+                test.step(now, in_force);
             }
             let passed = test.report().passed;
             trained.passed = plan.pass_runs.map(|_| passed);
+            let gesture = test.prompt().filter(|_| !passed && !relaxes).unwrap_or(rest);
+            if asked.replace(gesture) != Some(gesture)
+                && let Some(armband) = &self.equipment.armband
+            {
+                armband.prompt(gesture);
+            }
+            let text = match (passed, relaxes) {
+                (true, _) => "Done. Relax.",
+                (false, true) => "The signal was lost for a moment. Relax.",
+                (false, false) => "Make this gesture and hold it",
+            };
+            let share = plan.pass_runs.map_or(0.0, |runs| test.report().in_a_row as f64 / runs as f64);
             self.prompt(PromptScreen {
-                gesture: test.prompt().filter(|_| !passed).unwrap_or(rest),
-                text: if passed { "Done. Relax." } else { "Make this gesture and hold it" }.to_owned(),
-                share: plan
-                    .pass_runs
-                    .map_or(0.0, |runs| test.report().in_a_row as f64 / runs as f64)
-                    .min(1.0),
+                gesture,
+                text: text.to_owned(),
+                share: share.min(1.0),
                 recording: false,
                 recognised: Some(in_force),
                 in_a_row: test.report().in_a_row,
                 wanted: plan.pass_runs,
                 passed,
             });
-            if passed && let Some(armband) = &self.equipment.armband {
-                armband.prompt(rest);
-            }
             for wish in self.state.wait()? {
                 if let (Wish::Gesture(gesture), None) = (&wish, &model) {
                     in_force = GestureName::from(*gesture);

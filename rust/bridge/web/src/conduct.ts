@@ -1,0 +1,216 @@
+// Conducting a study: whose turn it is, the session step by step, its buttons and its notes. Everything on display comes with
+// each message. What was asked for is shown once the server shows it: a terminal or another page may conduct too.
+
+import "./conduct.css";
+import { ConductBar } from "./conductbar";
+import { BeginView } from "./conductbegin";
+import { Notes } from "./conductnotes";
+import { NowView } from "./conductnow";
+import { StepList } from "./conductsteps";
+import { aboutText, leftText, whoText } from "./conductwords";
+import { element, setClass, setText, setWidth } from "./dom";
+import { FillIn } from "./fillin";
+import type { ClientMessage, ExperimenterScreen, FormScreen, StudyButton, StudyRequest } from "./generated/types";
+import { capitalised } from "./protocol";
+import { ReasonDialog, type Asked } from "./reasons";
+
+/** Countdowns and ages are written again so often, ms. */
+const TICK_MS = 250;
+/** Where the browser keeps whether single keys act. */
+const KEYS_PLACE = "proact.conduct.keys";
+
+export class Conduct {
+  readonly root: HTMLElement;
+  readonly dialogs: HTMLElement[];
+  readonly notes = new Notes((text) => this.ask({ ask: "note", text }));
+  readonly bar = new ConductBar((what) => this.press(what));
+  private readonly title = element("h2");
+  private readonly trials = element("span", "small");
+  private readonly share = element("div");
+  private readonly who = element("strong");
+  private readonly left = element("span", "small");
+  private readonly told = element("p", "told");
+  private readonly step = element("p", "only-heard");
+  private readonly lost = element("div", "lost");
+  private readonly now = new NowView({
+    fillIn: () => this.fillIn(),
+    action: (action) => this.send({ type: "study", action }),
+  });
+  private readonly steps = new StepList(this.now.root);
+  private readonly begin = new BeginView((id, isNew) => this.ask({ ask: "begin", id, ...(isNew ? { new: true } : {}) }));
+  private readonly reasons = new ReasonDialog((what, reason) => this.decided(what, reason));
+  private readonly form = new FillIn({
+    answer: (step, key, answer) => this.send({ type: "answer", step, key, answer }),
+    submit: (step) => this.send({ type: "submit", step }),
+  });
+  private screen: ExperimenterScreen | null = null;
+  private paused = false;
+  private keysAct = true;
+  /** What a dialog that is open is about. */
+  private about = "";
+
+  constructor(private readonly send: (message: ClientMessage) => void) {
+    this.told.setAttribute("role", "status");
+    this.step.setAttribute("aria-live", "polite");
+    this.lost.setAttribute("role", "alert");
+    this.bar.others.append(this.keysChoice());
+    this.root = element(
+      "section",
+      "pane conduct",
+      element("div", "conducthead", element("div", "", this.title, this.trials), element("div", "bar", this.share), element("div", "", this.who, this.left)),
+      this.lost,
+      this.told,
+      this.step,
+      this.begin.root,
+      this.steps.root,
+      this.bar.root,
+    );
+    this.root.setAttribute("aria-label", "Study");
+    this.dialogs = [this.reasons.root, this.form.root];
+    window.addEventListener("keydown", (event) => this.key(event));
+    window.setInterval(() => this.now.tick(), TICK_MS);
+  }
+
+  /** The arm moves, or may: there is a scene to watch. */
+  get sceneRuns(): boolean {
+    const now = this.screen?.session?.now;
+    return now?.running === true && ["trial", "practise", "demonstrate", "calibrate_gaze"].includes(now.what.is);
+  }
+
+  show(screen: ExperimenterScreen): void {
+    this.screen = screen;
+    const { session, trials, next } = screen;
+    setText(this.title, screen.title || screen.study);
+    setText(this.trials, `${trials[0]} of ${trials[1]} trials`);
+    setWidth(this.share, trials[0] / Math.max(trials[1], 1));
+    setText(this.who, session ? whoText(session) : "");
+    setText(this.left, session ? leftText(session.minutes_left) : "");
+    this.tell(screen.told);
+    this.begin.root.hidden = session !== null;
+    this.steps.root.hidden = session === null;
+    this.notes.root.hidden = session === null;
+    this.now.show(session?.now ?? null);
+    if (session) {
+      this.steps.show(session);
+      this.begin.clear();
+    } else {
+      this.begin.show(screen);
+    }
+    this.bar.show(next ? screen : { ...screen, can: screen.can.filter((what) => what !== "begin") });
+    this.notes.show(screen.notes);
+    const now = session?.now;
+    setText(this.step, now ? `Now: ${now.label}` : "");
+    // A reason that was asked for one step is none for the next.
+    const about = `${session?.id} ${session?.session} ${now?.step} ${now?.running}`;
+    if (about !== this.about) this.reasons.close();
+    this.about = about;
+    this.form.update(session?.id ?? "", this.formNow());
+  }
+
+  /** What the rest of the page knows of the trial. */
+  showTrial(state: string, overview: string, paused: boolean): void {
+    this.paused = paused;
+    this.bar.showPaused(paused);
+    this.now.showTrial([state, overview].filter(Boolean).join(" · "), paused);
+  }
+
+  showConnected(connected: boolean): void {
+    setText(this.lost, connected ? "" : "Connection lost. What is shown may be out of date, and nothing can be sent. Trying again …");
+    setClass(this.root, "offline", !connected);
+    this.bar.showConnected(connected);
+    this.begin.showConnected(connected);
+    this.notes.showConnected(connected);
+    if (connected) this.form.reconnected();
+    else this.reasons.close();
+  }
+
+  /** Says what came of a request, or that a message was ignored. */
+  tell(text: string): void {
+    setText(this.told, capitalised(text));
+  }
+
+  private ask(request: StudyRequest): void {
+    this.send({ type: "conduct", ...request });
+  }
+
+  private press(what: StudyButton): void {
+    const { next, session } = this.screen ?? {};
+    switch (what) {
+      case "begin":
+        // By name, where there is one: whoever is shown is who begins.
+        this.ask(next?.id ? { ask: "begin", id: next.id } : { ask: "begin" });
+        break;
+      case "next":
+        this.ask({ ask: "next" });
+        break;
+      case "pause":
+        this.send({ type: "study", action: this.paused ? "resume" : "pause" });
+        break;
+      default:
+        if (session) this.reasons.ask(what, aboutText(what, session));
+    }
+  }
+
+  private decided(what: Asked, reason: string): void {
+    if (what !== "abort" && what !== "leave") {
+      this.ask({ ask: what, reason });
+      return;
+    }
+    // The server asks no reason for these: one that was given is kept as a note.
+    if (reason) this.ask({ ask: "note", text: `${what === "abort" ? "Trial ended" : "Ended for today"}: ${reason}` });
+    if (what === "abort") this.send({ type: "study", action: "abort" });
+    else this.ask({ ask: "leave" });
+  }
+
+  private formNow(): FormScreen | null {
+    const what = this.screen?.session?.now?.what;
+    return what?.is === "form" ? what : null;
+  }
+
+  private fillIn(): void {
+    const form = this.formNow();
+    if (form) this.form.show(this.screen?.session?.id ?? "", form);
+  }
+
+  private key(event: KeyboardEvent): void {
+    const typing = event.target instanceof Element && event.target.closest("input, textarea, select, [contenteditable]");
+    if (typing || event.repeat || event.ctrlKey || event.altKey || event.metaKey) return;
+    if (!this.screen || !this.keysAct || this.reasons.open || this.form.open) return;
+    const key = event.key.toLowerCase();
+    if (key === "n") this.bar.press("next");
+    else if (key === "p") this.bar.press("pause");
+    else if (key === "t" && !this.notes.root.hidden) {
+      event.preventDefault();
+      this.notes.focus();
+    }
+  }
+
+  /** Single keys can be turned off: speech input and a slipped hand press them too. */
+  private keysChoice(): HTMLElement {
+    const box = element("input");
+    box.type = "checkbox";
+    box.addEventListener("change", () => {
+      this.keysAct = box.checked;
+      keep(KEYS_PLACE, box.checked);
+    });
+    this.keysAct = box.checked = kept(KEYS_PLACE);
+    return element("label", "check", box, "Keys N, P, T");
+  }
+}
+
+function kept(place: string): boolean {
+  try {
+    return localStorage.getItem(place) !== "off";
+  } catch {
+    // Storage may be forbidden.
+    return true;
+  }
+}
+
+function keep(place: string, on: boolean): void {
+  try {
+    localStorage.setItem(place, on ? "on" : "off");
+  } catch {
+    // Then the choice lasts as long as the page.
+  }
+}

@@ -1,0 +1,99 @@
+// Before a session: whose turn it is, beginning for somebody else, and how far each participant is.
+
+import { freshId, whoText } from "./conductwords";
+import { button, element, setText } from "./dom";
+import type { ExperimenterScreen, ParticipantLine } from "./generated/types";
+
+/** Longest pseudonym, characters, and those that it may have; the server checks it again. */
+const MOST_ID = 32;
+const PLAIN = "[A-Za-z0-9_\\-]+";
+
+export class BeginView {
+  readonly root = element("div", "begin");
+  private readonly who = element("h3");
+  private readonly about = element("p");
+  private readonly departs = element("p", "warning");
+  private readonly id = element("input");
+  private readonly isNew = element("input");
+  private readonly ids = element("datalist");
+  private readonly begin = element("button", "", "Begin for this person");
+  private readonly form: HTMLFormElement;
+  private readonly people = element("tbody");
+  private participants: ParticipantLine[] = [];
+  private shown = "";
+
+  constructor(begun: (id: string, isNew: boolean) => void) {
+    const { id, isNew, ids } = this;
+    ids.id = "pseudonyms";
+    Object.assign(id, { type: "text", name: "pseudonym", required: true, maxLength: MOST_ID, pattern: PLAIN, autocomplete: "off", spellcheck: false });
+    id.title = "Letters, digits, - and _";
+    id.setAttribute("list", ids.id);
+    Object.assign(isNew, { type: "checkbox", name: "new" });
+    isNew.addEventListener("change", () => {
+      if (isNew.checked && id.value === "") id.value = freshId(this.participants);
+    });
+    this.begin.type = "submit";
+    this.form = element(
+      "form",
+      "beginother",
+      element("h3", "", "Somebody else"),
+      element("label", "field", element("span", "label", "Pseudonym"), id, ids),
+      element("label", "check", isNew, "New participant"),
+      this.begin,
+    );
+    this.form.addEventListener("submit", (event) => {
+      event.preventDefault();
+      begun(id.value.trim(), isNew.checked);
+    });
+    const head = ["Place", "Pseudonym", "Steps", "Trials", ""].map((name) => {
+      const cell = element(name ? "th" : "td", "", name);
+      if (name) cell.setAttribute("scope", "col");
+      return cell;
+    });
+    const table = element("table", "people", element("caption", "label", "Participants"), element("thead", "", element("tr", "", ...head)), this.people);
+    this.root.append(element("div", "turn", this.who, this.about, this.departs), this.form, table);
+  }
+
+  show({ next, participants, can }: ExperimenterScreen): void {
+    setText(this.who, next ? whoText(next) : "All sessions are over");
+    const fresh = next?.id === null ? "Nobody has this place yet." : "Not begun yet.";
+    setText(this.about, next ? (next.begun ? "Begun before: it continues where it was." : fresh) : "There is nobody left to begin with.");
+    setText(this.departs, next?.departs ? `Departs from the plan: ${next.departs}` : "");
+    this.form.hidden = !can.includes("begin");
+    const text = JSON.stringify([participants, can.includes("begin")]);
+    if (text === this.shown) return;
+    this.shown = text;
+    this.participants = participants;
+    this.ids.replaceChildren(...participants.flatMap(({ id }) => (id === null ? [] : [new Option(id, id)])));
+    this.people.replaceChildren(...participants.map((line) => this.row(line)));
+  }
+
+  /** Forgets who was typed in: somebody's session is under way. */
+  clear(): void {
+    if (this.id.value !== "" || this.isNew.checked) this.form.reset();
+  }
+
+  showConnected(connected: boolean): void {
+    this.begin.disabled = !connected;
+  }
+
+  private row({ participant, id, steps, trials }: ParticipantLine): HTMLElement {
+    const place = element("th", "", String(participant));
+    place.scope = "row";
+    const over = steps[0] >= steps[1];
+    const choose = button("Choose", () => {
+      this.id.value = id ?? "";
+      this.isNew.checked = false;
+    });
+    choose.setAttribute("aria-label", `Choose ${id}`);
+    return element(
+      "tr",
+      over ? "over" : "",
+      place,
+      element("td", "", id ?? "–"),
+      element("td", "", `${steps[0]} of ${steps[1]}`),
+      element("td", "", `${trials[0]} of ${trials[1]}`),
+      element("td", "", id === null || over || this.form.hidden ? null : choose),
+    );
+  }
+}

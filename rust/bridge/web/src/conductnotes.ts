@@ -1,0 +1,70 @@
+// Notes of a session. What is written stays in the field until the server shows it among the notes.
+
+import { timesNoted } from "./conductwords";
+import { element } from "./dom";
+
+/** Longest note, characters. */
+const MOST_WORDS = 2000;
+
+export class Notes {
+  readonly root: HTMLElement;
+  private readonly field = element("textarea");
+  private readonly add = element("button", "", "Add note");
+  private readonly list = element("ul", "notelist");
+  private notes: string[] = [];
+  private shown = "";
+  /** What was sent, and how often it was there before. */
+  private sent: { text: string; times: number } | null = null;
+
+  constructor(noted: (text: string) => void) {
+    const { field, add, list } = this;
+    Object.assign(field, { rows: 2, maxLength: MOST_WORDS, placeholder: "What should be remembered" });
+    field.setAttribute("aria-label", "Note");
+    field.setAttribute("aria-keyshortcuts", "T");
+    field.addEventListener("keydown", (event) => {
+      if (event.key === "Enter" && (event.ctrlKey || event.metaKey)) form.requestSubmit();
+      if (event.key === "Escape") field.blur();
+    });
+    add.type = "submit";
+    add.title = "Ctrl and Enter";
+    list.tabIndex = 0;
+    list.setAttribute("aria-label", "Notes of the session, the newest first");
+    const form = element("form", "", field, add);
+    form.addEventListener("submit", (event) => {
+      event.preventDefault();
+      // As the server keeps it: on one line.
+      const text = oneLine(field.value);
+      if (text === "" || add.disabled) return;
+      this.sent = { text, times: timesNoted(this.notes, text) };
+      noted(text);
+    });
+    const key = element("kbd", "", "T");
+    key.setAttribute("aria-hidden", "true");
+    this.root = element("section", "pane notes", element("div", "loghead", element("h2", "", "Notes"), key), form, list);
+  }
+
+  focus(): void {
+    this.field.focus();
+  }
+
+  showConnected(connected: boolean): void {
+    this.add.disabled = !connected;
+  }
+
+  show(notes: string[]): void {
+    const text = JSON.stringify(notes);
+    if (text === this.shown) return;
+    this.shown = text;
+    this.notes = notes;
+    if (this.sent && timesNoted(notes, this.sent.text) > this.sent.times) {
+      if (oneLine(this.field.value) === this.sent.text) this.field.value = "";
+      this.sent = null;
+    }
+    this.list.replaceChildren(...[...notes].reverse().map((note) => element("li", "", note)));
+    this.list.hidden = notes.length === 0;
+  }
+}
+
+function oneLine(text: string): string {
+  return text.trim().replace(/\s+/g, " ");
+}

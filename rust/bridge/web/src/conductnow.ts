@@ -1,0 +1,249 @@
+// The step of a session that is to be done, or is being done: what to say, what is answered, what is ready.
+
+import { ageText, answeredOf, BreakClock, breakText, clockText, plainName } from "./conductwords";
+import { button, element, setClass, setText, setWidth } from "./dom";
+import { conditionName, wordsIn } from "./forms";
+import type { Check, NowScreen, NowWhat, StudyAction } from "./generated/types";
+import { gestureText, handPicture } from "./hand";
+import { capitalised } from "./protocol";
+
+/** Mean error up to which neighbouring blocks can be told apart, degrees; as in the gaze check. */
+const GOOD_DEG = 2;
+
+export interface NowHandlers {
+  /** Opens the questionnaire on this page. */
+  fillIn(): void;
+  action(action: StudyAction): void;
+}
+
+/** A step on display. It stays in place while its figures change, so that focus and scrolling are kept. */
+interface Part<What> {
+  nodes: HTMLElement[];
+  update(what: What, now: NowScreen): void;
+  /** Called several times a second. */
+  tick?(wall: number): void;
+}
+type Of<Kind extends NowWhat["is"]> = Extract<NowWhat, { is: Kind }>;
+
+export class NowView {
+  readonly root = element("div", "now");
+  private readonly since = element("span", "since");
+  /** State, time and score of the trial. */
+  private readonly live = element("p", "livetrial");
+  private part: Part<NowWhat> | null = null;
+  private shown = "";
+  private began: number | null = null;
+
+  constructor(private readonly handlers: NowHandlers) {}
+
+  show(now: NowScreen | null, wall = performance.now()): void {
+    if (!now) {
+      this.root.replaceChildren();
+      this.shown = "";
+      return;
+    }
+    const kind = `${now.step} ${now.what.is} ${now.running}`;
+    if (kind !== this.shown) {
+      this.shown = kind;
+      this.part = this.make(now.what.is);
+      this.root.replaceChildren(...this.part.nodes, this.since);
+    }
+    this.began = now.running ? wall - 1000 * now.since_secs : null;
+    this.part?.update(now.what, now);
+    this.tick(wall);
+  }
+
+  /** What the rest of the page knows of the trial. */
+  showTrial(text: string, paused: boolean): void {
+    setText(this.live, text);
+    setClass(this.live, "paused", paused);
+  }
+
+  tick(wall = performance.now()): void {
+    this.part?.tick?.(wall);
+    setText(this.since, this.began === null ? "" : `Begun ${clockText((wall - this.began) / 1000)} ago`);
+  }
+
+  private make(kind: NowWhat["is"]): Part<NowWhat> {
+    const parts: { [Kind in NowWhat["is"]]: () => Part<Of<Kind>> } = {
+      say: spoken,
+      form: () => questionnaire(this.handlers),
+      train: training,
+      calibrate_gaze: () => calibration(this.handlers),
+      demonstrate: () => demonstration(this.live),
+      practise: () => practice(this.live),
+      rest: pause,
+      trial: () => trial(this.live),
+    };
+    return parts[kind]() as Part<NowWhat>;
+  }
+}
+
+function spoken(): Part<Of<"say">> {
+  const text = element("p", "speech");
+  return { nodes: [text], update: (what) => setText(text, what.text.trim()) };
+}
+
+function questionnaire({ fillIn }: NowHandlers): Part<Of<"form">> {
+  const title = element("h3");
+  const about = element("p", "small");
+  const bar = new Bar();
+  const answered = element("p");
+  return {
+    nodes: [title, about, bar.root, answered, element("div", "buttons", button("Fill in here", fillIn))],
+    update(what) {
+      setText(title, wordsIn(what.form.title, navigator.language).text);
+      setText(about, what.about === null ? "" : conditionName(what.about));
+      const [kept, of] = answeredOf(what);
+      setText(answered, of > 0 ? `${kept} of ${of} answered` : "Nothing has to be answered.");
+      bar.show(of > 0 ? kept / of : 1);
+    },
+  };
+}
+
+function training(): Part<Of<"train">> {
+  const picture = element("div", "picture");
+  const gesture = element("h3");
+  const text = element("p");
+  const bar = new Bar();
+  const found = element("p", "found");
+  let drawn = "";
+  return {
+    nodes: [element("div", "prompted", picture, element("div", "", gesture, text)), bar.root, found],
+    update(what) {
+      if (what.gesture !== drawn) picture.replaceChildren(handPicture(what.gesture));
+      drawn = what.gesture;
+      setText(gesture, gestureText(what.gesture));
+      setText(text, what.recording ? `Recording: ${what.text}` : capitalised(what.text));
+      bar.show(what.share);
+      const wanted = what.wanted === null ? "" : ` of ${what.wanted}`;
+      const row = what.wanted === null && what.in_a_row === 0 ? "" : `${what.in_a_row}${wanted} without a mistake`;
+      const seen = what.recognised === null ? "" : `Recognised: ${gestureText(what.recognised).toLowerCase()}`;
+      setText(found, [what.passed ? "Passed" : "", row, seen].filter(Boolean).join(" · "));
+      setClass(found, "good", what.passed);
+    },
+  };
+}
+
+function calibration({ action }: NowHandlers): Part<Of<"calibrate_gaze">> {
+  const error = element("p");
+  const calibrate = button("Calibrate", () => action("calibrate_gaze"));
+  const check = button("Check", () => action("check_gaze"));
+  return {
+    nodes: [
+      element("p", "", "The participant's page shows five points to look at."),
+      error,
+      element("div", "buttons", calibrate, check),
+    ],
+    update({ error_deg }, { running }) {
+      calibrate.disabled = check.disabled = !running;
+      setText(error, error_deg === null ? "The gaze was not checked yet." : `Mean error of the last check: ${error_deg.toFixed(1)}°`);
+      setClass(error, "good", error_deg !== null && error_deg <= GOOD_DEG);
+      setClass(error, "bad", error_deg !== null && error_deg > GOOD_DEG);
+    },
+  };
+}
+
+function demonstration(live: HTMLElement): Part<Of<"demonstrate">> {
+  return {
+    nodes: [element("p", "", "A simulated participant shows the method."), live],
+    update: (_, { running }) => (live.hidden = !running),
+  };
+}
+
+function practice(live: HTMLElement): Part<Of<"practise">> {
+  const bar = new Bar();
+  const carried = element("h3");
+  return {
+    nodes: [carried, bar.root, live],
+    update(what, { running }) {
+      setText(carried, `${what.carried} of ${what.transfers} carried`);
+      bar.show(what.carried / Math.max(what.transfers, 1));
+      live.hidden = !running;
+    },
+  };
+}
+
+function pause(): Part<Of<"rest">> {
+  const clock = new BreakClock();
+  const left = element("p", "countdown");
+  let begun = false;
+  return {
+    nodes: [left],
+    update(what, { step, running }) {
+      begun = running;
+      clock.take(step, what.left_secs, performance.now());
+      if (!running) setText(left, `${clockText(what.left_secs)} planned`);
+    },
+    tick(wall) {
+      if (!begun) return;
+      const { text, over } = breakText(clock.leftSecs(wall));
+      setText(left, text);
+      setClass(left, "over", over);
+    },
+  };
+}
+
+function trial(live: HTMLElement): Part<Of<"trial">> {
+  const number = element("p", "small");
+  const before = element("p", "small");
+  const checks = new CheckTable();
+  return {
+    nodes: [number, live, checks.root, before],
+    update(what, { running }) {
+      setText(number, `Number ${what.number[0]} of the ${what.number[1]} trials of this session`);
+      setText(before, what.before ? `Trial before: ${what.before}` : "");
+      live.hidden = !running;
+      checks.show(what.checks);
+    },
+    tick: (wall) => checks.tick(wall),
+  };
+}
+
+/** How much of something is over; the same stands beside it in words. */
+class Bar {
+  private readonly fill = element("div");
+  readonly root = element("div", "bar", this.fill);
+
+  show(share: number): void {
+    setWidth(this.fill, share);
+  }
+}
+
+/** What is ready for a trial, and what is not. Ages go on while no message comes. */
+class CheckTable {
+  private readonly body = element("tbody");
+  readonly root = element("table", "checks");
+  private ages: { cell: HTMLElement; since: number }[] = [];
+  private shown = "";
+
+  constructor() {
+    const head = ["Check", "Ready", "Found", "Age"].map((name) => {
+      const cell = element("th", "", name);
+      cell.scope = "col";
+      return cell;
+    });
+    this.root.append(element("thead", "", element("tr", "", ...head)), this.body);
+  }
+
+  show(checks: Check[]): void {
+    this.root.hidden = checks.length === 0;
+    const text = JSON.stringify(checks);
+    if (text === this.shown) return;
+    this.shown = text;
+    this.ages = [];
+    this.body.replaceChildren(...checks.map((check) => this.row(check)));
+  }
+
+  tick(wall: number): void {
+    for (const { cell, since } of this.ages) setText(cell, ageText((wall - since) / 1000));
+  }
+
+  private row({ name, ready, found, age_secs }: Check): HTMLElement {
+    const title = element("th", "", capitalised(plainName(name)));
+    title.scope = "row";
+    const age = element("td", "age");
+    if (typeof age_secs === "number") this.ages.push({ cell: age, since: performance.now() - 1000 * age_secs });
+    return element("tr", ready ? "" : "unready", title, element("td", `ready ${ready ? "yes" : "no"}`, ready ? "Yes" : "No"), element("td", "", found), age);
+  }
+}
