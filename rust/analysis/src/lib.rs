@@ -1,7 +1,9 @@
 //! Numbers from logged trials.
 //!
 //! Pure: values in, values out. Reads no files, has no clock and no randomness, and depends on the vocabulary
-//! alone; who reads trials and prints tables is the command `analyze`.
+//! alone; who reads trials and prints tables are the commands `analyze` and `study export`.
+//!
+//! [`measures`] are of what a person did, [`summary`] of a sample of numbers, [`table`] what every table of the project is.
 //!
 //! [`score`] says how good forecasts are of which of a few things a person means:
 //!
@@ -14,6 +16,8 @@
 //! assert_eq!((score.accuracy, score.time_to_correct_ms.median), (0.5, Some(30.0)));
 //! # Ok::<(), proact_analysis::AnalysisError>(())
 //! ```
+
+#![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod forecast;
 pub mod measures;

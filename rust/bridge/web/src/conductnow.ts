@@ -3,7 +3,7 @@
 import { ageText, answeredOf, BreakClock, breakText, clockText, plainName } from "./conductwords";
 import { button, element, setClass, setText, setWidth } from "./dom";
 import { conditionName, wordsIn } from "./forms";
-import type { Check, NowScreen, NowWhat, StudyAction } from "./generated/types";
+import type { ReadinessCheck, NowScreen, NowWhat, StudyAction } from "./generated/types";
 import { gestureText, handPicture } from "./hand";
 import { capitalised } from "./protocol";
 
@@ -128,7 +128,7 @@ function training(): Part<Of<"train">> {
 function calibration({ action }: NowHandlers): Part<Of<"calibrate_gaze">> {
   const error = element("p");
   const calibrate = button("Calibrate", () => action("calibrate_gaze"));
-  const check = button("Check", () => action("check_gaze"));
+  const check = button("ReadinessCheck", () => action("check_gaze"));
   return {
     nodes: [
       element("p", "", "The participant's page shows five points to look at."),
@@ -218,7 +218,7 @@ class CheckTable {
   private shown = "";
 
   constructor() {
-    const head = ["Check", "Ready", "Found", "Age"].map((name) => {
+    const head = ["ReadinessCheck", "Ready", "Found", "Age"].map((name) => {
       const cell = element("th", "", name);
       cell.scope = "col";
       return cell;
@@ -226,7 +226,7 @@ class CheckTable {
     this.root.append(element("thead", "", element("tr", "", ...head)), this.body);
   }
 
-  show(checks: Check[]): void {
+  show(checks: ReadinessCheck[]): void {
     this.root.hidden = checks.length === 0;
     const text = JSON.stringify(checks);
     if (text === this.shown) return;
@@ -239,7 +239,7 @@ class CheckTable {
     for (const { cell, since } of this.ages) setText(cell, ageText((wall - since) / 1000));
   }
 
-  private row({ name, ready, found, age_secs }: Check): HTMLElement {
+  private row({ name, ready, found, age_secs }: ReadinessCheck): HTMLElement {
     const title = element("th", "", capitalised(plainName(name)));
     title.scope = "row";
     const age = element("td", "age");

@@ -32,7 +32,9 @@ export class GazeCheckView {
   private calibrates = false;
   private done: PointResult[] = [];
   private looks: Look[] = [];
-  private began = 0;
+  /** Since when the point is on the screen; none until a picture of it was made, which may take seconds for the first one. */
+  private began: number | null = null;
+  private pictures = 0;
   private running = false;
   /** The gaze is where the ring is: there is neither a mouse nor an eye tracker. */
   private follows = false;
@@ -78,7 +80,7 @@ export class GazeCheckView {
 
   /** Begins a check, or with `calibrates` one whose error is taken off the gaze from then on. */
   start(room: Room, source: string, calibrates = false): void {
-    Object.assign(this, { room, source, calibrates, done: [], looks: [], running: true, follows: false, began: performance.now() });
+    Object.assign(this, { room, source, calibrates, done: [], looks: [], running: true, follows: false, began: null, pictures: 0 });
     this.root.hidden = false;
     this.body.replaceChildren(element("p", "", "Look at the ring until it moves on. Keep still."));
     if (source !== "mouse") return;
@@ -88,7 +90,7 @@ export class GazeCheckView {
   }
 
   private follow(): void {
-    Object.assign(this, { source: "keys", follows: true, done: [], looks: [], began: performance.now() });
+    Object.assign(this, { source: "keys", follows: true, done: [], looks: [], began: null, pictures: 0 });
   }
 
   stop(): void {
@@ -100,13 +102,13 @@ export class GazeCheckView {
   /** Takes each new frame. */
   take(frame: DisplayFrame): void {
     const point = this.point;
-    if (!point) return;
+    if (!point || this.began === null) return;
     const elapsed = performance.now() - this.began;
     if (elapsed > SETTLE_MS) this.looks.push({ time: frame.time, gaze: frame.gaze });
     if (elapsed < SETTLE_MS + MEASURE_MS) return;
     this.done.push(judge(this.looks, point.toArray()));
     this.looks = [];
-    this.began = performance.now();
+    [this.began, this.pictures] = [null, 0];
     if (this.done.length === POINTS.length) this.show();
   }
 
@@ -115,7 +117,11 @@ export class GazeCheckView {
     const point = this.point;
     this.mark.visible = point !== null;
     if (!point) return;
-    const settling = Math.max(1 - (performance.now() - this.began) / SETTLE_MS, 0);
+    const now = performance.now();
+    // The second picture comes when the first one has been drawn.
+    this.pictures += 1;
+    if (this.pictures > 1) this.began ??= now;
+    const settling = Math.max(1 - (now - (this.began ?? now)) / SETTLE_MS, 0);
     this.mark.position.copy(point);
     this.mark.scale.setScalar(0.03 + 0.05 * settling);
     setText(this.title, `Gaze ${this.calibrates ? "calibration" : "check"}: point ${this.done.length + 1} of ${POINTS.length}`);

@@ -50,6 +50,8 @@ export class Traces {
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
     context.clearRect(0, 0, width, height);
     const lanes = this.channels;
+    // Not only cleared: what was drawn before may come back for a picture where nothing else is drawn.
+    canvas.style.visibility = lanes === 0 ? "hidden" : "";
     if (lanes === 0) return;
     const lane = height / lanes;
     const left = 128;

@@ -158,7 +158,7 @@ fn alive(name: &str, heard: Option<Instant>) -> ReadinessCheck {
 fn disk(folder: &Path) -> ReadinessCheck {
     match nix::sys::statvfs::statvfs(folder) {
         Ok(disk) => {
-            let free = disk.blocks_available() as u64 * disk.fragment_size() as u64;
+            let free = disk.blocks_available() * disk.fragment_size();
             let found = format!("{:.1} GB free", free as f64 * 1e-9);
             check("disk", free >= LEAST_FREE_BYTES, found, None)
         }

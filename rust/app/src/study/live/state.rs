@@ -278,6 +278,8 @@ impl TrialInputs for SceneInputs<'_, '_> {
             match (input, &spot) {
                 (ClientInput::Study(StudyAction::Pause), Some(spot)) => self.state.pause(spot, true),
                 (ClientInput::Study(StudyAction::Resume), Some(spot)) => self.state.pause(spot, false),
+                // The participant reads a dialog: time stands still as in a pause, and is told like one.
+                (ClientInput::Hold(on), Some(spot)) => self.state.pause(spot, *on),
                 (ClientInput::GazeCheck(check), Some(spot)) => {
                     let errors: Vec<f64> =
                         check.points.iter().filter_map(|point| point.accuracy_deg).collect();

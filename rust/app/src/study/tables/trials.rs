@@ -245,7 +245,8 @@ impl Phases {
     }
 
     fn turn(&mut self, until: SimTime) {
-        while let Some((time, holding)) = self.turns.pop_front_if(|(time, _)| *time <= until) {
+        while let Some((time, holding)) = self.turns.front().copied().filter(|(time, _)| *time <= until) {
+            self.turns.pop_front();
             self.spent[usize::from(self.holding)].0 += time.millis_since(self.since);
             (self.holding, self.since) = (holding, time);
         }

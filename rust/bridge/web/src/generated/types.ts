@@ -159,17 +159,6 @@ light: Light,
 /** What is wrong, for the person; none if nothing is. */
 fault: string | null, };
 
-/** Whether something is ready. */
-export type Check = {
-/** Such as `gestures`. */
-name: string,
-/** It is. */
-ready: boolean,
-/** What was found, for the experimenter. */
-found: string,
-/** How old that is, seconds; none where age does not matter. */
-age_secs?: number | null, };
-
 /** A message of the page on the WebSocket. */
 export type ClientMessage = { "type": "gesture", gesture: Gesture, } | { "type": "gaze", origin: [number, number, number], direction: [number, number, number], measured?: boolean, } | { "type": "trunk", forward: number, lateral: number, axial: number, } | { "type": "head", position: [number, number, number],
 /** x, y, z, w. */
@@ -741,7 +730,7 @@ transfers: number, } | { "is": "rest",
 /** Until its planned end, seconds; zero from then on. */
 left_secs: number, } | { "is": "trial",
 /** What is ready, and what is not. */
-checks: Array<Check>,
+checks: Array<ReadinessCheck>,
 /** Number among the session's trials, and how many there are. */
 number: [number, number],
 /** How the trial before went; empty before the first. */
@@ -864,6 +853,17 @@ in_a_row: number,
 wanted: number | null,
 /** It is passed, or judged to be. */
 passed: boolean, };
+
+/** Whether something is ready. */
+export type ReadinessCheck = {
+/** Such as `gestures`. */
+name: string,
+/** It is. */
+ready: boolean,
+/** What was found, for the experimenter. */
+found: string,
+/** How old that is, seconds; none where age does not matter. */
+age_secs?: number | null, };
 
 /** A recorded trial with everything that its replay shows. */
 export type RecordedTrial = {
