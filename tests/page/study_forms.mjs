@@ -106,7 +106,7 @@ async function screens(page, study, { check, screenshot }) {
   await screenshot("rest");
   study.show({ show: "rest", left_secs: 0 });
   await page.locator('.participant h2:text-is("The break is over")').waitFor();
-  const prompt = { gesture: "wrist_extension", text: "hold", share: 0.4, recording: true, recognised: "hand_open", in_a_row: 2, wanted: 5, passed: false };
+  const prompt = { gesture: "wrist_extension", text: "hold", share: 0.4, recording: true, recognised: "hand_open", in_a_row: 2, wanted: 5, passed: false, keys: true };
   study.show({ show: "train", ...prompt });
   check((await heading()) === "Bend the wrist back", "training names the gesture");
   check((await page.locator(".picture svg").getAttribute("aria-label")) === "Bend the wrist back", "and draws it");
@@ -359,7 +359,7 @@ async function rules(page, study, tools) {
       }
       study.show({ show: "rest", left_secs: 100 });
       await look(`rest, ${scheme}, ${width}x${height}`);
-      study.show({ show: "train", gesture: "hand_open", text: "hold", share: 0.4, recording: false, recognised: "hand_open", in_a_row: 2, wanted: 5, passed: true });
+      study.show({ show: "train", gesture: "hand_open", text: "hold", share: 0.4, recording: false, recognised: "hand_open", in_a_row: 2, wanted: 5, passed: true, keys: true });
       await look(`train, ${scheme}, ${width}x${height}`);
       await screenshot(`train-${scheme}-${width}`);
     }

@@ -176,26 +176,28 @@ export class Seat extends Side {
     await this.hold("no_motion");
   }
 
-  /** Looks at each point until the figures are there, and puts them away. */
+  /** Looks at each point until the verdict is there, which it returns. `seen` is called where there is time for that. */
   async calibrate(seen) {
     await this.page.locator(".gazecheck:visible h2").waitFor({ timeout: PATIENCE_MS });
-    if (this.hands === "keys") await this.page.keyboard.press("Enter");
-    const over = this.page.locator(".gazecheck:visible .verdict");
-    const end = Date.now() + PATIENCE_MS;
-    for (let looks = 0; !(await over.isVisible()); looks++) {
-      if (Date.now() > end) throw new Error("the points do not come to an end");
-      // By keys the gaze is on the points by itself; a hand has no time to spare.
-      if (this.hands === "keys" && looks === 0) await seen();
-      const at = await this.page.evaluate(() => {
-        const at = window.__proact.gazePoint();
-        return at && { ...at, over: document.elementFromPoint(at.x, at.y)?.id };
-      });
-      if (at && at.over !== "scene") throw new Error(`a point at ${at.x}, ${at.y} is below ${at.over}`);
-      if (at && this.hands === "mouse") await this.page.mouse.move(at.x, at.y);
-      if (at && this.hands === "finger") await this.page.touchscreen.tap(at.x, at.y);
-      await this.page.waitForTimeout(30);
+    if (this.hands === "keys") {
+      await this.page.keyboard.press("Enter");
+      // The gaze is on the points by itself now; a hand has no time to spare.
+      await seen();
     }
-    return over.textContent();
+    const moved = (before) => {
+      const verdict = document.querySelector(".gazecheck:not([hidden]) .verdict");
+      if (verdict) return { verdict: verdict.textContent };
+      const at = window.__proact.gazePoint();
+      if (!at || (before && Math.hypot(at.x - before.x, at.y - before.y) < 2)) return null;
+      return { ...at, over: document.elementFromPoint(at.x, at.y)?.id };
+    };
+    for (let at = null; ; ) {
+      at = await (await this.page.waitForFunction(moved, at, { timeout: PATIENCE_MS })).jsonValue();
+      if ("verdict" in at) return at.verdict;
+      if (at.over !== "scene") throw new Error(`a point at ${at.x}, ${at.y} is below ${at.over}`);
+      if (this.hands === "mouse") await this.page.mouse.move(at.x, at.y);
+      if (this.hands === "finger") await this.page.touchscreen.tap(at.x, at.y);
+    }
   }
 
   async closeFigures() {

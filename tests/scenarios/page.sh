@@ -33,8 +33,5 @@ done
 # Where other machines can connect: who gets in.
 node "$here/../page/run.mjs" --mode access --program "$proact" --out "$output/access"
 
-# A study with both of its pages, by the keyboard alone; pages.sh does it by mouse and finger too.
-node "$here/../page/run.mjs" --mode study --program "$proact" --out "$output/study"
-
 # The page outlives the program: it comes back when the program does.
 node "$here/../page/run.mjs" --mode restart --program "$proact" --out "$output/restart"

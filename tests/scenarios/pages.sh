@@ -42,8 +42,8 @@ start demo --method D --seed 1 --no-record
 look experimenter
 stop
 
-# A study with both of its pages; page.sh does it by the keyboard alone.
-node "$here/../page/run.mjs" --mode study --program "$proact" --out "$output/study" --hands mouse,finger
+# A study with both of its pages, by the keyboard alone, by the mouse alone and on a telephone: about ten minutes.
+node "$here/../page/run.mjs" --mode study --program "$proact" --out "$output/study" --hands keys,mouse,finger
 
 rm -rf "$output/trials"
 for seed in 1 2; do

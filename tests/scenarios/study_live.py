@@ -397,7 +397,7 @@ def second_part(told):
     run.participant.until("participant", lambda s: s.get("form", {}).get("name") == "comments", "the last questionnaire")
     run.ask("skip", reason="no time left")
     run.screen(lambda screen: screen["session"] is None, "the session is over")
-    demand(run.participant.newest["participant"]["show"] == "wait", "the next participant may come")
+    run.shows("thanks")
     told = run.acknowledged
     run.end()
     return told

@@ -106,8 +106,10 @@ pub struct PromptScreen {
     pub in_a_row: usize,
     /// How many of them pass; none if the experimenter judges.
     pub wanted: Option<usize>,
-    /// It is passed, or judged to be.
+    /// It is passed.
     pub passed: bool,
+    /// The page's own keys make the gestures, and no armband does.
+    pub keys: bool,
 }
 
 /// What whoever conducts a study sees.

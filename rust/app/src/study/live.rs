@@ -128,7 +128,7 @@ impl<'a> LiveStudy<'a> {
         while !self.state.interrupted() {
             if self.state.under.is_none() {
                 if self.state.conductor.progress().finished() {
-                    return Ok(());
+                    return Ok(self.say_goodbye()?);
                 }
                 self.choose()?;
                 continue;
@@ -172,6 +172,7 @@ impl<'a> LiveStudy<'a> {
         };
         let session = self.state.conductor.begin_session(participant, false)?;
         self.state.told.clear();
+        self.state.thanks = false;
         self.state.under = Some(UnderWay { participant, session, notes: Vec::new() });
         // Whoever sat here before has other muscles and other eyes.
         (self.trained, self.state.gaze, self.gaze_offset) = (None, None, GazeOffset::default());
@@ -223,7 +224,20 @@ impl<'a> LiveStudy<'a> {
         self.state.told = format!("the session of {} is over", id.unwrap_or_default());
         self.state.under = None;
         self.state.now = None;
+        self.state.thanks = true;
         self.state.show();
+        Ok(())
+    }
+
+    /// The study is finished. Whoever was last still reads the page, which stays until the program is asked to end; a study that was
+    /// finished before has nobody there.
+    fn say_goodbye(&mut self) -> Result<(), StudyError> {
+        if self.state.thanks {
+            self.state.told = "the study is finished: end the program to have its tables written".to_owned();
+        }
+        while self.state.thanks && !self.state.interrupted() {
+            self.state.wait()?;
+        }
         Ok(())
     }
 }

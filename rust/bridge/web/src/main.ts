@@ -502,7 +502,7 @@ function start(): void {
     before = wall;
     reading();
     study.update();
-    controls.lend(study.trains && interactive() && byKeys() ? study.keys : null);
+    controls.lend(study.trainsKeys && interactive() ? study.keys : null);
     controls.update(seconds);
     gamepad.update(seconds);
     access.update(wall);

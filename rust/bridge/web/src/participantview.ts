@@ -82,6 +82,11 @@ export class ParticipantView {
     return this.screen?.show === "train" && this.screen.recognised !== null;
   }
 
+  /** Gestures are trained by this page's own keys. */
+  get trainsKeys(): boolean {
+    return this.screen?.show === "train" && this.screen.keys;
+  }
+
   /** What stands above the scene. */
   get sceneTitle(): string {
     return this.screen?.show === "scene" ? this.screen.title : "";

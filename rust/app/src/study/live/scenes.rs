@@ -19,6 +19,9 @@ use proact_study::{PlannedTrial, Spot, TrialChoice};
 use proact_testbed::{Session, TrialConfig, TrialEnd, TrialResult};
 use std::{error::Error, path::PathBuf, time::Instant};
 
+/// Longest time of what has no limit of its own, seconds: the longest that a trial may have.
+const LONGEST_SECS: f64 = 3600.0;
+
 /// What is done with the arm beside trials.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Scene {
@@ -158,7 +161,8 @@ impl LiveStudy<'_> {
         let condition =
             plan.conditions.iter().position(|own| Some(own.name.as_str()) == condition).unwrap_or(0);
         let mut wanted = Wanted {
-            choice: plan.choice(condition),
+            // Who conducts it says when it is over.
+            choice: TrialChoice { limit_secs: Some(LONGEST_SECS), ..plan.choice(condition) },
             // Other blocks than those of any trial.
             seed: plan.seed ^ ((spot.participant as u64) << 40) ^ ((spot.step as u64) << 20),
             arrangement: None,
@@ -166,11 +170,13 @@ impl LiveStudy<'_> {
         };
         let participant = ParticipantScreen::Scene { countdown: false, title: scene.title().to_owned() };
         self.running(participant, &[StudyButton::Next, StudyButton::Skip, StudyButton::Leave]);
+        // Asked for once: whoever wants another calibration asks for it.
+        let mut calibrates = scene == Scene::Gaze;
         loop {
             let (ended, left) = match scene {
                 Scene::Demonstration => self.demonstrate(&wanted)?,
                 Scene::Gaze | Scene::Practice { .. } => {
-                    let (ended, _, left) = self.drive(&wanted, true, scene == Scene::Gaze)?;
+                    let (ended, _, left) = self.drive(&wanted, true, std::mem::take(&mut calibrates))?;
                     (ended, left)
                 }
             };

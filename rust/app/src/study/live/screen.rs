@@ -30,6 +30,7 @@ impl StudyState<'_> {
                 Some(form) if matches!(now.what, NowWhat::Form(_)) => ParticipantScreen::Form(form),
                 _ => now.participant.clone(),
             },
+            _ if self.thanks => ParticipantScreen::Thanks,
             _ => ParticipantScreen::Wait,
         };
         StudyScreen { experimenter, participant }
@@ -80,7 +81,7 @@ impl StudyState<'_> {
             }
             StepLine {
                 step: spot.step,
-                label: happening.label(),
+                label: self.label(happening),
                 condition: happening.condition().map(str::to_owned),
                 outcome: state.outcome,
                 attempts: state.attempts,
@@ -96,6 +97,13 @@ impl StudyState<'_> {
             now: self.now.as_ref().map(|now| self.now_screen(now)),
             minutes_left,
         })
+    }
+
+    /// A step in a few words, a questionnaire by its title.
+    fn label(&self, happening: &Happening) -> String {
+        let form = happening.form().and_then(|name| self.conductor.study.forms.get(name));
+        let title = form.and_then(|form| form.title.get("en").or_else(|| form.title.values().next()));
+        title.map_or_else(|| happening.label(), |title| format!("questionnaire: {title}"))
     }
 
     /// What a step takes at most, by the plan.
@@ -118,7 +126,11 @@ impl StudyState<'_> {
         };
         NowScreen {
             step: now.spot.step,
-            label: self.conductor.progress().happening(&now.spot).map_or_else(String::new, Happening::label),
+            label: self
+                .conductor
+                .progress()
+                .happening(&now.spot)
+                .map_or_else(String::new, |happening| self.label(happening)),
             running: now.running,
             since_secs: now.since.elapsed().as_secs_f64(),
             what,

@@ -75,6 +75,8 @@ pub(super) struct StudyState<'a> {
     /// Objects that were let go in the trial or practice under way.
     pub(super) carried: usize,
     shown: Instant,
+    /// A session has just ended, and its participant may still sit there.
+    pub(super) thanks: bool,
     /// There is news to show.
     pub(super) news: bool,
 }
@@ -109,6 +111,7 @@ impl<'a> StudyState<'a> {
             gaze: None,
             carried: 0,
             shown: Instant::now(),
+            thanks: false,
             news: true,
         }
     }

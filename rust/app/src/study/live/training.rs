@@ -241,6 +241,7 @@ impl LiveStudy<'_> {
                 in_a_row: test.report().in_a_row,
                 wanted: plan.pass_runs,
                 passed,
+                keys: model.is_none(),
             });
             for wish in self.state.wait()? {
                 if let (Wish::Gesture(gesture), None) = (&wish, &model) {

@@ -851,8 +851,10 @@ recognised: GestureName | null,
 in_a_row: number,
 /** How many of them pass; none if the experimenter judges. */
 wanted: number | null,
-/** It is passed, or judged to be. */
-passed: boolean, };
+/** It is passed. */
+passed: boolean,
+/** The page's own keys make the gestures, and no armband does. */
+keys: boolean, };
 
 /** Whether something is ready. */
 export type ReadinessCheck = {
