@@ -91,14 +91,26 @@ impl Recorder {
         arm: &Arm,
         classifier: Option<&Classifier>,
     ) -> Result<Self, RecorderError> {
-        Self::create_as(dir, BAG_FILE, config, arm, classifier)
+        Self::begin(dir, BAG_FILE, config, arm, classifier)
     }
 
-    /// The same, with a name for the bag.
+    /// The same for a trial of a study, with a name for the bag, whose chunks are compressed: a study has many.
     ///
     /// # Errors
     /// As [`Recorder::create`].
     pub fn create_as(
+        dir: &Path,
+        bag: &str,
+        config: &TrialConfig,
+        arm: &Arm,
+        classifier: Option<&Classifier>,
+    ) -> Result<Self, RecorderError> {
+        let mut recorder = Self::begin(dir, bag, config, arm, classifier)?;
+        recorder.bag.compress();
+        Ok(recorder)
+    }
+
+    fn begin(
         dir: &Path,
         bag: &str,
         config: &TrialConfig,

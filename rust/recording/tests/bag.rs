@@ -453,6 +453,40 @@ fn python_rosbag_reads_every_message() {
     assert_eq!(topics["/emg"]["last_secs"], f64::from(BAG_EPOCH_SECS) + SECONDS as f64);
 }
 
+/// Every message with its topic, time and bytes, by our own reader.
+fn messages(path: &Path) -> Vec<String> {
+    let mut found = Vec::new();
+    let end = proact_recording::bag::read_bag(path, |message| -> Result<(), RecordingError> {
+        found.push(format!("{message:?}"));
+        Ok(())
+    });
+    assert_eq!(end.unwrap(), proact_recording::bag::BagEnd::Whole);
+    found
+}
+
+#[test]
+fn a_compressed_bag_has_the_same_messages_in_a_fraction_of_the_size_and_ros_reads_it() {
+    let place = tempfile::tempdir().unwrap();
+    let plain = finished_bag(place.path());
+    let path = place.path().join("small.bag");
+    let mut bag = TrialBag::create(&path, &arm(), &scene()).unwrap();
+    bag.compress();
+    write_trial(&mut bag);
+    let small = bag.finish(LAST_TICK).unwrap();
+    assert_eq!(messages(&plain), messages(&small));
+    let size = |path: &Path| fs::metadata(path).unwrap().len();
+    assert!(3 * size(&small) < size(&plain), "{} of {} bytes", size(&small), size(&plain));
+    let Some(output) = debian_python(&[&check_script(), small.to_str().unwrap()]) else { return };
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let ours = read_bag(&plain);
+    let topics = report["topics"].as_object().unwrap();
+    assert_eq!(topics.len(), ours.len());
+    for (topic, (_, messages)) in &ours {
+        assert_eq!(topics[topic]["count"], messages.len(), "{topic}");
+    }
+}
+
 #[test]
 fn the_python_check_refuses_a_wrong_sum() {
     let place = tempfile::tempdir().unwrap();

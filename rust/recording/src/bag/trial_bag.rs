@@ -75,6 +75,11 @@ pub struct TrialBag {
 }
 
 impl TrialBag {
+    /// Compresses what is written from now on: a sixth of the size.
+    pub fn compress(&mut self) {
+        self.bag.compress();
+    }
+
     /// Starts the bag `path` with the start mark and the fixed links of `arm`, before the objects of `scene`.
     ///
     /// # Errors

@@ -6,6 +6,7 @@ use super::{
     },
 };
 use crate::RecordingError;
+use lz4_flex::frame::{BlockMode, BlockSize, FrameEncoder, FrameInfo};
 use proact_messages::{MessageType, Time, known_type};
 use std::{
     collections::BTreeMap,
@@ -41,7 +42,7 @@ struct ChunkInfo {
     counts: Vec<(u32, u32)>,
 }
 
-/// Writes a ROS 1 bag, format 2.0, chunks not compressed.
+/// Writes a ROS 1 bag, format 2.0, chunks not compressed unless [`BagWriter::compress`] says so.
 ///
 /// Until [`BagWriter::finish`] the file has `.active` after its name, as with `rosbag record`. If the process
 /// ends before, [`read_bag`](super::read_bag) reads what came before the last [`BagWriter::flush`], and `rosbag reindex`
@@ -53,6 +54,7 @@ pub struct BagWriter {
     active: PathBuf,
     position: u64,
     chunk: Vec<u8>,
+    compresses: bool,
     connections: Vec<Connection>,
     by_topic: BTreeMap<String, usize>,
     chunks: Vec<ChunkInfo>,
@@ -78,6 +80,7 @@ impl BagWriter {
             active,
             position: 0,
             chunk: Vec::new(),
+            compresses: false,
             connections: Vec::new(),
             by_topic: BTreeMap::new(),
             chunks: Vec::new(),
@@ -85,6 +88,11 @@ impl BagWriter {
         bag.put(VERSION_LINE)?;
         bag.put(&bag_header(0, 0, 0))?;
         Ok(bag)
+    }
+
+    /// Compresses the chunks that are closed from now on by LZ4, as `rosbag compress --lz4` does.
+    pub fn compress(&mut self) {
+        self.compresses = true;
     }
 
     /// Appends a message. A topic is declared by its first message; `latched` is then noted with it.
@@ -220,17 +228,31 @@ impl BagWriter {
             info.counts.push((id, messages));
             connection.index.clear();
         }
-        let mut chunk = Vec::with_capacity(self.chunk.len() + 64);
+        let packed = if self.compresses { Some(self.packed()?) } else { None };
+        let (compression, data) = packed.as_ref().map_or((&b"none"[..], &self.chunk), |data| (b"lz4", data));
+        let mut chunk = Vec::with_capacity(data.len() + 64);
         let fields = [
             ("op", vec![OP_CHUNK]),
-            ("compression", b"none".to_vec()),
+            ("compression", compression.to_vec()),
             ("size", number(count(self.chunk.len()))),
         ];
-        put_record(&mut chunk, &fields, &self.chunk);
+        put_record(&mut chunk, &fields, data);
         self.chunk.clear();
         self.chunks.push(info);
         self.put(&chunk)?;
         self.put(&index)
+    }
+
+    /// The open chunk as an LZ4 frame. ROS reads frames of independent blocks alone.
+    fn packed(&self) -> Result<Vec<u8>, RecordingError> {
+        let frame = FrameInfo::new()
+            .block_size(BlockSize::Max1MB)
+            .block_mode(BlockMode::Independent)
+            .content_checksum(true);
+        let failed = |error: std::io::Error| RecordingError::io("compress", &self.active)(error);
+        let mut encoder = FrameEncoder::with_frame_info(frame, Vec::new());
+        encoder.write_all(&self.chunk).map_err(failed)?;
+        encoder.finish().map_err(|error| failed(error.into()))
     }
 
     fn put(&mut self, bytes: &[u8]) -> Result<(), RecordingError> {
