@@ -1,5 +1,6 @@
 // The calibration page in a headless Chromium, with a simulated person at the armband: begin, two rounds, one gesture
-// again, stop; then the cursor test.
+// again, stop; then the cursor test. At rest, when judged and in the cursor test it fits windows of all sizes, follows the
+// system's colours and keeps WCAG 2.2 AA.
 //
 //   node tests/page/calibrate.mjs --program target/release/proact --out build/page/calibrate
 //
@@ -10,6 +11,7 @@ import { existsSync } from "node:fs";
 import { mkdir, rm } from "node:fs/promises";
 import { createRequire } from "node:module";
 import { parseArgs } from "node:util";
+import { axeLook } from "./accessibility.mjs";
 
 // playwright-core is installed with the page, whose package.json pins it.
 const require = createRequire(new URL("../../rust/bridge/web/package.json", import.meta.url));
@@ -19,6 +21,7 @@ const { values: options } = parseArgs({
   options: { program: { type: "string" }, out: { type: "string", default: "build/page/calibrate" } },
 });
 const WAIT_MS = 60_000;
+const SIZES = [[320, 568], [390, 844], [800, 600], [1280, 720], [3840, 2160]];
 const model = `${options.out}/model.json`;
 await mkdir(options.out, { recursive: true });
 await rm(model, { force: true });
@@ -42,6 +45,33 @@ async function start(...words) {
   return { url, ended, stop: () => child.kill("SIGKILL") };
 }
 
+function check(holds, what) {
+  if (!holds) throw new Error(what);
+  console.log(`ok  ${what}`);
+}
+
+/** Sizes, colours and rules of the page as it stands. */
+async function fits(page, what) {
+  const look = await axeLook(page, {
+    axe: require.resolve("axe-core/axe.min.js"),
+    check,
+    screenshot: (name) => page.screenshot({ path: `${options.out}/${name}.png` }),
+  });
+  const grounds = [];
+  for (const colorScheme of ["dark", "light"]) {
+    await page.emulateMedia({ colorScheme });
+    grounds.push(await page.evaluate(() => getComputedStyle(document.body).backgroundColor));
+    await look(`${what}, ${colorScheme}`);
+  }
+  check(grounds[0] !== grounds[1], `${what}: colours follow the system (${grounds.join(" and ")})`);
+  for (const [width, height] of SIZES) {
+    await page.setViewportSize({ width, height });
+    const over = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
+    check(over <= 1, `${what}: nothing leaves a window of ${width}x${height}`);
+  }
+  await page.setViewportSize({ width: 1280, height: 720 });
+}
+
 const executablePath = ["/usr/bin/chromium", "/usr/bin/chromium-browser"].find((path) => existsSync(path));
 const browser = await chromium.launch({ executablePath, args: ["--headless=new", "--no-sandbox", "--disable-gpu"] });
 const errors = [];
@@ -59,6 +89,7 @@ try {
   await seen(() => document.querySelectorAll(".light").length === 9);
   if ((await page.locator(".light.red").count()) !== 0) throw new Error("a light is red without reason");
   await page.screenshot({ path: `${options.out}/begin.png` });
+  await fits(page, "begin");
   await button("Begin").click();
   for (const name of ["Relax", "Close the hand", "Open the hand", "Bend the wrist in", "Bend the wrist back"]) {
     await page.locator(".name", { hasText: name }).waitFor({ timeout: WAIT_MS });
@@ -73,6 +104,7 @@ try {
   if (!/^Round 2: [0-9.]+ % recognised/.test(heading)) throw new Error(`the heading is ${heading}`);
   if ((await page.locator("table tr").count()) !== 6) throw new Error("the confusion has not five rows");
   await page.screenshot({ path: `${options.out}/judged.png` });
+  await fits(page, "judged");
   // A reload loses nothing.
   await page.reload();
   await page.locator("h2.accuracy").waitFor({ timeout: WAIT_MS });

@@ -134,11 +134,15 @@ fn planning_again_gives_the_recorded_plans_and_notices_a_changed_one() -> Outcom
     // What each took stands beside the record.
     let log = fs::read_to_string(dir.join("plans.jsonl"))?;
     assert!(log.lines().count() >= plans.equal, "{log}");
+    let mut kept = 0;
     for line in log.lines() {
         let effort: serde_json::Value = serde_json::from_str(line)?;
         assert!(effort["wall_secs"].as_f64().is_some_and(|secs| secs > 0.0), "{effort}");
         assert_eq!(effort["timed_out"], false, "a batch is bounded by iterations: {effort}");
+        // What was not found keeps none.
+        kept += usize::from(effort["clearance"].as_f64().is_some_and(|metres| metres >= 0.0));
     }
+    assert!(kept >= plans.equal, "each plan says what room it keeps: {log}");
 
     let changed = place.path().join("changed");
     let mut first = None;

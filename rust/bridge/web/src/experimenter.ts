@@ -9,6 +9,7 @@ import { CAMERA_KINDS, CAMERA_NAMES } from "./cameras";
 import { Conduct } from "./conduct";
 import { button, element, setClass, setText } from "./dom";
 import { FrameCount } from "./framecount";
+import { spelled, type Circumstances } from "./hints";
 import { eventText, scoreText } from "./hud";
 import { objectName } from "./objects";
 import { Live } from "./live";
@@ -21,6 +22,8 @@ import { Traces } from "./traces";
 
 /** Lines of the log that are kept on the page. */
 const LOG_LINES = 400;
+/** Whoever watches has no keys, and nothing to aim at. */
+const WATCHING: Circumstances = { target: () => null, lean: false, mouse: false, key: () => "", restarts: false, aim: null };
 /** Ages and times above which a figure stands out. */
 const STALE_GAZE_MS = 500;
 const SLOW_TICK_US = 1000;
@@ -200,7 +203,7 @@ function start(): void {
     trial.set("Selection", next.target.object !== null ? `${objectName(next.target.object)}${next.target.locked ? ", locked" : ""}` : "–");
     trial.set("Moves", next.mode?.name ?? "–");
     trial.set("Hand", next.hand.holds !== null ? `holds ${objectName(next.hand.holds)}` : next.hand.state);
-    trial.set("Planner", next.planner.state === "failed" ? next.planner.reason || "failed" : next.planner.state);
+    trial.set("Planner", next.planner.state === "failed" ? spelled(next.planner.reason, WATCHING) || "failed" : next.planner.state);
     trial.set("Next", next.next !== null ? objectName(next.next) : "–");
     showStatus(next.finished);
   }
