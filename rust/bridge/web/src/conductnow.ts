@@ -128,7 +128,7 @@ function training(): Part<Of<"train">> {
 function calibration({ action }: NowHandlers): Part<Of<"calibrate_gaze">> {
   const error = element("p");
   const calibrate = button("Calibrate", () => action("calibrate_gaze"));
-  const check = button("ReadinessCheck", () => action("check_gaze"));
+  const check = button("Check", () => action("check_gaze"));
   return {
     nodes: [
       element("p", "", "The participant's page shows five points to look at."),
@@ -218,7 +218,7 @@ class CheckTable {
   private shown = "";
 
   constructor() {
-    const head = ["ReadinessCheck", "Ready", "Found", "Age"].map((name) => {
+    const head = ["Check", "Ready", "Found", "Age"].map((name) => {
       const cell = element("th", "", name);
       cell.scope = "col";
       return cell;
