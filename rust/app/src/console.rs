@@ -1,9 +1,14 @@
-//! Standard output and standard error, either of which may be closed, full or a terminal that is gone.
+//! Standard output and standard error, either of which may be closed, full or a terminal that is gone; lines of input as they come.
 
+use proact_types::{LineRead, read_line};
 use std::{
     fmt::Display,
-    io::{self, Write},
+    io::{self, BufRead, Write},
+    sync::mpsc::{Receiver, channel},
 };
+
+/// Longest line that is looked at, bytes.
+const LONGEST_LINE: usize = 1 << 20;
 
 /// Writes an answer to standard output, with a line's end.
 ///
@@ -21,4 +26,19 @@ pub fn answer(text: impl Display) -> io::Result<()> {
 /// Tells whoever watches standard error. What cannot be told is lost: a terminal that is closed ends no trial.
 pub fn tell(text: impl Display) {
     let _ = writeln!(io::stderr().lock(), "{text}");
+}
+
+/// Lines as they come, read in a thread of their own, which ends with them or when nobody takes them. The channel closes after the
+/// last one. What is longer than any sensible line is cut.
+pub fn lines_of(mut from: impl BufRead + Send + 'static) -> Receiver<String> {
+    let (sender, lines) = channel();
+    std::thread::spawn(move || {
+        let mut line = Vec::new();
+        while read_line(&mut from, LONGEST_LINE, &mut line).is_ok_and(|read| read != LineRead::End) {
+            if sender.send(String::from_utf8_lossy(&line).trim_end().to_owned()).is_err() {
+                return;
+            }
+        }
+    });
+    lines
 }

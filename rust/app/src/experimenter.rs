@@ -84,8 +84,8 @@ impl<'a> Experimenter<'a> {
         match action {
             StudyAction::Pause => self.status.paused = true,
             StudyAction::Resume => self.status.paused = false,
-            StudyAction::CheckGaze => self.status.gaze_checks += 1,
-            StudyAction::CalibrateGaze => self.status.gaze_calibrations += 1,
+            StudyAction::CheckGaze => self.page.ask_for_gaze(false),
+            StudyAction::CalibrateGaze => self.page.ask_for_gaze(true),
             StudyAction::Abort => (self.status.aborted, self.status.paused) = (true, false),
         }
         self.page.set_status(&self.status);

@@ -43,11 +43,12 @@ pub mod study;
 pub mod trial;
 mod trial_choice;
 mod wearer;
+mod whole;
 
 pub use arm::{Arm, ArmError};
 pub use armband::LiveArmband;
 pub use centred::CentredStream;
-pub use console::{answer, tell};
+pub use console::{answer, lines_of, tell};
 pub use experimenter::Experimenter;
 pub use limb::{LimbError, LimbReceiver};
 pub use live::{Ended, LiveTrial, TrialInputs};
@@ -63,6 +64,7 @@ pub use rosbridge::{Rosbridge, RosbridgePlace, drive_by_topics};
 pub use run::{Audience, run_to_end};
 pub use trial_choice::{DEFAULT_METHOD, TrialContext, sets_emg, trial_config};
 pub use wearer::{Held, wearer_codes};
+pub use whole::write_whole;
 
 /// What a build without the feature `ros` says.
 #[cfg(not(feature = "ros"))]

@@ -24,7 +24,7 @@ use std::{
     net::{IpAddr, Ipv4Addr},
     sync::{
         Arc, Mutex, MutexGuard, PoisonError,
-        atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering},
+        atomic::{AtomicBool, AtomicU32, AtomicU64, AtomicUsize, Ordering},
     },
     time::{Duration, Instant},
 };
@@ -126,6 +126,8 @@ pub(crate) struct Shared {
     clients: AtomicUsize,
     /// A page has drawn.
     drawn: AtomicBool,
+    /// How often a gaze check, and a calibration, was asked for.
+    gaze_requests: [AtomicU32; 2],
     next_client: AtomicU64,
     trials: Mutex<StoredTrials>,
     /// Pictures are taken one after the other.
@@ -226,6 +228,7 @@ impl PageServer {
             places: Arc::new(Semaphore::new(MAX_CLIENTS)),
             clients: AtomicUsize::new(0),
             drawn: AtomicBool::new(false),
+            gaze_requests: Default::default(),
             next_client: AtomicU64::new(1),
             trials: Mutex::default(),
             one_picture: Semaphore::new(1),
@@ -258,8 +261,17 @@ impl PageServer {
         self.shared.feed.send_modify(|feed| feed.publish(frame, text));
     }
 
-    /// Tells all pages whether the trial goes on.
+    /// Asks the participant's page for a gaze check, or for a calibration; the next status says so. Counted as long as this server
+    /// runs, whatever trial is on: a page that is busy or was told of another trial in between misses none.
+    pub fn ask_for_gaze(&self, calibration: bool) {
+        self.shared.gaze_requests[usize::from(calibration)].fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Tells all pages whether the trial goes on. How often the gaze was asked for is this server's to say.
     pub fn set_status(&self, status: &TrialStatus) {
+        let [gaze_checks, gaze_calibrations] =
+            [0, 1].map(|kind: usize| self.shared.gaze_requests[kind].load(Ordering::Relaxed));
+        let status = &TrialStatus { gaze_checks, gaze_calibrations, ..status.clone() };
         let text = ServerMessage::Status(status).to_text();
         self.shared.feed.send_modify(|feed| feed.status = (feed.status.0 + 1, Some(text)));
     }

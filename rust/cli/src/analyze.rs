@@ -1,14 +1,13 @@
 //! `proact analyze`: numbers from recorded trials.
 
+use crate::progress::bar;
 use clap::Args;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use proact_app::{answer, intent_scores};
 use proact_control::MethodRegistry;
 use proact_intent::IntentOptions;
 use std::{
     error::Error,
     fs,
-    io::IsTerminal,
     path::{Path, PathBuf},
 };
 
@@ -42,7 +41,7 @@ pub(crate) fn command(methods: &MethodRegistry, args: &AnalyzeArgs) -> Result<bo
         return Err("say what to analyze: --intent is what there is".into());
     }
     let options = args.options.as_deref().map(read_options).transpose()?;
-    let bar = bar(!args.json);
+    let bar = bar(!args.json, 0, "{elapsed} {bar:40} {pos} of {len} trials  {msg}");
     let report = intent_scores::intent(methods, &args.dir, options.as_ref(), |done, all, dir| {
         bar.set_length(all as u64);
         bar.set_position(done as u64);
@@ -65,14 +64,4 @@ fn read_options(path: &Path) -> Result<IntentOptions, Box<dyn Error>> {
     let options: IntentOptions = toml::from_str(&text).map_err(|e| named(&e))?;
     options.check().map_err(|e| named(&e))?;
     Ok(options)
-}
-
-fn bar(visible: bool) -> ProgressBar {
-    let shown = visible && std::io::stderr().is_terminal();
-    let target = if shown { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
-    let bar = ProgressBar::with_draw_target(None, target);
-    if let Ok(style) = ProgressStyle::with_template("{elapsed} {bar:40} {pos} of {len} trials  {msg}") {
-        bar.set_style(style);
-    }
-    bar
 }

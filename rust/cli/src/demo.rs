@@ -3,12 +3,12 @@ use crate::{
     consent,
     interrupt::interrupt_flag,
     person_args::FeedbackArgs,
+    progress::bar,
     rosbridge_args::RosbridgeArgs,
     serve::{after_demo, free_dir},
     trial_args::TrialArgs,
 };
 use clap::Args;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use proact_app::{
     Arm, Audience, Recorder, Registry, ResultCards, Rosbridge, WristPath, answer, default_dir, run_to_end,
     tell,
@@ -21,7 +21,6 @@ use proact_testbed::{Session, TrialConfig, TrialEnd, TrialResult};
 use proact_types::{MOST_TEXT_BYTES, read_text};
 use std::{
     error::Error,
-    io::IsTerminal,
     path::{Path, PathBuf},
     sync::{
         Arc,
@@ -257,7 +256,8 @@ impl Shown {
                 (rosbridge, feedback)
             }
         };
-        let bar = bar(&session, !how.json);
+        let limit_ms = (session.testbed().config().limit_secs * 1e3) as u64;
+        let bar = bar(!how.json, limit_ms, "{elapsed} {bar:40} {pos} of at most {len} ms  {msg}");
         let briefing = session.testbed().task().briefing().clone();
         let mut path = WristPath::default();
         let page = room.page.as_ref();
@@ -326,18 +326,4 @@ fn open_page(
     let server = PageServer::start(PageOptions { access, ..options }, content(registry, session, arm))?;
     announce(&server, "", !how.no_browser, secret);
     Ok(server)
-}
-
-fn bar(session: &Session, visible: bool) -> ProgressBar {
-    let limit = (session.testbed().config().limit_secs * 1e3) as u64;
-    let target = if visible && std::io::stderr().is_terminal() {
-        ProgressDrawTarget::stderr()
-    } else {
-        ProgressDrawTarget::hidden()
-    };
-    let bar = ProgressBar::with_draw_target(Some(limit), target);
-    if let Ok(style) = ProgressStyle::with_template("{elapsed} {bar:40} {pos} of at most {len} ms  {msg}") {
-        bar.set_style(style);
-    }
-    bar
 }

@@ -12,7 +12,7 @@ mod train;
 mod train_args;
 
 use clap::{Args, Subcommand, ValueEnum};
-use proact_app::tell;
+use proact_app::{tell, write_whole};
 use proact_devices::{
     DeviceError, MYO_RATE_HZ, Recording, Recordings, SampleFile, SourceRegistry, evaluate, read_samples,
 };
@@ -20,8 +20,7 @@ use proact_emg::{EmgConfig, FeatureSet, FeatureVector, WindowLength};
 use proact_types::GestureName;
 use std::{
     error::Error,
-    fs::File,
-    io::{self, BufWriter, Write},
+    io::{self, Write},
     path::{Path, PathBuf},
 };
 
@@ -310,27 +309,11 @@ impl WindowArgs {
     }
 }
 
-/// Writes a file whole or not at all: beside it first, then renamed.
-fn write_whole(path: &Path, text: &str) -> Result<(), String> {
-    let mut beside = path.as_os_str().to_owned();
-    beside.push(".partial");
-    let write = || -> io::Result<()> {
-        let mut file = BufWriter::new(File::create(&beside)?);
-        file.write_all(text.as_bytes())?;
-        file.into_inner()?.sync_all()?;
-        std::fs::rename(&beside, path)
-    };
-    write().map_err(|error| {
-        // Nothing to tell if there is no partial file to remove.
-        let _ = std::fs::remove_file(&beside);
-        format!("cannot write {}: {error}", path.display())
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use clap::Parser;
+    use std::fs::File;
 
     #[derive(Parser)]
     struct Line {

@@ -18,6 +18,7 @@ mod method_files;
 mod model;
 mod node;
 mod person_args;
+mod progress;
 mod replay;
 mod replay_page;
 mod rosbridge_args;

@@ -1,8 +1,7 @@
 //! `proact simulate`: many trials with simulated participants, in figures.
 
-use crate::{interrupt::interrupt_flag, study::worker_command};
+use crate::{interrupt::interrupt_flag, progress::bar, study::worker_command};
 use clap::Args;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use proact_app::{
     Registry, answer,
     study::{ConditionSummary, Study, TrialOrder, simulate},
@@ -10,13 +9,7 @@ use proact_app::{
 use proact_study::TrialChoice;
 use proact_tasks::DEFAULT_TASK;
 use serde_json::{Map, Value, json};
-use std::{
-    error::Error,
-    io::{IsTerminal, stderr},
-    path::PathBuf,
-    sync::atomic::Ordering,
-    time::Instant,
-};
+use std::{error::Error, path::PathBuf, sync::atomic::Ordering, time::Instant};
 
 /// Arguments of `proact simulate`.
 #[derive(Debug, Args)]
@@ -65,20 +58,6 @@ pub(crate) fn processors() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
-/// A progress bar, if it is to be seen and standard error is a terminal.
-pub(crate) fn bar(length: u64, visible: bool, template: &str) -> ProgressBar {
-    let target = if visible && stderr().is_terminal() {
-        ProgressDrawTarget::stderr()
-    } else {
-        ProgressDrawTarget::hidden()
-    };
-    let bar = ProgressBar::with_draw_target(Some(length), target);
-    if let Ok(style) = ProgressStyle::with_template(template) {
-        bar.set_style(style);
-    }
-    bar
-}
-
 pub(crate) fn command(registry: &Registry, args: &SimulateArgs) -> Result<bool, Box<dyn Error>> {
     let interrupted = interrupt_flag()?;
     let start = Instant::now();
@@ -88,7 +67,7 @@ pub(crate) fn command(registry: &Registry, args: &SimulateArgs) -> Result<bool, 
     };
     let (conditions, orders): (Vec<String>, Vec<TrialOrder>) = ordered.into_iter().unzip();
     let progress =
-        bar(orders.len() as u64, !args.json, "{elapsed} {bar:40} {pos} of {len} trials, {eta} left  {msg}");
+        bar(!args.json, orders.len() as u64, "{elapsed} {bar:40} {pos} of {len} trials, {eta} left  {msg}");
     let jobs = args.jobs.map_or_else(processors, usize::from);
     let results = simulate(&orders, jobs, &worker_command, &interrupted, |index, result| {
         progress.set_message(format!("{}: {} {}", conditions[index], result.score, result.score_name));

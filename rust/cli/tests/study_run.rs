@@ -201,6 +201,14 @@ fn what_a_study_cannot_take_is_refused_in_one_sentence() {
     let error = refusal(dir, &["study", "export", "one", "--out", "elsewhere"]);
     assert!(error.contains("is no earlier export"), "{error}");
     assert!(dir.join("elsewhere/precious.txt").exists());
+    // An export that was killed is made again, and what somebody put beside it stays.
+    let tables = dir.join("one/tables");
+    fs::remove_file(tables.join("SHA256SUMS")).unwrap();
+    fs::write(tables.join("tables.sqlite.partial"), "half").unwrap();
+    fs::write(tables.join("my_figure.svg"), "mine").unwrap();
+    answer(dir, &["study", "export", "one"]);
+    assert!(tables.join("SHA256SUMS").exists() && tables.join("my_figure.svg").exists());
+    assert!(!tables.join("tables.sqlite.partial").exists());
     answer(dir, &["study", "archive", "one", "--out", "one.zip"]);
     let error = refusal(dir, &["study", "archive", "one", "--out", "one.zip"]);
     assert!(error.contains("exists"), "{error}");

@@ -1,4 +1,5 @@
 use crate::{ChannelValues, DeviceError, Recording, Recordings, metadata::Metadata};
+use proact_emg::Calibration;
 use proact_types::{GestureName, MOST_TEXT_BYTES, read_text};
 use std::{
     collections::BTreeSet,
@@ -51,6 +52,17 @@ impl RecordingFolder {
     /// The folder.
     pub fn path(&self) -> &Path {
         &self.dir
+    }
+
+    /// Writes the repetition that a calibration kept last.
+    ///
+    /// # Errors
+    /// As [`RecordingFolder::keep`].
+    pub fn keep_newest(&self, session: &Calibration) -> Result<(), DeviceError> {
+        let Some((last, before)) = session.repetitions().split_last() else { return Ok(()) };
+        let number = before.iter().filter(|other| other.gesture == last.gesture).count();
+        let number = u32::try_from(number).unwrap_or(u32::MAX);
+        self.keep(&Recording::bridging(number, last.gesture, &last.samples))
     }
 
     /// Writes one recording, in one piece and to the disk. It takes the place of one of the same gesture and number.

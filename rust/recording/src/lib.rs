@@ -58,7 +58,7 @@ pub use bag::TrialBag;
 pub use error::RecordingError;
 pub use format::RECORD_FORMAT;
 pub use input_log::{InputLog, InputRecord, LogEnd};
-pub use manifest::seal;
+pub use manifest::{hash_of, seal, sha256};
 pub use trial::{Trial, read_result};
 pub use trial_writer::{FLUSH_TICKS, TrialHeader, TrialWriter};
 

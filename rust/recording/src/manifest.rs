@@ -93,9 +93,17 @@ fn parse(line: &[u8]) -> Option<(&str, &str)> {
 
 /// SHA-256 of a file, 64 hexadecimal digits.
 fn hash(path: &Path) -> io::Result<String> {
-    let (mut file, mut hasher, mut bytes) = (files::open(path)?, Sha256::new(), vec![0; 1 << 16]);
+    sha256(files::open(path)?)
+}
+
+/// SHA-256 of all that can be read, 64 hexadecimal digits.
+///
+/// # Errors
+/// As the source.
+pub fn sha256(mut from: impl Read) -> io::Result<String> {
+    let (mut hasher, mut bytes) = (Sha256::new(), vec![0; 1 << 16]);
     loop {
-        match file.read(&mut bytes)? {
+        match from.read(&mut bytes)? {
             0 => return Ok(hex(&hasher.finalize())),
             count => hasher.update(&bytes[..count]),
         }
@@ -103,7 +111,7 @@ fn hash(path: &Path) -> io::Result<String> {
 }
 
 /// SHA-256 of some bytes, 64 hexadecimal digits.
-pub(crate) fn hash_of(bytes: &[u8]) -> String {
+pub fn hash_of(bytes: &[u8]) -> String {
     hex(&Sha256::digest(bytes))
 }
 

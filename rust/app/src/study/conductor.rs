@@ -2,12 +2,14 @@
 
 use super::{PLAN_FILE, Study};
 use jiff::{Timestamp, Zoned, civil::Date};
-use proact_recording::journal::{Entry, Journal, JournalError};
+use proact_recording::{
+    hash_of,
+    journal::{Entry, Journal, JournalError},
+};
 use proact_study::{
     Answer, Deviation, Happening, Plan, PlannedTrial, Progress, ProgressError, Schedule, Spot, StepOutcome,
     StudyEvent,
 };
-use sha2::{Digest, Sha256};
 use std::path::PathBuf;
 
 /// The study's file in its folder.
@@ -104,7 +106,7 @@ impl Conductor {
         let mut conductor =
             Self { journal, progress, last_id: last.map_or(0, |entry| entry.id), last_at, study };
         let text = conductor.study.plan_text.clone();
-        let plan = hash(&text);
+        let plan = hash_of(text.as_bytes());
         conductor.journal.keep_text(&plan, PLAN_FILE, &text)?;
         let program = env!("CARGO_PKG_VERSION").to_owned();
         conductor.write(StudyEvent::RunBegan { simulated, program, plan: plan.clone() })?;
@@ -382,7 +384,7 @@ fn same_conditions(
     plan: &str,
     progress: &Progress,
 ) -> Result<Result<(), String>, StudyError> {
-    if plan == hash(&study.plan_text) {
+    if plan == hash_of(study.plan_text.as_bytes()) {
         return Ok(Ok(()));
     }
     let Ok(before) = Plan::from_text(&journal.text(plan)?.unwrap_or_default()) else { return Ok(Ok(())) };
@@ -409,7 +411,7 @@ fn same_conditions(
 
 /// The schedule of the plan with this hash, whose text the journal keeps.
 fn schedule_of(study: &Study, journal: &Journal, plan: &str) -> Result<Result<Schedule, String>, StudyError> {
-    if plan == hash(&study.plan_text) {
+    if plan == hash_of(study.plan_text.as_bytes()) {
         return Ok(Ok(study.schedule.clone()));
     }
     let text = journal.text(plan)?.unwrap_or_default();
@@ -469,9 +471,4 @@ fn check_pseudonym(id: &str) -> Result<(), StudyError> {
     Err(StudyError::Person(format!(
         "the participant is called {id:?}, expected a pseudonym of 1 to 32 letters, digits, - and _"
     )))
-}
-
-/// SHA-256 of a text, hexadecimal.
-pub(super) fn hash(text: &str) -> String {
-    Sha256::digest(text.as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect()
 }

@@ -5,26 +5,27 @@ use super::{
     conductor::{LookOptions, StudyError, look_with},
     tables::tables,
 };
+use crate::write_whole;
 use proact_analysis::table::{Cell, Table};
-use proact_recording::journal::{Journal, JournalError};
+use proact_recording::{
+    MANIFEST_FILE,
+    journal::{Journal, JournalError},
+    seal, sha256,
+};
 use proact_study::{FormItem, Texts};
-use sha2::{Digest, Sha256};
 use std::{
     collections::BTreeMap,
     error::Error,
-    fmt::Write as _,
     fs::{self, File},
-    io::{self, Read, Write},
+    io::{self, Write},
     path::{Path, PathBuf},
 };
 use zip::{CompressionMethod, ZipArchive, ZipWriter, write::SimpleFileOptions};
 
 /// Where tables go, in the study's folder.
 const TABLES_FOLDER: &str = "tables";
-/// A hash of each file, as `sha256sum -c` reads it.
-const SUMS_FILE: &str = "SHA256SUMS";
-/// Bytes that are copied at once.
-const CHUNK: usize = 1 << 16;
+/// What each column is: the first file of an export.
+const CODEBOOK: &str = "codebook.csv";
 
 /// What is exported.
 #[derive(Clone, Debug, Default)]
@@ -58,20 +59,22 @@ pub fn export(study: &Study, options: &ExportOptions) -> Result<Exported, Box<dy
     let look = look_with(study, &LookOptions { rename: &numbered })?;
     let made = tables(study, &look, options.raw)?;
     let folder = options.out.clone().unwrap_or_else(|| study.folder.join(TABLES_FOLDER));
-    clear(&folder)?;
-    let failed = |path: &Path, error: &dyn std::fmt::Display| format!("{}: {error}", path.display());
+    claim(&folder)?;
+    // The codebook first: by it the next export knows the folder as its own, whatever ends this one.
     let mut texts =
-        vec![("codebook.csv".to_owned(), codebook(&made)?), ("questions.csv".to_owned(), questions(study)?)];
+        vec![(CODEBOOK.to_owned(), codebook(&made)?), ("questions.csv".to_owned(), questions(study)?)];
     for table in &made {
         texts.push((format!("{}.csv", table.name), csv(table)?));
     }
     texts.push((super::PLAN_FILE.to_owned(), study.plan_text.clone()));
     for (name, text) in texts {
-        let path = folder.join(name);
-        fs::write(&path, text).map_err(|error| failed(&path, &error))?;
+        write_whole(&folder.join(name), &text)?;
     }
-    Journal::write_tables(&folder.join("tables.sqlite"), &made)?;
-    sums(&folder)?;
+    let (tables_file, partial) = (folder.join("tables.sqlite"), folder.join("tables.sqlite.partial"));
+    remove(&partial)?;
+    Journal::write_tables(&partial, &made)?;
+    fs::rename(&partial, &tables_file).map_err(|error| format!("{}: {error}", tables_file.display()))?;
+    seal(&folder)?;
     let in_study_file = match put_into_study(study, &made) {
         Err(StudyError::Journal(JournalError::InUse { .. } | JournalError::Missing { .. })) => false,
         done => done.map(|()| true)?,
@@ -88,25 +91,33 @@ fn put_into_study(study: &Study, tables: &[Table]) -> Result<(), StudyError> {
     Ok(Journal::open(&path)?.put_tables(tables)?)
 }
 
-/// Makes a folder, or empties one that an export wrote.
-fn clear(folder: &Path) -> Result<(), Box<dyn Error>> {
+/// Makes a folder, or takes one that an export wrote, of which what goes with its old state alone is removed.
+fn claim(folder: &Path) -> Result<(), Box<dyn Error>> {
     let failed = |error: io::Error| format!("{}: {error}", folder.display());
     fs::create_dir_all(folder).map_err(failed)?;
-    let ours = folder.join(SUMS_FILE).is_file() && folder.join("codebook.csv").is_file();
-    for entry in fs::read_dir(folder).map_err(failed)? {
-        let path = entry.map_err(failed)?.path();
-        if !ours {
-            return Err(format!(
-                "{} is not empty, and is no earlier export; name a new folder with --out",
-                folder.display()
-            )
-            .into());
-        }
-        if path.is_file() {
-            fs::remove_file(&path).map_err(failed)?;
-        }
+    let empty = fs::read_dir(folder).map_err(failed)?.next().is_none();
+    if !empty && !folder.join(CODEBOOK).is_file() {
+        return Err(format!(
+            "{} is not empty, and is no earlier export; name a new folder with --out",
+            folder.display()
+        )
+        .into());
+    }
+    // Without checksums until all is written again, and without samples that were not asked for this time.
+    for name in [MANIFEST_FILE, "raw_gaze.csv", "raw_shoulder.csv"] {
+        remove(&folder.join(name))?;
     }
     Ok(())
+}
+
+/// Removes a file if it is there.
+fn remove(path: &Path) -> Result<(), Box<dyn Error>> {
+    match fs::remove_file(path) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => {
+            Err(format!("{}: {error}", path.display()).into())
+        }
+        _ => Ok(()),
+    }
 }
 
 fn csv(table: &Table) -> Result<String, Box<dyn Error>> {
@@ -200,22 +211,6 @@ fn told(texts: &Texts) -> &str {
     texts.get("en").or_else(|| texts.values().next()).map_or("", String::as_str)
 }
 
-/// SHA-256 of what can be read, hexadecimal.
-fn hash(mut from: impl Read) -> io::Result<String> {
-    let (mut hash, mut chunk) = (Sha256::new(), vec![0; CHUNK]);
-    loop {
-        match from.read(&mut chunk)? {
-            0 => {
-                return Ok(hash.finalize().iter().fold(String::new(), |mut text, byte| {
-                    let _ = write!(text, "{byte:02x}");
-                    text
-                }));
-            }
-            bytes => hash.update(&chunk[..bytes]),
-        }
-    }
-}
-
 /// All files below a folder by their paths within it, `/` between parts, in the order of their names.
 fn files(folder: &Path) -> io::Result<BTreeMap<String, PathBuf>> {
     let mut found = BTreeMap::new();
@@ -233,19 +228,6 @@ fn files(folder: &Path) -> io::Result<BTreeMap<String, PathBuf>> {
         }
     }
     Ok(found)
-}
-
-/// Writes a hash of each file of a folder beside them.
-fn sums(folder: &Path) -> Result<(), Box<dyn Error>> {
-    let failed = |error: io::Error| format!("{}: {error}", folder.display());
-    let mut text = String::new();
-    for (name, path) in files(folder).map_err(failed)? {
-        if name != SUMS_FILE {
-            writeln!(text, "{}  {name}", hash(File::open(path).map_err(failed)?).map_err(failed)?)?;
-        }
-    }
-    fs::write(folder.join(SUMS_FILE), text).map_err(failed)?;
-    Ok(())
 }
 
 /// Puts the whole folder of a study into the new file `out`: plan, questionnaires, journal, records, models, tables, and hashes of
@@ -305,12 +287,12 @@ fn fill(
         zip.start_file(format!("{prefix}/{name}"), options(name))?;
         let mut from = File::open(path)?;
         io::copy(&mut from, &mut zip)?;
-        hashes.insert(name.clone(), hash(File::open(path)?)?);
+        hashes.insert(name.clone(), sha256(File::open(path)?)?);
         tell(k + 1, all);
     }
     let _ = fs::remove_file(&scratch);
     let text: String = hashes.iter().map(|(name, hash)| format!("{hash}  {name}\n")).collect();
-    zip.start_file(format!("{prefix}/{SUMS_FILE}"), options(SUMS_FILE))?;
+    zip.start_file(format!("{prefix}/{MANIFEST_FILE}"), options(MANIFEST_FILE))?;
     zip.write_all(text.as_bytes())?;
     zip.finish()?.sync_all()?;
     tell(all, all);
@@ -321,7 +303,7 @@ fn fill(
 fn check(out: &Path, hashes: &BTreeMap<String, String>) -> Result<(), Box<dyn Error>> {
     let mut zip = ZipArchive::new(File::open(out)?)?;
     for (name, expected) in hashes {
-        let got = hash(zip.by_name(name)?)?;
+        let got = sha256(zip.by_name(name)?)?;
         if got != *expected {
             return Err(format!("{name} does not read back as it was written").into());
         }

@@ -12,7 +12,7 @@ mod training;
 
 use super::conductor::{Conductor, StudyError};
 use crate::{LiveArmband, LivePerson, Registry, source::read_model};
-use proact_bridge::{ClientInput, PageServer, StudyRequest};
+use proact_bridge::{ClientInput, PageServer, StudyRequest, TrialStatus};
 use proact_devices::{SampleSource, SourceName};
 use proact_intent::GazeOffset;
 use proact_study::{Deviation, StepOutcome, StudyEvent};
@@ -125,6 +125,8 @@ impl<'a> LiveStudy<'a> {
     }
 
     fn conduct(&mut self) -> Result<(), Box<dyn Error>> {
+        // Pages learn what was asked of the gaze so far, before anything is.
+        self.state.page.set_status(&TrialStatus::default());
         while !self.state.interrupted() {
             if self.state.under.is_none() {
                 if self.state.conductor.progress().finished() {

@@ -5,14 +5,14 @@
 //! output. When its input ends, as it does when whoever ordered is killed, the trial under way ends too, and its record is closed.
 
 use crate::{
-    Audience, Recorder, Registry, run_to_end,
+    Arm, Audience, Recorder, Registry, lines_of, run_to_end,
     trial::{self, Assembly},
     trial_choice::{TrialContext, trial_config},
 };
 use proact_devices::{EmgOrigin, FeedbackSinks};
+use proact_emg::EmgConfig;
 use proact_study::TrialChoice;
-use proact_testbed::TrialResult;
-use proact_types::{LineRead, read_line};
+use proact_testbed::{TrialConfig, TrialResult};
 use serde::{Deserialize, Serialize};
 use std::{
     error::Error,
@@ -29,8 +29,6 @@ use std::{
 
 /// Where person and box are in a trial that says nothing.
 pub(super) const DEFAULT_SETUP: &str = "seated";
-/// Longest line of either side, bytes.
-const LONGEST_LINE: usize = 1 << 20;
 /// How often it is looked whether the trial is to end.
 const LOOK: Duration = Duration::from_millis(50);
 
@@ -47,6 +45,28 @@ pub struct TrialOrder {
     pub dir: Option<PathBuf>,
     /// Name of the record's bag.
     pub bag: String,
+}
+
+impl TrialOrder {
+    /// The arm and the configuration; `emg` are the settings of the EMG stage that assignments begin with.
+    ///
+    /// # Errors
+    /// Names that mean nothing, values out of range.
+    pub fn config(
+        &self,
+        registry: &Registry,
+        emg: Option<EmgConfig>,
+    ) -> Result<(Arm, TrialConfig), Box<dyn Error>> {
+        let context = TrialContext {
+            methods: &registry.methods,
+            default_setup: DEFAULT_SETUP,
+            seed: self.seed,
+            arrangement: self.arrangement.as_deref(),
+            process: None,
+            emg,
+        };
+        trial_config(&self.choice, context)
+    }
 }
 
 /// What came of an order.
@@ -81,15 +101,7 @@ pub fn simulated_trial(
     order: &TrialOrder,
     interrupted: &AtomicBool,
 ) -> Result<TrialResult, Box<dyn Error>> {
-    let context = TrialContext {
-        methods: &registry.methods,
-        default_setup: DEFAULT_SETUP,
-        seed: order.seed,
-        arrangement: order.arrangement.as_deref(),
-        process: None,
-        emg: None,
-    };
-    let (arm, config) = trial_config(&order.choice, context)?;
+    let (arm, config) = order.config(registry, None)?;
     let Assembly { session, classifier, plans, .. } =
         trial::simulated_with(&registry.methods, &arm, config, &EmgOrigin::Synthetic, None)?;
     let config = session.testbed().config().clone();
@@ -120,8 +132,19 @@ pub fn work(
     answers: &mut impl Write,
     interrupted: &Arc<AtomicBool>,
 ) -> io::Result<()> {
-    let lines = lines_of(orders, Some(Arc::clone(interrupted)));
-    while let Ok(line) = lines.recv() {
+    let lines = lines_of(orders);
+    // The end of the orders has to end the trial under way, which does not look at them.
+    let (handed, waiting) = channel();
+    let ended = Arc::clone(interrupted);
+    std::thread::spawn(move || {
+        while let Ok(line) = lines.recv() {
+            if handed.send(line).is_err() {
+                return;
+            }
+        }
+        ended.store(true, Ordering::Relaxed);
+    });
+    while let Ok(line) = waiting.recv() {
         let order = serde_json::from_str(&line).map_err(Box::<dyn Error>::from);
         let reply = order
             .and_then(|order| simulated_trial(registry, &order, interrupted))
@@ -131,23 +154,6 @@ pub fn work(
         answers.flush()?;
     }
     Ok(())
-}
-
-/// Lines as they come, read beside what goes on; their end raises `ended`.
-fn lines_of(mut from: impl BufRead + Send + 'static, ended: Option<Arc<AtomicBool>>) -> Receiver<String> {
-    let (sender, lines) = channel();
-    std::thread::spawn(move || {
-        let mut line = Vec::new();
-        while read_line(&mut from, LONGEST_LINE, &mut line).is_ok_and(|read| read != LineRead::End) {
-            if sender.send(String::from_utf8_lossy(&line).into_owned()).is_err() {
-                break;
-            }
-        }
-        if let Some(ended) = ended {
-            ended.store(true, Ordering::Relaxed);
-        }
-    });
-    lines
 }
 
 /// A program that does what is ordered. It ends when this is dropped.
@@ -168,7 +174,7 @@ impl Worker {
         let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn()?;
         let orders = child.stdin.take();
         let output = child.stdout.take().ok_or_else(|| io::Error::other("the worker has no output"))?;
-        Ok(Self { child, orders, answers: lines_of(io::BufReader::new(output), None) })
+        Ok(Self { child, orders, answers: lines_of(io::BufReader::new(output)) })
     }
 
     /// Has a trial run. If `ends` says so meanwhile, the trial ends, its record is closed, and this worker takes no more orders.
@@ -209,8 +215,8 @@ impl Worker {
 
 impl Drop for Worker {
     fn drop(&mut self) {
+        // It ends with its input, within a tick of the trial under way.
         self.orders = None;
-        // It ends with its input; one that hangs is no reason to hang here.
-        let _ = self.child.try_wait();
+        let _ = self.child.wait();
     }
 }

@@ -186,9 +186,7 @@ function start(): void {
       acted = false;
     },
     another() {
-      // What was asked for in the trial before is none of this one's. Its first status may already ask for something.
       trial = null;
-      asked = { gaze_checks: 0, gaze_calibrations: 0 };
     },
     content: (content) => show(content),
     frame(frame) {

@@ -1,6 +1,6 @@
 //! What follows from the band check before a calibration.
 
-use super::write_whole;
+use proact_app::write_whole;
 use proact_emg::{BandProposal, EmgError, EmgModel, FeatureVector, RotationReport, extract};
 use proact_types::{EmgSample, Gesture, GestureName};
 use serde_json::{Value, json};

@@ -1,19 +1,17 @@
 //! Who sees the prompts of a calibration, and who decides after a round.
 
 use super::{page::PageScreen, train::PageArgs};
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use proact_app::{stream_view::fault_text, tell};
+use crate::progress::bar;
+use indicatif::ProgressBar;
+use proact_app::{lines_of, stream_view::fault_text, tell};
 use proact_emg::{Calibration, CalibrationReport, Light, Phase, Refusal};
-use proact_types::{GestureName, LineRead, read_line};
+use proact_types::GestureName;
 use serde_json::Value;
 use std::{
     error::Error,
-    io::{IsTerminal, stderr, stdin},
-    sync::mpsc::{Receiver, TryRecvError, channel},
+    io::{BufReader, IsTerminal, stdin},
+    sync::mpsc::{Receiver, TryRecvError},
 };
-
-/// Longest line that a person types, bytes.
-const LONGEST_LINE: usize = 1000;
 
 /// What to do after a round.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -59,37 +57,8 @@ pub(super) fn open_screen(
     if page.page {
         return Ok(Box::new(PageScreen::open(page, source)?));
     }
-    let keys = (!json && stdin().is_terminal()).then(lines);
+    let keys = (!json && stdin().is_terminal()).then(|| lines_of(BufReader::new(stdin())));
     Ok(Box::new(Terminal { bar: bar(!json, 1000, "{prefix:20} {bar:30} {msg}"), quiet: json, keys }))
-}
-
-/// Lines of standard input, without waiting for them.
-fn lines() -> Receiver<String> {
-    let (sender, receiver) = channel();
-    std::thread::spawn(move || {
-        let (mut input, mut line) = (stdin().lock(), Vec::new());
-        // What nobody types counts as an empty line.
-        while read_line(&mut input, LONGEST_LINE, &mut line).is_ok_and(|read| read != LineRead::End) {
-            if sender.send(String::from_utf8_lossy(&line).trim_end().to_owned()).is_err() {
-                return;
-            }
-        }
-    });
-    receiver
-}
-
-/// A progress bar, if it is to be seen and standard error is a terminal.
-pub(super) fn bar(visible: bool, length: u64, template: &str) -> ProgressBar {
-    let target = if visible && stderr().is_terminal() {
-        ProgressDrawTarget::stderr()
-    } else {
-        ProgressDrawTarget::hidden()
-    };
-    let bar = ProgressBar::with_draw_target(Some(length), target);
-    if let Ok(style) = ProgressStyle::with_template(template) {
-        bar.set_style(style);
-    }
-    bar
 }
 
 /// Prompts on a terminal.

@@ -1,10 +1,10 @@
 //! `proact emg test`: can this person use this model?
 
-use super::{page::PageScreen, screen::bar, source_args::SourceArgs, train::PageArgs, write_whole};
-use crate::interrupt::interrupt_flag;
+use super::{page::PageScreen, source_args::SourceArgs, train::PageArgs};
+use crate::{interrupt::interrupt_flag, progress::bar};
 use clap::{Args, ValueEnum};
 use indicatif::ProgressBar;
-use proact_app::{CentredStream, answer, source::read_model};
+use proact_app::{CentredStream, answer, source::read_model, write_whole};
 use proact_bridge::GestureTest;
 use proact_devices::{SourceEvent, SourceRegistry, stream};
 use proact_emg::{

@@ -5,10 +5,9 @@ use super::{
     band, recorded,
     screen::{Choice, Screen, open_screen, refusal_text, report_text},
     train_args::{calibration, check_empty},
-    write_whole,
 };
 use crate::interrupt::interrupt_flag;
-use proact_app::{answer, source::read_model, tell};
+use proact_app::{answer, source::read_model, tell, write_whole};
 use proact_devices::{
     EmgPacket, Recording, RecordingFolder, Recordings, SampleSource, SourceEvent, SourceInfo, SourceRegistry,
 };
@@ -350,7 +349,9 @@ impl Training {
                         why = Some(text);
                     }
                     CalibrationEvent::Kept(_) => {
-                        self.save_last()?;
+                        if let Some(folder) = &self.saved {
+                            folder.keep_newest(&self.session)?;
+                        }
                         kept += 1;
                         progress = Instant::now();
                     }
@@ -473,15 +474,6 @@ impl Training {
 
     /// Writes the repetition that was kept last, if it is to be saved. One that is recorded again has the number of the one
     /// that it replaces.
-    fn save_last(&self) -> Result<(), Box<dyn Error>> {
-        let (Some(folder), Some((last, before))) = (&self.saved, self.session.repetitions().split_last())
-        else {
-            return Ok(());
-        };
-        let repetition = u32::try_from(before.iter().filter(|r| r.gesture == last.gesture).count())?;
-        Ok(folder.keep(&Recording::bridging(repetition, last.gesture, &last.samples))?)
-    }
-
     fn result(&self, args: &TrainArgs, model: &EmgModel) -> Value {
         let judged = self.session.report();
         let of = |value: &dyn Fn(&CalibrationReport) -> Value| judged.map_or(Value::Null, value);

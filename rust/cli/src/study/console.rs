@@ -1,18 +1,15 @@
 //! The terminal of whoever conducts a study: shows what the experimenter's page shows, and asks for the same.
 
-use proact_app::tell;
+use proact_app::{lines_of, tell};
 use proact_bridge::{
     ClientInput, ExperimenterScreen, FormScreen, GivenAnswer, NowWhat, StudyAction, StudyButton, StudyRequest,
 };
 use proact_study::{Answer, FormItem};
-use proact_types::{LineRead, read_line};
 use std::{
-    io::stdin,
+    io::{BufReader, stdin},
     sync::{Arc, Mutex, PoisonError, mpsc::Sender},
 };
 
-/// Longest line that is looked at, bytes.
-const LONGEST_LINE: usize = 4096;
 const HELP: &str = "Enter: done, or begin       begin [ID], new ID: a session    leave: the session goes on another time
 anyway, skip, redo, retrain, gaze, each with a REASON: start although not ready; leave out; do the last trial again; train again;
   calibrate the gaze again  pause, resume, end: the trial         note WORDS
@@ -36,11 +33,9 @@ impl Terminal {
         tell(format_args!("{HELP}\n"));
         let form = Arc::clone(&self.form);
         std::thread::spawn(move || {
-            let (mut input, mut line) = (stdin().lock(), Vec::new());
-            while read_line(&mut input, LONGEST_LINE, &mut line).is_ok_and(|read| read != LineRead::End) {
-                let text = String::from_utf8_lossy(&line);
+            for line in lines_of(BufReader::new(stdin())) {
                 let form = form.lock().unwrap_or_else(PoisonError::into_inner).clone();
-                match request(text.trim(), form.as_ref()) {
+                match request(line.trim(), form.as_ref()) {
                     Ok(request) => {
                         if requests.send(request).is_err() {
                             return;

@@ -1,5 +1,6 @@
 //! What leaves a study: tables, and archives.
 
+use crate::progress::bar;
 use clap::Args;
 use proact_app::{
     answer,
@@ -40,7 +41,7 @@ pub struct ArchiveArgs {
 pub(super) fn export(methods: &MethodRegistry, args: &ExportArgs, json: bool) -> Result<(), Box<dyn Error>> {
     let study = Study::open(&args.study, methods)?;
     let options = ExportOptions { out: args.out.clone(), raw: args.raw, keep_ids: args.keep_ids };
-    let bar = crate::simulate::bar(1, !json, "reading the records {elapsed}");
+    let bar = bar(!json, 1, "reading the records {elapsed}");
     bar.enable_steady_tick(std::time::Duration::from_millis(500));
     let exported = study::export(&study, &options)?;
     bar.finish_and_clear();
@@ -69,7 +70,7 @@ pub(super) fn archive(
         let folder = std::fs::canonicalize(&study.folder).unwrap_or_else(|_| study.folder.clone());
         folder.with_file_name(format!("{}.zip", study.plan.name))
     });
-    let bar = crate::simulate::bar(1, !json, "{elapsed} {bar:40} {pos} of {len} files");
+    let bar = bar(!json, 1, "{elapsed} {bar:40} {pos} of {len} files");
     let files = study::archive(&study, &out, |done, all| {
         bar.set_length(all as u64);
         bar.set_position(done as u64);

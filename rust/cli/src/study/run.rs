@@ -1,7 +1,9 @@
 //! `proact study run`: sessions with people, or all of a study with simulated participants.
 
 use super::console;
-use crate::{interrupt::interrupt_flag, person_args::PersonArgs, served_page::ServedPageArgs, simulate};
+use crate::{
+    interrupt::interrupt_flag, person_args::PersonArgs, progress::bar, served_page::ServedPageArgs, simulate,
+};
 use clap::Args;
 use proact_app::{
     LiveArmband, Registry, answer,
@@ -117,7 +119,7 @@ fn simulated(
     interrupted: &std::sync::atomic::AtomicBool,
 ) -> Result<bool, Box<dyn Error>> {
     let (over, all) = conductor.progress().count(|step| matches!(step, Happening::Trial(_)));
-    let bar = simulate::bar(all as u64, !json, "{elapsed} {bar:40} {pos} of {len} trials, {eta} left  {msg}");
+    let bar = bar(!json, all as u64, "{elapsed} {bar:40} {pos} of {len} trials, {eta} left  {msg}");
     bar.set_position(over as u64);
     let jobs = args.jobs.map_or_else(simulate::processors, usize::from);
     let options = RehearsalOptions { jobs, worker: &worker_command, interrupted };

@@ -6,18 +6,14 @@ use super::{
 };
 use crate::{
     Arm, Audience, Ended, LiveTrial, Recorder, Registry, run_to_end,
-    study::{
-        conductor::{Conductor, record_name},
-        worker::DEFAULT_SETUP,
-    },
+    study::{conductor::Conductor, worker::TrialOrder},
     trial::{self, Armband, Assembly},
-    trial_choice::{TrialContext, trial_config},
 };
 use proact_bridge::{NowWhat, PageContent, ParticipantScreen, StudyButton, StudyRequest};
 use proact_devices::{EmgOrigin, FeedbackSinks};
 use proact_study::{PlannedTrial, Spot, TrialChoice};
 use proact_testbed::{Session, TrialConfig, TrialEnd, TrialResult};
-use std::{error::Error, path::PathBuf, time::Instant};
+use std::{error::Error, time::Instant};
 
 /// Longest time of what has no limit of its own, seconds: the longest that a trial may have.
 const LONGEST_SECS: f64 = 3600.0;
@@ -54,32 +50,11 @@ impl Scene {
     }
 }
 
-/// A trial, or something like one, before it is put together.
-struct Wanted {
-    choice: TrialChoice,
-    seed: u64,
-    arrangement: Option<String>,
-    /// Where it is recorded, and the name of its bag.
-    record: Option<(PathBuf, String)>,
-}
-
 impl LiveStudy<'_> {
-    fn config(&self, wanted: &Wanted) -> Result<(Arm, TrialConfig), Box<dyn Error>> {
+    /// With the settings of the armband that is worn.
+    fn config(&self, order: &TrialOrder) -> Result<(Arm, TrialConfig), Box<dyn Error>> {
         let emg = self.equipment.armband.as_ref().map(|armband| armband.model().config.clone());
-        let context = TrialContext {
-            methods: &self.registry.methods,
-            default_setup: DEFAULT_SETUP,
-            seed: wanted.seed,
-            arrangement: wanted.arrangement.as_deref(),
-            process: None,
-            emg,
-        };
-        trial_config(&wanted.choice, context)
-    }
-
-    fn of_trial(&self, trial: &PlannedTrial) -> Wanted {
-        let order = self.state.conductor.study.order(trial, None);
-        Wanted { choice: order.choice, seed: order.seed, arrangement: order.arrangement, record: None }
+        order.config(self.registry, emg)
     }
 
     /// Shows the scene of a trial before it begins, so that the experimenter sees where the blocks stand.
@@ -87,7 +62,7 @@ impl LiveStudy<'_> {
     /// # Errors
     /// As [`LiveStudy::run`].
     pub(super) fn prepare(&mut self, trial: &PlannedTrial) -> Result<(), Box<dyn Error>> {
-        let (arm, config) = self.config(&self.of_trial(trial))?;
+        let (arm, config) = self.config(&self.state.conductor.study.order(trial, None))?;
         let assembly = trial::live_with(&self.registry.methods, &arm, without_emg(config), None)?;
         let mut session = assembly.session;
         self.state.page.set_content(content(&session, &arm, true))?;
@@ -116,14 +91,13 @@ impl LiveStudy<'_> {
     pub(super) fn run_trial(&mut self, spot: &Spot, trial: &PlannedTrial) -> Result<StepEnd, Box<dyn Error>> {
         let Some(record) = self.state.conductor.begin(spot)? else { return Ok(StepEnd::Interrupted) };
         let dir = self.state.conductor.study.folder.join(record);
-        let wanted =
-            Wanted { record: Some((dir, format!("{}.bag", record_name(trial)))), ..self.of_trial(trial) };
+        let order = self.state.conductor.study.order(trial, Some(dir));
         let countdown = self.countdown(&spot.session);
         self.running(
             ParticipantScreen::Scene { countdown, title: String::new() },
             &[StudyButton::Pause, StudyButton::Abort],
         );
-        let (ended, result, _) = self.drive(&wanted, false, false)?;
+        let (ended, result, _) = self.drive(&order, false, false)?;
         self.before = outcome(&result);
         Ok(match ended {
             Ended::Finished => StepEnd::Done,
@@ -160,13 +134,14 @@ impl LiveStudy<'_> {
         let plan = &self.state.conductor.study.plan;
         let condition =
             plan.conditions.iter().position(|own| Some(own.name.as_str()) == condition).unwrap_or(0);
-        let mut wanted = Wanted {
+        let mut order = TrialOrder {
             // Who conducts it says when it is over.
             choice: TrialChoice { limit_secs: Some(LONGEST_SECS), ..plan.choice(condition) },
             // Other blocks than those of any trial.
             seed: plan.seed ^ ((spot.participant as u64) << 40) ^ ((spot.step as u64) << 20),
             arrangement: None,
-            record: None,
+            dir: None,
+            bag: String::new(),
         };
         let participant = ParticipantScreen::Scene { countdown: false, title: scene.title().to_owned() };
         self.running(participant, &[StudyButton::Next, StudyButton::Skip, StudyButton::Leave]);
@@ -174,14 +149,14 @@ impl LiveStudy<'_> {
         let mut calibrates = scene == Scene::Gaze;
         loop {
             let (ended, left) = match scene {
-                Scene::Demonstration => self.demonstrate(&wanted)?,
+                Scene::Demonstration => self.demonstrate(&order)?,
                 Scene::Gaze | Scene::Practice { .. } => {
-                    let (ended, _, left) = self.drive(&wanted, true, std::mem::take(&mut calibrates))?;
+                    let (ended, _, left) = self.drive(&order, true, std::mem::take(&mut calibrates))?;
                     (ended, left)
                 }
             };
             match (ended, left) {
-                (Ended::Finished | Ended::Restart { .. }, _) => wanted.seed = wanted.seed.wrapping_add(1),
+                (Ended::Finished | Ended::Restart { .. }, _) => order.seed = order.seed.wrapping_add(1),
                 (Ended::Interrupted, _) => return Ok(StepEnd::Interrupted),
                 (Ended::Aborted, Some(StudyRequest::Leave {})) => return Ok(StepEnd::Left),
                 (Ended::Aborted, Some(StudyRequest::Skip { reason })) => {
@@ -195,11 +170,11 @@ impl LiveStudy<'_> {
     /// The participant drives, until the task or somebody ends it.
     fn drive(
         &mut self,
-        wanted: &Wanted,
+        order: &TrialOrder,
         next_ends: bool,
         calibrates: bool,
     ) -> Result<(Ended, TrialResult, Option<StudyRequest>), Box<dyn Error>> {
-        let (arm, config) = self.config(wanted)?;
+        let (arm, config) = self.config(order)?;
         let worn = match &self.equipment.armband {
             Some(armband) => {
                 let trained = armband.model();
@@ -211,9 +186,9 @@ impl LiveStudy<'_> {
         let Assembly { session, classifier, plans, .. } =
             trial::live_with(&self.registry.methods, &arm, config, worn)?;
         let config = session.testbed().config().clone();
-        let recorder = match &wanted.record {
-            Some((dir, bag)) => {
-                let recorder = Recorder::create_as(dir, bag, &config, &arm, classifier.as_ref())?;
+        let recorder = match &order.dir {
+            Some(dir) => {
+                let recorder = Recorder::create_as(dir, &order.bag, &config, &arm, classifier.as_ref())?;
                 Some(recorder.with_plans(plans)?)
             }
             None => None,
@@ -226,7 +201,7 @@ impl LiveStudy<'_> {
         let mut trial = LiveTrial {
             session,
             recorder,
-            dir: wanted.record.as_ref().map(|(dir, _)| dir.clone()),
+            dir: order.dir.clone(),
             page,
             inputs: &mut inputs,
             person,
@@ -241,8 +216,8 @@ impl LiveStudy<'_> {
     }
 
     /// A simulated participant drives by the same method, in real time.
-    fn demonstrate(&mut self, wanted: &Wanted) -> Result<(Ended, Option<StudyRequest>), Box<dyn Error>> {
-        let (arm, config) = self.config(wanted)?;
+    fn demonstrate(&mut self, order: &TrialOrder) -> Result<(Ended, Option<StudyRequest>), Box<dyn Error>> {
+        let (arm, config) = self.config(order)?;
         let Assembly { session, .. } = trial::simulated_with(
             &self.registry.methods,
             &arm,
@@ -280,16 +255,7 @@ impl LiveStudy<'_> {
 pub fn opening(conductor: &Conductor, registry: &Registry) -> Result<PageContent, Box<dyn Error>> {
     let study = &conductor.study;
     let trial = study.schedule.trials().next().ok_or("the plan has no trial")?;
-    let order = study.order(trial, None);
-    let context = TrialContext {
-        methods: &registry.methods,
-        default_setup: DEFAULT_SETUP,
-        seed: order.seed,
-        arrangement: order.arrangement.as_deref(),
-        process: None,
-        emg: None,
-    };
-    let (arm, config) = trial_config(&order.choice, context)?;
+    let (arm, config) = study.order(trial, None).config(registry, None)?;
     let assembly = trial::live_with(&registry.methods, &arm, without_emg(config), None)?;
     Ok(content(&assembly.session, &arm, true))
 }

@@ -4,9 +4,9 @@ use super::{
     LiveStudy, StepEnd,
     state::{Now, Wish},
 };
-use crate::LiveArmband;
+use crate::{LiveArmband, write_whole};
 use proact_bridge::{NowWhat, ParticipantScreen, PromptScreen, StudyRequest};
-use proact_devices::{EmgPacket, Recording, RecordingFolder, SampleSource, SourceEvent, SourceOptions};
+use proact_devices::{EmgPacket, RecordingFolder, SampleSource, SourceEvent, SourceOptions};
 use proact_emg::{
     Calibration, CalibrationConfig, CalibrationEvent, EmgConfig, EmgModel, EmgPipeline, Phase, QualityConfig,
     SequenceConfig, SequenceTest, WindowLength, ZeroLevel,
@@ -15,9 +15,6 @@ use proact_study::{Spot, StudyEvent};
 use proact_types::{Gesture, GestureName, SimTime};
 use std::{
     error::Error,
-    fs,
-    io::Write,
-    path::{Path, PathBuf},
     time::{Duration, Instant},
 };
 
@@ -124,7 +121,7 @@ impl LiveStudy<'_> {
                     match event {
                         CalibrationEvent::Prompted(prompt) => source.prompt(prompt.gesture),
                         CalibrationEvent::Kept(_) => {
-                            keep_last(&kept, &session)?;
+                            kept.keep_newest(&session)?;
                             said.clear();
                         }
                         CalibrationEvent::Refused(..) => said = "That one was not kept: once more".to_owned(),
@@ -301,12 +298,6 @@ fn pipeline(model: &EmgModel) -> Result<EmgPipeline, Box<dyn Error>> {
     Ok(EmgPipeline::new(&model.config, model.classifier.clone())?.with_centring(&model.centring)?)
 }
 
-fn keep_last(folder: &RecordingFolder, session: &Calibration) -> Result<(), Box<dyn Error>> {
-    let Some((last, before)) = session.repetitions().split_last() else { return Ok(()) };
-    let repetition = u32::try_from(before.iter().filter(|other| other.gesture == last.gesture).count())?;
-    Ok(folder.keep(&Recording::bridging(repetition, last.gesture, &last.samples))?)
-}
-
 fn prompt_of(phase: Phase, said: &str, rest: GestureName) -> PromptScreen {
     let (gesture, share, recording, text) = match phase {
         Phase::Blocked { prompt } => (prompt.gesture, 0.0, false, "Waiting for a good signal".to_owned()),
@@ -318,15 +309,6 @@ fn prompt_of(phase: Phase, said: &str, rest: GestureName) -> PromptScreen {
     };
     let text = if said.is_empty() { text } else { format!("{text}. {said}") };
     PromptScreen { gesture, text, share, recording, ..PromptScreen::default() }
-}
-
-/// Writes a file as a whole or not at all.
-fn write_whole(path: &Path, text: &str) -> Result<(), Box<dyn Error>> {
-    let failed = |error: std::io::Error| format!("{}: {error}", path.display());
-    let part: PathBuf = path.with_extension("part");
-    let mut file = fs::File::create(&part).map_err(failed)?;
-    file.write_all(text.as_bytes()).and_then(|()| file.sync_all()).map_err(failed)?;
-    Ok(fs::rename(&part, path).map_err(failed)?)
 }
 
 /// Whether this request ends a training.
