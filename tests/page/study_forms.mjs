@@ -2,9 +2,10 @@
 // keys alone, by the mouse alone, by a finger and in a headset. The study itself is played by `study_mock.mjs`.
 
 import { axeLook } from "./accessibility.mjs";
+import { answerByKeys, answerByPressing, tabTo } from "./answering.mjs";
 import { emulateHeadset } from "./person.mjs";
 import { MockStudy } from "./study_mock.mjs";
-import { comments, easeAgencySpeed, lastTrial, nasaTlx, odd, pairsOf, participant, ranking } from "./study_questions.mjs";
+import { CONDITIONS, comments, easeAgencySpeed, lastTrial, nasaTlx, odd, pairsOf, participant, ranking } from "./study_questions.mjs";
 
 const PATH = "?quality=3&pictures=10";
 const QUIET = "?quality=3&tutorial=0&pictures=10";
@@ -138,130 +139,13 @@ function same(one, other) {
   return sorted(one) === sorted(other);
 }
 
-// By keys alone.
-
-async function tabTo(page, selector) {
-  for (let k = 0; k < 200; k++) {
-    if (await page.evaluate((wanted) => document.activeElement?.matches(wanted), selector)) return;
-    await page.keyboard.press("Tab");
-  }
-  throw new Error(`Tab never came to ${selector}`);
-}
-
-/** What has the focus comes to be in the window, and not below what stays at the lower edge. */
-async function inSight(page, key) {
-  const seen = () => {
-    const { left, right, top, bottom } = document.activeElement.getBoundingClientRect();
-    const there = document.elementFromPoint((left + right) / 2, (top + bottom) / 2);
-    return document.activeElement.closest(".item").contains(there);
-  };
-  await page.waitForFunction(seen, null, { timeout: 5000 }).catch(() => {
-    throw new Error(`the focus is on ${key}, which is not in sight`);
-  });
-}
-
 async function doneByKeys(page) {
   await tabTo(page, ".done");
   await page.keyboard.press("Enter");
 }
 
-/** Chooses the k-th of the radio buttons in whose group the focus is. */
-async function arrowTo(page, k) {
-  await page.keyboard.press("Space");
-  for (let step = 0; step < k; step++) await page.keyboard.press("ArrowRight");
-}
-
-async function byKeys(page, form, question) {
-  const { key } = question;
-  const item = `[data-key="${key}"]`;
-  const value = answerTo(form, key);
-  await tabTo(page, `${item} :is(input, textarea)`);
-  await inSight(page, key);
-  switch (question.kind) {
-    case "consent":
-      await page.keyboard.press("Space");
-      break;
-    case "text":
-      await page.keyboard.type(value, { delay: 5 });
-      break;
-    case "ranking":
-      for (const [k, place] of [2, 1, 2].entries()) {
-        await tabTo(page, `${item} .placed:nth-child(${k + 1}) input`);
-        await arrowTo(page, place - 1);
-      }
-      break;
-    case "choice":
-      if (!question.several) {
-        await arrowTo(page, question.options.findIndex((option) => option.value === value));
-        break;
-      }
-      for (const [k, option] of question.options.entries()) {
-        await tabTo(page, `${item} .option:nth-child(${k + 1}) input`);
-        if (value.includes(option.value)) await page.keyboard.press("Space");
-      }
-      break;
-    case "condition":
-      await arrowTo(page, ["A", "B", "C"].indexOf(value));
-      break;
-    case "scale": {
-      const steps = (question.most - question.least) / question.step;
-      if (steps <= 10) {
-        await arrowTo(page, Math.round((value - question.least) / question.step));
-        break;
-      }
-      // It stands in the middle. There is where it stays once somebody says so.
-      const away = (value - 50) / 5;
-      if (away === 0) await page.keyboard.press("Space");
-      for (let step = 0; step < Math.abs(away); step++) await page.keyboard.press(away > 0 ? "ArrowRight" : "ArrowLeft");
-      break;
-    }
-    default:
-      await arrowTo(page, 0);
-  }
-}
-
-// By the mouse alone, but for words.
-
-async function byMouse(page, form, question, press = (locator, options) => locator.click(options)) {
-  const { key } = question;
-  const inputs = page.locator(`[data-key="${key}"] :is(input, textarea)`);
-  const value = answerTo(form, key);
-  switch (question.kind) {
-    case "consent":
-      await press(inputs);
-      break;
-    case "text":
-      await press(inputs);
-      await inputs.fill(value);
-      break;
-    case "ranking":
-      for (const [k, place] of [2, 1, 2].entries()) await press(inputs.nth(3 * k + place - 1));
-      break;
-    case "choice":
-      for (const [k, option] of question.options.entries()) if ([value].flat().includes(option.value)) await press(inputs.nth(k));
-      break;
-    case "condition":
-      await press(inputs.nth(["A", "B", "C"].indexOf(value)));
-      break;
-    case "scale": {
-      if ((question.most - question.least) / question.step <= 10) {
-        await press(inputs.nth(Math.round((value - question.least) / question.step)));
-        break;
-      }
-      if (key === "effort") {
-        // A finger may be broader than a step: from the middle two steps down.
-        for (let k = 0; k < 2; k++) await press(page.locator(`[data-key="${key}"] .nudge`).first());
-        break;
-      }
-      const { width, height } = await inputs.boundingBox();
-      const thumb = 24;
-      await press(inputs, { position: { x: thumb / 2 + ((width - thumb) * value) / 100, y: height / 2 } });
-      break;
-    }
-    default:
-      await press(inputs.first());
-  }
-}
+const byKeys = (page, form, question) => answerByKeys(page, question, answerTo(form, question.key), CONDITIONS);
+const byMouse = (page, form, question, press) => answerByPressing(page, question, answerTo(form, question.key), CONDITIONS, press);
 
 /** Who has forgotten something is led to it. */
 async function forgetting(page, study, { check, screenshot }) {

@@ -10,6 +10,7 @@ finished before the kills are spent, another one begins. Prints the counts; exit
 """
 
 import argparse
+import contextlib
 import csv
 import json
 import os
@@ -169,8 +170,10 @@ def study(number):
             time.sleep(rng.uniform(0.02, 1.5))
             workers = run.workers()
             if counts["kills"] % 5 == 4 and workers:
-                os.kill(rng.choice(workers), signal.SIGKILL)
-                counts["of workers"] += 1
+                # The run may have ended it in between.
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(rng.choice(workers), signal.SIGKILL)
+                    counts["of workers"] += 1
                 time.sleep(rng.uniform(0.0, 0.3))
             if run.process.poll() is None:
                 run.process.kill()
