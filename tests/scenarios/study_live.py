@@ -528,8 +528,8 @@ def armband():
     run.ask("next")
     run.screen(lambda s: s["session"]["now"]["what"].get("number") == [2, 2], "the trial goes by itself")
     run.end(signal.SIGKILL)
-    demand((other / "models" / "Y1-session1.json").exists(), "the model is in the study")
-    demand(any((other / "models" / "Y1-session1.recordings").iterdir()), "and what it was trained on")
+    demand((other / "models" / "participant1-session1.json").exists(), "the model is in the study")
+    demand(any((other / "models" / "participant1-session1.recordings").iterdir()), "and what it was trained on")
     run = Run("--emg-source", "synthetic", "--participant", "Y1", study=other)
     now = run.now("trial", running=False)
     checks = {check["name"]: check for check in now["what"]["checks"]}
@@ -539,7 +539,7 @@ def armband():
     run.participant.until("participant", lambda s: s["show"] == "train" and s["passed"], "and passed", TRAINING_SECS)
     run.ask("next")
     run.now("trial", running=False)
-    demand((other / "models" / "Y1-session1-2.json").exists(), "the second model is another file")
+    demand((other / "models" / "participant1-session1-2.json").exists(), "the second model is another file")
     run.screen(lambda s: all(c["ready"] for c in s["session"]["now"]["what"]["checks"]), "the armband sends")
     run.ask("next")
     run.screen(lambda s: s["session"] is None, "the session is over")
@@ -550,6 +550,10 @@ def armband():
     run.ask("start_anyway", reason="a test")
     run.told("a trial needs a model")
     run.end()
+    shared = work / "armband-shared"
+    answer("study", "export", other, "--out", shared)
+    for file in shared.glob("*.csv"):
+        demand("Y1" not in file.read_text() and "Y2" not in file.read_text(), f"{file.name} has no pseudonym")
 
 
 answer("study", "new", folder)

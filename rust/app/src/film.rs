@@ -1,7 +1,10 @@
 //! A recorded trial as it was displayed, to be scrubbed and compared on a page.
 
-use crate::replay::{Opened, ReplayOptions, never_begun, open_trial};
-use proact_bridge::{PageContent, RecordedTrial};
+use crate::{
+    page_content,
+    replay::{Opened, ReplayOptions, never_begun, open_trial},
+};
+use proact_bridge::RecordedTrial;
 use proact_control::MethodRegistry;
 use proact_recording::Trial;
 use proact_testbed::{SpanDigest, Testbed, first_divergence};
@@ -43,18 +46,6 @@ pub fn recompute(methods: &MethodRegistry, dir: &Path) -> Result<RecordedTrial, 
             film.take(&mut testbed, &shoulder_from_head, tick == last.0)?;
         }
     }
-    let content = PageContent {
-        title: format!("Method {}", config.method_label()),
-        setup: config.setup.name.clone(),
-        arm: testbed.model().as_ref().clone(),
-        meshes: arm.meshes(),
-        scene: testbed.task().scene().clone(),
-        briefing: testbed.task().briefing().clone(),
-        interactive: false,
-        lean: false,
-        method: testbed.method().clone(),
-        methods: vec![],
-    };
     Ok(RecordedTrial {
         name: dir.file_name().unwrap_or(dir.as_os_str()).to_string_lossy().into_owned(),
         method: config.method_label(),
@@ -62,7 +53,7 @@ pub fn recompute(methods: &MethodRegistry, dir: &Path) -> Result<RecordedTrial, 
         seed: Some(config.seed),
         seconds: SimTime(last.0).as_secs(),
         score: testbed.task().state().score,
-        content,
+        content: page_content(&testbed, &arm),
         agrees: Some(first_divergence(&recorded, &spans).is_none()),
         finished: result.is_some(),
         frames: film.frames,

@@ -27,6 +27,7 @@ pub mod method_process;
 #[cfg(feature = "ros")]
 pub mod nodes;
 mod pace;
+mod page_content;
 mod person;
 pub mod query;
 mod record;
@@ -53,6 +54,7 @@ pub use experimenter::Experimenter;
 pub use limb::{LimbError, LimbReceiver};
 pub use live::{Ended, LiveTrial, TrialInputs};
 pub use pace::Pace;
+pub use page_content::{driven_content, page_content};
 pub use person::{EyeTracker, LivePerson, drive_by_page};
 pub use record::{Recorder, RecorderError, default_dir};
 pub use registry::Registry;

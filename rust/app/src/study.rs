@@ -65,7 +65,12 @@ impl Study {
         let failed = |error: &dyn std::fmt::Display| format!("{}: {error}", file.display());
         let text = fs::File::open(&file)
             .and_then(|open| proact_types::read_text(open, MOST_TEXT_BYTES))
-            .map_err(|error| failed(&error))?;
+            .map_err(|error| match error.kind() {
+                io::ErrorKind::NotFound => {
+                    failed(&"there is no such plan; proact study new NAME makes a study")
+                }
+                _ => failed(&error),
+            })?;
         let plan = Plan::from_text(&text).map_err(|error| failed(&error))?;
         let mut arrangements: Option<Vec<String>> = None;
         for (k, condition) in plan.conditions.iter().enumerate() {

@@ -10,8 +10,8 @@ use crate::{
 };
 use clap::Args;
 use proact_app::{
-    Arm, Audience, Recorder, Registry, ResultCards, Rosbridge, WristPath, answer, default_dir, run_to_end,
-    tell,
+    Arm, Audience, Recorder, Registry, ResultCards, Rosbridge, WristPath, answer, default_dir, page_content,
+    run_to_end, tell,
     trial::{self, Assembly},
 };
 use proact_bridge::{AfterTrial, ClientInput, PageContent, PageOptions, PageServer};
@@ -299,19 +299,10 @@ fn wait_for_wish(page: &PageServer, interrupted: &AtomicBool) -> Option<AfterTri
 
 /// What the page shows of a trial.
 fn content(registry: &Registry, session: &Session, arm: &Arm) -> PageContent {
-    let testbed = session.testbed();
-    let config = testbed.config();
     PageContent {
-        title: format!("Method {}, simulated participant", config.method_label()),
-        setup: config.setup.name.clone(),
-        arm: testbed.model().as_ref().clone(),
-        meshes: arm.meshes(),
-        scene: testbed.task().scene().clone(),
-        briefing: testbed.task().briefing().clone(),
-        interactive: false,
-        lean: false,
-        method: testbed.method().clone(),
+        title: format!("Method {}, simulated participant", session.testbed().config().method_label()),
         methods: registry.methods.infos(),
+        ..page_content(session.testbed(), arm)
     }
 }
 

@@ -4,7 +4,7 @@ use crate::{
 };
 use clap::{Args, Parser};
 use proact_app::{
-    Ended, LiveArmband, LivePerson, LiveTrial, Recorder, Registry, ResultCards, default_dir,
+    Ended, LiveArmband, LivePerson, LiveTrial, Recorder, Registry, ResultCards, default_dir, driven_content,
     trial::{self, Armband, Assembly},
 };
 use proact_bridge::{PageContent, PageServer};
@@ -105,18 +105,8 @@ fn drive(
             Some(dir) => Some(Recorder::create(dir, &config, &arm, classifier.as_ref())?.with_plans(plans)?),
             None => None,
         };
-        let content = PageContent {
-            title: format!("Method {}", config.method_label()),
-            setup: config.setup.name.clone(),
-            arm: arm.model().as_ref().clone(),
-            meshes: arm.meshes(),
-            scene: session.testbed().task().scene().clone(),
-            briefing: session.testbed().task().briefing().clone(),
-            interactive: true,
-            lean: config.setup.body.forward_max_deg > 0.0,
-            method: session.testbed().method().clone(),
-            methods: registry.methods.infos(),
-        };
+        let content =
+            PageContent { methods: registry.methods.infos(), ..driven_content(session.testbed(), &arm) };
         let page = match &mut server {
             Some(server) => {
                 server.set_content(content)?;

@@ -212,6 +212,8 @@ fn what_a_study_cannot_take_is_refused_in_one_sentence() {
     answer(dir, &["study", "archive", "one", "--out", "one.zip"]);
     let error = refusal(dir, &["study", "archive", "one", "--out", "one.zip"]);
     assert!(error.contains("exists"), "{error}");
+    let error = refusal(dir, &["study", "run", "nowhere", "--simulated"]);
+    assert!(error.contains("nowhere") && error.contains("proact study new"), "{error}");
     let error = refusal(dir, &["simulate", "--methods", "Z"]);
     assert!(error.contains("Z"), "{error}");
 }

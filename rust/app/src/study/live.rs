@@ -185,8 +185,9 @@ impl<'a> LiveStudy<'a> {
         }
         self.remember_training(participant);
         if let (Some(spot), true) = (self.next_step(), planned != Some(participant)) {
-            let expected = planned.map_or_else(String::new, |planned| self.state.conductor.label(planned));
-            let reason = format!("the plan has {expected} next");
+            // By the place in the plan: a reason is exported, a pseudonym is not.
+            let expected = planned.map_or_else(String::new, |planned| planned.to_string());
+            let reason = format!("the plan has participant {expected} next");
             self.state.conductor.write(StudyEvent::Deviated {
                 spot,
                 deviation: Deviation::OtherOrder,

@@ -5,7 +5,7 @@ use super::{
     state::{SceneInputs, StudyState, clean},
 };
 use crate::{
-    Arm, Audience, Ended, LiveTrial, Recorder, Registry, run_to_end,
+    Arm, Audience, Ended, LiveTrial, Recorder, Registry, driven_content, page_content, run_to_end,
     study::{conductor::Conductor, worker::TrialOrder},
     trial::{self, Armband, Assembly},
 };
@@ -65,7 +65,7 @@ impl LiveStudy<'_> {
         let (arm, config) = self.config(&self.state.conductor.study.order(trial, None))?;
         let assembly = trial::live_with(&self.registry.methods, &arm, without_emg(config), None)?;
         let mut session = assembly.session;
-        self.state.page.set_content(content(&session, &arm, true))?;
+        self.state.page.set_content(driven_content(session.testbed(), &arm))?;
         self.open_person(&session)?;
         if let Some(frame) = session.step(false)?.frame {
             self.state.page.publish(&frame);
@@ -193,7 +193,7 @@ impl LiveStudy<'_> {
             }
             None => None,
         };
-        self.state.page.set_content(content(&session, &arm, true))?;
+        self.state.page.set_content(driven_content(session.testbed(), &arm))?;
         self.open_person(&session)?;
         let (page, interrupted) = (self.state.page, self.state.interrupted);
         let Some(person) = &mut self.equipment.person else { return Err("nobody is there to drive".into()) };
@@ -225,7 +225,7 @@ impl LiveStudy<'_> {
             &EmgOrigin::Synthetic,
             None,
         )?;
-        self.state.page.set_content(content(&session, &arm, false))?;
+        self.state.page.set_content(page_content(session.testbed(), &arm))?;
         let (page, interrupted) = (self.state.page, self.state.interrupted);
         let mut inputs =
             SceneInputs { state: &mut self.state, next_ends: true, calibrates: false, left: None };
@@ -257,7 +257,7 @@ pub fn opening(conductor: &Conductor, registry: &Registry) -> Result<PageContent
     let trial = study.schedule.trials().next().ok_or("the plan has no trial")?;
     let (arm, config) = study.order(trial, None).config(registry, None)?;
     let assembly = trial::live_with(&registry.methods, &arm, without_emg(config), None)?;
-    Ok(content(&assembly.session, &arm, true))
+    Ok(driven_content(assembly.session.testbed(), &arm))
 }
 
 /// # Errors
@@ -280,22 +280,4 @@ fn outcome(result: &TrialResult) -> String {
         TrialEnd::Restart | TrialEnd::Interrupt => ", interrupted",
     };
     format!("{} {} in {:.0} s{ended}", result.score, result.score_name, result.sim_seconds)
-}
-
-/// What the pages show of a scene: a participant may choose nothing of it.
-fn content(session: &Session, arm: &Arm, interactive: bool) -> PageContent {
-    let testbed = session.testbed();
-    let config = testbed.config();
-    PageContent {
-        title: format!("Method {}", config.method_label()),
-        setup: config.setup.name.clone(),
-        arm: testbed.model().as_ref().clone(),
-        meshes: arm.meshes(),
-        scene: testbed.task().scene().clone(),
-        briefing: testbed.task().briefing().clone(),
-        interactive,
-        lean: interactive && config.setup.body.forward_max_deg > 0.0,
-        method: testbed.method().clone(),
-        methods: Vec::new(),
-    }
 }

@@ -178,7 +178,8 @@ impl LiveStudy<'_> {
 
     fn free_model_name(&self, spot: &Spot) -> String {
         let folder = self.state.conductor.study.folder.join(MODELS_FOLDER);
-        let base = format!("{}-session{}", self.state.conductor.label(spot.participant), spot.session);
+        // By the place in the plan, as records are: names of files are exported, pseudonyms are not.
+        let base = format!("participant{}-session{}", spot.participant, spot.session);
         let name = |k: usize| if k == 1 { base.clone() } else { format!("{base}-{k}") };
         let taken = |name: &String| {
             folder.join(format!("{name}.json")).exists() || folder.join(format!("{name}.recordings")).exists()
