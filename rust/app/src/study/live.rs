@@ -127,6 +127,9 @@ impl<'a> LiveStudy<'a> {
     fn conduct(&mut self) -> Result<(), Box<dyn Error>> {
         // Pages learn what was asked of the gaze so far, before anything is.
         self.state.page.set_status(&TrialStatus::default());
+        // What is connected is opened, and there is a scene to see, before anybody sits down.
+        let first = self.state.conductor.study.schedule.trials().next().cloned();
+        first.map_or(Ok(()), |trial| self.prepare(&trial))?;
         while !self.state.interrupted() {
             if self.state.under.is_none() {
                 if self.state.conductor.progress().finished() {
