@@ -1,9 +1,10 @@
 //! Numbers from logged trials.
 //!
-//! Pure: values in, values out. Reads no files, has no clock and no randomness, and depends on the vocabulary
+//! Pure: values in, values out. Reads no files and has no clock; what is drawn comes from a seed. Depends on the vocabulary
 //! alone; who reads trials and prints tables are the commands `analyze` and `study export`.
 //!
-//! [`measures`] are of what a person did, [`summary`] of a sample of numbers, [`table`] what every table of the project is.
+//! [`measures`] are of what a person did, [`summary`] of a sample of numbers, [`statistics`] of samples of the same people,
+//! [`table`] what every table of the project is.
 //!
 //! [`score`] says how good forecasts are of which of a few things a person means:
 //!
@@ -22,6 +23,7 @@
 mod forecast;
 pub mod measures;
 mod score;
+pub mod statistics;
 pub mod summary;
 pub mod table;
 

@@ -1,0 +1,131 @@
+//! Statistics of a few people who did the same thing in several ways: repeated measures.
+//!
+//! Small samples, ties and missing values are the rule, so the tests are those that need no normal distribution, and
+//! their chances are counted out exactly where that can be done:
+//!
+//! | question | test | exact |
+//! |---|---|---|
+//! | does any condition differ? | [`friedman`], with Kendall's W | while the sums of ranks can be enumerated |
+//! | do two differ? | [`wilcoxon`], signed ranks | up to 50 differences, also with ties |
+//! | the same, of the means | [`paired_permutation`] | up to 20 differences |
+//! | how much? | [`PairedEffect`] | intervals by [`bootstrap`] over people |
+//!
+//! Several pairs of one measure are corrected together by [`holm`]. [`compare`] does all of it and says what was presumed.
+//!
+//! Pure and deterministic: what is drawn comes from a seed that is stated. Each result is compared with SciPy and statsmodels
+//! in `rust/analysis/tests/scipy.rs`.
+//!
+//! ```
+//! use proact_analysis::statistics::{Repeated, compare};
+//! let blocks = Repeated::new(
+//!     ["A", "D"].map(str::to_owned).to_vec(),
+//!     vec![vec![Some(2.0), Some(4.0)], vec![Some(1.0), Some(4.0)], vec![Some(3.0), Some(4.0)], vec![Some(0.0), None]],
+//! )?;
+//! let found = compare(&blocks, 1);
+//! assert_eq!((found.pairs[0].n, found.pairs[0].left_out), (3, 1));
+//! assert_eq!(found.pairs[0].wilcoxon.as_ref().unwrap().p, 0.25);
+//! # Ok::<(), proact_analysis::statistics::StatisticsError>(())
+//! ```
+
+mod bootstrap;
+mod comparison;
+mod effect;
+mod friedman;
+mod holm;
+mod permutation;
+mod ranks;
+mod repeated;
+mod wilcoxon;
+
+pub use bootstrap::{Interval, bca_interval, bootstrap};
+pub use comparison::{Comparison, Pair, compare};
+pub use effect::{PairedEffect, skewness_test};
+pub use friedman::{Friedman, friedman};
+pub use holm::holm;
+pub use permutation::{PermutationTest, paired_permutation};
+pub use repeated::Repeated;
+pub use wilcoxon::{Wilcoxon, wilcoxon};
+
+use serde::Serialize;
+
+/// Share of intervals that hold the true value.
+pub const CONFIDENCE: f64 = 0.95;
+/// Samples that are drawn again for an interval.
+pub const RESAMPLES: usize = 10_000;
+
+/// How a chance was found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Chance {
+    /// Every case was counted.
+    Exact,
+    /// By the distribution of a large sample.
+    Approximate,
+    /// Cases were drawn.
+    Drawn,
+}
+
+impl Chance {
+    /// For a table.
+    pub fn label(self) -> &'static str {
+        match self {
+            Chance::Exact => "exact",
+            Chance::Approximate => "approximate",
+            Chance::Drawn => "drawn",
+        }
+    }
+}
+
+/// Why a statistic does not exist for these values.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum StatisticsError {
+    /// Too little of something.
+    #[error("{test} needs at least {least} {what}, got {got}")]
+    TooFew {
+        /// The test.
+        test: &'static str,
+        /// Of what.
+        what: &'static str,
+        /// How many it needs.
+        least: usize,
+        /// How many there are.
+        got: usize,
+    },
+    /// Nothing differs.
+    #[error("{test} compares nothing: all values of each participant are equal")]
+    AllEqual {
+        /// The test.
+        test: &'static str,
+    },
+    /// A value is not finite.
+    #[error("value {value} of row {row} is no finite number")]
+    NotFinite {
+        /// Which row, from 0.
+        row: usize,
+        /// The value.
+        value: f64,
+    },
+    /// A row is too short or too long.
+    #[error("row {row} has {got} values, expected {expected}: one a condition")]
+    Ragged {
+        /// Which row, from 0.
+        row: usize,
+        /// Its length.
+        got: usize,
+        /// The number of conditions.
+        expected: usize,
+    },
+}
+
+/// All finite.
+fn check_finite(row: usize, values: &[f64]) -> Result<(), StatisticsError> {
+    match values.iter().find(|value| !value.is_finite()) {
+        Some(value) => Err(StatisticsError::NotFinite { row, value: *value }),
+        None => Ok(()),
+    }
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}

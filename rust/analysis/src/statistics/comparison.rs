@@ -1,0 +1,183 @@
+use super::{
+    Friedman, Interval, PairedEffect, PermutationTest, Repeated, StatisticsError, Wilcoxon, bootstrap,
+    friedman, friedman::concordance, holm, paired_permutation, skewness_test, wilcoxon,
+};
+use serde::Serialize;
+
+/// Below this chance of skewness, differences are called skewed.
+const SKEWED: f64 = 0.05;
+/// An interval of fewer people than this is too narrow.
+const FEW_PEOPLE: usize = 10;
+
+/// All that can be said of one measure under several conditions.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Comparison {
+    /// Whether any condition differs; none where that cannot be asked, with the reason in `notes`.
+    pub friedman: Option<Friedman>,
+    /// Interval of Kendall's W.
+    pub kendalls_w_interval: Option<Interval>,
+    /// Each two conditions.
+    pub pairs: Vec<Pair>,
+    /// What was presumed, left out, or cannot be said.
+    pub notes: Vec<String>,
+}
+
+/// Two conditions of a measure.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Pair {
+    /// One condition.
+    pub a: String,
+    /// The other one; differences are `b` less `a`.
+    pub b: String,
+    /// People with both values.
+    pub n: usize,
+    /// People without one of them.
+    pub left_out: usize,
+    /// The test of the ranks; none if nothing differs.
+    pub wilcoxon: Option<Wilcoxon>,
+    /// Its chance corrected for all pairs of this measure, by Holm.
+    pub p_holm: Option<f64>,
+    /// The test of the mean; none without people.
+    pub permutation: Option<PermutationTest>,
+    /// How much they differ.
+    pub effect: Option<PairedEffect>,
+}
+
+/// Compares the conditions of one measure. What is drawn comes from `seed`.
+pub fn compare(values: &Repeated, seed: u64) -> Comparison {
+    let mut notes = Vec::new();
+    let complete = values.complete();
+    let missing = values.people() - complete.len();
+    let conditions = values.conditions();
+    let mut ranked = None;
+    if conditions.len() > 2 {
+        match friedman(&complete) {
+            Ok(test) => ranked = Some(test),
+            Err(error) => notes.push(format!("No Friedman test: {error}.")),
+        }
+        if missing > 0 {
+            notes.push(format!(
+                "{missing} of {} people lack a value under some condition and are not in the Friedman test.",
+                values.people()
+            ));
+        }
+    }
+    let kendalls_w_interval = ranked.as_ref().and_then(|_| {
+        bootstrap(complete.len(), seed, |places| {
+            let drawn: Vec<Vec<f64>> = places.iter().map(|place| complete[*place].clone()).collect();
+            concordance(&drawn)
+        })
+    });
+    let mut pairs = Vec::new();
+    for a in 0..conditions.len() {
+        for b in a + 1..conditions.len() {
+            pairs.push(pair(values, a, b, seed, &mut notes));
+        }
+    }
+    let tested: Vec<f64> = pairs.iter().filter_map(|pair| Some(pair.wilcoxon.as_ref()?.p)).collect();
+    let mut corrected = holm(&tested).into_iter();
+    for pair in &mut pairs {
+        pair.p_holm = pair.wilcoxon.as_ref().and_then(|_| corrected.next());
+    }
+    if let Some(least) =
+        pairs.iter().filter_map(|pair| Some(pair.wilcoxon.as_ref()?.least_p)).reduce(f64::min)
+        && least * tested.len() as f64 > 0.05
+    {
+        notes.push(format!(
+            "So few people cannot show a difference: the smallest chance after the correction for {} pairs is {:.3}.",
+            tested.len(),
+            (least * tested.len() as f64).min(1.0)
+        ));
+    }
+    if (1..FEW_PEOPLE).contains(&values.people()) {
+        notes.push(format!("Bootstrap intervals of {} people are too narrow.", values.people()));
+    }
+    Comparison { friedman: ranked, kendalls_w_interval, pairs, notes }
+}
+
+fn pair(values: &Repeated, a: usize, b: usize, seed: u64, notes: &mut Vec<String>) -> Pair {
+    let names = values.conditions();
+    let (name_a, name_b) = (names[a].clone(), names[b].clone());
+    let differences: Vec<f64> = values.pairs(a, b).into_iter().map(|[of_a, of_b]| of_b - of_a).collect();
+    let ranked = match wilcoxon(&differences) {
+        Ok(test) => Some(test),
+        Err(StatisticsError::AllEqual { .. }) => {
+            notes.push(format!("{name_a} and {name_b}: nobody differs."));
+            None
+        }
+        Err(error) => {
+            notes.push(format!("{name_a} and {name_b}: {error}."));
+            None
+        }
+    };
+    if let Some(test) = &ranked
+        && test.zeros > 0
+    {
+        let people = differences.len();
+        notes.push(format!(
+            "{name_a} and {name_b}: {} of {people} people do not differ and are not ranked.",
+            test.zeros
+        ));
+    }
+    if let Some([skewness, p]) = skewness_test(&differences)
+        && p < SKEWED
+    {
+        notes.push(format!(
+            "{name_a} and {name_b}: differences are skewed ({skewness:.2}, p = {p:.3}); the signed-rank test then speaks of \
+             their ranks, not of their median."
+        ));
+    }
+    Pair {
+        n: differences.len(),
+        left_out: values.people() - differences.len(),
+        wilcoxon: ranked,
+        p_holm: None,
+        permutation: paired_permutation(&differences, seed).ok(),
+        effect: PairedEffect::of(&differences, seed),
+        a: name_a,
+        b: name_b,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn repeated(rows: &[[f64; 3]]) -> Repeated {
+        let rows = rows.iter().map(|row| row.iter().map(|v| v.is_finite().then_some(*v)).collect()).collect();
+        Repeated::new(["A", "B", "C"].map(str::to_owned).to_vec(), rows).unwrap()
+    }
+
+    #[test]
+    fn a_missing_value_costs_only_the_pairs_that_need_it() {
+        let found =
+            compare(&repeated(&[[1.0, 2.0, 3.0], [2.0, 4.0, 5.0], [1.0, f64::NAN, 4.0], [0.0, 1.0, 5.0]]), 1);
+        assert_eq!(found.friedman.as_ref().unwrap().n, 3);
+        let people: Vec<_> =
+            found.pairs.iter().map(|p| (p.a.as_str(), p.b.as_str(), p.n, p.left_out)).collect();
+        assert_eq!(people, [("A", "B", 3, 1), ("A", "C", 4, 0), ("B", "C", 3, 1)]);
+        // 0.25, 0.125, 0.25: corrected 0.5, 0.375, 0.5.
+        let corrected: Vec<_> = found.pairs.iter().filter_map(|p| p.p_holm).collect();
+        assert_eq!(corrected, [0.5, 0.375, 0.5]);
+        assert!(found.notes.iter().any(|note| note.contains("1 of 4 people lack")), "{:?}", found.notes);
+        assert!(
+            found.notes.iter().any(|note| note.contains("cannot show a difference")),
+            "{:?}",
+            found.notes
+        );
+    }
+
+    #[test]
+    fn ties_everywhere_and_nobody_at_all_are_said() {
+        let found = compare(&repeated(&[[4.0; 3]; 5]), 1);
+        assert!(found.friedman.is_none() && found.pairs.iter().all(|pair| pair.wilcoxon.is_none()));
+        assert_eq!(found.notes.iter().filter(|note| note.contains("nobody differs")).count(), 3);
+        let nobody = compare(&repeated(&[]), 1);
+        assert!(nobody.friedman.is_none() && nobody.pairs.iter().all(|pair| pair.effect.is_none()));
+        assert!(
+            nobody.notes.iter().any(|note| note.contains("at least 2 people, got 0")),
+            "{:?}",
+            nobody.notes
+        );
+    }
+}

@@ -1,0 +1,148 @@
+use super::{Chance, StatisticsError, check_finite, ranks::Ranks};
+use serde::Serialize;
+use statrs::distribution::{ContinuousCDF, Normal};
+
+const TEST: &str = "Wilcoxon's signed-rank test";
+/// More differences than this are left to the normal distribution.
+const MOST_EXACT: usize = 50;
+
+/// Wilcoxon's signed-rank test of paired differences, two-sided.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Wilcoxon {
+    /// Differences that are not zero.
+    pub n: usize,
+    /// Differences of zero, which are left out.
+    pub zeros: usize,
+    /// Sum of the ranks of positive differences.
+    pub w_plus: f64,
+    /// Sum of the ranks of negative differences.
+    pub w_minus: f64,
+    /// Chance of a sum as far from its middle, if differences were symmetric about zero.
+    pub p: f64,
+    /// How that chance was found.
+    pub chance: Chance,
+    /// The smallest chance that so many differences can have: above the level, the test can show nothing.
+    pub least_p: f64,
+}
+
+impl Wilcoxon {
+    /// Matched-pairs rank-biserial correlation, -1 to 1 (Kerby 2014): share of the ranks for more, less that for less.
+    pub fn rank_biserial(&self) -> f64 {
+        (self.w_plus - self.w_minus) / (self.w_plus + self.w_minus)
+    }
+}
+
+/// The test of `differences`.
+///
+/// Presumes that the people are independent and, as a statement on the median, that differences are symmetric. Differences of zero
+/// are left out (Wilcoxon 1945). Up to 50 differences the chance is exact given the ties: each sign is as likely as the other.
+/// Above, it is that of the normal distribution, corrected for ties, not for continuity.
+///
+/// # Errors
+/// No difference that is not zero; a value that is not finite.
+pub fn wilcoxon(differences: &[f64]) -> Result<Wilcoxon, StatisticsError> {
+    check_finite(0, differences)?;
+    if differences.is_empty() {
+        return Err(StatisticsError::TooFew { test: TEST, what: "differences", least: 1, got: 0 });
+    }
+    let SignedRanks { ranks, plus, minus } =
+        SignedRanks::of(differences).ok_or(StatisticsError::AllEqual { test: TEST })?;
+    let n = ranks.doubled.len();
+    let exact = n <= MOST_EXACT;
+    let p =
+        if exact { exact_chance(&ranks.doubled, plus.min(minus)) } else { normal_chance(n, &ranks, plus) };
+    Ok(Wilcoxon {
+        n,
+        zeros: differences.len() - n,
+        w_plus: plus as f64 / 2.0,
+        w_minus: minus as f64 / 2.0,
+        p,
+        chance: if exact { Chance::Exact } else { Chance::Approximate },
+        least_p: 2.0 * 0.5_f64.powi(n as i32),
+    })
+}
+
+/// Matched-pairs rank-biserial correlation of `differences` alone, without the count of all signs; none if nothing differs.
+pub(super) fn rank_biserial(differences: &[f64]) -> Option<f64> {
+    let SignedRanks { plus, minus, .. } = SignedRanks::of(differences)?;
+    Some((plus as f64 - minus as f64) / (plus + minus) as f64)
+}
+
+/// Ranks of what differs.
+struct SignedRanks {
+    /// Of the sizes.
+    ranks: Ranks,
+    /// Doubled sum of those for more.
+    plus: u64,
+    /// Doubled sum of those for less.
+    minus: u64,
+}
+
+impl SignedRanks {
+    fn of(differences: &[f64]) -> Option<Self> {
+        let signed: Vec<f64> = differences.iter().copied().filter(|d| *d != 0.0).collect();
+        let ranks = Ranks::of(&signed.iter().map(|d| d.abs()).collect::<Vec<_>>());
+        let sum = |positive: bool| -> u64 {
+            let own = signed.iter().zip(&ranks.doubled).filter(|(d, _)| (**d > 0.0) == positive);
+            own.map(|(_, rank)| rank).sum()
+        };
+        let (plus, minus) = (sum(true), sum(false));
+        (!signed.is_empty()).then_some(Self { ranks, plus, minus })
+    }
+}
+
+/// Twice the chance of a doubled sum of `least` or less, at most one.
+fn exact_chance(doubled: &[u64], least: u64) -> f64 {
+    let total: u64 = doubled.iter().sum();
+    let mut chances = vec![0.0; total as usize + 1];
+    chances[0] = 1.0;
+    let mut reached = 0;
+    for rank in doubled {
+        let rank = *rank as usize;
+        for sum in (0..=reached).rev() {
+            let half = chances[sum] / 2.0;
+            chances[sum] = half;
+            chances[sum + rank] += half;
+        }
+        reached += rank;
+    }
+    (2.0 * chances[..=least as usize].iter().sum::<f64>()).min(1.0)
+}
+
+fn normal_chance(n: usize, ranks: &Ranks, plus: u64) -> f64 {
+    let n = n as f64;
+    let variance = (n * (n + 1.0) * (2.0 * n + 1.0) - ranks.ties / 2.0) / 24.0;
+    let z = (plus as f64 / 2.0 - n * (n + 1.0) / 4.0) / variance.sqrt();
+    2.0 * Normal::standard().sf(z.abs())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn five_differences_to_one_side_are_one_chance_in_sixteen() {
+        let test = wilcoxon(&[1.0, 2.0, 3.0, 4.0, 5.0, 0.0]).unwrap();
+        assert_eq!((test.n, test.zeros, test.w_plus, test.w_minus), (5, 1, 15.0, 0.0));
+        assert_eq!((test.p, test.least_p, test.rank_biserial()), (0.0625, 0.0625, 1.0));
+    }
+
+    #[test]
+    fn ties_are_counted_out() {
+        // |d| = 1, 1, 2: ranks 1.5, 1.5, 3. W+ = 4.5 of 6; sums 0, 1.5, 1.5, 3, 3, 4.5, 4.5, 6: three of eight up to 1.5.
+        let test = wilcoxon(&[1.0, -1.0, 2.0]).unwrap();
+        assert_eq!((test.w_plus, test.w_minus, test.p), (4.5, 1.5, 0.75));
+    }
+
+    #[test]
+    fn nothing_to_compare_is_refused() {
+        assert!(matches!(wilcoxon(&[]), Err(StatisticsError::TooFew { got: 0, .. })));
+        assert_eq!(wilcoxon(&[0.0, 0.0]).unwrap_err(), StatisticsError::AllEqual { test: TEST });
+        assert!(wilcoxon(&[1.0, f64::INFINITY]).is_err());
+    }
+
+    #[test]
+    fn a_sum_at_its_middle_is_no_chance_at_all() {
+        assert_eq!(wilcoxon(&[1.0, -1.0]).unwrap().p, 1.0);
+    }
+}
