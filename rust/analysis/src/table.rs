@@ -78,6 +78,15 @@ impl std::fmt::Display for Cell {
     }
 }
 
+/// A value as the word that files have for it, such as `on_target`.
+pub fn word<T: serde::Serialize>(value: &T) -> String {
+    match serde_json::to_value(value) {
+        Ok(serde_json::Value::String(text)) => text,
+        Ok(other) => other.to_string(),
+        Err(_) => String::new(),
+    }
+}
+
 /// A table. Every row has a cell for every column.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {

@@ -3,7 +3,7 @@
 use super::{Counted, Told, columns};
 use proact_analysis::{
     measures::{GazeMeasure, ShoulderMeasure},
-    table::{Cell, Table},
+    table::{Cell, Table, word},
 };
 use proact_bridge::ResultLine;
 use proact_emg::{Light, QualityConfig, QualityMonitor};
@@ -119,9 +119,9 @@ impl TrialTables {
                 EventKind::GraspMade { object, .. } | EventKind::GraspEnded { object, .. } => {
                     (name(*object), String::new())
                 }
-                EventKind::GraspFailed { object, reason } => (object.and_then(name), label(reason)),
+                EventKind::GraspFailed { object, reason } => (object.and_then(name), word(reason)),
                 EventKind::Locked { object } => (object.and_then(name), String::new()),
-                EventKind::PlanFinished { status, .. } => (None, label(status)),
+                EventKind::PlanFinished { status, .. } => (None, word(status)),
                 EventKind::MethodNote { text } => (None, text.clone()),
                 EventKind::Stopped { reason, .. } => (None, reason.clone()),
                 EventKind::Unlocked
@@ -207,15 +207,6 @@ impl TrialTables {
 fn secs(time: SimTime) -> f64 {
     // Divided, so that 18 ms are 0.018 and not a digit more.
     time.0 as f64 / 1e3
-}
-
-/// A word as it is in files.
-fn label<T: serde::Serialize>(value: &T) -> String {
-    match serde_json::to_value(value) {
-        Ok(serde_json::Value::String(text)) => text,
-        Ok(other) => other.to_string(),
-        Err(_) => String::new(),
-    }
 }
 
 fn kind_of(event: &Event) -> String {

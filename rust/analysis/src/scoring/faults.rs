@@ -1,0 +1,143 @@
+use super::{Handling, Phase, PhaseKind, Trace, emg};
+use crate::table::word;
+use proact_types::{EventKind, ObjectId, PlanStatus, SimTime};
+use serde::Serialize;
+
+/// An object that is let go with its underside higher than this above the table falls, metres.
+const FALLS_M: f64 = 0.02;
+
+/// What can go wrong in a trial.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FaultKind {
+    /// An object was taken that was not the one that the task asks for.
+    WrongObject,
+    /// The hand closed and holds nothing.
+    GraspFailed,
+    /// An object was let go more than 2 cm above the table.
+    Dropped,
+    /// An object was put down, but neither above its target region nor across the partition.
+    ReleasedShort,
+    /// An object lies below the table.
+    OnFloor,
+    /// An object that lay in its target region left it without being held.
+    Disturbed,
+    /// The planner found no path to the goal.
+    PlanFailed,
+    /// A gesture came and went within 300 ms.
+    FalseTrigger,
+    /// A source of signals died, and the arm stood still.
+    Stopped,
+    /// The tracked shoulder jumped, and the arm stood still.
+    ShoulderJumped,
+}
+
+impl FaultKind {
+    /// All of them.
+    pub const ALL: [FaultKind; 10] = [
+        FaultKind::WrongObject,
+        FaultKind::GraspFailed,
+        FaultKind::Dropped,
+        FaultKind::ReleasedShort,
+        FaultKind::OnFloor,
+        FaultKind::Disturbed,
+        FaultKind::PlanFailed,
+        FaultKind::FalseTrigger,
+        FaultKind::Stopped,
+        FaultKind::ShoulderJumped,
+    ];
+
+    /// For a table.
+    pub fn label(self) -> &'static str {
+        match self {
+            FaultKind::WrongObject => "wrong_object",
+            FaultKind::GraspFailed => "grasp_failed",
+            FaultKind::Dropped => "dropped",
+            FaultKind::ReleasedShort => "released_short",
+            FaultKind::OnFloor => "on_floor",
+            FaultKind::Disturbed => "disturbed",
+            FaultKind::PlanFailed => "plan_failed",
+            FaultKind::FalseTrigger => "false_trigger",
+            FaultKind::Stopped => "stopped",
+            FaultKind::ShoulderJumped => "shoulder_jumped",
+        }
+    }
+
+    /// Whether only a record with all events tells it.
+    pub(super) fn needs_events(self) -> bool {
+        matches!(
+            self,
+            FaultKind::GraspFailed | FaultKind::PlanFailed | FaultKind::Stopped | FaultKind::ShoulderJumped
+        )
+    }
+}
+
+/// Something that went wrong.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Fault {
+    /// When.
+    pub time: SimTime,
+    /// What.
+    pub kind: FaultKind,
+    /// With which object.
+    pub object: Option<ObjectId>,
+    /// More of it, such as the planner's status.
+    pub detail: String,
+}
+
+/// What went wrong, in order of time.
+pub fn faults(trace: &Trace, phases: &[Phase], objects: &[Handling]) -> Vec<Fault> {
+    let mut faults: Vec<Fault> = phases.iter().filter_map(|phase| of_phase(trace, phase)).collect();
+    let fault = |time, kind, object, detail: String| Fault { time, kind, object, detail };
+    for handling in objects {
+        let object = Some(handling.object);
+        faults.extend(handling.disturbed.map(|at| fault(at, FaultKind::Disturbed, object, String::new())));
+        let below = |instant: &&super::Instant| {
+            let pose = instant.objects.get(handling.object.index());
+            pose.is_some_and(|pose| pose.translation.vector.z < trace.scene.table_height)
+        };
+        let fell = trace.instants.iter().find(below).map(|instant| instant.time);
+        faults.extend(fell.map(|at| fault(at, FaultKind::OnFloor, object, String::new())));
+    }
+    for event in &trace.events {
+        let (kind, object, detail) = match &event.kind {
+            EventKind::GraspFailed { object, reason } => (FaultKind::GraspFailed, *object, word(reason)),
+            EventKind::PlanFinished { status, .. }
+                if !matches!(status, PlanStatus::Ok | PlanStatus::Intermediate | PlanStatus::Cancelled) =>
+            {
+                (FaultKind::PlanFailed, None, word(status))
+            }
+            EventKind::Stopped { reason, .. } => (FaultKind::Stopped, None, reason.clone()),
+            EventKind::BaseHeld { distance } => (FaultKind::ShoulderJumped, None, format!("{distance:.3} m")),
+            _ => continue,
+        };
+        faults.push(fault(event.time, kind, object, detail));
+    }
+    for (at, millis) in emg::bursts(trace) {
+        faults.push(fault(at, FaultKind::FalseTrigger, None, format!("{millis} ms")));
+    }
+    faults.sort_by_key(|fault| (fault.time, fault.kind));
+    faults
+}
+
+fn of_phase(trace: &Trace, phase: &Phase) -> Option<Fault> {
+    let fault = |kind, detail: String| Fault { time: phase.to, kind, object: Some(phase.object), detail };
+    match phase.kind {
+        PhaseKind::Pick => {
+            // What was asked for before it was taken.
+            let asked = trace.at(SimTime(phase.to.0.saturating_sub(1)))?.next?;
+            (asked != phase.object)
+                .then(|| fault(FaultKind::WrongObject, format!("for {}", trace.scene.name(asked))))
+        }
+        PhaseKind::Place if phase.ended => {
+            let then = trace.at(phase.to)?;
+            let height = trace.height(phase.object, then)?;
+            if height > FALLS_M {
+                return Some(fault(FaultKind::Dropped, format!("{height:.3} m")));
+            }
+            let short = phase.crossed == Some(false) && phase.entered != Some(true);
+            short.then(|| fault(FaultKind::ReleasedShort, String::new()))
+        }
+        PhaseKind::Place => None,
+    }
+}

@@ -1,0 +1,305 @@
+//! The columns: one function each, with its name, unit, definition and source.
+
+use super::{
+    Fault, FaultKind, Handling, LookedAt, Phase, PhaseKind, Scored, emg, gaze, joints, motion::Way, shoulder,
+};
+use crate::table::Column;
+use proact_types::SimTime;
+
+/// A column of a table of scores, and how it is found.
+pub struct Measure<T: 'static> {
+    /// Its name, unit, definition and source.
+    pub column: Column,
+    /// Its value for a row; none where the record cannot say.
+    pub of: fn(&Scored<'_>, &T) -> Option<f64>,
+}
+
+const PAPER: &str = "ProACT paper, Transfer timings and accuracy";
+const PAPER_BODY: &str = "ProACT paper, Compensatory movement";
+const GAMA: &str = "Valevicius et al. 2018, PLoS ONE e0199549";
+const LAVOIE: &str = "Lavoie et al. 2018, J Vis 18(6):18";
+const OURS: &str = "ProACT, docs/analysis.md";
+
+macro_rules! measure {
+    ($name:literal, $unit:literal, $meaning:literal, $source:expr, $of:expr) => {
+        Measure { column: Column { name: $name, unit: $unit, meaning: $meaning, source: $source }, of: $of }
+    };
+}
+
+/// Millimetres in a metre.
+const MM: f64 = 1e3;
+
+fn truth(yes: bool) -> f64 {
+    f64::from(u8::from(yes))
+}
+
+/// The way of the hand through a phase.
+fn hand(scored: &Scored<'_>, phase: &Phase) -> Option<Way> {
+    Way::of(scored.trace.between(phase.from, phase.to), |instant| instant.hand)
+}
+
+macro_rules! joint {
+    ($name:literal, $place:literal) => {
+        measure!($name, "rad", "way of this joint of the arm, counted from the base; steps under 0.002 rad add up before they count", OURS, |s, p| {
+            joints::path(s.trace, p.from, p.to, $place)
+        })
+    };
+}
+
+/// Of a pick or a place.
+pub const OF_PHASE: &[Measure<Phase>] = &[
+    measure!("seconds", "s", "length of the phase", PAPER, |_, p| Some(p.secs())),
+    measure!(
+        "with_method",
+        "",
+        "1 if a joint of the arm went further than 0.05 rad from where it was first: the person used the method, 0 if only the body moved",
+        PAPER,
+        |s, p| { joints::used(s.trace, p.from, p.to).map(truth) }
+    ),
+    measure!(
+        "shoulder_sum10_m",
+        "m",
+        "sum of the shoulder's steps at 10 Hz; hangs on the step",
+        PAPER_BODY,
+        |s, p| { shoulder::translation_sum10(s.trace, p.from, p.to) }
+    ),
+    measure!(
+        "shoulder_turn_sum10_deg",
+        "degree",
+        "sum of the shoulder's turns at 10 Hz; hangs on the step",
+        PAPER_BODY,
+        |s, p| { shoulder::rotation_sum10(s.trace, p.from, p.to) }
+    ),
+    measure!("shoulder_path_m", "m", "length of the shoulder's way, low-passed at 6 Hz", OURS, |s, p| {
+        shoulder::path(s.trace, p.from, p.to)
+    }),
+    measure!(
+        "shoulder_range_mm",
+        "mm",
+        "furthest of the shoulder from where it was first, low-passed at 6 Hz",
+        "Major et al. 2014, JNER 11:132",
+        |s, p| { shoulder::range(s.trace, p.from, p.to).map(|range| range * MM) }
+    ),
+    measure!(
+        "shoulder_turn_deg",
+        "degree",
+        "furthest turn of the shoulder from how it was first",
+        "Major et al. 2014, JNER 11:132",
+        |s, p| { shoulder::turn(s.trace, p.from, p.to) }
+    ),
+    measure!(
+        "base_share",
+        "1",
+        "share of the hand's straight way that the shoulder brought it; the rest is the joints'. Below 0 or above 1 where they worked against each other",
+        OURS,
+        |s, p| { shoulder::base_share(s.trace, p.from, p.to) }
+    ),
+    measure!("hand_path_m", "m", "length of the hand's way, low-passed at 6 Hz", GAMA, |s, p| hand(s, p)
+        .map(|way| way.length())),
+    measure!(
+        "path_efficiency",
+        "1",
+        "straight way of the hand over the way that it went, 0 to 1",
+        "LibEMG; BioPatRec",
+        |s, p| {
+            let way = hand(s, p)?;
+            (way.length() > 0.0).then(|| way.straight() / way.length())
+        }
+    ),
+    measure!("peak_speed_m_per_s", "m/s", "highest speed of the hand, low-passed at 6 Hz", GAMA, |s, p| {
+        hand(s, p)?.peak().map(|peak| peak[0])
+    }),
+    measure!("peak_time", "1", "when it was, as a share of the phase, 0 to 1", GAMA, |s, p| hand(s, p)?
+        .peak()
+        .map(|peak| peak[1])),
+    measure!(
+        "movement_units",
+        "",
+        "humps of the hand's speed that rise and fall by 0.02 m/s at least",
+        GAMA,
+        |s, p| hand(s, p).map(|way| way.units() as f64)
+    ),
+    joint!("joint1_rad", 0),
+    joint!("joint2_rad", 1),
+    joint!("joint3_rad", 2),
+    joint!("joint4_rad", 3),
+    joint!("joint5_rad", 4),
+    joint!("joint6_rad", 5),
+    joint!("joint7_rad", 6),
+    measure!(
+        "gaze_object",
+        "1",
+        "share of the time with a known gaze on the object, in the hand or not; looks of at least 80 ms within 2 degrees, as in all shares",
+        LAVOIE,
+        |s, p| { gaze::share(s, p, |at| at == LookedAt::Object(p.object)) }
+    ),
+    measure!("gaze_other_objects", "1", "share on other objects", LAVOIE, |s, p| {
+        gaze::share(s, p, |at| matches!(at, LookedAt::Object(object) if object != p.object))
+    }),
+    measure!("gaze_target", "1", "share on the object's target", LAVOIE, |s, p| {
+        gaze::share(s, p, |at| at == LookedAt::Target(p.object))
+    }),
+    measure!(
+        "gaze_hand",
+        "1",
+        "share on the prosthetic hand; while it holds the object, the object counts",
+        LAVOIE,
+        |s, p| { gaze::share(s, p, |at| at == LookedAt::Hand) }
+    ),
+    measure!(
+        "gaze_arm",
+        "1",
+        "share on the arm, where the original draws the mode too",
+        "ProACT paper, Gaze",
+        |s, p| { gaze::share(s, p, |at| at == LookedAt::Arm) }
+    ),
+    measure!(
+        "gaze_elsewhere",
+        "1",
+        "share on none of these, in looks of at least 80 ms; the rest were shorter",
+        OURS,
+        |s, p| {
+            gaze::share(s, p, |at| {
+                matches!(at, LookedAt::Elsewhere)
+                    || matches!(at, LookedAt::Target(object) if object != p.object)
+            })
+        }
+    ),
+    measure!(
+        "eye_arrival_ms",
+        "ms",
+        "how long before the hand the eye was first at what the hand went to: the object of a pick, the target of a place",
+        LAVOIE,
+        gaze::arrival
+    ),
+    measure!(
+        "eye_leaving_ms",
+        "ms",
+        "how long after the hand the eye left that; negative where the eye left first",
+        LAVOIE,
+        gaze::leaving
+    ),
+    measure!(
+        "eye_switches",
+        "",
+        "how often the eye went between hand and what the hand went to",
+        "JNER 2023, 20:49",
+        |s, p| { gaze::switches(s, p).map(|count| count as f64) }
+    ),
+];
+
+/// Of an object in a trial.
+pub const OF_OBJECT: &[Measure<Handling>] = &[
+    measure!("grasps", "", "how often it was taken", OURS, |_, h| Some(h.grasps as f64)),
+    measure!("crossed", "", "1 if it was brought or pushed across the partition", PAPER, |_, h| h
+        .crossed
+        .map(truth)),
+    measure!(
+        "pick_s",
+        "s",
+        "from the release of the object before, or the start, until it was first taken; of objects that crossed in the end",
+        PAPER,
+        |_, h| { h.first_pick.filter(|_| h.crossed != Some(false)).map(|pick| pick.secs()) }
+    ),
+    measure!("pick_with_method", "", "1 if the person moved the arm in that pick", PAPER, |s, h| {
+        let pick = h.first_pick.filter(|_| h.crossed != Some(false))?;
+        joints::used(s.trace, pick.from, pick.to).map(truth)
+    }),
+    measure!(
+        "place_s",
+        "s",
+        "from grasping to release, where the object crossed in between and was above its target region before the release",
+        PAPER,
+        |_, h| { h.good_place.map(|place| place.secs()) }
+    ),
+    measure!("place_with_method", "", "1 if the person moved the arm in that place", PAPER, |s, h| {
+        let place = h.good_place?;
+        joints::used(s.trace, place.from, place.to).map(truth)
+    }),
+    measure!(
+        "least_distance_mm",
+        "mm",
+        "smallest horizontal distance from its target over the trial",
+        PAPER,
+        |_, h| { h.least_distance.map(|distance| distance * MM) }
+    ),
+    measure!(
+        "disturbed",
+        "",
+        "1 if it left its target region without being held, after it was let go there",
+        "ProACT paper, Study 2",
+        |s, h| { s.trace.scene.target(h.object).map(|_| truth(h.disturbed.is_some())) }
+    ),
+];
+
+fn count(scored: &Scored<'_>, kind: FaultKind) -> Option<f64> {
+    let told = scored.trace.tells_events || !kind.needs_events();
+    told.then(|| scored.faults.iter().filter(|fault: &&Fault| fault.kind == kind).count() as f64)
+}
+
+macro_rules! faults {
+    ($name:literal, $meaning:literal, $kind:ident) => {
+        measure!($name, "", $meaning, OURS, |s, ()| count(s, FaultKind::$kind))
+    };
+}
+
+/// Of a whole trial.
+pub const OF_TRIAL: &[Measure<()>] = &[
+    measure!("grasps", "", "how often an object was taken", OURS, |s, ()| {
+        Some(s.phases.iter().filter(|phase| phase.kind == PhaseKind::Place).count() as f64)
+    }),
+    measure!("attempts", "", "how often the hand closed to take something", OURS, |s, ()| {
+        let taken = s.phases.iter().filter(|phase| phase.kind == PhaseKind::Pick).count() as f64;
+        count(s, FaultKind::GraspFailed).map(|failed| taken + failed)
+    }),
+    faults!("failed_grasps", "how often the hand closed and held nothing", GraspFailed),
+    faults!("wrong_objects", "how often an object was taken that the task had not asked for", WrongObject),
+    faults!("drops", "how often an object was let go more than 2 cm above the table", Dropped),
+    faults!("released_short", "how often one was put down neither across nor in its region", ReleasedShort),
+    faults!("on_floor", "objects that fell below the table", OnFloor),
+    faults!("disturbed", "objects that left their target region without being held", Disturbed),
+    faults!("plan_failures", "how often the planner found no path", PlanFailed),
+    faults!(
+        "false_triggers",
+        "gestures that came and went within 300 ms between two spells of one other gesture",
+        FalseTrigger
+    ),
+    measure!("false_trigger_ms", "ms", "how long those lasted together", OURS, |s, ()| {
+        Some(emg::bursts(s.trace).into_iter().map(|(_, millis)| millis as f64).sum())
+    }),
+    faults!("stops", "how often a source of signals died", Stopped),
+    measure!("gesture_changes", "", "changes of the gesture in force", OURS, |s, ()| Some(emg::changes(
+        s.trace
+    ) as f64)),
+    measure!("decisions_per_s", "1/s", "decisions of the EMG's classifier a second", OURS, |s, ()| {
+        emg::decision_rate(s.trace)
+    }),
+    measure!(
+        "gesture_to_motion_ms",
+        "ms",
+        "middle one of the times from a gesture to the first 0.002 rad of a joint, within two seconds; to the record's step",
+        OURS,
+        |s, ()| emg::latency(s.trace)
+    ),
+    measure!("shoulder_path_m", "m", "length of the shoulder's way, low-passed at 6 Hz", OURS, |s, ()| {
+        shoulder::path(s.trace, SimTime(0), s.trace.length)
+    }),
+    measure!(
+        "shoulder_range_mm",
+        "mm",
+        "furthest of the shoulder from where it was first",
+        "Major et al. 2014, JNER 11:132",
+        |s, ()| { shoulder::range(s.trace, SimTime(0), s.trace.length).map(|range| range * MM) }
+    ),
+    measure!(
+        "shoulder_turn_deg",
+        "degree",
+        "furthest turn of the shoulder from how it was first",
+        "Major et al. 2014, JNER 11:132",
+        |s, ()| { shoulder::turn(s.trace, SimTime(0), s.trace.length) }
+    ),
+    measure!("gaze_known", "1", "share of the trial with a gaze, 0 to 1", OURS, |s, ()| {
+        let with = s.trace.instants.iter().filter(|i| i.gaze.is_some_and(|gaze| gaze.valid)).count();
+        (with > 0).then(|| with as f64 / s.trace.instants.len() as f64)
+    }),
+];

@@ -1,0 +1,106 @@
+use super::Trace;
+use proact_types::{EventKind, ObjectId, SimTime};
+use serde::Serialize;
+
+/// What the hand does in a phase.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PhaseKind {
+    /// From the release of the object before, or the start of the trial, until contact was made: the paper's pick.
+    Pick,
+    /// From grasping to release: the paper's place.
+    Place,
+}
+
+impl PhaseKind {
+    /// For a table.
+    pub fn label(self) -> &'static str {
+        match self {
+            PhaseKind::Pick => "pick",
+            PhaseKind::Place => "place",
+        }
+    }
+}
+
+/// A reach that ended with an object in the hand, or its transport. Reaches for nothing have no phase.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Phase {
+    /// Which of the two.
+    pub kind: PhaseKind,
+    /// The object.
+    pub object: ObjectId,
+    /// The how manyth time that this object was taken, from 1.
+    pub time: usize,
+    /// When it began.
+    pub from: SimTime,
+    /// When it ended.
+    pub to: SimTime,
+    /// False for a transport that the end of the trial cut off.
+    pub ended: bool,
+    /// The object was brought across the partition in it; none where there is none between start and target.
+    pub crossed: Option<bool>,
+    /// The object's centre was above its target region in it; none without a target.
+    pub entered: Option<bool>,
+}
+
+impl Phase {
+    /// Its length, seconds.
+    pub fn secs(&self) -> f64 {
+        // Divided, so that 18 ms are 0.018 and not a digit more.
+        self.to.millis_since(self.from) as f64 / 1e3
+    }
+}
+
+/// The phases of a trial: of each grasp a pick and a place, in their order.
+///
+/// Source: ProACT paper, section "Transfer timings and accuracy".
+pub fn phases(trace: &Trace) -> Vec<Phase> {
+    let mut phases = Vec::new();
+    let mut free_since = SimTime(0);
+    let mut held: Option<(ObjectId, SimTime)> = None;
+    let mut times = vec![0; trace.scene.objects.len()];
+    for event in &trace.events {
+        match event.kind {
+            EventKind::ObjectAttached { object } if object.index() < times.len() => {
+                if let Some((before, since)) = held.take() {
+                    phases.push(place(trace, before, since, event.time, true, times[before.index()]));
+                    free_since = event.time;
+                }
+                times[object.index()] += 1;
+                phases.push(Phase {
+                    kind: PhaseKind::Pick,
+                    object,
+                    time: times[object.index()],
+                    from: free_since,
+                    to: event.time,
+                    ended: true,
+                    crossed: None,
+                    entered: None,
+                });
+                held = Some((object, event.time));
+            }
+            EventKind::ObjectReleased { object } => {
+                if let Some((_, since)) = held.take_if(|(holds, _)| *holds == object) {
+                    phases.push(place(trace, object, since, event.time, true, times[object.index()]));
+                    free_since = event.time;
+                }
+            }
+            _ => {}
+        }
+    }
+    if let Some((object, since)) = held {
+        phases.push(place(trace, object, since, trace.length, false, times[object.index()]));
+    }
+    phases
+}
+
+fn place(trace: &Trace, object: ObjectId, from: SimTime, to: SimTime, ended: bool, time: usize) -> Phase {
+    let within = trace.between(from, to);
+    let side = |time| Some(trace.at(time)?.objects.get(object.index())?.translation.vector.y);
+    let crossed =
+        trace.far_side(object).and_then(|far| Some(side(from)? * far <= 0.0 && side(to)? * far > 0.0));
+    let entered = trace.scene.target(object).map(|target| {
+        within.iter().any(|instant| trace.distance(object, instant).is_some_and(|away| away <= target.radius))
+    });
+    Phase { kind: PhaseKind::Place, object, time, from, to, ended, crossed, entered }
+}

@@ -1,0 +1,69 @@
+//! What the body did instead of the arm.
+
+use super::{Instant, Trace, motion::Way};
+use proact_types::{Point, Pose, SimTime, Vector};
+
+/// From one pose of the paper's sums to the next, milliseconds.
+const PAPER_STEP_MS: u64 = 100;
+
+fn shoulder(instant: &Instant) -> Point {
+    Point::from(instant.base.translation.vector)
+}
+
+/// Poses of the base at 10 Hz from the first instant on, and the last one.
+fn at_10_hz(trace: &Trace, from: SimTime, to: SimTime) -> Vec<&Pose> {
+    let steps = (from.0..=to.0).step_by(PAPER_STEP_MS as usize);
+    steps.filter_map(|time| trace.at(SimTime(time))).map(|instant| &instant.base).collect()
+}
+
+/// Sum of the shoulder's steps at 10 Hz, metres.
+pub(super) fn translation_sum10(trace: &Trace, from: SimTime, to: SimTime) -> Option<f64> {
+    let poses = at_10_hz(trace, from, to);
+    let steps = poses.windows(2).map(|two| (two[1].translation.vector - two[0].translation.vector).norm());
+    (poses.len() > 1).then(|| steps.sum())
+}
+
+/// Sum of the shoulder's turns at 10 Hz, degrees.
+pub(super) fn rotation_sum10(trace: &Trace, from: SimTime, to: SimTime) -> Option<f64> {
+    let poses = at_10_hz(trace, from, to);
+    let turns = poses.windows(2).map(|two| two[0].rotation.angle_to(&two[1].rotation).to_degrees());
+    (poses.len() > 1).then(|| turns.sum())
+}
+
+/// Length of the shoulder's way, low-passed, metres.
+pub(super) fn path(trace: &Trace, from: SimTime, to: SimTime) -> Option<f64> {
+    Way::of(trace.between(from, to), shoulder).map(|way| way.length())
+}
+
+/// Furthest of the shoulder from where it was first, low-passed, metres.
+pub(super) fn range(trace: &Trace, from: SimTime, to: SimTime) -> Option<f64> {
+    Way::of(trace.between(from, to), shoulder).map(|way| way.range())
+}
+
+/// Furthest turn of the shoulder from how it was first, degrees.
+pub(super) fn turn(trace: &Trace, from: SimTime, to: SimTime) -> Option<f64> {
+    let within = trace.between(from, to);
+    let first = within.first()?.base.rotation;
+    let turns = within.iter().map(|instant| first.angle_to(&instant.base.rotation).to_degrees());
+    turns.reduce(f64::max)
+}
+
+/// Share of the hand's way from where it was first to where it was last that the base brought it, the rest is the joints'; none where
+/// the hand went less than a centimetre.
+///
+/// In each step the base's part is where the hand would have gone had no joint moved. The parts are added up along the straight line;
+/// they may be below 0 or above 1 where base and joints worked against each other.
+pub(super) fn base_share(trace: &Trace, from: SimTime, to: SimTime) -> Option<f64> {
+    const LEAST_M: f64 = 0.01;
+    let within = trace.between(from, to);
+    let line: Vector = within.last()?.hand - within.first()?.hand;
+    let distance = line.norm();
+    if distance < LEAST_M {
+        return None;
+    }
+    let by_base = within.windows(2).map(|two| {
+        let carried = two[1].base * (two[0].base.inverse() * two[0].hand);
+        (carried - two[0].hand).dot(&line)
+    });
+    Some(by_base.sum::<f64>() / (distance * distance))
+}
