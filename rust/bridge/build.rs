@@ -12,6 +12,7 @@ fn main() {
         "web/dist/experimenter.html",
         "web/dist/replay.html",
         "web/dist/calibrate.html",
+        "web/dist/figures.js",
     ] {
         if !Path::new(file).is_file() {
             // One line each: Cargo prints them as errors of this crate and stops here.

@@ -78,6 +78,19 @@ impl std::fmt::Display for Cell {
     }
 }
 
+impl Cell {
+    /// What a file has as text: a number if it is written as one.
+    pub fn read(text: &str) -> Self {
+        match (text.parse::<i64>(), text.parse::<f64>()) {
+            _ if text.is_empty() => Cell::Missing,
+            // `007` is a name.
+            (Ok(whole), _) if whole.to_string() == text => Cell::Whole(whole),
+            (Err(_), Ok(real)) if real.is_finite() => Cell::Real(real),
+            _ => Cell::Words(text.to_owned()),
+        }
+    }
+}
+
 /// A value as the word that files have for it, such as `on_target`.
 pub fn word<T: serde::Serialize>(value: &T) -> String {
     match serde_json::to_value(value) {
@@ -104,6 +117,32 @@ impl Table {
     /// A table without rows.
     pub fn new(name: &'static str, row: &'static str, columns: &'static [Column]) -> Self {
         Self { name, row, columns, rows: Vec::new() }
+    }
+
+    /// The place of the column called `name`.
+    pub fn place(&self, name: &str) -> Option<usize> {
+        self.columns.iter().position(|column| column.name == name)
+    }
+
+    /// What `row` has in the column called `name`.
+    pub fn cell<'a>(&self, row: &'a [Cell], name: &str) -> Option<&'a Cell> {
+        row.get(self.place(name)?).filter(|cell| **cell != Cell::Missing)
+    }
+
+    /// The number that `row` has in the column called `name`.
+    pub fn number(&self, row: &[Cell], name: &str) -> Option<f64> {
+        match self.cell(row, name)? {
+            Cell::Whole(number) => Some(*number as f64),
+            Cell::Real(number) => Some(*number),
+            // What a person answered is words, whatever was asked.
+            Cell::Words(words) => words.parse().ok().filter(|number: &f64| number.is_finite()),
+            Cell::Missing => None,
+        }
+    }
+
+    /// What `row` has in the column called `name`, as words; empty if it is missing.
+    pub fn words(&self, row: &[Cell], name: &str) -> String {
+        self.cell(row, name).map(Cell::to_string).unwrap_or_default()
     }
 
     /// Adds a row.

@@ -33,7 +33,72 @@ const HEADSET_WORLD: &str = "hololens_world_test";
 /// # Errors
 /// A file that is no bag, or holds neither joints nor blocks under the original's names.
 pub fn read(path: &Path, arm: &Arm) -> Result<RecordedTrial, Box<dyn Error>> {
-    let mut film = Film::new(arm.model(), method_of(path));
+    let Watched { frames, task, end, .. } = watch(path, arm.model(), default_task(), PERIOD_MS)?;
+    let last = frames.last().ok_or("the bag holds no instant")?;
+    let content = PageContent {
+        title: "Bag".to_owned(),
+        setup: "bag".to_owned(),
+        arm: arm.model().as_ref().clone(),
+        meshes: arm.meshes(),
+        scene: task.scene().clone(),
+        briefing: task.briefing().clone(),
+        interactive: false,
+        lean: false,
+        method: MethodRegistry::standard()
+            .get(&last.method)
+            .map(|entry| entry.info().clone())
+            .unwrap_or_default(),
+        methods: vec![],
+    };
+    if end != BagEnd::Whole {
+        tell(format_args!("{}: {end}", path.display()));
+    }
+    Ok(RecordedTrial {
+        name: path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned(),
+        method: last.method.clone(),
+        setup: "bag".to_owned(),
+        seed: None,
+        seconds: last.time.as_secs(),
+        score: task.state().score,
+        content,
+        agrees: None,
+        finished: end == BagEnd::Whole,
+        frames,
+    })
+}
+
+/// The task of the original, with its blocks anywhere: a bag says where they are.
+pub(crate) fn default_task() -> Box<dyn Task> {
+    let task =
+        TaskChoice::named(DEFAULT_TASK, 0).and_then(|task| task.build_within(false, Some(LONGEST_SECS)));
+    task.expect("the default task ships with the program and is tested there")
+}
+
+/// What was seen in a bag.
+pub(crate) struct Watched {
+    /// Its instants.
+    pub(crate) frames: Vec<DisplayFrame>,
+    /// The task after the last one.
+    pub(crate) task: Box<dyn Task>,
+    /// The objects then.
+    pub(crate) bodies: Vec<BodyState>,
+    /// Decisions of the EMG's classifier.
+    pub(crate) decisions: u64,
+    /// Whether the bag is whole.
+    pub(crate) end: BagEnd,
+}
+
+/// Reads the bag at `path`, an instant each `period_ms`, judged by `task`.
+///
+/// # Errors
+/// As [`read`].
+pub(crate) fn watch(
+    path: &Path,
+    arm: &ArmModel,
+    task: Box<dyn Task>,
+    period_ms: u64,
+) -> Result<Watched, Box<dyn Error>> {
+    let mut film = Film::new(arm, method_of(path), task, period_ms);
     let end = read_bag(path, |message| film.take(message))?;
     if !film.joints_seen && !film.blocks_seen {
         film.topics.sort();
@@ -49,40 +114,12 @@ pub fn read(path: &Path, arm: &Arm) -> Result<RecordedTrial, Box<dyn Error>> {
     if end == BagEnd::Whole {
         film.come_to_rest();
     }
-    let content = PageContent {
-        title: "Bag".to_owned(),
-        setup: "bag".to_owned(),
-        arm: arm.model().as_ref().clone(),
-        meshes: arm.meshes(),
-        scene: film.task.scene().clone(),
-        briefing: film.task.briefing().clone(),
-        interactive: false,
-        lean: false,
-        method: MethodRegistry::standard()
-            .get(&film.frame.method)
-            .map(|entry| entry.info().clone())
-            .unwrap_or_default(),
-        methods: vec![],
-    };
-    if end != BagEnd::Whole {
-        tell(format_args!("{}: {end}", path.display()));
-    }
-    Ok(RecordedTrial {
-        name: path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned(),
-        method: film.frame.method.clone(),
-        setup: "bag".to_owned(),
-        seed: None,
-        seconds: film.frame.time.as_secs(),
-        score: film.task.state().score,
-        content,
-        agrees: None,
-        finished: end == BagEnd::Whole,
-        frames: film.frames,
-    })
+    let Film { frames, task, bodies, decisions, .. } = film;
+    Ok(Watched { frames, task, bodies, decisions, end })
 }
 
 /// The original calls its bags `participant1-mode4-trial2-..`: modes 1 to 4 are methods A to D.
-fn method_of(path: &Path) -> String {
+pub(crate) fn method_of(path: &Path) -> String {
     let name = path.file_stem().unwrap_or_default().to_string_lossy();
     let mode = name.split_once("mode").and_then(|(_, rest)| rest.chars().next());
     match mode {
@@ -114,6 +151,8 @@ struct Film<'a> {
     looked: Option<SimTime>,
     first_ns: Option<u64>,
     due: SimTime,
+    period_ms: u64,
+    decisions: u64,
     joints_seen: bool,
     blocks_seen: bool,
     topics: Vec<String>,
@@ -121,12 +160,9 @@ struct Film<'a> {
 }
 
 impl<'a> Film<'a> {
-    fn new(arm: &'a ArmModel, method: String) -> Self {
+    fn new(arm: &'a ArmModel, method: String, task: Box<dyn Task>, period_ms: u64) -> Self {
         let joints =
             arm.moving().enumerate().map(|(n, joint)| (arm.joints[joint].name.as_str(), n)).collect();
-        let task =
-            TaskChoice::named(DEFAULT_TASK, 0).and_then(|task| task.build_within(false, Some(LONGEST_SECS)));
-        let task = task.expect("the default task ships with the program and is tested there");
         let resting = |object: &Object| BodyState {
             pose: object.pose,
             linear: Vector::zeros(),
@@ -173,6 +209,8 @@ impl<'a> Film<'a> {
             looked: None,
             first_ns: None,
             due: SimTime(0),
+            period_ms,
+            decisions: 0,
             joints_seen: false,
             blocks_seen: false,
             topics: Vec::new(),
@@ -209,7 +247,8 @@ impl<'a> Film<'a> {
                     self.look(&vector(&gaze.vector));
                 }
             }
-            "/tf" | "/tf_static" => {
+            // Of the many frames the headset's is the only one that is asked for.
+            "/tf" | "/tf_static" if message.holds(HEADSET_WORLD) => {
                 if let Some(frames) = message.decode::<ros::TfMessage>()? {
                     self.tie(&frames);
                 }
@@ -228,6 +267,7 @@ impl<'a> Film<'a> {
             }
             topic::EMG => {
                 if let Some(text) = message.decode::<ros::Text>()? {
+                    self.decisions += 1;
                     let known = Gesture::ALL.into_iter().find(|gesture| gesture.ros_name() == text.data);
                     self.frame.gesture = known.unwrap_or(Gesture::NoMotion);
                 }
@@ -265,7 +305,7 @@ impl<'a> Film<'a> {
         }
         if now >= self.due {
             self.keep();
-            self.due = now.plus_millis(PERIOD_MS);
+            self.due = now.plus_millis(self.period_ms);
         }
         Ok(())
     }

@@ -7,6 +7,7 @@
 #![allow(clippy::disallowed_methods)] // Here are the clock, the threads and the files that stages lack.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+pub mod analysis;
 mod arm;
 mod armband;
 mod centred;

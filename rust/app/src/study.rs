@@ -5,12 +5,13 @@ mod conductor;
 mod export;
 mod live;
 mod rehearsal;
-mod tables;
+pub(crate) mod tables;
 mod worker;
 
 pub use batch::{ConditionSummary, simulate};
 pub use conductor::{Conductor, Look, STUDY_FILE, StudyError, TRIALS_FOLDER, look, record_name};
 pub use export::{ExportOptions, Exported, archive, export};
+pub(crate) use export::{codebook_csv, table_csv};
 pub use live::{LiveStudy, OnScreen, OpenPerson, StudyEquipment, opening};
 pub use rehearsal::{RehearsalOptions, Rehearsed, rehearse};
 pub use tables::tables;

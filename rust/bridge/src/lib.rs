@@ -34,6 +34,7 @@
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod assets;
+pub use assets::figures_script;
 mod calibration;
 mod calibration_screen;
 mod camera;

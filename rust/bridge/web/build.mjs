@@ -30,6 +30,20 @@ const options = {
   metafile: true,
 };
 
+/** The figures of reports, which the program runs itself: no page loads them. */
+const figures = {
+  absWorkingDir: root,
+  entryPoints: { figures: "src/figures/figures.ts" },
+  inject: ["src/figures/intl.js"],
+  outdir: "dist",
+  bundle: true,
+  minify: true,
+  format: "iife",
+  target: "es2020",
+  legalComments: "linked",
+  logLevel: "warning",
+};
+
 await rm(`${root}dist`, { recursive: true, force: true });
 await mkdir(`${root}dist`, { recursive: true });
 const pages = ["index.html", "calibrate.html", "experimenter.html", "reference-board.html", "replay.html"];
@@ -64,5 +78,6 @@ if (process.argv.includes("--watch")) {
   await context.watch();
 } else {
   await copyPages(await esbuild.build(options));
+  await esbuild.build(figures);
   await compress();
 }

@@ -1,10 +1,14 @@
-//! `proact analyze`: numbers from recorded trials.
+//! `proact analyze`: tables, figures and statistics of whatever was recorded.
 
 use crate::progress::bar;
 use clap::Args;
-use proact_app::{answer, intent_scores};
+use proact_app::{
+    analysis::{self, ReportOptions},
+    answer, intent_scores, tell,
+};
 use proact_control::MethodRegistry;
 use proact_intent::IntentOptions;
+use serde_json::json;
 use std::{
     error::Error,
     fs,
@@ -13,33 +17,78 @@ use std::{
 
 /// Arguments of `proact analyze`.
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:\n  proact analyze trials --intent\n  \
-    proact analyze trials/D-seated-seed1 --intent --json\n\n\
-    A pick lasts from the start of the trial, or a release, until a block is attached: that block is what was meant. \
-    Every model gets the recorded gaze and the recomputed places of the blocks. Exit code 0 only if every trial could \
-    be used.")]
+#[command(after_help = "Examples:\n  proact analyze mystudy\n  proact analyze trials --out report\n  \
+    proact analyze bags/participant1-mode4-trial2.bag\n  proact analyze trials --intent --json\n\n\
+    Takes a study, a folder of recorded trials, bags of the original lab, or tables of an export. Writes report.html, which needs \
+    no network, every figure as SVG and PNG, every table as CSV and LaTeX. docs/analysis.md defines each figure.\n\n\
+    With --intent a pick lasts from the start of the trial, or a release, until a block is attached: that block is what was meant. \
+    Every model gets the recorded gaze and the recomputed places of the blocks; exit code 0 only if every trial could be used.")]
 pub(crate) struct AnalyzeArgs {
-    /// Trial directory, or a folder of trial directories
+    /// Study, trial, folder of trials or of bags, bag, or folder of exported tables
     dir: PathBuf,
-    /// Score the models of intent: loss, calibration, time to correct
+    /// Folder for the report; by default analysis in the folder, or beside a trial or bag
+    #[arg(long, value_name = "DIR", conflicts_with = "intent")]
+    out: Option<PathBuf>,
+    /// Trials that are scored at once; by default as many as there are processors
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256), conflicts_with = "intent")]
+    jobs: Option<u16>,
+    /// Seed of bootstraps and drawn permutations
+    #[arg(long, default_value_t = 1, conflicts_with = "intent")]
+    seed: u64,
+    /// Score the models of intent instead: loss, calibration, time to correct
     #[arg(long)]
     intent: bool,
     /// Options of the models, as TOML such as "sigma = 0.03"; by default each trial's own and the models' defaults
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", requires = "intent")]
     options: Option<PathBuf>,
     /// One JSON object on standard output
     #[arg(long)]
     json: bool,
 }
 
-/// Runs the command; true if every trial could be used.
+/// Runs the command; true if all went well, with --intent if every trial could be used.
 ///
 /// # Errors
-/// No trial there, none of use, unreadable options.
+/// Nothing to analyse there, a folder that is somebody else's, unreadable options.
 pub(crate) fn command(methods: &MethodRegistry, args: &AnalyzeArgs) -> Result<bool, Box<dyn Error>> {
-    if !args.intent {
-        return Err("say what to analyze: --intent is what there is".into());
+    if args.intent { intent(methods, args) } else { report(methods, args).map(|()| true) }
+}
+
+fn report(methods: &MethodRegistry, args: &AnalyzeArgs) -> Result<(), Box<dyn Error>> {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let jobs = args.jobs.map_or(cores, usize::from);
+    let scoring = bar(!args.json, 0, "{elapsed} {bar:40} {pos} of {len} trials scored");
+    scoring.enable_steady_tick(std::time::Duration::from_millis(500));
+    let collected = analysis::collect(methods, &args.dir, jobs, &|done, all| {
+        scoring.set_length(all as u64);
+        scoring.set_position(done as u64);
+    })?;
+    scoring.finish_and_clear();
+    let out = args.out.clone().unwrap_or_else(|| analysis::report_folder(&args.dir));
+    let drawing = bar(!args.json, 0, "{elapsed} {bar:40} {pos} of {len} figures");
+    let written = analysis::report(&collected, &ReportOptions { out, seed: args.seed }, |done, all| {
+        drawing.set_length(all as u64);
+        drawing.set_position(done as u64);
+    })?;
+    drawing.finish_and_clear();
+    if args.json {
+        let object = json!({
+            "tables": written.tables, "figures": written.figures, "report": written.page, "notes": collected.notes,
+        });
+        return Ok(answer(object.to_string())?);
     }
+    collected.notes.iter().for_each(|note| tell(note));
+    answer(format_args!(
+        "{} tables and {} figures of {} trials; open {}",
+        written.tables.len(),
+        written.figures.len(),
+        collected.tables["trials"].rows.len(),
+        written.page.display()
+    ))?;
+    Ok(())
+}
+
+fn intent(methods: &MethodRegistry, args: &AnalyzeArgs) -> Result<bool, Box<dyn Error>> {
     let options = args.options.as_deref().map(read_options).transpose()?;
     let bar = bar(!args.json, 0, "{elapsed} {bar:40} {pos} of {len} trials  {msg}");
     let report = intent_scores::intent(methods, &args.dir, options.as_ref(), |done, all, dir| {

@@ -3,9 +3,9 @@
 use super::{Trace, joints};
 use proact_types::{EventKind, Gesture, SimTime};
 
-/// A gesture that came and went within this, milliseconds, between two spells of another one was nobody's wish: a person needs longer
-/// than that to choose (0.25 to 0.4 s).
-const BURST_MS: u64 = 300;
+/// A gesture that came and went within this, milliseconds, between two spells of another one was nobody's wish: people take
+/// 0.22 s to make a wanted one (Kuiken et al. 2009, PMC3036162).
+const BURST_MS: u64 = 200;
 
 /// Gestures in force with their beginnings, in order.
 fn spells(trace: &Trace) -> Vec<(SimTime, Gesture)> {
@@ -27,7 +27,7 @@ fn spells(trace: &Trace) -> Vec<(SimTime, Gesture)> {
     found
 }
 
-/// Gestures that came and went between two spells of one other gesture within 300 ms: when, and for how many milliseconds.
+/// Gestures that came and went between two spells of one other gesture within 200 ms: when, and for how many milliseconds.
 pub(super) fn bursts(trace: &Trace) -> Vec<(SimTime, u64)> {
     let mut spells = spells(trace);
     spells.insert(0, (SimTime(0), Gesture::NoMotion));

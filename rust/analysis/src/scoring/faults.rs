@@ -24,7 +24,7 @@ pub enum FaultKind {
     Disturbed,
     /// The planner found no path to the goal.
     PlanFailed,
-    /// A gesture came and went within 300 ms.
+    /// A gesture came and went within 200 ms.
     FalseTrigger,
     /// A source of signals died, and the arm stood still.
     Stopped,

@@ -261,7 +261,7 @@ pub const OF_TRIAL: &[Measure<()>] = &[
     faults!("plan_failures", "how often the planner found no path", PlanFailed),
     faults!(
         "false_triggers",
-        "gestures that came and went within 300 ms between two spells of one other gesture",
+        "gestures that came and went within 200 ms between two spells of one other gesture",
         FalseTrigger
     ),
     measure!("false_trigger_ms", "ms", "how long those lasted together", OURS, |s, ()| {

@@ -61,6 +61,8 @@ pub fn phases(trace: &Trace) -> Vec<Phase> {
     let mut times = vec![0; trace.scene.objects.len()];
     for event in &trace.events {
         match event.kind {
+            // Told twice, by the hand and by the task, it is one grasp.
+            EventKind::ObjectAttached { object } if held.is_some_and(|(holds, _)| holds == object) => {}
             EventKind::ObjectAttached { object } if object.index() < times.len() => {
                 if let Some((before, since)) = held.take() {
                     phases.push(place(trace, before, since, event.time, true, times[before.index()]));

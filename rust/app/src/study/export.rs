@@ -62,9 +62,9 @@ pub fn export(study: &Study, options: &ExportOptions) -> Result<Exported, Box<dy
     claim(&folder)?;
     // The codebook first: by it the next export knows the folder as its own, whatever ends this one.
     let mut texts =
-        vec![(CODEBOOK.to_owned(), codebook(&made)?), ("questions.csv".to_owned(), questions(study)?)];
+        vec![(CODEBOOK.to_owned(), codebook_csv(&made)?), ("questions.csv".to_owned(), questions(study)?)];
     for table in &made {
-        texts.push((format!("{}.csv", table.name), csv(table)?));
+        texts.push((format!("{}.csv", table.name), table_csv(table)?));
     }
     texts.push((super::PLAN_FILE.to_owned(), study.plan_text.clone()));
     for (name, text) in texts {
@@ -120,7 +120,8 @@ fn remove(path: &Path) -> Result<(), Box<dyn Error>> {
     }
 }
 
-fn csv(table: &Table) -> Result<String, Box<dyn Error>> {
+/// A table as CSV.
+pub(crate) fn table_csv(table: &Table) -> Result<String, Box<dyn Error>> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     writer.write_record(table.columns.iter().map(|column| column.name))?;
     for row in &table.rows {
@@ -130,7 +131,7 @@ fn csv(table: &Table) -> Result<String, Box<dyn Error>> {
 }
 
 /// What each column of each table is.
-fn codebook(tables: &[Table]) -> Result<String, Box<dyn Error>> {
+pub(crate) fn codebook_csv(tables: &[Table]) -> Result<String, Box<dyn Error>> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     writer.write_record(["table", "row", "column", "unit", "meaning", "source"])?;
     for table in tables {

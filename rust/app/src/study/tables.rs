@@ -1,7 +1,7 @@
 //! The tidy tables of a study: from its journal, and from the records of its trials.
 
-mod columns;
-mod trials;
+pub(crate) mod columns;
+pub(crate) mod trials;
 
 use super::{Study, conductor::Look};
 use proact_analysis::table::{Cell, Table};
@@ -10,6 +10,7 @@ use proact_study::{Deviation, FormItem, Happening, PlannedTrial, Spot, StepOutco
 use std::{
     collections::{BTreeMap, BTreeSet},
     error::Error,
+    path::PathBuf,
 };
 
 /// All tables of a study as far as it is. `raw` adds gaze and shoulder sample by sample, which may tell who somebody is.
@@ -17,7 +18,34 @@ use std::{
 /// # Errors
 /// A record that cannot be read, by its name.
 pub fn tables(study: &Study, look: &Look, raw: bool) -> Result<Vec<Table>, Box<dyn Error>> {
-    let journal = Told { study, look, times: times(&look.entries) };
+    all_tables(&Told { study, look, times: times(&look.entries) }, raw, None)
+}
+
+/// The same without those records that cannot be read, and what is wrong with these.
+///
+/// # Errors
+/// Answers that cannot be scored.
+pub(crate) fn readable_tables(
+    study: &Study,
+    look: &Look,
+) -> Result<(Vec<Table>, Vec<String>), Box<dyn Error>> {
+    let mut unread = Vec::new();
+    let told = Told { study, look, times: times(&look.entries) };
+    Ok((all_tables(&told, false, Some(&mut unread))?, unread))
+}
+
+/// Every trial that counts: its key and where its record is.
+pub(crate) fn counted_trials(study: &Study, look: &Look) -> Vec<(Vec<Cell>, PathBuf)> {
+    let told = Told { study, look, times: times(&look.entries) };
+    let record = |counted: Counted<'_>| (told.trial_key(counted.planned), study.folder.join(&counted.record));
+    told.counted().into_iter().map(record).collect()
+}
+
+fn all_tables(
+    journal: &Told<'_>,
+    raw: bool,
+    unread: Option<&mut Vec<String>>,
+) -> Result<Vec<Table>, Box<dyn Error>> {
     let mut tables = vec![
         journal.participants(),
         journal.sessions(),
@@ -27,7 +55,7 @@ pub fn tables(study: &Study, look: &Look, raw: bool) -> Result<Vec<Table>, Box<d
         journal.events(),
     ];
     tables.extend(journal.questionnaires()?);
-    tables.extend(trials::tables(&journal, raw)?);
+    tables.extend(trials::tables(journal, raw, unread)?);
     Ok(tables)
 }
 

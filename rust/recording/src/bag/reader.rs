@@ -31,6 +31,11 @@ pub struct BagMessage<'a> {
 }
 
 impl BagMessage<'_> {
+    /// Whether the message has `text` among its bytes: much less work than to decode it.
+    pub fn holds(&self, text: &str) -> bool {
+        self.bytes.windows(text.len()).any(|bytes| bytes == text.as_bytes())
+    }
+
     /// The message; none if it is of another type. The definition in the bag may have fields beyond those of `M`.
     ///
     /// # Errors

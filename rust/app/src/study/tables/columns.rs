@@ -26,12 +26,15 @@ const DEPARTURES: Column = column(
     "journal",
 );
 
+/// The columns that name a trial.
+pub(crate) const TRIAL_KEY: [Column; 5] = [PARTICIPANT, ID, SESSION, CONDITION, TRIAL];
+
 /// The columns that name a trial, then the table's own.
 macro_rules! of_a_trial {
     ($($own:expr),* $(,)?) => { &[PARTICIPANT, ID, SESSION, CONDITION, TRIAL, $($own),*] };
 }
 
-pub(super) const PARTICIPANTS: &[Column] = &[
+pub(crate) const PARTICIPANTS: &[Column] = &[
     PARTICIPANT,
     ID,
     SIMULATED,
@@ -44,7 +47,7 @@ pub(super) const PARTICIPANTS: &[Column] = &[
     DEPARTURES,
 ];
 
-pub(super) const SESSIONS: &[Column] = &[
+pub(crate) const SESSIONS: &[Column] = &[
     PARTICIPANT,
     ID,
     SESSION,
@@ -56,7 +59,7 @@ pub(super) const SESSIONS: &[Column] = &[
     DEPARTURES,
 ];
 
-pub(super) const TRIALS: &[Column] = of_a_trial![
+pub(crate) const TRIALS: &[Column] = of_a_trial![
     column("position", "", "place of the condition in the participant's order, from 1", "plan"),
     column("arrangement", "", "where the objects stood, by the task's name", "plan"),
     column("seed", "", "of every random stream of the trial", "plan"),
@@ -83,7 +86,7 @@ pub(super) const TRIALS: &[Column] = of_a_trial![
     SIMULATED,
 ];
 
-pub(super) const ATTEMPTS: &[Column] = of_a_trial![
+pub(crate) const ATTEMPTS: &[Column] = of_a_trial![
     column("attempt", "", "how often the trial was begun, this time included", "journal"),
     column("began", "", "RFC 3339, UTC", "journal"),
     column("ended", "", "RFC 3339, UTC; of an interrupted one, when the next run found it", "journal"),
@@ -92,7 +95,7 @@ pub(super) const ATTEMPTS: &[Column] = of_a_trial![
     column("record", "", "folder of the record, in the study's folder", "journal"),
 ];
 
-pub(super) const BLOCKS: &[Column] = of_a_trial![
+pub(crate) const BLOCKS: &[Column] = of_a_trial![
     column("block", "", "the object", "record"),
     column("outcome", "", "what became of it", "record"),
     column("pick_s", "s", "from the release of the one before, or the start, to the first contact", "record"),
@@ -100,14 +103,14 @@ pub(super) const BLOCKS: &[Column] = of_a_trial![
     column("error_mm", "mm", "horizontal distance from its target at the end", "record"),
 ];
 
-pub(super) const ACTIONS: &[Column] = of_a_trial![
+pub(crate) const ACTIONS: &[Column] = of_a_trial![
     column("time_s", "s", "since the trial's start", "record"),
     column("action", "", "what was done", "record"),
     column("object", "", "with which object", "record"),
     column("detail", "", "the gesture, the reason, how it ended", "record"),
 ];
 
-pub(super) const GAZE: &[Column] = of_a_trial![
+pub(crate) const GAZE: &[Column] = of_a_trial![
     column("phase", "", "empty_hand, or holding an object", "record"),
     column("seconds", "s", "length of the phase in this trial, all its parts together", "record"),
     column("samples", "", "samples of the gaze", "record"),
@@ -117,7 +120,7 @@ pub(super) const GAZE: &[Column] = of_a_trial![
     column("fixation_ms", "ms", "mean length of a fixation", "computed from the record"),
 ];
 
-pub(super) const COMPENSATION: &[Column] = of_a_trial![
+pub(crate) const COMPENSATION: &[Column] = of_a_trial![
     column(
         "shoulder_path_m",
         "m",
@@ -128,7 +131,7 @@ pub(super) const COMPENSATION: &[Column] = of_a_trial![
     column("shoulder_turn_deg", "degree", "furthest turn from how it was first", "computed from the record"),
 ];
 
-pub(super) const EMG_QUALITY: &[Column] = of_a_trial![
+pub(crate) const EMG_QUALITY: &[Column] = of_a_trial![
     column("channel", "", "electrode, from 1", "record"),
     column("samples", "", "samples of the armband", "record"),
     column("gaps", "", "gaps in its stream", "computed from the record"),
@@ -144,7 +147,7 @@ pub(super) const EMG_QUALITY: &[Column] = of_a_trial![
     column("red_share", "1", "share of the time with a red light, 0 to 1", "computed from the record"),
 ];
 
-pub(super) const DEVIATIONS: &[Column] = &[
+pub(crate) const DEVIATIONS: &[Column] = &[
     PARTICIPANT,
     ID,
     SESSION,
@@ -156,7 +159,7 @@ pub(super) const DEVIATIONS: &[Column] = &[
     column("at", "", "when it was noted, RFC 3339, UTC", "journal"),
 ];
 
-pub(super) const READINESS: &[Column] = of_a_trial![
+pub(crate) const READINESS: &[Column] = of_a_trial![
     column("check", "", "what was looked at", "journal"),
     column("ready", "", "1 if it was", "journal"),
     column("found", "", "what was found", "journal"),
@@ -164,7 +167,7 @@ pub(super) const READINESS: &[Column] = of_a_trial![
     column("at", "", "RFC 3339, UTC", "journal"),
 ];
 
-pub(super) const EVENTS: &[Column] = &[
+pub(crate) const EVENTS: &[Column] = &[
     column("event", "", "number of the event, from 1 in the order in which they were written", "journal"),
     column("at", "", "when it was written, RFC 3339, UTC; by a clock that can be set", "journal"),
     PARTICIPANT,
@@ -182,7 +185,7 @@ const ITEM_KEY: [Column; 5] = [
     column("form", "", "name of the questionnaire", "plan"),
 ];
 
-pub(super) const ANSWERS: &[Column] = &[
+pub(crate) const ANSWERS: &[Column] = &[
     ITEM_KEY[0],
     ITEM_KEY[1],
     ITEM_KEY[2],
@@ -199,7 +202,7 @@ pub(super) const ANSWERS: &[Column] = &[
     SIMULATED,
 ];
 
-pub(super) const SCORES: &[Column] = &[
+pub(crate) const SCORES: &[Column] = &[
     ITEM_KEY[0],
     ITEM_KEY[1],
     ITEM_KEY[2],
@@ -211,7 +214,7 @@ pub(super) const SCORES: &[Column] = &[
     SIMULATED,
 ];
 
-pub(super) const RAW_GAZE: &[Column] = of_a_trial![
+pub(crate) const RAW_GAZE: &[Column] = of_a_trial![
     column("time_s", "s", "since the trial's start", "record"),
     column("origin_x", "m", "the eye, in world", "record"),
     column("origin_y", "m", "the eye, in world", "record"),
@@ -222,7 +225,7 @@ pub(super) const RAW_GAZE: &[Column] = of_a_trial![
     column("valid", "", "1 if the tracker saw the eye", "record"),
 ];
 
-pub(super) const RAW_SHOULDER: &[Column] = of_a_trial![
+pub(crate) const RAW_SHOULDER: &[Column] = of_a_trial![
     column("time_s", "s", "since the trial's start", "record"),
     column("x", "m", "the shoulder, in world", "record"),
     column("y", "m", "the shoulder, in world", "record"),

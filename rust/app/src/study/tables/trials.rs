@@ -15,8 +15,13 @@ use std::error::Error;
 /// Millimetres in a metre.
 const MM: f64 = 1e3;
 
-/// The tables of trials, with those of raw samples if asked for.
-pub(super) fn tables(told: &Told<'_>, raw: bool) -> Result<Vec<Table>, Box<dyn Error>> {
+/// The tables of trials, with those of raw samples if asked for. A record that cannot be read is an error, or left out and named in
+/// `unread`.
+pub(super) fn tables(
+    told: &Told<'_>,
+    raw: bool,
+    mut unread: Option<&mut Vec<String>>,
+) -> Result<Vec<Table>, Box<dyn Error>> {
     let mut tables = TrialTables {
         trials: Table::new("trials", "a trial of the plan that counts", columns::TRIALS),
         blocks: Table::new("blocks", "an object in a trial", columns::BLOCKS),
@@ -29,7 +34,13 @@ pub(super) fn tables(told: &Told<'_>, raw: bool) -> Result<Vec<Table>, Box<dyn E
     };
     for counted in told.counted() {
         let dir = told.study.folder.join(&counted.record);
-        tables.take(told, &counted, raw).map_err(|error| format!("{}: {error}", dir.display()))?;
+        if let Err(error) = tables.take(told, &counted, raw) {
+            let named = format!("{}: {error}", dir.display());
+            match &mut unread {
+                Some(unread) => unread.push(named),
+                None => return Err(named.into()),
+            }
+        }
     }
     let TrialTables { trials, blocks, actions, gaze, compensation, emg, raw_gaze, raw_shoulder } = tables;
     let mut all = vec![trials, blocks, actions, gaze, compensation, emg];
@@ -58,20 +69,7 @@ impl TrialTables {
         let config = TrialConfig::from_toml(&record.header().config_toml)?;
         let key = told.trial_key(counted.planned);
         self.trial(told, counted, &result);
-        let lines = result.beside.get("outcomes").or_else(|| result.result.get("outcomes"));
-        let lines: Vec<ResultLine> =
-            lines.and_then(|lines| serde_json::from_value(lines.clone()).ok()).unwrap_or_default();
-        for line in lines {
-            let mut row = key.clone();
-            row.extend([
-                line.name.into(),
-                line.outcome.into(),
-                line.pick_s.into(),
-                line.place_s.into(),
-                line.error_m.map(|error| error * MM).into(),
-            ]);
-            self.blocks.push(row);
-        }
+        block_rows(&key, &result.beside, &result.result).into_iter().for_each(|row| self.blocks.push(row));
         let events = record.events()?;
         let arm = crate::Arm::recorded(&dir, &config)?;
         let task = config.build_task(arm.model())?;
@@ -202,6 +200,29 @@ impl TrialTables {
         emg.into_iter().flat_map(|emg| emg.rows(key)).for_each(|row| self.emg.push(row));
         Ok(())
     }
+}
+
+/// What became of each object, from what the task put beside its result or into it.
+pub(crate) fn block_rows(
+    key: &[Cell],
+    beside: &serde_json::Map<String, serde_json::Value>,
+    result: &serde_json::Map<String, serde_json::Value>,
+) -> Vec<Vec<Cell>> {
+    let lines = beside.get("outcomes").or_else(|| result.get("outcomes"));
+    let lines: Vec<ResultLine> =
+        lines.and_then(|lines| serde_json::from_value(lines.clone()).ok()).unwrap_or_default();
+    let row = |line: ResultLine| {
+        let mut row = key.to_vec();
+        row.extend([
+            line.name.into(),
+            line.outcome.into(),
+            line.pick_s.into(),
+            line.place_s.into(),
+            line.error_m.map(|error| error * MM).into(),
+        ]);
+        row
+    };
+    lines.into_iter().map(row).collect()
 }
 
 fn secs(time: SimTime) -> f64 {

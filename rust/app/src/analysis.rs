@@ -1,0 +1,18 @@
+//! `proact analyze`: tables of whatever was recorded, and the report on them.
+//!
+//! What is analysed is a study, a folder of trials, a folder of the original lab's bags, or a folder of tables that an export wrote.
+//! All of them become the same tables ([`collect`]); the [`report`] is made of these alone.
+
+mod charts;
+mod collect;
+mod comparisons;
+mod figures;
+mod html;
+mod report;
+mod scores;
+mod summaries;
+mod traces;
+
+pub use charts::ChartError;
+pub use collect::{Collected, collect};
+pub use report::{Report, ReportOptions, report, report_folder};

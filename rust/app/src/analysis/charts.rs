@@ -1,0 +1,142 @@
+//! Figures by the charting library of the pages (Observable Plot), run here in a small script engine; PNG from the SVG.
+
+use resvg::{tiny_skia, usvg};
+use rquickjs::{CatchResultExt, Context, Function, Runtime};
+use serde::Serialize;
+use serde_json::Value;
+
+/// More memory than this a script does not get, bytes.
+const MOST_MEMORY: usize = 1 << 28;
+/// Deep enough for the library's nested marks, bytes.
+const STACK: usize = 4 << 20;
+/// Dots of a PNG for each unit of the SVG: 288 an inch.
+const DOTS: f32 = 3.0;
+/// Words and lines in a file, where nobody says what colour they have.
+const INK: &str = "#1a1a1a";
+const FONT: &str = "DejaVu Sans";
+
+/// What to draw. The fields are those of `figures.ts`.
+#[derive(Clone, Debug, Default, Serialize)]
+pub(super) struct Spec {
+    pub(super) kind: &'static str,
+    pub(super) rows: Vec<Value>,
+    /// What is on the axes.
+    pub(super) x: String,
+    pub(super) y: String,
+    /// Of what is on x.
+    pub(super) order: Vec<String>,
+    /// Of what has a colour.
+    pub(super) parts: Vec<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) most: Option<f64>,
+}
+
+/// A figure that could not be drawn.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ChartError {
+    /// The script failed.
+    #[error("the figure cannot be drawn: {0}")]
+    Script(String),
+    /// The SVG is not one.
+    #[error("the figure cannot be made a picture: {0}")]
+    Picture(String),
+    /// No font.
+    #[error("there is no font to write figures with; install one: apt-get install fonts-dejavu-core")]
+    NoFont,
+}
+
+/// Draws figures one after the other.
+pub(super) struct Charts {
+    // Before the runtime that it lives in.
+    context: Context,
+    _runtime: Runtime,
+    fonts: usvg::Options<'static>,
+}
+
+impl Charts {
+    /// Loads the charting library.
+    pub(super) fn new() -> Result<Self, ChartError> {
+        let failed = |error: rquickjs::Error| ChartError::Script(error.to_string());
+        let runtime = Runtime::new().map_err(failed)?;
+        runtime.set_memory_limit(MOST_MEMORY);
+        runtime.set_max_stack_size(STACK);
+        let context = Context::full(&runtime).map_err(failed)?;
+        context.with(|ctx| {
+            let library = proact_bridge::figures_script();
+            ctx.eval::<(), _>(library).catch(&ctx).map_err(|error| ChartError::Script(error.to_string()))
+        })?;
+        let mut fonts = usvg::Options { font_family: FONT.to_owned(), ..usvg::Options::default() };
+        fonts.fontdb_mut().load_system_fonts();
+        fonts.fontdb_mut().set_sans_serif_family(FONT);
+        if fonts.fontdb.is_empty() {
+            return Err(ChartError::NoFont);
+        }
+        Ok(Self { context, _runtime: runtime, fonts })
+    }
+
+    /// The SVG of a figure for a page, whose words and lines have the colour of the words around it.
+    pub(super) fn draw(&self, spec: &Spec) -> Result<String, ChartError> {
+        let spec = serde_json::to_string(spec).map_err(|error| ChartError::Script(error.to_string()))?;
+        self.context.with(|ctx| {
+            let draw: Function<'_> =
+                ctx.globals().get("figure").map_err(|error| ChartError::Script(error.to_string()))?;
+            draw.call((spec,)).catch(&ctx).map_err(|error| ChartError::Script(error.to_string()))
+        })
+    }
+
+    /// The same as a file of its own, and as a PNG on white.
+    pub(super) fn files(&self, svg: &str) -> Result<(String, Vec<u8>), ChartError> {
+        let svg = svg.replace("currentColor", INK);
+        let failed = |error: &dyn std::fmt::Display| ChartError::Picture(error.to_string());
+        let tree = usvg::Tree::from_str(&svg, &self.fonts).map_err(|error| failed(&error))?;
+        let [width, height] =
+            [tree.size().width(), tree.size().height()].map(|side| (side * DOTS).ceil() as u32);
+        let mut picture = tiny_skia::Pixmap::new(width, height).ok_or_else(|| failed(&"it has no size"))?;
+        picture.fill(tiny_skia::Color::WHITE);
+        resvg::render(&tree, tiny_skia::Transform::from_scale(DOTS, DOTS), &mut picture.as_mut());
+        let png = picture.encode_png().map_err(|error| failed(&error))?;
+        Ok((svg, png))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    fn spec() -> Spec {
+        Spec {
+            kind: "strip",
+            rows: (0..12).map(|i| json!({"x": if i % 2 == 0 { "A" } else { "D" }, "y": i})).collect(),
+            x: "method".into(),
+            y: "blocks <on> target".into(),
+            order: vec!["A".into(), "D".into()],
+            ..Spec::default()
+        }
+    }
+
+    #[test]
+    fn a_figure_is_drawn_the_same_each_time_and_its_words_are_letters() {
+        let charts = Charts::new().unwrap();
+        let svg = charts.draw(&spec()).unwrap();
+        assert_eq!(svg, charts.draw(&spec()).unwrap());
+        assert!(svg.contains("blocks &lt;on&gt; target") && svg.contains("currentColor"), "{svg}");
+        let (file, png) = charts.files(&svg).unwrap();
+        assert!(!file.contains("currentColor") && png.starts_with(b"\x89PNG"));
+        let other = Spec { y: "another word".into(), ..spec() };
+        assert_ne!(
+            charts.files(&charts.draw(&other).unwrap()).unwrap().1,
+            png,
+            "the words are in the picture"
+        );
+    }
+
+    #[test]
+    fn what_cannot_be_drawn_is_an_error_and_the_next_one_is_drawn() {
+        let charts = Charts::new().unwrap();
+        assert!(matches!(charts.draw(&Spec { kind: "none", ..spec() }), Err(ChartError::Script(_))));
+        assert!(charts.draw(&spec()).is_ok());
+        assert!(matches!(charts.files("no picture"), Err(ChartError::Picture(_))));
+    }
+}

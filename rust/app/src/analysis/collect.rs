@@ -1,0 +1,245 @@
+//! From whatever was recorded to the same tables.
+
+use super::scores::{Rows, Source, empty, score_all, trials_and_blocks};
+use crate::study::{
+    PLAN_FILE, STUDY_FILE, Study, look,
+    tables::{self, columns},
+};
+use proact_analysis::table::{Cell, Column, Table};
+use proact_control::MethodRegistry;
+use proact_recording::Trial;
+use std::{
+    collections::BTreeMap,
+    error::Error,
+    fs,
+    path::{Path, PathBuf},
+    thread,
+};
+
+/// Folders within folders are looked through so deep.
+const DEPTH: usize = 4;
+
+/// What was recorded, as tables.
+#[derive(Clone, Debug)]
+pub struct Collected {
+    /// What it is called.
+    pub title: String,
+    /// The folder that records are named from.
+    pub folder: PathBuf,
+    /// The tables by name: those of a study's export, and `measures`, `objects`, `phases`, `faults`.
+    pub tables: BTreeMap<&'static str, Table>,
+    /// What is missing, wrong or left out.
+    pub notes: Vec<String>,
+    /// All people are simulated, none is, or it is not known.
+    pub simulated: Option<bool>,
+}
+
+impl Collected {
+    fn new(dir: &Path) -> Self {
+        let name =
+            dir.canonicalize().ok().and_then(|full| Some(full.file_name()?.to_string_lossy().into_owned()));
+        let mut collected = Self {
+            title: name.unwrap_or_else(|| dir.display().to_string()),
+            folder: dir.to_owned(),
+            tables: BTreeMap::new(),
+            notes: Vec::new(),
+            simulated: None,
+        };
+        collected.add(trials_and_blocks());
+        collected.add(empty());
+        collected
+    }
+
+    fn add(&mut self, tables: impl IntoIterator<Item = Table>) {
+        self.tables.extend(tables.into_iter().map(|table| (table.name, table)));
+    }
+
+    /// The table called `name`, if there is one with rows.
+    pub fn table(&self, name: &str) -> Option<&Table> {
+        self.tables.get(name).filter(|table| !table.rows.is_empty())
+    }
+}
+
+/// Reads what is in `dir`, scoring `jobs` trials at once. `tell` hears how many trials of how many are scored.
+///
+/// # Errors
+/// A folder with nothing to analyse, a plan or a table that cannot be read. A single trial that cannot be read is a note.
+pub fn collect(
+    methods: &MethodRegistry,
+    dir: &Path,
+    jobs: usize,
+    tell: &(dyn Fn(usize, usize) + Sync),
+) -> Result<Collected, Box<dyn Error>> {
+    let mut collected = Collected::new(dir);
+    let exported = dir.join("trials.csv").is_file();
+    let score = |sources: &[Source]| {
+        let count = sources.len();
+        score_all(methods, sources, jobs, &|done| tell(done, count))
+    };
+    let all = if dir.join(STUDY_FILE).is_file() || dir.join(PLAN_FILE).is_file() && !exported {
+        study(methods, dir, &mut collected, &score)?
+    } else if exported {
+        read_tables(dir, &mut collected)?;
+        Vec::new()
+    } else {
+        score(&found_in(dir)?)
+    };
+    let mut numbers: BTreeMap<String, i64> = BTreeMap::new();
+    for mut rows in all {
+        collected.notes.append(&mut rows.notes);
+        let Some(trial) = &mut rows.trial else {
+            put(&mut collected, &mut rows.scores);
+            continue;
+        };
+        // A trial of its own gets its number here: how manyth of this participant under this condition.
+        let number = if trial[4] == Cell::Missing {
+            let number = numbers.entry(format!("{} {}", trial[0], trial[3])).or_default();
+            *number += 1;
+            Cell::Whole(*number)
+        } else {
+            trial[4].clone()
+        };
+        trial[4] = number.clone();
+        let others = rows.scores.iter_mut().flatten().chain(&mut rows.blocks);
+        others.for_each(|row| row[4] = number.clone());
+        collected.tables.get_mut("trials").into_iter().for_each(|table| table.rows.extend(rows.trial.take()));
+        collected.tables.get_mut("blocks").into_iter().for_each(|table| table.rows.append(&mut rows.blocks));
+        put(&mut collected, &mut rows.scores);
+    }
+    if collected.table("trials").is_none() {
+        let notes: String = collected.notes.iter().map(|note| format!("\n  {note}")).collect();
+        return Err(format!("{}: there is no finished trial to analyse{notes}", dir.display()).into());
+    }
+    Ok(collected)
+}
+
+fn put(collected: &mut Collected, scores: &mut [Vec<Vec<Cell>>; 4]) {
+    for (name, rows) in ["measures", "objects", "phases", "faults"].into_iter().zip(scores) {
+        collected.tables.get_mut(name).into_iter().for_each(|table| table.rows.append(rows));
+    }
+}
+
+fn study(
+    methods: &MethodRegistry,
+    dir: &Path,
+    collected: &mut Collected,
+    score: &dyn Fn(&[Source]) -> Vec<Rows>,
+) -> Result<Vec<Rows>, Box<dyn Error>> {
+    let study = Study::open(dir, methods)?;
+    let look = look(&study)?;
+    collected.title = study.plan.name.clone();
+    collected.simulated = Some(look.simulated);
+    let counted = tables::counted_trials(&study, &look);
+    let planned = study.schedule.trials().count();
+    if counted.len() < planned {
+        let done = counted.len();
+        collected.notes.push(format!("The study is not finished: {done} of {planned} planned trials count."));
+    }
+    let sources: Vec<Source> = counted.into_iter().map(|(key, dir)| Source::Counted { key, dir }).collect();
+    // Both take their time, and neither needs the other.
+    let (rows, made) = thread::scope(|scope| {
+        let made = scope.spawn(|| tables::readable_tables(&study, &look).map_err(|error| error.to_string()));
+        (score(&sources), made.join())
+    });
+    let (tables, unread) = made.map_err(|_| "the tables of the study could not be made")??;
+    collected.add(tables);
+    collected.notes.extend(unread.into_iter().map(|error| format!("{error}; the trial is left out")));
+    Ok(rows)
+}
+
+/// Trials and bags in a folder, or the one that `dir` is, by name.
+fn found_in(dir: &Path) -> Result<Vec<Source>, Box<dyn Error>> {
+    let is_bag = |path: &Path| path.extension().is_some_and(|ending| ending == "bag") && path.is_file();
+    if is_bag(dir) {
+        return Ok(vec![Source::Bag { path: dir.to_owned() }]);
+    }
+    let mut sources = Vec::new();
+    let mut folders = vec![(dir.to_owned(), 0)];
+    while let Some((folder, depth)) = folders.pop() {
+        if Trial::is_in(&folder) {
+            sources.push(Source::Loose { dir: folder });
+            continue;
+        }
+        let entries = fs::read_dir(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+        for entry in entries {
+            let entry = entry?;
+            let path = entry.path();
+            if is_bag(&path) {
+                sources.push(Source::Bag { path });
+            } else if entry.file_type()?.is_dir() && depth < DEPTH {
+                folders.push((path, depth + 1));
+            }
+        }
+    }
+    sources.sort_by_key(|source| match source {
+        Source::Counted { dir, .. } | Source::Loose { dir } => dir.clone(),
+        Source::Bag { path } => path.clone(),
+    });
+    if sources.is_empty() {
+        return Err(format!(
+            "{} holds nothing to analyse: expected a study ({PLAN_FILE}), recorded trials, bags, or exported tables \
+             (trials.csv) in it",
+            dir.display()
+        )
+        .into());
+    }
+    Ok(sources)
+}
+
+/// The tables that an export can have.
+const EXPORTED: &[(&str, &str, &[Column])] = &[
+    ("participants", "a participant of the plan", columns::PARTICIPANTS),
+    ("sessions", "a session of a participant", columns::SESSIONS),
+    ("trials", "a trial of the plan that counts", columns::TRIALS),
+    ("attempts", "a trial each time that it was begun", columns::ATTEMPTS),
+    ("blocks", "an object in a trial", columns::BLOCKS),
+    ("compensation", "a trial", columns::COMPENSATION),
+    ("gaze", "a phase of a trial: with an empty hand, or holding", columns::GAZE),
+    ("emg_quality", "a channel of the armband in a trial", columns::EMG_QUALITY),
+    ("deviations", "a departure from the plan", columns::DEVIATIONS),
+    ("answers", "a question of a questionnaire", columns::ANSWERS),
+    ("scores", "a score of a questionnaire", columns::SCORES),
+];
+
+/// Reads exported tables, and those of scores where an analysis wrote them beside.
+fn read_tables(dir: &Path, collected: &mut Collected) -> Result<(), Box<dyn Error>> {
+    let scores = empty();
+    let scored = scores.iter().map(|table| (table.name, table.row, table.columns));
+    for (name, row, columns) in EXPORTED.iter().copied().chain(scored) {
+        let path = dir.join(format!("{name}.csv"));
+        if path.is_file() {
+            let table = read_table(&path, Table::new(name, row, columns))
+                .map_err(|e| format!("{}: {e}", path.display()))?;
+            collected.add([table]);
+        }
+    }
+    if collected.table("objects").is_none() {
+        collected.notes.push(
+            "These are tables without records: what is scored from records (compensation by phase, gaze on things, faults) is missing."
+                .to_owned(),
+        );
+    }
+    let trials = &collected.tables["trials"];
+    let simulated: Vec<f64> = trials.rows.iter().filter_map(|row| trials.number(row, "simulated")).collect();
+    collected.simulated = simulated.first().map(|_| simulated.iter().all(|value| *value == 1.0));
+    Ok(())
+}
+
+fn read_table(path: &Path, mut table: Table) -> Result<Table, Box<dyn Error>> {
+    let mut reader = csv::Reader::from_path(path)?;
+    let heads = reader.headers()?.clone();
+    let places: Vec<Option<usize>> =
+        table.columns.iter().map(|column| heads.iter().position(|head| head == column.name)).collect();
+    if places.iter().all(Option::is_none) {
+        let known: Vec<&str> = table.columns.iter().map(|column| column.name).collect();
+        return Err(format!("none of its columns is known, expected {}", known.join(", ")).into());
+    }
+    for record in reader.records() {
+        let record = record?;
+        let cell = |place: &Option<usize>| {
+            place.and_then(|place| record.get(place)).map_or(Cell::Missing, Cell::read)
+        };
+        table.push(places.iter().map(cell).collect());
+    }
+    Ok(table)
+}

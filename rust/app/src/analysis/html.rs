@@ -1,0 +1,188 @@
+//! The report as one page that needs nothing else, and its tables for LaTeX.
+
+use super::summaries::ReportTable;
+use std::fmt::Write;
+
+const STYLE: &str = include_str!("report.css");
+
+/// A part of the report.
+pub(super) enum Part<'a> {
+    /// A table.
+    Table(&'a ReportTable),
+    /// A figure: its name, title, caption and SVG.
+    Figure(&'a str, &'a str, &'a str, &'a str),
+}
+
+/// What the page says first.
+pub(super) struct Head<'a> {
+    pub(super) title: &'a str,
+    /// Of what it was made.
+    pub(super) about: String,
+    /// People are simulated: said in every part.
+    pub(super) simulated: bool,
+    pub(super) notes: &'a [String],
+    /// What the statistics presumed.
+    pub(super) presumed: &'a [(String, Vec<String>)],
+}
+
+fn escaped(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for letter in text.chars() {
+        match letter {
+            '&' => out.push_str("&amp;"),
+            '<' => out.push_str("&lt;"),
+            '>' => out.push_str("&gt;"),
+            '"' => out.push_str("&quot;"),
+            _ => out.push(letter),
+        }
+    }
+    out
+}
+
+/// The page.
+pub(super) fn page(head: &Head<'_>, parts: &[Part<'_>]) -> String {
+    let title = escaped(head.title);
+    let mut out = format!(
+        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" \
+         content=\"width=device-width, initial-scale=1\">\n<meta name=\"color-scheme\" content=\"light dark\">\n\
+         <title>{title}: report</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n<h1>{title}</h1>\n<p>{}</p>\n",
+        escaped(&head.about)
+    );
+    let add = &mut out;
+    let simulated = "Simulated participants: no evidence about people.";
+    if head.simulated {
+        _ = writeln!(add, "<p class=\"simulated\" role=\"note\">{simulated}</p>");
+    }
+    if !head.notes.is_empty() {
+        _ = writeln!(add, "<section class=\"notes\"><h2>What is missing or left out</h2><ul>");
+        head.notes.iter().for_each(|note| _ = writeln!(add, "<li>{}</li>", escaped(note)));
+        _ = writeln!(add, "</ul></section>");
+    }
+    _ = writeln!(add, "<nav aria-label=\"Contents\"><ul>");
+    for part in parts {
+        let (id, title) = match part {
+            Part::Table(table) => (format!("table-{}", table.name), table.title.as_str()),
+            Part::Figure(name, title, ..) => (format!("figure-{name}"), *title),
+        };
+        let kind = if matches!(part, Part::Table(_)) { "table" } else { "figure" };
+        _ = writeln!(add, "<li><a href=\"#{id}\">{}</a> <small>{kind}</small></li>", escaped(title));
+    }
+    _ = writeln!(add, "</ul></nav>");
+    for part in parts {
+        match part {
+            Part::Table(table) => self::table(add, table),
+            Part::Figure(name, title, caption, svg) => {
+                let also = if head.simulated { format!(" {simulated}") } else { String::new() };
+                _ = writeln!(
+                    add,
+                    "<figure id=\"figure-{name}\" role=\"group\" aria-label=\"{0}\"><div class=\"scroll\">{svg}</div>\
+                     <figcaption><strong>{0}.</strong> {1}{also}</figcaption></figure>",
+                    escaped(title),
+                    escaped(caption)
+                );
+            }
+        }
+    }
+    if !head.presumed.is_empty() {
+        _ = writeln!(add, "<section class=\"notes\"><h2>What the statistics presume</h2>");
+        for (measure, notes) in head.presumed {
+            _ = writeln!(add, "<h3>{}</h3><ul>", escaped(measure));
+            notes.iter().for_each(|note| _ = writeln!(add, "<li>{}</li>", escaped(note)));
+            _ = writeln!(add, "</ul>");
+        }
+        _ = writeln!(add, "</section>");
+    }
+    out.push_str("</main>\n</body>\n</html>\n");
+    out
+}
+
+fn table(out: &mut String, table: &ReportTable) {
+    let ReportTable { name, title, caption, head, rows } = table;
+    _ = writeln!(
+        out,
+        "<section id=\"table-{name}\"><h2>{}</h2><div class=\"scroll\" tabindex=\"0\" role=\"region\" aria-label=\"{0}\"><table>\
+         <thead><tr>",
+        escaped(title)
+    );
+    head.iter().for_each(|cell| _ = write!(out, "<th scope=\"col\">{}</th>", escaped(cell)));
+    _ = writeln!(out, "</tr></thead><tbody>");
+    for row in rows {
+        out.push_str("<tr>");
+        for (place, cell) in row.iter().enumerate() {
+            let number = cell.starts_with(|c: char| c.is_ascii_digit() || c == '-' || c == '–' || c == '<');
+            let class = if number { " class=\"number\"" } else { "" };
+            let cell = escaped(cell);
+            // A record is a folder that a browser can show.
+            let cell = if head[place] == "record" && !cell.is_empty() {
+                format!("<code>{cell}</code>")
+            } else {
+                cell
+            };
+            _ = write!(out, "<td{class}>{cell}</td>");
+        }
+        out.push_str("</tr>\n");
+    }
+    _ = writeln!(out, "</tbody></table></div><p class=\"caption\">{}</p></section>", escaped(caption));
+}
+
+/// The table for LaTeX, with rules of the package booktabs.
+pub(super) fn latex(table: &ReportTable) -> String {
+    let line = |cells: &[String]| {
+        format!("{} \\\\\n", cells.iter().map(|cell| for_latex(cell)).collect::<Vec<_>>().join(" & "))
+    };
+    let mut out = format!(
+        "% \\usepackage{{booktabs}}\n\\begin{{table}}\n\\caption{{{}. {}}}\n\\label{{tab:{}}}\n\\begin{{tabular}}{{{}}}\n\\toprule\n",
+        for_latex(&table.title),
+        for_latex(&table.caption),
+        table.name,
+        "l".repeat(table.head.len())
+    );
+    out.push_str(&line(&table.head));
+    out.push_str("\\midrule\n");
+    table.rows.iter().for_each(|row| out.push_str(&line(row)));
+    out.push_str("\\bottomrule\n\\end{tabular}\n\\end{table}\n");
+    out
+}
+
+fn for_latex(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for letter in text.chars() {
+        match letter {
+            '&' | '%' | '$' | '#' | '_' | '{' | '}' => out.extend(['\\', letter]),
+            '\\' => out.push_str("\\textbackslash{}"),
+            '~' => out.push_str("\\textasciitilde{}"),
+            '^' => out.push_str("\\textasciicircum{}"),
+            '<' => out.push_str("$<$"),
+            '>' => out.push_str("$>$"),
+            '–' => out.push_str("--"),
+            _ => out.push(letter),
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_people_typed_is_text_in_every_language() {
+        let table = ReportTable {
+            name: "rankings",
+            title: "A & B".to_owned(),
+            caption: "50 % of x_1".to_owned(),
+            head: vec!["P".to_owned(), "why".to_owned()],
+            rows: vec![vec!["P1".to_owned(), "<script>alert(1)</script> \\input{x}".to_owned()]],
+        };
+        let head = Head { title: "t<b>", about: String::new(), simulated: true, notes: &[], presumed: &[] };
+        let page = page(&head, &[Part::Table(&table)]);
+        assert!(
+            !page.contains("<script>") && page.contains("&lt;script&gt;") && page.contains("t&lt;b&gt;"),
+            "{page}"
+        );
+        assert!(page.contains("no evidence about people"));
+        let latex = latex(&table);
+        assert!(latex.contains("A \\& B") && latex.contains("50 \\% of x\\_1"), "{latex}");
+        assert!(latex.contains("\\textbackslash{}input\\{x\\}") && latex.contains("D $>$ C") == false);
+    }
+}

@@ -1,0 +1,201 @@
+//! The report, written.
+
+use super::{
+    Collected,
+    charts::Charts,
+    comparisons::{self, compare_all},
+    figures::figures,
+    html::{self, Head, Part},
+    summaries::{self, ReportTable},
+};
+use crate::{
+    study::{codebook_csv, table_csv},
+    write_whole,
+};
+use proact_recording::Trial;
+use std::{
+    collections::BTreeMap,
+    error::Error,
+    fs, io,
+    path::{Path, PathBuf},
+};
+
+/// The page: a folder with it is one that an analysis wrote.
+const PAGE: &str = "report.html";
+
+/// Where a report goes and what it draws from.
+#[derive(Clone, Debug)]
+pub struct ReportOptions {
+    /// The folder.
+    pub out: PathBuf,
+    /// Of bootstraps and drawn permutations.
+    pub seed: u64,
+}
+
+/// Where the report on `dir` goes if nobody says: the folder `analysis` in it; beside a trial, whose record is closed, and beside a bag.
+pub fn report_folder(dir: &Path) -> PathBuf {
+    if dir.is_dir() && !Trial::is_in(dir) {
+        return dir.join("analysis");
+    }
+    let name = dir.file_stem().unwrap_or_default().to_string_lossy();
+    dir.with_file_name(format!("{name}-analysis"))
+}
+
+/// What was written.
+#[derive(Clone, Debug)]
+pub struct Report {
+    /// The page.
+    pub page: PathBuf,
+    /// Tables as CSV, by name: those of observations and those of the report.
+    pub tables: BTreeMap<String, PathBuf>,
+    /// Figures as SVG, by name; a PNG is beside each.
+    pub figures: BTreeMap<String, PathBuf>,
+}
+
+/// Writes the report on what was collected. `tell` hears how many figures of how many are drawn.
+///
+/// # Errors
+/// A folder that is not empty and is none of ours, a full disk, a figure that cannot be drawn.
+pub fn report(
+    collected: &Collected,
+    options: &ReportOptions,
+    mut tell: impl FnMut(usize, usize),
+) -> Result<Report, Box<dyn Error>> {
+    let out = &options.out;
+    claim(out)?;
+    let compared = compare_all(collected, options.seed);
+    let mut tables = summaries::tables(collected);
+    tables.extend(comparisons::tables(&compared));
+    let mut report = Report { page: out.join(PAGE), tables: BTreeMap::new(), figures: BTreeMap::new() };
+    let folder = |name: &str| -> Result<PathBuf, Box<dyn Error>> {
+        let folder = out.join(name);
+        fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+        Ok(folder)
+    };
+
+    let (observed, printed, drawn) = (folder("data")?, folder("tables")?, folder("figures")?);
+    let all: Vec<_> = collected.tables.values().cloned().collect();
+    for table in &all {
+        let path = observed.join(format!("{}.csv", table.name));
+        write_whole(&path, &table_csv(table)?)?;
+        report.tables.insert(table.name.to_owned(), path);
+    }
+    write_whole(&observed.join("codebook.csv"), &codebook_csv(&all)?)?;
+    for table in &tables {
+        let path = printed.join(format!("{}.csv", table.name));
+        write_whole(&path, &printed_csv(table)?)?;
+        write_whole(&path.with_extension("tex"), &html::latex(table))?;
+        report.tables.insert(format!("report_{}", table.name), path);
+    }
+    write_whole(&out.join("statistics.json"), &serde_json::to_string_pretty(&compared)?)?;
+
+    let charts = Charts::new()?;
+    let planned = figures(collected, options.seed);
+    let mut pictures = Vec::new();
+    for (k, figure) in planned.iter().enumerate() {
+        tell(k, planned.len());
+        let svg = charts.draw(&figure.spec).map_err(|error| format!("{}: {error}", figure.name))?;
+        let (file, png) = charts.files(&svg).map_err(|error| format!("{}: {error}", figure.name))?;
+        let path = drawn.join(format!("{}.svg", figure.name));
+        write_whole(&path, &file)?;
+        fs::write(path.with_extension("png"), png).map_err(|error| format!("{}: {error}", path.display()))?;
+        report.figures.insert(figure.name.to_owned(), path);
+        pictures.push((figure.name, svg));
+    }
+    write_whole(&report.page, &page(collected, &compared, &tables, &planned, &pictures))?;
+    Ok(report)
+}
+
+fn page(
+    collected: &Collected,
+    compared: &[comparisons::Compared],
+    tables: &[ReportTable],
+    planned: &[super::figures::Figure],
+    pictures: &[(&str, String)],
+) -> String {
+    // Where a figure and a table are of one thing, the figure comes first.
+    const FIGURES_BEFORE: &[(&str, &[&str])] = &[
+        ("success", &["success"]),
+        ("outcomes", &["fates", "over_trials", "learning"]),
+        ("durations", &["pick_durations", "place_durations"]),
+        ("accuracy", &["accuracy"]),
+        ("compensation", &["compensation"]),
+        ("gaze_shares", &["gaze"]),
+        ("faults", &["faults"]),
+        ("ratings", &["ratings"]),
+        ("rankings", &["rankings"]),
+        ("questionnaires", &["questionnaires"]),
+    ];
+    let figure = |name: &str| {
+        let figure = planned.iter().find(|figure| figure.name == name)?;
+        let (_, svg) = pictures.iter().find(|(other, _)| *other == name)?;
+        Some(Part::Figure(figure.name, figure.title, &figure.caption, svg))
+    };
+    // The list of all trials is the last thing that is read.
+    let mut parts = Vec::new();
+    let (last, first): (Vec<&ReportTable>, Vec<&ReportTable>) =
+        tables.iter().partition(|table| table.name == "trials");
+    for table in first.into_iter().chain(last) {
+        let before =
+            FIGURES_BEFORE.iter().find(|(name, _)| *name == table.name).map_or(&[][..], |(_, names)| names);
+        parts.extend(before.iter().filter_map(|name| figure(name)));
+        parts.push(Part::Table(table));
+    }
+    let people = collected.tables["trials"].rows.iter().map(|row| row[0].to_string());
+    let people = people.collect::<std::collections::BTreeSet<_>>().len();
+    let trials = collected.tables["trials"].rows.len();
+    let presumed: Vec<(String, Vec<String>)> = compared
+        .iter()
+        .filter(|compared| !compared.comparison.notes.is_empty())
+        .map(|compared| (compared.measure.clone(), compared.comparison.notes.clone()))
+        .collect();
+    let count =
+        |number: usize, one: &str| if number == 1 { format!("1 {one}") } else { format!("{number} {one}s") };
+    html::page(
+        &Head {
+            title: &collected.title,
+            about: format!(
+                "{} of {}, {}.",
+                count(trials, "trial"),
+                count(people, "participant"),
+                count(summaries::conditions(collected).len(), "method")
+            ),
+            simulated: collected.simulated == Some(true),
+            notes: &collected.notes,
+            presumed: &presumed,
+        },
+        &parts,
+    )
+}
+
+fn printed_csv(table: &ReportTable) -> Result<String, Box<dyn Error>> {
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    writer.write_record(&table.head)?;
+    for row in &table.rows {
+        writer.write_record(row)?;
+    }
+    Ok(String::from_utf8(writer.into_inner()?)?)
+}
+
+/// Makes the folder, or takes one that an analysis wrote.
+fn claim(folder: &Path) -> Result<(), Box<dyn Error>> {
+    let failed = |error: io::Error| format!("{}: {error}", folder.display());
+    fs::create_dir_all(folder).map_err(failed)?;
+    let empty = fs::read_dir(folder).map_err(failed)?.next().is_none();
+    let page = folder.join(PAGE);
+    if !empty && !page.is_file() {
+        return Err(format!(
+            "{} is not empty, and is no earlier report; name a new folder with --out",
+            folder.display()
+        )
+        .into());
+    }
+    if empty {
+        // Until all is written, and known as ours by it if this is killed.
+        write_whole(
+            &page,
+            "<!doctype html><title>report</title><p>This report was not finished. Run proact analyze again.</p>\n",
+        )?;
+    }
+    Ok(())
+}

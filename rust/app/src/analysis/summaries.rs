@@ -1,0 +1,598 @@
+//! The tables of the report.
+
+use super::Collected;
+use proact_analysis::{
+    summary::SampleSummary,
+    table::{Cell, Table},
+};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// A table of the report: words, as they are printed.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct ReportTable {
+    /// Its file's.
+    pub(super) name: &'static str,
+    pub(super) title: String,
+    /// What the columns are, and what is to be known.
+    pub(super) caption: String,
+    pub(super) head: Vec<String>,
+    pub(super) rows: Vec<Vec<String>>,
+}
+
+/// A value of a person under a condition.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Value {
+    pub(super) participant: String,
+    pub(super) condition: String,
+    pub(super) value: f64,
+}
+
+/// Who a row is of: `P3`, or its own words.
+pub(super) fn participant(table: &Table, row: &[Cell]) -> String {
+    match table.cell(row, "participant") {
+        Some(Cell::Whole(number)) => format!("P{number}"),
+        Some(other) => other.to_string(),
+        None => "?".to_owned(),
+    }
+}
+
+/// The numbers of a column, with whose they are.
+pub(super) fn values(table: &Table, column: &str, wanted: impl Fn(&[Cell]) -> bool) -> Vec<Value> {
+    let rows = table.rows.iter().filter(|row| wanted(row));
+    rows.filter_map(|row| {
+        let value = table.number(row, column)?;
+        Some(Value { participant: participant(table, row), condition: table.words(row, "condition"), value })
+    })
+    .collect()
+}
+
+/// The conditions of the trials, by name.
+pub(super) fn conditions(collected: &Collected) -> Vec<String> {
+    let trials = &collected.tables["trials"];
+    let names: BTreeSet<String> = trials.rows.iter().map(|row| trials.words(row, "condition")).collect();
+    names.into_iter().collect()
+}
+
+/// A number as papers print it.
+pub(super) fn printed(value: f64, digits: usize) -> String {
+    // Half away from zero, as people round: 2.125 is stored exactly and printed by Rust as 2.12.
+    let scale = 10_f64.powi(digits as i32);
+    let text = format!("{:.digits$}", (value * scale).round() / scale);
+    if text.trim_start_matches('-').chars().all(|c| c == '0' || c == '.') {
+        text.replace('-', "")
+    } else {
+        text
+    }
+}
+
+fn maybe(value: Option<f64>, digits: usize) -> String {
+    value.map_or_else(|| "–".to_owned(), |value| printed(value, digits))
+}
+
+/// Mean, sd, smallest, largest, middle and number, a row a condition.
+fn summed_up(conditions: &[String], values: &[Value], digits: usize) -> Vec<Vec<String>> {
+    let row = |condition: &String| {
+        let own: Vec<f64> = values.iter().filter(|v| v.condition == *condition).map(|v| v.value).collect();
+        let summary = SampleSummary::of(&own);
+        let number = |of: fn(&SampleSummary) -> f64| maybe(summary.as_ref().map(of), digits);
+        vec![
+            condition.clone(),
+            number(|s| s.mean),
+            maybe(summary.and_then(|s| s.sd), digits),
+            number(|s| s.min),
+            number(|s| s.max),
+            number(|s| s.median),
+            own.len().to_string(),
+        ]
+    };
+    conditions.iter().map(row).collect()
+}
+
+const SUMMED_UP: [&str; 7] = ["Method", "mean", "sd", "min", "max", "median", "n"];
+
+fn words(words: &[&str]) -> Vec<String> {
+    words.iter().map(|word| (*word).to_owned()).collect()
+}
+
+/// All tables for which there are data.
+pub(super) fn tables(collected: &Collected) -> Vec<ReportTable> {
+    let conditions = conditions(collected);
+    let made = [
+        success(collected, &conditions),
+        sequence(collected),
+        outcomes(collected, &conditions),
+        durations(collected, &conditions),
+        accuracy(collected, &conditions),
+        phases(collected, &conditions, COMPENSATION),
+        phases(collected, &conditions, GAZE),
+        faults(collected, &conditions),
+        emg(collected, &conditions),
+        ratings(collected, &conditions),
+        rankings(collected, &conditions),
+        questionnaires(collected, &conditions),
+        trials(collected),
+    ];
+    made.into_iter().flatten().collect()
+}
+
+fn success(collected: &Collected, conditions: &[String]) -> Option<ReportTable> {
+    let trials = collected.table("trials")?;
+    let names: BTreeSet<String> = trials.rows.iter().map(|row| trials.words(row, "score_name")).collect();
+    let name = names.into_iter().filter(|name| !name.is_empty()).collect::<Vec<_>>().join(", ");
+    let values = values(trials, "score", |_| true);
+    (!values.is_empty()).then(|| ReportTable {
+        name: "success",
+        title: "Success by method".to_owned(),
+        caption: format!("Score of a trial{}, over all trials of a method. sd by n - 1.", beside(&name)),
+        head: words(&SUMMED_UP),
+        rows: summed_up(conditions, &values, 2),
+    })
+}
+
+fn beside(name: &str) -> String {
+    if name.is_empty() { String::new() } else { format!(" ({name})") }
+}
+
+/// Who did what in which order, with asterisks and what they stand for.
+fn sequence(collected: &Collected) -> Option<ReportTable> {
+    let trials = collected.table("trials")?;
+    let mut places: BTreeMap<(Ordered, i64), (String, bool)> = BTreeMap::new();
+    for row in &trials.rows {
+        let Some(place) = trials.number(row, "position") else { continue };
+        let of = (Ordered::of(participant(trials, row)), place as i64);
+        let entry = places.entry(of).or_insert_with(|| (trials.words(row, "condition"), false));
+        entry.1 |= trials.words(row, "mark") == "*";
+    }
+    let last = places.keys().map(|(_, place)| *place).max()?;
+    let people: BTreeSet<Ordered> = places.keys().map(|(who, _)| who.clone()).collect();
+    let rows = people.iter().map(|who| {
+        let cell = |place| {
+            let found = places.get(&(who.clone(), place));
+            found.map_or_else(
+                || "–".to_owned(),
+                |(name, mark)| if *mark { format!("{name}*") } else { name.clone() },
+            )
+        };
+        std::iter::once(who.name.clone()).chain((1..=last).map(cell)).collect()
+    });
+    Some(ReportTable {
+        name: "sequence",
+        title: "Sequence of methods".to_owned(),
+        caption: departures(collected),
+        head: std::iter::once("Participant".to_owned())
+            .chain((1..=last).map(|place| place.to_string()))
+            .collect(),
+        rows: rows.collect(),
+    })
+}
+
+fn departures(collected: &Collected) -> String {
+    let Some(table) = collected.table("deviations") else { return String::new() };
+    let told: Vec<String> = table
+        .rows
+        .iter()
+        .map(|row| {
+            let [condition, what, why] =
+                ["condition", "deviation", "reason"].map(|name| table.words(row, name));
+            let what = what.replace('_', " ");
+            let why = if why.is_empty() { String::new() } else { format!(" ({why})") };
+            format!("{} {condition}: {what}{why}", participant(table, row))
+        })
+        .collect();
+    format!("Trials marked * diverged from the plan. {}.", told.join("; "))
+}
+
+/// A name with numbers in it, ordered by them: P2 before P10.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Ordered {
+    number: u64,
+    pub(super) name: String,
+}
+
+impl Ordered {
+    pub(super) fn of(name: String) -> Self {
+        let digits: String = name.chars().filter(char::is_ascii_digit).collect();
+        Self { number: digits.parse().unwrap_or(u64::MAX), name }
+    }
+}
+
+/// What can become of a block, best first, with the letter that a figure has for it.
+pub(super) const OUTCOMES: [(&str, &str, &str); 6] = [
+    ("on_target", "on target", "T"),
+    ("crossed_off_target", "crossed, off target", "X"),
+    ("dropped_table_side", "dropped, start side", "S"),
+    ("dropped_floor", "dropped, floor", "F"),
+    ("moved_not_crossed", "moved, not crossed", "M"),
+    ("not_attempted", "not attempted", "N"),
+];
+
+fn outcomes(collected: &Collected, conditions: &[String]) -> Option<ReportTable> {
+    let blocks = collected.table("blocks")?;
+    let row = |condition: &String| {
+        let own: Vec<String> = blocks
+            .rows
+            .iter()
+            .filter(|row| blocks.words(row, "condition") == *condition)
+            .map(|row| blocks.words(row, "outcome"))
+            .collect();
+        let count = |outcome: &str| own.iter().filter(|other| *other == outcome).count();
+        let share = (!own.is_empty()).then(|| 100.0 * count(OUTCOMES[0].0) as f64 / own.len() as f64);
+        let counts = OUTCOMES.iter().map(|(outcome, ..)| count(outcome).to_string());
+        let known: usize = OUTCOMES.iter().map(|(outcome, ..)| count(outcome)).sum();
+        std::iter::once(condition.clone())
+            .chain(counts)
+            .chain([(own.len() - known).to_string(), own.len().to_string(), maybe(share, 1)])
+            .collect()
+    };
+    Some(ReportTable {
+        name: "outcomes",
+        title: "Fate of the blocks".to_owned(),
+        caption: "Blocks by what became of them; other is for outcomes of other tasks and missing ones."
+            .to_owned(),
+        head: std::iter::once("Method")
+            .chain(OUTCOMES.iter().map(|(_, name, _)| *name))
+            .chain(["other", "all", "on target, %"])
+            .map(str::to_owned)
+            .collect(),
+        rows: conditions.iter().map(row).collect(),
+    })
+}
+
+fn durations(collected: &Collected, conditions: &[String]) -> Option<ReportTable> {
+    let objects = collected.table("objects")?;
+    let mut rows = Vec::new();
+    for (title, column, with) in
+        [("pick", "pick_s", "pick_with_method"), ("place", "place_s", "place_with_method")]
+    {
+        for (used, flag) in [("with", 1.0), ("without", 0.0)] {
+            let found = values(objects, column, |row| objects.number(row, with) == Some(flag));
+            for mut row in summed_up(conditions, &found, 1) {
+                row.insert(1, title.to_owned());
+                row.insert(2, used.to_owned());
+                rows.push(row);
+            }
+        }
+    }
+    Some(ReportTable {
+        name: "durations",
+        title: "Pick and place durations".to_owned(),
+        caption: "Seconds. Pick: from the release of the block before, or the start, until first contact, of blocks that crossed in the \
+                  end. Place: from grasping to release, where the block crossed and was above its target region. Without the method: no \
+                  joint of the arm went further than 0.05 rad."
+            .to_owned(),
+        head: words(&["Method", "action", "method used", "mean", "sd", "min", "max", "median", "n"]),
+        rows,
+    })
+}
+
+/// Blocks that ended on target, by trial and name.
+pub(super) fn on_target(collected: &Collected) -> BTreeSet<[String; 5]> {
+    let Some(blocks) = collected.table("blocks") else { return BTreeSet::new() };
+    let there = blocks.rows.iter().filter(|row| blocks.words(row, "outcome") == OUTCOMES[0].0);
+    there.map(|row| block_key(blocks, row)).collect()
+}
+
+pub(super) fn block_key(table: &Table, row: &[Cell]) -> [String; 5] {
+    ["participant", "session", "condition", "trial", "block"].map(|name| table.words(row, name))
+}
+
+fn accuracy(collected: &Collected, conditions: &[String]) -> Option<ReportTable> {
+    let objects = collected.table("objects")?;
+    let there = on_target(collected);
+    let found = values(objects, "least_distance_mm", |row| there.contains(&block_key(objects, row)));
+    (!found.is_empty()).then(|| ReportTable {
+        name: "accuracy",
+        title: "Accuracy".to_owned(),
+        caption:
+            "Smallest horizontal distance of a block from its target over the trial, mm, of blocks on target."
+                .to_owned(),
+        head: words(&SUMMED_UP),
+        rows: summed_up(conditions, &found, 1),
+    })
+}
+
+/// Columns of a table of means by phase: name, title, caption, and of each column heading, name and digits.
+type Means = (&'static str, &'static str, &'static str, &'static [(&'static str, &'static str, usize)]);
+
+const COMPENSATION: Means = (
+    "compensation",
+    "Compensatory movement",
+    "Means over the phases of a kind. Sums at 10 Hz are the paper's and hang on the step; ways are low-passed at 6 Hz. Share of the \
+     shoulder: of the hand's straight way.",
+    &[
+        ("translation, sum at 10 Hz, m", "shoulder_sum10_m", 3),
+        ("rotation, sum at 10 Hz, deg", "shoulder_turn_sum10_deg", 1),
+        ("way, m", "shoulder_path_m", 3),
+        ("range, mm", "shoulder_range_mm", 0),
+        ("turn, deg", "shoulder_turn_deg", 1),
+        ("share of the shoulder", "base_share", 2),
+    ],
+);
+const GAZE: Means = (
+    "gaze_shares",
+    "Gaze",
+    "Means over the phases of a kind: shares of the time with a known gaze in looks of at least 80 ms within two degrees, and the eye's lead.",
+    &[
+        ("object", "gaze_object", 2),
+        ("other objects", "gaze_other_objects", 2),
+        ("target", "gaze_target", 2),
+        ("hand", "gaze_hand", 2),
+        ("arm", "gaze_arm", 2),
+        ("elsewhere", "gaze_elsewhere", 2),
+        ("arrival, ms", "eye_arrival_ms", 0),
+        ("leaving, ms", "eye_leaving_ms", 0),
+        ("switches", "eye_switches", 1),
+    ],
+);
+
+fn phases(collected: &Collected, conditions: &[String], means: Means) -> Option<ReportTable> {
+    let (name, title, caption, columns) = means;
+    let table = collected.table("phases")?;
+    let mut rows = Vec::new();
+    let mut any = false;
+    for condition in conditions {
+        for phase in ["pick", "place"] {
+            let is_own = |row: &[Cell]| {
+                table.words(row, "phase") == phase && table.words(row, "condition") == *condition
+            };
+            let count = table.rows.iter().filter(|row| is_own(row)).count();
+            let mut row = vec![condition.clone(), phase.to_owned(), count.to_string()];
+            for (_, column, digits) in columns {
+                let found: Vec<f64> = values(table, column, is_own).into_iter().map(|v| v.value).collect();
+                any |= !found.is_empty();
+                row.push(maybe(SampleSummary::of(&found).map(|summary| summary.mean), *digits));
+            }
+            rows.push(row);
+        }
+    }
+    let heads = ["Method", "phase", "n"].into_iter().chain(columns.iter().map(|(head, ..)| *head));
+    any.then(|| ReportTable {
+        name,
+        title: title.to_owned(),
+        caption: caption.to_owned(),
+        head: heads.map(str::to_owned).collect(),
+        rows,
+    })
+}
+
+fn trials_of(collected: &Collected, condition: &str) -> usize {
+    let Some(measures) = collected.table("measures") else { return 0 };
+    measures.rows.iter().filter(|row| measures.words(row, "condition") == condition).count()
+}
+
+fn faults(collected: &Collected, conditions: &[String]) -> Option<ReportTable> {
+    let faults = &collected.tables["faults"];
+    collected.table("measures")?;
+    let kinds: BTreeSet<String> = faults.rows.iter().map(|row| faults.words(row, "fault")).collect();
+    let row = |kind: String| {
+        let mut row = vec![kind.replace('_', " ")];
+        for condition in conditions {
+            let own = |row: &&Vec<Cell>| {
+                faults.words(row, "fault") == kind && faults.words(row, "condition") == *condition
+            };
+            let count = faults.rows.iter().filter(own).count();
+            let trials = trials_of(collected, condition);
+            let each = (trials > 0).then(|| count as f64 / trials as f64);
+            row.push(format!("{count} ({})", maybe(each, 2)));
+        }
+        row
+    };
+    Some(ReportTable {
+        name: "faults",
+        title: "What went wrong".to_owned(),
+        caption:
+            "Number of faults, and how many a trial, found from the record. docs/analysis.md defines each."
+                .to_owned(),
+        head: std::iter::once("Fault".to_owned()).chain(conditions.iter().cloned()).collect(),
+        rows: kinds.into_iter().map(row).collect(),
+    })
+}
+
+fn emg(collected: &Collected, conditions: &[String]) -> Option<ReportTable> {
+    const COLUMNS: [(&str, &str, usize); 5] = [
+        ("decisions a second", "decisions_per_s", 1),
+        ("gesture changes", "gesture_changes", 1),
+        ("false triggers", "false_triggers", 2),
+        ("their time, ms", "false_trigger_ms", 0),
+        ("gesture to motion, ms", "gesture_to_motion_ms", 0),
+    ];
+    let measures = collected.table("measures")?;
+    let row = |condition: &String| {
+        let mean = |column| {
+            let own = values(measures, column, |row| measures.words(row, "condition") == *condition);
+            SampleSummary::of(&own.iter().map(|v| v.value).collect::<Vec<_>>()).map(|summary| summary.mean)
+        };
+        let means = COLUMNS.iter().map(|(_, column, digits)| maybe(mean(column), *digits));
+        std::iter::once(condition.clone()).chain(means).collect()
+    };
+    Some(ReportTable {
+        name: "emg",
+        title: "Gestures".to_owned(),
+        caption: "Means over trials. A false trigger is a gesture that came and went within 200 ms between two spells of one other gesture."
+            .to_owned(),
+        head: std::iter::once("Method").chain(COLUMNS.map(|(head, ..)| head)).map(str::to_owned).collect(),
+        rows: conditions.iter().map(row).collect(),
+    })
+}
+
+/// Ratings of conditions, by questionnaire and item: answers that are numbers.
+pub(super) fn rated(collected: &Collected) -> BTreeMap<(String, String), Vec<Value>> {
+    let mut rated: BTreeMap<(String, String), Vec<Value>> = BTreeMap::new();
+    let Some(answers) = collected.table("answers") else { return rated };
+    for row in &answers.rows {
+        let (Some(value), condition) = (answers.number(row, "answer"), answers.words(row, "condition"))
+        else {
+            continue;
+        };
+        if condition.is_empty() {
+            continue;
+        }
+        let key = (answers.words(row, "form"), answers.words(row, "item"));
+        rated.entry(key).or_default().push(Value {
+            participant: participant(answers, row),
+            condition,
+            value,
+        });
+    }
+    rated
+}
+
+fn ratings(collected: &Collected, conditions: &[String]) -> Option<ReportTable> {
+    let mut rows = Vec::new();
+    for ((form, item), found) in rated(collected) {
+        for mut row in summed_up(conditions, &found, 2) {
+            row.insert(0, format!("{form}: {item}"));
+            rows.push(row);
+        }
+    }
+    (!rows.is_empty()).then(|| ReportTable {
+        name: "ratings",
+        title: "Ratings".to_owned(),
+        caption: "Answers on scales, by questionnaire and item; questions.csv of the export has their words."
+            .to_owned(),
+        head: std::iter::once("Item").chain(SUMMED_UP).map(str::to_owned).collect(),
+        rows,
+    })
+}
+
+/// Places of the conditions in a ranking such as `D=C,A,B`; none for other answers.
+pub(super) fn ranking(answer: &str, conditions: &[String]) -> Option<Vec<Vec<String>>> {
+    let places: Vec<Vec<String>> = answer
+        .split(',')
+        .map(|place| place.split('=').map(|name| name.trim().to_owned()).collect())
+        .collect();
+    let mut named: Vec<&String> = places.iter().flatten().collect();
+    named.sort();
+    named.dedup();
+    let all = named.len() == conditions.len() && named.iter().all(|name| conditions.contains(name));
+    (conditions.len() > 1 && all && places.iter().map(Vec::len).sum::<usize>() == conditions.len())
+        .then_some(places)
+}
+
+fn rankings(collected: &Collected, conditions: &[String]) -> Option<ReportTable> {
+    let answers = collected.table("answers")?;
+    let mut items: Vec<String> = Vec::new();
+    let mut cells: BTreeMap<(Ordered, String), String> = BTreeMap::new();
+    for row in &answers.rows {
+        let answer = answers.words(row, "answer");
+        let told = match ranking(&answer, conditions) {
+            Some(places) => places.iter().map(|place| place.join(" = ")).collect::<Vec<_>>().join(" > "),
+            // One last trial: which.
+            None if answers.words(row, "condition").is_empty() && conditions.contains(&answer) => answer,
+            None => continue,
+        };
+        let item = answers.words(row, "item");
+        if !items.contains(&item) {
+            items.push(item.clone());
+        }
+        cells.insert((Ordered::of(participant(answers, row)), item), told);
+    }
+    let people: BTreeSet<Ordered> = cells.keys().map(|(who, _)| who.clone()).collect();
+    let row = |who: &Ordered| {
+        let cell = |item: &String| {
+            cells.get(&(who.clone(), item.clone())).cloned().unwrap_or_else(|| "–".to_owned())
+        };
+        std::iter::once(who.name.clone()).chain(items.iter().map(cell)).collect()
+    };
+    (!items.is_empty()).then(|| ReportTable {
+        name: "rankings",
+        title: "Rankings and choices".to_owned(),
+        caption: "Best first; = between methods that share a place.".to_owned(),
+        head: std::iter::once("P".to_owned())
+            .chain(items.iter().map(|item| item.replace('_', " ")))
+            .collect(),
+        rows: people.iter().map(row).collect(),
+    })
+}
+
+/// Scores of questionnaires about conditions, by questionnaire and score.
+pub(super) fn scored(collected: &Collected) -> BTreeMap<String, Vec<Value>> {
+    let mut found: BTreeMap<String, Vec<Value>> = BTreeMap::new();
+    let Some(scores) = collected.table("scores") else { return found };
+    for row in &scores.rows {
+        let (Some(value), condition) = (scores.number(row, "value"), scores.words(row, "condition")) else {
+            continue;
+        };
+        if !condition.is_empty() {
+            let key = format!("{}: {}", scores.words(row, "form"), scores.words(row, "score"));
+            found.entry(key).or_default().push(Value {
+                participant: participant(scores, row),
+                condition,
+                value,
+            });
+        }
+    }
+    found
+}
+
+fn questionnaires(collected: &Collected, conditions: &[String]) -> Option<ReportTable> {
+    let mut rows = Vec::new();
+    for (name, found) in scored(collected) {
+        for mut row in summed_up(conditions, &found, 1) {
+            row.insert(0, name.clone());
+            rows.push(row);
+        }
+    }
+    (!rows.is_empty()).then(|| ReportTable {
+        name: "questionnaires",
+        title: "Questionnaires".to_owned(),
+        caption: "Scores as each instrument defines them.".to_owned(),
+        head: std::iter::once("Score").chain(SUMMED_UP).map(str::to_owned).collect(),
+        rows,
+    })
+}
+
+fn trials(collected: &Collected) -> Option<ReportTable> {
+    let trials = collected.table("trials")?;
+    let row = |row: &Vec<Cell>| {
+        let text = |name| trials.words(row, name);
+        vec![
+            participant(trials, row),
+            text("condition"),
+            text("trial"),
+            text("mark"),
+            trials.number(row, "score").map_or_else(|| "–".to_owned(), |score| printed(score, 0)),
+            maybe(trials.number(row, "seconds"), 1),
+            text("record"),
+        ]
+    };
+    let mut rows: Vec<Vec<String>> = trials.rows.iter().map(row).collect();
+    rows.sort_by_cached_key(|row| (Ordered::of(row[0].clone()), row[1].clone(), Ordered::of(row[2].clone())));
+    Some(ReportTable {
+        name: "trials",
+        title: "All trials".to_owned(),
+        caption: "A record is watched with: proact replay RECORD --page".to_owned(),
+        head: words(&["Participant", "Method", "trial", "mark", "score", "seconds", "record"]),
+        rows,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_rounded_as_people_round_them() {
+        assert_eq!(printed(2.125, 2), "2.13");
+        assert_eq!(printed(2.208_333, 2), "2.21");
+        assert_eq!(printed(-0.001, 2), "0.00");
+        assert_eq!(printed(-1.5, 1), "-1.5");
+    }
+
+    #[test]
+    fn rankings_with_ties_are_read_and_other_answers_are_not() {
+        let conditions = ["A", "B", "C", "D"].map(str::to_owned);
+        let places = ranking("D=C,A,B", &conditions).unwrap();
+        assert_eq!(places, [vec!["D", "C"], vec!["A"], vec!["B"]]);
+        for other in ["D", "A,B,C", "A,B,C,C", "A,B,C,D,A", "3", ""] {
+            assert_eq!(ranking(other, &conditions), None, "{other}");
+        }
+    }
+
+    #[test]
+    fn people_stand_in_the_order_of_their_numbers() {
+        let mut people = ["P10", "P2", "nobody", "P1"].map(|name| Ordered::of(name.to_owned()));
+        people.sort();
+        assert_eq!(people.map(|who| who.name), ["P1", "P2", "P10", "nobody"]);
+    }
+}

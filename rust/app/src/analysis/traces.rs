@@ -1,0 +1,118 @@
+//! A recorded trial as scoring sees it.
+
+use crate::{Arm, film, film_of_bag};
+use proact_analysis::scoring::{Instant, Trace};
+use proact_arm::ArmModel;
+use proact_control::MethodRegistry;
+use proact_recording::{Trial, bag::BagEnd};
+use proact_tasks::TaskResult;
+use proact_testbed::{GraspChoice, TrialConfig};
+use proact_types::{DisplayFrame, Point, Scene};
+use std::{
+    error::Error,
+    fs,
+    path::{Path, PathBuf},
+};
+
+/// From one instant to the next, milliseconds: as often as a bag has joints.
+const PERIOD_MS: u64 = 20;
+
+/// The trace of the trial in `dir`: what was seen from its bag, or recomputed where it has none; what happened from its events.
+///
+/// # Errors
+/// A record that cannot be read.
+pub(super) fn of_record(methods: &MethodRegistry, dir: &Path) -> Result<Trace, Box<dyn Error>> {
+    let record = Trial::open(dir)?;
+    let config = TrialConfig::from_toml(&record.header().config_toml)?;
+    let arm = Arm::recorded(dir, &config)?;
+    let task = config.build_task(arm.model())?;
+    let scene = task.scene().clone();
+    let (frames, decisions) = if let Some(bag) = bag_in(dir)? {
+        let watched = film_of_bag::watch(&bag, arm.model(), task, PERIOD_MS)?;
+        // Keys make no decisions of an armband.
+        (watched.frames, config.emg.as_ref().map(|_| watched.decisions))
+    } else {
+        (film::recompute(methods, dir)?.frames, None)
+    };
+    Ok(Trace {
+        instants: instants(arm.model(), &scene, &frames)?,
+        scene,
+        length: record.end(),
+        events: record.events()?,
+        decisions,
+        tells_events: true,
+    })
+}
+
+/// The bag in a record: `trial.bag`, in a study `participantP-modeM-trialT.bag`.
+fn bag_in(dir: &Path) -> std::io::Result<Option<PathBuf>> {
+    for entry in fs::read_dir(dir)? {
+        let path = entry?.path();
+        if path.extension().is_some_and(|ending| ending == "bag") {
+            return Ok(Some(path));
+        }
+    }
+    Ok(None)
+}
+
+/// A bag of the original lab: what was seen, and what came of it by our rules.
+pub(super) struct OfBag {
+    /// The trial.
+    pub(super) trace: Trace,
+    /// The control method by the file's name, such as `A`; `?` if it has none.
+    pub(super) method: String,
+    /// What the task makes of it.
+    pub(super) result: TaskResult,
+    /// What is wrong with the bag.
+    pub(super) flaw: Option<String>,
+}
+
+/// The trace of the bag at `path`, which holds a trial of the original's task with `arm`.
+///
+/// # Errors
+/// A file that is no bag of a trial.
+pub(super) fn of_bag(path: &Path, arm: &Arm) -> Result<OfBag, Box<dyn Error>> {
+    let watched = film_of_bag::watch(path, arm.model(), film_of_bag::default_task(), PERIOD_MS)?;
+    let scene = watched.task.scene().clone();
+    let last = watched.frames.last().ok_or("the bag holds no instant")?;
+    Ok(OfBag {
+        method: last.method.clone(),
+        result: watched.task.result(&watched.bodies),
+        flaw: (watched.end != BagEnd::Whole).then(|| watched.end.to_string()),
+        trace: Trace {
+            instants: instants(arm.model(), &scene, &watched.frames)?,
+            scene,
+            length: last.time,
+            events: watched.frames.iter().flat_map(|frame| frame.events.iter().cloned()).collect(),
+            decisions: Some(watched.decisions).filter(|decisions| *decisions > 0),
+            tells_events: false,
+        },
+    })
+}
+
+fn instants(arm: &ArmModel, scene: &Scene, frames: &[DisplayFrame]) -> Result<Vec<Instant>, Box<dyn Error>> {
+    let centre = GraspChoice::new(arm, scene)?.centre_of(0).unwrap_or(Point::origin());
+    // Place of each joint of the arm in the vector of those that move, and the link that it moves.
+    let moving: Vec<usize> = arm.moving().collect();
+    let places: Vec<usize> =
+        arm.arm.iter().filter_map(|joint| moving.iter().position(|other| other == joint)).collect();
+    let instant = |frame: &DisplayFrame| {
+        let links = arm.link_poses(&frame.joints);
+        let at = |joint: &usize| {
+            Point::from((frame.world_from_base * links[arm.joints[*joint].child]).translation.vector)
+        };
+        Instant {
+            time: frame.time,
+            base: frame.world_from_base,
+            tip: frame.world_from_tip,
+            hand: frame.world_from_tip * centre,
+            joints: places.iter().map(|place| frame.joints[*place]).collect(),
+            places: arm.arm.iter().map(at).collect(),
+            objects: frame.objects.clone(),
+            gaze: frame.gaze,
+            gesture: frame.gesture,
+            next: frame.next,
+        }
+    };
+    Ok(frames.iter().map(instant).collect())
+}
