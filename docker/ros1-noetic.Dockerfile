@@ -19,7 +19,7 @@ COPY . .
 RUN apt-get update \
     && apt-get install -y --no-install-recommends \
         g++ make cmake pkg-config ca-certificates liborocos-kdl-dev libompl-dev libode-dev liburdfdom-dev \
-        liburdfdom-headers-dev libfcl-dev libccd-dev libeigen3-dev ros-noetic-robot-state-publisher ros-noetic-rviz \
+        liburdfdom-headers-dev libfcl-dev libccd-dev libeigen3-dev fonts-dejavu-core ros-noetic-robot-state-publisher ros-noetic-rviz \
         ros-noetic-control-msgs ros-noetic-gazebo-msgs ros-noetic-controller-manager-msgs ros-noetic-moveit-msgs \
     && rm -rf /var/lib/apt/lists/*
 

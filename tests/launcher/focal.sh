@@ -14,7 +14,7 @@ for suite in focal focal-updates; do echo "deb $mirror $suite main universe"; do
 
 inside "$root" sh -c 'apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq \
     --no-install-recommends g++ make cmake pkg-config liborocos-kdl-dev libompl-dev libode-dev liburdfdom-dev \
-    liburdfdom-headers-dev libfcl-dev libccd-dev libeigen3-dev' >"$root/log" 2>&1 || {
+    liburdfdom-headers-dev libfcl-dev libccd-dev libeigen3-dev fonts-dejavu-core' >"$root/log" 2>&1 || {
     tail -n 40 "$root/log"
     echo "FAILED: the packages of the release"
     exit 1

@@ -5,7 +5,7 @@
 //!
 //! | row | what | columns |
 //! |---|---|---|
-//! | [`Phase`] | a reach for an object, or its transport | [`OF_PHASE`] |
+//! | [`ActionPhase`] | a reach for an object, or its transport | [`OF_PHASE`] |
 //! | [`Handling`] | an object in a trial | [`OF_OBJECT`] |
 //! | trial | all of it | [`OF_TRIAL`] |
 //! | [`Fault`] | something that went wrong | kind, object, detail |
@@ -27,10 +27,10 @@ mod shoulder;
 mod trace;
 
 pub use faults::{Fault, FaultKind, faults};
-pub use gaze::{Look, LookedAt, looks};
+pub use gaze::{Dwell, LookedAt, looks};
 pub use measure::{Measure, OF_OBJECT, OF_PHASE, OF_TRIAL};
 pub use objects::{Handling, handlings};
-pub use phases::{Phase, PhaseKind, phases};
+pub use phases::{ActionPhase, PhaseKind, phases};
 pub use trace::{Instant, Trace};
 
 /// A trial with what was found in it.
@@ -39,7 +39,7 @@ pub struct Scored<'a> {
     /// The trial.
     pub trace: &'a Trace,
     /// Reaches and transports, in their order.
-    pub phases: Vec<Phase>,
+    pub phases: Vec<ActionPhase>,
     /// Its objects, in the order of the scene.
     pub objects: Vec<Handling>,
     /// What went wrong, in its order.

@@ -38,7 +38,7 @@ mod repeated;
 mod wilcoxon;
 
 pub use bootstrap::{Interval, bca_interval, bootstrap};
-pub use comparison::{Comparison, Pair, compare};
+pub use comparison::{ConditionComparison, Pair, compare};
 pub use effect::{PairedEffect, skewness_test};
 pub use friedman::{Friedman, friedman};
 pub use holm::holm;

@@ -8,6 +8,7 @@ mod collect;
 mod comparisons;
 mod figures;
 mod html;
+mod models;
 mod report;
 mod scores;
 mod summaries;
@@ -15,4 +16,4 @@ mod traces;
 
 pub use charts::ChartError;
 pub use collect::{Collected, collect};
-pub use report::{Report, ReportOptions, report, report_folder};
+pub use report::{ReportOptions, WrittenReport, report, report_folder};

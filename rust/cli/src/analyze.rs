@@ -73,11 +73,11 @@ fn report(methods: &MethodRegistry, args: &AnalyzeArgs) -> Result<(), Box<dyn Er
     drawing.finish_and_clear();
     if args.json {
         let object = json!({
-            "tables": written.tables, "figures": written.figures, "report": written.page, "notes": collected.notes,
+            "tables": written.tables, "figures": written.figures, "report": written.page, "notes": written.notes,
         });
         return Ok(answer(object.to_string())?);
     }
-    collected.notes.iter().for_each(|note| tell(note));
+    written.notes.iter().for_each(|note| tell(note));
     answer(format_args!(
         "{} tables and {} figures of {} trials; open {}",
         written.tables.len(),

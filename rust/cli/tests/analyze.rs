@@ -161,8 +161,9 @@ fn recorded() -> &'static Path {
     place.path()
 }
 
+/// A number of a row, to a thousandth.
 fn seconds(row: &BTreeMap<String, String>, column: &str) -> Option<f64> {
-    row[column].parse().ok()
+    row[column].parse().ok().map(|value: f64| (value * 1e3).round() / 1e3)
 }
 
 #[test]
@@ -170,7 +171,8 @@ fn a_recorded_trial_is_scored_as_its_task_scored_it() {
     let place = tempfile::tempdir().unwrap();
     let out = place.path().join("report");
     let answer = analyze(recorded(), &out);
-    assert_eq!(answer["notes"], serde_json::json!([]));
+    let told = answer["notes"].as_array().unwrap();
+    assert!(told.iter().all(|note| note.as_str().unwrap().starts_with("No mixed models")), "{answer}");
     let (blocks, objects) = (rows(&out.join("data/blocks.csv")), rows(&out.join("data/objects.csv")));
     assert_eq!((blocks.len(), objects.len()), (8, 8));
     for block in &blocks {
@@ -236,6 +238,39 @@ fn a_bag_alone_is_scored_like_the_record_that_it_is_of() {
     let measures = &rows(&of_bag.join("data/measures.csv"))[0];
     assert_eq!(measures["plan_failures"], "", "what a bag does not tell is missing and not zero");
     assert_eq!(measures["wrong_objects"], "0");
+}
+
+/// Whether R with lme4 and ordinal is there.
+fn r_is_there() -> bool {
+    let asked = Command::new("Rscript").args(["-e", "library(lme4); library(ordinal)"]).output();
+    let there = asked.is_ok_and(|output| output.status.success());
+    if !there {
+        println!("skipped: R with lme4 and ordinal not found; ./proact test statistics installs them");
+    }
+    there
+}
+
+#[test]
+fn r_fits_the_models_of_the_papers_tables() {
+    if !r_is_there() {
+        return;
+    }
+    let place = tempfile::tempdir().unwrap();
+    let (dir, out) = (place.path().join("paper"), place.path().join("report"));
+    paper(&dir);
+    let answer = analyze(&dir, &out);
+    assert!(!answer["notes"].to_string().contains("No mixed models"), "{answer}");
+    let models = rows(&out.join("data").join("../tables/mixed_models.csv"));
+    let of = |model: &str, term: &str| {
+        let row = models.iter().find(|row| row["model"] == model && row["term"] == term);
+        row.unwrap_or_else(|| panic!("{model} {term}: {models:?}"))["estimate"].parse::<f64>().unwrap()
+    };
+    // In a balanced design the linear model's effects are the differences of the means: 88 - 53 and 79 - 53 blocks in 24 trials.
+    assert!((of("linear", "D") - 35.0 / 24.0).abs() < 1e-3);
+    assert!((of("linear", "C") - 26.0 / 24.0).abs() < 1e-3);
+    assert!(of("cumulative logit", "D") > of("cumulative logit", "B"));
+    let page = fs::read_to_string(out.join("report.html")).unwrap();
+    assert!(page.contains("Mixed and ordinal models") && out.join("mixed_models.R").is_file());
 }
 
 fn copy(from: &Path, to: &Path) {

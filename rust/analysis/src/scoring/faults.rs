@@ -1,4 +1,4 @@
-use super::{Handling, Phase, PhaseKind, Trace, emg};
+use super::{ActionPhase, Handling, PhaseKind, Trace, emg};
 use crate::table::word;
 use proact_types::{EventKind, ObjectId, PlanStatus, SimTime};
 use serde::Serialize;
@@ -86,7 +86,7 @@ pub struct Fault {
 }
 
 /// What went wrong, in order of time.
-pub fn faults(trace: &Trace, phases: &[Phase], objects: &[Handling]) -> Vec<Fault> {
+pub fn faults(trace: &Trace, phases: &[ActionPhase], objects: &[Handling]) -> Vec<Fault> {
     let mut faults: Vec<Fault> = phases.iter().filter_map(|phase| of_phase(trace, phase)).collect();
     let fault = |time, kind, object, detail: String| Fault { time, kind, object, detail };
     for handling in objects {
@@ -120,7 +120,7 @@ pub fn faults(trace: &Trace, phases: &[Phase], objects: &[Handling]) -> Vec<Faul
     faults
 }
 
-fn of_phase(trace: &Trace, phase: &Phase) -> Option<Fault> {
+fn of_phase(trace: &Trace, phase: &ActionPhase) -> Option<Fault> {
     let fault = |kind, detail: String| Fault { time: phase.to, kind, object: Some(phase.object), detail };
     match phase.kind {
         PhaseKind::Pick => {

@@ -1,6 +1,6 @@
 //! What the eyes looked at.
 
-use super::{Instant, Phase, PhaseKind, Scored, Trace};
+use super::{ActionPhase, Instant, PhaseKind, Scored, Trace};
 use proact_types::{GazeSample, ObjectId, Point, SimTime, Vector};
 use serde::Serialize;
 
@@ -31,7 +31,7 @@ pub enum LookedAt {
 
 /// A spell of the gaze on one thing.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Look {
+pub struct Dwell {
     /// On what.
     pub at: LookedAt,
     /// From when.
@@ -79,7 +79,7 @@ fn seen(gaze: &GazeSample, centre: Point, radius: f64) -> Option<(f64, f64, f64)
 }
 
 /// What the gaze fell on at each instant of a trial; none where there is none.
-pub(super) fn sight(trace: &Trace, phases: &[Phase]) -> Vec<Option<LookedAt>> {
+pub(super) fn sight(trace: &Trace, phases: &[ActionPhase]) -> Vec<Option<LookedAt>> {
     let places = phases.iter().filter(|phase| phase.kind == PhaseKind::Place);
     let mut places = places.peekable();
     let mut sight = Vec::with_capacity(trace.instants.len());
@@ -92,9 +92,9 @@ pub(super) fn sight(trace: &Trace, phases: &[Phase]) -> Vec<Option<LookedAt>> {
 }
 
 /// The looks of at least 80 ms between two times, and for how many milliseconds the gaze was known.
-pub fn looks(scored: &Scored<'_>, from: SimTime, to: SimTime) -> (Vec<Look>, u64) {
+pub fn looks(scored: &Scored<'_>, from: SimTime, to: SimTime) -> (Vec<Dwell>, u64) {
     let instants = &scored.trace.instants;
-    let mut looks: Vec<Look> = Vec::new();
+    let mut looks: Vec<Dwell> = Vec::new();
     let mut known = 0;
     let first = instants.partition_point(|instant| instant.time < from);
     let count = instants[first..].partition_point(|instant| instant.time < to);
@@ -105,7 +105,7 @@ pub fn looks(scored: &Scored<'_>, from: SimTime, to: SimTime) -> (Vec<Look>, u64
         known += end.millis_since(begin);
         match looks.last_mut() {
             Some(last) if last.at == at && last.to == begin => last.to = end,
-            _ => looks.push(Look { at, from: begin, to: end }),
+            _ => looks.push(Dwell { at, from: begin, to: end }),
         }
     }
     looks.retain(|look| look.to.millis_since(look.from) >= LOOK_MS);
@@ -113,7 +113,11 @@ pub fn looks(scored: &Scored<'_>, from: SimTime, to: SimTime) -> (Vec<Look>, u64
 }
 
 /// Share of the time with a known gaze that looks of at least 80 ms fell on what `wanted` says, 0 to 1; none without any gaze.
-pub(super) fn share(scored: &Scored<'_>, phase: &Phase, wanted: impl Fn(LookedAt) -> bool) -> Option<f64> {
+pub(super) fn share(
+    scored: &Scored<'_>,
+    phase: &ActionPhase,
+    wanted: impl Fn(LookedAt) -> bool,
+) -> Option<f64> {
     let (looks, known) = looks(scored, phase.from, phase.to);
     let time: u64 =
         looks.iter().filter(|look| wanted(look.at)).map(|look| look.to.millis_since(look.from)).sum();
@@ -121,7 +125,7 @@ pub(super) fn share(scored: &Scored<'_>, phase: &Phase, wanted: impl Fn(LookedAt
 }
 
 /// What the hand is on its way to.
-fn goal(phase: &Phase) -> LookedAt {
+fn goal(phase: &ActionPhase) -> LookedAt {
     match phase.kind {
         PhaseKind::Pick => LookedAt::Object(phase.object),
         PhaseKind::Place => LookedAt::Target(phase.object),
@@ -130,7 +134,7 @@ fn goal(phase: &Phase) -> LookedAt {
 
 /// How long before the hand the eye was at what the hand went to, milliseconds: the object of a pick, the target of a place. Positive
 /// where the eye was first; none if it never looked there.
-pub(super) fn arrival(scored: &Scored<'_>, phase: &Phase) -> Option<f64> {
+pub(super) fn arrival(scored: &Scored<'_>, phase: &ActionPhase) -> Option<f64> {
     let (looks, _) = looks(scored, phase.from, phase.to);
     let first = looks.iter().find(|look| look.at == goal(phase))?;
     Some(phase.to.millis_since(first.from) as f64)
@@ -138,10 +142,10 @@ pub(super) fn arrival(scored: &Scored<'_>, phase: &Phase) -> Option<f64> {
 
 /// How long after the hand the eye left what the hand had come to, milliseconds. Negative where the eye left first; none if it never
 /// looked there, or still does at the end of the record.
-pub(super) fn leaving(scored: &Scored<'_>, phase: &Phase) -> Option<f64> {
+pub(super) fn leaving(scored: &Scored<'_>, phase: &ActionPhase) -> Option<f64> {
     let end = scored.trace.length;
     let (looks, _) = looks(scored, phase.from, end);
-    let there: Vec<&Look> = looks
+    let there: Vec<&Dwell> = looks
         .iter()
         .filter(|look| {
             look.at == goal(phase)
@@ -154,7 +158,7 @@ pub(super) fn leaving(scored: &Scored<'_>, phase: &Phase) -> Option<f64> {
 }
 
 /// How often the eye went between the hand, with what it holds, and what the hand is on its way to.
-pub(super) fn switches(scored: &Scored<'_>, phase: &Phase) -> Option<usize> {
+pub(super) fn switches(scored: &Scored<'_>, phase: &ActionPhase) -> Option<usize> {
     let (looks, known) = looks(scored, phase.from, phase.to);
     let hand = |at: LookedAt| {
         at == LookedAt::Hand || phase.kind == PhaseKind::Place && at == LookedAt::Object(phase.object)

@@ -1,7 +1,8 @@
 //! The columns: one function each, with its name, unit, definition and source.
 
 use super::{
-    Fault, FaultKind, Handling, LookedAt, Phase, PhaseKind, Scored, emg, gaze, joints, motion::Way, shoulder,
+    ActionPhase, Fault, FaultKind, Handling, LookedAt, PhaseKind, Scored, emg, gaze, joints, motion::Way,
+    shoulder,
 };
 use crate::table::Column;
 use proact_types::SimTime;
@@ -34,7 +35,7 @@ fn truth(yes: bool) -> f64 {
 }
 
 /// The way of the hand through a phase.
-fn hand(scored: &Scored<'_>, phase: &Phase) -> Option<Way> {
+fn hand(scored: &Scored<'_>, phase: &ActionPhase) -> Option<Way> {
     Way::of(scored.trace.between(phase.from, phase.to), |instant| instant.hand)
 }
 
@@ -47,7 +48,7 @@ macro_rules! joint {
 }
 
 /// Of a pick or a place.
-pub const OF_PHASE: &[Measure<Phase>] = &[
+pub const OF_PHASE: &[Measure<ActionPhase>] = &[
     measure!("seconds", "s", "length of the phase", PAPER, |_, p| Some(p.secs())),
     measure!(
         "with_method",

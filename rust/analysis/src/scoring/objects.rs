@@ -1,4 +1,4 @@
-use super::{Phase, PhaseKind, Trace};
+use super::{ActionPhase, PhaseKind, Trace};
 use proact_types::{ObjectId, SimTime};
 
 /// An object that left its region by less than this did not leave it, metres.
@@ -14,9 +14,9 @@ pub struct Handling {
     /// It ended beyond the partition, or was brought there once; none where there is none between start and target.
     pub crossed: Option<bool>,
     /// Its first pick, if the object was taken.
-    pub first_pick: Option<Phase>,
+    pub first_pick: Option<ActionPhase>,
     /// The place that counts: it crossed in it and was above its target region in it, the first such.
-    pub good_place: Option<Phase>,
+    pub good_place: Option<ActionPhase>,
     /// Smallest horizontal distance from its target over the trial, metres; none without a target.
     pub least_distance: Option<f64>,
     /// When it left its target region without being held, after it was let go in there; none if it did not.
@@ -24,19 +24,20 @@ pub struct Handling {
 }
 
 /// Every object of the trial, in the order of the scene.
-pub fn handlings(trace: &Trace, phases: &[Phase]) -> Vec<Handling> {
+pub fn handlings(trace: &Trace, phases: &[ActionPhase]) -> Vec<Handling> {
     trace.scene.ids().map(|object| handling(trace, phases, object)).collect()
 }
 
-fn handling(trace: &Trace, phases: &[Phase], object: ObjectId) -> Handling {
+fn handling(trace: &Trace, phases: &[ActionPhase], object: ObjectId) -> Handling {
     let own = |kind| phases.iter().filter(move |phase| phase.object == object && phase.kind == kind);
-    let places: Vec<&Phase> = own(PhaseKind::Place).collect();
+    let places: Vec<&ActionPhase> = own(PhaseKind::Place).collect();
     let crossed = trace.far_side(object).map(|far| {
         let last = trace.instants.last().and_then(|instant| instant.objects.get(object.index()));
         let ended_there = last.is_some_and(|pose| pose.translation.vector.y * far > 0.0);
         ended_there || places.iter().any(|place| place.crossed == Some(true))
     });
-    let good = |place: &&&Phase| place.ended && place.entered == Some(true) && place.crossed != Some(false);
+    let good =
+        |place: &&&ActionPhase| place.ended && place.entered == Some(true) && place.crossed != Some(false);
     Handling {
         object,
         grasps: places.len(),
@@ -48,7 +49,7 @@ fn handling(trace: &Trace, phases: &[Phase], object: ObjectId) -> Handling {
     }
 }
 
-fn disturbed(trace: &Trace, places: &[&Phase], object: ObjectId) -> Option<SimTime> {
+fn disturbed(trace: &Trace, places: &[&ActionPhase], object: ObjectId) -> Option<SimTime> {
     let radius = trace.scene.target(object)?.radius;
     let mut lay_there = false;
     let mut rest = places.iter().peekable();

@@ -24,7 +24,7 @@ impl PhaseKind {
 
 /// A reach that ended with an object in the hand, or its transport. Reaches for nothing have no phase.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Phase {
+pub struct ActionPhase {
     /// Which of the two.
     pub kind: PhaseKind,
     /// The object.
@@ -43,7 +43,7 @@ pub struct Phase {
     pub entered: Option<bool>,
 }
 
-impl Phase {
+impl ActionPhase {
     /// Its length, seconds.
     pub fn secs(&self) -> f64 {
         // Divided, so that 18 ms are 0.018 and not a digit more.
@@ -54,7 +54,7 @@ impl Phase {
 /// The phases of a trial: of each grasp a pick and a place, in their order.
 ///
 /// Source: ProACT paper, section "Transfer timings and accuracy".
-pub fn phases(trace: &Trace) -> Vec<Phase> {
+pub fn phases(trace: &Trace) -> Vec<ActionPhase> {
     let mut phases = Vec::new();
     let mut free_since = SimTime(0);
     let mut held: Option<(ObjectId, SimTime)> = None;
@@ -69,7 +69,7 @@ pub fn phases(trace: &Trace) -> Vec<Phase> {
                     free_since = event.time;
                 }
                 times[object.index()] += 1;
-                phases.push(Phase {
+                phases.push(ActionPhase {
                     kind: PhaseKind::Pick,
                     object,
                     time: times[object.index()],
@@ -96,7 +96,14 @@ pub fn phases(trace: &Trace) -> Vec<Phase> {
     phases
 }
 
-fn place(trace: &Trace, object: ObjectId, from: SimTime, to: SimTime, ended: bool, time: usize) -> Phase {
+fn place(
+    trace: &Trace,
+    object: ObjectId,
+    from: SimTime,
+    to: SimTime,
+    ended: bool,
+    time: usize,
+) -> ActionPhase {
     let within = trace.between(from, to);
     let side = |time| Some(trace.at(time)?.objects.get(object.index())?.translation.vector.y);
     let crossed =
@@ -104,5 +111,5 @@ fn place(trace: &Trace, object: ObjectId, from: SimTime, to: SimTime, ended: boo
     let entered = trace.scene.target(object).map(|target| {
         within.iter().any(|instant| trace.distance(object, instant).is_some_and(|away| away <= target.radius))
     });
-    Phase { kind: PhaseKind::Place, object, time, from, to, ended, crossed, entered }
+    ActionPhase { kind: PhaseKind::Place, object, time, from, to, ended, crossed, entered }
 }

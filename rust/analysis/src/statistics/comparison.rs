@@ -11,7 +11,7 @@ const FEW_PEOPLE: usize = 10;
 
 /// All that can be said of one measure under several conditions.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Comparison {
+pub struct ConditionComparison {
     /// Whether any condition differs; none where that cannot be asked, with the reason in `notes`.
     pub friedman: Option<Friedman>,
     /// Interval of Kendall's W.
@@ -44,7 +44,7 @@ pub struct Pair {
 }
 
 /// Compares the conditions of one measure. What is drawn comes from `seed`.
-pub fn compare(values: &Repeated, seed: u64) -> Comparison {
+pub fn compare(values: &Repeated, seed: u64) -> ConditionComparison {
     let mut notes = Vec::new();
     let complete = values.complete();
     let missing = values.people() - complete.len();
@@ -92,7 +92,7 @@ pub fn compare(values: &Repeated, seed: u64) -> Comparison {
     if (1..FEW_PEOPLE).contains(&values.people()) {
         notes.push(format!("Bootstrap intervals of {} people are too narrow.", values.people()));
     }
-    Comparison { friedman: ranked, kendalls_w_interval, pairs, notes }
+    ConditionComparison { friedman: ranked, kendalls_w_interval, pairs, notes }
 }
 
 fn pair(values: &Repeated, a: usize, b: usize, seed: u64, notes: &mut Vec<String>) -> Pair {

@@ -4,7 +4,7 @@ use super::{
     Collected,
     summaries::{self, ReportTable, Value, block_key, conditions, on_target, printed, rated, scored, values},
 };
-use proact_analysis::statistics::{Comparison, Interval, Repeated, compare};
+use proact_analysis::statistics::{ConditionComparison, Interval, Repeated, compare};
 use proact_analysis::summary::SampleSummary;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -18,7 +18,7 @@ pub(super) struct Compared {
     pub(super) people: usize,
     /// What was found.
     #[serde(flatten)]
-    pub(super) comparison: Comparison,
+    pub(super) comparison: ConditionComparison,
 }
 
 /// How several values of a person under a condition become one.

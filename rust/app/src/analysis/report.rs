@@ -6,6 +6,7 @@ use super::{
     comparisons::{self, compare_all},
     figures::figures,
     html::{self, Head, Part},
+    models,
     summaries::{self, ReportTable},
 };
 use crate::{
@@ -43,13 +44,15 @@ pub fn report_folder(dir: &Path) -> PathBuf {
 
 /// What was written.
 #[derive(Clone, Debug)]
-pub struct Report {
+pub struct WrittenReport {
     /// The page.
     pub page: PathBuf,
     /// Tables as CSV, by name: those of observations and those of the report.
     pub tables: BTreeMap<String, PathBuf>,
     /// Figures as SVG, by name; a PNG is beside each.
     pub figures: BTreeMap<String, PathBuf>,
+    /// What is missing, wrong or left out.
+    pub notes: Vec<String>,
 }
 
 /// Writes the report on what was collected. `tell` hears how many figures of how many are drawn.
@@ -60,13 +63,18 @@ pub fn report(
     collected: &Collected,
     options: &ReportOptions,
     mut tell: impl FnMut(usize, usize),
-) -> Result<Report, Box<dyn Error>> {
+) -> Result<WrittenReport, Box<dyn Error>> {
     let out = &options.out;
     claim(out)?;
     let compared = compare_all(collected, options.seed);
     let mut tables = summaries::tables(collected);
     tables.extend(comparisons::tables(&compared));
-    let mut report = Report { page: out.join(PAGE), tables: BTreeMap::new(), figures: BTreeMap::new() };
+    let mut report = WrittenReport {
+        page: out.join(PAGE),
+        tables: BTreeMap::new(),
+        figures: BTreeMap::new(),
+        notes: Vec::new(),
+    };
     let folder = |name: &str| -> Result<PathBuf, Box<dyn Error>> {
         let folder = out.join(name);
         fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
@@ -81,6 +89,12 @@ pub fn report(
         report.tables.insert(table.name.to_owned(), path);
     }
     write_whole(&observed.join("codebook.csv"), &codebook_csv(&all)?)?;
+    // R reads the tables of observations, and writes one of its own.
+    let mut notes = collected.notes.clone();
+    match models::fit(out)? {
+        Ok(table) => tables.extend(table),
+        Err(why) => notes.push(why),
+    }
     for table in &tables {
         let path = printed.join(format!("{}.csv", table.name));
         write_whole(&path, &printed_csv(table)?)?;
@@ -102,12 +116,14 @@ pub fn report(
         report.figures.insert(figure.name.to_owned(), path);
         pictures.push((figure.name, svg));
     }
-    write_whole(&report.page, &page(collected, &compared, &tables, &planned, &pictures))?;
+    write_whole(&report.page, &page(collected, &notes, &compared, &tables, &planned, &pictures))?;
+    report.notes = notes;
     Ok(report)
 }
 
 fn page(
     collected: &Collected,
+    notes: &[String],
     compared: &[comparisons::Compared],
     tables: &[ReportTable],
     planned: &[super::figures::Figure],
@@ -161,7 +177,7 @@ fn page(
                 count(summaries::conditions(collected).len(), "method")
             ),
             simulated: collected.simulated == Some(true),
-            notes: &collected.notes,
+            notes,
             presumed: &presumed,
         },
         &parts,
