@@ -77,7 +77,7 @@ fn report(methods: &MethodRegistry, args: &AnalyzeArgs) -> Result<(), Box<dyn Er
         });
         return Ok(answer(object.to_string())?);
     }
-    written.notes.iter().for_each(|note| tell(note));
+    written.notes.iter().for_each(tell);
     answer(format_args!(
         "{} tables and {} figures of {} trials; open {}",
         written.tables.len(),

@@ -183,6 +183,6 @@ mod tests {
         assert!(page.contains("no evidence about people"));
         let latex = latex(&table);
         assert!(latex.contains("A \\& B") && latex.contains("50 \\% of x\\_1"), "{latex}");
-        assert!(latex.contains("\\textbackslash{}input\\{x\\}") && latex.contains("D $>$ C") == false);
+        assert!(latex.contains("\\textbackslash{}input\\{x\\}"), "{latex}");
     }
 }
