@@ -40,6 +40,7 @@ mod wilcoxon;
 pub use bootstrap::{Interval, bca_interval, bootstrap};
 pub use comparison::{ConditionComparison, Pair, compare};
 pub use effect::{PairedEffect, skewness_test};
+pub(crate) use friedman::friedman_quick;
 pub use friedman::{Friedman, friedman};
 pub use holm::holm;
 pub use permutation::{PermutationTest, paired_permutation};

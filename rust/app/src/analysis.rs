@@ -14,6 +14,6 @@ mod scores;
 mod summaries;
 mod traces;
 
-pub use charts::ChartError;
+pub use charts::{ChartError, power_curve};
 pub use collect::{Collected, collect};
 pub use report::{ReportOptions, WrittenReport, report, report_folder};

@@ -4,6 +4,7 @@ mod batch;
 mod conductor;
 mod export;
 mod live;
+mod power;
 mod rehearsal;
 pub(crate) mod tables;
 mod worker;
@@ -13,6 +14,7 @@ pub use conductor::{Conductor, Look, STUDY_FILE, StudyError, TRIALS_FOLDER, look
 pub use export::{ExportOptions, Exported, archive, export};
 pub(crate) use export::{codebook_csv, table_csv};
 pub use live::{LiveStudy, OnScreen, OpenPerson, StudyEquipment, opening};
+pub use power::{PowerOfSize, PowerOptions, expected_effect, pilot, power_by_size, power_figure};
 pub use rehearsal::{RehearsalOptions, Rehearsed, rehearse};
 pub use tables::tables;
 pub use worker::{TrialOrder, Worker, WorkerError, simulated_trial, work};

@@ -18,7 +18,10 @@ use proact_testbed::{
 };
 use proact_types::{GestureCommands, GestureTableError, MethodStyle, PlanReply, PlanRequest, Pose, Scene};
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{
+    Arc, Mutex, PoisonError,
+    atomic::{AtomicBool, Ordering},
+};
 
 /// Why a trial cannot be put together.
 #[derive(Debug, thiserror::Error)]
@@ -244,8 +247,8 @@ pub fn replanned(
     classifier: Option<Classifier>,
 ) -> Result<(Testbed, ComparedPlans), AssemblyError> {
     let worker = planner(arm.model(), &config)?;
-    let plans = ComparedPlans { log: worker.log(), replies: Arc::default() };
-    let asked = AskedAgain { worker, replies: plans.replies.clone() };
+    let plans = ComparedPlans { log: worker.log(), replies: Arc::default(), serve: Arc::default() };
+    let asked = AskedAgain { worker, replies: plans.replies.clone(), serve: plans.serve.clone() };
     let testbed = testbed_around(methods, arm, config, Box::new(asked), classifier, None, |plant| plant)?;
     Ok((testbed, plans))
 }
@@ -254,9 +257,16 @@ pub fn replanned(
 pub struct ComparedPlans {
     log: PlanLog,
     replies: Arc<Mutex<BTreeMap<u64, PlanReply>>>,
+    /// Whether the testbed gets them.
+    serve: Arc<AtomicBool>,
 }
 
 impl ComparedPlans {
+    /// From now on the testbed gets these plans where the log has none: its requests are no longer those of the record.
+    pub fn serve(&self) {
+        self.serve.store(true, Ordering::Relaxed);
+    }
+
     /// The reply to request `id` now, and whether a deadline ended it; none if it was not asked.
     pub fn reply(&self, id: u64) -> Option<(PlanReply, bool)> {
         let replies = self.replies.lock().unwrap_or_else(PoisonError::into_inner);
@@ -265,10 +275,11 @@ impl ComparedPlans {
     }
 }
 
-/// Plans every request at once and keeps the reply for later; the testbed takes the recorded one.
+/// Plans every request at once and keeps the reply for later; the testbed takes the recorded one, until it is told to take these.
 struct AskedAgain {
     worker: PlanWorker,
     replies: Arc<Mutex<BTreeMap<u64, PlanReply>>>,
+    serve: Arc<AtomicBool>,
 }
 
 impl PlanService for AskedAgain {
@@ -279,13 +290,14 @@ impl PlanService for AskedAgain {
         self.replies.lock().unwrap_or_else(PoisonError::into_inner).insert(id, reply);
     }
 
-    fn poll(&mut self, _id: u64) -> Option<PlanReply> {
-        None
+    fn poll(&mut self, id: u64) -> Option<PlanReply> {
+        let replies = self.replies.lock().unwrap_or_else(PoisonError::into_inner);
+        self.serve.load(Ordering::Relaxed).then(|| replies.get(&id).cloned())?
     }
 
-    /// A plan that the log should hold and does not: it was another trial.
+    /// A plan that the log should hold and does not, unless these are served: it was another trial.
     fn wait(&mut self, id: u64) -> PlanReply {
-        LoggedPlans.wait(id)
+        self.poll(id).unwrap_or_else(|| LoggedPlans.wait(id))
     }
 
     fn cancel(&mut self) {}

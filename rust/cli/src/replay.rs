@@ -1,15 +1,19 @@
 use crate::replay_page;
 use clap::Args;
-use proact_app::{Replanned, ReplayOptions, answer, replay_trial, tell};
+use proact_app::{Replanned, ReplayOptions, answer, counterfactual, replay_trial, tell};
 use proact_control::MethodRegistry;
 use proact_testbed::Divergence;
-use std::{error::Error, path::PathBuf};
+use std::{
+    error::Error,
+    path::{Path, PathBuf},
+};
 
 /// Arguments of `proact replay`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  proact replay trials/D-seated-seed1\n  \
     proact replay trials/A-still-seed1 trials/D-still-seed1 --page\n  \
-    proact replay participant1-mode4-trial2.bag --page\n\n\
+    proact replay participant1-mode4-trial2.bag --page\n  \
+    proact replay trials/D-seated-seed1 --as intent_model=filtered,intent.sigma=0.05\n\n\
     A trial that was broken off is recomputed up to its last digest, and called interrupted. Exit code 0 only if every \
     span of the recomputed trial has the recorded digest. A bag that is cut off is shown as far as it goes.")]
 pub(crate) struct ReplayArgs {
@@ -31,6 +35,9 @@ pub(crate) struct ReplayArgs {
     /// Compute every plan again and compare it with the recorded one
     #[arg(long, conflicts_with = "page")]
     replan: bool,
+    /// What other values would have made of the recorded gaze and EMG, with commas between: intent_model=filtered,intent.sigma=0.05
+    #[arg(long = "as", value_name = "KEY=VALUE", value_delimiter = ',', conflicts_with_all = ["page", "replan"])]
+    other: Vec<String>,
     /// Replay also what another version of this program or of its libraries has recorded
     #[arg(long, conflicts_with = "page")]
     other_versions: bool,
@@ -50,6 +57,9 @@ pub(crate) fn command(methods: &MethodRegistry, args: &ReplayArgs) -> Result<boo
             dir.display()
         )
         .into());
+    }
+    if !args.other.is_empty() {
+        return other_values(methods, dir, args).map(|()| true);
     }
     let options =
         ReplayOptions { replan: args.replan, other_versions: args.other_versions, methods: methods.clone() };
@@ -87,4 +97,38 @@ pub(crate) fn command(methods: &MethodRegistry, args: &ReplayArgs) -> Result<boo
         answer(interrupted)?;
     }
     Ok(replayed.agrees)
+}
+
+/// What other values would have made of the trial.
+fn other_values(methods: &MethodRegistry, dir: &Path, args: &ReplayArgs) -> Result<(), Box<dyn Error>> {
+    let found = counterfactual(methods, dir, &args.other, args.other_versions)?;
+    if args.json {
+        return Ok(answer(serde_json::to_string(&found)?)?);
+    }
+    match found.seen_from_s {
+        None => answer(format_args!("the person would have seen the same in all {:.3} s", found.seconds))?,
+        Some(secs) => answer(format_args!(
+            "from {secs:.3} s on of {:.3} s the person would have seen something else ({}): what follows is no evidence, since they would \
+             have done something else",
+            found.seconds,
+            found.seen_first.join(", ")
+        ))?,
+    }
+    answer(format_args!(
+        "{:<18}{:>10}{:>10}\n{:<18}{:>10}{:>10}\n{:<18}{:>10}{:>10}\n{:<18}{:>10}{:>10}\nthe same gesture in {:.1} % of the time",
+        "",
+        "recorded",
+        "as",
+        "score",
+        found.score[0],
+        found.score[1],
+        "gesture changes",
+        found.gesture_changes[0],
+        found.gesture_changes[1],
+        "plans",
+        found.plans[0],
+        found.plans[1],
+        100.0 * found.same_gesture
+    ))?;
+    Ok(())
 }

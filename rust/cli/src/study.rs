@@ -3,6 +3,7 @@
 mod console;
 mod files;
 mod plan;
+mod power;
 mod run;
 mod status;
 
@@ -28,6 +29,11 @@ pub enum StudyCommand {
         An imbalance is no error: the exit code is 0 if the plan can be run."
     )]
     Check(plan::CheckArgs),
+    /// Say how likely a plan is to show a difference, by simulating it many times
+    #[command(after_help = "Examples:\n  proact study power pilot --effect expected.toml\n  \
+        proact study power bigger --from pilot --people 8,12,16,24 --dropout 0.1 --figure power\n\n\
+        The plan's own order is simulated with so many people. A pilot of simulated participants is no evidence about people.")]
+    Power(power::PowerArgs),
     /// Conduct sessions: the experimenter's page and the terminal show where the study is, and either can drive it
     #[command(
         after_help = "Examples:\n  proact study run pilot\n  proact study run pilot --participant P07 --new\n  \
@@ -67,6 +73,7 @@ pub fn run(registry: &Registry, command: &StudyCommand, json: bool) -> Result<bo
     match command {
         StudyCommand::New(args) => plan::new(args, json)?,
         StudyCommand::Check(args) => plan::check(&registry.methods, args, json)?,
+        StudyCommand::Power(args) => power::command(&registry.methods, args, json)?,
         StudyCommand::Run(args) => return run::command(registry, args, json),
         StudyCommand::Next(args) => status::next(&registry.methods, args, json)?,
         StudyCommand::Status(args) => status::status(&registry.methods, args, json)?,

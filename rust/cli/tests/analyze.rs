@@ -357,3 +357,46 @@ fn all_ties_and_a_missing_value_are_said() {
     }
     assert_eq!(lines(&out.join("tables/success.csv"))[3], "C,4.00,0.00,4.00,4.00,4.00,4");
 }
+
+fn as_if(trial: &str, values: &str) -> Output {
+    proact(&["replay", recorded().join(trial).to_str().unwrap(), "--as", values, "--json"])
+}
+
+#[track_caller]
+fn counterfactual(trial: &str, values: &str) -> Value {
+    let output = as_if(trial, values);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+#[test]
+fn the_recorded_values_make_the_recorded_trial_and_others_are_marked_from_where_they_show() {
+    let same = counterfactual("D", "intent.sigma=0.03,emg.required=3");
+    assert_eq!(same["seen_from_s"], Value::Null, "{same}");
+    assert_eq!(
+        (&same["score"], &same["same_gesture"]),
+        (&serde_json::json!([4, 4]), &serde_json::json!(1.0))
+    );
+    let slower = counterfactual("D", "emg.required=5");
+    assert!(slower["seen_from_s"].as_f64().unwrap() < slower["seconds"].as_f64().unwrap());
+    assert!(slower["seen_first"].as_array().unwrap().contains(&serde_json::json!("gesture")), "{slower}");
+    let share = slower["same_gesture"].as_f64().unwrap();
+    assert!((0.5..0.999).contains(&share), "two decisions later, 100 ms for each change: {slower}");
+    assert_eq!(slower, counterfactual("D", "emg.required=5"), "the same each time");
+    let blind = counterfactual("D", "intent_model=prior_only");
+    assert!(blind["seen_from_s"].is_number(), "{blind}");
+}
+
+#[test]
+fn what_is_no_counterfactual_is_refused_with_the_reason() {
+    for (values, expected) in [
+        ("method=A", "cannot be changed afterwards"),
+        ("physics.engine=ode", "cannot be changed afterwards"),
+        ("intent.sigma=none", "intent"),
+        ("intent.smear=1", "smear"),
+    ] {
+        let output = as_if("D", values);
+        let error = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(!output.status.success() && error.contains(expected), "{values}: {error}");
+    }
+}

@@ -99,3 +99,68 @@ fn a_plan_whose_trials_cannot_be_run_is_refused_by_file_and_condition() {
     let error = refusal(dir, &["study", "check", "nowhere"]);
     assert!(error.contains("nowhere"), "{error}");
 }
+
+/// The paper's table of success.
+const EXPECTED: &str = "least = 0\nmost = 4\nstep = 1\n[conditions]\nA = { mean = 2.21, sd = 1.50 }\nB = { mean = 1.96, sd = 1.60 }\n\
+                        C = { mean = 3.29, sd = 0.95 }\nD = { mean = 3.67, sd = 0.56 }\n";
+
+#[test]
+fn the_papers_eight_people_hardly_ever_tell_its_c_and_d_apart() {
+    let dir = tempfile::tempdir().unwrap();
+    let dir = dir.path();
+    answer(dir, &["study", "new", "replication", "--like", "study1"]);
+    fs::write(dir.join("expected.toml"), EXPECTED).unwrap();
+    let words = [
+        "study",
+        "power",
+        "replication",
+        "--effect",
+        "expected.toml",
+        "--people",
+        "8,24",
+        "--runs",
+        "500",
+        "--json",
+    ];
+    let text = answer(dir, &words);
+    assert_eq!(text, answer(dir, &words), "the same seed, the same power");
+    let found: Value = serde_json::from_str(&text).unwrap();
+    let share = |size: usize, a: &str, b: &str| {
+        let pairs = found["power"][size]["pairs"].as_array().unwrap();
+        let pair = pairs.iter().find(|pair| pair[0] == a && pair[1] == b).unwrap();
+        pair[2]["share"].as_f64().unwrap()
+    };
+    assert_eq!(found["power"][0]["people"], 8);
+    // Corrected for six pairs, all eight people must differ in one direction.
+    assert!((0.3..0.6).contains(&share(0, "A", "D")) && share(0, "C", "D") < 0.1, "{found}");
+    assert!(share(1, "A", "D") > 0.95 && share(1, "C", "D") > 0.6, "{found}");
+    assert!(found["power"][0]["any"]["share"].as_f64().unwrap() > 0.95, "{found}");
+    let figure =
+        ["study", "power", "replication", "--effect", "expected.toml", "--runs", "50", "--figure", "curve"];
+    let table = answer(dir, &figure);
+    assert!(table.contains("A and D") && table.contains("C and D"), "{table}");
+    assert!(fs::read(dir.join("curve.png")).unwrap().starts_with(b"\x89PNG"));
+    assert!(fs::read_to_string(dir.join("curve.svg")).unwrap().contains("A and D"));
+}
+
+#[test]
+fn a_power_that_cannot_be_had_is_refused_in_one_sentence() {
+    let dir = tempfile::tempdir().unwrap();
+    let dir = dir.path();
+    answer(dir, &["study", "new", "pilot", "--like", "empty"]);
+    fs::write(dir.join("none.toml"), "[conditions]\nA = { mean = 1, sd = 1 }\n").unwrap();
+    fs::write(dir.join("odd.toml"), "spread = 1\n[conditions]\n").unwrap();
+    for (words, expected) in [
+        (&["study", "power", "pilot", "--effect", "none.toml"][..], "nothing is said of condition"),
+        (&["study", "power", "pilot", "--effect", "missing.toml"], "missing.toml"),
+    ] {
+        let error = refusal(dir, words);
+        assert!(error.contains(expected), "{words:?}: {error}");
+    }
+    let output = proact(dir, &["study", "power", "pilot", "--from", "pilot"]);
+    assert!(
+        !output.status.success() && String::from_utf8_lossy(&output.stderr).contains("no finished trial")
+    );
+    let output = proact(dir, &["study", "power", "pilot", "--effect", "odd.toml"]);
+    assert!(!output.status.success() && String::from_utf8_lossy(&output.stderr).contains("spread"));
+}

@@ -100,6 +100,32 @@ impl Charts {
     }
 }
 
+/// A curve of power over people, as SVG and PNG: of each pair of conditions and number of people the chance, 0 to 1.
+///
+/// # Errors
+/// [`ChartError`].
+pub fn power_curve(points: &[(usize, String, f64)]) -> Result<(String, Vec<u8>), ChartError> {
+    let mut parts: Vec<String> = Vec::new();
+    for (_, part, _) in points {
+        if !parts.contains(part) {
+            parts.push(part.clone());
+        }
+    }
+    let rows =
+        points.iter().map(|(people, part, share)| serde_json::json!({"x": people, "y": share, "part": part}));
+    let spec = Spec {
+        kind: "curve",
+        rows: rows.collect(),
+        x: "people".into(),
+        y: "chance to find a difference".into(),
+        parts,
+        most: Some(1.0),
+        ..Spec::default()
+    };
+    let charts = Charts::new()?;
+    charts.files(&charts.draw(&spec)?)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
