@@ -5,6 +5,7 @@ use std::path::Path;
 
 fn main() {
     println!("cargo:rerun-if-changed=web/dist");
+    println!("cargo:rerun-if-changed=web/dist-figures");
     println!("cargo:rerun-if-changed=build.rs");
     for file in [
         "web/dist/index.html",
@@ -12,7 +13,7 @@ fn main() {
         "web/dist/experimenter.html",
         "web/dist/replay.html",
         "web/dist/calibrate.html",
-        "web/dist/figures.js",
+        "web/dist-figures/figures.js",
     ] {
         if !Path::new(file).is_file() {
             // One line each: Cargo prints them as errors of this crate and stops here.

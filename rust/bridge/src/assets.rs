@@ -28,13 +28,7 @@ pub(crate) fn page(path: &str, gzip: bool) -> Response {
 }
 
 /// The figures of reports: a script that runs without a browser and makes a function `figure`, JSON in and SVG out.
-///
-/// # Panics
-/// Never in a program that was built: the crate does not build without the file.
-pub fn figures_script() -> String {
-    let file = Page::get("figures.js").expect("the build script looks for it");
-    String::from_utf8(file.data.into_owned()).expect("the bundler writes UTF-8")
-}
+pub const FIGURES_SCRIPT: &str = include_str!("../web/dist-figures/figures.js");
 
 /// Changes whenever a script changes: a browser that still runs an older one reloads itself.
 pub(crate) fn page_version() -> String {

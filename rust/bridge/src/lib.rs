@@ -34,7 +34,7 @@
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod assets;
-pub use assets::figures_script;
+pub use assets::FIGURES_SCRIPT;
 mod calibration;
 mod calibration_screen;
 mod camera;

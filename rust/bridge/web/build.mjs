@@ -30,17 +30,23 @@ const options = {
   metafile: true,
 };
 
-/** The figures of reports, which the program runs itself: no page loads them. */
+/** Licences whose notices have to go with the script and are in no comment of their code. */
+const licences = await Promise.all(
+  ["@observablehq/plot", "d3", "linkedom"].map(async (name) => `${name}\n${await readFile(`${root}node_modules/${name}/LICENSE`, "utf8")}`),
+);
+
+/** The figures of reports, which the program runs itself: no page loads them, so they are in a folder of their own. */
 const figures = {
   absWorkingDir: root,
   entryPoints: { figures: "src/figures/figures.ts" },
   inject: ["src/figures/intl.js"],
-  outdir: "dist",
+  outdir: "dist-figures",
   bundle: true,
   minify: true,
   format: "iife",
   target: "es2020",
-  legalComments: "linked",
+  legalComments: "eof",
+  footer: { js: `/*\n${licences.join("\n\n").replaceAll("*/", "* /")}\n*/` },
   logLevel: "warning",
 };
 

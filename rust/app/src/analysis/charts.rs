@@ -1,5 +1,6 @@
 //! Figures by the charting library of the pages (Observable Plot), run here in a small script engine; PNG from the SVG.
 
+use proact_bridge::FIGURES_SCRIPT;
 use resvg::{tiny_skia, usvg};
 use rquickjs::{CatchResultExt, Context, Function, Runtime};
 use serde::Serialize;
@@ -63,8 +64,9 @@ impl Charts {
         runtime.set_max_stack_size(STACK);
         let context = Context::full(&runtime).map_err(failed)?;
         context.with(|ctx| {
-            let library = proact_bridge::figures_script();
-            ctx.eval::<(), _>(library).catch(&ctx).map_err(|error| ChartError::Script(error.to_string()))
+            ctx.eval::<(), _>(FIGURES_SCRIPT)
+                .catch(&ctx)
+                .map_err(|error| ChartError::Script(error.to_string()))
         })?;
         let mut fonts = usvg::Options { font_family: FONT.to_owned(), ..usvg::Options::default() };
         fonts.fontdb_mut().load_system_fonts();
