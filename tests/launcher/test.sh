@@ -65,7 +65,7 @@ echo "program in $PWD:$(for word in "$@"; do printf " [%s]" "$word"; done)"
 PROGRAM
 chmod +x "$CARGO_TARGET_DIR/release/proact"'
     fake node 'cat "$state/node"'
-    fake npm 'echo "npm $* in $PWD" >>"$calls"; case " $* " in *" ci "*) mkdir -p node_modules ;; *) mkdir -p dist ;; esac'
+    fake npm 'echo "npm $* in $PWD" >>"$calls"; case " $* " in *" ci "*) mkdir -p node_modules ;; *) mkdir -p dist dist-figures ;; esac'
 }
 
 fake() {

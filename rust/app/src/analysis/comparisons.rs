@@ -2,7 +2,9 @@
 
 use super::{
     Collected,
-    summaries::{self, ReportTable, Value, block_key, conditions, on_target, printed, rated, scored, values},
+    summaries::{
+        self, ReportTable, Value, block_key, chance, conditions, on_target, printed, rated, scored, values,
+    },
 };
 use proact_analysis::statistics::{ConditionComparison, Interval, Repeated, compare};
 use proact_analysis::summary::SampleSummary;
@@ -91,10 +93,6 @@ fn repeated(conditions: &[String], found: &[Value], each: Each) -> Option<Repeat
     };
     let rows = people.into_values().map(|row| row.into_iter().map(one).collect()).collect();
     Repeated::new(conditions.to_vec(), rows).ok().filter(|_| conditions.len() > 1)
-}
-
-fn chance(p: f64) -> String {
-    if p < 0.001 { "< 0.001".to_owned() } else { printed(p, 3) }
 }
 
 fn between(estimate: Option<f64>, interval: Option<Interval>, digits: usize) -> String {

@@ -72,10 +72,16 @@ pub(super) fn page(head: &Head<'_>, parts: &[Part<'_>]) -> String {
         match part {
             Part::Table(table) => self::table(add, table),
             Part::Figure(name, title, caption, svg) => {
+                // One picture with a name, not its marks one by one.
+                let named = svg.replacen(
+                    "<svg ",
+                    &format!("<svg role=\"img\" aria-label=\"{}\" ", escaped(title)),
+                    1,
+                );
                 let also = if head.simulated { format!(" {simulated}") } else { String::new() };
                 _ = writeln!(
                     add,
-                    "<figure id=\"figure-{name}\" role=\"group\" aria-label=\"{0}\"><div class=\"scroll\">{svg}</div>\
+                    "<figure id=\"figure-{name}\" role=\"group\" aria-label=\"{0}\"><div class=\"scroll\">{named}</div>\
                      <figcaption><strong>{0}.</strong> {1}{also}</figcaption></figure>",
                     escaped(title),
                     escaped(caption)
@@ -110,7 +116,11 @@ fn table(out: &mut String, table: &ReportTable) {
         out.push_str("<tr>");
         for (place, cell) in row.iter().enumerate() {
             let number = cell.starts_with(|c: char| c.is_ascii_digit() || c == '-' || c == '–' || c == '<');
-            let class = if number { " class=\"number\"" } else { "" };
+            let class = match cell.chars().count() {
+                _ if number => " class=\"number\"",
+                ..=12 => " class=\"short\"",
+                _ => "",
+            };
             let cell = escaped(cell);
             // A record is a folder that a browser can show.
             let cell = if head[place] == "record" && !cell.is_empty() {

@@ -1,6 +1,6 @@
 //! Mixed and ordinal models, by R where it is there.
 
-use super::summaries::{ReportTable, printed};
+use super::summaries::{ReportTable, chance, printed};
 use crate::write_whole;
 use std::{collections::BTreeMap, error::Error, path::Path, process::Command};
 
@@ -49,7 +49,7 @@ pub(super) fn fit(out: &Path) -> Result<Result<Option<ReportTable>, String>, Box
             number("estimate", 3),
             number("se", 3),
             number("z", 2),
-            number("p", 3),
+            text("p").parse().map_or_else(|_| "–".to_owned(), chance),
             text("n"),
             text("participants"),
             text("note"),

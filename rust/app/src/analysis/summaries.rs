@@ -65,6 +65,11 @@ pub(super) fn printed(value: f64, digits: usize) -> String {
     }
 }
 
+/// A chance as papers print it.
+pub(super) fn chance(p: f64) -> String {
+    if p < 0.001 { "< 0.001".to_owned() } else { printed(p, 3) }
+}
+
 fn maybe(value: Option<f64>, digits: usize) -> String {
     value.map_or_else(|| "–".to_owned(), |value| printed(value, digits))
 }

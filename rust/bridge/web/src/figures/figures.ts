@@ -191,6 +191,8 @@ export function figure(json: string): string {
   const spec = JSON.parse(json) as Spec;
   const options = KINDS[spec.kind](spec);
   const svg = Plot.plot(options) as unknown as Element;
+  // Names of marks are for whoever draws; a reader has the figure's own.
+  const drawn = svg.innerHTML.replace(/<style>[\s\S]*?<\/style>/, "").replace(/ aria-[a-z]+="[^"]*"/g, "");
   const width = options.width ?? COLUMN;
   const height = Number(svg.getAttribute("height"));
   const key = legend(spec, width);
@@ -199,7 +201,7 @@ export function figure(json: string): string {
     `<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 ${width} ${total}" width="${width}" height="${total}" ` +
     `font-family="${FONT}" font-size="11" fill="currentColor">` +
     `<svg width="${width}" height="${height}" viewBox="0 0 ${width} ${height}" font-family="${FONT}" font-size="11" ` +
-    `text-anchor="middle" fill="currentColor" overflow="visible">${svg.innerHTML.replace(/<style>[\s\S]*?<\/style>/, "")}</svg>` +
+    `text-anchor="middle" fill="currentColor" overflow="visible">${drawn}</svg>` +
     `<g transform="translate(0,${height})">${key.parts.join("")}</g></svg>`
   );
 }
