@@ -8,7 +8,7 @@
 //! | [`ActionPhase`] | a reach for an object, or its transport | [`OF_PHASE`] |
 //! | [`Handling`] | an object in a trial | [`OF_OBJECT`] |
 //! | trial | all of it | [`OF_TRIAL`] |
-//! | [`Fault`] | something that went wrong | kind, object, detail |
+//! | [`TrialFault`] | something that went wrong | kind, object, detail |
 //!
 //! Each column is one function with its definition and source beside it. One that a record cannot answer is none, never zero.
 //!
@@ -26,7 +26,7 @@ mod phases;
 mod shoulder;
 mod trace;
 
-pub use faults::{Fault, FaultKind, faults};
+pub use faults::{FaultKind, TrialFault, faults};
 pub use gaze::{Dwell, LookedAt, looks};
 pub use measure::{Measure, OF_OBJECT, OF_PHASE, OF_TRIAL};
 pub use objects::{Handling, handlings};
@@ -43,7 +43,7 @@ pub struct Scored<'a> {
     /// Its objects, in the order of the scene.
     pub objects: Vec<Handling>,
     /// What went wrong, in its order.
-    pub faults: Vec<Fault>,
+    pub faults: Vec<TrialFault>,
     /// What the gaze fell on at each instant.
     sight: Vec<Option<LookedAt>>,
 }

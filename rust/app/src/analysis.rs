@@ -9,6 +9,7 @@ mod comparisons;
 mod figures;
 mod html;
 mod models;
+mod questionnaires;
 mod report;
 mod scores;
 mod summaries;

@@ -131,6 +131,9 @@ fn the_papers_tables_give_the_papers_printed_numbers() {
     assert_eq!(statistics[0]["friedman"]["n"], 8);
     assert_eq!(statistics[0]["pairs"].as_array().unwrap().len(), 6);
     let figures = answer["figures"].as_object().unwrap();
+    for name in figures.keys() {
+        assert!(page.contains(&format!("id=\"figure-{name}\"")), "{name} is on the page");
+    }
     for name in ["success", "over_trials", "learning", "rankings"] {
         let svg = PathBuf::from(figures[name].as_str().unwrap());
         assert!(fs::read(svg.with_extension("png")).unwrap().starts_with(b"\x89PNG"), "{name}");
@@ -311,8 +314,11 @@ fn what_is_broken_is_named_and_the_rest_is_reported() {
     assert!(!out.join("tables/friedman.csv").exists() && !out.join("tables/pairs.csv").exists());
     let page = fs::read_to_string(out.join("report.html")).unwrap();
     assert!(page.contains("What is missing or left out") && page.contains("interrupted"), "{page}");
-    // The same again takes the folder as its own; another's it does not.
+    // The same again takes the folder as its own, without what an earlier report had; another's it does not.
+    let stale = out.join("tables/friedman.csv");
+    fs::write(&stale, "of another time").unwrap();
     analyze(&trials, &out);
+    assert!(!stale.exists());
     let output = proact(&["analyze", trials.to_str().unwrap(), "--out", place.path().to_str().unwrap()]);
     assert!(!output.status.success());
     assert!(String::from_utf8_lossy(&output.stderr).contains("no earlier report"));

@@ -74,7 +74,7 @@ impl FaultKind {
 
 /// Something that went wrong.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Fault {
+pub struct TrialFault {
     /// When.
     pub time: SimTime,
     /// What.
@@ -86,9 +86,9 @@ pub struct Fault {
 }
 
 /// What went wrong, in order of time.
-pub fn faults(trace: &Trace, phases: &[ActionPhase], objects: &[Handling]) -> Vec<Fault> {
-    let mut faults: Vec<Fault> = phases.iter().filter_map(|phase| of_phase(trace, phase)).collect();
-    let fault = |time, kind, object, detail: String| Fault { time, kind, object, detail };
+pub fn faults(trace: &Trace, phases: &[ActionPhase], objects: &[Handling]) -> Vec<TrialFault> {
+    let mut faults: Vec<TrialFault> = phases.iter().filter_map(|phase| of_phase(trace, phase)).collect();
+    let fault = |time, kind, object, detail: String| TrialFault { time, kind, object, detail };
     for handling in objects {
         let object = Some(handling.object);
         faults.extend(handling.disturbed.map(|at| fault(at, FaultKind::Disturbed, object, String::new())));
@@ -120,8 +120,9 @@ pub fn faults(trace: &Trace, phases: &[ActionPhase], objects: &[Handling]) -> Ve
     faults
 }
 
-fn of_phase(trace: &Trace, phase: &ActionPhase) -> Option<Fault> {
-    let fault = |kind, detail: String| Fault { time: phase.to, kind, object: Some(phase.object), detail };
+fn of_phase(trace: &Trace, phase: &ActionPhase) -> Option<TrialFault> {
+    let fault =
+        |kind, detail: String| TrialFault { time: phase.to, kind, object: Some(phase.object), detail };
     match phase.kind {
         PhaseKind::Pick => {
             // What was asked for before it was taken.

@@ -1,8 +1,8 @@
 //! The columns: one function each, with its name, unit, definition and source.
 
 use super::{
-    ActionPhase, Fault, FaultKind, Handling, LookedAt, PhaseKind, Scored, emg, gaze, joints, motion::Way,
-    shoulder,
+    ActionPhase, FaultKind, Handling, LookedAt, PhaseKind, Scored, TrialFault, emg, gaze, joints,
+    motion::Way, shoulder,
 };
 use crate::table::Column;
 use proact_types::SimTime;
@@ -235,7 +235,7 @@ pub const OF_OBJECT: &[Measure<Handling>] = &[
 
 fn count(scored: &Scored<'_>, kind: FaultKind) -> Option<f64> {
     let told = scored.trace.tells_events || !kind.needs_events();
-    told.then(|| scored.faults.iter().filter(|fault: &&Fault| fault.kind == kind).count() as f64)
+    told.then(|| scored.faults.iter().filter(|fault: &&TrialFault| fault.kind == kind).count() as f64)
 }
 
 macro_rules! faults {

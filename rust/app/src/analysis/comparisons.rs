@@ -2,9 +2,8 @@
 
 use super::{
     Collected,
-    summaries::{
-        self, ReportTable, Value, block_key, chance, conditions, on_target, printed, rated, scored, values,
-    },
+    questionnaires::{rated, scored},
+    summaries::{self, ReportTable, Value, block_key, chance, conditions, on_target, printed, values},
 };
 use proact_analysis::statistics::{ConditionComparison, Interval, Repeated, compare};
 use proact_analysis::summary::SampleSummary;

@@ -3,9 +3,8 @@
 use super::{
     Collected,
     charts::Spec,
-    summaries::{
-        self, OUTCOMES, Ordered, block_key, conditions, on_target, participant, ranking, rated, scored,
-    },
+    questionnaires::{ranking, rated, scored},
+    summaries::{self, OUTCOMES, Ordered, block_key, conditions, on_target, participant},
 };
 use proact_analysis::{
     statistics::bootstrap,

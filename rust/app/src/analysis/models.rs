@@ -16,8 +16,8 @@ pub(super) fn fit(out: &Path) -> Result<Result<Option<ReportTable>, String>, Box
     write_whole(&out.join(SCRIPT_FILE), SCRIPT)?;
     let again = format!("Rscript {SCRIPT_FILE} in the report's folder fits them");
     let run = Command::new("Rscript").arg("--vanilla").arg(SCRIPT_FILE).arg(".").current_dir(out).output();
-    let run = match run {
-        Ok(run) if run.status.success() => run,
+    match run {
+        Ok(run) if run.status.success() => {}
         Ok(run) => {
             let said = String::from_utf8_lossy(&run.stderr).into_owned();
             let last =
@@ -32,8 +32,7 @@ pub(super) fn fit(out: &Path) -> Result<Result<Option<ReportTable>, String>, Box
                 "No mixed models: Rscript was not found (apt-get install r-base-core r-cran-lme4 r-cran-ordinal); {again}."
             )));
         }
-    };
-    drop(run);
+    }
     let mut reader = csv::Reader::from_path(out.join("tables/mixed_models.csv"))?;
     let mut rows = Vec::new();
     for record in reader.deserialize::<BTreeMap<String, String>>() {

@@ -23,6 +23,11 @@ use std::{
 
 /// The page: a folder with it is one that an analysis wrote.
 const PAGE: &str = "report.html";
+const UNFINISHED: &str =
+    "<!doctype html><title>report</title><p>This report was not finished. Run proact analyze again.</p>\n";
+/// What is in it: observations, tables of the report, figures.
+const FOLDERS: [&str; 3] = ["data", "tables", "figures"];
+const WRITTEN: [&str; 4] = ["csv", "tex", "svg", "png"];
 
 /// Where a report goes and what it draws from.
 #[derive(Clone, Debug)]
@@ -81,7 +86,8 @@ pub fn report(
         Ok(folder)
     };
 
-    let (observed, printed, drawn) = (folder("data")?, folder("tables")?, folder("figures")?);
+    let [observed, printed, drawn] = FOLDERS.map(folder);
+    let (observed, printed, drawn) = (observed?, printed?, drawn?);
     let all: Vec<_> = collected.tables.values().cloned().collect();
     for table in &all {
         let path = observed.join(format!("{}.csv", table.name));
@@ -131,8 +137,8 @@ fn page(
 ) -> String {
     // Where a figure and a table are of one thing, the figure comes first.
     const FIGURES_BEFORE: &[(&str, &[&str])] = &[
-        ("success", &["success"]),
-        ("outcomes", &["fates", "over_trials", "learning"]),
+        ("success", &["success", "over_trials", "learning"]),
+        ("outcomes", &["fates"]),
         ("durations", &["pick_durations", "place_durations"]),
         ("accuracy", &["accuracy"]),
         ("compensation", &["compensation"]),
@@ -206,12 +212,17 @@ fn claim(folder: &Path) -> Result<(), Box<dyn Error>> {
         )
         .into());
     }
-    if empty {
-        // Until all is written, and known as ours by it if this is killed.
-        write_whole(
-            &page,
-            "<!doctype html><title>report</title><p>This report was not finished. Run proact analyze again.</p>\n",
-        )?;
+    // Until all is written, and known as ours by it if this is killed.
+    write_whole(&page, UNFINISHED)?;
+    // What an earlier report had and this one has not would be taken for its own.
+    for name in FOLDERS {
+        let Ok(entries) = fs::read_dir(folder.join(name)) else { continue };
+        for entry in entries {
+            let path = entry.map_err(failed)?.path();
+            if path.extension().is_some_and(|ending| WRITTEN.iter().any(|own| ending == *own)) {
+                fs::remove_file(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+            }
+        }
     }
     Ok(())
 }
