@@ -1,5 +1,7 @@
 //! Tidy tables: one row an observation, one column a variable, and what each variable is.
 
+use serde::{Deserialize, Serialize};
+
 /// What a column holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Column {
@@ -13,8 +15,9 @@ pub struct Column {
     pub source: &'static str,
 }
 
-/// A value in a table.
-#[derive(Clone, Debug, PartialEq)]
+/// A value in a table. As JSON: null, a number, a string.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
 pub enum Cell {
     /// There is none.
     Missing,

@@ -8,13 +8,20 @@ mod collect;
 mod comparisons;
 mod figures;
 mod html;
+mod leaders;
 mod models;
 mod questionnaires;
 mod report;
 mod scores;
 mod summaries;
+mod sweeps;
 mod traces;
+
+pub(crate) use scores::{empty as tables_of_scores, trials_and_blocks};
+pub(crate) use traces::LiveTrace;
 
 pub use charts::{ChartError, power_curve};
 pub use collect::{Collected, collect};
+pub use leaders::{Lead, Leader, leader_board};
+pub use sweeps::{SweepReport, sweep_report};
 pub use report::{ReportOptions, WrittenReport, report, report_folder};

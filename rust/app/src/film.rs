@@ -12,7 +12,7 @@ use proact_types::{DisplayFrame, Event, Pose, SimTime, TickInput};
 use std::{error::Error, path::Path};
 
 /// Of the 60 frames of a second every second one is kept: the page interpolates between them.
-const KEPT: u64 = 2;
+pub(crate) const KEPT: u64 = 2;
 
 /// A trial as it was displayed, from its configuration and input log.
 pub fn recompute(methods: &MethodRegistry, dir: &Path) -> Result<RecordedTrial, Box<dyn Error>> {

@@ -10,6 +10,7 @@
 pub mod analysis;
 mod arm;
 mod armband;
+pub mod batch;
 mod centred;
 pub mod compare;
 mod console;

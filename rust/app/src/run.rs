@@ -3,8 +3,7 @@
 use crate::{Experimenter, Pace, Recorder, Rosbridge, live::TrialInputs, person::give_feedback};
 use proact_bridge::{ClientInput, PageServer};
 use proact_devices::FeedbackSinks;
-use proact_testbed::{Session, TrialEnd, TrialResult};
-use proact_types::DisplayFrame;
+use proact_testbed::{Session, Step, TrialEnd, TrialResult};
 use std::{
     error::Error,
     path::Path,
@@ -30,7 +29,7 @@ pub struct Audience<'a> {
 }
 
 /// Runs a simulated trial: flat out if nobody watches, in real time for the page and for clients of rosbridge. Written to
-/// `recorder`, whose directory is `dir`; `on_frame` sees each instant that is displayed.
+/// `recorder`, whose directory is `dir`; `on_step` sees each tick.
 ///
 /// # Errors
 /// A native library or the disk refuses.
@@ -39,7 +38,7 @@ pub fn run_to_end(
     mut recorder: Option<Recorder>,
     audience: &mut Audience<'_>,
     dir: Option<&Path>,
-    mut on_frame: impl FnMut(&DisplayFrame),
+    mut on_step: impl FnMut(&Step),
 ) -> Result<TrialResult, Box<dyn Error>> {
     let (page, interrupted) = (audience.page, audience.interrupted);
     let mut live =
@@ -72,8 +71,8 @@ pub fn run_to_end(
             recorder.write(&step, session.testbed().plant().state())?;
         }
         give_feedback(&mut audience.feedback, &step.output.cues);
+        on_step(&step);
         if let Some(frame) = &step.frame {
-            on_frame(frame);
             if let Some(page) = page {
                 page.publish(frame);
             }

@@ -1,27 +1,27 @@
 //! Studies on disk: a folder with a plan, what the plan's names mean, the journal of what happened, and the trials' records.
 
-mod batch;
 mod conductor;
 mod export;
 mod live;
+mod people;
 mod power;
 mod rehearsal;
 pub(crate) mod tables;
 mod worker;
 
-pub use batch::{ConditionSummary, simulate};
 pub use conductor::{Conductor, Look, STUDY_FILE, StudyError, TRIALS_FOLDER, look, record_name};
 pub use export::{ExportOptions, Exported, archive, export};
 pub(crate) use export::{codebook_csv, table_csv};
 pub use live::{LiveStudy, OnScreen, OpenPerson, StudyEquipment, opening};
+pub use people::{People, TrialHistory, person_values};
 pub use power::{PowerOfSize, PowerOptions, expected_effect, pilot, power_by_size, power_figure};
 pub use rehearsal::{RehearsalOptions, Rehearsed, rehearse};
 pub use tables::tables;
-pub use worker::{TrialOrder, Worker, WorkerError, simulated_trial, work};
+pub use worker::{TrialDone, TrialOrder, TrialScores, Worker, WorkerError, simulated_trial, work};
 
 use crate::trial_choice::{TrialContext, trial_config};
 use proact_control::MethodRegistry;
-use proact_study::{Form, Happening, Plan, PlannedStep, ProtocolStep, SHIPPED, SHIPPED_FORMS, Schedule};
+use proact_study::{Form, Happening, Plan, PlanError, PlannedStep, ProtocolStep, SHIPPED, SHIPPED_FORMS, Schedule};
 use proact_types::MOST_TEXT_BYTES;
 use std::{
     collections::BTreeMap,
@@ -74,7 +74,43 @@ impl Study {
                 }
                 _ => failed(&error),
             })?;
-        let plan = Plan::from_text(&text).map_err(|error| failed(&error))?;
+        Self::of_text(&folder, &file, text, methods, Ok)
+    }
+
+    /// The plan at `path`, or the one that ships under this name, for so many people drawn from `seed` instead of its own.
+    ///
+    /// # Errors
+    /// As [`Study::open`].
+    pub fn open_for(
+        path: &Path,
+        methods: &MethodRegistry,
+        people: Option<usize>,
+        seed: Option<u64>,
+    ) -> Result<Self, Box<dyn Error>> {
+        let for_people = |plan: Plan| {
+            let (people, seed) = (people.unwrap_or(plan.participants), seed.unwrap_or(plan.seed));
+            plan.for_people(people, seed)
+        };
+        let shipped = SHIPPED.iter().find(|(name, _)| Path::new(name) == path && !path.exists());
+        match shipped {
+            Some((_, text)) => Self::of_text(Path::new("."), path, (*text).to_owned(), methods, for_people),
+            None => {
+                let study = Self::open(path, methods)?;
+                let file = if path.is_dir() { path.join(PLAN_FILE) } else { path.to_owned() };
+                Self::of_text(&study.folder, &file, study.plan_text, methods, for_people)
+            }
+        }
+    }
+
+    fn of_text(
+        folder: &Path,
+        file: &Path,
+        text: String,
+        methods: &MethodRegistry,
+        change: impl FnOnce(Plan) -> Result<Plan, PlanError>,
+    ) -> Result<Self, Box<dyn Error>> {
+        let failed = |error: &dyn std::fmt::Display| format!("{}: {error}", file.display());
+        let plan = Plan::from_text(&text).and_then(change).map_err(|error| failed(&error))?;
         let mut arrangements: Option<Vec<String>> = None;
         for (k, condition) in plan.conditions.iter().enumerate() {
             let context = TrialContext {
@@ -97,8 +133,8 @@ impl Study {
         }
         let arrangements = arrangements.unwrap_or_default();
         let schedule = plan.schedule(&arrangements).map_err(|error| failed(&error))?;
-        let forms = forms(&folder, &schedule)?;
-        Ok(Self { folder, plan_text: text, plan, schedule, arrangements, forms })
+        let forms = forms(folder, &schedule)?;
+        Ok(Self { folder: folder.to_owned(), plan_text: text, plan, schedule, arrangements, forms })
     }
 }
 

@@ -1,6 +1,6 @@
 //! From names to a trial's configuration, for commands and studies alike.
 
-use crate::Arm;
+use crate::{Arm, method_process::read_method_file};
 use proact_control::{MethodProgram, MethodRegistry};
 use proact_emg::EmgConfig;
 use proact_study::TrialChoice;
@@ -43,7 +43,11 @@ pub fn trial_config(
     let method = or(&choice.method, DEFAULT_METHOD);
     let arm = Arm::named(&or(&choice.arm, TrialConfig::DEFAULT_ARM))?;
     let setup = Setup::named(&or(&choice.setup, default_setup))?;
-    let config = TrialConfig::new(&method, seed, setup).by(methods.get(&method)?);
+    let config = TrialConfig::new(&method, seed, setup);
+    let config = match is_method_file(&method) {
+        true => config.by(&read_method_file(Path::new(&method))?),
+        false => config.by(methods.get(&method)?),
+    };
     let task = task(&or(&choice.task, DEFAULT_TASK), seed, arrangement)?;
     let config = config.with_profile(&or(&choice.profile, DEFAULT_PROFILE))?.with_task(task)?;
     let mut config = config.with_arm(arm.pinned(), arm.model());
@@ -58,6 +62,11 @@ pub fn trial_config(
     let config = config.with_values(&choice.set)?;
     config.method_entry(methods)?;
     Ok((arm, config))
+}
+
+/// Whether the name of a method is that of an outside one's file.
+pub(crate) fn is_method_file(method: &str) -> bool {
+    Path::new(method).extension().is_some_and(|extension| extension == "toml")
 }
 
 /// Whether one of these assignments is to a setting of the EMG stage.

@@ -66,6 +66,8 @@ enum Command {
     Bench(BenchArgs),
     /// Run many trials with simulated participants, and sum them up
     Simulate(crate::simulate::SimulateArgs),
+    /// Compare control methods on the same simulated people: a leader board with its statistics
+    Compare(crate::compare::CompareArgs),
     /// Plan a study, conduct its sessions, get its tables
     Study {
         /// One JSON object on standard output
@@ -238,6 +240,7 @@ fn act(registry: &Registry, command: Command) -> Result<bool, Box<dyn Error>> {
         }
         Command::Study { json, command } => crate::study::run(registry, &command, json),
         Command::Simulate(args) => crate::simulate::command(registry, &args),
+        Command::Compare(args) => crate::compare::command(registry, args),
         Command::Analyze(args) => crate::analyze::command(&registry.methods, &args),
         Command::Node(args) => crate::node::command(registry, &args),
         Command::Bless(args) => crate::bless::command(&args),

@@ -263,7 +263,8 @@ impl Shown {
         let page = room.page.as_ref();
         let mut audience =
             Audience { page, inputs: None, rosbridge, feedback, interrupted: &room.interrupted };
-        let result = run_to_end(session, recorder, &mut audience, dir.as_deref(), |frame| {
+        let result = run_to_end(session, recorder, &mut audience, dir.as_deref(), |step| {
+            let Some(frame) = &step.frame else { return };
             path.add(frame);
             bar.set_position(frame.time.0);
             bar.set_message(format!("{} {}", frame.score, briefing.score_name));

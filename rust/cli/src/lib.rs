@@ -7,8 +7,10 @@
 mod access_args;
 mod analyze;
 mod announce;
+mod batch_args;
 mod bless;
 mod command;
+mod compare;
 mod consent;
 mod demo;
 mod doctor;

@@ -1,32 +1,54 @@
 //! `proact simulate`: many trials with simulated participants, in figures.
 
-use crate::{interrupt::interrupt_flag, progress::bar, study::worker_command};
+use crate::{
+    batch_args::{BatchArgs, BatchOutcome},
+    interrupt::interrupt_flag,
+};
 use clap::Args;
 use proact_app::{
     Registry, answer,
-    study::{ConditionSummary, Study, TrialOrder, simulate},
+    analysis::{SweepReport, sweep_report},
+    batch::{Batch, BatchFolder, ConditionSummary, Merged, MethodsBatch, NO_EVIDENCE, Sweep, merge},
+    study::Study,
 };
 use proact_study::TrialChoice;
 use proact_tasks::DEFAULT_TASK;
 use serde_json::{Map, Value, json};
-use std::{error::Error, path::PathBuf, sync::atomic::Ordering, time::Instant};
+use std::{
+    error::Error,
+    path::{Path, PathBuf},
+    time::Instant,
+};
+
+/// Trials of each method where nobody says how many.
+const SEEDS: usize = 5;
 
 /// Arguments of `proact simulate`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  proact simulate\n  proact simulate --methods C,D --seeds 20 --json\n  \
-    proact simulate pilot\n\n\
-    Simulated participants say nothing about people. With a study, all trials of its plan are run as `study run --simulated` runs \
-    them, and nothing is kept but these figures.")]
+    proact simulate study1 --participants 100 --out night\n  proact simulate study1 --participants 100 --out night --shard 2/4\n  \
+    proact simulate --merge night\n  proact simulate study1 --participants 1000 --out night --slurm=50 --sbatch-option --time=4:00:00\n  \
+    proact simulate --methods C,D --task clutter --vary participant.gaze_error_deg=0,1.5,3 --vary intent.sigma=0.01,0.03,0.1 \
+    --out sweep\n\n\
+    Simulated participants say nothing about people. Without --out nothing is kept but these figures. With it each trial is a line \
+    on the disk as it ends, in DIR/shard-K-of-N.log; when all are there, trials.jsonl and the tables for proact analyze DIR follow, \
+    the same byte for byte whatever ran beside what. docs/batches.md has the whole of it.")]
 pub(crate) struct SimulateArgs {
-    /// Folder or plan of a study, whose trials are run
-    #[arg(value_name = "PLAN", conflicts_with_all = ["methods", "seeds", "task", "arm", "setup", "profile", "limit", "set"])]
+    /// Plan, or folder, of a study whose trials are run; study1 and study2 are the paper's
+    #[arg(value_name = "PLAN", conflicts_with_all = ["methods", "seeds", "trials", "task", "arm", "setup", "profile"])]
     plan: Option<PathBuf>,
-    /// Methods to compare
+    /// Methods to run, by name or by the file of an outside one
     #[arg(long, value_name = "NAMES", value_delimiter = ',', default_value = "A,B,C,D")]
     methods: Vec<String>,
-    /// Trials of each method, with the seeds from 1 on
-    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=100_000))]
-    seeds: u64,
+    /// Trials of each method, with the seeds from --seed on: as many people, one trial each
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    seeds: Option<u32>,
+    /// People; those of a plan by default
+    #[arg(long, value_name = "N", conflicts_with = "seeds", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    participants: Option<u32>,
+    /// Trials of each of them by each method
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    trials: u32,
     /// The task: a name, or a file that describes one
     #[arg(long, value_name = "NAME|FILE", default_value = DEFAULT_TASK)]
     task: String,
@@ -45,82 +67,136 @@ pub(crate) struct SimulateArgs {
     /// Another value of the trial configuration; may be repeated
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
-    /// So many trials at once; by default one a processor
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
-    jobs: Option<u16>,
+    /// Values of a key that are run each, all with all if repeated; heat maps are drawn with --out
+    #[arg(long, value_name = "KEY=VALUE,VALUE")]
+    vary: Vec<String>,
+    /// Put the shards in a folder together, and run nothing
+    #[arg(long, value_name = "DIR", exclusive = true)]
+    merge: Option<PathBuf>,
+    #[command(flatten)]
+    batch: BatchArgs,
     /// One JSON object on standard output
     #[arg(long)]
     json: bool,
 }
 
-/// How many programs this machine runs at once.
-pub(crate) fn processors() -> usize {
-    std::thread::available_parallelism().map_or(1, usize::from)
+pub(crate) fn command(registry: &Registry, args: &SimulateArgs) -> Result<bool, Box<dyn Error>> {
+    let start = Instant::now();
+    if let Some(dir) = &args.merge {
+        let folder = BatchFolder::open(dir)?;
+        // Whatever is missing is an error: that is what was asked for.
+        let merged = merge(&folder, true)?.ok_or("not all trials are there")?;
+        return told_of_folder(args, &folder.dir, merged, start);
+    }
+    let interrupted = interrupt_flag()?;
+    let sweep = Sweep::read(&args.vary)?;
+    let batch = match &args.plan {
+        Some(plan) => {
+            let people = args.participants.map(|people| people as usize);
+            let study = Study::open_for(plan, &registry.methods, people, args.batch.seed)?;
+            let over = TrialChoice { limit_secs: args.limit, set: args.set.clone(), ..TrialChoice::default() };
+            Batch::of_study(&study, &over, args.batch.people, sweep)?
+        }
+        None => Batch::of_methods(&args.list(), args.batch.people, sweep)?,
+    };
+    match args.batch.run(registry, &batch, !args.json, &interrupted)? {
+        BatchOutcome::Summed(summaries, digests) => {
+            let mut seeds: Vec<u64> = (0..batch.count()).map(|index| batch.trial(index).seed).collect();
+            seeds.sort_unstable();
+            seeds.dedup();
+            let more = json!({ "seeds": seeds, "digests": digests });
+            told(args, &summaries, more, start)?;
+            Ok(true)
+        }
+        BatchOutcome::Merged(dir, merged) => told_of_folder(args, &dir, *merged, start),
+        BatchOutcome::Shard(dir, shard, trials) => {
+            let text = format!(
+                "all {trials} trials of shard {shard} are in {}; others are missing. The last shard puts all of them together, as does \
+                 proact simulate --merge {0}. {NO_EVIDENCE}",
+                dir.display()
+            );
+            let object = json!({ "shard": shard.to_string(), "trials": trials, "out": dir, "merged": false, "note": NO_EVIDENCE });
+            answer(if args.json { object.to_string() } else { text })?;
+            Ok(true)
+        }
+        BatchOutcome::Submitted(script, number) => {
+            let object = json!({ "script": script, "job": number, "note": NO_EVIDENCE });
+            let text = format!("job {number} of Slurm, by {}; squeue --job {number} tells how far it is", script.display());
+            answer(if args.json { object.to_string() } else { text })?;
+            Ok(true)
+        }
+        BatchOutcome::Interrupted(dir) => {
+            if let Some(dir) = dir {
+                proact_app::tell(format_args!("interrupted; the same command goes on in {}", dir.display()));
+            }
+            Ok(false)
+        }
+    }
 }
 
-pub(crate) fn command(registry: &Registry, args: &SimulateArgs) -> Result<bool, Box<dyn Error>> {
-    let interrupted = interrupt_flag()?;
-    let start = Instant::now();
-    let ordered = match &args.plan {
-        Some(plan) => of_plan(&Study::open(plan, &registry.methods)?),
-        None => of_methods(args),
-    };
-    let (conditions, orders): (Vec<String>, Vec<TrialOrder>) = ordered.into_iter().unzip();
-    let progress =
-        bar(!args.json, orders.len() as u64, "{elapsed} {bar:40} {pos} of {len} trials, {eta} left  {msg}");
-    let jobs = args.jobs.map_or_else(processors, usize::from);
-    let results = simulate(&orders, jobs, &worker_command, &interrupted, |index, result| {
-        progress.set_message(format!("{}: {} {}", conditions[index], result.score, result.score_name));
-        progress.inc(1);
-    })?;
-    progress.finish_and_clear();
-    let summaries = ConditionSummary::of(&conditions, &results);
+impl SimulateArgs {
+    fn list(&self) -> MethodsBatch {
+        let people = self.seeds.or(self.participants).map_or(SEEDS, |people| people as usize);
+        let common = TrialChoice {
+            task: Some(self.task.clone()),
+            arm: self.arm.clone(),
+            setup: Some(self.setup.clone()),
+            profile: self.profile.clone(),
+            limit_secs: self.limit,
+            set: self.set.clone(),
+            ..TrialChoice::default()
+        };
+        MethodsBatch {
+            methods: self.methods.clone(),
+            common,
+            participants: people,
+            trials: self.trials as usize,
+            seed: self.batch.seed.unwrap_or(1),
+        }
+    }
+}
+
+/// What a folder holds, and where; of a sweep with its report.
+fn told_of_folder(args: &SimulateArgs, dir: &Path, merged: Merged, start: Instant) -> Result<bool, Box<dyn Error>> {
+    let folder = BatchFolder::open(dir)?;
+    let sweep = sweep_report(&folder, &merged)?;
+    let mut more = json!({ "out": dir, "merged": true, "lines": merged.lines, "tables": merged.tables, "digests": merged.digests });
+    if let (Some(SweepReport { page, figures, table }), Some(object)) = (&sweep, more.as_object_mut()) {
+        object.insert("report".into(), json!(page));
+        object.insert("figures".into(), json!(figures));
+        object.insert("sweep".into(), json!(table));
+    }
+    told(args, &merged.tally.summaries(), more, start)?;
+    if !args.json {
+        match sweep {
+            Some(report) => answer(format_args!("tables and heat maps: open {}", report.page.display()))?,
+            None => answer(format_args!("tables in {0}; the report: proact analyze {0}", dir.display()))?,
+        }
+    }
+    Ok(true)
+}
+
+fn told(args: &SimulateArgs, summaries: &[ConditionSummary], more: Value, start: Instant) -> Result<(), Box<dyn Error>> {
     if args.json {
         let mut methods = Map::new();
-        for summary in &summaries {
+        for summary in summaries {
             methods.insert(summary.condition.clone(), serde_json::to_value(summary)?);
         }
-        let digests: Vec<&str> = results.iter().map(|(_, result)| result.digest.as_str()).collect();
-        let mut seeds: Vec<u64> = results.iter().map(|(_, result)| result.seed).collect();
-        seeds.sort_unstable();
-        seeds.dedup();
-        let object = json!({ "methods": Value::Object(methods), "seeds": seeds, "digests": digests, "jobs": jobs,
-            "wall_seconds": start.elapsed().as_secs_f64() });
-        answer(object.to_string())?;
-    } else {
-        answer("         mean    sd   min median   max  trials")?;
-        for ConditionSummary { condition, score_name, scores } in &summaries {
-            let sd = scores.sd.map_or("    -".to_owned(), |sd| format!("{sd:5.2}"));
-            answer(format_args!(
-                "{condition:6} {:6.2} {sd} {:5.1} {:6.1} {:5.1} {:7}  {score_name}",
-                scores.mean, scores.min, scores.median, scores.max, scores.trials
-            ))?;
+        let mut object = json!({ "methods": methods, "jobs": args.batch.jobs(),
+            "wall_seconds": start.elapsed().as_secs_f64(), "note": NO_EVIDENCE });
+        if let (Some(object), Value::Object(more)) = (object.as_object_mut(), more) {
+            object.extend(more);
         }
-        answer(format_args!("simulated participants, in {:.0} s", start.elapsed().as_secs_f64()))?;
+        return Ok(answer(object.to_string())?);
     }
-    Ok(!interrupted.load(Ordering::Relaxed))
-}
-
-fn of_plan(study: &Study) -> Vec<(String, TrialOrder)> {
-    study.schedule.trials().map(|trial| (trial.condition.clone(), study.order(trial, None))).collect()
-}
-
-fn of_methods(args: &SimulateArgs) -> Vec<(String, TrialOrder)> {
-    let mut orders = Vec::new();
-    for method in &args.methods {
-        for seed in 1..=args.seeds {
-            let choice = TrialChoice {
-                method: Some(method.clone()),
-                task: Some(args.task.clone()),
-                arm: args.arm.clone(),
-                setup: Some(args.setup.clone()),
-                profile: args.profile.clone(),
-                limit_secs: args.limit,
-                set: args.set.clone(),
-            };
-            let order = TrialOrder { choice, seed, arrangement: None, dir: None, bag: String::new() };
-            orders.push((method.clone(), order));
-        }
+    answer("         mean    sd   min median   max  trials")?;
+    for ConditionSummary { condition, score_name, scores } in summaries {
+        let sd = scores.sd.map_or("    -".to_owned(), |sd| format!("{sd:5.2}"));
+        answer(format_args!(
+            "{condition:6} {:6.2} {sd} {:5.1} {:6.1} {:5.1} {:7}  {score_name}",
+            scores.mean, scores.min, scores.median, scores.max, scores.trials
+        ))?;
     }
-    orders
+    answer(format_args!("{NO_EVIDENCE} In {:.0} s.", start.elapsed().as_secs_f64()))?;
+    Ok(())
 }

@@ -251,6 +251,27 @@ impl Plan {
         Ok(plan)
     }
 
+    /// The same plan for so many people, drawn from `seed`. Rows of its tables take turns.
+    ///
+    /// # Errors
+    /// A number of people that no plan has.
+    pub fn for_people(mut self, participants: usize, seed: u64) -> Result<Self, PlanError> {
+        if participants != self.participants {
+            let count = participants.min(MOST_PARTICIPANTS);
+            let in_turn = |rows: &mut Vec<Vec<String>>| *rows = rows.iter().cycle().take(count).cloned().collect();
+            if let ConditionOrder::Table { rows } = &mut self.order {
+                in_turn(rows);
+            }
+            match &mut self.arrangements {
+                Some(Arrangements::Table { rows }) if rows.len() > 1 => in_turn(rows),
+                _ => {}
+            }
+        }
+        let plan = Self { participants, seed, ..self };
+        plan.check()?;
+        Ok(plan)
+    }
+
     /// Who does what. `arrangements` are the names of all that the task has; none for a task without.
     ///
     /// # Errors

@@ -76,6 +76,11 @@ pub(super) fn compare_all(collected: &Collected, seed: u64) -> Vec<Compared> {
     compared.collect()
 }
 
+/// Mean scores of people.
+pub(super) fn repeated_scores(conditions: &[String], found: &[Value]) -> Option<Repeated> {
+    repeated(conditions, found, Each::Mean)
+}
+
 fn repeated(conditions: &[String], found: &[Value], each: Each) -> Option<Repeated> {
     let mut people: BTreeMap<summaries::Ordered, Vec<Vec<f64>>> = BTreeMap::new();
     for value in found {

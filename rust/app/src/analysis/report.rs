@@ -6,6 +6,7 @@ use super::{
     comparisons::{self, compare_all},
     figures::figures,
     html::{self, Head, Part},
+    leaders::{leader_board, leader_table},
     models,
     summaries::{self, ReportTable},
 };
@@ -36,6 +37,8 @@ pub struct ReportOptions {
     pub out: PathBuf,
     /// Of bootstraps and drawn permutations.
     pub seed: u64,
+    /// Whether methods are put in order first, as of a comparison of them.
+    pub leader_board: bool,
 }
 
 /// Where the report on `dir` goes if nobody says: the folder `analysis` in it; beside a trial, whose record is closed, and beside a bag.
@@ -72,7 +75,11 @@ pub fn report(
     let out = &options.out;
     claim(out)?;
     let compared = compare_all(collected, options.seed);
-    let mut tables = summaries::tables(collected);
+    let mut tables = Vec::new();
+    if options.leader_board {
+        tables.push(leader_table(&leader_board(collected, options.seed)));
+    }
+    tables.extend(summaries::tables(collected));
     tables.extend(comparisons::tables(&compared));
     let mut report = WrittenReport {
         page: out.join(PAGE),
@@ -190,7 +197,7 @@ fn page(
     )
 }
 
-fn printed_csv(table: &ReportTable) -> Result<String, Box<dyn Error>> {
+pub(super) fn printed_csv(table: &ReportTable) -> Result<String, Box<dyn Error>> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     writer.write_record(&table.head)?;
     for row in &table.rows {

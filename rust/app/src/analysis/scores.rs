@@ -58,7 +58,7 @@ static FAULTS: LazyLock<Vec<Column>> = LazyLock::new(|| {
 });
 
 /// The tables of scores, without rows.
-pub(super) fn empty() -> [Table; 4] {
+pub(crate) fn empty() -> [Table; 4] {
     [
         Table::new("measures", "a trial", MEASURES.as_slice()),
         Table::new("objects", "an object in a trial", OBJECTS.as_slice()),
@@ -234,7 +234,7 @@ fn by_name(columns: &[Column], key: &[Cell], of: impl Fn(&str) -> Cell) -> Vec<C
 }
 
 /// Rows of `measures`, `objects`, `phases`, `faults`.
-fn scores(key: &[Cell], trace: &Trace) -> [Vec<Vec<Cell>>; 4] {
+pub(super) fn scores(key: &[Cell], trace: &Trace) -> [Vec<Vec<Cell>>; 4] {
     let scored = Scored::of(trace);
     let name = |object| Cell::from(trace.scene.name(object));
     let row = |own: Vec<Cell>| key.iter().cloned().chain(own).collect::<Vec<Cell>>();
@@ -261,6 +261,6 @@ fn scores(key: &[Cell], trace: &Trace) -> [Vec<Vec<Cell>>; 4] {
 }
 
 /// The tables that every source has.
-pub(super) fn trials_and_blocks() -> [Table; 2] {
+pub(crate) fn trials_and_blocks() -> [Table; 2] {
     [Table::new("trials", "a trial", TRIALS), Table::new("blocks", "an object in a trial", BLOCKS)]
 }

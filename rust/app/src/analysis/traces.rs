@@ -1,13 +1,14 @@
 //! A recorded trial as scoring sees it.
 
-use crate::{Arm, film, film_of_bag};
+use super::scores::scores;
+use crate::{Arm, film, film_of_bag, study::TrialScores};
 use proact_analysis::scoring::{Instant, Trace};
 use proact_arm::ArmModel;
 use proact_control::MethodRegistry;
 use proact_recording::{Trial, bag::BagEnd};
 use proact_tasks::TaskResult;
-use proact_testbed::{GraspChoice, TrialConfig};
-use proact_types::{DisplayFrame, Point, Scene};
+use proact_testbed::{GraspChoice, Step, TrialConfig};
+use proact_types::{DisplayFrame, Event, Point, Scene, SimTime};
 use std::{
     error::Error,
     fs,
@@ -88,6 +89,51 @@ pub(super) fn of_bag(path: &Path, arm: &Arm) -> Result<OfBag, Box<dyn Error>> {
             tells_events: false,
         },
     })
+}
+
+/// A trial as scoring sees it, while it goes on: as often as a recomputed record has instants.
+pub(crate) struct LiveTrace {
+    scene: Scene,
+    frames: Vec<DisplayFrame>,
+    events: Vec<Event>,
+    length: SimTime,
+    count: u64,
+}
+
+impl LiveTrace {
+    /// Before the first tick of a trial with this scene.
+    pub(crate) fn new(scene: Scene) -> Self {
+        Self { scene, frames: Vec::new(), events: Vec::new(), length: SimTime(0), count: 0 }
+    }
+
+    /// Takes a tick.
+    pub(crate) fn take(&mut self, step: &Step) {
+        self.length = step.time;
+        self.events.extend(step.output.events.iter().cloned());
+        if let Some(frame) = &step.frame {
+            self.count += 1;
+            if self.count % film::KEPT == 1 {
+                self.frames.push(frame.clone());
+            }
+        }
+    }
+
+    /// What is found in the trial that is over.
+    ///
+    /// # Errors
+    /// An arm or a scene without a grasp.
+    pub(crate) fn scores(self, arm: &ArmModel) -> Result<TrialScores, Box<dyn Error>> {
+        let trace = Trace {
+            instants: instants(arm, &self.scene, &self.frames)?,
+            scene: self.scene,
+            length: self.length,
+            events: self.events,
+            decisions: None,
+            tells_events: true,
+        };
+        let [measures, objects, phases, faults] = scores(&[], &trace);
+        Ok(TrialScores { measures, objects, phases, faults })
+    }
 }
 
 fn instants(arm: &ArmModel, scene: &Scene, frames: &[DisplayFrame]) -> Result<Vec<Instant>, Box<dyn Error>> {

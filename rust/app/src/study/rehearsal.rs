@@ -3,7 +3,7 @@
 use super::{
     Study,
     conductor::{Conductor, StudyError, record_name},
-    worker::{TrialOrder, Worker, WorkerError},
+    worker::{TrialDone, TrialOrder, Worker, WorkerError},
 };
 use proact_study::{Happening, PlannedTrial, Spot, StepOutcome, StudyEvent};
 use proact_testbed::{TrialEnd, TrialResult};
@@ -31,6 +31,7 @@ impl Study {
             arrangement: planned.arrangement.clone(),
             dir,
             bag: format!("{}.bag", record_name(planned)),
+            scored: false,
         }
     }
 }
@@ -183,7 +184,7 @@ impl<T: Fn(Rehearsed<'_>) + Sync> Rehearsal<'_, T> {
             }
             let done = worker.as_mut().map(|worker| worker.run(&order, || self.stopped()));
             match done.unwrap_or_else(|| Err(WorkerError::Gone { how: "it never began".to_owned() })) {
-                Ok(result) => {
+                Ok(TrialDone { result, .. }) => {
                     (self.tell)(Rehearsed::Trial(planned, &result));
                     if result.ended == TrialEnd::Interrupt {
                         outcome = StepOutcome::Interrupted;

@@ -5,10 +5,11 @@
 //! output. When its input ends, as it does when whoever ordered is killed, the trial under way ends too, and its record is closed.
 
 use crate::{
-    Arm, Audience, Recorder, Registry, lines_of, run_to_end,
+    analysis::LiveTrace, Arm, Audience, Recorder, Registry, lines_of, run_to_end,
     trial::{self, Assembly},
     trial_choice::{TrialContext, trial_config},
 };
+use proact_analysis::table::Cell;
 use proact_devices::{EmgOrigin, FeedbackSinks};
 use proact_emg::EmgConfig;
 use proact_study::TrialChoice;
@@ -45,6 +46,9 @@ pub struct TrialOrder {
     pub dir: Option<PathBuf>,
     /// Name of the record's bag.
     pub bag: String,
+    /// Whether it is scored as an analysis scores it.
+    #[serde(default)]
+    pub scored: bool,
 }
 
 impl TrialOrder {
@@ -69,11 +73,34 @@ impl TrialOrder {
     }
 }
 
+/// What an analysis finds in a trial: rows of its tables, without what names the trial.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TrialScores {
+    /// The trial's measures, a row.
+    pub measures: Vec<Vec<Cell>>,
+    /// Objects, a row each.
+    pub objects: Vec<Vec<Cell>>,
+    /// Picks and places.
+    pub phases: Vec<Vec<Cell>>,
+    /// What went wrong.
+    pub faults: Vec<Vec<Cell>>,
+}
+
+/// A trial that is over.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct TrialDone {
+    /// What came of it.
+    pub result: TrialResult,
+    /// What an analysis finds in it, if that was asked for.
+    pub scores: Option<TrialScores>,
+}
+
 /// What came of an order.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Reply {
-    Result(Box<TrialResult>),
+    Result(Box<TrialDone>),
     Error(String),
 }
 
@@ -100,7 +127,7 @@ pub fn simulated_trial(
     registry: &Registry,
     order: &TrialOrder,
     interrupted: &AtomicBool,
-) -> Result<TrialResult, Box<dyn Error>> {
+) -> Result<TrialDone, Box<dyn Error>> {
     let (arm, config) = order.config(registry, None)?;
     let Assembly { session, classifier, plans, .. } =
         trial::simulated_with(&registry.methods, &arm, config, &EmgOrigin::Synthetic, None)?;
@@ -119,7 +146,12 @@ pub fn simulated_trial(
         feedback: FeedbackSinks::default(),
         interrupted,
     };
-    run_to_end(session, recorder, &mut nobody, order.dir.as_deref(), |_| {})
+    let mut film = order.scored.then(|| LiveTrace::new(session.testbed().task().scene().clone()));
+    let result = run_to_end(session, recorder, &mut nobody, order.dir.as_deref(), |step| {
+        film.iter_mut().for_each(|film| film.take(step));
+    })?;
+    let scores = film.map(|film| film.scores(arm.model())).transpose()?;
+    Ok(TrialDone { result, scores })
 }
 
 /// Does what is ordered, until `orders` end or `interrupted` is raised, which the end of `orders` does.
@@ -148,7 +180,7 @@ pub fn work(
         let order = serde_json::from_str(&line).map_err(Box::<dyn Error>::from);
         let reply = order
             .and_then(|order| simulated_trial(registry, &order, interrupted))
-            .map_or_else(|error| Reply::Error(error.to_string()), |result| Reply::Result(Box::new(result)));
+            .map_or_else(|error| Reply::Error(error.to_string()), |done| Reply::Result(Box::new(done)));
         serde_json::to_writer(&mut *answers, &reply)?;
         answers.write_all(b"\n")?;
         answers.flush()?;
@@ -181,7 +213,7 @@ impl Worker {
     ///
     /// # Errors
     /// [`WorkerError`].
-    pub fn run(&mut self, order: &TrialOrder, ends: impl Fn() -> bool) -> Result<TrialResult, WorkerError> {
+    pub fn run(&mut self, order: &TrialOrder, ends: impl Fn() -> bool) -> Result<TrialDone, WorkerError> {
         let mut line = serde_json::to_vec(order).map_err(|error| WorkerError::Trial(error.to_string()))?;
         line.push(b'\n');
         let sent = self.orders.as_mut().map(|orders| orders.write_all(&line).and_then(|()| orders.flush()));
@@ -192,7 +224,7 @@ impl Worker {
             match self.answers.recv_timeout(LOOK) {
                 Ok(answer) => {
                     return match serde_json::from_str(&answer) {
-                        Ok(Reply::Result(result)) => Ok(*result),
+                        Ok(Reply::Result(done)) => Ok(*done),
                         Ok(Reply::Error(reason)) => Err(WorkerError::Trial(reason)),
                         Err(error) => {
                             Err(WorkerError::Trial(format!("unreadable answer of a trial: {error}")))

@@ -2,7 +2,7 @@
 
 use super::console;
 use crate::{
-    interrupt::interrupt_flag, person_args::PersonArgs, progress::bar, served_page::ServedPageArgs, simulate,
+    interrupt::interrupt_flag, person_args::PersonArgs, progress::bar, served_page::ServedPageArgs,
 };
 use clap::Args;
 use proact_app::{
@@ -121,7 +121,7 @@ fn simulated(
     let (over, all) = conductor.progress().count(|step| matches!(step, Happening::Trial(_)));
     let bar = bar(!json, all as u64, "{elapsed} {bar:40} {pos} of {len} trials, {eta} left  {msg}");
     bar.set_position(over as u64);
-    let jobs = args.jobs.map_or_else(simulate::processors, usize::from);
+    let jobs = args.jobs.map_or_else(crate::batch_args::processors, usize::from);
     let options = RehearsalOptions { jobs, worker: &worker_command, interrupted };
     let finished = rehearse(conductor, &options, |told| match told {
         Rehearsed::Acknowledged(id) if args.print_events => print_up_to(id - 1, id),

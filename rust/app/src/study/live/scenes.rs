@@ -142,6 +142,7 @@ impl LiveStudy<'_> {
             arrangement: None,
             dir: None,
             bag: String::new(),
+            scored: false,
         };
         let participant = ParticipantScreen::Scene { countdown: false, title: scene.title().to_owned() };
         self.running(participant, &[StudyButton::Next, StudyButton::Skip, StudyButton::Leave]);

@@ -17,7 +17,7 @@ const FONT = "DejaVu Sans, Verdana, Arial, sans-serif";
 type Row = Record<string, string | number | null>;
 
 interface Spec {
-  kind: "strip" | "grid" | "lines" | "bars" | "curve";
+  kind: "strip" | "grid" | "lines" | "bars" | "curve" | "heat";
   rows: Row[];
   /** What is on the axes. */
   x: string;
@@ -163,7 +163,36 @@ function curve(spec: Spec): Plot.PlotOptions {
   };
 }
 
-const KINDS = { strip, grid, lines, bars, curve };
+/** A value in two directions: a cell a pair, with its number, a panel a condition. */
+function heat(spec: Spec): Plot.PlotOptions {
+  const { names, options } = facets(spec);
+  const fx = names.length > 0 ? { fx: "facet" } : {};
+  const ys = distinct(spec.rows, "y");
+  const most = spec.most ?? 1;
+  const panels = Math.max(1, names.length);
+  const longest = Math.max(...ys.map((name) => name.length), 4);
+  return {
+    ...base(spec, panels > 1 ? WIDE : COLUMN, 90 + 30 * ys.length),
+    ...options,
+    color: { type: "linear", domain: [0, most], range: ["#f2f6fb", "#0b4f8a"], legend: false },
+    x: { domain: spec.order, label: spec.x, tickRotate: spec.order.length * panels > 16 ? -45 : 0 },
+    y: { domain: [...ys].reverse(), label: spec.y },
+    marginLeft: 24 + 7 * longest,
+    marginBottom: 48,
+    marks: [
+      Plot.cell(spec.rows, { x: "x", y: "y", ...fx, fill: "value", inset: 0.5 }),
+      // Dark letters on light cells, light ones on dark.
+      ...[true, false].map((light) =>
+        Plot.text(
+          spec.rows.filter((row) => Number(row["value"]) < most / 2 === light),
+          { x: "x", y: "y", ...fx, text: "letter", fill: light ? "#1a1a1a" : "#ffffff" },
+        ),
+      ),
+    ],
+  };
+}
+
+const KINDS = { strip, grid, lines, bars, curve, heat };
 
 /** The key below a figure: words beside patches, as many on a line as there is room for. */
 function legend(spec: Spec, width: number): { parts: string[]; height: number } {

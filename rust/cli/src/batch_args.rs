@@ -1,0 +1,184 @@
+//! How a batch is run: the options that `simulate` and `compare` share.
+
+use crate::{progress::bar, study::worker_command};
+use clap::Args;
+use proact_app::{
+    Registry,
+    batch::{
+        Batch, BatchFolder, BatchPrograms, ConditionSummary, Merged, ScoreTally, Shard, ShardFile, SlurmJob, merge, run_batch,
+        submit,
+    },
+    study::People,
+    tell,
+};
+use std::{
+    error::Error,
+    path::{Path, PathBuf},
+    sync::atomic::AtomicBool,
+};
+
+/// Tasks of a job array where nobody says how many.
+const SLURM_SHARDS: &str = "8";
+
+/// How many programs this machine runs at once.
+pub(crate) fn processors() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
+}
+
+/// How a batch is run.
+#[derive(Debug, Args)]
+pub(crate) struct BatchArgs {
+    /// The kind of simulated people
+    #[arg(long, value_name = "KIND", default_value = People::NAMES[0])]
+    pub(crate) people: People,
+    /// Seed of people and trials [default: that of the plan, or 1]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
+    pub(crate) seed: Option<u64>,
+    /// So many trials at once, each in a program of its own; by default one a processor
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
+    jobs: Option<u16>,
+    /// Folder for the trials, each a line as it ends; the same command takes it up again where it was cut off
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Only every N-th trial, from the K-th on; the shard that ends last puts all in order
+    #[arg(long, value_name = "K/N", requires = "out")]
+    shard: Option<Shard>,
+    /// Have Slurm run the shards: writes a script for a job array of N tasks into the folder and submits it
+    #[arg(long, value_name = "N", num_args = 0..=1, require_equals = true, default_missing_value = SLURM_SHARDS, requires = "out",
+          conflicts_with = "shard", value_parser = clap::value_parser!(u32).range(1..=Shard::MOST as i64))]
+    slurm: Option<u32>,
+    /// An option of sbatch such as --partition=long; may be repeated
+    #[arg(long, value_name = "OPTION", requires = "slurm", allow_hyphen_values = true)]
+    sbatch_option: Vec<String>,
+}
+
+/// What became of a batch.
+pub(crate) enum BatchOutcome {
+    /// It ran to its end, and nothing was kept but these.
+    Summed(Vec<ConditionSummary>, Vec<String>),
+    /// It ran to its end, and is in the folder.
+    Merged(PathBuf, Box<Merged>),
+    /// The shard ran to its end, but others did not yet.
+    Shard(PathBuf, Shard, usize),
+    /// Slurm has it: the script and the job's number.
+    Submitted(PathBuf, String),
+    /// It was ended before.
+    Interrupted(Option<PathBuf>),
+}
+
+impl BatchArgs {
+    /// So many trials at once.
+    pub(crate) fn jobs(&self) -> usize {
+        self.jobs.map_or_else(processors, usize::from)
+    }
+
+    /// The same with a folder if none was given.
+    pub(crate) fn within(mut self, out: &str) -> Self {
+        self.out.get_or_insert_with(|| out.into());
+        self
+    }
+
+    /// Runs the batch, or what is left of it.
+    ///
+    /// # Errors
+    /// A trial that cannot be run, a folder of another batch, a disk that refuses.
+    pub(crate) fn run(
+        &self,
+        registry: &Registry,
+        batch: &Batch,
+        visible: bool,
+        interrupted: &AtomicBool,
+    ) -> Result<BatchOutcome, Box<dyn Error>> {
+        let programs = BatchPrograms { jobs: self.jobs(), worker: &worker_command, interrupted };
+        let template = "{elapsed} {bar:40} {pos} of {len} trials, {eta} left  {msg}";
+        let Some(out) = &self.out else {
+            let progress = bar(visible, batch.count() as u64, template);
+            let mut tally = ScoreTally::default();
+            let mut digests = vec![String::new(); batch.count()];
+            let whole = run_batch(batch, 0..batch.count(), None, &programs, |trial, result| {
+                let label = batch.label(trial);
+                tally.take(&label, trial.index, &result.score_name, result.score);
+                digests[trial.index].clone_from(&result.digest);
+                progress.set_message(format!("{label}: {} {}", result.score, result.score_name));
+                progress.inc(1);
+            })?;
+            progress.finish_and_clear();
+            digests.retain(|digest| !digest.is_empty());
+            let summed = BatchOutcome::Summed(tally.summaries(), digests);
+            return Ok(if whole { summed } else { BatchOutcome::Interrupted(None) });
+        };
+        let out = std::path::absolute(out)?;
+        let shard = self.shard.unwrap_or(Shard::WHOLE);
+        let shards = self.slurm.map_or(shard.of, |shards| shards as usize);
+        let folder = BatchFolder::take_up(&out, batch.describe(registry, shards)?)?;
+        if self.slurm.is_some() {
+            let job = SlurmJob {
+                dir: out.clone(),
+                program: std::env::current_exe()?,
+                words: own_words(std::env::args().skip(1), &out),
+                shards,
+                jobs: self.jobs.map_or(1, usize::from),
+                options: self.sbatch_option.clone(),
+            };
+            let (script, number) = submit(&job)?;
+            return Ok(BatchOutcome::Submitted(script, number));
+        }
+        let mut file = ShardFile::take_up(&folder, shard)?;
+        if file.damaged > 0 {
+            tell(format_args!("{} damaged lines of shard {shard} do not count; their trials are run again", file.damaged));
+        }
+        let own = (0..batch.count()).filter(|index| shard.holds(*index));
+        let pending: Vec<usize> = own.clone().filter(|index| !file.is_over(*index)).collect();
+        let (all, before) = (own.count(), file.count());
+        // Since the time that is left follows from trials of this run alone.
+        let progress = bar(visible, all as u64, template).with_position(before as u64);
+        progress.reset_eta();
+        let whole = run_batch(batch, pending.into_iter(), Some(&mut file), &programs, |trial, result| {
+            progress.set_message(format!("{}: {} {}", batch.label(trial), result.score, result.score_name));
+            progress.inc(1);
+        })?;
+        progress.finish_and_clear();
+        drop(file);
+        if !whole {
+            return Ok(BatchOutcome::Interrupted(Some(out)));
+        }
+        match merge(&folder, false)? {
+            Some(merged) => Ok(BatchOutcome::Merged(out, Box::new(merged))),
+            None => Ok(BatchOutcome::Shard(out, shard, all)),
+        }
+    }
+}
+
+/// The words of this program without those that say how the batch is divided; files by their whole paths are the caller's business,
+/// but for the folder.
+fn own_words(words: impl Iterator<Item = String>, out: &Path) -> Vec<String> {
+    const WITH_VALUE: [&str; 4] = ["--sbatch-option", "--jobs", "--shard", "--out"];
+    let mut own = Vec::new();
+    let mut skips = false;
+    for word in words {
+        let name = word.split('=').next().unwrap_or_default();
+        if std::mem::take(&mut skips) || word == "--json" || name == "--slurm" {
+            continue;
+        }
+        if WITH_VALUE.contains(&name) {
+            skips = !word.contains('=');
+            continue;
+        }
+        own.push(word);
+    }
+    own.extend(["--out".to_owned(), out.display().to_string()]);
+    own
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_task_of_an_array_gets_the_words_of_the_command_without_its_division() {
+        let words = "simulate study1 --set a=b --slurm=4 --jobs 3 --sbatch-option --partition=x --sbatch-option=--mem=1G --out here \
+                     --json --seed 7";
+        let own = own_words(words.split_whitespace().map(str::to_owned), Path::new("/data/here"));
+        assert_eq!(own.join(" "), "simulate study1 --set a=b --seed 7 --out /data/here");
+    }
+}
