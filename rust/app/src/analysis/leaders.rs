@@ -45,7 +45,7 @@ pub struct Lead {
 impl std::fmt::Display for Lead {
     fn fmt(&self, to: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(to, "{}", printed(self.mean, 2))?;
-        if let Some(Interval { low, high, .. }) = self.interval {
+        if let Some(Interval { low, high }) = self.interval {
             write!(to, " [{}, {}]", printed(low, 2), printed(high, 2))?;
         }
         self.p_holm.map_or(Ok(()), |p| write!(to, ", p {}", chance(p)))
@@ -89,7 +89,7 @@ pub fn leader_board(collected: &Collected, seed: u64) -> Vec<Leader> {
         leaders[k].over_next = pairs.iter().find_map(|pair| {
             let effect = pair.effect.as_ref()?;
             let (sign, is_it) = if (&pair.b, &pair.a) == (&own, &next) { (1.0, true) } else { (-1.0, (&pair.a, &pair.b) == (&own, &next)) };
-            let turned = |interval: Interval| if sign > 0.0 { interval } else { Interval { low: -interval.high, high: -interval.low, ..interval } };
+            let turned = |interval: Interval| if sign > 0.0 { interval } else { Interval { low: -interval.high, high: -interval.low } };
             is_it.then(|| Lead { mean: sign * effect.mean, interval: effect.mean_interval.map(turned), p_holm: pair.p_holm })
         });
     }
