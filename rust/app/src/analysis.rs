@@ -23,5 +23,5 @@ pub(crate) use traces::LiveTrace;
 pub use charts::{ChartError, power_curve};
 pub use collect::{Collected, collect};
 pub use leaders::{Lead, Leader, leader_board};
-pub use sweeps::{SweepReport, sweep_report};
 pub use report::{ReportOptions, WrittenReport, report, report_folder};
+pub use sweeps::{SweepReport, sweep_report};

@@ -21,7 +21,9 @@ pub use worker::{TrialDone, TrialOrder, TrialScores, Worker, WorkerError, simula
 
 use crate::trial_choice::{TrialContext, trial_config};
 use proact_control::MethodRegistry;
-use proact_study::{Form, Happening, Plan, PlanError, PlannedStep, ProtocolStep, SHIPPED, SHIPPED_FORMS, Schedule};
+use proact_study::{
+    Form, Happening, Plan, PlanError, PlannedStep, ProtocolStep, SHIPPED, SHIPPED_FORMS, Schedule,
+};
 use proact_types::MOST_TEXT_BYTES;
 use std::{
     collections::BTreeMap,

@@ -66,10 +66,14 @@ fn report(methods: &MethodRegistry, args: &AnalyzeArgs) -> Result<(), Box<dyn Er
     scoring.finish_and_clear();
     let out = args.out.clone().unwrap_or_else(|| analysis::report_folder(&args.dir));
     let drawing = bar(!args.json, 0, "{elapsed} {bar:40} {pos} of {len} figures");
-    let written = analysis::report(&collected, &ReportOptions { out, seed: args.seed, leader_board: false }, |done, all| {
-        drawing.set_length(all as u64);
-        drawing.set_position(done as u64);
-    })?;
+    let written = analysis::report(
+        &collected,
+        &ReportOptions { out, seed: args.seed, leader_board: false },
+        |done, all| {
+            drawing.set_length(all as u64);
+            drawing.set_position(done as u64);
+        },
+    )?;
     drawing.finish_and_clear();
     if args.json {
         let object = json!({

@@ -5,8 +5,8 @@ use clap::Args;
 use proact_app::{
     Registry,
     batch::{
-        Batch, BatchFolder, BatchPrograms, ConditionSummary, Merged, ScoreTally, Shard, ShardFile, SlurmJob, merge, run_batch,
-        submit,
+        Batch, BatchFolder, BatchPrograms, ConditionSummary, Merged, ScoreTally, Shard, ShardFile, SlurmJob,
+        merge, run_batch, submit,
     },
     study::People,
     tell,
@@ -125,7 +125,10 @@ impl BatchArgs {
         }
         let mut file = ShardFile::take_up(&folder, shard)?;
         if file.damaged > 0 {
-            tell(format_args!("{} damaged lines of shard {shard} do not count; their trials are run again", file.damaged));
+            tell(format_args!(
+                "{} damaged lines of shard {shard} do not count; their trials are run again",
+                file.damaged
+            ));
         }
         let own = (0..batch.count()).filter(|index| shard.holds(*index));
         let pending: Vec<usize> = own.clone().filter(|index| !file.is_over(*index)).collect();

@@ -20,12 +20,14 @@ use std::error::Error;
 
 /// Arguments of `proact compare`.
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:\n  proact compare A B C D\n  proact compare C,D,mine.toml --participants 24 --trials 3 --out board\n  \
+#[command(
+    after_help = "Examples:\n  proact compare A B C D\n  proact compare C,D,mine.toml --participants 24 --trials 3 --out board\n  \
     proact compare C D --task targeted_bbt --set participant.gaze_error_deg=3 --json\n\n\
     Every method meets the same simulated people, the same blocks and the same seeds, each as if it were the first that a person \
     meets. A method of one's own is the TOML file that names its program (docs/methods). The folder has the trials as of proact \
     simulate --out, and in analysis/ a report as of proact analyze with the leader board first. Simulated participants are no \
-    evidence about people.")]
+    evidence about people."
+)]
 pub(crate) struct CompareArgs {
     /// Methods by name, or by the file of an outside one
     #[arg(value_name = "METHODS", value_delimiter = ',', required = true)]
@@ -63,7 +65,9 @@ pub(crate) struct CompareArgs {
 
 pub(crate) fn command(registry: &Registry, args: CompareArgs) -> Result<bool, Box<dyn Error>> {
     if args.methods.len() < 2 {
-        return Err(format!("one method, {}, is no comparison; name two or more", args.methods.join(", ")).into());
+        return Err(
+            format!("one method, {}, is no comparison; name two or more", args.methods.join(", ")).into()
+        );
     }
     let interrupted = interrupt_flag()?;
     let list = MethodsBatch {
@@ -82,7 +86,12 @@ pub(crate) fn command(registry: &Registry, args: CompareArgs) -> Result<bool, Bo
         seed: args.batch.seed.unwrap_or(1),
     };
     let batch = Batch::of_methods(&list, args.batch.people, Sweep::default())?;
-    let (dir, merged) = match args.batch.within("comparison").run(registry, &batch, !args.json, &interrupted)? {
+    let (dir, merged) = match args.batch.within("comparison").run(
+        registry,
+        &batch,
+        !args.json,
+        &interrupted,
+    )? {
         BatchOutcome::Merged(dir, merged) => (dir, merged),
         BatchOutcome::Shard(dir, shard, trials) => {
             let text = format!(
@@ -95,7 +104,8 @@ pub(crate) fn command(registry: &Registry, args: CompareArgs) -> Result<bool, Bo
         }
         BatchOutcome::Submitted(script, number) => {
             let object = json!({ "script": script, "job": number, "note": NO_EVIDENCE });
-            let text = format!("job {number} of Slurm, by {}; its last task writes the report", script.display());
+            let text =
+                format!("job {number} of Slurm, by {}; its last task writes the report", script.display());
             answer(if args.json { object.to_string() } else { text })?;
             return Ok(true);
         }

@@ -6,8 +6,9 @@ use crate::{
 };
 use clap::Args;
 use proact_app::{
-    Registry, answer,
+    Registry,
     analysis::{SweepReport, sweep_report},
+    answer,
     batch::{Batch, BatchFolder, ConditionSummary, Merged, MethodsBatch, NO_EVIDENCE, Sweep, merge},
     study::Study,
 };
@@ -94,7 +95,8 @@ pub(crate) fn command(registry: &Registry, args: &SimulateArgs) -> Result<bool, 
         Some(plan) => {
             let people = args.participants.map(|people| people as usize);
             let study = Study::open_for(plan, &registry.methods, people, args.batch.seed)?;
-            let over = TrialChoice { limit_secs: args.limit, set: args.set.clone(), ..TrialChoice::default() };
+            let over =
+                TrialChoice { limit_secs: args.limit, set: args.set.clone(), ..TrialChoice::default() };
             Batch::of_study(&study, &over, args.batch.people, sweep)?
         }
         None => Batch::of_methods(&args.list(), args.batch.people, sweep)?,
@@ -121,7 +123,10 @@ pub(crate) fn command(registry: &Registry, args: &SimulateArgs) -> Result<bool, 
         }
         BatchOutcome::Submitted(script, number) => {
             let object = json!({ "script": script, "job": number, "note": NO_EVIDENCE });
-            let text = format!("job {number} of Slurm, by {}; squeue --job {number} tells how far it is", script.display());
+            let text = format!(
+                "job {number} of Slurm, by {}; squeue --job {number} tells how far it is",
+                script.display()
+            );
             answer(if args.json { object.to_string() } else { text })?;
             Ok(true)
         }
@@ -157,7 +162,12 @@ impl SimulateArgs {
 }
 
 /// What a folder holds, and where; of a sweep with its report.
-fn told_of_folder(args: &SimulateArgs, dir: &Path, merged: Merged, start: Instant) -> Result<bool, Box<dyn Error>> {
+fn told_of_folder(
+    args: &SimulateArgs,
+    dir: &Path,
+    merged: Merged,
+    start: Instant,
+) -> Result<bool, Box<dyn Error>> {
     let folder = BatchFolder::open(dir)?;
     let sweep = sweep_report(&folder, &merged)?;
     let mut more = json!({ "out": dir, "merged": true, "lines": merged.lines, "tables": merged.tables, "digests": merged.digests });
@@ -176,7 +186,12 @@ fn told_of_folder(args: &SimulateArgs, dir: &Path, merged: Merged, start: Instan
     Ok(true)
 }
 
-fn told(args: &SimulateArgs, summaries: &[ConditionSummary], more: Value, start: Instant) -> Result<(), Box<dyn Error>> {
+fn told(
+    args: &SimulateArgs,
+    summaries: &[ConditionSummary],
+    more: Value,
+    start: Instant,
+) -> Result<(), Box<dyn Error>> {
     if args.json {
         let mut methods = Map::new();
         for summary in summaries {

@@ -258,7 +258,8 @@ impl Plan {
     pub fn for_people(mut self, participants: usize, seed: u64) -> Result<Self, PlanError> {
         if participants != self.participants {
             let count = participants.min(MOST_PARTICIPANTS);
-            let in_turn = |rows: &mut Vec<Vec<String>>| *rows = rows.iter().cycle().take(count).cloned().collect();
+            let in_turn =
+                |rows: &mut Vec<Vec<String>>| *rows = rows.iter().cycle().take(count).cloned().collect();
             if let ConditionOrder::Table { rows } = &mut self.order {
                 in_turn(rows);
             }

@@ -58,17 +58,23 @@ pub fn leader_board(collected: &Collected, seed: u64) -> Vec<Leader> {
     let Some(trials) = collected.table("trials") else { return Vec::new() };
     let found = values(trials, "score", |_| true);
     let most = found.iter().map(|value| value.value).fold(f64::NEG_INFINITY, f64::max);
-    let pairs = repeated_scores(&conditions, &found).map(|scores| compare(&scores, seed).pairs).unwrap_or_default();
+    let pairs =
+        repeated_scores(&conditions, &found).map(|scores| compare(&scores, seed).pairs).unwrap_or_default();
     let mut leaders: Vec<Leader> = conditions
         .iter()
         .filter_map(|method| {
-            let own: Vec<&super::summaries::Value> = found.iter().filter(|value| value.condition == *method).collect();
+            let own: Vec<&super::summaries::Value> =
+                found.iter().filter(|value| value.condition == *method).collect();
             let scores: Vec<f64> = own.iter().map(|value| value.value).collect();
             let mut people: std::collections::BTreeMap<&str, Vec<f64>> = std::collections::BTreeMap::new();
             own.iter().for_each(|value| people.entry(&value.participant).or_default().push(value.value));
-            let means: Vec<f64> = people.values().map(|own| own.iter().sum::<f64>() / own.len() as f64).collect();
-            let mean = |places: &[usize]| Some(places.iter().map(|place| means[*place]).sum::<f64>() / places.len() as f64);
-            let share = |score: f64| scores.iter().filter(|own| **own == score).count() as f64 / scores.len() as f64;
+            let means: Vec<f64> =
+                people.values().map(|own| own.iter().sum::<f64>() / own.len() as f64).collect();
+            let mean = |places: &[usize]| {
+                Some(places.iter().map(|place| means[*place]).sum::<f64>() / places.len() as f64)
+            };
+            let share =
+                |score: f64| scores.iter().filter(|own| **own == score).count() as f64 / scores.len() as f64;
             Some(Leader {
                 place: 0,
                 method: method.clone(),
@@ -88,9 +94,19 @@ pub fn leader_board(collected: &Collected, seed: u64) -> Vec<Leader> {
         // A pair's difference is its second less its first.
         leaders[k].over_next = pairs.iter().find_map(|pair| {
             let effect = pair.effect.as_ref()?;
-            let (sign, is_it) = if (&pair.b, &pair.a) == (&own, &next) { (1.0, true) } else { (-1.0, (&pair.a, &pair.b) == (&own, &next)) };
-            let turned = |interval: Interval| if sign > 0.0 { interval } else { Interval { low: -interval.high, high: -interval.low } };
-            is_it.then(|| Lead { mean: sign * effect.mean, interval: effect.mean_interval.map(turned), p_holm: pair.p_holm })
+            let (sign, is_it) = if (&pair.b, &pair.a) == (&own, &next) {
+                (1.0, true)
+            } else {
+                (-1.0, (&pair.a, &pair.b) == (&own, &next))
+            };
+            let turned = |interval: Interval| {
+                if sign > 0.0 { interval } else { Interval { low: -interval.high, high: -interval.low } }
+            };
+            is_it.then(|| Lead {
+                mean: sign * effect.mean,
+                interval: effect.mean_interval.map(turned),
+                p_holm: pair.p_holm,
+            })
         });
     }
     leaders
@@ -100,7 +116,9 @@ pub fn leader_board(collected: &Collected, seed: u64) -> Vec<Leader> {
 pub(super) fn leader_table(leaders: &[Leader]) -> ReportTable {
     let percent = |share: f64| format!("{} %", printed(share * 100.0, 0));
     let row = |leader: &Leader| {
-        let interval = leader.interval.map_or_else(String::new, |i| format!(" [{}, {}]", printed(i.low, 2), printed(i.high, 2)));
+        let interval = leader
+            .interval
+            .map_or_else(String::new, |i| format!(" [{}, {}]", printed(i.low, 2), printed(i.high, 2)));
         vec![
             leader.place.to_string(),
             leader.method.clone(),

@@ -42,21 +42,37 @@ pub fn sweep_report(folder: &BatchFolder, merged: &Merged) -> Result<Option<Swee
         name: "sweep",
         title: "Scores by cell".to_owned(),
         caption: format!("A row a cell and method. {NO_EVIDENCE}"),
-        head: keys.iter().copied().chain(["method", "trials", "mean", "sd", "min", "median", "max", "score_name"]).map(str::to_owned).collect(),
+        head: keys
+            .iter()
+            .copied()
+            .chain(["method", "trials", "mean", "sd", "min", "median", "max", "score_name"])
+            .map(str::to_owned)
+            .collect(),
         rows: Vec::new(),
     };
     let mut points = Vec::new();
     for cell in 0..sweep.cells() {
         let values = sweep.cell(cell);
         for condition in &folder.description.conditions {
-            let Some(ConditionSummary { scores, score_name, .. }) = found.get(&crate::batch::label(condition, &values)) else {
+            let Some(ConditionSummary { scores, score_name, .. }) =
+                found.get(&crate::batch::label(condition, &values))
+            else {
                 continue;
             };
-            let numbers = [Some(scores.mean), scores.sd, Some(scores.min), Some(scores.median), Some(scores.max)];
-            let row = values.iter().map(|(_, value)| (*value).to_owned()).chain([condition.clone(), scores.trials.to_string()]);
-            let row = row.chain(numbers.map(|number| number.map_or_else(String::new, |number| number.to_string())));
+            let numbers =
+                [Some(scores.mean), scores.sd, Some(scores.min), Some(scores.median), Some(scores.max)];
+            let row = values
+                .iter()
+                .map(|(_, value)| (*value).to_owned())
+                .chain([condition.clone(), scores.trials.to_string()]);
+            let row =
+                row.chain(numbers.map(|number| number.map_or_else(String::new, |number| number.to_string())));
             table.rows.push(row.chain([score_name.clone()]).collect());
-            points.push((values.iter().map(|(_, value)| (*value).to_owned()).collect::<Vec<_>>(), condition.clone(), scores.mean));
+            points.push((
+                values.iter().map(|(_, value)| (*value).to_owned()).collect::<Vec<_>>(),
+                condition.clone(),
+                scores.mean,
+            ));
         }
     }
     let figures = figures(&sweep, &keys, &points);
@@ -82,7 +98,8 @@ pub fn sweep_report(folder: &BatchFolder, merged: &Merged) -> Result<Option<Swee
         *cell = cell.parse().map_or_else(|_| "–".to_owned(), |number| printed(number, 2));
     }
     let caption = "Mean score of the trials of a cell, by method.";
-    let mut parts: Vec<Part<'_>> = drawn.iter().map(|(name, title, svg)| Part::Figure(name, title, caption, svg)).collect();
+    let mut parts: Vec<Part<'_>> =
+        drawn.iter().map(|(name, title, svg)| Part::Figure(name, title, caption, svg)).collect();
     parts.push(Part::Table(&shown));
     let about = format!("{} trials, {} cells of {}.", merged.scores.len(), sweep.cells(), keys.join(" and "));
     let head = Head { title: "Sweep", about, simulated: true, notes: &[], presumed: &[] };
@@ -95,10 +112,15 @@ type Point = (Vec<String>, String, f64);
 /// Name, title and figure: one key as a strip of cells by method, two as a heat map with a panel a method, and of more a heat map of
 /// the first two for all values of the others.
 fn figures(sweep: &Sweep, keys: &[&str], points: &[Point]) -> Vec<(String, String, Spec)> {
-    let mut rest: Vec<Vec<String>> = points.iter().map(|(values, ..)| values.iter().skip(2).cloned().collect()).collect();
+    let mut rest: Vec<Vec<String>> =
+        points.iter().map(|(values, ..)| values.iter().skip(2).cloned().collect()).collect();
     rest.dedup();
     let mut seen: Vec<Vec<String>> = Vec::new();
-    rest.into_iter().for_each(|own| if !seen.contains(&own) { seen.push(own) });
+    rest.into_iter().for_each(|own| {
+        if !seen.contains(&own) {
+            seen.push(own)
+        }
+    });
     let map = |(k, others): (usize, &Vec<String>)| {
         let own = points.iter().filter(|(values, ..)| values.iter().skip(2).eq(others.iter()));
         let cell = |(values, condition, mean): &Point| {
@@ -110,7 +132,8 @@ fn figures(sweep: &Sweep, keys: &[&str], points: &[Point]) -> Vec<(String, Strin
             cell
         };
         let most = points.iter().map(|(.., mean)| *mean).fold(0.0, f64::max);
-        let title: String = keys.iter().skip(2).zip(others).map(|(key, value)| format!(", {key} = {value}")).collect();
+        let title: String =
+            keys.iter().skip(2).zip(others).map(|(key, value)| format!(", {key} = {value}")).collect();
         let spec = Spec {
             kind: "heat",
             rows: own.map(cell).collect(),

@@ -53,10 +53,14 @@ impl FromStr for Shard {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let numbers = text.split_once('/').and_then(|(number, of)| Some((number.parse().ok()?, of.parse().ok()?)));
+        let numbers =
+            text.split_once('/').and_then(|(number, of)| Some((number.parse().ok()?, of.parse().ok()?)));
         match numbers {
             Some((number, of)) if (1..=of).contains(&number) && of <= Self::MOST => Ok(Self { number, of }),
-            _ => Err(format!("{text:?} is no shard, expected K/N such as 2/8, with K from 1 to N and N at most {}", Self::MOST)),
+            _ => Err(format!(
+                "{text:?} is no shard, expected K/N such as 2/8, with K from 1 to N and N at most {}",
+                Self::MOST
+            )),
         }
     }
 }
@@ -174,7 +178,8 @@ impl ShardFile {
     /// [`BatchError`]: another program writes to it.
     pub fn take_up(folder: &BatchFolder, shard: Shard) -> Result<Self, BatchError> {
         let path = folder.shard_path(shard);
-        let file = OpenOptions::new().read(true).append(true).create(true).open(&path).map_err(failed(&path))?;
+        let file =
+            OpenOptions::new().read(true).append(true).create(true).open(&path).map_err(failed(&path))?;
         match file.try_lock() {
             Ok(()) => {}
             Err(TryLockError::WouldBlock) => return Err(BatchError::Busy { path }),
@@ -257,7 +262,12 @@ fn checked(line: &[u8]) -> Option<&[u8]> {
 }
 
 /// The line whose JSON text is there.
-pub(super) fn read_line(file: &mut File, path: &Path, start: u64, length: usize) -> Result<TrialLine, BatchError> {
+pub(super) fn read_line(
+    file: &mut File,
+    path: &Path,
+    start: u64,
+    length: usize,
+) -> Result<TrialLine, BatchError> {
     let mut text = vec![0; length];
     file.seek(SeekFrom::Start(start)).and_then(|_| file.read_exact(&mut text)).map_err(failed(path))?;
     serde_json::from_slice(&text)

@@ -128,7 +128,14 @@ impl Output {
             digests: Vec::new(),
         };
         let conditions = folder.description.conditions.clone();
-        Ok(Self { lines: BufWriter::new(File::create(&partial)?), partial, tables, conditions, sweep, merged })
+        Ok(Self {
+            lines: BufWriter::new(File::create(&partial)?),
+            partial,
+            tables,
+            conditions,
+            sweep,
+            merged,
+        })
     }
 
     fn push(&mut self, line: TrialLine) -> Result<(), Box<dyn Error>> {
@@ -138,7 +145,8 @@ impl Output {
         }
         let result: TrialResult = serde_json::from_value(Value::Object(result))?;
         let values = self.sweep.cell(trial.cell);
-        let condition = self.conditions.get(trial.condition).ok_or("a trial of a condition that the batch has not")?;
+        let condition =
+            self.conditions.get(trial.condition).ok_or("a trial of a condition that the batch has not")?;
         let label = label(condition, &values);
         let key: Vec<Cell> = vec![
             trial.participant.into(),
@@ -182,7 +190,9 @@ impl Output {
             write("blocks", &mut row.into_iter())?;
         }
         let TrialScores { measures, objects, phases, faults } = scores;
-        for (name, rows) in [("measures", measures), ("objects", objects), ("phases", phases), ("faults", faults)] {
+        for (name, rows) in
+            [("measures", measures), ("objects", objects), ("phases", phases), ("faults", faults)]
+        {
             for row in rows {
                 write(name, &mut key.iter().cloned().chain(row))?;
             }

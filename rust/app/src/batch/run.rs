@@ -82,7 +82,12 @@ pub fn run_batch(
             let (keep, tell) = &mut *kept;
             if let Some(file) = keep {
                 let scores = scores.unwrap_or_default();
-                file.push(&TrialLine { index: trial.index, trial: trial.clone(), result: of_the_trial(&result)?, scores })?;
+                file.push(&TrialLine {
+                    index: trial.index,
+                    trial: trial.clone(),
+                    result: of_the_trial(&result)?,
+                    scores,
+                })?;
             }
             tell(&trial, &result);
         }

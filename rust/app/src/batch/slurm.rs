@@ -46,7 +46,10 @@ impl SlurmJob {
         self.options.iter().for_each(|option| _ = writeln!(script, "#SBATCH {option}"));
         let words = self.words.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" ");
         let program = quoted(&self.program.display().to_string());
-        _ = writeln!(script, "exec {program} {words} --jobs {jobs} --shard \"$SLURM_ARRAY_TASK_ID/{shards}\"");
+        _ = writeln!(
+            script,
+            "exec {program} {words} --jobs {jobs} --shard \"$SLURM_ARRAY_TASK_ID/{shards}\""
+        );
         script
     }
 }
@@ -62,8 +65,11 @@ pub fn submit(job: &SlurmJob) -> Result<(PathBuf, String), BatchError> {
     if !(1..=Shard::MOST).contains(&job.shards) {
         return Err(failed(format!("{} tasks, expected 1 to {}", job.shards, Shard::MOST)));
     }
-    if let Some(option) = job.options.iter().find(|option| !option.starts_with('-') || option.contains('\n')) {
-        return Err(failed(format!("{option:?} is no option of sbatch, expected one such as --partition=long")));
+    if let Some(option) = job.options.iter().find(|option| !option.starts_with('-') || option.contains('\n'))
+    {
+        return Err(failed(format!(
+            "{option:?} is no option of sbatch, expected one such as --partition=long"
+        )));
     }
     fs::create_dir_all(&folder).map_err(|error| failed(error.to_string()))?;
     write_whole(&path, &job.script()).map_err(&failed)?;
@@ -72,12 +78,16 @@ pub fn submit(job: &SlurmJob) -> Result<(PathBuf, String), BatchError> {
 }
 
 fn sbatch(script: &Path) -> Result<String, String> {
-    let output = Command::new("sbatch").arg("--parsable").arg(script).output().map_err(|error| match error.kind() {
-        io::ErrorKind::NotFound => "the script is written, but there is no sbatch on this machine; copy it to where Slurm is \
+    let output = Command::new("sbatch").arg("--parsable").arg(script).output().map_err(
+        |error| match error.kind() {
+            io::ErrorKind::NotFound => {
+                "the script is written, but there is no sbatch on this machine; copy it to where Slurm is \
                                     and submit it there"
-            .to_owned(),
-        _ => format!("sbatch: {error}"),
-    })?;
+                    .to_owned()
+            }
+            _ => format!("sbatch: {error}"),
+        },
+    )?;
     if !output.status.success() {
         return Err(format!("sbatch refused it: {}", String::from_utf8_lossy(&output.stderr).trim()));
     }
@@ -89,7 +99,11 @@ fn sbatch(script: &Path) -> Result<String, String> {
 /// For a shell, one word.
 fn quoted(word: &str) -> String {
     let plain = |letter: char| letter.is_ascii_alphanumeric() || "-_./=,:%+".contains(letter);
-    if !word.is_empty() && word.chars().all(plain) { word.to_owned() } else { format!("'{}'", word.replace('\'', "'\\''")) }
+    if !word.is_empty() && word.chars().all(plain) {
+        word.to_owned()
+    } else {
+        format!("'{}'", word.replace('\'', "'\\''"))
+    }
 }
 
 #[cfg(test)]
@@ -101,9 +115,16 @@ mod tests {
         let job = SlurmJob {
             dir: "/data/my batch".into(),
             program: "/opt/proact".into(),
-            words: ["simulate", "study1", "--set", "profile.jog={ pace = \"it's\" }", "--out", "/data/my batch"]
-                .map(str::to_owned)
-                .to_vec(),
+            words: [
+                "simulate",
+                "study1",
+                "--set",
+                "profile.jog={ pace = \"it's\" }",
+                "--out",
+                "/data/my batch",
+            ]
+            .map(str::to_owned)
+            .to_vec(),
             shards: 12,
             jobs: 4,
             options: vec!["--partition=long".into()],

@@ -17,7 +17,8 @@ impl Sweep {
     pub fn read<S: AsRef<str>>(texts: &[S]) -> Result<Self, String> {
         let mut keys: Vec<(String, Vec<String>)> = Vec::new();
         for text in texts.iter().map(AsRef::as_ref) {
-            let wrong = || format!("--vary {text:?} is none, expected KEY=VALUE,VALUE such as intent.sigma=0.03,0.1");
+            let wrong =
+                || format!("--vary {text:?} is none, expected KEY=VALUE,VALUE such as intent.sigma=0.03,0.1");
             let (key, values) = text.split_once('=').ok_or_else(wrong)?;
             let (key, values) = (key.trim().to_owned(), split(values));
             if key.is_empty() || values.iter().any(String::is_empty) {
@@ -34,7 +35,10 @@ impl Sweep {
         let cells = keys.iter().try_fold(1_usize, |cells, (_, values)| cells.checked_mul(values.len()));
         match cells {
             Some(1..=MOST_CELLS) => Ok(Self { keys }),
-            _ => Err(format!("--vary makes {} cells, expected at most {MOST_CELLS}", cells.unwrap_or(usize::MAX))),
+            _ => Err(format!(
+                "--vary makes {} cells, expected at most {MOST_CELLS}",
+                cells.unwrap_or(usize::MAX)
+            )),
         }
     }
 

@@ -88,7 +88,12 @@ impl Batch {
     ///
     /// # Errors
     /// Too many trials.
-    pub fn of_study(study: &Study, over: &TrialChoice, people: People, sweep: Sweep) -> Result<Self, Box<dyn Error>> {
+    pub fn of_study(
+        study: &Study,
+        over: &TrialChoice,
+        people: People,
+        sweep: Sweep,
+    ) -> Result<Self, Box<dyn Error>> {
         let conditions = study.plan.conditions.iter().enumerate();
         let conditions = conditions.map(|(k, own)| (own.name.clone(), over.over(&study.plan.choice(k))));
         let mut batch = Self {
@@ -198,7 +203,8 @@ impl Batch {
             }
         }
         let source = format!("{trials} trials of {participants} people by each method");
-        let batch = Self { conditions, sweep, seed: *seed, people, participants: *participants, rows, source };
+        let batch =
+            Self { conditions, sweep, seed: *seed, people, participants: *participants, rows, source };
         batch.checked()
     }
 

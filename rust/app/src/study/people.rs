@@ -50,7 +50,12 @@ pub struct TrialHistory {
 }
 
 /// Values of the configuration of a trial of person `index` (from 1) among those that `master_seed` draws, as `--set` takes them.
-pub fn person_values(people: People, _master_seed: u64, _index: usize, _history: &TrialHistory) -> Vec<String> {
+pub fn person_values(
+    people: People,
+    _master_seed: u64,
+    _index: usize,
+    _history: &TrialHistory,
+) -> Vec<String> {
     match people {
         // They differ by the seed of the trial alone.
         People::Competent => Vec::new(),

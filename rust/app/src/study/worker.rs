@@ -5,7 +5,9 @@
 //! output. When its input ends, as it does when whoever ordered is killed, the trial under way ends too, and its record is closed.
 
 use crate::{
-    analysis::LiveTrace, Arm, Audience, Recorder, Registry, lines_of, run_to_end,
+    Arm, Audience, Recorder, Registry,
+    analysis::LiveTrace,
+    lines_of, run_to_end,
     trial::{self, Assembly},
     trial_choice::{TrialContext, trial_config},
 };

@@ -1,9 +1,7 @@
 //! `proact study run`: sessions with people, or all of a study with simulated participants.
 
 use super::console;
-use crate::{
-    interrupt::interrupt_flag, person_args::PersonArgs, progress::bar, served_page::ServedPageArgs,
-};
+use crate::{interrupt::interrupt_flag, person_args::PersonArgs, progress::bar, served_page::ServedPageArgs};
 use clap::Args;
 use proact_app::{
     LiveArmband, Registry, answer,
