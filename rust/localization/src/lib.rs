@@ -1,7 +1,12 @@
-//! Where everything is: a tree of named frames, some of which move.
+//! Where everything is: a tree of named frames, what a tracking system says, and the calibrations that put an arm on a
+//! shoulder and a box on a table.
 //!
-//! Pure: depends on the vocabulary alone; has no clock, no files and no randomness. A pose `a_from_b` takes coordinates in
-//! `b` to coordinates in `a`.
+//! What it does: checks tracked poses ([`StreamCheck`], [`check_window`]), finds the point that a body turns about
+//! ([`fit_pivot`]), answers where one frame is in another ([`FrameTree`]).
+//! What it never does: read a clock, a file or a socket; whoever hears of a pose tells it, with its stamps.
+//!
+//! Pure: no clock, no files, no threads, no unseeded randomness. SI and radians. A pose `a_from_b` takes coordinates in
+//! `b` to coordinates in `a`; `tracking` is the tracking system's frame in metres with z up.
 //!
 //! ```
 //! use proact_localization::{At, FrameTree};
@@ -18,5 +23,11 @@
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod frame_tree;
+mod input_check;
+mod pivot;
+mod tracking;
 
 pub use frame_tree::{At, FrameError, FrameTree, Nanos};
+pub use input_check::{ExpectedPlace, PoseFault, StreamCheck, check_handedness, check_window};
+pub use pivot::{PivotFit, fit_pivot, fit_sphere};
+pub use tracking::{BodySample, RawBodyPose, TrackingAxes, UpAxis};
