@@ -22,11 +22,13 @@
 
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+mod base_motion;
 mod frame_tree;
 mod input_check;
 mod pivot;
 mod tracking;
 
+pub use base_motion::{BaseMotion, FollowSpeeds};
 pub use frame_tree::{At, FrameError, FrameTree, Nanos};
 pub use input_check::{ExpectedPlace, PoseFault, StreamCheck, check_handedness, check_window};
 pub use pivot::{PivotFit, fit_pivot, fit_sphere};
