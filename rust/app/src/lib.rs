@@ -43,6 +43,7 @@ mod run;
 pub mod source;
 pub mod stream_view;
 pub mod study;
+mod tracked_shoulder;
 pub mod trial;
 mod trial_choice;
 mod wearer;
@@ -67,6 +68,9 @@ pub use result_card::{ResultCards, WristPath};
 pub use rosbridge::relay;
 pub use rosbridge::{Rosbridge, RosbridgePlace, drive_by_topics};
 pub use run::{Audience, run_to_end};
+pub use tracked_shoulder::{
+    Followable, MocapAxes, MocapAxesError, TrackedBody, TrackedShoulder, TrackingReport,
+};
 pub use trial_choice::{DEFAULT_METHOD, TrialContext, sets_emg, trial_config};
 pub use wearer::{Held, wearer_codes};
 pub use whole::write_whole;
