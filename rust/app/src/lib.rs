@@ -68,9 +68,7 @@ pub use result_card::{ResultCards, WristPath};
 pub use rosbridge::relay;
 pub use rosbridge::{Rosbridge, RosbridgePlace, drive_by_topics};
 pub use run::{Audience, run_to_end};
-pub use tracked_shoulder::{
-    Followable, MocapAxes, MocapAxesError, TrackedBody, TrackedShoulder, TrackingReport,
-};
+pub use tracked_shoulder::{Followable, MocapAxes, MocapAxesError, TrackedBody, TrackedShoulder};
 pub use trial_choice::{DEFAULT_METHOD, TrialContext, sets_emg, trial_config};
 pub use wearer::{Held, wearer_codes};
 pub use whole::write_whole;

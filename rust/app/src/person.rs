@@ -58,6 +58,16 @@ impl LivePerson {
         self.tracker.is_none() && self.limb.is_none() && self.shoulder.is_none() && self.rosbridge.is_none()
     }
 
+    /// Shows on the page how the tracked shoulder stands; between trials what came is of no trial.
+    pub fn show_tracking(&mut self, page: &PageServer, in_trial: bool) {
+        if let Some(shoulder) = &mut self.shoulder {
+            if !in_trial {
+                shoulder.listen();
+            }
+            page.set_tracking(&[shoulder.report()]);
+        }
+    }
+
     /// Between trials: whether eye tracker and limb sent anything since the last call; none where there is no such. What they sent
     /// is of no trial.
     pub fn listen(&mut self) -> [Option<bool>; 2] {

@@ -2,6 +2,7 @@
 
 use crate::tell;
 use nalgebra::UnitQuaternion;
+use proact_bridge::TrackingReport;
 use proact_devices::motion_capture::{CaptureLink, OpenedCapture};
 use proact_http::Repeats;
 use proact_localization::{
@@ -10,7 +11,6 @@ use proact_localization::{
 };
 use proact_testbed::Session;
 use proact_types::{Pose, Vector};
-use serde::Serialize;
 use std::{collections::VecDeque, str::FromStr, time::Instant};
 
 const SECOND: Nanos = 1_000_000_000;
@@ -74,29 +74,6 @@ impl FromStr for MocapAxes {
         }
         Ok(axes)
     }
-}
-
-/// How a body is seen, for people.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct TrackingReport {
-    /// As the source was named.
-    pub source: String,
-    /// The body that is followed.
-    pub body: String,
-    /// All bodies that were seen.
-    pub bodies: Vec<String>,
-    /// Poses per second of the last seconds.
-    pub rate_hz: f64,
-    /// Since the last pose that the system tracked, s; none before the first.
-    pub age_secs: Option<f64>,
-    /// `tracking_from_body` of the newest good pose, metres with z up: position,
-    pub position: Option<[f64; 3]>,
-    /// and attitude x, y, z, w.
-    pub quaternion: Option<[f64; 4]>,
-    /// Why nothing is used, and what to do about it; none while all is well.
-    pub fault: Option<String>,
-    /// The same as a key: of a [`PoseFault`], or `waiting`, `no_body`, `silent`, `occluded`.
-    pub fault_name: Option<String>,
 }
 
 /// A body before it is a shoulder: everything that came of it was looked at.
@@ -178,7 +155,8 @@ impl TrackedBody {
         }
         let now = self.opened.clock.now();
         let oldest = now - KEPT;
-        while self.window.pop_front_if(|sample| sample.arrival < oldest).is_some() {}
+        let stale = self.window.iter().take_while(|sample| sample.arrival < oldest).count();
+        self.window.drain(..stale);
         self.judge(now);
         let usable = self.judged.is_some() && now >= self.refused_until;
         Ok(newest.filter(|_| usable))
@@ -270,6 +248,20 @@ impl TrackedBody {
         Some(Pose::from_parts((sum / recent().count() as f64).into(), last.pose.rotation))
     }
 
+    /// Standard deviation of one axis of the places in the last second, m. Of a place that is moved smoothly the second
+    /// differences are noise alone, six times its variance.
+    fn noise(&self) -> Option<f64> {
+        let last = self.window.back()?;
+        let recent: Vec<Vector> = self
+            .window
+            .iter()
+            .filter(|sample| last.arrival - sample.arrival <= SECOND)
+            .map(|sample| sample.pose.translation.vector)
+            .collect();
+        let bends = recent.windows(3).map(|p| (p[0] - 2.0 * p[1] + p[2]).norm_squared());
+        (recent.len() >= LEAST_POSES).then(|| (bends.sum::<f64>() / (18 * (recent.len() - 2)) as f64).sqrt())
+    }
+
     /// How it stands now.
     pub fn report(&self) -> TrackingReport {
         let now = self.opened.clock.now();
@@ -306,8 +298,11 @@ impl TrackedBody {
             bodies: self.bodies.clone(),
             rate_hz: recent as f64 / 2.0,
             age_secs,
-            position: last.map(|sample| sample.pose.translation.vector.into()),
-            quaternion: last.map(|sample| sample.pose.rotation.coords.into()),
+            noise_m: self.noise(),
+            malformed: self.opened.capture.malformed(),
+            tracking_from_body: last.map(|sample| sample.pose),
+            world_from_tracking: None,
+            world_from_shoulder: None,
             fault,
             fault_name: fault_name.map(str::to_owned),
         }
@@ -349,7 +344,11 @@ impl TrackedShoulder {
 
     /// How it stands now.
     pub fn report(&self) -> TrackingReport {
-        self.body.report()
+        let report = self.body.report();
+        let Some((world_from_tracking, body_from_shoulder)) = self.placed else { return report };
+        let world_from_shoulder =
+            report.tracking_from_body.map(|pose| world_from_tracking * pose * body_from_shoulder);
+        TrackingReport { world_from_tracking: Some(world_from_tracking), world_from_shoulder, ..report }
     }
 
     /// Between trials: whether a pose that can be used came since the last call.

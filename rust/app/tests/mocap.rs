@@ -250,7 +250,7 @@ fn what_a_system_gets_wrong_is_named_and_nothing_of_it_moves_the_arm() {
         }),
     ] {
         let (mut lab, mut session) = (Lab::new(""), session());
-        let mut seen = lab
+        let seen = lab
             .until(&mut session, spoil, |_, shoulder| shoulder.report().fault_name.as_deref() == Some(name));
         assert!(seen, "{name}: {:?}", lab.shoulder.report());
         // For a while nothing of it gets through.

@@ -124,7 +124,8 @@ impl MotionCapture for PlayedCapture {
 
     fn take(&mut self, poses: &mut Vec<RawBodyPose>) -> Result<CaptureLink, DeviceError> {
         let now = self.clock.now() - self.began;
-        while let Some(pose) = self.poses.pop_front_if(|pose| pose.arrival <= now) {
+        let due = self.poses.iter().take_while(|pose| pose.arrival <= now).count();
+        for pose in self.poses.drain(..due) {
             let arrival = self.began + pose.arrival;
             poses.push(RawBodyPose { arrival, ..pose });
         }
