@@ -23,13 +23,28 @@
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod base_motion;
+mod clock_offset;
+mod drift;
 mod frame_tree;
+mod hand_eye;
+mod hand_eye_fit;
 mod input_check;
+mod motion_fit;
+mod observability;
+mod original_filter;
 mod pivot;
+mod pose_filter;
 mod tracking;
 
 pub use base_motion::{BaseMotion, FollowSpeeds};
+pub use drift::{DriftCorrection, DriftState};
 pub use frame_tree::{At, FrameError, FrameTree, Nanos};
+pub use hand_eye::{
+    CalibrationError, CalibrationOptions, CalibrationVerdict, HeadsetCalibration, PosePair, TimedPose,
+    calibrate, one_shot, pair_streams,
+};
 pub use input_check::{ExpectedPlace, PoseFault, StreamCheck, check_handedness, check_window};
+pub use observability::{HeadAxis, Observability};
 pub use pivot::{PivotFit, fit_pivot, fit_sphere};
+pub use pose_filter::{FilterProfile, FollowState, Followed, PoseFilter, PoseFilterConfig};
 pub use tracking::{BodySample, RawBodyPose, TrackingAxes, UpAxis};
