@@ -393,8 +393,10 @@ impl TrackedShoulder {
             Some(fault) => format!("motion capture {source}: the arm stands: {fault}"),
             None => format!("motion capture {source}: body {:?} is tracked", report.body),
         };
+        // Each is of its own kind, so that of a source that comes and goes both are said, and counted.
+        let kind = if report.fault.is_some() { "motion capture" } else { "motion capture again" };
         self.fault = report.fault_name;
-        if let Some(words) = self.said.tell("motion capture", words, Instant::now()) {
+        if let Some(words) = self.said.tell(kind, words, Instant::now()) {
             tell(words);
         }
     }
