@@ -438,11 +438,11 @@ fn judge(
     known: &Observability,
     options: &CalibrationOptions,
 ) -> CalibrationVerdict {
-    if let Some(axis) = known.lacking(options) {
-        return CalibrationVerdict::MoveMore { axis };
-    }
     if let Some(at_secs) = slip(pairs, fit, options) {
         return CalibrationVerdict::MarkersSlipped { at_secs };
+    }
+    if let Some(axis) = known.lacking(options) {
+        return CalibrationVerdict::MoveMore { axis };
     }
     if fit.residual_m > options.residual_m || fit.residual_rad.to_degrees() > options.residual_deg {
         return CalibrationVerdict::Noisy;

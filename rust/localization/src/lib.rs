@@ -2,7 +2,9 @@
 //! shoulder and a box on a table.
 //!
 //! What it does: checks tracked poses ([`StreamCheck`], [`check_window`]), finds the point that a body turns about
-//! ([`fit_pivot`]), answers where one frame is in another ([`FrameTree`]).
+//! ([`fit_pivot`]), answers where one frame is in another ([`FrameTree`]), follows a body to the time of a display
+//! ([`PoseFilter`]), finds where the headset's world is in the room ([`calibrate`]) and keeps it there ([`DriftCorrection`]),
+//! and places the box for a person ([`place_box`]).
 //! What it never does: read a clock, a file or a socket; whoever hears of a pose tells it, with its stamps.
 //!
 //! Pure: no clock, no files, no threads, no unseeded randomness. SI and radians. A pose `a_from_b` takes coordinates in
@@ -33,6 +35,7 @@ mod motion_fit;
 mod observability;
 mod original_filter;
 mod pivot;
+mod placement;
 mod pose_filter;
 mod tracking;
 
@@ -46,5 +49,6 @@ pub use hand_eye::{
 pub use input_check::{ExpectedPlace, PoseFault, StreamCheck, check_handedness, check_window};
 pub use observability::{HeadAxis, Observability};
 pub use pivot::{PivotFit, fit_pivot, fit_sphere};
+pub use placement::{BoxPlacement, BraceSize, PlacementError, PlacementProfile, SeatedPerson, place_box};
 pub use pose_filter::{FilterProfile, FollowState, Followed, PoseFilter, PoseFilterConfig};
 pub use tracking::{BodySample, RawBodyPose, TrackingAxes, UpAxis};

@@ -16,8 +16,9 @@ pub(crate) struct Moment {
 const WINDOWS_SECS: [f64; 4] = [0.07, 0.11, 0.17, 0.26];
 /// Fewer samples than this have no speed.
 const LEAST_SAMPLES: usize = 4;
-/// The newest samples of a window may be off its line by this many standard deviations of their mean.
-const OFF_LINE: f64 = 2.0;
+/// The newest samples of a window may be off its line by this many standard deviations of their mean: below 1 noise alone
+/// would shorten the window, at 2 the bend of a lean is seen too late.
+const OFF_LINE: f64 = 1.3;
 /// Of so many of the newest samples is the mean taken.
 const NEWEST: usize = 4;
 

@@ -116,6 +116,8 @@ pub struct PoseFilter {
 struct Shown {
     at: f64,
     pose: Pose,
+    /// What the samples said then.
+    measured: Pose,
     state: FollowState,
     /// What is left of the way from where it was shown to where the samples say it is: m and rad, with the time it began at.
     catching_up: (Vector, Vector),
@@ -202,6 +204,7 @@ impl PoseFilter {
         let fresh = Shown {
             at: now,
             pose: *measured,
+            measured: *measured,
             state,
             catching_up: (Vector::zeros(), Vector::zeros()),
             since: f64::NEG_INFINITY,
@@ -212,7 +215,9 @@ impl PoseFilter {
         // Seen again, or a step that no body makes from one question to the next.
         let secs = (now - before.at).max(1e-3);
         let returns = before.state != FollowState::Tracked && state == FollowState::Tracked;
-        let jumps = way.norm() > 0.01 + 2.0 * secs || turn.norm() > 0.05 + 6.0 * secs;
+        let step = (before.measured.translation.vector - measured.translation.vector).norm();
+        let bend = before.measured.rotation.angle_to(&measured.rotation);
+        let jumps = step > 0.01 + 2.0 * secs || bend > 0.05 + 6.0 * secs;
         let mut next = Shown { catching_up: before.catching_up, since: before.since, ..fresh };
         if returns || jumps {
             (next.catching_up, next.since) = ((way, turn), now);
