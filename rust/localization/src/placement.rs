@@ -191,11 +191,12 @@ pub fn place_box(
         return Err(PlacementError::Leans { got_deg: lean, most_deg: MOST_LEAN_DEG });
     }
     let ahead = Vector::new(person.ahead.x, person.ahead.y, 0.0);
-    if !(ahead.norm() > 0.1 * person.ahead.norm()) {
+    let level = ahead.norm() > 0.1 * person.ahead.norm();
+    if !level {
         return Err(PlacementError::Ahead { got: person.ahead.into() });
     }
     let largest = person.correction.iter().fold(0.0_f64, |most, v| most.max(v.abs()));
-    if !(largest <= MOST_CORRECTION_M) || person.correction.iter().any(|v| v.is_nan()) {
+    if largest > MOST_CORRECTION_M || person.correction.iter().any(|v| v.is_nan()) {
         return Err(PlacementError::Correction { got: largest });
     }
     let ahead_m = match (profile.box_ahead_m, person.legs_ahead_m) {
