@@ -38,6 +38,7 @@ import { soak } from "./soak.mjs";
 import { byStrip } from "./strip.mjs";
 import { study } from "./study.mjs";
 import { studyForms } from "./study_forms.mjs";
+import { tracking } from "./tracking.mjs";
 import { wheel } from "./wheel.mjs";
 
 // playwright-core is installed with the page, whose package.json pins it.
@@ -101,7 +102,7 @@ let page;
 try {
   const context = await browser.newContext({ viewport: { width: 1280, height: 720 }, ignoreHTTPSErrors: true });
   page = await pageOf(context);
-  const modes = { watch, interactive: interact, methods, restart, access, newcomer, headset, safety, experimenter, replay, bag, afterwards, wheel, load, layout, conduct, study_forms: studyForms, study, accessibility, strip, soak: (page, tools) => soak(page, { ...tools, ...soakOptions() }) };
+  const modes = { watch, interactive: interact, methods, restart, access, newcomer, headset, safety, experimenter, replay, bag, afterwards, wheel, load, layout, conduct, study_forms: studyForms, study, accessibility, strip, tracking, soak: (page, tools) => soak(page, { ...tools, ...soakOptions() }) };
   const mode = modes[options.mode];
   if (!mode) throw new Error(`mode ${options.mode} is unknown; expected ${Object.keys(modes).join(", ")}`);
   await mode(page, {

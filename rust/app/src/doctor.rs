@@ -8,12 +8,13 @@ use std::fs;
 use std::io::Write;
 use std::net::{TcpListener, TcpStream, ToSocketAddrs};
 use std::path::Path;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use crate::{
-    Registry,
+    MocapAxes, Registry, TrackedBody,
     libraries::{LIBRARIES, loaded_libraries, output_of},
 };
+use proact_devices::{SourceName, motion_capture::OpenedCapture};
 use serde::Serialize;
 
 /// Port of the page. When it is taken the program uses the next free one.
@@ -88,9 +89,46 @@ pub fn examine(registry: &Registry) -> Vec<Check> {
     checks.push(writable(Path::new(".")));
     checks.push(Check::ok("methods", registry.methods.names().join(", ")));
     checks.push(Check::ok("EMG", registry.sources.forms()));
+    let captures: Vec<&str> = registry.captures.iter().map(|scheme| scheme.form).collect();
+    checks.push(Check::ok("motion capture", captures.join(", ")));
     checks.push(Check::ok("feedback", sinks(registry)));
     checks.push(ros_master(env::var("ROS_MASTER_URI").ok().as_deref()));
     checks
+}
+
+/// How long a tracking source is listened to: connecting, names of bodies, and some seconds of poses.
+const LISTENING: Duration = Duration::from_secs(4);
+/// From look to look.
+const GLANCE: Duration = Duration::from_millis(10);
+/// Slower than this a shoulder is followed in steps, Hz.
+const SLOW_HZ: f64 = 30.0;
+
+/// Listens to a tracking source for some seconds: its rate, the age of its newest pose, and whether an arm could follow it.
+pub fn tracking(registry: &Registry, name: &SourceName, axes: MocapAxes) -> Check {
+    let label = format!("tracking {name}");
+    let mut body = match OpenedCapture::open(&registry.captures, name) {
+        Ok(opened) => TrackedBody::new(opened, axes),
+        Err(error) => return Check::fail(label, "cannot be opened", error.to_string()),
+    };
+    let began = Instant::now();
+    while began.elapsed() < LISTENING {
+        if let Err(error) = body.poll() {
+            return Check::fail(label, "cannot be used", error.to_string());
+        }
+        std::thread::sleep(GLANCE);
+    }
+    let report = body.report();
+    let age = report
+        .age_secs
+        .map_or("no pose yet".to_owned(), |age| format!("newest pose {:.0} ms old", age * 1e3));
+    let found = format!("body {:?}: {:.0} Hz, {age}", report.body, report.rate_hz);
+    match report.fault {
+        Some(fault) => Check::fail(label, found, fault),
+        None if report.rate_hz < SLOW_HZ => {
+            Check::warn(label, found, format!("slower than {SLOW_HZ} Hz: raise the rate of the stream"))
+        }
+        None => Check::ok(label, found),
+    }
 }
 
 fn sinks(registry: &Registry) -> String {

@@ -16,6 +16,9 @@ use std::{
     time::{Duration, Instant},
 };
 
+/// From report to report of the tracking sources.
+const TRACKING_EVERY: Duration = Duration::from_millis(50);
+
 /// Why a live trial ended.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Ended {
@@ -104,6 +107,7 @@ impl LiveTrial<'_> {
             self.dir.as_deref(),
             self.person.gaze_source(),
         );
+        let mut shown_tracking = Instant::now();
         let (mut ending, mut shown, mut began_at_page) = (None, None, !self.waits());
         loop {
             if self.session.testbed().frame_is_due() || self.session.testbed().now().0 == 0 {
@@ -132,6 +136,10 @@ impl LiveTrial<'_> {
                     }
                 }
                 self.person.drive(&mut self.session)?;
+                if shown_tracking.elapsed() >= TRACKING_EVERY {
+                    shown_tracking = Instant::now();
+                    self.person.show_tracking(self.page, true);
+                }
                 if self.interrupted.load(Ordering::Relaxed) {
                     ending = Some(Ended::Interrupted);
                 }
@@ -172,6 +180,7 @@ impl LiveTrial<'_> {
     /// The disk refuses.
     pub fn wait_for_restart(&mut self) -> Result<Ended, Box<dyn Error>> {
         while !self.interrupted.load(Ordering::Relaxed) {
+            self.person.show_tracking(self.page, false);
             for input in self.inputs.drain() {
                 match input {
                     ClientInput::Restart { method, again } => return Ok(Ended::Restart { method, again }),

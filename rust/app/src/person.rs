@@ -1,6 +1,6 @@
 //! What connects a person to a trial beside the page: an eye tracker, a tracked limb, and something to hear or feel.
 
-use crate::{LimbReceiver, Rosbridge, tell};
+use crate::{LimbReceiver, Rosbridge, TrackedShoulder, tell};
 use proact_bridge::{ClientInput, PageServer};
 use proact_devices::{DeviceError, FeedbackSinks, GazeDevice, GazeFrame, SentGaze};
 use proact_http::Repeats;
@@ -17,6 +17,7 @@ pub fn give_feedback(sinks: &mut FeedbackSinks, cues: &[FeedbackCue]) {
 pub struct LivePerson {
     tracker: Option<EyeTracker>,
     limb: Option<LimbReceiver>,
+    shoulder: Option<TrackedShoulder>,
     /// Why the limb was refused.
     limb_refused: Repeats,
     feedback: FeedbackSinks,
@@ -34,10 +35,17 @@ impl LivePerson {
         Self {
             tracker: tracker.map(EyeTracker::new),
             limb,
+            shoulder: None,
             limb_refused: Repeats::default(),
             feedback,
             rosbridge,
         }
+    }
+
+    /// The same with a shoulder that motion capture sees.
+    pub fn with_shoulder(mut self, shoulder: Option<TrackedShoulder>) -> Self {
+        self.shoulder = shoulder;
+        self
     }
 
     /// What gives gaze instead of the page; none if nothing does.
@@ -47,7 +55,17 @@ impl LivePerson {
 
     /// Whether nothing but the page brings what the person does.
     pub fn has_page_alone(&self) -> bool {
-        self.tracker.is_none() && self.limb.is_none() && self.rosbridge.is_none()
+        self.tracker.is_none() && self.limb.is_none() && self.shoulder.is_none() && self.rosbridge.is_none()
+    }
+
+    /// Shows on the page how the tracked shoulder stands; between trials what came is of no trial.
+    pub fn show_tracking(&mut self, page: &PageServer, in_trial: bool) {
+        if let Some(shoulder) = &mut self.shoulder {
+            if !in_trial {
+                shoulder.listen();
+            }
+            page.set_tracking(&[shoulder.report()]);
+        }
     }
 
     /// Between trials: whether eye tracker and limb sent anything since the last call; none where there is no such. What they sent
@@ -61,7 +79,10 @@ impl LivePerson {
     ///
     /// # Errors
     /// As [`Rosbridge::restart`].
-    pub fn restart(&self, session: &Session) -> Result<(), Box<dyn Error>> {
+    pub fn restart(&mut self, session: &Session) -> Result<(), Box<dyn Error>> {
+        if let Some(shoulder) = &mut self.shoulder {
+            shoulder.restart();
+        }
         self.rosbridge.as_ref().map_or(Ok(()), |rosbridge| rosbridge.restart(session))
     }
 
@@ -77,6 +98,9 @@ impl LivePerson {
             {
                 tell(reason);
             }
+        }
+        if let Some(shoulder) = &mut self.shoulder {
+            shoulder.drive(session)?;
         }
         if let Some(tracker) = &mut self.tracker {
             tracker.drive(session)?;

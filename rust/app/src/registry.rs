@@ -1,4 +1,5 @@
 use proact_control::MethodRegistry;
+use proact_devices::motion_capture::{CAPTURE_SCHEMES, CaptureScheme};
 use proact_devices::{SINK_SCHEMES, SinkScheme, SourceRegistry};
 
 /// What a program offers to choose from: a laboratory's own is this with a line for each thing of its own.
@@ -8,6 +9,8 @@ pub struct Registry {
     pub methods: MethodRegistry,
     /// Where EMG comes from.
     pub sources: SourceRegistry,
+    /// Where tracked poses come from.
+    pub captures: Vec<CaptureScheme>,
     /// Where cues go.
     pub sinks: Vec<SinkScheme>,
 }
@@ -18,6 +21,7 @@ impl Registry {
         Self {
             methods: MethodRegistry::standard(),
             sources: SourceRegistry::standard(),
+            captures: CAPTURE_SCHEMES.to_vec(),
             sinks: SINK_SCHEMES.to_vec(),
         }
     }

@@ -14,6 +14,7 @@ use proact_participants::{JoggingParticipant, Participant, ParticipantOptions, S
 use proact_planning::{ArmPlanner, Person, PlanLog, PlanWorker};
 use proact_testbed::{
     ConfigError, LoggedPlans, Parts, PersonParts, PhysicsConfig, Session, Testbed, TestbedError, TrialConfig,
+    doubles::{InstantPlans, KinematicPlant},
     ports::{EmgSource as EmgPort, PlanService, Plant, PlantError},
 };
 use proact_types::{GestureCommands, GestureTableError, MethodStyle, PlanReply, PlanRequest, Pose, Scene};
@@ -90,6 +91,57 @@ pub fn simulated_with(
     emg: &EmgOrigin,
     trained: Option<&EmgModel>,
 ) -> Result<Assembly, AssemblyError> {
+    let person = simulated_person(methods, arm, &mut config, emg, trained)?;
+    let classifier = person.classifier;
+    let (testbed, plans) = testbed(methods, arm, config, Some(classifier.clone()))?;
+    let session = Session::new(testbed, person.parts);
+    Ok(Assembly { session, classifier: Some(classifier), arm: arm.clone(), plans })
+}
+
+/// [`simulated_with`] without physics and planner: the arm follows its commands at once, nothing collides, plans are straight
+/// lines that are there at once. Kinematics, EMG, gaze and methods are those of a trial. Several times as fast, and blind to what
+/// goes wrong by contact.
+///
+/// # Errors
+/// [`AssemblyError`].
+pub fn kinematic(
+    methods: &MethodRegistry,
+    arm: &Arm,
+    mut config: TrialConfig,
+    emg: &EmgOrigin,
+) -> Result<Session, AssemblyError> {
+    let person = simulated_person(methods, arm, &mut config, emg, None)?;
+    arm.rename(&mut config);
+    let model = arm.model();
+    let task = config.build_task(model)?;
+    let base = config.setup.body.shoulder_pose(&Default::default());
+    let parts = Parts {
+        arm: arm.pinned(),
+        model: model.clone(),
+        kinematics: Box::new(Kinematics::new(model)?),
+        plant: Box::new(KinematicPlant::new(model.clone(), task.scene().clone(), base)),
+        methods: methods.clone(),
+        plans: Box::new(InstantPlans::new(model.clone())),
+        classifier: Some(person.classifier),
+        process: process(methods, &config)?,
+    };
+    Ok(Session::new(Testbed::new(config, parts)?, person.parts))
+}
+
+/// A simulated participant with armband and eye tracker.
+struct SimulatedPerson {
+    parts: PersonParts,
+    classifier: Classifier,
+}
+
+/// Who drives a simulated trial; `config` then says what was prepared.
+fn simulated_person(
+    methods: &MethodRegistry,
+    arm: &Arm,
+    config: &mut TrialConfig,
+    emg: &EmgOrigin,
+    trained: Option<&EmgModel>,
+) -> Result<SimulatedPerson, AssemblyError> {
     let EmgSetup { classifier, feed, config: emg_config, centring, label } = match trained {
         Some(model) => proact_devices::prepare_model(emg, model, config.emg.as_ref(), config.seed)?,
         None => proact_devices::prepare_with(emg, config.emg.as_ref(), config.seed)?,
@@ -98,15 +150,12 @@ pub fn simulated_with(
     config.centred_by(centring)?;
     config.gestures_from(&label)?;
     let options = *config.participant.get_or_insert_with(ParticipantOptions::default);
-    let feed = feed.with_commands(commands(&config, &classifier)?);
-    let participant = participant(methods, &config, options, arm.model())?;
+    let feed = feed.with_commands(commands(config, &classifier)?);
+    let participant = participant(methods, config, options, arm.model())?;
     let gaze = GazeSource::new(options.gaze_error_deg, config.seed)?;
-    let (testbed, plans) = testbed(methods, arm, config, Some(classifier.clone()))?;
-    let session = Session::new(
-        testbed,
-        PersonParts { participant: Some(participant), emg: Some(Box::new(feed)), gaze: Some(Box::new(gaze)) },
-    );
-    Ok(Assembly { session, classifier: Some(classifier), arm: arm.clone(), plans })
+    let parts =
+        PersonParts { participant: Some(participant), emg: Some(Box::new(feed)), gaze: Some(Box::new(gaze)) };
+    Ok(SimulatedPerson { parts, classifier })
 }
 
 /// What the gestures of `classifier` are to the method of a trial. What has no use is told once.

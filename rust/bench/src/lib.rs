@@ -9,6 +9,7 @@ mod chain;
 mod dynamics;
 mod emg;
 mod kinematics;
+mod localization;
 mod planning;
 #[cfg(feature = "ros")]
 mod ros;
@@ -22,8 +23,18 @@ use std::error::Error;
 const CHAIN_TICKS: u64 = 20_000;
 
 /// The stages that can be measured.
-pub const STAGES: [&str; 9] =
-    ["bridge", "chain", "emg", "kinematics", "dynamics", "planning", "ros", "safety", "start"];
+pub const STAGES: [&str; 10] = [
+    "bridge",
+    "chain",
+    "emg",
+    "kinematics",
+    "localization",
+    "dynamics",
+    "planning",
+    "ros",
+    "safety",
+    "start",
+];
 
 /// Measures one of [`STAGES`]; `problems` are those of the stage `planning`.
 ///
@@ -35,6 +46,7 @@ pub fn run(stage: &str, problems: PlanningBench) -> Result<BenchReport, Box<dyn 
         "chain" => chain::chain(CHAIN_TICKS),
         "emg" => emg::emg(),
         "kinematics" => Ok(kinematics::kinematics()?),
+        "localization" => localization::localization(),
         "dynamics" => dynamics::dynamics(),
         "planning" => planning::planning(problems),
         #[cfg(feature = "ros")]

@@ -49,6 +49,7 @@ mod meshes;
 mod server;
 mod signals;
 mod study;
+mod tracking;
 mod trials;
 #[cfg(all(test, feature = "ts"))]
 mod typescript;
@@ -66,4 +67,5 @@ pub use study::{
     ParticipantScreen, PromptScreen, RefusedAnswer, SessionScreen, StepLine, StudyButton, StudyRequest,
     StudyScreen,
 };
+pub use tracking::TrackingReport;
 pub use trials::RecordedTrial;

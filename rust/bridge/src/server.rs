@@ -1,5 +1,6 @@
 use crate::{
-    BridgeError, ClientInput, RecordedTrial, Signals, StudyScreen, TrialStatus, assets, camera,
+    BridgeError, ClientInput, RecordedTrial, Signals, StudyScreen, TrackingReport, TrialStatus, assets,
+    camera,
     encoding::{encode, takes_gzip},
     feed::{Feed, ServerMessage, StudyMessages},
     input_arbiter::{ClientId, InputArbiter},
@@ -130,6 +131,8 @@ pub(crate) struct Shared {
     gaze_requests: [AtomicU32; 2],
     next_client: AtomicU64,
     trials: Mutex<StoredTrials>,
+    /// What tracking sources there are, as JSON.
+    tracking: Mutex<Bytes>,
     /// Pictures are taken one after the other.
     pub(crate) one_picture: Semaphore,
 }
@@ -201,6 +204,10 @@ impl Shared {
         self.trials.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    fn tracking(&self) -> MutexGuard<'_, Bytes> {
+        self.tracking.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     fn content(&self) -> MutexGuard<'_, StoredContent> {
         self.content.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -231,6 +238,7 @@ impl PageServer {
             gaze_requests: Default::default(),
             next_client: AtomicU64::new(1),
             trials: Mutex::default(),
+            tracking: Mutex::new(Bytes::from_static(b"[]")),
             one_picture: Semaphore::new(1),
         });
         let (router, watchdog) = (router(Arc::clone(&shared)), watch_silence(Arc::clone(&shared)));
@@ -292,6 +300,14 @@ impl PageServer {
     pub fn publish_signals(&self, signals: &Signals) {
         let text = ServerMessage::Signals(signals).to_text();
         self.shared.feed.send_modify(|feed| feed.signals = (feed.signals.0 + 1, Some(text)));
+    }
+
+    /// How the tracking sources stand now, for the page of tracking.
+    pub fn set_tracking(&self, reports: &[TrackingReport]) {
+        // Numbers that are not finite are written as null: nothing here fails.
+        if let Ok(text) = serde_json::to_vec(reports) {
+            *self.shared.tracking() = text.into();
+        }
     }
 
     /// What the person at the page did since the last call, oldest first.
@@ -384,6 +400,7 @@ fn router(shared: Arc<Shared>) -> Router {
         .route("/live", get(connect))
         .route("/camera.png", get(camera::picture))
         .route("/camera.json", get(camera::picture_json))
+        .route("/api/tracking", get(tracking))
         .route("/api/trials", get(trials))
         .route("/api/trials/{number}", get(trial))
         .with_state(shared)
@@ -403,6 +420,10 @@ async fn mesh(State(shared): State<Arc<Shared>>, Path(id): Path<String>, asked: 
     let shown = shared.content().meshes.get(&id).cloned();
     let found = shown.or_else(|| shared.trials().meshes.get(&id).cloned());
     meshes::respond(found, &id, takes_gzip(&asked))
+}
+
+async fn tracking(State(shared): State<Arc<Shared>>) -> Response {
+    json(shared.tracking().clone())
 }
 
 async fn trials(State(shared): State<Arc<Shared>>) -> Response {

@@ -2,7 +2,7 @@
 //! the same.
 
 use crate::{
-    CalibrationCommand, PageContent, RecordedTrial, calibration_screen::CalibrationMessage,
+    CalibrationCommand, PageContent, RecordedTrial, TrackingReport, calibration_screen::CalibrationMessage,
     feed::ServerMessage, input::ClientMessage, live::Role, trials::TrialSummary,
 };
 use std::{collections::BTreeMap, fs, path::Path};
@@ -43,6 +43,7 @@ fn types() -> String {
     declarations.visit::<PageContent>();
     declarations.visit::<TrialSummary>();
     declarations.visit::<RecordedTrial>();
+    declarations.visit::<TrackingReport>();
     declarations.visit::<Role>();
     declarations.visit::<ServerMessage>();
     declarations.visit::<ClientMessage>();

@@ -14,6 +14,7 @@ const options = {
     experimenter: "src/experimenter.ts",
     "reference-board": "src/reference-board.ts",
     replay: "src/replay.ts",
+    tracking: "src/tracking.ts",
   },
   outdir: "dist",
   bundle: true,
@@ -52,7 +53,7 @@ const figures = {
 
 await rm(`${root}dist`, { recursive: true, force: true });
 await mkdir(`${root}dist`, { recursive: true });
-const pages = ["index.html", "calibrate.html", "experimenter.html", "reference-board.html", "replay.html"];
+const pages = ["index.html", "calibrate.html", "experimenter.html", "reference-board.html", "replay.html", "tracking.html"];
 
 /** The pages and the icon, with the hashed names of what was built in them. */
 async function copyPages({ metafile }) {

@@ -83,11 +83,7 @@ enum Command {
     /// Make the digests of the repository's trials the committed ones of this platform
     Bless(BlessArgs),
     /// Look at this machine: libraries, tools, ports
-    Doctor {
-        /// One JSON object on standard output
-        #[arg(long)]
-        json: bool,
-    },
+    Doctor(doctor::DoctorArgs),
 }
 
 #[derive(Debug, Args)]
@@ -244,6 +240,6 @@ fn act(registry: &Registry, command: Command) -> Result<bool, Box<dyn Error>> {
         Command::Analyze(args) => crate::analyze::command(&registry.methods, &args),
         Command::Node(args) => crate::node::command(registry, &args),
         Command::Bless(args) => crate::bless::command(&args),
-        Command::Doctor { json } => Ok(doctor::run(registry, json)?),
+        Command::Doctor(args) => Ok(doctor::run(registry, &args)?),
     }
 }

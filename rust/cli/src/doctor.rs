@@ -7,12 +7,29 @@
 //!                         -> give rosbridge another port, or end that program
 //! ```
 
+use clap::Args;
 use proact_app::{
-    Registry,
-    doctor::{Check, Status, examine},
+    MocapAxes, Registry,
+    doctor::{Check, Status, examine, tracking},
 };
+use proact_devices::SourceName;
 use serde::Serialize;
 use std::io::{self, Write};
+
+/// Arguments of `proact doctor`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  proact doctor\n  proact doctor --mocap natnet:192.168.1.5/Shoulderpad")]
+pub(crate) struct DoctorArgs {
+    /// One JSON object on standard output
+    #[arg(long)]
+    json: bool,
+    /// Listen to this tracking source for 4 s: rate, age of the newest pose, verdict; may be repeated
+    #[arg(long, value_name = "SOURCE")]
+    mocap: Vec<SourceName>,
+    /// How their axes lie, as for serve
+    #[arg(long, value_name = "KEY=VALUE,..", requires = "mocap")]
+    mocap_axes: Option<MocapAxes>,
+}
 
 /// Prints the report on standard output, for people or as one JSON object.
 ///
@@ -21,8 +38,11 @@ use std::io::{self, Write};
 ///
 /// # Errors
 /// Standard output cannot be written to.
-pub(crate) fn run(registry: &Registry, json: bool) -> io::Result<bool> {
-    let checks = examine(registry);
+pub(crate) fn run(registry: &Registry, args: &DoctorArgs) -> io::Result<bool> {
+    let mut checks = examine(registry);
+    let axes = args.mocap_axes.unwrap_or_default();
+    checks.extend(args.mocap.iter().map(|source| tracking(registry, source, axes)));
+    let json = args.json;
     let healthy = checks.iter().all(|check| check.status != Status::Fail);
     let mut out = io::stdout().lock();
     if json {

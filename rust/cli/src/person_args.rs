@@ -2,10 +2,11 @@
 
 use crate::rosbridge_args::RosbridgeArgs;
 use clap::Args;
-use proact_app::{LimbReceiver, LivePerson, tell};
+use proact_app::{LimbReceiver, LivePerson, MocapAxes, Registry, TrackedShoulder, tell};
 #[cfg(feature = "lsl")]
 use proact_devices::LslGaze;
-use proact_devices::{DeviceError, FeedbackSinks, GazeDevice, GazeReceiver, SinkScheme};
+use proact_devices::motion_capture::OpenedCapture;
+use proact_devices::{DeviceError, FeedbackSinks, GazeDevice, GazeReceiver, SinkScheme, SourceName};
 use proact_testbed::Session;
 use std::error::Error;
 
@@ -23,6 +24,28 @@ impl FeedbackArgs {
     }
 }
 
+/// A motion capture system that sees the shoulder.
+#[derive(Debug, Args)]
+pub(crate) struct MocapArgs {
+    /// Follow a shoulder that motion capture sees: vrpn:HOST[:PORT]/BODY, natnet:HOST[:PORT]/BODY, lsl:STREAM/BODY or
+    /// file:PATH/BODY (docs/localization.md)
+    #[arg(long, value_name = "SOURCE")]
+    mocap: Option<SourceName>,
+    /// How its axes lie, where that differs from what such systems usually send: up=x|y|z, metres_per_unit=NUMBER, and
+    /// heading_deg=NUMBER for where the person looks, counter-clockwise from its x axis seen from above
+    #[arg(long, value_name = "KEY=VALUE,..", requires = "mocap")]
+    mocap_axes: Option<MocapAxes>,
+}
+
+impl MocapArgs {
+    pub(crate) fn open(&self, registry: &Registry) -> Result<Option<TrackedShoulder>, DeviceError> {
+        let Some(name) = &self.mocap else { return Ok(None) };
+        let opened = OpenedCapture::open(&registry.captures, name)?;
+        tell(format_args!("motion capture: {}, body {}", opened.capture.name(), opened.body));
+        Ok(Some(TrackedShoulder::new(opened, self.mocap_axes.unwrap_or_default())))
+    }
+}
+
 /// What a person who drives may have connected.
 #[derive(Debug, Args)]
 pub(crate) struct PersonArgs {
@@ -37,19 +60,27 @@ pub(crate) struct PersonArgs {
     #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "25041")]
     limb_udp: Option<u16>,
     #[command(flatten)]
+    mocap: MocapArgs,
+    #[command(flatten)]
     feedback: FeedbackArgs,
     #[command(flatten)]
     pub(crate) rosbridge: RosbridgeArgs,
 }
 
 impl PersonArgs {
-    pub(crate) fn open(&self, sinks: &[SinkScheme], session: &Session) -> Result<LivePerson, Box<dyn Error>> {
+    pub(crate) fn open(&self, registry: &Registry, session: &Session) -> Result<LivePerson, Box<dyn Error>> {
         let tracker = self.tracker()?;
         let limb = self.limb_udp.map(LimbReceiver::bind).transpose()?;
         if let Some(limb) = &limb {
             tell(format_args!("limb: UDP {}", limb.address()?));
         }
-        Ok(LivePerson::new(tracker, limb, self.feedback.open(sinks)?, self.rosbridge.open(session)?))
+        Ok(LivePerson::new(
+            tracker,
+            limb,
+            self.feedback.open(&registry.sinks)?,
+            self.rosbridge.open(session)?,
+        )
+        .with_shoulder(self.mocap.open(registry)?))
     }
 
     fn tracker(&self) -> Result<Option<Box<dyn GazeDevice>>, Box<dyn Error>> {

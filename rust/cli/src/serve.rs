@@ -17,6 +17,7 @@ use std::{error::Error, path::PathBuf, sync::atomic::AtomicBool};
 #[command(after_help = "Examples:\n  proact serve\n  proact serve --setup seated --port 8100\n  \
     proact serve --rosbridge --allow 192.168.1.20\n  \
     proact serve --headset\n  \
+    proact serve --mocap vrpn:192.168.1.5/Shoulderpad\n  \
     proact serve --bind 0.0.0.0 --token-file ~/.proact_token --host-name testbed.example.org\n\n\
     Mouse is gaze; keys are gestures and are shown on the page. Time begins with the first action at the page. \
     R starts a new trial. Ctrl-C ends.")]
@@ -119,7 +120,7 @@ fn drive(
                 person.restart(&session)?;
                 person
             }
-            none => none.insert(args.person.open(&registry.sinks, &session)?),
+            none => none.insert(args.person.open(registry, &session)?),
         };
         let page: &PageServer = page;
         let mut inputs = page;

@@ -329,6 +329,14 @@ pub enum DeviceError {
         /// Why not.
         reason: String,
     },
+    /// A motion capture system cannot be used.
+    #[error("motion capture {name}: {reason}")]
+    Capture {
+        /// Which one.
+        name: String,
+        /// Why not.
+        reason: String,
+    },
     /// What makes cues heard or felt cannot be used.
     #[error("feedback {sink}: {reason}")]
     Sink {

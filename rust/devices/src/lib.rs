@@ -7,6 +7,7 @@
 //! the feature `ble`, which needs libdbus-1-dev on Linux), streams of the lab streaming layer (feature `lsl`, which builds
 //! liblsl), recordings played as if live, and doubles with faults for tests. [`EmgRecorder`] keeps them;
 //! [`LibEmgReceiver`] and [`LibEmgSender`] speak with LibEMG's programs. [`GazeReceiver`] takes an eye tracker's samples,
+//! poses of bodies come through [`motion_capture::MotionCapture`],
 //! and a [`FeedbackSink`] makes cues heard or felt. What there is of both is found by its scheme: [`SourceRegistry`],
 //! [`SINK_SCHEMES`]. Only these know the real clock.
 //!
@@ -51,6 +52,7 @@ mod lab_streaming;
 mod libemg_udp;
 mod live;
 mod metadata;
+pub mod motion_capture;
 mod ports;
 mod random;
 mod recorder;
@@ -72,7 +74,7 @@ pub use gaze::GazeSource;
 pub use gaze_tracker::{GazeDevice, GazeFrame, SentGaze};
 pub use gaze_udp::{GAZE_UDP_PORT, GazeReceiver};
 #[cfg(feature = "lsl")]
-pub use lab_streaming::{LslGaze, LslOutlet, LslSource};
+pub use lab_streaming::{LslCapture, LslGaze, LslOutlet, LslSource};
 pub use libemg_udp::{LIBEMG_PORT, LibEmgOutput, LibEmgReceiver, LibEmgSender};
 pub use live::{
     EmgPacket, FaultySource, InjectedFault, KeyboardSource, Pacing, PersonSource, PlaybackSource,

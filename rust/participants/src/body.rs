@@ -4,6 +4,11 @@ use serde::{Deserialize, Serialize};
 
 /// Peak speed of a minimum-jerk movement over its mean speed.
 const PEAK_OVER_MEAN: f64 = 1.875;
+/// Search for a posture: steps, difference of an angle, rad, damping, m^2/rad^2, and what it may be off by, metres.
+const TRUNK_STEPS: usize = 12;
+const TRUNK_DIFFERENCE: f64 = 1e-4;
+const TRUNK_DAMPING: f64 = 1e-4;
+const TRUNK_DONE: f64 = 0.012;
 /// No movement of the trunk is quicker than this, s.
 const SHORTEST_SECS: f64 = 0.4;
 
@@ -116,9 +121,44 @@ impl Body {
         }
     }
 
+    /// How long the trunk takes from rest in one posture to rest in another, s.
+    pub(crate) fn movement_secs(&self, from: &TrunkPosture, to: &TrunkPosture) -> f64 {
+        let ways = [to.forward - from.forward, to.lateral - from.lateral, to.axial - from.axial];
+        let furthest = ways.into_iter().map(f64::abs).fold(0.0, f64::max);
+        let speed_max = self.speed_max_deg_per_s.to_radians().max(1e-3);
+        SHORTEST_SECS.max(PEAK_OVER_MEAN * furthest / speed_max)
+    }
+
     /// `world_from_shoulder`: the pose of `base_link`.
     pub fn shoulder_pose(&self, posture: &TrunkPosture) -> Pose {
         self.carried(&self.shoulder, posture)
+    }
+
+    /// The posture near `from` in which `point`, which the shoulder carries, has moved by `shift`, `world`, metres; none if the
+    /// trunk does not reach that far.
+    pub(crate) fn posture_that_moves(
+        &self,
+        from: &TrunkPosture,
+        point: &Point,
+        shift: &Vector,
+    ) -> Option<TrunkPosture> {
+        let carried = self.shoulder_pose(from).inverse() * point;
+        let wanted = point + shift;
+        let posture = |angles: &Vector| {
+            self.limit(TrunkPosture { forward: angles.x, lateral: angles.y, axial: angles.z })
+        };
+        let at = |angles: &Vector| self.shoulder_pose(&posture(angles)) * carried;
+        let mut angles = Vector::new(from.forward, from.lateral, from.axial);
+        for _ in 0..TRUNK_STEPS {
+            let here = at(&angles);
+            let columns = [Vector::x(), Vector::y(), Vector::z()]
+                .map(|axis| (at(&(angles + axis * TRUNK_DIFFERENCE)) - here) / TRUNK_DIFFERENCE);
+            let jacobian = nalgebra::Matrix3::from_columns(&columns);
+            let normal = jacobian.transpose() * jacobian + nalgebra::Matrix3::identity() * TRUNK_DAMPING;
+            let step = normal.try_inverse()? * jacobian.transpose() * (wanted - here);
+            angles += step.map(|angle| angle.clamp(-0.2, 0.2));
+        }
+        ((at(&angles) - wanted).norm() < TRUNK_DONE).then(|| posture(&angles))
     }
 
     /// `world_from_head`: origin at the eyes, x ahead, y left, z up.
@@ -254,6 +294,18 @@ pub(crate) mod tests {
         assert!((last.forward - 35.0_f64.to_radians()).abs() < 1e-12, "limited to what the body can do");
         assert!((last.axial + 0.3).abs() < 1e-12);
         assert!(fastest <= 60.0_f64.to_radians() * 1.001, "{} degrees/s", fastest.to_degrees());
+    }
+
+    #[test]
+    fn the_trunk_moves_what_the_shoulder_carries_as_far_as_it_can() {
+        let (body, from) = (body(), TrunkPosture { forward: 0.3, lateral: -0.1, axial: 0.2 });
+        let hand = Point::new(-0.1, -0.1, 1.15);
+        let shift = Vector::new(0.01, -0.03, -0.03);
+        let to = body.posture_that_moves(&from, &hand, &shift).unwrap();
+        let moved = body.shoulder_pose(&to) * (body.shoulder_pose(&from).inverse() * hand);
+        assert!((moved - hand - shift).norm() < 0.012, "{}", moved - hand);
+        assert_eq!(body.limit(to), to, "a posture that the body can take");
+        assert_eq!(body.posture_that_moves(&from, &hand, &Vector::new(0.8, 0.0, 0.0)), None);
     }
 
     #[test]

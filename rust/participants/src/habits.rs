@@ -1,7 +1,12 @@
 //! What all simulated participants have in common: they see late, relax between gestures, blink, and lean.
 
-use crate::{Body, OutOfRange};
-use proact_types::{DisplayFrame, Gesture, SimTime, TrunkPosture};
+use crate::{
+    Body, OutOfRange, PersonTraits,
+    person::{Eyes, Muscles, Perception, Skill, Thinking},
+};
+use proact_types::{
+    DisplayFrame, Gesture, Intention, JointVector, Point, Pose, SimTime, TrunkPosture, Vector,
+};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
@@ -28,6 +33,9 @@ pub struct ParticipantOptions {
     pub blink_ms: u64,
     /// Root mean square error of the participant's eye tracker, degrees (paper: "within a 1.5 degree error").
     pub gaze_error_deg: f64,
+    /// What makes a person of the participant; nobody's by default.
+    #[serde(skip_serializing_if = "PersonTraits::is_nobody")]
+    pub person: PersonTraits,
 }
 
 impl ParticipantOptions {
@@ -58,7 +66,7 @@ impl ParticipantOptions {
                 return Err(OutOfRange { key, got: got.to_string(), expected });
             }
         }
-        Ok(())
+        self.person.check()
     }
 }
 
@@ -73,6 +81,7 @@ impl Default for ParticipantOptions {
             blink_interval_ms: 4000,
             blink_ms: 150,
             gaze_error_deg: 1.5,
+            person: PersonTraits::default(),
         }
     }
 }
@@ -85,6 +94,13 @@ const CLEAR_HEIGHT: f64 = 0.30;
 pub(crate) struct Habits {
     pub(crate) options: ParticipantOptions,
     pub(crate) rng: ChaCha8Rng,
+    pub(crate) thinking: Thinking,
+    pub(crate) skill: Skill,
+    pub(crate) perception: Perception,
+    muscles: Muscles,
+    eyes: Eyes,
+    /// Where the eye points, `world`.
+    gaze: Vector,
     body: Body,
     table_height: f64,
     seen: VecDeque<DisplayFrame>,
@@ -109,9 +125,16 @@ impl Habits {
             dwell_ms: vary(options.dwell_ms),
             ..options
         };
+        let person = &options.person;
         Self {
             options,
             rng,
+            thinking: Thinking::new(person, seed),
+            skill: Skill::new(person, seed),
+            perception: Perception::new(person, seed),
+            muscles: Muscles::new(person, seed),
+            eyes: Eyes::new(person, seed),
+            gaze: Vector::x(),
             body,
             table_height,
             seen: VecDeque::new(),
@@ -129,7 +152,8 @@ impl Habits {
         while self.seen.get(1).is_some_and(|f| frame.time.millis_since(f.time) >= self.options.reaction_ms) {
             self.seen.pop_front();
         }
-        let seen = self.seen.front().cloned().unwrap_or_else(|| frame.clone());
+        let mut seen = self.seen.front().cloned().unwrap_or_else(|| frame.clone());
+        self.perception.take_in(&mut seen, &self.gaze);
         // A trunk that leans while the hand is down in the box drags it through walls and blocks.
         if seen.world_from_tip.translation.z > self.table_height + CLEAR_HEIGHT {
             self.posture = self.wanted_posture;
@@ -142,9 +166,26 @@ impl Habits {
         self.gesture
     }
 
-    /// Where the trunk goes now.
-    pub(crate) fn posture(&self) -> TrunkPosture {
-        self.posture
+    /// What comes of all that at `frame`: muscles, eyes on what is `looked_at`, trunk, and the own limb. The `hand` may be
+    /// glanced at, `world`, where that is no selection.
+    pub(crate) fn intend(
+        &mut self,
+        frame: &DisplayFrame,
+        looked_at: Point,
+        hand: Option<Point>,
+        limb: Option<JointVector>,
+    ) -> Intention {
+        let now = frame.time;
+        let eye = frame.world_from_head.translation.vector;
+        let target = self.eyes.look(now, looked_at, hand);
+        self.gaze = (target.coords - eye).try_normalize(1e-9).unwrap_or_else(Vector::x);
+        Intention {
+            gesture: self.muscles.show(now, self.gesture, &self.posture),
+            gaze_direction: self.gaze,
+            eyes_open: self.eyes_open(now),
+            trunk: self.posture,
+            limb,
+        }
     }
 
     /// Goes over to `wanted`, relaxing for a moment between two gestures, and for as long as the arm is seen to
@@ -177,7 +218,23 @@ impl Habits {
         }
     }
 
-    pub(crate) fn eyes_open(&mut self, now: SimTime) -> bool {
+    /// How the shoulder would move, `world`, if the trunk moved `point`, which it carries, by `shift`, and the posture that does
+    /// it; none if it cannot.
+    pub(crate) fn trunk_moves(&self, point: &Point, shift: &Vector) -> Option<(Pose, TrunkPosture)> {
+        let to = self.body.posture_that_moves(&self.posture, point, shift)?;
+        let (from, there) = (self.body.shoulder_pose(&self.posture), self.body.shoulder_pose(&to));
+        Some((there * from.inverse(), to))
+    }
+
+    /// Leans to `posture` at once; how long that takes to be seen done, ms.
+    pub(crate) fn lean_to(&mut self, posture: TrunkPosture) -> u64 {
+        let from = std::mem::replace(&mut self.posture, posture);
+        self.wanted_posture = posture;
+        let secs = self.body.movement_secs(&from, &posture);
+        (secs * 1e3) as u64 + self.options.reaction_ms
+    }
+
+    fn eyes_open(&mut self, now: SimTime) -> bool {
         if now < self.blink_at {
             return true;
         }

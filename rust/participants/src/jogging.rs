@@ -14,7 +14,6 @@ use movement::Movements;
 use proact_arm::ArmModel;
 use proact_types::{
     Briefing, DisplayFrame, Gesture, HandState, Intention, ModeView, Moves, ObjectId, Point, Scene, SimTime,
-    Vector,
 };
 use pulse::Pulse;
 use situation::{Aim, Situation};
@@ -32,6 +31,8 @@ const FALL_HEIGHT: f64 = 0.04;
 const GRIP_HEIGHT: f64 = 0.03;
 /// Closing on nothing for this long means that the block was missed, ms.
 const MISSED_MILLIS: u64 = 900;
+/// As often the trunk corrects where the hand is before the arm has to.
+const MOST_TRUNK_MOVES: usize = 3;
 /// After so many times that the arm got stuck another object is taken, where the person may choose.
 const GIVES_UP_AFTER: usize = 6;
 
@@ -66,6 +67,10 @@ pub struct JoggingParticipant {
     pulse: Option<Pulse>,
     modes: ModeCycle,
     limb: Limb,
+    /// The mode that was decided for: nothing is left to think about once it is there.
+    decided: bool,
+    /// How often the trunk moved in this stage.
+    trunk_moves: usize,
 }
 
 /// The number that a mode is thought of by.
@@ -126,6 +131,8 @@ impl JoggingParticipant {
             pulse: None,
             modes: ModeCycle::new(model.arm_count(), &[]),
             limb: Limb::default(),
+            decided: false,
+            trunk_moves: 0,
         }
     }
 
@@ -156,10 +163,11 @@ impl JoggingParticipant {
             }
             _ => {}
         }
-        if let Some(gesture) = self.pulse_on(now, seen) {
+        if let Some(gesture) = self.pulse_on(now, seen, block) {
             return gesture;
         }
-        let Some(mode) = seen.mode.as_ref().map(number_of) else { return Gesture::NoMotion };
+        let Some(shown) = &seen.mode else { return Gesture::NoMotion };
+        let mode = number_of(shown);
         if let Some(gesture) = self.modes.go_on(now, mode, &self.habits) {
             return gesture;
         }
@@ -176,7 +184,7 @@ impl JoggingParticipant {
         if now < self.watch_until {
             return Gesture::NoMotion;
         }
-        self.next_movement(now, seen, mode, block)
+        self.next_movement(now, seen, shown, block)
     }
 
     /// Follows what the display shows: which block, and whether the hand holds it.
@@ -218,13 +226,17 @@ impl JoggingParticipant {
         self.pulse = None;
         self.modes.begin();
         self.limb.begin();
+        self.decided = false;
+        self.trunk_moves = 0;
     }
 
     /// A movement gesture goes on until its time is over, or the display refuses it. What it brought is judged when
     /// the next one is thought of.
-    fn pulse_on(&mut self, now: SimTime, seen: &DisplayFrame) -> Option<Gesture> {
+    fn pulse_on(&mut self, now: SimTime, seen: &DisplayFrame, block: ObjectId) -> Option<Gesture> {
         let pulse = self.pulse.as_mut()?;
-        if pulse.go_on(now, seen, self.habits.gesture()) {
+        let target = self.choice.place(block, seen);
+        let situation = Situation { sense: &self.sense, scene: &self.scene, seen, block, target };
+        if pulse.go_on(now, &situation, self.habits.gesture()) {
             self.watch_until = now.plus_millis(WATCH_MILLIS + self.habits.options.reaction_ms);
         }
         pulse.gesture()
@@ -238,18 +250,38 @@ impl JoggingParticipant {
         };
     }
 
-    fn next_movement(&mut self, now: SimTime, seen: &DisplayFrame, mode: u8, block: ObjectId) -> Gesture {
+    fn next_movement(
+        &mut self,
+        now: SimTime,
+        seen: &DisplayFrame,
+        shown: &ModeView,
+        block: ObjectId,
+    ) -> Gesture {
         if self.habits.gesture() == Gesture::HandOpen {
             return Gesture::NoMotion;
         }
+        if !self.decided && !self.habits.thinking.is_over(now) {
+            return Gesture::NoMotion;
+        }
+        self.decided = false;
+        let mode = number_of(shown);
         let target = self.choice.place(block, seen);
         let situation = Situation { sense: &self.sense, scene: &self.scene, seen, block, target };
         if let Some(pulse) = self.pulse.take() {
+            self.habits.skill.learn(pulse.kind().0, pulse.share(&situation));
             self.movements.judge(&pulse, &situation);
         }
         let goal = situation.goal_of(self.stage, self.attitude.lean());
         let aim = Aim { stage: self.stage, goal, mode };
         if self.limb.reach(now, &situation, &aim, &mut self.movements) {
+            return Gesture::NoMotion;
+        }
+        if self.trunk_moves < MOST_TRUNK_MOVES
+            && let Some(posture) = situation.by_trunk(&aim.goal, &self.habits)
+            && self.habits.skill.uses_body()
+        {
+            self.trunk_moves += 1;
+            self.watch_until = now.plus_millis(self.habits.lean_to(posture));
             return Gesture::NoMotion;
         }
         let lack = match self.movements.next(&situation, &aim, &mut self.attitude) {
@@ -270,11 +302,14 @@ impl JoggingParticipant {
         };
         if lack.mode != mode {
             self.modes.go(mode, lack.mode);
+            self.decided = true;
             return Gesture::HandOpen;
         }
-        self.pulse = Some(Pulse::new(&lack, &situation, &mut self.habits));
+        let pulse = Pulse::new(&lack, shown, &situation, &mut self.habits);
+        let gesture = pulse.gesture().unwrap_or_default();
+        self.pulse = Some(pulse);
         self.movements.start(&aim);
-        lack.gesture
+        gesture
     }
 
     /// The stage's place is reached: on to the next.
@@ -341,6 +376,9 @@ impl JoggingParticipant {
         }
         let since = *self.closed_since.get_or_insert(now);
         if now.millis_since(since) > MISSED_MILLIS {
+            if let Some(block) = self.block {
+                self.habits.perception.judge_again(block.index());
+            }
             self.enter(Stage::Hover);
         }
         Gesture::NoMotion
@@ -361,13 +399,8 @@ impl Participant for JoggingParticipant {
             Some(block) => Point::from(frame.objects[block.index()].translation.vector),
             None => Point::new(0.0, 0.0, self.scene.table_height),
         };
-        let eye = frame.world_from_head.translation.vector;
-        Intention {
-            gesture: self.habits.gesture(),
-            gaze_direction: (looked_at.coords - eye).try_normalize(1e-9).unwrap_or_else(Vector::x),
-            eyes_open: self.habits.eyes_open(now),
-            trunk: self.habits.posture(),
-            limb: self.limb.to(),
-        }
+        let hand = Point::from(frame.world_from_tip.translation.vector);
+        let limb = self.limb.to();
+        self.habits.intend(frame, looked_at, Some(hand), limb)
     }
 }

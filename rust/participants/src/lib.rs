@@ -7,12 +7,15 @@
 //! [`DisplayFrame`]: proact_types::DisplayFrame
 //! [`Intention`]: proact_types::Intention
 
+#![cfg_attr(test, allow(clippy::unwrap_used))]
+
 mod body;
 mod choice;
 #[cfg(test)]
 mod doubles;
 mod habits;
 mod jogging;
+mod person;
 mod reach;
 mod selecting;
 
@@ -21,6 +24,7 @@ use proact_types::{DisplayFrame, Intention};
 pub use body::{Body, OutOfRange, Trunk};
 pub use habits::ParticipantOptions;
 pub use jogging::JoggingParticipant;
+pub use person::{Instruction, Learning, PersonTraits, Population, Practice, Trait};
 pub use selecting::SelectingParticipant;
 
 /// Somebody who sees and acts. Deterministic for its seed.

@@ -19,6 +19,10 @@ const STUCK_MILLIS: u64 = 1500;
 const GIVES_UP_AFTER: u32 = 3;
 /// A gesture that nothing answers for this long was not noticed: the arm forgot it, or waits for a relaxed hand.
 const UNNOTICED_MILLIS: u64 = 2500;
+/// Who does not look closely lets a marker be off by so many times as much.
+const CARELESS: f64 = 2.0;
+/// Who lets go of WE too early takes the arm for arrived after this share of its way.
+const EARLY_PROGRESS: f64 = 0.85;
 /// The hand then rests this long before it tries again: long enough that any decision rule sees it.
 const REST_MILLIS: u64 = 600;
 
@@ -46,6 +50,12 @@ pub struct SelectingParticipant {
     unnoticed_since: Option<SimTime>,
     rest_until: SimTime,
     attempt: u32,
+    /// The next step was thought about.
+    decided: bool,
+    /// Mistakes of this step.
+    careless: bool,
+    forgets_lock: bool,
+    lets_go_early: bool,
 }
 
 /// What the participant is about.
@@ -80,6 +90,10 @@ impl SelectingParticipant {
             unnoticed_since: None,
             rest_until: SimTime(0),
             attempt: 0,
+            decided: false,
+            careless: false,
+            forgets_lock: false,
+            lets_go_early: false,
         }
     }
 
@@ -102,6 +116,7 @@ impl SelectingParticipant {
         };
         if goal != self.goal {
             self.goal = goal;
+            self.begin_step();
             self.correction = Vector::zeros();
             self.right_since = None;
             self.reached = false;
@@ -128,11 +143,27 @@ impl SelectingParticipant {
         {
             return Gesture::NoMotion;
         }
+        // What comes next is thought about with a relaxed hand.
+        if !self.decided {
+            self.decided = self.habits.thinking.is_over(now);
+            if !self.decided {
+                return Gesture::NoMotion;
+            }
+        }
         match goal {
             None => Gesture::NoMotion,
             Some(Goal::Pick(block)) => self.pick(now, seen, block),
             Some(Goal::Place(block)) => self.place(now, seen, block),
         }
+    }
+
+    /// A step of the way begins: it is to be thought about, and mistakes to be made.
+    fn begin_step(&mut self) {
+        self.decided = false;
+        self.habits.thinking.drop_it();
+        self.careless = !self.habits.skill.notices();
+        self.forgets_lock = self.habits.skill.forgets_lock();
+        self.lets_go_early = self.habits.skill.lets_go_early();
     }
 
     fn pick(&mut self, now: SimTime, seen: &DisplayFrame, block: ObjectId) -> Gesture {
@@ -144,7 +175,8 @@ impl SelectingParticipant {
             HandState::Opening => return Gesture::NoMotion,
             HandState::Closing | HandState::Closed => return Gesture::HandOpen,
         }
-        let right = seen.target.object == Some(block);
+        // Who does not look closely takes whatever is highlighted for what is meant.
+        let right = seen.target.object == Some(block) || (self.careless && seen.target.object.is_some());
         if !right {
             self.look_away_from(now, seen, block);
         }
@@ -160,7 +192,9 @@ impl SelectingParticipant {
         }
         let target = self.choice.place(block, seen);
         let error = seen.target.place.map_or(Vector::repeat(1.0), |marker| target - marker);
-        let tolerance = self.habits.options.place_tolerance_m * if seen.target.locked { 2.0 } else { 1.0 };
+        let careless = if self.careless { CARELESS } else { 1.0 };
+        let tolerance =
+            careless * self.habits.options.place_tolerance_m * if seen.target.locked { 2.0 } else { 1.0 };
         let right = error.norm() < tolerance;
         // One correction per look: the marker has to be seen where it went before the next.
         if !right
@@ -186,6 +220,7 @@ impl SelectingParticipant {
             (true, true) => None,
             (false, true) => Some(Gesture::WristFlexion),
             (false, false) => Some(Gesture::NoMotion),
+            (true, false) if self.forgets_lock => None,
             (true, false) => {
                 let since = *self.right_since.get_or_insert(now);
                 let long_enough = now.millis_since(since) >= self.habits.options.dwell_ms;
@@ -200,6 +235,13 @@ impl SelectingParticipant {
             self.under_way = false;
         }
         let stuck = match &seen.planner {
+            PlannerView::Executing { progress, intermediate: false }
+                if self.lets_go_early && *progress > EARLY_PROGRESS =>
+            {
+                self.reached = true;
+                self.closed_since = None;
+                return Gesture::NoMotion;
+            }
             PlannerView::Planning | PlannerView::Executing { .. } => {
                 self.under_way = true;
                 false
@@ -261,6 +303,7 @@ impl SelectingParticipant {
             if now.millis_since(since) > MISSED_MILLIS {
                 self.choice.give_up();
                 self.reached = false;
+                self.begin_step();
                 if let Some((_, limb)) = &mut self.own {
                     limb.begin();
                 }
@@ -305,13 +348,11 @@ impl Participant for SelectingParticipant {
         let wanted = self.insist(now, &seen, wanted);
         self.habits.make(now, seen.stop.is_some(), wanted);
         let looked_at = self.looked_at(frame) + self.correction;
-        let eye = frame.world_from_head.translation.vector;
-        Intention {
-            gesture: self.habits.gesture(),
-            gaze_direction: (looked_at.coords - eye).try_normalize(1e-9).unwrap_or_else(Vector::x),
-            eyes_open: self.habits.eyes_open(now),
-            trunk: self.habits.posture(),
-            limb: self.own.as_ref().and_then(|(_, limb)| limb.to()),
-        }
+        // While nothing is locked, the eyes select.
+        let moves = matches!(frame.planner, PlannerView::Executing { .. });
+        let hand =
+            (moves || seen.target.locked).then(|| Point::from(frame.world_from_tip.translation.vector));
+        let limb = self.own.as_ref().and_then(|(_, limb)| limb.to());
+        self.habits.intend(frame, looked_at, hand, limb)
     }
 }

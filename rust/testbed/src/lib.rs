@@ -4,7 +4,6 @@
 //! Pure: time comes in ticks, physics and plans come through [`ports`]. `docs/` and `ARCHITECTURE.md` show the way
 //! of one sample through it.
 
-mod base_motion;
 mod config;
 mod config_error;
 mod digest;
@@ -25,7 +24,6 @@ mod session;
 pub mod stages;
 mod tick;
 
-pub use base_motion::BaseMotion;
 pub use config::{Setup, TrialConfig};
 pub use config_error::ConfigError;
 pub use digest::{Digest, Divergence, Field, FieldDigest, SPAN_TICKS, SpanDigest, first_divergence};

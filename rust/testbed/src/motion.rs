@@ -4,6 +4,7 @@
 use crate::ConfigError;
 use proact_arm::{ArmModel, Couplings, JointLimits};
 use proact_control::{MotionCommand, MotionState};
+use proact_localization::FollowSpeeds;
 use proact_types::{JointVector, TICK_SECS, Trajectory, joints};
 use serde::{Deserialize, Serialize};
 
@@ -34,6 +35,11 @@ impl Default for MotionConfig {
 }
 
 impl MotionConfig {
+    /// How fast a tracked shoulder is followed at most.
+    pub fn shoulder(&self) -> FollowSpeeds {
+        FollowSpeeds { m_per_s: self.shoulder_m_per_s, rad_per_s: self.shoulder_rad_per_s }
+    }
+
     /// Checks ranges.
     ///
     /// # Errors

@@ -154,7 +154,7 @@ fn live(
         source: args.emg_source.clone(),
         armband,
         person: None,
-        open_person: Box::new(|session| args.person.open(&registry.sinks, session)),
+        open_person: Box::new(|session| args.person.open(registry, session)),
     };
     let (sender, requests) = channel();
     if let Some(id) = &args.participant {

@@ -3,12 +3,14 @@
 //! Its streams have time stamps and no sample counters; [`LslSource`] makes one of the other, [`LslOutlet`] the other of
 //! the one. liblsl comes with the crate `lsl` and is built from source.
 
+mod capture;
 mod gaze;
 mod numbering;
 mod outlet;
 mod reader;
 mod source;
 
+pub use capture::LslCapture;
 pub use gaze::LslGaze;
 pub use outlet::LslOutlet;
 pub use source::LslSource;

@@ -7,9 +7,11 @@ use proact_devices::{
         EmgParser, GattLink, SocketLink,
         protocol::{Command, EmgCapability, EmgSetting, Reply},
     },
+    motion_capture::{natnet, read_poses, vrpn, write_pose, write_pose_header},
     read_recorded, read_samples,
 };
 use proact_emg::{EmgConfig, EmgModel};
+use proact_localization::RawBodyPose;
 use proact_types::{EmgSample, Gesture};
 use std::{fs, io::Write, os::unix::net::UnixStream, path::Path, time::Duration};
 
@@ -174,4 +176,73 @@ pub(super) fn model_seeds(_: &Path) -> Vec<Vec<u8>> {
     let model =
         EmgModel::train(&EmgConfig::default(), &[0.0; 8], &slices).expect("five gestures that differ");
     vec![model.to_json().expect("a model can be written").into_bytes()]
+}
+
+pub(super) fn udp_natnet(_: &Path) -> Run {
+    Box::new(|bytes| {
+        let _ = natnet::parse(bytes);
+    })
+}
+
+/// An empty frame, an empty list of definitions, and a server without a name.
+pub(super) fn natnet_seeds(_: &Path) -> Vec<Vec<u8>> {
+    let packet = |id: u8, length: u16| {
+        let mut bytes = vec![id, 0];
+        bytes.extend(length.to_le_bytes());
+        bytes.resize(4 + usize::from(length), 0);
+        bytes
+    };
+    vec![packet(7, 78), packet(5, 4), packet(1, 279)]
+}
+
+pub(super) fn vrpn(_: &Path) -> Run {
+    Box::new(|bytes| {
+        let mut parser = vrpn::VrpnParser::new();
+        for piece in bytes.chunks(100) {
+            parser.push(piece);
+            while let Ok(Some(_)) = parser.next_event() {}
+        }
+    })
+}
+
+/// A greeting with a device, a type and a pose of it.
+pub(super) fn vrpn_seeds(_: &Path) -> Vec<Vec<u8>> {
+    let message = |number: i32, kind: i32, payload: &[u8]| {
+        let mut bytes = (24 + payload.len() as u32).to_be_bytes().to_vec();
+        bytes.extend([0; 8]);
+        bytes.extend(number.to_be_bytes());
+        bytes.extend(kind.to_be_bytes());
+        bytes.extend([0; 4]);
+        bytes.extend(payload);
+        bytes.resize(bytes.len().next_multiple_of(8), 0);
+        bytes
+    };
+    let mut stream = vrpn::cookie().to_vec();
+    stream.extend(message(0, -1, b"\0\0\0\x04pad\0"));
+    stream.extend(message(0, -2, b"\0\0\0\x16vrpn_Tracker Pos_Quat\0"));
+    stream.extend(message(0, 0, &[0; 64]));
+    vec![stream]
+}
+
+pub(super) fn poses(scratch: &Path) -> Run {
+    let path = scratch.join("poses.csv");
+    Box::new(move |bytes| {
+        fs::write(&path, bytes).expect("the scratch folder takes files");
+        let _ = read_poses(&path);
+    })
+}
+
+pub(super) fn poses_seeds(_: &Path) -> Vec<Vec<u8>> {
+    let mut text = String::new();
+    write_pose_header(&mut text);
+    for stamp in 0..3 {
+        let quaternion = [0.0, 0.0, 0.0, 1.0];
+        let (body, position) = ("pad".to_owned(), [0.1, 0.2, 1.4]);
+        let id = Some(7);
+        write_pose(
+            &mut text,
+            &RawBodyPose { body, id, stamp, arrival: 0, position, quaternion, tracked: true },
+        );
+    }
+    vec![text.into_bytes()]
 }

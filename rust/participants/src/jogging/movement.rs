@@ -7,18 +7,16 @@ use super::{
     situation::{Aim, Situation},
 };
 use crate::reach::{Conditions, Stance, Turn, made};
-use proact_types::{Gesture, Pose};
+use proact_types::Pose;
 
 /// After so many movements the place is good enough, or not to be had.
 const MOST_MOVEMENTS: u32 = 14;
 /// Joint by joint, after so many that brought too little another way is looked for.
 const MOST_IN_VAIN: u32 = 3;
-/// How fast WE and WF move a joint, rad/s, and the hand, m/s and rad/s: learnt in the first minutes of practice.
+/// How fast WE and WF move a joint, rad/s, and the hand, m/s and rad/s: what practice has taught.
 const JOINT_SPEED: f64 = 0.4;
 const LINEAR_SPEED: f64 = 0.08;
 const ANGULAR_SPEED: f64 = 0.4;
-/// Signs of WE for the seven joints in the paper's order.
-const JOINT_SIGNS: [f64; 7] = [1.0, -1.0, -1.0, 1.0, 1.0, 1.0, -1.0];
 /// What is left below this along an axis is not worth another movement, metres, rad.
 const LINEAR_DONE: f64 = 0.006;
 pub(super) const ANGULAR_DONE: f64 = 0.15;
@@ -31,18 +29,24 @@ const GRAZE: f64 = 0.006;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Lack {
     pub(super) mode: u8,
-    /// How far off, in the unit of its speed.
+    /// How far off, in the unit of its speed, with its sign.
     pub(super) amount: f64,
     /// Per second.
     pub(super) speed: f64,
-    pub(super) gesture: Gesture,
+}
+
+impl Lack {
+    /// The mode, and whether it goes to its positive side.
+    pub(super) fn kind(&self) -> (u8, bool) {
+        (self.mode, self.amount > 0.0)
+    }
 }
 
 /// The movements of one stage: what was tried, and what is thought of next.
 #[derive(Default)]
 pub(super) struct Movements {
-    /// Modes and gestures that were refused since the last one that was not.
-    refused: Vec<(u8, Gesture)>,
+    /// Modes and sides, true for the positive one, that were refused since the last one that was not.
+    refused: Vec<(u8, bool)>,
     /// What method A has yet to turn, in this order.
     turns: Vec<Turn>,
     /// Movements since the stage began.
@@ -58,7 +62,7 @@ impl Movements {
     }
 
     /// The same, after `refused` was tried in vain in the stage before.
-    pub(super) fn begin_after(&mut self, refused: Vec<(u8, Gesture)>) {
+    pub(super) fn begin_after(&mut self, refused: Vec<(u8, bool)>) {
         *self = Self { refused, ..Self::default() };
     }
 
@@ -68,7 +72,7 @@ impl Movements {
     }
 
     /// What was refused, once several joints were turned in vain.
-    pub(super) fn tried_in_vain(&self, aim: &Aim) -> Option<Vec<(u8, Gesture)>> {
+    pub(super) fn tried_in_vain(&self, aim: &Aim) -> Option<Vec<(u8, bool)>> {
         self.are_in_vain(aim).then(|| self.refused.clone())
     }
 
@@ -131,8 +135,7 @@ impl Movements {
                 return;
             }
         }
-        let refused =
-            |turn: &Turn| self.refused.contains(&(turn.joint as u8, gesture_of(turn.joint, turn.angle)));
+        let refused = |turn: &Turn| self.refused.contains(&(turn.joint as u8, turn.angle > 0.0));
         let conditions = Conditions {
             mode: aim.mode.into(),
             secs_per_rad: 1.0 / JOINT_SPEED,
@@ -161,21 +164,19 @@ impl Movements {
         let tilt = (base_from_tip.rotation * goal.axis).cross(&goal.up);
         let turn = attitude.turn_left(aim, base_from_tip, &off, &tilt);
         let (mut turns, mut shifts) = (Vec::new(), Vec::new());
-        for (k, sign) in [1.0, -1.0, 1.0].into_iter().enumerate() {
+        for k in 0..3 {
             let mode = FIRST_AXIS + k as u8;
             if off[k].abs() > LINEAR_DONE.max(goal.point_done / 2.0) {
-                let gesture = sided(off[k] * sign);
-                shifts.push(Lack { mode, amount: off[k], speed: LINEAR_SPEED, gesture });
+                shifts.push(Lack { mode, amount: off[k], speed: LINEAR_SPEED });
             }
             if turn[k].abs() > ANGULAR_DONE {
-                let gesture = sided(turn[k] * sign);
-                turns.push(Lack { mode: mode + 3, amount: turn[k], speed: ANGULAR_SPEED, gesture });
+                turns.push(Lack { mode: mode + 3, amount: turn[k], speed: ANGULAR_SPEED });
             }
         }
         if turns.is_empty() && shifts.is_empty() {
             return Ok(None);
         }
-        let free = |lack: &&Lack| !self.refused.contains(&(lack.mode, lack.gesture));
+        let free = |lack: &&Lack| !self.refused.contains(&lack.kind());
         let ahead = |lack: &&Lack| (lack.mode + AXES - aim.mode) % AXES;
         // Turning the hand at its wrist carries the grasp centre along: tilt first, then place.
         let next = turns.iter().filter(free).min_by_key(ahead);
@@ -189,18 +190,6 @@ impl Movements {
         let q = situation.arm_angles()?;
         self.think_of_turns(situation, aim, q);
         let turn = self.turns.first()?;
-        let amount = turn.to - q[turn.joint];
-        let gesture = gesture_of(turn.joint, amount);
-        Some(Lack { mode: turn.joint as u8, amount, speed: JOINT_SPEED, gesture })
+        Some(Lack { mode: turn.joint as u8, amount: turn.to - q[turn.joint], speed: JOINT_SPEED })
     }
-}
-
-/// The gesture that turns a joint to one side or the other.
-fn gesture_of(joint: usize, angle: f64) -> Gesture {
-    sided(angle * JOINT_SIGNS[joint])
-}
-
-/// The gesture for one side or the other.
-fn sided(amount: f64) -> Gesture {
-    if amount > 0.0 { Gesture::WristExtension } else { Gesture::WristFlexion }
 }

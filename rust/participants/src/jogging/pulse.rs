@@ -2,7 +2,7 @@
 
 use super::{FIRST_AXIS, movement::Lack, situation::Situation};
 use crate::habits::Habits;
-use proact_types::{DisplayFrame, Gesture, JointVector, PlannerView, Pose, SimTime};
+use proact_types::{Gesture, JointVector, ModeView, PlannerView, Pose, SimTime};
 use rand_distr::{Distribution, Normal};
 
 /// No movement gesture is held shorter or longer than this, ms: three decisions, and a look in between.
@@ -16,10 +16,18 @@ const LEAST_PROGRESS: f64 = 0.4;
 /// ... and so has a joint that stops this much short of where it was turned, rad.
 const TOUCHED: f64 = 0.06;
 
+/// From the muscles' letting go to the end of the motion, beside the person's own reaction, ms: three decisions and a ramp.
+const MACHINE_MILLIS: f64 = 200.0;
+/// A joint or an axis that has gone this far the wrong way is seen to, rad, metres.
+const WRONG_TURN: f64 = 0.05;
+const WRONG_SHIFT: f64 = 0.01;
+
 /// A movement gesture of a length that was decided before it began.
 #[derive(Clone, Debug)]
 pub(super) struct Pulse {
-    mode: u8,
+    lack: Lack,
+    /// The gesture is the one that was meant.
+    right: bool,
     gesture: Gesture,
     millis: u64,
     /// Where the arm was before: arm angles, or the hand's place and attitude.
@@ -31,28 +39,35 @@ pub(super) struct Pulse {
 }
 
 impl Pulse {
-    /// The movement that brings what is lacking, but for how well a person times it.
-    pub(super) fn new(lack: &Lack, situation: &Situation, habits: &mut Habits) -> Self {
+    /// The movement that brings what is lacking, but for how well a person times it and knows the `mode` that the display
+    /// shows.
+    pub(super) fn new(lack: &Lack, mode: &ModeView, situation: &Situation, habits: &mut Habits) -> Self {
         let spread = Normal::new(0.0, habits.options.timing_spread.max(0.0)).ok();
         let share = spread.map_or(0.0, |n| n.sample(&mut habits.rng).clamp(-0.4, 0.4));
         let longest = if lack.mode >= FIRST_AXIS { PULSE_MILLIS.1 } else { LONGEST_TURN_MILLIS };
-        let meant = lack.amount.abs() / lack.speed * 1e3;
+        let speed = habits.skill.speed(lack.mode, lack.speed);
+        let meant = habits.skill.imagined(lack.amount.abs()) / speed * 1e3;
         let missed = (meant * share).clamp(-TIMING_MILLIS, TIMING_MILLIS);
-        let millis = (meant + missed).clamp(PULSE_MILLIS.0, longest);
+        let late =
+            (1.0 - habits.options.person.anticipation) * (habits.options.reaction_ms as f64 + MACHINE_MILLIS);
+        let millis = (meant + missed + late).clamp(PULSE_MILLIS.0, longest);
+        let extends = (lack.amount > 0.0) == (mode.we_sign >= 0);
+        let right = habits.skill.begins_rightly(lack.mode);
         Self {
-            mode: lack.mode,
-            gesture: lack.gesture,
+            lack: *lack,
+            right,
+            gesture: if extends == right { Gesture::WristExtension } else { Gesture::WristFlexion },
             millis: millis as u64,
             before: (situation.seen.joints.clone(), situation.base_from_tip()),
-            amount: millis * 1e-3 * lack.speed,
+            amount: millis * 1e-3 * speed,
             began: None,
             over: false,
         }
     }
 
-    /// Mode and gesture of the movement.
-    pub(super) fn kind(&self) -> (u8, Gesture) {
-        (self.mode, self.gesture)
+    /// Mode and side of the movement.
+    pub(super) fn kind(&self) -> (u8, bool) {
+        self.lack.kind()
     }
 
     /// The gesture to make; none once the movement is over.
@@ -60,19 +75,51 @@ impl Pulse {
         (!self.over).then_some(self.gesture)
     }
 
-    /// Goes on while the hand makes `made`, until the time is over or the display refuses it; true at the end.
-    pub(super) fn go_on(&mut self, now: SimTime, seen: &DisplayFrame, made: Gesture) -> bool {
+    /// Goes on while the hand makes `made`, until the time is over, the display refuses it, or it is seen to go the wrong
+    /// way; true at the end.
+    pub(super) fn go_on(&mut self, now: SimTime, situation: &Situation, made: Gesture) -> bool {
         if made != self.gesture {
             return false;
         }
+        let seen = situation.seen;
         let began = *self.began.get_or_insert(now);
         // What is seen is as old as the reaction time: a refusal counts if it belongs to this movement.
         let refused = seen.gesture == self.gesture
             && seen.time > began
             && matches!(seen.planner, PlannerView::Failed { .. });
-        let ends = refused || now.millis_since(began) >= self.millis;
+        let wrong = if self.moves_along() { WRONG_SHIFT } else { WRONG_TURN };
+        let ends = refused
+            || now.millis_since(began) >= self.millis
+            || (!self.right && self.gone(situation) < -wrong);
         self.over |= ends;
         ends
+    }
+
+    fn moves_along(&self) -> bool {
+        (FIRST_AXIS..FIRST_AXIS + 3).contains(&self.lack.mode)
+    }
+
+    /// How far it has gone the way that was meant, in the unit of its speed; negative the other way.
+    fn gone(&self, situation: &Situation) -> f64 {
+        let (q, tip) = &self.before;
+        let base_from_tip = situation.base_from_tip();
+        let grasp_centre = situation.sense.grasp_centre(situation.width());
+        let mode = usize::from(self.lack.mode);
+        let moved = if self.lack.mode < FIRST_AXIS {
+            situation.seen.joints[mode] - q[mode]
+        } else if self.moves_along() {
+            let axis = mode - usize::from(FIRST_AXIS);
+            (base_from_tip * grasp_centre - tip * grasp_centre)[axis]
+        } else {
+            let axis = mode - usize::from(FIRST_AXIS) - 3;
+            (base_from_tip.rotation * tip.rotation.inverse()).scaled_axis()[axis]
+        };
+        moved * self.lack.amount.signum()
+    }
+
+    /// What it brought of what it should have, as a share; negative if it went the other way.
+    pub(super) fn share(&self, situation: &Situation) -> f64 {
+        self.gone(situation) / self.amount
     }
 
     /// True if it brought too little: it has met something.
@@ -80,12 +127,12 @@ impl Pulse {
         let (q, tip) = &self.before;
         let base_from_tip = situation.base_from_tip();
         let grasp_centre = situation.sense.grasp_centre(situation.width());
-        let moved = match self.mode {
+        let moved = match self.lack.mode {
             joint if joint < FIRST_AXIS => situation.seen.joints[usize::from(joint)] - q[usize::from(joint)],
             axis if axis < FIRST_AXIS + 3 => (base_from_tip * grasp_centre - tip * grasp_centre).norm(),
             _ => base_from_tip.rotation.angle_to(&tip.rotation),
         };
         let short = self.amount - moved.abs();
-        short > (1.0 - LEAST_PROGRESS) * self.amount || (self.mode < FIRST_AXIS && short > TOUCHED)
+        short > (1.0 - LEAST_PROGRESS) * self.amount || (self.lack.mode < FIRST_AXIS && short > TOUCHED)
     }
 }

@@ -1,8 +1,11 @@
 //! What the participant has before the eyes and knows of the arm, and where the hand should go in it.
 
 use super::{FIRST_AXIS, Stage, obstacles::Obstacles};
-use crate::reach::{ArmSense, HandGoal};
-use proact_types::{DisplayFrame, Moves, ObjectId, Point, Pose, Scene, Vector};
+use crate::{
+    habits::Habits,
+    reach::{ArmSense, HandGoal},
+};
+use proact_types::{DisplayFrame, Moves, ObjectId, Point, Pose, Scene, TrunkPosture, Vector};
 
 /// The hand passes over walls and partition with its grasp centre this high above the table, metres.
 const CARRY_HEIGHT: f64 = 0.26;
@@ -16,6 +19,11 @@ const DROP_HEIGHT: f64 = 0.012;
 /// Joint by joint, a metre that hand or block are too high counts as this many: the hand grips a block above its
 /// middle too, and a block may fall a little.
 const HIGH_COUNTS: f64 = 0.6;
+
+/// The trunk is thought of for ways up to this long, metres ...
+const TRUNK_REACH: f64 = 0.15;
+/// ... on which nothing is met deeper than this, metres.
+const CLEAR: f64 = 0.003;
 
 /// What is seen, what is known of the arm and of the scene, and the block that all is about.
 pub(super) struct Situation<'a> {
@@ -61,6 +69,31 @@ impl<'a> Situation<'a> {
     /// What stands where the hand would go.
     pub(super) fn obstacles(&self) -> Obstacles<'a> {
         Obstacles::new(self.scene, self.seen, self.block, self.sense.fingers(&self.seen.joints))
+    }
+
+    /// The posture of the trunk that brings the hand to the `goal` as the arm stands, clear of everything; none if there is
+    /// none near, or the hand is there already.
+    pub(super) fn by_trunk(&self, goal: &HandGoal, habits: &Habits) -> Option<TrunkPosture> {
+        if habits.options.person.body_share <= 0.0 || goal.reached(&self.base_from_tip()) {
+            return None;
+        }
+        let base = &self.seen.world_from_base;
+        let here = self.seen.world_from_tip * goal.point;
+        let shift = base * goal.target - here;
+        if shift.norm() > TRUNK_REACH {
+            return None;
+        }
+        let (moved, posture) = habits.trunk_moves(&here, &shift)?;
+        let axis = moved.rotation * (self.seen.world_from_tip.rotation * goal.axis);
+        if axis.angle(&(base.rotation * goal.up)) > goal.tilt_done {
+            return None;
+        }
+        let stance = self.sense.stance(self.arm_angles()?);
+        let obstacles = self.obstacles();
+        let depth = obstacles.depth(base, &stance) + CLEAR;
+        let halfway = Pose::identity().lerp_slerp(&moved, 0.5);
+        let clear = [halfway, moved].iter().all(|moved| obstacles.depth(&(moved * base), &stance) <= depth);
+        clear.then_some(posture)
     }
 
     /// Where the hand should be at `stage`, leaning toward the shoulder by `lean`, rad.

@@ -1,6 +1,7 @@
-use crate::{ArmMotion, BaseMotion, GraspChoice, HandMotion, TestbedError, TrialConfig};
+use crate::{ArmMotion, GraspChoice, HandMotion, TestbedError, TrialConfig};
 use proact_arm::{ArmModel, Couplings, OPEN_POSE};
 use proact_control::{HandCommand, MotionCommand, MotionState};
+use proact_localization::BaseMotion;
 use proact_types::{EventKind, JointVector, PlantCommand, PlantState, Pose, Scene, SimTime};
 
 /// From commands to joint targets: the arm's motion, the hand's, and the base that follows the shoulder.
@@ -87,7 +88,10 @@ impl ActuationStage {
             hand: HandMotion::new(open, config.motion.hand_rad_per_s),
             told: HandCommand::Open,
             grasps: GraspChoice::new(model, scene)?,
-            base: BaseMotion::new(config.setup.body.shoulder_pose(&Default::default()), &config.motion),
+            base: BaseMotion::new(
+                config.setup.body.shoulder_pose(&Default::default()),
+                config.motion.shoulder(),
+            ),
             paused: false,
             couplings: model.couplings(),
             stands: model.settings.stand.is_some(),

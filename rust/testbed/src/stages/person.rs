@@ -158,6 +158,14 @@ impl PersonStage {
         self.sign(InputSource::ShoulderTracker, if repeats { SignKind::Repeated } else { SignKind::Fresh });
     }
 
+    /// [`PersonStage::track_shoulder`] with a pose that the tracker sent before, bit for bit, before it was turned into
+    /// `world`.
+    pub fn track_shoulder_again(&mut self, world_from_shoulder: Pose) {
+        self.tracked_shoulder = Some(world_from_shoulder);
+        self.measured.0 = Some(world_from_shoulder);
+        self.sign(InputSource::ShoulderTracker, SignKind::Repeated);
+    }
+
     /// A tracker saw a live person's own limb: its angles in the joints of the arm, rad.
     ///
     /// # Errors

@@ -75,7 +75,7 @@ impl LiveStudy<'_> {
 
     /// What the person has connected is opened with the first scene, and goes with each further one.
     fn open_person(&mut self, session: &Session) -> Result<(), Box<dyn Error>> {
-        match &self.equipment.person {
+        match &mut self.equipment.person {
             Some(person) => person.restart(session),
             None => {
                 self.equipment.person = Some((self.equipment.open_person)(session)?);

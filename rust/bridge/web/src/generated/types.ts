@@ -1191,6 +1191,33 @@ hz: [number, number],
 /** Milliseconds. */
 ms: number, };
 
+/** How a tracking source stands: for the page of tracking and for `doctor`. */
+export type TrackingReport = {
+/** As the source was named, such as `vrpn:192.168.1.5/Shoulderpad`. */
+source: string,
+/** The body that is followed. */
+body: string,
+/** All bodies that were seen, in alphabetical order. */
+bodies: Array<string>,
+/** Poses of the body per second, over the last two seconds. */
+rate_hz: number,
+/** Since the last pose that can be used, s; none before the first. */
+age_secs: number | null,
+/** Noise of places, standard deviation of one axis, m; none before there are enough. */
+noise_m: number | null,
+/** Messages that could not be read. */
+malformed: number,
+/** The newest pose that can be used: `tracking_from_body`, metres with z up. */
+tracking_from_body: Pose | null,
+/** Where the frame of the tracking system is taken to be; none before the body was first seen. */
+world_from_tracking: Pose | null,
+/** Where that puts the shoulder. */
+world_from_shoulder: Pose | null,
+/** Why the arm does not follow, and what to do about it; none while all is well. */
+fault: string | null,
+/** The same as a key, such as `millimetres`, `waiting`, `no_body`, `silent` or `occluded`. */
+fault_name: string | null, };
+
 /** Something that happened at one tick. */
 export type TrialEvent = {
 /** When. */

@@ -1,6 +1,5 @@
 //! The base of the arm behind a tracked shoulder: the one filter between the poses of a tracker and the physics.
 
-use crate::MotionConfig;
 use nalgebra::{Quaternion, SVector, UnitQuaternion};
 use proact_types::{Pose, TICK_SECS, Vector};
 
@@ -20,17 +19,25 @@ const RECOVERY_SPEED: f64 = 0.2;
 /// and turns at this one, rad/s.
 const RECOVERY_TURN_SPEED: f64 = 0.5;
 
+/// Fastest that a shoulder is followed: a tracker that jumps must not hurl the arm.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FollowSpeeds {
+    /// m/s.
+    pub m_per_s: f64,
+    /// rad/s.
+    pub rad_per_s: f64,
+}
+
 /// Leads the base behind tracked poses: `world_from_base`, metres, a step a tick.
 ///
 /// Poses may come at any rate, late, with gaps and noise. What is asked of the base has a continuous acceleration: no
 /// pose, however far from the one before, kicks the arm. A shoulder that moves with constant acceleration is
 /// followed exactly, [`LAG_SECS`] after its poses arrive (a tracker's own delay, and half the time between two poses, come on
-/// top). Speeds above [`MotionConfig::shoulder_m_per_s`] and [`MotionConfig::shoulder_rad_per_s`] are cut. After a jump the base
+/// top). Speeds above [`FollowSpeeds`] are cut. After a jump the base
 /// stands, and in the end goes slowly to where the shoulder has stayed. Deterministic.
 #[derive(Clone, Debug)]
 pub struct BaseMotion {
-    /// Fastest that a shoulder is followed: m/s, rad/s.
-    speeds: (f64, f64),
+    speeds: FollowSpeeds,
     /// As tracked last.
     asked: Pose,
     /// On its way to `asked`, within the speeds: what is filtered.
@@ -50,8 +57,7 @@ enum Following {
 
 impl BaseMotion {
     /// A base that stands at `pose`.
-    pub fn new(pose: Pose, config: &MotionConfig) -> Self {
-        let speeds = (config.shoulder_m_per_s, config.shoulder_rad_per_s);
+    pub fn new(pose: Pose, speeds: FollowSpeeds) -> Self {
         Self { speeds, asked: pose, led: pose, smooth: Smooth::at(&pose), following: Following::Closely }
     }
 
@@ -61,7 +67,7 @@ impl BaseMotion {
     }
 
     /// Where the shoulder is, as tracked last.
-    pub(crate) fn goal(&self) -> Pose {
+    pub fn goal(&self) -> Pose {
         self.asked
     }
 
@@ -95,7 +101,7 @@ impl BaseMotion {
             as_before => as_before,
         };
         let (speed, turn_speed) = match self.following {
-            Following::Closely => self.speeds,
+            Following::Closely => (self.speeds.m_per_s, self.speeds.rad_per_s),
             Following::Waits(_) => (0.0, 0.0),
             Following::Slowly => (RECOVERY_SPEED, RECOVERY_TURN_SPEED),
         };
@@ -184,8 +190,10 @@ fn weights(share: f64, lag: f64) -> [f64; 2] {
 mod tests {
     use super::*;
 
+    const SPEEDS: FollowSpeeds = FollowSpeeds { m_per_s: 2.0, rad_per_s: 6.0 };
+
     fn base() -> BaseMotion {
-        BaseMotion::new(Pose::identity(), &MotionConfig::default())
+        BaseMotion::new(Pose::identity(), SPEEDS)
     }
 
     /// Ticks in which arm and hand stand still, and the highest speed, m/s.
@@ -222,7 +230,7 @@ mod tests {
             Vector::new(-0.6, -0.18, 1.445).into(),
             UnitQuaternion::from_euler_angles(0.1, 0.2, 3.0),
         );
-        let mut base = BaseMotion::new(pose, &MotionConfig::default());
+        let mut base = BaseMotion::new(pose, SPEEDS);
         let first = base.pose();
         let same = UnitQuaternion::new_unchecked(-pose.rotation.into_inner());
         for tick in 0..300 {

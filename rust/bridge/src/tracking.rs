@@ -1,0 +1,35 @@
+use proact_types::Pose;
+use serde::Serialize;
+
+/// How a tracking source stands: for the page of tracking and for `doctor`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
+pub struct TrackingReport {
+    /// As the source was named, such as `vrpn:192.168.1.5/Shoulderpad`.
+    pub source: String,
+    /// The body that is followed.
+    pub body: String,
+    /// All bodies that were seen, in alphabetical order.
+    pub bodies: Vec<String>,
+    /// Poses of the body per second, over the last two seconds.
+    pub rate_hz: f64,
+    /// Since the last pose that can be used, s; none before the first.
+    pub age_secs: Option<f64>,
+    /// Noise of places, standard deviation of one axis, m; none before there are enough.
+    pub noise_m: Option<f64>,
+    /// Messages that could not be read.
+    pub malformed: u64,
+    /// The newest pose that can be used: `tracking_from_body`, metres with z up.
+    #[cfg_attr(feature = "ts", ts(as = "Option<proact_types::typescript::Pose>"))]
+    pub tracking_from_body: Option<Pose>,
+    /// Where the frame of the tracking system is taken to be; none before the body was first seen.
+    #[cfg_attr(feature = "ts", ts(as = "Option<proact_types::typescript::Pose>"))]
+    pub world_from_tracking: Option<Pose>,
+    /// Where that puts the shoulder.
+    #[cfg_attr(feature = "ts", ts(as = "Option<proact_types::typescript::Pose>"))]
+    pub world_from_shoulder: Option<Pose>,
+    /// Why the arm does not follow, and what to do about it; none while all is well.
+    pub fault: Option<String>,
+    /// The same as a key, such as `millimetres`, `waiting`, `no_body`, `silent` or `occluded`.
+    pub fault_name: Option<String>,
+}

@@ -1,0 +1,189 @@
+// The page that shows what tracking sources send: frames in space, rates, ages, noise, and what is wrong. It holds no state:
+// everything comes with each report.
+
+import "./tracking.css";
+import {
+  AxesHelper,
+  BufferAttribute,
+  BufferGeometry,
+  DoubleSide,
+  GridHelper,
+  Group,
+  Line,
+  LineBasicMaterial,
+  Mesh,
+  MeshBasicMaterial,
+  PerspectiveCamera,
+  RingGeometry,
+  Scene,
+  WebGLRenderer,
+} from "three";
+import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+import { element, setClass, setText } from "./dom";
+import type { Pose, TrackingReport } from "./generated/types";
+
+/** From report to report, ms. */
+const EVERY_MS = 100;
+/** Places of a body that its trail shows: three seconds. */
+const TRAIL = 30;
+
+const link = element("span", "muted", "connecting");
+const scene = element("div", "scene");
+const canvas = element("canvas");
+canvas.setAttribute("role", "img");
+canvas.setAttribute("aria-label", "Frames of the tracking system and of the shoulder in space; the figures beside say the same");
+const legend = element("p", "legend muted", "x red, y green, z blue. Longest axes: world; next: tracking system; with a ring: the body.");
+scene.append(canvas, legend);
+const cards = element("section");
+cards.setAttribute("aria-label", "Sources");
+document.getElementById("page")?.append(element("header", "", element("h1", "", "Tracking"), link), scene, cards);
+
+/** The figures of one source. */
+class Card {
+  readonly root = element("article", "card");
+  private readonly title = element("h2");
+  private readonly verdict = element("p", "verdict");
+  private readonly list = element("dl");
+  private readonly cells = new Map<string, HTMLElement>();
+
+  constructor() {
+    this.verdict.setAttribute("role", "status");
+    this.root.append(this.title, this.verdict, this.list);
+  }
+
+  show(report: TrackingReport): void {
+    setText(this.title, report.source);
+    setText(this.verdict, report.fault === null ? "Good: the arm can follow" : report.fault);
+    setClass(this.verdict, "bad", report.fault !== null);
+    this.set("Body", report.body);
+    this.set("Rate", `${report.rate_hz.toFixed(0)} Hz`);
+    this.set("Age", report.age_secs === null ? "no pose yet" : `${(1000 * report.age_secs).toFixed(0)} ms`);
+    this.set("Noise", report.noise_m === null ? "not known yet" : `${(1000 * report.noise_m).toFixed(2)} mm`);
+    this.set("In tracking", place(report.tracking_from_body));
+    this.set("Shoulder in world", place(report.world_from_shoulder));
+    this.set("Unreadable", String(report.malformed));
+    this.set("Bodies seen", report.bodies.join(", ") || "none");
+  }
+
+  private set(name: string, value: string): void {
+    let cell = this.cells.get(name);
+    if (!cell) {
+      cell = element("dd");
+      this.cells.set(name, cell);
+      this.list.append(element("dt", "", name), cell);
+    }
+    setText(cell, value);
+  }
+}
+
+function place(pose: Pose | null): string {
+  return pose ? `${pose.translation.map((value) => value.toFixed(3)).join(", ")} m` : "not known yet";
+}
+
+/** The frames of one source in `world`. */
+class Frames {
+  readonly root = new Group();
+  private readonly tracking = new AxesHelper(0.3);
+  private readonly body = new AxesHelper(0.18);
+  private readonly ring = new Mesh(new RingGeometry(0.05, 0.06, 40), new MeshBasicMaterial({ color: "#0b6fb8", side: DoubleSide }));
+  private readonly trail = new Line(
+    new BufferGeometry().setAttribute("position", new BufferAttribute(new Float32Array(3 * TRAIL), 3)),
+    new LineBasicMaterial({ color: "#0b6fb8" }),
+  );
+  private readonly places: number[][] = [];
+
+  constructor() {
+    this.trail.frustumCulled = false;
+    this.root.add(this.tracking, this.body, this.ring, this.trail);
+  }
+
+  show({ world_from_tracking, world_from_shoulder, tracking_from_body, fault }: TrackingReport): void {
+    // Before a trial has placed the system in the world its own frame is all there is.
+    const body = world_from_shoulder ?? tracking_from_body;
+    set(this.tracking, world_from_tracking);
+    set(this.body, body);
+    set(this.ring, body);
+    this.ring.material.color.set(fault === null ? "#00a070" : "#d03a2f");
+    if (!body) return;
+    this.places.push(body.translation);
+    if (this.places.length > TRAIL) this.places.shift();
+    const points = this.trail.geometry.getAttribute("position");
+    for (let k = 0; k < TRAIL; k++) {
+      const [x = 0, y = 0, z = 0] = this.places[Math.min(k, this.places.length - 1)] ?? [];
+      points.setXYZ(k, x, y, z);
+    }
+    points.needsUpdate = true;
+  }
+}
+
+function set(thing: AxesHelper | Mesh, pose: Pose | null): void {
+  thing.visible = pose !== null;
+  if (!pose) return;
+  thing.position.fromArray(pose.translation);
+  thing.quaternion.fromArray(pose.rotation);
+}
+
+function makeView(): { world: Scene; draw: () => void } | null {
+  const world = new Scene();
+  try {
+    const renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true });
+    const camera = new PerspectiveCamera(45, 1, 0.05, 50);
+    camera.up.set(0, 0, 1);
+    camera.position.set(-2.6, 2.2, 2.4);
+    const orbit = new OrbitControls(camera, canvas);
+    orbit.target.set(-0.2, 0, 1.1);
+    orbit.update();
+    const floor = new GridHelper(4, 16, "#7b8894", "#b7c1ca");
+    floor.rotation.x = Math.PI / 2;
+    world.add(floor, new AxesHelper(0.5));
+    const draw = (): void => {
+      const { clientWidth: width, clientHeight: height } = scene;
+      renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+      renderer.setSize(width, height, false);
+      camera.aspect = width / Math.max(height, 1);
+      camera.updateProjectionMatrix();
+      renderer.render(world, camera);
+    };
+    orbit.addEventListener("change", draw);
+    window.addEventListener("resize", draw);
+    return { world, draw };
+  } catch {
+    scene.replaceChildren(element("p", "muted", "This browser draws no 3D; the figures say the same."));
+    return null;
+  }
+}
+
+const view = makeView();
+const shown = new Map<string, { card: Card; frames: Frames }>();
+const none = element("p", "card", "No motion capture in this trial. Start the program with --mocap, such as: proact serve --mocap vrpn:192.168.1.5/Shoulderpad");
+
+function show(reports: TrackingReport[]): void {
+  none.hidden = reports.length > 0;
+  for (const report of reports) {
+    let parts = shown.get(report.source);
+    if (!parts) {
+      parts = { card: new Card(), frames: new Frames() };
+      shown.set(report.source, parts);
+      cards.append(parts.card.root);
+      view?.world.add(parts.frames.root);
+    }
+    parts.card.show(report);
+    parts.frames.show(report);
+  }
+  view?.draw();
+}
+
+async function ask(): Promise<void> {
+  try {
+    const answer = await fetch("/api/tracking", { signal: AbortSignal.timeout(2000) });
+    if (!answer.ok) throw new Error(String(answer.status));
+    show((await answer.json()) as TrackingReport[]);
+    setText(link, "live");
+  } catch {
+    setText(link, "the program is gone; waiting for it");
+  }
+  setTimeout(() => void ask(), EVERY_MS);
+}
+
+cards.append(none);
+void ask();

@@ -1,0 +1,137 @@
+//! Doubles for tests of what follows a source.
+
+use super::{CaptureLink, MotionCapture};
+use crate::{DeviceError, stream};
+use proact_localization::RawBodyPose;
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use std::collections::VecDeque;
+
+/// A source that does what the test says, a step a call, without any clock. Ends with the script.
+#[derive(Clone, Debug)]
+pub struct ScriptedCapture {
+    script: VecDeque<(CaptureLink, Vec<RawBodyPose>)>,
+}
+
+impl ScriptedCapture {
+    /// Plays `script`: at each call how the source stands, and what it hands out.
+    pub fn new(script: impl IntoIterator<Item = (CaptureLink, Vec<RawBodyPose>)>) -> Self {
+        Self { script: script.into_iter().collect() }
+    }
+}
+
+impl MotionCapture for ScriptedCapture {
+    fn name(&self) -> &str {
+        "script"
+    }
+
+    fn take(&mut self, poses: &mut Vec<RawBodyPose>) -> Result<CaptureLink, DeviceError> {
+        let Some((link, step)) = self.script.pop_front() else { return Ok(CaptureLink::Ended) };
+        poses.extend(step);
+        Ok(link)
+    }
+}
+
+/// What a [`FaultyCapture`] does to the poses of another source.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum CaptureFault {
+    /// A pose vanishes with this probability.
+    Drop(f64),
+    /// A pose is marked as not tracked, with a quaternion of zeros, with this probability.
+    Occlude(f64),
+    /// A quaternion is all zeros while the pose is marked as tracked, with this probability.
+    ZeroQuaternion(f64),
+    /// A coordinate is not a number, with this probability.
+    NotANumber(f64),
+    /// From this pose on every pose is the one before, under new stamps.
+    Freeze {
+        /// Number of the first such pose, from 0.
+        from: u64,
+    },
+    /// From this pose on stamps are earlier by so many ns.
+    TimeBack {
+        /// Number of the first such pose, from 0.
+        from: u64,
+        /// ns.
+        by: i64,
+    },
+    /// From this pose on bodies have another number.
+    OtherId {
+        /// Number of the first such pose, from 0.
+        from: u64,
+    },
+    /// Places are in another unit.
+    Scale(f64),
+    /// An axis has the wrong sign.
+    Mirror {
+        /// Which, from 0.
+        axis: usize,
+    },
+    /// y is up.
+    YUp,
+}
+
+/// Another source with faults. Choices are drawn from the stream `mocap/faults` of the seed.
+pub struct FaultyCapture<C> {
+    inner: C,
+    faults: Vec<CaptureFault>,
+    rng: ChaCha8Rng,
+    taken: u64,
+    frozen: Option<RawBodyPose>,
+}
+
+impl<C: MotionCapture> FaultyCapture<C> {
+    /// `inner` with `faults`, applied in their order.
+    pub fn new(inner: C, faults: &[CaptureFault], seed: u64) -> Self {
+        Self { inner, faults: faults.to_vec(), rng: stream(seed, "mocap/faults"), taken: 0, frozen: None }
+    }
+
+    /// The pose as it comes out; none if it is lost.
+    fn spoil(&mut self, mut pose: RawBodyPose) -> Option<RawBodyPose> {
+        let number = self.taken;
+        self.taken += 1;
+        for fault in self.faults.clone() {
+            match fault {
+                CaptureFault::Drop(share) if self.rng.random_bool(share) => return None,
+                CaptureFault::Occlude(share) if self.rng.random_bool(share) => {
+                    (pose.tracked, pose.quaternion) = (false, [0.0; 4]);
+                }
+                CaptureFault::ZeroQuaternion(share) if self.rng.random_bool(share) => {
+                    pose.quaternion = [0.0; 4]
+                }
+                CaptureFault::NotANumber(share) if self.rng.random_bool(share) => pose.position[1] = f64::NAN,
+                CaptureFault::Freeze { from } if number >= from => {
+                    let held = self.frozen.get_or_insert_with(|| pose.clone());
+                    (pose.position, pose.quaternion) = (held.position, held.quaternion);
+                }
+                CaptureFault::TimeBack { from, by } if number >= from => pose.stamp -= by,
+                CaptureFault::OtherId { from } if number >= from => pose.id = pose.id.map(|id| id + 100),
+                CaptureFault::Scale(factor) => pose.position = pose.position.map(|value| value * factor),
+                CaptureFault::Mirror { axis } => pose.position[axis] = -pose.position[axis],
+                CaptureFault::YUp => {
+                    let ([x, y, z], [qx, qy, qz, qw]) = (pose.position, pose.quaternion);
+                    (pose.position, pose.quaternion) = ([x, z, -y], [qx, qz, -qy, qw]);
+                }
+                _ => {}
+            }
+        }
+        Some(pose)
+    }
+}
+
+impl<C: MotionCapture> MotionCapture for FaultyCapture<C> {
+    fn name(&self) -> &str {
+        self.inner.name()
+    }
+
+    fn take(&mut self, poses: &mut Vec<RawBodyPose>) -> Result<CaptureLink, DeviceError> {
+        let mut fresh = Vec::new();
+        let link = self.inner.take(&mut fresh)?;
+        poses.extend(fresh.into_iter().filter_map(|pose| self.spoil(pose)));
+        Ok(link)
+    }
+
+    fn malformed(&self) -> u64 {
+        self.inner.malformed()
+    }
+}

@@ -1,0 +1,34 @@
+//! A device's clock on ours.
+
+use crate::Nanos;
+use std::collections::VecDeque;
+
+/// How long the quickest sample counts, ns: clocks drift by some 50 us in a second.
+const WINDOW: Nanos = 10_000_000_000;
+
+/// Our clock minus the device's, from the sample that was least delayed in the last ten seconds: delays only add.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct ClockOffset {
+    /// Arrival and offset, offsets rising: the first is the least.
+    least: VecDeque<(Nanos, Nanos)>,
+}
+
+impl ClockOffset {
+    /// The stamp on our clock, s, as if the sample had had no delay but the least.
+    pub fn take(&mut self, stamp: Nanos, arrival: Nanos) -> f64 {
+        let offset = arrival.saturating_sub(stamp);
+        while self.least.back().is_some_and(|(_, other)| *other >= offset) {
+            self.least.pop_back();
+        }
+        self.least.push_back((arrival, offset));
+        while self.least.front().is_some_and(|(at, _)| arrival.saturating_sub(*at) > WINDOW) {
+            self.least.pop_front();
+        }
+        stamp.saturating_add(self.offset()) as f64 * 1e-9
+    }
+
+    /// ns.
+    pub fn offset(&self) -> Nanos {
+        self.least.front().map_or(0, |(_, offset)| *offset)
+    }
+}

@@ -1,0 +1,235 @@
+//! From the samples of one body to its pose at the time of a display.
+
+use crate::{
+    BodySample, Nanos,
+    clock_offset::ClockOffset,
+    motion_fit::{Moment, noise_of, predict},
+    original_filter::OriginalFilter,
+};
+use nalgebra::UnitQuaternion;
+use proact_types::{Pose, Vector};
+use serde::{Deserialize, Serialize};
+use std::collections::VecDeque;
+
+/// Whose filter.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FilterProfile {
+    /// Linear prediction over a window that adapts.
+    #[default]
+    Default,
+    /// The original's `pose_filter.py`: a mean of ten with a dead band; no prediction, no limit for an occlusion.
+    Original,
+}
+
+/// How a body is followed.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PoseFilterConfig {
+    /// Whose filter.
+    pub profile: FilterProfile,
+    /// From the light on the markers to the arrival of the quickest sample, s, as the tracking system's maker states it: the
+    /// pose is predicted across it.
+    pub latency_secs: f64,
+    /// A body that is not seen for longer than this, s, stands still, and the arm with it.
+    pub occlusion_secs: f64,
+    /// Time constant with which a speed is given up that no sample confirms, s.
+    pub coast_secs: f64,
+    /// Time in which a body that is seen again is caught up with, s.
+    pub resume_secs: f64,
+    /// A sample as far as this from where it is expected, m, is an outlier.
+    pub outlier_m: f64,
+    /// The same for its attitude, degrees.
+    pub outlier_deg: f64,
+}
+
+impl Default for PoseFilterConfig {
+    fn default() -> Self {
+        Self {
+            profile: FilterProfile::Default,
+            latency_secs: 0.004,
+            occlusion_secs: 0.25,
+            coast_secs: 0.15,
+            resume_secs: 0.2,
+            outlier_m: 0.03,
+            outlier_deg: 8.0,
+        }
+    }
+}
+
+impl PoseFilterConfig {
+    /// The original's filter.
+    pub fn original() -> Self {
+        Self { profile: FilterProfile::Original, ..Self::default() }
+    }
+}
+
+/// What a pose rests on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FollowState {
+    /// Samples of the last moments.
+    Tracked,
+    /// A gap that is bridged.
+    Predicted,
+    /// A gap that is too long: it stands still, and the arm must too.
+    Frozen,
+}
+
+/// A pose for the display.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Followed {
+    /// `tracking_from_body`.
+    pub pose: Pose,
+    /// What it rests on.
+    pub state: FollowState,
+}
+
+/// Longest window of samples, s.
+const KEPT_SECS: f64 = 0.26;
+/// Outliers for longer than this are where the body is now, s.
+const OUTLIERS_SECS: f64 = 0.1;
+/// A gap longer than this, s, is told as such: two and a half frames of the slowest systems.
+const GAP_SECS: f64 = 0.06;
+
+/// Follows one body: smooths without a lag for steady motion, bridges short gaps, stands still in long ones and comes back
+/// without a jump. Deterministic; times come with samples and questions.
+///
+/// Each question fits a straight motion of place and attitude (a rotation vector about the newest sample) by least squares
+/// over the longest of four windows, 70 to 260 ms, in which what is left is noise (adaptive windowing after Janabi-Sharifi et
+/// al. 2000, "Discrete-time adaptive windowing for velocity estimation", IEEE Trans Control Syst Technol 8:1003), and reads it
+/// at the time that is asked for. Weakness: at the start of a quick movement it lags until the short window has seen it, and
+/// at its end it overshoots.
+#[derive(Clone, Debug)]
+pub struct PoseFilter {
+    config: PoseFilterConfig,
+    clock: ClockOffset,
+    /// On our clock, oldest first.
+    recent: VecDeque<Moment>,
+    /// Samples that were not believed, since when, s.
+    doubted_since: Option<f64>,
+    original: OriginalFilter,
+    shown: Option<Shown>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Shown {
+    at: f64,
+    pose: Pose,
+    /// What the samples said then.
+    measured: Pose,
+    state: FollowState,
+    /// What is left of the way from where it was shown to where the samples say it is: m and rad, with the time it began at.
+    catching_up: (Vector, Vector),
+    since: f64,
+}
+
+impl PoseFilter {
+    /// A filter that has seen nothing.
+    pub fn new(config: PoseFilterConfig) -> Self {
+        Self {
+            config,
+            clock: ClockOffset::default(),
+            recent: VecDeque::new(),
+            doubted_since: None,
+            original: OriginalFilter::default(),
+            shown: None,
+        }
+    }
+
+    /// The next sample in the order of arrival. Those that are not tracked, or no later than the one before, are passed over.
+    pub fn take(&mut self, sample: &BodySample) {
+        if !sample.tracked {
+            return;
+        }
+        self.original.take(&sample.pose);
+        let time = self.clock.take(sample.stamp, sample.arrival) - self.config.latency_secs;
+        if let Some(newest) = self.recent.back() {
+            if time <= newest.time {
+                return;
+            }
+            if self.is_outlier(time, &sample.pose)
+                && time - *self.doubted_since.get_or_insert(time) < OUTLIERS_SECS
+            {
+                return;
+            }
+        }
+        if self.doubted_since.take().is_some_and(|since| time - since >= OUTLIERS_SECS) {
+            // It has stayed there: what came before is of no use.
+            self.recent.clear();
+        }
+        self.recent.push_back(Moment { time, pose: sample.pose });
+        while self.recent.front().is_some_and(|first| first.time < time - KEPT_SECS) {
+            self.recent.pop_front();
+        }
+    }
+
+    fn is_outlier(&self, time: f64, pose: &Pose) -> bool {
+        let Some(expected) = predict(&self.recent, time, self.config.coast_secs) else { return false };
+        let Some(newest) = self.recent.back() else { return false };
+        // The longer nothing was seen, the less is known: as fast as a person moves.
+        let more = 1.0 + 10.0 * (time - newest.time).max(0.0);
+        let way = (expected.translation.vector - pose.translation.vector).norm();
+        let turn = expected.rotation.angle_to(&pose.rotation).to_degrees();
+        way > self.config.outlier_m * more || turn > self.config.outlier_deg * more
+    }
+
+    /// The body at `now` on our clock, ns: the time at which a display shows it. None before the first sample.
+    pub fn at(&mut self, now: Nanos) -> Option<Followed> {
+        let now = now as f64 * 1e-9;
+        if self.config.profile == FilterProfile::Original {
+            return self.original.pose().map(|pose| Followed { pose, state: FollowState::Tracked });
+        }
+        let newest = self.recent.back()?.time;
+        let gap = now - newest;
+        let state = match gap {
+            gap if gap > self.config.occlusion_secs => FollowState::Frozen,
+            gap if gap > GAP_SECS => FollowState::Predicted,
+            _ => FollowState::Tracked,
+        };
+        let until = now.min(newest + self.config.occlusion_secs);
+        let measured = predict(&self.recent, until, self.config.coast_secs)?;
+        let shown = self.show(now, state, &measured);
+        self.shown = Some(shown);
+        Some(Followed { pose: shown.pose, state })
+    }
+
+    /// Standard deviation of a sample about a straight motion, m and rad; none before there are enough.
+    pub fn noise(&self) -> Option<(f64, f64)> {
+        noise_of(&self.recent)
+    }
+
+    /// What is shown of what was measured: after a gap the difference between the two is given up smoothly.
+    fn show(&self, now: f64, state: FollowState, measured: &Pose) -> Shown {
+        let fresh = Shown {
+            at: now,
+            pose: *measured,
+            measured: *measured,
+            state,
+            catching_up: (Vector::zeros(), Vector::zeros()),
+            since: f64::NEG_INFINITY,
+        };
+        let Some(before) = self.shown else { return fresh };
+        let way = before.pose.translation.vector - measured.translation.vector;
+        let turn = (before.pose.rotation * measured.rotation.inverse()).scaled_axis();
+        // Seen again, or a step that no body makes from one question to the next.
+        let secs = (now - before.at).max(1e-3);
+        let returns = before.state != FollowState::Tracked && state == FollowState::Tracked;
+        let step = (before.measured.translation.vector - measured.translation.vector).norm();
+        let bend = before.measured.rotation.angle_to(&measured.rotation);
+        let jumps = step > 0.01 + 2.0 * secs || bend > 0.05 + 6.0 * secs;
+        let mut next = Shown { catching_up: before.catching_up, since: before.since, ..fresh };
+        if returns || jumps {
+            (next.catching_up, next.since) = ((way, turn), now);
+        }
+        let share = 1.0 - ((now - next.since) / self.config.resume_secs).clamp(0.0, 1.0);
+        // From 1 to 0 with no speed at either end.
+        let share = share * share * (3.0 - 2.0 * share);
+        let (way, turn) = next.catching_up;
+        next.pose = Pose::from_parts(
+            (measured.translation.vector + way * share).into(),
+            UnitQuaternion::from_scaled_axis(turn * share) * measured.rotation,
+        );
+        next
+    }
+}

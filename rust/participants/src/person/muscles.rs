@@ -1,0 +1,122 @@
+use super::{PersonTraits, stream};
+use proact_types::{Gesture, SimTime, TrunkPosture};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, Exp};
+
+/// A gesture goes on being taken for another one in steps of a decision, ms.
+const DECISION_MILLIS: u64 = 50;
+/// A relaxed hand is confused this much less often than a working one. Assumed.
+const AT_REST: f64 = 0.1;
+/// A lean that counts once, rad.
+const LEAN: f64 = 25.0 * std::f64::consts::PI / 180.0;
+
+/// From the gesture that is meant to what the muscles show: a two-state Markov chain, good and confused. While confused,
+/// most decisions see the neighbour of what is meant: extensors open the hand and extend the wrist, flexors close it and
+/// flex the wrist. A relaxed hand tenses.
+pub(crate) struct Muscles {
+    rng: ChaCha8Rng,
+    traits: PersonTraits,
+    /// Confused until then, while there is a burst.
+    confused_until: Option<SimTime>,
+    /// What the decision under way sees.
+    shown: Gesture,
+    next_decision: SimTime,
+}
+
+impl Muscles {
+    pub(crate) fn new(traits: &PersonTraits, seed: u64) -> Self {
+        Self {
+            rng: stream(seed, "muscles"),
+            traits: *traits,
+            confused_until: None,
+            shown: Gesture::NoMotion,
+            next_decision: SimTime(0),
+        }
+    }
+
+    /// What the muscles show of `meant`, with the trunk at `posture`.
+    pub(crate) fn show(&mut self, now: SimTime, meant: Gesture, posture: &TrunkPosture) -> Gesture {
+        if self.traits.confusions_per_min <= 0.0 {
+            return meant;
+        }
+        while now >= self.next_decision {
+            let at = self.next_decision;
+            self.next_decision = at.plus_millis(DECISION_MILLIS);
+            self.shown = self.decide(at, meant, posture);
+        }
+        // A gesture that was just begun or ended is not taken for the one before.
+        if self.confused_until.is_none() { meant } else { self.shown }
+    }
+
+    fn decide(&mut self, at: SimTime, meant: Gesture, posture: &TrunkPosture) -> Gesture {
+        if self.confused_until.is_some_and(|until| at >= until) {
+            self.confused_until = None;
+        }
+        if self.confused_until.is_none() {
+            let lean = posture.forward.hypot(posture.lateral) / LEAN;
+            let resting = if meant == Gesture::NoMotion { AT_REST } else { 1.0 };
+            let per_min =
+                self.traits.confusions_per_min * resting * (1.0 + self.traits.posture_confusion * lean);
+            let chance = per_min * DECISION_MILLIS as f64 / 60_000.0;
+            if self.rng.random::<f64>() < chance {
+                let mean = self.traits.confusion_ms.max(1) as f64;
+                let millis = Exp::new(1.0 / mean).map_or(mean, |length| length.sample(&mut self.rng));
+                self.confused_until = Some(at.plus_millis(millis as u64 + 1));
+            }
+        }
+        let confused = self.confused_until.is_some() && self.rng.random::<f64>() < self.traits.confused_share;
+        if confused { neighbour(meant) } else { meant }
+    }
+}
+
+/// What a gesture is taken for.
+fn neighbour(meant: Gesture) -> Gesture {
+    match meant {
+        Gesture::NoMotion => Gesture::WristExtension,
+        Gesture::WristExtension => Gesture::HandOpen,
+        Gesture::HandOpen => Gesture::WristExtension,
+        Gesture::WristFlexion => Gesture::HandClose,
+        Gesture::HandClose => Gesture::WristFlexion,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What is shown each 17 ms of an hour of WE.
+    fn shown(traits: &PersonTraits, forward: f64) -> Vec<Gesture> {
+        let mut muscles = Muscles::new(traits, 5);
+        let posture = TrunkPosture { forward, ..TrunkPosture::default() };
+        (0..3_600_000)
+            .step_by(17)
+            .map(|now| muscles.show(SimTime(now), Gesture::WristExtension, &posture))
+            .collect()
+    }
+
+    fn wrong(shown: &[Gesture]) -> usize {
+        shown.iter().filter(|gesture| **gesture != Gesture::WristExtension).count()
+    }
+
+    #[test]
+    fn errors_come_in_bursts_of_the_neighbouring_gesture_as_often_as_said() {
+        let traits = PersonTraits { confusions_per_min: 6.0, ..PersonTraits::default() };
+        let seen = shown(&traits, 0.0);
+        assert!(seen.iter().all(|g| matches!(g, Gesture::WristExtension | Gesture::HandOpen)));
+        // 6 a minute of 0.7 s with 0.8 of the decisions wrong: 5.6 % of the time.
+        let share = wrong(&seen) as f64 / seen.len() as f64;
+        assert!((0.047..0.062).contains(&share), "{share}");
+        // In runs that outlast three decisions, which single errors of that rate hardly ever would.
+        let longest = seen.split(|g| *g == Gesture::WristExtension).map(<[Gesture]>::len).max();
+        assert!(longest > Some(9), "{longest:?} samples of 17 ms");
+    }
+
+    #[test]
+    fn a_lean_makes_it_worse_and_nobody_in_particular_is_never_confused() {
+        let traits =
+            PersonTraits { confusions_per_min: 6.0, posture_confusion: 2.0, ..PersonTraits::default() };
+        assert!(wrong(&shown(&traits, 0.43)) > 2 * wrong(&shown(&traits, 0.0)));
+        assert_eq!(wrong(&shown(&PersonTraits::default(), 0.4)), 0);
+    }
+}

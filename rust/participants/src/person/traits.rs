@@ -1,0 +1,142 @@
+use crate::OutOfRange;
+use serde::{Deserialize, Serialize};
+
+/// What a simulated person is like in one trial, beside reaction, blinks and timing. The default is nobody: no delays and
+/// no errors.
+///
+/// Every number has its source here, or is said to be assumed; `docs/simulated-participants.md` has the values
+/// that a population draws. Nothing here is evidence about people.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PersonTraits {
+    /// Median time to decide what to do next: which joint or axis, or the next step of a selection, ms. Assumed.
+    pub thinking_ms: u64,
+    /// Spread of that time from one decision to the next: standard deviation of its logarithm. Assumed.
+    pub thinking_spread: f64,
+    /// How often in a minute of muscle work the classifier begins to take a gesture for another one. Assumed. Errors come
+    /// in bursts: independent ones are filtered out by three equal decisions.
+    pub confusions_per_min: f64,
+    /// Mean length of such a burst, ms. Assumed.
+    pub confusion_ms: u64,
+    /// Share of the decisions in a burst that go to the neighbouring gesture. Assumed.
+    pub confused_share: f64,
+    /// The rate grows by this share for each 25 degrees that the trunk leans. Assumed.
+    pub posture_confusion: f64,
+    /// From the wish to look elsewhere to the eye being there, ms (saccade latency, about 200).
+    pub saccade_ms: u64,
+    /// Share of the time with the eyes on the hand while something moves. Assumed.
+    pub hand_glance_share: f64,
+    /// Width and height of what the headset shows, degrees (HoloLens 2: 43 and 29). What is outside is remembered.
+    pub field_of_view_deg: [f64; 2],
+    /// Standard deviation of the error in depth with which an object is seen, metres along the line of sight. Assumed.
+    pub depth_error_m: f64,
+    /// Chance that the direction in which a gesture moves a joint or an axis is known before it was seen to move. Assumed.
+    pub known_directions: f64,
+    /// Chance of the wrong direction once it is known. Assumed.
+    pub wrong_direction: f64,
+    /// Spread of the guess how fast a joint or an axis moves: standard deviation of its logarithm. Assumed.
+    pub speed_error: f64,
+    /// Share of the person's own delay for which the end of a movement is anticipated, 0 to 1. Assumed.
+    pub anticipation: f64,
+    /// Standard deviation of an imagined movement, as a share of it. Assumed.
+    pub imagination_error: f64,
+    /// Chance that the trunk makes a correction that it is able to make, instead of the arm. Assumed.
+    pub body_share: f64,
+    /// Chance to notice, at one look, that something other than what is meant is highlighted, or that a marker is off.
+    /// Assumed.
+    pub notices: f64,
+    /// Chance to forget to lock a selection before WE. Assumed.
+    pub forgets_lock: f64,
+    /// Chance to let go of WE before the arm has arrived, taking it for arrived. Assumed.
+    pub lets_go_early: f64,
+}
+
+impl Default for PersonTraits {
+    fn default() -> Self {
+        Self {
+            thinking_ms: 0,
+            thinking_spread: 0.0,
+            confusions_per_min: 0.0,
+            confusion_ms: 700,
+            confused_share: 0.8,
+            posture_confusion: 0.0,
+            saccade_ms: 0,
+            hand_glance_share: 0.0,
+            field_of_view_deg: [360.0, 180.0],
+            depth_error_m: 0.0,
+            known_directions: 1.0,
+            wrong_direction: 0.0,
+            speed_error: 0.0,
+            anticipation: 1.0,
+            imagination_error: 0.0,
+            body_share: 0.0,
+            notices: 1.0,
+            forgets_lock: 0.0,
+            lets_go_early: 0.0,
+        }
+    }
+}
+
+impl PersonTraits {
+    /// True for the default: nobody in particular.
+    pub fn is_nobody(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// Checks ranges.
+    ///
+    /// # Errors
+    /// The first key that is out of range.
+    pub fn check(&self) -> Result<(), OutOfRange> {
+        let refused = |key, got: String, expected| Err(OutOfRange { key, got, expected });
+        let times = [
+            ("participant.person.thinking_ms", self.thinking_ms),
+            ("participant.person.confusion_ms", self.confusion_ms),
+            ("participant.person.saccade_ms", self.saccade_ms),
+        ];
+        for (key, got) in times {
+            if got > 60_000 {
+                return refused(key, got.to_string(), "0 to 60000");
+            }
+        }
+        let shares = [
+            ("participant.person.confused_share", self.confused_share),
+            ("participant.person.hand_glance_share", self.hand_glance_share),
+            ("participant.person.known_directions", self.known_directions),
+            ("participant.person.wrong_direction", self.wrong_direction),
+            ("participant.person.anticipation", self.anticipation),
+            ("participant.person.body_share", self.body_share),
+            ("participant.person.notices", self.notices),
+            ("participant.person.forgets_lock", self.forgets_lock),
+            ("participant.person.lets_go_early", self.lets_go_early),
+        ];
+        for (key, got) in shares {
+            if !(0.0..=1.0).contains(&got) {
+                return refused(key, got.to_string(), "0 to 1");
+            }
+        }
+        let spreads = [
+            ("participant.person.thinking_spread", self.thinking_spread, 0.0..=3.0, "0 to 3"),
+            ("participant.person.confusions_per_min", self.confusions_per_min, 0.0..=600.0, "0 to 600"),
+            ("participant.person.posture_confusion", self.posture_confusion, 0.0..=20.0, "0 to 20"),
+            ("participant.person.depth_error_m", self.depth_error_m, 0.0..=0.2, "0 to 0.2"),
+            ("participant.person.speed_error", self.speed_error, 0.0..=3.0, "0 to 3"),
+            ("participant.person.imagination_error", self.imagination_error, 0.0..=2.0, "0 to 2"),
+        ];
+        for (key, got, allowed, expected) in spreads {
+            if !allowed.contains(&got) {
+                return refused(key, got.to_string(), expected);
+            }
+        }
+        let [width, height] = self.field_of_view_deg;
+        if !((5.0..=360.0).contains(&width) && (5.0..=180.0).contains(&height)) {
+            let got = format!("{:?}", self.field_of_view_deg);
+            return refused(
+                "participant.person.field_of_view_deg",
+                got,
+                "a width of 5 to 360 and a height of 5 to 180",
+            );
+        }
+        Ok(())
+    }
+}
