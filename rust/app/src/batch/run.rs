@@ -134,9 +134,11 @@ pub struct ConditionSummary {
 /// Scores by condition, in whatever order trials end: one number a trial.
 #[derive(Clone, Debug, Default)]
 pub struct ScoreTally {
-    /// Name of the condition and of its score, then place and score of each trial.
-    conditions: Vec<(String, String, Vec<(usize, f64)>)>,
+    conditions: Vec<ConditionScores>,
 }
+
+/// Name of a condition and of its score, then place and score of each trial.
+type ConditionScores = (String, String, Vec<(usize, f64)>);
 
 impl ScoreTally {
     /// Takes the score of the trial in place `index`.
@@ -154,7 +156,7 @@ impl ScoreTally {
         // Sums of the same numbers in another order are other sums.
         self.conditions.iter_mut().for_each(|(.., scores)| scores.sort_by_key(|(index, _)| *index));
         self.conditions.sort_by_key(|(.., scores)| scores.first().map(|(index, _)| *index));
-        let summary = |(condition, score_name, scores): (String, String, Vec<(usize, f64)>)| {
+        let summary = |(condition, score_name, scores): ConditionScores| {
             let scores: Vec<f64> = scores.into_iter().map(|(_, score)| score).collect();
             Some(ConditionSummary { condition, score_name, scores: SampleSummary::of(&scores)? })
         };

@@ -78,16 +78,17 @@ pub fn submit(job: &SlurmJob) -> Result<(PathBuf, String), BatchError> {
 }
 
 fn sbatch(script: &Path) -> Result<String, String> {
-    let output = Command::new("sbatch").arg("--parsable").arg(script).output().map_err(
-        |error| match error.kind() {
+    let output =
+        Command::new("sbatch").arg("--parsable").arg(script).output().map_err(|error| {
+            match error.kind() {
             io::ErrorKind::NotFound => {
                 "the script is written, but there is no sbatch on this machine; copy it to where Slurm is \
                                     and submit it there"
                     .to_owned()
             }
             _ => format!("sbatch: {error}"),
-        },
-    )?;
+        }
+        })?;
     if !output.status.success() {
         return Err(format!("sbatch refused it: {}", String::from_utf8_lossy(&output.stderr).trim()));
     }

@@ -1,6 +1,7 @@
 //! Who simulated participants are: the one place that turns a person and what that person has done before into values of a trial's
 //! configuration.
 
+use proact_participants::{Population, Practice};
 use serde::{Deserialize, Serialize};
 use std::{fmt, str::FromStr};
 
@@ -10,11 +11,13 @@ pub enum People {
     /// One who sees late and blinks, and otherwise does what is best: the participant of `proact demo`.
     #[default]
     Competent,
+    /// One with delays, errors and habits, drawn from [`Population::standard`].
+    Person,
 }
 
 impl People {
     /// Names of all kinds.
-    pub const NAMES: [&str; 1] = ["competent"];
+    pub const NAMES: [&str; 2] = ["competent", "person"];
 }
 
 impl FromStr for People {
@@ -23,7 +26,8 @@ impl FromStr for People {
     fn from_str(name: &str) -> Result<Self, String> {
         match name {
             "competent" => Ok(Self::Competent),
-            _ => Err(format!("there are no people called {name:?}, expected {}", Self::NAMES.join(", "))),
+            "person" => Ok(Self::Person),
+            _ => Err(format!("there are no people called {name:?}, expected {}", Self::NAMES.join(" or "))),
         }
     }
 }
@@ -32,6 +36,7 @@ impl fmt::Display for People {
     fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
         to.write_str(match self {
             Self::Competent => "competent",
+            Self::Person => "person",
         })
     }
 }
@@ -50,14 +55,44 @@ pub struct TrialHistory {
 }
 
 /// Values of the configuration of a trial of person `index` (from 1) among those that `master_seed` draws, as `--set` takes them.
-pub fn person_values(
-    people: People,
-    _master_seed: u64,
-    _index: usize,
-    _history: &TrialHistory,
-) -> Vec<String> {
+pub fn person_values(people: People, master_seed: u64, index: usize, history: &TrialHistory) -> Vec<String> {
     match people {
         // They differ by the seed of the trial alone.
         People::Competent => Vec::new(),
+        People::Person => {
+            let practice = Practice {
+                trials_with_method: history.same_condition as u32,
+                minutes: history.minutes,
+                // The classifier is trained at the beginning of a session.
+                minutes_since_training: history.minutes,
+                days_before: history.session.saturating_sub(1) as u32,
+                ..Practice::default()
+            };
+            let options = Population::standard().person(master_seed, index as u32, &practice);
+            let table = toml::Value::try_from(options).expect("numbers in tables are TOML");
+            vec![format!("participant={table}")]
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proact_testbed::{Setup, TrialConfig};
+
+    #[test]
+    fn a_person_is_the_same_in_each_trial_but_for_what_was_learnt() {
+        let trial = TrialConfig::new("A", 1, Setup::named("seated").unwrap());
+        let person = |index, same_condition| {
+            let history = TrialHistory { same_condition, session: 1, ..TrialHistory::default() };
+            let values = person_values(People::Person, 4, index, &history);
+            trial.with_values(&values).unwrap().participant.unwrap()
+        };
+        assert_eq!(person(1, 0), person(1, 0));
+        assert_ne!(person(1, 0), person(2, 0));
+        assert_eq!(person(1, 0).reaction_ms, person(1, 2).reaction_ms);
+        assert!(person(1, 2).person.thinking_ms < person(1, 0).person.thinking_ms);
+        assert!(person_values(People::Competent, 4, 1, &TrialHistory::default()).is_empty());
+        assert!(People::NAMES.iter().all(|name| name.parse::<People>().unwrap().to_string() == *name));
     }
 }
