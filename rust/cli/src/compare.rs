@@ -22,7 +22,7 @@ use std::error::Error;
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  proact compare A B C D\n  proact compare C,D,mine.toml --participants 24 --trials 3 --out board\n  \
-    proact compare C D --task targeted_bbt --set participant.gaze_error_deg=3 --json\n\n\
+    proact compare C D --people person --set participant.gaze_error_deg=3 --json\n\n\
     Every method meets the same simulated people, the same blocks and the same seeds, each as if it were the first that a person \
     meets. A method of one's own is the TOML file that names its program (docs/methods). The folder has the trials as of proact \
     simulate --out, and in analysis/ a report as of proact analyze with the leader board first. Simulated participants are no \

@@ -29,7 +29,7 @@ const SEEDS: usize = 5;
 #[command(after_help = "Examples:\n  proact simulate\n  proact simulate --methods C,D --seeds 20 --json\n  \
     proact simulate study1 --participants 100 --out night\n  proact simulate study1 --participants 100 --out night --shard 2/4\n  \
     proact simulate --merge night\n  proact simulate study1 --participants 1000 --out night --slurm=50 --sbatch-option --time=4:00:00\n  \
-    proact simulate --methods C,D --task targeted_bbt --vary participant.gaze_error_deg=0,1.5,3 --vary intent.sigma=0.01,0.03,0.1 \
+    proact simulate --methods C,D --vary participant.gaze_error_deg=0,1.5,3 --vary intent.sigma=0.01,0.03,0.1 \
     --out sweep\n\n\
     Simulated participants say nothing about people. Without --out nothing is kept but these figures. With it each trial is a line \
     on the disk as it ends, in DIR/shard-K-of-N.log; when all are there, trials.jsonl and the tables for proact analyze DIR follow, \

@@ -107,6 +107,10 @@ fn the_papers_tables_give_the_papers_printed_numbers() {
             "D,3.67,0.56,2.00,4.00,4.00,24",
         ]
     );
+    // Three trials each: of A 0, 1 and 3 blocks, of D 2, 4 and 4.
+    let people = lines(&out.join("tables/by_participant.csv"));
+    assert_eq!(people[0], "Measure,participant,A,B,C,D");
+    assert_eq!(people[1], "\"Score, mean of the trials\",P1,1.33,1.33,2.67,3.33");
     let sequence = lines(&out.join("tables/sequence.csv"));
     for (person, told) in SEQUENCES.iter().enumerate() {
         assert_eq!(sequence[person + 1], format!("P{},{}", person + 1, told.join(",")));

@@ -7,7 +7,7 @@ use std::{
     collections::BTreeMap,
     fs,
     path::Path,
-    process::{Command, Output},
+    process::{Command, Output, Stdio},
 };
 
 /// Trials of 3 s, in which nobody gets anywhere: what is tested is what is kept of them.
@@ -216,4 +216,34 @@ fn what_a_study_cannot_take_is_refused_in_one_sentence() {
     assert!(error.contains("nowhere") && error.contains("proact study new"), "{error}");
     let error = refusal(dir, &["simulate", "--methods", "Z"]);
     assert!(error.contains("Z"), "{error}");
+}
+
+#[test]
+fn a_report_on_a_study_that_was_broken_off_says_how_far_it_got() {
+    let place = tempfile::tempdir().unwrap();
+    study(place.path(), "half");
+    let plan = PLAN.replace("participants = 3", "participants = 40");
+    fs::write(place.path().join("half/plan.toml"), plan).unwrap();
+    let mut run = Command::new(env!("CARGO_BIN_EXE_proact"))
+        .args(["study", "run", "half", "--simulated", "--jobs", "1"])
+        .current_dir(place.path())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let begun = || fs::read_dir(place.path().join("half/trials")).map_or(0, Iterator::count);
+    while begun() < 3 && run.try_wait().unwrap().is_none() {
+        std::thread::yield_now();
+    }
+    assert!(Command::new("kill").args(["-INT", &run.id().to_string()]).status().unwrap().success());
+    assert!(!run.wait().unwrap().success(), "it was broken off");
+    let report = json(place.path(), &["analyze", "half", "--json"]);
+    let notes = report["notes"].to_string();
+    assert!(notes.contains("not finished") && notes.contains("of 80 planned trials"), "{notes}");
+    let trials = fs::read_to_string(place.path().join("half/analysis/tables/trials.csv")).unwrap();
+    let counted = trials.lines().count() - 1;
+    assert!(
+        (1..80).contains(&counted) && notes.contains(&format!(": {counted} of 80")),
+        "{counted}: {notes}"
+    );
 }

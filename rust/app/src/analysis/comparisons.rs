@@ -29,9 +29,8 @@ enum Each {
     Median,
 }
 
-/// Compares everything of which there is a value a person and condition.
-pub(super) fn compare_all(collected: &Collected, seed: u64) -> Vec<Compared> {
-    let conditions = conditions(collected);
+/// Everything of which there is a value a person and condition: its name, how several values become one, and the values.
+fn measures(collected: &Collected) -> Vec<(String, Each, Vec<Value>)> {
     let mut measures: Vec<(String, Each, Vec<Value>)> = Vec::new();
     let mut add = |name: &str, each, found: Vec<Value>| {
         if !found.is_empty() {
@@ -69,7 +68,13 @@ pub(super) fn compare_all(collected: &Collected, seed: u64) -> Vec<Compared> {
     for (name, found) in scored(collected) {
         add(&format!("{name}, mean"), Each::Mean, found);
     }
-    let compared = measures.into_iter().filter_map(|(measure, each, found)| {
+    measures
+}
+
+/// Compares the conditions in all measures.
+pub(super) fn compare_all(collected: &Collected, seed: u64) -> Vec<Compared> {
+    let conditions = conditions(collected);
+    let compared = measures(collected).into_iter().filter_map(|(measure, each, found)| {
         let values = repeated(&conditions, &found, each)?;
         Some(Compared { measure, people: values.people(), comparison: compare(&values, seed) })
     });
@@ -81,7 +86,12 @@ pub(super) fn repeated_scores(conditions: &[String], found: &[Value]) -> Option<
     repeated(conditions, found, Each::Mean)
 }
 
-fn repeated(conditions: &[String], found: &[Value], each: Each) -> Option<Repeated> {
+/// What each person has under each condition, by person.
+fn by_person(
+    conditions: &[String],
+    found: &[Value],
+    each: Each,
+) -> Vec<(summaries::Ordered, Vec<Option<f64>>)> {
     let mut people: BTreeMap<summaries::Ordered, Vec<Vec<f64>>> = BTreeMap::new();
     for value in found {
         let Some(place) = conditions.iter().position(|name| *name == value.condition) else { continue };
@@ -95,7 +105,29 @@ fn repeated(conditions: &[String], found: &[Value], each: Each) -> Option<Repeat
             Each::Median => summary.median,
         })
     };
-    let rows = people.into_values().map(|row| row.into_iter().map(one).collect()).collect();
+    people.into_iter().map(|(of, row)| (of, row.into_iter().map(one).collect())).collect()
+}
+
+/// All measures of each person, a row a measure and person, a column a condition.
+pub(super) fn by_participant(collected: &Collected) -> Option<ReportTable> {
+    let conditions = conditions(collected);
+    let mut rows = Vec::new();
+    for (measure, each, found) in measures(collected) {
+        for (of, values) in by_person(&conditions, &found, each) {
+            let numbers = values.into_iter().map(|value| between(value, None, 2));
+            rows.push([measure.clone(), of.name.clone()].into_iter().chain(numbers).collect());
+        }
+    }
+    let head = ["Measure", "participant"].map(str::to_owned).into_iter().chain(conditions).collect();
+    let caption = "One value a person and method: the mean or median, as the measure says, of that person's trials, blocks or phases. \
+                   These are what the tests compare."
+        .to_owned();
+    let title = "Each participant".to_owned();
+    (!rows.is_empty()).then_some(ReportTable { name: "by_participant", title, caption, head, rows })
+}
+
+fn repeated(conditions: &[String], found: &[Value], each: Each) -> Option<Repeated> {
+    let rows = by_person(conditions, found, each).into_iter().map(|(_, row)| row).collect();
     Repeated::new(conditions.to_vec(), rows).ok().filter(|_| conditions.len() > 1)
 }
 

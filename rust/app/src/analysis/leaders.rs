@@ -23,7 +23,7 @@ pub struct Leader {
     pub scores: SampleSummary,
     /// Of the mean of people's means, bootstrap over people, 95 %.
     pub interval: Option<Interval>,
-    /// Share of trials with the highest score of all trials.
+    /// Share of trials with the highest score of all trials; zero if none scored.
     pub at_most: f64,
     /// Share of trials with score zero.
     pub at_zero: f64,
@@ -80,7 +80,7 @@ pub fn leader_board(collected: &Collected, seed: u64) -> Vec<Leader> {
                 method: method.clone(),
                 scores: SampleSummary::of(&scores)?,
                 interval: bootstrap(means.len(), seed, mean),
-                at_most: share(most),
+                at_most: if most > 0.0 { share(most) } else { 0.0 },
                 at_zero: share(0.0),
                 over_next: None,
             })

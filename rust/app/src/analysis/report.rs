@@ -80,6 +80,7 @@ pub fn report(
         tables.push(leader_table(&leader_board(collected, options.seed)));
     }
     tables.extend(summaries::tables(collected));
+    tables.extend(comparisons::by_participant(collected));
     tables.extend(comparisons::tables(&compared));
     let mut report = WrittenReport {
         page: out.join(PAGE),
@@ -232,4 +233,24 @@ fn claim(folder: &Path) -> Result<(), Box<dyn Error>> {
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_report_that_was_killed_says_that_it_is_not_finished_and_can_be_made_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("report");
+        claim(&out).unwrap();
+        // What a kill from here on leaves.
+        assert_eq!(fs::read_to_string(out.join(PAGE)).unwrap(), UNFINISHED);
+        assert!(UNFINISHED.contains("not finished"));
+        fs::create_dir(out.join(FOLDERS[1])).unwrap();
+        let stale = out.join(FOLDERS[1]).join("friedman.csv");
+        fs::write(&stale, "of a report that was killed").unwrap();
+        claim(&out).unwrap();
+        assert!(!stale.exists());
+    }
 }

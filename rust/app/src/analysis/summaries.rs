@@ -319,7 +319,7 @@ const COMPENSATION: Means = (
 const GAZE: Means = (
     "gaze_shares",
     "Gaze",
-    "Means over the phases of a kind: shares of the time with a known gaze in looks of at least 80 ms within two degrees, and the eye's lead.",
+    "Means over the phases of a kind: shares of the time with a known gaze in looks of at least 80 ms within two degrees, and the eye's lead. The mode display has no place in the scene, and no share.",
     &[
         ("object", "gaze_object", 2),
         ("other objects", "gaze_other_objects", 2),
