@@ -70,7 +70,7 @@ def main():
         kills = 0
         while kills < args.kills:
             program = subprocess.Popen([binary, *WORDS, "--jobs", "2", "--out", killed], stdout=subprocess.DEVNULL)
-            time.sleep(chance.uniform(0.1, 1.5))
+            time.sleep(chance.uniform(0.05, 0.3))
             if program.poll() is not None:
                 break
             program.send_signal(signal.SIGKILL)

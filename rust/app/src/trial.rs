@@ -111,21 +111,14 @@ pub fn kinematic(
     emg: &EmgOrigin,
 ) -> Result<Session, AssemblyError> {
     let person = simulated_person(methods, arm, &mut config, emg, None)?;
-    arm.rename(&mut config);
     let model = arm.model();
-    let task = config.build_task(model)?;
     let base = config.setup.body.shoulder_pose(&Default::default());
-    let parts = Parts {
-        arm: arm.pinned(),
-        model: model.clone(),
-        kinematics: Box::new(Kinematics::new(model)?),
-        plant: Box::new(KinematicPlant::new(model.clone(), task.scene().clone(), base)),
-        methods: methods.clone(),
-        plans: Box::new(InstantPlans::new(model.clone())),
-        classifier: Some(person.classifier),
-        process: process(methods, &config)?,
-    };
-    Ok(Session::new(Testbed::new(config, parts)?, person.parts))
+    let scene = config.build_task(model)?.scene().clone();
+    let plant: Box<dyn Plant> = Box::new(KinematicPlant::new(model.clone(), scene, base));
+    let plans = Box::new(InstantPlans::new(model.clone()));
+    let process = process(methods, &config)?;
+    let testbed = testbed_around(methods, arm, config, plans, Some(person.classifier), process, |_| plant)?;
+    Ok(Session::new(testbed, person.parts))
 }
 
 /// A simulated participant with armband and eye tracker.

@@ -11,6 +11,8 @@ use proact_app::{
     study::People,
     tell,
 };
+use proact_study::TrialChoice;
+use proact_tasks::DEFAULT_TASK;
 use std::{
     error::Error,
     path::{Path, PathBuf},
@@ -23,6 +25,49 @@ const SLURM_SHARDS: &str = "8";
 /// How many programs this machine runs at once.
 pub(crate) fn processors() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
+}
+
+/// What the trials of a batch have in common.
+#[derive(Debug, Args)]
+pub(crate) struct BatchTrialArgs {
+    /// The task: a name, or a file that describes one; modified_bbt by default
+    #[arg(long, value_name = "NAME|FILE")]
+    task: Option<String>,
+    /// The arm: a name, or a folder
+    #[arg(long, value_name = "NAME|FOLDER")]
+    arm: Option<String>,
+    /// Where person and box are; seated by default
+    #[arg(long)]
+    setup: Option<String>,
+    /// How the methods behave
+    #[arg(long)]
+    profile: Option<String>,
+    /// Seconds after which a trial ends
+    #[arg(long, value_name = "SECONDS")]
+    limit: Option<f64>,
+    /// Another value of the trial configuration; may be repeated
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+}
+
+impl BatchTrialArgs {
+    /// The trials where no plan says what they are.
+    pub(crate) fn choice(&self) -> TrialChoice {
+        TrialChoice {
+            method: None,
+            task: Some(self.task.clone().unwrap_or_else(|| DEFAULT_TASK.to_owned())),
+            arm: self.arm.clone(),
+            setup: Some(self.setup.clone().unwrap_or_else(|| "seated".to_owned())),
+            profile: self.profile.clone(),
+            limit_secs: self.limit,
+            set: self.set.clone(),
+        }
+    }
+
+    /// What overrules the trials of a plan, which says the rest itself.
+    pub(crate) fn over_plan(&self) -> TrialChoice {
+        TrialChoice { limit_secs: self.limit, set: self.set.clone(), ..TrialChoice::default() }
+    }
 }
 
 /// How a batch is run.

@@ -1,7 +1,7 @@
 //! `proact compare`: control methods on the same simulated people, in the order of what they score.
 
 use crate::{
-    batch_args::{BatchArgs, BatchOutcome},
+    batch_args::{BatchArgs, BatchOutcome, BatchTrialArgs},
     interrupt::interrupt_flag,
     progress::bar,
 };
@@ -13,8 +13,6 @@ use proact_app::{
     batch::{Batch, MethodsBatch, NO_EVIDENCE, Sweep},
     tell,
 };
-use proact_study::TrialChoice;
-use proact_tasks::DEFAULT_TASK;
 use serde_json::json;
 use std::error::Error;
 
@@ -38,24 +36,8 @@ pub(crate) struct CompareArgs {
     /// Trials of each of them by each method
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
     trials: u32,
-    /// The task: a name, or a file that describes one
-    #[arg(long, value_name = "NAME|FILE", default_value = DEFAULT_TASK)]
-    task: String,
-    /// The arm: a name, or a folder
-    #[arg(long, value_name = "NAME|FOLDER")]
-    arm: Option<String>,
-    /// Where person and box are
-    #[arg(long, default_value = "seated")]
-    setup: String,
-    /// How the methods behave
-    #[arg(long)]
-    profile: Option<String>,
-    /// Seconds after which a trial ends
-    #[arg(long, value_name = "SECONDS")]
-    limit: Option<f64>,
-    /// Another value of the trial configuration, of all methods; may be repeated
-    #[arg(long, value_name = "KEY=VALUE")]
-    set: Vec<String>,
+    #[command(flatten)]
+    trial: BatchTrialArgs,
     #[command(flatten)]
     batch: BatchArgs,
     /// One JSON object on standard output
@@ -72,15 +54,7 @@ pub(crate) fn command(registry: &Registry, args: CompareArgs) -> Result<bool, Bo
     let interrupted = interrupt_flag()?;
     let list = MethodsBatch {
         methods: args.methods,
-        common: TrialChoice {
-            method: None,
-            task: Some(args.task),
-            arm: args.arm,
-            setup: Some(args.setup),
-            profile: args.profile,
-            limit_secs: args.limit,
-            set: args.set,
-        },
+        common: args.trial.choice(),
         participants: args.participants as usize,
         trials: args.trials as usize,
         seed: args.batch.seed.unwrap_or(1),

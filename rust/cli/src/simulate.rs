@@ -1,7 +1,7 @@
 //! `proact simulate`: many trials with simulated participants, in figures.
 
 use crate::{
-    batch_args::{BatchArgs, BatchOutcome},
+    batch_args::{BatchArgs, BatchOutcome, BatchTrialArgs},
     interrupt::interrupt_flag,
 };
 use clap::Args;
@@ -12,8 +12,6 @@ use proact_app::{
     batch::{Batch, BatchFolder, ConditionSummary, Merged, MethodsBatch, NO_EVIDENCE, Sweep, merge},
     study::Study,
 };
-use proact_study::TrialChoice;
-use proact_tasks::DEFAULT_TASK;
 use serde_json::{Map, Value, json};
 use std::{
     error::Error,
@@ -50,24 +48,8 @@ pub(crate) struct SimulateArgs {
     /// Trials of each of them by each method
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
     trials: u32,
-    /// The task: a name, or a file that describes one
-    #[arg(long, value_name = "NAME|FILE", default_value = DEFAULT_TASK)]
-    task: String,
-    /// The arm: a name, or a folder
-    #[arg(long, value_name = "NAME|FOLDER")]
-    arm: Option<String>,
-    /// Where person and box are
-    #[arg(long, default_value = "seated")]
-    setup: String,
-    /// How the methods behave
-    #[arg(long)]
-    profile: Option<String>,
-    /// Seconds after which a trial ends
-    #[arg(long, value_name = "SECONDS")]
-    limit: Option<f64>,
-    /// Another value of the trial configuration; may be repeated
-    #[arg(long, value_name = "KEY=VALUE")]
-    set: Vec<String>,
+    #[command(flatten)]
+    trial: BatchTrialArgs,
     /// Values of a key that are run each, all with all if repeated; heat maps are drawn with --out
     #[arg(long, value_name = "KEY=VALUE,VALUE")]
     vary: Vec<String>,
@@ -95,9 +77,7 @@ pub(crate) fn command(registry: &Registry, args: &SimulateArgs) -> Result<bool, 
         Some(plan) => {
             let people = args.participants.map(|people| people as usize);
             let study = Study::open_for(plan, &registry.methods, people, args.batch.seed)?;
-            let over =
-                TrialChoice { limit_secs: args.limit, set: args.set.clone(), ..TrialChoice::default() };
-            Batch::of_study(&study, &over, args.batch.people, sweep)?
+            Batch::of_study(&study, &args.trial.over_plan(), args.batch.people, sweep)?
         }
         None => Batch::of_methods(&args.list(), args.batch.people, sweep)?,
     };
@@ -142,18 +122,9 @@ pub(crate) fn command(registry: &Registry, args: &SimulateArgs) -> Result<bool, 
 impl SimulateArgs {
     fn list(&self) -> MethodsBatch {
         let people = self.seeds.or(self.participants).map_or(SEEDS, |people| people as usize);
-        let common = TrialChoice {
-            task: Some(self.task.clone()),
-            arm: self.arm.clone(),
-            setup: Some(self.setup.clone()),
-            profile: self.profile.clone(),
-            limit_secs: self.limit,
-            set: self.set.clone(),
-            ..TrialChoice::default()
-        };
         MethodsBatch {
             methods: self.methods.clone(),
-            common,
+            common: self.trial.choice(),
             participants: people,
             trials: self.trials as usize,
             seed: self.batch.seed.unwrap_or(1),

@@ -135,3 +135,46 @@ impl<C: MotionCapture> MotionCapture for FaultyCapture<C> {
         self.inner.malformed()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pose(stamp: i64) -> RawBodyPose {
+        RawBodyPose {
+            body: "shoulder".to_owned(),
+            id: Some(1),
+            stamp,
+            arrival: stamp,
+            position: [0.1 * stamp as f64, 0.2, 0.3],
+            quaternion: [0.0, 0.0, 0.0, 1.0],
+            tracked: true,
+        }
+    }
+
+    /// What comes of five poses, one a call.
+    fn spoilt(faults: &[CaptureFault]) -> Vec<RawBodyPose> {
+        let script = (0..5).map(|stamp| (CaptureLink::Connected, vec![pose(stamp)]));
+        let mut source = FaultyCapture::new(ScriptedCapture::new(script), faults, 1);
+        let mut poses = Vec::new();
+        while source.take(&mut poses).unwrap() != CaptureLink::Ended {}
+        poses
+    }
+
+    #[test]
+    fn a_script_is_played_to_its_end_and_each_fault_shows_from_where_it_begins() {
+        let whole: Vec<i64> = spoilt(&[]).iter().map(|pose| pose.stamp).collect();
+        assert_eq!(whole, [0, 1, 2, 3, 4]);
+        assert!(spoilt(&[CaptureFault::Drop(1.0)]).is_empty());
+        let frozen = spoilt(&[CaptureFault::Freeze { from: 2 }]);
+        assert_eq!((frozen[1].position, frozen[4].position), (pose(1).position, pose(2).position));
+        assert_eq!(frozen[4].stamp, 4, "its stamps go on");
+        let back = spoilt(&[CaptureFault::TimeBack { from: 3, by: 3 }]);
+        assert_eq!(back.iter().map(|pose| pose.stamp).collect::<Vec<_>>(), [0, 1, 2, 0, 1]);
+        assert_eq!(spoilt(&[CaptureFault::OtherId { from: 4 }])[4].id, Some(101));
+        assert_eq!(spoilt(&[CaptureFault::Scale(1e3)])[1].position, [100.0, 200.0, 300.0]);
+        assert_eq!(spoilt(&[CaptureFault::Mirror { axis: 1 }])[0].position[1], -0.2);
+        assert!(spoilt(&[CaptureFault::NotANumber(1.0)])[0].position[1].is_nan());
+        assert!(!spoilt(&[CaptureFault::Occlude(1.0)])[0].tracked);
+    }
+}
