@@ -14,7 +14,7 @@ use serde::Serialize;
 /// A method's place.
 #[derive(Clone, Debug, Serialize)]
 pub struct Leader {
-    /// From 1.
+    /// From 1; the same for equal means.
     pub place: usize,
     /// The method.
     pub method: String,
@@ -88,7 +88,8 @@ pub fn leader_board(collected: &Collected, seed: u64) -> Vec<Leader> {
         .collect();
     leaders.sort_by(|a, b| b.scores.mean.total_cmp(&a.scores.mean).then(a.method.cmp(&b.method)));
     for k in 0..leaders.len() {
-        leaders[k].place = k + 1;
+        let tied = k > 0 && leaders[k - 1].scores.mean == leaders[k].scores.mean;
+        leaders[k].place = if tied { leaders[k - 1].place } else { k + 1 };
         let Some(next) = leaders.get(k + 1).map(|next| next.method.clone()) else { continue };
         let own = leaders[k].method.clone();
         // A pair's difference is its second less its first.
