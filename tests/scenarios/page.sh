@@ -30,6 +30,15 @@ for mode in load wheel layout accessibility conduct study_forms; do
     stop
 done
 
+# What was recorded, as a report in which each trial leads to its replay.
+rm -rf "$output/trials"
+for method in A D; do
+    "$proact" demo --headless --method "$method" --seed 1 --limit 20 --out "$output/trials/$method" >"$output/trials.log" 2>&1
+done
+start analyze "$output/trials" --page
+node "$here/../page/run.mjs" --url "$address" --out "$output/report" --mode report
+stop
+
 # Where other machines can connect: who gets in.
 node "$here/../page/run.mjs" --mode access --program "$proact" --out "$output/access"
 

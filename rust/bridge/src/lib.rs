@@ -5,7 +5,7 @@
 //! in doubt the arm stops: a client that holds a gesture and vanishes or falls silent releases it.
 //!
 //! Addresses: `/` the participant's page, `/experimenter` and `/spectator`, `/replay`; `/api/content` arm and scene,
-//! `/api/trials` and `/api/trials/<number>` recorded trials, `/meshes/<id>` the arm's meshes, `/live` the
+//! `/api/trials` and `/api/trials/<number>` recorded trials, `/report` the report on them, `/meshes/<id>` the arm's meshes, `/live` the
 //! WebSocket (protocol: [`live`]), `/camera.png` and `/camera.json` what a simulated [camera](proact_camera) sees,
 //! `/healthz`. Who may connect is [`proact_http`]'s rule.
 //!
@@ -68,4 +68,4 @@ pub use study::{
     StudyScreen,
 };
 pub use tracking::TrackingReport;
-pub use trials::RecordedTrial;
+pub use trials::{RecordedTrial, TrialLibrary, TrialSummary};

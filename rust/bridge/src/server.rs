@@ -1,12 +1,11 @@
 use crate::{
-    BridgeError, ClientInput, RecordedTrial, Signals, StudyScreen, TrackingReport, TrialStatus, assets,
-    camera,
+    BridgeError, ClientInput, Signals, StudyScreen, TrackingReport, TrialStatus, assets, camera,
     encoding::{encode, takes_gzip},
     feed::{Feed, ServerMessage, StudyMessages},
     input_arbiter::{ClientId, InputArbiter},
     live::{self, Role},
     meshes::{self, MeshFile, MeshesById},
-    trials::StoredTrials,
+    trials::{self, StoredTrials, TrialLibrary},
 };
 use axum::{
     Extension, Router,
@@ -130,7 +129,7 @@ pub(crate) struct Shared {
     /// How often a gaze check, and a calibration, was asked for.
     gaze_requests: [AtomicU32; 2],
     next_client: AtomicU64,
-    trials: Mutex<StoredTrials>,
+    trials: Mutex<Arc<StoredTrials>>,
     /// What tracking sources there are, as JSON.
     tracking: Mutex<Bytes>,
     /// Pictures are taken one after the other.
@@ -200,8 +199,8 @@ impl Shared {
         Arc::clone(&self.content().studio)
     }
 
-    fn trials(&self) -> MutexGuard<'_, StoredTrials> {
-        self.trials.lock().unwrap_or_else(PoisonError::into_inner)
+    pub(crate) fn trials(&self) -> Arc<StoredTrials> {
+        Arc::clone(&self.trials.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
     fn tracking(&self) -> MutexGuard<'_, Bytes> {
@@ -237,7 +236,7 @@ impl PageServer {
             drawn: AtomicBool::new(false),
             gaze_requests: Default::default(),
             next_client: AtomicU64::new(1),
-            trials: Mutex::default(),
+            trials: Mutex::new(Arc::new(StoredTrials::new(Arc::new(Vec::new()))?)),
             tracking: Mutex::new(Bytes::from_static(b"[]")),
             one_picture: Semaphore::new(1),
         });
@@ -334,10 +333,10 @@ impl PageServer {
     /// Recorded trials for the replay page, instead of those before.
     ///
     /// # Errors
-    /// [`BridgeError::Content`] if a trial cannot be written out.
-    pub fn set_trials(&self, trials: &[RecordedTrial]) -> Result<(), BridgeError> {
-        let stored = StoredTrials::new(trials)?;
-        *self.shared.trials() = stored;
+    /// [`BridgeError::Content`] if their list cannot be written out.
+    pub fn set_trials(&self, library: Arc<dyn TrialLibrary>) -> Result<(), BridgeError> {
+        let stored = Arc::new(StoredTrials::new(library)?);
+        *self.shared.trials.lock().unwrap_or_else(PoisonError::into_inner) = stored;
         Ok(())
     }
 
@@ -401,8 +400,9 @@ fn router(shared: Arc<Shared>) -> Router {
         .route("/camera.png", get(camera::picture))
         .route("/camera.json", get(camera::picture_json))
         .route("/api/tracking", get(tracking))
-        .route("/api/trials", get(trials))
-        .route("/api/trials/{number}", get(trial))
+        .route("/report", get(trials::report))
+        .route("/api/trials", get(trials::list))
+        .route("/api/trials/{number}", get(trials::one))
         .with_state(shared)
 }
 
@@ -418,7 +418,9 @@ async fn content(State(shared): State<Arc<Shared>>, asked: HeaderMap) -> Respons
 
 async fn mesh(State(shared): State<Arc<Shared>>, Path(id): Path<String>, asked: HeaderMap) -> Response {
     let shown = shared.content().meshes.get(&id).cloned();
-    let found = shown.or_else(|| shared.trials().meshes.get(&id).cloned());
+    let trials = shared.trials();
+    let replayed = || trials.meshes.lock().unwrap_or_else(PoisonError::into_inner).get(&id).cloned();
+    let found = shown.or_else(replayed);
     meshes::respond(found, &id, takes_gzip(&asked))
 }
 
@@ -426,26 +428,7 @@ async fn tracking(State(shared): State<Arc<Shared>>) -> Response {
     json(shared.tracking().clone())
 }
 
-async fn trials(State(shared): State<Arc<Shared>>) -> Response {
-    let list = shared.trials().list.clone();
-    json(if list.is_empty() { Bytes::from_static(b"[]") } else { list })
-}
-
-async fn trial(State(shared): State<Arc<Shared>>, Path(number): Path<usize>) -> Response {
-    let (found, count) = {
-        let trials = shared.trials();
-        (trials.trials.get(number).cloned(), trials.trials.len())
-    };
-    match found {
-        Some(trial) => json(trial),
-        None => {
-            let reason = format!("there is no trial {number}, expected a number below {count}\n");
-            (StatusCode::NOT_FOUND, reason).into_response()
-        }
-    }
-}
-
-fn json(body: Bytes) -> Response {
+pub(crate) fn json(body: Bytes) -> Response {
     ([(header::CONTENT_TYPE, "application/json"), (header::CACHE_CONTROL, "no-store")], body).into_response()
 }
 

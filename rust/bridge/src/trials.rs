@@ -3,10 +3,20 @@
 use crate::{
     BridgeError, PageContent,
     meshes::{self, MeshesById},
+    server::{Shared, json},
 };
-use axum::body::Bytes;
+use axum::{
+    body::Bytes,
+    extract::{Path, State},
+    http::{StatusCode, header},
+    response::{IntoResponse, Response},
+};
 use proact_types::DisplayFrame;
 use serde::Serialize;
+use std::{
+    collections::VecDeque,
+    sync::{Arc, Mutex, PoisonError},
+};
 
 /// A recorded trial with everything that its replay shows.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -35,49 +45,142 @@ pub struct RecordedTrial {
 }
 
 /// What the list says of a trial.
-#[derive(Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
-pub(crate) struct TrialSummary<'a> {
-    name: &'a str,
-    method: &'a str,
-    setup: &'a str,
-    seed: Option<u64>,
-    seconds: f64,
-    score: u32,
+pub struct TrialSummary {
+    /// What it is called.
+    pub name: String,
+    /// Control method.
+    pub method: String,
+    /// Set-up.
+    pub setup: String,
+    /// Seed; a bag has none.
+    pub seed: Option<u64>,
+    /// Length, simulated seconds.
+    pub seconds: f64,
+    /// What the task counted in the end.
+    pub score: u32,
 }
 
-/// Trials written out once for all pages.
-#[derive(Debug, Default)]
+/// Recorded trials as the replay page gets them: a list, and each trial when a page asks for it.
+pub trait TrialLibrary: Send + Sync {
+    /// All trials, in the order of their numbers.
+    fn list(&self) -> Vec<TrialSummary>;
+
+    /// The trial of that number in the list. May take seconds: it is called on a thread of its own, one call at a time.
+    ///
+    /// # Errors
+    /// Why it cannot be shown, for the person at the page.
+    fn trial(&self, number: usize) -> Result<RecordedTrial, String>;
+
+    /// A report on the trials as an HTML page without scripts, served at `/report`; it links to `replay?trial=NUMBER`.
+    fn report(&self) -> Option<String> {
+        None
+    }
+}
+
+impl TrialLibrary for Vec<RecordedTrial> {
+    fn list(&self) -> Vec<TrialSummary> {
+        let summary = |trial: &RecordedTrial| TrialSummary {
+            name: trial.name.clone(),
+            method: trial.method.clone(),
+            setup: trial.setup.clone(),
+            seed: trial.seed,
+            seconds: trial.seconds,
+            score: trial.score,
+        };
+        self.iter().map(summary).collect()
+    }
+
+    fn trial(&self, number: usize) -> Result<RecordedTrial, String> {
+        self.get(number).cloned().ok_or_else(|| format!("there is no trial {number}"))
+    }
+}
+
+/// So many trials are kept written out: as many as a page shows side by side.
+const KEPT: usize = 2;
+
+/// A library in front of the pages: written out once for all of them.
 pub(crate) struct StoredTrials {
+    library: Arc<dyn TrialLibrary>,
+    count: usize,
     /// The list as JSON.
-    pub(crate) list: Bytes,
-    /// Each trial as JSON.
-    pub(crate) trials: Vec<Bytes>,
+    list: Bytes,
+    /// The report.
+    report: Option<Bytes>,
+    /// The trials asked for last, as JSON. Locked while one is made.
+    made: tokio::sync::Mutex<VecDeque<(usize, Bytes)>>,
     /// What their arms are drawn with.
-    pub(crate) meshes: MeshesById,
+    pub(crate) meshes: Mutex<MeshesById>,
 }
 
 impl StoredTrials {
-    pub(crate) fn new(trials: &[RecordedTrial]) -> Result<Self, BridgeError> {
-        let summaries: Vec<TrialSummary> = trials
-            .iter()
-            .map(|trial| TrialSummary {
-                name: &trial.name,
-                method: &trial.method,
-                setup: &trial.setup,
-                seed: trial.seed,
-                seconds: trial.seconds,
-                score: trial.score,
-            })
-            .collect();
-        let failed = |error: serde_json::Error| BridgeError::Content { what: error.to_string() };
+    pub(crate) fn new(library: Arc<dyn TrialLibrary>) -> Result<Self, BridgeError> {
+        let list = library.list();
+        let json =
+            serde_json::to_vec(&list).map_err(|error| BridgeError::Content { what: error.to_string() })?;
         Ok(Self {
-            list: serde_json::to_vec(&summaries).map_err(failed)?.into(),
-            trials: trials
-                .iter()
-                .map(|trial| serde_json::to_vec(trial).map(Bytes::from).map_err(failed))
-                .collect::<Result<_, _>>()?,
-            meshes: meshes::by_id(trials.iter().flat_map(|trial| &trial.content.meshes)),
+            count: list.len(),
+            list: json.into(),
+            report: library.report().map(Bytes::from),
+            made: tokio::sync::Mutex::default(),
+            meshes: Mutex::default(),
+            library,
         })
     }
+
+    /// The trial of that number as JSON, or why it cannot be given.
+    async fn trial(&self, number: usize) -> Result<Bytes, (StatusCode, String)> {
+        if number >= self.count {
+            let reason = format!("there is no trial {number}, expected a number below {}\n", self.count);
+            return Err((StatusCode::NOT_FOUND, reason));
+        }
+        let mut made = self.made.lock().await;
+        if let Some((_, json)) = made.iter().find(|(other, _)| *other == number) {
+            return Ok(json.clone());
+        }
+        let library = Arc::clone(&self.library);
+        let make = move || {
+            let trial = library.trial(number)?;
+            let json = serde_json::to_vec(&trial).map_err(|error| error.to_string())?;
+            Ok::<_, String>((Bytes::from(json), meshes::by_id(&trial.content.meshes)))
+        };
+        let done = tokio::task::spawn_blocking(make).await.map_err(|error| error.to_string());
+        let (json, meshes) =
+            done.and_then(|made| made).map_err(|why| (StatusCode::UNPROCESSABLE_ENTITY, why))?;
+        self.meshes.lock().unwrap_or_else(PoisonError::into_inner).extend(meshes);
+        made.truncate(KEPT - 1);
+        made.push_front((number, json.clone()));
+        Ok(json)
+    }
+}
+
+/// `/api/trials`.
+pub(crate) async fn list(State(shared): State<Arc<Shared>>) -> Response {
+    json(shared.trials().list.clone())
+}
+
+/// `/api/trials/<number>`.
+pub(crate) async fn one(State(shared): State<Arc<Shared>>, Path(number): Path<usize>) -> Response {
+    match shared.trials().trial(number).await {
+        Ok(trial) => json(trial),
+        Err(refusal) => refusal.into_response(),
+    }
+}
+
+/// What the report may do: look as its own style says. It holds what people typed, and runs nothing.
+const OF_THE_REPORT: &str = "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+
+/// `/report`.
+pub(crate) async fn report(State(shared): State<Arc<Shared>>) -> Response {
+    let Some(report) = shared.trials().report.clone() else {
+        let how = "there is no report here; make one with: proact analyze DIR --page\n";
+        return (StatusCode::NOT_FOUND, how).into_response();
+    };
+    let headers = [
+        (header::CONTENT_TYPE, "text/html; charset=utf-8"),
+        (header::CACHE_CONTROL, "no-store"),
+        (header::CONTENT_SECURITY_POLICY, OF_THE_REPORT),
+    ];
+    (headers, report).into_response()
 }

@@ -9,12 +9,19 @@ use common::*;
 use futures_util::{SinkExt, StreamExt};
 use nalgebra::{Point3, Vector3};
 use proact_bridge::{
-    BridgeError, ClientInput, PageOptions, PageServer, RecordedTrial, Signals, StudyAction, TrialStatus,
+    BridgeError, ClientInput, PageOptions, PageServer, RecordedTrial, Signals, StudyAction, TrialLibrary,
+    TrialStatus, TrialSummary,
 };
 use proact_http::ServeError;
 use proact_types::*;
 use serde_json::Value;
-use std::time::Instant;
+use std::{
+    sync::{
+        Arc,
+        atomic::{AtomicUsize, Ordering},
+    },
+    time::Instant,
+};
 use tokio::{
     io::{AsyncReadExt, AsyncWriteExt},
     net::TcpStream,
@@ -332,12 +339,9 @@ async fn the_experimenter_pauses_what_a_spectator_only_watches() {
     assert_eq!((answer["type"].as_str(), answer["id"].as_u64()), (Some("pong"), Some(5)));
 }
 
-#[tokio::test]
-async fn recorded_trials_are_listed_and_served_by_number() {
-    let server = start(false);
-    assert!(get(&server, "/api/trials").await.ends_with("[]"));
-    let trial = RecordedTrial {
-        name: "D-still-seed1".into(),
+fn recorded(name: &str) -> RecordedTrial {
+    RecordedTrial {
+        name: name.into(),
         method: "D".into(),
         setup: "still".into(),
         seed: Some(1),
@@ -347,14 +351,71 @@ async fn recorded_trials_are_listed_and_served_by_number() {
         agrees: Some(true),
         finished: true,
         frames: vec![frame(16), frame(50)],
-    };
-    server.set_trials(&[trial]).unwrap();
+    }
+}
+
+#[tokio::test]
+async fn recorded_trials_are_listed_and_served_by_number() {
+    let server = start(false);
+    assert!(get(&server, "/api/trials").await.ends_with("[]"));
+    server.set_trials(Arc::new(vec![recorded("D-still-seed1")])).unwrap();
     assert!(get(&server, "/api/trials").await.contains(r#""name":"D-still-seed1""#));
     let answer = get(&server, "/api/trials/0").await;
     let json: Value = serde_json::from_str(answer.split("\r\n\r\n").nth(1).unwrap()).unwrap();
     assert_eq!(json["frames"][1]["time"], 50);
     let missing = get(&server, "/api/trials/1").await;
     assert!(missing.starts_with("HTTP/1.1 404") && missing.contains("below 1"), "{missing}");
+    assert!(get(&server, "/report").await.starts_with("HTTP/1.1 404"));
+}
+
+/// Makes a trial at each call, and counts the calls; the last one it cannot read.
+struct Counted(AtomicUsize);
+
+impl TrialLibrary for Counted {
+    fn list(&self) -> Vec<TrialSummary> {
+        let summary = |seed| TrialSummary {
+            name: format!("seed {seed}"),
+            method: "D".into(),
+            setup: "still".into(),
+            seed: Some(seed),
+            seconds: 2.0,
+            score: 1,
+        };
+        (0..4).map(summary).collect()
+    }
+
+    fn trial(&self, number: usize) -> Result<RecordedTrial, String> {
+        if number == 3 {
+            return Err("the log is cut".to_owned());
+        }
+        self.0.fetch_add(1, Ordering::Relaxed);
+        Ok(recorded(&format!("seed {number}")))
+    }
+
+    fn report(&self) -> Option<String> {
+        Some("<!doctype html><style>p { color: red }</style><p>a report</p>".to_owned())
+    }
+}
+
+#[tokio::test]
+async fn a_trial_is_made_when_it_is_asked_for_and_two_are_kept() {
+    let (server, library) = (start(false), Arc::new(Counted(AtomicUsize::new(0))));
+    server.set_trials(library.clone()).unwrap();
+    let made = || library.0.load(Ordering::Relaxed);
+    assert!(get(&server, "/api/trials").await.contains("seed 3"));
+    assert_eq!(made(), 0);
+    for (number, expected) in [(0, 1), (1, 2), (0, 2), (1, 2), (2, 3), (0, 4)] {
+        let answer = get(&server, &format!("/api/trials/{number}")).await;
+        assert!(answer.contains(&format!(r#""name":"seed {number}""#)), "{answer}");
+        assert_eq!(made(), expected, "trial {number}");
+    }
+    let refused = get(&server, "/api/trials/3").await;
+    assert!(refused.starts_with("HTTP/1.1 422") && refused.contains("the log is cut"), "{refused}");
+    // The report's own style holds, and no script runs beside it.
+    let report = get(&server, "/report").await;
+    assert!(report.contains("a report") && report.contains("style-src 'unsafe-inline'"), "{report}");
+    assert!(!report.contains("script-src"), "{report}");
+    assert!(get(&server, "/replay").await.contains("script-src 'self'; style-src 'self'"));
 }
 
 #[test]

@@ -1,11 +1,16 @@
 //! `proact analyze`: tables, figures and statistics of whatever was recorded.
 
-use crate::progress::bar;
+use crate::{
+    announce::announce,
+    interrupt::{interrupt_flag, wait_for},
+    progress::bar,
+};
 use clap::Args;
 use proact_app::{
-    analysis::{self, ReportOptions},
+    analysis::{self, ReportLibrary, ReportOptions},
     answer, intent_scores, tell,
 };
+use proact_bridge::{PageOptions, PageServer, TrialLibrary};
 use proact_control::MethodRegistry;
 use proact_intent::IntentOptions;
 use serde_json::json;
@@ -13,12 +18,14 @@ use std::{
     error::Error,
     fs,
     path::{Path, PathBuf},
+    sync::Arc,
 };
 
 /// Arguments of `proact analyze`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  proact analyze mystudy\n  proact analyze trials --out report\n  \
-    proact analyze bags/participant1-mode4-trial2.bag\n  proact analyze trials --intent --json\n\n\
+    proact analyze bags/participant1-mode4-trial2.bag\n  proact analyze mystudy --page\n  \
+    proact analyze trials --intent --json\n\n\
     Takes a study, a folder of recorded trials, bags of the original lab, or tables of an export. Writes report.html, which needs \
     no network, every figure as SVG and PNG, every table as CSV and LaTeX. docs/analysis.md defines each figure.\n\n\
     With --intent a pick lasts from the start of the trial, or a release, until a block is attached: that block is what was meant. \
@@ -44,6 +51,15 @@ pub(crate) struct AnalyzeArgs {
     /// One JSON object on standard output
     #[arg(long)]
     json: bool,
+    /// Then look at the report in the browser, where each trial links to its replay
+    #[arg(long, conflicts_with_all = ["json", "intent"])]
+    page: bool,
+    /// Port of the page; the next free one if it is taken
+    #[arg(long, default_value_t = 8090, requires = "page")]
+    port: u16,
+    /// Print the address of the page, open nothing
+    #[arg(long, requires = "page")]
+    no_browser: bool,
 }
 
 /// Runs the command; true if all went well, with --intent if every trial could be used.
@@ -89,6 +105,28 @@ fn report(methods: &MethodRegistry, args: &AnalyzeArgs) -> Result<(), Box<dyn Er
         collected.tables["trials"].rows.len(),
         written.page.display()
     ))?;
+    match args.page {
+        true => show(args, ReportLibrary::new(methods, &collected, written)),
+        false => Ok(()),
+    }
+}
+
+/// Serves the report and the replays of its trials until Ctrl-C.
+fn show(args: &AnalyzeArgs, library: ReportLibrary) -> Result<(), Box<dyn Error>> {
+    // Any trial that can be shown has the arm and the scene that a page wants to begin with.
+    let mut refusals = Vec::new();
+    let content = (0..library.list().len()).find_map(|number| match library.trial(number) {
+        Ok(trial) => Some(trial.content),
+        Err(refusal) => {
+            refusals.push(refusal);
+            None
+        }
+    });
+    let content = content.ok_or_else(|| format!("no trial can be replayed:\n  {}", refusals.join("\n  ")))?;
+    let server = PageServer::start(PageOptions { port: args.port, ..PageOptions::default() }, content)?;
+    server.set_trials(Arc::new(library))?;
+    announce(&server, "report", !args.no_browser, false);
+    wait_for(&*interrupt_flag()?);
     Ok(())
 }
 

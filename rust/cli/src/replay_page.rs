@@ -8,7 +8,7 @@ use proact_app::{Arm, film, film_of_bag, tell};
 use proact_bridge::{PageOptions, PageServer};
 use proact_control::MethodRegistry;
 use proact_testbed::TrialConfig;
-use std::{error::Error, path::PathBuf};
+use std::{error::Error, path::PathBuf, sync::Arc};
 
 /// Recomputes the trials in `dirs`, reads those that are bags, and serves them until Ctrl-C.
 pub(crate) fn show(
@@ -32,7 +32,7 @@ pub(crate) fn show(
         return Err("no trial directory was given; expected at least one".into());
     };
     let server = PageServer::start(PageOptions { port, ..PageOptions::default() }, first.content.clone())?;
-    server.set_trials(&trials)?;
+    server.set_trials(Arc::new(trials))?;
     announce(&server, "replay", open_browser, false);
     wait_for(&*interrupt_flag()?);
     Ok(true)

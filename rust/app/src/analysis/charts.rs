@@ -161,6 +161,20 @@ mod tests {
     }
 
     #[test]
+    fn values_that_are_all_zero_stand_on_an_axis_from_zero_to_one() {
+        let charts = Charts::new().unwrap();
+        for (kind, x) in
+            [("strip", json!("A")), ("bars", json!("A")), ("lines", json!(1)), ("curve", json!(1))]
+        {
+            let rows = vec![json!({"x": x, "y": 0, "value": 0, "part": "A"})];
+            let spec = Spec { kind, rows, parts: vec!["A".into()], order: vec!["A".into()], ..spec() };
+            let svg = charts.draw(&spec).unwrap();
+            // Without a length each tick is zero with as many digits as there are.
+            assert!(!svg.contains(">0.0000") && svg.contains(">1.0<"), "{kind}: {svg}");
+        }
+    }
+
+    #[test]
     fn what_cannot_be_drawn_is_an_error_and_the_next_one_is_drawn() {
         let charts = Charts::new().unwrap();
         assert!(matches!(charts.draw(&Spec { kind: "none", ..spec() }), Err(ChartError::Script(_))));

@@ -36,6 +36,8 @@ pub(super) fn figures(collected: &Collected, seed: u64) -> Vec<Figure> {
         accuracy(collected, &order),
         compensation(collected, &order),
         gaze(collected, &order),
+        false_triggers(collected, &order),
+        gesture_to_motion(collected, &order),
         ratings(collected, &order),
         questionnaires(collected, &order),
         rankings(collected, &order),
@@ -264,6 +266,34 @@ fn gaze(collected: &Collected, order: &[String]) -> Option<Figure> {
             parts: COLUMNS.map(|(_, part)| part.to_owned()).to_vec(),
             most: Some(1.0),
         },
+    })
+}
+
+/// A measure of the gestures, a dot a trial; their units differ, so that each has a figure.
+fn of_gestures(collected: &Collected, order: &[String], column: &str, y: &str) -> Option<Spec> {
+    let measures = collected.table("measures")?;
+    let found = summaries::values(measures, column, |_| true);
+    let rows = found.into_iter().map(|v| json!({"x": v.condition, "y": v.value})).collect();
+    Some(strip(order, y, rows))
+}
+
+fn false_triggers(collected: &Collected, order: &[String]) -> Option<Figure> {
+    Some(Figure {
+        name: "false_triggers",
+        title: "False triggers",
+        caption: "Gestures of a trial that came and went within 200 ms between two spells of one other gesture: a dot a trial, beside quartiles and range."
+            .to_owned(),
+        spec: of_gestures(collected, order, "false_triggers", "false triggers a trial")?,
+    })
+}
+
+fn gesture_to_motion(collected: &Collected, order: &[String]) -> Option<Figure> {
+    Some(Figure {
+        name: "gesture_to_motion",
+        title: "From gesture to motion",
+        caption: "Median of a trial of the time from a gesture to the motion of the arm that followed: a dot a trial, beside quartiles and range."
+            .to_owned(),
+        spec: of_gestures(collected, order, "gesture_to_motion_ms", "ms")?,
     })
 }
 

@@ -23,6 +23,16 @@ pub(super) struct Head<'a> {
     pub(super) notes: &'a [String],
     /// What the statistics presumed.
     pub(super) presumed: &'a [(String, Vec<String>)],
+    pub(super) replays: Replays<'a>,
+}
+
+/// Where a trial is replayed.
+#[derive(Clone, Copy)]
+pub(super) enum Replays<'a> {
+    /// By a command: a record links to the words on it.
+    Elsewhere,
+    /// By the server of the page, under the place of its record here.
+    Served(&'a [String]),
 }
 
 fn escaped(text: &str) -> String {
@@ -70,7 +80,7 @@ pub(super) fn page(head: &Head<'_>, parts: &[Part<'_>]) -> String {
     _ = writeln!(add, "</ul></nav>");
     for part in parts {
         match part {
-            Part::Table(table) => self::table(add, table),
+            Part::Table(table) => self::table(add, table, head.replays),
             Part::Figure(name, title, caption, svg) => {
                 // One picture with a name, not its marks one by one.
                 let named = svg.replacen(
@@ -102,7 +112,7 @@ pub(super) fn page(head: &Head<'_>, parts: &[Part<'_>]) -> String {
     out
 }
 
-fn table(out: &mut String, table: &ReportTable) {
+fn table(out: &mut String, table: &ReportTable, replays: Replays<'_>) {
     let ReportTable { name, title, caption, head, rows } = table;
     _ = writeln!(
         out,
@@ -121,18 +131,31 @@ fn table(out: &mut String, table: &ReportTable) {
                 ..=12 => " class=\"short\"",
                 _ => "",
             };
-            let cell = escaped(cell);
-            // A record is a folder that a browser can show.
-            let cell = if head[place] == "record" && !cell.is_empty() {
-                format!("<code>{cell}</code>")
-            } else {
-                cell
+            let shown = match head[place].as_str() {
+                "record" if !cell.is_empty() => record(cell, replays),
+                _ => escaped(cell),
             };
-            _ = write!(out, "<td{class}>{cell}</td>");
+            _ = write!(out, "<td{class}>{shown}</td>");
         }
         out.push_str("</tr>\n");
     }
-    _ = writeln!(out, "</tbody></table></div><p class=\"caption\">{}</p></section>", escaped(caption));
+    _ = writeln!(
+        out,
+        "</tbody></table></div><p id=\"about-{name}\" class=\"caption\">{}</p></section>",
+        escaped(caption)
+    );
+}
+
+/// A record, as a link to its replay.
+fn record(record: &str, replays: Replays<'_>) -> String {
+    let address = match replays {
+        Replays::Elsewhere => Some("#about-trials".to_owned()),
+        Replays::Served(records) => {
+            records.iter().position(|other| other == record).map(|number| format!("replay?trial={number}"))
+        }
+    };
+    let words = format!("<code>{}</code>", escaped(record));
+    address.map_or(words.clone(), |address| format!("<a href=\"{address}\">{words}</a>"))
 }
 
 /// The table for LaTeX, with rules of the package booktabs.
@@ -184,7 +207,14 @@ mod tests {
             head: vec!["P".to_owned(), "why".to_owned()],
             rows: vec![vec!["P1".to_owned(), "<script>alert(1)</script> \\input{x}".to_owned()]],
         };
-        let head = Head { title: "t<b>", about: String::new(), simulated: true, notes: &[], presumed: &[] };
+        let head = Head {
+            title: "t<b>",
+            about: String::new(),
+            simulated: true,
+            notes: &[],
+            presumed: &[],
+            replays: Replays::Elsewhere,
+        };
         let page = page(&head, &[Part::Table(&table)]);
         assert!(
             !page.contains("<script>") && page.contains("&lt;script&gt;") && page.contains("t&lt;b&gt;"),
@@ -194,5 +224,14 @@ mod tests {
         let latex = latex(&table);
         assert!(latex.contains("A \\& B") && latex.contains("50 \\% of x\\_1"), "{latex}");
         assert!(latex.contains("\\textbackslash{}input\\{x\\}"), "{latex}");
+    }
+
+    #[test]
+    fn a_record_links_to_its_replay_by_its_place_among_the_records() {
+        let records = ["t/b".to_owned(), "t/a&b".to_owned()];
+        let served = Replays::Served(&records);
+        assert_eq!(record("t/a&b", served), "<a href=\"replay?trial=1\"><code>t/a&amp;b</code></a>");
+        assert_eq!(record("gone", served), "<code>gone</code>");
+        assert_eq!(record("t/b", Replays::Elsewhere), "<a href=\"#about-trials\"><code>t/b</code></a>");
     }
 }

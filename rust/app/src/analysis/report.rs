@@ -5,7 +5,7 @@ use super::{
     charts::Charts,
     comparisons::{self, compare_all},
     figures::figures,
-    html::{self, Head, Part},
+    html::{self, Head, Part, Replays},
     leaders::{leader_board, leader_table},
     models,
     summaries::{self, ReportTable},
@@ -61,6 +61,8 @@ pub struct WrittenReport {
     pub figures: BTreeMap<String, PathBuf>,
     /// What is missing, wrong or left out.
     pub notes: Vec<String>,
+    /// The page with links to replays, for a server that has them.
+    pub served: String,
 }
 
 /// Writes the report on what was collected. `tell` hears how many figures of how many are drawn.
@@ -87,6 +89,7 @@ pub fn report(
         tables: BTreeMap::new(),
         figures: BTreeMap::new(),
         notes: Vec::new(),
+        served: String::new(),
     };
     let folder = |name: &str| -> Result<PathBuf, Box<dyn Error>> {
         let folder = out.join(name);
@@ -130,7 +133,9 @@ pub fn report(
         report.figures.insert(figure.name.to_owned(), path);
         pictures.push((figure.name, svg));
     }
-    write_whole(&report.page, &page(collected, &notes, &compared, &tables, &planned, &pictures))?;
+    let page = |replays| page(collected, &notes, &compared, &tables, &planned, &pictures, replays);
+    write_whole(&report.page, &page(Replays::Elsewhere))?;
+    report.served = page(Replays::Served(&summaries::records(&collected.tables["trials"])));
     report.notes = notes;
     Ok(report)
 }
@@ -142,6 +147,7 @@ fn page(
     tables: &[ReportTable],
     planned: &[super::figures::Figure],
     pictures: &[(&str, String)],
+    replays: Replays<'_>,
 ) -> String {
     // Where a figure and a table are of one thing, the figure comes first.
     const FIGURES_BEFORE: &[(&str, &[&str])] = &[
@@ -151,6 +157,7 @@ fn page(
         ("accuracy", &["accuracy"]),
         ("compensation", &["compensation"]),
         ("gaze_shares", &["gaze"]),
+        ("emg", &["false_triggers", "gesture_to_motion"]),
         ("faults", &["faults"]),
         ("ratings", &["ratings"]),
         ("rankings", &["rankings"]),
@@ -193,6 +200,7 @@ fn page(
             simulated: collected.simulated == Some(true),
             notes,
             presumed: &presumed,
+            replays,
         },
         &parts,
     )

@@ -39,6 +39,11 @@ pub(super) fn participant(table: &Table, row: &[Cell]) -> String {
     }
 }
 
+/// The records of the trials, in the order of the table: a record's place in it is the number under which it is replayed.
+pub(super) fn records(trials: &Table) -> Vec<String> {
+    trials.rows.iter().map(|row| trials.words(row, "record")).collect()
+}
+
 /// The numbers of a column, with whose they are.
 pub(super) fn values(table: &Table, column: &str, wanted: impl Fn(&[Cell]) -> bool) -> Vec<Value> {
     let rows = table.rows.iter().filter(|row| wanted(row));
@@ -442,7 +447,8 @@ fn trials(collected: &Collected) -> Option<ReportTable> {
     Some(ReportTable {
         name: "trials",
         title: "All trials".to_owned(),
-        caption: "A record is watched with: proact replay RECORD --page".to_owned(),
+        caption: "A record is watched with: proact replay RECORD --page. With proact analyze DIR --page each record here is a link to its replay."
+            .to_owned(),
         head: words(&["Participant", "Method", "trial", "mark", "score", "seconds", "record"]),
         rows,
     })

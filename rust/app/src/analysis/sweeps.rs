@@ -102,7 +102,14 @@ pub fn sweep_report(folder: &BatchFolder, merged: &Merged) -> Result<Option<Swee
         drawn.iter().map(|(name, title, svg)| Part::Figure(name, title, caption, svg)).collect();
     parts.push(Part::Table(&shown));
     let about = format!("{} trials, {} cells of {}.", merged.scores.len(), sweep.cells(), keys.join(" and "));
-    let head = Head { title: "Sweep", about, simulated: true, notes: &[], presumed: &[] };
+    let head = Head {
+        title: "Sweep",
+        about,
+        simulated: true,
+        notes: &[],
+        presumed: &[],
+        replays: html::Replays::Elsewhere,
+    };
     write_whole(&report.page, &html::page(&head, &parts))?;
     Ok(Some(report))
 }

@@ -61,7 +61,10 @@ class View {
     this.select.value = String(number);
     setText(this.verdict, "Loading …");
     const answer = await fetch(`/api/trials/${number}`);
-    if (!answer.ok) throw new Error(`trial ${number}: the server answered ${answer.status}`);
+    if (!answer.ok) {
+      setText(this.verdict, "Cannot be shown");
+      throw new Error(`trial ${number}: ${(await answer.text()) || answer.status}`);
+    }
     const record = (await answer.json()) as RecordedTrial;
     if (this.wanted !== number) return;
     this.timeline = new Timeline(record);
@@ -119,6 +122,13 @@ class View {
     const record = this.timeline?.record;
     return record ? `${record.name} · method ${record.method} · ${(time / 1000).toFixed(2)} s` : "";
   }
+}
+
+/** The trials that the address names, as `?trial=3&trial=5`; without one the first two. */
+function asked(count: number): number[] {
+  const named = new URLSearchParams(location.search).getAll("trial").map(Number);
+  const known = named.filter((number) => Number.isInteger(number) && number >= 0 && number < count);
+  return known.length > 0 ? known.slice(0, 2) : count > 1 ? [0, 1] : [0];
 }
 
 async function start(): Promise<void> {
@@ -216,8 +226,7 @@ async function start(): Promise<void> {
     if (step !== 0 || event.code === "Space") event.preventDefault();
   });
 
-  add(0);
-  if (trials.length > 1) add(1);
+  for (const number of asked(trials.length)) add(number);
   chooseCamera("shoulder");
   let before = performance.now();
   requestAnimationFrame(function draw(wall: number) {

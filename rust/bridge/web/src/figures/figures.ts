@@ -53,6 +53,13 @@ function facets(spec: Spec): { names: string[]; options: Partial<Plot.PlotOption
   return { names, options: { fx: { domain: names, label: null, padding: 0.12 } } };
 }
 
+/** The axis of a value from zero on: up to what there can be, and where all values are zero up to one, since nothing is no length. */
+function upward(spec: Spec, key: string): Plot.ScaleOptions {
+  const empty = spec.rows.every((row) => Number(row[key] ?? 0) === 0);
+  const most = spec.most ?? (empty ? 1 : undefined);
+  return { label: spec.y, grid: true, ...(most !== undefined && { domain: [0, most] }) };
+}
+
 /** Each value as a dot beside the quartiles of its condition. */
 function strip(spec: Spec): Plot.PlotOptions {
   const { names, options } = facets(spec);
@@ -80,7 +87,7 @@ function strip(spec: Spec): Plot.PlotOptions {
     ...base({ ...spec, parts: spec.order }, width, 260),
     ...options,
     x: { domain: spec.order, label: spec.x, tickRotate: spec.order.some((name) => name.length > 9) ? -25 : 0 },
-    y: { label: spec.y, grid: true, nice: true, ...(spec.most !== undefined && { domain: [0, spec.most] }) },
+    y: { ...upward(spec, "y"), nice: true },
     marks,
   };
 }
@@ -121,7 +128,7 @@ function lines(spec: Spec): Plot.PlotOptions {
     ...base(spec, names.length > 1 ? WIDE : COLUMN, 220),
     ...options,
     x: { label: spec.x, ticks, tickFormat: "d", inset: 6 },
-    y: { label: spec.y, grid: true, ...(spec.most !== undefined && { domain: [0, spec.most] }) },
+    y: upward(spec, "y"),
     marks: [
       Plot.ruleY([0], { strokeOpacity: 0.4 }),
       Plot.areaY(bounds, { x: "x", y1: "low", y2: "high", z: "part", fill: "part", fillOpacity: 0.15, ...fx }),
@@ -140,7 +147,7 @@ function bars(spec: Spec): Plot.PlotOptions {
     ...base(spec, names.length > 1 ? WIDE : COLUMN, 240),
     ...options,
     x: { domain: spec.order, label: spec.x },
-    y: { label: spec.y, grid: true, ...(spec.most !== undefined && { domain: [0, spec.most] }) },
+    y: upward(spec, "value"),
     marks: [
       Plot.barY(spec.rows, { x: "x", y: "value", fill: "part", order: spec.parts, insetLeft: 2, insetRight: 2, ...fx }),
       Plot.ruleY([0]),
@@ -153,7 +160,7 @@ function curve(spec: Spec): Plot.PlotOptions {
   return {
     ...base(spec, COLUMN, 240),
     x: { label: spec.x },
-    y: { label: spec.y, grid: true, ...(spec.most !== undefined && { domain: [0, spec.most] }) },
+    y: upward(spec, "y"),
     marks: [
       Plot.ruleY([0, 0.8], { strokeOpacity: 0.4, strokeDasharray: "3 3" }),
       Plot.line(spec.rows, { x: "x", y: "y", stroke: "part", strokeWidth: 1.6 }),

@@ -1,0 +1,70 @@
+//! The trials of a report, for the page that replays them.
+
+use super::{
+    Collected, WrittenReport,
+    summaries::{participant, records},
+};
+use crate::{Arm, film, film_of_bag};
+use proact_bridge::{RecordedTrial, TrialLibrary, TrialSummary};
+use proact_control::MethodRegistry;
+use proact_testbed::TrialConfig;
+use std::path::PathBuf;
+
+/// A report with the trials that it was made of, each recomputed when somebody looks at it.
+#[derive(Debug)]
+pub struct ReportLibrary {
+    methods: MethodRegistry,
+    trials: Vec<(TrialSummary, PathBuf)>,
+    report: String,
+}
+
+impl ReportLibrary {
+    /// The trials of `collected`, in the order of the links of `written`.
+    pub fn new(methods: &MethodRegistry, collected: &Collected, written: WrittenReport) -> Self {
+        let table = &collected.tables["trials"];
+        let summary = |row: &Vec<_>| TrialSummary {
+            name: format!(
+                "{} {} trial {}",
+                participant(table, row),
+                table.words(row, "condition"),
+                table.words(row, "trial")
+            ),
+            method: table.words(row, "method"),
+            setup: table.words(row, "setup"),
+            seed: table.words(row, "seed").parse().ok(),
+            seconds: table.number(row, "seconds").unwrap_or_default(),
+            // Counts of a task.
+            score: table.number(row, "score").unwrap_or_default() as u32,
+        };
+        // A study names its records from its own folder, a folder of trials from where the command ran.
+        let path = |record: String| {
+            let inside = collected.folder.join(&record);
+            if inside.exists() { inside } else { PathBuf::from(record) }
+        };
+        let trials = table.rows.iter().map(summary).zip(records(table).into_iter().map(path)).collect();
+        Self { methods: methods.clone(), trials, report: written.served }
+    }
+}
+
+impl TrialLibrary for ReportLibrary {
+    fn list(&self) -> Vec<TrialSummary> {
+        self.trials.iter().map(|(summary, _)| summary.clone()).collect()
+    }
+
+    fn trial(&self, number: usize) -> Result<RecordedTrial, String> {
+        let (summary, path) = self.trials.get(number).ok_or_else(|| format!("there is no trial {number}"))?;
+        let named = |error: &dyn std::fmt::Display| format!("{}: {error}", path.display());
+        let trial = if path.is_file() {
+            let arm = Arm::named(TrialConfig::DEFAULT_ARM).map_err(|error| named(&error))?;
+            film_of_bag::read(path, &arm)
+        } else {
+            film::recompute(&self.methods, path)
+        };
+        let trial = trial.map_err(|error| named(&error))?;
+        Ok(RecordedTrial { name: summary.name.clone(), ..trial })
+    }
+
+    fn report(&self) -> Option<String> {
+        Some(self.report.clone())
+    }
+}
