@@ -247,3 +247,36 @@ fn a_report_on_a_study_that_was_broken_off_says_how_far_it_got() {
         "{counted}: {notes}"
     );
 }
+
+#[test]
+fn a_report_names_the_questionnaires_that_lack_answers_and_scores_none_of_them() {
+    let place = tempfile::tempdir().unwrap();
+    let plan = PLAN.replace("form = \"pros_tlx\"", "form = \"sus\"");
+    study(place.path(), "unasked");
+    fs::write(place.path().join("unasked/plan.toml"), plan).unwrap();
+    answer(place.path(), &["study", "run", "unasked", "--simulated", "--json"]);
+    // As if the second person had got up and left one form empty, and half of another.
+    let journal = rusqlite::Connection::open(place.path().join("unasked/study.sqlite")).unwrap();
+    let left_out =
+        "DELETE FROM journal WHERE kind = 'answered' AND json_extract(event, '$.spot.participant') = 2 AND
+        json_extract(event, '$.form') = ?1 AND json_extract(event, '$.item') LIKE ?2";
+    assert_eq!(journal.execute(left_out, ["sus", "%"]).unwrap(), 20);
+    assert_eq!(journal.execute(left_out, ["own", "trust"]).unwrap(), 2);
+    journal.close().unwrap();
+    let report = json(place.path(), &["analyze", "unasked", "--json"]);
+    let notes = report["notes"].to_string();
+    for lack in [
+        "P2: sus lacks 10 of 10 answers about shared control, 10 of 10 answers about A",
+        "P2: own lacks 1 of 1 answers about shared control, 1 of 1 answers about A",
+    ] {
+        assert!(notes.contains(lack), "{lack}: {notes}");
+    }
+    assert!(!notes.contains("P1: sus") && !notes.contains("P3: own"), "{notes}");
+    let scores = fs::read_to_string(place.path().join("unasked/analysis/data/scores.csv")).unwrap();
+    let of = |who: &str| {
+        scores.lines().filter(|line| line.starts_with(who)).map(str::to_owned).collect::<Vec<_>>()
+    };
+    let empty: Vec<String> = of("2,");
+    assert!(empty.len() == 2 && empty.iter().all(|line| line.contains(",sus,,")), "{empty:?}");
+    assert!(of("1,").iter().all(|line| !line.contains(",sus,,")), "{scores}");
+}

@@ -53,7 +53,7 @@ pub enum Scoring {
         pairs: bool,
     },
     /// As the System Usability Scale: odd items count from 0 up, even ones from 0 down, times 2.5 (Brooke 1996). A missing
-    /// answer counts as the middle, as there.
+    /// answer counts as the middle, as there; no score where all are missing.
     Usability {},
 }
 
@@ -309,7 +309,8 @@ impl Form {
                     let value = value.unwrap_or(*middle);
                     if k % 2 == 0 { value - 1.0 } else { 5.0 - value }
                 });
-                vec![score("", Some(2.5 * points.sum::<f64>()), missing)]
+                let sum = 2.5 * points.sum::<f64>();
+                vec![score("", (missing.len() < values.len()).then_some(sum), missing)]
             }
             Scoring::TaskLoad { pairs } => {
                 let raw = given.as_ref().map(|given| given.iter().sum::<f64>() / given.len() as f64);

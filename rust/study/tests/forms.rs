@@ -67,6 +67,9 @@ fn the_usability_scale_runs_from_0_to_100_and_takes_the_middle_for_what_is_missi
     assert_eq!(score(&[3.0; 10]).value, Some(50.0));
     let nine = score(&best[..9]);
     assert_eq!((nine.value, nine.missing), (Some(95.0), vec!["sus_10".to_owned()]));
+    // Nobody's opinion is not the middle.
+    let none = score(&[]);
+    assert_eq!((none.value, none.missing.len()), (None, 10));
 }
 
 #[test]

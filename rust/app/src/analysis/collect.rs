@@ -135,6 +135,7 @@ fn study(
         let done = counted.len();
         collected.notes.push(format!("The study is not finished: {done} of {planned} planned trials count."));
     }
+    collected.notes.extend(tables::missing_answers(&study, &look));
     let sources: Vec<Source> = counted.into_iter().map(|(key, dir)| Source::Counted { key, dir }).collect();
     // Both take their time, and neither needs the other.
     let (rows, made) = thread::scope(|scope| {

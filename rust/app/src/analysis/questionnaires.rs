@@ -96,6 +96,12 @@ pub(super) fn rankings(collected: &Collected, conditions: &[String]) -> Option<R
     })
 }
 
+/// What a score is called: an instrument's own begin with its name.
+fn score_name(form: &str, score: &str) -> String {
+    let name = if score.starts_with(form) { score.to_owned() } else { format!("{form}: {score}") };
+    name.replace('_', " ")
+}
+
 /// Scores of questionnaires about conditions, by questionnaire and score.
 pub(super) fn scored(collected: &Collected) -> BTreeMap<String, Vec<Value>> {
     let mut found: BTreeMap<String, Vec<Value>> = BTreeMap::new();
@@ -105,12 +111,10 @@ pub(super) fn scored(collected: &Collected) -> BTreeMap<String, Vec<Value>> {
             continue;
         };
         if !condition.is_empty() {
-            let key = format!("{}: {}", scores.words(row, "form"), scores.words(row, "score"));
-            found.entry(key).or_default().push(Value {
-                participant: participant(scores, row),
-                condition,
-                value,
-            });
+            found
+                .entry(score_name(&scores.words(row, "form"), &scores.words(row, "score")))
+                .or_default()
+                .push(Value { participant: participant(scores, row), condition, value });
         }
     }
     found
@@ -136,6 +140,12 @@ pub(super) fn questionnaires(collected: &Collected, conditions: &[String]) -> Op
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_score_is_called_by_its_instrument_once() {
+        assert_eq!(score_name("nasa_tlx", "nasa_tlx_raw"), "nasa tlx raw");
+        assert_eq!(score_name("own", "trust"), "own: trust");
+    }
 
     #[test]
     fn rankings_with_ties_are_read_and_other_answers_are_not() {

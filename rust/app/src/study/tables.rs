@@ -41,6 +41,29 @@ pub(crate) fn counted_trials(study: &Study, look: &Look) -> Vec<(Vec<Cell>, Path
     told.counted().into_iter().map(record).collect()
 }
 
+/// Questionnaires that are over and lack answers, in a sentence a person and questionnaire.
+pub(crate) fn missing_answers(study: &Study, look: &Look) -> Vec<String> {
+    let mut lacks: BTreeMap<(usize, &str), Vec<String>> = BTreeMap::new();
+    for session in &look.progress.schedule().sessions {
+        for (spot, happening) in look.progress.spots(session).zip(&session.happenings) {
+            let state = look.progress.step(&spot);
+            let (Some(name), Some(StepOutcome::Done)) = (happening.form(), state.outcome) else { continue };
+            let form = &study.forms[name];
+            let missing = form.missing(&state.answers).len();
+            if missing > 0 {
+                let after =
+                    happening.condition().map_or(String::new(), |condition| format!(" about {condition}"));
+                let told = format!("{missing} of {} answers{after}", form.keys().len());
+                lacks.entry((spot.participant, name)).or_default().push(told);
+            }
+        }
+    }
+    let sentence = |((who, form), told): ((usize, &str), Vec<String>)| {
+        format!("P{who}: {form} lacks {}", told.join(", "))
+    };
+    lacks.into_iter().map(sentence).collect()
+}
+
 fn all_tables(
     journal: &Told<'_>,
     raw: bool,
