@@ -6,7 +6,7 @@
 # the reason as its last line); anything else is a failure. One failing lane does not keep the others from running.
 
 short_lanes="format shell docker web lint cpp rust launcher trial fuzz kill study page rosbridge ros"
-long_lanes="deny fuzz_long seeds planning sanitizers valgrind soak speeds kill_long study_long statistics faults soak_serve debootstrap focal image pages ros_long ros_safety lsl"
+long_lanes="deny fuzz_long seeds planning sanitizers valgrind soak speeds kill_long study_long slurm statistics faults soak_serve debootstrap focal image pages ros_long ros_safety lsl"
 
 # A ROS 1 graph with Debian's own clients, the catkin workspace, rviz on a virtual display.
 ros_test_packages="ros-base python3-roslaunch python3-rosbag python3-rostopic python3-rosnode python3-rosservice
@@ -32,6 +32,7 @@ packages_of() {
     kill | kill_long | study_long) echo python3 ;;
     study) echo python3 faketime ;;
     statistics) echo python3-scipy python3-statsmodels r-cran-lme4 r-cran-ordinal ;;
+    slurm) echo slurmctld slurmd slurm-client ;;
     faults) echo python3 faketime ;;
     trial) echo python3 python3-rosbag ;;
     seeds | planning) echo python3 ;;
@@ -188,6 +189,11 @@ lane_study_long() {
 lane_statistics() {
     build && run_cargo test --release --locked -p proact-analysis --test scipy -- --nocapture &&
         run_cargo test --release --locked -p proact-cli --test analyze -- --nocapture
+}
+
+# Batches as job arrays on a Slurm of one node.
+lane_slurm() {
+    build && sh "$root/tests/scenarios/slurm.sh" "$binary" "$root/build/slurm"
 }
 
 # Full disks, half-open sockets, floods: what must hold then.
