@@ -12,7 +12,7 @@ mod search;
 
 pub use evaluation::{Evaluation, kinematic_scores};
 pub use journal::{FitJournal, JournalError};
-pub use parameters::{PARAMETERS, Parameter, population_at};
+pub use parameters::{PARAMETERS, Parameter, population_at, population_at_start};
 pub use prediction::{MethodPrediction, Prediction, StudyScores, predict, seeds_of};
 pub use search::{FitOptions, Fitted, fit};
 

@@ -6,8 +6,8 @@ use proact_app::{
     Registry, answer,
     batch::NO_EVIDENCE,
     fit::{
-        FITTED, FitOptions, FitTarget, MethodPrediction, PARAMETERS, Prediction, StudyScores, fit, predict,
-        seeds_of,
+        FITTED, FitOptions, FitTarget, MethodPrediction, PARAMETERS, Prediction, StudyScores, fit,
+        population_at_start, predict, seeds_of,
     },
     paper::PaperResults,
     tell, write_whole,
@@ -41,10 +41,10 @@ pub(crate) struct FitArgs {
     #[arg(long, value_name = "DIR", default_value = "fit")]
     out: PathBuf,
     /// People of each evaluation, with three trials each
-    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(8..=1000))]
+    #[arg(long, value_name = "N", default_value_t = 12, value_parser = clap::value_parser!(u32).range(8..=1000))]
     participants: u32,
     /// Evaluations at most
-    #[arg(long, value_name = "N", default_value_t = 40, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    #[arg(long, value_name = "N", default_value_t = 24, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     evaluations: u32,
     /// So many trials at once; by default one a processor
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
@@ -98,7 +98,7 @@ fn fit_people(registry: &Registry, args: &FitArgs) -> Result<bool, Box<dyn Error
             progress.set_message(format!("objective {best:.4}"));
         }
     };
-    let fitted = fit(registry, &Population::standard(), &args.out, &options, &told)?;
+    let fitted = fit(registry, &population_at_start(&Population::standard()), &args.out, &options, &told)?;
     progress.finish_and_clear();
     let Some(fitted) = fitted else {
         tell(format_args!("interrupted; the same command goes on in {}", args.out.display()));

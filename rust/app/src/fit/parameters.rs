@@ -4,6 +4,8 @@ use proact_participants::Population;
 pub struct Parameter {
     /// Its key in `population.toml`.
     pub name: &'static str,
+    /// The search begins here: what was chosen before there was a fit.
+    pub start: f64,
     /// The search stays between these.
     pub low: f64,
     /// The search stays between these.
@@ -14,22 +16,37 @@ pub struct Parameter {
 
 /// What is fitted. All other values keep what their sources, or assumptions, say.
 pub const PARAMETERS: [Parameter; 5] = [
-    Parameter { name: "thinking_ms.median", low: 100.0, high: 6000.0, value: |p| &mut p.thinking_ms.median },
-    Parameter { name: "thinking_ms.spread", low: 0.2, high: 1.6, value: |p| &mut p.thinking_ms.spread },
+    Parameter {
+        name: "thinking_ms.median",
+        start: 1000.0,
+        low: 100.0,
+        high: 6000.0,
+        value: |p| &mut p.thinking_ms.median,
+    },
+    Parameter {
+        name: "thinking_ms.spread",
+        start: 0.9,
+        low: 0.2,
+        high: 1.6,
+        value: |p| &mut p.thinking_ms.spread,
+    },
     Parameter {
         name: "confusions_per_min.median",
+        start: 0.8,
         low: 0.05,
         high: 8.0,
         value: |p| &mut p.confusions_per_min.median,
     },
     Parameter {
         name: "person.imagination_error",
+        start: 0.05,
         low: 0.005,
         high: 0.3,
         value: |p| &mut p.person.imagination_error,
     },
     Parameter {
         name: "person.wrong_direction",
+        start: 0.02,
         low: 0.002,
         high: 0.3,
         value: |p| &mut p.person.wrong_direction,
@@ -53,6 +70,15 @@ impl Parameter {
         // Without what a product of powers of ten leaves behind the last digit.
         format!("{rounded:.6}").parse().unwrap_or(rounded)
     }
+}
+
+/// `from` with what the search begins at.
+pub fn population_at_start(from: &Population) -> Population {
+    let mut population = *from;
+    for parameter in &PARAMETERS {
+        *(parameter.value)(&mut population) = parameter.start;
+    }
+    population
 }
 
 /// `from` with the fitted values at `coordinates`.
