@@ -117,7 +117,8 @@ pub fn kinematic(
     let plant: Box<dyn Plant> = Box::new(KinematicPlant::new(model.clone(), scene, base));
     let plans = Box::new(InstantPlans::new(model.clone()));
     let process = process(methods, &config)?;
-    let testbed = testbed_around(methods, arm, config, plans, Some(person.classifier), process, |_| plant)?;
+    let testbed =
+        testbed_around(methods, arm, config, plans, Some(person.classifier), process, |_, _| Ok(plant))?;
     Ok(Session::new(testbed, person.parts))
 }
 
@@ -262,7 +263,8 @@ pub fn bare(
     let plans = Box::new(planner(arm.model(), &config)?);
     let methods = MethodRegistry::standard();
     let process = process(&methods, &config)?;
-    Ok((testbed_around(&methods, &arm, config, plans, Some(classifier), process, around)?, feed))
+    let made = |model: &ArmModel, config: &TrialConfig| Ok(around(physics(model, config)?));
+    Ok((testbed_around(&methods, &arm, config, plans, Some(classifier), process, made)?, feed))
 }
 
 /// A testbed that takes its plans from the log.
@@ -275,7 +277,7 @@ pub fn replayed(
     config: TrialConfig,
     classifier: Option<Classifier>,
 ) -> Result<Testbed, AssemblyError> {
-    testbed_around(methods, arm, config, Box::new(LoggedPlans), classifier, None, |plant| plant)
+    testbed_around(methods, arm, config, Box::new(LoggedPlans), classifier, None, physics)
 }
 
 /// A testbed that takes its plans from the log, and plans that are computed again beside it.
@@ -291,7 +293,7 @@ pub fn replanned(
     let worker = planner(arm.model(), &config)?;
     let plans = ComparedPlans { log: worker.log(), replies: Arc::default(), serve: Arc::default() };
     let asked = AskedAgain { worker, replies: plans.replies.clone(), serve: plans.serve.clone() };
-    let testbed = testbed_around(methods, arm, config, Box::new(asked), classifier, None, |plant| plant)?;
+    let testbed = testbed_around(methods, arm, config, Box::new(asked), classifier, None, physics)?;
     Ok((testbed, plans))
 }
 
@@ -380,7 +382,7 @@ fn testbed(
     let worker = planner(arm.model(), &config)?;
     let plans = worker.log();
     let process = process(methods, &config)?;
-    let testbed = testbed_around(methods, arm, config, Box::new(worker), classifier, process, |plant| plant)?;
+    let testbed = testbed_around(methods, arm, config, Box::new(worker), classifier, process, physics)?;
     Ok((testbed, plans))
 }
 
@@ -392,6 +394,12 @@ fn process(
     Ok(method_process::start(&config.method_entry(methods)?, config.wait_for_plans)?)
 }
 
+/// The physics of a trial.
+fn physics(model: &ArmModel, config: &TrialConfig) -> Result<Box<dyn Plant>, AssemblyError> {
+    let base = config.setup.body.shoulder_pose(&Default::default());
+    Ok(plant(model, config.build_task(model)?.scene(), &base, &config.physics)?)
+}
+
 fn testbed_around(
     methods: &MethodRegistry,
     arm: &Arm,
@@ -399,18 +407,16 @@ fn testbed_around(
     plans: Box<dyn PlanService>,
     classifier: Option<Classifier>,
     process: Option<Box<dyn MethodProcess>>,
-    around: impl FnOnce(Box<dyn Plant>) -> Box<dyn Plant>,
+    world: impl FnOnce(&ArmModel, &TrialConfig) -> Result<Box<dyn Plant>, AssemblyError>,
 ) -> Result<Testbed, AssemblyError> {
     let mut config = config;
     arm.rename(&mut config);
     let model = arm.model();
-    let task = config.build_task(model)?;
-    let base = config.setup.body.shoulder_pose(&Default::default());
     let parts = Parts {
         arm: arm.pinned(),
         model: model.clone(),
         kinematics: Box::new(Kinematics::new(model)?),
-        plant: around(plant(model, task.scene(), &base, &config.physics)?),
+        plant: world(model, &config)?,
         methods: methods.clone(),
         plans,
         classifier,

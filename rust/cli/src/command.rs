@@ -68,6 +68,11 @@ enum Command {
     Simulate(crate::simulate::SimulateArgs),
     /// Compare control methods on the same simulated people: a leader board with its statistics
     Compare(crate::compare::CompareArgs),
+    /// The simulated people: fit them to the paper, and predict it
+    Participants {
+        #[command(subcommand)]
+        command: crate::participants::ParticipantsCommand,
+    },
     /// Plan a study, conduct its sessions, get its tables
     Study {
         /// One JSON object on standard output
@@ -236,6 +241,7 @@ fn act(registry: &Registry, command: Command) -> Result<bool, Box<dyn Error>> {
         }
         Command::Study { json, command } => crate::study::run(registry, &command, json),
         Command::Simulate(args) => crate::simulate::command(registry, &args),
+        Command::Participants { command } => crate::participants::run(registry, &command),
         Command::Compare(args) => crate::compare::command(registry, args),
         Command::Analyze(args) => crate::analyze::command(&registry.methods, &args),
         Command::Node(args) => crate::node::command(registry, &args),

@@ -19,6 +19,7 @@ mod interrupt;
 mod method_files;
 mod model;
 mod node;
+mod participants;
 mod person_args;
 mod progress;
 mod replay;

@@ -59,20 +59,28 @@ pub fn person_values(people: People, master_seed: u64, index: usize, history: &T
     match people {
         // They differ by the seed of the trial alone.
         People::Competent => Vec::new(),
-        People::Person => {
-            let practice = Practice {
-                trials_with_method: history.same_condition as u32,
-                minutes: history.minutes,
-                // The classifier is trained at the beginning of a session.
-                minutes_since_training: history.minutes,
-                days_before: history.session.saturating_sub(1) as u32,
-                ..Practice::default()
-            };
-            let options = Population::standard().person(master_seed, index as u32, &practice);
-            let table = toml::Value::try_from(options).expect("numbers in tables are TOML");
-            vec![format!("participant={table}")]
-        }
+        People::Person => population_values(&Population::standard(), master_seed, index, history),
     }
+}
+
+/// The same for the people of a `population`.
+pub fn population_values(
+    population: &Population,
+    master_seed: u64,
+    index: usize,
+    history: &TrialHistory,
+) -> Vec<String> {
+    let practice = Practice {
+        trials_with_method: history.same_condition as u32,
+        minutes: history.minutes,
+        // The classifier is trained at the beginning of a session.
+        minutes_since_training: history.minutes,
+        days_before: history.session.saturating_sub(1) as u32,
+        ..Practice::default()
+    };
+    let options = population.person(master_seed, index as u32, &practice);
+    let table = toml::Value::try_from(options).expect("numbers in tables are TOML");
+    vec![format!("participant={table}")]
 }
 
 #[cfg(test)]

@@ -18,6 +18,10 @@ const TOUCHED: f64 = 0.06;
 
 /// From the muscles' letting go to the end of the motion, beside the person's own reaction, ms: three decisions and a ramp.
 const MACHINE_MILLIS: f64 = 200.0;
+/// Who ends a movement by sight judges its speed once it was seen for this long, ms ...
+const JUDGED_MILLIS: u64 = 250;
+/// ... and gives it up when it takes this many times as long as was thought, and a moment more, ms.
+const PATIENCE: (f64, f64) = (2.0, 700.0);
 /// A joint or an axis that has gone this far the wrong way is seen to, rad, metres.
 const WRONG_TURN: f64 = 0.05;
 const WRONG_SHIFT: f64 = 0.01;
@@ -30,12 +34,25 @@ pub(super) struct Pulse {
     right: bool,
     gesture: Gesture,
     millis: u64,
+    /// The end is chosen by what is seen, if the movement lasts long enough to be seen.
+    by_sight: Option<BySight>,
     /// Where the arm was before: arm angles, or the hand's place and attitude.
     before: (JointVector, Pose),
     /// What it should bring, in the unit of its speed.
     amount: f64,
     began: Option<SimTime>,
     over: bool,
+}
+
+/// How a movement is ended that is followed with the eye.
+#[derive(Clone, Copy, Debug)]
+struct BySight {
+    /// What it is to bring, as it is imagined, in the unit of its speed.
+    meant: f64,
+    /// For how long before the end the hand lets go, ms: the delay that is known of.
+    ahead_millis: f64,
+    /// It is given up after this long, ms.
+    patience_millis: u64,
 }
 
 impl Pulse {
@@ -46,20 +63,31 @@ impl Pulse {
         let share = spread.map_or(0.0, |n| n.sample(&mut habits.rng).clamp(-0.4, 0.4));
         let longest = if lack.mode >= FIRST_AXIS { PULSE_MILLIS.1 } else { LONGEST_TURN_MILLIS };
         let speed = habits.skill.speed(lack.mode, lack.speed);
-        let meant = habits.skill.imagined(lack.amount.abs()) / speed * 1e3;
+        let imagined = habits.skill.imagined(lack.amount.abs());
+        let meant = imagined / speed * 1e3;
         let missed = (meant * share).clamp(-TIMING_MILLIS, TIMING_MILLIS);
-        let late =
-            (1.0 - habits.options.person.anticipation) * (habits.options.reaction_ms as f64 + MACHINE_MILLIS);
+        let delay = habits.options.reaction_ms as f64 + MACHINE_MILLIS;
+        let anticipation = habits.options.person.anticipation;
+        let late = (1.0 - anticipation) * delay;
         let millis = (meant + missed + late).clamp(PULSE_MILLIS.0, longest);
         let extends = (lack.amount > 0.0) == (mode.we_sign >= 0);
         let right = habits.skill.begins_rightly(lack.mode);
+        let seen_to_move = meant > delay + JUDGED_MILLIS as f64;
+        let by_sight = (habits.options.person.ends_by_sight && seen_to_move).then(|| BySight {
+            meant: imagined * (1.0 + missed / meant),
+            ahead_millis: anticipation * delay,
+            patience_millis: (PATIENCE.0 * meant + PATIENCE.1).min(LONGEST_TURN_MILLIS) as u64,
+        });
+        // What is not held for a time that was thought of brings what is meant.
+        let amount = if by_sight.is_some() { imagined } else { millis * 1e-3 * speed };
         Self {
             lack: *lack,
             right,
             gesture: if extends == right { Gesture::WristExtension } else { Gesture::WristFlexion },
             millis: millis as u64,
+            by_sight,
             before: (situation.seen.joints.clone(), situation.base_from_tip()),
-            amount: millis * 1e-3 * speed,
+            amount,
             began: None,
             over: false,
         }
@@ -88,11 +116,25 @@ impl Pulse {
             && seen.time > began
             && matches!(seen.planner, PlannerView::Failed { .. });
         let wrong = if self.moves_along() { WRONG_SHIFT } else { WRONG_TURN };
-        let ends = refused
-            || now.millis_since(began) >= self.millis
-            || (!self.right && self.gone(situation) < -wrong);
+        let ends =
+            refused || self.is_time(now, began, situation) || (!self.right && self.gone(situation) < -wrong);
         self.over |= ends;
         ends
+    }
+
+    /// Whether it is time to let go: after so long as was thought, or when what is seen will have come far enough by the time the
+    /// motion stops.
+    fn is_time(&self, now: SimTime, began: SimTime, situation: &Situation) -> bool {
+        let held = now.millis_since(began);
+        let Some(BySight { meant, ahead_millis, patience_millis }) = self.by_sight else {
+            return held >= self.millis;
+        };
+        let seen = situation.seen.time.millis_since(began).saturating_sub(MACHINE_MILLIS as u64);
+        if seen < JUDGED_MILLIS {
+            return false;
+        }
+        let gone = self.gone(situation).max(0.0);
+        held >= patience_millis || gone + gone / seen as f64 * ahead_millis >= meant
     }
 
     fn moves_along(&self) -> bool {

@@ -38,6 +38,8 @@ pub struct PersonTraits {
     pub speed_error: f64,
     /// Share of the person's own delay for which the end of a movement is anticipated, 0 to 1. Assumed.
     pub anticipation: f64,
+    /// A long movement is ended by what is seen of it, and not after the time that it was thought to take. Assumed.
+    pub ends_by_sight: bool,
     /// Standard deviation of an imagined movement, as a share of it. Assumed.
     pub imagination_error: f64,
     /// Chance that the trunk makes a correction that it is able to make, instead of the arm. Assumed.
@@ -68,6 +70,7 @@ impl Default for PersonTraits {
             wrong_direction: 0.0,
             speed_error: 0.0,
             anticipation: 1.0,
+            ends_by_sight: false,
             imagination_error: 0.0,
             body_share: 0.0,
             notices: 1.0,

@@ -1,0 +1,138 @@
+use crate::{
+    Registry,
+    batch::{Batch, BatchTrial, Sweep},
+    study::{People, Study, TrialOrder, population_values},
+    trial,
+};
+use proact_devices::EmgOrigin;
+use proact_participants::Population;
+use proact_study::TrialChoice;
+use std::{
+    error::Error,
+    path::Path,
+    sync::{
+        Mutex, PoisonError,
+        atomic::{AtomicBool, AtomicUsize, Ordering},
+    },
+};
+
+/// The trials of the paper's first study with some methods, with people of whatever population.
+pub struct Evaluation {
+    batch: Batch,
+    trials: Vec<BatchTrial>,
+    /// Draws people and trials.
+    pub seed: u64,
+}
+
+impl Evaluation {
+    /// The trials of `participants` people with `methods`, in the order of the plan.
+    ///
+    /// # Errors
+    /// Too many trials.
+    pub fn of_study1(
+        registry: &Registry,
+        participants: usize,
+        seed: u64,
+        methods: &[&str],
+    ) -> Result<Self, Box<dyn Error>> {
+        let study = Study::open_for(Path::new("study1"), &registry.methods, Some(participants), Some(seed))?;
+        let batch = Batch::of_study(&study, &TrialChoice::default(), People::Competent, Sweep::default())?;
+        let wanted = |trial: &BatchTrial| methods.contains(&batch.conditions[trial.condition].0.as_str());
+        let trials: Vec<BatchTrial> =
+            (0..batch.count()).map(|index| batch.trial(index)).filter(wanted).collect();
+        if trials.is_empty() {
+            return Err(format!("study1 has no trials with {}", methods.join(", ")).into());
+        }
+        Ok(Self { batch, trials, seed })
+    }
+
+    /// How many trials.
+    pub fn count(&self) -> usize {
+        self.trials.len()
+    }
+
+    /// Person (from 1), method and number of each trial.
+    pub fn rows(&self) -> impl Iterator<Item = (usize, &str, usize)> {
+        self.trials
+            .iter()
+            .map(|trial| (trial.participant, self.batch.conditions[trial.condition].0.as_str(), trial.trial))
+    }
+
+    /// The trial in a place as an order, with its person of `population`.
+    pub fn order(&self, place: usize, population: &Population) -> TrialOrder {
+        let trial = &self.trials[place];
+        let mut order = self.batch.order(trial);
+        let person = population_values(population, self.seed, trial.participant, &trial.history);
+        order.choice.set.splice(0..0, person);
+        order
+    }
+}
+
+/// Runs all trials of an evaluation on the kinematic doubles, in `jobs` threads: the scores in their order, or none if it was
+/// interrupted. `tell` hears of each trial that ends.
+///
+/// # Errors
+/// A trial that cannot be put together or run.
+pub fn kinematic_scores(
+    registry: &Registry,
+    evaluation: &Evaluation,
+    population: &Population,
+    jobs: usize,
+    interrupted: &AtomicBool,
+    tell: &(dyn Fn() + Sync),
+) -> Result<Option<Vec<f64>>, Box<dyn Error>> {
+    let scores = Mutex::new(vec![None; evaluation.count()]);
+    let failure: Mutex<Option<String>> = Mutex::new(None);
+    let next = AtomicUsize::new(0);
+    std::thread::scope(|scope| {
+        for _ in 0..jobs.max(1) {
+            scope.spawn(|| {
+                loop {
+                    let place = next.fetch_add(1, Ordering::Relaxed);
+                    let stopped = interrupted.load(Ordering::Relaxed)
+                        || failure.lock().unwrap_or_else(PoisonError::into_inner).is_some();
+                    if place >= evaluation.count() || stopped {
+                        return;
+                    }
+                    match kinematic_score(registry, &evaluation.order(place, population), interrupted) {
+                        Ok(score) => scores.lock().unwrap_or_else(PoisonError::into_inner)[place] = score,
+                        Err(error) => {
+                            let text = format!("trial {}: {error}", place + 1);
+                            failure.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(text);
+                        }
+                    }
+                    tell();
+                }
+            });
+        }
+    });
+    if let Some(failure) = failure.into_inner().unwrap_or_else(PoisonError::into_inner) {
+        return Err(failure.into());
+    }
+    Ok(scores.into_inner().unwrap_or_else(PoisonError::into_inner).into_iter().collect())
+}
+
+/// The score of a trial; none if it was interrupted.
+fn kinematic_score(
+    registry: &Registry,
+    order: &TrialOrder,
+    interrupted: &AtomicBool,
+) -> Result<Option<f64>, Box<dyn Error>> {
+    let (arm, config) = order.config(registry, None)?;
+    let mut session = trial::kinematic(&registry.methods, &arm, config, &EmgOrigin::Synthetic)?;
+    while !session.step(false)?.output.finished {
+        if session.testbed().now().0.is_multiple_of(1000) && interrupted.load(Ordering::Relaxed) {
+            return Ok(None);
+        }
+    }
+    Ok(Some(session.result().score))
+}
+
+/// How many of `scores` were 0, 1, ... up to `most`.
+pub(super) fn counted(scores: impl IntoIterator<Item = f64>, most: usize) -> Vec<usize> {
+    let mut counts = vec![0; most + 1];
+    for score in scores {
+        counts[(score.max(0.0).round() as usize).min(most)] += 1;
+    }
+    counts
+}
