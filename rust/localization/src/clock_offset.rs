@@ -8,7 +8,7 @@ const WINDOW: Nanos = 10_000_000_000;
 
 /// Our clock minus the device's, from the sample that was least delayed in the last ten seconds: delays only add.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct ClockOffset {
+pub struct ClockOffset {
     /// Arrival and offset, offsets rising: the first is the least.
     least: VecDeque<(Nanos, Nanos)>,
 }
@@ -27,7 +27,7 @@ impl ClockOffset {
         stamp.saturating_add(self.offset()) as f64 * 1e-9
     }
 
-    /// ns.
+    /// What is added to a stamp to be on our clock, ns.
     pub fn offset(&self) -> Nanos {
         self.least.front().map_or(0, |(_, offset)| *offset)
     }

@@ -258,15 +258,31 @@ pub fn check_window(samples: &[BodySample], expected: &ExpectedPlace) -> Result<
         return Ok(());
     }
     // Millimetres first: with both faults y is a thousand times too large as well.
-    for got in [z, y] {
-        if within(got / 1000.0) {
-            return Err(PoseFault::Millimetres { body, got, metres: got / 1000.0, low, high });
-        }
-    }
+    check_thousandth(&body, [z, y], expected)?;
     if within(y) {
         return Err(PoseFault::YUp { body, y, z, low, high });
     }
     Err(PoseFault::Height { body, got: z, low, high })
+}
+
+/// Judges the unit of a single pose.
+///
+/// # Errors
+/// [`PoseFault::Millimetres`].
+pub(crate) fn check_unit(sample: &BodySample, expected: &ExpectedPlace) -> Result<(), PoseFault> {
+    let place = sample.pose.translation.vector;
+    check_thousandth(&sample.body, [place.z, place.y], expected)
+}
+
+/// Refuses the first height that is one of a person if it is millimetres.
+fn check_thousandth(body: &str, heights: [f64; 2], expected: &ExpectedPlace) -> Result<(), PoseFault> {
+    let [low, high] = expected.height_m;
+    match heights.into_iter().find(|got| (low..=high).contains(&(got / 1000.0))) {
+        Some(got) => {
+            Err(PoseFault::Millimetres { body: body.to_owned(), got, metres: got / 1000.0, low, high })
+        }
+        None => Ok(()),
+    }
 }
 
 /// Judges whether places and turns of one body are of one right-handed frame, from a movement about some pivot: a head that

@@ -31,15 +31,20 @@ mod frame_tree;
 mod hand_eye;
 mod hand_eye_fit;
 mod input_check;
-mod motion_fit;
+mod manoeuvre;
+mod motion_estimate;
+mod noise_level;
 mod observability;
 mod original_filter;
 mod pivot;
 mod placement;
 mod pose_filter;
+mod shoulder;
+mod stream_meter;
 mod tracking;
 
 pub use base_motion::{BaseMotion, FollowSpeeds};
+pub use clock_offset::ClockOffset;
 pub use drift::{DriftCorrection, DriftState};
 pub use frame_tree::{At, FrameError, FrameTree, Nanos};
 pub use hand_eye::{
@@ -51,4 +56,6 @@ pub use observability::{HeadAxis, Observability};
 pub use pivot::{PivotFit, fit_pivot, fit_sphere};
 pub use placement::{BoxPlacement, BraceSize, PlacementError, PlacementProfile, SeatedPerson, place_box};
 pub use pose_filter::{FilterProfile, FollowState, Followed, PoseFilter, PoseFilterConfig};
+pub use shoulder::{ShoulderCalibration, ShoulderOptions, ShoulderVerdict, calibrate_shoulder};
+pub use stream_meter::{StreamMeter, StreamQuality};
 pub use tracking::{BodySample, RawBodyPose, TrackingAxes, UpAxis};

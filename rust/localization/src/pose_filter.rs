@@ -1,21 +1,18 @@
 //! From the samples of one body to its pose at the time of a display.
 
 use crate::{
-    BodySample, Nanos,
-    clock_offset::ClockOffset,
-    motion_fit::{Moment, noise_of, predict},
+    BodySample, Nanos, clock_offset::ClockOffset, motion_estimate::MotionEstimate,
     original_filter::OriginalFilter,
 };
 use nalgebra::UnitQuaternion;
 use proact_types::{Pose, Vector};
 use serde::{Deserialize, Serialize};
-use std::collections::VecDeque;
 
 /// Whose filter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FilterProfile {
-    /// Linear prediction over a window that adapts.
+    /// Kalman filters of place and turn, read at the time of the display.
     #[default]
     Default,
     /// The original's `pose_filter.py`: a mean of ten with a dead band; no prediction, no limit for an occlusion.
@@ -33,9 +30,7 @@ pub struct PoseFilterConfig {
     pub latency_secs: f64,
     /// A body that is not seen for longer than this, s, stands still, and the arm with it.
     pub occlusion_secs: f64,
-    /// Time constant with which a speed is given up that no sample confirms, s.
-    pub coast_secs: f64,
-    /// Time in which a body that is seen again is caught up with, s.
+    /// Longest time in which a body that is seen again is caught up with, s.
     pub resume_secs: f64,
     /// A sample as far as this from where it is expected, m, is an outlier.
     pub outlier_m: f64,
@@ -49,7 +44,6 @@ impl Default for PoseFilterConfig {
             profile: FilterProfile::Default,
             latency_secs: 0.004,
             occlusion_secs: 0.25,
-            coast_secs: 0.15,
             resume_secs: 0.2,
             outlier_m: 0.03,
             outlier_deg: 8.0,
@@ -61,6 +55,15 @@ impl PoseFilterConfig {
     /// The original's filter.
     pub fn original() -> Self {
         Self { profile: FilterProfile::Original, ..Self::default() }
+    }
+
+    fn is_outlier(&self, motion: &MotionEstimate, time: f64, pose: &Pose) -> bool {
+        let expected = motion.at(time);
+        // The longer nothing was seen, the less is known: as fast as a person moves.
+        let more = 1.0 + 10.0 * (time - motion.time()).max(0.0);
+        let way = (expected.translation.vector - pose.translation.vector).norm();
+        let turn = expected.rotation.angle_to(&pose.rotation).to_degrees();
+        way > self.outlier_m * more || turn > self.outlier_deg * more
     }
 }
 
@@ -85,27 +88,27 @@ pub struct Followed {
     pub state: FollowState,
 }
 
-/// Longest window of samples, s.
-const KEPT_SECS: f64 = 0.26;
 /// Outliers for longer than this are where the body is now, s.
 const OUTLIERS_SECS: f64 = 0.1;
+/// What a gap left is given up at this speed, m/s and rad/s, and within [`PoseFilterConfig::resume_secs`] if that is less.
+const CATCH_UP_M_PER_S: f64 = 0.3;
+const CATCH_UP_RAD_PER_S: f64 = 1.0;
 /// A gap longer than this, s, is told as such: two and a half frames of the slowest systems.
 const GAP_SECS: f64 = 0.06;
 
 /// Follows one body: smooths without a lag for steady motion, bridges short gaps, stands still in long ones and comes back
 /// without a jump. Deterministic; times come with samples and questions.
 ///
-/// Each question fits a straight motion of place and attitude (a rotation vector about the newest sample) by least squares
-/// over the longest of four windows, 70 to 260 ms, in which what is left is noise (adaptive windowing after Janabi-Sharifi et
-/// al. 2000, "Discrete-time adaptive windowing for velocity estimation", IEEE Trans Control Syst Technol 8:1003), and reads it
-/// at the time that is asked for. Weakness: at the start of a quick movement it lags until the short window has seen it, and
-/// at its end it overshoots.
+/// Behind it are Kalman filters of place and turn, each for three kinds of motion at once ([`crate::manoeuvre`]). What a person
+/// turns by when the shoulder moves, as in a lean, is learned on the way and predicted from the place, which a tracking system
+/// knows better. The noise of the samples is learned too. Weakness: in a gap that begins in a quick movement the body is taken
+/// to go on, and there is nothing to tell where it stopped.
 #[derive(Clone, Debug)]
 pub struct PoseFilter {
     config: PoseFilterConfig,
     clock: ClockOffset,
-    /// On our clock, oldest first.
-    recent: VecDeque<Moment>,
+    /// On our clock.
+    motion: Option<MotionEstimate>,
     /// Samples that were not believed, since when, s.
     doubted_since: Option<f64>,
     original: OriginalFilter,
@@ -130,7 +133,7 @@ impl PoseFilter {
         Self {
             config,
             clock: ClockOffset::default(),
-            recent: VecDeque::new(),
+            motion: None,
             doubted_since: None,
             original: OriginalFilter::default(),
             shown: None,
@@ -144,34 +147,23 @@ impl PoseFilter {
         }
         self.original.take(&sample.pose);
         let time = self.clock.take(sample.stamp, sample.arrival) - self.config.latency_secs;
-        if let Some(newest) = self.recent.back() {
-            if time <= newest.time {
-                return;
+        let Some(motion) = &mut self.motion else {
+            self.motion = Some(MotionEstimate::new(time, &sample.pose));
+            return;
+        };
+        if time <= motion.time() {
+            return;
+        }
+        if self.config.is_outlier(motion, time, &sample.pose) {
+            if time - *self.doubted_since.get_or_insert(time) >= OUTLIERS_SECS {
+                // It has stayed there: what came before is of no use.
+                *motion = MotionEstimate::new(time, &sample.pose);
+                self.doubted_since = None;
             }
-            if self.is_outlier(time, &sample.pose)
-                && time - *self.doubted_since.get_or_insert(time) < OUTLIERS_SECS
-            {
-                return;
-            }
+            return;
         }
-        if self.doubted_since.take().is_some_and(|since| time - since >= OUTLIERS_SECS) {
-            // It has stayed there: what came before is of no use.
-            self.recent.clear();
-        }
-        self.recent.push_back(Moment { time, pose: sample.pose });
-        while self.recent.front().is_some_and(|first| first.time < time - KEPT_SECS) {
-            self.recent.pop_front();
-        }
-    }
-
-    fn is_outlier(&self, time: f64, pose: &Pose) -> bool {
-        let Some(expected) = predict(&self.recent, time, self.config.coast_secs) else { return false };
-        let Some(newest) = self.recent.back() else { return false };
-        // The longer nothing was seen, the less is known: as fast as a person moves.
-        let more = 1.0 + 10.0 * (time - newest.time).max(0.0);
-        let way = (expected.translation.vector - pose.translation.vector).norm();
-        let turn = expected.rotation.angle_to(&pose.rotation).to_degrees();
-        way > self.config.outlier_m * more || turn > self.config.outlier_deg * more
+        self.doubted_since = None;
+        motion.take(time, &sample.pose);
     }
 
     /// The body at `now` on our clock, ns: the time at which a display shows it. None before the first sample.
@@ -180,7 +172,8 @@ impl PoseFilter {
         if self.config.profile == FilterProfile::Original {
             return self.original.pose().map(|pose| Followed { pose, state: FollowState::Tracked });
         }
-        let newest = self.recent.back()?.time;
+        let motion = self.motion.as_ref()?;
+        let newest = motion.time();
         let gap = now - newest;
         let state = match gap {
             gap if gap > self.config.occlusion_secs => FollowState::Frozen,
@@ -188,7 +181,7 @@ impl PoseFilter {
             _ => FollowState::Tracked,
         };
         let until = now.min(newest + self.config.occlusion_secs);
-        let measured = predict(&self.recent, until, self.config.coast_secs)?;
+        let measured = motion.at(until);
         let shown = self.show(now, state, &measured);
         self.shown = Some(shown);
         Some(Followed { pose: shown.pose, state })
@@ -196,7 +189,7 @@ impl PoseFilter {
 
     /// Standard deviation of a sample about a straight motion, m and rad; none before there are enough.
     pub fn noise(&self) -> Option<(f64, f64)> {
-        noise_of(&self.recent)
+        self.motion.as_ref()?.noise()
     }
 
     /// What is shown of what was measured: after a gap the difference between the two is given up smoothly.
@@ -222,10 +215,11 @@ impl PoseFilter {
         if returns || jumps {
             (next.catching_up, next.since) = ((way, turn), now);
         }
-        let share = 1.0 - ((now - next.since) / self.config.resume_secs).clamp(0.0, 1.0);
+        let (way, turn) = next.catching_up;
+        let needs = (way.norm() / CATCH_UP_M_PER_S).max(turn.norm() / CATCH_UP_RAD_PER_S);
+        let share = 1.0 - ((now - next.since) / needs.min(self.config.resume_secs).max(1e-3)).clamp(0.0, 1.0);
         // From 1 to 0 with no speed at either end.
         let share = share * share * (3.0 - 2.0 * share);
-        let (way, turn) = next.catching_up;
         next.pose = Pose::from_parts(
             (measured.translation.vector + way * share).into(),
             UnitQuaternion::from_scaled_axis(turn * share) * measured.rotation,

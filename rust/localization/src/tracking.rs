@@ -1,6 +1,6 @@
 //! What a tracking system says of one body, before and after it is in metres with z up.
 
-use crate::{Nanos, PoseFault};
+use crate::{ExpectedPlace, Nanos, PoseFault, input_check::check_unit};
 use nalgebra::{Matrix3, Quaternion, Rotation3, Translation3, UnitQuaternion};
 use proact_types::{Pose, Vector};
 use serde::{Deserialize, Serialize};
@@ -92,23 +92,31 @@ impl TrackingAxes {
     /// "no rotation" stays no rotation.
     ///
     /// # Errors
-    /// [`PoseFault`] for numbers that are not finite, a quaternion that is no rotation, a place beyond a kilometre.
+    /// [`PoseFault`] for numbers that are not finite, a quaternion that is no rotation, a place beyond a kilometre, which is
+    /// named as millimetres where it would be that of a person in these.
     pub fn convert(&self, raw: &RawBodyPose) -> Result<BodySample, PoseFault> {
         let device = raw_pose(raw)?;
         let turn = self.tracking_from_device();
         let place = turn * device.translation.vector * self.metres_per_unit;
         if place.norm() > FURTHEST_M {
+            // Millimetres for metres is what this most often is: the unit is named before the distance.
+            let sample = Self::sample(raw, Pose::from_parts(place.into(), device.rotation));
+            check_unit(&sample, &ExpectedPlace::default())?;
             return Err(PoseFault::Far { body: raw.body.clone(), metres: place.norm() });
         }
         let rotation = turn * device.rotation * turn.inverse();
-        Ok(BodySample {
+        Ok(Self::sample(raw, Pose::from_parts(place.into(), rotation)))
+    }
+
+    fn sample(raw: &RawBodyPose, pose: Pose) -> BodySample {
+        BodySample {
             body: raw.body.clone(),
             id: raw.id,
             stamp: raw.stamp,
             arrival: raw.arrival,
-            pose: Pose::from_parts(place.into(), rotation),
+            pose,
             tracked: raw.tracked,
-        })
+        }
     }
 
     /// `tracking_from_device`.
@@ -182,7 +190,11 @@ mod tests {
         assert!(refused([f64::NAN, 0.0, 0.0], still).contains("pad"));
         assert!(refused([0.0; 3], [0.0; 4]).contains("length 0.000, expected 1"));
         assert!(refused([0.0; 3], [0.0, 0.0, 0.0, 2.0]).contains("length 2.000"));
-        assert!(refused([0.0, 1400.0, 0.0], still).contains("1400"));
+        assert!(refused([0.0, 9400.0, 0.0], still).contains("9400 m from the origin"));
+        let millimetres = |position| axes.convert(&raw(position, still)).unwrap_err().name();
+        assert_eq!(millimetres([300.0, 200.0, 1400.0]), "millimetres");
+        assert_eq!(millimetres([0.0, 1400.0, 0.0]), "millimetres", "y is up, too");
+        assert_eq!(millimetres([3000.0, 0.0, 0.0]), "far");
         let milli = TrackingAxes { metres_per_unit: 0.001, ..axes };
         let place = milli.convert(&raw([0.0, 1400.0, 0.0], still)).unwrap().pose.translation;
         assert!((place.y - 1.4).abs() < 1e-12);
