@@ -1,5 +1,5 @@
 //! Simulated people, with and without physics.
-#![allow(clippy::unwrap_used)] // A test.
+#![allow(clippy::disallowed_methods, clippy::unwrap_used)] // A test, which reads files.
 
 use proact_app::{Arm, trial};
 use proact_control::MethodRegistry;
