@@ -6,7 +6,7 @@
 # the reason as its last line); anything else is a failure. One failing lane does not keep the others from running.
 
 short_lanes="format shell docker web lint cpp rust launcher trial fuzz kill study page rosbridge ros"
-long_lanes="deny fuzz_long seeds planning sanitizers valgrind soak speeds kill_long study_long statistics faults soak_serve debootstrap focal image pages ros_long ros_safety lsl"
+long_lanes="deny fuzz_long seeds planning sanitizers valgrind soak speeds kill_long study_long slurm statistics faults soak_serve debootstrap focal image pages ros_long ros_safety lsl"
 
 # A ROS 1 graph with Debian's own clients, the catkin workspace, rviz on a virtual display.
 ros_test_packages="ros-base python3-roslaunch python3-rosbag python3-rostopic python3-rosnode python3-rosservice
@@ -30,6 +30,7 @@ packages_of() {
         ;;
     page | pages | soak_serve) echo chromium ;;
     kill | kill_long | study_long) echo python3 ;;
+    slurm) echo python3 slurmctld slurmd slurm-client ;;
     study) echo python3 faketime ;;
     statistics) echo python3-scipy python3-statsmodels r-cran-lme4 r-cran-ordinal ;;
     faults) echo python3 faketime ;;
@@ -182,6 +183,11 @@ lane_study() {
 lane_study_long() {
     build && /usr/bin/python3 "$root/tests/scenarios/study_kill.py" "$binary" --points "${PROACT_KILL_POINTS:-200}" &&
         /usr/bin/python3 "$root/tests/scenarios/study_papers.py" "$binary"
+}
+
+# A batch as a job array of a Slurm of one node that the test starts and ends itself.
+lane_slurm() {
+    build && /usr/bin/python3 "$root/tests/scenarios/slurm.py" "$binary"
 }
 
 # Statistics beside SciPy and statsmodels, and the models that R fits.
