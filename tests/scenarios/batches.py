@@ -69,13 +69,19 @@ def main():
         chance = random.Random(1)
         kills = 0
         while kills < args.kills:
-            program = subprocess.Popen([binary, *WORDS, "--jobs", "2", "--out", killed], stdout=subprocess.DEVNULL)
+            with (place / "killed.txt").open("ab") as told:
+                words = [binary, *WORDS, "--jobs", "2", "--out", killed]
+                program = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=told)
             time.sleep(chance.uniform(0.05, 0.3))
             if program.poll() is not None:
                 break
             program.send_signal(signal.SIGKILL)
             program.wait()
             kills += 1
+        # Its workers find nobody to answer, and end without a word.
+        time.sleep(2)
+        told = (place / "killed.txt").read_text()
+        assert "Broken pipe" not in told, told
         # Torn in the middle of its last line, if the kills did not do that.
         if log.exists() and log.stat().st_size > 100:
             log.write_bytes(log.read_bytes()[:-50])

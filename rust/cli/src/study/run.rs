@@ -107,7 +107,11 @@ pub(crate) fn worker_command() -> Command {
 
 pub(super) fn work(registry: &Registry) -> Result<(), Box<dyn Error>> {
     let interrupted = interrupt_flag()?;
-    Ok(work_on(registry, BufReader::new(stdin()), &mut stdout().lock(), &interrupted)?)
+    match work_on(registry, BufReader::new(stdin()), &mut stdout().lock(), &interrupted) {
+        // Whoever ordered the trial is gone, and nobody is there to be told.
+        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
+        done => Ok(done?),
+    }
 }
 
 fn simulated(
