@@ -11,7 +11,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use crate::{
-    MocapAxes, Registry, TrackedBody,
+    CALIBRATIONS_DIR, Calibrations, MocapAxes, Registry, TrackedBody,
     libraries::{LIBRARIES, loaded_libraries, output_of},
 };
 use proact_devices::{SourceName, motion_capture::OpenedCapture};
@@ -91,6 +91,7 @@ pub fn examine(registry: &Registry) -> Vec<Check> {
     checks.push(Check::ok("EMG", registry.sources.forms()));
     let captures: Vec<&str> = registry.captures.iter().map(|scheme| scheme.form).collect();
     checks.push(Check::ok("motion capture", captures.join(", ")));
+    checks.extend(calibrations(Path::new(CALIBRATIONS_DIR)));
     checks.push(Check::ok("feedback", sinks(registry)));
     checks.push(ros_master(env::var("ROS_MASTER_URI").ok().as_deref()));
     checks
@@ -102,6 +103,8 @@ const LISTENING: Duration = Duration::from_secs(4);
 const GLANCE: Duration = Duration::from_millis(10);
 /// Slower than this a shoulder is followed in steps, Hz.
 const SLOW_HZ: f64 = 30.0;
+/// More than this share of the time in drop-outs is too much.
+const MUCH_MISSING: f64 = 0.1;
 
 /// Listens to a tracking source for some seconds: its rate, the age of its newest pose, and whether an arm could follow it.
 pub fn tracking(registry: &Registry, name: &SourceName, axes: MocapAxes) -> Check {
@@ -121,14 +124,53 @@ pub fn tracking(registry: &Registry, name: &SourceName, axes: MocapAxes) -> Chec
     let age = report
         .age_secs
         .map_or("no pose yet".to_owned(), |age| format!("newest pose {:.0} ms old", age * 1e3));
-    let found = format!("body {:?}: {:.0} Hz, {age}", report.body, report.rate_hz);
+    let noise = report.noise_m.zip(report.noise_rad);
+    let noise = noise.map_or(String::new(), |(place, turn)| {
+        format!(", noise {:.2} mm and {:.2} deg", place * 1e3, turn.to_degrees())
+    });
+    let stream = report.stream.map_or(String::new(), |stream| {
+        format!(
+            ", lag {:.0} ms, jitter {:.0} ms, {} drop-outs ({:.1} % of the time, longest {:.0} ms)",
+            stream.lag_secs * 1e3,
+            stream.jitter_secs * 1e3,
+            stream.dropouts,
+            stream.missing * 1e2,
+            stream.longest_secs * 1e3
+        )
+    });
+    let found = format!("body {:?}: {:.0} Hz, {age}{stream}{noise}", report.body, report.rate_hz);
     match report.fault {
         Some(fault) => Check::fail(label, found, fault),
         None if report.rate_hz < SLOW_HZ => {
             Check::warn(label, found, format!("slower than {SLOW_HZ} Hz: raise the rate of the stream"))
         }
+        None if report.stream.is_some_and(|stream| stream.missing > MUCH_MISSING) => {
+            let advice = "the body is often not seen: clear the view of the cameras, check its markers";
+            Check::warn(label, found, advice)
+        }
         None => Check::ok(label, found),
     }
+}
+
+/// What `proact localize` found, a line each; one without any.
+fn calibrations(dir: &Path) -> Vec<Check> {
+    let found = match Calibrations::load(dir) {
+        Ok(found) => found.lines(),
+        Err(error) => return vec![Check::fail("calibrations", "cannot be read", error.to_string())],
+    };
+    if found.is_empty() {
+        let found = format!("none in {}", dir.display());
+        return vec![Check::ok("calibrations", found)];
+    }
+    let check = |(kind, line, good): (&str, String, bool)| {
+        let label = format!("calibration {kind}");
+        if good {
+            Check::ok(label, line)
+        } else {
+            Check::warn(label, line, format!("repeat it: proact localize {kind} --help"))
+        }
+    };
+    found.into_iter().map(check).collect()
 }
 
 fn sinks(registry: &Registry) -> String {

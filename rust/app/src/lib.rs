@@ -11,6 +11,7 @@ pub mod analysis;
 mod arm;
 mod armband;
 pub mod batch;
+mod calibrations;
 mod centred;
 pub mod compare;
 mod console;
@@ -34,8 +35,10 @@ mod pace;
 mod page_content;
 pub mod paper;
 mod person;
+mod pose_log;
 pub mod query;
 mod record;
+mod recorded_bodies;
 mod registry;
 mod replay;
 mod result_card;
@@ -46,14 +49,19 @@ mod run;
 pub mod source;
 pub mod stream_view;
 pub mod study;
+mod tracked_body;
 mod tracked_shoulder;
 pub mod trial;
 mod trial_choice;
 mod wearer;
 mod whole;
+mod worn_headset;
 
 pub use arm::{Arm, ArmError};
 pub use armband::LiveArmband;
+pub use calibrations::{
+    CALIBRATIONS_DIR, Calibrated, CalibrationFileError, CalibrationSource, Calibrations, SavedCalibration,
+};
 pub use centred::CentredStream;
 pub use console::{answer, lines_of, tell};
 pub use counterfactual::{Counterfactual, counterfactual};
@@ -63,7 +71,9 @@ pub use live::{Ended, LiveTrial, TrialInputs};
 pub use pace::Pace;
 pub use page_content::{driven_content, page_content};
 pub use person::{EyeTracker, LivePerson, drive_by_page};
+pub use pose_log::{HEAD_BODY, PoseLog};
 pub use record::{Recorder, RecorderError, default_dir};
+pub use recorded_bodies::{RecordedBodies, RecordedBodyError, timed as recorded_poses};
 pub use registry::Registry;
 pub use replay::{OtherVersions, Replanned, ReplayOptions, Replayed, replay_trial};
 pub use result_card::{ResultCards, WristPath};
@@ -71,10 +81,12 @@ pub use result_card::{ResultCards, WristPath};
 pub use rosbridge::relay;
 pub use rosbridge::{Rosbridge, RosbridgePlace, drive_by_topics};
 pub use run::{Audience, run_to_end};
-pub use tracked_shoulder::{Followable, MocapAxes, MocapAxesError, TrackedBody, TrackedShoulder};
+pub use tracked_body::{Followable, MocapAxes, MocapAxesError, TrackedBody};
+pub use tracked_shoulder::TrackedShoulder;
 pub use trial_choice::{DEFAULT_METHOD, TrialContext, sets_emg, trial_config};
 pub use wearer::{Held, wearer_codes};
 pub use whole::write_whole;
+pub use worn_headset::{MarkedHeadset, WornHeadset};
 
 /// What a build without the feature `ros` says.
 #[cfg(not(feature = "ros"))]

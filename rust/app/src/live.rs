@@ -81,6 +81,9 @@ impl LiveTrial<'_> {
     pub fn run(&mut self) -> Result<(Ended, TrialResult), Box<dyn Error>> {
         let start = Instant::now();
         self.session.person().set_gaze_offset(*self.gaze_offset);
+        if let (Some(dir), Some(calibrations)) = (&self.dir, self.person.calibrations()) {
+            calibrations.keep(dir)?;
+        }
         let mut path = WristPath::default();
         let ended = self.drive(&mut path)?;
         let end = match &ended {

@@ -1,6 +1,6 @@
 //! What connects a person to a trial beside the page: an eye tracker, a tracked limb, and something to hear or feel.
 
-use crate::{LimbReceiver, Rosbridge, TrackedShoulder, tell};
+use crate::{Calibrations, LimbReceiver, Rosbridge, TrackedShoulder, tell};
 use proact_bridge::{ClientInput, PageServer};
 use proact_devices::{DeviceError, FeedbackSinks, GazeDevice, GazeFrame, SentGaze};
 use proact_http::Repeats;
@@ -46,6 +46,11 @@ impl LivePerson {
     pub fn with_shoulder(mut self, shoulder: Option<TrackedShoulder>) -> Self {
         self.shoulder = shoulder;
         self
+    }
+
+    /// The calibrations that a tracked shoulder rests on; none without one.
+    pub fn calibrations(&self) -> Option<&Calibrations> {
+        self.shoulder.as_ref().map(TrackedShoulder::calibrations)
     }
 
     /// What gives gaze instead of the page; none if nothing does.

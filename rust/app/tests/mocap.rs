@@ -1,7 +1,9 @@
 //! A shoulder that motion capture sees, from a server's socket to the arm and its record.
 #![allow(clippy::disallowed_methods, clippy::unwrap_used)] // A test.
 
-use proact_app::{Arm, MocapAxes, Recorder, ReplayOptions, TrackedShoulder, replay_trial, trial};
+use proact_app::{
+    Arm, Calibrations, MocapAxes, Recorder, ReplayOptions, TrackedShoulder, replay_trial, trial,
+};
 use proact_devices::motion_capture::{CAPTURE_SCHEMES, OpenedCapture, vrpn::VrpnServer};
 use proact_localization::RawBodyPose;
 use proact_testbed::{Session, Setup, Step, TrialConfig};
@@ -29,7 +31,7 @@ impl Lab {
         let name = format!("vrpn:{}/pad", server.address().unwrap()).parse().unwrap();
         let opened = OpenedCapture::open(&CAPTURE_SCHEMES, &name).unwrap();
         let axes = if axes.is_empty() { MocapAxes::default() } else { axes.parse().unwrap() };
-        Self { server, shoulder: TrackedShoulder::new(opened, axes), number: 0 }
+        Self { server, shoulder: TrackedShoulder::new(opened, axes, Calibrations::default()), number: 0 }
     }
 
     /// The next pose of a shoulder that breathes, before somebody spoils it.

@@ -1,6 +1,34 @@
 use proact_types::Pose;
 use serde::Serialize;
 
+/// How steady a stream of poses was in the last ten seconds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
+pub struct StreamFigures {
+    /// How much later than the quickest pose half of them arrive, s.
+    pub lag_secs: f64,
+    /// The same for one in a hundred, less the lag, s.
+    pub jitter_secs: f64,
+    /// Gaps: poses that the system left out.
+    pub dropouts: u32,
+    /// The longest gap, s.
+    pub longest_secs: f64,
+    /// Share of the time that was missing, 0 to 1.
+    pub missing: f64,
+}
+
+/// A calibration that is in use.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
+pub struct CalibrationReport {
+    /// `shoulder` or `headset`.
+    pub kind: String,
+    /// Date, residual and verdict.
+    pub line: String,
+    /// Whether a trial may rest on it.
+    pub usable: bool,
+}
+
 /// How a tracking source stands: for the page of tracking and for `doctor`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
@@ -15,6 +43,10 @@ pub struct TrackingReport {
     pub rate_hz: f64,
     /// Since the last pose that can be used, s; none before the first.
     pub age_secs: Option<f64>,
+    /// What the last ten seconds were like; none before there are enough poses.
+    pub stream: Option<StreamFigures>,
+    /// Noise of turns, standard deviation about one axis, rad; none before there are enough.
+    pub noise_rad: Option<f64>,
     /// Noise of places, standard deviation of one axis, m; none before there are enough.
     pub noise_m: Option<f64>,
     /// Messages that could not be read.
@@ -28,6 +60,10 @@ pub struct TrackingReport {
     /// Where that puts the shoulder.
     #[cfg_attr(feature = "ts", ts(as = "Option<proact_types::typescript::Pose>"))]
     pub world_from_shoulder: Option<Pose>,
+    /// The calibrations that are in use.
+    pub calibrations: Vec<CalibrationReport>,
+    /// How the headset's world stands in the room; none without a calibrated headset.
+    pub headset: Option<String>,
     /// Why the arm does not follow, and what to do about it; none while all is well.
     pub fault: Option<String>,
     /// The same as a key, such as `millimetres`, `waiting`, `no_body`, `silent` or `occluded`.

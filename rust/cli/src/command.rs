@@ -1,7 +1,7 @@
 use crate::{
     analyze::AnalyzeArgs, bless::BlessArgs, demo::DemoArgs, doctor, emg::EmgCommand,
-    interrupt::outlive_file_limits, method_files, model::ModelCommand, replay::ReplayArgs, serve::ServeArgs,
-    study::StudyCommand,
+    interrupt::outlive_file_limits, localize::LocalizeCommand, method_files, model::ModelCommand,
+    replay::ReplayArgs, serve::ServeArgs, study::StudyCommand,
 };
 use clap::{
     Args, CommandFactory, FromArgMatches, Parser, Subcommand,
@@ -87,6 +87,14 @@ enum Command {
     Node(crate::node::NodeArgs),
     /// Make the digests of the repository's trials the committed ones of this platform
     Bless(BlessArgs),
+    /// Calibrate where shoulder, headset and box are, from recorded poses
+    Localize {
+        /// One JSON object on standard output
+        #[arg(long, global = true)]
+        json: bool,
+        #[command(subcommand)]
+        command: LocalizeCommand,
+    },
     /// Look at this machine: libraries, tools, ports
     Doctor(doctor::DoctorArgs),
 }
@@ -239,6 +247,7 @@ fn act(registry: &Registry, command: Command) -> Result<bool, Box<dyn Error>> {
             }
             Ok(true)
         }
+        Command::Localize { json, command } => crate::localize::run(registry, &command, json),
         Command::Study { json, command } => crate::study::run(registry, &command, json),
         Command::Simulate(args) => crate::simulate::command(registry, &args),
         Command::Participants { command } => crate::participants::run(registry, &command),

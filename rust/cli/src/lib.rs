@@ -16,6 +16,7 @@ mod demo;
 mod doctor;
 mod emg;
 mod interrupt;
+mod localize;
 mod method_files;
 mod model;
 mod node;

@@ -2,13 +2,15 @@
 
 use crate::rosbridge_args::RosbridgeArgs;
 use clap::Args;
-use proact_app::{LimbReceiver, LivePerson, MocapAxes, Registry, TrackedShoulder, tell};
+use proact_app::{
+    CALIBRATIONS_DIR, Calibrations, LimbReceiver, LivePerson, MocapAxes, Registry, TrackedShoulder, tell,
+};
 #[cfg(feature = "lsl")]
 use proact_devices::LslGaze;
-use proact_devices::motion_capture::OpenedCapture;
+use proact_devices::motion_capture::{OpenedCapture, body_of};
 use proact_devices::{DeviceError, FeedbackSinks, GazeDevice, GazeReceiver, SinkScheme, SourceName};
 use proact_testbed::Session;
-use std::error::Error;
+use std::{error::Error, path::PathBuf};
 
 /// Where cues go.
 #[derive(Debug, Args)]
@@ -35,14 +37,42 @@ pub(crate) struct MocapArgs {
     /// heading_deg=NUMBER for where the person looks, counter-clockwise from its x axis seen from above
     #[arg(long, value_name = "KEY=VALUE,..", requires = "mocap")]
     mocap_axes: Option<MocapAxes>,
+    /// Folder with what proact localize found; what is good is used and kept with each record
+    #[arg(long, value_name = "DIR", default_value = CALIBRATIONS_DIR, requires = "mocap")]
+    calibrations: PathBuf,
+    /// Record all poses, and those of a headset, to this file, for proact localize
+    #[arg(long, value_name = "FILE", requires = "mocap")]
+    mocap_record: Option<PathBuf>,
 }
 
 impl MocapArgs {
-    pub(crate) fn open(&self, registry: &Registry) -> Result<Option<TrackedShoulder>, DeviceError> {
+    pub(crate) fn open(&self, registry: &Registry) -> Result<Option<TrackedShoulder>, Box<dyn Error>> {
         let Some(name) = &self.mocap else { return Ok(None) };
         let opened = OpenedCapture::open(&registry.captures, name)?;
         tell(format_args!("motion capture: {}, body {}", opened.capture.name(), opened.body));
-        Ok(Some(TrackedShoulder::new(opened, self.mocap_axes.unwrap_or_default())))
+        let found = Calibrations::load(&self.calibrations)?;
+        for (kind, line, _) in found.lines() {
+            tell(format_args!("calibration of the {kind} {line}"));
+        }
+        let used = found.clone().of_body(&opened.body);
+        if used.shoulder.is_none() {
+            let why = match &found.shoulder {
+                Some(saved) => format!("that of {} is not one of {}", saved.calibration.body, opened.body),
+                None => format!("there is none in {}", self.calibrations.display()),
+            };
+            tell(format_args!(
+                "no calibration of the shoulder is used ({why}): the arm hangs where the set-up has the shoulder; see proact localize"
+            ));
+        }
+        let shoulder = TrackedShoulder::new(opened, self.mocap_axes.unwrap_or_default(), used);
+        Ok(Some(shoulder.recording(self.mocap_record.as_deref())))
+    }
+
+    /// What a trial with this shoulder rests on.
+    pub(crate) fn used(&self, registry: &Registry) -> Result<Calibrations, Box<dyn Error>> {
+        let Some(name) = &self.mocap else { return Ok(Calibrations::default()) };
+        let body = body_of(&registry.captures, name)?;
+        Ok(Calibrations::load(&self.calibrations)?.of_body(body))
     }
 }
 
@@ -60,7 +90,7 @@ pub(crate) struct PersonArgs {
     #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "25041")]
     limb_udp: Option<u16>,
     #[command(flatten)]
-    mocap: MocapArgs,
+    pub(crate) mocap: MocapArgs,
     #[command(flatten)]
     feedback: FeedbackArgs,
     #[command(flatten)]

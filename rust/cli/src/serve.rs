@@ -84,7 +84,8 @@ fn drive(
     let mut person: Option<LivePerson> = None;
     loop {
         let emg = armband.as_ref().map(|armband| armband.model().config.clone());
-        let (arm, config) = asked.config(&registry.methods, "still", emg)?;
+        let (arm, mut config) = asked.config(&registry.methods, "still", emg)?;
+        args.person.mocap.used(registry)?.seat(&mut config.setup);
         let seed = config.seed;
         let worn = match &armband {
             Some(armband) => {

@@ -40,18 +40,21 @@ pub struct PoseFilterConfig {
 
 impl Default for PoseFilterConfig {
     fn default() -> Self {
-        Self {
-            profile: FilterProfile::Default,
-            latency_secs: 0.004,
-            occlusion_secs: 0.25,
-            resume_secs: 0.2,
-            outlier_m: 0.03,
-            outlier_deg: 8.0,
-        }
+        Self::DEFAULT
     }
 }
 
 impl PoseFilterConfig {
+    /// That of [`Default`], as a constant.
+    pub const DEFAULT: Self = Self {
+        profile: FilterProfile::Default,
+        latency_secs: 0.004,
+        occlusion_secs: 0.25,
+        resume_secs: 0.2,
+        outlier_m: 0.03,
+        outlier_deg: 8.0,
+    };
+
     /// The original's filter.
     pub fn original() -> Self {
         Self { profile: FilterProfile::Original, ..Self::default() }
@@ -185,6 +188,11 @@ impl PoseFilter {
         let shown = self.show(now, state, &measured);
         self.shown = Some(shown);
         Some(Followed { pose: shown.pose, state })
+    }
+
+    /// When the newest sample that counts was measured, on our clock, s.
+    pub fn newest_secs(&self) -> Option<f64> {
+        self.motion.as_ref().map(MotionEstimate::time)
     }
 
     /// Standard deviation of a sample about a straight motion, m and rad; none before there are enough.

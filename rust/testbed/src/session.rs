@@ -53,6 +53,11 @@ impl Session {
         self.person.head()
     }
 
+    /// `world_from_head` as a headset tracked it last; none before it did.
+    pub fn headset(&self) -> Option<Pose> {
+        self.person.headset()
+    }
+
     /// What somebody else's controllers ask for in the next tick; see [`Testbed::drive`].
     pub fn drive(&mut self, driven: Driven) {
         self.testbed.drive(driven);

@@ -11,7 +11,7 @@ mod steps;
 mod training;
 
 use super::conductor::{Conductor, StudyError};
-use crate::{LiveArmband, LivePerson, Registry, source::read_model};
+use crate::{Calibrations, LiveArmband, LivePerson, Registry, source::read_model};
 use proact_bridge::{ClientInput, PageServer, StudyRequest, TrialStatus};
 use proact_devices::{SampleSource, SourceName};
 use proact_intent::GazeOffset;
@@ -39,6 +39,8 @@ pub struct StudyEquipment<'a> {
     pub armband: Option<LiveArmband>,
     /// Eye tracker, limb, feedback.
     pub person: Option<LivePerson>,
+    /// Where the person sits, as it was calibrated.
+    pub calibrations: Calibrations,
     /// Opens them.
     pub open_person: OpenPerson<'a>,
 }

@@ -158,6 +158,7 @@ fn live(
         source: args.emg_source.clone(),
         armband,
         person: None,
+        calibrations: args.person.mocap.used(registry)?,
         open_person: Box::new(|session| args.person.open(registry, session)),
     };
     let (sender, requests) = channel();

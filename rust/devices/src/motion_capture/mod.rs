@@ -13,7 +13,7 @@ pub mod vrpn;
 
 pub use doubles::{CaptureFault, FaultyCapture, ScriptedCapture};
 pub use playback::{PlayedCapture, read_poses, write_pose, write_pose_header};
-pub use schemes::{CAPTURE_SCHEMES, CaptureScheme, OpenCapture, OpenedCapture};
+pub use schemes::{CAPTURE_SCHEMES, CaptureScheme, OpenCapture, OpenedCapture, body_of};
 
 use crate::DeviceError;
 use proact_localization::{Nanos, RawBodyPose};

@@ -48,6 +48,32 @@ pub const CAPTURE_SCHEMES: [CaptureScheme; 4] = [
     },
 ];
 
+/// The scheme of a name, and its place and body.
+fn parts<'a>(
+    schemes: &'a [CaptureScheme],
+    name: &'a SourceName,
+) -> Result<(&'a CaptureScheme, &'a str, &'a str), DeviceError> {
+    let unknown = || DeviceError::UnknownSource {
+        got: name.to_string(),
+        known: schemes.iter().map(|scheme| scheme.form).collect::<Vec<_>>().join(", "),
+    };
+    let found = schemes.iter().find(|scheme| scheme.scheme == name.scheme()).ok_or_else(unknown)?;
+    let address = name.address();
+    // Sensors of VRPN are DEVICE/NUMBER, so a host ends at the first slash; a path has many.
+    let parts = if found.scheme == "file" { address.rsplit_once('/') } else { address.split_once('/') };
+    let (place, body) =
+        parts.filter(|(place, body)| !place.is_empty() && !body.is_empty()).ok_or_else(unknown)?;
+    Ok((found, place, body))
+}
+
+/// The body that the name of a source ends with.
+///
+/// # Errors
+/// [`DeviceError::UnknownSource`].
+pub fn body_of<'a>(schemes: &'a [CaptureScheme], name: &'a SourceName) -> Result<&'a str, DeviceError> {
+    parts(schemes, name).map(|(_, _, body)| body)
+}
+
 /// A system that is open, and whose body is followed.
 pub struct OpenedCapture {
     /// As it was named.
@@ -68,16 +94,7 @@ impl OpenedCapture {
     /// # Errors
     /// [`DeviceError::UnknownSource`] with the kinds that there are; what the source says.
     pub fn open(schemes: &[CaptureScheme], name: &SourceName) -> Result<Self, DeviceError> {
-        let unknown = || DeviceError::UnknownSource {
-            got: name.to_string(),
-            known: schemes.iter().map(|scheme| scheme.form).collect::<Vec<_>>().join(", "),
-        };
-        let found = schemes.iter().find(|scheme| scheme.scheme == name.scheme()).ok_or_else(unknown)?;
-        let address = name.address();
-        // Sensors of VRPN are DEVICE/NUMBER, so a host ends at the first slash; a path has many.
-        let parts = if found.scheme == "file" { address.rsplit_once('/') } else { address.split_once('/') };
-        let (place, body) =
-            parts.filter(|(place, body)| !place.is_empty() && !body.is_empty()).ok_or_else(unknown)?;
+        let (found, place, body) = parts(schemes, name)?;
         let clock = HostClock::start();
         Ok(Self {
             name: name.clone(),

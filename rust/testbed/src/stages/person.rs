@@ -193,6 +193,11 @@ impl PersonStage {
         Some(limb.clone())
     }
 
+    /// `world_from_head` as a headset tracked it last; none before it did.
+    pub fn headset(&self) -> Option<Pose> {
+        self.headset
+    }
+
     /// The pose of the head now: `world_from_head`.
     pub fn head(&self) -> Pose {
         if let Some(pose) = self.headset {

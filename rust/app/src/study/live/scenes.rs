@@ -51,10 +51,12 @@ impl Scene {
 }
 
 impl LiveStudy<'_> {
-    /// With the settings of the armband that is worn.
+    /// With the settings of the armband that is worn, and the person where the calibration has the shoulder.
     fn config(&self, order: &TrialOrder) -> Result<(Arm, TrialConfig), Box<dyn Error>> {
         let emg = self.equipment.armband.as_ref().map(|armband| armband.model().config.clone());
-        order.config(self.registry, emg)
+        let (arm, mut config) = order.config(self.registry, emg)?;
+        self.equipment.calibrations.seat(&mut config.setup);
+        Ok((arm, config))
     }
 
     /// Shows the scene of a trial before it begins, so that the experimenter sees where the blocks stand.

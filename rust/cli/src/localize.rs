@@ -1,0 +1,303 @@
+//! `proact localize`: records poses, and calibrates headset and shoulder from what was recorded.
+
+use crate::interrupt::interrupt_flag;
+use clap::{Args, Subcommand};
+use proact_app::{
+    CALIBRATIONS_DIR, Calibrated, Calibrations, HEAD_BODY, MarkedHeadset, MocapAxes, PoseLog, RecordedBodies,
+    Registry, SavedCalibration, answer, recorded_poses, tell,
+};
+use proact_devices::{
+    SourceName,
+    motion_capture::{CaptureLink, OpenedCapture},
+};
+use proact_localization::{
+    CalibrationOptions, PlacementProfile, ShoulderCalibration, ShoulderOptions, calibrate, calibrate_shoulder,
+};
+use serde_json::{Value, json};
+use std::{
+    error::Error,
+    path::PathBuf,
+    sync::atomic::Ordering,
+    time::{Duration, Instant},
+};
+
+/// What to do about where things are.
+#[derive(Debug, Subcommand)]
+pub enum LocalizeCommand {
+    /// Record the poses of all bodies of a motion capture system to a file
+    #[command(
+        after_help = "Example:\n  proact localize record vrpn:192.168.1.5/Shoulderpad --seconds 10 --out rest.csv\n\n\
+        Poses of a headset are recorded beside those of its markers by: proact serve --headset --mocap SOURCE --mocap-record FILE"
+    )]
+    Record(RecordArgs),
+    /// Calibrate where the markers sit on a headset, from a minute of free head movement
+    #[command(after_help = "Example:\n  proact localize headset minute.csv --markers HololensSG\n\n\
+        The exit code is 0 only if the verdict is good: then serve and study run use it.")]
+    Headset(HeadsetArgs),
+    /// Calibrate where the arm sits on the person, and where the box stands
+    #[command(
+        after_help = "Examples:\n  proact localize shoulder rest.csv --body Shoulderpad --heading-deg 90\n  \
+        proact localize shoulder rest.csv --body Shoulderpad --circles circles.csv --arm UpperArm --profile study_1 --legs-ahead 0.25\n\n\
+        The exit code is 0 only if the verdict is good: then serve and study run use it."
+    )]
+    Shoulder(ShoulderArgs),
+    /// Show the calibrations that are in use
+    #[command(after_help = "Example:\n  proact localize show --json")]
+    Show(FolderArgs),
+}
+
+/// Where calibrations are.
+#[derive(Debug, Args)]
+pub struct FolderArgs {
+    /// Folder of the calibrations
+    #[arg(long, value_name = "DIR", default_value = CALIBRATIONS_DIR)]
+    calibrations: PathBuf,
+}
+
+/// Arguments of `proact localize record`.
+#[derive(Debug, Args)]
+pub struct RecordArgs {
+    /// As for serve --mocap
+    #[arg(value_name = "SOURCE")]
+    source: SourceName,
+    /// How long, s
+    #[arg(long, default_value_t = 60.0)]
+    seconds: f64,
+    /// The file
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+}
+
+/// Arguments of `proact localize headset`.
+#[derive(Debug, Args)]
+pub struct HeadsetArgs {
+    /// Recorded poses of head and markers
+    #[arg(value_name = "FILE")]
+    poses: PathBuf,
+    /// Name of the marker body on the headset
+    #[arg(long, value_name = "BODY")]
+    markers: String,
+    /// Name under which the headset's own poses were recorded
+    #[arg(long, value_name = "BODY", default_value = HEAD_BODY)]
+    head: String,
+    /// How the tracking system's axes lie, as for serve
+    #[arg(long, value_name = "KEY=VALUE,..")]
+    mocap_axes: Option<MocapAxes>,
+    #[command(flatten)]
+    folder: FolderArgs,
+}
+
+/// Arguments of `proact localize shoulder`.
+#[derive(Debug, Args)]
+pub struct ShoulderArgs {
+    /// Recorded poses of the brace while the person sits upright and still for some seconds
+    #[arg(value_name = "FILE")]
+    rest: PathBuf,
+    /// Name of the brace's body, such as Shoulderpad or ShoulderpadL
+    #[arg(long, value_name = "BODY")]
+    body: String,
+    /// Recorded poses of brace and upper arm while the arm circles about the shoulder
+    #[arg(long, value_name = "FILE", requires = "arm")]
+    circles: Option<PathBuf>,
+    /// Name of the body, or of the single marker, on the upper arm
+    #[arg(long, value_name = "BODY", requires = "circles")]
+    arm: Option<String>,
+    /// The arm is worn on the left
+    #[arg(long)]
+    left: bool,
+    /// Where the person looks, counter-clockwise from the tracking system's x axis seen from above (z up)
+    #[arg(long, value_name = "DEGREES", default_value_t = 0.0, allow_negative_numbers = true)]
+    heading_deg: f64,
+    /// From the shoulder to the middle of the body, m
+    #[arg(long, value_name = "M", default_value_t = 0.18)]
+    half_width: f64,
+    /// How the box is placed: study_1, study_2 or original
+    #[arg(long, value_name = "NAME", default_value = "study_2")]
+    profile: String,
+    /// How far the knees reach ahead of the shoulder, m; needed by study_1
+    #[arg(long, value_name = "M")]
+    legs_ahead: Option<f64>,
+    /// Small corrections of the box: ahead, left, up, m
+    #[arg(long, value_name = "M,M,M", value_delimiter = ',', num_args = 3, allow_negative_numbers = true)]
+    correct: Option<Vec<f64>>,
+    /// How the tracking system's axes lie, as for serve
+    #[arg(long, value_name = "KEY=VALUE,..")]
+    mocap_axes: Option<MocapAxes>,
+    #[command(flatten)]
+    folder: FolderArgs,
+}
+
+pub(crate) fn run(
+    registry: &Registry,
+    command: &LocalizeCommand,
+    json: bool,
+) -> Result<bool, Box<dyn Error>> {
+    match command {
+        LocalizeCommand::Record(args) => record(registry, args, json),
+        LocalizeCommand::Headset(args) => headset(args, json),
+        LocalizeCommand::Shoulder(args) => shoulder(args, json),
+        LocalizeCommand::Show(args) => show(args, json),
+    }
+}
+
+fn record(registry: &Registry, args: &RecordArgs, json: bool) -> Result<bool, Box<dyn Error>> {
+    if !(args.seconds > 0.0 && args.seconds <= 600.0) {
+        return Err(format!("--seconds is {}, expected above 0 and at most 600", args.seconds).into());
+    }
+    let interrupted = interrupt_flag()?;
+    let mut opened = OpenedCapture::open(&registry.captures, &args.source)?;
+    let mut log = PoseLog::new(&args.out);
+    let mut poses = Vec::new();
+    let bar = crate::progress::bar(!json, args.seconds.ceil() as u64, "{elapsed} {bar:40} {msg}");
+    // From the first pose on: a system may take its time to answer.
+    let (mut began, patience) = (None, Instant::now() + Duration::from_secs(20));
+    while began.is_none_or(|began: Instant| began.elapsed().as_secs_f64() < args.seconds) {
+        poses.clear();
+        let link = opened.capture.take(&mut poses)?;
+        poses.iter().for_each(|raw| log.take(raw));
+        if began.is_none() && !log.is_empty() {
+            began = Some(Instant::now());
+        }
+        if link == CaptureLink::Ended || interrupted.load(Ordering::Relaxed) {
+            break;
+        }
+        if began.is_none() && Instant::now() > patience {
+            let reason = match link {
+                CaptureLink::Waiting { reason } => reason,
+                _ => "no body is streamed".to_owned(),
+            };
+            return Err(format!("{}: nothing came in 20 s: {reason}", args.source).into());
+        }
+        bar.set_position(began.map_or(0, |began| began.elapsed().as_secs()));
+        bar.set_message(format!("{} poses", log.len()));
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    bar.finish_and_clear();
+    log.write()?;
+    let told = json!({ "poses": log.len(), "file": args.out });
+    tell_or_answer(json, &told, &format!("{} poses in {}", log.len(), args.out.display()))?;
+    Ok(!log.is_empty())
+}
+
+fn headset(args: &HeadsetArgs, json: bool) -> Result<bool, Box<dyn Error>> {
+    let axes = args.mocap_axes.unwrap_or_default();
+    let recorded = RecordedBodies::open(&args.poses)?;
+    // The head is in the page's world, which is in metres with z up.
+    let head = recorded.body(&args.head, &MocapAxes::default(), false)?;
+    let markers = recorded.body(&args.markers, &axes, true)?;
+    let found = calibrate(&recorded_poses(&head), &recorded_poses(&markers), &CalibrationOptions::default())?;
+    let details = json!({
+        "residual_deg": found.residual_deg, "pairs": found.pairs, "rejected": found.rejected,
+        "clock_offset_secs": found.clock_offset_secs, "observability": found.observability,
+        "drift_m_per_s": found.drift_m_per_s.norm(),
+    });
+    let known = &found.observability;
+    tell(format_args!(
+        "{} pairs, {} of them left out; residual {:.1} mm, {:.2} deg; markers on the headset known to {:.1} mm, {:.2} deg; the head \
+         turned by {:.0} (tilt), {:.0} (nod), {:.0} (turn) deg; drift {:.1} mm a minute; clocks {:.0} ms apart",
+        found.pairs,
+        found.rejected,
+        1e3 * found.residual_m,
+        found.residual_deg,
+        1e3 * known.head_from_markers_m,
+        known.head_from_markers_deg,
+        known.turned_deg[0],
+        known.turned_deg[1],
+        known.turned_deg[2],
+        6e4 * found.drift_m_per_s.norm(),
+        1e3 * found.clock_offset_secs,
+    ));
+    let marked = MarkedHeadset { markers: args.markers.clone(), headset: found };
+    save(marked, std::slice::from_ref(&args.poses), &args.folder, details, json)
+}
+
+fn shoulder(args: &ShoulderArgs, json: bool) -> Result<bool, Box<dyn Error>> {
+    let axes = args.mocap_axes.unwrap_or_default();
+    let profile = PlacementProfile::named(&args.profile)
+        .ok_or_else(|| format!("no profile {:?}; expected study_1, study_2 or original", args.profile))?;
+    let rest = RecordedBodies::open(&args.rest)?.body(&args.body, &axes, true)?;
+    let circles = match (&args.circles, &args.arm) {
+        (Some(file), Some(arm)) => {
+            let recorded = RecordedBodies::open(file)?;
+            let brace = recorded_poses(&recorded.body(&args.body, &axes, true)?);
+            Some((brace, recorded_poses(&recorded.body(arm, &axes, false)?)))
+        }
+        _ => None,
+    };
+    let correction = args.correct.as_deref().unwrap_or(&[0.0; 3]);
+    let correction = correction.try_into().map_err(|_| "--correct takes three numbers: ahead, left, up")?;
+    let options = ShoulderOptions {
+        left_arm: args.left,
+        heading_rad: args.heading_deg.to_radians() + axes.heading_rad,
+        half_width_m: args.half_width,
+        profile,
+        legs_ahead_m: args.legs_ahead,
+        correction,
+    };
+    let circled = circles.as_ref().map(|(brace, arm)| (brace.as_slice(), arm.as_slice()));
+    let found: ShoulderCalibration = calibrate_shoulder(&rest, circled, &options)?;
+    let place = found.placement.world_from_shoulder.translation.vector;
+    let details = json!({
+        "moved_m": found.moved_m, "samples": found.samples, "box_ahead_m": found.placement.box_ahead_m,
+        "world_from_shoulder": [place.x, place.y, place.z], "center": found.center,
+    });
+    tell(format_args!(
+        "{} samples, moved by {:.1} mm; the shoulder is at {:.3}, {:.3}, {:.3} m in world, the box {:.2} m ahead of it{}",
+        found.samples,
+        1e3 * found.moved_m,
+        place.x,
+        place.y,
+        place.z,
+        found.placement.box_ahead_m,
+        found.center.map_or(String::new(), |fit| format!(
+            "; centre of the circles {:.0} mm from the brace's origin, residual {:.1} mm",
+            1e3 * fit.center.coords.norm(),
+            1e3 * fit.residual_m
+        )),
+    ));
+    let files: Vec<PathBuf> = std::iter::once(&args.rest).chain(&args.circles).cloned().collect();
+    save(found, &files, &args.folder, details, json)
+}
+
+/// Saves what was found, good or not, and says so.
+fn save<T: Calibrated>(
+    found: T,
+    files: &[PathBuf],
+    folder: &FolderArgs,
+    details: Value,
+    json: bool,
+) -> Result<bool, Box<dyn Error>> {
+    let saved = SavedCalibration::new(found, files)?;
+    let (verdict, good) = (saved.calibration.verdict(), saved.calibration.is_good());
+    // What a trial may rest on is not lost to what it may not.
+    let path = if good { Some(saved.save(&folder.calibrations)?) } else { None };
+    let told = json!({
+        "kind": T::FILE.trim_end_matches(".toml"), "good": good, "verdict": verdict, "made_at": saved.made_at,
+        "residual_m": saved.calibration.residual_m(), "file": path, "details": details,
+    });
+    let place = path.map_or("not saved".to_owned(), |path| format!("saved as {}", path.display()));
+    tell_or_answer(json, &told, &format!("{verdict}\n{place}"))?;
+    Ok(good)
+}
+
+fn show(args: &FolderArgs, json: bool) -> Result<bool, Box<dyn Error>> {
+    let found = Calibrations::load(&args.calibrations)?;
+    let lines = found.lines();
+    let told: Vec<Value> =
+        lines.iter().map(|(kind, line, good)| json!({ "kind": kind, "line": line, "good": good })).collect();
+    let mut text: Vec<String> = lines.iter().map(|(kind, line, _)| format!("{kind}: {line}")).collect();
+    if text.is_empty() {
+        text.push(format!("no calibration in {}", args.calibrations.display()));
+    }
+    tell_or_answer(json, &json!({ "calibrations": told }), &text.join("\n"))?;
+    Ok(lines.iter().all(|(_, _, good)| *good))
+}
+
+fn tell_or_answer(json: bool, object: &Value, text: &str) -> Result<(), Box<dyn Error>> {
+    if json {
+        answer(object.to_string())?
+    } else {
+        answer(text)?
+    }
+    Ok(())
+}
