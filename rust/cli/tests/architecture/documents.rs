@@ -7,12 +7,14 @@ use crate::dependencies::STAND_IN;
 use crate::workspace::{load, read, root};
 
 /// Words that the launcher answers itself; every other word is a command of the program.
-const LAUNCHER_WORDS: [&str; 3] = ["test", "help", "--help"];
+const LAUNCHER_WORDS: [&str; 4] = ["test", "peers", "help", "--help"];
 /// Commands whose next word is a command of its own.
 const GROUPS: [&str; 4] = ["emg", "model", "study", "bench"];
 
 /// The documents whose commands a reader will type.
 const GUIDES: [&str; 2] = ["README.md", "docs/user_guide.md"];
+/// The one whose commands stand in a table, between backquotes.
+const PEERS: &str = "docs/peers.md";
 
 /// Every `./proact ...` line in the code blocks of a document, without its comment.
 fn commands_in(document: &str) -> Vec<Vec<String>> {
@@ -28,6 +30,15 @@ fn commands_in(document: &str) -> Vec<Vec<String>> {
         }
     }
     found
+}
+
+/// Every `./proact ...` between backquotes on a line.
+fn inline_commands_in(document: &str) -> Vec<Vec<String>> {
+    let quoted = document.lines().flat_map(|line| line.split('`').skip(1).step_by(2));
+    quoted
+        .filter_map(|text| text.strip_prefix("./proact "))
+        .map(|words| words.split_whitespace().map(str::to_owned).collect())
+        .collect()
 }
 
 /// What `proact WORDS --help` prints, or the complaint when it fails.
@@ -47,8 +58,9 @@ fn help_of(words: &[String]) -> Result<String, String> {
 #[test]
 fn every_command_in_the_guides_exists_with_its_options() {
     let mut checked = 0;
-    for guide in GUIDES {
-        for command in commands_in(&read(guide)) {
+    let typed = GUIDES.into_iter().map(|guide| (guide, commands_in(&read(guide))));
+    for (guide, commands) in typed.chain([(PEERS, inline_commands_in(&read(PEERS)))]) {
+        for command in commands {
             let Some(word) = command.first() else { continue };
             if LAUNCHER_WORDS.contains(&word.as_str()) {
                 continue;
@@ -72,6 +84,32 @@ fn every_command_in_the_guides_exists_with_its_options() {
 fn commands_are_found_in_code_blocks_only() {
     let document = "Type `./proact demo`.\n```\n./proact demo --method D   # watch\n./proact query < lines\n```\n./proact no";
     assert_eq!(commands_in(document), [vec!["demo", "--method", "D"], vec!["query"]]);
+}
+
+#[test]
+fn each_feature_that_is_here_has_a_command_that_shows_it() {
+    let document = read(PEERS);
+    let rows = |part: &str| -> Vec<Vec<String>> {
+        let cells = |line: &str| line.split('|').map(|cell| cell.trim().to_owned()).collect::<Vec<_>>();
+        part.lines().map(cells).filter(|row| row.get(1).is_some_and(|n| n.parse::<u32>().is_ok())).collect()
+    };
+    let (features, shown) = document.split_once("## How to see it here").expect("two tables");
+    let shown = rows(shown);
+    let features = rows(features);
+    assert!(features.len() > 30);
+    for row in features {
+        let command = shown.iter().find(|other| other[1] == row[1]).map(|other| other[2].as_str());
+        let here = row[row.len() - 2].as_str();
+        let expected = here == "**Y**" || here == "**P**";
+        assert!(expected || here == "**-**", "{row:?}");
+        assert_eq!(command.is_some_and(|command| !command.is_empty()), expected, "{}: {command:?}", row[2]);
+    }
+}
+
+#[test]
+fn inline_commands_are_those_between_backquotes() {
+    let line = "| 3 | `./proact demo --arm wam`, `head LICENSE` | ./proact no | `./proact test` |";
+    assert_eq!(inline_commands_in(line), [vec!["demo", "--arm", "wam"], vec!["test"]]);
 }
 
 #[test]
