@@ -1,5 +1,5 @@
 //! Simulated people, with and without physics.
-#![allow(clippy::unwrap_used)] // A test.
+#![allow(clippy::unwrap_used, clippy::disallowed_methods)] // A test, which reads the files of another crate.
 
 use proact_app::{Arm, trial};
 use proact_control::MethodRegistry;
