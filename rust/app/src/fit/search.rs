@@ -22,7 +22,7 @@ const FIRST_STEP: f64 = 0.7;
 /// What a coordinate adds to the objective by being off its beginning, per square: five values are more than five shares of trials
 /// can tell, and what they leave open stays where it was.
 const PULL: f64 = 0.002;
-/// People by whom the fit is done, and who draws them: none of the seeds of a prediction.
+/// Draws the people of the fit, and their trials.
 const FIT_SEED: u64 = 22;
 
 /// How the fit is done.
@@ -52,7 +52,7 @@ pub struct Fitted {
     pub evaluations: usize,
 }
 
-/// What a fit tells of: evaluations that are over, trials of the one under way, and the smallest distance so far.
+/// What a fit tells of: trials that ended, and the smallest objective so far once an evaluation is over.
 pub type FitProgress<'a> = &'a (dyn Fn(usize, Option<f64>) + Sync);
 
 struct Problem<'a> {
