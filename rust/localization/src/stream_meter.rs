@@ -77,7 +77,7 @@ impl StreamMeter {
         let least = delays[0];
         let at = |share: f64| delays[((delays.len() - 1) as f64 * share) as usize] - least;
         let span = secs(recent[recent.len() - 1].0.saturating_sub(recent[0].0)).max(period);
-        let missing: f64 = gaps.iter().map(|gap| gap - period).sum();
+        let missing = gaps.iter().fold(0.0, |all, gap| all + gap - period);
         Some(StreamSteadiness {
             rate_hz: (recent.len() - 1) as f64 / (span - missing).max(period),
             lag_secs: at(0.5),
