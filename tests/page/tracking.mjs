@@ -14,6 +14,11 @@ export async function tracking(page, tools) {
   const rate = Number.parseFloat(await cell("Rate"));
   check(rate > 30, `a rate of ${rate} Hz`);
   check(/^\d+ ms$/.test(await cell("Age")), `an age: ${await cell("Age")}`);
+  await page.waitForFunction(() => /^\d+ ms behind/.test(document.querySelector("dl")?.textContent.match(/Lag(.*?)Jitter/)?.[1] ?? ""));
+  check(/^\d+ ms$/.test(await cell("Jitter")), `a jitter: ${await cell("Jitter")}`);
+  check(/in 10 s/.test(await cell("Drop-outs")), `drop-outs: ${await cell("Drop-outs")}`);
+  check(/mm, .* degrees/.test(await cell("Noise")), `noise: ${await cell("Noise")}`);
+  check((await cell("Calibration")).startsWith("none"), "that there is no calibration is said");
   const before = await cell("In tracking");
   await page.waitForFunction((old) => ![...document.querySelectorAll("dd")].some((node) => node.textContent === old), before);
   check(true, "the body moves on the page");

@@ -1,6 +1,6 @@
 #!/bin/sh
 # The pages beside the participant's trial with method D: a page that dies while it holds a gesture, methods A to D by keys and mouse, a newcomer's first visit,
-# an emulated headset, the experimenter and a spectator, a study with both of its pages, the replay of two trials. Lane `pages`.
+# an emulated headset, the page of tracking, the experimenter and a spectator, a study with both of its pages, the replay of two trials. Lane `pages`.
 #
 #   tests/scenarios/pages.sh PATH_OF_PROACT OUTPUT_FOLDER
 set -eu
@@ -44,6 +44,17 @@ stop
 
 # A study with both of its pages, by the keyboard alone, by the mouse alone and on a telephone: about ten minutes.
 node "$here/../page/run.mjs" --mode study --program "$proact" --out "$output/study" --hands keys,mouse,finger
+
+# Motion capture, played from a file of a shoulder that sways: five minutes at 100 Hz.
+mkdir -p "$output/tracking"
+awk 'BEGIN {
+    print "body,id,stamp_ns,x,y,z,qx,qy,qz,qw,tracked"
+    for (k = 0; k < 30000; k++)
+        printf "Shoulderpad,1,%d0000000,%.5f,1.0,%.5f,0,0,0,1,1\n", k, 2 + 0.03 * sin(k / 80), 1.4 + 0.01 * sin(k / 30)
+}' >"$output/tracking/shoulder.csv"
+start serve --no-record --mocap "file:$output/tracking/shoulder.csv/Shoulderpad"
+look tracking
+stop
 
 rm -rf "$output/trials"
 for seed in 1 2; do

@@ -1,6 +1,6 @@
 //! What connects a person to a trial beside the page: an eye tracker, a tracked limb, and something to hear or feel.
 
-use crate::{Calibrations, LimbReceiver, Rosbridge, TrackedShoulder, tell};
+use crate::{Calibrations, HeadShoulder, LimbReceiver, Rosbridge, TrackedShoulder, tell};
 use proact_bridge::{ClientInput, PageServer};
 use proact_devices::{DeviceError, FeedbackSinks, GazeDevice, GazeFrame, SentGaze};
 use proact_http::Repeats;
@@ -18,6 +18,7 @@ pub struct LivePerson {
     tracker: Option<EyeTracker>,
     limb: Option<LimbReceiver>,
     shoulder: Option<TrackedShoulder>,
+    head_shoulder: Option<HeadShoulder>,
     /// Why the limb was refused.
     limb_refused: Repeats,
     feedback: FeedbackSinks,
@@ -36,6 +37,7 @@ impl LivePerson {
             tracker: tracker.map(EyeTracker::new),
             limb,
             shoulder: None,
+            head_shoulder: None,
             limb_refused: Repeats::default(),
             feedback,
             rosbridge,
@@ -45,6 +47,12 @@ impl LivePerson {
     /// The same with a shoulder that motion capture sees.
     pub fn with_shoulder(mut self, shoulder: Option<TrackedShoulder>) -> Self {
         self.shoulder = shoulder;
+        self
+    }
+
+    /// The same with a shoulder that goes with the head of a headset.
+    pub fn with_head_shoulder(mut self, carried: bool) -> Self {
+        self.head_shoulder = carried.then(HeadShoulder::default);
         self
     }
 
@@ -88,6 +96,9 @@ impl LivePerson {
         if let Some(shoulder) = &mut self.shoulder {
             shoulder.restart();
         }
+        if let Some(shoulder) = &mut self.head_shoulder {
+            shoulder.restart();
+        }
         self.rosbridge.as_ref().map_or(Ok(()), |rosbridge| rosbridge.restart(session))
     }
 
@@ -106,6 +117,9 @@ impl LivePerson {
         }
         if let Some(shoulder) = &mut self.shoulder {
             shoulder.drive(session)?;
+        }
+        if let Some(shoulder) = &mut self.head_shoulder {
+            shoulder.drive(session);
         }
         if let Some(tracker) = &mut self.tracker {
             tracker.drive(session)?;

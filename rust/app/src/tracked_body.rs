@@ -213,10 +213,10 @@ impl TrackedBody {
         self.opened.clock.now() as f64 * 1e-9
     }
 
-    /// The body now, filtered, and predicted to this moment from the newest sample on: over 60 ms at most, since a clock that
+    /// The body now, filtered, and predicted to this moment from the newest sample on: over 30 ms at most, since a clock that
     /// runs slower than it says makes samples look ever older.
     pub fn followed(&mut self) -> Option<Pose> {
-        const FURTHEST_SECS: f64 = 0.06;
+        const FURTHEST_SECS: f64 = 0.03;
         let until = ((self.filter.newest_secs()? + FURTHEST_SECS) * 1e9) as Nanos;
         let now = self.opened.clock.now().min(until);
         self.filter.at(now).map(|followed| followed.pose)

@@ -2,7 +2,7 @@
 
 use crate::{Calibrations, Followable, MocapAxes, TrackedBody, WornHeadset, tell};
 use nalgebra::UnitQuaternion;
-use proact_bridge::{CalibrationReport, TrackingReport};
+use proact_bridge::{CalibrationInUse, TrackingReport};
 use proact_devices::motion_capture::OpenedCapture;
 use proact_http::Repeats;
 use proact_testbed::Session;
@@ -73,7 +73,7 @@ impl TrackedShoulder {
         let mut report = self.body.report();
         let lines = self.calibrations.lines().into_iter();
         report.calibrations = lines
-            .map(|(kind, line, usable)| CalibrationReport { kind: kind.to_owned(), line, usable })
+            .map(|(kind, line, usable)| CalibrationInUse { kind: kind.to_owned(), line, usable })
             .collect();
         let placed = self.placed.map(|(world_from_tracking, _)| world_from_tracking);
         report.headset = self.headset.as_ref().map(|headset| headset.line(placed.as_ref()));

@@ -67,5 +67,5 @@ pub use study::{
     ParticipantScreen, PromptScreen, RefusedAnswer, SessionScreen, StepLine, StudyButton, StudyRequest,
     StudyScreen,
 };
-pub use tracking::{CalibrationReport, StreamFigures, TrackingReport};
+pub use tracking::{CalibrationInUse, StreamFigures, TrackingReport};
 pub use trials::{RecordedTrial, TrialLibrary, TrialSummary};

@@ -20,7 +20,7 @@ pub struct StreamFigures {
 /// A calibration that is in use.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
-pub struct CalibrationReport {
+pub struct CalibrationInUse {
     /// `shoulder` or `headset`.
     pub kind: String,
     /// Date, residual and verdict.
@@ -61,7 +61,7 @@ pub struct TrackingReport {
     #[cfg_attr(feature = "ts", ts(as = "Option<proact_types::typescript::Pose>"))]
     pub world_from_shoulder: Option<Pose>,
     /// The calibrations that are in use.
-    pub calibrations: Vec<CalibrationReport>,
+    pub calibrations: Vec<CalibrationInUse>,
     /// How the headset's world stands in the room; none without a calibrated headset.
     pub headset: Option<String>,
     /// Why the arm does not follow, and what to do about it; none while all is well.

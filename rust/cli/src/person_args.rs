@@ -89,6 +89,9 @@ pub(crate) struct PersonArgs {
     /// Follow a tracked limb that a program sends over UDP as {"angles": [..]}, on port 25041 unless another is given
     #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "25041")]
     limb_udp: Option<u16>,
+    /// Carry the shoulder with the neck of whoever wears the headset, without cameras
+    #[arg(long, conflicts_with = "mocap")]
+    shoulder_from_head: bool,
     #[command(flatten)]
     pub(crate) mocap: MocapArgs,
     #[command(flatten)]
@@ -110,7 +113,8 @@ impl PersonArgs {
             self.feedback.open(&registry.sinks)?,
             self.rosbridge.open(session)?,
         )
-        .with_shoulder(self.mocap.open(registry)?))
+        .with_shoulder(self.mocap.open(registry)?)
+        .with_head_shoulder(self.shoulder_from_head))
     }
 
     fn tracker(&self) -> Result<Option<Box<dyn GazeDevice>>, Box<dyn Error>> {

@@ -219,10 +219,12 @@ impl SourceWatch {
         if now.millis_since(heard.fresh?) <= limit {
             return None;
         }
+        // What the banner says first: the person looks for the cameras, not for a cable.
+        let lost = if source == InputSource::ShoulderTracker { "tracking lost: " } else { "" };
         let repeats = heard.repeated.is_some_and(|at| now.millis_since(at) <= RECENT_MS);
         Some(match repeats {
-            true => (StopCause::Frozen, format!("the {source} sends the same again and again")),
-            false => (StopCause::Silent, format!("the {source} is silent")),
+            true => (StopCause::Frozen, format!("{lost}the {source} sends the same again and again")),
+            false => (StopCause::Silent, format!("{lost}the {source} is silent")),
         })
     }
 }

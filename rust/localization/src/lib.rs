@@ -57,5 +57,5 @@ pub use pivot::{PivotFit, fit_pivot, fit_sphere};
 pub use placement::{BoxPlacement, BraceSize, PlacementError, PlacementProfile, SeatedPerson, place_box};
 pub use pose_filter::{FilterProfile, FollowState, Followed, PoseFilter, PoseFilterConfig};
 pub use shoulder::{ShoulderCalibration, ShoulderOptions, ShoulderVerdict, calibrate_shoulder};
-pub use stream_meter::{StreamMeter, StreamQuality};
+pub use stream_meter::{StreamMeter, StreamSteadiness};
 pub use tracking::{BodySample, RawBodyPose, TrackingAxes, UpAxis};

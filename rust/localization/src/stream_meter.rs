@@ -13,7 +13,7 @@ const DROP_PERIODS: f64 = 2.5;
 
 /// What the last ten seconds of a stream were like.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct StreamQuality {
+pub struct StreamSteadiness {
     /// Samples a second, between drop-outs.
     pub rate_hz: f64,
     /// How much later than the quickest sample half of them arrive, s: what is lost beside the system's own delay, which no
@@ -54,7 +54,7 @@ impl StreamMeter {
     }
 
     /// What the stream was like up to `now` on our clock; none before there are enough samples.
-    pub fn quality(&self, now: Nanos) -> Option<StreamQuality> {
+    pub fn quality(&self, now: Nanos) -> Option<StreamSteadiness> {
         let recent: Vec<(Nanos, Nanos)> = self
             .samples
             .iter()
@@ -77,8 +77,8 @@ impl StreamMeter {
         let least = delays[0];
         let at = |share: f64| delays[((delays.len() - 1) as f64 * share) as usize] - least;
         let span = secs(recent[recent.len() - 1].0.saturating_sub(recent[0].0)).max(period);
-        let missing: f64 = gaps.iter().map(|gap| gap - period).sum();
-        Some(StreamQuality {
+        let missing = gaps.iter().fold(0.0, |all, gap| all + gap - period);
+        Some(StreamSteadiness {
             rate_hz: (recent.len() - 1) as f64 / (span - missing).max(period),
             lag_secs: at(0.5),
             jitter_secs: at(0.99) - at(0.5),

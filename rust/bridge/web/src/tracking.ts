@@ -20,10 +20,11 @@ import {
 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { element, setClass, setText } from "./dom";
-import type { Pose, TrackingReport } from "./generated/types";
+import type { Pose, StreamFigures, TrackingReport } from "./generated/types";
 
 /** From report to report, ms. */
 const EVERY_MS = 100;
+const UNKNOWN = "not known yet";
 /** Places of a body that its trail shows: three seconds. */
 const TRAIL = 30;
 
@@ -58,9 +59,16 @@ class Card {
     this.set("Body", report.body);
     this.set("Rate", `${report.rate_hz.toFixed(0)} Hz`);
     this.set("Age", report.age_secs === null ? "no pose yet" : `${(1000 * report.age_secs).toFixed(0)} ms`);
-    this.set("Noise", report.noise_m === null ? "not known yet" : `${(1000 * report.noise_m).toFixed(2)} mm`);
+    const { stream, noise_m, noise_rad } = report;
+    this.set("Lag", stream ? `${ms(stream.lag_secs)} behind the quickest pose` : UNKNOWN);
+    this.set("Jitter", stream ? ms(stream.jitter_secs) : UNKNOWN);
+    this.set("Drop-outs", stream ? dropouts(stream) : UNKNOWN);
+    this.set("Noise", noise_m === null || noise_rad === null ? UNKNOWN : `${(1000 * noise_m).toFixed(2)} mm, ${((180 * noise_rad) / Math.PI).toFixed(2)} degrees`);
     this.set("In tracking", place(report.tracking_from_body));
     this.set("Shoulder in world", place(report.world_from_shoulder));
+    for (const { kind, line, usable } of report.calibrations) this.set(`Calibrated ${kind}`, usable ? line : `not used: ${line}`);
+    if (report.calibrations.length === 0) this.set("Calibration", "none: the arm hangs where the set-up has the shoulder");
+    if (report.headset !== null) this.set("Headset", report.headset);
     this.set("Unreadable", String(report.malformed));
     this.set("Bodies seen", report.bodies.join(", ") || "none");
   }
@@ -77,7 +85,16 @@ class Card {
 }
 
 function place(pose: Pose | null): string {
-  return pose ? `${pose.translation.map((value) => value.toFixed(3)).join(", ")} m` : "not known yet";
+  return pose ? `${pose.translation.map((value) => value.toFixed(3)).join(", ")} m` : UNKNOWN;
+}
+
+function ms(secs: number): string {
+  return `${(1000 * secs).toFixed(0)} ms`;
+}
+
+/** Of the last ten seconds. */
+function dropouts({ dropouts: count, longest_secs: longest, missing }: StreamFigures): string {
+  return count === 0 ? "none in 10 s" : `${count} in 10 s, the longest ${ms(longest)}, ${(100 * missing).toFixed(1)} % of the time`;
 }
 
 /** The frames of one source in `world`. */

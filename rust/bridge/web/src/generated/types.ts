@@ -81,6 +81,15 @@ export type CalibrationCommand = { "type": "begin" } | { "type": "proceed" } | {
 /** Which. */
 gesture: GestureName, } | { "type": "finish" };
 
+/** A calibration that is in use. */
+export type CalibrationInUse = {
+/** `shoulder` or `headset`. */
+kind: string,
+/** Date, residual and verdict. */
+line: string,
+/** Whether a trial may rest on it. */
+usable: boolean, };
+
 /** A message to the calibration page. */
 export type CalibrationMessage = { "type": "nothing" } | { "type": "error", message: string, } | CalibrationScreen;
 
@@ -1127,6 +1136,19 @@ reason: string, };
 /** How a source died. */
 export type StopCause = "silent" | "closed" | "frozen" | "flat" | "railed" | "noiseless" | "lossy" | "wrong_rate" | "lost";
 
+/** How steady a stream of poses was in the last ten seconds. */
+export type StreamFigures = {
+/** How much later than the quickest pose half of them arrive, s. */
+lag_secs: number,
+/** The same for one in a hundred, less the lag, s. */
+jitter_secs: number,
+/** Gaps: poses that the system left out. */
+dropouts: number,
+/** The longest gap, s. */
+longest_secs: number,
+/** Share of the time that was missing, 0 to 1. */
+missing: number, };
+
 /** The stream as a whole. */
 export type StreamQuality = {
 /** The verdict on gaps and rate. */
@@ -1203,6 +1225,10 @@ bodies: Array<string>,
 rate_hz: number,
 /** Since the last pose that can be used, s; none before the first. */
 age_secs: number | null,
+/** What the last ten seconds were like; none before there are enough poses. */
+stream: StreamFigures | null,
+/** Noise of turns, standard deviation about one axis, rad; none before there are enough. */
+noise_rad: number | null,
 /** Noise of places, standard deviation of one axis, m; none before there are enough. */
 noise_m: number | null,
 /** Messages that could not be read. */
@@ -1213,6 +1239,10 @@ tracking_from_body: Pose | null,
 world_from_tracking: Pose | null,
 /** Where that puts the shoulder. */
 world_from_shoulder: Pose | null,
+/** The calibrations that are in use. */
+calibrations: Array<CalibrationInUse>,
+/** How the headset's world stands in the room; none without a calibrated headset. */
+headset: string | null,
 /** Why the arm does not follow, and what to do about it; none while all is well. */
 fault: string | null,
 /** The same as a key, such as `millimetres`, `waiting`, `no_body`, `silent` or `occluded`. */

@@ -1,0 +1,80 @@
+//! A shoulder without cameras: carried by the neck of a head that a headset tracks.
+
+use proact_testbed::Session;
+use proact_types::{Pose, Vector};
+
+/// From the middle of the eyes to where the neck bends, in the head's axes (x ahead, y left, z up), m: the head turns about it
+/// while the trunk keeps still (assumed; people differ by some centimetres).
+const NECK_IN_HEAD: Vector = Vector::new(-0.1, 0.0, -0.15);
+
+/// The shoulder as an offset from the neck.
+///
+/// At the first pose of a trial it is where the set-up has it; from there on it moves as the neck does, and keeps its attitude: a
+/// head does not tell how the trunk turns. Good for leans, wrong by up to a few centimetres when the trunk twists.
+#[derive(Debug, Default)]
+pub struct HeadShoulder {
+    /// From the neck to the shoulder, `world`, once the head was seen.
+    offset: Option<Vector>,
+    last: Option<Pose>,
+}
+
+impl HeadShoulder {
+    /// Another trial begins.
+    pub fn restart(&mut self) {
+        *self = Self::default();
+    }
+
+    /// Hands the shoulder to a person's trial. False if the headset told nothing new: that is a silence, which stops the arm.
+    pub fn drive(&mut self, session: &mut Session) -> bool {
+        let Some(head) = session.headset().filter(|head| self.last != Some(*head)) else { return false };
+        self.last = Some(head);
+        let rest = session.testbed().config().setup.body.shoulder_pose(&Default::default());
+        let place = self.place(&head, &rest.translation.vector);
+        session.person().track_shoulder(Pose::from_parts(place.into(), rest.rotation));
+        true
+    }
+
+    /// Where the shoulder is with this head, if it was at `rest` with the first.
+    fn place(&mut self, world_from_head: &Pose, rest: &Vector) -> Vector {
+        let neck = (world_from_head * nalgebra::Point3::from(NECK_IN_HEAD)).coords;
+        neck + *self.offset.get_or_insert(rest - neck)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::UnitQuaternion;
+    use proact_testbed::{Setup, TrialConfig};
+
+    fn head(neck: Vector, yaw: f64, nod: f64) -> Pose {
+        let turn = UnitQuaternion::from_euler_angles(0.0, nod, yaw);
+        Pose::from_parts((neck - turn * NECK_IN_HEAD).into(), turn)
+    }
+
+    #[test]
+    fn a_lean_carries_the_shoulder_and_a_turn_of_the_head_does_not() {
+        let (neck, rest) = (Vector::new(-0.7, 0.0, 1.5), Vector::new(-0.6, -0.18, 1.445));
+        let mut shoulder = HeadShoulder::default();
+        assert!((shoulder.place(&head(neck, 0.0, 0.0), &rest) - rest).norm() < 1e-12);
+        for (yaw, nod) in [(0.8, 0.0), (-0.5, 0.4), (0.0, -0.6)] {
+            assert!((shoulder.place(&head(neck, yaw, nod), &rest) - rest).norm() < 1e-12);
+        }
+        let lean = Vector::new(0.2, 0.02, -0.05);
+        assert!((shoulder.place(&head(neck + lean, 0.3, 0.2), &rest) - rest - lean).norm() < 1e-12);
+        shoulder.restart();
+        assert!((shoulder.place(&head(neck + lean, 0.3, 0.2), &rest) - rest).norm() < 1e-12);
+    }
+
+    #[test]
+    fn a_headset_that_tells_nothing_new_is_silent() {
+        let config = TrialConfig::new("A", 1, Setup::named("still").unwrap());
+        let mut session = crate::trial::live(config).unwrap().session;
+        let mut shoulder = HeadShoulder::default();
+        assert!(!shoulder.drive(&mut session), "no headset");
+        session.person().track_head(head(Vector::new(-0.7, 0.0, 1.5), 0.0, 0.0));
+        assert!(shoulder.drive(&mut session) && !shoulder.drive(&mut session));
+        session.person().track_head(head(Vector::new(-0.6, 0.0, 1.5), 0.0, 0.0));
+        assert!(shoulder.drive(&mut session));
+    }
+}
