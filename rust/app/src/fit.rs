@@ -10,10 +10,10 @@ mod parameters;
 mod prediction;
 mod search;
 
-pub use evaluation::{Evaluation, kinematic_scores};
-pub use journal::{FitJournal, JournalError};
+pub use evaluation::{FitTrials, kinematic_scores};
+pub use journal::{FitJournal, FitJournalError};
 pub use parameters::{PARAMETERS, Parameter, population_at, population_at_start};
-pub use prediction::{MethodPrediction, Prediction, StudyScores, predict, seeds_of};
+pub use prediction::{MethodPrediction, StudyPrediction, StudyScores, predict, seeds_of};
 pub use search::{FitOptions, Fitted, fit};
 
 use crate::paper::{PaperResults, cumulated};

@@ -6,7 +6,7 @@ use proact_app::{
     Registry, answer,
     batch::NO_EVIDENCE,
     fit::{
-        FITTED, FitOptions, FitTarget, MethodPrediction, PARAMETERS, Prediction, StudyScores, fit,
+        FITTED, FitOptions, FitTarget, MethodPrediction, PARAMETERS, StudyPrediction, StudyScores, fit,
         population_at_start, predict, seeds_of,
     },
     paper::PaperResults,
@@ -170,7 +170,7 @@ fn predict_paper(registry: &Registry, args: &PredictArgs) -> Result<bool, Box<dy
     let (whole, kinematic): (Vec<StudyScores>, Vec<StudyScores>) =
         studies.into_iter().partition(|study| study.whole_chain);
     let both = [("whole chain", whole), ("without physics", kinematic)];
-    let predicted: Vec<(&str, Vec<u64>, Prediction)> = both
+    let predicted: Vec<(&str, Vec<u64>, StudyPrediction)> = both
         .iter()
         .filter(|(_, studies)| !studies.is_empty())
         .map(|(name, studies)| (*name, studies.iter().map(|study| study.seed).collect(), predict(studies)))
@@ -191,7 +191,7 @@ fn predict_paper(registry: &Registry, args: &PredictArgs) -> Result<bool, Box<dy
 }
 
 /// A prediction as a table of Markdown.
-fn table(prediction: &Prediction) -> String {
+fn table(prediction: &StudyPrediction) -> String {
     let row = |own: &MethodPrediction| {
         let MethodPrediction { method, fitted, trials, mean, sd, min, max, none, all, distance, .. } = own;
         let role = if *fitted { "fitted" } else { "predicted" };

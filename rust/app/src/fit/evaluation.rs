@@ -17,14 +17,14 @@ use std::{
 };
 
 /// The trials of the paper's first study with some methods, with people of whatever population.
-pub struct Evaluation {
+pub struct FitTrials {
     batch: Batch,
     trials: Vec<BatchTrial>,
     /// Draws people and trials.
     pub seed: u64,
 }
 
-impl Evaluation {
+impl FitTrials {
     /// The trials of `participants` people with `methods`, in the order of the plan.
     ///
     /// # Errors
@@ -75,7 +75,7 @@ impl Evaluation {
 /// A trial that cannot be put together or run.
 pub fn kinematic_scores(
     registry: &Registry,
-    evaluation: &Evaluation,
+    evaluation: &FitTrials,
     population: &Population,
     jobs: usize,
     interrupted: &AtomicBool,

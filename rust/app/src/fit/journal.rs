@@ -32,7 +32,7 @@ pub struct FitJournal {
 /// Why a journal is of no use.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum JournalError {
+pub enum FitJournalError {
     /// It belongs to another fit.
     #[error("{} is of another fit ({has}), and this one is of {asked}; name another folder with --out", path.display())]
     Other {
@@ -57,9 +57,9 @@ impl FitJournal {
     /// Takes up the journal at `path` of the fit `of`, or begins it. A line that was cut off is not there.
     ///
     /// # Errors
-    /// [`JournalError`].
-    pub fn take_up(path: &Path, of: &str) -> Result<Self, JournalError> {
-        let failed = |source| JournalError::Disk { path: path.to_owned(), source };
+    /// [`FitJournalError`].
+    pub fn take_up(path: &Path, of: &str) -> Result<Self, FitJournalError> {
+        let failed = |source| FitJournalError::Disk { path: path.to_owned(), source };
         let mut known = Vec::new();
         let mut whole = 0;
         let mut begun = false;
@@ -77,7 +77,11 @@ impl FitJournal {
                     let has = serde_json::from_str::<Header>(&line)
                         .map_or_else(|_| line.clone(), |header| header.of);
                     if has != of {
-                        return Err(JournalError::Other { path: path.to_owned(), has, asked: of.to_owned() });
+                        return Err(FitJournalError::Other {
+                            path: path.to_owned(),
+                            has,
+                            asked: of.to_owned(),
+                        });
                     }
                     begun = true;
                 }
@@ -109,8 +113,8 @@ impl FitJournal {
     ///
     /// # Errors
     /// A disk that refuses.
-    pub fn push(&mut self, evaluated: Evaluated) -> Result<(), JournalError> {
-        let failed = |source| JournalError::Disk { path: self.path.clone(), source };
+    pub fn push(&mut self, evaluated: Evaluated) -> Result<(), FitJournalError> {
+        let failed = |source| FitJournalError::Disk { path: self.path.clone(), source };
         let line = serde_json::to_string(&evaluated).map_err(|error| failed(error.into()))?;
         self.file.write_all(format!("{line}\n").as_bytes()).map_err(failed)?;
         self.file.sync_data().map_err(failed)?;

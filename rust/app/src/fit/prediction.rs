@@ -1,4 +1,4 @@
-use super::{Evaluation, FITTED, evaluation::counted, kinematic_scores};
+use super::{FITTED, FitTrials, evaluation::counted, kinematic_scores};
 use crate::{
     Registry,
     paper::{PaperResults, kolmogorov},
@@ -62,7 +62,7 @@ impl StudyScores {
         tell: &(dyn Fn() + Sync),
     ) -> Result<Option<Self>, Box<dyn Error>> {
         let population = Population::standard();
-        let evaluation = Evaluation::of_study1(registry, participants, seed, &["A", "B", "C", "D"])?;
+        let evaluation = FitTrials::of_study1(registry, participants, seed, &["A", "B", "C", "D"])?;
         let scores = match worker {
             Some(worker) => whole_scores(&evaluation, &population, worker, jobs, interrupted, tell)?,
             None => kinematic_scores(registry, &evaluation, &population, jobs, interrupted, tell)?,
@@ -79,7 +79,7 @@ impl StudyScores {
 }
 
 fn whole_scores(
-    evaluation: &Evaluation,
+    evaluation: &FitTrials,
     population: &Population,
     worker: &(dyn Fn() -> Command + Sync),
     jobs: usize,
@@ -155,7 +155,7 @@ pub struct MethodPrediction {
 
 /// A prediction beside the paper.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Prediction {
+pub struct StudyPrediction {
     /// By method.
     pub methods: Vec<MethodPrediction>,
     /// In what share of the studies as run both C and D are above both A and B.
@@ -167,7 +167,7 @@ pub struct Prediction {
 }
 
 /// Sums `studies` up beside the paper.
-pub fn predict(studies: &[StudyScores]) -> Prediction {
+pub fn predict(studies: &[StudyScores]) -> StudyPrediction {
     let paper = PaperResults::shipped().study1;
     let method = |(name, printed): (&String, &crate::paper::BlockCounts)| {
         let scores: Vec<f64> = studies.iter().flat_map(|study| study.of(name)).collect();
@@ -231,7 +231,7 @@ pub fn predict(studies: &[StudyScores]) -> Prediction {
         means[2].min(means[3]) > means[0].max(means[1])
     });
     let order_of_paper = of_paper.count() as f64 / DRAWN as f64;
-    Prediction {
+    StudyPrediction {
         methods,
         order_in_studies: in_order as f64 / studies.len().max(1) as f64,
         order_drawn,

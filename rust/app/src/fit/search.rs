@@ -1,5 +1,5 @@
 use super::{
-    Evaluation, FITTED, FitJournal, FitTarget, PARAMETERS,
+    FITTED, FitJournal, FitTarget, FitTrials, PARAMETERS,
     evaluation::{counted, kinematic_scores},
     journal::Evaluated,
     population_at,
@@ -57,7 +57,7 @@ pub type FitProgress<'a> = &'a (dyn Fn(usize, Option<f64>) + Sync);
 
 struct Problem<'a> {
     registry: &'a Registry,
-    evaluation: &'a Evaluation,
+    evaluation: &'a FitTrials,
     start: Population,
     origin: Vec<f64>,
     target: FitTarget,
@@ -141,7 +141,7 @@ pub fn fit(
     progress: FitProgress<'_>,
 ) -> Result<Option<Fitted>, Box<dyn Error>> {
     let paper = PaperResults::shipped();
-    let evaluation = Evaluation::of_study1(registry, options.participants, FIT_SEED, &[FITTED])?;
+    let evaluation = FitTrials::of_study1(registry, options.participants, FIT_SEED, &[FITTED])?;
     let of = format!(
         "{} {} people, seed {FIT_SEED}, from {}",
         env!("CARGO_PKG_VERSION"),
