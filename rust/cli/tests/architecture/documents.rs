@@ -9,7 +9,7 @@ use crate::workspace::{load, read, root};
 /// Words that the launcher answers itself; every other word is a command of the program.
 const LAUNCHER_WORDS: [&str; 4] = ["test", "peers", "help", "--help"];
 /// Commands whose next word is a command of its own.
-const GROUPS: [&str; 4] = ["emg", "model", "study", "bench"];
+const GROUPS: [&str; 6] = ["emg", "model", "study", "bench", "participants", "localize"];
 
 /// The documents whose commands a reader will type.
 const GUIDES: [&str; 2] = ["README.md", "docs/user_guide.md"];

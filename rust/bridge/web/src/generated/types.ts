@@ -1335,7 +1335,19 @@ gaze_checks: number,
 gaze_calibrations: number, };
 
 /** What the list says of a trial. */
-export type TrialSummary = { name: string, method: string, setup: string, seed: number | null, seconds: number, score: number, };
+export type TrialSummary = {
+/** What it is called. */
+name: string,
+/** Control method. */
+method: string,
+/** Set-up. */
+setup: string,
+/** Seed; a bag has none. */
+seed: number | null,
+/** Length, simulated seconds. */
+seconds: number,
+/** What the task counted in the end. */
+score: number, };
 
 /** A buzz. */
 export type Vibration = {
