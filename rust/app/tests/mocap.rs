@@ -142,7 +142,7 @@ fn a_tracked_shoulder_carries_the_arm_stops_it_when_silent_and_replays_bit_for_b
         std::thread::sleep(PERIOD);
         *number += 1;
         let way = 0.06 * (tick.min(600) as f64 / 600.0);
-        let position = [2.0, 1.0 + way, 1.4 + 0.0001 * (*number % 3) as f64];
+        let position = [2.0, 1.0 + way, 1.4 + 0.001 * (*number % 3) as f64];
         let (id, quaternion) = (Some(0), [0.0, 0.0, 0.6, 0.8]);
         let stamp = *number * 10_000_000;
         server.send(&[RawBodyPose {
@@ -190,7 +190,7 @@ fn a_tracked_shoulder_carries_the_arm_stops_it_when_silent_and_replays_bit_for_b
         if tick.is_multiple_of(10) {
             std::thread::sleep(PERIOD);
             *number += 1;
-            let position = [2.0, 1.1, 1.4 + 0.0001 * (*number % 3) as f64];
+            let position = [2.0, 1.1, 1.4 + 0.001 * (*number % 3) as f64];
             let pose = RawBodyPose {
                 body: "pad".into(),
                 id: Some(0),
