@@ -111,7 +111,9 @@ impl<T: Calibrated> SavedCalibration<T> {
     pub fn new(calibration: T, files: &[PathBuf]) -> Result<Self, CalibrationFileError> {
         let source = |path: &PathBuf| {
             let disk = |source| CalibrationFileError::Disk { path: path.clone(), source };
-            let hash = blake3::hash(&std::fs::read(path).map_err(disk)?).to_string();
+            let mut hasher = blake3::Hasher::new();
+            hasher.update_reader(std::fs::File::open(path).map_err(disk)?).map_err(disk)?;
+            let hash = hasher.finalize().to_string();
             Ok(CalibrationSource { file: path.display().to_string(), hash })
         };
         let sources = files.iter().map(source).collect::<Result<_, _>>()?;
@@ -149,7 +151,9 @@ impl<T: Calibrated> SavedCalibration<T> {
     /// The file cannot be read, is no calibration, or is not as it was written.
     pub fn load(dir: &Path) -> Result<Option<Self>, CalibrationFileError> {
         let path = dir.join(T::FILE);
-        let text = match std::fs::read_to_string(&path) {
+        let read = std::fs::File::open(&path)
+            .and_then(|file| proact_types::read_text(file, proact_types::MOST_TEXT_BYTES));
+        let text = match read {
             Ok(text) => text,
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
             Err(source) => return Err(CalibrationFileError::Disk { path, source }),

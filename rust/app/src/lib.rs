@@ -50,6 +50,7 @@ mod run;
 pub mod source;
 pub mod stream_view;
 pub mod study;
+mod threads;
 mod tracked_body;
 mod tracked_shoulder;
 pub mod trial;

@@ -109,9 +109,9 @@ pub(crate) struct StoredTrials {
     /// The report.
     report: Option<Bytes>,
     /// The trials asked for last, as JSON. Locked while one is made.
-    made: tokio::sync::Mutex<VecDeque<(usize, Bytes)>>,
+    made: Arc<tokio::sync::Mutex<VecDeque<(usize, Bytes)>>>,
     /// What their arms are drawn with.
-    pub(crate) meshes: Mutex<MeshesById>,
+    pub(crate) meshes: Arc<Mutex<MeshesById>>,
 }
 
 impl StoredTrials {
@@ -123,8 +123,8 @@ impl StoredTrials {
             count: list.len(),
             list: json.into(),
             report: library.report().map(Bytes::from),
-            made: tokio::sync::Mutex::default(),
-            meshes: Mutex::default(),
+            made: Arc::default(),
+            meshes: Arc::default(),
             library,
         })
     }
@@ -135,23 +135,23 @@ impl StoredTrials {
             let reason = format!("there is no trial {number}, expected a number below {}\n", self.count);
             return Err((StatusCode::NOT_FOUND, reason));
         }
-        let mut made = self.made.lock().await;
+        let mut made = Arc::clone(&self.made).lock_owned().await;
         if let Some((_, json)) = made.iter().find(|(other, _)| *other == number) {
             return Ok(json.clone());
         }
-        let library = Arc::clone(&self.library);
+        let (library, meshes) = (Arc::clone(&self.library), Arc::clone(&self.meshes));
+        // It holds the lock itself: a page that asks and goes away does not let the next one begin beside it.
         let make = move || {
             let trial = library.trial(number)?;
-            let json = serde_json::to_vec(&trial).map_err(|error| error.to_string())?;
-            Ok::<_, String>((Bytes::from(json), meshes::by_id(&trial.content.meshes)))
+            let json = Bytes::from(serde_json::to_vec(&trial).map_err(|error| error.to_string())?);
+            let own = meshes::by_id(&trial.content.meshes);
+            meshes.lock().unwrap_or_else(PoisonError::into_inner).extend(own);
+            made.truncate(KEPT - 1);
+            made.push_front((number, json.clone()));
+            Ok::<_, String>(json)
         };
         let done = tokio::task::spawn_blocking(make).await.map_err(|error| error.to_string());
-        let (json, meshes) =
-            done.and_then(|made| made).map_err(|why| (StatusCode::UNPROCESSABLE_ENTITY, why))?;
-        self.meshes.lock().unwrap_or_else(PoisonError::into_inner).extend(meshes);
-        made.truncate(KEPT - 1);
-        made.push_front((number, json.clone()));
-        Ok(json)
+        done.and_then(|made| made).map_err(|why| (StatusCode::UNPROCESSABLE_ENTITY, why))
     }
 }
 

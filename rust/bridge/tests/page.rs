@@ -18,9 +18,9 @@ use serde_json::Value;
 use std::{
     sync::{
         Arc,
-        atomic::{AtomicUsize, Ordering},
+        atomic::{AtomicBool, AtomicUsize, Ordering},
     },
-    time::Instant,
+    time::{Duration, Instant},
 };
 use tokio::{
     io::{AsyncReadExt, AsyncWriteExt},
@@ -416,6 +416,51 @@ async fn a_trial_is_made_when_it_is_asked_for_and_two_are_kept() {
     assert!(report.contains("a report") && report.contains("style-src 'unsafe-inline'"), "{report}");
     assert!(!report.contains("script-src"), "{report}");
     assert!(get(&server, "/replay").await.contains("script-src 'self'; style-src 'self'"));
+}
+
+/// Takes as long for a trial as it is told to, and counts how many it makes at once.
+#[derive(Default)]
+struct Slow {
+    now: AtomicUsize,
+    most: AtomicUsize,
+    go: AtomicBool,
+}
+
+impl TrialLibrary for Slow {
+    fn list(&self) -> Vec<TrialSummary> {
+        Counted(AtomicUsize::new(0)).list()
+    }
+
+    fn trial(&self, number: usize) -> Result<RecordedTrial, String> {
+        let now = self.now.fetch_add(1, Ordering::SeqCst) + 1;
+        self.most.fetch_max(now, Ordering::SeqCst);
+        while !self.go.load(Ordering::SeqCst) {
+            std::thread::yield_now();
+        }
+        self.now.fetch_sub(1, Ordering::SeqCst);
+        Ok(recorded(&format!("seed {number}")))
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn pages_that_ask_for_trials_and_go_away_do_not_have_many_made_at_once() {
+    let (server, library) = (start(false), Arc::new(Slow::default()));
+    server.set_trials(library.clone()).unwrap();
+    let authority = authority(&server);
+    for number in 0..3 {
+        let mut stream = TcpStream::connect(&authority).await.unwrap();
+        let request = format!("GET /api/trials/{number} HTTP/1.1\r\nHost: {authority}\r\n\r\n");
+        stream.write_all(request.as_bytes()).await.unwrap();
+        while library.now.load(Ordering::SeqCst) == 0 {
+            tokio::task::yield_now().await;
+        }
+        drop(stream);
+        // Longer than a server takes to see that nobody waits any more.
+        tokio::time::sleep(Duration::from_millis(100)).await;
+    }
+    library.go.store(true, Ordering::SeqCst);
+    assert!(get(&server, "/api/trials/1").await.contains("seed 1"));
+    assert_eq!(library.most.load(Ordering::SeqCst), 1);
 }
 
 #[test]

@@ -259,7 +259,7 @@ fn shoulder(args: &ShoulderArgs, json: bool) -> Result<bool, Box<dyn Error>> {
     save(found, &files, &args.folder, details, json)
 }
 
-/// Saves what was found, good or not, and says so.
+/// Saves what was found if it is good, and says which.
 fn save<T: Calibrated>(
     found: T,
     files: &[PathBuf],

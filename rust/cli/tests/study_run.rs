@@ -262,6 +262,11 @@ fn a_report_names_the_questionnaires_that_lack_answers_and_scores_none_of_them()
         json_extract(event, '$.form') = ?1 AND json_extract(event, '$.item') LIKE ?2";
     assert_eq!(journal.execute(left_out, ["sus", "%"]).unwrap(), 20);
     assert_eq!(journal.execute(left_out, ["own", "trust"]).unwrap(), 2);
+    // And as if the third had been led past one.
+    let skipped = "UPDATE journal SET event = json_set(event, '$.outcome', 'skipped') WHERE kind = 'step_ended' AND json_extract(event, '$.spot') =
+        (SELECT json_extract(event, '$.spot') FROM journal WHERE kind = 'answered' AND json_extract(event, '$.spot.participant') = 3 AND
+        json_extract(event, '$.form') = 'sus' LIMIT 1)";
+    assert_eq!(journal.execute(skipped, []).unwrap(), 1);
     journal.close().unwrap();
     let report = json(place.path(), &["analyze", "unasked", "--json"]);
     let notes = report["notes"].to_string();
@@ -271,6 +276,7 @@ fn a_report_names_the_questionnaires_that_lack_answers_and_scores_none_of_them()
     ] {
         assert!(notes.contains(lack), "{lack}: {notes}");
     }
+    assert!(notes.contains("P3: sus lacks all answers, skipped, about"), "{notes}");
     assert!(!notes.contains("P1: sus") && !notes.contains("P3: own"), "{notes}");
     let scores = fs::read_to_string(place.path().join("unasked/analysis/data/scores.csv")).unwrap();
     let of = |who: &str| {

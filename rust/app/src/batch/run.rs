@@ -4,7 +4,10 @@ use super::{
     Batch, BatchTrial,
     folder::{ShardFile, TrialLine},
 };
-use crate::study::{TrialDone, Worker, WorkerError};
+use crate::{
+    study::{TrialDone, Worker, WorkerError},
+    threads::in_threads,
+};
 use proact_analysis::summary::SampleSummary;
 use proact_testbed::{TrialEnd, TrialResult};
 use serde::Serialize;
@@ -93,22 +96,8 @@ pub fn run_batch(
         }
         Ok(())
     };
-    let failures: Vec<String> = std::thread::scope(|scope| {
-        let run = || {
-            let done = work();
-            failed.fetch_or(done.is_err(), Ordering::Relaxed);
-            done.map_err(|error| error.to_string())
-        };
-        let threads: Vec<_> = (0..programs.jobs.max(1)).map(|_| scope.spawn(run)).collect();
-        let join = |thread: std::thread::ScopedJoinHandle<'_, Result<(), String>>| {
-            thread.join().unwrap_or_else(|_| Err("a thread panicked".to_owned())).err()
-        };
-        threads.into_iter().filter_map(join).collect()
-    });
-    match failures.into_iter().next() {
-        Some(failure) => Err(failure.into()),
-        None => Ok(!programs.interrupted.load(Ordering::Relaxed)),
-    }
+    in_threads(programs.jobs, &failed, work)?;
+    Ok(!programs.interrupted.load(Ordering::Relaxed))
 }
 
 /// A result without what hangs on the machine.

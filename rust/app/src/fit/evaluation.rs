@@ -2,6 +2,7 @@ use crate::{
     Registry,
     batch::{Batch, BatchTrial, Sweep},
     study::{People, Study, TrialOrder, population_values},
+    threads::in_threads,
     trial,
 };
 use proact_devices::EmgOrigin;
@@ -82,33 +83,20 @@ pub fn kinematic_scores(
     tell: &(dyn Fn() + Sync),
 ) -> Result<Option<Vec<f64>>, Box<dyn Error>> {
     let scores = Mutex::new(vec![None; evaluation.count()]);
-    let failure: Mutex<Option<String>> = Mutex::new(None);
-    let next = AtomicUsize::new(0);
-    std::thread::scope(|scope| {
-        for _ in 0..jobs.max(1) {
-            scope.spawn(|| {
-                loop {
-                    let place = next.fetch_add(1, Ordering::Relaxed);
-                    let stopped = interrupted.load(Ordering::Relaxed)
-                        || failure.lock().unwrap_or_else(PoisonError::into_inner).is_some();
-                    if place >= evaluation.count() || stopped {
-                        return;
-                    }
-                    match kinematic_score(registry, &evaluation.order(place, population), interrupted) {
-                        Ok(score) => scores.lock().unwrap_or_else(PoisonError::into_inner)[place] = score,
-                        Err(error) => {
-                            let text = format!("trial {}: {error}", place + 1);
-                            failure.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(text);
-                        }
-                    }
-                    tell();
-                }
-            });
+    let (next, failed) = (AtomicUsize::new(0), AtomicBool::new(false));
+    in_threads(jobs, &failed, || {
+        while !interrupted.load(Ordering::Relaxed) && !failed.load(Ordering::Relaxed) {
+            let place = next.fetch_add(1, Ordering::Relaxed);
+            if place >= evaluation.count() {
+                break;
+            }
+            let score = kinematic_score(registry, &evaluation.order(place, population), interrupted)
+                .map_err(|error| format!("trial {}: {error}", place + 1))?;
+            scores.lock().unwrap_or_else(PoisonError::into_inner)[place] = score;
+            tell();
         }
-    });
-    if let Some(failure) = failure.into_inner().unwrap_or_else(PoisonError::into_inner) {
-        return Err(failure.into());
-    }
+        Ok(())
+    })?;
     Ok(scores.into_inner().unwrap_or_else(PoisonError::into_inner).into_iter().collect())
 }
 

@@ -3,6 +3,7 @@ use crate::{
     Registry,
     paper::{PaperResults, kolmogorov},
     study::{Worker, WorkerError},
+    threads::in_threads,
 };
 use proact_participants::Population;
 use rand::{RngExt, SeedableRng};
@@ -88,10 +89,10 @@ fn whole_scores(
 ) -> Result<Option<Vec<f64>>, Box<dyn Error>> {
     let next = AtomicUsize::new(0);
     let scores = Mutex::new(vec![None; evaluation.count()]);
-    let stopped = || interrupted.load(Ordering::Relaxed);
-    let work = || -> Result<(), WorkerError> {
-        let started = Worker::start(&mut worker());
-        let mut running = started.map_err(|error| WorkerError::Trial(error.to_string()))?;
+    let failed = AtomicBool::new(false);
+    let stopped = || interrupted.load(Ordering::Relaxed) || failed.load(Ordering::Relaxed);
+    in_threads(jobs, &failed, || {
+        let mut running = Worker::start(&mut worker())?;
         while !stopped() {
             let place = next.fetch_add(1, Ordering::Relaxed);
             if place >= evaluation.count() {
@@ -101,7 +102,7 @@ fn whole_scores(
             order.scored = false;
             match running.run(&order, stopped) {
                 Err(WorkerError::Gone { .. }) if stopped() => return Ok(()),
-                Err(error) => return Err(error),
+                Err(error) => return Err(error.into()),
                 Ok(done) => {
                     scores.lock().unwrap_or_else(PoisonError::into_inner)[place] = Some(done.result.score);
                 }
@@ -109,18 +110,8 @@ fn whole_scores(
             tell();
         }
         Ok(())
-    };
-    let failures: Vec<WorkerError> = std::thread::scope(|scope| {
-        let threads: Vec<_> = (0..jobs.max(1)).map(|_| scope.spawn(work)).collect();
-        let join = |thread: std::thread::ScopedJoinHandle<'_, Result<(), WorkerError>>| {
-            thread.join().unwrap_or_else(|_| Err(WorkerError::Trial("a thread panicked".to_owned()))).err()
-        };
-        threads.into_iter().filter_map(join).collect()
-    });
-    if let Some(failure) = failures.into_iter().next() {
-        return Err(failure.into());
-    }
-    if stopped() {
+    })?;
+    if interrupted.load(Ordering::Relaxed) {
         return Ok(None);
     }
     Ok(scores.into_inner().unwrap_or_else(PoisonError::into_inner).into_iter().collect())

@@ -5,6 +5,7 @@ use super::{
     conductor::{Conductor, StudyError, record_name},
     worker::{TrialDone, TrialOrder, Worker, WorkerError},
 };
+use crate::threads::in_threads;
 use proact_study::{Happening, PlannedTrial, Spot, StepOutcome, StudyEvent};
 use proact_testbed::{TrialEnd, TrialResult};
 use std::{
@@ -74,21 +75,7 @@ pub fn rehearse(
         options,
         tell: &tell,
     };
-    let failures: Vec<String> = std::thread::scope(|scope| {
-        let work = || {
-            let done = rehearsal.work();
-            rehearsal.failed.fetch_or(done.is_err(), Ordering::Relaxed);
-            done.map_err(|error| error.to_string())
-        };
-        let workers: Vec<_> = (0..options.jobs.max(1)).map(|_| scope.spawn(work)).collect();
-        workers
-            .into_iter()
-            .filter_map(|worker| worker.join().unwrap_or_else(|_| Err("a thread panicked".to_owned())).err())
-            .collect()
-    });
-    if let Some(failure) = failures.into_iter().next() {
-        return Err(failure.into());
-    }
+    in_threads(options.jobs, &rehearsal.failed, || rehearsal.work())?;
     let conductor = rehearsal.conductor.into_inner().unwrap_or_else(PoisonError::into_inner);
     Ok(conductor.progress().finished())
 }

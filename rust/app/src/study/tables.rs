@@ -41,21 +41,25 @@ pub(crate) fn counted_trials(study: &Study, look: &Look) -> Vec<(Vec<Cell>, Path
     told.counted().into_iter().map(record).collect()
 }
 
-/// Questionnaires that are over and lack answers, in a sentence a person and questionnaire.
+/// Questionnaires that were skipped, or are over and lack answers, in a sentence a person and questionnaire.
 pub(crate) fn missing_answers(study: &Study, look: &Look) -> Vec<String> {
     let mut lacks: BTreeMap<(usize, &str), Vec<String>> = BTreeMap::new();
     for session in &look.progress.schedule().sessions {
         for (spot, happening) in look.progress.spots(session).zip(&session.happenings) {
             let state = look.progress.step(&spot);
-            let (Some(name), Some(StepOutcome::Done)) = (happening.form(), state.outcome) else { continue };
+            let Some(name) = happening.form() else { continue };
             let form = &study.forms[name];
-            let missing = form.missing(&state.answers).len();
-            if missing > 0 {
-                let after =
-                    happening.condition().map_or(String::new(), |condition| format!(" about {condition}"));
-                let told = format!("{missing} of {} answers{after}", form.keys().len());
-                lacks.entry((spot.participant, name)).or_default().push(told);
-            }
+            let told = match state.outcome {
+                Some(StepOutcome::Done) => match form.missing(&state.answers).len() {
+                    0 => continue,
+                    missing => format!("{missing} of {} answers", form.keys().len()),
+                },
+                Some(StepOutcome::Skipped) => "all answers, skipped,".to_owned(),
+                _ => continue,
+            };
+            let about =
+                happening.condition().map_or(String::new(), |condition| format!(" about {condition}"));
+            lacks.entry((spot.participant, name)).or_default().push(format!("{told}{about}"));
         }
     }
     let sentence = |((who, form), told): ((usize, &str), Vec<String>)| {
