@@ -46,6 +46,7 @@ mod tests {
     use super::*;
     use nalgebra::UnitQuaternion;
     use proact_testbed::{Setup, TrialConfig};
+    use proact_types::{EventKind, InputSource, StopCause};
 
     fn head(neck: Vector, yaw: f64, nod: f64) -> Pose {
         let turn = UnitQuaternion::from_euler_angles(0.0, nod, yaw);
@@ -76,5 +77,30 @@ mod tests {
         assert!(shoulder.drive(&mut session) && !shoulder.drive(&mut session));
         session.person().track_head(head(Vector::new(-0.6, 0.0, 1.5), 0.0, 0.0));
         assert!(shoulder.drive(&mut session));
+    }
+
+    #[test]
+    fn a_headset_that_falls_silent_stops_the_arm() {
+        let config = TrialConfig::new("A", 1, Setup::named("still").unwrap());
+        let mut session = crate::trial::live(config).unwrap().session;
+        let mut shoulder = HeadShoulder::default();
+        let mut stops = Vec::new();
+        for tick in 1..=1000_u64 {
+            if tick <= 500 && tick.is_multiple_of(16) {
+                let sway = 0.001 * (tick as f64 * 0.01).sin();
+                session.person().track_head(head(Vector::new(-0.7 + sway, 0.0, 1.5), 0.0, 0.0));
+            }
+            shoulder.drive(&mut session);
+            let output = session.step(false).unwrap().output;
+            let stopped = output.events.iter().filter_map(|event| match &event.kind {
+                EventKind::Stopped { source: InputSource::ShoulderTracker, cause, .. } => {
+                    Some((tick, *cause))
+                }
+                _ => None,
+            });
+            stops.extend(stopped);
+        }
+        let [(tick, StopCause::Silent)] = stops[..] else { panic!("{stops:?}") };
+        assert!((500..750).contains(&tick), "{tick} ms");
     }
 }

@@ -284,5 +284,9 @@ fn a_report_names_the_questionnaires_that_lack_answers_and_scores_none_of_them()
     };
     let empty: Vec<String> = of("2,");
     assert!(empty.len() == 2 && empty.iter().all(|line| line.contains(",sus,,")), "{empty:?}");
+    // The tables alone tell it too, as far as there are scores.
+    answer(place.path(), &["study", "export", "unasked"]);
+    let report = json(place.path(), &["analyze", "unasked/tables", "--json"]);
+    assert!(report["notes"].to_string().contains("P2: sus about A lacks sus_1, sus_2,"), "{report}");
     assert!(of("1,").iter().all(|line| !line.contains(",sus,,")), "{scores}");
 }

@@ -1,6 +1,9 @@
 //! From whatever was recorded to the same tables.
 
-use super::scores::{Rows, Source, empty, score_all, trials_and_blocks};
+use super::{
+    scores::{Rows, Source, empty, score_all, trials_and_blocks},
+    summaries::participant,
+};
 use crate::study::{
     PLAN_FILE, STUDY_FILE, Study, look,
     tables::{self, columns},
@@ -9,7 +12,7 @@ use proact_analysis::table::{Cell, Column, Table};
 use proact_control::MethodRegistry;
 use proact_recording::Trial;
 use std::{
-    collections::BTreeMap,
+    collections::{BTreeMap, BTreeSet},
     error::Error,
     fs,
     path::{Path, PathBuf},
@@ -219,6 +222,18 @@ fn read_tables(dir: &Path, collected: &mut Collected) -> Result<(), Box<dyn Erro
             "These are tables without records: what is scored from records (compensation by phase, gaze on things, faults) is missing."
                 .to_owned(),
         );
+    }
+    if let Some(scores) = collected.table("scores") {
+        let lacks = |row: &Vec<Cell>| {
+            let [form, condition, missing] =
+                ["form", "condition", "missing"].map(|name| scores.words(row, name));
+            let about = if condition.is_empty() { condition } else { format!(" about {condition}") };
+            let who = participant(scores, row);
+            (!missing.is_empty())
+                .then(|| format!("{who}: {form}{about} lacks {}", missing.replace(',', ", ")))
+        };
+        let notes: BTreeSet<String> = scores.rows.iter().filter_map(lacks).collect();
+        collected.notes.extend(notes);
     }
     let trials = &collected.tables["trials"];
     let simulated: Vec<f64> = trials.rows.iter().filter_map(|row| trials.number(row, "simulated")).collect();
