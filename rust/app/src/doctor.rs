@@ -339,7 +339,12 @@ mod tests {
         let number = holder.local_addr().expect("it is bound").port();
         assert_eq!(port("p", number, "do this").status, Status::Warn);
         drop(holder);
-        assert_eq!(port("p", number, "do this").status, Status::Ok);
+        // Another test may take a port in the moment after it is free; it does not take five in turn.
+        let freed = || {
+            let holder = TcpListener::bind(("127.0.0.1", 0)).expect("some port is free");
+            holder.local_addr().expect("it is bound").port()
+        };
+        assert!((0..5).any(|_| port("p", freed(), "do this").status == Status::Ok));
     }
 
     #[test]
@@ -362,8 +367,9 @@ mod tests {
 
     #[test]
     fn a_master_is_asked_at_the_address_that_the_environment_names() {
-        let master = TcpListener::bind(("127.0.0.1", 0)).expect("some port is free");
-        let uri = format!("http://127.0.0.1:{}/", master.local_addr().expect("it is bound").port());
+        // An address of its own: another test's listener on 127.0.0.1 could take the port over once it is free.
+        let master = TcpListener::bind(("127.83.17.5", 0)).expect("all of 127/8 is this machine");
+        let uri = format!("http://{}/", master.local_addr().expect("it is bound"));
         assert_eq!(ros_master(Some(&uri)).status, Status::Ok);
         drop(master);
         assert_eq!(ros_master(Some(&uri)).status, Status::Warn);
