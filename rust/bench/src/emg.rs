@@ -93,7 +93,7 @@ fn window_to_class(
         if let Some(view) = window.push(sample) {
             let begin = Instant::now();
             let features = extractor.compute(&view);
-            black_box(classifier.predict(&features)?);
+            black_box(classifier.predict(features)?);
             times.push(begin.elapsed().as_secs_f64() * 1e6);
         }
     }

@@ -212,7 +212,7 @@ fn features(args: &FeaturesArgs, json: bool) -> Result<String, Box<dyn Error>> {
         }
         (None, None) => return Err("no recording was named, expected --data DIR or --csv FILE".into()),
     };
-    let names = config.features.column_names(config.channels);
+    let names = config.layout().column_names();
     if json {
         let object = serde_json::json!({ "windows": windows.len(), "columns": names, "features": windows });
         return Ok(object.to_string() + "\n");

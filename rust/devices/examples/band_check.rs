@@ -76,7 +76,7 @@ fn model(session: &Recordings) -> Result<EmgModel, Box<dyn Error>> {
 
 fn check(model: &EmgModel, today: &Recordings, tally: &mut Tally) -> Result<(), Box<dyn Error>> {
     let wrist = [Gesture::WristFlexion, Gesture::WristExtension].map(GestureName::from);
-    let (set, channels) = (model.config.features, today.channels);
+    let (layout, channels) = (model.config.layout(), today.channels);
     for first in today.items.iter().filter(|r| r.gesture == wrist[0]) {
         let Ok(second) = today.find(wrist[1], first.repetition) else { continue };
         let seen =
@@ -108,7 +108,7 @@ fn check(model: &EmgModel, today: &Recordings, tally: &mut Tally) -> Result<(), 
                 .iter()
                 .map(|(gesture, window)| {
                     let mut out = window.clone();
-                    set.roll(window, channels, (channels - turn) % channels, &mut out);
+                    layout.roll(window, (channels - turn) % channels, &mut out);
                     (*gesture, out)
                 })
                 .collect();

@@ -7,7 +7,7 @@
 #![allow(clippy::disallowed_methods)]
 
 use proact_devices::{EmgOrigin, prepare};
-use proact_emg::{Classifier, EmgConfig, EmgPipeline, SlidingWindow, extract};
+use proact_emg::{Classifier, EmgConfig, EmgPipeline, FeatureExtractor, SlidingWindow, extract};
 use proact_types::{EmgSample, Gesture, SimTime};
 use std::{error::Error, hint::black_box, time::Instant};
 
@@ -19,12 +19,13 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     // From a complete window to its class: features, discriminant, posterior.
     let mut window = SlidingWindow::new(&setup.config)?;
+    let mut extractor = FeatureExtractor::new(&setup.config)?;
     let mut times = Vec::new();
     for sample in &samples {
         if let Some(view) = window.push(sample) {
             let start = Instant::now();
-            let features = setup.config.features.compute(&view);
-            black_box(setup.classifier.predict(&features)?);
+            let features = extractor.compute(&view);
+            black_box(setup.classifier.predict(features)?);
             times.push(start.elapsed().as_secs_f64() * 1e6);
         }
     }

@@ -1,5 +1,5 @@
 use crate::lda::softmax;
-use crate::{EmgConfig, EmgError, FeatureSet, Lda};
+use crate::{EmgConfig, EmgError, FeatureLayout, FeatureSet, Lda};
 use arrayvec::ArrayVec;
 use nalgebra::DMatrix;
 use proact_types::{GestureName, MAX_EMG_CHANNELS, MAX_GESTURES};
@@ -40,6 +40,9 @@ impl Prediction {
 pub struct Classifier {
     features: FeatureSet,
     channels: usize,
+    /// Of the stream; models of older versions have no feature that depends on it.
+    #[serde(default = "default_rate_hz")]
+    rate_hz: f64,
     lda: Lda,
     /// The gesture of each class of the LDA, in alphabetical order, as LibEMG's.
     gestures: Vec<GestureName>,
@@ -60,8 +63,8 @@ impl Classifier {
         labels: &[G],
     ) -> Result<Classifier, EmgError> {
         let amplitude = |w: &F| {
-            let whole = w.as_ref().len() == config.features.count(config.channels);
-            whole.then(|| config.features.amplitude(w.as_ref(), config.channels)).flatten()
+            let layout = config.layout();
+            (w.as_ref().len() == layout.count()).then(|| layout.amplitude(w.as_ref())).flatten()
         };
         let amplitudes: Option<Vec<f64>> = windows.iter().map(amplitude).collect();
         Self::fit(config, windows, labels, amplitudes.as_deref())
@@ -93,7 +96,7 @@ impl Classifier {
         if windows.len() != labels.len() {
             return Err(EmgError::LabelCount { windows: windows.len(), labels: labels.len() });
         }
-        let expected = config.features.count(config.channels);
+        let expected = config.layout().count();
         if let Some(window) = windows.iter().find(|w| w.as_ref().len() != expected) {
             return Err(EmgError::FeatureCount { got: window.as_ref().len(), expected });
         }
@@ -124,6 +127,7 @@ impl Classifier {
         Ok(Classifier {
             features: config.features,
             channels: config.channels,
+            rate_hz: config.rate_hz,
             lda,
             efforts: amplitudes
                 .map(|a| (0..gestures.len()).map(|class| scale(a, class)).collect())
@@ -140,6 +144,11 @@ impl Classifier {
     /// The features that it was trained on.
     pub fn features(&self) -> FeatureSet {
         self.features
+    }
+
+    /// Where the values stand in the vectors that it takes.
+    pub fn layout(&self) -> FeatureLayout {
+        self.features.layout(self.channels, self.rate_hz)
     }
 
     /// The effort scale of each of [`Classifier::gestures`]; empty if amplitudes were not known.
@@ -159,7 +168,8 @@ impl Classifier {
         let finite = self.efforts.iter().all(|e| e.low.is_finite() && e.high.is_finite());
         self.lda.is_sound()
             && (1..=MAX_EMG_CHANNELS).contains(&self.channels)
-            && self.lda.features() == self.features.count(self.channels)
+            && self.rate_hz.is_finite()
+            && self.lda.features() == self.layout().count()
             && self.lda.classes() == classes
             && classes <= MAX_GESTURES
             && self.gestures.windows(2).all(|pair| pair[0] < pair[1])
@@ -208,7 +218,7 @@ impl Classifier {
         if features.len() != expected {
             return Err(EmgError::FeatureCount { got: features.len(), expected });
         }
-        let amplitude = self.features.amplitude(features, self.channels);
+        let amplitude = self.layout().amplitude(features);
         self.effort_of(gesture.into(), amplitude.ok_or_else(|| self.no_scale())?)
     }
 
@@ -236,6 +246,10 @@ impl Classifier {
     fn no_scale(&self) -> EmgError {
         EmgError::NoEffortScale { features: self.features.to_string() }
     }
+}
+
+fn default_rate_hz() -> f64 {
+    EmgConfig::default().rate_hz
 }
 
 /// Each of `gestures` once, in alphabetical order.

@@ -1,4 +1,4 @@
-use crate::{EmgError, FeatureSet, LivenessConfig};
+use crate::{EmgError, FeatureLayout, FeatureSet, LivenessConfig};
 use proact_types::{GestureName, MAX_EMG_CHANNELS};
 use serde::{Deserialize, Serialize};
 use std::num::NonZeroU32;
@@ -194,6 +194,11 @@ impl EmgConfig {
         self.increment.samples(self.rate_hz)
     }
 
+    /// Where the values of the features stand in the vector of a window.
+    pub fn layout(&self) -> FeatureLayout {
+        self.features.layout(self.channels, self.rate_hz)
+    }
+
     /// Checks every value.
     ///
     /// # Errors
@@ -206,6 +211,15 @@ impl EmgConfig {
             return Err(EmgError::ChannelCount { got: self.channels });
         }
         self.window_samples()?;
+        if let Some(feature) = self.layout().empty() {
+            let needs = if feature.depends_on_rate() {
+                "its lowest band ends at 92 Hz, so it needs a rate above 184 Hz"
+            } else {
+                "it compares channels, so it needs two"
+            };
+            let (channels, rate_hz) = (self.channels, self.rate_hz);
+            return Err(EmgError::EmptyFeature { feature: feature.name(), channels, rate_hz, needs });
+        }
         let refused = |name, value, expected| Err(EmgError::Threshold { name, value, expected });
         if !self.ssc_threshold.is_finite() {
             return refused("ssc_threshold", self.ssc_threshold, "a finite number");

@@ -1,5 +1,5 @@
 use crate::WindowLength;
-use crate::feature_set::known_names;
+use crate::feature::known_names;
 use proact_types::{GestureName, MAX_EMG_CHANNELS, MAX_GESTURES};
 
 /// What can be wrong with settings, training data or features.
@@ -20,7 +20,7 @@ pub enum EmgError {
     },
     /// A window or an increment of no usable length.
     #[error(
-        "{length:?} is {samples} samples at {rate_hz} Hz; a window needs at least 3, 6 with AR4, an \
+        "{length:?} is {samples} samples at {rate_hz} Hz; a window needs at least 3, 5 with SAMPEN or FUZZYEN, 6 with AR4 or CC, an \
          increment at least 1, neither may exceed 600000"
     )]
     Length {
@@ -41,6 +41,18 @@ pub enum EmgError {
         max_age_millis: u64,
         /// Time between two windows.
         increment_millis: f64,
+    },
+    /// A feature that has no value on such a stream.
+    #[error("{feature} has no value on a stream of {channels} channels at {rate_hz} Hz: {needs}")]
+    EmptyFeature {
+        /// LibEMG's name.
+        feature: &'static str,
+        /// Channels of the stream.
+        channels: usize,
+        /// Rate of the stream.
+        rate_hz: f64,
+        /// What it needs.
+        needs: &'static str,
     },
     /// As many labels as windows are needed.
     #[error("got {labels} labels for {windows} windows, expected one each")]

@@ -1,23 +1,36 @@
-use crate::feature_set::AR_ORDER;
-use crate::spectrum::PowerSpectrum;
-use crate::{EmgConfig, EmgError, Feature, FeatureSet, MAX_FEATURES, WindowView};
-use arrayvec::ArrayVec;
+mod autoregression;
+mod entropy;
+mod phasors;
+mod wavelets;
 
-/// Features of one window in the order of its [`FeatureSet`].
-pub type FeatureVector = ArrayVec<f64, MAX_FEATURES>;
+use crate::feature::{AR_ORDER, FOURIER_BANDS_FROM_HZ, Shape, fourier_bands};
+use crate::spectrum::PowerSpectrum;
+use crate::{EmgConfig, EmgError, Feature, FeatureLayout, WindowView};
+use autoregression::{burg, cepstrum};
+use entropy::{fuzzy_entropy, sample_entropy};
+use phasors::{Radii, phasors};
+use wavelets::Wavelets;
+
+/// Features of one window in the order of its [`FeatureLayout`].
+pub type FeatureVector = Vec<f64>;
 
 /// Computes the features of windows of one length. Buffers are allocated at construction only.
 ///
 /// Agrees with LibEMG 2.0.3 to 1e-9 (HTD to 1e-12, counts exactly) wherever LibEMG gives a finite number.
 #[derive(Clone, Debug)]
 pub struct FeatureExtractor {
-    set: FeatureSet,
+    layout: FeatureLayout,
     length: usize,
-    /// For sorting, and Burg's forward errors.
+    /// Of the newest window.
+    vector: FeatureVector,
+    /// For sorting, standardising, and Burg's forward errors.
     scratch: Vec<f64>,
     /// Burg's backward errors.
     backward: Vec<f64>,
     spectrum: Option<PowerSpectrum>,
+    wavelets: Option<Wavelets>,
+    /// Root mean square and waveform length of each channel.
+    radii: [Vec<Radii>; 2],
     needs: Needs,
 }
 
@@ -30,9 +43,11 @@ struct Needs {
     central: bool,
     ls: bool,
     ar: bool,
-    spectrum: bool,
     comp: bool,
     wamp: bool,
+    samplewise: bool,
+    sampen: bool,
+    fuzzyen: bool,
 }
 
 /// Quantities of one channel.
@@ -46,9 +61,31 @@ struct Channel {
     constant: bool,
     ls: f64,
     ar: [f64; AR_ORDER],
+    spectral: Spectral,
+    wamp: f64,
+    samplewise: Samplewise,
+    sampen: f64,
+    fuzzyen: f64,
+}
+
+/// What the spectrum tells of a channel.
+#[derive(Clone, Copy, Default)]
+struct Spectral {
     mdf: f64,
     mnf: f64,
-    wamp: f64,
+    mnp: f64,
+    sm: f64,
+    dftr: [f64; 6],
+}
+
+/// Means over samples and the largest one.
+#[derive(Clone, Copy, Default)]
+struct Samplewise {
+    mean: f64,
+    most: f64,
+    cubes: f64,
+    logarithm: f64,
+    halves: [f64; 2],
 }
 
 /// Settings of the stream that features depend on.
@@ -79,67 +116,102 @@ impl FeatureExtractor {
     /// # Errors
     /// Settings that cannot work.
     pub fn new(config: &EmgConfig) -> Result<Self, EmgError> {
-        config.check()?;
-        Ok(Self::sized(config.features, config.window_samples()?))
-    }
-
-    fn sized(set: FeatureSet, length: usize) -> Self {
         use Feature::*;
+        config.check()?;
+        let (set, length) = (config.features, config.window_samples()?);
         let any = |features: &[Feature]| features.iter().any(|f| set.contains(*f));
         let needs = Needs {
-            hudgins: any(&[Mav, Zc, Ssc, Wl, Mfl, Iav]),
+            hudgins: any(&[Mav, Zc, Ssc, Wl, Mfl, Iav, Mlk, Wlphasor]),
             descriptors: any(&[M0, M2, M4, Sparsi, Irf, Wlf]),
-            differences: any(&[M0, M2, M4, Sparsi, Irf, Wlf, Rms, Dasdv, Act, Mob, Comp, Compc]),
+            differences: any(&[
+                M0, M2, M4, Sparsi, Irf, Wlf, Rms, Dasdv, Act, Mob, Comp, Compc, Mavfd, Rmsphasor, Wlphasor,
+                Pap, Mzp, Isd, Cor, Mdiff,
+            ]),
             central: any(&[Var, Skew, Kurt]),
             ls: set.contains(Ls),
-            ar: set.contains(Ar4),
-            spectrum: any(&[Mdf, Mnf]),
+            ar: any(&[Ar4, Cc]),
             comp: set.contains(Comp),
             wamp: set.contains(Wamp),
+            samplewise: any(&[Mean, Mpk, Tm, Ld, Mavslp]),
+            sampen: set.contains(Sampen),
+            fuzzyen: set.contains(Fuzzyen),
         };
-        FeatureExtractor {
-            set,
+        let scratch = needs.ls || needs.ar || needs.sampen;
+        let layout = config.layout();
+        Ok(FeatureExtractor {
+            layout,
             length,
-            scratch: if needs.ls || needs.ar { vec![0.0; length] } else { Vec::new() },
+            vector: vec![0.0; layout.count()],
+            scratch: if scratch { vec![0.0; length] } else { Vec::new() },
             backward: if needs.ar { vec![0.0; length] } else { Vec::new() },
-            spectrum: needs.spectrum.then(|| PowerSpectrum::new(length)),
+            spectrum: any(&[Mdf, Mnf, Mnp, Sm, Dftr]).then(|| PowerSpectrum::new(length)),
+            wavelets: any(&[Weng, Wv, Wwl, Went]).then(|| Wavelets::new(length, config.rate_hz)),
+            radii: [Vec::with_capacity(config.channels), Vec::with_capacity(config.channels)],
             needs,
-        }
+        })
     }
 
     /// The features of one window. Does not allocate. A value is not finite only if the samples are so large that
     /// sums overflow.
     ///
     /// # Panics
-    /// If the window is of another length than the settings said.
-    pub fn compute(&mut self, window: &WindowView<'_>) -> FeatureVector {
+    /// If the window is of another length or number of channels than the settings said.
+    pub fn compute(&mut self, window: &WindowView<'_>) -> &[f64] {
         let channels = window.channels();
-        let mut vector: FeatureVector = std::iter::repeat_n(0.0, self.set.count(channels)).collect();
-        let set = self.set;
+        self.radii.iter_mut().for_each(Vec::clear);
         // LibEMG's COMP sums over the channels.
         let all_square_2 = if self.needs.comp {
             (0..channels).map(|c| Differences::of(window.channel(c).iter().copied()).square_2).sum()
         } else {
             0.0
         };
+        let mut any_overflow = false;
         for channel in 0..channels {
             let x = window.channel(channel);
             assert_eq!(x.len(), self.length, "length of the window");
             let overflow = x.iter().any(|v| v.abs() > LARGEST_SAMPLE);
+            any_overflow |= overflow;
             let values = self.measure(x, window.parameters());
-            let mut start = 0;
-            for feature in set.features() {
-                let width = feature.per_channel();
-                for part in 0..width {
-                    let value = value(*feature, part, x, &values, all_square_2);
+            let count = x.len() as f64;
+            let roots = [values.raw.square, values.raw.square_1 * count / (count - 1.0)];
+            self.radii[0].push(roots.map(|sum| (sum / count).sqrt()));
+            self.radii[1].push([values.hudgins[3], values.raw.absolute_2]);
+            let bands = self.wavelets.as_ref().map_or(&[][..], Wavelets::bands);
+            for (feature, shape, range) in self.layout.parts() {
+                let out = &mut self.vector[range];
+                let mut put = |place: usize, value: f64| {
                     // Zero where the definition has no value.
-                    let defined = value.is_finite() || overflow;
-                    vector[start + channel * width + part] = if defined { value } else { 0.0 };
+                    out[place] = if value.is_finite() || overflow { value } else { 0.0 };
+                };
+                match shape {
+                    Shape::Channels { values: 1 } => put(channel, value(feature, x, &values, all_square_2)),
+                    Shape::Channels { values: width } => {
+                        let coefficients =
+                            if feature == Feature::Cc { cepstrum(&values.ar) } else { values.ar };
+                        (0..width).for_each(|k| put(channel * width + k, coefficients[k]));
+                    }
+                    Shape::Bands { bands: width } => (0..width).for_each(|k| {
+                        let value = match feature {
+                            Feature::Dftr => values.spectral.dftr[k],
+                            Feature::Weng => bands[k].energy,
+                            Feature::Wv => bands[k].variance,
+                            Feature::Wwl => bands[k].length,
+                            _ => bands[k].entropy,
+                        };
+                        put(k * channels + channel, value);
+                    }),
+                    Shape::Pairs => {}
                 }
-                start += channels * width;
             }
         }
-        vector
+        for (feature, shape, range) in self.layout.parts() {
+            if shape == Shape::Pairs {
+                let out = &mut self.vector[range];
+                phasors(&self.radii[usize::from(feature == Feature::Wlphasor)], out);
+                out.iter_mut().filter(|v| !v.is_finite() && !any_overflow).for_each(|v| *v = 0.0);
+            }
+        }
+        &self.vector
     }
 
     fn measure(&mut self, x: &[f64], parameters: &FeatureParameters) -> Channel {
@@ -170,20 +242,19 @@ impl FeatureExtractor {
             values.ar = burg(x, &mut self.scratch, &mut self.backward);
         }
         if let Some(spectrum) = &mut self.spectrum {
-            let bin_hz = parameters.rate_hz / spectrum.size() as f64;
-            let powers = spectrum.powers(x);
-            let total: f64 = powers.clone().sum();
-            let (mut below, mut weighted, mut median) = (0.0, 0.0, None);
-            for (k, power) in powers.enumerate() {
-                below += power;
-                weighted += k as f64 * power;
-                if median.is_none() && below > total / 2.0 {
-                    median = Some(k as f64 * bin_hz);
-                }
-            }
-            // No power, no median.
-            values.mdf = median.unwrap_or(f64::NAN);
-            values.mnf = weighted / total * bin_hz;
+            values.spectral = Spectral::of(spectrum, x, parameters.rate_hz);
+        }
+        if let Some(wavelets) = &mut self.wavelets {
+            wavelets.decompose(x);
+        }
+        if needs.samplewise {
+            values.samplewise = Samplewise::of(x);
+        }
+        if needs.sampen {
+            values.sampen = sample_entropy(x, &mut self.scratch);
+        }
+        if needs.fuzzyen {
+            values.fuzzyen = fuzzy_entropy(x);
         }
         if needs.wamp {
             let beyond = |pair: &&[f64]| (pair[1] - pair[0]).abs() > parameters.wamp_threshold;
@@ -193,8 +264,63 @@ impl FeatureExtractor {
     }
 }
 
-/// One value of a feature of a channel.
-fn value(feature: Feature, part: usize, x: &[f64], v: &Channel, all_square_2: f64) -> f64 {
+impl Spectral {
+    fn of(spectrum: &mut PowerSpectrum, x: &[f64], rate_hz: f64) -> Spectral {
+        let bin_hz = rate_hz / spectrum.size() as f64;
+        let bins = (spectrum.size() / 2) as f64;
+        let scale = (x.len() as f64).powi(2);
+        let powers = spectrum.powers(x);
+        let total: f64 = powers.clone().sum();
+        let (mut below, mut weighted, mut squared, mut median) = (0.0, 0.0, 0.0, None);
+        for (k, power) in powers.clone().enumerate() {
+            below += power;
+            weighted += k as f64 * power;
+            squared += (k as f64 * bin_hz).powi(2) * power;
+            if median.is_none() && below > total / 2.0 {
+                median = Some(k as f64 * bin_hz);
+            }
+        }
+        let mut dftr = [0.0; 6];
+        let mut from = FOURIER_BANDS_FROM_HZ;
+        for (value, to) in dftr.iter_mut().zip(fourier_bands(rate_hz)) {
+            let inside = powers.clone().enumerate().filter(|(k, _)| {
+                let hz = *k as f64 * bin_hz;
+                hz > from && hz < to
+            });
+            let (sum, count) = inside.fold((0.0, 0.0), |(sum, n), (_, power)| (sum + power.sqrt(), n + 1.0));
+            *value = (sum / (x.len() as f64) / count).powf(2.0 / 3.0);
+            from = to;
+        }
+        Spectral {
+            // No power, no median.
+            mdf: median.unwrap_or(f64::NAN),
+            mnf: weighted / total * bin_hz,
+            mnp: total / scale / bins,
+            sm: squared / scale,
+            dftr,
+        }
+    }
+}
+
+impl Samplewise {
+    fn of(x: &[f64]) -> Samplewise {
+        let count = x.len() as f64;
+        let mean = |of: fn(&f64) -> f64| x.iter().map(of).sum::<f64>() / count;
+        // The middle of an odd length is rounded to the even number, as Python rounds.
+        let half = (count / 2.0).round_ties_even() as usize;
+        let part = |x: &[f64]| x.iter().map(|v| v.abs()).sum::<f64>() / x.len() as f64;
+        Samplewise {
+            mean: mean(|v| *v),
+            most: x.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+            cubes: mean(|v| v.powi(3).abs()),
+            logarithm: mean(|v| (v.abs() + 1.0).ln()),
+            halves: [part(&x[..half]), part(&x[half..x.len().min(2 * half)])],
+        }
+    }
+}
+
+/// The value of a feature that has one a channel.
+fn value(feature: Feature, x: &[f64], v: &Channel, all_square_2: f64) -> f64 {
     let count = x.len() as f64;
     let descriptor = |of: fn(&Differences) -> f64| {
         let (a, b) = (of(&v.raw), of(&v.log));
@@ -229,23 +355,41 @@ fn value(feature: Feature, part: usize, x: &[f64], v: &Channel, all_square_2: f6
         }),
         Feature::Irf => descriptor(|d| (d.m2() / (d.m0() * d.m4()).sqrt()).ln()),
         Feature::Wlf => descriptor(|d| (d.absolute_1 / d.absolute_2).sqrt().ln()),
-        Feature::Ar4 => v.ar[part],
-        Feature::Mdf => v.mdf,
-        Feature::Mnf => v.mnf,
+        Feature::Mdf => v.spectral.mdf,
+        Feature::Mnf => v.spectral.mnf,
+        Feature::Mnp => v.spectral.mnp,
+        Feature::Sm => v.spectral.sm,
         Feature::Skew | Feature::Kurt if v.constant => 0.0,
         Feature::Skew => third / second.powf(1.5),
         Feature::Kurt => fourth / second.powi(2),
         Feature::Act => v.raw.square / count,
         Feature::Mob => (v.raw.square_1 / v.raw.square).sqrt(),
         Feature::Comp => (all_square_2 / v.raw.square_1).sqrt(),
+        Feature::Ld => v.samplewise.logarithm.exp(),
+        Feature::Mavfd => v.raw.absolute_1 / (count - 1.0),
+        Feature::Mavslp => v.samplewise.halves[1] - v.samplewise.halves[0],
+        Feature::Mpk => v.samplewise.most,
+        Feature::Tm => v.samplewise.cubes,
+        Feature::Mean => v.samplewise.mean,
+        Feature::Pap => v.raw.square.sqrt() / (v.raw.square_2.sqrt() / v.raw.square_1.sqrt()),
+        Feature::Mzp => (v.raw.square_1 / count).sqrt(),
+        Feature::Sampen => v.sampen,
+        Feature::Fuzzyen => v.fuzzyen,
+        Feature::Isd => v.raw.square,
+        Feature::Cor => v.raw.square_1 / count / (v.raw.square_2 / count * v.raw.square),
+        Feature::Mdiff => v.raw.square_1 / count,
+        Feature::Mlk => (v.hudgins[0] * count + f64::EPSILON).ln() / count,
+        // These have several values a channel or none of a channel alone.
+        Feature::Ar4
+        | Feature::Cc
+        | Feature::Dftr
+        | Feature::Weng
+        | Feature::Wv
+        | Feature::Wwl
+        | Feature::Went
+        | Feature::Rmsphasor
+        | Feature::Wlphasor => 0.0,
         Feature::Compc => (v.raw.square_2 * v.raw.square).sqrt() / v.raw.square_1,
-    }
-}
-
-impl FeatureSet {
-    /// The features of one window. Allocates if the set needs buffers; a stream keeps a [`FeatureExtractor`].
-    pub fn compute(&self, window: &WindowView<'_>) -> FeatureVector {
-        FeatureExtractor::sized(*self, window.length()).compute(window)
     }
 }
 
@@ -304,38 +448,6 @@ fn l_score(x: &mut [f64]) -> f64 {
     let last = x.len() as f64 - 1.0;
     let sum: f64 = x.iter().enumerate().map(|(k, v)| (2.0 * k as f64 / last - 1.0) * v).sum();
     sum / x.len() as f64
-}
-
-/// Autoregressive coefficients by Burg's method, without the leading one.
-///
-/// The running denominator is Andersen's recursion (1978), as librosa has it. A zero channel gives zeros.
-fn burg(x: &[f64], forward: &mut [f64], backward: &mut [f64]) -> [f64; AR_ORDER] {
-    let mut count = x.len() - 1;
-    forward[..count].copy_from_slice(&x[1..]);
-    backward[..count].copy_from_slice(&x[..count]);
-    let square = |v: f64| v * v;
-    let both = forward[..count].iter().zip(&backward[..count]);
-    let mut denominator: f64 = both.map(|(f, b)| square(*f) + square(*b)).sum();
-    let mut coefficients = [0.0; AR_ORDER];
-    // The errors shrink by one sample at each order: the forward ones at their start, the backward ones at their
-    // end. `skip` is that start.
-    for order in 0..AR_ORDER.min(count) {
-        let skip = order;
-        let pairs = || forward[skip..skip + count].iter().zip(&backward[..count]);
-        let reflection = -2.0 * pairs().map(|(f, b)| f * b).sum::<f64>() / (denominator + f64::MIN_POSITIVE);
-        let before = coefficients;
-        for j in 0..order {
-            coefficients[j] = before[j] + reflection * before[order - 1 - j];
-        }
-        coefficients[order] = reflection;
-        for (f, b) in forward[skip..skip + count].iter_mut().zip(&mut backward[..count]) {
-            (*f, *b) = (*f + reflection * *b, *b + reflection * *f);
-        }
-        denominator =
-            (1.0 - square(reflection)) * denominator - square(backward[count - 1]) - square(forward[skip]);
-        count -= 1;
-    }
-    coefficients
 }
 
 #[cfg(test)]

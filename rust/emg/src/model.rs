@@ -207,11 +207,11 @@ impl EmgModel {
         self.check()?;
         let channels = self.config.channels;
         let shift = shift % channels;
-        let set = self.config.features;
-        // `FeatureSet::roll` takes a vector of the stream to the model; coefficients and means go the other way.
+        let layout = self.config.layout();
+        // `FeatureLayout::roll` takes a vector of the stream to the model; coefficients and means go the other way.
         let back = |values: &[f64]| {
             let mut out = vec![0.0; values.len()];
-            set.roll(values, channels, (channels - shift) % channels, &mut out);
+            layout.roll(values, (channels - shift) % channels, &mut out);
             out
         };
         let mut model = self.clone();
@@ -252,7 +252,7 @@ impl EmgModel {
         check_format(self.format)?;
         self.config.check()?;
         let channels = self.config.channels;
-        let features = self.config.features.count(channels);
+        let features = self.config.layout().count();
         let classes = self.classifier.gestures().len();
         let statistics = self.channels.iter().flat_map(|c| [c.rest_median, c.rest_sd, c.largest_sd]);
         let wrong = if !self.classifier.is_sound()

@@ -103,9 +103,9 @@ impl EmgPipeline {
             window: SlidingWindow::new(config)?,
             rule: DecisionRule::new(config),
             rest: config.rest,
+            newest: FeatureVector::with_capacity(classifier.layout().count()),
             classifier,
             overflows: 0,
-            newest: FeatureVector::new(),
             centring: ArrayVec::new(),
         })
     }
@@ -148,13 +148,16 @@ impl EmgPipeline {
             let Some(window) = self.window.push(sample) else { continue };
             let features = self.features.compute(&window);
             // Finite samples whose sums overflow: as good as no window.
-            let Ok(prediction) = self.classifier.predict(&features) else {
+            let Ok(prediction) = self.classifier.predict(features) else {
                 self.overflows += 1;
                 continue;
             };
             let bridged = window.bridged() > 0;
             // Nothing is learnt from samples that nobody measured.
-            self.newest = if bridged { FeatureVector::new() } else { features };
+            self.newest.clear();
+            if !bridged {
+                self.newest.extend_from_slice(features);
+            }
             let confidence = prediction.confidence();
             // A rejection needs more than the threshold: LibEMG compares strictly.
             let kept = self.rejection.is_none_or(|threshold| confidence > threshold);
@@ -317,8 +320,7 @@ fn each_window<'a>(
             });
         }
         if let Some(view) = window.push(sample) {
-            let vector = extractor.compute(&view);
-            take(&view, vector);
+            take(&view, extractor.compute(&view).to_vec());
         }
     }
     Ok(())

@@ -156,8 +156,8 @@ fn recognised(
     windows: &[(GestureName, &FeatureVector)],
     shift: usize,
 ) -> Result<(f64, f64), EmgError> {
-    let (set, channels) = (classifier.features(), classifier.channels());
-    let expected = set.count(channels);
+    let layout = classifier.layout();
+    let expected = layout.count();
     let gestures = distinct(windows.iter().map(|(of, _)| *of));
     let (mut accuracy, mut log_probability) = (0.0, 0.0);
     let mut rolled = vec![0.0; expected];
@@ -169,7 +169,7 @@ fn recognised(
             if window.len() != expected {
                 return Err(EmgError::FeatureCount { got: window.len(), expected });
             }
-            set.roll(window, channels, shift, &mut rolled);
+            layout.roll(window, shift, &mut rolled);
             let prediction = classifier.predict(&rolled)?;
             accuracy += if prediction.class == *gesture { share } else { 0.0 };
             log_probability += share * prediction.posterior[place].ln().max(LEAST_LOG_PROBABILITY);
@@ -191,8 +191,8 @@ impl Patterns {
         asked: &[GestureName],
         windows: &[(GestureName, &FeatureVector)],
     ) -> Result<Option<Patterns>, EmgError> {
-        let (set, channels) = (model.classifier.features(), model.classifier.channels());
-        let Some(start) = STRENGTHS.iter().find_map(|feature| set.start_of(*feature, channels)) else {
+        let (layout, channels) = (model.classifier.layout(), model.classifier.channels());
+        let Some(range) = STRENGTHS.iter().find_map(|feature| layout.range_of(*feature)) else {
             return Ok(None);
         };
         let logs = |strengths: &[f64]| -> Vec<f64> {
@@ -201,12 +201,12 @@ impl Patterns {
         };
         let mut pairs = Vec::with_capacity(asked.len());
         for gesture in asked {
-            let trained = &model.moments.means[model.classifier.place(*gesture)?][start..start + channels];
+            let trained = &model.moments.means[model.classifier.place(*gesture)?][range.clone()];
             let mut now = vec![0.0; channels];
             let of_gesture = || windows.iter().filter(|(of, _)| of == gesture);
             let count = of_gesture().count() as f64;
             for (_, window) in of_gesture() {
-                now.iter_mut().zip(&window[start..]).for_each(|(sum, v)| *sum += v / count);
+                now.iter_mut().zip(&window[range.clone()]).for_each(|(sum, v)| *sum += v / count);
             }
             pairs.push([logs(trained), logs(&now)]);
         }

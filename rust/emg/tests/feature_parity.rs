@@ -61,13 +61,24 @@ fn every_feature_is_libemgs_and_zero_where_libemg_has_none() {
                     continue;
                 };
                 let error = (got - expected).abs() / scale;
-                *most = most.max(error);
                 let limit = match feature.as_str() {
                     "ZC" | "SSC" | "WAMP" | "MDF" => 0.0,
                     "MAV" | "WL" => HUDGINS_RELATIVE,
+                    // The details of a constant channel are rounding alone, and the entropy does not depend on scale.
+                    "WENT" => 10.0 * RELATIVE,
                     _ => RELATIVE,
                 };
-                assert!(error <= limit, "{} {feature}, value {k}: {got}, LibEMG {expected}", case.name);
+                // Far below the floor under the logarithms of the wavelets there is rounding alone.
+                let wavelet = matches!(feature.as_str(), "WENG" | "WV" | "WWL");
+                let rounding = wavelet && (got.exp() - expected.exp()).abs() < 1e-11;
+                assert!(
+                    error <= limit || rounding,
+                    "{} {feature}, value {k}: {got}, LibEMG {expected}",
+                    case.name
+                );
+                if !rounding {
+                    *most = most.max(error);
+                }
             }
         }
     }
@@ -81,7 +92,9 @@ fn every_feature_is_libemgs_and_zero_where_libemg_has_none() {
 fn groups_are_their_features_side_by_side() {
     let wave = |k: usize, c: usize| ((k * (c + 2)) as f64 * 0.7).sin() * 9.0 + (k * k % 7) as f64;
     let rows: Vec<Vec<f64>> = (0..50).map(|k| vec![wave(k, 0), wave(k, 1)]).collect();
-    for group in ["HTD", "TDAR", "LS4", "LS9", "TDPSD", "HJORTH", "HJORTHC"] {
+    for group in
+        ["HTD", "TDAR", "LS4", "LS9", "TDPSD", "HJORTH", "HJORTHC", "ITD", "TSTD", "DFTR", "COMB", "MSWT"]
+    {
         let set: FeatureSet = group.parse().expect("a group");
         let whole = &windows(group, &rows, 1000.0, 50, 1)[0];
         let parts = set.features().iter().flat_map(|f| windows(f.name(), &rows, 1000.0, 50, 1)[0].to_vec());

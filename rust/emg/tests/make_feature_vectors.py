@@ -13,9 +13,11 @@ import warnings
 import numpy as np
 from libemg.feature_extractor import FeatureExtractor
 
-RATE_HZ = 1000
+OF_RATE = ("MDF", "MNF", "SM", "DFTR", "WENG", "WV", "WWL", "WENT")
 NAMES = (
-    "MAV ZC SSC WL LS MFL MSR WAMP RMS IAV DASDV VAR M0 M2 M4 SPARSI IRF WLF AR MDF MNF SKEW KURT ACT MOB COMP"
+    "MAV ZC SSC WL LS MFL MSR WAMP RMS IAV DASDV VAR M0 M2 M4 SPARSI IRF WLF AR MDF MNF SKEW KURT ACT MOB COMP "
+    "CC LD MAVFD MAVSLP MNP MPK RMSPHASOR PAP WLPHASOR MZP TM SM SAMPEN FUZZYEN DFTR ISD COR MDIFF MLK WENG WV WWL "
+    "WENT MEAN"
 ).split()
 
 rng = np.random.default_rng(20260701)
@@ -39,7 +41,13 @@ CASES = {
         np.stack([np.sin(0.3 * t), np.sin(0.002 * t * t), np.sign(np.sin(0.1 * t + 0.05))]), 9
     ),
     "zero, constant and ramp": np.stack([np.zeros(100), np.full(100, 3.0), 0.25 * t]),
+    "noise at 200 Hz, 20 samples": coloured(20, 30.0),
+    "noise at 2048 Hz, 41 samples": coloured(41, 30.0),
 }
+
+
+def rate_of(name):
+    return next((int(word) for word, unit in zip(name.split(), name.split()[1:]) if unit.startswith("Hz")), 1000)
 
 
 def finite(value):
@@ -51,10 +59,12 @@ extractor = FeatureExtractor()
 out = []
 warnings.simplefilter("ignore")
 for name, signal in CASES.items():
+    rate_hz = rate_of(name)
     window = signal[np.newaxis]
     features = {}
     for feature in NAMES:
-        parameters = {"MDF_fs": RATE_HZ, "MNF_fs": RATE_HZ}
+        # Only those of this feature: LibEMG hands WWL_fs to WL too, whose name it contains.
+        parameters = {f"{feature}_fs": rate_hz} if feature in OF_RATE else {}
         try:
             values = extractor.extract_features([feature], window, parameters)[feature][0]
         except IndexError:
@@ -68,5 +78,5 @@ for name, signal in CASES.items():
                 ]
             )
         features["AR4" if feature == "AR" else feature] = [finite(v) for v in values]
-    out.append({"name": name, "rate_hz": RATE_HZ, "channels": signal.tolist(), "features": features})
+    out.append({"name": name, "rate_hz": rate_hz, "channels": signal.tolist(), "features": features})
 print(json.dumps(out))

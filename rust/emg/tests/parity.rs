@@ -345,5 +345,5 @@ fn the_feature_group_has_as_many_features_as_it_says() {
     let config = EmgConfig { channels: 3, ..config(10, 5) };
     let rows = vec![vec![1.0, -2.0, 3.0]; 10];
     let windows = extract(&config, &samples(&rows)).expect("good samples");
-    assert_eq!(windows[0].len(), FeatureSet::HTD.count(3));
+    assert_eq!(windows[0].len(), FeatureSet::HTD.layout(3, 1000.0).count());
 }

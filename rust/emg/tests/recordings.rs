@@ -84,7 +84,7 @@ fn the_repetition_taken_with_a_turned_band_becomes_usable_by_the_proposal() {
         .iter()
         .map(|(g, w)| {
             let mut out = w.clone();
-            model.config.features.roll(w, 8, best, &mut out);
+            model.config.layout().roll(w, best, &mut out);
             (*g, out)
         })
         .collect();
