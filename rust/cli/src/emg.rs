@@ -16,7 +16,7 @@ use proact_app::{tell, write_whole};
 use proact_devices::{
     DeviceError, MYO_RATE_HZ, Recording, Recordings, SampleFile, SourceRegistry, evaluate, read_samples,
 };
-use proact_emg::{EmgConfig, FeatureSet, FeatureVector, WindowLength};
+use proact_emg::{ClassifierKind, EmgConfig, FeatureSet, FeatureVector, WindowLength};
 use proact_types::GestureName;
 use std::{
     error::Error,
@@ -84,6 +84,9 @@ pub struct WindowArgs {
     /// Features or groups by LibEMG's names, as `HTD` or `MAV,RMS,AR4`.
     #[arg(long, value_parser = parse_features, default_value_t = FeatureSet::HTD)]
     features: FeatureSet,
+    /// What tells the windows apart: lda, qda, nb (Gaussian naive Bayes), knn, svm (linear) or rf (random forest).
+    #[arg(long, default_value_t = ClassifierKind::Lda)]
+    classifier: ClassifierKind,
 }
 
 /// Names in capitals or not.
@@ -300,6 +303,7 @@ impl WindowArgs {
             window: length("window", self.window)?,
             increment: length("increment", self.increment)?,
             features: self.features,
+            classifier: self.classifier,
             // Recordings have no silences: any increment will do.
             max_age_millis: u64::MAX,
             ..EmgConfig::default()

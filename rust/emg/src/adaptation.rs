@@ -40,7 +40,7 @@ impl Adaptation {
     /// Begins with the classifier of a model.
     ///
     /// # Errors
-    /// A confidence outside 0 to 1.
+    /// A confidence outside 0 to 1, or a classifier other than LDA.
     pub fn new(config: AdaptationConfig, model: &EmgModel) -> Result<Adaptation, EmgError> {
         if !(0.0..1.0).contains(&config.confidence) {
             return Err(EmgError::Threshold {
@@ -48,6 +48,9 @@ impl Adaptation {
                 value: config.confidence,
                 expected: "at least 0 and less than 1",
             });
+        }
+        if !model.classifier.kind().is_lda() {
+            return Err(EmgError::AdaptsLdaOnly { kind: model.classifier.kind() });
         }
         Ok(Adaptation {
             config,

@@ -1,5 +1,5 @@
-use crate::lda::softmax;
-use crate::{EmgConfig, EmgError, FeatureLayout, FeatureSet, Lda};
+use crate::discriminant::{Discriminant, TrainingSet};
+use crate::{ClassifierKind, EmgConfig, EmgError, FeatureLayout, FeatureSet, Lda};
 use arrayvec::ArrayVec;
 use nalgebra::DMatrix;
 use proact_types::{GestureName, MAX_EMG_CHANNELS, MAX_GESTURES};
@@ -35,7 +35,7 @@ impl Prediction {
     }
 }
 
-/// Linear discriminant analysis over gestures, with the effort scale of each gesture.
+/// A discriminant over gestures, with the effort scale of each gesture.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Classifier {
     features: FeatureSet,
@@ -43,10 +43,11 @@ pub struct Classifier {
     /// Of the stream; models of older versions have no feature that depends on it.
     #[serde(default = "default_rate_hz")]
     rate_hz: f64,
-    lda: Lda,
-    /// The gesture of each class of the LDA, in alphabetical order, as LibEMG's.
+    #[serde(flatten)]
+    discriminant: Discriminant,
+    /// The gesture of each class of the discriminant, in alphabetical order, as LibEMG's.
     gestures: Vec<GestureName>,
-    /// Per class of the LDA; empty if amplitudes were not known.
+    /// Per class of the discriminant; empty if amplitudes were not known.
     efforts: Vec<EffortScale>,
 }
 
@@ -112,8 +113,8 @@ impl Classifier {
             expected,
             windows.iter().flat_map(|w| w.as_ref().iter().copied()),
         );
-        let lda =
-            Lda::fit_with_priors(&samples, &classes, gestures.len(), config.normalisation, config.priors)?;
+        let set = TrainingSet { samples: &samples, labels: &classes, classes: gestures.len() };
+        let discriminant = Discriminant::fit(config, &set)?;
 
         // LibEMG's velocity control: the middle of each gesture's range of summed MAV.
         let scale = |amplitudes: &[f64], class: usize| {
@@ -128,7 +129,7 @@ impl Classifier {
             features: config.features,
             channels: config.channels,
             rate_hz: config.rate_hz,
-            lda,
+            discriminant,
             efforts: amplitudes
                 .map(|a| (0..gestures.len()).map(|class| scale(a, class)).collect())
                 .unwrap_or_default(),
@@ -158,19 +159,25 @@ impl Classifier {
 
     /// The same classifier with another discriminant over the same features and classes.
     pub(crate) fn with_lda(&self, lda: Lda) -> Classifier {
-        debug_assert_eq!((lda.classes(), lda.features()), (self.lda.classes(), self.lda.features()));
-        Classifier { lda, ..self.clone() }
+        let of = &self.discriminant;
+        debug_assert_eq!((lda.classes(), lda.features()), (of.classes(), of.features()));
+        Classifier { discriminant: Discriminant::Lda(lda), ..self.clone() }
+    }
+
+    /// The same classifier for features in another order, which `order` gives a vector.
+    pub(crate) fn map_features(&self, order: &dyn Fn(&[f64]) -> Vec<f64>) -> Result<Classifier, EmgError> {
+        Ok(Classifier { discriminant: self.discriminant.map_features(order)?, ..self.clone() })
     }
 
     /// Whether all lengths fit and every value is finite, as after reading a file.
     pub(crate) fn is_sound(&self) -> bool {
         let classes = self.gestures.len();
         let finite = self.efforts.iter().all(|e| e.low.is_finite() && e.high.is_finite());
-        self.lda.is_sound()
+        self.discriminant.is_sound()
             && (1..=MAX_EMG_CHANNELS).contains(&self.channels)
             && self.rate_hz.is_finite()
-            && self.lda.features() == self.layout().count()
-            && self.lda.classes() == classes
+            && self.discriminant.features() == self.layout().count()
+            && self.discriminant.classes() == classes
             && classes <= MAX_GESTURES
             && self.gestures.windows(2).all(|pair| pair[0] < pair[1])
             && (self.efforts.is_empty() || self.efforts.len() == classes)
@@ -182,9 +189,19 @@ impl Classifier {
         &self.gestures
     }
 
-    /// The discriminant itself; its class `k` is `gestures()[k]`.
-    pub fn lda(&self) -> &Lda {
-        &self.lda
+    /// What tells the gestures apart.
+    pub fn kind(&self) -> ClassifierKind {
+        self.discriminant.kind()
+    }
+
+    /// Values in the vectors that it takes.
+    pub fn feature_count(&self) -> usize {
+        self.discriminant.features()
+    }
+
+    /// The linear discriminant itself, whose class `k` is `gestures()[k]`; none of another kind.
+    pub fn lda(&self) -> Option<&Lda> {
+        if let Discriminant::Lda(lda) = &self.discriminant { Some(lda) } else { None }
     }
 
     /// Classifies one feature vector. Does not allocate.
@@ -192,18 +209,18 @@ impl Classifier {
     /// # Errors
     /// Wrong length, or values so large (or not finite) that no probability comes out.
     pub fn predict(&self, features: &[f64]) -> Result<Prediction, EmgError> {
-        let expected = self.lda.features();
+        let expected = self.discriminant.features();
         if features.len() != expected {
             return Err(EmgError::FeatureCount { got: features.len(), expected });
         }
         let mut values: ClassPosterior = self.gestures.iter().map(|_| 0.0).collect();
-        self.lda.decide(features, &mut values);
+        self.discriminant.scores(features, &mut values);
         if !values.iter().all(|v| v.is_finite()) {
             let index = features.iter().position(|v| !v.is_finite()).unwrap_or(0);
             return Err(EmgError::NotFinite { window: 0, index, value: features[index] });
         }
         let best = (1..values.len()).fold(0, |best, k| if values[k] > values[best] { k } else { best });
-        softmax(&mut values);
+        self.discriminant.posterior(&mut values);
         Ok(Prediction { class: self.gestures[best], place: best, posterior: values })
     }
 
@@ -214,7 +231,7 @@ impl Classifier {
     /// # Errors
     /// If the gesture was not trained, the feature vector has another length, or there is no MAV in it.
     pub fn effort(&self, gesture: impl Into<GestureName>, features: &[f64]) -> Result<f64, EmgError> {
-        let expected = self.lda.features();
+        let expected = self.discriminant.features();
         if features.len() != expected {
             return Err(EmgError::FeatureCount { got: features.len(), expected });
         }

@@ -1,4 +1,4 @@
-use crate::{EmgError, FeatureLayout, FeatureSet, LivenessConfig};
+use crate::{ClassifierKind, EmgError, FeatureLayout, FeatureSet, LivenessConfig};
 use proact_types::{GestureName, MAX_EMG_CHANNELS};
 use serde::{Deserialize, Serialize};
 use std::num::NonZeroU32;
@@ -81,6 +81,9 @@ pub struct EmgConfig {
     pub increment: WindowLength,
     /// Features. Default HTD (same source).
     pub features: FeatureSet,
+    /// How windows are told apart. Default LDA (same source).
+    #[serde(skip_serializing_if = "ClassifierKind::is_lda")]
+    pub classifier: ClassifierKind,
     /// Normalisation of the covariance. Default: scikit-learn 1.9.
     pub normalisation: LdaNormalisation,
     /// Priors of the classes. Default: by their windows, as LibEMG.
@@ -148,6 +151,7 @@ impl Default for EmgConfig {
             window: WindowLength::Millis(100.0),
             increment: WindowLength::Millis(50.0),
             features: FeatureSet::HTD,
+            classifier: ClassifierKind::Lda,
             normalisation: LdaNormalisation::Windows,
             priors: Priors::Counts,
             ssc_threshold: 0.0,

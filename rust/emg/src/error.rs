@@ -54,6 +54,36 @@ pub enum EmgError {
         /// What it needs.
         needs: &'static str,
     },
+    /// No such classifier.
+    #[error("{name:?} is no classifier; known are lda qda nb knn svm rf")]
+    UnknownClassifier {
+        /// As given.
+        name: String,
+    },
+    /// A class whose windows give no covariance to invert.
+    #[error(
+        "the {windows} windows of class {class} give no covariance of {features} features that can be inverted{}: record \
+         more windows, take fewer features, or use lda or nb",
+        .feature.map_or(String::new(), |f| format!(" (feature {f} does not vary by itself)"))
+    )]
+    SingularClass {
+        /// Its number, by name.
+        class: usize,
+        /// Windows of it.
+        windows: usize,
+        /// Features of a window.
+        features: usize,
+        /// The first feature that is constant or told by those before it.
+        feature: Option<usize>,
+    },
+    /// Adaptation of another classifier than LDA.
+    #[error(
+        "adaptation follows the user of lda only, this model has {kind}; train with lda or switch adaptation off"
+    )]
+    AdaptsLdaOnly {
+        /// Of the model.
+        kind: crate::ClassifierKind,
+    },
     /// As many labels as windows are needed.
     #[error("got {labels} labels for {windows} windows, expected one each")]
     LabelCount {

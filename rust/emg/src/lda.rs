@@ -199,7 +199,11 @@ pub(crate) fn softmax(values: &mut [f64]) {
 }
 
 /// Checks the training data; returns the number of windows of each class.
-fn check(samples: &DMatrix<f64>, labels: &[usize], classes: usize) -> Result<Vec<usize>, EmgError> {
+pub(crate) fn check(
+    samples: &DMatrix<f64>,
+    labels: &[usize],
+    classes: usize,
+) -> Result<Vec<usize>, EmgError> {
     let windows = samples.nrows();
     if labels.len() != windows {
         return Err(EmgError::LabelCount { windows, labels: labels.len() });

@@ -44,6 +44,7 @@ mod calibration;
 mod classifier;
 mod config;
 mod decision;
+mod discriminant;
 mod error;
 mod feature;
 mod feature_layout;
@@ -74,6 +75,7 @@ pub use config::{
     RuleKind, WindowLength,
 };
 pub use decision::{Decision, DecisionRule, MajorityVote};
+pub use discriminant::ClassifierKind;
 pub use error::EmgError;
 pub use feature::Feature;
 pub use feature_layout::FeatureLayout;

@@ -140,6 +140,7 @@ impl EmgModel {
                 ("emg.window", format!("{:?}", config.window)),
                 ("emg.increment", format!("{:?}", config.increment)),
                 ("emg.features", format!("{:?}", config.features)),
+                ("emg.classifier", config.classifier.to_string()),
                 ("emg.normalisation", format!("{:?}", config.normalisation)),
                 ("emg.priors", format!("{:?}", config.priors)),
                 ("emg.ssc_threshold", config.ssc_threshold.to_string()),
@@ -217,7 +218,7 @@ impl EmgModel {
         let mut model = self.clone();
         model.centring.rotate_right(shift);
         model.channels.rotate_right(shift);
-        model.classifier = self.classifier.with_lda(self.classifier.lda().map_features(&back)?);
+        model.classifier = self.classifier.map_features(&back)?;
         model.moments = self.moments.map_features(&back);
         Ok(model)
     }
@@ -258,6 +259,8 @@ impl EmgModel {
         let wrong = if !self.classifier.is_sound()
             || self.classifier.channels() != channels
             || self.classifier.features() != self.config.features
+            || self.classifier.kind() != self.config.classifier
+            || self.classifier.feature_count() != features
         {
             "the classifier does not fit the features and channels"
         } else if self.centring.len() != channels || !self.centring.iter().all(|v| v.is_finite()) {

@@ -92,6 +92,13 @@ impl EmgPipeline {
         if classifier.place(config.rest).is_err() {
             return Err(EmgError::NoRest { rest: config.rest, known: classifier.gestures().to_vec() });
         }
+        let (got, expected) = (
+            classifier.feature_count(),
+            classifier.features().layout(config.channels, config.rate_hz).count(),
+        );
+        if got != expected {
+            return Err(EmgError::FeatureCount { got, expected });
+        }
         // The classifier knows its features, whatever the settings say.
         let config = &EmgConfig { features: classifier.features(), ..config.clone() };
         Ok(EmgPipeline {
@@ -224,8 +231,8 @@ impl EmgPipeline {
         }
         if classifier.features() != self.classifier.features() {
             return Err(EmgError::FeatureCount {
-                got: classifier.lda().features(),
-                expected: self.classifier.lda().features(),
+                got: classifier.feature_count(),
+                expected: self.classifier.feature_count(),
             });
         }
         self.classifier = classifier;

@@ -331,8 +331,8 @@ fn equal_priors_move_decisions_by_the_logarithm_of_the_priors_alone() {
     let count = |k: usize| labels.iter().filter(|g| g.index() == k).count() as f64;
     for window in &windows {
         let (mut a, mut b) = ([0.0; 5], [0.0; 5]);
-        counted.lda().decide(window, &mut a);
-        equal.lda().decide(window, &mut b);
+        counted.lda().expect("LDA").decide(window, &mut a);
+        equal.lda().expect("LDA").decide(window, &mut b);
         for k in 1..5 {
             let moved = (a[k] - a[0]) - (b[k] - b[0]);
             assert!((moved - (count(k) / count(0)).ln()).abs() < 1e-9, "class {k}: {moved}");

@@ -3,7 +3,7 @@
 mod common;
 
 use common::{CHANNELS, config, signal};
-use proact_emg::{Classifier, EmgModel, EmgPipeline, extract};
+use proact_emg::{Classifier, ClassifierKind, EmgConfig, EmgModel, EmgPipeline, extract};
 use proact_types::{EmgSample, Gesture, SimTime};
 use proptest::prelude::*;
 
@@ -77,11 +77,15 @@ proptest! {
     fn a_damaged_model_file_is_refused_or_still_gives_numbers(
         damage in prop::collection::vec((any::<prop::sample::Index>(), "[0-9a-z\\[\\]{},.:\"-]"), 1..5),
         window in prop::collection::vec(-1e3..1e3_f64, 4 * CHANNELS),
+        kind in prop::sample::select(&ClassifierKind::ALL[..]),
     ) {
+        let config = EmgConfig { classifier: kind, ..config() };
+        // The quadratic one needs more windows than features.
+        let length = if kind == ClassifierKind::Qda { 10 * (4 * CHANNELS as u64 + 20) } else { 100 };
         let recordings: Vec<(Gesture, Vec<EmgSample>)> =
-            Gesture::ALL.into_iter().map(|g| (g, signal(g, 100, 0.0))).collect();
+            Gesture::ALL.into_iter().map(|g| (g, signal(g, length, 0.0))).collect();
         let slices: Vec<(Gesture, &[EmgSample])> = recordings.iter().map(|(g, s)| (*g, s.as_slice())).collect();
-        let json = EmgModel::train(&config(), &[0.0; CHANNELS], &slices).expect("good data").to_json().expect("sound");
+        let json = EmgModel::train(&config, &[0.0; CHANNELS], &slices).expect("good data").to_json().expect("sound");
         let mut text = json.clone();
         for (index, letter) in &damage {
             let at = index.index(text.len());
