@@ -16,7 +16,7 @@ use proact_app::{tell, write_whole};
 use proact_devices::{
     DeviceError, MYO_RATE_HZ, Recording, Recordings, SampleFile, SourceRegistry, evaluate, read_samples,
 };
-use proact_emg::{ClassifierKind, EmgConfig, FeatureSet, FeatureVector, WindowLength};
+use proact_emg::{ClassifierKind, EmgConfig, EmgFilter, FeatureSet, FeatureVector, WindowLength};
 use proact_types::GestureName;
 use std::{
     error::Error,
@@ -84,6 +84,10 @@ pub struct WindowArgs {
     /// Features or groups by LibEMG's names, as `HTD` or `MAV,RMS,AR4`.
     #[arg(long, value_parser = parse_features, default_value_t = FeatureSet::HTD)]
     features: FeatureSet,
+    /// Filter the stream first, as bandpass:20-450, bandstop:45-55, highpass:20, lowpass:450 (`:2` after it is another order than 4) or
+    /// notch:50 (`:5` another width than 3 Hz); several in their order.
+    #[arg(long = "filter", value_name = "FILTER")]
+    filters: Vec<EmgFilter>,
     /// What tells the windows apart: lda, qda, nb (Gaussian naive Bayes), knn, svm (linear) or rf (random forest).
     #[arg(long, default_value_t = ClassifierKind::Lda)]
     classifier: ClassifierKind,
@@ -302,6 +306,7 @@ impl WindowArgs {
             channels,
             window: length("window", self.window)?,
             increment: length("increment", self.increment)?,
+            filters: self.filters.clone(),
             features: self.features,
             classifier: self.classifier,
             // Recordings have no silences: any increment will do.

@@ -1,4 +1,5 @@
-use crate::{ClassifierKind, EmgError, FeatureLayout, FeatureSet, LivenessConfig};
+use crate::filter::FilterBank;
+use crate::{ClassifierKind, EmgError, EmgFilter, FeatureLayout, FeatureSet, LivenessConfig};
 use proact_types::{GestureName, MAX_EMG_CHANNELS};
 use serde::{Deserialize, Serialize};
 use std::num::NonZeroU32;
@@ -75,6 +76,10 @@ pub struct EmgConfig {
     pub rate_hz: f64,
     /// Channels of the stream. Default 8 (same source).
     pub channels: usize,
+    /// Filters of the stream, in their order, after the zero level is taken off and before windows are cut; what watches the
+    /// stream for faults sees it unfiltered. Default none, as the original program.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub filters: Vec<EmgFilter>,
     /// Length of a window. Default 100 ms (same source: 100 samples at 1 kHz).
     pub window: WindowLength,
     /// Step from one window to the next. Default 50 ms (same source).
@@ -148,6 +153,7 @@ impl Default for EmgConfig {
         EmgConfig {
             rate_hz: 1000.0,
             channels: 8,
+            filters: Vec::new(),
             window: WindowLength::Millis(100.0),
             increment: WindowLength::Millis(50.0),
             features: FeatureSet::HTD,
@@ -214,6 +220,7 @@ impl EmgConfig {
         if !(1..=MAX_EMG_CHANNELS).contains(&self.channels) {
             return Err(EmgError::ChannelCount { got: self.channels });
         }
+        FilterBank::new(&self.filters, self.rate_hz, self.channels)?;
         self.window_samples()?;
         if let Some(feature) = self.layout().empty() {
             let needs = if feature.depends_on_rate() {

@@ -320,7 +320,7 @@ mod tests {
         let (_, posterior) = answers(&fitted, &reference.test);
         let windows = posterior.iter().zip(&reference.svm.posterior);
         let alike = windows.clone().filter(|(a, b)| largest(a) == largest(b)).count();
-        let off: f64 = windows.map(|(a, b)| worst(&[a.clone()], &[b.clone()])).sum();
+        let off: f64 = windows.map(|(a, b)| worst(std::slice::from_ref(a), std::slice::from_ref(b))).sum();
         println!("{alike} of {} classes alike, mean difference {:.3}", posterior.len(), off / 80.0);
         assert!(alike >= 78 && off / 80.0 < 0.05);
     }

@@ -54,6 +54,14 @@ pub enum EmgError {
         /// What it needs.
         needs: &'static str,
     },
+    /// A filter that cannot be.
+    #[error("EMG filter {filter}: {reason}")]
+    Filter {
+        /// As given.
+        filter: String,
+        /// Why not.
+        reason: String,
+    },
     /// No such classifier.
     #[error("{name:?} is no classifier; known are lda qda nb knn svm rf")]
     UnknownClassifier {

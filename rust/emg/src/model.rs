@@ -1,5 +1,7 @@
 use crate::moments::Moments;
-use crate::{Classifier, EmgConfig, EmgError, LivenessConfig, extract_with_amplitudes, noise_floors};
+use crate::{
+    Classifier, EmgConfig, EmgError, EmgFilter, LivenessConfig, extract_with_amplitudes, noise_floors,
+};
 use proact_types::{EmgSample, GestureName};
 use serde::{Deserialize, Serialize};
 
@@ -139,6 +141,10 @@ impl EmgModel {
                 ("emg.channels", config.channels.to_string()),
                 ("emg.window", format!("{:?}", config.window)),
                 ("emg.increment", format!("{:?}", config.increment)),
+                (
+                    "emg.filters",
+                    config.filters.iter().map(EmgFilter::to_string).collect::<Vec<_>>().join(","),
+                ),
                 ("emg.features", format!("{:?}", config.features)),
                 ("emg.classifier", config.classifier.to_string()),
                 ("emg.normalisation", format!("{:?}", config.normalisation)),

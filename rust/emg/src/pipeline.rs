@@ -1,3 +1,4 @@
+use crate::filter::FilterBank;
 use crate::{
     BridgeConfig, ClassPosterior, Classifier, Decision, DecisionRule, EmgConfig, EmgError, FeatureExtractor,
     FeatureVector, Liveness, MajorityVote, SignalFault, SlidingWindow, StreamCounts, WindowView,
@@ -59,6 +60,7 @@ pub struct EmgPipeline {
     vote: Option<MajorityVote>,
     events: StreamEvents,
     liveness: Liveness,
+    filters: FilterBank,
     window: SlidingWindow,
     classifier: Classifier,
     rest: GestureName,
@@ -106,6 +108,7 @@ impl EmgPipeline {
             rejection: config.rejection,
             vote: config.majority.map(MajorityVote::new),
             events: StreamEvents::default(),
+            filters: FilterBank::new(&config.filters, config.rate_hz, config.channels)?,
             liveness: Liveness::new(&config.liveness, config.rate_hz, config.channels)?,
             window: SlidingWindow::new(config)?,
             rule: DecisionRule::new(config),
@@ -141,16 +144,21 @@ impl EmgPipeline {
         self.liveness.begin_tick(now);
         for sample in samples {
             let mut level;
-            let sample = if self.centring.is_empty() {
-                sample
-            } else {
+            let mut sample = sample;
+            if !self.centring.is_empty() {
                 level = sample.clone();
                 level.channels.iter_mut().zip(&self.centring).for_each(|(value, zero)| *value -= zero);
-                &level
-            };
+                sample = &level;
+            }
             if !self.liveness.push(sample) {
                 self.window.spoil();
                 output = self.rule.fail().map(|decision| self.stale(decision)).or(output);
+            }
+            let mut filtered;
+            if !self.filters.is_empty() {
+                filtered = sample.clone();
+                self.filters.apply(&mut filtered);
+                sample = &filtered;
             }
             let Some(window) = self.window.push(sample) else { continue };
             let features = self.features.compute(&window);
@@ -318,6 +326,7 @@ fn each_window<'a>(
     let whole = BridgeConfig { longest_ms: 0, ..config.bridge };
     let mut window = SlidingWindow::new(&EmgConfig { bridge: whole, ..config.clone() })?;
     let mut extractor = FeatureExtractor::new(config)?;
+    let mut filters = FilterBank::new(&config.filters, config.rate_hz, config.channels)?;
     for sample in samples {
         if sample.channels.len() != config.channels || sample.channels.iter().any(|v| !v.is_finite()) {
             return Err(EmgError::BadSample {
@@ -326,7 +335,11 @@ fn each_window<'a>(
                 expected: config.channels,
             });
         }
-        if let Some(view) = window.push(sample) {
+        let mut filtered = sample.clone();
+        if !filters.is_empty() {
+            filters.apply(&mut filtered);
+        }
+        if let Some(view) = window.push(&filtered) {
             take(&view, extractor.compute(&view).to_vec());
         }
     }
@@ -380,6 +393,39 @@ mod tests {
     fn a_decision_belongs_to_the_tick_of_the_last_sample_of_its_window() {
         let times: Vec<u64> = run(&mut pipeline(), 0, 250, 1.0, false).iter().map(|(t, _)| *t).collect();
         assert_eq!(times, [95, 145, 195, 245]);
+    }
+
+    /// Mains a hundred times as strong as the muscle: nothing without the filter, nothing wrong with it; and live windows are those
+    /// of the training.
+    #[test]
+    fn a_filter_takes_the_mains_out_of_training_and_stream_alike() {
+        let hum = |k: u64| 2000.0 * (2.0 * std::f64::consts::PI * 50.0 * k as f64 / 200.0).sin();
+        let spoilt = |k: u64, amplitude: f64| {
+            let mut sample = sample(k, amplitude);
+            sample.channels.iter_mut().for_each(|v| *v += hum(k));
+            sample
+        };
+        let recording = |amplitude: f64| (0..400).map(|k| spoilt(k, amplitude)).collect::<Vec<_>>();
+        let right = |filters: Vec<crate::EmgFilter>| {
+            let config = EmgConfig { filters, ..config() };
+            let (mut windows, mut labels) = (Vec::new(), Vec::new());
+            for (gesture, amplitude) in [(Gesture::NoMotion, 1.0), (Gesture::HandClose, 20.0)] {
+                windows.extend(extract(&config, &recording(amplitude)).expect("good samples"));
+                labels.resize(windows.len(), gesture);
+            }
+            let classifier = Classifier::train(&config, &windows, &labels).expect("good data");
+            let mut pipeline = EmgPipeline::new(&config, classifier).expect("they fit");
+            let mut live = Vec::new();
+            for sample in recording(1.0) {
+                let output = pipeline.step(SimTime(5 * sample.counter), std::slice::from_ref(&sample));
+                live.extend(output.map(|_| pipeline.features().to_vec()));
+            }
+            assert_eq!(live, windows[..live.len()], "live windows are those of the training");
+            // The notch needs some tenths of a second to settle.
+            live.last().map_or(f64::NAN, |window| window[0])
+        };
+        assert!(right(Vec::new()) > 1000.0);
+        assert!(right(vec!["notch:50".parse().expect("written right")]) < 20.0);
     }
 
     #[test]

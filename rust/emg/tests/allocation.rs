@@ -18,6 +18,10 @@ static ALLOCATOR: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
 fn a_live_step_does_not_allocate_even_with_every_feature_and_option() {
     let config = EmgConfig {
         features: FeatureSet::new(Feature::all()).expect("some"),
+        filters: vec![
+            "highpass:5:2".parse().expect("written right"),
+            "notch:50".parse().expect("written right"),
+        ],
         rejection: Some(0.5),
         majority: NonZeroU32::new(5),
         ..config()

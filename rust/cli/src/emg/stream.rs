@@ -33,7 +33,7 @@ pub struct StreamArgs {
     #[command(flatten)]
     source: SourceArgs,
     /// Model file, as training writes it.
-    #[arg(long, conflicts_with_all = ["data", "window", "increment", "features", "classifier"])]
+    #[arg(long, conflicts_with_all = ["data", "window", "increment", "features", "classifier", "filters"])]
     model: Option<PathBuf>,
     /// Folder of recordings to train on. Without it and without a model synthetic EMG is trained on, which fits the simulator alone.
     #[arg(long)]

@@ -78,10 +78,10 @@ pub(crate) fn couple(pair: impl Fn(usize, usize) -> f64, out: &mut [f64]) {
     let classes = out.len();
     let r = |i: usize, j: usize| if i < j { pair(i, j) } else { 1.0 - pair(j, i) };
     let mut q = [[0.0; MAX_GESTURES]; MAX_GESTURES];
-    for i in 0..classes {
+    for (i, row) in q.iter_mut().enumerate().take(classes) {
         for j in (0..classes).filter(|j| *j != i) {
-            q[i][i] += r(j, i).powi(2);
-            q[i][j] = -r(j, i) * r(i, j);
+            row[i] += r(j, i).powi(2);
+            row[j] = -r(j, i) * r(i, j);
         }
     }
     out.fill(1.0 / classes as f64);
