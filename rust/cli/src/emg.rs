@@ -4,6 +4,7 @@ mod band;
 mod page;
 mod recorded;
 mod screen;
+mod select;
 mod simulate;
 mod source_args;
 mod stream;
@@ -50,6 +51,11 @@ pub enum EmgCommand {
         after_help = "Example:\n  proact emg features --csv R_0_C_1.csv --window 20 --increment 10 --unit samples"
     )]
     Features(FeaturesArgs),
+    /// Choose features by how well recordings are told apart with them.
+    #[command(
+        after_help = "Example:\n  proact emg select --data recordings/ --features HTD,LS4,TDPSD --most 6"
+    )]
+    Select(select::SelectArgs),
     /// Recognise gestures live, from an armband, the simulator, a file, or LibEMG's classes.
     #[command(
         after_help = "Examples:\n  proact emg stream --source gforce-sim://127.0.0.1:7410 --data recordings/\n  \
@@ -162,6 +168,7 @@ pub(crate) fn run(sources: &SourceRegistry, command: &EmgCommand, json: bool) ->
             }
             text
         }
+        EmgCommand::Select(args) => select::text(args, json)?,
         EmgCommand::Train(args) => return train::run(sources, args, json),
         EmgCommand::Test(args) => return test::run(sources, args, json),
         EmgCommand::Stream(args) => return stream::run(sources, args, json),
@@ -182,10 +189,16 @@ fn evaluation(args: &EvaluateArgs, json: bool) -> Result<String, Box<dyn Error>>
         return Ok(serde_json::to_string(&result)? + "\n");
     }
     let mut text = format!(
-        "accuracy {:.2} % ({} of {} windows)\nrows: true class; columns: recognised, same order\n",
+        "accuracy {:.2} % ({} of {} windows)\nactive error {:.2} %, instability {:.3}, precision {:.3}, recall {:.3}, F1 {:.3}\n\
+         rows: true class; columns: recognised, same order\n",
         100.0 * result.accuracy,
         result.correct,
-        result.windows
+        result.windows,
+        100.0 * result.metrics.active_error,
+        result.metrics.instability,
+        result.metrics.precision,
+        result.metrics.recall,
+        result.metrics.f1,
     );
     for (gesture, row) in result.classes.iter().zip(&result.confusion) {
         let counts: String = row.iter().map(|count| format!("{count:>6}")).collect();
@@ -352,6 +365,32 @@ mod tests {
 
     fn with_data(line: &str, dir: &Path) -> EmgCommand {
         parse(&format!("{line} --data {}", dir.display())).expect("a good command line")
+    }
+
+    #[test]
+    fn select_puts_features_in_order_and_names_what_it_lacks() {
+        let dir = recordings();
+        let run = |line: &str| {
+            let EmgCommand::Select(args) = with_data(line, dir.path()) else { panic!("another command") };
+            (select::text(&args, false).map_err(|e| e.to_string()), select::text(&args, true))
+        };
+        let window = "--window 20 --increment 10 --unit samples";
+        let (text, json) = run(&format!("select --features MAV,ZC,WL --most 2 {window}"));
+        let text = text.expect("good recordings");
+        assert_eq!(text.lines().count(), 4, "{text}");
+        assert!(text.lines().last().is_some_and(|line| line.starts_with("--features ")), "{text}");
+        let json: serde_json::Value = serde_json::from_str(&json.expect("good")).expect("it is JSON");
+        assert_eq!(json["features"].as_array().map(Vec::len), Some(2));
+        assert!(
+            parse("select --data x --criterion beauty")
+                .is_err_and(|e| e.to_string().contains("separability"))
+        );
+        std::fs::remove_file(dir.path().join("R_1_C_0.csv")).expect("it is there");
+        std::fs::remove_file(dir.path().join("R_1_C_2.csv")).expect("it is there");
+        std::fs::remove_file(dir.path().join("R_2_C_0.csv")).expect("it is there");
+        std::fs::remove_file(dir.path().join("R_2_C_2.csv")).expect("it is there");
+        let (text, _) = run(&format!("select {window}"));
+        assert!(text.is_err_and(|e| e.contains("leave out")));
     }
 
     #[test]

@@ -1,5 +1,5 @@
 use crate::{DeviceError, Recordings, train};
-use proact_emg::EmgConfig;
+use proact_emg::{EmgConfig, RecognitionMetrics};
 use proact_types::GestureName;
 use serde::Serialize;
 
@@ -15,6 +15,8 @@ pub struct Evaluation {
     pub correct: usize,
     /// `[true class][recognised class]`, numbers of windows.
     pub confusion: Vec<Vec<usize>>,
+    /// LibEMG's offline metrics.
+    pub metrics: RecognitionMetrics,
     /// The gesture of each row and column.
     pub classes: Vec<GestureName>,
 }
@@ -39,14 +41,25 @@ pub fn evaluate(
     let classifier = train(recordings, train_reps, config)?;
     let classes = classifier.gestures().to_vec();
     let mut confusion = vec![vec![0; classes.len()]; classes.len()];
+    let mut seen = Vec::new();
     for &rep in test_reps {
         for (row, &gesture) in classes.iter().enumerate() {
             for window in recordings.find(gesture, rep)?.windows(config)? {
-                confusion[row][classifier.predict(&window)?.place] += 1;
+                let place = classifier.predict(&window)?.place;
+                confusion[row][place] += 1;
+                seen.push((row, place));
             }
         }
     }
     let windows = confusion.iter().flatten().sum();
     let correct = (0..classes.len()).map(|k| confusion[k][k]).sum();
-    Ok(Evaluation { accuracy: correct as f64 / windows as f64, windows, correct, confusion, classes })
+    let metrics = RecognitionMetrics::of(&seen, classifier.place(config.rest).ok());
+    Ok(Evaluation {
+        accuracy: correct as f64 / windows as f64,
+        windows,
+        correct,
+        confusion,
+        metrics,
+        classes,
+    })
 }

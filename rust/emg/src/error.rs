@@ -62,6 +62,15 @@ pub enum EmgError {
         /// Why not.
         reason: String,
     },
+    /// No such criterion of selection.
+    #[error(
+        "{name:?} is no criterion; known are accuracy active_error mean_semi_principal_axis feature_efficiency repeatability \
+         separability"
+    )]
+    UnknownCriterion {
+        /// As given.
+        name: String,
+    },
     /// No such classifier.
     #[error("{name:?} is no classifier; known are lda qda nb knn svm rf")]
     UnknownClassifier {
