@@ -1,5 +1,4 @@
 use crate::EmgError;
-use proact_types::MAX_EMG_CHANNELS;
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 use std::{fmt, str::FromStr};
 
@@ -146,8 +145,9 @@ impl FromStr for Feature {
 /// Most features in a set: each one once.
 const MAX_SET: usize = 27;
 
-/// Most features of a window: every one of them, `AR4` with its four values.
-pub const MAX_FEATURES: usize = (MAX_SET - 1 + AR_ORDER) * MAX_EMG_CHANNELS;
+/// So many features of a window need no memory of their own: every one of them, `AR4` with its four values, of 16 channels
+/// and more.
+pub(crate) const INLINE_FEATURES: usize = 512;
 
 /// Which features are computed from a window, in order, each at most once.
 ///
@@ -335,7 +335,8 @@ mod tests {
         assert_eq!(set("RMS,LS4").to_string(), "RMS,LS,MFL,MSR,WAMP");
         assert_eq!(set("ZC,HTD").to_string(), "ZC,MAV,SSC,WL", "the first place is kept");
         let all = FeatureSet::new(Feature::all()).expect("not empty");
-        assert_eq!((all.features().len(), all.count(MAX_EMG_CHANNELS)), (MAX_SET, MAX_FEATURES));
+        assert_eq!((all.features().len(), all.count(16)), (MAX_SET, (MAX_SET - 1 + AR_ORDER) * 16));
+        assert!(all.count(16) <= INLINE_FEATURES, "armbands need no memory for features");
         assert_eq!(set(&all.to_string()), all);
         let error = |names: &str| names.parse::<FeatureSet>().expect_err("unknown").to_string();
         assert!(error("HTD,AR9").starts_with("\"AR9\" is no EMG feature or group; known are HTD TDAR"));

@@ -1,10 +1,10 @@
-use crate::feature_set::AR_ORDER;
+use crate::feature_set::{AR_ORDER, INLINE_FEATURES};
 use crate::spectrum::PowerSpectrum;
-use crate::{EmgConfig, EmgError, Feature, FeatureSet, MAX_FEATURES, WindowView};
-use arrayvec::ArrayVec;
+use crate::{EmgConfig, EmgError, Feature, FeatureSet, WindowView};
+use smallvec::SmallVec;
 
 /// Features of one window in the order of its [`FeatureSet`].
-pub type FeatureVector = ArrayVec<f64, MAX_FEATURES>;
+pub type FeatureVector = SmallVec<[f64; INLINE_FEATURES]>;
 
 /// Computes the features of windows of one length. Buffers are allocated at construction only.
 ///

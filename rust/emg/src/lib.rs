@@ -73,7 +73,7 @@ pub use config::{
 };
 pub use decision::{Decision, DecisionRule, MajorityVote};
 pub use error::EmgError;
-pub use feature_set::{Feature, FeatureSet, MAX_FEATURES};
+pub use feature_set::{Feature, FeatureSet};
 pub use features::{FeatureExtractor, FeatureVector};
 pub use fitts::{CursorConfig, CursorEvent, CursorReport, CursorTest, Movement};
 pub use lda::Lda;

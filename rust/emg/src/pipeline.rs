@@ -2,8 +2,7 @@ use crate::{
     BridgeConfig, ClassPosterior, Classifier, Decision, DecisionRule, EmgConfig, EmgError, FeatureExtractor,
     FeatureVector, Liveness, MajorityVote, SignalFault, SlidingWindow, StreamCounts, WindowView,
 };
-use arrayvec::ArrayVec;
-use proact_types::{EmgSample, GestureName, MAX_EMG_CHANNELS, SimTime};
+use proact_types::{ChannelValues, EmgSample, GestureName, SimTime};
 
 /// What the EMG stage says at the end of a window, or when the stream became stale.
 #[derive(Clone, Debug, PartialEq)]
@@ -67,7 +66,9 @@ pub struct EmgPipeline {
     /// Of the newest window.
     newest: FeatureVector,
     /// Subtracted from each channel; empty for a stream that is centred.
-    centring: ArrayVec<f64, MAX_EMG_CHANNELS>,
+    centring: ChannelValues,
+    /// The newest sample less those.
+    centred: EmgSample,
 }
 
 impl EmgPipeline {
@@ -106,7 +107,8 @@ impl EmgPipeline {
             classifier,
             overflows: 0,
             newest: FeatureVector::new(),
-            centring: ArrayVec::new(),
+            centring: ChannelValues::new(),
+            centred: EmgSample { counter: 0, channels: ChannelValues::new() },
         })
     }
 
@@ -133,13 +135,16 @@ impl EmgPipeline {
         let mut output = None;
         self.liveness.begin_tick(now);
         for sample in samples {
-            let mut level;
             let sample = if self.centring.is_empty() {
                 sample
             } else {
-                level = sample.clone();
-                level.channels.iter_mut().zip(&self.centring).for_each(|(value, zero)| *value -= zero);
-                &level
+                let centred = &mut self.centred;
+                centred.counter = sample.counter;
+                // Of many channels, too, no memory is asked for.
+                centred.channels.clear();
+                centred.channels.extend_from_slice(&sample.channels);
+                centred.channels.iter_mut().zip(&self.centring).for_each(|(value, zero)| *value -= zero);
+                &self.centred
             };
             if !self.liveness.push(sample) {
                 self.window.spoil();
