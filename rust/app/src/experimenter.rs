@@ -1,6 +1,6 @@
 //! What the experimenter's page gets from a trial that runs in real time, and what its buttons do.
 
-use crate::{live::TrialInputs, pace::Pace};
+use crate::{live::TrialInputs, pace::Pace, trace_envelope::TraceEnvelope};
 use proact_bridge::{ClientInput, GazeCheck, PageServer, Signals, StudyAction, TrialStatus};
 use proact_emg::{Light, QualityConfig, QualityMonitor};
 use proact_testbed::{Step, TrialConfig};
@@ -19,8 +19,8 @@ const SIGNAL_PERIOD: Duration = Duration::from_millis(100);
 const RATE_PERIOD: Duration = Duration::from_secs(1);
 /// From one frame to the next while time stands still.
 const STILL_PERIOD: Duration = Duration::from_millis(100);
-/// Most EMG samples in one message: a third of a second at 1 kHz.
-const MAX_SAMPLES: usize = 330;
+/// Most seconds of EMG in one message.
+const MAX_SIGNAL_SECS: f64 = 0.33;
 /// Gaze checks of a trial, one JSON object a line.
 const GAZE_CHECK_FILE: &str = "gaze_checks.jsonl";
 
@@ -30,6 +30,7 @@ pub struct Experimenter<'a> {
     status: TrialStatus,
     signals: Signals,
     quality: Option<QualityMonitor>,
+    envelope: Option<TraceEnvelope>,
     sent: Instant,
     sent_time: SimTime,
     ticks: u32,
@@ -63,11 +64,15 @@ impl<'a> Experimenter<'a> {
         };
         page.set_status(&status);
         let emg = config.emg.as_ref();
+        let envelope = emg.map(|emg| TraceEnvelope::new(emg.rate_hz, emg.channels));
+        let rates = emg.zip(envelope.as_ref()).map(|(emg, rows)| (emg.rate_hz, rows.row_hz(emg.rate_hz)));
+        let (emg_rate_hz, emg_row_hz) = rates.unwrap_or_default();
         let monitor = |rate, channels| QualityMonitor::new(QualityConfig::default(), rate, channels, &[]);
         Self {
             page,
             status,
-            signals: Signals { emg_rate_hz: emg.map_or(0.0, |emg| emg.rate_hz), ..Signals::default() },
+            signals: Signals { emg_rate_hz, emg_row_hz, ..Signals::default() },
+            envelope,
             quality: emg.map(|emg| monitor(emg.rate_hz, emg.channels)),
             sent: Instant::now(),
             sent_time: SimTime(0),
@@ -159,8 +164,10 @@ impl<'a> Experimenter<'a> {
             if let Some(quality) = &mut self.quality {
                 quality.push(step.time, sample);
             }
-            if self.signals.emg.len() < MAX_SAMPLES {
-                self.signals.emg.push(sample.channels.to_vec());
+            let most = MAX_SIGNAL_SECS * self.signals.emg_row_hz;
+            if let Some(envelope) = self.envelope.as_mut().filter(|_| (self.signals.emg.len() as f64) < most)
+            {
+                envelope.push(&sample.channels, &mut self.signals.emg);
             }
         }
         if let Some(gaze) = &step.input.gaze {

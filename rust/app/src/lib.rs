@@ -51,6 +51,7 @@ pub mod source;
 pub mod stream_view;
 pub mod study;
 mod threads;
+mod trace_envelope;
 mod tracked_body;
 mod tracked_shoulder;
 pub mod trial;

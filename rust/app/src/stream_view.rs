@@ -2,7 +2,7 @@
 
 use proact_devices::{SourceCounts, SourceInfo};
 use proact_emg::{ChannelFault, ChannelQuality, EmgOutput, Light, StreamQuality};
-use proact_types::{EmgSample, MAX_EMG_CHANNELS};
+use proact_types::EmgSample;
 use std::{
     io::{self, IsTerminal, Write},
     time::{Duration, Instant},
@@ -12,13 +12,15 @@ use std::{
 const SMOOTHING_SECS: f64 = 0.15;
 /// Columns of a bar.
 const BAR: usize = 40;
+/// Lines of channels.
+const MOST_LINES: usize = 16;
 
 /// What the stream is doing now.
 pub struct StreamGlance {
     info: SourceInfo,
     label: String,
     /// Smoothed mean square per channel, and the largest amplitude seen, which scales the bars.
-    power: [f64; MAX_EMG_CHANNELS],
+    power: Vec<f64>,
     loudest: f64,
     /// Verdicts per channel.
     pub quality: Vec<ChannelQuality>,
@@ -41,7 +43,7 @@ impl StreamGlance {
         StreamGlance {
             info: info.clone(),
             label: label.to_owned(),
-            power: [0.0; MAX_EMG_CHANNELS],
+            power: vec![0.0; info.channels],
             loudest: 1.0,
             quality: vec![ChannelQuality::default(); info.channels],
             stream_quality: StreamQuality::default(),
@@ -72,11 +74,23 @@ impl StreamGlance {
     fn text(&self) -> String {
         let mut text =
             format!("{}  ({} Hz nominal, trained on {})\n", self.info.name, self.info.rate_hz, self.label);
-        for channel in 0..self.info.channels {
-            let rms = self.power[channel].sqrt();
-            let filled = ((rms / self.loudest * BAR as f64).round() as usize).min(BAR);
-            let state = finding(&self.quality[channel]);
-            text += &format!("ch{channel:<3} {:<BAR$} {rms:7.1}  {state}\n", "#".repeat(filled));
+        // A screen has room for so many lines: of grids several channels share one.
+        let columns = self.info.channels.div_ceil(MOST_LINES);
+        let bar = BAR / columns;
+        for line in 0..self.info.channels.div_ceil(columns) {
+            let channels = line * columns..((line + 1) * columns).min(self.info.channels);
+            let cell = |channel: usize| {
+                let rms = self.power[channel].sqrt();
+                let filled = ((rms / self.loudest * bar as f64).round() as usize).min(bar);
+                let state = if columns == 1 {
+                    finding(&self.quality[channel])
+                } else {
+                    format!("{:<4}", word(self.quality[channel].light))
+                };
+                format!("ch{channel:<3} {:<bar$} {rms:7.1}  {state}", "#".repeat(filled))
+            };
+            text += &channels.map(cell).collect::<Vec<_>>().join("  ");
+            text.push('\n');
         }
         text += &match &self.output {
             Some(output) if output.stale => "no motion: no usable samples\n".to_owned(),
@@ -205,5 +219,11 @@ mod tests {
         assert!(lines[1].ends_with("0.0  BAD   flat: a dead channel"), "{text}");
         assert!(lines[2].ends_with("40.0  good") && lines[2].contains(&"#".repeat(BAR)), "{text}");
         assert_eq!(lines[3], "waiting for the first window");
+
+        let grid = SourceInfo { channels: 64, ..info };
+        let text = StreamGlance::new(&grid, "recordings").text();
+        let lines: Vec<&str> = text.lines().collect();
+        assert!(lines[16].contains("ch60 ") && lines[16].contains("ch63 "), "{text}");
+        assert_eq!(lines[17], "waiting for the first window");
     }
 }

@@ -78,8 +78,11 @@ pub struct ResultLine {
 pub struct Signals {
     /// The instant of the last sample.
     pub time: SimTime,
-    /// EMG since the message before, `[n_samples][n_channels]`, in the device's unit; empty without an armband.
+    /// EMG since the message before, `[n_rows][n_channels]`, in the device's unit; empty without an armband. Rows are samples,
+    /// or, of streams too dense to draw, in turn the lowest and the highest values of a block of samples.
     pub emg: Vec<Vec<f64>>,
+    /// Rows of `emg` a second, hertz; zero without an armband.
+    pub emg_row_hz: f64,
     /// Nominal sampling rate, hertz; zero without an armband.
     pub emg_rate_hz: f64,
     /// One light a channel: `green`, `yellow`, `red`.

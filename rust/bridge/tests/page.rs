@@ -327,7 +327,12 @@ async fn the_experimenter_pauses_what_a_spectator_only_watches() {
     say(&mut experimenter, r#"{"type":"study","action":"pause"}"#).await;
     assert_eq!(inputs(&server, 1).await, [ClientInput::Study(StudyAction::Pause)]);
     server.set_status(&TrialStatus { paused: true, ..TrialStatus::default() });
-    server.publish_signals(&Signals { emg: vec![vec![1.5; 8]], emg_rate_hz: 200.0, ..Signals::default() });
+    server.publish_signals(&Signals {
+        emg: vec![vec![1.5; 8]],
+        emg_rate_hz: 200.0,
+        emg_row_hz: 200.0,
+        ..Signals::default()
+    });
     for client in [&mut experimenter, &mut spectator] {
         assert_eq!(next_of(client, "status").await["paused"], true);
         assert_eq!(next_of(client, "signals").await["emg"][0][7], 1.5);

@@ -1,6 +1,6 @@
-use crate::{ChannelValues, DeviceError, Recordings, SyntheticEmg, stream};
+use crate::{DeviceError, Recordings, SyntheticEmg, stream};
 use arrayvec::ArrayVec;
-use proact_types::{EmgSample, Gesture, GestureCommands, GestureName, SimTime};
+use proact_types::{ChannelValues, EmgSample, Gesture, GestureCommands, GestureName, SimTime};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use std::collections::BTreeMap;

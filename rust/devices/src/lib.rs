@@ -83,7 +83,7 @@ pub use live::{
 pub use metadata::read_class_map;
 pub use random::stream;
 pub use recorder::{EmgRecorder, RecordedStream, read_recorded};
-pub use recording::{ChannelValues, MYO_RATE_HZ, Recording, Recordings};
+pub use recording::{MYO_RATE_HZ, Recording, Recordings};
 pub use recording_folder::RecordingFolder;
 pub use sample_file::{SampleFile, read_samples};
 pub use setup::{EmgOrigin, EmgSetup, default_config, prepare, prepare_model, prepare_with, train};

@@ -3,15 +3,11 @@ use crate::{
     metadata::Metadata,
     sample_file::{SampleFile, read_rows, read_samples},
 };
-use arrayvec::ArrayVec;
-use proact_types::{EmgSample, Gesture, GestureName, MAX_EMG_CHANNELS};
+use proact_types::{ChannelValues, EmgSample, Gesture, GestureName};
 use std::{
     collections::BTreeSet,
     path::{Path, PathBuf},
 };
-
-/// One value per channel, in the device's counts.
-pub type ChannelValues = ArrayVec<f64, MAX_EMG_CHANNELS>;
 
 /// Rate of the Myo armband, with which the freely licensed recordings were made.
 pub const MYO_RATE_HZ: f64 = 200.0;

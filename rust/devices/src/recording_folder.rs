@@ -1,6 +1,6 @@
-use crate::{ChannelValues, DeviceError, Recording, Recordings, metadata::Metadata};
+use crate::{DeviceError, Recording, Recordings, metadata::Metadata};
 use proact_emg::Calibration;
-use proact_types::{GestureName, MOST_TEXT_BYTES, read_text};
+use proact_types::{ChannelValues, GestureName, MOST_TEXT_BYTES, read_text};
 use std::{
     collections::BTreeSet,
     fs::File,

@@ -1,5 +1,5 @@
-use crate::{ChannelValues, DeviceError};
-use proact_types::{LineRead, MAX_EMG_CHANNELS, read_line};
+use crate::DeviceError;
+use proact_types::{ChannelValues, LineRead, MAX_EMG_CHANNELS, read_line};
 use std::{
     fs::File,
     io::{BufReader, Error, ErrorKind},

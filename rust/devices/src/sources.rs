@@ -17,6 +17,9 @@ use std::{
 /// How long a simulated person takes from the prompt to the muscle.
 pub const REACTION: Duration = Duration::from_millis(250);
 
+/// Highest rate that may be asked for, Hz. Amplifiers for grids of electrodes have 10 kHz.
+const FASTEST_HZ: u16 = 20_000;
+
 /// How a source is opened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SourceOptions {
@@ -30,7 +33,7 @@ pub struct SourceOptions {
     pub packet_bytes: u8,
     /// Seed of simulated people.
     pub seed: u64,
-    /// Samples per second, Hz, if one is asked for: a whole number up to 1000.
+    /// Samples per second, Hz, if one is asked for: a whole number up to 20,000.
     pub rate_hz: Option<u16>,
 }
 
@@ -45,12 +48,14 @@ impl SourceOptions {
     /// The same at `rate`, Hz, if one is asked for.
     ///
     /// # Errors
-    /// [`DeviceError::Parameter`] for what is no whole number up to 1000.
+    /// [`DeviceError::Parameter`] for what is no whole number up to 20,000.
     pub fn at_rate(self, rate: Option<f64>) -> Result<Self, DeviceError> {
         let rate_hz = match rate {
-            Some(rate) if (1.0..=1000.0).contains(&rate) && rate.fract() == 0.0 => Some(rate as u16),
+            Some(rate) if (1.0..=f64::from(FASTEST_HZ)).contains(&rate) && rate.fract() == 0.0 => {
+                Some(rate as u16)
+            }
             Some(value) => {
-                let expected = "a whole number up to 1000";
+                let expected = "a whole number up to 20000";
                 return Err(DeviceError::Parameter { name: "--emg-rate", value, expected });
             }
             None => None,

@@ -1,6 +1,6 @@
-use crate::{ChannelValues, DeviceError, Recordings};
+use crate::{DeviceError, Recordings};
 use nalgebra::DMatrix;
-use proact_types::{Gesture, GestureName};
+use proact_types::{ChannelValues, Gesture, GestureName};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};

@@ -288,7 +288,7 @@ mod tests {
         assert!(refused(|c| c.rate_hz = f64::NAN).contains("NaN Hz"));
         assert!(refused(|c| c.rate_hz = 0.0).contains("0 Hz"));
         assert!(refused(|c| c.channels = 0).contains("0 channels"));
-        assert!(refused(|c| c.channels = 17).contains("17 channels"));
+        assert!(refused(|c| c.channels = 513).contains("513 channels"));
         assert!(refused(|c| c.window = WindowLength::Millis(f64::NAN)).contains("NaN"));
         assert!(refused(|c| c.window = WindowLength::Samples(2)).contains("at least 3"));
         assert!(refused(|c| c.increment = WindowLength::Samples(0)).contains("at least 1"));

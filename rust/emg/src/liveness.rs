@@ -2,8 +2,7 @@
 //! rising counters, after a converter froze, an electrode fell off or a radio lost half of its packets.
 
 use crate::EmgError;
-use arrayvec::ArrayVec;
-use proact_types::{EmgSample, MAX_EMG_CHANNELS, SimTime, StopCause};
+use proact_types::{ChannelValues, EmgSample, SimTime, StopCause};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
@@ -170,7 +169,7 @@ pub struct Liveness {
     config: LivenessConfig,
     rate_hz: f64,
     /// Subtracted from the stream before it comes here; rails are those of the codes.
-    centring: ArrayVec<f64, MAX_EMG_CHANNELS>,
+    centring: ChannelValues,
     repetition: Option<Repetition>,
     channels: Vec<Channel>,
     arrivals: Option<Arrivals>,
@@ -205,7 +204,7 @@ impl Liveness {
         };
         Ok(Self {
             rate_hz,
-            centring: ArrayVec::new(),
+            centring: ChannelValues::new(),
             repetition: samples(config.frozen_ms).map(|limit| {
                 let [least, most] = PERIODS;
                 Repetition::new(((PERIOD_MS * rate_hz / 1000.0) as usize).clamp(least, most), limit)
@@ -220,7 +219,7 @@ impl Liveness {
 
     /// What was subtracted from each channel, so that rails are compared with codes.
     pub fn set_centring(&mut self, levels: &[f64]) {
-        self.centring = levels.iter().copied().take(MAX_EMG_CHANNELS).collect();
+        self.centring = levels.iter().copied().take(self.channels.len()).collect();
     }
 
     /// Why the stream is not alive; none while it is. Silence is not noticed here.

@@ -3,8 +3,7 @@ use crate::{
     BridgeConfig, ClassPosterior, Classifier, Decision, DecisionRule, EmgConfig, EmgError, FeatureExtractor,
     FeatureVector, Liveness, MajorityVote, SignalFault, SlidingWindow, StreamCounts, WindowView,
 };
-use arrayvec::ArrayVec;
-use proact_types::{EmgSample, GestureName, MAX_EMG_CHANNELS, SimTime};
+use proact_types::{ChannelValues, EmgSample, GestureName, SimTime};
 
 /// What the EMG stage says at the end of a window, or when the stream became stale.
 #[derive(Clone, Debug, PartialEq)]
@@ -69,7 +68,9 @@ pub struct EmgPipeline {
     /// Of the newest window.
     newest: FeatureVector,
     /// Subtracted from each channel; empty for a stream that is centred.
-    centring: ArrayVec<f64, MAX_EMG_CHANNELS>,
+    centring: ChannelValues,
+    /// The newest sample less those, then filtered.
+    prepared: EmgSample,
 }
 
 impl EmgPipeline {
@@ -116,7 +117,8 @@ impl EmgPipeline {
             newest: FeatureVector::with_capacity(classifier.layout().count()),
             classifier,
             overflows: 0,
-            centring: ArrayVec::new(),
+            centring: ChannelValues::new(),
+            prepared: EmgSample { counter: 0, channels: ChannelValues::new() },
         })
     }
 
@@ -143,24 +145,25 @@ impl EmgPipeline {
         let mut output = None;
         self.liveness.begin_tick(now);
         for sample in samples {
-            let mut level;
-            let mut sample = sample;
-            if !self.centring.is_empty() {
-                level = sample.clone();
-                level.channels.iter_mut().zip(&self.centring).for_each(|(value, zero)| *value -= zero);
-                sample = &level;
+            let changed = !(self.centring.is_empty() && self.filters.is_empty());
+            if changed {
+                // Of many channels, too, no memory is asked for.
+                let prepared = &mut self.prepared;
+                prepared.counter = sample.counter;
+                prepared.channels.clear();
+                prepared.channels.extend_from_slice(&sample.channels);
+                prepared.channels.iter_mut().zip(&self.centring).for_each(|(value, zero)| *value -= zero);
             }
-            if !self.liveness.push(sample) {
+            let level = if changed { &self.prepared } else { sample };
+            if !self.liveness.push(level) {
                 self.window.spoil();
                 output = self.rule.fail().map(|decision| self.stale(decision)).or(output);
             }
-            let mut filtered;
             if !self.filters.is_empty() {
-                filtered = sample.clone();
-                self.filters.apply(&mut filtered);
-                sample = &filtered;
+                self.filters.apply(&mut self.prepared);
             }
-            let Some(window) = self.window.push(sample) else { continue };
+            let filtered = if changed { &self.prepared } else { sample };
+            let Some(window) = self.window.push(filtered) else { continue };
             let features = self.features.compute(&window);
             // Finite samples whose sums overflow: as good as no window.
             let Ok(prediction) = self.classifier.predict(features) else {

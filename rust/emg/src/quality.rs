@@ -137,7 +137,7 @@ pub struct StreamQuality {
 pub struct QualityMonitor {
     config: QualityConfig,
     rate_hz: f64,
-    calibration: ArrayVec<ChannelStatistics, MAX_EMG_CHANNELS>,
+    calibration: Vec<ChannelStatistics>,
     block_samples: u64,
     /// Goertzel filters of both mains frequencies, per channel.
     hum: Vec<[Goertzel; 2]>,

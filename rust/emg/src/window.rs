@@ -1,7 +1,6 @@
 use crate::features::FeatureParameters;
 use crate::{EmgConfig, EmgError};
-use arrayvec::ArrayVec;
-use proact_types::{EmgSample, MAX_EMG_CHANNELS};
+use proact_types::{ChannelValues, EmgSample};
 use serde::{Deserialize, Serialize};
 
 /// What a stream has brought, so far or in one step.
@@ -240,13 +239,13 @@ impl SlidingWindow {
         if gap == 0 || self.run == 0 {
             return;
         }
-        let mut before = ArrayVec::<f64, MAX_EMG_CHANNELS>::new();
+        let mut before = ChannelValues::new();
         let newest = self.filled - 1;
         before.extend(self.data.chunks_exact(self.capacity).take(self.channels).map(|row| row[newest]));
         for k in 1..=gap {
             let share = k as f64 / (gap + 1) as f64;
             let line = before.iter().zip(values).map(|(from, to)| from + share * (to - from));
-            let between: ArrayVec<f64, MAX_EMG_CHANNELS> = line.collect();
+            let between: ChannelValues = line.collect();
             self.store(&between, 1.0);
         }
     }

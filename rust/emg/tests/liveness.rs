@@ -6,7 +6,7 @@ mod data;
 
 use data::shared;
 use proact_emg::{Liveness, LivenessConfig, SignalFault, noise_floors};
-use proact_types::{EmgSample, MAX_EMG_CHANNELS, SimTime};
+use proact_types::{ChannelValues, EmgSample, SimTime};
 use std::path::Path;
 
 const CHANNELS: usize = 8;
@@ -224,7 +224,7 @@ fn settings_that_cannot_work_are_refused() {
 /// One sample a line, numbers with commas between; a ninth column is a label.
 fn read(path: &Path) -> Vec<EmgSample> {
     let text = std::fs::read_to_string(path).expect("it is there");
-    let numbers = |line: &str| -> arrayvec::ArrayVec<f64, MAX_EMG_CHANNELS> {
+    let numbers = |line: &str| -> ChannelValues {
         line.split(',').take(CHANNELS).map(|v| v.trim().parse().expect("a number")).collect()
     };
     text.lines().zip(0..).map(|(line, counter)| EmgSample { counter, channels: numbers(line) }).collect()

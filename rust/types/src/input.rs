@@ -1,9 +1,13 @@
 use crate::{Gesture, InputSign, JointVector, PlanReply, Point, Pose, Vector};
 use arrayvec::ArrayVec;
 use serde::{Deserialize, Serialize};
+use smallvec::SmallVec;
 
-/// Most EMG channels of any armband or amplifier that a stream may have.
-pub const MAX_EMG_CHANNELS: usize = 16;
+/// A stream of more EMG channels is refused as damaged. Amplifiers for grids of electrodes have up to 400.
+pub const MAX_EMG_CHANNELS: usize = 512;
+
+/// One value per EMG channel. Up to 16, as armbands have, lie in the value itself and need no memory of their own.
+pub type ChannelValues = SmallVec<[f64; 16]>;
 
 /// One sample of all EMG channels.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -11,7 +15,45 @@ pub struct EmgSample {
     /// The device's sample counter: a step of more than one is a gap.
     pub counter: u64,
     /// One value per channel, in the device's counts (or volts: LDA does not care, thresholds do).
-    pub channels: ArrayVec<f64, MAX_EMG_CHANNELS>,
+    #[serde(with = "channel_values")]
+    pub channels: ChannelValues,
+}
+
+/// Channels in logs: a sequence. One that says that it is longer than a stream can be is refused before memory is asked
+/// for, since a damaged log may say anything.
+mod channel_values {
+    use super::{ChannelValues, MAX_EMG_CHANNELS};
+    use serde::{Deserializer, Serializer, de};
+    use std::fmt;
+
+    pub(super) fn serialize<S: Serializer>(values: &ChannelValues, to: S) -> Result<S::Ok, S::Error> {
+        to.collect_seq(values)
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<ChannelValues, D::Error> {
+        from.deserialize_seq(Channels)
+    }
+
+    struct Channels;
+
+    impl<'de> de::Visitor<'de> for Channels {
+        type Value = ChannelValues;
+
+        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            write!(f, "at most {MAX_EMG_CHANNELS} channels")
+        }
+
+        fn visit_seq<A: de::SeqAccess<'de>>(self, mut sequence: A) -> Result<ChannelValues, A::Error> {
+            let mut values = ChannelValues::new();
+            while let Some(value) = sequence.next_element()? {
+                if values.len() == MAX_EMG_CHANNELS {
+                    return Err(de::Error::invalid_length(MAX_EMG_CHANNELS + 1, &self));
+                }
+                values.push(value);
+            }
+            Ok(values)
+        }
+    }
 }
 
 /// One gaze measurement.
@@ -55,4 +97,25 @@ pub struct TickInput {
     pub plan: Option<PlanReply>,
     /// What a method in another process answered in this tick. Filled as `plan` is.
     pub method: Option<MethodAnswer>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn json(channels: usize) -> String {
+        let values = vec!["1.5"; channels].join(",");
+        format!("{{\"counter\":7,\"channels\":[{values}]}}")
+    }
+
+    #[test]
+    fn a_sample_has_any_number_of_channels_that_an_amplifier_can_have() {
+        for channels in [0, 8, 16, 17, 64, MAX_EMG_CHANNELS] {
+            let sample: EmgSample = serde_json::from_str(&json(channels)).expect("a sample");
+            assert_eq!(sample.channels.len(), channels);
+            assert_eq!(serde_json::to_string(&sample).expect("numbers"), json(channels));
+        }
+        let error = serde_json::from_str::<EmgSample>(&json(MAX_EMG_CHANNELS + 1)).expect_err("too many");
+        assert!(error.to_string().contains("at most 512 channels"), "{error}");
+    }
 }

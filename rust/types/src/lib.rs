@@ -40,7 +40,7 @@ pub use feedback::{ContactView, Cue, Digit, FeedbackCue, Tone, Vibration};
 pub use gesture::{Gesture, UnknownGesture};
 pub use gesture_commands::{GestureCommands, GestureTableError};
 pub use gesture_name::{BadGestureName, GestureName, MAX_GESTURES};
-pub use input::{EmgSample, GazeSample, MAX_EMG_CHANNELS, MAX_SIGNS, MethodAnswer, TickInput};
+pub use input::{ChannelValues, EmgSample, GazeSample, MAX_EMG_CHANNELS, MAX_SIGNS, MethodAnswer, TickInput};
 pub use intention::{Intention, TrunkPosture};
 pub use method::{
     MOST_METHOD_NAME_BYTES, MOST_METHOD_TEXT_BYTES, MethodEvent, MethodHelp, MethodInfo, MethodStyle, Needs,

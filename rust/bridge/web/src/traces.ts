@@ -6,6 +6,8 @@ import type { Signals } from "./generated/types";
 const SPAN_SECS = 5;
 /** Widest deviation that fills a lane, at least this many units of the stream: noise is not blown up. */
 const LEAST_RANGE = 4;
+/** Height that a label needs, pixels: of lower lanes only some are labelled. */
+const LABEL_HEIGHT = 14;
 const LIGHTS: Record<string, string> = { green: "#00a37a", amber: "#e08a00", red: "#d0342c" };
 const GREY = "#b6c0c9";
 const INK = "#23415c";
@@ -27,7 +29,7 @@ export class Traces {
   }
 
   take(signals: Signals): void {
-    this.rate = signals.emg_rate_hz;
+    this.rate = signals.emg_row_hz;
     this.lights = signals.lights;
     this.faults = signals.faults;
     const channels = signals.emg[0]?.length ?? this.channels;
@@ -54,6 +56,8 @@ export class Traces {
     canvas.style.visibility = lanes === 0 ? "hidden" : "";
     if (lanes === 0) return;
     const lane = height / lanes;
+    const labelled = Math.max(Math.ceil(LABEL_HEIGHT / lane), 1);
+    const dot = Math.min(5, 0.45 * lane);
     const left = 128;
     const total = Math.max(Math.round(SPAN_SECS * this.rate), 1);
     context.font = "12px system-ui, sans-serif";
@@ -62,12 +66,12 @@ export class Traces {
       const middle = (channel + 0.5) * lane;
       context.fillStyle = LIGHTS[this.lights[channel] ?? ""] ?? GREY;
       context.beginPath();
-      context.arc(10, middle, 5, 0, 2 * Math.PI);
+      context.arc(10, middle, dot, 0, 2 * Math.PI);
       context.fill();
       context.fillStyle = INK;
-      context.fillText(`Channel ${channel + 1}`, 22, middle);
+      if (channel % labelled === 0) context.fillText(`Channel ${channel + 1}`, 22, middle);
       const fault = this.faults[channel];
-      if (fault) {
+      if (fault && labelled === 1) {
         context.fillStyle = LIGHTS["red"] ?? INK;
         context.fillText(fault.replaceAll("_", " "), 86, middle);
       }

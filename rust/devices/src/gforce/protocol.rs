@@ -3,7 +3,6 @@
 //! From OyMotion's published SDKs; points that those leave open are marked in the docs.
 
 use arrayvec::ArrayVec;
-use proact_types::MAX_EMG_CHANNELS;
 
 /// The service that the armband advertises; scans look for it.
 pub const SERVICE: &str = "0000ffd0-0000-1000-8000-00805f9b34fb";
@@ -128,7 +127,7 @@ impl EmgSetting {
         if !(1..=fastest).contains(&self.rate_hz) {
             return wrong("EMG rate", self.rate_hz.into(), expected);
         }
-        if !(1..=MAX_EMG_CHANNELS).contains(&self.channels()) {
+        if self.channels() == 0 {
             return wrong("channel mask", self.channel_mask.into(), "at least one bit set");
         }
         let sample = self.channels() * self.code_bytes();

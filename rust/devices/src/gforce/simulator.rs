@@ -4,8 +4,8 @@ use super::{
         Characteristic, Command, EMG_DATA, EmgCapability, EmgSetting, ProtocolError, ReplyCode, SWITCH_EMG,
     },
 };
-use crate::{ChannelValues, DeviceError, stream};
-use proact_types::GestureName;
+use crate::{DeviceError, stream};
+use proact_types::{ChannelValues, GestureName};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use std::{

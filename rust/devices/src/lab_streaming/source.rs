@@ -11,8 +11,8 @@ use std::{
 const CLOCK_PERIODS: [Duration; 2] = [Duration::from_millis(200), Duration::from_secs(2)];
 /// A stream without a sample for so long is lost, until one comes.
 const SILENCE: Duration = Duration::from_secs(2);
-/// Samples that may wait for whoever polls; those beyond leave a gap. Four seconds at 1 kHz.
-const WAITING: usize = 4096;
+/// Samples that may wait for whoever polls; those beyond leave a gap. Four seconds at 4 kHz.
+const WAITING: usize = 16_384;
 /// Most samples of a packet.
 const PACKET: usize = 64;
 

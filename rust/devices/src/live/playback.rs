@@ -1,6 +1,6 @@
 use super::{EmgPacket, SampleSource, SourceCounts, SourceEvent, SourceInfo};
-use crate::{ChannelValues, DeviceError, Recordings};
-use proact_types::{EmgSample, GestureName};
+use crate::{DeviceError, Recordings};
+use proact_types::{ChannelValues, EmgSample, GestureName};
 use std::time::{Duration, Instant};
 
 /// How fast a recording is played.

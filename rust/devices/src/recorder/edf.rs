@@ -284,7 +284,9 @@ pub(super) fn read(bytes: &[u8]) -> Result<RecordedStream, String> {
     let duration = number(244, 8, "the duration of a record")?;
     let signals = number(252, 4, "the number of signals")? as usize;
     if !(2..=MAX_EMG_CHANNELS + 1).contains(&signals) || !bytes[192..].starts_with(b"EDF+") {
-        return Err(format!("a header of {signals} signals, expected EDF+ with 1 to 16 and annotations"));
+        return Err(format!(
+            "a header of {signals} signals, expected EDF+ with 1 to {MAX_EMG_CHANNELS} and annotations"
+        ));
     }
     let channels = signals - 1;
     // Behind the fields of 16 + 80 + 8 + 4 * 8 + 80 bytes a signal.

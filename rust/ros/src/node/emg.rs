@@ -11,7 +11,6 @@ use crate::messages::{
     proact_msgs::{Decision, EmgSamples, Person},
     std_msgs::{Header, String as Text},
 };
-use arrayvec::ArrayVec;
 use proact_messages::original::relative;
 use proact_testbed::{
     Field,
@@ -203,9 +202,6 @@ fn samples(message: &EmgSamples) -> Result<Vec<EmgSample>, String> {
     if !message.data.len().is_multiple_of(channels) {
         return Err(format!("{} values are no whole number of {channels} channels", message.data.len()));
     }
-    let sample = |(counter, values): (u64, &[f64])| {
-        let channels: ArrayVec<f64, MAX_EMG_CHANNELS> = values.iter().copied().collect();
-        EmgSample { counter, channels }
-    };
+    let sample = |(counter, values): (u64, &[f64])| EmgSample { counter, channels: values.into() };
     Ok((message.counter..).zip(message.data.chunks(channels)).map(sample).collect())
 }

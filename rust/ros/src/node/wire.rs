@@ -15,8 +15,9 @@ use proact_tasks::TaskState;
 use proact_testbed::stages::{ActuationOutput, EmgStageOutput, GazeHeard, IntentOutput, MethodOutput};
 use proact_types::{
     BadGestureName, BodyState, EmgSample, EventKind, GazeSample, Gesture, GestureName, HandState, HandView,
-    InputSign, InputSource, JointVector, MAX_GESTURES, ObjectId, ObjectSet, PlantCommand, PlantState, Point,
-    Pose, Scene, SignKind, SimTime, TaskContext, TickInput, Trajectory, TrajectoryPoint, Vector,
+    InputSign, InputSource, JointVector, MAX_EMG_CHANNELS, MAX_GESTURES, ObjectId, ObjectSet, PlantCommand,
+    PlantState, Point, Pose, Scene, SignKind, SimTime, TaskContext, TickInput, Trajectory, TrajectoryPoint,
+    Vector,
 };
 use serde::{Serialize, de::DeserializeOwned};
 
@@ -186,9 +187,11 @@ pub(super) fn read_person(message: &Person) -> Result<(TickInput, Pose), Refused
     if channels * samples != message.samples.len() || (samples > 0 && channels == 0) {
         return Err(format!("{} values for {samples} EMG samples", message.samples.len()));
     }
+    if channels > MAX_EMG_CHANNELS {
+        return Err(format!("{channels} EMG channels, expected at most {MAX_EMG_CHANNELS}"));
+    }
     for (counter, values) in message.counters.iter().zip(message.samples.chunks(channels.max(1))) {
-        let channels = values.try_into().map_err(|_| format!("{channels} EMG channels are too many"))?;
-        let sample = EmgSample { counter: *counter, channels };
+        let sample = EmgSample { counter: *counter, channels: values.into() };
         input.emg.try_push(sample).map_err(|_| format!("{samples} EMG samples are too many for a tick"))?;
     }
     input.gesture = maybe("gesture", &Gesture::ALL, message.gesture)?;

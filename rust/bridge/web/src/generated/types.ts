@@ -1071,8 +1071,11 @@ export type Side = "right" | "left";
 export type Signals = {
 /** The instant of the last sample. */
 time: SimTime,
-/** EMG since the message before, `[n_samples][n_channels]`, in the device's unit; empty without an armband. */
+/** EMG since the message before, `[n_rows][n_channels]`, in the device's unit; empty without an armband. Rows are samples,
+ * or, of streams too dense to draw, in turn the lowest and the highest values of a block of samples. */
 emg: Array<Array<number>>,
+/** Rows of `emg` a second, hertz; zero without an armband. */
+emg_row_hz: number,
 /** Nominal sampling rate, hertz; zero without an armband. */
 emg_rate_hz: number,
 /** One light a channel: `green`, `yellow`, `red`. */

@@ -1,0 +1,74 @@
+//! EMG thinned for a picture.
+
+use proact_types::ChannelValues;
+
+/// Numbers a second that a page is sent: 16 channels at 1 kHz.
+const MOST_PER_SEC: f64 = 16_000.0;
+
+/// Streams of up to 16 channels at 1 kHz go to the page as they are. Of denser ones each block of samples goes as two rows,
+/// the lowest and the highest value of each channel in it: what a trace of many samples a pixel shows.
+#[derive(Debug)]
+pub(crate) struct TraceEnvelope {
+    block: usize,
+    seen: usize,
+    lowest: ChannelValues,
+    highest: ChannelValues,
+}
+
+impl TraceEnvelope {
+    /// For a stream of `channels` channels at `rate_hz`.
+    pub(crate) fn new(rate_hz: f64, channels: usize) -> Self {
+        let excess = rate_hz * channels as f64 / MOST_PER_SEC;
+        let block = if excess <= 1.0 { 1 } else { 2 * excess.ceil() as usize };
+        Self { block, seen: 0, lowest: ChannelValues::new(), highest: ChannelValues::new() }
+    }
+
+    /// Rows a second of a stream at `rate_hz`.
+    pub(crate) fn row_hz(&self, rate_hz: f64) -> f64 {
+        if self.block == 1 { rate_hz } else { 2.0 * rate_hz / self.block as f64 }
+    }
+
+    /// Takes a sample; the rows that it completes go to `rows`.
+    pub(crate) fn push(&mut self, values: &[f64], rows: &mut Vec<Vec<f64>>) {
+        if self.block == 1 {
+            rows.push(values.to_vec());
+            return;
+        }
+        if self.seen == 0 || self.lowest.len() != values.len() {
+            (self.lowest, self.highest, self.seen) = (values.into(), values.into(), 0);
+        }
+        for ((low, high), value) in self.lowest.iter_mut().zip(&mut self.highest).zip(values) {
+            (*low, *high) = (low.min(*value), high.max(*value));
+        }
+        self.seen += 1;
+        if self.seen == self.block {
+            self.seen = 0;
+            rows.extend([self.lowest.to_vec(), self.highest.to_vec()]);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn armbands_go_as_they_are_and_grids_as_lowest_and_highest() {
+        let mut band = TraceEnvelope::new(1000.0, 8);
+        let mut rows = Vec::new();
+        (0..3).for_each(|k| band.push(&[f64::from(k); 8], &mut rows));
+        assert_eq!((rows.len(), band.row_hz(1000.0)), (3, 1000.0));
+        assert_eq!(rows[2], [2.0; 8]);
+
+        let mut grid = TraceEnvelope::new(4000.0, 64);
+        let mut rows = Vec::new();
+        for k in 0..4000_i32 {
+            // A peak of one sample stays.
+            grid.push(&[if k == 1234 { 99.0 } else { f64::from(k % 7) }; 64], &mut rows);
+        }
+        assert_eq!((rows.len() as f64, rows[0].len()), (grid.row_hz(4000.0), 64));
+        assert!(rows.len() * 64 <= MOST_PER_SEC as usize);
+        assert_eq!((&rows[0], &rows[1]), (&vec![0.0; 64], &vec![6.0; 64]));
+        assert_eq!(rows.iter().filter(|row| row[63] == 99.0).count(), 1);
+    }
+}
