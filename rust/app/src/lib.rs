@@ -45,6 +45,7 @@ mod replay;
 mod result_card;
 #[cfg(feature = "ros")]
 mod ros_bus;
+mod ros_capture;
 mod rosbridge;
 mod run;
 pub mod source;
@@ -81,6 +82,7 @@ pub use recorded_bodies::{RecordedBodies, RecordedBodyError, timed as recorded_p
 pub use registry::Registry;
 pub use replay::{OtherVersions, Replanned, ReplayOptions, Replayed, replay_trial};
 pub use result_card::{ResultCards, WristPath};
+pub use ros_capture::ROS_SCHEMES;
 #[cfg(feature = "ros")]
 pub use rosbridge::relay;
 pub use rosbridge::{Rosbridge, RosbridgePlace, drive_by_topics};

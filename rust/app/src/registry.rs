@@ -1,3 +1,4 @@
+use crate::ROS_SCHEMES;
 use proact_control::MethodRegistry;
 use proact_devices::motion_capture::{CAPTURE_SCHEMES, CaptureScheme};
 use proact_devices::{SINK_SCHEMES, SinkScheme, SourceRegistry};
@@ -21,7 +22,7 @@ impl Registry {
         Self {
             methods: MethodRegistry::standard(),
             sources: SourceRegistry::standard(),
-            captures: CAPTURE_SCHEMES.to_vec(),
+            captures: [CAPTURE_SCHEMES.as_slice(), &ROS_SCHEMES].concat(),
             sinks: SINK_SCHEMES.to_vec(),
         }
     }

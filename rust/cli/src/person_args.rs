@@ -29,8 +29,8 @@ impl FeedbackArgs {
 /// A motion capture system that sees the shoulder.
 #[derive(Debug, Args)]
 pub(crate) struct MocapArgs {
-    /// Follow a shoulder that motion capture sees: vrpn:HOST[:PORT]/BODY, natnet:HOST[:PORT]/BODY, lsl:STREAM/BODY or
-    /// file:PATH/BODY (docs/localization.md)
+    /// Follow a shoulder that motion capture sees: vrpn:HOST[:PORT]/BODY, natnet:HOST[:PORT]/BODY, ros:/TOPIC,
+    /// tf:PARENT/FRAME, lsl:STREAM/BODY or file:PATH/BODY (docs/motion_capture.md)
     #[arg(long, value_name = "SOURCE")]
     mocap: Option<SourceName>,
     /// How its axes lie, where that differs from what such systems usually send: up=x|y|z, metres_per_unit=NUMBER, and

@@ -1,7 +1,7 @@
 //! Frames by name, and the way from one to another at a time.
 
 use proact_types::Pose;
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 /// A time stamp, nanoseconds from an epoch that all frames share.
 pub type Nanos = i64;
@@ -188,6 +188,28 @@ impl FrameTree {
     pub fn newest(&self, target: &str, source: &str) -> Result<Option<Nanos>, FrameError> {
         let (down, up) = self.way(target, source)?;
         Ok(self.newest_of(down.iter().chain(&up)))
+    }
+
+    /// The links between the two, by the names of their lower frames.
+    ///
+    /// # Errors
+    /// As [`FrameTree::look_up`].
+    pub fn links<'a>(&'a self, target: &'a str, source: &'a str) -> Result<Vec<&'a str>, FrameError> {
+        let (mut down, up) = self.way(target, source)?;
+        down.extend(up);
+        Ok(down)
+    }
+
+    /// The names of all frames, in alphabetical order.
+    pub fn names(&self) -> BTreeSet<&str> {
+        self.edges.iter().flat_map(|(child, edge)| [child.as_str(), edge.parent.as_str()]).collect()
+    }
+
+    /// The frames that do not move alone.
+    pub fn fixed(&self) -> Self {
+        let still = |edge: &Edge| matches!(edge.poses, Poses::Fixed(_));
+        let edges = self.edges.iter().filter(|(_, edge)| still(edge));
+        Self { edges: edges.map(|(child, edge)| (child.clone(), edge.clone())).collect() }
     }
 
     fn newest_of<'a>(&self, children: impl Iterator<Item = &'a &'a str>) -> Option<Nanos> {

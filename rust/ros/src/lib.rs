@@ -30,6 +30,7 @@ pub mod frames;
 pub mod gaze_pairs;
 pub mod gazebo;
 pub mod joy;
+pub mod tf_body;
 pub mod trajectory;
 
 #[cfg(feature = "rosrust")]

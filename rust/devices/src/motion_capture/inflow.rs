@@ -24,10 +24,11 @@ struct Shared {
 
 /// The reader's end.
 #[derive(Clone)]
-pub(super) struct Inflow {
+pub struct Inflow {
     shared: Arc<Mutex<Shared>>,
     stop: Arc<AtomicBool>,
-    pub(super) clock: HostClock,
+    /// What arrivals are stamped with.
+    pub clock: HostClock,
 }
 
 impl Inflow {
@@ -37,7 +38,7 @@ impl Inflow {
     }
 
     /// Hands a pose over.
-    pub(super) fn push(&self, pose: RawBodyPose) {
+    pub fn push(&self, pose: RawBodyPose) {
         let mut shared = self.lock();
         if shared.poses.len() >= MOST_WAITING {
             shared.poses.pop_front();
@@ -47,28 +48,28 @@ impl Inflow {
     }
 
     /// How the source stands with its system now.
-    pub(super) fn link(&self, link: CaptureLink) {
+    pub fn link(&self, link: CaptureLink) {
         self.lock().link = link;
     }
 
     /// The system is not there.
-    pub(super) fn wait(&self, reason: impl Into<String>) {
+    pub fn wait(&self, reason: impl Into<String>) {
         self.link(CaptureLink::Waiting { reason: reason.into() });
     }
 
     /// A message that could not be read.
-    pub(super) fn malformed(&self) {
+    pub fn malformed(&self) {
         self.lock().malformed += 1;
     }
 
     /// Whether nobody takes poses any more.
-    pub(super) fn is_over(&self) -> bool {
+    pub fn is_over(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
     }
 }
 
 /// The taker's end: a source whose reader runs in a thread, which ends with it.
-pub(super) struct ThreadedCapture {
+pub struct ThreadedCapture {
     name: String,
     inflow: Inflow,
     thread: Option<JoinHandle<()>>,
@@ -76,7 +77,7 @@ pub(super) struct ThreadedCapture {
 
 impl ThreadedCapture {
     /// Starts `read`, which must end soon after [`Inflow::is_over`].
-    pub(super) fn start(
+    pub fn start(
         name: String,
         clock: HostClock,
         waiting_for: String,

@@ -12,8 +12,9 @@ mod schemes;
 pub mod vrpn;
 
 pub use doubles::{CaptureFault, FaultyCapture, ScriptedCapture};
+pub use inflow::{Inflow, ThreadedCapture};
 pub use playback::{PlayedCapture, read_poses, write_pose, write_pose_header};
-pub use schemes::{CAPTURE_SCHEMES, CaptureScheme, OpenCapture, OpenedCapture, body_of};
+pub use schemes::{CAPTURE_SCHEMES, CaptureScheme, OpenCapture, OpenedCapture, SplitName, body_of, split};
 
 use crate::DeviceError;
 use proact_localization::{Nanos, RawBodyPose};

@@ -9,8 +9,29 @@ use crate::{DeviceError, SourceName};
 use proact_localization::{TrackingAxes, UpAxis};
 use std::path::Path;
 
-/// Opens the system at an address.
-pub type OpenCapture = fn(&str, HostClock) -> Result<Box<dyn MotionCapture>, DeviceError>;
+/// Opens the system at a place for the sake of a body. Most bring all other bodies too.
+pub type OpenCapture = fn(&str, &str, HostClock) -> Result<Box<dyn MotionCapture>, DeviceError>;
+
+/// Splits what stands behind the scheme into place and body; none if it is no such name.
+pub type SplitName = fn(&str) -> Option<(&str, &str)>;
+
+/// How names are split.
+pub mod split {
+    /// At the first slash: sensors of VRPN are `DEVICE/NUMBER`, so a host ends there.
+    pub fn first_slash(address: &str) -> Option<(&str, &str)> {
+        address.split_once('/')
+    }
+
+    /// At the last slash: a path has many.
+    pub fn last_slash(address: &str) -> Option<(&str, &str)> {
+        address.rsplit_once('/')
+    }
+
+    /// Not at all: the place is the body's name too.
+    pub fn whole(address: &str) -> Option<(&str, &str)> {
+        Some((address, address))
+    }
+}
 
 /// A kind of motion capture.
 #[derive(Clone, Copy, Debug)]
@@ -19,6 +40,8 @@ pub struct CaptureScheme {
     pub scheme: &'static str,
     /// How it is named, such as `vrpn:HOST[:PORT]/BODY`.
     pub form: &'static str,
+    /// How the rest of its name is split.
+    pub split: SplitName,
     /// Which axis is up unless the laboratory says otherwise.
     pub up: UpAxis,
     /// How it is opened.
@@ -30,21 +53,30 @@ pub const CAPTURE_SCHEMES: [CaptureScheme; 4] = [
     CaptureScheme {
         scheme: "vrpn",
         form: "vrpn:HOST[:PORT]/BODY",
+        split: split::first_slash,
         up: UpAxis::Z,
-        open: |host, clock| Ok(Box::new(VrpnClient::open(host, clock)?)),
+        open: |host, _, clock| Ok(Box::new(VrpnClient::open(host, clock)?)),
     },
     CaptureScheme {
         scheme: "natnet",
         form: "natnet:HOST[:PORT]/BODY",
+        split: split::first_slash,
         up: UpAxis::Y,
-        open: |host, clock| Ok(Box::new(NatNetClient::open(host, NatNetOptions::default(), clock)?)),
+        open: |host, _, clock| Ok(Box::new(NatNetClient::open(host, NatNetOptions::default(), clock)?)),
     },
-    CaptureScheme { scheme: "lsl", form: "lsl:STREAM/BODY", up: UpAxis::Z, open: open_lsl },
+    CaptureScheme {
+        scheme: "lsl",
+        form: "lsl:STREAM/BODY",
+        split: split::first_slash,
+        up: UpAxis::Z,
+        open: |stream, _, clock| open_lsl(stream, clock),
+    },
     CaptureScheme {
         scheme: "file",
         form: "file:PATH/BODY",
+        split: split::last_slash,
         up: UpAxis::Z,
-        open: |path, clock| Ok(Box::new(PlayedCapture::open(Path::new(path), clock)?)),
+        open: |path, _, clock| Ok(Box::new(PlayedCapture::open(Path::new(path), clock)?)),
     },
 ];
 
@@ -58,9 +90,7 @@ fn parts<'a>(
         known: schemes.iter().map(|scheme| scheme.form).collect::<Vec<_>>().join(", "),
     };
     let found = schemes.iter().find(|scheme| scheme.scheme == name.scheme()).ok_or_else(unknown)?;
-    let address = name.address();
-    // Sensors of VRPN are DEVICE/NUMBER, so a host ends at the first slash; a path has many.
-    let parts = if found.scheme == "file" { address.rsplit_once('/') } else { address.split_once('/') };
+    let parts = (found.split)(name.address());
     let (place, body) =
         parts.filter(|(place, body)| !place.is_empty() && !body.is_empty()).ok_or_else(unknown)?;
     Ok((found, place, body))
@@ -98,7 +128,7 @@ impl OpenedCapture {
         let clock = HostClock::start();
         Ok(Self {
             name: name.clone(),
-            capture: (found.open)(place, clock)?,
+            capture: (found.open)(place, body, clock)?,
             body: body.to_owned(),
             axes: TrackingAxes { up: found.up, ..TrackingAxes::default() },
             clock,

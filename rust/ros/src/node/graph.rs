@@ -80,12 +80,22 @@ pub(super) fn setup(what: &str) -> impl FnOnce(rosrust::error::Error) -> NodeErr
     move |error| NodeError::Setup { what: what.to_owned(), reason: chain(&error) }
 }
 
-fn master_uri() -> String {
+pub(super) fn master_uri() -> String {
     std::env::var("ROS_MASTER_URI").unwrap_or_else(|_| "http://localhost:11311/".to_owned())
 }
 
 fn chain(error: &rosrust::error::Error) -> String {
     error.iter().map(ToString::to_string).collect::<Vec<_>>().join(": ")
+}
+
+/// The master's address and that of this process, which is on the graph.
+pub(super) fn addresses() -> Result<Addresses, NodeError> {
+    let uri = master_uri();
+    let parse = |text: &str| {
+        text.parse().map_err(|e| NodeError::Setup { what: text.to_owned(), reason: format!("{e:?}") })
+    };
+    let own = rosrust::uri();
+    Ok(Addresses { master: parse(&uri)?, slave: parse(&own)?, slave_text: own, name: rosrust::name() })
 }
 
 /// Something for the loop to do with its state `S`.
@@ -143,12 +153,7 @@ impl RosGraph {
 
     /// The master's address and our own.
     pub(super) fn addresses(&self) -> Result<Addresses, NodeError> {
-        let uri = master_uri();
-        let parse = |text: &str| {
-            text.parse().map_err(|e| NodeError::Setup { what: text.to_owned(), reason: format!("{e:?}") })
-        };
-        let own = rosrust::uri();
-        Ok(Addresses { master: parse(&uri)?, slave: parse(&own)?, slave_text: own, name: rosrust::name() })
+        addresses()
     }
 
     /// Ends the watch over the master. Call it before publishers and services go, or the watch would register again
@@ -418,7 +423,7 @@ impl Pace {
 }
 
 /// Looks at the master until `ended`, and registers again when it was restarted.
-fn watch(addresses: &Addresses, ended: &AtomicBool, restarted: &AtomicBool) {
+pub(super) fn watch(addresses: &Addresses, ended: &AtomicBool, restarted: &AtomicBool) {
     let mut pid = master::master_pid(addresses).ok();
     let mut known: Option<Registrations> = None;
     // Why it failed last: said when it changes, and not twice a second while the master is coming up.

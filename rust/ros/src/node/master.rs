@@ -55,6 +55,12 @@ pub(super) fn master_pid(addresses: &Addresses) -> Result<i32, Failure> {
     }
 }
 
+/// Whether a master answers at `uri`.
+pub(super) fn answers(uri: &str) -> Result<(), Failure> {
+    let address: Url = uri.parse().map_err(|error| format!("{error:?}"))?;
+    call(&address, "getPid", &[text("/proact")]).map(|_| ())
+}
+
 /// Whether the master knows this node.
 pub(super) fn is_known(addresses: &Addresses) -> bool {
     call(&addresses.master, "lookupNode", &[text(&addresses.name), text(&addresses.name)]).is_ok()
