@@ -10,6 +10,7 @@
 #include "frame_motion.hpp"
 #include "geoms.hpp"
 #include "joint_control.hpp"
+#include "large_islands.hpp"
 #include "link_groups.hpp"
 #include "moving_base.hpp"
 #include "touch.hpp"
@@ -31,6 +32,7 @@ struct ArmSurroundings {
   const Carrying& carrying;
   Geoms& geoms;
   ContactJoints& contact_joints;
+  LargeIslands& islands;
 };
 
 /// A tick is drive(), place_geoms(), the search for contacts, push(), a step of ODE and finish(). Angles and speeds
@@ -56,7 +58,7 @@ class Arm {
   virtual void drive(const double* position, const double* velocity) = 0;
   /// Brings the shapes of links and blocks to where they are for the search for contacts.
   virtual void place_geoms() = 0;
-  /// Lets what touches push. False if the speeds could be found inexactly only.
+  /// Lets what touches push, large islands included. False if the speeds could be found inexactly only.
   virtual bool push(Collisions& collisions) = 0;
   /// After ODE's step and the arrival of the base: brings the joints' state up to date.
   virtual void finish() = 0;

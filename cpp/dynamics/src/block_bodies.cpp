@@ -50,13 +50,17 @@ bool BlockBodies::all_asleep() const {
 void BlockBodies::put_to_sleep(const Carrying& carrying) {
   for (std::size_t k = 0; k < bodies_.size() && model_.options.sleep; ++k) {
     if (asleep(k) || carrying.carries(k)) continue;
-    const dBodyID body = bodies_[k];
-    const bool idle = norm(linear_velocity(body)) <= sleep_speed && norm(angular_velocity(body)) <= sleep_turn_speed;
-    until_sleep_[k] = idle ? until_sleep_[k] - 1 : sleep_ticks;
-    if (until_sleep_[k] > 0) continue;
-    set_body_velocity(body, {}, {});
-    dBodyDisable(body);
+    if (!idle_long(k)) continue;
+    set_body_velocity(bodies_[k], {}, {});
+    dBodyDisable(bodies_[k]);
   }
+}
+
+bool BlockBodies::idle_long(std::size_t block) {
+  const dBodyID body = bodies_[block];
+  const bool idle = norm(linear_velocity(body)) <= sleep_speed && norm(angular_velocity(body)) <= sleep_turn_speed;
+  until_sleep_[block] = idle ? until_sleep_[block] - 1 : sleep_ticks;
+  return until_sleep_[block] <= 0;
 }
 
 void BlockBodies::keep_awake(std::size_t block) { until_sleep_[block] = sleep_ticks; }

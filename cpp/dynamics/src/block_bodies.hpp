@@ -24,6 +24,8 @@ class BlockBodies {
   /// Puts blocks to sleep that have rested long enough. What touches a sleeping block wakes it.
   void put_to_sleep(const Carrying& carrying);
   void keep_awake(std::size_t block);
+  /// Counts a further tick of a block; true if it has rested long enough to sleep.
+  bool idle_long(std::size_t block);
   void wake(std::size_t block);
   /// Brakes a round block that lies on something.
   void resist_rolling(std::size_t block) const;

@@ -29,11 +29,15 @@ Side Collisions::side_of_block(const Arm& arm, std::size_t block) const {
   return {blocks_.body(block), block, no_index};
 }
 
-bool Collisions::resting(std::size_t block) const { return !carrying_.carries(block) && blocks_.asleep(block); }
+void Collisions::find_resting() {
+  resting_.resize(blocks_.count());
+  for (std::size_t k = 0; k < resting_.size(); ++k) resting_[k] = !carrying_.carries(k) && blocks_.asleep(k) ? 1 : 0;
+}
 
 void Collisions::find(const Arm& arm) {
   contacts_.clear();
   touches_.clear();
+  find_resting();
   find_links_with_fixed(arm);
   find_blocks_with_fixed(arm, false);
   find_blocks(arm);
@@ -59,15 +63,19 @@ void Collisions::find_links_with_fixed(const Arm& arm) {
   }
 }
 
-bool Collisions::touched(std::size_t block) const {
-  return std::any_of(touches_.begin(), touches_.end(),
-                     [block](const Touch& touch) { return touch.first.block == block || touch.second.block == block; });
+void Collisions::find_touched() {
+  touched_.assign(blocks_.count(), 0);
+  for (const Touch& touch : touches_) {
+    if (touch.first.block != no_index) touched_[touch.first.block] = 1;
+    if (touch.second.block != no_index) touched_[touch.second.block] = 1;
+  }
 }
 
 /// Of the blocks that are awake, or of those that are touched in their sleep.
 void Collisions::find_blocks_with_fixed(const Arm& arm, bool at_rest) {
+  if (at_rest) find_touched();
   for (const Geom& block : geoms_.blocks) {
-    if (resting(block.owner) != at_rest || (at_rest && !touched(block.owner))) continue;
+    if ((resting_[block.owner] != 0) != at_rest || (at_rest && touched_[block.owner] == 0)) continue;
     bool touches = false;
     for (const Geom& fixed : geoms_.fixed) {
       if (apart(block.bounds, fixed.bounds)) continue;
@@ -81,11 +89,13 @@ void Collisions::find_blocks_with_fixed(const Arm& arm, bool at_rest) {
 }
 
 void Collisions::find_blocks(const Arm& arm) {
+  if (std::all_of(resting_.begin(), resting_.end(), [](char resting) { return resting != 0; })) return;
   for (std::size_t i = 0; i < geoms_.blocks.size(); ++i) {
+    const Geom& a = geoms_.blocks[i];
     for (std::size_t j = i + 1; j < geoms_.blocks.size(); ++j) {
-      const Geom& a = geoms_.blocks[i];
+      if (resting_[i] != 0 && resting_[j] != 0) continue;
       const Geom& b = geoms_.blocks[j];
-      if (apart(a.bounds, b.bounds) || (resting(i) && resting(j))) continue;
+      if (apart(a.bounds, b.bounds)) continue;
       find_contacts(a.placed(), b.placed(), found_);
       const double friction = std::min(model_.blocks[i].friction, model_.blocks[j].friction);
       add_found(side_of_block(arm, i), side_of_block(arm, j), friction);

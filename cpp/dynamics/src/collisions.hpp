@@ -47,8 +47,8 @@ class Collisions {
   void add_found(const Side& first, const Side& second, double friction);
   void refuse(const Geom& block, const Geom& other, const std::string& name);
   Side side_of_block(const Arm& arm, std::size_t block) const;
-  bool resting(std::size_t block) const;
-  bool touched(std::size_t block) const;
+  void find_resting();
+  void find_touched();
 
   const Model& model_;
   const Geoms& geoms_;
@@ -56,6 +56,8 @@ class Collisions {
   const Carrying& carrying_;
   std::vector<bool> parted_;
   std::vector<Touch> touches_;
+  std::vector<char> resting_;  ///< by block, of this tick
+  std::vector<char> touched_;  ///< by block, in its sleep
   std::vector<Contact> contacts_;
   ContactPoints found_;  ///< of one pair
 };

@@ -8,6 +8,8 @@ namespace {
 
 // What slides no faster than this, m/s, has no direction; ODE then chooses one.
 constexpr double slowest_slide = 1e-6;
+// So many contacts with blocks at rest are measured.
+constexpr std::size_t most_at_rest = 512;
 
 void set(dReal* out, const Vec3& v) {
   out[0] = v.x;
@@ -26,8 +28,8 @@ Vec3 speed_at(dBodyID body, const Vec3& point) {
 
 ContactJoints::ContactJoints(const Options& options, dWorldID world)
     : options_(options), world_(world), group_(dJointGroupCreate(0)) {
-  // ODE keeps the addresses, so this never grows: no more contacts are listed.
-  measured_.reserve(World::contact_capacity);
+  // ODE keeps the addresses, so this never grows.
+  measured_.reserve(World::contact_capacity + most_at_rest);
 }
 
 void ContactJoints::clear() {
@@ -57,15 +59,20 @@ void ContactJoints::push(const Touch& touch) {
   }
   const dJointID joint = dJointCreateContact(world_, group_.get(), &contact);
   dJointAttach(joint, touch.first.body, touch.second.body);
-  if (touch.listed == no_index) return;
-  measured_.push_back({touch.listed, {}});
+  // A force on a block at rest that is not measured counts as none, and wakes it.
+  if ((touch.listed == no_index && touch.still == no_index) || measured_.size() == measured_.capacity()) return;
+  measured_.push_back({touch, {}});
   dJointSetFeedback(joint, &measured_.back().feedback);
 }
 
-void ContactJoints::read_forces(Collisions& collisions) const {
+void ContactJoints::read_forces(Collisions& collisions, LargeIslands& islands) const {
   for (const Measured& measured : measured_) {
-    const Vec3& normal = collisions.contacts()[measured.contact].normal;
-    collisions.set_force(measured.contact, std::max(0.0, dot(to_vec(measured.feedback.f1), normal)));
+    const Touch& touch = measured.touch;
+    // ODE takes the second body for the first where there is no other.
+    const double sign = touch.first.body == nullptr ? -1.0 : 1.0;
+    islands.note(touch, to_vec(measured.feedback.f1) * (sign * tick_secs));
+    if (touch.listed == no_index) continue;
+    collisions.set_force(touch.listed, std::max(0.0, dot(to_vec(measured.feedback.f1), collisions.contacts()[touch.listed].normal)));
   }
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "collisions.hpp"
+#include "large_islands.hpp"
 #include "touch.hpp"
 
 #include <cstddef>
@@ -17,12 +18,12 @@ class ContactJoints {
   void clear();
   /// Lets two things push each other in ODE's next step.
   void push(const Touch& touch);
-  /// After ODE's step: tells the forces of listed contacts.
-  void read_forces(Collisions& collisions) const;
+  /// After ODE's step: tells the forces of listed contacts, and those on blocks at rest.
+  void read_forces(Collisions& collisions, LargeIslands& islands) const;
 
  private:
   struct Measured {
-    std::size_t contact;  ///< index in the list of contacts
+    Touch touch;
     dJointFeedback feedback;
   };
 

@@ -29,7 +29,8 @@ World::Simulation::Simulation(Model model)
       blocks_(model_, ode_world_.id()),
       geoms_(model_),
       collisions_(model_, geoms_, blocks_, carrying_),
-      arm_(make_arm({model_, ode_world_.id(), base_, joints_, control_, blocks_, carrying_, geoms_, contact_joints_})) {
+      islands_(model_, blocks_, carrying_),
+      arm_(make_arm({model_, ode_world_.id(), base_, joints_, control_, blocks_, carrying_, geoms_, contact_joints_, islands_})) {
   arm_->build();
   arm_->place_geoms();
   collisions_.refuse_overlaps();
@@ -66,12 +67,16 @@ void World::Simulation::advance(const double* position, const double* velocity, 
   arm_->drive(position, velocity);
   contact_joints_.clear();
   arm_->place_geoms();
+  islands_.wake_near(geoms_);
   collisions_.find(*arm_);
+  islands_.split(collisions_.touches());
   if (!arm_->push(collisions_)) ode_world_.add_complaint();
+  islands_.move();
   step_ode();
   base_.arrive();
   arm_->finish();
-  contact_joints_.read_forces(collisions_);
+  contact_joints_.read_forces(collisions_, islands_);
+  islands_.finish();
   read_blocks();
 }
 
@@ -154,8 +159,10 @@ void World::Simulation::place(std::size_t block, const BodyState& state) {
   }
   blocks_.set_state(block, state);
   blocks_.set_free(block);
+  islands_.wake(block);
+  // Of a heap only those wake that lose a neighbour or get one.
   for (std::size_t k = 0; k < blocks_.count(); ++k) {
-    if (!carrying_.carries(k)) blocks_.wake(k);
+    if (!carrying_.carries(k) && !islands_.rests(k)) blocks_.wake(k);
   }
 }
 
@@ -173,6 +180,7 @@ std::vector<double> World::Simulation::save() const {
   snapshot.block_bodies = blocks_.bits();
   snapshot.parted = collisions_.parted();
   snapshot.contacts = collisions_.contacts();
+  snapshot.islands = islands_.state();
   return to_numbers(model_, snapshot);
 }
 
@@ -188,6 +196,7 @@ void World::Simulation::restore(const std::vector<double>& numbers) {
   blocks_.restore(snapshot.blocks, snapshot.until_sleep);
   contact_joints_.clear();
   collisions_.restore(snapshot.parted, snapshot.contacts);
+  islands_.restore(snapshot.islands);
   arm_->restore(snapshot.arm);
   blocks_.put(snapshot.block_bodies);
 }

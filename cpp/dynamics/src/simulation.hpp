@@ -9,6 +9,7 @@
 #include "contact_joints.hpp"
 #include "geoms.hpp"
 #include "joint_control.hpp"
+#include "large_islands.hpp"
 #include "moving_base.hpp"
 #include "ode_world.hpp"
 #include "proact/dynamics/world.hpp"
@@ -65,6 +66,7 @@ class World::Simulation {
   BlockBodies blocks_;
   Geoms geoms_;
   Collisions collisions_;
+  LargeIslands islands_;
   std::unique_ptr<Arm> arm_;
   std::string failure_;  ///< why no further step is possible
 };

@@ -129,6 +129,48 @@ std::size_t arm_bodies(const Model& model, const std::vector<bool>& held) {
   return bodies;
 }
 
+void add_islands(Writer& out, const LargeIslands::State& islands) {
+  out.add_all(islands.large);
+  out.add_all(islands.resting);
+  out.add(static_cast<double>(islands.presses.size()));
+  for (const LargeIslands::Press& press : islands.presses) {
+    out.add(static_cast<double>(press.block));
+    out.add(static_cast<double>(press.neighbour));
+    out.add(press.force);
+    out.add(press.torque);
+  }
+  out.add(static_cast<double>(islands.remembered.size()));
+  for (const LargeIslands::Remembered& point : islands.remembered) {
+    out.add(static_cast<double>(point.pair));
+    out.add(point.position);
+    out.add(point.impulse);
+  }
+}
+
+LargeIslands::State read_islands(Reader& in, std::size_t blocks) {
+  // Contacts of a pair of blocks, of all pairs: more than there can be.
+  const std::size_t numbers = blocks + 1;
+  const std::size_t points = ContactPoints::capacity * numbers * numbers + 1;
+  LargeIslands::State out;
+  out.large = in.flags(blocks);
+  out.resting = in.flags(blocks);
+  out.presses.resize(in.index("forces on blocks at rest", numbers * numbers));
+  for (LargeIslands::Press& press : out.presses) {
+    press.block = in.index("block at rest", blocks);
+    press.neighbour = in.index("neighbour", blocks);
+    press.force = in.vec();
+    press.torque = in.vec();
+  }
+  out.remembered.resize(in.index("contacts remembered", points));
+  for (LargeIslands::Remembered& point : out.remembered) {
+    point.pair = in.index("pair", numbers * numbers);
+    point.position = in.vec();
+    point.impulse = in.vec();
+    point.taken = false;
+  }
+  return out;
+}
+
 }  // namespace
 
 std::vector<double> to_numbers(const Model& model, const Snapshot& snapshot) {
@@ -178,6 +220,7 @@ std::vector<double> to_numbers(const Model& model, const Snapshot& snapshot) {
     out.add(contact.normal);
     out.add(contact.force);
   }
+  add_islands(out, snapshot.islands);
   return out.take();
 }
 
@@ -241,6 +284,7 @@ Snapshot from_numbers(const Model& model, const std::vector<double>& numbers) {
     contact.normal = in.vec();
     contact.force = in.number();
   }
+  out.islands = read_islands(in, blocks);
   in.finish();
   return out;
 }

@@ -7,6 +7,7 @@
 #include "arm_joints.hpp"
 #include "body_bits.hpp"
 #include "joint_control.hpp"
+#include "large_islands.hpp"
 #include "moving_base.hpp"
 #include "ode_world.hpp"
 #include "proact/dynamics/world.hpp"
@@ -29,6 +30,7 @@ struct Snapshot {
   std::vector<BodyBits> block_bodies;
   std::vector<bool> parted;  ///< [block][link]: contacts act
   std::vector<Contact> contacts;
+  LargeIslands::State islands;
 };
 
 std::vector<double> to_numbers(const Model& model, const Snapshot& snapshot);

@@ -22,6 +22,7 @@ struct Touch {
   double friction;
   ContactPoint point;
   std::size_t listed;  ///< index in the list of contacts, which wants its force, or no_index
+  std::size_t still = no_index;  ///< the block at rest in a heap that one of the sides is, as part of the room
 };
 
 }  // namespace proact::dynamics

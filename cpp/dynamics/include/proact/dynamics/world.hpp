@@ -76,7 +76,7 @@ class World {
   /// Lets the attached block go with the speed that it has. It touches each link again only once they have
   /// come apart, so that fingers that overlap it do not throw it.
   void release();
-  /// Puts a block somewhere, with a speed, and wakes all blocks: what lay on it falls. Throws std::invalid_argument, and
+  /// Puts a block somewhere, with a speed, and wakes all blocks, of heaps those that feel it: what lay on it falls. Throws std::invalid_argument, and
   /// changes nothing, if there is no such block, it is attached, a number is not finite, or it would stand more than 1 mm
   /// inside something.
   void place(std::size_t block, const BodyState& state);

@@ -47,6 +47,7 @@ OdeArm::OdeArm(const ArmSurroundings& surroundings)
       carrying_(surroundings.carrying),
       geoms_(surroundings.geoms),
       contact_joints_(surroundings.contact_joints),
+      islands_(surroundings.islands),
       motions_(surroundings.model.links.size()),
       hanging_(surroundings.blocks.count(), false) {}
 
@@ -271,9 +272,11 @@ void OdeArm::keep_awake(const std::vector<Touch>& touches) {
   }
 }
 
-bool OdeArm::push(Collisions& collisions) {
-  keep_awake(collisions.touches());
-  for (const Touch& touch : collisions.touches()) contact_joints_.push(touch);
+bool OdeArm::push(Collisions&) {
+  keep_awake(islands_.others());
+  for (const Touch& touch : islands_.others()) contact_joints_.push(touch);
+  islands_.begin();
+  islands_.settle();
   return true;
 }
 

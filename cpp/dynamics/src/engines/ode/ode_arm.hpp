@@ -63,6 +63,7 @@ class OdeArm final : public Arm {
   const Carrying& carrying_;
   Geoms& geoms_;
   ContactJoints& contact_joints_;
+  LargeIslands& islands_;
 
   // ODE's world destroys bodies and joints.
   std::vector<dBodyID> bodies_;        ///< the first is the base

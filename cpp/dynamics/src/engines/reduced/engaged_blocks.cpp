@@ -5,8 +5,8 @@
 
 namespace proact::dynamics {
 
-EngagedBlocks::EngagedBlocks(const Model& model, BlockBodies& blocks, ContactJoints& contact_joints)
-    : model_(model), blocks_(blocks), contact_joints_(contact_joints), slot_(blocks.count(), no_index) {
+EngagedBlocks::EngagedBlocks(const Model& model, BlockBodies& blocks, ContactJoints& contact_joints, const LargeIslands& islands)
+    : model_(model), blocks_(blocks), contact_joints_(contact_joints), islands_(islands), slot_(blocks.count(), no_index) {
   engaged_.reserve(blocks.count());
   touches_.reserve(World::contact_capacity);
 }
@@ -61,8 +61,52 @@ void EngagedBlocks::add_to(VelocityProblem& problem, std::size_t hinges) {
   }
 }
 
+bool EngagedBlocks::share() {
+  shared_.clear();
+  for (std::size_t slot = 0; slot < engaged_.size(); ++slot) {
+    const std::size_t body = islands_.body_of(engaged_[slot]);
+    if (body != no_index) shared_.push_back({slot, body, {}, {}});
+  }
+  return !shared_.empty();
+}
+
+void EngagedBlocks::start_turns() {
+  for (Shared& shared : shared_) shared.linear = shared.angular = {};
+}
+
+void EngagedBlocks::take_momenta(VelocityProblem& problem, const ContactSweeps& sweeps) const {
+  for (const Shared& shared : shared_) {
+    VelocityProblem::BlockPart& part = problem.blocks[shared.slot];
+    const ContactSweeps::Body& body = sweeps.bodies[shared.body];
+    part.linear_momentum = body.linear * part.mass - shared.linear;
+    part.angular_momentum = part.inertia * body.angular - shared.angular;
+  }
+}
+
+double EngagedBlocks::give_speeds(const VelocityProblem& problem, std::size_t hinges, ContactSweeps& sweeps) {
+  constexpr double reach = 0.1;  // m, of a block
+  double largest = 0.0;
+  for (Shared& shared : shared_) {
+    const double* const twist = &problem.velocity[hinges + 6 * shared.slot];
+    const VelocityProblem::BlockPart& part = problem.blocks[shared.slot];
+    ContactSweeps::Body& body = sweeps.bodies[shared.body];
+    const Vec3 linear{twist[0], twist[1], twist[2]};
+    const Vec3 angular{twist[3], twist[4], twist[5]};
+    const double change = norm(linear - body.linear);
+    largest = std::max(largest, change);
+    body.changed += change + norm(angular - body.angular) * reach;
+    shared.linear = linear * part.mass - part.linear_momentum;
+    shared.angular = part.inertia * angular - part.angular_momentum;
+    body.linear = linear;
+    body.angular = angular;
+  }
+  return largest;
+}
+
+/// Those of large islands are moved there.
 void EngagedBlocks::move(const VelocityProblem& problem, std::size_t hinges) {
   for (std::size_t slot = 0; slot < engaged_.size(); ++slot) {
+    if (islands_.body_of(engaged_[slot]) != no_index) continue;
     const dBodyID body = blocks_.body(engaged_[slot]);
     const double* const twist = &problem.velocity[hinges + 6 * slot];
     const Vec3 linear{twist[0], twist[1], twist[2]};

@@ -3,6 +3,7 @@
 
 #include "block_bodies.hpp"
 #include "contact_joints.hpp"
+#include "large_islands.hpp"
 #include "touch.hpp"
 #include "engines/reduced/velocity_problem.hpp"
 
@@ -13,7 +14,7 @@ namespace proact::dynamics {
 
 class EngagedBlocks {
  public:
-  EngagedBlocks(const Model& model, BlockBodies& blocks, ContactJoints& contact_joints);
+  EngagedBlocks(const Model& model, BlockBodies& blocks, ContactJoints& contact_joints, const LargeIslands& islands);
 
   /// Finds the blocks that touch the arm, or each other and one of them the arm; hands all other contacts to ODE.
   void find(const std::vector<Touch>& touches);
@@ -26,6 +27,13 @@ class EngagedBlocks {
 
   /// Adds masses, momenta and present speeds to a problem of `hinges` hinges.
   void add_to(VelocityProblem& problem, std::size_t hinges);
+  /// Finds out which of them are of large islands too; whether any is.
+  bool share();
+  /// The shared ones in turns with the sweeps: start, then before and after each solution of `problem`.
+  void start_turns();
+  void take_momenta(VelocityProblem& problem, const ContactSweeps& sweeps) const;
+  /// The largest change of a speed, m/s, rad/s over a block's breadth left out.
+  double give_speeds(const VelocityProblem& problem, std::size_t hinges, ContactSweeps& sweeps);
   /// Moves the blocks by a tick at the speeds of `problem`.
   void move(const VelocityProblem& problem, std::size_t hinges);
   /// What hangs together with the arm is none of ODE's business in a tick.
@@ -36,9 +44,17 @@ class EngagedBlocks {
   const Model& model_;
   BlockBodies& blocks_;
   ContactJoints& contact_joints_;
+  const LargeIslands& islands_;
   std::vector<std::size_t> engaged_;
   std::vector<std::size_t> slot_;  ///< by block: its place in engaged_, or no_index
   std::vector<Touch> touches_;
+  struct Shared {
+    std::size_t slot;
+    std::size_t body;  ///< of the sweeps
+    Vec3 linear;       ///< impulse that the arm's contacts gave it, N s
+    Vec3 angular;      ///< N m s
+  };
+  std::vector<Shared> shared_;
 };
 
 }  // namespace proact::dynamics

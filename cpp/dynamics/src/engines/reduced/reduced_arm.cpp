@@ -13,6 +13,8 @@ constexpr double infinity = std::numeric_limits<double>::infinity();
 // The speeds in the middle of a tick have settled when none changes by more than this, rad/s.
 constexpr double settled_speed = 1e-6;
 constexpr int most_rounds = 10;
+// Turns between the arm and a heap in a tick; the next tick goes on where they end.
+constexpr int most_turns = 2;
 // A joint is braked beyond this speed, rad/s, two hundred times the fastest that a hand is asked for: limp fingers without
 // stops would whip round by half a radian in a tick, which no tick of 1 ms can follow.
 constexpr double fastest_turn = 400.0;
@@ -46,8 +48,9 @@ ReducedArm::ReducedArm(const ArmSurroundings& surroundings)
       blocks_(surroundings.blocks),
       carrying_(surroundings.carrying),
       geoms_(surroundings.geoms),
+      islands_(surroundings.islands),
       near_links_(surroundings.geoms),
-      engaged_(surroundings.model, surroundings.blocks, surroundings.contact_joints),
+      engaged_(surroundings.model, surroundings.blocks, surroundings.contact_joints, surroundings.islands),
       motor_states_(surroundings.model.moving.size(), 0),
       halfway_(surroundings.model.positions) {}
 
@@ -165,9 +168,12 @@ void ReducedArm::place_geoms() {
 }
 
 bool ReducedArm::push(Collisions& collisions) {
-  engaged_.find(collisions.touches());
+  engaged_.find(islands_.others());
+  islands_.begin();
+  const bool shared = engaged_.share();
+  if (!shared) islands_.settle();
   const bool free = engaged_.touches().empty() && drive_freely();
-  const bool solved = free || solve_with_contacts(collisions);
+  const bool solved = free || solve_with_contacts(collisions, shared);
   const std::size_t hinges = tree_.hinge_count();
   for (std::size_t i = 0; i < hinges; ++i) {
     const std::size_t k = moving(i);
@@ -211,7 +217,7 @@ bool ReducedArm::drive_freely() {
   return true;
 }
 
-bool ReducedArm::solve_with_contacts(Collisions& collisions) {
+bool ReducedArm::solve_with_contacts(Collisions& collisions, bool shared) {
   const std::vector<Touch>& touches = engaged_.touches();
   set_up_hinges();
   engaged_.add_to(problem_, tree_.hinge_count());
@@ -219,7 +225,8 @@ bool ReducedArm::solve_with_contacts(Collisions& collisions) {
   problem_.contacts.clear();
   problem_.columns.clear();
   for (const Touch& touch : touches) add_contact(touch);
-  const bool solved = settle_speeds();
+  problem_.renew();
+  const bool solved = shared ? settle_in_turns() : settle_speeds();
   for (std::size_t k = 0; k < touches.size(); ++k) {
     if (touches[k].listed == no_index) continue;
     collisions.set_force(touches[k].listed, problem_.contacts[k].impulse[0] / tick_secs);
@@ -258,7 +265,6 @@ void ReducedArm::set_up_hinges() {
 bool ReducedArm::settle_speeds() {
   const std::size_t hinges = tree_.hinge_count();
   const std::vector<double>& velocities = joints_.velocities();
-  problem_.renew();
   bool solved = true;
   double changed = infinity;
   for (int round = 0; round < most_rounds && changed > settled_speed; ++round) {
@@ -277,6 +283,24 @@ bool ReducedArm::settle_speeds() {
       changed = std::max(changed, std::fabs(speed - speeds_[i]));
     }
   }
+  return solved;
+}
+
+/// The arm's contacts are solved exactly and those of the heap that it touches by sweeps, in turns: each finds the momenta
+/// that the other has left.
+bool ReducedArm::settle_in_turns() {
+  ContactSweeps& sweeps = islands_.sweeps();
+  const std::size_t hinges = tree_.hinge_count();
+  bool solved = true;
+  double changed = infinity;
+  engaged_.start_turns();
+  for (int turn = 0; turn < most_turns && changed > islands_.small_speed(); ++turn) {
+    sweeps.sweep();
+    engaged_.take_momenta(problem_, sweeps);
+    solved = settle_speeds() && solved;
+    changed = engaged_.give_speeds(problem_, hinges, sweeps);
+  }
+  islands_.settle();
   return solved;
 }
 

@@ -58,9 +58,10 @@ class ReducedArm final : public Arm {
   void make_room();
   void hang_blocks();
   bool drive_freely();
-  bool solve_with_contacts(Collisions& collisions);
+  bool solve_with_contacts(Collisions& collisions, bool shared);
   void set_up_hinges();
   bool settle_speeds();
+  bool settle_in_turns();
   void add_contact(const Touch& touch);
   void add_side(const Side& side, double sign, const std::array<Vec3, 3>& directions, const Vec3& point);
   std::size_t moving(std::size_t hinge) const { return tree_.bodies[hinge + 1].moving; }
@@ -72,6 +73,7 @@ class ReducedArm final : public Arm {
   const BlockBodies& blocks_;
   const Carrying& carrying_;
   Geoms& geoms_;
+  LargeIslands& islands_;
 
   ArmTree tree_;
   VelocityProblem problem_;

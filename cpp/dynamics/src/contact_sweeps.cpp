@@ -1,0 +1,178 @@
+#include "contact_sweeps.hpp"
+
+#include "proact/dynamics/model.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace proact::dynamics {
+
+namespace {
+
+// A point whose bodies have changed by less than this share of what is small need not be put right again.
+constexpr double stale_share = 0.1;
+
+/// Adds what an impulse at `lever` of a body does to the speed there.
+void add_response(Symmetric& sum, const ContactSweeps::Body& body, const Vec3& lever) {
+  const auto column = [&](const Vec3& direction) { return cross(body.inverse_inertia * cross(lever, direction), lever); };
+  const Vec3 x = column({1.0, 0.0, 0.0});
+  const Vec3 y = column({0.0, 1.0, 0.0});
+  const Vec3 z = column({0.0, 0.0, 1.0});
+  const double m = body.inverse_mass;
+  sum = sum + Symmetric{x.x + m, x.y, x.z, y.y + m, y.z, z.z + m};
+}
+
+/// Speed of the first against the second at a point.
+inline Vec3 slip(const std::vector<ContactSweeps::Body>& bodies, const ContactSweeps::Point& point) {
+  Vec3 speed{};
+  if (point.first != no_index) {
+    const ContactSweeps::Body& body = bodies[point.first];
+    speed = body.linear + cross(body.angular, point.first_lever);
+  }
+  if (point.second != no_index) {
+    const ContactSweeps::Body& body = bodies[point.second];
+    speed = speed - body.linear - cross(body.angular, point.second_lever);
+  }
+  return speed;
+}
+
+inline void act(std::vector<ContactSweeps::Body>& bodies, const ContactSweeps::Point& point, const Vec3& impulse) {
+  const double size = std::fabs(impulse.x) + std::fabs(impulse.y) + std::fabs(impulse.z);
+  if (point.first != no_index) {
+    ContactSweeps::Body& body = bodies[point.first];
+    body.linear = body.linear + impulse * body.inverse_mass;
+    body.changed += size * body.inverse_mass;
+    body.angular = body.angular + body.inverse_inertia * cross(point.first_lever, impulse);
+  }
+  if (point.second != no_index) {
+    ContactSweeps::Body& body = bodies[point.second];
+    body.linear = body.linear - impulse * body.inverse_mass;
+    body.changed += size * body.inverse_mass;
+    body.angular = body.angular - body.inverse_inertia * cross(point.second_lever, impulse);
+  }
+}
+
+}  // namespace
+
+Symmetric inverse(const Symmetric& m) {
+  const double a = m.yy * m.zz - m.yz * m.yz;
+  const double b = m.xz * m.yz - m.xy * m.zz;
+  const double c = m.xy * m.yz - m.xz * m.yy;
+  const double scale = 1.0 / (m.xx * a + m.xy * b + m.xz * c);
+  return {a * scale, b * scale, c * scale,
+          (m.xx * m.zz - m.xz * m.xz) * scale, (m.xy * m.xz - m.xx * m.yz) * scale,
+          (m.xx * m.yy - m.xy * m.xy) * scale};
+}
+
+void ContactSweeps::begin() {
+  stale_ = 0.0;
+  responses_.clear();
+  const double soft = normal_softness / tick_secs;
+  const double sideways_soft = friction_softness / tick_secs;
+  for (Point& point : points) {
+    Symmetric response{};
+    if (point.first != no_index) add_response(response, bodies[point.first], point.first_lever);
+    if (point.second != no_index) add_response(response, bodies[point.second], point.second_lever);
+    const Vec3& n = point.normal;
+    const double along = dot(n, response * n);
+    // The two numbers of the part across the normal sum to its trace, so that neither is larger.
+    const double across = response.xx + response.yy + response.zz - along;
+    const double more = soft - sideways_soft;
+    response = response + Symmetric{sideways_soft + more * n.x * n.x, more * n.x * n.y, more * n.x * n.z,
+                                    sideways_soft + more * n.y * n.y, more * n.y * n.z, sideways_soft + more * n.z * n.z};
+    responses_.push_back({inverse(response), along + soft, 1.0 / (along + soft), 1.0 / (across + sideways_soft)});
+
+    // A guess is kept within the cone of this tick's normal.
+    const double normal = std::max(0.0, dot(point.impulse, n));
+    Vec3 across_part = point.impulse - n * dot(point.impulse, n);
+    const double size = norm(across_part);
+    if (size > point.friction * normal) across_part = across_part * (point.friction * normal / size);
+    point.impulse = n * normal + across_part;
+    act(bodies, point, point.impulse);
+  }
+}
+
+double ContactSweeps::changed(const Point& point) const {
+  return (point.first != no_index ? bodies[point.first].changed : 0.0) + (point.second != no_index ? bodies[point.second].changed : 0.0);
+}
+
+double ContactSweeps::put_right(std::size_t which) {
+  Point& point = points[which];
+  if (changed(point) - point.seen <= stale_ && point.seen >= 0.0) return 0.0;
+  const Response& response = responses_[which];
+  const Vec3& n = point.normal;
+  const double soft = normal_softness / tick_secs;
+  const double sideways_soft = friction_softness / tick_secs;
+
+  // What the laws lack: speed and softness times impulse should be the wanted speed.
+  const double pressed = dot(point.impulse, n);
+  const Vec3 lack = n * (point.speed - (soft - sideways_soft) * pressed) - slip(bodies, point) - point.impulse * sideways_soft;
+
+  // The impulse under which the point sticks, if friction can bear that.
+  Vec3 wanted = point.impulse + response.inverse * lack;
+  const double normal = dot(wanted, n);
+  const Vec3 across = wanted - n * normal;
+  if (normal <= 0.0 || dot(across, across) > point.friction * point.friction * normal * normal) {
+    // Else along the normal, and then across within the bound. Where neither changes, Coulomb's law holds exactly.
+    const double lacks_along = dot(lack, n);
+    const double new_normal = std::max(0.0, pressed + response.along_inverse * lacks_along);
+    Vec3 sideways = point.impulse - n * pressed + (lack - n * lacks_along) * response.across_inverse;
+    const double bound = point.friction * new_normal;
+    const double size = norm(sideways);
+    if (size > bound) sideways = sideways * (bound / size);
+    wanted = n * new_normal + sideways;
+  }
+  const Vec3 change = wanted - point.impulse;
+  point.impulse = wanted;
+  act(bodies, point, change);
+  point.seen = changed(point);
+  return std::max(std::fabs(change.x), std::max(std::fabs(change.y), std::fabs(change.z))) * response.along;
+}
+
+double ContactSweeps::sweep() {
+  for (std::size_t k = 0; k < points.size(); ++k) put_right(k);
+  double largest = 0.0;
+  for (std::size_t k = points.size(); k-- > 0;) largest = std::max(largest, put_right(k));
+  return largest;
+}
+
+double ContactSweeps::mean_speed() const {
+  double sum = 0.0;
+  for (const Body& body : bodies) sum += dot(body.linear, body.linear);
+  return bodies.empty() ? 0.0 : std::sqrt(sum / static_cast<double>(bodies.size()));
+}
+
+/// What a pair of sweeps changes is taken for a slope, and the way for that of conjugate gradients.
+bool ContactSweeps::settle(int most, double small) {
+  if (points.empty()) return true;
+  stale_ = stale_share * small;
+  before_.resize(points.size());
+  way_.assign(points.size(), Vec3{});
+  double last_square = 0.0;
+  for (int round = 1;; ++round) {
+    for (std::size_t k = 0; k < points.size(); ++k) before_[k] = points[k].impulse;
+    const double largest = sweep();
+    // Ends with a sweep, so that no impulse lies outside its cone.
+    if (largest <= small || round >= most) return largest <= small;
+    double square = 0.0;
+    for (std::size_t k = 0; k < points.size(); ++k) {
+      before_[k] = points[k].impulse - before_[k];
+      square += dot(before_[k], before_[k]);
+    }
+    const double share = last_square > 0.0 ? square / last_square : 2.0;
+    last_square = square;
+    if (share >= 1.0) {
+      // It leads astray: begin anew along the slope.
+      for (std::size_t k = 0; k < points.size(); ++k) way_[k] = before_[k];
+      continue;
+    }
+    for (std::size_t k = 0; k < points.size(); ++k) {
+      const Vec3 further = way_[k] * share;
+      points[k].impulse = points[k].impulse + further;
+      act(bodies, points[k], further);
+      way_[k] = further + before_[k];
+    }
+  }
+}
+
+}  // namespace proact::dynamics
