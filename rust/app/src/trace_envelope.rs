@@ -38,7 +38,7 @@ impl TraceEnvelope {
             (self.lowest, self.highest, self.seen) = (values.into(), values.into(), 0);
         }
         for ((low, high), value) in self.lowest.iter_mut().zip(&mut self.highest).zip(values) {
-            (*low, *high) = (low.min(*value), high.max(*value));
+            (*low, *high) = (f64::min(*low, *value), f64::max(*high, *value));
         }
         self.seen += 1;
         if self.seen == self.block {

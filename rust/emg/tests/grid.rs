@@ -11,12 +11,19 @@ fn config() -> EmgConfig {
     EmgConfig { rate_hz: 4000.0, channels: CHANNELS, ..EmgConfig::default() }
 }
 
+/// Noise without a memory, -1 to 1: SplitMix64 of sample and channel.
+fn noise(counter: u64, channel: usize) -> f64 {
+    let mut z = (counter * CHANNELS as u64 + channel as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+    (z ^ (z >> 31)) as f64 / u64::MAX as f64 * 2.0 - 1.0
+}
+
 /// Each gesture is loud under another part of the grid.
 fn sample(counter: u64, gesture: Gesture) -> EmgSample {
     let value = |channel: usize| {
         let near = channel / 13 == gesture.index();
-        let phase = counter as f64 * (0.31 + 0.007 * channel as f64) + (counter * counter % 89) as f64;
-        phase.sin() * if near { 40.0 } else { 3.0 } + 100.0
+        100.0 + noise(counter, channel) * if near { 40.0 } else { 3.0 }
     };
     EmgSample { counter, channels: (0..CHANNELS).map(value).collect() }
 }
@@ -24,7 +31,8 @@ fn sample(counter: u64, gesture: Gesture) -> EmgSample {
 fn pipeline() -> EmgPipeline {
     let (config, mut windows, mut labels, mut amplitudes) = (config(), Vec::new(), Vec::new(), Vec::new());
     for gesture in Gesture::ALL {
-        let samples = (0..12_000).map(|k| {
+        // Others than are recognised below, and more windows than features.
+        let samples = (1_000_000..1_024_000).map(|k| {
             let mut sample = sample(k, gesture);
             sample.channels.iter_mut().for_each(|value| *value -= 100.0);
             sample
@@ -53,9 +61,7 @@ fn a_grid_at_four_kilohertz_is_recognised_also_over_a_short_gap() {
         let lost = (500..504).contains(&(tick % 1000));
         let samples: Vec<EmgSample> = (4 * tick..4 * tick + 4).map(|k| sample(k, gesture)).collect();
         let samples = if lost { &[][..] } else { &samples };
-        for sample in samples {
-            monitor.push(SimTime(tick), sample);
-        }
+        samples.iter().for_each(|sample| drop(monitor.push(SimTime(tick), sample)));
         let Some(output) = pipeline.step(SimTime(tick), samples) else { continue };
         // Windows that hold two gestures are of neither.
         if tick % 1000 >= 100 {
