@@ -32,7 +32,7 @@ pub(crate) struct ServeArgs {
     /// Do not record
     #[arg(long, conflicts_with = "out")]
     no_record: bool,
-    /// Gestures from an armband instead of keys: gforce-sim://HOST:PORT, ble, ble:NAME, lsl, lsl:NAME, file:PATH,
+    /// Gestures from an armband instead of keys: gforce-sim://HOST:PORT, ble, ble:NAME, myo, myo:NAME, lsl, lsl:NAME, file:PATH,
     /// synthetic, person:FOLDER or keys
     #[arg(long, value_name = "SOURCE", requires = "emg_model")]
     emg_source: Option<SourceName>,

@@ -197,3 +197,14 @@ fn a_model_file_is_used_with_its_zero_level_and_one_of_another_band_is_refused()
         "{error}"
     );
 }
+
+#[test]
+fn a_simulated_myo_feeds_the_recogniser_too() {
+    let (_running, address) = simulator(&["--myo", "--gesture", SCRIPT]);
+    let lines = stream(&["--source", &format!("myo-sim://{address}"), "--seconds", "7"]);
+    let open = event(&lines, "open")[0];
+    assert_eq!((&open["rate_hz"], &open["channels"]), (&200.0.into(), &8.into()));
+    let (share, decisions) = score(&lines, 200.0);
+    assert!(share > 0.95 && decisions > 60, "{share} of {decisions}");
+    assert_eq!(event(&lines, "end")[0]["link"]["lost_samples"], 0);
+}

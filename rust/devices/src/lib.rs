@@ -3,8 +3,8 @@
 //! Files are read here, when a source is made; what runs during a trial is deterministic: every random choice
 //! comes from [`stream`], so the same seed gives the same samples. Implements the ports of `testbed`.
 //!
-//! Live streams come through one trait, [`SampleSource`]: the gForce armband over any link ([`gforce`]; Bluetooth with
-//! the feature `ble`, which needs libdbus-1-dev on Linux), streams of the lab streaming layer (feature `lsl`, which builds
+//! Live streams come through one trait, [`SampleSource`]: the armbands gForce ([`gforce`]) and Myo ([`myo`]) over any
+//! link (Bluetooth with the feature `ble`, which needs libdbus-1-dev on Linux), streams of the lab streaming layer (feature `lsl`, which builds
 //! liblsl), recordings played as if live, and doubles with faults for tests. [`EmgRecorder`] keeps them;
 //! [`LibEmgReceiver`] and [`LibEmgSender`] speak with LibEMG's programs. [`GazeReceiver`] takes an eye tracker's samples,
 //! poses of bodies come through [`motion_capture::MotionCapture`],
@@ -53,6 +53,7 @@ mod libemg_udp;
 mod live;
 mod metadata;
 pub mod motion_capture;
+pub mod myo;
 mod ports;
 mod random;
 mod recorder;

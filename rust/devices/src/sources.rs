@@ -2,7 +2,8 @@
 
 use crate::{
     DeviceError, EmgOrigin, KeyboardSource, Pacing, PersonSource, PlaybackSource, Recordings, SampleSource,
-    gforce::{GForce, GForceOptions, TcpConnector},
+    gforce::{Connect, GForce, GForceOptions, LinkError, TcpConnector},
+    myo::{Myo, MyoEmgMode, protocol::RATE_HZ as MYO_HZ},
     read_recorded,
 };
 use std::{
@@ -171,7 +172,7 @@ impl SourceScheme {
 const CLASSES_UDP: &str = "libemg-udp";
 const CLASSES_TCP: &str = "libemg-tcp";
 const CLASSES_ONLY: &str = "LibEMG sends classes, not samples: only `emg stream` takes them; samples come from \
-    gforce-sim://HOST:PORT, ble, lsl, file:PATH, synthetic, person:FOLDER or keys";
+    gforce-sim://HOST:PORT, ble, myo, lsl, file:PATH, synthetic, person:FOLDER or keys";
 
 /// From where LibEMG sends classes.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -203,6 +204,13 @@ impl SourceRegistry {
                     },
                 ),
                 scheme("ble", Address::Optional("NAME"), "a gForce armband over Bluetooth", open_ble),
+                scheme(
+                    "myo-sim",
+                    Address::Needed("HOST:PORT"),
+                    "the Myo armband's simulator",
+                    |address, options| open_myo(Ok(TcpConnector::new(address)), options),
+                ),
+                scheme("myo", Address::Optional("NAME"), "a Myo armband over Bluetooth", open_myo_ble),
                 scheme("lsl", Address::Optional("NAME"), "a stream of the lab streaming layer", open_lsl),
                 scheme(
                     "file",
@@ -355,6 +363,29 @@ fn open_ble(_name: &str, _options: &SourceOptions) -> Result<Box<dyn SampleSourc
     ))
 }
 
+/// A Myo has one rate and one resolution.
+fn open_myo<C: Connect + 'static>(
+    connector: Result<C, LinkError>,
+    options: &SourceOptions,
+) -> Result<Box<dyn SampleSource>, DeviceError> {
+    if let Some(rate_hz) = options.rate_hz.filter(|rate_hz| *rate_hz != MYO_HZ) {
+        let expected = "200 Hz, the one rate of a Myo";
+        return Err(DeviceError::Parameter { name: "--emg-rate", value: rate_hz.into(), expected });
+    }
+    let open = connector.and_then(|connector| Myo::open(Box::new(connector), MyoEmgMode::default()));
+    Ok(Box::new(open.map_err(crate::gforce::GForceError::from)?))
+}
+
+#[cfg(feature = "ble")]
+fn open_myo_ble(name: &str, options: &SourceOptions) -> Result<Box<dyn SampleSource>, DeviceError> {
+    open_myo(crate::gforce::BleConnector::myo(name), options)
+}
+
+#[cfg(not(feature = "ble"))]
+fn open_myo_ble(name: &str, options: &SourceOptions) -> Result<Box<dyn SampleSource>, DeviceError> {
+    open_ble(name, options)
+}
+
 #[cfg(feature = "lsl")]
 fn open_lsl(name: &str, _options: &SourceOptions) -> Result<Box<dyn SampleSource>, DeviceError> {
     Ok(Box::new(crate::LslSource::open(Some(name).filter(|name| !name.is_empty()))?))
@@ -408,6 +439,9 @@ mod tests {
             ("gforce-sim://127.0.0.1:7410", "gforce-sim", "127.0.0.1:7410"),
             ("ble", "ble", ""),
             ("ble:gForce", "ble", "gForce"),
+            ("myo-sim://127.0.0.1:7411", "myo-sim", "127.0.0.1:7411"),
+            ("myo", "myo", ""),
+            ("myo:left", "myo", "left"),
             ("lsl", "lsl", ""),
             ("lsl:my band", "lsl", "my band"),
             ("file:/a:b", "file", "/a:b"),

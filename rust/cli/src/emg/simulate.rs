@@ -8,7 +8,11 @@ use proact_app::{
 };
 use proact_devices::{
     EmgFeed, Recordings, SourceInfo, SyntheticEmg, SyntheticModel,
-    gforce::{Prompted, Simulator, SimulatorOptions, serve},
+    gforce::{GattDouble, Prompted, Simulator, SimulatorOptions, serve},
+    myo::{
+        MyoSimulator, MyoSimulatorOptions,
+        protocol::{CHANNELS as MYO_CHANNELS, RATE_HZ as MYO_HZ},
+    },
     stream,
 };
 use proact_types::{Gesture, GestureName};
@@ -27,7 +31,7 @@ use std::{
 /// Options of `proact emg simulate`.
 #[derive(Debug, Args)]
 pub struct SimulateArgs {
-    /// Folder with recordings to replay; without it a generator at 1000 Hz.
+    /// Folder with recordings to replay; without it a generator at 1000 Hz, 200 Hz for a Myo.
     #[arg(long)]
     data: Option<PathBuf>,
     /// Samples per second of the recordings, if no file in the folder says so.
@@ -48,6 +52,9 @@ pub struct SimulateArgs {
     #[arg(long, value_name = "NAME", conflicts_with_all = ["port", "dup", "reorder", "truncate", "jitter",
         "notification", "no_ids", "battery"])]
     lsl: Option<String>,
+    /// A Myo armband instead of a gForce: 8 channels at 200 Hz.
+    #[arg(long, conflicts_with_all = ["lsl", "dup", "reorder", "truncate", "notification", "no_ids"])]
+    myo: bool,
     /// Port on this machine; 0 for any that is free. It is printed.
     #[arg(long, default_value_t = 7410)]
     port: u16,
@@ -102,13 +109,31 @@ pub(super) fn run(args: &SimulateArgs, json: bool) -> Result<(), Box<dyn Error>>
         return Err("--seconds expects a finite number above zero".into());
     }
     let (feed, rate_hz, channels) = feed(args)?;
+    if let Some(name) = &args.lsl {
+        return publish(args, name, feed, channels, json);
+    }
     if rate_hz.fract() != 0.0 || !(1.0..=1000.0).contains(&rate_hz) {
         return Err(
             format!("the recordings have {rate_hz} Hz, an armband has a whole number up to 1000").into()
         );
     }
-    if let Some(name) = &args.lsl {
-        return publish(args, name, feed, channels, json);
+    let prompted = Prompted::default();
+    let codes = wearer_codes(feed, rate_hz, args.gestures.clone(), prompted.clone());
+    if args.myo {
+        if (rate_hz, channels) != (f64::from(MYO_HZ), MYO_CHANNELS) {
+            return Err(format!(
+                "the recordings have {channels} channels at {rate_hz} Hz, a Myo has 8 at 200 Hz"
+            )
+            .into());
+        }
+        let options = MyoSimulatorOptions {
+            battery_percent: args.battery,
+            loss: args.loss,
+            jitter: Duration::from_millis(args.jitter),
+            seed: args.seed,
+        };
+        let myo = MyoSimulator::new(options, codes)?.with_prompts(prompted);
+        return listen(args, "myo-sim", myo, (rate_hz, channels), json);
     }
     let options = SimulatorOptions {
         package_ids: !args.no_ids,
@@ -122,9 +147,18 @@ pub(super) fn run(args: &SimulateArgs, json: bool) -> Result<(), Box<dyn Error>>
         seed: args.seed,
         ..SimulatorOptions::flawless(rate_hz as u16, channels)
     };
-    let prompted = Prompted::default();
-    let codes = wearer_codes(feed, rate_hz, args.gestures.clone(), prompted.clone());
-    let mut simulator = Simulator::new(options, codes)?.with_prompts(prompted);
+    let simulator = Simulator::new(options, codes)?.with_prompts(prompted);
+    listen(args, "gforce-sim", simulator, (rate_hz, channels), json)
+}
+
+/// Serves an armband over TCP, as the source `scheme`.
+fn listen(
+    args: &SimulateArgs,
+    scheme: &str,
+    mut double: impl GattDouble,
+    (rate_hz, channels): (f64, usize),
+    json: bool,
+) -> Result<(), Box<dyn Error>> {
     let listener = TcpListener::bind(("127.0.0.1", args.port))
         .map_err(|e| format!("port {} cannot be used: {e}; --port 0 takes a free one", args.port))?;
     let address = listener.local_addr()?;
@@ -132,10 +166,10 @@ pub(super) fn run(args: &SimulateArgs, json: bool) -> Result<(), Box<dyn Error>>
         json,
         &serde_json::json!({ "address": address.to_string(), "rate_hz": rate_hz, "channels": channels }),
         &format!(
-            "an armband with {channels} channels at {rate_hz} Hz listens at {address}\nproact emg stream --source gforce-sim://{address}"
+            "an armband with {channels} channels at {rate_hz} Hz listens at {address}\nproact emg stream --source {scheme}://{address}"
         ),
     )?;
-    serve(&listener, &mut simulator, &stop_after(args.seconds), |event| {
+    serve(&listener, &mut double, &stop_after(args.seconds), |event| {
         // That nobody reads it is no reason to stop.
         let _ = say(json, &serde_json::json!({ "event": event }), event);
     })?;
@@ -199,7 +233,8 @@ fn say(json: bool, object: &serde_json::Value, text: &str) -> std::io::Result<()
 
 fn feed(args: &SimulateArgs) -> Result<(EmgFeed, f64, usize), Box<dyn Error>> {
     let Some(dir) = &args.data else {
-        let (rate_hz, model) = (1000.0, SyntheticModel::shipped()?);
+        let rate_hz = if args.myo { f64::from(MYO_HZ) } else { 1000.0 };
+        let model = SyntheticModel::shipped()?;
         let channels = model.channels();
         let generator =
             SyntheticEmg::new(&model, rate_hz, channels, 1.0, stream(args.seed, "emg/synthetic/feed"))?;

@@ -7,6 +7,7 @@ use super::{
     link::{Connect, GattLink, LinkError},
     protocol::{COMMAND_CHARACTERISTIC, Characteristic, DATA_CHARACTERISTIC, SERVICE},
 };
+use crate::myo::protocol as myo;
 use btleplug::{
     api::{
         Central, Characteristic as GattCharacteristic, Manager as _, Peripheral as _, ScanFilter, WriteType,
@@ -28,23 +29,70 @@ const CONNECT: Duration = Duration::from_secs(10);
 /// Time between two looks at what was found.
 const GLANCE: Duration = Duration::from_millis(200);
 
+/// What an armband has, by UUID.
+#[derive(Clone, Copy, Debug)]
+struct Profile {
+    service: &'static str,
+    /// Written to, or read.
+    plain: &'static [(Characteristic, &'static str)],
+    /// Notify.
+    notifying: &'static [(Characteristic, &'static str)],
+}
+
+const GFORCE: Profile = Profile {
+    service: SERVICE,
+    plain: &[],
+    notifying: &[
+        (Characteristic::Command, COMMAND_CHARACTERISTIC),
+        (Characteristic::Data, DATA_CHARACTERISTIC),
+    ],
+};
+
+const MYO: Profile = Profile {
+    service: myo::SERVICE,
+    plain: &[
+        (Characteristic::Command, myo::COMMAND_CHARACTERISTIC),
+        (Characteristic::Firmware, myo::FIRMWARE_CHARACTERISTIC),
+        (Characteristic::Battery, myo::BATTERY_CHARACTERISTIC),
+    ],
+    notifying: &[
+        (Characteristic::Emg0, myo::EMG_CHARACTERISTICS[0]),
+        (Characteristic::Emg1, myo::EMG_CHARACTERISTICS[1]),
+        (Characteristic::Emg2, myo::EMG_CHARACTERISTICS[2]),
+        (Characteristic::Emg3, myo::EMG_CHARACTERISTICS[3]),
+    ],
+};
+
 /// Finds armbands by the service that they advertise, and connects.
 #[derive(Debug)]
 pub struct BleConnector {
     runtime: Runtime,
+    profile: Profile,
     /// Part of the name or the address of the one wanted; any, if empty.
     wanted: String,
 }
 
 impl BleConnector {
-    /// For the armband whose name or address contains `wanted`; for the first one found if that is empty.
+    /// For the gForce whose name or address contains `wanted`; for the first one found if that is empty.
     ///
     /// # Errors
     /// The system gives no threads.
     pub fn new(wanted: impl Into<String>) -> Result<BleConnector, LinkError> {
+        Self::of(GFORCE, wanted.into())
+    }
+
+    /// The same for a Myo.
+    ///
+    /// # Errors
+    /// The system gives no threads.
+    pub fn myo(wanted: impl Into<String>) -> Result<BleConnector, LinkError> {
+        Self::of(MYO, wanted.into())
+    }
+
+    fn of(profile: Profile, wanted: String) -> Result<BleConnector, LinkError> {
         // The radio's events are handled on a thread of their own, also while nobody waits for them.
         let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
-        Ok(BleConnector { runtime, wanted: wanted.into() })
+        Ok(BleConnector { runtime, profile, wanted })
     }
 
     async fn find(&self) -> Result<Peripheral, LinkError> {
@@ -53,7 +101,7 @@ impl BleConnector {
         let Some(adapter) = adapters.into_iter().next() else {
             return Err(LinkError::Radio("this machine has no Bluetooth adapter".to_owned()));
         };
-        let service = uuid(SERVICE)?;
+        let service = uuid(self.profile.service)?;
         let filter = ScanFilter { services: vec![service] };
         adapter.start_scan(filter).await.map_err(radio("the search for armbands cannot start"))?;
         let looks = SCAN.as_millis() / GLANCE.as_millis();
@@ -98,28 +146,31 @@ impl BleConnector {
             let found = characteristics.iter().find(|c| c.uuid == wanted).cloned();
             found.ok_or_else(|| LinkError::Radio(format!("the armband has no characteristic {name}")))
         };
-        let (command, data) = (find(COMMAND_CHARACTERISTIC)?, find(DATA_CHARACTERISTIC)?);
+        let found = |list: &[(Characteristic, &str)]| {
+            let pairs = list.iter().map(|(characteristic, name)| Ok((*characteristic, find(name)?)));
+            pairs.collect::<Result<Vec<_>, LinkError>>()
+        };
+        let (plain, notifying) = (found(self.profile.plain)?, found(self.profile.notifying)?);
         // Listened to before they are switched on, so that the first one is not missed.
         let mut stream = peripheral.notifications().await.map_err(radio("no notifications"))?;
-        for characteristic in [&command, &data] {
+        for (_, characteristic) in &notifying {
             peripheral.subscribe(characteristic).await.map_err(radio("no notifications"))?;
         }
         let (sender, notifications) = channel();
-        let (command_uuid, data_uuid) = (command.uuid, data.uuid);
+        let listened: Vec<(Uuid, Characteristic)> =
+            notifying.iter().map(|(c, gatt)| (gatt.uuid, *c)).collect();
         tokio::spawn(async move {
             // Ends with the connection, or when nobody listens any more; dropping the sender tells the other side.
             while let Some(notification) = stream.next().await {
-                let characteristic = match notification.uuid {
-                    id if id == command_uuid => Characteristic::Command,
-                    id if id == data_uuid => Characteristic::Data,
-                    _ => continue,
-                };
-                if sender.send((characteristic, notification.value)).is_err() {
+                let known = listened.iter().find(|(uuid, _)| *uuid == notification.uuid);
+                let Some((_, characteristic)) = known else { continue };
+                if sender.send((*characteristic, notification.value)).is_err() {
                     break;
                 }
             }
         });
-        Ok(Parts { peripheral, command, data, notifications })
+        let characteristics = plain.into_iter().chain(notifying).collect();
+        Ok(Parts { peripheral, characteristics, notifications })
     }
 }
 
@@ -136,8 +187,7 @@ impl Connect for BleConnector {
 
 struct Parts {
     peripheral: Peripheral,
-    command: GattCharacteristic,
-    data: GattCharacteristic,
+    characteristics: Vec<(Characteristic, GattCharacteristic)>,
     notifications: Receiver<(Characteristic, Vec<u8>)>,
 }
 
@@ -146,12 +196,32 @@ struct BleLink {
     parts: Parts,
 }
 
+impl BleLink {
+    fn find(&self, characteristic: Characteristic) -> Result<&GattCharacteristic, LinkError> {
+        let found = self.parts.characteristics.iter().find(|(known, _)| *known == characteristic);
+        let absent = || LinkError::Radio(format!("this armband has no characteristic {characteristic:?}"));
+        found.map(|(_, gatt)| gatt).ok_or_else(absent)
+    }
+}
+
 impl GattLink for BleLink {
+    fn read(
+        &mut self,
+        characteristic: Characteristic,
+        timeout: Duration,
+    ) -> Result<Option<Vec<u8>>, LinkError> {
+        let target = self.find(characteristic)?;
+        let read = self.parts.peripheral.read(target);
+        // The time-out is made within the runtime, which it needs.
+        let read = self.handle.block_on(async { tokio::time::timeout(timeout, read).await });
+        match read {
+            Ok(bytes) => bytes.map(Some).map_err(radio("the armband cannot be read")),
+            Err(_) => Ok(None),
+        }
+    }
+
     fn write(&mut self, characteristic: Characteristic, bytes: &[u8]) -> Result<(), LinkError> {
-        let target = match characteristic {
-            Characteristic::Command => &self.parts.command,
-            Characteristic::Data => &self.parts.data,
-        };
+        let target = self.find(characteristic)?;
         let write = self.parts.peripheral.write(target, bytes, WriteType::WithResponse);
         self.handle.block_on(write).map_err(radio("the armband cannot be written to"))
     }

@@ -20,7 +20,7 @@ pub enum LinkError {
     #[error("the connection failed: {0}")]
     Io(#[from] io::Error),
     /// Bytes on the socket that are no frame.
-    #[error("the other side sends no frames: characteristic {0}, expected 1 or 2; is it a ProACT simulator?")]
+    #[error("the other side sends no frames: characteristic {0}, expected 1 to 8; is it a ProACT simulator?")]
     NotFramed(u8),
     /// No armband is in reach, or no radio, or another trouble with it.
     #[error("{0}")]
@@ -45,6 +45,31 @@ pub trait GattLink: Send {
         timeout: Duration,
         bytes: &mut Vec<u8>,
     ) -> Result<Option<Characteristic>, LinkError>;
+
+    /// Reads a characteristic that is no stream; none if the armband does not tell within `timeout`. Notifications that come
+    /// meanwhile are lost.
+    ///
+    /// # Errors
+    /// The link is lost.
+    fn read(
+        &mut self,
+        characteristic: Characteristic,
+        timeout: Duration,
+    ) -> Result<Option<Vec<u8>>, LinkError> {
+        // On a socket an empty write asks for it.
+        self.write(characteristic, &[])?;
+        let deadline = Instant::now() + timeout;
+        let mut bytes = Vec::new();
+        loop {
+            let left = deadline.saturating_duration_since(Instant::now());
+            if self.next_notification(left, &mut bytes)? == Some(characteristic) {
+                return Ok(Some(bytes));
+            }
+            if left.is_zero() {
+                return Ok(None);
+            }
+        }
+    }
 
     /// Tells the simulator's person what is asked for; a radio carries no such thing.
     ///
@@ -91,7 +116,8 @@ impl FrameSocket for UnixStream {
     }
 }
 
-/// A link over a socket: each frame is the characteristic (1 command, 2 data), the number of bytes as two bytes,
+/// A link over a socket: each frame is the number of the characteristic (1 command, 2 data, 3 to 6 EMG of a Myo, 7
+/// firmware, 8 battery), the number of bytes as two bytes,
 /// little endian, and the bytes. Both sides speak the same.
 #[derive(Debug)]
 pub struct SocketLink<S> {
@@ -110,11 +136,7 @@ impl<S: FrameSocket> SocketLink<S> {
     /// The frame at the front of the buffer.
     fn take(&mut self, bytes: &mut Vec<u8>) -> Result<Option<Characteristic>, LinkError> {
         let &[kind, l0, l1, ref rest @ ..] = &self.buffer[self.read..] else { return Ok(None) };
-        let characteristic = match kind {
-            1 => Characteristic::Command,
-            2 => Characteristic::Data,
-            other => return Err(LinkError::NotFramed(other)),
-        };
+        let characteristic = Characteristic::numbered(kind).ok_or(LinkError::NotFramed(kind))?;
         let length = usize::from(u16::from_le_bytes([l0, l1]));
         if length > LONGEST_FRAME {
             return Err(LinkError::NotFramed(kind));
@@ -150,10 +172,7 @@ impl<S: FrameSocket> GattLink for SocketLink<S> {
         let Ok(length) = u16::try_from(bytes.len()) else {
             return Err(LinkError::Io(io::Error::new(io::ErrorKind::InvalidInput, "a frame of over 64 kB")));
         };
-        let kind = match characteristic {
-            Characteristic::Command => 1,
-            Characteristic::Data => 2,
-        };
+        let kind = characteristic.number();
         let [l0, l1] = length.to_le_bytes();
         let frame = [&[kind, l0, l1], bytes].concat();
         self.socket.write_all(&frame).map_err(closed)

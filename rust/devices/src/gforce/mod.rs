@@ -24,5 +24,6 @@ pub use fragments::{Fragments, Joined, cut};
 pub use link::{Connect, FrameSocket, GattLink, LinkError, SocketLink, TcpConnector};
 pub use parser::EmgParser;
 pub use protocol::Characteristic;
-pub use server::{serve, serve_connection};
+pub use server::{GattDouble, serve, serve_connection};
+pub(crate) use simulator::PROMPT;
 pub use simulator::{CodeSource, Notification, Prompted, Simulator, SimulatorOptions};

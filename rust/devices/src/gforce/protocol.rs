@@ -16,13 +16,49 @@ pub const EMG_DATA: u8 = 0x08;
 /// First byte of a fragment of a longer message, on either characteristic.
 pub const FRAGMENT: u8 = 0xFF;
 
-/// Which of the two characteristics.
+/// Which characteristic of an armband. A gForce has the first two, a Myo has all but [`Characteristic::Data`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Characteristic {
     /// Commands and replies.
     Command,
     /// Samples.
     Data,
+    /// Samples of a Myo come on four characteristics in turn.
+    Emg0,
+    /// The second.
+    Emg1,
+    /// The third.
+    Emg2,
+    /// The fourth.
+    Emg3,
+    /// Version of the firmware.
+    Firmware,
+    /// Charge of the battery.
+    Battery,
+}
+
+impl Characteristic {
+    /// By the number that they have in the simulator's frames, from 1.
+    const NUMBERED: [Characteristic; 8] = [
+        Characteristic::Command,
+        Characteristic::Data,
+        Characteristic::Emg0,
+        Characteristic::Emg1,
+        Characteristic::Emg2,
+        Characteristic::Emg3,
+        Characteristic::Firmware,
+        Characteristic::Battery,
+    ];
+
+    /// Its number in the simulator's frames.
+    pub(super) fn number(self) -> u8 {
+        self as u8 + 1
+    }
+
+    /// The one of this number.
+    pub(super) fn numbered(number: u8) -> Option<Characteristic> {
+        Self::NUMBERED.get(usize::from(number).checked_sub(1)?).copied()
+    }
 }
 
 /// What can be wrong with bytes or settings.

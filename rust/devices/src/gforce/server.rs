@@ -1,7 +1,7 @@
 use super::{
     link::{FrameSocket, GattLink, LinkError, SocketLink},
     protocol::Characteristic,
-    simulator::{Notification, Simulator},
+    simulator::Notification,
 };
 use std::{
     io,
@@ -13,6 +13,21 @@ use std::{
 /// Longest wait in which a wish to stop is not noticed.
 const GLANCE: Duration = Duration::from_millis(50);
 
+/// The other side of a link: an armband without radio and without clock.
+pub trait GattDouble {
+    /// Takes what was written to `characteristic` at `now`; the notifications that answer.
+    fn write(&mut self, characteristic: Characteristic, bytes: &[u8], now: Duration) -> Vec<Notification>;
+
+    /// When the next notification of samples is due.
+    fn next_due(&self) -> Option<Duration>;
+
+    /// The notifications of samples complete at `now`, with the times at which they are due.
+    fn advance(&mut self, now: Duration) -> Vec<Notification>;
+
+    /// The link is gone.
+    fn disconnect(&mut self);
+}
+
 /// Serves one armband over TCP, one connection after the other as a radio does, until `stop`. `report` is told of
 /// connections and their ends.
 ///
@@ -20,7 +35,7 @@ const GLANCE: Duration = Duration::from_millis(50);
 /// The listener failed.
 pub fn serve(
     listener: &TcpListener,
-    simulator: &mut Simulator,
+    simulator: &mut impl GattDouble,
     stop: &AtomicBool,
     mut report: impl FnMut(&str),
 ) -> io::Result<()> {
@@ -44,7 +59,7 @@ pub fn serve(
 /// Serves one connection until its end or `stop`; why it ended. Packets leave when they are due by the clock.
 pub fn serve_connection<S: FrameSocket>(
     link: &mut SocketLink<S>,
-    simulator: &mut Simulator,
+    simulator: &mut impl GattDouble,
     stop: &AtomicBool,
 ) -> LinkError {
     let begin = Instant::now();
@@ -66,13 +81,13 @@ pub fn serve_connection<S: FrameSocket>(
         let next = waiting.first().map(|n| n.due).into_iter().chain(simulator.next_due()).min();
         let wait = next.map_or(GLANCE, |due| due.saturating_sub(begin.elapsed()).min(GLANCE));
         match link.next_notification(wait, &mut bytes) {
-            Ok(Some(Characteristic::Command)) => {
-                let replies = simulator.write(&bytes, begin.elapsed());
+            Ok(Some(characteristic)) => {
+                let replies = simulator.write(characteristic, &bytes, begin.elapsed());
                 if let Err(error) = replies.iter().try_for_each(|n| link.write(n.characteristic, &n.bytes)) {
                     break error;
                 }
             }
-            Ok(_) => {}
+            Ok(None) => {}
             Err(error) => break error,
         }
     };

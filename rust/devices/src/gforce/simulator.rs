@@ -4,7 +4,7 @@ use super::{
         Characteristic, Command, EMG_DATA, EmgCapability, EmgSetting, ProtocolError, ReplyCode, SWITCH_EMG,
     },
 };
-use crate::{DeviceError, stream};
+use crate::{DeviceError, gforce::GattDouble, stream};
 use proact_types::{ChannelValues, GestureName};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -107,7 +107,7 @@ impl Prompted {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn set(&self, gesture: Option<GestureName>) {
+    pub(crate) fn set(&self, gesture: Option<GestureName>) {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = gesture;
     }
 }
@@ -324,6 +324,27 @@ impl Simulator {
         out.extend(twice.then(|| notification.clone()));
         out.push(notification);
         out.extend(self.swapped.take().map(|late| Notification { due: due.max(late.due), ..late }));
+    }
+}
+
+impl GattDouble for Simulator {
+    fn write(&mut self, characteristic: Characteristic, bytes: &[u8], now: Duration) -> Vec<Notification> {
+        match characteristic {
+            Characteristic::Command => Simulator::write(self, bytes, now),
+            _ => Vec::new(),
+        }
+    }
+
+    fn next_due(&self) -> Option<Duration> {
+        Simulator::next_due(self)
+    }
+
+    fn advance(&mut self, now: Duration) -> Vec<Notification> {
+        Simulator::advance(self, now)
+    }
+
+    fn disconnect(&mut self) {
+        Simulator::disconnect(self);
     }
 }
 

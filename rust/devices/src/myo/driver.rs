@@ -1,0 +1,227 @@
+use super::{
+    numbering::TurnNumbering,
+    protocol::{
+        CHANNELS, EMG, MyoCommand, MyoEmgMode, PACKET_BYTES, PACKET_SAMPLES, RATE_HZ, firmware_version,
+    },
+};
+use crate::{
+    DeviceError, EmgPacket, SampleSource, SourceCounts, SourceEvent, SourceInfo,
+    gforce::{Characteristic, Connect, GattLink, LinkError},
+};
+use proact_types::{EmgSample, GestureName};
+use std::time::{Duration, Instant};
+
+/// How long the armband may take to answer what is read, or to send its first samples.
+const ANSWER: Duration = Duration::from_secs(2);
+/// A stream without any notification for so long is given up, and the connection made anew.
+const SILENCE: Duration = Duration::from_secs(2);
+/// Wait before the first attempt to reconnect; doubled with each until the longest.
+const FIRST_WAIT: Duration = Duration::from_millis(250);
+const LONGEST_WAIT: Duration = Duration::from_secs(5);
+
+/// A Myo armband: keeps it awake, switches its samples on, and reconnects with growing waits when it is lost. The sample counter
+/// goes on across a loss and steps over it.
+///
+/// Everything happens within [`SampleSource::poll`]; connecting may take longer than its timeout.
+pub struct Myo {
+    connector: Box<dyn Connect>,
+    mode: MyoEmgMode,
+    info: SourceInfo,
+    numbering: TurnNumbering,
+    counts: SourceCounts,
+    battery: Option<u8>,
+    opened: Instant,
+    notification: Vec<u8>,
+    state: State,
+}
+
+enum State {
+    Streaming { link: Box<dyn GattLink>, heard: Instant },
+    Waiting { until: Instant, wait: Duration },
+}
+
+impl Myo {
+    /// Connects and switches samples on, filtered by the armband or as converted.
+    ///
+    /// # Errors
+    /// It cannot be reached, or sends no samples.
+    pub fn open(mut connector: Box<dyn Connect>, mode: MyoEmgMode) -> Result<Myo, LinkError> {
+        let mut link = connector.connect()?;
+        // For display only; an armband that does not tell is as good.
+        let firmware = link.read(Characteristic::Firmware, ANSWER)?.as_deref().and_then(firmware_version);
+        let battery = battery(link.as_mut())?;
+        switch_on(link.as_mut(), mode)?;
+        // There are no replies: that samples come is the only answer.
+        let mut notification = Vec::with_capacity(PACKET_BYTES);
+        let deadline = Instant::now() + ANSWER;
+        loop {
+            let left = deadline.saturating_duration_since(Instant::now());
+            match link.next_notification(left, &mut notification)? {
+                Some(characteristic) if EMG.contains(&characteristic) => break,
+                _ if left.is_zero() => {
+                    let secs = ANSWER.as_secs();
+                    return Err(LinkError::Radio(format!(
+                        "the Myo sent no samples within {secs} s; take it off, put it on its charger and try again"
+                    )));
+                }
+                _ => {}
+            }
+        }
+        let name = match firmware {
+            Some(firmware) => format!("Myo, firmware {firmware}, {}", connector.name()),
+            None => format!("Myo, {}", connector.name()),
+        };
+        let info = SourceInfo {
+            name,
+            rate_hz: RATE_HZ.into(),
+            channels: CHANNELS,
+            packet_samples: PACKET_SAMPLES,
+            zero: 0.0,
+            rails: Some((-128.0, 127.0)),
+            loss_is_counted: true,
+            volts: None,
+        };
+        let now = Instant::now();
+        Ok(Myo {
+            connector,
+            mode,
+            info,
+            numbering: TurnNumbering::default(),
+            counts: SourceCounts::default(),
+            battery,
+            opened: now,
+            notification,
+            state: State::Streaming { link, heard: now },
+        })
+    }
+
+    /// Charge of the armband's battery when it was last connected, per cent.
+    pub fn battery_percent(&self) -> Option<u8> {
+        self.battery
+    }
+
+    fn lose(&mut self, reason: String) -> SourceEvent {
+        self.counts.disconnects += 1;
+        self.numbering.restart();
+        self.state = State::Waiting { until: Instant::now() + FIRST_WAIT, wait: FIRST_WAIT };
+        SourceEvent::Lost { reason }
+    }
+
+    /// One attempt to get the armband back.
+    fn reconnect(&mut self, wait: Duration) -> SourceEvent {
+        let attempt = self.connector.connect().and_then(|mut link| {
+            let battery = battery(link.as_mut())?;
+            switch_on(link.as_mut(), self.mode)?;
+            Ok((link, battery))
+        });
+        match attempt {
+            Ok((link, battery)) => {
+                self.battery = battery;
+                self.state = State::Streaming { link, heard: Instant::now() };
+                SourceEvent::Restored
+            }
+            // The loss was reported; what hinders an attempt may be over at the next.
+            Err(_) => {
+                let wait = (2 * wait).min(LONGEST_WAIT);
+                self.state = State::Waiting { until: Instant::now() + wait, wait };
+                SourceEvent::Nothing
+            }
+        }
+    }
+
+    /// Makes a packet of the newest notification; false if it is none of samples.
+    fn fill(&mut self, characteristic: Characteristic, packet: &mut EmgPacket) -> bool {
+        let received = self.opened.elapsed();
+        if EMG.contains(&characteristic) && self.notification.len() != PACKET_BYTES {
+            self.counts.malformed += 1;
+            return false;
+        }
+        let Some((first, lost)) = self.numbering.number(characteristic, received) else { return false };
+        packet.samples.clear();
+        for (codes, counter) in self.notification.chunks_exact(CHANNELS).zip(first..) {
+            let channels = codes.iter().map(|code| f64::from(i8::from_le_bytes([*code]))).collect();
+            packet.samples.push(EmgSample { counter, channels });
+        }
+        packet.lost_before = lost;
+        packet.device_secs = (first + PACKET_SAMPLES as u64) as f64 / f64::from(RATE_HZ);
+        packet.received = received;
+        self.counts.packets += 1;
+        self.counts.lost_samples += lost;
+        true
+    }
+}
+
+impl SampleSource for Myo {
+    fn info(&self) -> &SourceInfo {
+        &self.info
+    }
+
+    fn poll(&mut self, timeout: Duration, packet: &mut EmgPacket) -> Result<SourceEvent, DeviceError> {
+        let deadline = Instant::now() + timeout;
+        loop {
+            let left = deadline.saturating_duration_since(Instant::now());
+            let (link, heard) = match &mut self.state {
+                State::Streaming { link, heard } => (link, heard),
+                State::Waiting { until, wait } => {
+                    let (pause, wait) = (until.saturating_duration_since(Instant::now()), *wait);
+                    std::thread::sleep(pause.min(left));
+                    if pause > left {
+                        return Ok(SourceEvent::Nothing);
+                    }
+                    return Ok(self.reconnect(wait));
+                }
+            };
+            match link.next_notification(left, &mut self.notification) {
+                Ok(Some(characteristic)) => {
+                    *heard = Instant::now();
+                    if self.fill(characteristic, packet) {
+                        return Ok(SourceEvent::Packet);
+                    }
+                }
+                Ok(None) => {
+                    let silent = heard.elapsed();
+                    if silent >= SILENCE {
+                        return Ok(self.lose(format!("nothing for {:.1} s", silent.as_secs_f64())));
+                    }
+                }
+                Err(error) => return Ok(self.lose(error.to_string())),
+            }
+            if Instant::now() >= deadline {
+                return Ok(SourceEvent::Nothing);
+            }
+        }
+    }
+
+    fn counts(&self) -> SourceCounts {
+        self.counts
+    }
+
+    fn prompt(&mut self, gesture: GestureName) {
+        if let State::Streaming { link, .. } = &mut self.state {
+            // A link that is lost is noticed by the next poll.
+            let _ = link.prompt(gesture);
+        }
+    }
+}
+
+impl Drop for Myo {
+    fn drop(&mut self) {
+        // It goes on sending, and stays awake, until it is told, and drains its battery.
+        if let State::Streaming { link, .. } = &mut self.state {
+            for command in [MyoCommand::SetMode(MyoEmgMode::Off), MyoCommand::MaySleep(true)] {
+                let _ = link.write(Characteristic::Command, &command.to_bytes());
+            }
+        }
+    }
+}
+
+fn battery(link: &mut dyn GattLink) -> Result<Option<u8>, LinkError> {
+    Ok(link.read(Characteristic::Battery, ANSWER)?.and_then(|bytes| bytes.first().copied()))
+}
+
+fn switch_on(link: &mut dyn GattLink, mode: MyoEmgMode) -> Result<(), LinkError> {
+    for command in [MyoCommand::MaySleep(false), MyoCommand::SetMode(mode)] {
+        link.write(Characteristic::Command, &command.to_bytes())?;
+    }
+    Ok(())
+}
