@@ -1,7 +1,7 @@
 //! Lab streaming layer: streams of other programs as a source, ours published. Needs the feature `lsl`.
 
 #[cfg(not(feature = "lsl"))]
-use proact_devices::{DeviceError, SourceInfo};
+use proact_devices::{AmplifierLayout, DeviceError, SourceInfo};
 use proact_devices::{EmgPacket, gforce::CodeSource, stream};
 use proact_types::EmgSample;
 #[cfg(not(feature = "lsl"))]
@@ -27,7 +27,11 @@ impl Published {
     ///
     /// # Errors
     /// A program built without the feature.
-    pub fn open(_name: &str, _info: &SourceInfo) -> Result<Published, Box<dyn Error>> {
+    pub fn open(
+        _name: &str,
+        _info: &SourceInfo,
+        _layout: Option<&AmplifierLayout>,
+    ) -> Result<Published, Box<dyn Error>> {
         Err(proact_devices::NO_LSL.into())
     }
 

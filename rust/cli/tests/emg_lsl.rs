@@ -151,6 +151,19 @@ fn streams_that_cannot_be_used_are_refused_with_the_reason() {
     assert!(refused(&["simulate", "--lsl", "x", "--loss", "NaN"]).contains("--loss is NaN"));
 }
 
+#[test]
+fn a_board_by_its_double_is_read_at_its_rate_with_its_electrodes_alone() {
+    let name = name("board");
+    let _board = simulator(&name, &["--like", "brainflow"]);
+    let lines = stream(&["--source", &format!("lsl:{name}"), "--seconds", "4"]);
+    let open = event(&lines, "open")[0];
+    assert_eq!((&open["rate_hz"], &open["channels"]), (&250.0.into(), &8.into()));
+    assert_eq!(event(&lines, "end")[0]["link"]["lost_samples"], 0);
+    let output = proact(&["simulate", "--lsl", "x", "--like", "biosemi"]).output().unwrap();
+    let error = String::from_utf8(output.stderr).unwrap();
+    assert!(error.contains("expected one of delsys, otb, brainflow"), "{error}");
+}
+
 /// Python with pylsl, or none with a message.
 fn peer() -> Option<PathBuf> {
     let checkout = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../build/peers");

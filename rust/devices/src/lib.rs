@@ -39,6 +39,7 @@
 pub const NO_LSL: &str = "this proact was built without the lab streaming layer; set PROACT_FEATURES=lsl for ./proact, or build with \
      --features lsl; both need cmake and a C++ compiler";
 
+mod amplifier;
 mod error;
 mod evaluate;
 mod feed;
@@ -64,6 +65,7 @@ mod setup;
 mod sources;
 mod synthetic;
 
+pub use amplifier::{AmplifierChannel, AmplifierLayout};
 pub use error::DeviceError;
 pub use evaluate::{Evaluation, evaluate};
 pub use feed::EmgFeed;

@@ -7,7 +7,7 @@ use proact_app::{
     wearer_codes,
 };
 use proact_devices::{
-    EmgFeed, Recordings, SourceInfo, SyntheticEmg, SyntheticModel,
+    AmplifierLayout, EmgFeed, Recordings, SourceInfo, SyntheticEmg, SyntheticModel,
     gforce::{GattDouble, Prompted, Simulator, SimulatorOptions, serve},
     myo::{
         MyoSimulator, MyoSimulatorOptions,
@@ -34,7 +34,7 @@ pub struct SimulateArgs {
     /// Folder with recordings to replay; without it a generator at 1000 Hz, 200 Hz for a Myo.
     #[arg(long)]
     data: Option<PathBuf>,
-    /// Samples per second of the recordings, if no file in the folder says so.
+    /// Samples per second of the recordings, if no file in the folder says so; of an amplifier, if not its usual ones.
     #[arg(long = "emg-rate")]
     rate: Option<f64>,
     /// Repetitions to replay.
@@ -52,6 +52,9 @@ pub struct SimulateArgs {
     #[arg(long, value_name = "NAME", conflicts_with_all = ["port", "dup", "reorder", "truncate", "jitter",
         "notification", "no_ids", "battery"])]
     lsl: Option<String>,
+    /// With --lsl: the channels, units and rate of an amplifier, delsys, otb or brainflow (docs/amplifiers.md).
+    #[arg(long, value_name = "AMPLIFIER", requires = "lsl", conflicts_with = "data", value_parser = parse_layout)]
+    like: Option<AmplifierLayout>,
     /// A Myo armband instead of a gForce: 8 channels at 200 Hz.
     #[arg(long, conflicts_with_all = ["lsl", "dup", "reorder", "truncate", "notification", "no_ids"])]
     myo: bool,
@@ -88,6 +91,11 @@ pub struct SimulateArgs {
     /// Stop after so many seconds.
     #[arg(long)]
     seconds: Option<f64>,
+}
+
+fn parse_layout(text: &str) -> Result<AmplifierLayout, String> {
+    let known = AmplifierLayout::all().map(|layout| layout.key).join(", ");
+    AmplifierLayout::find(text).ok_or_else(|| format!("{text:?}, expected one of {known}"))
 }
 
 /// `hand_close:2`.
@@ -198,8 +206,11 @@ fn publish(
     json: bool,
 ) -> Result<(), Box<dyn Error>> {
     let rate_hz = feed.rate_hz();
+    let layout = args.like.as_ref();
+    let channels = layout.map_or(channels, |layout| layout.channels.len());
+    let device = layout.map_or("armband", |layout| layout.device);
     let info = SourceInfo {
-        name: "simulated armband".to_owned(),
+        name: format!("simulated {device}"),
         rate_hz,
         channels,
         packet_samples: 1,
@@ -208,7 +219,7 @@ fn publish(
         loss_is_counted: true,
         volts: None,
     };
-    let mut published = Published::open(name, &info)?;
+    let mut published = Published::open(name, &info, layout)?;
     say(
         json,
         &serde_json::json!({ "lsl": name, "rate_hz": rate_hz, "channels": channels }),
@@ -217,6 +228,9 @@ fn publish(
         ),
     )?;
     let mut codes = wearer_codes(feed, rate_hz, args.gestures.clone(), Prompted::default());
+    if let Some(layout) = layout {
+        codes = layout.double(codes, args.seed);
+    }
     let stop = stop_after(args.seconds);
     lab_streaming::serve(&mut published, &mut codes, rate_hz, (args.loss, args.seed), &stop)
 }
@@ -233,7 +247,8 @@ fn say(json: bool, object: &serde_json::Value, text: &str) -> std::io::Result<()
 
 fn feed(args: &SimulateArgs) -> Result<(EmgFeed, f64, usize), Box<dyn Error>> {
     let Some(dir) = &args.data else {
-        let rate_hz = if args.myo { f64::from(MYO_HZ) } else { 1000.0 };
+        let usual = args.like.as_ref().map_or(1000.0, |layout| layout.rate_hz);
+        let rate_hz = if args.myo { f64::from(MYO_HZ) } else { args.rate.unwrap_or(usual) };
         let model = SyntheticModel::shipped()?;
         let channels = model.channels();
         let generator =

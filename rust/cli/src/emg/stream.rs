@@ -212,7 +212,7 @@ fn samples(
     let mut quality = QualityMonitor::new(quality_config, info.rate_hz, info.channels, &model.channels);
     let mut light = Light::Green;
     let mut recorder = args.record.as_ref().map(|path| EmgRecorder::create(path, &info)).transpose()?;
-    out.published = args.lsl.as_ref().map(|name| Published::open(name, &info)).transpose()?;
+    out.published = args.lsl.as_ref().map(|name| Published::open(name, &info, None)).transpose()?;
     let mut glance = StreamGlance::new(&info, &label);
     out.line(
         &json!({ "event": "open", "source": info.name, "rate_hz": info.rate_hz, "channels": info.channels,

@@ -1,5 +1,5 @@
 use super::{EMG_TYPE, check_name, failed};
-use crate::{DeviceError, EmgPacket, SourceInfo};
+use crate::{AmplifierLayout, DeviceError, EmgPacket, SourceInfo};
 use lsl::{ChannelFormat, ExPushable, StreamInfo, StreamOutlet};
 use proact_types::GestureName;
 
@@ -32,11 +32,15 @@ pub struct LslOutlet {
 }
 
 impl LslOutlet {
-    /// Makes both streams known on the network.
+    /// Makes both streams known on the network. The channels are described as those of `layout`, if one is given.
     ///
     /// # Errors
     /// An unusable name, or no more sockets.
-    pub fn open(name: &str, info: &SourceInfo) -> Result<LslOutlet, DeviceError> {
+    pub fn open(
+        name: &str,
+        info: &SourceInfo,
+        layout: Option<&AmplifierLayout>,
+    ) -> Result<LslOutlet, DeviceError> {
         check_name(name)?;
         let error = |error| failed(name, error);
         let channels = info.channels as u32;
@@ -47,10 +51,12 @@ impl LslOutlet {
                 .map_err(error)?;
         let mut list = about.desc().append_child("channels");
         for channel in 0..info.channels {
+            let described = layout.and_then(|layout| layout.channels.get(channel));
+            let label = described.map_or_else(|| format!("EMG{channel}"), |known| known.label.clone());
             list.append_child("channel")
-                .append_child_value("label", &format!("EMG{channel}"))
-                .append_child_value("unit", "counts")
-                .append_child_value("type", EMG_TYPE);
+                .append_child_value("label", &label)
+                .append_child_value("unit", described.map_or("counts", |known| known.unit))
+                .append_child_value("type", described.map_or(EMG_TYPE, |known| known.kind));
         }
         about.desc().append_child_value("device", &info.name);
         let samples = StreamOutlet::new(&about, 0, KEPT_SECS).map_err(error)?;

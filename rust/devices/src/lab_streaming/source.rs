@@ -1,5 +1,8 @@
-use super::{EMG_TYPE, failed, find, numbering::Numbering, reader::Reader, subscribe};
-use crate::{DeviceError, EmgPacket, SampleSource, SourceClock, SourceCounts, SourceEvent, SourceInfo};
+use super::{EMG_TYPE, OPEN_SECS, failed, find, numbering::Numbering, reader::Reader, subscribe};
+use crate::{
+    DeviceError, EmgPacket, SampleSource, SourceClock, SourceCounts, SourceEvent, SourceInfo,
+    amplifier::{is_emg, microvolts_of},
+};
 use lsl::{ChannelFormat, StreamInfo, StreamInlet};
 use proact_types::{EmgSample, MAX_EMG_CHANNELS};
 use std::{
@@ -67,8 +70,8 @@ impl LslSource {
     /// No such stream, or several; one without a rate, with too many channels or with texts; no connection.
     pub fn open(name: Option<&str>) -> Result<LslSource, DeviceError> {
         let (reader, info) = Reader::open(name, EMG_TYPE, WAITING, |property, label| {
-            let (inlet, info) = connect(property, label)?;
-            Ok((inlet, info, arrivals()))
+            let (inlet, info, chosen) = connect(property, label)?;
+            Ok((inlet, info, arrivals(chosen)))
         })?;
         let now = Instant::now();
         Ok(LslSource {
@@ -179,10 +182,50 @@ impl SampleSource for LslSource {
 }
 
 /// Finds the stream and subscribes to it.
-fn connect(property: &str, label: &str) -> Result<(StreamInlet, SourceInfo), DeviceError> {
+fn connect(property: &str, label: &str) -> Result<(StreamInlet, SourceInfo, Chosen), DeviceError> {
     let stream = find(property, label)?;
     let info = checked(&stream).map_err(|reason| failed(label, reason))?;
-    Ok((subscribe(&stream, label)?, info))
+    let inlet = subscribe(&stream, label)?;
+    let chosen = Chosen::of(&described(&inlet, label)?, info.channels);
+    let volts = chosen.in_microvolts.then_some(1e-6);
+    let info = SourceInfo { channels: chosen.channels.len(), volts, ..info };
+    Ok((inlet, info, chosen))
+}
+
+/// Type and unit of each channel, as far as the stream says them.
+fn described(inlet: &StreamInlet, label: &str) -> Result<Vec<(String, String)>, DeviceError> {
+    let mut about = inlet.info(OPEN_SECS).map_err(|error| failed(label, error))?;
+    let count = about.channel_count().unsigned_abs() as usize;
+    let mut channel = about.desc().child("channels").child("channel");
+    let mut described = Vec::new();
+    while !channel.empty() && described.len() < count {
+        described.push((channel.child_value_named("type"), channel.child_value_named("unit")));
+        channel = channel.next_sibling_named("channel");
+    }
+    Ok(described)
+}
+
+/// Which channels of a stream are taken, and in what they are multiplied.
+#[derive(Clone, Debug, PartialEq)]
+struct Chosen {
+    channels: Vec<usize>,
+    factor: f64,
+    in_microvolts: bool,
+}
+
+impl Chosen {
+    /// Of a stream of `count` channels that says so much of them. Where some are of type EMG or EXG, the others (accelerometers,
+    /// triggers, counters) are left out; else all are taken. Voltages become microvolts, since limits of quality are in
+    /// converter's counts, and a microvolt is near one.
+    fn of(described: &[(String, String)], count: usize) -> Chosen {
+        let emg = described.iter().enumerate().filter(|(_, (kind, _))| is_emg(kind));
+        let emg: Vec<usize> = emg.map(|(channel, _)| channel).collect();
+        let channels = if emg.is_empty() { (0..count).collect() } else { emg };
+        let unit = |channel: &usize| described.get(*channel).and_then(|(_, unit)| microvolts_of(unit));
+        let first = channels.first().and_then(unit);
+        let one = first.filter(|first| channels.iter().all(|channel| unit(channel) == Some(*first)));
+        Chosen { channels, factor: one.unwrap_or(1.0), in_microvolts: one.is_some() }
+    }
 }
 
 /// What the stream is, if it can be used.
@@ -210,7 +253,7 @@ fn checked(stream: &StreamInfo) -> Result<SourceInfo, String> {
 }
 
 /// Makes a sample of what was pulled, with the newest comparison of the clocks.
-fn arrivals() -> impl FnMut(&StreamInlet, &[f64], f64) -> Arrived {
+fn arrivals(chosen: Chosen) -> impl FnMut(&StreamInlet, &[f64], f64) -> Arrived {
     let mut clock = None;
     let mut compared: Option<Instant> = None;
     move |inlet, values, stamp| {
@@ -221,7 +264,77 @@ fn arrivals() -> impl FnMut(&StreamInlet, &[f64], f64) -> Arrived {
                 inlet.time_correction_ex(0.0).ok().map(|(offset, _, uncertainty)| (offset, uncertainty));
             (clock, compared) = (offset.or(clock), Some(Instant::now()));
         }
-        let sample = EmgSample { counter: 0, channels: values.iter().copied().collect() };
+        let value = |channel: &usize| values.get(*channel).map_or(f64::NAN, |value| value * chosen.factor);
+        let sample = EmgSample { counter: 0, channels: chosen.channels.iter().map(value).collect() };
         Arrived { sample, stamp, arrived: lsl::local_clock(), at: Instant::now(), offset: clock }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{AmplifierLayout, LslOutlet};
+
+    fn described(channels: &[(&str, &str)]) -> Vec<(String, String)> {
+        channels.iter().map(|(kind, unit)| ((*kind).to_owned(), (*unit).to_owned())).collect()
+    }
+
+    #[test]
+    fn channels_that_are_no_emg_are_left_out_and_voltages_become_microvolts() {
+        let mixed = described(&[("EMG", "mV"), ("AUX", "g"), ("emg", "millivolts")]);
+        let chosen = Chosen::of(&mixed, 3);
+        assert_eq!((&chosen.channels[..], chosen.factor, chosen.in_microvolts), (&[0, 2][..], 1e3, true));
+        let all = Chosen { channels: vec![0, 1], factor: 1.0, in_microvolts: false };
+        assert_eq!(Chosen::of(&[], 2), all, "a stream that says nothing");
+        assert_eq!(Chosen::of(&described(&[("EEG", "counts"), ("", "")]), 2), all);
+        assert_eq!(Chosen::of(&described(&[("EMG", "V"), ("EMG", "mV")]), 2), all, "two units are none");
+    }
+
+    /// The double of each amplifier is read as its page says. The grid runs at 4 kHz, its highest rate.
+    #[test]
+    fn doubles_of_amplifiers_come_in_with_their_channels_in_microvolts() {
+        for (key, rate_hz, channels) in [("delsys", 2000.0, 16), ("otb", 4000.0, 64), ("brainflow", 250.0, 8)]
+        {
+            let layout = AmplifierLayout::find(key).unwrap();
+            let name = format!("proact-test-{key}-{}", std::process::id());
+            let info = SourceInfo {
+                name: layout.device.to_owned(),
+                rate_hz,
+                channels: layout.channels.len(),
+                packet_samples: 16,
+                zero: 0.0,
+                rails: None,
+                loss_is_counted: true,
+                volts: None,
+            };
+            let mut outlet = LslOutlet::open(&name, &info, Some(&layout)).unwrap();
+            let mut source = LslSource::open(Some(&name)).unwrap();
+            let got = source.info().clone();
+            assert_eq!((got.rate_hz, got.channels, got.volts), (rate_hz, channels, Some(1e-6)), "{key}");
+            let mut codes = layout.double(Box::new(|| [10.0; 8].into_iter().collect()), 1);
+            let begin = Instant::now();
+            let (mut packet, mut came) = (EmgPacket::default(), Vec::new());
+            // A second of the stream, by the clock.
+            for number in 0..(rate_hz / 16.0) as u64 {
+                let counters = 16 * number..16 * number + 16;
+                let samples = counters.map(|counter| EmgSample { counter, channels: codes() }).collect();
+                let due = Duration::from_secs_f64(16.0 * (number + 1) as f64 / rate_hz);
+                std::thread::sleep(due.saturating_sub(begin.elapsed()));
+                outlet.packet(&EmgPacket { samples, ..EmgPacket::default() }).unwrap();
+                while source.poll(Duration::ZERO, &mut packet).unwrap() == SourceEvent::Packet {
+                    came.append(&mut packet.samples);
+                }
+            }
+            while source.poll(Duration::from_millis(300), &mut packet).unwrap() == SourceEvent::Packet {
+                came.append(&mut packet.samples);
+            }
+            // The outlet keeps the first packets back until it knows when they come.
+            assert!(came.len() as f64 > 0.5 * rate_hz, "{key}: {} samples", came.len());
+            assert_eq!(source.counts().lost_samples, 0, "{key}");
+            // Ten codes of the simulated person are 164 uV, whatever the stream's unit.
+            for sample in &came {
+                assert!(sample.channels.iter().all(|value| (value - 164.0).abs() < 8.0), "{key}: {sample:?}");
+            }
+        }
     }
 }
