@@ -85,7 +85,7 @@ impl Connect for Pair {
         *self.cut.lock().unwrap() = stop.clone();
         let simulator = self.simulator.clone();
         self.thread = Some(std::thread::spawn(move || {
-            serve_connection(&mut SocketLink::new(theirs), &mut simulator.lock().unwrap(), &stop);
+            serve_connection(&mut SocketLink::new(theirs), &mut *simulator.lock().unwrap(), &stop);
         }));
         Ok(Box::new(SocketLink::new(ours)))
     }

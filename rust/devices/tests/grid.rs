@@ -5,7 +5,7 @@ use proact_devices::{
     EmgPacket, EmgRecorder, Pacing, PlaybackSource, Recording, RecordingFolder, Recordings, SampleSource,
     SourceEvent, SourceInfo, read_recorded,
 };
-use proact_types::{EmgSample, Gesture};
+use proact_types::{EmgSample, Gesture, GestureName};
 use std::time::Duration;
 
 const CHANNELS: usize = 64;
@@ -57,8 +57,8 @@ fn a_stream_of_a_grid_is_kept_in_both_formats_and_played_again() {
 fn a_training_with_a_grid_is_written_and_read_again() {
     let dir = tempfile::tempdir().unwrap();
     let folder = dir.path().join("recordings");
-    let gestures = Gesture::ALL.map(Into::into);
-    let mut written = RecordingFolder::create(&folder, RATE_HZ, &gestures, Gesture::NoMotion.into()).unwrap();
+    let gestures = Gesture::ALL.map(GestureName::from);
+    let written = RecordingFolder::create(&folder, RATE_HZ, &gestures, Gesture::NoMotion.into()).unwrap();
     for (gesture, seed) in Gesture::ALL.into_iter().zip(0..) {
         written.keep(&Recording::bridging(0, gesture.into(), &samples(100, seed))).unwrap();
     }

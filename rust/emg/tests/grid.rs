@@ -60,8 +60,10 @@ fn a_grid_at_four_kilohertz_is_recognised_also_over_a_short_gap() {
         // Four samples a millisecond; one packet of 16 is lost in each second.
         let lost = (500..504).contains(&(tick % 1000));
         let samples: Vec<EmgSample> = (4 * tick..4 * tick + 4).map(|k| sample(k, gesture)).collect();
-        let samples = if lost { &[][..] } else { &samples };
-        samples.iter().for_each(|sample| drop(monitor.push(SimTime(tick), sample)));
+        let samples = if lost { &[][..] } else { &samples[..] };
+        for sample in samples {
+            monitor.push(SimTime(tick), sample);
+        }
         let Some(output) = pipeline.step(SimTime(tick), samples) else { continue };
         // Windows that hold two gestures are of neither.
         if tick % 1000 >= 100 {

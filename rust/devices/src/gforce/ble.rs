@@ -147,7 +147,8 @@ impl BleConnector {
             found.ok_or_else(|| LinkError::Radio(format!("the armband has no characteristic {name}")))
         };
         let found = |list: &[(Characteristic, &str)]| {
-            let pairs = list.iter().map(|(characteristic, name)| Ok((*characteristic, find(name)?)));
+            let pairs =
+                list.iter().map(|(characteristic, name)| find(name).map(|gatt| (*characteristic, gatt)));
             pairs.collect::<Result<Vec<_>, LinkError>>()
         };
         let (plain, notifying) = (found(self.profile.plain)?, found(self.profile.notifying)?);

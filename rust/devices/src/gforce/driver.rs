@@ -206,8 +206,8 @@ impl SampleSource for GForce {
                         return Ok(SourceEvent::Packet);
                     }
                 }
-                // Replies that nobody waits for any more.
-                Ok(Some(Characteristic::Command)) => {}
+                // Replies that nobody waits for any more; the characteristics of a Myo, which this armband does not have.
+                Ok(Some(_)) => {}
                 Ok(None) => {
                     if heard.elapsed() > SILENCE {
                         let reason = format!("no samples for {:.1} s", heard.elapsed().as_secs_f64());
@@ -295,8 +295,8 @@ fn command(link: &mut dyn GattLink, command: Command, hint: &'static str) -> Res
                     code => Err(GForceError::Refused { opcode: reply.opcode, code, hint }),
                 };
             }
-            // Samples of a stream that was left running.
-            Some(Characteristic::Data) => {}
+            // Samples of a stream that was left running; the characteristics of a Myo, which this armband does not have.
+            Some(_) => {}
             None if left.is_zero() => return Err(GForceError::NoReply { opcode: command.opcode() }),
             None => {}
         }
