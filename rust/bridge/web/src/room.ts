@@ -14,6 +14,7 @@ import {
   ShadowMaterial,
   Vector3,
 } from "three";
+import { Crowd } from "./crowd";
 import type { DrawnPose } from "./motion";
 import type { ObjectId, Scene, Shape } from "./generated/types";
 import { knowObjects, objectColour, objectLabel } from "./objects";
@@ -28,6 +29,7 @@ export class Room {
   readonly root = new Group();
   readonly objects: { id: ObjectId; group: Group; body: Mesh; shape: Shape }[] = [];
   readonly targets: { object: ObjectId; centre: Vector3; group: Group; glow: MeshBasicMaterial }[] = [];
+  private readonly crowds: Crowd[];
   readonly tableHeight: number;
   /** Middle of the table top. */
   readonly centre: Vector3;
@@ -49,6 +51,11 @@ export class Room {
       this.objects.push({ id, group, body, shape });
       this.root.add(group);
     });
+    // Objects with something painted on them are drawn one by one.
+    const kind = ({ id, shape }: { id: ObjectId; shape: Shape }) =>
+      objectLabel(id) === "" ? JSON.stringify([shape, objectColour(id)]) : null;
+    this.crowds = Crowd.of(this.objects, kind);
+    for (const { mesh } of this.crowds) this.root.add(mesh);
     for (const target of scene.targets) {
       const { group, glow } = targetDisc(target.object, target.radius);
       const centre = new Vector3(...target.centre);
@@ -70,6 +77,7 @@ export class Room {
       group.position.copy(pose.position);
       group.quaternion.copy(pose.rotation);
     });
+    for (const crowd of this.crowds) crowd.update();
     for (const { object, glow } of this.targets) {
       // The target of the carried object calls for it.
       glow.opacity = object === holds ? 0.5 + 0.2 * Math.sin(5 * seconds) : 0.16;
