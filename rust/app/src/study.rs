@@ -13,6 +13,7 @@ pub use conductor::{Conductor, Look, STUDY_FILE, StudyError, TRIALS_FOLDER, look
 pub use export::{ExportOptions, Exported, archive, export};
 pub(crate) use export::{codebook_csv, table_csv};
 pub use live::{LiveStudy, OnScreen, OpenPerson, StudyEquipment, opening};
+pub(crate) use people::histories;
 pub use people::{People, TrialHistory, person_values, population_values};
 pub use power::{PowerOfSize, PowerOptions, expected_effect, pilot, power_by_size, power_figure};
 pub use rehearsal::{RehearsalOptions, Rehearsed, rehearse};

@@ -13,6 +13,7 @@ use proact_app::{
 };
 use proact_study::TrialChoice;
 use proact_tasks::DEFAULT_TASK;
+use proact_types::Instruction;
 use std::{
     error::Error,
     path::{Path, PathBuf},
@@ -45,6 +46,9 @@ pub(crate) struct BatchTrialArgs {
     /// Seconds after which a trial ends
     #[arg(long, value_name = "SECONDS")]
     limit: Option<f64>,
+    /// What people are told to do with the body, free or limit_body; free by default, or as the plan has it
+    #[arg(long)]
+    instruction: Option<Instruction>,
     /// Another value of the trial configuration; may be repeated
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
@@ -60,13 +64,19 @@ impl BatchTrialArgs {
             setup: Some(self.setup.clone().unwrap_or_else(|| "seated".to_owned())),
             profile: self.profile.clone(),
             limit_secs: self.limit,
+            instruction: self.instruction,
             set: self.set.clone(),
         }
     }
 
     /// What overrules the trials of a plan, which says the rest itself.
     pub(crate) fn over_plan(&self) -> TrialChoice {
-        TrialChoice { limit_secs: self.limit, set: self.set.clone(), ..TrialChoice::default() }
+        TrialChoice {
+            limit_secs: self.limit,
+            instruction: self.instruction,
+            set: self.set.clone(),
+            ..TrialChoice::default()
+        }
     }
 }
 

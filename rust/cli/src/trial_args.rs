@@ -63,6 +63,7 @@ impl TrialArgs {
             setup: self.setup.clone(),
             profile: Some(self.profile.clone()),
             limit_secs: self.limit,
+            instruction: None,
             set: self.set.clone(),
         };
         let process = self

@@ -173,6 +173,38 @@ fn a_simulated_study_has_the_rows_of_its_plan_and_the_digests_of_its_trials_what
 }
 
 #[test]
+fn a_study_with_simulated_persons_is_the_batch_of_the_same_persons_and_takes_no_others() {
+    let place = tempfile::tempdir().unwrap();
+    let dir = place.path();
+    let digests = |name: &str| -> Vec<String> {
+        let rows = table(&dir.join(name).join("tables"), "trials");
+        rows.into_iter().map(|mut row| row.remove("digest").unwrap()).collect()
+    };
+    let plan = PLAN.replace("participants = 3", "participants = 2").replace("trials = 1", "trials = 2");
+    let limited = plan.replace("limit_secs = 3", "limit_secs = 3\ninstruction = \"limit_body\"");
+    for (name, plan) in [("free", &plan), ("limited", &limited)] {
+        study(dir, name);
+        fs::write(dir.join(name).join("plan.toml"), plan).unwrap();
+        answer(dir, &["study", "run", name, "--simulated", "--people", "person", "--json"]);
+        // What a person has done before and was told is the same in both, or the second trials would differ.
+        let file = format!("{name}/plan.toml");
+        let batch = json(dir, &["simulate", &file, "--people", "person", "--json"]);
+        assert_eq!(batch["digests"], serde_json::json!(digests(name)));
+    }
+    let body_share = |name: &str| {
+        let config = dir.join(name).join("trials/participant1-modeA-trial2");
+        let text = fs::read_to_string(config.join("config.toml")).unwrap();
+        let config: toml::Table = text.parse().unwrap();
+        config["participant"]["person"]["body_share"].as_float().unwrap()
+    };
+    assert!(body_share("limited") < 0.5 * body_share("free"), "told to keep the body still");
+    let error = refusal(dir, &["study", "run", "free", "--simulated"]);
+    assert!(error.contains("has simulated (person) participants"), "{error}");
+    let error = refusal(dir, &["simulate", "--methods", "A", "--vary", "instruction=still", "--json"]);
+    assert!(error.contains("free or limit_body"), "{error}");
+}
+
+#[test]
 fn what_a_study_cannot_take_is_refused_in_one_sentence() {
     let dir = tempfile::tempdir().unwrap();
     let dir = dir.path();

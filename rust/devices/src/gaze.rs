@@ -28,6 +28,8 @@ pub struct GazeSource {
 /// accuracy of 0.83 and the precision of 0.27 degrees measured on HoloLens 2 (ARETT, Sensors 2021, 21:2234).
 const BIAS_DEG: f64 = 0.8;
 const NOISE_DEG: f64 = 0.3;
+/// Of a tracker without errors, rad: no eye holds still, and rays that repeat to the bit are those of a frozen tracker.
+const TREMOR_RAD: f64 = 1e-7;
 /// Samples per second. The headset of the original gives 30; 60 keeps the ray as fresh as the display.
 const RATE_HZ: u64 = 60;
 
@@ -36,7 +38,7 @@ impl GazeSource {
     pub const DEFAULT_ERROR_DEG: f64 = 1.5;
 
     /// A tracker with a root mean square error of `error_deg` degrees, drawn from the stream `gaze` of `seed`.
-    /// Zero gives a perfect one.
+    /// Zero gives one that is off by the eye's tremor alone.
     ///
     /// # Errors
     /// If the error is negative, not finite, or above 45 degrees.
@@ -49,7 +51,8 @@ impl GazeSource {
         // A length spread over two axes.
         let scale = error_deg.to_radians() / BIAS_DEG.hypot(NOISE_DEG) / std::f64::consts::SQRT_2;
         let bias = [(); 2].map(|()| BIAS_DEG * scale * normal(&mut rng));
-        Ok(GazeSource { rng, bias, noise_rad: NOISE_DEG * scale, next: 0, last_direction: Vector::x() })
+        let noise_rad = if error_deg > 0.0 { NOISE_DEG * scale } else { TREMOR_RAD };
+        Ok(GazeSource { rng, bias, noise_rad, next: 0, last_direction: Vector::x() })
     }
 
     /// The sample of tick `now`, if one is due: 60 a second. `eye` is where the ray begins, `direction` where the

@@ -24,7 +24,7 @@ use proact_types::{DisplayFrame, Intention};
 pub use body::{Body, OutOfRange, Trunk};
 pub use habits::ParticipantOptions;
 pub use jogging::JoggingParticipant;
-pub use person::{Instruction, Learning, PersonTraits, Population, Practice, Trait};
+pub use person::{Learning, PersonTraits, Population, Practice, Trait};
 pub use selecting::SelectingParticipant;
 
 /// Somebody who sees and acts. Deterministic for its seed.

@@ -21,7 +21,7 @@ pub(crate) use skill::Skill;
 pub(crate) use thinking::Thinking;
 
 pub use population::{Population, Trait};
-pub use practice::{Instruction, Learning, Practice};
+pub use practice::{Learning, Practice};
 pub use traits::PersonTraits;
 
 use rand::SeedableRng;

@@ -81,6 +81,9 @@ pub enum StudyEvent {
     RunBegan {
         /// Participants and answers are simulated.
         simulated: bool,
+        /// The kind of simulated participants; none with people, and of journals that are older than kinds.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        people: Option<String>,
         /// Its version.
         program: String,
         /// Hash of the plan.

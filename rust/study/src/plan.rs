@@ -1,4 +1,5 @@
 use crate::{Arrangements, ConditionOrder, PlanError, PlannedTrial, Schedule};
+use proact_types::Instruction;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -17,7 +18,7 @@ const MOST_TRIALS: usize = 1000;
 const LONGEST_STEP: f64 = 480.0;
 
 /// The limit of a trial whose plan says nothing, seconds: that of the modified box-and-blocks test.
-const USUAL_LIMIT_SECS: f64 = 300.0;
+pub const USUAL_LIMIT_SECS: f64 = 300.0;
 
 /// A study, as a person writes it down.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -76,6 +77,10 @@ pub struct TrialChoice {
     /// When a trial ends at the latest, seconds.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub limit_secs: Option<f64>,
+    /// What a participant is told to do with the body; `free` if left out. A person hears it from the experimenter, in the
+    /// plan's own words; a simulated one follows it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub instruction: Option<Instruction>,
     /// Other values of a trial's configuration, as `profile.level=below_elbow`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub set: Vec<String>,
@@ -92,6 +97,7 @@ impl TrialChoice {
             setup: or(&self.setup, &common.setup),
             profile: or(&self.profile, &common.profile),
             limit_secs: self.limit_secs.or(common.limit_secs),
+            instruction: self.instruction.or(common.instruction),
             set: common.set.iter().chain(&self.set).cloned().collect(),
         }
     }

@@ -1,4 +1,4 @@
-use crate::{Arrangement, ModifiedBbt, Task, TaskError, TaskFile};
+use crate::{Arrangement, GridChoice, ModifiedBbt, Task, TaskError, TaskFile};
 use serde::{Deserialize, Serialize};
 
 /// The tasks that ship with the program: name, and one line about each.
@@ -26,6 +26,9 @@ pub struct TaskChoice {
     /// Where the blocks of the modified test stand at the start: red 1, red 2, blue 1, blue 2 in FL, FM, NL, NM.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub arrangement: Option<Arrangement>,
+    /// How many objects stand in the task's grid, and how far apart; as its text says where it is left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub grid: Option<GridChoice>,
     /// The text of a lab's own task.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub text: Option<String>,
@@ -41,7 +44,7 @@ impl TaskChoice {
             return Err(TaskError::Unknown { got: name.to_owned(), known: Self::known() });
         }
         let arrangement = (name == ModifiedBbt::NAME).then(|| Arrangement::by_seed(seed));
-        Ok(Self { name: name.to_owned(), hash: None, arrangement, text: None })
+        Ok(Self { name: name.to_owned(), hash: None, arrangement, grid: None, text: None })
     }
 
     /// A lab's own task.
@@ -55,7 +58,7 @@ impl TaskChoice {
             return Err(TaskError::Rule { key: "name", reason });
         }
         file.build(false)?;
-        Ok(Self { name: file.name, hash: None, arrangement: None, text: Some(text) })
+        Ok(Self { name: file.name, hash: None, arrangement: None, grid: None, text: Some(text) })
     }
 
     /// Another arrangement, such as `FL,NM,NL,FM`.
@@ -121,14 +124,29 @@ impl TaskChoice {
         };
         if modified {
             let arrangement = self.arrangement.map_or_else(|| Arrangement::numbered(1), Ok)?;
-            let file = limit(ModifiedBbt::file(arrangement)?);
+            let mut file = limit(ModifiedBbt::file(arrangement)?);
+            self.arrange_grid(&mut file)?;
             return Ok(Box::new(ModifiedBbt::new(&file, arrangement, left)?));
         }
         if let Some(arrangement) = &self.arrangement {
             let (task, got) = (self.name.clone(), format!("arrangement = {arrangement}"));
             return Err(TaskError::Option { task, got, known: "no arrangement: that is modified_bbt's" });
         }
-        limit(self.content()?).build(left)
+        let mut file = limit(self.content()?);
+        self.arrange_grid(&mut file)?;
+        file.build(left)
+    }
+
+    /// Gives the grid of the task as many objects as was asked for, as far apart, and its highest score.
+    fn arrange_grid(&self, file: &mut TaskFile) -> Result<(), TaskError> {
+        let Some(grid) = &self.grid else { return Ok(()) };
+        let before = file.scene.object_count();
+        grid.apply(&self.name, &mut file.scene)?;
+        // A score of which all objects are the most goes along; any other is not ours to change.
+        if file.briefing.most == u32::try_from(before).ok() {
+            file.briefing.most = u32::try_from(file.scene.object_count()).ok();
+        }
+        Ok(())
     }
 
     /// Seconds after which a trial ends unless it is told otherwise.

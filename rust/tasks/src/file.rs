@@ -89,16 +89,17 @@ pub struct TaskFile {
 /// What all objects of a kind have in common, an object's own keys, and a grid's.
 const OF_KIND: [&str; 6] = ["colour", "shape", "mass", "friction", "friction_finger", "target_radius"];
 const OF_OBJECT: [&str; 5] = ["name", "label", "ros_name", "at", "target"];
-const OF_GRID: [&str; 5] = ["name", "count", "pitch", "middle", "mirrored_targets"];
+const OF_GRID: [&str; 7] =
+    ["name", "count", "pitch", "middle", "mirrored_targets", "target_pitch", "chequered"];
 
 /// Objects and grids share keys, which are read from within them: so that unknown ones are refused here.
 fn check_keys(text: &str) -> Result<(), TaskError> {
     // What is no TOML is told with its line by who reads it.
     let Ok(table) = toml::from_str::<toml::Table>(text) else { return Ok(()) };
-    for (list, own) in [("objects", OF_OBJECT), ("grids", OF_GRID)] {
+    for (list, own) in [("objects", OF_OBJECT.as_slice()), ("grids", OF_GRID.as_slice())] {
         let entries = table.get("scene").and_then(|scene| scene.get(list)).and_then(toml::Value::as_array);
         for entry in entries.into_iter().flatten().filter_map(toml::Value::as_table) {
-            let known = || OF_KIND.iter().chain(&own);
+            let known = || OF_KIND.iter().chain(own);
             if let Some(key) = entry.keys().find(|key| !known().any(|known| known == key)) {
                 let expected: Vec<&str> = known().copied().collect();
                 return Err(TaskError::Text(format!(

@@ -1,4 +1,4 @@
-use crate::TaskError;
+use crate::{TaskError, grid::GridFile};
 use proact_types::{
     MAX_OBJECTS, Object, ObjectId, PlaceRegion, Point, Pose, Scene, SceneObject, Shape, Target,
 };
@@ -87,50 +87,17 @@ pub struct ObjectFile {
     pub kind: KindFile,
 }
 
-/// Objects in rows (along x, the nearest first) and columns (along y, the most lateral first), numbered row by row from 1.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct GridFile {
-    /// Their names begin with this, and end with the number.
-    pub name: String,
-    /// Rows along x, columns along y.
-    pub count: [usize; 2],
-    /// From one to the next along x and y.
-    pub pitch: [f64; 2],
-    /// The middle of all: x, y.
-    pub middle: [f64; 2],
-    /// Each has its target at its mirror image across the partition.
-    #[serde(default)]
-    pub mirrored_targets: bool,
-    /// The rest.
-    #[serde(flatten)]
-    pub kind: KindFile,
-}
-
-impl GridFile {
-    fn objects(&self) -> Vec<ObjectFile> {
-        let [rows, columns] = self.count;
-        let along = |k: usize, count: usize, pitch: f64| (k as f64 - (count as f64 - 1.0) / 2.0) * pitch;
-        let object = |k: usize| {
-            let x = self.middle[0] + along(k / columns, rows, self.pitch[0]);
-            let y = self.middle[1] + along(k % columns, columns, self.pitch[1]);
-            ObjectFile {
-                name: format!("{}{}", self.name, k + 1),
-                label: (k + 1).to_string(),
-                ros_name: String::new(),
-                at: [x, y],
-                target: self.mirrored_targets.then_some([x, -y]),
-                kind: self.kind.clone(),
-            }
-        };
-        (0..rows * columns).map(object).collect()
-    }
-}
-
 impl SceneFile {
     /// All objects: the single ones, then those of the grids.
     fn all(&self) -> Vec<ObjectFile> {
         let grids = self.grids.iter().flat_map(GridFile::objects);
         self.objects.iter().cloned().chain(grids).collect()
+    }
+
+    /// How many objects there are.
+    pub(crate) fn object_count(&self) -> usize {
+        let in_grid = |grid: &GridFile| grid.count[0].saturating_mul(grid.count[1]);
+        self.grids.iter().map(in_grid).fold(self.objects.len(), usize::saturating_add)
     }
 
     /// The scene; `left`: mirrored in y, for the left hand.
@@ -139,8 +106,7 @@ impl SceneFile {
     /// [`TaskError`]: a number that is none or out of range, a name twice, objects that overlap, stand in something or
     /// nowhere, a target outside the region where things may be put down.
     pub fn scene(&self, left: bool) -> Result<Scene, TaskError> {
-        let in_grid = |grid: &GridFile| grid.count[0].saturating_mul(grid.count[1]);
-        let got = self.grids.iter().map(in_grid).fold(self.objects.len(), usize::saturating_add);
+        let got = self.object_count();
         if !(1..=MAX_OBJECTS).contains(&got) {
             return Err(TaskError::Scene(format!("{got} objects, expected 1 to {MAX_OBJECTS}")));
         }

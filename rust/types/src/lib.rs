@@ -22,6 +22,7 @@ mod gesture;
 mod gesture_commands;
 mod gesture_name;
 mod input;
+mod instruction;
 mod intention;
 mod method;
 mod plan;
@@ -41,6 +42,7 @@ pub use gesture::{Gesture, UnknownGesture};
 pub use gesture_commands::{GestureCommands, GestureTableError};
 pub use gesture_name::{BadGestureName, GestureName, MAX_GESTURES};
 pub use input::{ChannelValues, EmgSample, GazeSample, MAX_EMG_CHANNELS, MAX_SIGNS, MethodAnswer, TickInput};
+pub use instruction::Instruction;
 pub use intention::{Intention, TrunkPosture};
 pub use method::{
     MOST_METHOD_NAME_BYTES, MOST_METHOD_TEXT_BYTES, MethodEvent, MethodHelp, MethodInfo, MethodStyle, Needs,

@@ -4,14 +4,17 @@ use super::{BatchDescription, Sweep, description::values_hash};
 use crate::{
     Registry,
     method_process::read_method_file,
-    study::{People, Study, TrialHistory, TrialOrder, person_values},
+    study::{People, Study, TrialHistory, TrialOrder, histories, person_values},
     trial_choice::is_method_file,
 };
 use proact_recording::hash_of;
-use proact_study::{Happening, TrialChoice};
+use proact_study::TrialChoice;
+use proact_types::Instruction;
 use serde::{Deserialize, Serialize};
-use std::{collections::BTreeMap, error::Error, path::Path};
+use std::{error::Error, path::Path};
 
+/// Varies what people are told.
+const INSTRUCTION: &str = "instruction";
 /// More trials than this are most likely a slip.
 const MOST_TRIALS: usize = 1_000_000;
 /// From the begin of a trial of a batch without a plan to the next, minutes: the longest that the paper's trials take, and a break.
@@ -105,35 +108,9 @@ impl Batch {
             rows: Vec::new(),
             source: format!("plan {}", hash_of(study.plan_text.as_bytes())),
         };
-        let mut before: BTreeMap<(usize, Option<usize>), usize> = BTreeMap::new();
-        for session in &study.schedule.sessions {
-            let number = study.plan.sessions.iter().position(|own| own.name == session.session).unwrap_or(0);
-            let between = study.plan.sessions[number].between_trials_minutes;
-            let mut minutes = 0.0;
-            for happening in &session.happenings {
-                let planned = match happening {
-                    Happening::Step(planned) => {
-                        minutes += planned.step.minutes();
-                        continue;
-                    }
-                    Happening::Trial(planned) => planned,
-                };
-                let condition = batch.conditions.iter().position(|(name, _)| *name == planned.condition);
-                // A schedule names conditions of its plan alone.
-                let condition = condition.unwrap_or(0);
-                let mut count = |of| {
-                    let count = before.entry((planned.participant, of)).or_default();
-                    *count += 1;
-                    *count - 1
-                };
-                let history = TrialHistory {
-                    same_condition: count(Some(condition)),
-                    trials: count(None),
-                    minutes,
-                    session: number + 1,
-                };
-                let limit = batch.conditions[condition].1.limit_secs.unwrap_or(300.0);
-                minutes += limit / 60.0 + between;
+        let choices: Vec<TrialChoice> = batch.conditions.iter().map(|(_, choice)| choice.clone()).collect();
+        for own in study.schedule.sessions.chunk_by(|a, b| a.participant == b.participant) {
+            for (condition, planned, history) in histories(&study.plan, own, &choices) {
                 batch.rows.push(BatchTrial {
                     index: 0,
                     cell: 0,
@@ -183,6 +160,7 @@ impl Batch {
                             trials: before,
                             minutes: before as f64 * TRIAL_MINUTES,
                             session: 1,
+                            instruction: common.instruction.unwrap_or_default(),
                         };
                         let number = (participant - 1) * trials + before;
                         rows.push(BatchTrial {
@@ -213,6 +191,11 @@ impl Batch {
         if count == 0 || count > MOST_TRIALS {
             return Err(format!("the batch has {count} trials, expected 1 to {MOST_TRIALS}").into());
         }
+        if let Some(key) = self.sweep.keys().position(|key| key == INSTRUCTION) {
+            for value in self.sweep.values(key) {
+                value.parse::<Instruction>()?;
+            }
+        }
         Ok(self)
     }
 
@@ -224,7 +207,12 @@ impl Batch {
     /// The trial in a place, from 0, below [`Batch::count`].
     pub fn trial(&self, index: usize) -> BatchTrial {
         let (cell, row) = (index / self.rows.len(), index % self.rows.len());
-        BatchTrial { index, cell, ..self.rows[row].clone() }
+        let mut trial = BatchTrial { index, cell, ..self.rows[row].clone() };
+        let varied = self.sweep.cell(cell).into_iter().find(|(key, _)| *key == INSTRUCTION);
+        if let Some(instruction) = varied.and_then(|(_, value)| value.parse().ok()) {
+            trial.history.instruction = instruction;
+        }
+        trial
     }
 
     /// What a trial is called in tables: its condition, with the values of its cell.
@@ -245,6 +233,8 @@ impl Batch {
                 ("task", _) => choice.task = Some(value),
                 ("arm", _) => choice.arm = Some(value),
                 ("setup", _) => choice.setup = Some(value),
+                // It is in the person already.
+                (INSTRUCTION, _) => {}
                 ("profile", _) => choice.profile = Some(value),
                 ("limit_secs", Ok(secs)) => choice.limit_secs = Some(secs),
                 _ => choice.set.push(format!("{key}={value}")),

@@ -1,6 +1,6 @@
 //! A study under way: what happened is in its journal, and what is next follows from that.
 
-use super::{PLAN_FILE, Study};
+use super::{PLAN_FILE, People, Study};
 use jiff::{Timestamp, Zoned, civil::Date};
 use proact_recording::{
     hash_of,
@@ -41,15 +41,15 @@ pub enum StudyError {
         /// What is otherwise now.
         what: String,
     },
-    /// Simulated and real participants do not go into one study.
+    /// Simulated and real participants, or simulated ones of two kinds, do not go into one study.
     #[error("{} has {has} participants, and this run is {asked}: make another study for it", folder.display())]
     Mixed {
         /// The study.
         folder: PathBuf,
-        /// `simulated` or `real`.
-        has: &'static str,
-        /// `simulated` or `for real ones`.
-        asked: &'static str,
+        /// `simulated`, `real`, or simulated of a kind.
+        has: String,
+        /// `simulated`, `for real ones`, or for simulated ones of a kind.
+        asked: String,
     },
     /// There is no such person, or no place for one.
     #[error("{0}")]
@@ -84,20 +84,23 @@ pub struct Conductor {
 }
 
 impl Conductor {
-    /// Takes the study up where it stands. What was under way when the last program ended is interrupted: it is done again,
-    /// and answers stay. Says in one sentence each what was found.
+    /// Takes the study up where it stands, with people or with `simulated` ones of a kind. What was under way when the last
+    /// program ended is interrupted: it is done again, and answers stay. Says in one sentence each what was found.
     ///
     /// # Errors
     /// [`StudyError`].
-    pub fn take_up(study: Study, simulated: bool) -> Result<(Self, Vec<String>), StudyError> {
+    pub fn take_up(study: Study, simulated: Option<People>) -> Result<(Self, Vec<String>), StudyError> {
         let journal = Journal::open(&study.folder.join(STUDY_FILE))?;
         let entries = journal.entries::<StudyEvent>()?;
         let (before, progress) = fold(&study, &journal, &entries)?;
-        if before.as_ref().is_some_and(|before| before.simulated != simulated) {
+        if let Some(before) = before.as_ref().filter(|before| before.simulated != simulated) {
             let folder = study.folder.clone();
-            let (has, asked) = match simulated {
-                true => ("real", "simulated"),
-                false => ("simulated", "for real ones"),
+            let (has, asked) = match (before.simulated, simulated) {
+                (None, _) => ("real".to_owned(), "simulated".to_owned()),
+                (Some(_), None) => ("simulated".to_owned(), "for real ones".to_owned()),
+                (Some(has), Some(asked)) => {
+                    (format!("simulated ({has})"), format!("for others (--people {asked})"))
+                }
             };
             return Err(StudyError::Mixed { folder, has, asked });
         }
@@ -109,7 +112,9 @@ impl Conductor {
         let plan = hash_of(text.as_bytes());
         conductor.journal.keep_text(&plan, PLAN_FILE, &text)?;
         let program = env!("CARGO_PKG_VERSION").to_owned();
-        conductor.write(StudyEvent::RunBegan { simulated, program, plan: plan.clone() })?;
+        let people = simulated.map(|people| people.to_string());
+        let simulated = simulated.is_some();
+        conductor.write(StudyEvent::RunBegan { simulated, people, program, plan: plan.clone() })?;
         let mut found = Vec::new();
         for spot in conductor.progress.open() {
             found.push(conductor.close_interrupted(&spot)?);
@@ -346,7 +351,8 @@ pub fn record_name(trial: &PlannedTrial) -> String {
 /// The runs before.
 #[derive(Clone, Debug)]
 struct Before {
-    simulated: bool,
+    /// With simulated participants, and of which kind.
+    simulated: Option<People>,
     plan: String,
 }
 
@@ -360,13 +366,15 @@ fn fold(
     let mut progress = Progress::new(study.schedule.clone());
     let changed = |what: String| StudyError::PlanChanged { file: study.folder.join(PLAN_FILE), what };
     for entry in entries {
-        if let StudyEvent::RunBegan { simulated, plan, .. } = &entry.event
+        if let StudyEvent::RunBegan { simulated, people, plan, .. } = &entry.event
             && before.as_ref().is_none_or(|before| before.plan != *plan)
         {
             // Each event is understood by the plan that it was written under.
             let schedule = schedule_of(study, journal, plan)?.map_err(&changed)?;
             progress = progress.changed_to(schedule).map_err(&changed)?;
-            before = Some(Before { simulated: *simulated, plan: plan.clone() });
+            let kind =
+                people.as_deref().map_or(Ok(People::Competent), str::parse).map_err(StudyError::Person)?;
+            before = Some(Before { simulated: simulated.then_some(kind), plan: plan.clone() });
         }
         progress.take(&entry.event)?;
     }
@@ -460,7 +468,7 @@ pub(super) fn look_with(study: &Study, options: &LookOptions<'_>) -> Result<Look
         }
     }
     let (before, progress) = fold(study, &journal, &entries)?;
-    Ok(Look { progress, entries, simulated: before.is_some_and(|before| before.simulated) })
+    Ok(Look { progress, entries, simulated: before.is_some_and(|before| before.simulated.is_some()) })
 }
 
 fn check_pseudonym(id: &str) -> Result<(), StudyError> {

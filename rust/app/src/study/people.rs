@@ -2,8 +2,10 @@
 //! configuration.
 
 use proact_participants::{Population, Practice};
+use proact_study::{Happening, Plan, PlannedTrial, ScheduledSession, TrialChoice, USUAL_LIMIT_SECS};
+use proact_types::Instruction;
 use serde::{Deserialize, Serialize};
-use std::{fmt, str::FromStr};
+use std::{collections::BTreeMap, fmt, str::FromStr};
 
 /// Which kind of simulated participant.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -41,7 +43,7 @@ impl fmt::Display for People {
     }
 }
 
-/// What a person has done before a trial.
+/// What a person has done before a trial, and was told.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TrialHistory {
     /// Trials under the same condition.
@@ -52,6 +54,49 @@ pub struct TrialHistory {
     pub minutes: f64,
     /// Number of the session, from 1.
     pub session: usize,
+    /// What to do with the body.
+    #[serde(default)]
+    pub instruction: Instruction,
+}
+
+/// The trials of one participant's `sessions` in their order: the place of its condition among `choices`, and what the participant has
+/// done before, were all to take as long as planned.
+pub(crate) fn histories<'a>(
+    plan: &Plan,
+    sessions: &'a [ScheduledSession],
+    choices: &[TrialChoice],
+) -> Vec<(usize, &'a PlannedTrial, TrialHistory)> {
+    let mut found: Vec<(usize, &PlannedTrial, TrialHistory)> = Vec::new();
+    let mut before: BTreeMap<usize, usize> = BTreeMap::new();
+    for session in sessions {
+        let number = plan.sessions.iter().position(|own| own.name == session.session).unwrap_or(0);
+        let between = plan.sessions[number].between_trials_minutes;
+        let mut minutes = 0.0;
+        for happening in &session.happenings {
+            let planned = match happening {
+                Happening::Step(planned) => {
+                    minutes += planned.step.minutes();
+                    continue;
+                }
+                Happening::Trial(planned) => planned,
+            };
+            let condition = plan.conditions.iter().position(|own| own.name == planned.condition);
+            // A schedule names conditions of its plan alone.
+            let condition = condition.unwrap_or(0);
+            let same = before.entry(condition).or_default();
+            let history = TrialHistory {
+                same_condition: *same,
+                trials: found.len(),
+                minutes,
+                session: number + 1,
+                instruction: choices[condition].instruction.unwrap_or_default(),
+            };
+            *same += 1;
+            minutes += choices[condition].limit_secs.unwrap_or(USUAL_LIMIT_SECS) / 60.0 + between;
+            found.push((condition, planned, history));
+        }
+    }
+    found
 }
 
 /// Values of the configuration of a trial of person `index` (from 1) among those that `master_seed` draws, as `--set` takes them.
@@ -76,7 +121,7 @@ pub fn population_values(
         // The classifier is trained at the beginning of a session.
         minutes_since_training: history.minutes,
         days_before: history.session.saturating_sub(1) as u32,
-        ..Practice::default()
+        instruction: history.instruction,
     };
     let options = population.person(master_seed, index as u32, &practice);
     let table = toml::Value::try_from(options).expect("numbers in tables are TOML");
@@ -100,6 +145,12 @@ mod tests {
         assert_ne!(person(1, 0), person(2, 0));
         assert_eq!(person(1, 0).reaction_ms, person(1, 2).reaction_ms);
         assert!(person(1, 2).person.thinking_ms < person(1, 0).person.thinking_ms);
+        let told = |instruction| {
+            let history = TrialHistory { instruction, session: 1, ..TrialHistory::default() };
+            let values = person_values(People::Person, 4, 1, &history);
+            trial.with_values(&values).unwrap().participant.unwrap().person.body_share
+        };
+        assert!(told(Instruction::LimitBody) < told(Instruction::Free));
         assert!(person_values(People::Competent, 4, 1, &TrialHistory::default()).is_empty());
         assert!(People::NAMES.iter().all(|name| name.parse::<People>().unwrap().to_string() == *name));
     }

@@ -1,8 +1,9 @@
 //! A study without people: simulated participants drive its trials, and its questions are answered at random.
 
 use super::{
-    Study,
+    People, Study, TrialHistory,
     conductor::{Conductor, StudyError, record_name},
+    people::{histories, person_values},
     worker::{TrialDone, TrialOrder, Worker, WorkerError},
 };
 use crate::threads::in_threads;
@@ -48,6 +49,8 @@ pub enum Rehearsed<'a> {
 
 /// How a rehearsal is run.
 pub struct RehearsalOptions<'a> {
+    /// The kind of simulated participants.
+    pub people: People,
     /// So many participants at once, each with a program for their trials.
     pub jobs: usize,
     /// Starts such a program, which calls [`work`](super::work).
@@ -121,9 +124,20 @@ impl<T: Fn(Rehearsed<'_>) + Sync> Rehearsal<'_, T> {
         }
     }
 
+    /// What a participant has done before each trial.
+    fn histories(&self, participant: usize) -> Vec<(PlannedTrial, TrialHistory)> {
+        let plan = &self.study.plan;
+        let choices: Vec<_> = (0..plan.conditions.len()).map(|condition| plan.choice(condition)).collect();
+        let sessions = self.study.schedule.sessions.iter().filter(|own| own.participant == participant);
+        let sessions: Vec<_> = sessions.cloned().collect();
+        let before = histories(plan, &sessions, &choices);
+        before.into_iter().map(|(_, planned, history)| (planned.clone(), history)).collect()
+    }
+
     /// All sessions that a participant has left.
     fn person(&self, participant: usize, worker: &mut Option<Worker>) -> Result<(), Box<dyn Error>> {
         let mut lost = 0;
+        let before = self.histories(participant);
         while !self.stopped() {
             let session = self.acknowledged(|conductor| {
                 if conductor.progress().next_session(participant).is_none() {
@@ -145,7 +159,7 @@ impl<T: Fn(Rehearsed<'_>) + Sync> Rehearsal<'_, T> {
                         .and_then(|spot| Some((progress.happening(&spot)?.clone(), spot)))
                 };
                 let Some((happening, spot)) = next else { break };
-                match self.step(&happening, &spot, worker)? {
+                match self.step(&happening, &spot, &before, worker)? {
                     None => lost = 0,
                     Some(_) if lost < MOST_LOST => lost += 1,
                     Some(error) => return Err(error.into()),
@@ -160,12 +174,19 @@ impl<T: Fn(Rehearsed<'_>) + Sync> Rehearsal<'_, T> {
         &self,
         happening: &Happening,
         spot: &Spot,
+        before: &[(PlannedTrial, TrialHistory)],
         worker: &mut Option<Worker>,
     ) -> Result<Option<WorkerError>, Box<dyn Error>> {
         let record = self.acknowledged(|conductor| conductor.begin(spot))?;
         let (mut outcome, mut gone) = (StepOutcome::Done, None);
         if let (Happening::Trial(planned), Some(record)) = (happening, &record) {
-            let order = self.study.order(planned, Some(self.study.folder.join(record)));
+            let mut order = self.study.order(planned, Some(self.study.folder.join(record)));
+            let history = before.iter().find(|(other, _)| other == planned).map(|(_, history)| *history);
+            let seed = self.study.plan.seed;
+            let person =
+                person_values(self.options.people, seed, planned.participant, &history.unwrap_or_default());
+            // What the plan sets has the last word about a person.
+            order.choice.set.splice(0..0, person);
             if worker.is_none() {
                 *worker = Some(Worker::start(&mut (self.options.worker)())?);
             }

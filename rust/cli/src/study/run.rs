@@ -6,8 +6,8 @@ use clap::Args;
 use proact_app::{
     LiveArmband, Registry, answer,
     study::{
-        Conductor, ExportOptions, LiveStudy, RehearsalOptions, Rehearsed, Study, StudyEquipment, export,
-        opening, rehearse, work as work_on,
+        Conductor, ExportOptions, LiveStudy, People, RehearsalOptions, Rehearsed, Study, StudyEquipment,
+        export, opening, rehearse, work as work_on,
     },
     tell,
 };
@@ -32,6 +32,9 @@ pub struct RunArgs {
     /// Simulated participants instead of people, as fast as it goes; answers are drawn at random and marked as simulated
     #[arg(long, conflicts_with_all = ["participant", "emg_source"])]
     simulated: bool,
+    /// The kind of simulated participants: competent, or person, with delays, errors and habits
+    #[arg(long, value_name = "KIND", requires = "simulated", default_value = People::NAMES[0])]
+    people: People,
     /// So many simulated participants at once; by default one a processor
     #[arg(long, value_name = "N", requires = "simulated", value_parser = clap::value_parser!(u16).range(1..=256))]
     jobs: Option<u16>,
@@ -59,7 +62,7 @@ pub struct RunArgs {
 pub(super) fn command(registry: &Registry, args: &RunArgs, json: bool) -> Result<bool, Box<dyn Error>> {
     let interrupted = interrupt_flag()?;
     let study = Study::open(&args.study, &registry.methods)?;
-    let (conductor, found) = Conductor::take_up(study.clone(), args.simulated)?;
+    let (conductor, found) = Conductor::take_up(study.clone(), args.simulated.then_some(args.people))?;
     if !json {
         found.iter().for_each(tell);
     }
@@ -124,7 +127,7 @@ fn simulated(
     let bar = bar(!json, all as u64, "{elapsed} {bar:40} {pos} of {len} trials, {eta} left  {msg}");
     bar.set_position(over as u64);
     let jobs = args.jobs.map_or_else(crate::batch_args::processors, usize::from);
-    let options = RehearsalOptions { jobs, worker: &worker_command, interrupted };
+    let options = RehearsalOptions { people: args.people, jobs, worker: &worker_command, interrupted };
     let finished = rehearse(conductor, &options, |told| match told {
         Rehearsed::Acknowledged(id) if args.print_events => print_up_to(id - 1, id),
         Rehearsed::Acknowledged(_) => {}

@@ -48,6 +48,16 @@ impl Aim {
     pub(super) fn by_axis(&self) -> bool {
         self.mode >= FIRST_AXIS
     }
+
+    /// True where the hand only has to get out of the box.
+    pub(super) fn goes_up(&self) -> bool {
+        matches!(self.stage, Stage::Lift | Stage::Retreat)
+    }
+
+    /// True where the hand goes down into the box.
+    pub(super) fn goes_down(&self) -> bool {
+        matches!(self.stage, Stage::Hover | Stage::Down | Stage::Lower)
+    }
 }
 
 impl<'a> Situation<'a> {

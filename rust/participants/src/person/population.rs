@@ -109,7 +109,7 @@ impl Population {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Instruction;
+    use proact_types::Instruction;
 
     fn people(count: u32, practice: &Practice) -> Vec<ParticipantOptions> {
         let population = Population::standard();

@@ -1,16 +1,6 @@
 use super::PersonTraits;
+use proact_types::Instruction;
 use serde::{Deserialize, Serialize};
-
-/// What a person was asked to do with the body.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Instruction {
-    /// The upper body may move (paper, Study 1).
-    #[default]
-    Free,
-    /// The upper body moves only where something is out of reach (paper, Study 2).
-    LimitBody,
-}
 
 /// What a person has done before a trial.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]

@@ -1,0 +1,212 @@
+//! Objects in rows and columns, and how many they are and how far apart as an option of a trial.
+
+use crate::{
+    SceneFile, TaskError,
+    scene::{KindFile, ObjectFile},
+};
+use serde::{Deserialize, Serialize};
+
+/// Objects in rows (along x, the nearest first) and columns (along y, the most lateral first), numbered row by row from 1.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct GridFile {
+    /// Their names begin with this, and end with the number.
+    pub name: String,
+    /// Rows along x, columns along y.
+    pub count: [usize; 2],
+    /// From one to the next along x and y.
+    pub pitch: [f64; 2],
+    /// The middle of all: x, y.
+    pub middle: [f64; 2],
+    /// Each has its target at its mirror image across the partition.
+    #[serde(default)]
+    pub mirrored_targets: bool,
+    /// From one target to the next along x and y; that of the objects where it is left out. Their middle is the mirror image of
+    /// that of the objects.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub target_pitch: Option<[f64; 2]>,
+    /// Every second one, as the fields of a chessboard, is of this kind, with numbers of its own; then the scene has the first of
+    /// each kind, the second of each, and so on.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub chequered: Option<Chequered>,
+    /// The rest.
+    #[serde(flatten)]
+    pub kind: KindFile,
+}
+
+/// What the other half of a chequered grid has of its own.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Chequered {
+    /// As [`GridFile::name`].
+    pub name: String,
+    /// Red, green, blue, 0 to 1.
+    pub colour: [f64; 3],
+}
+
+impl GridFile {
+    /// The objects in their order.
+    pub(crate) fn objects(&self) -> Vec<ObjectFile> {
+        let [rows, columns] = self.count;
+        let along = |k: usize, count: usize, pitch: f64| (k as f64 - (count as f64 - 1.0) / 2.0) * pitch;
+        let place = |cell: usize, pitch: [f64; 2]| {
+            let x = self.middle[0] + along(cell / columns, rows, pitch[0]);
+            [x, self.middle[1] + along(cell % columns, columns, pitch[1])]
+        };
+        let object = |name: &str, number: usize, cell: usize, kind: &KindFile| {
+            let [x, y] = place(cell, self.target_pitch.unwrap_or(self.pitch));
+            ObjectFile {
+                name: format!("{name}{number}"),
+                label: number.to_string(),
+                ros_name: String::new(),
+                at: place(cell, self.pitch),
+                target: self.mirrored_targets.then_some([x, -y]),
+                kind: kind.clone(),
+            }
+        };
+        let cells = 0..rows * columns;
+        let Some(Chequered { name, colour }) = &self.chequered else {
+            return cells.map(|cell| object(&self.name, cell + 1, cell, &self.kind)).collect();
+        };
+        let (firsts, seconds): (Vec<usize>, Vec<usize>) =
+            cells.partition(|cell| (cell / columns + cell % columns).is_multiple_of(2));
+        let other = KindFile { colour: *colour, ..self.kind.clone() };
+        let mut objects = Vec::new();
+        // The first field is of the first kind, which has as many as the second, or one more.
+        for (k, first) in firsts.iter().enumerate() {
+            objects.push(object(&self.name, k + 1, *first, &self.kind));
+            objects.extend(seconds.get(k).map(|second| object(name, k + 1, *second, &other)));
+        }
+        objects
+    }
+}
+
+/// How many objects a task's grid has, and how far they stand apart: instead of what its text says.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GridChoice {
+    /// As many objects, in the rows of the text; or rows and columns.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub count: Option<GridCount>,
+    /// From one to the next, metres: along both axes, or along x and y.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pitch: Option<GridPitch>,
+}
+
+/// How many objects a grid has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum GridCount {
+    /// In the rows that there are.
+    All(usize),
+    /// Rows and columns.
+    RowsColumns([usize; 2]),
+}
+
+/// How far the objects of a grid stand apart, metres.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum GridPitch {
+    /// Along both axes.
+    Same(f64),
+    /// Along x and y.
+    Each([f64; 2]),
+}
+
+impl GridChoice {
+    /// Changes the one grid of `scene`.
+    ///
+    /// # Errors
+    /// A scene without a grid or with several; a number that fills no rows.
+    pub(crate) fn apply(&self, task: &str, scene: &mut SceneFile) -> Result<(), TaskError> {
+        let grids = scene.grids.len();
+        let [grid] = scene.grids.as_mut_slice() else {
+            return Err(TaskError::Option {
+                task: task.to_owned(),
+                got: format!("grid, and the task has {grids} grids"),
+                known: "one [[scene.grids]], as docs/tasks/cluttered.toml has",
+            });
+        };
+        let rows = grid.count[0];
+        grid.count = match self.count {
+            None => grid.count,
+            Some(GridCount::RowsColumns(count)) => count,
+            Some(GridCount::All(count)) if rows > 0 && count.is_multiple_of(rows) => [rows, count / rows],
+            Some(GridCount::All(count)) => {
+                return Err(TaskError::Scene(format!(
+                    "{count} objects in {rows} rows, expected as many in each; or give rows and columns, such as [2, 3]"
+                )));
+            }
+        };
+        grid.pitch = match self.pitch {
+            None => grid.pitch,
+            Some(GridPitch::Same(pitch)) => [pitch; 2],
+            Some(GridPitch::Each(pitch)) => pitch,
+        };
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::{TaskChoice, TaskError};
+    use proact_types::Scene;
+
+    fn scene(options: &str) -> Result<Scene, TaskError> {
+        let text = include_str!("../../../docs/tasks/cluttered.toml").to_owned();
+        let mut task = TaskChoice::from_text(text).unwrap();
+        task.grid = Some(toml::from_str(options).unwrap());
+        Ok(task.build(false)?.scene().clone())
+    }
+
+    fn places(scene: &Scene) -> Vec<[i64; 2]> {
+        let millimetres = |metres: f64| (metres * 1e3).round() as i64;
+        let place = |k: usize| scene.objects[k].pose.translation.vector;
+        (0..scene.objects.len()).map(|k| [millimetres(place(k).x), millimetres(place(k).y)]).collect()
+    }
+
+    #[test]
+    fn a_chequered_grid_takes_number_and_pitch_and_alternates_its_kinds() {
+        let scene = scene("count = [2, 3]\npitch = [0.08, 0.06]").unwrap();
+        let names: Vec<&str> = scene.objects.iter().map(|object| &*object.name).collect();
+        assert_eq!(names, ["red1", "blue1", "red2", "blue2", "red3", "blue3"]);
+        let y = places(&scene)[0][1];
+        let expected = [[-40, y], [-40, y + 60], [-40, y + 120], [40, y], [40, y + 60], [40, y + 120]];
+        assert_eq!(places(&scene), expected);
+        let targets: Vec<[i64; 2]> = scene
+            .targets
+            .iter()
+            .map(|target| [target.centre.x, target.centre.y].map(|metres| (metres * 1e3).round() as i64))
+            .collect();
+        // Across the partition about the mirrored middle, with their own pitch.
+        assert_eq!(targets[..2], [[-60, 205], [-60, 150]]);
+        // Next to each other stand different colours.
+        assert!(scene.objects.iter().step_by(2).all(|object| object.colour == scene.objects[0].colour));
+        assert_ne!(scene.objects[0].colour, scene.objects[1].colour);
+    }
+
+    #[test]
+    fn one_number_fills_the_rows_that_there_are_and_one_pitch_is_that_of_both_axes() {
+        let scene = scene("count = 4\npitch = 0.05").unwrap();
+        let at = places(&scene);
+        assert_eq!(at.len(), 4);
+        assert_eq!((at[1][0] - at[0][0], at[1][1] - at[0][1]), (0, 50));
+        assert_eq!((at[3][0] - at[0][0], at[3][1] - at[0][1]), (50, 0));
+    }
+
+    #[test]
+    fn a_grid_that_cannot_be_is_refused_with_what_is_wrong() {
+        for (options, reason) in [
+            ("count = 7", "7 objects in 2 rows"),
+            ("count = [0, 3]", "0 objects"),
+            ("pitch = 0.01", "overlaps"),
+            ("pitch = 0.2", "expected"),
+        ] {
+            let error = scene(options).unwrap_err().to_string();
+            assert!(error.contains(reason), "{options}: {error}");
+        }
+        let mut task = TaskChoice::named("modified_bbt", 1).unwrap();
+        task.grid = Some(toml::from_str("count = 4").unwrap());
+        let error = task.build(false).err().unwrap().to_string();
+        assert!(error.contains("0 grids"), "{error}");
+    }
+}
