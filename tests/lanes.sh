@@ -175,6 +175,7 @@ lane_kill_long() {
 # A study through its pages' sockets, and one that is killed again and again.
 lane_study() {
     build && /usr/bin/python3 "$root/tests/scenarios/study_live.py" "$binary" &&
+        /usr/bin/python3 "$root/tests/scenarios/study_calibrated.py" "$binary" &&
         /usr/bin/python3 "$root/tests/scenarios/study_kill.py" "$binary" &&
         /usr/bin/python3 "$root/tests/scenarios/batches.py" "$binary"
 }

@@ -2,7 +2,7 @@
 
 import { readFile } from "node:fs/promises";
 
-const ready = (page) => page.waitForFunction(() => window.__proact?.connected && window.__proact.framesDrawn > 3);
+export const ready = (page) => page.waitForFunction(() => window.__proact?.connected && window.__proact.framesDrawn > 3);
 /** Looked for by a clock: what is held by a gamepad or a headset may be let go of before a slow next picture. */
 const inForce = (page, gesture) =>
   page.waitForFunction((name) => window.__proact.frame.gesture === name, gesture, { polling: 20 });

@@ -7,7 +7,7 @@
 // watch: the page connects, the scene changes, every camera draws; with --score the score counts up (a trial
 // with a simulated participant has to run). interactive: moves blocks by mouse and keys with method D until one
 // is on target. methods: one block with each of --methods. newcomer: tutorial, settings, gamepad, gaze check.
-// headset: enters VR and AR with an emulated device. safety: page and gamepad fall silent or die while the arm moves,
+// headset: enters VR and AR with an emulated device. brace: a controller on the brace, beside serve --mocap headset:right_controller. safety: page and gamepad fall silent or die while the arm moves,
 // beside serve. layout: twelve sizes of window, touch, dark. accessibility: WCAG 2.2 AA by axe-core, keyboard alone,
 // mouse alone, one switch. strip: method B by what the strip says. wheel: two pages, one driver. afterwards: result card
 // and what follows, beside a short demo. experimenter: beside a demo. conduct: a study on the experimenter's page, beside
@@ -28,6 +28,7 @@ import { afterwards } from "./afterwards.mjs";
 import { conduct } from "./conduct.mjs";
 import { driveBlocks } from "./drive.mjs";
 import { bag, experimenter, replay } from "./desk.mjs";
+import { brace } from "./brace.mjs";
 import { jogBlock } from "./jog.mjs";
 import { layout } from "./layout.mjs";
 import { load } from "./load.mjs";
@@ -103,7 +104,7 @@ let page;
 try {
   const context = await browser.newContext({ viewport: { width: 1280, height: 720 }, ignoreHTTPSErrors: true });
   page = await pageOf(context);
-  const modes = { watch, interactive: interact, methods, restart, access, newcomer, headset, safety, experimenter, replay, bag, report, afterwards, wheel, load, layout, conduct, study_forms: studyForms, study, accessibility, strip, tracking, soak: (page, tools) => soak(page, { ...tools, ...soakOptions() }) };
+  const modes = { watch, interactive: interact, methods, restart, access, newcomer, headset, safety, experimenter, replay, bag, report, afterwards, wheel, load, layout, conduct, study_forms: studyForms, study, accessibility, strip, tracking, brace, soak: (page, tools) => soak(page, { ...tools, ...soakOptions() }) };
   const mode = modes[options.mode];
   if (!mode) throw new Error(`mode ${options.mode} is unknown; expected ${Object.keys(modes).join(", ")}`);
   await mode(page, {

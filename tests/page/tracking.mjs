@@ -19,6 +19,7 @@ export async function tracking(page, tools) {
   check(/in 10 s/.test(await cell("Drop-outs")), `drop-outs: ${await cell("Drop-outs")}`);
   check(/mm, .* degrees/.test(await cell("Noise")), `noise: ${await cell("Noise")}`);
   check((await cell("Calibration")).startsWith("none"), "that there is no calibration is said");
+  check(/% of the box is reached/.test(await cell("In reach")), `what is in reach: ${await cell("In reach")}`);
   const before = await cell("In tracking");
   await page.waitForFunction((old) => ![...document.querySelectorAll("dd")].some((node) => node.textContent === old), before);
   check(true, "the body moves on the page");

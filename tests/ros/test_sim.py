@@ -41,6 +41,21 @@ ARM = ["mpl_right_arm__" + n for n in "shoulder humerus elbow forearm wristy wri
 ACTION = "/mpl_right_arm/arm_controller/follow_joint_trajectory"
 
 
+# Parent and child of what is told of without a tracked head: the table in docs/ros1.md.
+ORIGINAL_FRAMES = {
+    ("optitrack_world", "Clipboard"),
+    ("optitrack_world", "Clipboard_filtered"),
+    ("optitrack_world", "Shoulderpad"),
+    ("optitrack_world", "Shoulderpad_filtered"),
+    ("optitrack_world", "ShoulderpadL"),
+    ("Clipboard_filtered", "tabletag_ros"),
+    ("tabletag_ros", "world"),
+    ("world", "table"),
+    ("world", "hololens_world_test"),
+    ("Shoulderpad", "base_link"),
+}
+
+
 def setUpModule():
     global SIM, STATES, LOG, DIAGNOSTICS
     rospy.init_node("test_sim", disable_signals=True)
@@ -97,6 +112,18 @@ class Simulator(unittest.TestCase):
         self.assertEqual(len(message.name), 27)
         self.assertEqual(message.name, sorted(message.name))
         tf.subscriber.unregister()
+
+    def test_the_frames_of_the_original_hang_where_it_has_them(self):
+        moving, fixed = graph.Inbox("/tf", TFMessage), graph.Inbox("/tf_static", TFMessage)
+        moving.wait_count(2)
+        told = {(t.header.frame_id, t.child_frame_id)
+                for m in moving.messages + [fixed.wait()] for t in m.transforms}
+        self.assertEqual(ORIGINAL_FRAMES - told, set())
+        # One parent each: whoever counts on the original's tree gets one tree.
+        children = [child for _, child in told]
+        self.assertEqual(len(children), len(set(children)))
+        moving.subscriber.unregister()
+        fixed.subscriber.unregister()
 
     def test_tf2_leads_from_every_frame_of_the_original_to_the_world(self):
         buffer = tf2_ros.Buffer(rospy.Duration(30))

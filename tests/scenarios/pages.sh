@@ -56,6 +56,11 @@ start serve --no-record --mocap "file:$output/tracking/shoulder.csv/Shoulderpad"
 look tracking
 stop
 
+# A headset's controller on the brace.
+start serve --no-record --mocap headset:right_controller
+look brace
+stop
+
 rm -rf "$output/trials"
 for seed in 1 2; do
     "$proact" demo --headless --method D --seed "$seed" --out "$output/trials/seed$seed" >/dev/null

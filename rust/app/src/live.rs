@@ -17,7 +17,7 @@ use std::{
 };
 
 /// From report to report of the tracking sources.
-const TRACKING_EVERY: Duration = Duration::from_millis(50);
+pub(crate) const TRACKING_EVERY: Duration = Duration::from_millis(50);
 
 /// Why a live trial ended.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -92,6 +92,9 @@ impl LiveTrial<'_> {
             Ended::Restart { .. } => TrialEnd::Restart,
             Ended::Interrupted => TrialEnd::Interrupt,
         };
+        if let Some(dir) = &self.dir {
+            self.person.keep_trunk(dir)?;
+        }
         let result = finish(&self.session, self.recorder.take(), self.dir.as_deref(), start, end)?;
         let most = self.session.testbed().task().briefing().most;
         if let Some(results) = &mut self.results {
@@ -134,6 +137,7 @@ impl LiveTrial<'_> {
                             self.take_gaze_check(&check)?;
                             self.session.person().set_gaze_offset(*self.gaze_offset);
                         }
+                        ClientInput::Controller(told) => self.person.take_controller(&told),
                         // A refused action; the person's inputs have been taken.
                         _ => {}
                     }
@@ -192,6 +196,7 @@ impl LiveTrial<'_> {
                         // The record was closed already, and now holds more.
                         self.dir.as_deref().map_or(Ok(()), seal)?;
                     }
+                    ClientInput::Controller(told) => self.person.take_controller(&told),
                     _ => {}
                 }
             }

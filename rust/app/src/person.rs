@@ -1,12 +1,12 @@
 //! What connects a person to a trial beside the page: an eye tracker, a tracked limb, and something to hear or feel.
 
 use crate::{Calibrations, HeadShoulder, LimbReceiver, Rosbridge, TrackedShoulder, tell};
-use proact_bridge::{ClientInput, PageServer};
+use proact_bridge::{ClientInput, ControllerPose, PageServer};
 use proact_devices::{DeviceError, FeedbackSinks, GazeDevice, GazeFrame, SentGaze};
 use proact_http::Repeats;
 use proact_testbed::{Session, Step};
 use proact_types::{FeedbackCue, GazeSample, InputSource};
-use std::{error::Error, time::Instant};
+use std::{error::Error, path::Path, time::Instant};
 
 /// Hands cues to what makes them heard or felt, and tells what becomes of it.
 pub fn give_feedback(sinks: &mut FeedbackSinks, cues: &[FeedbackCue]) {
@@ -44,9 +44,12 @@ impl LivePerson {
         }
     }
 
-    /// The same with a shoulder that motion capture sees.
-    pub fn with_shoulder(mut self, shoulder: Option<TrackedShoulder>) -> Self {
+    /// The same with a shoulder that motion capture sees, in the trial of `session` first.
+    pub fn with_shoulder(mut self, shoulder: Option<TrackedShoulder>, session: &Session) -> Self {
         self.shoulder = shoulder;
+        if let Some(shoulder) = &mut self.shoulder {
+            shoulder.measure_reach(session);
+        }
         self
     }
 
@@ -54,6 +57,21 @@ impl LivePerson {
     pub fn with_head_shoulder(mut self, carried: bool) -> Self {
         self.head_shoulder = carried.then(HeadShoulder::default);
         self
+    }
+
+    /// The page told where a headset's controller is.
+    pub fn take_controller(&mut self, told: &ControllerPose) {
+        if let Some(shoulder) = &mut self.shoulder {
+            shoulder.feed(told);
+        }
+    }
+
+    /// Keeps where a tracked trunk was with the record in `dir`.
+    ///
+    /// # Errors
+    /// What the disk refuses.
+    pub fn keep_trunk(&mut self, dir: &Path) -> Result<(), String> {
+        self.shoulder.as_mut().map_or(Ok(()), |shoulder| shoulder.keep_trunk(dir))
     }
 
     /// The calibrations that a tracked shoulder rests on; none without one.
@@ -81,6 +99,20 @@ impl LivePerson {
         }
     }
 
+    /// Between trials: whether a tracked shoulder is ready for one, and how it stands; none without one.
+    pub fn shoulder_ready(&mut self) -> Option<(bool, String)> {
+        let shoulder = self.shoulder.as_mut()?;
+        shoulder.listen();
+        let report = shoulder.report();
+        if let Some(fault) = report.fault {
+            return Some((false, fault));
+        }
+        let (sits, posture) =
+            shoulder.posture().unwrap_or((true, "tracked, without a calibration".to_owned()));
+        let reach = report.reach.map_or(String::new(), |reach| format!("; {}", reach.line));
+        Some((sits, posture + &reach))
+    }
+
     /// Between trials: whether eye tracker and limb sent anything since the last call; none where there is no such. What they sent
     /// is of no trial.
     pub fn listen(&mut self) -> [Option<bool>; 2] {
@@ -95,6 +127,7 @@ impl LivePerson {
     pub fn restart(&mut self, session: &Session) -> Result<(), Box<dyn Error>> {
         if let Some(shoulder) = &mut self.shoulder {
             shoulder.restart();
+            shoulder.measure_reach(session);
         }
         if let Some(shoulder) = &mut self.head_shoulder {
             shoulder.restart();

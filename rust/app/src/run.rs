@@ -1,6 +1,10 @@
 //! A trial with a simulated participant, from its first tick to its record.
 
-use crate::{Experimenter, Pace, Recorder, Rosbridge, live::TrialInputs, person::give_feedback};
+use crate::{
+    Experimenter, Pace, Recorder, Rosbridge, TrackedShoulder,
+    live::{TRACKING_EVERY, TrialInputs},
+    person::give_feedback,
+};
 use proact_bridge::{ClientInput, PageServer};
 use proact_devices::FeedbackSinks;
 use proact_testbed::{Session, Step, TrialEnd, TrialResult};
@@ -22,14 +26,16 @@ pub struct Audience<'a> {
     pub inputs: Option<&'a mut dyn TrialInputs>,
     /// Clients of rosbridge, if they are served.
     pub rosbridge: Option<Rosbridge>,
+    /// A shoulder that motion capture sees, in the place of the participant's own.
+    pub shoulder: Option<TrackedShoulder>,
     /// What is heard or felt.
     pub feedback: FeedbackSinks,
     /// Raised by Ctrl-C or a request to end: the trial then ends with its next tick, and its record is closed.
     pub interrupted: &'a AtomicBool,
 }
 
-/// Runs a simulated trial: flat out if nobody watches, in real time for the page and for clients of rosbridge. Written to
-/// `recorder`, whose directory is `dir`; `on_step` sees each tick.
+/// Runs a simulated trial: flat out if nobody watches, in real time for the page, for clients of rosbridge and with a tracked
+/// shoulder. Written to `recorder`, whose directory is `dir`; `on_step` sees each tick.
 ///
 /// # Errors
 /// A native library or the disk refuses.
@@ -41,9 +47,14 @@ pub fn run_to_end(
     mut on_step: impl FnMut(&Step),
 ) -> Result<TrialResult, Box<dyn Error>> {
     let (page, interrupted) = (audience.page, audience.interrupted);
+    if let (Some(dir), Some(shoulder)) = (dir, &audience.shoulder) {
+        shoulder.calibrations().keep(dir)?;
+    }
     let mut live =
         page.map(|page| (Pace::new(), Experimenter::new(page, session.testbed().config(), dir, None)));
-    let mut alone = (page.is_none() && audience.rosbridge.is_some()).then(Pace::new);
+    let real_time = audience.rosbridge.is_some() || audience.shoulder.is_some();
+    let mut alone = (page.is_none() && real_time).then(Pace::new);
+    let mut shown_tracking = Instant::now();
     let mut start = Instant::now();
     // Whoever conducts a study says when something is shown, and to whom.
     let mut awaited = page.filter(|_| audience.inputs.is_none());
@@ -63,6 +74,13 @@ pub fn run_to_end(
                 {
                     ending = Some(TrialEnd::Abort);
                 }
+            }
+        }
+        if let Some(shoulder) = audience.shoulder.as_mut().filter(|_| session.testbed().frame_is_due()) {
+            shoulder.drive(&mut session)?;
+            if let Some(page) = page.filter(|_| shown_tracking.elapsed() >= TRACKING_EVERY) {
+                shown_tracking = Instant::now();
+                page.set_tracking(&[shoulder.report()]);
             }
         }
         let began = Instant::now();
@@ -104,6 +122,9 @@ pub fn run_to_end(
             None => {}
         }
     };
+    if let (Some(dir), Some(shoulder)) = (dir, &mut audience.shoulder) {
+        shoulder.keep_trunk(dir)?;
+    }
     finish(&session, recorder, dir, start, ended)
 }
 

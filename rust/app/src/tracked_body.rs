@@ -4,8 +4,8 @@ use crate::{PoseLog, tell};
 use proact_bridge::{StreamFigures, TrackingReport};
 use proact_devices::motion_capture::{CaptureLink, OpenedCapture};
 use proact_localization::{
-    BodySample, ClockOffset, ExpectedPlace, Nanos, PoseFault, PoseFilter, PoseFilterConfig, RawBodyPose,
-    StreamCheck, StreamMeter, TimedPose, TrackingAxes, check_handedness, check_window,
+    BodySample, ClockOffset, ExpectedPlace, FilterProfile, Nanos, PoseFault, PoseFilter, PoseFilterConfig,
+    RawBodyPose, StreamCheck, StreamMeter, TimedPose, TrackingAxes, check_handedness, check_window,
 };
 use proact_types::{Pose, Vector};
 use std::{collections::VecDeque, path::Path, str::FromStr};
@@ -93,8 +93,9 @@ pub struct TrackedBody {
     handed: bool,
     meter: StreamMeter,
     filter: PoseFilter,
-    /// Another body of the same system, on the headset, with its newest poses on this machine's clock.
-    beside: Option<Beside>,
+    filtered_by: PoseFilterConfig,
+    /// Other bodies of the same system, on headset or limb, with their newest poses on this machine's clock.
+    beside: Vec<Beside>,
     log: Option<PoseLog>,
 }
 
@@ -104,15 +105,17 @@ impl Drop for TrackedBody {
     }
 }
 
-/// A second body, whose poses are kept for a while.
+/// A further body, whose poses are kept for a while.
 struct Beside {
     name: String,
     check: StreamCheck,
     clock: ClockOffset,
     poses: VecDeque<TimedPose>,
+    /// When the newest of them came.
+    arrived: Nanos,
 }
 
-/// Poses of the second body are kept for so long, s.
+/// Poses of further bodies are kept for so long, s.
 const BESIDE_SECS: f64 = 2.0;
 
 /// What is shown of a body comes back at once after a gap: the base of the arm is led there by the physics' own filter, which
@@ -121,7 +124,13 @@ const FOLLOWING: PoseFilterConfig = PoseFilterConfig { resume_secs: 0.0, ..PoseF
 
 impl Beside {
     fn new(name: String) -> Self {
-        Self { name, check: StreamCheck::new(), clock: ClockOffset::default(), poses: VecDeque::new() }
+        Self {
+            name,
+            check: StreamCheck::new(),
+            clock: ClockOffset::default(),
+            poses: VecDeque::new(),
+            arrived: 0,
+        }
     }
 
     /// A pose of it; one that is none, or not tracked, is left out.
@@ -131,6 +140,7 @@ impl Beside {
         }
         let Ok(sample) = axes.convert(raw) else { return };
         let stamp_secs = self.clock.take(sample.stamp, sample.arrival);
+        self.arrived = sample.arrival;
         self.poses.push_back(TimedPose { stamp_secs, pose: sample.pose });
         while self.poses.front().is_some_and(|first| first.stamp_secs < stamp_secs - BESIDE_SECS) {
             self.poses.pop_front();
@@ -173,14 +183,22 @@ impl TrackedBody {
             handed: false,
             meter: StreamMeter::default(),
             filter: PoseFilter::new(FOLLOWING),
-            beside: None,
+            filtered_by: FOLLOWING,
+            beside: Vec::new(),
             log: None,
         }
     }
 
-    /// The same, with the poses of the body `name` kept as well.
-    pub fn with_beside(mut self, name: Option<String>) -> Self {
-        self.beside = name.map(Beside::new);
+    /// The same, with the poses of the bodies `names` kept as well.
+    pub fn with_beside(mut self, names: impl IntoIterator<Item = String>) -> Self {
+        self.beside.extend(names.into_iter().map(Beside::new));
+        self
+    }
+
+    /// The same, filtered as the original filters: a mean of ten poses with a dead band, some 45 ms late.
+    pub fn with_original_filter(mut self) -> Self {
+        self.filtered_by = PoseFilterConfig { profile: FilterProfile::Original, ..FOLLOWING };
+        self.filter = PoseFilter::new(self.filtered_by);
         self
     }
 
@@ -203,9 +221,25 @@ impl TrackedBody {
         }
     }
 
-    /// The newest poses of the second body, oldest first, with stamps on this machine's clock.
-    pub fn beside(&mut self) -> &[TimedPose] {
-        self.beside.as_mut().map_or(&[], |beside| beside.poses.make_contiguous())
+    /// The newest poses of the further body `name`, oldest first, with stamps on this machine's clock; none of a body that was not
+    /// asked for.
+    pub fn beside(&mut self, name: &str) -> &[TimedPose] {
+        let found = self.beside.iter_mut().find(|beside| beside.name == name);
+        found.map_or(&[], |beside| beside.poses.make_contiguous())
+    }
+
+    /// The newest pose of the further body `name`, if it came in the last `age_secs`. By arrival: stamps of a clock that runs slower
+    /// than it says would look ever older.
+    pub fn newest_beside(&self, name: &str, age_secs: f64) -> Option<&TimedPose> {
+        let beside = self.beside.iter().find(|beside| beside.name == name)?;
+        let age = self.opened.clock.now() - beside.arrived;
+        beside.poses.back().filter(|_| (age as f64) < age_secs * 1e9)
+    }
+
+    /// A pose that comes another way than by the source's own, such as by the page.
+    pub fn feed(&mut self, pose: RawBodyPose) {
+        let arrival = self.opened.clock.now();
+        self.opened.capture.feed(RawBodyPose { arrival, ..pose });
     }
 
     /// This machine's clock, as arrivals are stamped by it, s.
@@ -235,9 +269,8 @@ impl TrackedBody {
             self.check = StreamCheck::new();
             (self.judged, self.handed) = (None, false);
             self.window.clear();
-            (self.meter, self.filter) = (StreamMeter::default(), PoseFilter::new(FOLLOWING));
-            let name = self.beside.take().map(|beside| beside.name);
-            self.beside = name.map(Beside::new);
+            (self.meter, self.filter) = (StreamMeter::default(), PoseFilter::new(self.filtered_by));
+            self.beside = self.beside.drain(..).map(|beside| Beside::new(beside.name)).collect();
         }
         let mut newest = None;
         for raw in std::mem::take(&mut self.raw) {
@@ -248,7 +281,7 @@ impl TrackedBody {
             if let Some(log) = &mut self.log {
                 log.take(&raw);
             }
-            if let Some(beside) = self.beside.as_mut().filter(|beside| beside.name == raw.body) {
+            for beside in self.beside.iter_mut().filter(|beside| beside.name == raw.body) {
                 beside.take(&raw, &self.axes);
             }
             if raw.body == self.opened.body {
@@ -387,6 +420,9 @@ impl TrackedBody {
             world_from_shoulder: None,
             calibrations: Vec::new(),
             headset: None,
+            limb: None,
+            posture: None,
+            reach: None,
             fault,
             fault_name: fault_name.map(str::to_owned),
         }

@@ -1,13 +1,44 @@
 //! A body that motion capture sees as the shoulder of trials.
 
-use crate::{Calibrations, Followable, MocapAxes, TrackedBody, WornHeadset, tell};
+use crate::{
+    Calibrations, Followable, LimbBodies, MocapAxes, ReachMap, TRUNK_FILE, TrackedBody, TrackedLimb,
+    TrackedLimbError, WornHeadset, tell, trunk_text, write_whole,
+};
 use nalgebra::UnitQuaternion;
-use proact_bridge::{CalibrationInUse, TrackingReport};
-use proact_devices::motion_capture::OpenedCapture;
+use proact_arm::Side;
+use proact_bridge::{CalibrationInUse, ControllerPose, ReachPicture, TrackingReport};
+use proact_devices::DeviceError;
+use proact_devices::motion_capture::{LEFT_CONTROLLER, OpenedCapture, RIGHT_CONTROLLER};
 use proact_http::Repeats;
+use proact_localization::{FilterProfile, Nanos, RawBodyPose};
 use proact_testbed::Session;
-use proact_types::{Pose, Vector};
+use proact_types::{Pose, SimTime, Vector};
 use std::{path::Path, time::Instant};
+
+/// A person who sits as for the calibration is this near to it: m, degrees. People breathe and settle; a belt that slipped, or a
+/// chair that was moved, is further.
+const SITS_M: f64 = 0.03;
+const SITS_DEG: f64 = 10.0;
+
+/// Why a tracked shoulder cannot be used any more.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum TrackedShoulderError {
+    /// Its source.
+    #[error(transparent)]
+    Source(#[from] DeviceError),
+    /// The limb below it.
+    #[error(transparent)]
+    Limb(#[from] TrackedLimbError),
+}
+
+/// A body on the trunk, for the record.
+struct TrackedTrunk {
+    body: String,
+    /// Stamp of the pose that was taken last, s.
+    taken: f64,
+    poses: Vec<(SimTime, Pose)>,
+}
 
 /// A tracked body that is the shoulder of trials.
 ///
@@ -18,6 +49,9 @@ pub struct TrackedShoulder {
     heading_rad: f64,
     calibrations: Calibrations,
     headset: Option<WornHeadset>,
+    limb: Option<TrackedLimb>,
+    reach: Option<ReachPicture>,
+    trunk: Option<TrackedTrunk>,
     /// `world_from_tracking` and `body_from_shoulder`, once the body has been seen.
     placed: Option<(Pose, Pose)>,
     said: Repeats,
@@ -32,6 +66,9 @@ impl TrackedShoulder {
         let markers = headset.as_ref().map(|headset| headset.markers().to_owned());
         let mut shoulder = Self {
             body: TrackedBody::new(opened, axes).with_beside(markers),
+            limb: None,
+            reach: None,
+            trunk: None,
             heading_rad: axes.heading_rad,
             calibrations,
             headset,
@@ -41,6 +78,83 @@ impl TrackedShoulder {
         };
         shoulder.restart();
         shoulder
+    }
+
+    /// The same, with the person's own limb by further bodies of the same system.
+    pub fn with_limb(mut self, bodies: Option<LimbBodies>) -> Self {
+        let Some(bodies) = bodies else { return self };
+        self.body = self.body.with_beside(bodies.names().cloned());
+        self.limb = Some(TrackedLimb::new(bodies));
+        self
+    }
+
+    /// The same, filtered as `profile` says.
+    pub fn filtered(mut self, profile: FilterProfile) -> Self {
+        if profile == FilterProfile::Original {
+            self.body = self.body.with_original_filter();
+        }
+        self
+    }
+
+    /// How the person sits, against how they sat when the shoulder was calibrated: whether it is as it was, and in words. None
+    /// without a calibration, or before the body was seen.
+    pub fn posture(&self) -> Option<(bool, String)> {
+        let saved = &self.calibrations.shoulder.as_ref()?.calibration;
+        let placement = &saved.placement;
+        let now = placement.world_from_tracking * self.body.rest()? * saved.body_from_shoulder;
+        let was = placement.world_from_shoulder;
+        let way = now.translation.vector - was.translation.vector;
+        let lean = (now.rotation * Vector::z()).angle(&(was.rotation * Vector::z())).to_degrees();
+        let good = way.norm() <= SITS_M && lean <= SITS_DEG;
+        let [ahead, left, up] = [way.x, way.y, way.z].map(|metres| 1e3 * metres);
+        let words = format!(
+            "the shoulder is {:.0} mm from where it was calibrated ({ahead:+.0} ahead, {left:+.0} left, {up:+.0} up), and leans by \
+             {lean:.0} degrees",
+            1e3 * way.norm()
+        );
+        let advice = if good { "" } else { ": sit as for the calibration, or calibrate anew" };
+        Some((good, words + advice))
+    }
+
+    /// The same, with the trunk by a further body of the same system: it moves nothing, and is kept with the record.
+    pub fn with_trunk(mut self, body: Option<String>) -> Self {
+        let Some(body) = body else { return self };
+        self.body = self.body.with_beside([body.clone()]);
+        self.trunk = Some(TrackedTrunk { body, taken: f64::NEG_INFINITY, poses: Vec::new() });
+        self
+    }
+
+    /// Writes where the trunk was in the trial whose record is `dir`; nothing where it was not seen.
+    ///
+    /// # Errors
+    /// What the disk refuses.
+    pub fn keep_trunk(&mut self, dir: &Path) -> Result<(), String> {
+        let poses = self.trunk.as_mut().map(|trunk| std::mem::take(&mut trunk.poses)).unwrap_or_default();
+        if poses.is_empty() { Ok(()) } else { write_whole(&dir.join(TRUNK_FILE), &trunk_text(&poses)) }
+    }
+
+    /// Finds what is in reach in a trial that is about to begin.
+    pub fn measure_reach(&mut self, session: &Session) {
+        let testbed = session.testbed();
+        let (scene, body) = (testbed.task().scene(), &testbed.config().setup.body);
+        self.reach = Some(ReachMap::new(testbed.model(), scene, body).for_page());
+    }
+
+    /// A controller of a headset, of which its page tells. Of other systems nothing is taken.
+    pub fn feed(&mut self, told: &ControllerPose) {
+        let body = match told.hand {
+            Side::Left => LEFT_CONTROLLER,
+            Side::Right => RIGHT_CONTROLLER,
+        };
+        self.body.feed(RawBodyPose {
+            body: body.to_owned(),
+            id: None,
+            stamp: (told.time_ms * 1e6) as Nanos,
+            arrival: 0,
+            position: told.position,
+            quaternion: told.quaternion,
+            tracked: told.tracked,
+        });
     }
 
     /// The same, with all poses and the head's recorded to `path`: written when a trial begins, and at the end.
@@ -55,6 +169,12 @@ impl TrackedShoulder {
         self.body.write_log();
         if let Some(headset) = &mut self.headset {
             headset.restart();
+        }
+        if let Some(limb) = &mut self.limb {
+            limb.restart();
+        }
+        if let Some(trunk) = &mut self.trunk {
+            trunk.poses.clear();
         }
     }
 
@@ -76,6 +196,9 @@ impl TrackedShoulder {
             .map(|(kind, line, usable)| CalibrationInUse { kind: kind.to_owned(), line, usable })
             .collect();
         let placed = self.placed.map(|(world_from_tracking, _)| world_from_tracking);
+        report.posture = self.posture().map(|(_, words)| words);
+        report.reach = self.reach.clone();
+        report.limb = self.limb.as_ref().map(|limb| limb.line().to_owned());
         report.headset = self.headset.as_ref().map(|headset| headset.line(placed.as_ref()));
         let Some((_, body_from_shoulder)) = self.placed else { return report };
         report.world_from_tracking = self.world_from_tracking();
@@ -101,8 +224,8 @@ impl TrackedShoulder {
     /// the arm. Why is told once, and when it is over.
     ///
     /// # Errors
-    /// The source cannot be used any more.
-    pub fn drive(&mut self, session: &mut Session) -> Result<bool, proact_devices::DeviceError> {
+    /// The source cannot be used any more, or the arm has no limb to follow.
+    pub fn drive(&mut self, session: &mut Session) -> Result<bool, TrackedShoulderError> {
         let found = self.body.poll()?;
         if let Some(head) = session.headset() {
             self.body.log_head(&head);
@@ -110,7 +233,9 @@ impl TrackedShoulder {
         self.say();
         let Some(Followable { sample, repeats }) = found else { return Ok(false) };
         if let (Some(headset), Some(head)) = (&mut self.headset, session.headset()) {
-            headset.take(self.body.now_secs(), head, self.body.beside());
+            let now_secs = self.body.now_secs();
+            let markers = headset.markers().to_owned();
+            headset.take(now_secs, head, self.body.beside(&markers));
         }
         let (_, body_from_shoulder) = match self.placed {
             Some(placed) => placed,
@@ -121,7 +246,17 @@ impl TrackedShoulder {
             }
         };
         let Some(world_from_tracking) = self.world_from_tracking() else { return Ok(false) };
+        if let Some(trunk) = &mut self.trunk
+            && let Some(last) =
+                self.body.beside(&trunk.body).last().filter(|last| last.stamp_secs > trunk.taken)
+        {
+            trunk.taken = last.stamp_secs;
+            trunk.poses.push((session.testbed().now(), world_from_tracking * last.pose));
+        }
         let pose = self.body.followed().unwrap_or(sample.pose);
+        if let Some(limb) = &mut self.limb {
+            limb.drive(session, &(pose * body_from_shoulder).rotation, &self.body)?;
+        }
         let world_from_shoulder = world_from_tracking * pose * body_from_shoulder;
         if repeats {
             session.person().track_shoulder_again(world_from_shoulder);

@@ -21,6 +21,7 @@ mod chain;
 mod damped;
 pub mod doubles;
 mod hand;
+mod limb_fit;
 mod model;
 mod pinch;
 mod settings;
@@ -28,6 +29,7 @@ mod settings;
 pub use chain::{Chain, ChainPoses, Columns};
 pub use damped::{damped_step, damped_step_within};
 pub use hand::{CLOSED_POSE, Couplings, Grasp, OPEN_POSE, upright_axis};
+pub use limb_fit::{LimbFit, LimbFitError};
 pub use model::{
     ArmModel, ArmModelError, CollisionShape, Inertial, Joint, JointKind, JointLimits, Link, Mimic, NamedPose,
     Side, Visual, VisualGeometry,

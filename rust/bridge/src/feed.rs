@@ -7,6 +7,7 @@ use crate::{
     study::{ExperimenterScreen, ParticipantScreen, StudyScreen},
 };
 use axum::extract::ws::Utf8Bytes;
+use proact_arm::Side;
 use proact_types::{DisplayFrame, Event};
 use serde::Serialize;
 use std::{collections::VecDeque, sync::Arc};
@@ -20,7 +21,12 @@ const MAX_EVENTS: usize = 512;
 #[serde(tag = "type", rename_all = "snake_case")]
 pub(crate) enum ServerMessage<'a> {
     /// The first message of each connection.
-    Hello { page_version: &'a str, revision: u64 },
+    Hello {
+        page_version: &'a str,
+        revision: u64,
+        /// The controller that is strapped to the brace: it is neither gaze nor buttons.
+        brace_controller: Option<Side>,
+    },
     /// There is new content to fetch.
     Content { revision: u64 },
     /// One instant.

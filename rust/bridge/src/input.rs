@@ -5,6 +5,7 @@ use crate::{
     study::{GivenAnswer, StudyRequest},
 };
 use nalgebra::{Quaternion, Translation3, UnitQuaternion};
+use proact_arm::Side;
 use proact_types::{Gesture, Point, Pose, TrunkPosture, Vector};
 use serde::{Deserialize, Serialize};
 
@@ -12,6 +13,9 @@ use serde::{Deserialize, Serialize};
 const MAX_DISTANCE: f64 = 100.0;
 /// Largest trunk angle taken over, rad. A bound on nonsense: the body model has its own, tighter limits.
 const MAX_TRUNK_ANGLE: f64 = std::f64::consts::FRAC_PI_2;
+
+/// A page that has been open for longer than thirty years is a mistake, ms.
+const MAX_TIME_MS: f64 = 1e12;
 
 /// What the person at the page does. All numbers are finite and within sane bounds.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,6 +35,8 @@ pub enum ClientInput {
     Trunk(TrunkPosture),
     /// Where a headset is: `world_from_head`, x ahead, y left, z up.
     Head(Pose),
+    /// Where a headset's controller is.
+    Controller(ControllerPose),
     /// Begin a new trial.
     Restart {
         /// With the method of this name, one of [`PageContent::methods`](crate::PageContent::methods); none for the same
@@ -58,6 +64,23 @@ pub enum ClientInput {
     },
     /// The client in control is gone; a gesture that it held was released before.
     Disconnected,
+}
+
+/// Where a headset's controller is in `world`, as the headset's browser tells it.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
+#[serde(deny_unknown_fields)]
+pub struct ControllerPose {
+    /// In which hand, or on which arm.
+    pub hand: Side,
+    /// On the page's clock, ms.
+    pub time_ms: f64,
+    /// m.
+    pub position: [f64; 3],
+    /// x, y, z, w.
+    pub quaternion: [f64; 4],
+    /// Seen by the headset now; otherwise its place is a guess.
+    pub tracked: bool,
 }
 
 /// What the experimenter's page asks of the trial.
@@ -113,6 +136,7 @@ pub(crate) enum ClientMessage {
         /// x, y, z, w.
         quaternion: [f64; 4],
     },
+    Controller(ControllerPose),
     Restart {
         #[serde(default)]
         #[cfg_attr(feature = "ts", ts(optional))]
@@ -179,7 +203,7 @@ pub(crate) enum Parsed {
 pub(crate) fn parse(text: &str) -> Result<Parsed, String> {
     let message: ClientMessage = serde_json::from_str(text).map_err(|error| {
         format!(
-            "message ignored: {error}; expected a JSON object with type gesture, gaze, trunk, head, restart, study, \
+            "message ignored: {error}; expected a JSON object with type gesture, gaze, trunk, head, controller, restart, study, \
              gaze_check, join, take_over, drawn, hold, after, conduct, answer, submit, alive or ping"
         )
     })?;
@@ -189,6 +213,7 @@ pub(crate) fn parse(text: &str) -> Result<Parsed, String> {
             gaze(origin, direction, measured).map(Parsed::Input)
         }
         ClientMessage::Head { position, quaternion } => head(position, quaternion).map(Parsed::Input),
+        ClientMessage::Controller(pose) => controller(pose).map(Parsed::Input),
         ClientMessage::Trunk { forward, lateral, axial } => {
             for (name, angle) in [("forward", forward), ("lateral", lateral), ("axial", axial)] {
                 let sane = angle.abs() <= MAX_TRUNK_ANGLE;
@@ -239,6 +264,18 @@ fn head(position: [f64; 3], quaternion: [f64; 4]) -> Result<ClientInput, String>
     Ok(ClientInput::Head(Pose::from_parts(Translation3::from(position.coords), rotation)))
 }
 
+/// What is no rotation is for whoever follows the controller to name.
+fn controller(pose: ControllerPose) -> Result<ClientInput, String> {
+    near("controller position", pose.position)?;
+    if !(pose.time_ms >= 0.0 && pose.time_ms < MAX_TIME_MS) {
+        return Err(format!(
+            "message ignored: controller time_ms is {}, expected 0 to {MAX_TIME_MS:e}",
+            pose.time_ms
+        ));
+    }
+    Ok(ClientInput::Controller(pose))
+}
+
 fn gaze(origin: [f64; 3], direction: [f64; 3], measured: bool) -> Result<ClientInput, String> {
     let origin = near("gaze origin", origin)?;
     let vector = Vector::from(direction);
@@ -257,7 +294,17 @@ mod tests {
 
     #[test]
     fn each_kind_of_message_is_understood() {
-        let cases: [(&str, Option<ClientInput>); 10] = [
+        let cases: [(&str, Option<ClientInput>); 11] = [
+            (
+                r#"{"type":"controller","hand":"right","time_ms":16.5,"position":[1,2,1.4],"quaternion":[0,0,0,1],"tracked":false}"#,
+                Some(ClientInput::Controller(ControllerPose {
+                    hand: Side::Right,
+                    time_ms: 16.5,
+                    position: [1.0, 2.0, 1.4],
+                    quaternion: [0.0, 0.0, 0.0, 1.0],
+                    tracked: false,
+                })),
+            ),
             (
                 r#"{"type":"gesture","gesture":"wrist_extension"}"#,
                 Some(ClientInput::Gesture(Gesture::WristExtension)),
@@ -329,6 +376,14 @@ mod tests {
             (r#"{"type":"head","position":[1,2,3],"quaternion":[0,0,0,2]}"#, "of length 1"),
             (r#"{"type":"head","position":[1,2,1e9],"quaternion":[0,0,0,1]}"#, "up to 100 m"),
             (r#"{"type":"gaze_check","source":"mouse","points":[]}"#, "1 to 32 points"),
+            (
+                r#"{"type":"controller","hand":"both","time_ms":1,"position":[1,2,3],"quaternion":[0,0,0,1],"tracked":true}"#,
+                "unknown variant `both`",
+            ),
+            (
+                r#"{"type":"controller","hand":"left","time_ms":-1,"position":[1,2,3],"quaternion":[0,0,0,1],"tracked":true}"#,
+                "time_ms is -1",
+            ),
             (r#"{"type":"ping","id":-1}"#, "expected u32"),
         ];
         for (text, part) in cases {

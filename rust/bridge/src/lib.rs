@@ -58,7 +58,7 @@ pub use calibration::{CalibrationCommand, CalibrationServer};
 pub use calibration_screen::{CalibrationScreen, CalibrationView, ChannelLight, GestureTest};
 pub use error::BridgeError;
 pub use gaze_check::{GazeCheck, GazePoint};
-pub use input::{AfterTrial, ClientInput, StudyAction};
+pub use input::{AfterTrial, ClientInput, ControllerPose, StudyAction};
 pub use meshes::MeshFile;
 pub use server::{PageContent, PageOptions, PageServer};
 pub use signals::{ResultCard, ResultLine, Signals, TrialStatus};
@@ -67,5 +67,5 @@ pub use study::{
     ParticipantScreen, PromptScreen, RefusedAnswer, SessionScreen, StepLine, StudyButton, StudyRequest,
     StudyScreen,
 };
-pub use tracking::{CalibrationInUse, StreamFigures, TrackingReport};
+pub use tracking::{CalibrationInUse, ReachPicture, ReachSpot, StreamFigures, TrackingReport};
 pub use trials::{RecordedTrial, TrialLibrary, TrialSummary};

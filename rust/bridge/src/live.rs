@@ -1,6 +1,6 @@
 //! The WebSocket `/live`: JSON text messages, one object each, told apart by `type`.
 //!
-//! From the server: `hello {page_version, revision}` first; `frame` with the fields of
+//! From the server: `hello {page_version, revision, brace_controller}` first; `frame` with the fields of
 //! [`DisplayFrame`](proact_types::DisplayFrame) at the pace of publishing, the latest only; `events {events}`
 //! with the events of frames that this client missed, at first those of the trial so far; `content {revision}`
 //! when `/api/content` has changed; `status` with the fields of [`TrialStatus`](crate::TrialStatus); `pong {id}`;
@@ -12,6 +12,7 @@
 //!
 //! From the client, if the page is interactive: `gesture {gesture}` at each change, `alive` every 40 ms while
 //! one is held, `gaze {origin, direction, measured}`, `trunk {forward, lateral, axial}`, `head {position, quaternion}`,
+//! `controller {hand, time_ms, position, quaternion, tracked}` of the one on the brace,
 //! `restart {method, again}`, `gaze_check {source, points}`, `join`, `take_over`, `hold {on}`
 //! while a dialog is open; `after {ask}` when a trial that was shown is over; always `drawn` and `ping {id}`. Metres, rad, frame `world`,
 //! quaternions x, y, z, w. At most 64 KiB each, text only. A hundred malformed messages end the connection.
@@ -177,7 +178,10 @@ impl Reader<'_> {
                     shared.arbitrate(|arbiter| arbiter.command(input))
                 }
                 Ok(Parsed::Input(input)) => {
-                    let asks = !matches!(input, ClientInput::Gaze { .. } | ClientInput::Head(_));
+                    let asks = !matches!(
+                        input,
+                        ClientInput::Gaze { .. } | ClientInput::Head(_) | ClientInput::Controller(_)
+                    );
                     let taken =
                         shared.arbitrate(|arbiter| arbiter.accept(client, Instant::now(), Some(input)));
                     if asks && !taken {
@@ -250,11 +254,12 @@ impl Writer<'_> {
         mut replies: mpsc::Receiver<Reply>,
     ) {
         let Writer { role, shared, pulse, .. } = self;
-        let page_version = &shared.page_version;
+        let (page_version, brace_controller) = (&*shared.page_version, shared.brace_controller);
         let mut ping = pulse.pings();
         // A client that comes late is told the whole trial's events: its score and list are then right.
         let mut seen = Seen { revision: updates.borrow().revision, ..Seen::default() };
-        let hello = ServerMessage::Hello { page_version, revision: seen.revision }.to_text();
+        let revision = seen.revision;
+        let hello = ServerMessage::Hello { page_version, revision, brace_controller }.to_text();
         if send(&mut outgoing, Message::Text(hello)).await.is_err() {
             return;
         }

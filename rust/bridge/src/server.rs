@@ -15,7 +15,7 @@ use axum::{
     response::{IntoResponse, Response},
     routing::get,
 };
-use proact_arm::ArmModel;
+use proact_arm::{ArmModel, Side};
 use proact_camera::Studio;
 use proact_http::{Access, Limits, Options, Pages, Right, Server};
 use proact_types::{Briefing, DisplayFrame, MOST_METHOD_NAME_BYTES, MethodInfo, Scene};
@@ -54,6 +54,8 @@ pub struct PageOptions {
     pub access: Access,
     /// How long a connection may dawdle, and how many there may be.
     pub limits: Limits,
+    /// A headset's controller that is strapped to the brace: its page sends where it is.
+    pub brace_controller: Option<Side>,
 }
 
 impl Default for PageOptions {
@@ -66,6 +68,7 @@ impl Default for PageOptions {
             https: false,
             access: Access::default(),
             limits: Limits::default(),
+            brace_controller: None,
         }
     }
 }
@@ -118,6 +121,7 @@ pub struct PageContent {
 pub(crate) struct Shared {
     pub(crate) feed: watch::Sender<Feed>,
     pub(crate) page_version: String,
+    pub(crate) brace_controller: Option<Side>,
     input_arbiter: Mutex<InputArbiter>,
     content: Mutex<StoredContent>,
     pub(crate) limits: Limits,
@@ -228,6 +232,7 @@ impl PageServer {
         let shared = Arc::new(Shared {
             feed: watch::Sender::new(Feed::default()),
             page_version: assets::page_version(),
+            brace_controller: options.brace_controller,
             input_arbiter: Mutex::default(),
             content: Mutex::new(store(&page)?),
             limits: options.limits,

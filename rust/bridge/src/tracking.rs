@@ -29,6 +29,32 @@ pub struct CalibrationInUse {
     pub usable: bool,
 }
 
+/// One place of the box in a picture of what is in reach.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
+pub struct ReachSpot {
+    /// m, `world`: ahead.
+    pub x: f64,
+    /// m, `world`: to the left.
+    pub y: f64,
+    /// The smallest lean forward of those tried from which the hand gets there, degrees; none if it does not.
+    pub lean_deg: Option<f64>,
+}
+
+/// What of the box is in reach for this person and table.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
+pub struct ReachPicture {
+    /// In one sentence.
+    pub line: String,
+    /// Height of the places, m, `world`.
+    pub height_m: f64,
+    /// From place to place, m.
+    pub spacing_m: f64,
+    /// The places.
+    pub spots: Vec<ReachSpot>,
+}
+
 /// How a tracking source stands: for the page of tracking and for `doctor`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
@@ -64,6 +90,12 @@ pub struct TrackingReport {
     pub calibrations: Vec<CalibrationInUse>,
     /// How the headset's world stands in the room; none without a calibrated headset.
     pub headset: Option<String>,
+    /// How the person's own limb is followed; none where it is not tracked.
+    pub limb: Option<String>,
+    /// How the person sits, against how they sat when the shoulder was calibrated; none without a calibration.
+    pub posture: Option<String>,
+    /// What is in reach from where the shoulder is at the start of a trial; none before one is prepared.
+    pub reach: Option<ReachPicture>,
     /// Why the arm does not follow, and what to do about it; none while all is well.
     pub fault: Option<String>,
     /// The same as a key, such as `millimetres`, `waiting`, `no_body`, `silent` or `occluded`.

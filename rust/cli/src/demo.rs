@@ -2,7 +2,7 @@ use crate::{
     announce::{announce, print_result},
     consent,
     interrupt::interrupt_flag,
-    person_args::FeedbackArgs,
+    person_args::{FeedbackArgs, MocapArgs},
     progress::bar,
     rosbridge_args::RosbridgeArgs,
     serve::{after_demo, free_dir},
@@ -10,8 +10,8 @@ use crate::{
 };
 use clap::Args;
 use proact_app::{
-    Arm, Audience, Recorder, Registry, ResultCards, Rosbridge, WristPath, answer, default_dir, page_content,
-    run_to_end, tell,
+    Arm, Audience, Recorder, Registry, ResultCards, Rosbridge, TrackedShoulder, WristPath, answer,
+    default_dir, page_content, run_to_end, tell,
     trial::{self, Assembly},
 };
 use proact_bridge::{AfterTrial, ClientInput, PageContent, PageOptions, PageServer};
@@ -34,6 +34,7 @@ use std::{
 #[command(after_help = "Examples:\n  proact demo\n  proact demo --headless --seed 7 --json\n  \
     proact demo --emg recordings/ --emg-train 0,1 --emg-feed 2\n\n\
     EMG comes from a generator unless --emg names a folder of recordings. `--setup still` keeps the shoulder still. \
+    With --mocap a tracked shoulder takes the place of the participant's, in real time. \
     The trial begins when a page has drawn it, or after 10 s. Ctrl-C ends the trial and closes its record; the exit code is \
     then not 0.")]
 pub(crate) struct DemoArgs {
@@ -113,10 +114,31 @@ struct RunHow {
     #[command(flatten)]
     feedback: FeedbackArgs,
     #[command(flatten)]
+    mocap: MocapArgs,
+    #[command(flatten)]
     rosbridge: RosbridgeArgs,
 }
 
 impl RunHow {
+    /// The shoulder that motion capture sees, if a source was named, for the first trial.
+    fn shoulder(
+        &self,
+        registry: &Registry,
+        session: &Session,
+    ) -> Result<Option<TrackedShoulder>, Box<dyn Error>> {
+        if self.mocap.controller().is_some() {
+            return Err(
+                "a headset's controller is heard of by the page of a person who drives: use proact serve"
+                    .into(),
+            );
+        }
+        let mut shoulder = self.mocap.open(registry)?;
+        if let Some(shoulder) = &mut shoulder {
+            shoulder.measure_reach(session);
+        }
+        Ok(shoulder)
+    }
+
     /// The model of the EMG, if one was named.
     fn trained(&self) -> Result<Option<EmgModel>, Box<dyn Error>> {
         self.emg_model.as_deref().map(proact_app::source::read_model_file).transpose()
@@ -181,7 +203,7 @@ struct Shown {
 /// What outlives one showing.
 struct Room {
     page: Option<PageServer>,
-    around: Option<(Option<Rosbridge>, FeedbackSinks)>,
+    around: Option<(Option<Rosbridge>, FeedbackSinks, Option<TrackedShoulder>)>,
     cards: ResultCards,
     offers: Vec<AfterTrial>,
     interrupted: Arc<AtomicBool>,
@@ -234,8 +256,10 @@ impl Shown {
         room: &mut Room,
     ) -> Result<TrialResult, Box<dyn Error>> {
         let Shown { arm, config, source, trained } = self;
+        let mut config = config.clone();
+        how.mocap.used(registry)?.seat(&mut config.setup);
         let Assembly { session, classifier, plans, .. } =
-            trial::simulated_with(&registry.methods, arm, config.clone(), source, trained.as_ref())?;
+            trial::simulated_with(&registry.methods, arm, config, source, trained.as_ref())?;
         let config = session.testbed().config().clone();
         let dir = (!how.no_record).then(|| how.out.clone().unwrap_or_else(|| default_dir(&config)));
         // The first time a place that is taken is refused.
@@ -249,11 +273,16 @@ impl Shown {
             None if how.headless => {}
             None => room.page = Some(open_page(registry, &session, arm, how)?),
         }
-        let (rosbridge, feedback) = match room.around.take() {
-            None => (how.rosbridge.open(&session)?, how.feedback.open(&registry.sinks)?),
-            Some((rosbridge, feedback)) => {
+        let (rosbridge, feedback, shoulder) = match room.around.take() {
+            None => (
+                how.rosbridge.open(&session)?,
+                how.feedback.open(&registry.sinks)?,
+                how.shoulder(registry, &session)?,
+            ),
+            Some((rosbridge, feedback, mut shoulder)) => {
                 rosbridge.as_ref().map_or(Ok(()), |rosbridge| rosbridge.restart(&session))?;
-                (rosbridge, feedback)
+                shoulder.iter_mut().for_each(TrackedShoulder::restart);
+                (rosbridge, feedback, shoulder)
             }
         };
         let limit_ms = (session.testbed().config().limit_secs * 1e3) as u64;
@@ -262,7 +291,7 @@ impl Shown {
         let mut path = WristPath::default();
         let page = room.page.as_ref();
         let mut audience =
-            Audience { page, inputs: None, rosbridge, feedback, interrupted: &room.interrupted };
+            Audience { page, inputs: None, rosbridge, shoulder, feedback, interrupted: &room.interrupted };
         let result = run_to_end(session, recorder, &mut audience, dir.as_deref(), |step| {
             let Some(frame) = &step.frame else { return };
             path.add(frame);
@@ -270,7 +299,7 @@ impl Shown {
             bar.set_message(format!("{} {}", frame.score, briefing.score_name));
         })?;
         bar.finish_and_clear();
-        room.around = Some((audience.rosbridge, audience.feedback));
+        room.around = Some((audience.rosbridge, audience.feedback, audience.shoulder));
         if let Some(page) = page {
             room.cards.show(page, briefing.most, &result, "Simulated participant", path, &room.offers);
         }

@@ -1,10 +1,10 @@
 //! `proact localize`: records poses, and calibrates headset and shoulder from what was recorded.
 
-use crate::interrupt::interrupt_flag;
+use crate::{interrupt::interrupt_flag, trial_args::TrialArgs};
 use clap::{Args, Subcommand};
 use proact_app::{
-    CALIBRATIONS_DIR, Calibrated, Calibrations, HEAD_BODY, MarkedHeadset, MocapAxes, PoseLog, RecordedBodies,
-    Registry, SavedCalibration, answer, recorded_poses, tell,
+    CALIBRATIONS_DIR, Calibrated, Calibrations, HEAD_BODY, MarkedHeadset, MocapAxes, PoseLog, ReachMap,
+    RecordedBodies, Registry, SavedCalibration, answer, recorded_poses, tell,
 };
 use proact_devices::{
     SourceName,
@@ -41,6 +41,18 @@ pub enum LocalizeCommand {
         The exit code is 0 only if the verdict is good: then serve and study run use it."
     )]
     Shoulder(ShoulderArgs),
+    /// Show which part of the box this person reaches, before a trial begins: from the calibrated shoulder, or the set-up's
+    #[command(
+        after_help = "Examples:\n  proact localize reach\n  proact localize reach --setup still --arm mpl_left --json\n\n\
+        Seen from above. Within the joints' limits, gripping from above; walls and objects in the way are not looked at."
+    )]
+    Reach(ReachArgs),
+    /// Move the calibrated box by keys: w ahead, s back, a left, d right, r up, f down, 5 mm each; q or the end of input saves
+    #[command(
+        after_help = "Examples:\n  proact localize correct\n  echo wwa | proact localize correct --json\n\n\
+        Keys count when Enter is pressed. All corrections together go no further than 10 cm."
+    )]
+    Correct(FolderArgs),
     /// Show the calibrations that are in use
     #[command(after_help = "Example:\n  proact localize show --json")]
     Show(FolderArgs),
@@ -52,6 +64,15 @@ pub struct FolderArgs {
     /// Folder of the calibrations
     #[arg(long, value_name = "DIR", default_value = CALIBRATIONS_DIR)]
     calibrations: PathBuf,
+}
+
+/// Arguments of `proact localize reach`.
+#[derive(Debug, Args)]
+pub struct ReachArgs {
+    #[command(flatten)]
+    trial: TrialArgs,
+    #[command(flatten)]
+    folder: FolderArgs,
 }
 
 /// Arguments of `proact localize record`.
@@ -136,6 +157,8 @@ pub(crate) fn run(
         LocalizeCommand::Record(args) => record(registry, args, json),
         LocalizeCommand::Headset(args) => headset(args, json),
         LocalizeCommand::Shoulder(args) => shoulder(args, json),
+        LocalizeCommand::Reach(args) => reach(registry, args, json),
+        LocalizeCommand::Correct(args) => correct(args, json),
         LocalizeCommand::Show(args) => show(args, json),
     }
 }
@@ -291,6 +314,76 @@ fn show(args: &FolderArgs, json: bool) -> Result<bool, Box<dyn Error>> {
     }
     tell_or_answer(json, &json!({ "calibrations": told }), &text.join("\n"))?;
     Ok(lines.iter().all(|(_, _, good)| *good))
+}
+
+/// What a key moves box and table by: ahead, left, up, m.
+fn step_of(key: char) -> Option<[f64; 3]> {
+    const STEP_M: f64 = 0.005;
+    Some(match key {
+        'w' => [STEP_M, 0.0, 0.0],
+        's' => [-STEP_M, 0.0, 0.0],
+        'a' => [0.0, STEP_M, 0.0],
+        'd' => [0.0, -STEP_M, 0.0],
+        'r' => [0.0, 0.0, STEP_M],
+        'f' => [0.0, 0.0, -STEP_M],
+        _ => return None,
+    })
+}
+
+fn correct(args: &FolderArgs, json: bool) -> Result<bool, Box<dyn Error>> {
+    let found: Option<SavedCalibration<ShoulderCalibration>> = SavedCalibration::load(&args.calibrations)?;
+    let Some(mut saved) = found else {
+        let folder = args.calibrations.display();
+        return Err(
+            format!("no calibration of the shoulder in {folder}: proact localize shoulder --help").into()
+        );
+    };
+    let words = |correction: &[f64; 3]| {
+        let [ahead, left, up] = correction.map(|metres| 1e3 * metres);
+        format!("the box is moved by {ahead:.0} mm ahead, {left:.0} mm left, {up:.0} mm up in all")
+    };
+    'lines: for line in std::io::stdin().lines() {
+        for key in line?.chars().filter(|key| !key.is_whitespace()) {
+            if key == 'q' {
+                break 'lines;
+            }
+            let step = step_of(key).ok_or_else(|| {
+                format!("key {key:?}; expected w, s, a, d, r, f, or q to end; nothing is saved")
+            })?;
+            saved.calibration.correct(step)?;
+        }
+        tell(words(&saved.calibration.correction));
+    }
+    let file = saved.save(&args.calibrations)?;
+    let correction = saved.calibration.correction;
+    let told = json!({ "correction_m": correction, "box_ahead_m": saved.calibration.placement.box_ahead_m, "file": file });
+    tell_or_answer(json, &told, &format!("{}\nsaved as {}", words(&correction), file.display()))?;
+    Ok(true)
+}
+
+fn reach(registry: &Registry, args: &ReachArgs, json: bool) -> Result<bool, Box<dyn Error>> {
+    let (arm, mut config) = args.trial.config(&registry.methods, "seated", None)?;
+    let found = Calibrations::load(&args.folder.calibrations)?;
+    let used = found.shoulder.as_ref().filter(|saved| saved.calibration.is_good());
+    if used.is_some() {
+        found.seat(&mut config.setup);
+    }
+    let from = match used {
+        Some(saved) => format!("from the shoulder that was calibrated {}", saved.line()),
+        None => format!(
+            "from the shoulder of the set-up {}; there is no good calibration in {}",
+            config.setup.name,
+            args.folder.calibrations.display()
+        ),
+    };
+    let task = config.build_task(arm.model())?;
+    let map = ReachMap::new(arm.model(), task.scene(), &config.setup.body);
+    let told = json!({
+        "from": from, "calibrated": used.is_some(), "still_share": map.share(0.0),
+        "leaning_share": map.share(f64::INFINITY), "map": map,
+    });
+    tell_or_answer(json, &told, &format!("{from}\n\n{}", map.picture()))?;
+    Ok(true)
 }
 
 fn tell_or_answer(json: bool, object: &Value, text: &str) -> Result<(), Box<dyn Error>> {

@@ -3,12 +3,15 @@
 use crate::rosbridge_args::RosbridgeArgs;
 use clap::Args;
 use proact_app::{
-    CALIBRATIONS_DIR, Calibrations, LimbReceiver, LivePerson, MocapAxes, Registry, TrackedShoulder, tell,
+    CALIBRATIONS_DIR, Calibrations, LimbBodies, LimbReceiver, LivePerson, MocapAxes, Registry,
+    TrackedShoulder, tell,
 };
+use proact_arm::Side;
 #[cfg(feature = "lsl")]
 use proact_devices::LslGaze;
-use proact_devices::motion_capture::{OpenedCapture, body_of};
+use proact_devices::motion_capture::{LEFT_CONTROLLER, OpenedCapture, RIGHT_CONTROLLER, body_of};
 use proact_devices::{DeviceError, FeedbackSinks, GazeDevice, GazeReceiver, SinkScheme, SourceName};
+use proact_localization::FilterProfile;
 use proact_testbed::Session;
 use std::{error::Error, path::PathBuf};
 
@@ -30,7 +33,7 @@ impl FeedbackArgs {
 #[derive(Debug, Args)]
 pub(crate) struct MocapArgs {
     /// Follow a shoulder that motion capture sees: vrpn:HOST[:PORT]/BODY, natnet:HOST[:PORT]/BODY, ros:/TOPIC,
-    /// tf:PARENT/FRAME, lsl:STREAM/BODY or file:PATH/BODY (docs/motion_capture.md)
+    /// tf:PARENT/FRAME, headset:left_controller|right_controller, lsl:STREAM/BODY or file:PATH/BODY (docs/motion_capture.md)
     #[arg(long, value_name = "SOURCE")]
     mocap: Option<SourceName>,
     /// How its axes lie, where that differs from what such systems usually send: up=x|y|z, metres_per_unit=NUMBER, and
@@ -40,6 +43,15 @@ pub(crate) struct MocapArgs {
     /// Folder with what proact localize found; what is good is used and kept with each record
     #[arg(long, value_name = "DIR", default_value = CALIBRATIONS_DIR, requires = "mocap")]
     calibrations: PathBuf,
+    /// Follow the person's own limb by bodies of the same system: on the upper arm, and on the forearm where there is one
+    #[arg(long, value_name = "UPPER[,FOREARM]", requires = "mocap")]
+    mocap_limb: Option<LimbBodies>,
+    /// Keep where the trunk is with each record, for compensation in the analysis: a body of the same system on the breastbone
+    #[arg(long, value_name = "BODY", requires = "mocap")]
+    mocap_trunk: Option<String>,
+    /// How its poses are smoothed: default, or original for the first testbed's mean of ten
+    #[arg(long, value_name = "NAME", default_value = "default", requires = "mocap", value_parser = ["default", "original"])]
+    mocap_filter: String,
     /// Record all poses, and those of a headset, to this file, for proact localize
     #[arg(long, value_name = "FILE", requires = "mocap")]
     mocap_record: Option<PathBuf>,
@@ -65,7 +77,25 @@ impl MocapArgs {
             ));
         }
         let shoulder = TrackedShoulder::new(opened, self.mocap_axes.unwrap_or_default(), used);
+        let profile = match self.mocap_filter.as_str() {
+            "original" => FilterProfile::Original,
+            _ => FilterProfile::Default,
+        };
+        let shoulder = shoulder
+            .filtered(profile)
+            .with_limb(self.mocap_limb.clone())
+            .with_trunk(self.mocap_trunk.clone());
         Ok(Some(shoulder.recording(self.mocap_record.as_deref())))
+    }
+
+    /// The headset's controller that is the shoulder, if one is.
+    pub(crate) fn controller(&self) -> Option<Side> {
+        let name = self.mocap.as_ref().filter(|name| name.scheme() == "headset")?;
+        match name.address() {
+            LEFT_CONTROLLER => Some(Side::Left),
+            RIGHT_CONTROLLER => Some(Side::Right),
+            _ => None,
+        }
     }
 
     /// What a trial with this shoulder rests on.
@@ -87,7 +117,7 @@ pub(crate) struct PersonArgs {
     #[arg(long, value_name = "NAME", num_args = 0..=1, conflicts_with = "gaze_udp")]
     gaze_lsl: Option<Option<String>>,
     /// Follow a tracked limb that a program sends over UDP as {"angles": [..]}, on port 25041 unless another is given
-    #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "25041")]
+    #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "25041", conflicts_with = "mocap_limb")]
     limb_udp: Option<u16>,
     /// Carry the shoulder with the neck of whoever wears the headset, without cameras
     #[arg(long, conflicts_with = "mocap")]
@@ -113,7 +143,7 @@ impl PersonArgs {
             self.feedback.open(&registry.sinks)?,
             self.rosbridge.open(session)?,
         )
-        .with_shoulder(self.mocap.open(registry)?)
+        .with_shoulder(self.mocap.open(registry)?, session)
         .with_head_shoulder(self.shoulder_from_head))
     }
 

@@ -114,7 +114,11 @@ fn drive(
                 server.set_content(content)?;
                 server
             }
-            none => none.insert(args.page.start(&args.person.rosbridge.access, content)?),
+            none => none.insert(args.page.start(
+                &args.person.rosbridge.access,
+                args.person.mocap.controller(),
+                content,
+            )?),
         };
         let person = match &mut person {
             Some(person) => {

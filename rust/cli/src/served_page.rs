@@ -6,6 +6,7 @@ use crate::{
 };
 use clap::Args;
 use proact_app::tell;
+use proact_arm::Side;
 use proact_bridge::{PageContent, PageOptions, PageServer};
 use proact_http::Listed;
 use std::{
@@ -44,6 +45,7 @@ impl ServedPageArgs {
     pub(crate) fn start(
         &self,
         access: &AccessArgs,
+        brace_controller: Option<Side>,
         content: PageContent,
     ) -> Result<PageServer, Box<dyn Error>> {
         let bind = if self.headset { Ipv4Addr::UNSPECIFIED.into() } else { self.bind };
@@ -55,6 +57,7 @@ impl ServedPageArgs {
             bind,
             https: self.headset,
             access,
+            brace_controller,
             ..Default::default()
         };
         let server = PageServer::start(options, content)?;

@@ -116,6 +116,29 @@ fn a_shoulder_is_calibrated_from_rest_and_circles_and_what_is_wrong_with_a_file_
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
     assert!(text.contains("calibration shoulder"), "{text}");
 
+    // What is in reach from there, and the box moved by keys.
+    let output = localize(dir, &["reach"]);
+    let told = object(&output);
+    let (still, leaning) = (told["still_share"].as_f64().unwrap(), told["leaning_share"].as_f64().unwrap());
+    assert!(told["calibrated"] == true && still < leaning && leaning > 0.9, "{told}");
+    let keys = |typed: &str| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_proact"));
+        let command = command.current_dir(dir).args(["localize", "--json", "correct"]);
+        let mut child =
+            command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        std::io::Write::write_all(&mut child.stdin.take().unwrap(), typed.as_bytes()).unwrap();
+        child.wait_with_output().unwrap()
+    };
+    let moved = object(&keys("ww a\nf\nq"));
+    assert_eq!(moved["correction_m"], serde_json::json!([0.01, 0.005, -0.005]));
+    assert!((moved["box_ahead_m"].as_f64().unwrap() - 0.61).abs() < 1e-9, "{moved}");
+    for (typed, part) in [("x", "expected w, s, a, d, r, f"), (&*"w".repeat(30), "at most 0.1 m")] {
+        let output = keys(typed);
+        assert!(!output.status.success());
+        assert!(String::from_utf8_lossy(&output.stderr).contains(part), "{output:?}");
+    }
+    assert_eq!(object(&keys(""))["correction_m"], moved["correction_m"], "what was refused is not saved");
+
     let refused = |words: &[&str]| {
         let output = localize(dir, words);
         assert!(!output.status.success() && output.stdout.is_empty(), "{output:?}");

@@ -99,6 +99,30 @@ pub struct BoxPlacement {
     pub box_ahead_m: f64,
 }
 
+impl BoxPlacement {
+    /// Moves box and table by `step` (ahead, left, up, m); `sum` is all that they were moved by then.
+    ///
+    /// # Errors
+    /// [`PlacementError::Correction`] for a sum that is not small.
+    pub(crate) fn shift(&mut self, step: [f64; 3], sum: [f64; 3]) -> Result<(), PlacementError> {
+        check_correction(&sum)?;
+        // `world` goes with the box, so all else goes the other way.
+        let back = Pose::translation(-step[0], -step[1], -step[2]);
+        self.world_from_tracking = back * self.world_from_tracking;
+        self.world_from_shoulder = back * self.world_from_shoulder;
+        self.box_ahead_m += step[0];
+        Ok(())
+    }
+}
+
+fn check_correction(correction: &[f64; 3]) -> Result<(), PlacementError> {
+    let largest = correction.iter().fold(0.0_f64, |most, v| most.max(v.abs()));
+    if largest > MOST_CORRECTION_M || correction.iter().any(|v| v.is_nan()) {
+        return Err(PlacementError::Correction { got: largest });
+    }
+    Ok(())
+}
+
 /// Why nothing is placed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -195,10 +219,7 @@ pub fn place_box(
     if !level {
         return Err(PlacementError::Ahead { got: person.ahead.into() });
     }
-    let largest = person.correction.iter().fold(0.0_f64, |most, v| most.max(v.abs()));
-    if largest > MOST_CORRECTION_M || person.correction.iter().any(|v| v.is_nan()) {
-        return Err(PlacementError::Correction { got: largest });
-    }
+    check_correction(&person.correction)?;
     let ahead_m = match (profile.box_ahead_m, person.legs_ahead_m) {
         (Some(metres), _) => metres,
         (None, Some(legs)) => legs + profile.box_clear_of_legs_m,

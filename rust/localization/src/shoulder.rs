@@ -79,6 +79,22 @@ pub struct ShoulderCalibration {
     pub placement: BoxPlacement,
     /// The functional centre in the brace's body, from circles of the arm.
     pub center: Option<PivotFit>,
+    /// Corrections of the box by key since: ahead, left, up, m.
+    #[serde(default)]
+    pub correction: [f64; 3],
+}
+
+impl ShoulderCalibration {
+    /// Moves box and table by `step` (ahead, left, up, m).
+    ///
+    /// # Errors
+    /// [`PlacementError::Correction`] where all corrections together would not be small; nothing is changed then.
+    pub fn correct(&mut self, step: [f64; 3]) -> Result<(), PlacementError> {
+        let sum = [0, 1, 2].map(|k| self.correction[k] + step[k]);
+        self.placement.shift(step, sum)?;
+        self.correction = sum;
+        Ok(())
+    }
 }
 
 /// Calibrates from a person who sits upright (`rest`, of the brace) and, where they were recorded, circles of the upper arm
@@ -133,6 +149,7 @@ pub fn calibrate_shoulder(
         body_from_shoulder,
         placement,
         center,
+        correction: options.correction,
     })
 }
 
@@ -226,6 +243,25 @@ mod tests {
                 assert!(is.rotation.angle() < 2e-3, "{is}");
             }
         }
+    }
+
+    #[test]
+    fn a_box_that_is_moved_by_key_is_where_one_is_that_was_placed_so_and_goes_no_further_than_ten_centimetres()
+     {
+        let mut found = calibrate_shoulder(&rest(), None, &options(false)).unwrap();
+        for step in [[0.02, 0.0, 0.0], [0.0, -0.01, 0.0], [0.0, 0.0, 0.03]] {
+            found.correct(step).unwrap();
+        }
+        let asked = ShoulderOptions { correction: [0.02, -0.01, 0.03], ..options(false) };
+        let placed = calibrate_shoulder(&rest(), None, &asked).unwrap();
+        let off = found.placement.world_from_tracking.inverse() * placed.placement.world_from_tracking;
+        assert!(off.translation.vector.norm() < 1e-9 && off.rotation.angle() < 1e-9, "{off}");
+        let shoulders = [&found, &placed].map(|found| found.placement.world_from_shoulder.translation.vector);
+        assert!((shoulders[0] - shoulders[1]).norm() < 1e-9, "{shoulders:?}");
+        assert!((found.placement.box_ahead_m - placed.placement.box_ahead_m).abs() < 1e-12);
+        let before = found.clone();
+        let error = found.correct([0.09, 0.0, 0.0]).unwrap_err().to_string();
+        assert!(error.contains("0.11 m") && found == before, "{error}");
     }
 
     #[test]

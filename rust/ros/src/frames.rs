@@ -16,6 +16,111 @@ pub const HEADSET_WORLD: &str = "hololens_world_test";
 /// From the reference board to the box, metres along x (the paper's distance for the second study).
 const BOARD_TO_BOX: f64 = 0.6;
 
+/// How a frame of the original is told of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FrameKind {
+    /// Once, on `/tf_static`.
+    Fixed,
+    /// On `/tf`.
+    Moving,
+    /// On `/tf` while somebody's head is tracked.
+    WithHead,
+    /// Not: the meaning says what there is in its place.
+    Absent,
+}
+
+/// A frame of the original, beside the arm's links and the objects, which have their own names.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct OriginalFrame {
+    /// The frame that it is in.
+    pub parent: &'static str,
+    /// Its name.
+    pub child: &'static str,
+    /// How it is told of.
+    pub told: FrameKind,
+    /// What it is.
+    pub meaning: &'static str,
+}
+
+const fn row(
+    parent: &'static str,
+    child: &'static str,
+    told: FrameKind,
+    meaning: &'static str,
+) -> OriginalFrame {
+    OriginalFrame { parent, child, told, meaning }
+}
+
+/// The original's tree. `docs/ros1.md` has the same table.
+pub const ORIGINAL_FRAMES: [OriginalFrame; 21] = [
+    row(
+        "optitrack_world",
+        "Clipboard",
+        FrameKind::Moving,
+        "the reference board on the table, as motion capture sees it",
+    ),
+    row("optitrack_world", "Clipboard_filtered", FrameKind::Moving, "the same, smoothed"),
+    row("optitrack_world", "Shoulderpad", FrameKind::Moving, "the medium brace; the arm hangs on it"),
+    row(
+        "optitrack_world",
+        "Shoulderpad_filtered",
+        FrameKind::Moving,
+        "the same, smoothed: here they are one",
+    ),
+    row(
+        "optitrack_world",
+        "ShoulderpadL",
+        FrameKind::Moving,
+        "the large brace; here it is where the medium one is, so both names work",
+    ),
+    row("optitrack_world", "HololensSG", FrameKind::WithHead, "the markers on the headset; here its eyes"),
+    row("optitrack_world", "Hololens_filtered", FrameKind::WithHead, "the same, smoothed: here they are one"),
+    row("HololensSG", "hololens_unity_camera", FrameKind::WithHead, "the eyes of the headset"),
+    row(
+        "HololensSG",
+        "hololens_world_mocap",
+        FrameKind::WithHead,
+        "the origin of the headset's world, corrected with each pose of the head",
+    ),
+    row("Clipboard_filtered", "tabletag_ros", FrameKind::Fixed, "the board's printed tag, x ahead"),
+    row("tabletag_ros", "world", FrameKind::Fixed, "below the middle of the box, on the floor"),
+    row("world", "table", FrameKind::Fixed, "the table, turned as the original's mesh"),
+    row(
+        "world",
+        "hololens_world_test",
+        FrameKind::Moving,
+        "the headset's world, frozen at the calibration: its gaze is in it",
+    ),
+    row("Shoulderpad", "base_link", FrameKind::Fixed, "the base of the arm"),
+    row("world", "hololens_world", FrameKind::Absent, "never published by the original"),
+    row(
+        "world",
+        "pick_goal",
+        FrameKind::Absent,
+        "the last plan's goal: here in /proact/markers and /move_group/motion_plan_request",
+    ),
+    row(
+        "world",
+        "trying_goal",
+        FrameKind::Absent,
+        "a goal that the planner tried: plans here are of one goal",
+    ),
+    row(
+        "world",
+        "target_pose",
+        FrameKind::Absent,
+        "the place that was chosen: here /place_location_selected",
+    ),
+    row(
+        "Clipboard",
+        "virtual_ref",
+        FrameKind::Absent,
+        "a hologram to align a rig with: proact localize headset needs none",
+    ),
+    row("virtual_ref", "holoworld", FrameKind::Absent, "the same"),
+    row("holoworld", "holohead", FrameKind::Absent, "the same"),
+];
+
 /// One frame in another: `parent_from_child`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
@@ -90,11 +195,13 @@ pub fn moving(
         frame("optitrack_world", "Clipboard_filtered", board),
         frame("optitrack_world", "Shoulderpad", shoulder),
         frame("optitrack_world", "Shoulderpad_filtered", shoulder),
+        frame("optitrack_world", "ShoulderpadL", shoulder),
         // The headset's world is not calibrated against anything here, so it equals the world.
         frame(WORLD, HEADSET_WORLD, Pose::identity()),
     ];
     if let Some(head) = world_from_head {
         frames.push(frame("optitrack_world", "HololensSG", tracked * head));
+        frames.push(frame("optitrack_world", "Hololens_filtered", tracked * head));
         frames.push(frame("HololensSG", "hololens_unity_camera", Pose::identity()));
         frames.push(frame("HololensSG", "hololens_world_mocap", head.inverse()));
     }
@@ -230,6 +337,38 @@ mod tests {
         near("lower", state.world_from_base * model.link_poses(&state.position)[3]);
         for name in tree.keys() {
             in_root(name);
+        }
+    }
+
+    #[test]
+    fn the_originals_frames_are_told_of_as_its_table_says_and_the_guide_has_the_table() {
+        let (model, scene, state) = (model(), scene(), state());
+        let fixed = fixed(&model, &scene, false);
+        let still = moving(&model, &scene, &state, None, false);
+        let headed = moving(&model, &scene, &state, Some(&Pose::identity()), false);
+        let has = |frames: &[Frame], row: &OriginalFrame| {
+            frames.iter().any(|frame| frame.parent == row.parent && frame.child == row.child)
+        };
+        let guide =
+            std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/ros1.md")).unwrap();
+        for row in &ORIGINAL_FRAMES {
+            let found = [&fixed, &still, &headed].map(|frames| has(frames, row));
+            let expected = match row.told {
+                FrameKind::Fixed => [true, false, false],
+                FrameKind::Moving => [false, true, true],
+                FrameKind::WithHead => [false, false, true],
+                FrameKind::Absent => [false; 3],
+            };
+            assert_eq!(found, expected, "{row:?}");
+            let line = format!("| `{}` | `{}` | {} |", row.parent, row.child, row.meaning);
+            assert!(guide.contains(&line), "docs/ros1.md lacks {line}");
+        }
+        // And nothing else is there but objects.
+        for frame in fixed.iter().chain(&headed) {
+            let known =
+                ORIGINAL_FRAMES.iter().any(|row| row.child == frame.child && row.parent == frame.parent);
+            let object = scene.objects.iter().any(|object| object.ros_name == frame.child);
+            assert!(known || object, "{frame:?}");
         }
     }
 

@@ -84,7 +84,16 @@ fn trace() -> Trace {
         event(6000, EventKind::ObjectAttached { object: B }),
         event(7000, EventKind::ObjectReleased { object: B }),
     ];
-    Trace { scene, length: SimTime(10_000), instants, events, decisions: Some(200), tells_events: true }
+    // From 4 s on the trunk leans ahead, by 0.1 rad and 5 cm in all.
+    let trunk = (0..=100)
+        .map(|k| {
+            let (time, share) = (SimTime(100 * k), (k as f64 - 40.0).max(0.0) / 60.0);
+            let pose = Pose::translation(0.05 * share, 0.0, 1.2) * Pose::rotation(Vector::y() * 0.1 * share);
+            (time, pose)
+        })
+        .collect();
+    let decisions = Some(200);
+    Trace { scene, length: SimTime(10_000), instants, events, decisions, trunk, tells_events: true }
 }
 
 fn value<T>(measures: &[Measure<T>], name: &str, scored: &Scored<'_>, row: &T) -> Option<f64> {
@@ -179,6 +188,11 @@ fn what_the_body_did_and_what_the_joints() {
     near(of("shoulder_path_m", place), 0.4, 0.01);
     near(of("shoulder_range_mm", place), 400.0, 10.0);
     near(of("shoulder_turn_sum10_deg", place), 0.0, 1e-5);
+    near(of("trunk_turn_deg", place), 0.0, 1e-9);
+    near(value(OF_TRIAL, "trunk_turn_deg", &scored, &()), 0.1_f64.to_degrees(), 1e-6);
+    near(value(OF_TRIAL, "trunk_range_mm", &scored, &()), 50.0, 1e-6);
+    let unseen = Trace { trunk: Vec::new(), ..trace.clone() };
+    assert_eq!(value(OF_TRIAL, "trunk_turn_deg", &Scored::of(&unseen), &()), None);
     near(of("base_share", place), 1.0, 1e-9);
     near(of("base_share", pick), 0.0, 1e-9);
     near(of("shoulder_path_m", pick), 0.0, 1e-9);

@@ -89,6 +89,20 @@ pub const OF_PHASE: &[Measure<ActionPhase>] = &[
         |s, p| { shoulder::turn(s.trace, p.from, p.to) }
     ),
     measure!(
+        "trunk_range_mm",
+        "mm",
+        "furthest of the trunk's body from where it was first; empty if it was not tracked",
+        OURS,
+        |s, p| { shoulder::trunk_range(s.trace, p.from, p.to).map(|range| range * MM) }
+    ),
+    measure!(
+        "trunk_turn_deg",
+        "degree",
+        "furthest turn of the trunk from how it was first; empty if it was not tracked",
+        OURS,
+        |s, p| { shoulder::trunk_turn(s.trace, p.from, p.to) }
+    ),
+    measure!(
         "base_share",
         "1",
         "share of the hand's straight way that the shoulder brought it; the rest is the joints'. Below 0 or above 1 where they worked against each other",
@@ -298,6 +312,20 @@ pub const OF_TRIAL: &[Measure<()>] = &[
         "furthest turn of the shoulder from how it was first",
         "Major et al. 2014, JNER 11:132",
         |s, ()| { shoulder::turn(s.trace, SimTime(0), s.trace.length) }
+    ),
+    measure!(
+        "trunk_range_mm",
+        "mm",
+        "furthest of the trunk's body from where it was first; empty if it was not tracked",
+        OURS,
+        |s, ()| { shoulder::trunk_range(s.trace, SimTime(0), s.trace.length).map(|range| range * MM) }
+    ),
+    measure!(
+        "trunk_turn_deg",
+        "degree",
+        "furthest turn of the trunk from how it was first; empty if it was not tracked",
+        OURS,
+        |s, ()| { shoulder::trunk_turn(s.trace, SimTime(0), s.trace.length) }
     ),
     measure!("gaze_known", "1", "share of the trial with a gaze, 0 to 1", OURS, |s, ()| {
         let with = s.trace.instants.iter().filter(|i| i.gaze.is_some_and(|gaze| gaze.valid)).count();

@@ -48,6 +48,20 @@ pub(super) fn turn(trace: &Trace, from: SimTime, to: SimTime) -> Option<f64> {
     turns.reduce(f64::max)
 }
 
+/// Furthest of the trunk's body from where it was first, metres; none where it was not tracked.
+pub(super) fn trunk_range(trace: &Trace, from: SimTime, to: SimTime) -> Option<f64> {
+    let within = trace.trunk_between(from, to);
+    let first = within.first()?.1.translation.vector;
+    within.iter().map(|(_, pose)| (pose.translation.vector - first).norm()).reduce(f64::max)
+}
+
+/// Furthest turn of the trunk from how it was first, degrees; none where it was not tracked.
+pub(super) fn trunk_turn(trace: &Trace, from: SimTime, to: SimTime) -> Option<f64> {
+    let within = trace.trunk_between(from, to);
+    let first = within.first()?.1.rotation;
+    within.iter().map(|(_, pose)| first.angle_to(&pose.rotation).to_degrees()).reduce(f64::max)
+}
+
 /// Share of the hand's way from where it was first to where it was last that the base brought it, the rest is the joints'; none where
 /// the hand went less than a centimetre.
 ///

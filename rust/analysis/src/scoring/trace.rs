@@ -38,6 +38,8 @@ pub struct Trace {
     pub events: Vec<Event>,
     /// Decisions of the EMG's classifier; none where the record does not tell them.
     pub decisions: Option<u64>,
+    /// Where a tracked trunk was, `world_from_trunk`, in order of time; empty where it was not tracked.
+    pub trunk: Vec<(SimTime, Pose)>,
     /// Whether the record tells what method, planner and grasp rule did: those of the original lab do not.
     pub tells_events: bool,
 }
@@ -48,6 +50,13 @@ impl Trace {
         let first = self.instants.partition_point(|instant| instant.time < from);
         let end = self.instants.partition_point(|instant| instant.time <= to);
         &self.instants[first..end.max(first)]
+    }
+
+    /// The poses of the trunk from `from` to `to`, both included.
+    pub(super) fn trunk_between(&self, from: SimTime, to: SimTime) -> &[(SimTime, Pose)] {
+        let first = self.trunk.partition_point(|(time, _)| *time < from);
+        let end = self.trunk.partition_point(|(time, _)| *time <= to);
+        &self.trunk[first..end.max(first)]
     }
 
     /// The last instant at `time` or before it.

@@ -318,6 +318,7 @@ const COMPENSATION: Means = (
         ("way, m", "shoulder_path_m", 3),
         ("range, mm", "shoulder_range_mm", 0),
         ("turn, deg", "shoulder_turn_deg", 1),
+        ("trunk's turn, deg", "trunk_turn_deg", 1),
         ("share of the shoulder", "base_share", 2),
     ],
 );

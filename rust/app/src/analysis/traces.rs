@@ -1,7 +1,7 @@
 //! A recorded trial as scoring sees it.
 
 use super::scores::scores;
-use crate::{Arm, film, film_of_bag, study::TrialScores};
+use crate::{Arm, film, film_of_bag, read_trunk, study::TrialScores};
 use proact_analysis::scoring::{Instant, Trace};
 use proact_arm::ArmModel;
 use proact_control::MethodRegistry;
@@ -41,6 +41,7 @@ pub(super) fn of_record(methods: &MethodRegistry, dir: &Path) -> Result<Trace, B
         length: record.end(),
         events: record.events()?,
         decisions,
+        trunk: read_trunk(dir)?,
         tells_events: true,
     })
 }
@@ -86,6 +87,7 @@ pub(super) fn of_bag(path: &Path, arm: &Arm) -> Result<OfBag, Box<dyn Error>> {
             length: last.time,
             events: watched.frames.iter().flat_map(|frame| frame.events.iter().cloned()).collect(),
             decisions: Some(watched.decisions).filter(|decisions| *decisions > 0),
+            trunk: Vec::new(),
             tells_events: false,
         },
     })
@@ -129,6 +131,7 @@ impl LiveTrace {
             length: self.length,
             events: self.events,
             decisions: None,
+            trunk: Vec::new(),
             tells_events: true,
         };
         let [measures, objects, phases, faults] = scores(&[], &trace);

@@ -145,6 +145,7 @@ pub fn simulated_trial(
         page: None,
         inputs: None,
         rosbridge: None,
+        shoulder: None,
         feedback: FeedbackSinks::default(),
         interrupted,
     };

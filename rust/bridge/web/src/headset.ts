@@ -3,7 +3,7 @@
 
 import { Matrix4, Quaternion, Vector3 } from "three";
 import { element } from "./dom";
-import type { DisplayFrame } from "./generated/types";
+import type { DisplayFrame, Side } from "./generated/types";
 import type { Triple } from "./protocol";
 import { boardOptions, boardPose } from "./reference";
 import type { GestureKey } from "./settings";
@@ -25,6 +25,8 @@ const SETTLES = 2;
 export interface HeadsetHandlers {
   /** `world_from_head`: x ahead, y left, z up. */
   head(position: Triple, quaternion: [number, number, number, number]): void;
+  /** Where the controller on the brace is in `world`, on the page's clock, ms; `tracked` while the headset sees it. */
+  controller(hand: Side, timeMs: number, position: Triple, quaternion: [number, number, number, number], tracked: boolean): void;
   /** A ray in `world`, as tracked, that stands for the gaze. */
   ray(origin: Vector3, direction: Vector3, head: Vector3): void;
   hold(source: string, gesture: GestureKey, down: boolean): void;
@@ -35,6 +37,8 @@ export interface HeadsetHandlers {
 
 export class Headset {
   readonly root = element("div", "headset");
+  /** The controller that is strapped to the brace: it is a tracker, and neither gaze nor buttons. */
+  brace: Side | null = null;
   private placed = false;
   /** Seconds for which the reference board has been in use. */
   private boardFor = 0;
@@ -84,8 +88,10 @@ export class Headset {
     const facing = rig.quaternion.clone().multiply(turn).multiply(WORLD_FROM_XR.clone().invert());
     this.handlers.head(head.toArray(), facing.toArray());
 
+    this.tellBrace(xr.getFrame(), space);
+
     // A hand that points is the gaze, of two the right one; without one, the head.
-    const hands = this.sources().filter(({ targetRayMode }) => targetRayMode === "tracked-pointer");
+    const hands = this.free().filter(({ targetRayMode }) => targetRayMode === "tracked-pointer");
     const source = hands.find(({ handedness }) => handedness === "right") ?? hands[0];
     const pose = source ? xr.getFrame().getPose(source.targetRaySpace, space) : null;
     const from = pose ? vector(pose.transform.position).applyMatrix4(rig.matrixWorld) : head;
@@ -97,6 +103,23 @@ export class Headset {
 
   private sources(): XRInputSource[] {
     return [...(this.stage.renderer.xr.getSession()?.inputSources ?? [])];
+  }
+
+  /** Those in hands. */
+  private free(): XRInputSource[] {
+    return this.sources().filter(({ handedness }) => this.brace === null || handedness !== this.brace);
+  }
+
+  private tellBrace(frame: XRFrame, space: XRReferenceSpace): void {
+    const hand = this.brace;
+    // A bare hand of that side is no controller.
+    const source = this.sources().find(({ handedness, gripSpace, hand: bare }) => hand !== null && handedness === hand && gripSpace && !bare);
+    const pose = source?.gripSpace && frame.getPose(source.gripSpace, space);
+    if (!pose || hand === null) return;
+    const { rig } = this.stage.cameras;
+    const place = vector(pose.transform.position).applyMatrix4(rig.matrixWorld);
+    const turn = rig.quaternion.clone().multiply(quaternion(pose.transform.orientation));
+    this.handlers.controller(hand, performance.now(), place.toArray(), turn.toArray(), !pose.emulatedPosition);
   }
 
   /** The point `here`, seen from which the way ahead is `ahead`, becomes `there` of the world, from which it is x. */
@@ -123,7 +146,7 @@ export class Headset {
   /** Squeezing drags the world, the stick turns it about the person. */
   private drag(space: XRReferenceSpace, seconds: number): void {
     const { rig } = this.stage.cameras;
-    for (const source of this.sources()) {
+    for (const source of this.free()) {
       const pad = source.gamepad;
       const grip = source.gripSpace && this.stage.renderer.xr.getFrame().getPose(source.gripSpace, space);
       const now = grip ? vector(grip.transform.position) : null;
@@ -144,7 +167,7 @@ export class Headset {
   /** Right hand: trigger or pinch WE, lower button WF, upper HO. Left trigger or pinch: HC. */
   private readButtons(): void {
     const read = new Map<string, { gesture: GestureKey; button: number; on: boolean }>();
-    for (const { handedness, gamepad } of this.sources()) {
+    for (const { handedness, gamepad } of this.free()) {
       const note = (gesture: GestureKey, button: number) => {
         const source = `headset ${handedness} ${gesture}`;
         // A hand and what it holds may be two sources.

@@ -9,6 +9,7 @@ import type {
   ParticipantScreen,
   Role,
   ServerMessage,
+  Side,
   Signals,
   TrialEvent,
   TrialStatus,
@@ -31,6 +32,8 @@ export interface LiveHandlers {
   frame(frame: DisplayFrame): void;
   events(events: TrialEvent[]): void;
   connected(connected: boolean): void;
+  /** Which controller of a headset is strapped to the brace. */
+  brace?(controller: Side | null): void;
   refused(message: string): void;
   /** Another client drives, or nobody. */
   driver?(driver: Driver): void;
@@ -98,6 +101,7 @@ export class Live {
         this.pageVersion = message.page_version;
         this.attempts = 0;
         this.handlers.connected(true);
+        this.handlers.brace?.(message.brace_controller);
         this.handlers.reset();
         void this.fetchContent();
         break;

@@ -236,6 +236,7 @@ function start(): void {
       study.connected(connected);
       if (!connected) controls.releaseAll();
     },
+    brace: (controller) => (headset.brace = controller),
     refused: (message) => console.warn(`ProACT: ${message}`),
   });
   const board = new Board();
@@ -267,6 +268,9 @@ function start(): void {
     stage,
     {
       head: (position, quaternion) => interactive() && !controls.suspended && !study.covers && live.send({ type: "head", position, quaternion }),
+      controller(hand, time_ms, position, quaternion, tracked) {
+        if (interactive()) live.send({ type: "controller", hand, time_ms, position, quaternion, tracked });
+      },
       ray(origin, direction, head) {
         if (study.covers) {
           if (boarded()) formBoard.aim(origin, direction, performance.now());

@@ -14,13 +14,14 @@ import {
   Mesh,
   MeshBasicMaterial,
   PerspectiveCamera,
+  PlaneGeometry,
   RingGeometry,
   Scene,
   WebGLRenderer,
 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { element, setClass, setText } from "./dom";
-import type { Pose, StreamFigures, TrackingReport } from "./generated/types";
+import type { Pose, ReachPicture, StreamFigures, TrackingReport } from "./generated/types";
 
 /** From report to report, ms. */
 const EVERY_MS = 100;
@@ -33,7 +34,7 @@ const scene = element("div", "scene");
 const canvas = element("canvas");
 canvas.setAttribute("role", "img");
 canvas.setAttribute("aria-label", "Frames of the tracking system and of the shoulder in space; the figures beside say the same");
-const legend = element("p", "legend muted", "x red, y green, z blue. Longest axes: world; next: tracking system; with a ring: the body.");
+const legend = element("p", "legend muted", "x red, y green, z blue. Longest axes: world; next: tracking system; with a ring: the body. Tiles: what the hand reaches, green without leaning, yellow by leaning, red not.");
 scene.append(canvas, legend);
 const cards = element("section");
 cards.setAttribute("aria-label", "Sources");
@@ -69,6 +70,9 @@ class Card {
     for (const { kind, line, usable } of report.calibrations) this.set(`Calibrated ${kind}`, usable ? line : `not used: ${line}`);
     if (report.calibrations.length === 0) this.set("Calibration", "none: the arm hangs where the set-up has the shoulder");
     if (report.headset !== null) this.set("Headset", report.headset);
+    if (report.posture !== null) this.set("Posture", report.posture);
+    if (report.reach !== null) this.set("In reach", report.reach.line);
+    if (report.limb !== null) this.set("Limb", report.limb);
     this.set("Unreadable", String(report.malformed));
     this.set("Bodies seen", report.bodies.join(", ") || "none");
   }
@@ -108,13 +112,32 @@ class Frames {
     new LineBasicMaterial({ color: "#0b6fb8" }),
   );
   private readonly places: number[][] = [];
+  private readonly reach = new Group();
+  private reached = "";
 
   constructor() {
     this.trail.frustumCulled = false;
-    this.root.add(this.tracking, this.body, this.ring, this.trail);
+    this.root.add(this.tracking, this.body, this.ring, this.trail, this.reach);
   }
 
-  show({ world_from_tracking, world_from_shoulder, tracking_from_body, fault }: TrackingReport): void {
+  /** Places of the box, coloured by what it takes to get there. */
+  private showReach(picture: ReachPicture | null): void {
+    const key = JSON.stringify(picture);
+    if (key === this.reached) return;
+    this.reached = key;
+    this.reach.clear();
+    if (!picture) return;
+    const tile = new PlaneGeometry(0.85 * picture.spacing_m, 0.85 * picture.spacing_m);
+    const [still, leaning, never] = ["#00a070", "#d9a514", "#d03a2f"].map((color) => new MeshBasicMaterial({ color, side: DoubleSide, transparent: true, opacity: 0.7 }));
+    for (const { x, y, lean_deg } of picture.spots) {
+      const mesh = new Mesh(tile, lean_deg === null ? never : lean_deg < 0.5 ? still : leaning);
+      mesh.position.set(x, y, picture.height_m);
+      this.reach.add(mesh);
+    }
+  }
+
+  show({ reach, world_from_tracking, world_from_shoulder, tracking_from_body, fault }: TrackingReport): void {
+    this.showReach(reach);
     // Before a trial has placed the system in the world its own frame is all there is.
     const body = world_from_shoulder ?? tracking_from_body;
     set(this.tracking, world_from_tracking);

@@ -155,7 +155,8 @@ fn live(
         (Some(source), Some(model)) => Some(LiveArmband::open(&registry.sources, source, model)?),
         _ => None,
     };
-    let page = args.page.start(&args.person.rosbridge.access, opening(&conductor, registry)?)?;
+    let controller = args.person.mocap.controller();
+    let page = args.page.start(&args.person.rosbridge.access, controller, opening(&conductor, registry)?)?;
     tell(format_args!("conduct the study at {}", page.page_url("experimenter")));
     let equipment = StudyEquipment {
         source: args.emg_source.clone(),

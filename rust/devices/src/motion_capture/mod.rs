@@ -4,6 +4,7 @@
 //! decided by [`proact_localization`]. Readers run in threads of their own, so that the arrival of a pose is stamped when it
 //! comes, not when somebody looks.
 
+mod controller;
 mod doubles;
 mod inflow;
 pub mod natnet;
@@ -11,6 +12,7 @@ mod playback;
 mod schemes;
 pub mod vrpn;
 
+pub use controller::{ControllerCapture, LEFT_CONTROLLER, RIGHT_CONTROLLER};
 pub use doubles::{CaptureFault, FaultyCapture, ScriptedCapture};
 pub use inflow::{Inflow, ThreadedCapture};
 pub use playback::{PlayedCapture, read_poses, write_pose, write_pose_header};
@@ -60,6 +62,9 @@ pub trait MotionCapture: Send {
     /// # Errors
     /// Only what cannot be mended by waiting. A system that is gone is a [`CaptureLink`].
     fn take(&mut self, poses: &mut Vec<RawBodyPose>) -> Result<CaptureLink, DeviceError>;
+
+    /// A pose that comes another way, such as by the page, at [`RawBodyPose::arrival`]. Sources with a way of their own leave it out.
+    fn feed(&mut self, _pose: RawBodyPose) {}
 
     /// Messages so far that could not be read, and were left out.
     fn malformed(&self) -> u64 {

@@ -1,7 +1,7 @@
 //! The kinds of motion capture by their schemes, in one table.
 
 use super::{
-    HostClock, MotionCapture, PlayedCapture,
+    ControllerCapture, HostClock, MotionCapture, PlayedCapture,
     natnet::{NatNetClient, NatNetOptions},
     vrpn::VrpnClient,
 };
@@ -49,7 +49,7 @@ pub struct CaptureScheme {
 }
 
 /// The kinds that there are. This is the one place to add another.
-pub const CAPTURE_SCHEMES: [CaptureScheme; 4] = [
+pub const CAPTURE_SCHEMES: [CaptureScheme; 5] = [
     CaptureScheme {
         scheme: "vrpn",
         form: "vrpn:HOST[:PORT]/BODY",
@@ -70,6 +70,13 @@ pub const CAPTURE_SCHEMES: [CaptureScheme; 4] = [
         split: split::first_slash,
         up: UpAxis::Z,
         open: |stream, _, clock| open_lsl(stream, clock),
+    },
+    CaptureScheme {
+        scheme: "headset",
+        form: "headset:left_controller|right_controller",
+        split: split::whole,
+        up: UpAxis::Z,
+        open: |_, body, clock| Ok(Box::new(ControllerCapture::open(body, clock)?)),
     },
     CaptureScheme {
         scheme: "file",

@@ -133,6 +133,9 @@ impl LiveStudy<'_> {
             }
             checks.push(alive(name, *heard));
         }
+        if let Some((ready, found)) = person.shoulder_ready() {
+            checks.push(check("shoulder", ready, found, None));
+        }
         checks
     }
 

@@ -236,6 +236,7 @@ impl LiveStudy<'_> {
             page: Some(page),
             inputs: Some(&mut inputs),
             rosbridge: None,
+            shoulder: None,
             feedback: FeedbackSinks::default(),
             interrupted,
         };

@@ -129,6 +129,18 @@ pub(crate) const COMPENSATION: &[Column] = of_a_trial![
     ),
     column("shoulder_range_mm", "mm", "furthest from where it was first", "computed from the record"),
     column("shoulder_turn_deg", "degree", "furthest turn from how it was first", "computed from the record"),
+    column(
+        "trunk_range_mm",
+        "mm",
+        "furthest of the trunk's body from where it was first; empty if it was not tracked",
+        "computed from trunk.csv beside the record"
+    ),
+    column(
+        "trunk_turn_deg",
+        "degree",
+        "furthest turn of the trunk from how it was first; empty if it was not tracked",
+        "computed from trunk.csv beside the record"
+    ),
 ];
 
 pub(crate) const EMG_QUALITY: &[Column] = of_a_trial![

@@ -1,6 +1,7 @@
 //! What the records of the trials that count say.
 
 use super::{Counted, Told, columns};
+use crate::read_trunk;
 use proact_analysis::{
     measures::{GazeMeasure, ShoulderMeasure},
     table::{Cell, Table, word},
@@ -9,7 +10,7 @@ use proact_bridge::ResultLine;
 use proact_emg::{Light, QualityConfig, QualityMonitor};
 use proact_recording::{Trial, read_result};
 use proact_testbed::{TrialConfig, TrialResult};
-use proact_types::{Event, EventKind, ObjectId, Scene, SimTime};
+use proact_types::{Event, EventKind, ObjectId, Pose, Scene, SimTime};
 use std::error::Error;
 
 /// Millimetres in a metre.
@@ -74,7 +75,7 @@ impl TrialTables {
         let arm = crate::Arm::recorded(&dir, &config)?;
         let task = config.build_task(arm.model())?;
         self.actions(&key, &events, task.scene());
-        self.inputs(&key, &record, &config, &events, raw)
+        self.inputs(&key, &record, &config, &events, &read_trunk(&dir)?, raw)
     }
 
     fn trial(&mut self, told: &Told<'_>, counted: &Counted<'_>, result: &TrialResult) {
@@ -147,6 +148,7 @@ impl TrialTables {
         record: &Trial,
         config: &TrialConfig,
         events: &[Event],
+        trunk_poses: &[(SimTime, Pose)],
         raw: bool,
     ) -> Result<(), Box<dyn Error>> {
         let mut phases = Phases::new(events);
@@ -196,6 +198,10 @@ impl TrialTables {
             known(shoulder.range_m * MM).into(),
             known(shoulder.turn_deg).into(),
         ]);
+        let mut trunk = ShoulderMeasure::default();
+        trunk_poses.iter().for_each(|(_, pose)| trunk.push(pose));
+        let known = |value: f64| trunk.is_known().then_some(value);
+        row.extend([known(trunk.range_m * MM).into(), known(trunk.turn_deg).into()]);
         self.compensation.push(row);
         emg.into_iter().flat_map(|emg| emg.rows(key)).for_each(|row| self.emg.push(row));
         Ok(())

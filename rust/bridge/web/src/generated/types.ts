@@ -171,7 +171,7 @@ fault: string | null, };
 /** A message of the page on the WebSocket. */
 export type ClientMessage = { "type": "gesture", gesture: Gesture, } | { "type": "gaze", origin: [number, number, number], direction: [number, number, number], measured?: boolean, } | { "type": "trunk", forward: number, lateral: number, axial: number, } | { "type": "head", position: [number, number, number],
 /** x, y, z, w. */
-quaternion: [number, number, number, number], } | { "type": "restart", method?: string, again?: boolean, } | { "type": "study", action: StudyAction, } | { "type": "gaze_check" } & GazeCheck | { "type": "join", name: string, } | { "type": "take_over", } | { "type": "drawn", } | { "type": "hold", on: boolean, } | { "type": "after", ask: AfterTrial, } | { "type": "conduct" } & StudyRequest | { "type": "answer" } & GivenAnswer | { "type": "submit", step: number, } | { "type": "alive", } | { "type": "ping", id: number, };
+quaternion: [number, number, number, number], } | { "type": "controller" } & ControllerPose | { "type": "restart", method?: string, again?: boolean, } | { "type": "study", action: StudyAction, } | { "type": "gaze_check" } & GazeCheck | { "type": "join", name: string, } | { "type": "take_over", } | { "type": "drawn", } | { "type": "hold", on: boolean, } | { "type": "after", ask: AfterTrial, } | { "type": "conduct" } & StudyRequest | { "type": "answer" } & GivenAnswer | { "type": "submit", step: number, } | { "type": "alive", } | { "type": "ping", id: number, };
 
 /** A collision shape of a link. */
 export type CollisionShape = {
@@ -186,6 +186,19 @@ export type ContactView = {
 link: string,
 /** The sum of its normal forces on them, N. */
 force: number, };
+
+/** Where a headset's controller is in `world`, as the headset's browser tells it. */
+export type ControllerPose = {
+/** In which hand, or on which arm. */
+hand: Side,
+/** On the page's clock, ms. */
+time_ms: number,
+/** m. */
+position: [number, number, number],
+/** x, y, z, w. */
+quaternion: [number, number, number, number],
+/** Seen by the headset now; otherwise its place is a guess. */
+tracked: boolean, };
 
 /** The occasions for a cue. */
 export type Cue = "contact_made" | "contact_lost" | "on_target" | "off_target" | "pressure" | "grip";
@@ -865,6 +878,26 @@ passed: boolean,
 /** The page's own keys make the gestures, and no armband does. */
 keys: boolean, };
 
+/** What of the box is in reach for this person and table. */
+export type ReachPicture = {
+/** In one sentence. */
+line: string,
+/** Height of the places, m, `world`. */
+height_m: number,
+/** From place to place, m. */
+spacing_m: number,
+/** The places. */
+spots: Array<ReachSpot>, };
+
+/** One place of the box in a picture of what is in reach. */
+export type ReachSpot = {
+/** m, `world`: ahead. */
+x: number,
+/** m, `world`: to the left. */
+y: number,
+/** The smallest lean forward of those tried from which the hand gets there, degrees; none if it does not. */
+lean_deg: number | null, };
+
 /** Whether something is ready. */
 export type ReadinessCheck = {
 /** Such as `gestures`. */
@@ -1031,7 +1064,9 @@ mistakes: Array<SequenceMistake>,
 mean_delay_secs: number, };
 
 /** Messages from the server to the page. */
-export type ServerMessage = { "type": "hello", page_version: string, revision: number, } | { "type": "content", revision: number, } | { "type": "frame" } & DisplayFrame | { "type": "status" } & TrialStatus | { "type": "driver", name: string | null, you: boolean, may_drive: boolean, } | { "type": "signals" } & Signals | { "type": "study" } & ExperimenterScreen | { "type": "participant" } & ParticipantScreen | { "type": "pong", id: number, } | { "type": "events", events: Array<TrialEvent>, } | { "type": "error", message: string, };
+export type ServerMessage = { "type": "hello", page_version: string, revision: number,
+/** The controller that is strapped to the brace: it is neither gaze nor buttons. */
+brace_controller: Side | null, } | { "type": "content", revision: number, } | { "type": "frame" } & DisplayFrame | { "type": "status" } & TrialStatus | { "type": "driver", name: string | null, you: boolean, may_drive: boolean, } | { "type": "signals" } & Signals | { "type": "study" } & ExperimenterScreen | { "type": "participant" } & ParticipantScreen | { "type": "pong", id: number, } | { "type": "events", events: Array<TrialEvent>, } | { "type": "error", message: string, };
 
 /** A session under way. */
 export type SessionScreen = {
@@ -1246,6 +1281,12 @@ world_from_shoulder: Pose | null,
 calibrations: Array<CalibrationInUse>,
 /** How the headset's world stands in the room; none without a calibrated headset. */
 headset: string | null,
+/** How the person's own limb is followed; none where it is not tracked. */
+limb: string | null,
+/** How the person sits, against how they sat when the shoulder was calibrated; none without a calibration. */
+posture: string | null,
+/** What is in reach from where the shoulder is at the start of a trial; none before one is prepared. */
+reach: ReachPicture | null,
 /** Why the arm does not follow, and what to do about it; none while all is well. */
 fault: string | null,
 /** The same as a key, such as `millimetres`, `waiting`, `no_body`, `silent` or `occluded`. */
