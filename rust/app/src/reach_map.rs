@@ -89,6 +89,9 @@ impl ReachMap {
     pub fn line(&self) -> String {
         let (still, all) = (self.share(0.0), self.share(f64::INFINITY));
         let furthest = self.places().filter_map(|place| place.lean_deg).fold(0.0, f64::max);
+        if furthest < 0.5 {
+            return format!("{:.0} % of the box is reached without leaning, no more with it", 1e2 * still);
+        }
         format!(
             "{:.0} % of the box is reached without leaning, {:.0} % by leaning by up to {furthest:.0} degrees",
             1e2 * still,
