@@ -211,7 +211,10 @@ impl TrialConfig {
     /// # Errors
     /// [`ConfigError::Task`].
     pub fn build_task(&self, model: &ArmModel) -> Result<Box<dyn Task>, ConfigError> {
-        Ok(self.task.build_within(model.side == Side::Left, Some(self.limit_secs))?)
+        let mut task = self.task.build_within(model.side == Side::Left, Some(self.limit_secs))?;
+        let limits = |joint: &usize| [model.joints[*joint].limits.lower, model.joints[*joint].limits.upper];
+        task.meet_arm(&model.arm.iter().map(limits).collect::<Vec<_>>())?;
+        Ok(task)
     }
 
     /// Takes `arm` for the arm, and the task as it is here.
