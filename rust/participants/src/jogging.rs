@@ -331,9 +331,10 @@ impl JoggingParticipant {
     /// of the hand, now and then another posture too.
     fn stuck(&mut self, seen: &DisplayFrame) {
         let shape = |block: ObjectId| self.scene.objects[block.index()].shape;
+        let goes_to = seen.hand.holds.map(|block| self.choice.place(block, seen));
         let height = |block: ObjectId| {
             let at = seen.objects[block.index()].translation.z;
-            at - self.scene.table_height - shape(block).half_height()
+            at - goes_to.map_or(self.scene.table_height, |place| place.z) - shape(block).half_height()
         };
         if self.stage == Stage::Lower && seen.hand.holds.is_some_and(|block| height(block) < FALL_HEIGHT) {
             self.enter(Stage::Release);

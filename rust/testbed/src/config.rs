@@ -4,7 +4,7 @@ use proact_control::{MethodEntry, MethodProgram, MethodRegistry, OUTSIDE, Profil
 use proact_emg::{Classifier, EmgConfig};
 use proact_intent::{IntentModelName, IntentOptions};
 use proact_participants::{Body, ParticipantOptions};
-use proact_tasks::{DEFAULT_TASK, Task, TaskChoice};
+use proact_tasks::{DEFAULT_TASK, Task, TaskChoice, Wearer};
 use proact_types::{GestureCommands, GestureName, GestureTableError};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
@@ -130,6 +130,9 @@ pub struct TrialConfig {
     pub emg: Option<EmgConfig>,
     /// The simulated participant; none when a person drives.
     pub participant: Option<ParticipantOptions>,
+    /// Age and sex of whoever wears the arm, by which norms are shown beside the score; none where nobody told them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wearer: Option<Wearer>,
 }
 
 impl TrialConfig {
@@ -159,6 +162,7 @@ impl TrialConfig {
             intent: IntentOptions::default(),
             emg: None,
             participant: None,
+            wearer: None,
         }
     }
 

@@ -951,7 +951,9 @@ seconds: number,
 /** Length of the wrist's path, metres. */
 path_m: number,
 /** What became of each object, for tasks that tell. */
-objects: Array<ResultLine>, };
+objects: Array<ResultLine>,
+/** What people with two sound hands reach, a line each, where that is known. */
+norms: Array<string>, };
 
 /** What became of one object, as a line of a [`ResultCard`]. */
 export type ResultLine = {
