@@ -191,6 +191,7 @@ impl<'a> Film<'a> {
             emg_source: "bag".to_owned(),
             time_left_secs: TRIAL_SECS,
             next: None,
+            asked: None,
             score: 0,
             finished: false,
             events: Vec::new(),
@@ -392,25 +393,39 @@ impl<'a> Film<'a> {
     fn come_to_rest(&mut self) {
         let Some(last) = self.frames.last_mut() else { return };
         for ms in (PERIOD_MS..=REST_MS).step_by(PERIOD_MS as usize) {
-            let seen = TaskInput { objects: &self.bodies, held: last.hand.holds, fingertips: &[] };
+            let seen = TaskInput {
+                objects: &self.bodies,
+                held: last.hand.holds,
+                fingertips: &[],
+                joints: &last.joints[..self.arm.arm_count()],
+                hand: last.world_from_tip * Point::from(self.arm.widest_grasp().centre),
+            };
             let events = self.task.step(last.time.plus_millis(ms), &seen);
             last.events.extend(events.into_iter().map(|kind| Event { time: last.time, kind }));
         }
         (last.next, last.score) = (self.task.state().next, self.task.state().score);
+        last.asked.clone_from(&self.task.state().goal);
     }
 
     /// Keeps the instant as a frame.
     fn keep(&mut self) {
         let frame = &mut self.frame;
-        let seen = TaskInput { objects: &self.bodies, held: frame.hand.holds, fingertips: &[] };
+        frame.world_from_tip = frame.world_from_base * self.arm.link_poses(&frame.joints)[self.arm.tip];
+        let seen = TaskInput {
+            objects: &self.bodies,
+            held: frame.hand.holds,
+            fingertips: &[],
+            joints: &frame.joints[..self.arm.arm_count()],
+            hand: frame.world_from_tip * Point::from(self.arm.widest_grasp().centre),
+        };
         let events = self.task.step(frame.time, &seen);
         frame.events.extend(events.into_iter().map(|kind| Event { time: frame.time, kind }));
         frame.objects = self.bodies.iter().map(|body| body.pose).collect();
-        frame.world_from_tip = frame.world_from_base * self.arm.link_poses(&frame.joints)[self.arm.tip];
         frame.gaze =
             frame.gaze.filter(|_| self.looked.is_some_and(|then| frame.time.millis_since(then) <= GAZE_MS));
         frame.time_left_secs = TRIAL_SECS - frame.time.as_secs();
         (frame.next, frame.score) = (self.task.state().next, self.task.state().score);
+        frame.asked.clone_from(&self.task.state().goal);
         self.frames.push(frame.clone());
         frame.events.clear();
     }

@@ -1,6 +1,7 @@
 //! How a trial went, as the page shows it when the trial is over.
 
 use proact_bridge::{AfterTrial, PageServer, ResultCard, ResultLine, TrialStatus};
+use proact_tasks::Norm;
 use proact_testbed::{TrialEnd, TrialResult};
 use proact_types::{DisplayFrame, Point};
 
@@ -64,6 +65,8 @@ impl ResultCards {
 
 fn card(result: &TrialResult, who: &str, most: Option<u32>, path: WristPath) -> ResultCard {
     let outcomes = result.beside.get("outcomes").cloned().unwrap_or_default();
+    let norms = result.result.get("norms").cloned().unwrap_or_default();
+    let norms = serde_json::from_value::<Vec<Norm>>(norms).unwrap_or_default();
     ResultCard {
         who: who.to_owned(),
         method: result.method.clone(),
@@ -74,6 +77,7 @@ fn card(result: &TrialResult, who: &str, most: Option<u32>, path: WristPath) -> 
         path_m: path.metres(),
         // A task that tells of other things has no such list.
         objects: serde_json::from_value::<Vec<ResultLine>>(outcomes).unwrap_or_default(),
+        norms: norms.iter().map(ToString::to_string).collect(),
     }
 }
 
@@ -82,7 +86,24 @@ mod tests {
     use super::*;
     use crate::trial::{self, Assembly};
     use proact_devices::EmgOrigin;
+    use proact_tasks::{Sex, TaskChoice, Wearer};
     use proact_testbed::{Setup, TrialConfig};
+
+    #[test]
+    fn a_card_of_the_standard_test_has_norms_beside_the_score() {
+        let config = TrialConfig::new("D", 1, Setup::named("still").unwrap());
+        let mut config = config.with_task(TaskChoice::named("bbt", 1).unwrap()).unwrap();
+        config.wearer = Some(Wearer { age_years: Some(44), sex: Some(Sex::Male) });
+        let Assembly { session, .. } = trial::simulated(config, &EmgOrigin::Synthetic).unwrap();
+        let card = card(&session.result(), "Simulated participant", None, WristPath::default());
+        assert_eq!(
+            card.norms,
+            [
+                "norm 79.0 (SD 16.6), men: Benin, 692 people, dominant hand",
+                "norm 83.0 (SD 8.1), men, 40 to 44 years, right hand: Mathiowetz et al. 1985 (unconfirmed: recalled)",
+            ]
+        );
+    }
 
     #[test]
     fn a_card_has_times_errors_and_path_of_the_trial() {
@@ -102,6 +123,7 @@ mod tests {
         assert_eq!((card.score, card.most, card.seconds), (result.score, Some(4), result.sim_seconds));
         assert!((0.5..60.0).contains(&card.path_m), "{} m", card.path_m);
         assert_eq!(card.objects.len(), 4);
+        assert!(card.norms.is_empty(), "nobody measured this task on people with sound hands");
         let first = &card.objects[0];
         assert!(first.name.starts_with("red"), "{first:?}");
         assert!(

@@ -10,7 +10,9 @@ use proact_devices::{EmgFeed, EmgOrigin, EmgSetup, GazeSource};
 use proact_dynamics::{DynamicsOptions, OdePlant};
 use proact_emg::{Classifier, EmgError, EmgModel};
 use proact_kinematics::Kinematics;
-use proact_participants::{JoggingParticipant, Participant, ParticipantOptions, SelectingParticipant};
+use proact_participants::{
+    JoggingParticipant, Participant, ParticipantOptions, SelectingParticipant, SteeringParticipant,
+};
 use proact_planning::{ArmPlanner, Person, PlanLog, PlanWorker};
 use proact_testbed::{
     ConfigError, LoggedPlans, Parts, PersonParts, PhysicsConfig, Session, Testbed, TestbedError, TrialConfig,
@@ -175,8 +177,12 @@ pub fn participant(
     let task = config.build_task(model)?;
     let (body, scene, briefing, seed) = (config.setup.body, task.scene(), task.briefing(), config.seed);
     let driven = JointSubset::new(&config.profile, model).map_err(ConfigError::from)?;
-    let own = (0..model.arm_count()).filter(|&joint| !driven.contains(joint)).collect();
+    let own: Vec<usize> = (0..model.arm_count()).filter(|&joint| !driven.contains(joint)).collect();
     Ok(match config.method_entry(methods)?.info().style {
+        // Nothing to take: the hand, or the joints, to where the display shows.
+        MethodStyle::Jogging if scene.objects.is_empty() => {
+            Box::new(SteeringParticipant::new(options, body, scene.table_height, model.clone(), &own, seed))
+        }
         MethodStyle::Jogging => {
             let person = JoggingParticipant::new(options, body, scene, briefing, model.clone(), seed);
             Box::new(person.with_limb(own))

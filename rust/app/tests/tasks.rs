@@ -1,7 +1,7 @@
 //! Every task with every method: it runs to a result, its record opens and replays, also where the task is a lab's own.
 #![allow(clippy::disallowed_methods, clippy::unwrap_used)] // A test of files.
 
-use proact_app::{Arm, Recorder, ReplayOptions, replay_trial, trial};
+use proact_app::{Arm, Recorder, ReplayOptions, analysis::collect, replay_trial, trial};
 use proact_control::MethodRegistry;
 use proact_devices::EmgOrigin;
 use proact_tasks::{SHIPPED, TaskChoice};
@@ -69,4 +69,76 @@ fn a_labs_own_task_is_in_its_record_and_another_text_of_its_name_is_refused() {
     let arm = Arm::of(&config).unwrap();
     let error = trial::replayed(&MethodRegistry::standard(), &arm, config, None).err().unwrap().to_string();
     assert!(error.contains("task \"three_cubes\" is another one here"), "{error}");
+}
+
+/// Task, method, limit of the trial, what its score must be, and what `proact analyze` must say of it: column, least and most.
+type Done = (&'static str, &'static str, f64, f64, &'static [(&'static str, f64, f64)]);
+
+const DONE: [Done; 6] = [
+    ("pasta_box", "D", 120.0, 3.0, &[("moves_done", 3.0, 3.0), ("task_s", 20.0, 120.0), ("drops", 0.0, 0.0)]),
+    ("cup_transfer", "D", 160.0, 4.0, &[("moves_done", 4.0, 4.0), ("wrong_objects", 0.0, 0.0)]),
+    ("clothespins", "D", 100.0, 4.0, &[("moves_done", 4.0, 4.0), ("on_floor", 0.0, 0.0)]),
+    ("frame_transfer", "D", 240.0, 6.0, &[("moves_done", 6.0, 6.0), ("shoulder_path_m", 0.0, 2.0)]),
+    (
+        "target_achievement",
+        "A",
+        200.0,
+        8.0,
+        &[("completion_rate", 1.0, 1.0), ("completion_s", 2.0, 20.0), ("goal_path_efficiency", 0.5, 1.0)],
+    ),
+    (
+        "reaching",
+        "B",
+        200.0,
+        14.0,
+        &[
+            ("throughput_bits_per_s", 0.2, 0.8),
+            ("effective_throughput_bits_per_s", 0.2, 1.2),
+            ("completion_rate", 1.0, 1.0),
+        ],
+    ),
+];
+
+#[test]
+fn simulated_people_do_the_tasks_and_their_records_replay_and_are_analysed() {
+    let place = tempfile::tempdir().unwrap();
+    for (task, method, limit_secs, score, _) in DONE {
+        let dir = place.path().join(task);
+        let result = record(TaskChoice::named(task, 1).unwrap(), method, limit_secs, &dir);
+        assert_eq!(result.score, score, "{task}: {result:?}");
+        let replayed = replay_trial(&dir, ReplayOptions::default()).unwrap();
+        assert!(replayed.agrees, "{task}: {replayed:?}");
+    }
+    let collected = collect(&MethodRegistry::standard(), place.path(), 2, &|_, _| ()).unwrap();
+    assert_eq!(collected.notes, Vec::<String>::new());
+    let (trials, measures) = (collected.table("trials").unwrap(), collected.table("measures").unwrap());
+    let mut seen = 0;
+    for (trial, row) in trials.rows.iter().zip(&measures.rows) {
+        let name = trials.words(trial, "task");
+        let (task, .., expected) = DONE.iter().find(|(task, ..)| *task == name).unwrap();
+        for (column, least, most) in *expected {
+            let got = measures.number(row, column).unwrap_or_else(|| panic!("{task} has no {column}"));
+            assert!((*least..=*most).contains(&got), "{task}: {column} is {got}, expected {least} to {most}");
+        }
+        seen += 1;
+    }
+    assert_eq!(seen, DONE.len());
+    // The measures of each movement, as the transfers of a box have them in the literature.
+    let phases = collected.table("phases").unwrap();
+    let of_box: Vec<_> = phases.rows.iter().filter(|row| phases.words(row, "block") == "pasta_box").collect();
+    assert_eq!(of_box.len(), 6, "three transfers: a reach and a transport each");
+    for row in of_box {
+        for column in [
+            "seconds",
+            "hand_path_m",
+            "peak_speed_m_per_s",
+            "peak_time",
+            "peak_deceleration_time",
+            "peak_aperture_mm",
+            "peak_aperture_time",
+            "movement_units",
+        ] {
+            assert!(phases.number(row, column).is_some(), "{column}");
+        }
+    }
 }

@@ -25,6 +25,7 @@ mod limb_fit;
 mod model;
 mod pinch;
 mod settings;
+mod sized;
 
 pub use chain::{Chain, ChainPoses, Columns};
 pub use damped::{damped_step, damped_step_within};
@@ -36,3 +37,4 @@ pub use model::{
 };
 pub use pinch::{Pinch, PinchError, find_pinch};
 pub use settings::{ArmSettings, JointEntry, JointGains, Stand, is_named};
+pub use sized::{FOREARM_SHARE, SegmentLengths, SizeError, UPPER_ARM_SHARE, sized_for};

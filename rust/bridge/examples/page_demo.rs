@@ -172,6 +172,7 @@ impl Script {
             time_left_secs: 300.0 - secs % 300.0,
             goal: None,
             next: Some(if t > 12.0 { ObjectId(2) } else { ObjectId(0) }),
+            asked: None,
             score: u32::from(t > 12.0),
             finished: false,
             events: self.events(secs, t),

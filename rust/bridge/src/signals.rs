@@ -52,6 +52,9 @@ pub struct ResultCard {
     pub path_m: f64,
     /// What became of each object, for tasks that tell.
     pub objects: Vec<ResultLine>,
+    /// What people with two sound hands reach, a line each, where that is known.
+    #[serde(default)]
+    pub norms: Vec<String>,
 }
 
 /// What became of one object, as a line of a [`ResultCard`].

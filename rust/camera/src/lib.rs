@@ -319,6 +319,7 @@ mod tests {
             time_left_secs: 1.0,
             goal: None,
             next: None,
+            asked: None,
             score: 0,
             finished: false,
             events: Vec::new(),

@@ -19,6 +19,7 @@ mod interrupt;
 mod localize;
 mod method_files;
 mod model;
+mod model_size;
 mod node;
 mod participants;
 mod person_args;

@@ -1,5 +1,6 @@
 //! `proact model`: judge a description of an arm, or turn a lab's own into one.
 
+use crate::model_size::{self, SizeArgs};
 use clap::{Args, Subcommand};
 use proact_app::{answer, compare::compare};
 use proact_arm::{Grasp, Pinch, PinchError, find_pinch};
@@ -38,6 +39,12 @@ pub enum ModelCommand {
         Two digits on opposite faces, from above, by the shapes of the model; docs/grasps.md says how. \
         With --write the grasp and its two hand poses go into the arm's SRDF file. The exit code is 1 if none is found.")]
     Grasps(GraspsArgs),
+    /// Give an arm the segment lengths of its wearer, by stature, as a folder of its own
+    #[command(after_help = "Examples:\n  proact model size mpl_right --stature 1.68 --out arm_168\n  \
+        proact demo --arm arm_168 --task bbt\n\n\
+        Upper arm 0.186 and forearm 0.146 of the stature (Drillis and Contini 1966, in Winter's book): what lies between shoulder and \
+        wrist is stretched along the limb. The hand keeps its size, masses and limits stay.")]
+    Size(SizeArgs),
 }
 
 /// Arguments of `proact model check`.
@@ -105,6 +112,7 @@ pub fn run(command: &ModelCommand, json: bool) -> Result<bool, Box<dyn Error>> {
         ModelCommand::Check(args) => run_check(args, json),
         ModelCommand::Import(args) => run_import(args, json),
         ModelCommand::Grasps(args) => run_grasps(args, json),
+        ModelCommand::Size(args) => model_size::run(args, json),
     }
 }
 

@@ -1,7 +1,7 @@
 //! Arms as folders: those that ship, and what a folder may say.
 #![allow(clippy::disallowed_methods, clippy::unwrap_used)] // A test of files.
 
-use proact_arm::{JointKind, JointLimits, Side};
+use proact_arm::{ArmModel, FOREARM_SHARE, JointKind, JointLimits, Side, sized_for};
 use proact_description::{ArmFolder, check, parse, to_srdf, to_urdf};
 use proptest::prelude::*;
 use std::{fs, path::Path};
@@ -164,4 +164,42 @@ proptest! {
         let off = (tool_plate(&q) * half).inv_mul(&palm);
         prop_assert!(off.translation.vector.norm() < 1e-9 && off.rotation.angle() < 1e-7, "{off}");
     }
+}
+
+#[test]
+fn an_arm_takes_the_segments_of_its_wearer_and_survives_being_written() {
+    for (name, side) in [("mpl_right", 1.0), ("mpl_left", -1.0)] {
+        let folder = ArmFolder::shipped(name).unwrap();
+        let model = folder.model().unwrap();
+        let (sized, [before, after]) = sized_for(&model, 1.8).unwrap();
+        // 0.186 and 0.146 of 1.8 m.
+        assert!((after.upper_arm - 0.3348).abs() < 1e-12 && (after.forearm - 0.2628).abs() < 1e-12);
+        // Elbow and wrist of the straight arm hang lower by as much as the segments are longer, and nowhere else.
+        let at = |model: &ArmModel, joint: usize| model.link_poses(&[])[model.joints[model.arm[joint]].child];
+        for (joint, longer) in [
+            (3, after.upper_arm - before.upper_arm),
+            (6, after.upper_arm + after.forearm - before.upper_arm - before.forearm),
+        ] {
+            let moved = at(&sized, joint).translation.vector - at(&model, joint).translation.vector;
+            assert!((moved.z + longer).abs() < 1e-4, "{name}, joint {joint}: {moved}, expected {longer}");
+            assert!(moved.xy().norm() < 0.005, "{name}: {moved}");
+        }
+        assert_eq!(sized.side.sign(), side);
+        // The hand, and what the arm weighs, are the same.
+        let fingers =
+            |model: &ArmModel| model.joints.iter().skip(8).map(|joint| joint.origin).collect::<Vec<_>>();
+        assert_eq!(fingers(&sized), fingers(&model));
+        let mass =
+            |model: &ArmModel| model.links.iter().filter_map(|l| l.inertial).map(|i| i.mass).sum::<f64>();
+        assert_eq!(mass(&sized), mass(&model));
+        let mut written = ArmFolder { urdf: to_urdf(&sized), ..folder.clone() }.model().unwrap();
+        written.settings.clone_from(&sized.settings);
+        let apart = (at(&written, 6).inverse() * at(&sized, 6)).translation.vector.norm();
+        assert!(apart < 1e-6, "{apart}");
+        // A person of the arm's own proportions would have it as it is.
+        let own = sized_for(&model, before.forearm / FOREARM_SHARE).unwrap().1[1];
+        assert!((own.forearm - before.forearm).abs() < 1e-12);
+    }
+    let wam = ArmFolder::shipped("wam").unwrap().model().unwrap();
+    assert!(sized_for(&wam, 1.8).unwrap_err().to_string().starts_with("the arm stands by itself"));
 }

@@ -1,6 +1,6 @@
 //! What a person takes next and where it goes, from what was told and what is seen.
 
-use proact_types::{Briefing, Destination, DisplayFrame, ObjectId, Order, Point, Scene, Vector};
+use proact_types::{Briefing, Destination, DisplayFrame, ObjectId, Order, Point, Scene, TaskGoal, Vector};
 
 /// Objects whose room to their neighbours differs by less than this are as easy to take, metres.
 const AS_EASY: f64 = 0.005;
@@ -50,6 +50,11 @@ impl Choice {
         let own = self.scene.target(object).map(|target| target.centre);
         let spot = match (self.briefing.destination, own) {
             (Destination::OwnTarget, Some(centre)) => centre,
+            (Destination::Shown, own) => match (&seen.asked, own) {
+                (Some(TaskGoal::Disc { centre, .. }), _) => *centre,
+                (_, Some(centre)) => centre,
+                _ => self.free_spot(object, seen),
+            },
             _ => self.free_spot(object, seen),
         };
         self.spot = Some((object, spot));

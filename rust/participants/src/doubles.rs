@@ -26,6 +26,7 @@ pub(crate) fn frame() -> DisplayFrame {
         emg_source: String::new(),
         time_left_secs: 60.0,
         next: None,
+        asked: None,
         score: 0,
         finished: false,
         events: Vec::new(),

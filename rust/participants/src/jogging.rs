@@ -9,7 +9,7 @@ mod situation;
 use crate::{Body, Participant, ParticipantOptions, choice::Choice, habits::Habits, reach::ArmSense};
 use attitude::Attitude;
 use limb::Limb;
-use modes::ModeCycle;
+pub(crate) use modes::ModeCycle;
 use movement::Movements;
 use proact_arm::ArmModel;
 use proact_types::{
@@ -21,7 +21,7 @@ use std::sync::Arc;
 
 /// Modes are thought of as numbers: joints of the arm from 0, axes of the hand from here, three to go along and three to
 /// turn about.
-const FIRST_AXIS: u8 = 64;
+pub(crate) const FIRST_AXIS: u8 = 64;
 const AXES: u8 = 6;
 /// After a movement the arm is watched for this long before the next decision, ms.
 const WATCH_MILLIS: u64 = 450;
@@ -74,7 +74,7 @@ pub struct JoggingParticipant {
 }
 
 /// The number that a mode is thought of by.
-fn number_of(mode: &ModeView) -> u8 {
+pub(crate) fn number_of(mode: &ModeView) -> u8 {
     match mode.moves {
         Moves::Joint(joint) => joint,
         Moves::Translation(axis) => FIRST_AXIS + axis,
@@ -331,9 +331,10 @@ impl JoggingParticipant {
     /// of the hand, now and then another posture too.
     fn stuck(&mut self, seen: &DisplayFrame) {
         let shape = |block: ObjectId| self.scene.objects[block.index()].shape;
+        let goes_to = seen.hand.holds.map(|block| self.choice.place(block, seen));
         let height = |block: ObjectId| {
             let at = seen.objects[block.index()].translation.z;
-            at - self.scene.table_height - shape(block).half_height()
+            at - goes_to.map_or(self.scene.table_height, |place| place.z) - shape(block).half_height()
         };
         if self.stage == Stage::Lower && seen.hand.holds.is_some_and(|block| height(block) < FALL_HEIGHT) {
             self.enter(Stage::Release);

@@ -18,6 +18,7 @@ mod jogging;
 mod person;
 mod reach;
 mod selecting;
+mod steering;
 
 use proact_types::{DisplayFrame, Intention};
 
@@ -26,6 +27,7 @@ pub use habits::ParticipantOptions;
 pub use jogging::JoggingParticipant;
 pub use person::{Learning, PersonTraits, Population, Practice, Trait};
 pub use selecting::SelectingParticipant;
+pub use steering::SteeringParticipant;
 
 /// Somebody who sees and acts. Deterministic for its seed.
 pub trait Participant {

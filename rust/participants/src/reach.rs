@@ -113,6 +113,11 @@ impl ArmSense {
         Point::from(self.model.grasp_for(width).centre)
     }
 
+    /// The same for the widest objects.
+    pub(crate) fn widest_grasp_centre(&self) -> Point {
+        Point::from(self.model.widest_grasp().centre)
+    }
+
     /// The axis of the tip's frame that is up when the fingers close around a standing object of `width`, metres; unit
     /// length.
     pub(crate) fn grasp_axis(&self, width: f64) -> Vector {

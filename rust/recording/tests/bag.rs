@@ -109,6 +109,7 @@ fn frame(time: SimTime) -> DisplayFrame {
         time_left_secs: 300.0 - secs,
         goal: None,
         next: Some(ObjectId(0)),
+        asked: None,
         score: 0,
         finished: false,
         events: Vec::new(),

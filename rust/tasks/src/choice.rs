@@ -2,17 +2,32 @@ use crate::{Arrangement, GridChoice, ModifiedBbt, Task, TaskError, TaskFile};
 use serde::{Deserialize, Serialize};
 
 /// The tasks that ship with the program: name, and one line about each.
-pub const SHIPPED: [(&str, &str); 3] = [
+pub const SHIPPED: [(&str, &str); 9] = [
     (ModifiedBbt::NAME, "four blocks, each to its target, in order (paper)"),
     ("targeted_bbt", "sixteen cubes of 25 mm to their mirrored places, in order, timed"),
     ("bbt", "as many cubes of 25 mm over the partition as possible in a minute"),
+    ("pasta_box", "a box from the side to two shelves and back (sizes assumed)"),
+    ("cup_transfer", "two cups over a partition and back (sizes assumed)"),
+    ("clothespins", "two pins to an upright rod and back (on ledges, not clipped)"),
+    ("frame_transfer", "three objects between bars and shelves of a frame (all assumed)"),
+    ("target_achievement", "eight postures of the arm, each kept for two seconds (TAC)"),
+    ("reaching", "the hand into balls on rings in space (Fitts)"),
+];
+
+/// Texts of those that are files alone.
+const FILES: [(&str, &str); 8] = [
+    ("targeted_bbt", include_str!("../data/targeted_bbt.toml")),
+    ("bbt", include_str!("../data/bbt.toml")),
+    ("pasta_box", include_str!("../data/pasta_box.toml")),
+    ("cup_transfer", include_str!("../data/cup_transfer.toml")),
+    ("clothespins", include_str!("../data/clothespins.toml")),
+    ("frame_transfer", include_str!("../data/frame_transfer.toml")),
+    ("target_achievement", include_str!("../data/target_achievement.toml")),
+    ("reaching", include_str!("../data/reaching.toml")),
 ];
 
 /// The task of a trial unless another one is asked for.
 pub const DEFAULT_TASK: &str = ModifiedBbt::NAME;
-
-const TARGETED_BBT: &str = include_str!("../data/targeted_bbt.toml");
-const BBT: &str = include_str!("../data/bbt.toml");
 
 /// Which task, as a configuration says it: one that ships with the program, or a lab's own with its text.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -98,9 +113,10 @@ impl TaskChoice {
                 Ok(file)
             }
             (None, ModifiedBbt::NAME) => ModifiedBbt::file(first),
-            (None, "targeted_bbt") => TaskFile::read(TARGETED_BBT),
-            (None, "bbt") => TaskFile::read(BBT),
-            (None, other) => Err(TaskError::Unknown { got: other.to_owned(), known: Self::known() }),
+            (None, name) => match FILES.iter().find(|(shipped, _)| *shipped == name) {
+                Some((_, text)) => TaskFile::read(text),
+                None => Err(TaskError::Unknown { got: name.to_owned(), known: Self::known() }),
+            },
         }
     }
 

@@ -1,5 +1,8 @@
-use crate::{Across, ArrangementError, SceneFile, Targets, Task};
-use proact_types::{Briefing, Destination, ObjectId, Order, Scene};
+use crate::{
+    Across, ArrangementError, GoalSequence, ObjectMoves, SceneFile, Targets, Task,
+    goal_files::{MoveFile, PosturesFile, ReachesFile},
+};
+use proact_types::{Briefing, Destination, MAX_OBJECTS, ObjectId, Order, Scene};
 use serde::{Deserialize, Serialize};
 
 /// Why there is no task.
@@ -51,6 +54,19 @@ pub enum Rules {
     Targets,
     /// Objects whose carrier's fingertips crossed the partition: [`Across`].
     Across,
+    /// Objects that come to rest at one place after the other: [`ObjectMoves`].
+    Moves,
+    /// The hand in one ball after the other: [`GoalSequence`].
+    Reaches,
+    /// The arm's joints in one posture after the other: [`GoalSequence`].
+    Postures,
+}
+
+impl Rules {
+    /// Whether the display shows what is asked for, and the file says it in a part of its own.
+    fn shows(self) -> bool {
+        matches!(self, Self::Moves | Self::Reaches | Self::Postures)
+    }
 }
 
 /// What tells which object is due, for the prior of method D.
@@ -84,11 +100,20 @@ pub struct TaskFile {
     pub briefing: Briefing,
     /// What stands where.
     pub scene: SceneFile,
+    /// Of the rules `moves`: what goes where, in this order.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub moves: Vec<MoveFile>,
+    /// Of the rules `reaches`: where the hand goes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reaches: Option<ReachesFile>,
+    /// Of the rules `postures`: how the joints are to stand.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub postures: Option<PosturesFile>,
 }
 
 /// What all objects of a kind have in common, an object's own keys, and a grid's.
 const OF_KIND: [&str; 6] = ["colour", "shape", "mass", "friction", "friction_finger", "target_radius"];
-const OF_OBJECT: [&str; 5] = ["name", "label", "ros_name", "at", "target"];
+const OF_OBJECT: [&str; 6] = ["name", "label", "ros_name", "at", "stands_at", "target"];
 const OF_GRID: [&str; 7] =
     ["name", "count", "pitch", "middle", "mirrored_targets", "target_pitch", "chequered"];
 
@@ -110,6 +135,10 @@ fn check_keys(text: &str) -> Result<(), TaskError> {
         }
     }
     Ok(())
+}
+
+fn missing(key: &'static str) -> TaskError {
+    TaskError::Rule { key, reason: format!("not given, and the rules are \"{key}\"; expected that part") }
 }
 
 impl TaskFile {
@@ -140,13 +169,51 @@ impl TaskFile {
         Ok(match self.rules {
             Rules::Targets => Box::new(Targets::new(self.briefing.clone(), scene, order, self.due)),
             Rules::Across => Box::new(Across::new(self.briefing.clone(), scene)),
+            Rules::Moves => {
+                let (scene, moves) = MoveFile::placed(&self.moves, scene, left)?;
+                Box::new(ObjectMoves::new(self.briefing.clone(), scene, moves))
+            }
+            Rules::Reaches => {
+                let file = self.reaches.as_ref().ok_or_else(|| missing("reaches"))?;
+                let (dwell, limit) = (file.dwell_secs, file.limit_secs);
+                Box::new(GoalSequence::new(self.briefing.clone(), scene, file.goals(left)?, dwell, limit))
+            }
+            Rules::Postures => {
+                let file = self.postures.as_ref().ok_or_else(|| missing("postures"))?;
+                let (dwell, limit) = (file.dwell_secs, file.limit_secs);
+                Box::new(GoalSequence::new(self.briefing.clone(), scene, file.goals()?, dwell, limit))
+            }
         })
+    }
+
+    /// The parts of the file are those of its rules.
+    fn check_parts(&self) -> Result<(), TaskError> {
+        let parts = [
+            ("moves", !self.moves.is_empty(), Rules::Moves),
+            ("reaches", self.reaches.is_some(), Rules::Reaches),
+            ("postures", self.postures.is_some(), Rules::Postures),
+        ];
+        for (key, given, rules) in parts {
+            if given && self.rules != rules {
+                let reason = format!("given, and the rules are not \"{key}\"; expected one of the two");
+                return Err(TaskError::Rule { key, reason });
+            }
+            if !given && self.rules == rules {
+                return Err(missing(key));
+            }
+        }
+        Ok(())
     }
 
     /// The scene, and its objects in the prescribed order.
     pub(crate) fn checked(&self, left: bool) -> Result<(Scene, Vec<ObjectId>), TaskError> {
         let wrong = |key, reason| Err(TaskError::Rule { key, reason });
         let scene = self.scene.scene(left)?;
+        let goals = matches!(self.rules, Rules::Reaches | Rules::Postures);
+        if scene.objects.is_empty() && !goals {
+            return Err(TaskError::Scene(format!("0 objects, expected 1 to {MAX_OBJECTS}")));
+        }
+        self.check_parts()?;
         let Briefing { practice_secs, limit_secs, order, destination, .. } = &self.briefing;
         if !(*limit_secs > 0.0 && *limit_secs <= 3600.0) {
             return wrong(
@@ -162,6 +229,7 @@ impl TaskFile {
         let fitting = match self.rules {
             Rules::Targets => Destination::OwnTarget,
             Rules::Across => Destination::Across,
+            Rules::Moves | Rules::Reaches | Rules::Postures => Destination::Shown,
         };
         if *destination != fitting {
             let reason = format!("{destination:?}, expected {fitting:?}: that is what these rules count");
@@ -174,10 +242,16 @@ impl TaskFile {
                 "the rules \"across\" know no order; leave order and due out, briefing.order is \"any\"";
             return wrong("order", reason.to_owned());
         }
-        if self.rules == Rules::Targets && *practice_secs > 0.0 {
+        if self.rules.shows() && (*order != Order::Prescribed || !self.order.is_empty()) {
+            let reason =
+                "these rules have an order of their own; leave it out, briefing.order is \"prescribed\"";
+            return wrong("order", reason.to_owned());
+        }
+        if self.rules != Rules::Across && *practice_secs > 0.0 {
+            let rules = serde_json::to_string(&self.rules).unwrap_or_default();
             return wrong(
                 "briefing.practice_secs",
-                format!("{practice_secs}, the rules \"targets\" have no practice"),
+                format!("{practice_secs}, the rules {rules} have no practice"),
             );
         }
         if let Some(object) =

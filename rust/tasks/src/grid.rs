@@ -59,6 +59,7 @@ impl GridFile {
                 label: number.to_string(),
                 ros_name: String::new(),
                 at: place(cell, self.pitch),
+                stands_at: None,
                 target: self.mirrored_targets.then_some([x, -y]),
                 kind: kind.clone(),
             }

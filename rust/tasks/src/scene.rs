@@ -79,6 +79,9 @@ pub struct ObjectFile {
     pub ros_name: String,
     /// Where it stands: x, y.
     pub at: [f64; 2],
+    /// Height of what it stands on; that of the table where it is left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stands_at: Option<f64>,
     /// Where it belongs: x, y; none if it has no place of its own.
     #[serde(default)]
     pub target: Option<[f64; 2]>,
@@ -107,7 +110,7 @@ impl SceneFile {
     /// nowhere, a target outside the region where things may be put down.
     pub fn scene(&self, left: bool) -> Result<Scene, TaskError> {
         let got = self.object_count();
-        if !(1..=MAX_OBJECTS).contains(&got) {
+        if got > MAX_OBJECTS {
             return Err(TaskError::Scene(format!("{got} objects, expected 1 to {MAX_OBJECTS}")));
         }
         let files = self.all();
@@ -163,6 +166,7 @@ impl SceneFile {
             let (what, kind) = (|what: &str| format!("{what} of {:?}", object.name), &object.kind);
             let places = object.at.iter().chain(object.target.iter().flatten());
             places.into_iter().try_for_each(|at| within(what("at"), *at, -FURTHEST, FURTHEST))?;
+            object.stands_at.iter().try_for_each(|at| within(what("stands_at"), *at, 0.0, 3.0))?;
             kind.colour.iter().try_for_each(|part| within(what("colour"), *part, 0.0, 1.0))?;
             within(what("mass"), kind.mass, 1e-3, 20.0)?;
             within(what("friction"), kind.friction, 0.0, 10.0)?;
@@ -214,7 +218,7 @@ impl ObjectFile {
             mass: kind.mass,
             friction: kind.friction,
             friction_finger: kind.friction_finger,
-            pose: Pose::translation(x, side * y, table + kind.shape.half_height()),
+            pose: Pose::translation(x, side * y, self.stands_at.unwrap_or(table) + kind.shape.half_height()),
         }
     }
 }
@@ -249,6 +253,15 @@ fn overlap(a: (&Shape, &Pose), b: (&Shape, &Pose)) -> bool {
     aside && near(2)
 }
 
+/// True if a fixed body is under `point`, with its top at that height.
+pub(crate) fn is_on_top(scene: &Scene, point: &Point) -> bool {
+    scene.fixed.iter().any(|body| {
+        let (size, below) = (half_size(&body.shape), body.pose.translation.vector);
+        let inside = |k: usize| (point[k] - below[k]).abs() <= size[k];
+        inside(0) && inside(1) && (below.z + size[2] - point.z).abs() < TOUCH
+    })
+}
+
 fn check_places(scene: &Scene) -> Result<(), TaskError> {
     for (k, object) in scene.objects.iter().enumerate() {
         let here = (&object.shape, &object.pose);
@@ -261,16 +274,13 @@ fn check_places(scene: &Scene) -> Result<(), TaskError> {
             )));
         }
         let at = object.pose.translation.vector;
-        let stands = scene.fixed.iter().any(|body| {
-            let (size, below) = (half_size(&body.shape), body.pose.translation.vector);
-            let top = below.z + size[2];
-            let inside = |k: usize| (at[k] - below[k]).abs() <= size[k];
-            inside(0) && inside(1) && (top - scene.table_height).abs() < TOUCH
-        });
-        if !stands {
+        let foot = Point::new(at.x, at.y, at.z - object.shape.half_height());
+        if !is_on_top(scene, &foot) {
             let (name, place) = (&object.name, [at.x, at.y]);
+            let height =
+                if (foot.z - scene.table_height).abs() < TOUCH { "table_height" } else { "stands_at" };
             return Err(TaskError::Scene(format!(
-                "{name:?} at {place:?} stands on nothing; expected a fixed body whose top is at table_height"
+                "{name:?} at {place:?} stands on nothing; expected a fixed body whose top is at {height}"
             )));
         }
     }

@@ -1,4 +1,7 @@
-use proact_types::{BodyState, Briefing, EventKind, ObjectId, ObjectSet, Point, Scene, SimTime, TaskContext};
+use crate::TaskError;
+use proact_types::{
+    BodyState, Briefing, EventKind, ObjectId, ObjectSet, Point, Scene, SimTime, TaskContext, TaskGoal,
+};
 use serde_json::{Map, Value};
 
 /// A task: its scene, what a person is told, its rules, and what comes of it.
@@ -24,6 +27,19 @@ pub trait Task: Send {
     fn minds_fingertips(&self) -> bool {
         false
     }
+
+    /// True if [`TaskInput::hand`] is asked for.
+    fn minds_hand(&self) -> bool {
+        false
+    }
+
+    /// Told before the first step which arm is used: lowest and highest angle of each of its joints from the base, rad.
+    ///
+    /// # Errors
+    /// [`TaskError`]: the arm cannot do what the task asks for.
+    fn meet_arm(&mut self, _limits: &[[f64; 2]]) -> Result<(), TaskError> {
+        Ok(())
+    }
 }
 
 /// What a task sees in one tick.
@@ -35,6 +51,10 @@ pub struct TaskInput<'a> {
     pub held: Option<ObjectId>,
     /// Tips of the digits, in `world`; empty where the task does not mind them.
     pub fingertips: &'a [Point],
+    /// Angles of the arm's joints from the base, rad.
+    pub joints: &'a [f64],
+    /// Centre of the grasp for the widest objects, in `world`; the origin where the task does not mind it.
+    pub hand: Point,
 }
 
 /// The task as control, intent and display see it.
@@ -48,6 +68,8 @@ pub struct TaskState {
     pub context_at_grasp: TaskContext,
     /// The object that a prescribed order asks for next.
     pub next: Option<ObjectId>,
+    /// Where that goes, or what hand or joints are asked for, in tasks where it changes.
+    pub goal: Option<TaskGoal>,
     /// What counts, so far.
     pub score: u32,
     /// All is done, or time is up.

@@ -52,7 +52,13 @@ impl Trial {
         let mut events = Vec::new();
         while self.now < end {
             self.now += 1;
-            let seen = TaskInput { objects: &self.objects, held, fingertips: &fingertips };
+            let seen = TaskInput {
+                objects: &self.objects,
+                held,
+                fingertips: &fingertips,
+                joints: &[],
+                hand: Point::origin(),
+            };
             events.extend(self.task.step(SimTime(self.now), &seen));
         }
         events

@@ -4,7 +4,7 @@ use proact_control::{MethodEntry, MethodProgram, MethodRegistry, OUTSIDE, Profil
 use proact_emg::{Classifier, EmgConfig};
 use proact_intent::{IntentModelName, IntentOptions};
 use proact_participants::{Body, ParticipantOptions};
-use proact_tasks::{DEFAULT_TASK, Task, TaskChoice};
+use proact_tasks::{DEFAULT_TASK, Task, TaskChoice, Wearer};
 use proact_types::{GestureCommands, GestureName, GestureTableError};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
@@ -130,6 +130,9 @@ pub struct TrialConfig {
     pub emg: Option<EmgConfig>,
     /// The simulated participant; none when a person drives.
     pub participant: Option<ParticipantOptions>,
+    /// Age and sex of whoever wears the arm, by which norms are shown beside the score; none where nobody told them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wearer: Option<Wearer>,
 }
 
 impl TrialConfig {
@@ -159,6 +162,7 @@ impl TrialConfig {
             intent: IntentOptions::default(),
             emg: None,
             participant: None,
+            wearer: None,
         }
     }
 
@@ -211,7 +215,10 @@ impl TrialConfig {
     /// # Errors
     /// [`ConfigError::Task`].
     pub fn build_task(&self, model: &ArmModel) -> Result<Box<dyn Task>, ConfigError> {
-        Ok(self.task.build_within(model.side == Side::Left, Some(self.limit_secs))?)
+        let mut task = self.task.build_within(model.side == Side::Left, Some(self.limit_secs))?;
+        let limits = |joint: &usize| [model.joints[*joint].limits.lower, model.joints[*joint].limits.upper];
+        task.meet_arm(&model.arm.iter().map(limits).collect::<Vec<_>>())?;
+        Ok(task)
     }
 
     /// Takes `arm` for the arm, and the task as it is here.

@@ -6,7 +6,7 @@
 use crate::stages::{ActuationOutput, EmgStageOutput, IntentOutput, MethodOutput};
 use blake3::Hasher;
 use proact_tasks::TaskState;
-use proact_types::{ObjectId, PlantState, Pose, SimTime, Stop, TickInput, Vector};
+use proact_types::{JointGoal, ObjectId, PlantState, Pose, SimTime, Stop, TaskGoal, TickInput, Vector};
 use serde::{Deserialize, Serialize};
 
 /// Ticks in a span.
@@ -207,6 +207,21 @@ impl Digest {
         let place = |object: Option<ObjectId>| object.map_or(9, |id| u64::from(id.0) + u64::from(id.0 >= 9));
         field.word(u64::from(state.score)).word(place(state.next));
         field.word(place(held)).word(u64::from(state.finished));
+        match &state.goal {
+            None => {}
+            Some(TaskGoal::Disc { centre, radius }) => {
+                field.word(1).vector(&centre.coords).number(*radius);
+            }
+            Some(TaskGoal::Ball { centre, radius }) => {
+                field.word(2).vector(&centre.coords).number(*radius);
+            }
+            Some(TaskGoal::Posture { joints }) => {
+                field.word(3);
+                for JointGoal { joint, angle, tolerance } in joints {
+                    field.word(u64::from(*joint)).number(*angle).number(*tolerance);
+                }
+            }
+        }
     }
 
     /// Ends tick `now`; the span's digest if it closes one. `last` closes it early, at the end of a trial.

@@ -3,6 +3,7 @@ use crate::{
     ports::PlanService,
     stages::{Driven, PersonInput, PersonParts, PersonStage},
 };
+use proact_arm::Side;
 use proact_tasks::TaskResult;
 use proact_types::{DisplayFrame, PlanReply, PlanRequest, PlanStatus, Pose, SimTime, TickInput};
 use serde::{Deserialize, Serialize};
@@ -91,8 +92,14 @@ impl Session {
     pub fn result(&self) -> TrialResult {
         let testbed = &self.testbed;
         let config = testbed.config();
-        let TaskResult { score, result, beside, lines } =
+        let TaskResult { score, mut result, beside, mut lines } =
             testbed.task().result(&testbed.plant().state().objects);
+        let wearer = config.wearer.unwrap_or_default();
+        let norms = proact_tasks::norms(&config.task.name, &wearer, config.setup.side == Side::Left);
+        if !norms.is_empty() {
+            lines.extend(norms.iter().map(ToString::to_string));
+            result.insert("norms".to_owned(), serde_json::to_value(norms).unwrap_or_default());
+        }
         TrialResult {
             method: config.method_label(),
             seed: config.seed,

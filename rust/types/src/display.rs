@@ -1,6 +1,6 @@
 use crate::{
     ContactView, Event, FeedbackCue, GazeSample, Gesture, GestureName, JointVector, ObjectId, PlanStatus,
-    Point, Pose, SimTime, Stop,
+    Point, Pose, SimTime, Stop, TaskGoal,
 };
 use serde::{Deserialize, Serialize};
 
@@ -60,6 +60,9 @@ pub struct DisplayFrame {
     pub time_left_secs: f64,
     /// The object that the task asks for next.
     pub next: Option<ObjectId>,
+    /// Where that goes, or what the hand or the joints are asked for; none where the task asks for one thing all the time.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub asked: Option<TaskGoal>,
     /// What the task counts, so far.
     pub score: u32,
     /// True when the trial is over.

@@ -156,6 +156,16 @@ pub enum EventKind {
         /// Which object.
         object: ObjectId,
     },
+    /// The hand or the joints stayed where they were asked to be.
+    GoalReached {
+        /// Which goal of the trial, from 1.
+        number: u32,
+    },
+    /// They were not there in time.
+    GoalMissed {
+        /// Which goal of the trial, from 1.
+        number: u32,
+    },
     /// Practice is over: from now on it counts.
     PracticeFinished,
     /// The trial is over.

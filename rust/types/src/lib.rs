@@ -52,7 +52,7 @@ pub use plan::{
 };
 pub use safety::{InputSign, InputSource, SignKind, Stop, StopCause};
 pub use scene::{MAX_OBJECTS, Object, ObjectId, ObjectSet, PlaceRegion, Scene, SceneObject, Shape, Target};
-pub use task::{Briefing, Destination, Order, TaskContext};
+pub use task::{Briefing, Destination, JointGoal, Order, TaskContext, TaskGoal};
 pub use time::{SimTime, TICK_SECS};
 pub use world::{BodyState, Contact, PlantCommand, PlantState};
 

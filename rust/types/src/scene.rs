@@ -32,6 +32,9 @@ pub enum Shape {
     },
 }
 
+/// Surfaces whose heights differ by less than this are one, metres.
+const SHELF_APART: f64 = 1e-4;
+
 /// Most objects that a scene may have.
 pub const MAX_OBJECTS: usize = 192;
 
@@ -243,6 +246,29 @@ impl Scene {
         known.unwrap_or_else(|| format!("object {}", object.0))
     }
 
+    /// Where something can be put down other than on the table: the tops of boxes that do not move, at whose height something
+    /// stands at the start or has its target. Region and height, each once, as they stand in the scene.
+    pub fn shelves(&self) -> Vec<(PlaceRegion, f64)> {
+        let foot = |object: &Object| {
+            let at = object.pose.translation.vector;
+            Point::new(at.x, at.y, at.z - object.shape.half_height())
+        };
+        let used = self.targets.iter().map(|target| target.centre).chain(self.objects.iter().map(foot));
+        let used: Vec<Point> = used.filter(|at| (at.z - self.table_height).abs() > SHELF_APART).collect();
+        let shelf = |body: &SceneObject| {
+            let Shape::Box { size } = body.shape else { return None };
+            let at = body.pose.translation.vector;
+            let top = at.z + size[2] / 2.0;
+            let on = |point: &Point| {
+                (point.z - top).abs() < SHELF_APART
+                    && (0..2).all(|k| (point[k] - at[k]).abs() <= size[k] / 2.0)
+            };
+            let [min, max] = [-0.5, 0.5].map(|half| [at.x + half * size[0], at.y + half * size[1]]);
+            used.iter().any(on).then_some((PlaceRegion { min, max }, top))
+        };
+        self.fixed.iter().filter_map(shelf).collect()
+    }
+
     /// Where `object` belongs; none if it has no place of its own.
     pub fn target(&self, object: ObjectId) -> Option<&Target> {
         self.targets.iter().find(|target| target.object == object)
@@ -291,6 +317,37 @@ mod tests {
         let text = serde_json::to_string(&set).expect("writes");
         assert_eq!(text, "[3,70,191]");
         assert_eq!(serde_json::from_str::<ObjectSet>(&text).expect("reads"), set);
+    }
+
+    #[test]
+    fn shelves_are_tops_at_another_height_on_which_something_stands_or_belongs() {
+        let board = |name: &str, x: f64, top: f64| SceneObject {
+            name: name.to_owned(),
+            shape: Shape::Box { size: [0.2, 0.1, 0.02] },
+            pose: Pose::translation(x, 0.0, top - 0.01),
+            friction: 0.4,
+        };
+        let cube = Shape::Box { size: [0.05; 3] };
+        let at =
+            |x: f64, foot: f64| Object::plain("cube", cube, 0.1, Pose::translation(x, 0.0, foot + 0.025));
+        let target = Target { object: ObjectId(0), centre: Point::new(1.05, 0.04, 1.3), radius: 0.05 };
+        let scene = Scene {
+            fixed: vec![
+                board("table", 0.0, 1.0),
+                board("high", 1.0, 1.3),
+                board("low", 2.0, 0.8),
+                board("free", 3.0, 1.1),
+            ],
+            objects: vec![at(0.0, 1.0), at(2.0, 0.8)],
+            targets: vec![target],
+            table_height: 1.0,
+            ..Scene::default()
+        };
+        let shelves = scene.shelves();
+        let heights: Vec<f64> = shelves.iter().map(|(_, height)| *height).collect();
+        assert_eq!(heights.len(), 2, "neither the table nor a board that nothing is for: {shelves:?}");
+        assert!((heights[0] - 1.3).abs() < 1e-12 && (heights[1] - 0.8).abs() < 1e-12);
+        assert!((shelves[0].0.min[0] - 0.9).abs() < 1e-12 && (shelves[0].0.max[1] - 0.05).abs() < 1e-12);
     }
 
     #[test]

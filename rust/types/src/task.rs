@@ -1,4 +1,4 @@
-use crate::ObjectSet;
+use crate::{ObjectSet, Point};
 use serde::{Deserialize, Serialize};
 
 /// What a person is told before a trial. It is all that a simulated participant knows of the task.
@@ -44,6 +44,48 @@ pub enum Destination {
     OwnTarget,
     /// Anywhere across the partition.
     Across,
+    /// Where the display shows it: the place changes from one move to the next.
+    Shown,
+}
+
+/// What the task asks for now, where that changes in the course of a trial.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
+#[serde(tag = "type", rename_all = "snake_case")]
+pub enum TaskGoal {
+    /// The next object is to come to rest on this disc.
+    Disc {
+        /// Middle of the disc on the surface, in `world`.
+        #[cfg_attr(feature = "ts", ts(as = "[f64; 3]"))]
+        centre: Point,
+        /// Radius within which the object's middle counts, metres.
+        radius: f64,
+    },
+    /// The centre of the hand's grasp is to stay in this ball.
+    Ball {
+        /// Middle of the ball, in `world`.
+        #[cfg_attr(feature = "ts", ts(as = "[f64; 3]"))]
+        centre: Point,
+        /// Radius, metres.
+        radius: f64,
+    },
+    /// These joints of the arm are to stay at these angles.
+    Posture {
+        /// The joints that count; all others are free.
+        joints: Vec<JointGoal>,
+    },
+}
+
+/// Where a joint is asked to be.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
+pub struct JointGoal {
+    /// Its place in the arm, from 0 at the base.
+    pub joint: u8,
+    /// rad.
+    pub angle: f64,
+    /// It may be off by this much, rad.
+    pub tolerance: f64,
 }
 
 /// What the task says about what a person will take next, before any gaze.

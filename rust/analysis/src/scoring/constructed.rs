@@ -3,7 +3,7 @@
 use super::*;
 use proact_types::{
     Event, EventKind, GazeSample, Gesture, GraspFault, Object, ObjectId, PlaceRegion, PlanStatus, Point,
-    Pose, Scene, Shape, SimTime, Target, Vector,
+    Pose, Scene, Shape, SimTime, Target, TaskGoal, Vector,
 };
 
 const STEP_MS: u64 = 20;
@@ -69,6 +69,9 @@ fn trace() -> Trace {
                 gaze: Some(gaze),
                 gesture: Gesture::NoMotion,
                 next: Some(if now < 4000 { A } else { B }),
+                asked: None,
+                // Opens to 10 cm until 1 s, closes to 5 cm until 2 s.
+                aperture: Some(0.06 + 0.04 * part(now, 0, 1000) - 0.05 * part(now, 1000, 2000)),
             }
         })
         .collect();
@@ -93,7 +96,7 @@ fn trace() -> Trace {
         })
         .collect();
     let decisions = Some(200);
-    Trace { scene, length: SimTime(10_000), instants, events, decisions, trunk, tells_events: true }
+    Trace { scene, length: SimTime(10_000), instants, events, decisions, trunk, tells_events: true, ..Trace::default() }
 }
 
 fn value<T>(measures: &[Measure<T>], name: &str, scored: &Scored<'_>, row: &T) -> Option<f64> {
@@ -203,6 +206,29 @@ fn what_the_body_did_and_what_the_joints() {
     near(of("path_efficiency", pick), 1.0, 1e-9);
     near(of("peak_speed_m_per_s", place), 0.2, 1e-3);
     assert_eq!(of("movement_units", place), Some(1.0));
+    // Evenly to the end: what is left of a fall of the speed is at the ends alone, where the low pass makes it.
+    assert!(of("peak_deceleration_time", place).unwrap() > 0.9);
+    near(of("peak_aperture_mm", pick), 100.0, 1e-9);
+    near(of("peak_aperture_time", pick), 0.49, 0.011);
+}
+
+#[test]
+fn numbers_of_the_task_are_its_measures_and_places_that_change_are_those_of_their_time() {
+    let mut trace = trace();
+    trace.counted = [("throughput_bits_per_s", 1.5), ("moved", 2.0)].map(|(k, v)| (k.to_owned(), v)).into();
+    let near_side = Point::new(0.0, -0.2, 1.0);
+    for instant in &mut trace.instants {
+        let centre = if instant.time.0 < 4500 { Point::new(0.0, 0.2, 1.0) } else { near_side };
+        (instant.next, instant.asked) = (Some(A), Some(TaskGoal::Disc { centre, radius: 0.05 }));
+    }
+    let scored = Scored::of(&trace);
+    assert_eq!(value(OF_TRIAL, "throughput_bits_per_s", &scored, &()), Some(1.5));
+    assert_eq!(value(OF_TRIAL, "moves_done", &scored, &()), Some(2.0));
+    assert_eq!(value(OF_TRIAL, "completion_rate", &scored, &()), None);
+    let [_, place, ..] = &scored.phases[..] else { panic!() };
+    assert_eq!((place.crossed, place.entered), (None, Some(true)));
+    // It was left where it was asked to be; that it is asked for elsewhere later does not disturb it.
+    assert_eq!(value(OF_OBJECT, "disturbed", &scored, &scored.objects[0]), None);
 }
 
 #[test]

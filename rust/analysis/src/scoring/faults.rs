@@ -89,12 +89,14 @@ pub struct TrialFault {
 pub fn faults(trace: &Trace, phases: &[ActionPhase], objects: &[Handling]) -> Vec<TrialFault> {
     let mut faults: Vec<TrialFault> = phases.iter().filter_map(|phase| of_phase(trace, phase)).collect();
     let fault = |time, kind, object, detail: String| TrialFault { time, kind, object, detail };
+    let shelves = trace.scene.shelves().into_iter().map(|(_, height)| height);
+    let lowest = shelves.fold(trace.scene.table_height, f64::min);
     for handling in objects {
         let object = Some(handling.object);
         faults.extend(handling.disturbed.map(|at| fault(at, FaultKind::Disturbed, object, String::new())));
         let below = |instant: &&super::Instant| {
             let pose = instant.objects.get(handling.object.index());
-            pose.is_some_and(|pose| pose.translation.vector.z < trace.scene.table_height)
+            pose.is_some_and(|pose| pose.translation.vector.z < lowest)
         };
         let fell = trace.instants.iter().find(below).map(|instant| instant.time);
         faults.extend(fell.map(|at| fault(at, FaultKind::OnFloor, object, String::new())));

@@ -1,7 +1,7 @@
 //! What the eyes looked at.
 
 use super::{ActionPhase, Instant, PhaseKind, Scored, Trace};
-use proact_types::{GazeSample, ObjectId, Point, SimTime, Vector};
+use proact_types::{GazeSample, ObjectId, Point, SimTime, TaskGoal, Vector};
 use serde::Serialize;
 
 /// Nearer than this to something, radians, the gaze may mean it: two degrees, above the 1.5 that a HoloLens 2 has (ARETT measured 0.83;
@@ -54,8 +54,17 @@ fn looked_at(trace: &Trace, instant: &Instant, held: Option<ObjectId>) -> Option
     for (id, (pose, object)) in trace.scene.ids().zip(instant.objects.iter().zip(&trace.scene.objects)) {
         offer(LookedAt::Object(id), pose.translation.vector.into(), object.shape.half_height());
     }
-    for target in &trace.scene.targets {
-        offer(LookedAt::Target(target.object), target.centre, target.radius);
+    match (&instant.asked, instant.next) {
+        // Of several places of an object, the one that it is to go to.
+        (Some(TaskGoal::Disc { centre, radius }), Some(next)) => {
+            offer(LookedAt::Target(next), *centre, *radius);
+        }
+        (Some(TaskGoal::Ball { .. } | TaskGoal::Posture { .. }), _) => {}
+        _ => {
+            for target in &trace.scene.targets {
+                offer(LookedAt::Target(target.object), target.centre, target.radius);
+            }
+        }
     }
     offer(held.map_or(LookedAt::Hand, LookedAt::Object), instant.hand, HAND_M);
     // Links as beads from joint to joint, some four centimetres apart.

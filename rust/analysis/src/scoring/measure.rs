@@ -39,6 +39,16 @@ fn hand(scored: &Scored<'_>, phase: &ActionPhase) -> Option<Way> {
     Way::of(scored.trace.between(phase.from, phase.to), |instant| instant.hand)
 }
 
+/// The widest aperture of a phase, metres, and when the hand was first as wide but for a millimetre, as a share of it.
+fn peak_aperture(scored: &Scored<'_>, phase: &ActionPhase) -> Option<(f64, f64)> {
+    let within = scored.trace.between(phase.from, phase.to);
+    let wide = || within.iter().filter_map(|instant| Some((instant.time, instant.aperture?)));
+    let widest = wide().map(|(_, aperture)| aperture).reduce(f64::max)?;
+    let (at, _) = wide().find(|(_, aperture)| widest - aperture < 1.0 / MM)?;
+    let length = phase.to.millis_since(phase.from);
+    (length > 0).then(|| (widest, at.millis_since(phase.from) as f64 / length as f64))
+}
+
 macro_rules! joint {
     ($name:literal, $place:literal) => {
         measure!($name, "rad", "way of this joint of the arm, counted from the base; steps under 0.002 rad add up before they count", OURS, |s, p| {
@@ -127,6 +137,27 @@ pub const OF_PHASE: &[Measure<ActionPhase>] = &[
     measure!("peak_time", "1", "when it was, as a share of the phase, 0 to 1", GAMA, |s, p| hand(s, p)?
         .peak()
         .map(|peak| peak[1])),
+    measure!(
+        "peak_deceleration_time",
+        "1",
+        "when the hand's speed fell fastest, as a share of the phase, 0 to 1",
+        GAMA,
+        |s, p| hand(s, p)?.strongest_braking()
+    ),
+    measure!(
+        "peak_aperture_mm",
+        "mm",
+        "widest distance between the last joints of thumb and index finger in the phase; of hands that have both",
+        GAMA,
+        |s, p| peak_aperture(s, p).map(|(widest, _)| widest * MM)
+    ),
+    measure!(
+        "peak_aperture_time",
+        "1",
+        "when it was first within 1 mm of that, as a share of the phase, 0 to 1",
+        GAMA,
+        |s, p| peak_aperture(s, p).map(|(_, share)| share)
+    ),
     measure!(
         "movement_units",
         "",
@@ -243,7 +274,10 @@ pub const OF_OBJECT: &[Measure<Handling>] = &[
         "",
         "1 if it left its target region without being held, after it was let go there",
         "ProACT paper, Study 2",
-        |s, h| { s.trace.scene.target(h.object).map(|_| truth(h.disturbed.is_some())) }
+        |s, h| {
+            let known = s.trace.scene.target(h.object).filter(|_| !s.trace.has_moves());
+            known.map(|_| truth(h.disturbed.is_some()))
+        }
     ),
 ];
 
@@ -257,6 +291,14 @@ macro_rules! faults {
         measure!($name, "", $meaning, OURS, |s, ()| count(s, FaultKind::$kind))
     };
 }
+
+/// A number that the task itself counted.
+fn counted(scored: &Scored<'_>, name: &str) -> Option<f64> {
+    scored.trace.counted.get(name).copied()
+}
+
+const TAC: &str = "Simon et al. 2011, PMC4232230";
+const POINTING: &str = "ISO/TS 9241-411:2012; Soukoreff and MacKenzie 2004, IJHCS 61:751";
 
 /// Of a whole trial.
 pub const OF_TRIAL: &[Measure<()>] = &[
@@ -326,6 +368,58 @@ pub const OF_TRIAL: &[Measure<()>] = &[
         "furthest turn of the trunk from how it was first; empty if it was not tracked",
         OURS,
         |s, ()| { shoulder::trunk_turn(s.trace, SimTime(0), s.trace.length) }
+    ),
+    measure!(
+        "task_s",
+        "s",
+        "from the start until the last object was at its place; empty where one is not",
+        OURS,
+        |s, ()| counted(s, "seconds")
+    ),
+    measure!("moves_done", "", "moves of an object to its place that were done", OURS, |s, ()| {
+        counted(s, "moved")
+    }),
+    measure!(
+        "completion_rate",
+        "1",
+        "share of the goals shown that were reached and kept for the dwell time",
+        TAC,
+        |s, ()| counted(s, "completion_rate")
+    ),
+    measure!(
+        "completion_s",
+        "s",
+        "mean time from the display of a goal to its last entry, of goals that were reached: reaction included, dwell not",
+        TAC,
+        |s, ()| counted(s, "completion_s")
+    ),
+    measure!(
+        "overshoots",
+        "",
+        "mean number of times that a goal was left before the dwell was over",
+        TAC,
+        |s, ()| counted(s, "overshoots")
+    ),
+    measure!(
+        "goal_path_efficiency",
+        "1",
+        "mean of straight way over way taken, of goals that were reached: of the hand in space, or of the joints that count",
+        TAC,
+        |s, ()| counted(s, "goal_path_efficiency")
+    ),
+    measure!(
+        "throughput_bits_per_s",
+        "bit/s",
+        "of each condition the mean of log2(D/W + 1) over the mean movement time, and of these the mean; reaches that were made, dwell not counted",
+        POINTING,
+        |s, ()| counted(s, "throughput_bits_per_s")
+    ),
+    measure!(
+        "effective_throughput_bits_per_s",
+        "bit/s",
+        "the same with the effective width, 4.133 standard deviations of the ends along the way, and the effective distance, the mean way along it",
+        POINTING,
+        |s, ()| counted(s, "effective_throughput_bits_per_s")
     ),
     measure!("gaze_known", "1", "share of the trial with a gaze, 0 to 1", OURS, |s, ()| {
         let with = s.trace.instants.iter().filter(|i| i.gaze.is_some_and(|gaze| gaze.valid)).count();

@@ -85,6 +85,19 @@ impl Way {
         Some([speed, (at - first) / (last - first)])
     }
 
+    /// When the speed fell fastest, as a share of the whole time, 0 to 1; none where it never fell.
+    pub(super) fn strongest_braking(&self) -> Option<f64> {
+        let falls = |two: &[(f64, f64)]| {
+            let [(before, from), (after, to)] = [two[0], two[1]];
+            (to > from).then(|| ((before - after) / (to - from), (from + to) / 2.0))
+        };
+        let speeds = self.speeds();
+        let falls = speeds.windows(2).filter_map(falls).filter(|(fall, _)| *fall > 0.0);
+        let (_, at) = falls.max_by(|a, b| a.0.total_cmp(&b.0))?;
+        let (first, last) = (self.times[0], self.times[self.times.len() - 1]);
+        Some((at - first) / (last - first))
+    }
+
     /// Humps of the speed that rise and fall by 0.02 m/s at least.
     pub(super) fn units(&self) -> usize {
         let (mut count, mut lowest, mut highest, mut rising) = (0, 0.0_f64, 0.0_f64, true);

@@ -50,6 +50,10 @@ fn handling(trace: &Trace, phases: &[ActionPhase], object: ObjectId) -> Handling
 }
 
 fn disturbed(trace: &Trace, places: &[&ActionPhase], object: ObjectId) -> Option<SimTime> {
+    // Where places change, what lay at the last one lies beside the next.
+    if trace.has_moves() {
+        return None;
+    }
     let radius = trace.scene.target(object)?.radius;
     let mut lay_there = false;
     let mut rest = places.iter().peekable();

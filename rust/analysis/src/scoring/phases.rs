@@ -108,7 +108,8 @@ fn place(
     let side = |time| Some(trace.at(time)?.objects.get(object.index())?.translation.vector.y);
     let crossed =
         trace.far_side(object).and_then(|far| Some(side(from)? * far <= 0.0 && side(to)? * far > 0.0));
-    let entered = trace.scene.target(object).map(|target| {
+    let target = trace.at(from).and_then(|instant| trace.target(object, instant));
+    let entered = target.map(|target| {
         within.iter().any(|instant| trace.distance(object, instant).is_some_and(|away| away <= target.radius))
     });
     ActionPhase { kind: PhaseKind::Place, object, time, from, to, ended, crossed, entered }

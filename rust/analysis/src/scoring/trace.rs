@@ -1,4 +1,10 @@
-use proact_types::{Event, GazeSample, Gesture, ObjectId, Point, Pose, Scene, SimTime, Vector};
+use proact_types::{
+    Event, GazeSample, Gesture, ObjectId, Point, Pose, Scene, SimTime, Target, TaskGoal, Vector,
+};
+use std::collections::BTreeMap;
+
+/// An object's underside may be this far below the surface that it stands on, metres.
+const SUNK: f64 = 0.005;
 
 /// One instant of a trial.
 #[derive(Clone, Debug, PartialEq)]
@@ -23,6 +29,10 @@ pub struct Instant {
     pub gesture: Gesture,
     /// The object that the task asks for next.
     pub next: Option<ObjectId>,
+    /// Where that goes, or what is asked for, in tasks where it changes.
+    pub asked: Option<TaskGoal>,
+    /// Between the ends of thumb and index finger, metres; none where the hand has no such digits.
+    pub aperture: Option<f64>,
 }
 
 /// A recorded trial as scoring sees it.
@@ -42,6 +52,8 @@ pub struct Trace {
     pub trunk: Vec<(SimTime, Pose)>,
     /// Whether the record tells what method, planner and grasp rule did: those of the original lab do not.
     pub tells_events: bool,
+    /// Numbers that the task itself counted, by name.
+    pub counted: BTreeMap<String, f64>,
 }
 
 impl Trace {
@@ -65,8 +77,27 @@ impl Trace {
         self.instants.get(end.checked_sub(1)?)
     }
 
-    /// 1 where `object` is to be brought to y > 0, -1 for y < 0; none where it starts on the side of its target.
+    /// Whether places change in the course of the trial.
+    pub(super) fn has_moves(&self) -> bool {
+        self.instants.iter().any(|instant| instant.asked.is_some())
+    }
+
+    /// Where `object` belongs at an instant; none if it belongs nowhere.
+    pub(super) fn target(&self, object: ObjectId, instant: &Instant) -> Option<Target> {
+        match &instant.asked {
+            Some(TaskGoal::Disc { centre, radius }) if instant.next == Some(object) => {
+                Some(Target { object, centre: *centre, radius: *radius })
+            }
+            _ => self.scene.target(object).copied(),
+        }
+    }
+
+    /// 1 where `object` is to be brought to y > 0, -1 for y < 0; none where it starts on the side of its target, or goes from
+    /// place to place.
     pub(super) fn far_side(&self, object: ObjectId) -> Option<f64> {
+        if self.has_moves() {
+            return None;
+        }
         let start = self.scene.objects.get(object.index())?.pose.translation.vector.y;
         let goal = self
             .scene
@@ -77,14 +108,20 @@ impl Trace {
 
     /// Horizontal distance of `object` from its target at an instant, metres; none without a target.
     pub(super) fn distance(&self, object: ObjectId, instant: &Instant) -> Option<f64> {
-        let target = self.scene.target(object)?;
+        let target = self.target(object, instant)?;
         let away: Vector = instant.objects.get(object.index())?.translation.vector - target.centre.coords;
         Some(away.xy().norm())
     }
 
-    /// How high the underside of `object` is above the table, metres, if it stands upright.
+    /// How high the underside of `object` is above the table or the shelf below it, metres, if it stands upright.
     pub(super) fn height(&self, object: ObjectId, instant: &Instant) -> Option<f64> {
         let half = self.scene.objects.get(object.index())?.shape.half_height();
-        Some(instant.objects.get(object.index())?.translation.vector.z - half - self.scene.table_height)
+        let at = instant.objects.get(object.index())?.translation.vector;
+        let under = at.z - half;
+        let is_below = |(region, height): &(proact_types::PlaceRegion, f64)| {
+            *height <= under + SUNK && (0..2).all(|k| (region.min[k]..=region.max[k]).contains(&at[k]))
+        };
+        let shelves = self.scene.shelves().into_iter().filter(is_below).map(|(_, height)| height);
+        Some(under - shelves.fold(self.scene.table_height, f64::max))
     }
 }

@@ -5,11 +5,13 @@ use crate::{Arm, film, film_of_bag, read_trunk, study::TrialScores};
 use proact_analysis::scoring::{Instant, Trace};
 use proact_arm::ArmModel;
 use proact_control::MethodRegistry;
-use proact_recording::{Trial, bag::BagEnd};
+use proact_recording::{Trial, bag::BagEnd, read_result};
 use proact_tasks::TaskResult;
-use proact_testbed::{GraspChoice, Step, TrialConfig};
+use proact_testbed::{GraspChoice, Step, TrialConfig, TrialResult};
 use proact_types::{DisplayFrame, Event, Point, Scene, SimTime};
+use serde_json::{Map, Value};
 use std::{
+    collections::BTreeMap,
     error::Error,
     fs,
     path::{Path, PathBuf},
@@ -43,6 +45,11 @@ pub(super) fn of_record(methods: &MethodRegistry, dir: &Path) -> Result<Trace, B
         decisions,
         trunk: read_trunk(dir)?,
         tells_events: true,
+        counted: record
+            .finished()
+            .then(|| read_result::<TrialResult>(dir))
+            .transpose()?
+            .map_or_else(BTreeMap::new, |result| numbers(&result.result)),
     })
 }
 
@@ -89,6 +96,7 @@ pub(super) fn of_bag(path: &Path, arm: &Arm) -> Result<OfBag, Box<dyn Error>> {
             decisions: Some(watched.decisions).filter(|decisions| *decisions > 0),
             trunk: Vec::new(),
             tells_events: false,
+            counted: BTreeMap::new(),
         },
     })
 }
@@ -124,7 +132,11 @@ impl LiveTrace {
     ///
     /// # Errors
     /// An arm or a scene without a grasp.
-    pub(crate) fn scores(self, arm: &ArmModel) -> Result<TrialScores, Box<dyn Error>> {
+    pub(crate) fn scores(
+        self,
+        arm: &ArmModel,
+        result: &Map<String, Value>,
+    ) -> Result<TrialScores, Box<dyn Error>> {
         let trace = Trace {
             instants: instants(arm, &self.scene, &self.frames)?,
             scene: self.scene,
@@ -133,10 +145,28 @@ impl LiveTrace {
             decisions: None,
             trunk: Vec::new(),
             tells_events: true,
+            counted: numbers(result),
         };
         let [measures, objects, phases, faults] = scores(&[], &trace);
         Ok(TrialScores { measures, objects, phases, faults })
     }
+}
+
+/// What of a task's result is a number.
+fn numbers(result: &Map<String, Value>) -> BTreeMap<String, f64> {
+    result.iter().filter_map(|(name, value)| Some((name.clone(), value.as_f64()?))).collect()
+}
+
+/// The last links of thumb and index finger, by their digits' names; none where the hand has no such.
+fn thumb_and_index(arm: &ArmModel) -> Option<[usize; 2]> {
+    let digits = arm.digits();
+    let is_last = |link: usize| !arm.joints.iter().any(|joint| joint.parent == link);
+    let end = |name: &str| {
+        let named =
+            |link: &usize| digits[*link].is_some() && is_last(*link) && arm.links[*link].name.contains(name);
+        (0..arm.links.len()).find(named)
+    };
+    Some([end("thumb")?, end("index")?])
 }
 
 fn instants(arm: &ArmModel, scene: &Scene, frames: &[DisplayFrame]) -> Result<Vec<Instant>, Box<dyn Error>> {
@@ -145,6 +175,7 @@ fn instants(arm: &ArmModel, scene: &Scene, frames: &[DisplayFrame]) -> Result<Ve
     let moving: Vec<usize> = arm.moving().collect();
     let places: Vec<usize> =
         arm.arm.iter().filter_map(|joint| moving.iter().position(|other| other == joint)).collect();
+    let ends = thumb_and_index(arm);
     let instant = |frame: &DisplayFrame| {
         let links = arm.link_poses(&frame.joints);
         let at = |joint: &usize| {
@@ -161,6 +192,10 @@ fn instants(arm: &ArmModel, scene: &Scene, frames: &[DisplayFrame]) -> Result<Ve
             gaze: frame.gaze,
             gesture: frame.gesture,
             next: frame.next,
+            asked: frame.asked.clone(),
+            aperture: ends.map(|[thumb, index]| {
+                (links[thumb].translation.vector - links[index].translation.vector).norm()
+            }),
         }
     };
     Ok(frames.iter().map(instant).collect())

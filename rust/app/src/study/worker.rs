@@ -153,7 +153,7 @@ pub fn simulated_trial(
     let result = run_to_end(session, recorder, &mut nobody, order.dir.as_deref(), |step| {
         film.iter_mut().for_each(|film| film.take(step));
     })?;
-    let scores = film.map(|film| film.scores(arm.model())).transpose()?;
+    let scores = film.map(|film| film.scores(arm.model(), &result.result)).transpose()?;
     Ok(TrialDone { result, scores })
 }
 

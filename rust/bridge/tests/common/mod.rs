@@ -87,6 +87,7 @@ pub fn frame(tick: u64) -> DisplayFrame {
         time_left_secs: 300.0,
         goal: None,
         next: Some(ObjectId(0)),
+        asked: None,
         score: 0,
         finished: false,
         events: vec![],

@@ -66,9 +66,10 @@ export function aim(frame: DisplayFrame, arm: ArmModel, scene: Scene): Aim | nul
   };
   const place = at.translation as Vector;
   if (held !== null) {
-    const target = scene.targets.find((candidate) => candidate.object === held)?.centre as Vector | undefined;
+    const own = scene.targets.find((candidate) => candidate.object === held)?.centre;
+    const target = (frame.asked?.type === "disc" ? frame.asked.centre : own) as Vector | undefined;
     if (!target) return null;
-    const to: Vector = [target[0], target[1], scene.table_height + LET_GO];
+    const to: Vector = [target[0], target[1], target[2] + LET_GO];
     const off = back(base, minus(to, place));
     return { object, from: place, to, off, next: carrying(off, place[2] - scene.table_height, chosen) };
   }

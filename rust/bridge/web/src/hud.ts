@@ -294,7 +294,7 @@ export class Hud {
       setClass(pip, "done", this.onTarget.has(id));
       setClass(pip, "wanted", frame.next === id && !frame.finished);
     });
-    const free = this.briefing?.order === "any" ? "Any object" : "All moved";
+    const free = this.briefing?.order === "any" ? "Any object" : (GOALS[frame.asked?.type ?? ""] ?? "All moved");
     setText(this.next, frame.next !== null ? `Next: ${objectName(frame.next)}` : free);
 
     setText(this.gesture, recognisedText(frame));
@@ -421,6 +421,9 @@ const GRASP_FAULTS: Record<GraspFault, string> = {
   slipped: "it slipped out of the fingers",
 };
 
+/** What is next where the task asks for no object. */
+const GOALS: Record<string, string> = { ball: "Hand into the ball", posture: "Arm like its ghost" };
+
 export function eventText(event: TrialEvent): string {
   const block = "object" in event && event.object !== null ? objectName(event.object) : "";
   switch (event.event) {
@@ -450,6 +453,10 @@ export function eventText(event: TrialEvent): string {
       return `Off target: ${block}`;
     case "object_crossed":
       return `Crossed: ${block}`;
+    case "goal_reached":
+      return `Goal ${event.number} reached`;
+    case "goal_missed":
+      return `Goal ${event.number}: time is up`;
     case "practice_finished":
       return "Practice is over: from now on it counts";
     case "stopped":

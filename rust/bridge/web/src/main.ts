@@ -300,8 +300,8 @@ function start(): void {
   applyMirror();
 
   function targetPlace(object: ObjectId): { x: number; y: number } | null {
-    const target = stage.room?.targets.find((candidate) => candidate.object === object);
-    return target ? { x: target.centre.x, y: target.centre.y } : null;
+    const target = stage.room?.target(object);
+    return target ? { x: target.x, y: target.y } : null;
   }
 
   /** Everything that is told of an instant beside the scene. */
@@ -385,7 +385,7 @@ function start(): void {
     const likeliest = holds ?? frame.next;
     const all: Place[] =
       holds !== null
-        ? stage.room.targets.map(({ object }) => ({ what: "target", id: object }))
+        ? stage.room.placed.map((id) => ({ what: "target", id }))
         : stage.room.objects.map(({ id }) => ({ what: "object", id }));
     return [...all.filter(({ id }) => id === likeliest), ...all.filter(({ id }) => id !== likeliest)];
   }

@@ -44,7 +44,7 @@ export class Marks {
     this.room = room;
     const places: Place[] = [
       ...room.objects.map(({ id }): Place => ({ what: "object", id })),
-      ...room.targets.map(({ object }): Place => ({ what: "target", id: object })),
+      ...room.placed.map((id): Place => ({ what: "target", id })),
     ];
     // The same ones again keep the focus.
     const names = places.map(labelOf).join();
@@ -87,7 +87,7 @@ export class Marks {
         ? room.centre
         : place.what === "object"
           ? room.object(place.id)?.position
-          : room.targets.find(({ object }) => object === place.id)?.centre;
+          : room.target(place.id);
     return found ? found.clone().add(new Vector3(this.beside[0], this.beside[1], 0)) : null;
   }
 

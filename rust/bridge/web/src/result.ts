@@ -107,6 +107,7 @@ export class ResultView {
       ...(objects.length > 0 ? [table("figures-table", ["Block", "", "To the grip", "To the release", "From its target"], objects)] : []),
       table("figures-table", ["", capital(card.score_name), "Time", "Mean error", "Path of the wrist"], rows),
       element("p", "verdict", comparison(results)),
+      ...card.norms.map((norm) => element("p", "norm", capital(norm))),
     );
     this.buttons.replaceChildren(
       ...offers.map((offer) => button(OFFERS[offer], () => this.after(offer), offer === "drive" ? "primary" : "plain")),

@@ -10,13 +10,14 @@ import {
   Object3D,
   RepeatWrapping,
   RingGeometry,
+  SphereGeometry,
   SRGBColorSpace,
   ShadowMaterial,
   Vector3,
 } from "three";
 import { Crowd } from "./crowd";
 import type { DrawnPose } from "./motion";
-import type { ObjectId, Scene, Shape } from "./generated/types";
+import type { ObjectId, Scene, Shape, TaskGoal } from "./generated/types";
 import { knowObjects, objectColour, objectLabel } from "./objects";
 import { drawnTexture, place, shapeGeometry, writeText } from "./shapes";
 
@@ -30,6 +31,14 @@ export class Room {
   readonly objects: { id: ObjectId; group: Group; body: Mesh; shape: Shape }[] = [];
   readonly targets: { object: ObjectId; centre: Vector3; group: Group; glow: MeshBasicMaterial }[] = [];
   private readonly crowds: Crowd[];
+  /** The ball that the hand is asked into. */
+  private readonly ball = new Mesh(
+    new SphereGeometry(1, 48, 24),
+    new MeshBasicMaterial({ color: "#1d8f5a", transparent: true, opacity: 0.3, depthWrite: false }),
+  );
+  /** Objects that have a target, or several. */
+  readonly placed: ObjectId[];
+  private asked: TaskGoal | null = null;
   readonly tableHeight: number;
   /** Middle of the table top. */
   readonly centre: Vector3;
@@ -45,6 +54,8 @@ export class Room {
     const size = table?.shape.type === "box" ? table.shape.size : [0.4, 0.6, 0.03];
     this.half = { x: (size[0] ?? 0.4) / 2, y: (size[1] ?? 0.6) / 2 };
     for (const object of scene.fixed) this.root.add(fixed(object));
+    this.ball.visible = false;
+    this.root.add(this.ball);
     scene.objects.forEach(({ shape, pose }, id) => {
       const { group, body } = labelled(id, shape);
       place(group, pose);
@@ -63,6 +74,7 @@ export class Room {
       this.targets.push({ object: target.object, centre, group, glow });
       this.root.add(group);
     }
+    this.placed = [...new Set(scene.targets.map(({ object }) => object))];
   }
 
   /** The disc under the table; in a real room it is in the way. */
@@ -70,7 +82,7 @@ export class Room {
     for (const part of this.root.children) if (part.name === "floor") part.visible = on;
   }
 
-  update(objects: DrawnPose[], holds: ObjectId | null, seconds: number): void {
+  update(objects: DrawnPose[], holds: ObjectId | null, asked: TaskGoal | null, seconds: number): void {
     this.objects.forEach(({ group }, k) => {
       const pose = objects[k];
       if (!pose) return;
@@ -78,17 +90,35 @@ export class Room {
       group.quaternion.copy(pose.rotation);
     });
     for (const crowd of this.crowds) crowd.update();
-    for (const { object, glow } of this.targets) {
-      // The target of the carried object calls for it.
-      glow.opacity = object === holds ? 0.5 + 0.2 * Math.sin(5 * seconds) : 0.16;
+    this.asked = asked;
+    for (const { object, centre, glow } of this.targets) {
+      // The target of the carried object calls for it; of several, the one that is asked for.
+      const calls = object === holds && isAsked(centre, asked);
+      glow.opacity = calls ? 0.5 + 0.2 * Math.sin(5 * seconds) : 0.16;
       // And is seen through the arm, which often is in the way.
-      glow.depthTest = object !== holds;
+      glow.depthTest = !calls;
     }
+    this.ball.visible = asked?.type === "ball";
+    if (asked?.type === "ball") {
+      this.ball.position.set(...asked.centre);
+      this.ball.scale.setScalar(asked.radius);
+    }
+  }
+
+  /** Where the target of an object is; of several, the one that is asked for. */
+  target(id: ObjectId): Vector3 | undefined {
+    const own = this.targets.filter(({ object }) => object === id);
+    return (own.find(({ centre }) => isAsked(centre, this.asked)) ?? own[0])?.centre;
   }
 
   object(id: ObjectId): Group | undefined {
     return this.objects[id]?.group;
   }
+}
+
+/** Whether a target is the one that the task asks for, where it asks for one after the other. */
+function isAsked(centre: Vector3, asked: TaskGoal | null): boolean {
+  return asked?.type !== "disc" || centre.distanceTo(new Vector3(...asked.centre)) < 1e-3;
 }
 
 function fixed(object: { name: string; shape: Shape; pose: Parameters<typeof place>[1] }): Object3D {

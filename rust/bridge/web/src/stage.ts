@@ -130,9 +130,10 @@ export class Stage {
     if (!drawn || !frame || !room || !arm || !ghost || !markers || !axes) return false;
     arm.root.visible = true;
     arm.update(drawn.base, drawn.joints);
-    ghost.root.visible = frame.goal !== null && frame.goal !== undefined;
-    if (frame.goal) ghost.update(drawn.base, [...frame.goal, ...drawn.joints.slice(frame.goal.length)]);
-    room.update(drawn.objects, frame.hand.holds, wall / 1000);
+    const ghosted = posture(frame, drawn.joints);
+    ghost.root.visible = ghosted !== null;
+    if (ghosted) ghost.update(drawn.base, ghosted);
+    room.update(drawn.objects, frame.hand.holds, frame.asked ?? null, wall / 1000);
     markers.update(frame, wall / 1000);
     axes.update(frame, drawn);
     const aimed = frame.mode && !frame.finished && this.content ? aim(frame, this.content.arm, this.content.scene) : null;
@@ -153,7 +154,7 @@ export class Stage {
     const point =
       what === "object"
         ? this.room?.object(id)?.position.clone()
-        : this.room?.targets.find((target) => target.object === id)?.centre.clone();
+        : this.room?.target(id)?.clone();
     if (!point) return null;
     const seen = point.project(this.cameras.camera);
     const bounds = this.canvas.getBoundingClientRect();
@@ -206,4 +207,13 @@ export function whyNotDrawn(error: unknown): string {
     `The scene cannot be drawn: ${reason}. ProACT's page needs WebGL 2; try a current Firefox, Chrome or Edge, ` +
     "with hardware acceleration switched on."
   );
+}
+
+/** Angles of the ghost: where the plan ends, or the posture that is asked for; none if there is neither. */
+function posture({ goal, asked }: DisplayFrame, now: readonly number[]): number[] | null {
+  if (goal) return [...goal, ...now.slice(goal.length)];
+  if (asked?.type !== "posture") return null;
+  const angles = [...now];
+  for (const { joint, angle } of asked.joints) angles[joint] = angle;
+  return angles;
 }

@@ -12,7 +12,7 @@ const LOOK_MILLIS: u64 = 100;
 const BACK_MILLIS: u64 = 5000;
 
 /// The cycle of modes, gone through with HO.
-pub(super) struct ModeCycle {
+pub(crate) struct ModeCycle {
     /// Joints that the method drives, in the order of the cycle.
     joints: Vec<u8>,
     turning: Option<Turning>,
@@ -32,18 +32,18 @@ struct Turning {
 
 impl ModeCycle {
     /// The cycle of an arm of `joints` joints of which the method does not drive the joints `own`, by their positions in the arm.
-    pub(super) fn new(joints: usize, own: &[usize]) -> Self {
+    pub(crate) fn new(joints: usize, own: &[usize]) -> Self {
         let joints = (0..joints).filter(|joint| !own.contains(joint)).map(|joint| joint as u8).collect();
         Self { joints, turning: None }
     }
 
     /// Another stage begins.
-    pub(super) fn begin(&mut self) {
+    pub(crate) fn begin(&mut self) {
         self.turning = None;
     }
 
     /// Sets out from one mode to another.
-    pub(super) fn go(&mut self, from: u8, to: u8) {
+    pub(crate) fn go(&mut self, from: u8, to: u8) {
         let axes: Vec<u8> = (FIRST_AXIS..FIRST_AXIS + AXES).collect();
         let modes = if from < FIRST_AXIS { &self.joints } else { &axes };
         let place = |mode: u8| modes.iter().position(|&other| other == mode).unwrap_or_default();
@@ -53,7 +53,7 @@ impl ModeCycle {
     }
 
     /// HO goes on until the mode is there: made anew for each step ahead, held for steps back. None if it is there.
-    pub(super) fn go_on(&mut self, now: SimTime, mode: u8, habits: &Habits) -> Option<Gesture> {
+    pub(crate) fn go_on(&mut self, now: SimTime, mode: u8, habits: &Habits) -> Option<Gesture> {
         let making = habits.gesture() == Gesture::HandOpen;
         let look_millis = habits.options.relax_ms.max(habits.options.reaction_ms + LOOK_MILLIS);
         let turning = self.turning.as_mut()?;

@@ -18,6 +18,8 @@ pub(super) struct Obstacles<'a> {
     block: ObjectId,
     /// In the tip's frame.
     points: Vec<Point>,
+    /// Heights of shelves, on which things stand as on the table.
+    shelves: Vec<f64>,
 }
 
 impl<'a> Obstacles<'a> {
@@ -37,7 +39,8 @@ impl<'a> Obstacles<'a> {
                     .extend([(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)].map(|(x, y)| rim(x, y, end)));
             }
         }
-        Self { scene, seen, block, points }
+        let shelves = scene.shelves().into_iter().map(|(_, height)| height).collect();
+        Self { scene, seen, block, points, shelves }
     }
 
     /// How far hand or forearm are in something, metres.
@@ -66,6 +69,8 @@ impl<'a> Obstacles<'a> {
             let top = at.z + size[2] / 2.0;
             let aside = |k: usize| size[k] / 2.0 + air - (point[k] - at[k]).abs();
             if top > table + 1e-3 {
+                let is_shelf = self.shelves.iter().any(|height| (height - top).abs() < 1e-6);
+                let air = if is_shelf { air_table } else { air };
                 most = most.max((top + air - point.z).min(aside(0)).min(aside(1)));
             }
         }

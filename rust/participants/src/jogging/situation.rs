@@ -115,6 +115,7 @@ impl<'a> Situation<'a> {
         let by_axis = seen.mode.as_ref().is_some_and(|mode| !matches!(mode.moves, Moves::Joint(_)));
         let standing = at(&seen.objects[block.index()]);
         let high = |point: &Point, height: f64| Point::new(point.x, point.y, scene.table_height + height);
+        let over = |point: &Point, height: f64| Point::new(point.x, point.y, point.z + height);
         let tip = &seen.world_from_tip;
         let centre = tip * grasp_centre;
         // Place, how far off the hand may be of it, and of upright.
@@ -131,8 +132,8 @@ impl<'a> Situation<'a> {
                 (high(&centre, height), 0.05, 3.2)
             }
             Stage::Carry if by_axis => (high(target, CARRY_HEIGHT), 0.025, 0.4),
-            Stage::Carry => (high(target, half + HOVER_HEIGHT), 0.015, 0.4),
-            Stage::Lower | Stage::Release => (high(target, half + DROP_HEIGHT), 0.015, 0.3),
+            Stage::Carry => (over(target, half + HOVER_HEIGHT), 0.015, 0.4),
+            Stage::Lower | Stage::Release => (over(target, half + DROP_HEIGHT), 0.015, 0.3),
         };
         let held = seen.hand.holds.map(|b| tip.inv_mul(&seen.objects[b.index()]));
         let to_shoulder = seen.world_from_base.translation.vector - place.coords;

@@ -546,6 +546,7 @@ pub(super) fn read_state(message: &State, counts: Counts) -> Result<Instant, Ref
         context: context("due", &message.due, message.context)?,
         context_at_grasp: context("due_at_grasp", &message.due_at_grasp, message.context_at_grasp)?,
         next: read_object("next", message.next, count)?,
+        goal: None,
         score: message.score,
         finished: message.finished,
     };

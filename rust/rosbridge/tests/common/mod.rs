@@ -125,6 +125,7 @@ pub fn frame(world_from_head: Pose) -> DisplayFrame {
         time_left_secs: 100.0,
         goal: None,
         next: None,
+        asked: None,
         score: 0,
         finished: false,
         events: Vec::new(),

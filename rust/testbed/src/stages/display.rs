@@ -96,6 +96,7 @@ impl DisplayStage {
             emg_source: self.gesture_source.clone(),
             time_left_secs: (self.limit_secs - now.as_secs()).max(0.0),
             next: task.next,
+            asked: task.goal.clone(),
             score: task.score,
             finished: task.finished,
             events: std::mem::take(&mut self.events),

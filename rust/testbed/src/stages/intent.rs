@@ -177,6 +177,9 @@ impl IntentStage {
     }
 }
 
+/// A gaze that passes a shelf's edge this closely means the shelf, metres: eye trackers are off by as much.
+const BESIDE_SHELF: f64 = 0.02;
+
 /// Turns gaze samples into the highlighted object and the place marker.
 pub struct GazeFilter {
     model: Box<dyn IntentModel>,
@@ -184,6 +187,8 @@ pub struct GazeFilter {
     filter_ms: f64,
     put_down: PlaceRegion,
     table_height: f64,
+    /// Other surfaces than the table, with their heights.
+    shelves: Vec<(PlaceRegion, f64)>,
     posterior: Posterior,
     highlight: Option<ObjectId>,
     place: Point,
@@ -204,6 +209,7 @@ impl GazeFilter {
             filter_ms: config.place_filter_ms as f64,
             put_down: scene.put_down,
             table_height: scene.table_height,
+            shelves: scene.shelves(),
             posterior: vec![0.0; scene.objects.len()],
             highlight: None,
             place: scene.put_down.centre(scene.table_height),
@@ -232,14 +238,28 @@ impl GazeFilter {
             (true, _, _) => Some(ObjectId::new(best)),
         };
 
-        if let Some(hit) = table_hit(gaze, self.table_height) {
-            let hit = self.put_down.clamp(&hit, self.table_height);
+        let on_table = || {
+            let hit = table_hit(gaze, self.table_height)?;
+            Some(self.put_down.clamp(&hit, self.table_height))
+        };
+        if let Some(hit) = self.on_shelf(gaze).or_else(on_table) {
             let fresh = self.seen_at.is_none_or(|seen| now.millis_since(seen) > GAZE_MAX_AGE);
             let elapsed = now.millis_since(before) as f64;
             let share = if fresh { 1.0 } else { 1.0 - (-elapsed / self.filter_ms.max(1e-9)).exp() };
             self.place += (hit - self.place) * share;
         }
         self.seen_at = Some(now);
+    }
+
+    /// Where the gaze meets a shelf, or passes close beside one; of several the one that it meets first.
+    fn on_shelf(&self, gaze: &GazeSample) -> Option<Point> {
+        let met = |(region, height): &(PlaceRegion, f64)| {
+            let hit = table_hit(gaze, *height)?;
+            let on = region.clamp(&hit, *height);
+            ((hit - on).norm() < BESIDE_SHELF).then(|| ((hit - gaze.origin).norm(), on))
+        };
+        let met = self.shelves.iter().filter_map(met);
+        met.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, on)| on)
     }
 
     /// Probability of each object after the last valid gaze; all zero when it told nothing.

@@ -43,9 +43,18 @@ impl TaskStage {
         let TaskStageInput { world, held } = input;
         let asked = self.task.minds_fingertips() && held.is_some();
         let fingertips = if asked { fingertips(&self.model, world) } else { Vec::new() };
-        let seen = TaskInput { objects: &world.objects, held, fingertips: &fingertips };
+        let joints = &world.position[..self.model.arm_count()];
+        let hand = if self.task.minds_hand() { self.hand(world) } else { Point::origin() };
+        let seen = TaskInput { objects: &world.objects, held, fingertips: &fingertips, joints, hand };
         let events = self.task.step(now, &seen);
         TaskOutput { state: self.task.state().clone(), events }
+    }
+
+    /// Centre of the hand's widest grasp, `world`.
+    fn hand(&self, world: &PlantState) -> Point {
+        let mut poses = Vec::new();
+        self.model.place_links(&world.world_from_base, &world.position, &mut poses);
+        poses[self.model.tip] * Point::from(self.model.widest_grasp().centre)
     }
 
     /// The result for objects as they are now.

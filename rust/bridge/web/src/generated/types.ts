@@ -221,7 +221,7 @@ overshoots: number,
 asked: number, };
 
 /** Where a person is asked to put an object. */
-export type Destination = "own_target" | "across";
+export type Destination = "own_target" | "across" | "shown";
 
 /** What departs from the plan. */
 export type Deviation = "repeated" | "left_out" | "split_over_days" | "other_day" | "other_order" | "retrained" | "recalibrated" | "not_ready" | "plan_changed" | "clock_set";
@@ -278,6 +278,8 @@ emg_source: string,
 time_left_secs: number,
 /** The object that the task asks for next. */
 next: ObjectId | null,
+/** Where that goes, or what the hand or the joints are asked for; none where the task asks for one thing all the time. */
+asked?: TaskGoal | null,
 /** What the task counts, so far. */
 score: number,
 /** True when the trial is over. */
@@ -581,6 +583,15 @@ export type JointGains = {
 p: number,
 /** Derivative, N m s/rad. */
 d: number, };
+
+/** Where a joint is asked to be. */
+export type JointGoal = {
+/** Its place in the arm, from 0 at the base. */
+joint: number,
+/** rad. */
+angle: number,
+/** It may be off by this much, rad. */
+tolerance: number, };
 
 /** Kinds of joint that an arm may have. */
 export type JointKind = "fixed" | "revolute" | "continuous";
@@ -973,7 +984,9 @@ seconds: number,
 /** Length of the wrist's path, metres. */
 path_m: number,
 /** What became of each object, for tasks that tell. */
-objects: Array<ResultLine>, };
+objects: Array<ResultLine>,
+/** What people with two sound hands reach, a line each, where that is known. */
+norms: Array<string>, };
 
 /** What became of one object, as a line of a [`ResultCard`]. */
 export type ResultLine = {
@@ -1244,6 +1257,19 @@ locked: boolean,
 /** Posterior over the objects of the scene; empty for methods without inference. */
 posterior: Array<number>, };
 
+/** What the task asks for now, where that changes in the course of a trial. */
+export type TaskGoal = { "type": "disc",
+/** Middle of the disc on the surface, in `world`. */
+centre: [number, number, number],
+/** Radius within which the object's middle counts, metres. */
+radius: number, } | { "type": "ball",
+/** Middle of the ball, in `world`. */
+centre: [number, number, number],
+/** Radius, metres. */
+radius: number, } | { "type": "posture",
+/** The joints that count; all others are free. */
+joints: Array<JointGoal>, };
+
 /** A tone. */
 export type Tone = {
 /** Hz at the beginning, and at the end: it glides. */
@@ -1349,7 +1375,11 @@ distance: number, } | { "event": "object_off_target",
 /** Which object. */
 object: ObjectId, } | { "event": "object_crossed",
 /** Which object. */
-object: ObjectId, } | { "event": "practice_finished" } | { "event": "trial_finished" });
+object: ObjectId, } | { "event": "goal_reached",
+/** Which goal of the trial, from 1. */
+number: number, } | { "event": "goal_missed",
+/** Which goal of the trial, from 1. */
+number: number, } | { "event": "practice_finished" } | { "event": "trial_finished" });
 
 /** Whether the trial goes on, and what the record of it is called. */
 export type TrialStatus = {

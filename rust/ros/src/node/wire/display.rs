@@ -299,6 +299,8 @@ pub(in crate::node) fn read_frame(
         emg_source: message.emg_source.clone(),
         time_left_secs: message.time_left_secs,
         next: read_object("next", message.next, objects)?,
+        // The messages do not carry it: tasks whose goals change run without a ROS graph.
+        asked: None,
         score: message.score,
         finished: message.finished,
         events: events(&message.events)?,

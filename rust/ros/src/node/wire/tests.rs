@@ -52,6 +52,7 @@ fn instant() -> (PlantState, ActuationOutput, TaskState) {
         context: TaskContext { due: set(&[2, 3]), number: 1 },
         context_at_grasp: TaskContext { due: set(&[0, 1]), number: 3 },
         next: Some(ObjectId(3)),
+        goal: None,
         score: 2,
         finished: false,
     };

@@ -97,6 +97,7 @@ fn drawn(shown: MethodShown) -> DisplayFrame {
         emg_source: "synthetic".to_owned(),
         time_left_secs: AWKWARD[0],
         next: Some(ObjectId(2)),
+        asked: None,
         score: 3,
         finished: true,
         events: vec![Event { time: SimTime(9), kind }, Event { time: SimTime(16), kind: EventKind::Rearmed }],

@@ -1,0 +1,98 @@
+//! `proact model size`: an arm in the size of its wearer.
+
+use clap::Args;
+use proact_app::answer;
+use proact_arm::{SegmentLengths, VisualGeometry, sized_for};
+use proact_description::{ArmFolder, to_urdf};
+use serde_json::json;
+use std::{error::Error, fs, path::PathBuf};
+
+/// Arguments of `proact model size`.
+#[derive(Debug, Args)]
+pub struct SizeArgs {
+    /// An arm that ships with the program, or the folder of one
+    #[arg(value_name = "NAME|FOLDER")]
+    arm: String,
+    /// Stature of the wearer, metres
+    #[arg(long, value_name = "M")]
+    stature: f64,
+    /// Folder for the result, which must not exist
+    #[arg(long)]
+    out: PathBuf,
+}
+
+/// Writes the folder and says what changed.
+///
+/// # Errors
+/// An arm that cannot be stretched, a folder that is there already, a file that cannot be written.
+pub fn run(args: &SizeArgs, json: bool) -> Result<bool, Box<dyn Error>> {
+    let folder = match ArmFolder::shipped(&args.arm) {
+        Some(folder) => folder,
+        None => ArmFolder::read(args.arm.as_ref())?,
+    };
+    let (mut model, [before, after]) = sized_for(&folder.model()?, args.stature)?;
+    let mut meshes = Vec::new();
+    for (number, (address, bytes)) in folder.meshes.iter().enumerate() {
+        // Two meshes of one name, from different folders, keep apart by their number.
+        let name = address.rsplit('/').next().unwrap_or(address);
+        let file = format!("{number}_{name}");
+        let here = format!("package://{}/meshes/{file}", model.name);
+        for visual in model.links.iter_mut().flat_map(|link| &mut link.visuals) {
+            if let VisualGeometry::Mesh { file, .. } = &mut visual.geometry
+                && file == address
+            {
+                file.clone_from(&here);
+            }
+        }
+        meshes.push((file, bytes));
+    }
+    let out = &args.out;
+    let failed = |error: std::io::Error| {
+        format!("cannot write {}: {error}. Choose another folder with --out", out.display())
+    };
+    if out.exists() {
+        return Err(format!("{} exists already, expected a new folder", out.display()).into());
+    }
+    // Only a whole folder gets the name that was asked for.
+    let part = out.with_extension("part");
+    let write = || {
+        fs::create_dir_all(part.join("meshes"))?;
+        fs::write(part.join("arm.urdf"), to_urdf(&model))?;
+        folder.srdf.iter().try_for_each(|text| fs::write(part.join("arm.srdf"), text))?;
+        folder
+            .settings
+            .iter()
+            .try_for_each(|text| fs::write(part.join("arm.toml"), without_aliases(text)))?;
+        meshes.iter().try_for_each(|(file, bytes)| fs::write(part.join("meshes").join(file), bytes))?;
+        fs::rename(&part, out)
+    };
+    write().map_err(failed)?;
+    // What was written must be what a trial takes.
+    proact_app::Arm::in_folder(out)?;
+    let of =
+        |lengths: SegmentLengths| json!({ "upper_arm_m": lengths.upper_arm, "forearm_m": lengths.forearm });
+    if json {
+        answer(
+            json!({ "stature_m": args.stature, "before": of(before), "after": of(after), "folder": out }),
+        )?;
+    } else {
+        answer(format_args!(
+            "upper arm {:.0} -> {:.0} mm, forearm {:.0} -> {:.0} mm\nwrote {}: proact demo --arm {}",
+            1e3 * before.upper_arm,
+            1e3 * after.upper_arm,
+            1e3 * before.forearm,
+            1e3 * after.forearm,
+            out.display(),
+            out.display()
+        ))?;
+    }
+    Ok(true)
+}
+
+/// Settings without the former names of the arm, which this one has not had.
+fn without_aliases(text: &str) -> String {
+    text.lines()
+        .filter(|line| !line.trim_start().starts_with("aliases"))
+        .flat_map(|line| [line, "\n"])
+        .collect()
+}
