@@ -32,6 +32,7 @@ use std::{
 /// Arguments of `proact demo`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  proact demo\n  proact demo --headless --seed 7 --json\n  \
+    proact demo --like minivie\n  \
     proact demo --emg recordings/ --emg-train 0,1 --emg-feed 2\n\n\
     EMG comes from a generator unless --emg names a folder of recordings. `--setup still` keeps the shoulder still. \
     The trial begins when a page has drawn it, or after 10 s. Ctrl-C ends the trial and closes its record; the exit code is \
@@ -136,7 +137,7 @@ pub(crate) fn demo(registry: &Registry, args: &DemoArgs) -> Result<bool, Box<dyn
     };
     let trained = args.how.trained()?;
     let emg = match &trained {
-        _ if !args.trial.sets_emg() => None,
+        _ if !args.trial.sets_emg()? => None,
         Some(model) => Some(EmgConfig { liveness: model.liveness(None), ..model.config.clone() }),
         None => Some(proact_devices::default_config(&source)?),
     };
