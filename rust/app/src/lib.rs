@@ -55,6 +55,7 @@ mod tracked_body;
 mod tracked_shoulder;
 pub mod trial;
 mod trial_choice;
+pub mod vmpl;
 mod wearer;
 mod whole;
 mod worn_headset;

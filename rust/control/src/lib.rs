@@ -37,7 +37,8 @@ pub use jog_profile::{JogProfile, JogSteps};
 pub use joint_jog::JointJog;
 pub use limited::Limited;
 pub use method::{
-    ControlInput, ControlMethod, ControlOutput, HandCommand, MotionCommand, MotionState, PlanCommand, Shown,
+    ControlInput, ControlMethod, ControlOutput, FingerCommand, HandCommand, JointStates, MotionCommand,
+    MotionState, PlanCommand, Shown,
 };
 pub use pipe::{InputLine, OutputLine, PipeMethod};
 pub use profile::{

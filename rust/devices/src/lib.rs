@@ -62,6 +62,7 @@ mod sample_file;
 mod setup;
 mod sources;
 mod synthetic;
+mod vmpl;
 
 pub use error::DeviceError;
 pub use evaluate::{Evaluation, evaluate};
@@ -91,3 +92,7 @@ pub use sources::{
     Address, ClassesFrom, OpenSource, REACTION, SourceName, SourceOptions, SourceRegistry, SourceScheme,
 };
 pub use synthetic::{FittedGesture, SyntheticEmg, SyntheticModel};
+pub use vmpl::{
+    VMPL_ARM_JOINTS, VMPL_FINGERS, VMPL_JOINTS, VMPL_LEFT_PORTS, VMPL_RIGHT_PORTS,
+    VmplCommand, VmplDisplay, VmplPercepts, vmpl_joint_names,
+};

@@ -70,6 +70,7 @@ impl Bench {
             world_from_base: self.base,
             plan,
             motion: self.motion,
+            felt: &crate::JointStates::default(),
             targets: &self.targets,
             limb: None,
             stop: None,

@@ -6,8 +6,8 @@ pub use proact_control::doubles::START;
 use proact_control::doubles::{SerialKinematics, test_arm};
 use proact_control::ports::ArmKinematics;
 use proact_control::{
-    ControlInput, ControlMethod, ControlOutput, HandCommand, MotionCommand, MotionState, Profile, Shown,
-    build,
+    ControlInput, ControlMethod, ControlOutput, HandCommand, JointStates, MotionCommand, MotionState,
+    Profile, Shown, build,
 };
 use proact_types::{
     Gesture, HandState, HandView, JointVector, ObjectId, PlanReply, PlanStatus, PlannerView, Point, Pose,
@@ -113,6 +113,7 @@ impl Rig {
             world_from_base: self.base,
             plan: plan.as_ref(),
             motion,
+            felt: &JointStates::default(),
             targets: &self.targets,
             limb: self.limb.as_deref(),
             stop: self.stop.as_ref(),
