@@ -7,8 +7,8 @@ use proact_control::{
     ports::MethodProcess,
 };
 use proact_devices::{
-    DeviceError, VMPL_ARM_JOINTS, VMPL_FINGERS, VMPL_JOINTS, VMPL_LEFT_PORTS,
-    VMPL_RIGHT_PORTS, VmplCommand, VmplDisplay, VmplPercepts, vmpl_joint_names,
+    DeviceError, VMPL_ARM_JOINTS, VMPL_FINGERS, VMPL_JOINTS, VMPL_LEFT_PORTS, VMPL_RIGHT_PORTS, VmplCommand,
+    VmplDisplay, VmplPercepts, vmpl_joint_names,
 };
 use proact_types::{JointVector, MethodAnswer, MethodHelp, MethodInfo, SimTime};
 use std::{

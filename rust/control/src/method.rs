@@ -12,6 +12,8 @@ pub struct ControlInput<'a> {
     pub gesture: Gesture,
     /// The gesture that gives it, as the EMG model calls it; that of the command's name for keys.
     pub recognised: GestureName,
+    /// How hard the gesture is made, 0 to 1; one for keys.
+    pub effort: f64,
     /// The gesture that the EMG stage published in this tick; none between its messages.
     pub message: Option<Gesture>,
     /// Angles of the arm joints as measured, rad.

@@ -23,6 +23,9 @@ pub struct InputLine {
     /// [`ControlInput::recognised`].
     #[serde(default)]
     pub recognised: GestureName,
+    /// [`ControlInput::effort`].
+    #[serde(default)]
+    pub effort: f64,
     /// [`ControlInput::message`].
     pub message: Option<Gesture>,
     /// [`ControlInput::measured`].
@@ -193,6 +196,7 @@ impl<P: MethodProcess> ControlMethod for PipeMethod<P> {
             time: now,
             gesture: input.gesture,
             recognised: input.recognised,
+            effort: input.effort,
             message: input.message,
             measured: joints(input.measured),
             commanded: joints(input.commanded),

@@ -93,6 +93,6 @@ pub use sources::{
 };
 pub use synthetic::{FittedGesture, SyntheticEmg, SyntheticModel};
 pub use vmpl::{
-    VMPL_ARM_JOINTS, VMPL_FINGERS, VMPL_JOINTS, VMPL_LEFT_PORTS, VMPL_RIGHT_PORTS,
-    VmplCommand, VmplDisplay, VmplPercepts, vmpl_joint_names,
+    VMPL_ARM_JOINTS, VMPL_FINGERS, VMPL_JOINTS, VMPL_LEFT_PORTS, VMPL_RIGHT_PORTS, VmplCommand, VmplDisplay,
+    VmplPercepts, vmpl_joint_names,
 };

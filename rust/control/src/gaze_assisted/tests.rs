@@ -59,6 +59,7 @@ impl Bench {
         let input = ControlInput {
             gesture,
             recognised: gesture.into(),
+            effort: 1.0,
             message: None,
             measured: &[0.0; 7],
             commanded: &[0.0; 7],

@@ -248,6 +248,7 @@ impl MethodStage {
         let seen = ControlInput {
             gesture: input.gesture.gesture,
             recognised: input.gesture.recognised,
+            effort: input.gesture.effort,
             message: input.gesture.message,
             measured: &world.position[..arm],
             commanded,
