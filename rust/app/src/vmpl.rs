@@ -10,14 +10,17 @@ use proact_devices::{
     DeviceError, VMPL_ARM_JOINTS, VMPL_FINGERS, VMPL_JOINTS, VMPL_LEFT_PORTS, VMPL_RIGHT_PORTS, VmplCommand,
     VmplDisplay, VmplPercepts, vmpl_joint_names,
 };
+use proact_testbed::TrialConfig;
 use proact_types::{JointVector, MethodAnswer, MethodHelp, MethodInfo, SimTime};
 use std::{
-    net::{IpAddr, Ipv4Addr, SocketAddr},
+    net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket},
     time::{Duration, Instant},
 };
 
 /// The first word of a command that is no program but a decoder.
 pub const VMPL_COMMAND: &str = "proact:vmpl";
+/// The method's name.
+const VMPL_METHOD: &str = "vmpl";
 /// A decoder sends every 20 ms; after five packets that did not come the arm stops.
 const SILENCE: Duration = Duration::from_millis(100);
 /// Percepts go out every 20 ms of the trial, as commands come in.
@@ -46,10 +49,67 @@ pub enum VmplError {
     Socket(#[from] DeviceError),
 }
 
+/// Whether a decoder drives the trial.
+pub(crate) fn is_by_decoder(config: &TrialConfig) -> bool {
+    let program = config.method_process.as_ref().and_then(|program| program.command.first());
+    program.map_or(config.method == VMPL_METHOD, |first| first == VMPL_COMMAND)
+}
+
+/// Shows the arm of a trial on a vMPL: sends the angles of each display frame as its commands.
+#[derive(Debug)]
+pub struct VmplPublisher {
+    socket: UdpSocket,
+    places: [Option<usize>; VMPL_JOINTS],
+}
+
+impl VmplPublisher {
+    /// Sends the angles of `model` to the vMPL at `address`.
+    ///
+    /// # Errors
+    /// [`VmplError::Arm`]; no socket.
+    pub fn new(address: SocketAddr, model: &ArmModel) -> Result<VmplPublisher, VmplError> {
+        let places = places(model)?;
+        let here: IpAddr = match address {
+            SocketAddr::V4(_) if address.ip().is_loopback() => Ipv4Addr::LOCALHOST.into(),
+            SocketAddr::V6(_) if address.ip().is_loopback() => Ipv6Addr::LOCALHOST.into(),
+            SocketAddr::V4(_) => Ipv4Addr::UNSPECIFIED.into(),
+            SocketAddr::V6(_) => Ipv6Addr::UNSPECIFIED.into(),
+        };
+        let failed = |source| DeviceError::Udp { address: address.to_string(), source };
+        let socket = UdpSocket::bind((here, 0)).map_err(failed)?;
+        socket.set_nonblocking(true).map_err(failed)?;
+        socket.connect(address).map_err(failed)?;
+        Ok(VmplPublisher { socket, places })
+    }
+
+    /// Sends the joints of a frame, if anybody can be reached.
+    pub fn send(&self, joints: &[f64]) {
+        let angles = self
+            .places
+            .map(|place| place.and_then(|place| joints.get(place)).map_or(0.0, |angle| *angle as f32));
+        let (for_arm, for_fingers) = angles.split_at(VMPL_ARM_JOINTS);
+        let mut arm = [0.0; VMPL_ARM_JOINTS];
+        arm.copy_from_slice(for_arm);
+        let mut fingers = [0.0; VMPL_JOINTS - VMPL_ARM_JOINTS];
+        fingers.copy_from_slice(for_fingers);
+        let _ = self.socket.send(&VmplCommand { arm, fingers: Some(fingers) }.to_packet());
+    }
+}
+
+/// Where each joint of the packets is among the moving joints of `model`.
+fn places(model: &ArmModel) -> Result<[Option<usize>; VMPL_JOINTS], VmplError> {
+    let place = |name: &str| model.moving().position(|joint| is_named(&model.joints[joint].name, name));
+    let places = vmpl_joint_names().map(place);
+    if places[..VMPL_ARM_JOINTS].iter().all(Option::is_none) {
+        return Err(VmplError::Arm { arm: model.name.clone() });
+    }
+    Ok(places)
+}
+
 /// The entry of the method.
 pub(crate) fn vmpl_method() -> MethodEntry {
     let info = MethodInfo {
-        name: "vmpl".to_owned(),
+        name: VMPL_METHOD.to_owned(),
         title: "Decoder of a vMPL (miniVIE)".to_owned(),
         help: MethodHelp {
             summary: "Another program moves each joint of arm and hand, over UDP.".to_owned(),
@@ -99,11 +159,7 @@ impl VmplMethod {
             }
         }
         let moving: Vec<usize> = model.moving().collect();
-        let place = |name: &str| moving.iter().position(|&joint| is_named(&model.joints[joint].name, name));
-        let places = vmpl_joint_names().map(place);
-        if places[..VMPL_ARM_JOINTS].iter().all(Option::is_none) {
-            return Err(VmplError::Arm { arm: model.name.clone() });
-        }
+        let places = places(model)?;
         let digit_of = model.digit_places();
         let digits = std::array::from_fn(|finger| {
             let place = places[VMPL_ARM_JOINTS + 4 * finger]?;
@@ -194,7 +250,6 @@ impl MethodProcess for VmplMethod {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::net::UdpSocket;
 
     /// The method of the arm that ships, and its decoder.
     fn method() -> (VmplMethod, ArmModel, UdpSocket) {
@@ -268,6 +323,30 @@ mod tests {
         let percepts = method.percepts(&line);
         assert_eq!(percepts.joints[20][0], 0.5);
         assert_eq!(percepts.forces.iter().sum::<f64>(), 1.0, "one digit presses: {:?}", percepts.forces);
+    }
+
+    #[test]
+    fn what_is_published_drives_a_limb_of_the_same_kind() {
+        let (mut method, model, _decoder) = method();
+        let publisher = VmplPublisher::new(method.address().unwrap(), &model).unwrap();
+        let angles: Vec<f64> = (0..model.moving_count()).map(|joint| joint as f64 / 64.0).collect();
+        publisher.send(&angles);
+        let answer = method.answer(&line(&model), Instant::now());
+        let (arm, hand) = angles.split_at(model.arm_count());
+        assert_eq!(answer.motion, Some(MotionCommand::Goto(proact_types::joints(arm))));
+        assert_eq!(answer.fingers, Some(FingerCommand::Goto(proact_types::joints(hand))));
+    }
+
+    #[test]
+    fn a_decoder_is_known_by_its_method_and_by_its_command() {
+        let config =
+            |method: &str| TrialConfig::new(method, 1, proact_testbed::Setup::named("still").unwrap());
+        assert!(is_by_decoder(&config("vmpl")) && !is_by_decoder(&config("A")));
+        let by = |word: &str| TrialConfig {
+            method_process: Some(MethodProgram::new(vec![word.to_owned()])),
+            ..config("A")
+        };
+        assert!(is_by_decoder(&by(VMPL_COMMAND)) && !is_by_decoder(&by("python3")));
     }
 
     #[test]

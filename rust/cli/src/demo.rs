@@ -2,7 +2,7 @@ use crate::{
     announce::{announce, print_result},
     consent,
     interrupt::interrupt_flag,
-    person_args::FeedbackArgs,
+    person_args::{FeedbackArgs, VmplArgs},
     progress::bar,
     rosbridge_args::RosbridgeArgs,
     serve::{after_demo, free_dir},
@@ -113,6 +113,8 @@ struct RunHow {
     exit: bool,
     #[command(flatten)]
     feedback: FeedbackArgs,
+    #[command(flatten)]
+    vmpl: VmplArgs,
     #[command(flatten)]
     rosbridge: RosbridgeArgs,
 }
@@ -257,6 +259,7 @@ impl Shown {
                 (rosbridge, feedback)
             }
         };
+        let vmpl = how.vmpl.open(&session)?;
         let limit_ms = (session.testbed().config().limit_secs * 1e3) as u64;
         let bar = bar(!how.json, limit_ms, "{elapsed} {bar:40} {pos} of at most {len} ms  {msg}");
         let briefing = session.testbed().task().briefing().clone();
@@ -267,6 +270,9 @@ impl Shown {
         let result = run_to_end(session, recorder, &mut audience, dir.as_deref(), |step| {
             let Some(frame) = &step.frame else { return };
             path.add(frame);
+            if let Some(vmpl) = &vmpl {
+                vmpl.send(&frame.joints);
+            }
             bar.set_position(frame.time.0);
             bar.set_message(format!("{} {}", frame.score, briefing.score_name));
         })?;
