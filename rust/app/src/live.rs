@@ -1,5 +1,6 @@
 //! A trial that a person drives in real time.
 
+use crate::vmpl::is_by_decoder;
 use crate::{
     Experimenter, LivePerson, Pace, Recorder, ResultCards, WristPath, experimenter::store_gaze_check,
     person::drive_by_page, run::finish,
@@ -178,7 +179,8 @@ impl LiveTrial<'_> {
 
     /// Whether time waits for the first action at the page: where nothing else gives gestures, gaze or angles.
     fn waits(&self) -> bool {
-        self.session.testbed().config().emg.is_none() && self.person.has_page_alone()
+        let config = self.session.testbed().config();
+        config.emg.is_none() && !is_by_decoder(config) && self.person.has_page_alone()
     }
 
     /// Keeps the last frame on the page until the person asks for a new trial or the command is ended.

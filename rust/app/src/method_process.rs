@@ -1,5 +1,7 @@
 //! A control method in another process: started here, asked line by line, ended with the trial.
 
+use crate::vmpl::{VMPL_COMMAND, VmplError, VmplMethod};
+use proact_arm::ArmModel;
 use proact_control::{ControlError, MethodEntry, MethodProgram, ports::MethodProcess};
 use proact_types::{MOST_TEXT_BYTES, MethodAnswer, SimTime, read_text};
 use serde::Deserialize;
@@ -22,10 +24,21 @@ const BATCH_PATIENCE: Duration = Duration::from_secs(10);
 
 /// Why a method in another process cannot be asked.
 #[derive(Debug, thiserror::Error)]
-#[error("the method {command:?} does not start: {source}; give a program that reads and writes JSON lines")]
-pub struct MethodProcessError {
-    command: Vec<String>,
-    source: std::io::Error,
+#[non_exhaustive]
+pub enum MethodProcessError {
+    /// The program does not start.
+    #[error(
+        "the method {command:?} does not start: {source}; give a program that reads and writes JSON lines"
+    )]
+    Start {
+        /// The program and its arguments.
+        command: Vec<String>,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The decoder of a vMPL cannot be listened to.
+    #[error("method vmpl: {0}")]
+    Vmpl(#[from] VmplError),
 }
 
 /// Why the file of an outside method is of no use.
@@ -78,16 +91,21 @@ struct Running {
     patience: Duration,
 }
 
-/// Starts the program that `method` is, if it is one. A live trial does not wait `for_each_answer`.
+/// Starts the program that `method` is, if it is one, to drive the arm `model`. A live trial does not wait `for_each_answer`.
+/// The command `proact:vmpl` is no program: a decoder that speaks to a vMPL answers.
 ///
 /// # Errors
-/// If the program cannot be started.
+/// If the program cannot be started, or the decoder's port cannot be had.
 pub fn start(
     method: &MethodEntry,
     for_each_answer: bool,
+    model: &ArmModel,
 ) -> Result<Option<Box<dyn MethodProcess>>, MethodProcessError> {
     let Some(MethodProgram { command, deadline_ms, .. }) = method.program() else { return Ok(None) };
-    let failed = |source| MethodProcessError { command: command.clone(), source };
+    if let Some((VMPL_COMMAND, words)) = command.split_first().map(|(first, words)| (first.as_str(), words)) {
+        return Ok(Some(Box::new(VmplMethod::open(words, model)?)));
+    }
+    let failed = |source| MethodProcessError::Start { command: command.clone(), source };
     let (program, arguments) =
         command.split_first().ok_or_else(|| failed(std::io::ErrorKind::InvalidInput.into()))?;
     let mut child = Command::new(program)

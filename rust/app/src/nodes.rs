@@ -87,7 +87,7 @@ pub fn method(methods: &MethodRegistry, arm: &Arm, config: &TrialConfig) -> Outc
     let plans = Box::new(trial::planner(&model, config)?);
     let scene = config.build_task(&model)?.scene().clone();
     let method = config.method_entry(methods)?;
-    let process = method_process::start(&method, config.wait_for_plans)?;
+    let process = method_process::start(&method, config.wait_for_plans, &model)?;
     let stage = MethodStage::new(config, &method, model.clone(), scene.clone(), plans, process)?;
     Ok(node::run_method(MethodParts { stage, method, model, scene, kinematics })?)
 }

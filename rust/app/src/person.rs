@@ -1,5 +1,6 @@
 //! What connects a person to a trial beside the page: an eye tracker, a tracked limb, and something to hear or feel.
 
+use crate::vmpl::VmplPublisher;
 use crate::{Calibrations, HeadShoulder, LimbReceiver, Rosbridge, TrackedShoulder, tell};
 use proact_bridge::{ClientInput, ControllerPose, PageServer};
 use proact_devices::{DeviceError, FeedbackSinks, GazeDevice, GazeFrame, SentGaze};
@@ -23,6 +24,7 @@ pub struct LivePerson {
     limb_refused: Repeats,
     feedback: FeedbackSinks,
     rosbridge: Option<Rosbridge>,
+    vmpl: Option<VmplPublisher>,
 }
 
 impl LivePerson {
@@ -41,7 +43,14 @@ impl LivePerson {
             limb_refused: Repeats::default(),
             feedback,
             rosbridge,
+            vmpl: None,
         }
+    }
+
+    /// The same with a vMPL that shows the arm.
+    pub fn with_vmpl(mut self, vmpl: Option<VmplPublisher>) -> Self {
+        self.vmpl = vmpl;
+        self
     }
 
     /// The same with a shoulder that motion capture sees, in the trial of `session` first.
@@ -162,6 +171,9 @@ impl LivePerson {
 
     /// Publishes an instant, and begins the cues of a tick.
     pub fn show(&mut self, step: &Step) {
+        if let (Some(vmpl), Some(frame)) = (&self.vmpl, &step.frame) {
+            vmpl.send(&frame.joints);
+        }
         give_feedback(&mut self.feedback, &step.output.cues);
         if let (Some(rosbridge), Some(frame)) = (&self.rosbridge, &step.frame) {
             rosbridge.publish(frame);

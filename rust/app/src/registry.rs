@@ -1,4 +1,5 @@
 use crate::ROS_SCHEMES;
+use crate::vmpl::vmpl_method;
 use proact_control::MethodRegistry;
 use proact_devices::motion_capture::{CAPTURE_SCHEMES, CaptureScheme};
 use proact_devices::{SINK_SCHEMES, SinkScheme, SourceRegistry};
@@ -20,7 +21,7 @@ impl Registry {
     /// What ships with the program.
     pub fn standard() -> Self {
         Self {
-            methods: MethodRegistry::standard(),
+            methods: MethodRegistry::standard().with(vmpl_method()).expect("no other method has its name"),
             sources: SourceRegistry::standard(),
             captures: [CAPTURE_SCHEMES.as_slice(), &ROS_SCHEMES].concat(),
             sinks: SINK_SCHEMES.to_vec(),
@@ -36,6 +37,8 @@ impl Default for Registry {
 
 impl From<MethodRegistry> for Registry {
     fn from(methods: MethodRegistry) -> Self {
+        // A program's own method of that name stays.
+        let methods = methods.clone().with(vmpl_method()).unwrap_or(methods);
         Self { methods, ..Self::standard() }
     }
 }

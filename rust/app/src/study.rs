@@ -24,6 +24,7 @@ use crate::trial_choice::{TrialContext, trial_config};
 use proact_control::MethodRegistry;
 use proact_study::{
     Form, Happening, Plan, PlanError, PlannedStep, ProtocolStep, SHIPPED, SHIPPED_FORMS, Schedule,
+    TrialChoice,
 };
 use proact_types::MOST_TEXT_BYTES;
 use std::{
@@ -188,19 +189,43 @@ fn forms(folder: &Path, schedule: &Schedule) -> Result<BTreeMap<String, Form>, B
     Ok(forms)
 }
 
+/// What a trial is that is like `name`: the first condition of the plan that ships under this name, or another one after a
+/// colon, as `vie:joints`.
+///
+/// # Errors
+/// A name that no plan has, or no condition of that plan.
+pub fn like(name: &str) -> Result<TrialChoice, Box<dyn Error>> {
+    let (name, wanted) = match name.split_once(':') {
+        Some((name, condition)) => (name, Some(condition)),
+        None => (name, None),
+    };
+    let plan = Plan::from_text(shipped(name)?).map_err(|error| format!("plan {name}: {error}"))?;
+    let names: Vec<&str> = plan.conditions.iter().map(|condition| condition.name.as_str()).collect();
+    let found = wanted.map_or(Some(0), |wanted| names.iter().position(|name| *name == wanted));
+    let number = found.ok_or_else(|| {
+        let (wanted, known) = (wanted.unwrap_or_default(), names.join(", "));
+        format!("plan {name} has no condition {wanted:?}, expected one of {known}")
+    })?;
+    Ok(plan.choice(number))
+}
+
+/// The text of the plan that ships as `like`.
+fn shipped(like: &str) -> Result<&'static str, Box<dyn Error>> {
+    let found = SHIPPED.iter().find(|(name, _)| *name == like);
+    Ok(found.map(|(_, text)| *text).ok_or_else(|| {
+        let known: Vec<&str> = SHIPPED.iter().map(|(name, _)| *name).collect();
+        format!("no plan {like:?} ships with the program, expected one of {}", known.join(", "))
+    })?)
+}
+
 /// Writes a new study into a folder of its own, like the one that ships as `like`. The study is called as its folder is.
 ///
 /// # Errors
 /// A folder that exists, a name that is none for a study, what cannot be written.
 pub fn new_study(folder: &Path, like: &str) -> Result<PathBuf, Box<dyn Error>> {
-    let Some((name, text)) = SHIPPED.iter().find(|(name, _)| *name == like) else {
-        let known: Vec<&str> = SHIPPED.iter().map(|(name, _)| *name).collect();
-        return Err(
-            format!("no plan {like:?} ships with the program, expected one of {}", known.join(", ")).into()
-        );
-    };
+    let text = shipped(like)?;
     let own = folder.file_name().and_then(|name| name.to_str()).unwrap_or_default();
-    let text = text.replacen(&format!("name = \"{name}\""), &format!("name = {own:?}"), 1);
+    let text = text.replacen(&format!("name = \"{like}\""), &format!("name = {own:?}"), 1);
     Plan::from_text(&text).map_err(|error| format!("{}: {error}", folder.display()))?;
     fs::create_dir(folder).map_err(|error| match error.kind() {
         io::ErrorKind::AlreadyExists => {

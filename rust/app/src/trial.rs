@@ -118,7 +118,7 @@ pub fn kinematic(
     let scene = config.build_task(model)?.scene().clone();
     let plant: Box<dyn Plant> = Box::new(KinematicPlant::new(model.clone(), scene, base));
     let plans = Box::new(InstantPlans::new(model.clone()));
-    let process = process(methods, &config)?;
+    let process = process(methods, &config, arm.model())?;
     let testbed =
         testbed_around(methods, arm, config, plans, Some(person.classifier), process, |_, _| Ok(plant))?;
     Ok(Session::new(testbed, person.parts))
@@ -268,7 +268,7 @@ pub fn bare(
     let arm = Arm::of(&config)?;
     let plans = Box::new(planner(arm.model(), &config)?);
     let methods = MethodRegistry::standard();
-    let process = process(&methods, &config)?;
+    let process = process(&methods, &config, arm.model())?;
     let made = |model: &ArmModel, config: &TrialConfig| Ok(around(physics(model, config)?));
     Ok((testbed_around(&methods, &arm, config, plans, Some(classifier), process, made)?, feed))
 }
@@ -387,7 +387,7 @@ fn testbed(
 ) -> Result<(Testbed, PlanLog), AssemblyError> {
     let worker = planner(arm.model(), &config)?;
     let plans = worker.log();
-    let process = process(methods, &config)?;
+    let process = process(methods, &config, arm.model())?;
     let testbed = testbed_around(methods, arm, config, Box::new(worker), classifier, process, physics)?;
     Ok((testbed, plans))
 }
@@ -396,8 +396,9 @@ fn testbed(
 fn process(
     methods: &MethodRegistry,
     config: &TrialConfig,
+    model: &ArmModel,
 ) -> Result<Option<Box<dyn MethodProcess>>, AssemblyError> {
-    Ok(method_process::start(&config.method_entry(methods)?, config.wait_for_plans)?)
+    Ok(method_process::start(&config.method_entry(methods)?, config.wait_for_plans, model)?)
 }
 
 /// The physics of a trial.

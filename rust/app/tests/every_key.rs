@@ -43,6 +43,8 @@ const BY_MESSAGE: &str = "profile.jog={ pace = \"message\", nominal_ms = 50, joi
 const PSEUDO_INVERSE: &str =
     "profile.end_effector_jog.inverse={ kind = \"moore_penrose\", condition_limit = 15.0, elbow_index = 3 }";
 const STEPS: &str = "profile.jog.steps={ slow_ms = 250, slow = 0.4, fast_after_ms = 600, fast = 2.0 }";
+const PROPORTIONAL: &str = "profile.jog.proportional={ rest = 0.05, full = 0.9 }";
+const RAMP: &str = "profile.jog.ramp={ up_ms = 400, falls = 2.0 }";
 const FILTERED: &str = "intent_model=filtered";
 const ORIGINAL_GRASP: &str = "physics.grasp_rule=original";
 /// Somebody who does not lean: places are hard to reach.
@@ -152,6 +154,10 @@ const CASES: &[(&str, &str, &[&str])] = &[
     ("profile.jog.nominal_ms", "100", &[PAGE, A, BY_MESSAGE]),
     ("profile.jog.open_after_close_ms", "900", &[PAGE, A]),
     ("profile.jog.pace", "message", &[]),
+    ("profile.jog.proportional.full", "0.7", &[ARMBAND, PROPORTIONAL]),
+    ("profile.jog.proportional.rest", "0.15", &[ARMBAND, PROPORTIONAL]),
+    ("profile.jog.ramp.falls", "4.0", &[PAGE, A, RAMP]),
+    ("profile.jog.ramp.up_ms", "300", &[PAGE, A, RAMP]),
     ("profile.jog.steps.fast", "1.1", &[PAGE, A, STEPS]),
     ("profile.jog.steps.fast_after_ms", "500", &[PAGE, A, STEPS]),
     ("profile.jog.steps.slow", "0.2", &[PAGE, A, STEPS]),

@@ -149,6 +149,15 @@ impl ArmModel {
         digit
     }
 
+    /// For each link the place of its digit in the order of the digits' first links. None for arm and palm.
+    pub fn digit_places(&self) -> Vec<Option<usize>> {
+        let first_links = self.digits();
+        let mut order: Vec<usize> = first_links.iter().flatten().copied().collect();
+        order.sort_unstable();
+        order.dedup();
+        first_links.iter().map(|first| first.and_then(|link| order.binary_search(&link).ok())).collect()
+    }
+
     /// The middle of each bone of the digits, the joint at its end, and the tips, in the tip's frame, at angles of the
     /// moving joints, rad; zero for those left out.
     pub fn finger_points(&self, angles: &[f64]) -> Vec<Point> {

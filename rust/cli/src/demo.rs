@@ -2,7 +2,7 @@ use crate::{
     announce::{announce, print_result},
     consent,
     interrupt::interrupt_flag,
-    person_args::{FeedbackArgs, MocapArgs},
+    person_args::{FeedbackArgs, MocapArgs, VmplArgs},
     progress::bar,
     rosbridge_args::RosbridgeArgs,
     serve::{after_demo, free_dir},
@@ -32,6 +32,7 @@ use std::{
 /// Arguments of `proact demo`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  proact demo\n  proact demo --headless --seed 7 --json\n  \
+    proact demo --like minivie\n  \
     proact demo --emg recordings/ --emg-train 0,1 --emg-feed 2\n\n\
     EMG comes from a generator unless --emg names a folder of recordings. `--setup still` keeps the shoulder still. \
     With --mocap a tracked shoulder takes the place of the participant's, in real time. \
@@ -116,6 +117,8 @@ struct RunHow {
     #[command(flatten)]
     mocap: MocapArgs,
     #[command(flatten)]
+    vmpl: VmplArgs,
+    #[command(flatten)]
     rosbridge: RosbridgeArgs,
 }
 
@@ -158,7 +161,7 @@ pub(crate) fn demo(registry: &Registry, args: &DemoArgs) -> Result<bool, Box<dyn
     };
     let trained = args.how.trained()?;
     let emg = match &trained {
-        _ if !args.trial.sets_emg() => None,
+        _ if !args.trial.sets_emg()? => None,
         Some(model) => Some(EmgConfig { liveness: model.liveness(None), ..model.config.clone() }),
         None => Some(proact_devices::default_config(&source)?),
     };
@@ -285,6 +288,7 @@ impl Shown {
                 (rosbridge, feedback, shoulder)
             }
         };
+        let vmpl = how.vmpl.open(&session)?;
         let limit_ms = (session.testbed().config().limit_secs * 1e3) as u64;
         let bar = bar(!how.json, limit_ms, "{elapsed} {bar:40} {pos} of at most {len} ms  {msg}");
         let briefing = session.testbed().task().briefing().clone();
@@ -295,6 +299,9 @@ impl Shown {
         let result = run_to_end(session, recorder, &mut audience, dir.as_deref(), |step| {
             let Some(frame) = &step.frame else { return };
             path.add(frame);
+            if let Some(vmpl) = &vmpl {
+                vmpl.send(&frame.joints);
+            }
             bar.set_position(frame.time.0);
             bar.set_message(format!("{} {}", frame.score, briefing.score_name));
         })?;

@@ -2,6 +2,7 @@
 
 use crate::rosbridge_args::RosbridgeArgs;
 use clap::Args;
+use proact_app::vmpl::{VmplError, VmplPublisher};
 use proact_app::{
     CALIBRATIONS_DIR, Calibrations, LimbBodies, LimbReceiver, LivePerson, MocapAxes, Registry,
     TrackedShoulder, tell,
@@ -13,7 +14,7 @@ use proact_devices::motion_capture::{LEFT_CONTROLLER, OpenedCapture, RIGHT_CONTR
 use proact_devices::{DeviceError, FeedbackSinks, GazeDevice, GazeReceiver, SinkScheme, SourceName};
 use proact_localization::FilterProfile;
 use proact_testbed::Session;
-use std::{error::Error, path::PathBuf};
+use std::{error::Error, net::SocketAddr, path::PathBuf};
 
 /// Where cues go.
 #[derive(Debug, Args)]
@@ -26,6 +27,20 @@ pub(crate) struct FeedbackArgs {
 impl FeedbackArgs {
     pub(crate) fn open(&self, sinks: &[SinkScheme]) -> Result<FeedbackSinks, DeviceError> {
         FeedbackSinks::open(sinks, &self.feedback)
+    }
+}
+
+/// A virtual limb that shows the arm.
+#[derive(Debug, Args)]
+pub(crate) struct VmplArgs {
+    /// Show the arm on a virtual limb of miniVIE too, at its command port, such as 127.0.0.1:25000
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    vmpl: Option<SocketAddr>,
+}
+
+impl VmplArgs {
+    pub(crate) fn open(&self, session: &Session) -> Result<Option<VmplPublisher>, VmplError> {
+        self.vmpl.map(|address| VmplPublisher::new(address, session.testbed().model())).transpose()
     }
 }
 
@@ -127,6 +142,8 @@ pub(crate) struct PersonArgs {
     #[command(flatten)]
     feedback: FeedbackArgs,
     #[command(flatten)]
+    vmpl: VmplArgs,
+    #[command(flatten)]
     pub(crate) rosbridge: RosbridgeArgs,
 }
 
@@ -143,6 +160,7 @@ impl PersonArgs {
             self.feedback.open(&registry.sinks)?,
             self.rosbridge.open(session)?,
         )
+        .with_vmpl(self.vmpl.open(session)?)
         .with_shoulder(self.mocap.open(registry)?, session)
         .with_head_shoulder(self.shoulder_from_head))
     }

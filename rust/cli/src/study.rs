@@ -19,7 +19,8 @@ pub enum StudyCommand {
     /// Make a folder with a plan, to be changed with any editor
     #[command(
         after_help = "Examples:\n  proact study new pilot\n  proact study new replication --like study1\n\n\
-        study1 and study2 are those of the ProACT paper; empty has two methods, two trials each. docs/studies.md says what \
+        study1 and study2 are those of the ProACT paper; minivie and vie are like these systems; empty has two methods, two \
+        trials each. docs/studies.md says what \
         can be in a plan."
     )]
     New(plan::NewArgs),

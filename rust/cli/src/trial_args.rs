@@ -1,35 +1,37 @@
 //! The options of a trial, the same for every command that begins one.
 
 use clap::Args;
-use proact_app::{Arm, DEFAULT_METHOD, TrialContext, sets_emg, trial_config};
+use proact_app::{Arm, TrialContext, sets_emg, study::like, trial_config};
 use proact_control::{MethodProgram, MethodRegistry};
 use proact_emg::EmgConfig;
 use proact_study::TrialChoice;
-use proact_tasks::DEFAULT_TASK;
 use proact_testbed::TrialConfig;
 use std::error::Error;
 
 /// What a trial is, on the command line.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct TrialArgs {
-    /// Control method by its name, or the TOML file of an outside one (docs/methods)
-    #[arg(long, value_name = "NAME|FILE", default_value = DEFAULT_METHOD)]
-    method: String,
+    /// A set-up like another system's, such as minivie, or NAME:CONDITION of a plan that ships with the program; the options below go before it
+    #[arg(long, value_name = "NAME")]
+    like: Option<String>,
+    /// Control method by its name, or the TOML file of an outside one (docs/methods) [default: D]
+    #[arg(long, value_name = "NAME|FILE")]
+    method: Option<String>,
     /// How the methods behave: default, or original for the numbers of the first testbed
-    #[arg(long, default_value = "default")]
-    profile: String,
-    /// The arm: one that ships with the program, such as mpl_left, or the folder of one's own (docs/arms.md)
-    #[arg(long, value_name = "NAME|FOLDER", default_value = TrialConfig::DEFAULT_ARM)]
-    arm: String,
+    #[arg(long)]
+    profile: Option<String>,
+    /// The arm: one that ships with the program, such as mpl_left, or the folder of one's own (docs/arms.md) [default: mpl_right]
+    #[arg(long, value_name = "NAME|FOLDER")]
+    arm: Option<String>,
     /// Seed of every random stream of the trial; in serve, each restart counts it up
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
     seed: u64,
     /// Where person and box are: seated or still; by default seated, in serve still
     #[arg(long)]
     setup: Option<String>,
-    /// The task: modified_bbt, targeted_bbt, bbt, or a file that describes one (docs/extending.md)
-    #[arg(long, value_name = "NAME|FILE", default_value = DEFAULT_TASK)]
-    task: String,
+    /// The task: modified_bbt, targeted_bbt, bbt, or a file that describes one (docs/extending.md) [default: modified_bbt]
+    #[arg(long, value_name = "NAME|FILE")]
+    task: Option<String>,
     /// Seconds after which the trial ends; by default what the task says
     #[arg(long, value_name = "SECONDS")]
     limit: Option<f64>,
@@ -56,16 +58,7 @@ impl TrialArgs {
         default_setup: &str,
         emg: Option<EmgConfig>,
     ) -> Result<(Arm, TrialConfig), Box<dyn Error>> {
-        let choice = TrialChoice {
-            method: Some(self.method.clone()),
-            task: Some(self.task.clone()),
-            arm: Some(self.arm.clone()),
-            setup: self.setup.clone(),
-            profile: Some(self.profile.clone()),
-            limit_secs: self.limit,
-            instruction: None,
-            set: self.set.clone(),
-        };
+        let choice = self.choice()?;
         let process = self
             .method_command
             .as_ref()
@@ -74,9 +67,30 @@ impl TrialArgs {
         trial_config(&choice, TrialContext { methods, default_setup, seed, arrangement, process, emg })
     }
 
+    /// What was asked for, over what the set-up says that it should be like.
+    fn choice(&self) -> Result<TrialChoice, Box<dyn Error>> {
+        let own = TrialChoice {
+            method: self.method.clone(),
+            task: self.task.clone(),
+            arm: self.arm.clone(),
+            setup: self.setup.clone(),
+            profile: self.profile.clone(),
+            limit_secs: self.limit,
+            instruction: None,
+            set: self.set.clone(),
+        };
+        Ok(match &self.like {
+            Some(name) => own.over(&like(name)?),
+            None => own,
+        })
+    }
+
     /// Whether a setting of the EMG stage is asked for.
-    pub(crate) fn sets_emg(&self) -> bool {
-        sets_emg(&self.set)
+    ///
+    /// # Errors
+    /// A set-up that does not exist.
+    pub(crate) fn sets_emg(&self) -> Result<bool, Box<dyn Error>> {
+        Ok(sets_emg(&self.choice()?.set))
     }
 
     /// What is asked for when a page begins another trial: by `method` if it chose one, with the same blocks `again`
@@ -84,7 +98,7 @@ impl TrialArgs {
     /// program.
     pub(crate) fn next(self, method: Option<String>, again: bool) -> Self {
         let method_command = self.method_command.filter(|_| method.is_none());
-        let (method, seed) = (method.unwrap_or(self.method), self.seed + u64::from(!again));
+        let (method, seed) = (method.or(self.method), self.seed + u64::from(!again));
         Self { method, seed, method_command, ..self }
     }
 }
@@ -96,12 +110,13 @@ mod tests {
     #[test]
     fn of_two_methods_one_has_the_say_and_the_record_tells_which() -> Result<(), Box<dyn Error>> {
         let asked = TrialArgs {
-            method: "A".to_owned(),
-            profile: "default".into(),
-            arm: TrialConfig::DEFAULT_ARM.into(),
+            method: Some("A".to_owned()),
+            like: None,
+            profile: None,
+            arm: None,
             seed: 5,
             setup: None,
-            task: DEFAULT_TASK.into(),
+            task: None,
             limit: None,
             arrangement: None,
             method_command: Some("python3 method.py".into()),
@@ -121,6 +136,34 @@ mod tests {
             asked.next(Some("B".to_owned()), false).config(&MethodRegistry::standard(), "still", None)?.1;
         assert_eq!((chosen.method_process, chosen.method.to_string(), chosen.seed), (None, "B".into(), 6));
         assert!(config.to_toml()?.contains("method.py"));
+        Ok(())
+    }
+
+    #[test]
+    fn a_set_up_is_like_another_system_but_for_what_is_asked() -> Result<(), Box<dyn Error>> {
+        #[derive(clap::Parser)]
+        struct Line {
+            #[command(flatten)]
+            trial: TrialArgs,
+        }
+        let asked = |words: &str| {
+            let line = <Line as clap::Parser>::try_parse_from(words.split(' '))?;
+            line.trial.config(&MethodRegistry::standard(), "still", None)
+        };
+        let (_, config) = asked("demo --like minivie")?;
+        assert_eq!(
+            (config.method.to_string(), config.task.name.clone()),
+            ("A".into(), "targeted_bbt".into())
+        );
+        let (_, config) = asked("demo --like minivie:end_point --task bbt --arm mpl_left")?;
+        assert_eq!((config.method.to_string(), config.task.name.clone()), ("B".into(), "bbt".into()));
+        assert_eq!(config.arm.name, "mpl_left");
+        for (words, part) in
+            [("demo --like nothing", "minivie"), ("demo --like vie:nothing", "end_point, joints")]
+        {
+            let error = asked(words).map(|_| ()).unwrap_err().to_string();
+            assert!(error.contains(part), "{error}");
+        }
         Ok(())
     }
 }

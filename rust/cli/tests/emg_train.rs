@@ -84,12 +84,21 @@ fn a_trained_model_passes_the_tests_and_a_cursor_reaches_its_targets() {
         "synthetic",
         "--flat-out",
         "--tests",
-        "sequence,trial,cursor",
+        "sequence,trial,motion,tac1,tac3,cursor",
     ];
     let (object, output) = result(&words);
     assert!(output.status.success(), "{}", error(&output));
     assert_eq!(object["sequence"]["in_a_row"], 3);
     assert!(object["trial"]["accuracy"].as_f64().unwrap() > 0.9, "{}", object["trial"]);
+    let motion = &object["motion"];
+    assert_eq!(motion["attempts"].as_array().unwrap().len(), 12, "four gestures, three times each");
+    assert!(motion["completion_rate"].as_f64().unwrap() > 0.8, "{motion}");
+    // The simulated person thinks of one joint at a time: of two together it brings half the targets home.
+    for (name, targets, least) in [("tac1", 4, 0.75), ("tac3", 2, 0.5)] {
+        let report = &object[name];
+        assert_eq!(report["trials"].as_array().unwrap().len(), targets, "{report}");
+        assert!(report["completion_rate"].as_f64().unwrap() >= least, "{report}");
+    }
     let cursor = &object["cursor"];
     let number = |name: &str| cursor[name].as_f64().unwrap();
     assert_eq!(cursor["movements"].as_array().unwrap().len(), 27);

@@ -1,7 +1,7 @@
 //! Number and pitch of a task's objects as keys of a sweep.
 #![allow(clippy::disallowed_methods, clippy::unwrap_used)] // A test of files and processes.
 
-use std::{collections::BTreeMap, fs, path::Path, process::Command};
+use std::{collections::BTreeMap, path::Path, process::Command};
 
 /// Rows of a table as the columns by name.
 fn table(path: &Path) -> Vec<BTreeMap<String, String>> {

@@ -1,5 +1,7 @@
 use crate::method::refused;
-use crate::{ControlInput, HandCommand, JogProfile, JogSteps, MotionCommand, Shown};
+use crate::{
+    ControlInput, HandCommand, JogProfile, JogSteps, MotionCommand, ProportionalSpeed, Shown, VelocityRamp,
+};
 use proact_types::{Gesture, HandState, ModeView, PlannerView, SimTime, TargetView, joints};
 
 /// From gestures to motion, modes and hand: what methods A and B share.
@@ -35,20 +37,28 @@ impl Jog {
     /// Cycles through `modes`, at least one. `drops_open_after_close`: a message HO straight after HC counts as NM.
     pub(crate) fn new(modes: Vec<ModeView>, profile: &JogProfile, drops_open_after_close: bool) -> Self {
         let pace = match *profile {
-            JogProfile::Time { back_after_ms, open_after_close_ms, confirm_open_ms, steps } => {
-                Pace::Time(TimePace {
-                    back_after_ms,
-                    open_after_close_ms,
-                    confirm: Confirm::new(confirm_open_ms),
-                    steps,
-                    gesture: Gesture::NoMotion,
-                    before: Gesture::NoMotion,
-                    since: SimTime(0),
-                    moves: 0,
-                    next_in_secs: None,
-                    confirm_in_secs: None,
-                })
-            }
+            JogProfile::Time {
+                back_after_ms,
+                open_after_close_ms,
+                confirm_open_ms,
+                steps,
+                proportional,
+                ramp,
+            } => Pace::Time(TimePace {
+                back_after_ms,
+                open_after_close_ms,
+                confirm: Confirm::new(confirm_open_ms),
+                steps,
+                proportional,
+                ramp: ramp.map(|ramp| (ramp, [0.0; 2])),
+                stepped_at: SimTime(0),
+                gesture: Gesture::NoMotion,
+                before: Gesture::NoMotion,
+                since: SimTime(0),
+                moves: 0,
+                next_in_secs: None,
+                confirm_in_secs: None,
+            }),
             JogProfile::Message { nominal_ms, joint_state_ms } => Pace::Message(MessagePace {
                 nominal_ms,
                 joint_state_ms: joint_state_ms.max(1),
@@ -135,6 +145,10 @@ struct TimePace {
     open_after_close_ms: u64,
     confirm: Confirm,
     steps: Option<JogSteps>,
+    proportional: Option<ProportionalSpeed>,
+    /// With the counters of WE and of WF.
+    ramp: Option<(VelocityRamp, [f64; 2])>,
+    stepped_at: SimTime,
     gesture: Gesture,
     /// The gesture before the present one.
     before: Gesture,
@@ -158,15 +172,35 @@ impl TimePace {
         let steps = if self.gesture == Gesture::HandOpen { self.cycle(now) } else { 0 };
         let hand = (changed && self.gesture == Gesture::HandClose).then(|| self.toggle(now, input)).flatten();
         self.confirm_in_secs = self.confirm.waits_secs(now);
+        let ramped = self.ramped(now);
         let motion = match self.gesture {
             Gesture::WristExtension | Gesture::WristFlexion => {
-                let share = self.steps.map_or(1.0, |steps| steps.share(now.millis_since(self.since)));
-                JogMotion::Speed(share * sign(self.gesture))
+                let held = self.steps.map_or(1.0, |steps| steps.share(now.millis_since(self.since)));
+                let effort = self.proportional.map_or(1.0, |by| by.share(input.effort));
+                let share = held * effort * ramped;
+                // Nothing is asked for: the command before runs out within two steps.
+                if share > 0.0 { JogMotion::Speed(share * sign(self.gesture)) } else { JogMotion::None }
             }
             _ if changed && moved => JogMotion::Stop,
             _ => JogMotion::None,
         };
         (motion, hand, steps)
+    }
+
+    /// The ramp's share of the speed in the present direction, after the time since the last step.
+    fn ramped(&mut self, now: SimTime) -> f64 {
+        let millis = now.millis_since(self.stepped_at);
+        self.stepped_at = now;
+        let Some((ramp, counts)) = &mut self.ramp else { return 1.0 };
+        let directions = [Gesture::WristExtension, Gesture::WristFlexion];
+        for (count, direction) in counts.iter_mut().zip(directions) {
+            *count = ramp.count(*count, millis, direction == self.gesture);
+        }
+        directions
+            .iter()
+            .zip(counts)
+            .find(|(direction, _)| **direction == self.gesture)
+            .map_or(0.0, |(_, count)| *count)
     }
 
     /// Forward when HO is made, back by one from there when it is held.

@@ -16,6 +16,12 @@ pub enum JogProfile {
         /// A slow and a fast step; without them there is one speed.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         steps: Option<JogSteps>,
+        /// Speed by how hard the gesture is made; without it there is one speed. Keys are at full effort.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        proportional: Option<ProportionalSpeed>,
+        /// Speed that grows while a gesture lasts, and that a wrong decision cannot make great.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        ramp: Option<VelocityRamp>,
     },
     /// By a step for each message of the classifier (the original).
     Message {
@@ -28,10 +34,70 @@ pub enum JogProfile {
 
 impl JogProfile {
     pub(crate) fn check(&self) -> Result<(), ControlError> {
-        match self {
-            JogProfile::Time { steps: Some(steps), .. } => steps.check(),
-            _ => Ok(()),
+        let JogProfile::Time { steps, proportional, ramp, .. } = self else { return Ok(()) };
+        steps.as_ref().map_or(Ok(()), JogSteps::check)?;
+        proportional.as_ref().map_or(Ok(()), ProportionalSpeed::check)?;
+        ramp.as_ref().map_or(Ok(()), VelocityRamp::check)
+    }
+}
+
+/// Proportional control: the share of the speed by effort, [`ControlInput::effort`](crate::ControlInput::effort).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ProportionalSpeed {
+    /// Efforts up to here stand still, 0 to 1.
+    pub rest: f64,
+    /// From this effort on the speed is whole, above `rest` and at most 1.
+    pub full: f64,
+}
+
+impl ProportionalSpeed {
+    fn check(&self) -> Result<(), ControlError> {
+        let Self { rest, full } = *self;
+        let refused = |key, got, expected| Err(ControlError::Value { key, got, expected });
+        if !(0.0..1.0).contains(&rest) {
+            return refused("jog.proportional.rest", rest, "0 and below 1");
         }
+        if !(full > rest && full <= 1.0) {
+            return refused("jog.proportional.full", full, "above jog.proportional.rest and at most 1");
+        }
+        Ok(())
+    }
+
+    /// The share of the speed at this effort.
+    pub fn share(&self, effort: f64) -> f64 {
+        ((effort - self.rest) / (self.full - self.rest)).clamp(0.0, 1.0)
+    }
+}
+
+/// A velocity ramp (A. M. Simon et al., IEEE Transactions on Biomedical Engineering 58(8), 2011, 2360-2368): each direction has a
+/// counter that grows while it is decided for and falls faster while it is not; the speed is its share of the full count. There it
+/// counts decisions, here the time that they stand.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct VelocityRamp {
+    /// From rest to the whole speed, ms.
+    pub up_ms: u64,
+    /// How many times as fast it falls, 1 to 100; 2 in the publication.
+    pub falls: f64,
+}
+
+impl VelocityRamp {
+    fn check(&self) -> Result<(), ControlError> {
+        let refused = |key, got, expected| Err(ControlError::Value { key, got, expected });
+        if !(1..=10_000).contains(&self.up_ms) {
+            return refused("jog.ramp.up_ms", self.up_ms as f64, "1 to 10000");
+        }
+        if !(1.0..=100.0).contains(&self.falls) {
+            return refused("jog.ramp.falls", self.falls, "1 to 100");
+        }
+        Ok(())
+    }
+
+    /// The counter of a direction, 0 to 1, after `millis` in which it was decided for or not.
+    pub fn count(&self, before: f64, millis: u64, decided: bool) -> f64 {
+        let change = millis as f64 / self.up_ms as f64;
+        (before + if decided { change } else { -self.falls * change }).clamp(0.0, 1.0)
     }
 }
 

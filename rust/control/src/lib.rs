@@ -33,11 +33,12 @@ pub use gaze_assisted::GazeAssisted;
 pub use gaze_toggled::GazeToggled;
 pub use guide::Guide;
 pub use hand::HandTracker;
-pub use jog_profile::{JogProfile, JogSteps};
+pub use jog_profile::{JogProfile, JogSteps, ProportionalSpeed, VelocityRamp};
 pub use joint_jog::JointJog;
 pub use limited::Limited;
 pub use method::{
-    ControlInput, ControlMethod, ControlOutput, HandCommand, MotionCommand, MotionState, PlanCommand, Shown,
+    ControlInput, ControlMethod, ControlOutput, FingerCommand, HandCommand, JointStates, MotionCommand,
+    MotionState, PlanCommand, Shown,
 };
 pub use pipe::{InputLine, OutputLine, PipeMethod};
 pub use profile::{

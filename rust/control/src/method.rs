@@ -12,6 +12,8 @@ pub struct ControlInput<'a> {
     pub gesture: Gesture,
     /// The gesture that gives it, as the EMG model calls it; that of the command's name for keys.
     pub recognised: GestureName,
+    /// How hard the gesture is made, 0 to 1; one for keys.
+    pub effort: f64,
     /// The gesture that the EMG stage published in this tick; none between its messages.
     pub message: Option<Gesture>,
     /// Angles of the arm joints as measured, rad.
@@ -34,6 +36,8 @@ pub struct ControlInput<'a> {
     pub plan: Option<&'a PlanReply>,
     /// What the trajectory controller does.
     pub motion: MotionState,
+    /// What the joints and digits feel.
+    pub felt: &'a JointStates,
     /// Where objects should go; a place may snap to them.
     pub targets: &'a [Target],
     /// Angles of the person's own limb in the arm's joints, rad, for joints that the prosthesis does not have; none
@@ -47,6 +51,20 @@ pub struct ControlInput<'a> {
     pub gaze_age_ms: Option<u64>,
     /// Milliseconds since the last tracked pose of the shoulder; none when nothing is tracked.
     pub tracking_age_ms: Option<u64>,
+}
+
+/// What the joints and digits feel.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct JointStates {
+    /// Measured angles of arm, then hand joints, rad.
+    pub position: JointVector,
+    /// Their speeds, rad/s.
+    pub velocity: JointVector,
+    /// Their motors' torques, N m.
+    pub effort: JointVector,
+    /// The force of each digit on what it touches, N, digits in the order of their first links.
+    pub digit_forces: JointVector,
 }
 
 /// What the trajectory controller does.
@@ -69,6 +87,9 @@ pub struct ControlOutput {
     pub motion: Option<MotionCommand>,
     /// For the hand.
     pub hand: Option<HandCommand>,
+    /// For single fingers, in the place of a pose of the hand; `hand` then only says whether they open or close, which decides
+    /// when an object is taken and let go.
+    pub fingers: Option<FingerCommand>,
     /// For the planner.
     pub plan: Option<PlanCommand>,
     /// What happened to the method.
@@ -118,6 +139,17 @@ pub enum HandCommand {
     Open,
     /// Go to the pose `closed`; a block in between stops the fingers.
     Close,
+}
+
+/// A command for single fingers. It stands until another one, or one for the hand as a whole, comes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FingerCommand {
+    /// Stay where they are asked to be.
+    Hold,
+    /// Go to these angles of the hand joints, rad, each at the hand's speed at most. On a block that is held, fingers that close
+    /// stay where they took it.
+    Goto(JointVector),
 }
 
 /// A command for the planner.

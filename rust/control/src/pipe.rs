@@ -1,7 +1,8 @@
 use crate::method::refused;
 use crate::ports::{ArmKinematics, MethodProcess};
 use crate::{
-    ControlInput, ControlMethod, ControlOutput, HandCommand, MotionCommand, MotionState, PlanCommand, Shown,
+    ControlInput, ControlMethod, ControlOutput, FingerCommand, HandCommand, JointStates, MotionCommand,
+    MotionState, PlanCommand, Shown,
 };
 use proact_types::{
     Gesture, GestureName, HandView, JointVector, MOST_METHOD_TEXT_BYTES, MethodEvent, ModeView, ObjectId,
@@ -22,6 +23,9 @@ pub struct InputLine {
     /// [`ControlInput::recognised`].
     #[serde(default)]
     pub recognised: GestureName,
+    /// [`ControlInput::effort`].
+    #[serde(default)]
+    pub effort: f64,
     /// [`ControlInput::message`].
     pub message: Option<Gesture>,
     /// [`ControlInput::measured`].
@@ -48,6 +52,9 @@ pub struct InputLine {
     pub plan: Option<PlanReply>,
     /// [`ControlInput::motion`].
     pub motion: MotionState,
+    /// [`ControlInput::felt`].
+    #[serde(default)]
+    pub felt: JointStates,
     /// [`ControlInput::targets`].
     pub targets: Vec<Target>,
     /// [`ControlInput::limb`].
@@ -61,7 +68,7 @@ pub struct InputLine {
 }
 
 /// One line from the outside process.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct OutputLine {
     /// `time` of the line that it answers. An answer to an older line comes too late and is dropped.
@@ -72,6 +79,9 @@ pub struct OutputLine {
     /// For the hand.
     #[serde(default)]
     pub hand: Option<HandCommand>,
+    /// For single fingers.
+    #[serde(default)]
+    pub fingers: Option<FingerCommand>,
     /// For the planner.
     #[serde(default)]
     pub plan: Option<PlanCommand>,
@@ -99,12 +109,14 @@ pub struct PipeMethod<P> {
     process: P,
     /// As the process said last.
     shown: Shown,
+    /// It commands single fingers: they stop too.
+    fingers: bool,
 }
 
 impl<P: MethodProcess> PipeMethod<P> {
     /// Speaks to `process`.
     pub fn new(process: P) -> Self {
-        Self { process, shown: Shown::default() }
+        Self { process, shown: Shown::default(), fingers: false }
     }
 
     fn ask(&mut self, line: &InputLine, joints: usize) -> Result<OutputLine, String> {
@@ -117,19 +129,26 @@ impl<P: MethodProcess> PipeMethod<P> {
             return Err(format!("the process answered {got} at {asked}, which was not asked"));
         }
         check(&parsed, joints, line.objects.len())?;
+        if let Some(FingerCommand::Goto(angles)) = &parsed.fingers {
+            fits("fingers", angles, line.felt.position.len().saturating_sub(joints))?;
+        }
         Ok(parsed)
     }
 }
 
-/// Commands that fit the arm, and a target that fits the objects; the others are errors of the process.
-fn check(answer: &OutputLine, count: usize, objects: usize) -> Result<(), String> {
-    let fits = |what: &str, values: &[f64]| match values.iter().position(|value| !value.is_finite()) {
+/// A finite number for each of `count` joints.
+fn fits(what: &str, values: &[f64], count: usize) -> Result<(), String> {
+    match values.iter().position(|value| !value.is_finite()) {
         Some(index) => Err(format!("{what} {index} is {}, expected a finite number", values[index])),
         None if values.len() != count => {
             Err(format!("{what}: got {} values, the arm has {count} joints", values.len()))
         }
         None => Ok(()),
-    };
+    }
+}
+
+/// Commands that fit the arm, and a target that fits the objects; the others are errors of the process.
+fn check(answer: &OutputLine, count: usize, objects: usize) -> Result<(), String> {
     if let Some(target) = &answer.target {
         let got = target.posterior.len();
         if got != 0 && got != objects {
@@ -153,11 +172,12 @@ fn check(answer: &OutputLine, count: usize, objects: usize) -> Result<(), String
         return Err(format!("plan: got object {}, there are {objects}, counted from 0", object.0));
     }
     match &answer.motion {
-        Some(MotionCommand::Velocity(values)) => fits("velocity", values),
-        Some(MotionCommand::Goto(values)) => fits("goto", values),
-        Some(MotionCommand::Follow(path)) => {
-            path.points.iter().try_for_each(|point| fits("q", &point.q).and(fits("qd", &point.qd)))
-        }
+        Some(MotionCommand::Velocity(values)) => fits("velocity", values, count),
+        Some(MotionCommand::Goto(values)) => fits("goto", values, count),
+        Some(MotionCommand::Follow(path)) => path
+            .points
+            .iter()
+            .try_for_each(|point| fits("q", &point.q, count).and(fits("qd", &point.qd, count))),
         Some(MotionCommand::Hold) | None => Ok(()),
     }
 }
@@ -176,6 +196,7 @@ impl<P: MethodProcess> ControlMethod for PipeMethod<P> {
             time: now,
             gesture: input.gesture,
             recognised: input.recognised,
+            effort: input.effort,
             message: input.message,
             measured: joints(input.measured),
             commanded: joints(input.commanded),
@@ -189,6 +210,7 @@ impl<P: MethodProcess> ControlMethod for PipeMethod<P> {
             jacobian: jacobian.map(rows),
             plan: input.plan.cloned(),
             motion: input.motion,
+            felt: input.felt.clone(),
             targets: input.targets.to_vec(),
             limb: input.limb.map(joints),
             emg_age_ms: input.emg_age_ms,
@@ -197,15 +219,18 @@ impl<P: MethodProcess> ControlMethod for PipeMethod<P> {
         };
         match self.ask(&line, input.commanded.len()) {
             Ok(answer) => {
-                let OutputLine { time: _, motion, hand, plan, events, mode, target, planner } = answer;
+                let OutputLine { time: _, motion, hand, fingers, plan, events, mode, target, planner } =
+                    answer;
+                self.fingers |= matches!(fingers, Some(FingerCommand::Goto(_)));
                 let shown = &mut self.shown;
                 shown.mode = mode.or(shown.mode.take());
                 shown.target = target.unwrap_or_else(|| std::mem::take(&mut shown.target));
                 shown.planner = planner.unwrap_or_else(|| shown.planner.clone());
-                ControlOutput { motion, hand, plan, events, shown: shown.clone() }
+                ControlOutput { motion, hand, fingers, plan, events, shown: shown.clone() }
             }
             Err(reason) => ControlOutput {
                 motion: Some(MotionCommand::Hold),
+                fingers: std::mem::take(&mut self.fingers).then_some(FingerCommand::Hold),
                 shown: Shown { planner: refused(&reason), ..self.shown.clone() },
                 ..ControlOutput::default()
             },

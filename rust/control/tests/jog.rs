@@ -364,10 +364,8 @@ fn keys_make_steps_in_the_original_too() {
 fn a_tap_is_a_small_step_and_a_long_hold_is_fast_where_the_profile_says_so() {
     let turned = |steps, millis| {
         let mut profile = Profile::named("default").expect("embedded");
-        let JogProfile::Time { back_after_ms, open_after_close_ms, confirm_open_ms, .. } = profile.jog else {
-            panic!("by time")
-        };
-        profile.jog = JogProfile::Time { back_after_ms, open_after_close_ms, confirm_open_ms, steps };
+        let JogProfile::Time { steps: place, .. } = &mut profile.jog else { panic!("by time") };
+        *place = steps;
         // Slow enough that no turn ends at the joint's limit.
         profile.joint_jog.speed_rad_per_s = 0.05;
         profile.check().expect("steps that make sense");
@@ -412,8 +410,11 @@ fn steps_that_make_no_sense_are_refused_with_what_was_expected() {
 #[test]
 fn opening_a_hand_that_holds_a_block_can_be_asked_for_twice() {
     let mut profile = Profile::named("default").expect("embedded");
-    profile.jog =
-        JogProfile::Time { back_after_ms: 0, open_after_close_ms: 0, confirm_open_ms: 2000, steps: None };
+    let JogProfile::Time { back_after_ms, open_after_close_ms, confirm_open_ms, .. } = &mut profile.jog
+    else {
+        panic!("by time")
+    };
+    (*back_after_ms, *open_after_close_ms, *confirm_open_ms) = (0, 0, 2000);
     let mut rig = Rig::with(build("A", &profile, &model()).expect("a known method"));
     rig.hand = proact_types::HandView { state: HandState::Closed, holds: Some(ObjectId(3)) };
     assert_eq!(hands(&rig.make(HandClose, 100)), []);

@@ -3,8 +3,8 @@ mod common;
 
 use common::{Rig, model};
 use proact_control::{
-    HandCommand, InputLine, MethodEntry, MethodProgram, MotionCommand, OutputLine, PipeMethod, Profile,
-    ports::MethodProcess,
+    FingerCommand, HandCommand, InputLine, MethodEntry, MethodProgram, MotionCommand, OutputLine, PipeMethod,
+    Profile, ports::MethodProcess,
 };
 use proact_types::{
     Gesture, InputSource, MethodAnswer, MethodInfo, PlannerView, SimTime, Stop, StopCause, joints,
@@ -38,6 +38,7 @@ fn an_answer_is_carried_out_and_the_process_sees_the_step() {
         time: SimTime(10),
         motion: Some(MotionCommand::Velocity(joints(&[0.1; 7]))),
         hand: Some(HandCommand::Close),
+        fingers: Some(FingerCommand::Hold),
         plan: None,
         events: Vec::new(),
         mode: None,
@@ -48,6 +49,7 @@ fn an_answer_is_carried_out_and_the_process_sees_the_step() {
     rig.gesture = Gesture::WristExtension;
     let outputs = rig.run(10);
     assert_eq!((&outputs[0].motion, outputs[0].hand), (&answer.motion, answer.hand));
+    assert_eq!(outputs[0].fingers, answer.fingers);
     assert_eq!(rig.shown.planner, PlannerView::Planning);
     let line: InputLine = serde_json::from_str(&script.asked.lock().expect("one thread")).expect("an object");
     assert_eq!((line.time, line.gesture), (SimTime(10), Gesture::WristExtension));

@@ -289,6 +289,12 @@ pub enum DeviceError {
         /// What is wrong with it.
         reason: String,
     },
+    /// A packet is none of a virtual modular prosthetic limb.
+    #[error("vMPL packet: {reason}")]
+    VmplPacket {
+        /// What is wrong with it.
+        reason: String,
+    },
     /// A socket for datagrams cannot be used.
     #[error("UDP {address}: {source}")]
     Udp {

@@ -64,6 +64,7 @@ mod sample_file;
 mod setup;
 mod sources;
 mod synthetic;
+mod vmpl;
 
 pub use amplifier::{AmplifierChannel, AmplifierLayout};
 pub use error::DeviceError;
@@ -94,3 +95,7 @@ pub use sources::{
     Address, ClassesFrom, OpenSource, REACTION, SourceName, SourceOptions, SourceRegistry, SourceScheme,
 };
 pub use synthetic::{FittedGesture, SyntheticEmg, SyntheticModel};
+pub use vmpl::{
+    VMPL_ARM_JOINTS, VMPL_FINGERS, VMPL_JOINTS, VMPL_LEFT_PORTS, VMPL_RIGHT_PORTS, VmplCommand, VmplDisplay,
+    VmplPercepts, vmpl_joint_names,
+};

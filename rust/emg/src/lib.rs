@@ -5,7 +5,7 @@
 //! at the same times give the same outputs. [`EmgPipeline::step`] does not allocate.
 //!
 //! Around it: [`EmgModel`] is the contents of a model file, [`Calibration`] the guided session that makes one,
-//! [`SequenceTest`], [`HoldTest`] and [`CursorTest`] say whether a person can use it. [`QualityMonitor`] watches the
+//! [`SequenceTest`], [`HoldTest`], [`MotionTest`] and [`CursorTest`] say whether a person can use it. [`QualityMonitor`] watches the
 //! channels, [`check_rotation`] finds a band that was turned, [`Adaptation`] follows the user where a study wants that.
 //!
 //! [`Feature`] lists the features, [`FeatureSet`] the groups and the order of their values. Features and classifier
@@ -58,12 +58,14 @@ mod liveness;
 mod metrics;
 mod model;
 mod moments;
+mod motion_test;
 mod pipeline;
 mod quality;
 mod recorded_quality;
 mod rotation;
 mod selection;
 mod spectrum;
+mod tac;
 mod usability_test;
 mod window;
 
@@ -91,11 +93,13 @@ pub use liveness::{Liveness, LivenessConfig, SignalFault, noise_floors};
 pub use metrics::RecognitionMetrics;
 pub use model::{ChannelStatistics, EmgModel, MODEL_FORMAT, StreamFormat};
 pub use moments::Moments;
+pub use motion_test::{MotionAttempt, MotionReport, MotionTest, MotionTestConfig};
 pub use pipeline::{EmgOutput, EmgPipeline, StreamEvents, extract, extract_with_amplitudes};
 pub use quality::{ChannelFault, ChannelQuality, Light, QualityConfig, QualityMonitor, StreamQuality};
 pub use recorded_quality::{RecordedFault, RecordedRepetition, check_recordings};
 pub use rotation::{BandProposal, RollEvidence, RotationReport, accuracy_at, check_rotation};
 pub use selection::{SelectedFeature, SelectionCriterion, SelectionData, select_features};
+pub use tac::{TacAxis, TacConfig, TacReport, TacTarget, TacTest, TacTrial};
 pub use usability_test::{
     HoldConfig, HoldReport, HoldTest, SequenceConfig, SequenceMistake, SequenceReport, SequenceTest,
 };

@@ -3,11 +3,14 @@ use proact_types::Instruction;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// The plans that ship with the program, by name.
+/// The plans that ship with the program, by name. A set-up that is like another system's is a file in `data/likes` and a line
+/// here: `proact study new --like` copies it, `proact demo --like` shows its first condition.
 pub const SHIPPED: &[(&str, &str)] = &[
     ("study1", include_str!("../data/study1.toml")),
     ("study2", include_str!("../data/study2.toml")),
     ("empty", include_str!("../data/empty.toml")),
+    ("minivie", include_str!("../data/likes/minivie.toml")),
+    ("vie", include_str!("../data/likes/vie.toml")),
 ];
 
 /// Most people, conditions, and trials in a row that a plan may ask for: more is most likely a slip.

@@ -154,8 +154,8 @@ mod tests {
 
     fn scene(options: &str) -> Result<Scene, TaskError> {
         let text = include_str!("../../../docs/tasks/cluttered.toml").to_owned();
-        let mut task = TaskChoice::from_text(text).unwrap();
-        task.grid = Some(toml::from_str(options).unwrap());
+        let mut task = TaskChoice::from_text(text).expect("a good scene");
+        task.grid = Some(toml::from_str(options).expect("a good scene"));
         Ok(task.build(false)?.scene().clone())
     }
 
@@ -167,7 +167,7 @@ mod tests {
 
     #[test]
     fn a_chequered_grid_takes_number_and_pitch_and_alternates_its_kinds() {
-        let scene = scene("count = [2, 3]\npitch = [0.08, 0.06]").unwrap();
+        let scene = scene("count = [2, 3]\npitch = [0.08, 0.06]").expect("a good scene");
         let names: Vec<&str> = scene.objects.iter().map(|object| &*object.name).collect();
         assert_eq!(names, ["red1", "blue1", "red2", "blue2", "red3", "blue3"]);
         let y = places(&scene)[0][1];
@@ -187,7 +187,7 @@ mod tests {
 
     #[test]
     fn one_number_fills_the_rows_that_there_are_and_one_pitch_is_that_of_both_axes() {
-        let scene = scene("count = 4\npitch = 0.05").unwrap();
+        let scene = scene("count = 4\npitch = 0.05").expect("a good scene");
         let at = places(&scene);
         assert_eq!(at.len(), 4);
         assert_eq!((at[1][0] - at[0][0], at[1][1] - at[0][1]), (0, 50));
@@ -202,12 +202,12 @@ mod tests {
             ("pitch = 0.01", "overlaps"),
             ("pitch = 0.2", "expected"),
         ] {
-            let error = scene(options).unwrap_err().to_string();
+            let error = scene(options).expect_err("must be refused").to_string();
             assert!(error.contains(reason), "{options}: {error}");
         }
-        let mut task = TaskChoice::named("modified_bbt", 1).unwrap();
-        task.grid = Some(toml::from_str("count = 4").unwrap());
-        let error = task.build(false).err().unwrap().to_string();
+        let mut task = TaskChoice::named("modified_bbt", 1).expect("a good scene");
+        task.grid = Some(toml::from_str("count = 4").expect("a good scene"));
+        let error = task.build(false).err().expect("a good scene").to_string();
         assert!(error.contains("0 grids"), "{error}");
     }
 }

@@ -1,4 +1,6 @@
-use crate::{ConfigError, FeedbackMapping, MotionConfig, PhysicsConfig, Pinned, PlannerOptions};
+use crate::{
+    ConfigError, FeedbackMapping, LinkImpairment, MotionConfig, PhysicsConfig, Pinned, PlannerOptions,
+};
 use proact_arm::{ArmModel, Side};
 use proact_control::{MethodEntry, MethodProgram, MethodRegistry, OUTSIDE, Profile};
 use proact_emg::{Classifier, EmgConfig};
@@ -119,6 +121,9 @@ pub struct TrialConfig {
     /// then says no more than what the posterior knows and how a simulated participant acts.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub method_process: Option<MethodProgram>,
+    /// Delay, jitter and loss on the ways from the person and to the display.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub impairments: Vec<LinkImpairment>,
     /// From what happens to what the person is to hear and feel.
     #[serde(default = "FeedbackMapping::standard", skip_serializing_if = "is_standard")]
     pub feedback: Vec<FeedbackMapping>,
@@ -158,6 +163,7 @@ impl TrialConfig {
             planner: PlannerOptions::default(),
             setup,
             method_process: None,
+            impairments: Vec::new(),
             feedback: FeedbackMapping::standard(),
             intent: IntentOptions::default(),
             emg: None,
@@ -430,6 +436,7 @@ impl TrialConfig {
         self.motion.check()?;
         self.planner.check()?;
         self.method_process.as_ref().map_or(Ok(()), MethodProgram::check)?;
+        LinkImpairment::check(&self.impairments)?;
         FeedbackMapping::check(&self.feedback)?;
         self.profile.check()?;
         self.intent.check()?;

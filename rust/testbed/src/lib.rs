@@ -13,6 +13,7 @@ mod grasp;
 mod grasp_choice;
 mod grasp_original;
 mod grasp_watch;
+mod impairment;
 mod motion;
 mod outside;
 mod physics;
@@ -31,6 +32,7 @@ pub use feedback::{CueEvent, FeedbackMapping};
 pub use grasp::{GraspAction, GraspDetector};
 pub use grasp_choice::{GraspChoice, NearObject};
 pub use grasp_original::OriginalGraspRule;
+pub use impairment::{ImpairedLink, LinkImpairment};
 pub use motion::{ArmMotion, HandMotion, MotionConfig};
 pub use physics::{
     Engine, GraspRuleName, JointControl, MassSet, OpposingGrasp, OriginalGrasp, PhysicsConfig,

@@ -207,6 +207,8 @@ pub struct HandMotion {
     velocity: JointVector,
     elapsed_ticks: u64,
     duration_ticks: u64,
+    /// Angles that each joint goes to by itself, in place of the movement to a pose, rad.
+    tracked: Option<JointVector>,
 }
 
 impl HandMotion {
@@ -221,6 +223,7 @@ impl HandMotion {
             position: open,
             elapsed_ticks: 0,
             duration_ticks: 0,
+            tracked: None,
         }
     }
 
@@ -236,7 +239,24 @@ impl HandMotion {
 
     /// Whether it is on its way.
     pub fn moving(&self) -> bool {
-        self.elapsed_ticks < self.duration_ticks
+        self.tracked.is_some() || self.elapsed_ticks < self.duration_ticks
+    }
+
+    /// Each joint goes to its angle, rad, at the hand's speed at most, until something else is asked.
+    pub fn track(&mut self, angles: JointVector) {
+        self.duration_ticks = 0;
+        self.elapsed_ticks = 0;
+        // What is there already is not on its way: a decoder says the same angles again and again.
+        self.velocity.iter_mut().for_each(|v| *v = 0.0);
+        self.tracked = (angles != self.position).then_some(angles);
+    }
+
+    /// Stays where it is asked to be.
+    pub fn hold(&mut self) {
+        self.velocity.iter_mut().for_each(|v| *v = 0.0);
+        self.duration_ticks = 0;
+        self.elapsed_ticks = 0;
+        self.tracked = None;
     }
 
     /// Where it goes, or went last, rad.
@@ -246,6 +266,7 @@ impl HandMotion {
 
     /// Sets off to these angles, rad, from where it is.
     pub fn go_to(&mut self, angles: &JointVector) {
+        self.tracked = None;
         self.from = self.position.clone();
         self.to = angles.clone();
         let travel = self.from.iter().zip(&self.to).fold(0.0_f64, |m, (a, b)| m.max((a - b).abs()));
@@ -255,10 +276,8 @@ impl HandMotion {
 
     /// Holds the fingers where they are: on the block that they took.
     pub fn freeze(&mut self, position: &[f64]) {
+        self.hold();
         self.position = joints(position);
-        self.velocity.iter_mut().for_each(|v| *v = 0.0);
-        self.duration_ticks = 0;
-        self.elapsed_ticks = 0;
     }
 
     /// Somebody else drives one joint in this tick: what was commanded is given up. Joints that follow others go where
@@ -266,6 +285,7 @@ impl HandMotion {
     pub fn drive(&mut self, couplings: &Couplings, joint: usize, position: f64, velocity: f64) {
         self.duration_ticks = 0;
         self.elapsed_ticks = 0;
+        self.tracked = None;
         self.position[joint] = position;
         self.velocity[joint] = velocity;
         couplings.follow(&mut self.position, &mut self.velocity);
@@ -273,6 +293,17 @@ impl HandMotion {
 
     /// Advances by one tick.
     pub fn step(&mut self) {
+        if let Some(angles) = self.tracked.take() {
+            let most = self.speed * TICK_SECS;
+            for (k, angle) in angles.iter().enumerate() {
+                let step = (angle - self.position[k]).clamp(-most, most);
+                self.position[k] += step;
+                self.velocity[k] = step / TICK_SECS;
+            }
+            // In the tick after the last step the fingers are at rest.
+            self.tracked = self.velocity.iter().any(|v| *v != 0.0).then_some(angles);
+            return;
+        }
         if !self.moving() {
             return;
         }
@@ -306,6 +337,23 @@ mod tests {
         assert_eq!(hand.position().as_slice(), [0.6, 0.3]);
         assert!((1.9..=2.0).contains(&fastest), "{fastest} rad/s");
         assert!(hand.velocity()[0].abs() < 1e-9);
+    }
+
+    #[test]
+    fn single_fingers_go_to_their_angles_at_the_hands_speed_and_stop_when_they_are_told() {
+        let mut hand = HandMotion::new(&[0.0, 0.3], 2.0);
+        hand.track(joints(&[0.1, 0.3]));
+        (0..25).for_each(|_| hand.step());
+        assert!((hand.position()[0] - 0.05).abs() < 1e-9 && hand.moving(), "2 rad/s for 25 ms");
+        assert_eq!((hand.velocity()[0], hand.velocity()[1]), (2.0, 0.0));
+        (0..30).for_each(|_| hand.step());
+        assert_eq!((hand.position().as_slice(), hand.moving()), (&[0.1, 0.3][..], false));
+        hand.track(joints(&[0.0, 0.0]));
+        (0..10).for_each(|_| hand.step());
+        hand.hold();
+        let held = hand.position().clone();
+        (0..10).for_each(|_| hand.step());
+        assert_eq!((hand.position(), hand.velocity()[0]), (&held, 0.0));
     }
 
     fn arm() -> ArmMotion {

@@ -1,5 +1,6 @@
 use crate::{
     SpanDigest, Testbed, TestbedError, TickOutput,
+    impairment::Impairments,
     ports::PlanService,
     stages::{Driven, PersonInput, PersonParts, PersonStage},
 };
@@ -29,14 +30,16 @@ pub struct Step {
 pub struct Session {
     testbed: Testbed,
     person: PersonStage,
+    impairments: Impairments,
 }
 
 impl Session {
     /// A session at time zero.
     pub fn new(testbed: Testbed, person: PersonParts) -> Self {
-        let crate::TrialConfig { setup, motion, .. } = testbed.config();
+        let crate::TrialConfig { setup, motion, impairments, seed, .. } = testbed.config();
+        let impairments = Impairments::new(impairments, *seed);
         let person = PersonStage::new(person, setup.body, *motion, testbed.model().arm_count());
-        Self { testbed, person }
+        Self { testbed, person, impairments }
     }
 
     /// The testbed.
@@ -76,14 +79,15 @@ impl Session {
         if !testbed.config().gaze {
             input.gaze = None;
         }
+        let mut input = self.impairments.pass(time, input);
         let output = testbed.tick(&input, last)?;
         input.plan = output.plan.clone();
         input.method = output.method.clone();
-        let mut frame = None;
-        if testbed.frame_is_due() || output.finished {
-            let drawn = testbed.frame(self.person.head())?;
-            self.person.see(&drawn);
-            frame = Some(drawn);
+        let due = testbed.frame_is_due() || output.finished;
+        let drawn = due.then(|| testbed.frame(self.person.head())).transpose()?;
+        let frame = self.impairments.show(time, drawn, output.finished);
+        if let Some(frame) = &frame {
+            self.person.see(frame);
         }
         Ok(Step { time, input, output, frame })
     }

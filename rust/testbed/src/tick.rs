@@ -328,6 +328,7 @@ impl Testbed {
             shoulder: input.shoulder,
             motion: method.motion,
             hand,
+            fingers: method.fingers,
             frozen: held.as_ref().or(self.said.frozen.as_ref()),
             driven: &joints,
             world: self.world.state(),

@@ -96,7 +96,16 @@ fn trace() -> Trace {
         })
         .collect();
     let decisions = Some(200);
-    Trace { scene, length: SimTime(10_000), instants, events, decisions, trunk, tells_events: true, ..Trace::default() }
+    Trace {
+        scene,
+        length: SimTime(10_000),
+        instants,
+        events,
+        decisions,
+        trunk,
+        tells_events: true,
+        ..Trace::default()
+    }
 }
 
 fn value<T>(measures: &[Measure<T>], name: &str, scored: &Scored<'_>, row: &T) -> Option<f64> {

@@ -1,5 +1,7 @@
 //! `proact emg test`: can this person use this model?
 
+mod limb;
+
 use super::{page::PageScreen, source_args::SourceArgs, train::PageArgs};
 use crate::{interrupt::interrupt_flag, progress::bar};
 use clap::{Args, ValueEnum};
@@ -49,6 +51,12 @@ pub struct TestArgs {
     /// Sequences after which the sequence test is failed.
     #[arg(long, default_value_t = 12, value_parser = clap::value_parser!(u8).range(1..=100))]
     attempts: u8,
+    /// How often the motion test asks for each gesture.
+    #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u8).range(1..=100))]
+    motions: u8,
+    /// Targets of each axis of tac1, and of all axes of tac3.
+    #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u8).range(1..=100))]
+    repetitions: u8,
     /// Targets on each of the three rings of the cursor test, an odd number.
     #[arg(long, default_value_t = 9)]
     targets: u8,
@@ -82,6 +90,14 @@ pub enum TestName {
     Sequence,
     /// A longer trial: at least 75 % of decisions right.
     Trial,
+    /// The motion test of Kuiken et al. 2009, in the terminal: how fast and how surely each gesture is selected and kept. Nothing to
+    /// pass.
+    Motion,
+    /// Target achievement control of one joint after the other, in the terminal: a virtual wrist and a grasp, with miniVIE's numbers.
+    /// Nothing to pass.
+    Tac1,
+    /// The same of up to three joints together.
+    Tac3,
     /// Pointing with a cursor, as in ISO 9241-411. Nothing to pass.
     Cursor,
 }
@@ -127,6 +143,11 @@ pub(super) fn run(sources: &SourceRegistry, args: &TestArgs, json: bool) -> Resu
         bar: bar(!json && !args.page.page, 1, "{prefix:10} {bar:30} {pos} of {len}  {msg}"),
         last: None,
     };
+    if args.page.page
+        && args.tests.iter().any(|test| matches!(test, TestName::Motion | TestName::Tac1 | TestName::Tac3))
+    {
+        return Err("the tests motion, tac1 and tac3 are shown in the terminal: leave --page out".into());
+    }
     if args.page.page {
         show.page = Some(PageScreen::open(&args.page, &info.name)?);
         show.wait(&mut live)?;
@@ -137,6 +158,9 @@ pub(super) fn run(sources: &SourceRegistry, args: &TestArgs, json: bool) -> Resu
         let (name, report, passed) = match test {
             TestName::Sequence => sequence(args, &mut live, &mut show)?,
             TestName::Trial => trial(args, &mut live, &mut show)?,
+            TestName::Motion => limb::motion(args, &mut live, &mut show)?,
+            TestName::Tac1 => limb::tac(args, &mut live, &mut show, false)?,
+            TestName::Tac3 => limb::tac(args, &mut live, &mut show, true)?,
             TestName::Cursor => cursor(args, &mut live, &mut show)?,
         };
         result[name] = report;
@@ -366,14 +390,18 @@ impl Show {
             page.has_begun();
             page.show_test(test, prompt, in_force);
         }
-        if prompt != self.last {
-            self.last = prompt;
-            self.bar.set_message(prompt.map_or(String::new(), String::from));
-        }
+        self.say(prompt);
         match test {
             GestureTest::Wait(()) => {}
             GestureTest::Sequence(report) => self.progress("sequence", report.in_a_row as u64, 3),
             GestureTest::Trial(report) => self.progress("trial", report.prompts as u64, 20),
+        }
+    }
+
+    fn say(&mut self, prompt: Option<GestureName>) {
+        if prompt != self.last {
+            self.last = prompt;
+            self.bar.set_message(prompt.map_or(String::new(), String::from));
         }
     }
 
@@ -415,6 +443,7 @@ fn text(result: &Value) -> String {
             report["model"].as_str().map_or("not kept".to_owned(), |file| format!("the model is in {file}"))
         );
     }
+    out += &limb::text(result);
     if let Some(report) = result.get("cursor") {
         out += &format!(
             "cursor: throughput {:.2} bit/s (dwell not counted; {:.2} with it), path efficiency {:.0} %, \

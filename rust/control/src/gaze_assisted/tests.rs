@@ -59,6 +59,7 @@ impl Bench {
         let input = ControlInput {
             gesture,
             recognised: gesture.into(),
+            effort: 1.0,
             message: None,
             measured: &[0.0; 7],
             commanded: &[0.0; 7],
@@ -70,6 +71,7 @@ impl Bench {
             world_from_base: self.base,
             plan,
             motion: self.motion,
+            felt: &crate::JointStates::default(),
             targets: &self.targets,
             limb: None,
             stop: None,

@@ -6,8 +6,8 @@ pub use proact_control::doubles::START;
 use proact_control::doubles::{SerialKinematics, test_arm};
 use proact_control::ports::ArmKinematics;
 use proact_control::{
-    ControlInput, ControlMethod, ControlOutput, HandCommand, MotionCommand, MotionState, Profile, Shown,
-    build,
+    ControlInput, ControlMethod, ControlOutput, HandCommand, JointStates, MotionCommand, MotionState,
+    Profile, Shown, build,
 };
 use proact_types::{
     Gesture, HandState, HandView, JointVector, ObjectId, PlanReply, PlanStatus, PlannerView, Point, Pose,
@@ -41,6 +41,8 @@ pub struct Rig {
     /// What is measured differs from what is asked by this.
     pub lag: [f64; 7],
     pub gesture: Gesture,
+    /// How hard it is made, 0 to 1.
+    pub effort: f64,
     /// A message of the classifier every so many milliseconds; none for keys.
     pub message_ms: Option<u64>,
     pub hand: HandView,
@@ -71,6 +73,7 @@ impl Rig {
             q: joints(&START),
             lag: [0.0; 7],
             gesture: Gesture::NoMotion,
+            effort: 1.0,
             message_ms: Some(50),
             hand: HandView::default(),
             highlight: Some(ObjectId(0)),
@@ -102,6 +105,7 @@ impl Rig {
         let input = ControlInput {
             gesture: self.gesture,
             recognised: self.gesture.into(),
+            effort: self.effort,
             message: message.then_some(self.gesture),
             measured: &measured,
             commanded: &self.q,
@@ -113,6 +117,7 @@ impl Rig {
             world_from_base: self.base,
             plan: plan.as_ref(),
             motion,
+            felt: &JointStates::default(),
             targets: &self.targets,
             limb: self.limb.as_deref(),
             stop: self.stop.as_ref(),

@@ -2,7 +2,8 @@
 
 use super::{Run, text};
 use proact_devices::{
-    EmgPacket, EmgRecorder, LibEmgOutput, MYO_RATE_HZ, Recordings, SentGaze, SourceInfo,
+    EmgPacket, EmgRecorder, LibEmgOutput, MYO_RATE_HZ, Recordings, SentGaze, SourceInfo, VmplCommand,
+    VmplPercepts,
     gforce::{
         EmgParser, GattLink, SocketLink,
         protocol::{Command, EmgCapability, EmgSetting, Reply},
@@ -79,6 +80,22 @@ pub(super) fn udp_gaze(_: &Path) -> Run {
             assert!(SentGaze::parse(&gaze.to_bytes()).is_ok(), "what was read can be sent on");
         }
     })
+}
+
+pub(super) fn udp_vmpl(_: &Path) -> Run {
+    Box::new(|bytes| {
+        if let Ok(command) = VmplCommand::parse(bytes) {
+            assert!(VmplCommand::parse(&command.to_packet()).is_ok(), "what was read can be sent on");
+        }
+        if let Ok(percepts) = VmplPercepts::parse(bytes) {
+            assert!(VmplPercepts::parse(&percepts.to_packet()).is_ok());
+        }
+    })
+}
+
+pub(super) fn vmpl_seeds(_: &Path) -> Vec<Vec<u8>> {
+    let command = VmplCommand { arm: [0.5; 7], fingers: Some([0.25; 20]) }.to_packet();
+    vec![command.to_vec(), command[..28].to_vec(), VmplPercepts::default().to_packet().to_vec()]
 }
 
 pub(super) fn udp_libemg(_: &Path) -> Run {

@@ -72,6 +72,7 @@ const ALL: &[Target] = &[
     Target { seeds: devices::stream_edf_seeds,
         ..Target::new("emg_stream_edf", "a recorded stream as EDF+", devices::stream_edf) },
     Target::new("udp_gaze", "a datagram of an eye tracker", devices::udp_gaze),
+    Target { seeds: devices::vmpl_seeds, ..Target::new("udp_vmpl", "a packet of a vMPL", devices::udp_vmpl) },
     Target { seeds: devices::natnet_seeds, ..Target::new("udp_natnet", "a packet of NatNet", devices::udp_natnet) },
     Target { seeds: devices::vrpn_seeds, ..Target::new("vrpn", "what a VRPN server sends", devices::vrpn) },
     Target { seeds: devices::poses_seeds, ..Target::new("poses_csv", "a file of tracked poses", devices::poses) },

@@ -142,7 +142,15 @@ impl Stage for TaskNode {
         }
         let driven = self.strayed(now);
         let world = self.world.state();
-        let input = ActuationInput { shoulder: None, motion, hand, frozen: None, driven: &driven, world };
+        let input = ActuationInput {
+            shoulder: None,
+            motion,
+            hand,
+            fingers: None,
+            frozen: None,
+            driven: &driven,
+            world,
+        };
         self.said = self.stand_in.step(now, input);
         let mut events = std::mem::take(&mut self.events);
         let arm = self.model.arm_count();

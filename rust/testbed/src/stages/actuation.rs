@@ -1,6 +1,6 @@
 use crate::{ArmMotion, GraspChoice, HandMotion, TestbedError, TrialConfig};
-use proact_arm::{ArmModel, Couplings, OPEN_POSE};
-use proact_control::{HandCommand, MotionCommand, MotionState};
+use proact_arm::{ArmModel, Couplings, JointLimits, OPEN_POSE};
+use proact_control::{FingerCommand, HandCommand, MotionCommand, MotionState};
 use proact_localization::BaseMotion;
 use proact_types::{EventKind, JointVector, PlantCommand, PlantState, Pose, Scene, SimTime};
 
@@ -15,6 +15,10 @@ pub struct ActuationStage {
     /// Arm and hand stand still: the base does not follow the shoulder.
     paused: bool,
     couplings: Couplings,
+    /// Of the hand joints.
+    hand_limits: Vec<JointLimits>,
+    /// Single fingers were commanded last: no pose of the hand takes their place.
+    by_fingers: bool,
     /// Nobody wears the arm: no tracked shoulder moves it.
     stands: bool,
 }
@@ -28,6 +32,8 @@ pub struct ActuationInput<'a> {
     pub motion: Option<MotionCommand>,
     /// For the hand, in place of the command before.
     pub hand: Option<HandCommand>,
+    /// For single fingers, in place of the poses that `hand` means.
+    pub fingers: Option<FingerCommand>,
     /// Angles of the fingers on a block that was taken in the tick before, rad: they stay there.
     pub frozen: Option<&'a JointVector>,
     /// Joints that somebody else's controllers drive in this tick; what was commanded before is given up there.
@@ -94,6 +100,8 @@ impl ActuationStage {
             ),
             paused: false,
             couplings: model.couplings(),
+            hand_limits: model.hand.iter().map(|&joint| model.joints[joint].limits).collect(),
+            by_fingers: false,
             stands: model.settings.stand.is_some(),
         })
     }
@@ -110,7 +118,10 @@ impl ActuationStage {
         if let Some(command) = input.motion {
             self.arm.apply(command);
         }
-        self.shape_hand(input.hand, input.world);
+        match input.fingers {
+            Some(fingers) => self.aim_fingers(fingers, input.hand, input.world),
+            None => self.shape_hand(input.hand, input.world),
+        }
         let change = self.watch_base(input.world);
         if !self.paused {
             self.arm.step();
@@ -155,6 +166,10 @@ impl ActuationStage {
     /// to an object of another grasp.
     fn shape_hand(&mut self, command: Option<HandCommand>, world: &PlantState) {
         self.told = command.unwrap_or(self.told);
+        self.by_fingers &= command.is_none();
+        if self.by_fingers {
+            return;
+        }
         match self.told {
             HandCommand::Close if command.is_some() => self.hand.go_to(self.grasps.closed(world)),
             HandCommand::Close => {}
@@ -164,6 +179,25 @@ impl ActuationStage {
                     self.hand.go_to(open);
                 }
             }
+        }
+    }
+
+    /// Sends each finger where `fingers` says, within its limits; `command` says whether they open or close.
+    fn aim_fingers(&mut self, fingers: FingerCommand, command: Option<HandCommand>, world: &PlantState) {
+        self.told = command.unwrap_or(self.told);
+        self.by_fingers = true;
+        match fingers {
+            // Fingers stay as they took what they hold: what presses it harder would push it out of the physics' reach.
+            FingerCommand::Goto(_) if world.attached.is_some() && self.told == HandCommand::Close => {}
+            FingerCommand::Goto(mut angles) if angles.len() == self.hand_limits.len() => {
+                for (angle, limits) in angles.iter_mut().zip(&self.hand_limits) {
+                    *angle = angle.clamp(limits.lower, limits.upper);
+                }
+                let mut speeds = angles.clone();
+                self.couplings.follow(&mut angles, &mut speeds);
+                self.hand.track(angles);
+            }
+            FingerCommand::Goto(_) | FingerCommand::Hold => self.hand.hold(),
         }
     }
 

@@ -32,8 +32,7 @@ struct Mapped {
 impl FeedbackStage {
     /// The stage of a trial with the arm `model`.
     pub fn new(config: &TrialConfig, model: &ArmModel) -> Self {
-        let first_links = model.digits();
-        let mut order: Vec<usize> = first_links.iter().flatten().copied().collect();
+        let mut order: Vec<usize> = model.digits().into_iter().flatten().collect();
         order.sort_unstable();
         order.dedup();
         let digit = |(number, link): (usize, &usize)| Digit {
@@ -50,10 +49,7 @@ impl FeedbackStage {
         };
         Self {
             mappings: config.feedback.iter().map(mapped).collect(),
-            digit_of: first_links
-                .iter()
-                .map(|first| first.and_then(|link| order.binary_search(&link).ok()))
-                .collect(),
+            digit_of: model.digit_places(),
             digits: order.iter().enumerate().map(digit).collect(),
         }
     }

@@ -7,8 +7,8 @@ use crate::{
 };
 use proact_arm::ArmModel;
 use proact_control::{
-    ControlInput, ControlMethod, ControlOutput, HandCommand, JointSubset, MethodEntry, MotionCommand,
-    PlanCommand, Shown, SourceWatch,
+    ControlInput, ControlMethod, ControlOutput, FingerCommand, HandCommand, JointStates, JointSubset,
+    MethodEntry, MotionCommand, PlanCommand, Shown, SourceWatch,
     ports::{ArmKinematics, MethodProcess},
 };
 use proact_types::{
@@ -28,6 +28,8 @@ pub struct MethodStage {
     scene: Scene,
     name: String,
     method: Box<dyn ControlMethod>,
+    /// Of each link, the place of its digit in the order of the digits' first links.
+    digit_of: Vec<Option<usize>>,
     /// What the method's last step gave to be seen.
     shown: Shown,
     /// Where the answers of a method in another process pass through.
@@ -76,6 +78,8 @@ pub struct MethodOutput {
     pub motion: Option<MotionCommand>,
     /// For the hand.
     pub hand: Option<HandCommand>,
+    /// For single fingers.
+    pub fingers: Option<FingerCommand>,
     /// What the planner is asked.
     pub request: Option<Box<PlanRequest>>,
     /// A plan took effect.
@@ -121,6 +125,7 @@ impl MethodStage {
         let driven = JointSubset::new(&config.profile, &model)?;
         let held = (0..model.arm_count()).filter(|joint| !driven.contains(*joint)).collect();
         Ok(Self {
+            digit_of: model.digit_places(),
             model,
             scene,
             name: method.info().name.clone(),
@@ -208,6 +213,23 @@ impl MethodStage {
         watch.step(now, input.gesture.gesture)
     }
 
+    /// What joints and digits feel.
+    fn felt(&self, world: &PlantState) -> JointStates {
+        let digits = self.digit_of.iter().flatten().max().map_or(0, |last| last + 1);
+        let mut digit_forces: JointVector = (0..digits).map(|_| 0.0).collect();
+        for contact in &world.contacts {
+            if let Some(digit) = self.digit_of[contact.link] {
+                digit_forces[digit] += contact.force;
+            }
+        }
+        JointStates {
+            position: world.position.clone(),
+            velocity: world.velocity.clone(),
+            effort: world.effort.clone(),
+            digit_forces,
+        }
+    }
+
     fn control(
         &mut self,
         now: SimTime,
@@ -222,9 +244,11 @@ impl MethodStage {
         let commanded = &input.actuation.command.position[..arm];
         let age = |at: Option<SimTime>| at.map(|at| now.millis_since(at));
         let objects = object_centres(world);
+        let felt = self.felt(world);
         let seen = ControlInput {
             gesture: input.gesture.gesture,
             recognised: input.gesture.recognised,
+            effort: input.gesture.effort,
             message: input.gesture.message,
             measured: &world.position[..arm],
             commanded,
@@ -236,6 +260,7 @@ impl MethodStage {
             world_from_base: world.world_from_base,
             plan: output.plan.as_ref(),
             motion: input.actuation.motion,
+            felt: &felt,
             targets: &self.scene.targets,
             limb: self.limb.as_deref(),
             stop: self.watch.stop(),
@@ -243,11 +268,12 @@ impl MethodStage {
             gaze_age_ms: age(input.intent.seen_at),
             tracking_age_ms: age(self.tracked_at),
         };
-        let ControlOutput { motion, hand, plan, events, shown } = self.method.step(now, &seen, kinematics);
+        let ControlOutput { motion, hand, fingers, plan, events, shown } =
+            self.method.step(now, &seen, kinematics);
         output.said = events.len();
         output.events.extend(events.into_iter().map(EventKind::from));
         self.shown = shown;
-        (output.motion, output.hand) = (motion, hand);
+        (output.motion, output.hand, output.fingers) = (motion, hand, fingers);
         match plan {
             Some(PlanCommand::Request(goal)) => {
                 let id = self.plans.next_id();

@@ -122,6 +122,7 @@ impl Robot {
             shoulder,
             motion,
             hand,
+            fingers: None,
             frozen: self.frozen.as_ref(),
             driven: &joints,
             world: self.world.state(),

@@ -1,0 +1,367 @@
+//! The method `vmpl`: a decoder that speaks to miniVIE's virtual limb drives the arm, unchanged, and gets percepts back. What it
+//! asks for is logged as the answers of an outside method are, so that a replay needs no decoder.
+
+use proact_arm::{ArmModel, Side, is_named};
+use proact_control::{
+    FingerCommand, HandCommand, InputLine, MethodEntry, MethodProgram, MotionCommand, OutputLine,
+    ports::MethodProcess,
+};
+use proact_devices::{
+    DeviceError, VMPL_ARM_JOINTS, VMPL_FINGERS, VMPL_JOINTS, VMPL_LEFT_PORTS, VMPL_RIGHT_PORTS, VmplCommand,
+    VmplDisplay, VmplPercepts, vmpl_joint_names,
+};
+use proact_testbed::TrialConfig;
+use proact_types::{JointVector, MethodAnswer, MethodHelp, MethodInfo, SimTime};
+use std::{
+    net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket},
+    time::{Duration, Instant},
+};
+
+/// The first word of a command that is no program but a decoder.
+pub const VMPL_COMMAND: &str = "proact:vmpl";
+/// The method's name.
+const VMPL_METHOD: &str = "vmpl";
+/// A decoder sends every 20 ms; after five packets that did not come the arm stops.
+const SILENCE: Duration = Duration::from_millis(100);
+/// Percepts go out every 20 ms of the trial, as commands come in.
+const PERCEPTS_EVERY_MS: u64 = 20;
+/// Fingers that together turn by less than this say nothing new of whether the hand opens or closes, rad.
+const FINGERS_MOVE: f64 = 0.05;
+
+/// Why there is no such method.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum VmplError {
+    /// A word behind the command.
+    #[error("got {got:?}, expected listen=ADDRESS:PORT or decoder=ADDRESS:PORT")]
+    Option {
+        /// The word.
+        got: String,
+    },
+    /// The arm is another one.
+    #[error("the arm {arm} has none of the joints {}; choose one of the modular prosthetic limb", vmpl_joint_names()[..VMPL_ARM_JOINTS].join(", "))]
+    Arm {
+        /// Its name.
+        arm: String,
+    },
+    /// The socket.
+    #[error(transparent)]
+    Socket(#[from] DeviceError),
+}
+
+/// Whether a decoder drives the trial.
+pub(crate) fn is_by_decoder(config: &TrialConfig) -> bool {
+    let program = config.method_process.as_ref().and_then(|program| program.command.first());
+    program.map_or(config.method == VMPL_METHOD, |first| first == VMPL_COMMAND)
+}
+
+/// Shows the arm of a trial on a vMPL: sends the angles of each display frame as its commands.
+#[derive(Debug)]
+pub struct VmplPublisher {
+    socket: UdpSocket,
+    places: [Option<usize>; VMPL_JOINTS],
+}
+
+impl VmplPublisher {
+    /// Sends the angles of `model` to the vMPL at `address`.
+    ///
+    /// # Errors
+    /// [`VmplError::Arm`]; no socket.
+    pub fn new(address: SocketAddr, model: &ArmModel) -> Result<VmplPublisher, VmplError> {
+        let places = places(model)?;
+        let here: IpAddr = match address {
+            SocketAddr::V4(_) if address.ip().is_loopback() => Ipv4Addr::LOCALHOST.into(),
+            SocketAddr::V6(_) if address.ip().is_loopback() => Ipv6Addr::LOCALHOST.into(),
+            SocketAddr::V4(_) => Ipv4Addr::UNSPECIFIED.into(),
+            SocketAddr::V6(_) => Ipv6Addr::UNSPECIFIED.into(),
+        };
+        let failed = |source| DeviceError::Udp { address: address.to_string(), source };
+        let socket = UdpSocket::bind((here, 0)).map_err(failed)?;
+        socket.set_nonblocking(true).map_err(failed)?;
+        socket.connect(address).map_err(failed)?;
+        Ok(VmplPublisher { socket, places })
+    }
+
+    /// Sends the joints of a frame, if anybody can be reached.
+    pub fn send(&self, joints: &[f64]) {
+        let angles = self
+            .places
+            .map(|place| place.and_then(|place| joints.get(place)).map_or(0.0, |angle| *angle as f32));
+        let (for_arm, for_fingers) = angles.split_at(VMPL_ARM_JOINTS);
+        let mut arm = [0.0; VMPL_ARM_JOINTS];
+        arm.copy_from_slice(for_arm);
+        let mut fingers = [0.0; VMPL_JOINTS - VMPL_ARM_JOINTS];
+        fingers.copy_from_slice(for_fingers);
+        let _ = self.socket.send(&VmplCommand { arm, fingers: Some(fingers) }.to_packet());
+    }
+}
+
+/// Where each joint of the packets is among the moving joints of `model`.
+fn places(model: &ArmModel) -> Result<[Option<usize>; VMPL_JOINTS], VmplError> {
+    let place = |name: &str| model.moving().position(|joint| is_named(&model.joints[joint].name, name));
+    let places = vmpl_joint_names().map(place);
+    if places[..VMPL_ARM_JOINTS].iter().all(Option::is_none) {
+        return Err(VmplError::Arm { arm: model.name.clone() });
+    }
+    Ok(places)
+}
+
+/// The entry of the method.
+pub(crate) fn vmpl_method() -> MethodEntry {
+    let info = MethodInfo {
+        name: VMPL_METHOD.to_owned(),
+        title: "Decoder of a vMPL (miniVIE)".to_owned(),
+        help: MethodHelp {
+            summary: "Another program moves each joint of arm and hand, over UDP.".to_owned(),
+            ..MethodHelp::default()
+        },
+        ..MethodInfo::default()
+    };
+    MethodEntry::outside(info, MethodProgram::new(vec![VMPL_COMMAND.to_owned()]))
+}
+
+/// A decoder in the place of a method's process.
+#[derive(Debug)]
+pub struct VmplMethod {
+    display: VmplDisplay,
+    /// Where each joint of the packets is among the moving joints; none that the arm does not have.
+    places: [Option<usize>; VMPL_JOINTS],
+    /// Where each finger is among the digits.
+    digits: [Option<usize>; VMPL_FINGERS],
+    arm_count: usize,
+    /// When the last command came; none before the first, and after a silence.
+    heard: Option<Instant>,
+    /// Sum of the fingers' angles when the hand last turned to open or close, rad.
+    closure: f64,
+}
+
+impl VmplMethod {
+    /// Listens for the decoder of the arm `model`. `words` say `listen=ADDRESS:PORT` and `decoder=ADDRESS:PORT` where these are
+    /// others than miniVIE's ports on this machine.
+    ///
+    /// # Errors
+    /// [`VmplError`].
+    pub fn open(words: &[String], model: &ArmModel) -> Result<VmplMethod, VmplError> {
+        let [listens, answers] = match model.side {
+            Side::Right => VMPL_RIGHT_PORTS,
+            Side::Left => VMPL_LEFT_PORTS,
+        };
+        let here = |port| SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), port);
+        let (mut listen, mut decoder) = (here(listens), here(answers));
+        for word in words {
+            let wrong = || VmplError::Option { got: word.clone() };
+            let (key, address) = word.split_once('=').ok_or_else(wrong)?;
+            let address: SocketAddr = address.parse().map_err(|_| wrong())?;
+            match key {
+                "listen" => listen = address,
+                "decoder" => decoder = address,
+                _ => return Err(wrong()),
+            }
+        }
+        let moving: Vec<usize> = model.moving().collect();
+        let places = places(model)?;
+        let digit_of = model.digit_places();
+        let digits = std::array::from_fn(|finger| {
+            let place = places[VMPL_ARM_JOINTS + 4 * finger]?;
+            digit_of[model.joints[moving[place]].child]
+        });
+        let display = VmplDisplay::bind(listen, decoder)?;
+        Ok(VmplMethod { display, places, digits, arm_count: model.arm_count(), heard: None, closure: 0.0 })
+    }
+
+    /// Where it listens.
+    pub fn address(&self) -> std::io::Result<SocketAddr> {
+        self.display.address()
+    }
+
+    /// The percepts of one step.
+    fn percepts(&self, line: &InputLine) -> VmplPercepts {
+        let felt = &line.felt;
+        let number = |values: &JointVector, place: Option<usize>| {
+            place.and_then(|place| values.get(place)).map_or(0.0, |value| *value as f32)
+        };
+        VmplPercepts {
+            joints: self.places.map(|place| {
+                [&felt.position, &felt.velocity, &felt.effort].map(|values| number(values, place))
+            }),
+            forces: self
+                .digits
+                .map(|digit| digit.and_then(|digit| felt.digit_forces.get(digit)).copied().unwrap_or(0.0)),
+        }
+    }
+
+    /// What a command means for the arm, at the step `line`.
+    fn carry_out(&mut self, command: &VmplCommand, line: &InputLine, answer: &mut OutputLine) {
+        let (for_arm, for_fingers) = self.places.split_at(VMPL_ARM_JOINTS);
+        let mut goal = line.commanded.clone();
+        for (angle, place) in command.arm.iter().zip(for_arm) {
+            if let Some(asked) = place.and_then(|place| goal.get_mut(place)) {
+                *asked = f64::from(*angle);
+            }
+        }
+        answer.motion = Some(MotionCommand::Goto(goal));
+        let Some(fingers) = &command.fingers else { return };
+        let mut asked: JointVector = line.felt.position.iter().skip(self.arm_count).copied().collect();
+        for (angle, place) in fingers.iter().zip(for_fingers) {
+            if let Some(asked) = place.and_then(|place| asked.get_mut(place.checked_sub(self.arm_count)?)) {
+                *asked = f64::from(*angle);
+            }
+        }
+        answer.fingers = Some(FingerCommand::Goto(asked));
+        // Spread is no closing: the first joint of each finger but the thumb is left out.
+        let flexion = fingers.iter().enumerate().filter(|(joint, _)| *joint >= 16 || joint % 4 != 0);
+        let closure: f64 = flexion.map(|(_, angle)| f64::from(*angle)).sum();
+        if (closure - self.closure).abs() > FINGERS_MOVE {
+            answer.hand = Some(if closure > self.closure { HandCommand::Close } else { HandCommand::Open });
+            self.closure = closure;
+        }
+    }
+
+    fn answer(&mut self, line: &InputLine, now: Instant) -> OutputLine {
+        let mut answer = OutputLine { time: line.time, ..OutputLine::default() };
+        match self.display.latest() {
+            Some(command) => {
+                self.heard = Some(now);
+                self.carry_out(&command, line, &mut answer);
+            }
+            // Said once.
+            None if self.heard.is_some_and(|heard| now.duration_since(heard) > SILENCE) => {
+                self.heard = None;
+                answer.motion = Some(MotionCommand::Hold);
+                answer.fingers = Some(FingerCommand::Hold);
+            }
+            None => {}
+        }
+        answer
+    }
+}
+
+impl MethodProcess for VmplMethod {
+    fn ask(&mut self, _now: SimTime, line: &str) -> MethodAnswer {
+        let line: InputLine = serde_json::from_str(line).map_err(|error| error.to_string())?;
+        if line.time.0.is_multiple_of(PERCEPTS_EVERY_MS) {
+            self.display.send(&self.percepts(&line));
+        }
+        let answer = self.answer(&line, Instant::now());
+        serde_json::to_string(&answer).map_err(|error| error.to_string())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The method of the arm that ships, and its decoder.
+    fn method() -> (VmplMethod, ArmModel, UdpSocket) {
+        let decoder = UdpSocket::bind("127.0.0.1:0").unwrap();
+        let model = crate::Arm::named("mpl_right").unwrap().model().as_ref().clone();
+        let words = ["listen=127.0.0.1:0".to_owned(), format!("decoder={}", decoder.local_addr().unwrap())];
+        (VmplMethod::open(&words, &model).unwrap(), model, decoder)
+    }
+
+    /// A step of an arm at rest, as the method is told of it.
+    fn line(model: &ArmModel) -> InputLine {
+        let zeros = |count: usize| vec![0.0; count];
+        serde_json::from_value(serde_json::json!({
+            "time": 20, "gesture": "no_motion", "message": null, "measured": zeros(7), "commanded": zeros(7),
+            "highlight": null, "objects": [], "posterior": [], "place": [0.0, 0.0, 0.0],
+            "hand": { "state": "open", "holds": null },
+            "world_from_base": { "rotation": [0.0, 0.0, 0.0, 1.0], "translation": [0.0, 0.0, 0.0] },
+            "base_from_tip": null, "jacobian": null, "plan": null, "motion": "holding", "targets": [], "limb": null,
+            "emg_age_ms": null, "gaze_age_ms": null, "tracking_age_ms": null,
+            "felt": {
+                "position": zeros(model.moving_count()), "velocity": zeros(model.moving_count()),
+                "effort": zeros(model.moving_count()), "digit_forces": [0.0, 1.0, 0.0, 0.0, 0.0]
+            },
+        }))
+        .unwrap()
+    }
+
+    #[test]
+    fn silence_stops_arm_and_fingers_once_and_the_next_command_moves_them() {
+        let (mut method, model, decoder) = method();
+        let line = line(&model);
+        let start = Instant::now();
+        let address = method.address().unwrap();
+        let command = VmplCommand { arm: [0.1; 7], fingers: Some([0.3; 20]) };
+        let send = |command: &VmplCommand| {
+            decoder.send_to(&command.to_packet(), address).unwrap();
+        };
+        assert_eq!(method.answer(&line, start).motion, None, "nobody has said anything yet");
+        send(&command);
+        let first = method.answer(&line, start);
+        assert!(matches!(first.motion, Some(MotionCommand::Goto(_))), "{first:?}");
+        assert_eq!(first.hand, Some(HandCommand::Close), "the fingers bend");
+        let after = |ms| start + Duration::from_millis(ms);
+        assert_eq!(method.answer(&line, after(100)).motion, None);
+        let silent = method.answer(&line, after(101));
+        assert_eq!((silent.motion, silent.fingers), (Some(MotionCommand::Hold), Some(FingerCommand::Hold)));
+        assert_eq!(method.answer(&line, after(150)).motion, None, "said once");
+        send(&VmplCommand { fingers: Some([0.1; 20]), ..command });
+        let again = method.answer(&line, after(160));
+        assert_eq!(again.hand, Some(HandCommand::Open));
+        assert!(again.motion.is_some());
+    }
+
+    #[test]
+    fn ring_and_little_finger_change_places_and_each_finger_has_its_force() {
+        let (mut method, model, decoder) = method();
+        let mut line = line(&model);
+        let mut fingers = [0.0; 20];
+        (fingers[9], fingers[13]) = (0.7, 0.2);
+        let command = VmplCommand { arm: [0.0; 7], fingers: Some(fingers) };
+        decoder.send_to(&command.to_packet(), method.address().unwrap()).unwrap();
+        let Some(FingerCommand::Goto(asked)) = method.answer(&line, Instant::now()).fingers else {
+            panic!("the fingers are asked for")
+        };
+        let of = |name: &str| {
+            model.hand.iter().position(|&joint| is_named(&model.joints[joint].name, name)).unwrap()
+        };
+        assert_eq!((asked[of("ring1")], asked[of("pinky1")]), (f64::from(0.7_f32), f64::from(0.2_f32)));
+        let place = model.arm_count() + of("pinky1");
+        line.felt.position[place] = 0.5;
+        let percepts = method.percepts(&line);
+        assert_eq!(percepts.joints[20][0], 0.5);
+        assert_eq!(percepts.forces.iter().sum::<f64>(), 1.0, "one digit presses: {:?}", percepts.forces);
+    }
+
+    #[test]
+    fn what_is_published_drives_a_limb_of_the_same_kind() {
+        let (mut method, model, _decoder) = method();
+        let publisher = VmplPublisher::new(method.address().unwrap(), &model).unwrap();
+        let angles: Vec<f64> = (0..model.moving_count()).map(|joint| joint as f64 / 64.0).collect();
+        publisher.send(&angles);
+        let answer = method.answer(&line(&model), Instant::now());
+        let (arm, hand) = angles.split_at(model.arm_count());
+        assert_eq!(answer.motion, Some(MotionCommand::Goto(proact_types::joints(arm))));
+        assert_eq!(answer.fingers, Some(FingerCommand::Goto(proact_types::joints(hand))));
+    }
+
+    #[test]
+    fn a_decoder_is_known_by_its_method_and_by_its_command() {
+        let config =
+            |method: &str| TrialConfig::new(method, 1, proact_testbed::Setup::named("still").unwrap());
+        assert!(is_by_decoder(&config("vmpl")) && !is_by_decoder(&config("A")));
+        let by = |word: &str| TrialConfig {
+            method_process: Some(MethodProgram::new(vec![word.to_owned()])),
+            ..config("A")
+        };
+        assert!(is_by_decoder(&by(VMPL_COMMAND)) && !is_by_decoder(&by("python3")));
+    }
+
+    #[test]
+    fn what_is_no_option_and_an_arm_of_other_joints_are_refused() {
+        let (_, model, _) = method();
+        for (words, part) in [
+            ("listen", "listen=ADDRESS:PORT"),
+            ("listen=nowhere", "\"listen=nowhere\""),
+            ("other=127.0.0.1:1", "\"other=127.0.0.1:1\""),
+        ] {
+            let error = VmplMethod::open(&[words.to_owned()], &model).unwrap_err().to_string();
+            assert!(error.contains(part), "{error}");
+        }
+        let wam = crate::Arm::named("wam").unwrap();
+        let error = VmplMethod::open(&[], wam.model()).unwrap_err().to_string();
+        assert!(error.contains("has none of the joints shoulder"), "{error}");
+    }
+}

@@ -1,0 +1,240 @@
+use crate::EmgError;
+use crate::usability_test::positive;
+use proact_types::{GestureName, SimTime};
+use serde::{Deserialize, Serialize};
+
+/// How the motion test is done.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MotionTestConfig {
+    /// What is asked for, one after the other: gestures that move.
+    pub prompts: Vec<GestureName>,
+    /// The gesture of a relaxed hand, which comes before each prompt.
+    pub rest: GestureName,
+    /// A motion must be complete within so many seconds of its prompt. Default 5 (Kuiken et al. 2009).
+    pub limit_secs: f64,
+    /// Right decisions that complete a motion, in all and not in a row. Default 10 (Kuiken et al. 2009).
+    pub right: usize,
+    /// Time from one decision that counts to the next, seconds. Default 0.1, as in miniVIE.
+    pub poll_secs: f64,
+}
+
+impl MotionTestConfig {
+    /// The default test: each of `gestures` but `rest`, `repetitions` times; miniVIE has three.
+    pub fn of(gestures: &[GestureName], rest: GestureName, repetitions: usize) -> MotionTestConfig {
+        let moving: Vec<GestureName> = gestures.iter().copied().filter(|gesture| *gesture != rest).collect();
+        let prompts = moving.repeat(repetitions);
+        MotionTestConfig { prompts, rest, limit_secs: 5.0, right: 10, poll_secs: 0.1 }
+    }
+}
+
+/// One motion that was asked for.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MotionAttempt {
+    /// Which.
+    pub prompt: GestureName,
+    /// From the first decision that is not rest to the first right one, seconds; none if there was none.
+    pub selection_secs: Option<f64>,
+    /// From there to the last right decision that was needed, seconds; none if time ran out before.
+    pub completion_secs: Option<f64>,
+    /// Right decisions.
+    pub right: usize,
+    /// Decisions that were neither rest nor right.
+    pub wrong: usize,
+}
+
+/// How the motion test went.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct MotionReport {
+    /// All motions up to now.
+    pub attempts: Vec<MotionAttempt>,
+    /// Motions asked for in the whole test.
+    pub asked: usize,
+    /// Share of the motions up to now that were completed.
+    pub completion_rate: f64,
+    /// Mean over the motions that were selected, seconds; none before one was.
+    pub mean_selection_secs: Option<f64>,
+    /// Mean over the motions that were completed, seconds; none before one was.
+    pub mean_completion_secs: Option<f64>,
+}
+
+/// The motion test: how fast, and how surely, each motion is selected and kept (T. A. Kuiken et al., JAMA 301(6), 2009, 619-628).
+/// The limb stands still. Before each prompt the hand relaxes.
+#[derive(Clone, Debug)]
+pub struct MotionTest {
+    config: MotionTestConfig,
+    report: MotionReport,
+    polled: Option<SimTime>,
+    /// Since when the motion is asked for; none while the hand has yet to relax.
+    asked: Option<SimTime>,
+    /// The first decision that is not rest.
+    onset: Option<SimTime>,
+    attempt: Option<MotionAttempt>,
+}
+
+impl MotionTest {
+    /// A test before its first prompt.
+    ///
+    /// # Errors
+    /// No prompts, rest among them, no decisions, or times that are not above zero.
+    pub fn new(config: MotionTestConfig) -> Result<MotionTest, EmgError> {
+        for (name, count) in [("prompts", config.prompts.len()), ("right decisions", config.right)] {
+            if count == 0 {
+                return Err(EmgError::Threshold { name, value: 0.0, expected: "at least 1" });
+            }
+        }
+        if config.prompts.contains(&config.rest) {
+            return Err(EmgError::Threshold { name: "prompts that rest", value: 1.0, expected: "none" });
+        }
+        positive("limit_secs", config.limit_secs)?;
+        positive("poll_secs", config.poll_secs)?;
+        let report = MotionReport { asked: config.prompts.len(), ..MotionReport::default() };
+        Ok(MotionTest { config, report, polled: None, asked: None, onset: None, attempt: None })
+    }
+
+    /// Takes the gesture that is in force at `now`. True if what the person is asked for changed.
+    pub fn step(&mut self, now: SimTime, in_force: GestureName) -> bool {
+        let secs = |since: SimTime| now.millis_since(since) as f64 / 1000.0;
+        if self.is_finished() || self.polled.is_some_and(|polled| secs(polled) < self.config.poll_secs) {
+            return false;
+        }
+        let first = self.polled.replace(now).is_none();
+        let prompt = self.config.prompts[self.report.attempts.len()];
+        let (Some(asked), Some(attempt)) = (self.asked, &mut self.attempt) else {
+            if in_force != self.config.rest {
+                return first;
+            }
+            self.asked = Some(now);
+            self.attempt = Some(MotionAttempt {
+                prompt,
+                selection_secs: None,
+                completion_secs: None,
+                right: 0,
+                wrong: 0,
+            });
+            return true;
+        };
+        if in_force != self.config.rest {
+            let onset = *self.onset.get_or_insert(now);
+            if in_force == prompt {
+                attempt.selection_secs.get_or_insert(secs(onset));
+                attempt.right += 1;
+                attempt.completion_secs = (attempt.right == self.config.right).then(|| secs(onset));
+            } else {
+                attempt.wrong += 1;
+            }
+        }
+        let over = attempt.completion_secs.is_some() || secs(asked) >= self.config.limit_secs;
+        if over {
+            (self.asked, self.onset) = (None, None);
+            self.report.attempts.extend(self.attempt.take());
+            self.sum_up();
+        }
+        over
+    }
+
+    fn sum_up(&mut self) {
+        let mean = |of: fn(&MotionAttempt) -> Option<f64>| {
+            let known: Vec<f64> = self.report.attempts.iter().filter_map(of).collect();
+            (!known.is_empty()).then(|| known.iter().sum::<f64>() / known.len() as f64)
+        };
+        let (selection, completion) =
+            (mean(|attempt| attempt.selection_secs), mean(|attempt| attempt.completion_secs));
+        let complete =
+            self.report.attempts.iter().filter(|attempt| attempt.completion_secs.is_some()).count();
+        self.report.completion_rate = complete as f64 / self.report.attempts.len() as f64;
+        (self.report.mean_selection_secs, self.report.mean_completion_secs) = (selection, completion);
+    }
+
+    /// What the person is asked for: rest before each motion; none after the end.
+    pub fn prompt(&self) -> Option<GestureName> {
+        let motion = self.asked.map_or(self.config.rest, |_| self.config.prompts[self.report.attempts.len()]);
+        (!self.is_finished()).then_some(motion)
+    }
+
+    /// All motions were asked for.
+    pub fn is_finished(&self) -> bool {
+        self.report.attempts.len() == self.config.prompts.len()
+    }
+
+    /// How it goes.
+    pub fn report(&self) -> &MotionReport {
+        &self.report
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proact_types::Gesture;
+
+    /// Steps every 50 ms; at each, `act` says what is in force, from what is asked for and how long it has been, ms.
+    fn run(config: MotionTestConfig, act: impl Fn(GestureName, u64) -> GestureName) -> MotionReport {
+        let mut test = MotionTest::new(config).unwrap();
+        let (mut asked, mut since) = (test.prompt(), 0);
+        for tick in 0..4000_u64 {
+            let now = 50 * tick;
+            let Some(prompt) = asked else { break };
+            test.step(SimTime(now), act(prompt, now - since));
+            if test.prompt() != asked {
+                (asked, since) = (test.prompt(), now);
+            }
+        }
+        assert!(test.is_finished());
+        test.report().clone()
+    }
+
+    fn config(repetitions: usize) -> MotionTestConfig {
+        MotionTestConfig::of(&Gesture::ALL.map(GestureName::from), Gesture::NoMotion.into(), repetitions)
+    }
+
+    #[test]
+    fn times_count_from_the_first_decision_that_moves_to_the_first_and_the_tenth_right_one() {
+        let wrong: GestureName = Gesture::HandOpen.into();
+        let report = run(config(3), |prompt, since| match since {
+            0..400 => Gesture::NoMotion.into(),
+            400..600 if prompt != GestureName::from(Gesture::NoMotion) => wrong,
+            _ => prompt,
+        });
+        assert_eq!((report.attempts.len(), report.asked, report.completion_rate), (12, 12, 1.0));
+        for attempt in &report.attempts {
+            // Decisions count every 100 ms: two wrong ones, then ten right ones.
+            let wrong_ones = if attempt.prompt == wrong { 0 } else { 2 };
+            assert_eq!((attempt.right, attempt.wrong), (10, wrong_ones));
+            let expected = 0.1 * wrong_ones as f64;
+            assert!((attempt.selection_secs.unwrap() - expected).abs() < 1e-9, "{attempt:?}");
+            assert!((attempt.completion_secs.unwrap() - expected - 0.9).abs() < 1e-9, "{attempt:?}");
+        }
+    }
+
+    #[test]
+    fn a_motion_that_is_not_made_ends_after_its_time_and_the_hand_must_relax_first() {
+        let close: GestureName = Gesture::HandClose.into();
+        let report = run(config(1), |prompt, since| match prompt {
+            // It goes on for a while where rest is asked for.
+            _ if prompt == GestureName::from(Gesture::NoMotion) && since < 700 => close,
+            _ if prompt == close => Gesture::NoMotion.into(),
+            _ => prompt,
+        });
+        let failed = report.attempts.iter().find(|attempt| attempt.prompt == close).unwrap();
+        assert_eq!((failed.right, failed.selection_secs, failed.completion_secs), (0, None, None));
+        assert_eq!(report.completion_rate, 0.75);
+        assert!(
+            report.attempts.iter().all(|attempt| attempt.wrong == 0),
+            "what is made before the prompt does not count"
+        );
+    }
+
+    #[test]
+    fn what_is_no_test_is_refused() {
+        let refused = |config| MotionTest::new(config).unwrap_err().to_string();
+        assert!(refused(config(0)).contains("prompts"));
+        assert!(refused(MotionTestConfig { right: 0, ..config(1) }).contains("right decisions"));
+        assert!(refused(MotionTestConfig { limit_secs: 0.0, ..config(1) }).contains("limit_secs"));
+        assert!(refused(MotionTestConfig { poll_secs: f64::NAN, ..config(1) }).contains("poll_secs"));
+        assert!(
+            refused(MotionTestConfig { prompts: vec![Gesture::NoMotion.into()], ..config(1) })
+                .contains("rest")
+        );
+    }
+}
