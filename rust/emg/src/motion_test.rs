@@ -170,7 +170,7 @@ mod tests {
 
     /// Steps every 50 ms; at each, `act` says what is in force, from what is asked for and how long it has been, ms.
     fn run(config: MotionTestConfig, act: impl Fn(GestureName, u64) -> GestureName) -> MotionReport {
-        let mut test = MotionTest::new(config).unwrap();
+        let mut test = MotionTest::new(config).expect("as arranged");
         let (mut asked, mut since) = (test.prompt(), 0);
         for tick in 0..4000_u64 {
             let now = 50 * tick;
@@ -202,8 +202,11 @@ mod tests {
             let wrong_ones = if attempt.prompt == wrong { 0 } else { 2 };
             assert_eq!((attempt.right, attempt.wrong), (10, wrong_ones));
             let expected = 0.1 * wrong_ones as f64;
-            assert!((attempt.selection_secs.unwrap() - expected).abs() < 1e-9, "{attempt:?}");
-            assert!((attempt.completion_secs.unwrap() - expected - 0.9).abs() < 1e-9, "{attempt:?}");
+            assert!((attempt.selection_secs.expect("as arranged") - expected).abs() < 1e-9, "{attempt:?}");
+            assert!(
+                (attempt.completion_secs.expect("as arranged") - expected - 0.9).abs() < 1e-9,
+                "{attempt:?}"
+            );
         }
     }
 
@@ -216,7 +219,7 @@ mod tests {
             _ if prompt == close => Gesture::NoMotion.into(),
             _ => prompt,
         });
-        let failed = report.attempts.iter().find(|attempt| attempt.prompt == close).unwrap();
+        let failed = report.attempts.iter().find(|attempt| attempt.prompt == close).expect("as arranged");
         assert_eq!((failed.right, failed.selection_secs, failed.completion_secs), (0, None, None));
         assert_eq!(report.completion_rate, 0.75);
         assert!(
@@ -227,7 +230,7 @@ mod tests {
 
     #[test]
     fn what_is_no_test_is_refused() {
-        let refused = |config| MotionTest::new(config).unwrap_err().to_string();
+        let refused = |config| MotionTest::new(config).expect_err("must be refused").to_string();
         assert!(refused(config(0)).contains("prompts"));
         assert!(refused(MotionTestConfig { right: 0, ..config(1) }).contains("right decisions"));
         assert!(refused(MotionTestConfig { limit_secs: 0.0, ..config(1) }).contains("limit_secs"));

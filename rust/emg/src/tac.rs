@@ -30,7 +30,8 @@ impl TacAxis {
     pub fn of(gestures: &[GestureName]) -> Vec<TacAxis> {
         // Our names, then miniVIE's.
         let turn = 1.4_f64.to_degrees();
-        let known: [(&str, &[&str], &[&str], [f64; 2], f64); 4] = [
+        type Known<'a> = (&'a str, &'a [&'a str], &'a [&'a str], [f64; 2], f64);
+        let known: [Known<'_>; 4] = [
             (
                 "wrist flexion",
                 &["wrist_flexion", "Wrist Flex In"],
@@ -307,7 +308,7 @@ mod tests {
 
     /// Steps every 10 ms until the test is over, with what `act` makes of what is to do and of the time since the target came, ms.
     fn run(config: TacConfig, act: impl Fn(&TacTest, u64) -> GestureName) -> TacReport {
-        let mut test = TacTest::new(config).unwrap();
+        let mut test = TacTest::new(config).expect("as arranged");
         let mut since = 0;
         for tick in 0..100_000_u64 {
             if test.is_finished() {
@@ -355,13 +356,13 @@ mod tests {
         let report = run(config(vec![vec![(0, -40.0)], vec![(0, 40.0), (1, 60.0)]]), straight);
         assert_eq!((report.completion_rate, report.asked), (1.0, 2));
         // To 5 degrees before 40 at 80.2 degrees a second.
-        let first = report.trials[0].secs.unwrap();
+        let first = report.trials[0].secs.expect("as arranged");
         assert!((first - 35.0 / 1.4_f64.to_degrees()).abs() < 0.03, "{first} s");
-        let second = report.trials[1].secs.unwrap();
+        let second = report.trials[1].secs.expect("as arranged");
         assert!((second - 37.5 / 1.4_f64.to_degrees() - 55.0 / 120.0).abs() < 0.06, "{second} s");
         for trial in &report.trials {
             assert_eq!(trial.overshoots, 0);
-            assert!((0.85..=1.0).contains(&trial.path_efficiency.unwrap()), "{trial:?}");
+            assert!((0.85..=1.0).contains(&trial.path_efficiency.expect("as arranged")), "{trial:?}");
         }
     }
 
@@ -374,7 +375,10 @@ mod tests {
         });
         let trial = &overshooting.trials[0];
         assert_eq!(trial.overshoots, 1);
-        assert!(trial.secs.unwrap() > 0.7 && trial.path_efficiency.unwrap() < 0.8, "{trial:?}");
+        assert!(
+            trial.secs.expect("as arranged") > 0.7 && trial.path_efficiency.expect("as arranged") < 0.8,
+            "{trial:?}"
+        );
         let failed = run(config(vec![vec![(0, 40.0)]]), |_, since| match since {
             0..100 => REST.into(),
             _ => Gesture::WristExtension.into(),
@@ -384,7 +388,7 @@ mod tests {
 
     #[test]
     fn a_gesture_that_is_made_before_the_hand_relaxed_moves_nothing() {
-        let mut test = TacTest::new(config(vec![vec![(0, 40.0)]])).unwrap();
+        let mut test = TacTest::new(config(vec![vec![(0, 40.0)]])).expect("as arranged");
         for tick in 0..100 {
             test.step(SimTime(10 * tick), Gesture::WristFlexion.into());
         }
@@ -396,7 +400,7 @@ mod tests {
 
     #[test]
     fn what_is_no_test_is_refused() {
-        let refused = |config| TacTest::new(config).unwrap_err().to_string();
+        let refused = |config| TacTest::new(config).expect_err("must be refused").to_string();
         assert!(refused(config(vec![])).contains("targets"));
         assert!(refused(config(vec![vec![]])).contains("axes of a target"));
         assert!(refused(config(vec![vec![(2, 0.0)]])).contains("axis of a target"));

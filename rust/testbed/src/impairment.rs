@@ -329,7 +329,7 @@ mod tests {
             (vec![impaired(ImpairedLink::Gestures, 0, 0, 0.1)], "loses nothing"),
             (vec![impaired(ImpairedLink::Emg, 1, 0, 0.0); 2], "Emg twice"),
         ] {
-            let error = LinkImpairment::check(&impairments).unwrap_err().to_string();
+            let error = LinkImpairment::check(&impairments).expect_err("must be refused").to_string();
             assert!(error.contains(part), "{error}");
         }
         assert!(LinkImpairment::check(&[impaired(ImpairedLink::Emg, 100, 10, 1.0)]).is_ok());
