@@ -156,7 +156,7 @@ const CASES: &[(&str, &str, &[&str])] = &[
     ("profile.jog.pace", "message", &[]),
     ("profile.jog.proportional.full", "0.7", &[ARMBAND, PROPORTIONAL]),
     ("profile.jog.proportional.rest", "0.15", &[ARMBAND, PROPORTIONAL]),
-    ("profile.jog.ramp.falls", "4.0", &[PAGE, A, RAMP]),
+    ("profile.jog.ramp.falls", "4.0", &[PAGE, A, "profile.jog.ramp={ up_ms = 4000, falls = 1.0 }"]),
     ("profile.jog.ramp.up_ms", "300", &[PAGE, A, RAMP]),
     ("profile.jog.steps.fast", "1.1", &[PAGE, A, STEPS]),
     ("profile.jog.steps.fast_after_ms", "500", &[PAGE, A, STEPS]),

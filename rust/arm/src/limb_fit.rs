@@ -7,9 +7,10 @@ use proact_types::{JointVector, Vector, joints};
 /// The levels of limb loss whose first joints are the elbow's and the wrist's.
 const ELBOW_LEVEL: &str = "above_elbow";
 const WRIST_LEVEL: &str = "below_elbow";
-/// Steps of one fit at most, and from which gap on it has arrived, rad.
+/// Steps of one fit at most, and from which gap on it has arrived, rad: below the noise of any tracker, which has to be seen in the
+/// angles, or a limb at rest would look like one whose tracker repeats itself.
 const MOST_STEPS: usize = 20;
-const THERE_RAD: f64 = 1e-4;
+const THERE_RAD: f64 = 1e-6;
 /// Square of the damping of a step, and its longest, rad.
 const DAMPING: f64 = 1e-3;
 const LONGEST_RAD: f64 = 0.3;

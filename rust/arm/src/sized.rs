@@ -4,7 +4,7 @@ use crate::{ArmModel, CollisionShape, Visual, VisualGeometry};
 use proact_types::{Pose, Shape, Vector};
 
 /// Lengths of segments as shares of the stature: Drillis and Contini 1966, as Winter prints them (Biomechanics and Motor Control
-/// of Human Movement, fig. 4.1): shoulder to elbow, elbow to wrist.
+/// of Human Movement, fig. 4.1): shoulder to elbow, elbow to wrist. The two figures are recalled and not looked up.
 pub const UPPER_ARM_SHARE: f64 = 0.186;
 /// See [`UPPER_ARM_SHARE`].
 pub const FOREARM_SHARE: f64 = 0.146;

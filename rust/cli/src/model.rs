@@ -42,7 +42,7 @@ pub enum ModelCommand {
     /// Give an arm the segment lengths of its wearer, by stature, as a folder of its own
     #[command(after_help = "Examples:\n  proact model size mpl_right --stature 1.68 --out arm_168\n  \
         proact demo --arm arm_168 --task bbt\n\n\
-        Upper arm 0.186 and forearm 0.146 of the stature (Drillis and Contini 1966, in Winter's book): what lies between shoulder and \
+        Upper arm 0.186 and forearm 0.146 of the stature (Drillis and Contini 1966, in Winter's book; recalled, not looked up): what lies between shoulder and \
         wrist is stretched along the limb. The hand keeps its size, masses and limits stay.")]
     Size(SizeArgs),
 }

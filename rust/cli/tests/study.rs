@@ -31,7 +31,7 @@ fn refusal(dir: &Path, words: &[&str]) -> String {
 fn a_new_study_is_called_as_its_folder_and_its_check_names_every_imbalance() {
     let dir = tempfile::tempdir().unwrap();
     let dir = dir.path();
-    for like in ["study1", "study2", "empty", "minivie", "vie"] {
+    for like in ["study1", "study2", "empty", "minivie", "vie", "armsym", "holopham", "virtual-bbt"] {
         let name = format!("my-{like}");
         answer(dir, &["study", "new", &name, "--like", like]);
         let report: Value = serde_json::from_str(&answer(dir, &["study", "check", &name, "--json"])).unwrap();

@@ -221,7 +221,10 @@ impl SourceWatch {
         }
         // What the banner says first: the person looks for the cameras, not for a cable.
         let lost = if source == InputSource::ShoulderTracker { "tracking lost: " } else { "" };
-        let repeats = heard.repeated.is_some_and(|at| now.millis_since(at) <= RECENT_MS);
+        // One that repeated itself once and then brought something new again has not frozen.
+        let repeats = heard.repeated.is_some_and(|at| {
+            heard.fresh.is_none_or(|fresh| at > fresh) && now.millis_since(at) <= RECENT_MS
+        });
         Some(match repeats {
             true => (StopCause::Frozen, format!("{lost}the {source} sends the same again and again")),
             false => (StopCause::Silent, format!("{lost}the {source} is silent")),

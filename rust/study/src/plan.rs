@@ -11,6 +11,9 @@ pub const SHIPPED: &[(&str, &str)] = &[
     ("empty", include_str!("../data/empty.toml")),
     ("minivie", include_str!("../data/likes/minivie.toml")),
     ("vie", include_str!("../data/likes/vie.toml")),
+    ("armsym", include_str!("../data/likes/armsym.toml")),
+    ("holopham", include_str!("../data/likes/holopham.toml")),
+    ("virtual-bbt", include_str!("../data/likes/virtual-bbt.toml")),
 ];
 
 /// Most people, conditions, and trials in a row that a plan may ask for: more is most likely a slip.

@@ -87,10 +87,10 @@ fn a_box_goes_from_shelf_to_shelf_and_back_and_each_transfer_has_its_times() {
     assert!(trial.task.state().finished);
     let result = trial.result();
     assert_eq!((&result["moved"], &result["of_moves"], &result["fell"]), (&json!(3), &json!(3), &json!(0)));
-    // Taken in the first tick after the wait, let go in the first tick after the hold.
+    // Taken in the first tick after the wait, let go in the first tick after the hold; a move begins with the end of the one before.
     let [first, second] = [&result["moves"][0], &result["moves"][1]];
     assert_eq!((&first["pick_s"], &first["place_s"]), (&json!(1.001), &json!(1.0)));
-    assert_eq!((&second["pick_s"], &second["seconds"]), (&json!(1.0), &json!(2.301)));
+    assert_eq!((&second["pick_s"], &second["seconds"]), (&json!(1.001), &json!(2.301)));
     assert_eq!(result["seconds"], json!(6.903));
 }
 
@@ -161,8 +161,9 @@ fn a_posture_counts_once_it_is_kept_and_leaving_it_is_an_overshoot() {
         (&json!(true), &json!(3.0), &json!(1))
     );
     let efficiency = goal["path_efficiency"].as_f64().expect("a number");
-    let (way, straight) = (first[0].angle + 1.3 * first[0].tolerance, first[0].angle);
-    assert!((efficiency - straight / (way)).abs() < 0.03, "{efficiency}");
+    // Out to 1.1 tolerances beyond it, and back.
+    let (way, straight) = (first[0].angle + 2.2 * first[0].tolerance, first[0].angle);
+    assert!((efficiency - straight / way).abs() < 1e-6, "{efficiency}");
     assert_eq!((&result["completion_rate"], &result["completion_s"]), (&json!(0.5), &json!(3.0)));
     assert_eq!(trial.task.state().score, 1);
 }
@@ -221,7 +222,7 @@ fn files_that_cannot_be_are_refused_with_what_was_expected() {
         TaskFile::read(&text.replacen(old, new, 1))
             .and_then(|file| file.build(false))
             .err()
-            .expect("refused")
+            .unwrap_or_else(|| panic!("{new} is not refused"))
             .to_string()
     };
     for (name, old, new, why) in [
@@ -231,7 +232,7 @@ fn files_that_cannot_be_are_refused_with_what_was_expected() {
             "object = \"soup\"",
             "\"soup\" is no object; expected pasta_box",
         ),
-        ("pasta_box", "1.095]", "1.3]", "is on nothing; expected the top of a fixed body"),
+        ("pasta_box", "0.02, 1.095]", "0.02, 1.3]", "is on nothing; expected the top of a fixed body"),
         ("pasta_box", "destination = \"shown\"", "destination = \"across\"", "expected Shown"),
         ("pasta_box", "order = \"prescribed\"", "order = \"any\"", "order of their own"),
         ("pasta_box", "rules = \"moves\"", "rules = \"postures\"", "the rules are not \"moves\""),

@@ -105,7 +105,7 @@ fn model(args: &StreamArgs, info: &SourceInfo) -> Result<(EmgModel, String), Box
     let mut config = args.window.live_config(info.rate_hz, info.channels)?;
     let (recordings, reps, label) = match &args.data {
         Some(dir) => (args.window.open(dir)?, args.train_reps.clone(), dir.display().to_string()),
-        None => (synthetic()?, vec![0], "synthetic EMG; name recordings with --data".to_owned()),
+        None => (synthetic(info.rate_hz)?, vec![0], "synthetic EMG; name recordings with --data".to_owned()),
     };
     check_fit(info, recordings.rate_hz, recordings.channels, &label)?;
     if reps.is_empty() {
@@ -122,9 +122,11 @@ fn model(args: &StreamArgs, info: &SourceInfo) -> Result<(EmgModel, String), Box
     Ok((EmgModel::train(&config, &vec![0.0; config.channels], &slices)?, label))
 }
 
-/// Recordings of the generator that the simulator uses, from another random stream.
-fn synthetic() -> Result<Recordings, Box<dyn Error>> {
-    let (model, rate_hz, secs) = (SyntheticModel::shipped()?, 1000.0, 6.0);
+/// Recordings of the generator that the simulator uses, from another random stream, at the rate of an armband; of another rate the
+/// check of the fit tells.
+fn synthetic(rate_hz: f64) -> Result<Recordings, Box<dyn Error>> {
+    let rate_hz = if (200.0..=1000.0).contains(&rate_hz) { rate_hz } else { 1000.0 };
+    let (model, secs) = (SyntheticModel::shipped()?, 6.0);
     let channels = model.channels();
     let mut generator = SyntheticEmg::new(&model, rate_hz, channels, 1.0, stream(0, "emg/synthetic/train"))?;
     let mut record = |gesture: Gesture| Recording {

@@ -4,7 +4,7 @@ use crate::workspace::{files, read};
 use std::collections::BTreeSet;
 
 /// The types of `tasks` by which any task is handled.
-const ANY_TASK: [&str; 10] = [
+const ANY_TASK: [&str; 17] = [
     "Task",
     "TaskInput",
     "TaskState",
@@ -15,6 +15,13 @@ const ANY_TASK: [&str; 10] = [
     "SceneFile",
     "DEFAULT_TASK",
     "SHIPPED",
+    "GridChoice",
+    "GridCount",
+    "GridPitch",
+    "Norm",
+    "norms",
+    "Sex",
+    "Wearer",
 ];
 
 /// The module with the original's names.
