@@ -11,7 +11,7 @@ use crate::{
 use proact_localization::{Nanos, RawBodyPose};
 use rosrust::{Message, Subscriber};
 use std::{
-    collections::BTreeMap,
+    collections::{BTreeMap, btree_map::Entry},
     sync::{
         Arc, Mutex, MutexGuard, PoisonError,
         atomic::{AtomicBool, Ordering},
@@ -153,11 +153,10 @@ pub fn follow_pose_topic(topic: &str, taker: &impl TakesPoses) {
             wanted.push(topic.to_owned());
         }
         for name in wanted {
-            if !subscribers.contains_key(&name) {
-                match listen(&name, name == topic, taker) {
-                    Ok(subscriber) => _ = subscribers.insert(name, subscriber),
-                    Err(reason) => taker.wait(reason),
-                }
+            let Entry::Vacant(free) = subscribers.entry(name) else { continue };
+            match listen(free.key(), free.key() == topic, taker) {
+                Ok(subscriber) => _ = free.insert(subscriber),
+                Err(reason) => taker.wait(reason),
             }
         }
         match (carries(topic), subscribers.get(topic).map(Subscriber::publisher_count)) {
