@@ -181,8 +181,11 @@ function slider(item: Item<"scale">, asking: Asking): Control {
   input.addEventListener("change", () => asking.settled());
   // Where it stands already is an answer as well, once somebody says so.
   input.addEventListener("pointerup", () => control.value === null && take(false));
-  input.addEventListener("keydown", ({ code }) => {
-    if (control.value === null && (code === "Space" || code === "Enter")) take(false);
+  input.addEventListener("keydown", (event) => {
+    if (event.code !== "Space" && event.code !== "Enter") return;
+    // The space bar would scroll the form away from under the person.
+    event.preventDefault();
+    if (control.value === null) take(false);
   });
   // For fingers that are broader than a step. Keys have the arrows.
   const nudge = (sign: 1 | -1, label: string) => {
