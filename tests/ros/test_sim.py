@@ -57,11 +57,9 @@ ORIGINAL_FRAMES = {
 
 
 def setUpModule():
-    global SIM, STATES, FIXED, LOG, DIAGNOSTICS
+    global SIM, STATES, LOG, DIAGNOSTICS
     rospy.init_node("test_sim", disable_signals=True)
     STATES = graph.Inbox("/mpl_right_arm/joint_states", JointState, keep=2000)
-    # Before anybody else in this process: what was said once is not said again to a second listener of it.
-    FIXED = graph.Inbox("/tf_static", TFMessage)
     LOG = graph.Inbox("/rosout", Log, keep=2000)
     DIAGNOSTICS = graph.Inbox("/diagnostics", DiagnosticArray, keep=50)
     SIM = GRAPH.node("sim", "--setup", "still")
@@ -115,16 +113,18 @@ class Simulator(unittest.TestCase):
         self.assertEqual(message.name, sorted(message.name))
         tf.subscriber.unregister()
 
-    def test_the_frames_of_the_original_hang_where_it_has_them(self):
-        moving = graph.Inbox("/tf", TFMessage)
+    # Before test_tf2, whose listener stays: what was said once is not said again to a second listener in one process.
+    def test_frames_of_the_original_hang_where_it_has_them(self):
+        moving, fixed = graph.Inbox("/tf", TFMessage), graph.Inbox("/tf_static", TFMessage)
         moving.wait_count(2)
         told = {(t.header.frame_id, t.child_frame_id)
-                for m in moving.messages + [FIXED.wait()] for t in m.transforms}
+                for m in moving.messages + [fixed.wait()] for t in m.transforms}
         self.assertEqual(ORIGINAL_FRAMES - told, set())
         # One parent each: whoever counts on the original's tree gets one tree.
         children = [child for _, child in told]
         self.assertEqual(len(children), len(set(children)))
         moving.subscriber.unregister()
+        fixed.subscriber.unregister()
 
     def test_tf2_leads_from_every_frame_of_the_original_to_the_world(self):
         buffer = tf2_ros.Buffer(rospy.Duration(30))
