@@ -1,5 +1,6 @@
 use super::{
     fragments::{Fragments, Joined},
+    kept_link::{Heard, KeptLink},
     link::{Connect, GattLink, LinkError},
     parser::EmgParser,
     protocol::{
@@ -68,30 +69,19 @@ impl Default for GForceOptions {
 
 /// How long a reply may take (one to five seconds in the maker's programs).
 const REPLY_TIMEOUT: Duration = Duration::from_secs(2);
-/// A stream without any packet for so long is given up, and the connection made anew.
-const SILENCE: Duration = Duration::from_secs(2);
-/// Wait before the first attempt to reconnect; doubled with each until the longest.
-const FIRST_WAIT: Duration = Duration::from_millis(250);
-const LONGEST_WAIT: Duration = Duration::from_secs(5);
 
 /// A gForce Pro or Pro+ armband: sets it up, reads its settings back, switches package ids and samples on, and
 /// reconnects with growing waits when it is lost. The sample counter goes on across a loss and steps over it.
 ///
 /// Everything happens within [`SampleSource::poll`]; connecting may take longer than its timeout.
 pub struct GForce {
-    connector: Box<dyn Connect>,
+    link: KeptLink,
     options: GForceOptions,
     info: SourceInfo,
     parser: EmgParser,
     opened: Instant,
     notification: Vec<u8>,
     battery: Option<u8>,
-    state: State,
-}
-
-enum State {
-    Streaming { link: Box<dyn GattLink>, heard: Instant },
-    Waiting { until: Instant, wait: Duration },
 }
 
 /// What setting up finds out.
@@ -125,17 +115,15 @@ impl GForce {
             loss_is_counted: ready.ids,
             volts: Some(setting.volts()),
         };
-        let now = Instant::now();
         Ok(GForce {
-            connector,
+            link: KeptLink::new(connector, link),
             // After a loss the same stream is asked for again.
             options: GForceOptions { rate_hz: Some(setting.rate_hz), ..options },
             info,
             parser: EmgParser::new(setting, ready.ids)?,
-            opened: now,
+            opened: Instant::now(),
             notification: Vec::with_capacity(1024),
             battery: ready.battery,
-            state: State::Streaming { link, heard: now },
         })
     }
 
@@ -148,34 +136,6 @@ impl GForce {
     pub fn bits(&self) -> u8 {
         self.options.bits
     }
-
-    fn lose(&mut self, reason: String) -> SourceEvent {
-        self.state = State::Waiting { until: Instant::now() + FIRST_WAIT, wait: FIRST_WAIT };
-        SourceEvent::Lost { reason }
-    }
-
-    /// One attempt to get the armband back.
-    fn reconnect(&mut self, wait: Duration) -> SourceEvent {
-        let attempt = self.connector.connect().map_err(GForceError::from).and_then(|mut link| {
-            let ready = set_up(link.as_mut(), &self.options)?;
-            self.parser.restart(ready.setting, ready.ids)?;
-            Ok((link, ready))
-        });
-        match attempt {
-            Ok((link, ready)) => {
-                self.battery = ready.battery;
-                self.info.loss_is_counted = ready.ids;
-                self.state = State::Streaming { link, heard: Instant::now() };
-                SourceEvent::Restored
-            }
-            // The loss was reported; what hinders an attempt may be over at the next.
-            Err(_) => {
-                let wait = (2 * wait).min(LONGEST_WAIT);
-                self.state = State::Waiting { until: Instant::now() + wait, wait };
-                SourceEvent::Nothing
-            }
-        }
-    }
 }
 
 impl SampleSource for GForce {
@@ -186,35 +146,26 @@ impl SampleSource for GForce {
     fn poll(&mut self, timeout: Duration, packet: &mut EmgPacket) -> Result<SourceEvent, DeviceError> {
         let deadline = Instant::now() + timeout;
         loop {
-            let left = deadline.saturating_duration_since(Instant::now());
-            let (link, heard) = match &mut self.state {
-                State::Streaming { link, heard } => (link, heard),
-                State::Waiting { until, wait } => {
-                    let (pause, wait) = (until.saturating_duration_since(Instant::now()), *wait);
-                    std::thread::sleep(pause.min(left));
-                    if pause > left {
-                        return Ok(SourceEvent::Nothing);
-                    }
-                    return Ok(self.reconnect(wait));
-                }
-            };
-            match link.next_notification(left, &mut self.notification) {
-                Ok(Some(Characteristic::Data)) => {
-                    *heard = Instant::now();
-                    let now = heard.saturating_duration_since(self.opened);
-                    if self.parser.push(&self.notification, now, packet) {
+            let heard = self.link.next(deadline, &mut self.notification, |link| {
+                let ready = set_up(link, &self.options)?;
+                self.parser.restart(ready.setting, ready.ids)?;
+                Ok::<Ready, GForceError>(ready)
+            });
+            match heard {
+                Heard::Notification(Characteristic::Data) => {
+                    self.link.note_samples();
+                    if self.parser.push(&self.notification, self.opened.elapsed(), packet) {
                         return Ok(SourceEvent::Packet);
                     }
                 }
                 // Replies that nobody waits for any more; the characteristics of a Myo, which this armband does not have.
-                Ok(Some(_)) => {}
-                Ok(None) => {
-                    if heard.elapsed() > SILENCE {
-                        let reason = format!("no samples for {:.1} s", heard.elapsed().as_secs_f64());
-                        return Ok(self.lose(reason));
-                    }
+                Heard::Notification(_) | Heard::Nothing => {}
+                Heard::Lost(reason) => return Ok(SourceEvent::Lost { reason }),
+                Heard::Restored(ready) => {
+                    self.battery = ready.battery;
+                    self.info.loss_is_counted = ready.ids;
+                    return Ok(SourceEvent::Restored);
                 }
-                Err(error) => return Ok(self.lose(error.to_string())),
             }
             if Instant::now() >= deadline {
                 return Ok(SourceEvent::Nothing);
@@ -227,7 +178,7 @@ impl SampleSource for GForce {
     }
 
     fn prompt(&mut self, gesture: GestureName) {
-        if let State::Streaming { link, .. } = &mut self.state {
+        if let Some(link) = self.link.link() {
             // A link that is lost is noticed by the next poll.
             let _ = link.prompt(gesture);
         }
@@ -238,7 +189,7 @@ impl Drop for GForce {
     fn drop(&mut self) {
         // The armband goes on sending until it is told, and drains its battery. If it cannot be told it has
         // noticed the end of the connection.
-        if let State::Streaming { link, .. } = &mut self.state {
+        if let Some(link) = self.link.link() {
             let _ = link.write(Characteristic::Command, &Command::DataSwitch(0).to_bytes());
         }
     }

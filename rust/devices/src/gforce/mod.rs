@@ -11,6 +11,7 @@
 mod ble;
 mod driver;
 mod fragments;
+mod kept_link;
 mod link;
 mod parser;
 pub mod protocol;
@@ -21,6 +22,7 @@ mod simulator;
 pub use ble::BleConnector;
 pub use driver::{GForce, GForceError, GForceOptions};
 pub use fragments::{Fragments, Joined, cut};
+pub(crate) use kept_link::{Heard, KeptLink};
 pub use link::{Connect, FrameSocket, GattLink, LinkError, SocketLink, TcpConnector};
 pub use parser::EmgParser;
 pub use protocol::Characteristic;

@@ -6,25 +6,20 @@ use super::{
 };
 use crate::{
     DeviceError, EmgPacket, SampleSource, SourceCounts, SourceEvent, SourceInfo,
-    gforce::{Characteristic, Connect, GattLink, LinkError},
+    gforce::{Characteristic, Connect, GattLink, Heard, KeptLink, LinkError},
 };
 use proact_types::{EmgSample, GestureName};
 use std::time::{Duration, Instant};
 
 /// How long the armband may take to answer what is read, or to send its first samples.
 const ANSWER: Duration = Duration::from_secs(2);
-/// A stream without any notification for so long is given up, and the connection made anew.
-const SILENCE: Duration = Duration::from_secs(2);
-/// Wait before the first attempt to reconnect; doubled with each until the longest.
-const FIRST_WAIT: Duration = Duration::from_millis(250);
-const LONGEST_WAIT: Duration = Duration::from_secs(5);
 
 /// A Myo armband: keeps it awake, switches its samples on, and reconnects with growing waits when it is lost. The sample counter
 /// goes on across a loss and steps over it.
 ///
 /// Everything happens within [`SampleSource::poll`]; connecting may take longer than its timeout.
 pub struct Myo {
-    connector: Box<dyn Connect>,
+    link: KeptLink,
     mode: MyoEmgMode,
     info: SourceInfo,
     numbering: TurnNumbering,
@@ -32,12 +27,6 @@ pub struct Myo {
     battery: Option<u8>,
     opened: Instant,
     notification: Vec<u8>,
-    state: State,
-}
-
-enum State {
-    Streaming { link: Box<dyn GattLink>, heard: Instant },
-    Waiting { until: Instant, wait: Duration },
 }
 
 impl Myo {
@@ -81,52 +70,21 @@ impl Myo {
             loss_is_counted: true,
             volts: None,
         };
-        let now = Instant::now();
         Ok(Myo {
-            connector,
+            link: KeptLink::new(connector, link),
             mode,
             info,
             numbering: TurnNumbering::default(),
             counts: SourceCounts::default(),
             battery,
-            opened: now,
+            opened: Instant::now(),
             notification,
-            state: State::Streaming { link, heard: now },
         })
     }
 
     /// Charge of the armband's battery when it was last connected, per cent.
     pub fn battery_percent(&self) -> Option<u8> {
         self.battery
-    }
-
-    fn lose(&mut self, reason: String) -> SourceEvent {
-        self.counts.disconnects += 1;
-        self.numbering.restart();
-        self.state = State::Waiting { until: Instant::now() + FIRST_WAIT, wait: FIRST_WAIT };
-        SourceEvent::Lost { reason }
-    }
-
-    /// One attempt to get the armband back.
-    fn reconnect(&mut self, wait: Duration) -> SourceEvent {
-        let attempt = self.connector.connect().and_then(|mut link| {
-            let battery = battery(link.as_mut())?;
-            switch_on(link.as_mut(), self.mode)?;
-            Ok((link, battery))
-        });
-        match attempt {
-            Ok((link, battery)) => {
-                self.battery = battery;
-                self.state = State::Streaming { link, heard: Instant::now() };
-                SourceEvent::Restored
-            }
-            // The loss was reported; what hinders an attempt may be over at the next.
-            Err(_) => {
-                let wait = (2 * wait).min(LONGEST_WAIT);
-                self.state = State::Waiting { until: Instant::now() + wait, wait };
-                SourceEvent::Nothing
-            }
-        }
     }
 
     /// Makes a packet of the newest notification; false if it is none of samples.
@@ -159,32 +117,28 @@ impl SampleSource for Myo {
     fn poll(&mut self, timeout: Duration, packet: &mut EmgPacket) -> Result<SourceEvent, DeviceError> {
         let deadline = Instant::now() + timeout;
         loop {
-            let left = deadline.saturating_duration_since(Instant::now());
-            let (link, heard) = match &mut self.state {
-                State::Streaming { link, heard } => (link, heard),
-                State::Waiting { until, wait } => {
-                    let (pause, wait) = (until.saturating_duration_since(Instant::now()), *wait);
-                    std::thread::sleep(pause.min(left));
-                    if pause > left {
-                        return Ok(SourceEvent::Nothing);
-                    }
-                    return Ok(self.reconnect(wait));
-                }
-            };
-            match link.next_notification(left, &mut self.notification) {
-                Ok(Some(characteristic)) => {
-                    *heard = Instant::now();
+            let heard = self.link.next(deadline, &mut self.notification, |link| {
+                let battery = battery(link)?;
+                switch_on(link, self.mode)?;
+                Ok::<Option<u8>, LinkError>(battery)
+            });
+            match heard {
+                Heard::Notification(characteristic) => {
+                    self.link.note_samples();
                     if self.fill(characteristic, packet) {
                         return Ok(SourceEvent::Packet);
                     }
                 }
-                Ok(None) => {
-                    let silent = heard.elapsed();
-                    if silent >= SILENCE {
-                        return Ok(self.lose(format!("nothing for {:.1} s", silent.as_secs_f64())));
-                    }
+                Heard::Nothing => {}
+                Heard::Lost(reason) => {
+                    self.counts.disconnects += 1;
+                    self.numbering.restart();
+                    return Ok(SourceEvent::Lost { reason });
                 }
-                Err(error) => return Ok(self.lose(error.to_string())),
+                Heard::Restored(battery) => {
+                    self.battery = battery;
+                    return Ok(SourceEvent::Restored);
+                }
             }
             if Instant::now() >= deadline {
                 return Ok(SourceEvent::Nothing);
@@ -197,7 +151,7 @@ impl SampleSource for Myo {
     }
 
     fn prompt(&mut self, gesture: GestureName) {
-        if let State::Streaming { link, .. } = &mut self.state {
+        if let Some(link) = self.link.link() {
             // A link that is lost is noticed by the next poll.
             let _ = link.prompt(gesture);
         }
@@ -207,7 +161,7 @@ impl SampleSource for Myo {
 impl Drop for Myo {
     fn drop(&mut self) {
         // It goes on sending, and stays awake, until it is told, and drains its battery.
-        if let State::Streaming { link, .. } = &mut self.state {
+        if let Some(link) = self.link.link() {
             for command in [MyoCommand::SetMode(MyoEmgMode::Off), MyoCommand::MaySleep(true)] {
                 let _ = link.write(Characteristic::Command, &command.to_bytes());
             }
