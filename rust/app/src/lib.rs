@@ -98,6 +98,7 @@ pub use tracked_shoulder::{TrackedShoulder, TrackedShoulderError};
 pub use trial_choice::{DEFAULT_METHOD, TrialContext, sets_emg, trial_config};
 pub use trunk_log::{TRUNK_FILE, read_trunk, trunk_text};
 pub use wearer::{Held, wearer_codes};
+pub(crate) use whole::claim_folder;
 pub use whole::write_whole;
 pub use worn_headset::{MarkedHeadset, WornHeadset};
 

@@ -11,6 +11,7 @@ use super::{
     summaries::{self, ReportTable},
 };
 use crate::{
+    claim_folder,
     study::{codebook_csv, table_csv},
     write_whole,
 };
@@ -217,17 +218,9 @@ pub(super) fn printed_csv(table: &ReportTable) -> Result<String, Box<dyn Error>>
 
 /// Makes the folder, or takes one that an analysis wrote.
 fn claim(folder: &Path) -> Result<(), Box<dyn Error>> {
-    let failed = |error: io::Error| format!("{}: {error}", folder.display());
-    fs::create_dir_all(folder).map_err(failed)?;
-    let empty = fs::read_dir(folder).map_err(failed)?.next().is_none();
+    claim_folder(folder, PAGE, "report")?;
     let page = folder.join(PAGE);
-    if !empty && !page.is_file() {
-        return Err(format!(
-            "{} is not empty, and is no earlier report; name a new folder with --out",
-            folder.display()
-        )
-        .into());
-    }
+    let failed = |error: io::Error| format!("{}: {error}", folder.display());
     // Until all is written, and known as ours by it if this is killed.
     write_whole(&page, UNFINISHED)?;
     // What an earlier report had and this one has not would be taken for its own.

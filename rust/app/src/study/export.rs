@@ -5,7 +5,7 @@ use super::{
     conductor::{LookOptions, StudyError, look_with},
     tables::tables,
 };
-use crate::write_whole;
+use crate::{claim_folder, write_whole};
 use proact_analysis::table::{Cell, Table};
 use proact_recording::{
     MANIFEST_FILE,
@@ -93,16 +93,7 @@ fn put_into_study(study: &Study, tables: &[Table]) -> Result<(), StudyError> {
 
 /// Makes a folder, or takes one that an export wrote, of which what goes with its old state alone is removed.
 fn claim(folder: &Path) -> Result<(), Box<dyn Error>> {
-    let failed = |error: io::Error| format!("{}: {error}", folder.display());
-    fs::create_dir_all(folder).map_err(failed)?;
-    let empty = fs::read_dir(folder).map_err(failed)?.next().is_none();
-    if !empty && !folder.join(CODEBOOK).is_file() {
-        return Err(format!(
-            "{} is not empty, and is no earlier export; name a new folder with --out",
-            folder.display()
-        )
-        .into());
-    }
+    claim_folder(folder, CODEBOOK, "export")?;
     // Without checksums until all is written again, and without samples that were not asked for this time.
     for name in [MANIFEST_FILE, "raw_gaze.csv", "raw_shoulder.csv"] {
         remove(&folder.join(name))?;
