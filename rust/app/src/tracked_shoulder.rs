@@ -102,18 +102,7 @@ impl TrackedShoulder {
         let saved = &self.calibrations.shoulder.as_ref()?.calibration;
         let placement = &saved.placement;
         let now = placement.world_from_tracking * self.body.rest()? * saved.body_from_shoulder;
-        let was = placement.world_from_shoulder;
-        let way = now.translation.vector - was.translation.vector;
-        let lean = (now.rotation * Vector::z()).angle(&(was.rotation * Vector::z())).to_degrees();
-        let good = way.norm() <= SITS_M && lean <= SITS_DEG;
-        let [ahead, left, up] = [way.x, way.y, way.z].map(|metres| 1e3 * metres);
-        let words = format!(
-            "the shoulder is {:.0} mm from where it was calibrated ({ahead:+.0} ahead, {left:+.0} left, {up:+.0} up), and leans by \
-             {lean:.0} degrees",
-            1e3 * way.norm()
-        );
-        let advice = if good { "" } else { ": sit as for the calibration, or calibrate anew" };
-        Some((good, words + advice))
+        Some(sits(&placement.world_from_shoulder, &now))
     }
 
     /// The same, with the trunk by a further body of the same system: it moves nothing, and is kept with the record.
@@ -286,10 +275,51 @@ impl TrackedShoulder {
     }
 }
 
+/// Whether a shoulder is now where it was when it was calibrated, and in words.
+fn sits(was: &Pose, now: &Pose) -> (bool, String) {
+    let way = now.translation.vector - was.translation.vector;
+    let lean = (now.rotation * Vector::z()).angle(&(was.rotation * Vector::z())).to_degrees();
+    let good = way.norm() <= SITS_M && lean <= SITS_DEG;
+    let [ahead, left, up] = [way.x, way.y, way.z].map(|metres| 1e3 * metres);
+    let words = format!(
+        "the shoulder is {:.0} mm from where it was calibrated ({ahead:+.0} ahead, {left:+.0} left, {up:+.0} up), and leans by \
+         {lean:.0} degrees",
+        1e3 * way.norm()
+    );
+    let advice = if good { "" } else { ": sit as for the calibration, or calibrate anew" };
+    (good, words + advice)
+}
+
 /// `world_from_tracking` and `body_from_shoulder` that put a body at `rest` on `shoulder`, if ahead is at `heading_rad`.
 fn place(rest: &Pose, shoulder: &Pose, heading_rad: f64) -> (Pose, Pose) {
     let turn = UnitQuaternion::from_axis_angle(&Vector::z_axis(), -heading_rad);
     let way = shoulder.translation.vector - turn * rest.translation.vector;
     let body_from_shoulder = (turn * rest.rotation).inverse() * shoulder.rotation;
     (Pose::from_parts(way.into(), turn), Pose::from_parts(Vector::zeros().into(), body_from_shoulder))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Translation3;
+
+    fn moved(x: f64, y: f64, z: f64, lean_deg: f64) -> Pose {
+        let lean = UnitQuaternion::from_axis_angle(&Vector::y_axis(), lean_deg.to_radians());
+        // Turning about the vertical is no lean.
+        let turned = lean * UnitQuaternion::from_axis_angle(&Vector::z_axis(), 0.5);
+        Pose::from_parts(Translation3::new(x, y, 1.0 + z), turned)
+    }
+
+    #[test]
+    fn who_moved_or_leans_is_told_by_how_much_and_what_to_do() {
+        let was = moved(0.0, 0.0, 0.0, 0.0);
+        let (good, words) = sits(&was, &moved(0.01, -0.02, 0.005, 9.0));
+        assert!(good && !words.contains("calibrate anew"), "{words}");
+        assert!(words.contains("23 mm") && words.contains("+10 ahead, -20 left, +5 up"), "{words}");
+        assert!(words.contains("leans by 9 degrees"), "{words}");
+        let (good, words) = sits(&was, &moved(0.0, 0.0, -0.04, 0.0));
+        assert!(!good && words.contains("-40 up") && words.ends_with("or calibrate anew"), "{words}");
+        let (good, words) = sits(&was, &moved(0.0, 0.0, 0.0, 12.0));
+        assert!(!good && words.contains("0 mm") && words.contains("12 degrees"), "{words}");
+    }
 }

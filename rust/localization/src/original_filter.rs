@@ -35,3 +35,54 @@ impl OriginalFilter {
         self.told
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(x: f64, turn: f64) -> Pose {
+        Pose::new(Vector::new(x, 0.0, 0.0), Vector::new(0.0, 0.0, turn))
+    }
+
+    #[test]
+    fn the_mean_of_ten_is_told_and_moves_only_beyond_a_millimetre_of_place() {
+        let mut filter = OriginalFilter::default();
+        assert!(filter.pose().is_none());
+        for count in 0..10 {
+            filter.take(&at(0.1 * f64::from(count), 0.02 * f64::from(count)));
+        }
+        let told = filter.pose().expect("ten samples");
+        assert!((told.translation.x - 0.45).abs() < 1e-12, "{told}");
+        assert!((told.rotation.angle() - 0.09).abs() < 1e-12, "{told}");
+        // Ten more: the first are forgotten.
+        for _ in 0..10 {
+            filter.take(&at(1.0, 0.2));
+        }
+        let still = filter.pose().expect("twenty samples");
+        assert!((still.translation.x - 1.0).abs() < 1e-12, "{still}");
+        // A body that only turns, and one that creeps by less than the dead band, stand still, as with the original.
+        for _ in 0..10 {
+            filter.take(&at(1.0009, 0.9));
+        }
+        assert_eq!(filter.pose(), Some(still));
+        for _ in 0..10 {
+            filter.take(&at(1.0011, 0.9));
+        }
+        let moved = filter.pose().expect("forty samples");
+        assert!(moved.translation.x >= 1.001 && moved.rotation.angle() > 0.8, "{moved}");
+    }
+
+    #[test]
+    fn rotation_vectors_near_half_a_turn_average_to_nonsense_as_with_the_original() {
+        let mut filter = OriginalFilter::default();
+        for count in 0..10 {
+            let sign = if count % 2 == 0 { 1.0 } else { -1.0 };
+            filter.take(&at(0.0, sign * 3.1));
+            // One place that moves past the dead band each time, so that every mean is told.
+            filter.take(&at(0.1 * f64::from(count), sign * 3.1));
+        }
+        // All ten were within 3 degrees of half a turn.
+        let told = filter.pose().expect("twenty samples");
+        assert!(told.rotation.angle() < 1.0, "{told}");
+    }
+}
