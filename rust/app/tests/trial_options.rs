@@ -111,6 +111,22 @@ fn below_the_elbow_shoulder_and_elbow_follow_the_limb_and_the_method_has_the_wri
     Ok(())
 }
 
+/// Caught a limb that pressed against something for the rest of the trial.
+#[test]
+fn a_limb_that_meets_something_goes_another_way_until_the_block_is_across() -> Outcome {
+    let words = ["profile.level=below_elbow", "limit_secs=60.0"];
+    let config = TrialConfig::new("A", 1, Setup::named("seated")?).with_values(&words)?;
+    let mut session = trial::simulated(config, &EmgOrigin::Synthetic)?.session;
+    loop {
+        let step = session.step(false)?;
+        if step.output.finished {
+            let score = session.result().score;
+            assert!(score >= 1.0, "{score} blocks on target");
+            return Ok(());
+        }
+    }
+}
+
 /// Runs `D` with a simulated participant of this level; plans and digest.
 fn planned_trial(level: &str) -> Outcome<(Vec<PlanReply>, String, bool)> {
     let config = config("D", &[&format!("profile.level={level}"), "limit_secs=40.0"])?;

@@ -41,7 +41,7 @@ pub struct TaskChoice {
     /// Where the blocks of the modified test stand at the start: red 1, red 2, blue 1, blue 2 in FL, FM, NL, NM.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub arrangement: Option<Arrangement>,
-    /// How many objects stand in the task's grid, and how far apart; as its text says where it is left out.
+    /// How many objects stand in the task's grid, how far apart and how wide; as its text says where it is left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub grid: Option<GridChoice>,
     /// The text of a lab's own task.
@@ -153,7 +153,7 @@ impl TaskChoice {
         file.build(left)
     }
 
-    /// Gives the grid of the task as many objects as was asked for, as far apart, and its highest score.
+    /// Gives the grid of the task as many objects as was asked for, as far apart and as wide, and its highest score.
     fn arrange_grid(&self, file: &mut TaskFile) -> Result<(), TaskError> {
         let Some(grid) = &self.grid else { return Ok(()) };
         let before = file.scene.object_count();

@@ -4,6 +4,7 @@ use crate::{
     SceneFile, TaskError,
     scene::{KindFile, ObjectFile},
 };
+use proact_types::Shape;
 use serde::{Deserialize, Serialize};
 
 /// Objects in rows (along x, the nearest first) and columns (along y, the most lateral first), numbered row by row from 1.
@@ -91,6 +92,9 @@ pub struct GridChoice {
     /// From one to the next, metres: along both axes, or along x and y.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pitch: Option<GridPitch>,
+    /// Width of boxes, metres: their other sides change in proportion, and the mass with the volume.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub width: Option<f64>,
 }
 
 /// How many objects a grid has.
@@ -117,7 +121,7 @@ impl GridChoice {
     /// Changes the one grid of `scene`.
     ///
     /// # Errors
-    /// A scene without a grid or with several; a number that fills no rows.
+    /// A scene without a grid or with several; a number that fills no rows; a width of what is no box.
     pub(crate) fn apply(&self, task: &str, scene: &mut SceneFile) -> Result<(), TaskError> {
         let grids = scene.grids.len();
         let [grid] = scene.grids.as_mut_slice() else {
@@ -143,6 +147,20 @@ impl GridChoice {
             Some(GridPitch::Same(pitch)) => [pitch; 2],
             Some(GridPitch::Each(pitch)) => pitch,
         };
+        if let Some(width) = self.width {
+            let Shape::Box { size } = &mut grid.kind.shape else {
+                return Err(TaskError::Scene(format!("width {width} m of {}, which is no box", grid.name)));
+            };
+            if !(width.is_finite() && width > 0.0) {
+                return Err(TaskError::Scene(format!(
+                    "width {width} m of {}, expected a number above 0",
+                    grid.name
+                )));
+            }
+            let share = width / size[0];
+            *size = size.map(|side| side * share);
+            grid.kind.mass *= share.powi(3);
+        }
         Ok(())
     }
 }
@@ -150,7 +168,7 @@ impl GridChoice {
 #[cfg(test)]
 mod tests {
     use crate::{TaskChoice, TaskError};
-    use proact_types::Scene;
+    use proact_types::{Scene, Shape};
 
     fn scene(options: &str) -> Result<Scene, TaskError> {
         let text = include_str!("../../../docs/tasks/cluttered.toml").to_owned();
@@ -195,12 +213,30 @@ mod tests {
     }
 
     #[test]
+    fn a_width_scales_the_boxes_and_their_mass() {
+        let [was, twice] = ["count = 4", "count = 4\npitch = 0.12\nwidth = 0.05"].map(|options| {
+            let mut task = TaskChoice::named("bbt", 1).expect("it ships");
+            task.grid = Some(toml::from_str(options).expect("good options"));
+            task.build(false).expect("a good scene").scene().objects[0].clone()
+        });
+        assert_eq!(twice.shape, Shape::Box { size: [0.05; 3] });
+        assert!((twice.mass - 8.0 * was.mass).abs() < 1e-12);
+        for (width, reason) in [("0.0", "0 m"), ("-0.05", "-0.05 m"), ("nan", "NaN"), ("0.1", "overlaps")] {
+            let mut task = TaskChoice::named("bbt", 1).expect("it ships");
+            task.grid = Some(toml::from_str(&format!("width = {width}")).expect("a number"));
+            let error = task.build(false).err().expect("it must be refused").to_string();
+            assert!(error.contains(reason), "{width}: {error}");
+        }
+    }
+
+    #[test]
     fn a_grid_that_cannot_be_is_refused_with_what_is_wrong() {
         for (options, reason) in [
             ("count = 7", "7 objects in 2 rows"),
             ("count = [0, 3]", "0 objects"),
             ("pitch = 0.01", "overlaps"),
             ("pitch = 0.2", "expected"),
+            ("width = 0.05", "no box"),
         ] {
             let error = scene(options).expect_err("must be refused").to_string();
             assert!(error.contains(reason), "{options}: {error}");

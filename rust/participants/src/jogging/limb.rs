@@ -50,6 +50,9 @@ impl Limb {
         if self.under_way(now, q) {
             return true;
         }
+        if let Some(met) = self.give_up(q).filter(|_| !aim.by_axis()) {
+            movements.met_something(met);
+        }
         if aim.by_axis() {
             self.placings += 1;
             let reached = aim.goal.reached(&situation.sense.forward(q));
@@ -57,6 +60,9 @@ impl Limb {
             return !reached
                 && self.placings <= MOST_PLACINGS
                 && self.go(now, q, &situation.sense.inverse(q, &aim.goal, own));
+        }
+        if movements.are_in_vain(aim) {
+            return false;
         }
         movements.think_of_turns(situation, aim, q);
         match movements.turns().first() {
@@ -70,8 +76,22 @@ impl Limb {
     }
 
     fn under_way(&self, now: SimTime, q: &[f64]) -> bool {
-        let far = |to: &JointVector| self.own.iter().any(|&joint| (to[joint] - q[joint]).abs() > TURN_DONE);
-        now < self.until && self.to.as_ref().is_some_and(far)
+        now < self.until && self.to.as_ref().is_some_and(|to| self.furthest(to, q).is_some())
+    }
+
+    /// The own joint that is furthest from where it goes, and to which side; none if all are there.
+    fn furthest(&self, to: &JointVector, q: &[f64]) -> Option<(u8, bool)> {
+        let left = |joint: usize| to[joint] - q[joint];
+        let far = self.own.iter().copied().filter(|&joint| left(joint).abs() > TURN_DONE);
+        let most = far.max_by(|&a, &b| left(a).abs().total_cmp(&left(b).abs()))?;
+        Some((most as u8, left(most) > 0.0))
+    }
+
+    /// A limb whose time is over stays where it is: the joint that did not get there, and to which side it should have.
+    fn give_up(&mut self, q: &[f64]) -> Option<(u8, bool)> {
+        let met = self.furthest(self.to.as_ref()?, q)?;
+        self.to = Some(joints(q));
+        Some(met)
     }
 
     /// Moves the own joints to their angles in `wanted`; false if they are there.

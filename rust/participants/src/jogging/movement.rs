@@ -97,12 +97,17 @@ impl Movements {
     /// Remembers a movement that brought too little; forgets the others when one went well.
     pub(super) fn judge(&mut self, pulse: &Pulse, situation: &Situation) {
         if pulse.fell_short(situation) {
-            self.refused.push(pulse.kind());
-            self.in_vain += 1;
-            self.turns.clear();
+            self.met_something(pulse.kind());
         } else {
             self.refused.clear();
         }
+    }
+
+    /// A movement in this mode, to its positive side or not, met something: another way is thought of.
+    pub(super) fn met_something(&mut self, kind: (u8, bool)) {
+        self.refused.push(kind);
+        self.in_vain += 1;
+        self.turns.clear();
     }
 
     /// What to move next: none if the hand is where it should be, an error if nothing is left that would help.
@@ -165,7 +170,7 @@ impl Movements {
     }
 
     /// True joint by joint after several movements that brought too little.
-    fn are_in_vain(&self, aim: &Aim) -> bool {
+    pub(super) fn are_in_vain(&self, aim: &Aim) -> bool {
         !aim.by_axis() && self.in_vain >= MOST_IN_VAIN
     }
 
