@@ -11,9 +11,9 @@ use proact_devices::{
     motion_capture::{natnet, read_poses, vrpn, write_pose, write_pose_header},
     read_recorded, read_samples,
 };
-use proact_emg::{EmgConfig, EmgModel};
+use proact_emg::{ClassifierKind, EmgConfig, EmgModel, EmgPipeline};
 use proact_localization::RawBodyPose;
-use proact_types::{EmgSample, Gesture};
+use proact_types::{EmgSample, Gesture, SimTime};
 use std::{fs, io::Write, os::unix::net::UnixStream, path::Path, time::Duration};
 
 /// The input is a file of that name in a folder of good ones.
@@ -55,7 +55,27 @@ pub(super) fn model(_: &Path) -> Run {
             written.is_ok_and(|json| EmgModel::from_json(&json).is_ok()),
             "a model that was read can be written"
         );
+        // Its settings or its classifier may be refused; one that is taken says something of every window.
+        let channels = model.config.channels;
+        let Ok(mut pipeline) = EmgPipeline::new(&model.config, model.classifier.clone()) else { return };
+        for (tick, sample) in stream(channels, 3).into_iter().take(300).enumerate() {
+            pipeline.step(SimTime(5 * tick as u64), &[sample]);
+        }
     })
+}
+
+/// Samples of one loudness, 1 to 5 from channel to channel, at the usual rate.
+fn stream(channels: usize, loudness: usize) -> Vec<EmgSample> {
+    // Without a period, so that the features of the windows differ in all directions.
+    let value = |counter: usize, channel: usize| {
+        let mixed = ((counter * 64 + channel) as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+        (mixed >> 40) as f64 / f64::from(1 << 23) * 11.0 - 11.0
+    };
+    let sample = |counter: usize| EmgSample {
+        counter: counter as u64,
+        channels: (0..channels).map(|c| (1 + (loudness + c) % 5) as f64 * value(counter, c)).collect(),
+    };
+    (0..3000).map(sample).collect()
 }
 
 fn recorded(scratch: &Path, name: &str) -> Run {
@@ -176,23 +196,18 @@ pub(super) fn stream_edf_seeds(scratch: &Path) -> Vec<Vec<u8>> {
     recorded_seed(scratch, "seed.edf")
 }
 
-/// A model trained on five loudnesses.
+/// Models trained on five loudnesses, one of each kind of classifier.
 pub(super) fn model_seeds(_: &Path) -> Vec<Vec<u8>> {
-    let take = |loudness: usize| -> Vec<EmgSample> {
-        let value = |counter: usize, channel: usize| ((counter * (7 + channel)) % 23) as f64 - 11.0;
-        let sample = |counter: usize| EmgSample {
-            counter: counter as u64,
-            channels: (0..8).map(|c| (1 + (loudness + c) % 5) as f64 * value(counter, c)).collect(),
-        };
-        (0..3000).map(sample).collect()
-    };
     let takes: Vec<(Gesture, Vec<EmgSample>)> =
-        Gesture::ALL.into_iter().zip(0..).map(|(g, l)| (g, take(l))).collect();
+        Gesture::ALL.into_iter().zip(0..).map(|(gesture, loudness)| (gesture, stream(8, loudness))).collect();
     let slices: Vec<(Gesture, &[EmgSample])> =
         takes.iter().map(|(gesture, take)| (*gesture, take.as_slice())).collect();
-    let model =
-        EmgModel::train(&EmgConfig::default(), &[0.0; 8], &slices).expect("five gestures that differ");
-    vec![model.to_json().expect("a model can be written").into_bytes()]
+    let trained = |classifier| {
+        let config = EmgConfig { classifier, ..EmgConfig::default() };
+        let model = EmgModel::train(&config, &[0.0; 8], &slices).expect("five gestures that differ");
+        model.to_json().expect("a model can be written").into_bytes()
+    };
+    ClassifierKind::ALL.map(trained).to_vec()
 }
 
 pub(super) fn udp_natnet(_: &Path) -> Run {
