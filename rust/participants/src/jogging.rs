@@ -176,6 +176,7 @@ impl JoggingParticipant {
             // Joint after joint without a look in between; before the last one the hand has to be in its place.
             if let ([next, _, ..], true) = (self.movements.turns(), now < self.watch_until)
                 && next.joint != usize::from(mode)
+                && !self.limb.has(next.joint)
             {
                 self.modes.go(mode, next.joint as u8);
                 return Gesture::HandOpen;

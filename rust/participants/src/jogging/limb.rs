@@ -27,6 +27,11 @@ impl Limb {
         Self { own, ..Self::default() }
     }
 
+    /// Whether it has this joint of the arm.
+    pub(super) fn has(&self, joint: usize) -> bool {
+        self.own.contains(&joint)
+    }
+
     /// Where the limb goes; none where it has no joints of the arm.
     pub(super) fn to(&self) -> Option<JointVector> {
         self.to.clone()
@@ -66,7 +71,7 @@ impl Limb {
         }
         movements.think_of_turns(situation, aim, q);
         match movements.turns().first() {
-            Some(turn) if self.own.contains(&turn.joint) => {
+            Some(turn) if self.has(turn.joint) => {
                 let mut wanted = joints(q);
                 wanted[turn.joint] = turn.to;
                 self.go(now, q, &wanted)
