@@ -23,6 +23,7 @@ const none = element(
 none.hidden = true;
 view.root.hidden = true;
 const keys = element("p", "small keys", "Keys: arrows choose a channel, F freezes the picture.");
+keys.hidden = true;
 document.getElementById("page")?.append(element("header", "", element("h1", "", "EMG"), link), none, view.root, keys);
 
 let connected = false;
@@ -40,12 +41,14 @@ const live = new Live(
     },
     signals(signals) {
       heard = performance.now();
+      tell();
       none.hidden = signals.emg_rate_hz > 0;
       view.root.hidden = keys.hidden = !none.hidden;
       if (none.hidden) view.take(signals);
     },
     connected(now) {
       connected = now;
+      tell();
     },
     refused: (message) => console.warn(`ProACT: ${message}`),
   },
@@ -59,6 +62,10 @@ function linkText(): string {
   return "no trial runs; signals come with the next one";
 }
 
+function tell(): void {
+  setText(link, linkText());
+}
+
 // Where nothing has the focus, keys are the view's.
 document.addEventListener("keydown", (event) => {
   if (event.target === document.body && view.key(event)) event.preventDefault();
@@ -69,5 +76,5 @@ function draw(wall: number): void {
   requestAnimationFrame(draw);
 }
 requestAnimationFrame(draw);
-window.setInterval(() => setText(link, linkText()), 250);
+window.setInterval(tell, 250);
 (window as unknown as { __proact: object }).__proact = { view, live };

@@ -77,7 +77,6 @@ export function drawTraces(canvas: HTMLCanvasElement, shown: Shown, channels: nu
     stroke(context, [[0, middle], [width, middle]]);
     drawTrace(context, shown, channel, { width, middle, half: 0.48 * lane });
     context.strokeStyle = channel === shown.selected ? inks.accent : inks.ink;
-    context.lineWidth = channel === shown.selected ? 1.5 : 1;
     context.stroke();
   });
 }
