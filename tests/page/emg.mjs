@@ -6,6 +6,8 @@ import { axeLook } from "./accessibility.mjs";
 const SIZES = [[1280, 720], [820, 1180], [390, 844]];
 /** Channels of the grid that the page is shown in the place of the armband's. */
 const GRID = 64;
+/** Samples of which the program sends the lowest and the highest value, at so many channels and 1 kHz. */
+const BLOCK = 8;
 
 export async function emg(page, tools) {
   const { url, check, tab } = tools;
@@ -115,12 +117,19 @@ async function changed(page, change) {
   });
 }
 
+/** As the program thins a dense stream. */
+function lowestAndHighest(rows) {
+  return Array.from({ length: Math.floor(rows.length / BLOCK) }, (_, k) => rows.slice(k * BLOCK, (k + 1) * BLOCK)).flatMap((block) => [Math.min, Math.max].map((most) => block[0].map((_, channel) => most(...block.map((row) => row[channel])))));
+}
+
 /** 64 channels: a raster, a grid of channels by keys, faults by name. */
 async function grid(page, address, tools) {
   const { check } = tools;
+  const wide = (row) => Array.from({ length: GRID }, (_, k) => (k === 20 ? 0 : row[k % row.length] * (0.3 + 0.7 * Math.abs(Math.cos(k / 9)))));
   await changed(page, (signals) => ({
     ...signals,
-    emg: signals.emg.map((row) => Array.from({ length: GRID }, (_, k) => (k === 20 ? 0 : row[k % row.length] * (0.3 + 0.7 * Math.abs(Math.cos(k / 9)))))),
+    emg: lowestAndHighest(signals.emg.map(wide)),
+    emg_row_hz: (2 * signals.emg_row_hz) / BLOCK,
     lights: Array.from({ length: GRID }, (_, k) => (k === 20 ? "red" : k > 40 && k < 44 ? "amber" : "green")),
     faults: Array.from({ length: GRID }, (_, k) => (k === 20 ? "flat" : k > 40 && k < 44 ? "mains" : null)),
   }));
@@ -131,6 +140,7 @@ async function grid(page, address, tools) {
   await page.keyboard.press("ArrowDown");
   await page.keyboard.press("ArrowRight");
   check((await page.locator(".spectrumpart h2").textContent()) === "Spectrum of channel 10", "a row down and one to the right is channel 10");
+  check((await page.locator(".spectrumpart p").textContent()).startsWith("No spectrum"), "without all samples there is no spectrum, and the page says why");
   const before = await picture(page);
   await page.waitForTimeout(500);
   check((await picture(page)) !== before, "the raster moves");

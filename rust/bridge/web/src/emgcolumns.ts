@@ -3,7 +3,7 @@
 
 /** Length of what is shown, seconds. */
 export const SPAN_SECS = 4;
-/** Most columns; slow streams have one a row. */
+/** Most columns; slow streams have one for two rows, since of dense streams rows are in turn lowest and highest values. */
 const MOST_COLUMNS = 600;
 /** Kept beyond the span, as a share of it: a picture may run a little behind. */
 const SPARE = 0.15;
@@ -30,7 +30,7 @@ export class EmgColumns {
     const channels = rows[0]?.length ?? 0;
     if (channels === 0) return;
     if (channels !== this.channels || rowHz !== this.rowHz) {
-      this.count = Math.max(Math.min(MOST_COLUMNS, Math.floor(SPAN_SECS * rowHz)), 2);
+      this.count = Math.max(Math.min(MOST_COLUMNS, Math.floor((SPAN_SECS * rowHz) / 2)), 2);
       this.kept = Math.ceil((1 + SPARE) * this.count);
       [this.channels, this.rowHz] = [channels, rowHz];
       this.lowest = new Float64Array(this.kept * channels);

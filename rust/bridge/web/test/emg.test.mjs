@@ -19,13 +19,23 @@ test("a peak of one sample stays in its column, and the oldest columns go", () =
   assert.ok(columns.peak(0, columns.level(0)) > 97);
 });
 
-test("a slow stream has a column a row, and another number of channels begins anew", () => {
+test("a slow stream has a column for two rows, and another number of channels begins anew", () => {
   const columns = new EmgColumns();
-  columns.take([[1, 2], [3, 4]], 50);
-  assert.deepEqual([columns.count, columns.begun, columns.channels], [50 * SPAN_SECS, 2, 2]);
-  assert.deepEqual([columns.low(1, 0), columns.high(1, 1)], [3, 4]);
+  columns.take([[1, 2], [3, 4], [5, 6]], 50);
+  assert.deepEqual([columns.count, columns.begun, columns.channels], [25 * SPAN_SECS, 2, 2]);
+  assert.deepEqual([columns.low(0, 0), columns.high(0, 1), columns.low(1, 0)], [1, 4, 5]);
   columns.take([[7, 7, 7]], 50);
   assert.deepEqual([columns.begun, columns.channels, columns.low(0, 2)], [1, 3, 7]);
+});
+
+test("of a dense stream each column has a lowest and a highest value", () => {
+  for (const rowHz of [31.25, 250, 400]) {
+    const columns = new EmgColumns();
+    columns.take(Array.from({ length: 2 * Math.round(SPAN_SECS * rowHz) }, (_, k) => [k % 2 === 0 ? -1 : 1]), rowHz);
+    for (let column = columns.oldest; column < columns.begun - 1; column++) {
+      assert.deepEqual([columns.low(column, 0), columns.high(column, 0)], [-1, 1], `${rowHz} Hz, column ${column}`);
+    }
+  }
 });
 
 test("the spectrum of a sine has its line there, and the sum of all lines is its variance", () => {
