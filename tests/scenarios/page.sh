@@ -30,6 +30,12 @@ for mode in load wheel layout accessibility conduct study_forms; do
     stop
 done
 
+# The view of EMG beside a simulated armband.
+"$proact" emg train --source synthetic --flat-out --out "$output/model.json" >"$output/train.log" 2>&1
+start serve --no-record --setup still --seed 1 --limit 1800 --emg-source synthetic --emg-model "$output/model.json"
+node "$here/../page/run.mjs" --url "$address" --out "$output/emg" --mode emg
+stop
+
 # What was recorded, as a report in which each trial leads to its replay.
 rm -rf "$output/trials"
 for method in A D; do

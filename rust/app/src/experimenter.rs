@@ -1,9 +1,9 @@
 //! What the experimenter's page gets from a trial that runs in real time, and what its buttons do.
 
 use crate::{live::TrialInputs, pace::Pace, trace_envelope::TraceEnvelope};
-use proact_bridge::{ClientInput, GazeCheck, PageServer, Signals, StudyAction, TrialStatus};
-use proact_emg::{Light, QualityConfig, QualityMonitor};
-use proact_testbed::{Step, TrialConfig};
+use proact_bridge::{ClientInput, GazeCheck, PageServer, Recognition, Signals, StudyAction, TrialStatus};
+use proact_emg::{EmgConfig, Light, QualityConfig, QualityMonitor};
+use proact_testbed::{Step, Testbed};
 use proact_types::{DisplayFrame, Gesture, SimTime};
 use std::{
     fs::OpenOptions,
@@ -48,13 +48,14 @@ struct Counted {
 }
 
 impl<'a> Experimenter<'a> {
-    /// Announces a trial, recorded in `dir` if anywhere, in which `gaze_source` gives gaze instead of the page.
+    /// Announces the trial of `testbed`, recorded in `dir` if anywhere, in which `gaze_source` gives gaze instead of the page.
     pub fn new(
         page: &'a PageServer,
-        config: &TrialConfig,
+        testbed: &Testbed,
         dir: Option<&Path>,
         gaze_source: Option<&str>,
     ) -> Self {
+        let config = testbed.config();
         let status = TrialStatus {
             can_pause: true,
             seed: config.seed,
@@ -67,13 +68,18 @@ impl<'a> Experimenter<'a> {
         let envelope = emg.map(|emg| TraceEnvelope::new(emg.rate_hz, emg.channels));
         let rates = emg.zip(envelope.as_ref()).map(|(emg, rows)| (emg.rate_hz, rows.row_hz(emg.rate_hz)));
         let (emg_rate_hz, emg_row_hz) = rates.unwrap_or_default();
-        let monitor = |rate, channels| QualityMonitor::new(QualityConfig::default(), rate, channels, &[]);
+        let gestures = testbed.emg_gestures().to_vec();
+        let recognition = emg.map(|_| Recognition { gestures, ..Recognition::default() });
+        let monitor = |emg: &EmgConfig| {
+            let config = QualityConfig { rails: emg.liveness.rails, ..QualityConfig::default() };
+            QualityMonitor::new(config, emg.rate_hz, emg.channels, &[])
+        };
         Self {
             page,
             status,
-            signals: Signals { emg_rate_hz, emg_row_hz, ..Signals::default() },
+            signals: Signals { emg_rate_hz, emg_row_hz, recognition, ..Signals::default() },
             envelope,
-            quality: emg.map(|emg| monitor(emg.rate_hz, emg.channels)),
+            quality: emg.map(monitor),
             sent: Instant::now(),
             sent_time: SimTime(0),
             ticks: 0,
@@ -155,8 +161,8 @@ impl<'a> Experimenter<'a> {
         self.status.paused || self.status.held || self.status.waiting
     }
 
-    /// Takes in one tick that took `spent` to compute, and tells the page when it is time.
-    pub fn take(&mut self, step: &Step, spent: Duration) {
+    /// Takes in one tick of `testbed` that took `spent` to compute, and tells the page when it is time.
+    pub fn take(&mut self, step: &Step, testbed: &Testbed, spent: Duration) {
         self.ticks += 1;
         self.busy += spent;
         self.busiest = self.busiest.max(spent);
@@ -170,6 +176,10 @@ impl<'a> Experimenter<'a> {
                 envelope.push(&sample.channels, &mut self.signals.emg);
             }
         }
+        if let Some((recognition, window)) = self.signals.recognition.as_mut().zip(step.output.emg.as_ref()) {
+            recognition.posterior = window.posterior.to_vec();
+            (recognition.window_class, recognition.effort) = (window.class, window.effort);
+        }
         if let Some(gaze) = &step.input.gaze {
             self.counted.gaze += 1;
             if gaze.valid {
@@ -179,6 +189,11 @@ impl<'a> Experimenter<'a> {
         self.counted.tracking += u32::from(step.input.shoulder.is_some());
         let now = Instant::now();
         if now.duration_since(self.sent) >= SIGNAL_PERIOD {
+            if let Some(recognition) = &mut self.signals.recognition {
+                let muscles = testbed.muscles();
+                (recognition.in_force, recognition.armed) = (muscles.recognised, muscles.armed);
+                recognition.fault = muscles.fault.as_ref().map(|(_, sentence)| sentence.clone());
+            }
             self.tell(now, step.time);
         }
     }

@@ -110,7 +110,7 @@ impl LiveTrial<'_> {
         let mut pace = Pace::new();
         let mut experimenter = Experimenter::new(
             self.page,
-            self.session.testbed().config(),
+            self.session.testbed(),
             self.dir.as_deref(),
             self.person.gaze_source(),
         );
@@ -155,7 +155,7 @@ impl LiveTrial<'_> {
             // The tick that ends a trial closes its digest.
             let began = Instant::now();
             let step = self.session.step(ending.is_some())?;
-            experimenter.take(&step, began.elapsed());
+            experimenter.take(&step, self.session.testbed(), began.elapsed());
             if let Some(recorder) = &mut self.recorder {
                 recorder.write(&step, self.session.testbed().plant().state())?;
             }

@@ -50,8 +50,7 @@ pub fn run_to_end(
     if let (Some(dir), Some(shoulder)) = (dir, &audience.shoulder) {
         shoulder.calibrations().keep(dir)?;
     }
-    let mut live =
-        page.map(|page| (Pace::new(), Experimenter::new(page, session.testbed().config(), dir, None)));
+    let mut live = page.map(|page| (Pace::new(), Experimenter::new(page, session.testbed(), dir, None)));
     let real_time = audience.rosbridge.is_some() || audience.shoulder.is_some();
     let mut alone = (page.is_none() && real_time).then(Pace::new);
     let mut shown_tracking = Instant::now();
@@ -110,7 +109,7 @@ pub fn run_to_end(
             }
         }
         if let Some((pace, experimenter)) = &mut live {
-            experimenter.take(&step, began.elapsed());
+            experimenter.take(&step, session.testbed(), began.elapsed());
             pace.tick();
         }
         if let Some(pace) = &mut alone {

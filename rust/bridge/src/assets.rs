@@ -115,7 +115,7 @@ mod tests {
         let loaded = Page::iter().filter(|name| name.ends_with(".js") || name.ends_with(".css"));
         let bytes: usize = loaded.map(|name| small(&name)).sum();
         // All pages together; with arm and meshes the first load is measured in a browser, tests/page/load.mjs.
-        assert!(bytes < 250_000, "{bytes} bytes");
+        assert!(bytes < 260_000, "{bytes} bytes");
     }
 
     #[test]

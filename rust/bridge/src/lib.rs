@@ -4,7 +4,7 @@
 //! blocked by a browser. A client that reads too slowly misses frames, never events, and costs no memory. When
 //! in doubt the arm stops: a client that holds a gesture and vanishes or falls silent releases it.
 //!
-//! Addresses: `/` the participant's page, `/experimenter` and `/spectator`, `/replay`; `/api/content` arm and scene,
+//! Addresses: `/` the participant's page, `/experimenter` and `/spectator`, `/emg`, `/replay`; `/api/content` arm and scene,
 //! `/api/trials` and `/api/trials/<number>` recorded trials, `/report` the report on them, `/meshes/<id>` the arm's meshes, `/live` the
 //! WebSocket (protocol: [`live`]), `/camera.png` and `/camera.json` what a simulated [camera](proact_camera) sees,
 //! `/healthz`. Who may connect is [`proact_http`]'s rule.
@@ -61,7 +61,7 @@ pub use gaze_check::{GazeCheck, GazePoint};
 pub use input::{AfterTrial, ClientInput, ControllerPose, StudyAction};
 pub use meshes::MeshFile;
 pub use server::{PageContent, PageOptions, PageServer};
-pub use signals::{ResultCard, ResultLine, Signals, TrialStatus};
+pub use signals::{Recognition, ResultCard, ResultLine, Signals, TrialStatus};
 pub use study::{
     ExperimenterScreen, FormPair, FormScreen, GivenAnswer, NextSession, NowScreen, NowWhat, ParticipantLine,
     ParticipantScreen, PromptScreen, RefusedAnswer, SessionScreen, StepLine, StudyButton, StudyRequest,

@@ -1,5 +1,5 @@
 use crate::AfterTrial;
-use proact_types::SimTime;
+use proact_types::{GestureName, SimTime};
 use serde::{Deserialize, Serialize};
 
 /// Whether the trial goes on, and what the record of it is called.
@@ -75,6 +75,27 @@ pub struct ResultLine {
     pub error_m: Option<f64>,
 }
 
+/// What the EMG model makes of the stream.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
+pub struct Recognition {
+    /// The gestures that the model tells apart.
+    pub gestures: Vec<GestureName>,
+    /// Probability of each in the newest window, in the order of `gestures`; empty before the first window, zeros while the
+    /// stream is dead.
+    pub posterior: Vec<f64>,
+    /// The gesture in force, by the decision rule.
+    pub in_force: GestureName,
+    /// What the newest window gave to the decision rule; none if it was rejected, or there is none.
+    pub window_class: Option<GestureName>,
+    /// How hard it is made, 0 to 1.
+    pub effort: f64,
+    /// Gestures act: no relaxed hand is waited for.
+    pub armed: bool,
+    /// Why the stream is dead, as a sentence; none while it lives.
+    pub fault: Option<String>,
+}
+
 /// What the experimenter watches beside the scene: about ten times a second, the latest only.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
@@ -88,12 +109,14 @@ pub struct Signals {
     pub emg_row_hz: f64,
     /// Nominal sampling rate, hertz; zero without an armband.
     pub emg_rate_hz: f64,
-    /// One light a channel: `green`, `yellow`, `red`.
+    /// One light a channel: `green`, `amber`, `red`.
     pub lights: Vec<String>,
-    /// What is wrong with a channel, for each; none if nothing is.
+    /// What is wrong with a channel, for each, such as `flat` or `mains`; none if nothing is.
     pub faults: Vec<Option<String>>,
     /// Share of samples that were lost, 0 to 1.
     pub emg_lost_share: f64,
+    /// What the muscles say; none without an armband.
+    pub recognition: Option<Recognition>,
     /// Milliseconds since the last valid gaze; none if there was none yet.
     pub gaze_age_ms: Option<u64>,
     /// Gaze samples a second.

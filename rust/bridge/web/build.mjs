@@ -11,6 +11,7 @@ const options = {
   entryPoints: {
     app: "src/main.ts",
     calibrate: "src/calibrate.ts",
+    emg: "src/emg.ts",
     experimenter: "src/experimenter.ts",
     "reference-board": "src/reference-board.ts",
     replay: "src/replay.ts",
@@ -53,7 +54,7 @@ const figures = {
 
 await rm(`${root}dist`, { recursive: true, force: true });
 await mkdir(`${root}dist`, { recursive: true });
-const pages = ["index.html", "calibrate.html", "experimenter.html", "reference-board.html", "replay.html", "tracking.html"];
+const pages = ["index.html", "calibrate.html", "emg.html", "experimenter.html", "reference-board.html", "replay.html", "tracking.html"];
 
 /** The pages and the icon, with the hashed names of what was built in them. */
 async function copyPages({ metafile }) {

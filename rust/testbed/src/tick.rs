@@ -16,8 +16,8 @@ use proact_control::{
 use proact_emg::{Classifier, EmgError, EmgOutput};
 use proact_tasks::Task;
 use proact_types::{
-    DisplayFrame, Event, EventKind, FeedbackCue, Gesture, GestureTableError, HandState, JointVector,
-    MethodAnswer, MethodInfo, PlanReply, PlanRequest, Pose, SimTime, Stop, TickInput,
+    DisplayFrame, Event, EventKind, FeedbackCue, Gesture, GestureName, GestureTableError, HandState,
+    JointVector, MethodAnswer, MethodInfo, PlanReply, PlanRequest, Pose, SimTime, Stop, TickInput,
 };
 use std::sync::Arc;
 
@@ -242,6 +242,16 @@ impl Testbed {
     /// Gesture in force.
     pub fn gesture(&self) -> Gesture {
         self.said.gesture.gesture
+    }
+
+    /// What the EMG stage said in the last tick.
+    pub fn muscles(&self) -> &EmgStageOutput {
+        &self.said.gesture
+    }
+
+    /// The gestures that the EMG model tells apart, in the order of [`EmgOutput::posterior`]; none without a model.
+    pub fn emg_gestures(&self) -> &[GestureName] {
+        self.emg.gestures()
     }
 
     /// What the arm does now.

@@ -920,6 +920,24 @@ found: string,
 /** How old that is, seconds; none where age does not matter. */
 age_secs?: number | null, };
 
+/** What the EMG model makes of the stream. */
+export type Recognition = {
+/** The gestures that the model tells apart. */
+gestures: Array<GestureName>,
+/** Probability of each in the newest window, in the order of `gestures`; empty before the first window, zeros while the
+ * stream is dead. */
+posterior: Array<number>,
+/** The gesture in force, by the decision rule. */
+in_force: GestureName,
+/** What the newest window gave to the decision rule; none if it was rejected, or there is none. */
+window_class: GestureName | null,
+/** How hard it is made, 0 to 1. */
+effort: number,
+/** Gestures act: no relaxed hand is waited for. */
+armed: boolean,
+/** Why the stream is dead, as a sentence; none while it lives. */
+fault: string | null, };
+
 /** A recorded trial with everything that its replay shows. */
 export type RecordedTrial = {
 /** Name of its directory. */
@@ -1126,12 +1144,14 @@ emg: Array<Array<number>>,
 emg_row_hz: number,
 /** Nominal sampling rate, hertz; zero without an armband. */
 emg_rate_hz: number,
-/** One light a channel: `green`, `yellow`, `red`. */
+/** One light a channel: `green`, `amber`, `red`. */
 lights: Array<string>,
-/** What is wrong with a channel, for each; none if nothing is. */
+/** What is wrong with a channel, for each, such as `flat` or `mains`; none if nothing is. */
 faults: Array<string | null>,
 /** Share of samples that were lost, 0 to 1. */
 emg_lost_share: number,
+/** What the muscles say; none without an armband. */
+recognition: Recognition | null,
 /** Milliseconds since the last valid gaze; none if there was none yet. */
 gaze_age_ms: number | null,
 /** Gaze samples a second. */

@@ -1,0 +1,80 @@
+// The page of EMG: the live view alone. It only watches, beside whoever drives.
+
+import "./emg.css";
+import { element, setText } from "./dom";
+import { EmgView } from "./emgview";
+import type { TrialStatus } from "./generated/types";
+import { Live } from "./live";
+
+/** Without signals for so long something is the matter, ms. */
+const SILENT_MS = 2000;
+
+const link = element("span", "muted", "connecting");
+const view = new EmgView();
+const none = element(
+  "p",
+  "card",
+  "No armband in this trial: start the program with one, such as ",
+  element("code", "", "proact serve --emg-source synthetic --emg-model model.json"),
+  ", whose model ",
+  element("code", "", "proact emg train --source synthetic --flat-out --out model.json"),
+  " makes.",
+);
+none.hidden = true;
+view.root.hidden = true;
+const keys = element("p", "small keys", "Keys: arrows choose a channel, F freezes the picture.");
+keys.hidden = true;
+document.getElementById("page")?.append(element("header", "", element("h1", "", "EMG"), link), none, view.root, keys);
+
+let connected = false;
+let heard = 0;
+let status: TrialStatus | null = null;
+
+const live = new Live(
+  {
+    reset: () => view.clear(),
+    content() {},
+    frame() {},
+    events() {},
+    status(next) {
+      status = next;
+    },
+    signals(signals) {
+      heard = performance.now();
+      tell();
+      none.hidden = signals.emg_rate_hz > 0;
+      view.root.hidden = keys.hidden = !none.hidden;
+      if (none.hidden) view.take(signals);
+    },
+    connected(now) {
+      connected = now;
+      tell();
+    },
+    refused: (message) => console.warn(`ProACT: ${message}`),
+  },
+  "spectator",
+);
+
+function linkText(): string {
+  if (!connected) return "the program is gone; waiting for it";
+  if (performance.now() - heard < SILENT_MS) return view.frozen ? "live, the picture is frozen" : "live";
+  if (status?.paused || status?.held || status?.waiting) return "the trial stands still; signals come when it goes on";
+  return "no trial runs; signals come with the next one";
+}
+
+function tell(): void {
+  setText(link, linkText());
+}
+
+// Where nothing has the focus, keys are the view's.
+document.addEventListener("keydown", (event) => {
+  if (event.target === document.body && view.key(event)) event.preventDefault();
+});
+
+function draw(wall: number): void {
+  view.draw(wall);
+  requestAnimationFrame(draw);
+}
+requestAnimationFrame(draw);
+window.setInterval(tell, 250);
+(window as unknown as { __proact: object }).__proact = { view, live };

@@ -1,0 +1,86 @@
+// EMG of the last seconds as columns of a picture: of each channel the lowest and the highest value in each column. Pictures of
+// 8 and of 512 channels are drawn from the same columns, and nothing is lost of streams with many samples a pixel.
+
+/** Length of what is shown, seconds. */
+export const SPAN_SECS = 4;
+/** Most columns; slow streams have one for two rows, since of dense streams rows are in turn lowest and highest values. */
+const MOST_COLUMNS = 600;
+/** Kept beyond the span, as a share of it: a picture may run a little behind. */
+const SPARE = 0.15;
+
+export class EmgColumns {
+  /** Columns of the whole span. */
+  count = 0;
+  channels = 0;
+  /** Columns since the start; the newest is `begun - 1` and may still grow. */
+  begun = 0;
+  /** Columns that are kept. */
+  private kept = 0;
+  private lowest = new Float64Array(0);
+  private highest = new Float64Array(0);
+  private rowHz = 0;
+  private rows = 0;
+
+  clear(): void {
+    this.begun = this.rows = 0;
+  }
+
+  /** Takes rows `[n_rows][n_channels]` of a stream of `rowHz`. Another stream begins anew. */
+  take(rows: number[][], rowHz: number): void {
+    const channels = rows[0]?.length ?? 0;
+    if (channels === 0) return;
+    if (channels !== this.channels || rowHz !== this.rowHz) {
+      this.count = Math.max(Math.min(MOST_COLUMNS, Math.floor((SPAN_SECS * rowHz) / 2)), 2);
+      this.kept = Math.ceil((1 + SPARE) * this.count);
+      [this.channels, this.rowHz] = [channels, rowHz];
+      this.lowest = new Float64Array(this.kept * channels);
+      this.highest = new Float64Array(this.kept * channels);
+      this.clear();
+    }
+    for (const row of rows) {
+      const column = Math.floor((this.rows * this.count) / (SPAN_SECS * rowHz));
+      const first = (column % this.kept) * channels;
+      this.rows += 1;
+      const fresh = column >= this.begun;
+      this.begun = column + 1;
+      for (let c = 0; c < channels; c++) {
+        // What is no number is sent as null.
+        const value = row[c] ?? 0;
+        this.lowest[first + c] = fresh ? value : Math.min(this.low(column, c), value);
+        this.highest[first + c] = fresh ? value : Math.max(this.high(column, c), value);
+      }
+    }
+  }
+
+  /** The oldest column that is still known. */
+  get oldest(): number {
+    return Math.max(this.begun - this.kept, 0);
+  }
+
+  low(column: number, channel: number): number {
+    return this.lowest[(column % this.kept) * this.channels + channel] ?? 0;
+  }
+
+  high(column: number, channel: number): number {
+    return this.highest[(column % this.kept) * this.channels + channel] ?? 0;
+  }
+
+  /** The level about which a channel swings: raw codes are not centred. */
+  level(channel: number): number {
+    let sum = 0;
+    for (let column = this.oldest; column < this.begun; column++) sum += this.low(column, channel) + this.high(column, channel);
+    return sum / Math.max(2 * (this.begun - this.oldest), 1);
+  }
+
+  /** The largest distance from `level` in all columns. */
+  peak(channel: number, level: number): number {
+    let most = 0;
+    for (let column = this.oldest; column < this.begun; column++) most = Math.max(most, this.distance(column, channel, level));
+    return most;
+  }
+
+  /** The largest distance from `level` in one column. */
+  distance(column: number, channel: number, level: number): number {
+    return Math.max(this.high(column, channel) - level, level - this.low(column, channel));
+  }
+}

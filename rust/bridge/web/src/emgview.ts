@@ -1,0 +1,276 @@
+// The live view of EMG: channels with their lights, the spectrum of one of them, and what the model makes of the stream. It
+// stands on a page of its own, and wherever its root is put.
+
+import "./emgview.css";
+import { button, element, setClass, setText, setWidth } from "./dom";
+import { EmgColumns, SPAN_SECS } from "./emgcolumns";
+import { Raster, drawSpectrum, drawTraces, inksOf, type Shown } from "./emgpictures";
+import { medianFrequency, powerSpectrum } from "./spectrum";
+import { GESTURE_NAMES, capitalised } from "./protocol";
+import type { Gesture, Recognition, Signals } from "./generated/types";
+
+/** Streams of more channels are a raster. */
+const MOST_TRACES = 16;
+/** Columns of the list of channels beside a raster. */
+const LIST_COLUMNS = 8;
+/** Widest deviation that fills a lane, at least this many units of the stream: noise is not blown up. */
+const LEAST_RANGE = 4;
+/** Peaks fill a lane; a cell of a raster is a mean and has less. */
+const RASTER_SHARE = 0.5;
+/** Length of the signal that a spectrum is of, seconds. */
+const SPECTRUM_SECS = 1;
+/** The picture runs this far behind the newest message, so that it scrolls evenly between two of them, seconds. */
+const LAG_SECS = 0.15;
+/** Narrower than this, parts stand below each other, CSS pixels. */
+const NARROW = 900;
+/** From picture to picture, ms. */
+const PICTURE_MS = 45;
+
+const FAULTS: Record<string, { short: string; long: string }> = {
+  flat: { short: "flat", long: "flat: it does not touch the skin, or is defective" },
+  railed: { short: "cut off", long: "cut off at the ends of the converter's range: gain or fit" },
+  drift: { short: "drifted", long: "far from where it rested in the calibration: it has moved" },
+  mains: { short: "mains hum", long: "mains hum: poor contact, or a charger or cable nearby" },
+  lift_off: { short: "lifted off", long: "louder than any gesture: it has lost the skin" },
+};
+const LIGHT_WORDS: Record<string, string> = { green: "good", amber: "usable", red: "bad" };
+
+/** A gesture as a person reads it; models have names of their own. */
+export function gestureText(name: string): string {
+  return GESTURE_NAMES[name as Gesture]?.name ?? capitalised(name.replaceAll("_", " "));
+}
+
+export class EmgView {
+  readonly root = element("section", "emgview");
+  readonly columns = new EmgColumns();
+  selected = 0;
+  frozen = false;
+  /** The column at the right edge of the picture. */
+  edge = 0;
+  private readonly verdict = element("p", "verdict");
+  private readonly freeze = button("Freeze", () => this.setFrozen(!this.frozen));
+  private readonly list = element("ul", "channels");
+  private readonly canvas = element("canvas");
+  private readonly scale = element("p", "small");
+  private readonly trace = element("canvas", "one");
+  private readonly inForce = element("strong", "inforce");
+  private readonly newest = element("p", "small");
+  private readonly effort = element("div", "fill");
+  private readonly effortText = element("span", "percent");
+  private readonly bars = element("ul", "bars");
+  private readonly spectrumTitle = element("h2");
+  private readonly spectrum = element("canvas", "spectrum");
+  private readonly spectrumText = element("p", "small");
+  private readonly raster = new Raster();
+  private recent: number[][] = [];
+  private signals: Signals | null = null;
+  private gestures = "";
+  private shown: Shown | null = null;
+  private drawn = 0;
+  private due = true;
+
+  constructor() {
+    const { root, list } = this;
+    this.verdict.setAttribute("role", "status");
+    this.freeze.title = "Key F: the picture stands still, nothing else does";
+    // Models of many gestures scroll.
+    this.bars.tabIndex = 0;
+    this.bars.setAttribute("aria-label", "Probability of each gesture");
+    list.tabIndex = 0;
+    list.setAttribute("role", "listbox");
+    list.setAttribute("aria-label", "Channels: arrow keys choose the one of the spectrum");
+    list.addEventListener("click", ({ target }) => {
+      const place = [...list.children].findIndex((item) => item.contains(target as Node));
+      if (place >= 0) this.select(place);
+    });
+    for (const [canvas, label] of [[this.canvas, "Signals of all channels; the list beside names what is wrong"], [this.trace, "Signal of the chosen channel"], [this.spectrum, "Spectrum of the chosen channel; the line below has its figures"]] as const) {
+      canvas.setAttribute("role", "img");
+      canvas.setAttribute("aria-label", label);
+    }
+    const pane = (classes: string, ...children: HTMLElement[]) => element("section", `part ${classes}`, ...children);
+    const effort = element("div", "effort", element("span", "", "Effort"), element("div", "bar", this.effort), this.effortText);
+    root.append(
+      element("div", "emgbar", this.verdict, this.freeze),
+      pane("signalpart", element("h2", "", `Channels, last ${SPAN_SECS} s`), element("div", "lanes", list, element("div", "pictures", this.canvas, this.trace)), this.scale),
+      pane("gesturepart", element("h2", "", "Gesture in force"), this.inForce, this.newest, effort, element("h2", "", "Probabilities, newest window"), this.bars),
+      pane("spectrumpart", this.spectrumTitle, this.spectrum, this.spectrumText),
+    );
+    root.addEventListener("keydown", (event) => {
+      if (this.key(event)) event.preventDefault();
+    });
+    new ResizeObserver(() => setClass(root, "narrow", root.clientWidth < NARROW)).observe(root);
+  }
+
+  /** Another trial: what was shown is void. */
+  clear(): void {
+    this.columns.clear();
+    this.recent = [];
+    this.edge = 0;
+  }
+
+  /** Takes a message; what it says is on display until the next. */
+  take(signals: Signals): void {
+    if (this.frozen) return;
+    this.signals = signals;
+    this.columns.take(signals.emg, signals.emg_row_hz);
+    if (signals.emg.length > 0 && signals.emg[0]?.length !== this.recent[0]?.length) this.recent = [];
+    this.recent.push(...signals.emg);
+    this.recent.splice(0, this.recent.length - Math.ceil(SPECTRUM_SECS * signals.emg_row_hz));
+    if (this.selected >= this.columns.channels) this.selected = 0;
+    this.measure();
+    this.showChannels(signals);
+    if (signals.recognition) this.showRecognition(signals.recognition);
+    this.showSpectrum();
+  }
+
+  /** A key that was pressed; true if it meant something. */
+  key({ key, ctrlKey, metaKey, altKey }: KeyboardEvent): boolean {
+    if (ctrlKey || metaKey || altKey) return false;
+    const down = this.columns.channels > MOST_TRACES ? LIST_COLUMNS : 1;
+    const steps: Record<string, number> = { ArrowDown: down, ArrowUp: -down, ArrowRight: 1, ArrowLeft: -1, Home: -Infinity, End: Infinity };
+    const step = steps[key];
+    if (step !== undefined) this.select(Math.min(Math.max(this.selected + step, 0), this.columns.channels - 1));
+    else if (key.toLowerCase() === "f") this.setFrozen(!this.frozen);
+    else return false;
+    return true;
+  }
+
+  select(channel: number): void {
+    this.selected = Math.max(channel, 0);
+    if (this.shown) this.shown.selected = this.selected;
+    if (this.signals) this.showChannels(this.signals);
+    this.showSpectrum();
+    this.list.children[this.selected]?.scrollIntoView({ block: "nearest" });
+    this.due = true;
+  }
+
+  /** Draws what has changed; call it with every picture of the browser. */
+  draw(wall: number): void {
+    const due = this.due || wall - this.drawn >= PICTURE_MS;
+    if (!this.shown || this.columns.begun === 0 || !due) return;
+    this.due = false;
+    const seconds = Math.min((wall - this.drawn) / 1000, 0.5);
+    this.drawn = wall;
+    const rate = this.columns.count / SPAN_SECS;
+    const behind = this.columns.begun - this.edge - LAG_SECS * rate;
+    // Time goes on evenly; what it lags behind too much or too little is made up for bit by bit.
+    if (!this.frozen) this.edge += seconds * rate + 0.1 * behind;
+    if (Math.abs(behind) > rate || this.edge > this.columns.begun) this.edge = Math.max(this.columns.begun - LAG_SECS * rate, 0);
+    const shown = { ...this.shown, edge: this.edge };
+    const inks = inksOf(this.root);
+    if (this.columns.channels > MOST_TRACES) {
+      this.raster.draw(this.canvas, { ...shown, range: RASTER_SHARE * shown.range }, inks);
+      drawTraces(this.trace, shown, [this.selected], inks);
+    } else {
+      drawTraces(this.canvas, shown, [...Array(this.columns.channels).keys()], inks);
+    }
+  }
+
+  private setFrozen(frozen: boolean): void {
+    this.frozen = frozen;
+    setText(this.freeze, frozen ? "Go on" : "Freeze");
+    setClass(this.freeze, "primary", frozen);
+    setClass(this.root, "frozen", frozen);
+  }
+
+  /** Levels and the common scale. A bad channel does not make the others flat. */
+  private measure(): void {
+    const { columns, signals } = this;
+    const levels = Array.from({ length: columns.channels }, (_, channel) => columns.level(channel));
+    const peaks = levels.map((level, channel) => columns.peak(channel, level));
+    const sound = peaks.filter((_, channel) => signals?.lights[channel] !== "red");
+    const range = Math.max(LEAST_RANGE, ...(sound.length > 0 ? sound : peaks));
+    this.shown = { columns, edge: this.edge, range, levels, selected: this.selected };
+    const units = (value: number) => `${Number(value.toPrecision(2))} units of the device`;
+    const many = columns.channels > MOST_TRACES;
+    setText(this.scale, many ? `Strongest shade: a mean of ${units(RASTER_SHARE * range)}. Below: channel ${this.selected + 1}, half its height ${units(range)}` : `Half a lane: ${units(range)}, the same for all channels`);
+  }
+
+  private showChannels({ lights, faults, emg_lost_share, emg_rate_hz, recognition }: Signals): void {
+    const { list, columns } = this;
+    const many = columns.channels > MOST_TRACES;
+    setClass(this.root, "many", many);
+    while (list.children.length > columns.channels) list.lastElementChild?.remove();
+    while (list.children.length < columns.channels) {
+      const item = element("li", "", element("span", "light"), element("span", "number", String(list.children.length + 1)), element("span", "word"));
+      item.setAttribute("role", "option");
+      item.id = `emg-channel-${list.children.length + 1}`;
+      list.append(item);
+    }
+    list.setAttribute("aria-activedescendant", `emg-channel-${this.selected + 1}`);
+    [...list.children].forEach((item, channel) => {
+      const light = lights[channel] ?? "";
+      const fault = faults[channel] ?? null;
+      const word = fault ? (FAULTS[fault]?.short ?? fault.replaceAll("_", " ")) : (LIGHT_WORDS[light] ?? "no verdict yet");
+      // A grid has room for a mark only; the name of the option says the same in words.
+      setText(item.children[2] as HTMLElement, !many ? word : light === "red" ? "!!" : light === "amber" ? "!" : "");
+      const label = `Channel ${channel + 1}: ${fault ? `${word}, ${LIGHT_WORDS[light] ?? light}` : word}`;
+      if (item.getAttribute("aria-label") !== label) item.setAttribute("aria-label", label);
+      for (const name of ["green", "amber", "red"]) setClass(item.children[0] as HTMLElement, name, light === name);
+      setClass(item as HTMLElement, "selected", channel === this.selected);
+      item.setAttribute("aria-selected", String(channel === this.selected));
+    });
+    const lost = emg_lost_share > 0 ? `, ${(100 * emg_lost_share).toFixed(1)} % lost` : "";
+    const stream = `${columns.channels} channels at ${emg_rate_hz.toFixed(0)} Hz${lost}`;
+    const dead = recognition?.fault ?? null;
+    const waits = recognition && !recognition.armed ? " Gestures act again after a relaxed hand." : "";
+    setText(this.verdict, dead ? `Stopped: ${dead}.${waits}` : `${stream}. ${faultText(lights, faults)}${waits}`);
+    setClass(this.verdict, "bad", dead !== null || lights.includes("red"));
+    setClass(this.verdict, "warn", dead === null && !lights.includes("red") && (lights.includes("amber") || waits !== ""));
+  }
+
+  private showRecognition({ gestures, posterior, in_force, window_class, effort, fault }: Recognition): void {
+    setText(this.inForce, gestureText(in_force));
+    const most = Math.max(...posterior);
+    const likeliest = posterior.length > 0 && most > 0 ? posterior.indexOf(most) : -1;
+    const name = gestures[likeliest];
+    const percent = (share: number) => `${Math.round(100 * share)} %`;
+    const rejected = window_class === null ? ", rejected" : "";
+    setText(this.newest, fault || name === undefined ? "No window yet, or the stream stands" : `Newest window: ${gestureText(name)}, ${percent(most)}${rejected}`);
+    setWidth(this.effort, effort);
+    setText(this.effortText, percent(effort));
+    if (this.gestures !== gestures.join()) {
+      this.gestures = gestures.join();
+      this.bars.replaceChildren(
+        ...gestures.map((gesture) => element("li", "", element("span", "name", gestureText(gesture)), element("div", "bar", element("div", "fill")), element("span", "percent"), element("span", "mark"))),
+      );
+    }
+    [...this.bars.children].forEach((item, k) => {
+      const [, bar, text, mark] = item.children as unknown as HTMLElement[];
+      setWidth(bar?.firstElementChild as HTMLElement, posterior[k] ?? 0);
+      setText(text as HTMLElement, posterior.length > 0 ? percent(posterior[k] ?? 0) : "–");
+      setText(mark as HTMLElement, gestures[k] === in_force ? "in force" : "");
+      setClass(item as HTMLElement, "now", gestures[k] === in_force);
+    });
+  }
+
+  private showSpectrum(): void {
+    const { signals, selected } = this;
+    if (!signals) return;
+    setText(this.spectrumTitle, `Spectrum of channel ${selected + 1}`);
+    const fault = signals.faults[selected];
+    const finding = fault ? ` Channel ${selected + 1} is ${FAULTS[fault]?.long ?? fault.replaceAll("_", " ")}.` : "";
+    // Lowest and highest values are no samples: they have no spectrum.
+    const whole = Math.abs(signals.emg_row_hz - signals.emg_rate_hz) < 1;
+    const spectrum = whole ? powerSpectrum(this.recent.map((row) => row[selected] ?? 0), signals.emg_rate_hz) : null;
+    drawSpectrum(this.spectrum, spectrum, inksOf(this.root));
+    this.spectrum.hidden = !whole;
+    const median = spectrum && medianFrequency(spectrum);
+    const figures = median ? `Median frequency ${median.toFixed(0)} Hz; lines ${spectrum.stepHz.toFixed(1)} Hz apart.` : "No signal to take one of.";
+    setText(this.spectrumText, (whole ? figures : "No spectrum: of a stream as dense as this the page gets lowest and highest values, not all samples.") + finding);
+  }
+}
+
+/** What is wrong, channel by channel; of many channels those with the same finding together. */
+function faultText(lights: string[], faults: (string | null)[]): string {
+  if (lights.length === 0) return "No verdict on the channels yet.";
+  const found = new Map<string, number[]>();
+  faults.forEach((fault, channel) => {
+    if (fault) found.set(fault, [...(found.get(fault) ?? []), channel + 1]);
+  });
+  if (found.size === 0) return "All channels are good.";
+  return [...found].map(([fault, channels]) => {
+    const some = channels.length > 8 ? `${channels.slice(0, 8).join(", ")} and ${channels.length - 8} more` : channels.join(", ");
+    return `${capitalised(FAULTS[fault]?.short ?? fault.replaceAll("_", " "))}: channel${channels.length > 1 ? "s" : ""} ${some}.`;
+  }).join(" ");
+}
