@@ -150,10 +150,10 @@ mod tests {
             let line = <Line as clap::Parser>::try_parse_from(words.split(' '))?;
             line.trial.config(&MethodRegistry::standard(), "still", None)
         };
-        let (_, config) = asked("demo --like minivie")?;
+        let (_, config) = asked("demo --like holopham")?;
         assert_eq!(
             (config.method.to_string(), config.task.name.clone()),
-            ("A".into(), "targeted_bbt".into())
+            ("C".into(), "frame_transfer".into())
         );
         let (_, config) = asked("demo --like minivie:end_point --task bbt --arm mpl_left")?;
         assert_eq!((config.method.to_string(), config.task.name.clone()), ("B".into(), "bbt".into()));
