@@ -28,9 +28,9 @@ pub(crate) enum ParticipantsCommand {
     Fit(FitArgs),
     /// Predict the paper's first study by the people that ship, beside what the paper prints
     #[command(after_help = "Example:\n  proact participants predict --out prediction\n\n\
-        The three master seeds follow from a hash of the population: nobody can have fitted it to them. The first --whole of them are \
-        run with physics and planner, and all of them without. What was run is in the folder, a study a file, and is not run again. \
-        Simulated participants are no evidence about people.")]
+        Without --seeds, the three master seeds follow from a hash of the population: nobody can have fitted it to them. The first \
+        --whole of them are run with physics and planner, and all of them without. What was run is in the folder, a study a file, and is \
+        not run again. Simulated participants are no evidence about people.")]
     Predict(PredictArgs),
 }
 
@@ -63,9 +63,12 @@ pub(crate) struct PredictArgs {
     /// People of each study
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(2..=1000))]
     participants: u32,
-    /// Of the three seeds, so many with physics and planner
-    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u8).range(0..=3))]
-    whole: u8,
+    /// Of the seeds, so many with physics and planner
+    #[arg(long, value_name = "N", default_value_t = 2)]
+    whole: usize,
+    /// Master seeds, with commas between; by default three that follow from a hash of the population
+    #[arg(long, value_name = "N", value_delimiter = ',')]
+    seeds: Vec<u64>,
     /// So many trials at once; by default one a processor
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
     jobs: Option<u16>,
@@ -133,11 +136,11 @@ fn fit_people(registry: &Registry, args: &FitArgs) -> Result<bool, Box<dyn Error
 fn predict_paper(registry: &Registry, args: &PredictArgs) -> Result<bool, Box<dyn Error>> {
     let interrupted = interrupt_flag()?;
     let population = Population::standard();
-    let seeds = seeds_of(&population)?;
+    let seeds = if args.seeds.is_empty() { seeds_of(&population)?.to_vec() } else { args.seeds.clone() };
     fs::create_dir_all(&args.out)?;
     let people = args.participants as usize;
-    let mut plan: Vec<(u64, bool)> = seeds.iter().take(args.whole.into()).map(|seed| (*seed, true)).collect();
-    plan.extend(seeds.map(|seed| (seed, false)));
+    let mut plan: Vec<(u64, bool)> = seeds.iter().take(args.whole).map(|seed| (*seed, true)).collect();
+    plan.extend(seeds.iter().map(|seed| (*seed, false)));
     let each = people * 4 * PaperResults::shipped().study1.trials_each;
     let template = "{elapsed} {bar:40} {pos} of {len} trials, {eta} left  {msg}";
     let progress = bar(!args.json, (each * plan.len()) as u64, template);

@@ -231,6 +231,11 @@ impl EmgPipeline {
         &self.newest
     }
 
+    /// The gestures that are told apart, in the order of [`EmgOutput::posterior`].
+    pub fn gestures(&self) -> &[GestureName] {
+        self.classifier.gestures()
+    }
+
     /// Goes on with another classifier of the same features and channels, as adaptation makes them.
     ///
     /// # Errors

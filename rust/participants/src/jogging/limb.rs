@@ -55,9 +55,6 @@ impl Limb {
         if self.under_way(now, q) {
             return true;
         }
-        if let Some(met) = self.give_up(q).filter(|_| !aim.by_axis()) {
-            movements.met_something(met);
-        }
         if aim.by_axis() {
             self.placings += 1;
             let reached = aim.goal.reached(&situation.sense.forward(q));
@@ -65,6 +62,9 @@ impl Limb {
             return !reached
                 && self.placings <= MOST_PLACINGS
                 && self.go(now, q, &situation.sense.inverse(q, &aim.goal, own));
+        }
+        if let Some(met) = self.give_up(q) {
+            movements.met_something(met);
         }
         if movements.are_in_vain(aim) {
             return false;

@@ -6,7 +6,6 @@ use proact_types::{EmgSample, EventKind, Gesture, GestureCommands, GestureName, 
 pub struct EmgStage {
     /// None when gestures are given directly.
     muscles: Option<(EmgPipeline, GestureCommands)>,
-    gestures: Vec<GestureName>,
     given: Option<Gesture>,
     recognised: GestureName,
     confidence: f64,
@@ -72,8 +71,6 @@ impl EmgStage {
     /// # Errors
     /// Settings that do not fit the classifier, or a table of commands that does not fit its gestures.
     pub fn new(config: &TrialConfig, classifier: Option<Classifier>) -> Result<Self, TestbedError> {
-        let gestures =
-            classifier.as_ref().map(|classifier| classifier.gestures().to_vec()).unwrap_or_default();
         let muscles = match (&config.emg, classifier) {
             (Some(emg), Some(classifier)) => {
                 let commands = config.gesture_commands(emg.rest, &classifier)?;
@@ -83,20 +80,12 @@ impl EmgStage {
         };
         let recognised =
             config.emg.as_ref().filter(|_| muscles.is_some()).map_or_else(Default::default, |emg| emg.rest);
-        Ok(Self {
-            muscles,
-            gestures,
-            given: None,
-            recognised,
-            confidence: 0.0,
-            effort: 0.0,
-            decided_at: None,
-        })
+        Ok(Self { muscles, given: None, recognised, confidence: 0.0, effort: 0.0, decided_at: None })
     }
 
     /// The gestures that are told apart, in the order of [`EmgOutput::posterior`]; none when gestures are given directly.
     pub fn gestures(&self) -> &[GestureName] {
-        &self.gestures
+        self.muscles.as_ref().map_or(&[], |(pipeline, _)| pipeline.gestures())
     }
 
     /// One tick, with no samples too: time alone makes a stream stale.
