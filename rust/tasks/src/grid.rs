@@ -125,11 +125,9 @@ impl GridChoice {
     pub(crate) fn apply(&self, task: &str, scene: &mut SceneFile) -> Result<(), TaskError> {
         let grids = scene.grids.len();
         let [grid] = scene.grids.as_mut_slice() else {
-            return Err(TaskError::Option {
-                task: task.to_owned(),
-                got: format!("grid, and the task has {grids} grids"),
-                known: "one [[scene.grids]], as docs/tasks/cluttered.toml has",
-            });
+            return Err(TaskError::Scene(format!(
+                "{grids} grids in task {task:?}, expected one for task.grid to change, as docs/tasks/cluttered.toml has"
+            )));
         };
         let rows = grid.count[0];
         grid.count = match self.count {
