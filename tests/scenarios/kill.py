@@ -29,6 +29,8 @@ from page_client import Page, Server
 LOST_MS = 200
 ROS_EPOCH_MS = 1_000_000
 GENTLE = [signal.SIGTERM, signal.SIGHUP, signal.SIGINT]
+# Run by nohup this ignores SIGHUP, and programs that inherit that outlive it, as they should.
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
 parser.add_argument("proact", type=pathlib.Path)
