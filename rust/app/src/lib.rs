@@ -24,6 +24,7 @@ pub mod film;
 pub mod film_of_bag;
 pub mod fit;
 mod head_shoulder;
+mod heap;
 pub mod intent_scores;
 pub mod lab_streaming;
 pub mod libraries;

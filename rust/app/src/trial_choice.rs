@@ -1,6 +1,6 @@
 //! From names to a trial's configuration, for commands and studies alike.
 
-use crate::{Arm, method_process::read_method_file};
+use crate::{Arm, heap::settle, method_process::read_method_file};
 use proact_control::{MethodProgram, MethodRegistry};
 use proact_emg::EmgConfig;
 use proact_study::TrialChoice;
@@ -59,8 +59,11 @@ pub fn trial_config(
         config.emg = emg;
     }
     config.check()?;
-    let config = config.with_values(&choice.set)?;
+    let mut config = config.with_values(&choice.set)?;
     config.method_entry(methods)?;
+    if let Some(lies) = settle(&config.task, arm.model(), config.seed)? {
+        config.task.heap.get_or_insert_default().lies = lies;
+    }
     Ok((arm, config))
 }
 

@@ -42,6 +42,14 @@ impl Choice {
         self.avoided = self.chosen;
     }
 
+    /// Takes `object` for the one to take next, where one is as good as another.
+    pub(crate) fn settle_for(&mut self, object: ObjectId, seen: &DisplayFrame) {
+        let all_alike = self.briefing.order == Order::Any && self.briefing.destination == Destination::Across;
+        if all_alike && self.can_be_taken(object, seen) && Some(object) != self.avoided {
+            self.chosen = Some(object);
+        }
+    }
+
     /// Where `object` goes; the same for as long as it is carried.
     pub(crate) fn place(&mut self, object: ObjectId, seen: &DisplayFrame) -> Point {
         if let Some((_, spot)) = self.spot.filter(|(carried, _)| *carried == object) {
@@ -77,12 +85,14 @@ impl Choice {
         at.z > self.scene.table_height && self.side() * at.y < 0.0
     }
 
-    /// The one with the most room around it; of those as easy, the nearest to the partition.
+    /// The one with the most room around it, as far as others are not below it; of those as easy, the nearest to the partition.
     fn easiest(&self, seen: &DisplayFrame) -> Option<ObjectId> {
         let ids = || self.scene.ids().filter(|id| self.can_be_taken(*id, seen));
         let at = |id: &ObjectId| seen.objects[id.index()].translation.vector;
         let room = |id: &ObjectId| {
-            let to_others = ids().filter(|other| other != id).map(|other| (at(&other) - at(id)).xy().norm());
+            let height = self.scene.objects[id.index()].shape.half_height();
+            let beside = |other: &ObjectId| other != id && at(other).z > at(id).z - height;
+            let to_others = ids().filter(beside).map(|other| (at(&other) - at(id)).xy().norm());
             to_others.fold(1.0, f64::min).min(self.to_wall(&at(id)))
         };
         let rank = |id: &ObjectId| ((room(id) / AS_EASY).floor(), -at(id).y.abs());

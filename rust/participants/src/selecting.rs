@@ -17,6 +17,8 @@ const MISSED_MILLIS: u64 = 900;
 const STUCK_MILLIS: u64 = 1500;
 /// After so many postures in vain another object is taken, where the person may choose.
 const GIVES_UP_AFTER: u32 = 3;
+/// Where one object is as good as another, what stays highlighted for this long instead of what is meant is taken.
+const SETTLES_MILLIS: u64 = 1500;
 /// A gesture that nothing answers for this long was not noticed: the arm forgot it, or waits for a relaxed hand.
 const UNNOTICED_MILLIS: u64 = 2500;
 /// Who does not look closely lets a marker be off by so many times as much.
@@ -42,6 +44,8 @@ pub struct SelectingParticipant {
     correction: Vector,
     corrected_at: SimTime,
     right_since: Option<SimTime>,
+    /// Something else than what is meant has been highlighted all the while.
+    wrong_since: Option<SimTime>,
     /// The planner was seen at work since WE began: what it shows is no longer the end of the motion before.
     under_way: bool,
     reached: bool,
@@ -83,6 +87,7 @@ impl SelectingParticipant {
             correction: Vector::zeros(),
             corrected_at: SimTime(0),
             right_since: None,
+            wrong_since: None,
             under_way: false,
             reached: false,
             closed_since: None,
@@ -119,6 +124,7 @@ impl SelectingParticipant {
             self.begin_step();
             self.correction = Vector::zeros();
             self.right_since = None;
+            self.wrong_since = None;
             self.reached = false;
             self.stuck_since = None;
             self.attempt = 0;
@@ -179,6 +185,13 @@ impl SelectingParticipant {
         let right = seen.target.object == Some(block) || (self.careless && seen.target.object.is_some());
         if !right {
             self.look_away_from(now, seen, block);
+        }
+        match seen.target.object.filter(|_| !right) {
+            Some(other) if now.millis_since(*self.wrong_since.get_or_insert(now)) > SETTLES_MILLIS => {
+                self.choice.settle_for(other, seen);
+            }
+            Some(_) => {}
+            None => self.wrong_since = None,
         }
         if let Some(gesture) = self.lock(now, right, seen.target.locked) {
             return gesture;

@@ -1,12 +1,15 @@
-use crate::{Task, TaskInput, TaskResult, TaskState};
-use proact_types::{BodyState, Briefing, EventKind, ObjectId, ObjectSet, Scene, SimTime, TaskContext};
+use crate::{HeapFile, Task, TaskInput, TaskResult, TaskState};
+use proact_types::{
+    BodyState, Briefing, EventKind, ObjectId, ObjectSet, Pose, Scene, SimTime, TaskContext, Vector,
+};
 use serde_json::{Map, json};
 
 /// The box-and-blocks test's rule: an object counts when the fingertips cross the partition with it, also if it then
 /// falls on the floor. It counts once; two carried at once count one, because the one that the hand holds is counted.
 ///
 /// Nothing counts during practice, and what is brought across then stays where it is put. (In a clinic the cubes are put
-/// back; here nobody does.) Deterministic: state follows from the calls alone.
+/// back; here nobody does.) Where a task refills, objects that are across fall back to the start side when few are left there, and count
+/// again. Deterministic: state follows from the calls alone.
 #[derive(Clone, Debug)]
 pub struct Across {
     briefing: Briefing,
@@ -20,12 +23,47 @@ pub struct Across {
     /// When each crossing was, in order.
     times: Vec<(ObjectId, SimTime)>,
     grasps: u32,
+    refill: Option<Refill>,
     state: TaskState,
+}
+
+/// Objects that fall back to where they began.
+#[derive(Clone, Debug)]
+pub(crate) struct Refill {
+    below: usize,
+    heap: HeapFile,
+    /// Those that were sent back and have not been seen there.
+    returning: ObjectSet,
+    /// Of the newest step.
+    placements: Vec<(ObjectId, BodyState)>,
+}
+
+impl Refill {
+    /// When fewer than `below` are left, into the area of `heap`, which is as in the text: for the right hand.
+    pub(crate) fn new(below: usize, heap: HeapFile) -> Self {
+        Self { below, heap, returning: ObjectSet::default(), placements: Vec::new() }
+    }
+
+    /// Sends `back` to places above all of `objects` that lie in the area; `side`: as [`Across::side`].
+    fn send(&mut self, back: Vec<ObjectId>, objects: &[BodyState], table: f64, side: f64) {
+        let height = |body: &BodyState| body.pose.translation.vector.z;
+        let there = objects.iter().filter(|body| side * body.pose.translation.vector.y <= 0.0);
+        let top = there.map(height).fold(table, f64::max);
+        // The height of the topmost middle, and room for that one however it is turned.
+        let cells = self.heap.cells(top + self.heap.cell(), back.len());
+        let fall = |[x, y, z]: [f64; 3]| BodyState {
+            pose: Pose::translation(x, side * y, z),
+            linear: Vector::zeros(),
+            angular: Vector::zeros(),
+        };
+        self.returning = back.iter().copied().collect();
+        self.placements = back.into_iter().zip(cells.into_iter().map(fall)).collect();
+    }
 }
 
 impl Across {
     /// The task before its start.
-    pub(crate) fn new(briefing: Briefing, scene: Scene) -> Self {
+    pub(crate) fn new(briefing: Briefing, scene: Scene, refill: Option<Refill>) -> Self {
         let all = ObjectSet::first(scene.objects.len());
         let context = TaskContext { due: all, number: 0 };
         Self {
@@ -36,6 +74,7 @@ impl Across {
             crossed: ObjectSet::default(),
             times: Vec::new(),
             grasps: 0,
+            refill,
             state: TaskState { candidates: all, context, context_at_grasp: context, ..TaskState::default() },
             briefing,
             scene,
@@ -54,6 +93,32 @@ impl Across {
             events.push(EventKind::ObjectAttached { object });
         }
         self.held = held;
+    }
+
+    /// Those that were sent back and are there can be taken, and count, again.
+    fn take_back(&mut self, objects: &[BodyState]) {
+        let Some(refill) = &mut self.refill else { return };
+        refill.placements.clear();
+        for (id, body) in self.scene.ids().zip(objects) {
+            if refill.returning.contains(id) && self.side * body.pose.translation.vector.y <= 0.0 {
+                refill.returning.remove(id);
+                self.crossed.remove(id);
+            }
+        }
+    }
+
+    /// Sends back what is not on the start side if too few are left there.
+    fn refill(&mut self, objects: &[BodyState]) -> Option<EventKind> {
+        let refill = self.refill.as_mut()?;
+        // What was sent back and found no room is no reason to begin anew at every step.
+        if self.state.candidates.len() >= refill.below || !refill.returning.is_empty() {
+            return None;
+        }
+        let away = |id: &ObjectId| !self.state.candidates.contains(*id) && self.held != Some(*id);
+        let back: Vec<ObjectId> = self.scene.ids().filter(away).collect();
+        let count = u32::try_from(back.len()).ok().filter(|count| *count > 0)?;
+        refill.send(back, objects, self.scene.table_height, self.side);
+        Some(EventKind::ObjectsRefilled { count })
     }
 
     /// An object on the table of the start side may still be taken.
@@ -94,10 +159,12 @@ impl Task for Across {
                 events.push(EventKind::ObjectCrossed { object });
             }
         }
+        self.take_back(seen.objects);
         let bodies = self.scene.ids().zip(seen.objects);
         self.state.candidates =
             bodies.filter(|(id, body)| self.is_candidate(*id, body)).map(|(id, _)| id).collect();
         self.state.score = self.times.len() as u32;
+        events.extend(self.refill(seen.objects));
         // A hand that still holds the last one may yet bring it across.
         let none_left = self.state.candidates.is_empty() && self.held.is_none();
         if none_left || now >= self.limit {
@@ -127,6 +194,10 @@ impl Task for Across {
             beside: Map::new(),
             lines: self.times.iter().map(line).collect(),
         }
+    }
+
+    fn placements(&self) -> &[(ObjectId, BodyState)] {
+        self.refill.as_ref().map_or(&[], |refill| &refill.placements)
     }
 
     fn minds_fingertips(&self) -> bool {

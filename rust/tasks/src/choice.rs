@@ -1,11 +1,12 @@
-use crate::{Arrangement, GridChoice, ModifiedBbt, Task, TaskError, TaskFile};
+use crate::{Arrangement, GridChoice, HeapChoice, HeapFile, ModifiedBbt, Task, TaskError, TaskFile};
 use serde::{Deserialize, Serialize};
 
 /// The tasks that ship with the program: name, and one line about each.
-pub const SHIPPED: [(&str, &str); 9] = [
+pub const SHIPPED: [(&str, &str); 10] = [
     (ModifiedBbt::NAME, "four blocks, each to its target, in order (paper)"),
     ("targeted_bbt", "sixteen cubes of 25 mm to their mirrored places, in order, timed"),
     ("bbt", "as many cubes of 25 mm over the partition as possible in a minute"),
+    ("bbt_heap", "the same with a heap of 150 cubes, each trial's fallen as its seed says"),
     ("pasta_box", "a box from the side to two shelves and back (sizes assumed)"),
     ("cup_transfer", "two cups over a partition and back (sizes assumed)"),
     ("clothespins", "two pins to an upright rod and back (on ledges, not clipped)"),
@@ -15,9 +16,10 @@ pub const SHIPPED: [(&str, &str); 9] = [
 ];
 
 /// Texts of those that are files alone.
-const FILES: [(&str, &str); 8] = [
+const FILES: [(&str, &str); 9] = [
     ("targeted_bbt", include_str!("../data/targeted_bbt.toml")),
     ("bbt", include_str!("../data/bbt.toml")),
+    ("bbt_heap", include_str!("../data/bbt_heap.toml")),
     ("pasta_box", include_str!("../data/pasta_box.toml")),
     ("cup_transfer", include_str!("../data/cup_transfer.toml")),
     ("clothespins", include_str!("../data/clothespins.toml")),
@@ -44,6 +46,9 @@ pub struct TaskChoice {
     /// How many objects stand in the task's grid, how far apart and how wide; as its text says where it is left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub grid: Option<GridChoice>,
+    /// How many objects lie in the task's heap, and how.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub heap: Option<HeapChoice>,
     /// The text of a lab's own task.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub text: Option<String>,
@@ -59,7 +64,7 @@ impl TaskChoice {
             return Err(TaskError::Unknown { got: name.to_owned(), known: Self::known() });
         }
         let arrangement = (name == ModifiedBbt::NAME).then(|| Arrangement::by_seed(seed));
-        Ok(Self { name: name.to_owned(), hash: None, arrangement, grid: None, text: None })
+        Ok(Self { name: name.to_owned(), hash: None, arrangement, grid: None, heap: None, text: None })
     }
 
     /// A lab's own task.
@@ -73,7 +78,7 @@ impl TaskChoice {
             return Err(TaskError::Rule { key: "name", reason });
         }
         file.build(false)?;
-        Ok(Self { name: file.name, hash: None, arrangement: None, grid: None, text: Some(text) })
+        Ok(Self { name: file.name, hash: None, arrangement: None, grid: None, heap: None, text: Some(text) })
     }
 
     /// Another arrangement, such as `FL,NM,NL,FM`.
@@ -141,7 +146,7 @@ impl TaskChoice {
         if modified {
             let arrangement = self.arrangement.map_or_else(|| Arrangement::numbered(1), Ok)?;
             let mut file = limit(ModifiedBbt::file(arrangement)?);
-            self.arrange_grid(&mut file)?;
+            self.arrange_objects(&mut file)?;
             return Ok(Box::new(ModifiedBbt::new(&file, arrangement, left)?));
         }
         if let Some(arrangement) = &self.arrangement {
@@ -149,15 +154,34 @@ impl TaskChoice {
             return Err(TaskError::Option { task, got, known: "no arrangement: that is modified_bbt's" });
         }
         let mut file = limit(self.content()?);
-        self.arrange_grid(&mut file)?;
+        self.arrange_objects(&mut file)?;
         file.build(left)
     }
 
-    /// Gives the grid of the task as many objects as was asked for, as far apart and as wide, and its highest score.
-    fn arrange_grid(&self, file: &mut TaskFile) -> Result<(), TaskError> {
-        let Some(grid) = &self.grid else { return Ok(()) };
+    /// The heap that physics has yet to let fall before the trial begins; none where there is no heap, or it lies.
+    ///
+    /// # Errors
+    /// As [`TaskChoice::content`], and for options of a heap that there is not.
+    pub fn falling_heap(&self) -> Result<Option<HeapFile>, TaskError> {
+        let mut file = self.content()?;
+        self.arrange_objects(&mut file)?;
+        Ok(file.scene.heap.filter(|heap| heap.lies.is_empty() && heap.count > 0))
+    }
+
+    /// Gives grid and heap of the task as many objects as was asked for, as far apart, as wide and lying as they do, and its highest
+    /// score.
+    fn arrange_objects(&self, file: &mut TaskFile) -> Result<(), TaskError> {
         let before = file.scene.object_count();
-        grid.apply(&self.name, &mut file.scene)?;
+        if let Some(grid) = &self.grid {
+            grid.apply(&self.name, &mut file.scene)?;
+        }
+        if let Some(choice) = &self.heap {
+            let Some(heap) = &mut file.scene.heap else {
+                let (task, got) = (self.name.clone(), "heap".to_owned());
+                return Err(TaskError::Option { task, got, known: "no heap: bbt_heap has one" });
+            };
+            heap.apply(choice);
+        }
         // A score of which all objects are the most goes along; any other is not ours to change.
         if file.briefing.most == u32::try_from(before).ok() {
             file.briefing.most = u32::try_from(file.scene.object_count()).ok();

@@ -1,6 +1,8 @@
 use crate::{
     Across, ArrangementError, GoalSequence, ObjectMoves, SceneFile, Targets, Task,
+    across::Refill,
     goal_files::{MoveFile, PosturesFile, ReachesFile},
+    heap::OF_HEAP,
 };
 use proact_types::{Briefing, Destination, MAX_OBJECTS, ObjectId, Order, Scene};
 use serde::{Deserialize, Serialize};
@@ -96,6 +98,9 @@ pub struct TaskFile {
     /// The prescribed order, by name; that of the scene where it is empty.
     #[serde(default)]
     pub order: Vec<String>,
+    /// Of the rules `across`: when fewer objects than this are left to take, those that are across fall back to where they began.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub refill_below: Option<usize>,
     /// What a person is told.
     pub briefing: Briefing,
     /// What stands where.
@@ -121,9 +126,12 @@ const OF_GRID: [&str; 7] =
 fn check_keys(text: &str) -> Result<(), TaskError> {
     // What is no TOML is told with its line by who reads it.
     let Ok(table) = toml::from_str::<toml::Table>(text) else { return Ok(()) };
-    for (list, own) in [("objects", OF_OBJECT.as_slice()), ("grids", OF_GRID.as_slice())] {
-        let entries = table.get("scene").and_then(|scene| scene.get(list)).and_then(toml::Value::as_array);
-        for entry in entries.into_iter().flatten().filter_map(toml::Value::as_table) {
+    let lists =
+        [("objects", OF_OBJECT.as_slice()), ("grids", OF_GRID.as_slice()), ("heap", OF_HEAP.as_slice())];
+    for (list, own) in lists {
+        let value = table.get("scene").and_then(|scene| scene.get(list));
+        let entries = value.and_then(toml::Value::as_array).into_iter().flatten().chain(value);
+        for entry in entries.filter_map(toml::Value::as_table) {
             let known = || OF_KIND.iter().chain(own);
             if let Some(key) = entry.keys().find(|key| !known().any(|known| known == key)) {
                 let expected: Vec<&str> = known().copied().collect();
@@ -168,7 +176,11 @@ impl TaskFile {
         let (scene, order) = self.checked(left)?;
         Ok(match self.rules {
             Rules::Targets => Box::new(Targets::new(self.briefing.clone(), scene, order, self.due)),
-            Rules::Across => Box::new(Across::new(self.briefing.clone(), scene)),
+            Rules::Across => {
+                let refills = self.refill_below.zip(self.scene.heap.clone());
+                let refill = refills.map(|(below, heap)| Refill::new(below, heap));
+                Box::new(Across::new(self.briefing.clone(), scene, refill))
+            }
             Rules::Moves => {
                 let (scene, moves) = MoveFile::placed(&self.moves, scene, left)?;
                 Box::new(ObjectMoves::new(self.briefing.clone(), scene, moves))
@@ -241,6 +253,10 @@ impl TaskFile {
             let reason =
                 "the rules \"across\" know no order; leave order and due out, briefing.order is \"any\"";
             return wrong("order", reason.to_owned());
+        }
+        if self.refill_below.is_some() && (self.rules != Rules::Across || self.scene.heap.is_none()) {
+            let reason = "objects fall back into a heap with the rules \"across\" alone; leave it out";
+            return wrong("refill_below", reason.to_owned());
         }
         if self.rules.shows() && (*order != Order::Prescribed || !self.order.is_empty()) {
             let reason =

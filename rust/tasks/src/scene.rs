@@ -1,4 +1,4 @@
-use crate::{TaskError, grid::GridFile};
+use crate::{TaskError, grid::GridFile, heap::HeapFile};
 use proact_types::{
     MAX_OBJECTS, Object, ObjectId, PlaceRegion, Point, Pose, Scene, SceneObject, Shape, Target,
 };
@@ -26,6 +26,9 @@ pub struct SceneFile {
     /// Objects in rows and columns, after the others.
     #[serde(default)]
     pub grids: Vec<GridFile>,
+    /// Objects in a heap, after those.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub heap: Option<HeapFile>,
 }
 
 /// A body that does not move.
@@ -91,16 +94,18 @@ pub struct ObjectFile {
 }
 
 impl SceneFile {
-    /// All objects: the single ones, then those of the grids.
+    /// All objects: the single ones, then those of the grids, then those of the heap.
     fn all(&self) -> Vec<ObjectFile> {
         let grids = self.grids.iter().flat_map(GridFile::objects);
-        self.objects.iter().cloned().chain(grids).collect()
+        let heap = self.heap.iter().flat_map(|heap| heap.objects(self.table_height));
+        self.objects.iter().cloned().chain(grids).chain(heap).collect()
     }
 
     /// How many objects there are.
     pub(crate) fn object_count(&self) -> usize {
         let in_grid = |grid: &GridFile| grid.count[0].saturating_mul(grid.count[1]);
-        self.grids.iter().map(in_grid).fold(self.objects.len(), usize::saturating_add)
+        let in_heap = self.heap.iter().map(|heap| heap.count);
+        self.grids.iter().map(in_grid).chain(in_heap).fold(self.objects.len(), usize::saturating_add)
     }
 
     /// The scene; `left`: mirrored in y, for the left hand.
@@ -113,11 +118,12 @@ impl SceneFile {
         if got > MAX_OBJECTS {
             return Err(TaskError::Scene(format!("{got} objects, expected 1 to {MAX_OBJECTS}")));
         }
+        self.heap.iter().try_for_each(HeapFile::check)?;
         let files = self.all();
         self.check_numbers(&files)?;
         let side = if left { -1.0 } else { 1.0 };
         let [low, high] = [self.put_down.min, self.put_down.max];
-        let scene = Scene {
+        let mut scene = Scene {
             fixed: self.fixed.iter().map(|body| body.placed(side)).collect(),
             objects: files.iter().map(|object| object.placed(self.table_height, side)).collect(),
             targets: files
@@ -136,7 +142,11 @@ impl SceneFile {
             },
             table_height: self.table_height,
         };
-        check_places(&scene)?;
+        let standing = scene.objects.len() - self.heap.as_ref().map_or(0, |heap| heap.count);
+        if let Some(heap) = &self.heap {
+            heap.lay(&mut scene.objects[standing..], self.table_height, left)?;
+        }
+        check_places(&scene, standing)?;
         Ok(scene)
     }
 
@@ -262,8 +272,9 @@ pub(crate) fn is_on_top(scene: &Scene, point: &Point) -> bool {
     })
 }
 
-fn check_places(scene: &Scene) -> Result<(), TaskError> {
-    for (k, object) in scene.objects.iter().enumerate() {
+/// The first `standing` objects stand on something and have room; those of a heap lie as physics left them. Targets are in the box.
+fn check_places(scene: &Scene, standing: usize) -> Result<(), TaskError> {
+    for (k, object) in scene.objects[..standing].iter().enumerate() {
         let here = (&object.shape, &object.pose);
         let others = scene.objects[..k].iter().map(|other| (&other.name, &other.shape, &other.pose));
         let fixed = scene.fixed.iter().map(|body| (&body.name, &body.shape, &body.pose));

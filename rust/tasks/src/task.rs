@@ -23,6 +23,12 @@ pub trait Task: Send {
     /// The result for objects as they are now.
     fn result(&self, objects: &[BodyState]) -> TaskResult;
 
+    /// Objects that the rules put somewhere after the newest step, and how they are there. Where there is no room an object stays where
+    /// it was.
+    fn placements(&self) -> &[(ObjectId, BodyState)] {
+        &[]
+    }
+
     /// True if [`TaskInput::fingertips`] is asked for.
     fn minds_fingertips(&self) -> bool {
         false

@@ -355,6 +355,7 @@ impl Testbed {
         let judged = TaskStageInput { world: self.world.state(), held: world.hand.holds };
         let task = self.task.step(now, judged);
         note(task.events);
+        self.world.rearrange(&task.placements);
         self.digest.task(&task.state, world.hand.holds);
 
         let contacts = &self.world.state().contacts;

@@ -156,6 +156,11 @@ pub enum EventKind {
         /// Which object.
         object: ObjectId,
     },
+    /// Few objects were left to take: those that were across fall back to where they began.
+    ObjectsRefilled {
+        /// How many.
+        count: u32,
+    },
     /// The hand or the joints stayed where they were asked to be.
     GoalReached {
         /// Which goal of the trial, from 1.

@@ -83,6 +83,13 @@ impl ObjectSet {
         }
     }
 
+    /// Takes `object` out.
+    pub fn remove(&mut self, object: ObjectId) {
+        if let Some(word) = self.0.get_mut(object.index() / 64) {
+            *word &= !(1 << (object.index() % 64));
+        }
+    }
+
     /// How many they are.
     pub fn len(&self) -> usize {
         self.0.iter().map(|word| word.count_ones() as usize).sum()

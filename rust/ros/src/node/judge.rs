@@ -19,7 +19,7 @@ use proact_testbed::{
     TestbedError, TrialConfig,
     stages::{
         ActuationOutput, DisplayInput, DisplayStage, EmgStageOutput, FeedbackInput, FeedbackStage,
-        IntentOutput, TaskStage, TaskStageInput,
+        IntentOutput, TaskOutput, TaskStage, TaskStageInput,
     },
 };
 use proact_types::{Event, EventKind, HandView, PlantState, Pose, SimTime};
@@ -112,11 +112,11 @@ impl Judge {
         now: SimTime,
         moved: &Moved<'_>,
         events: &mut Vec<EventKind>,
-    ) -> Result<TaskState> {
+    ) -> Result<TaskOutput> {
         let task = self.task.step(now, TaskStageInput { world: moved.world, held: moved.hand.holds });
         let judged = !task.events.is_empty();
         let finished = task.events.contains(&EventKind::TrialFinished);
-        events.extend(task.events);
+        events.extend_from_slice(&task.events);
         let timed: Vec<Event> = events.iter().map(|kind| Event { time: now, kind: kind.clone() }).collect();
         let contacts = &moved.world.contacts;
         let cues = self.feedback.step(now, FeedbackInput { events: &timed, contacts });
@@ -141,7 +141,7 @@ impl Judge {
             };
             self.result.send(Text { data: json("the result", &result).unwrap_or_default() })?;
         }
-        Ok(task.state)
+        Ok(task)
     }
 
     /// Says how the world is, and shows it where a frame is due. `task` as the tick left it.

@@ -203,10 +203,7 @@ impl SimNode {
     fn tell_first(&mut self) -> rosrust::error::Result<()> {
         let task = self.judge.task().state().clone();
         let hand = HandView::default();
-        let robot = &self.robot;
-        let moved =
-            judge::Moved { world: robot.state(), hand, actuation: &robot.said, acted_on: robot.acted_on };
-        self.judge.tell(self.now, &moved, &task, &[], true)
+        self.judge.tell(self.now, &self.robot.moved(hand), &task, &[], true)
     }
 
     fn tick(&mut self, rates: &Rates) -> Result<(), NodeError> {
@@ -224,22 +221,21 @@ impl SimNode {
         let mut events = std::mem::take(&mut self.events);
         events.extend(moved.events);
         let told = events.len();
-        let world = self.robot.state();
-        let robot = &self.robot;
-        let seen =
-            judge::Moved { world, hand: moved.world.hand, actuation: &robot.said, acted_on: robot.acted_on };
-        let task = self.judge.step(now, &seen, &mut events)?;
+        let hand = moved.world.hand;
+        let task = self.judge.step(now, &self.robot.moved(hand), &mut events)?;
         if let Some(spans) = &mut self.spans {
             let shoulder = self.person.get().and_then(|(input, _)| input.shoulder);
             spans.digest.input(&TickInput { shoulder, ..TickInput::default() });
             spans.digest.actuation(&self.robot.said);
-            spans.digest.world(world, moved.world.carried);
-            spans.digest.task(&task, moved.world.hand.holds);
+            spans.digest.world(self.robot.state(), moved.world.carried);
+            spans.digest.task(&task.state, hand.holds);
             let own = [Field::InputShoulder, Field::Motion, Field::Joints, Field::Blocks, Field::Task];
-            spans.end_tick(now, &own, task.finished);
+            spans.end_tick(now, &own, task.state.finished);
         }
+        self.robot.rearrange(&task.placements);
+        let world = self.robot.state();
         let due = now.0.is_multiple_of(rates.period);
-        self.judge.tell(now, &seen, &task, &events, due || self.lockstep)?;
+        self.judge.tell(now, &self.robot.moved(hand), &task.state, &events, due || self.lockstep)?;
         for kind in events[told..].iter().filter(|kind| super::is_grasp(kind)) {
             rates.outlets.grasp(&Event { time: now, kind: kind.clone() })?;
         }

@@ -161,7 +161,7 @@ impl Stage for TaskNode {
         let task = self.judge.step(now, &moved, &mut events)?;
         // The world comes with the clock: one message of it says all.
         let due = self.common.stamp() == now || !events.is_empty();
-        self.judge.tell(now, &moved, &task, &events, due)
+        self.judge.tell(now, &moved, &task.state, &events, due)
     }
 
     fn is_ready(&self, _next: SimTime) -> bool {

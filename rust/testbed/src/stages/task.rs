@@ -25,6 +25,8 @@ pub struct TaskOutput {
     pub state: TaskState,
     /// What happened.
     pub events: Vec<EventKind>,
+    /// Objects that the rules put somewhere: for [`WorldStage::rearrange`](crate::WorldStage::rearrange).
+    pub placements: Vec<(ObjectId, BodyState)>,
 }
 
 impl TaskStage {
@@ -47,7 +49,7 @@ impl TaskStage {
         let hand = if self.task.minds_hand() { self.hand(world) } else { Point::origin() };
         let seen = TaskInput { objects: &world.objects, held, fingertips: &fingertips, joints, hand };
         let events = self.task.step(now, &seen);
-        TaskOutput { state: self.task.state().clone(), events }
+        TaskOutput { state: self.task.state().clone(), events, placements: self.task.placements().to_vec() }
     }
 
     /// Centre of the hand's widest grasp, `world`.

@@ -104,6 +104,14 @@ impl WorldStage {
         self.plant.place(block, body)
     }
 
+    /// Puts objects where the rules of the task have them. One whose place is taken stays where it was: the rules see that.
+    pub fn rearrange(&mut self, placements: &[(ObjectId, BodyState)]) {
+        for (object, body) in placements {
+            // Refused where something is in the way.
+            let _ = self.plant.place(object.index(), body);
+        }
+    }
+
     /// One step of physics under the joint targets, then the grasp rule.
     ///
     /// # Errors

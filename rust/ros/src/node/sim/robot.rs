@@ -1,5 +1,6 @@
 //! Arm and hand as the trial's stages move them.
 
+use super::super::judge;
 use proact_arm::ArmModel;
 use proact_control::{HandCommand, MotionCommand};
 use proact_testbed::{
@@ -7,7 +8,9 @@ use proact_testbed::{
     ports::{Plant, PlantError},
     stages::{ActuationInput, ActuationOutput, ActuationStage, Driven, WorldInput, WorldOutput, WorldStage},
 };
-use proact_types::{BodyState, EventKind, HandState, JointVector, PlantState, Pose, Scene, SimTime};
+use proact_types::{
+    BodyState, EventKind, HandState, HandView, JointVector, ObjectId, PlantState, Pose, Scene, SimTime,
+};
 use std::sync::Arc;
 
 /// Makes the physics anew: at the start and for each reset.
@@ -77,6 +80,11 @@ impl Robot {
         self.world.state()
     }
 
+    /// What there is to judge and to tell, with the hand as the world stage has it.
+    pub(super) fn moved(&self, hand: HandView) -> judge::Moved<'_> {
+        judge::Moved { world: self.state(), hand, actuation: &self.said, acted_on: self.acted_on }
+    }
+
     /// A tracked shoulder. The caller has checked that it is finite.
     pub(super) fn track(&mut self, world_from_base: Pose) {
         self.asked.shoulder = Some(world_from_base);
@@ -95,6 +103,11 @@ impl Robot {
     /// Puts a block somewhere.
     pub(super) fn place(&mut self, block: usize, body: &BodyState) -> Result<(), PlantError> {
         self.world.place(block, body)
+    }
+
+    /// Puts objects where the rules of the task have them.
+    pub(super) fn rearrange(&mut self, placements: &[(ObjectId, BodyState)]) {
+        self.world.rearrange(placements);
     }
 
     /// Puts arm and blocks back to the start.

@@ -1,0 +1,115 @@
+//! Heaps that physics lets fall before a trial begins.
+
+use crate::trial::plant;
+use proact_arm::ArmModel;
+use proact_devices::stream;
+use proact_tasks::TaskChoice;
+use proact_testbed::PhysicsConfig;
+use proact_types::{BodyState, PlaceRegion, PlantCommand, Pose, Scene, SceneObject, Shape, joints, zeros};
+use rand::RngExt;
+use std::error::Error;
+
+/// A heap that has not come to rest by then does not come to rest.
+const LONGEST_MS: u32 = 20_000;
+/// Far from the box: the arm has no part in how a heap lies.
+const ARM_HEIGHT: f64 = 4.0;
+/// Walls around the area while the objects fall, so that none jumps over the box's own.
+const WALL: f64 = 1.0;
+const WALL_THICK: f64 = 0.02;
+
+/// How the heap of `task` lies that falls from its seed: each object turned by chance, let fall within walls as high as needed, and once
+/// more without them; as [`HeapChoice::lies`](proact_tasks::HeapChoice::lies) has it. None where there is no heap, or it lies already.
+///
+/// Deterministic: task and seed decide it; the arm is far away, and the physics are those of the default settings.
+///
+/// # Errors
+/// A task that cannot be; physics that fails; objects that do not come to rest.
+pub(crate) fn settle(
+    task: &TaskChoice,
+    model: &ArmModel,
+    seed: u64,
+) -> Result<Option<Vec<[f64; 7]>>, Box<dyn Error>> {
+    let Some(heap) = task.falling_heap()? else { return Ok(None) };
+    let mut scene = task.build(false)?.scene().clone();
+    let first = scene.objects.len() - heap.count;
+    let mut rng = stream(seed, "task/heap");
+    let mut at_random = || rng.random::<f64>();
+    for object in &mut scene.objects[first..] {
+        object.pose.rotation = any_turn([at_random(), at_random(), at_random()]);
+    }
+    let open = scene.fixed.len();
+    scene.fixed.extend(walls(&heap.area, scene.table_height));
+    let inside = fall(&scene, model)?;
+    scene.fixed.truncate(open);
+    lay(&mut scene, &inside);
+    let bodies = fall(&scene, model)?;
+    let lies = |body: &BodyState| {
+        let (at, turn) = (&body.pose.translation, &body.pose.rotation);
+        [at.x, at.y, at.z, turn.i, turn.j, turn.k, turn.w]
+    };
+    Ok(Some(bodies[first..].iter().map(lies).collect()))
+}
+
+/// A turn, all alike probable, of three numbers from 0 to 1 (K. Shoemake, Uniform random rotations, Graphics Gems III, 1992).
+fn any_turn([a, b, c]: [f64; 3]) -> nalgebra::UnitQuaternion<f64> {
+    let (first, second) = (std::f64::consts::TAU * b, std::f64::consts::TAU * c);
+    let (low, high) = ((1.0 - a).sqrt(), a.sqrt());
+    let turn = nalgebra::Quaternion::new(
+        high * second.cos(),
+        low * first.sin(),
+        low * first.cos(),
+        high * second.sin(),
+    );
+    nalgebra::UnitQuaternion::from_quaternion(turn)
+}
+
+/// Four walls around `area`.
+fn walls(area: &PlaceRegion, table: f64) -> Vec<SceneObject> {
+    let PlaceRegion { min, max } = *area;
+    let wall = |axis: usize, at: f64, side: f64| {
+        let other = 1 - axis;
+        let (mut size, mut middle) = ([WALL; 3], [0.0; 3]);
+        size[axis] = WALL_THICK;
+        size[other] = max[other] - min[other] + 2.0 * WALL_THICK;
+        middle[axis] = at + side * WALL_THICK / 2.0;
+        middle[other] = (min[other] + max[other]) / 2.0;
+        middle[2] = table + WALL / 2.0;
+        SceneObject {
+            name: format!("while falling {axis} {side}"),
+            shape: Shape::Box { size },
+            pose: Pose::translation(middle[0], middle[1], middle[2]),
+            friction: 0.0,
+        }
+    };
+    let along = |axis: usize| [wall(axis, min[axis], -1.0), wall(axis, max[axis], 1.0)];
+    [along(0), along(1)].into_iter().flatten().collect()
+}
+
+/// Where the objects of `scene` come to rest.
+fn fall(scene: &Scene, model: &ArmModel) -> Result<Vec<BodyState>, Box<dyn Error>> {
+    let base = Pose::translation(0.0, 0.0, ARM_HEIGHT);
+    let mut plant = plant(model, scene, &base, &PhysicsConfig::default())?;
+    let stay = PlantCommand {
+        position: joints(&plant.state().position),
+        velocity: zeros(model.moving_count()),
+        world_from_base: base,
+    };
+    for _ in 0..LONGEST_MS {
+        plant.step(&stay)?;
+        let rests = |body: &BodyState| body.linear.norm() + body.angular.norm() == 0.0;
+        if plant.state().objects.iter().all(rests) {
+            return Ok(plant.state().objects.to_vec());
+        }
+    }
+    Err(format!(
+        "the heap has not come to rest after {} s; expected objects that lie still",
+        LONGEST_MS / 1000
+    )
+    .into())
+}
+
+fn lay(scene: &mut Scene, bodies: &[BodyState]) {
+    for (object, body) in scene.objects.iter_mut().zip(bodies) {
+        object.pose = body.pose;
+    }
+}
