@@ -3,8 +3,7 @@
 use crate::trial::plant;
 use proact_arm::ArmModel;
 use proact_devices::stream;
-use proact_tasks::TaskChoice;
-use proact_testbed::PhysicsConfig;
+use proact_testbed::{PhysicsConfig, TrialConfig};
 use proact_types::{BodyState, PlaceRegion, PlantCommand, Pose, Scene, SceneObject, Shape, joints, zeros};
 use rand::RngExt;
 use std::error::Error;
@@ -17,22 +16,18 @@ const ARM_HEIGHT: f64 = 4.0;
 const WALL: f64 = 1.0;
 const WALL_THICK: f64 = 0.02;
 
-/// How the heap of `task` lies that falls from its seed: each object turned by chance, let fall within walls as high as needed, and once
-/// more without them; as [`HeapChoice::lies`](proact_tasks::HeapChoice::lies) has it. None where there is no heap, or it lies already.
+/// Lets the heap of the trial's task fall, if it has one that does not lie yet: each object turned by chance, within walls as high as
+/// needed, and once more without them. How it lies then stands in the configuration, so that nobody who has that needs physics for it.
 ///
 /// Deterministic: task and seed decide it; the arm is far away, and the physics are those of the default settings.
 ///
 /// # Errors
 /// A task that cannot be; physics that fails; objects that do not come to rest.
-pub(crate) fn settle(
-    task: &TaskChoice,
-    model: &ArmModel,
-    seed: u64,
-) -> Result<Option<Vec<[f64; 7]>>, Box<dyn Error>> {
-    let Some(heap) = task.falling_heap()? else { return Ok(None) };
-    let mut scene = task.build(false)?.scene().clone();
+pub fn settle_heap(config: &mut TrialConfig, model: &ArmModel) -> Result<(), Box<dyn Error>> {
+    let Some(heap) = config.task.falling_heap()? else { return Ok(()) };
+    let mut scene = config.task.build(false)?.scene().clone();
     let first = scene.objects.len() - heap.count;
-    let mut rng = stream(seed, "task/heap");
+    let mut rng = stream(config.seed, "task/heap");
     let mut at_random = || rng.random::<f64>();
     for object in &mut scene.objects[first..] {
         object.pose.rotation = any_turn([at_random(), at_random(), at_random()]);
@@ -47,7 +42,8 @@ pub(crate) fn settle(
         let (at, turn) = (&body.pose.translation, &body.pose.rotation);
         [at.x, at.y, at.z, turn.i, turn.j, turn.k, turn.w]
     };
-    Ok(Some(bodies[first..].iter().map(lies).collect()))
+    config.task.heap.get_or_insert_default().lies = bodies[first..].iter().map(lies).collect();
+    Ok(())
 }
 
 /// A turn, all alike probable, of three numbers from 0 to 1 (K. Shoemake, Uniform random rotations, Graphics Gems III, 1992).

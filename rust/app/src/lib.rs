@@ -76,6 +76,7 @@ pub use console::{answer, lines_of, tell};
 pub use counterfactual::{Counterfactual, counterfactual};
 pub use experimenter::Experimenter;
 pub use head_shoulder::HeadShoulder;
+pub use heap::settle_heap;
 pub use limb::{LimbError, LimbReceiver};
 pub use live::{Ended, LiveTrial, TrialInputs};
 pub use pace::Pace;

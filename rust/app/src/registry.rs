@@ -1,6 +1,6 @@
 use crate::ROS_SCHEMES;
 use crate::vmpl::vmpl_method;
-use proact_control::MethodRegistry;
+use proact_control::{MethodEntry, MethodRegistry, Synergy};
 use proact_devices::motion_capture::{CAPTURE_SCHEMES, CaptureScheme};
 use proact_devices::{SINK_SCHEMES, SinkScheme, SourceRegistry};
 
@@ -21,7 +21,7 @@ impl Registry {
     /// What ships with the program.
     pub fn standard() -> Self {
         Self {
-            methods: MethodRegistry::standard().with(vmpl_method()).expect("no other method has its name"),
+            methods: more(MethodRegistry::standard()),
             sources: SourceRegistry::standard(),
             captures: [CAPTURE_SCHEMES.as_slice(), &ROS_SCHEMES].concat(),
             sinks: SINK_SCHEMES.to_vec(),
@@ -37,8 +37,12 @@ impl Default for Registry {
 
 impl From<MethodRegistry> for Registry {
     fn from(methods: MethodRegistry) -> Self {
-        // A program's own method of that name stays.
-        let methods = methods.clone().with(vmpl_method()).unwrap_or(methods);
-        Self { methods, ..Self::standard() }
+        Self { methods: more(methods), ..Self::standard() }
     }
+}
+
+/// The methods beside A to D. A program's own of such a name stays.
+fn more(methods: MethodRegistry) -> MethodRegistry {
+    let add = |methods: MethodRegistry, entry: MethodEntry| methods.clone().with(entry).unwrap_or(methods);
+    [vmpl_method(), Synergy::entry()].into_iter().fold(methods, add)
 }

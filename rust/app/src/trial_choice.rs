@@ -1,6 +1,6 @@
 //! From names to a trial's configuration, for commands and studies alike.
 
-use crate::{Arm, heap::settle, method_process::read_method_file};
+use crate::{Arm, heap::settle_heap, method_process::read_method_file};
 use proact_control::{MethodProgram, MethodRegistry};
 use proact_emg::EmgConfig;
 use proact_study::TrialChoice;
@@ -61,9 +61,7 @@ pub fn trial_config(
     config.check()?;
     let mut config = config.with_values(&choice.set)?;
     config.method_entry(methods)?;
-    if let Some(lies) = settle(&config.task, arm.model(), config.seed)? {
-        config.task.heap.get_or_insert_default().lies = lies;
-    }
+    settle_heap(&mut config, arm.model())?;
     Ok((arm, config))
 }
 

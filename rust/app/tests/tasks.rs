@@ -1,7 +1,7 @@
 //! Every task with every method: it runs to a result, its record opens and replays, also where the task is a lab's own.
 #![allow(clippy::disallowed_methods, clippy::unwrap_used)] // A test of files.
 
-use proact_app::{Arm, Recorder, ReplayOptions, analysis::collect, replay_trial, trial};
+use proact_app::{Arm, Recorder, ReplayOptions, analysis::collect, replay_trial, settle_heap, trial};
 use proact_control::MethodRegistry;
 use proact_devices::EmgOrigin;
 use proact_tasks::{SHIPPED, TaskChoice};
@@ -140,5 +140,38 @@ fn simulated_people_do_the_tasks_and_their_records_replay_and_are_analysed() {
         ] {
             assert!(phases.number(row, column).is_some(), "{column}");
         }
+    }
+}
+
+/// The heap of a trial's seed: the same each time, another one for another seed, within its compartment, and at rest in the trial.
+#[test]
+fn a_heap_falls_as_the_seed_says_and_lies_still_when_the_trial_begins() {
+    let fallen = |seed: u64| {
+        let task = TaskChoice::named("bbt_heap", seed).unwrap();
+        let config = TrialConfig::new("D", seed, Setup::named("still").unwrap());
+        let mut config = config.with_task(task).unwrap();
+        config.task.heap = Some(proact_tasks::HeapChoice { count: Some(40), ..Default::default() });
+        let arm = Arm::of(&config).unwrap();
+        settle_heap(&mut config, arm.model()).unwrap();
+        config
+    };
+    let (config, again, other) = (fallen(1), fallen(1), fallen(2));
+    let lies = |config: &TrialConfig| config.task.heap.clone().unwrap().lies;
+    assert_eq!(lies(&config), lies(&again));
+    assert_ne!(lies(&config), lies(&other));
+    // As it stands in the record.
+    let read = TrialConfig::from_toml(&config.to_toml().unwrap()).unwrap();
+    assert_eq!(lies(&read), lies(&config));
+    let scene = config.build_task(Arm::of(&config).unwrap().model()).unwrap().scene().clone();
+    assert_eq!(scene.objects.len(), 40);
+    let mut session = trial::simulated(config, &EmgOrigin::Synthetic).unwrap().session;
+    for _ in 0..2000 {
+        session.step(false).unwrap();
+    }
+    for (object, body) in scene.objects.iter().zip(&session.testbed().plant().state().objects) {
+        let moved = (object.pose.translation.vector - body.pose.translation.vector).norm();
+        assert!(moved < 1e-3, "{} moved by {moved} m", object.name);
+        let at = body.pose.translation.vector;
+        assert!(at.y < 0.0 && at.y > -0.27 && at.x.abs() < 0.13 && at.z > 1.02 && at.z < 1.12, "{at}");
     }
 }

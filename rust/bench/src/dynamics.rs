@@ -1,6 +1,7 @@
 //! `proact bench dynamics`: what a tick of physics costs, phase by phase and over a whole trial.
 
 mod engines;
+mod heap;
 mod mujoco;
 mod trial;
 
@@ -29,6 +30,7 @@ pub fn dynamics() -> Result<BenchReport, Box<dyn Error>> {
     let recorded = trial::record_d()?;
     trial::whole_trial(&recorded, peer.as_ref(), &mut figures)?;
     extra_blocks(&mut figures, peer.as_ref().ok())?;
+    heap::heap(&mut figures, peer.as_ref().ok())?;
     engines::engines(&mut figures)?;
     Ok(BenchReport { stage: "dynamics".to_owned(), figures })
 }

@@ -8,7 +8,7 @@ mod common;
 use common::{Running, event, proact, stream};
 use serde_json::Value;
 use std::{
-    io::{BufRead, BufReader, Lines},
+    io::{BufRead, BufReader, Lines, Write},
     path::{Path, PathBuf},
     process::{ChildStdout, Command, Stdio},
 };
@@ -226,4 +226,64 @@ fn pylsl_receives_samples_and_decisions() {
         let at = decision[1].as_f64().unwrap();
         assert!(at > number("first") - 1.0 && at <= number("last") + 1.0, "{at} in {got}");
     }
+}
+
+/// One number moves one joint, what is not finite stops it, and so does silence.
+#[test]
+fn the_method_of_one_number_follows_a_stream_and_stops_with_it() {
+    let Some(python) = peer() else { return };
+    let name = name("float");
+    let outlet = format!(
+        "import pylsl, sys\nout = pylsl.StreamOutlet(pylsl.StreamInfo('{name}', 'Command', 1, 0, 'float32'))\n\
+         out.wait_for_consumers(30)\nfor line in sys.stdin:\n    out.push_sample([float(line)])\n"
+    );
+    let mut sender = Command::new(&python);
+    let mut sender =
+        sender.args(["-c", &outlet]).stdin(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
+    let mut numbers = sender.stdin.take().unwrap();
+    let _sender = Running(sender);
+    let program = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/methods/lsl_float.py");
+    let mut method = Command::new(&python);
+    method
+        .arg(program)
+        .args([&name, "3", "0.5"])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null());
+    let mut method = method.spawn().unwrap();
+    let (mut steps, answers) = (method.stdin.take().unwrap(), method.stdout.take().unwrap());
+    let mut answers = BufReader::new(answers).lines();
+    let _method = Running(method);
+    let mut time = 0;
+    // Steps at their pace until the answer is as wanted; the last one.
+    let mut until = |number: Option<&str>, wanted: &dyn Fn(&Value) -> bool| {
+        let mut motion = Value::Null;
+        for _ in 0..3000 {
+            if let Some(number) = number {
+                writeln!(numbers, "{number}").unwrap();
+            }
+            time += 10;
+            writeln!(
+                steps,
+                "{}",
+                serde_json::json!({ "time": time, "gesture": "no_motion", "commanded": [0.0; 7] })
+            )
+            .unwrap();
+            let answer: Value = serde_json::from_str(&answers.next().unwrap().unwrap()).unwrap();
+            assert_eq!(answer["time"], time);
+            motion = answer["motion"].clone();
+            if wanted(&motion) {
+                return motion;
+            }
+            std::thread::sleep(std::time::Duration::from_millis(10));
+        }
+        panic!("the last answer was {motion}")
+    };
+    let elbow = |speed: f64| move |motion: &Value| motion["velocity"][3] == speed;
+    let motion = until(Some("0.5"), &elbow(0.25));
+    assert_eq!(motion["velocity"].as_array().unwrap().iter().filter(|speed| **speed != 0.0).count(), 1);
+    until(Some("-7"), &elbow(-0.5));
+    until(Some("nan"), &|motion| motion == "hold");
+    until(Some("1"), &elbow(0.5));
+    until(None, &|motion| motion == "hold");
 }

@@ -84,6 +84,11 @@ impl JointJog {
         })
     }
 
+    /// The selected joint, by its position among the arm joints.
+    pub(crate) fn selected(&self) -> usize {
+        self.modes[self.jog.selected()].joint
+    }
+
     /// The selected joint at its speed, no further than its limit and no further ahead of the arm than allowed.
     fn velocity(&mut self, sign: f64, input: &ControlInput<'_>) -> MotionCommand {
         let commanded = input.commanded;

@@ -23,6 +23,7 @@ pub mod ports;
 mod profile;
 mod registry;
 mod subset;
+mod synergy;
 mod watch;
 
 pub use blend::Blend;
@@ -48,6 +49,7 @@ pub use profile::{
 };
 pub use registry::{MakeMethod, MethodEntry, MethodProgram, MethodRegistry, OUTSIDE};
 pub use subset::{FollowsLimb, JointSubset};
+pub use synergy::{Synergy, SynergyProfile, SynergyRule};
 pub use watch::SourceWatch;
 
 /// Methods run at 100 Hz; what they look ahead is one such step, seconds.

@@ -1,6 +1,6 @@
 //! What the methods do, as data: the numbers and the choices between rules.
 
-use crate::JogProfile;
+use crate::{JogProfile, SynergyProfile};
 use proact_arm::JointEntry;
 use proact_types::{Gesture, GestureName};
 use serde::{Deserialize, Serialize};
@@ -118,6 +118,9 @@ pub struct Profile {
     pub joint_jog: JointJogProfile,
     /// Method B.
     pub end_effector_jog: EndEffectorJogProfile,
+    /// The method `synergy`; its default where it is left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub synergy: Option<SynergyProfile>,
     /// Methods C and D.
     pub gaze_assisted: GazeAssistedProfile,
     /// Bounds on the commands; none in the original.

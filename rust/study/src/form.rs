@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 /// The questionnaires that ship with the program, by name.
 pub const SHIPPED_FORMS: &[(&str, &str)] = &[
     ("participant", include_str!("../data/forms/participant.toml")),
+    ("embodiment", include_str!("../data/forms/embodiment.toml")),
     ("ease_agency_speed", include_str!("../data/forms/ease_agency_speed.toml")),
     ("ranking", include_str!("../data/forms/ranking.toml")),
     ("last_trial", include_str!("../data/forms/last_trial.toml")),

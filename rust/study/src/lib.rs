@@ -36,6 +36,8 @@ pub use error::PlanError;
 pub use form::{Form, FormError, FormItem, FormOption, FormScore, SHIPPED_FORMS, Scoring, Texts, pair_key};
 pub use journal::{Deviation, ReadinessCheck, Spot, StepOutcome, StudyEvent};
 pub use order::ConditionOrder;
-pub use plan::{Condition, Plan, PlannedSession, ProtocolStep, Rest, SHIPPED, TrialChoice, USUAL_LIMIT_SECS};
+pub use plan::{
+    Condition, Plan, PlannedSession, ProtocolStep, Rest, SHIPPED, TrialChoice, USUAL_LIMIT_SECS, Within,
+};
 pub use progress::{Progress, ProgressError, StepState};
 pub use schedule::{Happening, PlannedStep, PlannedTrial, Schedule, ScheduledSession};

@@ -156,6 +156,9 @@ pub struct PlannedSession {
     /// Breaks between trials of a condition.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub rests: Vec<Rest>,
+    /// What happens after some trials of each condition, before a break there.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub within: Vec<Within>,
     /// From the end of a trial to the next, minutes.
     #[serde(default = "one_minute")]
     pub between_trials_minutes: f64,
@@ -180,6 +183,16 @@ pub struct Rest {
     pub after_trial: usize,
     /// How long.
     pub minutes: f64,
+}
+
+/// What happens after some of a condition's trials, such as a questionnaire.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Within {
+    /// After these trials of the condition, from 1.
+    pub after_trials: Vec<usize>,
+    /// What happens.
+    pub steps: Vec<ProtocolStep>,
 }
 
 /// Something that happens beside the trials.
@@ -434,8 +447,16 @@ impl Plan {
                     ));
                 }
             }
+            for within in &session.within {
+                let mut trials = within.after_trials.iter();
+                if let Some(trial) = trials.find(|trial| !(1..=session.trials).contains(*trial)) {
+                    let expected = format!("1 to {}", session.trials);
+                    return Err(PlanError::value(format!("{place}.within.after_trials"), trial, expected));
+                }
+            }
             let steps = [&session.begin, &session.before_condition, &session.after_condition, &session.end];
-            self.check_steps(&place, steps.into_iter().flatten())?;
+            let steps = steps.into_iter().chain(session.within.iter().map(|within| &within.steps));
+            self.check_steps(&place, steps.flatten())?;
         }
         if used.len() < self.conditions.len() {
             let left = (1..=self.conditions.len()).find(|position| !used.contains(position)).unwrap_or(0);

@@ -131,6 +131,9 @@ impl Schedule {
                             arrangement,
                             seed: numbers.iter().fold(plan.seed, |seed, &number| mixed(seed, number as u64)),
                         }));
+                        let now =
+                            session.within.iter().filter(|within| within.after_trials.contains(&(trial + 1)));
+                        happenings.extend(now.flat_map(|within| steps(&within.steps, of)));
                         let rests = session.rests.iter().filter(|rest| rest.after_trial == trial + 1);
                         let rests: Vec<ProtocolStep> =
                             rests.map(|rest| ProtocolStep::Rest { minutes: rest.minutes }).collect();

@@ -3,7 +3,7 @@
 #![allow(missing_docs)]
 #![allow(clippy::unwrap_used)]
 
-use proact_study::{Balance, Plan, PlannedTrial, SHIPPED};
+use proact_study::{Balance, Happening, Plan, PlannedStep, PlannedTrial, ProtocolStep, SHIPPED};
 use proptest::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -304,5 +304,34 @@ fn the_plans_that_ship_are_plans() {
         let plan = shipped(name);
         assert_eq!(plan.name, *name);
         plan.schedule(&pool()).unwrap();
+    }
+}
+
+#[test]
+fn what_comes_within_a_condition_comes_after_its_trials_and_before_a_break() {
+    let text = |within: &str| {
+        format!(
+            "name = \"p\"\nparticipants = 1\n[[conditions]]\nname = \"c\"\ntrial = {{ method = \"A\" }}\n[order]\nby = \"listed\"\n\
+             [[sessions]]\nname = \"1\"\ntrials = 3\nrests = [{{ after_trial = 2, minutes = 1 }}]\nwithin = [{within}]\n"
+        )
+    };
+    let form = "steps = [{ do = \"form\", form = \"embodiment\", minutes = 1 }]";
+    let plan = Plan::from_text(&text(&format!("{{ after_trials = [2, 3], {form} }}"))).unwrap();
+    let schedule = plan.schedule(&pool()).unwrap();
+    let told: Vec<String> = schedule.sessions[0]
+        .happenings
+        .iter()
+        .map(|happening| match happening {
+            Happening::Trial(trial) => trial.trial.to_string(),
+            Happening::Step(PlannedStep { step: ProtocolStep::Form { form, .. }, condition }) => {
+                format!("{form} of {}", condition.as_deref().unwrap_or("none"))
+            }
+            Happening::Step(PlannedStep { step, .. }) => format!("{step:?}"),
+        })
+        .collect();
+    assert_eq!(told, ["1", "2", "embodiment of c", "Rest { minutes: 1.0 }", "3", "embodiment of c"]);
+    for (within, key) in [("after_trials = [4]", "after_trials"), ("after_trials = [0]", "after_trials")] {
+        let error = Plan::from_text(&text(&format!("{{ {within}, {form} }}"))).unwrap_err().to_string();
+        assert!(error.contains(key) && error.contains("1 to 3"), "{error}");
     }
 }

@@ -384,3 +384,82 @@ fn only_tasks_whose_rule_needs_them_ask_for_fingertips() {
         assert_eq!(Trial::named(name).task.minds_fingertips(), asks, "{name}");
     }
 }
+
+/// Six cubes in a heap of which the missing fall back when fewer than four are left.
+fn refilled() -> Trial {
+    let text = include_str!("../data/bbt_heap.toml")
+        .replace("name = \"bbt_heap\"\n", "name = \"six\"\nrefill_below = 4\n")
+        .replace("practice_secs = 15.0", "practice_secs = 0.0")
+        .replace("count = 150", "count = 6");
+    Trial::new(TaskChoice::from_text(text).and_then(|task| task.build(false)).expect("a good task"))
+}
+
+#[test]
+fn when_few_are_left_those_that_are_across_fall_back_and_count_again() {
+    let mut trial = refilled();
+    let carry = |trial: &mut Trial, cube: u16, end: u64| {
+        let events = trial.tips_until(end, Some(ObjectId(cube)), &ACROSS);
+        trial.lay(ObjectId(cube), Point::new(0.0, 0.1, 1.015));
+        [events, trial.until(end + 100, None)].concat()
+    };
+    let refills = |events: &[EventKind]| {
+        events.iter().filter(|event| matches!(event, EventKind::ObjectsRefilled { .. })).count()
+    };
+    assert_eq!(refills(&carry(&mut trial, 0, 1000)) + refills(&carry(&mut trial, 1, 2000)), 0);
+    trial.lay(ObjectId(5), Point::new(1.0, 0.1, 0.0));
+    let events = trial.until(2101, None);
+    assert_eq!(events, [EventKind::ObjectsRefilled { count: 3 }], "two across, and one on the floor");
+    let placed = trial.task.placements().to_vec();
+    assert_eq!(placed.iter().map(|(id, _)| id.0).collect::<Vec<_>>(), [0, 1, 5]);
+    let above = trial.objects[2].pose.translation.z;
+    for (k, (_, body)) in placed.iter().enumerate() {
+        let at = body.pose.translation.vector;
+        assert!(at.y < -0.005 && at.y > -0.2585 && at.x.abs() < 0.117 && at.z > above + 0.02, "{at}");
+        assert!(placed[..k].iter().all(|(_, other)| (other.pose.translation.vector - at).norm() > 0.0433));
+    }
+    // Nothing is asked for twice, and what has not got there does not count again.
+    assert!(trial.until(2500, None).is_empty() && trial.task.placements().is_empty());
+    assert_eq!((trial.task.state().candidates.len(), trial.task.state().finished), (3, false));
+    for (id, body) in &placed[..2] {
+        trial.objects[id.index()] = *body;
+    }
+    trial.until(2510, None);
+    assert_eq!(trial.task.state().candidates.len(), 5);
+    carry(&mut trial, 0, 3000);
+    assert_eq!((trial.task.state().score, &trial.result()["crossed"]), (3, &json!(3)));
+}
+
+#[test]
+fn how_a_heap_lies_is_the_trials_and_what_cannot_be_is_refused() {
+    let mut choice = TaskChoice::named("bbt_heap", 1).expect("it ships");
+    let falling = choice.falling_heap().expect("a good task").expect("nobody has let it fall");
+    assert_eq!(falling.count, 150);
+    let turned = [0.02, -0.1, 1.05, 0.5, 0.5, -0.5, 0.5];
+    let set = |choice: &mut TaskChoice, lies: Vec<[f64; 7]>| {
+        choice.heap = Some(proact_tasks::HeapChoice { count: Some(2), lies });
+    };
+    set(&mut choice, vec![[0.0, -0.05, 1.0275, 0.0, 0.0, 0.0, 1.0], turned]);
+    assert_eq!(choice.falling_heap().expect("a good task"), None);
+    let pose = |left: bool| choice.build(left).expect("a good task").scene().objects[1].pose;
+    assert_eq!(pose(false).translation.vector, Vector::new(0.02, -0.1, 1.05));
+    // The mirror image turns the other way about the axes in the mirror's plane.
+    let (right, left) = (pose(false), pose(true));
+    let mirror = |v: Vector| Vector::new(v.x, -v.y, v.z);
+    for corner in [Vector::new(1.0, 2.0, 3.0), Vector::new(-1.0, 0.5, 2.0)] {
+        let (there, here) = (left * Point::from(mirror(corner)), right * Point::from(corner));
+        assert!((there.coords - mirror(here.coords)).norm() < 1e-12);
+    }
+    for (lies, reason) in [
+        (vec![turned], "1 poses"),
+        (vec![turned, [f64::NAN; 7]], "NaN"),
+        (vec![turned, [0.0, 0.1, 1.05, 0.0, 0.0, 0.0, 1.0]], "expected x and y within"),
+        (vec![turned, [0.0, -0.1, 1.05, 0.0, 0.0, 0.0, 0.0]], "unit quaternion"),
+    ] {
+        set(&mut choice, lies);
+        let error = choice.build(false).err().expect("it must be refused").to_string();
+        assert!(error.contains(reason), "{error}");
+    }
+    let mut other = TaskChoice::named("bbt", 1).expect("it ships");
+    other.heap = choice.heap.clone();
+    assert!(other.build(false).err().expect("it has none").to_string().contains("no heap"));
+}

@@ -267,9 +267,9 @@ def run(problem):
     model, arm = build(problem)
     data = mujoco.MjData(model)
     joints = [model.joint(name) for name in problem["free"]]
-    places = np.array([joint.qposadr[0] for joint in joints])
-    dofs = np.array([joint.dofadr[0] for joint in joints])
-    rows = np.array([problem["joints"].index(name) for name in problem["free"]])
+    places = np.array([joint.qposadr[0] for joint in joints], dtype=int)
+    dofs = np.array([joint.dofadr[0] for joint in joints], dtype=int)
+    rows = np.array([problem["joints"].index(name) for name in problem["free"]], dtype=int)
     data.qpos[places] = np.array(problem["positions"])[rows]
     if "block_speeds" in problem:
         for index, speed in enumerate(problem["block_speeds"]):
@@ -288,6 +288,7 @@ def run(problem):
     fastest = np.array(problem.get("fastest", np.full(count, np.inf)))[rows]
     carrier = Carrier(model, data) if problem.get("sways") else None
     blocks = [model.body(f"block{index}").id for index in range(len(problem.get("blocks", [])))]
+    end_of = lambda body: [*data.xpos[body], *data.xquat[body][1:], data.xquat[body][0]]
     answer = {key: [] for key in ("angles", "efforts", "blocks", "forces")}
     times = []
     for tick, command in enumerate(commands):
@@ -329,7 +330,7 @@ def run(problem):
             answer["angles"].append(data.qpos[places].tolist())
             if problem.get("tell"):
                 answer["efforts"].append(torque.tolist())
-                answer["blocks"].append([[*data.xpos[body], *data.xquat[body][1:], data.xquat[body][0]] for body in blocks])
+                answer["blocks"].append([end_of(body) for body in blocks])
                 answer["forces"].append(forces)
     if not np.all(np.isfinite(data.qpos)):
         raise SystemExit("MuJoCo's state left the finite numbers")
@@ -341,6 +342,7 @@ def run(problem):
         "core_secs": float(np.sum(times)),
         "median_secs": float(np.median(times)),
         "warnings": warnings,
+        "end": [end_of(body) for body in blocks],
     }
 
 

@@ -62,6 +62,11 @@ impl MuJoCo {
 
     /// Runs one after the other.
     pub(super) fn measure(&self, runs: &[Run<'_>]) -> Result<Vec<Cost>, String> {
+        Ok(self.measure_ends(runs)?.into_iter().map(|(cost, _)| cost).collect())
+    }
+
+    /// [`MuJoCo::measure`], with the poses of the blocks after each run.
+    pub(super) fn measure_ends(&self, runs: &[Run<'_>]) -> Result<Vec<(Cost, Vec<Pose>)>, String> {
         let folder = std::env::temp_dir().join(format!("proact-bench-{}", std::process::id()));
         std::fs::create_dir_all(&folder).map_err(|error| error.to_string())?;
         let costs = self.run(runs, &folder);
@@ -69,7 +74,7 @@ impl MuJoCo {
         costs
     }
 
-    fn run(&self, runs: &[Run<'_>], folder: &Path) -> Result<Vec<Cost>, String> {
+    fn run(&self, runs: &[Run<'_>], folder: &Path) -> Result<Vec<(Cost, Vec<Pose>)>, String> {
         let mut problems = Vec::new();
         for (index, run) in runs.iter().enumerate() {
             let file = folder.join(format!("commands{index}.bin"));
@@ -96,10 +101,12 @@ impl MuJoCo {
             serde_json::from_slice(&output.stdout).map_err(|error| error.to_string())?;
         let cost = |(run, answer): (&Run<'_>, &Value)| {
             let secs = run.commands.len() as f64 * proact_types::TICK_SECS;
-            Some(Cost {
+            let cost = Cost {
                 speed: secs / answer["core_secs"].as_f64()?,
                 median_tick: answer["median_secs"].as_f64()?,
-            })
+            };
+            let ends: Vec<[f64; 7]> = serde_json::from_value(answer["end"].clone()).ok()?;
+            Some((cost, ends.into_iter().map(to_pose).collect()))
         };
         runs.iter()
             .zip(&answers)
@@ -143,6 +150,12 @@ fn problem(run: &Run<'_>, commands: &Path) -> Value {
         "fastest": fastest, "fixed": fixed, "blocks": blocks, "tip": model.links[model.tip].name,
         "commands": commands, "events": events, "every": 1_000_000_000,
     })
+}
+
+/// Of position and quaternion x, y, z, w.
+fn to_pose([x, y, z, i, j, k, w]: [f64; 7]) -> Pose {
+    let turn = nalgebra::Quaternion::new(w, i, j, k);
+    Pose::from_parts(nalgebra::Translation3::new(x, y, z), nalgebra::UnitQuaternion::from_quaternion(turn))
 }
 
 fn seven(pose: &Pose) -> [f64; 7] {
