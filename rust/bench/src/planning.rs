@@ -6,7 +6,6 @@ mod problems;
 mod searches;
 
 use crate::{BenchFigure, BenchReport, quantile};
-pub(crate) use independent::parry_pose;
 use independent::{Contact, Independent};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use proact_app::tell;

@@ -4,15 +4,11 @@ use super::mujoco::{MuJoCo, Run};
 use super::trial::SEED;
 use super::{Cost, around_the_block, play, stay};
 use crate::BenchFigure;
-use crate::planning::parry_pose;
-use parry3d_f64::math::{Pose as ParryPose, Vector as ParryVector};
-use parry3d_f64::query::contact;
-use parry3d_f64::shape::Cuboid;
 use proact_app::settle_heap;
 use proact_dynamics::{DynamicsOptions, OdePlant};
 use proact_tasks::TaskChoice;
 use proact_testbed::{Setup, TrialConfig, ports::Plant};
-use proact_types::{PlantCommand, Pose, Scene, Shape, TICK_SECS};
+use proact_types::{PlantCommand, Pose, Scene, Shape, TICK_SECS, Vector};
 use std::error::Error;
 
 /// The middle of the heap's compartment, y in metres.
@@ -23,7 +19,7 @@ const ABOVE: f64 = 0.12;
 const STIRS: f64 = 0.03;
 
 /// Times real time of each, beside MuJoCo's in the same scenes under the same commands, and how deep cubes are in each other and in the
-/// box at the end, by Parry for both.
+/// box at the end.
 pub(super) fn heap(figures: &mut Vec<BenchFigure>, peer: Option<&MuJoCo>) -> Result<(), Box<dyn Error>> {
     let task = TaskChoice::named("bbt_heap", SEED)?;
     let mut config = TrialConfig::new("D", SEED, Setup::named("seated")?).with_task(task)?;
@@ -85,23 +81,57 @@ fn stirred(deep: Pose, tick: u32) -> Pose {
     Pose::translation(STIRS * angle.sin(), STIRS * (1.0 - angle.cos()), above) * deep
 }
 
-/// How deep boxes are in each other, or in boxes of the room, metres.
+/// How deep boxes are in each other, or in boxes of the room, metres: the shortest way that parts two, over the axes that can part boxes
+/// (S. Gottschalk et al., OBBTree, 1996).
 fn deepest(scene: &Scene, poses: &[Pose]) -> f64 {
-    let cuboid = |shape: &Shape| match *shape {
-        Shape::Box { size: [x, y, z] } => Some(Cuboid::new(ParryVector::new(0.5 * x, 0.5 * y, 0.5 * z))),
+    let half = |shape: &Shape| match *shape {
+        Shape::Box { size } => Some(Vector::from(size) / 2.0),
         _ => None,
     };
-    let cubes = scene.objects.iter().zip(poses).map(|(object, pose)| (cuboid(&object.shape), *pose));
-    let room = scene.fixed.iter().map(|body| (cuboid(&body.shape), body.pose));
-    let all: Vec<(Cuboid, ParryPose)> =
-        cubes.chain(room).filter_map(|(shape, pose)| Some((shape?, parry_pose(&pose)))).collect();
-    let mut deepest: f64 = 0.0;
-    for (k, (a, at)) in all.iter().enumerate().take(poses.len()) {
-        for (b, there) in &all[k + 1..] {
-            if let Ok(Some(touch)) = contact(at, a, there, b, 0.0) {
-                deepest = deepest.max(-touch.dist);
-            }
-        }
+    let cubes = scene.objects.iter().zip(poses).map(|(object, pose)| (half(&object.shape), *pose));
+    let room = scene.fixed.iter().map(|body| (half(&body.shape), body.pose));
+    let all: Vec<(Vector, Pose)> = cubes.chain(room).filter_map(|(half, pose)| Some((half?, pose))).collect();
+    let pairs = (0..poses.len()).flat_map(|k| (k + 1..all.len()).map(move |other| (k, other)));
+    pairs.map(|(a, b)| overlap(&all[a], &all[b])).fold(0.0, f64::max)
+}
+
+/// How deep two boxes, by half their sides and their poses, are in each other; below zero where they are apart.
+fn overlap((a, there): &(Vector, Pose), (b, here): &(Vector, Pose)) -> f64 {
+    let apart = here.translation.vector - there.translation.vector;
+    if apart.norm() > a.norm() + b.norm() {
+        return -1.0;
     }
-    deepest
+    let axes = |pose: &Pose| [Vector::x(), Vector::y(), Vector::z()].map(|axis| pose.rotation * axis);
+    let (first, second) = (axes(there), axes(here));
+    let crossed = first.iter().flat_map(|u| second.iter().filter_map(|v| u.cross(v).try_normalize(1e-6)));
+    let reach = |half: &Vector, own: &[Vector; 3], axis: &Vector| -> f64 {
+        own.iter().zip(half.iter()).map(|(side, half)| (side.dot(axis) * half).abs()).sum()
+    };
+    let along = |axis: Vector| reach(a, &first, &axis) + reach(b, &second, &axis) - apart.dot(&axis).abs();
+    first.into_iter().chain(second).chain(crossed).map(along).fold(f64::INFINITY, f64::min)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proact_types::{Object, SceneObject};
+
+    #[test]
+    fn the_depth_of_cubes_in_each_other_and_in_the_room_is_found() {
+        let cube = Shape::Box { size: [0.025; 3] };
+        let at = |x: f64, z: f64| Object::plain("cube", cube, 0.01, Pose::translation(x, 0.0, z));
+        let table = SceneObject {
+            name: "table".to_owned(),
+            shape: Shape::Box { size: [0.4, 0.8, 0.03] },
+            pose: Pose::translation(0.0, 0.0, -0.015),
+            friction: 0.4,
+        };
+        let depth = |objects: Vec<Object>| {
+            let poses: Vec<Pose> = objects.iter().map(|object| object.pose).collect();
+            deepest(&Scene { fixed: vec![table.clone()], objects, ..Scene::default() }, &poses)
+        };
+        assert_eq!(depth(vec![at(0.0, 0.0127), at(0.03, 0.0127)]), 0.0);
+        assert!((depth(vec![at(0.0, 0.0125 - 5e-5), at(0.03, 0.0127)]) - 5e-5).abs() < 1e-6);
+        assert!((depth(vec![at(0.0, 0.0127), at(0.024, 0.0127)]) - 1e-3).abs() < 1e-6);
+    }
 }

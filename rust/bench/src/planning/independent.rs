@@ -246,7 +246,7 @@ fn parry_shape(shape: &Shape) -> (Box<dyn ParryShape>, Pose) {
     }
 }
 
-pub(crate) fn parry_pose(pose: &Pose) -> ParryPose {
+fn parry_pose(pose: &Pose) -> ParryPose {
     let (p, r) = (pose.translation.vector, pose.rotation.coords);
     ParryPose::from_parts(ParryVector::new(p.x, p.y, p.z), Rotation::from_xyzw(r.x, r.y, r.z, r.w))
 }
