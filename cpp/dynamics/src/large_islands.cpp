@@ -33,6 +33,7 @@ LargeIslands::LargeIslands(const Model& model, BlockBodies& blocks, const Carryi
       large_(blocks.count(), 0),
       resting_(blocks.count(), 0),
       hanging_(blocks.count(), 0),
+      touched_(blocks.count(), 0),
       parent_(blocks.count() + 1),
       size_(blocks.count() + 1),
       kept_(blocks.count(), 0),
@@ -84,7 +85,16 @@ void LargeIslands::find_islands(const std::vector<Touch>& touches) {
     if (touch.first.block != no_index && touch.second.block != no_index) join(touch.first.block, touch.second.block);
   }
   for (const Press& press : presses_) join(press.block, press.neighbour);
-  for (std::size_t k = 0; k < large_.size(); ++k) large_[k] = size_[root(k)] > model_.options.large_island ? 1 : 0;
+  // Where the arm is solved by itself, small islands are its only with a block that it touches.
+  const bool coupled = model_.options.engine == Engine::reduced;
+  std::fill(touched_.begin(), touched_.end(), coupled ? 0 : 1);
+  for (const Touch& touch : touches) {
+    if (is_arm(touch.first) && touch.second.block != no_index) touched_[root(touch.second.block)] = 1;
+    if (is_arm(touch.second) && touch.first.block != no_index) touched_[root(touch.first.block)] = 1;
+  }
+  for (std::size_t k = 0; k < large_.size(); ++k) {
+    large_[k] = size_[root(k)] > model_.options.large_island || touched_[root(k)] == 0 ? 1 : 0;
+  }
   // What is left of a heap sleeps as any other block does.
   const auto small = [&](const Press& press) { return large_[press.block] == 0; };
   presses_.erase(std::remove_if(presses_.begin(), presses_.end(), small), presses_.end());

@@ -15,7 +15,9 @@ namespace proact::dynamics {
 
 /// An island is a set of blocks that hang together by contacts, those at rest included. One of more blocks than
 /// Options::large_island is this part's: its contacts are put right in turn (ContactSweeps) instead of all at once, whose
-/// cost would grow with the cube of the blocks. Smaller ones are left to the arm's solver and to ODE.
+/// cost would grow with the cube of the blocks. Smaller ones that the arm touches are left to its solver. In scenes of more
+/// blocks than that those that the arm does not touch are this part's, too: ODE's direct solver gives up on some cubes that
+/// lie almost flat, and they would fall through the table. With the engine ode, small ones are ODE's.
 ///
 /// A block of a large island comes to rest by itself: idle for as long as any other, it stands still as if it were part of
 /// the room, and is not solved. It remembers the forces of its neighbours. It wakes when those of them that move press it
@@ -101,6 +103,7 @@ class LargeIslands {
   std::vector<char> large_;     ///< by block
   std::vector<char> resting_;   ///< by block
   std::vector<char> hanging_;   ///< by block: together with the arm
+  std::vector<char> touched_;   ///< by the root of an island: the arm's solver has it, if it is small
   std::vector<std::size_t> parent_;  ///< of union-find; the last is the arm
   std::vector<std::size_t> size_;
   std::vector<char> kept_;            ///< by block: awake because a link is near

@@ -3,21 +3,25 @@
 use crate::trial::plant;
 use proact_arm::ArmModel;
 use proact_devices::stream;
-use proact_testbed::{PhysicsConfig, TrialConfig};
+use proact_testbed::{PhysicsConfig, TrialConfig, ports::Plant};
 use proact_types::{BodyState, PlaceRegion, PlantCommand, Pose, Scene, SceneObject, Shape, joints, zeros};
 use rand::RngExt;
 use std::error::Error;
 
-/// A heap that has not come to rest by then does not come to rest.
-const LONGEST_MS: u32 = 20_000;
+/// A heap that does not lie still by then is taken as it is if it nearly does.
+const LONGEST_MS: u32 = 5_000;
+/// Slower than this it nearly lies still, m/s and rad/s.
+const NEARLY_STILL: f64 = 0.02;
+/// So often what fell out of the box is put back on the heap.
+const PUT_BACK: usize = 20;
 /// Far from the box: the arm has no part in how a heap lies.
 const ARM_HEIGHT: f64 = 4.0;
-/// Walls around the area while the objects fall, so that none jumps over the box's own.
+/// Walls around the area while the objects fall, metres.
 const WALL: f64 = 1.0;
 const WALL_THICK: f64 = 0.02;
 
 /// Lets the heap of the trial's task fall, if it has one that does not lie yet: each object turned by chance, within walls as high as
-/// needed, and once more without them. How it lies then stands in the configuration, so that nobody who has that needs physics for it.
+/// needed in the place of the box's, and once more in the box; what then falls out is put back on top. How it lies then stands in the configuration, so that nobody who has that needs physics for it.
 ///
 /// Deterministic: task and seed decide it; the arm is far away, and the physics are those of the default settings.
 ///
@@ -32,12 +36,27 @@ pub fn settle_heap(config: &mut TrialConfig, model: &ArmModel) -> Result<(), Box
     for object in &mut scene.objects[first..] {
         object.pose.rotation = any_turn([at_random(), at_random(), at_random()]);
     }
-    let open = scene.fixed.len();
-    scene.fixed.extend(walls(&heap.area, scene.table_height));
-    let inside = fall(&scene, model)?;
-    scene.fixed.truncate(open);
+    // Two walls in one place would ask for the same force twice.
+    let mut high = scene.clone();
+    high.fixed.retain(|body| body.pose.translation.z < scene.table_height);
+    high.fixed.extend(walls(&heap.area, scene.table_height));
+    let inside = fall(&high, model)?;
     lay(&mut scene, &inside);
-    let bodies = fall(&scene, model)?;
+    let mut bodies = fall(&scene, model)?;
+    for _ in 0..PUT_BACK {
+        let out: Vec<usize> =
+            (first..bodies.len()).filter(|k| !heap.holds(&bodies[*k].pose, scene.table_height)).collect();
+        if out.is_empty() {
+            break;
+        }
+        let lying = bodies.iter().enumerate().filter(|(k, _)| !out.contains(k));
+        let top = lying.map(|(_, body)| body.pose.translation.z).fold(scene.table_height, f64::max);
+        for (k, [x, y, z]) in out.into_iter().zip(heap.on_top(top)) {
+            bodies[k].pose = Pose::translation(x, y, z);
+        }
+        lay(&mut scene, &bodies);
+        bodies = fall(&scene, model)?;
+    }
     let lies = |body: &BodyState| {
         let (at, turn) = (&body.pose.translation, &body.pose.rotation);
         [at.x, at.y, at.z, turn.i, turn.j, turn.k, turn.w]
@@ -74,7 +93,7 @@ fn walls(area: &PlaceRegion, table: f64) -> Vec<SceneObject> {
             name: format!("while falling {axis} {side}"),
             shape: Shape::Box { size },
             pose: Pose::translation(middle[0], middle[1], middle[2]),
-            friction: 0.0,
+            friction: 0.4,
         }
     };
     let along = |axis: usize| [wall(axis, min[axis], -1.0), wall(axis, max[axis], 1.0)];
@@ -90,18 +109,25 @@ fn fall(scene: &Scene, model: &ArmModel) -> Result<Vec<BodyState>, Box<dyn Error
         velocity: zeros(model.moving_count()),
         world_from_base: base,
     };
+    let fastest = |plant: &dyn Plant| {
+        let bodies = plant.state().objects.iter();
+        bodies.map(|body| body.linear.norm().max(body.angular.norm())).fold(0.0, f64::max)
+    };
     for _ in 0..LONGEST_MS {
         plant.step(&stay)?;
-        let rests = |body: &BodyState| body.linear.norm() + body.angular.norm() == 0.0;
-        if plant.state().objects.iter().all(rests) {
-            return Ok(plant.state().objects.to_vec());
+        if fastest(plant.as_ref()) == 0.0 {
+            break;
         }
     }
-    Err(format!(
-        "the heap has not come to rest after {} s; expected objects that lie still",
-        LONGEST_MS / 1000
-    )
-    .into())
+    match fastest(plant.as_ref()) {
+        speed if speed < NEARLY_STILL => Ok(plant.state().objects.to_vec()),
+        speed => Err(format!(
+            "after {} s something in the heap still moves at {speed:.3} m/s or rad/s; expected less than {NEARLY_STILL}: another seed, \
+             or fewer objects (task.heap.count)",
+            LONGEST_MS / 1000
+        )
+        .into()),
+    }
 }
 
 fn lay(scene: &mut Scene, bodies: &[BodyState]) {

@@ -16,6 +16,7 @@ fn record(task: TaskChoice, method: &str, limit_secs: f64, dir: &Path) -> TrialR
     let mut config = config.with_task(task).unwrap();
     config.limit_secs = limit_secs;
     let arm = Arm::of(&config).unwrap();
+    settle_heap(&mut config, arm.model()).unwrap();
     let assembled =
         trial::simulated_with(&MethodRegistry::standard(), &arm, config, &EmgOrigin::Synthetic, None)
             .unwrap();
@@ -156,6 +157,7 @@ fn a_heap_falls_as_the_seed_says_and_lies_still_when_the_trial_begins() {
         config
     };
     let (config, again, other) = (fallen(1), fallen(1), fallen(2));
+    (3..8).for_each(|seed| drop(fallen(seed)));
     let lies = |config: &TrialConfig| config.task.heap.clone().unwrap().lies;
     assert_eq!(lies(&config), lies(&again));
     assert_ne!(lies(&config), lies(&other));

@@ -74,6 +74,22 @@ impl HeapFile {
         (0..count).map(place).collect()
     }
 
+    /// Whether an object at `pose` lies in the heap, or on it.
+    pub fn holds(&self, pose: &Pose, table: f64) -> bool {
+        let (at, PlaceRegion { min, max }) = (pose.translation.vector, self.area);
+        (0..2).all(|k| at[k] > min[k] && at[k] < max[k]) && at.z > table
+    }
+
+    /// Places on a heap whose topmost middle is at `top`, above each other in its middle: any number of them.
+    pub fn on_top(&self, top: f64) -> impl Iterator<Item = [f64; 3]> + use<> {
+        let (cell, middle) = (self.cell(), self.area.centre(top));
+        let place = move |k: usize| {
+            let aside = |number: usize| (number as f64 - 0.5) * cell;
+            [middle.x + aside(k % 2), middle.y + aside(k / 2 % 2), top + cell * ((k / 4) as f64 + 1.0)]
+        };
+        (0..).map(place)
+    }
+
     /// The objects as a text has single ones, standing in their layers.
     pub(crate) fn objects(&self, table: f64) -> Vec<ObjectFile> {
         let object = |(k, [x, y, z]): (usize, [f64; 3])| ObjectFile {
