@@ -61,6 +61,7 @@ pub mod trial;
 mod trial_choice;
 mod trunk_log;
 pub mod vmpl;
+pub mod vmpl_ghost;
 mod wearer;
 mod whole;
 mod worn_headset;

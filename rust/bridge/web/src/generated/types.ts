@@ -501,6 +501,15 @@ export type Gesture = "hand_close" | "hand_open" | "no_motion" | "wrist_extensio
  * stack, so that the EMG stage can hand it on without an allocation. */
 export type GestureName = string;
 
+/** A second arm that is seen through and moves nothing. */
+export type GhostArm = {
+/** Moving joints of the arm model, in its order, rad. */
+joints: Array<number>,
+/** Red, green and blue, 0 to 1. */
+colour: [number, number, number],
+/** From 0, not to be seen, to 1, solid. */
+alpha: number, };
+
 /** An answer to a question of the questionnaire at `step`; none takes it back. */
 export type GivenAnswer = {
 /** The step of the session. */
@@ -1155,7 +1164,7 @@ mean_delay_secs: number, };
 /** Messages from the server to the page. */
 export type ServerMessage = { "type": "hello", page_version: string, revision: number,
 /** The controller that is strapped to the brace: it is neither gaze nor buttons. */
-brace_controller: Side | null, } | { "type": "content", revision: number, } | { "type": "frame" } & DisplayFrame | { "type": "status" } & TrialStatus | { "type": "driver", name: string | null, you: boolean, may_drive: boolean, } | { "type": "signals" } & Signals | { "type": "study" } & ExperimenterScreen | { "type": "participant" } & ParticipantScreen | { "type": "pong", id: number, } | { "type": "events", events: Array<TrialEvent>, } | { "type": "error", message: string, };
+brace_controller: Side | null, } | { "type": "content", revision: number, } | { "type": "frame" } & DisplayFrame | { "type": "status" } & TrialStatus | { "type": "driver", name: string | null, you: boolean, may_drive: boolean, } | { "type": "ghost", arm: GhostArm | null, } | { "type": "signals" } & Signals | { "type": "study" } & ExperimenterScreen | { "type": "participant" } & ParticipantScreen | { "type": "pong", id: number, } | { "type": "events", events: Array<TrialEvent>, } | { "type": "error", message: string, };
 
 /** A session under way. */
 export type SessionScreen = {
