@@ -60,6 +60,7 @@ mod tracked_shoulder;
 pub mod trial;
 mod trial_choice;
 mod trunk_log;
+pub mod use_log;
 pub mod vmpl;
 pub mod vmpl_ghost;
 mod wearer;

@@ -44,6 +44,8 @@ pub trait TrialInputs {
     fn drain(&mut self) -> Vec<ClientInput>;
     /// This instant is on the page.
     fn shown(&mut self, _frame: &DisplayFrame) {}
+    /// The trial is over.
+    fn ended(&mut self, _result: &TrialResult) {}
 }
 
 impl TrialInputs for &PageServer {
@@ -97,6 +99,7 @@ impl LiveTrial<'_> {
             self.person.keep_trunk(dir)?;
         }
         let result = finish(&self.session, self.recorder.take(), self.dir.as_deref(), start, end)?;
+        self.inputs.ended(&result);
         let most = self.session.testbed().task().briefing().most;
         if let Some(results) = &mut self.results {
             results.show(self.page, most, &result, "You", path, &[]);
