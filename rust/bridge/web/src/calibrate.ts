@@ -265,9 +265,12 @@ function showEnd(message: Screen<"end">): void {
   all.tabIndex = 0;
   const figures = element("details", "", element("summary", "", "All figures"), all);
   prompt.hidden = tables.length > 0;
+  // A test names the model that it was given, a calibration the one that it wrote.
+  const model = String(result.model ?? "");
+  const heading = "passed" in result ? `Results with ${model}` : model ? `The model is in ${model}` : "Result";
   figures.open = tables.length === 0;
   judged.replaceChildren(
-    element("h2", "accuracy", result.model ? `The model is in ${String(result.model)}` : "Result"),
+    element("h2", "accuracy", heading),
     tables.length > 0 ? element("p", "", done) : "",
     ...tables,
     figures,
