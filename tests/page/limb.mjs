@@ -87,6 +87,12 @@ async function tac(page, seen, tools, name) {
   check(found.gauges === axes && /^-?\d+°, target -?\d+° ± 5$/.test(found.value), `${name}: a gauge an axis: ${found.gauges}, ${found.value}`);
   check(new RegExp(`^Target 1 of ${name === "tac1" ? 4 : 2}`).test(found.count), `${name}: ${found.count}`);
   await screenshot(name);
+  if (name === "tac1") {
+    await seen(() => window.__calibration.dwelt > 0.3 && document.querySelector(".gauge.inside"));
+    const told = await page.evaluate(() => document.querySelector(".tac .name").textContent);
+    check(told === "In the target: relax and stay", `${name}: ${told}, and a ring closes`);
+    await screenshot("dwelling");
+  }
   await fits(page, tools, name);
   const flashed = await seen(() => window.__flashes.find((text) => /^(✓ Reached in|✗ Not reached)/.test(text)));
   await screenshot(`${name}-flash`);
