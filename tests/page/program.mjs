@@ -1,4 +1,4 @@
-// Starts and stops `proact serve` and `proact study run` for the tests that need to kill them or to look at their process.
+// Starts and stops `proact serve`, `proact study run` and `proact emg test` for the tests that need to kill them or to look at their process.
 
 import { spawn } from "node:child_process";
 import { createServer } from "node:net";
@@ -16,13 +16,20 @@ export function startStudy(program, folder, words = []) {
   return start(program, ["study", "run", folder], 0, words, {});
 }
 
+/** Starts `emg test` on its page in the same way. */
+export function startEmgTest(program, words) {
+  return start(program, ["emg", "--json", "test", "--page"], 0, words, {});
+}
+
 async function start(program, command, port, words, variables) {
   const chosen = port || (await freePort());
+  // The page of `emg` has no port but the one that it is told.
+  const exact = command[0] === "emg" ? [] : ["--exact-port"];
   // In a session of its own, as from another terminal: the system shares its processors between sessions, and Chromium
   // takes all that it can get to draw.
   const child = spawn(
     program,
-    [...command, "--no-browser", "--exact-port", "--port", String(chosen), ...words],
+    [...command, "--no-browser", ...exact, "--port", String(chosen), ...words],
     { env: { ...process.env, ...variables }, stdio: ["ignore", "pipe", "pipe"], detached: true },
   );
   const ended = new Promise((resolve) => child.once("exit", resolve));

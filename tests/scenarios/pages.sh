@@ -74,9 +74,13 @@ start replay "$output/trials/seed1/trial.bag" --page
 look bag
 stop
 
+# The ghost arm of miniVIE's virtual limb, and the log of use.
+node "$here/../page/run.mjs" --mode ghost --program "$proact" --out "$output/ghost"
+
 # The calibration page with a simulated person at the armband, and a trial by the model that was made there: keys are
 # prompts, the armband's EMG is recognised, and that moves the arm.
 node "$here/../page/calibrate.mjs" --program "$proact" --out "$output/calibrate"
+node "$here/../page/run.mjs" --mode limb --program "$proact" --out "$output/limb"
 start serve --method D --seed 1 --setup still --no-record --emg-source synthetic --emg-model "$output/calibrate/model.json"
 node "$here/../page/run.mjs" --url "$address" --out "$output/armband" --mode interactive
 stop

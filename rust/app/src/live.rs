@@ -1,10 +1,10 @@
 //! A trial that a person drives in real time.
 
-use crate::vmpl::is_by_decoder;
 use crate::{
     Experimenter, LivePerson, Pace, Recorder, ResultCards, WristPath, experimenter::store_gaze_check,
     person::drive_by_page, run::finish,
 };
+use crate::{vmpl::is_by_decoder, vmpl_ghost::GhostReceiver};
 use proact_bridge::{ClientInput, GazeCheck, PageServer};
 use proact_intent::GazeOffset;
 use proact_recording::seal;
@@ -44,6 +44,8 @@ pub trait TrialInputs {
     fn drain(&mut self) -> Vec<ClientInput>;
     /// This instant is on the page.
     fn shown(&mut self, _frame: &DisplayFrame) {}
+    /// The trial is over.
+    fn ended(&mut self, _result: &TrialResult) {}
 }
 
 impl TrialInputs for &PageServer {
@@ -97,6 +99,7 @@ impl LiveTrial<'_> {
             self.person.keep_trunk(dir)?;
         }
         let result = finish(&self.session, self.recorder.take(), self.dir.as_deref(), start, end)?;
+        self.inputs.ended(&result);
         let most = self.session.testbed().task().briefing().most;
         if let Some(results) = &mut self.results {
             results.show(self.page, most, &result, "You", path, &[]);
@@ -114,6 +117,7 @@ impl LiveTrial<'_> {
             self.dir.as_deref(),
             self.person.gaze_source(),
         );
+        let mut ghost = GhostReceiver::of(self.session.testbed());
         let mut shown_tracking = Instant::now();
         let (mut ending, mut shown, mut began_at_page) = (None, None, !self.waits());
         loop {
@@ -161,6 +165,9 @@ impl LiveTrial<'_> {
             }
             if let Some(frame) = &step.frame {
                 self.page.publish(frame);
+                if let Some(ghost) = &mut ghost {
+                    self.page.publish_ghost(ghost.latest().as_ref());
+                }
                 self.inputs.shown(frame);
                 path.add(frame);
                 // Shown again while time stands still; what happened in it happened once.

@@ -33,7 +33,7 @@ const FINGERS_MOVE: f64 = 0.05;
 #[non_exhaustive]
 pub enum VmplError {
     /// A word behind the command.
-    #[error("got {got:?}, expected listen=ADDRESS:PORT or decoder=ADDRESS:PORT")]
+    #[error("got {got:?}, expected ADDRESS:PORT behind listen=, decoder=, ghost= or ghost_setup=")]
     Option {
         /// The word.
         got: String,
@@ -96,8 +96,42 @@ impl VmplPublisher {
     }
 }
 
+/// Where a limb listens and answers.
+#[derive(Debug)]
+pub(crate) struct Addresses {
+    pub(crate) listen: SocketAddr,
+    decoder: SocketAddr,
+    /// Where the ghost arm gets its angles and its look, if the command says so.
+    pub(crate) ghost: Option<SocketAddr>,
+    pub(crate) ghost_setup: Option<SocketAddr>,
+}
+
+/// What the words behind the command say: miniVIE's ports on this machine where they say nothing.
+pub(crate) fn addresses_of(words: &[String], side: Side) -> Result<Addresses, VmplError> {
+    let [listens, answers] = match side {
+        Side::Right => VMPL_RIGHT_PORTS,
+        Side::Left => VMPL_LEFT_PORTS,
+    };
+    let here = |port| SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), port);
+    let mut told =
+        Addresses { listen: here(listens), decoder: here(answers), ghost: None, ghost_setup: None };
+    for word in words {
+        let wrong = || VmplError::Option { got: word.clone() };
+        let (key, address) = word.split_once('=').ok_or_else(wrong)?;
+        let address: SocketAddr = address.parse().map_err(|_| wrong())?;
+        match key {
+            "listen" => told.listen = address,
+            "decoder" => told.decoder = address,
+            "ghost" => told.ghost = Some(address),
+            "ghost_setup" => told.ghost_setup = Some(address),
+            _ => return Err(wrong()),
+        }
+    }
+    Ok(told)
+}
+
 /// Where each joint of the packets is among the moving joints of `model`.
-fn places(model: &ArmModel) -> Result<[Option<usize>; VMPL_JOINTS], VmplError> {
+pub(crate) fn places(model: &ArmModel) -> Result<[Option<usize>; VMPL_JOINTS], VmplError> {
     let place = |name: &str| model.moving().position(|joint| is_named(&model.joints[joint].name, name));
     let places = vmpl_joint_names().map(place);
     if places[..VMPL_ARM_JOINTS].iter().all(Option::is_none) {
@@ -137,27 +171,12 @@ pub struct VmplMethod {
 
 impl VmplMethod {
     /// Listens for the decoder of the arm `model`. `words` say `listen=ADDRESS:PORT` and `decoder=ADDRESS:PORT` where these are
-    /// others than miniVIE's ports on this machine.
+    /// others than miniVIE's ports on this machine; what they say of the ghost arm is for [`GhostReceiver`](crate::vmpl_ghost::GhostReceiver).
     ///
     /// # Errors
     /// [`VmplError`].
     pub fn open(words: &[String], model: &ArmModel) -> Result<VmplMethod, VmplError> {
-        let [listens, answers] = match model.side {
-            Side::Right => VMPL_RIGHT_PORTS,
-            Side::Left => VMPL_LEFT_PORTS,
-        };
-        let here = |port| SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), port);
-        let (mut listen, mut decoder) = (here(listens), here(answers));
-        for word in words {
-            let wrong = || VmplError::Option { got: word.clone() };
-            let (key, address) = word.split_once('=').ok_or_else(wrong)?;
-            let address: SocketAddr = address.parse().map_err(|_| wrong())?;
-            match key {
-                "listen" => listen = address,
-                "decoder" => decoder = address,
-                _ => return Err(wrong()),
-            }
-        }
+        let Addresses { listen, decoder, .. } = addresses_of(words, model.side)?;
         let moving: Vec<usize> = model.moving().collect();
         let places = places(model)?;
         let digit_of = model.digit_places();
@@ -353,7 +372,7 @@ mod tests {
     fn what_is_no_option_and_an_arm_of_other_joints_are_refused() {
         let (_, model, _) = method();
         for (words, part) in [
-            ("listen", "listen=ADDRESS:PORT"),
+            ("listen", "ADDRESS:PORT behind listen="),
             ("listen=nowhere", "\"listen=nowhere\""),
             ("other=127.0.0.1:1", "\"other=127.0.0.1:1\""),
         ] {

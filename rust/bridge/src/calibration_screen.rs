@@ -1,6 +1,9 @@
 //! What the calibration page shows.
 
-use proact_emg::{CalibrationReport, CursorReport, HoldReport, Light, Phase, SequenceReport, StreamQuality};
+use proact_emg::{
+    CalibrationReport, CursorReport, HoldReport, Light, MotionReport, Phase, SequenceReport, StreamQuality,
+    TacAxis, TacPhase, TacReport,
+};
 use proact_types::GestureName;
 use serde::Serialize;
 use serde_json::Value;
@@ -72,6 +75,11 @@ pub enum CalibrationView<'a> {
         /// A round is over, and it waits for a command.
         reviewing: bool,
     },
+    /// A test comes next, when the person begins it.
+    Ready {
+        /// Which.
+        next: TestKind,
+    },
     /// Gestures are asked for, to test a model.
     Test {
         /// Which test, and how it goes.
@@ -81,6 +89,42 @@ pub enum CalibrationView<'a> {
         prompt: Option<GestureName>,
         /// The gesture in force.
         in_force: GestureName,
+    },
+    /// The motion test: each motion is made until enough decisions were right, or time is up.
+    Motion {
+        /// The gesture asked for: rest before each motion.
+        prompt: GestureName,
+        /// The hand has yet to relax.
+        relaxing: bool,
+        /// The gesture in force.
+        in_force: GestureName,
+        /// Right decisions of this motion.
+        right: usize,
+        /// As many complete it.
+        needed: usize,
+        /// Time that is left for it, seconds.
+        left_secs: f64,
+        /// Of so much.
+        limit_secs: f64,
+        /// How it goes.
+        report: &'a MotionReport,
+    },
+    /// Target achievement control: joints of a virtual limb are brought to a target and held there.
+    Tac {
+        /// What has to go where.
+        axes: Vec<TacAxisState<'a>>,
+        /// What it waits for.
+        phase: TacPhase,
+        /// The gesture in force.
+        in_force: GestureName,
+        /// Share of the dwell time that is over, 0 to 1.
+        dwelt: f64,
+        /// Time that is left for the target, seconds.
+        left_secs: f64,
+        /// Of so much.
+        limit_secs: f64,
+        /// How it goes.
+        report: &'a TacReport,
     },
     /// A cursor is steered into targets. Places in units of half the picture: x to the right, y up, -1 to 1.
     Cursor {
@@ -110,12 +154,41 @@ pub enum CalibrationView<'a> {
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 #[serde(tag = "test", content = "report", rename_all = "snake_case")]
 pub enum GestureTest<'a> {
-    /// None yet: the person is not ready.
-    Wait(()),
     /// Sequences without a mistake.
     Sequence(&'a SequenceReport),
     /// The longer trial.
     Trial(&'a HoldReport),
+}
+
+/// The tests of a model that the page shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
+#[serde(rename_all = "snake_case")]
+pub enum TestKind {
+    /// Sequences without a mistake.
+    Sequence,
+    /// The longer trial.
+    Trial,
+    /// The motion test.
+    Motion,
+    /// Target achievement control of one joint after the other.
+    Tac1,
+    /// The same of several joints together.
+    Tac3,
+    /// Pointing with a cursor.
+    Cursor,
+}
+
+/// An axis of the virtual limb during a trial.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
+pub struct TacAxisState<'a> {
+    /// Its name, range, tolerance and gestures.
+    pub axis: &'a TacAxis,
+    /// Where it is, degrees or per cent of a grasp.
+    pub position: f64,
+    /// Where it should be.
+    pub target: f64,
 }
 
 /// What is shown of an electrode.

@@ -35,6 +35,8 @@ pub(crate) enum ServerMessage<'a> {
     Status(&'a TrialStatus),
     /// Who drives, by name; none if nobody does. `you`: this client does. `may_drive`: it may take over.
     Driver { name: Option<&'a str>, you: bool, may_drive: bool },
+    /// A second arm beside the trial's, or that there is none any more.
+    Ghost { arm: Option<&'a GhostArm> },
     /// What the experimenter watches beside the scene.
     Signals(&'a Signals),
     /// What a study shows to whoever conducts it.
@@ -83,6 +85,18 @@ impl StudyMessages {
     }
 }
 
+/// A second arm that is seen through and moves nothing.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
+pub struct GhostArm {
+    /// Moving joints of the arm model, in its order, rad.
+    pub joints: Vec<f64>,
+    /// Red, green and blue, 0 to 1.
+    pub colour: [f64; 3],
+    /// From 0, not to be seen, to 1, solid.
+    pub alpha: f64,
+}
+
 /// What all connections watch.
 #[derive(Debug, Default)]
 pub(crate) struct Feed {
@@ -100,6 +114,8 @@ pub(crate) struct Feed {
     pub(crate) study: (u64, Option<StudyMessages>),
     /// How often the driver has changed, and who it is.
     pub(crate) driver: (u64, Option<(ClientId, String)>),
+    /// The second arm as a message, and how often that has changed; none before there was one.
+    pub(crate) ghost: (u64, Option<Utf8Bytes>),
     /// The latest signals as a message, and how many there were.
     pub(crate) signals: (u64, Option<Utf8Bytes>),
     /// The last events, each with the number of its frame.
@@ -126,6 +142,7 @@ impl Feed {
         self.frame = None;
         self.latest = None;
         self.signals.1 = None;
+        self.ghost.1 = None;
         self.events.clear();
     }
 

@@ -55,8 +55,11 @@ mod trials;
 mod typescript;
 
 pub use calibration::{CalibrationCommand, CalibrationServer};
-pub use calibration_screen::{CalibrationScreen, CalibrationView, ChannelLight, GestureTest};
+pub use calibration_screen::{
+    CalibrationScreen, CalibrationView, ChannelLight, GestureTest, TacAxisState, TestKind,
+};
 pub use error::BridgeError;
+pub use feed::GhostArm;
 pub use gaze_check::{GazeCheck, GazePoint};
 pub use input::{AfterTrial, ClientInput, ControllerPose, StudyAction};
 pub use meshes::MeshFile;

@@ -4,6 +4,7 @@
 //! [`DisplayFrame`](proact_types::DisplayFrame) at the pace of publishing, the latest only; `events {events}`
 //! with the events of frames that this client missed, at first those of the trial so far; `content {revision}`
 //! when `/api/content` has changed; `status` with the fields of [`TrialStatus`](crate::TrialStatus); `pong {id}`;
+//! `ghost {arm}` of a second arm that is only shown, with the fields of [`GhostArm`](crate::GhostArm), or null when it is gone;
 //! `error {message}` when a message of the client was ignored; `driver {name, you, may_drive}` when another client
 //! drives.
 //!
@@ -322,14 +323,15 @@ struct Seen {
     sequence: u64,
     status: u64,
     study: u64,
+    ghost: u64,
     signals: u64,
     driver: u64,
 }
 
 impl Seen {
-    /// What it has not seen yet, at most six messages.
+    /// What it has not seen yet, at most seven messages.
     fn news(&mut self, feed: &Feed, role: Role) -> Vec<Utf8Bytes> {
-        let mut messages = Vec::with_capacity(6);
+        let mut messages = Vec::with_capacity(7);
         if feed.revision != self.revision {
             self.revision = feed.revision;
             messages.push(ServerMessage::Content { revision: feed.revision }.to_text());
@@ -346,6 +348,10 @@ impl Seen {
             messages.extend(feed.missed_events(self.sequence));
             messages.extend(feed.frame.clone());
             self.sequence = feed.sequence;
+        }
+        if feed.ghost.0 != self.ghost {
+            messages.extend(feed.ghost.1.clone());
+            self.ghost = feed.ghost.0;
         }
         if role != Role::Participant && feed.signals.0 != self.signals {
             messages.extend(feed.signals.1.clone());

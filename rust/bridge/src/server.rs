@@ -1,7 +1,7 @@
 use crate::{
     BridgeError, ClientInput, Signals, StudyScreen, TrackingReport, TrialStatus, assets, camera,
     encoding::{encode, takes_gzip},
-    feed::{Feed, ServerMessage, StudyMessages},
+    feed::{Feed, GhostArm, ServerMessage, StudyMessages},
     input_arbiter::{ClientId, InputArbiter},
     live::{self, Role},
     meshes::{self, MeshFile, MeshesById},
@@ -295,6 +295,19 @@ impl PageServer {
             let news = feed.study.1.as_ref() != Some(&messages);
             if news {
                 feed.study = (feed.study.0 + 1, Some(messages));
+            }
+            news
+        });
+    }
+
+    /// Shows a second arm, or none; to pages only if it differs from the one before.
+    pub fn publish_ghost(&self, arm: Option<&GhostArm>) {
+        let text = ServerMessage::Ghost { arm }.to_text();
+        self.shared.feed.send_if_modified(|feed| {
+            let before = feed.ghost.1.as_ref();
+            let news = before.map_or(arm.is_some(), |before| *before != text);
+            if news {
+                feed.ghost = (feed.ghost.0 + 1, Some(text));
             }
             news
         });

@@ -3,7 +3,7 @@
 
 use futures_util::{SinkExt, StreamExt};
 use proact_bridge::{
-    CalibrationCommand, CalibrationScreen, CalibrationServer, CalibrationView, GestureTest, PageOptions,
+    CalibrationCommand, CalibrationScreen, CalibrationServer, CalibrationView, PageOptions, TestKind,
 };
 use proact_http::{Access, Limits, Listed, Right};
 use proact_types::Gesture;
@@ -50,16 +50,11 @@ async fn a_page_gets_the_newest_object_and_its_buttons_arrive_in_order() {
         messages: &[],
         begun: true,
         result: &Value::Null,
-        view: CalibrationView::Test {
-            test: GestureTest::Wait(()),
-            prompt: None,
-            in_force: Gesture::NoMotion.into(),
-        },
+        view: CalibrationView::Ready { next: TestKind::Tac1 },
     };
     server.publish(&screen("one"));
     let (mut client, _) = connect_async(format!("ws://{authority}/calibration")).await.unwrap();
-    let expected = json!({ "type": "test", "test": "wait", "report": null, "prompt": null, "in_force": "no_motion",
-        "source": "one", "messages": [], "begun": true, "result": null });
+    let expected = json!({ "type": "ready", "next": "tac1", "source": "one", "messages": [], "begun": true, "result": null });
     assert_eq!(next(&mut client).await, expected);
     server.publish(&screen("two"));
     assert_eq!(next(&mut client).await["source"], "two");

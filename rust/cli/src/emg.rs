@@ -11,6 +11,7 @@ mod stream;
 mod test;
 mod train;
 mod train_args;
+mod usage;
 
 use clap::{Args, Subcommand, ValueEnum};
 use proact_app::{tell, write_whole};
@@ -70,6 +71,8 @@ pub enum EmgCommand {
         after_help = "Example:\n  proact emg simulate --data recordings/ --reps 2 --gesture no_motion:2,hand_close:3 --loss 0.01"
     )]
     Simulate(simulate::SimulateArgs),
+    /// Tell days and hours of use from the log that `proact serve --use-log` keeps.
+    Use(usage::UseArgs),
 }
 
 /// How a stream is cut into windows, and what is computed from them.
@@ -169,6 +172,7 @@ pub(crate) fn run(sources: &SourceRegistry, command: &EmgCommand, json: bool) ->
             text
         }
         EmgCommand::Select(args) => select::text(args, json)?,
+        EmgCommand::Use(args) => usage::text(args, json)?,
         EmgCommand::Train(args) => return train::run(sources, args, json),
         EmgCommand::Test(args) => return test::run(sources, args, json),
         EmgCommand::Stream(args) => return stream::run(sources, args, json),

@@ -6,10 +6,12 @@ use clap::{Args, Parser};
 use proact_app::{
     Ended, LiveArmband, LivePerson, LiveTrial, Recorder, Registry, ResultCards, default_dir, driven_content,
     trial::{self, Armband, Assembly},
+    use_log::{LoggedInputs, UseLog},
 };
 use proact_bridge::{PageContent, PageServer};
 use proact_devices::SourceName;
 use proact_intent::GazeOffset;
+use proact_types::GestureName;
 use std::{error::Error, path::PathBuf, sync::atomic::AtomicBool};
 
 /// Arguments of `proact serve`.
@@ -39,6 +41,9 @@ pub(crate) struct ServeArgs {
     /// Model of the armband, as `proact emg train` writes it
     #[arg(long, value_name = "FILE", requires = "emg_source")]
     emg_model: Option<PathBuf>,
+    /// Log of use: a line of JSON is added for each minute of use and at the end; `proact emg use FILE` adds them up
+    #[arg(long, value_name = "FILE")]
+    use_log: Option<PathBuf>,
     #[command(flatten)]
     person: PersonArgs,
 }
@@ -80,6 +85,14 @@ fn drive(
         (Some(source), Some(model)) => Some(LiveArmband::open(&registry.sources, source, model)?),
         _ => None,
     };
+    let mut log = match &args.use_log {
+        Some(path) => Some(
+            UseLog::open(path)
+                .map_err(|error| format!("cannot write the use log {}: {error}", path.display()))?,
+        ),
+        None => None,
+    };
+    let rest = armband.as_ref().map_or(GestureName::default(), |armband| armband.model().config.rest);
     let mut gaze_offset = GazeOffset::default();
     let mut person: Option<LivePerson> = None;
     loop {
@@ -128,7 +141,7 @@ fn drive(
             none => none.insert(args.person.open(registry, &session)?),
         };
         let page: &PageServer = page;
-        let mut inputs = page;
+        let mut inputs = LoggedInputs { page, log: log.as_mut(), rest };
         let mut trial = LiveTrial {
             session,
             recorder,

@@ -65,6 +65,7 @@ mod setup;
 mod sources;
 mod synthetic;
 mod vmpl;
+mod vmpl_ghost;
 
 pub use amplifier::{AmplifierChannel, AmplifierLayout};
 pub use error::DeviceError;
@@ -99,3 +100,4 @@ pub use vmpl::{
     VMPL_ARM_JOINTS, VMPL_FINGERS, VMPL_JOINTS, VMPL_LEFT_PORTS, VMPL_RIGHT_PORTS, VmplCommand, VmplDisplay,
     VmplPercepts, vmpl_joint_names,
 };
+pub use vmpl_ghost::{VMPL_LEFT_GHOST_PORTS, VMPL_RIGHT_GHOST_PORTS, VmplGhost, VmplGhostSetup};

@@ -99,7 +99,7 @@ pub use quality::{ChannelFault, ChannelQuality, Light, QualityConfig, QualityMon
 pub use recorded_quality::{RecordedFault, RecordedRepetition, check_recordings};
 pub use rotation::{BandProposal, RollEvidence, RotationReport, accuracy_at, check_rotation};
 pub use selection::{SelectedFeature, SelectionCriterion, SelectionData, select_features};
-pub use tac::{TacAxis, TacConfig, TacReport, TacTarget, TacTest, TacTrial};
+pub use tac::{TacAxis, TacConfig, TacPhase, TacReport, TacTarget, TacTest, TacTrial};
 pub use usability_test::{
     HoldConfig, HoldReport, HoldTest, SequenceConfig, SequenceMistake, SequenceReport, SequenceTest,
 };

@@ -30,6 +30,7 @@ impl MotionTestConfig {
 
 /// One motion that was asked for.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct MotionAttempt {
     /// Which.
     pub prompt: GestureName,
@@ -45,6 +46,7 @@ pub struct MotionAttempt {
 
 /// How the motion test went.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct MotionReport {
     /// All motions up to now.
     pub attempts: Vec<MotionAttempt>,
@@ -152,6 +154,22 @@ impl MotionTest {
         (!self.is_finished()).then_some(motion)
     }
 
+    /// The motion that is asked for now, as it stands; none while the hand has yet to relax.
+    pub fn attempt(&self) -> Option<&MotionAttempt> {
+        self.attempt.as_ref()
+    }
+
+    /// Seconds that are left for the motion; the whole limit while the hand has yet to relax.
+    pub fn left_secs(&self) -> f64 {
+        let passed = self.asked.zip(self.polled).map_or(0, |(asked, polled)| polled.millis_since(asked));
+        (self.config.limit_secs - passed as f64 / 1000.0).max(0.0)
+    }
+
+    /// How it is done.
+    pub fn config(&self) -> &MotionTestConfig {
+        &self.config
+    }
+
     /// All motions were asked for.
     pub fn is_finished(&self) -> bool {
         self.report.attempts.len() == self.config.prompts.len()
@@ -186,6 +204,21 @@ mod tests {
 
     fn config(repetitions: usize) -> MotionTestConfig {
         MotionTestConfig::of(&Gesture::ALL.map(GestureName::from), Gesture::NoMotion.into(), repetitions)
+    }
+
+    #[test]
+    fn a_motion_counts_its_decisions_and_its_time_as_they_come() {
+        let (rest, close) = (Gesture::NoMotion.into(), Gesture::HandClose.into());
+        let only_close = MotionTestConfig { prompts: vec![close], ..config(1) };
+        let mut test = MotionTest::new(only_close).expect("as arranged");
+        test.step(SimTime(0), close);
+        assert_eq!((test.attempt(), test.left_secs()), (None, 5.0), "the hand has yet to relax");
+        test.step(SimTime(1000), rest);
+        for tick in 1..=3 {
+            test.step(SimTime(1000 + 100 * tick), close);
+        }
+        assert_eq!(test.attempt().map(|attempt| attempt.right), Some(3));
+        assert!((test.left_secs() - 4.7).abs() < 1e-9, "{}", test.left_secs());
     }
 
     #[test]

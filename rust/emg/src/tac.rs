@@ -8,6 +8,7 @@ const LEAST_SHARE: f64 = 0.25;
 
 /// A joint of the virtual hand, or its grasp, that two gestures move.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 #[serde(deny_unknown_fields)]
 pub struct TacAxis {
     /// Such as `wrist flexion`.
@@ -121,6 +122,7 @@ pub struct TacConfig {
 
 /// One target, when it is over.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct TacTrial {
     /// What was asked for, by the axes' names.
     pub target: Vec<(String, f64)>,
@@ -134,6 +136,7 @@ pub struct TacTrial {
 
 /// How the test went.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 pub struct TacReport {
     /// All targets up to now.
     pub trials: Vec<TacTrial>,
@@ -143,6 +146,19 @@ pub struct TacReport {
     pub completion_rate: f64,
     /// Mean over those that were reached, seconds; none before one was.
     pub mean_secs: Option<f64>,
+}
+
+/// What a trial waits for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
+#[serde(rename_all = "snake_case")]
+pub enum TacPhase {
+    /// The hand has yet to relax.
+    Relaxing,
+    /// For the first gesture: time does not run yet.
+    Ready,
+    /// For the target to be reached and held.
+    Moving,
 }
 
 /// The target achievement control test (A. M. Simon et al., J. Rehabil. Res. Dev. 48(6), 2011, 619-628) with miniVIE's rules: a virtual
@@ -280,6 +296,34 @@ impl TacTest {
             .collect()
     }
 
+    /// What the trial waits for.
+    pub fn phase(&self) -> TacPhase {
+        match (self.relaxed, self.begun) {
+            (false, _) => TacPhase::Relaxing,
+            (true, None) => TacPhase::Ready,
+            (true, Some(_)) => TacPhase::Moving,
+        }
+    }
+
+    /// Seconds that are left for the target; the whole limit before the first gesture.
+    pub fn left_secs(&self) -> f64 {
+        (self.config.limit_secs - self.secs_since(self.begun)).max(0.0)
+    }
+
+    /// Share of the dwell time that is over, 0 to 1.
+    pub fn dwelt(&self) -> f64 {
+        (self.secs_since(self.inside) / self.config.dwell_secs).min(1.0)
+    }
+
+    fn secs_since(&self, start: Option<SimTime>) -> f64 {
+        start.zip(self.before).map_or(0.0, |(start, now)| now.millis_since(start) as f64 / 1000.0)
+    }
+
+    /// How it is done.
+    pub fn config(&self) -> &TacConfig {
+        &self.config
+    }
+
     /// All targets are over.
     pub fn is_finished(&self) -> bool {
         self.report.trials.len() == self.config.targets.len()
@@ -331,6 +375,25 @@ mod tests {
             (lack.abs() > 0.5 * axis.tolerance).then_some(if lack > 0.0 { axis.up } else { axis.down })
         };
         if since < 300 { REST.into() } else { test.task().iter().find_map(off).unwrap_or(REST.into()) }
+    }
+
+    #[test]
+    fn a_trial_says_what_it_waits_for_and_how_much_of_its_times_is_left() {
+        let mut test = TacTest::new(config(vec![vec![(0, 40.0)]])).expect("as arranged");
+        let (up, rest) = (test.config().axes[0].up, REST.into());
+        assert_eq!((test.phase(), test.left_secs(), test.dwelt()), (TacPhase::Relaxing, 45.0, 0.0));
+        test.step(SimTime(0), rest);
+        test.step(SimTime(10_000), rest);
+        assert_eq!((test.phase(), test.left_secs()), (TacPhase::Ready, 45.0), "time does not run yet");
+        // 40 degrees at 80 degrees a second.
+        for tick in 0..=50 {
+            test.step(SimTime(10_010 + 10 * tick), up);
+        }
+        assert_eq!(test.phase(), TacPhase::Moving);
+        assert!((test.left_secs() - 44.5).abs() < 1e-9, "{}", test.left_secs());
+        let before = test.dwelt();
+        test.step(SimTime(11_010), rest);
+        assert!((test.dwelt() - before - 0.25).abs() < 1e-9, "half a second of two: {}", test.dwelt());
     }
 
     #[test]

@@ -20,8 +20,11 @@ import { place, shapeGeometry } from "./shapes";
 
 /** Edges sharper than this stay sharp, rad. */
 const CREASE_RAD = 0.6;
-const BARE_COLOUR = "#b9bec4";
+const BARE = [...new Color("#b9bec4").toArray(), 1] as [number, number, number, number];
 const GHOST_COLOUR = "#3aa7e0";
+
+/** As it is; the hand alone, to be seen through; or the whole arm in a colour of its own. */
+export type Look = "solid" | "hand" | "shade";
 
 /** Mesh files, loaded once however many links and arms use them (fingers do). */
 export class Meshes {
@@ -53,13 +56,12 @@ export class Arm {
   private readonly materials = new Map<string, Material>();
   private readonly turned = new Quaternion();
 
-  /** `ghost` draws the hand alone, to be seen through. */
   constructor(
     private readonly model: ArmModel,
     private readonly files: MeshFile[],
     private readonly meshes: Meshes,
     private readonly failed: (message: string) => void,
-    private readonly look: "solid" | "ghost" = "solid",
+    private readonly look: Look = "solid",
   ) {
     this.root.name = model.name;
     this.links = [this.root];
@@ -78,7 +80,7 @@ export class Arm {
     const inHand = new Set([model.tip]);
     for (const joint of model.joints) if (inHand.has(joint.parent)) inHand.add(joint.child);
     model.links.forEach((link, k) => {
-      if (look === "solid" || inHand.has(k)) this.dress(this.links[k], link);
+      if (look !== "hand" || inHand.has(k)) this.dress(this.links[k], link);
     });
     this.moving = [...model.arm, ...model.hand].flatMap((joint) => turns[joint] ?? []);
   }
@@ -97,6 +99,14 @@ export class Arm {
         turn.quaternion.copy(this.turned.setFromAxisAngle(axis, angle));
       }
     });
+  }
+
+  /** Colour and opacity of an arm that is a shade, 0 to 1. */
+  shade(colour: readonly [number, number, number], opacity: number): void {
+    const material = this.material(BARE);
+    if (!(material instanceof MeshBasicMaterial)) return;
+    material.color.setRGB(...colour, "srgb");
+    material.opacity = opacity;
   }
 
   private dress(group: Object3D | undefined, link: Link): void {
@@ -130,7 +140,7 @@ export class Arm {
   }
 
   private dressBare(group: Object3D, link: Link): void {
-    const material = this.material([...new Color(BARE_COLOUR).toArray(), 1] as [number, number, number, number]);
+    const material = this.material(BARE);
     for (const { pose, shape } of link.collisions) {
       this.attach(group, new Mesh(shapeGeometry(shape), material), pose);
     }
@@ -143,9 +153,9 @@ export class Arm {
   }
 
   private material([r, g, b, a]: [number, number, number, number]): Material {
-    const key = this.look === "ghost" ? "ghost" : `${r} ${g} ${b} ${a}`;
+    const key = this.look === "solid" ? `${r} ${g} ${b} ${a}` : "seen through";
     let material = this.materials.get(key);
-    if (!material && this.look === "ghost") {
+    if (!material && this.look !== "solid") {
       material = new MeshBasicMaterial({ color: GHOST_COLOUR, transparent: true, opacity: 0.3, depthWrite: false });
       this.materials.set(key, material);
     } else if (!material) {

@@ -3,8 +3,10 @@
 
 import "./calibrate.css";
 import { element, setClass, setText, setWidth } from "./dom";
-import type { CalibrationCommand, CalibrationMessage, CalibrationReport, CalibrationScreen, GestureName } from "./generated/types";
+import type { CalibrationCommand, CalibrationMessage, CalibrationReport, CalibrationScreen, GestureName, TestKind } from "./generated/types";
 import { gestureText, handPicture } from "./hand";
+import { Flash, MotionView, TacView } from "./limb";
+import { limbResults } from "./limbresults";
 
 /** What there is to show, of one kind. */
 type Screen<Kind extends CalibrationScreen["type"]> = Extract<CalibrationScreen, { type: Kind }>;
@@ -20,19 +22,26 @@ const prompt = element("section", "card prompt", picture, name, count, bar);
 const canvas = element("canvas");
 const figures = element("p", "muted");
 const cursor = element("section", "card", element("h2", "", "Move the cursor into the target and stay"), canvas, figures);
+const flash = new Flash();
+const motion = new MotionView(flash);
+const tac = new TacView(flash);
 const lightList = element("div", "lights");
 const lights = element("section", "card", element("h2", "", "Electrodes"), lightList);
 const judged = element("div");
 const judgement = element("section", "card", judged);
 const buttons = element("div", "buttons");
 const notes = element("div", "muted");
+const orders = element("section", "card", buttons, notes);
 document
   .getElementById("page")
   ?.append(
     element("header", "", element("h1", "", "EMG calibration"), source, connection),
+    flash.root,
     prompt,
+    motion.root,
+    tac.root,
     cursor,
-    element("section", "card", buttons, notes),
+    orders,
     lights,
     judgement,
   );
@@ -68,12 +77,22 @@ function show(message: CalibrationMessage): void {
   setText(source, message.source);
   setText(notes, message.messages.join("\n"));
   notes.style.whiteSpace = "pre-line";
-  prompt.hidden = message.type === "cursor";
+  // Nothing to press and nothing to read.
+  orders.hidden = !["calibration", "ready"].includes(message.type) && message.messages.length === 0;
+  prompt.hidden = ["cursor", "motion", "tac"].includes(message.type);
+  motion.root.hidden = message.type !== "motion";
+  tac.root.hidden = message.type !== "tac";
   cursor.hidden = message.type !== "cursor";
   lights.hidden = message.type !== "calibration";
   if (message.type !== "calibration") judgement.hidden = message.type !== "end";
   if (message.type === "calibration") showCalibration(message);
+  else if (message.type === "ready") showReady(message);
   else if (message.type === "test") showTest(message);
+  else if (message.type === "motion" || message.type === "tac") {
+    setButtons("none", () => []);
+    if (message.type === "motion") motion.show(message);
+    else tac.show(message);
+  }
   else if (message.type === "cursor") showCursor(message);
   else if (message.type === "end") showEnd(message);
 }
@@ -156,9 +175,18 @@ function setButtons(key: string, make: () => HTMLButtonElement[]): void {
   buttons.replaceChildren(...make());
 }
 
+/** The button that begins; it has the focus, so that a key presses it. */
+function showBegin(): void {
+  setButtons("begin", () => {
+    const begin = button("Begin", "main", true, () => send({ type: "begin" }));
+    queueMicrotask(() => begin.focus());
+    return [begin];
+  });
+}
+
 function showButtons(message: Screen<"calibration">): void {
   if (!message.begun) {
-    setButtons("begin", () => [button("Begin", "main", true, () => send({ type: "begin" }))]);
+    showBegin();
     return;
   }
   const { reviewing, rounds, most_rounds: most, report } = message;
@@ -171,12 +199,23 @@ function showButtons(message: Screen<"calibration">): void {
   ]);
 }
 
+/** What comes, said before it begins. */
+const NEXT: Record<TestKind, string> = {
+  sequence: "All gestures will be asked for, one after the other. Make each as soon as it is shown.",
+  trial: "Gestures will be asked for, one after the other. Hold each until the next one comes.",
+  motion: "Motions will be asked for. Make each at once and hold it until it is complete; relax before the next one.",
+  tac1: "A virtual hand follows your gestures, one joint at a time. Bring it onto its outline, then relax and stay there.",
+  tac3: "A virtual hand follows your gestures, several joints together. Bring it onto its outline, then relax and stay there.",
+  cursor: "Your gestures move a cursor. Bring it into each target and stay there.",
+};
+
+function showReady(message: Screen<"ready">): void {
+  flash.forget();
+  showPrompt("no_motion", `${NEXT[message.next]} Begin when the arm is comfortable.`, 0, false);
+  showBegin();
+}
+
 function showTest(message: Screen<"test">): void {
-  if (message.test === "wait") {
-    showPrompt("no_motion", "Gestures will be asked for. Begin when the arm is comfortable.", 0, false);
-    setButtons("begin", () => [button("Begin", "main", true, () => send({ type: "begin" }))]);
-    return;
-  }
   setButtons("none", () => []);
   const progress =
     message.test === "sequence"
@@ -216,16 +255,29 @@ function showCursor(message: Screen<"cursor">): void {
 
 function showEnd(message: Screen<"end">): void {
   setButtons("none", () => []);
-  showPrompt("no_motion", "Done. This page can be closed.", 1, false);
+  const done = "Done. This page can be closed.";
+  showPrompt("no_motion", done, 1, false);
   judgement.hidden = false;
   shownReport = "";
   const result = message.result ?? {};
+  const tables = limbResults(result);
+  const all = element("pre", "scroll", JSON.stringify(result, null, 1));
+  all.tabIndex = 0;
+  const figures = element("details", "", element("summary", "", "All figures"), all);
+  prompt.hidden = tables.length > 0;
+  // A test names the model that it was given, a calibration the one that it wrote.
+  const model = String(result.model ?? "");
+  const heading = "passed" in result ? `Results with ${model}` : model ? `The model is in ${model}` : "Result";
+  figures.open = tables.length === 0;
   judged.replaceChildren(
-    element("h2", "accuracy", result.model ? `The model is in ${String(result.model)}` : "Result"),
-    element("pre", "scroll", JSON.stringify(result, null, 1)),
+    element("h2", "accuracy", heading),
+    tables.length > 0 ? element("p", "", done) : "",
+    ...tables,
+    figures,
   );
 }
 
+for (const card of [motion.root, tac.root]) card.hidden = true;
 cursor.hidden = true;
 lights.hidden = true;
 judgement.hidden = true;

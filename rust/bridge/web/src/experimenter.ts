@@ -115,7 +115,9 @@ function start(): void {
         motion.clear();
         count.restart();
         clearTrial();
+        stage.showGhost(null);
       },
+      ghost: (arm) => stage.showGhost(arm),
       content: show,
       frame,
       events: addEvents,

@@ -21,7 +21,9 @@ export function gestureText(gesture: GestureName): string {
 }
 
 /** Angle of the hand at the wrist in degrees (back is up), and how far the fingers are spread and closed, 0 to 1. */
-const POSES: Record<Gesture, { wrist: number; spread: number; closed: number }> = {
+export type HandPose = { wrist: number; spread: number; closed: number };
+
+const POSES: Record<Gesture, HandPose> = {
   hand_close: { wrist: 0, spread: 0, closed: 1 },
   hand_open: { wrist: 0, spread: 1, closed: 0 },
   no_motion: { wrist: 6, spread: 0.25, closed: 0.35 },
@@ -31,16 +33,22 @@ const POSES: Record<Gesture, { wrist: number; spread: number; closed: number }> 
 
 /** An SVG of the gesture; it is labelled, so that it is read aloud too. */
 export function handPicture(gesture: GestureName): SVGSVGElement {
-  const svg = make("svg", { viewBox: "0 0 240 160", role: "img", "aria-label": gestureText(gesture) });
+  const picture = svg("svg", { viewBox: "0 0 240 160", role: "img", "aria-label": gestureText(gesture) });
   if (!isDrawn(gesture)) {
-    const text = make("text", { x: 120, y: 88, "text-anchor": "middle", "font-size": 22, fill: "#e8b48a" });
+    const text = svg("text", { x: 120, y: 88, "text-anchor": "middle", "font-size": 22, fill: "#e8b48a" });
     text.textContent = gestureText(gesture);
-    svg.append(text);
-    return svg;
+    picture.append(text);
+    return picture;
   }
-  const { wrist, spread, closed } = POSES[gesture];
-  svg.append(line(10, 80, 110, 80, 34));
-  const hand = make("g", { transform: `rotate(${wrist} 110 80)` });
+  picture.append(...handDrawing(POSES[gesture], 0));
+  return picture;
+}
+
+/** Forearm and hand, from (10, 80) to the right, with strokes `thicker` than those of a hand. */
+export function handDrawing({ wrist, spread, closed }: HandPose, thicker: number): SVGElement[] {
+  const line = (x1: number, y1: number, x2: number, y2: number, width: number) =>
+    svg("line", { x1, y1, x2, y2, stroke: "#e8b48a", "stroke-width": width + thicker, "stroke-linecap": "round" });
+  const hand = svg("g", { transform: `rotate(${wrist} 110 80)` });
   hand.append(line(112, 80, 150, 80, 42));
   for (let finger = 0; finger < 4; finger += 1) {
     const side = (finger - 1.5) / 1.5;
@@ -53,15 +61,11 @@ export function handPicture(gesture: GestureName): SVGSVGElement {
   }
   const thumb = (-35 - 40 * spread + 30 * closed) * (Math.PI / 180);
   hand.append(line(128, 62, 128 + 34 * Math.cos(thumb), 62 + 34 * Math.sin(thumb), 11));
-  svg.append(hand);
-  return svg;
+  return [line(10, 80, 110, 80, 34), hand];
 }
 
-function line(x1: number, y1: number, x2: number, y2: number, width: number): SVGElement {
-  return make("line", { x1, y1, x2, y2, stroke: "#e8b48a", "stroke-width": width, "stroke-linecap": "round" });
-}
-
-function make<K extends keyof SVGElementTagNameMap>(
+/** An element of a drawing. */
+export function svg<K extends keyof SVGElementTagNameMap>(
   tag: K,
   attributes: Record<string, string | number>,
 ): SVGElementTagNameMap[K] {

@@ -5,6 +5,7 @@ import type {
   ClientMessage,
   DisplayFrame,
   ExperimenterScreen,
+  GhostArm,
   PageContent,
   ParticipantScreen,
   Role,
@@ -38,6 +39,8 @@ export interface LiveHandlers {
   /** Another client drives, or nobody. */
   driver?(driver: Driver): void;
   status?(status: TrialStatus): void;
+  /** A second arm is to be shown, or none. */
+  ghost?(arm: GhostArm | null): void;
   signals?(signals: Signals): void;
   /** What a study shows to whoever conducts it. */
   study?(screen: ExperimenterScreen): void;
@@ -121,6 +124,9 @@ export class Live {
         break;
       case "status":
         this.handlers.status?.(message);
+        break;
+      case "ghost":
+        this.handlers.ghost?.(message.arm);
         break;
       case "signals":
         this.handlers.signals?.(message);

@@ -27,7 +27,7 @@ import { Motion } from "./motion";
 import { Panel } from "./panel";
 import { ParticipantView } from "./participantview";
 import { Pointing } from "./pointing";
-import type { ObjectId, DisplayFrame, MethodInfo, PageContent, TrialStatus } from "./generated/types";
+import type { ObjectId, DisplayFrame, GhostArm, MethodInfo, PageContent, TrialStatus } from "./generated/types";
 import type { Triple } from "./protocol";
 import { keyName, load, store, type Settings } from "./settings";
 import { choosePalette } from "./objects";
@@ -55,6 +55,7 @@ interface Debug {
   framesDropped: number;
   cues: number;
   worn: boolean;
+  ghost: GhostArm | null;
   connected: boolean;
   content: PageContent | null;
   camera: CameraKind;
@@ -93,6 +94,7 @@ function start(): void {
     framesDropped: 0,
     cues: 0,
     worn: false,
+    ghost: null,
     connected: false,
     content: null,
     camera: cameras.kind,
@@ -183,6 +185,8 @@ function start(): void {
       motion.clear();
       count.restart();
       hud.startTrial();
+      stage.showGhost(null);
+      debug.ghost = null;
       acted = false;
     },
     another() {
@@ -209,6 +213,10 @@ function start(): void {
       showResult(status, motion.latest?.finished ?? false);
       gazeSource = status.gaze_source;
       checkIfAsked(status);
+    },
+    ghost(arm) {
+      stage.showGhost(arm);
+      debug.ghost = arm;
     },
     participant: (screen) => study.show(screen),
     driver(next) {

@@ -18,7 +18,7 @@ import { AxisDisplay } from "./axes";
 import { Cameras } from "./cameras";
 import { Markers } from "./markers";
 import type { Drawn } from "./motion";
-import type { DisplayFrame, ObjectId, PageContent } from "./generated/types";
+import type { DisplayFrame, GhostArm, ObjectId, PageContent } from "./generated/types";
 import { Plumb } from "./plumb";
 import { Room } from "./room";
 import { dispose } from "./shapes";
@@ -54,6 +54,9 @@ export class Stage {
   roomOnly = false;
   private arm: Arm | null = null;
   private ghost: Arm | null = null;
+  /** A second arm that is asked for from outside, and where it is to be; none while nobody asks. */
+  private shade: Arm | null = null;
+  private shadeAsked: GhostArm | null = null;
   private markers: Markers | null = null;
   private axes: AxisDisplay | null = null;
   private plumb: Plumb | null = null;
@@ -109,7 +112,8 @@ export class Stage {
     this.room = new Room(next.scene);
     const failed = (message: string) => console.warn(`ProACT: ${message}`);
     this.arm = new Arm(next.arm, next.meshes, this.meshes, failed);
-    this.ghost = new Arm(next.arm, next.meshes, this.meshes, failed, "ghost");
+    this.ghost = new Arm(next.arm, next.meshes, this.meshes, failed, "hand");
+    this.shade = null;
     // No frame, no pose: they appear with the first one.
     this.arm.root.visible = this.ghost.root.visible = false;
     this.markers = new Markers(this.room);
@@ -133,6 +137,7 @@ export class Stage {
     const ghosted = posture(frame, drawn.joints);
     ghost.root.visible = ghosted !== null;
     if (ghosted) ghost.update(drawn.base, ghosted);
+    this.drawShade(drawn);
     room.update(drawn.objects, frame.hand.holds, frame.asked ?? null, wall / 1000);
     markers.update(frame, wall / 1000);
     axes.update(frame, drawn);
@@ -140,13 +145,32 @@ export class Stage {
     this.plumb?.update(aimed, room.tableHeight);
     markers.root.visible = !this.roomOnly;
     if (this.roomOnly) {
-      for (const part of [arm, ghost, axes, this.plumb]) if (part) part.root.visible = false;
+      for (const part of [arm, ghost, this.shade, axes, this.plumb]) if (part) part.root.visible = false;
     }
     this.cameras.update(drawn, room, seconds);
     this.cameras.camera.updateMatrixWorld();
     this.renderer.render(this.world, this.cameras.camera);
     this.drawn += 1;
     return true;
+  }
+
+  /** A second arm beside the trial's, to be seen through; none for none. */
+  showGhost(asked: GhostArm | null): void {
+    this.shadeAsked = asked;
+  }
+
+  /** It is made when it is first asked for: most trials have none. */
+  private drawShade(drawn: Drawn): void {
+    const { shadeAsked: asked, content } = this;
+    if (asked && content && !this.shade) {
+      this.shade = new Arm(content.arm, content.meshes, this.meshes, (message) => console.warn(`ProACT: ${message}`), "shade");
+      this.things.add(this.shade.root);
+    }
+    if (!this.shade) return;
+    this.shade.root.visible = asked !== null;
+    if (!asked) return;
+    this.shade.shade(asked.colour, asked.alpha);
+    this.shade.update(drawn.base, asked.joints);
   }
 
   /** Where an object or its target is on the screen, CSS pixels from the window's left top. */

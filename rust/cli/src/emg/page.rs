@@ -1,4 +1,4 @@
-//! The page that guides a calibration and shows the cursor test.
+//! The page that guides a calibration and shows the tests of a model.
 
 use super::{
     screen::{Choice, Screen},
@@ -81,8 +81,15 @@ impl PageScreen {
         self.begun
     }
 
+    /// Waits for the button once more.
+    pub(super) fn await_begin(&mut self) {
+        self.begun = false;
+    }
+
     /// Shows a view if one is due, or at once.
-    fn publish<'a>(&mut self, now: bool, view: impl FnOnce() -> CalibrationView<'a>) {
+    pub(super) fn publish<'a>(&mut self, now: bool, view: impl FnOnce() -> CalibrationView<'a>) {
+        // What the buttons say must not pile up, even where it is of no use.
+        self.listen();
         if !now && self.sent.is_some_and(|at| at.elapsed() < PERIOD) {
             return;
         }
@@ -133,7 +140,6 @@ impl PageScreen {
 
 impl Screen for PageScreen {
     fn show(&mut self, session: &Calibration) {
-        self.listen();
         self.publish(false, || calibration_view(session));
     }
 

@@ -7,7 +7,7 @@ use crate::{interrupt::interrupt_flag, progress::bar};
 use clap::{Args, ValueEnum};
 use indicatif::ProgressBar;
 use proact_app::{CentredStream, answer, source::read_model, write_whole};
-use proact_bridge::GestureTest;
+use proact_bridge::{CalibrationView, GestureTest, TestKind};
 use proact_devices::{SourceEvent, SourceRegistry, stream};
 use proact_emg::{
     Adaptation, AdaptationConfig, CursorConfig, CursorEvent, CursorTest, EmgOutput, EmgPipeline, HoldConfig,
@@ -90,16 +90,28 @@ pub enum TestName {
     Sequence,
     /// A longer trial: at least 75 % of decisions right.
     Trial,
-    /// The motion test of Kuiken et al. 2009, in the terminal: how fast and how surely each gesture is selected and kept. Nothing to
-    /// pass.
+    /// The motion test of Kuiken et al. 2009: how fast and how surely each gesture is selected and kept. Nothing to pass.
     Motion,
-    /// Target achievement control of one joint after the other, in the terminal: a virtual wrist and a grasp, with miniVIE's numbers.
-    /// Nothing to pass.
+    /// Target achievement control of one joint after the other: a virtual wrist and a grasp, with miniVIE's numbers. Nothing to pass.
     Tac1,
     /// The same of up to three joints together.
     Tac3,
     /// Pointing with a cursor, as in ISO 9241-411. Nothing to pass.
     Cursor,
+}
+
+impl TestName {
+    /// How the page calls it.
+    fn kind(self) -> TestKind {
+        match self {
+            TestName::Sequence => TestKind::Sequence,
+            TestName::Trial => TestKind::Trial,
+            TestName::Motion => TestKind::Motion,
+            TestName::Tac1 => TestKind::Tac1,
+            TestName::Tac3 => TestKind::Tac3,
+            TestName::Cursor => TestKind::Cursor,
+        }
+    }
 }
 
 /// Runs the tests; success only if those that can be passed are passed.
@@ -143,18 +155,13 @@ pub(super) fn run(sources: &SourceRegistry, args: &TestArgs, json: bool) -> Resu
         bar: bar(!json && !args.page.page, 1, "{prefix:10} {bar:30} {pos} of {len}  {msg}"),
         last: None,
     };
-    if args.page.page
-        && args.tests.iter().any(|test| matches!(test, TestName::Motion | TestName::Tac1 | TestName::Tac3))
-    {
-        return Err("the tests motion, tac1 and tac3 are shown in the terminal: leave --page out".into());
-    }
     if args.page.page {
         show.page = Some(PageScreen::open(&args.page, &info.name)?);
-        show.wait(&mut live)?;
     }
     let mut result = json!({ "model": args.model.display().to_string(), "source": info.name });
     let mut failed = Vec::new();
     for test in &args.tests {
+        show.wait(&mut live, test.kind())?;
         let (name, report, passed) = match test {
             TestName::Sequence => sequence(args, &mut live, &mut show)?,
             TestName::Trial => trial(args, &mut live, &mut show)?,
@@ -373,26 +380,23 @@ struct Show {
 }
 
 impl Show {
-    /// Waits for the button on the page.
-    fn wait(&mut self, live: &mut Live) -> Result<(), Box<dyn Error>> {
-        while let Some(page) = &mut self.page
-            && !page.has_begun()
-        {
+    /// Waits for the button on the page, which says what comes `next`.
+    fn wait(&mut self, live: &mut Live, next: TestKind) -> Result<(), Box<dyn Error>> {
+        let Some(page) = &mut self.page else { return Ok(()) };
+        page.await_begin();
+        while !page.has_begun() {
             live.advance()?;
-            page.show_test(GestureTest::Wait(()), None, live.in_force);
+            page.publish(false, || CalibrationView::Ready { next });
         }
         Ok(())
     }
 
     fn test(&mut self, test: GestureTest, prompt: Option<GestureName>, in_force: GestureName) {
         if let Some(page) = &mut self.page {
-            // What the buttons say is of no use now, but must not pile up.
-            page.has_begun();
             page.show_test(test, prompt, in_force);
         }
         self.say(prompt);
         match test {
-            GestureTest::Wait(()) => {}
             GestureTest::Sequence(report) => self.progress("sequence", report.in_a_row as u64, 3),
             GestureTest::Trial(report) => self.progress("trial", report.prompts as u64, 20),
         }

@@ -3,7 +3,7 @@
 use super::{Run, text};
 use proact_devices::{
     EmgPacket, EmgRecorder, LibEmgOutput, MYO_RATE_HZ, Recordings, SentGaze, SourceInfo, VmplCommand,
-    VmplPercepts,
+    VmplGhostSetup, VmplPercepts,
     gforce::{
         EmgParser, GattLink, SocketLink,
         protocol::{Command, EmgCapability, EmgSetting, Reply},
@@ -107,6 +107,9 @@ pub(super) fn udp_vmpl(_: &Path) -> Run {
         if let Ok(command) = VmplCommand::parse(bytes) {
             assert!(VmplCommand::parse(&command.to_packet()).is_ok(), "what was read can be sent on");
         }
+        if let Ok(setup) = VmplGhostSetup::parse(bytes) {
+            assert!((0.0..=1.0).contains(&setup.alpha));
+        }
         if let Ok(percepts) = VmplPercepts::parse(bytes) {
             assert!(VmplPercepts::parse(&percepts.to_packet()).is_ok());
         }
@@ -115,7 +118,8 @@ pub(super) fn udp_vmpl(_: &Path) -> Run {
 
 pub(super) fn vmpl_seeds(_: &Path) -> Vec<Vec<u8>> {
     let command = VmplCommand { arm: [0.5; 7], fingers: Some([0.25; 20]) }.to_packet();
-    vec![command.to_vec(), command[..28].to_vec(), VmplPercepts::default().to_packet().to_vec()]
+    let setup = [1.0_f32, 0.3, 0.4, 0.5, 0.8].map(f32::to_le_bytes).concat();
+    vec![command.to_vec(), command[..28].to_vec(), setup, VmplPercepts::default().to_packet().to_vec()]
 }
 
 pub(super) fn udp_libemg(_: &Path) -> Run {

@@ -139,11 +139,43 @@ stream: StreamQuality,
 /** On the rounds so far; none before the second. */
 report: CalibrationReport | null,
 /** A round is over, and it waits for a command. */
-reviewing: boolean, } | { "type": "test",
+reviewing: boolean, } | { "type": "ready",
+/** Which. */
+next: TestKind, } | { "type": "test",
 /** The gesture asked for. */
 prompt: GestureName | null,
 /** The gesture in force. */
-in_force: GestureName, } & ({ "test": "wait", "report": null } | { "test": "sequence", "report": SequenceReport } | { "test": "trial", "report": HoldReport }) | { "type": "cursor",
+in_force: GestureName, } & ({ "test": "sequence", "report": SequenceReport } | { "test": "trial", "report": HoldReport }) | { "type": "motion",
+/** The gesture asked for: rest before each motion. */
+prompt: GestureName,
+/** The hand has yet to relax. */
+relaxing: boolean,
+/** The gesture in force. */
+in_force: GestureName,
+/** Right decisions of this motion. */
+right: number,
+/** As many complete it. */
+needed: number,
+/** Time that is left for it, seconds. */
+left_secs: number,
+/** Of so much. */
+limit_secs: number,
+/** How it goes. */
+report: MotionReport, } | { "type": "tac",
+/** What has to go where. */
+axes: Array<TacAxisState>,
+/** What it waits for. */
+phase: TacPhase,
+/** The gesture in force. */
+in_force: GestureName,
+/** Share of the dwell time that is over, 0 to 1. */
+dwelt: number,
+/** Time that is left for the target, seconds. */
+left_secs: number,
+/** Of so much. */
+limit_secs: number,
+/** How it goes. */
+report: TacReport, } | { "type": "cursor",
 /** Where the cursor is. */
 cursor: [number, number],
 /** Centre of the target. */
@@ -469,6 +501,15 @@ export type Gesture = "hand_close" | "hand_open" | "no_motion" | "wrist_extensio
  * stack, so that the EMG stage can hand it on without an allocation. */
 export type GestureName = string;
 
+/** A second arm that is seen through and moves nothing. */
+export type GhostArm = {
+/** Moving joints of the arm model, in its order, rad. */
+joints: Array<number>,
+/** Red, green and blue, 0 to 1. */
+colour: [number, number, number],
+/** From 0, not to be seen, to 1, solid. */
+alpha: number, };
+
 /** An answer to a question of the questionnaire at `step`; none takes it back. */
 export type GivenAnswer = {
 /** The step of the session. */
@@ -680,6 +721,32 @@ directions: [string, string],
 we_sign: number,
 /** Seconds until a held HO moves on; none when it is not held. */
 next_in_secs: number | null, };
+
+/** One motion that was asked for. */
+export type MotionAttempt = {
+/** Which. */
+prompt: GestureName,
+/** From the first decision that is not rest to the first right one, seconds; none if there was none. */
+selection_secs: number | null,
+/** From there to the last right decision that was needed, seconds; none if time ran out before. */
+completion_secs: number | null,
+/** Right decisions. */
+right: number,
+/** Decisions that were neither rest nor right. */
+wrong: number, };
+
+/** How the motion test went. */
+export type MotionReport = {
+/** All motions up to now. */
+attempts: Array<MotionAttempt>,
+/** Motions asked for in the whole test. */
+asked: number,
+/** Share of the motions up to now that were completed. */
+completion_rate: number,
+/** Mean over the motions that were selected, seconds; none before one was. */
+mean_selection_secs: number | null,
+/** Mean over the motions that were completed, seconds; none before one was. */
+mean_completion_secs: number | null, };
 
 /** One movement to a target. */
 export type Movement = {
@@ -1097,7 +1164,7 @@ mean_delay_secs: number, };
 /** Messages from the server to the page. */
 export type ServerMessage = { "type": "hello", page_version: string, revision: number,
 /** The controller that is strapped to the brace: it is neither gaze nor buttons. */
-brace_controller: Side | null, } | { "type": "content", revision: number, } | { "type": "frame" } & DisplayFrame | { "type": "status" } & TrialStatus | { "type": "driver", name: string | null, you: boolean, may_drive: boolean, } | { "type": "signals" } & Signals | { "type": "study" } & ExperimenterScreen | { "type": "participant" } & ParticipantScreen | { "type": "pong", id: number, } | { "type": "events", events: Array<TrialEvent>, } | { "type": "error", message: string, };
+brace_controller: Side | null, } | { "type": "content", revision: number, } | { "type": "frame" } & DisplayFrame | { "type": "status" } & TrialStatus | { "type": "driver", name: string | null, you: boolean, may_drive: boolean, } | { "type": "ghost", arm: GhostArm | null, } | { "type": "signals" } & Signals | { "type": "study" } & ExperimenterScreen | { "type": "participant" } & ParticipantScreen | { "type": "pong", id: number, } | { "type": "events", events: Array<TrialEvent>, } | { "type": "error", message: string, };
 
 /** A session under way. */
 export type SessionScreen = {
@@ -1257,6 +1324,55 @@ reason: string, } | { "ask": "note",
 /** The words. */
 text: string, } | { "ask": "leave", };
 
+/** A joint of the virtual hand, or its grasp, that two gestures move. */
+export type TacAxis = {
+/** Such as `wrist flexion`. */
+name: string,
+/** The gesture that moves it up. */
+up: GestureName,
+/** The gesture that moves it down. */
+down: GestureName,
+/** Its range, degrees, or per cent of a grasp. */
+range: [number, number],
+/** How near to the target it must be, in the same unit. */
+tolerance: number,
+/** In the same unit each second. */
+speed: number, };
+
+/** An axis of the virtual limb during a trial. */
+export type TacAxisState = {
+/** Its name, range, tolerance and gestures. */
+axis: TacAxis,
+/** Where it is, degrees or per cent of a grasp. */
+position: number,
+/** Where it should be. */
+target: number, };
+
+/** What a trial waits for. */
+export type TacPhase = "relaxing" | "ready" | "moving";
+
+/** How the test went. */
+export type TacReport = {
+/** All targets up to now. */
+trials: Array<TacTrial>,
+/** Targets of the whole test. */
+asked: number,
+/** Share of the targets up to now that were reached. */
+completion_rate: number,
+/** Mean over those that were reached, seconds; none before one was. */
+mean_secs: number | null, };
+
+/** One target, when it is over. */
+export type TacTrial = {
+/** What was asked for, by the axes' names. */
+target: Array<[string, number]>,
+/** From the first gesture to the target, seconds, the time in it at the end not counted; none if it was not reached. */
+secs: number | null,
+/** How often the target was left again. */
+overshoots: number,
+/** Shortest over travelled way, both as sums of shares of the ranges; none if nothing moved. */
+path_efficiency: number | null, };
+
 /** Where an object has to go. */
 export type Target = {
 /** The object that belongs here. */
@@ -1289,6 +1405,9 @@ centre: [number, number, number],
 radius: number, } | { "type": "posture",
 /** The joints that count; all others are free. */
 joints: Array<JointGoal>, };
+
+/** The tests of a model that the page shows. */
+export type TestKind = "sequence" | "trial" | "motion" | "tac1" | "tac3" | "cursor";
 
 /** A tone. */
 export type Tone = {

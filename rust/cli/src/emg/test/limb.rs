@@ -1,6 +1,7 @@
-//! The tests of miniVIE: motions, and targets of a virtual limb. They are shown in the terminal.
+//! The tests of miniVIE: motions, and targets of a virtual limb.
 
 use super::{Live, Show, TestArgs};
+use proact_bridge::{CalibrationView, TacAxisState};
 use proact_devices::stream;
 use proact_emg::{MotionTest, MotionTestConfig, TacAxis, TacConfig, TacTarget, TacTest};
 use proact_types::{GestureName, SimTime};
@@ -20,8 +21,12 @@ pub(super) fn motion(args: &TestArgs, live: &mut Live, show: &mut Show) -> Teste
     let mut test = MotionTest::new(config)?;
     while !test.is_finished() {
         live.advance()?;
-        if test.step(live.now(), live.in_force) {
+        let changed = test.step(live.now(), live.in_force);
+        if changed {
             live.prompt(test.prompt());
+        }
+        if let Some(page) = &mut show.page {
+            page.publish(changed, || motion_view(&test, live));
         }
         show.say(test.prompt());
         show.progress("motion", test.report().attempts.len() as u64, test.report().asked as u64);
@@ -54,7 +59,8 @@ pub(super) fn tac(args: &TestArgs, live: &mut Live, show: &mut Show, together: b
     live.prompt(None);
     while !test.is_finished() {
         let decided = live.advance()?;
-        if test.step(live.now(), live.in_force) {
+        let over = test.step(live.now(), live.in_force);
+        if over {
             person = Bringing { extra_secs: person.extra_secs, ..Bringing::default() };
             live.prompt(None);
         }
@@ -63,6 +69,9 @@ pub(super) fn tac(args: &TestArgs, live: &mut Live, show: &mut Show, together: b
         {
             live.prompt(Some(wanted));
         }
+        if let Some(page) = &mut show.page {
+            page.publish(over, || tac_view(&test, live));
+        }
         let shown =
             test.task().into_iter().map(|(axis, is, goal)| format!("{} {is:.0} to {goal:.0}", axis.name));
         show.bar.set_message(shown.collect::<Vec<_>>().join(", "));
@@ -70,6 +79,34 @@ pub(super) fn tac(args: &TestArgs, live: &mut Live, show: &mut Show, together: b
     }
     live.prompt(None);
     Ok((name, json!(test.report()), true))
+}
+
+/// What the page shows of the motion test.
+fn motion_view<'a>(test: &'a MotionTest, live: &Live) -> CalibrationView<'a> {
+    CalibrationView::Motion {
+        prompt: test.prompt().unwrap_or(live.rest),
+        relaxing: test.attempt().is_none(),
+        in_force: live.in_force,
+        right: test.attempt().map_or(0, |attempt| attempt.right),
+        needed: test.config().right,
+        left_secs: test.left_secs(),
+        limit_secs: test.config().limit_secs,
+        report: test.report(),
+    }
+}
+
+/// What the page shows of target achievement control.
+fn tac_view<'a>(test: &'a TacTest, live: &Live) -> CalibrationView<'a> {
+    let state = |(axis, position, target)| TacAxisState { axis, position, target };
+    CalibrationView::Tac {
+        axes: test.task().into_iter().map(state).collect(),
+        phase: test.phase(),
+        in_force: live.in_force,
+        dwelt: test.dwelt(),
+        left_secs: test.left_secs(),
+        limit_secs: test.config().limit_secs,
+        report: test.report(),
+    }
 }
 
 /// A simulated person waits so long for the limb to stand still before the next movement, seconds.

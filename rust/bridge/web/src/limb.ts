@@ -1,0 +1,238 @@
+// The tests of miniVIE on the calibration page: the motion test, and a virtual wrist and grasp that are brought to a target.
+
+import { element, setClass, setText, setWidth } from "./dom";
+import type { CalibrationScreen, GestureName, TacAxisState } from "./generated/types";
+import { gestureText, handDrawing, handPicture, type HandPose, svg } from "./hand";
+
+type Motion = Extract<CalibrationScreen, { type: "motion" }>;
+type Tac = Extract<CalibrationScreen, { type: "tac" }>;
+
+/** How long the outcome of a motion or target is shown, ms. */
+const FLASH_MS = 1500;
+
+/** A place on an axis, with its unit. */
+export function withUnit(axis: string, value: number): string {
+  return axis === "grasp" ? `${value.toFixed(0)} %` : `${value.toFixed(0)}°`;
+}
+
+/** How a motion or target ended, for a moment, over whatever follows. */
+export class Flash {
+  readonly root = element("div", "flash");
+  private counted: number | null = null;
+  private timer = 0;
+
+  constructor() {
+    this.root.setAttribute("role", "status");
+  }
+
+  /** `done` of a test are over, and the last of them as `good` and `text` say. What was over at the first look is old. */
+  after(done: number, good: boolean, text: string): void {
+    const grown = this.counted !== null && done > this.counted;
+    this.counted = done;
+    if (!grown) return;
+    this.root.className = `flash ${good ? "good" : "bad"}`;
+    setText(this.root, `${good ? "✓" : "✗"} ${text}`);
+    clearTimeout(this.timer);
+    this.timer = window.setTimeout(() => this.root.replaceChildren(), FLASH_MS);
+  }
+
+  /** The next test counts anew. */
+  forget(): void {
+    this.counted = null;
+  }
+}
+
+/** What both tests show of the time and of how far they are. */
+class Course {
+  readonly count = element("h2");
+  private readonly left = element("span", "left");
+  private readonly fill = element("div");
+  private readonly bar = element("div", "bar time", this.fill);
+  private readonly recognised = element("p", "recognised");
+  readonly head = element("div", "row", this.count, this.left);
+  readonly foot = element("div", "", this.bar, this.recognised);
+
+  show(left: number, limit: number, runs: boolean, gesture: GestureName, mark: string): void {
+    setText(this.left, runs ? `${left < 10 ? left.toFixed(1) : left.toFixed(0)} s left` : `${limit} s each`);
+    setWidth(this.fill, runs ? left / limit : 1);
+    setClass(this.bar, "late", runs && left < 0.25 * limit);
+    setText(this.recognised, `Recognised: ${gestureText(gesture)}${mark}`);
+  }
+}
+
+/** The motion test. */
+export class MotionView {
+  private readonly course = new Course();
+  private readonly picture = element("div", "picture");
+  private readonly name = element("div", "name");
+  private readonly dots = element("div", "dots");
+  private readonly right = element("div", "count muted");
+  readonly root = element("section", "card prompt", this.course.head, this.picture, this.name, this.dots, this.right, this.course.foot);
+  private shown = "";
+
+  constructor(private readonly flash: Flash) {
+    this.dots.setAttribute("aria-hidden", "true");
+  }
+
+  show(test: Motion): void {
+    const { attempts, asked, mean_completion_secs: mean } = test.report;
+    const complete = attempts.filter(({ completion_secs: secs }) => secs !== null).length;
+    const { relaxing } = test;
+    setText(
+      this.course.count,
+      `Motion ${Math.min(attempts.length + 1, asked)} of ${asked}` +
+        (attempts.length > 0 ? `: ${complete} complete${mean === null ? "" : `, in ${mean.toFixed(1)} s`}` : ""),
+    );
+    if (this.shown !== test.prompt) {
+      this.shown = test.prompt;
+      this.picture.replaceChildren(handPicture(test.prompt));
+      setText(this.name, gestureText(test.prompt));
+    }
+    while (this.dots.children.length < test.needed) this.dots.append(element("span"));
+    [...this.dots.children].forEach((dot, k) => setClass(dot, "on", k < test.right));
+    setText(this.right, relaxing ? "then the next motion comes" : `${test.right} of ${test.needed} right decisions`);
+    const mark = relaxing ? "" : test.in_force === test.prompt ? " ✓" : "";
+    this.course.show(test.left_secs, test.limit_secs, !relaxing, test.in_force, mark);
+    const last = attempts.at(-1);
+    const secs = last?.completion_secs ?? null;
+    const outcome = secs === null ? "time is up" : `complete in ${secs.toFixed(1)} s`;
+    this.flash.after(attempts.length, secs !== null, `${gestureText(last?.prompt ?? "")}: ${outcome}`);
+  }
+}
+
+/** One axis: where it is, where it has to go, and which gesture leads where. */
+class Gauge {
+  private readonly name = element("span", "name");
+  private readonly value = element("span", "value");
+  private readonly band = element("div", "band");
+  private readonly marker = element("div", "marker");
+  private readonly track = element("div", "track", this.band, this.marker);
+  private readonly down = element("span");
+  private readonly up = element("span");
+  readonly root = element("div", "gauge", element("div", "row", this.name, this.value), this.track, element("div", "row muted", this.down, this.up));
+
+  constructor() {
+    this.track.setAttribute("role", "meter");
+  }
+
+  show({ axis, position, target }: TacAxisState): void {
+    const [low, high] = axis.range;
+    const percent = (value: number) => (100 * (value - low)) / (high - low);
+    const inside = isInside({ axis, position, target });
+    const value = `${withUnit(axis.name, position)}, target ${withUnit(axis.name, target)} ± ${axis.tolerance}`;
+    setText(this.name, axis.name);
+    setText(this.value, `${inside ? "✓ " : ""}${value}`);
+    this.band.style.left = `${percent(target - axis.tolerance)}%`;
+    this.band.style.width = `${percent(low + 2 * axis.tolerance)}%`;
+    this.marker.style.left = `${percent(position)}%`;
+    setText(this.down, `← ${gestureText(axis.down)}`);
+    setText(this.up, `${gestureText(axis.up)} →`);
+    setClass(this.root, "inside", inside);
+    for (const [attribute, said] of [
+      ["aria-label", axis.name],
+      ["aria-valuemin", String(low)],
+      ["aria-valuemax", String(high)],
+      ["aria-valuenow", position.toFixed(0)],
+      ["aria-valuetext", value],
+    ] as const) {
+      if (this.track.getAttribute(attribute) !== said) this.track.setAttribute(attribute, said);
+    }
+  }
+}
+
+function isInside({ axis, position, target }: TacAxisState): boolean {
+  return Math.abs(position - target) <= axis.tolerance;
+}
+
+const PHASES: Record<Tac["phase"], string> = {
+  relaxing: "Relax the hand",
+  ready: "Begin when you like: time runs from the first gesture",
+  moving: "Bring the hand onto its outline",
+};
+
+/** Target achievement control. */
+export class TacView {
+  private readonly course = new Course();
+  private readonly told = element("div", "name");
+  private readonly limb = element("div", "picture");
+  private readonly gauges = element("div", "gauges");
+  private readonly known: Gauge[] = [];
+  readonly root = element("section", "card prompt tac", this.course.head, this.told, this.limb, this.gauges, this.course.foot);
+
+  constructor(private readonly flash: Flash) {}
+
+  show(test: Tac): void {
+    const { trials, asked, mean_secs: mean } = test.report;
+    const reached = trials.filter(({ secs }) => secs !== null).length;
+    setText(
+      this.course.count,
+      `Target ${Math.min(trials.length + 1, asked)} of ${asked}` +
+        (trials.length > 0 ? `: ${reached} reached${mean === null ? "" : `, in ${mean.toFixed(1)} s`}` : ""),
+    );
+    const inside = test.axes.length > 0 && test.axes.every(isInside);
+    setText(this.told, inside && test.phase === "moving" ? "In the target: relax and stay" : PHASES[test.phase]);
+    this.limb.replaceChildren(limbPicture(test.axes, test.dwelt, inside));
+    while (this.known.length < test.axes.length) this.known.push(new Gauge());
+    this.known.length = test.axes.length;
+    test.axes.forEach((axis, k) => this.known[k]?.show(axis));
+    this.gauges.replaceChildren(...this.known.map(({ root }) => root));
+    this.course.show(test.left_secs, test.limit_secs, test.phase === "moving", test.in_force, "");
+    const secs = trials.at(-1)?.secs ?? null;
+    this.flash.after(trials.length, secs !== null, secs === null ? "Not reached: time is up" : `Reached in ${secs.toFixed(1)} s`);
+  }
+}
+
+/** The hand where it is, over its outline where it should be; around it a ring that closes while it stays there. */
+function limbPicture(axes: TacAxisState[], dwelt: number, inside: boolean): SVGSVGElement {
+  const place = (name: string, of: "position" | "target") => axes.find(({ axis }) => axis.name === name)?.[of];
+  const bends = place("elbow flexion", "target") !== undefined;
+  const turns = place("wrist rotation", "target") !== undefined;
+  const [left, top, width, height] = bends ? [-160, -160, 410, 300] : [-15, -5, 255, 190];
+  const picture = svg("svg", {
+    viewBox: `${left} ${top} ${width + (turns ? 110 : 0)} ${height}`,
+    role: "img",
+    "aria-label": `the hand and its target${inside ? ": in the target" : ""}`,
+  });
+  const pose = (of: "position" | "target"): HandPose => {
+    const grasp = place("grasp", of);
+    const closed = grasp === undefined ? 0.3 : grasp / 100;
+    return { wrist: place("wrist flexion", of) ?? 0, spread: grasp === undefined ? 0.2 : 1 - closed, closed };
+  };
+  const arm = (of: "position" | "target", thicker: number) => {
+    // The elbow is where the forearm begins.
+    const forearm = svg("g", { transform: `rotate(${-(place("elbow flexion", of) ?? 0)} 10 80)` });
+    forearm.append(...handDrawing(pose(of), thicker));
+    return forearm;
+  };
+  const outline = arm("target", 12);
+  outline.setAttribute("class", `outline${inside ? " inside" : ""}`);
+  picture.append(outline);
+  if (bends) picture.append(svg("line", { x1: -130, y1: 80, x2: 10, y2: 80, stroke: "#c98f63", "stroke-width": 38, "stroke-linecap": "round" }));
+  picture.append(arm("position", 0));
+  // The wrist from its end: a hand turns about the forearm.
+  if (turns) {
+    const [x, y] = [left + width + 50, top + height / 2];
+    const palm = (angle: number, attributes: Record<string, string | number>) => {
+      const turned = svg("g", { transform: `rotate(${angle} ${x} ${y})`, ...attributes });
+      turned.append(svg("ellipse", { cx: x, cy: y, rx: 14, ry: 36 }), svg("circle", { cx: x, cy: y - 42, r: 9 }));
+      return turned;
+    };
+    picture.append(
+      palm(place("wrist rotation", "target") ?? 0, { class: `outline end${inside ? " inside" : ""}` }),
+      palm(place("wrist rotation", "position") ?? 0, { fill: "#e8b48a" }),
+    );
+  }
+  const radius = 18;
+  const around = 2 * Math.PI * radius;
+  const ring = { cx: left + radius + 8, cy: top + radius + 8, r: radius, fill: "none", "stroke-width": 9 };
+  picture.append(
+    svg("circle", { ...ring, class: inside ? "ring" : "ring idle" }),
+    svg("circle", {
+      ...ring,
+      class: "dwell",
+      "stroke-dasharray": `${around * dwelt} ${around}`,
+      transform: `rotate(-90 ${ring.cx} ${ring.cy})`,
+    }),
+  );
+  return picture;
+}
