@@ -1,6 +1,7 @@
 use crate::inverse::RUNS_AHEAD;
 use crate::jog::{Jog, JogMotion, stop};
 use crate::ports::ArmKinematics;
+use crate::simultaneous::{Driven, DrivenMotion};
 use crate::{
     ControlError, ControlInput, ControlMethod, ControlOutput, JointSubset, MotionCommand, Profile, STEP_SECS,
 };
@@ -13,9 +14,13 @@ use proact_types::{Gesture, JointVector, ModeView, Moves, SimTime, joints, zeros
 /// With the pace `time` the joint moves at a speed while the gesture is held, and stops at its limit and when the
 /// gesture ends. With the pace `message` each message adds a step to the joint's goal, as in the original: from
 /// the measured angle after another message, from the last goal after the same one; goals run over the limits.
+///
+/// With `jog.simultaneous` a regressor's drives move their joints all at the same time, and gestures nothing.
 #[derive(Clone, Debug)]
 pub struct JointJog {
     jog: Jog,
+    /// None where gestures move one joint after the other.
+    driven: Option<Driven>,
     modes: Vec<Mode>,
     limits: Vec<JointLimits>,
     speed: f64,
@@ -46,7 +51,11 @@ impl JointJog {
         let settings = &profile.joint_jog;
         let own = &model.settings;
         let find = |name: &String| subset.find(model, name);
+        let at_once = profile.jog.simultaneous();
         let cycle: Vec<usize> = match (settings.cycle.as_slice(), own.cycle.as_slice()) {
+            _ if at_once.is_some() => {
+                at_once.into_iter().flat_map(|drives| drives.moved()).map(find).collect::<Result<_, _>>()?
+            }
             ([], []) => subset.driven().to_vec(),
             // The arm's own order, of those joints that the prosthesis has.
             ([], names) => names.iter().filter_map(|name| find(name).ok()).collect(),
@@ -73,6 +82,7 @@ impl JointJog {
         }
         Ok(Self {
             jog: Jog::new(views, &profile.jog, false),
+            driven: profile.jog.driven(),
             modes,
             limits: model.arm.iter().map(|&j| model.joints[j].limits).collect(),
             speed: settings.speed_rad_per_s,
@@ -86,26 +96,64 @@ impl JointJog {
 
     /// The selected joint at its speed, no further than its limit and no further ahead of the arm than allowed.
     fn velocity(&mut self, sign: f64, input: &ControlInput<'_>) -> MotionCommand {
-        let commanded = input.commanded;
-        let mode = &self.modes[self.jog.selected()];
-        let (Some(&angle), Some(limits)) = (commanded.get(mode.joint), self.limits.get(mode.joint)) else {
-            return MotionCommand::Hold;
+        let selected = self.jog.selected();
+        match self.speed_of(selected, sign, input) {
+            Ok(speed) => {
+                let mut speeds = zeros(input.commanded.len());
+                speeds[self.modes[selected].joint] = speed;
+                MotionCommand::Velocity(speeds)
+            }
+            Err(refusal) => {
+                self.refusal = refusal;
+                MotionCommand::Hold
+            }
+        }
+    }
+
+    /// All joints at their shares of the speed. One that cannot move stands, the others go on.
+    fn velocities(&mut self, shares: &[f64], input: &ControlInput<'_>) -> MotionCommand {
+        let mut speeds = zeros(input.commanded.len());
+        for (place, share) in shares.iter().enumerate().filter(|(_, share)| **share != 0.0) {
+            match self.speed_of(place, *share, input) {
+                Ok(speed) => speeds[self.modes[place].joint] = speed,
+                Err(refusal) => self.refusal = refusal.or(self.refusal.take()),
+            }
+        }
+        MotionCommand::Velocity(speeds)
+    }
+
+    /// Speed of the joint of a mode, rad/s, or why it cannot move, if that is worth telling.
+    fn speed_of(&self, place: usize, sign: f64, input: &ControlInput<'_>) -> Result<f64, Option<String>> {
+        let mode = &self.modes[place];
+        let (Some(&angle), Some(limits)) = (input.commanded.get(mode.joint), self.limits.get(mode.joint))
+        else {
+            return Err(None);
         };
         let speed = (sign * mode.we_sign * self.speed).clamp(-limits.velocity, limits.velocity);
         let room = ((limits.lower - angle) / STEP_SECS, (limits.upper - angle) / STEP_SECS);
         let speed = speed.clamp(room.0.min(0.0), room.1.max(0.0));
         if speed == 0.0 {
-            self.refusal = Some(format!("{}: the joint is at its limit", mode.name));
-            return MotionCommand::Hold;
+            return Err(Some(format!("{}: the joint is at its limit", mode.name)));
         }
         let drift = input.measured.get(mode.joint).map_or(0.0, |measured| angle - measured);
         if drift.abs() > self.drift_limit && drift * speed > 0.0 {
-            self.refusal = Some(RUNS_AHEAD.to_owned());
-            return MotionCommand::Hold;
+            return Err(Some(RUNS_AHEAD.to_owned()));
         }
-        let mut speeds = zeros(commanded.len());
-        speeds[mode.joint] = speed;
-        MotionCommand::Velocity(speeds)
+        Ok(speed)
+    }
+
+    /// One step of a regressor's drives.
+    fn drive(&mut self, now: SimTime, driven: &mut Driven, input: &ControlInput<'_>) -> ControlOutput {
+        let (motion, hand) = driven.step(now, input);
+        self.refusal = None;
+        let first = std::mem::take(&mut self.close_first).then_some(crate::HandCommand::Close);
+        let motion = match motion {
+            DrivenMotion::None => None,
+            DrivenMotion::Stop => Some(stop(input, self.drift_limit)),
+            DrivenMotion::Shares(shares) => Some(self.velocities(&shares, input)),
+        };
+        let shown = self.jog.shown_at_once(self.refusal.as_deref(), driven.waits_secs(now));
+        ControlOutput { motion, hand: hand.or(first), shown, ..ControlOutput::default() }
     }
 
     /// One step on from where the joint is, or from where it was last sent.
@@ -129,6 +177,11 @@ impl ControlMethod for JointJog {
         input: &ControlInput<'_>,
         _kinematics: &mut dyn ArmKinematics,
     ) -> ControlOutput {
+        if let Some(mut driven) = self.driven.take() {
+            let output = self.drive(now, &mut driven, input);
+            self.driven = Some(driven);
+            return output;
+        }
         let (motion, hand) = self.jog.step(now, input);
         // What was refused stays on display between the messages of a gesture that goes on.
         let moves = matches!(input.gesture, Gesture::WristExtension | Gesture::WristFlexion);

@@ -2,7 +2,7 @@ use crate::discriminant::{Discriminant, TrainingSet};
 use crate::{ClassifierKind, EmgConfig, EmgError, FeatureLayout, FeatureSet, Lda};
 use arrayvec::ArrayVec;
 use nalgebra::DMatrix;
-use proact_types::{GestureName, MAX_EMG_CHANNELS, MAX_GESTURES};
+use proact_types::{DegreeOfFreedom, Drives, GestureName, MAX_EMG_CHANNELS, MAX_GESTURES};
 use serde::{Deserialize, Serialize};
 
 /// Probability of each gesture of a classifier, in the order of [`Classifier::gestures`].
@@ -24,8 +24,11 @@ pub struct Prediction {
     pub class: GestureName,
     /// Its place in [`Classifier::gestures`].
     pub place: usize,
-    /// Probability of each gesture, in the order of [`Classifier::gestures`].
+    /// Probability of each gesture, in the order of [`Classifier::gestures`]. Of a regressor the shares of the drives: they
+    /// say how these compare, not how probable a gesture is.
     pub posterior: ClassPosterior,
+    /// Drive of each of [`Classifier::degrees_of_freedom`] before the dead band, -1 to 1; empty of a classifier.
+    pub drives: Drives,
 }
 
 impl Prediction {
@@ -113,7 +116,8 @@ impl Classifier {
             expected,
             windows.iter().flat_map(|w| w.as_ref().iter().copied()),
         );
-        let set = TrainingSet { samples: &samples, labels: &classes, classes: gestures.len() };
+        let set =
+            TrainingSet { samples: &samples, labels: &classes, classes: gestures.len(), gestures: &gestures };
         let discriminant = Discriminant::fit(config, &set)?;
 
         // LibEMG's velocity control: the middle of each gesture's range of summed MAV.
@@ -182,6 +186,7 @@ impl Classifier {
             && self.gestures.windows(2).all(|pair| pair[0] < pair[1])
             && (self.efforts.is_empty() || self.efforts.len() == classes)
             && finite
+            && self.discriminant.regressor().is_none_or(|regressor| regressor.names(&self.gestures))
     }
 
     /// The gestures that it tells apart, in alphabetical order.
@@ -192,6 +197,19 @@ impl Classifier {
     /// What tells the gestures apart.
     pub fn kind(&self) -> ClassifierKind {
         self.discriminant.kind()
+    }
+
+    /// The degrees of freedom that a regressor drives, in the order of [`Prediction::drives`]; none of a classifier.
+    pub fn degrees_of_freedom(&self) -> &[DegreeOfFreedom] {
+        self.discriminant.regressor().map_or(&[], |regressor| regressor.drives())
+    }
+
+    /// The same with another [`crate::RegressionConfig::dead_band`]; a classifier has none.
+    pub(crate) fn with_dead_band(mut self, dead_band: f64) -> Classifier {
+        if let Some(regressor) = self.discriminant.regressor_mut() {
+            regressor.set_dead_band(dead_band);
+        }
+        self
     }
 
     /// Values in the vectors that it takes.
@@ -221,7 +239,8 @@ impl Classifier {
         }
         let best = (1..values.len()).fold(0, |best, k| if values[k] > values[best] { k } else { best });
         self.discriminant.posterior(&mut values);
-        Ok(Prediction { class: self.gestures[best], place: best, posterior: values })
+        let drives = self.discriminant.drives(features);
+        Ok(Prediction { class: self.gestures[best], place: best, posterior: values, drives })
     }
 
     /// How hard `gesture` is performed, 0 to 1: the summed MAV of the window between the gesture's limits, which

@@ -152,6 +152,8 @@ impl EmgModel {
                 ("emg.ssc_threshold", config.ssc_threshold.to_string()),
                 ("emg.wamp_threshold", config.wamp_threshold.to_string()),
                 ("emg.rest", config.rest.to_string()),
+                ("emg.regression.drives", format!("{:?}", config.regression.drives)),
+                ("emg.regression.alpha", config.regression.alpha.to_string()),
             ]
         };
         match of(asked).into_iter().zip(of(&self.config)).find(|(asked, trained)| asked != trained) {
