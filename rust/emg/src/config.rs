@@ -1,6 +1,7 @@
 use crate::filter::FilterBank;
 use crate::{
     ClassifierKind, EmgError, EmgFilter, FeatureLayout, FeatureSet, LivenessConfig, RegressionConfig,
+    TwoSiteConfig,
 };
 use proact_types::{GestureName, MAX_EMG_CHANNELS};
 use serde::{Deserialize, Serialize};
@@ -129,6 +130,9 @@ pub struct EmgConfig {
     /// Degrees of freedom of a regressor.
     #[serde(skip_serializing_if = "RegressionConfig::is_default")]
     pub regression: RegressionConfig,
+    /// Direct control by two sites.
+    #[serde(skip_serializing_if = "TwoSiteConfig::is_default")]
+    pub two_site: TwoSiteConfig,
 }
 
 /// How short gaps in a live stream are bridged: lost samples are put on a straight line between their neighbours, and are
@@ -177,6 +181,7 @@ impl Default for EmgConfig {
             bridge: BridgeConfig::default(),
             rest: GestureName::default(),
             regression: RegressionConfig::default(),
+            two_site: TwoSiteConfig::default(),
         }
     }
 }
@@ -208,6 +213,13 @@ impl EmgConfig {
     /// [`EmgError`] if the increment has no usable length.
     pub fn increment_samples(&self) -> Result<usize, EmgError> {
         self.increment.samples(self.rate_hz)
+    }
+
+    /// Whether recordings of `gesture` are trained on: two sites take those of their pair and of rest alone.
+    pub fn learns(&self, gesture: GestureName) -> bool {
+        self.classifier != ClassifierKind::TwoSite
+            || gesture == self.rest
+            || self.two_site.gestures().contains(&gesture)
     }
 
     /// Time from one window to the next, milliseconds.
@@ -269,9 +281,12 @@ impl EmgConfig {
         self.liveness.check(self.channels)?;
         if self.classifier.is_regression() {
             self.regression.check(self.rest)?;
-            if self.rejection.is_some() {
-                return Err(EmgError::NothingToReject { kind: self.classifier });
-            }
+        }
+        if self.classifier == ClassifierKind::TwoSite {
+            self.two_site.check(self)?;
+        }
+        if self.rejection.is_some() && !self.classifier.has_posterior() {
+            return Err(EmgError::NothingToReject { kind: self.classifier });
         }
         let increment_millis = self.increment_millis()?;
         // With a shorter age than the time between two windows the stream would always be stale.

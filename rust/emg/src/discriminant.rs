@@ -6,6 +6,7 @@ mod neighbours;
 mod quadratic;
 mod regressor;
 mod sigmoid;
+mod sites;
 mod support_vectors;
 
 use crate::lda::softmax;
@@ -20,6 +21,8 @@ pub(crate) use naive_bayes::NaiveBayes;
 pub(crate) use neighbours::Neighbours;
 pub(crate) use quadratic::Quadratic;
 pub(crate) use regressor::Regressor;
+pub use sites::Site;
+pub(crate) use sites::Sites;
 pub(crate) use support_vectors::SupportVectors;
 
 /// How windows are told apart. The names are LibEMG's, in small letters; the definitions are scikit-learn's with its
@@ -48,18 +51,26 @@ pub enum ClassifierKind {
     Linear,
     /// The same with a penalty on the squared coefficients.
     Ridge,
+    /// Direct control: the mean absolute value of one channel for each of two gestures, and switching by co-contraction
+    /// ([`crate::TwoSiteConfig`]).
+    TwoSite,
 }
 
 impl ClassifierKind {
     /// All of them, in the order in which they are listed.
-    pub const ALL: [ClassifierKind; 8] = {
+    pub const ALL: [ClassifierKind; 9] = {
         use ClassifierKind::*;
-        [Lda, Qda, Nb, Knn, Svm, Rf, Linear, Ridge]
+        [Lda, Qda, Nb, Knn, Svm, Rf, Linear, Ridge, TwoSite]
     };
 
     /// Whether it drives degrees of freedom in the place of telling gestures apart.
     pub fn is_regression(self) -> bool {
         matches!(self, ClassifierKind::Linear | ClassifierKind::Ridge)
+    }
+
+    /// Whether it tells how probable a gesture is.
+    pub fn has_posterior(self) -> bool {
+        !self.is_regression() && self != ClassifierKind::TwoSite
     }
 
     pub(crate) fn is_lda(&self) -> bool {
@@ -78,6 +89,7 @@ impl fmt::Display for ClassifierKind {
             ClassifierKind::Rf => "rf",
             ClassifierKind::Linear => "linear",
             ClassifierKind::Ridge => "ridge",
+            ClassifierKind::TwoSite => "two_site",
         })
     }
 }
@@ -104,6 +116,7 @@ pub(crate) enum Discriminant {
     Rf(Forest),
     Linear(Regressor),
     Ridge(Regressor),
+    TwoSite(Sites),
 }
 
 /// What a discriminant learns from: `[windows][features]` and the class of each window.
@@ -145,7 +158,11 @@ impl Discriminant {
     /// # Errors
     /// Data that cannot be learnt from: too few windows, nothing that varies, values that are not finite.
     pub(crate) fn fit(config: &EmgConfig, set: &TrainingSet<'_>) -> Result<Discriminant, EmgError> {
-        let counts = crate::lda::check(set.samples, set.labels, set.classes)?;
+        // A co-contraction is a class without windows, which the others refuse.
+        let counts = match config.classifier {
+            ClassifierKind::TwoSite => Vec::new(),
+            _ => crate::lda::check(set.samples, set.labels, set.classes)?,
+        };
         let priors = config.priors.of(&counts);
         let regress = |alpha| Regressor::fit(set, &config.regression, config.rest, alpha);
         Ok(match config.classifier {
@@ -163,6 +180,7 @@ impl Discriminant {
             ClassifierKind::Rf => Discriminant::Rf(Forest::fit(set)),
             ClassifierKind::Linear => Discriminant::Linear(regress(0.0)?),
             ClassifierKind::Ridge => Discriminant::Ridge(regress(config.regression.alpha)?),
+            ClassifierKind::TwoSite => Discriminant::TwoSite(Sites::fit(set, config)?),
         })
     }
 
@@ -176,6 +194,7 @@ impl Discriminant {
             Discriminant::Rf(_) => ClassifierKind::Rf,
             Discriminant::Linear(_) => ClassifierKind::Linear,
             Discriminant::Ridge(_) => ClassifierKind::Ridge,
+            Discriminant::TwoSite(_) => ClassifierKind::TwoSite,
         }
     }
 
@@ -188,6 +207,7 @@ impl Discriminant {
             Discriminant::Svm(d) => d.classes(),
             Discriminant::Rf(d) => d.classes(),
             Discriminant::Linear(d) | Discriminant::Ridge(d) => d.classes(),
+            Discriminant::TwoSite(d) => d.classes(),
         }
     }
 
@@ -200,6 +220,7 @@ impl Discriminant {
             Discriminant::Svm(d) => d.features(),
             Discriminant::Rf(d) => d.features(),
             Discriminant::Linear(d) | Discriminant::Ridge(d) => d.features(),
+            Discriminant::TwoSite(d) => d.features(),
         }
     }
 
@@ -213,6 +234,7 @@ impl Discriminant {
             Discriminant::Svm(d) => d.is_sound(),
             Discriminant::Rf(d) => d.is_sound(),
             Discriminant::Linear(d) | Discriminant::Ridge(d) => d.is_sound(),
+            Discriminant::TwoSite(d) => d.is_sound(),
         }
     }
 
@@ -227,6 +249,7 @@ impl Discriminant {
             Discriminant::Rf(d) => Discriminant::Rf(d.map_features(order)),
             Discriminant::Linear(d) => Discriminant::Linear(d.map_features(order)),
             Discriminant::Ridge(d) => Discriminant::Ridge(d.map_features(order)),
+            Discriminant::TwoSite(d) => Discriminant::TwoSite(d.map_features(order)),
         })
     }
 
@@ -240,6 +263,7 @@ impl Discriminant {
             Discriminant::Svm(d) => d.scores(features, out),
             Discriminant::Rf(d) => d.scores(features, out),
             Discriminant::Linear(d) | Discriminant::Ridge(d) => d.scores(features, out),
+            Discriminant::TwoSite(d) => d.scores(features, out),
         }
     }
 
@@ -249,8 +273,15 @@ impl Discriminant {
             Discriminant::Lda(_) | Discriminant::Qda(_) | Discriminant::Nb(_) => softmax(scores),
             // Theirs are probabilities.
             Discriminant::Knn(_) | Discriminant::Svm(_) | Discriminant::Rf(_) => {}
+            // Nor has this one anything but yes and no.
+            Discriminant::TwoSite(_) => {}
             Discriminant::Linear(_) | Discriminant::Ridge(_) => Regressor::posterior(scores),
         }
+    }
+
+    /// The sites of direct control; none of another kind.
+    pub(crate) fn sites(&self) -> Option<&Sites> {
+        if let Discriminant::TwoSite(d) = self { Some(d) } else { None }
     }
 
     /// What drives degrees of freedom; none of a classifier.
@@ -326,7 +357,7 @@ mod tests {
 
     /// Those that tell classes apart.
     fn classifiers() -> impl Iterator<Item = ClassifierKind> {
-        ClassifierKind::ALL.into_iter().filter(|kind| !kind.is_regression())
+        ClassifierKind::ALL.into_iter().filter(|kind| kind.has_posterior())
     }
 
     fn answers(of: &Discriminant, windows: &[Vec<f64>]) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {

@@ -72,7 +72,7 @@ pub enum EmgError {
         name: String,
     },
     /// No such classifier.
-    #[error("{name:?} is no classifier; known are lda qda nb knn svm rf linear ridge")]
+    #[error("{name:?} is no classifier; known are lda qda nb knn svm rf linear ridge two_site")]
     UnknownClassifier {
         /// As given.
         name: String,
@@ -141,10 +141,15 @@ pub enum EmgError {
         /// The degrees of freedom.
         drives: Vec<DegreeOfFreedom>,
     },
+    /// Direct control by two sites cannot be.
+    #[error("emg.two_site: {reason}")]
+    TwoSite {
+        /// What was given, what was expected, and what to do.
+        reason: String,
+    },
     /// Windows cannot be rejected by a probability that there is not.
     #[error(
-        "emg.rejection is set, but {kind} gives no probability of a gesture to reject windows by: leave it out; \
-         emg.regression.dead_band says which drives are too small"
+        "emg.rejection is set, but {kind} gives no probability of a gesture to reject windows by: leave it out"
     )]
     NothingToReject {
         /// What decodes.

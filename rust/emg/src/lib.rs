@@ -69,6 +69,7 @@ mod rotation;
 mod selection;
 mod spectrum;
 mod tac;
+mod two_site;
 mod usability_test;
 mod window;
 
@@ -83,7 +84,7 @@ pub use config::{
     RuleKind, WindowLength,
 };
 pub use decision::{Decision, DecisionRule, MajorityVote};
-pub use discriminant::ClassifierKind;
+pub use discriminant::{ClassifierKind, Site};
 pub use error::EmgError;
 pub use extract::{extract, extract_with_amplitudes};
 pub use feature::Feature;
@@ -105,6 +106,7 @@ pub use regression::RegressionConfig;
 pub use rotation::{BandProposal, RollEvidence, RotationReport, accuracy_at, check_rotation};
 pub use selection::{SelectedFeature, SelectionCriterion, SelectionData, select_features};
 pub use tac::{TacAxis, TacConfig, TacReport, TacTarget, TacTest, TacTrial};
+pub use two_site::TwoSiteConfig;
 pub use usability_test::{
     HoldConfig, HoldReport, HoldTest, SequenceConfig, SequenceMistake, SequenceReport, SequenceTest,
 };

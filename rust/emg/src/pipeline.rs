@@ -1,5 +1,6 @@
 use crate::drives::DriveFilter;
 use crate::filter::FilterBank;
+use crate::two_site::SiteSwitch;
 use crate::{
     ClassPosterior, Classifier, Decision, DecisionRule, EmgConfig, EmgError, FeatureExtractor, FeatureVector,
     Liveness, MajorityVote, SignalFault, SlidingWindow, StreamCounts,
@@ -69,6 +70,7 @@ pub struct EmgPipeline {
     rest: GestureName,
     rule: DecisionRule,
     drives: DriveFilter,
+    switch: SiteSwitch,
     overflows: u64,
     /// Of the newest window.
     newest: FeatureVector,
@@ -107,9 +109,10 @@ impl EmgPipeline {
         if got != expected {
             return Err(EmgError::FeatureCount { got, expected });
         }
-        let regression = config.classifier.is_regression();
-        if regression != classifier.kind().is_regression() {
-            return Err(EmgError::OtherDecoder { asked: config.classifier, trained: classifier.kind() });
+        let (asked, trained) = (config.classifier, classifier.kind());
+        // Settings that say more than a classifier's own are those of the other kinds.
+        if asked != trained && !(asked.has_posterior() && trained.has_posterior()) {
+            return Err(EmgError::OtherDecoder { asked, trained });
         }
         let classifier = classifier.with_dead_band(config.regression.dead_band);
         // The classifier knows its features, whatever the settings say.
@@ -123,6 +126,7 @@ impl EmgPipeline {
             liveness: Liveness::new(&config.liveness, config.rate_hz, config.channels)?,
             window: SlidingWindow::new(config)?,
             rule: DecisionRule::new(config),
+            switch: SiteSwitch::new(&config.two_site),
             drives: DriveFilter::new(config, classifier.degrees_of_freedom().len())?,
             rest: config.rest,
             newest: FeatureVector::with_capacity(classifier.layout().count()),
@@ -190,7 +194,8 @@ impl EmgPipeline {
             let confidence = prediction.confidence();
             // A rejection needs more than the threshold: LibEMG compares strictly.
             let kept = self.rejection.is_none_or(|threshold| confidence > threshold);
-            let mut class = kept.then_some(prediction.class);
+            let direct = self.classifier.direct(&mut self.switch, now, features);
+            let mut class = direct.map_or_else(|| kept.then_some(prediction.class), |(class, _)| Some(class));
             if let Some(vote) = self.vote.as_mut().filter(|_| !bridged) {
                 class = vote.push(class);
             }
@@ -210,6 +215,7 @@ impl EmgPipeline {
             };
             let effort = match class {
                 _ if !drives.is_empty() => drives.iter().fold(0.0, |most: f64, drive| most.max(drive.abs())),
+                _ if direct.is_some() => direct.map_or(0.0, |(_, effort)| effort),
                 Some(class) if class != self.rest => {
                     self.classifier.effort_of(class, window.amplitude()).unwrap_or(0.0)
                 }
@@ -237,6 +243,7 @@ impl EmgPipeline {
         }
         if output.as_ref().is_some_and(|output| output.stale) {
             self.drives.rest();
+            self.switch.clear();
         }
         self.events = StreamEvents {
             counts: self.counts().since(before),

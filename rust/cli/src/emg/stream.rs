@@ -189,7 +189,7 @@ impl Output {
         }
         self.line(&json!({
             "t_s": at.as_secs(), "sample": counter, "gesture": out.gesture, "window_class": out.window_class, "class": out.class,
-            "confidence": out.confidence, "posterior": out.posterior, "effort": out.effort,
+            "confidence": out.confidence, "posterior": out.posterior, "effort": out.effort, "drives": out.drives,
             "published": out.published, "stale": out.stale,
         }))
     }

@@ -107,10 +107,11 @@ pub fn cross_validate<G: Copy + Into<GestureName>>(
     config: &EmgConfig,
     repetitions: &[(G, Vec<EmgSample>)],
 ) -> Result<CalibrationReport, EmgError> {
-    let classes = distinct(repetitions.iter().map(|(gesture, _)| (*gesture).into()));
+    let learnt = || repetitions.iter().filter(|(gesture, _)| config.learns((*gesture).into()));
+    let classes = distinct(learnt().map(|(gesture, _)| (*gesture).into()));
     let mut counts = vec![0; classes.len()];
     let mut all = Vec::with_capacity(repetitions.len());
-    for (gesture, samples) in repetitions {
+    for (gesture, samples) in learnt() {
         let gesture: GestureName = (*gesture).into();
         let (vectors, amplitudes) = extract_with_amplitudes(config, samples)?;
         let Ok(class) = classes.binary_search(&gesture) else { continue };
