@@ -5,7 +5,7 @@
 use arrayvec::ArrayVec;
 use proact_app::{Arm, Recorder, ReplayOptions, replay_trial, trial};
 use proact_control::{JogProfile, MethodRegistry, Simultaneous};
-use proact_devices::{SyntheticEmg, SyntheticModel, stream};
+use proact_devices::{EmgOrigin, SyntheticEmg, SyntheticModel, stream};
 use proact_emg::{ClassifierKind, EmgConfig, EmgModel};
 use proact_testbed::{Setup, TrialConfig, ports};
 use proact_types::{DegreeOfFreedom, EmgSample, EventKind, Gesture, SimTime};
@@ -111,6 +111,28 @@ fn a_model_and_a_profile_that_do_not_go_together_are_refused_with_what_to_set() 
     s.drives.remove(&DegreeOfFreedom::hand());
     let text = start(other, &model(ClassifierKind::Linear)).map(|_| ()).unwrap_err();
     assert!(text.contains("expected the same"), "{text}");
+}
+
+/// It makes HO to come to another axis, which lifts the hand here: that the arm moves is all that is to be had of it.
+#[test]
+fn the_simulated_person_moves_the_arm_by_a_regressor_trained_on_the_spot() {
+    let mut config = TrialConfig::new("B", 1, Setup::named("seated").unwrap());
+    let JogProfile::Time { simultaneous, .. } = &mut config.profile.jog else { panic!("by time") };
+    let drives =
+        [(DegreeOfFreedom::wrist(), "x".to_owned()), (DegreeOfFreedom::hand(), "z".to_owned())].into();
+    *simultaneous = Some(Simultaneous { hand_at: 0.5, hand_below: 0.3, drives });
+    config.emg = Some(EmgConfig { classifier: ClassifierKind::Ridge, ..EmgConfig::default() });
+    config.participant = Some(Default::default());
+    let mut session = trial::simulated(config, &EmgOrigin::Synthetic).unwrap().session;
+    let start = session.testbed().targets().to_vec();
+    let mut furthest = 0.0_f64;
+    for tick in 1..=10_000 {
+        session.step(tick == 10_000).unwrap();
+        let arm = session.testbed().targets().iter().zip(&start).take(7);
+        furthest = furthest.max(arm.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max));
+    }
+    println!("{furthest:.3} rad of a joint in 10 s");
+    assert!(furthest > 0.1, "{furthest} rad");
 }
 
 #[test]

@@ -1,5 +1,3 @@
-use proact_types::DegreeOfFreedom;
-
 /// Why a method cannot be built.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -86,7 +84,7 @@ pub enum ControlError {
     )]
     DrivenTwice {
         /// The second of them.
-        drive: DegreeOfFreedom,
+        drive: String,
         /// What both move.
         moves: String,
     },

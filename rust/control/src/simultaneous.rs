@@ -57,7 +57,7 @@ impl Simultaneous {
         let mut moved = Vec::new();
         for (drive, moves) in &self.drives {
             if moved.contains(&moves) {
-                return Err(ControlError::DrivenTwice { drive: *drive, moves: moves.clone() });
+                return Err(ControlError::DrivenTwice { drive: drive.to_string(), moves: moves.clone() });
             }
             moved.push(moves);
         }

@@ -105,15 +105,15 @@ pub enum EmgError {
     #[error(
         "the degree of freedom {drive} of emg.regression.drives has {gesture}, which is {}; expected different gestures \
          for each, none of them the rest gesture",
-        if gesture == rest { "the rest gesture" } else { "another's already" }
+        if *rests { "the rest gesture" } else { "another's already" }
     )]
     DrivenTwice {
         /// The gesture.
         gesture: GestureName,
         /// The degree of freedom that has it too.
-        drive: DegreeOfFreedom,
-        /// The relaxed hand.
-        rest: GestureName,
+        drive: String,
+        /// It is that of the relaxed hand.
+        rests: bool,
     },
     /// No recording of a gesture that a degree of freedom is driven by.
     #[error(
@@ -123,9 +123,9 @@ pub enum EmgError {
     )]
     NoDriveGesture {
         /// The gesture that is missing.
-        gesture: GestureName,
-        /// What it drives.
-        drive: DegreeOfFreedom,
+        gesture: String,
+        /// The degree of freedom that it drives.
+        drive: String,
         /// Gestures of the training data.
         known: Vec<GestureName>,
     },

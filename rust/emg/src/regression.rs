@@ -58,7 +58,8 @@ impl RegressionConfig {
         for drive in &self.drives {
             for gesture in [drive.positive(), drive.negative()] {
                 if seen.contains(&gesture) {
-                    return Err(EmgError::DrivenTwice { gesture, drive: *drive, rest });
+                    let (drive, rests) = (drive.to_string(), gesture == rest);
+                    return Err(EmgError::DrivenTwice { gesture, drive, rests });
                 }
                 seen.push(gesture);
             }

@@ -44,7 +44,11 @@ impl Regressor {
     ) -> Result<Regressor, EmgError> {
         let known = set.gestures;
         let place = |gesture: GestureName, drive: DegreeOfFreedom| {
-            let missing = || EmgError::NoDriveGesture { gesture, drive, known: known.to_vec() };
+            let missing = || EmgError::NoDriveGesture {
+                gesture: gesture.to_string(),
+                drive: drive.to_string(),
+                known: known.to_vec(),
+            };
             known.iter().position(|name| *name == gesture).ok_or_else(missing)
         };
         let pair = |drive: &DegreeOfFreedom| {
