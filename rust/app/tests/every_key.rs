@@ -169,7 +169,7 @@ const CASES: &[(&str, &str, &[&str])] = &[
     ("profile.jog.proportional.rest", "0.15", &[ARMBAND, PROPORTIONAL]),
     ("profile.jog.ramp.falls", "4.0", &[PAGE, A, "profile.jog.ramp={ up_ms = 4000, falls = 1.0 }"]),
     ("profile.jog.ramp.up_ms", "300", &[PAGE, A, RAMP]),
-    ("profile.jog.simultaneous.drives", "{ \"wrist_extension/wrist_flexion\" = \"wristz\", \"hand_open/hand_close\" = \"shoulder\" }", &[A, RIDGE, AT_ONCE]),
+    ("profile.jog.simultaneous.drives", "{ \"wrist_extension/wrist_flexion\" = \"elbow\", \"hand_open/hand_close\" = \"wristz\" }", &[A, RIDGE, AT_ONCE]),
     ("profile.jog.simultaneous.hand_at", "0.99", &[A, RIDGE, WITH_HAND]),
     ("profile.jog.steps.fast", "1.1", &[PAGE, A, STEPS]),
     ("profile.jog.steps.fast_after_ms", "500", &[PAGE, A, STEPS]),
