@@ -45,6 +45,10 @@ const PSEUDO_INVERSE: &str =
 const STEPS: &str = "profile.jog.steps={ slow_ms = 250, slow = 0.4, fast_after_ms = 600, fast = 2.0 }";
 const PROPORTIONAL: &str = "profile.jog.proportional={ rest = 0.05, full = 0.9 }";
 const RAMP: &str = "profile.jog.ramp={ up_ms = 400, falls = 2.0 }";
+const RIDGE: &str = "emg.classifier=ridge";
+/// What its drives move.
+const AT_ONCE: &str = "profile.jog.simultaneous={ drives = { \"wrist_extension/wrist_flexion\" = \"elbow\", \"hand_open/hand_close\" = \"shoulder\" } }";
+const WITH_HAND: &str = "profile.jog.simultaneous={ drives = { \"wrist_extension/wrist_flexion\" = \"elbow\", \"hand_open/hand_close\" = \"hand\" } }";
 const FILTERED: &str = "intent_model=filtered";
 const ORIGINAL_GRASP: &str = "physics.grasp_rule=original";
 /// Somebody who does not lean: places are hard to reach.
@@ -77,7 +81,14 @@ const CASES: &[(&str, &str, &[&str])] = &[
     ("emg.normalisation", "windows_less_classes", &[]),
     ("emg.rejection", "0.999999", &[]),
     ("emg.majority", "9", &[]),
+    ("emg.regression.alpha", "1000.0", &[A, RIDGE, AT_ONCE]),
+    ("emg.regression.dead_band", "0.6", &[A, RIDGE, AT_ONCE]),
+    ("emg.regression.drives", "[\"wrist_extension/wrist_flexion\"]", &[A, RIDGE, AT_ONCE]),
+    ("emg.regression.smoothing_ms", "300.0", &[A, RIDGE, AT_ONCE]),
     ("emg.rule", "strict", &[]),
+    ("emg.two_site.channels", "{ wrist_extension = 0, wrist_flexion = 1 }", &[A, "emg.classifier=two_site"]),
+    ("emg.two_site.pair", "hand_close/wrist_flexion", &[A, "emg.classifier=two_site"]),
+    ("emg.two_site.switch", "hand_close", &[A, "emg.classifier=two_site"]),
     ("emg.wamp_threshold", "5.0", &["emg.features=WAMP"]),
     ("gesture_source", "recording", &[]),
     ("emg_centring", "[1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0]", &[]),
@@ -158,6 +169,8 @@ const CASES: &[(&str, &str, &[&str])] = &[
     ("profile.jog.proportional.rest", "0.15", &[ARMBAND, PROPORTIONAL]),
     ("profile.jog.ramp.falls", "4.0", &[PAGE, A, "profile.jog.ramp={ up_ms = 4000, falls = 1.0 }"]),
     ("profile.jog.ramp.up_ms", "300", &[PAGE, A, RAMP]),
+    ("profile.jog.simultaneous.drives", "{ \"wrist_extension/wrist_flexion\" = \"elbow\", \"hand_open/hand_close\" = \"wristz\" }", &[A, RIDGE, AT_ONCE]),
+    ("profile.jog.simultaneous.hand_at", "0.99", &[A, RIDGE, WITH_HAND]),
     ("profile.jog.steps.fast", "1.1", &[PAGE, A, STEPS]),
     ("profile.jog.steps.fast_after_ms", "500", &[PAGE, A, STEPS]),
     ("profile.jog.steps.slow", "0.2", &[PAGE, A, STEPS]),

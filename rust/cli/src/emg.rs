@@ -1,6 +1,7 @@
 //! `proact emg`: what labs compare with their own tools, and live streams.
 
 mod band;
+mod decoder_args;
 mod page;
 mod recorded;
 mod screen;
@@ -18,7 +19,7 @@ use proact_app::{tell, write_whole};
 use proact_devices::{
     DeviceError, MYO_RATE_HZ, Recording, Recordings, SampleFile, SourceRegistry, evaluate, read_samples,
 };
-use proact_emg::{ClassifierKind, EmgConfig, EmgFilter, FeatureSet, FeatureVector, WindowLength};
+use proact_emg::{DriveScore, EmgConfig, EmgFilter, FeatureSet, FeatureVector, WindowLength};
 use proact_types::GestureName;
 use std::{
     error::Error,
@@ -97,9 +98,8 @@ pub struct WindowArgs {
     /// notch:50 (`:5` another width than 3 Hz); several in their order.
     #[arg(long = "filter", value_name = "FILTER")]
     filters: Vec<EmgFilter>,
-    /// What tells the windows apart: lda, qda, nb (Gaussian naive Bayes), knn, svm (linear) or rf (random forest).
-    #[arg(long, default_value_t = ClassifierKind::Lda)]
-    classifier: ClassifierKind,
+    #[command(flatten)]
+    decoder: decoder_args::DecoderArgs,
 }
 
 /// Names in capitals or not.
@@ -204,6 +204,9 @@ fn evaluation(args: &EvaluateArgs, json: bool) -> Result<String, Box<dyn Error>>
         result.metrics.recall,
         result.metrics.f1,
     );
+    for DriveScore { drive, r2, mean_absolute_error } in &result.drives {
+        text += &format!("{drive:<32} R2 {r2:.3}, mean absolute error {mean_absolute_error:.3}\n");
+    }
     for (gesture, row) in result.classes.iter().zip(&result.confusion) {
         let counts: String = row.iter().map(|count| format!("{count:>6}")).collect();
         text += &format!("{gesture:<16}{counts}\n");
@@ -318,18 +321,17 @@ impl WindowArgs {
             }
             Unit::Samples => Err(format!("{name} is {value} samples, expected a whole number above zero")),
         };
-        let config = EmgConfig {
+        let config = self.decoder.settle(EmgConfig {
             rate_hz,
             channels,
             window: length("window", self.window)?,
             increment: length("increment", self.increment)?,
             filters: self.filters.clone(),
             features: self.features,
-            classifier: self.classifier,
             // Recordings have no silences: any increment will do.
             max_age_millis: u64::MAX,
             ..EmgConfig::default()
-        };
+        });
         config.check()?;
         Ok(config)
     }

@@ -3,7 +3,7 @@ use crate::ports::ArmKinematics;
 use crate::{ControlInput, ControlMethod, ControlOutput, FingerCommand, MotionCommand};
 use proact_types::{Gesture, SimTime};
 
-/// Stops the arm while [`ControlInput::stop`] says so: the method sees NM, and the arm holds whatever it says.
+/// Stops the arm while [`ControlInput::stop`] says so: the method sees NM and no drives, and the arm holds whatever it says.
 #[derive(Clone, Debug)]
 pub struct DeadMan<M> {
     method: M,
@@ -33,7 +33,8 @@ impl<M: ControlMethod> ControlMethod for DeadMan<M> {
             self.fingers |= output.fingers.is_some();
             return output;
         };
-        let relaxed = ControlInput { gesture: Gesture::NoMotion, message: None, ..input.clone() };
+        let relaxed =
+            ControlInput { gesture: Gesture::NoMotion, message: None, drives: &[], ..input.clone() };
         let mut output = self.method.step(now, &relaxed, kinematics);
         // Said once: a goal that an earlier message set would otherwise still be approached.
         let moves = output.motion.take().is_some() || !held;

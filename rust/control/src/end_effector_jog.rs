@@ -1,9 +1,10 @@
 use crate::inverse::{Damped, NEAR_SINGULAR, NOT_FINITE, moore_penrose};
 use crate::jog::{Jog, JogMotion, stop};
 use crate::ports::ArmKinematics;
+use crate::simultaneous::{Driven, DrivenMotion};
 use crate::{
-    Axis, AxisMotion, ControlInput, ControlMethod, ControlOutput, EndEffectorJogProfile, InverseProfile,
-    JointSubset, MotionCommand, Profile, STEP_SECS,
+    Axis, AxisEntry, AxisMotion, ControlError, ControlInput, ControlMethod, ControlOutput,
+    EndEffectorJogProfile, InverseProfile, JointSubset, MotionCommand, Profile, STEP_SECS,
 };
 use nalgebra::Vector6;
 use proact_arm::{ArmModel, JointLimits};
@@ -16,9 +17,14 @@ use proact_types::{Gesture, JointVector, ModeView, Moves, SimTime, joints, zeros
 /// is free, and the commanded angles never run far ahead of the measured ones. With `moore_penrose` the method is
 /// the original's, but for one thing: over the condition limit the original sends its last goal again, which is all
 /// zeros before the first one and would throw the arm straight down; here the last goal is where the arm stands.
+///
+/// With `jog.simultaneous` a regressor's drives move the hand along and about their axes all at the same time, and gestures
+/// nothing.
 #[derive(Clone, Debug)]
 pub struct EndEffectorJog {
     jog: Jog,
+    /// None where gestures move along one axis after the other.
+    driven: Option<Driven>,
     profile: EndEffectorJogProfile,
     limits: Vec<JointLimits>,
     subset: JointSubset,
@@ -28,8 +34,15 @@ pub struct EndEffectorJog {
 
 impl EndEffectorJog {
     /// For the arm joints of `model` that `subset` drives.
-    pub fn new(profile: &Profile, model: &ArmModel, subset: &JointSubset) -> Self {
-        let settings = profile.end_effector_jog.clone();
+    ///
+    /// # Errors
+    /// [`ControlError::Name`] for an axis in `jog.simultaneous.drives` that `end_effector_jog.axes` does not have.
+    pub fn new(profile: &Profile, model: &ArmModel, subset: &JointSubset) -> Result<Self, ControlError> {
+        let mut settings = profile.end_effector_jog.clone();
+        if let Some(at_once) = profile.jog.simultaneous() {
+            settings.axes =
+                at_once.moved().map(|name| find(&settings.axes, name)).collect::<Result<_, _>>()?;
+        }
         let views = settings.axes.iter().map(|entry| {
             let axis = entry.axis as u8;
             ModeView {
@@ -43,19 +56,24 @@ impl EndEffectorJog {
                 next_in_secs: None,
             }
         });
-        Self {
+        Ok(Self {
             jog: Jog::new(views.collect(), &profile.jog, settings.drops_open_after_close),
+            driven: profile.jog.driven(),
             profile: settings,
             limits: model.arm.iter().map(|&j| model.joints[j].limits).collect(),
             subset: subset.clone(),
             goals: None,
             refusal: None,
-        }
+        })
     }
 
     /// Twist along the selected axis, `linear` metres or `angular` radians long.
     fn twist(&self, sign: f64, linear: f64, angular: f64) -> Vector6<f64> {
-        let entry = &self.profile.axes[self.jog.selected()];
+        Self::along(&self.profile.axes[self.jog.selected()], sign, linear, angular)
+    }
+
+    /// Twist along, or about, an axis.
+    fn along(entry: &AxisEntry, sign: f64, linear: f64, angular: f64) -> Vector6<f64> {
         let (first, size) = match entry.motion {
             AxisMotion::Translate => (0, linear),
             AxisMotion::Rotate => (3, angular),
@@ -105,6 +123,19 @@ impl EndEffectorJog {
     }
 }
 
+/// The entry of the axis called `x` to `z` or `rx` to `rz`.
+fn find(axes: &[AxisEntry], name: &str) -> Result<AxisEntry, ControlError> {
+    let called = |entry: &AxisEntry| {
+        let axis = ["x", "y", "z"][entry.axis as usize];
+        if entry.motion == AxisMotion::Rotate { format!("r{axis}") } else { axis.to_owned() }
+    };
+    axes.iter().find(|entry| called(entry) == name).cloned().ok_or_else(|| ControlError::Name {
+        kind: "axis",
+        got: name.to_owned(),
+        known: axes.iter().map(called).chain(["hand".to_owned()]).collect::<Vec<_>>().join(", "),
+    })
+}
+
 impl ControlMethod for EndEffectorJog {
     fn step(
         &mut self,
@@ -112,6 +143,11 @@ impl ControlMethod for EndEffectorJog {
         input: &ControlInput<'_>,
         kinematics: &mut dyn ArmKinematics,
     ) -> ControlOutput {
+        if let Some(mut driven) = self.driven.take() {
+            let output = self.drive(now, &mut driven, input, kinematics);
+            self.driven = Some(driven);
+            return output;
+        }
         let (motion, hand) = self.jog.step(now, input);
         // What was refused stays on display between the messages of a gesture that goes on.
         let moves = matches!(input.gesture, Gesture::WristExtension | Gesture::WristFlexion);
@@ -120,17 +156,10 @@ impl ControlMethod for EndEffectorJog {
         }
         let motion = match motion {
             JogMotion::None => None,
-            JogMotion::Stop => Some(match &self.profile.inverse {
-                InverseProfile::Damped(profile) => stop(input, profile.drift_limit_rad),
-                InverseProfile::MoorePenrose(_) => MotionCommand::Hold,
-            }),
+            JogMotion::Stop => Some(self.stop(input)),
             JogMotion::Speed(sign) => {
                 let twist = self.twist(sign, self.profile.speed_m_per_s, self.profile.speed_rad_per_s);
-                Some(match self.solve(&twist, STEP_SECS, input, kinematics) {
-                    Ok(Some(speeds)) => MotionCommand::Velocity(speeds),
-                    Ok(None) => self.refuse(NEAR_SINGULAR.to_owned()),
-                    Err(reason) => self.refuse(reason),
-                })
+                Some(self.velocity(&twist, input, kinematics))
             }
             JogMotion::Step { sign, repeated } => {
                 let twist = self.twist(sign, self.profile.step_m, self.profile.step_rad);
@@ -160,6 +189,50 @@ impl ControlMethod for EndEffectorJog {
 }
 
 impl EndEffectorJog {
+    /// One step of a regressor's drives.
+    fn drive(
+        &mut self,
+        now: SimTime,
+        driven: &mut Driven,
+        input: &ControlInput<'_>,
+        kinematics: &mut dyn ArmKinematics,
+    ) -> ControlOutput {
+        let (motion, hand) = driven.step(now, input);
+        self.refusal = None;
+        let motion = match motion {
+            DrivenMotion::None => None,
+            DrivenMotion::Stop => Some(self.stop(input)),
+            DrivenMotion::Shares(shares) => {
+                let (linear, angular) = (self.profile.speed_m_per_s, self.profile.speed_rad_per_s);
+                let axes = self.profile.axes.iter().zip(&shares);
+                let twist = axes.map(|(entry, share)| Self::along(entry, *share, linear, angular)).sum();
+                Some(self.velocity(&twist, input, kinematics))
+            }
+        };
+        let shown = self.jog.shown_at_once(self.refusal.as_deref(), driven.waits_secs(now));
+        ControlOutput { motion, hand, shown, ..ControlOutput::default() }
+    }
+
+    fn stop(&self, input: &ControlInput<'_>) -> MotionCommand {
+        match &self.profile.inverse {
+            InverseProfile::Damped(profile) => stop(input, profile.drift_limit_rad),
+            InverseProfile::MoorePenrose(_) => MotionCommand::Hold,
+        }
+    }
+
+    fn velocity(
+        &mut self,
+        twist: &Vector6<f64>,
+        input: &ControlInput<'_>,
+        kinematics: &mut dyn ArmKinematics,
+    ) -> MotionCommand {
+        match self.solve(twist, STEP_SECS, input, kinematics) {
+            Ok(Some(speeds)) => MotionCommand::Velocity(speeds),
+            Ok(None) => self.refuse(NEAR_SINGULAR.to_owned()),
+            Err(reason) => self.refuse(reason),
+        }
+    }
+
     fn refuse(&mut self, reason: String) -> MotionCommand {
         self.refusal = Some(reason);
         MotionCommand::Hold

@@ -1,4 +1,5 @@
 use crate::method::refused;
+use crate::simultaneous::all_modes;
 use crate::{
     ControlInput, HandCommand, JogProfile, JogSteps, MotionCommand, ProportionalSpeed, Shown, VelocityRamp,
 };
@@ -34,7 +35,7 @@ enum Pace {
 }
 
 impl Jog {
-    /// Cycles through `modes`, at least one. `drops_open_after_close`: a message HO straight after HC counts as NM.
+    /// Cycles through `modes`. `drops_open_after_close`: a message HO straight after HC counts as NM.
     pub(crate) fn new(modes: Vec<ModeView>, profile: &JogProfile, drops_open_after_close: bool) -> Self {
         let pace = match *profile {
             JogProfile::Time {
@@ -44,6 +45,7 @@ impl Jog {
                 steps,
                 proportional,
                 ramp,
+                simultaneous: _,
             } => Pace::Time(TimePace {
                 back_after_ms,
                 open_after_close_ms,
@@ -106,6 +108,13 @@ impl Jog {
         }
     }
 
+    /// All modes at once, for a regressor's drives; `waits_secs` is the time left for a second command that opens the hand.
+    pub(crate) fn shown_at_once(&self, refusal: Option<&str>, waits_secs: Option<f64>) -> Shown {
+        let waits = waits_secs.map(|secs| format!("opening again within {secs:.1} s opens the hand"));
+        let planner = refusal.map(str::to_owned).or(waits).map_or(PlannerView::Idle, |said| refused(&said));
+        Shown { mode: all_modes(&self.modes), target: TargetView::default(), planner }
+    }
+
     /// Advances to `now`.
     pub(crate) fn step(
         &mut self,
@@ -116,7 +125,7 @@ impl Jog {
             Pace::Time(pace) => pace.step(now, input),
             Pace::Message(pace) => pace.step(now, input),
         };
-        let count = self.modes.len() as i64;
+        let count = self.modes.len().max(1) as i64;
         self.selected = (self.selected as i64 + steps).rem_euclid(count) as usize;
         (motion, hand)
     }

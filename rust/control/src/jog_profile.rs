@@ -1,4 +1,5 @@
-use crate::ControlError;
+use crate::simultaneous::Driven;
+use crate::{ControlError, Simultaneous};
 use serde::{Deserialize, Serialize};
 
 /// How methods A and B follow the gestures.
@@ -22,6 +23,10 @@ pub enum JogProfile {
         /// Speed that grows while a gesture lasts, and that a wrong decision cannot make great.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         ramp: Option<VelocityRamp>,
+        /// What the degrees of freedom of a regressor move, all at the same time; without it gestures move one thing after the
+        /// other.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        simultaneous: Option<Simultaneous>,
     },
     /// By a step for each message of the classifier (the original).
     Message {
@@ -33,8 +38,22 @@ pub enum JogProfile {
 }
 
 impl JogProfile {
+    /// What the degrees of freedom of a regressor move; none where gestures move one thing after the other.
+    pub fn simultaneous(&self) -> Option<&Simultaneous> {
+        if let JogProfile::Time { simultaneous, .. } = self { simultaneous.as_ref() } else { None }
+    }
+
+    /// From drives to motion, where a regressor drives.
+    pub(crate) fn driven(&self) -> Option<Driven> {
+        let JogProfile::Time { simultaneous: Some(simultaneous), confirm_open_ms, .. } = self else {
+            return None;
+        };
+        Some(Driven::new(simultaneous, *confirm_open_ms))
+    }
+
     pub(crate) fn check(&self) -> Result<(), ControlError> {
-        let JogProfile::Time { steps, proportional, ramp, .. } = self else { return Ok(()) };
+        let JogProfile::Time { steps, proportional, ramp, simultaneous, .. } = self else { return Ok(()) };
+        simultaneous.as_ref().map_or(Ok(()), Simultaneous::check)?;
         steps.as_ref().map_or(Ok(()), JogSteps::check)?;
         proportional.as_ref().map_or(Ok(()), ProportionalSpeed::check)?;
         ramp.as_ref().map_or(Ok(()), VelocityRamp::check)

@@ -1,11 +1,13 @@
 use crate::inverse::RUNS_AHEAD;
-use crate::jog::{Jog, JogMotion, stop};
+use crate::jog::{Confirm, Jog, JogMotion, stop};
 use crate::ports::ArmKinematics;
+use crate::simultaneous::{Driven, DrivenMotion};
 use crate::{
-    ControlError, ControlInput, ControlMethod, ControlOutput, JointSubset, MotionCommand, Profile, STEP_SECS,
+    ControlError, ControlInput, ControlMethod, ControlOutput, HandCommand, JogProfile, JointSubset,
+    MotionCommand, Profile, STEP_SECS,
 };
 use proact_arm::{ArmModel, JointLimits, is_named};
-use proact_types::{Gesture, JointVector, ModeView, Moves, SimTime, joints, zeros};
+use proact_types::{Gesture, HandState, JointVector, ModeView, Moves, SimTime, joints, zeros};
 
 /// Method A: HO cycles through the joints, WE and WF move the selected one, HC toggles the hand (ProACT,
 /// arXiv:2407.05025, "Direct joint control").
@@ -13,9 +15,16 @@ use proact_types::{Gesture, JointVector, ModeView, Moves, SimTime, joints, zeros
 /// With the pace `time` the joint moves at a speed while the gesture is held, and stops at its limit and when the
 /// gesture ends. With the pace `message` each message adds a step to the joint's goal, as in the original: from
 /// the measured angle after another message, from the last goal after the same one; goals run over the limits.
+///
+/// The word `hand` in `joint_jog.cycle` makes the hand one of the modes: there WE opens it and WF closes it, for who has no
+/// gesture for HC.
+///
+/// With `jog.simultaneous` a regressor's drives move their joints all at the same time, and gestures nothing.
 #[derive(Clone, Debug)]
 pub struct JointJog {
     jog: Jog,
+    /// None where gestures move one joint after the other.
+    driven: Option<Driven>,
     modes: Vec<Mode>,
     limits: Vec<JointLimits>,
     speed: f64,
@@ -23,15 +32,22 @@ pub struct JointJog {
     drift_limit: f64,
     /// The hand has yet to be closed at the start.
     close_first: bool,
+    /// With a block in hand, opening it by its mode is asked for twice.
+    confirm: Confirm,
+    /// What the hand was asked for by its mode, while that lasts.
+    asked: Option<HandCommand>,
     /// The last goal of each joint.
     goals: Option<JointVector>,
     refusal: Option<String>,
 }
 
-/// A joint that is cycled through.
+/// What stands for the hand in the cycle.
+const HAND: &str = "hand";
+
+/// A joint that is cycled through, or the hand.
 #[derive(Clone, Debug)]
 struct Mode {
-    /// Position among the arm joints.
+    /// Position among the arm joints; behind the last is the hand.
     joint: usize,
     we_sign: f64,
     name: String,
@@ -45,8 +61,13 @@ impl JointJog {
     pub fn new(profile: &Profile, model: &ArmModel, subset: &JointSubset) -> Result<Self, ControlError> {
         let settings = &profile.joint_jog;
         let own = &model.settings;
-        let find = |name: &String| subset.find(model, name);
+        let hand = model.arm_count();
+        let find = |name: &String| if name == HAND { Ok(hand) } else { subset.find(model, name) };
+        let at_once = profile.jog.simultaneous();
         let cycle: Vec<usize> = match (settings.cycle.as_slice(), own.cycle.as_slice()) {
+            _ if at_once.is_some() => {
+                at_once.into_iter().flat_map(|drives| drives.moved()).map(find).collect::<Result<_, _>>()?
+            }
             ([], []) => subset.driven().to_vec(),
             // The arm's own order, of those joints that the prosthesis has.
             ([], names) => names.iter().filter_map(|name| find(name).ok()).collect(),
@@ -55,12 +76,13 @@ impl JointJog {
         let mut modes = Vec::new();
         let mut views = Vec::new();
         for joint in cycle {
-            let full = &model.joints[model.arm[joint]].name;
+            let full = model.arm.get(joint).map_or(HAND, |&joint| &model.joints[joint].name);
             let mut entries = settings.joints.iter().chain(&own.joints);
             let entry = entries.find(|entry| is_named(full, &entry.joint));
             let (name, we, wf, sign) = match entry {
                 Some(entry) => (&*entry.name, &*entry.we, &*entry.wf, entry.we_sign),
-                None => (&**full, "+", "-", 1),
+                None if joint == hand => (HAND, "open", "close", 1),
+                None => (full, "+", "-", 1),
             };
             views.push(ModeView {
                 moves: Moves::Joint(joint as u8),
@@ -73,12 +95,18 @@ impl JointJog {
         }
         Ok(Self {
             jog: Jog::new(views, &profile.jog, false),
+            driven: profile.jog.driven(),
             modes,
             limits: model.arm.iter().map(|&j| model.joints[j].limits).collect(),
             speed: settings.speed_rad_per_s,
             step: settings.step_rad,
             drift_limit: settings.drift_limit_rad,
             close_first: settings.starts_closed,
+            confirm: Confirm::new(match profile.jog {
+                JogProfile::Time { confirm_open_ms, .. } => confirm_open_ms,
+                JogProfile::Message { .. } => 0,
+            }),
+            asked: None,
             goals: None,
             refusal: None,
         })
@@ -91,26 +119,76 @@ impl JointJog {
 
     /// The selected joint at its speed, no further than its limit and no further ahead of the arm than allowed.
     fn velocity(&mut self, sign: f64, input: &ControlInput<'_>) -> MotionCommand {
-        let commanded = input.commanded;
-        let mode = &self.modes[self.jog.selected()];
-        let (Some(&angle), Some(limits)) = (commanded.get(mode.joint), self.limits.get(mode.joint)) else {
-            return MotionCommand::Hold;
+        let selected = self.jog.selected();
+        match self.speed_of(selected, sign, input) {
+            Ok(speed) => {
+                let mut speeds = zeros(input.commanded.len());
+                speeds[self.modes[selected].joint] = speed;
+                MotionCommand::Velocity(speeds)
+            }
+            Err(refusal) => {
+                self.refusal = refusal;
+                MotionCommand::Hold
+            }
+        }
+    }
+
+    /// All joints at their shares of the speed. One that cannot move stands, the others go on.
+    fn velocities(&mut self, shares: &[f64], input: &ControlInput<'_>) -> MotionCommand {
+        let mut speeds = zeros(input.commanded.len());
+        for (place, share) in shares.iter().enumerate().filter(|(_, share)| **share != 0.0) {
+            match self.speed_of(place, *share, input) {
+                Ok(speed) => speeds[self.modes[place].joint] = speed,
+                Err(refusal) => self.refusal = refusal.or(self.refusal.take()),
+            }
+        }
+        MotionCommand::Velocity(speeds)
+    }
+
+    /// Speed of the joint of a mode, rad/s, or why it cannot move, if that is worth telling.
+    fn speed_of(&self, place: usize, sign: f64, input: &ControlInput<'_>) -> Result<f64, Option<String>> {
+        let mode = &self.modes[place];
+        let (Some(&angle), Some(limits)) = (input.commanded.get(mode.joint), self.limits.get(mode.joint))
+        else {
+            return Err(None);
         };
         let speed = (sign * mode.we_sign * self.speed).clamp(-limits.velocity, limits.velocity);
         let room = ((limits.lower - angle) / STEP_SECS, (limits.upper - angle) / STEP_SECS);
         let speed = speed.clamp(room.0.min(0.0), room.1.max(0.0));
         if speed == 0.0 {
-            self.refusal = Some(format!("{}: the joint is at its limit", mode.name));
-            return MotionCommand::Hold;
+            return Err(Some(format!("{}: the joint is at its limit", mode.name)));
         }
         let drift = input.measured.get(mode.joint).map_or(0.0, |measured| angle - measured);
         if drift.abs() > self.drift_limit && drift * speed > 0.0 {
-            self.refusal = Some(RUNS_AHEAD.to_owned());
-            return MotionCommand::Hold;
+            return Err(Some(RUNS_AHEAD.to_owned()));
         }
-        let mut speeds = zeros(commanded.len());
-        speeds[mode.joint] = speed;
-        MotionCommand::Velocity(speeds)
+        Ok(speed)
+    }
+
+    /// The hand by its mode, once for each time that it is asked for.
+    fn hand(&mut self, now: SimTime, sign: f64, input: &ControlInput<'_>) -> Option<HandCommand> {
+        let opens = sign * self.modes[self.jog.selected()].we_sign > 0.0;
+        let command = if opens { HandCommand::Open } else { HandCommand::Close };
+        if self.asked.replace(command) == Some(command) {
+            return None;
+        }
+        let closed = matches!(input.hand.state, HandState::Closed | HandState::Closing);
+        let holds = opens && closed && input.hand.holds.is_some();
+        (!holds || self.confirm.granted(now)).then_some(command)
+    }
+
+    /// One step of a regressor's drives.
+    fn drive(&mut self, now: SimTime, driven: &mut Driven, input: &ControlInput<'_>) -> ControlOutput {
+        let (motion, hand) = driven.step(now, input);
+        self.refusal = None;
+        let first = std::mem::take(&mut self.close_first).then_some(HandCommand::Close);
+        let motion = match motion {
+            DrivenMotion::None => None,
+            DrivenMotion::Stop => Some(stop(input, self.drift_limit)),
+            DrivenMotion::Shares(shares) => Some(self.velocities(&shares, input)),
+        };
+        let shown = self.jog.shown_at_once(self.refusal.as_deref(), driven.waits_secs(now));
+        ControlOutput { motion, hand: hand.or(first), shown, ..ControlOutput::default() }
     }
 
     /// One step on from where the joint is, or from where it was last sent.
@@ -134,13 +212,26 @@ impl ControlMethod for JointJog {
         input: &ControlInput<'_>,
         _kinematics: &mut dyn ArmKinematics,
     ) -> ControlOutput {
+        if let Some(mut driven) = self.driven.take() {
+            let output = self.drive(now, &mut driven, input);
+            self.driven = Some(driven);
+            return output;
+        }
         let (motion, hand) = self.jog.step(now, input);
         // What was refused stays on display between the messages of a gesture that goes on.
         let moves = matches!(input.gesture, Gesture::WristExtension | Gesture::WristFlexion);
         if motion != JogMotion::None || !moves {
             self.refusal = None;
         }
-        let first = std::mem::take(&mut self.close_first).then_some(crate::HandCommand::Close);
+        let first = std::mem::take(&mut self.close_first).then_some(HandCommand::Close);
+        let on_hand = self.modes.get(self.jog.selected()).is_some_and(|mode| mode.joint == self.limits.len());
+        if let (true, JogMotion::Speed(sign) | JogMotion::Step { sign, .. }) = (on_hand, motion) {
+            let hand = self.hand(now, sign, input).or(hand).or(first);
+            return ControlOutput { hand, shown: self.jog.shown(None), ..ControlOutput::default() };
+        }
+        if input.gesture != Gesture::WristExtension && input.gesture != Gesture::WristFlexion {
+            self.asked = None;
+        }
         let motion = match motion {
             JogMotion::None => None,
             JogMotion::Stop => Some(stop(input, self.drift_limit)),

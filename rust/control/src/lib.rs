@@ -8,6 +8,7 @@ mod build;
 mod dead_man;
 pub mod doubles;
 mod end_effector_jog;
+mod error;
 mod gaze_assisted;
 mod gaze_toggled;
 mod guide;
@@ -22,6 +23,7 @@ mod pipe;
 pub mod ports;
 mod profile;
 mod registry;
+mod simultaneous;
 mod subset;
 mod synergy;
 mod watch;
@@ -30,6 +32,7 @@ pub use blend::Blend;
 pub use build::build;
 pub use dead_man::DeadMan;
 pub use end_effector_jog::EndEffectorJog;
+pub use error::ControlError;
 pub use gaze_assisted::GazeAssisted;
 pub use gaze_toggled::GazeToggled;
 pub use guide::Guide;
@@ -43,11 +46,12 @@ pub use method::{
 };
 pub use pipe::{InputLine, OutputLine, PipeMethod};
 pub use profile::{
-    Axis, AxisEntry, AxisMotion, BlendProfile, ControlError, DampedProfile, DeadManProfile,
-    EndEffectorJogProfile, GazeAssistedProfile, InverseProfile, JointJogProfile, LimiterProfile,
-    LockOnceProfile, MoorePenroseProfile, Profile, ToggleLocksProfile,
+    Axis, AxisEntry, AxisMotion, BlendProfile, DampedProfile, DeadManProfile, EndEffectorJogProfile,
+    GazeAssistedProfile, InverseProfile, JointJogProfile, LimiterProfile, LockOnceProfile,
+    MoorePenroseProfile, Profile, ToggleLocksProfile,
 };
 pub use registry::{MakeMethod, MethodEntry, MethodProgram, MethodRegistry, OUTSIDE};
+pub use simultaneous::Simultaneous;
 pub use subset::{FollowsLimb, JointSubset};
 pub use synergy::{Synergy, SynergyProfile, SynergyRule};
 pub use watch::SourceWatch;

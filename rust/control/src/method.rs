@@ -14,6 +14,9 @@ pub struct ControlInput<'a> {
     pub recognised: GestureName,
     /// How hard the gesture is made, 0 to 1; one for keys.
     pub effort: f64,
+    /// Drive of each degree of freedom of [`Simultaneous::drives`](crate::Simultaneous), in their order, -1 to 1; empty
+    /// without that setting, all zero while the EMG is not to be trusted.
+    pub drives: &'a [f64],
     /// The gesture that the EMG stage published in this tick; none between its messages.
     pub message: Option<Gesture>,
     /// Angles of the arm joints as measured, rad.

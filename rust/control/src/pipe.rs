@@ -26,6 +26,9 @@ pub struct InputLine {
     /// [`ControlInput::effort`].
     #[serde(default)]
     pub effort: f64,
+    /// [`ControlInput::drives`].
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub drives: Vec<f64>,
     /// [`ControlInput::message`].
     pub message: Option<Gesture>,
     /// [`ControlInput::measured`].
@@ -197,6 +200,7 @@ impl<P: MethodProcess> ControlMethod for PipeMethod<P> {
             gesture: input.gesture,
             recognised: input.recognised,
             effort: input.effort,
+            drives: input.drives.to_vec(),
             message: input.message,
             measured: joints(input.measured),
             commanded: joints(input.commanded),

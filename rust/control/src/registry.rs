@@ -195,6 +195,11 @@ impl MethodEntry {
                 "plans its motions, there is no speed to blend: leave profile.blend out, or use method A or B",
             );
         }
+        if needs.plans && profile.jog.simultaneous().is_some() {
+            return refuse(
+                "plans its motions, a regressor has nothing to drive: leave profile.jog.simultaneous out, or use method A or B",
+            );
+        }
         Ok(())
     }
 }
@@ -257,7 +262,7 @@ impl MethodRegistry {
                     "axis",
                 ),
             ),
-            |profile, model, subset| Ok(Box::new(EndEffectorJog::new(profile, model, subset))),
+            |profile, model, subset| Ok(Box::new(EndEffectorJog::new(profile, model, subset)?)),
         );
         let c = MethodEntry::new(
             info(

@@ -82,6 +82,12 @@ impl Synergy {
     /// # Errors
     /// A leader that the own limb does not have, a follower that is not driven, numbers out of range.
     pub fn new(profile: &Profile, model: &ArmModel, subset: &JointSubset) -> Result<Self, ControlError> {
+        if profile.jog.simultaneous().is_some() {
+            return Err(ControlError::Unsupported {
+                method: "synergy".to_owned(),
+                reason: "moves a joint while a gesture is held: leave profile.jog.simultaneous out, or use method A or B",
+            });
+        }
         let settings = profile.synergy.clone().unwrap_or_default();
         let name = |joint: usize| &*model.joints[model.arm[joint]].name;
         let own: Vec<usize> = (0..model.arm_count()).filter(|&joint| !subset.contains(joint)).collect();

@@ -1,5 +1,5 @@
 use crate::{DeviceError, Recordings, train};
-use proact_emg::{EmgConfig, RecognitionMetrics};
+use proact_emg::{DriveScore, EmgConfig, RecognitionMetrics};
 use proact_types::GestureName;
 use serde::Serialize;
 
@@ -19,6 +19,9 @@ pub struct Evaluation {
     pub metrics: RecognitionMetrics,
     /// The gesture of each row and column.
     pub classes: Vec<GestureName>,
+    /// Each degree of freedom of a regressor; none of a classifier. Classes are then what is driven most.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub drives: Vec<DriveScore>,
 }
 
 /// Trains on some repetitions of all gestures in `recordings` and tests on others.
@@ -42,15 +45,23 @@ pub fn evaluate(
     let classes = classifier.gestures().to_vec();
     let mut confusion = vec![vec![0; classes.len()]; classes.len()];
     let mut seen = Vec::new();
+    let driven = classifier.degrees_of_freedom();
+    let mut drives = vec![Vec::new(); driven.len()];
     for &rep in test_reps {
-        for (row, &gesture) in classes.iter().enumerate() {
+        // Nobody records the co-contraction of two sites.
+        for (row, &gesture) in classes.iter().enumerate().filter(|(_, gesture)| config.learns(**gesture)) {
             for window in recordings.find(gesture, rep)?.windows(config)? {
-                let place = classifier.predict(&window)?.place;
+                let prediction = classifier.predict(&window)?;
+                let place = prediction.place;
+                for ((pairs, drive), value) in drives.iter_mut().zip(driven).zip(&prediction.drives) {
+                    pairs.push((drive.target(gesture), *value));
+                }
                 confusion[row][place] += 1;
                 seen.push((row, place));
             }
         }
     }
+    let drives = driven.iter().zip(&drives).map(|(drive, pairs)| DriveScore::of(*drive, pairs)).collect();
     let windows = confusion.iter().flatten().sum();
     let correct = (0..classes.len()).map(|k| confusion[k][k]).sum();
     let metrics = RecognitionMetrics::of(&seen, classifier.place(config.rest).ok());
@@ -61,5 +72,6 @@ pub fn evaluate(
         confusion,
         metrics,
         classes,
+        drives,
     })
 }

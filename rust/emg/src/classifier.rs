@@ -1,8 +1,9 @@
-use crate::discriminant::{Discriminant, TrainingSet};
-use crate::{ClassifierKind, EmgConfig, EmgError, FeatureLayout, FeatureSet, Lda};
+use crate::discriminant::{Discriminant, Sites, TrainingSet};
+use crate::two_site::{SiteCommand, SiteSwitch};
+use crate::{ClassifierKind, EmgConfig, EmgError, FeatureLayout, FeatureSet, Lda, Site};
 use arrayvec::ArrayVec;
 use nalgebra::DMatrix;
-use proact_types::{GestureName, MAX_EMG_CHANNELS, MAX_GESTURES};
+use proact_types::{DegreeOfFreedom, Drives, GestureName, MAX_EMG_CHANNELS, MAX_GESTURES, SimTime};
 use serde::{Deserialize, Serialize};
 
 /// Probability of each gesture of a classifier, in the order of [`Classifier::gestures`].
@@ -24,8 +25,11 @@ pub struct Prediction {
     pub class: GestureName,
     /// Its place in [`Classifier::gestures`].
     pub place: usize,
-    /// Probability of each gesture, in the order of [`Classifier::gestures`].
+    /// Probability of each gesture, in the order of [`Classifier::gestures`]. Of a regressor the shares of the drives: they
+    /// say how these compare, not how probable a gesture is.
     pub posterior: ClassPosterior,
+    /// Drive of each of [`Classifier::degrees_of_freedom`] before the dead band, -1 to 1; empty of a classifier.
+    pub drives: Drives,
 }
 
 impl Prediction {
@@ -102,7 +106,14 @@ impl Classifier {
             return Err(EmgError::FeatureCount { got: window.as_ref().len(), expected });
         }
         let labels: Vec<GestureName> = labels.iter().map(|label| (*label).into()).collect();
-        let gestures = distinct(labels.iter().copied());
+        let kept: Vec<usize> = (0..labels.len()).filter(|k| config.learns(labels[*k])).collect();
+        let labels: Vec<GestureName> = kept.iter().map(|k| labels[*k]).collect();
+        let windows: Vec<&F> = kept.iter().map(|k| &windows[*k]).collect();
+        // A co-contraction is not recorded, and the thresholds of two sites say themselves what effort is.
+        let two_site = config.classifier == ClassifierKind::TwoSite;
+        let switch = two_site.then_some(config.two_site.switch);
+        let amplitudes = amplitudes.filter(|_| !two_site);
+        let gestures = distinct(labels.iter().copied().chain(switch));
         if gestures.len() > MAX_GESTURES {
             return Err(EmgError::TooManyClasses { got: gestures.len() });
         }
@@ -111,9 +122,10 @@ impl Classifier {
         let samples = DMatrix::from_row_iterator(
             windows.len(),
             expected,
-            windows.iter().flat_map(|w| w.as_ref().iter().copied()),
+            windows.iter().flat_map(|w| (*w).as_ref().iter().copied()),
         );
-        let set = TrainingSet { samples: &samples, labels: &classes, classes: gestures.len() };
+        let set =
+            TrainingSet { samples: &samples, labels: &classes, classes: gestures.len(), gestures: &gestures };
         let discriminant = Discriminant::fit(config, &set)?;
 
         // LibEMG's velocity control: the middle of each gesture's range of summed MAV.
@@ -182,6 +194,8 @@ impl Classifier {
             && self.gestures.windows(2).all(|pair| pair[0] < pair[1])
             && (self.efforts.is_empty() || self.efforts.len() == classes)
             && finite
+            && self.discriminant.regressor().is_none_or(|regressor| regressor.names(&self.gestures))
+            && self.discriminant.sites().is_none_or(|sites| sites.names(&self.gestures))
     }
 
     /// The gestures that it tells apart, in alphabetical order.
@@ -192,6 +206,40 @@ impl Classifier {
     /// What tells the gestures apart.
     pub fn kind(&self) -> ClassifierKind {
         self.discriminant.kind()
+    }
+
+    /// The degrees of freedom that a regressor drives, in the order of [`Prediction::drives`]; none of a classifier.
+    pub fn degrees_of_freedom(&self) -> &[DegreeOfFreedom] {
+        self.discriminant.regressor().map_or(&[], |regressor| regressor.drives())
+    }
+
+    /// The two muscle sites of direct control; none of another kind.
+    pub fn sites(&self) -> Option<&[Site; 2]> {
+        self.discriminant.sites().map(Sites::sites)
+    }
+
+    /// What two sites ask for in a window that ended at `now`: the class, and how hard, 0 to 1. None of another kind.
+    pub(crate) fn direct(
+        &self,
+        switch: &mut SiteSwitch,
+        now: SimTime,
+        features: &[f64],
+    ) -> Option<(GestureName, f64)> {
+        let sites = self.discriminant.sites()?;
+        let levels = sites.levels(features);
+        Some(match switch.step(now, levels) {
+            SiteCommand::Rest => (self.gestures[sites.rest()], 0.0),
+            SiteCommand::Switch => (self.gestures[sites.switch()], 0.0),
+            SiteCommand::Site(site) => (self.gestures[sites.place_of(site)], levels[site].clamp(0.0, 1.0)),
+        })
+    }
+
+    /// The same with another [`crate::RegressionConfig::dead_band`]; a classifier has none.
+    pub(crate) fn with_dead_band(mut self, dead_band: f64) -> Classifier {
+        if let Some(regressor) = self.discriminant.regressor_mut() {
+            regressor.set_dead_band(dead_band);
+        }
+        self
     }
 
     /// Values in the vectors that it takes.
@@ -221,7 +269,8 @@ impl Classifier {
         }
         let best = (1..values.len()).fold(0, |best, k| if values[k] > values[best] { k } else { best });
         self.discriminant.posterior(&mut values);
-        Ok(Prediction { class: self.gestures[best], place: best, posterior: values })
+        let drives = self.discriminant.drives(features);
+        Ok(Prediction { class: self.gestures[best], place: best, posterior: values, drives })
     }
 
     /// How hard `gesture` is performed, 0 to 1: the summed MAV of the window between the gesture's limits, which

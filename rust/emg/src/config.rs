@@ -1,5 +1,8 @@
 use crate::filter::FilterBank;
-use crate::{ClassifierKind, EmgError, EmgFilter, FeatureLayout, FeatureSet, LivenessConfig};
+use crate::{
+    ClassifierKind, EmgError, EmgFilter, FeatureLayout, FeatureSet, LivenessConfig, RegressionConfig,
+    TwoSiteConfig,
+};
 use proact_types::{GestureName, MAX_EMG_CHANNELS};
 use serde::{Deserialize, Serialize};
 use std::num::NonZeroU32;
@@ -124,6 +127,12 @@ pub struct EmgConfig {
     /// `no_motion`.
     #[serde(skip_serializing_if = "is_no_motion")]
     pub rest: GestureName,
+    /// Degrees of freedom of a regressor.
+    #[serde(skip_serializing_if = "RegressionConfig::is_default")]
+    pub regression: RegressionConfig,
+    /// Direct control by two sites.
+    #[serde(skip_serializing_if = "TwoSiteConfig::is_default")]
+    pub two_site: TwoSiteConfig,
 }
 
 /// How short gaps in a live stream are bridged: lost samples are put on a straight line between their neighbours, and are
@@ -171,6 +180,8 @@ impl Default for EmgConfig {
             liveness: LivenessConfig::default(),
             bridge: BridgeConfig::default(),
             rest: GestureName::default(),
+            regression: RegressionConfig::default(),
+            two_site: TwoSiteConfig::default(),
         }
     }
 }
@@ -202,6 +213,18 @@ impl EmgConfig {
     /// [`EmgError`] if the increment has no usable length.
     pub fn increment_samples(&self) -> Result<usize, EmgError> {
         self.increment.samples(self.rate_hz)
+    }
+
+    /// Whether recordings of `gesture` are trained on: two sites take those of their pair and of rest alone.
+    pub fn learns(&self, gesture: GestureName) -> bool {
+        self.classifier != ClassifierKind::TwoSite
+            || gesture == self.rest
+            || self.two_site.gestures().contains(&gesture)
+    }
+
+    /// Time from one window to the next, milliseconds.
+    pub(crate) fn increment_millis(&self) -> Result<f64, EmgError> {
+        Ok(1000.0 * self.increment_samples()? as f64 / self.rate_hz)
     }
 
     /// Where the values of the features stand in the vector of a window.
@@ -256,7 +279,16 @@ impl EmgConfig {
             return refused("bridge.most_share", self.bridge.most_share, "0 to 0.5");
         }
         self.liveness.check(self.channels)?;
-        let increment_millis = 1000.0 * self.increment_samples()? as f64 / self.rate_hz;
+        if self.classifier.is_regression() {
+            self.regression.check(self.rest)?;
+        }
+        if self.classifier == ClassifierKind::TwoSite {
+            self.two_site.check(self)?;
+        }
+        if self.rejection.is_some() && !self.classifier.has_posterior() {
+            return Err(EmgError::NothingToReject { kind: self.classifier });
+        }
+        let increment_millis = self.increment_millis()?;
         // With a shorter age than the time between two windows the stream would always be stale.
         if (self.max_age_millis as f64) < increment_millis {
             return Err(EmgError::Age { max_age_millis: self.max_age_millis, increment_millis });

@@ -4,12 +4,15 @@ mod forest;
 mod naive_bayes;
 mod neighbours;
 mod quadratic;
+mod regressor;
 mod sigmoid;
+mod sites;
 mod support_vectors;
 
 use crate::lda::softmax;
 use crate::{EmgConfig, EmgError, Lda};
 use nalgebra::DMatrix;
+use proact_types::{Drives, GestureName};
 use serde::{Deserialize, Serialize};
 use std::{fmt, str::FromStr};
 
@@ -17,6 +20,9 @@ pub(crate) use forest::Forest;
 pub(crate) use naive_bayes::NaiveBayes;
 pub(crate) use neighbours::Neighbours;
 pub(crate) use quadratic::Quadratic;
+pub(crate) use regressor::Regressor;
+pub use sites::Site;
+pub(crate) use sites::Sites;
 pub(crate) use support_vectors::SupportVectors;
 
 /// How windows are told apart. The names are LibEMG's, in small letters; the definitions are scikit-learn's with its
@@ -40,14 +46,32 @@ pub enum ClassifierKind {
     /// A forest of 100 trees, each grown on a draw of the windows and looking at the root of the number of features at each
     /// node. Draws have a fixed seed, so that the same windows give the same forest.
     Rf,
+    /// Linear regression: no classes but degrees of freedom, driven in proportion and at the same time
+    /// ([`crate::RegressionConfig`]); features are standardised.
+    Linear,
+    /// The same with a penalty on the squared coefficients.
+    Ridge,
+    /// Direct control: the mean absolute value of one channel for each of two gestures, and switching by co-contraction
+    /// ([`crate::TwoSiteConfig`]).
+    TwoSite,
 }
 
 impl ClassifierKind {
     /// All of them, in the order in which they are listed.
-    pub const ALL: [ClassifierKind; 6] = {
+    pub const ALL: [ClassifierKind; 9] = {
         use ClassifierKind::*;
-        [Lda, Qda, Nb, Knn, Svm, Rf]
+        [Lda, Qda, Nb, Knn, Svm, Rf, Linear, Ridge, TwoSite]
     };
+
+    /// Whether it drives degrees of freedom in the place of telling gestures apart.
+    pub fn is_regression(self) -> bool {
+        matches!(self, ClassifierKind::Linear | ClassifierKind::Ridge)
+    }
+
+    /// Whether it tells how probable a gesture is.
+    pub fn has_posterior(self) -> bool {
+        !self.is_regression() && self != ClassifierKind::TwoSite
+    }
 
     pub(crate) fn is_lda(&self) -> bool {
         *self == ClassifierKind::Lda
@@ -63,6 +87,9 @@ impl fmt::Display for ClassifierKind {
             ClassifierKind::Knn => "knn",
             ClassifierKind::Svm => "svm",
             ClassifierKind::Rf => "rf",
+            ClassifierKind::Linear => "linear",
+            ClassifierKind::Ridge => "ridge",
+            ClassifierKind::TwoSite => "two_site",
         })
     }
 }
@@ -87,6 +114,9 @@ pub(crate) enum Discriminant {
     Knn(Neighbours),
     Svm(SupportVectors),
     Rf(Forest),
+    Linear(Regressor),
+    Ridge(Regressor),
+    TwoSite(Sites),
 }
 
 /// What a discriminant learns from: `[windows][features]` and the class of each window.
@@ -94,6 +124,8 @@ pub(crate) struct TrainingSet<'a> {
     pub(crate) samples: &'a DMatrix<f64>,
     pub(crate) labels: &'a [usize],
     pub(crate) classes: usize,
+    /// The gesture of each class.
+    pub(crate) gestures: &'a [GestureName],
 }
 
 impl TrainingSet<'_> {
@@ -126,8 +158,13 @@ impl Discriminant {
     /// # Errors
     /// Data that cannot be learnt from: too few windows, nothing that varies, values that are not finite.
     pub(crate) fn fit(config: &EmgConfig, set: &TrainingSet<'_>) -> Result<Discriminant, EmgError> {
-        let counts = crate::lda::check(set.samples, set.labels, set.classes)?;
+        // A co-contraction is a class without windows, which the others refuse.
+        let counts = match config.classifier {
+            ClassifierKind::TwoSite => Vec::new(),
+            _ => crate::lda::check(set.samples, set.labels, set.classes)?,
+        };
         let priors = config.priors.of(&counts);
+        let regress = |alpha| Regressor::fit(set, &config.regression, config.rest, alpha);
         Ok(match config.classifier {
             ClassifierKind::Lda => Discriminant::Lda(Lda::fit_with_priors(
                 set.samples,
@@ -141,6 +178,9 @@ impl Discriminant {
             ClassifierKind::Knn => Discriminant::Knn(Neighbours::fit(set)),
             ClassifierKind::Svm => Discriminant::Svm(SupportVectors::fit(set)?),
             ClassifierKind::Rf => Discriminant::Rf(Forest::fit(set)),
+            ClassifierKind::Linear => Discriminant::Linear(regress(0.0)?),
+            ClassifierKind::Ridge => Discriminant::Ridge(regress(config.regression.alpha)?),
+            ClassifierKind::TwoSite => Discriminant::TwoSite(Sites::fit(set, config)?),
         })
     }
 
@@ -152,6 +192,9 @@ impl Discriminant {
             Discriminant::Knn(_) => ClassifierKind::Knn,
             Discriminant::Svm(_) => ClassifierKind::Svm,
             Discriminant::Rf(_) => ClassifierKind::Rf,
+            Discriminant::Linear(_) => ClassifierKind::Linear,
+            Discriminant::Ridge(_) => ClassifierKind::Ridge,
+            Discriminant::TwoSite(_) => ClassifierKind::TwoSite,
         }
     }
 
@@ -163,6 +206,8 @@ impl Discriminant {
             Discriminant::Knn(d) => d.classes(),
             Discriminant::Svm(d) => d.classes(),
             Discriminant::Rf(d) => d.classes(),
+            Discriminant::Linear(d) | Discriminant::Ridge(d) => d.classes(),
+            Discriminant::TwoSite(d) => d.classes(),
         }
     }
 
@@ -174,6 +219,8 @@ impl Discriminant {
             Discriminant::Knn(d) => d.features(),
             Discriminant::Svm(d) => d.features(),
             Discriminant::Rf(d) => d.features(),
+            Discriminant::Linear(d) | Discriminant::Ridge(d) => d.features(),
+            Discriminant::TwoSite(d) => d.features(),
         }
     }
 
@@ -186,6 +233,8 @@ impl Discriminant {
             Discriminant::Knn(d) => d.is_sound(),
             Discriminant::Svm(d) => d.is_sound(),
             Discriminant::Rf(d) => d.is_sound(),
+            Discriminant::Linear(d) | Discriminant::Ridge(d) => d.is_sound(),
+            Discriminant::TwoSite(d) => d.is_sound(),
         }
     }
 
@@ -198,6 +247,9 @@ impl Discriminant {
             Discriminant::Knn(d) => Discriminant::Knn(d.map_features(order)),
             Discriminant::Svm(d) => Discriminant::Svm(d.map_features(order)),
             Discriminant::Rf(d) => Discriminant::Rf(d.map_features(order)),
+            Discriminant::Linear(d) => Discriminant::Linear(d.map_features(order)),
+            Discriminant::Ridge(d) => Discriminant::Ridge(d.map_features(order)),
+            Discriminant::TwoSite(d) => Discriminant::TwoSite(d.map_features(order)),
         })
     }
 
@@ -210,6 +262,8 @@ impl Discriminant {
             Discriminant::Knn(d) => d.scores(features, out),
             Discriminant::Svm(d) => d.scores(features, out),
             Discriminant::Rf(d) => d.scores(features, out),
+            Discriminant::Linear(d) | Discriminant::Ridge(d) => d.scores(features, out),
+            Discriminant::TwoSite(d) => d.scores(features, out),
         }
     }
 
@@ -219,7 +273,30 @@ impl Discriminant {
             Discriminant::Lda(_) | Discriminant::Qda(_) | Discriminant::Nb(_) => softmax(scores),
             // Theirs are probabilities.
             Discriminant::Knn(_) | Discriminant::Svm(_) | Discriminant::Rf(_) => {}
+            // Nor has this one anything but yes and no.
+            Discriminant::TwoSite(_) => {}
+            Discriminant::Linear(_) | Discriminant::Ridge(_) => Regressor::posterior(scores),
         }
+    }
+
+    /// The sites of direct control; none of another kind.
+    pub(crate) fn sites(&self) -> Option<&Sites> {
+        if let Discriminant::TwoSite(d) = self { Some(d) } else { None }
+    }
+
+    /// What drives degrees of freedom; none of a classifier.
+    pub(crate) fn regressor(&self) -> Option<&Regressor> {
+        if let Discriminant::Linear(d) | Discriminant::Ridge(d) = self { Some(d) } else { None }
+    }
+
+    /// The same to be changed.
+    pub(crate) fn regressor_mut(&mut self) -> Option<&mut Regressor> {
+        if let Discriminant::Linear(d) | Discriminant::Ridge(d) = self { Some(d) } else { None }
+    }
+
+    /// Each drive before the dead band, -1 to 1, NaN where it overflows; empty of a classifier.
+    pub(crate) fn drives(&self, features: &[f64]) -> Drives {
+        self.regressor().map(|regressor| regressor.predict(features)).unwrap_or_default()
     }
 }
 
@@ -232,6 +309,8 @@ mod tests {
     struct Reference {
         train: Vec<Vec<f64>>,
         labels: Vec<usize>,
+        #[serde(default)]
+        gestures: Vec<GestureName>,
         test: Vec<Vec<f64>>,
         truth: Vec<usize>,
         qda: Answers,
@@ -272,8 +351,13 @@ mod tests {
         }
 
         fn set<'a>(&'a self, samples: &'a DMatrix<f64>) -> TrainingSet<'a> {
-            TrainingSet { samples, labels: &self.labels, classes: 4 }
+            TrainingSet { samples, labels: &self.labels, classes: 4, gestures: &self.gestures }
         }
+    }
+
+    /// Those that tell classes apart.
+    fn classifiers() -> impl Iterator<Item = ClassifierKind> {
+        ClassifierKind::ALL.into_iter().filter(|kind| kind.has_posterior())
     }
 
     fn answers(of: &Discriminant, windows: &[Vec<f64>]) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
@@ -346,7 +430,7 @@ mod tests {
             values.rotate_left(2);
             values
         };
-        for kind in ClassifierKind::ALL {
+        for kind in classifiers() {
             let fitted = reference.fit(kind);
             assert!(fitted.is_sound() && fitted.kind() == kind);
             let json = serde_json::to_string(&fitted).expect("it can be written");
@@ -367,8 +451,13 @@ mod tests {
         let reference = Reference::read();
         let mut samples = reference.matrix();
         samples.column_mut(3).fill(1.0);
-        let few = TrainingSet { samples: &samples, labels: &reference.labels, classes: 4 };
-        for kind in ClassifierKind::ALL {
+        let few = TrainingSet {
+            samples: &samples,
+            labels: &reference.labels,
+            classes: 4,
+            gestures: &reference.gestures,
+        };
+        for kind in classifiers() {
             let config = EmgConfig { classifier: kind, ..EmgConfig::default() };
             let fitted = Discriminant::fit(&config, &few);
             match kind {

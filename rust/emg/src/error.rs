@@ -1,6 +1,6 @@
 use crate::WindowLength;
 use crate::feature::known_names;
-use proact_types::{GestureName, MAX_EMG_CHANNELS, MAX_GESTURES};
+use proact_types::{DegreeOfFreedom, GestureName, MAX_EMG_CHANNELS, MAX_GESTURES};
 
 /// What can be wrong with settings, training data or features.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -72,7 +72,7 @@ pub enum EmgError {
         name: String,
     },
     /// No such classifier.
-    #[error("{name:?} is no classifier; known are lda qda nb knn svm rf")]
+    #[error("{name:?} is no classifier; known are lda qda nb knn svm rf linear ridge two_site")]
     UnknownClassifier {
         /// As given.
         name: String,
@@ -100,6 +100,70 @@ pub enum EmgError {
     AdaptsLdaOnly {
         /// Of the model.
         kind: crate::ClassifierKind,
+    },
+    /// A gesture drives two degrees of freedom, or is the relaxed hand.
+    #[error(
+        "the degree of freedom {drive} of emg.regression.drives has {gesture}, which is {}; expected different gestures \
+         for each, none of them the rest gesture",
+        if *rests { "the rest gesture" } else { "another's already" }
+    )]
+    DrivenTwice {
+        /// The gesture.
+        gesture: GestureName,
+        /// The degree of freedom that has it too.
+        drive: String,
+        /// It is that of the relaxed hand.
+        rests: bool,
+    },
+    /// No recording of a gesture that a degree of freedom is driven by.
+    #[error(
+        "the training data has no {gesture}, which the degree of freedom {drive} needs; it has {}: record it, or name the \
+         degrees of freedom that there are with --drives or emg.regression.drives",
+        names(known)
+    )]
+    NoDriveGesture {
+        /// The gesture that is missing.
+        gesture: String,
+        /// The degree of freedom that it drives.
+        drive: String,
+        /// Gestures of the training data.
+        known: Vec<GestureName>,
+    },
+    /// Recordings of a gesture that drives nothing.
+    #[error(
+        "the training data has {gesture}, which drives none of the degrees of freedom {}: name its degree of freedom with \
+         --drives or emg.regression.drives, or leave its recordings out",
+        drives.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")
+    )]
+    UnpairedGesture {
+        /// The gesture.
+        gesture: GestureName,
+        /// The degrees of freedom.
+        drives: Vec<DegreeOfFreedom>,
+    },
+    /// Direct control by two sites cannot be.
+    #[error("emg.two_site: {reason}")]
+    TwoSite {
+        /// What was given, what was expected, and what to do.
+        reason: String,
+    },
+    /// Windows cannot be rejected by a probability that there is not.
+    #[error(
+        "emg.rejection is set, but {kind} gives no probability of a gesture to reject windows by: leave it out"
+    )]
+    NothingToReject {
+        /// What decodes.
+        kind: crate::ClassifierKind,
+    },
+    /// Settings of a classifier with a regressor, or the other way round.
+    #[error(
+        "emg.classifier is {asked}, but the model is {trained}: leave the setting to the model, or train anew"
+    )]
+    OtherDecoder {
+        /// In the settings.
+        asked: crate::ClassifierKind,
+        /// Of the model.
+        trained: crate::ClassifierKind,
     },
     /// As many labels as windows are needed.
     #[error("got {labels} labels for {windows} windows, expected one each")]

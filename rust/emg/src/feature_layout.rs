@@ -31,6 +31,11 @@ impl FeatureLayout {
         })
     }
 
+    /// Where the mean absolute values of the channels stand; none without MAV.
+    pub(crate) fn mean_absolute_values(&self) -> Option<Range<usize>> {
+        self.range_of(Feature::Mav)
+    }
+
     /// Number of values of a window.
     pub fn count(&self) -> usize {
         self.parts().last().map_or(0, |(_, _, range)| range.end)

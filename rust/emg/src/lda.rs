@@ -237,7 +237,7 @@ pub(crate) fn check(
 ///
 /// nalgebra's own decomposition gave wrong vectors for some matrices with duplicated and constant columns, which
 /// dead channels bring; the test of the closed form in `moments.rs` found it.
-fn decompose(matrix: DMatrix<f64>) -> Result<(DVector<f64>, DMatrix<f64>), EmgError> {
+pub(crate) fn decompose(matrix: DMatrix<f64>) -> Result<(DVector<f64>, DMatrix<f64>), EmgError> {
     // Six to ten sweeps are usual.
     const MOST_SWEEPS: usize = 60;
     let mut columns = if matrix.nrows() > matrix.ncols() { matrix.qr().unpack_r() } else { matrix };

@@ -45,7 +45,9 @@ mod classifier;
 mod config;
 mod decision;
 mod discriminant;
+mod drives;
 mod error;
+mod extract;
 mod feature;
 mod feature_layout;
 mod feature_set;
@@ -62,17 +64,19 @@ mod motion_test;
 mod pipeline;
 mod quality;
 mod recorded_quality;
+mod regression;
 mod rotation;
 mod selection;
 mod spectrum;
 mod tac;
+mod two_site;
 mod usability_test;
 mod window;
 
 pub use adaptation::{Adaptation, AdaptationConfig};
 pub use calibration::{
-    Calibration, CalibrationConfig, CalibrationEvent, CalibrationReport, Phase, Prompt, Refusal, Repetition,
-    RepetitionScore, ZeroLevel, cross_validate,
+    Calibration, CalibrationConfig, CalibrationEvent, CalibrationReport, DriveScore, Phase, Prompt, Refusal,
+    Repetition, RepetitionScore, ZeroLevel, cross_validate,
 };
 pub use classifier::{ClassPosterior, Classifier, EffortScale, Prediction};
 pub use config::{
@@ -80,8 +84,9 @@ pub use config::{
     RuleKind, WindowLength,
 };
 pub use decision::{Decision, DecisionRule, MajorityVote};
-pub use discriminant::ClassifierKind;
+pub use discriminant::{ClassifierKind, Site};
 pub use error::EmgError;
+pub use extract::{extract, extract_with_amplitudes};
 pub use feature::Feature;
 pub use feature_layout::FeatureLayout;
 pub use feature_set::FeatureSet;
@@ -94,12 +99,14 @@ pub use metrics::RecognitionMetrics;
 pub use model::{ChannelStatistics, EmgModel, MODEL_FORMAT, StreamFormat};
 pub use moments::Moments;
 pub use motion_test::{MotionAttempt, MotionReport, MotionTest, MotionTestConfig};
-pub use pipeline::{EmgOutput, EmgPipeline, StreamEvents, extract, extract_with_amplitudes};
+pub use pipeline::{EmgOutput, EmgPipeline, StreamEvents};
 pub use quality::{ChannelFault, ChannelQuality, Light, QualityConfig, QualityMonitor, StreamQuality};
 pub use recorded_quality::{RecordedFault, RecordedRepetition, check_recordings};
+pub use regression::RegressionConfig;
 pub use rotation::{BandProposal, RollEvidence, RotationReport, accuracy_at, check_rotation};
 pub use selection::{SelectedFeature, SelectionCriterion, SelectionData, select_features};
 pub use tac::{TacAxis, TacConfig, TacPhase, TacReport, TacTarget, TacTest, TacTrial};
+pub use two_site::TwoSiteConfig;
 pub use usability_test::{
     HoldConfig, HoldReport, HoldTest, SequenceConfig, SequenceMistake, SequenceReport, SequenceTest,
 };

@@ -1,6 +1,7 @@
 use crate::moments::Moments;
 use crate::{
-    Classifier, EmgConfig, EmgError, EmgFilter, LivenessConfig, extract_with_amplitudes, noise_floors,
+    Classifier, ClassifierKind, EmgConfig, EmgError, EmgFilter, LivenessConfig, extract_with_amplitudes,
+    noise_floors,
 };
 use proact_types::{EmgSample, GestureName};
 use serde::{Deserialize, Serialize};
@@ -80,7 +81,7 @@ impl EmgModel {
         let (mut windows, mut labels, mut amplitudes) = (Vec::new(), Vec::new(), Vec::new());
         let mut channels = vec![ChannelStatistics::default(); config.channels];
         let mut rest = vec![Vec::new(); config.channels];
-        for (gesture, samples) in recordings {
+        for (gesture, samples) in recordings.iter().filter(|(gesture, _)| config.learns((*gesture).into())) {
             let gesture: GestureName = (*gesture).into();
             let centred: Vec<EmgSample> = samples.iter().map(|s| centred(s, centring)).collect();
             let (vectors, sums) = extract_with_amplitudes(config, &centred)?;
@@ -152,6 +153,15 @@ impl EmgModel {
                 ("emg.ssc_threshold", config.ssc_threshold.to_string()),
                 ("emg.wamp_threshold", config.wamp_threshold.to_string()),
                 ("emg.rest", config.rest.to_string()),
+                ("emg.regression.drives", format!("{:?}", config.regression.drives)),
+                (
+                    "emg.two_site",
+                    format!(
+                        "{} {:?} {}",
+                        config.two_site.pair, config.two_site.channels, config.two_site.switch
+                    ),
+                ),
+                ("emg.regression.alpha", config.regression.alpha.to_string()),
             ]
         };
         match of(asked).into_iter().zip(of(&self.config)).find(|(asked, trained)| asked != trained) {
@@ -261,6 +271,8 @@ impl EmgModel {
         let channels = self.config.channels;
         let features = self.config.layout().count();
         let classes = self.classifier.gestures().len();
+        // A co-contraction has no windows.
+        let least = if self.config.classifier == ClassifierKind::TwoSite { 0.0 } else { 1.0 };
         let statistics = self.channels.iter().flat_map(|c| [c.rest_median, c.rest_sd, c.largest_sd]);
         let wrong = if !self.classifier.is_sound()
             || self.classifier.channels() != channels
@@ -273,7 +285,7 @@ impl EmgModel {
             "there must be one zero level a channel"
         } else if self.channels.len() != channels || !statistics.into_iter().all(f64::is_finite) {
             "there must be statistics for each channel"
-        } else if !self.moments.is_sound(classes, features) {
+        } else if !self.moments.is_sound(classes, features, least) {
             "the moments do not fit the classes and features"
         } else {
             return Ok(());

@@ -116,14 +116,14 @@ impl Moments {
     }
 
     /// Whether the lengths fit and every value is finite.
-    pub(crate) fn is_sound(&self, classes: usize, features: usize) -> bool {
+    pub(crate) fn is_sound(&self, classes: usize, features: usize, least: f64) -> bool {
         let finite = |values: &[f64]| values.iter().all(|v| v.is_finite());
         self.counts.len() == classes
             && self.means.len() == classes
             && self.means.iter().all(|m| m.len() == features && finite(m))
             && self.covariance.len() == features * features
             && finite(&self.covariance)
-            && self.counts.iter().all(|c| c.is_finite() && *c >= 1.0)
+            && self.counts.iter().all(|c| c.is_finite() && *c >= least)
     }
 }
 

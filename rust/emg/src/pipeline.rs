@@ -1,9 +1,11 @@
+use crate::drives::DriveFilter;
 use crate::filter::FilterBank;
+use crate::two_site::SiteSwitch;
 use crate::{
-    BridgeConfig, ClassPosterior, Classifier, Decision, DecisionRule, EmgConfig, EmgError, FeatureExtractor,
-    FeatureVector, Liveness, MajorityVote, SignalFault, SlidingWindow, StreamCounts, WindowView,
+    ClassPosterior, Classifier, Decision, DecisionRule, EmgConfig, EmgError, FeatureExtractor, FeatureVector,
+    Liveness, MajorityVote, SignalFault, SlidingWindow, StreamCounts,
 };
-use proact_types::{ChannelValues, EmgSample, GestureName, SimTime};
+use proact_types::{ChannelValues, DegreeOfFreedom, Drives, EmgSample, GestureName, SimTime};
 
 /// What the EMG stage says at the end of a window, or when the stream became stale.
 #[derive(Clone, Debug, PartialEq)]
@@ -25,6 +27,9 @@ pub struct EmgOutput {
     pub class: Option<GestureName>,
     /// How hard `class` is performed, 0 to 1; zero for rest, when rejected and when stale.
     pub effort: f64,
+    /// Drive of each of [`EmgPipeline::degrees_of_freedom`], -1 to 1, smoothed and zero within the dead band; all zero when
+    /// stale, in a window with bridged samples, and until a relaxed hand is seen after a silence. Empty of a classifier.
+    pub drives: Drives,
     /// No window came for longer than the allowed age.
     pub stale: bool,
 }
@@ -64,6 +69,8 @@ pub struct EmgPipeline {
     classifier: Classifier,
     rest: GestureName,
     rule: DecisionRule,
+    drives: DriveFilter,
+    switch: SiteSwitch,
     overflows: u64,
     /// Of the newest window.
     newest: FeatureVector,
@@ -102,6 +109,12 @@ impl EmgPipeline {
         if got != expected {
             return Err(EmgError::FeatureCount { got, expected });
         }
+        let (asked, trained) = (config.classifier, classifier.kind());
+        // Settings that say more than a classifier's own are those of the other kinds.
+        if asked != trained && !(asked.has_posterior() && trained.has_posterior()) {
+            return Err(EmgError::OtherDecoder { asked, trained });
+        }
+        let classifier = classifier.with_dead_band(config.regression.dead_band);
         // The classifier knows its features, whatever the settings say.
         let config = &EmgConfig { features: classifier.features(), ..config.clone() };
         Ok(EmgPipeline {
@@ -113,6 +126,8 @@ impl EmgPipeline {
             liveness: Liveness::new(&config.liveness, config.rate_hz, config.channels)?,
             window: SlidingWindow::new(config)?,
             rule: DecisionRule::new(config),
+            switch: SiteSwitch::new(&config.two_site),
+            drives: DriveFilter::new(config, classifier.degrees_of_freedom().len())?,
             rest: config.rest,
             newest: FeatureVector::with_capacity(classifier.layout().count()),
             classifier,
@@ -179,7 +194,8 @@ impl EmgPipeline {
             let confidence = prediction.confidence();
             // A rejection needs more than the threshold: LibEMG compares strictly.
             let kept = self.rejection.is_none_or(|threshold| confidence > threshold);
-            let mut class = kept.then_some(prediction.class);
+            let direct = self.classifier.direct(&mut self.switch, now, features);
+            let mut class = direct.map_or_else(|| kept.then_some(prediction.class), |(class, _)| Some(class));
             if let Some(vote) = self.vote.as_mut().filter(|_| !bridged) {
                 class = vote.push(class);
             }
@@ -191,7 +207,15 @@ impl EmgPipeline {
                 },
                 None => self.rule.reject(now),
             };
+            // Nobody knows what the hand does, or it may have been so all through a silence.
+            let drives = if bridged || self.rule.is_disarmed() {
+                self.drives.rest()
+            } else {
+                self.drives.step(&prediction.drives)
+            };
             let effort = match class {
+                _ if !drives.is_empty() => drives.iter().fold(0.0, |most: f64, drive| most.max(drive.abs())),
+                _ if direct.is_some() => direct.map_or(0.0, |(_, effort)| effort),
                 Some(class) if class != self.rest => {
                     self.classifier.effort_of(class, window.amplitude()).unwrap_or(0.0)
                 }
@@ -206,6 +230,7 @@ impl EmgPipeline {
                 confidence,
                 class,
                 effort,
+                drives,
                 stale: false,
             });
         }
@@ -215,6 +240,10 @@ impl EmgPipeline {
         if let (Some(EmgOutput { stale: true, .. }), Some(vote)) = (&output, &mut self.vote) {
             // Votes from before a silence say nothing about the hand now.
             vote.clear();
+        }
+        if output.as_ref().is_some_and(|output| output.stale) {
+            self.drives.rest();
+            self.switch.clear();
         }
         self.events = StreamEvents {
             counts: self.counts().since(before),
@@ -234,6 +263,11 @@ impl EmgPipeline {
     /// The gestures that are told apart, in the order of [`EmgOutput::posterior`].
     pub fn gestures(&self) -> &[GestureName] {
         self.classifier.gestures()
+    }
+
+    /// The degrees of freedom, in the order of [`EmgOutput::drives`]; none of a classifier.
+    pub fn degrees_of_freedom(&self) -> &[DegreeOfFreedom] {
+        self.classifier.degrees_of_freedom()
     }
 
     /// Goes on with another classifier of the same features and channels, as adaptation makes them.
@@ -266,6 +300,7 @@ impl EmgPipeline {
             confidence: 0.0,
             class: None,
             effort: 0.0,
+            drives: self.classifier.degrees_of_freedom().iter().map(|_| 0.0).collect(),
             stale: decision.stale,
         }
     }
@@ -295,68 +330,10 @@ impl EmgPipeline {
     }
 }
 
-/// Features of every window of a recording, by the same code as live. Windows that a gap spoils are left out; a
-/// recording shorter than a window gives none.
-///
-/// # Errors
-/// Settings that cannot work, or a sample with another number of channels or a value that is not finite.
-pub fn extract<'a>(
-    config: &EmgConfig,
-    samples: impl IntoIterator<Item = &'a EmgSample>,
-) -> Result<Vec<FeatureVector>, EmgError> {
-    let mut features = Vec::new();
-    each_window(config, samples, |_, vector| features.push(vector))?;
-    Ok(features)
-}
-
-/// [`extract`], with [`WindowView::amplitude`] of each window beside its features.
-///
-/// # Errors
-/// As [`extract`].
-pub fn extract_with_amplitudes<'a>(
-    config: &EmgConfig,
-    samples: impl IntoIterator<Item = &'a EmgSample>,
-) -> Result<(Vec<FeatureVector>, Vec<f64>), EmgError> {
-    let (mut features, mut amplitudes) = (Vec::new(), Vec::new());
-    each_window(config, samples, |window, vector| {
-        features.push(vector);
-        amplitudes.push(window.amplitude());
-    })?;
-    Ok((features, amplitudes))
-}
-
-fn each_window<'a>(
-    config: &EmgConfig,
-    samples: impl IntoIterator<Item = &'a EmgSample>,
-    mut take: impl FnMut(&WindowView<'_>, FeatureVector),
-) -> Result<(), EmgError> {
-    // Nothing is trained on, or tested with, samples that nobody measured.
-    let whole = BridgeConfig { longest_ms: 0, ..config.bridge };
-    let mut window = SlidingWindow::new(&EmgConfig { bridge: whole, ..config.clone() })?;
-    let mut extractor = FeatureExtractor::new(config)?;
-    let mut filters = FilterBank::new(&config.filters, config.rate_hz, config.channels)?;
-    for sample in samples {
-        if sample.channels.len() != config.channels || sample.channels.iter().any(|v| !v.is_finite()) {
-            return Err(EmgError::BadSample {
-                counter: sample.counter,
-                channels: sample.channels.len(),
-                expected: config.channels,
-            });
-        }
-        let mut filtered = sample.clone();
-        if !filters.is_empty() {
-            filters.apply(&mut filtered);
-        }
-        if let Some(view) = window.push(&filtered) {
-            take(&view, extractor.compute(&view).to_vec());
-        }
-    }
-    Ok(())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::extract;
     use proact_types::Gesture;
 
     fn config() -> EmgConfig {

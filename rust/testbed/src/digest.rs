@@ -149,6 +149,10 @@ impl Digest {
             let mut field = self.field(Field::Emg);
             field.word(decision.place as u64).numbers(&decision.posterior);
         }
+        // Without a regressor there are none, and nothing enters.
+        if !output.drives.is_empty() {
+            self.field(Field::Emg).numbers(&output.drives);
+        }
     }
 
     /// What the intent stage said of a new gaze.

@@ -129,7 +129,7 @@ pub struct TargetView {
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
 #[serde(rename_all = "snake_case")]
 pub enum Moves {
-    /// The joint at this place of the arm, from 0 at the base.
+    /// The joint at this place of the arm, from 0 at the base; the place behind the last is the hand, which opens and closes.
     Joint(u8),
     /// The hand along an axis of the base: 0 x, 1 y, 2 z.
     Translation(u8),

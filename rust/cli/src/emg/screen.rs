@@ -4,7 +4,9 @@ use super::{page::PageScreen, train::PageArgs};
 use crate::progress::bar;
 use indicatif::ProgressBar;
 use proact_app::{lines_of, stream_view::fault_text, tell};
-use proact_emg::{Calibration, CalibrationReport, Light, Phase, Refusal};
+use proact_emg::{
+    Calibration, CalibrationConfig, CalibrationReport, DriveScore, EmgModel, Light, Phase, Refusal, Site,
+};
 use proact_types::GestureName;
 use serde_json::Value;
 use std::{
@@ -158,6 +160,9 @@ pub(super) fn report_text(report: &CalibrationReport) -> String {
         let counts: String = row.iter().map(|count| format!("{count:>6}")).collect();
         text += &format!("  {:<16}{counts}   {:5.1} %\n", gesture, 100.0 * recall);
     }
+    for DriveScore { drive, r2, mean_absolute_error } in &report.drives {
+        text += &format!("  {drive:<32} R2 {r2:.3}, mean absolute error {mean_absolute_error:.3}\n");
+    }
     for outlier in report.outliers() {
         text += &format!(
             "  repetition {} of {} differs from the others ({:.0} % recognised): record it again?\n",
@@ -167,6 +172,29 @@ pub(super) fn report_text(report: &CalibrationReport) -> String {
         );
     }
     text.trim_end().to_owned()
+}
+
+/// A line for each site of direct control; nothing of another kind.
+pub(super) fn sites_text(model: &EmgModel) -> String {
+    let line = |Site { gesture, channel, low, high }: &Site| {
+        format!("\n  {gesture:<16} channel {channel}, active above {low:.1}, full at {high:.1}")
+    };
+    model.classifier.sites().into_iter().flatten().map(line).collect()
+}
+
+/// What was reached, and what was expected.
+pub(super) fn shortfall(judged: Option<&CalibrationReport>, config: &CalibrationConfig) -> String {
+    let Some(report) = judged else { return "it was not judged, which takes two rounds".to_owned() };
+    let worst = report.drives.iter().min_by(|a, b| a.r2.total_cmp(&b.r2));
+    match worst {
+        Some(worst) => format!("R2 {:.2} of {}, expected {:.2}", worst.r2, worst.drive, config.target_r2),
+        None => format!(
+            "{:.1} % of windows recognised, expected {:.0} % and {:.0} % of each gesture",
+            100.0 * report.accuracy,
+            100.0 * config.target_accuracy,
+            100.0 * config.target_recall
+        ),
+    }
 }
 
 /// One sentence for the person.

@@ -17,7 +17,7 @@ use proact_devices::{
 use proact_emg::{
     DecisionRule, EmgConfig, EmgError, EmgModel, EmgOutput, EmgPipeline, Light, QualityConfig, QualityMonitor,
 };
-use proact_types::{EmgSample, Gesture, GestureName, MAX_GESTURES, SimTime};
+use proact_types::{Drives, EmgSample, Gesture, GestureName, MAX_GESTURES, SimTime};
 use serde_json::json;
 use std::{
     error::Error,
@@ -189,7 +189,7 @@ impl Output {
         }
         self.line(&json!({
             "t_s": at.as_secs(), "sample": counter, "gesture": out.gesture, "window_class": out.window_class, "class": out.class,
-            "confidence": out.confidence, "posterior": out.posterior, "effort": out.effort,
+            "confidence": out.confidence, "posterior": out.posterior, "effort": out.effort, "drives": out.drives,
             "published": out.published, "stale": out.stale,
         }))
     }
@@ -361,6 +361,7 @@ fn classes(
             confidence: received.and_then(|r| r.probability).unwrap_or(0.0),
             class,
             effort: received.and_then(|r| r.velocity).unwrap_or(0.0),
+            drives: Drives::new(),
             stale: decision.stale,
         };
         going &= out.decision(now, None, &output)?;

@@ -3,7 +3,7 @@
 pub use super::train_args::{PageArgs, TrainArgs};
 use super::{
     band, recorded,
-    screen::{Choice, Screen, open_screen, refusal_text, report_text},
+    screen::{Choice, Screen, open_screen, refusal_text, report_text, shortfall, sites_text},
     train_args::{calibration, check_empty},
 };
 use crate::interrupt::interrupt_flag;
@@ -127,8 +127,10 @@ impl Training {
         let source = args.source.open(sources, args.window.rate)?;
         let info = source.info().clone();
         let five = Gesture::ALL.map(GestureName::from);
-        let gestures = if args.gestures.is_empty() { &five[..] } else { &args.gestures };
-        let config = calibration(args, &info, gestures, args.rest.unwrap_or_default())?;
+        let rest = args.rest.unwrap_or_default();
+        let known = args.window.decoder.gestures(&five, rest);
+        let gestures = if args.gestures.is_empty() { &known } else { &args.gestures };
+        let config = calibration(args, &info, gestures, rest)?;
         let screen = open_screen(&args.page, json, &info.name)?;
         let feed = Feed::Live { source, begin: Instant::now(), now: SimTime(0) };
         Training::new(args, info, config, feed, screen, stop)
@@ -442,7 +444,7 @@ impl Training {
         let object = self.result(args, &model);
         self.screen.done(&object);
         if let Some(report) = self.session.report().filter(|_| !json) {
-            answer(report_text(report))?;
+            answer(report_text(report) + &sites_text(&model))?;
         }
         print(&object, json)?;
         match self.session.report() {
@@ -451,9 +453,7 @@ impl Training {
                 Ok(())
             }
             judged => {
-                let accuracy = judged.map_or("was not judged".to_owned(), |r| {
-                    format!("{:.1} % of windows recognised", 100.0 * r.accuracy)
-                });
+                let reached = shortfall(judged, &self.config);
                 let more = match &self.saved {
                     Some(folder) if matches!(self.feed, Feed::Live { .. }) => {
                         format!(": go on with --resume {} --replace", folder.path().display())
@@ -461,10 +461,7 @@ impl Training {
                     _ => String::new(),
                 };
                 Err(format!(
-                    "not good enough: {accuracy}, expected {:.0} % and {:.0} % of each gesture; the model is in {}; \
-                     record more rounds, or the worst gesture again{more}",
-                    100.0 * self.config.target_accuracy,
-                    100.0 * self.config.target_recall,
+                    "not good enough: {reached}; the model is in {}; record more rounds, or the worst gesture again{more}",
                     args.out.display()
                 )
                 .into())
@@ -472,8 +469,7 @@ impl Training {
         }
     }
 
-    /// Writes the repetition that was kept last, if it is to be saved. One that is recorded again has the number of the one
-    /// that it replaces.
+    /// What the command answers.
     fn result(&self, args: &TrainArgs, model: &EmgModel) -> Value {
         let judged = self.session.report();
         let of = |value: &dyn Fn(&CalibrationReport) -> Value| judged.map_or(Value::Null, value);
@@ -481,7 +477,7 @@ impl Training {
             "model": args.out.display().to_string(),
             "accuracy": of(&|r| json!(r.accuracy)), "windows": of(&|r| json!(r.windows)),
             "classes": of(&|r| json!(r.classes)), "confusion": of(&|r| json!(r.confusion)),
-            "recall": of(&|r| json!(r.recall)), "repetitions": of(&|r| json!(r.repetitions)),
+            "recall": of(&|r| json!(r.recall)), "drives": of(&|r| json!(r.drives)), "sites": model.classifier.sites(), "repetitions": of(&|r| json!(r.repetitions)),
             "good_enough": judged.is_some_and(|r| r.good_enough), "rounds": self.session.rounds(),
             "refused": self.refused, "faults": self.faults, "centring": model.centring, "band": self.band,
             "recordings": args.resume.as_ref().or(args.save.as_ref()).map(|dir| dir.display().to_string()),

@@ -51,6 +51,9 @@ pub struct TrainArgs {
     /// Share of windows to be recognised, leaving one repetition out, that is good enough.
     #[arg(long, default_value_t = 0.9)]
     pub(super) target: f64,
+    /// With linear and ridge, in the place of --target: R2 of each degree of freedom, leaving one repetition out.
+    #[arg(long, default_value_t = 0.6)]
+    pub(super) target_r2: f64,
     /// Length of a repetition, seconds.
     #[arg(long, default_value_t = 3.0)]
     pub(super) secs: f64,
@@ -127,6 +130,7 @@ pub(super) fn calibration(
         least_rounds: args.least_rounds.into(),
         most_rounds: args.rounds.into(),
         target_accuracy: args.target,
+        target_r2: args.target_r2,
         zero: args.source.zero.map_or(ZeroLevel::RestMedian, ZeroLevel::Fixed),
         nominal_zero,
         quality: QualityConfig { rails, ..QualityConfig::default() },

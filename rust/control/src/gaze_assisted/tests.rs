@@ -60,6 +60,7 @@ impl Bench {
             gesture,
             recognised: gesture.into(),
             effort: 1.0,
+            drives: &[],
             message: None,
             measured: &[0.0; 7],
             commanded: &[0.0; 7],

@@ -43,6 +43,8 @@ pub struct Rig {
     pub gesture: Gesture,
     /// How hard it is made, 0 to 1.
     pub effort: f64,
+    /// As in [`ControlInput::drives`].
+    pub drives: Vec<f64>,
     /// A message of the classifier every so many milliseconds; none for keys.
     pub message_ms: Option<u64>,
     pub hand: HandView,
@@ -74,6 +76,7 @@ impl Rig {
             lag: [0.0; 7],
             gesture: Gesture::NoMotion,
             effort: 1.0,
+            drives: Vec::new(),
             message_ms: Some(50),
             hand: HandView::default(),
             highlight: Some(ObjectId(0)),
@@ -88,6 +91,11 @@ impl Rig {
             since: 0,
             finished: false,
         }
+    }
+
+    /// What the arm was told last.
+    pub fn command(&self) -> &MotionCommand {
+        &self.command
     }
 
     /// One control step now, at the present time.
@@ -106,6 +114,7 @@ impl Rig {
             gesture: self.gesture,
             recognised: self.gesture.into(),
             effort: self.effort,
+            drives: &self.drives,
             message: message.then_some(self.gesture),
             measured: &measured,
             commanded: &self.q,

@@ -35,6 +35,8 @@ pub struct CalibrationConfig {
     pub target_accuracy: f64,
     /// The same for each gesture alone. Default 0.75.
     pub target_recall: f64,
+    /// With a regressor, in the place of both: R2 of each degree of freedom, leaving one repetition out. Default 0.6 [assumed].
+    pub target_r2: f64,
     /// Where zero is. Default: the median at rest.
     pub zero: ZeroLevel,
     /// The zero level by the device's maker, for the lights before anything has been recorded.
@@ -59,6 +61,7 @@ impl Default for CalibrationConfig {
             most_rounds: 8,
             target_accuracy: 0.9,
             target_recall: 0.75,
+            target_r2: 0.6,
             zero: ZeroLevel::RestMedian,
             nominal_zero: 0.0,
             most_lost: 0.05,
@@ -104,6 +107,7 @@ impl CalibrationConfig {
         for (name, share) in [
             ("target_accuracy", self.target_accuracy),
             ("target_recall", self.target_recall),
+            ("target_r2", self.target_r2),
             ("most_lost", self.most_lost),
         ] {
             if !(0.0..=1.0).contains(&share) {

@@ -1,7 +1,7 @@
 use crate::classifier::distinct;
 use crate::moments::Moments;
 use crate::{Classifier, EmgConfig, EmgError, FeatureVector, extract_with_amplitudes};
-use proact_types::{EmgSample, GestureName};
+use proact_types::{DegreeOfFreedom, EmgSample, GestureName};
 use serde::{Deserialize, Serialize};
 
 /// What is known of one repetition.
@@ -24,6 +24,32 @@ pub struct RepetitionScore {
     pub outlier: bool,
 }
 
+/// How well a regressor drives one degree of freedom in repetitions that it was not trained on. The target of a window is 1
+/// or -1 by its gesture, else 0; the drive is taken before the dead band.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "ts", derive(ts_rs::TS))]
+pub struct DriveScore {
+    /// The degree of freedom.
+    pub drive: DegreeOfFreedom,
+    /// Coefficient of determination over all windows, at most 1: 0 is what the mean of the targets would reach.
+    pub r2: f64,
+    /// Mean absolute error.
+    pub mean_absolute_error: f64,
+}
+
+impl DriveScore {
+    /// Of the target and the drive of each window.
+    pub fn of(drive: DegreeOfFreedom, windows: &[(f64, f64)]) -> DriveScore {
+        let count = windows.len().max(1) as f64;
+        let mean = windows.iter().map(|(target, _)| target).sum::<f64>() / count;
+        let spread: f64 = windows.iter().map(|(target, _)| (target - mean).powi(2)).sum();
+        let left: f64 = windows.iter().map(|(target, drive)| (target - drive).powi(2)).sum();
+        let off: f64 = windows.iter().map(|(target, drive)| (target - drive).abs()).sum();
+        let r2 = if spread > 0.0 { 1.0 - left / spread } else { 0.0 };
+        DriveScore { drive, r2, mean_absolute_error: off / count }
+    }
+}
+
 /// How well the repetitions fit each other: each was recognised by a classifier trained on the others.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "ts", derive(ts_rs::TS))]
@@ -42,6 +68,10 @@ pub struct CalibrationReport {
     pub recall: Vec<f64>,
     /// By gesture, then repetition.
     pub repetitions: Vec<RepetitionScore>,
+    /// Each degree of freedom of a regressor; none of a classifier. Classes are then what is driven most.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[cfg_attr(feature = "ts", ts(optional, as = "Option<Vec<DriveScore>>"))]
+    pub drives: Vec<DriveScore>,
     /// What was asked for is reached.
     pub good_enough: bool,
 }
@@ -77,10 +107,11 @@ pub fn cross_validate<G: Copy + Into<GestureName>>(
     config: &EmgConfig,
     repetitions: &[(G, Vec<EmgSample>)],
 ) -> Result<CalibrationReport, EmgError> {
-    let classes = distinct(repetitions.iter().map(|(gesture, _)| (*gesture).into()));
+    let learnt = || repetitions.iter().filter(|(gesture, _)| config.learns((*gesture).into()));
+    let classes = distinct(learnt().map(|(gesture, _)| (*gesture).into()));
     let mut counts = vec![0; classes.len()];
     let mut all = Vec::with_capacity(repetitions.len());
-    for (gesture, samples) in repetitions {
+    for (gesture, samples) in learnt() {
         let gesture: GestureName = (*gesture).into();
         let (vectors, amplitudes) = extract_with_amplitudes(config, samples)?;
         let Ok(class) = classes.binary_search(&gesture) else { continue };
@@ -93,6 +124,9 @@ pub fn cross_validate<G: Copy + Into<GestureName>>(
     }
     let mut confusion = vec![vec![0; classes.len()]; classes.len()];
     let mut scores = Vec::with_capacity(all.len());
+    let driven: &[DegreeOfFreedom] =
+        if config.classifier.is_regression() { &config.regression.drives } else { &[] };
+    let mut drives = vec![Vec::new(); driven.len()];
     for left_out in 0..counts.iter().copied().max().unwrap_or(0) {
         let (tested, trained): (Vec<&Windows>, Vec<&Windows>) =
             all.iter().partition(|w| w.repetition == left_out);
@@ -101,8 +135,12 @@ pub fn cross_validate<G: Copy + Into<GestureName>>(
             let Some(row) = classes.iter().position(|g| g == gesture) else { continue };
             let mut recognised = 0;
             for vector in vectors {
-                let class = classifier.predict(vector)?.class;
+                let prediction = classifier.predict(vector)?;
+                let class = prediction.class;
                 recognised += usize::from(class == *gesture);
+                for ((windows, drive), value) in drives.iter_mut().zip(driven).zip(&prediction.drives) {
+                    windows.push((drive.target(*gesture), *value));
+                }
                 if let Some(column) = classes.iter().position(|g| *g == class) {
                     confusion[row][column] += 1;
                 }
@@ -127,6 +165,7 @@ pub fn cross_validate<G: Copy + Into<GestureName>>(
         classes,
         confusion,
         repetitions: scores,
+        drives: driven.iter().zip(&drives).map(|(drive, windows)| DriveScore::of(*drive, windows)).collect(),
         good_enough: false,
     })
 }

@@ -59,7 +59,9 @@ pub(super) fn model(_: &Path) -> Run {
         let channels = model.config.channels;
         let Ok(mut pipeline) = EmgPipeline::new(&model.config, model.classifier.clone()) else { return };
         for (tick, sample) in stream(channels, 3).into_iter().take(300).enumerate() {
-            pipeline.step(SimTime(5 * tick as u64), &[sample]);
+            let output = pipeline.step(SimTime(5 * tick as u64), &[sample]);
+            let driven = output.iter().flat_map(|output| &output.drives);
+            assert!(driven.into_iter().all(|drive| drive.abs() <= 1.0), "a drive beyond its range");
         }
     })
 }
@@ -200,7 +202,7 @@ pub(super) fn stream_edf_seeds(scratch: &Path) -> Vec<Vec<u8>> {
     recorded_seed(scratch, "seed.edf")
 }
 
-/// Models trained on five loudnesses, one of each kind of classifier.
+/// Models trained on five loudnesses, one of each kind: classifiers, regressors, two sites.
 pub(super) fn model_seeds(_: &Path) -> Vec<Vec<u8>> {
     let takes: Vec<(Gesture, Vec<EmgSample>)> =
         Gesture::ALL.into_iter().zip(0..).map(|(gesture, loudness)| (gesture, stream(8, loudness))).collect();

@@ -14,10 +14,10 @@ use proact_emg::EmgOutput;
 use proact_tasks::TaskState;
 use proact_testbed::stages::{ActuationOutput, EmgStageOutput, GazeHeard, IntentOutput, MethodOutput};
 use proact_types::{
-    BadGestureName, BodyState, EmgSample, EventKind, GazeSample, Gesture, GestureName, HandState, HandView,
-    InputSign, InputSource, JointVector, MAX_EMG_CHANNELS, MAX_GESTURES, ObjectId, ObjectSet, PlantCommand,
-    PlantState, Point, Pose, Scene, SignKind, SimTime, TaskContext, TickInput, Trajectory, TrajectoryPoint,
-    Vector,
+    BadGestureName, BodyState, Drives, EmgSample, EventKind, GazeSample, Gesture, GestureName, HandState,
+    HandView, InputSign, InputSource, JointVector, MAX_DRIVES, MAX_EMG_CHANNELS, MAX_GESTURES, ObjectId,
+    ObjectSet, PlantCommand, PlantState, Point, Pose, Scene, SignKind, SimTime, TaskContext, TickInput,
+    Trajectory, TrajectoryPoint, Vector,
 };
 use serde::{Serialize, de::DeserializeOwned};
 
@@ -219,6 +219,7 @@ pub(super) fn decision(tick: SimTime, stamp: SimTime, output: &EmgStageOutput) -
         decided_at: tick_of(output.decided_at),
         confidence: output.confidence,
         effort: output.effort,
+        drives: output.drives.to_vec(),
         fault: output.fault.as_ref().and_then(|f| serde_json::to_string(f).ok()).unwrap_or_default(),
         armed: output.armed,
         events: texts(&output.events),
@@ -235,8 +236,17 @@ pub(super) fn decision(tick: SimTime, stamp: SimTime, output: &EmgStageOutput) -
         message.stale = decision.stale;
         message.window_confidence = decision.confidence;
         message.window_effort = decision.effort;
+        message.window_drives = decision.drives.to_vec();
     }
     message
+}
+
+/// Drives, of which none is out of its range.
+fn drives(values: &[f64]) -> Result<Drives, Refused> {
+    if values.len() > MAX_DRIVES || !values.iter().all(|drive| drive.abs() <= 1.0) {
+        return Err(format!("drives are {values:?}, expected at most {MAX_DRIVES} numbers of -1 to 1"));
+    }
+    Ok(values.iter().copied().collect())
 }
 
 /// What the EMG stage said.
@@ -249,6 +259,7 @@ pub(super) fn read_decision(message: &Decision) -> Result<EmgStageOutput, Refuse
         decided_at: at(message.decided_at),
         confidence: message.confidence,
         effort: message.effort,
+        drives: drives(&message.drives)?,
         fault: None,
         armed: message.armed,
         events: events(&message.events)?,
@@ -272,6 +283,7 @@ pub(super) fn read_decision(message: &Decision) -> Result<EmgStageOutput, Refuse
             confidence: message.window_confidence,
             class: Some(message.voted.as_str()).filter(|name| !name.is_empty()).map(named).transpose()?,
             effort: message.window_effort,
+            drives: drives(&message.window_drives)?,
             stale: message.stale,
         });
     }

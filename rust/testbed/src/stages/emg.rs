@@ -1,6 +1,9 @@
 use crate::{TestbedError, TrialConfig};
+use proact_control::{ControlError, Simultaneous};
 use proact_emg::{Classifier, EmgOutput, EmgPipeline};
-use proact_types::{EmgSample, EventKind, Gesture, GestureCommands, GestureName, SimTime, StopCause};
+use proact_types::{
+    DegreeOfFreedom, Drives, EmgSample, EventKind, Gesture, GestureCommands, GestureName, SimTime, StopCause,
+};
 
 /// From muscle, or from keys, to the gesture in force, and the command that it is to the method.
 pub struct EmgStage {
@@ -11,6 +14,9 @@ pub struct EmgStage {
     confidence: f64,
     effort: f64,
     decided_at: Option<SimTime>,
+    /// Degrees of freedom of the profile, each with its place in the model; empty where gestures alone act.
+    places: Vec<(DegreeOfFreedom, usize)>,
+    drives: Drives,
 }
 
 /// What enters the EMG stage in one tick.
@@ -39,6 +45,10 @@ pub struct EmgStageOutput {
     pub confidence: f64,
     /// How hard it is made, 0 to 1; one for a gesture given directly.
     pub effort: f64,
+    /// Drive of each degree of freedom of the profile's `jog.simultaneous.drives`, in their order, -1 to 1; empty without that
+    /// setting. All zero while the stream is stale, until a relaxed hand was seen after that, and while windows are spoilt;
+    /// a gesture given directly is a whole drive.
+    pub drives: Drives,
     /// Why the stream is dead, and that as a sentence; none while it lives.
     pub fault: Option<(StopCause, String)>,
     /// Gestures pass: no relaxed hand is waited for.
@@ -58,6 +68,7 @@ impl Default for EmgStageOutput {
             decided_at: None,
             confidence: 0.0,
             effort: 0.0,
+            drives: Drives::new(),
             fault: None,
             armed: true,
             events: Vec::new(),
@@ -69,8 +80,14 @@ impl EmgStage {
     /// The stage of a trial; without a classifier, or settings for one, gestures are given directly.
     ///
     /// # Errors
-    /// Settings that do not fit the classifier, or a table of commands that does not fit its gestures.
+    /// Settings that do not fit the classifier, a table of commands that does not fit its gestures, or a regressor and the
+    /// profile's `jog.simultaneous` that do not go together.
     pub fn new(config: &TrialConfig, classifier: Option<Classifier>) -> Result<Self, TestbedError> {
+        let simultaneous = config.profile.jog.simultaneous();
+        let places = match &classifier {
+            Some(classifier) => places(simultaneous, classifier)?,
+            None => simultaneous.into_iter().flat_map(Simultaneous::degrees_of_freedom).zip(0..).collect(),
+        };
         let muscles = match (&config.emg, classifier) {
             (Some(emg), Some(classifier)) => {
                 let commands = config.gesture_commands(emg.rest, &classifier)?;
@@ -80,7 +97,9 @@ impl EmgStage {
         };
         let recognised =
             config.emg.as_ref().filter(|_| muscles.is_some()).map_or_else(Default::default, |emg| emg.rest);
-        Ok(Self { muscles, given: None, recognised, confidence: 0.0, effort: 0.0, decided_at: None })
+        let drives = places.iter().map(|_| 0.0).collect();
+        let (confidence, effort) = (0.0, 0.0);
+        Ok(Self { muscles, given: None, recognised, confidence, effort, decided_at: None, places, drives })
     }
 
     /// The gestures that are told apart, in the order of [`EmgOutput::posterior`]; none when gestures are given directly.
@@ -102,6 +121,15 @@ impl EmgStage {
             }
             output.fault = pipeline.fault().map(|fault| (fault.cause(), fault.to_string()));
             output.armed = !pipeline.is_disarmed();
+            // Whatever a window says that came in the same tick: of another nobody knows what the hand did.
+            let spoilt = rejected_windows > 0 || !output.armed || output.fault.is_some();
+            if let Some(decision) = &output.decision {
+                let drive = |(_, place): &(DegreeOfFreedom, usize)| decision.drives.get(*place).copied();
+                self.drives = self.places.iter().map(|place| drive(place).unwrap_or(0.0)).collect();
+            }
+            if spoilt {
+                self.drives.iter_mut().for_each(|drive| *drive = 0.0);
+            }
             if let Some(decision) = &output.decision {
                 self.recognised = decision.gesture;
                 output.message = decision.published.then(|| commands.command(decision.gesture));
@@ -116,10 +144,53 @@ impl EmgStage {
             self.given = input.gesture;
             (self.confidence, self.effort) = (1.0, 1.0);
         }
+        if let Some(given) = self.given {
+            self.drives = self.places.iter().map(|(drive, _)| drive.target(given.into())).collect();
+        }
+        output.drives = self.drives.clone();
         output.gesture = self.given.or(acts).unwrap_or_default();
         output.recognised = self.given.map_or(self.recognised, GestureName::from);
         output.decided_at = self.decided_at;
         (output.confidence, output.effort) = (self.confidence, self.effort);
         output
+    }
+}
+
+/// The degrees of freedom of the profile, each with its place in the model.
+///
+/// # Errors
+/// A regressor without the setting, a classifier with it, or other degrees of freedom than the model has.
+fn places(
+    simultaneous: Option<&Simultaneous>,
+    classifier: &Classifier,
+) -> Result<Vec<(DegreeOfFreedom, usize)>, ControlError> {
+    let known = classifier.degrees_of_freedom();
+    let list = |drives: &mut dyn Iterator<Item = DegreeOfFreedom>| {
+        drives.map(|drive| format!("\"{drive}\"")).collect::<Vec<_>>().join(", ")
+    };
+    let (model, kind) = (list(&mut known.iter().copied()), classifier.kind());
+    let refused = |reason| Err(ControlError::Drives { reason });
+    match (simultaneous, known) {
+        (None, []) => Ok(Vec::new()),
+        (None, _) => refused(format!(
+            "the EMG model ({kind}) drives {model}, and nothing says what they move: set jog.simultaneous.drives, for each a \
+             joint (method A), x to z or rx to rz (method B) or hand, or train a classifier, such as lda"
+        )),
+        (Some(_), []) => refused(format!(
+            "jog.simultaneous is set, but the EMG model ({kind}) tells gestures apart and drives nothing: leave the setting \
+             out, or train with --classifier linear or ridge"
+        )),
+        (Some(profile), known) => {
+            let asked: Vec<DegreeOfFreedom> = profile.degrees_of_freedom().collect();
+            let place = |drive: &DegreeOfFreedom| Some((*drive, known.iter().position(|k| k == drive)?));
+            let places: Option<Vec<_>> = asked.iter().map(place).collect();
+            match places.filter(|places| places.len() == known.len()) {
+                Some(places) => Ok(places),
+                None => refused(format!(
+                    "jog.simultaneous.drives has {}, the EMG model {model}: expected the same",
+                    list(&mut asked.into_iter())
+                )),
+            }
+        }
     }
 }

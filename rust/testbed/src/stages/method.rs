@@ -249,6 +249,7 @@ impl MethodStage {
             gesture: input.gesture.gesture,
             recognised: input.gesture.recognised,
             effort: input.gesture.effort,
+            drives: &input.gesture.drives,
             message: input.gesture.message,
             measured: &world.position[..arm],
             commanded,

@@ -109,6 +109,8 @@ confusion: Array<Array<number>>,
 recall: Array<number>,
 /** By gesture, then repetition. */
 repetitions: Array<RepetitionScore>,
+/** Each degree of freedom of a regressor; none of a classifier. Classes are then what is driven most. */
+drives?: Array<DriveScore>,
 /** What was asked for is reached. */
 good_enough: boolean, };
 
@@ -252,6 +254,11 @@ overshoots: number,
 /** Movements asked for. */
 asked: number, };
 
+/** A degree of freedom that muscles drive both ways, named by the gestures that do: `wrist_extension/wrist_flexion`.
+ *
+ * Regression and proportional, simultaneous control know degrees of freedom in the place of classes (LibEMG, `EMGRegressor`). */
+export type DegreeOfFreedom = string;
+
 /** Where a person is asked to put an object. */
 export type Destination = "own_target" | "across" | "shown";
 
@@ -322,6 +329,16 @@ events: Array<TrialEvent>,
 contacts: Array<ContactView>,
 /** What was to be heard and felt since the frame before. */
 feedback: Array<FeedbackCue>, };
+
+/** How well a regressor drives one degree of freedom in repetitions that it was not trained on. The target of a window is 1
+ * or -1 by its gesture, else 0; the drive is taken before the dead band. */
+export type DriveScore = {
+/** The degree of freedom. */
+drive: DegreeOfFreedom,
+/** Coefficient of determination over all windows, at most 1: 0 is what the mean of the targets would reach. */
+r2: number,
+/** Mean absolute error. */
+mean_absolute_error: number, };
 
 /** What whoever conducts a study sees. */
 export type ExperimenterScreen = {

@@ -115,6 +115,7 @@ fn decisions_intents_and_commands_come_back() {
         confidence: 0.4,
         class: None,
         effort: 1.0 / 3.0,
+        drives: [0.1, -1.0].into_iter().collect(),
         stale: false,
     };
     let said = EmgStageOutput {
@@ -125,6 +126,7 @@ fn decisions_intents_and_commands_come_back() {
         decided_at: Some(SimTime(9)),
         confidence: 0.4,
         effort: 0.5,
+        drives: [-1.0, 1.0 / 3.0].into_iter().collect(),
         fault: Some((StopCause::Flat, "channel 2 stands still".to_owned())),
         armed: false,
         events: vec![EventKind::EmgGap { gaps: 1, unusable_samples: 0, rejected_windows: 2 }],
@@ -133,6 +135,9 @@ fn decisions_intents_and_commands_come_back() {
     assert_eq!(read_decision(&message).unwrap(), said);
     message.decided_place = 6;
     assert!(read_decision(&message).unwrap_err().contains("6 values, expected more than 6"));
+    message.drives[0] = f64::NAN;
+    assert!(read_decision(&message).is_err(), "a drive that is no number");
+    message.drives.clear();
     message.recognised.clear();
     assert!(read_decision(&message).unwrap_err().contains("name of a gesture"));
 

@@ -1,0 +1,84 @@
+//! What decodes the windows: a classifier, a regressor, or two sites.
+
+use clap::Args;
+use proact_emg::{ClassifierKind, EmgConfig, RegressionConfig, TwoSiteConfig};
+use proact_types::{DegreeOfFreedom, GestureName};
+use std::collections::BTreeMap;
+
+/// Options of what decodes the windows.
+#[derive(Clone, Debug, Args)]
+pub struct DecoderArgs {
+    /// What decodes the windows. Classifiers tell gestures apart: lda, qda, nb (Gaussian naive Bayes), knn, svm (linear) or rf
+    /// (random forest). Regressors drive degrees of freedom in proportion and at the same time: linear or ridge. Direct control by
+    /// two muscles: two_site.
+    #[arg(long, visible_alias = "decoder", default_value_t = ClassifierKind::Lda)]
+    classifier: ClassifierKind,
+    /// Degrees of freedom of linear and ridge, each by its positive and its negative gesture. Default:
+    /// wrist_extension/wrist_flexion,hand_open/hand_close.
+    #[arg(long, value_delimiter = ',', value_name = "POSITIVE/NEGATIVE")]
+    drives: Vec<DegreeOfFreedom>,
+    /// Penalty of ridge on the squared coefficients of standardised features. Default: 1.
+    #[arg(long)]
+    alpha: Option<f64>,
+    /// Drives up to this are zero, 0 to 1. Default: 0.3.
+    #[arg(long)]
+    dead_band: Option<f64>,
+    /// Time constant over which drives are smoothed, ms. Default: 0, not at all.
+    #[arg(long, value_name = "MS")]
+    smoothing: Option<f64>,
+    /// The gestures of the two muscles of two_site. Default: wrist_extension/wrist_flexion.
+    #[arg(long, value_name = "ONE/OTHER")]
+    pair: Option<DegreeOfFreedom>,
+    /// The channel, from 0, of each of them, as wrist_extension=3,wrist_flexion=6. Default: where each stands out most.
+    #[arg(long, value_delimiter = ',', value_parser = parse_site, value_name = "GESTURE=CHANNEL")]
+    sites: Vec<(GestureName, usize)>,
+    /// Time within which both muscles have to be active for a co-contraction, ms. Default: 150.
+    #[arg(long, value_name = "MS")]
+    cocontraction: Option<u64>,
+    /// The gesture that a co-contraction counts as. Default: hand_open.
+    #[arg(long, value_name = "GESTURE")]
+    switch: Option<GestureName>,
+}
+
+fn parse_site(text: &str) -> Result<(GestureName, usize), String> {
+    let parsed =
+        text.rsplit_once('=').and_then(|(name, channel)| Some((name.parse().ok()?, channel.parse().ok()?)));
+    parsed.ok_or_else(|| format!("{text:?}, expected a gesture and its channel, as wrist_extension=3"))
+}
+
+impl DecoderArgs {
+    /// The settings `of` with what was asked for.
+    pub(super) fn settle(&self, of: EmgConfig) -> EmgConfig {
+        let (regression, two_site) = (RegressionConfig::default(), TwoSiteConfig::default());
+        EmgConfig {
+            classifier: self.classifier,
+            regression: RegressionConfig {
+                drives: if self.drives.is_empty() { regression.drives } else { self.drives.clone() },
+                alpha: self.alpha.unwrap_or(regression.alpha),
+                dead_band: self.dead_band.unwrap_or(regression.dead_band),
+                smoothing_ms: self.smoothing.unwrap_or(regression.smoothing_ms),
+            },
+            two_site: TwoSiteConfig {
+                pair: self.pair.unwrap_or(two_site.pair),
+                channels: self.sites.iter().copied().collect::<BTreeMap<_, _>>(),
+                cocontraction_ms: self.cocontraction.unwrap_or(two_site.cocontraction_ms),
+                switch: self.switch.unwrap_or(two_site.switch),
+            },
+            ..of
+        }
+    }
+
+    /// The gestures to ask for where none are named: those that the decoder learns from.
+    pub(super) fn gestures(&self, all: &[GestureName], rest: GestureName) -> Vec<GestureName> {
+        let settings = self.settle(EmgConfig::default());
+        let pairs = |drives: &[DegreeOfFreedom]| {
+            let both = drives.iter().flat_map(|drive| [drive.positive(), drive.negative()]);
+            std::iter::once(rest).chain(both).collect()
+        };
+        match self.classifier {
+            ClassifierKind::TwoSite => pairs(&[settings.two_site.pair]),
+            kind if kind.is_regression() => pairs(&settings.regression.drives),
+            _ => all.to_vec(),
+        }
+    }
+}

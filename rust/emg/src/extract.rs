@@ -1,0 +1,62 @@
+use crate::filter::FilterBank;
+use crate::{BridgeConfig, EmgConfig, EmgError, FeatureExtractor, FeatureVector, SlidingWindow, WindowView};
+use proact_types::EmgSample;
+
+/// Features of every window of a recording, by the same code as live. Windows that a gap spoils are left out; a
+/// recording shorter than a window gives none.
+///
+/// # Errors
+/// Settings that cannot work, or a sample with another number of channels or a value that is not finite.
+pub fn extract<'a>(
+    config: &EmgConfig,
+    samples: impl IntoIterator<Item = &'a EmgSample>,
+) -> Result<Vec<FeatureVector>, EmgError> {
+    let mut features = Vec::new();
+    each_window(config, samples, |_, vector| features.push(vector))?;
+    Ok(features)
+}
+
+/// [`extract`], with [`WindowView::amplitude`] of each window beside its features.
+///
+/// # Errors
+/// As [`extract`].
+pub fn extract_with_amplitudes<'a>(
+    config: &EmgConfig,
+    samples: impl IntoIterator<Item = &'a EmgSample>,
+) -> Result<(Vec<FeatureVector>, Vec<f64>), EmgError> {
+    let (mut features, mut amplitudes) = (Vec::new(), Vec::new());
+    each_window(config, samples, |window, vector| {
+        features.push(vector);
+        amplitudes.push(window.amplitude());
+    })?;
+    Ok((features, amplitudes))
+}
+
+fn each_window<'a>(
+    config: &EmgConfig,
+    samples: impl IntoIterator<Item = &'a EmgSample>,
+    mut take: impl FnMut(&WindowView<'_>, FeatureVector),
+) -> Result<(), EmgError> {
+    // Nothing is trained on, or tested with, samples that nobody measured.
+    let whole = BridgeConfig { longest_ms: 0, ..config.bridge };
+    let mut window = SlidingWindow::new(&EmgConfig { bridge: whole, ..config.clone() })?;
+    let mut extractor = FeatureExtractor::new(config)?;
+    let mut filters = FilterBank::new(&config.filters, config.rate_hz, config.channels)?;
+    for sample in samples {
+        if sample.channels.len() != config.channels || sample.channels.iter().any(|v| !v.is_finite()) {
+            return Err(EmgError::BadSample {
+                counter: sample.counter,
+                channels: sample.channels.len(),
+                expected: config.channels,
+            });
+        }
+        let mut filtered = sample.clone();
+        if !filters.is_empty() {
+            filters.apply(&mut filtered);
+        }
+        if let Some(view) = window.push(&filtered) {
+            take(&view, extractor.compute(&view).to_vec());
+        }
+    }
+    Ok(())
+}
