@@ -120,8 +120,9 @@ fn drive(
             Some(dir) => Some(Recorder::create(dir, &config, &arm, classifier.as_ref())?.with_plans(plans)?),
             None => None,
         };
-        let content =
-            PageContent { methods: registry.methods.infos(), ..driven_content(session.testbed(), &arm) };
+        // What the page offers must be able to begin.
+        let methods = registry.methods.fitting(&config.profile, arm.model());
+        let content = PageContent { methods, ..driven_content(session.testbed(), &arm) };
         let page = match &mut server {
             Some(server) => {
                 server.set_content(content)?;

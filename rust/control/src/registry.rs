@@ -1,4 +1,4 @@
-use crate::ports::MethodProcess;
+use crate::ports::{MethodProcess, NoProcess};
 use crate::{
     ControlError, ControlMethod, EndEffectorJog, GazeAssisted, GazeAssistedProfile, GazeToggled, JointJog,
     JointSubset, PipeMethod, Profile, build::guarded,
@@ -315,6 +315,12 @@ impl MethodRegistry {
     /// What is told of them.
     pub fn infos(&self) -> Vec<MethodInfo> {
         self.entries.iter().map(|entry| entry.info.clone()).collect()
+    }
+
+    /// What is told of those that `profile` and `model` allow.
+    pub fn fitting(&self, profile: &Profile, model: &ArmModel) -> Vec<MethodInfo> {
+        let fits = |entry: &&MethodEntry| entry.build(profile, model, NoProcess).is_ok();
+        self.entries.iter().filter(fits).map(|entry| entry.info.clone()).collect()
     }
 
     /// The method called `name`.

@@ -5,7 +5,7 @@ mod common;
 use common::{Rig, START, model};
 use proact_arm::ArmModel;
 use proact_control::ports::{ArmKinematics, NoProcess};
-use proact_control::{ControlError, Profile, Synergy, SynergyProfile, SynergyRule};
+use proact_control::{ControlError, MethodRegistry, Profile, Synergy, SynergyProfile, SynergyRule};
 use proact_types::{Gesture, Vector};
 
 const SHOULDER: usize = 0;
@@ -130,4 +130,19 @@ fn what_cannot_be_is_refused_with_what_there_is() {
     assert!(error.to_string().contains("gain"), "{error}");
     let error = refused(&|p| p.level = "shoulder".to_owned());
     assert!(error.to_string().contains("own limb"), "{error}");
+}
+
+#[test]
+fn it_is_offered_where_a_limb_is_left() {
+    let methods = MethodRegistry::standard().with(Synergy::entry()).expect("a new name");
+    let offered = |level: &str| {
+        let mut profile = Profile::named("default").expect("an embedded profile");
+        profile.level = level.to_owned();
+        let fitting = methods.fitting(&profile, &model());
+        fitting.into_iter().map(|info| info.name).collect::<Vec<_>>()
+    };
+    assert_eq!(offered("shoulder"), ["A", "B", "C", "D"]);
+    assert_eq!(offered("above_elbow"), ["A", "B", "C", "D", "synergy"]);
+    // Its elbow is the person's own.
+    assert_eq!(offered("below_elbow"), ["A", "B", "C", "D"]);
 }
