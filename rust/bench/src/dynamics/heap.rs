@@ -14,7 +14,7 @@ use std::error::Error;
 /// The middle of the heap's compartment, y in metres.
 const MIDDLE: f64 = -0.13;
 /// The hand is let down from so high above its last place, metres, in a second, and then stirs for two.
-const ABOVE: f64 = 0.12;
+const ABOVE: f64 = 0.2;
 /// How far the hand goes to either side while it stirs, metres; once a second.
 const STIRS: f64 = 0.03;
 
@@ -55,7 +55,7 @@ pub(super) fn heap(figures: &mut Vec<BenchFigure>, peer: Option<&MuJoCo>) -> Res
             &format!("{name}, deepest"),
             1e3 * deepest(&scene, &poses),
             "mm",
-            "by Parry",
+            "boxes in boxes",
         ));
         // What rests costs the peer as much as what is awake.
         let (Some(peer), true) = (peer, options.sleep == (base != far)) else { continue };
