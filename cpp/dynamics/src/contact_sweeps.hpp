@@ -63,7 +63,6 @@ class ContactSweeps {
   };
 
   double put_right(std::size_t point);
-  double changed(const Point& point) const;
 
   std::vector<Response> responses_;
   double stale_ = 0.0;  ///< a point whose bodies have changed by no more since it was put right is left out, m/s
