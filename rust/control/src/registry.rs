@@ -187,7 +187,7 @@ impl MethodEntry {
         }
         if needs.limb && subset.is_whole() {
             return refuse(
-                "needs the person's own limb: choose a level that leaves joints to it, such as below_elbow",
+                "needs the person's own limb: choose a level that leaves joints to it, such as above_elbow (--set profile.level=above_elbow)",
             );
         }
         if needs.plans && profile.blend.is_some() {
