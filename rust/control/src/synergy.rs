@@ -18,12 +18,14 @@ const LEAST_LEVER: f64 = 0.02;
 
 /// A joint of the prosthesis that follows a joint of the person's own limb.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, default)]
 pub struct SynergyProfile {
-    /// The arm joint of the own limb that leads.
-    pub leader: String,
-    /// The driven joint that follows.
-    pub follower: String,
+    /// The arm joint of the own limb that leads; its first from the base where it is left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub leader: Option<String>,
+    /// The driven joint that follows; the first from the base where it is left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub follower: Option<String>,
     /// How.
     pub rule: SynergyRule,
     /// The follower's highest speed, rad/s.
@@ -44,15 +46,9 @@ pub enum SynergyRule {
 }
 
 impl Default for SynergyProfile {
-    /// Elbow after shoulder of the modular prosthetic limb, along a straight line. The speed is that of VRProEP's elbow, about
-    /// 115 degrees a second. [assumed]
+    /// The first joint of the prosthesis after the first of the limb, along a straight line, at most at 2 rad/s [assumed].
     fn default() -> Self {
-        Self {
-            leader: "shoulder".to_owned(),
-            follower: "forearm".to_owned(),
-            rule: SynergyRule::Jacobian,
-            speed_rad_per_s: 2.0,
-        }
+        Self { leader: None, follower: None, rule: SynergyRule::Jacobian, speed_rad_per_s: 2.0 }
     }
 }
 
@@ -91,13 +87,15 @@ impl Synergy {
         let settings = profile.synergy.clone().unwrap_or_default();
         let name = |joint: usize| &*model.joints[model.arm[joint]].name;
         let own: Vec<usize> = (0..model.arm_count()).filter(|&joint| !subset.contains(joint)).collect();
-        let leader = own.iter().copied().find(|&joint| is_named(name(joint), &settings.leader));
-        let leader = leader.ok_or_else(|| ControlError::Name {
+        let leads =
+            |joint: usize| settings.leader.as_ref().is_none_or(|leader| is_named(name(joint), leader));
+        let leader = own.iter().copied().find(|&joint| leads(joint)).ok_or_else(|| ControlError::Name {
             kind: "leading joint of the own limb",
-            got: settings.leader.clone(),
+            got: settings.leader.clone().unwrap_or_default(),
             known: own.iter().map(|&joint| name(joint)).collect::<Vec<_>>().join(", "),
         })?;
-        let follower = subset.find(model, &settings.follower)?;
+        let first = || subset.driven().first().map(|&joint| name(joint).to_owned()).unwrap_or_default();
+        let follower = subset.find(model, &settings.follower.clone().unwrap_or_else(first))?;
         let speed = settings.speed_rad_per_s;
         let refused = |key, got, expected| Err(ControlError::Value { key, got, expected });
         if !(speed > 0.0 && speed <= 10.0) {

@@ -114,12 +114,12 @@ fn what_cannot_be_is_refused_with_what_there_is() {
     let set = |profile: &mut Profile, change: &dyn Fn(&mut SynergyProfile)| {
         change(profile.synergy.get_or_insert_default());
     };
-    let error = refused(&|p| set(p, &|s| s.leader = "forearm".to_owned()));
+    let error = refused(&|p| set(p, &|s| s.leader = Some("forearm".to_owned())));
     assert!(
         matches!(&error, ControlError::Name { got, known, .. } if got == "forearm" && known.contains("shoulder")),
         "{error}"
     );
-    let error = refused(&|p| set(p, &|s| s.follower = "shoulder".to_owned()));
+    let error = refused(&|p| set(p, &|s| s.follower = Some("shoulder".to_owned())));
     assert!(
         matches!(&error, ControlError::Name { got, known, .. } if got == "shoulder" && known.contains("forearm")),
         "{error}"
@@ -143,6 +143,5 @@ fn it_is_offered_where_a_limb_is_left() {
     };
     assert_eq!(offered("shoulder"), ["A", "B", "C", "D"]);
     assert_eq!(offered("above_elbow"), ["A", "B", "C", "D", "synergy"]);
-    // Its elbow is the person's own.
-    assert_eq!(offered("below_elbow"), ["A", "B", "C", "D"]);
+    assert_eq!(offered("below_elbow"), ["A", "B", "C", "D", "synergy"]);
 }

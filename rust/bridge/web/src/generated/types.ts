@@ -1531,7 +1531,9 @@ distance: number, } | { "event": "object_off_target",
 /** Which object. */
 object: ObjectId, } | { "event": "object_crossed",
 /** Which object. */
-object: ObjectId, } | { "event": "goal_reached",
+object: ObjectId, } | { "event": "objects_refilled",
+/** How many. */
+count: number, } | { "event": "goal_reached",
 /** Which goal of the trial, from 1. */
 number: number, } | { "event": "goal_missed",
 /** Which goal of the trial, from 1. */
