@@ -71,6 +71,14 @@ Symmetric inverse(const Symmetric& m) {
           (m.xx * m.yy - m.xy * m.xy) * scale};
 }
 
+void ContactSweeps::reserve(std::size_t most_bodies, std::size_t most_points) {
+  bodies.reserve(most_bodies);
+  points.reserve(most_points);
+  responses_.reserve(most_points);
+  before_.reserve(most_points);
+  way_.reserve(most_points);
+}
+
 void ContactSweeps::begin() {
   stale_ = 0.0;
   responses_.clear();

@@ -44,6 +44,8 @@ class ContactSweeps {
   double normal_softness = 1e-3;    ///< m/s by which a contact gives way for each N
   double friction_softness = 1e-6;  ///< the same sideways
 
+  /// Takes the memory for so many, so that no tick with fewer asks for any.
+  void reserve(std::size_t most_bodies, std::size_t most_points);
   /// Begins a tick: lets the guessed impulses act.
   void begin();
   /// One sweep there and one back; the largest change of a speed at a contact in the second, m/s.

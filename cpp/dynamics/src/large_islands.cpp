@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 namespace proact::dynamics {
 
@@ -44,6 +45,15 @@ LargeIslands::LargeIslands(const Model& model, BlockBodies& blocks, const Carryi
       torque_(blocks.count()) {
   sweeps_.normal_softness = model.options.contact_cfm;
   others_.reserve(World::contact_capacity);
+  touches_.reserve(World::contact_capacity);
+  order_.reserve(World::contact_capacity);
+  solved_.reserve(World::contact_capacity);
+  kept_points_.reserve(World::contact_capacity);
+  remembered_.reserve(World::contact_capacity);
+  noted_.reserve(World::contact_capacity);
+  presses_.reserve(World::contact_capacity);
+  moving_.reserve(blocks.count());
+  sweeps_.reserve(blocks.count(), World::contact_capacity);
 }
 
 void LargeIslands::wake_near(const Geoms& geoms) {
@@ -85,9 +95,8 @@ void LargeIslands::find_islands(const std::vector<Touch>& touches) {
     if (touch.first.block != no_index && touch.second.block != no_index) join(touch.first.block, touch.second.block);
   }
   for (const Press& press : presses_) join(press.block, press.neighbour);
-  // Where the arm is solved by itself, small islands are its only with a block that it touches.
   const bool coupled = model_.options.engine == Engine::reduced;
-  std::fill(touched_.begin(), touched_.end(), coupled ? 0 : 1);
+  std::fill(touched_.begin(), touched_.end(), coupled && distrusts_ode_ ? 0 : 1);
   for (const Touch& touch : touches) {
     if (is_arm(touch.first) && touch.second.block != no_index) touched_[root(touch.second.block)] = 1;
     if (is_arm(touch.second) && touch.first.block != no_index) touched_[root(touch.first.block)] = 1;
@@ -128,7 +137,7 @@ void LargeIslands::split(const std::vector<Touch>& touches) {
   for (const std::size_t block : moving_) body_of_[block] = no_index;
   moving_.clear();
   noted_.clear();
-  if (large_.size() <= model_.options.large_island) {
+  if (large_.size() <= model_.options.large_island && !distrusts_ode_) {
     others_.assign(touches.begin(), touches.end());
     return;
   }
@@ -257,23 +266,22 @@ double LargeIslands::weight(std::size_t block) const { return model_.blocks[bloc
 
 /// Keeps the impulses as guesses: of this tick, and of pairs that were not solved because one of them is at rest.
 void LargeIslands::remember() {
-  renewed_.clear();
-  for (std::size_t k = 0; k < touches_.size(); ++k) {
-    renewed_.push_back({pair_of(touches_[k]), touches_[k].point.position, sweeps_.points[k].impulse, false});
-  }
+  // Points of one pair stay in their order. What sorts or merges in place stably would ask for memory.
+  order_.clear();
+  for (std::size_t k = 0; k < touches_.size(); ++k) order_.emplace_back(pair_of(touches_[k]), k);
+  std::sort(order_.begin(), order_.end());
+  solved_.clear();
+  for (const auto& [pair, k] : order_) solved_.push_back({pair, touches_[k].point.position, sweeps_.points[k].impulse, false});
   const auto before = [](const Remembered& a, const Remembered& b) { return a.pair < b.pair; };
-  // Points of one pair stay in their order.
-  std::stable_sort(renewed_.begin(), renewed_.end(), before);
-  const std::size_t solved = renewed_.size();
+  kept_points_.clear();
   const std::uint64_t numbers = large_.size() + 1;
   const auto rests = [&](std::uint64_t block) { return block < large_.size() && resting_[block] != 0; };
   for (const Remembered& old : remembered_) {
     if (!rests(old.pair / numbers) && !rests(old.pair % numbers)) continue;
-    const auto end = renewed_.begin() + static_cast<std::ptrdiff_t>(solved);
-    if (!std::binary_search(renewed_.begin(), end, old, before)) renewed_.push_back({old.pair, old.position, old.impulse, false});
+    if (!std::binary_search(solved_.begin(), solved_.end(), old, before)) kept_points_.push_back({old.pair, old.position, old.impulse, false});
   }
-  std::inplace_merge(renewed_.begin(), renewed_.begin() + static_cast<std::ptrdiff_t>(solved), renewed_.end(), before);
-  remembered_.swap(renewed_);
+  remembered_.clear();
+  std::merge(solved_.begin(), solved_.end(), kept_points_.begin(), kept_points_.end(), std::back_inserter(remembered_), before);
 }
 
 void LargeIslands::wake(std::size_t block) {
@@ -361,7 +369,7 @@ void LargeIslands::let_rest() {
 }
 
 LargeIslands::State LargeIslands::state() const {
-  return {{large_.begin(), large_.end()}, {resting_.begin(), resting_.end()}, presses_, remembered_};
+  return {{large_.begin(), large_.end()}, {resting_.begin(), resting_.end()}, presses_, remembered_, distrusts_ode_};
 }
 
 void LargeIslands::restore(const State& state) {
@@ -369,6 +377,7 @@ void LargeIslands::restore(const State& state) {
   resting_.assign(state.resting.begin(), state.resting.end());
   presses_ = state.presses;
   remembered_ = state.remembered;
+  distrusts_ode_ = state.distrusts_ode;
 }
 
 }  // namespace proact::dynamics

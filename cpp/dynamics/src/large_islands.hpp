@@ -9,15 +9,16 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 namespace proact::dynamics {
 
 /// An island is a set of blocks that hang together by contacts, those at rest included. One of more blocks than
 /// Options::large_island is this part's: its contacts are put right in turn (ContactSweeps) instead of all at once, whose
-/// cost would grow with the cube of the blocks. Smaller ones that the arm touches are left to its solver. In scenes of more
-/// blocks than that those that the arm does not touch are this part's, too: ODE's direct solver gives up on some cubes that
-/// lie almost flat, and they would fall through the table. With the engine ode, small ones are ODE's.
+/// cost would grow with the cube of the blocks. Smaller ones are left to the arm's solver and to ODE. ODE's direct solver gives
+/// up on some cubes that lie almost flat, and lets them fall through the table: once it has, small islands that the arm does
+/// not touch are this part's, too (not with the engine ode).
 ///
 /// A block of a large island comes to rest by itself: idle for as long as any other, it stands still as if it were part of
 /// the room, and is not solved. It remembers the forces of its neighbours. It wakes when those of them that move press it
@@ -37,6 +38,9 @@ class LargeIslands {
   const std::vector<Touch>& others() const { return others_; }
   /// Whether a block belongs to a large island.
   bool has(std::size_t block) const { return large_[block] != 0; }
+
+  /// ODE's solver has given up: it gets no small island any more that this part can have.
+  void distrust_ode() { distrusts_ode_ = true; }
 
   /// Begins to solve: momenta of the tick, and the impulses of the last one as a guess.
   void begin();
@@ -77,6 +81,7 @@ class LargeIslands {
     std::vector<bool> resting;  ///< by block
     std::vector<Press> presses;
     std::vector<Remembered> remembered;
+    bool distrusts_ode = false;
   };
   State state() const;
   void restore(const State& state);
@@ -103,7 +108,8 @@ class LargeIslands {
   std::vector<char> large_;     ///< by block
   std::vector<char> resting_;   ///< by block
   std::vector<char> hanging_;   ///< by block: together with the arm
-  std::vector<char> touched_;   ///< by the root of an island: the arm's solver has it, if it is small
+  std::vector<char> touched_;   ///< by the root of an island: the arm's solver or ODE has it, if it is small
+  bool distrusts_ode_ = false;
   std::vector<std::size_t> parent_;  ///< of union-find; the last is the arm
   std::vector<std::size_t> size_;
   std::vector<char> kept_;            ///< by block: awake because a link is near
@@ -114,7 +120,9 @@ class LargeIslands {
   std::vector<Press> presses_;        ///< on blocks at rest, when they came to rest
   std::vector<Press> noted_;          ///< on blocks at rest, in this tick, by others
   std::vector<Remembered> remembered_;  ///< by pair
-  std::vector<Remembered> renewed_;     ///< scratch
+  std::vector<std::pair<std::uint64_t, std::size_t>> order_;  ///< scratch: of the points by their pairs
+  std::vector<Remembered> solved_;                            ///< scratch: those of this tick
+  std::vector<Remembered> kept_points_;                       ///< scratch: those between blocks at rest
   std::vector<Vec3> force_;           ///< scratch, by block
   std::vector<Vec3> torque_;
 };

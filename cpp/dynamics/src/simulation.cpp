@@ -82,7 +82,11 @@ void World::Simulation::advance(const double* position, const double* velocity, 
 
 void World::Simulation::step_ode() {
   blocks_.put_to_sleep(carrying_);
-  if (arm_->moved_by_ode() || !blocks_.all_asleep()) ode_world_.step();
+  if (arm_->moved_by_ode() || !blocks_.all_asleep()) {
+    const std::uint64_t complaints = ode_world_.state().complaints;
+    ode_world_.step();
+    if (ode_world_.state().complaints != complaints) islands_.distrust_ode();
+  }
   if (!joints_.all_finite() || !arm_->all_finite()) throw std::runtime_error("the arm left the finite numbers");
   blocks_.check_finite();
 }

@@ -139,6 +139,7 @@ void add_islands(Writer& out, const LargeIslands::State& islands) {
     out.add(press.force);
     out.add(press.torque);
   }
+  out.add(islands.distrusts_ode ? 1.0 : 0.0);
   out.add(static_cast<double>(islands.remembered.size()));
   for (const LargeIslands::Remembered& point : islands.remembered) {
     out.add(static_cast<double>(point.pair));
@@ -161,6 +162,7 @@ LargeIslands::State read_islands(Reader& in, std::size_t blocks) {
     press.force = in.vec();
     press.torque = in.vec();
   }
+  out.distrusts_ode = in.whole(0, 1) != 0;
   out.remembered.resize(in.index("contacts remembered", points));
   for (LargeIslands::Remembered& point : out.remembered) {
     point.pair = in.index("pair", numbers * numbers);
