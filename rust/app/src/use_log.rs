@@ -37,6 +37,14 @@ pub struct UseLine {
     pub start: String,
     /// When it ended.
     pub end: String,
+    /// What was done in it.
+    pub used: Used,
+}
+
+/// What was done in some time.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Used {
     /// Time with a page connected, s.
     pub connected_secs: f64,
     /// Time in trials with another gesture in force than that of a relaxed hand, s.
@@ -51,6 +59,20 @@ pub struct UseLine {
     pub score: f64,
 }
 
+impl Used {
+    fn add(&mut self, other: Used) {
+        self.connected_secs += other.connected_secs;
+        self.active_secs += other.active_secs;
+        self.moving_secs += other.moving_secs;
+        for (gesture, count) in other.gestures {
+            let known = self.gestures.entry(gesture).or_default();
+            *known = known.saturating_add(count);
+        }
+        self.trials = self.trials.saturating_add(other.trials);
+        self.score += other.score;
+    }
+}
+
 impl UseLine {
     /// Reads a line.
     ///
@@ -63,9 +85,9 @@ impl UseLine {
             let _: Timestamp = value.parse().map_err(|error| format!("{name} {value:?}: {error}"))?;
         }
         for (name, value) in [
-            ("connected_secs", line.connected_secs),
-            ("active_secs", line.active_secs),
-            ("moving_secs", line.moving_secs),
+            ("connected_secs", line.used.connected_secs),
+            ("active_secs", line.used.active_secs),
+            ("moving_secs", line.used.moving_secs),
         ] {
             if !(0.0..=86_400.0).contains(&value) {
                 return Err(format!("{name} is {value}, expected 0 to 86400"));
@@ -81,7 +103,7 @@ impl UseLine {
     }
 
     fn is_used(&self) -> bool {
-        self.connected_secs > 0.0 || self.trials > 0
+        self.used.connected_secs > 0.0 || self.used.trials > 0
     }
 }
 
@@ -141,7 +163,7 @@ impl UseLog {
     /// Whether a page is connected at `now`, asked often.
     pub fn look(&mut self, now: Instant, connected: bool) {
         if connected {
-            self.line.connected_secs += now.duration_since(self.looked).as_secs_f64();
+            self.line.used.connected_secs += now.duration_since(self.looked).as_secs_f64();
         }
         self.looked = now;
         if now.duration_since(self.began) >= LINE_EVERY {
@@ -153,7 +175,7 @@ impl UseLog {
     pub fn see(&mut self, frame: &DisplayFrame, rest: GestureName) {
         let (active, last) = (frame.recognised != rest, self.before.take());
         if active && frame.recognised != self.in_force {
-            *self.line.gestures.entry(frame.recognised.to_string()).or_default() += 1;
+            *self.line.used.gestures.entry(frame.recognised.to_string()).or_default() += 1;
         }
         self.in_force = frame.recognised;
         if let Some((then, joints)) = last.filter(|(then, _)| *then < frame.time) {
@@ -163,16 +185,16 @@ impl UseLog {
                 .zip(&frame.joints)
                 .map(|(before, now)| (now - before).abs() / secs)
                 .fold(0.0, f64::max);
-            self.line.active_secs += if active { secs } else { 0.0 };
-            self.line.moving_secs += if fastest > MOVES_RAD_PER_S { secs } else { 0.0 };
+            self.line.used.active_secs += if active { secs } else { 0.0 };
+            self.line.used.moving_secs += if fastest > MOVES_RAD_PER_S { secs } else { 0.0 };
         }
         self.before = Some((frame.time, frame.joints.clone()));
     }
 
     /// A trial ended with this score.
     pub fn end_trial(&mut self, score: f64) {
-        self.line.trials += 1;
-        self.line.score += if score.is_finite() { score } else { 0.0 };
+        self.line.used.trials += 1;
+        self.line.used.score += if score.is_finite() { score } else { 0.0 };
         self.before = None;
     }
 
@@ -186,7 +208,7 @@ impl UseLog {
             return;
         }
         line.end = end;
-        for secs in [&mut line.connected_secs, &mut line.active_secs, &mut line.moving_secs] {
+        for secs in [&mut line.used.connected_secs, &mut line.used.active_secs, &mut line.used.moving_secs] {
             *secs = (*secs * 1000.0).round() / 1000.0;
         }
         if let (Ok(text), Some(lines)) = (serde_json::to_string(&line), &self.lines) {
@@ -249,32 +271,9 @@ pub struct DayOfUse {
     pub day: String,
     /// Sittings that were used on it.
     pub sittings: usize,
-    /// As in [`UseLine`], added up.
-    pub connected_secs: f64,
-    /// As in [`UseLine`], added up.
-    pub active_secs: f64,
-    /// As in [`UseLine`], added up.
-    pub moving_secs: f64,
-    /// As in [`UseLine`], added up.
-    pub gestures: BTreeMap<String, u64>,
-    /// As in [`UseLine`], added up.
-    pub trials: u64,
-    /// As in [`UseLine`], added up.
-    pub score: f64,
-}
-
-impl DayOfUse {
-    fn add(&mut self, line: UseLine) {
-        self.connected_secs += line.connected_secs;
-        self.active_secs += line.active_secs;
-        self.moving_secs += line.moving_secs;
-        for (gesture, count) in line.gestures {
-            let known = self.gestures.entry(gesture).or_default();
-            *known = known.saturating_add(count);
-        }
-        self.trials = self.trials.saturating_add(line.trials);
-        self.score += line.score;
-    }
+    /// What was done on it.
+    #[serde(flatten)]
+    pub used: Used,
 }
 
 /// What a log says.
@@ -314,7 +313,7 @@ pub fn read_use_log(path: &Path) -> io::Result<UseReport> {
             Ok((day, line)) => {
                 let (sittings, sum) = days.entry(day).or_default();
                 sittings.insert(line.sitting.clone());
-                sum.add(line);
+                sum.used.add(line.used);
             }
             Err(reason) => report.unreadable.push((number, reason)),
         }
@@ -373,9 +372,9 @@ mod tests {
         assert_eq!(text.lines().count(), 2, "{text}");
         let report = read_use_log(&path).expect("a log");
         let [day] = report.days.as_slice() else { panic!("one day, unless it is midnight: {report:?}") };
-        assert_eq!((day.sittings, day.trials, day.score, report.unreadable.len()), (1, 2, 3.0, 0));
-        assert_eq!(day.gestures, BTreeMap::from([("hand_close".to_owned(), 2)]));
-        assert_eq!((day.connected_secs, day.active_secs, day.moving_secs), (50.0, 2.1, 1.0));
+        assert_eq!((day.sittings, day.used.trials, day.used.score, report.unreadable.len()), (1, 2, 3.0, 0));
+        assert_eq!(day.used.gestures, BTreeMap::from([("hand_close".to_owned(), 2)]));
+        assert_eq!((day.used.connected_secs, day.used.active_secs, day.used.moving_secs), (50.0, 2.1, 1.0));
     }
 
     #[test]
@@ -395,8 +394,7 @@ mod tests {
             sitting: "2026-03-01T09:30:00+01:00".to_owned(),
             start: "2026-03-01T23:59:30+01:00".to_owned(),
             end: "2026-03-02T00:00:30+01:00".to_owned(),
-            connected_secs: 60.0,
-            ..UseLine::default()
+            used: Used { connected_secs: 60.0, ..Used::default() },
         };
         let good = serde_json::to_string(&good).expect("plain");
         let other = good.replace("\"start\":\"2026-03-01", "\"start\":\"2026-02-28");
@@ -410,7 +408,7 @@ mod tests {
         let report = read_use_log(&path).expect("a log");
         let days: Vec<&str> = report.days.iter().map(|day| day.day.as_str()).collect();
         assert_eq!(days[..2], ["2026-02-28", "2026-03-01"]);
-        assert_eq!((days.len(), report.days[2].trials), (3, 1), "what came after the cut counts");
+        assert_eq!((days.len(), report.days[2].used.trials), (3, 1), "what came after the cut counts");
         let numbers: Vec<u64> = report.unreadable.iter().map(|(number, _)| *number).collect();
         assert_eq!(numbers, [2, 5, 6]);
         assert!(report.unreadable[0].1.contains("16384 bytes"), "{report:?}");
@@ -423,14 +421,15 @@ mod tests {
             ("{}", "missing field"),
             ("[1]", "expected"),
             (
-                r#"{"sitting":"","start":"2026-13-01T00:00:00Z","end":"","connected_secs":0,"active_secs":0,"moving_secs":0,"gestures":{},"trials":0,"score":0}"#,
+                r#"{"sitting":"","start":"2026-13-01T00:00:00Z","end":"","used":{"connected_secs":0,"active_secs":0,"moving_secs":0,"gestures":{},"trials":0,"score":0}}"#,
                 "2026-13-01",
             ),
             (
-                r#"{"sitting":"","start":"ü","end":"","connected_secs":0,"active_secs":0,"moving_secs":0,"gestures":{},"trials":0,"score":0}"#,
+                r#"{"sitting":"","start":"ü","end":"","used":{"connected_secs":0,"active_secs":0,"moving_secs":0,"gestures":{},"trials":0,"score":0}}"#,
                 "start",
             ),
             (r#"{"color":1}"#, "unknown field"),
+            (r#"{"used":{"color":1}}"#, "unknown field"),
         ] {
             let error = UseLine::parse(text).expect_err("no line of use");
             assert!(error.contains(part), "{text}: {error}");

@@ -6,6 +6,7 @@ use proact_control::MethodRegistry;
 use proact_devices::EmgOrigin;
 use proact_tasks::{SHIPPED, TaskChoice};
 use proact_testbed::{Setup, TrialConfig, TrialResult};
+use proact_types::EventKind;
 use std::{fs, path::Path};
 
 const EXAMPLE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/tasks/three_cubes.toml");
@@ -176,4 +177,31 @@ fn a_heap_falls_as_the_seed_says_and_lies_still_when_the_trial_begins() {
         let at = body.pose.translation.vector;
         assert!(at.y < 0.0 && at.y > -0.27 && at.x.abs() < 0.13 && at.z > 1.02 && at.z < 1.12, "{at}");
     }
+}
+
+/// A cube that lies across where few are left is put above the heap by the rules, and falls onto it.
+#[test]
+fn objects_that_are_refilled_fall_in_the_physics_and_the_trial_replays() {
+    let place = tempfile::tempdir().unwrap();
+    let text = include_str!("../../tasks/data/bbt_heap.toml")
+        .replace("name = \"bbt_heap\"\n", "name = \"two\"\nrefill_below = 2\n")
+        .replace("count = 150", "count = 2\nlies = [[0.0, -0.1, 1.0275, 0.0, 0.0, 0.0, 1.0], [0.0, 0.03, 1.0275, 0.0, 0.0, 0.0, 1.0]]");
+    let task = TaskChoice::from_text(text).unwrap();
+    let config = TrialConfig::new("A", 1, Setup::named("still").unwrap()).with_task(task.clone()).unwrap();
+    let mut session = trial::simulated(config, &EmgOrigin::Synthetic).unwrap().session;
+    let at = |session: &proact_testbed::Session| {
+        session.testbed().plant().state().objects[1].pose.translation.vector
+    };
+    let first = session.step(false).unwrap();
+    assert!(first.output.events.iter().any(|event| event.kind == EventKind::ObjectsRefilled { count: 1 }));
+    let above = at(&session);
+    assert!(above.y < 0.0 && above.z > 1.06, "{above}");
+    for _ in 0..1500 {
+        session.step(false).unwrap();
+    }
+    let fallen = at(&session);
+    assert!(fallen.y < 0.0 && fallen.z > 1.015 && fallen.z < above.z - 0.01, "from {above} to {fallen}");
+    let dir = place.path().join("trial");
+    record(task, "A", 17.0, &dir);
+    assert!(replay_trial(&dir, ReplayOptions::default()).unwrap().agrees);
 }

@@ -191,6 +191,43 @@ mod tests {
     }
 
     #[test]
+    fn what_lies_below_takes_no_room_from_what_lies_on_it() {
+        let mut choice = Choice::new(&scene(3), &told());
+        let mut seen = seen(&[[0.0, -0.1], [0.0, -0.11], [0.0, -0.13]]);
+        assert_eq!(
+            choice.next(&seen),
+            Some(ObjectId(2)),
+            "it has the most room of those that stand side by side"
+        );
+        let mut choice = Choice::new(&scene(3), &told());
+        seen.objects[0].translation.vector.z += 0.025;
+        assert_eq!(choice.next(&seen), Some(ObjectId(0)), "it lies on another, and nothing is beside it");
+    }
+
+    #[test]
+    fn where_all_are_alike_a_person_settles_for_another_one_that_can_be_taken() {
+        let mut seen = seen(&[[0.0, -0.1], [0.0, -0.13], [0.0, 0.1], [0.0, -0.2]]);
+        seen.objects[3].translation.vector.z = 0.0;
+        let settles = |briefing: &Briefing, other: u16, avoids: bool| {
+            let mut choice = Choice::new(&scene(4), briefing);
+            let first = choice.next(&seen);
+            choice.settle_for(ObjectId(other), &seen);
+            if avoids {
+                choice.give_up();
+                choice.next(&seen);
+                choice.settle_for(ObjectId(other), &seen);
+            }
+            (first != choice.next(&seen), choice.next(&seen) == Some(ObjectId(other)))
+        };
+        assert_eq!(settles(&told(), 1, false), (true, true));
+        assert_eq!(settles(&told(), 2, false), (false, false), "it is across already");
+        assert_eq!(settles(&told(), 3, false), (false, false), "it is on the floor");
+        assert_eq!(settles(&told(), 1, true), (false, false), "it was taken in vain");
+        let own = Briefing { destination: Destination::OwnTarget, ..told() };
+        assert_eq!(settles(&own, 1, false), (false, false), "each belongs somewhere else");
+    }
+
+    #[test]
     fn what_is_across_or_on_the_floor_is_not_taken_again() {
         let mut choice = Choice::new(&scene(2), &told());
         let mut seen = seen(&[[0.0, 0.1], [0.0, -0.1]]);

@@ -4,6 +4,9 @@ use proact_types::{
 };
 use serde_json::{Map, json};
 
+/// Objects that found no room where they were sent back to are sent again after this time.
+const SEND_AGAIN_MS: u64 = 1000;
+
 /// The box-and-blocks test's rule: an object counts when the fingertips cross the partition with it, also if it then
 /// falls on the floor. It counts once; two carried at once count one, because the one that the hand holds is counted.
 ///
@@ -34,6 +37,8 @@ pub(crate) struct Refill {
     heap: HeapFile,
     /// Those that were sent back and have not been seen there.
     returning: ObjectSet,
+    /// When any were sent back last.
+    sent: Option<SimTime>,
     /// Of the newest step.
     placements: Vec<(ObjectId, BodyState)>,
 }
@@ -41,7 +46,7 @@ pub(crate) struct Refill {
 impl Refill {
     /// When fewer than `below` are left, into the area of `heap`, which is as in the text: for the right hand.
     pub(crate) fn new(below: usize, heap: HeapFile) -> Self {
-        Self { below, heap, returning: ObjectSet::default(), placements: Vec::new() }
+        Self { below, heap, returning: ObjectSet::default(), sent: None, placements: Vec::new() }
     }
 
     /// Sends `back` to places above all of `objects` that lie in the area; `side`: as [`Across::side`].
@@ -108,15 +113,17 @@ impl Across {
     }
 
     /// Sends back what is not on the start side if too few are left there.
-    fn refill(&mut self, objects: &[BodyState]) -> Option<EventKind> {
+    fn refill(&mut self, now: SimTime, objects: &[BodyState]) -> Option<EventKind> {
         let refill = self.refill.as_mut()?;
-        // What was sent back and found no room is no reason to begin anew at every step.
-        if self.state.candidates.len() >= refill.below || !refill.returning.is_empty() {
+        // What found no room, because the hand was there, is sent again after a while.
+        let lately = refill.sent.is_some_and(|sent| now.millis_since(sent) < SEND_AGAIN_MS);
+        if self.state.candidates.len() >= refill.below || lately {
             return None;
         }
         let away = |id: &ObjectId| !self.state.candidates.contains(*id) && self.held != Some(*id);
         let back: Vec<ObjectId> = self.scene.ids().filter(away).collect();
         let count = u32::try_from(back.len()).ok().filter(|count| *count > 0)?;
+        refill.sent = Some(now);
         refill.send(back, objects, self.scene.table_height, self.side);
         Some(EventKind::ObjectsRefilled { count })
     }
@@ -164,7 +171,7 @@ impl Task for Across {
         self.state.candidates =
             bodies.filter(|(id, body)| self.is_candidate(*id, body)).map(|(id, _)| id).collect();
         self.state.score = self.times.len() as u32;
-        events.extend(self.refill(seen.objects));
+        events.extend(self.refill(now, seen.objects));
         // A hand that still holds the last one may yet bring it across.
         let none_left = self.state.candidates.is_empty() && self.held.is_none();
         if none_left || now >= self.limit {

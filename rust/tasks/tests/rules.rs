@@ -419,13 +419,16 @@ fn when_few_are_left_those_that_are_across_fall_back_and_count_again() {
     }
     // Nothing is asked for twice, and what has not got there does not count again.
     assert!(trial.until(2500, None).is_empty() && trial.task.placements().is_empty());
+    // Where the hand was in the way all the while it is asked for again.
+    assert_eq!(trial.until(3101, None), [EventKind::ObjectsRefilled { count: 3 }]);
+    assert_eq!(trial.task.placements().len(), 3);
     assert_eq!((trial.task.state().candidates.len(), trial.task.state().finished), (3, false));
     for (id, body) in &placed[..2] {
         trial.objects[id.index()] = *body;
     }
-    trial.until(2510, None);
+    trial.until(3110, None);
     assert_eq!(trial.task.state().candidates.len(), 5);
-    carry(&mut trial, 0, 3000);
+    carry(&mut trial, 0, 4000);
     assert_eq!((trial.task.state().score, &trial.result()["crossed"]), (3, &json!(3)));
 }
 

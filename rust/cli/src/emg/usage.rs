@@ -36,14 +36,15 @@ pub(super) fn text(args: &UseArgs, json: bool) -> Result<String, Box<dyn Error>>
 
 fn csv(report: &UseReport) -> Result<String, Box<dyn Error>> {
     let mut gestures: Vec<&str> =
-        report.days.iter().flat_map(|day| day.gestures.keys().map(String::as_str)).collect();
+        report.days.iter().flat_map(|day| day.used.gestures.keys().map(String::as_str)).collect();
     gestures.sort_unstable();
     gestures.dedup();
     let mut table = csv::Writer::from_writer(Vec::new());
     let fixed = ["day", "sittings", "connected_secs", "active_secs", "moving_secs", "trials", "score"];
     table.write_record(fixed.iter().copied().chain(gestures.iter().copied()))?;
     for day in &report.days {
-        let numbers = [day.connected_secs, day.active_secs, day.moving_secs].map(|secs| format!("{secs:.3}"));
+        let numbers = [day.used.connected_secs, day.used.active_secs, day.used.moving_secs]
+            .map(|secs| format!("{secs:.3}"));
         let [connected, active, moving] = numbers;
         let row = [
             day.day.clone(),
@@ -51,11 +52,11 @@ fn csv(report: &UseReport) -> Result<String, Box<dyn Error>> {
             connected,
             active,
             moving,
-            day.trials.to_string(),
-            day.score.to_string(),
+            day.used.trials.to_string(),
+            day.used.score.to_string(),
         ];
         let counts =
-            gestures.iter().map(|gesture| day.gestures.get(*gesture).copied().unwrap_or(0).to_string());
+            gestures.iter().map(|gesture| day.used.gestures.get(*gesture).copied().unwrap_or(0).to_string());
         table.write_record(row.into_iter().chain(counts))?;
     }
     Ok(String::from_utf8(table.into_inner()?)?)
@@ -64,20 +65,21 @@ fn csv(report: &UseReport) -> Result<String, Box<dyn Error>> {
 /// A line a day with a bar of its hours, and what they add up to.
 fn days(report: &UseReport) -> String {
     let sum = |of: fn(&DayOfUse) -> f64| report.days.iter().map(of).sum::<f64>();
-    let longest = report.days.iter().map(|day| day.connected_secs).fold(0.0, f64::max);
+    let longest = report.days.iter().map(|day| day.used.connected_secs).fold(0.0, f64::max);
     let mut out = String::new();
     for day in &report.days {
-        let columns = if longest > 0.0 { (BAR * day.connected_secs / longest).round() as usize } else { 0 };
+        let columns =
+            if longest > 0.0 { (BAR * day.used.connected_secs / longest).round() as usize } else { 0 };
         out += &format!(
             "{}  {:30}  {}  {} active, {} moving, {} gestures, {} trials, score {}\n",
             day.day,
             "#".repeat(columns),
-            hours(day.connected_secs),
-            hours(day.active_secs),
-            hours(day.moving_secs),
-            day.gestures.values().sum::<u64>(),
-            day.trials,
-            day.score
+            hours(day.used.connected_secs),
+            hours(day.used.active_secs),
+            hours(day.used.moving_secs),
+            day.used.gestures.values().sum::<u64>(),
+            day.used.trials,
+            day.used.score
         );
     }
     let unreadable = match report.unreadable.len() {
@@ -87,9 +89,9 @@ fn days(report: &UseReport) -> String {
     out + &format!(
         "{} days of use, {} in all, {} active, {} moving{unreadable}\n",
         report.days.len(),
-        hours(sum(|day| day.connected_secs)),
-        hours(sum(|day| day.active_secs)),
-        hours(sum(|day| day.moving_secs))
+        hours(sum(|day| day.used.connected_secs)),
+        hours(sum(|day| day.used.active_secs)),
+        hours(sum(|day| day.used.moving_secs))
     )
 }
 
@@ -104,9 +106,9 @@ mod tests {
     use super::*;
 
     const LOG: &str = concat!(
-        r#"{"sitting":"a","start":"2026-03-01T09:00:00+01:00","end":"2026-03-01T09:01:00+01:00","connected_secs":3600,"active_secs":60,"moving_secs":30.5,"gestures":{"hand_close":2},"trials":1,"score":4}"#,
+        r#"{"sitting":"a","start":"2026-03-01T09:00:00+01:00","end":"2026-03-01T09:01:00+01:00","used":{"connected_secs":3600,"active_secs":60,"moving_secs":30.5,"gestures":{"hand_close":2},"trials":1,"score":4}}"#,
         "\nbroken\n",
-        r#"{"sitting":"b","start":"2026-03-02T09:00:00+01:00","end":"2026-03-02T09:01:00+01:00","connected_secs":1800,"active_secs":0,"moving_secs":0,"gestures":{"pinch":1},"trials":0,"score":0}"#,
+        r#"{"sitting":"b","start":"2026-03-02T09:00:00+01:00","end":"2026-03-02T09:01:00+01:00","used":{"connected_secs":1800,"active_secs":0,"moving_secs":0,"gestures":{"pinch":1},"trials":0,"score":0}}"#,
         "\n",
     );
 
