@@ -12,7 +12,7 @@ use super::{
     convert,
     digest::Spans,
     graph::{Jobs, Pace, SimTimeParameter, parameter},
-    judge::{self, Judge},
+    judge::Judge,
     outlets::{Choices, Outlets, View},
     stage::{self, Tagged},
     testbed::rate,
