@@ -3,6 +3,7 @@
 #include "arm.hpp"
 
 #include <algorithm>
+#include <limits>
 #include <stdexcept>
 
 namespace proact::dynamics {
@@ -11,6 +12,19 @@ namespace {
 
 // Things may start with this much overlap, metres; more would push them apart visibly.
 constexpr double allowed_overlap = 1e-3;
+
+/// Bounds of all the shapes together.
+std::array<dReal, 6> around(const std::vector<Geom>& shapes) {
+  constexpr dReal infinity = std::numeric_limits<dReal>::infinity();
+  std::array<dReal, 6> all{infinity, -infinity, infinity, -infinity, infinity, -infinity};
+  for (const Geom& shape : shapes) {
+    for (std::size_t k = 0; k < 6; k += 2) {
+      all[k] = std::min(all[k], shape.bounds[k]);
+      all[k + 1] = std::max(all[k + 1], shape.bounds[k + 1]);
+    }
+  }
+  return all;
+}
 
 }  // namespace
 
@@ -22,6 +36,7 @@ Collisions::Collisions(const Model& model, const Geoms& geoms, const BlockBodies
       parted_(model.links.size() * model.blocks.size(), true) {
   touches_.reserve(World::contact_capacity);
   contacts_.reserve(World::contact_capacity);
+  bounds_.reserve(blocks.count());
 }
 
 Side Collisions::side_of_block(const Arm& arm, std::size_t block) const {
@@ -90,12 +105,14 @@ void Collisions::find_blocks_with_fixed(const Arm& arm, bool at_rest) {
 
 void Collisions::find_blocks(const Arm& arm) {
   if (std::all_of(resting_.begin(), resting_.end(), [](char resting) { return resting != 0; })) return;
+  // Side by side in memory, since each is read as often as there are blocks.
+  bounds_.clear();
+  for (const Geom& block : geoms_.blocks) bounds_.push_back(block.bounds);
   for (std::size_t i = 0; i < geoms_.blocks.size(); ++i) {
     const Geom& a = geoms_.blocks[i];
     for (std::size_t j = i + 1; j < geoms_.blocks.size(); ++j) {
-      if (resting_[i] != 0 && resting_[j] != 0) continue;
+      if (apart(bounds_[i], bounds_[j]) || (resting_[i] != 0 && resting_[j] != 0)) continue;
       const Geom& b = geoms_.blocks[j];
-      if (apart(a.bounds, b.bounds)) continue;
       find_contacts(a.placed(), b.placed(), found_);
       const double friction = std::min(model_.blocks[i].friction, model_.blocks[j].friction);
       add_found(side_of_block(arm, i), side_of_block(arm, j), friction);
@@ -106,8 +123,14 @@ void Collisions::find_blocks(const Arm& arm) {
 void Collisions::find_blocks_with_links(const Arm& arm) {
   const std::size_t links = model_.links.size();
   const std::vector<Geom>& shapes = geoms_.links;
+  const std::array<dReal, 6> arms = around(shapes);
   for (const Geom& block : geoms_.blocks) {
     if (carrying_.carries(block.owner)) continue;
+    // Of a heap hardly any block is near the arm.
+    if (apart(block.bounds, arms)) {
+      std::fill_n(parted_.begin() + static_cast<std::ptrdiff_t>(block.owner * links), links, true);
+      continue;
+    }
     // Shapes of one link stand together, so one pass sees whether any of them still overlaps the block.
     for (std::size_t first = 0; first < shapes.size();) {
       const std::size_t link = shapes[first].owner;

@@ -57,6 +57,7 @@ class Collisions {
   std::vector<bool> parted_;
   std::vector<Touch> touches_;
   std::vector<char> resting_;  ///< by block, of this tick
+  std::vector<std::array<dReal, 6>> bounds_;  ///< of the blocks in this tick
   std::vector<char> touched_;  ///< by block, in its sleep
   std::vector<Contact> contacts_;
   ContactPoints found_;  ///< of one pair

@@ -25,9 +25,10 @@ struct Geom {
   void hang(dBodyID body, const Pose& body_from_shape) const;
 };
 
-/// Whether two bounds have no point in common. Asked of every pair in every tick, hence inline.
+/// Whether two bounds have no point in common. Asked of every pair in every tick, hence inline, and without branches, which
+/// nobody could foretell.
 inline bool apart(const std::array<dReal, 6>& a, const std::array<dReal, 6>& b) {
-  return a[0] > b[1] || b[0] > a[1] || a[2] > b[3] || b[2] > a[3] || a[4] > b[5] || b[4] > a[5];
+  return (a[0] > b[1]) | (b[0] > a[1]) | (a[2] > b[3]) | (b[2] > a[3]) | (a[4] > b[5]) | (b[4] > a[5]);
 }
 
 class Geoms {

@@ -242,7 +242,10 @@ void LargeIslands::begin() {
 
 double LargeIslands::small_speed() const { return std::max(model_.options.sweep_speed, model_.options.sweep_share * sweeps_.mean_speed()); }
 
-void LargeIslands::settle() { sweeps_.settle(model_.options.sweeps, small_speed()); }
+void LargeIslands::settle() {
+  const Options& options = model_.options;
+  sweeps_.settle(sweeps_.mean_speed() > options.motion ? options.sweeps_in_motion : options.sweeps, small_speed());
+}
 
 void LargeIslands::move() {
   for (std::size_t k = 0; k < moving_.size(); ++k) {

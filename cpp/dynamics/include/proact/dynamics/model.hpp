@@ -123,9 +123,12 @@ struct Options {
   /// Resting blocks fall asleep.
   bool sleep = true;
   /// Islands of more blocks than this are solved by sweeps (LargeIslands): at most so many there and back a tick, until no
-  /// speed at a contact changes by more than sweep_speed, m/s, or by this share of the blocks' mean speed.
+  /// speed at a contact changes by more than sweep_speed, m/s, or by this share of the blocks' mean speed. Fewer while the
+  /// blocks' mean speed is above `motion`, m/s: a tick of what moves corrects the one before.
   std::size_t large_island = 4;
   int sweeps = 20;
+  int sweeps_in_motion = 6;
+  double motion = 0.01;
   double sweep_speed = 2e-5;
   double sweep_share = 1e-3;
   /// A carried block shares the body of the link that holds it; else ODE holds it there by a fixed joint, which only

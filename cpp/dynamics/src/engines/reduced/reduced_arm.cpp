@@ -15,6 +15,9 @@ constexpr double settled_speed = 1e-6;
 constexpr int most_rounds = 10;
 // Turns between the arm and a heap in a tick; the next tick goes on where they end.
 constexpr int most_turns = 2;
+// What a heap does to the arm is known no better than the turns leave it: the arm's part is not repeated to the end either.
+constexpr int rounds_in_heap = 2;
+constexpr int bounds_in_heap = 6;
 // A joint is braked beyond this speed, rad/s, two hundred times the fastest that a hand is asked for: limp fingers without
 // stops would whip round by half a radian in a tick, which no tick of 1 ms can follow.
 constexpr double fastest_turn = 400.0;
@@ -226,7 +229,8 @@ bool ReducedArm::solve_with_contacts(Collisions& collisions, bool shared) {
   problem_.columns.clear();
   for (const Touch& touch : touches) add_contact(touch);
   problem_.renew();
-  const bool solved = shared ? settle_in_turns() : settle_speeds();
+  problem_.most_bounds = shared ? bounds_in_heap : VelocityProblem::all_bounds;
+  const bool solved = shared ? settle_in_turns() : settle_speeds(most_rounds);
   for (std::size_t k = 0; k < touches.size(); ++k) {
     if (touches[k].listed == no_index) continue;
     collisions.set_force(touches[k].listed, problem_.contacts[k].impulse[0] / tick_secs);
@@ -262,12 +266,12 @@ void ReducedArm::set_up_hinges() {
 
 /// Centrifugal torques belong to the speeds in the middle of the tick, which are repeated until they settle. False if
 /// the problem was not solved in each round.
-bool ReducedArm::settle_speeds() {
+bool ReducedArm::settle_speeds(int rounds) {
   const std::size_t hinges = tree_.hinge_count();
   const std::vector<double>& velocities = joints_.velocities();
   bool solved = true;
   double changed = infinity;
-  for (int round = 0; round < most_rounds && changed > settled_speed; ++round) {
+  for (int round = 0; round < rounds && changed > settled_speed; ++round) {
     for (std::size_t i = 0; i < hinges; ++i) {
       speeds_[i] = 0.5 * (velocities[moving(i)] + problem_.velocity[i]);
       accelerations_[i] = 0.0;
@@ -297,7 +301,7 @@ bool ReducedArm::settle_in_turns() {
   for (int turn = 0; turn < most_turns && changed > islands_.small_speed(); ++turn) {
     sweeps.sweep();
     engaged_.take_momenta(problem_, sweeps);
-    solved = settle_speeds() && solved;
+    solved = settle_speeds(rounds_in_heap) && solved;
     changed = engaged_.give_speeds(problem_, hinges, sweeps);
   }
   islands_.settle();

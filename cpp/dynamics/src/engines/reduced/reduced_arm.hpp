@@ -60,7 +60,7 @@ class ReducedArm final : public Arm {
   bool drive_freely();
   bool solve_with_contacts(Collisions& collisions, bool shared);
   void set_up_hinges();
-  bool settle_speeds();
+  bool settle_speeds(int rounds);
   bool settle_in_turns();
   void add_contact(const Touch& touch);
   void add_side(const Side& side, double sign, const std::array<Vec3, 3>& directions, const Vec3& point);

@@ -12,7 +12,6 @@ namespace {
 
 // Three to six steps are usual.
 constexpr int most_steps = 60;
-constexpr int most_bounds = 60;
 // From this round on the bound of friction goes half the way, lest it swings to and fro.
 constexpr int cautious_bounds = 12;
 // Friction has settled when no bound changes by more than this share of the largest.
@@ -372,7 +371,7 @@ bool VelocityProblem::solve() {
     }
     if (changed <= settled_share * largest) return true;
   }
-  return false;
+  return most_bounds < all_bounds;
 }
 
 }  // namespace proact::dynamics

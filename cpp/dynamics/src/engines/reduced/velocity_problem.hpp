@@ -30,6 +30,7 @@ namespace proact::dynamics {
 class VelocityProblem {
  public:
   static constexpr double infinity = std::numeric_limits<double>::infinity();
+  static constexpr int all_bounds = 60;
   struct Hinge {
     double momentum = 0.0;  ///< of the start and of all known torques, kg m^2/s
     double speed = 0.0;     ///< wanted, rad/s
@@ -73,6 +74,7 @@ class VelocityProblem {
   double motor_softness = 1e-7;   ///< rad/s that a motor lags for each N m
   double normal_softness = 1e-3;  ///< m/s by which a contact gives way for each N
   double friction_softness = 1e-6;  ///< the same sideways
+  int most_bounds = all_bounds;   ///< repetitions of the bounds of friction; to stop at fewer than all is no failure
 
   /// False if the laws could not all be met in a bounded number of steps; velocity is then the last try. Throws
   /// std::runtime_error if the masses are no masses.
