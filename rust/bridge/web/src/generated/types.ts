@@ -1289,7 +1289,7 @@ since: SimTime,
 reason: string, };
 
 /** How a source died. */
-export type StopCause = "silent" | "closed" | "frozen" | "flat" | "railed" | "noiseless" | "lossy" | "wrong_rate" | "lost";
+export type StopCause = "silent" | "closed" | "frozen" | "flat" | "railed" | "noiseless" | "lossy" | "wrong_rate" | "lost" | "undecided";
 
 /** How steady a stream of poses was in the last ten seconds. */
 export type StreamFigures = {
