@@ -208,7 +208,7 @@ pub(super) fn model_seeds(_: &Path) -> Vec<Vec<u8>> {
         Gesture::ALL.into_iter().zip(0..).map(|(gesture, loudness)| (gesture, stream(8, loudness))).collect();
     let slices: Vec<(Gesture, &[EmgSample])> =
         takes.iter().map(|(gesture, take)| (*gesture, take.as_slice())).collect();
-    let trained = |classifier| {
+    let trained = |classifier: ClassifierKind| {
         let process =
             ProcessConfig::from_toml("command = [\"net\"]").ok().filter(|_| classifier.is_process());
         let config = EmgConfig { classifier, process, ..EmgConfig::default() };
