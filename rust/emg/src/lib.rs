@@ -52,6 +52,7 @@ mod extract;
 mod feature;
 mod feature_layout;
 mod feature_set;
+mod feature_space;
 mod features;
 mod filter;
 mod fitts;
@@ -92,6 +93,7 @@ pub use extract::{WindowInput, extract, extract_inputs, extract_with_amplitudes}
 pub use feature::Feature;
 pub use feature_layout::FeatureLayout;
 pub use feature_set::FeatureSet;
+pub use feature_space::{FeatureSpace, FeatureSpaceAxes, feature_space};
 pub use features::{FeatureExtractor, FeatureVector};
 pub use filter::EmgFilter;
 pub use fitts::{CursorConfig, CursorEvent, CursorReport, CursorTest, Movement};

@@ -441,8 +441,8 @@ impl Training {
             Ok(model) => model,
             Err(error) => return Err(self.stopped(error.into())),
         };
-        let asked = args.window.live_config(self.info.rate_hz, self.info.channels)?;
-        let asked = EmgConfig { rest: self.config.emg.rest, ..asked };
+        let live = args.window.live_config(self.info.rate_hz, self.info.channels)?;
+        let asked = EmgConfig { rest: self.config.emg.rest, ..live };
         let (model, judged) = trained::decoded(&asked, model, self.session.repetitions())
             .map_err(|error| self.stopped(error))?;
         write_whole(&args.out, &model.to_json()?).map_err(|error| self.stopped(error.into()))?;
@@ -450,7 +450,11 @@ impl Training {
         if let Some(judged) = &judged {
             object["process"] = json!(judged);
         }
-        self.screen.done(&object);
+        let (kept, report) = (self.session.repetitions(), self.session.report());
+        let figures = trained::draw(&args.out, &model, kept, report, judged.as_ref())
+            .map_err(|error| self.stopped(error))?;
+        object["plots"] = trained::plots(&args.out, &figures);
+        self.screen.done(&trained::on_page(&object, &figures));
         if let Some(report) = self.session.report().filter(|_| !json) {
             answer(report_text(report) + &sites_text(&model) + &trained::process_text(judged.as_ref()))?;
         }
