@@ -6,7 +6,7 @@
 # the reason as its last line); anything else is a failure. One failing lane does not keep the others from running.
 
 short_lanes="format shell docker web lint cpp rust launcher trial fuzz kill study page rosbridge ros"
-long_lanes="deny fuzz_long seeds planning sanitizers valgrind soak speeds kill_long study_long slurm statistics faults soak_serve debootstrap focal image pages ros_long ros_safety lsl"
+long_lanes="deny fuzz_long seeds planning sanitizers valgrind soak speeds kill_long study_long slurm statistics faults soak_serve debootstrap focal image pages ros_long ros_safety lsl emg_people"
 
 # A ROS 1 graph with Debian's own clients, the catkin workspace, rviz on a virtual display.
 ros_test_packages="ros-base python3-roslaunch python3-rosbag python3-rostopic python3-rosnode python3-rosservice
@@ -35,7 +35,7 @@ packages_of() {
     slurm) echo slurmctld slurmd slurm-client ;;
     faults) echo python3 faketime ;;
     trial) echo python3 python3-rosbag ;;
-    seeds | planning) echo python3 ;;
+    seeds | planning | emg_people) echo python3 ;;
     ros | ros_long | ros_safety) echo "$ros_packages $ros_test_packages" ;;
     debootstrap) echo debootstrap python3 git ;;
     focal | image) echo debootstrap ;;
@@ -247,6 +247,15 @@ lane_pages() {
 
 lane_seeds() {
     build && /usr/bin/python3 "$root/tests/scenarios/seeds.py" "$binary"
+}
+
+# Accuracy and blocks on target over the people whose recordings PROACT_EMG_PEOPLE names; none are in the repository.
+lane_emg_people() {
+    if [ -z "${PROACT_EMG_PEOPLE:-}" ]; then
+        echo "skipped: no recordings were named; PROACT_EMG_PEOPLE=FOLDER[:FOLDER..] names folders of them"
+        return 77
+    fi
+    build && /usr/bin/python3 "$root/tests/scenarios/emg_people.py" "$binary"
 }
 
 lane_planning() {

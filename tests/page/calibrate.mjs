@@ -114,7 +114,18 @@ try {
   await button("Stop and save the model").click();
   const trained = await running.ended;
   if (trained.code !== 0 || !existsSync(model)) throw new Error(`train ended with ${trained.code}: ${trained.errors}`);
+  // The figures stay when the program has ended, and are those beside the model.
+  for (const title of ["Confusion", "Feature space"]) {
+    const figure = page.locator("figure", { has: page.locator("h3", { hasText: title }) });
+    await figure.locator("svg svg").waitFor({ timeout: WAIT_MS });
+    const { width, height } = await figure.locator("> svg").boundingBox();
+    if (width < 200 || height < 150) throw new Error(`${title} is ${width} by ${height} pixels`);
+    if (!/windows/.test(await figure.locator("figcaption").innerText())) throw new Error(`${title} has no caption`);
+  }
+  await page.screenshot({ path: `${options.out}/figures.png`, fullPage: true });
+  await fits(page, "figures");
   const report = JSON.parse(trained.out);
+  for (const path of Object.values(report.plots)) if (!existsSync(path)) throw new Error(`${path} is missing`);
   console.log(`trained: ${(100 * report.accuracy).toFixed(1)} % after ${report.rounds} rounds`);
 
   running = await start("test", "--model", model, "--source", "synthetic", "--tests", "cursor", "--targets", "3");

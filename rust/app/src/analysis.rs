@@ -17,6 +17,7 @@ mod scores;
 mod summaries;
 mod sweeps;
 mod traces;
+mod training_figures;
 
 pub(crate) use scores::{empty as tables_of_scores, trials_and_blocks};
 pub(crate) use traces::LiveTrace;
@@ -27,3 +28,4 @@ pub use leaders::{Lead, Leader, leader_board};
 pub use library::ReportLibrary;
 pub use report::{ReportOptions, WrittenReport, report, report_folder};
 pub use sweeps::{SweepReport, sweep_report};
+pub use training_figures::{TrainingFigure, training_figures};

@@ -254,6 +254,76 @@ pub fn store_gaze_check(dir: Option<&Path>, time: SimTime, check: &GazeCheck) ->
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{Arm, trial};
+    use arrayvec::ArrayVec;
+    use proact_bridge::PageOptions;
+    use proact_control::MethodRegistry;
+    use proact_devices::{SyntheticEmg, SyntheticModel, stream};
+    use proact_emg::EmgModel;
+    use proact_testbed::{Setup, TrialConfig, ports};
+    use proact_types::{EmgSample, GestureName};
+
+    /// Relaxed for half a second, then closes the hand; silent from the second second on.
+    struct Armband(SyntheticEmg);
+
+    fn generator(seed: u64) -> SyntheticEmg {
+        SyntheticEmg::new(&SyntheticModel::shipped().unwrap(), 1000.0, 8, 1.0, stream(seed, "test")).unwrap()
+    }
+
+    impl ports::EmgSource for Armband {
+        fn sample_at(&mut self, now: SimTime, _intended: Gesture) -> ArrayVec<EmgSample, 8> {
+            let gesture = if now.0 < 500 { Gesture::NoMotion } else { Gesture::HandClose };
+            let sample = EmgSample { counter: now.0, channels: self.0.next(gesture) };
+            (now.0 < 2000).then_some(sample).into_iter().collect()
+        }
+    }
+
+    fn model() -> EmgModel {
+        let mut emg = generator(1);
+        let mut take = |gesture| -> Vec<EmgSample> {
+            (0..3000).map(|counter| EmgSample { counter, channels: emg.next(gesture) }).collect()
+        };
+        let takes = Gesture::ALL.map(|gesture| (gesture, take(gesture)));
+        let slices: Vec<(Gesture, &[EmgSample])> = takes.iter().map(|(g, s)| (*g, s.as_slice())).collect();
+        EmgModel::train(&EmgConfig::default(), &[0.0; 8], &slices).unwrap()
+    }
+
+    // What stood on the page was seen by eye alone before.
+    #[test]
+    fn the_page_is_told_what_the_muscles_say_and_why_they_say_nothing() {
+        let (model, config) = (model(), TrialConfig::new("A", 1, Setup::named("still").unwrap()));
+        let worn = trial::Armband { trained: &model, samples: Box::new(Armband(generator(2))) };
+        let arm = Arm::of(&config).unwrap();
+        let methods = MethodRegistry::standard();
+        let mut session = trial::live_with(&methods, &arm, config, Some(worn)).unwrap().session;
+        let content = crate::page_content::page_content(session.testbed(), &arm);
+        let page = PageServer::start(PageOptions { port: 0, ..PageOptions::default() }, content).unwrap();
+        let mut experimenter = Experimenter::new(&page, session.testbed(), None, None);
+        let begin = experimenter.signals.recognition.clone().unwrap();
+        assert_eq!(begin.gestures, Gesture::ALL.map(GestureName::from), "alphabetical, as the posterior");
+        assert!(begin.posterior.is_empty() && begin.window_class.is_none());
+        let mut heard_at = |tick: u64| {
+            while session.testbed().now().0 < tick {
+                let step = session.step(false).unwrap();
+                // As if the time of a message had passed.
+                experimenter.sent -= SIGNAL_PERIOD;
+                experimenter.take(&step, session.testbed(), Duration::ZERO);
+            }
+            experimenter.signals.recognition.clone().unwrap()
+        };
+        let relaxed = heard_at(480);
+        assert_eq!((relaxed.in_force, relaxed.effort), (GestureName::default(), 0.0));
+        let closing = heard_at(1400);
+        let close = GestureName::from(Gesture::HandClose);
+        assert_eq!((closing.in_force, closing.window_class), (close, Some(close)));
+        assert!(closing.posterior[Gesture::HandClose.index()] > 0.5 && closing.effort > 0.0);
+        assert!((closing.posterior.iter().sum::<f64>() - 1.0).abs() < 1e-9);
+        assert!(closing.armed && closing.fault.is_none());
+        let silent = heard_at(2400);
+        assert_eq!((silent.in_force, silent.window_class), (GestureName::default(), None));
+        assert!(silent.posterior.iter().all(|p| *p == 0.0) && silent.effort == 0.0 && !silent.armed);
+        assert!(silent.fault.is_some_and(|fault| fault.contains("silent")));
+    }
 
     #[test]
     fn gaze_checks_are_added_to_the_record_line_by_line() {

@@ -3,22 +3,16 @@
 use crate::vmpl::{VMPL_COMMAND, VmplError, VmplMethod};
 use proact_arm::ArmModel;
 use proact_control::{ControlError, MethodEntry, MethodProgram, ports::MethodProcess};
+use proact_devices::LineProcess;
 use proact_types::{MOST_TEXT_BYTES, MethodAnswer, SimTime, read_text};
-use serde::Deserialize;
 use std::{
     fs::File,
-    io::{BufRead, BufReader, Read, Write},
     path::{Path, PathBuf},
-    process::{Child, ChildStdin, ChildStdout, Command, Stdio},
-    sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel},
-    thread,
-    time::{Duration, Instant},
+    time::Duration,
 };
 
 /// A line longer than this is no answer, bytes.
 const LONGEST_LINE: u64 = 1 << 20;
-/// Lines under way in each direction: a process that does not read, or says too much, must not hold up the tick.
-const MOST_LINES: usize = 32;
 /// In a batch each answer is waited for, but not for ever.
 const BATCH_PATIENCE: Duration = Duration::from_secs(10);
 
@@ -83,11 +77,9 @@ pub fn read_method_file(path: &Path) -> Result<MethodEntry, MethodFileError> {
     Ok(MethodEntry::outside(entry.info().clone(), MethodProgram { command, ..program.clone() }))
 }
 
-/// The process, with a thread for each direction, so that no step waits longer than it may.
+/// The process, and how long a step may wait for it.
 struct Running {
-    child: Child,
-    lines: Option<SyncSender<String>>,
-    answers: Receiver<Result<String, String>>,
+    process: LineProcess,
     patience: Duration,
 }
 
@@ -106,100 +98,13 @@ pub fn start(
         return Ok(Some(Box::new(VmplMethod::open(words, model)?)));
     }
     let failed = |source| MethodProcessError::Start { command: command.clone(), source };
-    let (program, arguments) =
-        command.split_first().ok_or_else(|| failed(std::io::ErrorKind::InvalidInput.into()))?;
-    let mut child = Command::new(program)
-        .args(arguments)
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .spawn()
-        .map_err(failed)?;
-    let (lines, to_write) = sync_channel(MOST_LINES);
-    let (heard, answers) = sync_channel(MOST_LINES);
-    if let (Some(input), Some(output)) = (child.stdin.take(), child.stdout.take()) {
-        thread::spawn(move || write(input, &to_write));
-        thread::spawn(move || read(output, &heard));
-    }
+    let process = LineProcess::start(command, LONGEST_LINE).map_err(failed)?;
     let patience = if for_each_answer { BATCH_PATIENCE } else { Duration::from_millis(*deadline_ms) };
-    Ok(Some(Box::new(Running { child, lines: Some(lines), answers, patience })))
-}
-
-/// Ends when the process does not listen any more, or nobody writes.
-fn write(mut input: ChildStdin, lines: &Receiver<String>) {
-    while let Ok(line) = lines.recv() {
-        if writeln!(input, "{line}").and_then(|()| input.flush()).is_err() {
-            return;
-        }
-    }
-}
-
-/// Ends when the process says no more, or nobody listens.
-fn read(output: ChildStdout, heard: &SyncSender<Result<String, String>>) {
-    let mut output = BufReader::new(output);
-    loop {
-        let mut line = Vec::new();
-        let read = output.by_ref().take(LONGEST_LINE).read_until(b'\n', &mut line);
-        let answer = match read {
-            Ok(0) => return,
-            Ok(_) if line.ends_with(b"\n") => Ok(String::from_utf8_lossy(&line).trim_end().to_owned()),
-            Ok(_) => Err(format!("the process broke off, or wrote a line over {LONGEST_LINE} bytes")),
-            Err(error) => Err(format!("the process cannot be heard: {error}")),
-        };
-        let over = answer.is_err();
-        if heard.send(answer).is_err() || over {
-            return;
-        }
-    }
-}
-
-impl Running {
-    fn ended(&mut self) -> String {
-        match self.child.try_wait() {
-            Ok(Some(status)) => format!("the process has ended ({status})"),
-            _ => "the process has closed its output".to_owned(),
-        }
-    }
+    Ok(Some(Box::new(Running { process, patience })))
 }
 
 impl MethodProcess for Running {
     fn ask(&mut self, now: SimTime, line: &str) -> MethodAnswer {
-        match self.lines.as_ref().map(|lines| lines.try_send(line.to_owned())) {
-            Some(Ok(())) => {}
-            Some(Err(TrySendError::Full(_))) => return Err("the process does not read its input".to_owned()),
-            Some(Err(TrySendError::Disconnected(_))) | None => return Err(self.ended()),
-        }
-        let deadline = Instant::now() + self.patience;
-        loop {
-            let left = deadline.saturating_duration_since(Instant::now());
-            let answer = match self.answers.recv_timeout(left) {
-                Ok(answer) => answer?,
-                Err(RecvTimeoutError::Timeout) => {
-                    return Err(format!(
-                        "the process has not answered within {} ms",
-                        self.patience.as_millis()
-                    ));
-                }
-                Err(RecvTimeoutError::Disconnected) => return Err(self.ended()),
-            };
-            // An answer that came too late for its own step is skipped; what is no answer at all is said.
-            let late = serde_json::from_str::<Stamp>(&answer).is_ok_and(|stamp| stamp.time < now);
-            if !late {
-                return Ok(answer);
-            }
-        }
+        self.process.ask(now.0, line.to_owned(), self.patience).map_err(|fault| fault.to_string())
     }
-}
-
-impl Drop for Running {
-    fn drop(&mut self) {
-        // Its input ends first; what does not end by itself then is ended.
-        self.lines = None;
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
-}
-
-#[derive(Deserialize)]
-struct Stamp {
-    time: SimTime,
 }

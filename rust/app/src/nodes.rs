@@ -65,7 +65,8 @@ pub fn emg(mut config: TrialConfig, trained: Option<&EmgModel>, armband: Option<
             setup.classifier
         }
     };
-    let stage = EmgStage::new(&config, Some(classifier))?;
+    let decoder = trial::decoder(&config, Some(&classifier))?;
+    let stage = EmgStage::new(&config, Some(classifier))?.with_decoder(decoder);
     let wait = armband.map(|armband| -> WaitForSamples { Box::new(move |patience| armband.wait(patience)) });
     Ok(node::run_emg(stage, wait)?)
 }

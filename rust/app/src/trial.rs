@@ -6,9 +6,9 @@ use crate::{
 };
 use proact_arm::{ArmModel, Side};
 use proact_control::{JogProfile, JogSteps, JointSubset, MethodRegistry, ports::MethodProcess};
-use proact_devices::{EmgFeed, EmgOrigin, EmgSetup, GazeSource};
+use proact_devices::{EmgFeed, EmgOrigin, EmgSetup, GazeSource, ProcessDecoder};
 use proact_dynamics::{DynamicsOptions, OdePlant};
-use proact_emg::{Classifier, EmgError, EmgModel};
+use proact_emg::{Classifier, DecoderProcess, EmgError, EmgModel};
 use proact_kinematics::Kinematics;
 use proact_participants::{
     JoggingParticipant, Participant, ParticipantOptions, SelectingParticipant, SteeringParticipant,
@@ -388,8 +388,9 @@ fn testbed(
     let worker = planner(arm.model(), &config)?;
     let plans = worker.log();
     let process = process(methods, &config, arm.model())?;
+    let decoder = decoder(&config, classifier.as_ref())?;
     let testbed = testbed_around(methods, arm, config, Box::new(worker), classifier, process, physics)?;
-    Ok((testbed, plans))
+    Ok((testbed.with_decoder(decoder), plans))
 }
 
 /// The process of the trial's method, started, if it has one.
@@ -399,6 +400,16 @@ fn process(
     model: &ArmModel,
 ) -> Result<Option<Box<dyn MethodProcess>>, AssemblyError> {
     Ok(method_process::start(&config.method_entry(methods)?, config.wait_for_plans, model)?)
+}
+
+/// The process that decodes the trial's EMG, started, if one does.
+pub(crate) fn decoder(
+    config: &TrialConfig,
+    classifier: Option<&Classifier>,
+) -> Result<Option<Box<dyn DecoderProcess>>, AssemblyError> {
+    let (Some(emg), Some(classifier)) = (&config.emg, classifier) else { return Ok(None) };
+    let started = ProcessDecoder::start(emg, classifier, config.wait_for_plans)?;
+    Ok(started.map(|process| -> Box<dyn DecoderProcess> { Box::new(process) }))
 }
 
 /// The physics of a trial.

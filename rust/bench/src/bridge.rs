@@ -7,6 +7,7 @@ mod load;
 
 use crate::{BenchFigure, BenchReport, quantile};
 pub(crate) use load::Link;
+pub(crate) use load::cpu_of_all_threads;
 use load::{Lateness, cpu_of_this_thread, cpu_of_threads, follow};
 use proact_bridge::{PageContent, PageOptions, PageServer};
 use proact_rosbridge::{HeadsetTopics, LocalBus, RosbridgeOptions, RosbridgeServer, TopicBus};

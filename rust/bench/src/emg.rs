@@ -1,3 +1,5 @@
+mod grid;
+
 use crate::{BenchFigure, BenchReport, quantile};
 use proact_devices::{
     EmgOrigin, EmgPacket, SampleSource, SourceEvent, SyntheticEmg, SyntheticModel,
@@ -64,6 +66,8 @@ pub(crate) fn emg() -> Result<BenchReport, Box<dyn Error>> {
     }
     let share = 100.0 * begin.elapsed().as_secs_f64() / (samples.len() as f64 / 1000.0);
     figures.push(BenchFigure::alone("live at 1 kHz, share of a core", share, "%", "goal: under 1"));
+
+    figures.extend(grid::figures()?);
 
     let link = link_jitter(&setup.config, &setup.classifier)?;
     let note = "from the arrival of the packet that completes the window";

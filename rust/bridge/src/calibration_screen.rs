@@ -66,6 +66,8 @@ pub enum CalibrationView<'a> {
         gestures: &'a [GestureName],
         /// Share of windows that has to be recognised, 0 to 1.
         target_accuracy: f64,
+        /// R2 that each degree of freedom of a regressor has to reach, at most 1.
+        target_r2: f64,
         /// The electrodes.
         channels: Vec<ChannelLight>,
         /// The stream as a whole.

@@ -12,6 +12,7 @@ mod stream;
 mod test;
 mod train;
 mod train_args;
+mod trained;
 mod usage;
 
 use clap::{Args, Subcommand, ValueEnum};

@@ -40,6 +40,11 @@ fn trained(dir: &Path) -> (String, String) {
         (&object["good_enough"], &object["rounds"], &object["refused"]),
         (&true.into(), &2.into(), &0.into())
     );
+    for name in ["confusion", "feature_space"] {
+        let svg = std::fs::read_to_string(object["plots"][name].as_str().unwrap()).unwrap();
+        assert_eq!(object["plots"][name], at(&format!("model.{name}.svg")));
+        assert!(svg.starts_with("<svg ") && svg.contains("hand_close") && svg.contains("<desc>"), "{name}");
+    }
     (model, recordings)
 }
 

@@ -247,6 +247,30 @@ pub enum DeviceError {
         /// The one that follows.
         got: u64,
     },
+    /// The file of a program that decodes EMG cannot be used.
+    #[error("{}: {reason}; docs/emg.md has an example", path.display())]
+    DecoderFile {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        reason: String,
+    },
+    /// A program that decodes EMG does not begin.
+    #[error(
+        "the program that decodes EMG does not start ({command}): {reason}; docs/emg.md says what it reads and writes"
+    )]
+    DecoderStart {
+        /// The program and its arguments.
+        command: String,
+        /// Why.
+        reason: String,
+    },
+    /// A program that decodes EMG gives no answer that can be used.
+    #[error("the program that decodes EMG: {reason}")]
+    Decoder {
+        /// Why.
+        reason: String,
+    },
     /// A file cannot be written.
     #[error("cannot write {}: {source}", path.display())]
     Write {

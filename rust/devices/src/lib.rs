@@ -40,6 +40,7 @@ pub const NO_LSL: &str = "this proact was built without the lab streaming layer;
      --features lsl; both need cmake and a C++ compiler";
 
 mod amplifier;
+mod decoder_process;
 mod error;
 mod evaluate;
 mod feed;
@@ -51,6 +52,7 @@ pub mod gforce;
 #[cfg(feature = "lsl")]
 mod lab_streaming;
 mod libemg_udp;
+mod line_process;
 mod live;
 mod metadata;
 pub mod motion_capture;
@@ -68,8 +70,9 @@ mod vmpl;
 mod vmpl_ghost;
 
 pub use amplifier::{AmplifierChannel, AmplifierLayout};
+pub use decoder_process::{ProcessDecoder, open_pipeline, read_process_file, train_process};
 pub use error::DeviceError;
-pub use evaluate::{Evaluation, evaluate};
+pub use evaluate::{Evaluation, evaluate, leave_one_out};
 pub use feed::EmgFeed;
 pub use feedback::{
     FeedbackSink, FeedbackSinks, OpenSink, SINK_SCHEMES, SinkScheme, UdpFeedback, VibrationDevice,
@@ -81,6 +84,7 @@ pub use gaze_udp::{GAZE_UDP_PORT, GazeReceiver};
 #[cfg(feature = "lsl")]
 pub use lab_streaming::{LslCapture, LslGaze, LslOutlet, LslSource};
 pub use libemg_udp::{LIBEMG_PORT, LibEmgOutput, LibEmgReceiver, LibEmgSender};
+pub use line_process::{LineFault, LineProcess};
 pub use live::{
     EmgPacket, FaultySource, InjectedFault, KeyboardSource, Pacing, PersonSource, PlaybackSource,
     SampleSource, ScriptedEvent, ScriptedSource, SourceClock, SourceCounts, SourceEvent, SourceInfo,

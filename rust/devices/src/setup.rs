@@ -1,6 +1,8 @@
 use crate::feed::can_be_made;
 use crate::{DeviceError, EmgFeed, Recording, Recordings, SyntheticEmg, SyntheticModel, stream};
-use proact_emg::{Classifier, EmgConfig, EmgModel, StreamFormat, extract, noise_floors};
+use proact_emg::{
+    Classifier, EmgConfig, EmgModel, StreamFormat, WindowInput, extract, extract_inputs, noise_floors,
+};
 use proact_types::{EmgSample, Gesture, GestureName, SimTime};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -293,12 +295,24 @@ impl Recording {
     /// # Errors
     /// Settings that do not fit, or fewer samples than a window.
     pub fn windows(&self, config: &EmgConfig) -> Result<Vec<proact_emg::FeatureVector>, DeviceError> {
+        Ok(extract(config, &self.whole_windows(config)?)?)
+    }
+
+    /// What a decoder is told of every window.
+    ///
+    /// # Errors
+    /// As [`Recording::windows`].
+    pub fn inputs(&self, config: &EmgConfig) -> Result<Vec<WindowInput>, DeviceError> {
+        Ok(extract_inputs(config, &self.whole_windows(config)?)?)
+    }
+
+    /// The samples, of which there is at least a window.
+    fn whole_windows(&self, config: &EmgConfig) -> Result<Vec<EmgSample>, DeviceError> {
         let window = config.window_samples()?;
         if self.samples.len() < window {
             let (path, samples) = (self.path.clone(), self.samples.len());
             return Err(DeviceError::TooShort { path, samples, window });
         }
-        let numbered: Vec<_> = self.numbered().collect();
-        Ok(extract(config, &numbered)?)
+        Ok(self.numbered().collect())
     }
 }

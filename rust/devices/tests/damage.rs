@@ -2,7 +2,9 @@
 //! panic, never a value that is no number.
 #![allow(clippy::unwrap_used, clippy::disallowed_methods)] // Tests write files.
 
-use proact_devices::{EmgPacket, EmgRecorder, Recordings, SourceInfo, read_recorded, read_samples};
+use proact_devices::{
+    EmgPacket, EmgRecorder, Recordings, SourceInfo, read_process_file, read_recorded, read_samples,
+};
 use proact_types::EmgSample;
 use proptest::prelude::*;
 
@@ -36,6 +38,41 @@ fn recorded(ending: &str) -> Vec<u8> {
 
 fn finite<'a>(rows: impl IntoIterator<Item = &'a [f64]>) -> bool {
     rows.into_iter().flatten().all(|v| v.is_finite())
+}
+
+/// The file of the documented program that decodes.
+const PROCESS: &str = include_str!("../../../docs/decoders/nearest_centroid.toml");
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, cases: 200, ..ProptestConfig::default() })]
+
+    // A file of another kind that tells how EMG is decoded: refused with its name, or a command that can be started.
+    #[test]
+    fn a_damaged_file_of_a_program_that_decodes_is_refused_with_its_name_or_can_be_used(
+        damage in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..8),
+    ) {
+        let mut bytes = PROCESS.as_bytes().to_vec();
+        for (index, value) in &damage {
+            let length = bytes.len();
+            bytes[index.index(length)] = *value;
+        }
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("decoder.toml");
+        std::fs::write(&path, &bytes).unwrap();
+        match read_process_file(&path) {
+            Ok(config) => prop_assert!(
+                config.command.first().is_some_and(|program| !program.is_empty())
+                    && (1..=1000).contains(&config.deadline_ms)
+            ),
+            Err(error) => {
+                let said = error.to_string();
+                prop_assert!(said.contains("decoder.toml"), "{said}");
+                let readable = String::from_utf8(bytes).is_ok();
+                let named = said.contains("line ") || said.contains("deadline_ms") || said.contains("command");
+                prop_assert!(!readable || named, "{said}");
+            }
+        }
+    }
 }
 
 proptest! {

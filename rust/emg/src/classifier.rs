@@ -1,4 +1,4 @@
-use crate::discriminant::{Discriminant, Sites, TrainingSet};
+use crate::discriminant::{Discriminant, Outside, Regressor, Sites, TrainingSet};
 use crate::two_site::{SiteCommand, SiteSwitch};
 use crate::{ClassifierKind, EmgConfig, EmgError, FeatureLayout, FeatureSet, Lda, Site};
 use arrayvec::ArrayVec;
@@ -196,6 +196,7 @@ impl Classifier {
             && finite
             && self.discriminant.regressor().is_none_or(|regressor| regressor.names(&self.gestures))
             && self.discriminant.sites().is_none_or(|sites| sites.names(&self.gestures))
+            && self.discriminant.outside().is_none_or(|outside| outside.names(&self.gestures))
     }
 
     /// The gestures that it tells apart, in alphabetical order.
@@ -210,7 +211,8 @@ impl Classifier {
 
     /// The degrees of freedom that a regressor drives, in the order of [`Prediction::drives`]; none of a classifier.
     pub fn degrees_of_freedom(&self) -> &[DegreeOfFreedom] {
-        self.discriminant.regressor().map_or(&[], |regressor| regressor.drives())
+        let outside = self.discriminant.outside().map_or(&[][..], Outside::drives);
+        self.discriminant.regressor().map_or(outside, Regressor::drives)
     }
 
     /// The two muscle sites of direct control; none of another kind.
@@ -239,6 +241,9 @@ impl Classifier {
         if let Some(regressor) = self.discriminant.regressor_mut() {
             regressor.set_dead_band(dead_band);
         }
+        if let Discriminant::Process(outside) = &mut self.discriminant {
+            outside.set_dead_band(dead_band);
+        }
         self
     }
 
@@ -261,6 +266,9 @@ impl Classifier {
         if features.len() != expected {
             return Err(EmgError::FeatureCount { got: features.len(), expected });
         }
+        if self.discriminant.outside().is_some() {
+            return Err(EmgError::AsksProcess { what: "classify" });
+        }
         let mut values: ClassPosterior = self.gestures.iter().map(|_| 0.0).collect();
         self.discriminant.scores(features, &mut values);
         if !values.iter().all(|v| v.is_finite()) {
@@ -271,6 +279,47 @@ impl Classifier {
         self.discriminant.posterior(&mut values);
         let drives = self.discriminant.drives(features);
         Ok(Prediction { class: self.gestures[best], place: best, posterior: values, drives })
+    }
+
+    /// The same classifier whose windows the process of `config` decodes; `state` is what it learnt, JSON text.
+    ///
+    /// # Errors
+    /// Settings without a process, gestures that are not those that it knows.
+    pub fn decoded_by_process(&self, config: &EmgConfig, state: &str) -> Result<Classifier, EmgError> {
+        config.check()?;
+        let known = config.process.as_ref().filter(|_| config.classifier.is_process());
+        let known = known.ok_or(EmgError::AsksProcess { what: "train" })?;
+        let asked = distinct(known.gestures.iter().copied());
+        if !asked.is_empty() && asked != self.gestures {
+            let names =
+                |of: &[GestureName]| of.iter().map(GestureName::as_str).collect::<Vec<_>>().join(", ");
+            let (asked, own) = (names(&asked), names(&self.gestures));
+            let reason =
+                format!("it knows {asked}, and the recordings are of {own}: expected the same gestures");
+            return Err(EmgError::Process { reason });
+        }
+        let outside = Outside::new(config, &self.gestures, self.feature_count(), state)?;
+        Ok(Classifier { discriminant: Discriminant::Process(outside), ..self.clone() })
+    }
+
+    /// The first line to the process that decodes; none if it is no process.
+    ///
+    /// # Errors
+    /// Settings that cannot work.
+    pub fn begin_line(&self, config: &EmgConfig) -> Option<Result<String, EmgError>> {
+        let outside = self.discriminant.outside()?;
+        Some(crate::process::begin_line(config, &self.gestures, outside.drives(), outside.state()))
+    }
+
+    /// What the process says in `line` of window number `window`.
+    ///
+    /// # Errors
+    /// What is wrong with the line, for a person.
+    pub fn read_answer(&self, window: u64, line: &str) -> Result<Prediction, String> {
+        let outside = self.discriminant.outside().ok_or("no process decodes")?;
+        let (scores, drives) = outside.read(window, line)?;
+        let place = (1..scores.len()).fold(0, |best, k| if scores[k] > scores[best] { k } else { best });
+        Ok(Prediction { class: self.gestures[place], place, posterior: scores.into_iter().collect(), drives })
     }
 
     /// How hard `gesture` is performed, 0 to 1: the summed MAV of the window between the gesture's limits, which

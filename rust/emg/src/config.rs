@@ -1,7 +1,7 @@
 use crate::filter::FilterBank;
 use crate::{
-    ClassifierKind, EmgError, EmgFilter, FeatureLayout, FeatureSet, LivenessConfig, RegressionConfig,
-    TwoSiteConfig,
+    ClassifierKind, EmgError, EmgFilter, FeatureLayout, FeatureSet, LivenessConfig, ProcessConfig,
+    RegressionConfig, TwoSiteConfig,
 };
 use proact_types::{GestureName, MAX_EMG_CHANNELS};
 use serde::{Deserialize, Serialize};
@@ -133,6 +133,9 @@ pub struct EmgConfig {
     /// Direct control by two sites.
     #[serde(skip_serializing_if = "TwoSiteConfig::is_default")]
     pub two_site: TwoSiteConfig,
+    /// The program that decodes, with the classifiers `process` and `process_regressor`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub process: Option<ProcessConfig>,
 }
 
 /// How short gaps in a live stream are bridged: lost samples are put on a straight line between their neighbours, and are
@@ -182,6 +185,7 @@ impl Default for EmgConfig {
             rest: GestureName::default(),
             regression: RegressionConfig::default(),
             two_site: TwoSiteConfig::default(),
+            process: None,
         }
     }
 }
@@ -230,6 +234,21 @@ impl EmgConfig {
     /// Where the values of the features stand in the vector of a window.
     pub fn layout(&self) -> FeatureLayout {
         self.features.layout(self.channels, self.rate_hz)
+    }
+
+    fn check_process(&self) -> Result<(), EmgError> {
+        let refused = |reason: String| Err(EmgError::Process { reason });
+        match &self.process {
+            Some(_) if !self.classifier.is_process() => refused(format!(
+                "it is set, but emg.classifier is {}, which needs none: expected process or process_regressor",
+                self.classifier
+            )),
+            Some(process) => process.check(),
+            None if self.classifier.is_process() => {
+                refused(format!("emg.classifier is {}, expected the program's command", self.classifier))
+            }
+            None => Ok(()),
+        }
     }
 
     /// Checks every value.
@@ -285,6 +304,7 @@ impl EmgConfig {
         if self.classifier == ClassifierKind::TwoSite {
             self.two_site.check(self)?;
         }
+        self.check_process()?;
         if self.rejection.is_some() && !self.classifier.has_posterior() {
             return Err(EmgError::NothingToReject { kind: self.classifier });
         }

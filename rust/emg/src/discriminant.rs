@@ -3,6 +3,7 @@
 mod forest;
 mod naive_bayes;
 mod neighbours;
+mod outside;
 mod quadratic;
 mod regressor;
 mod sigmoid;
@@ -19,6 +20,7 @@ use std::{fmt, str::FromStr};
 pub(crate) use forest::Forest;
 pub(crate) use naive_bayes::NaiveBayes;
 pub(crate) use neighbours::Neighbours;
+pub(crate) use outside::Outside;
 pub(crate) use quadratic::Quadratic;
 pub(crate) use regressor::Regressor;
 pub use sites::Site;
@@ -54,18 +56,27 @@ pub enum ClassifierKind {
     /// Direct control: the mean absolute value of one channel for each of two gestures, and switching by co-contraction
     /// ([`crate::TwoSiteConfig`]).
     TwoSite,
+    /// A process of any language that tells gestures apart ([`crate::ProcessConfig`]).
+    Process,
+    /// A process of any language that drives degrees of freedom.
+    ProcessRegressor,
 }
 
 impl ClassifierKind {
     /// All of them, in the order in which they are listed.
-    pub const ALL: [ClassifierKind; 9] = {
+    pub const ALL: [ClassifierKind; 11] = {
         use ClassifierKind::*;
-        [Lda, Qda, Nb, Knn, Svm, Rf, Linear, Ridge, TwoSite]
+        [Lda, Qda, Nb, Knn, Svm, Rf, Linear, Ridge, TwoSite, Process, ProcessRegressor]
     };
 
     /// Whether it drives degrees of freedom in the place of telling gestures apart.
     pub fn is_regression(self) -> bool {
-        matches!(self, ClassifierKind::Linear | ClassifierKind::Ridge)
+        matches!(self, ClassifierKind::Linear | ClassifierKind::Ridge | ClassifierKind::ProcessRegressor)
+    }
+
+    /// Whether another process decides.
+    pub fn is_process(self) -> bool {
+        matches!(self, ClassifierKind::Process | ClassifierKind::ProcessRegressor)
     }
 
     /// Whether it tells how probable a gesture is.
@@ -90,6 +101,8 @@ impl fmt::Display for ClassifierKind {
             ClassifierKind::Linear => "linear",
             ClassifierKind::Ridge => "ridge",
             ClassifierKind::TwoSite => "two_site",
+            ClassifierKind::Process => "process",
+            ClassifierKind::ProcessRegressor => "process_regressor",
         })
     }
 }
@@ -117,6 +130,7 @@ pub(crate) enum Discriminant {
     Linear(Regressor),
     Ridge(Regressor),
     TwoSite(Sites),
+    Process(Outside),
 }
 
 /// What a discriminant learns from: `[windows][features]` and the class of each window.
@@ -181,6 +195,9 @@ impl Discriminant {
             ClassifierKind::Linear => Discriminant::Linear(regress(0.0)?),
             ClassifierKind::Ridge => Discriminant::Ridge(regress(config.regression.alpha)?),
             ClassifierKind::TwoSite => Discriminant::TwoSite(Sites::fit(set, config)?),
+            ClassifierKind::Process | ClassifierKind::ProcessRegressor => {
+                return Err(EmgError::AsksProcess { what: "train" });
+            }
         })
     }
 
@@ -195,6 +212,8 @@ impl Discriminant {
             Discriminant::Linear(_) => ClassifierKind::Linear,
             Discriminant::Ridge(_) => ClassifierKind::Ridge,
             Discriminant::TwoSite(_) => ClassifierKind::TwoSite,
+            Discriminant::Process(d) if d.is_regressor() => ClassifierKind::ProcessRegressor,
+            Discriminant::Process(_) => ClassifierKind::Process,
         }
     }
 
@@ -208,6 +227,7 @@ impl Discriminant {
             Discriminant::Rf(d) => d.classes(),
             Discriminant::Linear(d) | Discriminant::Ridge(d) => d.classes(),
             Discriminant::TwoSite(d) => d.classes(),
+            Discriminant::Process(d) => d.classes(),
         }
     }
 
@@ -221,6 +241,7 @@ impl Discriminant {
             Discriminant::Rf(d) => d.features(),
             Discriminant::Linear(d) | Discriminant::Ridge(d) => d.features(),
             Discriminant::TwoSite(d) => d.features(),
+            Discriminant::Process(d) => d.features(),
         }
     }
 
@@ -235,6 +256,7 @@ impl Discriminant {
             Discriminant::Rf(d) => d.is_sound(),
             Discriminant::Linear(d) | Discriminant::Ridge(d) => d.is_sound(),
             Discriminant::TwoSite(d) => d.is_sound(),
+            Discriminant::Process(d) => d.is_sound(),
         }
     }
 
@@ -250,6 +272,8 @@ impl Discriminant {
             Discriminant::Linear(d) => Discriminant::Linear(d.map_features(order)),
             Discriminant::Ridge(d) => Discriminant::Ridge(d.map_features(order)),
             Discriminant::TwoSite(d) => Discriminant::TwoSite(d.map_features(order)),
+            // It may know the channels by their places.
+            Discriminant::Process(_) => return Err(EmgError::AsksProcess { what: "turn" }),
         })
     }
 
@@ -264,6 +288,8 @@ impl Discriminant {
             Discriminant::Rf(d) => d.scores(features, out),
             Discriminant::Linear(d) | Discriminant::Ridge(d) => d.scores(features, out),
             Discriminant::TwoSite(d) => d.scores(features, out),
+            // Nothing that can be known here: the caller asks the process.
+            Discriminant::Process(_) => out.fill(f64::NAN),
         }
     }
 
@@ -274,7 +300,7 @@ impl Discriminant {
             // Theirs are probabilities.
             Discriminant::Knn(_) | Discriminant::Svm(_) | Discriminant::Rf(_) => {}
             // Nor has this one anything but yes and no.
-            Discriminant::TwoSite(_) => {}
+            Discriminant::TwoSite(_) | Discriminant::Process(_) => {}
             Discriminant::Linear(_) | Discriminant::Ridge(_) => Regressor::posterior(scores),
         }
     }
@@ -282,6 +308,11 @@ impl Discriminant {
     /// The sites of direct control; none of another kind.
     pub(crate) fn sites(&self) -> Option<&Sites> {
         if let Discriminant::TwoSite(d) = self { Some(d) } else { None }
+    }
+
+    /// What is known of a decoder in another process; none of another kind.
+    pub(crate) fn outside(&self) -> Option<&Outside> {
+        if let Discriminant::Process(d) = self { Some(d) } else { None }
     }
 
     /// What drives degrees of freedom; none of a classifier.
@@ -301,172 +332,4 @@ impl Discriminant {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// What scikit-learn 1.9.1 makes of windows of four classes, from `tests/make_classifier_vectors.py`.
-    #[derive(Deserialize)]
-    struct Reference {
-        train: Vec<Vec<f64>>,
-        labels: Vec<usize>,
-        #[serde(default)]
-        gestures: Vec<GestureName>,
-        test: Vec<Vec<f64>>,
-        truth: Vec<usize>,
-        qda: Answers,
-        nb: Answers,
-        knn: Answers,
-        svm: Answers,
-        rf: Range,
-    }
-
-    #[derive(Deserialize)]
-    struct Answers {
-        #[serde(default)]
-        decisions: Vec<Vec<f64>>,
-        posterior: Vec<Vec<f64>>,
-    }
-
-    /// Share recognised by forests of twenty seeds.
-    #[derive(Deserialize)]
-    struct Range {
-        least: f64,
-        most: f64,
-    }
-
-    impl Reference {
-        fn read() -> Reference {
-            serde_json::from_str(include_str!("../tests/classifier_vectors.json"))
-                .expect("the vectors are JSON")
-        }
-
-        fn fit(&self, kind: ClassifierKind) -> Discriminant {
-            let config = EmgConfig { classifier: kind, ..EmgConfig::default() };
-            Discriminant::fit(&config, &self.set(&self.matrix())).expect("good data")
-        }
-
-        fn matrix(&self) -> DMatrix<f64> {
-            let values = self.train.iter().flatten().copied();
-            DMatrix::from_row_iterator(self.train.len(), self.train[0].len(), values)
-        }
-
-        fn set<'a>(&'a self, samples: &'a DMatrix<f64>) -> TrainingSet<'a> {
-            TrainingSet { samples, labels: &self.labels, classes: 4, gestures: &self.gestures }
-        }
-    }
-
-    /// Those that tell classes apart.
-    fn classifiers() -> impl Iterator<Item = ClassifierKind> {
-        ClassifierKind::ALL.into_iter().filter(|kind| kind.has_posterior())
-    }
-
-    fn answers(of: &Discriminant, windows: &[Vec<f64>]) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
-        let answer = |window: &Vec<f64>| {
-            let mut scores = vec![0.0; of.classes()];
-            of.scores(window, &mut scores);
-            let mut posterior = scores.clone();
-            of.posterior(&mut posterior);
-            (scores, posterior)
-        };
-        windows.iter().map(answer).unzip()
-    }
-
-    fn largest(values: &[f64]) -> usize {
-        (0..values.len()).fold(0, |best, k| if values[k] > values[best] { k } else { best })
-    }
-
-    fn worst(got: &[Vec<f64>], expected: &[Vec<f64>]) -> f64 {
-        assert_eq!(got.len(), expected.len());
-        let pairs = got.iter().flatten().zip(expected.iter().flatten());
-        pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
-    }
-
-    #[test]
-    fn closed_forms_are_those_of_scikit_learn() {
-        let reference = Reference::read();
-        let (scores, posterior) = answers(&reference.fit(ClassifierKind::Qda), &reference.test);
-        assert!(worst(&scores, &reference.qda.decisions) < 1e-9);
-        assert!(worst(&posterior, &reference.qda.posterior) < 1e-12);
-        let (_, posterior) = answers(&reference.fit(ClassifierKind::Nb), &reference.test);
-        assert!(worst(&posterior, &reference.nb.posterior) < 1e-12);
-        let (_, posterior) = answers(&reference.fit(ClassifierKind::Knn), &reference.test);
-        assert!(worst(&posterior, &reference.knn.posterior) < 1e-12);
-    }
-
-    #[test]
-    fn support_vectors_are_those_of_scikit_learn_and_their_probabilities_alike() {
-        let reference = Reference::read();
-        let fitted = reference.fit(ClassifierKind::Svm);
-        let Discriminant::Svm(machine) = &fitted else { panic!("asked for a machine") };
-        let decisions: Vec<Vec<f64>> = reference.test.iter().map(|w| machine.decisions(w)).collect();
-        assert!(worst(&decisions, &reference.svm.decisions) < 1e-3);
-        // Platt's sigmoid is fitted on other parts there, by chance.
-        let (_, posterior) = answers(&fitted, &reference.test);
-        let windows = posterior.iter().zip(&reference.svm.posterior);
-        let alike = windows.clone().filter(|(a, b)| largest(a) == largest(b)).count();
-        let off: f64 = windows.map(|(a, b)| worst(std::slice::from_ref(a), std::slice::from_ref(b))).sum();
-        println!("{alike} of {} classes alike, mean difference {:.3}", posterior.len(), off / 80.0);
-        assert!(alike >= 78 && off / 80.0 < 0.05);
-    }
-
-    #[test]
-    fn a_forest_recognises_what_scikit_learns_do_and_the_same_windows_give_the_same_forest() {
-        let reference = Reference::read();
-        let forest = reference.fit(ClassifierKind::Rf);
-        let (_, posterior) = answers(&forest, &reference.test);
-        let right = posterior.iter().zip(&reference.truth).filter(|(p, t)| largest(p) == **t).count();
-        let share = right as f64 / reference.test.len() as f64;
-        let Range { least, most } = reference.rf;
-        println!("{share}, scikit-learn {least} to {most}");
-        assert!((least..=most).contains(&share));
-        assert_eq!(forest, reference.fit(ClassifierKind::Rf));
-    }
-
-    #[test]
-    fn every_kind_keeps_its_answers_through_a_file_and_through_another_order_of_features() {
-        let reference = Reference::read();
-        let turned = |values: &[f64]| {
-            let mut values = values.to_vec();
-            values.rotate_left(2);
-            values
-        };
-        for kind in classifiers() {
-            let fitted = reference.fit(kind);
-            assert!(fitted.is_sound() && fitted.kind() == kind);
-            let json = serde_json::to_string(&fitted).expect("it can be written");
-            assert!(json.starts_with(&format!("{{\"{kind}\"")), "{}", &json[..40]);
-            let read: Discriminant = serde_json::from_str(&json).expect("it was just written");
-            let (_, expected) = answers(&fitted, &reference.test);
-            assert_eq!(answers(&read, &reference.test).1, expected, "{kind}");
-            let windows: Vec<Vec<f64>> = reference.test.iter().map(|w| turned(w)).collect();
-            let moved = fitted.map_features(&turned).expect("the same numbers");
-            assert!(worst(&answers(&moved, &windows).1, &expected) < 1e-9, "{kind}");
-            assert_eq!(kind.to_string().parse::<ClassifierKind>(), Ok(kind));
-        }
-        assert!("ldaa".parse::<ClassifierKind>().is_err_and(|e| e.to_string().contains("qda")));
-    }
-
-    #[test]
-    fn classes_without_a_covariance_are_refused_by_the_quadratic_one_and_learnt_by_the_others() {
-        let reference = Reference::read();
-        let mut samples = reference.matrix();
-        samples.column_mut(3).fill(1.0);
-        let few = TrainingSet {
-            samples: &samples,
-            labels: &reference.labels,
-            classes: 4,
-            gestures: &reference.gestures,
-        };
-        for kind in classifiers() {
-            let config = EmgConfig { classifier: kind, ..EmgConfig::default() };
-            let fitted = Discriminant::fit(&config, &few);
-            match kind {
-                ClassifierKind::Qda => {
-                    let message = fitted.expect_err("a constant feature").to_string();
-                    assert!(message.contains("feature 3 does not vary"), "{message}");
-                }
-                _ => assert!(fitted.is_ok_and(|f| f.is_sound()), "{kind}"),
-            }
-        }
-    }
-}
+mod tests;

@@ -165,6 +165,21 @@ pub enum EmgError {
         /// Of the model.
         trained: crate::ClassifierKind,
     },
+    /// A decoder in another process that cannot be.
+    #[error("emg.process: {reason}")]
+    Process {
+        /// What is wrong.
+        reason: String,
+    },
+    /// A classifier that is another process cannot be had by itself.
+    #[error(
+        "a process decodes the windows, which this cannot {what} by itself: make a model with proact emg train --classifier \
+         process --process FILE, and give that with --emg-model or --model"
+    )]
+    AsksProcess {
+        /// Such as `train`.
+        what: &'static str,
+    },
     /// As many labels as windows are needed.
     #[error("got {labels} labels for {windows} windows, expected one each")]
     LabelCount {

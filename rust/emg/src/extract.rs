@@ -1,6 +1,8 @@
 use crate::filter::FilterBank;
-use crate::{BridgeConfig, EmgConfig, EmgError, FeatureExtractor, FeatureVector, SlidingWindow, WindowView};
-use proact_types::EmgSample;
+use crate::{
+    BridgeConfig, EmgConfig, EmgError, FeatureExtractor, FeatureVector, SlidingWindow, WindowLine, WindowView,
+};
+use proact_types::{EmgSample, SimTime};
 
 /// Features of every window of a recording, by the same code as live. Windows that a gap spoils are left out; a
 /// recording shorter than a window gives none.
@@ -30,6 +32,35 @@ pub fn extract_with_amplitudes<'a>(
         amplitudes.push(window.amplitude());
     })?;
     Ok((features, amplitudes))
+}
+
+/// What a decoder is told of one window of a recording.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WindowInput {
+    /// Its features.
+    pub features: FeatureVector,
+    /// The line to a process; none where the settings name no process. Its number is 0 and its time that of the recording.
+    pub line: Option<WindowLine>,
+}
+
+/// What a decoder is told of every window of a recording; as [`extract`], for a decoder in another process too.
+///
+/// # Errors
+/// As [`extract`].
+pub fn extract_inputs<'a>(
+    config: &EmgConfig,
+    samples: impl IntoIterator<Item = &'a EmgSample>,
+) -> Result<Vec<WindowInput>, EmgError> {
+    let input = config.process.as_ref().map(|process| process.input);
+    let (mut windows, mut time) = (Vec::new(), config.window.samples(config.rate_hz)? as f64);
+    let step = config.increment_samples()? as f64;
+    each_window(config, samples, |view, features| {
+        let end = SimTime((1000.0 * time / config.rate_hz) as u64);
+        time += step;
+        let line = input.map(|input| WindowLine::new(input, 0, end, view, &features));
+        windows.push(WindowInput { features, line });
+    })?;
+    Ok(windows)
 }
 
 fn each_window<'a>(

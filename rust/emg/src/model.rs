@@ -162,6 +162,7 @@ impl EmgModel {
                     ),
                 ),
                 ("emg.regression.alpha", config.regression.alpha.to_string()),
+                ("emg.process", format!("{:?}", config.process)),
             ]
         };
         match of(asked).into_iter().zip(of(&self.config)).find(|(asked, trained)| asked != trained) {

@@ -1,11 +1,14 @@
+use crate::decoder_tap::{DecoderTap, Undecided};
 use crate::drives::DriveFilter;
 use crate::filter::FilterBank;
 use crate::two_site::SiteSwitch;
 use crate::{
-    ClassPosterior, Classifier, Decision, DecisionRule, EmgConfig, EmgError, FeatureExtractor, FeatureVector,
-    Liveness, MajorityVote, SignalFault, SlidingWindow, StreamCounts,
+    ClassPosterior, Classifier, Decision, DecisionRule, DecoderProcess, EmgConfig, EmgError,
+    FeatureExtractor, FeatureVector, Liveness, MajorityVote, SignalFault, SlidingWindow, StreamCounts,
 };
-use proact_types::{ChannelValues, DegreeOfFreedom, Drives, EmgSample, GestureName, SimTime};
+use proact_types::{
+    ChannelValues, DegreeOfFreedom, Drives, EmgSample, GestureName, SimTime, StopCause, WindowAnswer,
+};
 
 /// What the EMG stage says at the end of a window, or when the stream became stale.
 #[derive(Clone, Debug, PartialEq)]
@@ -70,6 +73,7 @@ pub struct EmgPipeline {
     rest: GestureName,
     rule: DecisionRule,
     drives: DriveFilter,
+    tap: DecoderTap,
     switch: SiteSwitch,
     overflows: u64,
     /// Of the newest window.
@@ -111,7 +115,8 @@ impl EmgPipeline {
         }
         let (asked, trained) = (config.classifier, classifier.kind());
         // Settings that say more than a classifier's own are those of the other kinds.
-        if asked != trained && !(asked.has_posterior() && trained.has_posterior()) {
+        let alike = asked.has_posterior() && trained.has_posterior();
+        if asked != trained && (asked.is_process() || trained.is_process() || !alike) {
             return Err(EmgError::OtherDecoder { asked, trained });
         }
         let classifier = classifier.with_dead_band(config.regression.dead_band);
@@ -127,6 +132,7 @@ impl EmgPipeline {
             window: SlidingWindow::new(config)?,
             rule: DecisionRule::new(config),
             switch: SiteSwitch::new(&config.two_site),
+            tap: DecoderTap::new(config),
             drives: DriveFilter::new(config, classifier.degrees_of_freedom().len())?,
             rest: config.rest,
             newest: FeatureVector::with_capacity(classifier.layout().count()),
@@ -152,10 +158,37 @@ impl EmgPipeline {
         Ok(self)
     }
 
+    /// The same pipeline, whose windows `decoder` decodes; none where a log has the answers.
+    pub fn with_decoder(mut self, decoder: Option<Box<dyn DecoderProcess>>) -> Self {
+        self.tap.set_process(decoder);
+        self
+    }
+
+    /// What a process that decodes said in the newest step.
+    pub fn answers(&self) -> &[WindowAnswer] {
+        self.tap.given()
+    }
+
+    /// Whether a process that decodes gave no decision for a window of the newest step.
+    pub fn is_undecided(&self) -> bool {
+        self.tap.is_undecided()
+    }
+
     /// Takes the samples that arrived at `now`, oldest first. Some if a window ended with one of them, or if the
     /// stream became stale now, by silence or because its samples are not those of a living arm ([`Liveness`]); if several windows ended, the decision rule saw them all and the newest is
     /// returned. Call it every tick, with no samples too. Does not allocate.
     pub fn step(&mut self, now: SimTime, samples: &[EmgSample]) -> Option<EmgOutput> {
+        self.step_with(now, samples, &[])
+    }
+
+    /// [`EmgPipeline::step`] with what the input log has of a process that decodes, which is not asked then.
+    pub fn step_with(
+        &mut self,
+        now: SimTime,
+        samples: &[EmgSample],
+        answers: &[WindowAnswer],
+    ) -> Option<EmgOutput> {
+        self.tap.begin(answers);
         let (before, disarmed) = (self.counts(), self.rule.is_disarmed());
         let mut output = None;
         self.liveness.begin_tick(now);
@@ -180,10 +213,23 @@ impl EmgPipeline {
             let filtered = if changed { &self.prepared } else { sample };
             let Some(window) = self.window.push(filtered) else { continue };
             let features = self.features.compute(&window);
-            // Finite samples whose sums overflow: as good as no window.
-            let Ok(prediction) = self.classifier.predict(features) else {
-                self.overflows += 1;
-                continue;
+            let prediction = if self.classifier.kind().is_process() {
+                match self.tap.decode(now, &window, features, &self.classifier) {
+                    Ok(prediction) => prediction,
+                    // As good as no window; several of them make a silence.
+                    Err(Undecided::Late) => continue,
+                    Err(Undecided::Failed) => {
+                        output = self.rule.fail().map(|decision| self.stale(decision)).or(output);
+                        continue;
+                    }
+                }
+            } else {
+                // Finite samples whose sums overflow: as good as no window.
+                let Ok(prediction) = self.classifier.predict(features) else {
+                    self.overflows += 1;
+                    continue;
+                };
+                prediction
             };
             let bridged = window.bridged() > 0;
             // Nothing is learnt from samples that nobody measured.
@@ -311,6 +357,15 @@ impl EmgPipeline {
         self.liveness.fault().or(silent)
     }
 
+    /// Why the stream is stale, as a cause and a sentence: a process that gives no decision has a say beside [`EmgPipeline::fault`].
+    pub fn why_stale(&self) -> Option<(StopCause, String)> {
+        let undecided = self.tap.fault().filter(|_| self.rule.is_stale() && self.liveness.fault().is_none());
+        match undecided {
+            Some(reason) => Some((StopCause::Undecided, reason.to_owned())),
+            None => self.fault().map(|fault| (fault.cause(), fault.to_string())),
+        }
+    }
+
     /// True while gestures are held back until a relaxed hand is seen.
     pub fn is_disarmed(&self) -> bool {
         self.rule.is_disarmed()
@@ -331,151 +386,4 @@ impl EmgPipeline {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::extract;
-    use proact_types::Gesture;
-
-    fn config() -> EmgConfig {
-        EmgConfig { channels: 2, rate_hz: 200.0, ..EmgConfig::default() }
-    }
-
-    fn sample(counter: u64, amplitude: f64) -> EmgSample {
-        let k = counter as f64;
-        EmgSample { counter, channels: [amplitude * (k * 1.7).sin(), (k * 2.9).cos()].into_iter().collect() }
-    }
-
-    fn pipeline() -> EmgPipeline {
-        let config = config();
-        let mut windows = Vec::new();
-        let mut labels = Vec::new();
-        for (gesture, amplitude) in [(Gesture::NoMotion, 1.0), (Gesture::HandClose, 20.0)] {
-            let samples: Vec<EmgSample> = (0..400).map(|k| sample(k, amplitude)).collect();
-            windows.extend(extract(&config, &samples).expect("good samples"));
-            labels.resize(windows.len(), gesture);
-        }
-        let classifier = Classifier::train(&config, &windows, &labels).expect("good data");
-        EmgPipeline::new(&config, classifier).expect("they fit")
-    }
-
-    /// Runs `ticks` ticks from `from`; samples every 5 ms unless `lost`.
-    fn run(
-        pipeline: &mut EmgPipeline,
-        from: u64,
-        ticks: u64,
-        amplitude: f64,
-        lost: bool,
-    ) -> Vec<(u64, EmgOutput)> {
-        (from..from + ticks)
-            .filter_map(|t| {
-                let sample = (t % 5 == 0 && !lost).then(|| sample(t / 5, amplitude));
-                pipeline.step(SimTime(t), sample.as_slice()).map(|out| (t, out))
-            })
-            .collect()
-    }
-
-    #[test]
-    fn a_decision_belongs_to_the_tick_of_the_last_sample_of_its_window() {
-        let times: Vec<u64> = run(&mut pipeline(), 0, 250, 1.0, false).iter().map(|(t, _)| *t).collect();
-        assert_eq!(times, [95, 145, 195, 245]);
-    }
-
-    /// Mains a hundred times as strong as the muscle: nothing without the filter, nothing wrong with it; and live windows are those
-    /// of the training.
-    #[test]
-    fn a_filter_takes_the_mains_out_of_training_and_stream_alike() {
-        let hum = |k: u64| 2000.0 * (2.0 * std::f64::consts::PI * 50.0 * k as f64 / 200.0).sin();
-        let spoilt = |k: u64, amplitude: f64| {
-            let mut sample = sample(k, amplitude);
-            sample.channels.iter_mut().for_each(|v| *v += hum(k));
-            sample
-        };
-        let recording = |amplitude: f64| (0..400).map(|k| spoilt(k, amplitude)).collect::<Vec<_>>();
-        let right = |filters: Vec<crate::EmgFilter>| {
-            let config = EmgConfig { filters, ..config() };
-            let (mut windows, mut labels) = (Vec::new(), Vec::new());
-            for (gesture, amplitude) in [(Gesture::NoMotion, 1.0), (Gesture::HandClose, 20.0)] {
-                windows.extend(extract(&config, &recording(amplitude)).expect("good samples"));
-                labels.resize(windows.len(), gesture);
-            }
-            let classifier = Classifier::train(&config, &windows, &labels).expect("good data");
-            let mut pipeline = EmgPipeline::new(&config, classifier).expect("they fit");
-            let mut live = Vec::new();
-            for sample in recording(1.0) {
-                let output = pipeline.step(SimTime(5 * sample.counter), std::slice::from_ref(&sample));
-                live.extend(output.map(|_| pipeline.features().to_vec()));
-            }
-            assert_eq!(live, windows[..live.len()], "live windows are those of the training");
-            // The notch needs some tenths of a second to settle.
-            live.last().map_or(f64::NAN, |window| window[0])
-        };
-        assert!(right(Vec::new()) > 1000.0);
-        assert!(right(vec!["notch:50".parse().expect("written right")]) < 20.0);
-    }
-
-    #[test]
-    fn a_drop_out_stops_the_arm_and_only_a_relaxed_hand_rearms_it() {
-        let mut pipeline = pipeline();
-        let before = run(&mut pipeline, 0, 400, 20.0, false);
-        assert!(before.last().is_some_and(|(_, out)| out.gesture == Gesture::HandClose));
-
-        assert!(!pipeline.events().is_eventful());
-        let mut silenced = pipeline.clone();
-        run(&mut silenced, 400, 197, 20.0, true);
-        assert!(silenced.events().stale, "the last of these steps makes it stale");
-
-        let silent = run(&mut pipeline, 400, 600, 20.0, true);
-        assert_eq!(silent.len(), 1, "{silent:?}");
-        let (at, out) = &silent[0];
-        assert_eq!((*at, out.stale, out.gesture), (395 + 201, true, Gesture::NoMotion.into()));
-
-        let held_through = run(&mut pipeline, 1000, 500, 20.0, false);
-        assert!(held_through.iter().all(|(_, out)| out.gesture == Gesture::NoMotion), "{held_through:?}");
-        assert_eq!(held_through.last().map(|(_, out)| out.window_class), Some(Gesture::HandClose.into()));
-        assert_eq!(pipeline.counts().gaps, 1);
-        assert!(!pipeline.events().is_eventful());
-
-        run(&mut pipeline, 1500, 400, 1.0, false);
-        let mut gapped = pipeline.clone();
-        gapped.step(SimTime(1950), &[sample(390, 1.0)]);
-        assert_eq!((gapped.events().counts.gaps, gapped.events().counts.rejected_windows), (1, 1));
-        let rearmed = run(&mut pipeline, 1900, 400, 20.0, false);
-        assert_eq!(rearmed.last().map(|(_, out)| out.gesture), Some(Gesture::HandClose.into()));
-    }
-
-    #[test]
-    fn samples_that_overflow_the_sums_reject_the_window() {
-        let mut pipeline = pipeline();
-        let outputs = run(&mut pipeline, 0, 400, f64::MAX, false);
-        assert!(outputs.iter().all(|(_, out)| out.stale), "{outputs:?}");
-        assert_eq!((pipeline.counts().windows, pipeline.counts().rejected_windows), (0, 7));
-    }
-
-    #[test]
-    fn raw_codes_less_their_zero_level_give_the_decisions_of_centred_samples() {
-        let (mut centred, raw) = (pipeline(), pipeline());
-        let levels = [128.0, -40.0];
-        let mut raw = raw.with_centring(&levels).expect("one a channel");
-        for t in 0..1000 {
-            let sample = sample(t, if t < 500 { 1.0 } else { 20.0 });
-            // Whole numbers, so that the shift loses no digits.
-            let whole: Vec<f64> = sample.channels.iter().map(|v| v.round()).collect();
-            let shifted = whole.iter().zip(levels).map(|(v, level)| v + level);
-            let at = SimTime(5 * t);
-            let ours = raw.step(at, &[EmgSample { counter: t, channels: shifted.collect() }]);
-            let theirs =
-                centred.step(at, &[EmgSample { counter: t, channels: whole.iter().copied().collect() }]);
-            assert_eq!(ours, theirs);
-        }
-        let wrong = pipeline().with_centring(&[1.0]).map(|_| ()).expect_err("two channels");
-        assert_eq!(wrong, EmgError::Centring { got: 1, expected: 2 });
-        assert!(pipeline().with_centring(&[f64::NAN, 0.0]).is_err());
-    }
-
-    #[test]
-    fn a_classifier_of_another_band_is_refused() {
-        let classifier = pipeline().classifier;
-        let error = EmgPipeline::new(&EmgConfig::default(), classifier).expect_err("8 channels");
-        assert_eq!(error, EmgError::ClassifierChannels { trained: 2, stream: 8 });
-    }
-}
+mod tests;

@@ -3,7 +3,7 @@
 mod common;
 
 use common::{CHANNELS, config, signal};
-use proact_emg::{Classifier, ClassifierKind, EmgConfig, EmgModel, EmgPipeline, extract};
+use proact_emg::{Classifier, ClassifierKind, EmgConfig, EmgModel, EmgPipeline, ProcessConfig, extract};
 use proact_types::{EmgSample, Gesture, SimTime};
 use proptest::prelude::*;
 
@@ -79,13 +79,21 @@ proptest! {
         window in prop::collection::vec(-1e3..1e3_f64, 4 * CHANNELS),
         kind in prop::sample::select(&ClassifierKind::ALL[..]),
     ) {
-        let config = EmgConfig { classifier: kind, ..config() };
+        let process = kind.is_process().then(|| {
+            ProcessConfig::from_toml("command = [\"net\"]\ninput = \"samples\"").expect("a command is enough")
+        });
+        let config = EmgConfig { classifier: kind, process, ..config() };
         // The quadratic one needs more windows than features.
         let length = if kind == ClassifierKind::Qda { 10 * (4 * CHANNELS as u64 + 20) } else { 100 };
         let recordings: Vec<(Gesture, Vec<EmgSample>)> =
             Gesture::ALL.into_iter().map(|g| (g, signal(g, length, 0.0))).collect();
         let slices: Vec<(Gesture, &[EmgSample])> = recordings.iter().map(|(g, s)| (*g, s.as_slice())).collect();
-        let json = EmgModel::train(&config, &[0.0; CHANNELS], &slices).expect("good data").to_json().expect("sound");
+        let model = EmgModel::train(&config.stand_in(), &[0.0; CHANNELS], &slices).expect("good data");
+        let model = match kind.is_process() {
+            true => model.decoded_by_process(&config, "{\"weights\":[1.5,-2.0]}").expect("the same gestures"),
+            false => model,
+        };
+        let json = model.to_json().expect("sound");
         let mut text = json.clone();
         for (index, letter) in &damage {
             let at = index.index(text.len());

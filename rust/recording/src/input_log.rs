@@ -7,7 +7,7 @@
 //! last one is the end mark: a log without it was broken off.
 
 use crate::{RECORD_FORMAT, RecordingError, files, format};
-use proact_types::{SimTime, TickInput};
+use proact_types::{SimTime, TickInput, WindowAnswer};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::{
     collections::BTreeMap,
@@ -39,6 +39,7 @@ pub(crate) struct LogHeader {
 enum RecordRef<'a> {
     Tick(SimTime, &'a TickInput),
     End(LogEnd),
+    Decoded(SimTime, &'a TickInput, &'a [WindowAnswer]),
 }
 
 /// Every record but the first.
@@ -46,6 +47,8 @@ enum RecordRef<'a> {
 enum Record {
     Tick(SimTime, Box<TickInput>),
     End(LogEnd),
+    /// A tick in which a process that decodes EMG was asked. Last, so that logs without one are read as ever.
+    Decoded(SimTime, Box<TickInput>, Vec<WindowAnswer>),
 }
 
 /// The end mark of a finished trial.
@@ -100,7 +103,10 @@ impl InputLogWriter {
             return Ok(());
         }
         self.records += 1;
-        self.put_value(&RecordRef::Tick(tick, input))
+        self.put_value(&match input.decoder.as_slice() {
+            [] => RecordRef::Tick(tick, input),
+            answers => RecordRef::Decoded(tick, input, answers),
+        })
     }
 
     /// Records written so far.
@@ -217,14 +223,9 @@ impl InputLog {
         let offset = self.offset;
         let payload = self.read_record()?;
         match self.decode(offset, &payload)? {
-            Record::Tick(tick, input) => {
-                if let Some(last) = self.last.filter(|last| *last >= tick) {
-                    let reason = format!("tick {} stands after tick {}", tick.0, last.0);
-                    return Err(self.damaged(offset, &reason));
-                }
-                self.last = Some(tick);
-                self.records += 1;
-                Ok(Some(InputRecord { offset, tick, input: *input }))
+            Record::Tick(tick, input) => self.tick(offset, tick, *input).map(Some),
+            Record::Decoded(tick, input, decoder) => {
+                self.tick(offset, tick, TickInput { decoder, ..*input }).map(Some)
             }
             Record::End(end) => {
                 if end.records != self.records {
@@ -239,6 +240,17 @@ impl InputLog {
                 Ok(None)
             }
         }
+    }
+
+    /// The input of `tick`, which must come after the tick before.
+    fn tick(&mut self, offset: u64, tick: SimTime, input: TickInput) -> Result<InputRecord, RecordingError> {
+        if let Some(last) = self.last.filter(|last| *last >= tick) {
+            let reason = format!("tick {} stands after tick {}", tick.0, last.0);
+            return Err(self.damaged(offset, &reason));
+        }
+        self.last = Some(tick);
+        self.records += 1;
+        Ok(InputRecord { offset, tick, input })
     }
 
     fn decode<T: DeserializeOwned>(&self, offset: u64, payload: &[u8]) -> Result<T, RecordingError> {

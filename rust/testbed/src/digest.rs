@@ -6,7 +6,9 @@
 use crate::stages::{ActuationOutput, EmgStageOutput, IntentOutput, MethodOutput};
 use blake3::Hasher;
 use proact_tasks::TaskState;
-use proact_types::{JointGoal, ObjectId, PlantState, Pose, SimTime, Stop, TaskGoal, TickInput, Vector};
+use proact_types::{
+    JointGoal, ObjectId, PlantState, Pose, SimTime, Stop, TaskGoal, TickInput, Vector, WindowAnswer,
+};
 use serde::{Deserialize, Serialize};
 
 /// Ticks in a span.
@@ -145,6 +147,15 @@ impl Digest {
 
     /// What the EMG stage said.
     pub fn gesture(&mut self, output: &EmgStageOutput) {
+        // Without a process that decodes there are none, and nothing enters.
+        for answer in &output.answers {
+            let mut field = self.field(Field::InputEmg);
+            match answer {
+                WindowAnswer::Line(text) => field.word(0).text(text),
+                WindowAnswer::Late { deadline_ms } => field.word(1).word(*deadline_ms),
+                WindowAnswer::Failed(reason) => field.word(2).text(reason),
+            };
+        }
         if let Some(decision) = &output.decision {
             let mut field = self.field(Field::Emg);
             field.word(decision.place as u64).numbers(&decision.posterior);

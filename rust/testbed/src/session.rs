@@ -83,6 +83,7 @@ impl Session {
         let output = testbed.tick(&input, last)?;
         input.plan = output.plan.clone();
         input.method = output.method.clone();
+        input.decoder = output.decoder.clone();
         let due = testbed.frame_is_due() || output.finished;
         let drawn = due.then(|| testbed.frame(self.person.head())).transpose()?;
         let frame = self.impairments.show(time, drawn, output.finished);

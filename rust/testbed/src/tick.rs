@@ -13,11 +13,12 @@ use proact_control::{
     ControlError, MethodRegistry, MotionState,
     ports::{ArmKinematics, KinematicsError, MethodProcess},
 };
-use proact_emg::{Classifier, EmgError, EmgOutput};
+use proact_emg::{Classifier, DecoderProcess, EmgError, EmgOutput};
 use proact_tasks::Task;
 use proact_types::{
     DisplayFrame, Event, EventKind, FeedbackCue, Gesture, GestureName, GestureTableError, HandState,
     JointVector, MethodAnswer, MethodInfo, PlanReply, PlanRequest, Pose, SimTime, Stop, TickInput,
+    WindowAnswer,
 };
 use std::sync::Arc;
 
@@ -100,6 +101,8 @@ pub struct TickOutput {
     pub plan: Option<PlanReply>,
     /// What a method in another process answered: it belongs to the input log.
     pub method: Option<MethodAnswer>,
+    /// What a process that decodes EMG answered: it belongs to the input log.
+    pub decoder: Vec<WindowAnswer>,
     /// A window of EMG ended, or the stream became stale.
     pub emg: Option<EmgOutput>,
     /// The command that the EMG stage published.
@@ -192,6 +195,12 @@ impl Testbed {
             model,
             kinematics,
         })
+    }
+
+    /// The same testbed, whose classifier is that of `decoder`; none in a replay, which takes its answers from the log.
+    pub fn with_decoder(mut self, decoder: Option<Box<dyn DecoderProcess>>) -> Self {
+        self.emg = self.emg.with_decoder(decoder);
+        self
     }
 
     /// Simulated time of the last tick.
@@ -295,7 +304,7 @@ impl Testbed {
         };
         let kinematics = self.kinematics.as_mut();
 
-        let samples = EmgStageInput { samples: &input.emg, gesture: input.gesture };
+        let samples = EmgStageInput { samples: &input.emg, gesture: input.gesture, answers: &input.decoder };
         let mut gesture = self.emg.step(now, samples);
         note(std::mem::take(&mut gesture.events));
         self.digest.gesture(&gesture);
@@ -363,6 +372,7 @@ impl Testbed {
         self.display.note(&output.events, &output.cues);
         (output.emg, output.message) = (gesture.decision.clone(), gesture.message);
         (output.request, output.plan, output.method) = (method.request, method.plan, method.answer);
+        output.decoder.clone_from(&gesture.answers);
         output.finished = task.state.finished;
         output.span = self.digest.end_tick(now, last || output.finished);
         self.said = Said { gesture, intent, actuation, frozen: world.frozen };

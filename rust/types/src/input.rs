@@ -73,6 +73,20 @@ pub struct GazeSample {
 /// What a method in another process answered to one control step: its line, or why there is none.
 pub type MethodAnswer = Result<String, String>;
 
+/// What a process that decodes EMG said of one window. It belongs to the input log: a replay asks no process.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum WindowAnswer {
+    /// Its line.
+    Line(String),
+    /// It has not answered in time, milliseconds: no decision for this window.
+    Late {
+        /// Time that was waited.
+        deadline_ms: u64,
+    },
+    /// It has ended, or cannot be asked: why.
+    Failed(String),
+}
+
 /// Most signs that one tick can hold: one of each kind that a source may give at once.
 pub const MAX_SIGNS: usize = 8;
 
@@ -97,6 +111,10 @@ pub struct TickInput {
     pub plan: Option<PlanReply>,
     /// What a method in another process answered in this tick. Filled as `plan` is.
     pub method: Option<MethodAnswer>,
+    /// What a process that decodes EMG said of the windows that ended in this tick, in their order. Filled as `plan` is. The
+    /// input log keeps it beside the other fields, so that ticks without it are written as they always were.
+    #[serde(skip)]
+    pub decoder: Vec<WindowAnswer>,
 }
 
 #[cfg(test)]

@@ -43,7 +43,9 @@ pub use feedback::{ContactView, Cue, Digit, FeedbackCue, Tone, Vibration};
 pub use gesture::{Gesture, UnknownGesture};
 pub use gesture_commands::{GestureCommands, GestureTableError};
 pub use gesture_name::{BadGestureName, GestureName, MAX_GESTURES};
-pub use input::{ChannelValues, EmgSample, GazeSample, MAX_EMG_CHANNELS, MAX_SIGNS, MethodAnswer, TickInput};
+pub use input::{
+    ChannelValues, EmgSample, GazeSample, MAX_EMG_CHANNELS, MAX_SIGNS, MethodAnswer, TickInput, WindowAnswer,
+};
 pub use instruction::Instruction;
 pub use intention::{Intention, TrunkPosture};
 pub use method::{

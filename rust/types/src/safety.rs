@@ -122,11 +122,13 @@ pub enum StopCause {
     WrongRate,
     /// It measures, but sees nothing: the eye is lost.
     Lost,
+    /// Samples come, and the process that decodes them gives no usable decision.
+    Undecided,
 }
 
 impl StopCause {
     /// All of them, in the order of their numbers.
-    pub const ALL: [StopCause; 9] = [
+    pub const ALL: [StopCause; 10] = [
         StopCause::Silent,
         StopCause::Closed,
         StopCause::Frozen,
@@ -136,6 +138,7 @@ impl StopCause {
         StopCause::Lossy,
         StopCause::WrongRate,
         StopCause::Lost,
+        StopCause::Undecided,
     ];
 }
 

@@ -178,6 +178,16 @@ pub(super) fn cpu_of_threads(name: &str) -> Result<f64, Box<dyn Error>> {
     Ok(total)
 }
 
+/// Processor time of all threads of this process that are still there, seconds.
+pub(crate) fn cpu_of_all_threads() -> Result<f64, Box<dyn Error>> {
+    let mut total = 0.0;
+    for entry in std::fs::read_dir("/proc/self/task")? {
+        // A thread may end between the listing and the reading.
+        total += cpu(&entry?.path().join("schedstat")).unwrap_or(0.0);
+    }
+    Ok(total)
+}
+
 /// Processor time of the calling thread, seconds.
 pub(super) fn cpu_of_this_thread() -> Result<f64, Box<dyn Error>> {
     cpu("/proc/thread-self/schedstat".as_ref())

@@ -3,7 +3,7 @@
 
 import "./calibrate.css";
 import { element, setClass, setText, setWidth } from "./dom";
-import type { CalibrationCommand, CalibrationMessage, CalibrationReport, CalibrationScreen, GestureName, TestKind } from "./generated/types";
+import type { CalibrationCommand, CalibrationMessage, CalibrationReport, CalibrationScreen, DriveScore, GestureName, TestKind } from "./generated/types";
 import { gestureText, handPicture } from "./hand";
 import { Flash, MotionView, TacView } from "./limb";
 import { limbResults } from "./limbresults";
@@ -133,11 +133,20 @@ function showCalibration(message: Screen<"calibration">): void {
     setClass(node, "amber", light === "amber");
     setClass(node, "red", light === "red");
   });
-  showReport(message.report, message.target_accuracy);
+  showReport(message.report, message.target_accuracy, message.target_r2);
   showButtons(message);
 }
 
-function showReport(report: CalibrationReport | null, target: number): void {
+/** How far each degree of freedom of a regressor follows what was asked for. */
+function driveTable(drives: DriveScore[]): HTMLElement {
+  const head = element("tr", "", element("th", "", "degree of freedom"), element("th", "", "R²"), element("th", "", "mean absolute error"));
+  const rows = drives.map(({ drive, r2, mean_absolute_error: off }) =>
+    element("tr", "", element("th", "", drive), element("td", "", r2.toFixed(3)), element("td", "", off.toFixed(3))),
+  );
+  return element("div", "scroll", element("table", "drives", head, ...rows));
+}
+
+function showReport(report: CalibrationReport | null, target: number, targetR2: number): void {
   judgement.hidden = report === null;
   const key = JSON.stringify(report);
   if (report === null || key === shownReport) return;
@@ -149,15 +158,34 @@ function showReport(report: CalibrationReport | null, target: number): void {
     const cells = (report.confusion[row] ?? []).map((n) => element("td", "", String(n)));
     return element("tr", "", element("th", "", gestureText(gesture)), ...cells, element("td", "", percent(report.recall[row] ?? 0)));
   });
-  const verdict = report.good_enough ? "good enough" : `the aim is ${percent(target)}`;
+  const drives = report.drives ?? [];
+  const aim = drives.length > 0 ? `the aim is an R² of ${targetR2.toFixed(2)} for each degree of freedom` : `the aim is ${percent(target)}`;
+  const verdict = report.good_enough ? "good enough" : aim;
   const warnings = report.repetitions
     .filter((r) => r.outlier)
     .map((r) => element("p", "warning", `Repetition ${r.repetition + 1} of “${gestureText(r.gesture)}” differs from the others: record it again?`));
   judged.replaceChildren(
     element("h2", "accuracy", `Round ${report.rounds}: ${percent(report.accuracy)} recognised, ${verdict}`),
     ...warnings,
+    drives.length > 0 ? driveTable(drives) : "",
     element("div", "scroll", element("table", "", head, ...rows)),
   );
+}
+
+/** What a training drew, as it is saved beside the model. */
+interface Figure {
+  title: string;
+  caption: string;
+  drawing: string;
+}
+
+function figureView({ title, caption, drawing }: Figure): HTMLElement {
+  const parsed = new DOMParser().parseFromString(drawing, "image/svg+xml").documentElement;
+  parsed.setAttribute("role", "img");
+  parsed.setAttribute("aria-label", title);
+  const node = element("figure", "", element("h3", "", title));
+  node.append(document.importNode(parsed, true), element("figcaption", "muted", caption));
+  return node;
 }
 
 function button(text: string, classes: string, enabled: boolean, act: () => void): HTMLButtonElement {
@@ -259,7 +287,9 @@ function showEnd(message: Screen<"end">): void {
   showPrompt("no_motion", done, 1, false);
   judgement.hidden = false;
   shownReport = "";
-  const result = message.result ?? {};
+  const { figures: drawn, ...result } = message.result ?? {};
+  const pictures = Array.isArray(drawn) ? (drawn as Figure[]).map(figureView) : [];
+  const driven = Array.isArray(result.drives) ? (result.drives as DriveScore[]) : [];
   const tables = limbResults(result);
   const all = element("pre", "scroll", JSON.stringify(result, null, 1));
   all.tabIndex = 0;
@@ -268,11 +298,13 @@ function showEnd(message: Screen<"end">): void {
   // A test names the model that it was given, a calibration the one that it wrote.
   const model = String(result.model ?? "");
   const heading = "passed" in result ? `Results with ${model}` : model ? `The model is in ${model}` : "Result";
-  figures.open = tables.length === 0;
+  figures.open = tables.length === 0 && pictures.length === 0;
   judged.replaceChildren(
     element("h2", "accuracy", heading),
     tables.length > 0 ? element("p", "", done) : "",
     ...tables,
+    driven.length > 0 ? driveTable(driven) : "",
+    element("div", "figures", ...pictures),
     figures,
   );
 }

@@ -1,18 +1,22 @@
 //! What decodes the windows: a classifier, a regressor, or two sites.
 
 use clap::Args;
-use proact_emg::{ClassifierKind, EmgConfig, RegressionConfig, TwoSiteConfig};
+use proact_devices::read_process_file;
+use proact_emg::{ClassifierKind, EmgConfig, ProcessConfig, RegressionConfig, TwoSiteConfig};
 use proact_types::{DegreeOfFreedom, GestureName};
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, path::Path};
 
 /// Options of what decodes the windows.
 #[derive(Clone, Debug, Args)]
 pub struct DecoderArgs {
     /// What decodes the windows. Classifiers tell gestures apart: lda, qda, nb (Gaussian naive Bayes), knn, svm (linear) or rf
     /// (random forest). Regressors drive degrees of freedom in proportion and at the same time: linear or ridge. Direct control by
-    /// two muscles: two_site.
+    /// two muscles: two_site. A program of any language: process or process_regressor, with --process.
     #[arg(long, visible_alias = "decoder", default_value_t = ClassifierKind::Lda)]
     classifier: ClassifierKind,
+    /// The program that decodes, with --classifier process or process_regressor: its file (TOML, docs/emg.md).
+    #[arg(long, value_name = "FILE", value_parser = parse_process)]
+    process: Option<ProcessConfig>,
     /// Degrees of freedom of linear and ridge, each by its positive and its negative gesture. Default:
     /// wrist_extension/wrist_flexion,hand_open/hand_close.
     #[arg(long, value_delimiter = ',', value_name = "POSITIVE/NEGATIVE")]
@@ -40,6 +44,10 @@ pub struct DecoderArgs {
     switch: Option<GestureName>,
 }
 
+fn parse_process(path: &str) -> Result<ProcessConfig, String> {
+    read_process_file(Path::new(path)).map_err(|error| error.to_string())
+}
+
 fn parse_site(text: &str) -> Result<(GestureName, usize), String> {
     let parsed =
         text.rsplit_once('=').and_then(|(name, channel)| Some((name.parse().ok()?, channel.parse().ok()?)));
@@ -52,6 +60,7 @@ impl DecoderArgs {
         let (regression, two_site) = (RegressionConfig::default(), TwoSiteConfig::default());
         EmgConfig {
             classifier: self.classifier,
+            process: self.process.clone(),
             regression: RegressionConfig {
                 drives: if self.drives.is_empty() { regression.drives } else { self.drives.clone() },
                 alpha: self.alpha.unwrap_or(regression.alpha),

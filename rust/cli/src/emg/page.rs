@@ -186,6 +186,7 @@ fn calibration_view(session: &Calibration) -> CalibrationView<'_> {
         most_rounds: config.most_rounds,
         gestures: &config.gestures,
         target_accuracy: config.target_accuracy,
+        target_r2: config.target_r2,
         channels: session.channels().iter().map(light).collect(),
         stream: session.stream(),
         report: session.report(),

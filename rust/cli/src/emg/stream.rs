@@ -11,11 +11,11 @@ use proact_app::{
 };
 use proact_devices::{
     ClassesFrom, EmgRecorder, LibEmgOutput, LibEmgReceiver, LibEmgSender, Recording, Recordings,
-    SampleSource, SourceEvent, SourceInfo, SourceRegistry, SyntheticEmg, SyntheticModel, read_class_map,
-    stream,
+    SampleSource, SourceEvent, SourceInfo, SourceRegistry, SyntheticEmg, SyntheticModel, open_pipeline,
+    read_class_map, stream,
 };
 use proact_emg::{
-    DecisionRule, EmgConfig, EmgError, EmgModel, EmgOutput, EmgPipeline, Light, QualityConfig, QualityMonitor,
+    DecisionRule, EmgConfig, EmgError, EmgModel, EmgOutput, Light, QualityConfig, QualityMonitor,
 };
 use proact_types::{Drives, EmgSample, Gesture, GestureName, MAX_GESTURES, SimTime};
 use serde_json::json;
@@ -204,7 +204,7 @@ fn samples(
     let info = source.info().clone();
     let (model, label) = model(args, &info)?;
     let mut stream = CentredStream::new(source, args.source.zero, &model);
-    let mut pipeline = EmgPipeline::new(&model.config, model.classifier.clone())?;
+    let mut pipeline = open_pipeline(&model, args.source.flat_out)?;
     // Rails are those of all channels: the narrowest range after centring.
     let rails = info.rails.map(|(low, high)| {
         let (least, most) = stream.zero.iter().fold((f64::MAX, f64::MIN), |(a, b), z| (a.min(*z), b.max(*z)));

@@ -8,7 +8,7 @@ use clap::{Args, ValueEnum};
 use indicatif::ProgressBar;
 use proact_app::{CentredStream, answer, source::read_model, write_whole};
 use proact_bridge::{CalibrationView, GestureTest, TestKind};
-use proact_devices::{SourceEvent, SourceRegistry, stream};
+use proact_devices::{SourceEvent, SourceRegistry, open_pipeline, stream};
 use proact_emg::{
     Adaptation, AdaptationConfig, CursorConfig, CursorEvent, CursorTest, EmgOutput, EmgPipeline, HoldConfig,
     HoldTest, SequenceConfig, SequenceTest,
@@ -134,7 +134,7 @@ pub(super) fn run(sources: &SourceRegistry, args: &TestArgs, json: bool) -> Resu
     let source = args.source.open(sources, args.rate)?;
     let info = source.info().clone();
     let model = read_model(&args.model, &info)?;
-    let pipeline = EmgPipeline::new(&model.config, model.classifier.clone())?;
+    let pipeline = open_pipeline(&model, args.source.flat_out)?;
     let stream = CentredStream::new(source, args.source.zero, &model);
     let adaptation =
         args.adapt.as_ref().map(|_| Adaptation::new(AdaptationConfig::default(), &model)).transpose()?;

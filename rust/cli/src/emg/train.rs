@@ -5,6 +5,7 @@ use super::{
     band, recorded,
     screen::{Choice, Screen, open_screen, refusal_text, report_text, shortfall, sites_text},
     train_args::{calibration, check_empty},
+    trained,
 };
 use crate::interrupt::interrupt_flag;
 use proact_app::{answer, source::read_model, tell, write_whole};
@@ -12,8 +13,8 @@ use proact_devices::{
     EmgPacket, Recording, RecordingFolder, Recordings, SampleSource, SourceEvent, SourceInfo, SourceRegistry,
 };
 use proact_emg::{
-    BandProposal, Calibration, CalibrationConfig, CalibrationEvent, CalibrationReport, EmgModel, Phase,
-    RecordedFault, RotationReport, accuracy_at, check_rotation,
+    BandProposal, Calibration, CalibrationConfig, CalibrationEvent, CalibrationReport, EmgConfig, EmgModel,
+    Phase, RecordedFault, RotationReport, accuracy_at, check_rotation,
 };
 use proact_types::{EmgSample, Gesture, GestureName, SimTime};
 use serde_json::{Value, json};
@@ -77,7 +78,7 @@ pub(super) fn run(sources: &SourceRegistry, args: &TrainArgs, json: bool) -> Res
         let held_out = training.held_out;
         if let Some(done) = band::verdict(report, earlier, &args.out, args.accept_roll, held_out)? {
             training.screen.done(&done);
-            return print(&done, json);
+            return trained::print(&done, json);
         }
     }
     match training.calibrate(args) {
@@ -440,13 +441,24 @@ impl Training {
             Ok(model) => model,
             Err(error) => return Err(self.stopped(error.into())),
         };
+        let live = args.window.live_config(self.info.rate_hz, self.info.channels)?;
+        let asked = EmgConfig { rest: self.config.emg.rest, ..live };
+        let (model, judged) = trained::decoded(&asked, model, self.session.repetitions())
+            .map_err(|error| self.stopped(error))?;
         write_whole(&args.out, &model.to_json()?).map_err(|error| self.stopped(error.into()))?;
-        let object = self.result(args, &model);
-        self.screen.done(&object);
-        if let Some(report) = self.session.report().filter(|_| !json) {
-            answer(report_text(report) + &sites_text(&model))?;
+        let mut object = self.result(args, &model);
+        if let Some(judged) = &judged {
+            object["process"] = json!(judged);
         }
-        print(&object, json)?;
+        let (kept, report) = (self.session.repetitions(), self.session.report());
+        let figures = trained::draw(&args.out, &model, kept, report, judged.as_ref())
+            .map_err(|error| self.stopped(error))?;
+        object["plots"] = trained::plots(&args.out, &figures);
+        self.screen.done(&trained::on_page(&object, &figures));
+        if let Some(report) = self.session.report().filter(|_| !json) {
+            answer(report_text(report) + &sites_text(&model) + &trained::process_text(judged.as_ref()))?;
+        }
+        trained::print(&object, json)?;
         match self.session.report() {
             Some(judged) if judged.good_enough => {
                 self.clear();
@@ -483,15 +495,4 @@ impl Training {
             "recordings": args.resume.as_ref().or(args.save.as_ref()).map(|dir| dir.display().to_string()),
         })
     }
-}
-
-fn print(object: &Value, json: bool) -> Result<(), Box<dyn Error>> {
-    if json {
-        answer(object)?;
-    } else if let Some(text) = object["verdict"].as_str() {
-        answer(format_args!("{text}; it is in {}", object["model"].as_str().unwrap_or_default()))?;
-    } else {
-        answer(format_args!("the model is in {}", object["model"].as_str().unwrap_or_default()))?;
-    }
-    Ok(())
 }

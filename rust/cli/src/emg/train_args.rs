@@ -119,7 +119,7 @@ pub(super) fn calibration(
     if !gestures.contains(&rest) {
         return Err(EmgError::NoRest { rest, known: gestures.to_vec() }.into());
     }
-    let emg = EmgConfig { rest, ..args.window.live_config(info.rate_hz, info.channels)? };
+    let emg = EmgConfig { rest, ..args.window.live_config(info.rate_hz, info.channels)? }.stand_in();
     let nominal_zero = args.source.zero.unwrap_or(info.zero);
     let rails = info.rails.map(|(low, high)| [low - nominal_zero, high - nominal_zero]);
     let config = CalibrationConfig {

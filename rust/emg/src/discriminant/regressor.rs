@@ -31,6 +31,26 @@ pub(crate) struct Regressor {
     intercepts: Vec<f64>,
 }
 
+/// One score a class, from `drives` between -1 and 1 whose positive and negative classes are `places`.
+pub(super) fn drive_scores(
+    drives: &Drives,
+    places: &[[usize; 2]],
+    rest: usize,
+    dead_band: f64,
+    out: &mut [f64],
+) {
+    for (&value, [positive, negative]) in drives.iter().zip(places) {
+        let towards = |sign: f64| if value * sign < 0.0 { 0.0 } else { value * sign };
+        (out[*positive], out[*negative]) = (towards(1.0), towards(-1.0));
+    }
+    out[rest] = dead_band;
+    // Drives within the dead band say nothing, and none of them comes before rest.
+    out.iter_mut().filter(|score| **score <= dead_band).for_each(|score| *score = 0.0);
+    if out.iter().all(|score| *score == 0.0) {
+        out[rest] = 1.0;
+    }
+}
+
 impl Regressor {
     /// Fits to the windows of `set`, with the penalty `alpha`; 0 is none.
     ///
@@ -173,16 +193,7 @@ impl Regressor {
     /// One score a class: how far the drive of its gesture is out, and the dead band for rest. The largest is what the hand
     /// does most.
     pub(crate) fn scores(&self, features: &[f64], out: &mut [f64]) {
-        for (value, [positive, negative]) in self.predict(features).into_iter().zip(&self.places) {
-            let towards = |sign: f64| if value * sign < 0.0 { 0.0 } else { value * sign };
-            (out[*positive], out[*negative]) = (towards(1.0), towards(-1.0));
-        }
-        out[self.rest] = self.dead_band;
-        // Drives within the dead band say nothing, and none of them comes before rest.
-        out.iter_mut().filter(|score| **score <= self.dead_band).for_each(|score| *score = 0.0);
-        if out.iter().all(|score| *score == 0.0) {
-            out[self.rest] = 1.0;
-        }
+        drive_scores(&self.predict(features), &self.places, self.rest, self.dead_band, out);
     }
 
     /// Shares of the scores: they say how the drives compare, not how probable a gesture is.

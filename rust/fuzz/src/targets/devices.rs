@@ -11,7 +11,7 @@ use proact_devices::{
     motion_capture::{natnet, read_poses, vrpn, write_pose, write_pose_header},
     read_recorded, read_samples,
 };
-use proact_emg::{ClassifierKind, EmgConfig, EmgModel, EmgPipeline};
+use proact_emg::{ClassifierKind, EmgConfig, EmgModel, EmgPipeline, ProcessConfig};
 use proact_localization::RawBodyPose;
 use proact_types::{EmgSample, Gesture, SimTime};
 use std::{fs, io::Write, os::unix::net::UnixStream, path::Path, time::Duration};
@@ -202,15 +202,22 @@ pub(super) fn stream_edf_seeds(scratch: &Path) -> Vec<Vec<u8>> {
     recorded_seed(scratch, "seed.edf")
 }
 
-/// Models trained on five loudnesses, one of each kind: classifiers, regressors, two sites.
+/// Models trained on five loudnesses, one of each kind: classifiers, regressors, two sites, processes.
 pub(super) fn model_seeds(_: &Path) -> Vec<Vec<u8>> {
     let takes: Vec<(Gesture, Vec<EmgSample>)> =
         Gesture::ALL.into_iter().zip(0..).map(|(gesture, loudness)| (gesture, stream(8, loudness))).collect();
     let slices: Vec<(Gesture, &[EmgSample])> =
         takes.iter().map(|(gesture, take)| (*gesture, take.as_slice())).collect();
-    let trained = |classifier| {
-        let config = EmgConfig { classifier, ..EmgConfig::default() };
-        let model = EmgModel::train(&config, &[0.0; 8], &slices).expect("five gestures that differ");
+    let trained = |classifier: ClassifierKind| {
+        let process =
+            ProcessConfig::from_toml("command = [\"net\"]").ok().filter(|_| classifier.is_process());
+        let config = EmgConfig { classifier, process, ..EmgConfig::default() };
+        let model =
+            EmgModel::train(&config.stand_in(), &[0.0; 8], &slices).expect("five gestures that differ");
+        let model = match classifier.is_process() {
+            true => model.decoded_by_process(&config, "[1, 2]").expect("the same gestures"),
+            false => model,
+        };
         model.to_json().expect("a model can be written").into_bytes()
     };
     ClassifierKind::ALL.map(trained).to_vec()

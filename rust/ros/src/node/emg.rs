@@ -79,7 +79,8 @@ pub fn run_emg(stage: EmgStage, armband: Option<WaitForSamples>) -> Result<(), N
             match samples(&message) {
                 Ok(samples) => {
                     let now = node.common.now();
-                    let done = node.take(now, EmgStageInput { samples: &samples, gesture: None });
+                    let done =
+                        node.take(now, EmgStageInput { samples: &samples, ..EmgStageInput::default() });
                     node.common.note("publish", done);
                 }
                 Err(reason) => node.common.faults.refuse("emg_samples", &reason),
@@ -172,7 +173,8 @@ impl Stage for EmgNode {
     /// Time alone makes a stream stale.
     fn tick(&mut self, now: SimTime) -> rosrust::error::Result<()> {
         let Some(input) = self.person.get().cloned() else { return self.take(now, EmgStageInput::default()) };
-        let done = self.take(now, EmgStageInput { samples: &input.emg, gesture: input.gesture });
+        let heard = EmgStageInput { samples: &input.emg, gesture: input.gesture, ..EmgStageInput::default() };
+        let done = self.take(now, heard);
         if let (Some(spans), Some(said)) = (&mut self.common.spans, &self.said) {
             spans.digest.input(&TickInput { emg: input.emg, ..TickInput::default() });
             spans.digest.gesture(said);

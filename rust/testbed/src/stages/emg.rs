@@ -1,8 +1,9 @@
 use crate::{TestbedError, TrialConfig};
 use proact_control::{ControlError, Simultaneous};
-use proact_emg::{Classifier, EmgOutput, EmgPipeline};
+use proact_emg::{Classifier, DecoderProcess, EmgOutput, EmgPipeline};
 use proact_types::{
     DegreeOfFreedom, Drives, EmgSample, EventKind, Gesture, GestureCommands, GestureName, SimTime, StopCause,
+    WindowAnswer,
 };
 
 /// From muscle, or from keys, to the gesture in force, and the command that it is to the method.
@@ -26,6 +27,8 @@ pub struct EmgStageInput<'a> {
     pub samples: &'a [EmgSample],
     /// A gesture given directly, in force until the next one. Overrides the classifier.
     pub gesture: Option<Gesture>,
+    /// What the input log has of a process that decodes; empty live.
+    pub answers: &'a [WindowAnswer],
 }
 
 /// What the EMG stage says in one tick.
@@ -55,6 +58,8 @@ pub struct EmgStageOutput {
     pub armed: bool,
     /// What befell the stream, for the record.
     pub events: Vec<EventKind>,
+    /// What a process that decodes said of the windows that ended.
+    pub answers: Vec<WindowAnswer>,
 }
 
 impl Default for EmgStageOutput {
@@ -72,6 +77,7 @@ impl Default for EmgStageOutput {
             fault: None,
             armed: true,
             events: Vec::new(),
+            answers: Vec::new(),
         }
     }
 }
@@ -102,6 +108,12 @@ impl EmgStage {
         Ok(Self { muscles, given: None, recognised, confidence, effort, decided_at: None, places, drives })
     }
 
+    /// The same stage, whose windows `decoder` decodes; none in a replay.
+    pub fn with_decoder(mut self, decoder: Option<Box<dyn DecoderProcess>>) -> Self {
+        self.muscles = self.muscles.map(|(pipeline, commands)| (pipeline.with_decoder(decoder), commands));
+        self
+    }
+
     /// The gestures that are told apart, in the order of [`EmgOutput::posterior`]; none when gestures are given directly.
     pub fn gestures(&self) -> &[GestureName] {
         self.muscles.as_ref().map_or(&[], |(pipeline, _)| pipeline.gestures())
@@ -112,17 +124,19 @@ impl EmgStage {
         let mut output = EmgStageOutput::default();
         let mut acts = None;
         if let Some((pipeline, commands)) = &mut self.muscles {
-            output.decision = pipeline.step(now, input.samples);
+            output.decision = pipeline.step_with(now, input.samples, input.answers);
+            output.answers = pipeline.answers().to_vec();
             let counts = pipeline.events().counts;
             let (gaps, unusable_samples) = (counts.gaps, counts.unusable_samples);
             let rejected_windows = counts.rejected_windows;
             if gaps + unusable_samples + rejected_windows > 0 {
                 output.events.push(EventKind::EmgGap { gaps, unusable_samples, rejected_windows });
             }
-            output.fault = pipeline.fault().map(|fault| (fault.cause(), fault.to_string()));
+            output.fault = pipeline.why_stale();
             output.armed = !pipeline.is_disarmed();
             // Whatever a window says that came in the same tick: of another nobody knows what the hand did.
-            let spoilt = rejected_windows > 0 || !output.armed || output.fault.is_some();
+            let spoilt =
+                rejected_windows > 0 || pipeline.is_undecided() || !output.armed || output.fault.is_some();
             if let Some(decision) = &output.decision {
                 let drive = |(_, place): &(DegreeOfFreedom, usize)| decision.drives.get(*place).copied();
                 self.drives = self.places.iter().map(|place| drive(place).unwrap_or(0.0)).collect();

@@ -17,7 +17,7 @@ const FONT = "DejaVu Sans, Verdana, Arial, sans-serif";
 type Row = Record<string, string | number | null>;
 
 interface Spec {
-  kind: "strip" | "grid" | "lines" | "bars" | "curve" | "heat";
+  kind: "strip" | "grid" | "lines" | "bars" | "curve" | "heat" | "confusion" | "cloud";
   rows: Row[];
   /** What is on the axes. */
   x: string;
@@ -199,7 +199,34 @@ function heat(spec: Spec): Plot.PlotOptions {
   };
 }
 
-const KINDS = { strip, grid, lines, bars, curve, heat };
+/** What was asked for by what was recognised: the first at the top left, so that what is right lies on the way down. */
+function confusion(spec: Spec): Plot.PlotOptions {
+  const longest = Math.max(...spec.order.map((name) => name.length), 4);
+  const slanted = 20 + 4.6 * longest;
+  const cells = 34 * spec.order.length;
+  return {
+    ...heat(spec),
+    width: Math.max(COLUMN, 60 + 7 * longest + 1.2 * cells),
+    height: 30 + slanted + distinct(spec.rows, "y").length * 34,
+    x: { domain: spec.order, label: spec.x, tickRotate: -40 },
+    y: { domain: distinct(spec.rows, "y"), label: spec.y },
+    marginLeft: 34 + 7 * longest,
+    marginBottom: slanted,
+  };
+}
+
+/** Dots in a plane, a colour and a shape a part. */
+function cloud(spec: Spec): Plot.PlotOptions {
+  return {
+    ...base(spec, COLUMN, 300),
+    x: { label: spec.x, nice: true, grid: true },
+    y: { label: spec.y, nice: true, grid: true },
+    marks: [Plot.dot(spec.rows, { x: "x", y: "y", stroke: "part", symbol: "part", r: 2.4, strokeOpacity: 0.7 })],
+    symbol: { domain: spec.parts, legend: false },
+  };
+}
+
+const KINDS = { strip, grid, lines, bars, curve, heat, confusion, cloud };
 
 /** The key below a figure: words beside patches, as many on a line as there is room for. */
 function legend(spec: Spec, width: number): { parts: string[]; height: number } {

@@ -134,6 +134,8 @@ most_rounds: number,
 gestures: Array<GestureName>,
 /** Share of windows that has to be recognised, 0 to 1. */
 target_accuracy: number,
+/** R2 that each degree of freedom of a regressor has to reach, at most 1. */
+target_r2: number,
 /** The electrodes. */
 channels: Array<ChannelLight>,
 /** The stream as a whole. */
@@ -1289,7 +1291,7 @@ since: SimTime,
 reason: string, };
 
 /** How a source died. */
-export type StopCause = "silent" | "closed" | "frozen" | "flat" | "railed" | "noiseless" | "lossy" | "wrong_rate" | "lost";
+export type StopCause = "silent" | "closed" | "frozen" | "flat" | "railed" | "noiseless" | "lossy" | "wrong_rate" | "lost" | "undecided";
 
 /** How steady a stream of poses was in the last ten seconds. */
 export type StreamFigures = {

@@ -1,0 +1,213 @@
+//! A classifier, and a regressor, in another process: the example of the documentation, processes that fail, and the replay.
+#![allow(clippy::unwrap_used, clippy::disallowed_methods)] // A test of files and processes.
+
+use arrayvec::ArrayVec;
+use proact_app::{Arm, Recorder, ReplayOptions, replay_trial, trial};
+use proact_control::{JogProfile, MethodRegistry, Simultaneous};
+use proact_devices::{SyntheticEmg, SyntheticModel, read_process_file, stream, train_process};
+use proact_emg::{ClassifierKind, EmgConfig, EmgModel, ProcessConfig, ProcessInput};
+use proact_testbed::{Setup, TrialConfig, ports};
+use proact_types::{DegreeOfFreedom, EmgSample, EventKind, Gesture, GestureName, SimTime, Stop, StopCause};
+use std::path::Path;
+
+const EXAMPLE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/decoders");
+/// Answers whatever is asked of the windows with the body of `answer(asked)`, and learns nothing.
+const FRAME: &str = "import json, sys, time, math\n\
+    for line in sys.stdin:\n    asked = json.loads(line)\n    answer = {'window': asked['window']}\n    \
+    if asked['window']:\n        BODY\n    print(json.dumps(answer), flush=True)\n";
+
+fn generator(seed: u64) -> SyntheticEmg {
+    SyntheticEmg::new(&SyntheticModel::shipped().unwrap(), 1000.0, 8, 1.0, stream(seed, "test")).unwrap()
+}
+
+/// A model of synthetic EMG whose windows `process` decodes.
+fn model(classifier: ClassifierKind, process: ProcessConfig) -> EmgModel {
+    let mut emg = generator(1);
+    let mut take = |gesture| -> Vec<EmgSample> {
+        (0..3000).map(|counter| EmgSample { counter, channels: emg.next(gesture) }).collect()
+    };
+    let recordings = Gesture::ALL.map(|gesture| (GestureName::from(gesture), take(gesture)));
+    let slices: Vec<(GestureName, &[EmgSample])> =
+        recordings.iter().map(|(g, s)| (*g, s.as_slice())).collect();
+    let config = EmgConfig { classifier, process: Some(process), ..EmgConfig::default() };
+    let stand_in = EmgModel::train(&config.stand_in(), &[0.0; 8], &slices).unwrap();
+    train_process(&config, stand_in, &slices).unwrap()
+}
+
+fn python(body: &str) -> ProcessConfig {
+    ProcessConfig {
+        command: vec!["python3".to_owned(), "-c".to_owned(), FRAME.replace("BODY", body)],
+        input: ProcessInput::Samples,
+        deadline_ms: 1000,
+        gestures: Vec::new(),
+    }
+}
+
+/// Relaxed for half a second, then the wrist for as long as the trial lasts.
+struct Armband(SyntheticEmg);
+
+impl ports::EmgSource for Armband {
+    fn sample_at(&mut self, now: SimTime, _intended: Gesture) -> ArrayVec<EmgSample, 8> {
+        let gesture = if now.0 < 500 { Gesture::NoMotion } else { Gesture::WristExtension };
+        [EmgSample { counter: now.0, channels: self.0.next(gesture) }].into_iter().collect()
+    }
+}
+
+struct Ran {
+    /// What was asked of the joints after each tick, rad.
+    targets: Vec<Vec<f64>>,
+    stops: Vec<Stop>,
+    kinds: Vec<EventKind>,
+}
+
+impl Ran {
+    fn moved(&self, from: usize, to: usize) -> f64 {
+        let arm = self.targets[from].iter().zip(&self.targets[to]).take(7);
+        arm.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+    }
+}
+
+/// A live trial of `ticks` with method A, recorded in `dir`.
+fn run(model: &EmgModel, ticks: u64, at_once: bool, dir: &Path) -> Ran {
+    let mut config = TrialConfig::new("A", 1, Setup::named("still").unwrap());
+    let JogProfile::Time { simultaneous, .. } = &mut config.profile.jog else { panic!("by time") };
+    *simultaneous = at_once.then(|| Simultaneous {
+        hand_at: 0.5,
+        hand_below: 0.3,
+        drives: [
+            (DegreeOfFreedom::wrist(), "elbow".to_owned()),
+            (DegreeOfFreedom::hand(), "hand".to_owned()),
+        ]
+        .into(),
+    });
+    let worn = trial::Armband { trained: model, samples: Box::new(Armband(generator(2))) };
+    let arm = Arm::of(&config).unwrap();
+    let trial::Assembly { mut session, classifier, arm, .. } =
+        trial::live_with(&MethodRegistry::standard(), &arm, config, Some(worn)).unwrap();
+    let used = session.testbed().config().clone();
+    let mut recorder = Recorder::create(dir, &used, &arm, classifier.as_ref()).unwrap();
+    let mut ran = Ran { targets: Vec::new(), stops: Vec::new(), kinds: Vec::new() };
+    for tick in 1..=ticks {
+        let step = session.step(tick == ticks).unwrap();
+        recorder.write(&step, session.testbed().plant().state()).unwrap();
+        ran.targets.push(session.testbed().targets().to_vec());
+        ran.stops.extend(session.testbed().stop().cloned());
+        ran.kinds.extend(step.output.events.into_iter().map(|event| event.kind));
+    }
+    recorder.finish(&session.result()).unwrap();
+    ran
+}
+
+fn replays(dir: &Path) {
+    let replay = replay_trial(dir, ReplayOptions::default()).unwrap();
+    assert!(replay.agrees, "{replay:?}");
+}
+
+#[test]
+fn the_documented_example_in_python_moves_the_arm_and_its_trial_replays_when_it_is_gone() {
+    let place = tempfile::tempdir().unwrap();
+    for name in ["nearest_centroid.py", "nearest_centroid.toml"] {
+        std::fs::copy(Path::new(EXAMPLE).join(name), place.path().join(name)).unwrap();
+    }
+    let process = read_process_file(&place.path().join("nearest_centroid.toml")).unwrap();
+    // A machine under load is not what is tested.
+    let process = ProcessConfig { deadline_ms: 1000, ..process };
+    let model = model(ClassifierKind::Process, process);
+    let json = model.to_json().unwrap();
+    assert_eq!(EmgModel::from_json(&json).unwrap(), model, "the file holds all of it");
+    assert!(json.contains("centroids"), "what it learnt is kept with the model");
+    let dir = place.path().join("trial");
+    let ran = run(&model, 2500, false, &dir);
+    assert!(ran.moved(0, 499) == 0.0 && ran.moved(800, 2400) > 0.1, "{} rad", ran.moved(800, 2400));
+    std::fs::remove_file(place.path().join("nearest_centroid.py")).unwrap();
+    replays(&dir);
+}
+
+#[test]
+fn whatever_a_process_does_wrong_the_arm_stops_the_reason_is_on_record_and_the_trial_goes_on() {
+    let wrist = Gesture::WristExtension.index();
+    let good = format!(
+        "p = [0.0] * 5; p[{wrist}] = 1.0; p = [0, 0, 1.0, 0, 0] if asked['time'] < 500 else p; answer['posterior'] = p"
+    );
+    // From 1.5 s on it does one thing wrong.
+    let then = |wrong: &str| format!("{good}\n        if asked['time'] > 1500:\n            {wrong}");
+    let cases = [
+        ("raise ValueError('no weights')", "has ended (exit status: 1)"),
+        ("sys.exit(0)", "has ended (exit status: 0)"),
+        ("answer['posterior'] = [math.nan] * 5", "it answered"),
+        ("answer['posterior'] = [1.0]", "posterior has 1 values, expected 5"),
+        ("answer['posterior'] = [1.0] * 5", "posterior sums to 5, expected 1"),
+        ("answer = {'window': asked['window'], 'drives': [1.0, 0.0]}", "without a posterior"),
+        ("answer = {'window': asked['window'], 'error': 'no memory'}", "it says \"no memory\""),
+        ("answer['window'] += 1", "expected"),
+        ("answer = 'hello'", "it answered"),
+    ];
+    assert_eq!(Gesture::NoMotion.index(), 2, "what the good answers say");
+    for (wrong, expected) in cases {
+        let place = tempfile::tempdir().unwrap();
+        let dir = place.path().join("trial");
+        let ran = run(&model(ClassifierKind::Process, python(&then(wrong))), 2200, false, &dir);
+        assert!(ran.moved(700, 1500) > 0.05, "{wrong}: it moved while all was well");
+        assert_eq!(ran.moved(1800, 2199), 0.0, "{wrong}: the arm holds");
+        let stop = ran.stops.last().unwrap();
+        assert_eq!(stop.cause, StopCause::Undecided, "{wrong}: {stop:?}");
+        assert!(stop.reason.contains(expected), "{wrong}: {}", stop.reason);
+        let told = ran
+            .kinds
+            .iter()
+            .filter(|k| matches!(k, EventKind::Stopped { reason, .. } if reason.contains(expected)));
+        assert_eq!(told.count(), 1, "{wrong}: {:?}", ran.kinds);
+        replays(&dir);
+    }
+}
+
+#[test]
+fn a_process_that_is_late_loses_windows_and_stops_the_arm_when_it_stays_late() {
+    let wrist = Gesture::WristExtension.index();
+    let late = format!(
+        "time.sleep(0.3 if 800 < asked['time'] < 860 or asked['time'] > 1500 else 0); p = [0.0] * 5; \
+         p[2 if asked['time'] < 500 else {wrist}] = 1.0; answer['posterior'] = p"
+    );
+    let place = tempfile::tempdir().unwrap();
+    let dir = place.path().join("trial");
+    let process = ProcessConfig { deadline_ms: 200, ..python(&late) };
+    let ran = run(&model(ClassifierKind::Process, process), 2200, false, &dir);
+    // The answer that came too late for its own window is not taken for that of the next.
+    assert!(ran.moved(900, 1450) > 0.05 && ran.moved(1900, 2199) == 0.0);
+    let stop = ran.stops.last().unwrap();
+    assert!(
+        stop.cause == StopCause::Undecided && stop.reason.contains("not answered within 200 ms"),
+        "{stop:?}"
+    );
+    replays(&dir);
+}
+
+#[test]
+fn a_regressor_in_another_process_moves_the_arm_in_proportion_and_not_after_it_has_ended() {
+    let body = "level = sum(abs(x) for row in asked['samples'] for x in row) / len(asked['samples'])\n        \
+        answer['drives'] = [0.0 if asked['time'] < 500 else min(1.0, 0.5 + level / 1e6), 0.0]\n        \
+        if asked['time'] > 1500: sys.exit(4)";
+    let place = tempfile::tempdir().unwrap();
+    let dir = place.path().join("trial");
+    let ran = run(&model(ClassifierKind::ProcessRegressor, python(body)), 2200, true, &dir);
+    assert!(ran.moved(700, 1450) > 0.05 && ran.moved(1800, 2199) == 0.0, "{}", ran.moved(1800, 2199));
+    assert!(ran.stops.last().unwrap().reason.contains("exit status: 4"));
+    replays(&dir);
+}
+
+#[test]
+fn a_program_that_does_not_begin_is_refused_before_the_trial_with_its_name() {
+    let refused = |command: &[&str]| {
+        let process =
+            ProcessConfig { command: command.iter().map(|&w| w.to_owned()).collect(), ..python("") };
+        let config =
+            EmgConfig { classifier: ClassifierKind::Process, process: Some(process), ..EmgConfig::default() };
+        let good = model(ClassifierKind::Process, python("pass"));
+        let stand_in = EmgModel { config: config.stand_in(), ..good };
+        train_process(&config, stand_in, &[]).unwrap_err().to_string()
+    };
+    assert!(refused(&["proact-no-such-program"]).contains("proact-no-such-program"));
+    assert!(refused(&["true"]).contains("has ended (exit status: 0)"));
+    assert!(refused(&["echo", "hello"]).contains("it answered \"hello\""));
+    assert!(refused(&["echo", "{\"window\": 0, \"error\": \"no torch\"}"]).contains("it says \"no torch\""));
+}

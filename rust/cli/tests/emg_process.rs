@@ -1,0 +1,64 @@
+//! A classifier in another process on the command line: trained, judged, and used on a stream.
+#![allow(clippy::unwrap_used, clippy::disallowed_methods)] // A test of programs starts programs.
+
+mod common;
+
+use common::{event, proact, stream};
+use serde_json::Value;
+use std::path::Path;
+
+const EXAMPLE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/decoders/nearest_centroid.toml");
+
+fn at(dir: &Path, name: &str) -> String {
+    dir.join(name).to_str().unwrap().to_owned()
+}
+
+fn answered(words: &[&str]) -> Value {
+    let output = proact(words).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+fn refused(words: &[&str]) -> String {
+    let output = proact(words).output().unwrap();
+    assert!(!output.status.success());
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+#[test]
+fn the_documented_example_is_trained_judged_by_itself_and_recognises_a_stream() {
+    let dir = tempfile::tempdir().unwrap();
+    let (model, recordings) = (at(dir.path(), "model.json"), at(dir.path(), "recordings"));
+    let process = ["--classifier", "process", "--process", EXAMPLE];
+    let train = ["train", "--source", "synthetic", "--flat-out", "--out", &model, "--save", &recordings];
+    let trained = answered(&[&train[..], &process].concat());
+    let own = trained["process"]["accuracy"].as_f64().unwrap();
+    assert!(own > 0.8 && own != trained["accuracy"].as_f64().unwrap(), "{own} of its own");
+    let evaluate = ["evaluate", "--data", &recordings, "--train-reps", "0", "--test-reps", "1"];
+    let judged = answered(&[&evaluate[..], &process].concat());
+    assert!(judged["accuracy"].as_f64().unwrap() > 0.8, "{judged}");
+    let source = format!("file:{recordings}");
+    let lines = stream(&["--source", &source, "--rep", "1", "--flat-out", "--model", &model]);
+    let seen: std::collections::BTreeSet<&str> = lines.iter().filter_map(|l| l["gesture"].as_str()).collect();
+    assert!(seen.len() >= 4, "{seen:?}");
+    assert!(event(&lines, "stale").is_empty(), "each window has an answer");
+}
+
+#[test]
+fn what_a_process_lacks_is_said_before_anybody_holds_a_gesture() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = at(dir.path(), "model.json");
+    let train = |words: &[&str]| {
+        refused(&[&["train", "--source", "synthetic", "--flat-out", "--out", &out], words].concat())
+    };
+    assert!(train(&["--classifier", "process"]).contains("expected the program's command"));
+    assert!(train(&["--process", EXAMPLE]).contains("emg.classifier is lda"));
+    let bad = at(dir.path(), "bad.toml");
+    std::fs::write(&bad, "command = [\"python3\"]\ninput = \"music\"\n").unwrap();
+    let error = train(&["--classifier", "process", "--process", &bad]);
+    assert!(error.contains("bad.toml") && error.contains("line 2") && error.contains("music"), "{error}");
+    std::fs::write(&bad, "command = [\"python3\", \"-c\", \"pass\"]\n").unwrap();
+    let error = train(&["--classifier", "process", "--process", &bad]);
+    assert!(error.contains("does not start") && error.contains("has ended"), "{error}");
+    assert!(!Path::new(&out).exists(), "no model of a process that does not answer");
+}

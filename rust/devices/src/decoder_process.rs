@@ -1,0 +1,204 @@
+//! A classifier or regressor in another process: started here, trained and asked line by line.
+
+use crate::{DeviceError, LineFault, LineProcess};
+use proact_emg::{
+    Classifier, DecoderProcess, EmgConfig, EmgModel, EmgPipeline, Prediction, ProcessConfig, WindowInput,
+    WindowLine, begin_line, extract_inputs,
+};
+use proact_types::{DegreeOfFreedom, EmgSample, GestureName, WindowAnswer};
+use serde::Deserialize;
+use serde_json::{Value, json};
+use std::{
+    fs::File,
+    path::{Path, PathBuf},
+    time::Duration,
+};
+
+/// A line longer than this is no answer, bytes. What a training gives is an answer too.
+const LONGEST_LINE: u64 = 16 << 20;
+/// A program has to read its libraries before it answers first.
+const START_PATIENCE: Duration = Duration::from_secs(60);
+/// Training may take long, but not for ever.
+const TRAIN_PATIENCE: Duration = Duration::from_secs(3600);
+/// In a batch, and of recordings, each answer is waited for, but not for ever.
+const BATCH_PATIENCE: Duration = Duration::from_secs(10);
+
+/// A running program that decodes windows.
+#[derive(Debug)]
+pub struct ProcessDecoder {
+    process: LineProcess,
+    patience: Duration,
+}
+
+/// What a program answers to its first line, and to its training.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Ready {
+    #[serde(rename = "window")]
+    _window: u64,
+    #[serde(default)]
+    state: Value,
+    #[serde(default)]
+    error: Option<String>,
+}
+
+impl ProcessDecoder {
+    /// Starts the program of `classifier`, if it is one. A live trial does not wait `for_each_answer`.
+    ///
+    /// # Errors
+    /// A program that does not start, or does not say that it is ready.
+    pub fn start(
+        config: &EmgConfig,
+        classifier: &Classifier,
+        for_each_answer: bool,
+    ) -> Result<Option<ProcessDecoder>, DeviceError> {
+        let (Some(begin), Some(process)) = (classifier.begin_line(config), &config.process) else {
+            return Ok(None);
+        };
+        let patience =
+            if for_each_answer { BATCH_PATIENCE } else { Duration::from_millis(process.deadline_ms) };
+        Self::begin(process, begin?, patience).map(Some)
+    }
+
+    fn begin(config: &ProcessConfig, begin: String, patience: Duration) -> Result<Self, DeviceError> {
+        let command = || config.command.join(" ");
+        let process = LineProcess::start(&config.command, LONGEST_LINE)
+            .map_err(|source| DeviceError::DecoderStart { command: command(), reason: source.to_string() })?;
+        let mut decoder = ProcessDecoder { process, patience };
+        let ready = decoder.demand(begin, START_PATIENCE);
+        ready.map_err(|reason| DeviceError::DecoderStart { command: command(), reason })?;
+        Ok(decoder)
+    }
+
+    /// The answer to a line that is no window's.
+    fn demand(&mut self, line: String, patience: Duration) -> Result<Value, String> {
+        let text = self.process.ask(0, line, patience).map_err(|fault| fault.to_string())?;
+        let shown: String = text.chars().take(120).collect();
+        let ready: Ready = serde_json::from_str(&text)
+            .map_err(|error| format!("it answered {shown:?}: {error}, expected {{\"window\": 0}}"))?;
+        ready.error.map_or(Ok(ready.state), |error| Err(format!("it says {error:?}")))
+    }
+
+    /// What the program says of a window of a recording, number `window`.
+    ///
+    /// # Errors
+    /// [`DeviceError::Decoder`].
+    pub fn predict(
+        &mut self,
+        classifier: &Classifier,
+        window: u64,
+        input: &WindowInput,
+    ) -> Result<Prediction, DeviceError> {
+        let failed = |reason| DeviceError::Decoder { reason };
+        let mut line = input.line.clone().ok_or_else(|| failed("no window was kept for it".to_owned()))?;
+        line.window = window;
+        let answer = match self.ask(window, &line.text()) {
+            WindowAnswer::Line(answer) => answer,
+            WindowAnswer::Late { deadline_ms } => {
+                return Err(failed(format!("it has not answered within {deadline_ms} ms")));
+            }
+            WindowAnswer::Failed(reason) => return Err(failed(reason)),
+        };
+        classifier.read_answer(window, &answer).map_err(failed)
+    }
+}
+
+impl DecoderProcess for ProcessDecoder {
+    fn ask(&mut self, window: u64, line: &str) -> WindowAnswer {
+        match self.process.ask(window, line.to_owned(), self.patience) {
+            Ok(answer) => WindowAnswer::Line(answer),
+            Err(LineFault::Late { patience }) => {
+                WindowAnswer::Late { deadline_ms: patience.as_millis() as u64 }
+            }
+            Err(fault) => WindowAnswer::Failed(fault.to_string()),
+        }
+    }
+}
+
+/// The pipeline of `model`, with its process started if it is decoded by one.
+///
+/// # Errors
+/// A model that cannot be used, a program that does not start.
+pub fn open_pipeline(model: &EmgModel, for_each_answer: bool) -> Result<EmgPipeline, DeviceError> {
+    let process = ProcessDecoder::start(&model.config, &model.classifier, for_each_answer)?;
+    let pipeline = EmgPipeline::new(&model.config, model.classifier.clone())?;
+    Ok(pipeline.with_decoder(process.map(|process| -> Box<dyn DecoderProcess> { Box::new(process) })))
+}
+
+/// Windows of a recording of one gesture.
+pub(crate) type LabelledWindows = (GestureName, Vec<WindowInput>);
+
+/// Has the program of `config` learn from `windows`; what it learnt, as JSON text.
+///
+/// # Errors
+/// A program that does not start, or refuses.
+pub(crate) fn fit(
+    config: &EmgConfig,
+    gestures: &[GestureName],
+    windows: &[LabelledWindows],
+) -> Result<String, DeviceError> {
+    let Some(process) = &config.process else { return Err(config_error(config)) };
+    let driven: &[DegreeOfFreedom] =
+        if config.classifier.is_regression() { &config.regression.drives } else { &[] };
+    let mut decoder =
+        ProcessDecoder::begin(process, begin_line(config, gestures, driven, "")?, BATCH_PATIENCE)?;
+    let each = || windows.iter().flat_map(|(gesture, windows)| windows.iter().map(move |w| (gesture, w)));
+    let labels: Vec<&GestureName> = each().map(|(gesture, _)| gesture).collect();
+    let targets: Vec<Vec<f64>> =
+        labels.iter().map(|gesture| driven.iter().map(|drive| drive.target(**gesture)).collect()).collect();
+    let told = |window: &WindowInput| match window.line.as_ref() {
+        Some(WindowLine { features: Some(features), .. }) => json!(features),
+        Some(WindowLine { samples: Some(samples), .. }) => json!(samples),
+        _ => Value::Null,
+    };
+    let lines: Vec<Value> = each().map(|(_, window)| told(window)).collect();
+    let fit = json!({ "window": 0, "fit": { "windows": lines, "labels": labels, "targets": targets } });
+    let state = decoder
+        .demand(fit.to_string(), TRAIN_PATIENCE)
+        .map_err(|reason| DeviceError::Decoder { reason: format!("training: {reason}") })?;
+    Ok(state.to_string())
+}
+
+fn config_error(config: &EmgConfig) -> DeviceError {
+    let reason = format!("emg.classifier is {}, expected process or process_regressor", config.classifier);
+    DeviceError::Decoder { reason }
+}
+
+/// The model of `stand_in`, which was trained on `recordings` with [`EmgConfig::stand_in`], decoded by the process of
+/// `config` after it has learnt from the same recordings. These are as the stream gives them, before centring.
+///
+/// # Errors
+/// A program that does not start or refuses; gestures that are not those that it knows.
+pub fn train_process(
+    config: &EmgConfig,
+    stand_in: EmgModel,
+    recordings: &[(GestureName, &[EmgSample])],
+) -> Result<EmgModel, DeviceError> {
+    let mut windows = Vec::with_capacity(recordings.len());
+    for (gesture, samples) in recordings {
+        let centred: Vec<EmgSample> = samples.iter().map(|sample| stand_in.centred(sample)).collect();
+        windows.push((*gesture, extract_inputs(config, &centred)?));
+    }
+    let state = fit(config, stand_in.classifier.gestures(), &windows)?;
+    Ok(stand_in.decoded_by_process(config, &state)?)
+}
+
+/// Reads the file (TOML) of a program that decodes. Words of its command that begin with `./` are files beside it.
+///
+/// # Errors
+/// A file that cannot be read, or is none of a program.
+pub fn read_process_file(path: &Path) -> Result<ProcessConfig, DeviceError> {
+    let unreadable = |source| DeviceError::Read { path: path.to_owned(), source };
+    let text = File::open(path)
+        .and_then(|file| proact_types::read_text(file, proact_types::MOST_TEXT_BYTES))
+        .map_err(unreadable)?;
+    let config = ProcessConfig::from_toml(&text)
+        .map_err(|error| DeviceError::DecoderFile { path: path.to_owned(), reason: error.to_string() })?;
+    let folder: PathBuf = std::path::absolute(path).map_err(unreadable)?;
+    let folder = folder.parent().unwrap_or(Path::new("."));
+    let beside = |word: &String| match word.strip_prefix("./") {
+        Some(file) => folder.join(file).display().to_string(),
+        None => word.clone(),
+    };
+    Ok(ProcessConfig { command: config.command.iter().map(beside).collect(), ..config })
+}

@@ -1,0 +1,147 @@
+//! A program that is asked line by line, with a thread for each direction, so that nobody waits longer than they may.
+
+use serde::Deserialize;
+use std::{
+    io::{self, BufRead, BufReader, Read, Write},
+    process::{Child, ChildStdin, ChildStdout, Command, Stdio},
+    sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel},
+    thread,
+    time::{Duration, Instant},
+};
+
+/// Lines under way in each direction: a process that does not read, or says too much, must not hold up the tick.
+const MOST_LINES: usize = 32;
+
+/// Milliseconds that a process which has closed its output may take to end.
+const MOMENTS: u32 = 50;
+
+/// Why a line has no answer.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum LineFault {
+    /// Nothing came in time. The process may still answer, which is skipped then.
+    #[error("the process has not answered within {} ms", patience.as_millis())]
+    Late {
+        /// Time that was waited.
+        patience: Duration,
+    },
+    /// It has ended, does not read, or says what is no line.
+    #[error("{0}")]
+    Broken(String),
+}
+
+/// A program that reads and writes lines. It is ended when this is dropped.
+#[derive(Debug)]
+pub struct LineProcess {
+    child: Child,
+    lines: Option<SyncSender<String>>,
+    answers: Receiver<Result<String, String>>,
+    /// Milliseconds that may be waited for its end.
+    moments: u32,
+}
+
+/// What an answer says of the line that it answers.
+#[derive(Deserialize)]
+struct Stamp {
+    #[serde(alias = "window")]
+    time: u64,
+}
+
+impl LineProcess {
+    /// Starts `command`, a program and its arguments. Lines of up to `longest_line` bytes are answers.
+    ///
+    /// # Errors
+    /// If the program cannot be started, or there is none.
+    pub fn start(command: &[String], longest_line: u64) -> io::Result<LineProcess> {
+        let (program, arguments) =
+            command.split_first().ok_or_else(|| io::Error::from(io::ErrorKind::InvalidInput))?;
+        let mut child =
+            Command::new(program).args(arguments).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn()?;
+        let (lines, to_write) = sync_channel(MOST_LINES);
+        let (heard, answers) = sync_channel(MOST_LINES);
+        if let (Some(input), Some(output)) = (child.stdin.take(), child.stdout.take()) {
+            thread::spawn(move || write(input, &to_write));
+            thread::spawn(move || read(output, longest_line, &heard));
+        }
+        Ok(LineProcess { child, lines: Some(lines), answers, moments: MOMENTS })
+    }
+
+    /// Writes `line` and waits at most for `patience` for its answer. Answers whose stamp (`time` or `window`) is below
+    /// `stamp` came too late for their own line and are skipped; what is no answer at all is given.
+    ///
+    /// # Errors
+    /// [`LineFault`].
+    pub fn ask(&mut self, stamp: u64, line: String, patience: Duration) -> Result<String, LineFault> {
+        match self.lines.as_ref().map(|lines| lines.try_send(line)) {
+            Some(Ok(())) => {}
+            Some(Err(TrySendError::Full(_))) => {
+                return Err(LineFault::Broken("the process does not read its input".to_owned()));
+            }
+            Some(Err(TrySendError::Disconnected(_))) | None => return Err(self.ended()),
+        }
+        let deadline = Instant::now() + patience;
+        loop {
+            let left = deadline.saturating_duration_since(Instant::now());
+            let answer = match self.answers.recv_timeout(left) {
+                Ok(answer) => answer.map_err(LineFault::Broken)?,
+                Err(RecvTimeoutError::Timeout) => return Err(LineFault::Late { patience }),
+                Err(RecvTimeoutError::Disconnected) => return Err(self.ended()),
+            };
+            let late = serde_json::from_str::<Stamp>(&answer).is_ok_and(|found| found.time < stamp);
+            if !late {
+                return Ok(answer);
+            }
+        }
+    }
+
+    /// Why nothing comes any more. A process that has just closed its output takes a moment to end: its exit status says more.
+    fn ended(&mut self) -> LineFault {
+        for _ in 0..std::mem::take(&mut self.moments) {
+            if !matches!(self.child.try_wait(), Ok(None)) {
+                break;
+            }
+            thread::sleep(Duration::from_millis(1));
+        }
+        LineFault::Broken(match self.child.try_wait() {
+            Ok(Some(status)) => format!("the process has ended ({status})"),
+            _ => "the process has closed its output".to_owned(),
+        })
+    }
+}
+
+/// Ends when the process does not listen any more, or nobody writes.
+fn write(mut input: ChildStdin, lines: &Receiver<String>) {
+    while let Ok(line) = lines.recv() {
+        if writeln!(input, "{line}").and_then(|()| input.flush()).is_err() {
+            return;
+        }
+    }
+}
+
+/// Ends when the process says no more, or nobody listens.
+fn read(output: ChildStdout, longest_line: u64, heard: &SyncSender<Result<String, String>>) {
+    let mut output = BufReader::new(output);
+    loop {
+        let mut line = Vec::new();
+        let read = output.by_ref().take(longest_line).read_until(b'\n', &mut line);
+        let answer = match read {
+            Ok(0) => return,
+            Ok(_) if line.ends_with(b"\n") => Ok(String::from_utf8_lossy(&line).trim_end().to_owned()),
+            Ok(_) => Err(format!("the process broke off, or wrote a line over {longest_line} bytes")),
+            Err(error) => Err(format!("the process cannot be heard: {error}")),
+        };
+        let over = answer.is_err();
+        if heard.send(answer).is_err() || over {
+            return;
+        }
+    }
+}
+
+impl Drop for LineProcess {
+    fn drop(&mut self) {
+        // Its input ends first; what does not end by itself then is ended.
+        self.lines = None;
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
