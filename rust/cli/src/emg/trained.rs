@@ -4,7 +4,7 @@ use proact_app::{
     analysis::{TrainingFigure, training_figures},
     answer, tell, write_whole,
 };
-use proact_devices::{Evaluation, Recording, Recordings, leave_one_out, train_process};
+use proact_devices::{DeviceError, Evaluation, Recording, Recordings, leave_one_out, train_process};
 use proact_emg::{CalibrationReport, DriveScore, EmgConfig, EmgModel, Repetition, feature_space};
 use proact_types::{EmgSample, GestureName};
 use serde_json::{Value, json};
@@ -27,10 +27,14 @@ pub(super) fn decoded(
     if !config.classifier.is_process() {
         return Ok((model, None));
     }
-    let judged = leave_one_out(&centred(&model, repetitions), config)?;
+    let judged = match leave_one_out(&centred(&model, repetitions), config) {
+        // One round cannot be judged, and is learnt from all the same.
+        Err(DeviceError::NoRepetitions { .. }) => None,
+        judged => Some(judged?),
+    };
     let slices: Vec<(GestureName, &[EmgSample])> =
         repetitions.iter().map(|r| (r.gesture, r.samples.as_slice())).collect();
-    Ok((train_process(config, model, &slices)?, Some(judged)))
+    Ok((train_process(config, model, &slices)?, judged))
 }
 
 /// The repetitions less the model's zero levels, as a folder of recordings has them.
@@ -115,7 +119,7 @@ pub(super) fn process_text(judged: Option<&Evaluation>) -> String {
     for DriveScore { drive, r2, mean_absolute_error } in &judged.drives {
         text += &format!("  {drive}: R2 {r2:.3}, mean absolute error {mean_absolute_error:.3}\n");
     }
-    text + "what is said above of the recordings is by lda or ridge on the same features\n"
+    text + "what is said above of the recordings is by lda or ridge on the same features"
 }
 
 pub(super) fn print(object: &Value, json: bool) -> Result<(), Box<dyn Error>> {
