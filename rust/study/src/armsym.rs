@@ -3,7 +3,7 @@
 //! A file is what its folder `Experimental_conditions` holds, or the `identifier.json` of a subject, which has the same and the
 //! person besides. Fields and their meaning are those of MPI-IS/ArmSym, tutorial 4 and `armsym_configurationscene.cs`.
 
-use crate::{Plan, PlanError};
+use crate::{Plan, PlanError, SHIPPED, TrialChoice};
 use serde::Deserialize;
 use std::fmt::Write;
 
@@ -11,9 +11,6 @@ use std::fmt::Write;
 const PAUSE_MINUTES: u32 = 2;
 /// People in a plan that begins so; to be changed in it.
 const PARTICIPANTS: usize = 6;
-/// What the trial of a plan has in common, as in the plan `armsym`: there the choice of the task is explained.
-const TRIAL: &str = "arm = \"wam\"\ntask = \"modified_bbt\"\nsetup = \"seated\"\n";
-
 /// A condition of ArmSym.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -155,7 +152,7 @@ pub fn plan_from_armsym(name: &str, conditions: &[ArmSymCondition]) -> Result<St
     );
     let _ = writeln!(text, "name = {}", quoted(name));
     let _ = writeln!(text, "title = {}", quoted(&title(conditions)));
-    let _ = writeln!(text, "participants = {PARTICIPANTS}\nseed = 1\n\n[trial]\n{TRIAL}");
+    let _ = writeln!(text, "participants = {PARTICIPANTS}\nseed = 1\n\n[trial]\n{}", trial_text()?);
     for condition in conditions {
         text.push_str(&condition_text(condition, conditions)?);
     }
@@ -169,6 +166,13 @@ pub fn plan_from_armsym(name: &str, conditions: &[ArmSymCondition]) -> Result<St
     );
     Plan::from_text(&text)?;
     Ok(text)
+}
+
+/// What all trials have in common: as in the plan `armsym`, whose file explains the choice of the task.
+fn trial_text() -> Result<String, PlanError> {
+    let like = SHIPPED.iter().find(|(name, _)| *name == "armsym").map_or("", |(_, text)| text);
+    let trial = TrialChoice { limit_secs: None, ..Plan::from_text(like)?.trial };
+    toml::to_string(&trial).map_err(|error| PlanError::Text(error.to_string()))
 }
 
 /// A string of TOML.
