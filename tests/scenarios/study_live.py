@@ -249,7 +249,7 @@ def table(name, out):
 
 
 def first_part():
-    run = Run()
+    run = Run("--use-log", work / "use.jsonl")
     screen = run.screen(lambda screen: screen["next"], "says who is next")
     demand(screen["next"]["participant"] == 1 and screen["can"] == ["begin"], f"participant 1 is next: {screen['next']}")
     run.ask("begin", id="nobody")
@@ -363,7 +363,7 @@ def first_part():
 
 
 def second_part(told):
-    run = Run()
+    run = Run("--use-log", work / "use.jsonl")
     run.told("was interrupted")
     # Beside it nobody else runs this study, and looking is allowed.
     demand("another program runs this study" in refused("--port", "0"), "a second program is refused")
@@ -403,8 +403,21 @@ def second_part(told):
     return told
 
 
+def use_is_logged():
+    """The first program was killed within its minute; the second one had the trials that ended and whoever was connected."""
+    lines = [json.loads(line) for line in (work / "use.jsonl").read_text().splitlines()]
+    demand(lines, "the log of use has lines")
+    used = [line["used"] for line in lines]
+    trials = sum(line["trials"] for line in used)
+    demand(2 <= trials <= 4, f"trials that ended, and no practice or demonstration: {lines}")
+    demand(all(line["connected_secs"] > 0 for line in used), f"a page was connected: {lines}")
+    days = json.loads(answer("emg", "use", work / "use.jsonl", "--json"))["days"]
+    demand(sum(day["trials"] for day in days) == trials, f"and emg use adds them up: {days}")
+
+
 def what_is_left(told):
     out = work / "tables"
+    use_is_logged()
     rows = json.loads(answer("study", "export", folder, "--out", out, "--keep-ids", "--raw", "--json"))["rows"]
     demand(rows["trials"] == 2 and rows["attempts"] == 4, f"two trials count, of four attempts: {rows}")
     demand(rows["events"] >= told, f"{told} events were told, {rows['events']} are there")

@@ -89,6 +89,7 @@ impl LiveTrial<'_> {
         }
         let mut path = WristPath::default();
         let ended = self.drive(&mut path)?;
+        self.person.end_trial();
         let end = match &ended {
             Ended::Finished => TrialEnd::Task,
             Ended::Aborted => TrialEnd::Abort,
@@ -129,6 +130,9 @@ impl LiveTrial<'_> {
                 let still =
                     experimenter.wait_while_still(&mut pace, shown.as_ref(), self.inputs, self.interrupted);
                 inputs.extend(still);
+                if shown.is_some() {
+                    self.person.begin_trial(self.session.testbed().now().as_secs());
+                }
                 for input in drive_by_page(self.page, inputs, &mut self.session) {
                     match input {
                         ClientInput::Restart { method, again } => {

@@ -1,7 +1,7 @@
 //! What connects a person to a trial beside the page: an eye tracker, a tracked limb, and something to hear or feel.
 
 use crate::vmpl::VmplPublisher;
-use crate::{Calibrations, HeadShoulder, LimbReceiver, Rosbridge, TrackedShoulder, tell};
+use crate::{Calibrations, HeadShoulder, LimbReceiver, Rosbridge, TrackedShoulder, TrialMarkers, tell};
 use proact_bridge::{ClientInput, ControllerPose, PageServer};
 use proact_devices::{DeviceError, FeedbackSinks, GazeDevice, GazeFrame, SentGaze};
 use proact_http::Repeats;
@@ -25,6 +25,7 @@ pub struct LivePerson {
     feedback: FeedbackSinks,
     rosbridge: Option<Rosbridge>,
     vmpl: Option<VmplPublisher>,
+    markers: Option<TrialMarkers>,
 }
 
 impl LivePerson {
@@ -44,6 +45,27 @@ impl LivePerson {
             feedback,
             rosbridge,
             vmpl: None,
+            markers: None,
+        }
+    }
+
+    /// The same with markers of its trials for other recorders.
+    pub fn with_markers(mut self, markers: Option<TrialMarkers>) -> Self {
+        self.markers = markers;
+        self
+    }
+
+    /// The time of a trial runs, and is `age_secs` after zero by now.
+    pub(crate) fn begin_trial(&mut self, age_secs: f64) {
+        if let Some(markers) = &mut self.markers {
+            markers.begin(age_secs);
+        }
+    }
+
+    /// A trial is over.
+    pub(crate) fn end_trial(&mut self) {
+        if let Some(markers) = &mut self.markers {
+            markers.end();
         }
     }
 

@@ -23,10 +23,10 @@ pub use worker::{TrialDone, TrialOrder, TrialScores, Worker, WorkerError, simula
 use crate::trial_choice::{TrialContext, trial_config};
 use proact_control::MethodRegistry;
 use proact_study::{
-    Form, Happening, Plan, PlanError, PlannedStep, ProtocolStep, SHIPPED, SHIPPED_FORMS, Schedule,
-    TrialChoice,
+    ArmSymCondition, Form, Happening, Plan, PlanError, PlannedStep, ProtocolStep, SHIPPED, SHIPPED_FORMS,
+    Schedule, TrialChoice, plan_from_armsym,
 };
-use proact_types::MOST_TEXT_BYTES;
+use proact_types::{MOST_TEXT_BYTES, read_text};
 use std::{
     collections::BTreeMap,
     error::Error,
@@ -70,13 +70,14 @@ impl Study {
             (path.parent().unwrap_or(Path::new(".")).to_owned(), path.to_owned())
         };
         let failed = |error: &dyn std::fmt::Display| format!("{}: {error}", file.display());
-        let text = fs::File::open(&file)
-            .and_then(|open| proact_types::read_text(open, MOST_TEXT_BYTES))
-            .map_err(|error| match error.kind() {
-                io::ErrorKind::NotFound => {
-                    failed(&"there is no such plan; proact study new NAME makes a study")
+        let text =
+            fs::File::open(&file).and_then(|open| read_text(open, MOST_TEXT_BYTES)).map_err(|error| {
+                match error.kind() {
+                    io::ErrorKind::NotFound => {
+                        failed(&"there is no such plan; proact study new NAME makes a study")
+                    }
+                    _ => failed(&error),
                 }
-                _ => failed(&error),
             })?;
         Self::of_text(&folder, &file, text, methods, Ok)
     }
@@ -166,7 +167,7 @@ fn forms(folder: &Path, schedule: &Schedule) -> Result<BTreeMap<String, Form>, B
         let form = if file.is_file() {
             let failed = |error: &dyn std::fmt::Display| format!("{}: {error}", file.display());
             let text = fs::File::open(&file)
-                .and_then(|open| proact_types::read_text(open, MOST_TEXT_BYTES))
+                .and_then(|open| read_text(open, MOST_TEXT_BYTES))
                 .map_err(|error| failed(&error))?;
             Form::from_text(&text).map_err(|error| failed(&error))?
         } else {
@@ -224,9 +225,41 @@ fn shipped(like: &str) -> Result<&'static str, Box<dyn Error>> {
 /// A folder that exists, a name that is none for a study, what cannot be written.
 pub fn new_study(folder: &Path, like: &str) -> Result<PathBuf, Box<dyn Error>> {
     let text = shipped(like)?;
-    let own = folder.file_name().and_then(|name| name.to_str()).unwrap_or_default();
-    let text = text.replacen(&format!("name = \"{like}\""), &format!("name = {own:?}"), 1);
-    Plan::from_text(&text).map_err(|error| format!("{}: {error}", folder.display()))?;
+    let text = text.replacen(&format!("name = \"{like}\""), &format!("name = {:?}", own_name(folder)), 1);
+    write_new(folder, &text)
+}
+
+/// Writes a new study into a folder of its own, with conditions of ArmSym from JSON files. The second is what a plan does not take over.
+///
+/// # Errors
+/// A file that cannot be read or is none of ArmSym's, files that no one plan can have, and as [`new_study`].
+pub fn new_study_from_armsym(
+    folder: &Path,
+    files: &[PathBuf],
+) -> Result<(PathBuf, Vec<String>), Box<dyn Error>> {
+    let (mut conditions, mut left_out) = (Vec::new(), Vec::new());
+    for file in files {
+        let failed = |error: &dyn std::fmt::Display| format!("{}: {error}", file.display());
+        let text = fs::File::open(file)
+            .and_then(|from| read_text(from, MOST_TEXT_BYTES))
+            .map_err(|error| failed(&error))?;
+        let condition = ArmSymCondition::from_json(&text).map_err(|error| failed(&error))?;
+        left_out.extend(condition.left_out().iter().map(|sentence| failed(sentence)));
+        conditions.push(condition);
+    }
+    let text = plan_from_armsym(own_name(folder), &conditions)
+        .map_err(|error| format!("{}: {error}", folder.display()))?;
+    Ok((write_new(folder, &text)?, left_out))
+}
+
+/// What a study in `folder` is called.
+fn own_name(folder: &Path) -> &str {
+    folder.file_name().and_then(|name| name.to_str()).unwrap_or_default()
+}
+
+/// Makes `folder` and writes a plan into it.
+fn write_new(folder: &Path, text: &str) -> Result<PathBuf, Box<dyn Error>> {
+    Plan::from_text(text).map_err(|error| format!("{}: {error}", folder.display()))?;
     fs::create_dir(folder).map_err(|error| match error.kind() {
         io::ErrorKind::AlreadyExists => {
             format!("{} exists already; a study has a folder of its own", folder.display())

@@ -5,7 +5,7 @@ use crate::{
     method_process, tell,
 };
 use proact_arm::{ArmModel, Side};
-use proact_control::{JogProfile, JogSteps, JointSubset, MethodRegistry, ports::MethodProcess};
+use proact_control::{JogProfile, JogSteps, JointJog, JointSubset, MethodRegistry, ports::MethodProcess};
 use proact_devices::{EmgFeed, EmgOrigin, EmgSetup, GazeSource, ProcessDecoder};
 use proact_dynamics::{DynamicsOptions, OdePlant};
 use proact_emg::{Classifier, DecoderProcess, EmgError, EmgModel};
@@ -185,7 +185,16 @@ pub fn participant(
         }
         MethodStyle::Jogging => {
             let person = JoggingParticipant::new(options, body, scene, briefing, model.clone(), seed);
-            Box::new(person.with_limb(own))
+            let person = person.with_limb(own);
+            match config.profile.joint_jog.cycle.as_slice() {
+                [] => Box::new(person),
+                // A cycle of the profile's own, which may have the hand.
+                _ => {
+                    let cycle =
+                        JointJog::cycle(&config.profile, model, &driven).map_err(ConfigError::from)?;
+                    Box::new(person.with_cycle(&cycle))
+                }
+            }
         }
         MethodStyle::Selecting => {
             let person = SelectingParticipant::new(options, body, scene, briefing, seed);

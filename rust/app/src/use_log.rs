@@ -121,6 +121,16 @@ pub struct UseLog {
 }
 
 impl UseLog {
+    /// As [`UseLog::open`], where a path was given.
+    ///
+    /// # Errors
+    /// The file cannot be opened or written to, by its name.
+    pub fn asked(path: Option<&Path>) -> Result<Option<UseLog>, String> {
+        let Some(path) = path else { return Ok(None) };
+        let failed = |error| format!("cannot write the use log {}: {error}", path.display());
+        UseLog::open(path).map(Some).map_err(failed)
+    }
+
     /// Goes on with the log at `path`, or begins it. A line that was cut off is ended first.
     ///
     /// # Errors

@@ -148,3 +148,38 @@ fn two_sites_move_the_arm_of_a_trial() {
     assert_eq!(gestures, [Gesture::NoMotion, Gesture::WristExtension]);
     assert!(session.testbed().targets().iter().zip(&start).any(|(a, b)| (a - b).abs() > 0.1));
 }
+
+/// Which modes there are, and that the hand is one, is all that the person is told: nothing gives HC.
+#[test]
+fn the_simulated_person_brings_a_block_by_two_sites_and_the_record_replays() {
+    const LIMIT_MILLIS: u64 = 60_000;
+    let mut config = TrialConfig::new("A", 1, Setup::named("seated").unwrap());
+    config.profile.level = "below_elbow".to_owned();
+    config.profile.joint_jog.cycle = ["wristy", "wristx", "wristz", "hand"].map(str::to_owned).to_vec();
+    config.emg = Some(EmgConfig { classifier: ClassifierKind::TwoSite, ..EmgConfig::default() });
+    let assembled = trial::simulated(config, &EmgOrigin::Synthetic).unwrap();
+    let trial::Assembly { mut session, classifier, arm, plans } = assembled;
+    let dir = tempfile::tempdir().unwrap();
+    let dir = dir.path().join("trial");
+    let used = session.testbed().config().clone();
+    let recorder = Recorder::create(&dir, &used, &arm, classifier.as_ref()).unwrap();
+    let mut recorder = recorder.with_plans(plans).unwrap();
+    let (mut brought, mut gestures) = (0, std::collections::BTreeSet::new());
+    for tick in 1..=LIMIT_MILLIS {
+        let step = session.step(tick == LIMIT_MILLIS).unwrap();
+        recorder.write(&step, session.testbed().plant().state()).unwrap();
+        for event in &step.output.events {
+            match event.kind {
+                EventKind::ObjectOnTarget { .. } => brought += 1,
+                EventKind::GestureChanged { gesture } => drop(gestures.insert(gesture.to_string())),
+                _ => {}
+            }
+        }
+    }
+    recorder.finish(&session.result()).unwrap();
+    let gestures: Vec<&str> = gestures.iter().map(String::as_str).collect();
+    assert_eq!(gestures, ["hand_open", "no_motion", "wrist_extension", "wrist_flexion"]);
+    assert!(brought >= 1, "{brought} blocks in a minute");
+    let replay = replay_trial(&dir, ReplayOptions::default()).unwrap();
+    assert!(replay.agrees, "{replay:?}");
+}

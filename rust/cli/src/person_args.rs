@@ -5,13 +5,13 @@ use clap::Args;
 use proact_app::vmpl::{VmplError, VmplPublisher};
 use proact_app::{
     CALIBRATIONS_DIR, Calibrations, LimbBodies, LimbReceiver, LivePerson, MocapAxes, Registry,
-    TrackedShoulder, tell,
+    TrackedShoulder, TrialMarkers, tell,
 };
 use proact_arm::Side;
-#[cfg(feature = "lsl")]
-use proact_devices::LslGaze;
 use proact_devices::motion_capture::{LEFT_CONTROLLER, OpenedCapture, RIGHT_CONTROLLER, body_of};
 use proact_devices::{DeviceError, FeedbackSinks, GazeDevice, GazeReceiver, SinkScheme, SourceName};
+#[cfg(feature = "lsl")]
+use proact_devices::{LslGaze, LslMarkers};
 use proact_localization::FilterProfile;
 use proact_testbed::Session;
 use std::{error::Error, net::SocketAddr, path::PathBuf};
@@ -131,6 +131,11 @@ pub(crate) struct PersonArgs {
     #[cfg(feature = "lsl")]
     #[arg(long, value_name = "NAME", num_args = 0..=1, conflicts_with = "gaze_udp")]
     gaze_lsl: Option<Option<String>>,
+    /// Send markers on a stream of the lab streaming layer with this name, for other recorders: 0 the experiment begins,
+    /// 1 a trial or practice begins, 2 it ends, 3 the program leaves
+    #[cfg(feature = "lsl")]
+    #[arg(long, value_name = "NAME")]
+    markers_lsl: Option<String>,
     /// Follow a tracked limb that a program sends over UDP as {"angles": [..]}, on port 25041 unless another is given
     #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "25041", conflicts_with = "mocap_limb")]
     limb_udp: Option<u16>,
@@ -161,8 +166,26 @@ impl PersonArgs {
             self.rosbridge.open(session)?,
         )
         .with_vmpl(self.vmpl.open(session)?)
+        .with_markers(self.markers()?)
         .with_shoulder(self.mocap.open(registry)?, session)
         .with_head_shoulder(self.shoulder_from_head))
+    }
+
+    #[cfg(feature = "lsl")]
+    fn markers(&self) -> Result<Option<TrialMarkers>, DeviceError> {
+        let Some(name) = &self.markers_lsl else { return Ok(None) };
+        let mut outlet = LslMarkers::open(name)?;
+        let send = move |marker: &str, age_secs: f64| {
+            if let Err(error) = outlet.send(marker, age_secs) {
+                tell(format_args!("marker {marker}: {error}"));
+            }
+        };
+        Ok(Some(TrialMarkers::new(Box::new(send))))
+    }
+
+    #[cfg(not(feature = "lsl"))]
+    fn markers(&self) -> Result<Option<TrialMarkers>, DeviceError> {
+        Ok(None)
     }
 
     fn tracker(&self) -> Result<Option<Box<dyn GazeDevice>>, Box<dyn Error>> {

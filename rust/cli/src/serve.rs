@@ -85,13 +85,7 @@ fn drive(
         (Some(source), Some(model)) => Some(LiveArmband::open(&registry.sources, source, model)?),
         _ => None,
     };
-    let mut log = match &args.use_log {
-        Some(path) => Some(
-            UseLog::open(path)
-                .map_err(|error| format!("cannot write the use log {}: {error}", path.display()))?,
-        ),
-        None => None,
-    };
+    let mut log = UseLog::asked(args.use_log.as_deref())?;
     let rest = armband.as_ref().map_or(GestureName::default(), |armband| armband.model().config.rest);
     let mut gaze_offset = GazeOffset::default();
     let mut person: Option<LivePerson> = None;

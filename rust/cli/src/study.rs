@@ -18,8 +18,9 @@ pub(crate) use run::worker_command;
 pub enum StudyCommand {
     /// Make a folder with a plan, to be changed with any editor
     #[command(
-        after_help = "Examples:\n  proact study new pilot\n  proact study new replication --like study1\n\n\
-        study1 and study2 are those of the ProACT paper; minivie and vie are like these systems; empty has two methods, two \
+        after_help = "Examples:\n  proact study new pilot\n  proact study new replication --like study1\n  \
+        proact study new mine --from-armsym imitate.json go_to.json\n\n\
+        study1 and study2 are those of the ProACT paper; minivie, vie, armsym, holopham and virtual-bbt are like these systems; empty has two methods, two \
         trials each. docs/studies.md says what \
         can be in a plan."
     )]

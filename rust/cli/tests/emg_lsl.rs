@@ -266,7 +266,7 @@ fn the_method_of_one_number_follows_a_stream_and_stops_with_it() {
             writeln!(
                 steps,
                 "{}",
-                serde_json::json!({ "time": time, "gesture": "no_motion", "commanded": [0.0; 7] })
+                serde_json::json!({ "time": time, "gesture": "no_motion", "commanded": vec![0.0; 7] })
             )
             .unwrap();
             let answer: Value = serde_json::from_str(&answers.next().unwrap().unwrap()).unwrap();
@@ -286,4 +286,41 @@ fn the_method_of_one_number_follows_a_stream_and_stops_with_it() {
     until(Some("nan"), &|motion| motion == "hold");
     until(Some("1"), &elbow(0.5));
     until(None, &|motion| motion == "hold");
+}
+
+/// Trials of a person send the markers of an experiment; a program that is told to end says so too.
+#[test]
+fn a_trial_begins_and_ends_with_markers_that_another_program_reads() {
+    let Some(python) = peer() else { return };
+    let name = name("markers");
+    let reader = format!(
+        "import pylsl, sys\ninlet = pylsl.StreamInlet(pylsl.resolve_byprop('name', '{name}', 1, 60)[0])\n\
+         inlet.open_stream()\nwhile True:\n    sample, stamp = inlet.pull_sample(60)\n    print(sample[0], stamp, flush=True)\n"
+    );
+    let mut command = Command::new(&python);
+    let mut read =
+        command.args(["-c", &reader]).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
+    let mut markers = BufReader::new(read.stdout.take().unwrap()).lines();
+    let _read = Running(read);
+    // An eye tracker's port, so that time does not wait for the page.
+    let words = ["serve", "--no-browser", "--no-record", "--port", "0", "--gaze-udp", "0", "--limit", "8"];
+    let mut serve = Command::new(env!("CARGO_BIN_EXE_proact"));
+    let serve = serve.args(words).args(["--markers-lsl", &name]).stdin(Stdio::null()).stderr(Stdio::null());
+    let serve = Running(serve.stdout(Stdio::null()).spawn().unwrap());
+    let mut next = || {
+        let line = markers.next().unwrap().unwrap();
+        let (marker, stamp) = line.split_once(' ').unwrap();
+        (marker.to_owned(), stamp.parse::<f64>().unwrap())
+    };
+    // The first two may go out before the reader is connected.
+    let mut heard = vec![next()];
+    while heard.last().unwrap().0 != "2" {
+        heard.push(next());
+    }
+    if let [.., (one, began), (_, ended)] = heard.as_slice() {
+        assert_eq!(one, "1");
+        assert!((7.9..9.0).contains(&(ended - began)), "{heard:?}");
+    }
+    assert!(Command::new("kill").args(["-INT", &serve.0.id().to_string()]).status().unwrap().success());
+    assert_eq!(next().0, "3");
 }

@@ -61,6 +61,34 @@ fn a_new_study_is_called_as_its_folder_and_its_check_names_every_imbalance() {
 }
 
 #[test]
+fn conditions_of_armsym_become_a_plan_and_what_is_none_is_refused_by_its_file() {
+    let dir = tempfile::tempdir().unwrap();
+    let dir = dir.path();
+    let condition = |mode: u32| {
+        format!(
+            r#"{{"Display_name":"Mode {mode}","controlmode":{mode},"trialswithquestionnaire":[2],"trialswithpause":[1],
+            "numberoftrials":3,"triallength":60}}"#
+        )
+    };
+    fs::write(dir.join("imitate.json"), condition(1)).unwrap();
+    fs::write(dir.join("go_to.json"), condition(2)).unwrap();
+    fs::write(dir.join("own.json"), condition(7)).unwrap();
+    let words = ["study", "new", "mine", "--from-armsym", "imitate.json", "go_to.json"];
+    let plan: Value = serde_json::from_str(&answer(dir, &[&words[..], &["--json"]].concat())).unwrap();
+    assert_eq!(plan["left_out"], serde_json::json!([]));
+    let report: Value = serde_json::from_str(&answer(dir, &["study", "check", "mine", "--json"])).unwrap();
+    assert_eq!(report["conditions"], serde_json::json!(["end_point", "go_to"]));
+    assert_eq!(report["trials"], 6 * 2 * 3);
+    let error = refusal(dir, &["study", "new", "other", "--from-armsym", "own.json"]);
+    assert!(error.contains("own.json: controlmode is 7, expected 0, 1 or 2"), "{error}");
+    let error = refusal(dir, &["study", "new", "other", "--from-armsym", "nowhere.json"]);
+    assert!(error.contains("nowhere.json"), "{error}");
+    let error = refusal(dir, &["study", "new", "other", "--from-armsym", "mine/plan.toml"]);
+    assert!(error.contains("the condition is unreadable"), "{error}");
+    assert!(!dir.join("other").exists());
+}
+
+#[test]
 fn a_plan_whose_trials_cannot_be_run_is_refused_by_file_and_condition() {
     let dir = tempfile::tempdir().unwrap();
     let dir = dir.path();

@@ -93,6 +93,23 @@ fn table(dir: &Path, name: &str) -> Vec<BTreeMap<String, String>> {
     reader.records().map(|record| row(record.unwrap())).collect()
 }
 
+/// The total score of each file of ArmSym's below a folder.
+fn armsym_scores(folder: &Path) -> Vec<String> {
+    let below = |folder: &Path| fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let mut scores = Vec::new();
+    for trial in below(folder).flat_map(|subject| below(&subject).collect::<Vec<_>>()) {
+        let text = fs::read_to_string(trial.join("trialdata.json")).unwrap();
+        let data: Value = serde_json::from_str(&text).unwrap();
+        let [times, messages, values] =
+            ["Times", "Message", "Val_message"].map(|key| data[key].as_array().unwrap().clone());
+        assert!(times.len() == messages.len() && times.len() == values.len(), "{text}");
+        assert_eq!((&messages[0], &times[0]), (&"TrialStarted".into(), &0.0.into()));
+        let total = messages.iter().position(|message| message == "Total_Score").unwrap();
+        scores.push(values[total].as_f64().unwrap().to_string());
+    }
+    scores
+}
+
 #[test]
 fn a_simulated_study_has_the_rows_of_its_plan_and_the_digests_of_its_trials_whatever_runs_beside_them() {
     let dir = tempfile::tempdir().unwrap();
@@ -148,6 +165,19 @@ fn a_simulated_study_has_the_rows_of_its_plan_and_the_digests_of_its_trials_what
             assert!(!told["meaning"].is_empty() && !told["source"].is_empty(), "{name}.{column}");
         }
     }
+
+    // What was done has the names of the records' events, and may have those of ArmSym.
+    let actions: std::collections::BTreeSet<String> =
+        table(&tables, "actions").into_iter().map(|mut row| row.remove("action").unwrap()).collect();
+    assert!(actions.contains("gesture_changed") && actions.contains("plan_finished"), "{actions:?}");
+    assert!(!actions.contains(""), "{actions:?}");
+    answer(dir, &["study", "export", "one", "--like", "armsym", "--out", "events"]);
+    let scored: Vec<&str> = trials.iter().map(|row| row["score"].as_str()).collect();
+    let told = armsym_scores(&dir.join("events/armsym"));
+    assert_eq!(told.len(), scored.len());
+    assert!(told.iter().all(|score| scored.contains(&score.as_str())), "{told:?} of {scored:?}");
+    answer(dir, &["study", "export", "one", "--out", "events"]);
+    assert!(!dir.join("events/armsym").exists(), "what was not asked for this time is gone");
 
     // Another time, two at once: the same trials; and so `simulate` has them.
     study(dir, "two");

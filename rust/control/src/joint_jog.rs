@@ -59,20 +59,9 @@ impl JointJog {
     /// # Errors
     /// [`ControlError::Name`] for a joint in `joint_jog.cycle` that is not driven.
     pub fn new(profile: &Profile, model: &ArmModel, subset: &JointSubset) -> Result<Self, ControlError> {
-        let settings = &profile.joint_jog;
-        let own = &model.settings;
+        let (settings, own) = (&profile.joint_jog, &model.settings);
         let hand = model.arm_count();
-        let find = |name: &String| if name == HAND { Ok(hand) } else { subset.find(model, name) };
-        let at_once = profile.jog.simultaneous();
-        let cycle: Vec<usize> = match (settings.cycle.as_slice(), own.cycle.as_slice()) {
-            _ if at_once.is_some() => {
-                at_once.into_iter().flat_map(|drives| drives.moved()).map(find).collect::<Result<_, _>>()?
-            }
-            ([], []) => subset.driven().to_vec(),
-            // The arm's own order, of those joints that the prosthesis has.
-            ([], names) => names.iter().filter_map(|name| find(name).ok()).collect(),
-            (names, _) => names.iter().map(find).collect::<Result<_, _>>()?,
-        };
+        let cycle = Self::cycle(profile, model, subset)?;
         let mut modes = Vec::new();
         let mut views = Vec::new();
         for joint in cycle {
@@ -110,6 +99,29 @@ impl JointJog {
             goals: None,
             refusal: None,
         })
+    }
+
+    /// What is cycled through, or with `jog.simultaneous` moved at once: positions among the joints of the arm `model`, and behind the
+    /// last the hand.
+    ///
+    /// # Errors
+    /// [`ControlError::Name`] for a joint in `joint_jog.cycle` that `subset` does not drive.
+    pub fn cycle(
+        profile: &Profile,
+        model: &ArmModel,
+        subset: &JointSubset,
+    ) -> Result<Vec<usize>, ControlError> {
+        let hand = model.arm_count();
+        let find = |name: &String| if name == HAND { Ok(hand) } else { subset.find(model, name) };
+        if let Some(drives) = profile.jog.simultaneous() {
+            return drives.moved().map(find).collect();
+        }
+        match (profile.joint_jog.cycle.as_slice(), model.settings.cycle.as_slice()) {
+            ([], []) => Ok(subset.driven().to_vec()),
+            // The arm's own order, of those joints that the prosthesis has.
+            ([], names) => Ok(names.iter().filter_map(|name| find(name).ok()).collect()),
+            (names, _) => names.iter().map(find).collect(),
+        }
     }
 
     /// The selected joint, by its position among the arm joints.

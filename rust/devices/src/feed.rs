@@ -1,5 +1,6 @@
 use crate::{DeviceError, Recordings, SyntheticEmg, stream};
 use arrayvec::ArrayVec;
+use proact_emg::{ClassifierKind, EmgConfig};
 use proact_types::{ChannelValues, EmgSample, Gesture, GestureCommands, GestureName, SimTime};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -88,6 +89,22 @@ impl EmgFeed {
     pub fn with_commands(mut self, commands: GestureCommands) -> EmgFeed {
         self.commands = commands;
         self
+    }
+
+    /// The same feed of a person who co-contracts the muscles of two sites where `config` has direct control by these. Only the
+    /// generator can: with recordings of the switching gesture, these are fed.
+    ///
+    /// # Errors
+    /// Figures whose sum is no covariance.
+    pub(crate) fn co_contracting(mut self, config: &EmgConfig) -> Result<EmgFeed, DeviceError> {
+        let sites = &config.two_site;
+        let names = [sites.switch, sites.pair.positive(), sites.pair.negative()].map(GestureName::namesake);
+        let (ClassifierKind::TwoSite, [Some(switch), Some(a), Some(b)]) = (config.classifier, names) else {
+            return Ok(self);
+        };
+        let synthetic = self.synthetic.take();
+        self.synthetic = synthetic.map(|made| made.with_cocontraction(switch, [a, b])).transpose()?;
+        Ok(self)
     }
 
     /// What the person makes to give `command`.

@@ -82,7 +82,7 @@ pub use gaze::GazeSource;
 pub use gaze_tracker::{GazeDevice, GazeFrame, SentGaze};
 pub use gaze_udp::{GAZE_UDP_PORT, GazeReceiver};
 #[cfg(feature = "lsl")]
-pub use lab_streaming::{LslCapture, LslGaze, LslOutlet, LslSource};
+pub use lab_streaming::{LslCapture, LslGaze, LslMarkers, LslOutlet, LslSource};
 pub use libemg_udp::{LIBEMG_PORT, LibEmgOutput, LibEmgReceiver, LibEmgSender};
 pub use line_process::{LineFault, LineProcess};
 pub use live::{

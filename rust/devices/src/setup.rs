@@ -173,7 +173,8 @@ pub fn prepare_model(
         None => EmgConfig { liveness: model.liveness(None), ..model.config.clone() },
     };
     model.check_settings(&config)?;
-    Ok(EmgSetup { classifier, config, centring, ..setup })
+    let feed = setup.feed.co_contracting(&config)?;
+    Ok(EmgSetup { classifier, feed, config, centring, label: setup.label })
 }
 
 /// Length of rest in which the zero level of a feed is measured.
@@ -202,7 +203,7 @@ fn finish(
         });
     }
     let filling = if synthetic { Some(generator(&recordings, seed, "emg/synthetic/feed")?) } else { None };
-    let feed = EmgFeed::new(&recordings, feed_reps, filling, seed)?;
+    let feed = EmgFeed::new(&recordings, feed_reps, filling, seed)?.co_contracting(&config)?;
     if synthetic {
         let mut generator = generator(&recordings, seed, "emg/synthetic/train")?;
         fill(&mut recordings, train_reps, &mut generator)?;

@@ -216,6 +216,26 @@ impl SyntheticEmg {
         Ok(emg)
     }
 
+    /// The same of a person who makes a co-contraction where `switch` is meant: the muscles of both gestures of `pair` at once, each as
+    /// strong as alone. They are independent sources, so their covariances add up.
+    ///
+    /// # Errors
+    /// Figures whose sum is no covariance.
+    pub fn with_cocontraction(
+        mut self,
+        switch: Gesture,
+        pair: [Gesture; 2],
+    ) -> Result<SyntheticEmg, DeviceError> {
+        let [a, b] = pair.map(|gesture| &self.factors[gesture.index()]);
+        let both = a * a.transpose() + b * b.transpose();
+        let reason = "the covariance of both muscles is not positive".to_owned();
+        let factor = both.cholesky().ok_or(DeviceError::SyntheticModel { gesture: switch, reason })?;
+        self.factors[switch.index()] = factor.unpack();
+        let [a, b] = pair.map(|gesture| self.log_sds[gesture.index()]);
+        self.log_sds[switch.index()] = a.max(b);
+        Ok(self)
+    }
+
     /// The next sample while the person makes `gesture`. Does not allocate.
     pub fn next(&mut self, gesture: Gesture) -> ChannelValues {
         if self.gesture != Some(gesture) {
@@ -352,6 +372,21 @@ mod tests {
             let expected = formula(f64::from(f)) / formula(f64::from(other));
             // The bilinear transform bends the frequency axis, by some per cent up to 200 Hz.
             assert!((got / expected - 1.0).abs() < 0.25, "{f} to {other} Hz: {got}, formula {expected}");
+        }
+    }
+
+    #[test]
+    fn a_co_contraction_has_the_variances_of_both_muscles() {
+        let model = SyntheticModel::shipped().unwrap();
+        let pair = [Gesture::WristExtension, Gesture::WristFlexion];
+        let emg = SyntheticEmg::new(&model, 200.0, 8, 1.0, stream(5, "test")).unwrap();
+        let mut emg = emg.with_cocontraction(Gesture::HandOpen, pair).unwrap();
+        let samples: Vec<ChannelValues> = (0..SECS * 200).map(|_| emg.next(Gesture::HandOpen)).collect();
+        let of = |gesture: Gesture| &model.gestures[gesture.index()].covariance;
+        for channel in 0..8 {
+            let got = samples.iter().map(|s| s[channel] * s[channel]).sum::<f64>() / samples.len() as f64;
+            let expected: f64 = pair.iter().map(|gesture| of(*gesture)[channel][channel]).sum();
+            assert!((got / expected - 1.0).abs() < TOLERANCE, "{channel}: {got}, expected {expected}");
         }
     }
 

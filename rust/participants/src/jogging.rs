@@ -144,6 +144,31 @@ impl JoggingParticipant {
         self
     }
 
+    /// The same with a method that goes through the places `cycle` of the arm, in this order; the place behind the last joint is the
+    /// hand, which this person then opens and closes in its mode.
+    pub fn with_cycle(mut self, cycle: &[usize]) -> Self {
+        self.modes = ModeCycle::of(self.sense.joints(), cycle);
+        self
+    }
+
+    /// Opens or closes the hand: by HC, which toggles it, or in its mode.
+    fn hand(&mut self, now: SimTime, seen: &DisplayFrame, opens: bool) -> Gesture {
+        let Some(shown) = &seen.mode else { return Gesture::HandClose };
+        let mode = number_of(shown);
+        let Some(hand) = self.modes.hand(mode) else { return Gesture::HandClose };
+        if let Some(gesture) = self.modes.go_on(now, mode, &self.habits) {
+            return gesture;
+        }
+        if mode != hand {
+            self.modes.go(mode, hand);
+            return Gesture::HandOpen;
+        }
+        match opens == (shown.we_sign >= 0) {
+            true => Gesture::WristExtension,
+            false => Gesture::WristFlexion,
+        }
+    }
+
     fn decide(&mut self, now: SimTime, seen: &DisplayFrame) -> Gesture {
         self.keep_up(seen);
         let Some(block) = self.block else { return Gesture::NoMotion };
@@ -152,14 +177,14 @@ impl JoggingParticipant {
         self.attitude.choose(&situation, self.stuck);
         match self.stage {
             Stage::Grip => return self.grip(now, seen),
-            Stage::Release if seen.hand.holds.is_some() => return Gesture::HandClose,
+            Stage::Release if seen.hand.holds.is_some() => return self.hand(now, seen, true),
             Stage::Release => {
                 self.enter(Stage::Retreat);
                 return Gesture::NoMotion;
             }
             Stage::Above | Stage::Hover | Stage::Down if seen.hand.state == HandState::Closed => {
-                // The hand was left closed on nothing: HC toggles it.
-                return Gesture::HandClose;
+                // The hand was left closed on nothing.
+                return self.hand(now, seen, true);
             }
             _ => {}
         }
@@ -373,8 +398,8 @@ impl JoggingParticipant {
     /// Closes the hand; when it closed on nothing, opens it again and goes back up.
     fn grip(&mut self, now: SimTime, seen: &DisplayFrame) -> Gesture {
         if seen.hand.state != HandState::Closed {
-            // HC toggles: once it closes, holding the gesture on changes nothing.
-            return Gesture::HandClose;
+            // Once it closes, holding the gesture on changes nothing.
+            return self.hand(now, seen, false);
         }
         let since = *self.closed_since.get_or_insert(now);
         if now.millis_since(since) > MISSED_MILLIS {

@@ -5,6 +5,9 @@ pub enum PlanError {
     /// Not TOML, a key that there is not, a value of another type.
     #[error("the plan is unreadable: {0}")]
     Text(String),
+    /// A condition of ArmSym that is not JSON, lacks a field, or has one that there is not or of another kind.
+    #[error("the condition is unreadable: {0}")]
+    Json(String),
     /// A value out of range.
     #[error("{key} is {got}, expected {expected}")]
     Value {

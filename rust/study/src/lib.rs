@@ -19,6 +19,7 @@
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod answers;
+mod armsym;
 mod arrangements;
 mod balance;
 mod error;
@@ -30,6 +31,7 @@ mod progress;
 mod schedule;
 
 pub use answers::Answer;
+pub use armsym::{ArmSymCondition, plan_from_armsym};
 pub use arrangements::Arrangements;
 pub use balance::{Balance, Confounded, Imbalance, SessionMinutes};
 pub use error::PlanError;

@@ -3,7 +3,7 @@
 use super::{
     STUDY_FILE, Study, TRIALS_FOLDER,
     conductor::{LookOptions, StudyError, look_with},
-    tables::tables,
+    tables::{armsym_files, tables},
 };
 use crate::{claim_folder, write_whole};
 use proact_analysis::table::{Cell, Table};
@@ -24,6 +24,8 @@ use zip::{CompressionMethod, ZipArchive, ZipWriter, write::SimpleFileOptions};
 
 /// Where tables go, in the study's folder.
 const TABLES_FOLDER: &str = "tables";
+/// Events as ArmSym writes them, in the folder of the tables.
+const ARMSYM_FOLDER: &str = "armsym";
 /// What each column is: the first file of an export.
 const CODEBOOK: &str = "codebook.csv";
 
@@ -36,6 +38,8 @@ pub struct ExportOptions {
     pub raw: bool,
     /// The pseudonyms of the journal stay. Without it participants are called by their places in the plan.
     pub keep_ids: bool,
+    /// The events of each trial as ArmSym writes them too, in the folder `armsym`.
+    pub armsym: bool,
 }
 
 /// What was written.
@@ -70,6 +74,13 @@ pub fn export(study: &Study, options: &ExportOptions) -> Result<Exported, Box<dy
     for (name, text) in texts {
         write_whole(&folder.join(name), &text)?;
     }
+    if options.armsym {
+        for (subject, trial, data) in armsym_files(study, &look)? {
+            let own = folder.join(ARMSYM_FOLDER).join(subject).join(format!("trial_{trial}"));
+            fs::create_dir_all(&own).map_err(|error| format!("{}: {error}", own.display()))?;
+            write_whole(&own.join("trialdata.json"), &serde_json::to_string(&data)?)?;
+        }
+    }
     let (tables_file, partial) = (folder.join("tables.sqlite"), folder.join("tables.sqlite.partial"));
     remove(&partial)?;
     Journal::write_tables(&partial, &made)?;
@@ -98,7 +109,13 @@ fn claim(folder: &Path) -> Result<(), Box<dyn Error>> {
     for name in [MANIFEST_FILE, "raw_gaze.csv", "raw_shoulder.csv"] {
         remove(&folder.join(name))?;
     }
-    Ok(())
+    let events = folder.join(ARMSYM_FOLDER);
+    match fs::remove_dir_all(&events) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => {
+            Err(format!("{}: {error}", events.display()).into())
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Removes a file if it is there.
@@ -199,7 +216,7 @@ fn asked(item: &FormItem) -> (&'static str, &str, String) {
     }
 }
 
-fn told(texts: &Texts) -> &str {
+pub(super) fn told(texts: &Texts) -> &str {
     texts.get("en").or_else(|| texts.values().next()).map_or("", String::as_str)
 }
 

@@ -11,7 +11,7 @@ mod steps;
 mod training;
 
 use super::conductor::{Conductor, StudyError};
-use crate::{Calibrations, LiveArmband, LivePerson, Registry, source::read_model};
+use crate::{Calibrations, LiveArmband, LivePerson, Registry, source::read_model, use_log::UseLog};
 use proact_bridge::{ClientInput, PageServer, StudyRequest, TrialStatus};
 use proact_devices::{SampleSource, SourceName};
 use proact_intent::GazeOffset;
@@ -43,6 +43,8 @@ pub struct StudyEquipment<'a> {
     pub calibrations: Calibrations,
     /// Opens them.
     pub open_person: OpenPerson<'a>,
+    /// The log of use; none that is kept.
+    pub use_log: Option<UseLog>,
 }
 
 /// A study with people.
@@ -85,14 +87,16 @@ impl<'a> LiveStudy<'a> {
         registry: &'a Registry,
         conductor: Conductor,
         page: &'a PageServer,
-        equipment: StudyEquipment<'a>,
+        mut equipment: StudyEquipment<'a>,
         console: Option<Receiver<ClientInput>>,
         on_screen: OnScreen<'a>,
         interrupted: &'a AtomicBool,
     ) -> Self {
+        let mut state = StudyState::new(conductor, page, console, on_screen, interrupted);
+        state.use_log = equipment.use_log.take();
         Self {
             registry,
-            state: StudyState::new(conductor, page, console, on_screen, interrupted),
+            state,
             equipment,
             gaze_offset: GazeOffset::default(),
             trained: None,

@@ -1,5 +1,6 @@
 //! The tidy tables of a study: from its journal, and from the records of its trials.
 
+mod armsym;
 pub(crate) mod columns;
 pub(crate) mod trials;
 
@@ -19,6 +20,14 @@ use std::{
 /// A record that cannot be read, by its name.
 pub fn tables(study: &Study, look: &Look, raw: bool) -> Result<Vec<Table>, Box<dyn Error>> {
     all_tables(&Told { study, look, times: times(&look.entries) }, raw, None)
+}
+
+/// The events of each trial that counts, as ArmSym writes them.
+///
+/// # Errors
+/// A record that cannot be read, by its name.
+pub(super) fn armsym_files(study: &Study, look: &Look) -> Result<Vec<armsym::TrialFile>, Box<dyn Error>> {
+    armsym::trial_files(&Told { study, look, times: times(&look.entries) })
 }
 
 /// The same without those records that cannot be read, and what is wrong with these.

@@ -25,6 +25,9 @@ pub struct ExportArgs {
     /// Keep the pseudonyms under which people were enrolled
     #[arg(long)]
     keep_ids: bool,
+    /// Write the events of each trial as another system does too, into a folder of its name
+    #[arg(long, value_name = "SYSTEM", value_parser = ["armsym"])]
+    like: Option<String>,
 }
 
 /// Arguments of `proact study archive`.
@@ -40,7 +43,12 @@ pub struct ArchiveArgs {
 
 pub(super) fn export(methods: &MethodRegistry, args: &ExportArgs, json: bool) -> Result<(), Box<dyn Error>> {
     let study = Study::open(&args.study, methods)?;
-    let options = ExportOptions { out: args.out.clone(), raw: args.raw, keep_ids: args.keep_ids };
+    let options = ExportOptions {
+        out: args.out.clone(),
+        raw: args.raw,
+        keep_ids: args.keep_ids,
+        armsym: args.like.is_some(),
+    };
     let bar = bar(!json, 1, "reading the records {elapsed}");
     bar.enable_steady_tick(std::time::Duration::from_millis(500));
     let exported = study::export(&study, &options)?;

@@ -3,7 +3,8 @@
 use clap::Args;
 use proact_app::{
     answer,
-    study::{Study, new_study},
+    study::{Study, new_study, new_study_from_armsym},
+    tell,
 };
 use proact_control::MethodRegistry;
 use proact_study::{Balance, Form, Imbalance, SHIPPED};
@@ -18,6 +19,10 @@ pub struct NewArgs {
     /// Which plan to begin with
     #[arg(long, default_value = "empty", value_parser = SHIPPED.iter().map(|(name, _)| *name).collect::<Vec<_>>())]
     like: String,
+    /// Begin with conditions of ArmSym instead: JSON files of its folder Experimental_conditions, or a subject's
+    /// identifier.json; several are compared
+    #[arg(long, value_name = "FILE", num_args = 1.., conflicts_with = "like")]
+    from_armsym: Vec<PathBuf>,
 }
 
 /// Arguments of `proact study check`.
@@ -34,12 +39,16 @@ pub struct CheckArgs {
 /// `proact study new`.
 ///
 /// # Errors
-/// A folder that exists, a name that is none for a study.
+/// A folder that exists, a name that is none for a study, files that are none of ArmSym's.
 pub(super) fn new(args: &NewArgs, json: bool) -> Result<(), Box<dyn Error>> {
-    let file = new_study(&args.folder, &args.like)?;
+    let (file, left_out) = match args.from_armsym.as_slice() {
+        [] => (new_study(&args.folder, &args.like)?, Vec::new()),
+        files => new_study_from_armsym(&args.folder, files)?,
+    };
     if json {
-        return Ok(answer(json!({ "plan": file }).to_string())?);
+        return Ok(answer(json!({ "plan": file, "left_out": left_out }).to_string())?);
     }
+    left_out.iter().for_each(tell);
     Ok(answer(format!(
         "{}\nEdit it, then look at it: proact study check {}",
         file.display(),

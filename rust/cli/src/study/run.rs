@@ -10,6 +10,7 @@ use proact_app::{
         export, opening, rehearse, work as work_on,
     },
     tell,
+    use_log::UseLog,
 };
 use proact_bridge::{ClientInput, StudyRequest};
 use proact_devices::SourceName;
@@ -53,6 +54,9 @@ pub struct RunArgs {
     /// Model of an earlier training; without it the gestures are trained in the session
     #[arg(long, value_name = "FILE", requires = "emg_source")]
     emg_model: Option<PathBuf>,
+    /// Log of use, as of proact serve: connection, practice and trials; proact emg use FILE adds it up
+    #[arg(long, value_name = "FILE", conflicts_with = "simulated")]
+    use_log: Option<PathBuf>,
     #[command(flatten)]
     page: ServedPageArgs,
     #[command(flatten)]
@@ -155,6 +159,7 @@ fn live(
         (Some(source), Some(model)) => Some(LiveArmband::open(&registry.sources, source, model)?),
         _ => None,
     };
+    let use_log = UseLog::asked(args.use_log.as_deref())?;
     let controller = args.person.mocap.controller();
     let page = args.page.start(&args.person.rosbridge.access, controller, opening(&conductor, registry)?)?;
     tell(format_args!("conduct the study at {}", page.page_url("experimenter")));
@@ -164,6 +169,7 @@ fn live(
         person: None,
         calibrations: args.person.mocap.used(registry)?,
         open_person: Box::new(|session| args.person.open(registry, session)),
+        use_log,
     };
     let (sender, requests) = channel();
     if let Some(id) = &args.participant {

@@ -5,6 +5,7 @@
 
 mod capture;
 mod gaze;
+mod markers;
 mod numbering;
 mod outlet;
 mod reader;
@@ -12,6 +13,7 @@ mod source;
 
 pub use capture::LslCapture;
 pub use gaze::LslGaze;
+pub use markers::LslMarkers;
 pub use outlet::LslOutlet;
 pub use source::LslSource;
 

@@ -13,8 +13,10 @@ const BACK_MILLIS: u64 = 5000;
 
 /// The cycle of modes, gone through with HO.
 pub(crate) struct ModeCycle {
-    /// Joints that the method drives, in the order of the cycle.
+    /// Joints that the method drives, and the hand where it is a mode, in the order of the cycle.
     joints: Vec<u8>,
+    /// The hand among them.
+    hand: Option<u8>,
     turning: Option<Turning>,
 }
 
@@ -34,7 +36,18 @@ impl ModeCycle {
     /// The cycle of an arm of `joints` joints of which the method does not drive the joints `own`, by their positions in the arm.
     pub(crate) fn new(joints: usize, own: &[usize]) -> Self {
         let joints = (0..joints).filter(|joint| !own.contains(joint)).map(|joint| joint as u8).collect();
-        Self { joints, turning: None }
+        Self { joints, hand: None, turning: None }
+    }
+
+    /// A cycle of these places of an arm of `joints` joints; the place behind the last joint is the hand.
+    pub(crate) fn of(joints: usize, cycle: &[usize]) -> Self {
+        let hand = cycle.contains(&joints).then_some(joints as u8);
+        Self { joints: cycle.iter().map(|&place| place as u8).collect(), hand, turning: None }
+    }
+
+    /// The mode in which WE opens the hand and WF closes it, where `mode` is one of a cycle that has it.
+    pub(crate) fn hand(&self, mode: u8) -> Option<u8> {
+        self.hand.filter(|_| mode < FIRST_AXIS)
     }
 
     /// Another stage begins.

@@ -200,7 +200,9 @@ impl LiveStudy<'_> {
         self.open_person(&session)?;
         let (page, interrupted) = (self.state.page, self.state.interrupted);
         let Some(person) = &mut self.equipment.person else { return Err("nobody is there to drive".into()) };
-        let mut inputs = SceneInputs { state: &mut self.state, next_ends, calibrates, left: None };
+        let rest = self.equipment.armband.as_ref().map(|armband| armband.model().config.rest);
+        let rest = Some(rest.unwrap_or_default());
+        let mut inputs = SceneInputs { state: &mut self.state, next_ends, calibrates, left: None, rest };
         let mut trial = LiveTrial {
             session,
             recorder,
@@ -230,8 +232,13 @@ impl LiveStudy<'_> {
         )?;
         self.state.page.set_content(page_content(session.testbed(), &arm))?;
         let (page, interrupted) = (self.state.page, self.state.interrupted);
-        let mut inputs =
-            SceneInputs { state: &mut self.state, next_ends: true, calibrates: false, left: None };
+        let mut inputs = SceneInputs {
+            state: &mut self.state,
+            next_ends: true,
+            calibrates: false,
+            left: None,
+            rest: None,
+        };
         let mut audience = Audience {
             page: Some(page),
             inputs: Some(&mut inputs),

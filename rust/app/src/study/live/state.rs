@@ -3,13 +3,15 @@
 use crate::{
     TrialInputs,
     study::conductor::{Conductor, StudyError},
+    use_log::UseLog,
 };
 use proact_bridge::{
     ClientInput, GivenAnswer, NowWhat, PageServer, ParticipantScreen, RefusedAnswer, StudyAction,
     StudyButton, StudyRequest, StudyScreen,
 };
 use proact_study::{Spot, StudyEvent};
-use proact_types::{DisplayFrame, EventKind, Gesture};
+use proact_testbed::TrialResult;
+use proact_types::{DisplayFrame, EventKind, Gesture, GestureName};
 use std::{
     sync::{
         atomic::{AtomicBool, Ordering},
@@ -79,6 +81,8 @@ pub(super) struct StudyState<'a> {
     pub(super) thanks: bool,
     /// There is news to show.
     pub(super) news: bool,
+    /// The log of use; none that is kept.
+    pub(super) use_log: Option<UseLog>,
 }
 
 /// How well the gaze follows, and when that was measured.
@@ -113,6 +117,7 @@ impl<'a> StudyState<'a> {
             shown: Instant::now(),
             thanks: false,
             news: true,
+            use_log: None,
         }
     }
 
@@ -144,6 +149,9 @@ impl<'a> StudyState<'a> {
 
     /// Everything that came in since the last call: notes and answers are dealt with, what is not for a trial is left out.
     fn take(&mut self) -> (Vec<ClientInput>, Vec<Wish>) {
+        if let Some(log) = &mut self.use_log {
+            log.look(Instant::now(), self.page.client_count() > 0);
+        }
         let mut came = self.page.drain_inputs();
         came.extend(self.console.iter().flat_map(Receiver::try_iter));
         let (mut inputs, mut wishes) = (Vec::new(), Vec::new());
@@ -250,6 +258,8 @@ pub(super) struct SceneInputs<'s, 'a> {
     pub(super) calibrates: bool,
     /// What is still wanted when it is over.
     pub(super) left: Option<StudyRequest>,
+    /// The gesture of a relaxed hand where the participant drives, for the log of use; none where a simulated one shows how.
+    pub(super) rest: Option<GestureName>,
 }
 
 impl SceneInputs<'_, '_> {
@@ -308,6 +318,16 @@ impl TrialInputs for SceneInputs<'_, '_> {
     fn shown(&mut self, frame: &DisplayFrame) {
         let released = |event: &&proact_types::Event| matches!(event.kind, EventKind::ObjectReleased { .. });
         self.state.carried += frame.events.iter().filter(released).count();
+        if let (Some(log), Some(rest)) = (&mut self.state.use_log, self.rest) {
+            log.see(frame, rest);
+        }
+    }
+
+    fn ended(&mut self, result: &TrialResult) {
+        // What "Next" ends is a practice or a calibration, and no trial.
+        if let (Some(log), false) = (&mut self.state.use_log, self.next_ends) {
+            log.end_trial(result.score);
+        }
     }
 }
 

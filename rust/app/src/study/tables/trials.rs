@@ -236,9 +236,10 @@ fn secs(time: SimTime) -> f64 {
     time.0 as f64 / 1e3
 }
 
+/// The event's name, as in `events.jsonl`.
 fn kind_of(event: &Event) -> String {
     let value = serde_json::to_value(event).unwrap_or_default();
-    let kind = value.get("kind").or_else(|| value.get("type")).and_then(|kind| kind.as_str());
+    let kind = value.get("event").and_then(|kind| kind.as_str());
     kind.unwrap_or_default().to_owned()
 }
 

@@ -1,0 +1,179 @@
+//! A trial's events under the names of ArmSym, in the layout of its file `trialdata.json` (MPI-IS/ArmSym, tutorial 4): three arrays of
+//! the same length, the time of a message, the message, and a number that belongs to it or 0.
+
+use super::Told;
+use proact_recording::{Trial, read_result};
+use proact_study::{Answer, FormItem, Happening, Spot, StepOutcome};
+use proact_testbed::TrialResult;
+use proact_types::{Event, EventKind, ObjectId, SimTime};
+use serde::Serialize;
+use std::{collections::BTreeSet, error::Error};
+
+/// The events of a trial as ArmSym writes them.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub(crate) struct TrialData {
+    /// Since the trial's start, s. (ArmSym: since its program's.)
+    #[serde(rename = "Times")]
+    times: Vec<f64>,
+    #[serde(rename = "Message")]
+    messages: Vec<String>,
+    #[serde(rename = "Val_message")]
+    values: Vec<f64>,
+}
+
+impl TrialData {
+    fn push(&mut self, time: SimTime, message: impl Into<String>, value: f64) {
+        self.times.push(time.0 as f64 / 1e3);
+        self.messages.push(message.into());
+        self.values.push(value);
+    }
+
+    /// What `events` of a trial that scored `score` and ended at `end` are called there. What ArmSym has no word for is left out.
+    fn of_events(events: &[Event], score: f64, end: SimTime) -> TrialData {
+        let mut data = TrialData::default();
+        let practised = events.iter().any(|event| event.kind == EventKind::PracticeFinished);
+        let began = if practised { "Practice trial started" } else { "TrialStarted" };
+        data.push(SimTime(0), began, 0.0);
+        let mut counted: BTreeSet<ObjectId> = BTreeSet::new();
+        let mut count = 0.0;
+        for Event { time, kind } in events {
+            match kind {
+                EventKind::PracticeFinished => {
+                    data.push(*time, "Practice trial ended", 0.0);
+                    data.push(*time, "TrialStarted", 0.0);
+                }
+                EventKind::ObjectAttached { .. } => data.push(*time, "GotACube", 0.0),
+                EventKind::ObjectReleased { .. } => data.push(*time, "ReleasedACube", 0.0),
+                EventKind::ObjectCrossed { object } | EventKind::ObjectOnTarget { object, .. } => {
+                    counted.insert(*object);
+                    count += 1.0;
+                    data.push(*time, "BarrierCross", count);
+                }
+                EventKind::ObjectOffTarget { object } if counted.remove(object) => {
+                    count -= 1.0;
+                    data.push(*time, "Cube_Fell_Back", count);
+                }
+                EventKind::PlanRequested { .. } => data.push(*time, "New Command", 0.0),
+                _ => {}
+            }
+        }
+        data.push(end, "TrialFinished", 0.0);
+        data.push(end, "Total_Score", score);
+        data
+    }
+}
+
+/// Whose trial it is in ArmSym's folders, where a subject has one condition; its number; and what is in its file.
+pub(crate) type TrialFile = (String, usize, TrialData);
+
+/// The files of the trials that count.
+///
+/// # Errors
+/// A record that cannot be read, by its name.
+pub(super) fn trial_files(told: &Told<'_>) -> Result<Vec<TrialFile>, Box<dyn Error>> {
+    let mut files = Vec::new();
+    for counted in told.counted() {
+        let dir = told.study.folder.join(&counted.record);
+        let read = || -> Result<TrialData, Box<dyn Error>> {
+            let record = Trial::open(&dir)?;
+            let result: TrialResult = read_result(&dir)?;
+            Ok(TrialData::of_events(&record.events()?, result.score, record.end()))
+        };
+        let mut data = read().map_err(|error| format!("{}: {error}", dir.display()))?;
+        let end = SimTime::from_secs(data.times.last().copied().unwrap_or_default());
+        for (question, answer) in told.questions_after(&counted.spot) {
+            data.push(end, question, answer);
+        }
+        let planned = counted.planned;
+        let who = told.look.progress.people().get(&planned.participant).cloned();
+        let who = who.unwrap_or_else(|| planned.participant.to_string());
+        files.push((format!("{who}_{}", planned.condition), planned.trial, data));
+    }
+    Ok(files)
+}
+
+impl Told<'_> {
+    /// Questions on a scale that were answered between the trial at `spot` and the next, with ArmSym's message and the answer.
+    fn questions_after(&self, spot: &Spot) -> Vec<(String, f64)> {
+        let progress = &self.look.progress;
+        let sessions = &progress.schedule().sessions;
+        let of = |own: &&proact_study::ScheduledSession| {
+            own.participant == spot.participant && own.session == spot.session
+        };
+        let Some(session) = sessions.iter().find(of) else { return Vec::new() };
+        let after = progress.spots(session).zip(&session.happenings).skip(spot.step);
+        let mut questions = Vec::new();
+        for (spot, happening) in after.take_while(|(_, next)| !matches!(next, Happening::Trial(_))) {
+            let state = progress.step(&spot);
+            let (Some(name), Some(StepOutcome::Done)) = (happening.form(), state.outcome) else { continue };
+            for item in &self.study.forms[name].items {
+                let FormItem::Scale { key, text, .. } = item else { continue };
+                let Some(Answer::Number(answer)) = state.answers.get(key) else { continue };
+                let text = crate::study::export::told(text);
+                questions.push((format!("Question: {} {text}", questions.len() + 1), *answer));
+            }
+        }
+        questions
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn event(millis: u64, kind: EventKind) -> Event {
+        Event { time: SimTime(millis), kind }
+    }
+
+    #[test]
+    fn events_have_armsyms_names_times_and_counts() {
+        let (a, b) = (ObjectId(0), ObjectId(1));
+        let events = [
+            event(100, EventKind::PlanRequested { request: 1 }),
+            event(1500, EventKind::ObjectAttached { object: a }),
+            event(2000, EventKind::ObjectCrossed { object: a }),
+            event(2500, EventKind::ObjectReleased { object: a }),
+            event(2600, EventKind::MotionFinished),
+            event(3000, EventKind::ObjectOnTarget { object: b, distance: 0.01 }),
+            event(4000, EventKind::ObjectOffTarget { object: b }),
+            event(5000, EventKind::TrialFinished),
+        ];
+        let data = TrialData::of_events(&events, 1.0, SimTime(5000));
+        let told: Vec<(f64, &str, f64)> = (0..data.times.len())
+            .map(|k| (data.times[k], data.messages[k].as_str(), data.values[k]))
+            .collect();
+        let expected = [
+            (0.0, "TrialStarted", 0.0),
+            (0.1, "New Command", 0.0),
+            (1.5, "GotACube", 0.0),
+            (2.0, "BarrierCross", 1.0),
+            (2.5, "ReleasedACube", 0.0),
+            (3.0, "BarrierCross", 2.0),
+            (4.0, "Cube_Fell_Back", 1.0),
+            (5.0, "TrialFinished", 0.0),
+            (5.0, "Total_Score", 1.0),
+        ];
+        assert_eq!(told, expected);
+        let json = serde_json::to_value(&data).unwrap();
+        let keys: Vec<&String> = json.as_object().unwrap().keys().collect();
+        assert_eq!(keys, ["Message", "Times", "Val_message"]);
+    }
+
+    #[test]
+    fn practice_in_a_trial_comes_before_its_start_and_a_block_that_never_counted_does_not_fall_back() {
+        let events = [
+            event(0, EventKind::ObjectOffTarget { object: ObjectId(0) }),
+            event(15_000, EventKind::PracticeFinished),
+        ];
+        let data = TrialData::of_events(&events, 0.0, SimTime(20_000));
+        let expected = [
+            "Practice trial started",
+            "Practice trial ended",
+            "TrialStarted",
+            "TrialFinished",
+            "Total_Score",
+        ];
+        assert_eq!(data.messages, expected);
+        assert_eq!(data.times, [0.0, 15.0, 15.0, 20.0, 20.0]);
+    }
+}
