@@ -160,7 +160,7 @@ lane_launcher() {
 }
 
 lane_trial() {
-    build && sh "$root/tests/scenarios/one_trial.sh" "$binary"
+    build && sh "$root/tests/scenarios/one_trial.sh" "$binary" && /usr/bin/python3 "$root/tests/scenarios/serve_choice.py" "$binary"
 }
 
 # The program killed at random moments: what is left replays.

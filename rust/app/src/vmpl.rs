@@ -140,6 +140,11 @@ pub(crate) fn places(model: &ArmModel) -> Result<[Option<usize>; VMPL_JOINTS], V
     Ok(places)
 }
 
+/// Whether a decoder can drive the arm `model`, if `method` is the one by a decoder.
+pub fn decoder_fits(method: &MethodInfo, model: &ArmModel) -> bool {
+    method.name != VMPL_METHOD || places(model).is_ok()
+}
+
 /// The entry of the method.
 pub(crate) fn vmpl_method() -> MethodEntry {
     let info = MethodInfo {

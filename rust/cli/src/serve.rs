@@ -5,8 +5,10 @@ use crate::{
 use clap::{Args, Parser};
 use proact_app::{
     Ended, LiveArmband, LivePerson, LiveTrial, Recorder, Registry, ResultCards, default_dir, driven_content,
+    tell,
     trial::{self, Armband, Assembly},
     use_log::{LoggedInputs, UseLog},
+    vmpl::decoder_fits,
 };
 use proact_bridge::{PageContent, PageServer};
 use proact_devices::SourceName;
@@ -89,22 +91,21 @@ fn drive(
     let rest = armband.as_ref().map_or(GestureName::default(), |armband| armband.model().config.rest);
     let mut gaze_offset = GazeOffset::default();
     let mut person: Option<LivePerson> = None;
+    let mut before: Option<TrialArgs> = None;
     loop {
-        let emg = armband.as_ref().map(|armband| armband.model().config.clone());
-        let (arm, mut config) = asked.config(&registry.methods, "still", emg)?;
-        args.person.mocap.used(registry)?.seat(&mut config.setup);
-        let seed = config.seed;
-        let worn = match &armband {
-            Some(armband) => {
-                let trained = armband.model();
-                let commands = config.gesture_commands(trained.config.rest, &trained.classifier)?;
-                Some(Armband { trained, samples: armband.port(commands) })
+        let assembled = match assemble(registry, args, &asked, armband.as_ref()) {
+            Ok(assembled) => assembled,
+            // What the page chose is no reason to end: the choice before it has begun once.
+            Err(error) => {
+                let Some(good) = before.take() else { return Err(error) };
+                tell(&format!("this trial cannot begin: {error}. The method before goes on."));
+                asked = good;
+                continue;
             }
-            None => None,
         };
-        let Assembly { session, classifier, plans, .. } =
-            trial::live_with(&registry.methods, &arm, config, worn)?;
+        let Assembly { session, classifier, plans, arm } = assembled;
         let config = session.testbed().config().clone();
+        let seed = config.seed;
         let dir = match (&args.out, args.no_record) {
             (_, true) => None,
             (Some(out), _) => Some(free_dir(out.join(format!("seed{seed}")))),
@@ -115,7 +116,8 @@ fn drive(
             None => None,
         };
         // What the page offers must be able to begin.
-        let methods = registry.methods.fitting(&config.profile, arm.model());
+        let mut methods = registry.methods.fitting(&config.profile, arm.model());
+        methods.retain(|method| decoder_fits(method, arm.model()));
         let content = PageContent { methods, ..driven_content(session.testbed(), &arm) };
         let page = match &mut server {
             Some(server) => {
@@ -154,9 +156,31 @@ fn drive(
             ended = trial.wait_for_restart()?;
         }
         let Ended::Restart { method: wanted, again } = ended else { break };
+        before = Some(asked.clone());
         asked = asked.next(wanted, again);
     }
     Ok(true)
+}
+
+/// The trial that is asked for, with the armband if one is worn.
+fn assemble(
+    registry: &Registry,
+    args: &ServeArgs,
+    asked: &TrialArgs,
+    armband: Option<&LiveArmband>,
+) -> Result<Assembly, Box<dyn Error>> {
+    let emg = armband.map(|armband| armband.model().config.clone());
+    let (arm, mut config) = asked.config(&registry.methods, "still", emg)?;
+    args.person.mocap.used(registry)?.seat(&mut config.setup);
+    let worn = match armband {
+        Some(armband) => {
+            let trained = armband.model();
+            let commands = config.gesture_commands(trained.config.rest, &trained.classifier)?;
+            Some(Armband { trained, samples: armband.port(commands) })
+        }
+        None => None,
+    };
+    Ok(trial::live_with(&registry.methods, &arm, config, worn)?)
 }
 
 /// `dir`, or the same with a number added if it is taken: the same blocks again are another trial.
