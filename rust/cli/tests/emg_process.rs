@@ -42,6 +42,11 @@ fn the_documented_example_is_trained_judged_by_itself_and_recognises_a_stream() 
     let seen: std::collections::BTreeSet<&str> = lines.iter().filter_map(|l| l["gesture"].as_str()).collect();
     assert!(seen.len() >= 4, "{seen:?}");
     assert!(event(&lines, "stale").is_empty(), "each window has an answer");
+    // One round cannot be judged: the model is written, and the command says so.
+    let one = at(dir.path(), "one.json");
+    let train = ["train", "--source", &source, "--reps", "0", "--out", &one];
+    let error = refused(&[&train[..], &process].concat());
+    assert!(error.contains("not judged") && Path::new(&one).exists(), "{error}");
 }
 
 #[test]
