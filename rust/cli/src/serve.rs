@@ -98,7 +98,7 @@ fn drive(
             // What the page chose is no reason to end: the choice before it has begun once.
             Err(error) => {
                 let Some(good) = before.take() else { return Err(error) };
-                tell(&format!("this trial cannot begin: {error}. The method before goes on."));
+                tell(format!("this trial cannot begin: {error}. The method before goes on."));
                 asked = good;
                 continue;
             }

@@ -263,6 +263,8 @@ pub(super) fn read_decision(message: &Decision) -> Result<EmgStageOutput, Refuse
         fault: None,
         armed: message.armed,
         events: events(&message.events)?,
+        // A classifier's own answers stay with the node that asks it.
+        answers: vec![],
     };
     if !message.fault.is_empty() {
         output.fault = Some(json("fault", &message.fault)?);

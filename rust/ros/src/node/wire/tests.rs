@@ -130,6 +130,7 @@ fn decisions_intents_and_commands_come_back() {
         fault: Some((StopCause::Flat, "channel 2 stands still".to_owned())),
         armed: false,
         events: vec![EventKind::EmgGap { gaps: 1, unusable_samples: 0, rejected_windows: 2 }],
+        answers: vec![],
     };
     let mut message = decision(SimTime(9), SimTime(9), &said);
     assert_eq!(read_decision(&message).unwrap(), said);
