@@ -220,7 +220,7 @@ fn a_frame_with_a_place_out_of_range_is_refused() {
         (refusal(|m| m.view.target.object = 4), "the target's object is 4, expected less than 4"),
         (refusal(|m| m.next = 4), "next is 4, expected less than 4"),
         (refusal(|m| m.view.stop[0].source = 7), "the stop's source is 7, expected less than 7"),
-        (refusal(|m| m.view.stop[0].cause = 9), "the stop's cause is 9, expected less than 9"),
+        (refusal(|m| m.view.stop[0].cause = 10), "the stop's cause is 10, expected less than 10"),
         (refusal(|m| m.view.planner.state = 5), "the planner's state is 5, expected 0 to 4"),
         (
             refusal(|m| (m.view.planner.state, m.view.planner.status) = (Planner::FAILED, 8)),
