@@ -244,9 +244,10 @@ impl EmgConfig {
                 self.classifier
             )),
             Some(process) => process.check(),
-            None if self.classifier.is_process() => {
-                refused(format!("emg.classifier is {}, expected the program's command", self.classifier))
-            }
+            None if self.classifier.is_process() => refused(format!(
+                "emg.classifier is {}, expected the program's command (--process FILE, docs/emg.md)",
+                self.classifier
+            )),
             None => Ok(()),
         }
     }
