@@ -140,11 +140,6 @@ pub(crate) fn places(model: &ArmModel) -> Result<[Option<usize>; VMPL_JOINTS], V
     Ok(places)
 }
 
-/// Whether a decoder can drive the arm `model`, if `method` is the one by a decoder.
-pub fn decoder_fits(method: &MethodInfo, model: &ArmModel) -> bool {
-    method.name != VMPL_METHOD || places(model).is_ok()
-}
-
 /// The entry of the method.
 pub(crate) fn vmpl_method() -> MethodEntry {
     let info = MethodInfo {
@@ -156,7 +151,12 @@ pub(crate) fn vmpl_method() -> MethodEntry {
         },
         ..MethodInfo::default()
     };
-    MethodEntry::outside(info, MethodProgram::new(vec![VMPL_COMMAND.to_owned()]))
+    let program = MethodProgram::new(vec![VMPL_COMMAND.to_owned()]);
+    MethodEntry::outside(info, program).for_arms(|model| {
+        places(model)
+            .map(drop)
+            .map_err(|_| "finds none of its joints: choose an arm of the modular prosthetic limb")
+    })
 }
 
 /// A decoder in the place of a method's process.

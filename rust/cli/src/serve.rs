@@ -8,7 +8,6 @@ use proact_app::{
     tell,
     trial::{self, Armband, Assembly},
     use_log::{LoggedInputs, UseLog},
-    vmpl::decoder_fits,
 };
 use proact_bridge::{PageContent, PageServer};
 use proact_devices::SourceName;
@@ -116,8 +115,7 @@ fn drive(
             None => None,
         };
         // What the page offers must be able to begin.
-        let mut methods = registry.methods.fitting(&config.profile, arm.model());
-        methods.retain(|method| decoder_fits(method, arm.model()));
+        let methods = registry.methods.fitting(&config.profile, arm.model());
         let content = PageContent { methods, ..driven_content(session.testbed(), &arm) };
         let page = match &mut server {
             Some(server) => {

@@ -81,7 +81,11 @@ pub struct MethodEntry {
     info: MethodInfo,
     make: Make,
     single_joints: bool,
+    fits: Option<FitsArm>,
 }
+
+/// Why a method cannot drive an arm, if it cannot: the reason goes on after the method's name.
+type FitsArm = fn(&ArmModel) -> Result<(), &'static str>;
 
 #[derive(Clone)]
 enum Make {
@@ -104,12 +108,12 @@ impl MethodEntry {
         + Sync
         + 'static,
     ) -> Self {
-        Self { info, make: Make::Here(Arc::new(make)), single_joints: false }
+        Self { info, make: Make::Here(Arc::new(make)), single_joints: false, fits: None }
     }
 
     /// The method that `program` is, as `info` tells of it.
     pub fn outside(info: MethodInfo, program: MethodProgram) -> Self {
-        Self { info, make: Make::Outside(program), single_joints: false }
+        Self { info, make: Make::Outside(program), single_joints: false, fits: None }
     }
 
     /// The outside method of a file (TOML): `name`, `title`, `needs`, `style`, `help`, `command`, `deadline_ms`.
@@ -132,6 +136,12 @@ impl MethodEntry {
     #[must_use]
     pub fn moving_single_joints(self) -> Self {
         Self { single_joints: true, ..self }
+    }
+
+    /// The same for a method that drives only the arms of which `fits` has nothing to say.
+    #[must_use]
+    pub fn for_arms(self, fits: FitsArm) -> Self {
+        Self { fits: Some(fits), ..self }
     }
 
     /// What is told of it.
@@ -172,6 +182,9 @@ impl MethodEntry {
         profile.check()?;
         let subset = JointSubset::new(profile, model)?;
         self.check_profile(profile, &subset)?;
+        if let Some(Err(reason)) = self.fits.map(|fits| fits(model)) {
+            return Err(ControlError::Unsupported { method: self.info.name.clone(), reason });
+        }
         let built = match &self.make {
             Make::Here(make) => make(profile, model, &subset)?,
             Make::Outside(_) => Box::new(PipeMethod::new(process)),
