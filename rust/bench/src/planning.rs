@@ -433,6 +433,7 @@ mod tests {
             name: "ball".to_owned(),
             shape: Shape::Sphere { radius: 0.01 },
             pose: request.world_from_base * tip,
+            loose: false,
         });
         let contact = bench.judge.contact(&request, &reply.trajectory).expect("the shapes are known");
         assert_eq!(contact.map(|contact| contact.b).as_deref(), Some("ball"));

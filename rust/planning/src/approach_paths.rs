@@ -5,7 +5,7 @@ use crate::facing::faced;
 use crate::failure::Failure;
 use crate::problem::Problem;
 use crate::reach::{Limits, Reach};
-use crate::seeking::{Entry, Seeking, Tally};
+use crate::seeking::{Entry, Seeking, Tally, Touch};
 use crate::{PlannerOptions, PlanningError};
 use proact_arm::{Grasp, upright_axis};
 use proact_types::{AttachedObject, PlanGoal, PlanStatus, Point, Pose, Shape, Vector};
@@ -37,6 +37,9 @@ const TILT_STEP: f64 = 0.175;
 const TRIES_OUT_OF_REACH: usize = 3;
 /// Batches of postures in which a place is sought where the hand can open, if the first places leave no room.
 const TRIES_FOR_ROOM: usize = 3;
+/// Heights above its place from which something may be dropped, tried one after the other, metres. The last is above a
+/// partition of 15 cm.
+const DROPS: [f64; 5] = [0.0, 0.05, 0.10, 0.15, 0.20];
 /// Two arm postures closer than this in every joint are the same, rad.
 const SAME: f64 = 0.08;
 
@@ -116,8 +119,10 @@ impl ApproachPaths {
         let problem = seeking.problem;
         let target = problem.base_from_world * centre;
         let point = Point::from(problem.grasp.centre);
-        // A hand that clears the block on its way down is best; one whose fingers push it a little will do.
-        let (mut clear, mut pushing) = (Vec::new(), Vec::new());
+        // A hand that clears the block on its way down is best; one whose fingers push it a little will do, and in a heap
+        // one that pushes others aside.
+        let (mut clear, mut pushing, mut digging) = (Vec::new(), Vec::new(), Vec::new());
+        let touches = if problem.loose.is_empty() { 2 } else { 3 };
         for (axis, off) in grasp_axes(&problem.grasp) {
             let reach = Reach {
                 point,
@@ -131,9 +136,13 @@ impl ApproachPaths {
                 for (end, turned_off) in faced(seeking.context, problem, &reach, &end) {
                     let off = off + turned_off;
                     let mut found = false;
-                    for (paths, fingers_may_touch) in [(&mut clear, false), (&mut pushing, true)] {
-                        let entry = Entry::Pick { fingers_may_touch };
-                        found = seeking.add_path(&reach, off, &end, entry, paths)?;
+                    let ways = [
+                        (&mut clear, Touch::Nothing),
+                        (&mut pushing, Touch::Picked),
+                        (&mut digging, Touch::Loose),
+                    ];
+                    for (paths, touch) in ways.into_iter().take(touches) {
+                        found = seeking.add_path(&reach, off, &end, Entry::Pick(touch), paths)?;
                         if found {
                             break;
                         }
@@ -147,11 +156,10 @@ impl ApproachPaths {
                 break;
             }
         }
-        let paths = if clear.is_empty() { pushing } else { clear };
-        if !paths.is_empty() {
-            return Ok(sorted(paths));
+        match [clear, pushing, digging].into_iter().find(|paths| !paths.is_empty()) {
+            Some(paths) => Ok(sorted(paths)),
+            None => Err(seeking.failure("block")),
         }
-        Err(seeking.failure("block"))
     }
 
     fn paths_to_place(&self, seeking: &mut Seeking, point: &Point) -> Result<Vec<ApproachPath>, Failure> {
@@ -159,6 +167,9 @@ impl ApproachPaths {
         let Some(object) = &problem.request.attached else {
             return Err(Failure::new(PlanStatus::Invalid, "There is nothing in the hand to place."));
         };
+        if object.loose {
+            return self.paths_to_drop(seeking, point, object);
+        }
         // A place that is out of reach by a few millimetres is met as nearly as the arm can.
         let base = problem.request.world_from_base.translation.vector;
         let homeward = Vector::new(base.x - point.x, base.y - point.y, 0.0);
@@ -168,6 +179,27 @@ impl ApproachPaths {
             let nearer = point + homeward * (share * self.place_tolerance);
             match self.paths_to_place_at(seeking, &nearer, object) {
                 Err(failure) if failure.status == PlanStatus::Unreachable => first = first.or(Some(failure)),
+                other => return other,
+            }
+        }
+        Err(first.unwrap_or_else(|| Tally::default().failure("place")))
+    }
+
+    /// To where what may fall is let go of above `point`, as low as the arm gets there.
+    fn paths_to_drop(
+        &self,
+        seeking: &mut Seeking,
+        point: &Point,
+        object: &AttachedObject,
+    ) -> Result<Vec<ApproachPath>, Failure> {
+        let mut first = None;
+        for height in DROPS {
+            match self.paths_to_place_at(seeking, &(point + Vector::z() * height), object) {
+                Err(failure)
+                    if matches!(failure.status, PlanStatus::Unreachable | PlanStatus::GoalInCollision) =>
+                {
+                    first = first.or(Some(failure));
+                }
                 other => return other,
             }
         }

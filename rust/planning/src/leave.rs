@@ -17,13 +17,17 @@ pub(crate) struct Leaving {
 }
 
 /// What the hand touches at the start.
-struct Grazes {
+struct Grazes<'a> {
     /// Pairs that touch.
     touching: Vec<(String, String)>,
     /// Those of them that press into each other.
     pressed: Vec<(String, String)>,
     /// Blocks between the fingers, which the hand may touch on its way out.
     in_hand: Vec<String>,
+    /// What the hand may push aside.
+    loose: &'a [String],
+    /// The links of the hand that may, and what is in it.
+    pushing: Vec<&'a str>,
 }
 
 /// A contact this deep is still a touch, metres: what is touched at the start may go on being touched.
@@ -31,7 +35,13 @@ const FINGERTIP_GIVE: f64 = 0.003;
 /// Longest straight way that is tried in order to get clear of contacts at the start, metres.
 const LONGEST_LEAVE: f64 = 0.14;
 
-impl Grazes {
+impl Grazes<'_> {
+    /// True if `pair` may touch on the way out whether it touched at the start or not.
+    fn may_touch(&self, pair: &(String, String)) -> bool {
+        self.in_hand.contains(&pair.1)
+            || (self.loose.contains(&pair.1) && self.pushing.contains(&pair.0.as_str()))
+    }
+
     /// The part of a way out from its start to the first point, at least `wanted` metres on, that is clear for
     /// transit; if there is none that far, to the last clear one. The flag says that `wanted` was covered.
     fn clear_part(
@@ -46,14 +56,12 @@ impl Grazes {
             context.go_on()?;
             // Nothing new is touched, and what is touched is not pressed into.
             context.scene.set_padding(0.0)?;
-            let known =
-                |pair: &(String, String)| self.touching.contains(pair) || self.in_hand.contains(&pair.1);
+            let known = |pair: &(String, String)| self.touching.contains(pair) || self.may_touch(pair);
             if !context.scene.collisions(q)?.iter().all(known) {
                 break;
             }
             context.scene.set_padding(-FINGERTIP_GIVE)?;
-            let known =
-                |pair: &(String, String)| self.pressed.contains(pair) || self.in_hand.contains(&pair.1);
+            let known = |pair: &(String, String)| self.pressed.contains(pair) || self.may_touch(pair);
             if !context.scene.collisions(q)?.iter().all(known) {
                 break;
             }
@@ -111,7 +119,10 @@ impl Leaving {
         let touching = context.scene.collisions(&problem.start)?;
         context.scene.set_padding(-FINGERTIP_GIVE)?;
         let pressed = context.scene.collisions(&problem.start)?;
-        let grazes = Grazes { touching, pressed, in_hand };
+        let model = context.model.clone();
+        let fingers = model.hand.iter().map(|&joint| model.links[model.joints[joint].child].name.as_str());
+        let pushing = fingers.chain(request.attached.as_ref().map(|object| object.name.as_str())).collect();
+        let grazes = Grazes { touching, pressed, in_hand, loose: &problem.loose, pushing };
         let (point, wanted) = match &request.attached {
             Some(object) => (Point::from(object.tip_from_object.translation.vector), self.lift_height),
             None => (grasp_centre, if around_block { self.retreat_height } else { 0.0 }),
@@ -159,7 +170,7 @@ impl Leaving {
         context.scene.set_padding(-depth)?;
         let deep = context.scene.collisions(&problem.start)?.into_iter().find(|(_, b)| {
             let obstacle = problem.request.obstacles.iter().find(|o| o.name == *b);
-            obstacle.is_some_and(|o| thickness(&o.shape) > 2.2 * depth)
+            obstacle.is_some_and(|o| !o.loose && thickness(&o.shape) > 2.2 * depth)
         });
         match deep {
             Some((a, b)) => Err(Failure::new(

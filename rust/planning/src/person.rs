@@ -79,6 +79,7 @@ pub fn person_obstacles(world_from_base: &Pose, person: &Person) -> Vec<Obstacle
             name: "person_head".to_owned(),
             shape: Shape::Sphere { radius: person.head_radius },
             pose: Pose::translation(head.x, head.y, head.z),
+            loose: false,
         },
     ];
     for (side, offset) in [("left", person.hip_offset), ("right", -person.hip_offset)] {
@@ -106,5 +107,6 @@ fn capsule(name: &str, a: Point, b: Point, radius: f64) -> Obstacle {
         name: name.to_owned(),
         shape: Shape::Capsule { radius, length: along.norm().max(1e-3) },
         pose: Pose::from_parts(middle.coords.into(), turn),
+        loose: false,
     }
 }

@@ -1,10 +1,11 @@
 //! A request in the planner's own terms.
 
+use crate::PlanningError;
 use crate::context::PlanningContext;
 use crate::error::check;
 use crate::failure::Failure;
 use proact_arm::Grasp;
-use proact_types::{PlanGoal, PlanRequest, PlanStatus, Pose, Vector};
+use proact_types::{Obstacle, PlanGoal, PlanRequest, PlanStatus, Point, Pose, Vector};
 
 /// A request in the planner's own terms.
 pub(crate) struct Problem<'a> {
@@ -16,7 +17,12 @@ pub(crate) struct Problem<'a> {
     pub up: Vector,
     /// How the hand grips what is picked or carried.
     pub grasp: Grasp,
+    /// Names of the obstacles near the hand, at its start or at what it picks, that it may push aside.
+    pub loose: Vec<String>,
 }
+
+/// How far from a grip a hand can touch something on its straight way there, metres: half a hand and half an object.
+const AROUND_GRIP: f64 = 0.15;
 
 /// Largest overshoot of a joint limit at the start that is taken for noise of the measurement, rad.
 pub(crate) const LIMIT_SLACK: f64 = 0.05;
@@ -59,6 +65,18 @@ impl<'a> Problem<'a> {
         let base_from_world = request.world_from_base.inverse();
         let up = base_from_world.rotation * Vector::z();
         let grasp = context.model.grasp_of(request).clone();
-        Ok(Self { request, base_from_world, start: context.limits.clamp(&request.start), up, grasp })
+        let start = context.limits.clamp(&request.start);
+        let world_from_tip =
+            request.world_from_base * context.kinematics.forward(&start).map_err(PlanningError::from)?;
+        let mut grips = vec![world_from_tip * Point::from(grasp.centre)];
+        if let PlanGoal::Pick { centre, .. } = &request.goal {
+            grips.push(*centre);
+        }
+        let is_near = |o: &&Obstacle| {
+            grips.iter().any(|grip| (o.pose.translation.vector - grip.coords).norm() < AROUND_GRIP)
+        };
+        let loose = request.obstacles.iter().filter(|o| o.loose && request.picked.as_ref() != Some(&o.name));
+        let loose = loose.filter(is_near).map(|o| o.name.clone()).collect();
+        Ok(Self { request, base_from_world, start, up, grasp, loose })
     }
 }

@@ -32,8 +32,18 @@ pub(crate) struct Tally {
 /// What is done at the end of a way.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Entry {
-    Pick { fingers_may_touch: bool },
+    Pick(Touch),
     Place,
+}
+
+/// What the fingers may touch on the straight way into a grip.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Touch {
+    Nothing,
+    /// The object that is picked.
+    Picked,
+    /// That, and what may be pushed aside.
+    Loose,
 }
 
 /// Hands on the way from closed to open that are looked at.
@@ -167,7 +177,7 @@ impl Seeking<'_> {
                 return Ok(Err(self.hit_at(&pair[1], name_it)?));
             }
         }
-        if matches!(entry, Entry::Pick { .. }) && !self.hand_is_free_after(entry, end)? {
+        if matches!(entry, Entry::Pick(_)) && !self.hand_is_free_after(entry, end)? {
             return Ok(Err(None));
         }
         self.context.set_clearance(Clearance::Transit)?;
@@ -182,16 +192,29 @@ impl Seeking<'_> {
         Ok(if name_it { self.context.scene.collisions(q)?.into_iter().next() } else { None })
     }
 
-    /// Contacts that are part of the purpose: at the end of a pick the fingers may touch the block.
+    /// Contacts that are part of the purpose: at the end of a pick the fingers may touch the block, and in a heap what is
+    /// beside it.
     fn allow_entry(&mut self, entry: &Entry) -> Result<(), Failure> {
-        if let Entry::Pick { fingers_may_touch: true } = entry
-            && let Some(picked) = self.picked()
-        {
-            let model = self.context.model.clone();
-            for (k, link) in model.links.iter().enumerate() {
-                if k != model.tip {
-                    self.context.scene.allow_contact(&link.name, &picked)?;
-                }
+        let Entry::Pick(touch @ (Touch::Picked | Touch::Loose)) = entry else { return Ok(()) };
+        let Some(picked) = self.picked() else { return Ok(()) };
+        let model = self.context.model.clone();
+        for (k, link) in model.links.iter().enumerate() {
+            if k != model.tip {
+                self.context.scene.allow_contact(&link.name, &picked)?;
+            }
+        }
+        if *touch == Touch::Loose {
+            self.allow_pushing()?;
+        }
+        Ok(())
+    }
+
+    /// Lets the fingers touch what may be pushed aside.
+    fn allow_pushing(&mut self) -> Result<(), Failure> {
+        let model = self.context.model.clone();
+        for obstacle in &self.problem.loose {
+            for &joint in &model.hand {
+                self.context.scene.allow_contact(&model.links[model.joints[joint].child].name, obstacle)?;
             }
         }
         Ok(())
@@ -208,12 +231,15 @@ impl Seeking<'_> {
     fn hand_is_free_after(&mut self, entry: &Entry, end: &[f64]) -> Result<bool, Failure> {
         let model = self.context.model.clone();
         let (grasp, request) = (&self.problem.grasp, &self.problem.request);
-        let picks = matches!(entry, Entry::Pick { .. });
+        let picks = matches!(entry, Entry::Pick(_));
         let pose = if picks { &grasp.closed_pose } else { &grasp.open_pose };
         let Ok(fingers) = model.pose("hand", pose) else { return Ok(true) };
         self.context.set_clearance(Clearance::Contact)?;
         if picks && let Some(picked) = self.picked() {
             self.allow_hand(&picked)?;
+        }
+        if let Entry::Pick(Touch::Loose) = entry {
+            self.allow_pushing()?;
         }
         if !picks {
             self.context.scene.set_attached(None)?;

@@ -31,7 +31,7 @@ fn pick(model: &ArmModel, shape: Shape, yaw: f64, start: JointVector) -> PlanReq
     let at = Vector::new(-0.058, -0.092, TABLE + shape.half_height());
     let table = Pose::translation(0.0, 0.0, TABLE - 0.015);
     let pose = Pose::translation(at.x, at.y, at.z) * Pose::rotation(Vector::z() * yaw);
-    let obstacle = |name: &str, shape, pose| Obstacle { name: name.to_owned(), shape, pose };
+    let obstacle = |name: &str, shape, pose| Obstacle { name: name.to_owned(), shape, pose, loose: false };
     let open = model.pose("hand", &model.grasp_for(shape.grip_width()).open_pose).unwrap();
     PlanRequest {
         id: 1,

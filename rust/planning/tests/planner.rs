@@ -260,6 +260,7 @@ fn what_is_in_the_way_is_named() {
         name: "ball".to_owned(),
         shape: Shape::Sphere { radius: 0.02 },
         pose: Pose::from_parts(wrist, Default::default()),
+        loose: false,
     });
     request.goal = PlanGoal::Joints { q: joints(&goal) };
     let reply = planner.solve(&request);
@@ -293,6 +294,7 @@ fn a_graze_at_the_start_is_left_upwards_and_a_deep_contact_is_refused() {
         name: "slab".to_owned(),
         shape: Shape::Box { size: [0.1, 0.1, 0.2] },
         pose: Pose::translation(-0.058, -0.092, top - 0.1),
+        loose: false,
     };
     let touches = |planner: &mut ArmPlanner, top: f64| {
         let slab = [slab(top)];
@@ -493,6 +495,7 @@ fn a_mesh_is_in_the_way_of_every_request_and_what_is_carried_cannot_be() {
         name: twice.obstacles[twice.obstacles.len() - 1].name.clone(),
         shape: BLOCK,
         tip_from_object: Pose::identity(),
+        loose: false,
     });
     let reply = planner.solve(&twice);
     assert_eq!(reply.status, PlanStatus::Invalid);

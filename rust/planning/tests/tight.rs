@@ -33,6 +33,7 @@ fn ball_beside(request: &PlanRequest, q: &[f64], side: Vector) -> Obstacle {
             name: "ball".to_owned(),
             shape: Shape::Sphere { radius: 0.03 },
             pose: Pose::translation(at.x, at.y, at.z),
+            loose: false,
         }
     };
     let mut touches = |away: f64| {

@@ -75,6 +75,7 @@ fn endless() -> (PlanWorker, PlanRequest) {
             name: name.to_owned(),
             shape: proact_types::Shape::Box { size: [size[0], size[1], 0.01] },
             pose: proact_types::Pose::translation(-0.386 + at[0], at[1], 1.3),
+            loose: false,
         });
     }
     let reply = planner.solve(&request);

@@ -117,7 +117,8 @@ pub struct TaskFile {
 }
 
 /// What all objects of a kind have in common, an object's own keys, and a grid's.
-const OF_KIND: [&str; 6] = ["colour", "shape", "mass", "friction", "friction_finger", "target_radius"];
+const OF_KIND: [&str; 7] =
+    ["colour", "shape", "mass", "friction", "friction_finger", "loose", "target_radius"];
 const OF_OBJECT: [&str; 6] = ["name", "label", "ros_name", "at", "stands_at", "target"];
 const OF_GRID: [&str; 7] =
     ["name", "count", "pitch", "middle", "mirrored_targets", "target_pitch", "chequered"];

@@ -58,6 +58,9 @@ pub struct KindFile {
     pub friction: f64,
     /// Friction against fingers.
     pub friction_finger: f64,
+    /// Whether it may be pushed about and dropped.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub loose: bool,
     /// Radius of the target's disc.
     #[serde(default = "KindFile::default_radius")]
     pub target_radius: f64,
@@ -228,6 +231,7 @@ impl ObjectFile {
             mass: kind.mass,
             friction: kind.friction,
             friction_finger: kind.friction_finger,
+            loose: kind.loose,
             pose: Pose::translation(x, side * y, self.stands_at.unwrap_or(table) + kind.shape.half_height()),
         }
     }

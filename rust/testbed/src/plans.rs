@@ -83,16 +83,20 @@ pub fn plan_request(
     seed: u64,
 ) -> PlanRequest {
     let held = state.attached.map(|(block, _)| block);
-    let mut obstacles: Vec<Obstacle> =
-        scene.fixed.iter().map(|o| Obstacle { name: o.name.clone(), shape: o.shape, pose: o.pose }).collect();
+    let mut obstacles: Vec<Obstacle> = scene
+        .fixed
+        .iter()
+        .map(|o| Obstacle { name: o.name.clone(), shape: o.shape, pose: o.pose, loose: false })
+        .collect();
     for (k, block) in scene.objects.iter().enumerate().filter(|(k, _)| Some(*k) != held) {
         let pose = state.objects[k].pose;
-        obstacles.push(Obstacle { name: block.name.clone(), shape: block.shape, pose });
+        obstacles.push(Obstacle { name: block.name.clone(), shape: block.shape, pose, loose: block.loose });
     }
     let attached = state.attached.map(|(k, tip_from_object)| AttachedObject {
         name: scene.objects[k].name.clone(),
         shape: scene.objects[k].shape,
         tip_from_object,
+        loose: scene.objects[k].loose,
     });
     let picked = match &goal {
         PlanGoal::Pick { object, .. } => Some(scene.name(*object)),

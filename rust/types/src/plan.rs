@@ -10,6 +10,9 @@ pub struct Obstacle {
     pub shape: Shape,
     /// `world_from_obstacle`.
     pub pose: Pose,
+    /// As [`crate::Object::loose`].
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub loose: bool,
 }
 
 /// An object in the hand: it moves with the tip and collides as part of the arm.
@@ -21,6 +24,9 @@ pub struct AttachedObject {
     pub shape: Shape,
     /// `tip_from_object`.
     pub tip_from_object: Pose,
+    /// As [`crate::Object::loose`].
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub loose: bool,
 }
 
 /// Where a plan should lead.

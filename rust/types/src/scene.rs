@@ -1,4 +1,4 @@
-use crate::{Point, Pose};
+use crate::{Point, Pose, Vector};
 use serde::{Deserialize, Serialize};
 
 /// A convex shape, metres, centred in its own frame; axes along z.
@@ -162,6 +162,10 @@ pub struct Object {
     pub friction: f64,
     /// Friction against fingers.
     pub friction_finger: f64,
+    /// It may be pushed about and dropped, as the cubes of a heap: a plan that finds no grip without a contact may touch it on
+    /// the straight way into one and out, and one that cannot put it down may let it fall.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub loose: bool,
     /// `world_from_object` at the start: resting.
     #[cfg_attr(feature = "ts", ts(as = "crate::typescript::Pose"))]
     pub pose: Pose,
@@ -179,6 +183,7 @@ impl Object {
             mass,
             friction: 0.4,
             friction_finger: 0.8,
+            loose: false,
             pose,
         }
     }
@@ -251,6 +256,16 @@ impl Scene {
     pub fn name(&self, object: ObjectId) -> String {
         let known = self.objects.get(object.index()).map(|object| object.name.clone());
         known.unwrap_or_else(|| format!("object {}", object.0))
+    }
+
+    /// Whether one of the other objects lies on `object`, when their centres are where `centre` says, in `world`.
+    pub fn is_covered(&self, object: ObjectId, centre: impl Fn(ObjectId) -> Vector) -> bool {
+        let shape = self.objects[object.index()].shape;
+        let at = centre(object);
+        self.ids().filter(|other| *other != object).any(|other| {
+            let apart = centre(other) - at;
+            apart.z >= shape.half_height() && apart.xy().norm() <= shape.half_width()
+        })
     }
 
     /// Where something can be put down other than on the table: the tops of boxes that do not move, at whose height something

@@ -76,11 +76,17 @@ fn named_scene(name: &str) -> Result<(Vec<Obstacle>, Pose), String> {
     // The first arrangement, whatever a seed would choose.
     task.arrangement = None;
     let scene = task.build(false).map_err(text)?.scene().clone();
-    let fixed = scene.fixed.into_iter().map(|o| Obstacle { name: o.name, shape: o.shape, pose: o.pose });
+    let fixed = scene.fixed.into_iter().map(|o| Obstacle {
+        name: o.name,
+        shape: o.shape,
+        pose: o.pose,
+        loose: false,
+    });
     let movable = scene.objects.into_iter().filter(|_| blocks).map(|block| Obstacle {
         name: block.name,
         shape: block.shape,
         pose: block.pose,
+        loose: block.loose,
     });
     let still = Setup::named("still").map_err(text)?;
     Ok((fixed.chain(movable).collect(), still.body.shoulder_pose(&Default::default())))
@@ -100,7 +106,7 @@ fn thing(index: usize, entry: &Value) -> Result<Thing, String> {
         FormText::Mesh(MeshText::Mesh { vertices, triangles }) => {
             Thing::Mesh(MeshObstacle { name, vertices, triangles, pose })
         }
-        FormText::Primitive(shape) => Thing::Primitive(Obstacle { name, shape, pose }),
+        FormText::Primitive(shape) => Thing::Primitive(Obstacle { name, shape, pose, loose: false }),
     })
 }
 
@@ -114,6 +120,7 @@ pub(super) fn attached(list: &[ShapeText]) -> Result<Option<AttachedObject>, Str
                 shape: *shape,
                 tip_from_object: pose(*position, *quaternion)
                     .map_err(|error| format!("attached: {error}"))?,
+                loose: false,
             }))
         }
         [_] => Err("attached is a mesh, expected a box, sphere, cylinder or capsule".to_owned()),

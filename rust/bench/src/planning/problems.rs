@@ -231,6 +231,7 @@ impl Drawer {
                 name: BLOCKS[0].to_owned(),
                 shape: BLOCK,
                 tip_from_object: tip.inverse() * object,
+                loose: false,
             };
             self.put_up(request, &grasp.closed_pose, Some(&attached))?;
             let Some((at, over)) = self.raised(request, &tip, &LIFTS)? else { continue };
@@ -362,12 +363,17 @@ fn box_scene() -> Scene {
 
 /// The fixed objects, and blocks at `centres`; the first four have the task's names.
 pub(super) fn obstacles(centres: &[Point]) -> Vec<Obstacle> {
-    let fixed =
-        box_scene().fixed.into_iter().map(|o| Obstacle { name: o.name, shape: o.shape, pose: o.pose });
+    let fixed = box_scene().fixed.into_iter().map(|o| Obstacle {
+        name: o.name,
+        shape: o.shape,
+        pose: o.pose,
+        loose: false,
+    });
     let blocks = centres.iter().enumerate().map(|(k, c)| Obstacle {
         name: BLOCKS.get(k).map_or_else(|| format!("block_{k}"), |name| (*name).to_owned()),
         shape: BLOCK,
         pose: Pose::translation(c.x, c.y, c.z),
+        loose: false,
     });
     fixed.chain(blocks).collect()
 }

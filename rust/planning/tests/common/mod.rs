@@ -78,9 +78,18 @@ pub fn with_person(mut request: PlanRequest, person: &Person) -> PlanRequest {
 /// Box, table, floor and the four blocks, in their regions or where `at` says.
 pub fn obstacles() -> Vec<Obstacle> {
     let scene = scene();
-    let fixed = scene.fixed.iter().map(|o| Obstacle { name: o.name.clone(), shape: o.shape, pose: o.pose });
-    let blocks =
-        scene.objects.iter().map(|o| Obstacle { name: o.name.clone(), shape: o.shape, pose: o.pose });
+    let fixed = scene.fixed.iter().map(|o| Obstacle {
+        name: o.name.clone(),
+        shape: o.shape,
+        pose: o.pose,
+        loose: false,
+    });
+    let blocks = scene.objects.iter().map(|o| Obstacle {
+        name: o.name.clone(),
+        shape: o.shape,
+        pose: o.pose,
+        loose: false,
+    });
     fixed.chain(blocks).collect()
 }
 
@@ -147,6 +156,7 @@ pub fn place(
             name: block,
             shape: BLOCK,
             tip_from_object: tip.inverse() * block_pose,
+            loose: false,
         }),
         seed,
     }
