@@ -6,6 +6,8 @@ use proact_types::{Briefing, Destination, DisplayFrame, ObjectId, Order, Point, 
 const AS_EASY: f64 = 0.005;
 /// Spots that are thought of for putting something down, along x and away from the partition.
 const SPOTS: (usize, usize) = (3, 3);
+/// What need not stand anywhere may fall once it is so far past the partition, metres: its own size, and the fingers'.
+const FALLS_PAST: f64 = 0.04;
 /// This much room, from middle to middle, is enough to put something down, metres.
 const ENOUGH: f64 = 0.06;
 
@@ -19,12 +21,14 @@ pub(crate) struct Choice {
     avoided: Option<ObjectId>,
     /// Where what is in the hand goes.
     spot: Option<(ObjectId, Point)>,
+    /// Where it could not be put down.
+    spots_in_vain: Vec<Point>,
 }
 
 impl Choice {
     pub(crate) fn new(scene: &Scene, briefing: &Briefing) -> Self {
         let (scene, briefing) = (scene.clone(), briefing.clone());
-        Self { scene, briefing, chosen: None, avoided: None, spot: None }
+        Self { scene, briefing, chosen: None, avoided: None, spot: None, spots_in_vain: Vec::new() }
     }
 
     /// The object to take next; none if nothing is left.
@@ -42,10 +46,18 @@ impl Choice {
         self.avoided = self.chosen;
     }
 
-    /// Takes `object` for the one to take next, where one is as good as another.
-    pub(crate) fn settle_for(&mut self, object: ObjectId, seen: &DisplayFrame) {
+    /// Whether `object` is as good as any other to take next: the task says that all are alike, and nothing lies on it.
+    pub(crate) fn is_as_good(&self, object: ObjectId, seen: &DisplayFrame) -> bool {
         let all_alike = self.briefing.order == Order::Any && self.briefing.destination == Destination::Across;
-        if all_alike && self.can_be_taken(object, seen) && Some(object) != self.avoided {
+        all_alike
+            && self.can_be_taken(object, seen)
+            && Some(object) != self.avoided
+            && !self.scene.is_covered(object, |id| seen.objects[id.index()].translation.vector)
+    }
+
+    /// Takes `object` for the one to take next, where it is as good as another.
+    pub(crate) fn settle_for(&mut self, object: ObjectId, seen: &DisplayFrame) {
+        if self.is_as_good(object, seen) {
             self.chosen = Some(object);
         }
     }
@@ -69,9 +81,29 @@ impl Choice {
         spot
     }
 
+    /// Whether `object` may be let go of where it is: it is past the partition, over where things are put down, and need not
+    /// stand anywhere.
+    pub(crate) fn may_fall(&self, object: ObjectId, seen: &DisplayFrame) -> bool {
+        let at = seen.objects[object.index()].translation.vector;
+        let region = &self.scene.put_down;
+        self.briefing.destination == Destination::Across
+            && self.side() * at.y > FALLS_PAST
+            && (0..2).all(|k| at[k] > region.min[k] && at[k] < region.max[k])
+    }
+
+    /// It cannot be put down where it was to go: another place.
+    pub(crate) fn give_up_place(&mut self, object: ObjectId, seen: &DisplayFrame) {
+        let Some((carried, spot)) = self.spot.take() else { return };
+        if carried == object && self.briefing.destination == Destination::Across {
+            self.spots_in_vain.push(spot);
+            self.place(object, seen);
+        }
+    }
+
     /// The hand is empty: what comes next gets a place of its own.
     pub(crate) fn put_down(&mut self) {
         self.spot = None;
+        self.spots_in_vain.clear();
     }
 
     /// 1 where things go to y > 0, -1 where they go to y < 0.
@@ -129,9 +161,15 @@ impl Choice {
                 .fold(1.0, f64::min)
                 .min(ENOUGH)
         };
-        let spots = (0..SPOTS.0 * SPOTS.1).map(spot).map(|spot| (room(&spot), spot));
+        let middle = region.centre(self.scene.table_height);
+        // Of those with as much room, the one nearest to the partition and to the middle between near and far wall.
+        let rank = |spot: &Point| {
+            let tried = self.spots_in_vain.iter().any(|other| (other - spot).norm() < 1e-6);
+            (!tried, room(spot), -(spot.y.abs() + (spot.x - middle.x).abs()))
+        };
+        let spots = (0..SPOTS.0 * SPOTS.1).map(spot).map(|spot| (rank(&spot), spot));
         let best = spots.reduce(|best, next| if next.0 > best.0 { next } else { best });
-        best.map_or(region.centre(self.scene.table_height), |(_, spot)| spot)
+        best.map_or(middle, |(_, spot)| spot)
     }
 }
 
@@ -151,6 +189,7 @@ mod tests {
             mass: 0.01,
             friction: 0.4,
             friction_finger: 0.8,
+            loose: false,
             pose: Pose::identity(),
         };
         Scene {
@@ -233,6 +272,36 @@ mod tests {
         let mut seen = seen(&[[0.0, 0.1], [0.0, -0.1]]);
         seen.objects[1].translation.vector.z = 0.0;
         assert_eq!(choice.next(&seen), None);
+    }
+
+    #[test]
+    fn what_something_lies_on_is_not_as_good_and_what_is_past_the_partition_may_fall() {
+        let mut choice = Choice::new(&scene(2), &told());
+        let mut seen = seen(&[[0.0, -0.1], [0.005, -0.1]]);
+        seen.objects[1].translation.vector.z += 0.025;
+        choice.next(&seen);
+        assert!(!choice.is_as_good(ObjectId(0), &seen), "the other one lies on it");
+        assert!(choice.is_as_good(ObjectId(1), &seen));
+        for (y, falls) in [(-0.1, false), (0.01, false), (0.1, true), (0.4, false)] {
+            seen.objects[0].translation.vector.y = y;
+            assert_eq!(choice.may_fall(ObjectId(0), &seen), falls, "{y}");
+        }
+        let own = Choice::new(&scene(2), &Briefing { destination: Destination::OwnTarget, ..told() });
+        seen.objects[0].translation.vector.y = 0.1;
+        assert!(!own.may_fall(ObjectId(0), &seen), "it has a place of its own");
+    }
+
+    #[test]
+    fn a_place_that_cannot_be_had_is_given_up_for_another_one() {
+        let mut choice = Choice::new(&scene(2), &told());
+        let seen = seen(&[[0.0, 0.3], [0.0, -0.1]]);
+        let mut spots = vec![choice.place(ObjectId(0), &seen)];
+        for _ in 0..4 {
+            choice.give_up_place(ObjectId(0), &seen);
+            let spot = choice.place(ObjectId(0), &seen);
+            assert!(!spots.contains(&spot), "{spot} was tried");
+            spots.push(spot);
+        }
     }
 
     #[test]

@@ -17,7 +17,7 @@ const MISSED_MILLIS: u64 = 900;
 const STUCK_MILLIS: u64 = 1500;
 /// After so many postures in vain another object is taken, where the person may choose.
 const GIVES_UP_AFTER: u32 = 3;
-/// Where one object is as good as another, what stays highlighted for this long instead of what is meant is taken.
+/// Where one object is as good as another, what is highlighted after this long instead of what is meant is taken.
 const SETTLES_MILLIS: u64 = 1500;
 /// A gesture that nothing answers for this long was not noticed: the arm forgot it, or waits for a relaxed hand.
 const UNNOTICED_MILLIS: u64 = 2500;
@@ -44,7 +44,7 @@ pub struct SelectingParticipant {
     correction: Vector,
     corrected_at: SimTime,
     right_since: Option<SimTime>,
-    /// Something else than what is meant has been highlighted all the while.
+    /// Something else than what is meant was highlighted then, and something has been ever since.
     wrong_since: Option<SimTime>,
     /// The planner was seen at work since WE began: what it shows is no longer the end of the motion before.
     under_way: bool,
@@ -182,16 +182,23 @@ impl SelectingParticipant {
             HandState::Closing | HandState::Closed => return Gesture::HandOpen,
         }
         // Who does not look closely takes whatever is highlighted for what is meant.
-        let right = seen.target.object == Some(block) || (self.careless && seen.target.object.is_some());
+        // Who has waited long enough for it settles for what is as good.
+        let waited = self.wrong_since.is_some_and(|since| now.millis_since(since) > SETTLES_MILLIS);
+        let will_do = |other: &ObjectId| waited && self.choice.is_as_good(*other, seen);
+        let settles_for = seen.target.object.filter(|other| *other != block).filter(will_do);
+        let right = seen.target.object == Some(block)
+            || settles_for.is_some()
+            || (self.careless && seen.target.object.is_some());
         if !right {
             self.look_away_from(now, seen, block);
         }
-        match seen.target.object.filter(|_| !right) {
-            Some(other) if now.millis_since(*self.wrong_since.get_or_insert(now)) > SETTLES_MILLIS => {
-                self.choice.settle_for(other, seen);
+        match (seen.target.object, settles_for) {
+            (_, Some(other)) if seen.target.locked => self.choice.settle_for(other, seen),
+            (Some(_), None) if !right => {
+                self.wrong_since.get_or_insert(now);
             }
-            Some(_) => {}
-            None => self.wrong_since = None,
+            (None, _) => self.wrong_since = None,
+            _ => {}
         }
         if let Some(gesture) = self.lock(now, right, seen.target.locked) {
             return gesture;
@@ -202,6 +209,12 @@ impl SelectingParticipant {
     fn place(&mut self, now: SimTime, seen: &DisplayFrame, block: ObjectId) -> Gesture {
         if self.reached {
             return Gesture::HandOpen;
+        }
+        let gets_no_further =
+            matches!(seen.planner, PlannerView::Arrived { intermediate: true } | PlannerView::Failed { .. });
+        if gets_no_further && self.under_way && self.choice.may_fall(block, seen) {
+            self.reached = true;
+            return Gesture::NoMotion;
         }
         let target = self.choice.place(block, seen);
         let error = seen.target.place.map_or(Vector::repeat(1.0), |marker| target - marker);
@@ -279,7 +292,10 @@ impl SelectingParticipant {
                 return Gesture::NoMotion;
             }
             if self.attempt.is_multiple_of(GIVES_UP_AFTER) {
-                self.choice.give_up();
+                match self.goal {
+                    Some(Goal::Place(object)) => self.choice.give_up_place(object, seen),
+                    _ => self.choice.give_up(),
+                }
             }
             self.habits.lean_to_reach(self.attempt, true);
         }

@@ -21,6 +21,7 @@ pub struct IntentStage {
     model: Arc<ArmModel>,
     grasps: GraspChoice,
     options: IntentOptions,
+    scene: Scene,
     /// The method asks what the task says.
     uses_context: bool,
     filter: GazeFilter,
@@ -105,6 +106,7 @@ impl IntentStage {
             model,
             grasps,
             options: config.intent,
+            scene: scene.clone(),
             uses_context: needs.prior,
             filter: GazeFilter::new(config, scene)?,
             unusable: false,
@@ -165,12 +167,22 @@ impl IntentStage {
         centre.unwrap_or_else(|| Point::from(self.model.widest_grasp().centre))
     }
 
+    /// It is in a heap with another on it: who takes from a heap takes from its top.
+    fn is_buried(&self, object: ObjectId, world: &PlantState) -> bool {
+        let centre = |id: ObjectId| world.objects[id.index()].pose.translation.vector;
+        self.scene.objects[object.index()].loose && self.scene.is_covered(object, centre)
+    }
+
     fn candidates(&self, input: &IntentInput<'_>, kinematics: &mut dyn ArmKinematics) -> Candidates {
         let IntentInput { world, task, .. } = input;
         let tip = kinematics.forward(&world.position[..self.model.arm_count()]).ok();
         Candidates {
             centres: object_centres(world),
-            pickable: (0..world.objects.len()).map(|k| task.candidates.contains(ObjectId::new(k))).collect(),
+            pickable: self
+                .scene
+                .ids()
+                .map(|id| task.candidates.contains(id) && !self.is_buried(id, world))
+                .collect(),
             context: Some(self.context(task, world.objects.len())),
             tip: tip.map(|base_from_tip| world.world_from_base * base_from_tip * self.centre(world)),
         }
