@@ -12,6 +12,7 @@ import time
 
 import gymnasium
 import numpy as np
+
 import proact  # noqa: F401 - it registers its environments
 
 STEPS = 400

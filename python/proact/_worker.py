@@ -25,6 +25,7 @@ class Worker:
     def _serve(self) -> None:
         while (question := self._questions.get()) is not None:
             number, text = question
+            answer: tuple[Optional[str], Optional[str]]
             try:
                 answer = (self._function(text), None)
             except BaseException as error:  # noqa: BLE001 - whatever it is, the arm must hold

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Optional, Sequence, Union
+from typing import Any, Optional, Union
 
 import numpy as np
 
@@ -18,7 +19,7 @@ Scene = Union[str, Sequence[dict]]
 @dataclass(frozen=True)
 class Plan:
     """``status``: ``ok``, ``intermediate`` (it ends on the way), or why there is none: ``no_plan``, ``unreachable``,
-    ``start_in_collision``, ``goal_in_collision``, ``invalid``. ``path``: shape (p, n), rad. ``times``: shape (p,), s. ``reason``: a sentence
+    ``start_in_collision``, ``goal_in_collision``, ``invalid``. ``path``: shape (p, n), rad. ``times``: shape (p,), s. ``reason``: why,
     where there is no full plan."""
 
     status: str
@@ -102,6 +103,7 @@ class Arm:
         Deterministic for ``seed``. No plan is an answer, not an error.
         """
         target = np.asarray(goal, dtype=np.float64)
+        where: dict[str, Any]
         if target.shape == (4, 4):
             where = {"goal_pose": _pose("goal", target)}
         else:

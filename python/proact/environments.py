@@ -10,6 +10,7 @@ import numpy as np
 
 from . import _proact
 
+_MISSING: ImportError | None = None
 try:
     # Not by `gymnasium` itself: it may be loading its plugins, of which this is one.
     from gymnasium import spaces
@@ -17,9 +18,8 @@ try:
     from gymnasium.envs.registration import register as _register
     from gymnasium.envs.registration import registry
 except ImportError as error:  # The rest of the package does without.
-    Env, _MISSING = object, error
-else:
-    _MISSING = None
+    Env = object  # type: ignore[assignment,misc]
+    _MISSING = error
 
 #: Environments and the tasks that they begin with.
 TASKS = {
@@ -49,9 +49,7 @@ def register() -> None:
     for name, task in TASKS.items():
         identifier = f"proact/{name}"
         if identifier not in registry:
-            _register(
-                identifier, entry_point="proact.environments:ProactEnv", kwargs={"task": task}
-            )
+            _register(identifier, entry_point="proact.environments:ProactEnv", kwargs={"task": task})
 
 
 class ProactEnv(Env):
@@ -125,7 +123,7 @@ class ProactEnv(Env):
         self.render_mode = render_mode
         self._picture = (*render_size, render_view == "overhead")
         self.metadata = {**self.metadata, "render_fps": 1000 / max(period_ms, 1)}
-        self._choice = {
+        self._choice: dict[str, Any] = {
             "task": task,
             "arm": arm,
             "method": method or _METHODS.get(action),
@@ -134,7 +132,7 @@ class ProactEnv(Env):
             "limit_secs": limit_secs,
             "settings": list(settings),
         }
-        self._how = {
+        self._how: dict[str, Any] = {
             "action": action,
             "observation": observation,
             "reward": reward,
@@ -151,9 +149,9 @@ class ProactEnv(Env):
         self.action_choices: list[list[str]] | None = trial.action_choices
         self.action_names: list[str] | None = trial.action_names
         size = len(self.observation_names)
-        self.observation_space = spaces.Box(-np.inf, np.inf, (size,), np.float64)
+        self.observation_space = spaces.Box(-np.inf, np.inf, (size,), dtype=np.float64)  # type: ignore[arg-type]
         if self.action_choices is None:
-            self.action_space = spaces.Box(-1.0, 1.0, (len(self.action_names),), np.float64)
+            self.action_space = spaces.Box(-1.0, 1.0, (len(self.action_names or ()),), dtype=np.float64)  # type: ignore[arg-type]
         elif len(self.action_choices) == 1:
             self.action_space = spaces.Discrete(len(self.action_choices[0]))
         else:

@@ -83,12 +83,21 @@ class Recording:
     def joints(self) -> pandas.DataFrame:
         """Columns ``position``, ``velocity``, ``effort``, ``target``, each with one column a joint."""
         parts = {"position": self.position, "velocity": self.velocity, "effort": self.effort, "target": self.target}
-        return _table(self.times, {(part, name): values[:, index] for part, values in parts.items() for index, name in enumerate(self.joint_names)})
+        return _table(
+            self.times, {(part, name): values[:, index] for part, values in parts.items() for index, name in enumerate(self.joint_names)}
+        )
 
     @cached_property
     def objects(self) -> pandas.DataFrame:
         """For each object the columns x, y, z (m) and qx, qy, qz, qw."""
-        return _table(self.times, {(name, part): self.object_poses[:, index, place] for index, name in enumerate(self.object_names) for place, part in enumerate(_POSE)})
+        return _table(
+            self.times,
+            {
+                (name, part): self.object_poses[:, index, place]
+                for index, name in enumerate(self.object_names)
+                for place, part in enumerate(_POSE)
+            },
+        )
 
     @cached_property
     def hand(self) -> pandas.DataFrame:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import statistics
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, Callable, Iterable, Optional, Union
+from typing import Any, Callable, Optional, Union
 
 import numpy as np
 
@@ -78,9 +79,7 @@ def run_trial(
         python["model"] = _proact.outside_model(emg, seed)
     place = None if record is None else Path(record)
     try:
-        return json.loads(
-            _proact.run_trial(choice, python, emg=emg, gaze_error_deg=gaze_error_deg, record=place)
-        )
+        return json.loads(_proact.run_trial(choice, python, emg=emg, gaze_error_deg=gaze_error_deg, record=place))
     finally:
         for one in workers:
             one.close()

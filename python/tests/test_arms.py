@@ -1,8 +1,9 @@
 """Kinematics, dynamics and plans: the laws that tie them together, and what is refused."""
 
 import numpy as np
-import proact
 import pytest
+
+import proact
 
 
 @pytest.fixture(scope="module", params=["mpl_right", "mpl_left"])

@@ -5,9 +5,10 @@ from pathlib import Path
 
 import gymnasium
 import numpy as np
-import proact
 import pytest
 from gymnasium.utils.env_checker import check_env
+
+import proact
 
 LEVELS = ["gesture", "selection", "joint_speed", "end_effector_speed"]
 
@@ -137,9 +138,7 @@ def test_a_task_that_is_done_terminates_and_a_step_after_it_is_refused(tmp_path)
 
 def test_processes_side_by_side_give_the_digests_of_single_ones():
     how = {"limit_secs": 1.0, "action": "joint_speed"}
-    envs = gymnasium.make_vec(
-        "proact/ModifiedBoxAndBlocks-v0", num_envs=2, vectorization_mode="async", **how
-    )
+    envs = gymnasium.make_vec("proact/ModifiedBoxAndBlocks-v0", num_envs=2, vectorization_mode="async", **how)
     try:
         envs.reset(seed=[11, 12])
         action = np.zeros((2, 8))

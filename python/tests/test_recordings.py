@@ -3,8 +3,9 @@
 import json
 
 import numpy as np
-import proact
 import pytest
+
+import proact
 
 
 @pytest.fixture(scope="module")

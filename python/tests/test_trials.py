@@ -4,8 +4,9 @@ import json
 import time
 
 import numpy as np
-import proact
 import pytest
+
+import proact
 
 
 class Elbow(proact.ControlMethod):
@@ -163,7 +164,6 @@ def test_a_method_that_never_returns_does_not_hold_the_trial_up():
     def loops(seen):
         while not stop:
             pass
-        return None
 
     result = run(Fails(loops), patience_secs=0.02, limit_secs=2.2)
     stop.append(True)
