@@ -200,3 +200,9 @@ def test_an_action_that_is_none_is_refused_and_the_trial_goes_on(action, words):
     with pytest.raises(ValueError, match=words):
         env.step(action)
     env.step(np.zeros(8))
+
+
+def test_there_is_an_environment_for_each_task_that_ships():
+    data = Path(__file__).parents[2] / "rust/tasks/data"
+    shipped = {path.stem for path in data.glob("*.toml") if "\nrules = " in path.read_text()}
+    assert len(shipped) >= 10 and shipped == set(proact.TASKS.values())
