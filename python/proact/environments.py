@@ -12,7 +12,6 @@ from . import _proact
 
 _MISSING: ImportError | None = None
 try:
-    # Not by `gymnasium` itself: it may be loading its plugins, of which this is one.
     from gymnasium import spaces
     from gymnasium.core import Env
     from gymnasium.envs.registration import register as _register
