@@ -6,7 +6,7 @@
 # the reason as its last line); anything else is a failure. One failing lane does not keep the others from running.
 
 short_lanes="format shell docker web lint cpp rust launcher trial fuzz kill study page rosbridge ros"
-long_lanes="deny fuzz_long seeds planning sanitizers valgrind soak speeds kill_long study_long slurm statistics faults soak_serve debootstrap focal image pages ros_long ros_safety lsl emg_people"
+long_lanes="deny fuzz_long seeds planning sanitizers valgrind soak speeds kill_long study_long slurm statistics faults soak_serve debootstrap focal image pages ros_long ros_safety lsl emg_people python"
 
 # A ROS 1 graph with Debian's own clients, the catkin workspace, rviz on a virtual display.
 ros_test_packages="ros-base python3-roslaunch python3-rosbag python3-rostopic python3-rosnode python3-rosservice
@@ -20,7 +20,7 @@ xauth libgl1-mesa-dri imagemagick cmake make python3-websocket"
 packages_of() {
     case $1 in
     shell) echo shellcheck ;;
-    docker) echo python3 python3-venv ;;
+    docker | python) echo python3 python3-venv ;;
     cpp | sanitizers) echo cmake ;;
     valgrind) echo cmake valgrind ;;
     rust) echo python3 ;;
@@ -153,6 +153,26 @@ lane_lsl() {
     build_web && run_cargo clippy --release --locked -p proact-cli --features ble,lsl --all-targets -- -D warnings &&
         run_cargo test --release --locked -p proact-devices --features lsl --lib lab_streaming &&
         run_cargo test --release --locked -p proact-cli --features lsl --test emg_lsl
+}
+
+# The Python module, installed as a user does, with its tests and notebooks. PROACT_PYTHON names another interpreter, 3.9 or later.
+lane_python() {
+    venv=$root/build/python
+    rm -rf "$venv"
+    build_web && "${PROACT_PYTHON:-/usr/bin/python3}" -m venv "$venv" || return 1
+    # What cannot be fetched is no fault of the module.
+    if ! "$venv/bin/python3" -m pip --disable-pip-version-check download --quiet --no-deps --dest "$venv/fetched" 'maturin>=1.5,<2'; then
+        echo "skipped: maturin, which builds the module, cannot be fetched from PyPI"
+        return 77
+    fi
+    # maturin takes the cargo that it finds.
+    PATH="$(dirname "$(command -v "${cargo:-cargo}")"):$PATH" \
+        "$venv/bin/python3" -m pip --disable-pip-version-check install --quiet "$root/python[test]" ruff==0.17.6 mypy==2.4.1 &&
+        (cd "$root/python" && "$venv/bin/ruff" check --no-cache . && "$venv/bin/ruff" format --no-cache --check . &&
+            "$venv/bin/mypy" --cache-dir /dev/null) &&
+        (cd "$root/python" && MPLBACKEND=agg "$venv/bin/python3" -m pytest -p no:cacheprovider tests) &&
+        "$venv/bin/python3" -m pip --disable-pip-version-check --quiet uninstall --yes gymnasium pandas &&
+        (cd "$venv" && "$venv/bin/python3" -c 'import proact; print(proact.run_trial("A", limit_secs=1.0)["digest"])')
 }
 
 lane_launcher() {

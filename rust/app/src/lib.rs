@@ -7,6 +7,7 @@
 #![allow(clippy::disallowed_methods)] // Here are the clock, the threads and the files that stages lack.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+pub mod agent;
 pub mod analysis;
 mod arm;
 mod armband;
@@ -45,6 +46,7 @@ mod recorded_bodies;
 mod registry;
 mod replay;
 mod result_card;
+mod retrace;
 #[cfg(feature = "ros")]
 mod ros_bus;
 mod ros_capture;
@@ -92,6 +94,7 @@ pub use recorded_bodies::{RecordedBodies, RecordedBodyError, timed as recorded_p
 pub use registry::Registry;
 pub use replay::{OtherVersions, Replanned, ReplayOptions, Replayed, replay_trial};
 pub use result_card::{ResultCards, WristPath};
+pub use retrace::{Retraced, retrace};
 pub use ros_capture::ROS_SCHEMES;
 #[cfg(feature = "ros")]
 pub use rosbridge::relay;

@@ -170,7 +170,7 @@ fn no_rotation() -> [f64; 4] {
 }
 
 /// Who answers: the arm, and a planner from the first question that needs one.
-struct QueryHandler {
+pub struct QueryHandler {
     model: Arc<ArmModel>,
     kinematics: Kinematics,
     planner: Option<ArmPlanner>,
@@ -187,11 +187,23 @@ impl QueryHandler {
             let tip = options.tip.as_ref().unwrap_or(&model.links[model.tip].name);
             model = proact_description::select_chain(&model, base, tip)?;
         }
+        Self::of(model)
+    }
+
+    /// Who answers for the arm `model`.
+    ///
+    /// # Errors
+    /// An arm that the kinematics does not take.
+    pub fn of(model: ArmModel) -> Result<Self, QueryError> {
         let kinematics = Kinematics::new(&model)?;
         Ok(Self { model: Arc::new(model), kinematics, planner: None })
     }
 
-    fn answer(&mut self, line: &[u8]) -> Result<Value, String> {
+    /// The answer to a question, one JSON object.
+    ///
+    /// # Errors
+    /// What is wrong with the question, as the stream of answers has it under `error`.
+    pub fn answer(&mut self, line: &[u8]) -> Result<Value, String> {
         let object: serde_json::Map<String, Value> = serde_json::from_slice(line).map_err(|error| {
             format!(
                 "{error}; expected one JSON object such as {{\"op\": \"fk\", \"q\": [0, 0, 0, 0, 0, 0, 0]}}"

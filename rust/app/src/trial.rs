@@ -1,5 +1,9 @@
 //! Putting a trial together: which library does what.
 
+mod own_parts;
+
+pub use own_parts::{EmgOf, OwnParts, simulated_by};
+
 use crate::{
     arm::{Arm, ArmError},
     method_process, tell,

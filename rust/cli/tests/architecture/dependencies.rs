@@ -1,5 +1,5 @@
 //! The dependency rule: types <- arm <- logic <- testbed <- (native, devices, recording, rosbridge, bridge, ros) <- app
-//! <- (bench, fuzz) <- cli.
+//! <- (bench, fuzz, python) <- cli.
 
 use crate::workspace::{Kind, Workspace, load};
 
@@ -63,7 +63,7 @@ fn layer(package: &str) -> Option<u8> {
         "proact-description" | "proact-kinematics" | "proact-planning" | "proact-dynamics"
         | "proact-devices" | "proact-recording" | "proact-rosbridge" | "proact-bridge" | "proact-ros" => 4,
         "proact-app" => 5,
-        "proact-bench" | "proact-fuzz" => 6,
+        "proact-bench" | "proact-fuzz" | "proact-python" => 6,
         "proact-cli" => 7,
         _ => return None,
     })

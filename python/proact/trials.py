@@ -1,0 +1,142 @@
+"""Whole trials, with methods, participants and classifiers in Python, and their replay."""
+
+from __future__ import annotations
+
+import json
+import statistics
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, Callable, Optional, Union
+
+import numpy as np
+
+from . import _proact
+from ._worker import Worker
+from .parts import ControlMethod, Participant, classifier_function
+
+
+def run_trial(
+    method: Union[str, ControlMethod, None] = None,
+    *,
+    task: Optional[str] = None,
+    arm: Optional[str] = None,
+    setup: str = "seated",
+    profile: Optional[str] = None,
+    seed: int = 1,
+    limit_secs: Optional[float] = None,
+    settings: Iterable[str] = (),
+    participant: Optional[Participant] = None,
+    classifier: Any = None,
+    emg: Optional[str] = "synthetic",
+    gaze_error_deg: float = 1.5,
+    patience_secs: float = 10.0,
+    record: Union[str, Path, None] = None,
+) -> dict[str, Any]:
+    """Runs a trial to its end, as fast as the machine allows: the result, as ``proact demo --headless --json`` has it.
+
+    method: a name (``A`` to ``D``), the file of an outside one, or a ``ControlMethod``. ``D`` unless given.
+    participant: a ``Participant``; the simulated one unless given. classifier: a ``Classifier``, or anything with ``fit`` and
+    ``predict_proba``: it is trained on the trial's EMG first. emg: ``synthetic``, a folder of recordings, or None: gestures of a
+    ``participant`` are then taken directly. gaze_error_deg: error of the eye tracker of a ``participant``, degrees.
+    patience_secs: a Python part that takes longer on the clock has not answered: the arm holds.
+    record: a folder for the record; none is made unless given. ``replay`` needs no Python.
+
+    Beside the keys of a result: ``faults``, what went wrong in Python, each once, and ``reasons``, why the arm held, as displayed.
+
+    Deterministic for ``seed`` as far as the Python parts are. Raises ValueError for what cannot be, in the testbed's words.
+    """
+    workers: list[Worker] = []
+
+    def worker(function: Callable[[str], str]) -> Worker:
+        workers.append(Worker(function))
+        return workers[-1]
+
+    choice = _choice(method if isinstance(method, str) else None, task, arm, setup, profile, seed, limit_secs, settings)
+    python: dict[str, Any] = {
+        "method_info": None,
+        "method": None,
+        "participant": None,
+        "classifier": None,
+        "model": None,
+        "patience_secs": float(patience_secs),
+    }
+    if isinstance(method, ControlMethod):
+        method.begin()
+        python["method_info"] = method._info()
+        python["method"] = worker(method._ask)
+    elif not (method is None or isinstance(method, str)):
+        raise TypeError(f"method is a {type(method).__name__}, expected a name or a proact.ControlMethod")
+    if participant is not None:
+        participant.begin()
+        python["participant"] = worker(participant._ask)
+    if classifier is not None:
+        if emg is None:
+            raise ValueError("a classifier needs EMG: give emg='synthetic' or a folder of recordings")
+        features, labels = training_windows(emg, seed=seed)
+        classifier.fit(features, labels)
+        gestures = sorted(set(labels.tolist()))
+        python["classifier"] = worker(classifier_function(classifier, gestures))
+        python["model"] = _proact.outside_model(emg, seed)
+    place = None if record is None else Path(record)
+    try:
+        return json.loads(_proact.run_trial(choice, python, emg=emg, gaze_error_deg=gaze_error_deg, record=place))
+    finally:
+        for one in workers:
+            one.close()
+
+
+def _choice(method, task, arm, setup, profile, seed, limit_secs, settings) -> dict[str, Any]:
+    return {
+        "task": task,
+        "arm": arm,
+        "method": method,
+        "setup": setup,
+        "profile": profile,
+        "seed": int(seed),
+        "limit_secs": limit_secs,
+        "settings": list(settings),
+    }
+
+
+def compare(
+    methods: Iterable[Union[str, ControlMethod]],
+    seeds: Iterable[int] = range(1, 6),
+    **how: Any,
+) -> dict[str, dict[str, Any]]:
+    """Each method in one trial a seed, with the same seeds for all: a summary a method, in their order.
+
+    how: as ``run_trial``. Each summary has ``mean``, ``sd`` (None for one trial), ``min``, ``max``, ``median``, ``trials`` of the score,
+    ``score_name``, and ``results``, the results of its trials. Trials of simulated participants are no evidence about people.
+    """
+    seeds = list(seeds)
+    summaries = {}
+    for method in methods:
+        results = [run_trial(method, seed=seed, **how) for seed in seeds]
+        scores = [result["score"] for result in results]
+        name = results[0]["method"]
+        if name in summaries:
+            raise ValueError(f"two methods are called {name!r}: give one of them another name")
+        summaries[name] = {
+            "mean": statistics.mean(scores),
+            "sd": statistics.stdev(scores) if len(scores) > 1 else None,
+            "min": min(scores),
+            "max": max(scores),
+            "median": statistics.median(scores),
+            "trials": len(scores),
+            "score_name": results[0]["score_name"],
+            "results": results,
+        }
+    return summaries
+
+
+def replay(record: Union[str, Path]) -> dict[str, Any]:
+    """Recomputes a recorded trial: ``agrees``, ``digest``, ``recorded`` (the record's digest), ``finished``, ``seconds``, and
+    ``divergence`` where the two part. Python parts are not needed: what they answered is in the record."""
+    return json.loads(_proact.replay(Path(record)))
+
+
+def training_windows(emg: str = "synthetic", *, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:
+    """What a classifier of a trial with this EMG and seed is trained on: features, shape (windows, f), and the names of the
+    gestures, shape (windows,)."""
+    features, labels = _proact.training_windows(emg, int(seed))
+    return features, np.array(labels)

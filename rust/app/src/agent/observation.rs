@@ -1,0 +1,207 @@
+//! What a program observes: what is displayed to a person, or that and the state behind it.
+
+use super::reward::grasp_centre;
+use proact_testbed::{ConfigError, Session};
+use proact_types::{
+    DisplayFrame, Gesture, HandState, Moves, ObjectId, PlannerView, Point, Pose, TaskGoal, Vector,
+};
+use std::str::FromStr;
+
+/// What is observed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ObservationKind {
+    /// The newest instant that was displayed, at 60 Hz: what a person in the trial could see.
+    Display,
+    /// The same, and the state of the physics at the end of the step: speeds, torques, forces, what the hand grips.
+    Privileged,
+}
+
+impl FromStr for ObservationKind {
+    type Err = ConfigError;
+
+    fn from_str(name: &str) -> Result<Self, ConfigError> {
+        match name {
+            "display" => Ok(Self::Display),
+            "privileged" => Ok(Self::Privileged),
+            _ => {
+                let (key, got) = ("observation", format!("{name:?}"));
+                Err(ConfigError::Value { key, got, expected: "display or privileged" })
+            }
+        }
+    }
+}
+
+/// Writes observations: always the same numbers in the same order.
+pub(super) struct Observer {
+    kind: ObservationKind,
+    joints: Vec<String>,
+    objects: Vec<String>,
+    names: Vec<String>,
+}
+
+impl Observer {
+    pub(super) fn new(kind: ObservationKind, session: &Session, frame: &DisplayFrame) -> Self {
+        let testbed = session.testbed();
+        let model = testbed.model();
+        let scene = testbed.task().scene();
+        let joints = model.moving().map(|joint| model.joints[joint].name.clone()).collect();
+        let objects = scene.ids().map(|object| scene.name(object)).collect();
+        let mut observer = Self { kind, joints, objects, names: Vec::new() };
+        let mut names = Names(Vec::new());
+        observer.visit(session, frame, &mut names);
+        observer.names = names.0;
+        observer
+    }
+
+    pub(super) fn names(&self) -> &[String] {
+        &self.names
+    }
+
+    pub(super) fn write(&self, session: &Session, frame: &DisplayFrame, out: &mut [f64]) {
+        assert_eq!(out.len(), self.names.len(), "one number for each name");
+        let mut values = Values { out, next: 0 };
+        self.visit(session, frame, &mut values);
+    }
+
+    /// Puts name and value of each number, in their order. The one list of what is observed.
+    fn visit(&self, session: &Session, frame: &DisplayFrame, to: &mut impl Sink) {
+        let model = session.testbed().model();
+        let arm = model.arm_count();
+        to.put(&["time_left_secs"], frame.time_left_secs);
+        to.put(&["score"], f64::from(frame.score));
+        for (name, angle) in self.joints.iter().zip(&frame.joints) {
+            to.put(&["joint_angle", name], *angle);
+        }
+        to.pose("base", &frame.world_from_base);
+        to.pose("tip", &frame.world_from_tip);
+        to.point("grasp_centre", &(frame.world_from_tip * Point::from(model.widest_grasp().centre)));
+        for (name, state) in HAND_STATES {
+            to.flag(&["hand", name], frame.hand.state == state);
+        }
+        let is =
+            |object: Option<ObjectId>, index: usize| object.is_some_and(|object| object.index() == index);
+        for (index, (name, pose)) in self.objects.iter().zip(&frame.objects).enumerate() {
+            to.pose(name, pose);
+            to.flag(&[name, "held"], is(frame.hand.holds, index));
+            to.flag(&[name, "next"], is(frame.next, index));
+            to.flag(&[name, "highlighted"], is(frame.target.object, index));
+        }
+        let asked = frame.asked.as_ref();
+        let (centre, radius) = match asked {
+            Some(TaskGoal::Disc { centre, radius } | TaskGoal::Ball { centre, radius }) => (*centre, *radius),
+            Some(TaskGoal::Posture { .. }) | None => (Point::origin(), 0.0),
+        };
+        to.point("asked", &centre);
+        to.put(&["asked", "radius"], radius);
+        for (index, name) in self.joints[..arm].iter().enumerate() {
+            let goal = match asked {
+                Some(TaskGoal::Posture { joints }) => {
+                    joints.iter().find(|goal| usize::from(goal.joint) == index)
+                }
+                _ => None,
+            };
+            to.flag(&["asked", name, "counts"], goal.is_some());
+            to.put(&["asked", name, "angle"], goal.map_or(0.0, |goal| goal.angle));
+        }
+        to.flag(&["place", "shown"], frame.target.place.is_some());
+        to.point("place", &frame.target.place.unwrap_or_else(Point::origin));
+        to.flag(&["locked"], frame.target.locked);
+        for gesture in Gesture::ALL {
+            to.flag(&["gesture", gesture.ros_name()], frame.gesture == gesture);
+        }
+        let moves = frame.mode.as_ref().map(|mode| mode.moves);
+        let joint = |joint: usize| u8::try_from(joint).map(Moves::Joint).ok();
+        for (index, name) in self.joints[..arm].iter().map(String::as_str).chain(["hand"]).enumerate() {
+            to.flag(&["moves", name], moves.is_some() && moves == joint(index));
+        }
+        for (axis, name) in (0..).zip(["x", "y", "z"]) {
+            to.flag(&["moves", "linear", name], moves == Some(Moves::Translation(axis)));
+            to.flag(&["moves", "angular", name], moves == Some(Moves::Rotation(axis)));
+        }
+        to.flag(&["planner", "planning"], matches!(frame.planner, PlannerView::Planning));
+        to.flag(&["planner", "executing"], matches!(frame.planner, PlannerView::Executing { .. }));
+        to.flag(&["planner", "arrived"], matches!(frame.planner, PlannerView::Arrived { .. }));
+        to.flag(&["planner", "failed"], matches!(frame.planner, PlannerView::Failed { .. }));
+        to.flag(&["stopped"], frame.stop.is_some());
+        if self.kind == ObservationKind::Privileged {
+            self.visit_state(session, to);
+        }
+    }
+
+    fn visit_state(&self, session: &Session, to: &mut impl Sink) {
+        let testbed = session.testbed();
+        let (model, world) = (testbed.model(), testbed.plant().state());
+        for (index, name) in self.joints.iter().enumerate() {
+            to.put(&["state", "position", name], world.position[index]);
+            to.put(&["state", "velocity", name], world.velocity[index]);
+            to.put(&["state", "effort", name], world.effort[index]);
+            to.put(&["state", "target", name], testbed.targets()[index]);
+        }
+        to.point("state.grasp_centre", &grasp_centre(session, model));
+        for (index, (name, body)) in self.objects.iter().zip(&world.objects).enumerate() {
+            to.vector(&["state", name, "position"], &body.pose.translation.vector);
+            to.vector(&["state", name, "linear"], &body.linear);
+            to.vector(&["state", name, "angular"], &body.angular);
+            to.flag(&["state", name, "attached"], world.attached.is_some_and(|(held, _)| held == index));
+            let force =
+                world.contacts.iter().filter(|contact| contact.object == index).map(|contact| contact.force);
+            to.put(&["state", name, "force"], force.sum());
+        }
+    }
+}
+
+const HAND_STATES: [(&str, HandState); 4] = [
+    ("open", HandState::Open),
+    ("closing", HandState::Closing),
+    ("closed", HandState::Closed),
+    ("opening", HandState::Opening),
+];
+
+/// Takes the numbers one after the other. Names are in parts, so that values alone need no memory.
+trait Sink {
+    fn put(&mut self, name: &[&str], value: f64);
+
+    fn flag(&mut self, name: &[&str], is: bool) {
+        self.put(name, f64::from(u8::from(is)));
+    }
+
+    fn vector(&mut self, name: &[&str], vector: &Vector) {
+        let mut parts = [""; 4];
+        parts[..name.len()].copy_from_slice(name);
+        for (axis, value) in ["x", "y", "z"].into_iter().zip(vector.iter()) {
+            parts[name.len()] = axis;
+            self.put(&parts[..=name.len()], *value);
+        }
+    }
+
+    fn point(&mut self, name: &str, point: &Point) {
+        self.vector(&[name], &point.coords);
+    }
+
+    fn pose(&mut self, name: &str, pose: &Pose) {
+        self.vector(&[name], &pose.translation.vector);
+        for (part, value) in ["qx", "qy", "qz", "qw"].into_iter().zip(pose.rotation.coords.iter()) {
+            self.put(&[name, part], *value);
+        }
+    }
+}
+
+struct Names(Vec<String>);
+
+impl Sink for Names {
+    fn put(&mut self, name: &[&str], _value: f64) {
+        self.0.push(name.join("."));
+    }
+}
+
+struct Values<'a> {
+    out: &'a mut [f64],
+    next: usize,
+}
+
+impl Sink for Values<'_> {
+    fn put(&mut self, _name: &[&str], value: f64) {
+        self.out[self.next] = value;
+        self.next += 1;
+    }
+}

@@ -1,0 +1,70 @@
+//! A simulated trial with parts that the calling program brings in its own process.
+
+use super::{Assembly, AssemblyError, decoder, physics, planner, process, simulated_person, testbed_around};
+use crate::Arm;
+use proact_control::{MethodRegistry, ports::MethodProcess};
+use proact_devices::{EmgOrigin, GazeSource};
+use proact_emg::{DecoderProcess, EmgModel};
+use proact_participants::Participant;
+use proact_testbed::{ConfigError, PersonParts, Session, TrialConfig};
+
+/// Parts of a simulated trial that a program brings itself, in its own process. What they answer is input of the trial and
+/// goes into its record, so that a replay needs none of them.
+#[derive(Default)]
+pub struct OwnParts {
+    /// Acts in the place of the simulated participant.
+    pub participant: Option<Box<dyn Participant>>,
+    /// Answers for an outside method in the place of its program.
+    pub method: Option<Box<dyn MethodProcess>>,
+    /// Decodes EMG in the place of the program that the configuration names.
+    pub decoder: Option<Box<dyn DecoderProcess>>,
+}
+
+/// Where the EMG of a trial comes from, and the model that was trained before, if one is given.
+#[derive(Clone, Copy)]
+pub struct EmgOf<'a> {
+    /// Its stream.
+    pub origin: &'a EmgOrigin,
+    /// Its model; without one it is trained on the spot.
+    pub trained: Option<&'a EmgModel>,
+}
+
+/// [`simulated_with`](super::simulated_with) with parts of the caller's `own`. Without `emg` the gestures are given directly,
+/// as by keys. The eye tracker of a participant of one's own is off by `gaze_error_deg`, degrees.
+///
+/// # Errors
+/// [`AssemblyError`]; neither EMG nor a participant of one's own.
+pub fn simulated_by(
+    methods: &MethodRegistry,
+    arm: &Arm,
+    mut config: TrialConfig,
+    emg: Option<EmgOf<'_>>,
+    gaze_error_deg: f64,
+    own: OwnParts,
+) -> Result<Assembly, AssemblyError> {
+    let (mut parts, classifier) = match emg {
+        Some(EmgOf { origin, trained }) => {
+            let person = simulated_person(methods, arm, &mut config, origin, trained)?;
+            (person.parts, Some(person.classifier))
+        }
+        None if own.participant.is_none() => {
+            return Err(
+                ConfigError::NoPart { key: "emg = none", why: "nobody gives gestures without it" }.into()
+            );
+        }
+        None => (PersonParts::default(), None),
+    };
+    if own.participant.is_some() {
+        // Who acts is not the participant of the configuration, whose habits would be recorded as if they had a part.
+        (parts.participant, config.participant) = (own.participant, None);
+        parts.gaze = Some(Box::new(GazeSource::new(gaze_error_deg, config.seed)?));
+    }
+    let worker = planner(arm.model(), &config)?;
+    let plans = worker.log();
+    let method = own.method.map_or_else(|| process(methods, &config, arm.model()), |own| Ok(Some(own)))?;
+    let decoder = own.decoder.map_or_else(|| decoder(&config, classifier.as_ref()), |own| Ok(Some(own)))?;
+    let plan_service = Box::new(worker);
+    let testbed = testbed_around(methods, arm, config, plan_service, classifier.clone(), method, physics)?;
+    let session = Session::new(testbed.with_decoder(decoder), parts);
+    Ok(Assembly { session, classifier, arm: arm.clone(), plans })
+}
