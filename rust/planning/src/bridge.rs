@@ -173,6 +173,9 @@ pub(crate) mod ffi {
         fn collisions(scene: Pin<&mut Scene>, q: &[f64], all_links: bool) -> Result<Vec<ContactRow>>;
         fn is_free(scene: Pin<&mut Scene>, q: &[f64]) -> Result<bool>;
         fn motion_is_free(scene: Pin<&mut Scene>, a: &[f64], b: &[f64], search: &SearchRow) -> Result<bool>;
+        /// States stand one after the other, a row of arm angles each.
+        fn path_is_free(scene: Pin<&mut Scene>, states: &[f64], search: &SearchRow) -> Result<bool>;
+        fn states_are_free(scene: Pin<&mut Scene>, states: &[f64]) -> Result<bool>;
         /// The roadmap may be null.
         fn plan_joint(
             scene: Pin<&mut Scene>,

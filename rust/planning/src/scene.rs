@@ -216,6 +216,42 @@ impl CollisionScene {
         Ok(ffi::motion_is_free(self.inner.pin_mut(), a, b, &row)?)
     }
 
+    /// True if nothing touches on the straight joint motions that join `states`, one after the other, states included.
+    ///
+    /// # Errors
+    /// Wrong length or a value that is not finite.
+    pub fn path_is_free<'a>(
+        &mut self,
+        states: impl IntoIterator<Item = &'a [f64]>,
+        limits: &SearchLimits,
+    ) -> Result<bool, PlanningError> {
+        let flat = self.rows(states)?;
+        let row = search_row(PlannerName::default(), &NO_PARAMETERS, 0, limits);
+        Ok(ffi::path_is_free(self.inner.pin_mut(), &flat, &row)?)
+    }
+
+    /// True if [`CollisionScene::is_free`] holds for each of `states`, which lie close to their neighbours: then one
+    /// question settles many.
+    ///
+    /// # Errors
+    /// Wrong length or a value that is not finite.
+    pub fn states_are_free<'a>(
+        &mut self,
+        states: impl IntoIterator<Item = &'a [f64]>,
+    ) -> Result<bool, PlanningError> {
+        let flat = self.rows(states)?;
+        Ok(ffi::states_are_free(self.inner.pin_mut(), &flat)?)
+    }
+
+    fn rows<'a>(&self, states: impl IntoIterator<Item = &'a [f64]>) -> Result<Vec<f64>, PlanningError> {
+        let mut flat = Vec::new();
+        for state in states {
+            check("arm angles", state, self.joint_count)?;
+            flat.extend_from_slice(state);
+        }
+        Ok(flat)
+    }
+
     /// A free path from `start` to one of `goals` by RRTConnect. Equal scenes, vectors and seeds give equal
     /// outcomes, whatever runs in other threads.
     ///
