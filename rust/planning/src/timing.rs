@@ -98,8 +98,8 @@ impl Curve {
         let s = u - span as f64;
         let [a, b, c, d] = weights(s, 1.0 - s);
         let points = &self.control[span..span + 4];
-        for k in 0..points[0].len() {
-            add(a * points[0][k] + b * points[1][k] + c * points[2][k] + d * points[3][k]);
+        for (k, first) in points[0].iter().enumerate() {
+            add(a * first + b * points[1][k] + c * points[2][k] + d * points[3][k]);
         }
     }
 
