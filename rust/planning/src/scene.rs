@@ -1,12 +1,12 @@
 //! The safe side of the bridge: a collision scene and the search in it.
 
-use crate::bridge::ffi;
+use crate::bridge::{ffi, pose_row, shape_row};
 use crate::error::{PlanningError, check};
 use crate::search::{CancelFlag, MeshObstacle, PlainOutcome, Roadmap, SearchEffort, SearchOutcome};
 use crate::state_check::StateCheck;
 use crate::{PlannerName, SearchLimits};
 use proact_arm::{ArmModel, JointKind};
-use proact_types::{AttachedObject, Obstacle, Pose, Shape};
+use proact_types::{AttachedObject, Obstacle, Pose};
 use std::collections::BTreeMap;
 
 /// A planner as OMPL sets it up.
@@ -453,21 +453,6 @@ impl CollisionScene {
             cpu_secs: row.cpu_secs,
         })
     }
-}
-
-fn pose_row(pose: &Pose) -> [f64; 7] {
-    let (p, r) = (&pose.translation, &pose.rotation);
-    [p.x, p.y, p.z, r.i, r.j, r.k, r.w]
-}
-
-fn shape_row(shape: &Shape, pose: &Pose) -> ffi::ShapeRow {
-    let (kind, size) = match *shape {
-        Shape::Box { size } => (ffi::ShapeKind::Box, size),
-        Shape::Sphere { radius } => (ffi::ShapeKind::Sphere, [radius, 0.0, 0.0]),
-        Shape::Cylinder { radius, length } => (ffi::ShapeKind::Cylinder, [radius, length, 0.0]),
-        Shape::Capsule { radius, length } => (ffi::ShapeKind::Capsule, [radius, length, 0.0]),
-    };
-    ffi::ShapeRow { kind, size, pose: pose_row(pose) }
 }
 
 /// Refuses a parameter that the planner does not know, naming those that it does, or a value that it refuses.
